@@ -1,0 +1,110 @@
+"""The colour bird's-eye view: what every cell holds and what colour it is; what a model predicts and what truth is."""
+
+from __future__ import annotations
+
+import json
+import zipfile
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from appocc.checks import BoolArray, ByteArray, Float32Array, check_dtype, check_shape, frozen
+from appocc.errors import DataError, ShapeError
+from appocc.files import whole_file
+from appocc.grid import BEVGrid
+
+CLASSES = ("road", "vehicle", "lane")
+ROAD, VEHICLE, LANE = range(3)
+
+
+@dataclass(frozen=True)
+class BEVMap:
+    """Occupancy and appearance on a grid, in the ego frame of one sample.
+
+    Attributes:
+        grid: extent and cell size; X, Y = grid.shape.
+        occupancy: (3, X, Y) float32 in [0, 1]: probability of road, vehicle, lane (0 or 1 in truths).
+        occupancy_valid: (3, X, Y) bool: False where nothing is known of that class.
+        appearance: (3, X, Y) uint8 sRGB seen from above.
+        appearance_valid: (X, Y) bool: False where no colour is known.
+        meta: sources of each part, token, time; JSON values only.
+    """
+
+    grid: BEVGrid
+    occupancy: Float32Array
+    occupancy_valid: BoolArray
+    appearance: ByteArray
+    appearance_valid: BoolArray
+    meta: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Check shapes, types and the range of the probabilities.
+
+        Raises:
+            ShapeError: if one does not fit.
+        """
+        x, y = self.grid.shape
+        for name, array, shape, dtype in (
+            ("occupancy", self.occupancy, (3, x, y), np.float32),
+            ("occupancy_valid", self.occupancy_valid, (3, x, y), np.bool_),
+            ("appearance", self.appearance, (3, x, y), np.uint8),
+            ("appearance_valid", self.appearance_valid, (x, y), np.bool_),
+        ):
+            check_shape(name, array, shape)
+            check_dtype(name, array, dtype)
+            frozen(array)
+        if self.occupancy.size and not (self.occupancy.min() >= 0 and self.occupancy.max() <= 1):
+            raise ShapeError(
+                f"occupancy: expected values in [0, 1], got {self.occupancy.min()}..{self.occupancy.max()}"
+            )
+
+    def save(self, path: Path) -> None:
+        """Write `path` (.npz, compressed, whole or not at all; the same map gives the same bytes).
+
+        Raises:
+            DataError: if it cannot be written.
+        """
+        certain = bool(((self.occupancy == 0) | (self.occupancy == 1)).all())
+        with whole_file(path) as temporary, temporary.open("wb") as handle:
+            np.savez_compressed(
+                handle,
+                occupancy=self.occupancy.astype(np.uint8 if certain else np.float16),
+                occupancy_valid=self.occupancy_valid,
+                appearance=self.appearance,
+                appearance_valid=self.appearance_valid,
+                grid=self.grid.as_array(),
+                meta=np.array(json.dumps(dict(self.meta), sort_keys=True)),
+            )
+
+    @classmethod
+    def load(cls, path: Path) -> BEVMap:
+        """Read a map that `save` (or any tool that keeps to the format) wrote.
+
+        Raises:
+            DataError: if the file is missing, damaged, or lacks a part.
+        """
+        try:
+            with np.load(path, allow_pickle=False) as data:
+                return cls(
+                    BEVGrid.from_array(data["grid"]),
+                    data["occupancy"].astype(np.float32),
+                    data["occupancy_valid"],
+                    data["appearance"],
+                    data["appearance_valid"],
+                    json.loads(str(data["meta"])) if "meta" in data else {},
+                )
+        except OSError as error:
+            raise DataError(f"{path}: cannot be read ({error.strerror or error})") from error
+        except KeyError as error:
+            raise DataError(f"{path}: no BEV map, {error.args[0]}") from error
+        except (ShapeError, ValueError, EOFError, zipfile.BadZipFile) as error:
+            raise DataError(f"{path}: damaged BEV map ({error})") from error
+
+
+def bev_path(root: Path, source: str, sample_token: str) -> Path:
+    """Where the map of a sample lies: `ROOT/bev/SOURCE/TOKEN.npz`; a source that is a folder is taken as it is."""
+    folder = Path(source) if "/" in source else root / "bev" / source
+    return folder / f"{sample_token}.npz"

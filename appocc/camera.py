@@ -1,0 +1,124 @@
+"""Pinhole cameras and rigs: what a pixel sees, in the ego frame."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from appocc.checks import BoolArray, FloatArray, check_finite, check_shape, check_transform, frozen
+from appocc.errors import NotFoundError, ShapeError
+from appocc.geometry import apply, inverse
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A rectified pinhole camera.
+
+    Attributes:
+        channel: nuScenes channel name, such as CAM_FRONT.
+        width_px: image width.
+        height_px: image height.
+        intrinsic: (3, 3) K in pixels; pixel centres lie at whole numbers (OpenCV).
+        ego_from_cam: (4, 4) pose of the camera frame (x right, y down, z ahead) in the ego frame, metres.
+    """
+
+    channel: str
+    width_px: int
+    height_px: int
+    intrinsic: FloatArray
+    ego_from_cam: FloatArray
+
+    def __post_init__(self) -> None:
+        """Check sizes, intrinsics and pose.
+
+        Raises:
+            ShapeError: if one of them cannot be true.
+        """
+        if self.width_px < 1 or self.height_px < 1:
+            raise ShapeError(f"{self.channel}: expected an image size, got {self.width_px}x{self.height_px}")
+        check_shape(f"{self.channel} intrinsic", self.intrinsic, (3, 3))
+        check_finite(f"{self.channel} intrinsic", self.intrinsic)
+        if self.intrinsic[0, 0] <= 0 or self.intrinsic[1, 1] <= 0:
+            raise ShapeError(
+                f"{self.channel} intrinsic: expected positive focal lengths, got "
+                f"{self.intrinsic[0, 0]:g} and {self.intrinsic[1, 1]:g}"
+            )
+        check_transform(f"{self.channel} ego_from_cam", self.ego_from_cam)
+        frozen(self.intrinsic)
+        frozen(self.ego_from_cam)
+
+    def project(self, points_cam: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Points (N, 3) in the camera frame -> pixels (N, 2) as (u, v), and depths (N,) in metres.
+
+        Points at or behind the camera plane get pixel NaN.
+        """
+        depth = points_cam[:, 2]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            uv = (points_cam @ self.intrinsic.T)[:, :2] / depth[:, None]
+        uv[depth <= 1e-6] = np.nan
+        return uv, depth
+
+    def project_ego(self, points_ego: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """The same for points (N, 3) in the ego frame."""
+        return self.project(apply(inverse(self.ego_from_cam), points_ego))
+
+    def sees(self, uv_px: FloatArray, depth_m: FloatArray) -> BoolArray:
+        """Whether pixels (N, 2) with depths (N,) lie in the image and in front of the camera."""
+        with np.errstate(invalid="ignore"):
+            inside = (uv_px >= -0.5) & (uv_px < np.array([self.width_px, self.height_px]) - 0.5)
+        return np.asarray(inside.all(axis=1) & (depth_m > 0.1))
+
+    def resized(self, width_px: int, height_px: int) -> Camera:
+        """The camera of the same picture resized; K follows (pixel centres at whole numbers)."""
+        scale = np.diag([width_px / self.width_px, height_px / self.height_px, 1.0])
+        half = np.array([[1.0, 0, 0.5], [0, 1, 0.5], [0, 0, 1]])
+        intrinsic = np.linalg.inv(half) @ scale @ half @ self.intrinsic
+        return Camera(self.channel, width_px, height_px, intrinsic, self.ego_from_cam)
+
+    def cropped(self, left_px: int, top_px: int, width_px: int, height_px: int) -> Camera:
+        """The camera of a cut-out of the picture; the principal point moves."""
+        intrinsic = self.intrinsic.copy()
+        intrinsic[:2, 2] -= [left_px, top_px]
+        return Camera(self.channel, width_px, height_px, intrinsic, self.ego_from_cam)
+
+
+@dataclass(frozen=True)
+class CameraRig:
+    """The cameras of a vehicle, by channel, in a fixed order."""
+
+    cameras: tuple[Camera, ...]
+
+    def __post_init__(self) -> None:
+        """Check that channels are unique.
+
+        Raises:
+            ShapeError: if one comes twice.
+        """
+        if len(set(self.channels)) != len(self.cameras):
+            raise ShapeError(f"rig: expected unique channels, got {', '.join(self.channels)}")
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Channel names in order."""
+        return tuple(camera.channel for camera in self.cameras)
+
+    def __getitem__(self, channel: str) -> Camera:
+        """The camera of a channel.
+
+        Raises:
+            NotFoundError: if the rig has no such channel.
+        """
+        for camera in self.cameras:
+            if camera.channel == channel:
+                return camera
+        raise NotFoundError(f"rig has no camera '{channel}'; it has {', '.join(self.channels) or 'none'}")
+
+    def __iter__(self) -> Iterator[Camera]:
+        """The cameras in order."""
+        return iter(self.cameras)
+
+    def __len__(self) -> int:
+        """Number of cameras."""
+        return len(self.cameras)

@@ -1,0 +1,70 @@
+"""Checks at the seams: every error says the name, what was expected and what came."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from appocc.errors import ShapeError
+
+FloatArray = NDArray[np.float64]
+Float32Array = NDArray[np.float32]
+IntArray = NDArray[np.int64]
+ByteArray = NDArray[np.uint8]
+BoolArray = NDArray[np.bool_]
+
+
+def check_shape(name: str, array: NDArray[np.generic], expected: tuple[int | None, ...]) -> None:
+    """Check an array's shape; `None` in `expected` stands for any size.
+
+    Raises:
+        ShapeError: if the number of axes or a size differs.
+    """
+    fits = array.ndim == len(expected) and all(
+        want in (None, got) for want, got in zip(expected, array.shape, strict=True)
+    )
+    if not fits:
+        wanted = ", ".join("any" if size is None else str(size) for size in expected)
+        raise ShapeError(f"{name}: expected shape ({wanted}), got {array.shape}")
+
+
+def check_dtype(name: str, array: NDArray[np.generic], expected: type[np.generic]) -> None:
+    """Check an array's element type.
+
+    Raises:
+        ShapeError: if the type differs.
+    """
+    if array.dtype != np.dtype(expected):
+        raise ShapeError(f"{name}: expected {np.dtype(expected)}, got {array.dtype}")
+
+
+def check_finite(name: str, array: NDArray[np.generic]) -> None:
+    """Check that an array holds neither NaN nor infinity.
+
+    Raises:
+        ShapeError: if it does.
+    """
+    bad = int(np.size(array) - np.count_nonzero(np.isfinite(np.asarray(array, dtype=np.float64))))
+    if bad:
+        raise ShapeError(f"{name}: expected finite numbers, got {bad} of {np.size(array)} that are not")
+
+
+def check_transform(name: str, matrix: NDArray[np.generic]) -> None:
+    """Check that a matrix is a rigid transform: (4, 4), finite, orthonormal rotation, last row 0 0 0 1.
+
+    Raises:
+        ShapeError: if it is not (rotation off by more than 1e-3).
+    """
+    check_shape(name, matrix, (4, 4))
+    check_finite(name, matrix)
+    m = np.asarray(matrix, dtype=np.float64)
+    off = float(np.abs(m[:3, :3] @ m[:3, :3].T - np.eye(3)).max())
+    if off > 1e-3 or np.linalg.det(m[:3, :3]) < 0:
+        raise ShapeError(f"{name}: expected a rotation matrix in the upper left, got one off by {off:.2g}")
+    if not np.allclose(m[3], [0, 0, 0, 1]):
+        raise ShapeError(f"{name}: expected last row [0, 0, 0, 1], got {m[3].tolist()}")
+
+
+def frozen(array: NDArray[np.generic]) -> None:
+    """Make an array read-only, so that a frozen dataclass is frozen through and through."""
+    array.flags.writeable = False

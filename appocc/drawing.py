@@ -1,0 +1,177 @@
+"""Pictures for people: the one place where the grid is turned so that forward is up and left is left."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from appocc.bevmap import LANE, ROAD, VEHICLE, BEVMap
+from appocc.camera import Camera
+from appocc.checks import BoolArray, ByteArray, FloatArray
+from appocc.geometry import apply, inverse
+from appocc.grid import BEVGrid
+
+Colour = tuple[int, int, int]
+WHITE, BLACK, GREEN, YELLOW, RED = (255, 255, 255), (0, 0, 0), (60, 200, 90), (255, 220, 60), (235, 70, 60)
+UNKNOWN_COLOUR = (58, 62, 72)
+_CLASS_COLOURS = {ROAD: (112, 112, 118), LANE: (245, 205, 70), VEHICLE: (70, 130, 240)}
+
+
+def turned(cells: NDArray[np.uint8]) -> ByteArray:
+    """A grid array (X, Y, ...) as a picture (rows, columns, ...): forward up, left to the left."""
+    return np.ascontiguousarray(cells[::-1, ::-1])
+
+
+class BEVCanvas:
+    """A picture of a grid, `scale` pixels a cell, to draw on in ego metres."""
+
+    def __init__(self, grid: BEVGrid, scale: int = 4) -> None:
+        """Start with a picture of unknown cells."""
+        self.grid = grid
+        self.scale = scale
+        x, y = grid.shape
+        self.picture: ByteArray = np.full((x * scale, y * scale, 3), UNKNOWN_COLOUR, np.uint8)
+
+    def pixel(self, xy_m: ArrayLike) -> NDArray[np.int32]:
+        """Pixels (..., 2) as (column, row) of points (..., 2) in the ego frame."""
+        xy = np.asarray(xy_m, dtype=np.float64)
+        column = (self.grid.y_max_m - xy[..., 1]) / self.grid.cell_m * self.scale
+        row = (self.grid.x_max_m - xy[..., 0]) / self.grid.cell_m * self.scale
+        return np.stack([np.floor(column), np.floor(row)], axis=-1).astype(np.int32)
+
+    def cells(self, rgb: ByteArray, where: BoolArray | None = None) -> None:
+        """Fill cells with colours (X, Y, 3), all or only those of a mask (X, Y)."""
+        picture = self._enlarged(turned(rgb))
+        if where is None:
+            self.picture[:] = picture
+        else:
+            mask = self._enlarged(turned(where.astype(np.uint8))) > 0
+            self.picture[mask] = picture[mask]
+
+    def _enlarged(self, picture: ByteArray) -> ByteArray:
+        return picture.repeat(self.scale, axis=0).repeat(self.scale, axis=1)
+
+    def appearance(self, bev: BEVMap) -> None:
+        """Draw the colours of a map; unknown cells stay as they are."""
+        self.cells(np.moveaxis(bev.appearance, 0, -1), bev.appearance_valid)
+
+    def occupancy(self, bev: BEVMap, threshold: float = 0.5) -> None:
+        """Draw road, lane and vehicle in fixed colours, over black where known and empty."""
+        known = bev.occupancy_valid[ROAD]
+        self.cells(np.full((*self.grid.shape, 3), 20, np.uint8), known)
+        for layer in (ROAD, LANE, VEHICLE):
+            colour = np.broadcast_to(np.array(_CLASS_COLOURS[layer], np.uint8), (*self.grid.shape, 3))
+            self.cells(colour, (bev.occupancy[layer] >= threshold) & bev.occupancy_valid[layer])
+
+    def line(self, xy_m: ArrayLike, colour: Colour, width: int = 1, closed: bool = False) -> None:
+        """Draw a polyline through points (N, 2) in the ego frame."""
+        points = [self.pixel(xy_m).reshape(-1, 1, 2)]
+        cv2.polylines(self.picture, points, closed, colour, width, cv2.LINE_AA)
+
+    def dot(self, xy_m: ArrayLike, colour: Colour, radius: int = 3) -> None:
+        """Draw a filled dot at a point (2,) in the ego frame."""
+        column, row = (int(v) for v in self.pixel(xy_m))
+        cv2.circle(self.picture, (column, row), radius, colour, -1, cv2.LINE_AA)
+
+    def ego(self, length_m: float = 4.1, width_m: float = 1.75, rear_m: float = 0.9) -> None:
+        """Draw the ego: its footprint, nose marked; the frame's origin is the rear axle."""
+        left, front, rear = width_m / 2, length_m - rear_m, -rear_m
+        self.line([[front, left], [rear, left], [rear, -left], [front, -left]], GREEN, 2, closed=True)
+        self.line([[front - 1.0, left], [front, 0.0], [front - 1.0, -left]], GREEN, 2)
+
+    def label(self, xy_m: ArrayLike, text: str, colour: Colour = WHITE) -> None:
+        """Write a short text centred at a point (2,) in the ego frame, kept inside the picture."""
+        column, row = (int(v) for v in self.pixel(xy_m))
+        put_text(self.picture, text, (column, row), colour, centred=True)
+
+
+def put_text(
+    picture: ByteArray,
+    text: str,
+    at: tuple[int, int],
+    colour: Colour = WHITE,
+    scale: float = 0.42,
+    centred: bool = False,
+) -> None:
+    """Write outlined text at pixel (column, row) of its lower left corner (or centre), kept inside the picture."""
+    (width, height), _ = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, scale, 1)
+    column, row = (at[0] - width // 2, at[1] + height // 2) if centred else at
+    column = min(max(column, 2), max(picture.shape[1] - width - 2, 2))
+    row = min(max(row, height + 2), picture.shape[0] - 3)
+    for ink, thickness in ((BLACK, 3), (colour, 1)):
+        cv2.putText(picture, text, (column, row), cv2.FONT_HERSHEY_SIMPLEX, scale, ink, thickness, cv2.LINE_AA)
+
+
+# Edges of a box by the corner numbers of `Boxes.corners`; the last two mark the front.
+_EDGES = [
+    (0, 1),
+    (1, 2),
+    (2, 3),
+    (3, 0),
+    (4, 5),
+    (5, 6),
+    (6, 7),
+    (7, 4),
+    (0, 4),
+    (1, 5),
+    (2, 6),
+    (3, 7),
+    (0, 7),
+    (3, 4),
+]
+
+
+def draw_box(picture: ByteArray, camera: Camera, corners_ego: FloatArray, colour: Colour, width: int = 2) -> bool:
+    """Draw a box (8, 3) in the ego frame into a camera's picture; its front face is crossed.
+
+    Returns whether any of it could be drawn. Edges are cut where they pass behind the camera.
+    """
+    corners = apply(inverse(camera.ego_from_cam), corners_ego)
+    drawn = False
+    for a, b in _EDGES:
+        ends = _in_front(corners[a], corners[b])
+        if ends is None:
+            continue
+        uv, _ = camera.project(ends)
+        if np.abs(uv).max() > 1e5:
+            continue
+        p, q = (tuple(int(v) for v in point) for point in np.round(uv))
+        visible, p, q = cv2.clipLine((0, 0, camera.width_px, camera.height_px), p, q)
+        if visible:
+            cv2.line(picture, p, q, colour, width, cv2.LINE_AA)
+            drawn = True
+    return drawn
+
+
+def _in_front(a: FloatArray, b: FloatArray, near_m: float = 0.2) -> FloatArray | None:
+    """The part (2, 3) of a line in the camera frame that lies before the camera, None where none does."""
+    if max(a[2], b[2]) <= near_m:
+        return None
+    ends = []
+    for this, other in ((a, b), (b, a)):
+        share = 0.0 if this[2] > near_m else (near_m - this[2]) / (other[2] - this[2])
+        ends.append(this + share * (other - this))
+    return np.stack(ends)
+
+
+def mosaic(pictures: Sequence[ByteArray], columns: int) -> ByteArray:
+    """Pictures of one size in rows of `columns`; places left over stay black."""
+    blank = np.zeros_like(pictures[0])
+    padded = [*pictures, *[blank] * (-len(pictures) % columns)]
+    rows = [np.hstack(padded[i : i + columns]) for i in range(0, len(padded), columns)]
+    return np.ascontiguousarray(np.vstack(rows))
+
+
+def preview(bev: BEVMap, scale: int = 4) -> ByteArray:
+    """Appearance beside occupancy, forward up, with the ego and a caption: the picture beside every saved map."""
+    panels = []
+    for title in ("appearance", "occupancy"):
+        canvas = BEVCanvas(bev.grid, scale)
+        getattr(canvas, title)(bev)
+        canvas.ego()
+        put_text(canvas.picture, title, (8, 18))
+        panels.append(canvas.picture)
+    return np.ascontiguousarray(np.hstack(panels))

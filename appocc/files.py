@@ -1,0 +1,121 @@
+"""Files: paths that stay below their root, writes that are whole or not at all, images that are checked."""
+
+from __future__ import annotations
+
+import json
+import os
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from appocc.checks import ByteArray
+from appocc.errors import DataError
+
+
+def inside(root: Path, name: str) -> Path:
+    """Path of a file that a table names, below `root`.
+
+    Raises:
+        DataError: if the name is absolute or leads out of the root.
+    """
+    path = (root / name).resolve()
+    if not name or Path(name).is_absolute() or not path.is_relative_to(root.resolve()):
+        raise DataError(f"{root}: the file name '{name}' leads out of this folder")
+    return root / name
+
+
+@contextmanager
+def whole_file(path: Path) -> Iterator[Path]:
+    """A temporary name beside `path`, renamed to it when the block ends well and removed when it does not.
+
+    Raises:
+        DataError: if the folder cannot be written.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, name = tempfile.mkstemp(prefix=f".{path.stem}-", suffix=path.suffix, dir=path.parent)
+    except OSError as error:
+        raise DataError(f"{path}: cannot be written ({error.strerror})") from error
+    os.close(handle)
+    temporary = Path(name)
+    try:
+        yield temporary
+        temporary.chmod(0o644)
+        temporary.replace(path)
+    except OSError as error:
+        raise DataError(f"{path}: cannot be written ({error.strerror or error})") from error
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def write_bytes(path: Path, data: bytes) -> None:
+    """Write a file whole or not at all.
+
+    Raises:
+        DataError: if it cannot be written.
+    """
+    with whole_file(path) as temporary:
+        temporary.write_bytes(data)
+
+
+def write_json(path: Path, value: Any, indent: int | None = 1) -> None:
+    """Write JSON whole or not at all.
+
+    Raises:
+        DataError: if it cannot be written.
+    """
+    write_bytes(path, (json.dumps(value, indent=indent) + "\n").encode())
+
+
+def read_json(path: Path) -> Any:
+    """Read a JSON file.
+
+    Raises:
+        DataError: if it is missing or no JSON.
+    """
+    try:
+        return json.loads(path.read_bytes())
+    except OSError as error:
+        raise DataError(f"{path}: cannot be read ({error.strerror})") from error
+    except ValueError as error:
+        raise DataError(f"{path}: no valid JSON ({error})") from error
+
+
+def read_image(path: Path) -> ByteArray:
+    """An image file as (H, W, 3) uint8 RGB.
+
+    Raises:
+        DataError: if it is missing, truncated or no image.
+    """
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise DataError(f"{path}: cannot be read ({error.strerror})") from error
+    # OpenCV fills what is missing of a truncated JPEG with grey and returns it: look for the end marker.
+    if data[:2] == b"\xff\xd8" and b"\xff\xd9" not in data[-64:]:
+        raise DataError(f"{path}: the image is truncated ({len(data)} bytes)")
+    image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR_RGB) if data else None
+    if image is None:
+        raise DataError(f"{path}: not a readable image ({len(data)} bytes)")
+    return np.asarray(image, dtype=np.uint8)
+
+
+def write_image(path: Path, rgb: ByteArray) -> None:
+    """Write an (H, W, 3) RGB or (H, W) grey uint8 picture; the ending of the path says the format.
+
+    Raises:
+        DataError: if the ending is unknown or the file cannot be written.
+    """
+    picture = cv2.cvtColor(rgb, cv2.COLOR_RGB2BGR) if rgb.ndim == 3 else rgb
+    try:
+        done, data = cv2.imencode(path.suffix or ".png", picture)
+    except cv2.error as error:
+        raise DataError(f"{path}: '{path.suffix}' is no picture format") from error
+    if not done:
+        raise DataError(f"{path}: the picture could not be encoded as '{path.suffix}'")
+    write_bytes(path, data.tobytes())

@@ -1,0 +1,50 @@
+"""One moment of a recording: images, rig, ego pose, time, boxes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from appocc.boxes import Boxes
+from appocc.camera import CameraRig
+from appocc.checks import ByteArray, FloatArray, check_dtype, check_shape, check_transform, frozen
+from appocc.errors import ShapeError
+
+
+@dataclass(frozen=True)
+class Frame:
+    """A key frame.
+
+    Attributes:
+        token: sample token.
+        timestamp_us: time of the sample, microseconds.
+        world_from_ego: (4, 4) ego pose at that time.
+        rig: the cameras; each `ego_from_cam` is corrected for the ego's motion between the image's own time and
+            the sample's, so that `world_from_ego @ ego_from_cam` is where the camera really was.
+        images: channel -> (H, W, 3) uint8 RGB; a camera without an image is dead.
+        boxes_ego: annotated boxes in the ego frame, None where the dataset has none.
+    """
+
+    token: str
+    timestamp_us: int
+    world_from_ego: FloatArray
+    rig: CameraRig
+    images: Mapping[str, ByteArray]
+    boxes_ego: Boxes | None = None
+
+    def __post_init__(self) -> None:
+        """Check pose and images.
+
+        Raises:
+            ShapeError: if an image does not fit its camera.
+        """
+        check_transform("world_from_ego", self.world_from_ego)
+        frozen(self.world_from_ego)
+        for channel, image in self.images.items():
+            if channel not in self.rig.channels:
+                raise ShapeError(f"images: expected channels of the rig, got '{channel}'")
+            camera = self.rig[channel]
+            check_shape(f"image {channel}", image, (camera.height_px, camera.width_px, 3))
+            check_dtype(f"image {channel}", image, np.uint8)

@@ -1,0 +1,103 @@
+"""Rigid transforms and rotations: 4x4 float64 matrices named `target_from_source`, quaternions wxyz, radians."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.spatial.transform import Rotation
+
+from appocc.checks import FloatArray, check_finite, check_shape
+from appocc.errors import ShapeError
+
+
+def rotation_from_quaternion(wxyz: ArrayLike) -> FloatArray:
+    """Rotation matrix (..., 3, 3) of quaternions (..., 4) in wxyz order; they are normalised first.
+
+    Raises:
+        ShapeError: if a quaternion is not finite or has no length.
+    """
+    q = np.asarray(wxyz, dtype=np.float64)
+    check_shape("quaternion wxyz", q[..., :].reshape(-1, q.shape[-1] if q.ndim else 1), (None, 4))
+    check_finite("quaternion wxyz", q)
+    if q.size and float(np.linalg.norm(q, axis=-1).min()) < 1e-6:
+        raise ShapeError(f"quaternion wxyz: expected a length of 1, got {q.tolist()}")
+    matrices = Rotation.from_quat(q.reshape(-1, 4), scalar_first=True).as_matrix()
+    return np.asarray(matrices, dtype=np.float64).reshape(*q.shape[:-1], 3, 3)
+
+
+def quaternion_from_rotation(rotation: ArrayLike) -> FloatArray:
+    """Quaternion (4,) wxyz with w >= 0 of a rotation matrix (3, 3); the nearest rotation is taken."""
+    q = Rotation.from_matrix(np.asarray(rotation, dtype=np.float64)).as_quat(canonical=True, scalar_first=True)
+    return np.asarray(q, dtype=np.float64)
+
+
+def quaternion_from_yaw(yaw_rad: float) -> FloatArray:
+    """Quaternion (4,) wxyz of a turn about +z, counter-clockwise."""
+    return np.array([np.cos(yaw_rad / 2), 0.0, 0.0, np.sin(yaw_rad / 2)])
+
+
+def transform(rotation: ArrayLike, translation: ArrayLike) -> FloatArray:
+    """4x4 transform from a rotation ((3, 3) matrix or (4,) quaternion wxyz) and a translation (3,), metres."""
+    r = np.asarray(rotation, dtype=np.float64)
+    t = np.asarray(translation, dtype=np.float64)
+    check_shape("translation", t, (3,))
+    check_finite("translation", t)
+    matrix = np.eye(4)
+    matrix[:3, :3] = rotation_from_quaternion(r) if r.shape == (4,) else r
+    matrix[:3, 3] = t
+    return matrix
+
+
+def inverse(target_from_source: FloatArray) -> FloatArray:
+    """Inverse of a rigid transform: `source_from_target`."""
+    rotation_t = target_from_source[:3, :3].T
+    result = np.eye(4)
+    result[:3, :3] = rotation_t
+    result[:3, 3] = -rotation_t @ target_from_source[:3, 3]
+    return result
+
+
+def apply(target_from_source: FloatArray, points: FloatArray) -> FloatArray:
+    """Points (..., 3) in the source frame -> points (..., 3) in the target frame."""
+    return points @ target_from_source[:3, :3].T + target_from_source[:3, 3]
+
+
+def nearest_rigid(matrix: FloatArray) -> FloatArray:
+    """The rigid transform nearest to a slightly rounded one (polar decomposition of the rotation)."""
+    return transform(quaternion_from_rotation(matrix[:3, :3]), matrix[:3, 3])
+
+
+def yaw_of(rotation: FloatArray) -> FloatArray:
+    """Heading about +z, radians in (-pi, pi], of the x axis of rotations (..., 3, 3) or transforms (..., 4, 4)."""
+    return np.asarray(np.arctan2(rotation[..., 1, 0], rotation[..., 0, 0]), dtype=np.float64)
+
+
+def wrap_angle(angle_rad: ArrayLike) -> FloatArray:
+    """Angles wrapped to [-pi, pi)."""
+    return np.asarray((np.asarray(angle_rad, dtype=np.float64) + np.pi) % (2 * np.pi) - np.pi)
+
+
+def interpolate_pose(times: FloatArray, poses: FloatArray, at: float) -> FloatArray:
+    """Pose at time `at` from poses (N, 4, 4) at rising `times` (N,): straight line and slerp.
+
+    Outside the span the nearest step is carried on, by at most its own length.
+
+    Raises:
+        ShapeError: if there is no pose at all.
+    """
+    if not len(times):
+        raise ShapeError("poses: expected at least one, got none")
+    if len(times) == 1:
+        return poses[0].copy()
+    i = int(np.clip(np.searchsorted(times, at, side="right") - 1, 0, len(times) - 2))
+    share = float(np.clip((at - times[i]) / max(times[i + 1] - times[i], 1e-12), -1.0, 2.0))
+    a, b = poses[i], poses[i + 1]
+    turn = Rotation.from_matrix(a[:3, :3].T @ b[:3, :3]).as_rotvec()
+    rotation = a[:3, :3] @ Rotation.from_rotvec(turn * share).as_matrix()
+    return transform(rotation, a[:3, 3] + share * (b[:3, 3] - a[:3, 3]))
+
+
+def mean_pose(poses: FloatArray) -> FloatArray:
+    """Mean rotation and median translation of poses (N, 4, 4) that scatter a little around one value."""
+    rotation = Rotation.from_matrix(poses[:, :3, :3]).mean().as_matrix()
+    return transform(rotation, np.median(poses[:, :3, 3], axis=0))

@@ -1,0 +1,93 @@
+"""The bird's-eye-view grid: where a cell lies in metres, and which cell a point falls into."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from appocc.checks import BoolArray, FloatArray, IntArray, check_finite, check_shape
+from appocc.errors import ShapeError
+
+
+@dataclass(frozen=True)
+class BEVGrid:
+    """A grid on the ego's ground plane: x forward, y left, metres; arrays are (..., X, Y), cell 0 at the minimum.
+
+    Cell i covers [min + i*cell, min + (i+1)*cell); a point's index is found by floor.
+    """
+
+    x_min_m: float = -40.0
+    x_max_m: float = 40.0
+    y_min_m: float = -40.0
+    y_max_m: float = 40.0
+    cell_m: float = 0.4
+
+    def __post_init__(self) -> None:
+        """Check the extent: finite, positive, a whole number of cells.
+
+        Raises:
+            ShapeError: if it is not.
+        """
+        check_finite("grid", self.as_array())
+        if self.cell_m <= 0:
+            raise ShapeError(f"grid: expected a positive cell size, got {self.cell_m}")
+        for axis, low, high in (("x", self.x_min_m, self.x_max_m), ("y", self.y_min_m, self.y_max_m)):
+            cells = (high - low) / self.cell_m
+            if cells < 1 or abs(cells - round(cells)) > 1e-6:
+                raise ShapeError(f"grid {axis}: expected a whole number of {self.cell_m} m cells, got {low}..{high}")
+
+    @classmethod
+    def surround(cls) -> Self:
+        """The paper's 360 degree grid: 80 m x 80 m around the ego, (200, 200) cells of 0.4 m."""
+        return cls()
+
+    @classmethod
+    def front(cls) -> Self:
+        """The paper's 180 degree grid: 40 m ahead, 80 m wide, (100, 200) cells of 0.4 m."""
+        return cls(x_min_m=0.0)
+
+    @classmethod
+    def from_array(cls, values: ArrayLike) -> Self:
+        """The grid of a stored array [x_min, x_max, y_min, y_max, cell].
+
+        Raises:
+            ShapeError: if it does not hold five numbers that make a grid.
+        """
+        array = np.asarray(values, dtype=np.float64)
+        check_shape("grid", array, (5,))
+        return cls(*(float(value) for value in array))
+
+    def as_array(self) -> FloatArray:
+        """[x_min, x_max, y_min, y_max, cell] in metres, as stored on disk."""
+        return np.array([self.x_min_m, self.x_max_m, self.y_min_m, self.y_max_m, self.cell_m])
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Number of cells (X, Y)."""
+        return (
+            round((self.x_max_m - self.x_min_m) / self.cell_m),
+            round((self.y_max_m - self.y_min_m) / self.cell_m),
+        )
+
+    def cell_of(self, xy_m: ArrayLike) -> IntArray:
+        """Cell indices (..., 2) of points (..., 2) in the ego frame; may lie outside the grid."""
+        xy = np.asarray(xy_m, dtype=np.float64)
+        # A hair's breadth is added so that 0.4 * 3 falls into cell 3 and not, by rounding, into cell 2.
+        return np.floor((xy - [self.x_min_m, self.y_min_m]) / self.cell_m + 1e-9).astype(np.int64)
+
+    def centre_of(self, cell: ArrayLike) -> FloatArray:
+        """Centres (..., 2) in metres, ego frame, of cell indices (..., 2); fractions of a cell are allowed."""
+        index = np.asarray(cell, dtype=np.float64)
+        return np.asarray([self.x_min_m, self.y_min_m] + (index + 0.5) * self.cell_m)
+
+    def contains(self, cell: ArrayLike) -> BoolArray:
+        """Whether cell indices (..., 2) lie inside the grid."""
+        index = np.asarray(cell)
+        return np.asarray(((index >= 0) & (index < np.array(self.shape))).all(axis=-1))
+
+    def centres(self) -> FloatArray:
+        """Centres (X, Y, 2) of all cells, metres, ego frame."""
+        return self.centre_of(np.stack(np.meshgrid(*map(np.arange, self.shape), indexing="ij"), axis=-1))

@@ -1,0 +1,284 @@
+"""Reading a dataset in the nuScenes schema: scenes, samples, sensor files, poses, boxes, frames."""
+
+from __future__ import annotations
+
+from functools import cached_property, lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from appocc.boxes import Boxes
+from appocc.camera import Camera, CameraRig
+from appocc.checks import FloatArray, IntArray, frozen
+from appocc.errors import AppoccError, DataError, NotFoundError
+from appocc.files import inside, read_image
+from appocc.frame import Frame
+from appocc.geometry import interpolate_pose, inverse, rotation_from_quaternion, transform
+from appocc.nuscenes.lidar import read_lidar
+from appocc.nuscenes.records import MapRecord, Sample, SampleData, Scene
+from appocc.nuscenes.tables import Tables
+
+LIDAR = "LIDAR_TOP"
+
+
+class Dataset:
+    """A dataset root; opened once, asked often.
+
+    Frames: `world` is nuScenes' global frame, `ego` x forward, y left, z up, origin below the rear axle on the ground.
+    """
+
+    def __init__(self, root: Path | str, version: str | None = None) -> None:
+        """Open a root.
+
+        Raises:
+            DataError: if it holds no dataset, or several versions and none is named.
+        """
+        self.root = Path(root)
+        self.tables = Tables(self.root, version)
+
+    # Scenes and samples -------------------------------------------------------------------------------------------
+
+    @cached_property
+    def scenes(self) -> tuple[Scene, ...]:
+        """All scenes in the order of their table."""
+        t = self.tables["scene"]
+        return tuple(
+            Scene(
+                t.text("token", i),
+                str(t["name"][i]),
+                str(t["description"][i] or ""),
+                t.text("log_token", i),
+                t.text("first_sample_token", i),
+                t.text("last_sample_token", i),
+            )
+            for i in range(len(t))
+        )
+
+    def scene(self, name: str) -> Scene:
+        """The scene of a name or token.
+
+        Raises:
+            NotFoundError: if there is none such.
+        """
+        for scene in self.scenes:
+            if name in (scene.name, scene.token):
+                return scene
+        known = ", ".join(scene.name for scene in self.scenes[:12])
+        raise NotFoundError(f"{self.root}: no scene '{name}'; it has {known or 'none'}")
+
+    def samples(self, scene: Scene) -> tuple[Sample, ...]:
+        """Key frames of a scene in order of time."""
+        rows = self.tables.samples_by_scene.rows(scene.token)
+        return tuple(sorted((self._sample(int(row)) for row in rows), key=lambda s: s.timestamp_us))
+
+    def sample(self, token: str) -> Sample:
+        """The sample of a token.
+
+        Raises:
+            NotFoundError: if there is none such.
+        """
+        return self._sample(self.tables["sample"].row(token))
+
+    def _sample(self, row: int) -> Sample:
+        t = self.tables["sample"]
+        return Sample(
+            t.text("token", row),
+            int(t["timestamp"][row]),
+            t.text("scene_token", row),
+            t.text("prev", row),
+            t.text("next", row),
+        )
+
+    # Sensor files -------------------------------------------------------------------------------------------------
+
+    def data(self, sample: Sample) -> dict[str, SampleData]:
+        """The key-frame file of each channel of a sample; a channel without one is absent."""
+        rows = self.tables.data_by_sample.rows(sample.token)
+        keys = rows[self.tables["sample_data"].array("is_key_frame")[rows]]
+        records = sorted((self._data(int(row)) for row in keys), key=lambda d: d.channel)
+        return {record.channel: record for record in records}
+
+    @lru_cache(maxsize=8)  # noqa: B019 - a dataset lives as long as the command
+    def stream(self, scene: Scene) -> tuple[SampleData, ...]:
+        """All files of a scene, key frames and sweeps, in order of time."""
+        rows = [self.tables.data_by_sample.rows(sample.token) for sample in self.samples(scene)]
+        every = np.concatenate(rows) if rows else np.zeros(0, np.int64)
+        return tuple(sorted((self._data(int(r)) for r in every), key=lambda d: (d.timestamp_us, d.channel)))
+
+    def _data(self, row: int) -> SampleData:
+        t, sensors = self.tables["sample_data"], self.tables["sensor"]
+        sensor, calibration = int(self.tables.data_channel[row]), int(self.tables.data_calibration[row])
+        pose = int(self.tables["ego_pose"].rows_of(t.array("ego_pose_token")[row : row + 1])[0])
+        token = t.text("token", row)
+        if sensor < 0 or pose < 0:
+            lacks = "sensor" if sensor < 0 else "ego pose"
+            raise DataError(f"{self.tables.folder / 'sample_data.json'}: {token} refers to no {lacks}")
+        return SampleData(
+            token,
+            t.text("sample_token", row),
+            str(sensors["channel"][sensor]),
+            str(sensors["modality"][sensor]),
+            int(t["timestamp"][row]),
+            bool(t["is_key_frame"][row]),
+            t.text("filename", row),
+            int(t["width"][row]),
+            int(t["height"][row]),
+            pose,
+            calibration,
+        )
+
+    def path(self, data: SampleData) -> Path:
+        """Path of a sensor file.
+
+        Raises:
+            DataError: if its name leads out of the root.
+        """
+        return inside(self.root, data.filename)
+
+    def world_from_ego_at(self, data: SampleData) -> FloatArray:
+        """(4, 4) ego pose at the time of a sensor file."""
+        return self._pose("ego_pose", data.ego_pose_row)
+
+    def ego_from_sensor(self, data: SampleData) -> FloatArray:
+        """(4, 4) mounting pose of the sensor of a file."""
+        return self._pose("calibrated_sensor", data.calibration_row)
+
+    def _pose(self, table: str, row: int) -> FloatArray:
+        t = self.tables[table]
+        try:
+            return transform(t["rotation"][row], t["translation"][row])
+        except AppoccError as error:
+            raise DataError(f"{self.tables.folder / table}.json: {t.text('token', row)}: {error}") from error
+
+    def camera(self, data: SampleData) -> Camera:
+        """The camera of an image file, as mounted; sizes missing in the table are read from the image.
+
+        Raises:
+            DataError: if its calibration cannot be true.
+        """
+        t = self.tables["calibrated_sensor"]
+        where = f"{self.tables.folder / 'calibrated_sensor.json'}: {t.text('token', data.calibration_row)}"
+        try:
+            intrinsic = np.array(t["camera_intrinsic"][data.calibration_row], dtype=np.float64)
+            width, height = data.width_px, data.height_px
+            if width < 1 or height < 1:
+                height, width = read_image(self.path(data)).shape[:2]
+            return Camera(data.channel, width, height, intrinsic, self.ego_from_sensor(data))
+        except (TypeError, ValueError) as error:
+            raise DataError(f"{where}: {error}") from error
+
+    def lidar(self, data: SampleData) -> FloatArray:
+        """(N, 5) float64 points of a LiDAR file in the sensor frame: x, y, z, intensity, ring.
+
+        Raises:
+            DataError: if the file is missing or damaged.
+        """
+        return read_lidar(self.path(data))
+
+    # The ego and the boxes ----------------------------------------------------------------------------------------
+
+    def world_from_ego(self, sample: Sample) -> FloatArray:
+        """(4, 4) ego pose at the time of a sample.
+
+        The pose of the file with the sample's own time (LIDAR_TOP in nuScenes); without one, between the nearest.
+        """
+        own = [d for d in self.data(sample).values() if d.timestamp_us == sample.timestamp_us]
+        if own:
+            return self.world_from_ego_at(max(own, key=lambda d: d.channel == LIDAR))
+        scene = self.scene(sample.scene_token)
+        stream = [d for d in self.stream(scene) if abs(d.timestamp_us - sample.timestamp_us) < 2_000_000]
+        if not stream:
+            raise DataError(f"{self.root}: sample {sample.token} has no file with an ego pose")
+        times = np.array([d.timestamp_us * 1e-6 for d in stream])
+        poses = np.stack([self.world_from_ego_at(d) for d in stream])
+        return interpolate_pose(times, poses, sample.timestamp_us * 1e-6)
+
+    def boxes_world(self, sample: Sample) -> Boxes:
+        """Annotated boxes of a sample in the world frame, with velocities from the neighbouring annotations.
+
+        Raises:
+            DataError: if an annotation cannot be true.
+        """
+        rows = self.tables.annotations_by_sample.rows(sample.token)
+        t, categories = self.tables["sample_annotation"], self.tables["category"]["name"]
+        try:
+            return Boxes(
+                t.array("translation")[rows],
+                t.array("size")[rows],
+                rotation_from_quaternion(t.array("rotation")[rows]),
+                tuple(str(categories[c]) if c >= 0 else "" for c in self.tables.annotation_category[rows]),
+                tuple(t.text("instance_token", int(row)) for row in rows),
+                tuple(t.text("token", int(row)) for row in rows),
+                self._velocities(rows),
+                t.array("num_lidar_pts")[rows],
+            )
+        except AppoccError as error:
+            path = self.tables.folder / "sample_annotation.json"
+            raise DataError(f"{path}: sample {sample.token}: {error}") from error
+
+    def _velocities(self, rows: IntArray) -> FloatArray:
+        """(N, 2) central differences between neighbouring annotations at most 1.5 s apart, NaN where there are none."""
+        t, samples = self.tables["sample_annotation"], self.tables["sample"]
+        before, after = (t.rows_of(t.array(key)[rows]) for key in ("prev", "next"))
+        before, after = np.where(before < 0, rows, before), np.where(after < 0, rows, after)
+        moments = [samples.array("timestamp")[samples.rows_of(t.array("sample_token")[r])] for r in (before, after)]
+        seconds = (moments[1] - moments[0]) * 1e-6
+        seconds[(seconds <= 0) | (seconds > 1.5 * ((before != rows).astype(int) + (after != rows)))] = np.nan
+        places = t.array("translation")
+        return np.asarray((places[after, :2] - places[before, :2]) / seconds[:, None])
+
+    # Frames -------------------------------------------------------------------------------------------------------
+
+    def frame(self, sample: Sample, images: bool = True) -> Frame:
+        """A key frame as one value; `images=False` leaves the pictures unread.
+
+        Raises:
+            DataError: if an image or a calibration is damaged.
+        """
+        world_from_ego = self.world_from_ego(sample)
+        cameras, pictures = [], {}
+        for channel, data in self.data(sample).items():
+            if data.modality != "camera":
+                continue
+            camera = self.camera(data)
+            ego_from_cam = inverse(world_from_ego) @ self.world_from_ego_at(data) @ camera.ego_from_cam
+            cameras.append(Camera(channel, camera.width_px, camera.height_px, camera.intrinsic.copy(), ego_from_cam))
+            if images:
+                pictures[channel] = read_image(self.path(data))
+                frozen(pictures[channel])
+        boxes = self.boxes_world(sample).transformed(inverse(world_from_ego))
+        return Frame(sample.token, sample.timestamp_us, world_from_ego, CameraRig(tuple(cameras)), pictures, boxes)
+
+    # Maps ---------------------------------------------------------------------------------------------------------
+
+    def location(self, scene: Scene) -> str:
+        """Where a scene was recorded, as its log says ('' if it does not)."""
+        log = self.tables["log"]
+        return str(log["location"][log.row(scene.log_token)] or "")
+
+    def map_record(self, scene: Scene) -> MapRecord | None:
+        """The drivable-area mask of a scene's log, None where there is none."""
+        t = self.tables["map"]
+        for i in range(len(t)):
+            if scene.log_token in (t["log_tokens"][i] or ()):
+                origin = t["origin_m"][i] or (0.0, 0.0)
+                unknown = t["unknown_value"][i]
+                return MapRecord(
+                    str(t["filename"][i]),
+                    (float(origin[0]), float(origin[1])),
+                    None if unknown is None else int(unknown),
+                    str(t["source"][i] or ""),
+                )
+        return None
+
+
+def sample_at(dataset: Dataset, scene: Scene, frame: int) -> Sample:
+    """Key frame number `frame` of a scene, counted from 0.
+
+    Raises:
+        NotFoundError: if the scene has no such frame.
+    """
+    samples = dataset.samples(scene)
+    if not 0 <= frame < len(samples):
+        raise NotFoundError(f"scene '{scene.name}' has frames 0..{len(samples) - 1}, not {frame}")
+    return samples[frame]

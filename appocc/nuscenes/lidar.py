@@ -1,0 +1,52 @@
+"""LiDAR files of the nuScenes schema: float32 x, y, z, intensity, ring in the sensor frame; lidarseg labels."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from appocc.checks import ByteArray, FloatArray, check_shape
+from appocc.errors import DataError
+from appocc.files import write_bytes
+
+
+def read_lidar(path: Path) -> FloatArray:
+    """(N, 5) float64 points of a .pcd.bin file.
+
+    Raises:
+        DataError: if the file is missing or its length is no multiple of five float32.
+    """
+    try:
+        raw = path.read_bytes()
+    except OSError as error:
+        raise DataError(f"{path}: cannot be read ({error.strerror})") from error
+    if len(raw) % 20:
+        raise DataError(f"{path}: expected rows of 5 float32 (20 bytes), got {len(raw)} bytes: truncated?")
+    return np.frombuffer(raw, np.float32).reshape(-1, 5).astype(np.float64)
+
+
+def write_lidar(path: Path, points: FloatArray) -> None:
+    """Write points (N, 5) as float32 x, y, z, intensity, ring.
+
+    Raises:
+        ShapeError: if they are not (N, 5).
+        DataError: if the file cannot be written.
+    """
+    check_shape("lidar points", points, (None, 5))
+    write_bytes(path, points.astype(np.float32).tobytes())
+
+
+def read_labels(path: Path, points: int) -> ByteArray:
+    """(N,) uint8 labels of a lidarseg file.
+
+    Raises:
+        DataError: if the file is missing or does not hold one byte a point.
+    """
+    try:
+        raw = path.read_bytes()
+    except OSError as error:
+        raise DataError(f"{path}: cannot be read ({error.strerror})") from error
+    if len(raw) != points:
+        raise DataError(f"{path}: expected {points} labels, one a point, got {len(raw)}")
+    return np.frombuffer(raw, np.uint8)

@@ -1,0 +1,123 @@
+"""The thirteen tables of the nuScenes schema, their fields, and how each field is kept in memory."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+Kind = Literal["token", "text", "int", "bool", "vector", "any"]
+
+
+@dataclass(frozen=True)
+class Field:
+    """A field of a table.
+
+    Attributes:
+        name: key in the JSON objects.
+        kind: token and text become numpy byte strings, int int64, bool bool, vector float64 (N, width), any a list.
+        refers_to: table whose tokens the field holds, if it is a reference.
+        width: length of a vector.
+        required: whether every record must have it; others get a default (empty, 0, False).
+        optional_reference: whether an empty reference is allowed (ends of chains, unknown visibility).
+    """
+
+    name: str
+    kind: Kind
+    refers_to: str = ""
+    width: int = 0
+    required: bool = True
+    optional_reference: bool = False
+
+
+def _ref(name: str, table: str, optional: bool = False) -> Field:
+    return Field(name, "token", table, optional_reference=optional)
+
+
+_TOKEN = Field("token", "token")
+
+TABLES: dict[str, tuple[Field, ...]] = {
+    "attribute": (_TOKEN, Field("name", "any"), Field("description", "any", required=False)),
+    "calibrated_sensor": (
+        _TOKEN,
+        _ref("sensor_token", "sensor"),
+        Field("translation", "vector", width=3),
+        Field("rotation", "vector", width=4),
+        Field("camera_intrinsic", "any"),
+    ),
+    "category": (_TOKEN, Field("name", "any"), Field("description", "any", required=False)),
+    "ego_pose": (
+        _TOKEN,
+        Field("timestamp", "int"),
+        Field("translation", "vector", width=3),
+        Field("rotation", "vector", width=4),
+    ),
+    "instance": (
+        _TOKEN,
+        _ref("category_token", "category"),
+        Field("nbr_annotations", "int", required=False),
+        _ref("first_annotation_token", "sample_annotation"),
+        _ref("last_annotation_token", "sample_annotation"),
+    ),
+    "log": (
+        _TOKEN,
+        Field("logfile", "any", required=False),
+        Field("vehicle", "any", required=False),
+        Field("date_captured", "any", required=False),
+        Field("location", "any", required=False),
+    ),
+    "map": (
+        _TOKEN,
+        Field("category", "any", required=False),
+        Field("filename", "any"),
+        Field("log_tokens", "any", "log"),
+        Field("origin_m", "any", required=False),
+        Field("unknown_value", "any", required=False),
+        Field("source", "any", required=False),
+    ),
+    "sample": (
+        _TOKEN,
+        Field("timestamp", "int"),
+        _ref("scene_token", "scene"),
+        _ref("prev", "sample", optional=True),
+        _ref("next", "sample", optional=True),
+    ),
+    "sample_annotation": (
+        _TOKEN,
+        _ref("sample_token", "sample"),
+        _ref("instance_token", "instance"),
+        _ref("visibility_token", "visibility", optional=True),
+        Field("attribute_tokens", "any", "attribute", required=False),
+        Field("translation", "vector", width=3),
+        Field("size", "vector", width=3),
+        Field("rotation", "vector", width=4),
+        _ref("prev", "sample_annotation", optional=True),
+        _ref("next", "sample_annotation", optional=True),
+        Field("num_lidar_pts", "int", required=False),
+        Field("num_radar_pts", "int", required=False),
+    ),
+    "sample_data": (
+        _TOKEN,
+        _ref("sample_token", "sample"),
+        _ref("ego_pose_token", "ego_pose"),
+        _ref("calibrated_sensor_token", "calibrated_sensor"),
+        Field("timestamp", "int"),
+        Field("fileformat", "text", required=False),
+        Field("is_key_frame", "bool"),
+        Field("height", "int", required=False),
+        Field("width", "int", required=False),
+        Field("filename", "text"),
+        _ref("prev", "sample_data", optional=True),
+        _ref("next", "sample_data", optional=True),
+    ),
+    "scene": (
+        _TOKEN,
+        _ref("log_token", "log"),
+        Field("nbr_samples", "int", required=False),
+        _ref("first_sample_token", "sample"),
+        _ref("last_sample_token", "sample"),
+        Field("name", "any"),
+        Field("description", "any", required=False),
+    ),
+    "sensor": (_TOKEN, Field("channel", "any"), Field("modality", "any")),
+    "visibility": (_TOKEN, Field("level", "any", required=False), Field("description", "any", required=False)),
+}

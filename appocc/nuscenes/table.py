@@ -1,0 +1,192 @@
+"""One table in memory: numpy columns, an index by token, and a reader that never holds the whole JSON text."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from appocc.checks import IntArray
+from appocc.errors import DataError, NotFoundError
+from appocc.nuscenes.schema import Field
+
+_CHUNK = 1 << 24
+_BOUNDARY = re.compile(rb"\}\s*,\s*(?=\{)")
+Column = NDArray[Any] | list[Any]
+
+
+class Table:
+    """A table: `name`, one column per field, rows counted from 0, found by token in O(log n)."""
+
+    def __init__(self, name: str, columns: dict[str, Column]) -> None:
+        """Take columns of equal length; `token` must be among them."""
+        self.name = name
+        self.columns = columns
+
+    def __len__(self) -> int:
+        """Number of rows."""
+        return len(self.columns["token"])
+
+    def __getitem__(self, field: str) -> Column:
+        """A column."""
+        return self.columns[field]
+
+    def array(self, field: str) -> NDArray[Any]:
+        """A column that is a numpy array (tokens, texts, numbers, vectors)."""
+        return np.asarray(self.columns[field])
+
+    def text(self, field: str, row: int) -> str:
+        """A token or text of one row as str."""
+        value = self.columns[field][row]
+        return value.decode() if isinstance(value, bytes) else str(value)
+
+    @cached_property
+    def _by_token(self) -> tuple[IntArray, NDArray[np.bytes_]]:
+        tokens = self.array("token")
+        order = np.argsort(tokens, kind="stable")
+        return order, tokens[order]
+
+    def rows_of(self, tokens: NDArray[np.bytes_]) -> IntArray:
+        """Row of each token, -1 where the table has none such."""
+        order, ranked = self._by_token
+        if not len(order):
+            return np.full(len(tokens), -1)
+        place = np.minimum(np.searchsorted(ranked, tokens), len(order) - 1)
+        return np.where(ranked[place] == tokens, order[place], -1)
+
+    def row(self, token: str) -> int:
+        """Row of a token.
+
+        Raises:
+            NotFoundError: if the table has none such.
+        """
+        found = int(self.rows_of(np.array([token.encode()]))[0])
+        if found < 0:
+            raise NotFoundError(f"table {self.name} has no token '{token}'")
+        return found
+
+    def groups(self, field: str) -> Groups:
+        """Rows grouped by the value of a reference field."""
+        return Groups(self.array(field))
+
+
+class Groups:
+    """Rows that share a value, found in O(log n); rows keep their order within a group."""
+
+    def __init__(self, values: NDArray[Any]) -> None:
+        """Sort once."""
+        self._order = np.argsort(values, kind="stable")
+        self._ranked = values[self._order]
+
+    def rows(self, value: Any) -> IntArray:
+        """The rows that hold `value` (maybe none)."""
+        key = np.array([value.encode() if isinstance(value, str) else value])
+        low, high = np.searchsorted(self._ranked, key, "left")[0], np.searchsorted(self._ranked, key, "right")[0]
+        return self._order[low:high]
+
+
+def read_table(path: Path, fields: tuple[Field, ...]) -> Table:
+    """Read a table file, a list of flat JSON objects, chunk by chunk (16 MB of text in memory at a time).
+
+    Raises:
+        DataError: if the file is missing, no such list, or a record lacks a field or has one of a wrong type.
+    """
+    parts: dict[str, list[Column]] = {field.name: [] for field in fields}
+    seen = 0
+    try:
+        with path.open("rb") as handle:
+            for records in _chunks(handle.read):
+                for field in fields:
+                    parts[field.name].append(_column(path, field, records, seen))
+                seen += len(records)
+    except OSError as error:
+        raise DataError(f"{path}: cannot be read ({error.strerror})") from error
+    except ValueError as error:
+        if isinstance(error, DataError):
+            raise
+        raise DataError(f"{path}: no valid JSON list of records ({error})") from error
+    return Table(path.stem, {field.name: _join(field, parts[field.name]) for field in fields})
+
+
+def _chunks(read: Any) -> Iterator[list[dict[str, Any]]]:
+    """Parse a JSON list piece by piece, cut where one object ends and the next begins."""
+    buffer = b""
+    first = True
+    while piece := read(_CHUNK):
+        buffer += piece
+        if first:
+            buffer = buffer.lstrip(b"\xef\xbb\xbf \t\r\n")
+            if buffer[:1] != b"[":
+                raise ValueError("it does not begin with '['")
+            buffer, first = buffer[1:], False
+        for end in reversed([match.start() + 1 for match in _BOUNDARY.finditer(buffer)]):
+            try:
+                records = json.loads(b"[" + buffer[:end] + b"]")
+            except ValueError:
+                continue  # the boundary lay inside a string: try the one before
+            yield records
+            buffer = buffer[end:].lstrip()[1:]
+            break
+    if first:
+        raise ValueError("the file is empty")
+    yield json.loads(b"[" + buffer)
+
+
+_DEFAULTS = {"token": "", "text": "", "int": 0, "bool": False, "any": None}
+
+
+def _column(path: Path, field: Field, records: list[dict[str, Any]], first_row: int) -> Column:
+    """One field of some records as a column."""
+    try:
+        if field.required:
+            values = [record[field.name] for record in records]
+        else:
+            default = _DEFAULTS.get(field.kind)
+            values = [record.get(field.name, default) for record in records]
+        return _packed(field, values)
+    except (KeyError, TypeError, ValueError, OverflowError, AttributeError):
+        raise DataError(_first_bad(path, field, records, first_row)) from None
+
+
+def _packed(field: Field, values: list[Any]) -> Column:
+    """Values of one field as a numpy column of the field's kind."""
+    if field.kind in ("token", "text"):
+        return np.array([("" if value is None else value).encode() for value in values], dtype=np.bytes_)
+    if field.kind == "vector":
+        return np.array(values, dtype=np.float64).reshape(len(values), field.width)
+    if field.kind == "int":
+        return np.array([0 if value is None else value for value in values], dtype=np.int64)
+    if field.kind == "bool":
+        return np.array(values, dtype=np.bool_)
+    return values
+
+
+def _first_bad(path: Path, field: Field, records: list[dict[str, Any]], first_row: int) -> str:
+    """Name the record that made `_packed` fail."""
+    for row, record in enumerate(records, start=first_row):
+        if not isinstance(record, dict):
+            return f"{path}: record {row}: expected an object, got {type(record).__name__}"
+        if field.name not in record:
+            if field.required:
+                return f"{path}: record {row} ({record.get('token', '?')}) has no field '{field.name}'"
+            continue
+        try:
+            _packed(field, [record[field.name]])
+        except (TypeError, ValueError, OverflowError, AttributeError):
+            wanted = f"{field.width} numbers" if field.kind == "vector" else field.kind
+            got = str(record[field.name])[:60]
+            return f"{path}: record {row} ({record.get('token', '?')}): {field.name}: expected {wanted}, got {got}"
+    return f"{path}: field '{field.name}' cannot be read"
+
+
+def _join(field: Field, parts: list[Column]) -> Column:
+    """The chunks of a column as one."""
+    if field.kind == "any":
+        return [value for part in parts for value in part]
+    return np.concatenate([np.asarray(part) for part in parts])

@@ -1,0 +1,106 @@
+"""The thirteen tables of one dataset root, found and read on demand."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from appocc.checks import IntArray
+from appocc.errors import DataError, NotFoundError
+from appocc.nuscenes.schema import TABLES
+from appocc.nuscenes.table import Groups, Table, read_table
+
+
+def find_version(root: Path, version: str | None) -> str:
+    """Name of the folder below `root` that holds the tables ('' where they lie in the root itself).
+
+    Raises:
+        DataError: if there is none, or several and no `version` says which.
+    """
+    if not root.is_dir():
+        raise DataError(f"{root}: no such folder")
+    found = sorted(path.parent.name for path in root.glob("*/sample_data.json"))
+    if (root / "sample_data.json").is_file():
+        found.insert(0, "")
+    if version is not None:
+        if version not in found:
+            raise DataError(f"{root}: no version '{version}'; found {', '.join(found) or 'none'}")
+        return version
+    if not found:
+        raise DataError(f"{root}: no nuScenes-schema dataset (expected tables such as v1.0-*/sample_data.json)")
+    if len(found) > 1:
+        raise DataError(f"{root}: several versions ({', '.join(found)}); choose one with --version")
+    return found[0]
+
+
+class Tables:
+    """Tables and the indexes between them; each is read when first used."""
+
+    def __init__(self, root: Path, version: str | None = None) -> None:
+        """Find the tables of `root`.
+
+        Raises:
+            DataError: if there are none, or several versions and none is named.
+        """
+        self.root = root
+        self.version = find_version(root, version)
+        self.folder = root / self.version
+        self._loaded: dict[str, Table] = {}
+
+    def __getitem__(self, name: str) -> Table:
+        """A table by name.
+
+        Raises:
+            NotFoundError: if the schema has no such table.
+            DataError: if its file is missing or damaged.
+        """
+        if name not in TABLES:
+            raise NotFoundError(f"the schema has no table '{name}'; it has {', '.join(TABLES)}")
+        if name not in self._loaded:
+            self._loaded[name] = read_table(self.folder / f"{name}.json", TABLES[name])
+        return self._loaded[name]
+
+    def load_all(self) -> None:
+        """Read all tables and build all indexes now.
+
+        Raises:
+            DataError: if a file is missing or damaged.
+        """
+        for name in TABLES:
+            self[name].rows_of(np.array([b""]))
+        _ = self.data_by_sample, self.annotations_by_sample, self.data_channel
+
+    @cached_property
+    def data_by_sample(self) -> Groups:
+        """Rows of sample_data by sample token."""
+        return self["sample_data"].groups("sample_token")
+
+    @cached_property
+    def annotations_by_sample(self) -> Groups:
+        """Rows of sample_annotation by sample token."""
+        return self["sample_annotation"].groups("sample_token")
+
+    @cached_property
+    def samples_by_scene(self) -> Groups:
+        """Rows of sample by scene token."""
+        return self["sample"].groups("scene_token")
+
+    @cached_property
+    def data_calibration(self) -> IntArray:
+        """(N,) row of calibrated_sensor for each row of sample_data, -1 where broken."""
+        return self["calibrated_sensor"].rows_of(self["sample_data"].array("calibrated_sensor_token"))
+
+    @cached_property
+    def data_channel(self) -> IntArray:
+        """(N,) row of sensor for each row of sample_data, -1 where broken."""
+        sensor = self["sensor"].rows_of(self["calibrated_sensor"].array("sensor_token"))
+        return np.where(self.data_calibration >= 0, sensor[self.data_calibration], -1)
+
+    @cached_property
+    def annotation_category(self) -> IntArray:
+        """(N,) row of category for each row of sample_annotation, -1 where broken."""
+        instance = self["instance"].rows_of(self["sample_annotation"].array("instance_token"))
+        category = self["category"].rows_of(self["instance"].array("category_token"))
+        return np.where(instance >= 0, category[instance], -1)

@@ -1,0 +1,1 @@
+"""PandaSet recordings to the nuScenes schema."""

@@ -1,0 +1,1 @@
+"""Driving commands to one metric cell: sentence, query, referent, target."""

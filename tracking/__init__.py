@@ -1,0 +1,1 @@
+"""Bird's-eye views over time: vehicle blobs, tracks by place and colour, and how good they are."""
