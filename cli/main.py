@@ -8,6 +8,8 @@ import typer
 
 from appocc.errors import AppoccError
 from cli.common import say
+from cli.convert import convert
+from cli.groundtruth import groundtruth
 
 app = typer.Typer(
     name="appocc",
@@ -16,6 +18,9 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
+
+app.command()(convert)
+app.command()(groundtruth)
 
 
 def run() -> None:

@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterator
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,8 +16,9 @@ from appocc.checks import IntArray
 from appocc.errors import DataError, NotFoundError
 from appocc.nuscenes.schema import Field
 
-_CHUNK = 1 << 24
-_BOUNDARY = re.compile(rb"\}\s*,\s*(?=\{)")
+# Characters read at a time: larger pieces leave the processor's cache and are slower to parse.
+_PIECE = 1 << 16
+_BETWEEN = re.compile(r"\}\s*,\s*(?=\{)")
 Column = NDArray[Any] | list[Any]
 
 
@@ -92,7 +93,7 @@ class Groups:
 
 
 def read_table(path: Path, fields: tuple[Field, ...]) -> Table:
-    """Read a table file, a list of flat JSON objects, chunk by chunk (16 MB of text in memory at a time).
+    """Read a table file, a list of JSON objects, piece by piece: its text is never in memory as a whole.
 
     Raises:
         DataError: if the file is missing, no such list, or a record lacks a field or has one of a wrong type.
@@ -100,42 +101,53 @@ def read_table(path: Path, fields: tuple[Field, ...]) -> Table:
     parts: dict[str, list[Column]] = {field.name: [] for field in fields}
     seen = 0
     try:
-        with path.open("rb") as handle:
-            for records in _chunks(handle.read):
+        with path.open(encoding="utf-8-sig", newline="") as handle:
+            for records in _pieces(handle):
                 for field in fields:
                     parts[field.name].append(_column(path, field, records, seen))
                 seen += len(records)
     except OSError as error:
         raise DataError(f"{path}: cannot be read ({error.strerror})") from error
-    except ValueError as error:
-        if isinstance(error, DataError):
-            raise
-        raise DataError(f"{path}: no valid JSON list of records ({error})") from error
-    return Table(path.stem, {field.name: _join(field, parts[field.name]) for field in fields})
+    except DataError:
+        raise
+    except (ValueError, RecursionError) as error:
+        reason = error.msg if isinstance(error, json.JSONDecodeError) else error
+        raise DataError(f"{path}: no valid JSON list of records ({reason}, after record {seen})") from error
+    return Table(path.stem, {field.name: _join(field, parts.pop(field.name)) for field in fields})
 
 
-def _chunks(read: Any) -> Iterator[list[dict[str, Any]]]:
-    """Parse a JSON list piece by piece, cut where one object ends and the next begins."""
-    buffer = b""
-    first = True
-    while piece := read(_CHUNK):
-        buffer += piece
-        if first:
-            buffer = buffer.lstrip(b"\xef\xbb\xbf \t\r\n")
-            if buffer[:1] != b"[":
-                raise ValueError("it does not begin with '['")
-            buffer, first = buffer[1:], False
-        for end in reversed([match.start() + 1 for match in _BOUNDARY.finditer(buffer)]):
-            try:
-                records = json.loads(b"[" + buffer[:end] + b"]")
-            except ValueError:
-                continue  # the boundary lay inside a string: try the one before
-            yield records
-            buffer = buffer[end:].lstrip()[1:]
-            break
-    if first:
-        raise ValueError("the file is empty")
-    yield json.loads(b"[" + buffer)
+def _pieces(handle: TextIO) -> Iterator[list[Any]]:
+    """The records of a JSON list, some at a time."""
+    buffer = handle.read(_PIECE).lstrip()
+    if buffer[:1] != "[":
+        raise ValueError("it does not begin with '['" if buffer else "the file is empty")
+    buffer = buffer[1:]
+    while piece := handle.read(_PIECE):
+        records, end = _whole_records(buffer)
+        yield records
+        buffer = buffer[end:] + piece
+    yield json.loads(f"[{buffer}")
+
+
+def _whole_records(buffer: str) -> tuple[list[Any], int]:
+    """The records that lie whole in the buffer, and where the next one begins.
+
+    What looks like the end of a record may lie in a string or in a list of objects: then the parser runs out of text,
+    and the place before it is tried. Any other complaint of the parser means a damaged file.
+    """
+    end = len(buffer)
+    while (end := buffer.rfind("}", 0, end)) >= 0:
+        between = _BETWEEN.match(buffer, end)
+        if not between:
+            continue
+        text = f"[{buffer[: end + 1]}]"
+        try:
+            return json.loads(text), between.end()
+        except json.JSONDecodeError as error:
+            if error.pos < len(text) and not error.msg.startswith("Unterminated string"):
+                raise
+            end = min(end, error.pos)
+    return [], 0
 
 
 _DEFAULTS = {"token": "", "text": "", "int": 0, "bool": False, "any": None}

@@ -1,0 +1,121 @@
+"""Static points of a sweep, each with the colours of the images in which it is visible (paper, section IV.C)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+from scipy import ndimage
+
+from appocc.checks import ByteArray, Float32Array, FloatArray
+from appocc.files import read_image
+from appocc.geometry import apply, inverse
+from appocc.groundtruth.inputs import SweepInput, View
+from appocc.groundtruth.visibility import DepthPicture, hidden_by_boxes
+from appocc.nuscenes.lidar import read_labels, read_lidar
+
+NO_CAMERA = 255
+# Points farther than the far corner of the grid never enter it.
+_MAX_RANGE_M = 57.0
+# Returns from the recording vehicle itself.
+_MIN_RANGE_M = 1.5
+_BOX_MARGIN_M = 0.1
+
+
+@dataclass(frozen=True)
+class ColouredPoints:
+    """Rows of (point, view): a point seen by two cameras has two rows, one that no camera sees has one without colour.
+
+    Attributes:
+        xyz_m: (N, 3) float32, world frame minus the scene's origin.
+        rgb: (N, 3) uint8.
+        camera: (N,) number of the camera in the sorted list of channels, NO_CAMERA without colour.
+        ground: (N,) uint8, 1 road, 2 lane marking (which is road too), 0 other or unlabelled.
+    """
+
+    xyz_m: Float32Array
+    rgb: ByteArray
+    camera: ByteArray
+    ground: ByteArray
+
+
+@lru_cache(maxsize=20)
+def cached_image(path: Path) -> ByteArray:
+    """An image that neighbouring sweeps share."""
+    return read_image(path)
+
+
+def colour_at(image: ByteArray, uv_px: FloatArray) -> Float32Array:
+    """(N, 3) colours at sub-pixel positions (N, 2), bilinear."""
+    where = uv_px.T[::-1]
+    channels = [
+        ndimage.map_coordinates(image[..., c], where, output=np.float32, order=1, mode="nearest") for c in range(3)
+    ]
+    return np.stack(channels, axis=1)
+
+
+def colour_sweep(sweep: SweepInput, origin_m: FloatArray, channels: tuple[str, ...]) -> ColouredPoints:
+    """The static points of a sweep with their colours; `origin_m` (3,) is taken off the world coordinates.
+
+    A point takes its colour from the round of views nearest in time in which any camera sees it.
+
+    Raises:
+        DataError: if the sweep, its labels or an image is damaged.
+    """
+    raw = read_lidar(sweep.path)
+    labels = read_labels(sweep.labels.path, len(raw)) if sweep.labels else np.zeros(len(raw), np.uint8)
+    distance = np.linalg.norm(raw[:, :3], axis=1)
+    keep = np.isfinite(distance) & (distance > _MIN_RANGE_M) & (distance < _MAX_RANGE_M)
+    points = apply(sweep.world_from_lidar, raw[keep, :3])
+    static = ~sweep.boxes_world.inside(points, _BOX_MARGIN_M)
+    everything, points = points, points[static]
+    ground = _ground_classes(sweep, labels[keep][static])
+    open_points = np.arange(len(points))
+    rows: list[tuple[FloatArray, Float32Array, ByteArray]] = []
+    for views in sweep.rounds:
+        seen = np.zeros(len(points), dtype=np.bool_)
+        for view in views:
+            index, rgb = _seen(view, points, open_points, everything)
+            seen[index] = True
+            number = np.full(len(index), channels.index(view.camera.channel), np.uint8)
+            rows.append((index, rgb, number))
+        open_points = open_points[~seen[open_points]]
+    rows.append(
+        (open_points, np.zeros((len(open_points), 3), np.float32), np.full(len(open_points), NO_CAMERA, np.uint8))
+    )
+    index = np.concatenate([row[0] for row in rows])
+    return ColouredPoints(
+        (points[index] - origin_m).astype(np.float32),
+        np.round(np.concatenate([row[1] for row in rows])).astype(np.uint8),
+        np.concatenate([row[2] for row in rows]),
+        ground[index],
+    )
+
+
+def _ground_classes(sweep: SweepInput, labels: ByteArray) -> ByteArray:
+    """1 road, 2 lane marking, 0 other, from the labels of a sweep."""
+    if sweep.labels is None:
+        return np.zeros(len(labels), np.uint8)
+    ground = sweep.labels.is_road[labels].astype(np.uint8)
+    if sweep.labels.is_lane is not None:
+        ground[sweep.labels.is_lane[labels]] = 2
+    return ground
+
+
+def _seen(
+    view: View, points: FloatArray, candidates: FloatArray, everything: FloatArray
+) -> tuple[FloatArray, Float32Array]:
+    """Which of the candidate points (indices) a view sees, and their colours."""
+    cam_from_world = inverse(view.world_from_cam)
+    uv, depth = view.camera.project(apply(cam_from_world, points[candidates]))
+    inside = view.camera.sees(uv, depth)
+    index, uv, depth = candidates[inside], uv[inside], depth[inside]
+    if not len(index):
+        return index, np.zeros((0, 3), np.float32)
+    clear = ~DepthPicture(apply(cam_from_world, everything), view.camera).hides(uv, depth)
+    index, uv = index[clear], uv[clear]
+    clear = ~hidden_by_boxes(points[index], uv, view.camera, view.world_from_cam, view.boxes_world)
+    index, uv = index[clear], uv[clear]
+    return index, colour_at(cached_image(view.path), uv) if len(index) else np.zeros((0, 3), np.float32)

@@ -1,0 +1,124 @@
+"""One sample's colour BEV: the scene's ground, the sample's vehicles, and what is known of road and lanes."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy import ndimage
+
+from appocc.bevmap import BEVMap
+from appocc.boxes import is_vehicle
+from appocc.checks import BoolArray, ByteArray, Float32Array, FloatArray
+from appocc.files import read_image
+from appocc.geometry import apply, inverse
+from appocc.grid import BEVGrid
+from appocc.groundtruth.inputs import SampleInput
+from appocc.groundtruth.occupancy import Layer, RoadSources, cells_of, lane_layer, road_layer, vehicle_owner
+from appocc.groundtruth.painting import Paint, paint_vehicles
+from appocc.groundtruth.surface import Surface
+from appocc.groundtruth.visibility import DepthPicture
+from appocc.nuscenes.lidar import read_lidar
+
+# An unknown cell is filled when at least this many of its eight neighbours are known, twice over.
+_NEIGHBOURS, _ROUNDS = 5, 2
+
+
+class Settings(NamedTuple):
+    """What a run is asked to do; part of each map's meta, so that a later run knows whether a map is still right."""
+
+    grid: BEVGrid
+    paint: Paint
+
+    def as_meta(self) -> dict[str, Any]:
+        """JSON form."""
+        return {"grid": self.grid.as_array().tolist(), "paint": self.paint, "format": 1}
+
+
+def compose(sample: SampleInput, sources: RoadSources, annotated: bool, settings: Settings) -> BEVMap:
+    """The colour BEV of a sample.
+
+    Raises:
+        DataError: if an image or a sweep of the sample is damaged.
+    """
+    grid = settings.grid
+    ground, known = ground_colours(grid, sample.world_from_ego, sources.surface)
+    road = road_layer(grid, sample.world_from_ego, sources)
+    lane = lane_layer(grid, sample.world_from_ego, sources)
+    vehicle = _vehicles(sample, annotated, settings, ground, known)
+    layers = (road, vehicle, lane)
+    return BEVMap(
+        grid,
+        np.stack([layer.on for layer in layers]).astype(np.float32),
+        np.stack([layer.valid for layer in layers]),
+        np.moveaxis(np.where(known[..., None], ground, 0), -1, 0).astype(np.uint8),
+        known,
+        {
+            "token": sample.token,
+            "timestamp_us": sample.timestamp_us,
+            "sources": {
+                "road": road.source,
+                "vehicle": vehicle.source,
+                "lane": lane.source,
+                "appearance_static": "lidar" if len(sources.surface.xyz_m) else "none",
+                "appearance_vehicle": f"cuboids ({settings.paint})" if annotated else "none",
+            },
+            "settings": settings.as_meta(),
+        },
+    )
+
+
+def ground_colours(grid: BEVGrid, world_from_ego: FloatArray, surface: Surface) -> tuple[Float32Array, BoolArray]:
+    """Colours (X, Y, 3) of the ground, the mean over each cell's fine cells, small holes filled; and which are known."""
+    coloured = Surface(*(column[surface.coloured] for column in surface))
+    cell, inside = cells_of(grid, world_from_ego, coloured.xyz_m)
+    size = grid.shape[0] * grid.shape[1]
+    count = np.bincount(cell, minlength=size)
+    rgb = coloured.rgb[inside]
+    total = np.stack([np.bincount(cell, rgb[:, c], minlength=size) for c in range(3)], axis=1)
+    mean = (total / np.maximum(count, 1)[:, None]).reshape(*grid.shape, 3).astype(np.float32)
+    return _filled(mean, (count > 0).reshape(grid.shape))
+
+
+def _filled(rgb: Float32Array, known: BoolArray) -> tuple[Float32Array, BoolArray]:
+    """Fill unknown cells that known ones all but surround with the mean of those."""
+    ring = np.ones((3, 3))
+    for _ in range(_ROUNDS):
+        near = ndimage.convolve(known.astype(np.float64), ring, mode="constant")
+        fill = ~known & (near >= _NEIGHBOURS)
+        for c in range(3):
+            total = ndimage.convolve(np.where(known, rgb[..., c], 0.0), ring, mode="constant")
+            rgb[fill, c] = total[fill] / near[fill]
+        known = known | fill
+    return rgb, known
+
+
+def _vehicles(sample: SampleInput, annotated: bool, settings: Settings, rgb: Float32Array, known: BoolArray) -> Layer:
+    """The vehicle layer; paints the vehicles' cells into `rgb` and `known` in place."""
+    grid = settings.grid
+    if not annotated:
+        nothing = np.zeros(grid.shape, dtype=np.bool_)
+        return Layer(nothing, nothing.copy(), "none")
+    boxes = sample.boxes_world
+    is_one = np.array([is_vehicle(name) for name in boxes.category], dtype=np.bool_)
+    number = np.flatnonzero(is_one)
+    owner = vehicle_owner(grid, boxes.select(is_one).transformed(inverse(sample.world_from_ego)))
+    on = owner >= 0
+    in_grid = np.zeros(len(boxes), dtype=np.bool_)
+    in_grid[number[np.unique(owner[on])]] = True
+    colours, painted = _painted(sample, in_grid, settings.paint)
+    which = number[owner[on]]
+    rgb[on], known[on] = colours[which], painted[which]
+    return Layer(on, np.ones(grid.shape, dtype=np.bool_), "cuboids")
+
+
+def _painted(sample: SampleInput, wanted: BoolArray, paint: Paint) -> tuple[ByteArray, BoolArray]:
+    """Colours of the wanted boxes from the sample's own images."""
+    images = [read_image(view.path) for view in sample.views]
+    depths: list[DepthPicture | None] = [None] * len(images)
+    if sample.lidar is not None:
+        path, world_from_lidar = sample.lidar
+        raw = read_lidar(path)[:, :3]
+        points = apply(world_from_lidar, raw[np.isfinite(raw).all(axis=1)])
+        depths = [DepthPicture(apply(inverse(view.world_from_cam), points), view.camera) for view in sample.views]
+    return paint_vehicles(images, sample.views, wanted, depths, paint)

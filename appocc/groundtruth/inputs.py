@@ -1,0 +1,158 @@
+"""What the pipeline needs of a scene, gathered once: plain values that travel to worker processes."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from appocc.boxes import Boxes
+from appocc.camera import Camera
+from appocc.checks import FloatArray
+from appocc.geometry import interpolate_pose
+from appocc.nuscenes.dataset import LIDAR, Dataset
+from appocc.nuscenes.point_labels import PointLabels, point_labels
+from appocc.nuscenes.records import Sample, SampleData, Scene
+
+# Time-nearest images of a channel that are tried for a point: the nearest, then the next two.
+_VIEWS_PER_CHANNEL = 3
+
+
+@dataclass(frozen=True)
+class View:
+    """An image with its camera, pose and the boxes of its own time (world frame)."""
+
+    path: Path
+    camera: Camera
+    world_from_cam: FloatArray
+    boxes_world: Boxes
+    timestamp_us: int
+
+
+@dataclass(frozen=True)
+class SweepInput:
+    """A LiDAR file with its pose, the boxes of its time, its labels if any, and rounds of views, nearest in time first.
+
+    Each round holds one view a camera.
+    """
+
+    path: Path
+    world_from_lidar: FloatArray
+    boxes_world: Boxes
+    labels: PointLabels | None
+    rounds: tuple[tuple[View, ...], ...]
+
+
+@dataclass(frozen=True)
+class SampleInput:
+    """A sample with its pose, boxes, key-frame views, and its own LiDAR file if it has one."""
+
+    token: str
+    timestamp_us: int
+    world_from_ego: FloatArray
+    boxes_world: Boxes
+    views: tuple[View, ...]
+    lidar: tuple[Path, FloatArray] | None
+
+
+@dataclass(frozen=True)
+class SceneInputs:
+    """All of a scene."""
+
+    name: str
+    sweeps: tuple[SweepInput, ...]
+    samples: tuple[SampleInput, ...]
+    annotated: bool
+
+
+class _BoxesOverTime:
+    """Boxes at any time: straight line and slerp between the samples before and after, by instance."""
+
+    def __init__(self, samples: tuple[Sample, ...], boxes: list[Boxes]) -> None:
+        self._times = np.array([sample.timestamp_us for sample in samples], dtype=np.int64)
+        self._boxes = boxes
+        self._place = [{name: i for i, name in enumerate(b.instance)} for b in boxes]
+
+    def at(self, timestamp_us: int, sample: int | None = None) -> Boxes:
+        """Boxes at a time: those of sample number `sample` (by default the one nearest in time), moved to it.
+
+        An object that is annotated on one side only stays as it is there.
+        """
+        last = len(self._times) - 1
+        i = int(np.clip(np.searchsorted(self._times, timestamp_us, "right") - 1, 0, max(last - 1, 0)))
+        j = min(i + 1, last)
+        if sample is None:
+            sample = i if abs(self._times[i] - timestamp_us) <= abs(self._times[j] - timestamp_us) else j
+        base = self._boxes[sample]
+        if i == j or timestamp_us == self._times[sample] or not len(base):
+            return base
+        times = (self._times[[i, j]] - self._times[i]) * 1e-6
+        centre, rotation = base.centre_m.copy(), base.rotation.copy()
+        for k, name in enumerate(base.instance):
+            a, b = self._place[i].get(name), self._place[j].get(name)
+            if a is not None and b is not None:
+                ends = np.stack([self._boxes[i].frame_from_box(a), self._boxes[j].frame_from_box(b)])
+                pose = interpolate_pose(times, ends, float(timestamp_us - self._times[i]) * 1e-6)
+                centre[k], rotation[k] = pose[:3, 3], pose[:3, :3]
+        return replace(base, centre_m=centre, rotation=rotation)
+
+
+def gather(dataset: Dataset, scene: Scene) -> SceneInputs:
+    """Inputs of a scene; sensor files are named, not read.
+
+    Raises:
+        DataError: if a table entry cannot be true.
+    """
+    samples = dataset.samples(scene)
+    boxes = [dataset.boxes_world(sample) for sample in samples]
+    over_time = _BoxesOverTime(samples, boxes)
+    stream = dataset.stream(scene)
+    views: dict[str, list[View]] = defaultdict(list)
+    for data in stream:
+        if data.modality == "camera":
+            views[data.channel].append(_view(dataset, data, over_time.at(data.timestamp_us)))
+    sweeps = tuple(_sweep(dataset, data, over_time, views) for data in stream if data.channel == LIDAR)
+    inputs = tuple(_sample(dataset, sample, k, over_time) for k, sample in enumerate(samples))
+    return SceneInputs(scene.name, sweeps, inputs, bool(len(dataset.tables["sample_annotation"])))
+
+
+def _view(dataset: Dataset, data: SampleData, boxes: Boxes) -> View:
+    camera = dataset.camera(data)
+    world_from_cam = dataset.world_from_ego_at(data) @ camera.ego_from_cam
+    return View(dataset.path(data), camera, world_from_cam, boxes, data.timestamp_us)
+
+
+def _sweep(dataset: Dataset, data: SampleData, boxes: _BoxesOverTime, views: dict[str, list[View]]) -> SweepInput:
+    nearest = {
+        channel: sorted(own, key=lambda view: abs(view.timestamp_us - data.timestamp_us))[:_VIEWS_PER_CHANNEL]
+        for channel, own in views.items()
+    }
+    rounds = tuple(
+        tuple(own[k] for _, own in sorted(nearest.items()) if k < len(own)) for k in range(_VIEWS_PER_CHANNEL)
+    )
+    return SweepInput(
+        dataset.path(data),
+        dataset.world_from_ego_at(data) @ dataset.ego_from_sensor(data),
+        boxes.at(data.timestamp_us),
+        point_labels(dataset, data),
+        rounds,
+    )
+
+
+def _sample(dataset: Dataset, sample: Sample, number: int, boxes: _BoxesOverTime) -> SampleInput:
+    data = dataset.data(sample)
+    cameras = [d for d in data.values() if d.modality == "camera"]
+    lidar = data.get(LIDAR)
+    own_lidar = None
+    if lidar is not None:
+        own_lidar = (dataset.path(lidar), dataset.world_from_ego_at(lidar) @ dataset.ego_from_sensor(lidar))
+    return SampleInput(
+        sample.token,
+        sample.timestamp_us,
+        dataset.world_from_ego(sample),
+        boxes.at(sample.timestamp_us, number),
+        tuple(_view(dataset, d, boxes.at(d.timestamp_us, number)) for d in cameras),
+        own_lidar,
+    )

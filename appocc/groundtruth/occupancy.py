@@ -1,0 +1,131 @@
+"""Occupancy layers of one sample: vehicles from cuboids, road and lane each from the best source there is."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from appocc.boxes import Boxes
+from appocc.checks import BoolArray, FloatArray, IntArray
+from appocc.geometry import apply, inverse
+from appocc.grid import BEVGrid
+from appocc.groundtruth.surface import Surface
+from appocc.nuscenes.maps import MaskWindow, VectorMap
+from appocc.rasterise import line_cover, polygon_cover
+
+VEHICLE_SHARE = ROAD_SHARE = 0.5
+LANE_SHARE = 0.2
+_MARKING_WIDTH_M = 0.15
+# Fine cells (16 make a cell of 0.4 m) that must have been observed before labels are believed.
+_LEAST_FINE_CELLS = 3
+_SUBSAMPLES = 4
+
+
+class Layer(NamedTuple):
+    """One class: which cells are on (X, Y), where that is known (X, Y), and what it comes from."""
+
+    on: BoolArray
+    valid: BoolArray
+    source: str
+
+
+class RoadSources(NamedTuple):
+    """What is known of road and lanes around a scene; each None where there is none."""
+
+    vector: VectorMap | None
+    mask: MaskWindow | None
+    surface: Surface
+    surface_labels: tuple[bool, bool, str]
+
+
+def vehicle_owner(grid: BEVGrid, boxes_ego: Boxes) -> IntArray:
+    """(X, Y) number of the box that covers at least half of a cell, the one that covers most; -1 where none does."""
+    best = np.full(grid.shape, VEHICLE_SHARE)
+    owner = np.full(grid.shape, -1, dtype=np.int64)
+    for i, corners in enumerate(boxes_ego.corners()):
+        cover = polygon_cover(grid, corners[:4, :2])
+        more = (cover > best) | ((cover >= VEHICLE_SHARE) & (owner < 0))
+        best[more], owner[more] = cover[more], i
+    return owner
+
+
+def road_layer(grid: BEVGrid, world_from_ego: FloatArray, sources: RoadSources) -> Layer:
+    """Drivable area: map expansion, else mask, else labelled LiDAR points, else unknown."""
+    if sources.vector is not None:
+        return _vector_road(grid, world_from_ego, sources.vector)
+    if sources.mask is not None:
+        return _mask_road(grid, world_from_ego, sources.mask)
+    if sources.surface_labels[0]:
+        return _labelled(grid, world_from_ego, sources, "road", ROAD_SHARE)
+    return _unknown(grid)
+
+
+def lane_layer(grid: BEVGrid, world_from_ego: FloatArray, sources: RoadSources) -> Layer:
+    """Line markings: map expansion, else labelled LiDAR points, else unknown."""
+    if sources.vector is not None:
+        return _vector_lane(grid, world_from_ego, sources.vector)
+    if sources.surface_labels[1]:
+        return _labelled(grid, world_from_ego, sources, "lane", LANE_SHARE)
+    return _unknown(grid)
+
+
+def _unknown(grid: BEVGrid) -> Layer:
+    nothing = np.zeros(grid.shape, dtype=np.bool_)
+    return Layer(nothing, nothing.copy(), "none")
+
+
+def _to_ego(world_from_ego: FloatArray, xy_world_m: FloatArray) -> FloatArray:
+    """World points (N, 2) on the ground under the ego -> ego (N, 2)."""
+    height = np.full((len(xy_world_m), 1), world_from_ego[2, 3])
+    return apply(inverse(world_from_ego), np.hstack([xy_world_m, height]))[:, :2]
+
+
+def _vector_road(grid: BEVGrid, world_from_ego: FloatArray, vector: VectorMap) -> Layer:
+    cover = np.zeros(grid.shape)
+    for outline, holes in vector.drivable:
+        area = polygon_cover(grid, _to_ego(world_from_ego, outline))
+        for hole in holes:
+            area -= polygon_cover(grid, _to_ego(world_from_ego, hole))
+        cover += np.maximum(area, 0.0)
+    return Layer(cover >= ROAD_SHARE, np.ones(grid.shape, dtype=np.bool_), "map_expansion")
+
+
+def _vector_lane(grid: BEVGrid, world_from_ego: FloatArray, vector: VectorMap) -> Layer:
+    cover = np.zeros(grid.shape)
+    for line in vector.markings:
+        cover += line_cover(grid, _to_ego(world_from_ego, line), _MARKING_WIDTH_M)
+    return Layer(cover >= LANE_SHARE, np.ones(grid.shape, dtype=np.bool_), "map_expansion")
+
+
+def _mask_road(grid: BEVGrid, world_from_ego: FloatArray, mask: MaskWindow) -> Layer:
+    """Share of 4 x 4 places in each cell that the mask says are drivable; valid where it knows at least half."""
+    part = (np.arange(_SUBSAMPLES) + 0.5) / _SUBSAMPLES - 0.5
+    offset = np.stack(np.meshgrid(part, part, indexing="ij"), axis=-1).reshape(-1, 2) * grid.cell_m
+    places = grid.centres()[:, :, None] + offset
+    flat = np.pad(places, ((0, 0), (0, 0), (0, 0), (0, 1)))
+    drivable, known = mask.sample(apply(world_from_ego, flat)[..., :2])
+    seen = known.sum(axis=2)
+    on = drivable.sum(axis=2) >= ROAD_SHARE * np.maximum(seen, 1)
+    valid = seen >= _SUBSAMPLES**2 / 2
+    return Layer(on & valid, valid, f"mask ({mask.source})" if mask.source else "mask")
+
+
+def _labelled(grid: BEVGrid, world_from_ego: FloatArray, sources: RoadSources, name: str, share: float) -> Layer:
+    """Share of a cell's observed fine cells with a label; valid where enough were observed."""
+    surface = sources.surface
+    cell, inside = cells_of(grid, world_from_ego, surface.xyz_m)
+    labelled = (surface.road if name == "road" else surface.lane)[inside] >= 0.5
+    size = grid.shape[0] * grid.shape[1]
+    seen = np.bincount(cell, minlength=size)
+    on = np.bincount(cell, labelled, minlength=size) >= share * np.maximum(seen, 1)
+    valid = seen >= _LEAST_FINE_CELLS
+    label_set = sources.surface_labels[2]
+    return Layer((on & valid).reshape(grid.shape), valid.reshape(grid.shape), f"semantic_lidar ({label_set})")
+
+
+def cells_of(grid: BEVGrid, world_from_ego: FloatArray, xyz_world_m: FloatArray) -> tuple[IntArray, BoolArray]:
+    """Flat cell numbers of the world points (N, 3) that lie in the grid, and which points those are."""
+    cell = grid.cell_of(apply(inverse(world_from_ego), xyz_world_m)[:, :2])
+    inside = grid.contains(cell)
+    return cell[inside, 0] * grid.shape[1] + cell[inside, 1], inside

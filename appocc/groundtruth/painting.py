@@ -1,0 +1,137 @@
+"""The colour of each vehicle from the images of its cuboid: the paper's histogram mode, and a robust variant."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from appocc.boxes import Boxes
+from appocc.camera import Camera
+from appocc.checks import BoolArray, ByteArray, FloatArray
+from appocc.geometry import apply, inverse
+from appocc.groundtruth.inputs import View
+from appocc.groundtruth.visibility import DepthPicture, box_entry, image_rectangle
+
+Paint = Literal["mode", "robust"]
+# The paper's histogram: 25 bins of length 10 for each channel.
+_BINS, _BIN_LENGTH = 25, 10
+_SAMPLES_A_SIDE = 56
+_LEAST_PIXELS = 12
+# Bodywork between tyres and windows, in parts of the height; parts of brightness that are shadow or glint.
+_BODY_BAND = (0.28, 0.62)
+_DARKEST, _BRIGHTEST = 0.25, 0.9
+# Cube of the colour histogram of the robust variant.
+_CUBE = 12
+
+
+class BoxPixels(NamedTuple):
+    """Colours (N, 3) uint8 of a box's visible image region, and where on its height (N,) in 0..1 each was hit."""
+
+    rgb: ByteArray
+    height: FloatArray
+
+
+def box_pixels(
+    image: ByteArray, view: View, boxes_world: Boxes, target: int, depth: DepthPicture | None
+) -> BoxPixels:
+    """Pixels of the image region of box `target` in which neither another box nor a nearer LiDAR surface hides it."""
+    camera, eye = view.camera, view.world_from_cam[:3, 3]
+    corners_cam = apply(inverse(view.world_from_cam), boxes_world.corners())
+    rectangle = image_rectangle(camera, corners_cam[target])
+    nothing = BoxPixels(np.zeros((0, 3), np.uint8), np.zeros(0))
+    if rectangle is None:
+        return nothing
+    uv = _grid_of_pixels(*rectangle)
+    rays = _rays(camera, view.world_from_cam, uv)
+    own = _entry(eye, rays, boxes_world, target)
+    hit = np.isfinite(own)
+    uv, rays, own = uv[hit], rays[hit], own[hit]
+    if len(uv) < _LEAST_PIXELS:
+        return nothing
+    free = np.ones(len(uv), dtype=np.bool_)
+    for other in _possible_occluders(camera, corners_cam, target, rectangle):
+        free &= _entry(eye, rays, boxes_world, other) > own
+    if depth is not None:
+        free &= ~depth.hides(uv, own)
+    uv, rays, own = uv[free], rays[free], own[free]
+    local = apply(inverse(boxes_world.frame_from_box(target)), eye + rays * own[:, None])
+    height = local[:, 2] / boxes_world.size_wlh_m[target, 2] + 0.5
+    column, row = uv.astype(np.int64).T
+    return BoxPixels(image[row, column], height)
+
+
+def _grid_of_pixels(low: FloatArray, high: FloatArray) -> FloatArray:
+    """Pixels (N, 2) spread over a rectangle of the image, at most 56 a side."""
+    axes = [np.unique(np.linspace(a, b - 1, _SAMPLES_A_SIDE).astype(int)) for a, b in zip(low, high, strict=True)]
+    return np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2).astype(np.float64)
+
+
+def _rays(camera: Camera, world_from_cam: FloatArray, uv_px: FloatArray) -> FloatArray:
+    """Directions (N, 3) in the world through pixels (N, 2), one metre of depth long."""
+    homogeneous = np.hstack([uv_px, np.ones((len(uv_px), 1))])
+    return np.asarray(homogeneous @ np.linalg.inv(camera.intrinsic).T @ world_from_cam[:3, :3].T)
+
+
+def _entry(eye: FloatArray, rays: FloatArray, boxes: Boxes, i: int) -> FloatArray:
+    return box_entry(eye, rays, boxes.frame_from_box(i), boxes.half_lwh_m()[i])
+
+
+def _possible_occluders(
+    camera: Camera, corners_cam: FloatArray, target: int, rectangle: tuple[FloatArray, FloatArray]
+) -> list[int]:
+    """Boxes whose image rectangle meets the target's and whose nearest corner lies before the target's farthest."""
+    found = []
+    for i, corners in enumerate(corners_cam):
+        if i == target or corners[:, 2].min() > corners_cam[target, :, 2].max():
+            continue
+        other = image_rectangle(camera, corners)
+        if other is not None and (other[0] < rectangle[1]).all() and (rectangle[0] < other[1]).all():
+            found.append(i)
+    return found
+
+
+def paint_mode(pixels: BoxPixels) -> ByteArray:
+    """(3,) the paper's colour: the fullest of 25 bins of length 10, channel by channel (its centre)."""
+    bins = np.minimum(pixels.rgb // _BIN_LENGTH, _BINS - 1)
+    fullest = [int(np.bincount(bins[:, channel], minlength=_BINS).argmax()) for channel in range(3)]
+    return np.array([b * _BIN_LENGTH + _BIN_LENGTH // 2 for b in fullest], np.uint8)
+
+
+def paint_robust(pixels: BoxPixels) -> ByteArray:
+    """(3,) colour of the bodywork: windows, tyres, shadow and glint trimmed, then the densest colour of what is left."""
+    band = (pixels.height > _BODY_BAND[0]) & (pixels.height < _BODY_BAND[1])
+    rgb = pixels.rgb[band] if band.sum() >= _LEAST_PIXELS else pixels.rgb
+    brightness = rgb.astype(np.float64) @ [0.299, 0.587, 0.114]
+    low, high = np.quantile(brightness, [_DARKEST, _BRIGHTEST])
+    rgb = rgb[(brightness >= low) & (brightness <= high)].astype(np.float64)
+    distance = np.linalg.norm(rgb[:, None] - rgb[None, :: max(len(rgb) // 256, 1)], axis=2)
+    densest = (distance < 2 * _CUBE).sum(axis=1).argmax()
+    near = np.linalg.norm(rgb - rgb[densest], axis=1) < 3 * _CUBE
+    return np.round(np.median(rgb[near], axis=0)).astype(np.uint8)
+
+
+def paint_vehicles(
+    images: Sequence[ByteArray],
+    views: Sequence[View],
+    vehicles: BoolArray,
+    depths: Sequence[DepthPicture | None],
+    paint: Paint,
+) -> tuple[ByteArray, BoolArray]:
+    """Colours (B, 3) of the boxes that are vehicles (B,), from all views that see them, and which are known (B,).
+
+    All views must hold the same boxes in the same order.
+    """
+    colours = np.zeros((len(vehicles), 3), np.uint8)
+    known = np.zeros(len(vehicles), dtype=np.bool_)
+    choose = paint_mode if paint == "mode" else paint_robust
+    for i in np.flatnonzero(vehicles):
+        parts = [
+            box_pixels(image, view, view.boxes_world, int(i), depth)
+            for image, view, depth in zip(images, views, depths, strict=True)
+        ]
+        pixels = BoxPixels(np.concatenate([p.rgb for p in parts]), np.concatenate([p.height for p in parts]))
+        if len(pixels.rgb) >= _LEAST_PIXELS:
+            colours[i], known[i] = choose(pixels), True
+    return colours, known

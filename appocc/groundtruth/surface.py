@@ -1,0 +1,141 @@
+"""The ground of a scene: coloured points of all sweeps gathered into one fine raster of the world."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from appocc.checks import BoolArray, Float32Array, FloatArray, IntArray
+from appocc.groundtruth.colouring import NO_CAMERA, ColouredPoints
+
+FINE_M = 0.1
+# The ground under a point is looked for in cells of this size; what stands higher is no ground.
+_GROUND_CELL_M, _GROUND_SHARE = 0.4, 0.1
+_BELOW_M, _ABOVE_M = 0.3, 0.25
+_GAIN_PRIOR, _LEAST_PAIRS = 50.0, 30
+
+
+class Surface(NamedTuple):
+    """Occupied fine cells (0.1 m) of the ground of a scene, world frame.
+
+    Attributes:
+        xyz_m: (N, 3) cell centres at the height of the ground.
+        rgb: (N, 3) float32 sRGB 0..255, middle half of the observations by brightness.
+        coloured: (N,) whether any image saw the cell.
+        road: (N,) share of the observations labelled road (lane included); 0 without labels.
+        lane: (N,) share labelled lane marking.
+    """
+
+    xyz_m: FloatArray
+    rgb: Float32Array
+    coloured: BoolArray
+    road: Float32Array
+    lane: Float32Array
+
+
+@dataclass(frozen=True)
+class ExposureGains:
+    """(cameras, 3) factors that bring the cameras' colours to a common exposure; their geometric mean is 1."""
+
+    factors: FloatArray
+
+
+def exposure_gains(sweeps: Sequence[ColouredPoints], cameras: int) -> ExposureGains:
+    """Gains from points that two cameras see at once: least squares on the log ratios, drawn towards 1.
+
+    Each pair of cameras counts by its number of common points; cameras that share none keep the gain 1.
+    """
+    normal = np.zeros((cameras, cameras))
+    right = np.zeros((cameras, 3))
+    ratios: dict[tuple[int, int], list[Float32Array]] = {}
+    for points in sweeps:
+        for pair, values in _pair_ratios(points).items():
+            ratios.setdefault(pair, []).append(values)
+    for (a, b), parts in sorted(ratios.items()):
+        values = np.concatenate(parts)
+        if len(values) < _LEAST_PAIRS:
+            continue
+        ratio, weight = np.median(values, axis=0), float(len(values))
+        normal[[a, b], [a, b]] += weight
+        normal[[a, b], [b, a]] -= weight
+        right[a] -= weight * ratio
+        right[b] += weight * ratio
+    log_gain = np.linalg.solve(normal + _GAIN_PRIOR * np.eye(cameras), right)
+    return ExposureGains(np.exp(log_gain - log_gain.mean(axis=0)))
+
+
+def _pair_ratios(points: ColouredPoints) -> dict[tuple[int, int], Float32Array]:
+    """(M, 3) log ratios of the first camera's colour to the second's, by pair, of points that both see."""
+    rows = np.flatnonzero(
+        (points.camera != NO_CAMERA) & (points.rgb.min(axis=1) > 10) & (points.rgb.max(axis=1) < 245)
+    )
+    order = rows[np.lexsort((points.camera[rows], *points.xyz_m[rows].T))]
+    first, second = order[:-1], order[1:]
+    same = (points.xyz_m[first] == points.xyz_m[second]).all(axis=1)
+    first, second = first[same], second[same]
+    ratio = np.log(points.rgb[first].astype(np.float32)) - np.log(points.rgb[second].astype(np.float32))
+    pairs = points.camera[first].astype(int) * 256 + points.camera[second]
+    return {(int(p) // 256, int(p) % 256): ratio[pairs == p] for p in np.unique(pairs)}
+
+
+def build_surface(sweeps: Sequence[ColouredPoints], origin_m: FloatArray, gains: ExposureGains) -> Surface:
+    """Gather the sweeps: keep the ground, even out exposure, and average what falls into a fine cell."""
+    xyz = np.concatenate([points.xyz_m for points in sweeps])
+    keep = _on_ground(xyz)
+    xyz = xyz[keep]
+    camera = np.concatenate([points.camera for points in sweeps])[keep]
+    rgb = np.concatenate([points.rgb for points in sweeps])[keep].astype(np.float32)
+    ground = np.concatenate([points.ground for points in sweeps])[keep]
+    coloured = camera != NO_CAMERA
+    rgb[coloured] *= gains.factors.astype(np.float32)[camera[coloured]]
+    cell, unique = _numbered(xyz, FINE_M)
+    cells = len(unique)
+    count = np.bincount(cell, minlength=cells)
+    mean, has_colour = _middle_mean(cell[coloured], np.minimum(rgb[coloured], 255), cells)
+    centre = np.empty((cells, 3))
+    centre[:, :2] = (unique + 0.5) * FINE_M + origin_m[:2]
+    centre[:, 2] = np.bincount(cell, xyz[:, 2], minlength=cells) / count + origin_m[2]
+    return Surface(
+        centre,
+        mean,
+        has_colour,
+        (np.bincount(cell, ground >= 1, minlength=cells) / count).astype(np.float32),
+        (np.bincount(cell, ground == 2, minlength=cells) / count).astype(np.float32),
+    )
+
+
+def _numbered(xyz: Float32Array, cell_m: float) -> tuple[IntArray, IntArray]:
+    """Number of the world cell of each point, and the cells' indices (cells, 2)."""
+    index = np.floor(xyz[:, :2] / cell_m).astype(np.int64)
+    low = index.min(axis=0) if len(index) else np.zeros(2, np.int64)
+    width = int(index[:, 1].max() - low[1] + 1) if len(index) else 1
+    key = (index[:, 0] - low[0]) * width + index[:, 1] - low[1]
+    unique, number = np.unique(key, return_inverse=True)
+    return number, np.stack([unique // width, unique % width], axis=1) + low
+
+
+def _on_ground(xyz: Float32Array) -> BoolArray:
+    """Whether each point lies near the lowest tenth of its 0.4 m cell: roads under trees stay, trees go."""
+    cell, unique = _numbered(xyz, _GROUND_CELL_M)
+    order = np.lexsort((xyz[:, 2], cell))
+    count = np.bincount(cell, minlength=len(unique))
+    start = np.cumsum(count) - count
+    low = xyz[order[start + (count * _GROUND_SHARE).astype(np.int64)], 2] if len(xyz) else np.zeros(0)
+    height = xyz[:, 2] - low[cell]
+    return np.asarray((height > -_BELOW_M) & (height < _ABOVE_M))
+
+
+def _middle_mean(cell: IntArray, rgb: Float32Array, cells: int) -> tuple[Float32Array, BoolArray]:
+    """Mean colour (cells, 3) over the middle half of each cell's observations by brightness, and which cells have any."""
+    order = np.lexsort((rgb.sum(axis=1), cell))
+    cell, rgb = cell[order], rgb[order]
+    count = np.bincount(cell, minlength=cells)
+    start = np.cumsum(count) - count
+    rank = (np.arange(len(cell)) - start[cell] + 0.5) / count[cell]
+    middle = np.abs(rank - 0.5) <= np.maximum(0.25, 0.5 / count[cell])
+    kept = np.maximum(np.bincount(cell[middle], minlength=cells), 1)
+    mean = np.stack([np.bincount(cell[middle], rgb[middle, c], minlength=cells) / kept for c in range(3)], axis=1)
+    return mean.astype(np.float32), count > 0

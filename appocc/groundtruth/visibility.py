@@ -1,0 +1,120 @@
+"""What hides what: a depth picture from a sweep's own points, and boxes as opaque bodies."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from appocc.boxes import Boxes
+from appocc.camera import Camera
+from appocc.checks import BoolArray, Float32Array, FloatArray, IntArray
+from appocc.geometry import apply, inverse
+
+# Angles of the depth picture's cells: as wide as two LiDAR columns, low enough that far ground stays apart from near.
+_COLUMN_RAD, _ROW_RAD = 1 / 160, 1 / 1000
+# Two neighbouring rings belong to one surface up to this angle (nuScenes' 32 beams: 1.33 degrees apart).
+_RING_GAP_RAD = np.deg2rad(1.7)
+_RELATIVE_SLACK, _SLACK_M = 0.04, 0.2
+
+
+class DepthPicture:
+    """Nearest depth by direction, from the points of one sweep.
+
+    The gap between two rings is filled by a straight line in inverse depth, which is exact on any plane, the road
+    included, and errs to the near side at edges.
+    """
+
+    def __init__(self, points_cam: FloatArray, camera: Camera) -> None:
+        """Take the sweep's points (N, 3) in the camera frame, those on moving objects included."""
+        self._camera = camera
+        focal = float(camera.intrinsic[0, 0])
+        self._cell_px = np.maximum([focal * _COLUMN_RAD, focal * _ROW_RAD], 1.0)
+        columns, rows = np.ceil(np.array([camera.width_px, camera.height_px]) / self._cell_px).astype(int)
+        uv, depth = camera.project(points_cam)
+        seen = camera.sees(uv, depth)
+        inverse_depth = np.zeros((columns, rows), np.float32)
+        cells, near = self._cells(uv[seen]), (1 / depth[seen]).astype(np.float32)
+        order = np.argsort(near, kind="stable")  # the nearest is written last and stays
+        inverse_depth[cells[order, 0], cells[order, 1]] = near[order]
+        _fill_rings(inverse_depth, int(_RING_GAP_RAD * focal / self._cell_px[1]))
+        # One column to each side: the gaps between columns, and the blur of edges.
+        self._inverse_depth = cv2.dilate(inverse_depth, np.ones((3, 1), np.uint8))
+
+    def _cells(self, uv_px: FloatArray) -> IntArray:
+        return ((uv_px + 0.5) / self._cell_px).astype(np.int64)
+
+    def hides(self, uv_px: FloatArray, depth_m: FloatArray) -> BoolArray:
+        """Whether something nearer lies in front of pixels (N, 2) at depths (N,); pixels lie in the image."""
+        cells = self._cells(uv_px)
+        before = self._inverse_depth[cells[:, 0], cells[:, 1]]
+        return np.asarray((depth_m - _SLACK_M) * before > 1 + _RELATIVE_SLACK)
+
+
+def _fill_rings(inverse_depth: Float32Array, most: int) -> None:
+    """Fill gaps of up to `most` rows within each column by straight lines, in place; 0 means empty."""
+    column, row = np.nonzero(inverse_depth)  # sorted by column, then row
+    gap = np.where(column[1:] == column[:-1], row[1:] - row[:-1], 0)
+    start = np.flatnonzero((gap > 1) & (gap <= most))
+    count = gap[start] - 1
+    which = np.repeat(start, count)
+    step = np.arange(len(which)) - np.repeat(np.cumsum(count) - count, count) + 1
+    below = inverse_depth[column[which], row[which]]
+    above = inverse_depth[column[which + 1], row[which + 1]]
+    share = step / gap[which]
+    inverse_depth[column[which], row[which] + step] = below + share * (above - below)
+
+
+def box_entry(
+    origin: FloatArray, directions: FloatArray, frame_from_box: FloatArray, half_lwh_m: FloatArray
+) -> FloatArray:
+    """(P,) where rays origin + t * directions (P, 3) enter a box, in units of t; infinity where they miss it.
+
+    Slab method; a ray that begins inside enters at 0.
+    """
+    box_from_frame = inverse(frame_from_box)
+    start = apply(box_from_frame, origin)
+    along = directions @ box_from_frame[:3, :3].T
+    with np.errstate(divide="ignore", invalid="ignore"):
+        first, second = (-half_lwh_m - start) / along, (half_lwh_m - start) / along
+    enter = np.nanmax(np.minimum(first, second), axis=1)
+    leave = np.nanmin(np.maximum(first, second), axis=1)
+    return np.where((enter <= leave) & (leave > 0), np.maximum(enter, 0.0), np.inf)
+
+
+def image_rectangle(camera: Camera, corners_cam: FloatArray) -> tuple[FloatArray, FloatArray] | None:
+    """Lower and upper pixel bounds (2,) of a box's corners (8, 3) in the camera frame; the whole image where a part of
+    the box lies behind the camera, None where all of it does.
+    """
+    if corners_cam[:, 2].max() <= 0.1:
+        return None
+    size = np.array([camera.width_px, camera.height_px], dtype=np.float64)
+    if corners_cam[:, 2].min() <= 0.1:
+        return np.zeros(2), size
+    uv, _ = camera.project(corners_cam)
+    low, high = np.clip(uv.min(axis=0), 0, size), np.clip(uv.max(axis=0) + 1, 0, size)
+    return (low, high) if (high > low).all() else None
+
+
+def hidden_by_boxes(
+    points_world: FloatArray,
+    uv_px: FloatArray,
+    camera: Camera,
+    world_from_cam: FloatArray,
+    boxes_world: Boxes,
+    margin_m: float = 0.15,
+) -> BoolArray:
+    """(P,) whether a box, grown by a margin, stands between the camera and each of the points (P, 3)."""
+    hidden = np.zeros(len(points_world), dtype=np.bool_)
+    eye = world_from_cam[:3, 3]
+    corners_cam = apply(inverse(world_from_cam), boxes_world.corners())
+    halves = boxes_world.half_lwh_m() + margin_m
+    for i in range(len(boxes_world)):
+        rectangle = image_rectangle(camera, corners_cam[i])
+        if rectangle is None:
+            continue
+        low, high = rectangle[0] - 4, rectangle[1] + 4
+        near = np.flatnonzero(~hidden & ((uv_px >= low) & (uv_px <= high)).all(axis=1))
+        if len(near):
+            entry = box_entry(eye, points_world[near] - eye, boxes_world.frame_from_box(i), halves[i])
+            hidden[near] = entry < 1.0
+    return hidden

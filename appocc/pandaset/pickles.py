@@ -1,0 +1,136 @@
+"""Reader of a PandaSet sequence as published: JSON poses and pickled pandas DataFrames.
+
+A pickle runs code when it is read, so this reader is used only where the user trusts the files. Traps of the format,
+each undone here: a cuboid's yaw is the heading of its WIDTH axis (length axis = yaw + 90 degrees), dimensions.x is the
+width and .y the length; points are in the WORLD frame and hold both LiDARs (d = 0 is the spinning one).
+"""
+
+from __future__ import annotations
+
+import importlib
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from appocc.checks import FloatArray
+from appocc.errors import AppoccError, DataError
+from appocc.files import read_json
+from appocc.geometry import apply, inverse, transform
+from appocc.pandaset.recording import CHANNELS, Cuboid, Image, Moment, Recording, Sweep
+
+# PandaSet's LiDAR pose has x to the right and y forward; its ego here has x forward and y left.
+_LIDAR_FROM_EGO = np.array([[0.0, -1, 0, 0], [1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
+
+
+def read_pickles(sequence: Path, lidar: Path | None) -> Recording:
+    """The recording of a published sequence folder (camera/, lidar/, annotations/).
+
+    `lidar` names a folder with NN.pkl.gz where they do not lie in the sequence's own lidar/. Frames without images on
+    disk are left out.
+
+    Raises:
+        DataError: if pandas is not installed, or a file is missing or damaged.
+    """
+    folder = lidar / "orig" if lidar and (lidar / "orig").is_dir() else lidar or sequence / "lidar"
+    try:
+        times = read_json(sequence / "lidar" / "timestamps.json")
+        poses = [_pose(row) @ _LIDAR_FROM_EGO for row in read_json(sequence / "lidar" / "poses.json")]
+        cameras = {channel: _camera(sequence / "camera" / name) for name, channel in CHANNELS.items()}
+        moments = []
+        for i, (time, pose) in enumerate(zip(times, poses, strict=True)):
+            images = {channel: rows[i] for channel, (_, rows) in cameras.items() if rows[i].path.is_file()}
+            if images:
+                moments.append(_moment(sequence, folder, i, float(time), pose, images))
+        names = read_json(sequence / "annotations" / "semseg" / "classes.json")
+        return Recording(
+            sequence.name,
+            tuple(moments),
+            {channel: intrinsic for channel, (intrinsic, _) in cameras.items()},
+            {int(index): str(name) for index, name in names.items()},
+            None,
+            f"PandaSet sequence {sequence.name}",
+        )
+    except (KeyError, TypeError, IndexError, ValueError) as error:
+        if isinstance(error, AppoccError):
+            raise DataError(f"{sequence}: {error}") from error
+        raise DataError(f"{sequence}: not a published PandaSet sequence ({error!r})") from error
+
+
+def _pose(row: dict[str, dict[str, float]]) -> FloatArray:
+    """4x4 pose of an entry {position, heading}."""
+    p, q = row["position"], row["heading"]
+    return transform([q["w"], q["x"], q["y"], q["z"]], [p["x"], p["y"], p["z"]])
+
+
+def _camera(folder: Path) -> tuple[FloatArray, list[Image]]:
+    """Intrinsic matrix and the images of a camera folder, one an index."""
+    k = read_json(folder / "intrinsics.json")
+    intrinsic = np.array([[k["fx"], 0, k["cx"]], [0, k["fy"], k["cy"]], [0, 0, 1]], dtype=np.float64)
+    times, poses = read_json(folder / "timestamps.json"), read_json(folder / "poses.json")
+    rows = zip(times, poses, strict=True)
+    return intrinsic, [Image(folder / f"{i:02d}.jpg", float(t), _pose(row)) for i, (t, row) in enumerate(rows)]
+
+
+def _moment(
+    sequence: Path, lidar: Path, i: int, time_s: float, world_from_ego: FloatArray, images: dict[str, Image]
+) -> Moment:
+    """Frame i."""
+    points = lidar / f"{i:02d}.pkl.gz"
+    labels = sequence / "annotations" / "semseg" / f"{i:02d}.pkl.gz"
+    cuboids = _unpickled(sequence / "annotations" / "cuboids" / f"{i:02d}.pkl.gz")
+    return Moment(
+        i,
+        time_s,
+        world_from_ego,
+        images,
+        tuple(_cuboid(row) for row in cuboids.to_dict("records")),
+        partial(_sweep, points, labels, world_from_ego) if points.is_file() else None,
+    )
+
+
+def _cuboid(row: dict[str, Any]) -> Cuboid:
+    """One row of a cuboid table."""
+    motion, sibling = row.get("attributes.object_motion"), row.get("cuboids.sibling_id")
+    return Cuboid(
+        str(row["uuid"]),
+        str(row["label"]),
+        np.array([row[f"position.{axis}"] for axis in "xyz"], dtype=np.float64),
+        np.array([row[f"dimensions.{axis}"] for axis in "yxz"], dtype=np.float64),
+        float(row["yaw"]) + np.pi / 2,
+        motion if isinstance(motion, str) else None,
+        int(row["cuboids.sensor_id"]),
+        sibling if isinstance(sibling, str) and sibling != "-" else None,
+    )
+
+
+def _sweep(points: Path, labels: Path, world_from_ego: FloatArray) -> Sweep:
+    """The spinning LiDAR's rows of a point table, from the world frame to the ego frame."""
+    table = _unpickled(points)
+    spinning = table["d"].to_numpy() == 0
+    xyz = table[["x", "y", "z"]].to_numpy(dtype=np.float64)[spinning]
+    classes = _unpickled(labels)["class"].to_numpy() if labels.is_file() else None
+    if classes is not None and len(classes) != len(spinning):
+        raise DataError(f"{labels}: expected {len(spinning)} labels, one a point, got {len(classes)}")
+    return Sweep(
+        apply(inverse(world_from_ego), xyz),
+        table["i"].to_numpy()[spinning].astype(np.uint8),
+        None if classes is None else classes[spinning].astype(np.uint8),
+    )
+
+
+def _unpickled(path: Path) -> Any:
+    """A pickled DataFrame.
+
+    Raises:
+        DataError: if pandas is missing, or the file is missing or damaged.
+    """
+    try:
+        pandas = importlib.import_module("pandas")
+    except ImportError as error:
+        raise DataError("reading pickles needs pandas: pip install 'appocc[pandaset]'") from error
+    try:
+        return pandas.read_pickle(path)
+    except Exception as error:  # a damaged pickle can raise anything
+        raise DataError(f"{path}: cannot be unpickled ({type(error).__name__}: {error})") from error

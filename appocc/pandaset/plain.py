@@ -1,0 +1,99 @@
+"""Reader of the plain twin of a PandaSet sequence: frames.json, images, npz sweeps; nothing is unpickled."""
+
+from __future__ import annotations
+
+import zipfile
+from functools import partial
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+import numpy as np
+
+from appocc.errors import AppoccError, DataError
+from appocc.files import inside, read_json
+from appocc.geometry import nearest_rigid
+from appocc.pandaset.recording import CHANNELS, Cuboid, Image, Moment, Recording, RoadRaster, Sweep
+
+
+def read_plain(source: Path, lidar: Path | None) -> Recording:
+    """The recording of a folder with a frames.json; `lidar` is the folder with npz/NN.npz, None leaves LiDAR out.
+
+    Raises:
+        DataError: if a file is missing or damaged, or says something that cannot be true.
+    """
+    path = source / "frames.json"
+    data = read_json(path)
+    try:
+        frames = data["frames"]
+        intrinsics = {CHANNELS[name]: np.array(k, dtype=np.float64) for name, k in data["intrinsics"].items()}
+        moments = tuple(_moment(source, frame, lidar) for frame in frames if frame["has_images"])
+        name = PurePosixPath(next(iter(frames[0]["cameras"].values()))["file"]).parts[0]
+        return Recording(name, moments, intrinsics, _label_names(source), _road(source), str(data.get("source", "")))
+    except (KeyError, TypeError, IndexError, StopIteration) as error:
+        raise DataError(f"{path}: not the plain twin of a PandaSet sequence ({error!r})") from error
+    except AppoccError as error:
+        raise DataError(f"{path}: {error}") from error
+
+
+def _moment(source: Path, frame: dict[str, Any], lidar: Path | None) -> Moment:
+    """One entry of `frames`."""
+    images = {
+        CHANNELS[name]: Image(
+            inside(source, camera["file"]), float(camera["t"]), nearest_rigid(np.array(camera["T_world_cam"]))
+        )
+        for name, camera in frame["cameras"].items()
+    }
+    npz = lidar / "npz" / f"{int(frame['i']):02d}.npz" if lidar and frame["lidar_npz"] else None
+    return Moment(
+        int(frame["i"]),
+        float(frame["t_lidar"]),
+        nearest_rigid(np.array(frame["T_world_ego"])),
+        images,
+        tuple(_cuboid(box) for box in frame["boxes"]),
+        partial(_sweep, npz) if npz else None,
+    )
+
+
+def _cuboid(box: dict[str, Any]) -> Cuboid:
+    """One entry of `boxes`: its yaw is already that of the length axis."""
+    return Cuboid(
+        str(box["track"]),
+        str(box["class"]),
+        np.array(box["centre_world"], dtype=np.float64),
+        np.array(box["size_lwh"], dtype=np.float64),
+        float(box["yaw_world"]),
+        box["motion"],
+        int(box["sensor_id"]),
+        box["sibling"],
+    )
+
+
+def _sweep(path: Path) -> Sweep:
+    """Points of one npz: centimetres in the ego frame."""
+    try:
+        with np.load(path, allow_pickle=False) as data:
+            return Sweep(data["xyz_cm_ego"].astype(np.float64) / 100, data["intensity"], data["semseg"])
+    except OSError as error:
+        raise DataError(f"{path}: cannot be read ({error.strerror or error})") from error
+    except (KeyError, ValueError, EOFError, zipfile.BadZipFile) as error:
+        raise DataError(f"{path}: damaged sweep ({error})") from error
+
+
+def _label_names(source: Path) -> dict[int, str]:
+    """Names of the point labels, from the first classes.json below the folder."""
+    for path in sorted(source.glob("*/annotations/semseg/classes.json")):
+        return {int(index): str(name) for index, name in read_json(path).items()}
+    return {}
+
+
+def _road(source: Path) -> RoadRaster | None:
+    """The road raster beside frames.json, if there is one."""
+    path = source / "road_world.npz"
+    if not path.is_file():
+        return None
+    try:
+        with np.load(path, allow_pickle=False) as data:
+            origin = (float(data["x0"]), float(data["y0"]))
+            return RoadRaster(data["label"].astype(np.uint8), origin, float(data["resolution"]))
+    except (OSError, KeyError, ValueError, EOFError, zipfile.BadZipFile) as error:
+        raise DataError(f"{path}: damaged road raster ({error})") from error

@@ -1,0 +1,63 @@
+"""Polygons to grids: the exact share of every cell that a polygon covers."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from appocc.checks import FloatArray, check_finite, check_shape
+from appocc.grid import BEVGrid
+
+
+def polygon_cover(grid: BEVGrid, polygon_xy_m: FloatArray) -> FloatArray:
+    """(X, Y) share in [0, 1] of each cell that lies inside a simple polygon (K, 2), ego metres; exact, not sampled.
+
+    Every edge is cut where it crosses a grid line; each piece adds its signed area to the cells on one side of it, as
+    font rasterisers do, so the sum over a row of cells is the polygon's cover.
+
+    Raises:
+        ShapeError: if the polygon is not (K, 2) or not finite.
+    """
+    check_shape("polygon", polygon_xy_m, (None, 2))
+    check_finite("polygon", polygon_xy_m)
+    x, y = grid.shape
+    corners = (polygon_xy_m - [grid.x_min_m, grid.y_min_m]) / grid.cell_m
+    if len(corners) < 3 or (corners.max(axis=0) <= 0).any() or (corners.min(axis=0) >= [x, y]).any():
+        return np.zeros((x, y))
+    pieces = _cut(corners, np.roll(corners, -1, axis=0), x, y)
+    run = np.diff(pieces[..., 0], axis=1).ravel()
+    middle = ((pieces[:, 1:] + pieces[:, :-1]) / 2).reshape(-1, 2)
+    inside = (middle[:, 0] >= 0) & (middle[:, 0] < x) & (middle[:, 1] < y) & (run != 0)
+    run, middle = run[inside], middle[inside]
+    row = middle[:, 0].astype(np.int64)
+    side = np.maximum(middle[:, 1], 0.0)  # what lies before the grid covers the whole row
+    column = side.astype(np.int64)
+    beyond = side - column
+    size, place = x * (y + 1), row * (y + 1) + column
+    signed = np.bincount(place, run * (1 - beyond), size) + np.bincount(place + 1, run * beyond, size + 1)[:size]
+    return np.asarray(np.clip(np.abs(np.cumsum(signed.reshape(x, y + 1), axis=1)[:, :y]), 0.0, 1.0))
+
+
+def _cut(start: FloatArray, end: FloatArray, x: int, y: int) -> FloatArray:
+    """(K, cuts, 2) points along each edge: its ends and where it crosses the lines of a grid of x by y cells."""
+    step = end - start
+    shares = [np.zeros((len(start), 1)), np.ones((len(start), 1))]
+    for axis, size in ((0, x), (1, y)):
+        low = int(np.clip(np.floor(start[:, axis].min()), 0, size))
+        high = int(np.clip(np.ceil(start[:, axis].max()), 0, size))
+        lines = np.arange(low, high + 1, dtype=np.float64)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            share = (lines - start[:, axis, None]) / step[:, axis, None]
+        shares.append(np.clip(np.nan_to_num(share, nan=0.0, posinf=1.0, neginf=0.0), 0.0, 1.0))
+    t = np.sort(np.concatenate(shares, axis=1), axis=1)
+    return np.asarray(start[:, None] + t[..., None] * step[:, None])
+
+
+def line_cover(grid: BEVGrid, line_xy_m: FloatArray, width_m: float) -> FloatArray:
+    """(X, Y) share of each cell covered by a polyline (K, 2) of some width; shares of its pieces are added, up to 1."""
+    cover = np.zeros(grid.shape)
+    for a, b in zip(line_xy_m[:-1], line_xy_m[1:], strict=True):
+        length = float(np.hypot(*(b - a)))
+        if length > 0:
+            across = np.array([a[1] - b[1], b[0] - a[0]]) / length * (width_m / 2)
+            cover += polygon_cover(grid, np.stack([a + across, b + across, b - across, a - across]))
+    return np.minimum(cover, 1.0)

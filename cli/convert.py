@@ -1,0 +1,48 @@
+"""`appocc convert`: recordings of others to the nuScenes schema."""
+
+from __future__ import annotations
+
+from enum import Enum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from cli.common import JsonOption, emit, progress, say
+
+
+class Source(str, Enum):
+    """Formats that can be converted."""
+
+    pandaset = "pandaset"
+
+
+def convert(
+    source: Annotated[Source, typer.Argument(metavar="SOURCE", help="Format of the recording: pandaset.")],
+    src: Annotated[
+        Path, typer.Argument(metavar="SRC", help="Folder with frames.json (plain), or a published sequence folder.")
+    ],
+    out: Annotated[Path, typer.Argument(metavar="OUT", help="New folder for the dataset.")],
+    lidar: Annotated[Path | None, typer.Option(help="Folder with the sweeps, where they lie apart.")] = None,
+    trust_pickles: Annotated[
+        bool,
+        typer.Option("--trust-pickles", help="Read the published pickles. A pickle runs code: only if you trust it."),
+    ] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Convert a recording to the nuScenes schema.
+
+    Example: appocc convert pandaset pandaset_002 OUT --lidar pandaset_002_lidar
+    """
+    from appocc.pandaset import convert_folder
+
+    with progress("converting", None) as bar:
+        summary = convert_folder(src, out, lidar, trust_pickles, bar)
+    if as_json:
+        emit(summary)
+    say(
+        f"{out}: {summary['samples']} samples, {summary['images']} images, {summary['sweeps']} LiDAR sweeps, "
+        f"{summary['annotations']} boxes of scenes {', '.join(summary['scenes'])}"
+    )
+    if not summary["sweeps"]:
+        say("no LiDAR was converted: name its folder with --lidar")

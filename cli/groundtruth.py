@@ -1,0 +1,53 @@
+"""`appocc groundtruth`: colour BEVs from recorded sensors and boxes."""
+
+from __future__ import annotations
+
+import os
+from enum import Enum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from cli.common import JsonOption, RootArgument, VersionOption, emit, progress, say
+
+
+class Paint(str, Enum):
+    """How a vehicle's colour is chosen."""
+
+    mode = "mode"
+    robust = "robust"
+
+
+def groundtruth(
+    root: RootArgument,
+    out: Annotated[Path | None, typer.Option(help="Folder for bev/groundtruth; ROOT itself by default.")] = None,
+    scene: Annotated[str | None, typer.Option(help="Only this scene.")] = None,
+    paint: Annotated[Paint, typer.Option(help="Vehicle colour: the paper's histogram mode, or robust.")] = Paint.mode,
+    workers: Annotated[int, typer.Option(min=1, help="Processes.")] = os.cpu_count() or 1,
+    version: VersionOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Make a colour BEV of every sample from LiDAR, images, boxes and maps; can be interrupted and resumed.
+
+    Example: appocc groundtruth ROOT --paint robust
+    """
+    import time
+
+    from appocc.grid import BEVGrid
+    from appocc.groundtruth.compose import Settings
+    from appocc.groundtruth.pipeline import generate
+    from appocc.nuscenes import Dataset
+
+    dataset = Dataset(root, version)
+    scenes = [dataset.scene(scene)] if scene else list(dataset.scenes)
+    total = sum(len(dataset.samples(one)) for one in scenes)
+    start = time.monotonic()
+    with progress("ground truth", total) as advance:
+        settings = Settings(BEVGrid.surround(), paint.value)
+        summary = generate(dataset, scenes, out or root, settings, workers, advance)
+    seconds = time.monotonic() - start
+    if as_json:
+        emit({"made": summary.made, "kept": summary.kept, "folder": str(summary.folder), "seconds": seconds})
+    rate = f", {summary.made / seconds * 60:.0f} a minute" if summary.made else ""
+    say(f"{summary.folder}: {summary.made} maps made{rate}, {summary.kept} kept")
