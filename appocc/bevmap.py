@@ -1,4 +1,4 @@
-"""The colour bird's-eye view: what every cell holds and what colour it is; what a model predicts and what truth is."""
+"""The colour bird's-eye view: what a cell holds, what colour it is; what a model predicts and what truth is."""
 
 from __future__ import annotations
 

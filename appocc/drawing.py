@@ -138,10 +138,10 @@ def draw_box(picture: ByteArray, camera: Camera, corners_ego: FloatArray, colour
         uv, _ = camera.project(ends)
         if np.abs(uv).max() > 1e5:
             continue
-        p, q = (tuple(int(v) for v in point) for point in np.round(uv))
-        visible, p, q = cv2.clipLine((0, 0, camera.width_px, camera.height_px), p, q)
+        (u0, v0), (u1, v1) = np.round(uv).astype(int).tolist()
+        visible, start, end = cv2.clipLine((0, 0, camera.width_px, camera.height_px), (u0, v0), (u1, v1))
         if visible:
-            cv2.line(picture, p, q, colour, width, cv2.LINE_AA)
+            cv2.line(picture, start, end, colour, width, cv2.LINE_AA)
             drawn = True
     return drawn
 

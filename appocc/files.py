@@ -20,13 +20,20 @@ from appocc.errors import DataError
 def inside(root: Path, name: str) -> Path:
     """Path of a file that a table names, below `root`.
 
+    Only the name is judged: folders below the root may be links to other disks, as datasets often lie.
+
     Raises:
-        DataError: if the name is absolute or leads out of the root.
+        DataError: if the name is empty or absolute, or has a part '..'.
     """
-    path = (root / name).resolve()
-    if not name or Path(name).is_absolute() or not path.is_relative_to(root.resolve()):
+    if not stays_inside(name):
         raise DataError(f"{root}: the file name '{name}' leads out of this folder")
     return root / name
+
+
+def stays_inside(name: str) -> bool:
+    """Whether a file name can only mean a place below the folder it is joined to."""
+    path = Path(name)
+    return bool(path.parts) and "\0" not in name and not path.is_absolute() and ".." not in path.parts
 
 
 @contextmanager

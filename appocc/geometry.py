@@ -59,7 +59,7 @@ def inverse(target_from_source: FloatArray) -> FloatArray:
 
 def apply(target_from_source: FloatArray, points: FloatArray) -> FloatArray:
     """Points (..., 3) in the source frame -> points (..., 3) in the target frame."""
-    return points @ target_from_source[:3, :3].T + target_from_source[:3, 3]
+    return np.asarray(points @ target_from_source[:3, :3].T + target_from_source[:3, 3])
 
 
 def nearest_rigid(matrix: FloatArray) -> FloatArray:
@@ -88,7 +88,7 @@ def interpolate_pose(times: FloatArray, poses: FloatArray, at: float) -> FloatAr
     if not len(times):
         raise ShapeError("poses: expected at least one, got none")
     if len(times) == 1:
-        return poses[0].copy()
+        return np.array(poses[0])
     i = int(np.clip(np.searchsorted(times, at, side="right") - 1, 0, len(times) - 2))
     share = float(np.clip((at - times[i]) / max(times[i + 1] - times[i], 1e-12), -1.0, 2.0))
     a, b = poses[i], poses[i + 1]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 
 from appocc.checks import FloatArray, check_finite, check_shape
@@ -53,9 +55,9 @@ def _cut(start: FloatArray, end: FloatArray, x: int, y: int) -> FloatArray:
 
 
 def line_cover(grid: BEVGrid, line_xy_m: FloatArray, width_m: float) -> FloatArray:
-    """(X, Y) share of each cell covered by a polyline (K, 2) of some width; shares of its pieces are added, up to 1."""
+    """(X, Y) share of each cell covered by a polyline (K, 2) of some width; its pieces are added, up to 1."""
     cover = np.zeros(grid.shape)
-    for a, b in zip(line_xy_m[:-1], line_xy_m[1:], strict=True):
+    for a, b in pairwise(line_xy_m):
         length = float(np.hypot(*(b - a)))
         if length > 0:
             across = np.array([a[1] - b[1], b[0] - a[0]]) / length * (width_m / 2)

@@ -41,7 +41,7 @@ def _plain(value: Any) -> Any:
 
 @contextmanager
 def progress(title: str, total: int | None) -> Iterator[Callable[[int], None]]:
-    """A progress bar on stderr (of unknown length for None); the block gets a function to call with the steps done."""
+    """A progress bar on stderr (None: length unknown); the block gets a function to call with the steps done."""
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from enum import Enum
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
@@ -11,7 +11,7 @@ import typer
 from cli.common import JsonOption, emit, progress, say
 
 
-class Source(str, Enum):
+class Source(StrEnum):
     """Formats that can be converted."""
 
     pandaset = "pandaset"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from enum import Enum
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
@@ -12,7 +12,7 @@ import typer
 from cli.common import JsonOption, RootArgument, VersionOption, emit, progress, say
 
 
-class Paint(str, Enum):
+class Paint(StrEnum):
     """How a vehicle's colour is chosen."""
 
     mode = "mode"
@@ -23,14 +23,16 @@ def groundtruth(
     root: RootArgument,
     out: Annotated[Path | None, typer.Option(help="Folder for bev/groundtruth; ROOT itself by default.")] = None,
     scene: Annotated[str | None, typer.Option(help="Only this scene.")] = None,
-    paint: Annotated[Paint, typer.Option(help="Vehicle colour: the paper's histogram mode, or robust.")] = Paint.mode,
+    paint: Annotated[
+        Paint, typer.Option(help="Vehicle colour: robust (bodywork only), or the paper's histogram mode.")
+    ] = Paint.robust,
     workers: Annotated[int, typer.Option(min=1, help="Processes.")] = os.cpu_count() or 1,
     version: VersionOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Make a colour BEV of every sample from LiDAR, images, boxes and maps; can be interrupted and resumed.
 
-    Example: appocc groundtruth ROOT --paint robust
+    Example: appocc groundtruth ROOT --out OUT
     """
     import time
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from scipy import ndimage
 
-from appocc.checks import ByteArray, Float32Array, FloatArray
+from appocc.checks import ByteArray, Float32Array, FloatArray, IntArray
 from appocc.files import read_image
 from appocc.geometry import apply, inverse
 from appocc.groundtruth.inputs import SweepInput, View
@@ -26,7 +26,7 @@ _BOX_MARGIN_M = 0.1
 
 @dataclass(frozen=True)
 class ColouredPoints:
-    """Rows of (point, view): a point seen by two cameras has two rows, one that no camera sees has one without colour.
+    """Rows of (point, view): a point seen by two cameras has two rows, one that none sees has one without colour.
 
     Attributes:
         xyz_m: (N, 3) float32, world frame minus the scene's origin.
@@ -72,8 +72,8 @@ def colour_sweep(sweep: SweepInput, origin_m: FloatArray, channels: tuple[str, .
     static = ~sweep.boxes_world.inside(points, _BOX_MARGIN_M)
     everything, points = points, points[static]
     ground = _ground_classes(sweep, labels[keep][static])
-    open_points = np.arange(len(points))
-    rows: list[tuple[FloatArray, Float32Array, ByteArray]] = []
+    open_points = np.arange(len(points), dtype=np.int64)
+    rows: list[tuple[IntArray, Float32Array, ByteArray]] = []
     for views in sweep.rounds:
         seen = np.zeros(len(points), dtype=np.bool_)
         for view in views:
@@ -105,8 +105,8 @@ def _ground_classes(sweep: SweepInput, labels: ByteArray) -> ByteArray:
 
 
 def _seen(
-    view: View, points: FloatArray, candidates: FloatArray, everything: FloatArray
-) -> tuple[FloatArray, Float32Array]:
+    view: View, points: FloatArray, candidates: IntArray, everything: FloatArray
+) -> tuple[IntArray, Float32Array]:
     """Which of the candidate points (indices) a view sees, and their colours."""
     cam_from_world = inverse(view.world_from_cam)
     uv, depth = view.camera.project(apply(cam_from_world, points[candidates]))

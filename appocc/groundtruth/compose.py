@@ -9,16 +9,13 @@ from scipy import ndimage
 
 from appocc.bevmap import BEVMap
 from appocc.boxes import is_vehicle
-from appocc.checks import BoolArray, ByteArray, Float32Array, FloatArray
-from appocc.files import read_image
-from appocc.geometry import apply, inverse
+from appocc.checks import BoolArray, Float32Array, FloatArray
+from appocc.geometry import inverse
 from appocc.grid import BEVGrid
 from appocc.groundtruth.inputs import SampleInput
 from appocc.groundtruth.occupancy import Layer, RoadSources, cells_of, lane_layer, road_layer, vehicle_owner
-from appocc.groundtruth.painting import Paint, paint_vehicles
+from appocc.groundtruth.painting import Paint, paint_sample
 from appocc.groundtruth.surface import Surface
-from appocc.groundtruth.visibility import DepthPicture
-from appocc.nuscenes.lidar import read_lidar
 
 # An unknown cell is filled when at least this many of its eight neighbours are known, twice over.
 _NEIGHBOURS, _ROUNDS = 5, 2
@@ -69,12 +66,11 @@ def compose(sample: SampleInput, sources: RoadSources, annotated: bool, settings
 
 
 def ground_colours(grid: BEVGrid, world_from_ego: FloatArray, surface: Surface) -> tuple[Float32Array, BoolArray]:
-    """Colours (X, Y, 3) of the ground, the mean over each cell's fine cells, small holes filled; and which are known."""
-    coloured = Surface(*(column[surface.coloured] for column in surface))
-    cell, inside = cells_of(grid, world_from_ego, coloured.xyz_m)
+    """Colours (X, Y, 3) of the ground, means over the fine cells, small holes filled; and which are known (X, Y)."""
+    cell, inside = cells_of(grid, world_from_ego, surface.xyz_m[surface.coloured])
     size = grid.shape[0] * grid.shape[1]
     count = np.bincount(cell, minlength=size)
-    rgb = coloured.rgb[inside]
+    rgb = surface.rgb[surface.coloured][inside]
     total = np.stack([np.bincount(cell, rgb[:, c], minlength=size) for c in range(3)], axis=1)
     mean = (total / np.maximum(count, 1)[:, None]).reshape(*grid.shape, 3).astype(np.float32)
     return _filled(mean, (count > 0).reshape(grid.shape))
@@ -106,19 +102,7 @@ def _vehicles(sample: SampleInput, annotated: bool, settings: Settings, rgb: Flo
     on = owner >= 0
     in_grid = np.zeros(len(boxes), dtype=np.bool_)
     in_grid[number[np.unique(owner[on])]] = True
-    colours, painted = _painted(sample, in_grid, settings.paint)
+    colours, painted = paint_sample(sample, in_grid, settings.paint)
     which = number[owner[on]]
     rgb[on], known[on] = colours[which], painted[which]
     return Layer(on, np.ones(grid.shape, dtype=np.bool_), "cuboids")
-
-
-def _painted(sample: SampleInput, wanted: BoolArray, paint: Paint) -> tuple[ByteArray, BoolArray]:
-    """Colours of the wanted boxes from the sample's own images."""
-    images = [read_image(view.path) for view in sample.views]
-    depths: list[DepthPicture | None] = [None] * len(images)
-    if sample.lidar is not None:
-        path, world_from_lidar = sample.lidar
-        raw = read_lidar(path)[:, :3]
-        points = apply(world_from_lidar, raw[np.isfinite(raw).all(axis=1)])
-        depths = [DepthPicture(apply(inverse(view.world_from_cam), points), view.camera) for view in sample.views]
-    return paint_vehicles(images, sample.views, wanted, depths, paint)

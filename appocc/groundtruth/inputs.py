@@ -33,7 +33,7 @@ class View:
 
 @dataclass(frozen=True)
 class SweepInput:
-    """A LiDAR file with its pose, the boxes of its time, its labels if any, and rounds of views, nearest in time first.
+    """A LiDAR file with its pose, the boxes of its time, its labels, and rounds of views, nearest in time first.
 
     Each round holds one view a camera.
     """

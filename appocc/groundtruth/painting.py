@@ -10,9 +10,11 @@ import numpy as np
 from appocc.boxes import Boxes
 from appocc.camera import Camera
 from appocc.checks import BoolArray, ByteArray, FloatArray
+from appocc.files import read_image
 from appocc.geometry import apply, inverse
-from appocc.groundtruth.inputs import View
+from appocc.groundtruth.inputs import SampleInput, View
 from appocc.groundtruth.visibility import DepthPicture, box_entry, image_rectangle
+from appocc.nuscenes.lidar import read_lidar
 
 Paint = Literal["mode", "robust"]
 # The paper's histogram: 25 bins of length 10 for each channel.
@@ -21,9 +23,9 @@ _SAMPLES_A_SIDE = 56
 _LEAST_PIXELS = 12
 # Bodywork between tyres and windows, in parts of the height; parts of brightness that are shadow or glint.
 _BODY_BAND = (0.28, 0.62)
-_DARKEST, _BRIGHTEST = 0.25, 0.9
-# Cube of the colour histogram of the robust variant.
-_CUBE = 12
+_DARKEST, _BRIGHTEST = 0.15, 0.9
+# Colours this near to one another (0..255) count as the same paint when the densest colour is sought.
+_NEAR, _SAME = 24.0, 36.0
 
 
 class BoxPixels(NamedTuple):
@@ -100,16 +102,16 @@ def paint_mode(pixels: BoxPixels) -> ByteArray:
 
 
 def paint_robust(pixels: BoxPixels) -> ByteArray:
-    """(3,) colour of the bodywork: windows, tyres, shadow and glint trimmed, then the densest colour of what is left."""
+    """(3,) colour of the bodywork: windows, tyres, shadow and glint trimmed, then the densest colour that is left."""
     band = (pixels.height > _BODY_BAND[0]) & (pixels.height < _BODY_BAND[1])
     rgb = pixels.rgb[band] if band.sum() >= _LEAST_PIXELS else pixels.rgb
     brightness = rgb.astype(np.float64) @ [0.299, 0.587, 0.114]
     low, high = np.quantile(brightness, [_DARKEST, _BRIGHTEST])
     rgb = rgb[(brightness >= low) & (brightness <= high)].astype(np.float64)
     distance = np.linalg.norm(rgb[:, None] - rgb[None, :: max(len(rgb) // 256, 1)], axis=2)
-    densest = (distance < 2 * _CUBE).sum(axis=1).argmax()
-    near = np.linalg.norm(rgb - rgb[densest], axis=1) < 3 * _CUBE
-    return np.round(np.median(rgb[near], axis=0)).astype(np.uint8)
+    densest = (distance < _NEAR).sum(axis=1).argmax()
+    near = np.linalg.norm(rgb - rgb[densest], axis=1) < _SAME
+    return np.asarray(np.round(np.median(rgb[near], axis=0)), dtype=np.uint8)
 
 
 def paint_vehicles(
@@ -135,3 +137,19 @@ def paint_vehicles(
         if len(pixels.rgb) >= _LEAST_PIXELS:
             colours[i], known[i] = choose(pixels), True
     return colours, known
+
+
+def paint_sample(sample: SampleInput, wanted: BoolArray, paint: Paint) -> tuple[ByteArray, BoolArray]:
+    """Colours (B, 3) of the wanted boxes (B,) of a sample from its own images and sweep, and which are known (B,).
+
+    Raises:
+        DataError: if an image or the sweep is damaged.
+    """
+    images = [read_image(view.path) for view in sample.views]
+    depths: list[DepthPicture | None] = [None] * len(images)
+    if sample.lidar is not None:
+        path, world_from_lidar = sample.lidar
+        raw = read_lidar(path)[:, :3]
+        points = apply(world_from_lidar, raw[np.isfinite(raw).all(axis=1)])
+        depths = [DepthPicture(apply(inverse(view.world_from_cam), points), view.camera) for view in sample.views]
+    return paint_vehicles(images, sample.views, wanted, depths, paint)

@@ -1,4 +1,4 @@
-"""Ground-truth BEVs of whole datasets: sweeps coloured in parallel, samples composed in parallel, resumed by sample."""
+"""Ground-truth BEVs of datasets: sweeps coloured and samples composed in parallel, resumed by sample."""
 
 from __future__ import annotations
 

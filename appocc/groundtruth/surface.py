@@ -15,7 +15,9 @@ FINE_M = 0.1
 # The ground under a point is looked for in cells of this size; what stands higher is no ground.
 _GROUND_CELL_M, _GROUND_SHARE = 0.4, 0.1
 _BELOW_M, _ABOVE_M = 0.3, 0.25
-_GAIN_PRIOR, _LEAST_PAIRS = 50.0, 30
+# Exposure: points a camera pair must share, points that the prior (no difference) is worth, and the most that a
+# camera is brightened or darkened: where exposures differ more, colours near the pictures' own are worth more.
+_LEAST_PAIRS, _GAIN_PRIOR, _MOST_GAIN = 30, 100.0, 1.3
 
 
 class Surface(NamedTuple):
@@ -46,7 +48,8 @@ class ExposureGains:
 def exposure_gains(sweeps: Sequence[ColouredPoints], cameras: int) -> ExposureGains:
     """Gains from points that two cameras see at once: least squares on the log ratios, drawn towards 1.
 
-    Each pair of cameras counts by its number of common points; cameras that share none keep the gain 1.
+    Each pair of cameras counts by its number of common points; cameras that share none keep the gain 1, and none
+    goes beyond 1.3 times brighter or darker.
     """
     normal = np.zeros((cameras, cameras))
     right = np.zeros((cameras, 3))
@@ -64,7 +67,8 @@ def exposure_gains(sweeps: Sequence[ColouredPoints], cameras: int) -> ExposureGa
         right[a] -= weight * ratio
         right[b] += weight * ratio
     log_gain = np.linalg.solve(normal + _GAIN_PRIOR * np.eye(cameras), right)
-    return ExposureGains(np.exp(log_gain - log_gain.mean(axis=0)))
+    limit = np.log(_MOST_GAIN)
+    return ExposureGains(np.exp(np.clip(log_gain - log_gain.mean(axis=0), -limit, limit)))
 
 
 def _pair_ratios(points: ColouredPoints) -> dict[tuple[int, int], Float32Array]:
@@ -74,7 +78,7 @@ def _pair_ratios(points: ColouredPoints) -> dict[tuple[int, int], Float32Array]:
     )
     order = rows[np.lexsort((points.camera[rows], *points.xyz_m[rows].T))]
     first, second = order[:-1], order[1:]
-    same = (points.xyz_m[first] == points.xyz_m[second]).all(axis=1)
+    same = (points.xyz_m[first] == points.xyz_m[second]).all(axis=1) & (points.camera[first] != points.camera[second])
     first, second = first[same], second[same]
     ratio = np.log(points.rgb[first].astype(np.float32)) - np.log(points.rgb[second].astype(np.float32))
     pairs = points.camera[first].astype(int) * 256 + points.camera[second]
@@ -129,7 +133,7 @@ def _on_ground(xyz: Float32Array) -> BoolArray:
 
 
 def _middle_mean(cell: IntArray, rgb: Float32Array, cells: int) -> tuple[Float32Array, BoolArray]:
-    """Mean colour (cells, 3) over the middle half of each cell's observations by brightness, and which cells have any."""
+    """Mean colour (cells, 3) over the middle half of a cell's observations by brightness; which cells have any."""
     order = np.lexsort((rgb.sum(axis=1), cell))
     cell, rgb = cell[order], rgb[order]
     count = np.bincount(cell, minlength=cells)

@@ -82,8 +82,9 @@ def box_entry(
 
 
 def image_rectangle(camera: Camera, corners_cam: FloatArray) -> tuple[FloatArray, FloatArray] | None:
-    """Lower and upper pixel bounds (2,) of a box's corners (8, 3) in the camera frame; the whole image where a part of
-    the box lies behind the camera, None where all of it does.
+    """Lower and upper pixel bounds (2,) of a box's corners (8, 3) in the camera frame.
+
+    The whole image where a part of the box lies behind the camera, None where all of it is out of sight.
     """
     if corners_cam[:, 2].max() <= 0.1:
         return None

@@ -24,7 +24,8 @@ LIDAR = "LIDAR_TOP"
 class Dataset:
     """A dataset root; opened once, asked often.
 
-    Frames: `world` is nuScenes' global frame, `ego` x forward, y left, z up, origin below the rear axle on the ground.
+    Frames: `world` is nuScenes' global frame; `ego` has x forward, y left, z up, its origin on the ground at the rear
+    axle.
     """
 
     def __init__(self, root: Path | str, version: str | None = None) -> None:
@@ -105,6 +106,18 @@ class Dataset:
         every = np.concatenate(rows) if rows else np.zeros(0, np.int64)
         return tuple(sorted((self._data(int(r)) for r in every), key=lambda d: (d.timestamp_us, d.channel)))
 
+    def chain(self, scene: Scene, channel: str) -> tuple[SampleData, ...]:
+        """The files of one channel of a scene, key frames and sweeps, in order of time; samples may lack it.
+
+        Raises:
+            NotFoundError: if the scene has no file of that channel.
+        """
+        found = tuple(data for data in self.stream(scene) if data.channel == channel)
+        if not found:
+            known = ", ".join(sorted({data.channel for data in self.stream(scene)}))
+            raise NotFoundError(f"scene '{scene.name}' has no channel '{channel}'; it has {known or 'none'}")
+        return found
+
     def _data(self, row: int) -> SampleData:
         t, sensors = self.tables["sample_data"], self.tables["sensor"]
         sensor, calibration = int(self.tables.data_channel[row]), int(self.tables.data_calibration[row])
@@ -158,12 +171,13 @@ class Dataset:
         """
         t = self.tables["calibrated_sensor"]
         where = f"{self.tables.folder / 'calibrated_sensor.json'}: {t.text('token', data.calibration_row)}"
+        ego_from_cam = self.ego_from_sensor(data)
+        width, height = data.width_px, data.height_px
+        if width < 1 or height < 1:
+            height, width = read_image(self.path(data)).shape[:2]
         try:
             intrinsic = np.array(t["camera_intrinsic"][data.calibration_row], dtype=np.float64)
-            width, height = data.width_px, data.height_px
-            if width < 1 or height < 1:
-                height, width = read_image(self.path(data)).shape[:2]
-            return Camera(data.channel, width, height, intrinsic, self.ego_from_sensor(data))
+            return Camera(data.channel, width, height, intrinsic, ego_from_cam)
         except (TypeError, ValueError) as error:
             raise DataError(f"{where}: {error}") from error
 
@@ -174,6 +188,22 @@ class Dataset:
             DataError: if the file is missing or damaged.
         """
         return read_lidar(self.path(data))
+
+    def lidarseg_path(self, data: SampleData) -> Path | None:
+        """File of the nuScenes-lidarseg labels (one uint8 a point) of a LiDAR file, None where it has none.
+
+        Raises:
+            DataError: if the table is damaged or the file's name leads out of the root.
+        """
+        rows = self.tables.lidarseg_by_data.rows(data.token)
+        return inside(self.root, self.tables["lidarseg"].text("filename", int(rows[0]))) if len(rows) else None
+
+    @cached_property
+    def lidarseg_names(self) -> dict[int, str]:
+        """Name of each nuScenes-lidarseg label; empty where the categories have no `index`."""
+        t = self.tables["category"]
+        labels = zip(t["index"], t["name"], strict=True)
+        return {int(label): str(name) for label, name in labels if label is not None}
 
     # The ego and the boxes ----------------------------------------------------------------------------------------
 
@@ -217,7 +247,7 @@ class Dataset:
             raise DataError(f"{path}: sample {sample.token}: {error}") from error
 
     def _velocities(self, rows: IntArray) -> FloatArray:
-        """(N, 2) central differences between neighbouring annotations at most 1.5 s apart, NaN where there are none."""
+        """(N, 2) differences between the neighbouring annotations, NaN where they are over 1.5 s apart or missing."""
         t, samples = self.tables["sample_annotation"], self.tables["sample"]
         before, after = (t.rows_of(t.array(key)[rows]) for key in ("prev", "next"))
         before, after = np.where(before < 0, rows, before), np.where(after < 0, rows, after)
@@ -246,7 +276,8 @@ class Dataset:
             if images:
                 pictures[channel] = read_image(self.path(data))
                 frozen(pictures[channel])
-        boxes = self.boxes_world(sample).transformed(inverse(world_from_ego))
+        annotated = len(self.tables["sample_annotation"]) > 0
+        boxes = self.boxes_world(sample).transformed(inverse(world_from_ego)) if annotated else None
         return Frame(sample.token, sample.timestamp_us, world_from_ego, CameraRig(tuple(cameras)), pictures, boxes)
 
     # Maps ---------------------------------------------------------------------------------------------------------

@@ -22,7 +22,7 @@ _MOST_PIXELS = 4_000_000_000
 
 @dataclass(frozen=True)
 class MaskWindow:
-    """A cut-out of a mask: grey values (rows, columns), top row = largest y; world (x, y) of its lower left corner."""
+    """A cut-out of a mask: grey values (rows, columns), top row = largest y; its lower left corner (x, y)."""
 
     grey: ByteArray
     origin_m: tuple[float, float]

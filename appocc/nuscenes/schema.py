@@ -1,4 +1,4 @@
-"""The thirteen tables of the nuScenes schema, their fields, and how each field is kept in memory."""
+"""The tables of the nuScenes schema, their fields, and how each field is kept in memory."""
 
 from __future__ import annotations
 
@@ -17,8 +17,9 @@ class Field:
         kind: token and text become numpy byte strings, int int64, bool bool, vector float64 (N, width), any a list.
         refers_to: table whose tokens the field holds, if it is a reference.
         width: length of a vector.
-        required: whether every record must have it; others get a default (empty, 0, False).
+        required: whether every record must have it; others get a default (empty, `unknown`, False).
         optional_reference: whether an empty reference is allowed (ends of chains, unknown visibility).
+        unknown: what an int is where it is missing or null.
     """
 
     name: str
@@ -27,6 +28,7 @@ class Field:
     width: int = 0
     required: bool = True
     optional_reference: bool = False
+    unknown: int = 0
 
 
 def _ref(name: str, table: str, optional: bool = False) -> Field:
@@ -44,7 +46,12 @@ TABLES: dict[str, tuple[Field, ...]] = {
         Field("rotation", "vector", width=4),
         Field("camera_intrinsic", "any"),
     ),
-    "category": (_TOKEN, Field("name", "any"), Field("description", "any", required=False)),
+    "category": (
+        _TOKEN,
+        Field("name", "any"),
+        Field("description", "any", required=False),
+        Field("index", "any", required=False),  # the label of the category in nuScenes-lidarseg
+    ),
     "ego_pose": (
         _TOKEN,
         Field("timestamp", "int"),
@@ -54,7 +61,7 @@ TABLES: dict[str, tuple[Field, ...]] = {
     "instance": (
         _TOKEN,
         _ref("category_token", "category"),
-        Field("nbr_annotations", "int", required=False),
+        Field("nbr_annotations", "int", required=False, unknown=-1),
         _ref("first_annotation_token", "sample_annotation"),
         _ref("last_annotation_token", "sample_annotation"),
     ),
@@ -92,8 +99,8 @@ TABLES: dict[str, tuple[Field, ...]] = {
         Field("rotation", "vector", width=4),
         _ref("prev", "sample_annotation", optional=True),
         _ref("next", "sample_annotation", optional=True),
-        Field("num_lidar_pts", "int", required=False),
-        Field("num_radar_pts", "int", required=False),
+        Field("num_lidar_pts", "int", required=False, unknown=-1),
+        Field("num_radar_pts", "int", required=False, unknown=-1),
     ),
     "sample_data": (
         _TOKEN,
@@ -112,7 +119,7 @@ TABLES: dict[str, tuple[Field, ...]] = {
     "scene": (
         _TOKEN,
         _ref("log_token", "log"),
-        Field("nbr_samples", "int", required=False),
+        Field("nbr_samples", "int", required=False, unknown=-1),
         _ref("first_sample_token", "sample"),
         _ref("last_sample_token", "sample"),
         Field("name", "any"),
@@ -121,3 +128,13 @@ TABLES: dict[str, tuple[Field, ...]] = {
     "sensor": (_TOKEN, Field("channel", "any"), Field("modality", "any")),
     "visibility": (_TOKEN, Field("level", "any", required=False), Field("description", "any", required=False)),
 }
+
+# Tables beside the thirteen, read only where they are asked for.
+EXTRA_TABLES: dict[str, tuple[Field, ...]] = {
+    "lidarseg": (_TOKEN, _ref("sample_data_token", "sample_data"), Field("filename", "text")),
+}
+
+# Tables that a recording without boxes or maps may lack; they count as empty.
+OPTIONAL_TABLES = frozenset(
+    {"attribute", "category", "instance", "lidarseg", "map", "sample_annotation", "visibility"}
+)

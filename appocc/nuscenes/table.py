@@ -18,6 +18,10 @@ from appocc.nuscenes.schema import Field
 
 # Characters read at a time: larger pieces leave the processor's cache and are slower to parse.
 _PIECE = 1 << 16
+# One longer text would widen all rows of its column.
+_LONGEST = 1024
+_MISFITS = (KeyError, TypeError, ValueError, OverflowError, AttributeError)
+_WANTED = {"token": "a short text", "text": "a short text", "int": "a whole number", "bool": "true or false"}
 _BETWEEN = re.compile(r"\}\s*,\s*(?=\{)")
 Column = NDArray[Any] | list[Any]
 
@@ -67,7 +71,7 @@ class Table:
         Raises:
             NotFoundError: if the table has none such.
         """
-        found = int(self.rows_of(np.array([token.encode()]))[0])
+        found = int(self.rows_of(np.array([token.encode(errors="replace")]))[0])
         if found < 0:
             raise NotFoundError(f"table {self.name} has no token '{token}'")
         return found
@@ -87,7 +91,7 @@ class Groups:
 
     def rows(self, value: Any) -> IntArray:
         """The rows that hold `value` (maybe none)."""
-        key = np.array([value.encode() if isinstance(value, str) else value])
+        key = np.array([value.encode(errors="replace") if isinstance(value, str) else value])
         low, high = np.searchsorted(self._ranked, key, "left")[0], np.searchsorted(self._ranked, key, "right")[0]
         return self._order[low:high]
 
@@ -150,55 +154,62 @@ def _whole_records(buffer: str) -> tuple[list[Any], int]:
     return [], 0
 
 
-_DEFAULTS = {"token": "", "text": "", "int": 0, "bool": False, "any": None}
+def empty_table(name: str, fields: tuple[Field, ...]) -> Table:
+    """A table without rows."""
+    return Table(name, {field.name: _packed(field, []) for field in fields})
 
 
-def _column(path: Path, field: Field, records: list[dict[str, Any]], first_row: int) -> Column:
+def _column(path: Path, field: Field, records: list[Any], first_row: int) -> Column:
     """One field of some records as a column."""
     try:
         if field.required:
-            values = [record[field.name] for record in records]
-        else:
-            default = _DEFAULTS.get(field.kind)
-            values = [record.get(field.name, default) for record in records]
-        return _packed(field, values)
-    except (KeyError, TypeError, ValueError, OverflowError, AttributeError):
-        raise DataError(_first_bad(path, field, records, first_row)) from None
+            return _packed(field, [record[field.name] for record in records])
+        return _packed(field, [record.get(field.name) for record in records])
+    except _MISFITS:
+        found = ((row, _complaint(field, record)) for row, record in enumerate(records, start=first_row))
+        row, complaint = next((row, complaint) for row, complaint in found if complaint)
+        raise DataError(f"{path}: record {row}{complaint}") from None
 
 
 def _packed(field: Field, values: list[Any]) -> Column:
     """Values of one field as a numpy column of the field's kind."""
     if field.kind in ("token", "text"):
-        return np.array([("" if value is None else value).encode() for value in values], dtype=np.bytes_)
+        texts = np.array([("" if value is None else value).encode() for value in values], dtype=np.bytes_)
+        if texts.itemsize > _LONGEST:
+            raise ValueError
+        return texts
     if field.kind == "vector":
-        return np.array(values, dtype=np.float64).reshape(len(values), field.width)
+        vectors = np.array(values, dtype=np.float64)
+        if values and vectors.shape != (len(values), field.width):
+            raise ValueError
+        return vectors.reshape(-1, field.width)
     if field.kind == "int":
-        return np.array([0 if value is None else value for value in values], dtype=np.int64)
-    if field.kind == "bool":
-        return np.array(values, dtype=np.bool_)
-    return values
+        numbers = np.array([field.unknown if value is None else value for value in values], dtype=np.int64)
+        if numbers.ndim != 1:
+            raise ValueError
+        return numbers
+    if field.kind == "bool" and not all(isinstance(value, bool) for value in values):
+        raise TypeError
+    return np.array(values, dtype=np.bool_) if field.kind == "bool" else values
 
 
-def _first_bad(path: Path, field: Field, records: list[dict[str, Any]], first_row: int) -> str:
-    """Name the record that made `_packed` fail."""
-    for row, record in enumerate(records, start=first_row):
-        if not isinstance(record, dict):
-            return f"{path}: record {row}: expected an object, got {type(record).__name__}"
-        if field.name not in record:
-            if field.required:
-                return f"{path}: record {row} ({record.get('token', '?')}) has no field '{field.name}'"
-            continue
-        try:
-            _packed(field, [record[field.name]])
-        except (TypeError, ValueError, OverflowError, AttributeError):
-            wanted = f"{field.width} numbers" if field.kind == "vector" else field.kind
-            got = str(record[field.name])[:60]
-            return f"{path}: record {row} ({record.get('token', '?')}): {field.name}: expected {wanted}, got {got}"
-    return f"{path}: field '{field.name}' cannot be read"
+def _complaint(field: Field, record: Any) -> str:
+    """What is wrong with one record's field, '' if nothing is."""
+    if not isinstance(record, dict):
+        return f": expected an object, got {type(record).__name__}"
+    name = f" ({record.get('token', '?')})"
+    if field.required and field.name not in record:
+        return f"{name} has no field '{field.name}'"
+    try:
+        _packed(field, [record.get(field.name)])
+    except _MISFITS:
+        wanted = f"{field.width} numbers" if field.kind == "vector" else _WANTED[field.kind]
+        return f"{name}: {field.name}: expected {wanted}, got {json.dumps(record[field.name])[:60]}"
+    return ""
 
 
 def _join(field: Field, parts: list[Column]) -> Column:
-    """The chunks of a column as one."""
+    """The pieces of a column as one."""
     if field.kind == "any":
         return [value for part in parts for value in part]
     return np.concatenate([np.asarray(part) for part in parts])

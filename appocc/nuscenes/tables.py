@@ -9,8 +9,8 @@ import numpy as np
 
 from appocc.checks import IntArray
 from appocc.errors import DataError, NotFoundError
-from appocc.nuscenes.schema import TABLES
-from appocc.nuscenes.table import Groups, Table, read_table
+from appocc.nuscenes.schema import EXTRA_TABLES, OPTIONAL_TABLES, TABLES
+from appocc.nuscenes.table import Groups, Table, empty_table, read_table
 
 
 def find_version(root: Path, version: str | None) -> str:
@@ -50,17 +50,23 @@ class Tables:
         self._loaded: dict[str, Table] = {}
 
     def __getitem__(self, name: str) -> Table:
-        """A table by name.
+        """A table by name; one that a recording may lack is empty where it is missing.
 
         Raises:
             NotFoundError: if the schema has no such table.
             DataError: if its file is missing or damaged.
         """
-        if name not in TABLES:
-            raise NotFoundError(f"the schema has no table '{name}'; it has {', '.join(TABLES)}")
+        fields = TABLES.get(name) or EXTRA_TABLES.get(name)
+        if fields is None:
+            raise NotFoundError(f"the schema has no table '{name}'; it has {', '.join([*TABLES, *EXTRA_TABLES])}")
         if name not in self._loaded:
-            self._loaded[name] = read_table(self.folder / f"{name}.json", TABLES[name])
+            lacking = name in OPTIONAL_TABLES and not self.path(name).exists()
+            self._loaded[name] = empty_table(name, fields) if lacking else read_table(self.path(name), fields)
         return self._loaded[name]
+
+    def path(self, name: str) -> Path:
+        """File of a table."""
+        return self.folder / f"{name}.json"
 
     def load_all(self) -> None:
         """Read all tables and build all indexes now.
@@ -81,6 +87,11 @@ class Tables:
     def annotations_by_sample(self) -> Groups:
         """Rows of sample_annotation by sample token."""
         return self["sample_annotation"].groups("sample_token")
+
+    @cached_property
+    def lidarseg_by_data(self) -> Groups:
+        """Rows of lidarseg by sample_data token."""
+        return self["lidarseg"].groups("sample_data_token")
 
     @cached_property
     def samples_by_scene(self) -> Groups:

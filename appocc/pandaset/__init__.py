@@ -28,7 +28,7 @@ def read_recordings(source: Path, lidar: Path | None, trust_pickles: bool) -> li
     if not trust_pickles:
         if not (source / "frames.json").is_file():
             raise DataError(
-                f"{source}: no frames.json; the published pickles are read only with --trust-pickles (a pickle runs code)"
+                f"{source}: no frames.json; published pickles are read only with --trust-pickles (a pickle runs code)"
             )
         return [read_plain(source, lidar)]
     sequences = [source] if (source / "camera").is_dir() else sorted(p.parent for p in source.glob("*/camera"))

@@ -20,8 +20,8 @@ from appocc.pandaset.classes import attribute_of, category_of
 from appocc.pandaset.recording import Cuboid, Moment, Recording, RoadRaster, Sweep, without_twins
 
 VERSION = "v1.0-pandaset"
-# PandaSet's ego lies 0.40 m above the road (median of its road points); nuScenes' lies on it. x and y are kept: how far
-# PandaSet's origin is from the rear axle is not known.
+# PandaSet's ego lies 0.40 m above the road (median of its road points); nuScenes' lies on it.
+# x and y are kept: how far PandaSet's origin is from the rear axle is not known.
 EGO_HEIGHT_M = 0.40
 UNKNOWN_GREY = 127
 _OLD_FROM_NEW_EGO = transform(np.eye(3), [0.0, 0.0, -EGO_HEIGHT_M])
@@ -117,7 +117,7 @@ def _add_sweep(recording: Recording, moment: Moment, sample: str, writer: Writer
     if moment.read_sweep is None:
         return np.zeros((0, 3))
     sweep = moment.read_sweep()
-    points_ego = sweep.points_ego_m + [0.0, 0.0, EGO_HEIGHT_M]
+    points_ego = sweep.points_ego_m + np.array([0.0, 0.0, EGO_HEIGHT_M])
     points_lidar = apply(inverse(_EGO_FROM_LIDAR), points_ego)
     # PandaSet does not publish the ring of a point: -1.
     columns = [points_lidar, sweep.intensity[:, None].astype(np.float64), np.full((len(points_lidar), 1), -1.0)]

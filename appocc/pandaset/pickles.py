@@ -1,8 +1,8 @@
 """Reader of a PandaSet sequence as published: JSON poses and pickled pandas DataFrames.
 
 A pickle runs code when it is read, so this reader is used only where the user trusts the files. Traps of the format,
-each undone here: a cuboid's yaw is the heading of its WIDTH axis (length axis = yaw + 90 degrees), dimensions.x is the
-width and .y the length; points are in the WORLD frame and hold both LiDARs (d = 0 is the spinning one).
+each undone here: a cuboid's yaw is the heading of its WIDTH axis (length axis = yaw + 90 degrees), dimensions.x is
+the width and .y the length; points are in the WORLD frame and hold both LiDARs (d = 0 is the spinning one).
 """
 
 from __future__ import annotations

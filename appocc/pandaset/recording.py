@@ -97,7 +97,7 @@ class Moment:
 
 @dataclass(frozen=True)
 class RoadRaster:
-    """A raster of ground classes: label (rows along +y, columns along +x), lower left corner and cell size, metres."""
+    """A raster of ground classes: label (rows along +y, columns along +x), lower left corner, cell size."""
 
     label: ByteArray
     origin_m: tuple[float, float]

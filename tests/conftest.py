@@ -1,0 +1,31 @@
+"""Shared fixtures: the recorded data beside the repository, where it is present, and a tiny dataset made by hand."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+from tiny_dataset import TinyDataset
+
+
+@pytest.fixture(scope="session")
+def data_root() -> Path:
+    """Folder of the recorded data (`$APPOCC_DATA`, or ../shared/data beside the repository); skips where absent."""
+    named = os.environ.get("APPOCC_DATA")
+    root = Path(named) if named else Path(__file__).parents[2] / "shared" / "data"
+    if not root.is_dir():
+        pytest.skip(f"no recorded data at {root}; set APPOCC_DATA to its folder")
+    return root
+
+
+@pytest.fixture
+def tiny(tmp_path: Path) -> TinyDataset:
+    """A dataset of one scene in a folder of its own; change `tables`, then `write`."""
+    return TinyDataset(tmp_path / "tiny")
+
+
+@pytest.fixture
+def tiny_root(tiny: TinyDataset) -> Path:
+    """The root of that dataset."""
+    return tiny.root
