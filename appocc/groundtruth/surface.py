@@ -17,7 +17,7 @@ _GROUND_CELL_M, _GROUND_SHARE = 0.4, 0.1
 _BELOW_M, _ABOVE_M = 0.3, 0.25
 # Exposure: points a camera pair must share, points that the prior (no difference) is worth, and the most that a
 # camera is brightened or darkened: where exposures differ more, colours near the pictures' own are worth more.
-_LEAST_PAIRS, _GAIN_PRIOR, _MOST_GAIN = 30, 100.0, 1.3
+_LEAST_PAIRS, _GAIN_PRIOR, _MOST_GAIN = 30, 100.0, 1.2
 
 
 class Surface(NamedTuple):
@@ -40,7 +40,7 @@ class Surface(NamedTuple):
 
 @dataclass(frozen=True)
 class ExposureGains:
-    """(cameras, 3) factors that bring the cameras' colours to a common exposure; their geometric mean is 1."""
+    """(cameras, 3) factors that bring the cameras' colours to a common exposure; 1 on the average over all points."""
 
     factors: FloatArray
 
@@ -49,7 +49,7 @@ def exposure_gains(sweeps: Sequence[ColouredPoints], cameras: int) -> ExposureGa
     """Gains from points that two cameras see at once: least squares on the log ratios, drawn towards 1.
 
     Each pair of cameras counts by its number of common points; cameras that share none keep the gain 1, and none
-    goes beyond 1.3 times brighter or darker.
+    goes beyond 1.2 times brighter or darker.
     """
     normal = np.zeros((cameras, cameras))
     right = np.zeros((cameras, 3))
@@ -68,7 +68,9 @@ def exposure_gains(sweeps: Sequence[ColouredPoints], cameras: int) -> ExposureGa
         right[b] += weight * ratio
     log_gain = np.linalg.solve(normal + _GAIN_PRIOR * np.eye(cameras), right)
     limit = np.log(_MOST_GAIN)
-    return ExposureGains(np.exp(np.clip(log_gain - log_gain.mean(axis=0), -limit, limit)))
+    seen = sum((np.bincount(points.camera, minlength=256)[:cameras] for points in sweeps), np.zeros(cameras))
+    mean = seen @ log_gain / max(seen.sum(), 1.0)  # the scene's brightness on the whole stays
+    return ExposureGains(np.exp(np.clip(log_gain - mean, -limit, limit)))
 
 
 def _pair_ratios(points: ColouredPoints) -> dict[tuple[int, int], Float32Array]:
