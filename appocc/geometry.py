@@ -91,10 +91,16 @@ def interpolate_pose(times: FloatArray, poses: FloatArray, at: float) -> FloatAr
         return np.array(poses[0])
     i = int(np.clip(np.searchsorted(times, at, side="right") - 1, 0, len(times) - 2))
     share = float(np.clip((at - times[i]) / max(times[i + 1] - times[i], 1e-12), -1.0, 2.0))
-    a, b = poses[i], poses[i + 1]
-    turn = Rotation.from_matrix(a[:3, :3].T @ b[:3, :3]).as_rotvec()
-    rotation = a[:3, :3] @ Rotation.from_rotvec(turn * share).as_matrix()
-    return transform(rotation, a[:3, 3] + share * (b[:3, 3] - a[:3, 3]))
+    return np.asarray(poses_between(poses[i : i + 1], poses[i + 1 : i + 2], share)[0])
+
+
+def poses_between(first: FloatArray, second: FloatArray, share: float) -> FloatArray:
+    """Poses (N, 4, 4) a share of the way from `first` to `second`, both (N, 4, 4): straight line and slerp."""
+    turn = Rotation.from_matrix(first[:, :3, :3].transpose(0, 2, 1) @ second[:, :3, :3]).as_rotvec()
+    between = first.copy()
+    between[:, :3, :3] = first[:, :3, :3] @ Rotation.from_rotvec(turn * share).as_matrix()
+    between[:, :3, 3] += share * (second[:, :3, 3] - first[:, :3, 3])
+    return between
 
 
 def mean_pose(poses: FloatArray) -> FloatArray:

@@ -10,8 +10,8 @@ import numpy as np
 
 from appocc.boxes import Boxes
 from appocc.camera import Camera
-from appocc.checks import FloatArray
-from appocc.geometry import interpolate_pose
+from appocc.checks import FloatArray, IntArray
+from appocc.geometry import poses_between
 from appocc.nuscenes.dataset import LIDAR, Dataset
 from appocc.nuscenes.point_labels import PointLabels, point_labels
 from appocc.nuscenes.records import Sample, SampleData, Scene
@@ -88,15 +88,21 @@ class _BoxesOverTime:
         base = self._boxes[sample]
         if i == j or timestamp_us == self._times[sample] or not len(base):
             return base
-        times = (self._times[[i, j]] - self._times[i]) * 1e-6
+        a, b = (np.array([self._place[k].get(name, -1) for name in base.instance]) for k in (i, j))
+        both = (a >= 0) & (b >= 0)
         centre, rotation = base.centre_m.copy(), base.rotation.copy()
-        for k, name in enumerate(base.instance):
-            a, b = self._place[i].get(name), self._place[j].get(name)
-            if a is not None and b is not None:
-                ends = np.stack([self._boxes[i].frame_from_box(a), self._boxes[j].frame_from_box(b)])
-                pose = interpolate_pose(times, ends, float(timestamp_us - self._times[i]) * 1e-6)
-                centre[k], rotation[k] = pose[:3, 3], pose[:3, :3]
+        if both.any():
+            share = float(timestamp_us - self._times[i]) / float(self._times[j] - self._times[i])
+            poses = poses_between(_poses(self._boxes[i], a[both]), _poses(self._boxes[j], b[both]), share)
+            centre[both], rotation[both] = poses[:, :3, 3], poses[:, :3, :3]
         return replace(base, centre_m=centre, rotation=rotation)
+
+
+def _poses(boxes: Boxes, index: IntArray) -> FloatArray:
+    """(N, 4, 4) world-from-box poses of some boxes."""
+    poses = np.tile(np.eye(4), (len(index), 1, 1))
+    poses[:, :3, :3], poses[:, :3, 3] = boxes.rotation[index], boxes.centre_m[index]
+    return poses
 
 
 def gather(dataset: Dataset, scene: Scene) -> SceneInputs:
