@@ -30,7 +30,7 @@ $(VENV)/.installed: pyproject.toml constraints.txt
 # The second line: with their dependencies these two would bring opencv-python, which overwrites the headless cv2.
 $(VENV)/.installed-dev: $(VENV)/.installed
 	$(PIP) -c constraints.txt -e '.[dev]'
-	$(PIP) --no-deps nuscenes-devkit==1.2.0 trackeval==1.3.0 pyquaternion cachetools tqdm
+	$(PIP) --no-deps nuscenes-devkit==1.2.0 trackeval==1.3.0
 	touch $@
 
 clean:

@@ -65,8 +65,10 @@ class Boxes:
         check_finite("boxes rotation", self.rotation)
         if len(self.instance) != n or len(self.token) != n:
             raise ShapeError(f"boxes: expected {n} tokens, got {len(self.instance)} and {len(self.token)}")
-        if n and not (np.isfinite(self.size_wlh_m).all() and float(self.size_wlh_m.min()) > 0):
-            raise ShapeError(f"boxes size_wlh_m: expected positive sizes, got {float(np.nanmin(self.size_wlh_m))}")
+        good = (np.isfinite(self.size_wlh_m) & (self.size_wlh_m > 0)).all(axis=1)
+        if not good.all():
+            i = int(np.argmin(good))
+            raise ShapeError(f"box {self.token[i]}: expected a positive size, got {self.size_wlh_m[i].tolist()}")
         for array in (self.centre_m, self.size_wlh_m, self.rotation, self.velocity_mps, self.lidar_points):
             frozen(array)
 

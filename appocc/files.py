@@ -32,8 +32,9 @@ def inside(root: Path, name: str) -> Path:
 
 def stays_inside(name: str) -> bool:
     """Whether a file name can only mean a place below the folder it is joined to."""
-    path = Path(name)
-    return bool(path.parts) and "\0" not in name and not path.is_absolute() and ".." not in path.parts
+    parts = name.replace("\\", "/").split("/")
+    anchored = not parts[0] or os.path.splitdrive(name)[0]
+    return not anchored and bool(name.strip("./\\")) and ".." not in parts and "\0" not in name
 
 
 @contextmanager
@@ -116,13 +117,13 @@ def write_image(path: Path, rgb: ByteArray) -> None:
     """Write an (H, W, 3) RGB or (H, W) grey uint8 picture; the ending of the path says the format.
 
     Raises:
-        DataError: if the ending is unknown or the file cannot be written.
+        DataError: if the ending is unknown, the picture too large for it or empty, or the file cannot be written.
     """
-    picture = cv2.cvtColor(rgb, cv2.COLOR_RGB2BGR) if rgb.ndim == 3 else rgb
     try:
+        picture = cv2.cvtColor(rgb, cv2.COLOR_RGB2BGR) if rgb.ndim == 3 else rgb
         done, data = cv2.imencode(path.suffix or ".png", picture)
-    except cv2.error as error:
-        raise DataError(f"{path}: '{path.suffix}' is no picture format") from error
+    except cv2.error:
+        done = False
     if not done:
-        raise DataError(f"{path}: the picture could not be encoded as '{path.suffix}'")
+        raise DataError(f"{path}: a picture of shape {rgb.shape} cannot be written as '{path.suffix}'")
     write_bytes(path, data.tobytes())

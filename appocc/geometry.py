@@ -14,13 +14,14 @@ def rotation_from_quaternion(wxyz: ArrayLike) -> FloatArray:
     """Rotation matrix (..., 3, 3) of quaternions (..., 4) in wxyz order; they are normalised first.
 
     Raises:
-        ShapeError: if a quaternion is not finite or has no length.
+        ShapeError: if the last axis is not 4, or a quaternion is not finite or has no length.
     """
     q = np.asarray(wxyz, dtype=np.float64)
-    check_shape("quaternion wxyz", q[..., :].reshape(-1, q.shape[-1] if q.ndim else 1), (None, 4))
+    if q.shape[-1:] != (4,):
+        raise ShapeError(f"quaternion wxyz: expected shape (..., 4), got {q.shape}")
     check_finite("quaternion wxyz", q)
     if q.size and float(np.linalg.norm(q, axis=-1).min()) < 1e-6:
-        raise ShapeError(f"quaternion wxyz: expected a length of 1, got {q.tolist()}")
+        raise ShapeError("quaternion wxyz: expected a length of 1, got 0")
     matrices = Rotation.from_quat(q.reshape(-1, 4), scalar_first=True).as_matrix()
     return np.asarray(matrices, dtype=np.float64).reshape(*q.shape[:-1], 3, 3)
 
@@ -37,8 +38,15 @@ def quaternion_from_yaw(yaw_rad: float) -> FloatArray:
 
 
 def transform(rotation: ArrayLike, translation: ArrayLike) -> FloatArray:
-    """4x4 transform from a rotation ((3, 3) matrix or (4,) quaternion wxyz) and a translation (3,), metres."""
+    """4x4 transform from a rotation ((3, 3) matrix or (4,) quaternion wxyz) and a translation (3,), metres.
+
+    Raises:
+        ShapeError: if one has another shape or is not finite.
+    """
     r = np.asarray(rotation, dtype=np.float64)
+    if r.shape != (4,):
+        check_shape("rotation", r, (3, 3))
+        check_finite("rotation", r)
     t = np.asarray(translation, dtype=np.float64)
     check_shape("translation", t, (3,))
     check_finite("translation", t)

@@ -47,7 +47,7 @@ def _cut(start: FloatArray, end: FloatArray, x: int, y: int) -> FloatArray:
         low = int(np.clip(np.floor(start[:, axis].min()), 0, size))
         high = int(np.clip(np.ceil(start[:, axis].max()), 0, size))
         lines = np.arange(low, high + 1, dtype=np.float64)
-        with np.errstate(divide="ignore", invalid="ignore"):
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             share = (lines - start[:, axis, None]) / step[:, axis, None]
         shares.append(np.clip(np.nan_to_num(share, nan=0.0, posinf=1.0, neginf=0.0), 0.0, 1.0))
     t = np.sort(np.concatenate(shares, axis=1), axis=1)

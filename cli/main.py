@@ -9,6 +9,8 @@ import typer
 from appocc.errors import AppoccError
 from cli.common import say
 from cli.convert import convert
+from cli.doctor import doctor
+from cli.ground import ground
 from cli.groundtruth import groundtruth
 
 app = typer.Typer(
@@ -20,7 +22,9 @@ app = typer.Typer(
 )
 
 app.command()(convert)
+app.command()(doctor)
 app.command()(groundtruth)
+app.command()(ground)
 
 
 def run() -> None:

@@ -10,17 +10,17 @@ import numpy as np
 from scipy import ndimage
 
 from appocc.checks import ByteArray, Float32Array, FloatArray, IntArray
-from appocc.files import read_image
 from appocc.geometry import apply, inverse
-from appocc.groundtruth.inputs import SweepInput, View
+from appocc.groundtruth.inputs import SweepInput, View, read_view
 from appocc.groundtruth.visibility import DepthPicture, hidden_by_boxes
 from appocc.nuscenes.lidar import read_labels, read_lidar
 
 NO_CAMERA = 255
+OTHER, ROAD, LANE, UNLABELLED = 0, 1, 2, 255
 # Points farther than the far corner of the grid never enter it.
 _MAX_RANGE_M = 57.0
-# Returns from the recording vehicle itself.
-_MIN_RANGE_M = 1.5
+# Returns from the recording vehicle itself: nuScenes' bonnet answers up to 2.4 m, the first ring of road is at 3 m.
+_MIN_RANGE_M = 2.5
 _BOX_MARGIN_M = 0.1
 
 
@@ -32,7 +32,7 @@ class ColouredPoints:
         xyz_m: (N, 3) float32, world frame minus the scene's origin.
         rgb: (N, 3) uint8.
         camera: (N,) number of the camera in the sorted list of channels, NO_CAMERA without colour.
-        ground: (N,) uint8, 1 road, 2 lane marking (which is road too), 0 other or unlabelled.
+        ground: (N,) uint8 OTHER, ROAD, LANE (a marking, which is road too), or UNLABELLED.
     """
 
     xyz_m: Float32Array
@@ -42,9 +42,9 @@ class ColouredPoints:
 
 
 @lru_cache(maxsize=20)
-def cached_image(path: Path) -> ByteArray:
+def cached_image(path: Path, width_px: int, height_px: int) -> ByteArray:
     """An image that neighbouring sweeps share."""
-    return read_image(path)
+    return read_view(path, width_px, height_px)
 
 
 def colour_at(image: ByteArray, uv_px: FloatArray) -> Float32Array:
@@ -95,12 +95,12 @@ def colour_sweep(sweep: SweepInput, origin_m: FloatArray, channels: tuple[str, .
 
 
 def _ground_classes(sweep: SweepInput, labels: ByteArray) -> ByteArray:
-    """1 road, 2 lane marking, 0 other, from the labels of a sweep."""
+    """What the labels of a sweep say of each point's ground."""
     if sweep.labels is None:
-        return np.zeros(len(labels), np.uint8)
-    ground = sweep.labels.is_road[labels].astype(np.uint8)
+        return np.full(len(labels), UNLABELLED, np.uint8)
+    ground = np.where(sweep.labels.is_road[labels], ROAD, OTHER).astype(np.uint8)
     if sweep.labels.is_lane is not None:
-        ground[sweep.labels.is_lane[labels]] = 2
+        ground[sweep.labels.is_lane[labels]] = LANE
     return ground
 
 
@@ -109,13 +109,16 @@ def _seen(
 ) -> tuple[IntArray, Float32Array]:
     """Which of the candidate points (indices) a view sees, and their colours."""
     cam_from_world = inverse(view.world_from_cam)
-    uv, depth = view.camera.project(apply(cam_from_world, points[candidates]))
-    inside = view.camera.sees(uv, depth)
+    camera = view.camera
+    uv, depth = camera.project(apply(cam_from_world, points[candidates]))
+    inside = camera.sees(uv, depth)
     index, uv, depth = candidates[inside], uv[inside], depth[inside]
     if not len(index):
         return index, np.zeros((0, 3), np.float32)
-    clear = ~DepthPicture(apply(cam_from_world, everything), view.camera).hides(uv, depth)
+    clear = ~DepthPicture(apply(cam_from_world, everything), camera).hides(uv, depth)
     index, uv = index[clear], uv[clear]
-    clear = ~hidden_by_boxes(points[index], uv, view.camera, view.world_from_cam, view.boxes_world)
+    clear = ~hidden_by_boxes(points[index], uv, camera, view.world_from_cam, view.boxes_world)
     index, uv = index[clear], uv[clear]
-    return index, colour_at(cached_image(view.path), uv) if len(index) else np.zeros((0, 3), np.float32)
+    if not len(index):
+        return index, np.zeros((0, 3), np.float32)
+    return index, colour_at(cached_image(view.path, camera.width_px, camera.height_px), uv)

@@ -48,7 +48,7 @@ def compose(sample: SampleInput, sources: RoadSources, annotated: bool, settings
         grid,
         np.stack([layer.on for layer in layers]).astype(np.float32),
         np.stack([layer.valid for layer in layers]),
-        np.moveaxis(np.where(known[..., None], ground, 0), -1, 0).astype(np.uint8),
+        np.moveaxis(np.where(known[..., None], np.round(ground), 0), -1, 0).astype(np.uint8),
         known,
         {
             "token": sample.token,

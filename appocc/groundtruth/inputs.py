@@ -10,7 +10,9 @@ import numpy as np
 
 from appocc.boxes import Boxes
 from appocc.camera import Camera
-from appocc.checks import FloatArray, IntArray
+from appocc.checks import ByteArray, FloatArray, IntArray
+from appocc.errors import DataError
+from appocc.files import read_image
 from appocc.geometry import poses_between
 from appocc.nuscenes.dataset import LIDAR, Dataset
 from appocc.nuscenes.point_labels import PointLabels, point_labels
@@ -67,6 +69,19 @@ class SceneInputs:
     annotated: bool
 
 
+def read_view(path: Path, width_px: int, height_px: int) -> ByteArray:
+    """The image (H, W, 3) RGB of a view.
+
+    Raises:
+        DataError: if it is missing or damaged, or has another size than its table says.
+    """
+    image = read_image(path)
+    if image.shape[:2] != (height_px, width_px):
+        height, width = image.shape[:2]
+        raise DataError(f"{path}: expected {width_px}x{height_px} pixels, as its table says, got {width}x{height}")
+    return image
+
+
 class _BoxesOverTime:
     """Boxes at any time: straight line and slerp between the samples before and after, by instance."""
 
@@ -92,7 +107,8 @@ class _BoxesOverTime:
         both = (a >= 0) & (b >= 0)
         centre, rotation = base.centre_m.copy(), base.rotation.copy()
         if both.any():
-            share = float(timestamp_us - self._times[i]) / float(self._times[j] - self._times[i])
+            step_us = max(int(self._times[j] - self._times[i]), 1)
+            share = float(np.clip((timestamp_us - self._times[i]) / step_us, -1.0, 2.0))
             poses = poses_between(_poses(self._boxes[i], a[both]), _poses(self._boxes[j], b[both]), share)
             centre[both], rotation[both] = poses[:, :3, 3], poses[:, :3, :3]
         return replace(base, centre_m=centre, rotation=rotation)

@@ -11,15 +11,17 @@ from appocc.checks import BoolArray, FloatArray, IntArray
 from appocc.geometry import apply, inverse
 from appocc.grid import BEVGrid
 from appocc.groundtruth.surface import Surface
-from appocc.nuscenes.maps import MaskWindow, VectorMap
+from appocc.nuscenes.maps import Area, MaskWindow, VectorMap
 from appocc.rasterise import line_cover, polygon_cover
 
 VEHICLE_SHARE = ROAD_SHARE = 0.5
 LANE_SHARE = 0.2
 _MARKING_WIDTH_M = 0.15
-# Fine cells (16 make a cell of 0.4 m) that must have been observed before labels are believed.
+# Fine cells (16 make a cell of 0.4 m) that must have been labelled before labels are believed.
 _LEAST_FINE_CELLS = 3
 _SUBSAMPLES = 4
+# A box whose side runs along the middle of cells covers half of each, give or take rounding.
+_ROUNDING = 1e-9
 
 
 class Layer(NamedTuple):
@@ -41,19 +43,19 @@ class RoadSources(NamedTuple):
 
 def vehicle_owner(grid: BEVGrid, boxes_ego: Boxes) -> IntArray:
     """(X, Y) number of the box that covers at least half of a cell, the one that covers most; -1 where none does."""
-    best = np.full(grid.shape, VEHICLE_SHARE)
+    best = np.full(grid.shape, VEHICLE_SHARE - _ROUNDING)
     owner = np.full(grid.shape, -1, dtype=np.int64)
     for i, corners in enumerate(boxes_ego.corners()):
         cover = polygon_cover(grid, corners[:4, :2])
-        more = (cover > best) | ((cover >= VEHICLE_SHARE) & (owner < 0))
+        more = cover > best
         best[more], owner[more] = cover[more], i
     return owner
 
 
 def road_layer(grid: BEVGrid, world_from_ego: FloatArray, sources: RoadSources) -> Layer:
     """Drivable area: map expansion, else mask, else labelled LiDAR points, else unknown."""
-    if sources.vector is not None:
-        return _vector_road(grid, world_from_ego, sources.vector)
+    if sources.vector is not None and sources.vector.drivable is not None:
+        return _vector_road(grid, world_from_ego, sources.vector.drivable)
     if sources.mask is not None:
         return _mask_road(grid, world_from_ego, sources.mask)
     if sources.surface_labels[0]:
@@ -63,8 +65,8 @@ def road_layer(grid: BEVGrid, world_from_ego: FloatArray, sources: RoadSources) 
 
 def lane_layer(grid: BEVGrid, world_from_ego: FloatArray, sources: RoadSources) -> Layer:
     """Line markings: map expansion, else labelled LiDAR points, else unknown."""
-    if sources.vector is not None:
-        return _vector_lane(grid, world_from_ego, sources.vector)
+    if sources.vector is not None and sources.vector.markings is not None:
+        return _vector_lane(grid, world_from_ego, sources.vector.markings)
     if sources.surface_labels[1]:
         return _labelled(grid, world_from_ego, sources, "lane", LANE_SHARE)
     return _unknown(grid)
@@ -81,21 +83,21 @@ def _to_ego(world_from_ego: FloatArray, xy_world_m: FloatArray) -> FloatArray:
     return apply(inverse(world_from_ego), np.hstack([xy_world_m, height]))[:, :2]
 
 
-def _vector_road(grid: BEVGrid, world_from_ego: FloatArray, vector: VectorMap) -> Layer:
+def _vector_road(grid: BEVGrid, world_from_ego: FloatArray, drivable: tuple[Area, ...]) -> Layer:
     cover = np.zeros(grid.shape)
-    for outline, holes in vector.drivable:
+    for outline, holes in drivable:
         area = polygon_cover(grid, _to_ego(world_from_ego, outline))
         for hole in holes:
             area -= polygon_cover(grid, _to_ego(world_from_ego, hole))
         cover += np.maximum(area, 0.0)
-    return Layer(cover >= ROAD_SHARE, np.ones(grid.shape, dtype=np.bool_), "map_expansion")
+    return Layer(cover >= ROAD_SHARE - _ROUNDING, np.ones(grid.shape, dtype=np.bool_), "map_expansion")
 
 
-def _vector_lane(grid: BEVGrid, world_from_ego: FloatArray, vector: VectorMap) -> Layer:
+def _vector_lane(grid: BEVGrid, world_from_ego: FloatArray, markings: tuple[FloatArray, ...]) -> Layer:
     cover = np.zeros(grid.shape)
-    for line in vector.markings:
+    for line in markings:
         cover += line_cover(grid, _to_ego(world_from_ego, line), _MARKING_WIDTH_M)
-    return Layer(cover >= LANE_SHARE, np.ones(grid.shape, dtype=np.bool_), "map_expansion")
+    return Layer(cover >= LANE_SHARE - _ROUNDING, np.ones(grid.shape, dtype=np.bool_), "map_expansion")
 
 
 def _mask_road(grid: BEVGrid, world_from_ego: FloatArray, mask: MaskWindow) -> Layer:
@@ -112,10 +114,10 @@ def _mask_road(grid: BEVGrid, world_from_ego: FloatArray, mask: MaskWindow) -> L
 
 
 def _labelled(grid: BEVGrid, world_from_ego: FloatArray, sources: RoadSources, name: str, share: float) -> Layer:
-    """Share of a cell's observed fine cells with a label; valid where enough were observed."""
+    """Share of a cell's labelled fine cells with a label; valid where enough were labelled at all."""
     surface = sources.surface
-    cell, inside = cells_of(grid, world_from_ego, surface.xyz_m)
-    labelled = (surface.road if name == "road" else surface.lane)[inside] >= 0.5
+    cell, inside = cells_of(grid, world_from_ego, surface.xyz_m[surface.labelled])
+    labelled = (surface.road if name == "road" else surface.lane)[surface.labelled][inside] >= 0.5
     size = grid.shape[0] * grid.shape[1]
     seen = np.bincount(cell, minlength=size)
     on = np.bincount(cell, labelled, minlength=size) >= share * np.maximum(seen, 1)

@@ -10,9 +10,8 @@ import numpy as np
 from appocc.boxes import Boxes
 from appocc.camera import Camera
 from appocc.checks import BoolArray, ByteArray, FloatArray
-from appocc.files import read_image
 from appocc.geometry import apply, inverse
-from appocc.groundtruth.inputs import SampleInput, View
+from appocc.groundtruth.inputs import SampleInput, View, read_view
 from appocc.groundtruth.visibility import DepthPicture, box_entry, image_rectangle
 from appocc.nuscenes.lidar import read_lidar
 
@@ -21,6 +20,7 @@ Paint = Literal["mode", "robust"]
 _BINS, _BIN_LENGTH = 25, 10
 _SAMPLES_A_SIDE = 56
 _LEAST_PIXELS = 12
+_BOX_MARGIN_M = 0.1
 # Bodywork between tyres and windows, in parts of the height; parts of brightness that are shadow or glint.
 _BODY_BAND = (0.28, 0.62)
 _DARKEST, _BRIGHTEST = 0.15, 0.9
@@ -35,6 +35,9 @@ class BoxPixels(NamedTuple):
     height: FloatArray
 
 
+_NO_PIXELS = BoxPixels(np.zeros((0, 3), np.uint8), np.zeros(0))
+
+
 def box_pixels(
     image: ByteArray, view: View, boxes_world: Boxes, target: int, depth: DepthPicture | None
 ) -> BoxPixels:
@@ -42,16 +45,15 @@ def box_pixels(
     camera, eye = view.camera, view.world_from_cam[:3, 3]
     corners_cam = apply(inverse(view.world_from_cam), boxes_world.corners())
     rectangle = image_rectangle(camera, corners_cam[target])
-    nothing = BoxPixels(np.zeros((0, 3), np.uint8), np.zeros(0))
     if rectangle is None:
-        return nothing
+        return _NO_PIXELS
     uv = _grid_of_pixels(*rectangle)
     rays = _rays(camera, view.world_from_cam, uv)
     own = _entry(eye, rays, boxes_world, target)
     hit = np.isfinite(own)
     uv, rays, own = uv[hit], rays[hit], own[hit]
     if len(uv) < _LEAST_PIXELS:
-        return nothing
+        return _NO_PIXELS
     free = np.ones(len(uv), dtype=np.bool_)
     for other in _possible_occluders(camera, corners_cam, target, rectangle):
         free &= _entry(eye, rays, boxes_world, other) > own
@@ -129,10 +131,9 @@ def paint_vehicles(
     known = np.zeros(len(vehicles), dtype=np.bool_)
     choose = paint_mode if paint == "mode" else paint_robust
     for i in np.flatnonzero(vehicles):
-        parts = [
-            box_pixels(image, view, view.boxes_world, int(i), depth)
-            for image, view, depth in zip(images, views, depths, strict=True)
-        ]
+        seen = zip(images, views, depths, strict=True)
+        parts = [box_pixels(image, view, view.boxes_world, int(i), depth) for image, view, depth in seen]
+        parts.append(_NO_PIXELS)  # for a sample without images
         pixels = BoxPixels(np.concatenate([p.rgb for p in parts]), np.concatenate([p.height for p in parts]))
         if len(pixels.rgb) >= _LEAST_PIXELS:
             colours[i], known[i] = choose(pixels), True
@@ -145,11 +146,14 @@ def paint_sample(sample: SampleInput, wanted: BoolArray, paint: Paint) -> tuple[
     Raises:
         DataError: if an image or the sweep is damaged.
     """
-    images = [read_image(view.path) for view in sample.views]
+    images = [read_view(view.path, view.camera.width_px, view.camera.height_px) for view in sample.views]
     depths: list[DepthPicture | None] = [None] * len(images)
     if sample.lidar is not None:
         path, world_from_lidar = sample.lidar
         raw = read_lidar(path)[:, :3]
         points = apply(world_from_lidar, raw[np.isfinite(raw).all(axis=1)])
+        # Annotated objects hide as boxes, each where it was at the image's own time: a moving car's points, taken at
+        # the sweep's time, would hide the car itself.
+        points = points[~sample.boxes_world.inside(points, _BOX_MARGIN_M)]
         depths = [DepthPicture(apply(inverse(view.world_from_cam), points), view.camera) for view in sample.views]
     return paint_vehicles(images, sample.views, wanted, depths, paint)

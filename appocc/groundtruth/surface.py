@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from appocc.checks import BoolArray, Float32Array, FloatArray, IntArray
-from appocc.groundtruth.colouring import NO_CAMERA, ColouredPoints
+from appocc.groundtruth.colouring import LANE, NO_CAMERA, ROAD, UNLABELLED, ColouredPoints
 
 FINE_M = 0.1
 # The ground under a point is looked for in cells of this size; what stands higher is no ground.
@@ -18,6 +18,9 @@ _BELOW_M, _ABOVE_M = 0.3, 0.25
 # Exposure: points a camera pair must share, points that the prior (no difference) is worth, and the most that a
 # camera is brightened or darkened: where exposures differ more, colours near the pictures' own are worth more.
 _LEAST_PAIRS, _GAIN_PRIOR, _MOST_GAIN = 30, 100.0, 1.2
+_NO_POINTS = ColouredPoints(
+    np.zeros((0, 3), np.float32), np.zeros((0, 3), np.uint8), np.zeros(0, np.uint8), np.zeros(0, np.uint8)
+)
 
 
 class Surface(NamedTuple):
@@ -27,13 +30,15 @@ class Surface(NamedTuple):
         xyz_m: (N, 3) cell centres at the height of the ground.
         rgb: (N, 3) float32 sRGB 0..255, middle half of the observations by brightness.
         coloured: (N,) whether any image saw the cell.
-        road: (N,) share of the observations labelled road (lane included); 0 without labels.
-        lane: (N,) share labelled lane marking.
+        labelled: (N,) whether any observation has a label (nuScenes labels key frames only).
+        road: (N,) share of the labelled observations that are road (lane included); 0 without labels.
+        lane: (N,) share that are lane marking.
     """
 
     xyz_m: FloatArray
     rgb: Float32Array
     coloured: BoolArray
+    labelled: BoolArray
     road: Float32Array
     lane: Float32Array
 
@@ -69,8 +74,11 @@ def exposure_gains(sweeps: Sequence[ColouredPoints], cameras: int) -> ExposureGa
     log_gain = np.linalg.solve(normal + _GAIN_PRIOR * np.eye(cameras), right)
     limit = np.log(_MOST_GAIN)
     seen = sum((np.bincount(points.camera, minlength=256)[:cameras] for points in sweeps), np.zeros(cameras))
+    paired = normal.diagonal() > 0
+    seen = np.where(paired, seen, 0.0)
     mean = seen @ log_gain / max(seen.sum(), 1.0)  # the scene's brightness on the whole stays
-    return ExposureGains(np.exp(np.clip(log_gain - mean, -limit, limit)))
+    log_gain[paired] -= mean
+    return ExposureGains(np.exp(np.clip(log_gain, -limit, limit)))
 
 
 def _pair_ratios(points: ColouredPoints) -> dict[tuple[int, int], Float32Array]:
@@ -88,7 +96,11 @@ def _pair_ratios(points: ColouredPoints) -> dict[tuple[int, int], Float32Array]:
 
 
 def build_surface(sweeps: Sequence[ColouredPoints], origin_m: FloatArray, gains: ExposureGains) -> Surface:
-    """Gather the sweeps: keep the ground, even out exposure, and average what falls into a fine cell."""
+    """Gather the sweeps: keep the ground, even out exposure, and average what falls into a fine cell.
+
+    Without sweeps the surface is empty.
+    """
+    sweeps = [_NO_POINTS, *sweeps]
     xyz = np.concatenate([points.xyz_m for points in sweeps])
     keep = _on_ground(xyz)
     xyz = xyz[keep]
@@ -104,13 +116,10 @@ def build_surface(sweeps: Sequence[ColouredPoints], origin_m: FloatArray, gains:
     centre = np.empty((cells, 3))
     centre[:, :2] = (unique + 0.5) * FINE_M + origin_m[:2]
     centre[:, 2] = np.bincount(cell, xyz[:, 2], minlength=cells) / count + origin_m[2]
-    return Surface(
-        centre,
-        mean,
-        has_colour,
-        (np.bincount(cell, ground >= 1, minlength=cells) / count).astype(np.float32),
-        (np.bincount(cell, ground == 2, minlength=cells) / count).astype(np.float32),
-    )
+    labels = np.bincount(cell, ground != UNLABELLED, minlength=cells)
+    road = np.bincount(cell, (ground == ROAD) | (ground == LANE), minlength=cells) / np.maximum(labels, 1)
+    lane = np.bincount(cell, ground == LANE, minlength=cells) / np.maximum(labels, 1)
+    return Surface(centre, mean, has_colour, labels > 0, road.astype(np.float32), lane.astype(np.float32))
 
 
 def _numbered(xyz: Float32Array, cell_m: float) -> tuple[IntArray, IntArray]:

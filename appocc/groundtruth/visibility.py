@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from functools import reduce
+
 import cv2
 import numpy as np
 
@@ -76,8 +79,9 @@ def box_entry(
     along = directions @ box_from_frame[:3, :3].T
     with np.errstate(divide="ignore", invalid="ignore"):
         first, second = (-half_lwh_m - start) / along, (half_lwh_m - start) / along
-    enter = np.nanmax(np.minimum(first, second), axis=1)
-    leave = np.nanmin(np.maximum(first, second), axis=1)
+    # fmax and fmin pass over NaN (a ray that runs within a face's plane); by column they are fast.
+    enter = reduce(np.fmax, np.minimum(first, second).T)
+    leave = reduce(np.fmin, np.maximum(first, second).T)
     return np.where((enter <= leave) & (leave > 0), np.maximum(enter, 0.0), np.inf)
 
 
@@ -107,15 +111,16 @@ def hidden_by_boxes(
     """(P,) whether a box, grown by a margin, stands between the camera and each of the points (P, 3)."""
     hidden = np.zeros(len(points_world), dtype=np.bool_)
     eye = world_from_cam[:3, 3]
-    corners_cam = apply(inverse(world_from_cam), boxes_world.corners())
-    halves = boxes_world.half_lwh_m() + margin_m
-    for i in range(len(boxes_world)):
+    grown = replace(boxes_world, size_wlh_m=boxes_world.size_wlh_m + 2 * margin_m)
+    corners_cam = apply(inverse(world_from_cam), grown.corners())
+    halves = grown.half_lwh_m()
+    for i in range(len(grown)):
         rectangle = image_rectangle(camera, corners_cam[i])
         if rectangle is None:
             continue
-        low, high = rectangle[0] - 4, rectangle[1] + 4
+        low, high = rectangle[0] - 1, rectangle[1] + 1
         near = np.flatnonzero(~hidden & ((uv_px >= low) & (uv_px <= high)).all(axis=1))
         if len(near):
-            entry = box_entry(eye, points_world[near] - eye, boxes_world.frame_from_box(i), halves[i])
+            entry = box_entry(eye, points_world[near] - eye, grown.frame_from_box(i), halves[i])
             hidden[near] = entry < 1.0
     return hidden

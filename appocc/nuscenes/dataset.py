@@ -46,8 +46,8 @@ class Dataset:
         return tuple(
             Scene(
                 t.text("token", i),
-                str(t["name"][i]),
-                str(t["description"][i] or ""),
+                t["name"][i],
+                t["description"][i],
                 t.text("log_token", i),
                 t.text("first_sample_token", i),
                 t.text("last_sample_token", i),
@@ -125,12 +125,12 @@ class Dataset:
         token = t.text("token", row)
         if sensor < 0 or pose < 0:
             lacks = "sensor" if sensor < 0 else "ego pose"
-            raise DataError(f"{self.tables.folder / 'sample_data.json'}: {token} refers to no {lacks}")
+            raise DataError(f"{self.tables.path('sample_data')}: {token} refers to no {lacks}")
         return SampleData(
             token,
             t.text("sample_token", row),
-            str(sensors["channel"][sensor]),
-            str(sensors["modality"][sensor]),
+            sensors["channel"][sensor],
+            sensors["modality"][sensor],
             int(t["timestamp"][row]),
             bool(t["is_key_frame"][row]),
             t.text("filename", row),
@@ -161,7 +161,7 @@ class Dataset:
         try:
             return transform(t["rotation"][row], t["translation"][row])
         except AppoccError as error:
-            raise DataError(f"{self.tables.folder / table}.json: {t.text('token', row)}: {error}") from error
+            raise DataError(f"{self.tables.path(table)}: {t.text('token', row)}: {error}") from error
 
     def camera(self, data: SampleData) -> Camera:
         """The camera of an image file, as mounted; sizes missing in the table are read from the image.
@@ -170,7 +170,7 @@ class Dataset:
             DataError: if its calibration cannot be true.
         """
         t = self.tables["calibrated_sensor"]
-        where = f"{self.tables.folder / 'calibrated_sensor.json'}: {t.text('token', data.calibration_row)}"
+        where = f"{self.tables.path('calibrated_sensor')}: {t.text('token', data.calibration_row)}"
         ego_from_cam = self.ego_from_sensor(data)
         width, height = data.width_px, data.height_px
         if width < 1 or height < 1:
@@ -200,10 +200,17 @@ class Dataset:
 
     @cached_property
     def lidarseg_names(self) -> dict[int, str]:
-        """Name of each nuScenes-lidarseg label; empty where the categories have no `index`."""
+        """Name of each nuScenes-lidarseg label; empty where the categories have no `index`.
+
+        Raises:
+            DataError: if an `index` is no number.
+        """
         t = self.tables["category"]
-        labels = zip(t["index"], t["name"], strict=True)
-        return {int(label): str(name) for label, name in labels if label is not None}
+        labelled = [(label, name) for label, name in zip(t["index"], t["name"], strict=True) if label is not None]
+        try:
+            return {int(label): name for label, name in labelled}
+        except (TypeError, ValueError) as error:
+            raise DataError(f"{self.tables.path('category')}: index: expected a whole number ({error})") from error
 
     # The ego and the boxes ----------------------------------------------------------------------------------------
 
@@ -236,14 +243,14 @@ class Dataset:
                 t.array("translation")[rows],
                 t.array("size")[rows],
                 rotation_from_quaternion(t.array("rotation")[rows]),
-                tuple(str(categories[c]) if c >= 0 else "" for c in self.tables.annotation_category[rows]),
+                tuple(categories[c] if c >= 0 else "" for c in self.tables.annotation_category[rows]),
                 tuple(t.text("instance_token", int(row)) for row in rows),
                 tuple(t.text("token", int(row)) for row in rows),
                 self._velocities(rows),
                 t.array("num_lidar_pts")[rows],
             )
         except AppoccError as error:
-            path = self.tables.folder / "sample_annotation.json"
+            path = self.tables.path("sample_annotation")
             raise DataError(f"{path}: sample {sample.token}: {error}") from error
 
     def _velocities(self, rows: IntArray) -> FloatArray:
@@ -285,22 +292,25 @@ class Dataset:
     def location(self, scene: Scene) -> str:
         """Where a scene was recorded, as its log says ('' if it does not)."""
         log = self.tables["log"]
-        return str(log["location"][log.row(scene.log_token)] or "")
+        return str(log["location"][log.row(scene.log_token)])
 
     def map_record(self, scene: Scene) -> MapRecord | None:
-        """The drivable-area mask of a scene's log, None where there is none."""
+        """The drivable-area mask of a scene's log, None where there is none.
+
+        Raises:
+            DataError: if its origin or its value for "not known" are no numbers.
+        """
         t = self.tables["map"]
-        for i in range(len(t)):
-            if scene.log_token in (t["log_tokens"][i] or ()):
-                origin = t["origin_m"][i] or (0.0, 0.0)
-                unknown = t["unknown_value"][i]
-                return MapRecord(
-                    str(t["filename"][i]),
-                    (float(origin[0]), float(origin[1])),
-                    None if unknown is None else int(unknown),
-                    str(t["source"][i] or ""),
-                )
-        return None
+        row = next((i for i, logs in enumerate(t["log_tokens"]) if scene.log_token in logs), None)
+        if row is None:
+            return None
+        unknown = t["unknown_value"][row]
+        try:
+            x, y = (float(value) for value in t["origin_m"][row] or (0.0, 0.0))
+            return MapRecord(t["filename"][row], (x, y), None if unknown is None else int(unknown), t["source"][row])
+        except (TypeError, ValueError) as error:
+            where = f"{self.tables.path('map')}: {t.text('token', row)}"
+            raise DataError(f"{where}: origin_m or unknown_value: expected numbers ({error})") from error
 
 
 def sample_at(dataset: Dataset, scene: Scene, frame: int) -> Sample:

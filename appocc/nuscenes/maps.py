@@ -18,6 +18,9 @@ from appocc.nuscenes.records import MapRecord, Scene
 PX_PER_M = 10
 # nuScenes' largest mask has 1.2 billion pixels; Pillow's own limit guards against far smaller pictures.
 _MOST_PIXELS = 4_000_000_000
+_LINE_LAYERS, _STOP_LAYER = ("lane_divider", "road_divider"), "stop_line"
+# Outline (K, 2) and holes of a polygon.
+Area = tuple[FloatArray, tuple[FloatArray, ...]]
 
 
 @dataclass(frozen=True)
@@ -41,7 +44,7 @@ class MaskWindow:
 
 
 def mask_window(dataset: Dataset, scene: Scene, low_m: FloatArray, high_m: FloatArray) -> MaskWindow | None:
-    """The mask of a scene between two world points (2,), None where the scene has no mask.
+    """The mask of a scene between two world points (2,), None where the scene has no mask or lies beyond it.
 
     Raises:
         DataError: if the picture is missing or damaged.
@@ -50,7 +53,7 @@ def mask_window(dataset: Dataset, scene: Scene, low_m: FloatArray, high_m: Float
     return None if record is None else _window(inside(dataset.root, record.filename), record, low_m, high_m)
 
 
-def _window(path: Path, record: MapRecord, low_m: FloatArray, high_m: FloatArray) -> MaskWindow:
+def _window(path: Path, record: MapRecord, low_m: FloatArray, high_m: FloatArray) -> MaskWindow | None:
     Image.MAX_IMAGE_PIXELS = _MOST_PIXELS
     origin = np.array(record.origin_m)
     try:
@@ -62,9 +65,9 @@ def _window(path: Path, record: MapRecord, low_m: FloatArray, high_m: FloatArray
             grey = np.asarray(picture.crop(area).convert("L"), dtype=np.uint8)
     except (OSError, UnidentifiedImageError, Image.DecompressionBombError, SyntaxError) as error:
         raise DataError(f"{path}: not a readable map mask ({error})") from error
-    corner = origin + low / PX_PER_M
     if not grey.size:
-        grey = np.full((1, 1), 0, np.uint8)
+        return None
+    corner = origin + low / PX_PER_M
     return MaskWindow(grey, (float(corner[0]), float(corner[1])), record.unknown_value, record.source)
 
 
@@ -73,12 +76,13 @@ class VectorMap:
     """Polygons and lines of the map expansion, world frame, metres.
 
     Attributes:
-        drivable: polygons as (outline (K, 2), holes); drivable areas and car parks.
-        markings: polylines (K, 2): lane dividers, road dividers, outlines of stop lines.
+        drivable: polygons as (outline (K, 2), holes): drivable areas and car parks; None where the map has no such
+            layer.
+        markings: polylines (K, 2): lane dividers, road dividers, outlines of stop lines; None likewise.
     """
 
-    drivable: tuple[tuple[FloatArray, tuple[FloatArray, ...]], ...]
-    markings: tuple[FloatArray, ...]
+    drivable: tuple[Area, ...] | None
+    markings: tuple[FloatArray, ...] | None
 
     def near(self, low_m: FloatArray, high_m: FloatArray) -> VectorMap:
         """Only what overlaps the rectangle between two world points (2,)."""
@@ -87,8 +91,8 @@ class VectorMap:
             return bool((points.max(axis=0) >= low_m).all() and (points.min(axis=0) <= high_m).all())
 
         return VectorMap(
-            tuple(area for area in self.drivable if overlaps(area[0])),
-            tuple(line for line in self.markings if overlaps(line)),
+            None if self.drivable is None else tuple(area for area in self.drivable if overlaps(area[0])),
+            None if self.markings is None else tuple(line for line in self.markings if overlaps(line)),
         )
 
 
@@ -109,30 +113,48 @@ def read_vector_map(path: Path) -> VectorMap:
     """Read a map expansion file.
 
     Raises:
-        DataError: if it is missing, damaged or refers to nodes that it lacks.
+        DataError: if it is missing or damaged, refers to nodes that it lacks, or has neither roads nor markings.
     """
     data = read_json(path)
     try:
         nodes = {node["token"]: (float(node["x"]), float(node["y"])) for node in data["node"]}
         lines = {line["token"]: _points(nodes, line["node_tokens"]) for line in data["line"]}
         polygons = {polygon["token"]: _polygon(nodes, polygon) for polygon in data["polygon"]}
-        areas = [token for row in data["drivable_area"] for token in row["polygon_tokens"]]
-        areas += [row["polygon_token"] for row in data.get("carpark_area", [])]
-        markings = [
-            lines[row["line_token"]] for name in ("lane_divider", "road_divider") for row in data.get(name, [])
-        ]
-        stops = [polygons[row["polygon_token"]][0] for row in data.get("stop_line", [])]
-        closed = [np.concatenate([outline, outline[:1]]) for outline in stops if len(outline)]
-        drivable = [polygons[token] for token in areas if len(polygons[token][0]) >= 3]
-        return VectorMap(tuple(drivable), tuple(line for line in [*markings, *closed] if len(line) >= 2))
-    except (KeyError, TypeError, ValueError) as error:
+        found = VectorMap(_drivable(data, polygons), _markings(data, lines, polygons))
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise DataError(f"{path}: no map expansion ({error!r})") from error
+    if found.drivable is None and found.markings is None:
+        raise DataError(f"{path}: no map expansion (it has neither drivable_area nor a layer of line markings)")
+    return found
+
+
+def _drivable(data: dict[str, Any], polygons: dict[str, Area]) -> tuple[Area, ...] | None:
+    if "drivable_area" not in data:
+        return None
+    tokens = [token for row in data["drivable_area"] for token in row["polygon_tokens"]]
+    tokens += [row["polygon_token"] for row in data.get("carpark_area", [])]
+    return tuple(polygons[token] for token in tokens if len(polygons[token][0]) >= 3)
+
+
+def _markings(
+    data: dict[str, Any], lines: dict[str, FloatArray], polygons: dict[str, Area]
+) -> tuple[FloatArray, ...] | None:
+    if not any(name in data for name in (*_LINE_LAYERS, _STOP_LAYER)):
+        return None
+    found = [lines[row["line_token"]] for name in _LINE_LAYERS for row in data.get(name, [])]
+    stops = [polygons[row["polygon_token"]][0] for row in data.get(_STOP_LAYER, [])]
+    found += [np.concatenate([outline, outline[:1]]) for outline in stops]
+    return tuple(line for line in found if len(line) >= 2)
 
 
 def _points(nodes: dict[str, tuple[float, float]], tokens: list[str]) -> FloatArray:
-    return np.array([nodes[token] for token in tokens], dtype=np.float64).reshape(-1, 2)
+    """Places (K, 2) of nodes; a ValueError where one is no number."""
+    places = np.array([nodes[token] for token in tokens], dtype=np.float64).reshape(-1, 2)
+    if not np.isfinite(places).all():
+        raise ValueError("a node is nowhere")
+    return places
 
 
-def _polygon(nodes: dict[str, tuple[float, float]], row: dict[str, Any]) -> tuple[FloatArray, tuple[FloatArray, ...]]:
+def _polygon(nodes: dict[str, tuple[float, float]], row: dict[str, Any]) -> Area:
     holes = tuple(_points(nodes, hole["node_tokens"]) for hole in row.get("holes", []))
     return _points(nodes, row["exterior_node_tokens"]), tuple(hole for hole in holes if len(hole) >= 3)

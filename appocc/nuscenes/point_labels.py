@@ -38,7 +38,7 @@ class PointLabels:
 
 
 def point_labels(dataset: Dataset, data: SampleData) -> PointLabels | None:
-    """Labels of a LiDAR file, None where it has none.
+    """Labels of a LiDAR file, None where it has none that tell the road.
 
     Raises:
         DataError: if a table is damaged or a file name leads out of the root.
@@ -47,13 +47,9 @@ def point_labels(dataset: Dataset, data: SampleData) -> PointLabels | None:
         files = _files(dataset, table)
         if data.token in files:
             names = _names(dataset, categories)
-            lane = _flags(names, _LANE)
-            return PointLabels(
-                inside(dataset.root, files[data.token]),
-                _flags(names, _ROAD),
-                lane if lane.any() else None,
-                table,
-            )
+            road, lane = _flags(names, _ROAD), _flags(names, _LANE)
+            if road.any():  # else the set cannot tell what is road: no source of it
+                return PointLabels(inside(dataset.root, files[data.token]), road, lane if lane.any() else None, table)
     return None
 
 
@@ -72,9 +68,17 @@ def _files(dataset: Dataset, table: str) -> dict[str, str]:
 
 
 def _names(dataset: Dataset, table: str) -> dict[int, str]:
-    """Label -> name of a category table whose rows have an index."""
+    """Label -> name of a category table whose rows have an index.
+
+    Raises:
+        DataError: if the table is missing or damaged.
+    """
     path = dataset.tables.folder / f"{table}.json"
-    return {int(row["index"]): str(row["name"]) for row in read_json(path) if "index" in row}
+    rows = read_json(path)
+    try:
+        return {int(row["index"]): str(row["name"]) for row in rows if row.get("index") is not None}
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise DataError(f"{path}: expected rows with index and name ({error!r})") from error
 
 
 def _flags(names: dict[int, str], wanted: tuple[str, ...]) -> BoolArray:

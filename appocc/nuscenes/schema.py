@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-Kind = Literal["token", "text", "int", "bool", "vector", "any"]
+Kind = Literal["token", "text", "name", "tokens", "int", "bool", "vector", "any"]
 
 
 @dataclass(frozen=True)
@@ -14,7 +14,8 @@ class Field:
 
     Attributes:
         name: key in the JSON objects.
-        kind: token and text become numpy byte strings, int int64, bool bool, vector float64 (N, width), any a list.
+        kind: token and text become numpy byte strings, int int64, bool bool, vector float64 (N, width); name becomes
+            a list of str, tokens a list of tuples of str, any a list of whatever the file holds.
         refers_to: table whose tokens the field holds, if it is a reference.
         width: length of a vector.
         required: whether every record must have it; others get a default (empty, `unknown`, False).
@@ -38,7 +39,7 @@ def _ref(name: str, table: str, optional: bool = False) -> Field:
 _TOKEN = Field("token", "token")
 
 TABLES: dict[str, tuple[Field, ...]] = {
-    "attribute": (_TOKEN, Field("name", "any"), Field("description", "any", required=False)),
+    "attribute": (_TOKEN, Field("name", "name"), Field("description", "name", required=False)),
     "calibrated_sensor": (
         _TOKEN,
         _ref("sensor_token", "sensor"),
@@ -48,8 +49,8 @@ TABLES: dict[str, tuple[Field, ...]] = {
     ),
     "category": (
         _TOKEN,
-        Field("name", "any"),
-        Field("description", "any", required=False),
+        Field("name", "name"),
+        Field("description", "name", required=False),
         Field("index", "any", required=False),  # the label of the category in nuScenes-lidarseg
     ),
     "ego_pose": (
@@ -67,19 +68,19 @@ TABLES: dict[str, tuple[Field, ...]] = {
     ),
     "log": (
         _TOKEN,
-        Field("logfile", "any", required=False),
-        Field("vehicle", "any", required=False),
-        Field("date_captured", "any", required=False),
-        Field("location", "any", required=False),
+        Field("logfile", "name", required=False),
+        Field("vehicle", "name", required=False),
+        Field("date_captured", "name", required=False),
+        Field("location", "name", required=False),
     ),
     "map": (
         _TOKEN,
-        Field("category", "any", required=False),
-        Field("filename", "any"),
-        Field("log_tokens", "any", "log"),
+        Field("category", "name", required=False),
+        Field("filename", "name"),
+        Field("log_tokens", "tokens", "log"),
         Field("origin_m", "any", required=False),
         Field("unknown_value", "any", required=False),
-        Field("source", "any", required=False),
+        Field("source", "name", required=False),
     ),
     "sample": (
         _TOKEN,
@@ -93,7 +94,7 @@ TABLES: dict[str, tuple[Field, ...]] = {
         _ref("sample_token", "sample"),
         _ref("instance_token", "instance"),
         _ref("visibility_token", "visibility", optional=True),
-        Field("attribute_tokens", "any", "attribute", required=False),
+        Field("attribute_tokens", "tokens", "attribute", required=False),
         Field("translation", "vector", width=3),
         Field("size", "vector", width=3),
         Field("rotation", "vector", width=4),
@@ -122,11 +123,11 @@ TABLES: dict[str, tuple[Field, ...]] = {
         Field("nbr_samples", "int", required=False, unknown=-1),
         _ref("first_sample_token", "sample"),
         _ref("last_sample_token", "sample"),
-        Field("name", "any"),
-        Field("description", "any", required=False),
+        Field("name", "name"),
+        Field("description", "name", required=False),
     ),
-    "sensor": (_TOKEN, Field("channel", "any"), Field("modality", "any")),
-    "visibility": (_TOKEN, Field("level", "any", required=False), Field("description", "any", required=False)),
+    "sensor": (_TOKEN, Field("channel", "name"), Field("modality", "name")),
+    "visibility": (_TOKEN, Field("level", "name", required=False), Field("description", "name", required=False)),
 }
 
 # Tables beside the thirteen, read only where they are asked for.

@@ -12,18 +12,14 @@ from typing import Any, TextIO
 import numpy as np
 from numpy.typing import NDArray
 
-from appocc.checks import IntArray
+from appocc.checks import BoolArray, IntArray
 from appocc.errors import DataError, NotFoundError
+from appocc.nuscenes.columns import Column, column, joined
 from appocc.nuscenes.schema import Field
 
 # Characters read at a time: larger pieces leave the processor's cache and are slower to parse.
 _PIECE = 1 << 16
-# One longer text would widen all rows of its column.
-_LONGEST = 1024
-_MISFITS = (KeyError, TypeError, ValueError, OverflowError, AttributeError)
-_WANTED = {"token": "a short text", "text": "a short text", "int": "a whole number", "bool": "true or false"}
 _BETWEEN = re.compile(r"\}\s*,\s*(?=\{)")
-Column = NDArray[Any] | list[Any]
 
 
 class Table:
@@ -76,6 +72,13 @@ class Table:
             raise NotFoundError(f"table {self.name} has no token '{token}'")
         return found
 
+    def repeated(self) -> BoolArray:
+        """(N,) whether an earlier row has the same token."""
+        order, ranked = self._by_token
+        again = np.zeros(len(order), dtype=np.bool_)
+        again[order[1:]] = ranked[1:] == ranked[:-1]
+        return again
+
     def groups(self, field: str) -> Groups:
         """Rows grouped by the value of a reference field."""
         return Groups(self.array(field))
@@ -96,6 +99,11 @@ class Groups:
         return self._order[low:high]
 
 
+def at_rows(values: IntArray, rows: IntArray) -> IntArray:
+    """Values at rows, -1 where the row is -1."""
+    return np.where(rows >= 0, values[rows], -1) if len(values) else np.full(len(rows), -1)
+
+
 def read_table(path: Path, fields: tuple[Field, ...]) -> Table:
     """Read a table file, a list of JSON objects, piece by piece: its text is never in memory as a whole.
 
@@ -108,16 +116,16 @@ def read_table(path: Path, fields: tuple[Field, ...]) -> Table:
         with path.open(encoding="utf-8-sig", newline="") as handle:
             for records in _pieces(handle):
                 for field in fields:
-                    parts[field.name].append(_column(path, field, records, seen))
+                    parts[field.name].append(column(field, records, seen))
                 seen += len(records)
     except OSError as error:
         raise DataError(f"{path}: cannot be read ({error.strerror})") from error
-    except DataError:
-        raise
+    except DataError as error:
+        raise DataError(f"{path}: {error}") from None
     except (ValueError, RecursionError) as error:
         reason = error.msg if isinstance(error, json.JSONDecodeError) else error
         raise DataError(f"{path}: no valid JSON list of records ({reason}, after record {seen})") from error
-    return Table(path.stem, {field.name: _join(field, parts.pop(field.name)) for field in fields})
+    return Table(path.stem, {field.name: joined(parts.pop(field.name)) for field in fields})
 
 
 def _pieces(handle: TextIO) -> Iterator[list[Any]]:
@@ -156,60 +164,4 @@ def _whole_records(buffer: str) -> tuple[list[Any], int]:
 
 def empty_table(name: str, fields: tuple[Field, ...]) -> Table:
     """A table without rows."""
-    return Table(name, {field.name: _packed(field, []) for field in fields})
-
-
-def _column(path: Path, field: Field, records: list[Any], first_row: int) -> Column:
-    """One field of some records as a column."""
-    try:
-        if field.required:
-            return _packed(field, [record[field.name] for record in records])
-        return _packed(field, [record.get(field.name) for record in records])
-    except _MISFITS:
-        found = ((row, _complaint(field, record)) for row, record in enumerate(records, start=first_row))
-        row, complaint = next((row, complaint) for row, complaint in found if complaint)
-        raise DataError(f"{path}: record {row}{complaint}") from None
-
-
-def _packed(field: Field, values: list[Any]) -> Column:
-    """Values of one field as a numpy column of the field's kind."""
-    if field.kind in ("token", "text"):
-        texts = np.array([("" if value is None else value).encode() for value in values], dtype=np.bytes_)
-        if texts.itemsize > _LONGEST:
-            raise ValueError
-        return texts
-    if field.kind == "vector":
-        vectors = np.array(values, dtype=np.float64)
-        if values and vectors.shape != (len(values), field.width):
-            raise ValueError
-        return vectors.reshape(-1, field.width)
-    if field.kind == "int":
-        numbers = np.array([field.unknown if value is None else value for value in values], dtype=np.int64)
-        if numbers.ndim != 1:
-            raise ValueError
-        return numbers
-    if field.kind == "bool" and not all(isinstance(value, bool) for value in values):
-        raise TypeError
-    return np.array(values, dtype=np.bool_) if field.kind == "bool" else values
-
-
-def _complaint(field: Field, record: Any) -> str:
-    """What is wrong with one record's field, '' if nothing is."""
-    if not isinstance(record, dict):
-        return f": expected an object, got {type(record).__name__}"
-    name = f" ({record.get('token', '?')})"
-    if field.required and field.name not in record:
-        return f"{name} has no field '{field.name}'"
-    try:
-        _packed(field, [record.get(field.name)])
-    except _MISFITS:
-        wanted = f"{field.width} numbers" if field.kind == "vector" else _WANTED[field.kind]
-        return f"{name}: {field.name}: expected {wanted}, got {json.dumps(record[field.name])[:60]}"
-    return ""
-
-
-def _join(field: Field, parts: list[Column]) -> Column:
-    """The pieces of a column as one."""
-    if field.kind == "any":
-        return [value for part in parts for value in part]
-    return np.concatenate([np.asarray(part) for part in parts])
+    return Table(name, {field.name: column(field, [], 0) for field in fields})

@@ -10,7 +10,7 @@ import numpy as np
 from appocc.checks import IntArray
 from appocc.errors import DataError, NotFoundError
 from appocc.nuscenes.schema import EXTRA_TABLES, OPTIONAL_TABLES, TABLES
-from appocc.nuscenes.table import Groups, Table, empty_table, read_table
+from appocc.nuscenes.table import Groups, Table, at_rows, empty_table, read_table
 
 
 def find_version(root: Path, version: str | None) -> str:
@@ -107,11 +107,11 @@ class Tables:
     def data_channel(self) -> IntArray:
         """(N,) row of sensor for each row of sample_data, -1 where broken."""
         sensor = self["sensor"].rows_of(self["calibrated_sensor"].array("sensor_token"))
-        return np.where(self.data_calibration >= 0, sensor[self.data_calibration], -1)
+        return at_rows(sensor, self.data_calibration)
 
     @cached_property
     def annotation_category(self) -> IntArray:
         """(N,) row of category for each row of sample_annotation, -1 where broken."""
         instance = self["instance"].rows_of(self["sample_annotation"].array("instance_token"))
         category = self["category"].rows_of(self["instance"].array("category_token"))
-        return np.where(instance >= 0, category[instance], -1)
+        return at_rows(category, instance)

@@ -81,7 +81,7 @@ class Annotation:
         world_from_box: (4, 4) pose; x along the length.
         size_wlh_m: width, length, height.
         attribute: one of `ATTRIBUTES`, or empty.
-        lidar_points: LiDAR points inside.
+        lidar_points: LiDAR points inside, -1 where unknown.
         visibility: token 1..4, or empty where unknown.
     """
 
@@ -90,7 +90,7 @@ class Annotation:
     world_from_box: FloatArray
     size_wlh_m: tuple[float, float, float]
     attribute: str = ""
-    lidar_points: int = 0
+    lidar_points: int = -1
     visibility: str = ""
 
 

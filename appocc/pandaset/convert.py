@@ -112,10 +112,12 @@ def _add_images(
         writer.add_file(sample, channel, token, world_from_ego, timestamp, filename, (width, height))
 
 
-def _add_sweep(recording: Recording, moment: Moment, sample: str, writer: Writer, calibration: str) -> FloatArray:
-    """Write the sweep of a frame and its labels; returns its points (N, 3) in the world (none without LiDAR)."""
+def _add_sweep(
+    recording: Recording, moment: Moment, sample: str, writer: Writer, calibration: str
+) -> FloatArray | None:
+    """Write the sweep of a frame and its labels; returns its points (N, 3) in the world, None without LiDAR."""
     if moment.read_sweep is None:
-        return np.zeros((0, 3))
+        return None
     sweep = moment.read_sweep()
     points_ego = sweep.points_ego_m + np.array([0.0, 0.0, EGO_HEIGHT_M])
     points_lidar = apply(inverse(_EGO_FROM_LIDAR), points_ego)
@@ -142,12 +144,12 @@ def _add_labels(recording: Recording, sweep: Sweep, data_token: str, writer: Wri
         writer.add_extra(table, data_token, sample_data_token=data_token, filename=filename)
 
 
-def _annotations(moment: Moment, points_world: FloatArray) -> list[Annotation]:
-    """Boxes of a frame without twins, with the number of LiDAR points in each."""
+def _annotations(moment: Moment, points_world: FloatArray | None) -> list[Annotation]:
+    """Boxes of a frame without twins, with the number of LiDAR points in each (-1, unknown, without LiDAR)."""
     return [_annotation(cuboid, points_world) for cuboid in without_twins(moment.cuboids)]
 
 
-def _annotation(cuboid: Cuboid, points_world: FloatArray) -> Annotation:
+def _annotation(cuboid: Cuboid, points_world: FloatArray | None) -> Annotation:
     pose = transform(quaternion_from_yaw(cuboid.yaw_world_rad), cuboid.centre_world_m)
     length, width, height = (float(v) for v in cuboid.size_lwh_m)
     box = Boxes(
@@ -166,7 +168,7 @@ def _annotation(cuboid: Cuboid, points_world: FloatArray) -> Annotation:
         pose,
         (width, length, height),
         attribute_of(cuboid.label, cuboid.motion),
-        int(box.inside(points_world).sum()),
+        -1 if points_world is None else int(box.inside(points_world).sum()),
     )
 
 

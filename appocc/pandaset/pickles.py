@@ -52,9 +52,9 @@ def read_pickles(sequence: Path, lidar: Path | None) -> Recording:
             None,
             f"PandaSet sequence {sequence.name}",
         )
-    except (KeyError, TypeError, IndexError, ValueError) as error:
-        if isinstance(error, AppoccError):
-            raise DataError(f"{sequence}: {error}") from error
+    except AppoccError as error:
+        raise DataError(f"{sequence}: {error}") from error
+    except (KeyError, TypeError, IndexError, ValueError, AttributeError) as error:
         raise DataError(f"{sequence}: not a published PandaSet sequence ({error!r})") from error
 
 
@@ -106,18 +106,24 @@ def _cuboid(row: dict[str, Any]) -> Cuboid:
 
 
 def _sweep(points: Path, labels: Path, world_from_ego: FloatArray) -> Sweep:
-    """The spinning LiDAR's rows of a point table, from the world frame to the ego frame."""
+    """The spinning LiDAR's rows of a point table, from the world frame to the ego frame.
+
+    Raises:
+        DataError: if a table is missing or damaged, or there is not one label a point.
+    """
     table = _unpickled(points)
-    spinning = table["d"].to_numpy() == 0
-    xyz = table[["x", "y", "z"]].to_numpy(dtype=np.float64)[spinning]
-    classes = _unpickled(labels)["class"].to_numpy() if labels.is_file() else None
+    found = _unpickled(labels) if labels.is_file() else None
+    try:
+        spinning = table["d"].to_numpy() == 0
+        xyz = table[["x", "y", "z"]].to_numpy(dtype=np.float64)[spinning]
+        intensity = table["i"].to_numpy()[spinning].astype(np.uint8)
+        classes = None if found is None else found["class"].to_numpy()
+    except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
+        raise DataError(f"{points}: not a PandaSet point table, or its labels are none ({error!r})") from error
     if classes is not None and len(classes) != len(spinning):
         raise DataError(f"{labels}: expected {len(spinning)} labels, one a point, got {len(classes)}")
-    return Sweep(
-        apply(inverse(world_from_ego), xyz),
-        table["i"].to_numpy()[spinning].astype(np.uint8),
-        None if classes is None else classes[spinning].astype(np.uint8),
-    )
+    labels_of_points = None if classes is None else classes[spinning].astype(np.uint8)
+    return Sweep(apply(inverse(world_from_ego), xyz), intensity, labels_of_points)
 
 
 def _unpickled(path: Path) -> Any:

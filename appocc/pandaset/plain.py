@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from appocc.checks import FloatArray, check_transform
 from appocc.errors import AppoccError, DataError
 from appocc.files import inside, read_json
 from appocc.geometry import nearest_rigid
@@ -29,29 +30,34 @@ def read_plain(source: Path, lidar: Path | None) -> Recording:
         moments = tuple(_moment(source, frame, lidar) for frame in frames if frame["has_images"])
         name = PurePosixPath(next(iter(frames[0]["cameras"].values()))["file"]).parts[0]
         return Recording(name, moments, intrinsics, _label_names(source), _road(source), str(data.get("source", "")))
-    except (KeyError, TypeError, IndexError, StopIteration) as error:
-        raise DataError(f"{path}: not the plain twin of a PandaSet sequence ({error!r})") from error
     except AppoccError as error:
         raise DataError(f"{path}: {error}") from error
+    except (KeyError, TypeError, IndexError, ValueError, AttributeError, StopIteration) as error:
+        raise DataError(f"{path}: not the plain twin of a PandaSet sequence ({error!r})") from error
 
 
 def _moment(source: Path, frame: dict[str, Any], lidar: Path | None) -> Moment:
     """One entry of `frames`."""
     images = {
-        CHANNELS[name]: Image(
-            inside(source, camera["file"]), float(camera["t"]), nearest_rigid(np.array(camera["T_world_cam"]))
-        )
+        CHANNELS[name]: Image(inside(source, camera["file"]), float(camera["t"]), _pose(camera, "T_world_cam"))
         for name, camera in frame["cameras"].items()
     }
     npz = lidar / "npz" / f"{int(frame['i']):02d}.npz" if lidar and frame["lidar_npz"] else None
     return Moment(
         int(frame["i"]),
         float(frame["t_lidar"]),
-        nearest_rigid(np.array(frame["T_world_ego"])),
+        _pose(frame, "T_world_ego"),
         images,
         tuple(_cuboid(box) for box in frame["boxes"]),
         partial(_sweep, npz) if npz else None,
     )
+
+
+def _pose(row: dict[str, Any], name: str) -> FloatArray:
+    """4x4 pose of a field, freed of the rounding of its text."""
+    pose = np.array(row[name], dtype=np.float64)
+    check_transform(name, pose)
+    return nearest_rigid(pose)
 
 
 def _cuboid(box: dict[str, Any]) -> Cuboid:

@@ -10,8 +10,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from appocc.checks import ByteArray, FloatArray, check_finite, check_shape, check_transform
-from appocc.errors import DataError
+import numpy as np
+
+from appocc.checks import ByteArray, FloatArray, check_dtype, check_finite, check_shape, check_transform
+from appocc.errors import DataError, ShapeError
 
 # PandaSet's camera folders and the nuScenes-style channels they become.
 CHANNELS = {
@@ -33,11 +35,12 @@ class Image:
     world_from_cam: FloatArray
 
     def __post_init__(self) -> None:
-        """Check the pose.
+        """Check time and pose.
 
         Raises:
-            ShapeError: if it is no pose.
+            ShapeError: if the time is not finite or the pose is none.
         """
+        check_finite(f"{self.path.name} time", np.array(self.time_s))
         check_transform(f"{self.path.name} world_from_cam", self.world_from_cam)
 
 
@@ -58,12 +61,15 @@ class Cuboid:
         """Check the numbers.
 
         Raises:
-            ShapeError: if one is missing or not finite.
+            ShapeError: if one is missing or not finite, or a size is not positive.
         """
         check_shape(f"cuboid {self.track} centre", self.centre_world_m, (3,))
         check_shape(f"cuboid {self.track} size", self.size_lwh_m, (3,))
         check_finite(f"cuboid {self.track} centre", self.centre_world_m)
         check_finite(f"cuboid {self.track} size", self.size_lwh_m)
+        check_finite(f"cuboid {self.track} yaw", np.array(self.yaw_world_rad))
+        if self.size_lwh_m.min() <= 0:
+            raise ShapeError(f"cuboid {self.track} size: expected positive sizes, got {self.size_lwh_m.tolist()}")
 
 
 @dataclass(frozen=True)
@@ -73,6 +79,18 @@ class Sweep:
     points_ego_m: FloatArray
     intensity: ByteArray
     labels: ByteArray | None
+
+    def __post_init__(self) -> None:
+        """Check that every point has an intensity and, if any has, a label.
+
+        Raises:
+            ShapeError: if one does not fit.
+        """
+        check_shape("points", self.points_ego_m, (None, 3))
+        for name, values in (("intensity", self.intensity), ("labels", self.labels)):
+            if values is not None:
+                check_shape(name, values, (len(self.points_ego_m),))
+                check_dtype(name, values, np.uint8)
 
 
 @dataclass(frozen=True)
@@ -87,11 +105,12 @@ class Moment:
     read_sweep: Callable[[], Sweep] | None
 
     def __post_init__(self) -> None:
-        """Check the pose.
+        """Check time and pose.
 
         Raises:
-            ShapeError: if it is no pose.
+            ShapeError: if the time is not finite or the pose is none.
         """
+        check_finite(f"frame {self.index} time", np.array(self.time_s))
         check_transform(f"frame {self.index} world_from_ego", self.world_from_ego)
 
 
@@ -116,16 +135,23 @@ class Recording:
     source: str
 
     def __post_init__(self) -> None:
-        """Check that time runs forward.
+        """Check that time runs forward, that every camera has an intrinsic matrix, and that labels fit a byte.
 
         Raises:
-            DataError: if it does not, or there are no frames.
+            DataError: if not, or there are no frames.
         """
         times = [moment.time_s for moment in self.moments]
         if not times:
             raise DataError(f"sequence {self.name}: no frames")
         if sorted(set(times)) != times:
             raise DataError(f"sequence {self.name}: the frames' times do not rise")
+        for channel in sorted({channel for moment in self.moments for channel in moment.images}):
+            if channel not in self.intrinsics:
+                raise DataError(f"sequence {self.name}: {channel} has images but no intrinsic matrix")
+            check_shape(f"{channel} intrinsic", self.intrinsics[channel], (3, 3))
+            check_finite(f"{channel} intrinsic", self.intrinsics[channel])
+        if any(not 0 <= index < 256 for index in self.label_names):
+            raise DataError(f"sequence {self.name}: expected point labels 0..255, got {sorted(self.label_names)[-1]}")
 
 
 def without_twins(cuboids: tuple[Cuboid, ...]) -> tuple[Cuboid, ...]:

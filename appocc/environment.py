@@ -1,0 +1,161 @@
+"""The machine and the packages: what is there and what is lacking; nothing heavy is imported to find out."""
+
+from __future__ import annotations
+
+import os
+import platform
+import re
+import shutil
+import subprocess
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib import metadata
+from pathlib import Path
+
+_REQUIREMENT = re.compile(
+    r"^(?P<name>[\w.-]+)\s*(?:>=\s*(?P<least>[\d.]+))?.*?(?:extra == ['\"](?P<extra>[\w-]+)['\"])?$"
+)
+
+
+@dataclass(frozen=True)
+class Package:
+    """A package that is asked for.
+
+    Attributes:
+        name: its name.
+        least: lowest version that will do, empty where any does.
+        version: the installed version, None where it is not installed.
+    """
+
+    name: str
+    least: str
+    version: str | None
+
+    @property
+    def complaint(self) -> str:
+        """What is wrong with it, '' if nothing is."""
+        if self.version is None:
+            return f"{self.name} is not installed"
+        if _numbers(self.version) < _numbers(self.least):
+            return f"{self.name} {self.version} is too old, at least {self.least} is needed"
+        return ""
+
+
+@dataclass(frozen=True)
+class Environment:
+    """What the suite runs on.
+
+    Attributes:
+        appocc: version of the suite.
+        python: version of Python.
+        platform: system and processor.
+        cores: processor cores this process may use.
+        memory_bytes: all memory, None where it cannot be told.
+        free_memory_bytes: memory that programs can still get, None where it cannot be told.
+        free_disk_bytes: room on the disk of the dataset or the current folder.
+        gpu: name of the GPU, None where there is none.
+        packages: required packages.
+        extras: packages of each extra.
+    """
+
+    appocc: str
+    python: str
+    platform: str
+    cores: int
+    memory_bytes: int | None
+    free_memory_bytes: int | None
+    free_disk_bytes: int
+    gpu: str | None
+    packages: tuple[Package, ...]
+    extras: dict[str, tuple[Package, ...]]
+
+    @property
+    def complaints(self) -> tuple[str, ...]:
+        """What keeps the suite from working as it should."""
+        found = [package.complaint for package in self.packages if package.complaint]
+        if version_of("opencv-python"):
+            # Both bring the same folder cv2/; whichever was installed last has overwritten the other.
+            found.append(
+                "opencv-python is installed beside opencv-python-headless: uninstall both, install the latter"
+            )
+        return tuple(found)
+
+    def has_extra(self, name: str) -> bool:
+        """Whether all packages of an extra are there."""
+        return not any(package.complaint for package in self.extras[name])
+
+
+def look_around(folder: Path) -> Environment:
+    """The environment of this process; free disk space is that of `folder`."""
+    packages, extras = wanted_packages(_requirements())
+    total, free = memory()
+    return Environment(
+        version_of("appocc") or "not installed",
+        platform.python_version(),
+        f"{platform.system()} {platform.machine()}",
+        _cores(),
+        total,
+        free,
+        shutil.disk_usage(folder).free,
+        gpu(),
+        packages,
+        extras,
+    )
+
+
+def version_of(name: str) -> str | None:
+    """Version of an installed package, None where it is not installed."""
+    try:
+        return metadata.version(name)
+    except metadata.PackageNotFoundError:
+        return None
+
+
+def _requirements() -> list[str]:
+    try:
+        return metadata.requires("appocc") or []
+    except metadata.PackageNotFoundError:
+        return []
+
+
+def wanted_packages(requirements: Sequence[str]) -> tuple[tuple[Package, ...], dict[str, tuple[Package, ...]]]:
+    """Required packages, and those of each extra, from lines such as `numpy>=2.0` and `av>=1; extra == "video"`."""
+    required: list[Package] = []
+    extras: dict[str, list[Package]] = {}
+    for line in requirements:
+        match = _REQUIREMENT.match(line)
+        if match:
+            package = Package(match["name"], match["least"] or "", version_of(match["name"]))
+            (extras.setdefault(match["extra"], []) if match["extra"] else required).append(package)
+    return tuple(required), {name: tuple(packages) for name, packages in extras.items()}
+
+
+def _numbers(version: str) -> tuple[int, ...]:
+    """The leading numbers of a version: 2.13.0+cpu -> (2, 13, 0)."""
+    match = re.match(r"\d+(\.\d+)*", version)
+    return tuple(int(part) for part in match[0].split(".")) if match else ()
+
+
+def _cores() -> int:
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def memory(table: Path = Path("/proc/meminfo")) -> tuple[int | None, int | None]:
+    """All memory and what of it is free, in bytes, as Linux tells it; None elsewhere."""
+    try:
+        lines = dict(line.split(":", 1) for line in table.read_text().splitlines() if ":" in line)
+        return tuple(int(lines[key].split()[0]) * 1024 for key in ("MemTotal", "MemAvailable"))  # type: ignore[return-value]
+    except (OSError, KeyError, ValueError):
+        return None, None
+
+
+def gpu() -> str | None:
+    """Name and memory of the first NVIDIA GPU, or Apple's; None where neither answers."""
+    if platform.system() == "Darwin" and platform.machine() == "arm64":
+        return "Apple GPU"
+    command = ["nvidia-smi", "--query-gpu=name,memory.total", "--format=csv,noheader"]
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, timeout=10, check=True)
+    except (OSError, subprocess.SubprocessError):
+        return None
+    return done.stdout.strip().split("\n")[0] or None

@@ -1,0 +1,161 @@
+"""A picture of an answer: the map with the vehicle and the place, beside the camera that sees the vehicle best."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from appocc.boxes import Boxes
+from appocc.camera import Camera
+from appocc.checks import ByteArray, FloatArray
+from appocc.drawing import RED, WHITE, YELLOW, BEVCanvas, Colour, draw_box, put_text
+from appocc.frame import Frame
+from appocc.geometry import apply, inverse
+from grounding.answer import Answer
+from grounding.describe import phrase
+from grounding.scene import SceneObject
+
+CYAN: Colour = (60, 220, 255)
+_SCALE = 4
+_CAPTION_PX, _LINE_PX = 204, 22
+_STATUS_COLOUR: dict[str, Colour] = {"ok": (90, 220, 110), "ambiguous": YELLOW}
+# Blobs have no height; a car's is drawn.
+_HEIGHT_M = 1.6
+
+
+def draw(answer: Answer, frame: Frame) -> ByteArray:
+    """The picture (H, W, 3) RGB of an answer at the moment it was asked, whatever its status."""
+    bev = _bev_panel(answer)
+    camera = _camera_panel(answer, frame, bev.shape[0])
+    panels = bev if camera is None else np.hstack([bev, camera])
+    return np.ascontiguousarray(np.vstack([_caption(answer, panels.shape[1]), panels]))
+
+
+def _caption(answer: Answer, width: int) -> ByteArray:
+    """The sentence, the status and the reasons above the panels."""
+    band = np.full((_CAPTION_PX, width, 3), 24, np.uint8)
+    status = answer.status.replace("_", " ")
+    put_text(band, f'"{_plain(answer.query.command, width // 14)}"', (12, 28), WHITE, 0.7)
+    put_text(band, status, (12, 56), _STATUS_COLOUR.get(answer.status, RED), 0.6)
+    for number, reason in enumerate(answer.reasons[: (_CAPTION_PX - 66) // _LINE_PX]):
+        put_text(band, _plain(reason, width // 10), (12, 82 + number * _LINE_PX), WHITE, 0.5)
+    return band
+
+
+def _plain(text: str, characters: int = 200) -> str:
+    """What the picture's letters can write, cut to a length."""
+    ascii_only = text.encode("ascii", "replace").decode()
+    return ascii_only if len(ascii_only) <= characters else ascii_only[: characters - 3] + "..."
+
+
+def _bev_panel(answer: Answer) -> ByteArray:
+    """Appearance over occupancy, candidates numbered, the referent outlined, the ego at the target."""
+    canvas = BEVCanvas(answer.scene.bev.grid, _SCALE)
+    canvas.occupancy(answer.scene.bev)
+    canvas.appearance(answer.scene.bev)
+    canvas.ego()
+    for number, candidate in enumerate(answer.candidates, start=1):
+        if candidate is not answer.referent:
+            canvas.line(candidate.item.footprint(), YELLOW, 1, closed=True)
+            canvas.label(candidate.item.centre_m, str(number), YELLOW)
+    if answer.referent:
+        canvas.line(answer.referent.item.footprint(), RED, 2, closed=True)
+    if answer.target:
+        corners = answer.target.footprint()
+        canvas.line(corners, CYAN, 2, closed=True)
+        canvas.line([answer.target.ego_m, (corners[0] + corners[3]) / 2], CYAN, 2)
+        canvas.dot(answer.target.ego_m, CYAN, 3)
+    _legend(canvas, answer)
+    return canvas.picture
+
+
+def _legend(canvas: BEVCanvas, answer: Answer) -> None:
+    entries = [("the car now", (60, 200, 90))]
+    entries += [("the vehicle meant", RED)] if answer.referent else []
+    entries += [("the place to go", CYAN)] if answer.target else []
+    entries += (
+        [("other candidates" if answer.referent else "candidates", YELLOW)]
+        if len(answer.candidates) > (answer.referent is not None)
+        else []
+    )
+    bottom = canvas.picture.shape[0]
+    for row, (words, colour) in enumerate(entries):
+        top = bottom - 12 - (len(entries) - row) * _LINE_PX
+        cv2.rectangle(canvas.picture, (10, top), (22, top + 12), colour, -1)
+        put_text(canvas.picture, words, (28, top + 11))
+
+
+def _camera_panel(answer: Answer, frame: Frame, height: int) -> ByteArray | None:
+    """The camera in which the vehicle (or the first candidate) is largest, with the ground place if it is in view."""
+    shown = [answer.referent] if answer.referent else list(answer.candidates)
+    if not frame.images:
+        return None
+    channel = _best_channel(frame, shown[0].item) if shown else None
+    if channel is None:
+        channel = "CAM_FRONT" if "CAM_FRONT" in frame.images else next(iter(frame.images))
+    camera, picture = frame.rig[channel], frame.images[channel].copy()
+    for candidate in shown:
+        draw_box(picture, camera, _corners(candidate.item, frame), RED if answer.referent else YELLOW, 2)
+    if answer.target:
+        _ground_mark(picture, camera, answer.target.footprint())
+    width = round(height * camera.width_px / camera.height_px)
+    scaled = np.asarray(cv2.resize(picture, (width, height), interpolation=cv2.INTER_AREA), dtype=np.uint8)
+    put_text(scaled, channel, (10, 22), WHITE, 0.6)
+    if shown and not answer.referent:
+        _numbers(scaled, camera, answer, frame, height / camera.height_px)
+    elif shown:
+        put_text(scaled, _plain(phrase(shown[0].item, answer.scene)), (10, height - 12), WHITE, 0.55)
+    return scaled
+
+
+def _corners(item: SceneObject, frame: Frame) -> FloatArray:
+    """(8, 3) corners in the ego frame: of the annotated box where there is one, else a box of a car's height."""
+    boxes = frame.boxes_ego or Boxes.empty()
+    if item.id in boxes.instance:
+        return np.asarray(boxes.corners()[boxes.instance.index(item.id)])
+    foot = np.pad(item.footprint(), ((0, 0), (0, 1)))
+    return np.concatenate([foot, foot + np.array([0.0, 0.0, _HEIGHT_M])])
+
+
+def _best_channel(frame: Frame, item: SceneObject) -> str | None:
+    """The camera with the largest part of the box in its image, None where none sees its middle."""
+    corners = _corners(item, frame)
+    sizes = {channel: _visible_px(frame.rig[channel], corners) for channel in frame.images}
+    best = max(sizes, key=lambda channel: sizes[channel])
+    return best if sizes[best] > 0 else None
+
+
+def _visible_px(camera: Camera, corners: FloatArray) -> float:
+    """Area of a box's bounding rectangle inside the image; 0 where the camera does not see its middle."""
+    middle, depth = camera.project_ego(corners.mean(axis=0, keepdims=True))
+    if not camera.sees(middle, depth)[0]:
+        return 0.0
+    uv, depths = camera.project_ego(corners)
+    uv = np.clip(uv[depths > 0.1], 0, [camera.width_px, camera.height_px])
+    return float(np.prod(uv.max(axis=0) - uv.min(axis=0)))
+
+
+def _ground_mark(picture: ByteArray, camera: Camera, footprint: FloatArray) -> None:
+    """Fill the place on the ground plane, half transparent, where it lies wholly before the camera."""
+    points = np.pad(footprint, ((0, 0), (0, 1)))
+    in_cam = apply(inverse(camera.ego_from_cam), points)
+    if float(in_cam[:, 2].min()) < 0.5:
+        return
+    uv, _ = camera.project(in_cam)
+    if np.abs(uv).max() > 1e5:
+        return
+    overlay = picture.copy()
+    outline = np.round(uv).astype(np.int32).reshape(-1, 1, 2)
+    cv2.fillPoly(overlay, [outline], CYAN)
+    cv2.addWeighted(overlay, 0.45, picture, 0.55, 0, dst=picture)
+    cv2.polylines(picture, [outline], True, CYAN, 3, cv2.LINE_AA)
+
+
+def _numbers(picture: ByteArray, camera: Camera, answer: Answer, frame: Frame, scale: float) -> None:
+    """The candidates' numbers at their places in the image."""
+    for number, candidate in enumerate(answer.candidates, start=1):
+        middle = _corners(candidate.item, frame).mean(axis=0, keepdims=True)
+        uv, depth = camera.project_ego(middle)
+        if camera.sees(uv, depth)[0]:
+            column, row = (round(float(v) * scale) for v in uv[0])
+            put_text(picture, str(number), (column, row), YELLOW, 0.7, centred=True)

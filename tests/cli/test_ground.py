@@ -1,0 +1,106 @@
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tiny_dataset import TinyDataset, token
+from typer.testing import CliRunner, Result
+
+from appocc.bevmap import ROAD, VEHICLE, BEVMap, bev_path
+from appocc.errors import DataError, NotFoundError
+from appocc.files import read_image
+from appocc.grid import BEVGrid
+from cli.main import app
+
+
+@pytest.fixture
+def street(tiny: TinyDataset) -> Path:
+    """The tiny dataset with a map: its parked car, 10 m ahead, is white on a road."""
+    grid = BEVGrid.surround()
+    occupancy = np.zeros((3, *grid.shape), np.float32)
+    occupancy[ROAD] = 1
+    offset = np.abs(grid.centres() - [10.0, 0.0])
+    car = (offset[..., 0] < 2.3) & (offset[..., 1] < 0.95)
+    occupancy[VEHICLE][car] = 1
+    appearance = np.where(car, 240, 90).astype(np.uint8)[None].repeat(3, axis=0)
+    valid = np.ones((3, *grid.shape), np.bool_)
+    for source in ("groundtruth", "other"):
+        bev = BEVMap(grid, occupancy.copy(), valid.copy(), appearance.copy(), valid[0].copy())
+        bev.save(bev_path(tiny.root, source, token("sample", 0)))
+    return tiny.root
+
+
+def run(root: Path, text: str, *more: str) -> Result:
+    return CliRunner().invoke(app, ["ground", text, str(root), "--scene", "scene-tiny", "--frame", "0", *more])
+
+
+def test_ok(street: Path) -> None:
+    result = run(street, "stop behind the white car", "--json")
+    assert result.exit_code == 0, result.output
+    value = json.loads(result.stdout)
+    assert value["status"] == "ok"
+    assert value["query"]["action"] == "stop"
+    # The rear bumper is at 7.7 m, the gap 2 m, half the ego 2.3 m; the ego heads along world +y from (100, 200).
+    assert value["target"]["ego_m"] == pytest.approx([3.4, 0.2], abs=0.41)
+    x, y = value["target"]["ego_m"]
+    assert value["target"]["world_m"] == pytest.approx([100 - y, 200 + x], abs=1e-3)
+    assert value["target"]["heading_rad"] == pytest.approx(np.pi / 2, abs=1e-3)
+    assert value["referent"]["id"] == token("car")
+    assert "ok: stop behind the white car" in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("text", "status", "code"),
+    [
+        ("stop behind the white car", "ok", 0),
+        ("stop behind the pink bus", "not_found", 3),
+        ("tell me a joke", "not_a_command", 2),
+        ("", "not_a_command", 2),
+        ("park " * 2000, "not_a_command", 2),
+        ("停在白色汽车后面", "not_a_command", 2),
+    ],
+)
+def test_every_status_prints_and_draws_before_it_ends(
+    street: Path, tmp_path: Path, text: str, status: str, code: int
+) -> None:
+    picture = tmp_path / "g.png"
+    result = run(street, text, "--json", "--picture", str(picture))
+    assert result.exit_code == code, result.output
+    assert json.loads(result.stdout)["status"] == status
+    assert read_image(picture).shape[2] == 3
+
+
+def test_without_json_stdout_stays_empty(street: Path) -> None:
+    result = run(street, "tell me a joke")
+    assert result.stdout == ""
+    assert "no driving action" in result.stderr
+
+
+def test_another_source_of_maps(street: Path) -> None:
+    assert run(street, "stop behind the car", "--bev", "other").exit_code == 0
+    assert run(street, "stop behind the car", "--bev", str(street / "bev" / "other")).exit_code == 0
+
+
+def test_bad_input_names_the_place(street: Path) -> None:
+    missing = run(street, "stop behind the car", "--bev", "nowhere")
+    assert isinstance(missing.exception, DataError)
+    assert "nowhere" in str(missing.exception)
+    late = CliRunner().invoke(app, ["ground", "stop", str(street), "--scene", "scene-tiny", "--frame", "9"])
+    assert isinstance(late.exception, NotFoundError)
+    assert "frames 0..2" in str(late.exception)
+    lost = CliRunner().invoke(app, ["ground", "stop", str(street), "--scene", "nope", "--frame", "0"])
+    assert isinstance(lost.exception, NotFoundError)
+
+
+def test_a_picture_that_cannot_be_written_leaves_nothing(street: Path, tmp_path: Path) -> None:
+    result = run(street, "stop behind the car", "--picture", str(tmp_path / "g.nonsense"))
+    assert isinstance(result.exception, DataError)
+    assert list(tmp_path.glob("*nonsense*")) == []
+
+
+def test_help_shows_an_example() -> None:
+    result = CliRunner().invoke(app, ["ground", "--help"])
+    assert result.exit_code == 0
+    assert "Example" in result.output

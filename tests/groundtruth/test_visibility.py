@@ -1,0 +1,185 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from made_street import Solid, beams, scan
+
+from appocc.boxes import Boxes
+from appocc.camera import Camera
+from appocc.checks import BoolArray, FloatArray
+from appocc.geometry import apply, inverse, quaternion_from_rotation, quaternion_from_yaw, transform
+from appocc.groundtruth.visibility import DepthPicture, box_entry, hidden_by_boxes, image_rectangle
+
+LIDAR = np.array([0.9, 0.0, 1.84])
+# Elevations of nuScenes' 32 beams, and of 64 beams as PandaSet's: dense about the horizon, sparse below.
+BEAMS_32 = np.linspace(-30.67, 10.67, 32)
+BEAMS_64 = np.concatenate([np.linspace(-25, -6, 18, endpoint=False), np.linspace(-6, 2, 40), np.linspace(3, 15, 6)])
+BEAMS = pytest.mark.parametrize("elevations", [BEAMS_32, BEAMS_64], ids=["32 beams", "64 beams"])
+
+
+def camera(pitch_deg: float = 0.0, roll_deg: float = 0.0) -> Camera:
+    """The front camera of nuScenes: 65 degrees, 1.5 m above the road, tilted as asked."""
+    intrinsic = np.array([[1266.0, 0, 800], [0, 1266, 450], [0, 0, 1]])
+    axes = np.array([[0.0, 0, 1], [-1, 0, 0], [0, -1, 0]])
+    pitch, roll = np.deg2rad([pitch_deg, roll_deg])
+    nod = np.array([[1, 0, 0], [0, np.cos(pitch), -np.sin(pitch)], [0, np.sin(pitch), np.cos(pitch)]])
+    tilt = np.array([[np.cos(roll), -np.sin(roll), 0], [np.sin(roll), np.cos(roll), 0], [0, 0, 1]])
+    return Camera("CAM_FRONT", 1600, 900, intrinsic, transform(axes @ nod @ tilt, [1.7, 0.0, 1.5]))
+
+
+def hidden(view: Camera, sweep: FloatArray, points: FloatArray) -> tuple[BoolArray, BoolArray]:
+    """Which points (ego frame) a depth picture of a sweep calls hidden, and which lie in the image at all."""
+    cam_from_ego = inverse(view.ego_from_cam)
+    uv, depth = view.project(apply(cam_from_ego, points))
+    seen = view.sees(uv, depth)
+    result = np.zeros(len(points), dtype=np.bool_)
+    result[seen] = DepthPicture(apply(cam_from_ego, sweep), view).hides(uv[seen], depth[seen])
+    return result, seen
+
+
+def boxes(*rows: tuple[float, float, float, float, float, float, float]) -> Boxes:
+    """Boxes of (x, y, z, length, width, height, yaw)."""
+    n, table = len(rows), np.array(rows, dtype=np.float64).reshape(-1, 7)
+    poses = [transform(quaternion_from_yaw(float(row[6])), row[:3]) for row in table]
+    return Boxes(
+        table[:, :3].copy(),
+        table[:, [4, 3, 5]].copy(),
+        np.stack([pose[:3, :3] for pose in poses]),
+        ("vehicle.car",) * n,
+        tuple(map(str, range(n))),
+        tuple(map(str, range(n))),
+        np.full((n, 2), np.nan),
+        np.full(n, -1),
+    )
+
+
+@BEAMS
+@pytest.mark.parametrize(("pitch_deg", "roll_deg"), [(0, 0), (2, 1), (-2, -1)])
+def test_the_ground_hides_none_of_itself(elevations: FloatArray, pitch_deg: float, roll_deg: float) -> None:
+    sweep, _ = scan(LIDAR, [], beams(elevations, 1080))
+    own = sweep[(sweep[:, 0] > 5) & (sweep[:, 0] < 50)]
+    between = np.random.default_rng(1).uniform([5, -30, 0], [50, 30, 0], (20_000, 3))
+    for points in (own, between):
+        is_hidden, seen = hidden(camera(pitch_deg, roll_deg), sweep, points)
+        assert seen.sum() > 1000
+        assert not is_hidden.any()
+
+
+@BEAMS
+def test_a_wall_hides_what_is_behind_it_and_not_what_is_before_it(elevations: FloatArray) -> None:
+    wall = Solid((12.0, -4.0, 0.0), (12.3, 4.0, 3.0), (0, 0, 0))
+    sweep, which = scan(LIDAR, [wall], beams(elevations, 1080))
+    assert (which == 0).sum() > 300
+    rng = np.random.default_rng(2)
+    # Their rays pass through the wall well inside its edges: heights up to 2.4 m at 12 m distance.
+    behind = rng.uniform([14.0, -3.3, 0.0], [40.0, 3.3, 2.4], (5000, 3))
+    behind[:, 1] *= (behind[:, 0] - 1.7) / (12.0 - 1.7)
+    behind[:, 2] = 1.5 + (behind[:, 2] - 1.5) * (behind[:, 0] - 1.7) / (12.0 - 1.7)
+    is_hidden, seen = hidden(camera(), sweep, behind)
+    assert seen.sum() > 3000
+    assert is_hidden[seen].mean() > 0.99
+    before = rng.uniform([5.0, -3.0, 0.0], [11.5, 3.0, 1.0], (5000, 3))
+    on_it = np.column_stack([np.full(500, 12.0), rng.uniform(-3.8, 3.8, 500), rng.uniform(0.1, 2.8, 500)])
+    aside = rng.uniform([14.0, 9.0, 0.0], [40.0, 12.0, 0.0], (5000, 3))
+    for points in (before, on_it, aside, sweep[which == 0]):
+        is_hidden, seen = hidden(camera(), sweep, points)
+        assert seen.any()
+        assert not is_hidden.any()
+
+
+def test_without_points_nothing_is_hidden() -> None:
+    is_hidden, seen = hidden(camera(), np.zeros((0, 3)), np.array([[20.0, 0, 1.0]]))
+    assert seen.all()
+    assert not is_hidden.any()
+
+
+def test_points_that_are_no_numbers_hide_nothing() -> None:
+    sweep = np.array([[np.nan, 0, 1], [5.0, np.nan, 1], [np.inf, 0, 1]])
+    is_hidden, _ = hidden(camera(), sweep, np.array([[20.0, 0, 1.0]]))
+    assert not is_hidden.any()
+
+
+def test_box_entry_is_that_of_small_steps() -> None:
+    rng = np.random.default_rng(3)
+    half = np.array([2.0, 0.9, 0.7])
+    turn = quaternion_from_rotation(np.linalg.qr(rng.normal(size=(3, 3)))[0] * [1, 1, 1])
+    pose = transform(turn, [1.0, 2.0, 0.5])
+    steps = np.linspace(0, 20, 8001)
+    hits = 0
+    for origin in rng.uniform(-6, 6, (40, 3)):
+        rays = rng.normal(size=(20, 3))
+        rays = rays / np.linalg.norm(rays, axis=1, keepdims=True)
+        entry = box_entry(origin, rays, pose, half)
+        places = apply(inverse(pose), origin + rays[:, None] * steps[None, :, None])
+        inside = (np.abs(places) <= half).all(axis=2)
+        for one, row in zip(entry, inside, strict=True):
+            if row.any():
+                hits += 1
+                assert one == pytest.approx(steps[row.argmax()], abs=0.003)
+            elif np.isfinite(one):  # a corner that the steps missed
+                assert np.ptp(steps[:2]) > 0
+                assert row.sum() == 0
+                assert one < 20
+    assert hits > 60
+
+
+def test_box_entry_at_the_edges_of_the_method() -> None:
+    half, here = np.array([1.0, 1.0, 1.0]), np.eye(4)
+    ahead, back = np.array([[1.0, 0, 0]]), np.array([[-1.0, 0, 0]])
+    assert box_entry(np.array([-5.0, 0, 0]), ahead, here, half)[0] == 4
+    assert box_entry(np.array([-5.0, 0, 0]), back, here, half)[0] == np.inf  # behind
+    assert box_entry(np.array([0.5, 0, 0]), ahead, here, half)[0] == 0  # begins inside
+    assert box_entry(np.array([-5.0, 1.5, 0]), ahead, here, half)[0] == np.inf  # runs beside it
+    assert box_entry(np.array([-5.0, 1.0, 0]), ahead, here, half)[0] == 4  # runs along its side
+    assert box_entry(np.array([-5.0, 0, 0]), 2 * ahead, here, half)[0] == 2  # in units of the ray
+
+
+def hidden_behind(points: list[list[float]], *rows: tuple[float, float, float, float, float, float, float]) -> list[bool]:
+    view = camera()
+    places = np.array(points)
+    uv, _ = view.project_ego(places)
+    return hidden_by_boxes(places, uv, view, view.ego_from_cam, boxes(*rows)).tolist()
+
+
+def test_hidden_by_boxes() -> None:
+    car = (15.0, 0.0, 0.75, 4.0, 2.0, 1.5, 0.3)
+    points = [[25.0, 0.0, 0.5], [10.0, 0.0, 0.0], [25.0, 6.0, 0.5], [40.0, 0.0, 1.8]]
+    assert hidden_behind(points, car) == [True, False, False, False]
+    assert hidden_behind(points) == [False] * 4
+    other_side = (-15.0, 0.0, 0.75, 4.0, 2.0, 1.5, 0.0)
+    assert hidden_behind(points, other_side) == [False] * 4
+
+
+def test_the_margin_of_a_box_counts_in_metres_however_near_it_is() -> None:
+    # The side of the box is at y = 1, 3.3 m ahead of the camera; rays pass it at 0.1 m and at 0.3 m distance.
+    near_car = (7.0, 0.0, 0.75, 4.0, 2.0, 3.0, 0.0)
+    points = [[1.7 + 3.3 * 3, 1.1 * 3, 1.5], [1.7 + 3.3 * 3, 1.3 * 3, 1.5]]
+    assert hidden_behind(points, near_car) == [True, False]
+
+
+def test_a_box_around_the_camera_hides_everything() -> None:
+    assert hidden_behind([[20.0, 0, 1], [20.0, 5, 1]], (1.7, 0.0, 1.5, 2.0, 2.0, 2.0, 0.0)) == [True, True]
+
+
+def corners_of(*row: float) -> FloatArray:
+    x, y, z, length, width, height, yaw = row
+    corners = boxes((x, y, z, length, width, height, yaw)).corners()[0]
+    return apply(inverse(camera().ego_from_cam), corners)
+
+
+def test_image_rectangle_holds_all_corners() -> None:
+    corners = corners_of(15, 1, 0.75, 4, 2, 1.5, 0.3)
+    rectangle = image_rectangle(camera(), corners)
+    assert rectangle is not None
+    uv, _ = camera().project(corners)
+    assert (uv >= rectangle[0]).all()
+    assert (uv <= rectangle[1]).all()
+    assert (rectangle[1] - rectangle[0] < np.ptp(uv, axis=0) + 2).all()
+
+
+def test_image_rectangle_of_boxes_out_of_sight_or_beside_the_camera() -> None:
+    assert image_rectangle(camera(), corners_of(-15, 0, 0.75, 4, 2, 1.5, 0)) is None
+    assert image_rectangle(camera(), corners_of(15, 40, 0.75, 4, 2, 1.5, 0)) is None
+    whole = image_rectangle(camera(), corners_of(2, 2, 0.75, 4, 2, 1.5, 0))
+    assert whole is not None
+    assert np.array(whole).tolist() == [[0, 0], [1600, 900]]

@@ -1,0 +1,137 @@
+"""Files: names that stay below their root, writes that are whole or not at all, pictures that are checked."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from appocc import files
+from appocc.errors import DataError
+
+PICTURE = np.arange(4 * 6 * 3, dtype=np.uint8).reshape(4, 6, 3)
+
+
+@pytest.mark.parametrize("name", ["a.jpg", "samples/CAM_FRONT/a b.jpg", "./a", "a/./b", "..a/b", "a..b", "a//b"])
+def test_names_that_stay_inside(tmp_path: Path, name: str) -> None:
+    assert files.inside(tmp_path, name) == tmp_path / name
+
+
+@pytest.mark.parametrize(
+    "name", ["", ".", "./", "..", "../a", "a/../../b", "a/..", "/etc/passwd", "//x", "\\x", "a\\..\\..\\b", "a\0b"]
+)
+def test_names_that_lead_out(tmp_path: Path, name: str) -> None:
+    with pytest.raises(DataError, match="leads out of this folder"):
+        files.inside(tmp_path, name)
+
+
+@given(st.lists(st.sampled_from(["..", ".", "a", "", "..."]), max_size=6).map("/".join))
+def test_no_name_that_is_let_through_means_a_place_outside(name: str) -> None:
+    root = Path("/root/of/data")
+    if files.stays_inside(name):
+        assert root in Path(os.path.normpath(root / name)).parents
+
+
+def test_a_folder_below_the_root_may_lie_on_another_disk(tmp_path: Path) -> None:
+    (tmp_path / "disk").mkdir()
+    (tmp_path / "disk" / "a.txt").write_text("x")
+    (tmp_path / "root").mkdir()
+    (tmp_path / "root" / "samples").symlink_to(tmp_path / "disk")
+    assert files.inside(tmp_path / "root", "samples/a.txt").read_text() == "x"
+
+
+def test_a_write_makes_its_folders_and_leaves_nothing_else(tmp_path: Path) -> None:
+    path = tmp_path / "a" / "b" / "c.bin"
+    files.write_bytes(path, b"123")
+    assert path.read_bytes() == b"123"
+    assert list(path.parent.iterdir()) == [path]
+    assert path.stat().st_mode & 0o777 == 0o644
+
+
+def test_a_write_that_is_broken_off_leaves_the_old_file(tmp_path: Path) -> None:
+    path = tmp_path / "a.txt"
+    path.write_text("old")
+    with pytest.raises(KeyboardInterrupt), files.whole_file(path) as temporary:
+        temporary.write_text("ne")
+        raise KeyboardInterrupt
+    assert path.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_folder_that_cannot_be_made(tmp_path: Path) -> None:
+    (tmp_path / "a").write_text("a file")
+    with pytest.raises(DataError, match=r"a/b\.txt: cannot be written"):
+        files.write_bytes(tmp_path / "a" / "b.txt", b"")
+
+
+def test_a_place_that_cannot_be_taken(tmp_path: Path) -> None:
+    (tmp_path / "a" / "full").mkdir(parents=True)
+    with pytest.raises(DataError, match="a: cannot be written"):
+        files.write_bytes(tmp_path / "a", b"x")
+    assert [path.name for path in tmp_path.iterdir()] == ["a"]
+
+
+@given(st.recursive(st.none() | st.booleans() | st.integers() | st.text(), lambda part: st.lists(part, max_size=3)))
+def test_json_there_and_back(tmp_path_factory: pytest.TempPathFactory, value: object) -> None:
+    path = tmp_path_factory.mktemp("json") / "a.json"
+    files.write_json(path, value)
+    assert files.read_json(path) == value
+    assert path.read_bytes().endswith(b"\n")
+
+
+def test_json_that_cannot_be_read(tmp_path: Path) -> None:
+    with pytest.raises(DataError, match=r"none\.json: cannot be read \(No such file"):
+        files.read_json(tmp_path / "none.json")
+    (tmp_path / "half.json").write_text('{"a": [1, ')
+    with pytest.raises(DataError, match=r"half\.json: no valid JSON \("):
+        files.read_json(tmp_path / "half.json")
+
+
+def test_pictures_are_rgb_and_kept_exactly_in_png(tmp_path: Path) -> None:
+    files.write_image(tmp_path / "a.png", PICTURE)
+    np.testing.assert_array_equal(files.read_image(tmp_path / "a.png"), PICTURE)
+
+
+def test_jpeg_keeps_the_order_of_colours(tmp_path: Path) -> None:
+    files.write_image(tmp_path / "a.jpg", np.full((16, 16, 3), (200, 100, 30), np.uint8))
+    read = files.read_image(tmp_path / "a.jpg").astype(int)
+    assert np.abs(read - [200, 100, 30]).max() <= 6
+
+
+def test_grey_pictures_are_written_and_read_as_rgb(tmp_path: Path) -> None:
+    files.write_image(tmp_path / "a.png", PICTURE[..., 0])
+    np.testing.assert_array_equal(files.read_image(tmp_path / "a.png")[..., 2], PICTURE[..., 0])
+
+
+def test_pictures_that_cannot_be_written(tmp_path: Path) -> None:
+    for name, picture in (
+        ("a.xyz", PICTURE),
+        ("a.jpg", np.zeros((1, 70_000, 3), np.uint8)),
+        ("b.png", np.zeros((0, 4, 3), np.uint8)),
+    ):
+        with pytest.raises(DataError, match=rf"{name}: a picture of shape \(.*\) cannot be written as '\.\w+'"):
+            files.write_image(tmp_path / name, picture)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("ending", [".jpg", ".png"])
+@pytest.mark.parametrize("share", [0.1, 0.6, 0.98])
+def test_truncated_pictures_are_refused(tmp_path: Path, ending: str, share: float) -> None:
+    path = tmp_path / f"a{ending}"
+    files.write_image(path, np.random.default_rng(1).integers(0, 255, (64, 64, 3), np.uint8))
+    path.write_bytes(path.read_bytes()[: int(path.stat().st_size * share)])
+    with pytest.raises(DataError, match="the image is truncated" if ending == ".jpg" else "not a readable image"):
+        files.read_image(path)
+
+
+def test_what_is_no_picture(tmp_path: Path) -> None:
+    with pytest.raises(DataError, match=r"none\.jpg: cannot be read \(No such file"):
+        files.read_image(tmp_path / "none.jpg")
+    for name, data in (("empty.jpg", b""), ("text.jpg", b"hello")):
+        (tmp_path / name).write_bytes(data)
+        with pytest.raises(DataError, match=rf"{name}: not a readable image \({len(data)} bytes\)"):
+            files.read_image(tmp_path / name)

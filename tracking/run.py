@@ -1,0 +1,164 @@
+"""A scene of a dataset: its maps in, its tracks, files and scores out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from appocc.bevmap import BEVMap, bev_path
+from appocc.boxes import Boxes
+from appocc.checks import FloatArray
+from appocc.errors import DataError
+from appocc.files import write_json
+from appocc.nuscenes import Dataset, Sample, Scene
+from tracking.blobs import BlobConfig, find_blobs
+from tracking.formats import write_mot, write_nuscenes
+from tracking.metrics import GATE_M, Metrics, Moment, evaluate
+from tracking.tracker import Tracker
+from tracking.tracks import Track
+
+RANGE_M = 40.0
+# An object whose centres span more than this in the scene moves; annotations of parked ones jitter by less.
+MOVING_SPAN_M = 2.0
+# Truths are made from everything a recording has; a model's maps from its pictures.
+_TRUTHS = ("exact", "groundtruth")
+
+
+@dataclass(frozen=True)
+class SceneTracks:
+    """The tracks of a scene.
+
+    Attributes:
+        scene: its name.
+        source: where the maps came from.
+        samples: T key frames.
+        world_from_ego: (T, 4, 4) poses.
+        tracks: T tuples of tracks.
+    """
+
+    scene: str
+    source: str
+    samples: tuple[Sample, ...]
+    world_from_ego: FloatArray
+    tracks: tuple[tuple[Track, ...], ...]
+
+    @property
+    def count(self) -> int:
+        """Number of different vehicles."""
+        return len({track.id for moment in self.tracks for track in moment})
+
+
+def map_paths(dataset: Dataset, scene: Scene, source: str) -> list[Path]:
+    """The map of every key frame of a scene.
+
+    Raises:
+        DataError: if one is missing; the message says how maps are made.
+    """
+    samples = dataset.samples(scene)
+    paths = [bev_path(dataset.root, source, sample.token) for sample in samples]
+    missing = [path for path in paths if not path.is_file()]
+    if missing:
+        how = f"appocc groundtruth {dataset.root}" if source == "groundtruth" else f"maps of source '{source}'"
+        raise DataError(f"{missing[0]}: no BEV map ({len(missing)} of {len(paths)} are missing); make them with: {how}")
+    return paths
+
+
+def track_scene(
+    dataset: Dataset,
+    scene: Scene,
+    source: str,
+    tracker: Tracker | None = None,
+    blob_config: BlobConfig | None = None,
+    step: Callable[[], None] = lambda: None,
+) -> SceneTracks:
+    """Follow the vehicles of a scene through its maps; `step` is called once a key frame.
+
+    Raises:
+        DataError: if a map is missing or damaged.
+    """
+    tracker = tracker or Tracker()
+    samples = dataset.samples(scene)
+    poses, tracks = [], []
+    for sample, path in zip(samples, map_paths(dataset, scene, source), strict=True):
+        pose = dataset.world_from_ego(sample)
+        tracks.append(tracker.update(find_blobs(BEVMap.load(path), blob_config), sample.timestamp_us, pose))
+        poses.append(pose)
+        step()
+    return SceneTracks(scene.name, source, samples, np.stack(poses), tuple(tracks))
+
+
+def write_tracks(folder: Path, result: SceneTracks) -> list[Path]:
+    """Write tracking.json (nuScenes) and mot.txt (MOTChallenge) into a folder; their paths.
+
+    Raises:
+        DataError: if a file cannot be written.
+    """
+    paths = [folder / "tracking.json", folder / "mot.txt"]
+    modalities = ("camera", "lidar", "map", "external") if result.source in _TRUTHS else ("camera",)
+    write_nuscenes(paths[0], [sample.token for sample in result.samples], result.tracks, modalities)
+    write_mot(paths[1], result.tracks)
+    return paths
+
+
+# Scores -----------------------------------------------------------------------------------------------------------
+
+
+def score(dataset: Dataset, result: SceneTracks) -> dict[str, Metrics] | None:
+    """Metrics of all, of moving and of parked vehicles; None where the scene has no annotations.
+
+    Demanded are annotated vehicles whose centre is within RANGE_M of the ego on the ground; the others (and, where one
+    kind is asked for, the other kind) are ignored, and so are unmatched tracks beyond the range.
+    """
+    truths = [dataset.boxes_world(sample) for sample in result.samples]
+    if not any(len(boxes) for boxes in truths):
+        return None
+    truths = [boxes.vehicles() for boxes in truths]
+    moving = moving_instances(truths)
+    kinds = {"metrics": None, "metrics_moving": True, "metrics_parked": False}
+    return {name: evaluate(_moments(result, truths, moving, kind)) for name, kind in kinds.items()}
+
+
+def moving_instances(truths: Sequence[Boxes]) -> set[str]:
+    """Instances whose centres (x, y in the world) span more than MOVING_SPAN_M over the given moments."""
+    places: dict[str, list[FloatArray]] = {}
+    for boxes in truths:
+        for instance, centre in zip(boxes.instance, boxes.centre_m, strict=True):
+            places.setdefault(instance, []).append(centre[:2])
+    return {name for name, path in places.items() if np.hypot(*np.ptp(path, axis=0)) > MOVING_SPAN_M}
+
+
+def _moments(result: SceneTracks, truths: Sequence[Boxes], moving: set[str], kind: bool | None) -> list[Moment]:
+    """Ground truth and tracks, key frame by key frame, in world x and y."""
+    names = sorted({instance for boxes in truths for instance in boxes.instance})
+    number = {name: i for i, name in enumerate(names)}
+    moments = []
+    for pose, boxes, tracks in zip(result.world_from_ego, truths, result.tracks, strict=True):
+        ego = pose[:2, 3]
+        places = np.array([track.position_world_m[:2] for track in tracks]).reshape(-1, 2)
+        wanted = np.array([kind is None or (name in moving) == kind for name in boxes.instance], dtype=np.bool_)
+        moments.append(
+            Moment(
+                np.array([number[name] for name in boxes.instance], dtype=np.int64),
+                boxes.centre_m[:, :2].copy(),
+                wanted & (np.linalg.norm(boxes.centre_m[:, :2] - ego, axis=1) <= RANGE_M),
+                np.array([track.id for track in tracks], dtype=np.int64),
+                places,
+                np.linalg.norm(places - ego, axis=1) <= RANGE_M,
+            )
+        )
+    return moments
+
+
+def write_metrics(path: Path, result: SceneTracks, metrics: dict[str, Metrics]) -> None:
+    """Write the scores with the protocol they follow.
+
+    Raises:
+        DataError: if the file cannot be written.
+    """
+    protocol: dict[str, Any] = {"range_m": RANGE_M, "gate_m": GATE_M, "moving_span_m": MOVING_SPAN_M}
+    scores = {name: value.as_json() for name, value in metrics.items()}
+    write_json(path, {"scene": result.scene, "bev": result.source, "protocol": protocol, **scores})
