@@ -15,7 +15,6 @@ from appocc.nuscenes.problem import Problem
 from appocc.nuscenes.validate import Progress, no_progress, validate
 
 _EXAMPLES, _FEW_KINDS, _NAMES = 3, 4, 6
-_WIDTH = 118
 
 
 @dataclass(frozen=True)
@@ -89,8 +88,7 @@ class Report:
         """The report for people: one screen."""
         dataset = _contents_lines(self.contents) if self.contents else iter(())
         lines = [*_environment_lines(self.environment), *dataset, *_problem_lines(self.problems)]
-        lines.append("healthy" if self.healthy else "not healthy: see the errors above")
-        return [line if len(line) <= _WIDTH else f"{line[: _WIDTH - 3]}..." for line in lines]
+        return [*lines, "healthy" if self.healthy else "not healthy: see the errors above"]
 
 
 def examine(
@@ -153,8 +151,9 @@ def _environment_lines(environment: Environment) -> Iterator[str]:
     yield f"{e.cores} cores, {memory}{_gb(e.free_disk_bytes)} free on disk; GPU: {e.gpu or 'none'}"
     present = [f"{p.name} {p.version}" for p in e.packages if not p.complaint]
     yield f"packages: {len(present)} of {len(e.packages)} in order ({', '.join(present[:4])}, ...)"
-    extras = [f"{name} {'yes' if e.has_extra(name) else 'no'}" for name in e.extras]
-    yield f"extras: {', '.join(extras) or 'none'}"
+    lacking = {name: [p.name for p in packages if p.complaint] for name, packages in e.extras.items()}
+    extras = [f"{name} {'lacks ' + ', '.join(names) if names else 'yes'}" for name, names in lacking.items()]
+    yield f"extras: {'; '.join(extras) or 'none'}"
     yield from (f"error: {complaint}" for complaint in e.complaints)
 
 
@@ -167,12 +166,13 @@ def _contents_lines(c: Contents) -> Iterator[str]:
     yield f"{c.root}: {c.version or 'tables in the root'}, {', '.join(c.locations[:_NAMES]) or 'unknown location'}"
     keys = sum(channel.key_frames for channel in c.channels.values())
     sweeps = sum(channel.sweeps for channel in c.channels.values())
-    yield f"{c.scenes:,} scenes, {c.samples:,} samples, {c.annotations:,} boxes of {c.instances:,} objects"
-    yield f"{keys + sweeps:,} sensor files: {keys:,} of key frames, {sweeps:,} sweeps"
+    yield f"scenes: {c.scenes:,}; samples: {c.samples:,}; boxes: {c.annotations:,}; objects: {c.instances:,}"
+    yield f"sensor files: {keys + sweeps:,}"
+    yield f"  {'channel':<20} {'modality':<8} {'key frames':>10} {'sweeps':>10}"
     for name, channel in c.channels.items():
-        yield f"  {name:<20} {channel.modality:<8} {channel.key_frames:>9,} {channel.sweeps:>11,}"
-    yield f"maps: {c.masks} masks, {c.scenes_with_mask} of {c.scenes} scenes have one; {c.vector_maps} vector maps"
-    yield f"point labels: {c.lidarseg:,} LiDAR files" if c.lidarseg else "point labels: none"
+        yield f"  {name:<20} {channel.modality:<8} {channel.key_frames:>10,} {channel.sweeps:>10,}"
+    yield f"masks: {c.masks}, for {c.scenes_with_mask} of {c.scenes} scenes; vector maps: {c.vector_maps}"
+    yield f"LiDAR files with point labels: {c.lidarseg:,}"
     bev = ", ".join(f"{source} {count}" for source, count in list(c.bev.items())[:_NAMES])
     yield f"bev: {bev or 'none'}"
 
@@ -183,11 +183,10 @@ def _problem_lines(problems: tuple[Problem, ...]) -> Iterator[str]:
     for problem in sorted(problems, key=lambda p: p.severity):
         kinds.setdefault((problem.severity, problem.table, problem.kind), []).append(problem)
     yield ""
-    yield f"findings: {len(problems):,} of {len(kinds)} kinds" if problems else "findings: none"
+    yield f"findings: {len(problems):,}, kinds: {len(kinds)}" if problems else "findings: none"
     shown = _EXAMPLES if len(kinds) <= _FEW_KINDS else 1
     for (severity, table, kind), found in list(kinds.items())[: 2 * _NAMES]:
         yield f"{severity}: {table}: {kind} ({len(found):,})"
-        for problem in found[:shown]:
-            yield f"  {problem.token} {problem.reason}"
+        yield from (f"  {problem.token} {problem.reason}" for problem in found[:shown])
     if len(kinds) > 2 * _NAMES:
         yield f"... and {len(kinds) - 2 * _NAMES} kinds more: see --json"

@@ -80,10 +80,6 @@ class Environment:
             )
         return tuple(found)
 
-    def has_extra(self, name: str) -> bool:
-        """Whether all packages of an extra are there."""
-        return not any(package.complaint for package in self.extras[name])
-
 
 def look_around(folder: Path) -> Environment:
     """The environment of this process; free disk space is that of `folder`."""

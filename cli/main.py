@@ -9,9 +9,11 @@ import typer
 from appocc.errors import AppoccError
 from cli.common import say
 from cli.convert import convert
+from cli.demo import demo
 from cli.doctor import doctor
 from cli.ground import ground
 from cli.groundtruth import groundtruth
+from cli.track import track
 
 app = typer.Typer(
     name="appocc",
@@ -21,9 +23,11 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 
+app.command()(demo)
 app.command()(convert)
 app.command()(doctor)
 app.command()(groundtruth)
+app.command()(track)
 app.command()(ground)
 
 

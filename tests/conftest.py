@@ -34,3 +34,26 @@ def tiny(tmp_path: Path) -> TinyDataset:
 def tiny_root(tiny: TinyDataset) -> Path:
     """The root of that dataset."""
     return tiny.root
+
+
+@pytest.fixture(scope="session")
+def panda_root(data_root: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The recorded street (PandaSet 002) converted to the nuScenes schema once for all tests; read only."""
+    from appocc.pandaset import convert_folder
+
+    out = tmp_path_factory.mktemp("panda") / "panda"
+    convert_folder(data_root / "pandaset_002", out, data_root / "pandaset_002_lidar", False, lambda _: None)
+    return out
+
+
+@pytest.fixture(scope="session")
+def panda_bev(panda_root: Path) -> Path:
+    """That dataset with its ground-truth maps below bev/groundtruth; read only."""
+    from appocc.grid import BEVGrid
+    from appocc.groundtruth.compose import Settings
+    from appocc.groundtruth.pipeline import generate
+    from appocc.nuscenes import Dataset
+
+    dataset = Dataset(panda_root)
+    generate(dataset, dataset.scenes, panda_root, Settings(BEVGrid.surround(), "robust"), 2, lambda _: None)
+    return panda_root

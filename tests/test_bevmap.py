@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 from pathlib import Path
 from typing import Any
@@ -126,10 +127,8 @@ def test_any_damage_is_an_error_of_ours_or_does_no_harm(
     data = bytearray(path.read_bytes())
     data[at % len(data)] ^= change
     path.write_bytes(data)
-    try:
-        BEVMap.load(path)
-    except DataError as error:
-        assert str(path) in str(error)
+    with contextlib.suppress(DataError):
+        assert BEVMap.load(path).grid.shape
 
 
 def test_meta_is_json(tmp_path: Path) -> None:

@@ -112,7 +112,10 @@ def test_vehicles_are_chosen() -> None:
         ({"rotation": np.full((2, 3, 3), np.nan)}, "boxes rotation: expected finite"),
         ({"instance": ("a",)}, "boxes: expected 2 tokens, got 1 and 2"),
         ({"token": ("a", "b", "c")}, "boxes: expected 2 tokens, got 2 and 3"),
-        ({"size_wlh_m": np.array([[1.0, 1, 1], [0, 1, 1]])}, r"box t: expected a positive size, got \[0.0, 1.0, 1.0\]"),
+        (
+            {"size_wlh_m": np.array([[1.0, 1, 1], [0, 1, 1]])},
+            r"box t: expected a positive size, got \[0.0, 1.0, 1.0\]",
+        ),
         ({"size_wlh_m": np.full((2, 3), np.nan)}, "box s: expected a positive size"),
     ],
 )

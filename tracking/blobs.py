@@ -76,7 +76,17 @@ class Blobs:
 
     def select(self, keep: BoolArray | IntArray) -> Blobs:
         """The blobs of a mask (N,) or of indices."""
-        return Blobs(*(getattr(self, name)[keep] for name in _ARRAYS), self.grid)
+        return Blobs(
+            self.centroid_m[keep],
+            self.yaw_rad[keep],
+            self.length_m[keep],
+            self.width_m[keep],
+            self.area_m2[keep],
+            self.rgb[keep],
+            self.confidence[keep],
+            self.touches_border[keep],
+            self.grid,
+        )
 
     def cover(self, xy_m: FloatArray) -> BoolArray:
         """(P,) whether points (P, 2) in the ego frame lie in the box of any blob."""
@@ -92,12 +102,13 @@ _ARRAYS = tuple(field.name for field in fields(Blobs) if field.name != "grid")
 def find_blobs(bev: BEVMap, config: BlobConfig | None = None) -> Blobs:
     """The vehicle blobs of a map: connected cells (by their sides) of the vehicle layer, cut where vehicles touch."""
     config = config or BlobConfig()
-    labels, count = ndimage.label((bev.occupancy[VEHICLE] >= config.threshold) & bev.occupancy_valid[VEHICLE])
+    found, count = ndimage.label((bev.occupancy[VEHICLE] >= config.threshold) & bev.occupancy_valid[VEHICLE])
+    labels = found.astype(np.int64)
     rgb = np.moveaxis(bev.appearance, 0, -1).astype(np.float64)
     rgb[~bev.appearance_valid] = np.nan
     if config.split:
         count = split_touching(labels, count, bev.grid.centres(), rgb, bev.grid.cell_m)
-    blobs = _measured(bev, labels.astype(np.int64), count, rgb)
+    blobs = _measured(bev, labels, count, rgb)
     return blobs.select(blobs.area_m2 >= config.min_area_m2)
 
 

@@ -67,7 +67,12 @@ def sightings(blobs: Blobs, world_from_ego: FloatArray) -> list[Sighting]:
     sizes = np.stack([blobs.length_m, blobs.width_m], axis=1)
     return [
         Sighting(
-            places[i], float(yaws[i]), sizes[i], blobs.rgb[i], float(blobs.confidence[i]), bool(blobs.touches_border[i])
+            places[i],
+            float(yaws[i]),
+            sizes[i],
+            blobs.rgb[i],
+            float(blobs.confidence[i]),
+            bool(blobs.touches_border[i]),
         )
         for i in range(len(blobs))
     ]
@@ -121,8 +126,9 @@ class Followed:
         self._confidences += sighting.confidence
         self.confirmed |= sighting.confidence >= config.sure_confidence or self._seen_s >= config.confirm_s
         self._ground_m = float(sighting.place_world_m[2])
-        # A vehicle that the rim cuts off shows less than its size.
-        size = np.full(2, np.nan) if sighting.cut and self._hits > 1 else sighting.size_m
+        # A vehicle that the rim cuts off is at least as large as what shows of it.
+        known_m = self._memory.median()[:2] if sighting.cut and self._hits > 1 else np.zeros(2)
+        size = np.maximum(sighting.size_m, known_m)
         self._memory.add(np.concatenate([size, sighting.rgb]))
 
     def _turn(self, sighting: Sighting, seconds: float) -> None:
@@ -134,7 +140,7 @@ class Followed:
         self._axis = keep * self._axis + (1 - keep) * seen
         yaw = float(np.arctan2(self._axis[1], self._axis[0]) / 2)
         velocity = self.motion.velocity_mps
-        if np.hypot(*velocity) >= self._config.turn_mps:
+        if self.motion.moves and np.hypot(*velocity) >= self._config.turn_mps:
             self._heading_known, wanted = True, float(np.arctan2(velocity[1], velocity[0]))
         else:
             wanted = self._yaw_rad

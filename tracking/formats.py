@@ -13,7 +13,7 @@ from appocc.files import write_bytes, write_json
 from appocc.geometry import quaternion_from_yaw
 from tracking.tracks import Track
 
-# A bird's-eye view knows only "vehicle": the class follows from the size. Heights cannot be seen from above: usual ones.
+# A bird's-eye view knows only "vehicle": the class follows from the size, and the height, unseen from above, from it.
 HEIGHT_M = {"motorcycle": 1.5, "car": 1.6, "truck": 2.8, "bus": 3.2}
 
 
@@ -70,7 +70,7 @@ def _entry(sample_token: str, track: Track, name: str) -> dict[str, Any]:
     height = HEIGHT_M[name]
     return {
         "sample_token": sample_token,
-        "translation": _rounded(track.position_world_m + [0.0, 0.0, height / 2]),
+        "translation": _rounded(track.position_world_m + np.array([0.0, 0.0, height / 2])),
         "size": _rounded([track.width_m, track.length_m, height]),
         "rotation": quaternion_from_yaw(track.yaw_world_rad).round(6).tolist(),
         "velocity": _rounded(track.velocity_world_mps),

@@ -5,10 +5,10 @@ Definitions, since names alone do not settle them:
 - Pairs: a track can answer for an object within GATE_M of its centre in bird's-eye view, strictly.
 - Ignored objects: every frame is matched against *all* ground truth first; tracks that fall to an ignored object are
   then dropped with it, and so are unmatched tracks that the protocol does not judge (beyond the range).
-- CLEAR: a pair of an earlier frame is kept while it is possible; the rest is matched with the most pairs, then the least
-  distance (motmetrics). A switch is counted when an object's track differs from the last one it had, at any distance in
-  time. MOTP is the mean distance of pairs in metres: smaller is better. FRAG counts how often an object passes from
-  tracked to missed and is tracked again later.
+- CLEAR: a pair of an earlier frame is kept while it is possible; the rest is matched with the most pairs, then the
+  least distance (motmetrics). A switch is counted when an object's track differs from the last one it had, at any
+  distance in time. MOTP is the mean distance of pairs in metres: smaller is better. FRAG counts how often an object
+  passes from tracked to missed and is tracked again later.
 - HOTA: similarity 1 - distance / GATE_M, mean over the thresholds 0.05 .. 0.95 (TrackEval).
 
 MT and ML count objects matched in at least 80 % and in less than 20 % of their frames.
@@ -154,14 +154,12 @@ def _judged_only(moments: Sequence[Moment]) -> tuple[list[_Frame], int, int]:
         rows, columns = _pairs(distance)
         stays = moment.judged.copy()
         stays[columns] = moment.demanded[rows]
-        kept.append(
-            (moment.truth_ids[moment.demanded], moment.track_ids[stays], distance[moment.demanded][:, stays])
-        )
-    objects, tracks = ({int(i) for frame in kept for i in frame[side]} for side in (0, 1))
-    number = [{name: k for k, name in enumerate(sorted(names))} for names in (objects, tracks)]
+        kept.append((moment.truth_ids[moment.demanded], moment.track_ids[stays], distance[moment.demanded][:, stays]))
+    objects = np.unique(np.concatenate([truth for truth, _, _ in kept] or [np.zeros(0, np.int64)]))
+    tracks = np.unique(np.concatenate([track for _, track, _ in kept] or [np.zeros(0, np.int64)]))
     frames = [
-        _Frame(*(np.array([number[s][int(i)] for i in frame[s]], dtype=np.int64) for s in (0, 1)), frame[2])
-        for frame in kept
+        _Frame(np.searchsorted(objects, truth), np.searchsorted(tracks, track), distance)
+        for truth, track, distance in kept
     ]
     return frames, len(objects), len(tracks)
 

@@ -62,6 +62,11 @@ class Motion:
         return np.array(self._filter.x[2:])
 
     @property
+    def moves(self) -> bool:
+        """Whether the velocity is certainly not zero: three standard deviations."""
+        return bool(np.hypot(*self._filter.x[2:]) > 3 * np.sqrt(self._filter.P[2, 2]))
+
+    @property
     def variance_m2(self) -> float:
         """Variance of either component of the position."""
         return float(self._filter.P[0, 0])

@@ -56,14 +56,18 @@ def map_paths(dataset: Dataset, scene: Scene, source: str) -> list[Path]:
     """The map of every key frame of a scene.
 
     Raises:
-        DataError: if one is missing; the message says how maps are made.
+        DataError: if the scene has no key frames, or a map is missing; the message says how maps are made.
     """
     samples = dataset.samples(scene)
+    if not samples:
+        raise DataError(f"{dataset.root}: scene '{scene.name}' has no key frames")
     paths = [bev_path(dataset.root, source, sample.token) for sample in samples]
     missing = [path for path in paths if not path.is_file()]
     if missing:
         how = f"appocc groundtruth {dataset.root}" if source == "groundtruth" else f"maps of source '{source}'"
-        raise DataError(f"{missing[0]}: no BEV map ({len(missing)} of {len(paths)} are missing); make them with: {how}")
+        raise DataError(
+            f"{missing[0]}: no BEV map ({len(missing)} of {len(paths)} are missing); make them with: {how}"
+        )
     return paths
 
 
@@ -73,9 +77,9 @@ def track_scene(
     source: str,
     tracker: Tracker | None = None,
     blob_config: BlobConfig | None = None,
-    step: Callable[[], None] = lambda: None,
+    advance: Callable[[int], None] = lambda _: None,
 ) -> SceneTracks:
-    """Follow the vehicles of a scene through its maps; `step` is called once a key frame.
+    """Follow the vehicles of a scene through its maps; `advance` is called with the number of key frames done.
 
     Raises:
         DataError: if a map is missing or damaged.
@@ -87,7 +91,7 @@ def track_scene(
         pose = dataset.world_from_ego(sample)
         tracks.append(tracker.update(find_blobs(BEVMap.load(path), blob_config), sample.timestamp_us, pose))
         poses.append(pose)
-        step()
+        advance(1)
     return SceneTracks(scene.name, source, samples, np.stack(poses), tuple(tracks))
 
 
@@ -98,7 +102,7 @@ def write_tracks(folder: Path, result: SceneTracks) -> list[Path]:
         DataError: if a file cannot be written.
     """
     paths = [folder / "tracking.json", folder / "mot.txt"]
-    modalities = ("camera", "lidar", "map", "external") if result.source in _TRUTHS else ("camera",)
+    modalities = ("camera", "lidar", "map", "external") if Path(result.source).name in _TRUTHS else ("camera",)
     write_nuscenes(paths[0], [sample.token for sample in result.samples], result.tracks, modalities)
     write_mot(paths[1], result.tracks)
     return paths
@@ -110,8 +114,8 @@ def write_tracks(folder: Path, result: SceneTracks) -> list[Path]:
 def score(dataset: Dataset, result: SceneTracks) -> dict[str, Metrics] | None:
     """Metrics of all, of moving and of parked vehicles; None where the scene has no annotations.
 
-    Demanded are annotated vehicles whose centre is within RANGE_M of the ego on the ground; the others (and, where one
-    kind is asked for, the other kind) are ignored, and so are unmatched tracks beyond the range.
+    Demanded are annotated vehicles whose centre is within RANGE_M of the ego on the ground; the others (and, where
+    one kind is asked for, the other kind) are ignored, and so are unmatched tracks beyond the range.
     """
     truths = [dataset.boxes_world(sample) for sample in result.samples]
     if not any(len(boxes) for boxes in truths):

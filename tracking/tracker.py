@@ -25,7 +25,7 @@ class TrackerConfig:
 
 
 class Tracker:
-    """Follows vehicles in the world frame, so that the ego's own motion cancels; the same input gives the same ids."""
+    """Follows vehicles in the world frame, where the ego's own motion cancels; the same input gives the same ids."""
 
     def __init__(self, config: TrackerConfig | None = None) -> None:
         """Start with no tracks."""
@@ -66,7 +66,7 @@ class Tracker:
         """Rows of tracks and columns of sightings that belong together."""
         if not self._alive or not seen:
             return np.zeros(0, np.int64), np.zeros(0, np.int64)
-        noise = self.config.life.motion.blob_m ** 2
+        noise = self.config.life.motion.blob_m**2
         return associate(
             np.stack([followed.motion.position_m for followed in self._alive]),
             np.array([followed.motion.variance_m2 + noise for followed in self._alive]),

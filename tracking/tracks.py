@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from appocc.checks import FloatArray, check_finite, check_shape, frozen
+from appocc.errors import ShapeError
 
 
 @dataclass(frozen=True)
@@ -42,7 +43,7 @@ class Track:
         """Check shapes.
 
         Raises:
-            ShapeError: if one does not fit, or place or velocity are not finite.
+            ShapeError: if one does not fit, place or velocity are not finite, or the size is not positive.
         """
         for name, size in (("position_world_m", 3), ("velocity_world_mps", 2), ("rgb", 3)):
             array = getattr(self, name)
@@ -50,6 +51,8 @@ class Track:
             if name != "rgb":
                 check_finite(f"track {name}", array)
             frozen(array)
+        if not (self.length_m > 0 and self.width_m > 0):
+            raise ShapeError(f"track {self.id}: expected a positive size, got {self.length_m} x {self.width_m} m")
 
     @property
     def speed_mps(self) -> float:

@@ -26,8 +26,9 @@ from appocc.nuscenes.writer import Annotation, Writer, token_of
 
 VERSION, SCENE, LOCATION = "v1.0-demo", "plain-geometry", "plain-geometry-street"
 DESCRIPTION = "synthetic street of plain boxes, ray cast; made by 'appocc demo', no simulator and no recording"
-_START_US, _SWEEP_US = 1_700_000_000_000_000, 100_000
-_SWEEPS_A_SAMPLE = 5
+# Key frames come twice a second, LiDAR sweeps ten times.
+SAMPLE_US, _SWEEP_US = 500_000, 100_000
+_START_US = 1_700_000_000_000_000
 
 
 @dataclass(frozen=True)
@@ -59,13 +60,12 @@ def write_dataset(root: Path, settings: Settings, advance: Callable[[int], None]
     maker = _Maker(writer, settings)
     samples = [token_of("sample", SCENE, number) for number in range(settings.samples)]
     for number, sample in enumerate(samples):
-        timestamp = _START_US + number * _SWEEPS_A_SAMPLE * _SWEEP_US
+        timestamp = _START_US + number * SAMPLE_US
         writer.add("sample", sample, timestamp=timestamp, scene_token=scene, prev="", next="")
-        for turn in range(
-            number * _SWEEPS_A_SAMPLE - (_SWEEPS_A_SAMPLE - 1 if number else 0), number * _SWEEPS_A_SAMPLE
-        ):
-            maker.add_sweep(sample, turn, is_key_frame=False)
-        points = maker.add_sweep(sample, number * _SWEEPS_A_SAMPLE, is_key_frame=True)
+        since_last_us = SAMPLE_US if number else 0
+        for earlier_us in range(since_last_us - _SWEEP_US, 0, -_SWEEP_US):
+            maker.add_sweep(sample, timestamp - earlier_us, is_key_frame=False)
+        points = maker.add_sweep(sample, timestamp, is_key_frame=True)
         maker.add_pictures(sample, timestamp)
         for vehicle in VEHICLES:
             writer.add_annotation(scene, sample, _annotation(vehicle, _seconds(timestamp), points))
@@ -111,12 +111,11 @@ class _Maker:
                 (camera.width_px, camera.height_px),
             )
 
-    def add_sweep(self, sample: str, turn: int, is_key_frame: bool) -> FloatArray:
-        """A LiDAR sweep, ten a second; returns its points (N, 3) in the world."""
-        timestamp_us = _START_US + turn * _SWEEP_US
+    def add_sweep(self, sample: str, timestamp_us: int, is_key_frame: bool) -> FloatArray:
+        """A LiDAR sweep; returns its points (N, 3) in the world."""
         time_s = _seconds(timestamp_us)
         street_from_lidar = street_from_ego(time_s) @ EGO_FROM_LIDAR
-        random = np.random.default_rng([self._settings.seed, turn])
+        random = np.random.default_rng([self._settings.seed, timestamp_us])
         points = sweep(street_from_lidar, BEAMS_RAD, self._settings.columns, solids_at(time_s, self._houses), random)
         folder = "samples" if is_key_frame else "sweeps"
         filename = f"{folder}/{LIDAR}/{SCENE}__{LIDAR}__{timestamp_us}.pcd.bin"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -12,6 +12,7 @@ from appocc.files import inside, read_json, write_json
 
 MANIFEST = "demo.json"
 _MADE_BY = "appocc demo"
+_UNFINISHED = ".unfinished-demo-"
 
 
 @contextmanager
@@ -25,26 +26,28 @@ def demo_folder(out: Path) -> Iterator[Path]:
     """
     before = _made_before(out)
     try:
-        out.parent.mkdir(parents=True, exist_ok=True)
-        temporary = tempfile.TemporaryDirectory(prefix=f".{out.name}-", dir=out.parent)
+        # On the same disk as `out`, which may be a mounted one.
+        place = out if out.is_dir() else out.parent
+        place.mkdir(parents=True, exist_ok=True)
+        temporary = tempfile.TemporaryDirectory(prefix=_UNFINISHED, dir=place)
     except OSError as error:
         raise DataError(f"{out}: cannot be written ({error.strerror})") from error
     with temporary as name:
         folder = Path(name)
         yield folder
-        made = sorted(str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file())
-        write_json(folder / MANIFEST, {"made_by": _MADE_BY, "files": made})
         try:
-            _put(folder, out, before, made)
+            _put(folder, out, before)
         except OSError as error:
             raise DataError(f"{out}: cannot be written ({error.strerror})") from error
 
 
 def _made_before(out: Path) -> list[str]:
     """The files of an earlier demo, below `out`."""
-    if not out.exists() or (out.is_dir() and not any(out.iterdir())):
+    if not out.exists():
         return []
     if not (out / MANIFEST).is_file():
+        if out.is_dir() and all(path.name.startswith(_UNFINISHED) for path in out.iterdir()):
+            return []
         raise DataError(
             f"{out}: exists and is no demo of ours (it has no {MANIFEST}); name another folder with --out"
         )
@@ -59,11 +62,21 @@ def _made_before(out: Path) -> list[str]:
     return files
 
 
-def _put(folder: Path, out: Path, before: list[str], made: list[str]) -> None:
-    """Move the new files to `out`, the list of them last, and remove those of before that are not made any more."""
-    for name in [*made, MANIFEST]:
+def _put(folder: Path, out: Path, before: list[str]) -> None:
+    """Move the new files to `out` and remove those of before that are not made any more.
+
+    While that is under way the list names both, so that a run after an interruption finds its own.
+    """
+    made = [str(path.relative_to(folder)) for path in sorted(folder.rglob("*")) if path.is_file()]
+    _list(out, {*before, *made})
+    for name in made:
         target = out / name
         target.parent.mkdir(parents=True, exist_ok=True)
         (folder / name).replace(target)
     for name in set(before) - set(made):
         (out / name).unlink(missing_ok=True)
+    _list(out, made)
+
+
+def _list(out: Path, files: Iterable[str]) -> None:
+    write_json(out / MANIFEST, {"made_by": _MADE_BY, "files": sorted(files)})

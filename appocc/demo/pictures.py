@@ -13,6 +13,8 @@ from appocc.frame import Frame
 # Left to right as the cameras look out of the car: the upper row ahead, the lower row behind.
 _ORDER = ("CAM_FRONT_LEFT", "CAM_FRONT", "CAM_FRONT_RIGHT", "CAM_BACK_LEFT", "CAM_BACK", "CAM_BACK_RIGHT")
 _SCALE, _GAP_PX = 4, 8
+# Labels stand beside their vehicles, on the far side from the ego.
+_ASIDE_M = 3.0
 
 
 def overview(frame: Frame, bev: BEVMap) -> ByteArray:
@@ -45,6 +47,6 @@ def _panel(frame: Frame, bev: BEVMap, title: str) -> ByteArray:
         vehicles = frame.boxes_ego.vehicles()
         near = bev.grid.contains(bev.grid.cell_of(vehicles.centre_m[:, :2]))
         for x, y in vehicles.centre_m[near, :2]:
-            canvas.label((x, y), f"{x:+.0f} m")
+            canvas.label((x, y + np.copysign(_ASIDE_M, y)), f"{x:+.0f} m")
     put_text(canvas.picture, caption, (8, 20), scale=0.5)
     return canvas.picture

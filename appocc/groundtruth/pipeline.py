@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import multiprocessing
 import os
 import pickle
@@ -20,6 +19,7 @@ import numpy as np
 
 from appocc.bevmap import BEVMap, bev_path
 from appocc.drawing import preview
+from appocc.errors import DataError
 from appocc.files import write_bytes, write_image
 from appocc.groundtruth.colouring import colour_sweep
 from appocc.groundtruth.compose import Settings, compose
@@ -76,9 +76,8 @@ def _is_there(path: Path, settings: Settings) -> bool:
     if not (path.is_file() and path.with_suffix(".png").is_file()):
         return False
     try:
-        with np.load(path, allow_pickle=False) as data:
-            return bool(json.loads(str(data["meta"]))["settings"] == settings.as_meta())
-    except Exception:  # whatever is wrong with it, it is made anew
+        return bool(BEVMap.load(path).meta.get("settings") == settings.as_meta())
+    except DataError:  # whatever is wrong with it, it is made anew
         return False
 
 

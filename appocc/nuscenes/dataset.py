@@ -19,6 +19,7 @@ from appocc.nuscenes.records import MapRecord, Sample, SampleData, Scene
 from appocc.nuscenes.tables import Tables
 
 LIDAR = "LIDAR_TOP"
+_NEAR_US = 2_000_000
 
 
 class Dataset:
@@ -217,18 +218,25 @@ class Dataset:
     def world_from_ego(self, sample: Sample) -> FloatArray:
         """(4, 4) ego pose at the time of a sample.
 
-        The pose of the file with the sample's own time (LIDAR_TOP in nuScenes); without one, between the nearest.
+        The pose of the file with the sample's own time (LIDAR_TOP in nuScenes); without one, it is found between the
+        poses of the channel with the nearest file.
+
+        Raises:
+            DataError: if the sample has no file with a pose within two seconds.
         """
         own = [d for d in self.data(sample).values() if d.timestamp_us == sample.timestamp_us]
         if own:
             return self.world_from_ego_at(max(own, key=lambda d: d.channel == LIDAR))
-        scene = self.scene(sample.scene_token)
-        stream = [d for d in self.stream(scene) if abs(d.timestamp_us - sample.timestamp_us) < 2_000_000]
-        if not stream:
+        near = [d for d in self.stream(self.scene(sample.scene_token)) if _gap_us(d, sample) < _NEAR_US]
+        if not near:
             raise DataError(f"{self.root}: sample {sample.token} has no file with an ego pose")
-        times = np.array([d.timestamp_us * 1e-6 for d in stream])
-        poses = np.stack([self.world_from_ego_at(d) for d in stream])
-        return interpolate_pose(times, poses, sample.timestamp_us * 1e-6)
+        # One channel only: files of several lie milliseconds apart, too short a step to be carried on.
+        channel = min(near, key=lambda d: _gap_us(d, sample)).channel
+        chain = [d for d in near if d.channel == channel]
+        times = np.array([d.timestamp_us * 1e-6 for d in chain])
+        return interpolate_pose(
+            times, np.stack([self.world_from_ego_at(d) for d in chain]), sample.timestamp_us * 1e-6
+        )
 
     def boxes_world(self, sample: Sample) -> Boxes:
         """Annotated boxes of a sample in the world frame, with velocities from the neighbouring annotations.
@@ -311,6 +319,10 @@ class Dataset:
         except (TypeError, ValueError) as error:
             where = f"{self.tables.path('map')}: {t.text('token', row)}"
             raise DataError(f"{where}: origin_m or unknown_value: expected numbers ({error})") from error
+
+
+def _gap_us(data: SampleData, sample: Sample) -> int:
+    return abs(data.timestamp_us - sample.timestamp_us)
 
 
 def sample_at(dataset: Dataset, scene: Scene, frame: int) -> Sample:

@@ -44,7 +44,7 @@ def boxes(*rows: tuple[float, float, float, float, float, float, float]) -> Boxe
     return Boxes(
         table[:, :3].copy(),
         table[:, [4, 3, 5]].copy(),
-        np.stack([pose[:3, :3] for pose in poses]),
+        np.array([pose[:3, :3] for pose in poses]).reshape(-1, 3, 3),
         ("vehicle.car",) * n,
         tuple(map(str, range(n))),
         tuple(map(str, range(n))),
@@ -80,7 +80,8 @@ def test_a_wall_hides_what_is_behind_it_and_not_what_is_before_it(elevations: Fl
     assert is_hidden[seen].mean() > 0.99
     before = rng.uniform([5.0, -3.0, 0.0], [11.5, 3.0, 1.0], (5000, 3))
     on_it = np.column_stack([np.full(500, 12.0), rng.uniform(-3.8, 3.8, 500), rng.uniform(0.1, 2.8, 500)])
-    aside = rng.uniform([14.0, 9.0, 0.0], [40.0, 12.0, 0.0], (5000, 3))
+    aside = rng.uniform([14.0, 0.45, 0.0], [40.0, 0.6, 0.0], (5000, 3))
+    aside[:, 1] *= aside[:, 0] - 1.7
     for points in (before, on_it, aside, sweep[which == 0]):
         is_hidden, seen = hidden(camera(), sweep, points)
         assert seen.any()
@@ -93,34 +94,27 @@ def test_without_points_nothing_is_hidden() -> None:
     assert not is_hidden.any()
 
 
-def test_points_that_are_no_numbers_hide_nothing() -> None:
-    sweep = np.array([[np.nan, 0, 1], [5.0, np.nan, 1], [np.inf, 0, 1]])
-    is_hidden, _ = hidden(camera(), sweep, np.array([[20.0, 0, 1.0]]))
-    assert not is_hidden.any()
-
-
 def test_box_entry_is_that_of_small_steps() -> None:
     rng = np.random.default_rng(3)
     half = np.array([2.0, 0.9, 0.7])
     turn = quaternion_from_rotation(np.linalg.qr(rng.normal(size=(3, 3)))[0] * [1, 1, 1])
     pose = transform(turn, [1.0, 2.0, 0.5])
     steps = np.linspace(0, 20, 8001)
-    hits = 0
+    hits = missed = 0
     for origin in rng.uniform(-6, 6, (40, 3)):
-        rays = rng.normal(size=(20, 3))
+        rays = pose[:3, 3] + rng.normal(size=(20, 3)) * 1.5 - origin
         rays = rays / np.linalg.norm(rays, axis=1, keepdims=True)
         entry = box_entry(origin, rays, pose, half)
         places = apply(inverse(pose), origin + rays[:, None] * steps[None, :, None])
-        inside = (np.abs(places) <= half).all(axis=2)
+        inside = np.asarray((np.abs(places) <= half).all(axis=2))
         for one, row in zip(entry, inside, strict=True):
             if row.any():
                 hits += 1
                 assert one == pytest.approx(steps[row.argmax()], abs=0.003)
-            elif np.isfinite(one):  # a corner that the steps missed
-                assert np.ptp(steps[:2]) > 0
-                assert row.sum() == 0
-                assert one < 20
-    assert hits > 60
+            else:  # a corner may lie between two steps
+                missed += np.isfinite(one)
+    assert hits > 300
+    assert missed <= 3
 
 
 def test_box_entry_at_the_edges_of_the_method() -> None:
@@ -134,16 +128,18 @@ def test_box_entry_at_the_edges_of_the_method() -> None:
     assert box_entry(np.array([-5.0, 0, 0]), 2 * ahead, here, half)[0] == 2  # in units of the ray
 
 
-def hidden_behind(points: list[list[float]], *rows: tuple[float, float, float, float, float, float, float]) -> list[bool]:
+def hidden_behind(
+    points: list[list[float]], *rows: tuple[float, float, float, float, float, float, float]
+) -> list[bool]:
     view = camera()
     places = np.array(points)
     uv, _ = view.project_ego(places)
-    return hidden_by_boxes(places, uv, view, view.ego_from_cam, boxes(*rows)).tolist()
+    return [bool(one) for one in hidden_by_boxes(places, uv, view, view.ego_from_cam, boxes(*rows))]
 
 
 def test_hidden_by_boxes() -> None:
     car = (15.0, 0.0, 0.75, 4.0, 2.0, 1.5, 0.3)
-    points = [[25.0, 0.0, 0.5], [10.0, 0.0, 0.0], [25.0, 6.0, 0.5], [40.0, 0.0, 1.8]]
+    points = [[25.0, 0.0, 0.5], [10.0, 0.0, 0.0], [25.0, 6.0, 0.5], [40.0, 0.0, 3.0]]
     assert hidden_behind(points, car) == [True, False, False, False]
     assert hidden_behind(points) == [False] * 4
     other_side = (-15.0, 0.0, 0.75, 4.0, 2.0, 1.5, 0.0)

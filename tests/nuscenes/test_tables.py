@@ -73,7 +73,7 @@ def test_tables_that_no_dataset_lacks(tiny: TinyDataset) -> None:
 
 
 def test_names_that_the_schema_does_not_have(tiny_root: Path) -> None:
-    with pytest.raises(NotFoundError, match="the schema has no table 'samples'; it has attribute, .*lidarseg"):
+    with pytest.raises(NotFoundError, match=r"the schema has no table 'samples'; it has attribute, .*lidarseg"):
         _ = Tables(tiny_root)["samples"]
 
 
@@ -105,7 +105,7 @@ def test_references_into_empty_tables(tiny: TinyDataset) -> None:
 
 
 def test_lyft_tables_hold_more_and_other_things(tiny: TinyDataset) -> None:
-    """Lyft Level 5: tokens of 64 digits, times with fractions, plain category names, empty visibilities, own fields."""
+    """Lyft Level 5: tokens of 64 digits, times with fractions, empty visibilities, fields left out and added."""
     text = {name: json.dumps(rows) for name, rows in tiny.tables.items()}
     for row in [r for rows in tiny.tables.values() for r in rows]:
         for name in text:

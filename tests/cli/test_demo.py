@@ -1,0 +1,86 @@
+from __future__ import annotations
+
+import json
+import shlex
+from pathlib import Path
+
+import cv2
+import pytest
+from typer.testing import CliRunner, Result
+
+from appocc.demo import dataset
+from appocc.errors import DataError
+from appocc.files import read_image
+from cli.main import app
+
+SMALL = dataset.Settings(samples=4, width_px=264, columns=240)
+
+
+def run(*arguments: str) -> Result:
+    return CliRunner().invoke(app, list(arguments))
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Result]:
+    """A demo of four small key frames, in a folder with a space in its name."""
+    out = tmp_path_factory.mktemp("cli") / "my demo"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(dataset, "Settings", lambda: SMALL)
+        return out, run("demo", "--out", str(out), "--json")
+
+
+def test_it_leaves_pictures_and_says_what_they_show(made: tuple[Path, Result]) -> None:
+    out, result = made
+    assert result.exit_code == 0, result.output
+    text = (out / "README.txt").read_text()
+    for name in ("bev.png", "tracks.webm", "tracks.png", "ground.png", "dataset/"):
+        assert (out / name).exists()
+        assert f"\n{name}" in text
+    for name in ("bev.png", "tracks.png", "ground.png"):
+        assert read_image(out / name).std() > 20, "a picture shows something"
+    assert text in result.stderr
+
+
+def test_the_video_has_every_key_frame(made: tuple[Path, Result]) -> None:
+    video = cv2.VideoCapture(str(made[0] / "tracks.webm"))
+    frames = 0
+    while video.read()[0]:
+        frames += 1
+    assert frames == SMALL.samples
+
+
+def test_json_tells_the_outcome_and_nothing_else(made: tuple[Path, Result]) -> None:
+    out, result = made
+    value = json.loads(result.stdout)
+    assert value["folder"] == str(out)
+    assert value["scene"] == dataset.SCENE
+    assert value["metrics"]["MOTA"] > 0.8
+    assert value["metrics"]["GT"] > 30
+    answer = value["ground"]
+    assert answer["status"] == "ok"
+    # At key frame 3 the ego stands at x = 69 in the right lane; the silver car's rear bumper is at x = 82, 3 m to the
+    # right. The car should stand a metre short of it, half its own length of 4.6 m behind that.
+    x, y = answer["target"]["ego_m"]
+    assert x == pytest.approx(82.0 - 69.0 - 1.0 - 2.3, abs=0.8)
+    assert y == pytest.approx(-3.0, abs=0.5)
+
+
+def test_the_commands_it_names_work(
+    made: tuple[Path, Result], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    lines = (made[0] / "README.txt").read_text().splitlines()
+    commands = [shlex.split(line) for line in lines if line.startswith("appocc ") and not line.endswith("demo")]
+    assert len(commands) == 7
+    for command in commands:
+        if command[1] != "groundtruth" or "--paint" not in command:
+            result = run(*command[1:])
+            assert result.exit_code == 0, (command, result.output)
+    assert (tmp_path / "red.png").is_file()
+
+
+def test_a_folder_of_others_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "thesis.tex").write_text("precious")
+    result = run("demo", "--out", str(tmp_path))
+    assert isinstance(result.exception, DataError)
+    assert [path.name for path in tmp_path.iterdir()] == ["thesis.tex"]

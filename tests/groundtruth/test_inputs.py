@@ -1,0 +1,110 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from made_street import BLUE, RED, START_US, STEP_US, WORLD_FROM_STREET, Plan, Solid, car, make
+from tiny_dataset import START_US as TINY_START_US
+from tiny_dataset import TinyDataset
+
+from appocc.boxes import Boxes
+from appocc.errors import DataError
+from appocc.geometry import apply, inverse
+from appocc.groundtruth.inputs import gather, read_view
+from appocc.nuscenes import Dataset
+
+
+def street(t: float) -> list[Solid]:
+    """A car at 8 m/s, one that stands, and one that is annotated in the first half second only."""
+    gone = [car(-10, 3, RED, "gone")] if t < 0.4 else []
+    return [car(6 + 8 * t, 3, BLUE, "moving"), car(15, -3, RED, "parked"), *gone]
+
+
+def centres(boxes_world: Boxes) -> list[float]:
+    return [round(float(x), 3) for x in apply(inverse(WORLD_FROM_STREET), boxes_world.centre_m)[:, 0]]
+
+
+def test_sweeps_have_the_boxes_of_their_own_time(tmp_path: Path) -> None:
+    dataset = make(tmp_path, Plan(street, samples=3, with_lidar=(0, 1, 2), sweeps_s=(0.1, 0.4, 0.75)))
+    inputs = gather(dataset, dataset.scenes[0])
+    assert [centres(sweep.boxes_world) for sweep in inputs.sweeps] == [
+        [6.0, 15.0, -10.0],
+        [6.8, 15.0, -10.0],  # at 0.1 s; what is annotated on one side only stays
+        [9.2, 15.0],  # at 0.4 s, from the sample at 0.5 s, which is nearer
+        [10.0, 15.0],
+        [12.0, 15.0],
+        [14.0, 15.0],
+    ]
+
+
+def test_images_have_the_boxes_of_their_own_time(tmp_path: Path) -> None:
+    dataset = make(tmp_path, Plan(street, samples=2, camera_delay_s=-0.1))
+    sample = gather(dataset, dataset.scenes[0]).samples[1]
+    assert centres(sample.boxes_world) == [10.0, 15.0]
+    assert all(centres(view.boxes_world) == [9.2, 15.0] for view in sample.views)
+    # Before the first sample the motion is carried back.
+    first = gather(dataset, dataset.scenes[0]).samples[0]
+    assert centres(first.views[0].boxes_world) == [5.2, 15.0, -10.0]
+
+
+def test_motion_is_carried_on_by_one_interval_at_most(tmp_path: Path) -> None:
+    dataset = make(tmp_path, Plan(street, samples=2, sweeps_s=(9.0,)))
+    assert centres(gather(dataset, dataset.scenes[0]).sweeps[-1].boxes_world) == [14.0, 15.0]
+
+
+def test_a_single_sample_needs_no_interpolation(tmp_path: Path) -> None:
+    dataset = make(tmp_path, Plan(street, samples=1, with_lidar=(0,), sweeps_s=(0.3,)))
+    assert centres(gather(dataset, dataset.scenes[0]).sweeps[-1].boxes_world) == [6.0, 15.0, -10.0]
+
+
+def test_rounds_go_by_time(tmp_path: Path) -> None:
+    dataset = make(tmp_path, Plan(street, samples=5, with_lidar=(0, 3), cameras=("CAM_BACK", "CAM_FRONT")))
+    first, later = gather(dataset, dataset.scenes[0]).sweeps
+    for sweep, nearest in ((first, [0, 1, 2]), (later, [3, 2, 4])):
+        assert [[(v.timestamp_us - START_US) // STEP_US for v in views] for views in sweep.rounds] == [
+            [k, k] for k in nearest
+        ]
+        assert [[v.camera.channel for v in views] for views in sweep.rounds] == [["CAM_BACK", "CAM_FRONT"]] * 3
+
+
+def test_cameras_without_enough_images_leave_rounds_short(tmp_path: Path) -> None:
+    dataset = make(tmp_path, Plan(street, samples=2))
+    assert [len(views) for views in gather(dataset, dataset.scenes[0]).sweeps[0].rounds] == [4, 4, 0]
+
+
+def test_a_hand_made_dataset(tiny: TinyDataset) -> None:
+    inputs = gather(Dataset(tiny.root), Dataset(tiny.root).scenes[0])
+    assert inputs.annotated
+    assert [sample.timestamp_us - TINY_START_US for sample in inputs.samples] == [0, 500_000, 1_000_000]
+    assert len(inputs.sweeps) == 4
+    np.testing.assert_allclose(inputs.sweeps[1].world_from_lidar[:3, 3], [100, 202.25, 1.8])
+    walker = inputs.sweeps[1].boxes_world.centre_m[1]
+    np.testing.assert_allclose(walker, [95.0, 205.25, 0.9])
+    assert all(sweep.labels is None for sweep in inputs.sweeps)
+
+
+def test_a_test_set_has_no_annotations(tiny: TinyDataset) -> None:
+    tiny.tables["sample_annotation"], tiny.tables["instance"] = [], []
+    inputs = gather(Dataset(tiny.write()), Dataset(tiny.root).scenes[0])
+    assert not inputs.annotated
+    assert all(len(sample.boxes_world) == 0 for sample in inputs.samples)
+
+
+def test_samples_without_lidar(tmp_path: Path) -> None:
+    dataset = make(tmp_path, Plan(street, with_lidar=(1,)))
+    first, second = gather(dataset, dataset.scenes[0]).samples
+    assert first.lidar is None
+    assert second.lidar is not None
+    assert second.lidar[0].is_file()
+
+
+def test_read_view(tmp_path: Path) -> None:
+    path = tmp_path / "a.png"
+    assert cv2.imwrite(str(path), np.full((4, 6, 3), (1, 2, 3), np.uint8))
+    image = read_view(path, 6, 4)
+    assert image.shape == (4, 6, 3)
+    assert image[0, 0].tolist() == [3, 2, 1]
+    with pytest.raises(DataError, match=r"a\.png: expected 4x6 pixels, as its table says, got 6x4"):
+        read_view(path, 4, 6)

@@ -1,0 +1,401 @@
+from __future__ import annotations
+
+import hashlib
+import json
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+from made_street import (
+    BLUE,
+    BROWN,
+    GREEN,
+    GREY,
+    KERB_M,
+    RED,
+    STRIPE_M,
+    WHITE,
+    Plan,
+    Solid,
+    car,
+    make,
+    street_from_ego,
+)
+from tiny_dataset import TinyDataset
+
+from appocc.bevmap import LANE, ROAD, VEHICLE, BEVMap, bev_path
+from appocc.checks import FloatArray
+from appocc.errors import DataError
+from appocc.files import read_image
+from appocc.frame import Frame
+from appocc.geometry import apply
+from appocc.grid import BEVGrid
+from appocc.groundtruth import pipeline
+from appocc.groundtruth.compose import Settings
+from appocc.groundtruth.pipeline import Summary, generate
+from appocc.nuscenes import Dataset
+from appocc.nuscenes.writer import token_of
+
+SETTINGS = Settings(BEVGrid(-16.0, 16.0, -16.0, 16.0, 0.4), "robust")
+
+
+def street(t: float) -> list[Solid]:
+    """A parked car, one that drives, a wall, and leaves over the road."""
+    leaves = Solid((4.0, -4.0, 3.0), (8.0, 0.0, 3.2), GREEN)
+    return [
+        car(9, -2.8, RED, "red"),
+        car(2 + 8 * t, 2.4, BLUE, "blue"),
+        Solid((4, 7, 0), (12, 7.3, 2), GREEN),
+        leaves,
+    ]
+
+
+PLAN = Plan(street, samples=3, with_lidar=(0, 2), sweeps_s=(0.25, 0.7))
+
+
+@pytest.fixture(scope="module")
+def dataset(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
+    """Three samples, the second without LIDAR_TOP, and two sweeps."""
+    return make(tmp_path_factory.mktemp("street"), PLAN)
+
+
+def run(dataset: Dataset, out: Path, workers: int = 1, settings: Settings = SETTINGS) -> Summary:
+    return generate(dataset, dataset.scenes, out, settings, workers, lambda _: None)
+
+
+@pytest.fixture(scope="module")
+def made(dataset: Dataset, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Its maps."""
+    out = tmp_path_factory.mktemp("maps")
+    assert run(dataset, out) == Summary(3, 0, out / "bev" / "groundtruth")
+    return out
+
+
+def digests(folder: Path) -> dict[str, str]:
+    """Every file below a folder, hidden ones included."""
+    files = [path for path in sorted(folder.rglob("*")) if path.is_file()]
+    return {str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
+
+
+def maps(dataset: Dataset, out: Path) -> list[BEVMap]:
+    return [BEVMap.load(bev_path(out, "groundtruth", s.token)) for s in dataset.samples(dataset.scenes[0])]
+
+
+# What is in the maps ------------------------------------------------------------------------------------------------
+
+
+def test_a_map_and_a_picture_a_sample(dataset: Dataset, made: Path) -> None:
+    tokens = [sample.token for sample in dataset.samples(dataset.scenes[0])]
+    assert set(digests(made)) == {f"bev/groundtruth/{t}.{kind}" for t in tokens for kind in ("npz", "png")}
+    for sample, bev in zip(dataset.samples(dataset.scenes[0]), maps(dataset, made), strict=True):
+        assert bev.grid == SETTINGS.grid
+        assert bev.meta["token"] == sample.token
+        assert bev.meta["timestamp_us"] == sample.timestamp_us
+        assert bev.meta["sources"]["road"] == "semantic_lidar (lidarseg)"
+        assert bev.meta["sources"]["lane"] == "none"
+    picture = read_image(bev_path(made, "groundtruth", tokens[0]).with_suffix(".png"))
+    assert picture.shape == (80 * 4, 2 * 80 * 4, 3)
+
+
+def test_the_ground_has_its_true_colours(dataset: Dataset, made: Path) -> None:
+    for k, bev in enumerate(maps(dataset, made)):
+        centres = np.pad(bev.grid.centres(), ((0, 0), (0, 0), (0, 1)))
+        y = apply(street_from_ego(0.5 * k), centres)[..., 1]
+        for rgb, where in (
+            (GREY, (np.abs(y) < KERB_M - 0.4) & (np.abs(y) > STRIPE_M / 2 + 0.4)),
+            (BROWN, (np.abs(y) > KERB_M + 0.4) & (y < 5)),
+        ):
+            wanted = where & bev.appearance_valid & (bev.occupancy[VEHICLE] == 0)
+            assert wanted.sum() > 300
+            assert (np.abs(bev.appearance[:, wanted].T.astype(int) - rgb).max(axis=1) <= 2).mean() > 0.98
+        stripe = (np.abs(y) < 0.2) & bev.appearance_valid & (bev.occupancy[VEHICLE] == 0)
+        assert np.median(bev.appearance[0, stripe]) > (GREY[0] + WHITE[0]) / 2
+
+
+def test_unknown_cells_are_black_and_not_valid(dataset: Dataset, made: Path) -> None:
+    for bev in maps(dataset, made):
+        assert 0.3 < bev.appearance_valid.mean() < 0.95
+        assert not bev.appearance[:, ~bev.appearance_valid].any()
+        assert (bev.appearance[:, bev.appearance_valid].max(axis=0) > 20).all()
+
+
+def test_roads_and_vehicles_are_where_they_are(dataset: Dataset, made: Path) -> None:
+    for k, bev in enumerate(maps(dataset, made)):
+        time_s = 0.5 * k
+        centres = np.pad(bev.grid.centres(), ((0, 0), (0, 0), (0, 1)))
+        place = apply(street_from_ego(time_s), centres)
+        true_road = np.abs(place[..., 1]) < KERB_M
+        known = bev.occupancy_valid[ROAD] & (np.abs(np.abs(place[..., 1]) - KERB_M) > 0.3)
+        assert known.sum() > 500
+        assert ((bev.occupancy[ROAD] == 1) == true_road)[known].mean() > 0.99
+        assert not bev.occupancy_valid[LANE].any()
+        on = np.zeros(bev.grid.shape, np.bool_)
+        for solid in street(time_s)[:2]:
+            on |= ((place >= solid.low) & (place <= solid.high))[..., :2].all(axis=2)
+        assert np.array_equal(bev.occupancy[VEHICLE] == 1, on)
+        red = on & (place[..., 1] < 0)
+        assert (np.abs(bev.appearance[:, red].T.astype(int) - RED) <= 5).all()
+        assert (np.abs(bev.appearance[:, on & ~red].T.astype(int) - BLUE) <= 5).all()
+
+
+# The same on every run ----------------------------------------------------------------------------------------------
+
+
+def test_the_same_bytes_again_and_with_more_workers(dataset: Dataset, made: Path, tmp_path: Path) -> None:
+    expected = digests(made)
+    run(dataset, tmp_path / "again")
+    assert digests(tmp_path / "again") == expected
+    run(dataset, tmp_path / "two", workers=2)
+    assert digests(tmp_path / "two") == expected
+
+
+def test_a_run_goes_on_where_it_was(dataset: Dataset, made: Path, tmp_path: Path) -> None:
+    run(dataset, tmp_path)
+    expected = digests(tmp_path)
+    first, second, third = (bev_path(tmp_path, "groundtruth", s.token) for s in dataset.samples(dataset.scenes[0]))
+    assert run(dataset, tmp_path)[:2] == (0, 3)
+    first.unlink()
+    second.with_suffix(".png").unlink()
+    assert run(dataset, tmp_path)[:2] == (2, 1)
+    third.write_bytes(third.read_bytes()[:100])
+    assert run(dataset, tmp_path)[:2] == (1, 2)
+    assert digests(tmp_path) == expected == digests(made)
+
+
+def test_other_settings_are_another_run(dataset: Dataset, tmp_path: Path) -> None:
+    run(dataset, tmp_path)
+    before = digests(tmp_path)
+    other = Settings(SETTINGS.grid, "mode")
+    assert run(dataset, tmp_path, settings=other)[:2] == (3, 0)
+    assert digests(tmp_path) != before
+    assert maps(dataset, tmp_path)[0].meta["settings"]["paint"] == "mode"
+
+
+def test_progress_counts_samples_whether_made_or_kept(dataset: Dataset, tmp_path: Path) -> None:
+    steps: list[int] = []
+    for _ in range(2):
+        generate(dataset, dataset.scenes, tmp_path, SETTINGS, 1, steps.append)
+        assert sum(steps) == 3
+        steps.clear()
+        bev_path(tmp_path, "groundtruth", dataset.samples(dataset.scenes[0])[1].token).unlink()
+
+
+# When something goes wrong ------------------------------------------------------------------------------------------
+
+
+def whole(out: Path) -> int:
+    """How many maps lie there; every file is a whole map or its picture."""
+    names = set(digests(out)) if out.is_dir() else set()
+    found = {name for name in names if name.endswith(".npz")}
+    for name in found:
+        assert not Path(name).name.startswith(".")
+        BEVMap.load(out / name)
+        assert name.replace(".npz", ".png") in names
+    assert all(not Path(name).name.startswith(".") for name in names)
+    return len(found)
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_a_truncated_image_ends_the_run_with_its_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, workers: int
+) -> None:
+    # Only the first sample has LiDAR: the last sample's images are read when the maps are composed, and only then.
+    dataset = make(tmp_path / "data", Plan(street, samples=6, with_lidar=(0,)))
+    temporary = tmp_path / "temporary"
+    temporary.mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(temporary))
+    image = dataset.path(dataset.data(dataset.samples(dataset.scenes[0])[5])["CAM_LEFT"])
+    data = image.read_bytes()
+    image.write_bytes(data[:200])
+    out = tmp_path / "out"
+    with pytest.raises(DataError, match=rf"{image.name}"):
+        run(dataset, out, workers)
+    assert 1 <= whole(out) <= 5
+    assert not list(temporary.iterdir())
+    image.write_bytes(data)
+    kept = whole(out)
+    assert run(dataset, out)[:2] == (6 - kept, kept)
+    run(dataset, tmp_path / "reference")
+    assert digests(out) == digests(tmp_path / "reference")
+
+
+def test_an_interrupted_run_leaves_whole_files_only(
+    dataset: Dataset, made: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    real, calls = BEVMap.save, []
+
+    def interrupted(self: BEVMap, path: Path) -> None:
+        calls.append(path)
+        if len(calls) == 2:
+            path.with_suffix(".half").touch()
+            path.with_suffix(".half").unlink()
+            raise KeyboardInterrupt
+        real(self, path)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(BEVMap, "save", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            run(dataset, tmp_path)
+    assert whole(tmp_path) == 1
+    assert run(dataset, tmp_path)[:2] == (2, 1)
+    assert digests(tmp_path) == digests(made)
+
+
+def test_a_write_that_fails_leaves_no_temporary_file(
+    dataset: Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(handle: object, **parts: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(np, "savez_compressed", full)
+    with pytest.raises(DataError, match=r"\.npz: cannot be written \(No space left on device\)"):
+        run(dataset, tmp_path)
+    assert whole(tmp_path) == 0
+
+
+def test_a_truncated_sweep_ends_the_run_with_its_name(tmp_path: Path) -> None:
+    dataset = make(tmp_path, Plan(street, samples=1))
+    sweep = dataset.path(dataset.data(dataset.samples(dataset.scenes[0])[0])["LIDAR_TOP"])
+    sweep.write_bytes(sweep.read_bytes()[:-7])
+    with pytest.raises(DataError, match=rf"{sweep.name}: expected rows of 5 float32"):
+        run(dataset, tmp_path / "out")
+
+
+# What may be missing ------------------------------------------------------------------------------------------------
+
+
+def test_without_lidar_there_are_vehicles_still(tmp_path: Path) -> None:
+    dataset = make(tmp_path, Plan(street, samples=1, with_lidar=()))
+    run(dataset, tmp_path)
+    bev = maps(dataset, tmp_path)[0]
+    assert bev.meta["sources"]["appearance_static"] == "none"
+    assert not bev.occupancy_valid[[ROAD, LANE]].any()
+    assert np.array_equal(bev.appearance_valid, bev.occupancy[VEHICLE] == 1)
+
+
+def test_without_cameras_there_is_occupancy_still(tmp_path: Path) -> None:
+    dataset = make(tmp_path, Plan(street, samples=1, cameras=()))
+    run(dataset, tmp_path)
+    bev = maps(dataset, tmp_path)[0]
+    assert not bev.appearance_valid.any()
+    assert bev.occupancy[VEHICLE].any()
+    assert bev.occupancy_valid[ROAD].any()
+
+
+def test_a_test_set_without_annotations(tmp_path: Path) -> None:
+    dataset = make(tmp_path, Plan(street, samples=1, annotated=False))
+    run(dataset, tmp_path)
+    bev = maps(dataset, tmp_path)[0]
+    assert not bev.occupancy_valid[VEHICLE].any()
+    assert bev.appearance_valid.any()
+
+
+def test_labels_of_key_frames_alone_are_enough(tmp_path: Path) -> None:
+    """Ten sweeps without labels do not outvote the labelled one, as in nuScenes."""
+    sweeps = tuple(0.01 * k for k in range(1, 11))
+    dataset = make(tmp_path, Plan(street, samples=1, cameras=(), with_lidar=(0,), sweeps_s=sweeps))
+    run(dataset, tmp_path)
+    bev = maps(dataset, tmp_path)[0]
+    assert bev.occupancy[ROAD].sum() > 300
+
+
+def test_a_scene_without_samples(tiny: TinyDataset, tmp_path: Path) -> None:
+    tiny.tables["scene"].append({**tiny.tables["scene"][0], "token": "empty", "name": "empty"})
+    dataset = Dataset(tiny.write())
+    summary = generate(dataset, [dataset.scene("empty")], tmp_path / "out", SETTINGS, 1, lambda _: None)
+    assert summary[:2] == (0, 0)
+
+
+def test_a_hand_made_dataset(tiny: TinyDataset, tmp_path: Path) -> None:
+    """Two small cameras, three points a sweep, a mask that says road everywhere but lies far away."""
+    dataset = Dataset(tiny.root)
+    assert run(dataset, tmp_path).made == 3
+    first = maps(dataset, tmp_path)[0]
+    assert first.meta["sources"]["road"] == "none"
+    car_cells = np.argwhere(first.occupancy[VEHICLE] == 1)
+    middle = first.grid.centre_of(car_cells).mean(axis=0)
+    np.testing.assert_allclose(middle, [10.0, 0.0], atol=0.05)
+
+
+# Real recordings ----------------------------------------------------------------------------------------------------
+
+
+def _difference_to_picture(frame: Frame, bev: BEVMap) -> FloatArray:
+    """How far the colours (0..255) of road cells ahead are from the front picture, into which their centres project."""
+    centres = bev.grid.centres()
+    ahead = (np.abs(centres[..., 1]) < 4) & (centres[..., 0] > 6) & (centres[..., 0] < 20)
+    wanted = ahead & bev.appearance_valid & (bev.occupancy[ROAD] == 1) & (bev.occupancy[VEHICLE] == 0)
+    camera = frame.rig["CAM_FRONT"]
+    uv, depth = camera.project_ego(np.pad(centres[wanted], ((0, 0), (0, 1))))
+    seen = camera.sees(uv, depth)
+    column, row = np.round(uv[seen]).astype(int).T
+    picture = frame.images["CAM_FRONT"][row, column].astype(np.float64)
+    return np.asarray(np.abs(bev.appearance[:, wanted].T[seen] - picture).mean(axis=1))
+
+
+@pytest.mark.realdata
+def test_pandaset_has_a_map_of_every_sample(panda_bev: Path) -> None:
+    dataset = Dataset(panda_bev)
+    for sample, bev in zip(dataset.samples(dataset.scenes[0]), maps(dataset, panda_bev), strict=True):
+        assert bev.grid.shape == (200, 200)
+        assert bev.meta["sources"]["road"].startswith("mask (derived")
+        assert bev.meta["sources"]["lane"] == "semantic_lidar (pointlabels)"
+        assert 0.25 < bev.appearance_valid.mean() < 0.95
+        assert bev.occupancy_valid[VEHICLE].all()
+        assert 0.05 < bev.occupancy[ROAD].mean() < 0.5
+        assert 0 < bev.occupancy[LANE].mean() < 0.1
+        cuboids = dataset.boxes_world(sample).vehicles()
+        near = np.linalg.norm(cuboids.centre_m[:, :2] - dataset.world_from_ego(sample)[:2, 3], axis=1) < 36
+        area = (cuboids.size_wlh_m[near, 0] * cuboids.size_wlh_m[near, 1]).sum()
+        assert bev.occupancy[VEHICLE].sum() * 0.16 > 0.95 * area
+
+
+@pytest.mark.realdata
+def test_pandaset_vehicles_have_the_colours_that_people_read(panda_bev: Path) -> None:
+    fixture = Path(__file__).parents[1] / "fixtures" / "vehicle_colours_pandaset_002.json"
+    entries = json.loads(fixture.read_text())["entries"]
+    dataset = Dataset(panda_bev)
+    scene = dataset.scenes[0]
+    samples, every = dataset.samples(scene), maps(dataset, panda_bev)
+    errors = []
+    for entry in entries:
+        bev = every[entry["frame"] // 2]
+        sample = samples[entry["frame"] // 2]
+        cuboids = dataset.boxes_world(sample)
+        number = cuboids.instance.index(token_of("instance", scene.token, entry["track"]))
+        world_from_ego = dataset.world_from_ego(sample)
+        middle = np.linalg.inv(world_from_ego) @ [*cuboids.centre_m[number], 1.0]
+        cell = bev.grid.cell_of(middle[:2])
+        if bev.grid.contains(cell) and bev.appearance_valid[tuple(cell)]:
+            assert bev.occupancy[VEHICLE][tuple(cell)] == 1
+            errors.append(np.abs(bev.appearance[:, *cell].astype(float) - entry["rgb"]).mean())
+    assert len(errors) >= 60
+    assert np.mean(errors) < 15
+    assert np.median(errors) < 9
+
+
+@pytest.mark.realdata
+def test_nuscenes_as_it_lies_there(data_root: Path, tmp_path: Path) -> None:
+    dataset = Dataset(data_root / "nuscenes_real")
+    before = sorted(path.name for path in dataset.root.rglob("*"))
+    summary = generate(dataset, dataset.scenes, tmp_path, Settings(BEVGrid.surround(), "robust"), 1, lambda _: None)
+    assert summary.made == 2
+    for scene in dataset.scenes:
+        (sample,) = dataset.samples(scene)
+        bev = BEVMap.load(bev_path(tmp_path, "groundtruth", sample.token))
+        assert bev.meta["sources"]["road"] == "mask"
+        assert bev.meta["sources"]["lane"] == "none"
+        assert 0.1 < bev.occupancy[ROAD].mean() < 0.6
+        assert bev.occupancy[ROAD, 97:103, 97:103].all()  # under the ego
+        assert bev.occupancy[VEHICLE].any()
+        assert not bev.appearance_valid[97:109, 97:103].any()  # its own body hides the road, and is none
+        assert bev.appearance_valid.mean() > 0.08
+        difference = _difference_to_picture(dataset.frame(sample), bev)
+        assert len(difference) > 200
+        assert np.median(difference) < 12
+    assert sorted(path.name for path in dataset.root.rglob("*")) == before
+
+
+def test_the_source_of_these_maps_is_named() -> None:
+    assert pipeline.SOURCE == "groundtruth"

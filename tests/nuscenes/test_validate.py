@@ -1,0 +1,424 @@
+"""Every way in which a dataset can be broken is named with its table, its token and the reason."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+from tiny_dataset import INTRINSIC, START_US, TinyDataset, token
+
+from appocc.nuscenes import Dataset
+from appocc.nuscenes.problem import Problem
+from appocc.nuscenes.validate import validate
+
+FRONT, LIDAR = token("CAM_FRONT", -10_000), token("LIDAR_TOP", 0)
+
+
+def found(tiny: TinyDataset, images: bool = True) -> list[Problem]:
+    return list(validate(Dataset(tiny.write()), images))
+
+
+def assert_only(problems: list[Problem], *expected: tuple[str, str, str, str]) -> None:
+    """The findings are these (table, token, kind, part of the reason) and no others."""
+    assert [(p.table, p.token, p.kind) for p in problems] == [e[:3] for e in expected], problems
+    for problem, (_, _, _, reason) in zip(problems, expected, strict=True):
+        assert reason in problem.reason
+
+
+@pytest.mark.parametrize("images", [True, False])
+def test_a_whole_dataset_has_no_findings(tiny: TinyDataset, images: bool) -> None:
+    assert found(tiny, images) == []
+
+
+def test_a_finding_is_one_line() -> None:
+    assert str(Problem("sample", "abc", "k", "it is late")) == "error: sample abc: it is late"
+    assert str(Problem("map", "", "k", "none", "note")) == "note: map: none"
+
+
+def test_progress_counts_every_sensor_file(tiny: TinyDataset) -> None:
+    tiny.tables["sample_data"][0]["filename"] = "../x.jpg"
+    tiny.tables["sample_data"][1]["filename"] = "sweeps/CAM_FRONT/gone.jpg"
+    steps: list[int] = []
+    totals: list[int | None] = []
+
+    @contextmanager
+    def progress(title: str, total: int | None) -> Iterator[Callable[[int], None]]:
+        totals.append(total)
+        yield steps.append
+
+    validate(Dataset(tiny.write()), images=False, progress=progress)
+    assert (totals, sum(steps)) == ([12], 12)
+
+
+# Tables and references --------------------------------------------------------------------------------------------
+
+
+def test_damaged_tables_are_all_named_and_nothing_else_is_looked_at(tiny: TinyDataset) -> None:
+    tiny.write()
+    (tiny.root / tiny.version / "scene.json").unlink()
+    (tiny.root / tiny.version / "ego_pose.json").write_text("[{")
+    problems = list(validate(Dataset(tiny.root)))
+    assert_only(
+        problems,
+        ("ego_pose", "", "damaged table", "no valid JSON"),
+        ("scene", "", "damaged table", "cannot be read"),
+    )
+
+
+def test_a_recording_without_boxes_or_maps_is_a_note(tiny: TinyDataset) -> None:
+    tiny.write()
+    for name in ("sample_annotation", "instance", "map"):
+        del tiny.tables[name]
+        (tiny.root / tiny.version / f"{name}.json").unlink()
+    problems = found(tiny)
+    assert {(p.table, p.kind, p.severity) for p in problems} == {
+        (name, "missing table", "note") for name in ("sample_annotation", "instance", "map")
+    }
+
+
+def test_a_dataset_without_rows(tiny: TinyDataset) -> None:
+    tiny.tables = {name: [] for name in tiny.tables}
+    expected = [(name, "", "empty table", "no rows") for name in ("scene", "sample", "sample_data")]
+    assert_only(found(tiny), *expected)
+
+
+def test_tokens_that_come_twice_or_are_empty(tiny: TinyDataset) -> None:
+    tiny.tables["attribute"].append({**tiny.tables["attribute"][0]})
+    tiny.tables["visibility"].append({"token": "", "level": "x"})
+    assert_only(
+        found(tiny),
+        ("attribute", token("attribute"), "repeated token", "an earlier row"),
+        ("visibility", "", "empty token", "row 1 has no token"),
+    )
+
+
+@pytest.mark.parametrize(
+    ("table", "row", "field", "target"),
+    [
+        ("calibrated_sensor", 1, "sensor_token", "sensor"),
+        ("instance", 0, "category_token", "category"),
+        ("instance", 0, "first_annotation_token", "sample_annotation"),
+        ("instance", 0, "last_annotation_token", "sample_annotation"),
+        ("sample", 1, "scene_token", "scene"),
+        ("sample", 0, "next", "sample"),
+        ("sample_annotation", 0, "sample_token", "sample"),
+        ("sample_annotation", 0, "instance_token", "instance"),
+        ("sample_annotation", 0, "visibility_token", "visibility"),
+        ("sample_annotation", 2, "prev", "sample_annotation"),
+        ("sample_data", 0, "sample_token", "sample"),
+        ("sample_data", 3, "ego_pose_token", "ego_pose"),
+        ("sample_data", 0, "calibrated_sensor_token", "calibrated_sensor"),
+        ("sample_data", 0, "next", "sample_data"),
+        ("scene", 0, "log_token", "log"),
+        ("scene", 0, "first_sample_token", "sample"),
+        ("scene", 0, "last_sample_token", "sample"),
+    ],
+)
+@pytest.mark.parametrize("value", ["gone", None])
+def test_every_broken_reference(
+    tiny: TinyDataset, table: str, row: int, field: str, target: str, value: str | None
+) -> None:
+    """An empty reference is as good as none where the schema allows it: at the ends of chains, for the visibility."""
+    tiny.tables[table][row][field] = value
+    named = [p for p in found(tiny) if p.kind == "broken reference"]
+    if value is None and field in ("prev", "next", "visibility_token"):
+        assert named == []
+    else:
+        reason = f"{field} '{value or ''}' is not in the table {target}"
+        assert_only(named, (table, tiny.tables[table][row]["token"], "broken reference", reason))
+
+
+def test_broken_references_in_lists(tiny: TinyDataset) -> None:
+    tiny.tables["sample_annotation"][0]["attribute_tokens"].append("gone")
+    tiny.tables["map"][0]["log_tokens"] += ["a", "b"]
+    problems = found(tiny)
+    assert_only(
+        problems,
+        ("sample_annotation", token("car", 0), "broken reference", "'gone' is not in the table attribute"),
+        ("map", token("map"), "logs of other parts", "2 of its 3 log_tokens"),
+    )
+    assert [p.severity for p in problems] == ["error", "note"]
+
+
+# Chains, ends, counts ---------------------------------------------------------------------------------------------
+
+
+def test_links_that_do_not_match(tiny: TinyDataset) -> None:
+    tiny.tables["sample"][2]["prev"] = tiny.tables["sample"][0]["token"]
+    first, second, third = (row["token"] for row in tiny.tables["sample"])
+    assert_only(
+        found(tiny),
+        ("sample", second, "broken chain", f"its next is {third}, whose prev is '{first}'"),
+        ("sample", third, "broken chain", f"its prev is {first}, whose next is '{second}'"),
+    )
+
+
+def test_a_chain_in_pieces(tiny: TinyDataset) -> None:
+    tiny.tables["sample"][0]["next"] = tiny.tables["sample"][1]["prev"] = ""
+    tiny.tables["sample_data"][2]["next"] = tiny.tables["sample_data"][3]["prev"] = ""
+    problems = found(tiny)
+    assert_only(
+        problems,
+        ("sample", token("sample", 1), "chain in pieces", "nor has another row of its scene"),
+        ("sample_data", token("CAM_FRONT", 990_000), "chain in pieces", "of its channel of the scene"),
+    )
+    assert [p.severity for p in problems] == ["error", "note"]
+
+
+def test_time_that_runs_backwards(tiny: TinyDataset) -> None:
+    tiny.tables["sample_data"][1]["timestamp"] = START_US + 600_000
+    reason = f"its next {token('CAM_FRONT', 490_000)} lies 110000 us before it"
+    assert_only(found(tiny), ("sample_data", token("CAM_FRONT", 240_000), "time runs backwards", reason))
+
+
+def test_time_that_stands_still(tiny: TinyDataset) -> None:
+    tiny.tables["sample"][1]["timestamp"] = START_US
+    kinds = {(p.table, p.kind) for p in found(tiny)}
+    assert kinds == {("sample", "time runs backwards"), ("sample_annotation", "time runs backwards")}
+
+
+def test_chains_that_leave_their_scene_channel_or_instance(tiny: TinyDataset) -> None:
+    front, back = tiny.tables["sample_data"][3], tiny.tables["sample_data"][4]
+    front["next"], back["prev"] = back["token"], front["token"]
+    front["timestamp"] = START_US - 50_000
+    car, walker = tiny.tables["sample_annotation"][2], tiny.tables["sample_annotation"][3]
+    car["next"], walker["prev"] = walker["token"], car["token"]
+    leaving = [p for p in found(tiny) if p.kind == "broken chain"]
+    assert_only(
+        leaving,
+        ("sample_data", front["token"], "broken chain", "its next is of another channel of the scene"),
+        ("sample_annotation", car["token"], "broken chain", "its next is of another instance"),
+    )
+
+
+def test_ends_and_counts_of_a_scene(tiny: TinyDataset) -> None:
+    scene = tiny.tables["scene"][0]
+    scene.update(first_sample_token=token("sample", 1), last_sample_token=token("sample", 0), nbr_samples=40)
+    assert_only(
+        found(tiny),
+        ("scene", token("scene"), "wrong count", "nbr_samples is 40, but 3 rows refer to it"),
+        ("scene", token("scene"), "wrong end", f"first_sample_token {token('sample', 1)} is not its first in time"),
+        ("scene", token("scene"), "wrong end", f"last_sample_token {token('sample', 0)} is not its last in time"),
+    )
+
+
+def test_ends_and_counts_of_an_instance(tiny: TinyDataset) -> None:
+    tiny.tables["instance"][1].update(first_annotation_token=token("car", 0), nbr_annotations=1)
+    assert_only(
+        found(tiny),
+        ("instance", token("walker"), "wrong count", "nbr_annotations is 1, but 2 rows refer to it"),
+        ("instance", token("walker"), "wrong end", f"{token('car', 0)} belongs to another instance"),
+    )
+
+
+def test_counts_that_the_tables_do_not_state(tiny: TinyDataset) -> None:
+    del tiny.tables["scene"][0]["nbr_samples"], tiny.tables["instance"][0]["nbr_annotations"]
+    assert found(tiny) == []
+
+
+def test_samples_without_files_and_files_that_come_twice(tiny: TinyDataset) -> None:
+    data = tiny.tables["sample_data"]
+    for row in data[3::4]:
+        row["sample_token"] = token("sample", 1)
+    kinds = [(p.table, p.token, p.kind) for p in found(tiny)]
+    assert kinds == [
+        *[("sample_data", row["token"], "two key frames") for row in data[3::4]],
+        ("sample", token("sample", 2), "no files"),
+        *[("scene", token("scene"), "samples without a channel")] * 3,
+    ]
+
+
+def test_a_lidar_that_some_samples_lack_is_a_note(tiny: TinyDataset) -> None:
+    data = tiny.tables["sample_data"]
+    data[9]["next"], data[11]["prev"] = data[11]["token"], data[9]["token"]
+    del data[10]
+    problems = found(tiny)
+    reason = "1 of 3 samples have no LIDAR_TOP"
+    assert_only(problems, ("scene", token("scene"), "samples without a channel", reason))
+    assert problems[0].severity == "note"
+
+
+def test_names_that_come_twice(tiny: TinyDataset) -> None:
+    tiny.tables["scene"].append({**tiny.tables["scene"][0], "token": "other", "nbr_samples": 0})
+    repeated = [p for p in found(tiny) if p.kind == "repeated name"]
+    assert_only(repeated, ("scene", "other", "repeated name", "another scene is called 'scene-tiny'"))
+
+
+# Numbers ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("table", ["ego_pose", "calibrated_sensor", "sample_annotation"])
+@pytest.mark.parametrize(
+    ("field", "value", "reason"),
+    [
+        ("translation", [0, None, 0], "translation is [0.0, nan, 0.0]"),
+        ("rotation", [1, 1, 0, 0], "has length 1.414, expected a unit quaternion"),
+        ("rotation", [0, 0, 0, 0], "has length 0"),
+        ("rotation", [None, 0, 0, 1], "has length nan"),
+    ],
+)
+def test_poses_that_are_none(tiny: TinyDataset, table: str, field: str, value: list[Any], reason: str) -> None:
+    row = tiny.tables[table][1]
+    row[field] = value
+    assert_only(found(tiny), (table, row["token"], "bad pose", reason))
+
+
+@pytest.mark.parametrize(
+    "value", [[], None, [[1, 2], [3]], "abc", [[-20, 0, 15], [0, 20, 9], [0, 0, 1]], [[20, 0, None]] * 3]
+)
+def test_intrinsics_of_cameras(tiny: TinyDataset, value: Any) -> None:
+    tiny.row("calibrated_sensor", token("mount", "LIDAR_TOP"))["camera_intrinsic"] = value
+    assert found(tiny) == []
+    tiny.row("calibrated_sensor", token("mount", "CAM_BACK"))["camera_intrinsic"] = value
+    reason = "expected 3 x 3 numbers with positive focal lengths, got"
+    assert_only(found(tiny), ("calibrated_sensor", token("mount", "CAM_BACK"), "bad intrinsic", reason))
+    tiny.row("calibrated_sensor", token("mount", "CAM_BACK"))["camera_intrinsic"] = INTRINSIC
+    assert found(tiny) == []
+
+
+@pytest.mark.parametrize("size", [[1, 0, 1], [1, 1, -2], [None, 1, 1]])
+def test_sizes_that_are_not_positive(tiny: TinyDataset, size: list[Any]) -> None:
+    tiny.tables["sample_annotation"][4]["size"] = size
+    assert_only(found(tiny), ("sample_annotation", token("walker", 1), "bad size", "expected positive numbers"))
+
+
+def test_an_instance_annotated_twice_in_a_sample(tiny: TinyDataset) -> None:
+    tiny.tables["sample_annotation"][4]["sample_token"] = token("sample", 0)
+    twice = [p for p in found(tiny) if p.kind == "annotated twice"]
+    assert_only(twice, ("sample_annotation", token("walker", 1), "annotated twice", "another annotation"))
+
+
+# Files ------------------------------------------------------------------------------------------------------------
+
+
+def test_names_that_lead_out_of_the_root(tiny: TinyDataset) -> None:
+    tiny.tables["sample_data"][0]["filename"] = "../../etc/passwd"
+    tiny.tables["map"][0]["filename"] = "/etc/passwd"
+    tiny.tables["lidarseg"] = [{"token": "l", "sample_data_token": LIDAR, "filename": ""}]
+    assert_only(
+        found(tiny),
+        ("sample_data", FRONT, "name leads out", "'../../etc/passwd' leads out of the root"),
+        ("map", token("map"), "name leads out", "'/etc/passwd'"),
+        ("lidarseg", "l", "name leads out", "''"),
+    )
+
+
+def test_files_that_are_missing(tiny: TinyDataset) -> None:
+    names = [tiny.row("sample_data", t)["filename"] for t in (FRONT, token("LIDAR_TOP", 500_000))]
+    for name in (*names, "maps/drivable.png"):
+        (tiny.root / name).unlink()
+    assert_only(
+        found(tiny),
+        ("sample_data", FRONT, "missing file", f"no file {names[0]}"),
+        ("sample_data", token("LIDAR_TOP", 500_000), "missing file", f"no file {names[1]}"),
+        ("map", token("map"), "missing file", "no file maps/drivable.png"),
+    )
+
+
+def test_sweeps_that_were_not_downloaded_are_a_note_a_folder(tiny: TinyDataset) -> None:
+    shutil.rmtree(tiny.root / "sweeps")
+    problems = found(tiny)
+    assert {(p.kind, p.severity) for p in problems} == {("missing sweeps", "note")}
+    assert problems[0].reason == "none of the 1 sweeps in sweeps/CAM_FRONT is there"
+    assert len(problems) == 3
+
+
+def test_key_frames_that_were_not_downloaded_are_errors(tiny: TinyDataset) -> None:
+    for path in (tiny.root / "samples" / "CAM_BACK").iterdir():
+        path.unlink()
+    assert [(p.kind, p.severity) for p in found(tiny)] == [("missing file", "error")] * 3
+
+
+@pytest.mark.parametrize("images", [True, False])
+@pytest.mark.parametrize("damage", [lambda d: d[:-30], lambda d: d[:20], lambda d: b"", lambda d: b"hello"])
+def test_images_that_cannot_be_read(tiny: TinyDataset, images: bool, damage: Callable[[bytes], bytes]) -> None:
+    path = tiny.root / tiny.tables["sample_data"][0]["filename"]
+    path.write_bytes(damage(path.read_bytes()))
+    assert_only(found(tiny, images), ("sample_data", FRONT, "unreadable camera file", str(path)))
+
+
+@pytest.mark.parametrize("images", [True, False])
+def test_png_images_that_are_cut_off(tiny: TinyDataset, images: bool) -> None:
+    row = tiny.tables["sample_data"][0]
+    row["filename"] = "samples/CAM_FRONT/a.png"
+    data = cv2.imencode(".png", np.zeros((20, 32, 3), np.uint8))[1].tobytes()
+    (tiny.root / row["filename"]).write_bytes(data)
+    assert found(tiny, images) == []
+    (tiny.root / row["filename"]).write_bytes(data[:-6])
+    assert [p.kind for p in found(tiny, images)] == ["unreadable camera file"]
+
+
+@pytest.mark.parametrize("images", [True, False])
+def test_images_of_another_size(tiny: TinyDataset, images: bool) -> None:
+    tiny.tables["sample_data"][0].update(width=1600, height=900)
+    tiny.tables["sample_data"][1].update(width=0, height=0)
+    assert_only(found(tiny, images), ("sample_data", FRONT, "wrong image size", "is 32x20, the table says 1600x900"))
+
+
+@pytest.mark.parametrize("images", [True, False])
+@pytest.mark.parametrize("size", [0, 19, 30])
+def test_lidar_files_of_wrong_length(tiny: TinyDataset, images: bool, size: int) -> None:
+    path = tiny.root / tiny.row("sample_data", LIDAR)["filename"]
+    path.write_bytes(bytes(size))
+    reason = f"expected rows of 5 float32 (20 bytes), got {size} bytes"
+    assert_only(found(tiny, images), ("sample_data", LIDAR, "unreadable lidar file", reason))
+
+
+def test_lidar_points_that_are_not_finite(tiny: TinyDataset) -> None:
+    path = tiny.root / tiny.row("sample_data", LIDAR)["filename"]
+    path.write_bytes(np.array([[0, 0, np.nan, 0, 0], [np.inf, 0, 0, 0, 0], [0] * 5], np.float32).tobytes())
+    assert found(tiny, images=False) == []
+    assert_only(found(tiny), ("sample_data", LIDAR, "bad LiDAR points", "2 points of"))
+
+
+def test_files_of_other_sensors_only_have_to_be_there(tiny: TinyDataset) -> None:
+    tiny.tables["sensor"][2]["modality"] = "radar"
+    for path in tiny.root.glob("s*/LIDAR_TOP/*"):
+        path.write_bytes(b"anything")
+    assert found(tiny) == []
+
+
+def test_masks_that_are_cut_off(tiny: TinyDataset) -> None:
+    path = tiny.root / "maps/drivable.png"
+    path.write_bytes(path.read_bytes()[:-10])
+    assert_only(found(tiny), ("map", token("map"), "unreadable mask", "no PNG picture, or truncated"))
+
+
+def test_point_labels(tiny: TinyDataset) -> None:
+    tiny.tables["lidarseg"] = [
+        {"token": "a", "sample_data_token": LIDAR, "filename": "lidarseg/a.bin"},
+        {"token": "b", "sample_data_token": token("LIDAR_TOP", 500_000), "filename": "lidarseg/b.bin"},
+        {"token": "c", "sample_data_token": token("LIDAR_TOP", 1_000_000), "filename": "lidarseg/c.bin"},
+        {"token": "d", "sample_data_token": "gone", "filename": "lidarseg/a.bin"},
+    ]
+    (tiny.root / "lidarseg").mkdir()
+    (tiny.root / "lidarseg/a.bin").write_bytes(bytes(3))
+    (tiny.root / "lidarseg/b.bin").write_bytes(bytes(2))
+    assert_only(
+        found(tiny),
+        ("lidarseg", "d", "broken reference", "sample_data_token 'gone' is not in the table sample_data"),
+        ("lidarseg", "b", "wrong number of labels", "lidarseg/b.bin has 2 labels, samples/LIDAR_TOP"),
+        ("lidarseg", "c", "missing file", "no file lidarseg/c.bin"),
+    )
+
+
+def test_labels_of_a_lidar_file_that_is_missing_are_not_judged(tiny: TinyDataset) -> None:
+    tiny.tables["lidarseg"] = [{"token": "a", "sample_data_token": LIDAR, "filename": "lidarseg/a.bin"}]
+    (tiny.root / "lidarseg").mkdir()
+    (tiny.root / "lidarseg/a.bin").write_bytes(bytes(9))
+    (tiny.root / tiny.row("sample_data", LIDAR)["filename"]).unlink()
+    assert [p.kind for p in found(tiny)] == ["missing file"]
+
+
+@pytest.mark.realdata
+def test_a_published_part_of_nuscenes(data_root: Path) -> None:
+    """Its masks name the logs of the whole dataset; nothing else is to be found."""
+    problems = validate(Dataset(data_root / "nuscenes_real"))
+    assert {(p.table, p.kind, p.severity) for p in problems} == {("map", "logs of other parts", "note")}
+    assert len(problems) == 4

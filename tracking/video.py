@@ -1,0 +1,144 @@
+"""A video of tracks: the cameras as they look around the car, a list of the tracks, and the bird's-eye view."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from appocc.bevmap import BEVMap
+from appocc.camera import Camera, CameraRig
+from appocc.checks import ByteArray, FloatArray
+from appocc.errors import DataError
+from appocc.files import whole_file
+from appocc.frame import Frame
+from appocc.nuscenes import Dataset
+from tracking.panels import bev_panel, camera_panel, list_panel
+from tracking.run import SceneTracks, map_paths
+from tracking.tracks import Track
+
+_CAMERAS_PX = 1440
+TRAIL_S = 4.0
+# A camera that looks farther to the side than this belongs to the rear row.
+_FRONT_ROW_RAD = np.radians(80.0)
+
+
+def write_video(
+    dataset: Dataset, result: SceneTracks, path: Path, advance: Callable[[int], None] = lambda _: None
+) -> None:
+    """Write a VP8 video (.webm, plays in browsers) of the key frames at their own pace, whole or not at all.
+
+    `advance` is called with the number of key frames done.
+
+    Raises:
+        DataError: if the name does not end in .webm, a map or image is missing, or the video cannot be written.
+    """
+    check_name(path)
+    maps = map_paths(dataset, dataset.scene(result.scene), result.source)
+    with whole_file(path) as temporary:
+        writer: cv2.VideoWriter | None = None
+        try:
+            for number, sample in enumerate(result.samples):
+                picture = draw_frame(result, number, dataset.frame(sample), BEVMap.load(maps[number]))
+                writer = writer or _open(temporary, picture, _rate_hz(result))
+                writer.write(cv2.cvtColor(picture, cv2.COLOR_RGB2BGR))
+                advance(1)
+        finally:
+            if writer is not None:
+                writer.release()
+        if not temporary.stat().st_size:
+            raise DataError(f"{path}: the video could not be encoded")
+
+
+def check_name(path: Path) -> None:
+    """Check the name of a video, before any work is done for it.
+
+    Raises:
+        DataError: if it does not end in .webm.
+    """
+    if path.suffix != ".webm":
+        raise DataError(f"{path}: expected a name that ends in .webm")
+
+
+@contextmanager
+def _without_stderr() -> Iterator[None]:
+    """Keep away what a C library writes to file descriptor 2."""
+    kept, nothing = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nothing, 2)
+    try:
+        yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
+        os.close(nothing)
+
+
+def _open(path: Path, picture: ByteArray, rate_hz: float) -> cv2.VideoWriter:
+    """A VP8 writer for pictures like this one."""
+    size = (picture.shape[1], picture.shape[0])
+    # OpenCV complains of the tag it was given and then writes proper VP8.
+    with _without_stderr():
+        return cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"VP80"), rate_hz, size)
+
+
+def _rate_hz(result: SceneTracks) -> float:
+    """Key frames a second (1 where there is only one)."""
+    steps = np.diff([sample.timestamp_us for sample in result.samples])
+    return float(np.clip(1e6 / np.median(steps), 1, 60)) if len(steps) else 1.0
+
+
+def draw_frame(result: SceneTracks, number: int, frame: Frame, bev: BEVMap) -> ByteArray:
+    """The picture (H, W, 3) RGB of key frame `number`, even in height and width."""
+    tracks, pose = result.tracks[number], result.world_from_ego[number]
+    right = bev_panel(bev, tracks, trails(result, number), pose)
+    if frame.images:
+        left = _camera_panels(frame, tracks, pose)
+        height = max(right.shape[0], left.shape[0])
+        rest = list_panel(tracks, pose, (_CAMERAS_PX, height - left.shape[0]))
+        right = np.pad(right, ((0, height - right.shape[0]), (0, 0), (0, 0)))
+        right = np.hstack([np.vstack([left, rest]), right])
+    return np.ascontiguousarray(right[: right.shape[0] // 2 * 2, : right.shape[1] // 2 * 2])
+
+
+def trails(result: SceneTracks, number: int) -> dict[int, FloatArray]:
+    """(K, 3) world places of each track that is there at key frame `number`, over the last TRAIL_S seconds."""
+    now_us = result.samples[number].timestamp_us
+    places: dict[int, list[FloatArray]] = {track.id: [] for track in result.tracks[number]}
+    for sample, tracks in zip(result.samples[: number + 1], result.tracks[: number + 1], strict=True):
+        for track in tracks:
+            if track.id in places and now_us - sample.timestamp_us <= TRAIL_S * 1e6:
+                places[track.id].append(track.position_world_m)
+    return {name: np.stack(path) for name, path in places.items()}
+
+
+# Cameras as they look around the car ------------------------------------------------------------------------------
+
+
+def rows_of_cameras(rig: CameraRig) -> list[list[Camera]]:
+    """The cameras in a front row, from left to right, and a rear row, from left over the back to the right."""
+    ahead = {camera.channel: camera.ego_from_cam[:2, 2] for camera in rig}
+    yaw = {channel: float(np.arctan2(axis[1], axis[0])) for channel, axis in ahead.items()}
+    front = [camera for camera in rig if abs(yaw[camera.channel]) <= _FRONT_ROW_RAD]
+    rear = [camera for camera in rig if abs(yaw[camera.channel]) > _FRONT_ROW_RAD]
+    front.sort(key=lambda camera: -yaw[camera.channel])
+    rear.sort(key=lambda camera: yaw[camera.channel] % (2 * np.pi))
+    return [row for row in (front, rear) if row]
+
+
+def _camera_panels(frame: Frame, tracks: tuple[Track, ...], world_from_ego: FloatArray) -> ByteArray:
+    """All cameras that have a picture, in rows of one width."""
+    seeing = CameraRig(tuple(camera for camera in frame.rig if camera.channel in frame.images))
+    rows = rows_of_cameras(seeing)
+    width = _CAMERAS_PX // max(len(row) for row in rows)
+    height = max(round(width * camera.height_px / camera.width_px) for camera in seeing)
+    picture: ByteArray = np.zeros((height * len(rows), _CAMERAS_PX, 3), np.uint8)
+    for r, row in enumerate(rows):
+        for c, camera in enumerate(row):
+            size = (width, round(width * camera.height_px / camera.width_px))
+            panel = camera_panel(frame.images[camera.channel], camera, tracks, world_from_ego, size)
+            picture[r * height : r * height + size[1], c * width : (c + 1) * width] = panel
+    return picture
