@@ -11,7 +11,7 @@ from cli.common import JsonOption, VersionOption, emit, progress, say
 
 
 def doctor(
-    root: Annotated[Path | None, typer.Argument(metavar="[ROOT]", help="Dataset root to be checked.")] = None,
+    root: Annotated[Path | None, typer.Argument(metavar="ROOT", help="Dataset root to be checked.")] = None,
     images: Annotated[bool, typer.Option("--images", help="Read every image and LiDAR file whole: slow.")] = False,
     version: VersionOption = None,
     as_json: JsonOption = False,

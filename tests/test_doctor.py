@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,7 @@ from appocc import environment
 from appocc.doctor import examine
 from appocc.environment import Package
 from appocc.errors import DataError
-from cli.main import app
+from cli import main
 
 SCREEN = 45
 
@@ -30,7 +31,7 @@ def sound_environment(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def run(*arguments: str) -> tuple[int, str, str]:
-    result = CliRunner().invoke(app, ["doctor", *arguments])
+    result = CliRunner().invoke(main.app, ["doctor", *arguments])
     assert result.exception is None or isinstance(result.exception, SystemExit), result.exception
     return result.exit_code, result.stdout, result.stderr
 
@@ -150,6 +151,19 @@ def test_a_folder_without_a_dataset(tmp_path: Path) -> None:
         examine(tmp_path)
     with pytest.raises(DataError, match="no such folder"):
         examine(tmp_path / "nowhere")
+
+
+def test_no_dataset_is_exit_code_2_and_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["appocc", "doctor", str(tmp_path)])
+    with pytest.raises(SystemExit) as ended:
+        main.run()
+    assert ended.value.code == 2
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert printed.err.startswith(f"error: {tmp_path}: no nuScenes-schema dataset")
+    assert printed.err.count("\n") == 1
 
 
 def test_the_version_is_passed_on(tiny: TinyDataset) -> None:

@@ -157,3 +157,11 @@ def test_a_preview_shows_appearance_beside_occupancy() -> None:
     assert picture.shape == (160, 320, 3)
     assert tuple(picture[150, 10]) == (200, 0, 0)
     assert tuple(picture[150, 170]) != (200, 0, 0)
+
+
+def test_lines_that_leave_the_picture_by_far_are_left_out() -> None:
+    """Pixels beyond any number that OpenCV can clip: an edge that ends right beside the camera, 300 m to the side."""
+    picture = np.zeros((120, 160, 3), np.uint8)
+    beside = np.tile([[0.3, 300.0, 1.5]], (8, 1))
+    assert not d.draw_box(picture, _camera(), beside, d.GREEN)
+    assert not picture.any()

@@ -89,11 +89,11 @@ class Blobs:
         )
 
     def cover(self, xy_m: FloatArray) -> BoolArray:
-        """(P,) whether points (P, 2) in the ego frame lie in the box of any blob."""
+        """(P, N) whether points (P, 2) in the ego frame lie in the boxes of the blobs."""
         offset = xy_m[:, None] - self.centroid_m[None]
         cos, sin = np.cos(self.yaw_rad), np.sin(self.yaw_rad)
         along, across = offset[..., 0] * cos + offset[..., 1] * sin, offset[..., 1] * cos - offset[..., 0] * sin
-        return np.asarray(((np.abs(along) <= self.length_m / 2) & (np.abs(across) <= self.width_m / 2)).any(axis=1))
+        return np.asarray((np.abs(along) <= self.length_m / 2) & (np.abs(across) <= self.width_m / 2))
 
 
 _ARRAYS = tuple(field.name for field in fields(Blobs) if field.name != "grid")

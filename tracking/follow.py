@@ -28,9 +28,9 @@ class LifeConfig:
     """
 
     sure_confidence: float = 0.9
-    confirm_s: float = 0.2
-    coast_s: float = 0.3
-    die_s: float = 2.0
+    confirm_s: float = 0.15
+    coast_s: float = 0.35
+    die_s: float = 2.2
     heading_s: float = 0.4
     turn_mps: float = 1.0
     sightings: int = 11

@@ -48,7 +48,7 @@ class Tracker:
         for row, column in zip(rows, columns, strict=True):
             self._alive[row].see(seen[column])
         self._bury(blobs.grid, world_from_ego)
-        for column in sorted(set(range(len(seen))) - set(columns.tolist())):
+        for column in sorted(set(range(len(seen))) - set(columns.tolist()) - self._merged(blobs, world_from_ego)):
             self._born += 1
             self._alive.append(Followed(seen[column], self._born, self.config.life))
         return self._told(blobs, world_from_ego)
@@ -85,10 +85,15 @@ class Tracker:
             if not followed.dead and (within or not followed.unseen_s)
         ]
 
+    def _merged(self, blobs: Blobs, world_from_ego: FloatArray) -> set[int]:
+        """Blobs over the places of confirmed tracks that were not seen: vehicles that touch, not a new one."""
+        hidden = [followed for followed in self._alive if followed.confirmed and followed.unseen_s]
+        return set(np.flatnonzero(blobs.cover(self._places_ego(hidden, world_from_ego)).any(axis=0)).tolist())
+
     def _told(self, blobs: Blobs, world_from_ego: FloatArray) -> tuple[Track, ...]:
         """The confirmed tracks that are seen, briefly unseen, or hidden in a blob that another track took."""
         confirmed = [followed for followed in self._alive if followed.confirmed]
-        covered = blobs.cover(self._places_ego(confirmed, world_from_ego))
+        covered = blobs.cover(self._places_ego(confirmed, world_from_ego)).any(axis=1)
         return tuple(
             followed.track()
             for followed, hidden in zip(confirmed, covered, strict=True)

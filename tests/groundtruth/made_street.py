@@ -1,7 +1,7 @@
 """A street of flat colours made by casting rays, as a dataset: what its pictures and sweeps show is known exactly.
 
-Street frame: x along the road, y left, z up; the road |y| < 4 is grey with a white stripe along y = 0, what lies beside
-it is brown. The ego stands at x = 0, 1, 2 .. m at intervals of 0.5 s. The world is the street turned and moved.
+Street frame: x along the road, y left, z up; the road |y| < 4 is grey with a white stripe along y = 0, what lies
+beside it is brown. The ego stands at x = 0, 1, 2 .. m every 0.5 s. The world is the street turned and moved.
 """
 
 from __future__ import annotations

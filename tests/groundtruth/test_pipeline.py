@@ -321,8 +321,8 @@ def test_a_hand_made_dataset(tiny: TinyDataset, tmp_path: Path) -> None:
 # Real recordings ----------------------------------------------------------------------------------------------------
 
 
-def _difference_to_picture(frame: Frame, bev: BEVMap) -> FloatArray:
-    """How far the colours (0..255) of road cells ahead are from the front picture, into which their centres project."""
+def _beside_picture(frame: Frame, bev: BEVMap) -> tuple[FloatArray, FloatArray]:
+    """Colours (N, 3) of road cells ahead, and those of the front picture where their centres project into it."""
     centres = bev.grid.centres()
     ahead = (np.abs(centres[..., 1]) < 4) & (centres[..., 0] > 6) & (centres[..., 0] < 20)
     wanted = ahead & bev.appearance_valid & (bev.occupancy[ROAD] == 1) & (bev.occupancy[VEHICLE] == 0)
@@ -331,7 +331,7 @@ def _difference_to_picture(frame: Frame, bev: BEVMap) -> FloatArray:
     seen = camera.sees(uv, depth)
     column, row = np.round(uv[seen]).astype(int).T
     picture = frame.images["CAM_FRONT"][row, column].astype(np.float64)
-    return np.asarray(np.abs(bev.appearance[:, wanted].T[seen] - picture).mean(axis=1))
+    return bev.appearance[:, wanted].T[seen].astype(np.float64), picture
 
 
 @pytest.mark.realdata
@@ -391,9 +391,11 @@ def test_nuscenes_as_it_lies_there(data_root: Path, tmp_path: Path) -> None:
         assert bev.occupancy[VEHICLE].any()
         assert not bev.appearance_valid[97:109, 97:103].any()  # its own body hides the road, and is none
         assert bev.appearance_valid.mean() > 0.08
-        difference = _difference_to_picture(dataset.frame(sample), bev)
-        assert len(difference) > 200
-        assert np.median(difference) < 12
+        cells, picture = _beside_picture(dataset.frame(sample), bev)
+        assert len(cells) > 50
+        exposure = np.median(cells / picture, axis=0)  # evened out by a fifth at most
+        assert (np.abs(np.log(exposure)) < np.log(1.23)).all()
+        assert np.median(np.abs(cells - picture * exposure).mean(axis=1)) < 12
     assert sorted(path.name for path in dataset.root.rglob("*")) == before
 
 

@@ -97,7 +97,7 @@ def test_without_points_nothing_is_hidden() -> None:
 def test_box_entry_is_that_of_small_steps() -> None:
     rng = np.random.default_rng(3)
     half = np.array([2.0, 0.9, 0.7])
-    turn = quaternion_from_rotation(np.linalg.qr(rng.normal(size=(3, 3)))[0] * [1, 1, 1])
+    turn = quaternion_from_rotation(np.linalg.qr(rng.normal(size=(3, 3)))[0])
     pose = transform(turn, [1.0, 2.0, 0.5])
     steps = np.linspace(0, 20, 8001)
     hits = missed = 0

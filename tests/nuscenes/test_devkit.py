@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import sys
-from importlib.util import find_spec
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -25,16 +22,10 @@ def root(data_root: Path) -> Path:
 
 @pytest.fixture(scope="module")
 def devkit(root: Path) -> Any:
-    """The devkit with the dataset open; of its dependencies, sklearn is only needed for pictures of point labels."""
-    with pytest.MonkeyPatch.context() as patch:
-        if find_spec("sklearn") is None:
-            metrics: Any = ModuleType("sklearn.metrics")
-            metrics.confusion_matrix = None
-            patch.setitem(sys.modules, "sklearn", ModuleType("sklearn"))
-            patch.setitem(sys.modules, "sklearn.metrics", metrics)
-        reason = "nuscenes-devkit is not installed (--no-deps)"
-        devkit = pytest.importorskip("nuscenes.nuscenes", reason=reason, exc_type=ImportError)
-        yield devkit.NuScenes("v1.0-mini", str(root), verbose=False)
+    """The devkit with the dataset open."""
+    reason = "nuscenes-devkit is not installed (--no-deps)"
+    devkit = pytest.importorskip("nuscenes.nuscenes", reason=reason, exc_type=ImportError)
+    return devkit.NuScenes("v1.0-mini", str(root), verbose=False)
 
 
 @pytest.fixture(scope="module")

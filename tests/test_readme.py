@@ -1,0 +1,68 @@
+"""What the README tells people to type works as written."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from walkthrough import README, Walkthrough, blocks
+
+from appocc.bevmap import BEVMap
+
+ROOT = README.parent
+
+
+def test_the_two_commands_are_targets_of_the_makefile() -> None:
+    lines = blocks("## Two commands")[0].splitlines()
+    assert lines == ["make demo", "make test"]
+    targets = re.findall(r"^(\w[\w-]*):", (ROOT / "Makefile").read_text(), flags=re.MULTILINE)
+    assert {line.split()[1] for line in lines} <= set(targets)
+
+
+def test_every_command_of_the_table_has_help_with_an_example() -> None:
+    names = set(re.findall(r"^\| `appocc (\w+)", README.read_text(), flags=re.MULTILINE))
+    assert len(names) >= 6
+    for name in names:
+        done = subprocess.run(
+            [sys.executable, "-m", "cli.main", name, "--help"], capture_output=True, text=True, check=True
+        )
+        assert f"appocc {name}" in " ".join(done.stdout.replace("│", " ").split()), name
+
+
+def test_every_linked_file_is_there() -> None:
+    links = re.findall(r"\]\(([\w./-]+)\)", README.read_text())
+    assert links
+    assert [link for link in links if not (ROOT / link).is_file()] == []
+
+
+@pytest.mark.realdata
+def test_the_walkthrough_on_a_real_street_runs_line_by_line(walkthrough: Walkthrough) -> None:
+    assert [line.split()[1] for line in walkthrough.lines] == ["convert", "groundtruth", "track", "ground"]
+    assert walkthrough.failures() == []
+
+
+@pytest.mark.realdata
+def test_the_walkthrough_leaves_what_it_promises(walkthrough: Walkthrough) -> None:
+    maps = sorted((walkthrough.folder / "OUT" / "bev" / "groundtruth").glob("*.npz"))
+    assert len(maps) == 40
+    bev = BEVMap.load(maps[0])
+    assert bev.meta["sources"]["road"].startswith("mask")
+    assert bev.meta["sources"]["lane"].startswith("semantic_lidar")
+    assert (walkthrough.folder / "t.webm").stat().st_size > 100_000
+    assert (walkthrough.folder / "g.png").read_bytes().startswith(b"\x89PNG")
+    metrics = json.loads((walkthrough.folder / "OUT" / "tracks" / "002" / "metrics.json").read_text())
+    assert metrics["metrics"]["MOTA"] >= 0.7
+
+
+@pytest.mark.realdata
+def test_the_python_lines_run(walkthrough: Walkthrough, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(walkthrough.folder)
+    names: dict[str, object] = {}
+    exec(compile(blocks("## In Python")[0], "README.md", "exec"), names)
+    assert isinstance(names["bev"], BEVMap)
+    assert isinstance(names["frame"], object)
+    assert names["bev"].occupancy[1].sum() > 100

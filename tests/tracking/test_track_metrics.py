@@ -1,0 +1,211 @@
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+import pytest
+from scipy.spatial.distance import cdist
+
+from appocc.checks import FloatArray
+from appocc.errors import ShapeError
+from tracking.metrics import GATE_M, Metrics, Moment, evaluate
+
+Placed = dict[int, tuple[float, float]]
+
+
+def moment(truth: Placed, tracks: Placed, ignored: tuple[int, ...] = (), unjudged: tuple[int, ...] = ()) -> Moment:
+    """Objects and tracks by id; some objects are not demanded, some tracks not judged."""
+    return Moment(
+        np.array(list(truth), np.int64),
+        np.array(list(truth.values()), np.float64).reshape(-1, 2),
+        np.array([name not in ignored for name in truth], np.bool_),
+        np.array(list(tracks), np.int64),
+        np.array(list(tracks.values()), np.float64).reshape(-1, 2),
+        np.array([name not in unjudged for name in tracks], np.bool_),
+    )
+
+
+# By hand ----------------------------------------------------------------------------------------------------------
+
+
+def test_perfect_tracks() -> None:
+    scores = evaluate([moment({1: (0, t), 2: (9, t)}, {7: (0, t), 8: (9, t)}) for t in range(4)])
+    np.testing.assert_allclose([scores.MOTA, scores.IDF1, scores.HOTA, scores.MOTP], [1, 1, 1, 0])
+    assert (scores.GT, scores.FP, scores.FN, scores.IDS, scores.FRAG, scores.MT, scores.ML) == (8, 0, 0, 0, 0, 2, 0)
+
+
+def test_every_kind_of_error_counts_once() -> None:
+    frames = [
+        moment({1: (0, 0), 2: (20, 0)}, {5: (1, 0), 6: (20, 0)}),
+        moment({1: (0, 0), 2: (20, 0)}, {5: (1, 0)}),  # 2 is missed
+        moment({1: (0, 0), 2: (20, 0)}, {5: (1, 0), 9: (20, 0)}),  # 2 is found again under another id
+        moment({1: (0, 0)}, {5: (1, 0), 9: (50, 50)}),  # 9 is nothing
+    ]
+    scores = evaluate(frames)
+    assert (scores.GT, scores.FP, scores.FN, scores.IDS, scores.FRAG) == (7, 1, 1, 1, 1)
+    assert pytest.approx(1 - 3 / 7) == scores.MOTA
+    assert pytest.approx(4 / 6) == scores.MOTP
+    # Object 1 keeps its track for 4 frames; object 2 is given 6 or 9 for one frame: 5 of 7 + 7.
+    assert pytest.approx(10 / 14) == scores.IDF1
+    assert (scores.MT, scores.ML) == (1, 0)
+
+
+def test_a_swap_is_two_switches() -> None:
+    frames = [moment({1: (0, 0), 2: (9, 0)}, {5: (0, 0), 6: (9, 0)})] * 2
+    frames += [moment({1: (0, 0), 2: (9, 0)}, {6: (0, 0), 5: (9, 0)})] * 2
+    scores = evaluate(frames)
+    assert (scores.IDS, scores.FP, scores.FN) == (2, 0, 0)
+    assert pytest.approx(0.5) == scores.IDF1
+
+
+def test_a_switch_counts_at_any_distance_in_time() -> None:
+    frames = [moment({1: (0, 0)}, {5: (0, 0)})] + [moment({}, {})] * 50 + [moment({1: (0, 0)}, {6: (0, 0)})]
+    assert evaluate(frames).IDS == 1
+
+
+def test_an_earlier_pair_is_kept_though_another_track_comes_nearer() -> None:
+    frames = [moment({1: (0, 0)}, {5: (0, 0)}), moment({1: (0, 0)}, {5: (1.5, 0), 6: (0, 0)})]
+    scores = evaluate(frames)
+    assert (scores.IDS, scores.FP) == (0, 1)
+
+
+def test_the_gate_is_strict() -> None:
+    assert evaluate([moment({1: (0, 0)}, {5: (GATE_M - 1e-6, 0)})]).FN == 0
+    scores = evaluate([moment({1: (0, 0)}, {5: (GATE_M, 0)})])
+    assert (scores.FN, scores.FP) == (1, 1)
+
+
+def test_ignored_objects_are_neither_demanded_nor_punished() -> None:
+    truth: Placed = {1: (0, 0), 2: (9, 0), 3: (20, 0)}
+    scores = evaluate([moment(truth, {5: (0, 0), 6: (9, 0)}, ignored=(2, 3))])
+    assert (scores.GT, scores.FP, scores.FN, scores.MOTA) == (1, 0, 0, 1.0)
+
+
+def test_all_ground_truth_is_matched_before_any_is_dropped() -> None:
+    """The track on the ignored object must not fall to the demanded one beside it."""
+    scores = evaluate([moment({1: (0, 0), 2: (1.5, 0)}, {5: (1.5, 0)}, ignored=(2,))])
+    assert (scores.FN, scores.FP, scores.GT) == (1, 0, 1)
+
+
+def test_tracks_beyond_the_range_are_not_judged_unless_they_match() -> None:
+    scores = evaluate([moment({1: (0, 0)}, {5: (0, 0), 6: (99, 0), 7: (98, 0)}, unjudged=(5, 6))])
+    assert (scores.FN, scores.FP) == (0, 1)
+
+
+def test_nothing_demanded_gives_no_shares() -> None:
+    for frames in ([], [moment({}, {})], [moment({1: (0, 0)}, {5: (0, 0)}, ignored=(1,))]):
+        scores = evaluate(frames)
+        assert np.isnan([scores.MOTA, scores.MOTP, scores.HOTA]).all()
+        assert scores.as_json()["MOTA"] is None
+        assert scores.as_json()["GT"] == 0
+
+
+def test_no_tracks_at_all() -> None:
+    scores = evaluate([moment({1: (0, 0)}, {})] * 3)
+    assert (scores.MOTA, scores.IDF1, scores.HOTA, scores.FN, scores.ML) == (0.0, 0.0, 0.0, 3, 1)
+
+
+def test_tracks_without_any_truth_are_false() -> None:
+    scores = evaluate([moment({}, {5: (0, 0)})] * 3)
+    assert scores.FP == 3
+    assert np.isnan(scores.MOTA)
+
+
+def test_hota_falls_with_distance() -> None:
+    """At 1 m of 2 m every threshold up to 0.5 is met: 10 of 19."""
+    scores = evaluate([moment({1: (0, 0)}, {5: (1.0, 0)})] * 3)
+    assert pytest.approx(10 / 19) == scores.HOTA
+    assert pytest.approx(10 / 19) == scores.DetA
+
+
+def test_shapes_are_checked() -> None:
+    empty, no_xy, none = np.zeros(0, np.int64), np.zeros((0, 2)), np.zeros(0, np.bool_)
+    with pytest.raises(ShapeError, match="moment truth_xy_m"):
+        Moment(np.ones(2, np.int64), no_xy, none, empty, no_xy, none)
+
+
+# Against motmetrics and TrackEval -----------------------------------------------------------------------------------
+
+
+def random_moments(seed: int) -> list[Moment]:
+    """Objects that wander and come and go; tracks with noise, misses, clutter, swaps and handed-on ids."""
+    rng = np.random.default_rng(seed)
+    places = rng.uniform(0, 25, (9, 2))
+    id_of = np.arange(9) + 100
+    frames = []
+    for t in range(40):
+        places = places + rng.normal(0, 0.5, places.shape)
+        if t % 7 == 3:
+            id_of = np.where(rng.random(9) < 0.3, rng.permutation(id_of), id_of)
+            id_of = np.array([name if name not in id_of[:i] else 200 + 10 * t + i for i, name in enumerate(id_of)])
+        there = np.flatnonzero(rng.random(9) < 0.8)
+        seen = there[rng.random(len(there)) < 0.75]
+        tracks = {int(id_of[i]): tuple(places[i] + rng.normal(0, 0.7, 2)) for i in seen}
+        tracks |= {1000 + 10 * t + k: tuple(rng.uniform(0, 25, 2)) for k in range(rng.integers(0, 3))}
+        frames.append(moment({int(i): tuple(places[i]) for i in there}, tracks))
+    return frames
+
+
+def gated(frame: Moment) -> FloatArray:
+    distance = cdist(frame.truth_xy_m, frame.track_xy_m)
+    distance[distance >= GATE_M] = np.nan
+    return distance
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_equal_to_motmetrics(seed: int) -> None:
+    motmetrics = pytest.importorskip("motmetrics")
+    frames = random_moments(seed)
+    ours = evaluate(frames)
+    names = {
+        "mota": ours.MOTA,
+        "motp": ours.MOTP,
+        "idf1": ours.IDF1,
+        "idp": ours.IDP,
+        "idr": ours.IDR,
+        "recall": ours.recall,
+        "precision": ours.precision,
+        "num_switches": ours.IDS,
+        "num_fragmentations": ours.FRAG,
+        "num_false_positives": ours.FP,
+        "num_misses": ours.FN,
+        "num_objects": ours.GT,
+        "mostly_tracked": ours.MT,
+        "mostly_lost": ours.ML,
+    }
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        accumulator = motmetrics.MOTAccumulator(auto_id=True)
+        for frame in frames:
+            accumulator.update(frame.truth_ids, frame.track_ids, gated(frame))
+        theirs = motmetrics.metrics.create().compute(accumulator, metrics=list(names)).iloc[0]
+    assert ours.IDS > 3
+    assert ours.FRAG > 3
+    for name, value in names.items():
+        assert value == pytest.approx(theirs[name], abs=1e-12), name
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_equal_to_trackeval(seed: int) -> None:
+    pytest.importorskip("trackeval")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        from trackeval.metrics.hota import HOTA
+    frames = random_moments(seed)
+    truths = np.unique(np.concatenate([frame.truth_ids for frame in frames]))
+    tracks = np.unique(np.concatenate([frame.track_ids for frame in frames]))
+    distances = [cdist(frame.truth_xy_m, frame.track_xy_m) for frame in frames]
+    data = {
+        "num_gt_ids": len(truths),
+        "num_tracker_ids": len(tracks),
+        "num_gt_dets": sum(len(frame.truth_ids) for frame in frames),
+        "num_tracker_dets": sum(len(frame.track_ids) for frame in frames),
+        "gt_ids": [np.searchsorted(truths, frame.truth_ids) for frame in frames],
+        "tracker_ids": [np.searchsorted(tracks, frame.track_ids) for frame in frames],
+        "similarity_scores": [np.maximum(1 - distance / GATE_M, 0) for distance in distances],
+    }
+    theirs = HOTA().eval_sequence(data)
+    ours: Metrics = evaluate(frames)
+    assert pytest.approx(np.mean(theirs["HOTA"])) == ours.HOTA
+    assert pytest.approx(np.mean(theirs["DetA"])) == ours.DetA
+    assert pytest.approx(np.mean(theirs["AssA"])) == ours.AssA

@@ -1,0 +1,61 @@
+"""The README's lines on a real street, run as they stand there, once for all test processes."""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+import re
+import shlex
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+README = Path(__file__).parents[1] / "README.md"
+
+
+def blocks(heading: str) -> list[str]:
+    """The code blocks below a heading of the README."""
+    text = README.read_text().split(f"\n{heading}\n", 1)[1].split("\n## ", 1)[0]
+    return [block.strip() for block in re.findall(r"```\w*\n(.*?)```", text, flags=re.DOTALL)]
+
+
+@dataclass(frozen=True)
+class Walkthrough:
+    """Where the lines ran, the lines, and for each its exit code and what it said on stderr."""
+
+    folder: Path
+    lines: tuple[str, ...]
+    outcomes: tuple[tuple[int, str], ...]
+
+    def failures(self) -> list[str]:
+        """Lines that did not end with 0, with what they said."""
+        ended = zip(self.lines, self.outcomes, strict=True)
+        return [f"{line}: exit {code}: {said}" for line, (code, said) in ended if code]
+
+
+def run_walkthrough(base: Path, data: Path) -> Walkthrough:
+    """Run the lines in `base`/repository, with the data where the README says it is; or take what another run left."""
+    folder = base / "repository"
+    lines = tuple(blocks("## On a real street")[0].splitlines())
+    base.mkdir(exist_ok=True)
+    with (base / "lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        record = base / "outcomes.json"
+        if not record.is_file():
+            folder.mkdir()
+            (base / "shared").mkdir()
+            (base / "shared" / "data").symlink_to(data.resolve())
+            record.write_text(json.dumps([_run(line, folder) for line in lines]))
+        outcomes = tuple((int(code), str(said)) for code, said in json.loads(record.read_text()))
+    return Walkthrough(folder, lines, outcomes)
+
+
+def _run(line: str, folder: Path) -> tuple[int, str]:
+    words = shlex.split(line)
+    assert words[0] == "appocc"
+    environment = {**os.environ, "PYTHONPATH": str(README.parent)}
+    command = [sys.executable, "-m", "cli.main", *words[1:]]
+    done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
+    return done.returncode, done.stderr
