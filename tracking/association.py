@@ -47,16 +47,15 @@ def associate(
 
     Args:
         track_xy_m: (N, 2) predicted places.
-        variance_m2: (N,) variance of either component of (blob - prediction).
+        variance_m2: (N, M) variance of either component of (blob - prediction).
         track_rgb: (N, 3) colours, NaN where unknown.
         blob_xy_m: (M, 2).
         blob_rgb: (M, 3), NaN where unknown.
         config: gates and weights.
     """
     distance = cdist(track_xy_m, blob_xy_m)
-    variance = variance_m2[:, None]
-    cost = distance**2 / variance + 2 * np.log(variance) + _colour_cost(track_rgb, blob_rgb, config)
-    possible = distance <= _gates_m(variance, config)
+    cost = distance**2 / variance_m2 + 2 * np.log(variance_m2) + _colour_cost(track_rgb, blob_rgb, config)
+    possible = distance <= _gates_m(variance_m2, config)
     rows, columns = linear_sum_assignment(np.where(possible, cost, _FORBIDDEN))
     keep = possible[rows, columns]
     return rows[keep], columns[keep]

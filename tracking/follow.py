@@ -85,7 +85,8 @@ class Followed:
         """Begin with a first sighting."""
         self.number = number
         self._config = config
-        self.motion = Motion(first.place_world_m[:2], self.sigma_m(first), config.motion)
+        sigma_m = config.motion.cut_blob_m if first.cut else config.motion.blob_m
+        self.motion = Motion(first.place_world_m[:2], sigma_m, config.motion)
         self._memory = Memory(config.sightings)
         self._axis = np.zeros(2)
         self._yaw_rad = first.yaw_world_rad
@@ -97,9 +98,14 @@ class Followed:
         self.confirmed = False
         self._remember(first)
 
-    def sigma_m(self, sighting: Sighting) -> float:
-        """Standard deviation of each component of a sighting's place."""
-        return self._config.motion.cut_blob_m if sighting.cut else self._config.motion.blob_m
+    def blurs_m2(self, lengths_m: FloatArray) -> FloatArray:
+        """(M,) variance of either component of the centroids of blobs of such lengths (M,), if they are this vehicle.
+
+        Where a blob is longer than the vehicle it merges with another, where it is shorter a part is missing: the
+        vehicle lies anywhere within the difference (a uniform distribution: its square over 12).
+        """
+        surplus_m = lengths_m - self._memory.median()[0]
+        return np.asarray(self._config.motion.blob_m**2 + surplus_m**2 / 12)
 
     @property
     def dead(self) -> bool:
@@ -113,7 +119,8 @@ class Followed:
 
     def see(self, sighting: Sighting) -> None:
         """Take in a sighting of now."""
-        self.motion.update(sighting.place_world_m[:2], self.sigma_m(sighting))
+        blur_m2 = float(self.blurs_m2(sighting.size_m[:1])[0])
+        self.motion.update(sighting.place_world_m[:2], blur_m2**0.5)
         self._remember(sighting)
 
     def _remember(self, sighting: Sighting) -> None:

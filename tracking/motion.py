@@ -19,7 +19,7 @@ class MotionConfig:
         first_speed_mps: standard deviation of each component of the velocity before any motion was seen.
         unrest_m2ps3: spectral density of the acceleration, taken as white noise.
         blob_m: standard deviation of a blob's centroid on each axis.
-        cut_blob_m: the same for a blob at the rim of the grid, of which a part may be missing.
+        cut_blob_m: the same for a first blob at the rim of the grid, of which an unknown part is missing.
     """
 
     first_speed_mps: float = 12.0

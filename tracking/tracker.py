@@ -66,10 +66,10 @@ class Tracker:
         """Rows of tracks and columns of sightings that belong together."""
         if not self._alive or not seen:
             return np.zeros(0, np.int64), np.zeros(0, np.int64)
-        noise = self.config.life.motion.blob_m**2
+        lengths = np.array([sighting.size_m[0] for sighting in seen])
         return associate(
             np.stack([followed.motion.position_m for followed in self._alive]),
-            np.array([followed.motion.variance_m2 + noise for followed in self._alive]),
+            np.stack([followed.motion.variance_m2 + followed.blurs_m2(lengths) for followed in self._alive]),
             np.stack([followed.rgb for followed in self._alive]),
             np.stack([sighting.place_world_m[:2] for sighting in seen]),
             np.stack([sighting.rgb for sighting in seen]),
@@ -93,7 +93,7 @@ class Tracker:
     def _told(self, blobs: Blobs, world_from_ego: FloatArray) -> tuple[Track, ...]:
         """The confirmed tracks that are seen, briefly unseen, or hidden in a blob that another track took."""
         confirmed = [followed for followed in self._alive if followed.confirmed]
-        covered = blobs.cover(self._places_ego(confirmed, world_from_ego)).any(axis=1)
+        covered = np.asarray(blobs.cover(self._places_ego(confirmed, world_from_ego)).any(axis=1))
         return tuple(
             followed.track()
             for followed, hidden in zip(confirmed, covered, strict=True)

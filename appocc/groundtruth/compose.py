@@ -10,11 +10,11 @@ from scipy import ndimage
 from appocc.bevmap import BEVMap
 from appocc.boxes import is_vehicle
 from appocc.checks import BoolArray, Float32Array, FloatArray
-from appocc.geometry import inverse
+from appocc.geometry import apply, inverse
 from appocc.grid import BEVGrid
 from appocc.groundtruth.inputs import SampleInput
 from appocc.groundtruth.occupancy import Layer, RoadSources, cells_of, lane_layer, road_layer, vehicle_owner
-from appocc.groundtruth.painting import Paint, paint_sample
+from appocc.groundtruth.painting import Paint, Painted
 from appocc.groundtruth.surface import Surface
 
 # An unknown cell is filled when at least this many of its eight neighbours are known, twice over.
@@ -29,11 +29,11 @@ class Settings(NamedTuple):
 
     def as_meta(self) -> dict[str, Any]:
         """JSON form."""
-        return {"grid": self.grid.as_array().tolist(), "paint": self.paint, "format": 1}
+        return {"grid": self.grid.as_array().tolist(), "paint": self.paint, "format": 2}
 
 
-def compose(sample: SampleInput, sources: RoadSources, annotated: bool, settings: Settings) -> BEVMap:
-    """The colour BEV of a sample.
+def compose(sample: SampleInput, sources: RoadSources, painted: Painted | None, settings: Settings) -> BEVMap:
+    """The colour BEV of a sample; `painted` holds the colours of its boxes, None where the dataset has no boxes.
 
     Raises:
         DataError: if an image or a sweep of the sample is damaged.
@@ -42,7 +42,7 @@ def compose(sample: SampleInput, sources: RoadSources, annotated: bool, settings
     ground, known = ground_colours(grid, sample.world_from_ego, sources.surface)
     road = road_layer(grid, sample.world_from_ego, sources)
     lane = lane_layer(grid, sample.world_from_ego, sources)
-    vehicle = _vehicles(sample, annotated, settings, ground, known)
+    vehicle = _vehicles(sample, painted, grid, ground, known)
     layers = (road, vehicle, lane)
     return BEVMap(
         grid,
@@ -58,7 +58,7 @@ def compose(sample: SampleInput, sources: RoadSources, annotated: bool, settings
                 "vehicle": vehicle.source,
                 "lane": lane.source,
                 "appearance_static": "lidar" if len(sources.surface.xyz_m) else "none",
-                "appearance_vehicle": f"cuboids ({settings.paint})" if annotated else "none",
+                "appearance_vehicle": f"cuboids ({settings.paint})" if painted is not None else "none",
             },
             "settings": settings.as_meta(),
         },
@@ -89,20 +89,26 @@ def _filled(rgb: Float32Array, known: BoolArray) -> tuple[Float32Array, BoolArra
     return rgb, known
 
 
-def _vehicles(sample: SampleInput, annotated: bool, settings: Settings, rgb: Float32Array, known: BoolArray) -> Layer:
-    """The vehicle layer; paints the vehicles' cells into `rgb` and `known` in place."""
-    grid = settings.grid
-    if not annotated:
+def vehicles_near(sample: SampleInput, grid: BEVGrid) -> BoolArray:
+    """(B,) which boxes of a sample are vehicles that may reach into the grid."""
+    boxes = sample.boxes_world
+    corners = apply(inverse(sample.world_from_ego), boxes.corners())[..., :2]
+    low, high = [grid.x_min_m, grid.y_min_m], [grid.x_max_m, grid.y_max_m]
+    touches = ((corners.max(axis=1) >= low) & (corners.min(axis=1) <= high)).all(axis=1)
+    of_class = np.array([is_vehicle(name) for name in boxes.category], dtype=np.bool_)
+    return np.asarray(of_class & touches)
+
+
+def _vehicles(
+    sample: SampleInput, painted: Painted | None, grid: BEVGrid, rgb: Float32Array, known: BoolArray
+) -> Layer:
+    """The vehicle layer; puts the vehicles' colours into `rgb` and `known` in place."""
+    if painted is None:
         nothing = np.zeros(grid.shape, dtype=np.bool_)
         return Layer(nothing, nothing.copy(), "none")
-    boxes = sample.boxes_world
-    is_one = np.array([is_vehicle(name) for name in boxes.category], dtype=np.bool_)
-    number = np.flatnonzero(is_one)
-    owner = vehicle_owner(grid, boxes.select(is_one).transformed(inverse(sample.world_from_ego)))
+    near = vehicles_near(sample, grid)
+    owner = vehicle_owner(grid, sample.boxes_world.select(near).transformed(inverse(sample.world_from_ego)))
     on = owner >= 0
-    in_grid = np.zeros(len(boxes), dtype=np.bool_)
-    in_grid[number[np.unique(owner[on])]] = True
-    colours, painted = paint_sample(sample, in_grid, settings.paint)
-    which = number[owner[on]]
-    rgb[on], known[on] = colours[which], painted[which]
+    which = np.flatnonzero(near)[owner[on]]
+    rgb[on], known[on] = painted.rgb[which], painted.area_px[which] > 0
     return Layer(on, np.ones(grid.shape, dtype=np.bool_), "cuboids")

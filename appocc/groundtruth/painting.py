@@ -29,13 +29,27 @@ _NEAR, _SAME = 24.0, 36.0
 
 
 class BoxPixels(NamedTuple):
-    """Colours (N, 3) uint8 of a box's visible image region, and where on its height (N,) in 0..1 each was hit."""
+    """Samples of a box's visible image region.
+
+    Attributes:
+        rgb: (N, 3) uint8 colours.
+        height: (N,) where on the box's height each was hit, 0..1.
+        area_px: pixels of the image that the samples stand for.
+    """
 
     rgb: ByteArray
     height: FloatArray
+    area_px: float
 
 
-_NO_PIXELS = BoxPixels(np.zeros((0, 3), np.uint8), np.zeros(0))
+class Painted(NamedTuple):
+    """Colours (B, 3) uint8 of boxes, and the image area (B,) in pixels each was read from, 0 where it is unknown."""
+
+    rgb: ByteArray
+    area_px: FloatArray
+
+
+_NO_PIXELS = BoxPixels(np.zeros((0, 3), np.uint8), np.zeros(0), 0.0)
 
 
 def box_pixels(
@@ -48,6 +62,7 @@ def box_pixels(
     if rectangle is None:
         return _NO_PIXELS
     uv = _grid_of_pixels(*rectangle)
+    sample_px = float(np.prod(rectangle[1] - rectangle[0])) / len(uv)
     rays = _rays(camera, view.world_from_cam, uv)
     own = _entry(eye, rays, boxes_world, target)
     hit = np.isfinite(own)
@@ -63,7 +78,7 @@ def box_pixels(
     local = apply(inverse(boxes_world.frame_from_box(target)), eye + rays * own[:, None])
     height = local[:, 2] / boxes_world.size_wlh_m[target, 2] + 0.5
     column, row = uv.astype(np.int64).T
-    return BoxPixels(image[row, column], height)
+    return BoxPixels(image[row, column], height, sample_px * len(uv))
 
 
 def _grid_of_pixels(low: FloatArray, high: FloatArray) -> FloatArray:
@@ -122,26 +137,26 @@ def paint_vehicles(
     vehicles: BoolArray,
     depths: Sequence[DepthPicture | None],
     paint: Paint,
-) -> tuple[ByteArray, BoolArray]:
-    """Colours (B, 3) of the boxes that are vehicles (B,), from all views that see them, and which are known (B,).
+) -> Painted:
+    """Colours of the boxes that are vehicles (B,), from all views that see them.
 
     All views must hold the same boxes in the same order.
     """
-    colours = np.zeros((len(vehicles), 3), np.uint8)
-    known = np.zeros(len(vehicles), dtype=np.bool_)
+    painted = Painted(np.zeros((len(vehicles), 3), np.uint8), np.zeros(len(vehicles)))
     choose = paint_mode if paint == "mode" else paint_robust
     for i in np.flatnonzero(vehicles):
         seen = zip(images, views, depths, strict=True)
         parts = [box_pixels(image, view, view.boxes_world, int(i), depth) for image, view, depth in seen]
         parts.append(_NO_PIXELS)  # for a sample without images
-        pixels = BoxPixels(np.concatenate([p.rgb for p in parts]), np.concatenate([p.height for p in parts]))
+        rgb, height, areas = zip(*parts, strict=True)
+        pixels = BoxPixels(np.concatenate(rgb), np.concatenate(height), sum(areas))
         if len(pixels.rgb) >= _LEAST_PIXELS:
-            colours[i], known[i] = choose(pixels), True
-    return colours, known
+            painted.rgb[i], painted.area_px[i] = choose(pixels), pixels.area_px
+    return painted
 
 
-def paint_sample(sample: SampleInput, wanted: BoolArray, paint: Paint) -> tuple[ByteArray, BoolArray]:
-    """Colours (B, 3) of the wanted boxes (B,) of a sample from its own images and sweep, and which are known (B,).
+def paint_sample(sample: SampleInput, wanted: BoolArray, paint: Paint) -> Painted:
+    """Colours of the wanted boxes (B,) of a sample from its own images and sweep.
 
     Raises:
         DataError: if an image or the sweep is damaged.
@@ -157,3 +172,30 @@ def paint_sample(sample: SampleInput, wanted: BoolArray, paint: Paint) -> tuple[
         points = points[~sample.boxes_world.inside(points, _BOX_MARGIN_M)]
         depths = [DepthPicture(apply(inverse(view.world_from_cam), points), view.camera) for view in sample.views]
     return paint_vehicles(images, sample.views, wanted, depths, paint)
+
+
+def pool_over_time(samples: Sequence[SampleInput], painted: Sequence[Painted]) -> list[Painted]:
+    """One colour an object in all samples: the seen colour that lies nearest to all others, by the area of each.
+
+    Paint does not change on the way; what hides, lights and mirrors does.
+    """
+    seen: dict[str, list[tuple[ByteArray, float]]] = {}
+    for sample, own in zip(samples, painted, strict=True):
+        for name, rgb, area in zip(sample.boxes_world.instance, own.rgb, own.area_px, strict=True):
+            if area:
+                seen.setdefault(name, []).append((rgb, float(area)))
+    best = {name: _most_central(colours) for name, colours in seen.items()}
+    nothing = (np.zeros(3, np.uint8), 0.0)
+    pooled = []
+    for sample in samples:
+        rows = [best.get(name, nothing) for name in sample.boxes_world.instance]
+        rgb = np.array([row[0] for row in rows], np.uint8).reshape(-1, 3)
+        pooled.append(Painted(rgb, np.array([row[1] for row in rows], np.float64)))
+    return pooled
+
+
+def _most_central(colours: list[tuple[ByteArray, float]]) -> tuple[ByteArray, float]:
+    """The weighted medoid of some colours, and their area in all."""
+    rgb, area = np.array([c for c, _ in colours], np.float64), np.array([a for _, a in colours])
+    distance = np.linalg.norm(rgb[:, None] - rgb[None], axis=2) @ area
+    return colours[int(distance.argmin())][0], float(area.sum())

@@ -22,9 +22,10 @@ from appocc.drawing import preview
 from appocc.errors import DataError
 from appocc.files import write_bytes, write_image
 from appocc.groundtruth.colouring import colour_sweep
-from appocc.groundtruth.compose import Settings, compose
+from appocc.groundtruth.compose import Settings, compose, vehicles_near
 from appocc.groundtruth.inputs import SampleInput, SceneInputs, gather
 from appocc.groundtruth.occupancy import RoadSources
+from appocc.groundtruth.painting import Painted, paint_sample, pool_over_time
 from appocc.groundtruth.surface import build_surface, exposure_gains
 from appocc.nuscenes.dataset import Dataset
 from appocc.nuscenes.maps import mask_window, vector_map
@@ -91,14 +92,27 @@ def _make_scene(
     advance: Callable[[int], None],
 ) -> int:
     inputs = gather(dataset, scene)
-    samples = [sample for sample in inputs.samples if sample.token in missing]
+    pairs = zip(inputs.samples, _paint(inputs, settings, pool), strict=True)
+    wanted = [(sample, painted) for sample, painted in pairs if sample.token in missing]
     with tempfile.TemporaryDirectory(prefix="appocc-") as folder:
         sources = Path(folder) / "sources.pickle"  # our own file, read back by our own workers only
         write_bytes(sources, pickle.dumps(_sources(dataset, scene, inputs, pool)))
-        job = partial(_make_sample, sources=sources, annotated=inputs.annotated, out=out, settings=settings)
-        for _ in _in_order(pool, job, samples):
+        job = partial(_make_sample, sources=sources, out=out, settings=settings)
+        for _ in _in_order(pool, job, wanted):
             advance(1)
-    return len(samples)
+    return len(wanted)
+
+
+def _paint(inputs: SceneInputs, settings: Settings, pool: Executor | None) -> Sequence[Painted | None]:
+    """Colours of the vehicles of each sample; of all samples, as the robust colour is one for the whole scene."""
+    if not inputs.annotated:
+        return [None] * len(inputs.samples)
+    painted = list(_in_order(pool, partial(_paint_sample, settings=settings), inputs.samples))
+    return pool_over_time(inputs.samples, painted) if settings.paint == "robust" else painted
+
+
+def _paint_sample(sample: SampleInput, settings: Settings) -> Painted:
+    return paint_sample(sample, vehicles_near(sample, settings.grid), settings.paint)
 
 
 def _sources(dataset: Dataset, scene: Scene, inputs: SceneInputs, pool: Executor | None) -> RoadSources:
@@ -126,9 +140,10 @@ def _read_sources(path: Path) -> RoadSources:
     return sources
 
 
-def _make_sample(sample: SampleInput, sources: Path, annotated: bool, out: Path, settings: Settings) -> None:
+def _make_sample(wanted: tuple[SampleInput, Painted | None], sources: Path, out: Path, settings: Settings) -> None:
     """Compose and write one sample; the map comes last, so that a map is never without its picture."""
-    bev: BEVMap = compose(sample, _read_sources(sources), annotated, settings)
+    sample, painted = wanted
+    bev = compose(sample, _read_sources(sources), painted, settings)
     path = bev_path(out, SOURCE, sample.token)
     write_image(path.with_suffix(".png"), preview(bev))
     bev.save(path)

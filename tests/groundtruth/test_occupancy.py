@@ -14,9 +14,10 @@ from appocc.grid import BEVGrid
 from appocc.groundtruth.colouring import LANE as LANE_LABEL
 from appocc.groundtruth.colouring import OTHER, UNLABELLED, ColouredPoints
 from appocc.groundtruth.colouring import ROAD as ROAD_LABEL
-from appocc.groundtruth.compose import Settings, compose
+from appocc.groundtruth.compose import Settings, compose, vehicles_near
 from appocc.groundtruth.inputs import gather
 from appocc.groundtruth.occupancy import RoadSources, lane_layer, road_layer, vehicle_owner
+from appocc.groundtruth.painting import paint_sample
 from appocc.groundtruth.surface import ExposureGains, Surface, build_surface
 from appocc.nuscenes.maps import MaskWindow, VectorMap
 
@@ -222,7 +223,11 @@ def composed(root: Path, plan: Plan, sources: RoadSources | None = None) -> BEVM
     dataset = make(root, plan)
     inputs = gather(dataset, dataset.scenes[0])
     where = sources or RoadSources(None, None, NOTHING, NO_LABELS)
-    return compose(inputs.samples[0], where, inputs.annotated, Settings(BEVGrid(-12, 12, -12, 12, 0.4), "robust"))
+    settings = Settings(BEVGrid(-12, 12, -12, 12, 0.4), "robust")
+    sample = inputs.samples[0]
+    wanted = vehicles_near(sample, settings.grid)
+    painted = paint_sample(sample, wanted, settings.paint) if inputs.annotated else None
+    return compose(sample, where, painted, settings)
 
 
 def street(t: float) -> list[Solid]:

@@ -16,11 +16,13 @@ from appocc.groundtruth.inputs import View, gather
 from appocc.groundtruth.painting import (
     BoxPixels,
     Paint,
+    Painted,
     box_pixels,
     paint_mode,
     paint_robust,
     paint_sample,
     paint_vehicles,
+    pool_over_time,
 )
 from appocc.groundtruth.visibility import DepthPicture
 
@@ -30,7 +32,8 @@ GLASS, TYRE = (40, 50, 62), (14, 14, 15)
 
 def pixels(rgb: object, height: object = 0.5) -> BoxPixels:
     colours = np.array(rgb, dtype=np.uint8).reshape(-1, 3)
-    return BoxPixels(colours, np.broadcast_to(np.asarray(height, np.float64), len(colours)).copy())
+    heights = np.broadcast_to(np.asarray(height, np.float64), len(colours)).copy()
+    return BoxPixels(colours, heights, float(len(colours)))
 
 
 # The paper's mode ---------------------------------------------------------------------------------------------------
@@ -65,7 +68,7 @@ def body_and_glass() -> BoxPixels:
     parts += [((20, 4, 4), 25, 0.3, 0.6), ((255, 250, 250), 15, 0.3, 0.6)]
     rgb = np.concatenate([np.tile(colour, (n, 1)) for colour, n, _, _ in parts]).astype(float)
     height = np.concatenate([rng.uniform(low, high, n) for _, n, low, high in parts])
-    return BoxPixels(np.clip(rgb + rng.normal(0, 3, rgb.shape), 0, 255).astype(np.uint8), height)
+    return BoxPixels(np.clip(rgb + rng.normal(0, 3, rgb.shape), 0, 255).astype(np.uint8), height, 1000.0)
 
 
 def test_robust_ignores_glass_tyres_shadow_and_glint() -> None:
@@ -106,7 +109,8 @@ def seen(every: list[Solid], annotated: list[Solid], channel: str = "CAM_FRONT")
 
 def paint(every: list[Solid], annotated: list[Solid], how: Paint) -> tuple[ByteArray, BoolArray]:
     image, view = seen(every, annotated)
-    return paint_vehicles([image], [view], np.ones(len(annotated), np.bool_), [None], how)
+    painted = paint_vehicles([image], [view], np.ones(len(annotated), np.bool_), [None], how)
+    return painted.rgb, painted.area_px > 0
 
 
 def within_bin(rgb: ByteArray, expected: tuple[int, int, int]) -> bool:
@@ -153,14 +157,13 @@ def test_cars_that_no_camera_sees_are_unknown(paint_name: Paint) -> None:
 
 
 def test_without_images_all_are_unknown() -> None:
-    _, known = paint_vehicles([], [], np.ones(3, np.bool_), [], "robust")
-    assert known.tolist() == [False] * 3
+    assert paint_vehicles([], [], np.ones(3, np.bool_), [], "robust").area_px.tolist() == [0.0] * 3
 
 
 def test_only_the_wanted_are_painted() -> None:
     street = [car(10, 2, RED, "a"), car(12, -4, BLUE, "b")]
     image, view = seen(street, street)
-    _, known = paint_vehicles([image], [view], np.array([False, True]), [None], "mode")
+    known = paint_vehicles([image], [view], np.array([False, True]), [None], "mode").area_px > 0
     assert known.tolist() == [False, True]
 
 
@@ -173,7 +176,7 @@ def test_all_views_count_together() -> None:
     flooded = np.full_like(front[0], 77)
     few = int(np.argmin(counts))
     images = [flooded if i == few else (front, left)[i][0] for i in range(2)]
-    colours, _ = paint_vehicles(images, [front[1], left[1]], np.ones(1, np.bool_), [None, None], "mode")
+    colours, _area = paint_vehicles(images, [front[1], left[1]], np.ones(1, np.bool_), [None, None], "mode")
     assert within_bin(colours[0], RED)
 
 
@@ -242,8 +245,8 @@ def test_an_oncoming_car_does_not_hide_itself(tmp_path: Path, paint_name: Paint)
     plan = Plan(lambda t: [car(14 - 20 * t, 2, RED, "a")], samples=2, cameras=("CAM_FRONT",), camera_delay_s=-0.1)
     dataset = make(tmp_path, plan)
     sample = gather(dataset, dataset.scenes[0]).samples[0]
-    colours, known = paint_sample(sample, np.ones(1, np.bool_), paint_name)
-    assert known.tolist() == [True]
+    colours, area = paint_sample(sample, np.ones(1, np.bool_), paint_name)
+    assert area[0] > 0
     assert within_bin(colours[0], RED)
     points = sum(len(box_pixels(*_one(view), view.boxes_world, 0, None).rgb) for view in sample.views)
     assert points > 300
@@ -256,9 +259,28 @@ def _one(view: View) -> tuple[ByteArray, View]:
 @BOTH
 def test_a_sample_without_lidar_is_painted_by_boxes_alone(tmp_path: Path, paint_name: Paint) -> None:
     dataset = make(tmp_path, Plan(lambda t: [car(10, 2, BLUE, "a")], samples=1, with_lidar=()))
-    colours, known = paint_sample(gather(dataset, dataset.scenes[0]).samples[0], np.ones(1, np.bool_), paint_name)
-    assert known.all()
+    colours, area = paint_sample(gather(dataset, dataset.scenes[0]).samples[0], np.ones(1, np.bool_), paint_name)
+    assert area[0] > 0
     assert within_bin(colours[0], BLUE)
+
+
+def test_one_colour_an_object_over_time(tmp_path: Path) -> None:
+    plan = Plan(lambda t: [car(10, 2, RED, "a"), car(-9, 2, BLUE, "b")], samples=3)
+    dataset = make(tmp_path, plan)
+    samples = gather(dataset, dataset.scenes[0]).samples
+    near, glint, hidden = [200, 0, 0], [255, 255, 255], [0, 0, 0]
+    views = [([near, hidden], [900.0, 0.0]), ([[196, 2, 1], hidden], [400.0, 0.0]), ([glint, hidden], [800.0, 0.0])]
+    painted = [Painted(np.array(rgb, np.uint8), np.array(area)) for rgb, area in views]
+    for own in pool_over_time(samples, painted):
+        assert own.rgb.tolist() == [near, hidden]  # the glint counts, but lies far from the others
+        assert own.area_px.tolist() == [2100.0, 0.0]  # what was never seen stays unknown
+
+
+def test_without_boxes_there_is_nothing_to_pool(tmp_path: Path) -> None:
+    dataset = make(tmp_path, Plan(lambda t: [], samples=1))
+    samples = gather(dataset, dataset.scenes[0]).samples
+    pooled = pool_over_time(samples, [Painted(np.zeros((0, 3), np.uint8), np.zeros(0))])
+    assert pooled[0].rgb.shape == (0, 3)
 
 
 def test_a_damaged_image(tmp_path: Path) -> None:

@@ -1,7 +1,7 @@
 """A small PandaSet recording made by hand, in both forms: the plain twin, and the published one with pickles.
 
-Six frames at 10 Hz, every second with images (0, 2, 4), the last of these without LiDAR. The ego (0.40 m above the road)
-drives and turns; cameras fire before the LiDAR, each by its own time, and shake a little in their mounts.
+Six frames at 10 Hz, every second with images (0, 2, 4), the last of these without LiDAR. The ego (0.40 m above the
+road) drives and turns; cameras fire before the LiDAR, each by its own time, and shake a little in their mounts.
 """
 
 from __future__ import annotations
@@ -31,9 +31,9 @@ CAMERAS = {
 _CAM_AXES = np.array([[0.0, 0, 1], [-1, 0, 0], [0, -1, 0]])
 # PandaSet's LiDAR pose has x to the right and y forward.
 EGO_FROM_PANDA_LIDAR = transform(np.array([[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]]), np.zeros(3))
-# Track, class, place and heading of the length axis at frame 0, speed, (length, width, height), motion, sensor, sibling.
+# Track, class, place and heading of the length axis at first, speed, (length, width, height), motion, sensor, twin.
 OBJECTS: list[tuple[str, str, list[float], float, float, list[float], str | None, int, str | None]] = [
-    ("car", "Car", [12.0, 3.0, 0.3], 0.4, 0.0, [4.6, 1.8, 1.5], "Parked", -1, None),
+    ("car", "Car", [12.0, 3.0, 0.9], 0.4, 0.0, [4.6, 1.8, 1.5], "Parked", -1, None),
     ("mover", "Pickup Truck", [-8.0, -3.0, 0.4], 0.2, 6.0, [5.4, 2.0, 1.9], "Moving", 0, "mover-twin"),
     ("mover-twin", "Pickup Truck", [-7.5, -3.0, 0.4], 0.2, 6.0, [5.4, 2.0, 1.9], "Moving", 1, "mover"),
     ("walker", "Pedestrian", [9.0, -6.0, 0.4], 1.5, 1.0, [0.6, 0.7, 1.8], None, 1, "nowhere"),
@@ -101,7 +101,9 @@ class PandaTwin:
         }
 
     @staticmethod
-    def _box(i: int, track: str, label: str, place: list[float], yaw: float, speed: float, *rest: Any) -> dict[str, Any]:
+    def _box(
+        i: int, track: str, label: str, place: list[float], yaw: float, speed: float, *rest: Any
+    ) -> dict[str, Any]:
         size, motion, sensor, sibling = rest
         way = 0.1 * i * speed
         return {
@@ -121,7 +123,7 @@ class PandaTwin:
         rng = np.random.default_rng(i)
         pose = world_from_ego(0.1 * i)
         road = np.column_stack([rng.uniform(-20, 20, (300, 2)), np.full(300, -0.4)])
-        in_car = np.array([12.0, 3.0, 0.3]) + rng.uniform(-0.5, 0.5, (25, 3))
+        in_car = np.array([12.0, 3.0, 0.9]) + rng.uniform(-0.5, 0.5, (25, 3))
         points = np.vstack([road, apply(inverse(pose), in_car)])
         return {
             "xyz_cm_ego": np.round(points * 100).astype(np.int16),

@@ -21,7 +21,9 @@ def pairs(
     config: AssociationConfig | None = None,
 ) -> dict[int, int]:
     """Blob of each track; colours are unknown, variances 0.1 m2, unless said."""
-    variance = np.full(len(tracks), 0.1) if variance_m2 is None else variance_m2
+    variance = (
+        np.full((len(tracks), len(blobs)), 0.1) if variance_m2 is None else np.tile(variance_m2[:, None], len(blobs))
+    )
     rows, columns = associate(
         np.array(tracks, np.float64).reshape(-1, 2),
         variance,

@@ -1,0 +1,138 @@
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from appocc.boxes import is_vehicle
+from appocc.errors import DataError, ShapeError
+from appocc.nuscenes.writer import CATEGORIES
+from appocc.pandaset.classes import attribute_of, category_of
+from appocc.pandaset.recording import Cuboid, Image, Moment, Recording, Sweep, without_twins
+
+
+def cuboid(track: str, sensor: int = -1, sibling: str | None = None) -> Cuboid:
+    return Cuboid(track, "Car", np.zeros(3), np.array([4.0, 2.0, 1.5]), 0.0, None, sensor, sibling)
+
+
+def test_twins_go_only_where_their_sibling_is() -> None:
+    alone, main, twin = cuboid("a"), cuboid("b", 0, "c"), cuboid("c", 1, "b")
+    orphan, unpaired = cuboid("d", 1, "gone"), cuboid("e", 1, None)
+    kept = without_twins((alone, twin, main, orphan, unpaired))
+    assert [c.track for c in kept] == ["a", "b", "d", "e"]
+
+
+def moment(index: int, time_s: float) -> Moment:
+    image = Image(Path("a.jpg"), time_s, np.eye(4))
+    return Moment(index, time_s, np.eye(4), {"CAM_FRONT": image}, (), None)
+
+
+def recording(*moments: Moment) -> Recording:
+    return Recording("x", moments, {"CAM_FRONT": np.eye(3)}, {7: "Road"}, None, "")
+
+
+def test_what_a_recording_must_be() -> None:
+    good = recording(moment(0, 1.0), moment(1, 1.1))
+    assert len(good.moments) == 2
+    with pytest.raises(DataError, match="sequence x: no frames"):
+        recording()
+    for times in ((1.0, 1.0), (1.1, 1.0)):
+        with pytest.raises(DataError, match="the frames' times do not rise"):
+            recording(*(moment(i, t) for i, t in enumerate(times)))
+    with pytest.raises(DataError, match="CAM_FRONT has images but no intrinsic matrix"):
+        replace(good, intrinsics={})
+    with pytest.raises(ShapeError, match="CAM_FRONT intrinsic"):
+        replace(good, intrinsics={"CAM_FRONT": np.eye(4)})
+    with pytest.raises(DataError, match=r"expected point labels 0\.\.255, got 256"):
+        replace(good, label_names={256: "Road"})
+
+
+def test_what_its_parts_must_be() -> None:
+    with pytest.raises(ShapeError, match=r"a\.jpg world_from_cam"):
+        Image(Path("x/a.jpg"), 0.0, np.zeros((4, 4)))
+    with pytest.raises(ShapeError, match=r"a\.jpg time"):
+        Image(Path("x/a.jpg"), np.nan, np.eye(4))
+    with pytest.raises(ShapeError, match="frame 3 world_from_ego"):
+        Moment(3, 0.0, np.zeros((4, 4)), {}, (), None)
+    with pytest.raises(ShapeError, match="frame 3 time"):
+        Moment(3, np.inf, np.eye(4), {}, (), None)
+    for name, change in (
+        ("centre", {"centre_world_m": np.zeros(2)}),
+        ("size", {"size_lwh_m": np.array([1.0, np.nan, 1])}),
+        ("size: expected positive", {"size_lwh_m": np.array([1.0, -1, 1])}),
+        ("yaw", {"yaw_world_rad": np.nan}),
+    ):
+        with pytest.raises(ShapeError, match=f"cuboid a {name}"):
+            replace(cuboid("a"), **change)
+
+
+def test_what_a_sweep_must_be() -> None:
+    points, bytes_ = np.zeros((3, 3)), np.zeros(3, np.uint8)
+    assert Sweep(points, bytes_, None).labels is None
+    for wrong in (
+        (points[:2], bytes_, bytes_),
+        (points, bytes_[:2], None),
+        (points, bytes_, bytes_.astype(np.int64)),
+    ):
+        with pytest.raises(ShapeError, match="expected"):
+            Sweep(*wrong)
+
+
+# As the design says: PandaSet's classes that are vehicles.
+VEHICLES = (
+    "Car",
+    "Pickup Truck",
+    "Medium-sized Truck",
+    "Semi-truck",
+    "Towed Object",
+    "Motorcycle",
+    "Other Vehicle - Construction Vehicle",
+    "Emergency Vehicle",
+    "Bus",
+)
+
+
+def test_classes() -> None:
+    assert all(is_vehicle(category_of(label)) for label in VEHICLES)
+    for label in (
+        "Bicycle",
+        "Pedestrian",
+        "Personal Mobility Device",
+        "Motorized Scooter",
+        "Cones",
+        "Road Barriers",
+        "Signs",
+    ):
+        assert not is_vehicle(category_of(label))
+    assert category_of("Road") == category_of("Lane Line Marking") == "flat.driveable_surface"
+    assert category_of("Driveway") == category_of("Sidewalk") == "flat.sidewalk"
+    with pytest.raises(DataError, match="PandaSet has no class 'Car '; it has"):
+        category_of("Car ")
+
+
+@pytest.mark.realdata
+def test_all_classes_of_the_recording_are_known(data_root: Path) -> None:
+    import json
+
+    names = json.loads((data_root / "pandaset_002/002/annotations/semseg/classes.json").read_text())
+    assert len(names) == 42
+    assert all(category_of(name) in CATEGORIES for name in names.values())
+
+
+@pytest.mark.parametrize(
+    ("label", "motion", "attribute"),
+    [
+        ("Car", "Parked", "vehicle.parked"),
+        ("Bus", "Stopped", "vehicle.stopped"),
+        ("Pickup Truck", "Moving", "vehicle.moving"),
+        ("Car", None, ""),
+        ("Car", "Flying", ""),
+        ("Motorcycle", "Moving", ""),
+        ("Bicycle", "Parked", ""),
+        ("Pedestrian", "Moving", ""),
+    ],
+)
+def test_attributes(label: str, motion: str | None, attribute: str) -> None:
+    assert attribute_of(label, motion) == attribute
