@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, settings
 from tiny_dataset import TinyDataset
+from walkthrough import Walkthrough, run_walkthrough
 
 # The same examples on every run, and no limit of time: the machine may be busy.
 settings.register_profile("steady", derandomize=True, deadline=None, suppress_health_check=[HealthCheck.too_slow])
@@ -37,23 +38,16 @@ def tiny_root(tiny: TinyDataset) -> Path:
 
 
 @pytest.fixture(scope="session")
-def panda_root(data_root: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The recorded street (PandaSet 002) converted to the nuScenes schema once for all tests; read only."""
-    from appocc.pandaset import convert_folder
-
-    out = tmp_path_factory.mktemp("panda") / "panda"
-    convert_folder(data_root / "pandaset_002", out, data_root / "pandaset_002_lidar", False, lambda _: None)
-    return out
+def walkthrough(data_root: Path, tmp_path_factory: pytest.TempPathFactory) -> Walkthrough:
+    """The README's lines on a real street, run once for all tests, in all processes of a run; read only."""
+    base = tmp_path_factory.getbasetemp()
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        base = base.parent
+    return run_walkthrough(base / "walkthrough", data_root)
 
 
 @pytest.fixture(scope="session")
-def panda_bev(panda_root: Path) -> Path:
-    """That dataset with its ground-truth maps below bev/groundtruth; read only."""
-    from appocc.grid import BEVGrid
-    from appocc.groundtruth.compose import Settings
-    from appocc.groundtruth.pipeline import generate
-    from appocc.nuscenes import Dataset
-
-    dataset = Dataset(panda_root)
-    generate(dataset, dataset.scenes, panda_root, Settings(BEVGrid.surround(), "robust"), 2, lambda _: None)
-    return panda_root
+def panda_root(walkthrough: Walkthrough) -> Path:
+    """The recorded street (PandaSet 002) as the walkthrough converted it, with its maps and tracks; read only."""
+    assert walkthrough.failures() == []
+    return walkthrough.folder / "OUT"

@@ -133,9 +133,8 @@ def test_recorded_traffic_at_two_key_frames_a_second(data_root: Path) -> None:
 
 
 @pytest.mark.realdata
-@pytest.mark.slow
-def test_a_recorded_street_is_tracked(panda_bev: Path) -> None:
-    dataset = Dataset(panda_bev)
+def test_a_recorded_street_is_tracked(panda_root: Path) -> None:
+    dataset = Dataset(panda_root)
     scores = score(dataset, track_scene(dataset, dataset.scene("002"), "groundtruth"))
     assert scores is not None
     assert scores["metrics"].GT > 1000
