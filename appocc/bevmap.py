@@ -12,7 +12,7 @@ import numpy as np
 
 from appocc.checks import BoolArray, ByteArray, Float32Array, check_dtype, check_shape, frozen
 from appocc.errors import DataError, ShapeError
-from appocc.files import whole_file
+from appocc.files import plain_name, whole_file
 from appocc.grid import BEVGrid
 
 CLASSES = ("road", "vehicle", "lane")
@@ -103,7 +103,33 @@ class BEVMap:
             raise DataError(f"{path}: damaged BEV map ({error})") from error
 
 
+def is_truth(source: str) -> bool:
+    """Whether maps of this source were made from everything a recording has, boxes included, and not predicted."""
+    return Path(source).name in ("exact", "groundtruth")
+
+
+def bev_folder(root: Path, source: str) -> Path:
+    """Where the maps of a source lie: `ROOT/bev/SOURCE`; a source with a slash in its name is a folder itself."""
+    return Path(source) if "/" in source else root / "bev" / source
+
+
 def bev_path(root: Path, source: str, sample_token: str) -> Path:
-    """Where the map of a sample lies: `ROOT/bev/SOURCE/TOKEN.npz`; a source that is a folder is taken as it is."""
-    folder = Path(source) if "/" in source else root / "bev" / source
-    return folder / f"{sample_token}.npz"
+    """Where the map of a sample lies: `ROOT/bev/SOURCE/TOKEN.npz`.
+
+    Raises:
+        DataError: if the token leads elsewhere.
+    """
+    return bev_folder(root, source) / f"{plain_name(sample_token)}.npz"
+
+
+def load_map(root: Path, source: str, sample_token: str) -> BEVMap:
+    """The map of a sample.
+
+    Raises:
+        DataError: if it is missing (the message says how maps are made) or damaged.
+    """
+    path = bev_path(root, source, sample_token)
+    if not path.is_file():
+        how = f"appocc groundtruth {root}" if source == "groundtruth" else f"maps of source '{source}'"
+        raise DataError(f"{path}: no BEV map; make it with: {how}")
+    return BEVMap.load(path)

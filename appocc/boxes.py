@@ -3,19 +3,30 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
 
-from appocc.checks import BoolArray, FloatArray, IntArray, check_finite, check_shape, check_transform, frozen
+from appocc.checks import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    check_finite,
+    check_place,
+    check_shape,
+    check_transform,
+    frozen,
+)
 from appocc.errors import ShapeError
 from appocc.geometry import apply, inverse, yaw_of
+from appocc.shapes import Corners, Flags, List3, Numbers, Transform
 
 # Corners in units of half the size (length, width, height): the lower four counter-clockwise, then the upper.
 _CORNERS = np.array(
     [[1, 1, -1], [-1, 1, -1], [-1, -1, -1], [1, -1, -1], [1, 1, 1], [-1, 1, 1], [-1, -1, 1], [1, -1, 1]],
     dtype=np.float64,
 )
+# The sides of no object in a street are longer.
+LARGEST_M = 1000.0
 # Lyft writes plain names where nuScenes writes dotted ones.
 _LYFT_VEHICLES = frozenset({"car", "truck", "bus", "other_vehicle", "emergency_vehicle", "motorcycle"})
 
@@ -61,19 +72,20 @@ class Boxes:
         check_shape("boxes rotation", self.rotation, (n, 3, 3))
         check_shape("boxes velocity_mps", self.velocity_mps, (n, 2))
         check_shape("boxes lidar_points", self.lidar_points, (n,))
-        check_finite("boxes centre_m", self.centre_m)
+        check_place("boxes centre_m", self.centre_m)
         check_finite("boxes rotation", self.rotation)
         if len(self.instance) != n or len(self.token) != n:
             raise ShapeError(f"boxes: expected {n} tokens, got {len(self.instance)} and {len(self.token)}")
-        good = (np.isfinite(self.size_wlh_m) & (self.size_wlh_m > 0)).all(axis=1)
+        good = ((self.size_wlh_m > 0) & (self.size_wlh_m < LARGEST_M)).all(axis=1)
         if not good.all():
             i = int(np.argmin(good))
-            raise ShapeError(f"box {self.token[i]}: expected a positive size, got {self.size_wlh_m[i].tolist()}")
+            size = self.size_wlh_m[i].tolist()
+            raise ShapeError(f"box {self.token[i]}: expected a positive size below {LARGEST_M:.0f} m, got {size}")
         for array in (self.centre_m, self.size_wlh_m, self.rotation, self.velocity_mps, self.lidar_points):
             frozen(array)
 
     @classmethod
-    def empty(cls) -> Self:
+    def empty(cls) -> Boxes:
         """No boxes."""
         zero3, zero2 = np.zeros((0, 3)), np.zeros((0, 2))
         return cls(zero3, zero3.copy(), np.zeros((0, 3, 3)), (), (), (), zero2, np.zeros(0, np.int64))
@@ -100,7 +112,7 @@ class Boxes:
         """Only those of the class vehicle."""
         return self.select(np.array([is_vehicle(name) for name in self.category], dtype=np.bool_))
 
-    def transformed(self, target_from_source: FloatArray) -> Boxes:
+    def transformed(self, target_from_source: Transform) -> Boxes:
         """The same boxes in another frame."""
         check_transform("target_from_source", target_from_source)
         turn = target_from_source[:3, :3]
@@ -117,31 +129,32 @@ class Boxes:
         )
 
     @property
-    def yaw_rad(self) -> FloatArray:
+    def yaw_rad(self) -> Numbers:
         """(N,) headings about +z of the frame."""
         return yaw_of(self.rotation)
 
-    def frame_from_box(self, i: int) -> FloatArray:
+    def frame_from_box(self, i: int) -> Transform:
         """(4, 4) pose of box i: origin at its centre, x along its length, y to its left, z up."""
         pose = np.eye(4)
         pose[:3, :3], pose[:3, 3] = self.rotation[i], self.centre_m[i]
         return pose
 
-    def half_lwh_m(self) -> FloatArray:
+    def half_lwh_m(self) -> List3:
         """(N, 3) half sizes along the box's own x, y, z axes (length, width, height)."""
         return self.size_wlh_m[:, [1, 0, 2]] / 2
 
-    def corners(self) -> FloatArray:
+    def corners(self) -> Corners:
         """(N, 8, 3) corners: lower four counter-clockwise from front left, then the upper four."""
         local = _CORNERS[None] * self.half_lwh_m()[:, None]
         return np.asarray(np.einsum("nij,nkj->nki", self.rotation, local) + self.centre_m[:, None])
 
-    def inside(self, points: FloatArray, margin_m: float = 0.0) -> BoolArray:
+    def inside(self, points: List3, margin_m: float = 0.0) -> Flags:
         """(P,) whether each of the points (P, 3) lies in any box, grown on all sides by `margin_m`."""
         hit = np.zeros(len(points), dtype=np.bool_)
+        x = np.ascontiguousarray(points[:, 0])
         for i, half in enumerate(self.half_lwh_m() + margin_m):
-            # A ball around the box first: it leaves few points for the exact test.
-            near = np.flatnonzero(np.abs(points - self.centre_m[i]).max(axis=1) <= np.linalg.norm(half))
+            # A slab around the box first: it leaves few points for the exact test.
+            near = np.flatnonzero(np.abs(x - self.centre_m[i, 0]) <= np.linalg.norm(half))
             local = apply(inverse(self.frame_from_box(i)), points[near])
             hit[near[(np.abs(local) <= half).all(axis=1)]] = True
         return hit

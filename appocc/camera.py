@@ -7,9 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from appocc.checks import BoolArray, FloatArray, check_finite, check_shape, check_transform, frozen
+from appocc.checks import FloatArray, check_finite, check_shape, check_transform, frozen
 from appocc.errors import NotFoundError, ShapeError
 from appocc.geometry import apply, inverse
+from appocc.shapes import Flags, List2, List3, Numbers
 
 
 @dataclass(frozen=True)
@@ -45,11 +46,15 @@ class Camera:
                 f"{self.channel} intrinsic: expected positive focal lengths, got "
                 f"{self.intrinsic[0, 0]:g} and {self.intrinsic[1, 1]:g}"
             )
+        if not np.allclose(self.intrinsic[2], [0, 0, 1]):
+            raise ShapeError(
+                f"{self.channel} intrinsic: expected last row [0, 0, 1], got {self.intrinsic[2].tolist()}"
+            )
         check_transform(f"{self.channel} ego_from_cam", self.ego_from_cam)
         frozen(self.intrinsic)
         frozen(self.ego_from_cam)
 
-    def project(self, points_cam: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def project(self, points_cam: List3) -> tuple[List2, Numbers]:
         """Points (N, 3) in the camera frame -> pixels (N, 2) as (u, v), and depths (N,) in metres.
 
         Points at or behind the camera plane get pixel NaN.
@@ -60,11 +65,11 @@ class Camera:
         uv[depth <= 1e-6] = np.nan
         return uv, depth
 
-    def project_ego(self, points_ego: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def project_ego(self, points_ego: List3) -> tuple[List2, Numbers]:
         """The same for points (N, 3) in the ego frame."""
         return self.project(apply(inverse(self.ego_from_cam), points_ego))
 
-    def sees(self, uv_px: FloatArray, depth_m: FloatArray) -> BoolArray:
+    def sees(self, uv_px: List2, depth_m: Numbers) -> Flags:
         """Whether pixels (N, 2) with depths (N,) lie in the image and in front of the camera."""
         with np.errstate(invalid="ignore"):
             inside = (uv_px >= -0.5) & (uv_px < np.array([self.width_px, self.height_px]) - 0.5)

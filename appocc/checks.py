@@ -12,6 +12,8 @@ Float32Array = NDArray[np.float32]
 IntArray = NDArray[np.int64]
 ByteArray = NDArray[np.uint8]
 BoolArray = NDArray[np.bool_]
+# Map projections count up to 1e7 m; far beyond, squares overflow.
+FARTHEST_M = 1e9
 
 
 def check_shape(name: str, array: NDArray[np.generic], expected: tuple[int | None, ...]) -> None:
@@ -49,6 +51,18 @@ def check_finite(name: str, array: NDArray[np.generic]) -> None:
         raise ShapeError(f"{name}: expected finite numbers, got {bad} of {np.size(array)} that are not")
 
 
+def check_place(name: str, array: NDArray[np.generic]) -> None:
+    """Check that metres can be true of a place: finite, and no farther than FARTHEST_M from the origin.
+
+    Raises:
+        ShapeError: if one is not.
+    """
+    check_finite(name, array)
+    far = float(np.abs(array).max(initial=0.0))
+    if far > FARTHEST_M:
+        raise ShapeError(f"{name}: expected at most {FARTHEST_M:.0e} m, got {far:.2g}")
+
+
 def check_transform(name: str, matrix: NDArray[np.generic]) -> None:
     """Check that a matrix is a rigid transform: (4, 4), finite, orthonormal rotation, last row 0 0 0 1.
 
@@ -63,6 +77,7 @@ def check_transform(name: str, matrix: NDArray[np.generic]) -> None:
         raise ShapeError(f"{name}: expected a rotation matrix in the upper left, got one off by {off:.2g}")
     if not np.allclose(m[3], [0, 0, 0, 1]):
         raise ShapeError(f"{name}: expected last row [0, 0, 0, 1], got {m[3].tolist()}")
+    check_place(f"{name} translation", m[:3, 3])
 
 
 def frozen(array: NDArray[np.generic]) -> None:

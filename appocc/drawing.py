@@ -17,6 +17,8 @@ from appocc.grid import BEVGrid
 Colour = tuple[int, int, int]
 WHITE, BLACK, GREEN, YELLOW, RED = (255, 255, 255), (0, 0, 0), (60, 200, 90), (255, 220, 60), (235, 70, 60)
 UNKNOWN_COLOUR = (58, 62, 72)
+# The ego as a rectangle: its length and width, and how much of it lies behind the rear axle.
+EGO_LENGTH_M, EGO_WIDTH_M, EGO_REAR_M = 4.6, 1.9, 1.0
 _CLASS_COLOURS = {ROAD: (112, 112, 118), LANE: (245, 205, 70), VEHICLE: (70, 130, 240)}
 
 
@@ -76,9 +78,9 @@ class BEVCanvas:
         column, row = (int(v) for v in self.pixel(xy_m))
         cv2.circle(self.picture, (column, row), radius, colour, -1, cv2.LINE_AA)
 
-    def ego(self, length_m: float = 4.1, width_m: float = 1.75, rear_m: float = 0.9) -> None:
+    def ego(self) -> None:
         """Draw the ego: its footprint, nose marked; the frame's origin is the rear axle."""
-        left, front, rear = width_m / 2, length_m - rear_m, -rear_m
+        left, front, rear = EGO_WIDTH_M / 2, EGO_LENGTH_M - EGO_REAR_M, -EGO_REAR_M
         self.line([[front, left], [rear, left], [rear, -left], [front, -left]], GREEN, 2, closed=True)
         self.line([[front - 1.0, left], [front, 0.0], [front - 1.0, -left]], GREEN, 2)
 
@@ -96,7 +98,11 @@ def put_text(
     scale: float = 0.42,
     centred: bool = False,
 ) -> None:
-    """Write outlined text at pixel (column, row) of its lower left corner (or centre), kept inside the picture."""
+    """Write outlined text at pixel (column, row) of its lower left corner (or centre), kept inside the picture.
+
+    The letters are OpenCV's own, which has no others than ASCII: what it cannot write becomes a question mark.
+    """
+    text = "".join(c if c.isascii() and c.isprintable() else "?" for c in text)
     (width, height), _ = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, scale, 1)
     column, row = (at[0] - width // 2, at[1] + height // 2) if centred else at
     column = min(max(column, 2), max(picture.shape[1] - width - 2, 2))

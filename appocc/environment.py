@@ -89,7 +89,7 @@ def look_around(folder: Path) -> Environment:
         version_of("appocc") or "not installed",
         platform.python_version(),
         f"{platform.system()} {platform.machine()}",
-        _cores(),
+        cores(),
         total,
         free,
         shutil.disk_usage(folder).free,
@@ -132,7 +132,8 @@ def _numbers(version: str) -> tuple[int, ...]:
     return tuple(int(part) for part in match[0].split(".")) if match else ()
 
 
-def _cores() -> int:
+def cores() -> int:
+    """Processor cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 

@@ -37,6 +37,17 @@ def stays_inside(name: str) -> bool:
     return not anchored and bool(name.strip("./\\")) and ".." not in parts and "\0" not in name
 
 
+def plain_name(name: str) -> str:
+    """A name from a table that is to become the name of a file or folder, as it is.
+
+    Raises:
+        DataError: if it is empty, or has parts that lead elsewhere.
+    """
+    if name in ("", ".", "..") or any(character in name for character in "/\\\0"):
+        raise DataError(f"'{name}': expected a plain name to write files under, got one that leads elsewhere")
+    return name
+
+
 @contextmanager
 def whole_file(path: Path) -> Iterator[Path]:
     """A temporary name beside `path`, renamed to it when the block ends well and removed when it does not.
@@ -90,15 +101,15 @@ def read_json(path: Path) -> Any:
         return json.loads(path.read_bytes())
     except OSError as error:
         raise DataError(f"{path}: cannot be read ({error.strerror})") from error
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise DataError(f"{path}: no valid JSON ({error})") from error
 
 
-def read_image(path: Path) -> ByteArray:
-    """An image file as (H, W, 3) uint8 RGB.
+def read_image(path: Path, size_px: tuple[int, int] | None = None) -> ByteArray:
+    """An image file as (H, W, 3) uint8 RGB; `size_px` is the (width, height) it must have.
 
     Raises:
-        DataError: if it is missing, truncated or no image.
+        DataError: if it is missing, truncated or no image, or has another size.
     """
     try:
         data = path.read_bytes()
@@ -107,9 +118,16 @@ def read_image(path: Path) -> ByteArray:
     # OpenCV fills what is missing of a truncated JPEG with grey and returns it: look for the end marker.
     if data[:2] == b"\xff\xd8" and b"\xff\xd9" not in data[-64:]:
         raise DataError(f"{path}: the image is truncated ({len(data)} bytes)")
-    image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR_RGB) if data else None
+    try:
+        image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR_RGB) if data else None
+    except cv2.error:  # a few bytes that claim to be a huge picture
+        image = None
     if image is None:
         raise DataError(f"{path}: not a readable image ({len(data)} bytes)")
+    height, width = image.shape[:2]
+    if size_px is not None and size_px != (width, height):
+        expected = f"{size_px[0]}x{size_px[1]}"
+        raise DataError(f"{path}: expected {expected} pixels, as its table says, got {width}x{height}")
     return np.asarray(image, dtype=np.uint8)
 
 

@@ -24,7 +24,7 @@ class Frame:
         rig: the cameras; each `ego_from_cam` is corrected for the ego's motion between the image's own time and
             the sample's, so that `world_from_ego @ ego_from_cam` is where the camera really was.
         images: channel -> (H, W, 3) uint8 RGB; a camera without an image is dead.
-        boxes_ego: annotated boxes in the ego frame, None where the dataset has none.
+        boxes_ego: annotated boxes in the ego frame, None where the scene has none.
     """
 
     token: str

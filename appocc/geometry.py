@@ -6,11 +6,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
-from appocc.checks import FloatArray, check_finite, check_shape
+from appocc.checks import FloatArray, check_finite, check_place, check_shape
 from appocc.errors import ShapeError
+from appocc.shapes import Numbers, Points3, Rotations, Transform, Transforms
 
 
-def rotation_from_quaternion(wxyz: ArrayLike) -> FloatArray:
+def rotation_from_quaternion(wxyz: ArrayLike) -> Rotations:
     """Rotation matrix (..., 3, 3) of quaternions (..., 4) in wxyz order; they are normalised first.
 
     Raises:
@@ -20,8 +21,9 @@ def rotation_from_quaternion(wxyz: ArrayLike) -> FloatArray:
     if q.shape[-1:] != (4,):
         raise ShapeError(f"quaternion wxyz: expected shape (..., 4), got {q.shape}")
     check_finite("quaternion wxyz", q)
-    if q.size and float(np.linalg.norm(q, axis=-1).min()) < 1e-6:
-        raise ShapeError("quaternion wxyz: expected a length of 1, got 0")
+    size = np.abs(q).max(axis=-1)  # the length itself overflows where a number is huge
+    if q.size and not (size.min() >= 1e-6 and size.max() <= 1e6):
+        raise ShapeError(f"quaternion wxyz: expected a length of 1, got {size.min():.2g} .. {size.max():.2g}")
     matrices = Rotation.from_quat(q.reshape(-1, 4), scalar_first=True).as_matrix()
     return np.asarray(matrices, dtype=np.float64).reshape(*q.shape[:-1], 3, 3)
 
@@ -37,7 +39,7 @@ def quaternion_from_yaw(yaw_rad: float) -> FloatArray:
     return np.array([np.cos(yaw_rad / 2), 0.0, 0.0, np.sin(yaw_rad / 2)])
 
 
-def transform(rotation: ArrayLike, translation: ArrayLike) -> FloatArray:
+def transform(rotation: ArrayLike, translation: ArrayLike) -> Transform:
     """4x4 transform from a rotation ((3, 3) matrix or (4,) quaternion wxyz) and a translation (3,), metres.
 
     Raises:
@@ -49,14 +51,14 @@ def transform(rotation: ArrayLike, translation: ArrayLike) -> FloatArray:
         check_finite("rotation", r)
     t = np.asarray(translation, dtype=np.float64)
     check_shape("translation", t, (3,))
-    check_finite("translation", t)
+    check_place("translation", t)
     matrix = np.eye(4)
     matrix[:3, :3] = rotation_from_quaternion(r) if r.shape == (4,) else r
     matrix[:3, 3] = t
     return matrix
 
 
-def inverse(target_from_source: FloatArray) -> FloatArray:
+def inverse(target_from_source: Transform) -> Transform:
     """Inverse of a rigid transform: `source_from_target`."""
     rotation_t = target_from_source[:3, :3].T
     result = np.eye(4)
@@ -65,12 +67,12 @@ def inverse(target_from_source: FloatArray) -> FloatArray:
     return result
 
 
-def apply(target_from_source: FloatArray, points: FloatArray) -> FloatArray:
+def apply(target_from_source: Transform, points: Points3) -> Points3:
     """Points (..., 3) in the source frame -> points (..., 3) in the target frame."""
     return np.asarray(points @ target_from_source[:3, :3].T + target_from_source[:3, 3])
 
 
-def nearest_rigid(matrix: FloatArray) -> FloatArray:
+def nearest_rigid(matrix: Transform) -> Transform:
     """The rigid transform nearest to a slightly rounded one (polar decomposition of the rotation)."""
     return transform(quaternion_from_rotation(matrix[:3, :3]), matrix[:3, 3])
 
@@ -85,7 +87,7 @@ def wrap_angle(angle_rad: ArrayLike) -> FloatArray:
     return np.asarray((np.asarray(angle_rad, dtype=np.float64) + np.pi) % (2 * np.pi) - np.pi)
 
 
-def interpolate_pose(times: FloatArray, poses: FloatArray, at: float) -> FloatArray:
+def interpolate_pose(times: Numbers, poses: Transforms, at: float) -> Transform:
     """Pose at time `at` from poses (N, 4, 4) at rising `times` (N,): straight line and slerp.
 
     Outside the span the nearest step is carried on, by at most its own length.
@@ -102,7 +104,7 @@ def interpolate_pose(times: FloatArray, poses: FloatArray, at: float) -> FloatAr
     return np.asarray(poses_between(poses[i : i + 1], poses[i + 1 : i + 2], share)[0])
 
 
-def poses_between(first: FloatArray, second: FloatArray, share: float) -> FloatArray:
+def poses_between(first: Transforms, second: Transforms, share: float) -> Transforms:
     """Poses (N, 4, 4) a share of the way from `first` to `second`, both (N, 4, 4): straight line and slerp."""
     turn = Rotation.from_matrix(first[:, :3, :3].transpose(0, 2, 1) @ second[:, :3, :3]).as_rotvec()
     between = first.copy()
@@ -111,7 +113,7 @@ def poses_between(first: FloatArray, second: FloatArray, share: float) -> FloatA
     return between
 
 
-def mean_pose(poses: FloatArray) -> FloatArray:
+def mean_pose(poses: Transforms) -> Transform:
     """Mean rotation and median translation of poses (N, 4, 4) that scatter a little around one value."""
     rotation = Rotation.from_matrix(poses[:, :3, :3]).mean().as_matrix()
     return transform(rotation, np.median(poses[:, :3, 3], axis=0))

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from appocc.checks import BoolArray, FloatArray, IntArray, check_finite, check_shape
+from appocc.checks import BoolArray, FloatArray, check_finite, check_shape
 from appocc.errors import ShapeError
+from appocc.shapes import Cells, Points2
 
 
 @dataclass(frozen=True)
@@ -40,17 +40,17 @@ class BEVGrid:
                 raise ShapeError(f"grid {axis}: expected a whole number of {self.cell_m} m cells, got {low}..{high}")
 
     @classmethod
-    def surround(cls) -> Self:
+    def surround(cls) -> BEVGrid:
         """The paper's 360 degree grid: 80 m x 80 m around the ego, (200, 200) cells of 0.4 m."""
         return cls()
 
     @classmethod
-    def front(cls) -> Self:
+    def front(cls) -> BEVGrid:
         """The paper's 180 degree grid: 40 m ahead, 80 m wide, (100, 200) cells of 0.4 m."""
         return cls(x_min_m=0.0)
 
     @classmethod
-    def from_array(cls, values: ArrayLike) -> Self:
+    def from_array(cls, values: ArrayLike) -> BEVGrid:
         """The grid of a stored array [x_min, x_max, y_min, y_max, cell].
 
         Raises:
@@ -72,13 +72,13 @@ class BEVGrid:
             round((self.y_max_m - self.y_min_m) / self.cell_m),
         )
 
-    def cell_of(self, xy_m: ArrayLike) -> IntArray:
+    def cell_of(self, xy_m: ArrayLike) -> Cells:
         """Cell indices (..., 2) of points (..., 2) in the ego frame; may lie outside the grid."""
         xy = np.asarray(xy_m, dtype=np.float64)
         # A hair's breadth is added so that 0.4 * 3 falls into cell 3 and not, by rounding, into cell 2.
         return np.floor((xy - [self.x_min_m, self.y_min_m]) / self.cell_m + 1e-9).astype(np.int64)
 
-    def centre_of(self, cell: ArrayLike) -> FloatArray:
+    def centre_of(self, cell: ArrayLike) -> Points2:
         """Centres (..., 2) in metres, ego frame, of cell indices (..., 2); fractions of a cell are allowed."""
         index = np.asarray(cell, dtype=np.float64)
         return np.asarray([self.x_min_m, self.y_min_m] + (index + 0.5) * self.cell_m)
@@ -88,6 +88,6 @@ class BEVGrid:
         index = np.asarray(cell)
         return np.asarray(((index >= 0) & (index < np.array(self.shape))).all(axis=-1))
 
-    def centres(self) -> FloatArray:
+    def centres(self) -> Points2:
         """Centres (X, Y, 2) of all cells, metres, ego frame."""
         return self.centre_of(np.stack(np.meshgrid(*map(np.arange, self.shape), indexing="ij"), axis=-1))

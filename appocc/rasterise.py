@@ -8,9 +8,10 @@ import numpy as np
 
 from appocc.checks import FloatArray, check_finite, check_shape
 from appocc.grid import BEVGrid
+from appocc.shapes import Cover, List2
 
 
-def polygon_cover(grid: BEVGrid, polygon_xy_m: FloatArray) -> FloatArray:
+def polygon_cover(grid: BEVGrid, polygon_xy_m: FloatArray) -> Cover:
     """(X, Y) share in [0, 1] of each cell that lies inside a simple polygon (K, 2), ego metres; exact, not sampled.
 
     Every edge is cut where it crosses a grid line; each piece adds its signed area to the cells on one side of it, as
@@ -54,7 +55,7 @@ def _cut(start: FloatArray, end: FloatArray, x: int, y: int) -> FloatArray:
     return np.asarray(start[:, None] + t[..., None] * step[:, None])
 
 
-def line_cover(grid: BEVGrid, line_xy_m: FloatArray, width_m: float) -> FloatArray:
+def line_cover(grid: BEVGrid, line_xy_m: List2, width_m: float) -> Cover:
     """(X, Y) share of each cell covered by a polyline (K, 2) of some width; its pieces are added, up to 1."""
     cover = np.zeros(grid.shape)
     for a, b in pairwise(line_xy_m):

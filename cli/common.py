@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -10,6 +11,8 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+
+from appocc.errors import DataError
 
 RootArgument = Annotated[Path, typer.Argument(metavar="ROOT", help="Dataset root in the nuScenes schema.")]
 VersionOption = Annotated[
@@ -24,8 +27,20 @@ def say(text: str) -> None:
 
 
 def emit(value: Any) -> None:
-    """A JSON object for machines, on stdout; numbers that are not finite become null."""
-    sys.stdout.write(json.dumps(_plain(value), indent=2, allow_nan=False) + "\n")
+    """A JSON object for machines, on stdout; numbers that are not finite become null.
+
+    Raises:
+        DataError: if stdout cannot be written, a full disk for example.
+        typer.Exit: with 141, as for the signal, if nobody reads it.
+    """
+    try:
+        print(json.dumps(_plain(value), indent=2, allow_nan=False), flush=True)
+    except OSError as error:
+        # What is still in the buffer would be tried again, and complained of, when Python ends.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        if isinstance(error, BrokenPipeError):
+            raise typer.Exit(141) from error
+        raise DataError(f"standard output: cannot be written ({error.strerror})") from error
 
 
 def _plain(value: Any) -> Any:
@@ -40,12 +55,14 @@ def _plain(value: Any) -> Any:
 
 
 @contextmanager
-def progress(title: str, total: int | None) -> Iterator[Callable[[int], None]]:
+def progress(title: str, total: int | None) -> Iterator[Callable[[float], None]]:
     """A progress bar on stderr (None: length unknown); the block gets a function to call with the steps done."""
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+    console = Console(stderr=True)
+    # Into a file or a pipe a bar would only write an empty line.
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
         task = bar.add_task(title, total=total)
         yield lambda steps: bar.advance(task, steps)

@@ -37,7 +37,7 @@ def demo(
 
 def _fill(folder: Path, out: Path) -> dict[str, Any]:
     """Make all files of the demo in `folder`, which is to become `out`; the outcome for machines."""
-    from appocc.bevmap import BEVMap, bev_path
+    from appocc.bevmap import load_map
     from appocc.demo.dataset import SCENE, Settings, write_dataset
     from appocc.demo.explain import explanation
     from appocc.demo.pictures import overview
@@ -60,7 +60,7 @@ def _fill(folder: Path, out: Path) -> dict[str, Any]:
     with progress("maps", settings.samples) as advance:
         generate(dataset, [scene], root, MapSettings(BEVGrid.surround(), "robust"), 1, advance)
     sample = dataset.samples(scene)[FRAME]
-    frame, bev = dataset.frame(sample), BEVMap.load(bev_path(root, SOURCE, sample.token))
+    frame, bev = dataset.frame(sample), load_map(root, SOURCE, sample.token)
     write_image(folder / "bev.png", overview(frame, bev))
 
     with progress("tracks", settings.samples) as advance:

@@ -28,7 +28,7 @@ def ground(
 
     Example: appocc ground "stop behind the nearest white car" DATA --scene 002 --frame 10 --picture g.png
     """
-    from appocc.bevmap import BEVMap, bev_path
+    from appocc.bevmap import is_truth, load_map
     from appocc.files import write_image
     from appocc.nuscenes import Dataset
     from appocc.nuscenes.dataset import sample_at
@@ -39,8 +39,9 @@ def ground(
     dataset = Dataset(root, version)
     sample = sample_at(dataset, dataset.scene(scene), frame)
     moment = dataset.frame(sample, images=picture is not None)
-    bev_map = BEVMap.load(bev_path(root, bev, sample.token))
-    answer = answer_of(text, scene_of(bev_map, moment.boxes_ego, moment.world_from_ego))
+    # What a model predicted is answered from what it predicted, never from annotations.
+    boxes_ego = moment.boxes_ego if is_truth(bev) else None
+    answer = answer_of(text, scene_of(load_map(root, bev, sample.token), boxes_ego, moment.world_from_ego))
     if picture is not None:
         write_image(picture, draw(answer, moment))
     if as_json:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
@@ -26,7 +25,7 @@ def groundtruth(
     paint: Annotated[
         Paint, typer.Option(help="Vehicle colour: robust (bodywork only), or the paper's histogram mode.")
     ] = Paint.robust,
-    workers: Annotated[int, typer.Option(min=1, help="Processes.")] = os.cpu_count() or 1,
+    workers: Annotated[int | None, typer.Option(min=1, help="Processes; one a core by default.")] = None,
     version: VersionOption = None,
     as_json: JsonOption = False,
 ) -> None:
@@ -36,6 +35,7 @@ def groundtruth(
     """
     import time
 
+    from appocc.environment import cores
     from appocc.grid import BEVGrid
     from appocc.groundtruth.compose import Settings
     from appocc.groundtruth.pipeline import generate
@@ -47,7 +47,7 @@ def groundtruth(
     start = time.monotonic()
     with progress("ground truth", total) as advance:
         settings = Settings(BEVGrid.surround(), paint.value)
-        summary = generate(dataset, scenes, out or root, settings, workers, advance)
+        summary = generate(dataset, scenes, out or root, settings, workers or cores(), advance)
     seconds = time.monotonic() - start
     if as_json:
         emit({"made": summary.made, "kept": summary.kept, "folder": str(summary.folder), "seconds": seconds})

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import os
+import signal
 import sys
+from types import FrameType
 
 import typer
 
@@ -31,18 +34,24 @@ app.command()(track)
 app.command()(ground)
 
 
+def _terminated(number: int, frame: FrameType | None) -> None:
+    """End as an exception does, so that what is half made is removed, with the exit code of a killed process."""
+    sys.exit(128 + number)
+
+
 def run() -> None:
     """Entry point of the console script."""
+    signal.signal(signal.SIGTERM, _terminated)
+    # OpenCV would write about damaged pictures to stderr itself; the errors say it.
+    os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
     try:
         app()
     except AppoccError as error:
         say(f"error: {error}")
         sys.exit(error.exit_code)
-    except KeyboardInterrupt:
-        say("interrupted")
-        sys.exit(130)
-    except BrokenPipeError:
-        sys.exit(141)
+    except OSError as error:  # the system refuses something: no permission, no space, a name too long
+        say(f"error: {error.filename or 'the system'}: {error.strerror or error}")
+        sys.exit(AppoccError.exit_code)
 
 
 if __name__ == "__main__":

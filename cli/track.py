@@ -28,6 +28,7 @@ def track(
 
     Example: appocc track DATA --scene 002 --bev groundtruth --video tracks.webm
     """
+    from appocc.files import plain_name
     from appocc.nuscenes import Dataset
     from tracking.run import score, track_scene, write_metrics, write_tracks
     from tracking.video import check_name, write_video
@@ -36,19 +37,19 @@ def track(
         check_name(video)
     dataset = Dataset(root, version)
     wanted = dataset.scene(scene)
-    folder = out or root / "tracks" / wanted.name
+    folder = out or root / "tracks" / plain_name(wanted.name)
     frames = len(dataset.samples(wanted))
     with progress("tracking", frames) as advance:
         result = track_scene(dataset, wanted, bev, advance=advance)
-    files = write_tracks(folder, result)
     scores = score(dataset, result)
+    if video is not None:  # before the tracks are written: it reads every image, and may find a damaged one
+        with progress("video", frames) as advance:
+            write_video(dataset, result, video, advance)
+    files = write_tracks(folder, result)
     if scores is not None:
         files.append(folder / "metrics.json")
         write_metrics(files[-1], result, scores)
-    if video is not None:
-        with progress("video", frames) as advance:
-            write_video(dataset, result, video, advance)
-        files.append(video)
+    files += [video] if video is not None else []
     if as_json:
         names = ("metrics", "metrics_moving", "metrics_parked")
         emit(

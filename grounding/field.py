@@ -8,8 +8,9 @@ import numpy as np
 
 from appocc.bevmap import ROAD, VEHICLE, BEVMap
 from appocc.checks import BoolArray, FloatArray, IntArray
+from appocc.drawing import EGO_LENGTH_M, EGO_WIDTH_M
 from grounding.query import Query
-from grounding.scene import EGO_LENGTH_M, EGO_WIDTH_M, Scene, SceneObject
+from grounding.scene import Scene, SceneObject
 
 # Metres between bumpers, and between sides, where the command names none; what is tolerated; how far one may look on.
 _GAP_M = {"park": 1.0, "stop": 2.0, "pull_over": 1.5, "approach": 2.0}
@@ -28,7 +29,7 @@ class Wish:
 
     Attributes:
         words: for people: "behind it".
-        axis: (2,) unit vector from the referent to the goal.
+        axis: (2,) unit vector from the referent to the goal, along or across the referent.
         lengthwise: whether that axis is the direction of the ego's length at the goal.
         cost: dislike of this way beside the others.
     """
@@ -63,9 +64,13 @@ class Field:
 
     def _contact_m(self) -> float:
         """Distance of the middles at which the ego touches the vehicle."""
-        if self.wish.lengthwise:
-            return (self.item.length_m + EGO_LENGTH_M) / 2
-        return (self.item.width_m + EGO_WIDTH_M) / 2
+        own = self.item.length_m if self._at_its_end() else self.item.width_m
+        return (own + (EGO_LENGTH_M if self.wish.lengthwise else EGO_WIDTH_M)) / 2
+
+    def _at_its_end(self) -> bool:
+        """Whether the ego meets the vehicle at its front or rear, not at a side."""
+        along = np.array([np.cos(self.item.yaw_rad), np.sin(self.item.yaw_rad)])
+        return bool(abs(along @ self.wish.axis) > np.sqrt(0.5))
 
     def _measures(self, query: Query) -> tuple[float, float, float, float, tuple[float, float]]:
         """Wanted, least and greatest gap, greatest offset aside, and the spreads of both dislikes, metres."""
@@ -75,7 +80,8 @@ class Field:
             slack, spread = 1.2, (2.0, 0.6)
         else:
             wanted, least, further = _SIDE_GAP_M, _LEAST_SIDE_GAP_M, _FURTHER_SIDE_M
-            slack, spread = self.item.length_m / 2 + 1, (0.8, 2.5)
+            beside = self.item.width_m if self._at_its_end() else self.item.length_m
+            slack, spread = beside / 2 + 1, (0.8, 2.5)
         if query.distance_m is None:
             return wanted, least, wanted + further, slack, spread
         # A distance that is named is kept to within a metre and a tenth.
@@ -99,8 +105,9 @@ class Field:
 
     def why_here(self, index: int) -> list[str]:
         """The gap, and the constraint that moved the cell from the best place."""
-        kind = "bumper to bumper" if self.wish.lengthwise else "side to side"
-        reasons = [f"the place is {self.wish.words}, {self.gap[index]:.1f} m {kind}"]
+        ours = "bumper" if self.wish.lengthwise else "side"
+        its = "bumper" if self._at_its_end() else "side"
+        reasons = [f"the place is {self.wish.words}, {self.gap[index]:.1f} m {ours} to {its}"]
         ideal = int(np.argmin(self.cost))
         grid = self.scene.bev.grid
         moved = float(np.linalg.norm(self.cells[index] - self.cells[ideal]) * grid.cell_m)

@@ -35,17 +35,16 @@ def _caption(answer: Answer, width: int) -> ByteArray:
     """The sentence, the status and the reasons above the panels."""
     band = np.full((_CAPTION_PX, width, 3), 24, np.uint8)
     status = answer.status.replace("_", " ")
-    put_text(band, f'"{_plain(answer.query.command, width // 14)}"', (12, 28), WHITE, 0.7)
+    put_text(band, f'"{_cut(answer.query.command, width // 14)}"', (12, 28), WHITE, 0.7)
     put_text(band, status, (12, 56), _STATUS_COLOUR.get(answer.status, RED), 0.6)
     for number, reason in enumerate(answer.reasons[: (_CAPTION_PX - 66) // _LINE_PX]):
-        put_text(band, _plain(reason, width // 10), (12, 82 + number * _LINE_PX), WHITE, 0.5)
+        put_text(band, _cut(reason, width // 10), (12, 82 + number * _LINE_PX), WHITE, 0.5)
     return band
 
 
-def _plain(text: str, characters: int = 200) -> str:
-    """What the picture's letters can write, cut to a length."""
-    ascii_only = text.encode("ascii", "replace").decode()
-    return ascii_only if len(ascii_only) <= characters else ascii_only[: characters - 3] + "..."
+def _cut(text: str, characters: int = 200) -> str:
+    """A text cut to a length."""
+    return text if len(text) <= characters else text[: characters - 3] + "..."
 
 
 def _bev_panel(answer: Answer) -> ByteArray:
@@ -104,7 +103,7 @@ def _camera_panel(answer: Answer, frame: Frame, height: int) -> ByteArray | None
     if shown and not answer.referent:
         _numbers(scaled, camera, answer, frame, height / camera.height_px)
     elif shown:
-        put_text(scaled, _plain(phrase(shown[0].item, answer.scene)), (10, height - 12), WHITE, 0.55)
+        put_text(scaled, _cut(phrase(shown[0].item, answer.scene)), (10, height - 12), WHITE, 0.55)
     return scaled
 
 

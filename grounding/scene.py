@@ -11,12 +11,13 @@ from numpy.typing import ArrayLike
 from appocc.bevmap import VEHICLE, BEVMap
 from appocc.boxes import Boxes
 from appocc.checks import BoolArray, FloatArray, check_shape, check_transform, frozen
+from appocc.drawing import EGO_LENGTH_M, EGO_REAR_M
 from appocc.geometry import apply, yaw_of
 from grounding.colours import Exposure, exposure_of, name
 from tracking.blobs import Blobs, find_blobs
 
 # From the ego's origin (rear axle) to the centre of its footprint, along its heading.
-EGO_LENGTH_M, EGO_WIDTH_M, EGO_CENTRE_M = 4.6, 1.9, 1.3
+EGO_CENTRE_M = EGO_LENGTH_M / 2 - EGO_REAR_M
 
 
 def rectangle(centre_m: ArrayLike, yaw_rad: float, length_m: float, width_m: float) -> FloatArray:
@@ -144,9 +145,8 @@ class Scene:
 
 
 def scene_of(bev: BEVMap, boxes_ego: Boxes | None, world_from_ego: FloatArray) -> Scene:
-    """The scene of annotated boxes in the ego frame; of the map's own vehicle blobs where no vehicle is annotated."""
-    vehicles = boxes_ego.vehicles() if boxes_ego is not None else Boxes.empty()
-    objects = _from_boxes(bev, vehicles) if len(vehicles) else _from_blobs(find_blobs(bev))
+    """The scene of annotated boxes in the ego frame, or, where they are None, of the map's own vehicle blobs."""
+    objects = _from_blobs(find_blobs(bev)) if boxes_ego is None else _from_boxes(bev, boxes_ego.vehicles())
     return Scene(bev, tuple(item for item in objects if _on_grid(bev, item) and not _is_ego(item)), world_from_ego)
 
 

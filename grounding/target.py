@@ -7,10 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from appocc.checks import FloatArray
+from appocc.drawing import EGO_LENGTH_M, EGO_WIDTH_M
 from appocc.geometry import wrap_angle
 from grounding.field import Field, Wish
 from grounding.query import Query
-from grounding.scene import EGO_LENGTH_M, EGO_WIDTH_M, Scene, SceneObject, rectangle
+from grounding.scene import Scene, SceneObject, rectangle
 
 # Beyond this angle to the ego's heading a vehicle faces us, and within this distance from our path it stands in it.
 _FACING_RAD = np.radians(120)
@@ -54,8 +55,7 @@ class Plan:
 
 def plan(query: Query, item: SceneObject, scene: Scene) -> Plan:
     """The target of a query beside the vehicle it is measured from."""
-    heading = _along(item.yaw_rad)
-    wishes, reasons = _wishes(query, item, heading)
+    heading, wishes, reasons = _wishes(query, item)
     if item.speed_mps is not None and item.speed_mps > _MOVING_MPS:
         reasons.append(f"it moves at {item.speed_mps:.0f} m/s: the place is measured from where it is now")
     fields = [Field(query, wish, item, heading, scene) for wish in wishes]
@@ -78,49 +78,79 @@ def plan(query: Query, item: SceneObject, scene: Scene) -> Plan:
 
 
 def _along(yaw_rad: float) -> float:
-    """The direction of an axis that is nearer to the ego's heading."""
+    """The direction of an axis that is nearer to the ego's heading; it flips where the axis lies across our path."""
     turned = float(wrap_angle(yaw_rad))
     return turned if abs(turned) <= np.pi / 2 else float(wrap_angle(turned + np.pi))
 
 
-def _wishes(query: Query, item: SceneObject, heading: float) -> tuple[list[Wish], list[str]]:
-    """Ways to satisfy the relation, best first, and the frame of reference in words."""
-    forward = np.array([np.cos(heading), np.sin(heading)])
-    left = np.array([-forward[1], forward[0]])
-    front, reasons = _front(query.relation, item, forward)
-    behind, before = Wish("behind it", -front, True), Wish("in front of it", front, True)
-    # The side towards us is the better one: the other lies beyond the vehicle.
-    towards_left = float(item.centre_m @ left) < 0
-    sides = [
-        Wish("left of it", left, False, 0.0 if towards_left else _FAR_SIDE),
-        Wish("right of it", -left, False, _FAR_SIDE if towards_left else 0.0),
-    ]
-    if query.relation in ("left_of", "right_of"):
-        return [replace(sides[query.relation == "right_of"], cost=0.0)], reasons
+def _as_we_see_it(yaw_rad: float) -> float:
+    """The half-axis of a vehicle, lengthwise or across, nearest to the ego's heading: at most 45 degrees from it.
+
+    A quarter turn to its left is then the half-axis nearest to the ego's left, whichever way the vehicle stands.
+    """
+    return float((yaw_rad + np.pi / 4) % (np.pi / 2) - np.pi / 4)
+
+
+def _unit(angle_rad: float) -> FloatArray:
+    return np.array([np.cos(angle_rad), np.sin(angle_rad)])
+
+
+def _wishes(query: Query, item: SceneObject) -> tuple[float, list[Wish], list[str]]:
+    """The ego's heading, ways to satisfy the relation, best first, and the frame of reference in words."""
     if query.relation in ("behind", "in_front_of"):
-        return [behind if query.relation == "behind" else before], reasons
+        return _at_an_end(query.relation, item)
     if query.relation == "next_to":
-        return sides, reasons
+        heading = _along(item.yaw_rad)
+        return heading, _sides(item, heading), []
+    heading = _as_we_see_it(item.yaw_rad)
+    sides, forward = _sides(item, heading), _unit(heading)
+    if query.relation in ("left_of", "right_of"):
+        return heading, [replace(sides[query.relation == "right_of"], cost=0.0)], [_whose_sides(item)]
     ways = [*sides, Wish("short of it", -forward, True), Wish("beyond it", forward, True)]
     dislike = (1.0, 1.0, 0.0, 2.0) if query.relation == "toward" else (0.0, 0.0, 0.5, 0.5)
-    return [replace(way, cost=way.cost + more) for way, more in zip(ways, dislike, strict=True)], reasons
+    return heading, [replace(way, cost=way.cost + more) for way, more in zip(ways, dislike, strict=True)], []
 
 
-def _front(relation: str, item: SceneObject, forward: FloatArray) -> tuple[FloatArray, list[str]]:
-    """The direction that counts as the vehicle's front for a relation, and why where it is not plain."""
-    own = np.array([np.cos(item.yaw_rad), np.sin(item.yaw_rad)])
-    facing = abs(float(wrap_angle(item.yaw_rad))) > _FACING_RAD
-    if relation in ("left_of", "right_of"):
-        return own, ["left and right are ours, not those of the vehicle, which faces us"] if facing else []
-    if relation not in ("behind", "in_front_of"):
-        return own, []
+def _sides(item: SceneObject, heading: float) -> list[Wish]:
+    """Both sides of a vehicle, left and right of a heading; the one towards us is the better, the other lies beyond."""
+    left = _unit(heading + np.pi / 2)
+    towards_left = float(item.centre_m @ left) < 0
+    return [
+        Wish(_seen(left), left, False, 0.0 if towards_left else _FAR_SIDE),
+        Wish(_seen(-left), -left, False, _FAR_SIDE if towards_left else 0.0),
+    ]
+
+
+def _seen(axis: FloatArray) -> str:
+    """Where a place lies from the vehicle, as the ego sees it."""
+    x, y = axis
+    if abs(y) >= abs(x):
+        return "left of it" if y > 0 else "right of it"
+    return "beyond it" if x > 0 else "short of it"
+
+
+def _whose_sides(item: SceneObject) -> str:
+    """Whose left and right they are, and why not the vehicle's where those are others."""
+    turned = abs(float(wrap_angle(item.yaw_rad)))
+    ours = "left and right are ours, as we see the vehicle"
+    if np.pi / 4 < turned < 3 * np.pi / 4:
+        return f"{ours}: it stands across our way, so the place is at its end"
+    return f"{ours}, which faces us" if item.front_known and turned > np.pi / 2 else ours
+
+
+def _at_an_end(relation: str, item: SceneObject) -> tuple[float, list[Wish], list[str]]:
+    """Heading, wish and frame of reference for a place before or behind a vehicle."""
     word = relation.replace("_", " ")
+    facing = abs(float(wrap_angle(item.yaw_rad))) > _FACING_RAD
+    ours, own = _as_we_see_it(item.yaw_rad), _along(item.yaw_rad)
+    heading, front, reasons = own, _unit(item.yaw_rad), []
     if not item.front_known:
-        return forward, [f"its front is not known: '{word}' is taken along our own direction of travel"]
-    if not facing:
-        return own, []
-    standing = item.speed_mps is None or item.speed_mps < 0.5
-    if standing and abs(item.centre_m[1]) < _OUR_PATH_M:
-        return forward, [f"it stands facing us beside our path: '{word}' is taken along our direction of travel"]
-    far = "far" if relation == "behind" else "near"
-    return own, [f"it faces us: '{word}' is taken from the vehicle itself, so that the place is at its {far} end"]
+        heading, front = ours, _unit(ours)
+        reasons = [f"its front is not known: '{word}' is taken along our own direction of travel"]
+    elif facing and (item.speed_mps is None or item.speed_mps < 0.5) and abs(item.centre_m[1]) < _OUR_PATH_M:
+        front = _unit(own)
+        reasons = [f"it stands facing us beside our path: '{word}' is taken along our direction of travel"]
+    elif facing:
+        far = "far" if relation == "behind" else "near"
+        reasons = [f"it faces us: '{word}' is taken from the vehicle itself, so that the place is at its {far} end"]
+    return heading, [Wish(f"{word} it", -front if relation == "behind" else front, True)], reasons

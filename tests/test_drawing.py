@@ -92,7 +92,7 @@ def test_lines_dots_and_the_ego_are_drawn_where_they_are() -> None:
     canvas.ego()
     rows, columns = np.nonzero((canvas.picture != before).any(axis=2))
     ahead, behind = 40 - rows.min() / 10, 40 - rows.max() / 10
-    assert (ahead, behind) == pytest.approx((3.2, -0.9), abs=0.4)
+    assert (ahead, behind) == pytest.approx((d.EGO_LENGTH_M - d.EGO_REAR_M, -d.EGO_REAR_M), abs=0.4)
     assert 400 - columns.min() == pytest.approx(columns.max() - 400, abs=2)
 
 

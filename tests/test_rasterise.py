@@ -63,7 +63,8 @@ def rectangle(x: float, y: float, length: float, width: float, yaw: float) -> Fl
 def star(x: float, y: float, radii: list[float], turn: float) -> FloatArray:
     """A simple polygon around a centre, mostly not convex."""
     angle = turn + np.linspace(0, 2 * np.pi, len(radii), endpoint=False)
-    return np.column_stack([x + radii * np.cos(angle), y + radii * np.sin(angle)])
+    radius = np.array(radii)
+    return np.column_stack([x + radius * np.cos(angle), y + radius * np.sin(angle)])
 
 
 SHAPES = {

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from appocc.bevmap import BEVMap, bev_path
+from appocc.bevmap import is_truth, load_map
 from appocc.boxes import Boxes
 from appocc.checks import FloatArray
 from appocc.errors import DataError
@@ -24,8 +24,6 @@ from tracking.tracks import Track
 RANGE_M = 40.0
 # An object whose centres span more than this in the scene moves; annotations of parked ones jitter by less.
 MOVING_SPAN_M = 2.0
-# Truths are made from everything a recording has; a model's maps from its pictures.
-_TRUTHS = ("exact", "groundtruth")
 
 
 @dataclass(frozen=True)
@@ -52,25 +50,6 @@ class SceneTracks:
         return len({track.id for moment in self.tracks for track in moment})
 
 
-def map_paths(dataset: Dataset, scene: Scene, source: str) -> list[Path]:
-    """The map of every key frame of a scene.
-
-    Raises:
-        DataError: if the scene has no key frames, or a map is missing; the message says how maps are made.
-    """
-    samples = dataset.samples(scene)
-    if not samples:
-        raise DataError(f"{dataset.root}: scene '{scene.name}' has no key frames")
-    paths = [bev_path(dataset.root, source, sample.token) for sample in samples]
-    missing = [path for path in paths if not path.is_file()]
-    if missing:
-        how = f"appocc groundtruth {dataset.root}" if source == "groundtruth" else f"maps of source '{source}'"
-        raise DataError(
-            f"{missing[0]}: no BEV map ({len(missing)} of {len(paths)} are missing); make them with: {how}"
-        )
-    return paths
-
-
 def track_scene(
     dataset: Dataset,
     scene: Scene,
@@ -82,14 +61,17 @@ def track_scene(
     """Follow the vehicles of a scene through its maps; `advance` is called with the number of key frames done.
 
     Raises:
-        DataError: if a map is missing or damaged.
+        DataError: if the scene has no key frames, or a map is missing or damaged.
     """
     tracker = tracker or Tracker()
     samples = dataset.samples(scene)
+    if not samples:
+        raise DataError(f"{dataset.root}: scene '{scene.name}' has no key frames")
     poses, tracks = [], []
-    for sample, path in zip(samples, map_paths(dataset, scene, source), strict=True):
+    for sample in samples:
         pose = dataset.world_from_ego(sample)
-        tracks.append(tracker.update(find_blobs(BEVMap.load(path), blob_config), sample.timestamp_us, pose))
+        bev = load_map(dataset.root, source, sample.token)
+        tracks.append(tracker.update(find_blobs(bev, blob_config), sample.timestamp_us, pose))
         poses.append(pose)
         advance(1)
     return SceneTracks(scene.name, source, samples, np.stack(poses), tuple(tracks))
@@ -102,7 +84,7 @@ def write_tracks(folder: Path, result: SceneTracks) -> list[Path]:
         DataError: if a file cannot be written.
     """
     paths = [folder / "tracking.json", folder / "mot.txt"]
-    modalities = ("camera", "lidar", "map", "external") if Path(result.source).name in _TRUTHS else ("camera",)
+    modalities = ("camera", "lidar", "map", "external") if is_truth(result.source) else ("camera",)
     write_nuscenes(paths[0], [sample.token for sample in result.samples], result.tracks, modalities)
     write_mot(paths[1], result.tracks)
     return paths
@@ -117,10 +99,9 @@ def score(dataset: Dataset, result: SceneTracks) -> dict[str, Metrics] | None:
     Demanded are annotated vehicles whose centre is within RANGE_M of the ego on the ground; the others (and, where
     one kind is asked for, the other kind) are ignored, and so are unmatched tracks beyond the range.
     """
-    truths = [dataset.boxes_world(sample) for sample in result.samples]
-    if not any(len(boxes) for boxes in truths):
+    if not dataset.annotated(dataset.scene(result.scene)):
         return None
-    truths = [boxes.vehicles() for boxes in truths]
+    truths = [dataset.boxes_world(sample).vehicles() for sample in result.samples]
     moving = moving_instances(truths)
     kinds = {"metrics": None, "metrics_moving": True, "metrics_parked": False}
     return {name: evaluate(_moments(result, truths, moving, kind)) for name, kind in kinds.items()}

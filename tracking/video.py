@@ -10,7 +10,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from appocc.bevmap import BEVMap
+from appocc.bevmap import BEVMap, load_map
 from appocc.camera import Camera, CameraRig
 from appocc.checks import ByteArray, FloatArray
 from appocc.errors import DataError
@@ -18,7 +18,7 @@ from appocc.files import whole_file
 from appocc.frame import Frame
 from appocc.nuscenes import Dataset
 from tracking.panels import bev_panel, camera_panel, list_panel
-from tracking.run import SceneTracks, map_paths
+from tracking.run import SceneTracks
 from tracking.tracks import Track
 
 _CAMERAS_PX = 1440
@@ -38,12 +38,12 @@ def write_video(
         DataError: if the name does not end in .webm, a map or image is missing, or the video cannot be written.
     """
     check_name(path)
-    maps = map_paths(dataset, dataset.scene(result.scene), result.source)
     with whole_file(path) as temporary:
         writer: cv2.VideoWriter | None = None
         try:
             for number, sample in enumerate(result.samples):
-                picture = draw_frame(result, number, dataset.frame(sample), BEVMap.load(maps[number]))
+                bev = load_map(dataset.root, result.source, sample.token)
+                picture = draw_frame(result, number, dataset.frame(sample), bev)
                 writer = writer or _open(temporary, picture, _rate_hz(result))
                 writer.write(cv2.cvtColor(picture, cv2.COLOR_RGB2BGR))
                 advance(1)

@@ -10,8 +10,9 @@ import numpy as np
 from scipy import ndimage
 
 from appocc.checks import ByteArray, Float32Array, FloatArray, IntArray
+from appocc.files import read_image
 from appocc.geometry import apply, inverse
-from appocc.groundtruth.inputs import SweepInput, View, read_view
+from appocc.groundtruth.inputs import SweepInput, View
 from appocc.groundtruth.visibility import DepthPicture, hidden_by_boxes
 from appocc.nuscenes.lidar import read_labels, read_lidar
 
@@ -44,7 +45,7 @@ class ColouredPoints:
 @lru_cache(maxsize=20)
 def cached_image(path: Path, width_px: int, height_px: int) -> ByteArray:
     """An image that neighbouring sweeps share."""
-    return read_view(path, width_px, height_px)
+    return read_image(path, (width_px, height_px))
 
 
 def colour_at(image: ByteArray, uv_px: FloatArray) -> Float32Array:

@@ -10,9 +10,7 @@ import numpy as np
 
 from appocc.boxes import Boxes
 from appocc.camera import Camera
-from appocc.checks import ByteArray, FloatArray, IntArray
-from appocc.errors import DataError
-from appocc.files import read_image
+from appocc.checks import FloatArray, IntArray
 from appocc.geometry import poses_between
 from appocc.nuscenes.dataset import LIDAR, Dataset
 from appocc.nuscenes.point_labels import PointLabels, point_labels
@@ -67,19 +65,6 @@ class SceneInputs:
     sweeps: tuple[SweepInput, ...]
     samples: tuple[SampleInput, ...]
     annotated: bool
-
-
-def read_view(path: Path, width_px: int, height_px: int) -> ByteArray:
-    """The image (H, W, 3) RGB of a view.
-
-    Raises:
-        DataError: if it is missing or damaged, or has another size than its table says.
-    """
-    image = read_image(path)
-    if image.shape[:2] != (height_px, width_px):
-        height, width = image.shape[:2]
-        raise DataError(f"{path}: expected {width_px}x{height_px} pixels, as its table says, got {width}x{height}")
-    return image
 
 
 class _BoxesOverTime:
@@ -137,7 +122,7 @@ def gather(dataset: Dataset, scene: Scene) -> SceneInputs:
             views[data.channel].append(_view(dataset, data, over_time.at(data.timestamp_us)))
     sweeps = tuple(_sweep(dataset, data, over_time, views) for data in stream if data.channel == LIDAR)
     inputs = tuple(_sample(dataset, sample, k, over_time) for k, sample in enumerate(samples))
-    return SceneInputs(scene.name, sweeps, inputs, bool(len(dataset.tables["sample_annotation"])))
+    return SceneInputs(scene.name, sweeps, inputs, dataset.annotated(scene))
 
 
 def _view(dataset: Dataset, data: SampleData, boxes: Boxes) -> View:

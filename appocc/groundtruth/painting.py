@@ -10,8 +10,9 @@ import numpy as np
 from appocc.boxes import Boxes
 from appocc.camera import Camera
 from appocc.checks import BoolArray, ByteArray, FloatArray
+from appocc.files import read_image
 from appocc.geometry import apply, inverse
-from appocc.groundtruth.inputs import SampleInput, View, read_view
+from appocc.groundtruth.inputs import SampleInput, View
 from appocc.groundtruth.visibility import DepthPicture, box_entry, image_rectangle
 from appocc.nuscenes.lidar import read_lidar
 
@@ -161,7 +162,7 @@ def paint_sample(sample: SampleInput, wanted: BoolArray, paint: Paint) -> Painte
     Raises:
         DataError: if an image or the sweep is damaged.
     """
-    images = [read_view(view.path, view.camera.width_px, view.camera.height_px) for view in sample.views]
+    images = [read_image(view.path, (view.camera.width_px, view.camera.height_px)) for view in sample.views]
     depths: list[DepthPicture | None] = [None] * len(images)
     if sample.lidar is not None:
         path, world_from_lidar = sample.lidar

@@ -12,6 +12,7 @@ from appocc.boxes import Boxes
 from appocc.camera import Camera
 from appocc.checks import BoolArray, Float32Array, FloatArray, IntArray
 from appocc.geometry import apply, inverse
+from appocc.shapes import Flags, List2, List3, Numbers, Transform, Vector3
 
 # Angles of the depth picture's cells: as wide as two LiDAR columns, low enough that far ground stays apart from near.
 _COLUMN_RAD, _ROW_RAD = 1 / 160, 1 / 1000
@@ -27,7 +28,7 @@ class DepthPicture:
     included, and errs to the near side at edges.
     """
 
-    def __init__(self, points_cam: FloatArray, camera: Camera) -> None:
+    def __init__(self, points_cam: List3, camera: Camera) -> None:
         """Take the sweep's points (N, 3) in the camera frame, those on moving objects included."""
         self._camera = camera
         focal = float(camera.intrinsic[0, 0])
@@ -46,7 +47,7 @@ class DepthPicture:
     def _cells(self, uv_px: FloatArray) -> IntArray:
         return ((uv_px + 0.5) / self._cell_px).astype(np.int64)
 
-    def hides(self, uv_px: FloatArray, depth_m: FloatArray) -> BoolArray:
+    def hides(self, uv_px: List2, depth_m: Numbers) -> Flags:
         """Whether something nearer lies in front of pixels (N, 2) at depths (N,); pixels lie in the image."""
         cells = self._cells(uv_px)
         before = self._inverse_depth[cells[:, 0], cells[:, 1]]
@@ -67,9 +68,7 @@ def _fill_rings(inverse_depth: Float32Array, most: int) -> None:
     inverse_depth[column[which], row[which] + step] = below + share * (above - below)
 
 
-def box_entry(
-    origin: FloatArray, directions: FloatArray, frame_from_box: FloatArray, half_lwh_m: FloatArray
-) -> FloatArray:
+def box_entry(origin: Vector3, directions: List3, frame_from_box: Transform, half_lwh_m: Vector3) -> Numbers:
     """(P,) where rays origin + t * directions (P, 3) enter a box, in units of t; infinity where they miss it.
 
     Slab method; a ray that begins inside enters at 0.

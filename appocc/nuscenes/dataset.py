@@ -9,13 +9,14 @@ import numpy as np
 
 from appocc.boxes import Boxes
 from appocc.camera import Camera, CameraRig
-from appocc.checks import FloatArray, IntArray, frozen
+from appocc.checks import FloatArray, IntArray, check_finite, frozen
 from appocc.errors import AppoccError, DataError, NotFoundError
 from appocc.files import inside, read_image
 from appocc.frame import Frame
 from appocc.geometry import interpolate_pose, inverse, rotation_from_quaternion, transform
 from appocc.nuscenes.lidar import read_lidar
 from appocc.nuscenes.records import MapRecord, Sample, SampleData, Scene
+from appocc.nuscenes.schema import LABEL_TABLES
 from appocc.nuscenes.tables import Tables
 
 LIDAR = "LIDAR_TOP"
@@ -190,28 +191,28 @@ class Dataset:
         """
         return read_lidar(self.path(data))
 
-    def lidarseg_path(self, data: SampleData) -> Path | None:
-        """File of the nuScenes-lidarseg labels (one uint8 a point) of a LiDAR file, None where it has none.
+    def label_path(self, data: SampleData, table: str) -> Path | None:
+        """File of the labels (one uint8 a point) of a LiDAR file in a table of label files, None where it has none.
 
         Raises:
             DataError: if the table is damaged or the file's name leads out of the root.
         """
-        rows = self.tables.lidarseg_by_data.rows(data.token)
-        return inside(self.root, self.tables["lidarseg"].text("filename", int(rows[0]))) if len(rows) else None
+        rows = self.tables.labels_by_data[table].rows(data.token)
+        return inside(self.root, self.tables[table].text("filename", int(rows[0]))) if len(rows) else None
 
-    @cached_property
-    def lidarseg_names(self) -> dict[int, str]:
-        """Name of each nuScenes-lidarseg label; empty where the categories have no `index`.
+    def label_names(self, table: str) -> dict[int, str]:
+        """Name of each label of a table of label files, by its `index`; empty where none is given.
 
         Raises:
             DataError: if an `index` is no number.
         """
-        t = self.tables["category"]
+        categories = LABEL_TABLES[table]
+        t = self.tables[categories]
         labelled = [(label, name) for label, name in zip(t["index"], t["name"], strict=True) if label is not None]
         try:
             return {int(label): name for label, name in labelled}
-        except (TypeError, ValueError) as error:
-            raise DataError(f"{self.tables.path('category')}: index: expected a whole number ({error})") from error
+        except (TypeError, ValueError, OverflowError) as error:
+            raise DataError(f"{self.tables.path(categories)}: index: expected a whole number ({error})") from error
 
     # The ego and the boxes ----------------------------------------------------------------------------------------
 
@@ -238,6 +239,10 @@ class Dataset:
             times, np.stack([self.world_from_ego_at(d) for d in chain]), sample.timestamp_us * 1e-6
         )
 
+    def annotated(self, scene: Scene) -> bool:
+        """Whether a scene has any annotated box; without one, its boxes are unknown rather than none."""
+        return any(len(self.tables.annotations_by_sample.rows(sample.token)) for sample in self.samples(scene))
+
     def boxes_world(self, sample: Sample) -> Boxes:
         """Annotated boxes of a sample in the world frame, with velocities from the neighbouring annotations.
 
@@ -246,12 +251,16 @@ class Dataset:
         """
         rows = self.tables.annotations_by_sample.rows(sample.token)
         t, categories = self.tables["sample_annotation"], self.tables["category"]["name"]
+        category = self.tables.annotation_category[rows]
+        if (category < 0).any():
+            token = t.text("token", int(rows[int(np.argmin(category))]))
+            raise DataError(f"{self.tables.path('sample_annotation')}: {token} refers to no instance with a category")
         try:
             return Boxes(
                 t.array("translation")[rows],
                 t.array("size")[rows],
                 rotation_from_quaternion(t.array("rotation")[rows]),
-                tuple(categories[c] if c >= 0 else "" for c in self.tables.annotation_category[rows]),
+                tuple(categories[c] for c in category),
                 tuple(t.text("instance_token", int(row)) for row in rows),
                 tuple(t.text("token", int(row)) for row in rows),
                 self._velocities(rows),
@@ -289,18 +298,25 @@ class Dataset:
             ego_from_cam = inverse(world_from_ego) @ self.world_from_ego_at(data) @ camera.ego_from_cam
             cameras.append(Camera(channel, camera.width_px, camera.height_px, camera.intrinsic.copy(), ego_from_cam))
             if images:
-                pictures[channel] = read_image(self.path(data))
+                pictures[channel] = read_image(self.path(data), (camera.width_px, camera.height_px))
                 frozen(pictures[channel])
-        annotated = len(self.tables["sample_annotation"]) > 0
+        annotated = self.annotated(self.scene(sample.scene_token))
         boxes = self.boxes_world(sample).transformed(inverse(world_from_ego)) if annotated else None
         return Frame(sample.token, sample.timestamp_us, world_from_ego, CameraRig(tuple(cameras)), pictures, boxes)
 
     # Maps ---------------------------------------------------------------------------------------------------------
 
     def location(self, scene: Scene) -> str:
-        """Where a scene was recorded, as its log says ('' if it does not)."""
+        """Where a scene was recorded, as its log says ('' if it does not).
+
+        Raises:
+            DataError: if the scene refers to no log.
+        """
         log = self.tables["log"]
-        return str(log["location"][log.row(scene.log_token)])
+        row = int(log.rows_of(np.array([scene.log_token.encode()]))[0])
+        if row < 0:
+            raise DataError(f"{self.tables.path('scene')}: scene '{scene.name}' refers to no log")
+        return str(log["location"][row])
 
     def map_record(self, scene: Scene) -> MapRecord | None:
         """The drivable-area mask of a scene's log, None where there is none.
@@ -315,8 +331,9 @@ class Dataset:
         unknown = t["unknown_value"][row]
         try:
             x, y = (float(value) for value in t["origin_m"][row] or (0.0, 0.0))
+            check_finite("origin_m", np.array([x, y]))
             return MapRecord(t["filename"][row], (x, y), None if unknown is None else int(unknown), t["source"][row])
-        except (TypeError, ValueError) as error:
+        except (TypeError, ValueError, OverflowError) as error:
             where = f"{self.tables.path('map')}: {t.text('token', row)}"
             raise DataError(f"{where}: origin_m or unknown_value: expected numbers ({error})") from error
 
@@ -332,6 +349,8 @@ def sample_at(dataset: Dataset, scene: Scene, frame: int) -> Sample:
         NotFoundError: if the scene has no such frame.
     """
     samples = dataset.samples(scene)
+    if not samples:
+        raise NotFoundError(f"{dataset.root}: scene '{scene.name}' has no key frames")
     if not 0 <= frame < len(samples):
-        raise NotFoundError(f"scene '{scene.name}' has frames 0..{len(samples) - 1}, not {frame}")
+        raise NotFoundError(f"{dataset.root}: scene '{scene.name}' has frames 0..{len(samples) - 1}, not {frame}")
     return samples[frame]

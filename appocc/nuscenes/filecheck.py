@@ -15,6 +15,7 @@ from appocc.files import read_image, stays_inside
 from appocc.nuscenes.dataset import Dataset
 from appocc.nuscenes.lidar import read_lidar
 from appocc.nuscenes.problem import Problem
+from appocc.nuscenes.schema import LABEL_TABLES
 from appocc.nuscenes.table import Table
 
 _BATCH = 256
@@ -192,7 +193,12 @@ def _is_whole_png(path: Path) -> bool:
 
 def _labels(dataset: Dataset) -> Iterator[Problem]:
     """Label files: one byte for each point of their LiDAR file."""
-    table, data = dataset.tables["lidarseg"], dataset.tables["sample_data"]
+    for table in LABEL_TABLES:
+        yield from _label_files(dataset, dataset.tables[table])
+
+
+def _label_files(dataset: Dataset, table: Table) -> Iterator[Problem]:
+    data = dataset.tables["sample_data"]
     files = data.rows_of(table.array("sample_data_token"))
     for row, raw in enumerate(table.array("filename").tolist()):
         name = raw.decode()
@@ -201,14 +207,14 @@ def _labels(dataset: Dataset) -> Iterator[Problem]:
         elif not (dataset.root / name).is_file():
             yield _problem(table, row, "missing file", f"no file {name}")
         elif files[row] >= 0:
-            yield from _wrong_labels(dataset, row, name, data.text("filename", int(files[row])))
+            yield from _wrong_labels(dataset.root, table, row, name, data.text("filename", int(files[row])))
 
 
-def _wrong_labels(dataset: Dataset, row: int, name: str, lidar_name: str) -> Iterator[Problem]:
-    lidar = dataset.root / lidar_name
+def _wrong_labels(root: Path, table: Table, row: int, name: str, lidar_name: str) -> Iterator[Problem]:
+    lidar = root / lidar_name
     if not stays_inside(lidar_name) or not lidar.is_file():
         return
-    labels, points = (dataset.root / name).stat().st_size, lidar.stat().st_size // _POINT_BYTES
+    labels, points = (root / name).stat().st_size, lidar.stat().st_size // _POINT_BYTES
     if labels != points:
         reason = f"{name} has {labels} labels, {lidar_name} has {points} points"
-        yield _problem(dataset.tables["lidarseg"], row, "wrong number of labels", reason)
+        yield _problem(table, row, "wrong number of labels", reason)

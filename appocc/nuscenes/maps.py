@@ -63,8 +63,11 @@ def _window(path: Path, record: MapRecord, low_m: FloatArray, high_m: FloatArray
             high = np.clip(np.ceil((high_m - origin) * PX_PER_M), low, size).astype(int)
             area = (int(low[0]), int(size[1] - high[1]), int(high[0]), int(size[1] - low[1]))
             grey = np.asarray(picture.crop(area).convert("L"), dtype=np.uint8)
-    except (OSError, UnidentifiedImageError, Image.DecompressionBombError, SyntaxError) as error:
-        raise DataError(f"{path}: not a readable map mask ({error})") from error
+    except UnidentifiedImageError as error:
+        raise DataError(f"{path}: not a readable map mask (no picture)") from error
+    except (OSError, Image.DecompressionBombError, SyntaxError) as error:
+        reason = (error.strerror if isinstance(error, OSError) else None) or error
+        raise DataError(f"{path}: not a readable map mask ({reason})") from error
     if not grey.size:
         return None
     corner = origin + low / PX_PER_M
@@ -121,7 +124,7 @@ def read_vector_map(path: Path) -> VectorMap:
         lines = {line["token"]: _points(nodes, line["node_tokens"]) for line in data["line"]}
         polygons = {polygon["token"]: _polygon(nodes, polygon) for polygon in data["polygon"]}
         found = VectorMap(_drivable(data, polygons), _markings(data, lines, polygons))
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
+    except (KeyError, TypeError, ValueError, OverflowError, AttributeError) as error:
         raise DataError(f"{path}: no map expansion ({error!r})") from error
     if found.drivable is None and found.markings is None:
         raise DataError(f"{path}: no map expansion (it has neither drivable_area nor a layer of line markings)")

@@ -131,11 +131,17 @@ TABLES: dict[str, tuple[Field, ...]] = {
 }
 
 # Tables beside the thirteen, read only where they are asked for.
+_LABEL_FILES = (_TOKEN, _ref("sample_data_token", "sample_data"), Field("filename", "text"))
 EXTRA_TABLES: dict[str, tuple[Field, ...]] = {
-    "lidarseg": (_TOKEN, _ref("sample_data_token", "sample_data"), Field("filename", "text")),
+    "lidarseg": _LABEL_FILES,
+    "pointlabels": _LABEL_FILES,
+    "pointlabels_category": (_TOKEN, Field("name", "name"), Field("index", "any", required=False)),
 }
+# Tables of label files of LiDAR points, the finest first (nuScenes-lidarseg knows no lane markings), and for each
+# the table that names its labels by `index`.
+LABEL_TABLES = {"pointlabels": "pointlabels_category", "lidarseg": "category"}
 
 # Tables that a recording without boxes or maps may lack; they count as empty.
 OPTIONAL_TABLES = frozenset(
-    {"attribute", "category", "instance", "lidarseg", "map", "sample_annotation", "visibility"}
+    {"attribute", "category", "instance", "map", "sample_annotation", "visibility", *EXTRA_TABLES}
 )

@@ -9,7 +9,7 @@ import numpy as np
 
 from appocc.checks import IntArray
 from appocc.errors import DataError, NotFoundError
-from appocc.nuscenes.schema import EXTRA_TABLES, OPTIONAL_TABLES, TABLES
+from appocc.nuscenes.schema import EXTRA_TABLES, LABEL_TABLES, OPTIONAL_TABLES, TABLES
 from appocc.nuscenes.table import Groups, Table, at_rows, empty_table, read_table
 
 
@@ -89,9 +89,9 @@ class Tables:
         return self["sample_annotation"].groups("sample_token")
 
     @cached_property
-    def lidarseg_by_data(self) -> Groups:
-        """Rows of lidarseg by sample_data token."""
-        return self["lidarseg"].groups("sample_data_token")
+    def labels_by_data(self) -> dict[str, Groups]:
+        """For each table of label files, its rows by sample_data token."""
+        return {name: self[name].groups("sample_data_token") for name in LABEL_TABLES}
 
     @cached_property
     def samples_by_scene(self) -> Groups:

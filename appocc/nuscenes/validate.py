@@ -8,7 +8,8 @@ from itertools import chain
 
 import numpy as np
 
-from appocc.checks import BoolArray, FloatArray
+from appocc.boxes import LARGEST_M
+from appocc.checks import FARTHEST_M, BoolArray, FloatArray
 from appocc.errors import DataError
 from appocc.nuscenes.chaincheck import check_chains, later, pair
 from appocc.nuscenes.dataset import Dataset
@@ -112,8 +113,11 @@ def _known(table: Table) -> set[str]:
 def _poses(table: Table) -> Iterator[Problem]:
     """Translations and rotations that are no pose."""
     place, turn = table.array("translation"), table.array("rotation")
-    yield from of_rows(table, ~_finite(place), "bad pose", lambda row: f"translation is {place[row].tolist()}")
-    length = np.linalg.norm(turn, axis=1)
+    yield from of_rows(
+        table, ~_all_below(place, FARTHEST_M), "bad pose", lambda row: f"translation is {place[row].tolist()}"
+    )
+    with np.errstate(over="ignore", invalid="ignore"):
+        length = np.linalg.norm(turn, axis=1)
     yield from of_rows(
         table,
         ~(np.abs(length - 1) < 1e-3),
@@ -122,8 +126,9 @@ def _poses(table: Table) -> Iterator[Problem]:
     )
 
 
-def _finite(values: FloatArray) -> BoolArray:
-    return np.asarray(np.isfinite(values).all(axis=1))
+def _all_below(values: FloatArray, limit: float) -> BoolArray:
+    """(N,) whether all numbers of a row (N, K) are less than a limit, on either side of zero; NaN is not."""
+    return np.asarray((np.abs(values) < limit).all(axis=1))
 
 
 def _cameras(tables: Tables) -> Iterator[Problem]:
@@ -134,7 +139,8 @@ def _cameras(tables: Tables) -> Iterator[Problem]:
     for row in np.flatnonzero(camera[sensor]):
         value = table["camera_intrinsic"][row]
         if not _is_intrinsic(value):
-            reason = f"camera_intrinsic: expected 3 x 3 numbers with positive focal lengths, got {str(value)[:80]}"
+            wanted = "3 x 3 numbers with positive focal lengths and a last row of 0 0 1"
+            reason = f"camera_intrinsic: expected {wanted}, got {str(value)[:80]}"
             yield Problem(table.name, table.text("token", int(row)), "bad intrinsic", reason)
 
 
@@ -143,15 +149,16 @@ def _is_intrinsic(value: object) -> bool:
         k = np.array(value, dtype=np.float64)
     except (TypeError, ValueError):
         return False
-    return k.shape == (3, 3) and bool(np.isfinite(k).all()) and k[0, 0] > 0 and k[1, 1] > 0
+    if k.shape != (3, 3) or not np.isfinite(k).all():
+        return False
+    return bool(k[0, 0] > 0 and k[1, 1] > 0 and np.allclose(k[2], [0, 0, 1]))
 
 
 def _boxes(tables: Tables) -> Iterator[Problem]:
     """Sizes that are not positive, and instances annotated twice in a sample."""
     table = tables["sample_annotation"]
     size = table.array("size")
-    with np.errstate(invalid="ignore"):
-        good = _finite(size) & (size > 0).all(axis=1)
+    good = _all_below(size, LARGEST_M) & (size > 0).all(axis=1)
     yield from of_rows(table, ~good, "bad size", lambda row: f"size {size[row].tolist()}, expected positive numbers")
     sample = tables["sample"].rows_of(table.array("sample_token"))
     instance = tables["instance"].rows_of(table.array("instance_token"))

@@ -11,7 +11,9 @@ from appocc.bevmap import BEVMap, bev_path
 from cli.main import run
 
 
-def command(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *words: object) -> tuple[int, str, str]:
+def command(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *words: object
+) -> tuple[int, str, str]:
     """Exit code, stdout and stderr of `appocc groundtruth WORDS` with one process."""
     monkeypatch.setattr(sys, "argv", ["appocc", "groundtruth", *map(str, words), "--workers", "1"])
     with pytest.raises(SystemExit) as ended:
@@ -75,7 +77,10 @@ def test_paint_and_scene(
 
 @pytest.mark.parametrize(
     ("name", "message"),
-    [("samples/CAM_BACK/1600000000990000.jpg", "the image is truncated"), ("sweeps/LIDAR_TOP", "expected rows of 5 float32")],
+    [
+        ("samples/CAM_BACK/1600000000990000.jpg", "the image is truncated"),
+        ("sweeps/LIDAR_TOP", "expected rows of 5 float32"),
+    ],
 )
 def test_damaged_files(
     tiny: TinyDataset, name: str, message: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]

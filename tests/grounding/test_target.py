@@ -6,8 +6,9 @@ from street import BLACK, RED, WHITE, WORLD_FROM_EGO, Street
 
 from appocc.bevmap import ROAD, VEHICLE
 from appocc.checks import FloatArray
+from appocc.drawing import EGO_LENGTH_M, EGO_WIDTH_M
 from grounding.answer import Answer, ground
-from grounding.scene import EGO_LENGTH_M, EGO_WIDTH_M, Scene
+from grounding.scene import Scene
 from grounding.target import Target
 
 HALF_CELL_M = 0.2 + 1e-9

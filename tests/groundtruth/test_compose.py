@@ -55,6 +55,20 @@ def test_small_holes_are_filled_with_what_surrounds_them() -> None:
     assert abs(found[9, 8, 0] - 8) < 0.5
 
 
+def test_five_of_eight_neighbours_fill_a_cell_and_four_do_not() -> None:
+    around = [(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if (i, j) != (0, 0)]
+    for count, filled in ((4, False), (5, True), (8, True)):
+        cells = [(10 + i, 10 + j) for i, j in around[:count]]
+        assert colours(surface(cells, [(9.0, 9.0, 9.0)] * count))[1][10, 10] == filled
+
+
+def test_long_gaps_are_filled_from_their_ends_by_two_cells() -> None:
+    hole = np.zeros(GRID.shape)
+    hole[8:10, 5:15] = 1
+    _, known = colours(block(hole))
+    assert known[8:10, 5:15].sum(axis=0).tolist() == [2, 2, 0, 0, 0, 0, 0, 0, 2, 2]
+
+
 def test_large_holes_stay_unknown() -> None:
     hole = np.zeros(GRID.shape)
     hole[5:13, 5:13] = 1

@@ -2,17 +2,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import cv2
 import numpy as np
-import pytest
 from made_street import BLUE, RED, START_US, STEP_US, WORLD_FROM_STREET, Plan, Solid, car, make
 from tiny_dataset import START_US as TINY_START_US
 from tiny_dataset import TinyDataset
 
 from appocc.boxes import Boxes
-from appocc.errors import DataError
 from appocc.geometry import apply, inverse
-from appocc.groundtruth.inputs import gather, read_view
+from appocc.groundtruth.inputs import gather
 from appocc.nuscenes import Dataset
 
 
@@ -98,13 +95,3 @@ def test_samples_without_lidar(tmp_path: Path) -> None:
     assert first.lidar is None
     assert second.lidar is not None
     assert second.lidar[0].is_file()
-
-
-def test_read_view(tmp_path: Path) -> None:
-    path = tmp_path / "a.png"
-    assert cv2.imwrite(str(path), np.full((4, 6, 3), (1, 2, 3), np.uint8))
-    image = read_view(path, 6, 4)
-    assert image.shape == (4, 6, 3)
-    assert image[0, 0].tolist() == [3, 2, 1]
-    with pytest.raises(DataError, match=r"a\.png: expected 4x6 pixels, as its table says, got 6x4"):
-        read_view(path, 4, 6)

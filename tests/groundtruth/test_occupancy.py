@@ -223,7 +223,7 @@ def composed(root: Path, plan: Plan, sources: RoadSources | None = None) -> BEVM
     dataset = make(root, plan)
     inputs = gather(dataset, dataset.scenes[0])
     where = sources or RoadSources(None, None, NOTHING, NO_LABELS)
-    settings = Settings(BEVGrid(-12, 12, -12, 12, 0.4), "robust")
+    settings = Settings(BEVGrid(-12.0, 12.0, -12.0, 12.0, 0.4), "robust")
     sample = inputs.samples[0]
     wanted = vehicles_near(sample, settings.grid)
     painted = paint_sample(sample, wanted, settings.paint) if inputs.annotated else None
@@ -273,7 +273,7 @@ def test_a_vehicle_of_unknown_colour_hides_the_ground(tmp_path: Path) -> None:
     n = len(xy)
     points = ColouredPoints(
         places.astype(np.float32),
-        np.full((n, 3), 90, np.uint8),
+        np.where(np.arange(n) % 4 == 0, 90, 91).astype(np.uint8)[:, None].repeat(3, axis=1),
         np.zeros(n, np.uint8),
         np.full(n, UNLABELLED, np.uint8),
     )
@@ -282,8 +282,9 @@ def test_a_vehicle_of_unknown_colour_hides_the_ground(tmp_path: Path) -> None:
     bev = composed(tmp_path, plan, RoadSources(None, None, ground, NO_LABELS))
     i, j = bev.grid.cell_of(apply(inverse(street_from_ego(0)), np.array([-8.0, -2.8, 0.0]))[:2])
     assert not bev.appearance_valid[i, j]
-    k, m = bev.grid.cell_of([2.0, 2.0])
-    assert bev.appearance[:, k, m].tolist() == [90, 90, 90]
+    road = bev.appearance[:, bev.appearance_valid & (bev.occupancy[VEHICLE] == 0)]
+    assert np.median(road) == 91  # 90.75, rounded
+    assert road.min() >= 90
 
 
 def test_a_test_set_has_no_vehicle_layer(tmp_path: Path) -> None:

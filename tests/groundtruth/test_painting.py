@@ -12,7 +12,7 @@ from appocc.checks import BoolArray, ByteArray
 from appocc.errors import DataError
 from appocc.files import read_image
 from appocc.geometry import apply, inverse, transform
-from appocc.groundtruth.inputs import View, gather
+from appocc.groundtruth.inputs import SampleInput, View, gather
 from appocc.groundtruth.painting import (
     BoxPixels,
     Paint,
@@ -77,6 +77,12 @@ def test_robust_ignores_glass_tyres_shadow_and_glint() -> None:
     assert np.abs(paint_mode(car_seen).astype(float) - RED).max() > 100  # the paper's answers with the glass
 
 
+def test_robust_trims_a_dense_shadow_from_paint_of_many_shades() -> None:
+    shades = np.linspace(40, 240, 172)[:, None].repeat(3, axis=1)
+    shadow = np.full((28, 3), 5.0)
+    assert paint_robust(pixels(np.vstack([shades, shadow]))).min() > 30
+
+
 def test_robust_takes_what_there_is_where_no_bodywork_is_seen() -> None:
     assert np.abs(paint_robust(pixels([GLASS] * 40, 0.9)).astype(float) - GLASS).max() <= 1
 
@@ -91,7 +97,7 @@ def test_robust_of_two_paints_is_one_of_them() -> None:
 
 def boxes(*solids: Solid) -> Boxes:
     """Boxes of solids, in the street frame."""
-    low, high = (np.array([getattr(solid, end) for solid in solids]) for end in ("low", "high"))
+    low, high = (np.array([getattr(solid, end) for solid in solids]).reshape(-1, 3) for end in ("low", "high"))
     n = len(solids)
     names = tuple(solid.name for solid in solids)
     turns = np.tile(np.eye(3), (n, 1, 1))
@@ -205,6 +211,14 @@ def test_heights_are_those_of_the_box() -> None:
     assert (found.rgb == RED).all()
 
 
+@pytest.mark.parametrize("distance", [8.0, 14.0, 30.0])
+def test_the_area_is_that_in_the_picture(distance: float) -> None:
+    red, blue = car(distance, -1.5, RED, "a"), car(distance - 2.2, 1.5, BLUE, "b")
+    image, view = seen([red, blue], [red, blue])
+    found = box_pixels(image, view, view.boxes_world, 0, None)
+    assert found.area_px == pytest.approx((image == RED).all(axis=2).sum(), rel=0.12)
+
+
 def test_a_turned_and_tilted_box_is_hit_where_it_is() -> None:
     """Pixels of a box in a picture in which only that box is white: all of them, and none beside it."""
     pose = transform(np.array([0.95, 0.05, 0.1, 0.3]), [12.0, 1.0, 1.0])
@@ -248,8 +262,8 @@ def test_an_oncoming_car_does_not_hide_itself(tmp_path: Path, paint_name: Paint)
     colours, area = paint_sample(sample, np.ones(1, np.bool_), paint_name)
     assert area[0] > 0
     assert within_bin(colours[0], RED)
-    points = sum(len(box_pixels(*_one(view), view.boxes_world, 0, None).rgb) for view in sample.views)
-    assert points > 300
+    every = sum(box_pixels(*_one(view), view.boxes_world, 0, None).area_px for view in sample.views)
+    assert area[0] > 0.95 * every
 
 
 def _one(view: View) -> tuple[ByteArray, View]:
@@ -289,3 +303,43 @@ def test_a_damaged_image(tmp_path: Path) -> None:
     sample.views[0].path.write_bytes(b"no image")
     with pytest.raises(DataError, match=r"CAM_BACK.*\.png: not a readable image"):
         paint_sample(sample, np.zeros(0, np.bool_), "robust")
+
+
+# Over a scene -------------------------------------------------------------------------------------------------------
+
+
+def over_time(*samples: dict[str, tuple[tuple[int, int, int], float]]) -> list[dict[str, tuple[list[int], float]]]:
+    """What becomes of the colours and areas of some objects, by name and sample."""
+    inputs, painted = [], []
+    for objects in samples:
+        every = boxes(*(car(10 * i, 0, RED, name) for i, name in enumerate(objects)))
+        inputs.append(SampleInput("t", 0, np.eye(4), every, (), None))
+        rgb, area = np.array([o[0] for o in objects.values()], np.uint8), np.array([o[1] for o in objects.values()])
+        painted.append(Painted(rgb.reshape(-1, 3), area.astype(np.float64)))
+    pooled = pool_over_time(inputs, painted)
+    return [
+        {name: (rgb.tolist(), float(area)) for name, rgb, area in zip(i.boxes_world.instance, *p, strict=True)}
+        for i, p in zip(inputs, pooled, strict=True)
+    ]
+
+
+def test_an_object_has_one_colour_in_all_samples() -> None:
+    red, glare = (200, 30, 30), (255, 250, 250)
+    first, second, third = over_time(
+        {"a": (red, 100.0), "b": (BLUE, 10.0)}, {"a": (glare, 150.0)}, {"b": (BLUE, 5.0), "a": (red, 90.0)}
+    )
+    assert first["a"] == second["a"] == third["a"] == (list(red), 340.0)
+    assert first["b"] == third["b"] == (list(BLUE), 15.0)
+
+
+def test_an_object_keeps_its_colour_where_it_is_hidden() -> None:
+    hidden, seen_later = over_time({"a": ((0, 0, 0), 0.0)}, {"a": (RED, 50.0)})
+    assert hidden == seen_later == {"a": (list(RED), 50.0)}
+
+
+def test_an_object_that_is_never_seen_stays_unknown() -> None:
+    assert over_time({"a": ((0, 0, 0), 0.0)}, {}, {"a": ((0, 0, 0), 0.0)}) == [
+        {"a": ([0, 0, 0], 0)},
+        {},
+        {"a": ([0, 0, 0], 0)},
+    ]

@@ -88,6 +88,35 @@ def test_a_wall_hides_what_is_behind_it_and_not_what_is_before_it(elevations: Fl
         assert not is_hidden.any()
 
 
+@BEAMS
+def test_between_two_rings_the_ground_hides_what_lies_below_it(elevations: FloatArray) -> None:
+    sweep, _ = scan(LIDAR, [], beams(elevations, 1080))
+    below = np.random.default_rng(4).uniform([10, -4, -0.3], [25, 4, -0.3], (20_000, 3))
+    is_hidden, seen = hidden(camera(), sweep, below)
+    assert is_hidden[seen].mean() > 0.99
+
+
+def ahead(distance: float, elevation_deg: float, lateral: float = 0.0) -> list[float]:
+    """A point before the camera, at an elevation as it sees it."""
+    return [1.7 + distance, lateral, 1.5 + distance * np.tan(np.deg2rad(elevation_deg))]
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_of_two_points_in_one_direction_the_nearer_hides(order: int) -> None:
+    sweep = np.array([ahead(10, -3), ahead(30, -3)][::order])
+    probe = np.array([ahead(9, -3), ahead(10.3, -3), ahead(15, -3), ahead(30, -3)])
+    assert hidden(camera(), sweep, probe)[0].tolist() == [False, False, True, True]
+
+
+def test_points_farther_apart_than_two_rings_are_not_joined() -> None:
+    for gap_deg, joined in ((1.5, True), (2.5, False)):
+        sweep = np.array([ahead(10, -3), ahead(10, -3 - gap_deg)])
+        assert hidden(camera(), sweep, np.array([ahead(20, -3 - gap_deg / 2)]))[0].tolist() == [joined]
+    # Beside them nothing is known either, but for the next column.
+    beside = np.array([ahead(20, -3, 0.1), ahead(20, -3, 0.6)])
+    assert hidden(camera(), np.array([ahead(10, -3)]), beside)[0].tolist() == [True, False]
+
+
 def test_without_points_nothing_is_hidden() -> None:
     is_hidden, seen = hidden(camera(), np.zeros((0, 3)), np.array([[20.0, 0, 1.0]]))
     assert seen.all()

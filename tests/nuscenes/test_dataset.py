@@ -268,17 +268,17 @@ def test_a_frame_whose_image_is_damaged(tiny: TinyDataset) -> None:
 def test_lidarseg_where_there_is_any(tiny: TinyDataset) -> None:
     dataset, _, samples = opened(tiny)
     lidar = dataset.data(samples[0])["LIDAR_TOP"]
-    assert dataset.lidarseg_path(lidar) is None
-    assert dataset.lidarseg_names == {}
+    assert dataset.label_path(lidar, "lidarseg") is None
+    assert dataset.label_names("lidarseg") == {}
     tiny.tables["lidarseg"] = [
         {"token": "l", "sample_data_token": lidar.token, "filename": "lidarseg/v1.0-tiny/a_lidarseg.bin"}
     ]
     for index, row in zip((17, 2), tiny.tables["category"], strict=True):
         row["index"] = index
     dataset, _, samples = opened(tiny)
-    assert dataset.lidarseg_path(lidar) == tiny.root / "lidarseg/v1.0-tiny/a_lidarseg.bin"
-    assert dataset.lidarseg_path(dataset.data(samples[1])["LIDAR_TOP"]) is None
-    assert dataset.lidarseg_names == {17: "vehicle.car", 2: "human.pedestrian.adult"}
+    assert dataset.label_path(lidar, "lidarseg") == tiny.root / "lidarseg/v1.0-tiny/a_lidarseg.bin"
+    assert dataset.label_path(dataset.data(samples[1])["LIDAR_TOP"], "lidarseg") is None
+    assert dataset.label_names("lidarseg") == {17: "vehicle.car", 2: "human.pedestrian.adult"}
 
 
 def test_labels_that_cannot_be_true(tiny: TinyDataset) -> None:
@@ -287,9 +287,9 @@ def test_labels_that_cannot_be_true(tiny: TinyDataset) -> None:
     tiny.tables["category"][0]["index"] = "many"
     dataset, _, samples = opened(tiny)
     with pytest.raises(DataError, match="leads out"):
-        dataset.lidarseg_path(dataset.data(samples[0])["LIDAR_TOP"])
+        dataset.label_path(dataset.data(samples[0])["LIDAR_TOP"], "lidarseg")
     with pytest.raises(DataError, match=r"category\.json: index: expected a whole number"):
-        _ = dataset.lidarseg_names
+        _ = dataset.label_names("lidarseg")
 
 
 def test_where_a_scene_was_recorded(tiny: TinyDataset) -> None:

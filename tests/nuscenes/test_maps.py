@@ -52,7 +52,7 @@ def test_an_origin_moves_the_mask(tiny: TinyDataset) -> None:
     dataset = with_mask(tiny, picture(), origin_m=[-70.0, 30.5], unknown_value=127, source="made up")
     window = mask_window(dataset, dataset.scenes[0], *EVERYWHERE)
     assert window is not None
-    drivable, known = window.sample(PLACES + [-70.0, 30.5])
+    drivable, known = window.sample(PLACES + np.array([-70.0, 30.5]))
     assert drivable.tolist() == DRIVABLE
     assert known.tolist() == KNOWN
     assert window.source == "made up"

@@ -34,7 +34,9 @@ def filled(root: Path) -> Writer:
         for k in reversed(range(count)):
             time_us = 1_000_000 * k
             writer.add("sample", samples[k], timestamp=time_us, scene_token=scene)
-            writer.add_file(samples[k], "CAM_FRONT", mounts[0], POSE, time_us - 10, f"samples/{name}{k}.jpg", (100, 60))
+            writer.add_file(
+                samples[k], "CAM_FRONT", mounts[0], POSE, time_us - 10, f"samples/{name}{k}.jpg", (100, 60)
+            )
             writer.add_file(samples[k], "LIDAR_TOP", mounts[1], POSE, time_us, f"samples/{name}{k}.pcd.bin")
             writer.add_annotation(scene, samples[k], box("car", float(k), attribute="vehicle.moving", lidar_points=k))
             if k == 1:
@@ -132,7 +134,10 @@ def test_annotations(root: Path) -> None:
 
 def test_sensors_and_files(root: Path) -> None:
     dataset = Dataset(root)
-    assert {row["channel"]: row["modality"] for row in rows(root, "sensor")} == {"CAM_FRONT": "camera", "LIDAR_TOP": "lidar"}
+    assert {row["channel"]: row["modality"] for row in rows(root, "sensor")} == {
+        "CAM_FRONT": "camera",
+        "LIDAR_TOP": "lidar",
+    }
     assert len(rows(root, "calibrated_sensor")) == 4
     data = dataset.data(dataset.samples(dataset.scenes[1])[0])
     camera = dataset.camera(data["CAM_FRONT"])
@@ -207,9 +212,13 @@ def test_a_folder_appears_when_it_is_whole(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("error", [ValueError, KeyboardInterrupt, DataError])
 def test_a_folder_that_fails_leaves_nothing(tmp_path: Path, error: type[BaseException]) -> None:
-    with pytest.raises(error), whole_folder(tmp_path / "out") as folder:
-        (folder / "a").write_text("1")
-        raise error("stop")
+    def fill() -> None:
+        with whole_folder(tmp_path / "out") as folder:
+            (folder / "a").write_text("1")
+            raise error("stop")
+
+    with pytest.raises(error):
+        fill()
     assert not list(tmp_path.iterdir())
 
 
@@ -231,7 +240,10 @@ def test_what_is_there_is_never_overwritten(tmp_path: Path) -> None:
     (tmp_path / "folder" / "mine").touch()
     (tmp_path / "file").touch()
     for name in ("folder", "file"):
-        with pytest.raises(DataError, match=rf"{name}: exists already; name a new folder"), whole_folder(tmp_path / name):
+        with (
+            pytest.raises(DataError, match=rf"{name}: exists already; name a new folder"),
+            whole_folder(tmp_path / name),
+        ):
             pass
     assert (tmp_path / "folder" / "mine").exists()
 

@@ -9,12 +9,13 @@ from made_map import Car, map_of, pose
 from made_scene import with_maps
 from tiny_dataset import TinyDataset, token
 
+from appocc.bevmap import bev_path
 from appocc.errors import DataError
 from appocc.geometry import apply, inverse
 from appocc.nuscenes import Dataset
 from tracking.blobs import find_blobs
 from tracking.metrics import Moment, evaluate
-from tracking.run import map_paths, moving_instances, score, track_scene, write_metrics, write_tracks
+from tracking.run import moving_instances, score, track_scene, write_metrics, write_tracks
 from tracking.tracker import Tracker
 
 
@@ -54,14 +55,12 @@ def test_maps_of_a_model_come_from_cameras_alone(tiny: TinyDataset, tmp_path: Pa
 
 def test_a_missing_map_says_how_to_make_it(tiny: TinyDataset) -> None:
     dataset = with_maps(tiny)
-    gone = map_paths(dataset, dataset.scenes[0], "groundtruth")[1]
+    gone = bev_path(tiny.root, "groundtruth", dataset.samples(dataset.scenes[0])[1].token)
     gone.unlink()
     with pytest.raises(DataError) as caught:
         track_scene(dataset, dataset.scenes[0], "groundtruth")
-    assert str(caught.value) == (
-        f"{gone}: no BEV map (1 of 3 are missing); make them with: appocc groundtruth {tiny.root}"
-    )
-    with pytest.raises(DataError, match=r"3 of 3 are missing.*maps of source 'other'"):
+    assert str(caught.value) == f"{gone}: no BEV map; make it with: appocc groundtruth {tiny.root}"
+    with pytest.raises(DataError, match=r"no BEV map; make it with: maps of source 'other'"):
         track_scene(dataset, dataset.scenes[0], "other")
 
 
