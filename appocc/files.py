@@ -6,7 +6,7 @@ import json
 import os
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -52,24 +52,35 @@ def plain_name(name: str) -> str:
 def whole_file(path: Path) -> Iterator[Path]:
     """A temporary name beside `path`, renamed to it when the block ends well and removed when it does not.
 
+    Folders that are made for it go with it.
+
     Raises:
         DataError: if the folder cannot be written.
     """
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(prefix=f".{path.stem}-", suffix=path.suffix, dir=path.parent)
-    except OSError as error:
-        raise DataError(f"{path}: cannot be written ({error.strerror})") from error
-    os.close(handle)
-    temporary = Path(name)
-    try:
-        yield temporary
-        temporary.chmod(0o644)
-        temporary.replace(path)
-    except OSError as error:
-        raise DataError(f"{path}: cannot be written ({error.strerror or error})") from error
-    finally:
-        temporary.unlink(missing_ok=True)
+    with ExitStack() as undo:
+        try:
+            for folder in [folder for folder in reversed(path.parents) if not folder.exists()]:
+                folder.mkdir(exist_ok=True)
+                undo.callback(_remove_empty, folder)
+            handle, name = tempfile.mkstemp(prefix=f".{path.stem}-", suffix=path.suffix, dir=path.parent)
+        except OSError as error:
+            raise DataError(f"{path}: cannot be written ({error.strerror})") from error
+        os.close(handle)
+        temporary = Path(name)
+        undo.callback(temporary.unlink, missing_ok=True)
+        try:
+            yield temporary
+            temporary.chmod(0o644)
+            temporary.replace(path)
+        except OSError as error:
+            raise DataError(f"{path}: cannot be written ({error.strerror or error})") from error
+        undo.pop_all()
+
+
+def _remove_empty(folder: Path) -> None:
+    """Remove a folder unless something lies in it by now."""
+    with suppress(OSError):
+        folder.rmdir()
 
 
 def write_bytes(path: Path, data: bytes) -> None:

@@ -24,7 +24,7 @@ def ground(
 ) -> None:
     """Ground a driving command: which vehicle it means, and the cell where the car should stand.
 
-    Exit code 0: found; 2: no driving command; 3: ambiguous or not found (the candidates are listed).
+    Exit code 0: found; 2: no driving command; 3: ambiguous, not found, or a command that cannot be placed yet.
 
     Example: appocc ground "stop behind the nearest white car" DATA --scene 002 --frame 10 --picture g.png
     """

@@ -29,7 +29,7 @@ class Answer:
         referent: the vehicle the place is measured from, None where none is certain.
         candidates: vehicles that may be meant, best first; near misses where none fits.
         reasons: sentences that say why.
-        problem: where the sentence is no command, and why.
+        problem: why the sentence is no command or cannot be placed, and the words it is about.
     """
 
     status: str
@@ -84,7 +84,10 @@ def ground(text: str, scene: Scene) -> Answer:
     reading = read(text)
     query = reading.query
     if reading.problem:
-        return Answer("not_a_command", query, scene, reasons=(reading.problem.message,), problem=reading.problem)
+        status = "not_found" if query.action else "not_a_command"
+        return Answer(
+            status, query, scene, reasons=(reading.problem.message, *reading.notes), problem=reading.problem
+        )
     notes = (*reading.notes, *(f"the map holds no {one.noun.replace('_', ' ')}" for one in query.landmarks))
     if query.referent is None:
         reason = "the command names no vehicle to find a place by"

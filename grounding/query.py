@@ -68,13 +68,17 @@ class Query:
 
     Attributes:
         command: the sentence as it was given.
-        action: park, stop, pull_over, approach; None for a sentence that is no driving command.
+        action: park, stop, pull_over, approach, or one that cannot be placed: follow, turn, overtake, ...; None for a
+            sentence that is no driving command.
         relation: where the ego ends relative to the referent: behind, in_front_of, next_to, near, left_of, right_of,
-            toward, none.
+            toward; before, past, opposite, which cannot be placed; none.
         referent: the vehicle, None where none is named.
         goal_side: left or right side of the road for the goal itself, None where nothing is said.
         landmarks: other things named.
-        distance_m: gap between the goal and the referent, None where nothing is said.
+        distance_m: a distance that is named, None where nothing is said.
+        distance_of: what it is: referent (gap between the goal and the referent), ego (way to go), descriptor (the
+            referent is that far away); None without one.
+        direction: left, right, around or straight, where the action says so.
     """
 
     command: str
@@ -84,6 +88,8 @@ class Query:
     goal_side: str | None = None
     landmarks: tuple[Landmark, ...] = ()
     distance_m: float | None = None
+    distance_of: str | None = None
+    direction: str | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """All keys of the labelled files; those that this grammar never fills are empty."""
@@ -93,7 +99,7 @@ class Query:
             "action": self.action,
             "action_alt": [],
             "actions": [self.action] if self.action else [],
-            "direction": None,
+            "direction": self.direction,
             "goal_side": self.goal_side,
             "relation": self.relation,
             "relation_alt": [],
@@ -102,7 +108,7 @@ class Query:
             "secondary": [landmark.to_dict() for landmark in self.landmarks],
             "trigger": None,
             "distance_m": self.distance_m,
-            "distance_of": None if self.distance_m is None else "referent",
+            "distance_of": self.distance_of,
             "excluded": [],
             "note": None,
         }

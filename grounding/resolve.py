@@ -100,7 +100,9 @@ def _counted(referent: Referent, items: Sequence[SceneObject], likely: FloatArra
         # Plain ordinals count along the way ahead; what is beside or behind the ego is no part of the count.
         likely = np.where([item.centre_m[0] > EGO_CENTRE_M for item in items], likely, 0.0)
     key, step = _SORTING[sorting]
-    keys = np.array([key(item) for item in items])
+    # The last from the left is the first from the right.
+    sign = -1 if superlatives and "last" in ordinals else 1
+    keys = sign * np.array([key(item) for item in items])
     return np.array([likely[i] * _exactly(number - 1, _before(keys, likely, i, step)) for i in range(len(items))])
 
 

@@ -112,7 +112,7 @@ def _wishes(query: Query, item: SceneObject) -> tuple[float, list[Wish], list[st
 
 
 def _sides(item: SceneObject, heading: float) -> list[Wish]:
-    """Both sides of a vehicle, left and right of a heading; the one towards us is the better, the other lies beyond."""
+    """Both sides of a vehicle, left and right of a heading; the one towards us is the better."""
     left = _unit(heading + np.pi / 2)
     towards_left = float(item.centre_m @ left) < 0
     return [
@@ -131,11 +131,11 @@ def _seen(axis: FloatArray) -> str:
 
 def _whose_sides(item: SceneObject) -> str:
     """Whose left and right they are, and why not the vehicle's where those are others."""
-    turned = abs(float(wrap_angle(item.yaw_rad)))
+    turn = item.yaw_rad - _as_we_see_it(item.yaw_rad)
     ours = "left and right are ours, as we see the vehicle"
-    if np.pi / 4 < turned < 3 * np.pi / 4:
+    if abs(np.sin(turn)) > 0.5:
         return f"{ours}: it stands across our way, so the place is at its end"
-    return f"{ours}, which faces us" if item.front_known and turned > np.pi / 2 else ours
+    return f"{ours}, which faces us" if item.front_known and np.cos(turn) < 0 else ours
 
 
 def _at_an_end(relation: str, item: SceneObject) -> tuple[float, list[Wish], list[str]]:

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 
-from grounding.lexicon import Kind, phrases
+from grounding.lexicon import WEAK_VERBS, Kind, phrases
 
 MAX_CHARACTERS = 500
 _WORD = re.compile(r"\d+x\d+|\d+(?:st|nd|rd|th)\b|\d+(?:\.\d+)?|[^\W\d_]+(?:['-][^\W\d_]+)*|[.;!?]")
@@ -84,7 +84,8 @@ def _vocabulary() -> dict[str, bool]:
     known: dict[str, bool] = {}
     for phrase, (kind, _) in phrases().items():
         for word in phrase:
-            known[word] = known.get(word, False) or (kind not in (Kind.FILLER, Kind.BEYOND) and len(phrase) == 1)
+            meant = kind not in (Kind.FILLER, Kind.BEYOND) and len(phrase) == 1 and word not in WEAK_VERBS
+            known[word] = known.get(word, False) or meant
     return known
 
 

@@ -9,5 +9,7 @@ from numpy.typing import ArrayLike
 
 from appocc.checks import BoolArray, ByteArray, Float32Array, FloatArray, IntArray
 
-_ANYTHING = FrozenDict(dict.fromkeys((ArrayLike, FloatArray, Float32Array, IntArray, ByteArray, BoolArray), object))
+_ANYTHING: FrozenDict[object, object] = FrozenDict(
+    dict.fromkeys((ArrayLike, FloatArray, Float32Array, IntArray, ByteArray, BoolArray), object)
+)
 check = beartype(conf=BeartypeConf(is_pep484_tower=True, hint_overrides=_ANYTHING))

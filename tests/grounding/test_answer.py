@@ -19,6 +19,10 @@ KEYS = {"status", "query", "target", "referent", "candidates", "reasons"}
         ("stop behind the pink bus", "not_found", 3),
         ("stop on the left", "not_found", 3),
         ("stop near the tree", "not_found", 3),
+        ("turn right", "not_found", 3),
+        ("stop in 20 metres", "not_found", 3),
+        ("follow the closest bus", "not_found", 3),
+        ("park behind the zebra", "not_found", 3),
         ("tell me a joke", "not_a_command", 2),
         ("", "not_a_command", 2),
         ("park " * 4000, "not_a_command", 2),
@@ -74,6 +78,14 @@ def test_a_caret_under_the_word_that_is_not_understood() -> None:
     lines = ground("park behind the zebra", SCENE).text().splitlines()
     assert lines[2].strip() == "^" * len("zebra")
     assert lines[1].index("zebra") == lines[2].index("^")
+
+
+def test_a_command_that_cannot_be_placed_names_the_word() -> None:
+    answer = ground("follow the shiny blue car", SCENE)
+    assert answer.reasons[0].startswith("'follow': cannot be placed yet")
+    assert "not understood and left out: 'shiny'" in answer.reasons
+    assert answer.to_dict()["query"]["action"] == "follow"
+    assert answer.text().splitlines()[2].strip() == "^" * len("follow")
 
 
 def test_numbers_of_the_list_are_those_of_the_candidates() -> None:

@@ -20,6 +20,10 @@ def kinds_and_values(text: str) -> list[tuple[str, str]]:
         ("park behind", [("ACTION", "park"), ("RELATION", "behind")]),
         ("stop on the left of", [("ACTION", "stop"), ("RELATION", "left_of")]),
         ("on the left side of the road", [("SIDE", "left_side")]),
+        ("on the left of the road", [("SIDE", "left_side")]),
+        ("on the right of us", [("SIDE", "right_side")]),
+        ("from the right", [("SIDE", "from_right")]),
+        ("turn left", [("ACTION", "turn left")]),
         ("in front of us", [("WHERE", "ahead")]),
         ("in front of", [("RELATION", "in_front_of")]),
         ("right behind", [("RELATION", "behind")]),
@@ -46,7 +50,7 @@ def test_tokens_know_where_they_stand() -> None:
 
 
 @pytest.mark.parametrize(
-    ("slip", "meant"), [("trcuk", "truck"), ("sliver", "silver"), ("blak", "blak"), ("whitee", "white")]
+    ("slip", "meant"), [("trcuk", "truck"), ("sliver", "silver"), ("blak", "blak"), ("whitee", "white"), ("movie", "movie")]
 )
 def test_slips_of_longer_words_are_mended(slip: str, meant: str) -> None:
     (token,) = tokenise(slip)
