@@ -48,6 +48,6 @@ def walkthrough(data_root: Path, tmp_path_factory: pytest.TempPathFactory) -> Wa
 
 @pytest.fixture(scope="session")
 def panda_root(walkthrough: Walkthrough) -> Path:
-    """The recorded street (PandaSet 002) as the walkthrough converted it, with its maps and tracks; read only."""
-    assert walkthrough.failures() == []
+    """The recorded street (PandaSet 002) as the walkthrough converted it, with its maps; read only."""
+    assert [code for code, _ in walkthrough.outcomes[:2]] == [0, 0], walkthrough.failures()
     return walkthrough.folder / "OUT"

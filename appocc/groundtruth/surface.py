@@ -17,7 +17,7 @@ _GROUND_CELL_M, _GROUND_SHARE = 0.4, 0.1
 _BELOW_M, _ABOVE_M = 0.3, 0.25
 # Exposure: points a camera pair must share, points that the prior (no difference) is worth, and the most that a
 # camera is brightened or darkened: where exposures differ more, colours near the pictures' own are worth more.
-_LEAST_PAIRS, _GAIN_PRIOR, _MOST_GAIN = 30, 100.0, 1.2
+_LEAST_PAIRS, _GAIN_PRIOR, _MOST_GAIN = 30, 2000.0, 1.2
 _NO_POINTS = ColouredPoints(
     np.zeros((0, 3), np.float32), np.zeros((0, 3), np.uint8), np.zeros(0, np.uint8), np.zeros(0, np.uint8)
 )

@@ -44,7 +44,7 @@ class MaskWindow:
 
 
 def mask_window(dataset: Dataset, scene: Scene, low_m: FloatArray, high_m: FloatArray) -> MaskWindow | None:
-    """The mask of a scene between two world points (2,), None where the scene has no mask or lies beyond it.
+    """The mask of a scene between two world points (2,), None where it has none or lies beyond it.
 
     Raises:
         DataError: if the picture is missing or damaged.
@@ -58,6 +58,8 @@ def _window(path: Path, record: MapRecord, low_m: FloatArray, high_m: FloatArray
     origin = np.array(record.origin_m)
     try:
         with Image.open(path) as picture:
+            if picture.mode not in ("1", "L"):
+                return None  # a picture of the map in colour, such as Lyft's, is no mask
             size = np.array(picture.size)
             low = np.clip(np.floor((low_m - origin) * PX_PER_M), 0, size).astype(int)
             high = np.clip(np.ceil((high_m - origin) * PX_PER_M), low, size).astype(int)

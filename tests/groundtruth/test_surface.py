@@ -24,7 +24,7 @@ def points(xyz: ArrayLike, rgb: ArrayLike, camera: ArrayLike = 0, ground: ArrayL
     )
 
 
-def seen_by(pairs: list[tuple[int, int]], exposure: FloatArray, count: int = 2000) -> ColouredPoints:
+def seen_by(pairs: list[tuple[int, int]], exposure: FloatArray, count: int = 20_000) -> ColouredPoints:
     """Points of random colours that two cameras see at once, each with its own exposure; a few wild ones."""
     rng = np.random.default_rng(1)
     rows: list[tuple[FloatArray, FloatArray, int]] = []
@@ -44,7 +44,7 @@ def test_gains_even_out_known_exposures() -> None:
     sweep = seen_by([(0, 1), (1, 2)], exposure)
     factors = exposure_gains([sweep], 4).factors
     evened = factors[:3] * exposure[:3]
-    np.testing.assert_allclose(evened, np.tile(evened.mean(axis=0), (3, 1)), atol=0.015)
+    np.testing.assert_allclose(evened, np.tile(evened.mean(axis=0), (3, 1)), atol=0.02)
     # The brightness on the whole stays: camera 1 has half of the rows, the others a quarter each.
     np.testing.assert_allclose([0.25, 0.5, 0.25] @ np.log(factors[:3]), np.zeros(3), atol=1e-6)
     assert factors[3].tolist() == [1, 1, 1]  # shares nothing with anyone
@@ -63,15 +63,15 @@ def test_gains_want_enough_points_and_colours_that_say_something() -> None:
     dark = seen_by([(0, 1)], exposure * 0.01)
     glaring = seen_by([(0, 1)], exposure * 100)
     for sweep in (dark, glaring):
-        regular = np.tile(np.arange(2000) >= 200, 2)  # the wild ones say something
+        regular = np.tile(np.arange(20_000) >= 2000, 2)  # the wild ones say something
         kept = points(sweep.xyz_m[regular], sweep.rgb[regular], sweep.camera[regular])
         assert (exposure_gains([kept], 2).factors == 1).all()
 
 
 def test_gains_of_few_points_are_drawn_towards_none() -> None:
     exposure = np.array([[1.1] * 3, [1.0] * 3])
-    few, many = (exposure_gains([seen_by([(0, 1)], exposure, n)], 2).factors[1, 0] for n in (60, 2000))
-    assert 1.005 < few < many < 1.06
+    few, many = (exposure_gains([seen_by([(0, 1)], exposure, n)], 2).factors[1, 0] for n in (60, 20_000))
+    assert 1.001 < few < 1.01 < 1.04 < many < 1.06
 
 
 def test_gains_of_points_that_two_sweeps_share_by_chance_do_not_count() -> None:

@@ -278,3 +278,8 @@ def test_towns_without_a_name_or_with_a_wrong_one(tiny: TinyDataset, location: s
             vector_map(dataset, dataset.scenes[0])
     else:
         assert vector_map(dataset, dataset.scenes[0]) is None
+
+
+def test_a_map_picture_in_colour_is_no_mask(tiny: TinyDataset) -> None:
+    dataset = with_mask(tiny, np.full((50, 50, 3), 255, np.uint8))
+    assert mask_window(dataset, dataset.scenes[0], *EVERYWHERE) is None
