@@ -190,7 +190,7 @@ _FILLERS = (
     " as; do; and; or; little bit; very; really; sir; man; mate; driver; what; which; who; side; way; straight;"
     " in|into [the|this|that|a] [free|empty] [parking] spot|space|place; a moment|minute|second|bit|while;"
     " turn on|off [the|your|my] [head] light|lights|headlights|wipers;"
-    " block; trick; crown; about; these; three; think; sight; might; night; still; slack; whine; great; behold"
+    " block; trick; crown; about; these; three; think; sight; might; night; still; slack; whine; great; behold; story"
 )
 # What begins so asks something; "can", "could" and "would" begin polite commands, "when the bus leaves" a condition.
 QUESTION = re.compile(

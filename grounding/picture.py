@@ -14,13 +14,12 @@ from appocc.geometry import apply, inverse
 from grounding.answer import Answer
 from grounding.describe import phrase
 from grounding.scene import SceneObject
+from tracking.formats import HEIGHT_M
 
 CYAN: Colour = (60, 220, 255)
 _SCALE = 4
 _CAPTION_PX, _LINE_PX = 204, 22
 _STATUS_COLOUR: dict[str, Colour] = {"ok": (90, 220, 110), "ambiguous": YELLOW}
-# Blobs have no height; a car's is drawn.
-_HEIGHT_M = 1.6
 
 
 def draw(answer: Answer, frame: Frame) -> ByteArray:
@@ -113,7 +112,7 @@ def _corners(item: SceneObject, frame: Frame) -> FloatArray:
     if item.id in boxes.instance:
         return np.asarray(boxes.corners()[boxes.instance.index(item.id)])
     foot = np.pad(item.footprint(), ((0, 0), (0, 1)))
-    return np.concatenate([foot, foot + np.array([0.0, 0.0, _HEIGHT_M])])
+    return np.concatenate([foot, foot + np.array([0.0, 0.0, HEIGHT_M["car"]])])
 
 
 def _best_channel(frame: Frame, item: SceneObject) -> str | None:

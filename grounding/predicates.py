@@ -9,6 +9,7 @@ import numpy as np
 from grounding.colours import fit
 from grounding.query import Referent
 from grounding.scene import Scene, SceneObject
+from tracking.formats import HEIGHT_M
 
 # How well a class fits a noun; sizes add to it (vans are cars or trucks in nuScenes, pickups are trucks).
 _CLASS_FIT: Mapping[str, Mapping[str, float]] = {
@@ -47,12 +48,12 @@ def of_class(referent: Referent, item: SceneObject) -> float:
         return float(np.exp(-0.5 * ((item.length_m - mean) / spread) ** 2))
     base = _CLASS_FIT[referent.noun].get(item.noun, 0.0)
     if referent.noun == "van" and item.noun in ("car", "truck"):
-        tall = _rises(item.height_m or 1.6, 1.9, 0.06)
+        tall = _rises(item.height_m or HEIGHT_M["car"], 1.9, 0.06)
         base = 0.9 * tall * _rises(-item.length_m, -7.0, 0.3)
     if referent.head.startswith(("pickup", "pick")) and item.noun == "truck":
         base = _rises(-item.length_m, -6.6, 0.2)
     if referent.head in ("suv", "jeep", "4x4") and item.noun == "car":
-        height = item.height_m or 1.6
+        height = item.height_m or HEIGHT_M["car"]
         base = 0.3 + 0.7 * _rises(height, 1.6, 0.05) * _rises(-height, -2.05, 0.05)
     return base
 

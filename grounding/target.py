@@ -124,7 +124,7 @@ def _sides(item: SceneObject, heading: float) -> list[Wish]:
 def _seen(axis: FloatArray) -> str:
     """Where a place lies from the vehicle, as the ego sees it."""
     x, y = axis
-    if abs(y) >= abs(x):
+    if abs(y) > abs(x) - 1e-9:
         return "left of it" if y > 0 else "right of it"
     return "beyond it" if x > 0 else "short of it"
 

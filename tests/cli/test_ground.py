@@ -17,7 +17,7 @@ from cli.main import app
 
 @pytest.fixture
 def street(tiny: TinyDataset) -> Path:
-    """The tiny dataset with a map: its parked car, 10 m ahead, is white on a road."""
+    """The tiny dataset with maps: its parked car, 10 m ahead, is white on a road; source "empty" shows no vehicle."""
     grid = BEVGrid.surround()
     occupancy = np.zeros((3, *grid.shape), np.float32)
     occupancy[ROAD] = 1
@@ -29,6 +29,9 @@ def street(tiny: TinyDataset) -> Path:
     for source in ("groundtruth", "other"):
         bev = BEVMap(grid, occupancy.copy(), valid.copy(), appearance.copy(), valid[0].copy())
         bev.save(bev_path(tiny.root, source, token("sample", 0)))
+    occupancy[VEHICLE] = 0
+    empty = BEVMap(grid, occupancy, valid, appearance, valid[0].copy())
+    empty.save(bev_path(tiny.root, "empty", token("sample", 0)))
     return tiny.root
 
 
@@ -56,6 +59,8 @@ def test_ok(street: Path) -> None:
     [
         ("stop behind the white car", "ok", 0),
         ("stop behind the pink bus", "not_found", 3),
+        ("turn right", "not_found", 3),
+        ("follow the closest bus", "not_found", 3),
         ("tell me a joke", "not_a_command", 2),
         ("", "not_a_command", 2),
         ("park " * 2000, "not_a_command", 2),
@@ -79,8 +84,26 @@ def test_without_json_stdout_stays_empty(street: Path) -> None:
 
 
 def test_another_source_of_maps(street: Path) -> None:
-    assert run(street, "stop behind the car", "--bev", "other").exit_code == 0
-    assert run(street, "stop behind the car", "--bev", str(street / "bev" / "other")).exit_code == 0
+    for source in ("other", str(street / "bev" / "other")):
+        result = run(street, "stop behind the car", "--bev", source, "--json")
+        assert result.exit_code == 0
+        assert json.loads(result.stdout)["referent"]["id"].startswith("blob")
+    result = run(street, "stop behind the car", "--bev", str(street / "bev" / "groundtruth"), "--json")
+    assert json.loads(result.stdout)["referent"]["id"] == token("car")
+
+
+def test_what_a_model_does_not_see_is_not_answered_from_annotations(street: Path) -> None:
+    result = run(street, "stop behind the car", "--bev", "empty", "--json")
+    assert result.exit_code == 3
+    value = json.loads(result.stdout)
+    assert (value["candidates"], value["reasons"]) == ([], ["the map shows no vehicle"])
+
+
+def test_a_missing_map_says_how_it_is_made(street: Path) -> None:
+    (street / "bev" / "groundtruth" / f"{token('sample', 0)}.npz").unlink()
+    result = run(street, "stop behind the car")
+    assert isinstance(result.exception, DataError)
+    assert f"appocc groundtruth {street}" in str(result.exception)
 
 
 def test_bad_input_names_the_place(street: Path) -> None:

@@ -43,6 +43,12 @@ def test_without_boxes_the_map_shows_blobs_whose_front_is_unknown() -> None:
     assert red.rgb == pytest.approx(RED, abs=2)
 
 
+def test_annotated_and_empty_is_empty_whatever_the_map_shows() -> None:
+    street = Street().car("walker", 5, 5, BLUE, category="human.pedestrian.adult", size_wlh_m=(1.8, 1.8, 1.8))
+    assert street.scene().objects == ()
+    assert len(street.scene_without_boxes().objects) == 1
+
+
 def test_a_scene_without_vehicles_is_a_scene() -> None:
     assert Street().scene().objects == ()
 

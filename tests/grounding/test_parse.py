@@ -151,7 +151,8 @@ def test_what_is_read_of_a_command_that_cannot_be_placed() -> None:
     assert query["referent"]["colour"] == "white"
     assert query["referent"]["qualifiers"] == ["second"]
     ego, descriptor = read("stop in 20 feet").query, read("park behind the van 15 metres ahead of us").query
-    assert (ego.distance_m, ego.distance_of) == (pytest.approx(6.096), "ego")
+    assert ego.distance_m == pytest.approx(6.096)
+    assert ego.distance_of == "ego"
     assert (descriptor.distance_m, descriptor.distance_of) == (15, "descriptor")
     assert descriptor.referent is not None
     assert descriptor.referent.qualifiers == ("ahead",)

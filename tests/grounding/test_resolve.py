@@ -55,6 +55,24 @@ def test_the_vehicle_meant(phrase: str, meant: str) -> None:
     assert found.candidates[0].item.id == meant
 
 
+@pytest.mark.parametrize(
+    ("phrase", "meant"),
+    [
+        ("the first car from the left", "l"),
+        ("the second car from the left", "m"),
+        ("the second car from the right", "n"),
+        ("the last car from the left", "r"),
+        ("the last car from the right", "l"),
+        ("the second car", "n"),
+    ],
+)
+def test_from_a_side_cars_are_counted_across(phrase: str, meant: str) -> None:
+    street = Street().car("l", 30, 6).car("m", 22, 2).car("n", 14, -2).car("r", 6, -6)
+    found = ask(phrase, street.scene())
+    assert found.status == "ok", found
+    assert found.candidates[0].item.id == meant
+
+
 def test_two_alike_are_ambiguous_and_only_they_are_listed() -> None:
     found = ask("the white car", row().scene())
     assert found.status == "ambiguous"

@@ -105,6 +105,67 @@ def test_left_and_right_of_a_car_that_faces_us_are_ours() -> None:
     assert any("left and right are ours" in reason for reason in ground("stop right of the car", scene).reasons)
 
 
+# Degrees the car is turned, how far the place is from its middle, and where (degrees from ahead, to the left).
+ACROSS_M = (4.4 + EGO_WIDTH_M) / 2
+LEFT_OF = [
+    (0, SIDEWAYS_M, 90),
+    (30, SIDEWAYS_M, 120),
+    (89, ACROSS_M, 89),
+    (90, ACROSS_M, 90),
+    (91, ACROSS_M, 91),
+    (-91, ACROSS_M, 89),
+    (135, SIDEWAYS_M, 45),
+    (180, SIDEWAYS_M, 90),
+]
+
+
+@pytest.mark.parametrize("boxes", [True, False])
+@pytest.mark.parametrize(("yaw_deg", "contact_m", "at_deg"), LEFT_OF)
+def test_left_and_right_are_ours_whichever_way_it_stands(
+    yaw_deg: float, contact_m: float, at_deg: float, boxes: bool
+) -> None:
+    street = Street().car("car", 15, 0, RED, yaw_rad=np.radians(yaw_deg))
+    scene = street.scene() if boxes else street.scene_without_boxes()
+    away, at = contact_m + 0.8, np.radians(at_deg)
+    if boxes and yaw_deg != 135:  # There either half-axis is as near to our left, and a cell decides.
+        assert near(target_of("stop left of the red car", scene), 15 + away * np.cos(at), away * np.sin(at))
+        assert near(target_of("stop right of the red car", scene), 15 - away * np.cos(at), -away * np.sin(at))
+    left, right = (target_of(f"stop {side} of the red vehicle", scene) for side in ("left", "right"))
+    assert left.ego_m[1] > 1.5
+    assert right.ego_m[1] < -1.5
+    assert abs(left.heading_ego_rad) <= np.pi / 4 + 0.05
+
+
+@pytest.mark.parametrize("yaw_deg", [0, 45, 89, 91, 135, 180])
+def test_whose_left_it_is_is_said(yaw_deg: float) -> None:
+    scene = Street().car("car", 15, 0, RED, yaw_rad=np.radians(yaw_deg)).scene()
+    answer = ground("stop left of the red car", scene)
+    check_invariants(answer)
+    reasons = " ".join(answer.reasons)
+    assert "left and right are ours" in reasons
+    assert "left of it" in reasons
+    assert ("stands across our way" in reasons) == (yaw_deg in (89, 91)) or yaw_deg in (45, 135)
+    assert ("side to bumper" in reasons) == ("stands across our way" in reasons)
+    assert answer.target is not None
+    assert answer.target.ego_m[1] > 1.5
+
+
+@pytest.mark.parametrize("text", ["go to the vehicle", "stop behind the vehicle"])
+def test_a_quarter_turn_does_not_flip_the_place(text: str) -> None:
+    """Of a vehicle whose front is not known, just before and just past standing across our path."""
+    places = [
+        target_of(text, Street().car("car", 15, 0, RED, yaw_rad=np.radians(yaw)).scene_without_boxes())
+        for yaw in (89, 91)
+    ]
+    assert places[0].ego_m == pytest.approx(places[1].ego_m, abs=0.81)
+    assert max(abs(place.heading_ego_rad) for place in places) < 0.1
+
+
+def test_the_sides_of_a_car_across_our_path_are_named_as_we_see_them() -> None:
+    scene = Street().car("car", 15, 0, RED, yaw_rad=np.radians(91)).scene()
+    assert any("short of it" in reason for reason in ground("stop next to the red car", scene).reasons)
+
+
 def test_a_blob_has_no_front_and_says_so() -> None:
     scene = Street().car("car", 15, -3, yaw_rad=np.pi).scene_without_boxes()
     assert near(target_of("stop behind the vehicle", scene), 15 - LENGTHWISE_M - 2.0, -3)

@@ -50,7 +50,8 @@ def test_tokens_know_where_they_stand() -> None:
 
 
 @pytest.mark.parametrize(
-    ("slip", "meant"), [("trcuk", "truck"), ("sliver", "silver"), ("blak", "blak"), ("whitee", "white"), ("movie", "movie")]
+    ("slip", "meant"),
+    [("trcuk", "truck"), ("sliver", "silver"), ("blak", "blak"), ("whitee", "white"), ("movie", "movie")],
 )
 def test_slips_of_longer_words_are_mended(slip: str, meant: str) -> None:
     (token,) = tokenise(slip)
