@@ -6,12 +6,12 @@ import json
 import re
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 from walkthrough import README, Walkthrough, blocks
 
 from appocc.bevmap import BEVMap
+from appocc.frame import Frame
 
 ROOT = README.parent
 
@@ -64,5 +64,5 @@ def test_the_python_lines_run(walkthrough: Walkthrough, monkeypatch: pytest.Monk
     names: dict[str, object] = {}
     exec(compile(blocks("## In Python")[0], "README.md", "exec"), names)
     assert isinstance(names["bev"], BEVMap)
-    assert isinstance(names["frame"], object)
+    assert isinstance(names["frame"], Frame)
     assert names["bev"].occupancy[1].sum() > 100

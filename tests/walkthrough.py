@@ -36,7 +36,7 @@ class Walkthrough:
 
 
 def run_walkthrough(base: Path, data: Path) -> Walkthrough:
-    """Run the lines in `base`/repository, with the data where the README says it is; or take what another run left."""
+    """Run the lines in `base`/repository, with the data where the README says it is; or take an earlier outcome."""
     folder = base / "repository"
     lines = tuple(blocks("## On a real street")[0].splitlines())
     base.mkdir(exist_ok=True)
