@@ -12,7 +12,7 @@ import numpy as np
 
 from appocc.checks import BoolArray, ByteArray, Float32Array, check_dtype, check_shape, frozen
 from appocc.errors import DataError, ShapeError
-from appocc.files import plain_name, whole_file
+from appocc.files import plain_name, whole_file, zip_arrays
 from appocc.grid import BEVGrid
 
 CLASSES = ("road", "vehicle", "lane")
@@ -86,10 +86,13 @@ class BEVMap:
             DataError: if the file is missing, damaged, or lacks a part.
         """
         try:
-            with path.open("rb") as handle, np.load(handle, allow_pickle=False) as data:
+            with path.open("rb") as handle, zip_arrays(handle) as data, np.errstate(over="ignore"):
+                occupancy = data["occupancy"]
+                if occupancy.dtype.kind not in "buif":
+                    raise ShapeError(f"occupancy: expected numbers, got {occupancy.dtype}")
                 return cls(
                     BEVGrid.from_array(data["grid"]),
-                    data["occupancy"].astype(np.float32),
+                    occupancy.astype(np.float32),
                     data["occupancy_valid"],
                     data["appearance"],
                     data["appearance_valid"],

@@ -5,13 +5,15 @@ from __future__ import annotations
 import json
 import os
 import tempfile
+import zipfile
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import cv2
 import numpy as np
+from numpy.lib.npyio import NpzFile
 
 from appocc.checks import ByteArray
 from appocc.errors import DataError
@@ -59,6 +61,9 @@ def whole_file(path: Path) -> Iterator[Path]:
     """
     with ExitStack() as undo:
         try:
+            # Else a device or a pipe would be replaced by a file of its name.
+            if path.exists() and not path.is_file():
+                raise DataError(f"{path}: cannot be written (it is no plain file)")
             for folder in [folder for folder in reversed(path.parents) if not folder.exists()]:
                 folder.mkdir(exist_ok=True)
                 undo.callback(_remove_empty, folder)
@@ -114,6 +119,19 @@ def read_json(path: Path) -> Any:
         raise DataError(f"{path}: cannot be read ({error.strerror})") from error
     except (ValueError, RecursionError) as error:
         raise DataError(f"{path}: no valid JSON ({error})") from error
+
+
+def zip_arrays(handle: BinaryIO) -> NpzFile:
+    """The arrays of an open .npz file by name; nothing is unpickled.
+
+    Raises:
+        ValueError: if it is none; what is damaged inside surfaces as nearly any error of zipfile, zlib and numpy.
+    """
+    if not zipfile.is_zipfile(handle):
+        raise ValueError("no .npz archive, or truncated")
+    handle.seek(0)
+    archive: NpzFile = np.load(handle, allow_pickle=False)
+    return archive
 
 
 def read_image(path: Path, size_px: tuple[int, int] | None = None) -> ByteArray:

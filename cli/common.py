@@ -22,8 +22,14 @@ JsonOption = Annotated[bool, typer.Option("--json", help="Machine-readable outpu
 
 
 def say(text: str) -> None:
-    """A line for people, on stderr."""
-    typer.echo(text, err=True)
+    """Lines for people, on stderr; what controls terminals, in names of files or rows, is written out."""
+    plain = (c if c.isprintable() or c == "\n" else c.encode("unicode_escape").decode() for c in text)
+    typer.echo("".join(plain), err=True)
+
+
+def say_error(reason: object) -> None:
+    """Why a command ends, in one line."""
+    say("error: " + str(reason).replace("\n", "\\n"))
 
 
 def emit(value: Any) -> None:

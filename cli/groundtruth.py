@@ -25,7 +25,7 @@ def groundtruth(
     paint: Annotated[
         Paint, typer.Option(help="Vehicle colour: robust (bodywork only), or the paper's histogram mode.")
     ] = Paint.robust,
-    workers: Annotated[int | None, typer.Option(min=1, help="Processes; one a core by default.")] = None,
+    workers: Annotated[int | None, typer.Option(min=1, max=1024, help="Processes; one a core by default.")] = None,
     version: VersionOption = None,
     as_json: JsonOption = False,
 ) -> None:

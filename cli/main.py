@@ -10,7 +10,7 @@ from types import FrameType
 import typer
 
 from appocc.errors import AppoccError
-from cli.common import say
+from cli.common import say_error
 from cli.convert import convert
 from cli.demo import demo
 from cli.doctor import doctor
@@ -47,10 +47,10 @@ def run() -> None:
     try:
         app()
     except AppoccError as error:
-        say(f"error: {error}")
+        say_error(error)
         sys.exit(error.exit_code)
     except OSError as error:  # the system refuses something: no permission, no space, a name too long
-        say(f"error: {error.filename or 'the system'}: {error.strerror or error}")
+        say_error(f"{error.filename or 'the system'}: {error.strerror or error}")
         sys.exit(AppoccError.exit_code)
 
 

@@ -78,7 +78,12 @@ def _show(scores: dict[str, Metrics] | None) -> None:
     table = Table("vehicles", "MOTA %", "IDF1 %", "HOTA %", "MOTP m", "IDS", "FRAG", "FP", "FN", "GT")
     for name, m in scores.items():
         kind = {"metrics": "all", "metrics_moving": "moving", "metrics_parked": "parked"}[name]
-        shares = [f"{100 * share:.1f}" for share in (m.MOTA, m.IDF1, m.HOTA)]
+        shares = [_known(100 * share, 1) for share in (m.MOTA, m.IDF1, m.HOTA)]
         counts = [str(count) for count in (m.IDS, m.FRAG, m.FP, m.FN, m.GT)]
-        table.add_row(kind, *shares, f"{m.MOTP:.2f}", *counts)
+        table.add_row(kind, *shares, _known(m.MOTP, 2), *counts)
     Console(stderr=True).print(table)
+
+
+def _known(value: float, digits: int) -> str:
+    """A number, or a dash where there was nothing to be measured."""
+    return f"{value:.{digits}f}" if value == value else "-"

@@ -114,7 +114,7 @@ def test_vehicles_are_chosen() -> None:
         ({"token": ("a", "b", "c")}, "boxes: expected 2 tokens, got 2 and 3"),
         (
             {"size_wlh_m": np.array([[1.0, 1, 1], [0, 1, 1]])},
-            r"box t: expected a positive size, got \[0.0, 1.0, 1.0\]",
+            r"box t: expected a positive size below 1000 m, got \[0.0, 1.0, 1.0\]",
         ),
         ({"size_wlh_m": np.full((2, 3), np.nan)}, "box s: expected a positive size"),
     ],

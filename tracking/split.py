@@ -56,6 +56,8 @@ def split_touching(labels: IntArray, count: int, xy_m: FloatArray, rgb: FloatArr
 def _best_cut(mask: BoolArray, xy_m: FloatArray, rgb: FloatArray, cell_m: float) -> IntArray:
     """Piece of each of the C cells of a mask (H, W); all 0 where no cut leaves only vehicles."""
     places, colours = xy_m[mask], rgb[mask]
+    if len(places) < 2:  # of a grid whose cells are larger than cars
+        return np.zeros(len(places), dtype=np.int64)
     by_colour = _by_colour(mask, places, colours, cell_m)
     if _oddness(places, by_colour, cell_m) < np.inf:
         return by_colour

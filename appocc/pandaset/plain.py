@@ -10,7 +10,7 @@ import numpy as np
 
 from appocc.checks import FloatArray, check_transform
 from appocc.errors import AppoccError, DataError
-from appocc.files import inside, read_json
+from appocc.files import inside, read_json, zip_arrays
 from appocc.geometry import nearest_rigid
 from appocc.pandaset.recording import CHANNELS, Cuboid, Image, Moment, Recording, RoadRaster, Sweep
 
@@ -76,7 +76,7 @@ def _cuboid(box: dict[str, Any]) -> Cuboid:
 def _sweep(path: Path) -> Sweep:
     """Points of one npz: centimetres in the ego frame."""
     try:
-        with path.open("rb") as handle, np.load(handle, allow_pickle=False) as data:
+        with path.open("rb") as handle, zip_arrays(handle) as data:
             return Sweep(data["xyz_cm_ego"].astype(np.float64) / 100, data["intensity"], data["semseg"])
     except OSError as error:
         raise DataError(f"{path}: cannot be read ({error.strerror or error})") from error
@@ -97,7 +97,7 @@ def _road(source: Path) -> RoadRaster | None:
     if not path.is_file():
         return None
     try:
-        with path.open("rb") as handle, np.load(handle, allow_pickle=False) as data:
+        with path.open("rb") as handle, zip_arrays(handle) as data:
             origin = (float(data["x0"]), float(data["y0"]))
             return RoadRaster(data["label"].astype(np.uint8), origin, float(data["resolution"]))
     except Exception as error:  # as above

@@ -211,10 +211,11 @@ def test_a_box_that_cannot_be_true(tiny: TinyDataset) -> None:
         dataset.boxes_world(samples[0])
 
 
-def test_a_box_of_unknown_category_has_none(tiny: TinyDataset) -> None:
+def test_a_box_of_unknown_category_is_refused(tiny: TinyDataset) -> None:
     tiny.tables["category"] = tiny.tables["category"][:1]
     dataset, _, samples = opened(tiny)
-    assert dataset.boxes_world(samples[0]).category == ("vehicle.car", "")
+    with pytest.raises(DataError, match=r"sample_annotation\.json: walker-.* refers to no instance with a category"):
+        dataset.boxes_world(samples[0])
 
 
 def test_a_frame_holds_what_was_seen_at_one_moment(tiny: TinyDataset) -> None:
@@ -300,7 +301,7 @@ def test_where_a_scene_was_recorded(tiny: TinyDataset) -> None:
     assert dataset.location(scene) == ""
     tiny.tables["log"] = []
     dataset, scene, _ = opened(tiny)
-    with pytest.raises(NotFoundError, match="table log has no token"):
+    with pytest.raises(DataError, match=r"scene\.json: scene 'scene-tiny' refers to no log"):
         dataset.location(scene)
 
 

@@ -276,7 +276,7 @@ def test_intrinsics_of_cameras(tiny: TinyDataset, value: Any) -> None:
     tiny.row("calibrated_sensor", token("mount", "LIDAR_TOP"))["camera_intrinsic"] = value
     assert found(tiny) == []
     tiny.row("calibrated_sensor", token("mount", "CAM_BACK"))["camera_intrinsic"] = value
-    reason = "expected 3 x 3 numbers with positive focal lengths, got"
+    reason = "expected 3 x 3 numbers with positive focal lengths and a last row of 0 0 1, got"
     assert_only(found(tiny), ("calibrated_sensor", token("mount", "CAM_BACK"), "bad intrinsic", reason))
     tiny.row("calibrated_sensor", token("mount", "CAM_BACK"))["camera_intrinsic"] = INTRINSIC
     assert found(tiny) == []
