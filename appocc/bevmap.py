@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from appocc.checks import BoolArray, ByteArray, Float32Array, check_dtype, check_shape, frozen
+from appocc.checks import BoolArray, ByteArray, Float32Array, check_dtype, check_numbers, check_shape, frozen
 from appocc.errors import DataError, ShapeError
 from appocc.files import plain_name, whole_file, zip_arrays
 from appocc.grid import BEVGrid
@@ -88,8 +88,7 @@ class BEVMap:
         try:
             with path.open("rb") as handle, zip_arrays(handle) as data, np.errstate(over="ignore"):
                 occupancy = data["occupancy"]
-                if occupancy.dtype.kind not in "buif":
-                    raise ShapeError(f"occupancy: expected numbers, got {occupancy.dtype}")
+                check_numbers("occupancy", occupancy)
                 return cls(
                     BEVGrid.from_array(data["grid"]),
                     occupancy.astype(np.float32),

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from appocc.checks import FloatArray, check_finite, check_shape, check_transform, frozen
+from appocc.checks import FloatArray, check_intrinsic, check_transform, frozen
 from appocc.errors import NotFoundError, ShapeError
 from appocc.geometry import apply, inverse
 from appocc.shapes import Flags, List2, List3, Numbers
@@ -39,17 +39,7 @@ class Camera:
         """
         if self.width_px < 1 or self.height_px < 1:
             raise ShapeError(f"{self.channel}: expected an image size, got {self.width_px}x{self.height_px}")
-        check_shape(f"{self.channel} intrinsic", self.intrinsic, (3, 3))
-        check_finite(f"{self.channel} intrinsic", self.intrinsic)
-        if self.intrinsic[0, 0] <= 0 or self.intrinsic[1, 1] <= 0:
-            raise ShapeError(
-                f"{self.channel} intrinsic: expected positive focal lengths, got "
-                f"{self.intrinsic[0, 0]:g} and {self.intrinsic[1, 1]:g}"
-            )
-        if not np.allclose(self.intrinsic[2], [0, 0, 1]):
-            raise ShapeError(
-                f"{self.channel} intrinsic: expected last row [0, 0, 1], got {self.intrinsic[2].tolist()}"
-            )
+        check_intrinsic(f"{self.channel} intrinsic", self.intrinsic)
         check_transform(f"{self.channel} ego_from_cam", self.ego_from_cam)
         frozen(self.intrinsic)
         frozen(self.ego_from_cam)

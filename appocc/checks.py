@@ -63,6 +63,31 @@ def check_place(name: str, array: NDArray[np.generic]) -> None:
         raise ShapeError(f"{name}: expected at most {FARTHEST_M:.0e} m, got {far:.2g}")
 
 
+def check_numbers(name: str, array: NDArray[np.generic]) -> None:
+    """Check that an array holds real numbers (or booleans), of any type.
+
+    Raises:
+        ShapeError: if it holds texts, objects or complex numbers.
+    """
+    if array.dtype.kind not in "buif":
+        raise ShapeError(f"{name}: expected numbers, got {array.dtype}")
+
+
+def check_intrinsic(name: str, matrix: NDArray[np.generic]) -> None:
+    """Check that a matrix is a pinhole camera's K: (3, 3), finite, positive focal lengths, last row 0 0 1.
+
+    Raises:
+        ShapeError: if it is not.
+    """
+    check_shape(name, matrix, (3, 3))
+    check_finite(name, matrix)
+    k = np.asarray(matrix, dtype=np.float64)
+    if k[0, 0] <= 0 or k[1, 1] <= 0:
+        raise ShapeError(f"{name}: expected positive focal lengths, got {k[0, 0]:g} and {k[1, 1]:g}")
+    if not np.allclose(k[2], [0, 0, 1]):
+        raise ShapeError(f"{name}: expected last row [0, 0, 1], got {k[2].tolist()}")
+
+
 def check_transform(name: str, matrix: NDArray[np.generic]) -> None:
     """Check that a matrix is a rigid transform: (4, 4), finite, orthonormal rotation, last row 0 0 0 1.
 
@@ -72,8 +97,9 @@ def check_transform(name: str, matrix: NDArray[np.generic]) -> None:
     check_shape(name, matrix, (4, 4))
     check_finite(name, matrix)
     m = np.asarray(matrix, dtype=np.float64)
-    off = float(np.abs(m[:3, :3] @ m[:3, :3].T - np.eye(3)).max())
-    if off > 1e-3 or np.linalg.det(m[:3, :3]) < 0:
+    turn = np.clip(m[:3, :3], -9, 9)  # so that no square overflows
+    off = float(np.abs(turn @ turn.T - np.eye(3)).max())
+    if off > 1e-3 or np.linalg.det(turn) < 0:
         raise ShapeError(f"{name}: expected a rotation matrix in the upper left, got one off by {off:.2g}")
     if not np.allclose(m[3], [0, 0, 0, 1]):
         raise ShapeError(f"{name}: expected last row [0, 0, 0, 1], got {m[3].tolist()}")

@@ -14,9 +14,13 @@ from typing import Any, BinaryIO
 import cv2
 import numpy as np
 from numpy.lib.npyio import NpzFile
+from PIL import Image
 
 from appocc.checks import ByteArray
 from appocc.errors import DataError
+
+# nuScenes' largest mask has 1.2 billion pixels; Pillow's own limit guards against far smaller pictures.
+_MOST_PIXELS = 4_000_000_000
 
 
 def inside(root: Path, name: str) -> Path:
@@ -158,6 +162,12 @@ def read_image(path: Path, size_px: tuple[int, int] | None = None) -> ByteArray:
         expected = f"{size_px[0]}x{size_px[1]}"
         raise DataError(f"{path}: expected {expected} pixels, as its table says, got {width}x{height}")
     return np.asarray(image, dtype=np.uint8)
+
+
+def open_picture(path: Path) -> Image.Image:
+    """A picture of which only the size or a part is wanted; it may be as large as a map."""
+    Image.MAX_IMAGE_PIXELS = _MOST_PIXELS
+    return Image.open(path)
 
 
 def write_image(path: Path, rgb: ByteArray) -> None:

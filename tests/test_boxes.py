@@ -109,6 +109,8 @@ def test_vehicles_are_chosen() -> None:
         ({"velocity_mps": np.zeros((2, 3))}, "boxes velocity_mps: expected shape"),
         ({"lidar_points": np.zeros(3, np.int64)}, "boxes lidar_points: expected shape"),
         ({"centre_m": np.full((2, 3), np.nan)}, "boxes centre_m: expected finite"),
+        ({"centre_m": np.full((2, 3), 1e300)}, "boxes centre_m: expected at most"),
+        ({"size_wlh_m": np.full((2, 3), 1e300)}, "box s: expected a positive size below 1000 m"),
         ({"rotation": np.full((2, 3, 3), np.nan)}, "boxes rotation: expected finite"),
         ({"instance": ("a",)}, "boxes: expected 2 tokens, got 1 and 2"),
         ({"token": ("a", "b", "c")}, "boxes: expected 2 tokens, got 2 and 3"),

@@ -165,3 +165,11 @@ def test_lines_that_leave_the_picture_by_far_are_left_out() -> None:
     beside = np.tile([[0.3, 300.0, 1.5]], (8, 1))
     assert not d.draw_box(picture, _camera(), beside, d.GREEN)
     assert not picture.any()
+
+
+@pytest.mark.parametrize("text", ["a\0b", "caf\u00e9", "\ud800", "line\nbreak", "\u8eca", "x" * 10_000, ""])
+def test_any_text_can_be_written(text: str) -> None:
+    """OpenCV itself ends the process on some of these."""
+    picture = np.zeros((30, 60, 3), np.uint8)
+    d.put_text(picture, text, (2, 20))
+    assert picture.any() == bool(text)

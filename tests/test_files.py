@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import os
+import pickle
+import struct
+import zlib
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -140,3 +144,76 @@ def test_what_is_no_picture(tmp_path: Path) -> None:
         (tmp_path / name).write_bytes(data)
         with pytest.raises(DataError, match=rf"{name}: not a readable image \({len(data)} bytes\)"):
             files.read_image(tmp_path / name)
+
+
+def test_a_picture_of_another_size_than_expected(tmp_path: Path) -> None:
+    files.write_image(tmp_path / "a.png", PICTURE)
+    assert files.read_image(tmp_path / "a.png", (6, 4)).shape == (4, 6, 3)
+    with pytest.raises(DataError, match=r"a\.png: expected 4x6 pixels, as its table says, got 6x4"):
+        files.read_image(tmp_path / "a.png", (4, 6))
+
+
+def test_a_few_bytes_that_claim_to_be_a_huge_picture(tmp_path: Path) -> None:
+    def chunk(kind: bytes, data: bytes) -> bytes:
+        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+    header = struct.pack(">IIBBBBB", 100_000, 100_000, 8, 2, 0, 0, 0)
+    parts = chunk(b"IHDR", header) + chunk(b"IDAT", zlib.compress(b"0")) + chunk(b"IEND", b"")
+    (tmp_path / "a.png").write_bytes(b"\x89PNG\r\n\x1a\n" + parts)
+    with pytest.raises(DataError, match=r"a\.png: not a readable image"):
+        files.read_image(tmp_path / "a.png")
+
+
+def test_deeply_nested_json_is_damaged_json(tmp_path: Path) -> None:
+    (tmp_path / "deep.json").write_text("[" * 100_000)
+    with pytest.raises(DataError, match=r"deep\.json: no valid JSON \("):
+        files.read_json(tmp_path / "deep.json")
+
+
+def test_folders_made_for_a_file_go_with_it(tmp_path: Path) -> None:
+    (tmp_path / "old").mkdir()
+    for path in (tmp_path / "a" / "b" / "c.txt", tmp_path / "old" / "c.txt"):
+        with pytest.raises(KeyboardInterrupt):
+            _break_off(path)
+    assert list(tmp_path.rglob("*")) == [tmp_path / "old"]
+
+
+def test_folders_that_others_use_meanwhile_stay(tmp_path: Path) -> None:
+    def broken_off() -> None:
+        with files.whole_file(tmp_path / "a" / "b" / "c.txt"):
+            (tmp_path / "a" / "mine.txt").touch()
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        broken_off()
+    assert list(tmp_path.rglob("*")) == [tmp_path / "a", tmp_path / "a" / "mine.txt"]
+
+
+def test_what_is_no_plain_file_is_not_replaced(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "folder").mkdir()
+    for name in ("pipe", "folder"):
+        with pytest.raises(DataError, match=f"{name}: cannot be written .it is no plain file"):
+            files.write_bytes(tmp_path / name, b"x")
+    assert (tmp_path / "pipe").is_fifo()
+
+
+def test_arrays_are_never_unpickled(tmp_path: Path) -> None:
+    ran = tmp_path / "ran"
+
+    class Evil:
+        def __reduce__(self) -> tuple[Any, ...]:
+            return Path.touch, (ran,)
+
+    np.savez(tmp_path / "a.npz", evil=np.array(Evil(), dtype=object))
+    (tmp_path / "b.npz").write_bytes(pickle.dumps(Evil()))
+    with (tmp_path / "a.npz").open("rb") as handle, files.zip_arrays(handle) as data:
+        assert data.files == ["evil"]
+        with pytest.raises(ValueError, match="allow_pickle=False"):
+            data["evil"]
+    with (
+        (tmp_path / "b.npz").open("rb") as handle,
+        pytest.raises(ValueError, match=r"no \.npz archive, or truncated"),
+    ):
+        files.zip_arrays(handle)
+    assert not ran.exists()

@@ -43,6 +43,7 @@ def test_quaternions_are_normalised_and_may_come_many_at_once() -> None:
         ([], r"got \(0,\)"),
         ([np.nan, 0, 0, 0], "finite"),
         ([0.0, 0, 0, 0], "expected a length of 1, got 0"),
+        ([[1.0, 0, 0, 0], [1e300, 0, 0, 0]], r"expected a length of 1, got 1 \.\. 1e\+300"),
     ],
 )
 def test_what_is_no_quaternion(quaternion: object, reason: str) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -11,7 +12,7 @@ import numpy as np
 from PIL import Image
 
 from appocc.errors import DataError
-from appocc.files import read_image, stays_inside
+from appocc.files import open_picture, read_image, stays_inside
 from appocc.nuscenes.dataset import Dataset
 from appocc.nuscenes.lidar import read_lidar
 from appocc.nuscenes.problem import Problem
@@ -81,11 +82,20 @@ def _sensor_files(dataset: Dataset, images: bool, advance: Callable[[int], None]
 
 
 def _listing(folder: Path) -> set[str]:
-    """Names in a folder; none where it is missing."""
+    """Names of the files in a folder; none where it is missing."""
     try:
-        return {path.name for path in folder.iterdir()}
+        with os.scandir(folder) as entries:  # says without asking the disk again what is a file
+            return {entry.name for entry in entries if _is_file(entry)}
     except OSError:
         return set()
+
+
+def _is_file(place: Path | os.DirEntry[str]) -> bool:
+    """Whether a file is there and can be reached: a name may be too long, a link lead to itself."""
+    try:
+        return place.is_file()
+    except OSError:
+        return False
 
 
 def _missing(table: Table, folder: str, rows: list[int], folder_is_there: bool) -> Iterator[Problem]:
@@ -155,7 +165,7 @@ def _size_of(path: Path) -> tuple[int, int]:
         DataError: if it is no image or its end is missing.
     """
     try:
-        with Image.open(path) as picture:
+        with open_picture(path) as picture:
             size, form = picture.size, picture.format or ""
     except (OSError, SyntaxError, Image.DecompressionBombError) as error:
         raise DataError(f"{path}: not a readable image ({error})") from error
@@ -180,7 +190,7 @@ def _masks(dataset: Dataset) -> Iterator[Problem]:
         path = dataset.root / name
         if not stays_inside(name):
             yield _leads_out(table, row, name)
-        elif not path.is_file():
+        elif not _is_file(path):
             yield _problem(table, row, "missing file", f"no file {name}")
         elif path.suffix == ".png" and not _is_whole_png(path):
             yield _problem(table, row, "unreadable mask", f"{path}: no PNG picture, or truncated")
@@ -204,7 +214,7 @@ def _label_files(dataset: Dataset, table: Table) -> Iterator[Problem]:
         name = raw.decode()
         if not stays_inside(name):
             yield _leads_out(table, row, name)
-        elif not (dataset.root / name).is_file():
+        elif not _is_file(dataset.root / name):
             yield _problem(table, row, "missing file", f"no file {name}")
         elif files[row] >= 0:
             yield from _wrong_labels(dataset.root, table, row, name, data.text("filename", int(files[row])))
@@ -212,7 +222,7 @@ def _label_files(dataset: Dataset, table: Table) -> Iterator[Problem]:
 
 def _wrong_labels(root: Path, table: Table, row: int, name: str, lidar_name: str) -> Iterator[Problem]:
     lidar = root / lidar_name
-    if not stays_inside(lidar_name) or not lidar.is_file():
+    if not stays_inside(lidar_name) or not _is_file(lidar):
         return
     labels, points = (root / name).stat().st_size, lidar.stat().st_size // _POINT_BYTES
     if labels != points:

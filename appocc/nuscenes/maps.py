@@ -11,13 +11,11 @@ from PIL import Image, UnidentifiedImageError
 
 from appocc.checks import BoolArray, ByteArray, FloatArray
 from appocc.errors import DataError
-from appocc.files import inside, read_json
+from appocc.files import inside, open_picture, read_json
 from appocc.nuscenes.dataset import Dataset
 from appocc.nuscenes.records import MapRecord, Scene
 
 PX_PER_M = 10
-# nuScenes' largest mask has 1.2 billion pixels; Pillow's own limit guards against far smaller pictures.
-_MOST_PIXELS = 4_000_000_000
 _LINE_LAYERS, _STOP_LAYER = ("lane_divider", "road_divider"), "stop_line"
 # Outline (K, 2) and holes of a polygon.
 Area = tuple[FloatArray, tuple[FloatArray, ...]]
@@ -54,10 +52,9 @@ def mask_window(dataset: Dataset, scene: Scene, low_m: FloatArray, high_m: Float
 
 
 def _window(path: Path, record: MapRecord, low_m: FloatArray, high_m: FloatArray) -> MaskWindow | None:
-    Image.MAX_IMAGE_PIXELS = _MOST_PIXELS
     origin = np.array(record.origin_m)
     try:
-        with Image.open(path) as picture:
+        with open_picture(path) as picture:
             if picture.mode not in ("1", "L"):
                 return None  # a picture of the map in colour, such as Lyft's, is no mask
             size = np.array(picture.size)

@@ -60,7 +60,9 @@ VISIBILITIES = (("1", "v0-40"), ("2", "v40-60"), ("3", "v60-80"), ("4", "v80-100
 
 def token_of(*names: object) -> str:
     """A 32-digit token that follows from names alone, so that the same input gives the same tables."""
-    return hashlib.md5("/".join(str(name) for name in names).encode(), usedforsecurity=False).hexdigest()
+    return hashlib.md5(
+        "/".join(str(name) for name in names).encode(errors="surrogatepass"), usedforsecurity=False
+    ).hexdigest()
 
 
 def pose_fields(target_from_source: FloatArray) -> Row:

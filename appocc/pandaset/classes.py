@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import difflib
+
 from appocc.errors import DataError
 
 _CATEGORY = {
@@ -59,7 +61,8 @@ def category_of(label: str) -> str:
         DataError: if PandaSet has no such class.
     """
     if label not in _CATEGORY:
-        raise DataError(f"PandaSet has no class '{label}'; it has {', '.join(sorted(_CATEGORY))}")
+        near = difflib.get_close_matches(label, _CATEGORY, n=1)
+        raise DataError(f"PandaSet has no class '{label}'{f'; the nearest is {near[0]!r}' if near else ''}")
     return _CATEGORY[label]
 
 

@@ -10,7 +10,6 @@ import numpy as np
 
 from appocc.boxes import Boxes
 from appocc.checks import ByteArray, FloatArray
-from appocc.errors import DataError
 from appocc.files import read_image, write_bytes, write_image
 from appocc.geometry import apply, interpolate_pose, inverse, mean_pose, quaternion_from_yaw, transform
 from appocc.nuscenes.dataset import LIDAR
@@ -173,17 +172,12 @@ def _annotation(cuboid: Cuboid, points_world: FloatArray | None) -> Annotation:
 
 
 def road_mask(road: RoadRaster) -> ByteArray:
-    """Mask picture at 10 px a metre, top row = largest y: 255 road, 0 other ground, 127 not known.
-
-    Raises:
-        DataError: if the raster's cells are no whole multiple of 0.1 m.
-    """
-    factor = round(road.cell_m / 0.1)
-    if factor < 1 or abs(factor * 0.1 - road.cell_m) > 1e-6:
-        raise DataError(f"road raster: expected cells of a multiple of 0.1 m, got {road.cell_m} m")
+    """Mask picture at 10 px a metre, top row = largest y: 255 road, 0 other ground, 127 not known."""
     grey = np.array([UNKNOWN_GREY, 255], np.uint8)[np.minimum(road.label, 1)]
     grey[road.label > 1] = 0
-    return cv2.resize(grey[::-1], None, fx=factor, fy=factor, interpolation=cv2.INTER_NEAREST).astype(np.uint8)
+    return cv2.resize(grey[::-1], None, fx=road.scale, fy=road.scale, interpolation=cv2.INTER_NEAREST).astype(
+        np.uint8
+    )
 
 
 def _add_road(road: RoadRaster, name: str, log: str, writer: Writer) -> None:

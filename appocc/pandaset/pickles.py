@@ -54,7 +54,7 @@ def read_pickles(sequence: Path, lidar: Path | None) -> Recording:
         )
     except AppoccError as error:
         raise DataError(f"{sequence}: {error}") from error
-    except (KeyError, TypeError, IndexError, ValueError, AttributeError) as error:
+    except (KeyError, TypeError, IndexError, ValueError, OverflowError, AttributeError) as error:
         raise DataError(f"{sequence}: not a published PandaSet sequence ({error!r})") from error
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from appocc.checks import FloatArray, check_transform
+from appocc.checks import FloatArray, check_finite, check_numbers, check_transform
 from appocc.errors import AppoccError, DataError
 from appocc.files import inside, read_json, zip_arrays
 from appocc.geometry import nearest_rigid
@@ -22,16 +22,16 @@ def read_plain(source: Path, lidar: Path | None) -> Recording:
         DataError: if a file is missing or damaged, or says something that cannot be true.
     """
     path = source / "frames.json"
-    data = read_json(path)
+    data, labels, road = read_json(path), _label_names(source), _road(source)
     try:
         frames = data["frames"]
         intrinsics = {CHANNELS[name]: np.array(k, dtype=np.float64) for name, k in data["intrinsics"].items()}
         moments = tuple(_moment(source, frame, lidar) for frame in frames if frame["has_images"])
         name = PurePosixPath(next(iter(frames[0]["cameras"].values()))["file"]).parts[0]
-        return Recording(name, moments, intrinsics, _label_names(source), _road(source), str(data.get("source", "")))
+        return Recording(name, moments, intrinsics, labels, road, str(data.get("source", "")))
     except AppoccError as error:
         raise DataError(f"{path}: {error}") from error
-    except (KeyError, TypeError, IndexError, ValueError, AttributeError, StopIteration) as error:
+    except (KeyError, TypeError, IndexError, ValueError, OverflowError, AttributeError, StopIteration) as error:
         raise DataError(f"{path}: not the plain twin of a PandaSet sequence ({error!r})") from error
 
 
@@ -67,9 +67,9 @@ def _cuboid(box: dict[str, Any]) -> Cuboid:
         np.array(box["centre_world"], dtype=np.float64),
         np.array(box["size_lwh"], dtype=np.float64),
         float(box["yaw_world"]),
-        box["motion"],
+        None if box["motion"] is None else str(box["motion"]),
         int(box["sensor_id"]),
-        box["sibling"],
+        None if box["sibling"] is None else str(box["sibling"]),
     )
 
 
@@ -77,6 +77,7 @@ def _sweep(path: Path) -> Sweep:
     """Points of one npz: centimetres in the ego frame."""
     try:
         with path.open("rb") as handle, zip_arrays(handle) as data:
+            check_numbers("points", data["xyz_cm_ego"])
             return Sweep(data["xyz_cm_ego"].astype(np.float64) / 100, data["intensity"], data["semseg"])
     except OSError as error:
         raise DataError(f"{path}: cannot be read ({error.strerror or error})") from error
@@ -86,9 +87,14 @@ def _sweep(path: Path) -> Sweep:
 
 def _label_names(source: Path) -> dict[int, str]:
     """Names of the point labels, from the first classes.json below the folder."""
-    for path in sorted(source.glob("*/annotations/semseg/classes.json")):
-        return {int(index): str(name) for index, name in read_json(path).items()}
-    return {}
+    path = next(iter(sorted(source.glob("*/annotations/semseg/classes.json"))), None)
+    if path is None:
+        return {}
+    names = read_json(path)
+    try:
+        return {int(index): str(name) for index, name in names.items()}
+    except (ValueError, AttributeError) as error:
+        raise DataError(f"{path}: expected names of labels by number ({error!r})") from error
 
 
 def _road(source: Path) -> RoadRaster | None:
@@ -98,6 +104,8 @@ def _road(source: Path) -> RoadRaster | None:
         return None
     try:
         with path.open("rb") as handle, zip_arrays(handle) as data:
+            check_numbers("label", data["label"])
+            check_finite("label", data["label"])
             origin = (float(data["x0"]), float(data["y0"]))
             return RoadRaster(data["label"].astype(np.uint8), origin, float(data["resolution"]))
     except Exception as error:  # as above

@@ -12,8 +12,18 @@ from pathlib import Path
 
 import numpy as np
 
-from appocc.checks import ByteArray, FloatArray, check_dtype, check_finite, check_shape, check_transform
+from appocc.checks import (
+    ByteArray,
+    FloatArray,
+    check_dtype,
+    check_finite,
+    check_intrinsic,
+    check_place,
+    check_shape,
+    check_transform,
+)
 from appocc.errors import DataError, ShapeError
+from appocc.pandaset.classes import category_of
 
 # PandaSet's camera folders and the nuScenes-style channels they become.
 CHANNELS = {
@@ -24,6 +34,12 @@ CHANNELS = {
     "right_camera": "CAM_RIGHT",
     "back_camera": "CAM_BACK",
 }
+
+
+def _check_time(name: str, time_s: float) -> None:
+    """Check seconds since 1970, up to the year 5138: more would not fit whole microseconds."""
+    if not 0 <= time_s < 1e11:
+        raise ShapeError(f"{name}: expected seconds since 1970, got {time_s:g}")
 
 
 @dataclass(frozen=True)
@@ -38,9 +54,9 @@ class Image:
         """Check time and pose.
 
         Raises:
-            ShapeError: if the time is not finite or the pose is none.
+            ShapeError: if the time or the pose is none.
         """
-        check_finite(f"{self.path.name} time", np.array(self.time_s))
+        _check_time(f"{self.path.name} time", self.time_s)
         check_transform(f"{self.path.name} world_from_cam", self.world_from_cam)
 
 
@@ -62,11 +78,13 @@ class Cuboid:
 
         Raises:
             ShapeError: if one is missing or not finite, or a size is not positive.
+            DataError: if PandaSet has no such class.
         """
         check_shape(f"cuboid {self.track} centre", self.centre_world_m, (3,))
         check_shape(f"cuboid {self.track} size", self.size_lwh_m, (3,))
-        check_finite(f"cuboid {self.track} centre", self.centre_world_m)
-        check_finite(f"cuboid {self.track} size", self.size_lwh_m)
+        category_of(self.label)
+        check_place(f"cuboid {self.track} centre", self.centre_world_m)
+        check_place(f"cuboid {self.track} size", self.size_lwh_m)
         check_finite(f"cuboid {self.track} yaw", np.array(self.yaw_world_rad))
         if self.size_lwh_m.min() <= 0:
             raise ShapeError(f"cuboid {self.track} size: expected positive sizes, got {self.size_lwh_m.tolist()}")
@@ -81,12 +99,15 @@ class Sweep:
     labels: ByteArray | None
 
     def __post_init__(self) -> None:
-        """Check that every point has an intensity and, if any has, a label.
+        """Check that there are points, and that each has a place, an intensity and, if any has, a label.
 
         Raises:
-            ShapeError: if one does not fit.
+            ShapeError: if not.
         """
         check_shape("points", self.points_ego_m, (None, 3))
+        check_place("points", self.points_ego_m)
+        if not len(self.points_ego_m):
+            raise ShapeError("points: expected some, got none")
         for name, values in (("intensity", self.intensity), ("labels", self.labels)):
             if values is not None:
                 check_shape(name, values, (len(self.points_ego_m),))
@@ -108,9 +129,9 @@ class Moment:
         """Check time and pose.
 
         Raises:
-            ShapeError: if the time is not finite or the pose is none.
+            ShapeError: if the time or the pose is none.
         """
-        check_finite(f"frame {self.index} time", np.array(self.time_s))
+        _check_time(f"frame {self.index} time", self.time_s)
         check_transform(f"frame {self.index} world_from_ego", self.world_from_ego)
 
 
@@ -121,6 +142,25 @@ class RoadRaster:
     label: ByteArray
     origin_m: tuple[float, float]
     cell_m: float
+
+    def __post_init__(self) -> None:
+        """Check that the raster can become a mask of 10 px a metre.
+
+        Raises:
+            ShapeError: if it has no cells, no place, or cells that are no whole multiple of 0.1 m.
+        """
+        check_shape("label", self.label, (None, None))
+        if not self.label.size:
+            raise ShapeError(f"label: expected some cells, got {self.label.shape}")
+        check_place("origin", np.array(self.origin_m))
+        check_place("resolution", np.array(self.cell_m))
+        if not 1 <= self.scale <= 100 or abs(self.scale * 0.1 - self.cell_m) > 1e-6:
+            raise ShapeError(f"resolution: expected a multiple of 0.1 m up to 10 m, got {self.cell_m} m")
+
+    @property
+    def scale(self) -> int:
+        """Cells of 0.1 m along the side of one of these."""
+        return round(self.cell_m / 0.1)
 
 
 @dataclass(frozen=True)
@@ -148,10 +188,11 @@ class Recording:
         for channel in sorted({channel for moment in self.moments for channel in moment.images}):
             if channel not in self.intrinsics:
                 raise DataError(f"sequence {self.name}: {channel} has images but no intrinsic matrix")
-            check_shape(f"{channel} intrinsic", self.intrinsics[channel], (3, 3))
-            check_finite(f"{channel} intrinsic", self.intrinsics[channel])
+            check_intrinsic(f"{channel} intrinsic", self.intrinsics[channel])
         if any(not 0 <= index < 256 for index in self.label_names):
             raise DataError(f"sequence {self.name}: expected point labels 0..255, got {sorted(self.label_names)[-1]}")
+        for label in self.label_names.values():
+            category_of(label)
 
 
 def without_twins(cuboids: tuple[Cuboid, ...]) -> tuple[Cuboid, ...]:

@@ -45,6 +45,10 @@ BAD: dict[str, tuple[Change, str]] = {
         lambda d: d["intrinsics"].update(front_camera=[[float("nan"), 0, 1], [0, 1, 1], [0, 0, 1]]),
         r"CAM_FRONT intrinsic: expected finite numbers",
     ),
+    "intrinsics without depth": (
+        lambda d: d["intrinsics"].update(front_camera=[[1, 0, 0], [0, 1, 0], [0, 0, 0]]),
+        r"CAM_FRONT intrinsic: expected last row \[0, 0, 1\]",
+    ),
     "intrinsics missing": (
         lambda d: d["intrinsics"].pop("left_camera"),
         r"CAM_LEFT has images but no intrinsic matrix",
@@ -52,10 +56,18 @@ BAD: dict[str, tuple[Change, str]] = {
     "unknown camera": (lambda d: d["intrinsics"].update(roof_camera=[]), r"'roof_camera'"),
     "no time": (lambda d: d["frames"][2].pop("t_lidar"), r"'t_lidar'"),
     "time no number": (lambda d: d["frames"][2].update(t_lidar="soon"), r"ValueError.*soon"),
-    "time NaN": (lambda d: d["frames"][2].update(t_lidar=float("nan")), r"frame 2 time: expected finite"),
+    "time NaN": (
+        lambda d: d["frames"][2].update(t_lidar=float("nan")),
+        r"frame 2 time: expected seconds since 1970, got nan",
+    ),
+    "time before 1970": (lambda d: d["frames"][2].update(t_lidar=-5), r"expected seconds since 1970, got -5"),
+    "number infinite": (lambda d: d["frames"][2].update(i=float("inf")), r"OverflowError"),
     "time back": (lambda d: d["frames"][4].update(t_lidar=1.0), r"times do not rise"),
     "no camera time": (lambda d: front(d).pop("t"), r"'t'"),
-    "camera time NaN": (lambda d: front(d).update(t=float("inf")), r"02\.jpg time: expected finite"),
+    "camera time NaN": (
+        lambda d: front(d).update(t=float("inf")),
+        r"02\.jpg time: expected seconds since 1970, got inf",
+    ),
     "no camera pose": (lambda d: front(d).pop("T_world_cam"), r"'T_world_cam'"),
     "camera pose NaN": (
         lambda d: front(d)["T_world_cam"][0].__setitem__(3, float("nan")),
@@ -82,7 +94,7 @@ BAD: dict[str, tuple[Change, str]] = {
     "box flat": (lambda d: box(d).update(size_lwh=[4, 0, 1]), r"cuboid car size: expected positive sizes, got \[4"),
     "box class": (
         lambda d: box(d).update({"class": "Spaceship"}),
-        r"PandaSet has no class 'Spaceship'; it has Animals",
+        r"frames\.json: PandaSet has no class 'Spaceship'",
     ),
     "box sensor": (lambda d: box(d).update(sensor_id=None), r"TypeError"),
 }

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from appocc.boxes import is_vehicle
 from appocc.errors import DataError, ShapeError
 from appocc.nuscenes.writer import CATEGORIES
 from appocc.pandaset.classes import attribute_of, category_of
-from appocc.pandaset.recording import Cuboid, Image, Moment, Recording, Sweep, without_twins
+from appocc.pandaset.recording import Cuboid, Image, Moment, Recording, RoadRaster, Sweep, without_twins
 
 
 def cuboid(track: str, sensor: int = -1, sibling: str | None = None) -> Cuboid:
@@ -47,6 +48,8 @@ def test_what_a_recording_must_be() -> None:
         replace(good, intrinsics={"CAM_FRONT": np.eye(4)})
     with pytest.raises(DataError, match=r"expected point labels 0\.\.255, got 256"):
         replace(good, label_names={256: "Road"})
+    with pytest.raises(DataError, match="PandaSet has no class 'Rode'; the nearest is 'Road'"):
+        replace(good, label_names={7: "Rode"})
 
 
 def test_what_its_parts_must_be() -> None:
@@ -75,9 +78,27 @@ def test_what_a_sweep_must_be() -> None:
         (points[:2], bytes_, bytes_),
         (points, bytes_[:2], None),
         (points, bytes_, bytes_.astype(np.int64)),
+        (points * np.nan, bytes_, bytes_),
+        (points[:0], bytes_[:0], None),
     ):
         with pytest.raises(ShapeError, match="expected"):
             Sweep(*wrong)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"label": np.zeros(5, np.uint8)}, r"label: expected shape"),
+        ({"label": np.zeros((0, 5), np.uint8)}, "label: expected some cells"),
+        ({"origin_m": (float("nan"), 0.0)}, "origin: expected finite"),
+        *(({"cell_m": size}, "resolution: expected") for size in (0.25, 0.04, 0.0, -0.2, float("nan"), 1e9, 10.1)),
+    ],
+)
+def test_what_a_road_raster_must_be(change: dict[str, Any], message: str) -> None:
+    good = RoadRaster(np.zeros((2, 3), np.uint8), (0.0, 0.0), 0.2)
+    assert good.scale == 2
+    with pytest.raises(ShapeError, match=message):
+        replace(good, **change)
 
 
 # As the design says: PandaSet's classes that are vehicles.
@@ -108,7 +129,7 @@ def test_classes() -> None:
         assert not is_vehicle(category_of(label))
     assert category_of("Road") == category_of("Lane Line Marking") == "flat.driveable_surface"
     assert category_of("Driveway") == category_of("Sidewalk") == "flat.sidewalk"
-    with pytest.raises(DataError, match="PandaSet has no class 'Car '; it has"):
+    with pytest.raises(DataError, match="PandaSet has no class 'Car '; the nearest is 'Car'"):
         category_of("Car ")
 
 

@@ -149,3 +149,10 @@ def test_coarse_grids_work() -> None:
     grid = BEVGrid(cell_m=2.0)
     found = find_blobs(map_of([Car(10.0, 1.0, length_m=8.0, width_m=2.0)], grid=grid)).centroid_m
     np.testing.assert_allclose(np.sort(found[:, 0]), [8.0, 12.0])
+
+
+def test_a_single_cell_larger_than_cars_is_not_cut() -> None:
+    grid = BEVGrid(cell_m=80.0)
+    one = np.ones((3, 1, 1), np.bool_)
+    bev = BEVMap(grid, one.astype(np.float32), one, one.astype(np.uint8), one[0].copy())
+    assert len(find_blobs(bev)) == 1
