@@ -121,7 +121,7 @@ def bev_path(root: Path, source: str, sample_token: str) -> Path:
     Raises:
         DataError: if the token leads elsewhere.
     """
-    return bev_folder(root, source) / f"{plain_name(sample_token)}.npz"
+    return bev_folder(root, source) / f"{plain_name(root, sample_token)}.npz"
 
 
 def load_map(root: Path, source: str, sample_token: str) -> BEVMap:

@@ -43,14 +43,14 @@ def stays_inside(name: str) -> bool:
     return not anchored and bool(name.strip("./\\")) and ".." not in parts and "\0" not in name
 
 
-def plain_name(name: str) -> str:
-    """A name from a table that is to become the name of a file or folder, as it is.
+def plain_name(root: Path, name: str) -> str:
+    """A name from a table of `root` that is to become the name of a file or folder, as it is.
 
     Raises:
         DataError: if it is empty, or has parts that lead elsewhere.
     """
     if name in ("", ".", "..") or any(character in name for character in "/\\\0"):
-        raise DataError(f"'{name}': expected a plain name to write files under, got one that leads elsewhere")
+        raise DataError(f"{root}: expected a name for a file, got '{name}', which is none or leads elsewhere")
     return name
 
 

@@ -37,7 +37,7 @@ def track(
         check_name(video)
     dataset = Dataset(root, version)
     wanted = dataset.scene(scene)
-    folder = out or root / "tracks" / plain_name(wanted.name)
+    folder = out or root / "tracks" / plain_name(root, wanted.name)
     frames = len(dataset.samples(wanted))
     with progress("tracking", frames) as advance:
         result = track_scene(dataset, wanted, bev, advance=advance)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -61,12 +62,15 @@ def track_scene(
     """Follow the vehicles of a scene through its maps; `advance` is called with the number of key frames done.
 
     Raises:
-        DataError: if the scene has no key frames, or a map is missing or damaged.
+        DataError: if the scene has no key frames or two at one time, or a map is missing or damaged.
     """
     tracker = tracker or Tracker()
     samples = dataset.samples(scene)
     if not samples:
         raise DataError(f"{dataset.root}: scene '{scene.name}' has no key frames")
+    for one, other in pairwise(samples):
+        if one.timestamp_us == other.timestamp_us:
+            raise DataError(f"{dataset.tables.path('sample')}: {one.token} and {other.token} have the same time")
     poses, tracks = [], []
     for sample in samples:
         pose = dataset.world_from_ego(sample)
