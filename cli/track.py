@@ -81,7 +81,9 @@ def _show(scores: dict[str, Metrics] | None) -> None:
         shares = [_known(100 * share, 1) for share in (m.MOTA, m.IDF1, m.HOTA)]
         counts = [str(count) for count in (m.IDS, m.FRAG, m.FP, m.FN, m.GT)]
         table.add_row(kind, *shares, _known(m.MOTP, 2), *counts)
-    Console(stderr=True).print(table)
+    console = Console(stderr=True)
+    console.width = max(console.width, 80)  # in a narrow window lines break, but no number is left out
+    console.print(table)
 
 
 def _known(value: float, digits: int) -> str:
