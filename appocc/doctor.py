@@ -129,7 +129,7 @@ def contents_of(dataset: Dataset) -> Contents:
         sum(scene.log_token in masked for scene in dataset.scenes),
         len(expansions),
         len(tables["lidarseg"]),
-        {folder.name: len(list(folder.glob("*.npz"))) for folder in sorted(root.glob("bev/*")) if folder.is_dir()},
+        {folder.name: len(list(folder.glob("[!.]*.npz"))) for folder in sorted(root.glob("bev/*")) if folder.is_dir()},
     )
 
 

@@ -50,8 +50,10 @@ def write_video(
         finally:
             if writer is not None:
                 writer.release()
-        if not temporary.stat().st_size:
-            raise DataError(f"{path}: the video could not be encoded")
+        # OpenCV does not say when a picture could not be encoded or, on a full disk, written.
+        written = _pictures_in(temporary)
+        if written != len(result.samples):
+            raise DataError(f"{path}: only {written} of {len(result.samples)} pictures were written: disk full?")
 
 
 def check_name(path: Path) -> None:
@@ -83,6 +85,17 @@ def _open(path: Path, picture: ByteArray, rate_hz: float) -> cv2.VideoWriter:
     # OpenCV complains of the tag it was given and then writes proper VP8.
     with _without_stderr():
         return cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"VP80"), rate_hz, size)
+
+
+def _pictures_in(path: Path) -> int:
+    """How many pictures a video holds, by reading it."""
+    count = 0
+    with _without_stderr():
+        reader = cv2.VideoCapture(str(path))
+        while reader.grab():
+            count += 1
+        reader.release()
+    return count
 
 
 def _rate_hz(result: SceneTracks) -> float:
