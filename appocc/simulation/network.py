@@ -1,0 +1,238 @@
+"""The road network of a town: lanes, junctions and signals, as SUMO's network files hold them."""
+
+from __future__ import annotations
+
+import gzip
+import zlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Literal
+from xml.etree import ElementTree
+
+import numpy as np
+
+from appocc.checks import FloatArray, check_finite, frozen
+from appocc.errors import DataError, NotFoundError
+
+LaneKind = Literal["driving", "parking", "cycling", "walking", "shoulder", "other"]
+# Lanes of these classes in SUMO's words; what nobody may use beside a road is a parking lane (see `making.layout`).
+_DRIVERS = frozenset({"passenger", "private", "taxi", "bus", "truck", "delivery"})
+_TYPES: dict[str, LaneKind] = {
+    "parking": "parking",
+    "sidewalk": "walking",
+    "shoulder": "shoulder",
+    "biking": "cycling",
+}
+
+
+@dataclass(frozen=True)
+class Lane:
+    """A lane.
+
+    Attributes:
+        name: SUMO's id, such as `a_0`; inside junctions it begins with a colon.
+        edge: name of the edge it belongs to.
+        index: 0 is the rightmost.
+        kind: who may use it.
+        width_m: width.
+        speed_mps: speed limit.
+        centre_m: (N, 2) centre line in the direction of travel, town frame.
+    """
+
+    name: str
+    edge: str
+    index: int
+    kind: LaneKind
+    width_m: float
+    speed_mps: float
+    centre_m: FloatArray
+
+    def __post_init__(self) -> None:
+        """Check the centre line.
+
+        Raises:
+            ShapeError: if it is not finite.
+        """
+        check_finite(f"lane {self.name}", self.centre_m)
+        frozen(self.centre_m)
+
+
+@dataclass(frozen=True)
+class Edge:
+    """One direction of a street between two junctions; lanes from right to left."""
+
+    name: str
+    from_junction: str
+    to_junction: str
+    priority: int
+    lanes: tuple[Lane, ...]
+
+
+@dataclass(frozen=True)
+class Junction:
+    """A junction: its outline (N, 2) in metres, and how right of way is settled (SUMO's type)."""
+
+    name: str
+    kind: str
+    centre_m: FloatArray
+    outline_m: FloatArray
+
+
+@dataclass(frozen=True)
+class Connection:
+    """A way over a junction from lane to lane.
+
+    Attributes:
+        from_lane: name of the lane that ends at the junction.
+        to_lane: name of the lane that begins there.
+        via: name of the lane inside, empty if there is none.
+        direction: s straight, l left, r right, t turnaround, L and R partly.
+        signal: name of the traffic light, empty if there is none.
+        link: number of the link in the light's state, -1 if there is none.
+    """
+
+    from_lane: str
+    to_lane: str
+    via: str
+    direction: str
+    signal: str
+    link: int
+
+
+@dataclass(frozen=True)
+class RoadNetwork:
+    """All streets of a town, in the town frame: metres, x east, y north.
+
+    Attributes:
+        edges: streets, one entry a direction.
+        inner_lanes: lanes inside junctions.
+        junctions: junctions with an outline.
+        connections: ways over the junctions.
+        low_m: (2,) lower corner of the streets' bounds.
+        high_m: (2,) upper corner.
+        offset_m: (2,) that was added to the source's coordinates (OpenDRIVE).
+    """
+
+    edges: tuple[Edge, ...]
+    inner_lanes: tuple[Lane, ...]
+    junctions: tuple[Junction, ...]
+    connections: tuple[Connection, ...]
+    low_m: FloatArray
+    high_m: FloatArray
+    offset_m: FloatArray
+
+    @cached_property
+    def lanes(self) -> Mapping[str, Lane]:
+        """All lanes by name, those inside junctions included."""
+        outside = (lane for edge in self.edges for lane in edge.lanes)
+        return {lane.name: lane for lane in (*outside, *self.inner_lanes)}
+
+    @cached_property
+    def _edge_between(self) -> Mapping[tuple[str, str], Edge]:
+        return {(edge.from_junction, edge.to_junction): edge for edge in self.edges}
+
+    def opposite(self, edge: Edge) -> Edge | None:
+        """The other direction of the same street, None of a one-way street."""
+        return self._edge_between.get((edge.to_junction, edge.from_junction))
+
+    def lane(self, name: str) -> Lane:
+        """A lane by name.
+
+        Raises:
+            NotFoundError: if there is none.
+        """
+        if name not in self.lanes:
+            raise NotFoundError(f"the town has no lane '{name}'")
+        return self.lanes[name]
+
+
+def read_network(path: Path) -> RoadNetwork:
+    """Read a SUMO network (.net.xml or .net.xml.gz).
+
+    Raises:
+        DataError: if it is missing, damaged, or no network.
+    """
+    try:
+        data = path.read_bytes()
+        root = ElementTree.fromstring(gzip.decompress(data) if path.suffix == ".gz" else data)
+        return _network(root)
+    except OSError as error:
+        raise DataError(f"{path}: cannot be read ({error.strerror or error})") from error
+    except (ElementTree.ParseError, ValueError, TypeError, EOFError, zlib.error) as error:
+        raise DataError(f"{path}: no SUMO network ({error})") from error
+
+
+def _network(root: ElementTree.Element) -> RoadNetwork:
+    if root.tag != "net":
+        raise ValueError(f"expected the element 'net', got '{root.tag}'")
+    location = root.find("location")
+    if location is None:
+        raise ValueError("it has no location")
+    bounds = [float(v) for v in str(location.get("convBoundary")).split(",")]
+    offset = [float(v) for v in str(location.get("netOffset")).split(",")]
+    inside = [e for e in root.iter("edge") if e.get("function") == "internal"]
+    return RoadNetwork(
+        tuple(_edge(e) for e in root.iter("edge") if e.get("function", "normal") == "normal"),
+        tuple(_lane(lane, str(e.get("id"))) for e in inside for lane in e.iter("lane")),
+        tuple(_junction(j) for j in root.iter("junction") if j.get("type") != "internal" and j.get("shape")),
+        tuple(_connection(c) for c in root.iter("connection") if not str(c.get("from")).startswith(":")),
+        np.array(bounds[:2]),
+        np.array(bounds[2:]),
+        np.array(offset),
+    )
+
+
+def _points(text: str | None) -> FloatArray:
+    """`x,y x,y ...` or `x,y,z x,y,z ...` as (N, 2); heights are left out: towns are flat."""
+    return np.array([[float(v) for v in point.split(",")[:2]] for point in (text or "").split()]).reshape(-1, 2)
+
+
+def _edge(element: ElementTree.Element) -> Edge:
+    name = str(element.get("id"))
+    return Edge(
+        name,
+        str(element.get("from")),
+        str(element.get("to")),
+        int(element.get("priority", "-1")),
+        tuple(_lane(lane, name) for lane in element.iter("lane")),
+    )
+
+
+def _lane(element: ElementTree.Element, edge: str) -> Lane:
+    return Lane(
+        str(element.get("id")),
+        edge,
+        int(element.get("index", "0")),
+        _kind(element),
+        float(element.get("width", "3.2")),
+        float(element.get("speed", "13.9")),
+        _points(element.get("shape")),
+    )
+
+
+def _kind(element: ElementTree.Element) -> LaneKind:
+    if element.get("type") in _TYPES:
+        return _TYPES[str(element.get("type"))]
+    allowed, forbidden = element.get("allow"), str(element.get("disallow", "")).split()
+    if allowed is None:
+        return "parking" if "all" in forbidden else "driving" if not set(forbidden) >= _DRIVERS else "other"
+    words = set(allowed.split())
+    return "driving" if words & _DRIVERS else "cycling" if "bicycle" in words else "walking"
+
+
+def _junction(element: ElementTree.Element) -> Junction:
+    centre = np.array([float(element.get("x", "nan")), float(element.get("y", "nan"))])
+    return Junction(str(element.get("id")), str(element.get("type")), centre, _points(element.get("shape")))
+
+
+def _connection(element: ElementTree.Element) -> Connection:
+    return Connection(
+        f"{element.get('from')}_{element.get('fromLane')}",
+        f"{element.get('to')}_{element.get('toLane')}",
+        element.get("via", ""),
+        element.get("dir", ""),
+        element.get("tl", ""),
+        int(element.get("linkIndex", "-1")),
+    )

@@ -1,0 +1,110 @@
+"""Rays against the town, its actors and the ground plane (Embree)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numba
+import numpy as np
+from embreex import rtcore_scene
+from embreex.mesh_construction import TriangleMesh
+from numpy.typing import NDArray
+
+from appocc.checks import BoolArray, ByteArray, Float32Array
+from appocc.simulation.mesh import Mesh
+
+SKY, GROUND, TOWN, ACTOR = range(4)
+_FAR_M = np.float32(1e30)
+
+
+@dataclass(frozen=True)
+class Hits:
+    """What N rays met first.
+
+    Attributes:
+        distance_m: (N,) float32 along the ray; infinite where it meets the sky.
+        source: (N,) uint8: SKY, GROUND (the plane z = 0), TOWN or ACTOR.
+        face: (N,) int32 face of the mesh of TOWN or ACTOR, else -1.
+        uv: (N, 2) float32 barycentric weights of the face's second and third vertex.
+    """
+
+    distance_m: Float32Array
+    source: ByteArray
+    face: NDArray[np.int32]
+    uv: Float32Array
+
+
+class Tracer:
+    """Traces rays in the town frame; the actors' mesh is replaced for every moment, the town's stays."""
+
+    def __init__(self, solid: Mesh) -> None:
+        """Build the search tree of what stands in the town."""
+        self._solid = _scene(solid)
+        self._actors: Any = None
+
+    def set_actors(self, actors: Mesh) -> None:
+        """Put other actors into the town."""
+        self._actors = _scene(actors)
+
+    def nearest(self, origins: Float32Array, directions: Float32Array) -> Hits:
+        """What rays from (N, 3) along unit (N, 3) meet first; float32, town frame."""
+        distance, source = _plane(origins, directions)
+        face = np.full(len(distance), -1, np.int32)
+        uv = np.zeros((len(distance), 2), np.float32)
+        for number, scene in ((TOWN, self._solid), (ACTOR, self._actors)):
+            if scene is not None:
+                # Embree overwrites the limits it is given.
+                found = scene.run(origins, directions, dists=distance.copy(), query="INTERSECT", output=1)
+                _take(found["primID"], found["tfar"], found["u"], found["v"], number, distance, source, face, uv)
+        distance[source == SKY] = np.inf
+        return Hits(distance, source, face, uv)
+
+    def blocked(self, origins: Float32Array, directions: Float32Array) -> BoolArray:
+        """Whether rays from (N, 3) along unit (N, 3) meet the town or an actor (the ground does not count)."""
+        blocked = np.zeros(len(origins), np.bool_)
+        for scene in (self._solid, self._actors):
+            if scene is not None:
+                blocked |= scene.run(origins, directions, query="OCCLUDED") == 0
+        return blocked
+
+
+def _scene(mesh: Mesh) -> Any:
+    """Embree's scene of a mesh; None of an empty one."""
+    if not len(mesh.faces):
+        return None
+    scene = rtcore_scene.EmbreeScene()
+    TriangleMesh(scene, np.array(mesh.vertices_m), np.array(mesh.faces))
+    return scene
+
+
+@numba.njit(cache=True, nogil=True)
+def _plane(origins: Float32Array, directions: Float32Array) -> tuple[Float32Array, ByteArray]:
+    """Distance to the plane z = 0 and GROUND, or far away and SKY."""
+    count = len(origins)
+    distance, source = np.empty(count, np.float32), np.empty(count, np.uint8)
+    for i in range(count):
+        down = directions[i, 2]
+        meets = down < -1e-6 and origins[i, 2] > 0
+        distance[i] = -origins[i, 2] / down if meets else _FAR_M
+        source[i] = GROUND if meets else SKY
+    return distance, source
+
+
+@numba.njit(cache=True, nogil=True)
+def _take(
+    found: NDArray[np.int32],
+    tfar: Float32Array,
+    u: Float32Array,
+    v: Float32Array,
+    number: int,
+    distance: Float32Array,
+    source: ByteArray,
+    face: NDArray[np.int32],
+    uv: Float32Array,
+) -> None:
+    """Where a scene was met, it was nearer than all before: enter it."""
+    for i in range(len(found)):
+        if found[i] >= 0:
+            distance[i], source[i], face[i] = tfar[i], number, found[i]
+            uv[i, 0], uv[i, 1] = u[i], v[i]

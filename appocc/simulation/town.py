@@ -1,0 +1,48 @@
+"""A town that can be rendered: ground, everything that stands, lamps, and its vector map."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from appocc.checks import FloatArray
+from appocc.simulation.mesh import Mesh
+from appocc.simulation.plan import TownPlan
+from appocc.simulation.surface import Ground
+
+
+@dataclass(frozen=True)
+class VectorMap:
+    """Lines and areas of the street map, (N, 2) each, town frame.
+
+    Attributes:
+        lane_dividers: painted lines between lanes of one direction and along edges; a dash is a line of its own.
+        road_dividers: painted lines between the two directions.
+        stop_lines: outlines of stop lines.
+        drivable: outlines of where cars may drive.
+        walkways: outlines of pavements (may be empty).
+    """
+
+    lane_dividers: tuple[FloatArray, ...]
+    road_dividers: tuple[FloatArray, ...]
+    stop_lines: tuple[FloatArray, ...]
+    drivable: tuple[FloatArray, ...]
+    walkways: tuple[FloatArray, ...] = ()
+
+
+@dataclass(frozen=True)
+class Town:
+    """Everything in a town that does not move.
+
+    Attributes:
+        plan: what it was built from.
+        ground: labels and colours of the plane z = 0.
+        solid: mesh of all that stands on it.
+        lamps_m: (L, 3) positions of the street lamps' lights, town frame.
+        map: its lines and areas.
+    """
+
+    plan: TownPlan
+    ground: Ground
+    solid: Mesh
+    lamps_m: FloatArray
+    map: VectorMap
