@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from appocc.checks import BoolArray, ByteArray, Float32Array, check_dtype, check_numbers, check_shape, frozen
 from appocc.errors import DataError, ShapeError
@@ -60,8 +61,10 @@ class BEVMap:
                 f"occupancy: expected values in [0, 1], got {self.occupancy.min()}..{self.occupancy.max()}"
             )
 
-    def save(self, path: Path) -> None:
+    def save(self, path: Path, more: Mapping[str, NDArray[np.generic]] | None = None) -> None:
         """Write `path` (.npz, compressed, whole or not at all; the same map gives the same bytes).
+
+        `more` arrays are kept beside the map's own under names that `load` leaves alone.
 
         Raises:
             DataError: if it cannot be written.
@@ -76,6 +79,7 @@ class BEVMap:
                 appearance_valid=self.appearance_valid,
                 grid=self.grid.as_array(),
                 meta=np.array(json.dumps(dict(self.meta), sort_keys=True)),
+                **(more or {}),  # type: ignore[arg-type]
             )
 
     @classmethod

@@ -116,6 +116,7 @@ def contents_of(dataset: Dataset) -> Contents:
     tables, root = dataset.tables, dataset.root
     masked = {token for tokens in tables["map"]["log_tokens"] for token in tokens}
     expansions = [*root.glob("maps/expansion/*.json"), *root.glob("maps/*.json")]
+    sources = [folder for folder in sorted(root.glob("bev/*")) if folder.is_dir()]
     return Contents(
         str(root),
         dataset.tables.version,
@@ -129,7 +130,7 @@ def contents_of(dataset: Dataset) -> Contents:
         sum(scene.log_token in masked for scene in dataset.scenes),
         len(expansions),
         len(tables["lidarseg"]),
-        {folder.name: len(list(folder.glob("[!.]*.npz"))) for folder in sorted(root.glob("bev/*")) if folder.is_dir()},
+        {folder.name: len(list(folder.glob("[!.]*.npz"))) for folder in sources},
     )
 
 

@@ -16,6 +16,7 @@ from cli.demo import demo
 from cli.doctor import doctor
 from cli.ground import ground
 from cli.groundtruth import groundtruth
+from cli.simulate import simulate
 from cli.track import track
 
 app = typer.Typer(
@@ -27,6 +28,7 @@ app = typer.Typer(
 )
 
 app.command()(demo)
+app.command()(simulate)
 app.command()(convert)
 app.command()(doctor)
 app.command()(groundtruth)

@@ -22,10 +22,11 @@ from appocc.groundtruth.inputs import SampleInput, SceneInputs, gather
 from appocc.groundtruth.occupancy import RoadSources
 from appocc.groundtruth.painting import Painted, paint_sample, pool_over_time
 from appocc.groundtruth.surface import build_surface, exposure_gains
-from appocc.groundtruth.workers import Work, worker_pool
+from appocc.groundtruth.work import Work
 from appocc.nuscenes.dataset import Dataset
 from appocc.nuscenes.maps import mask_window, vector_map
 from appocc.nuscenes.records import Scene
+from appocc.workers import worker_pool
 
 SOURCE = "groundtruth"
 

@@ -136,6 +136,8 @@ EXTRA_TABLES: dict[str, tuple[Field, ...]] = {
     "lidarseg": _LABEL_FILES,
     "pointlabels": _LABEL_FILES,
     "pointlabels_category": (_TOKEN, Field("name", "name"), Field("index", "any", required=False)),
+    # True paints of simulated vehicles: sRGB 0..255 and the colour's name.
+    "paint": (_TOKEN, _ref("instance_token", "instance"), Field("rgb", "vector", width=3), Field("name", "name")),
 }
 # Tables of label files of LiDAR points, the finest first (nuScenes-lidarseg knows no lane markings), and for each
 # the table that names its labels by `index`.

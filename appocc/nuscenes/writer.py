@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import shutil
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -188,8 +188,8 @@ class Writer:
             next="",
         )
 
-    def add_annotation(self, scene: str, sample: str, box: Annotation) -> str:
-        """Add a box of a sample; returns its token.
+    def add_annotation(self, scene: str, sample: str, box: Annotation, velocity_mps: FloatArray | None = None) -> str:
+        """Add a box of a sample, with its velocity (2,) in the world where that is known; returns its token.
 
         Raises:
             ShapeError: if its category is none of nuScenes'.
@@ -210,7 +210,15 @@ class Writer:
             num_lidar_pts=box.lidar_points,
             num_radar_pts=0,
             category=box.category,
+            **({} if velocity_mps is None else {"velocity": velocity_mps.tolist()}),
         )
+
+    def absorb(self, rows: Mapping[str, Sequence[Row]], extra: Mapping[str, Sequence[Row]]) -> None:
+        """Take over the rows of another writer that has not been saved; rows that are there already come once."""
+        for mine, theirs in ((self.rows, rows), (self.extra, extra)):
+            for name, found in theirs.items():
+                known = {row["token"] for row in mine.setdefault(name, [])}
+                mine[name] += [row for row in found if row["token"] not in known]
 
     def save(self) -> None:
         """Link the chains, derive the instances and write all tables.

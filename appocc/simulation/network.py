@@ -24,6 +24,10 @@ _TYPES: dict[str, LaneKind] = {
     "sidewalk": "walking",
     "shoulder": "shoulder",
     "biking": "cycling",
+    "border": "other",
+    "median": "other",
+    "none": "other",
+    "restricted": "other",
 }
 
 
@@ -205,19 +209,21 @@ def _lane(element: ElementTree.Element, edge: str) -> Lane:
         str(element.get("id")),
         edge,
         int(element.get("index", "0")),
-        _kind(element),
+        _kind(element, inside=edge.startswith(":")),
         float(element.get("width", "3.2")),
         float(element.get("speed", "13.9")),
         _points(element.get("shape")),
     )
 
 
-def _kind(element: ElementTree.Element) -> LaneKind:
+def _kind(element: ElementTree.Element, inside: bool) -> LaneKind:
     if element.get("type") in _TYPES:
         return _TYPES[str(element.get("type"))]
     allowed, forbidden = element.get("allow"), str(element.get("disallow", "")).split()
+    if allowed is None and "all" in forbidden:
+        return "other" if inside else "parking"  # nobody parks on a junction: there they join pavements, shoulders
     if allowed is None:
-        return "parking" if "all" in forbidden else "driving" if not set(forbidden) >= _DRIVERS else "other"
+        return "driving" if not set(forbidden) >= _DRIVERS else "other"
     words = set(allowed.split())
     return "driving" if words & _DRIVERS else "cycling" if "bicycle" in words else "walking"
 

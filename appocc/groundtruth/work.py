@@ -1,0 +1,35 @@
+"""Jobs of one scene, and how far they have come."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Executor
+from typing import TypeVar
+
+from appocc.workers import no_interrupts
+
+T = TypeVar("T")
+R = TypeVar("R")
+
+
+class Work:
+    """Jobs of one scene, done in order by whoever is free, and how far they have come in samples."""
+
+    def __init__(self, pool: Executor | None, advance: Callable[[float], None], samples: int) -> None:
+        """Begin with a scene of so many samples to be made; `advance` is called with parts of them."""
+        self._pool, self._advance, self._left = pool, advance, float(samples)
+
+    def done(self, job: Callable[[T], R], items: Sequence[T], share: float) -> list[R]:
+        """Results of a job in the order of the items; it moves the bar by a share of what is left."""
+        part, results = self._left * share, []
+        for result in self._results(job, items):
+            results.append(result)
+            self._advance(part / len(items))
+        self._left -= part if items else 0.0
+        return results
+
+    def _results(self, job: Callable[[T], R], items: Sequence[T]) -> Iterator[R]:
+        if self._pool is None:
+            return map(job, items)
+        with no_interrupts():  # here processes are started
+            return self._pool.map(job, items, chunksize=2)

@@ -1,0 +1,43 @@
+"""Writing a vector map in the layout of nuScenes' map expansion: the layers that are read here."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+from appocc.checks import FloatArray
+from appocc.nuscenes.writer import token_of
+
+
+class MapExpansion:
+    """Collects nodes, lines, polygons and layers; tokens follow from the map's name and their order."""
+
+    def __init__(self, name: str) -> None:
+        """Start an empty map."""
+        self._name = name
+        layers = ("node", "line", "polygon", "drivable_area", "lane_divider", "road_divider", "stop_line")
+        self.tables: dict[str, Any] = {"version": "1.3", **{layer: [] for layer in layers}}
+
+    def add_drivable(self, outline_m: FloatArray, holes_m: Iterable[FloatArray] = ()) -> None:
+        """Add where cars may drive: an outline (N, 2) and holes in it, world frame."""
+        holes = [{"node_tokens": self._nodes(hole)} for hole in holes_m]
+        self._add("drivable_area", polygon_tokens=[self._polygon(outline_m, holes)])
+
+    def add_line(self, layer: str, line_m: FloatArray) -> None:
+        """Add a painted line (N, 2), world frame, to `lane_divider` or `road_divider`."""
+        self._add(layer, line_token=self._add("line", node_tokens=self._nodes(line_m)))
+
+    def add_stop_line(self, outline_m: FloatArray) -> None:
+        """Add the outline (N, 2) of a stop line, world frame."""
+        self._add("stop_line", polygon_token=self._polygon(outline_m, []))
+
+    def _add(self, layer: str, **fields: Any) -> str:
+        rows = self.tables[layer]
+        rows.append({"token": token_of("map", self._name, layer, len(rows)), **fields})
+        return str(rows[-1]["token"])
+
+    def _polygon(self, outline_m: FloatArray, holes: list[Any]) -> str:
+        return self._add("polygon", exterior_node_tokens=self._nodes(outline_m), holes=holes)
+
+    def _nodes(self, xy_m: FloatArray) -> list[str]:
+        return [self._add("node", x=round(float(x), 3), y=round(float(y), 3)) for x, y in xy_m]

@@ -1,0 +1,102 @@
+"""Camera rigs as YAML files: those shipped beside this module by name, any other by its path."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import yaml
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from appocc.camera import Camera, CameraRig
+from appocc.checks import FloatArray
+from appocc.errors import DataError, NotFoundError, ShapeError
+from appocc.geometry import transform
+
+FOLDER = Path(__file__).parent
+DEFAULT = "paper"
+
+_Side = Annotated[int, Field(ge=8, le=8192)]
+_Row = tuple[float, float, float]
+
+
+class _CameraModel(BaseModel):
+    """A camera as it stands in a file; see docs/simulator.md."""
+
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
+
+    size_px: tuple[_Side, _Side]
+    position_m: _Row
+    yaw_deg: float
+    pitch_deg: float = 0.0
+    roll_deg: float = 0.0
+    fov_deg: Annotated[float, Field(gt=1, lt=175)] | None = None
+    centre_px: tuple[float, float] | None = None
+    intrinsic: tuple[_Row, _Row, _Row] | None = None
+
+    @model_validator(mode="after")
+    def _one_lens(self) -> _CameraModel:
+        if (self.fov_deg is None) == (self.intrinsic is None):
+            raise ValueError("expected either fov_deg or intrinsic")
+        if self.intrinsic is not None and self.centre_px is not None:
+            raise ValueError("centre_px goes with fov_deg; an intrinsic has its own")
+        return self
+
+
+class _RigModel(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+    cameras: Annotated[
+        dict[Annotated[str, Field(pattern=r"^CAM_[A-Z0-9_]{1,40}$")], _CameraModel], Field(min_length=1)
+    ]
+
+
+def rig_names() -> tuple[str, ...]:
+    """Names of the shipped rigs."""
+    return tuple(sorted(path.stem for path in FOLDER.glob("*.yaml")))
+
+
+def read_rig(name_or_path: str) -> CameraRig:
+    """A shipped rig by its name, or a rig from a YAML file.
+
+    Raises:
+        NotFoundError: if it is neither.
+        DataError: if the file is damaged or describes no rig.
+    """
+    path = FOLDER / f"{name_or_path}.yaml" if name_or_path in rig_names() else Path(name_or_path)
+    if not path.is_file():
+        raise NotFoundError(f"{name_or_path}: no rig of this name ({', '.join(rig_names())}) and no such file")
+    try:
+        found = _RigModel.model_validate(yaml.safe_load(path.read_text(encoding="utf-8")))
+        return CameraRig(tuple(_camera(channel, model) for channel, model in found.cameras.items()))
+    except OSError as error:
+        raise DataError(f"{path}: cannot be read ({error.strerror or error})") from error
+    except ValidationError as error:
+        first: Any = error.errors()[0]
+        where = ".".join(str(part) for part in first["loc"] if part != "[key]") or "the file"
+        raise DataError(f"{path}: no camera rig: {where}: {first['msg']}") from error
+    except (yaml.YAMLError, ShapeError, UnicodeDecodeError, RecursionError) as error:
+        raise DataError(f"{path}: no camera rig ({' '.join(str(error).split())})") from error
+
+
+def _camera(channel: str, model: _CameraModel) -> Camera:
+    width, height = model.size_px
+    if model.intrinsic is not None:
+        intrinsic = np.array(model.intrinsic)
+    else:
+        focal = width / 2 / np.tan(np.radians(model.fov_deg or 0.0) / 2)
+        across, down = model.centre_px or ((width - 1) / 2, (height - 1) / 2)
+        intrinsic = np.array([[focal, 0.0, across], [0.0, focal, down], [0.0, 0.0, 1.0]])
+    turned = _turn(model.yaw_deg, model.pitch_deg, model.roll_deg)
+    return Camera(channel, width, height, intrinsic, transform(turned, model.position_m))
+
+
+def _turn(yaw_deg: float, pitch_deg: float, roll_deg: float) -> FloatArray:
+    """Rotation from the camera frame to the ego's: yaw to the left, pitch down, roll clockwise seen from behind."""
+    (cy, cp, cr), (sy, sp, sr) = (f(np.radians([yaw_deg, pitch_deg, roll_deg])) for f in (np.cos, np.sin))
+    yaw = np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]])
+    pitch = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
+    roll = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
+    forward_left_up_from_cam = np.array([[0.0, 0, 1], [-1, 0, 0], [0, -1, 0]])
+    return np.asarray(yaw @ pitch @ roll @ forward_left_up_from_cam)

@@ -1,0 +1,43 @@
+"""Wheels: a tyre, and a rim with spokes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from appocc.simulation.actors.looks import CHROME, DARK_HUB, RUBBER, Look
+from appocc.simulation.actors.modelling import Modeller
+
+_SEGMENTS = (10, 8, 4)
+
+
+def add_wheels(
+    model: Modeller,
+    axles_x_m: Sequence[float],
+    radius_m: float,
+    outer_y_m: float,
+    wide_m: float,
+    hub: Look,
+    detail: int,
+) -> None:
+    """Add wheels on both sides of some axles; their outer faces lie at +-`outer_y_m`."""
+    segments = _SEGMENTS[detail]
+    turn = np.arange(segments + 1) * (2 * np.pi / segments) + (np.pi / 4 if detail == 2 else 0.0)
+    ring = np.stack([np.cos(turn), np.zeros(segments + 1), np.sin(turn)], axis=1)
+    for axle in axles_x_m:
+        middle = np.array([axle, outer_y_m, radius_m])
+        inner = middle - [0.0, wide_m, 0.0]
+        tyre = middle + radius_m * ring
+        if detail:
+            model.fan(tyre[:-1], RUBBER, inner, axle, mirror=True)
+            if detail == 1:
+                hub_ring = middle + [0.0, 0.004, 0.0] + 0.6 * radius_m * ring[::2]
+                model.fan(hub_ring[:-1], hub, inner, axle, mirror=True)
+            continue
+        rim = middle - [0.0, 0.006, 0.0] + 0.68 * radius_m * ring
+        centre = np.broadcast_to(middle - [0.0, 0.03, 0.0], rim.shape)
+        model.sheet(np.stack([inner + radius_m * ring, tyre, rim], axis=1), RUBBER, inner, axle)
+        model.fan((inner + 0.95 * radius_m * ring)[:-1:2], RUBBER, middle, axle, mirror=True)
+        spokes = [[hub if k % 2 else (DARK_HUB if hub == CHROME else RUBBER)] for k in range(segments)]
+        model.sheet(np.stack([rim, centre], axis=1), spokes, inner, axle)

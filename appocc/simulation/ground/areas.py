@@ -1,0 +1,127 @@
+"""Where cars drive and park: areas of the street network and of car parks, as labels."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from appocc.checks import BoolArray, ByteArray, FloatArray
+from appocc.simulation.ground.filling import Canvas
+from appocc.simulation.ground.polylines import clean, strip
+from appocc.simulation.network import Lane, LaneKind
+from appocc.simulation.plan import CarPark, TownPlan
+from appocc.simulation.surface import CELL_M, ROAD_SURFACES, Surface, surface_table
+
+BAY_M = (5.0, 2.5)
+MARGIN_M = 60.0
+_BAY_LINE_M = 0.1
+_SURFACE: dict[LaneKind, Surface] = {
+    "driving": Surface.ROAD,
+    "shoulder": Surface.ROAD,
+    "other": Surface.ROAD,
+    "parking": Surface.PARKING,
+    "cycling": Surface.CYCLE_PATH,
+}
+# Gaps between lanes up to this are road, and so are islands up to this area.
+_CLOSE_M = 1.1
+_SLIVER_M2 = 3.0
+# Strips overlap their neighbours by this, so that no cell centre falls between them.
+_OVERLAP_M = 0.01
+
+
+def canvas_of(plan: TownPlan) -> Canvas:
+    """An empty canvas of labels around the streets and car parks of a town."""
+    places = [plan.network.low_m, plan.network.high_m, *(c.outline_m for c in plan.car_parks)]
+    points = np.concatenate([np.atleast_2d(place) for place in places])
+    low = np.floor((points.min(axis=0) - MARGIN_M) / CELL_M).astype(np.int64)
+    high = np.ceil((points.max(axis=0) + MARGIN_M) / CELL_M).astype(np.int64)
+    width, height = (high - low).tolist()
+    return Canvas(low / round(1 / CELL_M), np.full((height, width, 1), Surface.GRASS, np.uint8))
+
+
+def draw_streets(canvas: Canvas, plan: TownPlan) -> None:
+    """Lanes of the streets, ways over the junctions and the junctions themselves."""
+    network = plan.network
+    for kind in ("other", "shoulder", "driving", "parking", "cycling"):
+        lanes = [lane for edge in network.edges for lane in edge.lanes if lane.kind == kind]
+        canvas.fill((area for lane in lanes for area in lane_areas(lane)), _SURFACE[kind])
+    inside = (lane for lane in network.inner_lanes if lane.kind != "walking")
+    canvas.fill((area for lane in inside for area in lane_areas(lane)), Surface.ROAD)
+    canvas.fill((j.outline_m for j in network.junctions if len(j.outline_m) > 2), Surface.ROAD)
+    _close(canvas.raster[:, :, 0])
+
+
+def lane_areas(lane: Lane) -> FloatArray:
+    """(K, 4, 2) areas that together are the lane."""
+    half = lane.width_m / 2 + _OVERLAP_M
+    return strip(clean(lane.centre_m), half, -half)
+
+
+def draw_car_park(canvas: Canvas, car_park: CarPark) -> None:
+    """A car park with the lines between its bays; where it meets the street the street stays."""
+    rows, columns = _box(canvas, car_park.outline_m)
+    part = canvas.raster[rows, columns, 0]
+    before = part.copy()
+    canvas.fill([car_park.outline_m], Surface.PARKING)
+    canvas.fill(bay_lines(car_park), Surface.BAY_LINE)
+    street = before >= Surface.ROAD
+    part[street] = before[street]
+
+
+def bay_lines(car_park: CarPark) -> list[FloatArray]:
+    """Areas (4, 2) of the lines on both long sides of each bay; neighbours share theirs."""
+    corners = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]]) * [BAY_M[0], _BAY_LINE_M]
+    lines = []
+    for x, y, yaw in car_park.bays:
+        turn = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
+        for side in (-0.5, 0.5):
+            lines.append((corners + [0.0, side * BAY_M[1]]) @ turn.T + [x, y])
+    return lines
+
+
+def road_mask(label: ByteArray) -> ByteArray:
+    """(H, W) uint8, 1 where cars may drive."""
+    return np.asarray(cv2.LUT(label, surface_table(ROAD_SURFACES).astype(np.uint8)), dtype=np.uint8)
+
+
+def disc(radius_m: float) -> ByteArray:
+    """Kernel of morphology."""
+    size = 2 * round(radius_m / CELL_M) + 1
+    return np.asarray(cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size)), dtype=np.uint8)
+
+
+def _close(label: ByteArray) -> None:
+    """Make gaps between lanes and tiny islands road."""
+    road = road_mask(label)
+    closed = np.asarray(cv2.morphologyEx(road, cv2.MORPH_CLOSE, disc(_CLOSE_M / 2)), dtype=np.uint8)
+    label[(closed > 0) & (road == 0)] = Surface.ROAD
+    for rows, columns, island in islands(closed, 2, 0.0, _SLIVER_M2):
+        part = label[rows, columns]
+        part[island & (part < Surface.ROAD)] = Surface.ROAD
+
+
+def islands(
+    road: ByteArray, coarse: int, least_m2: float, most_m2: float
+) -> list[tuple[slice, slice, BoolArray]]:
+    """Pieces of ground that roads enclose, by area: rows, columns and which cells there; found in coarse cells."""
+    small = cv2.resize(road, None, fx=1 / coarse, fy=1 / coarse, interpolation=cv2.INTER_NEAREST)
+    _, number, stats, _ = cv2.connectedComponentsWithStats(1 - small, connectivity=4)
+    cell_m2 = (coarse * CELL_M) ** 2
+    found = []
+    for k in range(1, len(stats)):
+        x, y, w, h, area = stats[k].tolist()
+        if not least_m2 <= area * cell_m2 <= most_m2:
+            continue
+        cells = (number[y : y + h, x : x + w] == k).astype(np.uint8)
+        inside = np.kron(cells, np.ones((coarse + 0, coarse + 0), np.uint8)).astype(np.bool_)
+        rows, columns = (slice(coarse * v, min(coarse * (v + n), m)) for v, n, m in zip((y, x), (h, w), road.shape))
+        found.append((rows, columns, inside[: rows.stop - rows.start, : columns.stop - columns.start]))
+    return found
+
+
+def _box(canvas: Canvas, points_m: FloatArray) -> tuple[slice, slice]:
+    """Rows and columns of the canvas around some points."""
+    cells = (points_m - canvas.low_m) / CELL_M
+    low = np.maximum(np.floor(cells.min(axis=0)).astype(np.int64) - 1, 0)
+    high = np.ceil(cells.max(axis=0)).astype(np.int64) + 2
+    return slice(int(low[1]), int(high[1])), slice(int(low[0]), int(high[0]))

@@ -1,0 +1,203 @@
+"""Painted lines along the streets: SUMO's networks hold none, so they follow from the lanes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from appocc.checks import BoolArray, FloatArray
+from appocc.simulation.ground.polylines import arc_m, clean, cut, dashes, directions_at, length_m, points_at, shifted
+from appocc.simulation.ground.stretches import End, Stretch
+from appocc.simulation.network import Lane
+from appocc.simulation.surface import Surface
+
+LINE_WIDTH_M = 0.15
+DASH_M, DASH_GAP_M = 3.0, 5.0
+# The last way before a junction, where lanes must not be changed.
+SOLID_M = 20.0
+# Between the two lines of a double one, middle to middle; from a lane's edge to the middle of its edge line.
+DOUBLE_M, EDGE_M = 0.30, 0.20
+# Two directions belong to one carriageway when their borders are at most this far apart.
+_TOGETHER_M = 0.9
+_SAMPLE_M = 0.5
+_SHORTEST_M = 1.0
+
+
+@dataclass(frozen=True)
+class Line:
+    """A painted line; a dash is a line of its own.
+
+    Attributes:
+        points_m: (N, 2) its middle.
+        surface: LINE_WHITE or LINE_YELLOW.
+        between: whether it parts the two directions of a street.
+    """
+
+    points_m: FloatArray
+    surface: Surface
+    between: bool
+
+
+@dataclass(frozen=True)
+class Habits:
+    """How a town paints its streets.
+
+    Attributes:
+        centre: colour between the directions.
+        double_on_small: whether streets of two lanes have a double line too, not dashes.
+        small_edges: whether streets of two lanes have edge lines.
+    """
+
+    centre: Surface
+    double_on_small: bool
+    small_edges: bool
+
+    @classmethod
+    def of(cls, seed: int) -> Habits:
+        """The habits of a town by its seed."""
+        draw = np.random.default_rng([seed, 51]).random(3)
+        return cls(Surface.LINE_YELLOW if draw[0] < 0.6 else Surface.LINE_WHITE, draw[1] < 0.25, draw[2] < 0.3)
+
+
+def lines_of(stretches: Sequence[Stretch], habits: Habits) -> list[Line]:
+    """All lines along the streets."""
+    lines = []
+    for stretch in stretches:
+        lines += _between_lanes(stretch)
+        lines += _right_edge(stretch, habits)
+    return lines + _left_borders(stretches, habits)
+
+
+def _between_lanes(stretch: Stretch) -> list[Line]:
+    lines = []
+    for right, left in zip(stretch.lanes, stretch.lanes[1:], strict=False):
+        if right.kind == left.kind != "driving":
+            continue
+        border = shifted(right.centre_m, right.width_m / 2)
+        if right.kind == left.kind:
+            lines += _white(lane_line(border, stretch))
+        else:
+            lines += _white([_trimmed(border, stretch, stretch.start.clear_leaving_m, stretch.end.clear_arriving_m)])
+    return lines
+
+
+def lane_line(border_m: FloatArray, stretch: Stretch) -> list[FloatArray]:
+    """Dashes, and before a junction a solid line, along a border between lanes of one direction."""
+    line = _trimmed(border_m, stretch, stretch.start.clear_leaving_m, stretch.end.clear_arriving_m)
+    if len(line) < 2:
+        return []
+    solid = SOLID_M if stretch.end.junction else 0.0
+    length = length_m(line)
+    broken = cut(line, 0.0, length - solid)
+    pieces = dashes(broken, DASH_M, DASH_GAP_M) if len(broken) else []
+    return [*pieces, cut(line, length - solid, length)] if solid else pieces
+
+
+def _right_edge(stretch: Stretch, habits: Habits) -> list[Line]:
+    """The line along the right edge, where neither parked cars nor bicycles stand beside."""
+    outer = stretch.lanes[0]
+    if outer.kind != "driving" or not (stretch.arterial or habits.small_edges):
+        return []
+    line = shifted(outer.centre_m, EDGE_M - outer.width_m / 2)
+    return _white([_trimmed(line, stretch, stretch.start.clear_leaving_m, stretch.end.clear_arriving_m)])
+
+
+def _left_borders(stretches: Sequence[Stretch], habits: Habits) -> list[Line]:
+    """Lines between the directions; where a median parts them, or there is one direction only, along the edge."""
+    borders = [clean(stretch.left_m) for stretch in stretches]
+    along = [np.arange(_SAMPLE_M / 2, max(length_m(b), _SAMPLE_M), _SAMPLE_M) for b in borders]
+    points = [points_at(b, s) for b, s in zip(borders, along, strict=True)]
+    headings = np.concatenate([directions_at(b, s) for b, s in zip(borders, along, strict=True)])
+    owner = np.repeat(np.arange(len(stretches)), [len(s) for s in along])
+    tree = cKDTree(np.concatenate(points))
+    lines: list[Line] = []
+    for number, stretch in enumerate(stretches):
+        if stretch.lanes[-1].kind != "driving":
+            continue
+        mine = np.flatnonzero(owner == number)
+        near = tree.query_ball_point(points[number], _TOGETHER_M)
+        partner = np.full(len(mine), -1)
+        for k, others in enumerate(near):
+            facing = [o for o in others if headings[o] @ headings[mine[k]] < -0.8]
+            partner[k] = min((int(owner[o]) for o in facing), default=-1)
+        for start, end, other in _runs(partner, along[number], length_m(borders[number])):
+            if other < 0:
+                lines += _left_edge(cut(borders[number], start, end), stretch, habits)
+            elif number < other:
+                middle = _halfway(cut(borders[number], start, end), borders[other])
+                lines += _divider(middle, stretch, stretches[other], habits)
+    return lines
+
+
+def _runs(partner: np.ndarray, along_m: FloatArray, length: float) -> list[tuple[float, float, int]]:
+    """Stretches of way with the same partner; the ends reach the ends of the border."""
+    changes = np.flatnonzero(np.diff(partner)) + 1
+    bounds = [0.0, *(along_m[changes] - _SAMPLE_M / 2), length]
+    partners = partner[[0, *changes]]
+    return [
+        (float(a), float(b), int(p)) for a, b, p in zip(bounds, bounds[1:], partners, strict=False)
+        if b - a > _SHORTEST_M
+    ]
+
+
+def _halfway(line_m: FloatArray, other_m: FloatArray) -> FloatArray:
+    """The line moved halfway towards another that runs close beside it."""
+    if len(line_m) < 2:
+        return line_m
+    fine = points_at(other_m, np.arange(0.0, length_m(other_m) + 0.05, 0.1))
+    return np.asarray((line_m + fine[cKDTree(fine).query(line_m)[1]]) / 2)
+
+
+def _divider(middle_m: FloatArray, stretch: Stretch, other: Stretch, habits: Habits) -> list[Line]:
+    """The line between two directions: double on main streets, else dashed."""
+    here, there = stretch.end, stretch.start
+    line = _trimmed(
+        middle_m, stretch, max(there.clear_leaving_m, other.end.clear_arriving_m), max(here.clear_arriving_m, 0.0)
+    )
+    if len(line) < 2:
+        return []
+    if stretch.arterial or other.arterial or habits.double_on_small:
+        pieces = [shifted(line, DOUBLE_M / 2), shifted(line, -DOUBLE_M / 2)]
+    else:
+        pieces = _dashed_between_junctions(line, stretch)
+    return [Line(piece, habits.centre, True) for piece in pieces if len(piece) > 1]
+
+
+def _dashed_between_junctions(line_m: FloatArray, stretch: Stretch) -> list[FloatArray]:
+    """Dashes, and close to junctions a solid line."""
+    length = length_m(line_m)
+    first = SOLID_M / 2 if stretch.start.junction and length > 3 * SOLID_M else 0.0
+    last = SOLID_M / 2 if stretch.end.junction and length > 3 * SOLID_M else 0.0
+    broken = cut(line_m, first, length - last)
+    pieces = [cut(line_m, 0.0, first), *dashes(broken, DASH_M, DASH_GAP_M), cut(line_m, length - last, length)]
+    return [piece for piece in pieces if len(piece) > 1]
+
+
+def _left_edge(border_m: FloatArray, stretch: Stretch, habits: Habits) -> list[Line]:
+    if not stretch.arterial or len(border_m) < 2:
+        return []
+    line = shifted(border_m, -EDGE_M)
+    line = _trimmed(line, stretch, stretch.start.clear_leaving_m, stretch.end.clear_arriving_m)
+    return [Line(line, habits.centre, False)] if len(line) > 1 else []
+
+
+def _white(lines_m: Iterable[FloatArray]) -> list[Line]:
+    return [Line(line, Surface.LINE_WHITE, False) for line in lines_m if len(line) > 1]
+
+
+def _trimmed(line_m: FloatArray, stretch: Stretch, start_m: float, end_m: float) -> FloatArray:
+    """The line without what lies nearer to the junctions than `start_m` and `end_m`, measured along the street."""
+    if len(line_m) < 2:
+        return line_m
+    first, last = 0.0, length_m(line_m)
+    if stretch.start.junction:
+        point, heading = stretch.section(False)
+        first = start_m - float((line_m[0] - point) @ heading)
+    if stretch.end.junction:
+        point, heading = stretch.section(True)
+        last -= end_m + float((line_m[-1] - point) @ heading)
+    # Pieces from the middle of a street lie far from its ends: nothing of them is cut.
+    return cut(line_m, max(first, 0.0), min(last, length_m(line_m)))

@@ -1,0 +1,64 @@
+"""A new town from a seed, an OpenDRIVE map or a SUMO network."""
+
+from __future__ import annotations
+
+import gzip
+import tempfile
+import zlib
+from pathlib import Path
+
+import numpy as np
+
+from appocc.errors import DataError
+from appocc.simulation.making.car_parks import draw_car_parks
+from appocc.simulation.making.carriageway import draw_carriageway
+from appocc.simulation.making.layout import draw_layout
+from appocc.simulation.making.opendrive import import_opendrive
+from appocc.simulation.making.streets import write_network
+from appocc.simulation.making.traffic import make_traffic
+from appocc.simulation.network import read_network
+from appocc.simulation.plan import TownPlan
+from appocc.simulation.town_files import STYLES, save_town
+
+
+def make_town(source: Path | int, folder: Path, name: str = "", style: str = "") -> str:
+    """Make a town and its traffic, and write its three files.
+
+    Args:
+        source: an OpenDRIVE map (.xodr), a SUMO network (.net.xml, .net.xml.gz), or the seed of an invented town.
+        folder: where the files go.
+        name: of the town; else the file's stem, or `town_SEED`.
+        style: see `TownPlan.style`; else drawn by the name.
+
+    Returns:
+        The town's name.
+
+    Raises:
+        AppoccError: if SUMO is missing.
+        DataError: if the source cannot be read, is no road network, or a file cannot be written.
+    """
+    name = name or (f"town_{source}" if isinstance(source, int) else source.name.split(".")[0])
+    seed = source if isinstance(source, int) else zlib.crc32(name.encode())
+    style = style or STYLES[zlib.crc32(name.encode()) % len(STYLES)]
+    with tempfile.TemporaryDirectory() as scratch:
+        file = Path(scratch) / f"{name}.net.xml"
+        _network(source, file)
+        network = read_network(file)
+        rng = np.random.default_rng([seed, 3])
+        parks = draw_car_parks(network, draw_carriageway(network), rng) if isinstance(source, int) else ()
+        plan = TownPlan(name, seed, style, network, parks)
+        save_town(folder, plan, make_traffic(file, plan), file.read_bytes())
+    return name
+
+
+def _network(source: Path | int, file: Path) -> None:
+    if isinstance(source, int):
+        write_network(draw_layout(source), file)
+    elif source.suffix == ".xodr":
+        import_opendrive(source, file)
+    else:
+        try:
+            data = source.read_bytes()
+            file.write_bytes(gzip.decompress(data) if source.suffix == ".gz" else data)
+        except (OSError, EOFError, zlib.error) as error:
+            raise DataError(f"{source}: cannot be read ({error})") from error

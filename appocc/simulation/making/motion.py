@@ -1,0 +1,74 @@
+"""From front bumpers to bodies: smooth paths, and rear axles that trail instead of sliding."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.ndimage import gaussian_filter1d
+
+from appocc.checks import BoolArray, FloatArray
+
+# The rear axle lies this share of the length behind the front bumper.
+AXLE = 0.8
+_SPACING_M, _ALONG_M, _TIME_STEPS = 0.2, 1.3, 4.0
+_JUMP_M = 4.0  # within a tenth of a second: SUMO moved it through the air
+
+
+def bodies(front_m: FloatArray, yaw_rad: FloatArray, length_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Centres (T, A, 2) and headings (T, A) of vehicles from SUMO's front bumpers (T, A, 2) and headings (T, A).
+
+    SUMO's vehicles turn on the spot where lanes meet at an angle; here the bumper's path is smoothed and the rear axle
+    follows it like a trailer (tractrix), so that bodies turn as those of cars do.
+    """
+    front = np.full_like(front_m, np.nan)
+    for k in range(front_m.shape[1]):
+        for start, end in presences(front_m[:, k]):
+            front[start:end, k] = _smooth(front_m[start:end, k])
+    yaw = _trailing(front, yaw_rad, AXLE * length_m)
+    ahead = np.stack([np.cos(yaw), np.sin(yaw)], axis=-1)
+    return front - ahead * length_m[:, None] / 2, yaw
+
+
+def presences(xy_m: FloatArray) -> list[tuple[int, int]]:
+    """Ranges of steps in which an actor (T, 2) is there without a gap or a jump."""
+    there = np.isfinite(xy_m[:, 0])
+    step = np.hypot(*np.diff(xy_m, axis=0).T)
+    joined = there[1:] & there[:-1] & (np.nan_to_num(step, nan=np.inf) < _JUMP_M)
+    starts = np.flatnonzero(there & ~np.concatenate([[False], joined]))
+    ends = np.flatnonzero(there & ~np.concatenate([joined, [False]])) + 1
+    return [(int(a), int(b)) for a, b in zip(starts, ends, strict=True)]
+
+
+def _smooth(xy_m: FloatArray) -> FloatArray:
+    """A path (N, 2) with its corners rounded, and its speed evened out."""
+    step = np.hypot(*np.diff(xy_m, axis=0).T)
+    along = np.concatenate([[0.0], np.cumsum(step)])
+    if along[-1] < 0.5:
+        return np.tile(xy_m[len(xy_m) // 2], (len(xy_m), 1))
+    keep = np.concatenate([[True], step > 1e-6])
+    at = np.arange(0.0, along[-1] + _SPACING_M, _SPACING_M)
+    path = np.stack([np.interp(at, along[keep], xy_m[keep, axis]) for axis in (0, 1)], axis=1)
+    path = np.stack([_rounded(path[:, axis], _ALONG_M / _SPACING_M) for axis in (0, 1)], axis=1)
+    even = np.clip(_rounded(along, _TIME_STEPS), 0.0, along[-1])
+    return np.stack([np.interp(even, at, path[:, axis]) for axis in (0, 1)], axis=1)
+
+
+def _rounded(values: FloatArray, sigma: float) -> FloatArray:
+    """Gaussian smoothing; beyond the ends the values go on as they were (mirrored through the end)."""
+    pad = min(int(4 * sigma), len(values) - 1)
+    before, after = 2 * values[0] - values[pad:0:-1], 2 * values[-1] - values[-2 : -pad - 2 : -1]
+    smooth = gaussian_filter1d(np.concatenate([before, values, after]), sigma, mode="nearest")
+    return np.asarray(smooth[pad : pad + len(values)])
+
+
+def _trailing(front: FloatArray, yaw_rad: FloatArray, axle_m: FloatArray) -> FloatArray:
+    """Headings (T, A) of bodies whose rear axle follows the bumper at a fixed distance."""
+    yaw = np.full(yaw_rad.shape, np.nan)
+    rear = np.full(front.shape[1:], np.nan)
+    for t in range(len(front)):
+        jump: BoolArray = ~(np.hypot(*(front[t] - rear).T) < axle_m + _JUMP_M)
+        fresh = np.stack([np.cos(yaw_rad[t]), np.sin(yaw_rad[t])], axis=1)
+        rear = np.where(jump[:, None], front[t] - axle_m[:, None] * fresh, rear)
+        ahead = front[t] - rear
+        yaw[t] = np.arctan2(ahead[:, 1], ahead[:, 0])
+        rear = front[t] - axle_m[:, None] * ahead / np.maximum(np.hypot(*ahead.T), 1e-9)[:, None]
+    return yaw

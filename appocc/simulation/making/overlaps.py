@@ -1,0 +1,69 @@
+"""Two bodies at one place: found, and the fewest taken out."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import cv2
+import numpy as np
+
+from appocc.checks import BoolArray, FloatArray
+from appocc.simulation.traffic import Actor
+
+MOST_M2 = 0.05
+
+
+def without_overlaps(actors: list[Actor], xy_m: FloatArray, yaw_rad: FloatArray, parked: BoolArray) -> BoolArray:
+    """Which of A actors may stay so that no two overlap by more than 0.05 m2 at any step.
+
+    Parked ones go first, then those that overlap with the most others, then those that are there for the least time.
+
+    Args:
+        actors: the actors.
+        xy_m: (T, A, 2) centres; NaN while not there.
+        yaw_rad: (T, A) headings.
+        parked: (A,) who never moves.
+    """
+    pairs = overlapping(actors, xy_m, yaw_rad, parked)
+    there = np.isfinite(xy_m[..., 0]).sum(axis=0)
+    stays = np.ones(len(actors), np.bool_)
+    while pairs:
+        partners = Counter(k for pair in sorted(pairs) for k in pair)
+        worst = max(partners, key=lambda k: (_rank(actors[k], bool(parked[k])), partners[k], -there[k], k))
+        stays[worst] = False
+        pairs = {pair for pair in pairs if worst not in pair}
+    return stays
+
+
+def _rank(actor: Actor, parked: bool) -> int:
+    return 2 if parked else 1 if actor.kind == "pedestrian" else 0
+
+
+def overlapping(
+    actors: list[Actor], xy_m: FloatArray, yaw_rad: FloatArray, parked: BoolArray
+) -> set[tuple[int, int]]:
+    """Pairs of actors that overlap by more than 0.05 m2 at some step; see `without_overlaps`."""
+    size = np.array([actor.size_lwh_m[:2] for actor in actors]).reshape(-1, 2)
+    reach = np.hypot(*size.T) / 2
+    moving, found = np.flatnonzero(~parked), set[tuple[int, int]]()
+    for t in range(len(xy_m)):
+        rows = np.arange(len(actors)) if t == 0 else moving
+        with np.errstate(invalid="ignore"):
+            gap = np.hypot(*(xy_m[t, rows, None] - xy_m[t, None]).T).T
+            near = gap < reach[rows, None] + reach[None]
+        for row, b in zip(*np.nonzero(near), strict=True):
+            pair = (min(int(rows[row]), int(b)), max(int(rows[row]), int(b)))
+            if pair[0] != pair[1] and pair not in found:
+                boxes = [corners(xy_m[t, k], float(yaw_rad[t, k]), size[k]) for k in pair]
+                if cv2.intersectConvexConvex(*boxes)[0] > MOST_M2:
+                    found.add(pair)
+    return found
+
+
+def corners(xy_m: FloatArray, yaw_rad: float, size_m: FloatArray) -> FloatArray:
+    """(4, 2) corners of a box, float32."""
+    ahead = np.array([np.cos(yaw_rad), np.sin(yaw_rad)]) * size_m[0] / 2
+    left = np.array([-np.sin(yaw_rad), np.cos(yaw_rad)]) * size_m[1] / 2
+    box = np.stack([xy_m + ahead + left, xy_m - ahead + left, xy_m - ahead - left, xy_m + ahead - left])
+    # Near the origin, where float32 is finest.
+    return np.asarray(box, dtype=np.float32)

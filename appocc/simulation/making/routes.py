@@ -1,0 +1,76 @@
+"""Where vehicles go: long random ways through the part of a network that one can drive around in for ever."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+
+import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+
+from appocc.simulation.network import Edge, RoadNetwork
+
+_WEIGHT = {"s": 1.0, "r": 0.7, "l": 0.7, "R": 0.7, "L": 0.7, "t": 0.02}
+_SHORTEST_M = 12.0
+
+
+class Routes:
+    """The drivable part of a network, and random ways through it."""
+
+    def __init__(self, network: RoadNetwork) -> None:
+        """Find the largest set of edges that can all be reached from one another."""
+        ways = _ways(network)
+        names = [edge.name for edge in network.edges if _drives(edge)]
+        number = {name: k for k, name in enumerate(names)}
+        links = [(number[a], number[b]) for a in names for b in sorted(ways[a]) if b in number]
+        rows, columns = np.array(links, dtype=np.int64).reshape(-1, 2).T
+        graph = coo_matrix((np.ones(len(rows)), (rows, columns)), shape=(len(names), len(names)))
+        _, part = connected_components(graph, directed=True, connection="strong")
+        largest = np.argmax(np.bincount(part)) if len(names) else 0
+        inside = {name for name, p in zip(names, part, strict=True) if p == largest}
+        self._edges = {edge.name: edge for edge in network.edges if edge.name in inside}
+        self._length_m = {name: edge_length_m(edge) for name, edge in self._edges.items()}
+        self._next = {a: [(b, w) for b, w in sorted(ways[a].items()) if b in inside] for a in sorted(inside)}
+        self.total_m = sum(self._length_m.values())
+
+    def draw(self, rng: np.random.Generator, length_m: float, large: bool) -> list[str]:
+        """Names of edges to drive along, at least `length_m` in all; large vehicles keep to the main streets.
+
+        Empty if the network has no street that one can come back to.
+        """
+        starts = [name for name, length in self._length_m.items() if length > _SHORTEST_M and self._next[name]]
+        if not starts:
+            return []
+        share = np.array([self._length_m[name] * self._liking(name, large) for name in starts])
+        route = [starts[int(rng.choice(len(starts), p=share / share.sum()))]]
+        driven = 0.0
+        while driven < length_m and self._next[route[-1]]:
+            onward = self._next[route[-1]]
+            share = np.array([weight * self._liking(name, large) for name, weight in onward])
+            route.append(onward[int(rng.choice(len(onward), p=share / share.sum()))][0])
+            driven += self._length_m[route[-1]]
+        return route
+
+    def _liking(self, name: str, large: bool) -> float:
+        lanes = sum(lane.kind == "driving" for lane in self._edges[name].lanes)
+        return 8.0 if large and lanes > 1 else 1.0
+
+
+def edge_length_m(edge: Edge) -> float:
+    """Length of an edge's first lane."""
+    return float(np.hypot(*np.diff(edge.lanes[0].centre_m, axis=0).T).sum())
+
+
+def _drives(edge: Edge) -> bool:
+    return any(lane.kind == "driving" for lane in edge.lanes)
+
+
+def _ways(network: RoadNetwork) -> dict[str, dict[str, float]]:
+    """Which edges follow on which, and how much each is liked."""
+    found: dict[str, dict[str, float]] = defaultdict(dict)
+    for way in network.connections:
+        first, second = network.lanes.get(way.from_lane), network.lanes.get(way.to_lane)
+        weight = _WEIGHT.get(way.direction, 0.7)
+        if first and second and first.kind == second.kind == "driving" and weight:
+            found[first.edge][second.edge] = max(weight, found[first.edge].get(second.edge, 0.0))
+    return found

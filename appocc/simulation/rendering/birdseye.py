@@ -1,0 +1,125 @@
+"""The street seen straight from above, in its light: the colour of every cell around the ego."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from appocc.checks import BoolArray, ByteArray, Float32Array, FloatArray, IntArray, frozen
+from appocc.grid import BEVGrid
+from appocc.simulation.mesh import Material
+from appocc.simulation.rendering.lens import develop
+from appocc.simulation.rendering.renderer import Renderer
+from appocc.simulation.rendering.tracing import TOWN
+from appocc.simulation.surface import CELL_M
+from appocc.simulation.town import Town
+
+# Rays begin this far above the highest roof or crown.
+_ABOVE_M = 5.0
+# Four rays in the quarters of a cell, in cells from its centre.
+_QUARTERS = np.array([[-0.25, -0.25], [-0.25, 0.25], [0.25, -0.25], [0.25, 0.25]])
+# A cell whose colour (0..255) differs from a neighbour's by more holds an edge: one ray does not tell its mean.
+_EDGE = 10
+
+
+@dataclass(frozen=True)
+class Above:
+    """What is seen from above, sRGB under the exposure of the cameras.
+
+    Attributes:
+        appearance: (3, X, Y) uint8 with trees left out.
+        covered: (3, X, Y) uint8 as it is: crowns of trees hide the street.
+        valid: (X, Y) bool: whether the cell lies on the town's ground.
+    """
+
+    appearance: ByteArray
+    covered: ByteArray
+    valid: BoolArray
+
+    def __post_init__(self) -> None:
+        """Make the arrays read-only."""
+        for array in (self.appearance, self.covered, self.valid):
+            frozen(array)
+
+
+def look_down(renderer: Renderer, town: Town, grid: BEVGrid, town_from_ego: FloatArray) -> Above:
+    """The colours of a grid's cells at the moment the renderer is set to; means over the cells.
+
+    Args:
+        renderer: of that town, its moment set.
+        town: for the height of what stands in it, its trees, and where its ground ends.
+        grid: cells in the ego frame.
+        town_from_ego: (4, 4) pose.
+    """
+    view = _View(renderer, town, grid, town_from_ego)
+    every = np.arange(grid.shape[0] * grid.shape[1])
+    free = view.light(every, np.zeros((1, 2)), True)
+    edges = np.flatnonzero(_edges(develop(free, renderer.gains).reshape(*grid.shape, 3)))
+    free[edges] = (free[edges] + 4 * view.light(edges, _QUARTERS, True)) / 5
+    covered = free.copy()
+    crowns = np.flatnonzero(_grown(view.crowns().reshape(grid.shape)))
+    covered[crowns] = view.light(crowns, _QUARTERS, False)
+    pictures = [develop(light, renderer.gains).reshape(*grid.shape, 3) for light in (free, covered)]
+    appearance, with_trees = (np.ascontiguousarray(np.moveaxis(picture, 2, 0)) for picture in pictures)
+    return Above(appearance, with_trees, view.on_ground())
+
+
+class _View:
+    """Rays that fall straight down onto the cells of a grid, which are numbered row by row."""
+
+    def __init__(self, renderer: Renderer, town: Town, grid: BEVGrid, town_from_ego: FloatArray) -> None:
+        self._renderer, self._town, self._grid, self._pose = renderer, town, grid, town_from_ego
+        self._height_m = float(town.solid.vertices_m[:, 2].max(initial=0.0)) + _ABOVE_M
+        centres = grid.centres().reshape(-1, 2)
+        self._centres = centres @ town_from_ego[:2, :2].T + town_from_ego[:2, 3]
+
+    def _rays(self, cells: IntArray, shift: FloatArray) -> tuple[Float32Array, Float32Array]:
+        """Origins and directions (N, 3) of rays onto cells (N,), aside of their centres by `shift` (2,) in cells."""
+        origins = np.empty((len(cells), 3), np.float32)
+        origins[:, :2] = self._centres[cells] + self._pose[:2, :2] @ (shift * self._grid.cell_m)
+        origins[:, 2] = self._height_m
+        return origins, np.tile(np.array([0, 0, -1], np.float32), (len(cells), 1))
+
+    def light(self, cells: IntArray, shifts: FloatArray, through_leaves: bool) -> Float32Array:
+        """(N, 3) linear light from cells (N,), the mean of rays at some shifts (K, 2)."""
+        rays = [self._rays(cells, shift) for shift in shifts]
+        origins, directions = (np.concatenate(parts) for parts in zip(*rays, strict=True))
+        # Each ray stands for its share of the cell.
+        spread = self._grid.cell_m / np.sqrt(len(shifts)) / self._height_m
+        radiance = self._renderer.radiance(origins, directions, float(spread), through_leaves)
+        return radiance.reshape(len(shifts), -1, 3).mean(axis=0)
+
+    def crowns(self) -> BoolArray:
+        """(X * Y,) whether a tree stands over the centre of a cell."""
+        hits = self._renderer.tracer.nearest(*self._rays(np.arange(len(self._centres)), np.zeros(2)))
+        return np.asarray((hits.source == TOWN) & (self._town.solid.material[hits.face] == Material.FOLIAGE))
+
+    def on_ground(self) -> BoolArray:
+        """(X, Y) whether a cell's centre lies on the town's ground."""
+        place = (self._centres - self._town.ground.low_m) / CELL_M
+        high, wide = self._town.ground.label.shape
+        return np.asarray(((place >= 0) & (place < [wide, high])).all(axis=1).reshape(self._grid.shape))
+
+
+def _edges(picture: ByteArray) -> BoolArray:
+    """(X, Y) whether a colour of a picture (X, Y, 3) differs much from that of a cell beside it."""
+    level = picture.astype(np.int16)
+    found = np.zeros(picture.shape[:2], np.bool_)
+    for axis in (0, 1):
+        step = (np.abs(np.diff(level, axis=axis)) > _EDGE).any(axis=2)
+        before, after = ([slice(None), slice(None)] for _ in range(2))
+        before[axis], after[axis] = slice(None, -1), slice(1, None)
+        found[tuple(before)] |= step
+        found[tuple(after)] |= step
+    return found
+
+
+def _grown(flags: BoolArray) -> BoolArray:
+    """Flags (X, Y) and the cells beside them."""
+    grown = flags.copy()
+    grown[1:] |= flags[:-1]
+    grown[:-1] |= flags[1:]
+    grown[:, 1:] |= flags[:, :-1]
+    grown[:, :-1] |= flags[:, 1:]
+    return grown

@@ -1,0 +1,107 @@
+"""From light to a picture: exposure, tone curve, glow of lamps, vignetting and noise."""
+
+from __future__ import annotations
+
+import math
+
+import cv2
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from appocc.checks import ByteArray, Float32Array
+from appocc.simulation.rendering.weather import Weather
+
+_STEPS = 4096
+# Electrons that fill a pixel, and those that reading adds: a small automotive sensor by day.
+_FULL_WELL, _READ_NOISE = 6000.0, 9.0
+_VIGNETTE = 0.22
+_BLUR = 0.045
+
+
+def exposure(weather: Weather, sky_light: Float32Array) -> Float32Array:
+    """(3,) float32 gains, white balance included, that bring a street in that weather to a middle grey.
+
+    A function of the weather alone, so that a colour is the same in all cameras and from above.
+    """
+    height = max(math.sin(weather.sun_elevation_rad), 0.12)
+    light = np.array([0.2126, 0.7152, 0.0722]) @ (np.asarray(weather.sun) * height * 0.6 + sky_light)
+    # The eye and cameras leave the dark a little dark.
+    lamps = 0.10 if weather.lamps else 0.0
+    gain = 0.85 / (float(light) + lamps) ** 0.92 * 2.0**weather.exposure_stops
+    return (gain * np.asarray(weather.white)).astype(np.float32)
+
+
+def develop(linear: Float32Array, gains: Float32Array) -> ByteArray:
+    """Light (..., 3) float32 linear -> uint8 sRGB by the cameras' tone curve, without lens and noise."""
+    value = np.sqrt(np.clip(linear * gains, 0.0, 1.0 * _WHITE) / _WHITE) * (_STEPS - 1)
+    return np.asarray(np.rint(_curve()[value.astype(np.int32)] * 255), np.uint8)
+
+
+_WHITE = 8.0  # light beyond this is white
+
+
+def _curve() -> Float32Array:
+    """(4096,) float32 picture value 0..1 by the square root of light / _WHITE: a film's soft shoulder."""
+    x = (np.arange(_STEPS) / (_STEPS - 1)) ** 2 * _WHITE
+    film = x * (1 + x / 12.0) / (1 + 0.72 * x)  # straight in the shadows, then bending
+    film /= film[-1]
+    film = 1 - (1 - np.minimum(film, 1.0)) ** 1.0
+    return np.where(film <= 0.0031308, film * 12.92, 1.055 * film ** (1 / 2.4) - 0.055).astype(np.float32)
+
+
+def photograph(linear: Float32Array, gains: Float32Array, glow: float, rng: np.random.Generator) -> ByteArray:
+    """Picture (H, W, 3) uint8 of the light (H, W, 3) float32 that falls into a camera.
+
+    Args:
+        linear: light, linear RGB.
+        gains: (3,) of `exposure`.
+        glow: share of what is too bright that spreads around it (lamps by night).
+        rng: where the noise comes from.
+    """
+    if glow > 0:
+        linear = linear + glow * _spread(np.maximum(np.minimum(linear * gains, 30.0) - 1.5, 0.0)) / gains
+    seed = int(rng.integers(1 << 31))
+    return _exposed(np.ascontiguousarray(linear, np.float32), gains, _curve(), seed)
+
+
+def _spread(bright: Float32Array) -> Float32Array:
+    """Light spread over a halo of a tenth of the picture's height."""
+    rows, columns = bright.shape[:2]
+    small = cv2.resize(bright, (max(columns // 4, 1), max(rows // 4, 1)), interpolation=cv2.INTER_AREA)
+    halo = cv2.GaussianBlur(small, (0, 0), rows / 120) + 0.5 * cv2.GaussianBlur(small, (0, 0), rows / 30)
+    return np.asarray(cv2.resize(halo, (columns, rows), interpolation=cv2.INTER_LINEAR), np.float32)
+
+
+@numba.njit(cache=True, nogil=True)
+def _mixed(seed: int, number: int) -> int:
+    """64 random bits by number (splitmix64)."""
+    z = np.uint64(seed) * np.uint64(0xD1342543DE82EF95) + np.uint64(number) * np.uint64(0x9E3779B97F4A7C15)
+    z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return z ^ (z >> np.uint64(31))
+
+
+@numba.njit(cache=True, nogil=True, fastmath=True)
+def _exposed(linear: Float32Array, gains: Float32Array, curve: Float32Array, seed: int) -> NDArray[np.uint8]:
+    rows, columns = linear.shape[:2]
+    image = np.empty((rows, columns, 3), np.uint8)
+    reach = 4.0 / (rows * rows + columns * columns)
+    part = np.uint64(0xFFFF)
+    for row in range(rows):
+        up, down = max(row - 1, 0), min(row + 1, rows - 1)
+        for column in range(columns):
+            left, right = max(column - 1, 0), min(column + 1, columns - 1)
+            off = ((row - rows / 2) ** 2 + (column - columns / 2) ** 2) * reach
+            fall = 1.0 - _VIGNETTE * off * (1.2 - 0.2 * off)
+            for k in range(3):
+                around = linear[up, column, k] + linear[down, column, k] + linear[row, left, k] + linear[row, right, k]
+                value = gains[k] * fall * ((1 - 4 * _BLUR) * linear[row, column, k] + _BLUR * around)
+                bits = _mixed(seed, (row * columns + column) * 3 + k)
+                # The sum of four even numbers is nearly normal; its deviation is 37837.
+                total = (bits & part) + ((bits >> np.uint64(16)) & part) + ((bits >> np.uint64(32)) & part)
+                normal = (float(total + (bits >> np.uint64(48))) - 131070.0) / 37837.0
+                value += normal * math.sqrt(max(value, 0.0) * _FULL_WELL + _READ_NOISE * _READ_NOISE) / _FULL_WELL
+                place = math.sqrt(min(max(value, 0.0), 8.0) / 8.0) * 4095.0
+                image[row, column, k] = np.uint8(curve[int(place)] * 255.0 + 0.5)
+    return image

@@ -1,0 +1,208 @@
+"""A spinning LiDAR with 32 beams, as nuScenes' car carries it: points, intensity, ring, and what each point is on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from appocc.checks import ByteArray, Float32Array, FloatArray, frozen
+from appocc.geometry import transform
+from appocc.nuscenes.writer import CATEGORIES
+from appocc.simulation.mesh import Material, Mesh
+from appocc.simulation.rendering.tracing import ACTOR, GROUND, SKY, TOWN, Hits, Tracer
+from appocc.simulation.surface import CELL_M, ROAD_SURFACES, Ground, Surface
+from appocc.simulation.town import Town
+
+# nuScenes: x to the right, y forward; above the roof.
+EGO_FROM_LIDAR = transform(np.array([[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]]), [0.94, 0.0, 1.84])
+BEAMS_RAD = np.radians(np.linspace(-30.67, 10.67, 32))
+# Nearer than this it hears its own pulse.
+_NEAREST_M = 1.0
+# A surface of 10 % that faces the sensor is found up to here in half of all shots.
+_REACH_M = 95.0
+_OF_NOISE_M = 0.02
+# Share of infrared light that comes back from a white surface of a material.
+_REFLECTANCE = np.full(len(Material), 0.5, np.float32)
+_REFLECTANCE[[Material.FOLIAGE, Material.HEDGE]] = 1.3  # leaves are bright in the infrared
+_REFLECTANCE[[Material.GLASS, Material.WINDOW, Material.SHOPFRONT]] = 0.12
+_REFLECTANCE[[Material.RUBBER, Material.TRIM]] = 0.35
+_REFLECTANCE[[Material.CLOTH, Material.SKIN]] = 0.7
+# Made to send light back to where it came from, whatever their tint: brighter than any white wall.
+_RETRO = np.zeros(len(Material), np.float32)
+_RETRO[[Material.SIGN, Material.PLATE, Material.HEAD_LAMP, Material.TAIL_LAMP]] = 2.2, 1.6, 0.9, 1.2
+# Smooth surfaces throw most of the light on, away from the sensor, unless they face it.
+_SMOOTH = np.zeros(len(Material), np.bool_)
+_SMOOTH[[Material.PAINT, Material.GLASS, Material.WINDOW, Material.SHOPFRONT, Material.CHROME]] = True
+_MARKINGS = tuple(s for s in Surface if s >= Surface.ZEBRA)
+_OUTSIDE = Surface.GRASS
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """P points of one turn, by column (clockwise from behind) and within it from the lowest beam up.
+
+    Attributes:
+        points: (P, 5) float32 x, y, z in metres, intensity 0..255, ring 0 (lowest) .. 31; LiDAR frame.
+        category: (P,) uint8 position in nuScenes' `CATEGORIES` of what was hit (nuScenes-lidarseg).
+        actor: (P,) int32 number of the actor that was hit, -1 for none.
+    """
+
+    points: Float32Array
+    category: ByteArray
+    actor: NDArray[np.int32]
+
+    def __post_init__(self) -> None:
+        """Make the arrays read-only."""
+        for array in (self.points, self.category, self.actor):
+            frozen(array)
+
+
+def sweep(
+    tracer: Tracer,
+    town: Town,
+    actors_mesh: Mesh,
+    actor_category: ByteArray,
+    town_from_ego: FloatArray,
+    random: np.random.Generator | None,
+    columns: int = 1080,
+    range_m: float = 90.0,
+) -> Sweep:
+    """One turn of the LiDAR, all at one moment.
+
+    Args:
+        tracer: the town with `actors_mesh` set, the ego left out.
+        town: whose ground and solids are hit.
+        actors_mesh: faces of all actors; the tag is the actor's number.
+        actor_category: (A,) category of each actor of the log, see `truth.objects.category_indices`.
+        town_from_ego: (4, 4) pose.
+        random: of noise and lost points; None for exact points, none of them lost.
+        columns: shots of each beam in a turn.
+        range_m: nothing is found beyond.
+    """
+    beams, ring = _directions(columns)
+    town_from_lidar = town_from_ego @ EGO_FROM_LIDAR
+    towards = (beams @ town_from_lidar[:3, :3].T).astype(np.float32)
+    start = np.broadcast_to(town_from_lidar[:3, 3].astype(np.float32), towards.shape)
+    hits = tracer.nearest(np.ascontiguousarray(start), towards)
+    keep = np.flatnonzero((hits.source != SKY) & (hits.distance_m >= _NEAREST_M) & (hits.distance_m <= range_m))
+    hits = Hits(hits.distance_m[keep], hits.source[keep], hits.face[keep], hits.uv[keep])
+    towards, beams, ring = towards[keep], beams[keep], ring[keep]
+    surface = _Surface.of(hits, start[keep] + towards * hits.distance_m[:, None], towards, town, actors_mesh)
+    distance = hits.distance_m.astype(np.float64)
+    intensity = surface.intensity()
+    if random is not None:
+        returned = surface.back * (_REACH_M / distance) ** 2 * 6.9
+        found = random.random(len(distance)) < 1 - np.exp(-returned)
+        distance = distance + random.normal(0.0, _OF_NOISE_M, len(distance))
+        intensity = np.clip(
+            intensity * random.normal(1.0, 0.1, len(distance)) + random.normal(0, 1, len(distance)), 0, 255
+        )
+    else:
+        found = np.ones(len(distance), np.bool_)
+    points = np.concatenate([beams * distance[:, None], np.round(intensity)[:, None], ring[:, None]], axis=1)
+    category = surface.category
+    hit_actor = surface.actor >= 0
+    category[hit_actor] = actor_category[surface.actor[hit_actor]]
+    return Sweep(points[found].astype(np.float32), category[found], surface.actor[found])
+
+
+def _directions(columns: int) -> tuple[FloatArray, FloatArray]:
+    """Unit directions (columns * 32, 3) in the LiDAR frame and their rings."""
+    turn = -np.pi / 2 - 2 * np.pi * np.arange(columns) / columns
+    across, up = np.cos(BEAMS_RAD), np.sin(BEAMS_RAD)
+    beams = np.stack(
+        [
+            np.cos(turn)[:, None] * across,
+            np.sin(turn)[:, None] * across,
+            np.broadcast_to(up, (columns, len(up))),
+        ],
+        axis=2,
+    )
+    return beams.reshape(-1, 3), np.tile(np.arange(float(len(up))), columns)
+
+
+@dataclass(frozen=True)
+class _Surface:
+    """What points lie on: share of light sent back, whether mirrors of light, category, actor, all (P,)."""
+
+    back: FloatArray
+    category: ByteArray
+    actor: NDArray[np.int32]
+
+    @classmethod
+    def of(cls, hits: Hits, place: Float32Array, towards: Float32Array, town: Town, actors_mesh: Mesh) -> _Surface:
+        """The surfaces at hits, at places (P, 3) in the town, met along directions (P, 3)."""
+        count = len(place)
+        back, facing = np.empty(count), np.empty(count)
+        category, actor = np.empty(count, np.uint8), np.full(count, -1, np.int32)
+        on = hits.source == GROUND
+        back[on], category[on] = _ground(town.ground, place[on])
+        facing[on] = -towards[on, 2]
+        for source, mesh in ((TOWN, town.solid), (ACTOR, actors_mesh)):
+            on = hits.source == source
+            face = hits.face[on]
+            back[on] = _mesh_back(mesh, face, towards[on], facing, on)
+            category[on] = _CATEGORY_OF_MATERIAL[mesh.material[face]]
+            if source == ACTOR:
+                actor[on] = mesh.tag[face]
+        # Rough ground sends light back even at a glance.
+        return cls(back * (0.15 + 0.85 * np.clip(facing, 0, 1)), category, actor)
+
+    def intensity(self) -> FloatArray:
+        """(P,) on nuScenes' scale: up to about 100 for matt surfaces, up to 255 for what is made to shine back."""
+        return np.asarray(np.clip(100 * self.back, 0, 255))
+
+
+def _lightness(rgb: NDArray[np.uint8]) -> FloatArray:
+    """Linear brightness 0..1 of sRGB colours (N, 3)."""
+    return np.asarray((rgb.astype(np.float64) / 255) ** 2.2 @ [0.3, 0.5, 0.2])
+
+
+def _ground(ground: Ground, place: Float32Array) -> tuple[FloatArray, ByteArray]:
+    """Share of light sent back and category of places (N, 3) on the ground."""
+    cell = np.floor((place[:, :2] - ground.low_m) / CELL_M).astype(np.int64)
+    inside = ((cell >= 0) & (cell < ground.label.shape[::-1])).all(axis=1)
+    label = np.full(len(place), _OUTSIDE, np.uint8)
+    lightness = np.full(len(place), 0.2)
+    east, north = cell[inside].T
+    label[inside] = ground.label[north, east]
+    lightness[inside] = _lightness(ground.colour[north, east])
+    return lightness * _BACK_OF_GROUND[label], _CATEGORY_OF_GROUND[label]
+
+
+def _mesh_back(
+    mesh: Mesh, face: NDArray[np.int32], towards: Float32Array, facing: FloatArray, on: NDArray[np.bool_]
+) -> FloatArray:
+    """Share of light sent back by faces (N,) met along directions (N, 3); their cosines go into `facing[on]`."""
+    a, b, c = (mesh.vertices_m[mesh.faces[face, k]] for k in range(3))
+    normal = np.cross(b - a, c - a)
+    length = np.linalg.norm(normal, axis=1)
+    cosine = np.abs((normal * towards).sum(axis=1)) / np.maximum(length, 1e-12)
+    facing[on] = cosine
+    material = mesh.material[face]
+    back = _REFLECTANCE[material] * (0.1 + 0.9 * _lightness(mesh.tint[face])) + _RETRO[material]
+    smooth = _SMOOTH[material]
+    back[smooth] *= 0.15 + 1.2 * cosine[smooth] ** 4
+    return np.asarray(back, np.float64)
+
+
+def _table(fill: str, **named: tuple[int, ...]) -> ByteArray:
+    """(256,) uint8 positions in `CATEGORIES`."""
+    table = np.full(256, CATEGORIES.index(fill), np.uint8)
+    for name, entries in named.items():
+        table[list(entries)] = CATEGORIES.index(name.replace("__", "."))
+    return table
+
+
+_CATEGORY_OF_GROUND = _table(
+    "flat.terrain",
+    flat__driveable_surface=tuple(int(s) for s in ROAD_SURFACES),
+    flat__sidewalk=(Surface.PAVEMENT, Surface.KERB),
+    flat__other=(Surface.YARD,),
+)
+_CATEGORY_OF_MATERIAL = _table("static.manmade", static__vegetation=(Material.FOLIAGE, Material.BARK, Material.HEDGE))
+_BACK_OF_GROUND = np.full(256, 0.6)
+_BACK_OF_GROUND[[Surface.GRASS]] = 2.5
+_BACK_OF_GROUND[list(_MARKINGS)] = 1.2

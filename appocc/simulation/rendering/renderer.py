@@ -1,0 +1,209 @@
+"""Draws what the cameras of a vehicle see of a town at a moment."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Mapping
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from appocc.camera import Camera, CameraRig
+from appocc.checks import ByteArray, Float32Array, FloatArray
+from appocc.simulation.mesh import Material, Mesh, joined
+from appocc.simulation.rendering import lens
+from appocc.simulation.rendering.lighting import Ego, Lighting, Sky, Standing, narrowed, near_corner, near_light
+from appocc.simulation.rendering.noise import noise_tile
+from appocc.simulation.rendering.rays import GROUND_KINDS, camera_rays, name_pixels, ray_matrix
+from appocc.simulation.rendering.shading import shade, toward_sun
+from appocc.simulation.rendering.stage import Stage
+from appocc.simulation.rendering.texture import textured
+from appocc.simulation.rendering.tracing import ACTOR, Hits, Tracer
+from appocc.simulation.rendering.views import View
+from appocc.simulation.rendering.weather import WEATHERS, Weather
+from appocc.simulation.town import Town
+
+_CHUNK = 1 << 17
+# Three more rays where a pixel's centre does not tell enough; with the centre they turn in a circle.
+_SHIFTS_PX = ((0.36, 0.10), (-0.27, 0.26), (-0.09, -0.36))
+
+
+class Renderer:
+    """Renders one town; `set_moment` puts actors, lamps and weather into it."""
+
+    def __init__(self, town: Town) -> None:
+        """Prepare everything that depends on the town alone."""
+        self.tracer = Tracer(town.solid)
+        self._stage = Stage(town.solid)
+        self._texture = textured(town.ground)
+        self._noise = noise_tile(town.plan.seed)
+        self._standing = Standing.of(town, self.tracer)
+        self._shown, self._signals = np.zeros(0, np.uint8), np.zeros(0, np.uint8)
+        self._sky = Sky.of(WEATHERS["clear"], self._noise)
+        self.cpu_s: Counter[str] = Counter()
+        self.set_moment(joined([]), self._shown, self._signals, WEATHERS["clear"], None)
+
+    def set_moment(
+        self, actors: Mesh, lights: ByteArray, signals: ByteArray, weather: Weather, ego: Ego | None
+    ) -> None:
+        """Set what the next pictures show.
+
+        Args:
+            actors: all actors but the ego, town frame; tag is an actor's number.
+            lights: (A,) `traffic.Light` bits by number of the actor.
+            signals: (S,) letters of the traffic lights as ASCII, in the order of `signal_links`.
+            weather: light and air.
+            ego: the vehicle that carries the cameras, None if there is none.
+        """
+        started = time.process_time()
+        self.tracer.set_actors(actors)
+        self._stage.set_actors(actors)
+        self._shown, self._signals = np.array(lights, np.uint8), np.array(signals, np.uint8)
+        if weather != self._sky.weather:
+            self._sky = Sky.of(weather, self._noise)
+        middle = ego.town_from_ego[:2, 3] if ego else self._standing.low_m
+        self._light = self._lighting(near_light(actors, self._shown, ego, weather.lamps, middle), middle, ego)
+        self.cpu_s["moment"] += time.process_time() - started
+
+    @property
+    def gains(self) -> Float32Array:
+        """(3,) exposure and white balance of the weather, for `lens.develop`."""
+        return lens.exposure(self._sky.weather, self._sky.up)
+
+    def views(self, rig: CameraRig, town_from_ego: FloatArray, rng: np.random.Generator) -> Mapping[str, View]:
+        """Pictures and maps of a rig by channel; noise comes from `rng`."""
+        return {camera.channel: self._view(camera, town_from_ego, rng) for camera in rig}
+
+    def radiance(
+        self, origins: Float32Array, directions: Float32Array, spread_rad: float, see_through_leaves: bool = False
+    ) -> Float32Array:
+        """Light (N, 3) float32 linear, without haze, that comes back along unit rays (N, 3), town frame.
+
+        Args:
+            origins: (N, 3) float32 where the rays begin.
+            directions: (N, 3) float32 unit.
+            spread_rad: width of a pixel at a distance of one metre.
+            see_through_leaves: whether to look through foliage.
+        """
+        origins = np.require(origins, np.float32, ["C", "W"])
+        directions = np.require(directions, np.float32, ["C", "W"])
+        result = np.empty((len(origins), 3), np.float32)
+        clear = self._light._replace(haze_per_m=np.float32(0))
+        for start in range(0, len(origins), _CHUNK):
+            rows = slice(start, start + _CHUNK)
+            hits = self._met(origins[rows], directions[rows])
+            if see_through_leaves:
+                hits = self._behind_leaves(origins[rows], directions[rows], hits)
+            self._shade(hits, origins[rows], directions[rows], spread_rad, clear, result[rows])
+        return result
+
+    def _view(self, camera: Camera, town_from_ego: FloatArray, rng: np.random.Generator) -> View:
+        shape = (camera.height_px, camera.width_px)
+        count = shape[0] * shape[1]
+        linear, depth = np.empty((count, 3), np.float32), np.empty(count, np.float32)
+        actor, kind = np.empty(count, np.int32), np.empty(count, np.uint8)
+        matrix, place = ray_matrix(camera, town_from_ego)
+        ahead = (town_from_ego[:3, :3] @ camera.ego_from_cam[:3, 2]).astype(np.float32)
+        spread = 1.0 / float(camera.intrinsic[0, 0])
+        for start in range(0, count, _CHUNK):
+            rows = slice(start, min(start + _CHUNK, count))
+            pixels = np.arange(rows.start, rows.stop, dtype=np.int32)
+            origins, directions = camera_rays(pixels, camera.width_px, 0.0, 0.0, matrix, place)
+            hits = self._met(origins, directions)
+            started = time.process_time()
+            name_pixels(
+                hits.distance_m, hits.source, hits.face, origins, directions, ahead, self._stage.triangles,
+                self._texture, GROUND_KINDS, depth[rows], actor[rows], kind[rows],
+            )  # fmt: skip
+            self.cpu_s["maps"] += time.process_time() - started
+            self._shade(hits, origins, directions, spread, self._light, linear[rows])
+        started = time.process_time()
+        glow = 0.05 if self._sky.weather.lamps else 0.0
+        image = lens.photograph(linear.reshape(*shape, 3), self.gains, glow, rng)
+        self.cpu_s["lens"] += time.process_time() - started
+        return View(image, depth.reshape(shape), actor.reshape(shape), kind.reshape(shape))
+
+    def _met(self, origins: Float32Array, directions: Float32Array) -> Hits:
+        """What rays meet; faces are numbered as in the stage's triangles."""
+        started = time.process_time()
+        hits = self.tracer.nearest(origins, directions)
+        _number(hits.source, hits.face, self._stage.town_faces)
+        self.cpu_s["trace"] += time.process_time() - started
+        return hits
+
+    def _behind_leaves(self, origins: Float32Array, directions: Float32Array, hits: Hits) -> Hits:
+        """The same hits, but of rays that end in leaves what lies behind them."""
+        for _ in range(12):
+            leaves = np.flatnonzero(
+                (hits.face >= 0) & (self._stage.triangles.material[hits.face] == Material.FOLIAGE)
+            )
+            if not len(leaves):
+                break
+            passed = hits.distance_m[leaves] + np.float32(0.02)
+            further = self._met(
+                origins[leaves] + passed[:, None] * directions[leaves], np.ascontiguousarray(directions[leaves])
+            )
+            hits.distance_m[leaves] = further.distance_m + passed
+            hits.source[leaves], hits.face[leaves], hits.uv[leaves] = further.source, further.face, further.uv
+        return hits
+
+    def _shade(
+        self,
+        hits: Hits,
+        origins: Float32Array,
+        directions: Float32Array,
+        spread_rad: float,
+        light: Lighting,
+        radiance: Float32Array,
+    ) -> None:
+        """Enter the light (N, 3) that comes back along rays."""
+        lit = np.zeros(len(origins), np.bool_)
+        started = time.process_time()
+        if light.sun.any():
+            numbers, starts = toward_sun(
+                hits.distance_m, hits.source, hits.face, hits.uv, origins, directions, self._stage.triangles, light,
+                lit,
+            )  # fmt: skip
+            lit[numbers] = ~self.tracer.blocked(starts, np.tile(light.sun_to, (len(starts), 1)))
+        self.cpu_s["shadow"] += time.process_time() - started
+        started = time.process_time()
+        shade(
+            hits.distance_m, hits.source, hits.face, hits.uv, origins, directions, lit, spread_rad,
+            self._stage.triangles, self._texture, light, self._shown, self._signals, radiance,
+        )  # fmt: skip
+        self.cpu_s["shade"] += time.process_time() - started
+
+    def _lighting(self, near: Float32Array, middle_m: FloatArray, ego: Ego | None) -> Lighting:
+        weather, standing, corner = self._sky.weather, self._standing, near_corner(middle_m)
+        box = (*ego.size_lwh_m, ego.centre_x_m) if ego else (0.0, 0.0, 0.0, 0.0)
+        return Lighting(
+            self._sky.sun_to,
+            np.array(weather.sun, np.float32),
+            self._sky.up,
+            self._sky.bounce,
+            self._sky.radiance,
+            np.array(weather.horizon, np.float32),
+            np.float32(weather.haze_per_m),
+            np.float32(weather.wetness),
+            np.float32(weather.lamps),
+            np.float32(standing.low_m[0]),
+            np.float32(standing.low_m[1]),
+            standing.open,
+            standing.lamp,
+            np.float32(corner[0]),
+            np.float32(corner[1]),
+            near,
+            narrowed(ego.town_from_ego if ego else np.eye(4)),
+            np.array(box, np.float32),
+            self._noise,
+        )
+
+
+@numba.njit(cache=True, nogil=True)
+def _number(source: ByteArray, face: NDArray[np.int32], town_faces: int) -> None:
+    """Count the actors' faces on from the town's."""
+    for i in range(len(source)):
+        if source[i] == ACTOR:
+            face[i] += town_faces

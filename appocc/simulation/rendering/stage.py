@@ -1,0 +1,107 @@
+"""Town and actors as one set of triangles, as kernels take them."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from appocc.checks import ByteArray, Float32Array
+from appocc.simulation.mesh import Material, Mesh
+from appocc.simulation.rendering.views import ViewClass
+
+_KINDS = {
+    ViewClass.BUILDING: (
+        Material.BRICK,
+        Material.PLASTER,
+        Material.CONCRETE,
+        Material.WINDOW,
+        Material.SHOPFRONT,
+        Material.ROOF_TILES,
+        Material.FLAT_ROOF,
+    ),
+    ViewClass.VEGETATION: (Material.FOLIAGE, Material.BARK, Material.HEDGE),
+    ViewClass.POLE_OR_SIGN: (Material.METAL, Material.STREET_LAMP, Material.SIGNAL, Material.SIGN),
+}
+
+
+class Triangles(NamedTuple):
+    """The town's triangles, and after them the actors' of the moment; arrays as in `Mesh`.
+
+    Attributes:
+        normals: (V, 3) float32.
+        uv: (V, 2) float32.
+        faces: (F, 3) int32.
+        material: (F,) uint8.
+        tint: (F, 3) uint8.
+        tag: (F,) int32.
+        kind: (F,) uint8 `ViewClass`.
+    """
+
+    normals: Float32Array
+    uv: Float32Array
+    faces: NDArray[np.int32]
+    material: ByteArray
+    tint: ByteArray
+    tag: NDArray[np.int32]
+    kind: ByteArray
+
+
+class Stage:
+    """Keeps the town's triangles at the front of arrays that have room for the actors behind them."""
+
+    def __init__(self, solid: Mesh) -> None:
+        """Copy the town's triangles."""
+        self.town_vertices, self.town_faces = len(solid.normals), len(solid.faces)
+        self.triangles = _arrays(self.town_vertices, self.town_faces)
+        self._put(solid, 0, 0, _static_kinds(solid))
+
+    def set_actors(self, actors: Mesh) -> None:
+        """Put the actors of a moment behind the town's triangles, in place of those that were there."""
+        vertices, faces = self.town_vertices + len(actors.normals), self.town_faces + len(actors.faces)
+        if vertices > len(self.triangles.normals) or faces > len(self.triangles.faces):
+            old, self.triangles = self.triangles, _arrays(vertices * 5 // 4, faces * 5 // 4)
+            for before, now in zip(old, self.triangles, strict=True):
+                now[: len(before)] = before
+        self._put(actors, self.town_vertices, self.town_faces, _actor_kinds(actors))
+
+    def _put(self, mesh: Mesh, vertex: int, face: int, kinds: ByteArray) -> None:
+        rows, own = slice(vertex, vertex + len(mesh.normals)), slice(face, face + len(mesh.faces))
+        self.triangles.normals[rows] = mesh.normals
+        self.triangles.uv[rows] = mesh.uv
+        np.add(mesh.faces, np.int32(vertex), out=self.triangles.faces[own])
+        self.triangles.material[own] = mesh.material
+        self.triangles.tint[own] = mesh.tint
+        self.triangles.tag[own] = mesh.tag
+        self.triangles.kind[own] = kinds
+
+
+def _arrays(vertices: int, faces: int) -> Triangles:
+    return Triangles(
+        np.empty((vertices, 3), np.float32),
+        np.empty((vertices, 2), np.float32),
+        np.empty((faces, 3), np.int32),
+        np.empty(faces, np.uint8),
+        np.empty((faces, 3), np.uint8),
+        np.empty(faces, np.int32),
+        np.empty(faces, np.uint8),
+    )
+
+
+def _static_kinds(mesh: Mesh) -> ByteArray:
+    table = np.full(256, ViewClass.OTHER, np.uint8)
+    for kind, materials in _KINDS.items():
+        table[list(materials)] = kind
+    kinds = table[mesh.material]
+    kinds[(mesh.material == Material.PLAIN) & (mesh.tag >= 0)] = ViewClass.BUILDING
+    return kinds
+
+
+def _actor_kinds(mesh: Mesh) -> ByteArray:
+    """What has panes is a vehicle, what else has tyres a two-wheeler with its rider, and the rest are people."""
+    count = int(mesh.tag.max(initial=-1)) + 2
+    panes = np.bincount(mesh.tag[mesh.material == Material.GLASS] + 1, minlength=count) > 0
+    tyres = np.bincount(mesh.tag[mesh.material == Material.RUBBER] + 1, minlength=count) > 0
+    kinds = np.where(panes, ViewClass.VEHICLE, np.where(tyres, ViewClass.TWO_WHEELER, ViewClass.PERSON))
+    return kinds.astype(np.uint8)[mesh.tag + 1]

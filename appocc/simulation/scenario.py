@@ -1,0 +1,88 @@
+"""What a scene shows: which town, whose eyes, when, under which sky; drawn by seed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from appocc.checks import BoolArray
+from appocc.errors import DataError
+from appocc.simulation.traffic import TrafficLog
+
+# How often each weather is drawn, the names of `WEATHERS`.
+WEATHER_SHARES = {"clear": 0.3, "overcast": 0.22, "low_sun": 0.16, "wet": 0.12, "dusk": 0.1, "night": 0.1}
+# Cars and vans are drawn as the ego: the cameras' places are those on a car.
+_EGO_KINDS = ("car", "van")
+_STANDING_MPS, _MOST_STANDING = 0.5, 0.2
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """A scene to be recorded.
+
+    Attributes:
+        name: of the scene, such as scene-0003.
+        number: position in the dataset.
+        town: name of the town.
+        ego: number of the ego in the town's traffic log.
+        start_s: time of the first frame in the log.
+        weather: name of the weather.
+        seed: of paints, noise and the weather's variation; goes with `number`.
+    """
+
+    name: str
+    number: int
+    town: str
+    ego: int
+    start_s: float
+    weather: str
+    seed: int
+
+    @property
+    def random_seed(self) -> tuple[int, int]:
+        """Seed of all that is drawn in this scene."""
+        return (self.seed, self.number)
+
+
+def draw_scenario(
+    number: int, town: str, log: TrafficLog, seconds: float, weathers: Sequence[str], seed: int
+) -> Scenario:
+    """Draw scene `number` of a dataset: an ego that is there for `seconds` and stands in at most a fifth of them.
+
+    Raises:
+        DataError: if no car is in the town's traffic for so long.
+    """
+    random = np.random.default_rng([seed, number, 0])
+    starts = _starts(log, seconds)
+    if not starts.any():
+        raise DataError(f"{town}: nobody drives for {seconds:g} s in its traffic of {log.duration_s:g} s")
+    ego = int(random.choice(np.flatnonzero(starts.any(axis=0))))
+    start = int(random.choice(np.flatnonzero(starts[:, ego])))
+    shares = np.array([WEATHER_SHARES[name] for name in weathers])
+    weather = str(random.choice(np.array(weathers), p=shares / shares.sum()))
+    return Scenario(f"scene-{number:04d}", number, town, ego, start * log.step_s, weather, seed)
+
+
+def _starts(log: TrafficLog, seconds: float) -> BoolArray:
+    """(T, A) at which steps a scene may begin with which ego; where none moves enough, those that are there."""
+    steps = int(np.ceil(seconds / log.step_s - 1e-9)) + 1
+    there = np.isfinite(log.xy_m[..., 0])
+    if steps > len(there):
+        return np.zeros_like(there)
+    speed = np.linalg.norm(np.diff(log.xy_m, axis=0, append=np.nan), axis=2) / log.step_s
+    standing = np.nan_to_num(speed, nan=0.0) < _STANDING_MPS
+    able = np.array([actor.kind in _EGO_KINDS for actor in log.actors])
+    present = _windows(there, steps) == steps
+    possible = np.zeros_like(there)
+    possible[: len(present)] = present & able & (_windows(there & ~standing, steps) > 0)
+    driving = possible.copy()
+    driving[: len(present)] &= _windows(standing, steps) <= _MOST_STANDING * steps
+    return driving if driving.any() else possible
+
+
+def _windows(flags: BoolArray, steps: int) -> np.ndarray[tuple[int, int], np.dtype[np.int64]]:
+    """(T - steps + 1, A) how many of `steps` from each on are set."""
+    total = np.cumsum(np.concatenate([np.zeros((1, flags.shape[1]), np.int64), flags]), axis=0)
+    return np.asarray(total[steps:] - total[:-steps])

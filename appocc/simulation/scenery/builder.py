@@ -1,0 +1,200 @@
+"""Quads and triangles of flat faces, collected into one mesh; copies of small meshes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from appocc.checks import BoolArray, FloatArray
+from appocc.simulation.mesh import Material, Mesh
+
+Tint = tuple[int, int, int]
+UNIT_UV = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+_SIDES = "lrfbdt"  # left, right, front, back, down, top
+_CORNERS = np.array(  # of each side of a box: index 0 low, 1 high along (s, d, z), counter-clockwise from outside
+    [
+        [[0, 1, 0], [0, 0, 0], [0, 0, 1], [0, 1, 1]],
+        [[1, 0, 0], [1, 1, 0], [1, 1, 1], [1, 0, 1]],
+        [[0, 0, 0], [1, 0, 0], [1, 0, 1], [0, 0, 1]],
+        [[1, 1, 0], [0, 1, 0], [0, 1, 1], [1, 1, 1]],
+        [[0, 1, 0], [1, 1, 0], [1, 0, 0], [0, 0, 0]],
+        [[0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]],
+    ]
+)
+
+
+@dataclass(frozen=True)
+class Place:
+    """A frame on the ground: s to the right as seen from the street, d away from the street, z up (right-handed).
+
+    Attributes:
+        origin_m: (2,) town frame.
+        along: (2,) unit direction of s; that of d is a quarter turn to its left.
+    """
+
+    origin_m: FloatArray
+    along: FloatArray
+
+    @property
+    def inward(self) -> FloatArray:
+        """(2,) unit direction of d."""
+        return np.array([-self.along[1], self.along[0]])
+
+    def at(self, s: float, d: float) -> FloatArray:
+        """(2,) town position of a point."""
+        return np.asarray(self.origin_m + s * self.along + d * self.inward)
+
+    def town(self, local: FloatArray) -> FloatArray:
+        """(..., 3) local points in the town frame."""
+        xy = self.origin_m + local[..., :1] * self.along + local[..., 1:2] * self.inward
+        return np.concatenate([xy, local[..., 2:]], axis=-1)
+
+    def moved(self, s: float, d: float, quarter_turns: int = 0) -> Place:
+        """The frame at another point of this one, turned to the left."""
+        along = (self.along, self.inward, -self.along, -self.inward)[quarter_turns % 4]
+        return Place(self.at(s, d), along)
+
+    def corners(self, s0: float, s1: float, d0: float, d1: float) -> FloatArray:
+        """(4, 2) town corners of a rectangle, counter-clockwise."""
+        return np.stack([self.at(s0, d0), self.at(s1, d0), self.at(s1, d1), self.at(s0, d1)])
+
+
+class Builder:
+    """Collects faces; normals follow from the winding, no vertex is shared."""
+
+    def __init__(self) -> None:
+        """Begin with nothing."""
+        self._quads: list[tuple[FloatArray, FloatArray | None]] = []
+        self._triangles: list[FloatArray] = []
+        self._quad_looks: list[tuple[int, ArrayLike, ArrayLike, int]] = []
+        self._triangle_looks: list[tuple[int, ArrayLike, ArrayLike, int]] = []
+
+    def quads(
+        self,
+        place: Place,
+        local: ArrayLike,
+        material: ArrayLike,
+        tint: ArrayLike,
+        tag: int = -1,
+        uv: FloatArray | None = None,
+    ) -> None:
+        """Add (N, 4, 3) quads of local points, counter-clockwise; without `uv` (4, 2) or (N, 4, 2) it is in metres."""
+        corners = place.town(np.asarray(local, np.float64).reshape(-1, 4, 3))
+        self._quads.append((corners, uv))
+        self._quad_looks.append((len(corners), material, tint, tag))
+
+    def triangles(self, place: Place, local: ArrayLike, material: Material, tint: ArrayLike, tag: int = -1) -> None:
+        """Add (N, 3, 3) triangles of local points, counter-clockwise."""
+        corners = place.town(np.asarray(local, np.float64).reshape(-1, 3, 3))
+        self._triangles.append(corners)
+        self._triangle_looks.append((len(corners), material, tint, tag))
+
+    def boxes(
+        self,
+        place: Place,
+        low: ArrayLike,
+        high: ArrayLike,
+        material: Material,
+        tint: ArrayLike,
+        tag: int = -1,
+        sides: str = "lrfbt",
+    ) -> None:
+        """Add boxes between local corners (N, 3): those of their sides l, r, f, b, d, t that are asked for."""
+        ends = np.stack([np.reshape(np.asarray(v, np.float64), (-1, 3)) for v in (low, high)], axis=1)
+        which = _CORNERS[[_SIDES.index(side) for side in sides]]
+        self.quads(place, ends[:, which, np.arange(3)], material, tint, tag)
+
+    def mesh(self) -> Mesh:
+        """Everything so far."""
+        quads = np.concatenate([np.zeros((0, 4, 3)), *(corners for corners, _ in self._quads)])
+        triangles = np.concatenate([np.zeros((0, 3, 3)), *self._triangles])
+        quad_uv, quad_normal = _metric_uv(quads)
+        start = 0
+        for corners, uv in self._quads:
+            if uv is not None:
+                quad_uv[start : start + len(corners)] = uv
+            start += len(corners)
+        triangle_uv, triangle_normal = _metric_uv(triangles)
+        faces = np.arange(4 * len(quads)).reshape(-1, 4)[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3)
+        rest = 4 * len(quads) + np.arange(3 * len(triangles)).reshape(-1, 3)
+        looks = [
+            np.concatenate([np.repeat(a, 2, axis=0), b])
+            for a, b in zip(_looks(self._quad_looks), _looks(self._triangle_looks), strict=True)
+        ]
+        return Mesh(
+            np.concatenate([quads.reshape(-1, 3), triangles.reshape(-1, 3)]).astype(np.float32),
+            np.concatenate([np.repeat(quad_normal, 4, axis=0), np.repeat(triangle_normal, 3, axis=0)]).astype(np.float32),
+            np.concatenate([quad_uv.reshape(-1, 2), triangle_uv.reshape(-1, 2)]).astype(np.float32),
+            np.concatenate([faces, rest]).astype(np.int32),
+            looks[0].astype(np.uint8),
+            looks[1].astype(np.uint8),
+            looks[2].astype(np.int32),
+        )
+
+
+def _metric_uv(corners: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """(N, K, 2) metres along the first side and across it, and (N, 3) unit normals, of (N, K, 3) flat faces."""
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, -1] - corners[:, 0])
+    if corners.shape[1] == 4:  # the diagonals, should two corners coincide
+        across = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
+    normal = across / np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-12)
+    first = corners[:, 1] - corners[:, 0]
+    first /= np.maximum(np.linalg.norm(first, axis=1, keepdims=True), 1e-12)
+    offset = corners - corners[:, :1]
+    axes = np.stack([first, np.cross(normal, first)], axis=-1)
+    return np.asarray(offset @ axes), normal
+
+
+def _looks(looks: list[tuple[int, ArrayLike, ArrayLike, int]]) -> tuple[NDArray[np.int64], ...]:
+    """Material (N,), tint (N, 3) and tag (N,) of each face."""
+    total = sum(count for count, *_ in looks)
+    material, tint, tag = np.zeros(total, np.int64), np.zeros((total, 3), np.int64), np.zeros(total, np.int64)
+    start = 0
+    for count, *look in looks:
+        part = slice(start, start + count)
+        material[part], tint[part], tag[part] = look
+        start += count
+    return material, tint, tag
+
+
+def copies(
+    template: Mesh,
+    xyz_m: FloatArray,
+    yaw_rad: FloatArray,
+    scale: FloatArray,
+    tint: NDArray[np.integer] | None = None,
+    tinted: BoolArray | None = None,
+) -> Mesh:
+    """K copies of a mesh: each scaled (K, 3), turned (K,) about z, and moved to (K, 3), town frame.
+
+    Args:
+        template: mesh around its own origin.
+        xyz_m: (K, 3) where the origins come to lie.
+        yaw_rad: (K,).
+        scale: (K, 3) along the template's own axes.
+        tint: (K, 3) sRGB that takes the place of the template's, where `tinted` (F,).
+        tinted: (F,) which faces take it.
+    """
+    count, corners, faces = len(xyz_m), len(template.vertices_m), len(template.faces)
+    cos, sin = np.cos(yaw_rad)[:, None], np.sin(yaw_rad)[:, None]
+
+    def turned(x: FloatArray) -> FloatArray:
+        return np.stack([cos * x[..., 0] - sin * x[..., 1], sin * x[..., 0] + cos * x[..., 1], x[..., 2]], axis=-1)
+
+    vertices = turned(template.vertices_m * scale[:, None]) + xyz_m[:, None]
+    normals = turned(template.normals / scale[:, None])
+    normals /= np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), 1e-12)
+    colours = np.broadcast_to(template.tint, (count, faces, 3))
+    if tint is not None and tinted is not None:
+        colours = np.where(tinted[None, :, None], tint[:, None], colours)
+    return Mesh(
+        vertices.reshape(-1, 3).astype(np.float32),
+        normals.reshape(-1, 3).astype(np.float32),
+        np.tile(template.uv, (count, 1)),
+        (template.faces + (np.arange(count) * corners)[:, None, None]).reshape(-1, 3).astype(np.int32),
+        np.tile(template.material, count),
+        colours.reshape(-1, 3).astype(np.uint8),
+        np.tile(template.tag, count),
+    )

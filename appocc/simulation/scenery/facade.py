@@ -1,0 +1,256 @@
+"""Walls with openings: windows set into the wall, doors, shopfronts, balconies."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from appocc.checks import BoolArray, FloatArray
+from appocc.simulation.mesh import Material
+from appocc.simulation.scenery.builder import UNIT_UV, Builder, Place, Tint
+from appocc.simulation.scenery.palette import CONCRETE
+
+_PROUD_M = 0.03  # panes of plain walls stand before the wall, so that neither hides the other
+
+
+@dataclass(frozen=True)
+class Look:
+    """How the walls of a building look.
+
+    Attributes:
+        wall: material of the walls.
+        wall_tint: their colour.
+        trim: colour of sills, cornices and surrounds.
+        frame: colour of the windows' frames.
+        door: colour of its doors.
+        bay_m: about the distance between windows.
+        window_m: width and height of a window.
+        sill_m: from the floor to the window.
+        ground_m: height of the ground floor.
+        storey_m: height of the others.
+        storeys: how many, the ground floor included.
+        recess_m: how deep windows towards the street lie in the wall.
+        sills: whether they have sills.
+        tag: number of the building.
+    """
+
+    wall: Material
+    wall_tint: Tint
+    trim: Tint
+    frame: Tint
+    door: Tint
+    bay_m: float
+    window_m: tuple[float, float]
+    sill_m: float
+    ground_m: float
+    storey_m: float
+    storeys: int
+    recess_m: float
+    sills: bool
+    tag: int
+
+    @property
+    def eaves_m(self) -> float:
+        """Height of the walls."""
+        return self.ground_m + (self.storeys - 1) * self.storey_m
+
+    def floors_m(self, first: int = 0) -> FloatArray:
+        """Heights of the floors from one on."""
+        floors = np.concatenate([[0.0], self.ground_m + self.storey_m * np.arange(self.storeys - 1)])
+        return np.asarray(floors[first:])
+
+
+def rectangles(edges: FloatArray, d: float | FloatArray = 0.0) -> FloatArray:
+    """(N, 4, 3) upright quads of [s0, s1, z0, z1] (N, 4) that face the street at depth d."""
+    s0, s1, z0, z1 = np.asarray(edges, np.float64).reshape(-1, 4).T
+    depth = np.broadcast_to(d, s0.shape)
+    corners = [[s0, depth, z0], [s1, depth, z0], [s1, depth, z1], [s0, depth, z1]]
+    return np.asarray(np.moveaxis(np.array(corners), -1, 0))
+
+
+def plain_wall(builder: Builder, place: Place, edges: FloatArray, material: Material, tint: Tint, tag: int) -> None:
+    """Add wall rectangles [s0, s1, z0, z1] (N, 4); the pattern runs on from one to the next."""
+    quads = rectangles(edges)
+    builder.quads(place, quads, material, tint, tag, quads[..., [0, 2]])
+
+
+def columns(length_m: float, look: Look, margin_m: float = 0.5) -> FloatArray:
+    """(n, 2) left and right edges of the windows of a wall, evenly spread; none on a wall too short."""
+    count = int((length_m - 2 * margin_m) / look.bay_m + 0.35)
+    if count == 0 and length_m > look.window_m[0] + 0.6:
+        count = 1
+    if count == 0:
+        return np.zeros((0, 2))
+    bay = (length_m - 2 * margin_m) / count
+    middle = margin_m + bay * (np.arange(count) + 0.5)
+    half = min(look.window_m[0], bay - 0.3) / 2
+    return np.stack([middle - half, middle + half], axis=1)
+
+
+def window_rows(floors_m: FloatArray, look: Look, count: int) -> FloatArray:
+    """(m, n, 2) lower and upper edges of the windows of some floors, n in each."""
+    low = floors_m + look.sill_m
+    rows = np.stack([low, low + look.window_m[1]], axis=1)
+    return np.broadcast_to(rows[:, None], (len(floors_m), count, 2)).copy()
+
+
+def windows_wall(
+    builder: Builder,
+    place: Place,
+    length_m: float,
+    z_m: tuple[float, float],
+    s: FloatArray,
+    z: FloatArray,
+    look: Look,
+    detailed: bool,
+    doors: BoolArray | None = None,
+) -> None:
+    """Add a wall from z_m[0] to z_m[1] with openings: columns s (n, 2), rows z (m, n, 2).
+
+    Args:
+        builder: takes the faces.
+        place: s = 0 at its left end.
+        length_m: of the wall.
+        z_m: lower and upper edge.
+        s: left and right edges of the columns.
+        z: lower and upper edges of each opening, from below.
+        look: materials.
+        detailed: set the windows into the wall, with sills; else they are panes before it.
+        doors: (m, n) which openings are doors.
+    """
+    whole = np.array([[0.0, length_m, *z_m]])
+    rows, count = z.shape[:2]
+    if rows * count == 0:
+        plain_wall(builder, place, whole, look.wall, look.wall_tint, look.tag)
+        return
+    across = np.broadcast_to(s[None], (rows, count, 2))
+    panes = np.concatenate([across, z], axis=-1).reshape(-1, 4)
+    door = np.zeros(len(panes), np.bool_) if doors is None else doors.reshape(-1)
+    if detailed:
+        _pierced(builder, place, length_m, z_m, s, z, look)
+        _reveals(builder, place, panes, look)
+        if look.sills:
+            _sills(builder, place, panes[~door], look)
+    else:
+        plain_wall(builder, place, whole, look.wall, look.wall_tint, look.tag)
+    depth = look.recess_m if detailed else -_PROUD_M
+    builder.quads(place, rectangles(panes[~door], depth), Material.WINDOW, look.frame, look.tag, UNIT_UV)
+    builder.quads(place, rectangles(panes[door], depth), Material.PLAIN, look.door, look.tag)
+
+
+def _pierced(
+    builder: Builder,
+    place: Place,
+    length_m: float,
+    z_m: tuple[float, float],
+    s: FloatArray,
+    z: FloatArray,
+    look: Look,
+) -> None:
+    """The wall around the openings: piers of full height, and spandrels over and under them."""
+    low, high = np.concatenate([[0.0], s[:, 1]]), np.concatenate([s[:, 0], [length_m]])
+    piers = np.stack([low, high, np.full_like(low, z_m[0]), np.full_like(low, z_m[1])], axis=1)
+    count = len(s)
+    bottom = np.concatenate([np.full((1, count), z_m[0]), z[..., 1]])
+    top = np.concatenate([z[..., 0], np.full((1, count), z_m[1])])
+    across = np.broadcast_to(s[None], (len(bottom), count, 2))
+    spandrels = np.concatenate([across, bottom[..., None], top[..., None]], axis=-1).reshape(-1, 4)
+    spandrels = spandrels[spandrels[:, 3] - spandrels[:, 2] > 1e-3]
+    plain_wall(builder, place, np.concatenate([piers, spandrels]), look.wall, look.wall_tint, look.tag)
+
+
+def _reveals(builder: Builder, place: Place, panes: FloatArray, look: Look) -> None:
+    """The sides and the upper edge of each opening, from the wall's face to the pane; and its floor."""
+    s0, s1, z0, z1 = panes.T
+    f, b = np.zeros_like(s0), np.full_like(s0, look.recess_m)
+    left = [[s0, f, z0], [s0, b, z0], [s0, b, z1], [s0, f, z1]]
+    right = [[s1, b, z0], [s1, f, z0], [s1, f, z1], [s1, b, z1]]
+    upper = [[s0, b, z1], [s1, b, z1], [s1, f, z1], [s0, f, z1]]
+    lower = [[s0, f, z0], [s1, f, z0], [s1, b, z0], [s0, b, z0]]
+    quads = np.moveaxis(np.array([left, right, upper, lower]), -1, 0)
+    builder.quads(place, quads, look.wall, look.wall_tint, look.tag)
+
+
+def _sills(builder: Builder, place: Place, panes: FloatArray, look: Look) -> None:
+    s0, s1, z0, _ = panes.T
+    low = np.stack([s0 - 0.08, np.full_like(s0, -0.09), z0 - 0.11], axis=1)
+    high = np.stack([s1 + 0.08, np.full_like(s0, 0.02), z0 + 0.01], axis=1)
+    builder.boxes(place, low, high, Material.CONCRETE, look.trim, look.tag, "fdt")
+
+
+def band(builder: Builder, place: Place, length_m: float, z_m: float, height_m: float, out_m: float, look: Look) -> None:
+    """Add a cornice or string course along a wall."""
+    low, high = [0.0, -out_m, z_m], [length_m, 0.02, z_m + height_m]
+    builder.boxes(place, low, high, Material.CONCRETE, look.trim, look.tag, "lrfdt")
+
+
+def shop_floor(
+    builder: Builder, place: Place, length_m: float, look: Look, fascia: Tint, awning: Tint | None, stall: bool = True
+) -> None:
+    """Add a ground floor of shop windows between piers, its sign board, and an awning if it has a colour.
+
+    Args:
+        builder: takes the faces.
+        place: s = 0 at the wall's left end.
+        length_m: of the wall.
+        look: materials.
+        fascia: colour of the sign board.
+        awning: its colour, None for none.
+        stall: whether the glass stands on a low wall; else it reaches the ground.
+    """
+    count = max(1, round((length_m - 0.4) / 3.6))
+    bay = (length_m - 0.4) / count
+    middle = 0.2 + bay * (np.arange(count) + 0.5)
+    s = np.stack([middle - bay / 2 + 0.2, middle + bay / 2 - 0.2], axis=1)
+    head = look.ground_m - 0.85
+    z = np.broadcast_to(np.array([0.45 if stall else 0.08, head]), (1, count, 2)).copy()
+    door = np.arange(count) == count // 2
+    s_door = s[door][:, :1] + np.array([0.0, 1.05])
+    s[door, 0] += 1.2
+    s, z = np.concatenate([s, s_door]), np.concatenate([z, [[[0.02, head]]]], axis=1)
+    order = np.argsort(s[:, 0], kind="stable")
+    s, z = s[order], z[:, order]
+    _pierced(builder, place, length_m, (0.0, look.ground_m), s, z, look)
+    panes = np.concatenate([s, z[0]], axis=1)
+    _reveals(builder, place, panes, look)
+    glass = rectangles(panes, look.recess_m)
+    builder.quads(place, glass, Material.SHOPFRONT, look.frame, look.tag, glass[..., [0, 2]])
+    board = [0.25, -0.12, head + 0.12], [length_m - 0.25, 0.02, head + 0.67]
+    builder.boxes(place, *board, Material.PLAIN, fascia, look.tag, "lrfdt")
+    if awning is not None:
+        _awnings(builder, place, s[s[:, 1] - s[:, 0] > 1.3], head + 0.05, awning, look.tag)
+
+
+def _awnings(builder: Builder, place: Place, s: FloatArray, z_m: float, tint: Tint, tag: int) -> None:
+    """Sloping cloths over shop windows, with a valance; seen from both sides."""
+    s0, s1 = s.T
+    back, front, top, low = np.full_like(s0, -0.13), np.full_like(s0, -1.25), z_m, z_m - 0.45
+    t, e, v = np.full_like(s0, top), np.full_like(s0, low), np.full_like(s0, low - 0.22)
+    cloth = [[s0, front, e], [s1, front, e], [s1, back, t], [s0, back, t]]
+    under = [[s0, back, t - 0.02], [s1, back, t - 0.02], [s1, front, e - 0.02], [s0, front, e - 0.02]]
+    valance = [[s0, front, v], [s1, front, v], [s1, front, e], [s0, front, e]]
+    inner = [[s1, front + 0.01, v], [s0, front + 0.01, v], [s0, front + 0.01, e], [s1, front + 0.01, e]]
+    builder.quads(place, np.moveaxis(np.array([cloth, under, valance, inner]), -1, 0), Material.CLOTH, tint, tag)
+
+
+def balconies(builder: Builder, place: Place, s: FloatArray, floors_m: FloatArray, rail: Tint, look: Look) -> None:
+    """Add balconies before columns (n, 2) at floors (m,): a slab and a rail on three sides."""
+    s0, s1 = (np.tile(edge, len(floors_m)) for edge in (s[:, 0] - 0.45, s[:, 1] + 0.45))
+    z = np.repeat(floors_m, len(s))
+    out = np.full_like(s0, -1.3)
+    wall = np.zeros_like(s0)
+    builder.boxes(
+        place,
+        np.stack([s0, out, z - 0.16], axis=1),
+        np.stack([s1, wall, z], axis=1),
+        Material.CONCRETE,
+        CONCRETE,
+        look.tag,
+        "lrfdt",
+    )
+    low, high = np.stack([s0, out, z + 0.06], axis=1), np.stack([s1, out + 0.04, z + 1.02], axis=1)
+    builder.boxes(place, low, high, Material.METAL, rail, look.tag, "lrfbt")
+    for left in (s0, s1 - 0.04):
+        low, high = np.stack([left, out + 0.04, z + 0.06], axis=1), np.stack([left + 0.04, wall, z + 1.02], axis=1)
+        builder.boxes(place, low, high, Material.METAL, rail, look.tag, "lrt")

@@ -1,0 +1,123 @@
+"""Where houses stand: rectangles along the frontages, none touching what is paved nor each other."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from appocc.simulation.scenery.builder import Place
+from appocc.simulation.scenery.site import Frontage, Site
+
+_SMALLEST_M = 5.0
+
+
+@dataclass(frozen=True)
+class Plot:
+    """A rectangle for a building; s = 0 .. width along the street, d = 0 (front) .. depth.
+
+    Attributes:
+        place: frame of its front left corner.
+        width_m: along the street.
+        depth_m: away from it.
+        arterial: whether the street is one.
+        open_left: whether nothing touches it on its left, so that this side has windows.
+        open_right: the same on its right.
+        front_m: from its front to the paved edge.
+        backland: whether it stands in a second row, seen only through gaps.
+    """
+
+    place: Place
+    width_m: float
+    depth_m: float
+    arterial: bool
+    open_left: bool
+    open_right: bool
+    front_m: float
+    backland: bool = False
+
+
+@dataclass(frozen=True)
+class Spacing:
+    """How plots follow each other: ranges of widths, depths, front gardens and gaps, metres."""
+
+    width_m: tuple[float, float]
+    depth_m: tuple[float, float]
+    front_m: tuple[float, float]
+    gap_m: tuple[float, float]
+    gap_share: float
+    empty_share: float
+
+
+SPACINGS: dict[str, Spacing] = {
+    "old": Spacing((6.5, 13.5), (9.5, 12.5), (0.1, 0.1), (2.0, 5.0), 0.10, 0.03),
+    "modern": Spacing((15.0, 30.0), (12.0, 17.0), (0.8, 4.5), (3.0, 9.0), 0.75, 0.08),
+    "suburb": Spacing((9.5, 14.5), (8.0, 10.5), (4.5, 7.5), (4.5, 10.0), 1.0, 0.04),
+    "industrial": Spacing((20.0, 46.0), (16.0, 30.0), (4.0, 10.0), (6.0, 14.0), 1.0, 0.10),
+}
+# Every style's outer streets have some of the others' houses: towns are mixed.
+_BACK_M = {"old": 26.0, "modern": 34.0, "suburb": 27.0, "industrial": 44.0}
+
+
+def lay_plots(site: Site, style: str, rng: np.random.Generator) -> list[Plot]:
+    """Plots along all frontages, then a second row behind them; takes their ground."""
+    spacing = SPACINGS[style]
+    plots: list[Plot] = []
+    for frontage in site.frontages():
+        plots += _along(site, frontage, spacing, rng)
+    for frontage in site.frontages(_BACK_M[style], 10.0):
+        plots += _along(site, frontage, spacing, rng, backland=True)
+    return plots
+
+
+def _along(
+    site: Site, frontage: Frontage, spacing: Spacing, rng: np.random.Generator, backland: bool = False
+) -> list[Plot]:
+    """Plots from one end of a frontage to the other; at its ends a house may reach round the corner."""
+    plots: list[Plot] = []
+    front = float(rng.uniform(*spacing.front_m))
+    s, end = -2.5, frontage.length_m + 2.5
+    terraced = False
+    while s < end - _SMALLEST_M:
+        width = min(float(rng.uniform(*spacing.width_m)), end - s)
+        if end - (s + width) < _SMALLEST_M and spacing.gap_share < 0.5:
+            width = min(end - s, 1.25 * spacing.width_m[1])
+        depth = float(rng.uniform(*spacing.depth_m))
+        skip = rng.random() < (0.5 if backland else spacing.empty_share)
+        plot = None if skip else _fitted(site, frontage, s, width, depth, front, terraced, backland)
+        if plot is None:
+            s, terraced = s + (width if skip else 1.5), False
+            continue
+        if terraced:
+            plots[-1] = replace(plots[-1], open_right=False)
+        plots.append(plot)
+        s = float((plot.place.origin_m - frontage.place.origin_m) @ frontage.place.along) + plot.width_m
+        gap = rng.random() < (spacing.gap_share if not backland else 0.8)
+        terraced = not gap
+        s += float(rng.uniform(*spacing.gap_m)) if gap else 0.02
+    return plots
+
+
+def _fitted(
+    site: Site,
+    frontage: Frontage,
+    s: float,
+    width_m: float,
+    depth_m: float,
+    front_m: float,
+    terraced: bool,
+    backland: bool,
+) -> Plot | None:
+    """The plot there, moved back, shortened or narrowed until it is free; None if even that does not help."""
+    for share in (1.0, 0.8, 0.62):
+        for back in (0.2, 0.5, 0.9, 1.5):
+            width, depth = width_m * share, depth_m * (0.6 + 0.4 * share)
+            if width < _SMALLEST_M:
+                break
+            d = front_m + back
+            corners = frontage.place.corners(s, s + width, d, d + depth)
+            if site.free(corners):
+                site.take(frontage.place.corners(s + 0.25, s + width - 0.25, d + 0.25, d + depth - 0.25))
+                place = frontage.place.moved(s, d)
+                return Plot(place, width, depth, frontage.arterial, not terraced, True, d, backland)
+    return None

@@ -1,0 +1,163 @@
+"""Where things may stand: the paved parts of the ground, their edges, and what has been taken."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from scipy.spatial import cKDTree
+
+from appocc.checks import BoolArray, ByteArray, Float32Array, FloatArray
+from appocc.simulation.network import Edge, RoadNetwork
+from appocc.simulation.scenery.builder import Place
+from appocc.simulation.surface import CELL_M, ROAD_SURFACES, Ground, Surface, surface_table
+
+_COARSE = 2  # cells of the ground to one of the site
+SITE_M = CELL_M * _COARSE
+_MARGIN_M = 70.0  # houses stand along the outer streets too, on ground that is not drawn
+REACH_M = 60.0  # nothing is seen farther from a street
+_WIDE = 3  # driving lanes in both directions, from which a street is an arterial
+_PAVED = (*ROAD_SURFACES, Surface.PAVEMENT, Surface.KERB)
+
+
+@dataclass(frozen=True)
+class Frontage:
+    """A straight stretch of the edge between what is paved and a block; s runs along it, d into the block."""
+
+    place: Place
+    length_m: float
+    arterial: bool
+
+
+class Site:
+    """The ground in cells of 0.2 m, with a margin around it.
+
+    Attributes:
+        low_m: (2,) lower corner, town frame.
+        road: (H, W) where vehicles go.
+        paved: (H, W) roads, car parks and pavements.
+        taken: (H, W) uint8 where something large stands, or nothing may.
+        to_road_m: (H, W) distance to the nearest road.
+        to_paved_m: (H, W) distance to what is paved.
+    """
+
+    def __init__(self, ground: Ground, network: RoadNetwork) -> None:
+        """Coarsen the labels: a cell is road, or paved, if any part of it is."""
+        self.low_m = ground.low_m - _MARGIN_M
+        self.road = _coarse(surface_table(ROAD_SURFACES)[ground.label])
+        self.paved = _coarse(surface_table(_PAVED)[ground.label])
+        self.to_road_m, self.to_paved_m = _distance(self.road), _distance(self.paved)
+        self.taken: ByteArray = self.paved.astype(np.uint8)
+        self._streets = _streets(network)
+
+    def cell(self, xy_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Row and column (N,) of positions (N, 2), those outside moved to the border."""
+        index = np.floor((xy_m - self.low_m) / SITE_M).astype(np.int64)
+        high = self.taken.shape
+        return np.clip(index[..., 1], 0, high[0] - 1), np.clip(index[..., 0], 0, high[1] - 1)
+
+    def free(self, outline_m: FloatArray) -> bool:
+        """Whether a convex outline (K, 2) lies wholly inside the site and meets nothing that was taken."""
+        low, high, mask = self._stamp(outline_m)
+        if (low < 0).any() or (high[::-1] > self.taken.shape).any():
+            return False
+        return not (self.taken[low[1] : high[1], low[0] : high[0]] & mask).any()
+
+    def take(self, outline_m: FloatArray) -> None:
+        """Take a convex outline (K, 2) inside the site."""
+        low, high, mask = self._stamp(outline_m)
+        self.taken[low[1] : high[1], low[0] : high[0]] |= mask
+
+    def _stamp(self, outline_m: FloatArray) -> tuple[FloatArray, FloatArray, ByteArray]:
+        points = (outline_m - self.low_m) / SITE_M
+        low = np.floor(points.min(axis=0)).astype(np.int64)
+        high = np.ceil(points.max(axis=0)).astype(np.int64) + 1
+        mask = np.zeros((high - low)[::-1], np.uint8)
+        corners = np.round((points - low - 0.5) * 256).astype(np.int32)
+        cv2.fillConvexPoly(mask, corners.reshape(-1, 1, 2), 1, shift=8)
+        return low, high, mask
+
+    def arterial(self, xy_m: FloatArray) -> BoolArray:
+        """Whether the street nearest to each of (N, 2) is an arterial."""
+        if self._streets is None:
+            return np.zeros(len(xy_m), np.bool_)
+        tree, wide = self._streets
+        return np.asarray(wide[tree.query(xy_m)[1]])
+
+    def frontages(self, beyond_m: float = 0.0, shortest_m: float = 5.0) -> list[Frontage]:
+        """Straight stretches along the edges of what is paved, or along a line some way beyond, longest first."""
+        near = np.pad(self.to_paved_m <= beyond_m, 1).astype(np.uint8)
+        outlines, _ = cv2.findContours(near, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
+        found: list[Frontage] = []
+        for outline in outlines:
+            corners = cv2.approxPolyDP(outline, 0.5 / SITE_M, True)[:, 0].astype(np.float64)
+            points = self.low_m + (corners - 1 + 0.5) * SITE_M
+            ends = np.roll(points, -1, axis=0)
+            length = np.linalg.norm(ends - points, axis=1)
+            for i in np.flatnonzero(length >= shortest_m):
+                found.append(self._facing(points[i], ends[i], float(length[i]), beyond_m))
+        wide = self.arterial(np.array([f.place.at(f.length_m / 2, 0.0) for f in found]).reshape(-1, 2))
+        order = sorted(range(len(found)), key=lambda i: (-round(found[i].length_m, 3), i))
+        return [Frontage(found[i].place, found[i].length_m, bool(wide[i])) for i in order]
+
+    def _facing(self, start: FloatArray, end: FloatArray, length_m: float, beyond_m: float) -> Frontage:
+        """The stretch between two points, with what is farther from the street to the left."""
+        along = (end - start) / length_m
+        side = (start + end) / 2 + 2.0 * np.array([-along[1], along[0]])
+        left = self.ground_at(side[None], self.to_paved_m)[0] > beyond_m
+        return Frontage(Place(start, along) if left else Place(end, -along), length_m, False)
+
+    def ground_at(self, xy_m: FloatArray, what: BoolArray | Float32Array) -> FloatArray:
+        """(N,) values of a raster of the site at positions (N, 2)."""
+        row, column = self.cell(xy_m)
+        return np.asarray(what[row, column])
+
+
+def _coarse(mask: BoolArray) -> BoolArray:
+    """A mask in coarser cells, with a margin: on where any part of a cell is on."""
+    height, width = (-(-size // _COARSE) for size in mask.shape)
+    fine = np.zeros((height * _COARSE, width * _COARSE), np.bool_)
+    fine[: mask.shape[0], : mask.shape[1]] = mask
+    coarse = fine[0::2, 0::2] | fine[1::2, 0::2] | fine[0::2, 1::2] | fine[1::2, 1::2]
+    return np.pad(coarse, round(_MARGIN_M / SITE_M))
+
+
+def _distance(mask: BoolArray) -> Float32Array:
+    """Distance of each cell to the nearest that is on, metres; far away if none is."""
+    if not mask.any():
+        return np.full(mask.shape, 1e6, np.float32)
+    distance: Float32Array = cv2.distanceTransform((~mask).astype(np.uint8), cv2.DIST_L2, 3)
+    return distance * np.float32(SITE_M)
+
+
+def lanes_across(network: RoadNetwork, edge: Edge) -> int:
+    """Driving lanes of a street, both directions."""
+    opposite = network.opposite(edge)
+    both = (*edge.lanes, *(opposite.lanes if opposite else ()))
+    return sum(lane.kind == "driving" for lane in both)
+
+
+def _streets(network: RoadNetwork) -> tuple[cKDTree, BoolArray] | None:
+    """Points of all lanes and whether each lies on an arterial."""
+    points, wide = [], []
+    for edge in network.edges:
+        arterial = lanes_across(network, edge) >= _WIDE
+        for lane in edge.lanes:
+            if lane.kind != "driving":
+                continue
+            dense = resampled(lane.centre_m, 6.0)[0]
+            points.append(dense)
+            wide.append(np.full(len(dense), arterial))
+    return (cKDTree(np.concatenate(points)), np.concatenate(wide)) if points else None
+
+
+def resampled(line_m: FloatArray, step_m: float, start_m: float = 0.0) -> tuple[FloatArray, FloatArray]:
+    """(N, 2) points of a polyline every `step_m` from `start_m` on, and (N, 2) unit directions there."""
+    length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line_m, axis=0), axis=1))])
+    at = np.arange(start_m, length[-1] + 1e-9, step_m)
+    points = np.stack([np.interp(at, length, line_m[:, axis]) for axis in (0, 1)], axis=1)
+    ahead = np.stack([np.interp(np.minimum(at + 0.5, length[-1]), length, line_m[:, axis]) for axis in (0, 1)], axis=1)
+    behind = np.stack([np.interp(np.maximum(at - 0.5, 0.0), length, line_m[:, axis]) for axis in (0, 1)], axis=1)
+    step = ahead - behind
+    return points, step / np.maximum(np.linalg.norm(step, axis=1, keepdims=True), 1e-9)

@@ -1,0 +1,97 @@
+"""Where a town comes from: built in, made from a map file, or made up from a number."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from appocc.errors import DataError, NotFoundError
+from appocc.simulation.builtin import TEST_TOWNS, TRAIN_TOWNS, load_builtin
+from appocc.simulation.plan import TownPlan
+from appocc.simulation.town_files import load_town
+from appocc.simulation.traffic import TrafficLog
+
+SPLITS = {"train": TRAIN_TOWNS, "test": TEST_TOWNS, "all": (*TRAIN_TOWNS, *TEST_TOWNS)}
+_MADE_UP = re.compile(r"random:(\d{1,9})")
+_MAPS = (".xodr", ".net.xml", ".net.xml.gz")
+
+
+@dataclass(frozen=True)
+class TownSource:
+    """A town before it is loaded.
+
+    Attributes:
+        name: of the town.
+        origin: None of a built-in town, else the map file or the number it is made from.
+        digest: of the map file's bytes.
+    """
+
+    name: str
+    origin: Path | int | None = None
+    digest: str = ""
+
+    def as_json(self) -> dict[str, Any]:
+        """What tells the town from others, wherever its file lies."""
+        seed = {"seed": self.origin} if isinstance(self.origin, int) else {}
+        return {"name": self.name, **seed, **({"sha256": self.digest} if self.digest else {})}
+
+    def prepare(self, folder: Path) -> None:
+        """Make the town's files in `folder` unless it is built in or they are there; needs the extra `sumo`.
+
+        Raises:
+            AppoccError: if the extra is not installed.
+            DataError: if the map file is damaged or no streets are in it.
+        """
+        if self.origin is None or (folder / f"{self.name}.traffic.npz").is_file():
+            return
+        from appocc.simulation.making import make_town
+
+        folder.mkdir(parents=True, exist_ok=True)
+        make_town(self.origin, folder)
+
+    def load(self, folder: Path) -> tuple[TownPlan, TrafficLog]:
+        """Plan and traffic; what is not built in has been prepared in `folder`."""
+        return _load(self.name, None if self.origin is None else folder)
+
+
+@lru_cache(maxsize=16)
+def _load(name: str, folder: Path | None) -> tuple[TownPlan, TrafficLog]:
+    return load_builtin(name) if folder is None else load_town(folder, name)
+
+
+def town_sources(split: str, asked: Sequence[str]) -> tuple[TownSource, ...]:
+    """The towns of a split, or those asked for: names, map files, `random:NUMBER`.
+
+    Raises:
+        NotFoundError: if a name is unknown and no file.
+        DataError: if a file is no map or cannot be read, or two towns have one name.
+    """
+    found = tuple(_source(text) for text in asked) if asked else tuple(TownSource(name) for name in SPLITS[split])
+    names = [source.name for source in found]
+    if len(set(names)) < len(names):
+        raise DataError(f"towns: expected different names, got {', '.join(names)}")
+    return found
+
+
+def _source(text: str) -> TownSource:
+    if text in SPLITS["all"]:
+        return TownSource(text)
+    made_up = _MADE_UP.fullmatch(text)
+    if made_up:
+        return TownSource(f"random-{int(made_up[1])}", int(made_up[1]))
+    path = Path(text)
+    if not path.is_file():
+        names = ", ".join(SPLITS["all"])
+        raise NotFoundError(f"{text}: no built-in town ({names}), no map file, and not random:NUMBER")
+    if not text.endswith(_MAPS):
+        raise DataError(f"{text}: expected an OpenDRIVE (.xodr) or SUMO (.net.xml, .net.xml.gz) map")
+    try:
+        digest = hashlib.sha256(path.read_bytes()).hexdigest()
+    except OSError as error:
+        raise DataError(f"{text}: cannot be read ({error.strerror or error})") from error
+    return TownSource(path.name.split(".")[0], path, digest)

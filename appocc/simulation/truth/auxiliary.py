@@ -1,0 +1,121 @@
+"""Depth and class of what each camera sees, at an eighth of the picture's size: extra targets for training."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numba
+import numpy as np
+
+from appocc.checks import ByteArray, Float32Array, check_dtype, check_shape, frozen
+from appocc.errors import DataError
+from appocc.files import whole_file, zip_arrays
+
+FACTOR = 8
+
+
+@dataclass(frozen=True)
+class ViewTargets:
+    """What one camera sees, h x w pixels.
+
+    Attributes:
+        depth_m: (h, w) float16 or float32 depth along the optical axis; infinite where it is the sky.
+        kind: (h, w) uint8 class, numbers as the renderer gives them.
+    """
+
+    depth_m: np.ndarray[tuple[int, int], np.dtype[np.floating]]
+    kind: ByteArray
+
+    def __post_init__(self) -> None:
+        """Check shapes.
+
+        Raises:
+            ShapeError: if the two differ.
+        """
+        check_shape("depth_m", self.depth_m, (None, None))
+        check_shape("kind", self.kind, self.depth_m.shape)
+        check_dtype("kind", self.kind, np.uint8)
+        frozen(self.depth_m)
+        frozen(self.kind)
+
+
+def reduced(depth_m: Float32Array, kind: ByteArray, factor: int = FACTOR) -> ViewTargets:
+    """Each block of factor x factor pixels as one: its commonest class, and the median depth of that class's pixels.
+
+    A mean over the edge of a car would be a depth at which there is nothing. Of classes that are equally common the
+    nearer wins. Blocks at the right and lower edge may be cut off.
+
+    Args:
+        depth_m: (H, W) float32, infinite in the sky.
+        kind: (H, W) uint8.
+        factor: pixels along a block's side.
+    """
+    depth, common = _reduce(depth_m, kind, factor)
+    with np.errstate(over="ignore"):
+        return ViewTargets(depth.astype(np.float16), common)
+
+
+@numba.njit(cache=True, nogil=True)
+def _reduce(depth: Float32Array, kind: ByteArray, factor: int) -> tuple[Float32Array, ByteArray]:
+    """The median depth of the commonest class of each block, and that class."""
+    high, wide = depth.shape
+    rows, columns = (high + factor - 1) // factor, (wide + factor - 1) // factor
+    median, common = np.empty((rows, columns), np.float32), np.empty((rows, columns), np.uint8)
+    count, nearest = np.zeros(256, np.int64), np.empty(256, np.float32)
+    chosen = np.empty(factor * factor, np.float32)
+    for i in range(rows):
+        for j in range(columns):
+            bottom, right = min((i + 1) * factor, high), min((j + 1) * factor, wide)
+            best = kind[i * factor, j * factor]
+            for r in range(i * factor, bottom):
+                for c in range(j * factor, right):
+                    k = kind[r, c]
+                    nearest[k] = depth[r, c] if count[k] == 0 else min(nearest[k], depth[r, c])
+                    count[k] += 1
+            for r in range(i * factor, bottom):
+                for c in range(j * factor, right):
+                    k = kind[r, c]
+                    if count[k] > count[best] or (count[k] == count[best] and nearest[k] < nearest[best]):
+                        best = k
+            n = 0
+            for r in range(i * factor, bottom):
+                for c in range(j * factor, right):
+                    count[kind[r, c]] = 0
+                    if kind[r, c] == best:
+                        chosen[n] = depth[r, c]
+                        n += 1
+            # The lower of the two in the middle: a depth that is there.
+            median[i, j] = np.sort(chosen[:n])[(n - 1) // 2]
+            common[i, j] = best
+    return median, common
+
+
+def save_views(path: Path, views: Mapping[str, ViewTargets]) -> None:
+    """Write the views of a sample's cameras by channel as one .npz, whole or not at all.
+
+    Raises:
+        DataError: if it cannot be written.
+    """
+    arrays = {
+        f"{channel}.{part}": getattr(view, part) for channel, view in views.items() for part in ("depth_m", "kind")
+    }
+    with whole_file(path) as temporary, temporary.open("wb") as handle:
+        np.savez_compressed(handle, **arrays)
+
+
+def load_views(path: Path) -> dict[str, ViewTargets]:
+    """Read what `save_views` wrote, by channel.
+
+    Raises:
+        DataError: if the file is missing or damaged.
+    """
+    try:
+        with path.open("rb") as handle, zip_arrays(handle) as data:
+            channels = [name.removesuffix(".depth_m") for name in data.files if name.endswith(".depth_m")]
+            return {name: ViewTargets(data[f"{name}.depth_m"], data[f"{name}.kind"]) for name in channels}
+    except OSError as error:
+        raise DataError(f"{path}: cannot be read ({error.strerror or error})") from error
+    except Exception as error:  # damage surfaces as nearly any error of zipfile, zlib and numpy
+        raise DataError(f"{path}: damaged depth file ({error})") from error

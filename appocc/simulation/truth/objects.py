@@ -1,0 +1,146 @@
+"""The actors around the ego at a moment, as boxes in the town frame, and what nuScenes calls each."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from appocc.boxes import is_vehicle
+from appocc.checks import BoolArray, ByteArray, FloatArray, IntArray, frozen
+from appocc.errors import ShapeError
+from appocc.nuscenes.writer import CATEGORIES
+from appocc.simulation.traffic import Actor, Moment
+
+# As nuScenes labels them: a pickup is a truck, a van is a car.
+_CATEGORY_OF_BODY = {
+    "sedan": "vehicle.car",
+    "hatchback": "vehicle.car",
+    "estate": "vehicle.car",
+    "suv": "vehicle.car",
+    "minivan": "vehicle.car",
+    "van": "vehicle.car",
+    "pickup": "vehicle.truck",
+    "box_truck": "vehicle.truck",
+    "bus": "vehicle.bus.rigid",
+    "motorcycle": "vehicle.motorcycle",
+    "bicycle": "vehicle.bicycle",
+    "adult": "human.pedestrian.adult",
+    "child": "human.pedestrian.child",
+}
+
+
+def category_of(actor: Actor) -> str:
+    """The category in nuScenes of an actor.
+
+    Raises:
+        ShapeError: if its body is unknown.
+    """
+    if actor.body not in _CATEGORY_OF_BODY:
+        raise ShapeError(f"actor {actor.name}: expected a body of {', '.join(_CATEGORY_OF_BODY)}, got '{actor.body}'")
+    return _CATEGORY_OF_BODY[actor.body]
+
+
+def category_indices(actors: Sequence[Actor]) -> ByteArray:
+    """(A,) uint8 position in nuScenes' `CATEGORIES` of each actor of a log; LiDAR points take their label from it."""
+    return np.array([CATEGORIES.index(category_of(actor)) for actor in actors], np.uint8)
+
+
+@dataclass(frozen=True)
+class Objects:
+    """N actors at a moment, town frame.
+
+    Attributes:
+        actors: what they are.
+        number: (N,) their positions in the log's `actors`; the tag of their faces.
+        centre_m: (N, 3) centres of the boxes; they stand on z = 0.
+        yaw_rad: (N,) headings.
+        size_lwh_m: (N, 3) length, width, height.
+        velocity_mps: (N, 2).
+        lights: (N,) `Light` bits.
+    """
+
+    actors: tuple[Actor, ...]
+    number: NDArray[np.int32]
+    centre_m: FloatArray
+    yaw_rad: FloatArray
+    size_lwh_m: FloatArray
+    velocity_mps: FloatArray
+    lights: ByteArray
+
+    def __post_init__(self) -> None:
+        """Make the arrays read-only."""
+        for array in (self.number, self.centre_m, self.yaw_rad, self.size_lwh_m, self.velocity_mps, self.lights):
+            frozen(array)
+
+    def __len__(self) -> int:
+        """Number of actors."""
+        return len(self.actors)
+
+    def footprints(self) -> FloatArray:
+        """(N, 4, 2) corners of the boxes on the ground, counter-clockwise from front left, town frame."""
+        ahead = np.stack([np.cos(self.yaw_rad), np.sin(self.yaw_rad)], axis=1)
+        left = np.stack([-ahead[:, 1], ahead[:, 0]], axis=1)
+        half = self.size_lwh_m[:, :2, None] / 2 * np.stack([ahead, left], axis=1)
+        signs = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]])
+        return np.asarray(self.centre_m[:, None, :2] + np.einsum("ks,nsi->nki", signs, half))
+
+    def corners(self) -> FloatArray:
+        """(N, 8, 3) corners of the boxes: the lower four counter-clockwise from front left, then the upper four."""
+        ground = self.footprints()
+        low = np.concatenate([ground, np.zeros((*ground.shape[:2], 1))], axis=2)
+        high = low.copy()
+        high[..., 2] = self.size_lwh_m[:, 2, None]
+        return np.concatenate([low, high], axis=1)
+
+    def are_vehicles(self) -> BoolArray:
+        """(N,) whether each belongs to the class vehicle."""
+        return np.array([is_vehicle(category_of(actor)) for actor in self.actors], np.bool_)
+
+    def select(self, keep: BoolArray) -> Objects:
+        """Those of a mask (N,)."""
+        return Objects(
+            tuple(actor for actor, kept in zip(self.actors, keep, strict=True) if kept),
+            self.number[keep],
+            self.centre_m[keep],
+            self.yaw_rad[keep],
+            self.size_lwh_m[keep],
+            self.velocity_mps[keep],
+            self.lights[keep],
+        )
+
+
+def objects_near(
+    actors: Sequence[Actor], moment: Moment, centre_xy_m: FloatArray, range_m: float, ego: int = -1
+) -> Objects:
+    """The actors of a moment whose centre lies within a range of a place (2,), town frame.
+
+    Args:
+        actors: those of the log, which `moment.index` counts.
+        moment: who is where.
+        centre_xy_m: (2,) usually where the ego is.
+        range_m: radius; infinite for all.
+        ego: number of the actor to leave out, -1 for nobody.
+    """
+    away = np.hypot(*(moment.xy_m - np.asarray(centre_xy_m)[:2]).T)
+    keep = np.flatnonzero((away <= range_m) & (moment.index != ego))
+    chosen = tuple(actors[number] for number in moment.index[keep])
+    size = np.array([actor.size_lwh_m for actor in chosen], np.float64).reshape(-1, 3)
+    return Objects(
+        chosen,
+        moment.index[keep].astype(np.int32),
+        np.concatenate([moment.xy_m[keep], size[:, 2:] / 2], axis=1),
+        np.asarray(moment.yaw_rad[keep], np.float64),
+        size,
+        np.asarray(moment.velocity_mps[keep], np.float64),
+        moment.lights[keep].copy(),
+    )
+
+
+def points_on(actor: NDArray[np.int32], number: NDArray[np.int32]) -> IntArray:
+    """How many (N,) of the LiDAR points lie on each actor `number` (N,); `actor` (P,) is what each point hit."""
+    hit = actor[actor >= 0]
+    counts = np.bincount(hit, minlength=int(max(number.max(initial=-1), hit.max(initial=-1))) + 1)
+    return np.asarray(counts[number], np.int64)

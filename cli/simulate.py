@@ -1,0 +1,112 @@
+"""`appocc simulate`: thousands of annotated surround-view frames from nothing but a seed."""
+
+from __future__ import annotations
+
+import os
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from cli.common import JsonOption, emit, progress, say
+
+
+class Split(StrEnum):
+    """Which built-in towns: six are for training, two for tests."""
+
+    train = "train"
+    test = "test"
+    all = "all"
+
+
+def simulate(
+    out: Annotated[Path, typer.Argument(metavar="OUT", help="New folder for the dataset.")],
+    scenes: Annotated[int, typer.Option(min=1, max=9999, help="Number of scenes.")] = 10,
+    seconds: Annotated[float, typer.Option(min=0.1, max=600, help="Length of a scene.")] = 10.0,
+    hz: Annotated[float, typer.Option(min=0.1, max=50, help="Frames a second.")] = 2.0,
+    split: Annotated[Split, typer.Option(help="Which built-in towns, taken in turn.")] = Split.train,
+    seed: Annotated[int, typer.Option(min=0, max=2**31 - 1, help="Of everything that is drawn.")] = 0,
+    workers: Annotated[int | None, typer.Option(min=1, max=1024, help="Processes; one a core by default.")] = None,
+    town: Annotated[
+        list[str] | None,
+        typer.Option(help="A built-in town, a map file (.xodr, .net.xml) or random:NUMBER; can be repeated."),
+    ] = None,
+    rig: Annotated[str, typer.Option(help="A rig's name (paper, paper_full) or YAML file.")] = "paper",
+    weather: Annotated[
+        list[str] | None, typer.Option(help="clear, overcast, low_sun, wet, dusk or night; can be repeated.")
+    ] = None,
+    lidar: Annotated[bool, typer.Option(help="LiDAR sweeps with every frame.")] = True,
+    full_maps: Annotated[bool, typer.Option(help="Depth and class of every pixel, not only of 8x8.")] = False,
+    sheet: Annotated[Path | None, typer.Option(help="Also make a contact sheet to look at (.png).")] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Simulate drives through towns: six cameras, LiDAR, boxes and exact colour BEVs, in the nuScenes schema.
+
+    Can be interrupted: the same command goes on with the scene it had come to.
+
+    Example: appocc simulate OUT --scenes 8 --seconds 10 --split all --sheet sheet.png
+    """
+    # Two processes with several threads each are slower than with one; set before numpy starts.
+    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS"):
+        os.environ.setdefault(name, "1")
+    import time
+
+    from appocc.environment import cores
+    from appocc.errors import NotFoundError
+    from appocc.rigs import read_rig
+    from appocc.simulation.generate import Settings, finished_scenes, unfinished
+    from appocc.simulation.generate import simulate as run
+    from appocc.simulation.recording import Recipe
+    from appocc.simulation.scenario import WEATHER_SHARES
+    from appocc.simulation.sources import town_sources
+
+    unknown = [name for name in weather or () if name not in WEATHER_SHARES]
+    if unknown:
+        raise NotFoundError(f"weather: expected {', '.join(WEATHER_SHARES)}, got '{unknown[0]}'")
+    recipe = Recipe(max(1, round(seconds * hz)), hz, read_rig(rig), lidar, full_maps)
+    towns = town_sources(split.value, town or ())
+    settings = Settings(scenes, towns, tuple(dict.fromkeys(weather or WEATHER_SHARES)), seed, recipe)
+    if sheet is not None:
+        check_sheet(sheet)
+    start, kept = time.monotonic(), finished_scenes(out)
+    if kept:
+        say(f"{out}: going on after {kept} of {scenes} scenes")
+    try:
+        with progress("simulation", scenes * recipe.frames) as advance:
+            summary = run(out, settings, workers or cores(), advance)
+    except (KeyboardInterrupt, SystemExit):
+        kept = finished_scenes(out)
+        where = f"; they are kept in {unfinished(out)}, the same command goes on" if kept else ""
+        say(f"stopped after {kept} of {scenes} scenes{where}")
+        raise
+    taken_s = time.monotonic() - start
+    if sheet is not None:
+        write_sheet(out, sheet)
+    if as_json:
+        counts = {"scenes": scenes, "frames": summary.frames, "made": summary.made}
+        emit({"folder": str(out), **counts, "seconds": taken_s})
+    rate = f"{summary.made} made, {summary.made / taken_s * 60:.0f} a minute" if summary.made else "all there already"
+    say(f"{out}: {scenes} scenes, {summary.frames} frames ({rate})")
+
+
+def check_sheet(path: Path) -> None:
+    """Check the sheet's name before the work and not after it.
+
+    Raises:
+        DataError: if it is no .png.
+    """
+    from appocc.errors import DataError
+
+    if path.suffix.lower() != ".png":
+        raise DataError(f"{path}: expected a name that ends in .png")
+
+
+def write_sheet(root: Path, path: Path) -> None:
+    """Make the contact sheet of a dataset."""
+    from appocc.files import write_image
+    from appocc.nuscenes import Dataset
+    from appocc.sheet import contact_sheet
+
+    write_image(path, contact_sheet(Dataset(root), "exact"))
+    say(f"{path}: contact sheet")
