@@ -14,7 +14,7 @@ from appocc.nuscenes.records import Scene
 
 # Order in which one looks out of the car: ahead above, behind below, left to the left.
 _LOOKING_OUT = ("CAM_FRONT_LEFT", "CAM_FRONT", "CAM_FRONT_RIGHT", "CAM_BACK_LEFT", "CAM_BACK", "CAM_BACK_RIGHT")
-_PANEL_PX, _BEV_SCALE, _MOST_ROWS, _GAP_PX = 440, 2, 24, 8
+_PANEL_PX, _BEV_SCALE, _MOST_ROWS, _GAP_PX = 550, 2, 24, 8
 
 
 def contact_sheet(dataset: Dataset, source: str) -> ByteArray:

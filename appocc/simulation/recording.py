@@ -20,7 +20,8 @@ from appocc.nuscenes.dataset import LIDAR
 from appocc.nuscenes.lidar import write_lidar
 from appocc.nuscenes.map_writer import MapExpansion
 from appocc.nuscenes.writer import Writer, token_of
-from appocc.simulation.actors import Paint, assemble, paints_of
+from appocc.simulation.actors.assembling import assemble
+from appocc.simulation.actors.paint import Paint, paints_of
 from appocc.simulation.build import build_town
 from appocc.simulation.mesh import Mesh
 from appocc.simulation.rendering.birdseye import birdseye
@@ -28,13 +29,13 @@ from appocc.simulation.rendering.lidar import EGO_FROM_LIDAR, sweep
 from appocc.simulation.rendering.renderer import Ego, Renderer
 from appocc.simulation.rendering.weather import drawn
 from appocc.simulation.scenario import Scenario
-from appocc.simulation.scenery import signal_names
+from appocc.simulation.scenery.signals import signal_names
 from appocc.simulation.sources import TownSource
 from appocc.simulation.surface import ROAD_SURFACES, surface_table
 from appocc.simulation.town import Town
 from appocc.simulation.traffic import Actor, Moment, TrafficLog
-from appocc.simulation.truth.annotations import annotations
-from appocc.simulation.truth.auxiliary import View, reduced, save_views
+from appocc.simulation.truth.annotations import annotate
+from appocc.simulation.truth.auxiliary import ViewTargets, reduced, save_views
 from appocc.simulation.truth.objects import Objects, category_indices, objects_near, points_on
 from appocc.simulation.truth.occupancy import occupancy
 from appocc.simulation.truth.visibility import seen_shares
@@ -191,7 +192,7 @@ class _Recorder:
         small = {channel: reduced(view.depth_m, view.kind) for channel, view in views.items()}
         save_views(self._writer.root / "views" / f"{sample}.npz", small)
         if self._recipe.full_maps:
-            full = {channel: View(view.depth_m, view.kind) for channel, view in views.items()}
+            full = {channel: ViewTargets(view.depth_m, view.kind) for channel, view in views.items()}
             save_views(self._writer.root / "views_full" / f"{sample}.npz", full)
 
     def _add_file(
@@ -231,7 +232,7 @@ class _Recorder:
 
     def _add_boxes(self, sample: str, pose: FloatArray, mesh: Mesh, objects: Objects, points: IntArray) -> None:
         seen = seen_shares(self._place.renderer.tracer, mesh, objects.number, self._recipe.rig, pose)
-        boxes = annotations(objects, self._world_from_town, points, seen)
+        boxes = annotate(objects, self._world_from_town, points, seen)
         for box, number, velocity in zip(boxes, objects.number, objects.velocity_mps, strict=True):
             self._writer.add_annotation(self._scene, sample, box, velocity_mps=velocity)
             if box.instance not in self._painted:
@@ -248,7 +249,7 @@ class _Recorder:
     def _add_bev(self, sample: str, pose: FloatArray, objects: Objects) -> None:
         grid, place = BEVGrid.surround(), self._place
         truth = occupancy(place.town.ground, grid, pose, objects)
-        above = birdseye(place.renderer, grid, pose)
+        above = birdseye(place.renderer, place.town, grid, pose)
         tokens = [token_of("instance", self._scene, actor.name) for actor in objects.actors]
         position = np.full(len(place.log.actors) + 1, -1, np.int32)
         position[objects.number] = np.arange(len(objects))

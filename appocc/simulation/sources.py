@@ -49,10 +49,10 @@ class TownSource:
         """
         if self.origin is None or (folder / f"{self.name}.traffic.npz").is_file():
             return
-        from appocc.simulation.making import make_town
+        from appocc.simulation.making.make import make_town
 
         folder.mkdir(parents=True, exist_ok=True)
-        make_town(self.origin, folder)
+        make_town(self.origin, folder, self.name)
 
     def load(self, folder: Path) -> tuple[TownPlan, TrafficLog]:
         """Plan and traffic; what is not built in has been prepared in `folder`."""

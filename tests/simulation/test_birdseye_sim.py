@@ -8,7 +8,7 @@ from appocc.checks import ByteArray, FloatArray
 from appocc.geometry import quaternion_from_yaw, transform
 from appocc.grid import BEVGrid
 from appocc.simulation.mesh import Material, joined
-from appocc.simulation.rendering.birdseye import Above, look_down
+from appocc.simulation.rendering.birdseye import Above, birdseye
 from appocc.simulation.rendering.renderer import Renderer
 from appocc.simulation.rendering.weather import WEATHERS
 
@@ -30,7 +30,7 @@ def renderer(street: Street) -> Renderer:
 
 
 def seen(street: Street, renderer: Renderer, x: float, y: float, yaw: float) -> Above:
-    return look_down(renderer, street.town, GRID, transform(quaternion_from_yaw(yaw), np.array([x, y, 0.0])))
+    return birdseye(renderer, street.town, GRID, transform(quaternion_from_yaw(yaw), np.array([x, y, 0.0])))
 
 
 def at(picture: ByteArray, xy: tuple[float, float]) -> FloatArray:

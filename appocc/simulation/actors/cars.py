@@ -31,7 +31,7 @@ _PANES = {"g": GLASS, "t": TRIM, "p": PAINT}
 # Columns from the centre line to the corner as shares of the half width; how far the rounded ends fall back there.
 _COLUMNS = ((0.0, 0.36, 0.64, 0.87, 1.0), (0.0, 0.64, 1.0), (0.0, 1.0))
 _FALL = ((0.0, 0.05, 0.22, 0.55, 1.0), (0.0, 0.22, 1.0), (0.0, 0.5))
-_ROWS = ((0, 1, 3, 4, 5), (0, 1, 3, 4, 5), (0, 3, 5))
+_ROWS = ((0, 1, 3, 4, 5), (0, 1, 3, 5), (0, 3, 5))
 _ARCH_GAP_M = 0.045
 _BED_M = 0.42
 _SHARE_LOW, _SHARE_SHOULDER = 0.965, 0.955
@@ -92,19 +92,22 @@ class _Car:
         if self.detail < 2:
             upper = np.stack([_points(x, half, waist), _points(x, half * _SHARE_SHOULDER, shoulder)], axis=1)
             self.model.sheet(upper, PAINT)
-            self._lower_flank()
+            self._arches() if self.detail == 0 else self._sides()
         else:
             low = _points(x, half * _SHARE_LOW, np.full(len(x), self.profile.sill_m))
             self.model.sheet(np.stack([low, _points(x, half, shoulder)], axis=1), PAINT)
-        self._floor()
+        if self.detail < 2:
+            self._floor()
 
-    def _lower_flank(self) -> None:
+    def _sides(self) -> None:
+        """The flanks below the waist, without arches."""
+        x = self.line[:, 0]
+        low = _points(x, self.half(x) * _SHARE_LOW, np.full(len(x), self.profile.sill_m))
+        self.model.sheet(np.stack([low, _points(x, self.half(x), self.waist(x))], axis=1), PAINT)
+
+    def _arches(self) -> None:
+        """The flanks below the waist, cut out around the wheels."""
         profile = self.profile
-        if self.detail == 1:
-            x = self.line[:, 0]
-            low = _points(x, self.half(x) * _SHARE_LOW, np.full(len(x), profile.sill_m))
-            self.model.sheet(np.stack([low, _points(x, self.half(x), self.waist(x))], axis=1), PAINT)
-            return
         radius, sill = profile.wheel_m + _ARCH_GAP_M, profile.sill_m
         start = np.arcsin((sill - profile.wheel_m) / radius)
         angles = np.linspace(start, np.pi - start, 8)
@@ -188,25 +191,30 @@ class _Car:
         rows = _ROWS[self.detail]
         columns = len(_COLUMNS[self.detail]) - 1
         looks = [[PAINT] * columns for _ in range(len(rows) - 1)]
-        looks[0] = [TRIM if self.detail < 2 or self.profile.cladding else PAINT] * columns
+        looks[0] = [TRIM if self.detail < 2 else PAINT] * columns
         shine = HEAD_LAMP if front else TAIL_LAMP
         row = next((i for i, (a, b) in enumerate(pairwise(rows)) if a <= lamp < b), 0)
-        looks[row][-1] = shine
+        if self.detail == 2:
+            self._patch(grid[row : row + 2], (0.60, 0.98), (0.15, 0.75), shine, front)
+        else:
+            looks[row][-1] = shine
         if self.detail == 0:
             looks[row][-2:] = [shine, shine]
             if front:
                 looks[row][:2] = [grille, grille]
-            self._indicator(grid[row : row + 2, -2:], front)
+            self._patch(grid[row : row + 2, -2:], (0.08, 0.92), (0.04, 0.40), INDICATOR, front)
         self.model.sheet(grid, looks, inside_m=[0.0, 0.0, float(grid[..., 2].mean())])
         if self.detail == 0:
             self._plate(front)
 
-    def _indicator(self, cell: FloatArray, front: bool) -> None:
-        """The lower part of a lamp (2, 2, 3) at the corner."""
-        v, u = np.meshgrid([0.04, 0.40], [0.08, 0.92], indexing="ij")
+    def _patch(
+        self, cell: FloatArray, across: tuple[float, float], up: tuple[float, float], look: Look, front: bool
+    ) -> None:
+        """A part of a cell (2, 2, 3) of the nose or the tail, just in front of it."""
+        v, u = np.meshgrid(up, across, indexing="ij")
         weights = np.stack([(1 - v) * (1 - u), (1 - v) * u, v * (1 - u), v * u], axis=-1)
         patch = weights @ cell.reshape(4, 3) + [0.007 if front else -0.007, 0.005, 0.0]
-        self.model.sheet(patch, INDICATOR)
+        self.model.sheet(patch, look)
 
     def _plate(self, front: bool) -> None:
         rows = np.array(self.profile.nose if front else self.profile.tail)[list(_ROWS[0])]
@@ -219,7 +227,7 @@ class _Car:
     def _deck(self, x: FloatArray, edge: FloatArray, crown_m: float, first: FloatArray) -> FloatArray:
         """(stations, columns, 3): rows from the end's upper edge `first` (columns, 3) to stations at x."""
         shares = np.array(_COLUMNS[self.detail])
-        half = self.half(x) * _SHARE_SHOULDER
+        half = self.half(x) * (_SHARE_SHOULDER if self.detail < 2 else 1.0)
         y = half[:, None] * shares
         z = edge[:, None] + crown_m * (1 - shares**4)
         rest = np.stack([np.broadcast_to(x[:, None], y.shape), y, z], axis=-1)
@@ -264,9 +272,13 @@ class _Car:
         if self.detail == 2:
             ends = [0, len(base) - 1]
             base, top, edge = base[ends], top[ends], edge[ends]
-        belt_y = self.half(base) * profile.widths[0]
+        # Far away the windows begin at the shoulder itself.
+        belt_y = self.half(base) * (profile.widths[0] if self.detail < 2 else _SHARE_SHOULDER)
         roof_y = np.full(len(top), self.width / 2 * profile.widths[1])
-        lower, upper = _points(base, belt_y, self.shoulder(base) + 0.03), _points(top, roof_y, edge)
+        lower, upper = (
+            _points(base, belt_y, self.shoulder(base) + (0.03 if self.detail < 2 else 0.0)),
+            _points(top, roof_y, edge),
+        )
         if self.detail == 0:
             head = lower + 0.86 * (upper - lower)
             head[1:-1, 1] += 0.012  # the windows are bent; the corners belong to the screens, too
@@ -275,7 +287,8 @@ class _Car:
             rows, shares = np.stack([lower, upper], axis=1), np.array([0.0, 1.0])
         panes = profile.panes if self.detail < 2 else ("p" if profile.panes.count("p") > 2 else "g")
         self.model.sheet(rows, [[_PANES[pane], PAINT][: rows.shape[1] - 1] for pane in panes])
-        self._belt(base, lower)
+        if self.detail < 2:
+            self._belt(base, lower)
         self._roof(upper, shares)
         self._screens(lower, upper, shares)
         if profile.rails and self.detail == 0:
@@ -289,7 +302,8 @@ class _Car:
     def _belt(self, base: FloatArray, lower: FloatArray) -> None:
         """The ledge between the shoulder and the side windows."""
         bends = self.line[:, 0]
-        x = np.unique(np.concatenate([base, bends[(bends < base[0]) & (bends > base[-1])]]))[::-1]
+        pillars = base if self.detail == 0 else base[[0, -1]]
+        x = np.unique(np.concatenate([pillars, bends[(bends < base[0]) & (bends > base[-1])]]))[::-1]
         edge = _points(x, self.half(x) * _SHARE_SHOULDER, self.shoulder(x))
         inner = _points(x, *(np.interp(-x, -base, lower[:, axis]) for axis in (1, 2)))
         self.model.sheet(np.stack([edge, inner], axis=1), PAINT)
@@ -322,10 +336,12 @@ class _Car:
                 axis=1,
             )
             pane = PAINT if closed and index else look
-            if self.detail == 0:
-                deep = _BED_M if index and self.profile.bed else 0.07
-                skirt = PAINT if pane == PAINT or self.profile.bed else TRIM
-                self.model.sheet(np.stack([base - [0.0, 0.0, deep], base, roof[index]]), [[skirt] * 2, [pane] * 2])
+            in_bed = bool(index) and self.profile.bed
+            if self.detail == 0 or in_bed:
+                foot_row = base - [0.0, 0.0, _BED_M if in_bed else 0.07]
+                skirt = PAINT if pane == PAINT or in_bed else TRIM
+                columns = len(shares) - 1
+                self.model.sheet(np.stack([foot_row, base, roof[index]]), [[skirt] * columns, [pane] * columns])
             else:
                 self.model.sheet(np.stack([base, roof[index]]), pane)
 
@@ -349,8 +365,8 @@ class _Car:
             self.model.sheet(np.stack([_points(np.full(3, a), y, z) for a in at[:2]]), GRILLE)
         for x in doors[1:]:
             z = np.array([-0.07, -0.04]) + float(self.shoulder(np.array(x)))
-            y = float(self.half(np.array(x))) * 0.966 + 0.012
-            self.model.sheet([[[a, y, b] for b in z] for a in (x + 0.06, x + 0.24)], GRILLE)
+            side = float(self.half(np.array(x))) * 0.966 + 0.012
+            self.model.sheet([[[a, side, b] for b in z] for a in (x + 0.06, x + 0.24)], GRILLE)
 
     def _rear_doors(self) -> None:
         """Windows in the rear doors of a van, and the gap between the doors."""
@@ -364,7 +380,7 @@ class _Car:
     def _mirror(self, lower: FloatArray) -> None:
         x, y, z = lower[1]
         outer = self.width / 2 * 0.998
-        self.model.box([x - 0.12, y, z + 0.02], [x - 0.02, outer, z + 0.14], PAINT, mirror=True, skip="b")
+        self.model.box([x - 0.12, y, z + 0.02], [x - 0.02, outer, z + 0.14], PAINT, mirror=True)
 
 
 def _points(x: FloatArray, y: FloatArray, z: FloatArray) -> FloatArray:

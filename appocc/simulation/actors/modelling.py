@@ -87,7 +87,14 @@ class Modeller:
         keep = np.array([look is not None for look in flat])
         self.triangles(quads.reshape(-1, 3, 4)[keep], [k for k in flat if k is not None], inside_m, mirror, hollow)
 
-    def triangles(self, corners: FloatArray, looks: Sequence[Look], inside_m: ArrayLike | None, mirror: bool) -> None:
+    def triangles(
+        self,
+        corners: FloatArray,
+        looks: Sequence[Look],
+        inside_m: ArrayLike | None,
+        mirror: bool,
+        hollow: bool = False,
+    ) -> None:
         """Add triangles (F, 3, 4), all wound alike, and turn them outward; the last column is the anchor of x."""
         normal = _area_normals(corners)
         inside = np.array([0.0, 0.0, 0.45 * self.size_lwh_m[2]]) if inside_m is None else np.asarray(inside_m)
@@ -125,8 +132,16 @@ class Modeller:
             if name.lower() not in skip:
                 self.sheet(points, look, middle, mirror=mirror)
 
-    def tube(self, ends_m: ArrayLike, radii_m: ArrayLike, look: Look, sides: int, mirror: bool = False) -> None:
-        """Add a closed tube along points (N, 3) with a radius at each; its ends are flat."""
+    def tube(
+        self,
+        ends_m: ArrayLike,
+        radii_m: ArrayLike,
+        look: Look,
+        sides: int,
+        mirror: bool = False,
+        closed: bool = True,
+    ) -> None:
+        """Add a tube along points (N, 3) with a radius at each; its ends are flat."""
         ends = np.asarray(ends_m, np.float64)
         along = ends[-1] - ends[0]
         along = along / np.linalg.norm(along)
@@ -137,7 +152,7 @@ class Modeller:
         circle = np.cos(turn)[:, None] * across + np.sin(turn)[:, None] * third
         rings = ends[:, None] + np.asarray(radii_m)[:, None, None] * circle
         self.sheet(rings, look, ends.mean(axis=0), mirror=mirror)
-        for ring in (rings[0, :-1], rings[-1, :-1]):
+        for ring in (rings[0, :-1], rings[-1, :-1]) if closed else ():
             self.fan(ring, look, ends.mean(axis=0), None, mirror)
 
     def template(self, filling: Modeller) -> Template:

@@ -21,11 +21,11 @@ _PAINTS: dict[str, tuple[_Typical, ...]] = {
     "blue": ((2.0, (28, 58, 122), 9.0, 6.0), (1.0, (36, 92, 168), 10.0, 7.0), (0.6, (72, 128, 190), 9.0, 6.0)),
     "red": ((2.0, (164, 22, 32), 10.0, 6.0), (1.0, (122, 18, 30), 8.0, 5.0)),
     "green": ((2.0, (30, 84, 56), 8.0, 6.0), (1.0, (74, 132, 76), 9.0, 7.0)),
-    "brown": ((2.0, (92, 64, 46), 8.0, 4.0), (1.0, (156, 128, 98), 8.0, 4.0)),
+    "brown": ((2.0, (92, 64, 46), 8.0, 4.0), (1.0, (150, 122, 94), 8.0, 2.5)),
     "orange": ((1.0, (226, 108, 26), 9.0, 6.0),),
     "yellow": ((1.0, (232, 190, 36), 8.0, 6.0),),
     "purple": ((1.0, (92, 44, 112), 8.0, 6.0),),
-    "pink": ((1.0, (222, 130, 164), 8.0, 6.0),),
+    "pink": ((1.0, (234, 156, 182), 6.0, 4.0),),
 }
 # Shares of new and used cars by colour (manufacturers' yearly counts agree to a few percent).
 _CARS = {
@@ -56,6 +56,10 @@ _SHARES = {
 }
 
 
+# A town's buses belong to one fleet, but for some guests.
+_FLEET_SHARE = 0.85
+
+
 @dataclass(frozen=True)
 class Paint:
     """The colour of an actor.
@@ -75,6 +79,8 @@ COLOUR_WORDS = tuple(_PAINTS)
 def paint_of(actor: Actor, seed: int) -> Paint:
     """The paint of a vehicle, or of a walker's jacket; it follows from the seed, the kind and the name alone."""
     rng = np.random.default_rng([seed, zlib.crc32(actor.name.encode())])
+    if actor.kind == "bus" and rng.random() < _FLEET_SHARE:
+        rng = np.random.default_rng([seed, *b"fleet"])
     shares = _SHARES[actor.kind]
     name = _drawn(rng, list(shares), list(shares.values()))
     return Paint(_around(rng, _PAINTS[name]), name)

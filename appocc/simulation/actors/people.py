@@ -30,7 +30,9 @@ def limb(
     """Add a part of level rings around points (N, 3), stretched by `flat` along x and y."""
     points = np.asarray(points_m, np.float64)
     turn = np.arange(sides + 1) * (2 * np.pi / sides)
-    circle = np.stack([flat[0] * np.cos(turn), flat[1] * np.sin(turn), np.zeros(sides + 1)], axis=1)
+    # A circle of few corners is drawn a little larger, so that limbs look alike at all levels of detail.
+    grown = ((7 * np.sin(2 * np.pi / 7)) / (sides * np.sin(2 * np.pi / sides))) ** 0.25
+    circle = grown * np.stack([flat[0] * np.cos(turn), flat[1] * np.sin(turn), np.zeros(sides + 1)], axis=1)
     rings = points[:, None] + np.asarray(radii_m)[:, None, None] * circle
     middle = points.mean(axis=0)
     model.sheet(rings, look, middle, mirror=False)
@@ -52,7 +54,7 @@ def walker(child: bool, variant: int, detail: int, pose: int) -> Modeller:
         _arm(model, (wide * 1.25, shoulder_z, size), side, -ahead, SKINS[variant], detail)
     torso = [(0.0, 0.0, hip_z - 0.035 * h), (0.0, 0.0, 0.60 * h), (0.01, 0.0, shoulder_z - 0.05 * h)]
     torso.append((0.0, 0.0, shoulder_z + 0.01 * h))
-    limb(model, torso, [wide * k for k in (0.98, 0.88, 1.08, 0.55)], JACKET, max(sides, 5), (0.72, 1.0))
+    limb(model, torso, [wide * k for k in (0.98, 0.88, 1.08, 0.55)], JACKET, max(sides, 4), (0.72, 1.0))
     _head(model, h, head, variant, detail)
     if variant == 1 and detail < 2:
         back = [-0.19 * h, -0.075 * h, 0.55 * h], [-0.065 * h, 0.075 * h, shoulder_z - 0.01 * h]
@@ -68,11 +70,11 @@ def _leg(model: Modeller, h: float, hip_z: float, side: float, ahead: float, var
     radii = (0.052 * h, 0.042 * h, 0.03 * h)
     sides = _SIDES[detail]
     if detail == 2:
-        limb(model, [hip, ankle], [radii[0], radii[2]], _TROUSERS[variant], sides, closed=False)
-        return
-    limb(model, [hip, knee, ankle], radii, _TROUSERS[variant], sides - (detail == 0), closed=False)
+        limb(model, [hip, ankle], radii[::2], _TROUSERS[variant], sides, closed=False)
+    else:
+        limb(model, [hip, knee, ankle], radii, _TROUSERS[variant], sides - 1, closed=False)
     foot = [step - 0.045 * h, y - 0.028 * h, 0.6 * lift], [step + 0.105 * h, y + 0.028 * h, 0.055 * h + lift]
-    model.box(*foot, _SHOES[variant], skip="" if detail == 0 else "bs")
+    model.box(*foot, _SHOES[variant], skip=("", "b", "bfr")[detail])
 
 
 def _arm(
@@ -88,7 +90,9 @@ def _arm(
     if detail == 2:
         limb(model, [shoulder, wrist], [0.036 * h, 0.026 * h], JACKET, 3, closed=False)
         return
-    limb(model, [shoulder, elbow, wrist], [0.038 * h, 0.031 * h, 0.025 * h], JACKET, sides)
+    limb(model, [shoulder, elbow, wrist], [0.038 * h, 0.031 * h, 0.025 * h], JACKET, sides, closed=detail == 0)
+    if detail:
+        return
     end = (wrist[0] + 0.015 * h, wrist[1], wrist[2] - 0.055 * h)
     limb(model, [wrist, end], [0.024 * h, 0.018 * h], hand, sides)
 
@@ -108,16 +112,18 @@ def _head(model: Modeller, h: float, head: float, variant: int, detail: int) -> 
     limb(model, points[2:] - [0.008 * h, 0.0, 0.0], radii[2:] * 1.05, _HAIR[variant], sides, (1.08, 0.92))
 
 
-def helmet(model: Modeller, centre_m: ArrayLike, radius_m: float, look: Look, sides: int, visor: bool) -> None:
-    """Add a helmet; with a visor it covers the face."""
+def helmet(model: Modeller, centre_m: ArrayLike, radius_m: float, look: Look, sides: int, full: bool) -> None:
+    """Add a helmet; a full one covers the face and has a visor."""
     centre = np.asarray(centre_m, np.float64)
     heights, radii = np.array([-0.95, -0.4, 0.3, 0.8, 1.0]), np.array([0.62, 0.95, 1.0, 0.66, 0.15])
-    if not visor:
+    if not full:
         heights, radii = heights[2:] - 0.1, radii[2:]
+    elif sides < 5:
+        heights, radii = heights[[0, 2, 3]], radii[[0, 2, 3]]
     points = centre + radius_m * heights[:, None] * [0.0, 0.0, 1.0]
     limb(model, points, radius_m * radii, look, sides, (1.12, 0.92))
-    if visor:
+    if full and sides > 4:
         x = centre[0] + 1.13 * radius_m
-        across = ((-0.1, 0.25), (0.0, 0.0), (0.1, 0.25))
+        across = ((-0.1, 0.42), (0.0, 0.0), (0.1, 0.42))
         pane = [[[x - back * radius_m, centre[1] + y, centre[2] + z] for z in (-0.05, 0.05)] for y, back in across]
         model.sheet(pane, TRIM, centre, mirror=False)

@@ -28,7 +28,9 @@ from appocc.simulation.actors.people import SKINS, helmet, limb
 _JACKETS = (cloth(38, 39, 42), cloth(150, 46, 40), cloth(58, 84, 120))
 _TROUSERS = (cloth(40, 48, 70), cloth(30, 30, 33), cloth(122, 108, 88))
 _HELMETS = (plain(230, 230, 228), plain(34, 35, 38), plain(178, 40, 36))
-_SEGMENTS = (11, 8, 5)
+# Far away spokes, gaps and tyre of a bicycle's wheel are one grey.
+_SPOKES = plain(92, 92, 92)
+_SEGMENTS = (11, 8, 6)
 
 
 def _wheel(model: Modeller, x: float, radius: float, wide: float, hub: Look | None, detail: int) -> None:
@@ -38,6 +40,9 @@ def _wheel(model: Modeller, x: float, radius: float, wide: float, hub: Look | No
     ring = np.stack([np.cos(turn), np.zeros(segments + 1), np.sin(turn)], axis=1)
     middle = np.array([x, 0.0, radius])
     left = np.array([x, wide / 2, radius])
+    if detail == 2:
+        model.fan((left + radius * ring)[:-1], RUBBER if hub else _SPOKES, middle, None, mirror=True)
+        return
     tread = np.stack([middle + radius * ring - [0.0, wide / 2, 0.0], left + radius * ring], axis=1)
     model.sheet(tread, RUBBER, middle, mirror=False)
     inner = left + (0.62 if hub else 0.88) * radius * ring
@@ -48,9 +53,10 @@ def _wheel(model: Modeller, x: float, radius: float, wide: float, hub: Look | No
         rim = np.stack([inner, inner * [1.0, -1.0, 1.0]], axis=1)
         model.sheet(rim, CHROME, middle, mirror=False, hollow=True)
         for k in range(0, segments // 2, 2):
+            hub_side = np.array([x, 0.004, radius])
             a, b = radius * ring[k] * 0.9, np.array([-ring[k][2], 0.0, ring[k][0]]) * 0.008
-            spoke = [[middle + a + b, middle - a + b], [middle + a - b, middle - a - b]]
-            model.sheet(spoke, CHROME, middle - [0.0, 0.01, 0.0])
+            spoke = [[hub_side + a + b, hub_side - a + b], [hub_side + a - b, hub_side - a - b]]
+            model.sheet(spoke, CHROME, middle)
 
 
 class _Seat(NamedTuple):
@@ -65,21 +71,27 @@ class _Seat(NamedTuple):
 def _rider(model: Modeller, seat: _Seat, legs: Sequence[tuple[float, ...]], variant: int, detail: int) -> None:
     """Legs, torso and arms; `legs` holds x and z of knee and foot, left and right."""
     sides = (6, 4, 3)[detail]
+    closed = detail == 0
     (hip_x, hip_z), (shoulder_x, shoulder_z) = seat.hip, seat.shoulder
     hand = np.array(seat.hand)
     for side, (knee_x, knee_z, foot_x, foot_z) in zip((1.0, -1.0), legs, strict=True):
         thigh = [[hip_x, side * 0.10, hip_z], [knee_x, side * seat.spread[0], knee_z]]
         foot = [foot_x, side * seat.spread[1], foot_z]
-        model.tube(thigh, (0.085, 0.065), _TROUSERS[variant], sides)
-        model.tube([thigh[1], foot], (0.062, 0.042), _TROUSERS[variant], sides)
+        if detail:
+            model.tube([*thigh, foot], (0.09, 0.07, 0.05), _TROUSERS[variant], 3, closed=closed)
+        else:
+            model.tube(thigh, (0.085, 0.065), _TROUSERS[variant], sides)
+            model.tube([thigh[1], foot], (0.062, 0.042), _TROUSERS[variant], sides)
         if detail == 0:
             low = [foot[0] - 0.08, foot[1] - 0.045, foot[2] - 0.08]
             model.box(low, [foot[0] + 0.17, foot[1] + 0.045, foot[2] + 0.01], TRIM)
         shoulder = np.array([shoulder_x, side * 0.19, shoulder_z - 0.03])
         end = hand * [1.0, side, 1.0]
         elbow = (shoulder + end) / 2 + [-0.06, side * 0.05, -0.06]
-        if detail == 2:
-            model.tube([shoulder, end], (0.05, 0.04), _JACKETS[variant], 3)
+        if detail:
+            model.tube(
+                [shoulder, elbow, end][::detail], (0.062, 0.055, 0.04)[::detail], _JACKETS[variant], 3, closed=closed
+            )
         else:
             model.tube([shoulder, elbow], (0.058, 0.05), _JACKETS[variant], sides - 1)
             model.tube([elbow, end], (0.05, 0.036), _JACKETS[variant], sides - 1)
@@ -106,16 +118,16 @@ def motorcycle(variant: int, detail: int) -> Modeller:
         model.tube([[-0.2, 0.13, 0.35], [-0.9, 0.17, 0.42]], (0.035, 0.055), CHROME, 5)
         model.tube([[0.40, 0.0, 1.0], [0.34, 0.39, 1.04]], (0.022, 0.022), TRIM, 4, mirror=True)
     if detail == 0:
-        plate = [[[-0.95, y, z] for z in (0.58, 0.72)] for y in (-0.1, 0.1)]
-        model.sheet(plate, PLATE, mirror=False)
-        model.sheet(plate, TRIM, mirror=False, hollow=True)
+        for x, look in ((-0.95, PLATE), (-0.94, TRIM)):
+            plate = [[[x, y, z] for z in (0.58, 0.72)] for y in (-0.1, 0.1)]
+            model.sheet(plate, look, mirror=False, hollow=look is TRIM)
         model.box([-0.94, -0.02, 0.6], [-0.8, 0.02, 0.8], TRIM, skip="fr")
         for x in (0.66, -0.91):
             model.tube([[x - 0.03, 0.17, 0.83], [x + 0.03, 0.17, 0.83]], (0.03, 0.03), INDICATOR, 3, mirror=True)
             model.tube([[0.42, 0.2, 1.06], [0.40, 0.28, 1.16]], (0.012, 0.04), TRIM, 4, mirror=True)
     seat = _Seat((-0.28, 0.92), (-0.02, 1.36), (0.32, 0.36, 1.05), (0.24, 0.25))
     _rider(model, seat, [(0.16, 0.74, -0.12, 0.34)] * 2, variant, detail)
-    helmet(model, [0.05, 0.0, 1.485], 0.135, _HELMETS[variant], sides + 1, visor=detail < 2)
+    helmet(model, [0.05, 0.0, 1.485], 0.135, _HELMETS[variant], sides + 1, full=True)
     return model
 
 
@@ -126,7 +138,7 @@ def bicycle(variant: int, detail: int, pose: int) -> Modeller:
         _wheel(model, x, 0.345, 0.045, None, detail)
     crank, seat, head, rear = [-0.08, 0.29], [-0.24, 0.90], [0.36, 0.86], [-0.53, 0.345]
     frame = [(crank, seat), (crank, head), (seat, head), (rear, crank), (rear, seat), (head, [0.53, 0.345])]
-    for a, b in frame if detail < 2 else frame[1:3]:
+    for a, b in frame if detail < 2 else frame[1:2]:
         model.tube([[a[0], 0.0, a[1]], [b[0], 0.0, b[1]]], (0.024, 0.024), PAINT, 4 if detail == 0 else 3)
     model.box([-0.38, -0.07, 0.90], [-0.12, 0.07, 0.96], TRIM, skip="b")
     if detail < 2:
@@ -144,5 +156,5 @@ def bicycle(variant: int, detail: int, pose: int) -> Modeller:
     _rider(model, place, legs, variant, detail)
     sides = (6, 5, 3)[detail]
     limb(model, [(0.10, 0.0, 1.42), (0.12, 0.0, 1.54), (0.12, 0.0, 1.62)], (0.06, 0.095, 0.10), SKINS[variant], sides)
-    helmet(model, [0.11, 0.0, 1.60], 0.125, _HELMETS[variant], sides + 1, visor=False)
+    helmet(model, [0.11, 0.0, 1.60], 0.125, _HELMETS[variant], sides + 1, full=False)
     return model

@@ -23,8 +23,10 @@ def add_wheels(
 ) -> None:
     """Add wheels on both sides of some axles; their outer faces lie at +-`outer_y_m`."""
     segments = _SEGMENTS[detail]
-    turn = np.arange(segments + 1) * (2 * np.pi / segments) + (np.pi / 4 if detail == 2 else 0.0)
+    turn = np.arange(segments + 1) * (2 * np.pi / segments)
     ring = np.stack([np.cos(turn), np.zeros(segments + 1), np.sin(turn)], axis=1)
+    if detail == 2:
+        ring = np.array([[0.7, 0.0, -1.0], [0.8, 0.0, 0.5], [-0.8, 0.0, 0.5], [-0.7, 0.0, -1.0], [0.7, 0.0, -1.0]])
     for axle in axles_x_m:
         middle = np.array([axle, outer_y_m, radius_m])
         inner = middle - [0.0, wide_m, 0.0]
@@ -32,7 +34,7 @@ def add_wheels(
         if detail:
             model.fan(tyre[:-1], RUBBER, inner, axle, mirror=True)
             if detail == 1:
-                hub_ring = middle + [0.0, 0.004, 0.0] + 0.6 * radius_m * ring[::2]
+                hub_ring = middle + [0.0, 0.004, 0.0] + 0.6 * radius_m * ring
                 model.fan(hub_ring[:-1], hub, inner, axle, mirror=True)
             continue
         rim = middle - [0.0, 0.006, 0.0] + 0.68 * radius_m * ring

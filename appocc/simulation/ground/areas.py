@@ -113,8 +113,8 @@ def islands(
         if not least_m2 <= area * cell_m2 <= most_m2:
             continue
         cells = (number[y : y + h, x : x + w] == k).astype(np.uint8)
-        inside = np.kron(cells, np.ones((coarse + 0, coarse + 0), np.uint8)).astype(np.bool_)
-        rows, columns = (slice(coarse * v, min(coarse * (v + n), m)) for v, n, m in zip((y, x), (h, w), road.shape))
+        inside = np.kron(cells, np.ones((coarse, coarse), np.uint8)).astype(np.bool_)
+        rows, columns = (slice(coarse * v, min(coarse * (v + n), m)) for v, n, m in zip((y, x), (h, w), road.shape, strict=True))
         found.append((rows, columns, inside[: rows.stop - rows.start, : columns.stop - columns.start]))
     return found
 

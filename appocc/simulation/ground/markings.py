@@ -8,10 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from appocc.checks import BoolArray, FloatArray
-from appocc.simulation.ground.polylines import arc_m, clean, cut, dashes, directions_at, length_m, points_at, shifted
-from appocc.simulation.ground.stretches import End, Stretch
-from appocc.simulation.network import Lane
+from appocc.checks import FloatArray, IntArray
+from appocc.simulation.ground.polylines import clean, cut, dashes, directions_at, length_m, points_at, shifted
+from appocc.simulation.ground.stretches import Stretch
 from appocc.simulation.surface import Surface
 
 LINE_WIDTH_M = 0.15
@@ -23,7 +22,9 @@ DOUBLE_M, EDGE_M = 0.30, 0.20
 # Two directions belong to one carriageway when their borders are at most this far apart.
 _TOGETHER_M = 0.9
 _SAMPLE_M = 0.5
+_NEIGHBOURS = 10
 _SHORTEST_M = 1.0
+_NEAR_END_M = 30.0
 
 
 @dataclass(frozen=True)
@@ -109,30 +110,36 @@ def _left_borders(stretches: Sequence[Stretch], habits: Habits) -> list[Line]:
     """Lines between the directions; where a median parts them, or there is one direction only, along the edge."""
     borders = [clean(stretch.left_m) for stretch in stretches]
     along = [np.arange(_SAMPLE_M / 2, max(length_m(b), _SAMPLE_M), _SAMPLE_M) for b in borders]
-    points = [points_at(b, s) for b, s in zip(borders, along, strict=True)]
-    headings = np.concatenate([directions_at(b, s) for b, s in zip(borders, along, strict=True)])
-    owner = np.repeat(np.arange(len(stretches)), [len(s) for s in along])
-    tree = cKDTree(np.concatenate(points))
+    partners = _partners(borders, along)
     lines: list[Line] = []
     for number, stretch in enumerate(stretches):
         if stretch.lanes[-1].kind != "driving":
             continue
-        mine = np.flatnonzero(owner == number)
-        near = tree.query_ball_point(points[number], _TOGETHER_M)
-        partner = np.full(len(mine), -1)
-        for k, others in enumerate(near):
-            facing = [o for o in others if headings[o] @ headings[mine[k]] < -0.8]
-            partner[k] = min((int(owner[o]) for o in facing), default=-1)
-        for start, end, other in _runs(partner, along[number], length_m(borders[number])):
+        for start, end, other in _runs(partners[number], along[number], length_m(borders[number])):
+            piece = cut(borders[number], start, end)
             if other < 0:
-                lines += _left_edge(cut(borders[number], start, end), stretch, habits)
+                lines += _left_edge(piece, stretch, habits)
             elif number < other:
-                middle = _halfway(cut(borders[number], start, end), borders[other])
-                lines += _divider(middle, stretch, stretches[other], habits)
+                lines += _divider(_halfway(piece, borders[other]), stretch, stretches[other], habits)
     return lines
 
 
-def _runs(partner: np.ndarray, along_m: FloatArray, length: float) -> list[tuple[float, float, int]]:
+def _partners(borders: Sequence[FloatArray], along_m: Sequence[FloatArray]) -> list[IntArray]:
+    """For ways along each border, the number of the border of the other direction close by; -1 if there is none."""
+    points = np.concatenate([points_at(b, s) for b, s in zip(borders, along_m, strict=True)])
+    headings = np.concatenate([directions_at(b, s) for b, s in zip(borders, along_m, strict=True)])
+    counts = [len(s) for s in along_m]
+    owner = np.repeat(np.arange(len(borders)), counts)
+    _, near = cKDTree(points).query(points, _NEIGHBOURS, distance_upper_bound=_TOGETHER_M)
+    found = near < len(points)
+    near = np.where(found, near, 0)
+    facing = found & (np.einsum("ik,ijk->ij", headings, headings[near]) < -0.8)
+    partner = np.where(facing, owner[near], len(borders)).min(axis=1)
+    partner[partner == len(borders)] = -1
+    return np.split(partner, np.cumsum(counts)[:-1])
+
+
+def _runs(partner: IntArray, along_m: FloatArray, length: float) -> list[tuple[float, float, int]]:
     """Stretches of way with the same partner; the ends reach the ends of the border."""
     changes = np.flatnonzero(np.diff(partner)) + 1
     bounds = [0.0, *(along_m[changes] - _SAMPLE_M / 2), length]
@@ -153,10 +160,8 @@ def _halfway(line_m: FloatArray, other_m: FloatArray) -> FloatArray:
 
 def _divider(middle_m: FloatArray, stretch: Stretch, other: Stretch, habits: Habits) -> list[Line]:
     """The line between two directions: double on main streets, else dashed."""
-    here, there = stretch.end, stretch.start
-    line = _trimmed(
-        middle_m, stretch, max(there.clear_leaving_m, other.end.clear_arriving_m), max(here.clear_arriving_m, 0.0)
-    )
+    start_m = max(stretch.start.clear_leaving_m, other.end.clear_arriving_m)
+    line = _trimmed(middle_m, stretch, start_m, max(stretch.end.clear_arriving_m, other.start.clear_leaving_m))
     if len(line) < 2:
         return []
     if stretch.arterial or other.arterial or habits.double_on_small:
@@ -193,11 +198,13 @@ def _trimmed(line_m: FloatArray, stretch: Stretch, start_m: float, end_m: float)
     if len(line_m) < 2:
         return line_m
     first, last = 0.0, length_m(line_m)
+    # Of a piece from the middle of a street, which lies far from its ends, nothing is cut.
     if stretch.start.junction:
         point, heading = stretch.section(False)
         first = start_m - float((line_m[0] - point) @ heading)
+        first = first if np.hypot(*(line_m[0] - point)) < _NEAR_END_M else 0.0
     if stretch.end.junction:
         point, heading = stretch.section(True)
-        last -= end_m + float((line_m[-1] - point) @ heading)
-    # Pieces from the middle of a street lie far from its ends: nothing of them is cut.
+        short = end_m + float((line_m[-1] - point) @ heading)
+        last -= short if np.hypot(*(line_m[-1] - point)) < _NEAR_END_M else 0.0
     return cut(line_m, max(first, 0.0), min(last, length_m(line_m)))

@@ -10,13 +10,13 @@ import numpy as np
 
 from appocc.checks import FloatArray
 from appocc.simulation.ground.polylines import clean, length_m, shifted
-from appocc.simulation.network import Edge, Junction, Lane, RoadNetwork
+from appocc.simulation.network import Edge, Lane, RoadNetwork
 
 # From the junction's outline: gap, zebra, gap, stop line.
 ZEBRA_GAP_M, ZEBRA_M, STOP_GAP_M, STOP_WIDTH_M = 0.6, 3.6, 1.0, 0.4
 _LONG_ENOUGH_M = 24.0
 _FAST_MPS = 15.0
-_MINOR_PRIORITY_GAP = 1
+_MOST_BACK_M = 6.0
 
 
 @dataclass(frozen=True)
@@ -65,12 +65,18 @@ class Stretch:
         left_m: (N, 2) left border of the leftmost lane, in the direction of travel.
         start: what lies at its beginning.
         end: what lies at its end.
+        street: the same for both directions of a street.
+        start_back_m: way from the left border's beginning to where the street's first lane leaves the junction.
+        end_back_m: way from where the first lane meets the junction to the left border's end.
     """
 
     lanes: tuple[Lane, ...]
     left_m: FloatArray
     start: End
     end: End
+    street: str
+    start_back_m: float = 0.0
+    end_back_m: float = 0.0
 
     @property
     def width_m(self) -> float:
@@ -88,27 +94,31 @@ class Stretch:
         return len(self.driving) > 1 or any(lane.speed_mps > _FAST_MPS for lane in self.driving)
 
     def section(self, at_end: bool) -> tuple[FloatArray, FloatArray]:
-        """Point (2,) on the left border and direction of travel (2,) where the first lane meets the junction."""
+        """Point (2,) on the left border and direction of travel (2,) where the street meets the junction."""
         line = self.left_m if at_end else self.left_m[::-1]
         step = line[-1] - line[-2]
-        inward = -step / np.hypot(*step)
-        ends = np.stack([lane.centre_m[-1 if at_end else 0] for lane in self.lanes])
-        back = max(0.0, float(((ends - line[-1]) @ inward).max()))
-        return line[-1] + inward * back, -inward if at_end else inward
+        out = step / np.hypot(*step)
+        return line[-1] - out * (self.end_back_m if at_end else self.start_back_m), out if at_end else -out
 
 
 def stretches_of(network: RoadNetwork) -> list[Stretch]:
     """All streets of a network, those short pieces between two of them that are junctions in name only included."""
     ends = _junction_ends(network)
     found = [
-        _stretch(edge.lanes, replace(ends[edge.from_junction], yields=False), _arriving(network, edge, ends))
+        _stretch(edge.lanes, replace(ends[edge.from_junction], yields=False), _arriving(network, edge, ends), street_of(edge))
         for edge in network.edges
     ]
-    found += [_stretch(lanes, End(), End()) for lanes in _passages(network, ends)]
-    return [stretch for stretch in found if stretch is not None]
+    whole = _facing({s.lanes[0].edge: s for s in found if s is not None}, network)
+    passages = [_stretch(lanes, End(), End(), street) for lanes, street in _passages(network, ends)]
+    return [*whole, *(passage for passage in passages if passage is not None)]
 
 
-def _stretch(lanes: Sequence[Lane], start: End, end: End) -> Stretch | None:
+def street_of(edge: Edge) -> str:
+    """Name of a street, the same for both of its directions."""
+    return " ".join(sorted((edge.from_junction, edge.to_junction)))
+
+
+def _stretch(lanes: Sequence[Lane], start: End, end: End, street: str) -> Stretch | None:
     lined = [replace(lane, centre_m=clean(lane.centre_m)) for lane in lanes if lane.kind != "walking"]
     lined = [lane for lane in lined if length_m(lane.centre_m) > 0]
     if not lined:
@@ -116,7 +126,30 @@ def _stretch(lanes: Sequence[Lane], start: End, end: End) -> Stretch | None:
     left = shifted(lined[-1].centre_m, lined[-1].width_m / 2)
     if length_m(left) < _LONG_ENOUGH_M:
         start, end = replace(start, zebra=False), replace(end, zebra=False)
-    return Stretch(tuple(lined), left, start, end)
+    return Stretch(tuple(lined), left, start, end, street, _back(lined, left, False), _back(lined, left, True))
+
+
+def _back(lanes: Sequence[Lane], left_m: FloatArray, at_end: bool) -> float:
+    """By how much the lane that reaches least far stays behind the left border, at one end."""
+    line = left_m if at_end else left_m[::-1]
+    step = line[-2] - line[-1]
+    ends = np.stack([lane.centre_m[-1 if at_end else 0] for lane in lanes])
+    return min(max(0.0, float(((ends - line[-1]) @ (step / np.hypot(*step))).max())), _MOST_BACK_M)
+
+
+def _facing(stretches: Mapping[str, Stretch], network: RoadNetwork) -> list[Stretch]:
+    """Both directions of a street end at the same cross-section of it, so that zebras go straight across."""
+    edges = {edge.name: edge for edge in network.edges}
+    joined = []
+    for name, stretch in stretches.items():
+        back = network.opposite(edges[name])
+        other = stretches.get(back.name) if back is not None else None
+        if other is not None and np.hypot(*(other.left_m[0] - stretch.left_m[-1])) < _MOST_BACK_M:
+            stretch = replace(stretch, end_back_m=max(stretch.end_back_m, other.start_back_m))
+        if other is not None and np.hypot(*(other.left_m[-1] - stretch.left_m[0])) < _MOST_BACK_M:
+            stretch = replace(stretch, start_back_m=max(stretch.start_back_m, other.end_back_m))
+        joined.append(stretch)
+    return joined
 
 
 def _junction_ends(network: RoadNetwork) -> dict[str, End]:
@@ -144,7 +177,7 @@ def _arriving(network: RoadNetwork, edge: Edge, ends: Mapping[str, End]) -> End:
     end = ends[edge.to_junction]
     if not end.junction or end.signal:
         return end
-    kinds = {j.name: j.kind for j in _named(network)}
+    kinds = {j.name: j.kind for j in network.junctions}
     if kinds.get(edge.to_junction) not in ("priority", "priority_stop"):
         return end
     best = max(other.priority for other in network.edges if other.to_junction == edge.to_junction)
@@ -153,17 +186,15 @@ def _arriving(network: RoadNetwork, edge: Edge, ends: Mapping[str, End]) -> End:
     return replace(end, yields=edge.priority < best or not (ahead or not links))
 
 
-def _named(network: RoadNetwork) -> tuple[Junction, ...]:
-    return network.junctions
-
-
-def _passages(network: RoadNetwork, ends: Mapping[str, End]) -> list[list[Lane]]:
-    """Lanes, by edge, inside junctions through which every street has one way only."""
-    junction_of = {edge.name: edge.to_junction for edge in network.edges}
+def _passages(network: RoadNetwork, ends: Mapping[str, End]) -> list[tuple[list[Lane], str]]:
+    """Lanes inside junctions through which every street has one way only, by edge, and the street they continue."""
+    edge_of = {edge.name: edge for edge in network.edges}
     inner = {lane.name: lane for lane in network.inner_lanes}
     groups: dict[str, dict[str, Lane]] = defaultdict(dict)
+    street = {}
     for link in network.connections:
-        junction = junction_of.get(link.from_lane.rpartition("_")[0])
-        if link.via in inner and link.direction != "t" and junction in ends and not ends[junction].junction:
+        before = edge_of.get(link.from_lane.rpartition("_")[0])
+        if before and link.via in inner and link.direction != "t" and not ends[before.to_junction].junction:
             groups[inner[link.via].edge][link.via] = inner[link.via]
-    return [sorted(lanes.values(), key=lambda lane: lane.index) for lanes in groups.values()]
+            street[inner[link.via].edge] = street_of(before)
+    return [(sorted(lanes.values(), key=lambda lane: lane.index), street[name]) for name, lanes in groups.items()]

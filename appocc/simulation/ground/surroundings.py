@@ -1,84 +1,63 @@
-"""What lies beside the streets: kerbs, pavements, yards, grass and earth."""
+"""What lies right beside the streets: kerbs, pavements, medians and islands."""
 
 from __future__ import annotations
-
-from collections.abc import Mapping
-from dataclasses import dataclass
 
 import cv2
 import numpy as np
 
 from appocc.checks import ByteArray, Float32Array
 from appocc.simulation.ground.areas import disc, islands, road_mask
-from appocc.simulation.ground.filling import Canvas
-from appocc.simulation.ground.noise import value_noise
-from appocc.simulation.plan import TownPlan
 from appocc.simulation.surface import CELL_M, Surface
 
 _KERB_M = 0.2
-# The ground beyond the kerb is decided in coarser cells, and noise in coarser ones still.
-_COARSE = 2
-_NOISE = 8
-_BAND = 256
+# The way to the nearest street is measured in coarser cells, and made fine again in bands of rows.
+_COARSE, _BAND = 2, 256
+_ISLAND_COARSE = 4
 # Ground that roads enclose is an island, with grass and without a pavement, up to this area or this half width.
-_ISLAND_M2 = 900.0
-_ISLAND_HALF_M = 6.0
-_LARGEST_ISLAND_M2 = 6000.0
+_ISLAND_M2, _ISLAND_HALF_M, _LARGEST_ISLAND_M2 = 900.0, 6.0, 6000.0
 _PAVED_HALF_M = 1.0
 
 
-@dataclass(frozen=True)
-class Look:
-    """What a style puts beside its streets.
-
-    Attributes:
-        pavement_m: width of the pavement.
-        yard_m: how far yards reach beyond the streets, on average.
-        yard_share: share of that ground which is paved; the rest is grass.
-        ragged_m: by how much that reach differs from place to place.
-        earth: how rarely bare earth shows (in deviations of the noise).
-    """
-
-    pavement_m: float
-    yard_m: float
-    yard_share: float
-    ragged_m: float
-    earth: float
-
-
-LOOKS: Mapping[str, Look] = {
-    "old": Look(3.2, 22.0, 0.75, 7.0, 1.7),
-    "modern": Look(3.6, 24.0, 0.55, 8.0, 2.1),
-    "suburb": Look(2.2, 9.0, 0.18, 5.0, 1.6),
-    "industrial": Look(2.4, 34.0, 0.8, 9.0, 1.2),
-}
-
-
-def draw_surroundings(canvas: Canvas, plan: TownPlan) -> None:
-    """Fill everything that is no road yet; no pavement follows a country road's grass."""
-    label = canvas.raster[:, :, 0]
-    look = LOOKS.get(plan.style, LOOKS["old"])
+def draw_surroundings(label: ByteArray, pavement_m: float) -> None:
+    """Pavements, islands and kerbs around everything that is road so far."""
     road = road_mask(label)
-    small = cv2.resize(road, None, fx=1 / _COARSE, fy=1 / _COARSE, interpolation=cv2.INTER_NEAREST)
-    away_m = np.asarray(cv2.distanceTransform(1 - small, cv2.DIST_L2, 5), dtype=np.float32)
-    away_m *= _COARSE * CELL_M
-    random = np.random.default_rng([plan.seed, 52])
-    shape = (away_m.shape[0] // _NOISE + 2, away_m.shape[1] // _NOISE + 2)
-    noises = [value_noise(random, shape, (12, 5, 2), (1.0, 0.6, 0.3)) for _ in range(3)]
+    away_m = _away_m(road)
     for first in range(0, len(away_m), _BAND):
-        band = _band(label, road, away_m, first)
-        _draw_band(band, away_m[first : first + _BAND], [_noise_band(n, first, away_m) for n in noises], look, road, first)
+        rows = slice(first * _COARSE, min((first + _BAND) * _COARSE, len(label)))
+        fine_m = cv2.resize(away_m[first : first + _BAND], label[rows].shape[::-1], interpolation=cv2.INTER_LINEAR)
+        label[rows][(fine_m < pavement_m) & (road[rows] == 0)] = Surface.PAVEMENT
     _draw_islands(label, road, away_m)
+    draw_kerb(label)
+
+
+def draw_kerb(label: ByteArray) -> None:
+    """Kerb stones around all road."""
+    road = road_mask(label)
     kerb = np.asarray(cv2.dilate(road, disc(_KERB_M)), dtype=np.uint8)
-    label[(kerb > 0) & (road == 0)] = Surface.KERB
+    kerb -= road
+    label[kerb.view(np.bool_)] = Surface.KERB
 
 
-def _band(label: ByteArray, road: ByteArray, away_m: Float32Array, first: int) -> ByteArray:
-    return label[first * _COARSE : (first + _BAND) * _COARSE]
+def _away_m(road: ByteArray) -> Float32Array:
+    """Way to the nearest road, metres, in coarse cells."""
+    size = tuple(-(-n // _COARSE) for n in road.shape[::-1])
+    small = cv2.resize(road, size, interpolation=cv2.INTER_AREA)
+    away = np.asarray(cv2.distanceTransform(1 - small, cv2.DIST_L2, 5), dtype=np.float32)
+    away *= _COARSE * CELL_M
+    return away
 
 
-def _noise_band(noise: Float32Array, first: int, away_m: Float32Array) -> Float32Array:
-    rows = noise[first // _NOISE : first // _NOISE + _BAND // _NOISE + 1]
-    fine = cv2.resize(rows, None, fx=_NOISE, fy=_NOISE, interpolation=cv2.INTER_LINEAR)
-    height = min(_BAND, len(away_m) - first)
-    return np.asarray(fine, dtype=np.float32)[:height, : away_m.shape[1]]
+def _draw_islands(label: ByteArray, road: ByteArray, away_m: Float32Array) -> None:
+    """Medians and the islands of roundabouts: grass, or paved where they are narrow."""
+    step = _ISLAND_COARSE // _COARSE
+    for rows, columns, inside in islands(road, _ISLAND_COARSE, 0.0, _LARGEST_ISLAND_M2):
+        free = inside & (road[rows, columns] == 0)
+        coarse = away_m[_shrunk(rows, _COARSE), _shrunk(columns, _COARSE)][::step, ::step]
+        mine = inside[::_ISLAND_COARSE, ::_ISLAND_COARSE][: coarse.shape[0], : coarse.shape[1]]
+        half_m = float(coarse[: mine.shape[0], : mine.shape[1]][mine].max(initial=0.0))
+        if free.sum() * CELL_M**2 <= _ISLAND_M2 or half_m <= _ISLAND_HALF_M:
+            label[rows, columns][free] = Surface.PAVEMENT if half_m < _PAVED_HALF_M else Surface.GRASS
+
+
+def _shrunk(span: slice, factor: int) -> slice:
+    return slice(span.start // factor, -(-span.stop // factor))

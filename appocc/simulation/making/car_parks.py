@@ -24,12 +24,17 @@ def draw_car_parks(network: RoadNetwork, carriageway: Carriageway, rng: np.rando
     for k in rng.permutation(len(network.edges)):
         columns = int(rng.choice([3, 4]))
         park = _beside(network.edges[k], columns, float(rng.uniform(0.4, 0.6)), carriageway)
-        if park is None or any(np.hypot(*(park.bays[0, :2] - p.bays[0, :2])) < _APART_M for p in found):
+        if park is None or not _within(park, network) or any(np.hypot(*(park.bays[0, :2] - p.bays[0, :2])) < _APART_M for p in found):
             continue
         found.append(park)
         if len(found) == wanted:
             break
     return tuple(found)
+
+
+def _within(park: CarPark, network: RoadNetwork) -> bool:
+    """Whether it lies between the streets, not outside the town."""
+    return bool(((park.outline_m > network.low_m) & (park.outline_m < network.high_m)).all())
 
 
 def _beside(edge: Edge, columns: int, share: float, carriageway: Carriageway) -> CarPark | None:

@@ -12,8 +12,8 @@ from appocc.checks import FloatArray
 
 Cell = tuple[int, int]
 _LINES = 6
-_SPACING_M, _JITTER_M = (72.0, 96.0), 12.0
-_DROPPED = 0.2
+_SPACING_M, _JITTER_M = (66.0, 92.0), 11.0
+_DROPPED = 0.15
 _RING_M = 15.0
 
 
@@ -130,15 +130,16 @@ def _connected(pairs: list[tuple[Cell, Cell]], count: int) -> bool:
 def _thinned(
     rng: np.random.Generator, pairs: list[tuple[Cell, Cell]], arterials: tuple[int, int]
 ) -> list[tuple[Cell, Cell]]:
-    """A fifth of the streets is left out; all places stay connected, and no street winds along more than two blocks."""
+    """Some streets are left out; all places stay connected, and no street winds along more than two blocks."""
     count, wanted = len(_arms(pairs)), round(len(pairs) * (1 - _DROPPED))
     for pair in [pairs[k] for k in rng.permutation(len(pairs))]:
         rest = [p for p in pairs if p != pair]
         arms = _arms(rest)
         bends = [c for c in pair if len(arms[c]) == 2]
         winding = any(len(arms[n]) == 2 for c in bends for n in arms[c])
+        main = any(c[0] == arterials[0] or c[1] == arterials[1] for c in bends)
         lonely = min(len(arms[c]) for c in pair) < 2
-        if len(rest) < wanted or lonely or winding or _is_arterial(*pair, arterials):
+        if len(rest) < wanted or lonely or winding or main or _is_arterial(*pair, arterials):
             continue
         if _connected(rest, count):
             pairs = rest

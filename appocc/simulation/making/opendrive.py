@@ -31,5 +31,5 @@ def import_opendrive(source: Path, path: Path) -> None:
         options = ["--type-files", str(types), "--no-turnarounds.except-deadend", "true"]
         file = ["--opendrive-files", str(source), "-o", str(path)]
         # Early CARLA maps hold no signals: large junctions get them.
-        options += ["--tls.guess", "true"]
+        options += ["--tls.guess", "true", "--tls.guess.threshold", "40"]
         netconvert(source, [*file, *lanes, *options, *SIGNALS, *SHAPES, *TURNS])

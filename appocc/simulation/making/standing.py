@@ -13,9 +13,9 @@ from appocc.simulation.plan import TownPlan
 from appocc.simulation.traffic import Actor
 
 _CORNER_M = 7.0  # nobody parks this close to a junction
-_OCCUPIED, _IN_BAY, _FLIPPED = 0.72, 0.68, 0.08
+_OCCUPIED, _IN_BAY, _FLIPPED = 0.8, 0.68, 0.08
 _NARROWEST_M, _FASTEST_MPS = 1.9, 14.5
-_MOST = 230
+_MOST = 300
 _MOUTH_M = 6.5
 
 

@@ -20,7 +20,7 @@ from appocc.simulation.traffic import Actor, Light, TrafficLog
 
 _EVERY = 2  # of SUMO's steps: 5 Hz
 _WARM_S, _LEAD_S = 110.0, 10.0
-_VEHICLE_EVERY_M, _MOST_VEHICLES, _WALKERS = 95.0, 115, 55
+_VEHICLE_EVERY_M, _MOST_VEHICLES, _WALKERS = 58.0, 150, 70
 _FASTEST_MEAN_MPS = 12.0
 _SHORTEST_STEPS = 25  # who is there for less than this leaves no trace
 _LETTERS = {ord("G"): ord("G"), ord("g"): ord("g"), ord("y"): ord("y"), ord("Y"): ord("y"), ord("u"): ord("y")}
@@ -108,6 +108,7 @@ def _joined(
     lights = np.concatenate([driving[3], np.full((steps, len(parked)), int(Light.PARKED)), looked * 0], axis=1)
     stands = np.isin(np.arange(len(actors)), len(driving[0]) + np.arange(len(parked)))
     keep = without_overlaps(actors, xy, yaw, stands)
+    print('DBG drivers', len(driving[0]), 'kept', int(keep[:len(driving[0])].sum()), 'parked', len(parked), int((keep&stands).sum()), 'people', len(people), int(keep[len(driving[0])+len(parked):].sum()))
     return TrafficLog(
         step_s,
         tuple(actor for actor, stays in zip(actors, keep, strict=True) if stays),

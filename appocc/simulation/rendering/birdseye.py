@@ -17,10 +17,11 @@ from appocc.simulation.town import Town
 
 # Rays begin this far above the highest roof or crown.
 _ABOVE_M = 5.0
-# Four rays in the quarters of a cell, in cells from its centre.
-_QUARTERS = np.array([[-0.25, -0.25], [-0.25, 0.25], [0.25, -0.25], [0.25, 0.25]])
+# A ray through a cell's centre, and three more that tell what it lacks; in cells from the centre.
+_CENTRE = np.zeros((1, 2))
+_AROUND = np.array([[0.32, 0.10], [-0.25, 0.26], [-0.09, -0.33]])
 # A cell whose colour (0..255) differs from a neighbour's by more holds an edge: one ray does not tell its mean.
-_EDGE = 10
+_EDGE = 24
 
 
 @dataclass(frozen=True)
@@ -43,7 +44,7 @@ class Above:
             frozen(array)
 
 
-def look_down(renderer: Renderer, town: Town, grid: BEVGrid, town_from_ego: FloatArray) -> Above:
+def birdseye(renderer: Renderer, town: Town, grid: BEVGrid, town_from_ego: FloatArray) -> Above:
     """The colours of a grid's cells at the moment the renderer is set to; means over the cells.
 
     Args:
@@ -54,12 +55,12 @@ def look_down(renderer: Renderer, town: Town, grid: BEVGrid, town_from_ego: Floa
     """
     view = _View(renderer, town, grid, town_from_ego)
     every = np.arange(grid.shape[0] * grid.shape[1])
-    free = view.light(every, np.zeros((1, 2)), True)
+    free = view.light(every, _CENTRE, True)
     edges = np.flatnonzero(_edges(develop(free, renderer.gains).reshape(*grid.shape, 3)))
-    free[edges] = (free[edges] + 4 * view.light(edges, _QUARTERS, True)) / 5
+    free[edges] = (free[edges] + 3 * view.light(edges, _AROUND, True)) / 4
     covered = free.copy()
     crowns = np.flatnonzero(_grown(view.crowns().reshape(grid.shape)))
-    covered[crowns] = view.light(crowns, _QUARTERS, False)
+    covered[crowns] = view.light(crowns, np.concatenate([_CENTRE, _AROUND]), False)
     pictures = [develop(light, renderer.gains).reshape(*grid.shape, 3) for light in (free, covered)]
     appearance, with_trees = (np.ascontiguousarray(np.moveaxis(picture, 2, 0)) for picture in pictures)
     return Above(appearance, with_trees, view.on_ground())
@@ -88,7 +89,7 @@ class _View:
         # Each ray stands for its share of the cell.
         spread = self._grid.cell_m / np.sqrt(len(shifts)) / self._height_m
         radiance = self._renderer.radiance(origins, directions, float(spread), through_leaves)
-        return radiance.reshape(len(shifts), -1, 3).mean(axis=0)
+        return np.asarray(radiance.reshape(len(shifts), -1, 3).mean(axis=0), np.float32)
 
     def crowns(self) -> BoolArray:
         """(X * Y,) whether a tree stands over the centre of a cell."""

@@ -17,6 +17,7 @@ _STEPS = 4096
 _FULL_WELL, _READ_NOISE = 6000.0, 9.0
 _VIGNETTE = 0.22
 _BLUR = 0.045
+_WHITE = 8.0  # exposed light beyond this is white
 
 
 def exposure(weather: Weather, sky_light: Float32Array) -> Float32Array:
@@ -28,25 +29,21 @@ def exposure(weather: Weather, sky_light: Float32Array) -> Float32Array:
     light = np.array([0.2126, 0.7152, 0.0722]) @ (np.asarray(weather.sun) * height * 0.6 + sky_light)
     # The eye and cameras leave the dark a little dark.
     lamps = 0.10 if weather.lamps else 0.0
-    gain = 0.85 / (float(light) + lamps) ** 0.92 * 2.0**weather.exposure_stops
+    gain = 1.5 / (float(light) + lamps) ** 0.92 * 2.0**weather.exposure_stops
     return (gain * np.asarray(weather.white)).astype(np.float32)
 
 
 def develop(linear: Float32Array, gains: Float32Array) -> ByteArray:
     """Light (..., 3) float32 linear -> uint8 sRGB by the cameras' tone curve, without lens and noise."""
-    value = np.sqrt(np.clip(linear * gains, 0.0, 1.0 * _WHITE) / _WHITE) * (_STEPS - 1)
+    value = np.sqrt(np.clip(linear * gains, 0.0, _WHITE) / _WHITE) * (_STEPS - 1)
     return np.asarray(np.rint(_curve()[value.astype(np.int32)] * 255), np.uint8)
 
 
-_WHITE = 8.0  # light beyond this is white
-
-
 def _curve() -> Float32Array:
-    """(4096,) float32 picture value 0..1 by the square root of light / _WHITE: a film's soft shoulder."""
+    """(4096,) float32 picture value 0..1 by the square root of light / _WHITE: dark shadows, a film's soft shoulder."""
     x = (np.arange(_STEPS) / (_STEPS - 1)) ** 2 * _WHITE
-    film = x * (1 + x / 12.0) / (1 + 0.72 * x)  # straight in the shadows, then bending
-    film /= film[-1]
-    film = 1 - (1 - np.minimum(film, 1.0)) ** 1.0
+    x = x * x / (x + 0.012)
+    film = (1 - np.exp(-1.15 * x)) / (1 - np.exp(-1.15 * _WHITE))
     return np.where(film <= 0.0031308, film * 12.92, 1.055 * film ** (1 / 2.4) - 0.055).astype(np.float32)
 
 

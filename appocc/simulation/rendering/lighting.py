@@ -40,6 +40,7 @@ class Lighting(NamedTuple):
         haze_per_m: share of light that a metre takes away.
         wetness: 0..1.
         lamps: 1 with lamps on, else 0.
+        white: radiance that looks white in the picture; lamps are set against it.
         low_x: corner of `open` and `lamp`, metres.
         low_y: the same.
         open: (Y, X) uint8 share of the sky that is open, 255 all; cells of OPEN_CELL_M.
@@ -62,6 +63,7 @@ class Lighting(NamedTuple):
     haze_per_m: np.float32
     wetness: np.float32
     lamps: np.float32
+    white: np.float32
     low_x: np.float32
     low_y: np.float32
     open: ByteArray
@@ -160,7 +162,7 @@ def _lamp_light(town: Town, extent_m: FloatArray) -> Float32Array:
         y, x = np.mgrid[low:high, left:right] + 0.5
         flat2 = ((x - place[0]) ** 2 + (y - place[1]) ** 2) * LAMP_CELL_M**2
         window = np.clip(1 - flat2 / _LAMP_REACH_M**2, 0, 1) ** 2
-        light[low:high, left:right] += 14.0 * lamp[2] / (flat2 + lamp[2] ** 2) ** 1.5 * window
+        light[low:high, left:right] += 34.0 * lamp[2] / (flat2 + lamp[2] ** 2) ** 1.5 * window
     return light
 
 
@@ -214,10 +216,9 @@ def _beams(actors: Mesh, shown: ByteArray, ego: Ego | None) -> Float32Array:
             beam[2:4] /= max(float(np.hypot(*beam[2:4])), 1e-6)
             beam[channel] = 1.0 if channel == 4 or not shown[number] & Shown.BRAKE else 2.5
             found.append(beam)
-    if ego is not None:
+    if ego is not None:  # its head lamps are computed exactly, see `shading`
         ahead, middle = ego.town_from_ego[:2, 0], ego.town_from_ego[:2, 3]
         half = ego.size_lwh_m[0] / 2
-        found.append(np.array([*(middle + ahead * (ego.centre_x_m + half)), *ahead, 1.0, 0.0]))
         brake = 2.5 if ego.lights & Shown.BRAKE else 1.0
         found.append(np.array([*(middle + ahead * (ego.centre_x_m - half)), *-ahead, 0.0, brake]))
     return np.array(found, np.float32).reshape(-1, 6)

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 
 from appocc.checks import Float32Array
+from appocc.simulation.rendering.compiled import inner
 
 TILE = 512
 
@@ -25,7 +25,7 @@ def noise_tile(seed: int) -> Float32Array:
     return rank.reshape(TILE, TILE)
 
 
-@numba.njit(cache=True, nogil=True, fastmath=True)
+@inner
 def noise(tile: Float32Array, x: float, y: float) -> float:
     """The tile's value at (x, y) in cells of the tile, between cells straight."""
     left, low = np.floor(x), np.floor(y)
@@ -38,7 +38,7 @@ def noise(tile: Float32Array, x: float, y: float) -> float:
     return value
 
 
-@numba.njit(cache=True, nogil=True)
+@inner
 def hashed(a: int, b: int) -> float:
     """A number in 0..1 that belongs to two whole numbers."""
     h = np.uint32(a) * np.uint32(0x9E3779B1) ^ np.uint32(b) * np.uint32(0x85EBCA77)

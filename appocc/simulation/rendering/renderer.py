@@ -188,6 +188,7 @@ class Renderer:
             np.float32(weather.haze_per_m),
             np.float32(weather.wetness),
             np.float32(weather.lamps),
+            np.float32(1 / self.gains.mean()),
             np.float32(standing.low_m[0]),
             np.float32(standing.low_m[1]),
             standing.open,

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import math
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from appocc.checks import BoolArray, ByteArray, Float32Array
-from appocc.simulation.mesh import Material
+from appocc.simulation.rendering.compiled import inner, kernel, outer
 from appocc.simulation.rendering.lighting import (
     LAMP_CELL_M,
     NEAR_CELL_M,
@@ -17,16 +16,36 @@ from appocc.simulation.rendering.lighting import (
     OPEN_CELL_M,
     Lighting,
 )
+from appocc.simulation.rendering.materials import (
+    CHROME,
+    FOLIAGE,
+    GLASS,
+    HEAD_LAMP,
+    HEDGE,
+    INDICATOR_LEFT,
+    INDICATOR_RIGHT,
+    PAINT,
+    SHOPFRONT,
+    SIGN,
+    SIGNAL,
+    STREET_LAMP,
+    TAIL_LAMP,
+    TRIM,
+    WINDOW,
+    pane,
+    pattern,
+)  # fmt: skip
 from appocc.simulation.rendering.noise import noise
 from appocc.simulation.rendering.sky import sky_at
 from appocc.simulation.rendering.stage import Triangles
 from appocc.simulation.rendering.texture import Texture, colour_at
 from appocc.simulation.rendering.tracing import ACTOR, GROUND, SKY
+from appocc.simulation.traffic import Light
 
-_FOLIAGE, _HEDGE = int(Material.FOLIAGE), int(Material.HEDGE)
+_BRAKE, _LEFT, _RIGHT, _PARKED = (int(bit) for bit in (Light.BRAKE, Light.LEFT, Light.RIGHT, Light.PARKED))
 
 
-@numba.njit(cache=True, nogil=True, fastmath=True)
+@inner
 def normal_at(triangles: Triangles, face: int, u: float, v: float) -> tuple[float, float, float]:
     """Unit normal between a face's vertices."""
     a, b, c = triangles.faces[face]
@@ -39,7 +58,7 @@ def normal_at(triangles: Triangles, face: int, u: float, v: float) -> tuple[floa
     return x * scale, y * scale, z * scale
 
 
-@numba.njit(cache=True, nogil=True, fastmath=True)
+@kernel
 def toward_sun(
     distance: Float32Array,
     source: ByteArray,
@@ -70,7 +89,7 @@ def toward_sun(
                 x, y, z = -x, -y, -z
             material = triangles.material[face[i]]
             # Low-poly curves and crowns would shade themselves in patches.
-            off += 0.25 if material == _FOLIAGE else 0.02 if source[i] == ACTOR else 0.006
+            off += 0.25 if material == FOLIAGE else 0.02 if source[i] == ACTOR else 0.006
         if x * light.sun_to[0] + y * light.sun_to[1] + z * light.sun_to[2] <= 0:
             continue
         px = origins[i, 0] + t * directions[i, 0] + x * off
@@ -85,7 +104,7 @@ def toward_sun(
     return numbers[:count], starts[:count]
 
 
-@numba.njit(cache=True, nogil=True, fastmath=True)
+@inner
 def _behind_ego(light: Lighting, x: float, y: float, z: float) -> bool:
     """Whether the ego's body or cabin stands between a place and the sun."""
     pose, sun = light.ego_from_town, light.sun_to
@@ -102,7 +121,7 @@ def _behind_ego(light: Lighting, x: float, y: float, z: float) -> bool:
     return body or _crosses(a, da, b, db, c, dc, -0.8 * half_l, 0.35 * half_l, 0.85 * half_w, 0.5 * high, high)
 
 
-@numba.njit(cache=True, nogil=True, fastmath=True)
+@inner
 def _crosses(
     a: float, da: float, b: float, db: float, c: float, dc: float,
     back: float, front: float, side: float, low: float, high: float,
@@ -117,12 +136,12 @@ def _crosses(
     return bool(leaves > max(enters, 0.0))
 
 
-@numba.njit(cache=True, nogil=True, fastmath=True)
+@inner
 def _kept_off_zero(value: float) -> float:
     return value if abs(value) > 1e-6 else 1e-6
 
 
-@numba.njit(cache=True, nogil=True, fastmath=True)
+@inner
 def _open_at(light: Lighting, x: float, y: float) -> float:
     """Share of the sky that is open over a place; all of it beyond the town."""
     u, v = (x - light.low_x) / OPEN_CELL_M - 0.5, (y - light.low_y) / OPEN_CELL_M - 0.5
@@ -135,7 +154,7 @@ def _open_at(light: Lighting, x: float, y: float) -> float:
     return (first * (1 - b) + second * b) / 255.0
 
 
-@numba.njit(cache=True, nogil=True, fastmath=True)
+@inner
 def _lamp_at(light: Lighting, x: float, y: float) -> float:
     """Light of the street lamps on the ground at a place."""
     u, v = (x - light.low_x) / LAMP_CELL_M - 0.5, (y - light.low_y) / LAMP_CELL_M - 0.5
@@ -148,7 +167,7 @@ def _lamp_at(light: Lighting, x: float, y: float) -> float:
     return first * (1 - b) + second * b
 
 
-@numba.njit(cache=True, nogil=True, fastmath=True)
+@inner
 def _near_at(light: Lighting, x: float, y: float, channel: int) -> float:
     """Value of the near map at a place; nothing shades or shines beyond it."""
     u, v = (x - light.near_x) / NEAR_CELL_M - 0.5, (y - light.near_y) / NEAR_CELL_M - 0.5
@@ -161,7 +180,7 @@ def _near_at(light: Lighting, x: float, y: float, channel: int) -> float:
     return first * (1 - b) + second * b
 
 
-@numba.njit(cache=True, nogil=True, fastmath=True)
+@inner
 def _ground(
     texture: Texture, tile: Float32Array, x: float, y: float, dx: float, dy: float, dz: float, pixel_m: float
 ) -> tuple[float, float, float]:
@@ -186,7 +205,193 @@ def _ground(
     return r * grain, g * grain, b * grain
 
 
-@numba.njit(cache=True, nogil=True, fastmath=True)
+@inner
+def _glow(
+    material: int, tag: int, tint: tuple[float, float, float], light: Lighting, shown: ByteArray, signals: ByteArray
+) -> tuple[float, float, float]:
+    """Light that a lamp gives off by itself."""
+    white = light.white
+    if material == STREET_LAMP:
+        on = 3.0 * white * light.lamps
+        return on, 0.82 * on, 0.55 * on
+    if material == SIGNAL:
+        return _signal(tag, signals, white)
+    bits = shown[tag] if 0 <= tag < len(shown) else _PARKED
+    if material == HEAD_LAMP and not bits & _PARKED:
+        on = 3.5 * white * light.lamps
+        return on, 0.96 * on, 0.86 * on
+    if material == TAIL_LAMP and not bits & _PARKED:
+        on = white * (1.7 if bits & _BRAKE else 0.45 * light.lamps)
+        return on, 0.05 * on, 0.03 * on
+    blinks = (material == INDICATOR_LEFT and bits & _LEFT) or (material == INDICATOR_RIGHT and bits & _RIGHT)
+    if blinks:
+        return 1.8 * white, 0.65 * white, 0.04 * white
+    return 0.0, 0.0, 0.0
+
+
+@inner
+def _signal(tag: int, signals: ByteArray, white: float) -> tuple[float, float, float]:
+    """Light of a traffic light's lamp; letters are SUMO's: r, y, g, G, u (red and yellow), s, o (yellow), O (off)."""
+    link, colour = tag // 3, tag % 3
+    if tag < 0 or link >= len(signals):
+        return 0.0, 0.0, 0.0
+    letter = signals[link]
+    if colour == 0 and letter in (114, 82, 117, 115):  # r R u s
+        return 2.2 * white, 0.07 * white, 0.04 * white
+    if colour == 1 and letter in (121, 89, 117, 111):  # y Y u o
+        return 2.2 * white, 1.05 * white, 0.05 * white
+    if colour == 2 and letter in (103, 71):  # g G
+        return 0.06 * white, 1.7 * white, 0.75 * white
+    return 0.0, 0.0, 0.0
+
+
+@inner
+def _mirrored(light: Lighting, x: float, y: float, z: float) -> tuple[float, float, float]:
+    """What a smooth surface would mirror in a unit direction: the sky over a row of houses over the street."""
+    low = 0.05 + 0.16 * noise(light.noise, x * 60.0 + 7.0, y * 60.0) * noise(light.noise, x * 200.0, y * 200.0)
+    r, g, b = sky_at(light.sky, x, y, z)
+    if z < low + 0.02:
+        share = min(max((low + 0.02 - z) / 0.04, 0.0), 1.0)
+        dark = 1.2 if z > 0 else 0.75
+        r = r + (dark * light.bounce[0] - r) * share
+        g = g + (dark * light.bounce[1] - g) * share
+        b = b + (dark * light.bounce[2] - b) * share
+    return r, g, b
+
+
+@inner
+def _lamps_on(
+    light: Lighting, x: float, y: float, z: float, nx: float, ny: float, nz: float
+) -> tuple[float, float, float]:
+    """Light of street lamps and head and tail lamps on a surface."""
+    side = 1.0 - 0.45 * (1 - max(nz, 0.0))
+    street = _lamp_at(light, x + nx * 0.5, y + ny * 0.5) * side * min(max((9.0 - z) / 4.0, 0.0), 1.0)
+    near_x, near_y, low = x + nx * 0.5, y + ny * 0.5, min(max((1.6 - z) / 0.9, 0.12), 1.0)
+    head, tail = _near_at(light, near_x, near_y, 1) * side * low, _near_at(light, near_x, near_y, 2) * side * low
+    if light.ego_box[0] > 0:
+        pose = light.ego_from_town
+        front = light.ego_box[3] + light.ego_box[0] / 2
+        ahead = pose[0, 0] * x + pose[0, 1] * y + pose[0, 2] * z + pose[0, 3] - front
+        aside = pose[1, 0] * x + pose[1, 1] * y + pose[1, 2] * z + pose[1, 3]
+        if 0 < ahead < 55:
+            spread, fade = aside / (1.0 + 0.30 * ahead), 1 - ahead / 55
+            facing = max(-(pose[0, 0] * nx + pose[0, 1] * ny), 0.0)
+            head += math.exp(-spread * spread) * fade * fade * (
+                1.5 * max(nz, 0.0) * ahead / (ahead + 3.0) + 2.2 * facing * low
+            )  # fmt: skip
+    return street + head + tail, 0.80 * street + 0.95 * head + 0.05 * tail, 0.50 * street + 0.82 * head + 0.03 * tail
+
+
+@inner
+def _light_on(
+    light: Lighting, x: float, y: float, z: float, nx: float, ny: float, nz: float, sun: float
+) -> tuple[float, float, float]:
+    """All light on a surface at a place; `sun` is the share of the sun's that meets it."""
+    up = 0.5 + 0.5 * nz
+    free = _open_at(light, x + nx * 1.5, y + ny * 1.5)
+    free += (1 - free) * min(max(z / 18.0, 0.0), 1.0)
+    if z < 1.3:
+        shade = _near_at(light, x + nx * 0.3, y + ny * 0.3, 0)
+        free *= shade + (1 - shade) * min(max(z / 1.3, 0.0), 1.0)
+    # The lower half of what a wall sees is the street, sunny where the sky over it is open.
+    open_sky, street = up * (0.12 + 0.88 * free), (1 - up) * (0.25 + 0.75 * free)
+    r = sun * light.sun[0] + open_sky * light.up[0] + street * light.bounce[0]
+    g = sun * light.sun[1] + open_sky * light.up[1] + street * light.bounce[1]
+    b = sun * light.sun[2] + open_sky * light.up[2] + street * light.bounce[2]
+    if light.lamps > 0 and z < 9.0:
+        p, q, s = _lamps_on(light, x, y, z, nx, ny, nz)
+        r, g, b = r + p, g + q, b + s
+    return r, g, b
+
+
+@inner
+def _surface(
+    f: int, u: float, v: float, place: tuple[float, float, float], way: tuple[float, float, float], pixel_m: float,
+    lit: bool, triangles: Triangles, texture: Texture, light: Lighting, shown: ByteArray, signals: ByteArray,
+) -> tuple[float, float, float]:  # fmt: skip
+    """Light that comes back from a place on a face, seen along `way`."""
+    x, y, z = place
+    material, tint = triangles.material[f], triangles.tint[f]
+    r, g, b = texture.linear[tint[0]], texture.linear[tint[1]], texture.linear[tint[2]]
+    nx, ny, nz = normal_at(triangles, f, u, v)
+    one, two, three = triangles.faces[f]
+    w = 1 - u - v
+    s = w * triangles.uv[one, 0] + u * triangles.uv[two, 0] + v * triangles.uv[three, 0]
+    t = w * triangles.uv[one, 1] + u * triangles.uv[two, 1] + v * triangles.uv[three, 1]
+    if material in (FOLIAGE, HEDGE):
+        # Leaves point everywhere: the crown's own normal is only where most of them look.
+        ruffle = 1.0 if pixel_m < 0.5 else 0.5
+        nx += ruffle * (noise(light.noise, y * 23.0 + z * 11.0, z * 23.0) - 0.5)
+        ny += ruffle * (noise(light.noise, x * 23.0 - z * 13.0, z * 23.0 + 77.0) - 0.5)
+        nz += ruffle * (noise(light.noise, x * 23.0, y * 23.0 + 33.0) - 0.35)
+        scale = 1 / math.sqrt(nx * nx + ny * ny + nz * nz + 1e-9)
+        nx, ny, nz = nx * scale, ny * scale, nz * scale
+    facing = -(nx * way[0] + ny * way[1] + nz * way[2])
+    if facing < 0 and material != FOLIAGE:
+        nx, ny, nz, facing = -nx, -ny, -nz, -facing
+    sun = nx * light.sun_to[0] + ny * light.sun_to[1] + nz * light.sun_to[2]
+    if material == FOLIAGE:
+        sun = (0.75 * max(sun, 0.0) + 0.18) if lit else 0.10 + 0.22 * max(-sun, 0.0)
+    else:
+        sun = max(sun, 0.0) if lit else 0.0
+    mirror, inside = 0.0, 0.0
+    if material in (WINDOW, SHOPFRONT):
+        r, g, b, mirror, inside = pane(material == SHOPFRONT, s, t, one, (r, g, b), light.lamps)
+    else:
+        factor = pattern(material, s, t, x, y, z, pixel_m, light.noise)
+        r, g, b = r * factor, g * factor, b * factor
+    er, eg, eb = _light_on(light, x, y, z, nx, ny, nz, sun)
+    r, g, b = r * er + inside, g * eg + 0.70 * inside, b * eb + 0.40 * inside
+    if material >= STREET_LAMP:
+        p, q, k = _glow(material, triangles.tag[f], (r, g, b), light, shown, signals)
+        r, g, b = r + p, g + q, b + k
+    coat, sharp = _coat(material, mirror)
+    if coat > 0:
+        p, q, k = _gloss(light, way, nx, ny, nz, facing, z, lit, coat, sharp)
+        if material == CHROME:
+            r, g, b = 0.35 * r + 0.7 * p, 0.35 * g + 0.7 * q, 0.35 * b + 0.7 * k
+        else:
+            r, g, b = r + p, g + q, b + k
+    return r, g, b
+
+
+@inner
+def _coat(material: int, mirror: float) -> tuple[float, float]:
+    """How much of what is before it a surface mirrors, looked at straight; and how sharp the sun's highlight is."""
+    if mirror > 0:
+        return 0.13 * mirror, 600.0
+    if material == PAINT:
+        return 0.05, 220.0
+    if material == GLASS:
+        return 0.09, 500.0
+    if material == CHROME:
+        return 0.9, 120.0
+    if material in (HEAD_LAMP, TAIL_LAMP, SIGN):
+        return 0.05, 150.0
+    if material == TRIM:
+        return 0.02, 30.0
+    return 0.0, 1.0
+
+
+@inner
+def _gloss(
+    light: Lighting, way: tuple[float, float, float], nx: float, ny: float, nz: float, facing: float, z: float,
+    lit: bool, coat: float, sharp: float,
+) -> tuple[float, float, float]:  # fmt: skip
+    """Sky, surroundings and sun in a smooth surface (Schlick's Fresnel)."""
+    mx, my, mz = way[0] + 2 * facing * nx, way[1] + 2 * facing * ny, way[2] + 2 * facing * nz
+    away = 1 - min(facing, 1.0)
+    share = coat + (1 - coat) * away * away * away * away * away * 0.85
+    r, g, b = _mirrored(light, mx, my, mz)
+    if lit:
+        toward = mx * light.sun_to[0] + my * light.sun_to[1] + mz * light.sun_to[2]
+        if toward > 0.8:
+            spot = min(sharp * 0.10, 25.0) * toward**sharp
+            r, g, b = r + spot * light.sun[0], g + spot * light.sun[1], b + spot * light.sun[2]
+    return r * share, g * share, b * share
+
+
+@kernel
 def shade(
     distance: Float32Array,
     source: ByteArray,
@@ -208,36 +413,23 @@ def shade(
         dx, dy, dz = directions[i, 0], directions[i, 1], directions[i, 2]
         if source[i] == SKY:
             r, g, b = sky_at(light.sky, dx, dy, dz)
-            toward = dx * light.sun_to[0] + dy * light.sun_to[1] + dz * light.sun_to[2]
-            if toward > 0.99996:
+            if dx * light.sun_to[0] + dy * light.sun_to[1] + dz * light.sun_to[2] > 0.99996:
                 r, g, b = r + 20 * light.sun[0], g + 20 * light.sun[1], b + 20 * light.sun[2]
             radiance[i, 0], radiance[i, 1], radiance[i, 2] = r, g, b
             continue
         t = distance[i]
         x, y, z = origins[i, 0] + t * dx, origins[i, 1] + t * dy, origins[i, 2] + t * dz
-        nx, ny, nz = 0.0, 0.0, 1.0
-        glow_r, glow_g, glow_b = 0.0, 0.0, 0.0
         if source[i] == GROUND:
             r, g, b = _ground(texture, light.noise, x, y, dx, dy, dz, t * spread_rad)
+            sun = light.sun_to[2] if lit[i] else np.float32(0.0)
+            p, q, s = _light_on(light, x, y, 0.0, 0.0, 0.0, 1.0, sun)
+            wet = 1 - 0.45 * light.wetness
+            r, g, b = r * p * wet, g * q * wet, b * s * wet
         else:
-            f = face[i]
-            nx, ny, nz = normal_at(triangles, f, uv[i, 0], uv[i, 1])
-            if nx * dx + ny * dy + nz * dz > 0:
-                nx, ny, nz = -nx, -ny, -nz
-            tint = triangles.tint[f]
-            r, g, b = texture.linear[tint[0]], texture.linear[tint[1]], texture.linear[tint[2]]
-        sun = max(nx * light.sun_to[0] + ny * light.sun_to[1] + nz * light.sun_to[2], 0.0) if lit[i] else 0.0
-        up = 0.5 + 0.5 * nz
-        open_sky = _open_at(light, x + nx * 1.5, y + ny * 1.5)
-        open_sky += (1 - open_sky) * min(max(z / 20.0, 0.0), 1.0)
-        if z < 1.2:
-            shade_near = _near_at(light, x + nx * 0.4, y + ny * 0.4, 0)
-            open_sky *= shade_near + (1 - shade_near) * min(max(z / 1.2, 0.0), 1.0)
-        p, q, s = sun, up * open_sky, (1 - up) * (0.3 + 0.7 * open_sky)
-        er = p * light.sun[0] + q * light.up[0] + s * light.bounce[0]
-        eg = p * light.sun[1] + q * light.up[1] + s * light.bounce[1]
-        eb = p * light.sun[2] + q * light.up[2] + s * light.bounce[2]
-        r, g, b = r * er + glow_r, g * eg + glow_g, b * eb + glow_b
+            r, g, b = _surface(
+                face[i], uv[i, 0], uv[i, 1], (x, y, z), (dx, dy, dz), t * spread_rad, lit[i], triangles, texture,
+                light, shown, signals,
+            )  # fmt: skip
         haze = 1 - math.exp(-light.haze_per_m * t)
         radiance[i, 0] = r + (light.horizon[0] - r) * haze
         radiance[i, 1] = g + (light.horizon[1] - g) * haze

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 
-import numba
 import numpy as np
 
 from appocc.checks import Float32Array
+from appocc.simulation.rendering.compiled import inner, kernel
 from appocc.simulation.rendering.noise import noise
 from appocc.simulation.rendering.weather import Weather
 
@@ -39,7 +39,7 @@ def mean_light(sky: Float32Array) -> Float32Array:
     return np.asarray((sky * weight).sum((0, 1)) / weight.sum(), np.float32)
 
 
-@numba.njit(cache=True, nogil=True, fastmath=True)
+@inner
 def sky_at(sky: Float32Array, x: float, y: float, z: float) -> tuple[float, float, float]:
     """Radiance of the sky in a unit direction; below the horizon that of the horizon."""
     z = max(z, 0.0)
@@ -59,7 +59,7 @@ def sky_at(sky: Float32Array, x: float, y: float, z: float) -> tuple[float, floa
     )
 
 
-@numba.njit(cache=True, nogil=True, fastmath=True)
+@kernel
 def _drawn(sun: Float32Array, colours: Float32Array, cloudiness: float, tile: Float32Array) -> Float32Array:
     sky = np.empty((SIZE, SIZE, 3), np.float32)
     for row in range(SIZE):

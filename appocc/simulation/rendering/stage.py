@@ -94,7 +94,8 @@ def _static_kinds(mesh: Mesh) -> ByteArray:
     for kind, materials in _KINDS.items():
         table[list(materials)] = kind
     kinds = table[mesh.material]
-    kinds[(mesh.material == Material.PLAIN) & (mesh.tag >= 0)] = ViewClass.BUILDING
+    # What has a number is part of a building (awnings, rails, metal halls), or the lamp of a signal.
+    kinds[(mesh.material != Material.SIGNAL) & (mesh.tag >= 0)] = ViewClass.BUILDING
     return kinds
 
 

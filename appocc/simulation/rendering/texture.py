@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from appocc.checks import ByteArray, Float32Array
+from appocc.simulation.rendering.compiled import inner, kernel
 from appocc.simulation.surface import CELL_M, Ground
 
 _LEVELS = 9
@@ -67,7 +67,7 @@ def _encoding() -> ByteArray:
     return np.rint(curve * 255).astype(np.uint8)
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _halved(picture: ByteArray, linear: Float32Array, encoding: ByteArray) -> ByteArray:
     """Means of 2x2 in linear light: else white lines on asphalt would grow dark with distance."""
     rows, columns = picture.shape[0] // 2, picture.shape[1] // 2
@@ -81,7 +81,7 @@ def _halved(picture: ByteArray, linear: Float32Array, encoding: ByteArray) -> By
     return half
 
 
-@numba.njit(cache=True, nogil=True, fastmath=True)
+@inner
 def label_at(texture: Texture, x: float, y: float) -> int:
     """The `Surface` at a place, -1 beyond the ground's edge."""
     row = int(np.floor((y - texture.low_y) / CELL_M))
@@ -91,7 +91,7 @@ def label_at(texture: Texture, x: float, y: float) -> int:
     return -1
 
 
-@numba.njit(cache=True, nogil=True, fastmath=True)
+@inner
 def colour_at(texture: Texture, x: float, y: float, level: int) -> tuple[float, float, float]:
     """Linear colour at a place, between the texels of a level straight; a dull green beyond the ground's edge."""
     level = min(max(level, 0), len(texture.level) - 1)

@@ -8,16 +8,25 @@ from appocc.checks import FloatArray
 from appocc.simulation.mesh import Mesh, joined
 from appocc.simulation.plan import TownPlan
 from appocc.simulation.scenery.builder import Builder
+from appocc.simulation.scenery.greenery import enclose, plant
 from appocc.simulation.scenery.houses import build_houses
 from appocc.simulation.scenery.plots import lay_plots
+from appocc.simulation.scenery.signals import build_signals
 from appocc.simulation.scenery.site import Site
+from appocc.simulation.scenery.streets import furnish
 from appocc.simulation.surface import Ground
 
 
 def build_scenery(plan: TownPlan, ground: Ground) -> tuple[Mesh, FloatArray]:
     """Everything that stands, as one mesh, and where the street lamps' lights are, (L, 3) town frame."""
-    rng = np.random.default_rng([plan.seed, 7])
+    # Each part draws from its own numbers, so that a change of one leaves the others as they are.
+    houses, streets, green = (np.random.default_rng([plan.seed, part]) for part in range(3))
     site = Site(ground, plan.network)
     builder = Builder()
-    build_houses(builder, lay_plots(site, plan.style, rng), plan.style, rng)
-    return joined([builder.mesh()]), np.zeros((0, 3))
+    plots = lay_plots(site, plan.style, houses)
+    build_houses(builder, plots, plan.style, houses)
+    signals, poles_m = build_signals(site, plan.network)
+    things, lights_m, street_trees_m = furnish(site, plan.network, plan.style, poles_m, streets)
+    enclose(builder, plots, plan.style, green)
+    trees = plant(site, plan.style, street_trees_m, green)
+    return joined([builder.mesh(), *signals, *things, *trees]), lights_m

@@ -198,3 +198,42 @@ def copies(
         colours.reshape(-1, 3).astype(np.uint8),
         np.tile(template.tag, count),
     )
+
+
+def stem(
+    start: FloatArray,
+    end: FloatArray,
+    radii_m: tuple[float, float],
+    sides: int,
+    material: Material,
+    tint: Tint,
+    capped: bool = False,
+) -> Mesh:
+    """A round, tapered rod between two points (3,), open at both ends or closed at its second."""
+    axis = (end - start) / np.linalg.norm(end - start)
+    one = np.cross(axis, [0.31, 0.93, 0.2])
+    one /= np.linalg.norm(one)
+    two = np.cross(axis, one)
+    angle = 2 * np.pi * np.arange(sides) / sides
+    ring = np.cos(angle)[:, None] * one + np.sin(angle)[:, None] * two
+    i, j = np.arange(sides), (np.arange(sides) + 1) % sides
+    around, length = np.append(angle, angle) * radii_m[0], float(np.linalg.norm(end - start))
+    vertices, normals = [start + radii_m[0] * ring, end + radii_m[1] * ring], [ring, ring]
+    faces = [np.stack([i, j, j + sides], axis=1), np.stack([i, j + sides, i + sides], axis=1)]
+    uv = np.stack([around, np.repeat([0.0, length], sides)], axis=1)
+    if capped:
+        vertices.append(end + radii_m[1] * ring)
+        normals.append(np.tile(axis, (sides, 1)))
+        k = np.arange(1, sides - 1)
+        faces.append(2 * sides + np.stack([np.zeros_like(k), k, k + 1], axis=1))
+        uv = np.concatenate([uv, radii_m[1] * np.stack([np.cos(angle), np.sin(angle)], axis=1)])
+    count = sum(len(part) for part in faces)
+    return Mesh(
+        np.concatenate(vertices).astype(np.float32),
+        np.concatenate(normals).astype(np.float32),
+        uv.astype(np.float32),
+        np.concatenate(faces).astype(np.int32),
+        np.full(count, material, np.uint8),
+        np.tile(np.array(tint, np.uint8), (count, 1)),
+        np.full(count, -1, np.int32),
+    )

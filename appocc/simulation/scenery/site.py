@@ -15,7 +15,7 @@ from appocc.simulation.surface import CELL_M, ROAD_SURFACES, Ground, Surface, su
 
 _COARSE = 2  # cells of the ground to one of the site
 SITE_M = CELL_M * _COARSE
-_MARGIN_M = 70.0  # houses stand along the outer streets too, on ground that is not drawn
+_MARGIN_M = 4.0
 REACH_M = 60.0  # nothing is seen farther from a street
 _WIDE = 3  # driving lanes in both directions, from which a street is an arterial
 _PAVED = (*ROAD_SURFACES, Surface.PAVEMENT, Surface.KERB)

@@ -1,0 +1,94 @@
+"""The land between the streets: lots along them, and open ground beyond."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from appocc.checks import FloatArray
+from appocc.simulation.ground.filling import Canvas
+from appocc.simulation.ground.looks import Look
+from appocc.simulation.ground.noise import value_noise
+from appocc.simulation.ground.polylines import directions_at, length_m, points_at, shifted
+from appocc.simulation.ground.stretches import Stretch
+from appocc.simulation.surface import Surface
+
+# The noise that decides where earth shows is made in cells of this many of the canvas's.
+_NOISE_CELLS = 4
+_DRIVE_M = (2.6, 3.4)
+_SHADES = 9
+
+
+@dataclass(frozen=True)
+class Lot:
+    """Ground that belongs to one house.
+
+    Attributes:
+        outline_m: (4, 2) street side first, town frame.
+        surface: what it is.
+        shade: how much lighter it is than others.
+        drive_m: (4, 2) outline of a paved drive, (0, 2) if there is none.
+    """
+
+    outline_m: FloatArray
+    surface: Surface
+    shade: int
+    drive_m: FloatArray
+
+
+def lots_of(stretches: Sequence[Stretch], look: Look, seed: int) -> list[Lot]:
+    """Lots to the right of all streets; those that are drawn later cover the backs of those before."""
+    random = np.random.default_rng([seed, 56])
+    lots = []
+    for stretch in stretches:
+        outer = stretch.lanes[0]
+        kerb = shifted(outer.centre_m, -outer.width_m / 2)
+        if stretch.driving and stretch.start.junction | stretch.end.junction:
+            lots += _lots_along(kerb, look, random)
+    return lots
+
+
+def _lots_along(kerb_m: FloatArray, look: Look, random: np.random.Generator) -> list[Lot]:
+    length = length_m(kerb_m)
+    lots = []
+    start = float(random.uniform(0.0, 6.0))
+    while start + look.lot_wide_m[0] < length:
+        end = min(start + float(random.uniform(*look.lot_wide_m)), length)
+        deep = float(random.uniform(*look.lot_deep_m))
+        kinds, shares = zip(*look.lot_surfaces, strict=True)
+        surface = kinds[int(np.searchsorted(np.cumsum(shares), random.random() * sum(shares)))]
+        drive = np.zeros((0, 2))
+        wide = float(random.uniform(*_DRIVE_M))
+        if surface == Surface.GRASS and random.random() < look.drives and end - start > 2 * wide:
+            begin = float(random.uniform(start + 0.5, end - wide - 0.5))
+            drive = _behind(kerb_m, begin, begin + wide, float(random.uniform(0.3, 0.6)) * deep)
+        shade = int(random.integers(-_SHADES, _SHADES + 1))
+        lots.append(Lot(_behind(kerb_m, start, end, deep), surface, shade, drive))
+        start = end
+    return lots
+
+
+def _behind(kerb_m: FloatArray, start_m: float, end_m: float, deep_m: float) -> FloatArray:
+    """(4, 2) area to the right of a kerb, from one way along it to another."""
+    along = np.array([start_m, end_m])
+    heading = directions_at(kerb_m, np.full(2, (start_m + end_m) / 2))
+    front = points_at(kerb_m, along)
+    back = front + deep_m * np.stack([heading[:, 1], -heading[:, 0]], axis=1)
+    return np.concatenate([front, back[::-1]])
+
+
+def draw_land(canvas: Canvas, lots: Sequence[Lot], look: Look, seed: int) -> None:
+    """Open ground everywhere, then the lots; streets are drawn over both."""
+    label = canvas.raster[:, :, 0]
+    rows, columns = (size // _NOISE_CELLS + 2 for size in label.shape)
+    bare = value_noise(np.random.default_rng([seed, 52]), (rows, columns), (28, 12, 4), (1.0, 0.6, 0.3)) > look.earth
+    coarse = np.where(bare, np.uint8(Surface.EARTH), np.uint8(Surface.GRASS))
+    size = (columns * _NOISE_CELLS, rows * _NOISE_CELLS)
+    label[:] = cv2.resize(coarse, size, interpolation=cv2.INTER_NEAREST)[: label.shape[0], : label.shape[1]]
+    for lot in lots:
+        canvas.fill([lot.outline_m], lot.surface)
+        if len(lot.drive_m):
+            canvas.fill([lot.drive_m], Surface.YARD)

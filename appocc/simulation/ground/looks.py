@@ -1,0 +1,50 @@
+"""What a town's style puts beside its streets."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from appocc.errors import NotFoundError
+from appocc.simulation.surface import Surface
+
+
+@dataclass(frozen=True)
+class Look:
+    """What a style puts beside its streets.
+
+    Attributes:
+        pavement_m: width of the pavement.
+        lot_wide_m: least and greatest width of a lot along its street.
+        lot_deep_m: least and greatest depth.
+        lot_surfaces: what lots are, and how often of 1.
+        drives: share of the green lots with a paved drive.
+        earth: how rarely bare earth shows beyond the lots, in deviations of the noise.
+    """
+
+    pavement_m: float
+    lot_wide_m: tuple[float, float]
+    lot_deep_m: tuple[float, float]
+    lot_surfaces: tuple[tuple[Surface, float], ...]
+    drives: float
+    earth: float
+
+
+_GREEN, _BARE, _PAVED = Surface.GRASS, Surface.EARTH, Surface.YARD
+LOOKS: Mapping[str, Look] = {
+    "old": Look(3.2, (9.0, 19.0), (14.0, 26.0), ((_PAVED, 0.66), (_GREEN, 0.28), (_BARE, 0.06)), 0.3, 1.7),
+    "modern": Look(3.6, (22.0, 48.0), (22.0, 38.0), ((_PAVED, 0.55), (_GREEN, 0.45)), 0.3, 2.1),
+    "suburb": Look(2.2, (15.0, 25.0), (24.0, 34.0), ((_GREEN, 0.92), (_PAVED, 0.04), (_BARE, 0.04)), 0.8, 1.7),
+    "industrial": Look(2.4, (30.0, 70.0), (36.0, 56.0), ((_PAVED, 0.68), (_BARE, 0.2), (_GREEN, 0.12)), 0.2, 1.2),
+}
+
+
+def look_of(style: str) -> Look:
+    """What a style puts beside its streets.
+
+    Raises:
+        NotFoundError: if there is no such style.
+    """
+    if style not in LOOKS:
+        raise NotFoundError(f"no style '{style}': expected one of {', '.join(LOOKS)}")
+    return LOOKS[style]

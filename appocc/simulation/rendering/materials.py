@@ -1,0 +1,123 @@
+"""Patterns of materials: how much lighter or darker than its tint a surface is at a place, and what panes show."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from appocc.checks import Float32Array
+from appocc.simulation.mesh import Material
+from appocc.simulation.rendering.compiled import inner
+from appocc.simulation.rendering.noise import hashed, noise
+
+# Numba takes whole numbers at module level as constants.
+BRICK, PLASTER, CONCRETE = int(Material.BRICK), int(Material.PLASTER), int(Material.CONCRETE)
+WINDOW, SHOPFRONT = int(Material.WINDOW), int(Material.SHOPFRONT)
+ROOF_TILES, FLAT_ROOF = int(Material.ROOF_TILES), int(Material.FLAT_ROOF)
+FOLIAGE, BARK, METAL, HEDGE = int(Material.FOLIAGE), int(Material.BARK), int(Material.METAL), int(Material.HEDGE)
+STREET_LAMP, SIGNAL, SIGN = int(Material.STREET_LAMP), int(Material.SIGNAL), int(Material.SIGN)
+PAINT, GLASS, CHROME = int(Material.PAINT), int(Material.GLASS), int(Material.CHROME)
+HEAD_LAMP, TAIL_LAMP = int(Material.HEAD_LAMP), int(Material.TAIL_LAMP)
+INDICATOR_LEFT, INDICATOR_RIGHT = int(Material.INDICATOR_LEFT), int(Material.INDICATOR_RIGHT)
+TRIM, PLATE, CLOTH = int(Material.TRIM), int(Material.PLATE), int(Material.CLOTH)
+
+
+@inner
+def pattern(
+    material: int, u: float, v: float, x: float, y: float, z: float, pixel_m: float, tile: Float32Array
+) -> float:
+    """Factor of the tint at a place; what is finer than a pixel fades to its mean.
+
+    Args:
+        material: number of a `Material`.
+        u: texture coordinate, metres for walls and roofs.
+        v: the other.
+        x: place in the town, metres.
+        y: the same.
+        z: the same.
+        pixel_m: width of a pixel there.
+        tile: the noise tile.
+    """
+    if material == BRICK:
+        return _bricks(u, v, pixel_m) * (0.88 + 0.24 * noise(tile, (x + y) * 5.0, z * 5.0))
+    if material in (PLASTER, CONCRETE):
+        # Rain draws streaks downward, damp rises from the ground.
+        value = 0.90 + 0.12 * noise(tile, (x - y) * 4.0, z * 4.0) + 0.10 * noise(tile, (x + y) * 14.0, z * 0.9)
+        return value * (0.86 + 0.14 * min(z / 0.8, 1.0))
+    if material == ROOF_TILES:
+        return _tiles(u, v, pixel_m) * (0.85 + 0.3 * noise(tile, x * 4.0, y * 4.0))
+    if material == FLAT_ROOF:
+        return 0.75 + 0.3 * noise(tile, x * 3.0, y * 3.0) + 0.2 * noise(tile, x * 41.0, y * 41.0)
+    if material in (FOLIAGE, HEDGE):
+        coarse = noise(tile, x * 9.0 + z * 6.0, y * 9.0 - z * 7.0)
+        fine = noise(tile, x * 47.0 - z * 31.0, y * 47.0 + z * 37.0) if pixel_m < 0.25 else 0.5
+        return 0.45 + 0.55 * coarse + 0.55 * fine
+    if material == BARK:
+        return 0.7 + 0.6 * noise(tile, (x + y) * 90.0, z * 8.0)
+    if material == CLOTH:
+        return 0.85 + 0.3 * noise(tile, x * 25.0 + y * 13.0, z * 25.0)
+    return 1.0
+
+
+@inner
+def _bricks(u: float, v: float, pixel_m: float) -> float:
+    seen = min(max(1.3 - pixel_m / 0.06, 0.0), 1.0)
+    if seen == 0.0:
+        return 1.0
+    row = math.floor(v / 0.075)
+    along = u / 0.25 + 0.5 * (row - 2 * math.floor(row / 2))
+    brick = math.floor(along)
+    value = 0.78 + 0.46 * hashed(int(brick) + 4096, int(row) + 4096)
+    if min(along - brick, 1 - along + brick) < 0.035 or v / 0.075 - row < 0.14:
+        value = 1.35
+    return 1.0 + (value - 1.0) * seen
+
+
+@inner
+def _tiles(u: float, v: float, pixel_m: float) -> float:
+    seen = min(max(1.3 - pixel_m / 0.15, 0.0), 1.0)
+    if seen == 0.0:
+        return 1.0
+    row, column = math.floor(v / 0.32), math.floor(u / 0.28)
+    value = 0.82 + 0.36 * hashed(int(column) + 4096, int(row) + 4096)
+    edge, roll = v / 0.32 - row, u / 0.28 - column
+    value *= 1.0 - 0.45 * max(0.2 - min(edge, 1 - edge), 0.0) / 0.2 - 0.2 * max(0.15 - min(roll, 1 - roll), 0.0) / 0.15
+    return 1.0 + (value - 1.0) * seen
+
+
+@inner
+def pane(
+    shop: bool, u: float, v: float, key: int, tint: tuple[float, float, float], lamps: float
+) -> tuple[float, float, float, float, float]:
+    """What a window shows: colour (3), how much it mirrors (0 on frames), and light from inside.
+
+    Args:
+        shop: a shop front, `u` and `v` in metres; else a pane from 0 to 1, or several side by side.
+        u: texture coordinate.
+        v: the other, upward.
+        key: number of the pane's quad.
+        tint: colour of the frame.
+        lamps: 1 when people have the light on.
+    """
+    if shop:
+        u, v = u / 1.6, v / 3.2
+    column, row = math.floor(u), math.floor(v)
+    a, b = u - column, v - row
+    key += 31 * int(column) + 977 * int(row)
+    edge = 0.03 if shop else 0.07
+    bar = abs(a - 0.5) < 0.02 and not shop
+    if a < edge or a > 1 - edge or b < edge or b > 1 - edge or bar:
+        return tint[0], tint[1], tint[2], 0.0, 0.0
+    inside, curtain = hashed(key, 11), hashed(key, 23)
+    on = lamps * (0.35 + 0.75 * hashed(key, 37)) if hashed(key, 51) < (0.75 if shop else 0.34) else 0.0
+    if shop:
+        goods = 0.04 + 0.22 * hashed(int(u * 5) + key, int(v * 6)) * (1.0 if v < 0.55 else 0.3)
+        return goods, goods * 0.9, goods * 0.75, 1.0, on * (0.5 + 2.0 * goods)
+    hangs = 0.14 + 0.2 * curtain
+    if curtain > 0.45 and (a < hangs or a > 1 - hangs):
+        cloth = 0.30 + 0.25 * inside
+        return cloth, cloth * 0.96, cloth * 0.88, 0.75, on * 0.8
+    if inside > 0.8 and b > inside - 0.35:
+        return 0.42, 0.41, 0.38, 0.7, on * 0.55  # a blind, partly down
+    return 0.03, 0.033, 0.036, 1.0, on

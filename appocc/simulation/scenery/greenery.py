@@ -1,0 +1,178 @@
+"""Where trees, hedges and bushes stand: along streets, in gardens, in parks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from appocc.checks import FloatArray
+from appocc.simulation.mesh import Material, Mesh
+from appocc.simulation.scenery import palette
+from appocc.simulation.scenery.builder import Builder, Tint, copies
+from appocc.simulation.scenery.plots import Plot
+from appocc.simulation.scenery.site import REACH_M, SITE_M, Site
+from appocc.simulation.scenery.trees import Tree, broad, bush, columnar, conifer, small
+
+
+@dataclass(frozen=True)
+class Planting:
+    """How green a style is.
+
+    Attributes:
+        spacing_m: between the trees of a dense garden or park.
+        share: of the places near houses that have a tree.
+        park_share: of those away from houses.
+        bushes: bushes to a tree.
+        hedges: share of the front gardens with a hedge or fence.
+        conifers: share of conifers.
+    """
+
+    spacing_m: float
+    share: float
+    park_share: float
+    bushes: float
+    hedges: float
+    conifers: float
+
+
+PLANTINGS = {
+    "old": Planting(7.5, 0.28, 0.5, 0.5, 0.0, 0.1),
+    "modern": Planting(8.5, 0.3, 0.5, 0.8, 0.1, 0.12),
+    "suburb": Planting(7.0, 0.4, 0.6, 1.0, 0.75, 0.22),
+    "industrial": Planting(11.0, 0.16, 0.3, 0.6, 0.6, 0.2),
+}
+_NEAR_M = 22.0  # farther from a street trees have less detail
+_VARIANTS = 4
+
+
+def plant(
+    site: Site, style: str, street_trees_m: FloatArray, rng: np.random.Generator
+) -> list[Mesh]:
+    """Trees and bushes: copies of a few templates; `street_trees_m` (N, 2) are given, gardens and parks are filled."""
+    planting = PLANTINGS[style]
+    spots = _garden_spots(site, planting, rng)
+    far = site.ground_at(spots, site.to_road_m) > _NEAR_M
+    conifer_share = rng.random(len(spots)) < planting.conifers
+    roll = rng.random(len(spots))
+    meshes = _scattered(street_trees_m, (broad,), palette.LEAVES, rng, 1.0, (0.8, 1.05))
+    for distant, detail in ((False, 1.0), (True, 0.4)):
+        here = far == distant
+        leafy = here & ~conifer_share
+        meshes += _scattered(spots[leafy & (roll < 0.5)], (broad,), palette.LEAVES, rng, detail, (0.75, 1.3))
+        meshes += _scattered(spots[leafy & (roll >= 0.5) & (roll < 0.88)], (small,), palette.LEAVES, rng, detail, (0.7, 1.3))
+        meshes += _scattered(spots[leafy & (roll >= 0.88)], (columnar,), palette.LEAVES, rng, detail, (0.7, 1.2))
+        meshes += _scattered(spots[here & conifer_share], (conifer,), palette.NEEDLES, rng, detail, (0.6, 1.3))
+    near = spots[~far]
+    count = int(len(near) * planting.bushes)
+    around = near[rng.integers(len(near), size=count)] if len(near) else near
+    bushes = around + rng.uniform(-4.0, 4.0, around.shape)
+    clear = (site.ground_at(bushes, site.taken) == 0) & (site.ground_at(bushes, site.to_paved_m) > 1.0)
+    meshes += _scattered(bushes[clear], (lambda seed, _: bush(seed),), palette.HEDGES, rng, 1.0, (0.6, 1.4))
+    return meshes
+
+
+def _garden_spots(site: Site, planting: Planting, rng: np.random.Generator) -> FloatArray:
+    """(N, 2) a jittered grid, thinned, away from walls and pavements; leaves every trunk its own ground."""
+    height, width = site.taken.shape
+    step = planting.spacing_m / SITE_M
+    y, x = np.meshgrid(np.arange(0, height, step), np.arange(0, width, step), indexing="ij")
+    grid = np.stack([x.ravel(), y.ravel()], axis=1) + rng.uniform(0, step, (x.size, 2))
+    spots = site.low_m + grid * SITE_M
+    to_taken = cv2.distanceTransform((site.taken == 0).astype(np.uint8), cv2.DIST_L2, 3) * SITE_M
+    clear, paved = site.ground_at(spots, to_taken), site.ground_at(spots, site.to_paved_m)
+    # Clumps: parks and gardens are fuller here than there.
+    rough = cv2.resize(rng.random((12, 12)), (width, height), interpolation=cv2.INTER_LINEAR)
+    fullness = 0.4 + 1.2 * site.ground_at(spots, rough)
+    share = np.where(clear < 9.0, planting.share, planting.park_share) * fullness
+    keep = (clear > 2.0) & (paved > 1.6) & (paved < REACH_M - 4.0) & (rng.random(len(spots)) < share)
+    return np.asarray(spots[keep])
+
+
+def _scattered(
+    xy_m: FloatArray,
+    kinds: Sequence[Callable[[int, float], Tree]],
+    tints: Sequence[Tint],
+    rng: np.random.Generator,
+    detail: float,
+    scale: tuple[float, float],
+) -> list[Mesh]:
+    """Copies at places (N, 2), a few variants mixed, each of its own size and shade."""
+    count = len(xy_m)
+    variant = rng.integers(_VARIANTS, size=count)
+    yaw = rng.uniform(0, 2 * np.pi, count)
+    size = rng.uniform(*scale, (count, 1)) * rng.uniform(0.9, 1.1, (count, 3))
+    colours = np.array(tints)[rng.integers(len(tints), size=count)] * rng.uniform(0.88, 1.12, (count, 1))
+    colours = np.clip(colours, 0, 255).astype(np.int64)
+    meshes = []
+    for number in range(_VARIANTS):
+        these = variant == number
+        if not these.any():
+            continue
+        tree = kinds[number % len(kinds)](number, detail)
+        xyz = np.concatenate([xy_m[these], np.zeros((int(these.sum()), 1))], axis=1)
+        meshes.append(copies(tree.mesh, xyz, yaw[these], size[these], colours[these], tree.leaves))
+    return meshes
+
+
+def enclose(builder: Builder, plots: Sequence[Plot], style: str, rng: np.random.Generator) -> None:
+    """Add hedges and fences before front gardens, with a gap for the way to the door."""
+    share = PLANTINGS[style].hedges
+    for plot in plots:
+        if plot.backland or plot.front_m < 3.0 or rng.random() > share:
+            continue
+        d = -plot.front_m + 0.75
+        gap = float(rng.uniform(0.45, 0.75)) * plot.width_m
+        ends = [(-1.2, gap - 1.7), (gap + 1.7, plot.width_m + 1.2)]
+        kind = rng.random()
+        for s0, s1 in ends:
+            if s1 - s0 < 0.8:
+                continue
+            if style == "industrial":
+                _mesh_fence(builder, plot, s0, s1, d)
+            elif kind < 0.55:
+                _hedge(builder, plot, s0, s1, d, rng)
+            else:
+                _picket(builder, plot, s0, s1, d, rng)
+
+
+def _hedge(builder: Builder, plot: Plot, s0: float, s1: float, d: float, rng: np.random.Generator) -> None:
+    """A clipped hedge, a little uneven along its length."""
+    count = max(1, round((s1 - s0) / 1.6))
+    cut = np.linspace(s0, s1, count + 1)
+    height = float(rng.uniform(0.8, 1.5)) + rng.uniform(-0.05, 0.05, count)
+    depth = 0.6 + rng.uniform(-0.06, 0.06, count)
+    low = np.stack([cut[:-1], d - depth / 2, np.zeros(count)], axis=1)
+    high = np.stack([cut[1:], d + depth / 2, height], axis=1)
+    tint = palette.HEDGES[int(rng.integers(len(palette.HEDGES)))]
+    builder.boxes(plot.place, low, high, Material.HEDGE, tint)
+
+
+def _picket(builder: Builder, plot: Plot, s0: float, s1: float, d: float, rng: np.random.Generator) -> None:
+    """A fence of boards on posts, or a low wall."""
+    tint = palette.FENCES[int(rng.integers(len(palette.FENCES)))]
+    if rng.random() < 0.35:
+        brick = palette.BRICKS[int(rng.integers(len(palette.BRICKS)))]
+        builder.boxes(plot.place, [s0, d - 0.12, 0], [s1, d + 0.12, 0.75], Material.BRICK, brick)
+        cap = [s0 - 0.03, d - 0.16, 0.75], [s1 + 0.03, d + 0.16, 0.83]
+        builder.boxes(plot.place, *cap, Material.CONCRETE, palette.STONE, sides="lrfbdt")
+        return
+    count = max(2, round((s1 - s0) / 1.9) + 1)
+    s = np.linspace(s0, s1 - 0.1, count)
+    low = np.stack([s, np.full(count, d - 0.05), np.zeros(count)], axis=1)
+    builder.boxes(plot.place, low, low + [0.1, 0.1, 1.15], Material.PLAIN, tint)
+    for z in (0.12, 0.42, 0.72):
+        builder.boxes(plot.place, [s0, d - 0.07, z], [s1, d - 0.05, z + 0.22], Material.PLAIN, tint, sides="lrfbdt")
+
+
+def _mesh_fence(builder: Builder, plot: Plot, s0: float, s1: float, d: float) -> None:
+    """Posts with three rails around a works."""
+    count = max(2, round((s1 - s0) / 2.8) + 1)
+    s = np.linspace(s0, s1 - 0.06, count)
+    low = np.stack([s, np.full(count, d - 0.03), np.zeros(count)], axis=1)
+    builder.boxes(plot.place, low, low + [0.06, 0.06, 1.9], Material.METAL, palette.METALS[0])
+    for z in np.linspace(0.2, 1.8, 7):
+        rail = [s0, d - 0.045, z], [s1, d - 0.03, z + 0.035]
+        builder.boxes(plot.place, *rail, Material.METAL, palette.METALS[0], sides="fbt")

@@ -1,0 +1,120 @@
+"""Places beside the carriageway: behind the kerb, on the pavement, in the frame of the street."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from appocc.checks import BoolArray, FloatArray
+from appocc.simulation.network import Edge, Lane, RoadNetwork
+from appocc.simulation.scenery.site import Site, resampled
+
+_STEP_M = 0.1
+_FARTHEST_M = 14.0
+
+
+@dataclass(frozen=True)
+class Roadside:
+    """N places beside streets.
+
+    Attributes:
+        xy_m: (N, 2) on the pavement, town frame.
+        heading: (N, 2) unit direction of travel of the lane next to them.
+        outward: (N, 2) unit direction away from the carriageway.
+        behind_m: (N,) paved ground behind the place, up to the next garden or wall.
+        edge: (N,) number of the edge in the network.
+    """
+
+    xy_m: FloatArray
+    heading: FloatArray
+    outward: FloatArray
+    behind_m: FloatArray
+    edge: FloatArray
+
+    def __len__(self) -> int:
+        """How many."""
+        return len(self.xy_m)
+
+    def only(self, which: BoolArray) -> Roadside:
+        """Some of them."""
+        return Roadside(
+            self.xy_m[which], self.heading[which], self.outward[which], self.behind_m[which], self.edge[which]
+        )
+
+
+def kerb_offset(site: Site, xy_m: FloatArray, outward: FloatArray, clear_m: float) -> FloatArray:
+    """(N,) distance from points on the road to where `clear_m` of ground that is no road begins; NaN if too far."""
+    reach = np.arange(0.0, _FARTHEST_M, _STEP_M)
+    points = xy_m[:, None] + reach[:, None] * outward[:, None]
+    road = site.ground_at(points.reshape(-1, 2), site.road).reshape(len(xy_m), -1)
+    width = max(1, round(clear_m / _STEP_M))
+    total = np.cumsum(np.pad(road, ((0, 0), (1, width))).astype(np.int64), axis=1)
+    total[:, -width:] += np.arange(1, width + 1)  # what lies beyond reach counts as road
+    clear = (total[:, width:] - total[:, :-width])[:, : len(reach)] == 0
+    first = clear.argmax(axis=1)
+    return np.where(clear.any(axis=1), reach[first], np.nan)
+
+
+def outer_lanes(network: RoadNetwork) -> list[tuple[int, Edge, Lane, float]]:
+    """Lanes at the edge of each street: number of the edge, edge, lane, and the side (-1 right, 1 left)."""
+    found = []
+    for number, edge in enumerate(network.edges):
+        if not any(lane.kind == "driving" for lane in edge.lanes):
+            continue
+        carriageway = [lane for lane in edge.lanes if lane.kind != "walking" and len(lane.centre_m) > 1]
+        found.append((number, edge, carriageway[0], -1.0))
+        if network.opposite(edge) is None:
+            found.append((number, edge, carriageway[-1], 1.0))
+    return found
+
+
+def along_streets(
+    site: Site, network: RoadNetwork, step_m: float, back_m: float, alternate: bool, skip_m: float = 9.0
+) -> Roadside:
+    """Places every `step_m` along both sides of all streets, `back_m` behind the kerb, not at junctions.
+
+    Args:
+        site: ground.
+        network: streets.
+        step_m: between two places of one side.
+        back_m: from the carriageway to the place's middle.
+        alternate: whether the sides take turns.
+        skip_m: left free at both ends of a street.
+    """
+    parts: list[tuple[FloatArray, FloatArray, FloatArray, FloatArray]] = []
+    for number, edge, lane, side in outer_lanes(network):
+        first = edge.from_junction < edge.to_junction if side < 0 else True
+        start = skip_m + (0.0 if first or not alternate else step_m / 2)
+        points, heading = resampled(lane.centre_m, step_m, start)
+        length = np.linalg.norm(np.diff(lane.centre_m, axis=0), axis=1).sum()
+        inside = start + step_m * np.arange(len(points)) < length - skip_m
+        out = side * np.stack([-heading[:, 1], heading[:, 0]], axis=1)
+        parts.append((points[inside], heading[inside], out[inside], np.full(int(inside.sum()), number)))
+    if not parts:
+        none = np.zeros((0, 2))
+        return Roadside(none, none, none, np.zeros(0), np.zeros(0, np.int64))
+    xy, heading, out, edges = (np.concatenate(column) for column in zip(*parts, strict=True))
+    return placed(site, xy, heading, out, edges, back_m)
+
+
+def placed(
+    site: Site, xy_m: FloatArray, heading: FloatArray, outward: FloatArray, edge: FloatArray, back_m: float
+) -> Roadside:
+    """Places `back_m` behind the kerb, seen from points of the carriageway; those without one are left out."""
+    offset = kerb_offset(site, xy_m, outward, back_m + 0.5) + back_m
+    found = np.isfinite(offset)
+    at = xy_m[found] + offset[found, None] * outward[found]
+    reach = np.arange(0.0, 4.0, 0.2)
+    beyond = (at[:, None] + reach[:, None] * outward[found][:, None]).reshape(-1, 2)
+    free = (site.ground_at(beyond, site.paved) & ~site.ground_at(beyond, site.road)).reshape(len(at), -1)
+    behind = 0.2 * np.logical_and.accumulate(free, axis=1).sum(axis=1)
+    return Roadside(at, heading[found], outward[found], behind, edge[found])
+
+
+def spread(side: Roadside, others_m: FloatArray, least_m: float) -> Roadside:
+    """Those that keep their distance from places (M, 2) that are taken."""
+    if not len(others_m) or not len(side):
+        return side
+    gap = np.linalg.norm(side.xy_m[:, None] - others_m[None], axis=-1).min(axis=1)
+    return side.only(gap >= least_m)

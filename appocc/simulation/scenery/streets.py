@@ -1,0 +1,177 @@
+"""What stands along the streets: lamps, signs, bins, benches, shelters, and the places of street trees."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from appocc.checks import FloatArray
+from appocc.simulation.mesh import Mesh
+from appocc.simulation.network import RoadNetwork
+from appocc.simulation.scenery import furniture
+from appocc.simulation.scenery.builder import copies
+from appocc.simulation.scenery.roadside import Roadside, along_streets, outer_lanes, placed, spread
+from appocc.simulation.scenery.site import Site, lanes_across
+
+_LAMP_STEP_M = 56.0  # on each side; the sides take turns
+_TREE_STREETS = {"old": 0.3, "modern": 0.5, "suburb": 0.45, "industrial": 0.12}
+
+
+class Streets:
+    """Puts things beside the streets; each keeps its distance from those before it."""
+
+    def __init__(self, site: Site, network: RoadNetwork, taken_m: FloatArray) -> None:
+        """Begin with places (N, 2) that are taken already."""
+        self.site, self.network = site, network
+        self.taken_m = taken_m.reshape(-1, 2)
+        self.meshes: list[Mesh] = []
+
+    def reserve(self, side: Roadside, least_m: float) -> Roadside:
+        """Those places that are free; they are taken from then on."""
+        side = spread(side, self.taken_m, least_m)
+        self.taken_m = np.concatenate([self.taken_m, side.xy_m])
+        return side
+
+    def put(self, template: Mesh, side: Roadside, facing: FloatArray) -> None:
+        """Copies at places, their fronts looking along `facing` (N, 2)."""
+        if len(side):
+            yaw = np.arctan2(facing[:, 1], facing[:, 0]) + np.pi / 2
+            xyz = np.concatenate([side.xy_m, np.zeros((len(side), 1))], axis=1)
+            self.meshes.append(copies(template, xyz, yaw, np.ones((len(side), 3))))
+
+
+def furnish(
+    site: Site, network: RoadNetwork, style: str, taken_m: FloatArray, rng: np.random.Generator
+) -> tuple[list[Mesh], FloatArray, FloatArray]:
+    """Everything along the streets; also the lamps' lights (L, 3) and where street trees are to stand (N, 2)."""
+    streets = Streets(site, network, taken_m)
+    lamps = streets.reserve(along_streets(site, network, _LAMP_STEP_M, 0.6, True, 7.0), 4.0)
+    template, light = furniture.street_lamp(style == "old")
+    streets.put(template, lamps, -lamps.outward)
+    lights = np.concatenate([lamps.xy_m + light[1] * lamps.outward, np.full((len(lamps), 1), light[2])], axis=1)
+    _signs(streets, rng)
+    trees = _street_trees(streets, style, rng)
+    _things(streets, style, rng)
+    return streets.meshes, lights, trees
+
+
+def _street_trees(streets: Streets, style: str, rng: np.random.Generator) -> FloatArray:
+    """Rows of trees on the pavements of some streets, both sides."""
+    step = float(rng.uniform(9.0, 12.0))
+    side = along_streets(streets.site, streets.network, step, 0.8, False, 13.0)
+    names = [edge.name for edge in streets.network.edges]
+    both = {}
+    for number, edge in enumerate(streets.network.edges):
+        opposite = streets.network.opposite(edge)
+        both[number] = min(number, names.index(opposite.name)) if opposite else number
+    street = np.array([both[int(number)] for number in side.edge], np.int64)
+    green = rng.random(len(names) + 1) < _TREE_STREETS[style]
+    keep = green[street] & (rng.random(len(side)) < 0.88) & (side.behind_m > 0.8)
+    return streets.reserve(side.only(keep), 3.0).xy_m
+
+
+def _signs(streets: Streets, rng: np.random.Generator) -> None:
+    """Stop and yield at junctions, limits and parking along the way, street names."""
+    network = streets.network
+    kinds = {junction.name: junction.kind for junction in network.junctions}
+    most: dict[str, int] = {}
+    for edge in network.edges:
+        most[edge.to_junction] = max(most.get(edge.to_junction, -1), edge.priority)
+    rows: dict[str, list[tuple[FloatArray, FloatArray, int]]] = {}
+    for number, edge, lane, side in outer_lanes(network):
+        if side > 0 or len(lane.centre_m) < 2:
+            continue
+        kind, minor = kinds.get(edge.to_junction, ""), edge.priority < most[edge.to_junction]
+        last, first = _near_end(lane.centre_m, 1.0), _near_start(lane.centre_m, 14.0)
+        if kind == "priority" and minor:
+            rows.setdefault("stop" if number % 3 == 0 else "yield", []).append((*last, number))
+        elif kind in ("priority", "right_before_left", "traffic_light") and rng.random() < 0.35:
+            rows.setdefault("name", []).append((*last, number))
+        limit = min((30, 50, 60), key=lambda v: abs(v - edge.lanes[-1].speed_mps * 3.6))
+        if rng.random() < 0.4:
+            rows.setdefault(f"limit{limit}", []).append((*first, number))
+        if any(other.kind == "parking" for other in edge.lanes) and rng.random() < 0.5:
+            rows.setdefault("parking", []).append((*_near_start(lane.centre_m, 24.0), number))
+        if kind == "traffic_light" and lanes_across(network, edge) < 3 and rng.random() < 0.5:
+            rows.setdefault("crossing", []).append((*_near_end(lane.centre_m, 6.0), number))
+    templates: dict[str, Callable[[], Mesh]] = {
+        "stop": furniture.stop_sign,
+        "yield": furniture.yield_sign,
+        "name": furniture.name_sign,
+        "parking": furniture.parking_sign,
+        "crossing": furniture.crossing_sign,
+        **{f"limit{number}": make for number, make in furniture.LIMITS.items()},
+    }
+    for name in sorted(rows):
+        xy, heading, number = (np.array(column) for column in zip(*rows[name], strict=True))
+        right = np.stack([heading[:, 1], -heading[:, 0]], axis=1)
+        side = streets.reserve(placed(streets.site, xy, heading, right, number, 0.55), 1.2)
+        streets.put(templates[name](), side, -side.heading)
+
+
+def _near_end(line_m: FloatArray, back_m: float) -> tuple[FloatArray, FloatArray]:
+    """The point of a line some way before its end, and its direction."""
+    heading = (line_m[-1] - line_m[-2]) / max(float(np.linalg.norm(line_m[-1] - line_m[-2])), 1e-9)
+    return line_m[-1] - back_m * heading, heading
+
+
+def _near_start(line_m: FloatArray, ahead_m: float) -> tuple[FloatArray, FloatArray]:
+    """The point of a line some way after its start, or its middle if that is nearer, and its direction."""
+    length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line_m, axis=0), axis=1))])
+    at = min(ahead_m, length[-1] / 2)
+    i = min(int(np.searchsorted(length, at)), len(line_m) - 1)
+    i = max(i, 1)
+    heading = (line_m[i] - line_m[i - 1]) / max(float(length[i] - length[i - 1]), 1e-9)
+    return line_m[i - 1] + (at - length[i - 1]) * heading, heading
+
+
+def _things(streets: Streets, style: str, rng: np.random.Generator) -> None:
+    """Bins, benches, cabinets, hydrants, letter boxes, planters, bollards, shelters, billboards."""
+    town = style in ("old", "modern")
+    # Template, about how many metres of kerb to one, behind the kerb, paved ground it needs behind its place.
+    rows: tuple[tuple[Mesh, float, float, float], ...] = (
+        (furniture.shelter(), 260.0, 1.55, 0.9),
+        (furniture.bench(), 90.0 if town else 220.0, 1.7, 0.5),
+        (furniture.bin_(), 70.0 if town else 160.0, 0.65, 0.3),
+        (furniture.power_box(), 130.0, 2.0, 0.3),
+        (furniture.hydrant(), 150.0, 0.6, 0.3),
+        (furniture.letter_box(), 240.0, 0.7, 0.3),
+        (furniture.planter(), 120.0 if town else 500.0, 1.9, 0.4),
+    )
+    for template, apart, back, needs in rows:
+        side = along_streets(streets.site, streets.network, 7.0, back, False, 12.0)
+        chosen = (rng.random(len(side)) < 7.0 / apart) & (side.behind_m >= needs)
+        side = streets.reserve(side.only(chosen), 3.6 if apart > 250 else 2.0)
+        streets.put(template, side, -side.outward)
+    if town:
+        _bollards(streets, rng)
+    _billboards(streets, 0.5 if style == "industrial" else 0.12, rng)
+
+
+def _bollards(streets: Streets, rng: np.random.Generator) -> None:
+    """Rows of bollards where streets meet junctions."""
+    side = along_streets(streets.site, streets.network, 1.6, 0.45, False, 1.0)
+    ends = np.zeros(len(side), np.bool_)
+    for number in np.unique(side.edge):
+        rows = np.flatnonzero(side.edge == number)
+        if rng.random() < 0.3:
+            ends[rows[:4] if rng.random() < 0.5 else rows[-4:]] = True
+    side = streets.reserve(side.only(ends), 1.3)
+    streets.put(furniture.bollard(), side, -side.outward)
+
+
+def _billboards(streets: Streets, share: float, rng: np.random.Generator) -> None:
+    """Boards on free ground behind the pavement, towards those who come."""
+    side = along_streets(streets.site, streets.network, 60.0, 4.6, False, 20.0)
+    chosen = rng.random(len(side)) < share
+    away = streets.site.ground_at(side.xy_m, streets.site.to_paved_m)
+    clear = np.ones(len(side), np.bool_)
+    for reach in (-2.6, -1.3, 0.0, 1.3, 2.6):
+        across = side.xy_m + reach * side.outward
+        clear &= streets.site.ground_at(across, streets.site.road) == 0
+        clear &= streets.site.ground_at(across + side.outward * 2.6, streets.site.taken) == 0
+    side = side.only(chosen & clear & (away > 0.4))
+    moved = Roadside(side.xy_m + 2.6 * side.outward, side.heading, side.outward, side.behind_m, side.edge)
+    moved = streets.reserve(moved, 4.0)
+    streets.put(furniture.billboard(), moved, -moved.heading)

@@ -1,0 +1,176 @@
+from __future__ import annotations
+
+import errno
+import fcntl
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from made_traffic import straight_traffic
+
+from appocc.errors import DataError
+from appocc.files import read_json, write_bytes
+from appocc.nuscenes.writer import Writer, token_of
+from appocc.rigs import read_rig
+from appocc.simulation import generate
+from appocc.simulation.generate import Settings, finished_scenes, simulate, unfinished
+from appocc.simulation.recording import Recipe
+from appocc.simulation.scenario import Scenario
+from appocc.simulation.sources import TownSource
+
+Contents = dict[str, bytes]
+
+
+def settings_of(scenes: int = 3, seed: int = 0) -> Settings:
+    recipe = Recipe(4, 2.0, read_rig("paper"))
+    return Settings(scenes, (TownSource("one"), TownSource("two")), ("clear", "wet"), seed, recipe)
+
+
+@pytest.fixture
+def recorded(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Scenes are a small file a frame instead of being rendered; returns the names of those recorded."""
+    names: list[str] = []
+
+    def record(
+        scenario: Scenario, place: str, recipe: Recipe, writer: Writer, advance: Callable[[float], None]
+    ) -> None:
+        names.append(scenario.name)
+        samples = []
+        for number in range(recipe.frames):
+            token = token_of(scenario.name, number)
+            write_bytes(writer.root / "samples" / f"{token}.bin", f"{scenario}".encode())
+            scene = token_of("scene", scenario.name)
+            samples.append(writer.add("sample", token, timestamp=number, scene_token=scene, prev="", next=""))
+            advance(1)
+        writer.add_scene(scenario.name, scenario.weather, place, samples)
+        writer.add("log", place, logfile=place)
+
+    monkeypatch.setattr(generate, "record_scene", record)
+    monkeypatch.setattr(generate, "build_place", lambda source, folder: source.name)
+    monkeypatch.setattr(TownSource, "load", lambda self, folder: (None, straight_traffic()))
+    return names
+
+
+def contents(root: Path) -> Contents:
+    return {str(path.relative_to(root)): path.read_bytes() for path in sorted(root.rglob("*")) if path.is_file()}
+
+
+def no_advance(frames: float) -> None:
+    del frames
+
+
+def interrupted_after(frames: int, error: BaseException) -> Callable[[float], None]:
+    left = frames
+
+    def advance(done: float) -> None:
+        nonlocal left
+        left -= int(done)
+        if left <= 0:
+            raise error
+
+    return advance
+
+
+@pytest.mark.usefixtures("recorded")
+def test_the_same_seed_gives_the_same_bytes_and_another_does_not(tmp_path: Path) -> None:
+    made = simulate(tmp_path / "a", settings_of(), 1, no_advance)
+    simulate(tmp_path / "b", settings_of(), 1, no_advance)
+    simulate(tmp_path / "c", settings_of(seed=1), 1, no_advance)
+    assert made == (12, 12)
+    assert contents(tmp_path / "a") == contents(tmp_path / "b")
+    assert contents(tmp_path / "a") != contents(tmp_path / "c")
+    assert not list(tmp_path.glob(".*"))
+
+
+@pytest.mark.parametrize("error", [KeyboardInterrupt(), SystemExit(143), OSError(errno.ENOSPC, "No space left")])
+def test_an_interrupted_run_goes_on_and_ends_as_if_it_had_not_been(
+    tmp_path: Path, recorded: list[str], error: BaseException
+) -> None:
+    simulate(tmp_path / "whole", settings_of(), 1, no_advance)
+    out = tmp_path / "out"
+    expected = DataError if isinstance(error, OSError) else type(error)
+    with pytest.raises(expected):
+        simulate(out, settings_of(), 1, interrupted_after(6, error))
+    assert not out.exists()
+    assert finished_scenes(out) == 1
+    assert not list(unfinished(out).rglob("*.part"))
+    recorded.clear()
+    done: list[float] = []
+    made = simulate(out, settings_of(), 1, done.append)
+    assert made == (8, 12)
+    assert sum(done) == 12
+    assert len(recorded) == 2
+    assert contents(out) == contents(tmp_path / "whole")
+    assert not unfinished(out).exists()
+
+
+@pytest.mark.usefixtures("recorded")
+def test_nothing_stays_of_a_run_that_finished_no_scene(tmp_path: Path) -> None:
+    with pytest.raises(KeyboardInterrupt):
+        simulate(tmp_path / "out", settings_of(), 1, interrupted_after(2, KeyboardInterrupt()))
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_run_killed_while_files_are_joined_goes_on(
+    tmp_path: Path, recorded: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    simulate(tmp_path / "whole", settings_of(), 1, no_advance)
+    out = tmp_path / "out"
+    with monkeypatch.context() as patch:
+        patch.setattr(Writer, "save", lambda self: (_ for _ in ()).throw(KeyboardInterrupt()))
+        with pytest.raises(KeyboardInterrupt):
+            simulate(out, settings_of(), 1, no_advance)
+    recorded.clear()
+    assert simulate(out, settings_of(), 1, no_advance) == (0, 12)
+    assert not recorded
+    assert contents(out) == contents(tmp_path / "whole")
+
+
+def test_a_finished_dataset_is_left_as_it_is(tmp_path: Path, recorded: list[str]) -> None:
+    simulate(tmp_path / "out", settings_of(), 1, no_advance)
+    recorded.clear()
+    assert simulate(tmp_path / "out", settings_of(), 1, no_advance) == (0, 12)
+    assert not recorded
+    with pytest.raises(DataError, match="other settings"):
+        simulate(tmp_path / "out", settings_of(scenes=4), 1, no_advance)
+
+
+@pytest.mark.usefixtures("recorded")
+def test_a_folder_that_holds_something_else_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "notes.txt").write_text("mine")
+    with pytest.raises(DataError, match="exists already"):
+        simulate(tmp_path, settings_of(), 1, no_advance)
+    with pytest.raises(DataError, match="exists already"):
+        simulate(tmp_path / "notes.txt", settings_of(), 1, no_advance)
+    assert [path.name for path in tmp_path.iterdir()] == ["notes.txt"]
+
+
+@pytest.mark.usefixtures("recorded")
+def test_what_another_run_left_is_not_mixed_with_this_one(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    with pytest.raises(KeyboardInterrupt):
+        simulate(out, settings_of(), 1, interrupted_after(6, KeyboardInterrupt()))
+    with pytest.raises(DataError, match="other settings"):
+        simulate(out, settings_of(seed=5), 1, no_advance)
+    assert finished_scenes(out) == 1
+
+
+@pytest.mark.usefixtures("recorded")
+def test_two_runs_do_not_make_one_dataset_at_once(tmp_path: Path) -> None:
+    work = unfinished(tmp_path / "out")
+    work.mkdir()
+    with (work / "lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        with pytest.raises(DataError, match="another run"):
+            simulate(tmp_path / "out", settings_of(), 1, no_advance)
+
+
+@pytest.mark.usefixtures("recorded")
+def test_towns_are_taken_in_turn_and_settings_are_kept(tmp_path: Path) -> None:
+    simulate(tmp_path / "out", settings_of(4), 1, no_advance)
+    kept = read_json(tmp_path / "out" / "simulation.json")
+    assert kept["scenes"] == 4
+    assert [town["name"] for town in kept["towns"]] == ["one", "two"]
+    rows = read_json(tmp_path / "out" / "v1.0-simulation" / "scene.json")
+    assert [row["log_token"] for row in rows] == ["one", "two", "one", "two"]
+    assert len(read_json(tmp_path / "out" / "v1.0-simulation" / "log.json")) == 2
