@@ -158,7 +158,9 @@ def main() -> None:
             cells += mask_iou(vehicle_cells(grid, frame.pose, frame.objects) >= 0, silhouettes(grid, frame) >= 0)
         print(f"{source.name}: done", flush=True)
     error = np.abs(np.concatenate(errors))
-    print(f"(a) boxes: median IoU {np.median(ious):.3f} of {len(ious)} vehicles, 10 % below {np.quantile(ious, 0.1):.3f}")
+    print(
+        f"(a) boxes: median IoU {np.median(ious):.3f} of {len(ious)} vehicles, 10 % below {np.quantile(ious, 0.1):.3f}"
+    )
     print(
         f"(b) LiDAR: {100 * (error < 0.01).mean():.2f} % of {len(error)} points within 1 cm of the picture's depth, "
         f"median {1000 * np.median(error):.2f} mm, 99 % within {1000 * np.quantile(error, 0.99):.1f} mm"

@@ -1,4 +1,4 @@
-"""`appocc demo`: the whole chain on a small synthetic street."""
+"""`appocc demo`: the whole chain on a short simulated drive."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def demo(
     ] = Path("appocc-demo"),
     as_json: JsonOption = False,
 ) -> None:
-    """Run everything once on a small synthetic street of plain geometry: maps, tracks, a grounded command, pictures.
+    """Run everything once on a short simulated drive: pictures, maps, tracks, a grounded command.
 
     Example: appocc demo --out appocc-demo
     """
@@ -38,13 +38,10 @@ def demo(
 def _fill(folder: Path, out: Path) -> dict[str, Any]:
     """Make all files of the demo in `folder`, which is to become `out`; the outcome for machines."""
     from appocc.bevmap import load_map
-    from appocc.demo.dataset import SCENE, Settings, write_dataset
+    from appocc.demo.dataset import SCENE, SOURCE, Settings, write_dataset
     from appocc.demo.explain import explanation
     from appocc.demo.pictures import overview
     from appocc.files import write_bytes, write_image
-    from appocc.grid import BEVGrid
-    from appocc.groundtruth.compose import Settings as MapSettings
-    from appocc.groundtruth.pipeline import SOURCE, generate
     from appocc.nuscenes import Dataset
     from grounding.answer import ground
     from grounding.picture import draw
@@ -53,12 +50,10 @@ def _fill(folder: Path, out: Path) -> dict[str, Any]:
     from tracking.video import draw_frame, write_video
 
     root, settings = folder / "dataset", Settings()
-    with progress("street", settings.samples) as advance:
+    with progress("drive", settings.samples) as advance:
         write_dataset(root, settings, advance)
     dataset = Dataset(root)
     scene = dataset.scene(SCENE)
-    with progress("maps", settings.samples) as advance:
-        generate(dataset, [scene], root, MapSettings(BEVGrid.surround(), "robust"), 1, advance)
     sample = dataset.samples(scene)[FRAME]
     frame, bev = dataset.frame(sample), load_map(root, SOURCE, sample.token)
     write_image(folder / "bev.png", overview(frame, bev))

@@ -40,10 +40,26 @@ def tiny_root(tiny: TinyDataset) -> Path:
 @pytest.fixture(scope="session")
 def walkthrough(data_root: Path, tmp_path_factory: pytest.TempPathFactory) -> Walkthrough:
     """The README's lines on a real street, run once for all tests, in all processes of a run; read only."""
+    return run_walkthrough(_shared_folder(tmp_path_factory) / "walkthrough", "## On a real street", data_root)
+
+
+@pytest.fixture(scope="session")
+def simulated(tmp_path_factory: pytest.TempPathFactory) -> Walkthrough:
+    """The README's lines in a simulated town, run once for all tests, in all processes of a run; read only."""
+    return run_walkthrough(_shared_folder(tmp_path_factory) / "simulated", "## In a simulated town", None)
+
+
+@pytest.fixture(scope="session")
+def simulated_root(simulated: Walkthrough) -> Path:
+    """The simulated dataset: all eight towns, a few frames each; read only."""
+    assert simulated.outcomes[0][0] == 0, simulated.failures()
+    return simulated.folder / "SIM"
+
+
+def _shared_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder that all test processes of a run share."""
     base = tmp_path_factory.getbasetemp()
-    if "PYTEST_XDIST_WORKER" in os.environ:
-        base = base.parent
-    return run_walkthrough(base / "walkthrough", data_root)
+    return base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
 
 
 @pytest.fixture(scope="session")

@@ -66,3 +66,11 @@ def test_the_python_lines_run(walkthrough: Walkthrough, monkeypatch: pytest.Monk
     assert isinstance(names["bev"], BEVMap)
     assert isinstance(names["frame"], Frame)
     assert names["bev"].occupancy[1].sum() > 100
+
+
+def test_the_walk_through_a_simulated_town_runs_line_by_line(simulated: Walkthrough) -> None:
+    assert [line.split()[1] for line in simulated.lines] == ["simulate", "doctor", "groundtruth"]
+    assert simulated.failures() == []
+    assert (simulated.folder / "sheet.png").read_bytes().startswith(b"\x89PNG")
+    for source in ("exact", "groundtruth"):
+        assert len(list((simulated.folder / "SIM" / "bev" / source).glob("*.npz"))) == 32

@@ -1,4 +1,4 @@
-"""The README's lines on a real street, run as they stand there, once for all test processes."""
+"""The README's lines, a real street's and a simulated town's, run as they stand there, once for all processes."""
 
 from __future__ import annotations
 
@@ -35,18 +35,19 @@ class Walkthrough:
         return [f"{line}: exit {code}: {said}" for line, (code, said) in ended if code]
 
 
-def run_walkthrough(base: Path, data: Path) -> Walkthrough:
-    """Run the lines in `base`/repository, with the data where the README says it is; or take an earlier outcome."""
+def run_walkthrough(base: Path, heading: str, data: Path | None) -> Walkthrough:
+    """Run a section's lines in `base`/repository, with the data where it says it is; or take an earlier outcome."""
     folder = base / "repository"
-    lines = tuple(blocks("## On a real street")[0].splitlines())
+    lines = tuple(blocks(heading)[0].splitlines())
     base.mkdir(exist_ok=True)
     with (base / "lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         record = base / "outcomes.json"
         if not record.is_file():
             folder.mkdir()
-            (base / "shared").mkdir()
-            (base / "shared" / "data").symlink_to(data.resolve())
+            if data is not None:
+                (base / "shared").mkdir()
+                (base / "shared" / "data").symlink_to(data.resolve())
             record.write_text(json.dumps([_run(line, folder) for line in lines]))
         outcomes = tuple((int(code), str(said)) for code, said in json.loads(record.read_text()))
     return Walkthrough(folder, lines, outcomes)

@@ -22,15 +22,19 @@ def overview(frame: Frame, bev: BEVMap) -> ByteArray:
     panels = [_panel(frame, bev, title) for title in ("appearance", "occupancy")]
     gap = np.full((panels[0].shape[0], _GAP_PX, 3), 255, np.uint8)
     lower = np.hstack([panels[0], gap, panels[1]])
-    images = []
-    for channel in _ORDER:
-        image = frame.images[channel].copy()
-        put_text(image, channel, (8, 20), scale=0.55)
-        images.append(image)
-    upper = mosaic(images, 3)
-    height = round(upper.shape[0] * lower.shape[1] / upper.shape[1])
-    upper = np.asarray(cv2.resize(upper, (lower.shape[1], height), interpolation=cv2.INTER_AREA), dtype=np.uint8)
+    upper = mosaic([_image(frame, channel, lower.shape[1] // 3) for channel in _ORDER], 3)
+    upper = np.pad(upper, ((0, 0), (0, lower.shape[1] - upper.shape[1]), (0, 0)))
     return np.ascontiguousarray(np.vstack([upper, np.full((_GAP_PX, lower.shape[1], 3), 255, np.uint8), lower]))
+
+
+def _image(frame: Frame, channel: str, width_px: int) -> ByteArray:
+    """A camera's picture at some width, with its name."""
+    image = frame.images[channel]
+    height_px = round(image.shape[0] * width_px / image.shape[1])
+    how = cv2.INTER_AREA if image.shape[1] > width_px else cv2.INTER_CUBIC
+    picture = np.asarray(cv2.resize(image, (width_px, height_px), interpolation=how), np.uint8)
+    put_text(picture, channel, (8, 20), scale=0.55)
+    return picture
 
 
 def _panel(frame: Frame, bev: BEVMap, title: str) -> ByteArray:

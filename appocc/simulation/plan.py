@@ -13,8 +13,8 @@ class CarPark:
     """An area beside a street where cars stand in bays.
 
     Attributes:
-        outline_m: (N, 2) outline, the driveway to the street included, town frame; the first two points are the ends of
-            the driveway's mouth at the carriageway.
+        outline_m: (N, 2) outline, the driveway to the street included, town frame; the first two points are the ends
+            of the driveway's mouth at the carriageway.
         bays: (B, 3) x, y of each bay's centre and its yaw (nose in), metres and radians; a bay is 5.0 m x 2.5 m.
     """
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from appocc.bevmap import BEVMap, bev_path
 from appocc.camera import CameraRig
@@ -26,7 +27,8 @@ from appocc.simulation.build import build_town
 from appocc.simulation.mesh import Mesh
 from appocc.simulation.rendering.birdseye import birdseye
 from appocc.simulation.rendering.lidar import EGO_FROM_LIDAR, sweep
-from appocc.simulation.rendering.renderer import Ego, Renderer
+from appocc.simulation.rendering.lighting import Ego
+from appocc.simulation.rendering.renderer import Renderer
 from appocc.simulation.rendering.weather import drawn
 from appocc.simulation.scenario import Scenario
 from appocc.simulation.scenery.signals import signal_names
@@ -255,7 +257,10 @@ class _Recorder:
         position[objects.number] = np.arange(len(objects))
         meta = {"source": "simulated", "weather": self._scenario.weather, "instances": tokens}
         bev = BEVMap(grid, truth.occupancy, truth.valid, above.appearance, above.valid, meta)
-        more = {"instance": position[truth.vehicle], "appearance_covered": above.covered}
+        more: dict[str, NDArray[np.generic]] = {
+            "instance": position[truth.vehicle],
+            "appearance_covered": above.covered,
+        }
         bev.save(bev_path(self._writer.root, SOURCE, sample), more)
 
 

@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from appocc.checks import Float32Array
 from appocc.simulation.actors.assembling import assemble, variant_of
 from appocc.simulation.actors.bodies import body_mesh
 from appocc.simulation.actors.modelling import Size
@@ -25,8 +26,8 @@ def actor(name: str, body: str = "sedan", size: Size = (4.6, 1.82, 1.46), kind: 
 ORIGIN = np.zeros(2)
 
 
-def of(mesh: Mesh, number: int) -> np.ndarray:
-    return mesh.vertices_m[mesh.faces[mesh.tag == number]].reshape(-1, 3)
+def of(mesh: Mesh, number: int) -> Float32Array:
+    return np.asarray(mesh.vertices_m[mesh.faces[mesh.tag == number]]).reshape(-1, 3)
 
 
 def test_a_car_stands_in_its_oriented_box() -> None:
@@ -107,9 +108,9 @@ def test_detail_falls_with_distance() -> None:
 def test_walkers_step_as_they_go_and_stand_still_when_they_stop() -> None:
     walker = [actor("w", "adult", (0.7, 0.6, 1.75), "pedestrian")]
 
-    def shape(x: float, speed_mps: float) -> np.ndarray:
+    def shape(x: float, speed_mps: float) -> Float32Array:
         mesh = assemble(walker, moment([0], [(x, 0.0, 0.0)], speed_mps), [RED], ORIGIN, None)
-        return np.asarray(mesh.vertices_m - np.float32([x, 0.0, 0.0]))
+        return np.asarray(mesh.vertices_m - np.array([x, 0.0, 0.0], np.float32))
 
     standing = [shape(x, 0.0) for x in (0.0, 0.35, 0.7)]
     assert all(step == pytest.approx(standing[0], abs=1e-5) for step in standing)

@@ -6,7 +6,7 @@ from appocc.checks import BoolArray
 from appocc.errors import NotFoundError, ShapeError
 from appocc.simulation.actors.bodies import BODIES, POSES, VARIANTS, body_mesh, template
 from appocc.simulation.actors.modelling import Size
-from appocc.simulation.mesh import Material, Mesh
+from appocc.simulation.mesh import Material, Mesh, joined
 from appocc.simulation.rendering.tracing import ACTOR, Tracer
 
 # Short, usual and long ones of each body.
@@ -49,8 +49,7 @@ def seen_backs(mesh: Mesh) -> float:
     yaw, up = rng.uniform(0, 2 * np.pi, 4000), np.radians(rng.uniform(2, 60, 4000))
     ways = -np.stack([np.cos(up) * np.cos(yaw), np.cos(up) * np.sin(yaw), np.sin(up)], axis=1)
     starts = rng.uniform(mesh.vertices_m.min(axis=0), mesh.vertices_m.max(axis=0), (4000, 3)) - 30 * ways
-    nothing = body_mesh("adult", (0.01, 0.01, 0.01), 0, 2)
-    tracer = Tracer(nothing)
+    tracer = Tracer(joined([]))
     tracer.set_actors(mesh)
     hits = tracer.nearest(starts.astype(np.float32), ways.astype(np.float32))
     met = hits.source == ACTOR

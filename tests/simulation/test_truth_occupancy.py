@@ -84,6 +84,16 @@ def test_a_vehicle_at_the_edge_of_the_grid_is_cut() -> None:
     assert (owner[:3] == 1).any()
 
 
+def test_one_cell_of_a_vehicle_is_enough() -> None:
+    grid = BEVGrid.surround()
+    for place in ((42.0, 0.5, 0.0), (0.5, -40.6, 0.0), (-42.1, 40.6, 0.0)):  # of its box, a strip of 0.3 m or less
+        owner = vehicle_cells(grid, np.eye(4), objects(place))
+        assert (owner >= -1).all()
+    owner = vehicle_cells(grid, np.eye(4), objects((-42.0, -40.6, 0.0)))
+    assert (owner == 0).sum() == 1
+    assert owner[0, 0] == 0
+
+
 def test_what_counts_as_vehicle() -> None:
     grid = BEVGrid.surround()
     bicycle = objects((5, 0, 0), what=("bicycle", "bicycle", (1.8, 0.8, 1.7)))

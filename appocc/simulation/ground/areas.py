@@ -8,17 +8,18 @@ import numpy as np
 from appocc.checks import BoolArray, ByteArray, FloatArray
 from appocc.simulation.ground.filling import Canvas
 from appocc.simulation.ground.polylines import clean, strip
-from appocc.simulation.network import Lane, LaneKind
+from appocc.simulation.ground.stretches import ROADWAY
+from appocc.simulation.network import Edge, Lane, LaneKind, RoadNetwork
 from appocc.simulation.plan import CarPark, TownPlan
 from appocc.simulation.surface import CELL_M, ROAD_SURFACES, Surface, surface_table
 
 BAY_M = (5.0, 2.5)
 MARGIN_M = 60.0
 _BAY_LINE_M = 0.1
+# Shoulders and verges are no road: they become pavement by their distance.
 _SURFACE: dict[LaneKind, Surface] = {
+    "walking": Surface.PAVEMENT,
     "driving": Surface.ROAD,
-    "shoulder": Surface.ROAD,
-    "other": Surface.ROAD,
     "parking": Surface.PARKING,
     "cycling": Surface.CYCLE_PATH,
 }
@@ -39,16 +40,22 @@ def canvas_of(plan: TownPlan) -> Canvas:
     return Canvas(low / round(1 / CELL_M), np.full((height, width, 1), Surface.GRASS, np.uint8))
 
 
-def draw_streets(canvas: Canvas, plan: TownPlan) -> None:
-    """Lanes of the streets, ways over the junctions and the junctions themselves."""
-    network = plan.network
-    for kind in ("other", "shoulder", "driving", "parking", "cycling"):
-        lanes = [lane for edge in network.edges for lane in edge.lanes if lane.kind == kind]
-        canvas.fill((area for lane in lanes for area in lane_areas(lane)), _SURFACE[kind])
-    inside = (lane for lane in network.inner_lanes if lane.kind != "walking")
-    canvas.fill((area for lane in inside for area in lane_areas(lane)), Surface.ROAD)
-    canvas.fill((j.outline_m for j in network.junctions if len(j.outline_m) > 2), Surface.ROAD)
+def draw_streets(canvas: Canvas, network: RoadNetwork) -> None:
+    """Lanes of the streets, ways over the junctions and the junctions themselves; pavements of their own, too."""
+    for kind, surface in _SURFACE.items():
+        lanes = [lane for edge in network.edges if has_cars(edge) for lane in edge.lanes if lane.kind == kind]
+        canvas.fill((lane_areas(lane) for lane in lanes), surface)
+    inside = (lane for lane in network.inner_lanes if lane.kind in ROADWAY)
+    canvas.fill((lane_areas(lane) for lane in inside), Surface.ROAD)
+    # Where only pavements or verges meet there is no road.
+    met = {name for e in network.edges if has_cars(e) for name in (e.from_junction, e.to_junction)}
+    canvas.fill((j.outline_m for j in network.junctions if j.name in met and len(j.outline_m) > 2), Surface.ROAD)
     _close(canvas.raster[:, :, 0])
+
+
+def has_cars(edge: Edge) -> bool:
+    """Whether cars drive along an edge."""
+    return any(lane.kind == "driving" for lane in edge.lanes)
 
 
 def lane_areas(lane: Lane) -> FloatArray:
@@ -75,7 +82,7 @@ def bay_lines(car_park: CarPark) -> list[FloatArray]:
     for x, y, yaw in car_park.bays:
         turn = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
         for side in (-0.5, 0.5):
-            lines.append((corners + [0.0, side * BAY_M[1]]) @ turn.T + [x, y])
+            lines.append((corners + np.array([0.0, side * BAY_M[1]])) @ turn.T + np.array([x, y]))
     return lines
 
 
@@ -100,9 +107,7 @@ def _close(label: ByteArray) -> None:
         part[island & (part < Surface.ROAD)] = Surface.ROAD
 
 
-def islands(
-    road: ByteArray, coarse: int, least_m2: float, most_m2: float
-) -> list[tuple[slice, slice, BoolArray]]:
+def islands(road: ByteArray, coarse: int, least_m2: float, most_m2: float) -> list[tuple[slice, slice, BoolArray]]:
     """Pieces of ground that roads enclose, by area: rows, columns and which cells there; found in coarse cells."""
     small = cv2.resize(road, None, fx=1 / coarse, fy=1 / coarse, interpolation=cv2.INTER_NEAREST)
     _, number, stats, _ = cv2.connectedComponentsWithStats(1 - small, connectivity=4)
@@ -114,7 +119,9 @@ def islands(
             continue
         cells = (number[y : y + h, x : x + w] == k).astype(np.uint8)
         inside = np.kron(cells, np.ones((coarse, coarse), np.uint8)).astype(np.bool_)
-        rows, columns = (slice(coarse * v, min(coarse * (v + n), m)) for v, n, m in zip((y, x), (h, w), road.shape, strict=True))
+        rows, columns = (
+            slice(coarse * v, min(coarse * (v + n), m)) for v, n, m in zip((y, x), (h, w), road.shape, strict=True)
+        )
         found.append((rows, columns, inside[: rows.stop - rows.start, : columns.stop - columns.start]))
     return found
 

@@ -33,7 +33,7 @@ def build_ground(plan: TownPlan) -> tuple[Ground, VectorMap]:
     canvas = canvas_of(plan)
     label = canvas.raster[:, :, 0]
     draw_land(canvas, lots, look, plan.seed)
-    draw_streets(canvas, plan)
+    draw_streets(canvas, plan.network)
     draw_surroundings(label, look.pavement_m)
     for car_park in plan.car_parks:
         draw_car_park(canvas, car_park)
@@ -61,5 +61,5 @@ def _draw_markings(
     half = LINE_WIDTH_M / 2
     for surface in (Surface.LINE_WHITE, Surface.LINE_YELLOW):
         painted = (line.points_m for line in lines if line.surface == surface)
-        canvas.fill((area for points in painted for area in strip(points, half, -half)), surface)
+        canvas.fill((strip(points, half, -half) for points in painted), surface)
     canvas.fill(stops, Surface.STOP_LINE)

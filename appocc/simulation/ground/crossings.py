@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from appocc.checks import FloatArray
-from appocc.simulation.ground.polylines import length_m, points_at, directions_at
+from appocc.simulation.ground.polylines import directions_at, length_m, points_at
 from appocc.simulation.ground.stretches import STOP_WIDTH_M, ZEBRA_GAP_M, ZEBRA_M, Stretch
 from appocc.simulation.network import Connection, Lane
 
@@ -101,7 +101,9 @@ def arrow(directions: set[str]) -> list[FloatArray]:
     elif directions:
         areas.append(_box(-_SHAFT, _SHAFT, 0.0, bend))
     for sign in [s for name, s in (("l", -1.0), ("r", 1.0)) if name in directions]:
-        areas.append(np.array([[0.0, bend - 0.7], [0.0, bend - 0.3], [0.55, bend + 0.15], [0.55, bend - 0.2]]) * [sign, 1])
+        areas.append(
+            np.array([[0.0, bend - 0.7], [0.0, bend - 0.3], [0.55, bend + 0.15], [0.55, bend - 0.2]]) * [sign, 1]
+        )
         areas.append(np.array([[0.45, bend - 0.75], [0.45, bend + 0.65], [1.05, bend + 0.1]]) * [sign, 1])
     return areas
 

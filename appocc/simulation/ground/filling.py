@@ -27,18 +27,19 @@ class Canvas:
     raster: ByteArray
 
     def fill(self, areas_m: Iterable[FloatArray], value: int, channel: int = 0) -> None:
-        """Set the cells inside areas (K, 2), town frame."""
+        """Set the cells inside areas (P, 2), or stacks of areas (K, P, 2), town frame."""
         self._draw(list(areas_m), value, channel, False)
 
     def add(self, areas_m: Iterable[FloatArray], value: int, channel: int = 0) -> None:
-        """Add to the cells inside areas (K, 2), town frame; the sum stays within a byte."""
+        """Add to the cells inside areas (P, 2), or stacks (K, P, 2), town frame; the sum stays within a byte."""
         self._draw(list(areas_m), value, channel, True)
 
     def _draw(self, areas_m: Sequence[FloatArray], value: int, channel: int, adding: bool) -> None:
         if not areas_m:
             return
-        starts = np.cumsum([0, *(len(area) for area in areas_m)]).astype(np.int32)
-        points = ((np.concatenate(areas_m) - self.low_m) / CELL_M).astype(np.float32)
+        sizes = np.repeat([a.shape[-2] for a in areas_m], [a.shape[0] if a.ndim == 3 else 1 for a in areas_m])
+        starts = np.concatenate([[0], np.cumsum(sizes)]).astype(np.int32)
+        points = ((np.concatenate([a.reshape(-1, 2) for a in areas_m]) - self.low_m) / CELL_M).astype(np.float32)
         _fill(self.raster, channel, points, starts, value, adding)
 
 

@@ -75,7 +75,7 @@ def lines_of(stretches: Sequence[Stretch], habits: Habits) -> list[Line]:
 def _between_lanes(stretch: Stretch) -> list[Line]:
     lines = []
     for right, left in zip(stretch.lanes, stretch.lanes[1:], strict=False):
-        if right.kind == left.kind != "driving":
+        if "driving" not in (right.kind, left.kind):
             continue
         border = shifted(right.centre_m, right.width_m / 2)
         if right.kind == left.kind:
@@ -145,7 +145,8 @@ def _runs(partner: IntArray, along_m: FloatArray, length: float) -> list[tuple[f
     bounds = [0.0, *(along_m[changes] - _SAMPLE_M / 2), length]
     partners = partner[[0, *changes]]
     return [
-        (float(a), float(b), int(p)) for a, b, p in zip(bounds, bounds[1:], partners, strict=False)
+        (float(a), float(b), int(p))
+        for a, b, p in zip(bounds, bounds[1:], partners, strict=False)
         if b - a > _SHORTEST_M
     ]
 

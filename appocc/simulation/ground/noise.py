@@ -28,9 +28,7 @@ def value_noise(
     return np.asarray(total / total.std())
 
 
-def tile(
-    random: np.random.Generator, size: int, grains: tuple[int, ...], weights: tuple[float, ...]
-) -> Float32Array:
+def tile(random: np.random.Generator, size: int, grains: tuple[int, ...], weights: tuple[float, ...]) -> Float32Array:
     """(size, size) float32 noise that goes on evenly where copies of it meet."""
     rim = size // 8
     noise = value_noise(random, (size + rim, size + rim), grains, weights)

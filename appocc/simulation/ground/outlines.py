@@ -20,11 +20,11 @@ def outlines_of(mask: ByteArray, low_m: FloatArray) -> tuple[FloatArray, ...]:
     rows = _rows_through_holes(mask)
     found = []
     for low, high in zip([0, *rows], [*rows, len(mask)], strict=True):
-        # Twice as fine, an outline through the cells' centres lies a quarter of a cell inside the rim.
         contours, _ = cv2.findContours(mask[low:high], cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
         for contour in contours:
             if len(contour) > 2:
-                found.append((_widened(contour[:, 0].astype(np.float64)) + [0.5, low + 0.5]) * CELL_M + low_m)
+                cells = _widened(contour[:, 0].astype(np.float64)) + np.array([0.5, low + 0.5])
+                found.append(cells * CELL_M + low_m)
     return tuple(found)
 
 

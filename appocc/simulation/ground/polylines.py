@@ -9,6 +9,7 @@ from appocc.checks import FloatArray
 _SHORTEST_M = 0.01
 # A corner's outer edge reaches at most this many times the offset away.
 _MITRE_LIMIT = 2.0
+_ZERO = np.zeros(1)
 
 
 def clean(line_m: FloatArray) -> FloatArray:
@@ -25,12 +26,12 @@ def clean(line_m: FloatArray) -> FloatArray:
 
 def arc_m(line_m: FloatArray) -> FloatArray:
     """(N,) way along the line up to each point, metres."""
-    return np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line_m, axis=0).T))])
+    return np.concatenate([_ZERO, np.cumsum(np.hypot(*(line_m[1:] - line_m[:-1]).T))])
 
 
 def length_m(line_m: FloatArray) -> float:
     """Length of the line in metres; 0 of less than two points."""
-    return float(np.hypot(*np.diff(line_m, axis=0).T).sum()) if len(line_m) > 1 else 0.0
+    return float(np.hypot(*(line_m[1:] - line_m[:-1]).T).sum()) if len(line_m) > 1 else 0.0
 
 
 def points_at(line_m: FloatArray, along_m: FloatArray) -> FloatArray:
@@ -44,7 +45,7 @@ def directions_at(line_m: FloatArray, along_m: FloatArray) -> FloatArray:
     steps = np.diff(line_m, axis=0)
     piece = np.searchsorted(arc_m(line_m), along_m, side="right") - 1
     step = steps[np.clip(piece, 0, len(steps) - 1)]
-    return np.asarray(step / np.linalg.norm(step, axis=1, keepdims=True))
+    return np.asarray(step / np.hypot(step[:, :1], step[:, 1:]))
 
 
 def cut(line_m: FloatArray, start_m: float, end_m: float) -> FloatArray:
@@ -67,7 +68,7 @@ def dashes(line_m: FloatArray, dash_m: float, gap_m: float) -> list[FloatArray]:
 def normals(line_m: FloatArray) -> FloatArray:
     """(N, 2) at each point, to the left, as long as it takes to move both neighbouring pieces by 1 (mitred)."""
     step = np.diff(line_m, axis=0)
-    step /= np.linalg.norm(step, axis=1, keepdims=True)
+    step /= np.hypot(step[:, :1], step[:, 1:])
     left = np.stack([-step[:, 1], step[:, 0]], axis=1)
     both = np.concatenate([left[:1], left]) + np.concatenate([left, left[-1:]])
     square = np.maximum((both**2).sum(axis=1, keepdims=True), 1e-9)
@@ -81,7 +82,7 @@ def shifted(line_m: FloatArray, left_m: float) -> FloatArray:
 
 
 def strip(line_m: FloatArray, left_m: float, right_m: float) -> FloatArray:
-    """(N - 1, 4, 2) areas between the line moved to the left by `left_m` and by `right_m`; neighbours share a side."""
+    """(N - 1, 4, 2) areas between the line moved left by `left_m` and by `right_m`; neighbours share a side."""
     if len(line_m) < 2:
         return np.zeros((0, 4, 2))
     across = normals(line_m)

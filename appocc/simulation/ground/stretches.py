@@ -10,13 +10,15 @@ import numpy as np
 
 from appocc.checks import FloatArray
 from appocc.simulation.ground.polylines import clean, length_m, shifted
-from appocc.simulation.network import Edge, Lane, RoadNetwork
+from appocc.simulation.network import Edge, Lane, LaneKind, RoadNetwork
 
 # From the junction's outline: gap, zebra, gap, stop line.
 ZEBRA_GAP_M, ZEBRA_M, STOP_GAP_M, STOP_WIDTH_M = 0.6, 3.6, 1.0, 0.4
 _LONG_ENOUGH_M = 24.0
 _FAST_MPS = 15.0
 _MOST_BACK_M = 6.0
+# Kinds of lanes that make up the carriageway.
+ROADWAY: tuple[LaneKind, ...] = ("driving", "parking", "cycling")
 
 
 @dataclass(frozen=True)
@@ -105,7 +107,12 @@ def stretches_of(network: RoadNetwork) -> list[Stretch]:
     """All streets of a network, those short pieces between two of them that are junctions in name only included."""
     ends = _junction_ends(network)
     found = [
-        _stretch(edge.lanes, replace(ends[edge.from_junction], yields=False), _arriving(network, edge, ends), street_of(edge))
+        _stretch(
+            edge.lanes,
+            replace(ends[edge.from_junction], yields=False),
+            _arriving(network, edge, ends),
+            street_of(edge),
+        )
         for edge in network.edges
     ]
     whole = _facing({s.lanes[0].edge: s for s in found if s is not None}, network)
@@ -119,9 +126,9 @@ def street_of(edge: Edge) -> str:
 
 
 def _stretch(lanes: Sequence[Lane], start: End, end: End, street: str) -> Stretch | None:
-    lined = [replace(lane, centre_m=clean(lane.centre_m)) for lane in lanes if lane.kind != "walking"]
+    lined = [replace(lane, centre_m=clean(lane.centre_m)) for lane in lanes if lane.kind in ROADWAY]
     lined = [lane for lane in lined if length_m(lane.centre_m) > 0]
-    if not lined:
+    if all(lane.kind != "driving" for lane in lined):
         return None
     left = shifted(lined[-1].centre_m, lined[-1].width_m / 2)
     if length_m(left) < _LONG_ENOUGH_M:

@@ -38,7 +38,7 @@ def draw_wear(canvas: Canvas, plan: TownPlan, stretches: Sequence[Stretch], lots
     lanes = [lane for stretch in stretches for lane in stretch.driving]
     inner = [lane for lane in plan.network.inner_lanes if lane.kind == "driving"]
     _lanes(canvas, lanes, inner)
-    canvas.add((a for s in stretches for a in strip(_right(s, 0.0), _GUTTER_M, 0.0)), _GUTTER, SHADE)
+    canvas.add((strip(_right(s, 0.0), _GUTTER_M, 0.0) for s in stretches), _GUTTER, SHADE)
     random = np.random.default_rng([plan.seed, 53])
     for stretch in stretches:
         _repairs(canvas, stretch, random)
@@ -50,7 +50,7 @@ def _lots(canvas: Canvas, lots: Sequence[Lot]) -> None:
     """Every lot is lighter or darker than its neighbours, with a hedge or a wall between."""
     for lot in lots:
         canvas.fill([lot.outline_m], NEUTRAL + lot.shade, SHADE)
-        canvas.fill(strip(lot.outline_m[1:], _HEDGE_M / 2, -_HEDGE_M / 2), NEUTRAL + lot.shade + _HEDGE, SHADE)
+        canvas.fill([strip(lot.outline_m[1:], _HEDGE_M / 2, -_HEDGE_M / 2)], NEUTRAL + lot.shade + _HEDGE, SHADE)
         if len(lot.drive_m):
             canvas.fill([lot.drive_m], NEUTRAL - lot.shade, SHADE)
 
@@ -70,7 +70,7 @@ def _tones(canvas: Canvas, plan: TownPlan, stretches: Sequence[Stretch]) -> None
     for stretch in stretches:
         for lane in stretch.lanes:
             lighter = int(random.integers(-2, 3)) + (4 if lane.kind == "parking" else 0)
-            _asphalt(canvas, lane_areas(lane), tone[stretch.street] + lighter)
+            _asphalt(canvas, [lane_areas(lane)], tone[stretch.street] + lighter)
 
 
 def _asphalt(canvas: Canvas, areas_m: Iterable[FloatArray], tone: int) -> None:
@@ -83,11 +83,11 @@ def _lanes(canvas: Canvas, lanes: Sequence[Lane], inner: Sequence[Lane]) -> None
     """Oil along the middle of the lanes, and where the tyres roll."""
     lines = [clean(lane.centre_m) for lane in (*lanes, *inner)]
     for half, change in _OIL:
-        canvas.add((area for line in lines for area in strip(line, half, -half)), change, SHADE)
+        canvas.add((strip(line, half, -half) for line in lines), change, SHADE)
     for lane in lanes:
         line = clean(lane.centre_m)
         for side in (-_TRACKS_M, _TRACKS_M):
-            canvas.add(strip(line, side + _TRACK_HALF_M, side - _TRACK_HALF_M), _TRACK, SHADE)
+            canvas.add([strip(line, side + _TRACK_HALF_M, side - _TRACK_HALF_M)], _TRACK, SHADE)
 
 
 def _right(stretch: Stretch, beyond_m: float) -> FloatArray:
@@ -104,16 +104,16 @@ def _repairs(canvas: Canvas, stretch: Stretch, random: np.random.Generator) -> N
     count = random.poisson(length * np.array([1 / 55, 1 / 60, 1 / 14, 1 / 38])).tolist()
     for _ in range(count[0]):
         patch = _patch(stretch, random, length)
-        canvas.add(strip(np.concatenate([patch, patch[:1]]), 0.05, -0.05), -16, SHADE)
+        canvas.add([strip(np.concatenate([patch, patch[:1]]), 0.05, -0.05)], -16, SHADE)
         canvas.add([patch], int(random.choice([-13, -9, -6, 7])), SHADE)
     for _ in range(count[1]):
         start = random.uniform(0, length)
         line = cut(stretch.left_m, start, start + random.uniform(8, 40))
         side = sum(lane.width_m for lane in stretch.driving[1:]) or random.uniform(0.1, 1.5)
-        canvas.add(strip(_wavy(line, -side - 0.2, random), 0.05, -0.05), -18, SHADE)
+        canvas.add([strip(_wavy(line, -side - 0.2, random), 0.05, -0.05)], -18, SHADE)
     for _ in range(count[2]):
         start, width = random.uniform(0, length), random.uniform(0.8, stretch.width_m)
-        canvas.add(strip(_crack(stretch, start, width, random), 0.05, -0.05), -int(random.integers(10, 26)), SHADE)
+        canvas.add([strip(_crack(stretch, start, width, random), 0.05, -0.05)], -int(random.integers(10, 26)), SHADE)
     turns = np.linspace(0, 2 * np.pi, 12, endpoint=False)
     ring = np.stack([np.cos(turns), np.sin(turns)], axis=1)
     for _ in range(count[3]):
@@ -162,9 +162,10 @@ def _pavement_joints(canvas: Canvas, stretch: Stretch, pavement_m: float) -> Non
     right = np.stack([heading[:, 1], -heading[:, 0]], axis=1)
     near, far = points_at(border, along) + right * 0.2, points_at(border, along) + right * pavement_m
     half = heading * (_JOINT_M / 2)
-    canvas.add(np.stack([near - half, near + half, far + half, far - half], axis=1), -14, SHADE)
+    canvas.add([np.stack([near - half, near + half, far + half, far - half], axis=1)], -14, SHADE)
     for share in (1 / 3, 2 / 3):
-        canvas.add(strip(_right(stretch, 0.2 + share * (pavement_m - 0.2)), _JOINT_M / 2, -_JOINT_M / 2), -11, SHADE)
+        border = _right(stretch, 0.2 + share * (pavement_m - 0.2))
+        canvas.add([strip(border, _JOINT_M / 2, -_JOINT_M / 2)], -11, SHADE)
 
 
 def _car_parks(canvas: Canvas, plan: TownPlan, random: np.random.Generator) -> None:

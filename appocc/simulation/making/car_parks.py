@@ -24,7 +24,11 @@ def draw_car_parks(network: RoadNetwork, carriageway: Carriageway, rng: np.rando
     for k in rng.permutation(len(network.edges)):
         columns = int(rng.choice([3, 4]))
         park = _beside(network.edges[k], columns, float(rng.uniform(0.4, 0.6)), carriageway)
-        if park is None or not _within(park, network) or any(np.hypot(*(park.bays[0, :2] - p.bays[0, :2])) < _APART_M for p in found):
+        if (
+            park is None
+            or not _within(park, network)
+            or any(np.hypot(*(park.bays[0, :2] - p.bays[0, :2])) < _APART_M for p in found)
+        ):
             continue
         found.append(park)
         if len(found) == wanted:

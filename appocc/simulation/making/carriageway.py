@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from appocc.checks import ByteArray, FloatArray, Float32Array
+from appocc.checks import ByteArray, Float32Array, FloatArray
 from appocc.simulation.network import Lane, RoadNetwork
 
 _CELL_M, _MARGIN_M = 0.25, 30.0

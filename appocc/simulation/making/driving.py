@@ -5,15 +5,19 @@ from __future__ import annotations
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 
 from appocc.checks import ByteArray, FloatArray
 from appocc.errors import DataError
+from appocc.simulation.making.bends import bend_speeds
 from appocc.simulation.making.bodies import Body
 from appocc.simulation.making.tools import simulator
+from appocc.simulation.network import RoadNetwork
 
 STEP_S = 0.1
+_LOOK_STEPS = 2
 _FILL_S = 60.0  # vehicles set out during this time
 
 
@@ -46,8 +50,15 @@ class Drive:
     letters: ByteArray
 
 
-def drive(network: Path, drivers: list[Driver], warm_s: float, length_s: float, seed: int) -> Drive:
+def drive(path: Path, network: RoadNetwork, drivers: list[Driver], times_s: tuple[float, float], seed: int) -> Drive:
     """Let the drivers drive, and record what they do once the town has filled up.
+
+    Args:
+        path: SUMO's file of the network.
+        network: what it holds.
+        drivers: who drives.
+        times_s: how long the town fills up, and how long is recorded after that.
+        seed: of what drivers do by chance.
 
     Raises:
         AppoccError: if SUMO is missing.
@@ -63,36 +74,57 @@ def drive(network: Path, drivers: list[Driver], warm_s: float, length_s: float, 
         options += ["--no-step-log", "true", "--no-warnings", "true", "--collision.action", "none"]
         options += ["--collision.check-junctions", "false"]
         try:
-            sumo.start(["sumo", "-n", str(network), "-r", str(routes), *options])
-            return _record(sumo, drivers, round(warm_s / STEP_S), round(length_s / STEP_S) + 1)
+            sumo.start(["sumo", "-n", str(path), "-r", str(routes), *options])
+            steps = (round(times_s[0] / STEP_S), round(times_s[1] / STEP_S) + 1)
+            return _record(sumo, drivers, bend_speeds(network), steps)
         except (sumo.TraCIException, sumo.FatalTraCIError, RuntimeError) as error:
-            raise DataError(f"{network}: SUMO cannot run on it ({' '.join(str(error).split())})") from error
+            raise DataError(f"{path}: SUMO cannot run on it ({' '.join(str(error).split())})") from error
         finally:
             sumo.close()
 
 
-def _record(sumo: object, drivers: list[Driver], warm: int, steps: int) -> Drive:
-    vehicle, lights, simulation = (getattr(sumo, name) for name in ("vehicle", "trafficlight", "simulation"))
+def _record(sumo: ModuleType, drivers: list[Driver], bends: dict[str, FloatArray], steps: tuple[int, int]) -> Drive:
     number = {driver.name: k for k, driver in enumerate(drivers)}
-    front = np.full((steps, len(drivers), 2), np.nan)
-    yaw = np.full((steps, len(drivers)), np.nan)
-    lamps = np.zeros((steps, len(drivers)), np.uint8)
+    most = {driver.name: driver.body.speed_mps for driver in drivers}
+    front = np.full((steps[1], len(drivers), 2), np.nan)
+    yaw = np.full((steps[1], len(drivers)), np.nan)
+    lamps = np.zeros((steps[1], len(drivers)), np.uint8)
+    lights = sumo.trafficlight
     names = sorted(lights.getIDList())
     links = tuple(f"{n}/{k}" for n in names for k in range(len(lights.getRedYellowGreenState(n))))
-    letters = np.zeros((steps, len(links)), np.uint8)
-    for _ in range(warm):
-        simulation.step()
-    for t in range(steps):
-        simulation.step()
-        for name in vehicle.getIDList():
+    letters = np.zeros((steps[1], len(links)), np.uint8)
+    for step in range(sum(steps)):
+        sumo.simulation.step()
+        present = sumo.vehicle.getIDList()
+        if step % _LOOK_STEPS == 0:
+            _slow_down(sumo, present, most, bends)
+        t = step - steps[0]
+        if t < 0:
+            continue
+        for name in present:
             k = number[name]
-            front[t, k] = vehicle.getPosition(name)
-            yaw[t, k] = np.deg2rad(90.0 - vehicle.getAngle(name))
-            lamps[t, k] = vehicle.getSignals(name) & 11
+            front[t, k] = sumo.vehicle.getPosition(name)
+            yaw[t, k] = np.deg2rad(90.0 - sumo.vehicle.getAngle(name))
+            lamps[t, k] = sumo.vehicle.getSignals(name) & 11
         states = "".join(lights.getRedYellowGreenState(n) for n in names)
         letters[t] = np.frombuffer(states.encode("ascii"), np.uint8)
     front[np.abs(front) > 1e6] = np.nan  # SUMO's mark of a place that it does not know
     return Drive(front, yaw, lamps, links, letters)
+
+
+def _slow_down(
+    sumo: ModuleType, present: tuple[str, ...], most: dict[str, float], bends: dict[str, FloatArray]
+) -> None:
+    """Nobody drives faster than the bend allows in which it is."""
+    for name in present:
+        lane = sumo.vehicle.getLaneID(name)
+        speed = most[name]
+        if lane in bends:
+            share = sumo.vehicle.getLanePosition(name) / sumo.lane.getLength(lane)
+            last = len(bends[lane]) - 1
+            speed = min(speed, float(bends[lane][min(int(share * last + 1.0), last)]))
+        if speed != sumo.vehicle.getMaxSpeed(name):
+            sumo.vehicle.setMaxSpeed(name, speed)
 
 
 def _route_file(drivers: list[Driver]) -> str:
@@ -103,7 +135,8 @@ def _route_file(drivers: list[Driver]) -> str:
         side = "right" if driver.body.kind == "bicycle" else "center"
         lines.append(
             f'<vType id="t{k}" vClass="{driver.body.sumo}" length="{length}" width="{width}" height="{height}" '
-            f'maxSpeed="{driver.body.speed_mps}" speedFactor="normc(0.92,0.08,0.75,1.1)" minGap="{1.6 if two_wheels else 2.4}" '
+            f'maxSpeed="{driver.body.speed_mps}" speedFactor="normc(0.92,0.08,0.75,1.1)" '
+            f'minGap="{1.6 if two_wheels else 2.4}" '
             f'latAlignment="{side}" maxSpeedLat="0.9" lcMaxSpeedLatFactor="0.18" lcMaxSpeedLatStanding="0" '
             f'minGapLat="0.7" lcPushy="0" accel="{1.2 if side == "right" else 2.0}" decel="3.5" sigma="0.3" '
             'jmTimegapMinor="1.5" jmIgnoreKeepClearTime="-1"/>'

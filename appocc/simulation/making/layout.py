@@ -139,7 +139,7 @@ def _thinned(
         winding = any(len(arms[n]) == 2 for c in bends for n in arms[c])
         main = any(c[0] == arterials[0] or c[1] == arterials[1] for c in bends)
         lonely = min(len(arms[c]) for c in pair) < 2
-        if len(rest) < wanted or lonely or winding or main or _is_arterial(*pair, arterials):
+        if len(rest) < wanted or lonely or winding or main or _is_arterial(pair[0], pair[1], arterials):
             continue
         if _connected(rest, count):
             pairs = rest
@@ -226,7 +226,7 @@ def _street(
     arterials: tuple[int, int],
     ring: Cell | None,
 ) -> Street:
-    pieces = []
+    pieces: list[FloatArray] = []
     for a, b in pairwise(chain):
         out, back = headings[a, b], headings[b, a]
         start = places[a] + (out * _RING_M if a == ring else 0)

@@ -25,7 +25,7 @@ def import_opendrive(source: Path, path: Path) -> None:
         raise DataError(f"{source}: cannot be read (no such file)")
     with tempfile.TemporaryDirectory() as folder:
         types = Path(folder) / "types.typ.xml"
-        closed = "".join(f'<type id="{name}" priority="1" speed="1.39" disallow="all"/>' for name in _CLOSED)
+        closed = "".join(f'<type id="{name}" priority="1" speed="13.89" disallow="all"/>' for name in _CLOSED)
         types.write_text(f"<types>{closed}</types>", encoding="utf-8")
         lanes = ["--opendrive.import-all-lanes", "true", "--opendrive.curve-resolution", _RESOLUTION_M]
         options = ["--type-files", str(types), "--no-turnarounds.except-deadend", "true"]

@@ -7,7 +7,7 @@ from collections import Counter
 import cv2
 import numpy as np
 
-from appocc.checks import BoolArray, FloatArray
+from appocc.checks import BoolArray, Float32Array, FloatArray
 from appocc.simulation.traffic import Actor
 
 MOST_M2 = 0.03  # less than what is promised: places are rounded when they are saved
@@ -44,26 +44,23 @@ def overlapping(
 ) -> set[tuple[int, int]]:
     """Pairs of actors that overlap by more than 0.05 m2 at some step; see `without_overlaps`."""
     size = np.array([actor.size_lwh_m[:2] for actor in actors]).reshape(-1, 2)
-    reach = np.hypot(*size.T) / 2
+    reach = np.asarray(np.hypot(*size.T) / 2, dtype=np.float32)
+    boxes, place = corners(xy_m, yaw_rad, size), np.asarray(xy_m, dtype=np.float32)
     moving, found = np.flatnonzero(~parked), set[tuple[int, int]]()
     for t in range(len(xy_m)):
         rows = np.arange(len(actors)) if t == 0 else moving
-        with np.errstate(invalid="ignore"):
-            gap = np.hypot(*(xy_m[t, rows, None] - xy_m[t, None]).T).T
-            near = gap < reach[rows, None] + reach[None]
-        for row, b in zip(*np.nonzero(near), strict=True):
-            pair = (min(int(rows[row]), int(b)), max(int(rows[row]), int(b)))
-            if pair[0] != pair[1] and pair not in found:
-                boxes = [corners(xy_m[t, k], float(yaw_rad[t, k]), size[k]) for k in pair]
-                if cv2.intersectConvexConvex(*boxes)[0] > MOST_M2:
-                    found.add(pair)
+        apart = place[t, rows, None] - place[t, None]
+        near = (apart**2).sum(axis=-1) < (reach[rows, None] + reach[None]) ** 2
+        for row, other in zip(*np.nonzero(near), strict=True):
+            a, b = sorted((int(rows[row]), int(other)))
+            if a != b and (a, b) not in found and cv2.intersectConvexConvex(boxes[t, a], boxes[t, b])[0] > MOST_M2:
+                found.add((a, b))
     return found
 
 
-def corners(xy_m: FloatArray, yaw_rad: float, size_m: FloatArray) -> FloatArray:
-    """(4, 2) corners of a box, float32."""
-    ahead = np.array([np.cos(yaw_rad), np.sin(yaw_rad)]) * size_m[0] / 2
-    left = np.array([-np.sin(yaw_rad), np.cos(yaw_rad)]) * size_m[1] / 2
-    box = np.stack([xy_m + ahead + left, xy_m - ahead + left, xy_m - ahead - left, xy_m + ahead - left])
-    # Near the origin, where float32 is finest.
-    return np.asarray(box, dtype=np.float32)
+def corners(xy_m: FloatArray, yaw_rad: FloatArray, size_m: FloatArray) -> Float32Array:
+    """(..., 4, 2) corners of boxes at places (..., 2) with headings (...) and lengths and widths (..., 2)."""
+    ahead = np.stack([np.cos(yaw_rad), np.sin(yaw_rad)], axis=-1) * size_m[..., :1] / 2
+    left = np.stack([-np.sin(yaw_rad), np.cos(yaw_rad)], axis=-1) * size_m[..., 1:] / 2
+    box = [xy_m + ahead + left, xy_m - ahead + left, xy_m - ahead - left, xy_m + ahead - left]
+    return np.stack(box, axis=-2, dtype=np.float32, casting="same_kind")

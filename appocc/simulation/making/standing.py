@@ -8,7 +8,7 @@ import numpy as np
 
 from appocc.checks import FloatArray
 from appocc.simulation.making.bodies import draw_body, draw_size
-from appocc.simulation.network import Edge, Lane, RoadNetwork
+from appocc.simulation.network import Edge, Lane
 from appocc.simulation.plan import TownPlan
 from appocc.simulation.traffic import Actor
 
@@ -17,6 +17,7 @@ _OCCUPIED, _IN_BAY, _FLIPPED = 0.8, 0.68, 0.08
 _NARROWEST_M, _FASTEST_MPS = 1.9, 14.5
 _MOST = 300
 _MOUTH_M = 6.5
+_KERB_M = 0.22
 
 
 class Parked(NamedTuple):
@@ -44,18 +45,19 @@ def _draw(rng: np.random.Generator) -> Actor:
     return Actor("", body.kind, body.name, draw_size(rng, body))
 
 
-def _stands_there(network: RoadNetwork, edge: Edge, lane: Lane) -> bool:
-    """Cars park in parking lanes, and where a town has wide shoulders on them."""
-    return lane.kind in ("parking", "shoulder") and lane.width_m >= _NARROWEST_M and lane.speed_mps < _FASTEST_MPS
+def _stands_there(edge: Edge, lane: Lane) -> bool:
+    """Cars park in parking lanes, and in towns that have none of them on wide shoulders; not beside fast roads."""
+    fastest = max((other.speed_mps for other in edge.lanes if other.kind == "driving"), default=0.0)
+    return lane.kind in ("parking", "shoulder") and lane.width_m >= _NARROWEST_M and 0 < fastest < _FASTEST_MPS
 
 
 def _kerb(plan: TownPlan, edge: Edge, lane: Lane, rng: np.random.Generator) -> list[Parked]:
-    if not _stands_there(plan.network, edge, lane):
+    if not _stands_there(edge, lane):
         return []
     line = lane.centre_m
     along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))])
     one_way = plan.network.opposite(edge) is None
-    found = []
+    found: list[Parked] = []
     at = _CORNER_M + rng.uniform(0, 3)
     while True:
         actor = _draw(rng)
@@ -64,8 +66,9 @@ def _kerb(plan: TownPlan, edge: Edge, lane: Lane, rng: np.random.Generator) -> l
             return found
         ends = np.stack([np.interp([at, at + length], along, line[:, axis]) for axis in (0, 1)], axis=1)
         yaw = float(np.arctan2(*(ends[1] - ends[0])[::-1]))
-        # Wide ones stand with their wheels at the kerb all the same: the rest sticks out to the road.
-        side = rng.normal(0.0, 0.07) + max(width - lane.width_m + 0.2, 0.0) / 2
+        # Wheels at the kerb: what is wider than the lane sticks out to the road.
+        off = _KERB_M + (width - lane.width_m) / 2 + float(np.clip(rng.normal(0.0, 0.07), -0.12, 0.2))
+        side = off if lane.index == 0 or edge.lanes[0].kind != lane.kind else -off
         x, y = ends.mean(axis=0) + side * np.array([-np.sin(yaw), np.cos(yaw)])
         turned = rng.uniform() < (_FLIPPED * 2 if one_way else _FLIPPED)
         yaw += float(rng.normal(0.0, 0.025)) + (np.pi if turned else 0.0)

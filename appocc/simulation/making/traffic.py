@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 
-from appocc.checks import ByteArray, FloatArray
+from appocc.checks import ByteArray, FloatArray, IntArray
 from appocc.simulation.making.bodies import draw_body, draw_size
 from appocc.simulation.making.carriageway import draw_carriageway
 from appocc.simulation.making.driving import STEP_S, Drive, Driver, drive
-from appocc.simulation.making.motion import bodies, presences
+from appocc.simulation.making.motion import bodies
 from appocc.simulation.making.overlaps import without_overlaps
 from appocc.simulation.making.routes import Routes
 from appocc.simulation.making.standing import draw_parked
@@ -18,6 +18,7 @@ from appocc.simulation.making.walking import draw_walkers
 from appocc.simulation.plan import TownPlan
 from appocc.simulation.traffic import Actor, Light, TrafficLog
 
+Group = tuple[list[Actor], FloatArray, FloatArray, ByteArray]  # actors, places, headings, lights
 _EVERY = 2  # of SUMO's steps: 5 Hz
 _WARM_S, _LEAD_S = 110.0, 10.0
 _VEHICLE_EVERY_M, _MOST_VEHICLES, _WALKERS = 58.0, 150, 70
@@ -26,8 +27,13 @@ _SHORTEST_STEPS = 25  # who is there for less than this leaves no trace
 _LETTERS = {ord("G"): ord("G"), ord("g"): ord("g"), ord("y"): ord("y"), ord("Y"): ord("y"), ord("u"): ord("y")}
 
 
-def make_traffic(network: Path, plan: TownPlan, length_s: float = 260.0) -> TrafficLog:
+def make_traffic(path: Path, plan: TownPlan, length_s: float = 260.0) -> TrafficLog:
     """Traffic for a town; the same plan always gives the same traffic.
+
+    Args:
+        path: SUMO's file of the plan's network.
+        plan: the town.
+        length_s: how long is recorded.
 
     Raises:
         AppoccError: if SUMO is missing.
@@ -35,13 +41,14 @@ def make_traffic(network: Path, plan: TownPlan, length_s: float = 260.0) -> Traf
     """
     rng = np.random.default_rng([plan.seed, 2])
     drivers = _drivers(plan, rng, _WARM_S + length_s)
-    drove = drive(network, drivers, _WARM_S - _LEAD_S, length_s + _LEAD_S, plan.seed)
+    times_s = (_WARM_S - _LEAD_S, length_s + _LEAD_S)
+    drove = drive(path, plan.network, drivers, times_s, plan.seed)
     lead = round(_LEAD_S / STEP_S)
     lengths = np.array([driver.size_lwh_m[0] for driver in drivers])
-    centre, yaw = bodies(drove.front_m, drove.yaw_rad, lengths)
-    centre, yaw, lights = (a[lead::_EVERY] for a in (centre, yaw, _lights(drove)))
-    actors, centre, yaw, lights = _apart([d.name for d in drivers], drivers, centre, yaw, lights)
-    return _joined(plan, rng, (actors, centre, yaw, lights), drove.links, _letters(drove.letters[lead::_EVERY]))
+    centre, yaw, part = bodies(drove.front_m, drove.yaw_rad, lengths)
+    kept = slice(lead, None, _EVERY)
+    vehicles = _apart(drivers, part[kept], (centre[kept], yaw[kept], _lights(drove)[kept]))
+    return _joined(plan, rng, vehicles, drove.links, _letters(drove.letters[kept]))
 
 
 def _drivers(plan: TownPlan, rng: np.random.Generator, length_s: float) -> list[Driver]:
@@ -70,36 +77,36 @@ def _letters(letters: ByteArray) -> ByteArray:
     return np.asarray(table[letters])
 
 
-def _apart(
-    names: list[str], drivers: list[Driver], centre: FloatArray, yaw: FloatArray, lights: ByteArray
-) -> tuple[list[Actor], FloatArray, FloatArray, ByteArray]:
+def _apart(drivers: list[Driver], part: IntArray, driven: tuple[FloatArray, FloatArray, ByteArray]) -> Group:
     """One actor for each unbroken presence of a vehicle."""
-    actors, parts = [], list[tuple[int, int, int]]()
+    actors, columns = [], []
     for k, driver in enumerate(drivers):
-        for number, (start, end) in enumerate(presences(centre[:, k])):
-            if end - start >= _SHORTEST_STEPS:
-                name = names[k] + (f"_{number}" if number else "")
+        for number in range(int(part[:, k].max(initial=-1)) + 1):
+            there = part[:, k] == number
+            if np.count_nonzero(there) >= _SHORTEST_STEPS:
+                name = driver.name + (f"_{number}" if number else "")
                 actors.append(Actor(name, driver.body.kind, driver.body.name, driver.size_lwh_m))
-                parts.append((k, start, end))
-    shape = (len(centre), len(actors))
-    placed, turned, shown = np.full((*shape, 2), np.nan), np.full(shape, np.nan), np.zeros(shape, np.uint8)
-    for column, (k, start, end) in enumerate(parts):
-        for target, source in ((placed, centre), (turned, yaw), (shown, lights)):
-            target[start:end, column] = source[start:end, k]
+                columns.append((k, there))
+    placed, turned, shown = (np.full((len(a), len(actors), *a.shape[2:]), a.dtype.type(0)) for a in driven)
+    for column, (k, there) in enumerate(columns):
+        placed[:, column] = np.where(there[:, None], driven[0][:, k], np.nan)
+        turned[:, column] = np.where(there, driven[1][:, k], np.nan)
+        shown[:, column] = np.where(there, driven[2][:, k], 0)
     return actors, placed, turned, shown
 
 
 def _joined(
     plan: TownPlan,
     rng: np.random.Generator,
-    driving: tuple[list[Actor], FloatArray, FloatArray, ByteArray],
+    driving: Group,
     links: tuple[str, ...],
     letters: ByteArray,
 ) -> TrafficLog:
     """All in one log, without those who overlap."""
     steps = len(driving[1])
     step_s = STEP_S * _EVERY
-    people, walked, looked = draw_walkers(draw_carriageway(plan.network), _WALKERS, np.arange(steps) * step_s, rng)
+    times_s = np.arange(steps, dtype=np.float64) * step_s
+    people, walked, looked = draw_walkers(draw_carriageway(plan.network), _WALKERS, times_s, rng)
     parked = draw_parked(plan, rng)
     place = np.array([spot[1:] for spot in parked]).reshape(-1, 3)
     actors = [*driving[0], *(spot.actor for spot in parked), *people]
@@ -108,7 +115,6 @@ def _joined(
     lights = np.concatenate([driving[3], np.full((steps, len(parked)), int(Light.PARKED)), looked * 0], axis=1)
     stands = np.isin(np.arange(len(actors)), len(driving[0]) + np.arange(len(parked)))
     keep = without_overlaps(actors, xy, yaw, stands)
-    print('DBG drivers', len(driving[0]), 'kept', int(keep[:len(driving[0])].sum()), 'parked', len(parked), int((keep&stands).sum()), 'people', len(people), int(keep[len(driving[0])+len(parked):].sum()))
     return TrafficLog(
         step_s,
         tuple(actor for actor, stays in zip(actors, keep, strict=True) if stays),

@@ -11,6 +11,7 @@ from appocc.simulation.making.carriageway import Carriageway
 from appocc.simulation.traffic import Actor
 
 _SHORTEST_M = 90.0
+_SMOOTH_CELLS = 8.0  # of the raster
 # Those who walk one way keep to one side of the pavement.
 _SIDES_M = (1.3, 2.1)
 
@@ -38,17 +39,18 @@ def draw_walkers(
 
 def _ring(line_m: FloatArray) -> FloatArray:
     """A closed line as (N + 1, 3): x, y, and the length up to there; the steps of the raster are smoothed away."""
-    smooth = np.stack([gaussian_filter1d(line_m[:, axis], 5.0, mode="wrap") for axis in (0, 1)], axis=1)
+    smooth = np.stack([gaussian_filter1d(line_m[:, axis], _SMOOTH_CELLS, mode="wrap") for axis in (0, 1)], axis=1)
     closed = np.concatenate([smooth, smooth[:1]])
     along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(closed, axis=0).T))])
     return np.concatenate([closed, along[:, None]], axis=1)
 
 
 def _walk(ring: FloatArray, start_m: float, speed_mps: float, times_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Places (T, 2) and headings (T,); people look half a metre ahead."""
+    """Places (T, 2) and headings (T,); people turn a little before and after a corner."""
     at = start_m + speed_mps * times_s
-    here, ahead = (_at(ring, at + shift) for shift in (0.0, float(np.copysign(0.5, speed_mps))))
-    return here, np.arctan2(*(ahead - here).T[::-1])
+    way = float(np.copysign(0.6, speed_mps))
+    before, here, ahead = (_at(ring, at + shift) for shift in (-way, 0.0, way))
+    return here, np.arctan2(*(ahead - before).T[::-1])
 
 
 def _at(ring: FloatArray, along_m: FloatArray) -> FloatArray:

@@ -94,7 +94,9 @@ class _View:
     def crowns(self) -> BoolArray:
         """(X * Y,) whether a tree stands over the centre of a cell."""
         hits = self._renderer.tracer.nearest(*self._rays(np.arange(len(self._centres)), np.zeros(2)))
-        return np.asarray((hits.source == TOWN) & (self._town.solid.material[hits.face] == Material.FOLIAGE))
+        leaves = hits.source == TOWN
+        leaves[leaves] = self._town.solid.material[hits.face[leaves]] == Material.FOLIAGE
+        return leaves
 
     def on_ground(self) -> BoolArray:
         """(X, Y) whether a cell's centre lies on the town's ground."""

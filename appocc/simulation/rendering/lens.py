@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 
 import cv2
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from appocc.checks import ByteArray, Float32Array
+from appocc.simulation.rendering.compiled import inner, kernel
 from appocc.simulation.rendering.weather import Weather
 
 _STEPS = 4096
@@ -28,7 +28,7 @@ def exposure(weather: Weather, sky_light: Float32Array) -> Float32Array:
     height = max(math.sin(weather.sun_elevation_rad), 0.12)
     light = np.array([0.2126, 0.7152, 0.0722]) @ (np.asarray(weather.sun) * height * 0.6 + sky_light)
     # The eye and cameras leave the dark a little dark.
-    lamps = 0.10 if weather.lamps else 0.0
+    lamps = 0.10 * weather.lamps
     gain = 1.5 / (float(light) + lamps) ** 0.92 * 2.0**weather.exposure_stops
     return (gain * np.asarray(weather.white)).astype(np.float32)
 
@@ -42,7 +42,7 @@ def develop(linear: Float32Array, gains: Float32Array) -> ByteArray:
 def _curve() -> Float32Array:
     """(4096,) float32 picture value 0..1 by the square root of light / _WHITE: dark shadows, a film's soft shoulder."""
     x = (np.arange(_STEPS) / (_STEPS - 1)) ** 2 * _WHITE
-    x = x * x / (x + 0.012)
+    x = x * x / (x + 0.02)
     film = (1 - np.exp(-1.15 * x)) / (1 - np.exp(-1.15 * _WHITE))
     return np.where(film <= 0.0031308, film * 12.92, 1.055 * film ** (1 / 2.4) - 0.055).astype(np.float32)
 
@@ -70,7 +70,7 @@ def _spread(bright: Float32Array) -> Float32Array:
     return np.asarray(cv2.resize(halo, (columns, rows), interpolation=cv2.INTER_LINEAR), np.float32)
 
 
-@numba.njit(cache=True, nogil=True)
+@inner
 def _mixed(seed: int, number: int) -> int:
     """64 random bits by number (splitmix64)."""
     z = np.uint64(seed) * np.uint64(0xD1342543DE82EF95) + np.uint64(number) * np.uint64(0x9E3779B97F4A7C15)
@@ -79,7 +79,7 @@ def _mixed(seed: int, number: int) -> int:
     return z ^ (z >> np.uint64(31))
 
 
-@numba.njit(cache=True, nogil=True, fastmath=True)
+@kernel
 def _exposed(linear: Float32Array, gains: Float32Array, curve: Float32Array, seed: int) -> NDArray[np.uint8]:
     rows, columns = linear.shape[:2]
     image = np.empty((rows, columns, 3), np.uint8)

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import cv2
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from appocc.checks import ByteArray, Float32Array, FloatArray
 from appocc.geometry import inverse
 from appocc.simulation.mesh import Material, Mesh
+from appocc.simulation.rendering.compiled import kernel
 from appocc.simulation.rendering.sky import mean_light, sky_map, sun_direction
 from appocc.simulation.rendering.tracing import Tracer
 from appocc.simulation.rendering.weather import Weather
@@ -39,7 +39,7 @@ class Lighting(NamedTuple):
         horizon: (3,) colour of the haze.
         haze_per_m: share of light that a metre takes away.
         wetness: 0..1.
-        lamps: 1 with lamps on, else 0.
+        lamps: strength of lamps, 0 with all off.
         white: radiance that looks white in the picture; lamps are set against it.
         low_x: corner of `open` and `lamp`, metres.
         low_y: the same.
@@ -162,18 +162,18 @@ def _lamp_light(town: Town, extent_m: FloatArray) -> Float32Array:
         y, x = np.mgrid[low:high, left:right] + 0.5
         flat2 = ((x - place[0]) ** 2 + (y - place[1]) ** 2) * LAMP_CELL_M**2
         window = np.clip(1 - flat2 / _LAMP_REACH_M**2, 0, 1) ** 2
-        light[low:high, left:right] += 34.0 * lamp[2] / (flat2 + lamp[2] ** 2) ** 1.5 * window
+        light[low:high, left:right] += 22.0 * lamp[2] / (flat2 + lamp[2] ** 2) ** 1.5 * window
     return light
 
 
-def near_light(actors: Mesh, shown: ByteArray, ego: Ego | None, lamps: bool, middle_m: FloatArray) -> Float32Array:
+def near_light(actors: Mesh, shown: ByteArray, ego: Ego | None, lamps: float, middle_m: FloatArray) -> Float32Array:
     """Shade below actors and the light of their lamps around a place (2,): see `Lighting.near`.
 
     Args:
         actors: mesh of the actors.
         shown: (A,) `traffic.Light` bits by number of the actor.
         ego: the vehicle without a mesh.
-        lamps: whether lamps are on.
+        lamps: strength of lamps, 0 with all off.
         middle_m: (2,) middle of the map.
     """
     corner = near_corner(middle_m)
@@ -188,7 +188,7 @@ def near_light(actors: Mesh, shown: ByteArray, ego: Ego | None, lamps: bool, mid
     near = np.zeros((NEAR_CELLS, NEAR_CELLS, 3), np.float32)
     # Right below a vehicle nearly all sky is gone, half a metre beside it some.
     near[..., 0] = 1 - 0.62 * cv2.blur(low, (3, 3)) - 0.34 * cv2.blur(cv2.blur(low, (7, 7)), (5, 5))
-    if lamps:
+    if lamps > 0:
         beams = _beams(actors, shown, ego)
         _shine(near, corner.astype(np.float32), beams)
     return near
@@ -229,7 +229,7 @@ def narrowed(target_from_source: FloatArray) -> Float32Array:
     return np.ascontiguousarray(inverse(target_from_source)[:3], np.float32)
 
 
-@numba.njit(cache=True, nogil=True, fastmath=True)
+@kernel
 def _splat(vertices: Float32Array, faces: NDArray[np.int32], corner: Float32Array, low: Float32Array) -> None:
     """Mark the cells below what hangs lower than a metre over the ground."""
     for face in range(len(faces)):
@@ -248,7 +248,7 @@ def _splat(vertices: Float32Array, faces: NDArray[np.int32], corner: Float32Arra
                     low[row, column] = 1.0
 
 
-@numba.njit(cache=True, nogil=True, fastmath=True)
+@kernel
 def _shine(near: Float32Array, corner: Float32Array, beams: Float32Array) -> None:
     """Add the light of lamps (see `_beams`) on the ground: a low beam ahead, a red glow behind."""
     cells = int(30.0 / 0.25)
@@ -269,4 +269,4 @@ def _shine(near: Float32Array, corner: Float32Array, beams: Float32Array) -> Non
                     )
                 else:
                     far2 = x * x + y * y
-                    near[r, c, 2] += beams[beam, 5] * 0.35 * ahead / (far2 + 1.0) * max(1 - far2 / 56.0, 0.0)
+                    near[r, c, 2] += beams[beam, 5] * 0.14 * ahead / (far2 + 1.0) * max(1 - far2 / 56.0, 0.0)

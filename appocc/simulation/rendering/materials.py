@@ -98,7 +98,7 @@ def pane(
         v: the other, upward.
         key: number of the pane's quad.
         tint: colour of the frame.
-        lamps: 1 when people have the light on.
+        lamps: strength of the lights inside, see `Weather.lamps`.
     """
     if shop:
         u, v = u / 1.6, v / 3.2
@@ -110,14 +110,14 @@ def pane(
     if a < edge or a > 1 - edge or b < edge or b > 1 - edge or bar:
         return tint[0], tint[1], tint[2], 0.0, 0.0
     inside, curtain = hashed(key, 11), hashed(key, 23)
-    on = lamps * (0.35 + 0.75 * hashed(key, 37)) if hashed(key, 51) < (0.75 if shop else 0.34) else 0.0
+    on = lamps * (0.08 + 0.22 * hashed(key, 37)) if hashed(key, 51) < (0.75 if shop else 0.34) else 0.0
     if shop:
         goods = 0.04 + 0.22 * hashed(int(u * 5) + key, int(v * 6)) * (1.0 if v < 0.55 else 0.3)
         return goods, goods * 0.9, goods * 0.75, 1.0, on * (0.5 + 2.0 * goods)
     hangs = 0.14 + 0.2 * curtain
     if curtain > 0.45 and (a < hangs or a > 1 - hangs):
         cloth = 0.30 + 0.25 * inside
-        return cloth, cloth * 0.96, cloth * 0.88, 0.75, on * 0.8
+        return cloth, cloth * 0.96, cloth * 0.88, 0.75, on * 0.6
     if inside > 0.8 and b > inside - 0.35:
         return 0.42, 0.41, 0.38, 0.7, on * 0.55  # a blind, partly down
-    return 0.03, 0.033, 0.036, 1.0, on
+    return 0.03, 0.033, 0.036, 1.0, on * (0.45 + 0.75 * b)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from appocc.camera import Camera
 from appocc.checks import ByteArray, Float32Array, FloatArray
+from appocc.simulation.rendering.compiled import kernel
 from appocc.simulation.rendering.stage import Triangles
 from appocc.simulation.rendering.texture import Texture, label_at
 from appocc.simulation.rendering.tracing import ACTOR, GROUND, SKY
@@ -39,7 +39,7 @@ def ray_matrix(camera: Camera, town_from_ego: FloatArray) -> tuple[Float32Array,
     return matrix.astype(np.float32), town_from_cam[:3, 3].astype(np.float32)
 
 
-@numba.njit(cache=True, nogil=True, fastmath=True)
+@kernel
 def camera_rays(
     pixels: NDArray[np.int32], width_px: int, shift_u: float, shift_v: float, matrix: Float32Array, place: Float32Array
 ) -> tuple[Float32Array, Float32Array]:
@@ -58,7 +58,7 @@ def camera_rays(
     return origins, directions
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def name_pixels(
     distance: Float32Array,
     source: ByteArray,

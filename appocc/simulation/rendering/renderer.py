@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 import time
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Mapping
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from appocc.camera import Camera, CameraRig
-from appocc.checks import ByteArray, Float32Array, FloatArray
+from appocc.checks import BoolArray, ByteArray, Float32Array, FloatArray
 from appocc.simulation.mesh import Material, Mesh, joined
 from appocc.simulation.rendering import lens
+from appocc.simulation.rendering.compiled import kernel
 from appocc.simulation.rendering.lighting import Ego, Lighting, Sky, Standing, narrowed, near_corner, near_light
 from appocc.simulation.rendering.noise import noise_tile
 from appocc.simulation.rendering.rays import GROUND_KINDS, camera_rays, name_pixels, ray_matrix
+from appocc.simulation.rendering.refining import jagged, mirrored_in, mixed_in, off_wet_ground
 from appocc.simulation.rendering.shading import shade, toward_sun
 from appocc.simulation.rendering.stage import Stage
 from appocc.simulation.rendering.texture import textured
@@ -42,7 +43,8 @@ class Renderer:
         self._standing = Standing.of(town, self.tracer)
         self._shown, self._signals = np.zeros(0, np.uint8), np.zeros(0, np.uint8)
         self._sky = Sky.of(WEATHERS["clear"], self._noise)
-        self.cpu_s: Counter[str] = Counter()
+        self.cpu_s: defaultdict[str, float] = defaultdict(float)
+        self.rays: Counter[str] = Counter()
         self.set_moment(joined([]), self._shown, self._signals, WEATHERS["clear"], None)
 
     def set_moment(
@@ -101,14 +103,13 @@ class Renderer:
 
     def _view(self, camera: Camera, town_from_ego: FloatArray, rng: np.random.Generator) -> View:
         shape = (camera.height_px, camera.width_px)
-        count = shape[0] * shape[1]
-        linear, depth = np.empty((count, 3), np.float32), np.empty(count, np.float32)
-        actor, kind = np.empty(count, np.int32), np.empty(count, np.uint8)
+        linear, depth = np.empty((shape[0] * shape[1], 3), np.float32), np.empty(shape[0] * shape[1], np.float32)
+        actor, kind = np.empty(len(depth), np.int32), np.empty(len(depth), np.uint8)
         matrix, place = ray_matrix(camera, town_from_ego)
         ahead = (town_from_ego[:3, :3] @ camera.ego_from_cam[:3, 2]).astype(np.float32)
-        spread = 1.0 / float(camera.intrinsic[0, 0])
-        for start in range(0, count, _CHUNK):
-            rows = slice(start, min(start + _CHUNK, count))
+        rows_at_once = max(_CHUNK // camera.width_px, 1) * camera.width_px
+        for start in range(0, len(depth), rows_at_once):
+            rows = slice(start, min(start + rows_at_once, len(depth)))
             pixels = np.arange(rows.start, rows.stop, dtype=np.int32)
             origins, directions = camera_rays(pixels, camera.width_px, 0.0, 0.0, matrix, place)
             hits = self._met(origins, directions)
@@ -118,12 +119,47 @@ class Renderer:
                 self._texture, GROUND_KINDS, depth[rows], actor[rows], kind[rows],
             )  # fmt: skip
             self.cpu_s["maps"] += time.process_time() - started
-            self._shade(hits, origins, directions, spread, self._light, linear[rows])
+            lit = self._shade(hits, origins, directions, self._spread(camera), self._light, linear[rows])
+            self._refine(camera, matrix, place, linear[rows], hits.source, lit, start)
         started = time.process_time()
-        glow = 0.05 if self._sky.weather.lamps else 0.0
+        glow = 0.05 if self._sky.weather.lamps > 0 else 0.0
         image = lens.photograph(linear.reshape(*shape, 3), self.gains, glow, rng)
         self.cpu_s["lens"] += time.process_time() - started
         return View(image, depth.reshape(shape), actor.reshape(shape), kind.reshape(shape))
+
+    def _refine(
+        self,
+        camera: Camera,
+        matrix: Float32Array,
+        place: Float32Array,
+        linear: Float32Array,
+        source: ByteArray,
+        lit: BoolArray,
+        first_pixel: int,
+    ) -> None:
+        """Smooth the edges in some rows of a picture by more rays there."""
+        started = time.process_time()
+        gain = float(self.gains.mean())
+        pixels = jagged(linear, gain, source, lit, camera.width_px)
+        self.cpu_s["refine"] += time.process_time() - started
+        self.rays["refined"] += len(pixels)
+        self.rays["pixels"] += len(linear)
+        if not len(pixels):
+            return
+        parts = [
+            camera_rays(pixels + np.int32(first_pixel), camera.width_px, u, v, matrix, place) for u, v in _SHIFTS_PX
+        ]
+        origins, directions = (np.concatenate(part) for part in zip(*parts, strict=True))
+        more = np.empty((len(origins), 3), np.float32)
+        for start in range(0, len(origins), _CHUNK):
+            rows = slice(start, start + _CHUNK)
+            hits = self._met(origins[rows], directions[rows])
+            self._shade(hits, origins[rows], directions[rows], self._spread(camera), self._light, more[rows])
+        mixed_in(linear, pixels, more, len(_SHIFTS_PX), 4.0 / gain)
+
+    @staticmethod
+    def _spread(camera: Camera) -> float:
+        return 1.0 / float(camera.intrinsic[0, 0])
 
     def _met(self, origins: Float32Array, directions: Float32Array) -> Hits:
         """What rays meet; faces are numbered as in the stage's triangles."""
@@ -157,18 +193,49 @@ class Renderer:
         spread_rad: float,
         light: Lighting,
         radiance: Float32Array,
-    ) -> None:
-        """Enter the light (N, 3) that comes back along rays."""
-        lit = np.zeros(len(origins), np.bool_)
+    ) -> BoolArray:
+        """Enter the light (N, 3) that comes back along rays; returns (N,) whether the sun shines on what they met."""
+        lit = self._sunny(hits, origins, directions, light)
+        self._light_back(hits, origins, directions, lit, spread_rad, light, radiance)
+        if light.wetness > 0:
+            started = time.process_time()
+            numbers, shares, starts, ways = off_wet_ground(
+                hits.distance_m, hits.source, origins, directions, self._texture, self._noise, float(light.wetness)
+            )
+            self.cpu_s["wet"] += time.process_time() - started
+            image, seen = np.empty((len(numbers), 3), np.float32), self._met(starts, ways)
+            self._light_back(seen, starts, ways, self._sunny(seen, starts, ways, light), 0.02, light, image)
+            mirrored_in(radiance, numbers, shares, image)
+        return lit
+
+    def _sunny(
+        self, hits: Hits, origins: Float32Array, directions: Float32Array, light: Lighting
+    ) -> BoolArray:
+        """(N,) whether the sun shines on what rays met."""
         started = time.process_time()
+        lit = np.zeros(len(origins), np.bool_)
         if light.sun.any():
             numbers, starts = toward_sun(
                 hits.distance_m, hits.source, hits.face, hits.uv, origins, directions, self._stage.triangles, light,
                 lit,
             )  # fmt: skip
+            self.rays["shadow"] += len(numbers)
             lit[numbers] = ~self.tracer.blocked(starts, np.tile(light.sun_to, (len(starts), 1)))
         self.cpu_s["shadow"] += time.process_time() - started
+        return lit
+
+    def _light_back(
+        self,
+        hits: Hits,
+        origins: Float32Array,
+        directions: Float32Array,
+        lit: BoolArray,
+        spread_rad: float,
+        light: Lighting,
+        radiance: Float32Array,
+    ) -> None:
         started = time.process_time()
+        self.rays["shaded"] += len(lit)
         shade(
             hits.distance_m, hits.source, hits.face, hits.uv, origins, directions, lit, spread_rad,
             self._stage.triangles, self._texture, light, self._shown, self._signals, radiance,
@@ -202,7 +269,7 @@ class Renderer:
         )
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _number(source: ByteArray, face: NDArray[np.int32], town_faces: int) -> None:
     """Count the actors' faces on from the town's."""
     for i in range(len(source)):

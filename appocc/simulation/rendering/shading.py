@@ -211,17 +211,18 @@ def _glow(
 ) -> tuple[float, float, float]:
     """Light that a lamp gives off by itself."""
     white = light.white
+    burning = 1.0 if light.lamps > 0 else 0.0
     if material == STREET_LAMP:
-        on = 3.0 * white * light.lamps
+        on = 3.0 * white * burning
         return on, 0.82 * on, 0.55 * on
     if material == SIGNAL:
         return _signal(tag, signals, white)
     bits = shown[tag] if 0 <= tag < len(shown) else _PARKED
     if material == HEAD_LAMP and not bits & _PARKED:
-        on = 3.5 * white * light.lamps
+        on = 3.5 * white * burning
         return on, 0.96 * on, 0.86 * on
     if material == TAIL_LAMP and not bits & _PARKED:
-        on = white * (1.7 if bits & _BRAKE else 0.45 * light.lamps)
+        on = white * (1.7 if bits & _BRAKE else 0.45 * burning)
         return on, 0.05 * on, 0.03 * on
     blinks = (material == INDICATOR_LEFT and bits & _LEFT) or (material == INDICATOR_RIGHT and bits & _RIGHT)
     if blinks:
@@ -300,7 +301,7 @@ def _light_on(
     b = sun * light.sun[2] + open_sky * light.up[2] + street * light.bounce[2]
     if light.lamps > 0 and z < 9.0:
         p, q, s = _lamps_on(light, x, y, z, nx, ny, nz)
-        r, g, b = r + p, g + q, b + s
+        r, g, b = r + light.lamps * p, g + light.lamps * q, b + light.lamps * s
     return r, g, b
 
 

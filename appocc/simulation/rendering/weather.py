@@ -27,7 +27,7 @@ class Weather:
         cloudiness: share of the sky under clouds.
         haze_per_m: share of the light that a metre of air takes away.
         wetness: 0 dry .. 1 puddles.
-        lamps: whether street lamps and the lamps of vehicles are on.
+        lamps: strength of street lamps, vehicles' lamps and lit windows beside the light of the day; 0 with all off.
         white: gains of the cameras' white balance.
         exposure_stops: brighter (+) or darker (-) than the cameras would choose.
     """
@@ -41,74 +41,86 @@ class Weather:
     cloudiness: float
     haze_per_m: float
     wetness: float = 0.0
-    lamps: bool = False
+    lamps: float = 0.0
     white: Colour = (1.0, 1.0, 1.0)
     exposure_stops: float = 0.0
 
 
 _SUN_AZIMUTH_RAD = 3.9
-WEATHERS: Mapping[str, Weather] = MappingProxyType(
-    {
-        weather.name: weather
-        for weather in (
-            Weather(
-                "clear", _SUN_AZIMUTH_RAD, 0.80, (3.0, 2.85, 2.6), (0.16, 0.32, 0.75), (0.62, 0.76, 0.95), 0.35, 0.0008
-            ),
-            Weather(
-                "overcast", _SUN_AZIMUTH_RAD, 0.9, (0.0, 0.0, 0.0), (0.80, 0.84, 0.90), (0.66, 0.70, 0.75), 1.0, 0.0025
-            ),
-            Weather(
-                "low_sun",
-                _SUN_AZIMUTH_RAD,
-                0.19,
-                (2.4, 1.55, 0.85),
-                (0.20, 0.30, 0.52),
-                (0.95, 0.72, 0.50),
-                0.25,
-                0.0022,
-                white=(0.95, 1.0, 1.12),
-            ),
-            Weather(
-                "dusk",
-                _SUN_AZIMUTH_RAD,
-                -0.05,
-                (0.0, 0.0, 0.0),
-                (0.055, 0.085, 0.19),
-                (0.30, 0.20, 0.19),
-                0.4,
-                0.0018,
-                lamps=True,
-                exposure_stops=-0.5,
-            ),
-            Weather(
-                "night",
-                _SUN_AZIMUTH_RAD,
-                -0.6,
-                (0.0, 0.0, 0.0),
-                (0.0035, 0.005, 0.010),
-                (0.016, 0.013, 0.013),
-                0.5,
-                0.0015,
-                lamps=True,
-                white=(0.88, 1.0, 1.2),
-                exposure_stops=-1.2,
-            ),
-            Weather(
-                "wet",
-                _SUN_AZIMUTH_RAD,
-                0.7,
-                (0.0, 0.0, 0.0),
-                (0.48, 0.52, 0.58),
-                (0.42, 0.45, 0.49),
-                1.0,
-                0.005,
-                wetness=1.0,
-                lamps=True,
-                exposure_stops=-0.3,
-            ),
-        )
-    }
+_SKIES = (
+    Weather(
+        "clear",
+        _SUN_AZIMUTH_RAD,
+        0.80,
+        sun=(3.0, 2.85, 2.6),
+        zenith=(0.18, 0.36, 0.80),
+        horizon=(0.66, 0.80, 0.98),
+        cloudiness=0.35,
+        haze_per_m=0.0008,
+    ),
+    Weather(
+        "overcast",
+        _SUN_AZIMUTH_RAD,
+        0.9,
+        sun=(0.0, 0.0, 0.0),
+        zenith=(0.82, 0.86, 0.92),
+        horizon=(0.68, 0.72, 0.78),
+        cloudiness=1.0,
+        haze_per_m=0.0018,
+        exposure_stops=0.35,
+    ),
+    Weather(
+        "low_sun",
+        _SUN_AZIMUTH_RAD,
+        0.19,
+        sun=(2.7, 1.80, 1.0),
+        zenith=(0.22, 0.34, 0.60),
+        horizon=(0.85, 0.66, 0.48),
+        cloudiness=0.25,
+        haze_per_m=0.0013,
+        white=(0.96, 1.0, 1.10),
+        exposure_stops=0.15,
+    ),
+    Weather(
+        "dusk",
+        _SUN_AZIMUTH_RAD,
+        -0.05,
+        sun=(0.0, 0.0, 0.0),
+        zenith=(0.055, 0.085, 0.19),
+        horizon=(0.24, 0.17, 0.17),
+        cloudiness=0.4,
+        haze_per_m=0.0012,
+        lamps=0.45,
+        exposure_stops=-0.9,
+    ),
+    Weather(
+        "night",
+        _SUN_AZIMUTH_RAD,
+        -0.6,
+        sun=(0.0, 0.0, 0.0),
+        zenith=(0.0035, 0.005, 0.010),
+        horizon=(0.016, 0.013, 0.013),
+        cloudiness=0.5,
+        haze_per_m=0.0015,
+        lamps=1.0,
+        white=(0.88, 1.0, 1.2),
+        exposure_stops=-1.1,
+    ),
+    Weather(
+        "wet",
+        _SUN_AZIMUTH_RAD,
+        0.7,
+        sun=(0.0, 0.0, 0.0),
+        zenith=(0.48, 0.52, 0.58),
+        horizon=(0.42, 0.45, 0.49),
+        cloudiness=1.0,
+        haze_per_m=0.003,
+        wetness=1.0,
+        lamps=0.12,
+        exposure_stops=0.3,
+    ),
 )
+WEATHERS: Mapping[str, Weather] = MappingProxyType({weather.name: weather for weather in _SKIES})
 
 
 def drawn(name: str, rng: np.random.Generator) -> Weather:

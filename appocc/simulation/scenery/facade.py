@@ -63,10 +63,12 @@ class Look:
 
 def rectangles(edges: FloatArray, d: float | FloatArray = 0.0) -> FloatArray:
     """(N, 4, 3) upright quads of [s0, s1, z0, z1] (N, 4) that face the street at depth d."""
-    s0, s1, z0, z1 = np.asarray(edges, np.float64).reshape(-1, 4).T
-    depth = np.broadcast_to(d, s0.shape)
-    corners = [[s0, depth, z0], [s1, depth, z0], [s1, depth, z1], [s0, depth, z1]]
-    return np.asarray(np.moveaxis(np.array(corners), -1, 0))
+    edges = np.asarray(edges, np.float64).reshape(-1, 4)
+    quads = np.empty((len(edges), 4, 3))
+    quads[:, :, 0] = edges[:, [0, 1, 1, 0]]
+    quads[:, :, 1] = np.reshape(d, (-1, 1))
+    quads[:, :, 2] = edges[:, [2, 2, 3, 3]]
+    return quads
 
 
 def plain_wall(builder: Builder, place: Place, edges: FloatArray, material: Material, tint: Tint, tag: int) -> None:
@@ -161,22 +163,24 @@ def _pierced(
 
 
 def _reveals(builder: Builder, place: Place, panes: FloatArray, look: Look) -> None:
-    """The sides and the upper edge of each opening, from the wall's face to the pane; and its floor."""
+    """The sides and the upper edge of each opening, from the wall's face to the pane; the lower one is the sill's."""
     s0, s1, z0, z1 = panes.T
     f, b = np.zeros_like(s0), np.full_like(s0, look.recess_m)
     left = [[s0, f, z0], [s0, b, z0], [s0, b, z1], [s0, f, z1]]
     right = [[s1, b, z0], [s1, f, z0], [s1, f, z1], [s1, b, z1]]
     upper = [[s0, b, z1], [s1, b, z1], [s1, f, z1], [s0, f, z1]]
-    lower = [[s0, f, z0], [s1, f, z0], [s1, b, z0], [s0, b, z0]]
-    quads = np.moveaxis(np.array([left, right, upper, lower]), -1, 0)
+    sides = [left, right, upper]
+    if not look.sills:
+        sides.append([[s0, f, z0], [s1, f, z0], [s1, b, z0], [s0, b, z0]])
+    quads = np.moveaxis(np.array(sides), -1, 0)
     builder.quads(place, quads, look.wall, look.wall_tint, look.tag)
 
 
 def _sills(builder: Builder, place: Place, panes: FloatArray, look: Look) -> None:
     s0, s1, z0, _ = panes.T
     low = np.stack([s0 - 0.08, np.full_like(s0, -0.09), z0 - 0.11], axis=1)
-    high = np.stack([s1 + 0.08, np.full_like(s0, 0.02), z0 + 0.01], axis=1)
-    builder.boxes(place, low, high, Material.CONCRETE, look.trim, look.tag, "fdt")
+    high = np.stack([s1 + 0.08, np.full_like(s0, look.recess_m), z0 + 0.005], axis=1)
+    builder.boxes(place, low, high, Material.CONCRETE, look.trim, look.tag, "ft")
 
 
 def band(builder: Builder, place: Place, length_m: float, z_m: float, height_m: float, out_m: float, look: Look) -> None:
@@ -247,10 +251,10 @@ def balconies(builder: Builder, place: Place, s: FloatArray, floors_m: FloatArra
         Material.CONCRETE,
         CONCRETE,
         look.tag,
-        "lrfdt",
+        "lrfd",
     )
     low, high = np.stack([s0, out, z + 0.06], axis=1), np.stack([s1, out + 0.04, z + 1.02], axis=1)
-    builder.boxes(place, low, high, Material.METAL, rail, look.tag, "lrfbt")
+    builder.boxes(place, low, high, Material.METAL, rail, look.tag, "fbt")
     for left in (s0, s1 - 0.04):
         low, high = np.stack([left, out + 0.04, z + 0.06], axis=1), np.stack([left + 0.04, wall, z + 1.02], axis=1)
-        builder.boxes(place, low, high, Material.METAL, rail, look.tag, "lrt")
+        builder.boxes(place, low, high, Material.METAL, rail, look.tag, "lr")

@@ -28,6 +28,7 @@ class Planting:
         bushes: bushes to a tree.
         hedges: share of the front gardens with a hedge or fence.
         conifers: share of conifers.
+        near_m: up to this far from a street trees are seen well; behind terraces they are not.
     """
 
     spacing_m: float
@@ -36,15 +37,15 @@ class Planting:
     bushes: float
     hedges: float
     conifers: float
+    near_m: float
 
 
 PLANTINGS = {
-    "old": Planting(7.5, 0.28, 0.5, 0.5, 0.0, 0.1),
-    "modern": Planting(8.5, 0.3, 0.5, 0.8, 0.1, 0.12),
-    "suburb": Planting(7.0, 0.4, 0.6, 1.0, 0.75, 0.22),
-    "industrial": Planting(11.0, 0.16, 0.3, 0.6, 0.6, 0.2),
+    "old": Planting(7.5, 0.22, 0.36, 0.5, 0.0, 0.1, 9.0),
+    "modern": Planting(8.5, 0.26, 0.36, 0.8, 0.1, 0.12, 12.0),
+    "suburb": Planting(7.5, 0.34, 0.42, 0.9, 0.75, 0.22, 13.0),
+    "industrial": Planting(11.0, 0.16, 0.3, 0.6, 0.6, 0.2, 14.0),
 }
-_NEAR_M = 22.0  # farther from a street trees have less detail
 _VARIANTS = 4
 
 
@@ -54,10 +55,10 @@ def plant(
     """Trees and bushes: copies of a few templates; `street_trees_m` (N, 2) are given, gardens and parks are filled."""
     planting = PLANTINGS[style]
     spots = _garden_spots(site, planting, rng)
-    far = site.ground_at(spots, site.to_road_m) > _NEAR_M
+    far = site.ground_at(spots, site.to_road_m) > planting.near_m
     conifer_share = rng.random(len(spots)) < planting.conifers
     roll = rng.random(len(spots))
-    meshes = _scattered(street_trees_m, (broad,), palette.LEAVES, rng, 1.0, (0.8, 1.05))
+    meshes = _scattered(street_trees_m, (broad,), palette.LEAVES, rng, 2.0, (0.8, 1.05))
     for distant, detail in ((False, 1.0), (True, 0.4)):
         here = far == distant
         leafy = here & ~conifer_share

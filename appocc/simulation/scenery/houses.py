@@ -9,7 +9,7 @@ import numpy as np
 
 from appocc.simulation.mesh import Material
 from appocc.simulation.scenery import palette
-from appocc.simulation.scenery.builder import Builder, Tint
+from appocc.simulation.scenery.builder import UNIT_UV, Builder, Tint
 from appocc.simulation.scenery.facade import (
     Look,
     balconies,
@@ -116,7 +116,8 @@ def _old_front(
 def _plain_side(builder: Builder, span: Span, name: str, look: Look, closed: bool, first_floor: int = 0) -> None:
     """A wall with panes before it, or without if it is closed."""
     place, length = span.side(name)
-    s = np.zeros((0, 2)) if closed else columns(length, look, 0.8)
+    # Backs and sides are seen from afar, through gaps: fewer windows do.
+    s = np.zeros((0, 2)) if closed else columns(length, replace(look, bay_m=1.35 * look.bay_m), 0.8)
     z = window_rows(look.floors_m(first_floor), look, len(s))
     windows_wall(builder, place, length, (0.0, span.eaves_m), s, z, look, False)
 
@@ -135,7 +136,7 @@ def _old_roof(builder: Builder, plot: Plot, main: Span, look: Look, rng: np.rand
         dormers(builder, main, int(plot.width_m / 4.2), pitch, tint, look)
 
 
-def _modern(builder: Builder, plot: Plot, tag: int, rng: np.random.Generator) -> None:
+def _modern(builder: Builder, plot: Plot, tag: int, rng: np.random.Generator, highest: int = 12) -> None:
     office = rng.random() < (0.35 if plot.arterial else 0.12)
     wall = (Material.CONCRETE, Material.PLASTER, Material.BRICK, Material.PLAIN)[int(rng.choice(4, p=(0.2, 0.4, 0.2, 0.2)))]
     tints = {
@@ -156,7 +157,7 @@ def _modern(builder: Builder, plot: Plot, tag: int, rng: np.random.Generator) ->
         sill_m=0.75 if office else 0.55,
         ground_m=float(rng.uniform(3.8, 4.6)),
         storey_m=3.5 if office else float(rng.uniform(2.95, 3.15)),
-        storeys=min(int(high), 5) if plot.width_m < 13 else int(high),
+        storeys=min(int(high), highest, 4 if plot.width_m < 11 else 6 if plot.width_m < 15 else 12),
         recess_m=0.14 if office else 0.22,
         sills=False,
         tag=tag,
@@ -203,16 +204,14 @@ def _accent(builder: Builder, main: Span, look: Look, rng: np.random.Generator) 
     """A stair tower of another colour that stands a little out of the front and above the roof."""
     place, length = main.side("front")
     width = 2.4
-    s = length * float(rng.choice((0.0, 1.0))) - (0.0 if length < 0 else 0.0)
-    s = 0.4 if s < length / 2 else length - width - 0.4
+    s = 0.4 if rng.random() < 0.5 else length - width - 0.4
     other = replace(look, wall=Material.PLAIN, wall_tint=_pick(rng, palette.PANELS))
     top = look.eaves_m + 1.6
     high = [s + width, 2.5, top]
     builder.boxes(place, [s, -0.25, look.ground_m], high, other.wall, other.wall_tint, look.tag, "lrfbdt")
     floors = look.floors_m(1)
     panes = np.stack([np.full_like(floors, s + 0.5), np.full_like(floors, s + width - 0.5), floors + 0.3, floors + 2.6], axis=1)
-    uv = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
-    builder.quads(place, rectangles(panes, -0.28), Material.WINDOW, look.frame, look.tag, uv)
+    builder.quads(place, rectangles(panes, -0.28), Material.WINDOW, look.frame, look.tag, UNIT_UV)
 
 
 def _raised(builder: Builder, span: Span, z_m: float, look: Look) -> None:
@@ -225,8 +224,8 @@ def _raised(builder: Builder, span: Span, z_m: float, look: Look) -> None:
 
 
 def _suburb(builder: Builder, plot: Plot, tag: int, rng: np.random.Generator) -> None:
-    if plot.arterial and rng.random() < 0.12 and not plot.backland:
-        _modern(builder, replace(plot, arterial=False), tag, rng)
+    if plot.arterial and plot.width_m > 11 and rng.random() < 0.15 and not plot.backland:
+        _modern(builder, replace(plot, arterial=False), tag, rng, 3)
         return
     kind = int(rng.integers(3))
     wall = (Material.PLASTER, Material.BRICK, Material.PLAIN)[kind]
@@ -325,7 +324,7 @@ def _garage(builder: Builder, span: Span, look: Look, pitch_rad: float, tint: Ti
 
 
 def _industrial(builder: Builder, plot: Plot, tag: int, rng: np.random.Generator) -> None:
-    wall = (Material.METAL, Material.CONCRETE, Material.BRICK)[int(rng.choice(3, p=(0.5, 0.25, 0.25)))]
+    wall = (Material.METAL, Material.CONCRETE, Material.BRICK)[int(rng.choice(3, p=(0.55, 0.3, 0.15)))]
     tints = palette.BRICKS if wall == Material.BRICK else palette.HALLS
     look = Look(
         wall=wall,
@@ -356,9 +355,26 @@ def _industrial(builder: Builder, plot: Plot, tag: int, rng: np.random.Generator
     windows_wall(builder, place, length, (0.0, look.eaves_m), s, z, look, not plot.backland, doors)
     for name in ("right", "back", "left"):
         _plain_side(builder, main, name, look, False)
+    if not plot.backland:
+        _hall_ribs(builder, main, look, rng)
     _hall_roof(builder, main, look, rng)
     if office:
         _office(builder, plot, look, rng)
+
+
+def _hall_ribs(builder: Builder, main: Span, look: Look, rng: np.random.Generator) -> None:
+    """A plinth, a coloured band under the eaves, and posts that divide the walls."""
+    stripe = _pick(rng, palette.AWNINGS + palette.METALS)
+    for name in _SIDES:
+        place, length = main.side(name)
+        s = columns(length, look)
+        builder.boxes(place, [-0.06, -0.06, 0.0], [length + 0.06, 0.0, 0.55], Material.CONCRETE, palette.CONCRETE, look.tag, "lrft")
+        low = [-0.05, -0.05, look.eaves_m - 0.9], [length + 0.05, 0.0, look.eaves_m - 0.25]
+        builder.boxes(place, *low, Material.PLAIN, stripe, look.tag, "lrfdt")
+        if len(s) > 1:
+            between = (s[1:, 0] + s[:-1, 1]) / 2
+            low = np.stack([between - 0.15, np.full_like(between, -0.12), np.zeros_like(between)], axis=1)
+            builder.boxes(place, low, low + [0.3, 0.12, look.eaves_m], look.wall, look.wall_tint, look.tag, "lrf")
 
 
 def _hall_roof(builder: Builder, main: Span, look: Look, rng: np.random.Generator) -> None:

@@ -79,7 +79,7 @@ def _blob(rng: np.random.Generator, centre: FloatArray, radii: FloatArray, level
 def _tufts(rng: np.random.Generator, count: int, centre: FloatArray, radii: FloatArray, size_m: float) -> Mesh:
     """Twigs with leaves on the surface of a crown: quads at random angles, lit as the crown is."""
     out = rng.normal(size=(count, 3))
-    out[:, 2] = np.abs(out[:, 2]) - 0.45 * rng.random(count)
+    out[:, 2] = np.abs(out[:, 2]) * np.where(rng.random(count) < 0.25, -0.7, 1.0)
     out /= np.linalg.norm(out, axis=1, keepdims=True)
     middle = centre + out * radii * rng.uniform(0.86, 1.1, (count, 1))
     facing = out + 0.9 * rng.normal(size=(count, 3))
@@ -108,20 +108,21 @@ def _tree(parts: list[Mesh]) -> Tree:
 
 
 def broad(seed: int, detail: float = 1.0) -> Tree:
-    """A tree with a round, open crown, about 8 m high."""
+    """A tree with a round, open crown, about 8 m high; detail 2 for those that are passed closely."""
     rng = np.random.default_rng([seed, 1])
     fork = np.array([0.0, 0.0, 2.6])
     parts = [_limb(np.zeros(3), fork, (0.2, 0.13), 6)]
     middle = np.array([rng.uniform(-0.2, 0.2), rng.uniform(-0.2, 0.2), rng.uniform(5.1, 5.6)])
-    radii = np.array([2.3, 2.3, rng.uniform(2.1, 2.6)]) * rng.uniform(0.9, 1.1, 3)
-    parts.append(_blob(rng, middle, radii * 0.92, 1 if detail > 0.5 else 0))
-    parts.append(_tufts(rng, round(34 * detail), middle, radii, 0.75))
+    radii = np.array([2.2, 2.2, rng.uniform(2.0, 2.5)]) * rng.uniform(0.9, 1.1, 3)
+    fine = detail**-0.4
+    parts.append(_blob(rng, middle, radii * 0.88, 1 if detail > 0.5 else 0, 0.2))
+    parts.append(_tufts(rng, round(42 * detail), middle, radii, 0.58 * fine))
     turn = rng.uniform(0, 2 * np.pi)
     for k in range(3 if detail > 0.5 else 1):
         angle = turn + k * 2.1 + rng.uniform(-0.4, 0.4)
-        side = np.array([np.cos(angle) * 1.6, np.sin(angle) * 1.6, rng.uniform(4.1, 5.0)])
-        small = rng.uniform(1.0, 1.35) * np.array([1.0, 1.0, 0.85])
-        parts += [_blob(rng, side, small, 0, 0.1), _tufts(rng, round(8 * detail), side, small, 0.6)]
+        side = np.array([np.cos(angle) * 1.6, np.sin(angle) * 1.6, rng.uniform(4.0, 5.0)])
+        lump = rng.uniform(1.0, 1.35) * np.array([1.0, 1.0, 0.85])
+        parts += [_blob(rng, side, lump * 0.9, 0, 0.15), _tufts(rng, round(11 * detail), side, lump, 0.48 * fine)]
         parts.append(_limb(fork - [0, 0, 0.3], side, (0.1, 0.04), 3))
     return _tree(parts)
 
@@ -131,7 +132,7 @@ def columnar(seed: int, detail: float = 1.0) -> Tree:
     rng = np.random.default_rng([seed, 2])
     middle, radii = np.array([0.0, 0.0, 5.3]), np.array([1.25, 1.25, 3.9]) * rng.uniform(0.9, 1.1, 3)
     parts = [_limb(np.zeros(3), np.array([0.0, 0.0, 2.2]), (0.16, 0.12)), _blob(rng, middle, radii * 0.94, 1, 0.12)]
-    return _tree([*parts, _tufts(rng, round(32 * detail), middle, radii, 0.55)])
+    return _tree([*parts, _tufts(rng, round(32 * detail), middle, radii, 0.42)])
 
 
 def conifer(seed: int, detail: float = 1.0) -> Tree:
@@ -160,7 +161,7 @@ def small(seed: int, detail: float = 1.0) -> Tree:
     rng = np.random.default_rng([seed, 4])
     middle, radii = np.array([0.0, 0.0, 3.0]), np.array([1.45, 1.45, 1.4]) * rng.uniform(0.88, 1.12, 3)
     parts = [_limb(np.zeros(3), np.array([0.0, 0.0, 2.0]), (0.1, 0.07)), _blob(rng, middle, radii * 0.9, 1)]
-    return _tree([*parts, _tufts(rng, round(22 * detail), middle, radii, 0.5)])
+    return _tree([*parts, _tufts(rng, round(26 * detail), middle, radii, 0.38)])
 
 
 def bush(seed: int) -> Tree:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numba
@@ -18,6 +19,7 @@ from appocc.simulation.truth.objects import Objects
 
 ROAD_SHARE = VEHICLE_SHARE = 0.5
 LANE_SHARE = 0.2
+_FINE = 12
 # A box whose side runs along the middle of cells covers half of each, give or take rounding.
 _ROUNDING = 1e-9
 _FLAGS = surface_table(ROAD_SURFACES).astype(np.uint8) + 2 * surface_table(LANE_SURFACES).astype(np.uint8)
@@ -43,9 +45,7 @@ class Occupancy:
             frozen(array)
 
 
-def occupancy(
-    ground: Ground, grid: BEVGrid, town_from_ego: FloatArray, objects: Objects, samples: int = 5
-) -> Occupancy:
+def occupancy(ground: Ground, grid: BEVGrid, town_from_ego: FloatArray, objects: Objects) -> Occupancy:
     """The layers of a moment.
 
     Args:
@@ -53,55 +53,74 @@ def occupancy(
         grid: cells in the ego frame.
         town_from_ego: (4, 4) pose; the ego stands upright on z = 0.
         objects: actors around the ego, the ego left out; those of the class vehicle count.
-        samples: looks at the ground along each side of a cell.
     """
-    road, lane, known = ground_shares(ground, grid, town_from_ego, samples)
+    road, lane, known = ground_shares(ground, grid, town_from_ego)
     vehicle = vehicle_cells(grid, town_from_ego, objects)
     layers, valid = np.zeros((3, *grid.shape), np.float32), np.ones((3, *grid.shape), np.bool_)
-    layers[ROAD] = (road >= ROAD_SHARE) & known
-    layers[LANE] = (lane >= LANE_SHARE) & known
+    layers[ROAD] = (road >= ROAD_SHARE - _ROUNDING) & known
+    layers[LANE] = (lane >= LANE_SHARE - _ROUNDING) & known
     layers[VEHICLE] = vehicle >= 0
     valid[[ROAD, LANE]] = known
     return Occupancy(layers, valid, vehicle)
 
 
 def ground_shares(
-    ground: Ground, grid: BEVGrid, town_from_ego: FloatArray, samples: int = 5
-) -> tuple[Float32Array, Float32Array, BoolArray]:
-    """Shares of road and of lane markings in each cell, both (X, Y) float32, and whether it lies on the ground."""
-    turn, step = town_from_ego[:2, :2], grid.cell_m / samples
-    first = turn @ (np.array([grid.x_min_m, grid.y_min_m]) + step / 2) + town_from_ego[:2, 3]
-    steps = turn * (step / CELL_M)
-    x, y = grid.shape
-    return _shares(ground.label, _FLAGS, (first - ground.low_m) / CELL_M, np.ascontiguousarray(steps), x, y, samples)
+    ground: Ground, grid: BEVGrid, town_from_ego: FloatArray, fine: int = _FINE
+) -> tuple[FloatArray, FloatArray, BoolArray]:
+    """Shares of road and of lane markings in each cell, both (X, Y), and whether all of it lies on the ground.
+
+    Args:
+        ground: labels of the town's ground.
+        grid: cells in the ego frame.
+        town_from_ego: (4, 4) pose.
+        fine: looks along each side of a cell that holds more than one thing.
+    """
+    turn = town_from_ego[:2, :2]
+    corner = turn @ np.array([grid.x_min_m, grid.y_min_m]) + town_from_ego[:2, 3] - ground.low_m
+    cell = np.ascontiguousarray(turn * (grid.cell_m / CELL_M))
+    # A coarse look must not step over a line: more than one look a label.
+    coarse = max(math.ceil(grid.cell_m / CELL_M) + 1, 2)
+    return _shares(ground.label, _FLAGS, corner / CELL_M, cell, *grid.shape, coarse, max(fine, coarse))
 
 
 @numba.njit(cache=True, nogil=True)
 def _shares(
-    label: ByteArray, flags: ByteArray, first: FloatArray, steps: FloatArray, x: int, y: int, samples: int
-) -> tuple[Float32Array, Float32Array, BoolArray]:
-    """Count labels at samples x samples points of each cell; `first` and `steps` (2, 2) in units of labels."""
-    high, wide = label.shape
-    road, lane = np.zeros((x, y), np.float32), np.zeros((x, y), np.float32)
+    label: ByteArray, flags: ByteArray, corner: FloatArray, cell: FloatArray, x: int, y: int, coarse: int, fine: int
+) -> tuple[FloatArray, FloatArray, BoolArray]:
+    """Shares of flags 1 and 2 in cells; `corner` (2,) and `cell` (2, 2; a column an axis) in units of labels."""
+    road, lane = np.zeros((x, y), np.float64), np.zeros((x, y), np.float64)
     known = np.ones((x, y), np.bool_)
-    share = 1.0 / (samples * samples)
     for i in range(x):
         for j in range(y):
-            on_road, on_lane = 0, 0
-            for k in range(samples):
-                ahead = i * samples + k
-                for m in range(samples):
-                    left = j * samples + m
-                    east = first[0] + steps[0, 0] * ahead + steps[0, 1] * left
-                    north = first[1] + steps[1, 0] * ahead + steps[1, 1] * left
-                    if 0 <= east < wide and 0 <= north < high:
-                        flag = flags[label[int(north), int(east)]]
-                        on_road += flag & 1
-                        on_lane += flag >> 1
-                    else:
-                        known[i, j] = False
-            road[i, j], lane[i, j] = on_road * share, on_lane * share
+            count = coarse * coarse
+            on_road, on_lane, inside = _count(label, flags, corner, cell, i, j, coarse)
+            if inside and (0 < on_road < count or 0 < on_lane < count):
+                count = fine * fine
+                on_road, on_lane, inside = _count(label, flags, corner, cell, i, j, fine)
+            road[i, j], lane[i, j], known[i, j] = on_road / count, on_lane / count, inside
     return road, lane, known
+
+
+@numba.njit(cache=True, nogil=True)
+def _count(
+    label: ByteArray, flags: ByteArray, corner: FloatArray, cell: FloatArray, i: int, j: int, samples: int
+) -> tuple[int, int, bool]:
+    """How many of samples x samples points of a cell have flag 1 and flag 2, and whether all lie on the ground."""
+    high, wide = label.shape
+    on_road, on_lane, inside = 0, 0, True
+    for k in range(samples):
+        ahead = i + (k + 0.5) / samples
+        for m in range(samples):
+            left = j + (m + 0.5) / samples
+            east = corner[0] + cell[0, 0] * ahead + cell[0, 1] * left
+            north = corner[1] + cell[1, 0] * ahead + cell[1, 1] * left
+            if 0 <= east < wide and 0 <= north < high:
+                flag = flags[label[int(north), int(east)]]
+                on_road += flag & 1
+                on_lane += flag >> 1
+            else:
+                inside = False
+    return on_road, on_lane, inside
 
 
 def vehicle_cells(grid: BEVGrid, town_from_ego: FloatArray, objects: Objects) -> NDArray[np.int32]:
@@ -111,20 +130,16 @@ def vehicle_cells(grid: BEVGrid, town_from_ego: FloatArray, objects: Objects) ->
     outlines = vehicles.footprints() @ ego_from_town[:2, :2].T + ego_from_town[:2, 3]
     best = np.full(grid.shape, VEHICLE_SHARE - _ROUNDING)
     owner = np.full(grid.shape, -1, np.int32)
+    corner = np.array([grid.x_min_m, grid.y_min_m])
     for number, outline in zip(vehicles.number, outlines, strict=True):
         low = np.clip(grid.cell_of(outline.min(axis=0)), 0, grid.shape)
         high = np.clip(grid.cell_of(outline.max(axis=0)) + 1, 0, grid.shape)
         if (high <= low).any():
             continue
+        # Only the cells around it, counted from `low`.
+        around = BEVGrid(0.0, float(high[0] - low[0]), 0.0, float(high[1] - low[1]), 1.0)
+        cover = polygon_cover(around, (outline - corner) / grid.cell_m - low)
         window = np.s_[low[0] : high[0], low[1] : high[1]]
-        cover = polygon_cover(_part(grid, low, high), outline)
         more = cover > best[window]
         best[window][more], owner[window][more] = cover[more], number
     return owner
-
-
-def _part(grid: BEVGrid, low: NDArray[np.int64], high: NDArray[np.int64]) -> BEVGrid:
-    """The cells from `low` to before `high` as a grid of its own."""
-    c = grid.cell_m
-    x0, y0 = float(grid.x_min_m + low[0] * c), float(grid.y_min_m + low[1] * c)
-    return BEVGrid(x0, x0 + float(high[0] - low[0]) * c, y0, y0 + float(high[1] - low[1]) * c, c)

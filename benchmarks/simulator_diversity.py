@@ -1,0 +1,114 @@
+"""What is in a simulated dataset: how many vehicles, how far, which way, which colour, how visible; class shares.
+
+    python -m benchmarks.simulator_diversity ROOT
+
+Prints the tables of docs/simulator.md as Markdown. ROOT is a folder that `appocc simulate` made.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from appocc.bevmap import CLASSES, load_map
+from appocc.nuscenes import Dataset
+from appocc.nuscenes.records import Sample
+
+DISTANCES_M = (0, 10, 20, 30, 40, 60, 80)
+HEADINGS = ("same way", "from the left", "oncoming", "from the right")
+NEAR_M = 40.0
+BAR = 40
+
+
+@dataclass
+class Counts:
+    """What was counted over all samples; vehicles are those of the class vehicle."""
+
+    near: list[int] = field(default_factory=list)
+    distance: Counter[str] = field(default_factory=Counter)
+    heading: Counter[str] = field(default_factory=Counter)
+    colour: Counter[str] = field(default_factory=Counter)
+    visibility: Counter[str] = field(default_factory=Counter)
+    category: Counter[str] = field(default_factory=Counter)
+    shares: list[np.ndarray] = field(default_factory=list)
+
+
+def main(root: Path) -> None:
+    dataset = Dataset(root)
+    paints = dataset.tables["paint"]
+    tokens = [token.decode() for token in paints.array("instance_token")]
+    colours = dict(zip(tokens, paints["name"], strict=True))
+    levels = {"1": "0-40 %", "2": "40-60 %", "3": "60-80 %", "4": "80-100 %"}
+    counts = Counts()
+    for scene in dataset.scenes:
+        for sample in dataset.samples(scene):
+            add(counts, dataset, sample, colours, levels)
+    print(f"{len(dataset.scenes)} scenes, {len(counts.near)} samples.\n")
+    near = np.array(counts.near)
+    groups = Counter(f"{low}-{low + 4}" for low in (near // 5 * 5).tolist())
+    show(f"vehicles within {NEAR_M:.0f} m (median {np.median(near):.0f})", groups, sorted(groups, key=first_number))
+    show("distance of vehicles, m", counts.distance, sorted(counts.distance, key=first_number))
+    show("heading of vehicles within 40 m, against the ego's", counts.heading, HEADINGS)
+    show("true colour of vehicles", counts.colour, [name for name, _ in counts.colour.most_common()])
+    show("visibility of vehicles within 40 m", counts.visibility, list(levels.values()))
+    show("annotations", counts.category, [name for name, _ in counts.category.most_common()])
+    means = np.mean(counts.shares, axis=0)
+    print("| class | share of the cells |\n|---|---|")
+    for name, mean in zip(CLASSES, means, strict=True):
+        print(f"| {name} | {mean:.1%} |")
+
+
+def add(
+    counts: Counts, dataset: Dataset, sample: Sample, colours: Mapping[str, str], levels: Mapping[str, str]
+) -> None:
+    """Count what is in a sample."""
+    boxes = dataset.boxes_world(sample)
+    counts.category.update(boxes.category)
+    vehicles = boxes.vehicles()
+    pose = dataset.world_from_ego(sample)
+    offset = vehicles.centre_m[:, :2] - pose[:2, 3]
+    away = np.hypot(*offset.T)
+    counts.near.append(int((away <= NEAR_M).sum()))
+    bins = np.digitize(away, DISTANCES_M) - 1
+    counts.distance.update(f"{DISTANCES_M[i]}-{DISTANCES_M[i + 1]}" for i in bins if i + 1 < len(DISTANCES_M))
+    yaw = np.arctan2(vehicles.rotation[:, 1, 0], vehicles.rotation[:, 0, 0]) - np.arctan2(pose[1, 0], pose[0, 0])
+    # A vehicle that heads to the right (-90 degrees) comes from the left.
+    quarter = np.round(-yaw[away <= NEAR_M] / (np.pi / 2)).astype(int) % 4
+    counts.heading.update(HEADINGS[i] for i in quarter)
+    counts.colour.update(colours[token] for token in vehicles.instance)
+    annotations = visibility_of(dataset, sample)
+    counts.visibility.update(
+        levels[annotations[token]] for token, far in zip(vehicles.instance, away, strict=True) if far <= NEAR_M
+    )
+    counts.shares.append(load_map(dataset.root, "exact", sample.token).occupancy.mean(axis=(1, 2)))
+
+
+def visibility_of(dataset: Dataset, sample: Sample) -> dict[str, str]:
+    """Visibility token by instance token."""
+    table = dataset.tables["sample_annotation"]
+    rows = table.groups("sample_token").rows(sample.token)
+    instances, tokens = table.array("instance_token"), table.array("visibility_token")
+    return {instances[row].decode(): tokens[row].decode() for row in rows}
+
+
+def first_number(label: str) -> int:
+    return int(label.split("-")[0])
+
+
+def show(title: str, counts: Mapping[str, int], order: Sequence[str]) -> None:
+    """A table with a bar a row."""
+    total = max(sum(counts.values()), 1)
+    print(f"| {title} | share | |\n|---|---|---|")
+    for label in order:
+        share = counts.get(label, 0) / total
+        print(f"| {label} | {share:.1%} | {'#' * round(share * BAR)} |")
+    print()
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))

@@ -1,0 +1,145 @@
+"""Recorded traffic: asked at any time, saved, and read again."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from appocc.errors import DataError, ShapeError
+from appocc.simulation.traffic import Actor, Light, TrafficLog
+from appocc.simulation.traffic_files import load_traffic, save_traffic
+
+
+def _log(steps: int = 40) -> TrafficLog:
+    """One that drives a curve, one that comes late and leaves early, one that is parked, one that walks."""
+    rng = np.random.default_rng(3)
+    t = np.arange(steps) * 0.2
+    xy = np.full((steps, 4, 2), np.nan, np.float32)
+    yaw = np.full((steps, 4), np.nan, np.float32)
+    turn = np.pi - 0.4 + 0.1 * t
+    xy[:, 0], yaw[:, 0] = np.stack([8 * t, -3 * t], axis=1) + 400, np.mod(turn + np.pi, 2 * np.pi) - np.pi
+    xy[5:30, 1], yaw[5:30, 1] = np.stack([-20 * t, t**2], axis=1)[5:30], -1.0
+    xy[:, 2], yaw[:, 2] = (12.3, -45.6), 2.0
+    xy[:, 3], yaw[:, 3] = np.stack([t, 0 * t], axis=1), 0.0
+    lights = rng.choice([0, int(Light.BRAKE), int(Light.LEFT)], (steps, 4)).astype(np.uint8)
+    lights[:, 2] = int(Light.PARKED)
+    lights[~np.isfinite(yaw)] = 0
+    actors = (
+        Actor("car_0", "car", "sedan", (4.6, 1.83, 1.45)),
+        Actor("bus_0", "bus", "bus", (11.5, 2.5, 3.2)),
+        Actor("parked_0", "van", "van", (5.2, 2.0, 2.2)),
+        Actor("pedestrian_0", "pedestrian", "adult", (0.5, 0.6, 1.8)),
+    )
+    letters = rng.choice(np.frombuffer(b"ryGg", np.uint8), (steps, 3)).astype(np.uint8)
+    return TrafficLog(0.2, actors, xy, yaw, lights, ("j/0", "j/1", "k/0"), letters)
+
+
+def test_a_step_is_given_as_it_was_recorded() -> None:
+    log = _log()
+    moment = log.at(2.0)
+    np.testing.assert_array_equal(moment.index, [0, 1, 2, 3])
+    np.testing.assert_allclose(moment.xy_m, log.xy_m[10], atol=1e-4)
+    np.testing.assert_allclose(moment.velocity_mps[0], [8, -3], atol=1e-2)
+    np.testing.assert_array_equal(moment.signals, log.signals[10])
+    assert moment.lights[2] == Light.PARKED
+
+
+def test_between_two_steps_headings_turn_the_short_way_round() -> None:
+    log = _log()
+    step = int(np.flatnonzero(np.abs(np.diff(log.yaw_rad[:, 0])) > 3)[0])  # from +pi to -pi
+    yaw = log.at((step + 0.25) * 0.2).yaw_rad[0]
+    expected = log.yaw_rad[step, 0] + 0.25 * 0.02
+    np.testing.assert_allclose(np.cos(yaw - expected), 1.0, atol=1e-7)
+
+
+def test_who_is_absent_at_either_step_is_left_out() -> None:
+    log = _log()
+    assert 1 not in log.at(0.9).index  # comes at step 5
+    assert 1 in log.at(1.0).index
+    assert 1 not in log.at(5.9).index
+
+
+@pytest.mark.parametrize("time_s", [-0.1, 8.0, float("nan")])
+def test_times_outside_are_refused(time_s: float) -> None:
+    with pytest.raises(ShapeError, match="expected a time within"):
+        _log().at(time_s)
+
+
+def test_the_last_moment_can_be_asked_for() -> None:
+    log = _log()
+    np.testing.assert_allclose(log.at(log.duration_s).xy_m[0], log.xy_m[-1, 0], atol=1e-3)
+
+
+def test_arrays_must_fit() -> None:
+    log = _log()
+    with pytest.raises(ShapeError, match="yaw_rad"):
+        TrafficLog(0.2, log.actors, log.xy_m, log.yaw_rad[:, :2], log.lights, log.signal_links, log.signals)
+
+
+def test_a_log_survives_its_file(tmp_path: Path) -> None:
+    log, file = _log(), tmp_path / "a.traffic.npz"
+    save_traffic(file, log)
+    again = load_traffic(file)
+    assert (again.actors, again.signal_links, again.step_s) == (log.actors, log.signal_links, log.step_s)
+    np.testing.assert_array_equal(np.isfinite(again.xy_m), np.isfinite(log.xy_m))
+    np.testing.assert_allclose(again.xy_m, log.xy_m, atol=0.0051)
+    turn = np.mod(again.yaw_rad - log.yaw_rad + np.pi, 2 * np.pi) - np.pi
+    assert np.nanmax(np.abs(turn)) <= np.deg2rad(0.126)
+    np.testing.assert_array_equal(again.lights, log.lights)
+    np.testing.assert_array_equal(again.signals, log.signals)
+
+
+def test_the_same_log_gives_the_same_bytes(tmp_path: Path) -> None:
+    save_traffic(tmp_path / "a.npz", _log())
+    save_traffic(tmp_path / "b.npz", _log())
+    assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
+
+
+def test_a_log_of_parked_cars_only(tmp_path: Path) -> None:
+    log = _log()
+    parked = TrafficLog(
+        0.2, log.actors[2:3], log.xy_m[:, 2:3], log.yaw_rad[:, 2:3], log.lights[:, 2:3], (), log.signals[:, :0]
+    )
+    save_traffic(tmp_path / "p.npz", parked)
+    np.testing.assert_allclose(load_traffic(tmp_path / "p.npz").xy_m, parked.xy_m, atol=0.0051)
+
+
+def test_who_comes_back_cannot_be_saved(tmp_path: Path) -> None:
+    log = _log()
+    xy = log.xy_m.copy()
+    xy[15, 1] = np.nan
+    broken = TrafficLog(0.2, log.actors, xy, log.yaw_rad, log.lights, log.signal_links, log.signals)
+    with pytest.raises(DataError, match="bus_0"):
+        save_traffic(tmp_path / "b.npz", broken)
+    assert not list(tmp_path.iterdir())
+
+
+def test_damaged_files_get_one_line(tmp_path: Path) -> None:
+    file = tmp_path / "a.npz"
+    save_traffic(file, _log())
+    good = file.read_bytes()
+    foreign = io.BytesIO()
+    np.savez(foreign, a=np.zeros(3))
+    swapped = bytearray(good)
+    swapped[len(good) // 3] ^= 0xFF
+    for data in (b"", b"hello", good[: len(good) // 2], foreign.getvalue(), bytes(swapped)):
+        file.write_bytes(data)
+        with pytest.raises(DataError, match=r"a\.npz") as caught:
+            load_traffic(file)
+        assert "\n" not in str(caught.value)
+    with pytest.raises(DataError, match="cannot be read"):
+        load_traffic(tmp_path / "none.npz")
+
+
+def test_parts_that_do_not_fit_together_are_refused(tmp_path: Path) -> None:
+    file = tmp_path / "a.npz"
+    save_traffic(file, _log())
+    with np.load(file) as archive:
+        arrays = dict(archive)
+    arrays["spans"] = arrays["spans"] + np.array([0, 1], np.int32)
+    np.savez_compressed(file, **arrays)  # type: ignore[arg-type]
+    with pytest.raises(DataError, match="no recorded traffic"):
+        load_traffic(file)
