@@ -36,6 +36,7 @@ from appocc.simulation.plan import TownPlan
 from appocc.simulation.surface import CELL_M, ROAD_SURFACES, Ground, Surface, surface_table
 
 RIM_M = 0.5
+# Two and a half pixels of CARLA's; our edge lines lie 0.2 m beside the lane's edge, theirs on it.
 TOLERANCE_M = 0.5
 _TOWNS = tuple(f"Town0{k}" for k in range(1, 7))
 _LINES = (Surface.LINE_WHITE, Surface.LINE_YELLOW)
@@ -98,7 +99,8 @@ def compare(town: str, data: Path, folder: Path) -> str:
     high, wide = (size * CELL_M for size in ground.label.shape)
     return (
         f"{town}  {wide:4.0f} x {high:3.0f} m  {took_s:4.1f} s   road IoU {iou(road, raster.road):.3f}, "
-        f"without CARLA's rim {iou(road, rimless):.3f}   lines within {TOLERANCE_M} m: hit {hit:.2f}, found {found:.2f}"
+        f"without CARLA's rim {iou(road, rimless):.3f}   "
+        f"lines within {TOLERANCE_M} m: hit {hit:.2f}, found {found:.2f}"
     )
 
 

@@ -2,9 +2,9 @@
 
 Run: python -m benchmarks.simulator_truth [--town NAME ...] [--frames 6]
 Three figures over frames of built-in towns: (a) the rectangle around a projected 3D box against that of the vehicle's
-pixels, for vehicles in full view of at least 12 pixels; (b) depth of LiDAR points without noise against the depth of
-a picture of 1920x1080 pixels taken from the LiDAR's place, away from edges; (c) cells of the layer vehicle against
-the outlines of the vehicles' meshes from above.
+pixels, for vehicles in full view of at least 12 pixels, and that of the projected mesh, as a box has corners where a
+car has none; (b) depth of LiDAR points without noise against that of a picture of 1920x1080 pixels taken from the
+LiDAR's place, away from edges; (c) cells of the layer vehicle against the outlines of the meshes from above.
 """
 
 from __future__ import annotations
@@ -22,10 +22,11 @@ from appocc.checks import BoolArray, FloatArray
 from appocc.geometry import apply, inverse, transform
 from appocc.grid import BEVGrid
 from appocc.rigs import read_rig
-from appocc.simulation.actors import assemble, paints_of
+from appocc.simulation.actors.assembling import assemble
+from appocc.simulation.actors.paint import paints_of
 from appocc.simulation.mesh import Mesh
 from appocc.simulation.rendering.lidar import EGO_FROM_LIDAR, Sweep, sweep
-from appocc.simulation.rendering.renderer import Ego
+from appocc.simulation.rendering.lighting import Ego
 from appocc.simulation.rendering.tracing import TOWN, Tracer
 from appocc.simulation.rendering.views import View
 from appocc.simulation.rendering.weather import WEATHERS
@@ -47,9 +48,9 @@ class Frame(NamedTuple):
     tracer: Tracer
 
 
-def box_ious(frame: Frame, rig: CameraRig, views: Mapping[str, View]) -> list[float]:
-    """IoU of the rectangles around projected corners and around pixels, of vehicles in full view."""
-    found: list[float] = []
+def box_ious(frame: Frame, rig: CameraRig, views: Mapping[str, View]) -> list[tuple[float, float]]:
+    """IoU of the rectangle around the pixels of each vehicle in full view with those around its box and its mesh."""
+    found: list[tuple[float, float]] = []
     vehicles = frame.objects.select(frame.objects.are_vehicles())
     for camera in rig:
         alone = CameraRig((camera,))
@@ -61,10 +62,13 @@ def box_ious(frame: Frame, rig: CameraRig, views: Mapping[str, View]) -> list[fl
                 continue
             row, column = np.nonzero(actor == number)
             if not len(row):
-                found.append(0.0)
+                found.append((0.0, 0.0))
                 continue
             pixels = np.array([[column.min() - 0.5, row.min() - 0.5], [column.max() + 0.5, row.max() + 0.5]])
-            found.append(rectangle_iou(np.array([uv.min(axis=0), uv.max(axis=0)]), pixels))
+            mesh = frame.mesh.vertices_m[frame.mesh.faces[frame.mesh.tag == number]].reshape(-1, 3)
+            shape, _ = camera.project_ego(apply(inverse(frame.pose), mesh.astype(np.float64)))
+            box, hull = (np.array([points.min(axis=0), points.max(axis=0)]) for points in (uv, shape))
+            found.append((rectangle_iou(box, pixels), rectangle_iou(hull, pixels)))
     return found
 
 
@@ -141,26 +145,24 @@ def mask_iou(one: BoolArray, two: BoolArray) -> tuple[int, int]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--town", action="append", default=[], help="built-in town or map file; all where left out")
+    parser.add_argument("--town", action="append", default=[], help="built-in town; all where left out")
     parser.add_argument("--frames", type=int, default=6, help="frames of each town")
     parser.add_argument("--rig", default="paper")
-    parser.add_argument("--folder", type=Path, default=Path("towns"), help="where map files were prepared")
     arguments = parser.parse_args()
     rig = read_rig(arguments.rig)
-    ious: list[float] = []
+    ious: list[tuple[float, float]] = []
     errors: list[FloatArray] = []
     cells = np.zeros(2, np.int64)
     for source in town_sources("all", arguments.town):
-        for frame, views, found, camera, view in _frames(source, arguments.folder, arguments.frames, rig):
+        for frame, views, found, camera, view in _frames(source, arguments.frames, rig):
             ious += box_ious(frame, rig, views)
             errors.append(depth_errors(found, camera, view))
             grid = BEVGrid.surround()
             cells += mask_iou(vehicle_cells(grid, frame.pose, frame.objects) >= 0, silhouettes(grid, frame) >= 0)
         print(f"{source.name}: done", flush=True)
     error = np.abs(np.concatenate(errors))
-    print(
-        f"(a) boxes: median IoU {np.median(ious):.3f} of {len(ious)} vehicles, 10 % below {np.quantile(ious, 0.1):.3f}"
-    )
+    box, shape = np.median(ious, axis=0)
+    print(f"(a) boxes: median IoU {box:.3f} of {len(ious)} vehicles; {shape:.3f} of what is in the box")
     print(
         f"(b) LiDAR: {100 * (error < 0.01).mean():.2f} % of {len(error)} points within 1 cm of the picture's depth, "
         f"median {1000 * np.median(error):.2f} mm, 99 % within {1000 * np.quantile(error, 0.99):.1f} mm"
@@ -169,12 +171,12 @@ def main() -> None:
 
 
 def _frames(
-    source: TownSource, folder: Path, count: int, rig: CameraRig
+    source: TownSource, count: int, rig: CameraRig
 ) -> Iterator[tuple[Frame, Mapping[str, View], Sweep, Camera, View]]:
     """Frames of drawn scenes of a town, with their pictures, exact LiDAR, and a picture from its place."""
     from appocc.simulation.recording import build_place, ego_pose
 
-    place = build_place(source, folder)
+    place = build_place(source, Path())
     paints = paints_of(place.log.actors, 0)
     for number in range(count):
         scenario = draw_scenario(number, source.name, place.log, 10.0, ("overcast",), 5)

@@ -174,18 +174,24 @@ def _network(root: ElementTree.Element) -> RoadNetwork:
     location = root.find("location")
     if location is None:
         raise ValueError("it has no location")
-    bounds = [float(v) for v in str(location.get("convBoundary")).split(",")]
-    offset = [float(v) for v in str(location.get("netOffset")).split(",")]
+    bounds, offset = _numbers(location, "convBoundary", 4), _numbers(location, "netOffset", 2)
     inside = [e for e in root.iter("edge") if e.get("function") == "internal"]
     return RoadNetwork(
         tuple(_edge(e) for e in root.iter("edge") if e.get("function", "normal") == "normal"),
         tuple(_lane(lane, str(e.get("id"))) for e in inside for lane in e.iter("lane")),
         tuple(_junction(j) for j in root.iter("junction") if j.get("type") != "internal" and j.get("shape")),
         tuple(_connection(c) for c in root.iter("connection") if not str(c.get("from")).startswith(":")),
-        np.array(bounds[:2]),
-        np.array(bounds[2:]),
-        np.array(offset),
+        bounds[:2],
+        bounds[2:],
+        offset,
     )
+
+
+def _numbers(element: ElementTree.Element, name: str, count: int) -> FloatArray:
+    numbers = np.array([float(v) for v in element.get(name, "").split(",") if v])
+    if len(numbers) != count or not np.isfinite(numbers).all():
+        raise ValueError(f"expected {count} numbers in {name}, got '{element.get(name)}'")
+    return numbers
 
 
 def _points(text: str | None) -> FloatArray:
@@ -225,7 +231,9 @@ def _kind(element: ElementTree.Element, inside: bool) -> LaneKind:
     if allowed is None:
         return "driving" if not set(forbidden) >= _DRIVERS else "other"
     words = set(allowed.split())
-    return "driving" if words & _DRIVERS else "cycling" if "bicycle" in words else "walking"
+    if words & _DRIVERS:
+        return "driving"
+    return "cycling" if "bicycle" in words else "walking" if "pedestrian" in words else "other"
 
 
 def _junction(element: ElementTree.Element) -> Junction:

@@ -17,7 +17,7 @@ from appocc.errors import AppoccError, DataError
 from appocc.files import write_bytes, zip_arrays
 from appocc.simulation.traffic import KINDS, Actor, TrafficLog
 
-_UNIT = np.array([0.01, 0.01, np.deg2rad(0.25)])  # x, y in metres, heading in radians
+UNIT = np.array([0.01, 0.01, np.deg2rad(0.25)])  # what x, y (metres) and headings (radians) are rounded to
 _VERSION = 1
 Arrays = dict[str, NDArray[Any]]
 
@@ -41,7 +41,7 @@ def save_traffic(path: Path, log: TrafficLog) -> None:
     arrays: Arrays = {
         "info": np.frombuffer(json.dumps(info).encode(), np.uint8),
         "still": still,
-        "still_poses": np.round(track[0, still] / _UNIT).astype(np.int32),
+        "still_poses": np.round(track[0, still] / UNIT).astype(np.int32),
         "still_lights": log.lights[0, still],
         **_runs([track[:, k] for k in moving], [log.actors[k].name for k in moving]),
         "lights": _changes(log.lights[:, moving]),
@@ -72,7 +72,7 @@ def load_traffic(path: Path) -> TrafficLog:
 def _still(track: FloatArray, lights: ByteArray) -> BoolArray:
     """Which actors never change: one row is enough for them."""
     with np.errstate(invalid="ignore"):
-        same = (np.abs(track - track[:1]) < _UNIT / 2).all(axis=(0, 2))
+        same = (np.abs(track - track[:1]) < UNIT / 2).all(axis=(0, 2))
     return np.asarray(same & (lights == lights[:1]).all(axis=0))
 
 
@@ -85,7 +85,7 @@ def _runs(tracks: list[FloatArray], names: list[str]) -> Arrays:
             raise DataError(f"traffic: expected {name} to be there for two steps or more, without a gap")
         run = track[there]
         run[:, 2] = np.unwrap(run[:, 2])
-        cells = np.round(run / _UNIT).astype(np.int32)
+        cells = np.round(run / UNIT).astype(np.int32)
         spans.append(np.array([[there[0], there[-1] + 1]], np.int32))
         starts.append(cells[:1])
         speeds.append(cells[1:2] - cells[:1])
@@ -121,7 +121,7 @@ def _log(arrays: Arrays) -> TrafficLog:
     track[:, still], lights[:, still] = arrays["still_poses"], arrays["still_lights"]
     for k, first, run in zip(moving, arrays["spans"][:, 0], _tracks(arrays), strict=True):
         track[first : first + len(run), k] = run
-    track *= _UNIT
+    track *= UNIT
     lights[:, moving] = np.cumsum(arrays["lights"].T, axis=0, dtype=np.uint8)
     yaw = np.mod(track[..., 2] + np.pi, 2 * np.pi) - np.pi
     return TrafficLog(

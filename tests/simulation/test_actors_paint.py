@@ -3,6 +3,7 @@ from collections import Counter
 import numpy as np
 import pytest
 
+from appocc.errors import NotFoundError
 from appocc.simulation.actors.paint import COLOUR_WORDS, paint_of, paints_of
 from appocc.simulation.traffic import KINDS, Actor
 from grounding.colours import WORDS, word_probabilities
@@ -64,3 +65,8 @@ def test_a_paint_follows_from_seed_and_name_alone() -> None:
     others = {paint_of(car, seed).rgb for seed in range(20)}
     assert len(others) > 10
     assert all(0 <= value <= 255 for rgb in others for value in rgb)
+
+
+def test_a_kind_without_paints_is_said() -> None:
+    with pytest.raises(NotFoundError, match="no kind 'tram'"):
+        paint_of(Actor("x", "tram", "bus", (30.0, 2.6, 3.5)), 0)

@@ -201,8 +201,8 @@ def test_lines_of_the_map_are_the_painted_lines(built: tuple[Ground, VectorMap])
     for line in (*vector_map.lane_dividers, *vector_map.road_dividers):
         low = np.floor((line.min(axis=0) - ground.low_m) / CELL_M).astype(int) - 3
         high = np.ceil((line.max(axis=0) - ground.low_m) / CELL_M).astype(int) + 3
-        bounds = [ground.low_m[k] + e[k] * CELL_M for k in (0, 1) for e in (low, high)]
-        cover = line_cover(BEVGrid(*bounds, CELL_M), line, 0.15)
+        (x_low, y_low), (x_high, y_high) = ground.low_m + low * CELL_M, ground.low_m + high * CELL_M
+        cover = line_cover(BEVGrid(x_low, x_high, y_low, y_high, CELL_M), line, 0.15)
         drawn[low[0] : low[0] + cover.shape[0], low[1] : low[1] + cover.shape[1]] += cover
     assert iou(drawn.T >= 0.5, surface_table(LINES)[ground.label]) > 0.95
 
@@ -244,6 +244,13 @@ def test_road_does_not_depend_on_the_style_and_the_land_does(ground: Ground) -> 
     assert shares["old"][Surface.YARD] > 2 * shares["suburb"][Surface.YARD]
     assert shares["old"][Surface.PAVEMENT] > shares["suburb"][Surface.PAVEMENT]
     np.testing.assert_array_equal(shares["old"][Surface.ROAD :], shares["suburb"][Surface.ROAD :])
+
+
+def test_labels_are_in_plausible_shares(ground: Ground) -> None:
+    share = np.bincount(ground.label.ravel(), minlength=len(Surface)) / ground.label.size
+    assert 0.05 < share[list(ROAD_SURFACES)].sum() < 0.3
+    assert 0.002 < share[list(LANE_SURFACES)].sum() < 0.1 * share[list(ROAD_SURFACES)].sum()
+    assert 0.02 < share[Surface.PAVEMENT] < 0.2
 
 
 def test_unknown_style_is_named() -> None:

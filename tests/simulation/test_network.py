@@ -20,7 +20,7 @@ _NET = """<?xml version="1.0" encoding="UTF-8"?>
   </edge>
   <edge id="a" from="i" to="j" priority="3">
     <lane id="a_0" index="0" disallow="all" speed="8.3" length="50" width="2.30" shape="0,-1 50,-1"/>
-    <lane id="a_1" index="1" disallow="pedestrian tram" speed="8.3" length="50" width="3.20" shape="0,2,7 25,2,7 50,2,7"/>
+    <lane id="a_1" index="1" disallow="pedestrian tram" speed="8.3" width="3.20" shape="0,2,7 25,2,7 50,2,7"/>
     <lane id="a_2" index="2" allow="bicycle" speed="8.3" length="50" shape="0,4 50,4"/>
   </edge>
   <edge id="-a" from="j" to="i" priority="3">
@@ -113,7 +113,7 @@ def test_an_unknown_lane_is_named(network: RoadNetwork) -> None:
         (_NET.replace("0,-1 50,-1", "0,-1 nan,-1"), "a_0"),
         (_NET.replace("0,-1 50,-1", "0,-1 oops,-1"), "oops"),
         (_NET.replace('priority="3"', 'priority="high"'), "high"),
-        (_NET.replace("0.00,0.00,100.00,20.00", "0"), "bounds"),
+        (_NET.replace("0.00,0.00,100.00,20.00", "0"), "convBoundary"),
     ],
 )
 def test_bad_networks_get_one_line(tmp_path: Path, text: str, reason: str) -> None:

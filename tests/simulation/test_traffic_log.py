@@ -140,6 +140,6 @@ def test_parts_that_do_not_fit_together_are_refused(tmp_path: Path) -> None:
     with np.load(file) as archive:
         arrays = dict(archive)
     arrays["spans"] = arrays["spans"] + np.array([0, 1], np.int32)
-    np.savez_compressed(file, **arrays)  # type: ignore[arg-type]
+    np.savez_compressed(file, **arrays)
     with pytest.raises(DataError, match="no recorded traffic"):
         load_traffic(file)

@@ -74,7 +74,8 @@ def template(body: str, variant: int, detail: int, pose: int = 0) -> Template:
 @cache
 def _template(body: str, variant: int, detail: int, pose: int) -> Template:
     # All phases of a step are stretched alike, so that nobody grows while walking.
-    return _model(body, variant, detail, pose).template(_model(body, variant, detail, 0))
+    first = _model(body, variant, detail, 0)
+    return first.template(first) if pose == 0 else _model(body, variant, detail, pose).template(first)
 
 
 def _model(body: str, variant: int, detail: int, pose: int) -> Modeller:

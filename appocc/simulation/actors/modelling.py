@@ -185,7 +185,9 @@ def _other_side(look: Look) -> Look:
 
 
 def _area_normals(corners: FloatArray) -> FloatArray:
-    return np.cross(corners[:, 1, :3] - corners[:, 0, :3], corners[:, 2, :3] - corners[:, 0, :3])
+    """(F, 3) normals of triangles, twice as long as these are large."""
+    (ax, ay, az), (bx, by, bz) = (np.moveaxis(corners[:, k, :3] - corners[:, 0, :3], -1, 0) for k in (1, 2))
+    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=-1)
 
 
 def _filled(places: FloatArray, filling: FloatArray, height_per_length: float) -> FloatArray:
@@ -202,11 +204,15 @@ def _smooth_normals(corners: FloatArray, material: IntArray) -> FloatArray:
     area = _area_normals(corners)
     unit = area / np.linalg.norm(area, axis=1, keepdims=True)
     _, place = np.unique(np.round(corners.reshape(-1, 3), 4), axis=0, return_inverse=True)
+    # A row of `table` holds the corners at one place.
     order = np.argsort(place, kind="stable")
-    bounds = np.flatnonzero(np.diff(place[order])) + 1
+    counts = np.bincount(place)
+    rank = np.arange(len(order)) - np.repeat(np.cumsum(counts) - counts, counts)
+    table = np.full((len(counts), counts.max()), -1)
+    table[place[order], rank] = order
+    face, there = table // 3, table >= 0
+    alike = unit[face] @ unit[face].swapaxes(1, 2) > _CREASE_COS
+    alike &= (material[face][:, :, None] == material[face][:, None, :]) & there[:, None, :]
     normals = np.empty((len(corners) * 3, 3))
-    for corner in np.split(order, bounds):
-        face = corner // 3
-        alike = (unit[face] @ unit[face].T > _CREASE_COS) & (material[face, None] == material[face])
-        normals[corner] = alike @ area[face]
+    normals[table[there]] = (alike @ area[face])[there]
     return np.asarray(normals / np.linalg.norm(normals, axis=1, keepdims=True)).reshape(-1, 3, 3)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from appocc.errors import NotFoundError
 from appocc.simulation.actors.looks import Colour
 from appocc.simulation.traffic import Actor
 
@@ -77,7 +78,13 @@ COLOUR_WORDS = tuple(_PAINTS)
 
 
 def paint_of(actor: Actor, seed: int) -> Paint:
-    """The paint of a vehicle, or of a walker's jacket; it follows from the seed, the kind and the name alone."""
+    """The paint of a vehicle, or of a walker's jacket; it follows from the seed, the kind and the name alone.
+
+    Raises:
+        NotFoundError: if there are no paints for its kind.
+    """
+    if actor.kind not in _SHARES:
+        raise NotFoundError(f"{actor.name}: there is no kind '{actor.kind}', only {', '.join(_SHARES)}")
     rng = np.random.default_rng([seed, zlib.crc32(actor.name.encode())])
     if actor.kind == "bus" and rng.random() < _FLEET_SHARE:
         rng = np.random.default_rng([seed, *b"fleet"])

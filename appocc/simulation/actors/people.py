@@ -11,7 +11,7 @@ from appocc.simulation.actors.modelling import Modeller, Size
 SKINS = (skin(206, 160, 132), skin(146, 100, 76), skin(94, 62, 46))
 _TROUSERS = (cloth(42, 52, 78), cloth(34, 34, 37), cloth(140, 122, 96))
 _SHOES = (cloth(30, 28, 27), cloth(196, 194, 188), cloth(84, 56, 38))
-_HAIR = (cloth(58, 42, 30), cloth(24, 20, 18), cloth(120, 92, 58))
+_HAIR = (cloth(92, 66, 42), cloth(24, 20, 18), cloth(34, 26, 22))
 _BAG: Colour = (70, 76, 62)
 _SIDES = (7, 5, 3)
 # How far each leg is ahead in the four phases of a step; the arms go the other way.
@@ -53,8 +53,8 @@ def walker(child: bool, variant: int, detail: int, pose: int) -> Modeller:
         _leg(model, h, hip_z, side, ahead, variant, detail)
         _arm(model, (wide * 1.25, shoulder_z, size), side, -ahead, SKINS[variant], detail)
     torso = [(0.0, 0.0, hip_z - 0.035 * h), (0.0, 0.0, 0.60 * h), (0.01, 0.0, shoulder_z - 0.05 * h)]
-    torso.append((0.0, 0.0, shoulder_z + 0.01 * h))
-    limb(model, torso, [wide * k for k in (0.98, 0.88, 1.08, 0.55)], JACKET, max(sides, 4), (0.72, 1.0))
+    torso.append((0.0, 0.0, shoulder_z + 0.012 * h))
+    limb(model, torso, [wide * k for k in (1.08, 0.92, 1.10, 0.50)], JACKET, max(sides, 4), (0.72, 1.0))
     _head(model, h, head, variant, detail)
     if variant == 1 and detail < 2:
         back = [-0.19 * h, -0.075 * h, 0.55 * h], [-0.065 * h, 0.075 * h, shoulder_z - 0.01 * h]
@@ -63,11 +63,11 @@ def walker(child: bool, variant: int, detail: int, pose: int) -> Modeller:
 
 
 def _leg(model: Modeller, h: float, hip_z: float, side: float, ahead: float, variant: int, detail: int) -> None:
-    y, step = side * 0.052 * h, 0.155 * h * ahead
+    y, step = side * 0.049 * h, 0.155 * h * ahead
     lift = 0.03 * h if ahead < 0 else 0.0  # the heel of the rear foot
     hip, knee = (0.0, y, hip_z), (0.55 * step + 0.02 * h, y, 0.27 * h)
     ankle = (step, y, 0.05 * h + lift)
-    radii = (0.052 * h, 0.042 * h, 0.03 * h)
+    radii = (0.046 * h, 0.041 * h, 0.03 * h)
     sides = _SIDES[detail]
     if detail == 2:
         limb(model, [hip, ankle], radii[::2], _TROUSERS[variant], sides, closed=False)
@@ -83,14 +83,14 @@ def _arm(
     y, shoulder_z, (_, width, h) = frame
     swing = 0.13 * h * ahead
     outer = width / 2 - 0.026 * h
-    shoulder = (0.0, side * y * 0.92, shoulder_z - 0.015 * h)
+    shoulder = (0.0, side * y * 0.84, shoulder_z - 0.022 * h)
     elbow = (0.35 * swing - 0.015 * h, side * (y + outer) / 2, 0.62 * h)
     wrist = (swing + 0.02 * h, side * outer, 0.49 * h + 0.03 * h * abs(ahead))
     sides = max(_SIDES[detail] - 2, 3)
     if detail == 2:
         limb(model, [shoulder, wrist], [0.036 * h, 0.026 * h], JACKET, 3, closed=False)
         return
-    limb(model, [shoulder, elbow, wrist], [0.038 * h, 0.031 * h, 0.025 * h], JACKET, sides, closed=detail == 0)
+    limb(model, [shoulder, elbow, wrist], [0.031 * h, 0.031 * h, 0.024 * h], JACKET, sides, closed=detail == 0)
     if detail:
         return
     end = (wrist[0] + 0.015 * h, wrist[1], wrist[2] - 0.055 * h)
@@ -99,7 +99,7 @@ def _arm(
 
 def _head(model: Modeller, h: float, head: float, variant: int, detail: int) -> None:
     low, high = h * (1 - head - 0.02), h
-    z = low + (high - low) * np.array([0.0, 0.22, 0.55, 0.85, 1.0])
+    z = low + (high - low) * np.array([-0.15, 0.22, 0.55, 0.85, 1.0])
     radii = (high - low) * np.array([0.27, 0.34, 0.40, 0.33, 0.10])
     x = 0.012 * h
     look = SKINS[variant]

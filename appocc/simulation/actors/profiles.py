@@ -29,7 +29,6 @@ class CarProfile:
         crown_m: how far the middle of the bonnet and of the roof rise over their edges.
         nose: (z, setback) of the front's centre line from the bumper's lower edge to the bonnet.
         tail: the same of the rear.
-        lamps: rows of `nose` and of `tail` that hold lamps.
         bed: whether an open load bed follows the cabin.
         rails: roof rails.
         cladding: dark lower body.
@@ -48,7 +47,6 @@ class CarProfile:
     crown_m: tuple[float, float]
     nose: Line
     tail: Line
-    lamps: tuple[int, int]
     bed: bool = False
     rails: bool = False
     cladding: bool = False
@@ -75,7 +73,6 @@ _SEDAN = CarProfile(
     (0.045, 0.055),
     _NOSE,
     _TAIL,
-    (3, 3),
 )
 _HATCHBACK = CarProfile(
     (4.25, 1.79, 1.47),
@@ -94,7 +91,6 @@ _HATCHBACK = CarProfile(
     (0.045, 0.055),
     _NOSE,
     _HATCH_TAIL,
-    (3, 3),
 )
 _ESTATE = replace(
     _SEDAN,
@@ -126,7 +122,6 @@ _SUV = CarProfile(
     (0.05, 0.06),
     ((0.26, 0.06), (0.46, 0.012), (0.62, 0.012), (0.74, 0.03), (0.86, 0.07), (0.90, 0.13)),
     ((0.28, 0.06), (0.52, 0.010), (0.68, 0.015), (0.80, 0.05), (1.02, 0.08), (1.11, 0.12)),
-    (3, 3),
     rails=True,
     cladding=True,
 )
@@ -147,7 +142,6 @@ _MINIVAN = CarProfile(
     (0.05, 0.055),
     ((0.20, 0.05), (0.40, 0.012), (0.56, 0.012), (0.66, 0.04), (0.80, 0.12), (0.86, 0.19)),
     ((0.24, 0.05), (0.46, 0.010), (0.62, 0.010), (0.78, 0.03), (1.00, 0.05), (1.06, 0.07)),
-    (3, 3),
 )
 _PICKUP = CarProfile(
     (5.35, 1.90, 1.82),
@@ -166,7 +160,6 @@ _PICKUP = CarProfile(
     (0.05, 0.06),
     ((0.36, 0.05), (0.56, 0.012), (0.70, 0.015), (0.80, 0.03), (0.95, 0.06), (1.00, 0.11)),
     ((0.40, 0.06), (0.60, 0.010), (0.70, 0.04), (0.80, 0.05), (1.08, 0.05), (1.15, 0.05)),
-    (3, 3),
     bed=True,
     cladding=True,
 )
@@ -187,7 +180,6 @@ _VAN = CarProfile(
     (0.05, 0.06),
     ((0.24, 0.05), (0.46, 0.012), (0.62, 0.012), (0.74, 0.04), (0.90, 0.10), (0.95, 0.15)),
     ((0.30, 0.03), (0.50, 0.010), (0.66, 0.03), (0.82, 0.03), (1.14, 0.03), (1.22, 0.035)),
-    (3, 3),
 )
 _PROFILES = {
     **{"sedan": _SEDAN, "hatchback": _HATCHBACK, "estate": _ESTATE, "suv": _SUV},

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from appocc.simulation.actors.looks import CHROME, DARK_HUB, RUBBER, Look
+from appocc.simulation.actors.looks import RUBBER, Look
 from appocc.simulation.actors.modelling import Modeller
 
 _SEGMENTS = (10, 8, 4)
@@ -41,5 +41,5 @@ def add_wheels(
         centre = np.broadcast_to(middle - [0.0, 0.03, 0.0], rim.shape)
         model.sheet(np.stack([inner + radius_m * ring, tyre, rim], axis=1), RUBBER, inner, axle)
         model.fan((inner + 0.95 * radius_m * ring)[:-1:2], RUBBER, middle, axle, mirror=True)
-        spokes = [[hub if k % 2 else (DARK_HUB if hub == CHROME else RUBBER)] for k in range(segments)]
+        spokes = [[hub if k % 2 else RUBBER] for k in range(segments)]
         model.sheet(np.stack([rim, centre], axis=1), spokes, inner, axle)

@@ -49,8 +49,16 @@ def draw_streets(canvas: Canvas, network: RoadNetwork) -> None:
     canvas.fill((lane_areas(lane) for lane in inside), Surface.ROAD)
     # Where only pavements or verges meet there is no road.
     met = {name for e in network.edges if has_cars(e) for name in (e.from_junction, e.to_junction)}
-    canvas.fill((j.outline_m for j in network.junctions if j.name in met and len(j.outline_m) > 2), Surface.ROAD)
+    crossings = (j.outline_m for j in network.junctions if j.name in met and len(j.outline_m) > 2)
+    canvas.fill((outline for outline in crossings if _mean_width_m(outline) > _CLOSE_M), Surface.ROAD)
     _close(canvas.raster[:, :, 0])
+
+
+def _mean_width_m(outline_m: FloatArray) -> float:
+    """Area by length: of an outline where two streets merely meet it is small, and it may reach across a median."""
+    x, y = outline_m.T
+    area = 0.5 * abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1)))
+    return area / max(float(np.hypot(*(outline_m[:, None] - outline_m[None]).T).max()), _CLOSE_M)
 
 
 def has_cars(edge: Edge) -> bool:

@@ -35,7 +35,7 @@ class Carriageway:
 
     def contours(self, distance_m: float) -> list[FloatArray]:
         """Closed lines (N, 2) at a distance from the carriageway, around blocks and around the town."""
-        mask = (self.outside_m > distance_m).astype(np.uint8)
+        mask = (self.outside_m <= distance_m).astype(np.uint8)
         lines, _ = cv2.findContours(mask, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
         return [line[:, 0].astype(np.float64) * _CELL_M + self.low_m + _CELL_M / 2 for line in lines]
 

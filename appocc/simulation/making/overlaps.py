@@ -10,11 +10,11 @@ import numpy as np
 from appocc.checks import BoolArray, Float32Array, FloatArray
 from appocc.simulation.traffic import Actor
 
-MOST_M2 = 0.03  # less than what is promised: places are rounded when they are saved
+MOST_M2 = 0.04
 
 
 def without_overlaps(actors: list[Actor], xy_m: FloatArray, yaw_rad: FloatArray, parked: BoolArray) -> BoolArray:
-    """Which of A actors may stay so that no two overlap by more than 0.05 m2 at any step.
+    """Which of A actors may stay so that no two overlap by more than 0.04 m2 at any step.
 
     Parked ones go first, then those that overlap with the most others, then those that are there for the least time.
 
@@ -42,7 +42,7 @@ def _rank(actor: Actor, parked: bool) -> int:
 def overlapping(
     actors: list[Actor], xy_m: FloatArray, yaw_rad: FloatArray, parked: BoolArray
 ) -> set[tuple[int, int]]:
-    """Pairs of actors that overlap by more than 0.05 m2 at some step; see `without_overlaps`."""
+    """Pairs of actors that overlap by more than 0.04 m2 at some step; see `without_overlaps`."""
     size = np.array([actor.size_lwh_m[:2] for actor in actors]).reshape(-1, 2)
     reach = np.asarray(np.hypot(*size.T) / 2, dtype=np.float32)
     boxes, place = corners(xy_m, yaw_rad, size), np.asarray(xy_m, dtype=np.float32)

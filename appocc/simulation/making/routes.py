@@ -12,6 +12,7 @@ from appocc.simulation.network import Edge, RoadNetwork
 
 _WEIGHT = {"s": 1.0, "r": 0.7, "l": 0.7, "R": 0.7, "L": 0.7, "t": 0.02}
 _SHORTEST_M = 12.0
+_TIGHT_RAD = 1.7  # buses and lorries avoid sharper turns
 
 
 class Routes:
@@ -20,15 +21,16 @@ class Routes:
     def __init__(self, network: RoadNetwork) -> None:
         """Find the largest set of edges that can all be reached from one another."""
         ways = _ways(network)
-        names = [edge.name for edge in network.edges if _drives(edge)]
+        edges = {edge.name: edge for edge in network.edges if _drives(edge)}
+        names = list(edges)
         number = {name: k for k, name in enumerate(names)}
         links = [(number[a], number[b]) for a in names for b in sorted(ways[a]) if b in number]
         rows, columns = np.array(links, dtype=np.int64).reshape(-1, 2).T
         graph = coo_matrix((np.ones(len(rows)), (rows, columns)), shape=(len(names), len(names)))
         _, part = connected_components(graph, directed=True, connection="strong")
-        largest = np.argmax(np.bincount(part)) if len(names) else 0
+        largest = np.argmax(np.bincount(part, [edge_length_m(edges[name]) for name in names])) if names else 0
         inside = {name for name, p in zip(names, part, strict=True) if p == largest}
-        self._edges = {edge.name: edge for edge in network.edges if edge.name in inside}
+        self._edges = {name: edge for name, edge in edges.items() if name in inside}
         self._length_m = {name: edge_length_m(edge) for name, edge in self._edges.items()}
         self._next = {a: [(b, w) for b, w in sorted(ways[a].items()) if b in inside] for a in sorted(inside)}
         self.total_m = sum(self._length_m.values())
@@ -46,7 +48,9 @@ class Routes:
         driven = 0.0
         while driven < length_m and self._next[route[-1]]:
             onward = self._next[route[-1]]
-            share = np.array([weight * self._liking(name, large) for name, weight in onward])
+            here = self._edges[route[-1]]
+            tight = [1e-3 if large and _turn(here, self._edges[name]) > _TIGHT_RAD else 1.0 for name, _ in onward]
+            share = np.array([w * t * self._liking(n, large) for (n, w), t in zip(onward, tight, strict=True)])
             route.append(onward[int(rng.choice(len(onward), p=share / share.sum()))][0])
             driven += self._length_m[route[-1]]
         return route
@@ -59,6 +63,12 @@ class Routes:
 def edge_length_m(edge: Edge) -> float:
     """Length of an edge's first lane."""
     return float(np.hypot(*np.diff(edge.lanes[0].centre_m, axis=0).T).sum())
+
+
+def _turn(first: Edge, second: Edge) -> float:
+    """The angle from the end of an edge to the start of the next, without its sign."""
+    a, b = (np.diff(edge.lanes[-1].centre_m, axis=0)[k] for edge, k in ((first, -1), (second, 0)))
+    return float(np.abs(np.arctan2(a[0] * b[1] - a[1] * b[0], a @ b)))
 
 
 def _drives(edge: Edge) -> bool:

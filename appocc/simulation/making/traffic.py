@@ -17,6 +17,7 @@ from appocc.simulation.making.standing import draw_parked
 from appocc.simulation.making.walking import draw_walkers
 from appocc.simulation.plan import TownPlan
 from appocc.simulation.traffic import Actor, Light, TrafficLog
+from appocc.simulation.traffic_files import UNIT
 
 Group = tuple[list[Actor], FloatArray, FloatArray, ByteArray]  # actors, places, headings, lights
 _EVERY = 2  # of SUMO's steps: 5 Hz
@@ -113,6 +114,8 @@ def _joined(
     xy = np.concatenate([driving[1], np.tile(place[:, :2], (steps, 1, 1)), walked], axis=1)
     yaw = np.concatenate([driving[2], np.tile(place[:, 2], (steps, 1)), looked], axis=1)
     lights = np.concatenate([driving[3], np.full((steps, len(parked)), int(Light.PARKED)), looked * 0], axis=1)
+    # Rounded as they will be saved, so that what is kept apart here stays apart.
+    xy, yaw = np.round(xy / UNIT[:2]) * UNIT[:2], np.round(yaw / UNIT[2]) * UNIT[2]
     stands = np.isin(np.arange(len(actors)), len(driving[0]) + np.arange(len(parked)))
     keep = without_overlaps(actors, xy, yaw, stands)
     return TrafficLog(

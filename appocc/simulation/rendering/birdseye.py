@@ -96,7 +96,7 @@ class _View:
         hits = self._renderer.tracer.nearest(*self._rays(np.arange(len(self._centres)), np.zeros(2)))
         leaves = hits.source == TOWN
         leaves[leaves] = self._town.solid.material[hits.face[leaves]] == Material.FOLIAGE
-        return leaves
+        return np.asarray(leaves)
 
     def on_ground(self) -> BoolArray:
         """(X, Y) whether a cell's centre lies on the town's ground."""

@@ -148,7 +148,7 @@ class _Surface:
             if source == ACTOR:
                 actor[on] = mesh.tag[face]
         # Rough ground sends light back even at a glance.
-        return cls(back * (0.15 + 0.85 * np.clip(facing, 0, 1)), category, actor)
+        return cls(back * (0.35 + 0.65 * np.clip(facing, 0, 1)), category, actor)
 
     def intensity(self) -> FloatArray:
         """(P,) on nuScenes' scale: up to about 100 for matt surfaces, up to 255 for what is made to shine back."""
@@ -203,6 +203,6 @@ _CATEGORY_OF_GROUND = _table(
     flat__other=(Surface.YARD,),
 )
 _CATEGORY_OF_MATERIAL = _table("static.manmade", static__vegetation=(Material.FOLIAGE, Material.BARK, Material.HEDGE))
-_BACK_OF_GROUND = np.full(256, 0.6)
+_BACK_OF_GROUND = np.full(256, 1.0)
 _BACK_OF_GROUND[[Surface.GRASS]] = 2.5
 _BACK_OF_GROUND[list(_MARKINGS)] = 1.2

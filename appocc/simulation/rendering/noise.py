@@ -7,7 +7,7 @@ import numpy as np
 from appocc.checks import Float32Array
 from appocc.simulation.rendering.compiled import inner
 
-TILE = 512
+TILE = 256
 
 
 def noise_tile(seed: int) -> Float32Array:

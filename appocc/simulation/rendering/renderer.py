@@ -215,12 +215,13 @@ class Renderer:
         started = time.process_time()
         lit = np.zeros(len(origins), np.bool_)
         if light.sun.any():
-            numbers, starts = toward_sun(
+            numbers, starts = np.empty(len(lit), np.int32), np.empty((len(lit), 3), np.float32)
+            count = toward_sun(
                 hits.distance_m, hits.source, hits.face, hits.uv, origins, directions, self._stage.triangles, light,
-                lit,
+                numbers, starts,
             )  # fmt: skip
-            self.rays["shadow"] += len(numbers)
-            lit[numbers] = ~self.tracer.blocked(starts, np.tile(light.sun_to, (len(starts), 1)))
+            self.rays["shadow"] += count
+            lit[numbers[:count]] = ~self.tracer.blocked(starts[:count], np.tile(light.sun_to, (count, 1)))
         self.cpu_s["shadow"] += time.process_time() - started
         return lit
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from appocc.checks import BoolArray, ByteArray, Float32Array
-from appocc.simulation.rendering.compiled import inner, kernel, outer
+from appocc.simulation.rendering.compiled import inner, outer
 from appocc.simulation.rendering.lighting import (
     LAMP_CELL_M,
     NEAR_CELL_M,
@@ -58,7 +58,7 @@ def normal_at(triangles: Triangles, face: int, u: float, v: float) -> tuple[floa
     return x * scale, y * scale, z * scale
 
 
-@kernel
+@outer
 def toward_sun(
     distance: Float32Array,
     source: ByteArray,
@@ -68,15 +68,16 @@ def toward_sun(
     directions: Float32Array,
     triangles: Triangles,
     light: Lighting,
-    lit: BoolArray,
-) -> tuple[NDArray[np.int32], Float32Array]:
-    """Which of N hits face the sun: (M,) their numbers and (M, 3) where rays to the sun begin.
+    numbers: NDArray[np.int32],
+    starts: Float32Array,
+) -> int:
+    """Which of N hits face the sun and do not stand in the ego's shadow; returns how many, M.
 
-    `lit` (N,) becomes true for those; what stands in the ego's shadow is left out at once.
+    Enters their numbers into the front of `numbers` (N,), and where rays to the sun begin into that of `starts`
+    (N, 3).
     """
-    numbers, starts, count = np.empty(len(distance), np.int32), np.empty((len(distance), 3), np.float32), 0
+    count = 0
     for i in range(len(distance)):
-        lit[i] = False
         if source[i] == SKY:
             continue
         t = distance[i]
@@ -97,11 +98,10 @@ def toward_sun(
         pz = origins[i, 2] + t * directions[i, 2] + z * off
         if light.ego_box[0] > 0 and _behind_ego(light, px, py, pz):
             continue
-        lit[i] = True
         numbers[count] = i
         starts[count, 0], starts[count, 1], starts[count, 2] = px, py, pz
         count += 1
-    return numbers[:count], starts[:count]
+    return count
 
 
 @inner
@@ -392,7 +392,7 @@ def _gloss(
     return r * share, g * share, b * share
 
 
-@kernel
+@outer
 def shade(
     distance: Float32Array,
     source: ByteArray,

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
-import numba
 import numpy as np
-from embreex import rtcore_scene
-from embreex.mesh_construction import TriangleMesh
 from numpy.typing import NDArray
 
 from appocc.checks import BoolArray, ByteArray, Float32Array
 from appocc.simulation.mesh import Mesh
+from appocc.simulation.rendering.compiled import kernel
+from appocc.simulation.rendering.embree import Scene, scene_of
 
 SKY, GROUND, TOWN, ACTOR = range(4)
 _FAR_M = np.float32(1e30)
@@ -40,12 +38,12 @@ class Tracer:
 
     def __init__(self, solid: Mesh) -> None:
         """Build the search tree of what stands in the town."""
-        self._solid = _scene(solid)
-        self._actors: Any = None
+        self._solid = scene_of(solid)
+        self._actors: Scene | None = None
 
     def set_actors(self, actors: Mesh) -> None:
         """Put other actors into the town."""
-        self._actors = _scene(actors)
+        self._actors = scene_of(actors)
 
     def nearest(self, origins: Float32Array, directions: Float32Array) -> Hits:
         """What rays from (N, 3) along unit (N, 3) meet first; float32, town frame."""
@@ -54,9 +52,8 @@ class Tracer:
         uv = np.zeros((len(distance), 2), np.float32)
         for number, scene in ((TOWN, self._solid), (ACTOR, self._actors)):
             if scene is not None:
-                # Embree overwrites the limits it is given.
-                found = scene.run(origins, directions, dists=distance.copy(), query="INTERSECT", output=1)
-                _take(found["primID"], found["tfar"], found["u"], found["v"], number, distance, source, face, uv)
+                # Each shortens the distance within which the next is looked for.
+                _take(*scene.nearest(origins, directions, distance), number, source, face, uv)
         distance[source == SKY] = np.inf
         return Hits(distance, source, face, uv)
 
@@ -65,20 +62,11 @@ class Tracer:
         blocked = np.zeros(len(origins), np.bool_)
         for scene in (self._solid, self._actors):
             if scene is not None:
-                blocked |= scene.run(origins, directions, query="OCCLUDED") == 0
+                blocked |= scene.blocked(origins, directions)
         return blocked
 
 
-def _scene(mesh: Mesh) -> Any:
-    """Embree's scene of a mesh; None of an empty one."""
-    if not len(mesh.faces):
-        return None
-    scene = rtcore_scene.EmbreeScene()
-    TriangleMesh(scene, np.array(mesh.vertices_m), np.array(mesh.faces))
-    return scene
-
-
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _plane(origins: Float32Array, directions: Float32Array) -> tuple[Float32Array, ByteArray]:
     """Distance to the plane z = 0 and GROUND, or far away and SKY."""
     count = len(origins)
@@ -91,14 +79,11 @@ def _plane(origins: Float32Array, directions: Float32Array) -> tuple[Float32Arra
     return distance, source
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _take(
     found: NDArray[np.int32],
-    tfar: Float32Array,
-    u: Float32Array,
-    v: Float32Array,
+    weights: Float32Array,
     number: int,
-    distance: Float32Array,
     source: ByteArray,
     face: NDArray[np.int32],
     uv: Float32Array,
@@ -106,5 +91,5 @@ def _take(
     """Where a scene was met, it was nearer than all before: enter it."""
     for i in range(len(found)):
         if found[i] >= 0:
-            distance[i], source[i], face[i] = tfar[i], number, found[i]
-            uv[i, 0], uv[i, 1] = u[i], v[i]
+            source[i], face[i] = number, found[i]
+            uv[i, 0], uv[i, 1] = weights[i, 0], weights[i, 1]

@@ -14,6 +14,7 @@ from appocc.simulation.scenery.plots import lay_plots
 from appocc.simulation.scenery.signals import build_signals
 from appocc.simulation.scenery.site import Site
 from appocc.simulation.scenery.streets import furnish
+from appocc.simulation.scenery.yards import fill_yards
 from appocc.simulation.surface import Ground
 
 
@@ -28,5 +29,7 @@ def build_scenery(plan: TownPlan, ground: Ground) -> tuple[Mesh, FloatArray]:
     signals, poles_m = build_signals(site, plan.network)
     things, lights_m, street_trees_m = furnish(site, plan.network, plan.style, poles_m, streets)
     enclose(builder, plots, plan.style, green)
+    if plan.style == "industrial":
+        things += fill_yards(builder, site, plots, streets)
     trees = plant(site, plan.style, street_trees_m, green)
     return joined([builder.mesh(), *signals, *things, *trees]), lights_m

@@ -54,7 +54,8 @@ class Place:
 
     def corners(self, s0: float, s1: float, d0: float, d1: float) -> FloatArray:
         """(4, 2) town corners of a rectangle, counter-clockwise."""
-        return np.stack([self.at(s0, d0), self.at(s1, d0), self.at(s1, d1), self.at(s0, d1)])
+        local = np.array([[s0, d0], [s1, d0], [s1, d1], [s0, d1]])
+        return np.asarray(self.origin_m + local @ np.stack([self.along, self.inward]))
 
 
 class Builder:
@@ -76,7 +77,7 @@ class Builder:
         tag: int = -1,
         uv: FloatArray | None = None,
     ) -> None:
-        """Add (N, 4, 3) quads of local points, counter-clockwise; without `uv` (4, 2) or (N, 4, 2) it is in metres."""
+        """Add (N, 4, 3) quads of local points, counter-clockwise; `uv` (4, 2) or (N, 4, 2), else in metres."""
         corners = np.asarray(local, np.float64).reshape(-1, 4, 3)
         self._quads.append((place, corners, uv))
         self._quad_looks.append((len(corners), material, tint, tag))
@@ -120,7 +121,9 @@ class Builder:
         ]
         return Mesh(
             np.concatenate([quads.reshape(-1, 3), triangles.reshape(-1, 3)]).astype(np.float32),
-            np.concatenate([np.repeat(quad_normal, 4, axis=0), np.repeat(triangle_normal, 3, axis=0)]).astype(np.float32),
+            np.concatenate([np.repeat(quad_normal, 4, axis=0), np.repeat(triangle_normal, 3, axis=0)]).astype(
+                np.float32
+            ),
             np.concatenate([quad_uv.reshape(-1, 2), triangle_uv.reshape(-1, 2)]).astype(np.float32),
             np.concatenate([faces, rest]).astype(np.int32),
             looks[0].astype(np.uint8),

@@ -183,7 +183,9 @@ def _sills(builder: Builder, place: Place, panes: FloatArray, look: Look) -> Non
     builder.boxes(place, low, high, Material.CONCRETE, look.trim, look.tag, "ft")
 
 
-def band(builder: Builder, place: Place, length_m: float, z_m: float, height_m: float, out_m: float, look: Look) -> None:
+def band(
+    builder: Builder, place: Place, length_m: float, z_m: float, height_m: float, out_m: float, look: Look
+) -> None:
     """Add a cornice or string course along a wall."""
     low, high = [0.0, -out_m, z_m], [length_m, 0.02, z_m + height_m]
     builder.boxes(place, low, high, Material.CONCRETE, look.trim, look.tag, "lrfdt")

@@ -56,7 +56,7 @@ def plate(corners: FloatArray, z_m: float, tint: Tint, front_m: float, material:
     fan = [[at[0], at[i], at[i + 1]] for i in range(1, count - 1)]
     builder.triangles(ORIGIN, fan, material, tint)
     if back:
-        behind = at + [0.0, 0.02, 0.0]
+        behind = at + np.array([0.0, 0.02, 0.0])
         rear = [[behind[0], behind[i + 1], behind[i]] for i in range(1, count - 1)]
         builder.triangles(ORIGIN, rear, Material.METAL, _STEEL)
     return builder.mesh()
@@ -124,7 +124,9 @@ def parking_sign() -> Mesh:
 def crossing_sign() -> Mesh:
     """A white triangle on blue with a dark figure."""
     up = np.array([[-0.24, -0.2], [0.24, -0.2], [0.0, 0.24]])
-    return _on_post((_square(0.62, 0.62), _BLUE, 0.0), (up, _WHITE, 0.006), (_square(0.06, 0.24, 0, -0.05), _DARK, 0.012))
+    return _on_post(
+        (_square(0.62, 0.62), _BLUE, 0.0), (up, _WHITE, 0.006), (_square(0.06, 0.24, 0, -0.05), _DARK, 0.012)
+    )
 
 
 def name_sign() -> Mesh:
@@ -144,9 +146,9 @@ def bench() -> Mesh:
     """A bench of wood that looks to the street."""
     builder = Builder()
     seat = np.array([[-0.9, -0.22, 0.42], [-0.9, -0.06, 0.42], [-0.9, 0.10, 0.42]])
-    builder.boxes(ORIGIN, seat, seat + [1.8, 0.13, 0.04], Material.PLAIN, _WOOD, sides="lrfbdt")
+    builder.boxes(ORIGIN, seat, seat + np.array([1.8, 0.13, 0.04]), Material.PLAIN, _WOOD, sides="lrfbdt")
     rest = np.array([[-0.9, 0.25, 0.56], [-0.9, 0.28, 0.72]])
-    builder.boxes(ORIGIN, rest, rest + [1.8, 0.035, 0.12], Material.PLAIN, _WOOD, sides="lrfbdt")
+    builder.boxes(ORIGIN, rest, rest + np.array([1.8, 0.035, 0.12]), Material.PLAIN, _WOOD, sides="lrfbdt")
     legs = np.array([[-0.7, -0.18, 0.0], [0.64, -0.18, 0.0], [-0.7, 0.2, 0.0], [0.64, 0.2, 0.0]])
     tall = np.array([[0.06, 0.06, 0.42], [0.06, 0.06, 0.42], [0.06, 0.06, 0.85], [0.06, 0.06, 0.85]])
     builder.boxes(ORIGIN, legs, legs + tall, Material.METAL, _DARK)
@@ -157,14 +159,14 @@ def shelter() -> Mesh:
     """A bus shelter, four metres long, with a flag."""
     builder = Builder()
     posts = np.array([[-2.0, 0.55, 0.0], [1.92, 0.55, 0.0], [-2.0, -0.55, 0.0], [1.92, -0.55, 0.0]])
-    builder.boxes(ORIGIN, posts, posts + [0.08, 0.08, 2.35], Material.METAL, _DARK)
+    builder.boxes(ORIGIN, posts, posts + np.array([0.08, 0.08, 2.35]), Material.METAL, _DARK)
     builder.boxes(ORIGIN, [-2.15, -0.85, 2.35], [2.15, 0.75, 2.47], Material.METAL, (84, 88, 90), sides="lrfbdt")
     builder.boxes(ORIGIN, [-1.9, 0.58, 0.25], [1.9, 0.61, 2.15], Material.GLASS, (150, 170, 172), sides="lrfbdt")
     builder.boxes(ORIGIN, [-1.98, -0.45, 0.25], [-1.95, 0.5, 2.15], Material.GLASS, (150, 170, 172), sides="lrfbdt")
     builder.boxes(ORIGIN, [1.93, -0.5, 0.2], [2.03, 0.55, 2.1], Material.PLAIN, (196, 120, 58), sides="lrfbdt")
     builder.boxes(ORIGIN, [-1.5, 0.2, 0.43], [1.2, 0.5, 0.49], Material.PLAIN, _WOOD, sides="lrfbdt")
     legs = np.array([[-1.3, 0.3, 0.0], [0.95, 0.3, 0.0]])
-    builder.boxes(ORIGIN, legs, legs + [0.08, 0.1, 0.43], Material.METAL, _DARK)
+    builder.boxes(ORIGIN, legs, legs + np.array([0.08, 0.1, 0.43]), Material.METAL, _DARK)
     builder.boxes(ORIGIN, [2.9, -0.35, 0.0], [2.97, -0.28, 2.9], Material.METAL, _STEEL)
     builder.boxes(ORIGIN, [2.68, -0.33, 2.35], [3.19, -0.3, 2.85], Material.SIGN, (226, 186, 40), sides="lrfbdt")
     return builder.mesh()
@@ -215,7 +217,7 @@ def billboard() -> Mesh:
     """A board of three by six metres on two legs; its picture is a few plain areas."""
     builder = Builder()
     legs = np.array([[-2.2, 0.1, 0.0], [2.0, 0.1, 0.0]])
-    builder.boxes(ORIGIN, legs, legs + [0.2, 0.2, 2.6], Material.METAL, _STEEL)
+    builder.boxes(ORIGIN, legs, legs + np.array([0.2, 0.2, 2.6]), Material.METAL, _STEEL)
     builder.boxes(ORIGIN, [-3.1, -0.05, 2.3], [3.1, 0.1, 5.5], Material.METAL, (70, 72, 74), sides="lrfbdt")
     areas: tuple[tuple[float, float, float, float, Tint], ...] = (
         (-3.0, 3.0, 2.4, 5.4, (214, 206, 188)),

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from scipy.ndimage import map_coordinates
 
 from appocc.checks import FloatArray
 from appocc.simulation.mesh import Material, Mesh
@@ -49,28 +50,28 @@ PLANTINGS = {
 _VARIANTS = 4
 
 
-def plant(
-    site: Site, style: str, street_trees_m: FloatArray, rng: np.random.Generator
-) -> list[Mesh]:
-    """Trees and bushes: copies of a few templates; `street_trees_m` (N, 2) are given, gardens and parks are filled."""
+def plant(site: Site, style: str, street_trees_m: FloatArray, rng: np.random.Generator) -> list[Mesh]:
+    """Trees and bushes, copies of a few: street trees at given places (N, 2), gardens and parks by the style."""
     planting = PLANTINGS[style]
     spots = _garden_spots(site, planting, rng)
-    far = site.ground_at(spots, site.to_road_m) > planting.near_m
+    far = site.metres_at(spots, site.to_road_m) > planting.near_m
     conifer_share = rng.random(len(spots)) < planting.conifers
     roll = rng.random(len(spots))
-    meshes = _scattered(street_trees_m, (broad,), palette.LEAVES, rng, 2.0, (0.8, 1.05))
+    meshes = _scattered(street_trees_m, (broad,), palette.LEAVES, rng, 2.0, (0.82, 0.98), 1.36)
     for distant, detail in ((False, 1.0), (True, 0.4)):
         here = far == distant
         leafy = here & ~conifer_share
         meshes += _scattered(spots[leafy & (roll < 0.5)], (broad,), palette.LEAVES, rng, detail, (0.75, 1.3))
-        meshes += _scattered(spots[leafy & (roll >= 0.5) & (roll < 0.88)], (small,), palette.LEAVES, rng, detail, (0.7, 1.3))
+        meshes += _scattered(
+            spots[leafy & (roll >= 0.5) & (roll < 0.88)], (small,), palette.LEAVES, rng, detail, (0.7, 1.3)
+        )
         meshes += _scattered(spots[leafy & (roll >= 0.88)], (columnar,), palette.LEAVES, rng, detail, (0.7, 1.2))
         meshes += _scattered(spots[here & conifer_share], (conifer,), palette.NEEDLES, rng, detail, (0.6, 1.3))
     near = spots[~far]
     count = int(len(near) * planting.bushes)
     around = near[rng.integers(len(near), size=count)] if len(near) else near
     bushes = around + rng.uniform(-4.0, 4.0, around.shape)
-    clear = (site.ground_at(bushes, site.taken) == 0) & (site.ground_at(bushes, site.to_paved_m) > 1.0)
+    clear = (~site.on(bushes, site.taken)) & (site.metres_at(bushes, site.to_paved_m) > 1.0)
     meshes += _scattered(bushes[clear], (lambda seed, _: bush(seed),), palette.HEDGES, rng, 1.0, (0.6, 1.4))
     return meshes
 
@@ -82,11 +83,12 @@ def _garden_spots(site: Site, planting: Planting, rng: np.random.Generator) -> F
     y, x = np.meshgrid(np.arange(0, height, step), np.arange(0, width, step), indexing="ij")
     grid = np.stack([x.ravel(), y.ravel()], axis=1) + rng.uniform(0, step, (x.size, 2))
     spots = site.low_m + grid * SITE_M
-    to_taken = cv2.distanceTransform((site.taken == 0).astype(np.uint8), cv2.DIST_L2, 3) * SITE_M
-    clear, paved = site.ground_at(spots, to_taken), site.ground_at(spots, site.to_paved_m)
+    to_taken = cv2.distanceTransform((site.taken == 0).astype(np.uint8), cv2.DIST_L2, 3)
+    clear = SITE_M * site.metres_at(spots, np.asarray(to_taken, dtype=np.float32))
+    paved = site.metres_at(spots, site.to_paved_m)
     # Clumps: parks and gardens are fuller here than there.
-    rough = cv2.resize(rng.random((12, 12)), (width, height), interpolation=cv2.INTER_LINEAR)
-    fullness = 0.4 + 1.2 * site.ground_at(spots, rough)
+    coarse = grid[:, ::-1] / [height, width] * 11
+    fullness = 0.4 + 1.2 * map_coordinates(rng.random((12, 12)), coarse.T, order=1, mode="nearest")
     share = np.where(clear < 9.0, planting.share, planting.park_share) * fullness
     keep = (clear > 2.0) & (paved > 1.6) & (paved < REACH_M - 4.0) & (rng.random(len(spots)) < share)
     return np.asarray(spots[keep])
@@ -99,12 +101,13 @@ def _scattered(
     rng: np.random.Generator,
     detail: float,
     scale: tuple[float, float],
+    slender: float = 1.0,
 ) -> list[Mesh]:
-    """Copies at places (N, 2), a few variants mixed, each of its own size and shade."""
+    """Copies at places (N, 2), a few variants mixed, each of its own size and shade; `slender` are the higher."""
     count = len(xy_m)
     variant = rng.integers(_VARIANTS, size=count)
     yaw = rng.uniform(0, 2 * np.pi, count)
-    size = rng.uniform(*scale, (count, 1)) * rng.uniform(0.9, 1.1, (count, 3))
+    size = rng.uniform(*scale, (count, 1)) * rng.uniform(0.9, 1.1, (count, 3)) * [1.0, 1.0, slender]
     colours = np.array(tints)[rng.integers(len(tints), size=count)] * rng.uniform(0.88, 1.12, (count, 1))
     colours = np.clip(colours, 0, 255).astype(np.int64)
     meshes = []
@@ -163,7 +166,7 @@ def _picket(builder: Builder, plot: Plot, s0: float, s1: float, d: float, rng: n
     count = max(2, round((s1 - s0) / 1.9) + 1)
     s = np.linspace(s0, s1 - 0.1, count)
     low = np.stack([s, np.full(count, d - 0.05), np.zeros(count)], axis=1)
-    builder.boxes(plot.place, low, low + [0.1, 0.1, 1.15], Material.PLAIN, tint)
+    builder.boxes(plot.place, low, low + np.array([0.1, 0.1, 1.15]), Material.PLAIN, tint)
     for z in (0.12, 0.42, 0.72):
         builder.boxes(plot.place, [s0, d - 0.07, z], [s1, d - 0.05, z + 0.22], Material.PLAIN, tint, sides="lrfbdt")
 
@@ -173,7 +176,7 @@ def _mesh_fence(builder: Builder, plot: Plot, s0: float, s1: float, d: float) ->
     count = max(2, round((s1 - s0) / 2.8) + 1)
     s = np.linspace(s0, s1 - 0.06, count)
     low = np.stack([s, np.full(count, d - 0.03), np.zeros(count)], axis=1)
-    builder.boxes(plot.place, low, low + [0.06, 0.06, 1.9], Material.METAL, palette.METALS[0])
+    builder.boxes(plot.place, low, low + np.array([0.06, 0.06, 1.9]), Material.METAL, palette.METALS[0])
     for z in np.linspace(0.2, 1.8, 7):
         rail = [s0, d - 0.045, z], [s1, d - 0.03, z + 0.035]
         builder.boxes(plot.place, *rail, Material.METAL, palette.METALS[0], sides="fbt")

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from appocc.checks import BoolArray, FloatArray
+from appocc.checks import BoolArray, FloatArray, IntArray
 from appocc.simulation.network import Edge, Lane, RoadNetwork
 from appocc.simulation.scenery.site import Site, resampled
 
@@ -30,7 +30,7 @@ class Roadside:
     heading: FloatArray
     outward: FloatArray
     behind_m: FloatArray
-    edge: FloatArray
+    edge: IntArray
 
     def __len__(self) -> int:
         """How many."""
@@ -47,7 +47,7 @@ def kerb_offset(site: Site, xy_m: FloatArray, outward: FloatArray, clear_m: floa
     """(N,) distance from points on the road to where `clear_m` of ground that is no road begins; NaN if too far."""
     reach = np.arange(0.0, _FARTHEST_M, _STEP_M)
     points = xy_m[:, None] + reach[:, None] * outward[:, None]
-    road = site.ground_at(points.reshape(-1, 2), site.road).reshape(len(xy_m), -1)
+    road = site.on(points.reshape(-1, 2), site.road).reshape(len(xy_m), -1)
     width = max(1, round(clear_m / _STEP_M))
     total = np.cumsum(np.pad(road, ((0, 0), (1, width))).astype(np.int64), axis=1)
     total[:, -width:] += np.arange(1, width + 1)  # what lies beyond reach counts as road
@@ -82,7 +82,7 @@ def along_streets(
         alternate: whether the sides take turns.
         skip_m: left free at both ends of a street.
     """
-    parts: list[tuple[FloatArray, FloatArray, FloatArray, FloatArray]] = []
+    parts: list[tuple[FloatArray, FloatArray, FloatArray, IntArray]] = []
     for number, edge, lane, side in outer_lanes(network):
         first = edge.from_junction < edge.to_junction if side < 0 else True
         start = skip_m + (0.0 if first or not alternate else step_m / 2)
@@ -94,12 +94,12 @@ def along_streets(
     if not parts:
         none = np.zeros((0, 2))
         return Roadside(none, none, none, np.zeros(0), np.zeros(0, np.int64))
-    xy, heading, out, edges = (np.concatenate(column) for column in zip(*parts, strict=True))
-    return placed(site, xy, heading, out, edges, back_m)
+    points, heading, out = (np.concatenate([part[k] for part in parts]) for k in range(3))
+    return placed(site, points, heading, out, np.concatenate([part[3] for part in parts]), back_m)
 
 
 def placed(
-    site: Site, xy_m: FloatArray, heading: FloatArray, outward: FloatArray, edge: FloatArray, back_m: float
+    site: Site, xy_m: FloatArray, heading: FloatArray, outward: FloatArray, edge: IntArray, back_m: float
 ) -> Roadside:
     """Places `back_m` behind the kerb, seen from points of the carriageway; those without one are left out."""
     offset = kerb_offset(site, xy_m, outward, back_m + 0.5) + back_m
@@ -107,7 +107,7 @@ def placed(
     at = xy_m[found] + offset[found, None] * outward[found]
     reach = np.arange(0.0, 4.0, 0.2)
     beyond = (at[:, None] + reach[:, None] * outward[found][:, None]).reshape(-1, 2)
-    free = (site.ground_at(beyond, site.paved) & ~site.ground_at(beyond, site.road)).reshape(len(at), -1)
+    free = (site.on(beyond, site.paved) & ~site.on(beyond, site.road)).reshape(len(at), -1)
     behind = 0.2 * np.logical_and.accumulate(free, axis=1).sum(axis=1)
     return Roadside(at, heading[found], outward[found], behind, edge[found])
 

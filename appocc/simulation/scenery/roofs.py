@@ -2,39 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from appocc.simulation.mesh import Material
-from appocc.simulation.scenery.builder import UNIT_UV, Builder, Place, Tint
+from appocc.simulation.scenery.builder import UNIT_UV, Builder, Tint
 from appocc.simulation.scenery.facade import Look
 from appocc.simulation.scenery.palette import GRAVEL, LEAD
+from appocc.simulation.scenery.spans import Span
 
 _THICK_M = 0.16
-
-
-@dataclass(frozen=True)
-class Span:
-    """A rectangle s0..s1, d0..d1 of a place, with walls up to `eaves_m`."""
-
-    place: Place
-    s0: float
-    s1: float
-    d0: float
-    d1: float
-    eaves_m: float
-
-    def turned(self) -> Span:
-        """The same rectangle with s along its depth."""
-        place = self.place.moved(self.s1, self.d0, 1)
-        return Span(place, 0.0, self.d1 - self.d0, 0.0, self.s1 - self.s0, self.eaves_m)
-
-    def side(self, name: str) -> tuple[Place, float]:
-        """Frame and length of its front, right, back or left wall."""
-        s0, s1, d0, d1 = self.s0, self.s1, self.d0, self.d1
-        corner = {"front": (s0, d0, 0), "right": (s1, d0, 1), "back": (s1, d1, 2), "left": (s0, d1, 3)}[name]
-        return self.place.moved(*corner), (s1 - s0) if name in ("front", "back") else (d1 - d0)
 
 
 def gable(
@@ -145,7 +121,7 @@ def chimney(builder: Builder, span: Span, s: float, d: float, z_m: float, tint: 
     cap = [s - 0.42, d - 0.57, z_m], [s + 0.42, d + 0.57, z_m + 0.12]
     builder.boxes(span.place, *cap, Material.CONCRETE, look.trim, look.tag, "lrfbdt")
     pots = np.array([[s - 0.13, d - 0.35, z_m + 0.12], [s - 0.13, d + 0.1, z_m + 0.12]])
-    builder.boxes(span.place, pots, pots + [0.26, 0.26, 0.45], Material.PLAIN, (146, 88, 66), look.tag)
+    builder.boxes(span.place, pots, pots + np.array([0.26, 0.26, 0.45]), Material.PLAIN, (146, 88, 66), look.tag)
 
 
 def dormers(builder: Builder, span: Span, count: int, pitch_rad: float, tint: Tint, look: Look) -> None:
@@ -165,7 +141,9 @@ def dormers(builder: Builder, span: Span, count: int, pitch_rad: float, tint: Ti
     top[:, 2] += 0.12
     bottom = low.copy()
     bottom[:, 2] = high[:, 2]
-    builder.boxes(span.place, bottom - roof, top + [0.12, 0.25, 0.0], Material.PLAIN, LEAD, look.tag, "lrfdt")
+    builder.boxes(
+        span.place, bottom - roof, top + np.array([0.12, 0.25, 0.0]), Material.PLAIN, LEAD, look.tag, "lrfdt"
+    )
     x0, x1, z0, z1 = s - width / 2 + 0.15, s + width / 2 - 0.15, (z + 0.12) * one, (z + height - 0.12) * one
     y = (d - 0.03) * one
     panes = np.moveaxis(np.array([[x0, y, z0], [x1, y, z0], [x1, y, z1], [x0, y, z1]]), -1, 0)

@@ -27,7 +27,7 @@ _GREY: Tint = (96, 100, 102)
 
 @dataclass(frozen=True)
 class Head:
-    """A head of three lamps: (3,) middle of its lower edge, (2,) unit direction it looks to, and its link's number."""
+    """A head of three lamps: middle of its lower edge (3,), direction it looks to (2,), number of its link."""
 
     xyz_m: FloatArray
     towards: FloatArray
@@ -176,7 +176,12 @@ def _head() -> Mesh:
         angle = np.linspace(-0.15, np.pi + 0.15, 5)
         x, up = 0.135 * np.cos(angle), z + 0.135 * np.sin(angle)
         for i in range(4):  # the visor, from outside and from inside
-            near = [[x[i], -0.12, up[i]], [x[i + 1], -0.12, up[i + 1]], [x[i + 1], -0.3, up[i + 1]], [x[i], -0.3, up[i]]]
+            near = [
+                [x[i], -0.12, up[i]],
+                [x[i + 1], -0.12, up[i + 1]],
+                [x[i + 1], -0.3, up[i + 1]],
+                [x[i], -0.3, up[i]],
+            ]
             builder.quads(ORIGIN, [near[::-1], near], Material.TRIM, _BLACK)
     return joined([builder.mesh(), *parts])
 
@@ -194,6 +199,14 @@ def _arms(arms: list[tuple[FloatArray, FloatArray]]) -> list[Mesh]:
     """Arms from the poles over the lanes."""
     height = _ARM_M + 0.6
     return [
-        stem(np.array([*pole, height]), np.array([*tip, height + 0.25]), (0.08, 0.05), 6, Material.METAL, _GREY, capped=True)
+        stem(
+            np.array([*pole, height]),
+            np.array([*tip, height + 0.25]),
+            (0.08, 0.05),
+            6,
+            Material.METAL,
+            _GREY,
+            capped=True,
+        )
         for pole, tip in arms
     ]

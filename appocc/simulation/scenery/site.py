@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from scipy.spatial import cKDTree
 
-from appocc.checks import BoolArray, ByteArray, Float32Array, FloatArray
+from appocc.checks import BoolArray, ByteArray, Float32Array, FloatArray, IntArray
 from appocc.simulation.network import Edge, RoadNetwork
 from appocc.simulation.scenery.builder import Place
 from appocc.simulation.surface import CELL_M, ROAD_SURFACES, Ground, Surface, surface_table
@@ -18,6 +18,7 @@ SITE_M = CELL_M * _COARSE
 _MARGIN_M = 4.0
 REACH_M = 60.0  # nothing is seen farther from a street
 _WIDE = 3  # driving lanes in both directions, from which a street is an arterial
+_ROAD, _ANY = 1, 2  # bits
 _PAVED = (*ROAD_SURFACES, Surface.PAVEMENT, Surface.KERB)
 
 
@@ -45,13 +46,14 @@ class Site:
     def __init__(self, ground: Ground, network: RoadNetwork) -> None:
         """Coarsen the labels: a cell is road, or paved, if any part of it is."""
         self.low_m = ground.low_m - _MARGIN_M
-        self.road = _coarse(surface_table(ROAD_SURFACES)[ground.label])
-        self.paved = _coarse(surface_table(_PAVED)[ground.label])
+        flags = surface_table(ROAD_SURFACES) * np.uint8(_ROAD) + surface_table(_PAVED) * np.uint8(_ANY)
+        coarse = _coarse(np.asarray(cv2.LUT(ground.label, flags), dtype=np.uint8))
+        self.road, self.paved = (coarse & _ROAD) > 0, (coarse & _ANY) > 0
         self.to_road_m, self.to_paved_m = _distance(self.road), _distance(self.paved)
         self.taken: ByteArray = self.paved.astype(np.uint8)
         self._streets = _streets(network)
 
-    def cell(self, xy_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def cell(self, xy_m: FloatArray) -> tuple[IntArray, IntArray]:
         """Row and column (N,) of positions (N, 2), those outside moved to the border."""
         index = np.floor((xy_m - self.low_m) / SITE_M).astype(np.int64)
         high = self.taken.shape
@@ -75,7 +77,7 @@ class Site:
         low, high, mask = self._stamp(outline_m)
         self.taken[low[1] : high[1], low[0] : high[0]] |= mask
 
-    def _stamp(self, outline_m: FloatArray) -> tuple[FloatArray, FloatArray, ByteArray]:
+    def _stamp(self, outline_m: FloatArray) -> tuple[IntArray, IntArray, ByteArray]:
         points = (outline_m - self.low_m) / SITE_M
         low = np.floor(points.min(axis=0)).astype(np.int64)
         high = np.ceil(points.max(axis=0)).astype(np.int64) + 1
@@ -111,20 +113,23 @@ class Site:
         """The stretch between two points, with what is farther from the street to the left."""
         along = (end - start) / length_m
         side = (start + end) / 2 + 2.0 * np.array([-along[1], along[0]])
-        left = self.ground_at(side[None], self.to_paved_m)[0] > beyond_m
+        left = self.metres_at(side[None], self.to_paved_m)[0] > beyond_m
         return Frontage(Place(start, along) if left else Place(end, -along), length_m, False)
 
-    def ground_at(self, xy_m: FloatArray, what: BoolArray | Float32Array) -> FloatArray:
-        """(N,) values of a raster of the site at positions (N, 2)."""
-        row, column = self.cell(xy_m)
-        return np.asarray(what[row, column])
+    def metres_at(self, xy_m: FloatArray, what: Float32Array) -> Float32Array:
+        """(N,) values of a raster of distances at positions (N, 2)."""
+        return np.asarray(what[self.cell(xy_m)])
+
+    def on(self, xy_m: FloatArray, what: BoolArray | ByteArray) -> BoolArray:
+        """(N,) whether a raster is on at positions (N, 2)."""
+        return np.asarray(what[self.cell(xy_m)] > 0)
 
 
-def _coarse(mask: BoolArray) -> BoolArray:
-    """A mask in coarser cells, with a margin: on where any part of a cell is on."""
-    height, width = (-(-size // _COARSE) for size in mask.shape)
-    fine = np.zeros((height * _COARSE, width * _COARSE), np.bool_)
-    fine[: mask.shape[0], : mask.shape[1]] = mask
+def _coarse(flags: ByteArray) -> ByteArray:
+    """Bits in coarser cells, with a margin: on where any part of a cell is on."""
+    height, width = (-(-size // _COARSE) for size in flags.shape)
+    fine = np.zeros((height * _COARSE, width * _COARSE), np.uint8)
+    fine[: flags.shape[0], : flags.shape[1]] = flags
     coarse = fine[0::2, 0::2] | fine[1::2, 0::2] | fine[0::2, 1::2] | fine[1::2, 1::2]
     return np.pad(coarse, round(_MARGIN_M / SITE_M))
 
@@ -133,8 +138,8 @@ def _distance(mask: BoolArray) -> Float32Array:
     """Distance of each cell to the nearest that is on, metres; far away if none is."""
     if not mask.any():
         return np.full(mask.shape, 1e6, np.float32)
-    distance: Float32Array = cv2.distanceTransform((~mask).astype(np.uint8), cv2.DIST_L2, 3)
-    return distance * np.float32(SITE_M)
+    distance = cv2.distanceTransform((~mask).astype(np.uint8), cv2.DIST_L2, 3)
+    return np.asarray(distance, dtype=np.float32) * np.float32(SITE_M)
 
 
 def lanes_across(network: RoadNetwork, edge: Edge) -> int:
@@ -163,7 +168,9 @@ def resampled(line_m: FloatArray, step_m: float, start_m: float = 0.0) -> tuple[
     length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line_m, axis=0), axis=1))])
     at = np.arange(start_m, length[-1] + 1e-9, step_m)
     points = np.stack([np.interp(at, length, line_m[:, axis]) for axis in (0, 1)], axis=1)
-    ahead = np.stack([np.interp(np.minimum(at + 0.5, length[-1]), length, line_m[:, axis]) for axis in (0, 1)], axis=1)
+    ahead = np.stack(
+        [np.interp(np.minimum(at + 0.5, length[-1]), length, line_m[:, axis]) for axis in (0, 1)], axis=1
+    )
     behind = np.stack([np.interp(np.maximum(at - 0.5, 0.0), length, line_m[:, axis]) for axis in (0, 1)], axis=1)
     step = ahead - behind
     return points, step / np.maximum(np.linalg.norm(step, axis=1, keepdims=True), 1e-9)

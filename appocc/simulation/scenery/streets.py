@@ -104,10 +104,11 @@ def _signs(streets: Streets, rng: np.random.Generator) -> None:
         **{f"limit{number}": make for number, make in furniture.LIMITS.items()},
     }
     for name in sorted(rows):
-        xy, heading, number = (np.array(column) for column in zip(*rows[name], strict=True))
+        xy, heading = np.array([row[0] for row in rows[name]]), np.array([row[1] for row in rows[name]])
+        edges = np.array([row[2] for row in rows[name]])
         right = np.stack([heading[:, 1], -heading[:, 0]], axis=1)
-        side = streets.reserve(placed(streets.site, xy, heading, right, number, 0.55), 1.2)
-        streets.put(templates[name](), side, -side.heading)
+        places = streets.reserve(placed(streets.site, xy, heading, right, edges, 0.55), 1.2)
+        streets.put(templates[name](), places, -places.heading)
 
 
 def _near_end(line_m: FloatArray, back_m: float) -> tuple[FloatArray, FloatArray]:
@@ -165,12 +166,12 @@ def _billboards(streets: Streets, share: float, rng: np.random.Generator) -> Non
     """Boards on free ground behind the pavement, towards those who come."""
     side = along_streets(streets.site, streets.network, 60.0, 4.6, False, 20.0)
     chosen = rng.random(len(side)) < share
-    away = streets.site.ground_at(side.xy_m, streets.site.to_paved_m)
+    away = streets.site.metres_at(side.xy_m, streets.site.to_paved_m)
     clear = np.ones(len(side), np.bool_)
     for reach in (-2.6, -1.3, 0.0, 1.3, 2.6):
         across = side.xy_m + reach * side.outward
-        clear &= streets.site.ground_at(across, streets.site.road) == 0
-        clear &= streets.site.ground_at(across + side.outward * 2.6, streets.site.taken) == 0
+        clear &= ~streets.site.on(across, streets.site.road)
+        clear &= ~streets.site.on(across + side.outward * 2.6, streets.site.taken)
     side = side.only(chosen & clear & (away > 0.4))
     moved = Roadside(side.xy_m + 2.6 * side.outward, side.heading, side.outward, side.behind_m, side.edge)
     moved = streets.reserve(moved, 4.0)

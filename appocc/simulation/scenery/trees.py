@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
@@ -14,6 +14,7 @@ from appocc.simulation.scenery.builder import stem
 
 _BARK = (96, 84, 70)
 _LEAF = (80, 100, 50)  # replaced when it is placed
+_CLEAR_M = 3.05
 _GOLDEN = (1 + 5**0.5) / 2
 
 
@@ -40,11 +41,8 @@ def _sphere(level: int) -> tuple[FloatArray, NDArray[np.int64]]:
     a, b = 1.0, _GOLDEN
     points = [(-a, b, 0), (a, b, 0), (-a, -b, 0), (a, -b, 0), (0, -a, b), (0, a, b), (0, -a, -b), (0, a, -b)]
     points += [(b, 0, -a), (b, 0, a), (-b, 0, -a), (-b, 0, a)]
-    faces = np.array(
-        [[0, 11, 5], [0, 5, 1], [0, 1, 7], [0, 7, 10], [0, 10, 11], [1, 5, 9], [5, 11, 4], [11, 10, 2], [10, 7, 6]]
-        + [[7, 1, 8], [3, 9, 4], [3, 4, 2], [3, 2, 6], [3, 6, 8], [3, 8, 9], [4, 9, 5], [2, 4, 11], [6, 2, 10]]
-        + [[8, 6, 7], [9, 8, 1]]
-    )
+    rows = "0b5 051 017 07a 0ab 159 5b4 ba2 a76 718 394 342 326 368 389 495 24b 62a 867 981"
+    faces = np.array([[int(corner, 12) for corner in row] for row in rows.split()])
     vertices = np.array(points, np.float64)
     for _ in range(level):
         edges = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
@@ -124,7 +122,12 @@ def broad(seed: int, detail: float = 1.0) -> Tree:
         lump = rng.uniform(1.0, 1.35) * np.array([1.0, 1.0, 0.85])
         parts += [_blob(rng, side, lump * 0.9, 0, 0.15), _tufts(rng, round(11 * detail), side, lump, 0.48 * fine)]
         parts.append(_limb(fork - [0, 0, 0.3], side, (0.1, 0.04), 3))
-    return _tree(parts)
+    crown = joined(parts)
+    # Street trees are trimmed: trucks pass below.
+    leaves = np.unique(crown.faces[crown.material == Material.FOLIAGE])
+    vertices = crown.vertices_m.copy()
+    vertices[leaves, 2] = np.maximum(vertices[leaves, 2], _CLEAR_M)
+    return _tree([replace(crown, vertices_m=vertices)])
 
 
 def columnar(seed: int, detail: float = 1.0) -> Tree:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from appocc.checks import FloatArray, IntArray
-from appocc.geometry import quaternion_from_yaw, transform
+from appocc.geometry import transform
 from appocc.nuscenes.writer import Annotation
 from appocc.simulation.traffic import Light
 from appocc.simulation.truth.objects import Objects, category_of
@@ -28,7 +28,8 @@ def annotate(
     """
     rows = []
     for i, actor in enumerate(objects.actors):
-        town_from_box = transform(quaternion_from_yaw(float(objects.yaw_rad[i])), objects.centre_m[i])
+        cos, sin = np.cos(objects.yaw_rad[i]), np.sin(objects.yaw_rad[i])
+        town_from_box = transform([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]], objects.centre_m[i])
         length, width, height = actor.size_lwh_m
         rows.append(
             Annotation(

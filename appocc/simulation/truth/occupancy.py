@@ -130,16 +130,13 @@ def vehicle_cells(grid: BEVGrid, town_from_ego: FloatArray, objects: Objects) ->
     outlines = vehicles.footprints() @ ego_from_town[:2, :2].T + ego_from_town[:2, 3]
     best = np.full(grid.shape, VEHICLE_SHARE - _ROUNDING)
     owner = np.full(grid.shape, -1, np.int32)
-    corner = np.array([grid.x_min_m, grid.y_min_m])
-    for number, outline in zip(vehicles.number, outlines, strict=True):
-        low = np.clip(grid.cell_of(outline.min(axis=0)), 0, grid.shape)
-        high = np.clip(grid.cell_of(outline.max(axis=0)) + 1, 0, grid.shape)
-        if (high <= low).any():
-            continue
-        # Only the cells around it, counted from `low`.
-        around = BEVGrid(0.0, float(high[0] - low[0]), 0.0, float(high[1] - low[1]), 1.0)
-        cover = polygon_cover(around, (outline - corner) / grid.cell_m - low)
-        window = np.s_[low[0] : high[0], low[1] : high[1]]
-        more = cover > best[window]
-        best[window][more], owner[window][more] = cover[more], number
+    outlines = (outlines - [grid.x_min_m, grid.y_min_m]) / grid.cell_m
+    lows = np.clip(np.floor(outlines.min(axis=1)).astype(np.int64), 0, grid.shape)
+    highs = np.clip(np.floor(outlines.max(axis=1)).astype(np.int64) + 1, 0, grid.shape)
+    for i in np.flatnonzero((lows < highs).all(axis=1)):
+        # Only the cells around it, counted from the lowest.
+        (x0, y0), (x1, y1) = lows[i].tolist(), highs[i].tolist()
+        cover = polygon_cover(BEVGrid(0.0, x1 - x0, 0.0, y1 - y0, 1.0), outlines[i] - lows[i])
+        more = cover > best[x0:x1, y0:y1]
+        best[x0:x1, y0:y1][more], owner[x0:x1, y0:y1][more] = cover[more], vehicles.number[i]
     return owner

@@ -1,0 +1,46 @@
+"""Lines of a car that all its parts keep to."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from appocc.checks import FloatArray
+from appocc.simulation.actors.modelling import Modeller
+from appocc.simulation.actors.profiles import CarProfile
+
+# Half widths at the sill and at the shoulder as shares of that at the waist.
+SHARE_LOW, SHARE_SHOULDER = 0.965, 0.955
+# Stations of the profile's shoulder that each level of detail keeps.
+_STATIONS = ((0, 1, 2, 3, 4, 5, 6), (0, 2, 5, 6), (0, 2, 5, 6))
+
+
+class CarFrame:
+    """A car to be modelled; all lines run from front to rear and from the centre to the left."""
+
+    def __init__(self, model: Modeller, profile: CarProfile, detail: int) -> None:
+        """Keep what is modelled and how finely."""
+        self.model, self.profile, self.detail = model, profile, detail
+        self.length, self.width, _ = profile.size_lwh_m
+        self.full_line = np.array(profile.shoulder)
+        self.line = self.full_line[list(_STATIONS[detail])]
+
+    def half(self, x: FloatArray) -> FloatArray:
+        """Half width at the waist; straight between the stations, so that parts with more points leave no cracks."""
+        nose, tail = self.full_line[0, 0], self.full_line[-1, 0]
+        knots = [tail, tail + 0.22, tail + 0.75, nose - 0.85, nose - 0.25, nose]
+        stations = self.line[::-1, 0]
+        rounded = np.interp(stations, knots, [0.915, 0.972, 1.0, 1.0, 0.968, 0.895])
+        return np.asarray(np.interp(x, stations, rounded) * self.width / 2)
+
+    def shoulder(self, x: FloatArray) -> FloatArray:
+        """Height of the shoulder."""
+        return np.asarray(np.interp(-x, -self.line[:, 0], self.line[:, 1]))
+
+    def waist(self, x: FloatArray) -> FloatArray:
+        """Height of the widest line, below the shoulder everywhere."""
+        return np.minimum(self.profile.waist_m, self.shoulder(x) - 0.11)
+
+
+def points(x: FloatArray, y: FloatArray, z: FloatArray) -> FloatArray:
+    """(..., 3) points of their coordinates."""
+    return np.stack([x, y, z], axis=-1)

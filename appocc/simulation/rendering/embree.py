@@ -1,0 +1,231 @@
+"""Embree, sixteen rays at a time.
+
+The package embreex brings Embree's library with it, but hands it one ray after the other. Rays of neighbouring pixels
+take nearly the same way through the search tree; in packets they are traced three to four times as fast. So the
+library is called directly; where it cannot be found, `scene_of` gives back a scene traced by embreex.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import weakref
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, Protocol
+
+import embreex
+import numpy as np
+from embreex import rtcore_scene
+from embreex.mesh_construction import TriangleMesh
+from llvmlite import ir
+from numba.core import types
+from numba.extending import intrinsic
+from numpy.typing import NDArray
+
+from appocc.checks import BoolArray, Float32Array
+from appocc.simulation.mesh import Mesh
+from appocc.simulation.rendering.compiled import kernel
+
+# Numbers from Embree 4's headers.
+_TRIANGLES, _INDEX, _VERTEX, _FLOAT3, _UINT3, _COHERENT = 0, 0, 1, 0x9003, 0x5003, 1 << 16
+_PACKET = 16
+_Pointer, _Int, _Size = ctypes.c_void_p, ctypes.c_int, ctypes.c_size_t
+_FUNCTIONS: dict[str, tuple[Any, list[Any]]] = {
+    "rtcNewDevice": (_Pointer, [ctypes.c_char_p]),
+    "rtcGetDeviceProperty": (ctypes.c_ssize_t, [_Pointer, _Int]),
+    "rtcGetDeviceError": (_Int, [_Pointer]),
+    "rtcNewScene": (_Pointer, [_Pointer]),
+    "rtcNewGeometry": (_Pointer, [_Pointer, _Int]),
+    "rtcSetNewGeometryBuffer": (_Pointer, [_Pointer, _Int, ctypes.c_uint, _Int, _Size, _Size]),
+    "rtcCommitGeometry": (None, [_Pointer]),
+    "rtcAttachGeometry": (ctypes.c_uint, [_Pointer, _Pointer]),
+    "rtcReleaseGeometry": (None, [_Pointer]),
+    "rtcCommitScene": (None, [_Pointer]),
+    "rtcReleaseScene": (None, [_Pointer]),
+    "rtcIntersect16": (None, [_Pointer] * 4),
+    "rtcOccluded16": (None, [_Pointer] * 4),
+}
+
+
+class Scene(Protocol):
+    """Triangles that rays can be traced against."""
+
+    def nearest(
+        self, origins: Float32Array, directions: Float32Array, distance_m: Float32Array
+    ) -> tuple[NDArray[np.int32], Float32Array]:
+        """Face (N,), -1 for none, and (N, 2) barycentric weights that rays meet within a distance, which shrinks."""
+        ...
+
+    def blocked(self, origins: Float32Array, directions: Float32Array) -> BoolArray:
+        """(N,) whether rays meet anything."""
+        ...
+
+
+def scene_of(mesh: Mesh) -> Scene | None:
+    """A mesh to be traced; None of an empty one."""
+    if not len(mesh.faces):
+        return None
+    return PacketScene(mesh) if _library() else PlainScene(mesh)
+
+
+class PlainScene:
+    """Traced by embreex, ray by ray."""
+
+    def __init__(self, mesh: Mesh) -> None:
+        """Build the search tree."""
+        self._scene: Any = rtcore_scene.EmbreeScene()
+        TriangleMesh(self._scene, np.array(mesh.vertices_m), np.array(mesh.faces))
+
+    def nearest(
+        self, origins: Float32Array, directions: Float32Array, distance_m: Float32Array
+    ) -> tuple[NDArray[np.int32], Float32Array]:
+        """See `Scene.nearest`."""
+        # Embree overwrites the limits it is given.
+        found = self._scene.run(origins, directions, dists=distance_m.copy(), query="INTERSECT", output=1)
+        met = found["primID"] >= 0
+        distance_m[met] = found["tfar"][met]
+        return found["primID"], np.stack([found["u"], found["v"]], axis=1)
+
+    def blocked(self, origins: Float32Array, directions: Float32Array) -> BoolArray:
+        """See `Scene.blocked`."""
+        return np.asarray(self._scene.run(origins, directions, query="OCCLUDED") == 0)
+
+
+class PacketScene:
+    """Traced by Embree's own interface."""
+
+    def __init__(self, mesh: Mesh) -> None:
+        """Build the search tree."""
+        found = _library()
+        assert found is not None
+        library, device = found
+        self._scene = library.rtcNewScene(device)
+        weakref.finalize(self, library.rtcReleaseScene, self._scene)
+        geometry = library.rtcNewGeometry(device, _TRIANGLES)
+        for slot, form, array in ((_VERTEX, _FLOAT3, mesh.vertices_m), (_INDEX, _UINT3, mesh.faces)):
+            place = library.rtcSetNewGeometryBuffer(geometry, slot, 0, form, 12, len(array))
+            if not place:
+                raise MemoryError(f"Embree: no room for {len(array)} vertices or faces")
+            ctypes.memmove(place, np.ascontiguousarray(array).ctypes.data, array.nbytes)
+        library.rtcCommitGeometry(geometry)
+        library.rtcAttachGeometry(self._scene, geometry)
+        library.rtcReleaseGeometry(geometry)
+        library.rtcCommitScene(self._scene)
+        self._intersect = _address(library.rtcIntersect16)
+        self._occluded = _address(library.rtcOccluded16)
+
+    def nearest(
+        self, origins: Float32Array, directions: Float32Array, distance_m: Float32Array
+    ) -> tuple[NDArray[np.int32], Float32Array]:
+        """See `Scene.nearest`."""
+        return _nearest(self._intersect, self._scene, origins, directions, distance_m)
+
+    def blocked(self, origins: Float32Array, directions: Float32Array) -> BoolArray:
+        """See `Scene.blocked`."""
+        return _blocked(self._occluded, self._scene, origins, directions)
+
+
+@lru_cache(maxsize=1)
+def _library() -> tuple[Any, int] | None:
+    """Embree's library and a device of it; None where it is not found or not as expected."""
+    folder = Path(str(embreex.__file__)).parent
+    files = [*folder.parent.glob("embreex.libs/*embree4*"), *folder.glob(".dylibs/*embree4*")]
+    try:
+        library = ctypes.CDLL(str(files[0]))
+        for name, (result, arguments) in _FUNCTIONS.items():
+            function = getattr(library, name)
+            function.restype, function.argtypes = result, arguments
+    except (OSError, AttributeError, IndexError):
+        return None
+    device = library.rtcNewDevice(b"threads=1")  # one process a core: its scenes are built on that core
+    version = library.rtcGetDeviceProperty(device, 0) if device else 0
+    return (library, device) if 40000 <= version < 50000 else None
+
+
+def _address(function: Any) -> int:
+    return int(ctypes.cast(function, _Pointer).value or 0)
+
+
+@intrinsic  # type: ignore[untyped-decorator]
+def _call(typing: Any, function: Any, valid: Any, scene: Any, rays: Any, arguments: Any) -> Any:
+    """Call a C function at an address with four pointers, from compiled code."""
+    signature = types.void(*(types.intp,) * 5)
+
+    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        pointer = ir.IntType(8).as_pointer()
+        kind = ir.FunctionType(ir.VoidType(), [pointer] * 4)
+        target = builder.inttoptr(values[0], kind.as_pointer())
+        builder.call(target, [builder.inttoptr(value, pointer) for value in values[1:]])
+        return context.get_dummy_value()
+
+    return signature, generate
+
+
+@kernel
+def _buffers() -> tuple[Float32Array, NDArray[np.int32], NDArray[np.int32]]:
+    """Rays with hits (22 fields of a packet), which lanes count, and arguments; each on a border of 64 bytes."""
+    rays, lanes = np.zeros(23 * _PACKET, np.float32), np.zeros(2 * _PACKET, np.int32)
+    arguments = np.zeros(16, np.int32)
+    arguments[0], arguments[1] = _COHERENT, -1  # all features
+    return rays[(-rays.ctypes.data % 64) // 4 :], lanes[(-lanes.ctypes.data % 64) // 4 :], arguments
+
+
+@kernel
+def _fill(
+    rays: Float32Array,
+    lanes: NDArray[np.int32],
+    origins: Float32Array,
+    directions: Float32Array,
+    start: int,
+    count: int,
+) -> None:
+    """Enter a packet's origins and directions; lanes beyond `count` repeat the last ray and do not count."""
+    whole = rays.view(np.int32)
+    for lane in range(_PACKET):
+        i = start + min(lane, count - 1)
+        lanes[lane] = -1 if lane < count else 0
+        for k in range(3):
+            rays[k * _PACKET + lane] = origins[i, k]
+            rays[(4 + k) * _PACKET + lane] = directions[i, k]
+        rays[3 * _PACKET + lane] = 0.0  # begins at the origin
+        rays[7 * _PACKET + lane] = 0.0  # time
+        whole[9 * _PACKET + lane] = -1  # mask
+        whole[10 * _PACKET + lane] = 0
+        whole[11 * _PACKET + lane] = 0
+
+
+@kernel
+def _nearest(
+    function: int, scene: int, origins: Float32Array, directions: Float32Array, distance: Float32Array
+) -> tuple[NDArray[np.int32], Float32Array]:
+    face, uv = np.full(len(origins), -1, np.int32), np.zeros((len(origins), 2), np.float32)
+    rays, lanes, arguments = _buffers()
+    whole = rays.view(np.int32)
+    for start in range(0, len(origins), _PACKET):
+        count = min(_PACKET, len(origins) - start)
+        _fill(rays, lanes, origins, directions, start, count)
+        for lane in range(_PACKET):
+            rays[8 * _PACKET + lane] = distance[start + min(lane, count - 1)]
+            whole[18 * _PACKET + lane] = -1  # geometry met
+            whole[19 * _PACKET + lane] = -1
+        _call(function, lanes.ctypes.data, scene, rays.ctypes.data, arguments.ctypes.data)
+        for lane in range(count):
+            if whole[18 * _PACKET + lane] != -1:
+                distance[start + lane], face[start + lane] = rays[8 * _PACKET + lane], whole[17 * _PACKET + lane]
+                uv[start + lane, 0], uv[start + lane, 1] = rays[15 * _PACKET + lane], rays[16 * _PACKET + lane]
+    return face, uv
+
+
+@kernel
+def _blocked(function: int, scene: int, origins: Float32Array, directions: Float32Array) -> BoolArray:
+    blocked = np.zeros(len(origins), np.bool_)
+    rays, lanes, arguments = _buffers()
+    for start in range(0, len(origins), _PACKET):
+        count = min(_PACKET, len(origins) - start)
+        _fill(rays, lanes, origins, directions, start, count)
+        for lane in range(_PACKET):
+            rays[8 * _PACKET + lane] = 1e30
+        _call(function, lanes.ctypes.data, scene, rays.ctypes.data, arguments.ctypes.data)
+        for lane in range(count):
+            blocked[start + lane] = rays[8 * _PACKET + lane] < 0
+    return blocked
