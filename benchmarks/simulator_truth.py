@@ -165,7 +165,7 @@ def main() -> None:
     print(f"(a) boxes: median IoU {box:.3f} of {len(ious)} vehicles; {shape:.3f} of what is in the box")
     print(
         f"(b) LiDAR: {100 * (error < 0.01).mean():.2f} % of {len(error)} points within 1 cm of the picture's depth, "
-        f"median {1000 * np.median(error):.2f} mm, 99 % within {1000 * np.quantile(error, 0.99):.1f} mm"
+        f"median {1000 * np.median(error):.4f} mm, 99 % within {1000 * np.quantile(error, 0.99):.3f} mm"
     )
     print(f"(c) layer vehicle: IoU {cells[0] / cells[1]:.3f} with the meshes from above, {cells[1]} cells")
 

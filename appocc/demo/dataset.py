@@ -15,7 +15,7 @@ from appocc.simulation.sources import TownSource
 
 SCENE, HZ = "demo", 2.0
 # A drive that passes a silver car with room to park behind it.
-_STORY = Scenario(SCENE, 0, "first", 67, 20.0, "clear", 0)
+_STORY = Scenario(SCENE, 44, "aldermoor", 87, 168.6, "clear", 123)
 
 __all__ = ["HZ", "SCENE", "SOURCE", "VERSION", "Settings", "write_dataset"]
 

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from appocc.camera import CameraRig
 from appocc.checks import FloatArray
-from appocc.simulation.mesh import Mesh
+from appocc.simulation.mesh import Mesh, joined
 from appocc.simulation.rendering.tracing import ACTOR, Tracer
 from appocc.simulation.truth.visibility import seen_shares, visibility_token
 
@@ -21,7 +21,7 @@ def counts(tracer: Tracer, mesh: Mesh, rig: CameraRig, actors: int) -> NDArray[n
     """Pixels of each actor over all cameras, by full pictures of numbers."""
     total = np.zeros(actors, np.int64)
     for camera in rig:
-        hits = tracer.nearest(*pixel_rays(camera, EGO))
+        hits = tracer.nearest(*pixel_rays(camera.resized(400, 225), EGO))
         total += np.bincount(mesh.tag[hits.face[hits.source == ACTOR]], minlength=actors)
     return total
 
@@ -36,7 +36,7 @@ def brute_force(street: Street, rig: CameraRig) -> FloatArray:
         one = Mesh(
             mesh.vertices_m, mesh.normals, mesh.uv, mesh.faces[own], mesh.material[own], mesh.tint[own], mesh.tag[own]
         )
-        tracer = Tracer(one)
+        tracer = Tracer(joined([]))
         tracer.set_actors(one)
         alone[i] = counts(tracer, one, rig, len(street.actors))[i]
     return np.divide(seen, alone, out=np.zeros(len(seen)), where=alone > 0)

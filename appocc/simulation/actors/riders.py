@@ -53,7 +53,7 @@ def _wheel(model: Modeller, x: float, radius: float, wide: float, hub: Look | No
         rim = np.stack([inner, inner * [1.0, -1.0, 1.0]], axis=1)
         model.sheet(rim, CHROME, middle, mirror=False, hollow=True)
         for k in range(0, segments // 2, 2):
-            hub_side = np.array([x, 0.004, radius])
+            hub_side = np.array([x, 0.001, radius])
             a, b = radius * ring[k] * 0.9, np.array([-ring[k][2], 0.0, ring[k][0]]) * 0.008
             spoke = [[hub_side + a + b, hub_side - a + b], [hub_side + a - b, hub_side - a - b]]
             model.sheet(spoke, CHROME, middle)
@@ -118,10 +118,10 @@ def motorcycle(variant: int, detail: int) -> Modeller:
         model.tube([[-0.2, 0.13, 0.35], [-0.9, 0.17, 0.42]], (0.035, 0.055), CHROME, 5)
         model.tube([[0.40, 0.0, 1.0], [0.34, 0.39, 1.04]], (0.022, 0.022), TRIM, 4, mirror=True)
     if detail == 0:
-        for x, look in ((-0.95, PLATE), (-0.94, TRIM)):
+        for x, look in ((-0.95, PLATE), (-0.948, TRIM)):
             plate = [[[x, y, z] for z in (0.58, 0.72)] for y in (-0.1, 0.1)]
             model.sheet(plate, look, mirror=False, hollow=look is TRIM)
-        model.box([-0.94, -0.02, 0.6], [-0.8, 0.02, 0.8], TRIM, skip="fr")
+        model.box([-0.945, -0.02, 0.6], [-0.8, 0.02, 0.8], TRIM)
         for x in (0.66, -0.91):
             model.tube([[x - 0.03, 0.17, 0.83], [x + 0.03, 0.17, 0.83]], (0.03, 0.03), INDICATOR, 3, mirror=True)
             model.tube([[0.42, 0.2, 1.06], [0.40, 0.28, 1.16]], (0.012, 0.04), TRIM, 4, mirror=True)

@@ -18,6 +18,7 @@ _NARROWEST_M, _FASTEST_MPS = 1.9, 14.5
 _MOST = 300
 _MOUTH_M = 6.5
 _KERB_M = 0.22
+_LONGEST_IN_BAY_M = 5.1
 
 
 class Parked(NamedTuple):
@@ -90,7 +91,7 @@ def _bays(bays: FloatArray, rng: np.random.Generator) -> list[Parked]:
     for x, y, yaw in bays:
         actor = _draw(rng)
         dx, dy, turn = rng.normal(0.0, 0.15), rng.normal(0.0, 0.06), rng.normal(0.0, 0.02)
-        if rng.uniform() < _IN_BAY and actor.size_lwh_m[0] < 5.7:
+        if rng.uniform() < _IN_BAY and actor.size_lwh_m[0] < _LONGEST_IN_BAY_M:
             ahead, left = np.array([np.cos(yaw), np.sin(yaw)]), np.array([-np.sin(yaw), np.cos(yaw)])
             centre = np.array([x, y]) + dx * ahead + dy * left
             heading = yaw + turn + (np.pi if rng.uniform() < 0.25 else 0.0)

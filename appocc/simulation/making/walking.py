@@ -11,9 +11,9 @@ from appocc.simulation.making.carriageway import Carriageway
 from appocc.simulation.traffic import Actor
 
 _SHORTEST_M = 90.0
-_SMOOTH_CELLS = 8.0  # of the raster
+_SMOOTH_CELLS = 5.0  # of the raster
 # Those who walk one way keep to one side of the pavement.
-_SIDES_M = (1.3, 2.1)
+_SIDES_M = (1.15, 1.85)
 
 
 def draw_walkers(

@@ -1,33 +1,60 @@
-"""How the kernels are compiled."""
+"""How the kernels are compiled, and when what was compiled is out of date."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, TypeVar
 
 import numba
 
 # Reordering and reciprocals are welcome; infinite distances must stay what they are.
-_MATHS = {"reassoc", "contract", "arcp", "nsz", "afn"}
+_OPTIONS: dict[str, Any] = {
+    "nogil": True,
+    "fastmath": {"reassoc", "contract", "arcp", "nsz", "afn"},
+    "error_model": "numpy",
+}
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
 
 def kernel(function: _Function) -> _Function:
-    """Compile a function that makes arrays."""
-    compiled: _Function = numba.njit(cache=True, nogil=True, fastmath=_MATHS, error_model="numpy")(function)
-    return compiled
-
-
-def inner(function: _Function) -> _Function:
-    """Compile a function that makes no arrays, without counting references to those it is given.
-
-    Small functions that pass arrays on would spend two thirds of their time on the counts.
-    """
-    compiled: _Function = numba.njit(nogil=True, fastmath=_MATHS, error_model="numpy", _nrt=False)(function)
-    return compiled
+    """Compile a function over many elements."""
+    return _kept(function, {})
 
 
 def outer(function: _Function) -> _Function:
-    """Compile a function over many elements that makes no arrays itself."""
-    compiled: _Function = numba.njit(cache=True, nogil=True, fastmath=_MATHS, error_model="numpy", _nrt=False)(function)
+    """Compile a function over many elements that makes no arrays, without counting references to those it is given.
+
+    Small functions that pass tuples of arrays on would spend two thirds of their time on the counts.
+    """
+    return _kept(function, {"_nrt": False})
+
+
+def inner(function: _Function) -> _Function:
+    """Compile a function that others call for each element: it makes no arrays, and becomes a part of its callers."""
+    options: dict[str, Any] = {**_OPTIONS, "_nrt": False, "forceinline": True}
+    compiled: _Function = numba.njit(**options)(function)
     return compiled
+
+
+def _stamp() -> tuple[float, int]:
+    """When any module of this package was last changed, and their size."""
+    files = [path.stat() for path in Path(__file__).parent.glob("*.py")]
+    return max(file.st_mtime for file in files), sum(file.st_size for file in files)
+
+
+_STAMP = _stamp()
+
+
+def _kept(function: _Function, more: dict[str, Any]) -> _Function:
+    """Compile, and make the copy on disk depend on the whole package: numba looks at the function's own module only.
+
+    A kernel with old versions of the small functions of other modules inside would read beyond its arrays.
+    """
+    options: dict[str, Any] = {**_OPTIONS, **more, "cache": True}
+    compiled: Any = numba.njit(**options)(function)
+    index: Any = getattr(getattr(compiled, "_cache", None), "_cache_file", None)
+    if hasattr(index, "_source_stamp"):
+        index._source_stamp = _STAMP
+    result: _Function = compiled
+    return result

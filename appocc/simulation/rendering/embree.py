@@ -17,7 +17,7 @@ import embreex
 import numpy as np
 from embreex import rtcore_scene
 from embreex.mesh_construction import TriangleMesh
-from llvmlite import ir
+from llvmlite import ir  # type: ignore[import-untyped]
 from numba.core import types
 from numba.extending import intrinsic
 from numpy.typing import NDArray
@@ -146,7 +146,6 @@ def _address(function: Any) -> int:
     return int(ctypes.cast(function, _Pointer).value or 0)
 
 
-@intrinsic  # type: ignore[untyped-decorator]
 def _call(typing: Any, function: Any, valid: Any, scene: Any, rays: Any, arguments: Any) -> Any:
     """Call a C function at an address with four pointers, from compiled code."""
     signature = types.void(*(types.intp,) * 5)
@@ -159,6 +158,9 @@ def _call(typing: Any, function: Any, valid: Any, scene: Any, rays: Any, argumen
         return context.get_dummy_value()
 
     return signature, generate
+
+
+_call_c: Any = intrinsic(_call)
 
 
 @kernel
@@ -208,7 +210,7 @@ def _nearest(
             rays[8 * _PACKET + lane] = distance[start + min(lane, count - 1)]
             whole[18 * _PACKET + lane] = -1  # geometry met
             whole[19 * _PACKET + lane] = -1
-        _call(function, lanes.ctypes.data, scene, rays.ctypes.data, arguments.ctypes.data)
+        _call_c(function, lanes.ctypes.data, scene, rays.ctypes.data, arguments.ctypes.data)
         for lane in range(count):
             if whole[18 * _PACKET + lane] != -1:
                 distance[start + lane], face[start + lane] = rays[8 * _PACKET + lane], whole[17 * _PACKET + lane]
@@ -225,7 +227,7 @@ def _blocked(function: int, scene: int, origins: Float32Array, directions: Float
         _fill(rays, lanes, origins, directions, start, count)
         for lane in range(_PACKET):
             rays[8 * _PACKET + lane] = 1e30
-        _call(function, lanes.ctypes.data, scene, rays.ctypes.data, arguments.ctypes.data)
+        _call_c(function, lanes.ctypes.data, scene, rays.ctypes.data, arguments.ctypes.data)
         for lane in range(count):
             blocked[start + lane] = rays[8 * _PACKET + lane] < 0
     return blocked

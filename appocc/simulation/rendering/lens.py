@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import cv2
 import numpy as np
@@ -30,7 +31,7 @@ def exposure(weather: Weather, sky_light: Float32Array) -> Float32Array:
     # The eye and cameras leave the dark a little dark.
     lamps = 0.10 * weather.lamps
     gain = 1.5 / (float(light) + lamps) ** 0.92 * 2.0**weather.exposure_stops
-    return (gain * np.asarray(weather.white)).astype(np.float32)
+    return np.asarray(gain * np.asarray(weather.white), np.float32)
 
 
 def develop(linear: Float32Array, gains: Float32Array) -> ByteArray:
@@ -40,11 +41,11 @@ def develop(linear: Float32Array, gains: Float32Array) -> ByteArray:
 
 
 def _curve() -> Float32Array:
-    """(4096,) float32 picture value 0..1 by the square root of light / _WHITE: dark shadows, a film's soft shoulder."""
+    """(4096,) float32 picture value by the square root of light / _WHITE: dark shadows, a film's soft shoulder."""
     x = (np.arange(_STEPS) / (_STEPS - 1)) ** 2 * _WHITE
     x = x * x / (x + 0.02)
     film = (1 - np.exp(-1.15 * x)) / (1 - np.exp(-1.15 * _WHITE))
-    return np.where(film <= 0.0031308, film * 12.92, 1.055 * film ** (1 / 2.4) - 0.055).astype(np.float32)
+    return np.asarray(np.where(film <= 0.0031308, film * 12.92, 1.055 * film ** (1 / 2.4) - 0.055), np.float32)
 
 
 def photograph(linear: Float32Array, gains: Float32Array, glow: float, rng: np.random.Generator) -> ByteArray:
@@ -71,7 +72,7 @@ def _spread(bright: Float32Array) -> Float32Array:
 
 
 @inner
-def _mixed(seed: int, number: int) -> int:
+def _mixed(seed: int, number: int) -> Any:
     """64 random bits by number (splitmix64)."""
     z = np.uint64(seed) * np.uint64(0xD1342543DE82EF95) + np.uint64(number) * np.uint64(0x9E3779B97F4A7C15)
     z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
@@ -92,7 +93,9 @@ def _exposed(linear: Float32Array, gains: Float32Array, curve: Float32Array, see
             off = ((row - rows / 2) ** 2 + (column - columns / 2) ** 2) * reach
             fall = 1.0 - _VIGNETTE * off * (1.2 - 0.2 * off)
             for k in range(3):
-                around = linear[up, column, k] + linear[down, column, k] + linear[row, left, k] + linear[row, right, k]
+                around = (
+                    linear[up, column, k] + linear[down, column, k] + linear[row, left, k] + linear[row, right, k]
+                )
                 value = gains[k] * fall * ((1 - 4 * _BLUR) * linear[row, column, k] + _BLUR * around)
                 bits = _mixed(seed, (row * columns + column) * 3 + k)
                 # The sum of four even numbers is nearly normal; its deviation is 37837.

@@ -21,7 +21,7 @@ BEAMS_RAD = np.radians(np.linspace(-30.67, 10.67, 32))
 # Nearer than this it hears its own pulse.
 _NEAREST_M = 1.0
 # A surface of 10 % that faces the sensor is found up to here in half of all shots.
-_REACH_M = 95.0
+_REACH_M = 70.0
 _OF_NOISE_M = 0.02
 # Share of infrared light that comes back from a white surface of a material.
 _REFLECTANCE = np.full(len(Material), 0.5, np.float32)

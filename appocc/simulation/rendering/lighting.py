@@ -60,16 +60,16 @@ class Lighting(NamedTuple):
     bounce: Float32Array
     sky: Float32Array
     horizon: Float32Array
-    haze_per_m: np.float32
-    wetness: np.float32
-    lamps: np.float32
-    white: np.float32
-    low_x: np.float32
-    low_y: np.float32
+    haze_per_m: float
+    wetness: float
+    lamps: float
+    white: float
+    low_x: float
+    low_y: float
     open: ByteArray
     lamp: Float32Array
-    near_x: np.float32
-    near_y: np.float32
+    near_x: float
+    near_y: float
     near: Float32Array
     ego_from_town: Float32Array
     ego_box: Float32Array
@@ -182,7 +182,7 @@ def near_light(actors: Mesh, shown: ByteArray, ego: Ego | None, lamps: float, mi
     if ego is not None:
         length, width, _ = ego.size_lwh_m
         ends = np.array([[-length, -width], [length, -width], [length, width], [-length, width]]) / 2
-        corners = (ends + [ego.centre_x_m, 0]) @ ego.town_from_ego[:2, :2].T + ego.town_from_ego[:2, 3]
+        corners = (ends + np.array([ego.centre_x_m, 0])) @ ego.town_from_ego[:2, :2].T + ego.town_from_ego[:2, 3]
         cells = np.rint((corners - corner) / NEAR_CELL_M).astype(np.int32)
         cv2.fillConvexPoly(low, cells, (1.0,))
     near = np.zeros((NEAR_CELLS, NEAR_CELLS, 3), np.float32)

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from appocc.checks import Float32Array
 from appocc.simulation.mesh import Material
 from appocc.simulation.rendering.compiled import inner
@@ -82,7 +80,9 @@ def _tiles(u: float, v: float, pixel_m: float) -> float:
     row, column = math.floor(v / 0.32), math.floor(u / 0.28)
     value = 0.82 + 0.36 * hashed(int(column) + 4096, int(row) + 4096)
     edge, roll = v / 0.32 - row, u / 0.28 - column
-    value *= 1.0 - 0.45 * max(0.2 - min(edge, 1 - edge), 0.0) / 0.2 - 0.2 * max(0.15 - min(roll, 1 - roll), 0.0) / 0.15
+    value *= (
+        1.0 - 0.45 * max(0.2 - min(edge, 1 - edge), 0.0) / 0.2 - 0.2 * max(0.15 - min(roll, 1 - roll), 0.0) / 0.15
+    )
     return 1.0 + (value - 1.0) * seen
 
 

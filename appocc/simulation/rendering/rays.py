@@ -41,9 +41,14 @@ def ray_matrix(camera: Camera, town_from_ego: FloatArray) -> tuple[Float32Array,
 
 @kernel
 def camera_rays(
-    pixels: NDArray[np.int32], width_px: int, shift_u: float, shift_v: float, matrix: Float32Array, place: Float32Array
+    pixels: NDArray[np.int32],
+    width_px: int,
+    shift_u: float,
+    shift_v: float,
+    matrix: Float32Array,
+    place: Float32Array,
 ) -> tuple[Float32Array, Float32Array]:
-    """Origins and unit directions (N, 3) of pixels (N,) given as row * width + column, shifted by parts of a pixel."""
+    """Origins and unit directions (N, 3) of pixels (N,), row * width + column, shifted by parts of a pixel."""
     origins = np.empty((len(pixels), 3), np.float32)
     directions = np.empty((len(pixels), 3), np.float32)
     for i in range(len(pixels)):

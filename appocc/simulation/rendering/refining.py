@@ -96,12 +96,12 @@ def off_wet_ground(
         pool = noise(tile, x * 1.3, y * 1.3) + (0.15 if label == _KERB else 0.0)
         smooth = min(max((pool - 0.72) * 7.0, 0.0), 1.0)
         # Where there is only a film, each grain tilts the mirror: images stretch downward and blur.
-        rough = (1 - smooth) * 0.16 * hashed(int(x * 300.0), int(y * 300.0))
+        rough = (1 - smooth) * (0.06 + 0.05 * hashed(int(x * 300.0), int(y * 300.0)))
         dx, dy, dz = directions[i, 0], directions[i, 1], -directions[i, 2] + rough
         scale = 1 / math.sqrt(dx * dx + dy * dy + dz * dz)
         away = 1 - min(-directions[i, 2], 1.0)
         fresnel = 0.03 + 0.97 * away**5
-        numbers[count], shares[count] = i, wetness * fresnel * (0.30 + 0.55 * smooth)
+        numbers[count], shares[count] = i, wetness * fresnel * (0.26 + 0.59 * smooth)
         starts[count, 0], starts[count, 1], starts[count, 2] = x, y, 0.01
         ways[count, 0], ways[count, 1], ways[count, 2] = dx * scale, dy * scale, dz * scale
         count += 1
@@ -109,7 +109,9 @@ def off_wet_ground(
 
 
 @kernel
-def mirrored_in(radiance: Float32Array, numbers: NDArray[np.int32], shares: Float32Array, image: Float32Array) -> None:
+def mirrored_in(
+    radiance: Float32Array, numbers: NDArray[np.int32], shares: Float32Array, image: Float32Array
+) -> None:
     """Mix the light (M, 3) of mirrored rays into that of hits."""
     for i in range(len(numbers)):
         for k in range(3):

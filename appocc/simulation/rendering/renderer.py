@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import time
-from collections import Counter, defaultdict
 from collections.abc import Mapping
 
 import numpy as np
@@ -16,10 +14,12 @@ from appocc.simulation.rendering import lens
 from appocc.simulation.rendering.compiled import kernel
 from appocc.simulation.rendering.lighting import Ego, Lighting, Sky, Standing, narrowed, near_corner, near_light
 from appocc.simulation.rendering.noise import noise_tile
+from appocc.simulation.rendering.profile import Profile
 from appocc.simulation.rendering.rays import GROUND_KINDS, camera_rays, name_pixels, ray_matrix
 from appocc.simulation.rendering.refining import jagged, mirrored_in, mixed_in, off_wet_ground
-from appocc.simulation.rendering.shading import shade, toward_sun
+from appocc.simulation.rendering.shading import shade
 from appocc.simulation.rendering.stage import Stage
+from appocc.simulation.rendering.sunlight import toward_sun
 from appocc.simulation.rendering.texture import textured
 from appocc.simulation.rendering.tracing import ACTOR, Hits, Tracer
 from appocc.simulation.rendering.views import View
@@ -43,8 +43,7 @@ class Renderer:
         self._standing = Standing.of(town, self.tracer)
         self._shown, self._signals = np.zeros(0, np.uint8), np.zeros(0, np.uint8)
         self._sky = Sky.of(WEATHERS["clear"], self._noise)
-        self.cpu_s: defaultdict[str, float] = defaultdict(float)
-        self.rays: Counter[str] = Counter()
+        self.profile = Profile()
         self.set_moment(joined([]), self._shown, self._signals, WEATHERS["clear"], None)
 
     def set_moment(
@@ -59,15 +58,14 @@ class Renderer:
             weather: light and air.
             ego: the vehicle that carries the cameras, None if there is none.
         """
-        started = time.process_time()
-        self.tracer.set_actors(actors)
-        self._stage.set_actors(actors)
-        self._shown, self._signals = np.array(lights, np.uint8), np.array(signals, np.uint8)
-        if weather != self._sky.weather:
-            self._sky = Sky.of(weather, self._noise)
-        middle = ego.town_from_ego[:2, 3] if ego else self._standing.low_m
-        self._light = self._lighting(near_light(actors, self._shown, ego, weather.lamps, middle), middle, ego)
-        self.cpu_s["moment"] += time.process_time() - started
+        with self.profile.stage("moment"):
+            self.tracer.set_actors(actors)
+            self._stage.set_actors(actors)
+            self._shown, self._signals = np.array(lights, np.uint8), np.array(signals, np.uint8)
+            if weather != self._sky.weather:
+                self._sky = Sky.of(weather, self._noise)
+            middle = ego.town_from_ego[:2, 3] if ego else _middle(actors)
+            self._light = self._lighting(near_light(actors, self._shown, ego, weather.lamps, middle), middle, ego)
 
     @property
     def gains(self) -> Float32Array:
@@ -92,7 +90,7 @@ class Renderer:
         origins = np.require(origins, np.float32, ["C", "W"])
         directions = np.require(directions, np.float32, ["C", "W"])
         result = np.empty((len(origins), 3), np.float32)
-        clear = self._light._replace(haze_per_m=np.float32(0))
+        clear = self._light._replace(haze_per_m=0.0)
         for start in range(0, len(origins), _CHUNK):
             rows = slice(start, start + _CHUNK)
             hits = self._met(origins[rows], directions[rows])
@@ -113,18 +111,16 @@ class Renderer:
             pixels = np.arange(rows.start, rows.stop, dtype=np.int32)
             origins, directions = camera_rays(pixels, camera.width_px, 0.0, 0.0, matrix, place)
             hits = self._met(origins, directions)
-            started = time.process_time()
-            name_pixels(
-                hits.distance_m, hits.source, hits.face, origins, directions, ahead, self._stage.triangles,
-                self._texture, GROUND_KINDS, depth[rows], actor[rows], kind[rows],
-            )  # fmt: skip
-            self.cpu_s["maps"] += time.process_time() - started
+            with self.profile.stage("maps"):
+                name_pixels(
+                    hits.distance_m, hits.source, hits.face, origins, directions, ahead, self._stage.triangles,
+                    self._texture, GROUND_KINDS, depth[rows], actor[rows], kind[rows],
+                )  # fmt: skip
             lit = self._shade(hits, origins, directions, self._spread(camera), self._light, linear[rows])
             self._refine(camera, matrix, place, linear[rows], hits.source, lit, start)
-        started = time.process_time()
-        glow = 0.05 if self._sky.weather.lamps > 0 else 0.0
-        image = lens.photograph(linear.reshape(*shape, 3), self.gains, glow, rng)
-        self.cpu_s["lens"] += time.process_time() - started
+        with self.profile.stage("lens"):
+            glow = 0.05 if self._sky.weather.lamps > 0 else 0.0
+            image = lens.photograph(linear.reshape(*shape, 3), self.gains, glow, rng)
         return View(image, depth.reshape(shape), actor.reshape(shape), kind.reshape(shape))
 
     def _refine(
@@ -138,12 +134,11 @@ class Renderer:
         first_pixel: int,
     ) -> None:
         """Smooth the edges in some rows of a picture by more rays there."""
-        started = time.process_time()
-        gain = float(self.gains.mean())
-        pixels = jagged(linear, gain, source, lit, camera.width_px)
-        self.cpu_s["refine"] += time.process_time() - started
-        self.rays["refined"] += len(pixels)
-        self.rays["pixels"] += len(linear)
+        with self.profile.stage("refine"):
+            gain = float(self.gains.mean())
+            pixels = jagged(linear, gain, source, lit, camera.width_px)
+        self.profile.count["refined"] += len(pixels)
+        self.profile.count["pixels"] += len(linear)
         if not len(pixels):
             return
         parts = [
@@ -163,10 +158,9 @@ class Renderer:
 
     def _met(self, origins: Float32Array, directions: Float32Array) -> Hits:
         """What rays meet; faces are numbered as in the stage's triangles."""
-        started = time.process_time()
-        hits = self.tracer.nearest(origins, directions)
-        _number(hits.source, hits.face, self._stage.town_faces)
-        self.cpu_s["trace"] += time.process_time() - started
+        with self.profile.stage("trace"):
+            hits = self.tracer.nearest(origins, directions)
+            _number(hits.source, hits.face, self._stage.town_faces)
         return hits
 
     def _behind_leaves(self, origins: Float32Array, directions: Float32Array, hits: Hits) -> Hits:
@@ -198,31 +192,33 @@ class Renderer:
         lit = self._sunny(hits, origins, directions, light)
         self._light_back(hits, origins, directions, lit, spread_rad, light, radiance)
         if light.wetness > 0:
-            started = time.process_time()
-            numbers, shares, starts, ways = off_wet_ground(
-                hits.distance_m, hits.source, origins, directions, self._texture, self._noise, float(light.wetness)
-            )
-            self.cpu_s["wet"] += time.process_time() - started
+            with self.profile.stage("wet"):
+                numbers, shares, starts, ways = off_wet_ground(
+                    hits.distance_m,
+                    hits.source,
+                    origins,
+                    directions,
+                    self._texture,
+                    self._noise,
+                    float(light.wetness),
+                )
             image, seen = np.empty((len(numbers), 3), np.float32), self._met(starts, ways)
             self._light_back(seen, starts, ways, self._sunny(seen, starts, ways, light), 0.02, light, image)
             mirrored_in(radiance, numbers, shares, image)
         return lit
 
-    def _sunny(
-        self, hits: Hits, origins: Float32Array, directions: Float32Array, light: Lighting
-    ) -> BoolArray:
+    def _sunny(self, hits: Hits, origins: Float32Array, directions: Float32Array, light: Lighting) -> BoolArray:
         """(N,) whether the sun shines on what rays met."""
-        started = time.process_time()
-        lit = np.zeros(len(origins), np.bool_)
-        if light.sun.any():
-            numbers, starts = np.empty(len(lit), np.int32), np.empty((len(lit), 3), np.float32)
-            count = toward_sun(
-                hits.distance_m, hits.source, hits.face, hits.uv, origins, directions, self._stage.triangles, light,
-                numbers, starts,
-            )  # fmt: skip
-            self.rays["shadow"] += count
-            lit[numbers[:count]] = ~self.tracer.blocked(starts[:count], np.tile(light.sun_to, (count, 1)))
-        self.cpu_s["shadow"] += time.process_time() - started
+        with self.profile.stage("shadow"):
+            lit = np.zeros(len(origins), np.bool_)
+            if light.sun.any():
+                numbers, starts = np.empty(len(lit), np.int32), np.empty((len(lit), 3), np.float32)
+                count = toward_sun(
+                    hits.distance_m, hits.source, hits.face, hits.uv, origins, directions, self._stage.triangles, light,
+                    numbers, starts,
+                )  # fmt: skip
+                self.profile.count["shadow"] += count
+                lit[numbers[:count]] = ~self.tracer.blocked(starts[:count], np.tile(light.sun_to, (count, 1)))
         return lit
 
     def _light_back(
@@ -235,13 +231,12 @@ class Renderer:
         light: Lighting,
         radiance: Float32Array,
     ) -> None:
-        started = time.process_time()
-        self.rays["shaded"] += len(lit)
-        shade(
-            hits.distance_m, hits.source, hits.face, hits.uv, origins, directions, lit, spread_rad,
-            self._stage.triangles, self._texture, light, self._shown, self._signals, radiance,
-        )  # fmt: skip
-        self.cpu_s["shade"] += time.process_time() - started
+        with self.profile.stage("shade"):
+            self.profile.count["shaded"] += len(lit)
+            shade(
+                hits.distance_m, hits.source, hits.face, hits.uv, origins, directions, lit, spread_rad,
+                self._stage.triangles, self._texture, light, self._shown, self._signals, radiance,
+            )  # fmt: skip
 
     def _lighting(self, near: Float32Array, middle_m: FloatArray, ego: Ego | None) -> Lighting:
         weather, standing, corner = self._sky.weather, self._standing, near_corner(middle_m)
@@ -253,21 +248,27 @@ class Renderer:
             self._sky.bounce,
             self._sky.radiance,
             np.array(weather.horizon, np.float32),
-            np.float32(weather.haze_per_m),
-            np.float32(weather.wetness),
-            np.float32(weather.lamps),
-            np.float32(1 / self.gains.mean()),
-            np.float32(standing.low_m[0]),
-            np.float32(standing.low_m[1]),
+            float(weather.haze_per_m),
+            float(weather.wetness),
+            float(weather.lamps),
+            float(1 / self.gains.mean()),
+            float(standing.low_m[0]),
+            float(standing.low_m[1]),
             standing.open,
             standing.lamp,
-            np.float32(corner[0]),
-            np.float32(corner[1]),
+            float(corner[0]),
+            float(corner[1]),
             near,
             narrowed(ego.town_from_ego if ego else np.eye(4)),
             np.array(box, np.float32),
             self._noise,
         )
+
+
+def _middle(actors: Mesh) -> FloatArray:
+    """(2,) middle of all actors."""
+    places = actors.vertices_m[:, :2].astype(np.float64)
+    return np.asarray(places.mean(0)) if len(places) else np.zeros(2)
 
 
 @kernel

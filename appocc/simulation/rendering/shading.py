@@ -9,13 +9,8 @@ from numpy.typing import NDArray
 
 from appocc.checks import BoolArray, ByteArray, Float32Array
 from appocc.simulation.rendering.compiled import inner, outer
-from appocc.simulation.rendering.lighting import (
-    LAMP_CELL_M,
-    NEAR_CELL_M,
-    NEAR_CELLS,
-    OPEN_CELL_M,
-    Lighting,
-)
+from appocc.simulation.rendering.illumination import light_on
+from appocc.simulation.rendering.lighting import Lighting
 from appocc.simulation.rendering.materials import (
     CHROME,
     FOLIAGE,
@@ -37,147 +32,12 @@ from appocc.simulation.rendering.materials import (
 )  # fmt: skip
 from appocc.simulation.rendering.noise import noise
 from appocc.simulation.rendering.sky import sky_at
-from appocc.simulation.rendering.stage import Triangles
+from appocc.simulation.rendering.stage import Triangles, normal_at
 from appocc.simulation.rendering.texture import Texture, colour_at
-from appocc.simulation.rendering.tracing import ACTOR, GROUND, SKY
+from appocc.simulation.rendering.tracing import GROUND, SKY
 from appocc.simulation.traffic import Light
 
 _BRAKE, _LEFT, _RIGHT, _PARKED = (int(bit) for bit in (Light.BRAKE, Light.LEFT, Light.RIGHT, Light.PARKED))
-
-
-@inner
-def normal_at(triangles: Triangles, face: int, u: float, v: float) -> tuple[float, float, float]:
-    """Unit normal between a face's vertices."""
-    a, b, c = triangles.faces[face]
-    one, two, three = triangles.normals[a], triangles.normals[b], triangles.normals[c]
-    w = 1 - u - v
-    x = w * one[0] + u * two[0] + v * three[0]
-    y = w * one[1] + u * two[1] + v * three[1]
-    z = w * one[2] + u * two[2] + v * three[2]
-    scale = 1 / math.sqrt(x * x + y * y + z * z + 1e-12)
-    return x * scale, y * scale, z * scale
-
-
-@outer
-def toward_sun(
-    distance: Float32Array,
-    source: ByteArray,
-    face: NDArray[np.int32],
-    uv: Float32Array,
-    origins: Float32Array,
-    directions: Float32Array,
-    triangles: Triangles,
-    light: Lighting,
-    numbers: NDArray[np.int32],
-    starts: Float32Array,
-) -> int:
-    """Which of N hits face the sun and do not stand in the ego's shadow; returns how many, M.
-
-    Enters their numbers into the front of `numbers` (N,), and where rays to the sun begin into that of `starts`
-    (N, 3).
-    """
-    count = 0
-    for i in range(len(distance)):
-        if source[i] == SKY:
-            continue
-        t = distance[i]
-        x, y, z = 0.0, 0.0, 1.0
-        off = 0.004 + 1e-4 * t
-        if source[i] != GROUND:
-            x, y, z = normal_at(triangles, face[i], uv[i, 0], uv[i, 1])
-            facing = x * directions[i, 0] + y * directions[i, 1] + z * directions[i, 2]
-            if facing > 0:
-                x, y, z = -x, -y, -z
-            material = triangles.material[face[i]]
-            # Low-poly curves and crowns would shade themselves in patches.
-            off += 0.25 if material == FOLIAGE else 0.02 if source[i] == ACTOR else 0.006
-        if x * light.sun_to[0] + y * light.sun_to[1] + z * light.sun_to[2] <= 0:
-            continue
-        px = origins[i, 0] + t * directions[i, 0] + x * off
-        py = origins[i, 1] + t * directions[i, 1] + y * off
-        pz = origins[i, 2] + t * directions[i, 2] + z * off
-        if light.ego_box[0] > 0 and _behind_ego(light, px, py, pz):
-            continue
-        numbers[count] = i
-        starts[count, 0], starts[count, 1], starts[count, 2] = px, py, pz
-        count += 1
-    return count
-
-
-@inner
-def _behind_ego(light: Lighting, x: float, y: float, z: float) -> bool:
-    """Whether the ego's body or cabin stands between a place and the sun."""
-    pose, sun = light.ego_from_town, light.sun_to
-    a = pose[0, 0] * x + pose[0, 1] * y + pose[0, 2] * z + pose[0, 3] - light.ego_box[3]
-    b = pose[1, 0] * x + pose[1, 1] * y + pose[1, 2] * z + pose[1, 3]
-    c = pose[2, 0] * x + pose[2, 1] * y + pose[2, 2] * z + pose[2, 3]
-    if a * a + b * b > 1600.0:
-        return False
-    da = pose[0, 0] * sun[0] + pose[0, 1] * sun[1] + pose[0, 2] * sun[2]
-    db = pose[1, 0] * sun[0] + pose[1, 1] * sun[1] + pose[1, 2] * sun[2]
-    dc = pose[2, 0] * sun[0] + pose[2, 1] * sun[1] + pose[2, 2] * sun[2]
-    half_l, half_w, high = light.ego_box[0] / 2, light.ego_box[1] / 2, light.ego_box[2]
-    body = _crosses(a, da, b, db, c, dc, -half_l, half_l, half_w, 0.22, 0.6 * high)
-    return body or _crosses(a, da, b, db, c, dc, -0.8 * half_l, 0.35 * half_l, 0.85 * half_w, 0.5 * high, high)
-
-
-@inner
-def _crosses(
-    a: float, da: float, b: float, db: float, c: float, dc: float,
-    back: float, front: float, side: float, low: float, high: float,
-) -> bool:  # fmt: skip
-    """Whether a line from (a, b, c) along (da, db, dc) meets a box, ahead of its start."""
-    da, db, dc = _kept_off_zero(da), _kept_off_zero(db), _kept_off_zero(dc)
-    t1, t2 = (back - a) / da, (front - a) / da
-    t3, t4 = (-side - b) / db, (side - b) / db
-    t5, t6 = (low - c) / dc, (high - c) / dc
-    enters = max(min(t1, t2), min(t3, t4), min(t5, t6))
-    leaves = min(max(t1, t2), max(t3, t4), max(t5, t6))
-    return bool(leaves > max(enters, 0.0))
-
-
-@inner
-def _kept_off_zero(value: float) -> float:
-    return value if abs(value) > 1e-6 else 1e-6
-
-
-@inner
-def _open_at(light: Lighting, x: float, y: float) -> float:
-    """Share of the sky that is open over a place; all of it beyond the town."""
-    u, v = (x - light.low_x) / OPEN_CELL_M - 0.5, (y - light.low_y) / OPEN_CELL_M - 0.5
-    if u < 0 or v < 0 or u >= light.open.shape[1] - 1 or v >= light.open.shape[0] - 1:
-        return 1.0
-    column, row = int(u), int(v)
-    a, b = u - column, v - row
-    first = light.open[row, column] * (1 - a) + light.open[row, column + 1] * a
-    second = light.open[row + 1, column] * (1 - a) + light.open[row + 1, column + 1] * a
-    return (first * (1 - b) + second * b) / 255.0
-
-
-@inner
-def _lamp_at(light: Lighting, x: float, y: float) -> float:
-    """Light of the street lamps on the ground at a place."""
-    u, v = (x - light.low_x) / LAMP_CELL_M - 0.5, (y - light.low_y) / LAMP_CELL_M - 0.5
-    if u < 0 or v < 0 or u >= light.lamp.shape[1] - 1 or v >= light.lamp.shape[0] - 1:
-        return 0.0
-    column, row = int(u), int(v)
-    a, b = u - column, v - row
-    first = light.lamp[row, column] * (1 - a) + light.lamp[row, column + 1] * a
-    second = light.lamp[row + 1, column] * (1 - a) + light.lamp[row + 1, column + 1] * a
-    return first * (1 - b) + second * b
-
-
-@inner
-def _near_at(light: Lighting, x: float, y: float, channel: int) -> float:
-    """Value of the near map at a place; nothing shades or shines beyond it."""
-    u, v = (x - light.near_x) / NEAR_CELL_M - 0.5, (y - light.near_y) / NEAR_CELL_M - 0.5
-    if u < 0 or v < 0 or u >= NEAR_CELLS - 1 or v >= NEAR_CELLS - 1:
-        return 1.0 if channel == 0 else 0.0
-    column, row = int(u), int(v)
-    a, b = u - column, v - row
-    first = light.near[row, column, channel] * (1 - a) + light.near[row, column + 1, channel] * a
-    second = light.near[row + 1, column, channel] * (1 - a) + light.near[row + 1, column + 1, channel] * a
-    return first * (1 - b) + second * b
 
 
 @inner
@@ -261,51 +121,6 @@ def _mirrored(light: Lighting, x: float, y: float, z: float) -> tuple[float, flo
 
 
 @inner
-def _lamps_on(
-    light: Lighting, x: float, y: float, z: float, nx: float, ny: float, nz: float
-) -> tuple[float, float, float]:
-    """Light of street lamps and head and tail lamps on a surface."""
-    side = 1.0 - 0.45 * (1 - max(nz, 0.0))
-    street = _lamp_at(light, x + nx * 0.5, y + ny * 0.5) * side * min(max((9.0 - z) / 4.0, 0.0), 1.0)
-    near_x, near_y, low = x + nx * 0.5, y + ny * 0.5, min(max((1.6 - z) / 0.9, 0.12), 1.0)
-    head, tail = _near_at(light, near_x, near_y, 1) * side * low, _near_at(light, near_x, near_y, 2) * side * low
-    if light.ego_box[0] > 0:
-        pose = light.ego_from_town
-        front = light.ego_box[3] + light.ego_box[0] / 2
-        ahead = pose[0, 0] * x + pose[0, 1] * y + pose[0, 2] * z + pose[0, 3] - front
-        aside = pose[1, 0] * x + pose[1, 1] * y + pose[1, 2] * z + pose[1, 3]
-        if 0 < ahead < 55:
-            spread, fade = aside / (1.0 + 0.30 * ahead), 1 - ahead / 55
-            facing = max(-(pose[0, 0] * nx + pose[0, 1] * ny), 0.0)
-            head += math.exp(-spread * spread) * fade * fade * (
-                1.5 * max(nz, 0.0) * ahead / (ahead + 3.0) + 2.2 * facing * low
-            )  # fmt: skip
-    return street + head + tail, 0.80 * street + 0.95 * head + 0.05 * tail, 0.50 * street + 0.82 * head + 0.03 * tail
-
-
-@inner
-def _light_on(
-    light: Lighting, x: float, y: float, z: float, nx: float, ny: float, nz: float, sun: float
-) -> tuple[float, float, float]:
-    """All light on a surface at a place; `sun` is the share of the sun's that meets it."""
-    up = 0.5 + 0.5 * nz
-    free = _open_at(light, x + nx * 1.5, y + ny * 1.5)
-    free += (1 - free) * min(max(z / 18.0, 0.0), 1.0)
-    if z < 1.3:
-        shade = _near_at(light, x + nx * 0.3, y + ny * 0.3, 0)
-        free *= shade + (1 - shade) * min(max(z / 1.3, 0.0), 1.0)
-    # The lower half of what a wall sees is the street, sunny where the sky over it is open.
-    open_sky, street = up * (0.12 + 0.88 * free), (1 - up) * (0.25 + 0.75 * free)
-    r = sun * light.sun[0] + open_sky * light.up[0] + street * light.bounce[0]
-    g = sun * light.sun[1] + open_sky * light.up[1] + street * light.bounce[1]
-    b = sun * light.sun[2] + open_sky * light.up[2] + street * light.bounce[2]
-    if light.lamps > 0 and z < 9.0:
-        p, q, s = _lamps_on(light, x, y, z, nx, ny, nz)
-        r, g, b = r + light.lamps * p, g + light.lamps * q, b + light.lamps * s
-    return r, g, b
-
-
-@inner
 def _surface(
     f: int, u: float, v: float, place: tuple[float, float, float], way: tuple[float, float, float], pixel_m: float,
     lit: bool, triangles: Triangles, texture: Texture, light: Lighting, shown: ByteArray, signals: ByteArray,
@@ -341,7 +156,7 @@ def _surface(
     else:
         factor = pattern(material, s, t, x, y, z, pixel_m, light.noise)
         r, g, b = r * factor, g * factor, b * factor
-    er, eg, eb = _light_on(light, x, y, z, nx, ny, nz, sun)
+    er, eg, eb = light_on(light, x, y, z, nx, ny, nz, sun)
     r, g, b = r * er + inside, g * eg + 0.70 * inside, b * eb + 0.40 * inside
     if material >= STREET_LAMP:
         p, q, k = _glow(material, triangles.tag[f], (r, g, b), light, shown, signals)
@@ -422,8 +237,8 @@ def shade(
         x, y, z = origins[i, 0] + t * dx, origins[i, 1] + t * dy, origins[i, 2] + t * dz
         if source[i] == GROUND:
             r, g, b = _ground(texture, light.noise, x, y, dx, dy, dz, t * spread_rad)
-            sun = light.sun_to[2] if lit[i] else np.float32(0.0)
-            p, q, s = _light_on(light, x, y, 0.0, 0.0, 0.0, 1.0, sun)
+            sun = light.sun_to[2] if lit[i] else 0.0
+            p, q, s = light_on(light, x, y, 0.0, 0.0, 0.0, 1.0, sun)
             wet = 1 - 0.45 * light.wetness
             r, g, b = r * p * wet, g * q * wet, b * s * wet
         else:

@@ -25,7 +25,8 @@ def sun_direction(weather: Weather) -> Float32Array:
 def sky_map(weather: Weather, tile: Float32Array) -> Float32Array:
     """(SIZE, SIZE, 3) float32 radiance of the sky, the sun's disc left out; see `sky_at`."""
     colours = np.array([weather.zenith, weather.horizon, weather.sun], np.float32)
-    return _drawn(sun_direction(weather), colours, weather.cloudiness, tile)
+    drift = weather.sun_azimuth_rad * 100.0  # other clouds on other days
+    return _drawn(sun_direction(weather), colours, weather.cloudiness, drift, tile)
 
 
 def mean_light(sky: Float32Array) -> Float32Array:
@@ -60,7 +61,9 @@ def sky_at(sky: Float32Array, x: float, y: float, z: float) -> tuple[float, floa
 
 
 @kernel
-def _drawn(sun: Float32Array, colours: Float32Array, cloudiness: float, tile: Float32Array) -> Float32Array:
+def _drawn(
+    sun: Float32Array, colours: Float32Array, cloudiness: float, drift: float, tile: Float32Array
+) -> Float32Array:
     sky = np.empty((SIZE, SIZE, 3), np.float32)
     for row in range(SIZE):
         for column in range(SIZE):
@@ -74,13 +77,15 @@ def _drawn(sun: Float32Array, colours: Float32Array, cloudiness: float, tile: Fl
             glow = 0.10 * toward**4 + 0.25 * toward**64
             # Clouds lie on a plane above the town; near the horizon they crowd together.
             far = 60.0 / (z + 0.18)
-            thick = noise(tile, x * far + 91, y * far + 17)
+            thick = noise(tile, x * far + drift, y * far + 17)
             fine = noise(tile, x * far * 4, y * far * 4 + 40)
             cover = min(max((0.8 * thick + 0.2 * fine - (1 - cloudiness)) * 4.0, 0.0), 1.0)
             shaded = 1.0 - 0.35 * min(max((thick - (1 - cloudiness)) * 2.0, 0.0), 1.0)
             for k in range(3):
                 clear = colours[0, k] * (1 - low) + colours[1, k] * low + glow * colours[2, k]
-                cloud = (0.9 * (colours[0, k] + colours[0, 2]) / 2 + 0.3 * colours[2, k] + 0.15 * colours[1, k]) * shaded
+                cloud = (
+                    0.9 * (colours[0, k] + colours[0, 2]) / 2 + 0.3 * colours[2, k] + 0.15 * colours[1, k]
+                ) * shaded
                 cloud = cloud * (1 - 0.6 * low) + 0.6 * low * colours[1, k]
                 sky[row, column, k] = clear * (1 - cover) + cloud * cover
     return sky

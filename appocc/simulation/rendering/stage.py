@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+import math
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from appocc.checks import ByteArray, Float32Array
 from appocc.simulation.mesh import Material, Mesh
+from appocc.simulation.rendering.compiled import inner
 from appocc.simulation.rendering.views import ViewClass
 
 _KINDS = {
@@ -48,6 +50,19 @@ class Triangles(NamedTuple):
     kind: ByteArray
 
 
+@inner
+def normal_at(triangles: Triangles, face: int, u: float, v: float) -> tuple[float, float, float]:
+    """Unit normal between a face's vertices."""
+    a, b, c = triangles.faces[face]
+    one, two, three = triangles.normals[a], triangles.normals[b], triangles.normals[c]
+    w = 1 - u - v
+    x = w * one[0] + u * two[0] + v * three[0]
+    y = w * one[1] + u * two[1] + v * three[1]
+    z = w * one[2] + u * two[2] + v * three[2]
+    scale = 1 / math.sqrt(x * x + y * y + z * z + 1e-12)
+    return x * scale, y * scale, z * scale
+
+
 class Stage:
     """Keeps the town's triangles at the front of arrays that have room for the actors behind them."""
 
@@ -62,8 +77,9 @@ class Stage:
         vertices, faces = self.town_vertices + len(actors.normals), self.town_faces + len(actors.faces)
         if vertices > len(self.triangles.normals) or faces > len(self.triangles.faces):
             old, self.triangles = self.triangles, _arrays(vertices * 5 // 4, faces * 5 // 4)
-            for before, now in zip(old, self.triangles, strict=True):
-                now[: len(before)] = before
+            array: Any
+            for name, array in self.triangles._asdict().items():
+                array[: len(getattr(old, name))] = getattr(old, name)
         self._put(actors, self.town_vertices, self.town_faces, _actor_kinds(actors))
 
     def _put(self, mesh: Mesh, vertex: int, face: int, kinds: ByteArray) -> None:

@@ -30,8 +30,8 @@ class Texture(NamedTuple):
         linear: (256,) float32 linear value of an sRGB byte.
     """
 
-    low_x: np.float32
-    low_y: np.float32
+    low_x: float
+    low_y: float
     label: ByteArray
     colour: ByteArray
     halved: ByteArray
@@ -50,8 +50,8 @@ def textured(ground: Ground) -> Texture:
         start += picture.shape[0] * picture.shape[1]
         pictures.append(picture.reshape(-1, 3))
     return Texture(
-        np.float32(ground.low_m[0]),
-        np.float32(ground.low_m[1]),
+        float(ground.low_m[0]),
+        float(ground.low_m[1]),
         ground.label,
         ground.colour,
         np.concatenate(pictures) if pictures else np.zeros((1, 3), np.uint8),
@@ -64,7 +64,7 @@ def _encoding() -> ByteArray:
     """(4096,) uint8 sRGB byte by linear value * 4095."""
     value = np.arange(4096) / 4095
     curve = np.where(value <= 0.0031308, value * 12.92, 1.055 * value ** (1 / 2.4) - 0.055)
-    return np.rint(curve * 255).astype(np.uint8)
+    return np.asarray(np.rint(curve * 255), np.uint8)
 
 
 @kernel

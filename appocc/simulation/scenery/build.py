@@ -28,7 +28,7 @@ def build_scenery(plan: TownPlan, ground: Ground) -> tuple[Mesh, FloatArray]:
     build_houses(builder, plots, plan.style, houses)
     signals, poles_m = build_signals(site, plan.network)
     things, lights_m, street_trees_m = furnish(site, plan.network, plan.style, poles_m, streets)
-    enclose(builder, plots, plan.style, green)
+    enclose(builder, site, plots, plan.style, green)
     if plan.style == "industrial":
         things += fill_yards(builder, site, plots, streets)
     trees = plant(site, plan.style, street_trees_m, green)

@@ -128,7 +128,9 @@ def windows_wall(
         return
     across = np.broadcast_to(s[None], (rows, count, 2))
     panes = np.concatenate([across, z], axis=-1).reshape(-1, 4)
+    there = panes[:, 3] - panes[:, 2] > 1e-3  # an opening may be left out by giving it no height
     door = np.zeros(len(panes), np.bool_) if doors is None else doors.reshape(-1)
+    panes, door = panes[there], door[there]
     if detailed:
         _pierced(builder, place, length_m, z_m, s, z, look)
         _reveals(builder, place, panes, look)

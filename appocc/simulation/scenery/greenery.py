@@ -121,7 +121,7 @@ def _scattered(
     return meshes
 
 
-def enclose(builder: Builder, plots: Sequence[Plot], style: str, rng: np.random.Generator) -> None:
+def enclose(builder: Builder, site: Site, plots: Sequence[Plot], style: str, rng: np.random.Generator) -> None:
     """Add hedges and fences before front gardens, with a gap for the way to the door."""
     share = PLANTINGS[style].hedges
     for plot in plots:
@@ -132,8 +132,10 @@ def enclose(builder: Builder, plots: Sequence[Plot], style: str, rng: np.random.
         ends = [(-1.2, gap - 1.7), (gap + 1.7, plot.width_m + 1.2)]
         kind = rng.random()
         for s0, s1 in ends:
-            if s1 - s0 < 0.8:
+            outline = plot.place.corners(s0, s1, d - 0.4, d + 0.4)
+            if s1 - s0 < 0.8 or not site.free(outline):
                 continue
+            site.take(outline)
             if style == "industrial":
                 _mesh_fence(builder, plot, s0, s1, d)
             elif kind < 0.55:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from appocc.checks import BoolArray, FloatArray, IntArray
 from appocc.simulation.network import Edge, Lane, RoadNetwork
@@ -112,9 +113,8 @@ def placed(
     return Roadside(at, heading[found], outward[found], behind, edge[found])
 
 
-def spread(side: Roadside, others_m: FloatArray, least_m: float) -> Roadside:
-    """Those that keep their distance from places (M, 2) that are taken."""
-    if not len(others_m) or not len(side):
-        return side
-    gap = np.linalg.norm(side.xy_m[:, None] - others_m[None], axis=-1).min(axis=1)
-    return side.only(gap >= least_m)
+def far_enough(xy_m: FloatArray, others_m: FloatArray, least_m: float) -> BoolArray:
+    """(N,) whether places (N, 2) keep their distance from others (M, 2) that are taken."""
+    if not len(others_m) or not len(xy_m):
+        return np.ones(len(xy_m), np.bool_)
+    return np.asarray(cKDTree(others_m).query(xy_m)[0] >= least_m)

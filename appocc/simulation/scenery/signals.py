@@ -72,7 +72,6 @@ def _approach(
     """Heads, poles and the arm of one approach."""
     outer = next(lane for lane in edge.lanes if lane.kind != "walking")
     end, heading = _end(outer.centre_m, -1)
-    pole = _beside(site, end, heading)
     # From left to right as the driver sees the links; one head for each name.
     order = {"t": 0, "l": 1, "L": 2, "s": 3, "R": 4, "r": 5}
     links = sorted(connections, key=lambda c: (order.get(c.direction, 3), -network.lane(c.from_lane).index, c.link))
@@ -80,6 +79,7 @@ def _approach(
     right = np.array([heading[1], -heading[0]])
     over = lanes_across(network, edge) >= _ARM_FROM
     on_pole = [c for c in links if c.direction not in ("l", "L", "t")][-1:] or links[-1:] if over else links
+    pole = _beside(site, end, heading, (len(on_pole) - 1) / 2 * _ASIDE_M)
     for k, connection in enumerate(on_pole):
         aside = (k - (len(on_pole) - 1) / 2) * _ASIDE_M
         base = pole + aside * right - 0.12 * heading
@@ -140,14 +140,24 @@ def _end(line_m: FloatArray, which: int) -> tuple[FloatArray, FloatArray]:
     return np.asarray(line_m[which]), (b - a) / max(float(np.linalg.norm(b - a)), 1e-9)
 
 
-def _beside(site: Site, xy_m: FloatArray, heading: FloatArray) -> FloatArray:
-    """The nearest ground behind the kerb to the right of a point of the road, moved along the street if need be."""
+def _beside(site: Site, xy_m: FloatArray, heading: FloatArray, half_m: float = 0.0) -> FloatArray:
+    """The nearest ground behind the kerb to the right of a point of the road, moved along the street if need be.
+
+    Args:
+        site: ground.
+        xy_m: (2,) on the road.
+        heading: (2,) unit direction of travel.
+        half_m: from the pole to the outer heads beside it: all of them keep off the road.
+    """
     right = np.array([heading[1], -heading[0]])
-    for along in (0.0, -1.0, 1.0, -2.0, 2.0, -4.0, 4.0, -6.0):
+    back = _BEHIND_KERB_M + half_m
+    for along in (0.0, -1.0, 1.0, -2.0, 2.0, -4.0, 4.0, -6.0, -9.0, -13.0):
         start = xy_m + along * heading
-        offset = kerb_offset(site, start[None], right[None], _BEHIND_KERB_M + 0.5)[0]
-        if np.isfinite(offset):
-            return np.asarray(start + (offset + _BEHIND_KERB_M) * right)
+        offset = kerb_offset(site, start[None], right[None], back + half_m + 0.3)[0]
+        pole = start + (offset + back) * right
+        # Where the kerb bends round a corner the way across the street is not the shortest to the road.
+        if np.isfinite(offset) and site.metres_at(pole[None], site.to_road_m)[0] > half_m + 0.4:
+            return np.asarray(pole)
     return np.asarray(xy_m + 14.0 * right)
 
 

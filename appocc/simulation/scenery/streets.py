@@ -6,12 +6,12 @@ from collections.abc import Callable
 
 import numpy as np
 
-from appocc.checks import FloatArray
+from appocc.checks import BoolArray, FloatArray
 from appocc.simulation.mesh import Mesh
 from appocc.simulation.network import RoadNetwork
 from appocc.simulation.scenery import furniture
 from appocc.simulation.scenery.builder import copies
-from appocc.simulation.scenery.roadside import Roadside, along_streets, outer_lanes, placed, spread
+from appocc.simulation.scenery.roadside import Roadside, along_streets, far_enough, outer_lanes, placed
 from appocc.simulation.scenery.site import Site, lanes_across
 
 _LAMP_STEP_M = 56.0  # on each side; the sides take turns
@@ -27,18 +27,28 @@ class Streets:
         self.taken_m = taken_m.reshape(-1, 2)
         self.meshes: list[Mesh] = []
 
-    def reserve(self, side: Roadside, least_m: float) -> Roadside:
-        """Those places that are free; they are taken from then on."""
-        side = spread(side, self.taken_m, least_m)
+    def put(self, template: Mesh, side: Roadside, facing: FloatArray, least_m: float) -> Roadside:
+        """Copies at those places that are free and big enough, which they take; fronts look along `facing` (N, 2)."""
+        yaw = np.arctan2(facing[:, 1], facing[:, 0]) + np.pi / 2
+        fits = self._off_road(template, side.xy_m, yaw)
+        side, yaw = side.only(fits), yaw[fits]
+        far = far_enough(side.xy_m, self.taken_m, least_m)
+        side, yaw = side.only(far), yaw[far]
         self.taken_m = np.concatenate([self.taken_m, side.xy_m])
-        return side
-
-    def put(self, template: Mesh, side: Roadside, facing: FloatArray) -> None:
-        """Copies at places, their fronts looking along `facing` (N, 2)."""
         if len(side):
-            yaw = np.arctan2(facing[:, 1], facing[:, 0]) + np.pi / 2
             xyz = np.concatenate([side.xy_m, np.zeros((len(side), 1))], axis=1)
             self.meshes.append(copies(template, xyz, yaw, np.ones((len(side), 3))))
+        return side
+
+    def _off_road(self, template: Mesh, xy_m: FloatArray, yaw_rad: FloatArray) -> BoolArray:
+        """(N,) whether a template keeps off the carriageway at places, up to the height of a truck."""
+        low = template.vertices_m[template.vertices_m[:, 2] < 4.0, :2].astype(np.float64)
+        (x0, y0), (x1, y1) = low.min(axis=0) - 0.1, low.max(axis=0) + 0.1
+        corners = np.array([[x, y] for x in np.linspace(x0, x1, 5) for y in (y0, (y0 + y1) / 2, y1)])
+        cos, sin = np.cos(yaw_rad)[:, None], np.sin(yaw_rad)[:, None]
+        at = np.stack([cos * corners[:, 0] - sin * corners[:, 1], sin * corners[:, 0] + cos * corners[:, 1]], axis=-1)
+        on = self.site.on((at + xy_m[:, None]).reshape(-1, 2), self.site.road)
+        return np.asarray(~on.reshape(len(xy_m), len(corners)).any(axis=1))
 
 
 def furnish(
@@ -46,9 +56,9 @@ def furnish(
 ) -> tuple[list[Mesh], FloatArray, FloatArray]:
     """Everything along the streets; also the lamps' lights (L, 3) and where street trees are to stand (N, 2)."""
     streets = Streets(site, network, taken_m)
-    lamps = streets.reserve(along_streets(site, network, _LAMP_STEP_M, 0.6, True, 7.0), 4.0)
+    lamps = along_streets(site, network, _LAMP_STEP_M, 0.6, True, 7.0)
     template, light = furniture.street_lamp(style == "old")
-    streets.put(template, lamps, -lamps.outward)
+    lamps = streets.put(template, lamps, -lamps.outward, 4.0)
     lights = np.concatenate([lamps.xy_m + light[1] * lamps.outward, np.full((len(lamps), 1), light[2])], axis=1)
     _signs(streets, rng)
     trees = _street_trees(streets, style, rng)
@@ -68,7 +78,10 @@ def _street_trees(streets: Streets, style: str, rng: np.random.Generator) -> Flo
     street = np.array([both[int(number)] for number in side.edge], np.int64)
     green = rng.random(len(names) + 1) < _TREE_STREETS[style]
     keep = green[street] & (rng.random(len(side)) < 0.88) & (side.behind_m > 0.8)
-    return streets.reserve(side.only(keep), 3.0).xy_m
+    side = side.only(keep)
+    side = side.only(far_enough(side.xy_m, streets.taken_m, 3.0))
+    streets.taken_m = np.concatenate([streets.taken_m, side.xy_m])
+    return side.xy_m
 
 
 def _signs(streets: Streets, rng: np.random.Generator) -> None:
@@ -107,8 +120,8 @@ def _signs(streets: Streets, rng: np.random.Generator) -> None:
         xy, heading = np.array([row[0] for row in rows[name]]), np.array([row[1] for row in rows[name]])
         edges = np.array([row[2] for row in rows[name]])
         right = np.stack([heading[:, 1], -heading[:, 0]], axis=1)
-        places = streets.reserve(placed(streets.site, xy, heading, right, edges, 0.55), 1.2)
-        streets.put(templates[name](), places, -places.heading)
+        places = placed(streets.site, xy, heading, right, edges, 0.55)
+        streets.put(templates[name](), places, -places.heading, 1.2)
 
 
 def _near_end(line_m: FloatArray, back_m: float) -> tuple[FloatArray, FloatArray]:
@@ -143,8 +156,8 @@ def _things(streets: Streets, style: str, rng: np.random.Generator) -> None:
     for template, apart, back, needs in rows:
         side = along_streets(streets.site, streets.network, 7.0, back, False, 12.0)
         chosen = (rng.random(len(side)) < 7.0 / apart) & (side.behind_m >= needs)
-        side = streets.reserve(side.only(chosen), 3.6 if apart > 250 else 2.0)
-        streets.put(template, side, -side.outward)
+        side = side.only(chosen)
+        streets.put(template, side, -side.outward, 3.6 if apart > 250 else 2.0)
     if town:
         _bollards(streets, rng)
     _billboards(streets, 0.5 if style == "industrial" else 0.12, rng)
@@ -158,8 +171,8 @@ def _bollards(streets: Streets, rng: np.random.Generator) -> None:
         rows = np.flatnonzero(side.edge == number)
         if rng.random() < 0.3:
             ends[rows[:4] if rng.random() < 0.5 else rows[-4:]] = True
-    side = streets.reserve(side.only(ends), 1.3)
-    streets.put(furniture.bollard(), side, -side.outward)
+    side = side.only(ends)
+    streets.put(furniture.bollard(), side, -side.outward, 1.3)
 
 
 def _billboards(streets: Streets, share: float, rng: np.random.Generator) -> None:
@@ -174,5 +187,4 @@ def _billboards(streets: Streets, share: float, rng: np.random.Generator) -> Non
         clear &= ~streets.site.on(across + side.outward * 2.6, streets.site.taken)
     side = side.only(chosen & clear & (away > 0.4))
     moved = Roadside(side.xy_m + 2.6 * side.outward, side.heading, side.outward, side.behind_m, side.edge)
-    moved = streets.reserve(moved, 4.0)
-    streets.put(furniture.billboard(), moved, -moved.heading)
+    streets.put(furniture.billboard(), moved, -moved.heading, 4.0)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
@@ -14,7 +14,7 @@ from appocc.simulation.scenery.builder import stem
 
 _BARK = (96, 84, 70)
 _LEAF = (80, 100, 50)  # replaced when it is placed
-_CLEAR_M = 3.05
+_CLEAR_M = 3.05  # street trees are trimmed: trucks pass below
 _GOLDEN = (1 + 5**0.5) / 2
 
 
@@ -55,6 +55,11 @@ def _sphere(level: int) -> tuple[FloatArray, NDArray[np.int64]]:
 
 
 def _mesh(vertices: FloatArray, normals: FloatArray, faces: NDArray[np.int64]) -> Mesh:
+    """Leaves; a face that was pressed flat and looks inward is turned round."""
+    corners = vertices[faces]
+    facing = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    inward = (facing * normals[faces].sum(axis=1)).sum(axis=1) < 0
+    faces = np.where(inward[:, None], faces[:, ::-1], faces)
     return Mesh(
         vertices.astype(np.float32),
         (normals / np.linalg.norm(normals, axis=1, keepdims=True)).astype(np.float32),
@@ -66,15 +71,26 @@ def _mesh(vertices: FloatArray, normals: FloatArray, faces: NDArray[np.int64]) -
     )
 
 
-def _blob(rng: np.random.Generator, centre: FloatArray, radii: FloatArray, level: int, rough: float = 0.16) -> Mesh:
+def _blob(
+    rng: np.random.Generator,
+    centre: FloatArray,
+    radii: FloatArray,
+    level: int,
+    rough: float = 0.16,
+    floor_m: float = 0.0,
+) -> Mesh:
     """A lump of leaves."""
     points, faces = _sphere(level)
     lumpy = points * (1 + rng.uniform(-rough, rough, (len(points), 1)))
     lumpy[:, 2] = np.maximum(lumpy[:, 2], -0.82)  # flat below, as crowns are
-    return _mesh(lumpy * radii + centre, points / radii, faces)
+    vertices = lumpy * radii + centre
+    vertices[:, 2] = np.maximum(vertices[:, 2], floor_m)
+    return _mesh(vertices, points / radii, faces)
 
 
-def _tufts(rng: np.random.Generator, count: int, centre: FloatArray, radii: FloatArray, size_m: float) -> Mesh:
+def _tufts(
+    rng: np.random.Generator, count: int, centre: FloatArray, radii: FloatArray, size_m: float, floor_m: float = 0.05
+) -> Mesh:
     """Twigs with leaves on the surface of a crown: quads at random angles, lit as the crown is."""
     out = rng.normal(size=(count, 3))
     out[:, 2] = np.abs(out[:, 2]) * np.where(rng.random(count) < 0.25, -0.7, 1.0)
@@ -89,7 +105,7 @@ def _tufts(rng: np.random.Generator, count: int, centre: FloatArray, radii: Floa
     size = size_m * rng.uniform(0.6, 1.3, (count, 4, 1))
     turn = np.array([[1, 0], [0, 1], [-1, 0], [0, -1]], np.float64)
     corners = middle[:, None] + size * (turn[:, :1] * one[:, None] + turn[:, 1:] * two[:, None])
-    corners[..., 2] = np.maximum(corners[..., 2], 0.05)
+    corners[..., 2] += np.maximum(floor_m - corners[..., 2].min(axis=1), 0.0)[:, None]
     faces = (4 * np.arange(count)[:, None, None] + np.array([[0, 1, 2], [0, 2, 3]])).reshape(-1, 3)
     return _mesh(corners.reshape(-1, 3), np.repeat(out + 0.4 * facing, 4, axis=0), faces)
 
@@ -113,21 +129,19 @@ def broad(seed: int, detail: float = 1.0) -> Tree:
     middle = np.array([rng.uniform(-0.2, 0.2), rng.uniform(-0.2, 0.2), rng.uniform(5.1, 5.6)])
     radii = np.array([2.2, 2.2, rng.uniform(2.0, 2.5)]) * rng.uniform(0.9, 1.1, 3)
     fine = detail**-0.4
-    parts.append(_blob(rng, middle, radii * 0.88, 1 if detail > 0.5 else 0, 0.2))
-    parts.append(_tufts(rng, round(42 * detail), middle, radii, 0.58 * fine))
+    parts.append(_blob(rng, middle, radii * 0.88, 1 if detail > 0.5 else 0, 0.2, _CLEAR_M))
+    parts.append(_tufts(rng, round(42 * detail), middle, radii, 0.58 * fine, _CLEAR_M))
     turn = rng.uniform(0, 2 * np.pi)
     for k in range(3 if detail > 0.5 else 1):
         angle = turn + k * 2.1 + rng.uniform(-0.4, 0.4)
         side = np.array([np.cos(angle) * 1.6, np.sin(angle) * 1.6, rng.uniform(4.0, 5.0)])
         lump = rng.uniform(1.0, 1.35) * np.array([1.0, 1.0, 0.85])
-        parts += [_blob(rng, side, lump * 0.9, 0, 0.15), _tufts(rng, round(11 * detail), side, lump, 0.48 * fine)]
+        parts += [
+            _blob(rng, side, lump * 0.9, 0, 0.15, _CLEAR_M),
+            _tufts(rng, round(11 * detail), side, lump, 0.48 * fine, _CLEAR_M),
+        ]
         parts.append(_limb(fork - [0, 0, 0.3], side, (0.1, 0.04), 3))
-    crown = joined(parts)
-    # Street trees are trimmed: trucks pass below.
-    leaves = np.unique(crown.faces[crown.material == Material.FOLIAGE])
-    vertices = crown.vertices_m.copy()
-    vertices[leaves, 2] = np.maximum(vertices[leaves, 2], _CLEAR_M)
-    return _tree([replace(crown, vertices_m=vertices)])
+    return _tree(parts)
 
 
 def columnar(seed: int, detail: float = 1.0) -> Tree:

@@ -1,0 +1,92 @@
+"""How much light falls on a place."""
+
+from __future__ import annotations
+
+import math
+
+from appocc.simulation.rendering.compiled import inner
+from appocc.simulation.rendering.lighting import LAMP_CELL_M, NEAR_CELL_M, NEAR_CELLS, OPEN_CELL_M, Lighting
+
+
+@inner
+def _open_at(light: Lighting, x: float, y: float) -> float:
+    """Share of the sky that is open over a place; all of it beyond the town."""
+    u, v = (x - light.low_x) / OPEN_CELL_M - 0.5, (y - light.low_y) / OPEN_CELL_M - 0.5
+    if u < 0 or v < 0 or u >= light.open.shape[1] - 1 or v >= light.open.shape[0] - 1:
+        return 1.0
+    column, row = int(u), int(v)
+    a, b = u - column, v - row
+    first = light.open[row, column] * (1 - a) + light.open[row, column + 1] * a
+    second = light.open[row + 1, column] * (1 - a) + light.open[row + 1, column + 1] * a
+    return float(first * (1 - b) + second * b) / 255.0
+
+
+@inner
+def _lamp_at(light: Lighting, x: float, y: float) -> float:
+    """Light of the street lamps on the ground at a place."""
+    u, v = (x - light.low_x) / LAMP_CELL_M - 0.5, (y - light.low_y) / LAMP_CELL_M - 0.5
+    if u < 0 or v < 0 or u >= light.lamp.shape[1] - 1 or v >= light.lamp.shape[0] - 1:
+        return 0.0
+    column, row = int(u), int(v)
+    a, b = u - column, v - row
+    first = light.lamp[row, column] * (1 - a) + light.lamp[row, column + 1] * a
+    second = light.lamp[row + 1, column] * (1 - a) + light.lamp[row + 1, column + 1] * a
+    return float(first * (1 - b) + second * b)
+
+
+@inner
+def _near_at(light: Lighting, x: float, y: float, channel: int) -> float:
+    """Value of the near map at a place; nothing shades or shines beyond it."""
+    u, v = (x - light.near_x) / NEAR_CELL_M - 0.5, (y - light.near_y) / NEAR_CELL_M - 0.5
+    if u < 0 or v < 0 or u >= NEAR_CELLS - 1 or v >= NEAR_CELLS - 1:
+        return 1.0 if channel == 0 else 0.0
+    column, row = int(u), int(v)
+    a, b = u - column, v - row
+    first = light.near[row, column, channel] * (1 - a) + light.near[row, column + 1, channel] * a
+    second = light.near[row + 1, column, channel] * (1 - a) + light.near[row + 1, column + 1, channel] * a
+    return float(first * (1 - b) + second * b)
+
+
+@inner
+def _lamps_on(
+    light: Lighting, x: float, y: float, z: float, nx: float, ny: float, nz: float
+) -> tuple[float, float, float]:
+    """Light of street lamps and head and tail lamps on a surface."""
+    side = 1.0 - 0.45 * (1 - max(nz, 0.0))
+    street = _lamp_at(light, x + nx * 0.5, y + ny * 0.5) * side * min(max((9.0 - z) / 4.0, 0.0), 1.0)
+    near_x, near_y, low = x + nx * 0.5, y + ny * 0.5, min(max((1.6 - z) / 0.9, 0.12), 1.0)
+    head, tail = _near_at(light, near_x, near_y, 1) * side * low, _near_at(light, near_x, near_y, 2) * side * low
+    if light.ego_box[0] > 0:
+        pose = light.ego_from_town
+        front = light.ego_box[3] + light.ego_box[0] / 2
+        ahead = pose[0, 0] * x + pose[0, 1] * y + pose[0, 2] * z + pose[0, 3] - front
+        aside = pose[1, 0] * x + pose[1, 1] * y + pose[1, 2] * z + pose[1, 3]
+        if 0 < ahead < 55:
+            spread, fade = aside / (1.0 + 0.30 * ahead), 1 - ahead / 55
+            facing = max(-(pose[0, 0] * nx + pose[0, 1] * ny), 0.0)
+            head += math.exp(-spread * spread) * fade * fade * (
+                1.5 * max(nz, 0.0) * ahead / (ahead + 3.0) + 2.2 * facing * low
+            )  # fmt: skip
+    return street + head + tail, 0.80 * street + 0.95 * head + 0.05 * tail, 0.50 * street + 0.82 * head + 0.03 * tail
+
+
+@inner
+def light_on(
+    light: Lighting, x: float, y: float, z: float, nx: float, ny: float, nz: float, sun: float
+) -> tuple[float, float, float]:
+    """All light on a surface at a place; `sun` is the share of the sun's that meets it."""
+    up = 0.5 + 0.5 * nz
+    free = _open_at(light, x + nx * 1.5, y + ny * 1.5)
+    free += (1 - free) * min(max(z / 18.0, 0.0), 1.0)
+    if z < 1.3:
+        shade = _near_at(light, x + nx * 0.3, y + ny * 0.3, 0)
+        free *= shade + (1 - shade) * min(max(z / 1.3, 0.0), 1.0)
+    # The lower half of what a wall sees is the street, sunny where the sky over it is open.
+    open_sky, street = up * (0.12 + 0.88 * free), (1 - up) * (0.25 + 0.75 * free)
+    r = sun * light.sun[0] + open_sky * light.up[0] + street * light.bounce[0]
+    g = sun * light.sun[1] + open_sky * light.up[1] + street * light.bounce[1]
+    b = sun * light.sun[2] + open_sky * light.up[2] + street * light.bounce[2]
+    if light.lamps > 0 and z < 9.0:
+        p, q, s = _lamps_on(light, x, y, z, nx, ny, nz)
+        r, g, b = r + light.lamps * p, g + light.lamps * q, b + light.lamps * s
+    return r, g, b

@@ -1,0 +1,98 @@
+"""CPU time of the simulator's renderer by stage.
+
+Run: OMP_NUM_THREADS=1 python -m benchmarks.simulator [--town NAME] [--weather NAME] [--rig NAME] [--frames 12]
+Takes moments spread over the town's traffic, each seen by another car, and prints the median CPU milliseconds a frame
+of each stage, what was prepared once (town, renderer, the first frame with its compilation), thousands of rays, and
+memory.
+"""
+
+from __future__ import annotations
+
+import argparse
+import resource
+import time
+from collections import defaultdict
+from collections.abc import Iterator
+
+import cv2
+import numpy as np
+
+from appocc.checks import FloatArray
+from appocc.geometry import quaternion_from_yaw, transform
+from appocc.rigs import read_rig
+from appocc.simulation.actors.assembling import assemble
+from appocc.simulation.actors.paint import paints_of
+from appocc.simulation.build import build_town
+from appocc.simulation.builtin import TRAIN_TOWNS, load_builtin
+from appocc.simulation.mesh import Mesh
+from appocc.simulation.rendering.lighting import Ego
+from appocc.simulation.rendering.renderer import Renderer
+from appocc.simulation.rendering.weather import WEATHERS, Weather
+from appocc.simulation.traffic import TrafficLog
+
+
+def moments(log: TrafficLog, count: int) -> Iterator[tuple[float, int]]:
+    """Times spread over the log, and a moving car at each."""
+    for time_s in np.linspace(0.1, 0.9, count) * log.duration_s:
+        moment = log.at(float(time_s))
+        moving = np.hypot(*moment.velocity_mps.T) > 1
+        cars = [
+            int(n) for n, moves in zip(moment.index, moving, strict=True) if moves and log.actors[n].kind == "car"
+        ]
+        if cars:
+            yield float(time_s), cars[len(cars) // 2]
+
+
+def set_moment(renderer: Renderer, log: TrafficLog, time_s: float, ego: int, weather: Weather) -> FloatArray:
+    """Put a moment into the renderer; returns town_from_ego."""
+    moment = log.at(time_s)
+    row = int(np.flatnonzero(moment.index == ego)[0])
+    size, yaw = log.actors[ego].size_lwh_m, float(moment.yaw_rad[row])
+    x, y = moment.xy_m[row] - 0.3 * size[0] * np.array([np.cos(yaw), np.sin(yaw)])
+    pose = transform(quaternion_from_yaw(yaw), [x, y, 0.0])
+    with renderer.profile.stage("assemble"):
+        mesh: Mesh = assemble(log.actors, moment, paints_of(log.actors, 1), pose[:2, 3], ego)
+    lights = np.zeros(len(log.actors), np.uint8)
+    lights[moment.index] = moment.lights
+    renderer.set_moment(mesh, lights, moment.signals, weather, Ego(pose, size))
+    return pose
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--town", default=TRAIN_TOWNS[0])
+    parser.add_argument("--weather", default="clear", choices=tuple(WEATHERS))
+    parser.add_argument("--rig", default="paper")
+    parser.add_argument("--frames", type=int, default=12)
+    options = parser.parse_args()
+    cv2.setNumThreads(1)
+    rig, weather = read_rig(options.rig), WEATHERS[options.weather]
+    started = time.process_time()
+    plan, log = load_builtin(options.town)
+    town = build_town(plan)
+    built = time.process_time()
+    renderer = Renderer(town)
+    print(f"{options.town}: town {built - started:.1f} s, renderer {time.process_time() - built:.1f} s", end="")
+    stages: defaultdict[str, list[float]] = defaultdict(list)
+    for number, (time_s, ego) in enumerate(moments(log, options.frames + 1)):
+        renderer.profile.clear()
+        started = time.process_time()
+        pose = set_moment(renderer, log, time_s, ego, weather)
+        renderer.views(rig, pose, np.random.default_rng(number))
+        total = time.process_time() - started
+        if number == 0:  # compiles, or loads what was compiled
+            print(f", first frame {total:.1f} s")
+            continue
+        for name, seconds in renderer.profile.cpu_s.items():
+            stages[name].append(seconds)
+        stages["all"].append(total)
+        for name, rays in renderer.profile.count.items():
+            stages[f"rays {name}"].append(rays / 1000)
+    for name, values in stages.items():
+        print(f"{name:14s}{np.median(values) * (1 if name.startswith('rays') else 1000):8.1f}")
+    print(f"memory {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024:.0f} MB")
+
+
+if __name__ == "__main__":
+    main()

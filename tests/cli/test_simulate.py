@@ -1,0 +1,145 @@
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner, Result
+
+from appocc.files import read_image
+from appocc.nuscenes import Dataset
+from appocc.nuscenes.validate import validate
+from appocc.simulation.builtin import TEST_TOWNS, TRAIN_TOWNS
+from cli.main import app
+
+RIG = """
+cameras:
+  CAM_FRONT: {size_px: [64, 32], fov_deg: 90, position_m: [1.7, 0, 1.5], yaw_deg: 0}
+  CAM_BACK: {size_px: [48, 32], fov_deg: 90, position_m: [0, 0, 1.5], yaw_deg: 180}
+"""
+
+
+def run(*arguments: str) -> Result:
+    return CliRunner().invoke(app, list(arguments))
+
+
+def command(*arguments: str) -> list[str]:
+    return [sys.executable, "-m", "cli.main", "simulate", *arguments]
+
+
+def digests(root: Path) -> dict[str, str]:
+    files = (path for path in root.rglob("*") if path.is_file())
+    return {str(path.relative_to(root)): hashlib.md5(path.read_bytes()).hexdigest() for path in files}
+
+
+@pytest.fixture(scope="module")
+def rig(tmp_path_factory: pytest.TempPathFactory) -> str:
+    path = tmp_path_factory.mktemp("rig") / "two.yaml"
+    path.write_text(RIG)
+    return str(path)
+
+
+def test_a_rig_of_ones_own_full_maps_and_no_lidar(tmp_path: Path, rig: str) -> None:
+    out = tmp_path / "out"
+    options = ["--rig", rig, "--no-lidar", "--full-maps", "--weather", "wet", "--town", TEST_TOWNS[0]]
+    result = run("simulate", str(out), "--scenes", "1", "--seconds", "1", "--workers", "1", "--json", *options)
+    assert result.exit_code == 0, result.output
+    value = json.loads(result.stdout)
+    assert (value["scenes"], value["frames"], value["made"]) == (1, 2, 2)
+    dataset = Dataset(out)
+    frame = dataset.frame(dataset.samples(dataset.scenes[0])[0])
+    assert {name: image.shape for name, image in frame.images.items()} == {
+        "CAM_FRONT": (32, 64, 3),
+        "CAM_BACK": (32, 48, 3),
+    }
+    assert "wet" in dataset.scenes[0].description
+    assert not (out / "samples" / "LIDAR_TOP").exists()
+    assert len(list((out / "views_full").glob("*.npz"))) == 2
+    assert validate(dataset, images=True) == ()
+    again = run("simulate", str(out), "--scenes", "1", "--seconds", "1", "--workers", "1", "--json", *options)
+    assert json.loads(again.stdout)["made"] == 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--town", "atlantis"], "atlantis"),
+        (["--weather", "hail"], "hail"),
+        (["--rig", "/nowhere/rig.yaml"], "no rig of this name"),
+        (["--sheet", "sheet.gif"], ".png"),
+        (["--town", TRAIN_TOWNS[0], "--town", TRAIN_TOWNS[0]], "different names"),
+        (["--town", __file__], "expected an OpenDRIVE"),
+        (["--seconds", "599", "--town", TRAIN_TOWNS[0]], "nobody drives"),
+    ],
+)
+def test_bad_input_is_told_and_leaves_nothing(tmp_path: Path, arguments: list[str], said: str) -> None:
+    done = subprocess.run(
+        command(str(tmp_path / "out"), "--scenes", "1", *arguments), capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 2
+    assert said in done.stderr
+    assert "Traceback" not in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.slow
+def test_neither_workers_nor_kill_9_change_a_byte(tmp_path: Path, rig: str) -> None:
+    options = ["--scenes", "4", "--seconds", "2", "--rig", rig, "--split", "test", "--seed", "9"]
+    subprocess.run(command(str(tmp_path / "one"), *options, "--workers", "1"), check=True, capture_output=True)
+    out = tmp_path / "two"
+    process = subprocess.Popen(
+        command(str(out), *options, "--workers", "2"), start_new_session=True, stderr=subprocess.DEVNULL
+    )
+    rows = f".{out.name}.unfinished/scenes/*/rows.json"
+    deadline = time.monotonic() + 300
+    while not list(tmp_path.glob(rows)):
+        assert process.poll() is None, "it ended before it could be killed"
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+    os.killpg(process.pid, signal.SIGKILL)
+    process.wait()
+    assert not out.exists()
+    done = subprocess.run(command(str(out), *options, "--workers", "2"), check=True, capture_output=True, text=True)
+    assert "going on after" in done.stderr
+    assert digests(out) == digests(tmp_path / "one")
+    assert [path.name for path in sorted(tmp_path.iterdir())] == ["one", "two"]
+
+
+@pytest.mark.slow
+def test_ctrl_c_keeps_finished_scenes_and_says_so(tmp_path: Path, rig: str) -> None:
+    out = tmp_path / "out"
+    options = ["--scenes", "40", "--seconds", "1", "--rig", rig, "--town", TEST_TOWNS[0], "--workers", "2"]
+    process = subprocess.Popen(command(str(out), *options), stderr=subprocess.PIPE, text=True)
+    while not list(tmp_path.glob(".out.unfinished/scenes/*/rows.json")):
+        assert process.poll() is None
+        time.sleep(0.05)
+    process.send_signal(signal.SIGINT)
+    said = process.communicate(timeout=60)[1]
+    assert process.returncode not in (0, 1)
+    assert "go" in said
+    assert "kept in" in said
+    assert "Traceback" not in said
+    assert not list(tmp_path.glob(".out.unfinished/scenes/*.part"))
+
+
+@pytest.mark.slow
+def test_two_hundred_frames_over_all_towns(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    sheet = tmp_path / "sheet.png"
+    options = ["--scenes", "8", "--seconds", "12.5", "--hz", "2", "--split", "all", "--seed", "3"]
+    subprocess.run(command(str(out), *options, "--sheet", str(sheet)), check=True, capture_output=True)
+    dataset = Dataset(out)
+    assert {dataset.location(scene) for scene in dataset.scenes} == {*TRAIN_TOWNS, *TEST_TOWNS}
+    assert sum(len(dataset.samples(scene)) for scene in dataset.scenes) == 200
+    assert validate(dataset, images=True) == ()
+    assert read_image(sheet).std() > 20
+    nuscenes = pytest.importorskip("nuscenes", reason="nuscenes-devkit is not installed")
+    kit = nuscenes.NuScenes("v1.0-simulation", str(out), verbose=False)
+    assert len(kit.sample) == 200

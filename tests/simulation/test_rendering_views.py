@@ -1,0 +1,144 @@
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import pytest
+from made_render_town import WALL_Y_M, box, camera, car, town
+
+from appocc.camera import Camera, CameraRig
+from appocc.checks import FloatArray
+from appocc.geometry import apply, quaternion_from_yaw, transform
+from appocc.simulation.mesh import Material, Mesh, joined
+from appocc.simulation.rendering import renderer as module
+from appocc.simulation.rendering.embree import PacketScene, PlainScene, scene_of
+from appocc.simulation.rendering.renderer import Renderer
+from appocc.simulation.rendering.views import View, ViewClass
+from appocc.simulation.rendering.weather import WEATHERS
+
+POSE = transform(quaternion_from_yaw(0.2), [8.0, -1.5, 0.0])
+RIG = CameraRig((camera("A", 160, 60, (1.5, 0.2, 1.5), 0), camera("B", 120, 80, (1.0, 0.4, 1.6), 70)))
+NO_BYTES = np.zeros(0, np.uint8)
+CARS = joined([car(20, -2, 3), car(16, 6, 1, (240, 240, 240))])
+
+
+@pytest.fixture(scope="module")
+def renderer() -> Renderer:
+    return Renderer(town())
+
+
+def views(renderer: Renderer, rig: CameraRig = RIG, seed: int = 0, mesh: Mesh = CARS) -> Mapping[str, View]:
+    renderer.set_moment(mesh, np.zeros(4, np.uint8), NO_BYTES, WEATHERS["clear"], None)
+    return renderer.views(rig, POSE, np.random.default_rng(seed))
+
+
+def points_of(view: View, by: Camera) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Points (N, 3) in the town, pixels (N, 2) and depths (N,) of all pixels that are not sky, from the depth map."""
+    rows, columns = np.nonzero(np.isfinite(view.depth_m))
+    pixels, depth = np.stack([columns, rows], 1).astype(float), view.depth_m[rows, columns].astype(float)
+    in_cam = np.column_stack([pixels, np.ones(len(pixels))]) @ np.linalg.inv(by.intrinsic).T * depth[:, None]
+    return apply(POSE @ by.ego_from_cam, np.asarray(in_cam, np.float64)), pixels, depth
+
+
+def test_depth_puts_pixels_on_the_surfaces_that_are_there(renderer: Renderer) -> None:
+    for channel, view in views(renderer).items():
+        points, _, _ = points_of(view, RIG[channel])
+        kind = view.kind[np.isfinite(view.depth_m)]
+        ground = np.isin(kind, [ViewClass.ROAD, ViewClass.LANE_MARKING, ViewClass.TERRAIN])
+        assert np.abs(points[ground, 2]).max() < 2e-3
+        wall = kind == ViewClass.BUILDING
+        on_a_face = [np.abs(points[wall, 1] - WALL_Y_M), np.abs(points[wall, 0] - 5), np.abs(points[wall, 0] - 35)]
+        assert np.min(on_a_face, axis=0).max() < 5e-3
+
+
+def test_a_known_point_is_seen_where_it_is_projected(renderer: Renderer) -> None:
+    # The upright edge of the red car's body that is its outline in the picture, below its lamps.
+    point_ego = apply(np.linalg.inv(POSE), np.array([[22.0, -1.1, 0.45]]))
+    fine = RIG["A"].resized(1600, 600)
+    uv, depth = RIG["A"].project_ego(point_ego)
+    uv_fine, _ = fine.project_ego(point_ego)
+    view = views(renderer, CameraRig((fine,)))["A"]
+    row = round(float(uv_fine[0, 1]))
+    edge = np.flatnonzero(view.actor[row] == 3).min()
+    assert abs(edge - uv_fine[0, 0]) < 1.0  # a tenth of a pixel of the small picture
+    assert view.depth_m[row, edge + 1] == pytest.approx(depth[0], abs=0.2)
+    assert uv[0, 0] == pytest.approx((uv_fine[0, 0] + 0.5) / 10 - 0.5, abs=1e-6)
+
+
+def test_pixels_say_what_they_show(renderer: Renderer) -> None:
+    view = views(renderer)["A"]
+    assert (view.actor >= 0).any()
+    np.testing.assert_array_equal(view.kind[view.actor >= 0], ViewClass.VEHICLE)
+    assert set(np.unique(view.actor)) == {-1, 1, 3}
+    sky = view.kind == ViewClass.SKY
+    np.testing.assert_array_equal(np.isinf(view.depth_m), sky)
+    points, pixels, _ = points_of(view, RIG["A"])
+    kind = view.kind[pixels[:, 1].astype(int), pixels[:, 0].astype(int)]
+    line = kind == ViewClass.LANE_MARKING
+    assert line.any()
+    assert np.abs(points[line, 1]).max() < 0.2 + 2e-3
+
+
+def test_people_and_two_wheelers_are_told_by_what_they_are_made_of(renderer: Renderer) -> None:
+    cloth = box((14, -2.2, 0), (14.4, -1.8, 1.7), Material.CLOTH, (20, 20, 80), 0)
+    wheels = box((14, -0.4, 0), (15.5, 0.0, 0.7), Material.RUBBER, (20, 20, 20), 2)
+    rider = box((14.5, -0.4, 0.7), (14.9, 0.0, 1.6), Material.CLOTH, (90, 20, 20), 2)
+    view = views(renderer, mesh=joined([cloth, wheels, rider]))["A"]
+    assert set(view.kind[view.actor == 0]) == {ViewClass.PERSON}
+    assert set(view.kind[view.actor == 2]) == {ViewClass.TWO_WHEELER}
+
+
+def test_same_input_same_bytes_and_other_noise_another_picture(renderer: Renderer) -> None:
+    first, again, other = (views(renderer, seed=seed)["A"].image for seed in (1, 1, 2))
+    assert first.tobytes() == again.tobytes()
+    difference = np.abs(first.astype(int) - other)
+    assert 0 < difference.mean() < 3
+
+
+def test_more_rays_at_edges_bring_the_picture_nearer_to_the_truth(
+    renderer: Renderer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    refined = views(renderer)["B"].image
+    large = views(renderer, CameraRig((RIG["B"].resized(480, 320),)))["B"].image
+    truth = large.reshape(80, 4, 120, 4, 3).mean((1, 3))
+    monkeypatch.setattr(module, "jagged", lambda *_: np.zeros(0, np.int32))
+    plain = views(renderer)["B"].image
+    error, before = (float(((image - truth) ** 2).mean()) for image in (refined, plain))
+    assert error < 0.75 * before
+
+
+def test_large_pictures_are_made_in_parts(renderer: Renderer, monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = views(renderer)["A"]
+    monkeypatch.setattr(module, "_CHUNK", 1000)
+    parts = views(renderer)["A"]
+    np.testing.assert_array_equal(whole.depth_m, parts.depth_m)
+    np.testing.assert_array_equal(whole.actor, parts.actor)
+    # Only edges between two parts are treated differently.
+    assert (np.abs(whole.image.astype(int) - parts.image).max(-1) > 8).mean() < 0.02
+
+
+def test_full_hd(renderer: Renderer) -> None:
+    view = views(renderer, CameraRig((camera("A", 1920, 1080, (1.5, 0.2, 1.5), 0),)))["A"]
+    assert view.image.shape == (1080, 1920, 3)
+    assert view.depth_m.shape == view.actor.shape == view.kind.shape == (1080, 1920)
+
+
+def test_packets_and_single_rays_meet_the_same() -> None:
+    mesh, random = joined([town().solid, CARS]), np.random.default_rng(5)
+    packets, plain = scene_of(mesh), PlainScene(mesh)
+    assert isinstance(packets, PacketScene)  # the library that embreex brings was found
+    origins = random.uniform([0, -8, 0.5], [40, 8, 5], (999, 3)).astype(np.float32)
+    ways = random.normal(size=(999, 3))
+    ways = (ways / np.linalg.norm(ways, axis=1, keepdims=True)).astype(np.float32)
+    limits = np.full((2, 999), 30, np.float32)
+    face, weights = packets.nearest(origins, ways, limits[0])
+    face_plain, weights_plain = plain.nearest(origins, ways, limits[1])
+    np.testing.assert_array_equal(face, face_plain)
+    np.testing.assert_allclose(limits[0], limits[1], atol=1e-4)
+    np.testing.assert_allclose(weights[face >= 0], weights_plain[face >= 0], atol=1e-4)
+    np.testing.assert_array_equal(packets.blocked(origins, ways), plain.blocked(origins, ways))
+    assert 0 < (face >= 0).sum() < 999
+
+
+def test_an_empty_scene_is_none() -> None:
+    assert scene_of(joined([])) is None
