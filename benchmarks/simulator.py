@@ -21,7 +21,7 @@ from appocc.checks import FloatArray
 from appocc.geometry import quaternion_from_yaw, transform
 from appocc.rigs import read_rig
 from appocc.simulation.actors.assembling import assemble
-from appocc.simulation.actors.paint import paints_of
+from appocc.simulation.actors.paint import Paint, paints_of
 from appocc.simulation.build import build_town
 from appocc.simulation.builtin import TRAIN_TOWNS, load_builtin
 from appocc.simulation.mesh import Mesh
@@ -43,7 +43,9 @@ def moments(log: TrafficLog, count: int) -> Iterator[tuple[float, int]]:
             yield float(time_s), cars[len(cars) // 2]
 
 
-def set_moment(renderer: Renderer, log: TrafficLog, time_s: float, ego: int, weather: Weather) -> FloatArray:
+def set_moment(
+    renderer: Renderer, log: TrafficLog, paints: tuple[Paint, ...], time_s: float, ego: int, weather: Weather
+) -> FloatArray:
     """Put a moment into the renderer; returns town_from_ego."""
     moment = log.at(time_s)
     row = int(np.flatnonzero(moment.index == ego)[0])
@@ -51,7 +53,7 @@ def set_moment(renderer: Renderer, log: TrafficLog, time_s: float, ego: int, wea
     x, y = moment.xy_m[row] - 0.3 * size[0] * np.array([np.cos(yaw), np.sin(yaw)])
     pose = transform(quaternion_from_yaw(yaw), [x, y, 0.0])
     with renderer.profile.stage("assemble"):
-        mesh: Mesh = assemble(log.actors, moment, paints_of(log.actors, 1), pose[:2, 3], ego)
+        mesh: Mesh = assemble(log.actors, moment, paints, pose[:2, 3], ego)
     lights = np.zeros(len(log.actors), np.uint8)
     lights[moment.index] = moment.lights
     renderer.set_moment(mesh, lights, moment.signals, weather, Ego(pose, size))
@@ -70,7 +72,7 @@ def main() -> None:
     rig, weather = read_rig(options.rig), WEATHERS[options.weather]
     started = time.process_time()
     plan, log = load_builtin(options.town)
-    town = build_town(plan)
+    town, paints = build_town(plan), paints_of(log.actors, 1)
     built = time.process_time()
     renderer = Renderer(town)
     print(f"{options.town}: town {built - started:.1f} s, renderer {time.process_time() - built:.1f} s", end="")
@@ -78,7 +80,7 @@ def main() -> None:
     for number, (time_s, ego) in enumerate(moments(log, options.frames + 1)):
         renderer.profile.clear()
         started = time.process_time()
-        pose = set_moment(renderer, log, time_s, ego, weather)
+        pose = set_moment(renderer, log, paints, time_s, ego, weather)
         renderer.views(rig, pose, np.random.default_rng(number))
         total = time.process_time() - started
         if number == 0:  # compiles, or loads what was compiled

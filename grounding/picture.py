@@ -19,6 +19,8 @@ from tracking.formats import HEIGHT_M
 CYAN: Colour = (60, 220, 255)
 _SCALE = 4
 _CAPTION_PX, _LINE_PX = 204, 22
+# A camera's panel is at most this many times as wide as the map beside it.
+_WIDEST = 1.8
 _STATUS_COLOUR: dict[str, Colour] = {"ok": (90, 220, 110), "ambiguous": YELLOW}
 
 
@@ -91,19 +93,25 @@ def _camera_panel(answer: Answer, frame: Frame, height: int) -> ByteArray | None
     channel = _best_channel(frame, shown[0].item) if shown else None
     if channel is None:
         channel = "CAM_FRONT" if "CAM_FRONT" in frame.images else next(iter(frame.images))
-    camera, picture = frame.rig[channel], frame.images[channel].copy()
+    camera, picture = _enlarged(frame.rig[channel], frame.images[channel], height)
     for candidate in shown:
         draw_box(picture, camera, _corners(candidate.item, frame), RED if answer.referent else YELLOW, 2)
     if answer.target:
         _ground_mark(picture, camera, answer.target.footprint())
-    width = round(height * camera.width_px / camera.height_px)
-    scaled = np.asarray(cv2.resize(picture, (width, height), interpolation=cv2.INTER_AREA), dtype=np.uint8)
-    put_text(scaled, channel, (10, 22), WHITE, 0.6)
+    put_text(picture, channel, (10, 22), WHITE, 0.6)
     if shown and not answer.referent:
-        _numbers(scaled, camera, answer, frame, height / camera.height_px)
+        _numbers(picture, camera, answer, frame)
     elif shown:
-        put_text(scaled, _cut(phrase(shown[0].item, answer.scene)), (10, height - 12), WHITE, 0.55)
-    return scaled
+        put_text(picture, _cut(phrase(shown[0].item, answer.scene)), (10, len(picture) - 12), WHITE, 0.55)
+    return np.pad(picture, ((0, height - len(picture)), (0, 0), (0, 0)), constant_values=24)
+
+
+def _enlarged(camera: Camera, image: ByteArray, height: int) -> tuple[Camera, ByteArray]:
+    """A camera and its picture at a height for people, less high where the picture is wider than usual."""
+    scale = min(height / camera.height_px, _WIDEST * height / camera.width_px)
+    size = (round(camera.width_px * scale), round(camera.height_px * scale))
+    how = cv2.INTER_AREA if scale < 1 else cv2.INTER_CUBIC
+    return camera.resized(*size), np.asarray(cv2.resize(image, size, interpolation=how), dtype=np.uint8)
 
 
 def _corners(item: SceneObject, frame: Frame) -> FloatArray:
@@ -149,11 +157,11 @@ def _ground_mark(picture: ByteArray, camera: Camera, footprint: FloatArray) -> N
     cv2.polylines(picture, [outline], True, CYAN, 3, cv2.LINE_AA)
 
 
-def _numbers(picture: ByteArray, camera: Camera, answer: Answer, frame: Frame, scale: float) -> None:
+def _numbers(picture: ByteArray, camera: Camera, answer: Answer, frame: Frame) -> None:
     """The candidates' numbers at their places in the image."""
     for number, candidate in enumerate(answer.candidates, start=1):
         middle = _corners(candidate.item, frame).mean(axis=0, keepdims=True)
         uv, depth = camera.project_ego(middle)
         if camera.sees(uv, depth)[0]:
-            column, row = (round(float(v) * scale) for v in uv[0])
+            column, row = (round(float(v)) for v in uv[0])
             put_text(picture, str(number), (column, row), YELLOW, 0.7, centred=True)

@@ -14,10 +14,16 @@ from appocc.simulation.scenario import Scenario
 from appocc.simulation.sources import TownSource
 
 SCENE, HZ = "demo", 2.0
+_SIZE_PX = (416, 234)
 # A drive that passes a silver car with room to park behind it.
 _STORY = Scenario(SCENE, 44, "aldermoor", 87, 168.6, "clear", 123)
 
 __all__ = ["HZ", "SCENE", "SOURCE", "VERSION", "Settings", "write_dataset"]
+
+
+def _whole_pictures() -> CameraRig:
+    """The paper's cameras before its cuts, small: 16:9 is pleasant to look at."""
+    return CameraRig(tuple(camera.resized(*_SIZE_PX) for camera in read_rig("paper_full")))
 
 
 @dataclass(frozen=True)
@@ -30,7 +36,7 @@ class Settings:
     """
 
     samples: int = 11
-    rig: CameraRig = field(default_factory=lambda: read_rig("paper"))
+    rig: CameraRig = field(default_factory=_whole_pictures)
 
 
 def write_dataset(root: Path, settings: Settings, advance: Callable[[float], None]) -> None:

@@ -17,18 +17,22 @@ PERSON = ("pedestrian", "adult", (0.6, 0.6, 1.75))
 EGO = np.eye(4)
 
 
-def counts(tracer: Tracer, mesh: Mesh, rig: CameraRig, actors: int) -> NDArray[np.int64]:
+Rays = list[tuple[NDArray[np.float32], NDArray[np.float32]]]
+
+
+def counts(tracer: Tracer, mesh: Mesh, rays: Rays, actors: int) -> NDArray[np.int64]:
     """Pixels of each actor over all cameras, by full pictures of numbers."""
     total = np.zeros(actors, np.int64)
-    for camera in rig:
-        hits = tracer.nearest(*pixel_rays(camera.resized(400, 225), EGO))
+    for origins, directions in rays:
+        hits = tracer.nearest(origins, directions)
         total += np.bincount(mesh.tag[hits.face[hits.source == ACTOR]], minlength=actors)
     return total
 
 
 def brute_force(street: Street, rig: CameraRig) -> FloatArray:
     """Seen pixels of each actor by those it would have if it were alone."""
-    seen = counts(street.tracer, street.mesh, rig, len(street.actors))
+    rays = [pixel_rays(camera.resized(400, 225), EGO) for camera in rig]
+    seen = counts(street.tracer, street.mesh, rays, len(street.actors))
     alone = np.zeros(len(street.actors), np.int64)
     for i in range(len(street.actors)):
         own = street.mesh.tag == i
@@ -38,7 +42,7 @@ def brute_force(street: Street, rig: CameraRig) -> FloatArray:
         )
         tracer = Tracer(joined([]))
         tracer.set_actors(one)
-        alone[i] = counts(tracer, one, rig, len(street.actors))[i]
+        alone[i] = counts(tracer, one, rays, len(street.actors))[i]
     return np.divide(seen, alone, out=np.zeros(len(seen)), where=alone > 0)
 
 

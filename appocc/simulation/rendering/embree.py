@@ -22,9 +22,9 @@ from numba.core import types
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
-from appocc.checks import BoolArray, Float32Array
+from appocc.checks import BoolArray, Float32Array, IntArray
 from appocc.simulation.mesh import Mesh
-from appocc.simulation.rendering.compiled import kernel
+from appocc.simulation.rendering.compiled import inner, outer
 
 # Numbers from Embree 4's headers.
 _TRIANGLES, _INDEX, _VERTEX, _FLOAT3, _UINT3, _COHERENT = 0, 0, 1, 0x9003, 0x5003, 1 << 16
@@ -118,11 +118,19 @@ class PacketScene:
         self, origins: Float32Array, directions: Float32Array, distance_m: Float32Array
     ) -> tuple[NDArray[np.int32], Float32Array]:
         """See `Scene.nearest`."""
-        return _nearest(self._intersect, self._scene, origins, directions, distance_m)
+        face, uv, packet = np.empty(len(origins), np.int32), np.zeros((len(origins), 2), np.float32), _Packet()
+        addresses = packet.addresses(self._intersect, self._scene)
+        _nearest(
+            addresses, packet.rays, packet.whole, packet.valid, origins, directions, distance_m, face, uv
+        )  # fmt: skip
+        return face, uv
 
     def blocked(self, origins: Float32Array, directions: Float32Array) -> BoolArray:
         """See `Scene.blocked`."""
-        return _blocked(self._occluded, self._scene, origins, directions)
+        blocked, packet = np.empty(len(origins), np.bool_), _Packet()
+        addresses = packet.addresses(self._occluded, self._scene)
+        _blocked(addresses, packet.rays, packet.valid, origins, directions, blocked)
+        return blocked
 
 
 @lru_cache(maxsize=1)
@@ -163,71 +171,88 @@ def _call(typing: Any, function: Any, valid: Any, scene: Any, rays: Any, argumen
 _call_c: Any = intrinsic(_call)
 
 
-@kernel
-def _buffers() -> tuple[Float32Array, NDArray[np.int32], NDArray[np.int32]]:
-    """Rays with hits (22 fields of a packet), which lanes count, and arguments; each on a border of 64 bytes."""
-    rays, lanes = np.zeros(23 * _PACKET, np.float32), np.zeros(2 * _PACKET, np.int32)
-    arguments = np.zeros(16, np.int32)
-    arguments[0], arguments[1] = _COHERENT, -1  # all features
-    return rays[(-rays.ctypes.data % 64) // 4 :], lanes[(-lanes.ctypes.data % 64) // 4 :], arguments
+class _Packet:
+    """Rays with hits (22 fields of sixteen), which lanes count, and arguments; each on a border of 64 bytes."""
+
+    def __init__(self) -> None:
+        self.rays, self.lanes, arguments = (_aligned(size) for size in (22 * _PACKET, _PACKET, 16))
+        arguments.view(np.int32)[:2] = _COHERENT, -1  # all features
+        self.whole, self.valid, self._arguments = self.rays.view(np.int32), self.lanes.view(np.int32), arguments
+        # A ray's fields: origin, nearest, direction, time, farthest, mask, number, flags.
+        self.whole[9 * _PACKET : 10 * _PACKET] = -1
+
+    def addresses(self, function: int, scene: int) -> IntArray:
+        """(5,) of the function and its arguments."""
+        data = (self.lanes.ctypes.data, scene, self.rays.ctypes.data, self._arguments.ctypes.data)
+        return np.array([function, *data], np.int64)
 
 
-@kernel
+def _aligned(count: int) -> Float32Array:
+    """(count,) float32 zeros that begin on a border of 64 bytes."""
+    space = np.zeros(count + 16, np.float32)
+    first = -space.ctypes.data % 64 // 4
+    return space[first : first + count]
+
+
+@inner
 def _fill(
     rays: Float32Array,
-    lanes: NDArray[np.int32],
+    valid: NDArray[np.int32],
     origins: Float32Array,
     directions: Float32Array,
     start: int,
     count: int,
 ) -> None:
     """Enter a packet's origins and directions; lanes beyond `count` repeat the last ray and do not count."""
-    whole = rays.view(np.int32)
     for lane in range(_PACKET):
         i = start + min(lane, count - 1)
-        lanes[lane] = -1 if lane < count else 0
+        valid[lane] = -1 if lane < count else 0
         for k in range(3):
             rays[k * _PACKET + lane] = origins[i, k]
             rays[(4 + k) * _PACKET + lane] = directions[i, k]
-        rays[3 * _PACKET + lane] = 0.0  # begins at the origin
-        rays[7 * _PACKET + lane] = 0.0  # time
-        whole[9 * _PACKET + lane] = -1  # mask
-        whole[10 * _PACKET + lane] = 0
-        whole[11 * _PACKET + lane] = 0
 
 
-@kernel
+@outer
 def _nearest(
-    function: int, scene: int, origins: Float32Array, directions: Float32Array, distance: Float32Array
-) -> tuple[NDArray[np.int32], Float32Array]:
-    face, uv = np.full(len(origins), -1, np.int32), np.zeros((len(origins), 2), np.float32)
-    rays, lanes, arguments = _buffers()
-    whole = rays.view(np.int32)
+    addresses: IntArray,
+    rays: Float32Array,
+    whole: NDArray[np.int32],
+    valid: NDArray[np.int32],
+    origins: Float32Array,
+    directions: Float32Array,
+    distance: Float32Array,
+    face: NDArray[np.int32],
+    uv: Float32Array,
+) -> None:
     for start in range(0, len(origins), _PACKET):
         count = min(_PACKET, len(origins) - start)
-        _fill(rays, lanes, origins, directions, start, count)
+        _fill(rays, valid, origins, directions, start, count)
         for lane in range(_PACKET):
             rays[8 * _PACKET + lane] = distance[start + min(lane, count - 1)]
             whole[18 * _PACKET + lane] = -1  # geometry met
-            whole[19 * _PACKET + lane] = -1
-        _call_c(function, lanes.ctypes.data, scene, rays.ctypes.data, arguments.ctypes.data)
+        _call_c(addresses[0], addresses[1], addresses[2], addresses[3], addresses[4])
         for lane in range(count):
+            i = start + lane
+            face[i] = -1
             if whole[18 * _PACKET + lane] != -1:
-                distance[start + lane], face[start + lane] = rays[8 * _PACKET + lane], whole[17 * _PACKET + lane]
-                uv[start + lane, 0], uv[start + lane, 1] = rays[15 * _PACKET + lane], rays[16 * _PACKET + lane]
-    return face, uv
+                distance[i], face[i] = rays[8 * _PACKET + lane], whole[17 * _PACKET + lane]
+                uv[i, 0], uv[i, 1] = rays[15 * _PACKET + lane], rays[16 * _PACKET + lane]
 
 
-@kernel
-def _blocked(function: int, scene: int, origins: Float32Array, directions: Float32Array) -> BoolArray:
-    blocked = np.zeros(len(origins), np.bool_)
-    rays, lanes, arguments = _buffers()
+@outer
+def _blocked(
+    addresses: IntArray,
+    rays: Float32Array,
+    valid: NDArray[np.int32],
+    origins: Float32Array,
+    directions: Float32Array,
+    blocked: BoolArray,
+) -> None:
     for start in range(0, len(origins), _PACKET):
         count = min(_PACKET, len(origins) - start)
-        _fill(rays, lanes, origins, directions, start, count)
+        _fill(rays, valid, origins, directions, start, count)
         for lane in range(_PACKET):
             rays[8 * _PACKET + lane] = 1e30
-        _call_c(function, lanes.ctypes.data, scene, rays.ctypes.data, arguments.ctypes.data)
+        _call_c(addresses[0], addresses[1], addresses[2], addresses[3], addresses[4])
         for lane in range(count):
             blocked[start + lane] = rays[8 * _PACKET + lane] < 0
-    return blocked

@@ -4,46 +4,36 @@ from __future__ import annotations
 
 import math
 
+from appocc.checks import Float32Array
 from appocc.simulation.rendering.compiled import inner
 from appocc.simulation.rendering.lighting import LAMP_CELL_M, NEAR_CELL_M, NEAR_CELLS, OPEN_CELL_M, Lighting
 
 
 @inner
-def _open_at(light: Lighting, x: float, y: float) -> float:
-    """Share of the sky that is open over a place; all of it beyond the town."""
-    u, v = (x - light.low_x) / OPEN_CELL_M - 0.5, (y - light.low_y) / OPEN_CELL_M - 0.5
-    if u < 0 or v < 0 or u >= light.open.shape[1] - 1 or v >= light.open.shape[0] - 1:
-        return 1.0
+def _table_at(
+    table: Float32Array, low_x: float, low_y: float, cell_m: float, beyond: float, x: float, y: float
+) -> float:
+    """Value of a table (Y, X) over the town at a place, between its cells straight; `beyond` outside of it."""
+    u, v = (x - low_x) / cell_m - 0.5, (y - low_y) / cell_m - 0.5
+    if u < 0 or v < 0 or u >= table.shape[1] - 1 or v >= table.shape[0] - 1:
+        return beyond
     column, row = int(u), int(v)
     a, b = u - column, v - row
-    first = light.open[row, column] * (1 - a) + light.open[row, column + 1] * a
-    second = light.open[row + 1, column] * (1 - a) + light.open[row + 1, column + 1] * a
-    return float(first * (1 - b) + second * b) / 255.0
-
-
-@inner
-def _lamp_at(light: Lighting, x: float, y: float) -> float:
-    """Light of the street lamps on the ground at a place."""
-    u, v = (x - light.low_x) / LAMP_CELL_M - 0.5, (y - light.low_y) / LAMP_CELL_M - 0.5
-    if u < 0 or v < 0 or u >= light.lamp.shape[1] - 1 or v >= light.lamp.shape[0] - 1:
-        return 0.0
-    column, row = int(u), int(v)
-    a, b = u - column, v - row
-    first = light.lamp[row, column] * (1 - a) + light.lamp[row, column + 1] * a
-    second = light.lamp[row + 1, column] * (1 - a) + light.lamp[row + 1, column + 1] * a
+    first = table[row, column] * (1 - a) + table[row, column + 1] * a
+    second = table[row + 1, column] * (1 - a) + table[row + 1, column + 1] * a
     return float(first * (1 - b) + second * b)
 
 
 @inner
-def _near_at(light: Lighting, x: float, y: float, channel: int) -> float:
+def _near_at(near: Float32Array, low_x: float, low_y: float, x: float, y: float, channel: int) -> float:
     """Value of the near map at a place; nothing shades or shines beyond it."""
-    u, v = (x - light.near_x) / NEAR_CELL_M - 0.5, (y - light.near_y) / NEAR_CELL_M - 0.5
+    u, v = (x - low_x) / NEAR_CELL_M - 0.5, (y - low_y) / NEAR_CELL_M - 0.5
     if u < 0 or v < 0 or u >= NEAR_CELLS - 1 or v >= NEAR_CELLS - 1:
         return 1.0 if channel == 0 else 0.0
     column, row = int(u), int(v)
     a, b = u - column, v - row
-    first = light.near[row, column, channel] * (1 - a) + light.near[row, column + 1, channel] * a
-    second = light.near[row + 1, column, channel] * (1 - a) + light.near[row + 1, column + 1, channel] * a
+    first = near[row, column, channel] * (1 - a) + near[row, column + 1, channel] * a
+    second = near[row + 1, column, channel] * (1 - a) + near[row + 1, column + 1, channel] * a
     return float(first * (1 - b) + second * b)
 
 
@@ -53,9 +43,16 @@ def _lamps_on(
 ) -> tuple[float, float, float]:
     """Light of street lamps and head and tail lamps on a surface."""
     side = 1.0 - 0.45 * (1 - max(nz, 0.0))
-    street = _lamp_at(light, x + nx * 0.5, y + ny * 0.5) * side * min(max((9.0 - z) / 4.0, 0.0), 1.0)
+    street = (
+        _table_at(light.lamp, light.low_x, light.low_y, LAMP_CELL_M, 0.0, x + nx * 0.5, y + ny * 0.5)
+        * side
+        * min(max((9.0 - z) / 4.0, 0.0), 1.0)
+    )
     near_x, near_y, low = x + nx * 0.5, y + ny * 0.5, min(max((1.6 - z) / 0.9, 0.12), 1.0)
-    head, tail = _near_at(light, near_x, near_y, 1) * side * low, _near_at(light, near_x, near_y, 2) * side * low
+    head, tail = (
+        _near_at(light.near, light.near_x, light.near_y, near_x, near_y, 1) * side * low,
+        _near_at(light.near, light.near_x, light.near_y, near_x, near_y, 2) * side * low,
+    )
     if light.ego_box[0] > 0:
         pose = light.ego_from_town
         front = light.ego_box[3] + light.ego_box[0] / 2
@@ -76,10 +73,10 @@ def light_on(
 ) -> tuple[float, float, float]:
     """All light on a surface at a place; `sun` is the share of the sun's that meets it."""
     up = 0.5 + 0.5 * nz
-    free = _open_at(light, x + nx * 1.5, y + ny * 1.5)
+    free = _table_at(light.open, light.low_x, light.low_y, OPEN_CELL_M, 1.0, x + nx * 1.5, y + ny * 1.5)
     free += (1 - free) * min(max(z / 18.0, 0.0), 1.0)
     if z < 1.3:
-        shade = _near_at(light, x + nx * 0.3, y + ny * 0.3, 0)
+        shade = _near_at(light.near, light.near_x, light.near_y, x + nx * 0.3, y + ny * 0.3, 0)
         free *= shade + (1 - shade) * min(max(z / 1.3, 0.0), 1.0)
     # The lower half of what a wall sees is the street, sunny where the sky over it is open.
     open_sky, street = up * (0.12 + 0.88 * free), (1 - up) * (0.25 + 0.75 * free)

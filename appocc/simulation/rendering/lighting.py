@@ -43,7 +43,7 @@ class Lighting(NamedTuple):
         white: radiance that looks white in the picture; lamps are set against it.
         low_x: corner of `open` and `lamp`, metres.
         low_y: the same.
-        open: (Y, X) uint8 share of the sky that is open, 255 all; cells of OPEN_CELL_M.
+        open: (Y, X) float32 share of the sky that is open; cells of OPEN_CELL_M.
         lamp: (Y, X) float32 light of the street lamps on the ground; cells of LAMP_CELL_M.
         near_x: corner of `near`.
         near_y: the same.
@@ -66,7 +66,7 @@ class Lighting(NamedTuple):
     white: float
     low_x: float
     low_y: float
-    open: ByteArray
+    open: Float32Array
     lamp: Float32Array
     near_x: float
     near_y: float
@@ -120,7 +120,7 @@ class Standing:
     """Light that depends on the town alone: see `Lighting.open` and `Lighting.lamp`."""
 
     low_m: FloatArray
-    open: ByteArray
+    open: Float32Array
     lamp: Float32Array
 
     @staticmethod
@@ -130,7 +130,7 @@ class Standing:
         return Standing(town.ground.low_m, _open_sky(town.ground, extent, tracer), _lamp_light(town, extent))
 
 
-def _open_sky(ground: Ground, extent_m: FloatArray, tracer: Tracer) -> ByteArray:
+def _open_sky(ground: Ground, extent_m: FloatArray, tracer: Tracer) -> Float32Array:
     """Share of rays upward, weighted by their height, that leave the town from each cell's centre."""
     columns, rows = np.ceil(extent_m / OPEN_CELL_M).astype(int)
     x = ground.low_m[0] + (np.arange(columns) + 0.5) * OPEN_CELL_M
@@ -146,7 +146,7 @@ def _open_sky(ground: Ground, extent_m: FloatArray, tracer: Tracer) -> ByteArray
     share = (free / _PROBES).reshape(rows, columns)
     # Inside buildings there is no sky; walls take that of the ground before them.
     share = np.where(share == 0, cv2.dilate(share, np.ones((3, 3), np.uint8)), share)
-    return np.rint(cv2.GaussianBlur(share, (0, 0), 0.8) * 255).astype(np.uint8)
+    return np.asarray(cv2.GaussianBlur(share, (0, 0), 0.8), np.float32)
 
 
 def _lamp_light(town: Town, extent_m: FloatArray) -> Float32Array:

@@ -226,18 +226,19 @@ def shade(
 ) -> None:
     """Enter the light (N, 3) that comes back along N rays."""
     for i in range(len(distance)):
-        dx, dy, dz = directions[i, 0], directions[i, 1], directions[i, 2]
+        # One type everywhere: each helper is compiled once.
+        dx, dy, dz = np.float64(directions[i, 0]), np.float64(directions[i, 1]), np.float64(directions[i, 2])
         if source[i] == SKY:
             r, g, b = sky_at(light.sky, dx, dy, dz)
             if dx * light.sun_to[0] + dy * light.sun_to[1] + dz * light.sun_to[2] > 0.99996:
                 r, g, b = r + 20 * light.sun[0], g + 20 * light.sun[1], b + 20 * light.sun[2]
             radiance[i, 0], radiance[i, 1], radiance[i, 2] = r, g, b
             continue
-        t = distance[i]
+        t = np.float64(distance[i])
         x, y, z = origins[i, 0] + t * dx, origins[i, 1] + t * dy, origins[i, 2] + t * dz
         if source[i] == GROUND:
             r, g, b = _ground(texture, light.noise, x, y, dx, dy, dz, t * spread_rad)
-            sun = light.sun_to[2] if lit[i] else 0.0
+            sun = np.float64(light.sun_to[2]) if lit[i] else 0.0
             p, q, s = light_on(light, x, y, 0.0, 0.0, 0.0, 1.0, sun)
             wet = 1 - 0.45 * light.wetness
             r, g, b = r * p * wet, g * q * wet, b * s * wet

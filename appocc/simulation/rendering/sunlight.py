@@ -35,7 +35,7 @@ def toward_sun(
     for i in range(len(distance)):
         if source[i] == SKY:
             continue
-        t = distance[i]
+        t = np.float64(distance[i])
         x, y, z = 0.0, 0.0, 1.0
         off = 0.004 + 1e-4 * t
         if source[i] != GROUND:

@@ -5,12 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from appocc.checks import FloatArray
+from appocc.errors import NotFoundError
 from appocc.simulation.mesh import Mesh, joined
 from appocc.simulation.plan import TownPlan
 from appocc.simulation.scenery.builder import Builder
 from appocc.simulation.scenery.greenery import enclose, plant
 from appocc.simulation.scenery.houses import build_houses
-from appocc.simulation.scenery.plots import lay_plots
+from appocc.simulation.scenery.plots import SPACINGS, lay_plots
 from appocc.simulation.scenery.signals import build_signals
 from appocc.simulation.scenery.site import Site
 from appocc.simulation.scenery.streets import furnish
@@ -19,7 +20,13 @@ from appocc.simulation.surface import Ground
 
 
 def build_scenery(plan: TownPlan, ground: Ground) -> tuple[Mesh, FloatArray]:
-    """Everything that stands, as one mesh, and where the street lamps' lights are, (L, 3) town frame."""
+    """Everything that stands, as one mesh, and where the street lamps' lights are, (L, 3) town frame.
+
+    Raises:
+        NotFoundError: if the plan's style is not known.
+    """
+    if plan.style not in SPACINGS:
+        raise NotFoundError(f"{plan.name}: expected a style of {', '.join(SPACINGS)}, got '{plan.style}'")
     # Each part draws from its own numbers, so that a change of one leaves the others as they are.
     houses, streets, green = (np.random.default_rng([plan.seed, part]) for part in range(3))
     site = Site(ground, plan.network)

@@ -54,8 +54,11 @@ class Place:
 
     def corners(self, s0: float, s1: float, d0: float, d1: float) -> FloatArray:
         """(4, 2) town corners of a rectangle, counter-clockwise."""
-        local = np.array([[s0, d0], [s1, d0], [s1, d1], [s0, d1]])
-        return np.asarray(self.origin_m + local @ np.stack([self.along, self.inward]))
+        return self.flat(np.array([[s0, d0], [s1, d0], [s1, d1], [s0, d1]]))
+
+    def flat(self, local: FloatArray) -> FloatArray:
+        """(..., 2) town positions of points (..., 2) as s and d."""
+        return np.asarray(self.origin_m + local @ np.array([self.along, self.inward]))
 
 
 class Builder:

@@ -24,6 +24,7 @@ class Plot:
         open_left: whether nothing touches it on its left, so that this side has windows.
         open_right: the same on its right.
         front_m: from its front to the paved edge.
+        road_m: from its front to the nearest carriageway or car park.
         backland: whether it stands in a second row, seen only through gaps.
     """
 
@@ -34,6 +35,7 @@ class Plot:
     open_left: bool
     open_right: bool
     front_m: float
+    road_m: float
     backland: bool = False
 
 
@@ -55,7 +57,7 @@ SPACINGS: dict[str, Spacing] = {
     "suburb": Spacing((9.5, 14.5), (8.0, 10.5), (4.5, 7.5), (4.5, 10.0), 1.0, 0.04),
     "industrial": Spacing((20.0, 46.0), (16.0, 30.0), (4.0, 10.0), (6.0, 14.0), 1.0, 0.10),
 }
-# Every style's outer streets have some of the others' houses: towns are mixed.
+# From the paved edge to the second row.
 _BACK_M = {"old": 26.0, "modern": 34.0, "suburb": 27.0, "industrial": 44.0}
 
 
@@ -109,15 +111,19 @@ def _fitted(
     backland: bool,
 ) -> Plot | None:
     """The plot there, moved back, shortened or narrowed until it is free; None if even that does not help."""
-    for share in (1.0, 0.8, 0.62):
-        for back in (0.2, 0.5, 0.9, 1.5):
-            width, depth = width_m * share, depth_m * (0.6 + 0.4 * share)
-            if width < _SMALLEST_M:
-                break
-            d = front_m + back
-            corners = frontage.place.corners(s, s + width, d, d + depth)
-            if site.free(corners):
-                site.take(frontage.place.corners(s + 0.25, s + width - 0.25, d + 0.25, d + depth - 0.25))
-                place = frontage.place.moved(s, d)
-                return Plot(place, width, depth, frontage.arterial, not terraced, True, d, backland)
+    tries = [
+        (share, back) for share in (1.0, 0.8, 0.62) for back in (0.2, 0.5, 0.9, 1.5) if width_m * share >= _SMALLEST_M
+    ]
+    place = frontage.place
+    sizes = [(width_m * share, depth_m * (0.6 + 0.4 * share), front_m + back) for share, back in tries]
+    local = [[[s, d], [s + width, d], [s + width, d + depth], [s, d + depth]] for width, depth, d in sizes]
+    outlines = place.flat(np.array(local).reshape(-1, 4, 2))
+    for number in np.flatnonzero(site.maybe_free(outlines)):
+        if not site.free(outlines[number]):
+            continue
+        width, depth, d = sizes[number]
+        site.take(place.corners(s + 0.25, s + width - 0.25, d + 0.25, d + depth - 0.25))
+        front = np.linspace(outlines[number, 0], outlines[number, 1], 5)
+        road = float(site.metres_at(front, site.to_road_m).min())
+        return Plot(place.moved(s, d), width, depth, frontage.arterial, not terraced, True, d, road, backland)
     return None

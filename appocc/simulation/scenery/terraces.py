@@ -77,7 +77,7 @@ def _old_front(builder: Builder, plot: Plot, main: Span, look: Look, shop: bool,
     place, length = main.side("front")
     s = columns(length, look)
     if shop:
-        awning = pick(rng, palette.AWNINGS) if rng.random() < 0.5 else None
+        awning = pick(rng, palette.AWNINGS) if rng.random() < 0.5 and plot.road_m > 2.0 else None
         shop_floor(builder, place, length, look, pick(rng, palette.FASCIAS), awning)
         upper = window_rows(look.floors_m(1), look, len(s))
         windows_wall(builder, place, length, (look.ground_m, look.eaves_m), s, upper, look, True)

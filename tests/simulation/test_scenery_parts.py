@@ -1,0 +1,130 @@
+"""Parts of the scenery: builder, copies, stems, trees, the free ground of a site."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from appocc.checks import FloatArray
+from appocc.simulation.mesh import Material, Mesh
+from appocc.simulation.network import RoadNetwork
+from appocc.simulation.scenery import trees
+from appocc.simulation.scenery.builder import Builder, Place, copies, stem
+from appocc.simulation.scenery.site import Site
+from appocc.simulation.surface import CELL_M, Ground, Surface
+
+TURNED = Place(np.array([10.0, 5.0]), np.array([0.6, 0.8]))
+
+
+def volume(mesh: Mesh) -> float:
+    corners = mesh.vertices_m[mesh.faces].astype(np.float64)
+    return float(np.einsum("fd,fd->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6)
+
+
+def box() -> Mesh:
+    builder = Builder()
+    builder.boxes(TURNED, [0, 0, 0], [4, 2, 3], Material.BRICK, (1, 2, 3), 7, "lrfbdt")
+    return builder.mesh()
+
+
+def test_boxes_are_closed_and_turned_outward() -> None:
+    mesh = box()
+    assert len(mesh.faces) == 12
+    assert volume(mesh) == pytest.approx(24.0, rel=1e-5)
+    assert mesh.tag.tolist() == [7] * 12
+    np.testing.assert_allclose(mesh.vertices_m.max(axis=0), [12.4, 9.4, 3.0], atol=1e-5)
+    np.testing.assert_allclose(mesh.vertices_m.min(axis=0), [8.4, 5.0, 0.0], atol=1e-5)
+
+
+def test_the_front_of_a_place_looks_to_the_street() -> None:
+    builder = Builder()
+    builder.boxes(TURNED, [0, 0, 0], [4, 2, 3], Material.BRICK, (1, 2, 3), sides="f")
+    np.testing.assert_allclose(builder.mesh().normals, np.tile([0.8, -0.6, 0.0], (4, 1)), atol=1e-6)
+
+
+def test_texture_runs_in_metres_up_a_wall() -> None:
+    builder = Builder()
+    builder.boxes(TURNED, [0, 0, 0], [4, 2, 3], Material.BRICK, (1, 2, 3), sides="f")
+    np.testing.assert_allclose(builder.mesh().uv, [[0, 0], [4, 0], [4, 3], [0, 3]], atol=1e-5)
+
+
+def test_copies_are_scaled_turned_and_moved() -> None:
+    mesh = copies(
+        box(),
+        np.array([[100.0, 0, 0], [0, 100, 2]]),
+        np.array([0.0, np.pi / 2]),
+        np.array([[1.0, 1, 1], [2, 2, 1]]),
+        np.array([[9, 9, 9], [8, 8, 8]]),
+        np.ones(12, np.bool_),
+    )
+    assert volume(mesh) == pytest.approx(24.0 * 5, rel=1e-4)
+    assert mesh.tint[0].tolist() == [9, 9, 9]
+    assert mesh.tint[-1].tolist() == [8, 8, 8]
+    np.testing.assert_allclose(mesh.vertices_m[24:].max(axis=0), [-10.0, 124.8, 5.0], atol=1e-4)
+
+
+def test_stems_are_round_and_capped() -> None:
+    rod = stem(np.zeros(3), np.array([0.0, 0.0, 2.0]), (1.0, 0.5), 24, Material.METAL, (1, 1, 1), capped=True)
+    assert rod.normals[:48, 2].max() == 0.0
+    np.testing.assert_allclose(rod.normals[48:], np.tile([0, 0, 1], (24, 1)), atol=1e-6)
+    # A cut cone without its foot, which lies in the plane z = 0 and so adds nothing.
+    assert volume(rod) == pytest.approx(np.pi * 2 / 3 * (1 + 0.5 + 0.25), rel=0.02)
+
+
+@pytest.mark.parametrize("make", [trees.broad, trees.columnar, trees.conifer, trees.small])
+def test_trees_stand_on_a_trunk_and_differ(make: object) -> None:
+    assert callable(make)
+    tree, sparse, other = make(1, 1.0), make(1, 0.4), make(2, 1.0)
+    trunk = tree.mesh.vertices_m[tree.mesh.faces[~tree.leaves]]
+    assert trunk[..., 2].min() == 0.0
+    assert 50 < len(sparse.mesh.faces) < len(tree.mesh.faces) < 350
+    assert tree.height_m > 3.0
+    assert (
+        len(tree.mesh.vertices_m) != len(other.mesh.vertices_m)
+        or (tree.mesh.vertices_m != other.mesh.vertices_m).any()
+    )
+
+
+def test_trucks_pass_below_street_trees() -> None:
+    for seed in range(4):
+        tree = trees.broad(seed, 2.0)
+        assert tree.mesh.vertices_m[np.unique(tree.mesh.faces[tree.leaves]), 2].min() > 3.0
+
+
+def plain() -> Site:
+    """A meadow of 60 m with a road of 6 m and its pavements of 2 m across the middle."""
+    label = np.full((600, 600), Surface.GRASS, np.uint8)
+    label[250:350] = Surface.PAVEMENT
+    label[270:330] = Surface.ROAD
+    nothing = RoadNetwork((), (), (), (), np.zeros(2), np.full(2, 60.0), np.zeros(2))
+    return Site(Ground(np.zeros(2), label, np.zeros((600, 600, 3), np.uint8)), nothing)
+
+
+def square(x: float, y: float, size_m: float = 4.0) -> FloatArray:
+    return np.array([[x, y], [x + size_m, y], [x + size_m, y + size_m], [x, y + size_m]])
+
+
+def test_ground_is_free_until_it_is_taken() -> None:
+    site = plain()
+    assert site.free(square(10.0, 40.0))
+    assert not site.free(square(10.0, 32.0))  # on the pavement
+    assert not site.free(square(10.0, 34.5))  # touches it
+    assert not site.free(square(-30.0, 40.0))  # outside
+    site.take(square(10.0, 40.0))
+    assert not site.free(square(13.0, 42.0))
+    assert site.free(square(14.5, 40.0))
+
+
+def test_frontages_run_along_the_pavement_and_face_the_street() -> None:
+    longest = plain().frontages()[:2]
+    assert sorted(float(f.place.inward[1]) for f in longest) == pytest.approx([-1.0, 1.0])
+    for frontage in longest:
+        assert frontage.length_m > 55
+        edge = 35.0 if frontage.place.inward[1] > 0 else 25.0
+        assert frontage.place.origin_m[1] == pytest.approx(edge, abs=2 * CELL_M)
+
+
+def test_distances_to_the_road() -> None:
+    site = plain()
+    near = site.metres_at(np.array([[30.0, 40.0], [30.0, 30.0]]), site.to_road_m)
+    assert near == pytest.approx([7.0, 0.0], abs=0.3)
