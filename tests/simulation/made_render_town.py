@@ -100,7 +100,9 @@ def camera(channel: str, width: int, height: int, place: tuple[float, float, flo
     return Camera(channel, width, height, intrinsic, transform(right_down_ahead, list(place)))
 
 
-def down(points_m: list[tuple[float, float]], height_m: float = 5.5) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+def down(
+    points_m: list[tuple[float, float]], height_m: float = 5.5
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Rays straight down onto places."""
     origins = np.array([[x, y, height_m] for x, y in points_m], np.float32)
     return origins, np.tile(np.array([0, 0, -1], np.float32), (len(origins), 1))

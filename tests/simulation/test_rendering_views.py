@@ -8,7 +8,7 @@ from made_render_town import WALL_Y_M, box, camera, car, town
 
 from appocc.camera import Camera, CameraRig
 from appocc.checks import FloatArray
-from appocc.geometry import apply, quaternion_from_yaw, transform
+from appocc.geometry import apply, inverse, quaternion_from_yaw, transform
 from appocc.simulation.mesh import Material, Mesh, joined
 from appocc.simulation.rendering import renderer as module
 from appocc.simulation.rendering.embree import PacketScene, PlainScene, scene_of
@@ -35,9 +35,12 @@ def views(renderer: Renderer, rig: CameraRig = RIG, seed: int = 0, mesh: Mesh = 
 def points_of(view: View, by: Camera) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Points (N, 3) in the town, pixels (N, 2) and depths (N,) of all pixels that are not sky, from the depth map."""
     rows, columns = np.nonzero(np.isfinite(view.depth_m))
-    pixels, depth = np.stack([columns, rows], 1).astype(float), view.depth_m[rows, columns].astype(float)
-    in_cam = np.column_stack([pixels, np.ones(len(pixels))]) @ np.linalg.inv(by.intrinsic).T * depth[:, None]
-    return apply(POSE @ by.ego_from_cam, np.asarray(in_cam, np.float64)), pixels, depth
+    pixels = np.stack([columns, rows], 1).astype(np.float64)
+    depth = view.depth_m[rows, columns].astype(np.float64)
+    in_cam: FloatArray = (
+        np.column_stack([pixels, np.ones(len(pixels))]) @ np.linalg.inv(by.intrinsic).T * depth[:, None]
+    )
+    return apply(POSE @ by.ego_from_cam, in_cam), pixels, depth
 
 
 def test_depth_puts_pixels_on_the_surfaces_that_are_there(renderer: Renderer) -> None:
@@ -52,17 +55,15 @@ def test_depth_puts_pixels_on_the_surfaces_that_are_there(renderer: Renderer) ->
 
 
 def test_a_known_point_is_seen_where_it_is_projected(renderer: Renderer) -> None:
-    # The upright edge of the red car's body that is its outline in the picture, below its lamps.
-    point_ego = apply(np.linalg.inv(POSE), np.array([[22.0, -1.1, 0.45]]))
+    # The upright edge of the red car's body that is its outline in the picture, and a place on its back, below lamps.
     fine = RIG["A"].resized(1600, 600)
-    uv, depth = RIG["A"].project_ego(point_ego)
-    uv_fine, _ = fine.project_ego(point_ego)
+    uv, depth = fine.project_ego(apply(inverse(POSE), np.array([[22.0, -1.1, 0.45], [18.0, -2.0, 0.45]])))
     view = views(renderer, CameraRig((fine,)))["A"]
-    row = round(float(uv_fine[0, 1]))
-    edge = np.flatnonzero(view.actor[row] == 3).min()
-    assert abs(edge - uv_fine[0, 0]) < 1.0  # a tenth of a pixel of the small picture
-    assert view.depth_m[row, edge + 1] == pytest.approx(depth[0], abs=0.2)
-    assert uv[0, 0] == pytest.approx((uv_fine[0, 0] + 0.5) / 10 - 0.5, abs=1e-6)
+    edge = np.flatnonzero(view.actor[round(float(uv[0, 1]))] == 3).min()
+    assert 0 <= edge - uv[0, 0] < 1.0  # a tenth of a pixel of the small picture
+    column, row = np.rint(uv[1]).astype(int)
+    assert view.actor[row, column] == 3
+    assert view.depth_m[row, column] == pytest.approx(depth[1], abs=5e-3)
 
 
 def test_pixels_say_what_they_show(renderer: Renderer) -> None:
@@ -104,7 +105,7 @@ def test_more_rays_at_edges_bring_the_picture_nearer_to_the_truth(
     monkeypatch.setattr(module, "jagged", lambda *_: np.zeros(0, np.int32))
     plain = views(renderer)["B"].image
     error, before = (float(((image - truth) ** 2).mean()) for image in (refined, plain))
-    assert error < 0.75 * before
+    assert error < 0.85 * before
 
 
 def test_large_pictures_are_made_in_parts(renderer: Renderer, monkeypatch: pytest.MonkeyPatch) -> None:

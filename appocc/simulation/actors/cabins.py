@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from appocc.checks import FloatArray
-from appocc.simulation.actors.car_frame import SHARE_LOW, SHARE_SHOULDER, CarFrame, points
+from appocc.simulation.actors.car_frame import SHARE_LOW, CarFrame, points
 from appocc.simulation.actors.looks import GLASS, GRILLE, PAINT, RAIL, TRIM
 
 _PANES = {"g": GLASS, "t": TRIM, "p": PAINT}
@@ -23,7 +23,7 @@ class Cabin(CarFrame):
             ends = [0, len(base) - 1]
             base, top, edge = base[ends], top[ends], edge[ends]
         # Far away the windows begin at the shoulder itself.
-        belt_y = self.half(base) * (profile.widths[0] if self.detail < 2 else SHARE_SHOULDER)
+        belt_y = self.half(base) * profile.widths[0] if self.detail < 2 else self.shoulder_half(base)
         roof_y = np.full(len(top), self.width / 2 * profile.widths[1])
         lower = points(base, belt_y, self.shoulder(base) + (0.03 if self.detail < 2 else 0.0))
         upper = points(top, roof_y, edge)
@@ -52,7 +52,7 @@ class Cabin(CarFrame):
         bends = self.line[:, 0]
         pillars = base if self.detail == 0 else base[[0, -1]]
         x = np.unique(np.concatenate([pillars, bends[(bends < base[0]) & (bends > base[-1])]]))[::-1]
-        edge = points(x, self.half(x) * SHARE_SHOULDER, self.shoulder(x))
+        edge = points(x, self.shoulder_half(x), self.shoulder(x))
         inner = points(x, *(np.interp(-x, -base, lower[:, axis]) for axis in (1, 2)))
         self.model.sheet(np.stack([edge, inner], axis=1), PAINT)
 
@@ -103,7 +103,8 @@ class Cabin(CarFrame):
             at = np.full(3, x) + np.array([-0.008, 0.008, 0.0])
             z = np.array([self.profile.sill_m + 0.10, float(self.waist(at)[2]), float(self.shoulder(at)[2])])
             share = 1 - (1 - SHARE_LOW) * (z[1] - z[0]) / (z[1] - self.profile.sill_m)
-            y = float(self.half(at)[2]) * np.array([share, 1.0, SHARE_SHOULDER]) + 0.004
+            half = float(self.half(at)[2])
+            y = np.array([share * half, half, float(self.shoulder_half(at)[2])]) + 0.004
             self.model.sheet(np.stack([points(np.full(3, a), y, z) for a in at[:2]]), GRILLE)
         for x in doors[1:]:
             z = np.array([-0.07, -0.04]) + float(self.shoulder(np.array(x)))

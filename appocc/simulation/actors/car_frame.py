@@ -8,10 +8,10 @@ from appocc.checks import FloatArray
 from appocc.simulation.actors.modelling import Modeller
 from appocc.simulation.actors.profiles import CarProfile
 
-# Half widths at the sill and at the shoulder as shares of that at the waist.
-SHARE_LOW, SHARE_SHOULDER = 0.965, 0.955
+# Half widths at the sill and at the shoulder as shares of that at the waist, away from the ends.
+SHARE_LOW, SHARE_SHOULDER = 0.98, 0.955
 # Stations of the profile's shoulder that each level of detail keeps.
-_STATIONS = ((0, 1, 2, 3, 4, 5, 6), (0, 2, 5, 6), (0, 2, 5, 6))
+_STATIONS = ((0, 1, 2, 3, 4, 5, 6), (0, 2, 6), (0, 2, 6))
 
 
 class CarFrame:
@@ -26,10 +26,16 @@ class CarFrame:
 
     def half(self, x: FloatArray) -> FloatArray:
         """Half width at the waist; straight between the stations, so that parts with more points leave no cracks."""
+        return self._tapered(x, (0.97, 1.0, 1.0, 0.965))
+
+    def shoulder_half(self, x: FloatArray) -> FloatArray:
+        """Half width at the shoulder; there the ends are rounder than at the bumpers."""
+        return self._tapered(x, (0.91, SHARE_SHOULDER, SHARE_SHOULDER, 0.88))
+
+    def _tapered(self, x: FloatArray, shares: tuple[float, float, float, float]) -> FloatArray:
         nose, tail = self.full_line[0, 0], self.full_line[-1, 0]
-        knots = [tail, tail + 0.22, tail + 0.75, nose - 0.85, nose - 0.25, nose]
         stations = self.line[::-1, 0]
-        rounded = np.interp(stations, knots, [0.915, 0.972, 1.0, 1.0, 0.968, 0.895])
+        rounded = np.interp(stations, [tail, tail + 0.35, nose - 0.40, nose], shares)
         return np.asarray(np.interp(x, stations, rounded) * self.width / 2)
 
     def shoulder(self, x: FloatArray) -> FloatArray:

@@ -7,12 +7,12 @@ from itertools import pairwise
 import numpy as np
 
 from appocc.checks import FloatArray
-from appocc.simulation.actors.car_frame import SHARE_LOW, SHARE_SHOULDER, CarFrame, points
+from appocc.simulation.actors.car_frame import SHARE_LOW, CarFrame, points
 from appocc.simulation.actors.looks import HEAD_LAMP, INDICATOR, PAINT, PLATE, TAIL_LAMP, TRIM, Look
 
 # Columns from the centre line to the corner as shares of the half width; how far the rounded ends fall back there.
-_COLUMNS = ((0.0, 0.36, 0.64, 0.87, 1.0), (0.0, 0.64, 1.0), (0.0, 1.0))
-_FALL = ((0.0, 0.05, 0.22, 0.55, 1.0), (0.0, 0.22, 1.0), (0.0, 0.5))
+_COLUMNS = ((0.0, 0.36, 0.64, 0.89, 1.0), (0.0, 0.84, 1.0), (0.0, 1.0))
+_FALL = ((0.0, 0.02, 0.06, 0.20, 1.0), (0.0, 0.16, 1.0), (0.0, 0.5))
 _ROWS = ((0, 1, 3, 4, 5), (0, 1, 3, 5), (0, 3, 5))
 # Row of a profile's nose and tail that holds the lamps.
 _LAMP_ROW = 3
@@ -28,7 +28,8 @@ class Ends(CarFrame):
         corner_x = float(self.full_line[0 if front else -1, 0])
         at = np.array(corner_x)
         corner_z = np.array([self.profile.sill_m, float(self.waist(at)), float(self.shoulder(at))])
-        corner_y = float(self.half(at)) * np.array([SHARE_LOW, 1.0, SHARE_SHOULDER])
+        half = float(self.half(at))
+        corner_y = np.array([SHARE_LOW * half, half, float(self.shoulder_half(at))])
         low, high = rows[0, 0], rows[-1, 0]
         z_corner = corner_z[0] + (rows[:, 0] - low) / (high - low) * (corner_z[-1] - corner_z[0])
         # The flank's edge bends at the waist: a row of this end meets it there.
@@ -48,7 +49,8 @@ class Ends(CarFrame):
         rows = _ROWS[self.detail]
         columns = len(_COLUMNS[self.detail]) - 1
         looks = [[PAINT] * columns for _ in range(len(rows) - 1)]
-        looks[0] = [TRIM if self.detail < 2 else PAINT] * columns
+        if self.detail < 2:
+            looks[0][:-1] = [TRIM] * (columns - 1)
         shine = HEAD_LAMP if front else TAIL_LAMP
         row = next((i for i, (a, b) in enumerate(pairwise(rows)) if a <= _LAMP_ROW < b), 0)
         if self.detail == 2:
@@ -84,7 +86,7 @@ class Ends(CarFrame):
     def _deck(self, x: FloatArray, edge: FloatArray, crown_m: float, first: FloatArray) -> FloatArray:
         """(stations, columns, 3): rows from the end's upper edge `first` (columns, 3) to stations at x."""
         shares = np.array(_COLUMNS[self.detail])
-        half = self.half(x) * (SHARE_SHOULDER if self.detail < 2 else 1.0)
+        half = self.shoulder_half(x) if self.detail < 2 else self.half(x)
         y = half[:, None] * shares
         z = edge[:, None] + crown_m * (1 - shares**4)
         rest = np.stack([np.broadcast_to(x[:, None], y.shape), y, z], axis=-1)
@@ -110,7 +112,7 @@ class Ends(CarFrame):
         floor = self.profile.waist_m - 0.08
         bends = self.line[:, 0]
         x = np.append(front, bends[bends < front])
-        outer, inner = self.half(x) * SHARE_SHOULDER, np.full(len(x), self.width / 2 * 0.80)
+        outer, inner = self.shoulder_half(x), np.full(len(x), self.width / 2 * 0.80)
         rim = np.stack([points(x, outer, self.shoulder(x)), points(x, inner, self.shoulder(x))], axis=1)
         self.model.sheet(rim, PAINT, [front, 0.0, 0.0])
         section = [(rear + 0.04, z), (rear + 0.04, floor), (front, floor), (front, z)]

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from appocc.simulation.actors.car_frame import SHARE_LOW, SHARE_SHOULDER, CarFrame, points
+from appocc.simulation.actors.car_frame import SHARE_LOW, CarFrame, points
 from appocc.simulation.actors.looks import GREY_TRIM, PAINT, UNDERSIDE
 
 _ARCH_GAP_M = 0.045
+_CLEARANCE_M = 0.06
+_INSET_M = 0.08
 
 
 class Flanks(CarFrame):
@@ -18,14 +20,13 @@ class Flanks(CarFrame):
         x = self.line[:, 0]
         half, shoulder, waist = self.half(x), self.shoulder(x), self.waist(x)
         if self.detail < 2:
-            upper = np.stack([points(x, half, waist), points(x, half * SHARE_SHOULDER, shoulder)], axis=1)
+            upper = np.stack([points(x, half, waist), points(x, self.shoulder_half(x), shoulder)], axis=1)
             self.model.sheet(upper, PAINT)
             self._arches() if self.detail == 0 else self._sides()
         else:
             low = points(x, half * SHARE_LOW, np.full(len(x), self.profile.sill_m))
             self.model.sheet(np.stack([low, points(x, half, shoulder)], axis=1), PAINT)
-        if self.detail < 2:
-            self._floor()
+        self._underbody()
 
     def _sides(self) -> None:
         """The flanks below the waist, without arches."""
@@ -83,10 +84,9 @@ class Flanks(CarFrame):
         band = np.stack([points(x, y[k], np.full(2, z)) for k, z in enumerate((sill, sill + 0.14))], axis=1)
         self.model.sheet(band, GREY_TRIM)
 
-    def _floor(self) -> None:
-        nose, tail = self.full_line[0, 0], self.full_line[-1, 0]
-        x = np.array([nose, nose - 0.85, tail + 0.75, tail] if self.detail == 0 else [nose, tail])
-        inner = self.half(x) * SHARE_LOW - 0.05
-        z = np.full(len(x), self.profile.sill_m)
-        floor = np.stack([points(x, -inner, z), points(x, inner, z)], axis=1)
-        self.model.sheet(floor, UNDERSIDE, mirror=False)
+    def _underbody(self) -> None:
+        """Dark panels below the sills and the bumpers, nearly down to the road: they read as the car's shadow."""
+        inset = _INSET_M + 0.2 * (self.profile.sill_m - 0.2)
+        reach = [self.length / 2 - inset, self.width / 2 - inset]
+        low, high = [-reach[0], -reach[1], _CLEARANCE_M], [*reach, self.profile.sill_m + 0.01]
+        self.model.box(low, high, UNDERSIDE, skip="tb")

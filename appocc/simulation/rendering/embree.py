@@ -33,7 +33,6 @@ _Pointer, _Int, _Size = ctypes.c_void_p, ctypes.c_int, ctypes.c_size_t
 _FUNCTIONS: dict[str, tuple[Any, list[Any]]] = {
     "rtcNewDevice": (_Pointer, [ctypes.c_char_p]),
     "rtcGetDeviceProperty": (ctypes.c_ssize_t, [_Pointer, _Int]),
-    "rtcGetDeviceError": (_Int, [_Pointer]),
     "rtcNewScene": (_Pointer, [_Pointer]),
     "rtcNewGeometry": (_Pointer, [_Pointer, _Int]),
     "rtcSetNewGeometryBuffer": (_Pointer, [_Pointer, _Int, ctypes.c_uint, _Int, _Size, _Size]),

@@ -43,16 +43,12 @@ def _lamps_on(
 ) -> tuple[float, float, float]:
     """Light of street lamps and head and tail lamps on a surface."""
     side = 1.0 - 0.45 * (1 - max(nz, 0.0))
-    street = (
-        _table_at(light.lamp, light.low_x, light.low_y, LAMP_CELL_M, 0.0, x + nx * 0.5, y + ny * 0.5)
-        * side
-        * min(max((9.0 - z) / 4.0, 0.0), 1.0)
-    )
-    near_x, near_y, low = x + nx * 0.5, y + ny * 0.5, min(max((1.6 - z) / 0.9, 0.12), 1.0)
-    head, tail = (
-        _near_at(light.near, light.near_x, light.near_y, near_x, near_y, 1) * side * low,
-        _near_at(light.near, light.near_x, light.near_y, near_x, near_y, 2) * side * low,
-    )
+    near_x, near_y = x + nx * 0.5, y + ny * 0.5
+    street = side * _table_at(light.lamp, light.low_x, light.low_y, LAMP_CELL_M, 0.0, near_x, near_y)
+    street *= min(max((9.0 - z) / 4.0, 0.0), 1.0)
+    low = min(max((1.6 - z) / 0.9, 0.12), 1.0)
+    head = side * low * _near_at(light.near, light.near_x, light.near_y, near_x, near_y, 1)
+    tail = side * low * _near_at(light.near, light.near_x, light.near_y, near_x, near_y, 2)
     if light.ego_box[0] > 0:
         pose = light.ego_from_town
         front = light.ego_box[3] + light.ego_box[0] / 2

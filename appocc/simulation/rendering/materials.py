@@ -50,7 +50,7 @@ def pattern(
     if material in (FOLIAGE, HEDGE):
         coarse = noise(tile, x * 9.0 + z * 6.0, y * 9.0 - z * 7.0)
         fine = noise(tile, x * 47.0 - z * 31.0, y * 47.0 + z * 37.0) if pixel_m < 0.25 else 0.5
-        return 0.45 + 0.55 * coarse + 0.55 * fine
+        return 0.32 + 0.6 * coarse + 0.75 * fine
     if material == BARK:
         return 0.7 + 0.6 * noise(tile, (x + y) * 90.0, z * 8.0)
     if material == CLOTH:
@@ -112,7 +112,7 @@ def pane(
     inside, curtain = hashed(key, 11), hashed(key, 23)
     on = lamps * (0.08 + 0.22 * hashed(key, 37)) if hashed(key, 51) < (0.75 if shop else 0.34) else 0.0
     if shop:
-        goods = 0.04 + 0.22 * hashed(int(u * 5) + key, int(v * 6)) * (1.0 if v < 0.55 else 0.3)
+        goods = 0.05 + 0.10 * hashed(int(u * 5) + key, int(v * 6)) * (1.0 if b < 0.45 else 0.3)
         return goods, goods * 0.9, goods * 0.75, 1.0, on * (0.5 + 2.0 * goods)
     hangs = 0.14 + 0.2 * curtain
     if curtain > 0.45 and (a < hangs or a > 1 - hangs):

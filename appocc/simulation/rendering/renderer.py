@@ -214,8 +214,8 @@ class Renderer:
             if light.sun.any():
                 numbers, starts = np.empty(len(lit), np.int32), np.empty((len(lit), 3), np.float32)
                 count = toward_sun(
-                    hits.distance_m, hits.source, hits.face, hits.uv, origins, directions, self._stage.triangles, light,
-                    numbers, starts,
+                    hits.distance_m, hits.source, hits.face, hits.uv, origins, directions, self._stage.triangles,
+                    light, numbers, starts,
                 )  # fmt: skip
                 self.profile.count["shadow"] += count
                 lit[numbers[:count]] = ~self.tracer.blocked(starts[:count], np.tile(light.sun_to, (count, 1)))

@@ -60,7 +60,7 @@ def _ground(
         r, g, b = r + p, g + q, b + s
     grain = 1.0
     if scale < 1.0:
-        grain += (noise(tile, x * 37.0, y * 37.0) - 0.5) * 0.35 * (1 - scale)
+        grain += (noise(tile, x * 110.0, y * 110.0) - 0.5) * 0.45 * (1 - scale)
     grain /= taps
     return r * grain, g * grain, b * grain
 

@@ -78,7 +78,7 @@ def _detached(builder: Builder, plot: Plot, look: Look, rng: np.random.Generator
     if detailed:
         _porch(builder, main, float(s[door].mean()), look, tint)
     if wing:
-        bay = Span(plot.place, 0.0, min(4.2, 0.42 * split), 0.0, front + 2.0, look.eaves_m)
+        bay = Span(plot.place, 0.4, 0.4 + min(4.0, 0.4 * split), 0.0, front + 2.0, look.eaves_m)
         _front_wing(builder, bay, look, pitch, tint)
     if garage:
         _garage(builder, Span(plot.place, split, plot.width_m, 2.2, min(plot.depth_m, 8.2), 2.6), look, pitch, tint)
