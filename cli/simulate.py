@@ -68,13 +68,11 @@ def simulate(
     towns = town_sources(split.value, town or ())
     settings = Settings(scenes, towns, tuple(dict.fromkeys(weather or WEATHER_SHARES)), seed, recipe)
     if sheet is not None:
-        check_sheet(sheet)
-    start, kept = time.monotonic(), finished_scenes(out)
-    if kept:
-        say(f"{out}: going on after {kept} of {scenes} scenes")
+        check_sheet(sheet, out)
+    start = time.monotonic()
     try:
         with progress("simulation", scenes * recipe.frames) as advance:
-            summary = run(out, settings, workers or cores(), advance)
+            summary = run(out, settings, workers or cores(), advance, say)
     except (KeyboardInterrupt, SystemExit):
         kept = finished_scenes(out)
         where = f"; they are kept in {unfinished(out)}, the same command goes on" if kept else ""
@@ -90,16 +88,21 @@ def simulate(
     say(f"{out}: {scenes} scenes, {summary.frames} frames ({rate})")
 
 
-def check_sheet(path: Path) -> None:
+def check_sheet(path: Path, out: Path) -> None:
     """Check the sheet's name before the work and not after it.
 
     Raises:
-        DataError: if it is no .png.
+        DataError: if it is no .png, the dataset's own name, or cannot become a file.
     """
     from appocc.errors import DataError
 
     if path.suffix.lower() != ".png":
         raise DataError(f"{path}: expected a name that ends in .png")
+    folder = next(parent for parent in path.absolute().parents if parent.exists())
+    if path.absolute() == out.absolute() or (path.exists() and not path.is_file()) or not folder.is_dir():
+        raise DataError(f"{path}: expected a name for the sheet's own file, got a folder's or one below a file")
+    if not os.access(folder, os.W_OK):
+        raise DataError(f"{path}: cannot be written (no permission in {folder})")
 
 
 def write_sheet(root: Path, path: Path) -> None:

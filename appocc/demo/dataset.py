@@ -15,8 +15,8 @@ from appocc.simulation.sources import TownSource
 
 SCENE, HZ = "demo", 2.0
 _SIZE_PX = (416, 234)
-# A drive that passes a silver car with room to park behind it.
-_STORY = Scenario(SCENE, 44, "aldermoor", 87, 168.6, "clear", 123)
+# A drive past a silver car with a gap behind it to park in, in a town that is kept for tests.
+_STORY = Scenario(SCENE, 139, "harrowmere", 12, 137.6, "clear", 123)
 
 __all__ = ["HZ", "SCENE", "SOURCE", "VERSION", "Settings", "write_dataset"]
 

@@ -52,6 +52,18 @@ class _RigModel(BaseModel):
     ]
 
 
+class _Loader(yaml.SafeLoader):
+    """YAML in which no key comes twice: of two cameras of one name, the first would be lost in silence."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        names = [key.value for key, _ in node.value if isinstance(key, yaml.ScalarNode)]
+        for name in names:
+            if names.count(name) > 1:
+                line = node.start_mark.line + 1
+                raise yaml.constructor.ConstructorError(None, None, f"'{name}' stands twice below line {line}")
+        return super().construct_mapping(node, deep)
+
+
 def rig_names() -> tuple[str, ...]:
     """Names of the shipped rigs."""
     return tuple(sorted(path.stem for path in FOLDER.glob("*.yaml")))
@@ -68,7 +80,7 @@ def read_rig(name_or_path: str) -> CameraRig:
     if not path.is_file():
         raise NotFoundError(f"{name_or_path}: no rig of this name ({', '.join(rig_names())}) and no such file")
     try:
-        found = _RigModel.model_validate(yaml.safe_load(path.read_text(encoding="utf-8")))
+        found = _RigModel.model_validate(yaml.load(path.read_text(encoding="utf-8"), _Loader))
         return CameraRig(tuple(_camera(channel, model) for channel, model in found.cameras.items()))
     except OSError as error:
         raise DataError(f"{path}: cannot be read ({error.strerror or error})") from error
@@ -76,7 +88,8 @@ def read_rig(name_or_path: str) -> CameraRig:
         first: Any = error.errors()[0]
         where = ".".join(str(part) for part in first["loc"] if part != "[key]") or "the file"
         raise DataError(f"{path}: no camera rig: {where}: {first['msg']}") from error
-    except (yaml.YAMLError, ShapeError, UnicodeDecodeError, RecursionError) as error:
+    # A date that is none, or a number of thousands of digits, is a plain ValueError of PyYAML.
+    except (yaml.YAMLError, ShapeError, ValueError, RecursionError) as error:
         raise DataError(f"{path}: no camera rig ({' '.join(str(error).split())})") from error
 
 

@@ -7,12 +7,13 @@ import json
 import shutil
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from appocc import __version__
 from appocc.errors import DataError
 from appocc.files import read_json, write_json
 from appocc.nuscenes.writer import Writer
@@ -47,6 +48,7 @@ class Settings:
     def as_json(self) -> dict[str, Any]:
         """JSON values, kept beside the tables."""
         return {
+            "appocc": __version__,
             "scenes": self.scenes,
             "towns": [town.as_json() for town in self.towns],
             "weathers": list(self.weathers),
@@ -62,8 +64,14 @@ class Summary(NamedTuple):
     frames: int
 
 
-def simulate(out: Path, settings: Settings, workers: int, advance: Callable[[float], None]) -> Summary:
-    """Record a dataset below `out`; `advance` is called with the frames done.
+def simulate(
+    out: Path,
+    settings: Settings,
+    workers: int,
+    advance: Callable[[float], None],
+    tell: Callable[[str], None] = lambda text: None,
+) -> Summary:
+    """Record a dataset below `out`; `advance` is called with the frames done, `tell` with what takes long.
 
     The result does not depend on `workers`, nor on whether the run was interrupted: finished scenes are kept in a
     hidden folder beside `out`, and the same call goes on from there.
@@ -71,13 +79,20 @@ def simulate(out: Path, settings: Settings, workers: int, advance: Callable[[flo
     Raises:
         DataError: if `out` holds something else or cannot be written, or a town cannot be simulated.
     """
+    out = _place(out)
     total = settings.scenes * settings.recipe.frames
     if _is_made(out, settings):
+        shutil.rmtree(unfinished(out), ignore_errors=True)  # a run that was killed at its very end leaves it
         advance(total)
         return Summary(0, total)
     with _unfinished_folder(out, settings) as work:
-        for town in settings.towns:
-            town.prepare(work / _TOWNS)
+        kept = finished_scenes(out)
+        if kept:
+            tell(f"{out}: going on after {kept} of {settings.scenes} scenes")
+        for town in settings.towns[: settings.scenes]:
+            if not town.is_prepared(work / _TOWNS):
+                tell(f"{town.name}: making its streets and traffic, which takes a minute or so")
+                town.prepare(work / _TOWNS)
         scenarios = [_draw(number, settings, work) for number in range(settings.scenes)]
         left = [scene for scene in scenarios if not (work / _SCENES / scene.name / _ROWS).is_file()]
         advance((len(scenarios) - len(left)) * settings.recipe.frames)
@@ -91,6 +106,7 @@ def simulate(out: Path, settings: Settings, workers: int, advance: Callable[[flo
 
 def unfinished(out: Path) -> Path:
     """Where the finished scenes of an interrupted run lie."""
+    out = _place(out)
     return out.parent / f".{out.name}.unfinished"
 
 
@@ -99,24 +115,37 @@ def finished_scenes(out: Path) -> int:
     return len(list(unfinished(out).glob(f"{_SCENES}/*/{_ROWS}")))
 
 
+def _place(out: Path) -> Path:
+    """The folder that is meant, whatever links or dots lead to it."""
+    return out.resolve() if out.is_symlink() or out.name in ("", "..") else out
+
+
 def _is_made(out: Path, settings: Settings) -> bool:
     """Whether `out` is the finished dataset already.
 
     Raises:
-        DataError: if `out` holds anything else.
+        DataError: if `out` holds anything else, or cannot be replaced by a finished dataset.
     """
+    if out.is_mount() or out.resolve() == Path.cwd():
+        raise DataError(f"{out}: expected a new folder, got the working folder or a mounted disk; name one in it")
     if not out.exists() or (out.is_dir() and not any(out.iterdir())):
         return False
     if out.is_dir() and (out / SETTINGS_FILE).is_file():
-        if read_json(out / SETTINGS_FILE) == _as_read(settings):
+        other = _differences(read_json(out / SETTINGS_FILE), settings)
+        if not other:
             return True
-        raise DataError(f"{out}: holds a simulation with other settings; name a new folder")
+        raise DataError(f"{out}: holds a simulation with other settings ({other}); name a new folder")
     raise DataError(f"{out}: exists already; name a new folder")
 
 
-def _as_read(settings: Settings) -> Any:
-    """Settings as they are once written and read."""
-    return json.loads(json.dumps(settings.as_json()))
+def _differences(kept: Any, settings: Settings) -> str:
+    """Names of the settings that are not those kept in a file, empty if there are none."""
+    asked = json.loads(json.dumps(settings.as_json()))  # as they are once written and read
+    if not isinstance(kept, dict):
+        return "all"
+    missing = object()
+    names = (*asked, *(name for name in kept if name not in asked))
+    return ", ".join(name for name in names if kept.get(name, missing) != asked.get(name, missing))
 
 
 @contextmanager
@@ -127,6 +156,7 @@ def _unfinished_folder(out: Path, settings: Settings) -> Iterator[Path]:
         DataError: if it belongs to other settings or to a run that goes on, or cannot be written.
     """
     work = unfinished(out)
+    made = [folder for folder in (work, *work.parents) if not folder.exists()]
     try:
         work.mkdir(parents=True, exist_ok=True)
         with (work / "lock").open("w") as lock:
@@ -134,23 +164,36 @@ def _unfinished_folder(out: Path, settings: Settings) -> Iterator[Path]:
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except OSError as error:
                 raise DataError(f"{out}: another run is making it just now") from error
-            _check_settings(work, settings)
-            (work / _STOP).unlink(missing_ok=True)
             try:
+                _check_settings(work, settings)
+                (work / _STOP).unlink(missing_ok=True)
                 yield work
             finally:
                 for part in work.glob(f"{_SCENES}/*.part"):
                     shutil.rmtree(part, ignore_errors=True)
                 if not any(work.glob(f"{_SCENES}/*")):
                     shutil.rmtree(work, ignore_errors=True)
+                    _remove_empty(made)
     except OSError as error:
+        _remove_empty(made)
         raise DataError(f"{error.filename or out}: cannot be written ({error.strerror or error})") from error
+
+
+def _remove_empty(folders: Sequence[Path]) -> None:
+    """Remove folders, the innermost first, until one is not empty."""
+    with suppress(OSError):
+        for folder in folders:
+            if folder.exists():
+                folder.rmdir()
 
 
 def _check_settings(work: Path, settings: Settings) -> None:
     kept = work / SETTINGS_FILE
-    if kept.is_file() and read_json(kept) != _as_read(settings):
-        raise DataError(f"{work}: left by a run with other settings; go on with those, or remove it")
+    if kept.is_file() and (other := _differences(read_json(kept), settings)):
+        if any(work.glob(f"{_SCENES}/*/{_ROWS}")):
+            raise DataError(f"{work}: left by a run with other settings ({other}); go on with those, or remove it")
+        for name in (_SCENES, _TOWNS):  # nothing is lost
+            shutil.rmtree(work / name, ignore_errors=True)
     write_json(kept, settings.as_json())
 
 
@@ -158,7 +201,7 @@ def _draw(number: int, settings: Settings, work: Path) -> Scenario:
     source = settings.towns[number % len(settings.towns)]
     _, log = source.load(work / _TOWNS)
     seconds = (settings.recipe.frames - 1) / settings.recipe.hz
-    return draw_scenario(number, source.name, log, seconds, settings.weathers, settings.seed)
+    return draw_scenario(number, source.name, log, seconds, settings.weathers, settings.seed, settings.recipe.hz)
 
 
 def _record(
@@ -210,6 +253,8 @@ def _record_one(job: _Job, recipe: Recipe, work: Path, advance: Callable[[float]
 def _assemble(scenarios: Sequence[Scenario], settings: Settings, work: Path) -> None:
     """Join the scenes' files and rows into one dataset; can be interrupted anywhere and called again."""
     root = work / "dataset"
+    for half in root.rglob(".*"):  # written when the run before was killed
+        half.unlink()
     writer = Writer(root, VERSION)
     for scenario in scenarios:
         place = work / _SCENES / scenario.name

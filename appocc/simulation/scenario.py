@@ -47,15 +47,17 @@ class Scenario:
 
 
 def draw_scenario(
-    number: int, town: str, log: TrafficLog, seconds: float, weathers: Sequence[str], seed: int
+    number: int, town: str, log: TrafficLog, seconds: float, weathers: Sequence[str], seed: int, hz: float = 2.0
 ) -> Scenario:
-    """Draw scene `number` of a dataset: an ego that is there for `seconds` and stands in at most a fifth of them.
+    """Draw scene `number` of a dataset: an ego that is there for `seconds` and stands in at most a fifth of its frames.
+
+    Where nobody moves that much, an ego may stand longer, but not all the time.
 
     Raises:
         DataError: if no car is in the town's traffic for so long.
     """
     random = np.random.default_rng([seed, number, 0])
-    starts = _starts(log, seconds)
+    starts = _starts(log, seconds, hz)
     if not starts.any():
         raise DataError(f"{town}: nobody drives for {seconds:g} s in its traffic of {log.duration_s:g} s")
     ego = int(random.choice(np.flatnonzero(starts.any(axis=0))))
@@ -65,7 +67,7 @@ def draw_scenario(
     return Scenario(f"scene-{number:04d}", number, town, ego, start * log.step_s, weather, seed)
 
 
-def _starts(log: TrafficLog, seconds: float) -> BoolArray:
+def _starts(log: TrafficLog, seconds: float, hz: float) -> BoolArray:
     """(T, A) at which steps a scene may begin with which ego; where none moves enough, those that are there."""
     steps = int(np.ceil(seconds / log.step_s - 1e-9)) + 1
     there = np.isfinite(log.xy_m[..., 0])
@@ -78,7 +80,12 @@ def _starts(log: TrafficLog, seconds: float) -> BoolArray:
     possible = np.zeros_like(there)
     possible[: len(present)] = present & able & (_windows(there & ~standing, steps) > 0)
     driving = possible.copy()
-    driving[: len(present)] &= _windows(standing, steps) <= _MOST_STANDING * steps
+    # A frame has the speed of the step that it falls into.
+    frames = (np.arange(round(seconds * hz) + 1) / hz / log.step_s + 1e-9).astype(np.int64)
+    stood = np.zeros(present.shape, np.int32)
+    for step in np.minimum(frames, steps - 1):
+        stood += standing[step : step + len(present)]
+    driving[: len(present)] &= stood <= _MOST_STANDING * len(frames)
     return driving if driving.any() else possible
 
 

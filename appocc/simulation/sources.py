@@ -40,14 +40,18 @@ class TownSource:
         seed = {"seed": self.origin} if isinstance(self.origin, int) else {}
         return {"name": self.name, **seed, **({"sha256": self.digest} if self.digest else {})}
 
+    def is_prepared(self, folder: Path) -> bool:
+        """Whether it can be loaded: it is built in, or its files, of which the plan is the last, are in `folder`."""
+        return self.origin is None or (folder / f"{self.name}.plan.json").is_file()
+
     def prepare(self, folder: Path) -> None:
-        """Make the town's files in `folder` unless it is built in or they are there; needs the extra `sumo`.
+        """Make the town's files in `folder` unless they are there; needs the extra `sumo`.
 
         Raises:
             AppoccError: if the extra is not installed.
             DataError: if the map file is damaged or no streets are in it.
         """
-        if self.origin is None or (folder / f"{self.name}.traffic.npz").is_file():
+        if self.origin is None or self.is_prepared(folder):
             return
         from appocc.simulation.making.make import make_town
 

@@ -13,7 +13,7 @@ from appocc.checks import ByteArray, FloatArray
 from appocc.errors import DataError
 from appocc.simulation.making.bends import bend_speeds
 from appocc.simulation.making.bodies import Body
-from appocc.simulation.making.tools import simulator
+from appocc.simulation.making.tools import said, simulator
 from appocc.simulation.network import RoadNetwork
 
 STEP_S = 0.1
@@ -74,11 +74,13 @@ def drive(path: Path, network: RoadNetwork, drivers: list[Driver], times_s: tupl
         options += ["--no-step-log", "true", "--no-warnings", "true", "--collision.action", "none"]
         options += ["--collision.check-junctions", "false"]
         try:
-            sumo.start(["sumo", "-n", str(path), "-r", str(routes), *options])
+            with said() as errors:
+                sumo.start(["sumo", "-n", str(path), "-r", str(routes), *options])
             steps = (round(times_s[0] / STEP_S), round(times_s[1] / STEP_S) + 1)
             return _record(sumo, drivers, bend_speeds(network), steps)
         except (sumo.TraCIException, sumo.FatalTraCIError, RuntimeError) as error:
-            raise DataError(f"{path}: SUMO cannot run on it ({' '.join(str(error).split())})") from error
+            reason = next(iter(errors), " ".join(str(error).split()))
+            raise DataError(f"{path}: SUMO cannot run on it ({reason})") from error
         finally:
             sumo.close()
 

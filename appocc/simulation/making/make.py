@@ -16,9 +16,11 @@ from appocc.simulation.making.layout import draw_layout
 from appocc.simulation.making.opendrive import import_opendrive
 from appocc.simulation.making.streets import write_network
 from appocc.simulation.making.traffic import make_traffic
-from appocc.simulation.network import read_network
+from appocc.simulation.network import RoadNetwork, read_network
 from appocc.simulation.plan import TownPlan
 from appocc.simulation.town_files import STYLES, save_town
+
+_LARGEST_M = 3000.0  # the ground is a raster of the whole town
 
 
 def make_town(source: Path | int, folder: Path, name: str = "", style: str = "") -> str:
@@ -43,12 +45,29 @@ def make_town(source: Path | int, folder: Path, name: str = "", style: str = "")
     with tempfile.TemporaryDirectory() as scratch:
         file = Path(scratch) / f"{name}.net.xml"
         _network(source, file)
-        network = read_network(file)
-        rng = np.random.default_rng([seed, 3])
-        parks = draw_car_parks(network, draw_carriageway(network), rng) if isinstance(source, int) else ()
-        plan = TownPlan(name, seed, style, network, parks)
-        save_town(folder, plan, make_traffic(file, plan), file.read_bytes())
+        try:
+            network = read_network(file)
+            _check(file, network)
+            rng = np.random.default_rng([seed, 3])
+            parks = draw_car_parks(network, draw_carriageway(network), rng) if isinstance(source, int) else ()
+            plan = TownPlan(name, seed, style, network, parks)
+            log = make_traffic(file, plan)
+        except DataError as error:
+            # What is wrong with the scratch file is wrong with its source.
+            raise DataError(str(error).replace(str(file), str(source))) from error
+        save_town(folder, plan, log, file.read_bytes())
     return name
+
+
+def _check(file: Path, network: RoadNetwork) -> None:
+    """Refuse what SUMO or the scenery would break on."""
+    size_m = float((network.high_m - network.low_m).max())
+    if not size_m <= _LARGEST_M:
+        raise DataError(f"{file}: expected a map of at most {_LARGEST_M:g} m across, got {size_m:g} m")
+    for lane in (lane for edge in network.edges for lane in edge.lanes if lane.kind == "driving"):
+        if len(lane.centre_m) < 2 or not (lane.width_m > 0 and lane.speed_mps > 0):
+            got = f"{len(lane.centre_m)} points, width {lane.width_m:g} m, speed {lane.speed_mps:g} m/s"
+            raise DataError(f"{file}: lane {lane.name}: expected two points, a width and a speed limit, got {got}")
 
 
 def _network(source: Path | int, file: Path) -> None:

@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
@@ -24,6 +29,28 @@ def simulator() -> ModuleType:
         raise AppoccError(f"{_MISSING} ({error})") from error
 
 
+@contextmanager
+def said() -> Iterator[list[str]]:
+    """Keep from stderr what a library writes there; at the end, the list holds the errors that it told of."""
+    errors: list[str] = []
+    sys.stderr.flush()
+    kept = os.dup(2)
+    with tempfile.TemporaryFile() as heard:
+        os.dup2(heard.fileno(), 2)
+        try:
+            yield errors
+        finally:
+            os.dup2(kept, 2)
+            os.close(kept)
+            heard.seek(0)
+            errors += _errors(heard.read().decode(errors="replace"))
+
+
+def _errors(text: str) -> list[str]:
+    lines = [line.strip() for line in text.splitlines()]
+    return [line.removeprefix("Error:").strip() for line in lines if line.startswith("Error:")]
+
+
 def netconvert(source: Path, arguments: list[str]) -> None:
     """Run SUMO's netconvert; `source` is the file that is to blame when it fails.
 
@@ -40,6 +67,5 @@ def netconvert(source: Path, arguments: list[str]) -> None:
     except OSError as error:
         raise AppoccError(f"{program}: cannot be run ({error.strerror})") from error
     if done.returncode:
-        errors = [line.strip() for line in done.stderr.splitlines() if line.strip().startswith("Error:")]
-        reason = errors[0].removeprefix("Error:").strip() if errors else f"netconvert ended with {done.returncode}"
+        reason = next(iter(_errors(done.stderr)), f"netconvert ended with {done.returncode}")
         raise DataError(f"{source}: no road network ({reason})")

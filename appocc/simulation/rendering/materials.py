@@ -19,6 +19,8 @@ PAINT, GLASS, CHROME = int(Material.PAINT), int(Material.GLASS), int(Material.CH
 HEAD_LAMP, TAIL_LAMP = int(Material.HEAD_LAMP), int(Material.TAIL_LAMP)
 INDICATOR_LEFT, INDICATOR_RIGHT = int(Material.INDICATOR_LEFT), int(Material.INDICATOR_RIGHT)
 TRIM, PLATE, CLOTH = int(Material.TRIM), int(Material.PLATE), int(Material.CLOTH)
+# A shop window's panes; the texture coordinates of shop fronts are drawn out so that whole ones fit.
+SHOP_PANE_M, SHOP_HIGH_M = 1.6, 3.2
 
 
 @inner
@@ -88,32 +90,24 @@ def _tiles(u: float, v: float, pixel_m: float) -> float:
 
 @inner
 def pane(
-    shop: bool, u: float, v: float, key: int, tint: tuple[float, float, float], lamps: float
+    u: float, v: float, key: int, tint: tuple[float, float, float], lamps: float
 ) -> tuple[float, float, float, float, float]:
     """What a window shows: colour (3), how much it mirrors (0 on frames), and light from inside.
 
     Args:
-        shop: a shop front, `u` and `v` in metres; else a pane from 0 to 1, or several side by side.
-        u: texture coordinate.
+        u: texture coordinate, from 0 to 1 across a pane; several side by side go on.
         v: the other, upward.
         key: number of the pane's quad.
         tint: colour of the frame.
         lamps: strength of the lights inside, see `Weather.lamps`.
     """
-    if shop:
-        u, v = u / 1.6, v / 3.2
     column, row = math.floor(u), math.floor(v)
     a, b = u - column, v - row
     key += 31 * int(column) + 977 * int(row)
-    edge = 0.03 if shop else 0.07
-    bar = abs(a - 0.5) < 0.02 and not shop
-    if a < edge or a > 1 - edge or b < edge or b > 1 - edge or bar:
+    if min(a, 1 - a, b, 1 - b) < 0.07 or abs(a - 0.5) < 0.02:
         return tint[0], tint[1], tint[2], 0.0, 0.0
     inside, curtain = hashed(key, 11), hashed(key, 23)
-    on = lamps * (0.08 + 0.22 * hashed(key, 37)) if hashed(key, 51) < (0.75 if shop else 0.34) else 0.0
-    if shop:
-        goods = 0.05 + 0.10 * hashed(int(u * 5) + key, int(v * 6)) * (1.0 if b < 0.45 else 0.3)
-        return goods, goods * 0.9, goods * 0.75, 1.0, on * (0.5 + 2.0 * goods)
+    on = lamps * (0.08 + 0.22 * hashed(key, 37)) if hashed(key, 51) < 0.34 else 0.0
     hangs = 0.14 + 0.2 * curtain
     if curtain > 0.45 and (a < hangs or a > 1 - hangs):
         cloth = 0.30 + 0.25 * inside
@@ -121,3 +115,44 @@ def pane(
     if inside > 0.8 and b > inside - 0.35:
         return 0.42, 0.41, 0.38, 0.7, on * 0.55  # a blind, partly down
     return 0.03, 0.033, 0.036, 1.0, on * (0.45 + 0.75 * b)
+
+
+@inner
+def shop_pane(
+    u: float, v: float, shop: int, tint: tuple[float, float, float], lamps: float
+) -> tuple[float, float, float, float, float]:
+    """What a shop's window shows, as `pane`: a room that grows darker upward, and wide shapes on its floor.
+
+    All panes of a shop show one room, lit or not.
+
+    Args:
+        u: metres along the front; a pane is SHOP_PANE_M wide.
+        v: metres upward; a pane is SHOP_HIGH_M high.
+        shop: number of the building.
+        tint: colour of the frame.
+        lamps: strength of the lights inside, see `Weather.lamps`.
+    """
+    column = math.floor(u / SHOP_PANE_M)
+    a, b = u / SHOP_PANE_M - column, v / SHOP_HIGH_M
+    if min(a, 1 - a) < 0.03 or min(b, 1 - b) < 0.025:
+        return tint[0], tint[1], tint[2], 0.0, 0.0
+    room, warm = 0.05 + 0.08 * hashed(shop, 211), hashed(shop, 223)
+    shade = room * (1.2 - 0.75 * b)
+    r, g, blue = shade, shade * (0.97 - 0.07 * warm), shade * (0.97 - 0.2 * warm)
+    inside = 0.85 + 0.25 * b
+    for side in range(2):
+        key = 2 * int(column) + side + 64 * shop
+        if hashed(key, 227) > 0.8:
+            continue
+        middle, half = 0.28 + 0.44 * side + 0.12 * (hashed(key, 229) - 0.5), 0.10 + 0.10 * hashed(key, 233)
+        top, tone = 0.16 + 0.34 * hashed(key, 239), 0.05 + 0.25 * hashed(key, 241)
+        # Soft borders: at a car's resolution sharp ones would be a mosaic.
+        cover = min(max((half - abs(a - middle)) / 0.06 + 0.5, 0.0), 1.0)
+        cover *= min(max((top - b) / 0.06 + 0.5, 0.0), 1.0)
+        cold = hashed(key, 251)
+        r += (tone * (1.05 - 0.25 * cold) - r) * cover
+        g += (tone * (0.9 + 0.1 * cold) - g) * cover
+        blue += (tone * (0.65 + 0.5 * cold) - blue) * cover
+        inside *= 1 - cover * (0.65 - 1.6 * tone)
+    on = lamps * (0.16 + 0.12 * hashed(shop, 257)) if hashed(shop, 263) < 0.75 else 0.0
+    return r, g, blue, 1.0, on * inside

@@ -19,6 +19,8 @@ _KERB, _GRASS, _EARTH = int(Surface.KERB), int(Surface.GRASS), int(Surface.EARTH
 _STEP, _GROUND_STEP = 0.07, 0.18
 # Wet streets mirror so far; beyond, the sky's light alone.
 _MIRROR_M = 90.0
+# Where the noise has puddles; how much of Fresnel's share a film on asphalt mirrors; what is not worth a ray.
+_PUDDLES_FROM, _FILM, _FAINT = 0.89, 0.14, 0.01
 
 
 @kernel
@@ -81,7 +83,8 @@ def off_wet_ground(
 ) -> tuple[NDArray[np.int32], Float32Array, Float32Array, Float32Array]:
     """Which of N hits mirror (M,), how much (M,), and the mirrored rays' origins and directions (M, 3).
 
-    Puddles stand where the noise is high, and along kerbs; elsewhere a film of water makes the mirror image tremble.
+    A few puddles stand where the noise is high, most of them along kerbs; elsewhere a film of water over rough asphalt
+    mirrors little, and blurs what it mirrors. Where it mirrors next to nothing there is no ray.
     """
     numbers, shares = np.empty(len(distance), np.int32), np.empty(len(distance), np.float32)
     starts, ways = np.empty((len(distance), 3), np.float32), np.empty((len(distance), 3), np.float32)
@@ -93,15 +96,19 @@ def off_wet_ground(
         label = label_at(texture, x, y)
         if label in (-1, _GRASS, _EARTH):
             continue
-        pool = noise(tile, x * 1.3, y * 1.3) + (0.15 if label == _KERB else 0.0)
-        smooth = min(max((pool - 0.72) * 7.0, 0.0), 1.0)
-        # Where there is only a film, each grain tilts the mirror: images stretch downward and blur.
-        rough = (1 - smooth) * (0.06 + 0.05 * hashed(int(x * 300.0), int(y * 300.0)))
-        dx, dy, dz = directions[i, 0], directions[i, 1], -directions[i, 2] + rough
-        scale = 1 / math.sqrt(dx * dx + dy * dy + dz * dz)
+        # Two scales: pools of a few metres, and streets with more and with fewer of them.
+        pool = 0.6 * noise(tile, x * 9.0, y * 9.0) + 0.4 * noise(tile, x * 1.1, y * 1.1)
+        smooth = min(max((pool + (0.14 if label == _KERB else 0.0) - _PUDDLES_FROM) * 16.0, 0.0), 1.0)
         away = 1 - min(-directions[i, 2], 1.0)
         fresnel = 0.03 + 0.97 * away**5
-        numbers[count], shares[count] = i, wetness * fresnel * (0.26 + 0.59 * smooth)
+        share = wetness * fresnel * (_FILM + (0.6 - _FILM) * smooth)
+        if share < _FAINT:
+            continue
+        # Where there is only a film, each grain tilts the mirror: images stretch downward and blur.
+        rough = (1 - smooth) * (0.055 + 0.035 * hashed(int(x * 300.0), int(y * 300.0)))
+        dx, dy, dz = directions[i, 0], directions[i, 1], -directions[i, 2] + rough
+        scale = 1 / math.sqrt(dx * dx + dy * dy + dz * dz)
+        numbers[count], shares[count] = i, share
         starts[count, 0], starts[count, 1], starts[count, 2] = x, y, 0.01
         ways[count, 0], ways[count, 1], ways[count, 2] = dx * scale, dy * scale, dz * scale
         count += 1

@@ -29,6 +29,7 @@ from appocc.simulation.rendering.materials import (
     WINDOW,
     pane,
     pattern,
+    shop_pane,
 )  # fmt: skip
 from appocc.simulation.rendering.noise import noise
 from appocc.simulation.rendering.sky import sky_at
@@ -109,10 +110,10 @@ def _signal(tag: int, signals: ByteArray, white: float) -> tuple[float, float, f
 @inner
 def _mirrored(light: Lighting, x: float, y: float, z: float) -> tuple[float, float, float]:
     """What a smooth surface would mirror in a unit direction: the sky over a row of houses over the street."""
-    low = 0.05 + 0.16 * noise(light.noise, x * 60.0 + 7.0, y * 60.0) * noise(light.noise, x * 200.0, y * 200.0)
+    low = 0.06 + 0.12 * noise(light.noise, x * 40.0 + 7.0, y * 40.0)
     r, g, b = sky_at(light.sky, x, y, z)
-    if z < low + 0.02:
-        share = min(max((low + 0.02 - z) / 0.04, 0.0), 1.0)
+    if z < low + 0.04:
+        share = min(max((low + 0.04 - z) / 0.08, 0.0), 1.0)
         dark = 1.2 if z > 0 else 0.75
         r = r + (dark * light.bounce[0] - r) * share
         g = g + (dark * light.bounce[1] - g) * share
@@ -151,8 +152,10 @@ def _surface(
     else:
         sun = max(sun, 0.0) if lit else 0.0
     mirror, inside = 0.0, 0.0
-    if material in (WINDOW, SHOPFRONT):
-        r, g, b, mirror, inside = pane(material == SHOPFRONT, s, t, one, (r, g, b), light.lamps)
+    if material == WINDOW:
+        r, g, b, mirror, inside = pane(s, t, one, (r, g, b), light.lamps)
+    elif material == SHOPFRONT:
+        r, g, b, mirror, inside = shop_pane(s, t, triangles.tag[f], (r, g, b), light.lamps)
     else:
         factor = pattern(material, s, t, x, y, z, pixel_m, light.noise)
         r, g, b = r * factor, g * factor, b * factor

@@ -11,6 +11,7 @@ from appocc.simulation.mesh import Material
 from appocc.simulation.scenery.builder import UNIT_UV, Builder, Place, Tint
 from appocc.simulation.scenery.palette import CONCRETE
 
+SHOP_PANE_M, SHOP_HIGH_M = 1.6, 3.2  # one pane of a shop window, as it is drawn
 _PROUD_M = 0.03  # panes of plain walls stand before the wall, so that neither hides the other
 
 
@@ -223,11 +224,20 @@ def shop_floor(
     panes = np.concatenate([s, z[0]], axis=1)
     _reveals(builder, place, panes, look)
     glass = rectangles(panes, look.recess_m)
-    builder.quads(place, glass, Material.SHOPFRONT, look.frame, look.tag, glass[..., [0, 2]])
+    builder.quads(place, glass, Material.SHOPFRONT, look.frame, look.tag, _shop_uv(panes))
     board = [0.25, -0.12, head + 0.12], [length_m - 0.25, 0.02, head + 0.67]
     builder.boxes(place, *board, Material.PLAIN, fascia, look.tag, "lrfdt")
     if awning is not None:
         _awnings(builder, place, s[s[:, 1] - s[:, 0] > 1.3], head + 0.05, awning, look.tag)
+
+
+def _shop_uv(panes: FloatArray) -> FloatArray:
+    """(N, 4, 2) metres along a shop's windows and up them, drawn out a little so that each shows whole panes."""
+    count = np.maximum(np.rint((panes[:, 1] - panes[:, 0]) / SHOP_PANE_M), 1.0)
+    first = np.cumsum(count) - count
+    return np.stack([first, first + count], axis=1)[:, [0, 1, 1, 0], None] * [SHOP_PANE_M, 0.0] + np.array(
+        [[0.0, 0.0], [0.0, 0.0], [0.0, SHOP_HIGH_M], [0.0, SHOP_HIGH_M]]
+    )
 
 
 def _awnings(builder: Builder, place: Place, s: FloatArray, z_m: float, tint: Tint, tag: int) -> None:

@@ -125,7 +125,7 @@ def enclose(builder: Builder, site: Site, plots: Sequence[Plot], style: str, rng
     """Add hedges and fences before front gardens, with a gap for the way to the door."""
     share = PLANTINGS[style].hedges
     for plot in plots:
-        if plot.backland or plot.front_m < 3.0 or rng.random() > share:
+        if not plot.built or plot.backland or plot.front_m < 3.0 or rng.random() > share:
             continue
         d = -plot.front_m + 0.75
         gap = float(rng.uniform(0.45, 0.75)) * plot.width_m

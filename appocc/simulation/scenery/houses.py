@@ -15,7 +15,8 @@ from appocc.simulation.scenery.terraces import town_house
 
 
 def build_houses(builder: Builder, plots: Sequence[Plot], style: str, rng: np.random.Generator) -> None:
-    """Add a building to every plot; its faces are tagged with its number."""
+    """Add a building to every plot that has one; its faces are tagged with its number."""
     makers = {"old": town_house, "modern": apartment_house, "suburb": detached_house, "industrial": works}
     for tag, plot in enumerate(plots):
-        makers[style](builder, plot, tag, rng)
+        # Plots without a building draw their numbers too: else all that follow would look different.
+        makers[style](builder if plot.built else Builder(), plot, tag, rng)

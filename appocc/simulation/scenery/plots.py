@@ -26,6 +26,7 @@ class Plot:
         front_m: from its front to the paved edge.
         road_m: from its front to the nearest carriageway or car park.
         backland: whether it stands in a second row, seen only through gaps.
+        built: whether a building stands on it; not in the middle of a roundabout.
     """
 
     place: Place
@@ -37,6 +38,7 @@ class Plot:
     front_m: float
     road_m: float
     backland: bool = False
+    built: bool = True
 
 
 @dataclass(frozen=True)
@@ -69,7 +71,12 @@ def lay_plots(site: Site, style: str, rng: np.random.Generator) -> list[Plot]:
         plots += _along(site, frontage, spacing, rng)
     for frontage in site.frontages(_BACK_M[style], 10.0):
         plots += _along(site, frontage, spacing, rng, backland=True)
-    return plots
+    site.taken[site.island] = 0
+    return [plot if _off_islands(site, plot) else replace(plot, built=False) for plot in plots]
+
+
+def _off_islands(site: Site, plot: Plot) -> bool:
+    return not site.on(plot.place.at(plot.width_m / 2, plot.depth_m / 2)[None], site.island)[0]
 
 
 def _along(

@@ -17,6 +17,7 @@ _COARSE = 2  # cells of the ground to one of the site
 SITE_M = CELL_M * _COARSE
 _MARGIN_M = 4.0
 REACH_M = 60.0  # nothing is seen farther from a street
+_ISLAND_M = 40.0  # ground that streets enclose more tightly is a roundabout's middle, not a block
 _WIDE = 3  # driving lanes in both directions, from which a street is an arterial
 _ROAD, _ANY = 1, 2  # bits
 _PAVED = (*ROAD_SURFACES, Surface.PAVEMENT, Surface.KERB)
@@ -38,6 +39,7 @@ class Site:
         low_m: (2,) lower corner, town frame.
         road: (H, W) where vehicles go.
         paved: (H, W) roads, car parks and pavements.
+        island: (H, W) the middles of roundabouts: grass without buildings.
         taken: (H, W) uint8 where something large stands, or nothing may.
         to_road_m: (H, W) distance to the nearest road.
         to_paved_m: (H, W) distance to what is paved.
@@ -50,6 +52,7 @@ class Site:
         coarse = _coarse(np.asarray(cv2.LUT(ground.label, flags), dtype=np.uint8))
         self.road, self.paved = (coarse & _ROAD) > 0, (coarse & _ANY) > 0
         self.to_road_m, self.to_paved_m = _distance(self.road), _distance(self.paved)
+        self.island = _islands(self.paved)
         self.taken: ByteArray = self.paved.astype(np.uint8)
         self._streets = _streets(network)
 
@@ -136,6 +139,16 @@ def _coarse(flags: ByteArray) -> ByteArray:
     fine[: flags.shape[0], : flags.shape[1]] = flags
     coarse = fine[0::2, 0::2] | fine[1::2, 0::2] | fine[0::2, 1::2] | fine[1::2, 1::2]
     return np.pad(coarse, round(_MARGIN_M / SITE_M))
+
+
+def _islands(paved: BoolArray) -> BoolArray:
+    """Small pieces of ground with paving all around."""
+    _, number, box, _ = cv2.connectedComponentsWithStats((~paved).astype(np.uint8), connectivity=4)
+    left, top, width, height = box[:, :4].T
+    small = (np.maximum(width, height) * SITE_M < _ISLAND_M) & (left > 0) & (top > 0)
+    small &= (left + width < paved.shape[1]) & (top + height < paved.shape[0])
+    small[0] = False  # what is paved
+    return np.asarray(small[number])
 
 
 def _distance(mask: BoolArray) -> Float32Array:
