@@ -10,6 +10,12 @@ from appocc.checks import FloatArray, check_finite, check_shape
 from appocc.grid import BEVGrid
 from appocc.shapes import Cover, List2
 
+# Share of a cell that a class must cover to switch it on.
+ROAD_SHARE = VEHICLE_SHARE = 0.5
+LANE_SHARE = 0.2
+# A box whose side runs along the middle of cells covers half of each, give or take rounding.
+ROUNDING = 1e-9
+
 
 def polygon_cover(grid: BEVGrid, polygon_xy_m: FloatArray) -> Cover:
     """(X, Y) share in [0, 1] of each cell that lies inside a simple polygon (K, 2), ego metres; exact, not sampled.

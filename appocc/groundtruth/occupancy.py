@@ -12,16 +12,12 @@ from appocc.geometry import apply, inverse
 from appocc.grid import BEVGrid
 from appocc.groundtruth.surface import Surface
 from appocc.nuscenes.maps import Area, MaskWindow, VectorMap
-from appocc.rasterise import line_cover, polygon_cover
+from appocc.rasterise import LANE_SHARE, ROAD_SHARE, ROUNDING, VEHICLE_SHARE, line_cover, polygon_cover
 
-VEHICLE_SHARE = ROAD_SHARE = 0.5
-LANE_SHARE = 0.2
 _MARKING_WIDTH_M = 0.15
 # Fine cells (16 make a cell of 0.4 m) that must have been labelled before labels are believed.
 _LEAST_FINE_CELLS = 3
 _SUBSAMPLES = 4
-# A box whose side runs along the middle of cells covers half of each, give or take rounding.
-_ROUNDING = 1e-9
 
 
 class Layer(NamedTuple):
@@ -43,7 +39,7 @@ class RoadSources(NamedTuple):
 
 def vehicle_owner(grid: BEVGrid, boxes_ego: Boxes) -> IntArray:
     """(X, Y) number of the box that covers at least half of a cell, the one that covers most; -1 where none does."""
-    best = np.full(grid.shape, VEHICLE_SHARE - _ROUNDING)
+    best = np.full(grid.shape, VEHICLE_SHARE - ROUNDING)
     owner = np.full(grid.shape, -1, dtype=np.int64)
     for i, corners in enumerate(boxes_ego.corners()):
         cover = polygon_cover(grid, corners[:4, :2])
@@ -90,14 +86,14 @@ def _vector_road(grid: BEVGrid, world_from_ego: FloatArray, drivable: tuple[Area
         for hole in holes:
             area -= polygon_cover(grid, _to_ego(world_from_ego, hole))
         cover += np.maximum(area, 0.0)
-    return Layer(cover >= ROAD_SHARE - _ROUNDING, np.ones(grid.shape, dtype=np.bool_), "map_expansion")
+    return Layer(cover >= ROAD_SHARE - ROUNDING, np.ones(grid.shape, dtype=np.bool_), "map_expansion")
 
 
 def _vector_lane(grid: BEVGrid, world_from_ego: FloatArray, markings: tuple[FloatArray, ...]) -> Layer:
     cover = np.zeros(grid.shape)
     for line in markings:
         cover += line_cover(grid, _to_ego(world_from_ego, line), _MARKING_WIDTH_M)
-    return Layer(cover >= LANE_SHARE - _ROUNDING, np.ones(grid.shape, dtype=np.bool_), "map_expansion")
+    return Layer(cover >= LANE_SHARE - ROUNDING, np.ones(grid.shape, dtype=np.bool_), "map_expansion")
 
 
 def _mask_road(grid: BEVGrid, world_from_ego: FloatArray, mask: MaskWindow) -> Layer:

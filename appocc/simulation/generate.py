@@ -180,11 +180,10 @@ def _unfinished_folder(out: Path, settings: Settings) -> Iterator[Path]:
 
 
 def _remove_empty(folders: Sequence[Path]) -> None:
-    """Remove folders, the innermost first, until one is not empty."""
-    with suppress(OSError):
-        for folder in folders:
-            if folder.exists():
-                folder.rmdir()
+    """Remove folders, the innermost first, unless something lies in them."""
+    for folder in folders:
+        with suppress(OSError):
+            folder.rmdir()
 
 
 def _check_settings(work: Path, settings: Settings) -> None:

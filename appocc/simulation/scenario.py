@@ -49,9 +49,9 @@ class Scenario:
 def draw_scenario(
     number: int, town: str, log: TrafficLog, seconds: float, weathers: Sequence[str], seed: int, hz: float = 2.0
 ) -> Scenario:
-    """Draw scene `number` of a dataset: an ego that is there for `seconds` and stands in at most a fifth of its frames.
+    """Draw scene `number` of a dataset: an ego that is there for `seconds` and stands in few frames.
 
-    Where nobody moves that much, an ego may stand longer, but not all the time.
+    It stands in a fifth of them at most; where nobody moves that much, for longer, but not all the time.
 
     Raises:
         DataError: if no car is in the town's traffic for so long.
@@ -75,7 +75,7 @@ def _starts(log: TrafficLog, seconds: float, hz: float) -> BoolArray:
         return np.zeros_like(there)
     speed = np.linalg.norm(np.diff(log.xy_m, axis=0, append=np.nan), axis=2) / log.step_s
     standing = np.nan_to_num(speed, nan=0.0) < _STANDING_MPS
-    able = np.array([actor.kind in _EGO_KINDS for actor in log.actors])
+    able = np.array([actor.kind in _EGO_KINDS for actor in log.actors], dtype=np.bool_)
     present = _windows(there, steps) == steps
     possible = np.zeros_like(there)
     possible[: len(present)] = present & able & (_windows(there & ~standing, steps) > 0)

@@ -73,6 +73,7 @@ def test_a_rig_of_ones_own_full_maps_and_no_lidar(tmp_path: Path, rig: str) -> N
         (["--weather", "hail"], "hail"),
         (["--rig", "/nowhere/rig.yaml"], "no rig of this name"),
         (["--sheet", "sheet.gif"], ".png"),
+        (["--sheet", f"{__file__}/sheet.png"], "below a file"),
         (["--town", TRAIN_TOWNS[0], "--town", TRAIN_TOWNS[0]], "different names"),
         (["--town", __file__], "expected an OpenDRIVE"),
         (["--seconds", "599", "--town", TRAIN_TOWNS[0]], "nobody drives"),
@@ -85,6 +86,38 @@ def test_bad_input_is_told_and_leaves_nothing(tmp_path: Path, arguments: list[st
     assert done.returncode == 2
     assert said in done.stderr
     assert "Traceback" not in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("out", "arguments", "said"),
+    [
+        (".", [], "working folder"),
+        ("out.png", ["--sheet", "out.png"], "the sheet's own file"),
+        ("new/folder/out", ["--seconds", "599"], "nobody drives"),
+        ("new/" + "x" * 250, [], "too long"),
+    ],
+)
+def test_a_folder_that_cannot_be_is_told_before_the_work(
+    tmp_path: Path, out: str, arguments: list[str], said: str
+) -> None:
+    done = subprocess.run(
+        command(out, "--scenes", "1", *arguments), capture_output=True, text=True, check=False, cwd=tmp_path
+    )
+    assert done.returncode == 2
+    assert said in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_where_compiled_code_cannot_be_kept_a_line_tells_what_to_set(tmp_path: Path) -> None:
+    code = "import sys; from numba.core import caching; from cli.main import run\n"
+    code += "caching.CacheImpl._locator_classes = []\n"  # as where neither the package nor HOME can be written
+    code += f"sys.argv = ['appocc', 'simulate', {str(tmp_path / 'out')!r}]; run()"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert "NUMBA_CACHE_DIR" in done.stderr
     assert len(done.stderr.strip().splitlines()) == 1
     assert list(tmp_path.iterdir()) == []
 

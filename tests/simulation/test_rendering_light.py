@@ -13,6 +13,7 @@ from appocc.geometry import transform
 from appocc.simulation.mesh import Material, Mesh, joined
 from appocc.simulation.rendering import lens
 from appocc.simulation.rendering.lighting import Ego
+from appocc.simulation.rendering.materials import shop_pane
 from appocc.simulation.rendering.renderer import Renderer
 from appocc.simulation.rendering.weather import WEATHERS, Weather, drawn
 from appocc.simulation.traffic import Light
@@ -111,8 +112,8 @@ def test_brake_lamps_are_brighter_and_parked_cars_dark(renderer: Renderer) -> No
 
 def test_wet_streets_mirror_what_stands_behind_them(renderer: Renderer) -> None:
     wet = WEATHERS["wet"]
-    # Seen from the side, the street before a red box.
-    origins = np.tile(np.array([[10, 0, 1.2]], np.float32), (60, 1))
+    # Seen from afar, the street before a red box: a film of water mirrors at small angles only.
+    origins = np.tile(np.array([[0, 0, 1.2]], np.float32), (60, 1))
     targets = np.stack([np.linspace(16, 17, 60), np.full(60, 0.0), np.zeros(60)], 1)
     ways = targets - origins
     ways = (ways / np.linalg.norm(ways, axis=1, keepdims=True)).astype(np.float32)
@@ -124,6 +125,42 @@ def test_wet_streets_mirror_what_stands_behind_them(renderer: Renderer) -> None:
         light = renderer.radiance(origins, ways, 0.001).mean(0)
         redness.append(light[0] / light[1])
     assert redness[1] > 1.1 * redness[0]
+
+
+@pytest.mark.parametrize("shop", range(1, 7))
+def test_shops_show_one_room_without_hard_tiles(shop: int) -> None:
+    frame = (0.9, 0.9, 0.9)
+    shown = np.array([shop_pane(u, 1.2, shop, frame, 1.0) for u in np.arange(0.0, 8.0, 0.04)])
+    is_frame = shown[:, 3] == 0
+    assert 0.03 < is_frame.mean() < 0.15
+    assert (shown[is_frame, :3] == 0.9).all()
+    steps = np.abs(np.diff(shown[:, :3], axis=0))[~is_frame[1:] & ~is_frame[:-1]]
+    assert steps.max() < 0.12
+    lit = shown[~is_frame, 4] > 0
+    assert lit.all() or not lit.any()
+    above = shop_pane(0.8, 2.9, shop, frame, 0.0)
+    assert above[0] < 0.15  # the room is dark below its ceiling
+    assert above[4] == 0.0  # and by day no lamps burn
+
+
+def test_pools_of_light_fade_before_the_map_of_them_ends(renderer: Renderer) -> None:
+    # Tail lamps 156 m apart: the map around their middle ends two metres behind the first.
+    cars = joined([_tail_lamp(-60.0, 0), _tail_lamp(96.0, 1)])
+    street = [(-60.3 - 0.2 * k, 0.0) for k in range(20)]
+    glow = brightness(renderer, street, WEATHERS["night"], cars, shown=int(Light.BRAKE))
+    glow -= brightness(renderer, street, WEATHERS["night"], cars, shown=int(Light.PARKED))
+    assert glow.max() > 1e-4
+    assert np.abs(np.diff(glow)).max() < 0.5 * glow.max()
+    assert glow[-8:] == pytest.approx(0.0)
+
+
+def _tail_lamp(x_m: float, tag: int) -> Mesh:
+    """The side towards -x of a lamp."""
+    lamp = box((x_m, -0.8, 0.6), (x_m + 0.1, 0.8, 0.9), Material.TAIL_LAMP, (120, 16, 18), tag)
+    back = np.s_[2:4]
+    return replace(
+        lamp, faces=lamp.faces[back], material=lamp.material[back], tint=lamp.tint[back], tag=lamp.tag[back]
+    )
 
 
 def test_paint_keeps_its_colour_in_sun_and_shade(renderer: Renderer) -> None:

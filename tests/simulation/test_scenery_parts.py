@@ -10,6 +10,9 @@ from appocc.simulation.mesh import Material, Mesh
 from appocc.simulation.network import RoadNetwork
 from appocc.simulation.scenery import trees
 from appocc.simulation.scenery.builder import Builder, Place, copies, stem
+from appocc.simulation.scenery.halls import works
+from appocc.simulation.scenery.houses import build_houses
+from appocc.simulation.scenery.plots import Plot, lay_plots
 from appocc.simulation.scenery.site import Site
 from appocc.simulation.surface import CELL_M, Ground, Surface
 
@@ -122,6 +125,40 @@ def test_frontages_run_along_the_pavement_and_face_the_street() -> None:
         assert frontage.length_m > 55
         edge = 35.0 if frontage.place.inward[1] > 0 else 25.0
         assert frontage.place.origin_m[1] == pytest.approx(edge, abs=2 * CELL_M)
+
+
+def test_roundabouts_have_no_buildings_in_the_middle() -> None:
+    y, x = np.mgrid[0:1200, 0:1200] * CELL_M - 60.0
+    label = np.full((1200, 1200), Surface.GRASS, np.uint8)
+    label[(np.hypot(x, y) > 14.0) & (np.hypot(x, y) < 22.0)] = Surface.ROAD
+    nothing = RoadNetwork((), (), (), (), np.full(2, -60.0), np.full(2, 60.0), np.zeros(2))
+    site = Site(Ground(np.full(2, -60.0), label, np.zeros((1200, 1200, 3), np.uint8)), nothing)
+    plots = lay_plots(site, "modern", np.random.default_rng(3))
+    apart = np.array([np.hypot(*plot.place.at(plot.width_m / 2, plot.depth_m / 2)) for plot in plots])
+    built = np.array([plot.built for plot in plots])
+    assert (apart < 14.0).any()
+    assert (built == (apart > 14.0)).all()
+    assert site.free(square(-2.0, -2.0))  # for trees
+    builder = Builder()
+    build_houses(builder, plots, "modern", np.random.default_rng(3))
+    assert np.hypot(*builder.mesh().vertices_m[:, :2].T).min() > 20.0
+
+
+def test_the_gates_of_halls_reach_the_ground() -> None:
+    place = Place(np.zeros(2), np.array([1.0, 0.0]))
+    found = 0
+    for seed in range(4):
+        builder = Builder()
+        works(builder, Plot(place, 22.0, 18.0, False, True, True, 5.0, 8.0), 0, np.random.default_rng(seed))
+        mesh = builder.mesh()
+        corners = mesh.vertices_m[mesh.faces]
+        low, high = corners.min(axis=1), corners.max(axis=1)
+        gate = (mesh.material == Material.PLAIN) & (low[:, 2] < 0.1) & (high[:, 2] > 2.0)
+        found += int(gate.sum())
+        plinth = (mesh.material == Material.CONCRETE) & (high[:, 2] < 0.6) & (low[:, 1] < 0.0) & (high[:, 1] < 0.1)
+        for s in (low[gate, 0] + high[gate, 0]) / 2:
+            assert not ((low[plinth, 0] < s) & (s < high[plinth, 0])).any()
+    assert found
 
 
 def test_distances_to_the_road() -> None:

@@ -9,7 +9,7 @@ import pytest
 from made_traffic import straight_traffic
 
 from appocc.errors import DataError
-from appocc.files import read_json, write_bytes
+from appocc.files import read_json, write_bytes, write_json
 from appocc.nuscenes.writer import Writer, token_of
 from appocc.rigs import read_rig
 from appocc.simulation import generate
@@ -153,6 +153,62 @@ def test_what_another_run_left_is_not_mixed_with_this_one(tmp_path: Path) -> Non
     with pytest.raises(DataError, match="other settings"):
         simulate(out, settings_of(seed=5), 1, no_advance)
     assert finished_scenes(out) == 1
+
+
+@pytest.mark.usefixtures("recorded")
+def test_what_differs_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    simulate(tmp_path / "out", settings_of(), 1, no_advance)
+    with pytest.raises(DataError, match=r"other settings \(scenes, seed\)"):
+        simulate(tmp_path / "out", settings_of(scenes=4, seed=5), 1, no_advance)
+    with pytest.raises(KeyboardInterrupt):
+        simulate(tmp_path / "more", settings_of(), 1, interrupted_after(6, KeyboardInterrupt()))
+    monkeypatch.setattr(generate, "__version__", "99.0")
+    with pytest.raises(DataError, match=r"other settings \(appocc\)"):  # scenes of two versions are not mixed
+        simulate(tmp_path / "more", settings_of(), 1, no_advance)
+
+
+@pytest.mark.usefixtures("recorded")
+def test_what_was_killed_before_its_first_scene_binds_nobody(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    write_bytes(unfinished(out) / "scenes" / "scene-0000.part" / "half.bin", b"half")
+    write_bytes(unfinished(out) / "towns" / "one.plan.json", b"{}")
+    write_json(unfinished(out) / "simulation.json", {"seed": 5})
+    assert simulate(out, settings_of(), 1, no_advance) == (12, 12)
+
+
+@pytest.mark.usefixtures("recorded")
+def test_files_that_were_half_written_when_it_was_killed_do_not_stay(tmp_path: Path) -> None:
+    simulate(tmp_path / "whole", settings_of(), 1, no_advance)
+    out = tmp_path / "out"
+    with pytest.raises(KeyboardInterrupt):
+        simulate(out, settings_of(), 1, interrupted_after(6, KeyboardInterrupt()))
+    write_bytes(unfinished(out) / "dataset" / "v1.0-simulation" / ".scene-x1y2.json", b"[")
+    told: list[str] = []
+    simulate(out, settings_of(), 1, no_advance, told.append)
+    assert contents(out) == contents(tmp_path / "whole")
+    assert told == [f"{out}: going on after 1 of 3 scenes"]
+    write_bytes(unfinished(out) / "lock", b"")  # killed at the very end
+    simulate(out, settings_of(), 1, no_advance)
+    assert not unfinished(out).exists()
+
+
+@pytest.mark.usefixtures("recorded")
+def test_a_link_is_followed_and_stays(tmp_path: Path) -> None:
+    (tmp_path / "disk" / "empty").mkdir(parents=True)
+    for name in ("empty", "new"):
+        link = tmp_path / name
+        link.symlink_to(tmp_path / "disk" / name)
+        simulate(link, settings_of(), 1, no_advance)
+        assert link.is_symlink()
+        assert (link / "simulation.json").is_file()
+    assert sorted(path.name for path in (tmp_path / "disk").iterdir()) == ["empty", "new"]
+
+
+@pytest.mark.usefixtures("recorded")
+def test_folders_made_for_a_run_that_fails_go_with_it(tmp_path: Path) -> None:
+    with pytest.raises(KeyboardInterrupt):
+        simulate(tmp_path / "a" / "b" / "out", settings_of(), 1, interrupted_after(2, KeyboardInterrupt()))
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.usefixtures("recorded")

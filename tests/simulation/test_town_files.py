@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import json
 import subprocess
 import sys
@@ -15,7 +16,10 @@ import pytest
 from appocc.checks import BoolArray, FloatArray
 from appocc.errors import DataError, NotFoundError
 from appocc.simulation.builtin import TEST_TOWNS, TOWNS_FOLDER, TRAIN_TOWNS, load_builtin
+from appocc.simulation.making.make import make_town
 from appocc.simulation.plan import TownPlan
+from appocc.simulation.scenario import draw_scenario
+from appocc.simulation.sources import TownSource
 from appocc.simulation.town_files import STYLES, load_town, save_town
 from appocc.simulation.traffic import Light, TrafficLog
 
@@ -58,6 +62,78 @@ def test_built_in_towns_need_no_sumo(tmp_path: Path) -> None:
     assert first == "aldermoor True"
     assert second.startswith("AppoccError")
     assert "pip install 'appocc[sumo]'" in second
+
+
+_EDGE = """<net version="1.20"><location netOffset="0,0" convBoundary="0,0,{size},9" origBoundary="0,0,9,9"
+projParameter="!"/><edge id="a" from="i" to="j"><lane id="a_0" index="0" {lane}/></edge></net>"""
+
+
+@pytest.mark.parametrize(
+    ("size", "lane", "said"),
+    [
+        (90, 'speed="8" length="90" shape="0,2"', "expected two points.*got 1 points"),
+        (90, 'speed="8" width="0" length="90" shape="0,2 90,2"', "width 0 m"),
+        (90, 'speed="-3" length="90" shape="0,2 90,2"', "speed -3 m/s"),
+        (90000, 'speed="8" length="90000" shape="0,2 90000,2"', "at most 3000 m across, got 90000 m"),
+        (90, 'speed="8" length="90" shape="0,2 x,2"', "no SUMO network"),
+    ],
+)
+def test_a_network_that_cannot_be_a_town_is_refused_by_its_own_name(
+    tmp_path: Path, size: int, lane: str, said: str
+) -> None:
+    source = tmp_path / "odd.net.xml"
+    source.write_text(_EDGE.format(size=size, lane=lane))
+    with pytest.raises(DataError, match=said) as caught:
+        make_town(source, tmp_path / "out")
+    assert str(caught.value).startswith(f"{source}: ")
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_piece_of_a_network_on_which_sumo_would_crash_is_a_town_without_drivers(tmp_path: Path) -> None:
+    pytest.importorskip("libsumo", reason="SUMO is not installed")
+    source = tmp_path / "piece.net.xml"
+    source.write_text(_EDGE.format(size=90, lane='speed="8" length="90" shape="0,2 90,2"'))
+    make_town(source, tmp_path / "out")
+    _, log = load_town(tmp_path / "out", "piece")
+    assert not _of_kind(log, "car", "van", "truck", "bus", "motorcycle", "bicycle").any()
+
+
+def test_what_sumo_says_becomes_the_error(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("libsumo", reason="SUMO is not installed")
+    whole = gzip.decompress((TOWNS_FOLDER / "aldermoor.net.xml.gz").read_bytes())
+    source = tmp_path / "odd.net.xml"
+    source.write_bytes(whole.replace(b'linkIndex="1"', b'linkIndex="9999"'))
+    with pytest.raises(DataError, match=r"odd\.net\.xml: SUMO cannot run on it \(.*9999"):
+        make_town(source, tmp_path / "out")
+    assert capfd.readouterr().err == ""
+
+
+def test_a_town_is_prepared_when_the_last_of_its_files_is_there(tmp_path: Path) -> None:
+    source = TownSource("made", 3)
+    (tmp_path / "made.traffic.npz").write_bytes(b"")  # killed between two files
+    assert not source.is_prepared(tmp_path)
+    (tmp_path / "made.plan.json").write_bytes(b"{}")
+    assert source.is_prepared(tmp_path)
+    assert TownSource("aldermoor").is_prepared(tmp_path)
+
+
+@pytest.mark.parametrize(("seconds", "hz"), [(0.0, 1.0), (1.0, 2.0), (1.0, 7.3), (9.5, 2.0), (120.0, 2.0)])
+def test_an_ego_stands_in_a_fifth_of_its_frames_at_most(seconds: float, hz: float) -> None:
+    for number in range(40):
+        log = _town(_ALL[number % len(_ALL)])[1]
+        scenario = draw_scenario(number, "town", log, seconds, ("clear",), 0, hz)
+        frames = [log.at(scenario.start_s + k / hz) for k in range(round(seconds * hz) + 1)]
+        speeds = [np.hypot(*moment.velocity_mps[moment.index == scenario.ego][0]) for moment in frames]
+        assert np.mean(np.array(speeds) < 0.5) <= 0.2
+
+
+def test_in_traffic_without_anybody_there_is_no_scene() -> None:
+    nobody = np.zeros((9, 0), np.float32)
+    log = TrafficLog(
+        0.2, (), np.zeros((9, 0, 2), np.float32), nobody, nobody.astype(np.uint8), (), nobody.astype(np.uint8)
+    )
+    with pytest.raises(DataError, match="nobody drives"):
+        draw_scenario(0, "town", log, 1.0, ("clear",), 0)
 
 
 def test_an_unknown_town_is_told_what_there_is() -> None:

@@ -8,6 +8,8 @@ from appocc.checks import Float32Array
 from appocc.simulation.rendering.compiled import inner
 from appocc.simulation.rendering.lighting import LAMP_CELL_M, NEAR_CELL_M, NEAR_CELLS, OPEN_CELL_M, Lighting
 
+_FADING_CELLS = 32.0
+
 
 @inner
 def _table_at(
@@ -34,7 +36,10 @@ def _near_at(near: Float32Array, low_x: float, low_y: float, x: float, y: float,
     a, b = u - column, v - row
     first = near[row, column, channel] * (1 - a) + near[row, column + 1, channel] * a
     second = near[row + 1, column, channel] * (1 - a) + near[row + 1, column + 1, channel] * a
-    return float(first * (1 - b) + second * b)
+    value = float(first * (1 - b) + second * b)
+    if channel != 0:  # pools of light that the map's border cuts would have hard edges
+        value *= min(min(u, v, NEAR_CELLS - 1 - u, NEAR_CELLS - 1 - v) / _FADING_CELLS, 1.0)
+    return value
 
 
 @inner
@@ -46,9 +51,11 @@ def _lamps_on(
     near_x, near_y = x + nx * 0.5, y + ny * 0.5
     street = side * _table_at(light.lamp, light.low_x, light.low_y, LAMP_CELL_M, 0.0, near_x, near_y)
     street *= min(max((9.0 - z) / 4.0, 0.0), 1.0)
-    low = min(max((1.6 - z) / 0.9, 0.12), 1.0)
+    low = min(max((1.6 - z) / 0.9, 0.12), 1.0) * min(max((6.0 - z) / 3.0, 0.0), 1.0)
     head = side * low * _near_at(light.near, light.near_x, light.near_y, near_x, near_y, 1)
     tail = side * low * _near_at(light.near, light.near_x, light.near_y, near_x, near_y, 2)
+    # The map's red pools are as wide as they are long; only their hearts are seen.
+    tail *= 1.6 * tail / (tail + 0.1)
     if light.ego_box[0] > 0:
         pose = light.ego_from_town
         front = light.ego_box[3] + light.ego_box[0] / 2

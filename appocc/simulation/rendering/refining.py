@@ -20,7 +20,7 @@ _STEP, _GROUND_STEP = 0.07, 0.18
 # Wet streets mirror so far; beyond, the sky's light alone.
 _MIRROR_M = 90.0
 # Where the noise has puddles; how much of Fresnel's share a film on asphalt mirrors; what is not worth a ray.
-_PUDDLES_FROM, _FILM, _FAINT = 0.89, 0.14, 0.01
+_PUDDLES_FROM, _FILM, _FAINT = 0.91, 0.14, 0.01
 
 
 @kernel
@@ -83,8 +83,8 @@ def off_wet_ground(
 ) -> tuple[NDArray[np.int32], Float32Array, Float32Array, Float32Array]:
     """Which of N hits mirror (M,), how much (M,), and the mirrored rays' origins and directions (M, 3).
 
-    A few puddles stand where the noise is high, most of them along kerbs; elsewhere a film of water over rough asphalt
-    mirrors little, and blurs what it mirrors. Where it mirrors next to nothing there is no ray.
+    A few puddles stand where the noise is high, most of them along kerbs; elsewhere a film of water over rough
+    asphalt mirrors little, and blurs what it mirrors. Where it mirrors next to nothing there is no ray.
     """
     numbers, shares = np.empty(len(distance), np.int32), np.empty(len(distance), np.float32)
     starts, ways = np.empty((len(distance), 3), np.float32), np.empty((len(distance), 3), np.float32)

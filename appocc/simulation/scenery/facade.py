@@ -9,9 +9,10 @@ import numpy as np
 from appocc.checks import BoolArray, FloatArray
 from appocc.simulation.mesh import Material
 from appocc.simulation.scenery.builder import UNIT_UV, Builder, Place, Tint
-from appocc.simulation.scenery.palette import CONCRETE
+from appocc.simulation.scenery.palette import CONCRETE, METALS
 
 SHOP_PANE_M, SHOP_HIGH_M = 1.6, 3.2  # one pane of a shop window, as it is drawn
+_GATE_M, _GROOVES = 1.8, 4
 _PROUD_M = 0.03  # panes of plain walls stand before the wall, so that neither hides the other
 
 
@@ -142,6 +143,8 @@ def windows_wall(
     depth = look.recess_m if detailed else -_PROUD_M
     builder.quads(place, rectangles(panes[~door], depth), Material.WINDOW, look.frame, look.tag, UNIT_UV)
     builder.quads(place, rectangles(panes[door], depth), Material.PLAIN, look.door, look.tag)
+    if detailed and door.any():
+        _door_details(builder, place, panes[door], look)
 
 
 def _pierced(
@@ -184,6 +187,23 @@ def _sills(builder: Builder, place: Place, panes: FloatArray, look: Look) -> Non
     low = np.stack([s0 - 0.08, np.full_like(s0, -0.09), z0 - 0.11], axis=1)
     high = np.stack([s1 + 0.08, np.full_like(s0, look.recess_m), z0 + 0.005], axis=1)
     builder.boxes(place, low, high, Material.CONCRETE, look.trim, look.tag, "ft")
+
+
+def _door_details(builder: Builder, place: Place, doors: FloatArray, look: Look) -> None:
+    """Frames and handles of doors; grooves across those as wide as a gate."""
+    before = look.recess_m - 0.02
+    gate = doors[:, 1] - doors[:, 0] > _GATE_M
+    s0, s1, z0, z1 = doors[~gate].T
+    left, right = (np.stack([a, a + 0.07, z0, z1], axis=1) for a in (s0, s1 - 0.07))
+    upper = np.stack([s0 + 0.07, s1 - 0.07, z1 - 0.08, z1], axis=1)
+    frames = rectangles(np.concatenate([left, right, upper]), before)
+    builder.quads(place, frames, Material.PLAIN, look.frame, look.tag)
+    handles = rectangles(np.stack([s1 - 0.20, s1 - 0.14, z0 + 0.95, z0 + 1.12], axis=1), before)
+    builder.quads(place, handles, Material.METAL, METALS[2], look.tag)
+    s0, s1, z0, z1 = np.repeat(doors[gate], _GROOVES, axis=0).T
+    z = z0 + (z1 - z0) * np.tile((np.arange(_GROOVES) + 1) / (_GROOVES + 1), int(gate.sum()))
+    grooves = rectangles(np.stack([s0, s1, z - 0.015, z + 0.015], axis=1), before + 0.01)
+    builder.quads(place, grooves, Material.PLAIN, np.array(look.door) * 3 // 5, look.tag)
 
 
 def band(
@@ -235,9 +255,9 @@ def _shop_uv(panes: FloatArray) -> FloatArray:
     """(N, 4, 2) metres along a shop's windows and up them, drawn out a little so that each shows whole panes."""
     count = np.maximum(np.rint((panes[:, 1] - panes[:, 0]) / SHOP_PANE_M), 1.0)
     first = np.cumsum(count) - count
-    return np.stack([first, first + count], axis=1)[:, [0, 1, 1, 0], None] * [SHOP_PANE_M, 0.0] + np.array(
-        [[0.0, 0.0], [0.0, 0.0], [0.0, SHOP_HIGH_M], [0.0, SHOP_HIGH_M]]
-    )
+    along = np.stack([first, first + count], axis=1)[:, [0, 1, 1, 0]] * SHOP_PANE_M
+    up = np.broadcast_to([0.0, 0.0, SHOP_HIGH_M, SHOP_HIGH_M], along.shape)
+    return np.stack([along, up], axis=-1)
 
 
 def _awnings(builder: Builder, place: Place, s: FloatArray, z_m: float, tint: Tint, tag: int) -> None:

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from appocc.checks import FloatArray
 from appocc.simulation.mesh import Material
 from appocc.simulation.scenery import palette
 from appocc.simulation.scenery.builder import Builder
@@ -18,7 +19,7 @@ from appocc.simulation.scenery.facade import (
 from appocc.simulation.scenery.palette import pick
 from appocc.simulation.scenery.plots import Plot
 from appocc.simulation.scenery.roofs import flat, gable, rooftop, saw_teeth
-from appocc.simulation.scenery.spans import SIDES, Span, plain_side
+from appocc.simulation.scenery.spans import SIDES, Span, plain_columns, plain_side
 
 
 def works(builder: Builder, plot: Plot, tag: int, rng: np.random.Generator) -> None:
@@ -55,27 +56,24 @@ def works(builder: Builder, plot: Plot, tag: int, rng: np.random.Generator) -> N
     for name in ("right", "back", "left"):
         plain_side(builder, main, name, look, False)
     if not plot.backland:
-        _hall_ribs(builder, main, look, rng)
+        _hall_ribs(builder, main, look, s[gates], rng)
     _hall_roof(builder, main, look, rng)
     if office:
         _office(builder, plot, look, rng)
 
 
-def _hall_ribs(builder: Builder, main: Span, look: Look, rng: np.random.Generator) -> None:
-    """A plinth, a coloured band under the eaves, and posts that divide the walls."""
+def _hall_ribs(builder: Builder, main: Span, look: Look, gates: FloatArray, rng: np.random.Generator) -> None:
+    """A plinth, open at the gates (n, 2) of the front, a coloured band under the eaves, and posts between windows."""
     stripe = pick(rng, palette.AWNINGS + palette.METALS)
     for name in SIDES:
         place, length = main.side(name)
-        s = columns(length, look)
-        builder.boxes(
-            place,
-            [-0.06, -0.06, 0.0],
-            [length + 0.06, 0.0, 0.55],
-            Material.CONCRETE,
-            palette.CONCRETE,
-            look.tag,
-            "lrft",
-        )
+        front = name == "front"
+        s = columns(length, look) if front else plain_columns(length, look)
+        cut = np.concatenate([[-0.06], gates.ravel() if front else [], [length + 0.06]]).reshape(-1, 2)
+        count = len(cut)
+        low = np.stack([cut[:, 0], np.full(count, -0.06), np.zeros(count)], axis=1)
+        high = np.stack([cut[:, 1], np.zeros(count), np.full(count, 0.55)], axis=1)
+        builder.boxes(place, low, high, Material.CONCRETE, palette.CONCRETE, look.tag, "lrft")
         ends = [-0.05, -0.05, look.eaves_m - 0.9], [length + 0.05, 0.0, look.eaves_m - 0.25]
         builder.boxes(place, *ends, Material.PLAIN, stripe, look.tag, "lrfdt")
         if len(s) > 1:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from appocc.checks import FloatArray
 from appocc.simulation.scenery.builder import Builder, Place
 from appocc.simulation.scenery.facade import Look, columns, window_rows, windows_wall
 
@@ -35,10 +36,15 @@ class Span:
         return self.place.moved(*corner), (s1 - s0) if name in ("front", "back") else (d1 - d0)
 
 
+def plain_columns(length_m: float, look: Look) -> FloatArray:
+    """(n, 2) left and right edges of the windows of a back or side."""
+    # They are seen from afar, through gaps: fewer windows do.
+    return columns(length_m, replace(look, bay_m=1.35 * look.bay_m), 0.8)
+
+
 def plain_side(builder: Builder, span: Span, name: str, look: Look, closed: bool) -> None:
     """Add a wall with panes before it, or without if it is closed."""
     place, length = span.side(name)
-    # Backs and sides are seen from afar, through gaps: fewer windows do.
-    s = np.zeros((0, 2)) if closed else columns(length, replace(look, bay_m=1.35 * look.bay_m), 0.8)
+    s = np.zeros((0, 2)) if closed else plain_columns(length, look)
     z = window_rows(look.floors_m(), look, len(s))
     windows_wall(builder, place, length, (0.0, span.eaves_m), s, z, look, False)

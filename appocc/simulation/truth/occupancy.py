@@ -13,15 +13,11 @@ from appocc.bevmap import LANE, ROAD, VEHICLE
 from appocc.checks import BoolArray, ByteArray, Float32Array, FloatArray, frozen
 from appocc.geometry import inverse
 from appocc.grid import BEVGrid
-from appocc.rasterise import polygon_cover
+from appocc.rasterise import LANE_SHARE, ROAD_SHARE, ROUNDING, VEHICLE_SHARE, polygon_cover
 from appocc.simulation.surface import CELL_M, LANE_SURFACES, ROAD_SURFACES, Ground, surface_table
 from appocc.simulation.truth.objects import Objects
 
-ROAD_SHARE = VEHICLE_SHARE = 0.5
-LANE_SHARE = 0.2
 _FINE = 12
-# A box whose side runs along the middle of cells covers half of each, give or take rounding.
-_ROUNDING = 1e-9
 _FLAGS = surface_table(ROAD_SURFACES).astype(np.uint8) + 2 * surface_table(LANE_SURFACES).astype(np.uint8)
 
 
@@ -57,8 +53,8 @@ def occupancy(ground: Ground, grid: BEVGrid, town_from_ego: FloatArray, objects:
     road, lane, known = ground_shares(ground, grid, town_from_ego)
     vehicle = vehicle_cells(grid, town_from_ego, objects)
     layers, valid = np.zeros((3, *grid.shape), np.float32), np.ones((3, *grid.shape), np.bool_)
-    layers[ROAD] = (road >= ROAD_SHARE - _ROUNDING) & known
-    layers[LANE] = (lane >= LANE_SHARE - _ROUNDING) & known
+    layers[ROAD] = (road >= ROAD_SHARE - ROUNDING) & known
+    layers[LANE] = (lane >= LANE_SHARE - ROUNDING) & known
     layers[VEHICLE] = vehicle >= 0
     valid[[ROAD, LANE]] = known
     return Occupancy(layers, valid, vehicle)
@@ -128,7 +124,7 @@ def vehicle_cells(grid: BEVGrid, town_from_ego: FloatArray, objects: Objects) ->
     ego_from_town = inverse(town_from_ego)
     vehicles = objects.select(objects.are_vehicles())
     outlines = vehicles.footprints() @ ego_from_town[:2, :2].T + ego_from_town[:2, 3]
-    best = np.full(grid.shape, VEHICLE_SHARE - _ROUNDING)
+    best = np.full(grid.shape, VEHICLE_SHARE - ROUNDING)
     owner = np.full(grid.shape, -1, np.int32)
     outlines = (outlines - [grid.x_min_m, grid.y_min_m]) / grid.cell_m
     lows = np.clip(np.floor(outlines.min(axis=1)).astype(np.int64), 0, grid.shape)
