@@ -15,8 +15,8 @@ from appocc.camera import Camera
 from appocc.checks import FloatArray
 from appocc.drawing import BEVCanvas, turned
 from appocc.grid import BEVGrid
-from appocc.groundtruth.occupancy import LANE_SHARE, ROAD_SHARE, VEHICLE_SHARE
 from appocc.nuscenes.lidar import write_lidar
+from appocc.rasterise import LANE_SHARE, ROAD_SHARE, VEHICLE_SHARE
 
 PAGE = Path(__file__).parents[1] / "docs" / "conventions.md"
 QUARTER = g.quaternion_from_yaw(np.pi / 2)

@@ -20,7 +20,7 @@ class Material(IntEnum):
     PLASTER = 2  # uv in metres
     CONCRETE = 3
     WINDOW = 4  # a pane with its frame; uv 0..1 over the pane; some are lit at night (by `tag`)
-    SHOPFRONT = 5  # glass over a ground floor; uv in metres
+    SHOPFRONT = 5  # glass over a ground floor; uv in metres, stretched so that whole panes fit
     ROOF_TILES = 6  # uv in metres, v down the slope
     FLAT_ROOF = 7  # gravel
     FOLIAGE = 8  # leaves: mottled, lets some light through

@@ -40,7 +40,7 @@ class Canvas:
         sizes = np.repeat([a.shape[-2] for a in areas_m], [a.shape[0] if a.ndim == 3 else 1 for a in areas_m])
         starts = np.concatenate([[0], np.cumsum(sizes)]).astype(np.int32)
         points = ((np.concatenate([a.reshape(-1, 2) for a in areas_m]) - self.low_m) / CELL_M).astype(np.float32)
-        _fill(self.raster, channel, points, starts, value, adding)
+        _fill(self.raster, channel, points, starts, int(value), adding)  # a `Surface` would be compiled apart
 
 
 @numba.njit(cache=True, nogil=True)

@@ -13,6 +13,7 @@ _OPTIONS: dict[str, Any] = {
     "nogil": True,
     "fastmath": {"reassoc", "contract", "arcp", "nsz", "afn"},
     "error_model": "numpy",
+    "no_cfunc_wrapper": True,  # leaving it out shortens the first run
 }
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 

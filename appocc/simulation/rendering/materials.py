@@ -106,8 +106,8 @@ def pane(
     key += 31 * int(column) + 977 * int(row)
     if min(a, 1 - a, b, 1 - b) < 0.07 or abs(a - 0.5) < 0.02:
         return tint[0], tint[1], tint[2], 0.0, 0.0
-    inside, curtain = hashed(key, 11), hashed(key, 23)
-    on = lamps * (0.08 + 0.22 * hashed(key, 37)) if hashed(key, 51) < 0.34 else 0.0
+    inside, curtain = hashed(key, key + 11), hashed(key, key + 23)
+    on = lamps * (0.08 + 0.22 * hashed(key, key + 37)) if hashed(key, key + 51) < 0.34 else 0.0
     hangs = 0.14 + 0.2 * curtain
     if curtain > 0.45 and (a < hangs or a > 1 - hangs):
         cloth = 0.30 + 0.25 * inside
@@ -136,23 +136,26 @@ def shop_pane(
     a, b = u / SHOP_PANE_M - column, v / SHOP_HIGH_M
     if min(a, 1 - a) < 0.03 or min(b, 1 - b) < 0.025:
         return tint[0], tint[1], tint[2], 0.0, 0.0
-    room, warm = 0.05 + 0.08 * hashed(shop, 211), hashed(shop, 223)
+    room, warm = 0.05 + 0.08 * hashed(shop, shop + 211), hashed(shop, shop + 223)
     shade = room * (1.2 - 0.75 * b)
     r, g, blue = shade, shade * (0.97 - 0.07 * warm), shade * (0.97 - 0.2 * warm)
     inside = 0.85 + 0.25 * b
     for side in range(2):
         key = 2 * int(column) + side + 64 * shop
-        if hashed(key, 227) > 0.8:
+        if hashed(key, key + 227) > 0.8:
             continue
-        middle, half = 0.28 + 0.44 * side + 0.12 * (hashed(key, 229) - 0.5), 0.10 + 0.10 * hashed(key, 233)
-        top, tone = 0.16 + 0.34 * hashed(key, 239), 0.05 + 0.25 * hashed(key, 241)
+        middle, half = (
+            0.28 + 0.44 * side + 0.12 * (hashed(key, key + 229) - 0.5),
+            0.10 + 0.10 * hashed(key, key + 233),
+        )
+        top, tone = 0.16 + 0.34 * hashed(key, key + 239), 0.05 + 0.25 * hashed(key, key + 241)
         # Soft borders: at a car's resolution sharp ones would be a mosaic.
         cover = min(max((half - abs(a - middle)) / 0.06 + 0.5, 0.0), 1.0)
         cover *= min(max((top - b) / 0.06 + 0.5, 0.0), 1.0)
-        cold = hashed(key, 251)
+        cold = hashed(key, key + 251)
         r += (tone * (1.05 - 0.25 * cold) - r) * cover
         g += (tone * (0.9 + 0.1 * cold) - g) * cover
         blue += (tone * (0.65 + 0.5 * cold) - blue) * cover
         inside *= 1 - cover * (0.65 - 1.6 * tone)
-    on = lamps * (0.16 + 0.12 * hashed(shop, 257)) if hashed(shop, 263) < 0.75 else 0.0
+    on = lamps * (0.16 + 0.12 * hashed(shop, shop + 257)) if hashed(shop, shop + 263) < 0.75 else 0.0
     return r, g, blue, 1.0, on * inside

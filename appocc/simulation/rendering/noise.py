@@ -40,7 +40,7 @@ def noise(tile: Float32Array, x: float, y: float) -> float:
 
 @inner
 def hashed(a: int, b: int) -> float:
-    """A number in 0..1 that belongs to two whole numbers."""
+    """A number in 0..1 that belongs to two whole numbers; not constants, for each of which it would be compiled."""
     h = np.uint32(a) * np.uint32(0x9E3779B1) ^ np.uint32(b) * np.uint32(0x85EBCA77)
     h = np.uint32(h ^ (h >> np.uint32(15))) * np.uint32(0x2C1B3C6D)
     h = np.uint32(h ^ (h >> np.uint32(12))) * np.uint32(0x297A2D39)

@@ -84,10 +84,14 @@ def _reduce(depth: Float32Array, kind: ByteArray, factor: int) -> tuple[Float32A
                 for c in range(j * factor, right):
                     count[kind[r, c]] = 0
                     if kind[r, c] == best:
-                        chosen[n] = depth[r, c]
+                        at = n
+                        while at > 0 and chosen[at - 1] > depth[r, c]:
+                            chosen[at] = chosen[at - 1]
+                            at -= 1
+                        chosen[at] = depth[r, c]
                         n += 1
             # The lower of the two in the middle: a depth that is there.
-            median[i, j] = np.sort(chosen[:n])[(n - 1) // 2]
+            median[i, j] = chosen[(n - 1) // 2]
             common[i, j] = best
     return median, common
 

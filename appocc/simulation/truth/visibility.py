@@ -88,7 +88,7 @@ def _sample(
 ) -> tuple[FloatArray, IntArray, IntArray]:
     """Points (R, 3) in camera frames on faces turned to a camera, spread by pixels; their camera and actor (R,)."""
     actors, cameras = len(bounds), len(lens)
-    points = np.empty((actors * samples, 3), np.float64)
+    points = np.empty((actors * samples + 1, 3), np.float64)
     camera, owner = np.empty(actors * samples, np.int64), np.empty(actors * samples, np.int64)
     count, corner = 0, np.empty((3, 3), np.float64)
     for a in range(actors):
@@ -110,9 +110,10 @@ def _sample(
             u, v = (0.5 + s * _STEP_U) % 1.0, (0.5 + s * _STEP_V) % 1.0
             if u + v > 1:
                 u, v = 1 - u, 1 - v
-            point = corner[0] + u * (corner[1] - corner[0]) + v * (corner[2] - corner[0])
-            if _inside(point, lens[c]):
-                points[count], camera[count], owner[count] = point, c, a
+            for k in range(3):  # in scalars: sums of small arrays would take seconds to compile
+                points[count, k] = (1 - u - v) * corner[0, k] + u * corner[1, k] + v * corner[2, k]
+            if _inside(points[count], lens[c]):
+                camera[count], owner[count] = c, a
                 count += 1
     return points[:count], camera[:count], owner[:count]
 
