@@ -172,19 +172,13 @@ def near_light(actors: Mesh, shown: ByteArray, ego: Ego | None, lamps: float, mi
     Args:
         actors: mesh of the actors.
         shown: (A,) `traffic.Light` bits by number of the actor.
-        ego: the vehicle without a mesh.
+        ego: the vehicle without a mesh; it shines, but does not darken the ground below it, of which maps tell.
         lamps: strength of lamps, 0 with all off.
         middle_m: (2,) middle of the map.
     """
     corner = near_corner(middle_m)
     low = np.zeros((NEAR_CELLS, NEAR_CELLS), np.float32)
     _splat(actors.vertices_m, actors.faces, corner.astype(np.float32), low)
-    if ego is not None:
-        length, width, _ = ego.size_lwh_m
-        ends = np.array([[-length, -width], [length, -width], [length, width], [-length, width]]) / 2
-        corners = (ends + np.array([ego.centre_x_m, 0])) @ ego.town_from_ego[:2, :2].T + ego.town_from_ego[:2, 3]
-        cells = np.rint((corners - corner) / NEAR_CELL_M).astype(np.int32)
-        cv2.fillConvexPoly(low, cells, (1.0,))
     near = np.zeros((NEAR_CELLS, NEAR_CELLS, 3), np.float32)
     # Right below a vehicle nearly all sky is gone, half a metre beside it some.
     near[..., 0] = 1 - 0.62 * cv2.blur(low, (3, 3)) - 0.34 * cv2.blur(cv2.blur(low, (7, 7)), (5, 5))
