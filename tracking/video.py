@@ -11,11 +11,12 @@ import cv2
 import numpy as np
 
 from appocc.bevmap import BEVMap, load_map
-from appocc.camera import Camera, CameraRig
+from appocc.camera import CameraRig
 from appocc.checks import ByteArray, FloatArray
 from appocc.errors import DataError
 from appocc.files import whole_file
 from appocc.frame import Frame
+from appocc.inference.pictures import rows_of_cameras
 from appocc.nuscenes import Dataset
 from tracking.panels import bev_panel, camera_panel, list_panel
 from tracking.run import SceneTracks
@@ -23,8 +24,6 @@ from tracking.tracks import Track
 
 _CAMERAS_PX = 1440
 TRAIL_S = 4.0
-# A camera that looks farther to the side than this belongs to the rear row.
-_FRONT_ROW_RAD = np.radians(80.0)
 
 
 def write_video(
@@ -129,17 +128,6 @@ def trails(result: SceneTracks, number: int) -> dict[int, FloatArray]:
 
 
 # Cameras as they look around the car ------------------------------------------------------------------------------
-
-
-def rows_of_cameras(rig: CameraRig) -> list[list[Camera]]:
-    """The cameras in a front row, from left to right, and a rear row, from left over the back to the right."""
-    ahead = {camera.channel: camera.ego_from_cam[:2, 2] for camera in rig}
-    yaw = {channel: float(np.arctan2(axis[1], axis[0])) for channel, axis in ahead.items()}
-    front = [camera for camera in rig if abs(yaw[camera.channel]) <= _FRONT_ROW_RAD]
-    rear = [camera for camera in rig if abs(yaw[camera.channel]) > _FRONT_ROW_RAD]
-    front.sort(key=lambda camera: -yaw[camera.channel])
-    rear.sort(key=lambda camera: yaw[camera.channel] % (2 * np.pi))
-    return [row for row in (front, rear) if row]
 
 
 def _camera_panels(frame: Frame, tracks: tuple[Track, ...], world_from_ego: FloatArray) -> ByteArray:

@@ -13,11 +13,12 @@ from tiny_dataset import TinyDataset
 from appocc.camera import Camera, CameraRig
 from appocc.checks import ByteArray, FloatArray
 from appocc.errors import DataError
+from appocc.inference.pictures import rows_of_cameras
 from tracking.labels import Labels, put_chip
 from tracking.panels import bev_panel, camera_panel, corners_world, footprint_world, ink_of, list_panel
 from tracking.run import SceneTracks, track_scene
 from tracking.tracks import Track
-from tracking.video import check_name, rows_of_cameras, trails, write_video
+from tracking.video import check_name, trails, write_video
 
 INK = (255, 255, 255)
 

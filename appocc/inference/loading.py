@@ -1,0 +1,33 @@
+"""A network from a file of weights, or from those that come with the package."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+
+import torch
+
+from appocc.bevmap import CLASSES
+from appocc.errors import DataError
+from appocc.inference.predictor import Predictor, Weights
+from appocc.models.weights import load_model, thresholds_of
+
+PACKAGED = Path(__file__).parent.parent / "models" / "data" / "appocc.safetensors"
+
+
+def load_predictor(weights: Path | None, device: torch.device | None = None) -> Predictor:
+    """The network of a file of weights; None: of those that come with the package.
+
+    It runs on the first GPU, where there is one, unless a device is given.
+
+    Raises:
+        DataError: if there are none, or the file is missing or damaged.
+    """
+    path = weights or PACKAGED
+    if weights is None and not path.is_file():
+        raise DataError("no weights come with this version of appocc; name a file with --weights")
+    model, card = load_model(path)
+    digest = hashlib.sha256(path.read_bytes()).hexdigest()
+    chosen = device or torch.device("cuda" if torch.cuda.is_available() else "cpu")
+    thresholds = dict(zip(CLASSES, thresholds_of(card), strict=True))
+    return Predictor(model, Weights(f"{card['network']} ({path.name})", digest, thresholds), chosen)

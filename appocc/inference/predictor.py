@@ -1,0 +1,121 @@
+"""A network with its weights, ready to answer frames with maps."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+import torch
+
+from appocc.bevmap import CLASSES, BEVMap
+from appocc.camera import Camera, CameraRig
+from appocc.checks import BoolArray
+from appocc.errors import DataError
+from appocc.frame import Frame
+from appocc.models.base import BEVModel, Plan
+from appocc.models.pictures import fitted
+from appocc.models.setting import Setting
+
+
+@dataclass(frozen=True)
+class Weights:
+    """Which weights a network has.
+
+    Attributes:
+        name: for people.
+        digest: of the file: maps of the same weights need not be made again.
+        thresholds: by class, chosen on validation data.
+    """
+
+    name: str
+    digest: str
+    thresholds: Mapping[str, float]
+
+    def as_meta(self) -> dict[str, str]:
+        """As in the meta of a map."""
+        return {"name": self.name, "sha256": self.digest}
+
+
+class Prediction(NamedTuple):
+    """An answer.
+
+    Attributes:
+        bev: float probabilities and colours of all cells.
+        seen: (X, Y) cells that a camera of the rig sees.
+    """
+
+    bev: BEVMap
+    seen: BoolArray
+
+
+class Predictor:
+    """Answers one frame at a time; the plan of a rig is kept as long as the rig stays the same."""
+
+    def __init__(self, model: BEVModel, weights: Weights, device: torch.device) -> None:
+        """Take a network; it is put on the device and into evaluation mode."""
+        self.model = model.to(device).eval()
+        self.weights = weights
+        self._device = device
+        self._planned: tuple[bytes, Plan] | None = None
+
+    def __call__(self, frame: Frame) -> Prediction:
+        """The map of a frame, from the images that it has.
+
+        Raises:
+            DataError: if it has no image that the setting uses.
+        """
+        setting = self.model.setting
+        chosen = cameras_of(
+            setting, CameraRig(tuple(camera for camera in frame.rig if camera.channel in frame.images))
+        )
+        if not chosen:
+            raise DataError(f"{frame.token}: expected a picture of {', '.join(setting.channels)}, got none")
+        pairs = [fitted(frame.images[camera.channel], camera, setting) for camera in chosen]
+        plan = self._plan(CameraRig(tuple(camera for _, camera in pairs)))
+        pictures = np.stack([picture for picture, _ in pairs]).transpose(0, 3, 1, 2)  # N 3 H W
+        images = torch.from_numpy(np.ascontiguousarray(pictures)).to(self._device).float()[None] / 255
+        with torch.inference_mode():
+            output = self.model(images, plan)
+            occupancy = output.occupancy[0].float().sigmoid().cpu().numpy()
+            colour = None if output.appearance is None else output.appearance[0].float().cpu().numpy()
+        seen = plan.seen[0].cpu().numpy()
+        shape = setting.grid.shape
+        rgb = np.zeros((3, *shape)) if colour is None else colour.clip(0, 1) * 255
+        if not np.isfinite(occupancy).all() or not np.isfinite(rgb).all():
+            raise DataError(
+                f"{frame.token}: the network's answer is not finite; are its weights ({self.weights.name})?"
+            )
+        told = np.full(shape, colour is not None)
+        known = np.ones((3, *shape), np.bool_)
+        meta = self._meta(frame, [camera.channel for camera in chosen])
+        return Prediction(BEVMap(setting.grid, occupancy, known, rgb.round().astype(np.uint8), told, meta), seen)
+
+    def _plan(self, rig: CameraRig) -> Plan:
+        key = b"".join(c.intrinsic.tobytes() + c.ego_from_cam.tobytes() + c.channel.encode() for c in rig)
+        if self._planned is None or self._planned[0] != key:
+            self._planned = (key, self.model.plan([rig]).to(self._device))
+        return self._planned[1]
+
+    def _meta(self, frame: Frame, channels: list[str]) -> dict[str, Any]:
+        return {
+            "source": "predicted",
+            "weights": self.weights.as_meta(),
+            "thresholds": {name: float(self.weights.thresholds[name]) for name in CLASSES},
+            "setting": self.model.setting.name,
+            "cameras": channels,
+            "token": frame.token,
+            "timestamp_us": frame.timestamp_us,
+        }
+
+
+def cameras_of(setting: Setting, rig: CameraRig) -> list[Camera]:
+    """The cameras of a rig that a setting uses, in its order.
+
+    A setting that looks all around takes cameras of any other name too, after its own: rigs name them differently.
+    """
+    named = [rig[channel] for channel in setting.channels if channel in rig.channels]
+    if setting.grid.x_min_m >= 0:
+        return named
+    return [*named, *(camera for camera in rig if camera.channel not in setting.channels)]

@@ -1,0 +1,186 @@
+"""The project's own network: features pulled into the grid, one lean trunk over it for occupancy and appearance."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+
+from appocc.camera import CameraRig
+from appocc.errors import ShapeError
+from appocc.grid import BEVGrid
+from appocc.models.base import BEVModel, Output, Plan, ViewOutput
+from appocc.models.efficientnet import EfficientNetB0
+from appocc.models.heads import GridHeads, ViewHeads
+from appocc.models.pull import HEIGHTS_M, PullPlan, plan_pull, pull
+from appocc.models.resnet import BasicBlock, conv_norm_relu
+from appocc.models.setting import Setting
+from appocc.models.splat import by_camera, pictures_of_rigs
+
+# Strides in the pictures: what stands up is read from the coarse features, paint on the ground from the fine.
+COARSE, FINE, DEEP = 8, 4, 16
+_COARSE_CHANNELS, _FINE_CHANNELS = 32, 16
+_TRUNK_CHANNELS, _LAST_CHANNELS, _CELL_CHANNELS = 64, 48, 24
+_PLACE_CHANNELS = 4
+
+
+@dataclass(frozen=True)
+class NetworkPlan:
+    """Where cells read, at both strides.
+
+    Attributes:
+        coarse: at stride 8, at several heights.
+        fine: at stride 4, on the ground.
+    """
+
+    coarse: PullPlan
+    fine: PullPlan
+
+    @property
+    def seen(self) -> Tensor:
+        """(B, X, Y) bool, cells whose ground a camera sees."""
+        return self.fine.seen
+
+    def to(self, device: torch.device) -> NetworkPlan:
+        """The same on a device."""
+        return replace(self, coarse=self.coarse.to(device), fine=self.fine.to(device))
+
+    def for_export(self) -> NetworkPlan:
+        """The plan with which a network uses only what every runtime computes right."""
+        return replace(self, coarse=self.coarse.with_slots(), fine=self.fine.with_slots())
+
+
+class AppoccNet(BEVModel):
+    """EfficientNet-B0 to stride 16, merged to stride 8; planned pull; ResNet trunk from a stride-2 stem; light heads.
+
+    Any number of cameras; images of cameras that a rig does not have are never looked at.
+    """
+
+    place: Tensor
+
+    def __init__(self, setting: Setting, appearance: bool = True, kinds: int = 0) -> None:
+        """Make it with fresh weights; `kinds` > 0 adds the view heads for training, with so many classes."""
+        super().__init__()
+        self.setting = setting
+        self.encoder = EfficientNetB0(DEEP)
+        self.merge = _Merge(self.encoder)
+        self.trunk = _LeanTrunk(len(HEIGHTS_M) * _COARSE_CHANNELS)
+        self.heads = GridHeads(_CELL_CHANNELS, appearance)
+        self.views = ViewHeads(_Merge.width, kinds) if kinds else None
+        # Not a weight: it follows from the setting.
+        self.register_buffer("place", place_of_cells(setting.grid), persistent=False)
+
+    def plan(self, rigs: Sequence[CameraRig]) -> NetworkPlan:
+        """The plan of a batch; see `BEVModel`.
+
+        Raises:
+            ShapeError: if a camera's picture has not the size of the setting.
+        """
+        high, wide = self.setting.height_px, self.setting.width_px
+        size = {stride: (-(-high // stride), -(-wide // stride)) for stride in (COARSE, FINE)}
+        grid = self.setting.grid
+        return NetworkPlan(
+            plan_pull(rigs, grid, HEIGHTS_M, *size[COARSE], COARSE), plan_pull(rigs, grid, (0.0,), *size[FINE], FINE)
+        )
+
+    def forward(self, images: Tensor, plan: Plan) -> Output:
+        """Answer a batch; images (B, N, 3, H, W) sRGB, 0..1.
+
+        Raises:
+            ShapeError: if the plan is another network's, or there are fewer images than it has cameras.
+        """
+        if not isinstance(plan, NetworkPlan):
+            raise ShapeError(f"plan: expected one of this network, got {type(plan).__name__}")
+        cameras = plan.coarse.cameras
+        pictures = pictures_of_rigs(images, cameras).contiguous(memory_format=torch.channels_last)
+        merged, coarse, fine = self.merge(self.encoder(pictures))
+        export = plan.coarse.slots is not None
+        standing = pull(coarse.permute(0, 2, 3, 1), plan.coarse, export)  # B 3*32 X Y
+        ground = pull(fine.permute(0, 2, 3, 1), plan.fine, export)  # B 16 X Y
+        count = plan.coarse.count[..., ::2, ::2] / 2
+        place = torch.cat([self.place.expand(len(count), -1, -1, -1), count], dim=1)  # B 4 X/2 Y/2
+        cells = self.trunk(standing, place, ground)  # B 24 X Y
+        occupancy, appearance = self.heads(cells)
+        if self.views is None or not self.training:
+            return Output(occupancy, appearance, None)
+        views = (by_camera(each, cameras, images.shape[1]) for each in self.views(merged))
+        return Output(occupancy, appearance, ViewOutput(*views))
+
+
+def place_of_cells(grid: BEVGrid) -> Tensor:
+    """(1, 3, X/2, Y/2) where every second cell lies: x, y and range from the ego, in units of 40 m."""
+    centres = torch.from_numpy(grid.centres()[::2, ::2]).float() / 40.0  # X/2 Y/2 2
+    return torch.cat([centres, centres.norm(dim=-1, keepdim=True)], dim=-1).permute(2, 0, 1)[None]
+
+
+def doubled(x: Tensor, like: Tensor) -> Tensor:
+    """Twice the size, cut to that of `like`; bilinear, and true to place.
+
+    A convolution of stride 2 with symmetric padding puts output j at input 2 j. The usual interpolation would put it
+    at 2 j + 1/2: from the coarsest level of the grid, 0.8 m beside its place.
+    """
+    high, wide = x.shape[-2:]
+    x = functional.interpolate(
+        functional.pad(x, (0, 1, 0, 1), mode="replicate"),
+        (2 * high + 1, 2 * wide + 1),
+        mode="bilinear",
+        align_corners=True,
+    )
+    return x[..., : like.shape[-2], : like.shape[-1]]
+
+
+class _Merge(nn.Module):
+    """Features at strides 16, 8 and 4 -> what is pulled."""
+
+    width = 96
+
+    def __init__(self, encoder: EfficientNetB0) -> None:
+        super().__init__()
+        channels = encoder.channels
+        self.deep = conv_norm_relu(channels[DEEP], self.width, 1)
+        self.side = conv_norm_relu(channels[COARSE], self.width, 1)
+        self.mixed = conv_norm_relu(self.width, self.width, 3)
+        self.coarse = nn.Conv2d(self.width, _COARSE_CHANNELS, 1)
+        self.fine = conv_norm_relu(channels[FINE], _FINE_CHANNELS, 1)
+
+    def forward(self, features: dict[int, Tensor]) -> tuple[Tensor, Tensor, Tensor]:
+        """Merged (V, 96, h/8, w/8); of it what is pulled (V, 32, h/8, w/8); and (V, 16, h/4, w/4)."""
+        side = self.side(features[COARSE])
+        merged = self.mixed(side + doubled(self.deep(features[DEEP]), side))
+        return merged, self.coarse(merged), self.fine(features[FINE])
+
+
+class _LeanTrunk(nn.Module):
+    """A grid of features -> a grid of features, with nearly all of the work at half its resolution or less."""
+
+    def __init__(self, channels_in: int) -> None:
+        super().__init__()
+        wide = _TRUNK_CHANNELS
+        self.stem = conv_norm_relu(channels_in, wide, 3, 2)
+        self.place = nn.Conv2d(_PLACE_CHANNELS, wide, 1)
+        self.stage1 = nn.Sequential(BasicBlock(wide, wide), BasicBlock(wide, wide))
+        self.stage2 = nn.Sequential(BasicBlock(wide, 2 * wide, 2), BasicBlock(2 * wide, 2 * wide))
+        self.stage3 = nn.Sequential(BasicBlock(2 * wide, 4 * wide, 2), BasicBlock(4 * wide, 4 * wide))
+        self.side2 = conv_norm_relu(2 * wide, wide, 1)
+        self.side3 = conv_norm_relu(4 * wide, wide, 1)
+        self.down2 = conv_norm_relu(wide, wide, 3)
+        self.last = conv_norm_relu(wide, _LAST_CHANNELS, 3)
+        # Each cell of half the resolution says what its four cells hold: sharper than interpolation, and cheap.
+        self.four = nn.Conv2d(_LAST_CHANNELS, 4 * _CELL_CHANNELS, 1)
+        self.ground = nn.Conv2d(_FINE_CHANNELS, _CELL_CHANNELS, 1)
+        with torch.no_grad():  # the four begin as one, else a chequered pattern has to be unlearnt
+            self.four.weight.copy_(self.four.weight[::4].repeat_interleave(4, dim=0))
+            self.four.bias.copy_(self.four.bias[::4].repeat_interleave(4, dim=0))  # type: ignore[union-attr, index]
+
+    def forward(self, cells: Tensor, place: Tensor, ground: Tensor) -> Tensor:
+        """(B, channels_in, X, Y), where (B, 4, X/2, Y/2), what the ground shows (B, 16, X, Y) -> (B, 24, X, Y)."""
+        half = self.stage1(self.stem(cells) + self.place(place))  # B 64 X/2 Y/2
+        quarter = self.stage2(half)  # B 128 X/4 Y/4
+        side = self.side2(quarter)
+        joined = self.down2(side + doubled(self.side3(self.stage3(quarter)), side))  # B 64 X/4 Y/4
+        last = self.last(half + doubled(joined, half))  # B 48 X/2 Y/2
+        four = functional.pixel_shuffle(self.four(last), 2)[..., : cells.shape[-2], : cells.shape[-1]]
+        return functional.relu(four + self.ground(ground))

@@ -1,0 +1,243 @@
+"""A packed dataset: pictures at the network's size and their truth in memory-mapped arrays, made once."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+import shutil
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.lib.format import open_memmap
+from numpy.typing import NDArray
+
+from appocc.bevmap import bev_path, load_map
+from appocc.errors import DataError
+from appocc.files import read_json, write_json
+from appocc.grid import BEVGrid
+from appocc.models.pictures import channels_of
+from appocc.models.setting import Setting
+from appocc.nuscenes.dataset import Dataset
+from appocc.nuscenes.writer import whole_folder
+from appocc.training.reading import ARRAYS, Sample, Source, layout, read_sample, source_of, views_path
+from appocc.workers import no_interrupts, worker_pool
+
+__all__ = ["Pack", "Sample", "pack"]
+VERSION = 2
+_ABOUT = "pack.json"
+# How the simulator describes a scene: the weather stands between the town and what the ego is.
+_SIMULATED = re.compile(r"[^,]+, ([^,]+), simulated;")
+
+
+@dataclass(frozen=True)
+class Pack:
+    """An opened pack; its arrays stay on disk.
+
+    Attributes:
+        folder: where it lies.
+        setting: cameras, grid and size of pictures it was made for.
+        channels: the cameras that the dataset has for it.
+        grid: of the truth; contains the setting's.
+        tokens: of each sample.
+        scenes: name of the scene of each sample.
+        towns: where each was recorded, '' where unknown.
+        weathers: of each, as the simulator names it; '' where unknown.
+        arrays: of all samples, by the names of `Sample`'s fields.
+    """
+
+    folder: Path
+    setting: Setting
+    channels: tuple[str, ...]
+    grid: BEVGrid
+    tokens: tuple[str, ...]
+    scenes: tuple[str, ...]
+    towns: tuple[str, ...]
+    weathers: tuple[str, ...]
+    arrays: Mapping[str, NDArray[Any]]
+
+    @classmethod
+    def open(cls, folder: Path) -> Pack:
+        """Open a pack that `pack` made.
+
+        Raises:
+            DataError: if it is missing or damaged.
+        """
+        about = read_json(folder / _ABOUT)
+        try:
+            told = about["made_of"]["setting"]
+            grid = BEVGrid.from_array(told["grid"])
+            setting = Setting(told["name"], tuple(told["channels"]), grid, told["width_px"], told["height_px"])
+            lists = {name: tuple(about[name]) for name in ("tokens", "scenes", "towns", "weathers")}
+            channels = tuple(about["made_of"]["channels"])
+            own = BEVGrid.from_array(about["grid"])
+            arrays = {name: np.load(folder / f"{name}.npy", mmap_mode="r", allow_pickle=False) for name in ARRAYS}
+        except OSError as error:
+            raise DataError(f"{folder}: damaged pack ({error.filename}: {error.strerror})") from error
+        except (KeyError, TypeError, ValueError) as error:
+            raise DataError(f"{folder}: damaged pack ({error})") from error
+        for name, (shape, dtype) in layout(len(lists["tokens"]), len(channels), setting, own).items():
+            if (arrays[name].shape, arrays[name].dtype) != (shape, dtype):
+                got = f"{arrays[name].shape} {arrays[name].dtype}"
+                raise DataError(f"{folder / name}.npy: expected {shape} {np.dtype(dtype)}, got {got}")
+        return cls(folder, setting, channels, own, **lists, arrays=arrays)
+
+    def __len__(self) -> int:
+        """Number of samples."""
+        return len(self.tokens)
+
+    def sample(self, number: int) -> Sample:
+        """A sample, read when it is looked at; the truth is on the pack's own grid (see `cropped`)."""
+        parts = {name: np.asarray(self.arrays[name][number]) for name in ARRAYS}
+        return Sample(**parts, grid=self.grid, channels=self.channels)
+
+
+# Making one -------------------------------------------------------------------------------------------------------
+
+
+def pack(
+    root: Path | str,
+    source: str,
+    setting: Setting,
+    out: Path,
+    advance: Callable[[float], None] | None = None,
+    tell: Callable[[str], None] | None = None,
+    workers: int = 1,
+) -> Pack:
+    """Pack a dataset and open it; a pack of the same samples, maps and setting that is there already is kept.
+
+    Depth and kind come from the dataset's `views` where it has them (the simulator's), else depth from the LiDAR
+    sweep of the sample, if it has one: the nearest return of each block of 8x8 pixels. The cameras are those of
+    the dataset that the setting uses (`channels_of`); a sample may lack some (they are dead in it), but not all.
+
+    Args:
+        root: of a dataset in the nuScenes schema.
+        source: of the BEV maps (`appocc.bevmap`).
+        setting: cameras, grid and size of the pictures.
+        out: folder of the pack, written whole or not at all.
+        advance: called with the samples done, in parts.
+        tell: called with a line when a pack that is there is out of date or damaged, and made anew.
+        workers: processes.
+
+    Raises:
+        DataError: if there are no samples, a map or camera is missing, a file is damaged, or `out` is no pack.
+    """
+    dataset = Dataset(root)
+    moments = [(scene, moment) for scene in dataset.scenes for moment in dataset.samples(scene)]
+    if not moments:
+        raise DataError(f"{dataset.root}: no key frames to train on")
+    channels = _channels(dataset, setting)
+    made_of = _made_of(dataset, source, setting, channels, [moment.token for _, moment in moments])
+    kept = _kept(out, made_of, tell or (lambda line: None))
+    if kept is not None:
+        (advance or (lambda done: None))(len(kept))
+        return kept
+    grid = load_map(dataset.root, source, moments[0][1].token).grid
+    weathers = [_SIMULATED.match(scene.description) for scene, _ in moments]
+    about = {
+        "made_of": made_of,
+        "grid": grid.as_array().tolist(),
+        "tokens": [moment.token for _, moment in moments],
+        "scenes": [scene.name for scene, _ in moments],
+        "towns": [dataset.location(scene) for scene, _ in moments],
+        "weathers": [found[1].replace(" ", "_") if found else "" for found in weathers],
+    }
+    sources = (source_of(dataset, moment, channels) for _, moment in moments)
+    read = partial(read_sample, root=dataset.root, source=source, setting=setting, grid=grid)
+    with whole_folder(out) as folder:
+        arrays = {
+            name: open_memmap(folder / f"{name}.npy", mode="w+", dtype=dtype, shape=shape)
+            for name, (shape, dtype) in layout(len(moments), len(channels), setting, grid).items()
+        }
+        for number, sample in enumerate(_in_order(read, sources, workers)):
+            for name in ARRAYS:
+                arrays[name][number] = getattr(sample, name)
+            if advance is not None:
+                advance(1)
+        for array in arrays.values():
+            array.flush()
+        write_json(folder / _ABOUT, about)
+    return Pack.open(out)
+
+
+def _in_order(job: Callable[[Source], Sample], sources: Iterator[Source], workers: int) -> Iterator[Sample]:
+    """Samples of the sources in their order, read by whoever is free."""
+    with worker_pool(workers) as pool:
+        if pool is None:
+            yield from map(job, sources)
+            return
+        with no_interrupts():  # here processes are started
+            results = pool.map(job, sources, chunksize=4)
+        yield from results
+
+
+def _channels(dataset: Dataset, setting: Setting) -> tuple[str, ...]:
+    """The cameras of a dataset that a setting uses.
+
+    Raises:
+        DataError: if there are none.
+    """
+    sensors, used = dataset.tables["sensor"], np.unique(dataset.tables.data_channel)
+    names = sorted(sensors["channel"][row] for row in used if row >= 0 and sensors["modality"][row] == "camera")
+    channels = channels_of(setting, names)
+    if not channels:
+        found = f"expected one of {', '.join(setting.channels)}, got {', '.join(names) or 'no camera'}"
+        raise DataError(f"{dataset.root}: {found}")
+    return channels
+
+
+def _made_of(
+    dataset: Dataset, source: str, setting: Setting, channels: tuple[str, ...], tokens: Sequence[str]
+) -> dict[str, Any]:
+    """JSON values that change with whatever a pack is made of.
+
+    Raises:
+        DataError: if a sample has no map.
+    """
+    told = hashlib.sha256()
+    for token in tokens:
+        path = bev_path(dataset.root, source, token)
+        if not path.is_file():
+            load_map(dataset.root, source, token)  # its error says how maps are made
+        state, views = path.stat(), views_path(dataset.root, token)
+        told.update(f"{token} {state.st_size} {state.st_mtime_ns} {views.is_file()}\n".encode())
+    return {
+        "version": VERSION,
+        "root": str(dataset.root.resolve()),
+        "source": source,
+        "setting": {
+            "name": setting.name,
+            "channels": list(setting.channels),
+            "grid": setting.grid.as_array().tolist(),
+            "width_px": setting.width_px,
+            "height_px": setting.height_px,
+        },
+        "channels": list(channels),
+        "samples": told.hexdigest(),
+    }
+
+
+def _kept(out: Path, made_of: dict[str, Any], tell: Callable[[str], None]) -> Pack | None:
+    """The pack that lies there if it was made of the same; one that was not is removed.
+
+    Raises:
+        DataError: if something else lies there.
+    """
+    if not out.is_dir() or not any(out.iterdir()):
+        return None
+    if not (out / _ABOUT).is_file():
+        raise DataError(f"{out}: expected a pack or a new folder, got a folder with something else in it")
+    try:
+        old = read_json(out / _ABOUT)["made_of"]
+        changed = [key for key in made_of if old.get(key) != made_of[key]]
+        if not changed:
+            return Pack.open(out)
+        reason = f"its {', '.join(changed)} changed"
+    except (DataError, KeyError, TypeError, AttributeError) as error:
+        reason = f"it is damaged: {error}"
+    tell(f"{out}: packed anew, {reason}")
+    shutil.rmtree(out)
+    return None

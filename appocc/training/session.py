@@ -1,0 +1,115 @@
+"""From a configuration to a training: packs, networks and loaders put together, in one place."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import distributed
+
+from appocc.bevmap import CLASSES
+from appocc.errors import DataError
+from appocc.models import registry
+from appocc.models.setting import SETTINGS
+from appocc.models.weights import save_weights
+from appocc.simulation.rendering.views import ViewClass
+from appocc.training.augment import Augmentation
+from appocc.training.config import AugmentConfig, Config
+from appocc.training.loop import train
+from appocc.training.pack import Pack, pack
+from appocc.training.run import Parts, Watcher
+from appocc.training.run_folder import RunFolder
+from appocc.training.samples import Loader
+from appocc.training.world import World, joined
+
+# Called with the samples that were packed since.
+Advance = Callable[[float], None]
+
+
+def run_training(
+    config: Config, folder: RunFolder, resume: bool, watcher: Watcher, advance: Advance = lambda done: None
+) -> dict[str, Any]:
+    """Train as a configuration says, in a run's folder; what came of it, as JSON values.
+
+    Raises:
+        AppoccError: as `train`; if data are missing or damaged, or nothing could be learnt from them.
+    """
+    folder.check(config, resume)
+    with joined(config.train.device) as world:
+        progress = train(prepared(config, world, watcher, advance), config, folder, world, watcher, resume)
+    return folder.summary(progress)
+
+
+def prepared(config: Config, world: World, watcher: Watcher, advance: Advance = lambda done: None) -> Parts:
+    """The parts of a training.
+
+    Raises:
+        AppoccError: if data are missing or damaged, lack a class, or the network is unknown.
+    """
+    setting = SETTINGS[config.setting]
+    # Its first weights are the same in each process and for each seed, whatever was drawn before.
+    torch.manual_seed(config.train.seed)
+    kinds = len(ViewClass) if config.losses.kind or config.losses.depth else 0
+    model = registry.build(config.network, setting, appearance=config.appearance, kinds=kinds)
+    roots = (config.data.train, config.data.val)
+    train_pack, val_pack = (_packed(root, config, world, watcher, advance) for root in roots)
+    check_labels(train_pack, config)
+    batch, seed = config.train.batch, config.train.seed
+    changed = Loader([train_pack], batch, seed, _augmentation(config.augment), world.rank, world.size)
+    return Parts(model, changed, Loader([val_pack], batch, seed, rank=world.rank, world=world.size), save_weights)
+
+
+def check_labels(packed: Pack, config: Config) -> None:
+    """Check that every class that counts is somewhere in the training set.
+
+    Raises:
+        DataError: if one has not a single cell.
+    """
+    missing = [number for number, weight in enumerate(config.losses.classes) if weight]
+    for number in range(len(packed)):
+        sample = packed.sample(number)
+        there = sample.occupancy & sample.known
+        missing = [k for k in missing if not (there >> k & 1).any()]
+        if not missing:
+            return
+    names = ", ".join(CLASSES[k] for k in missing)
+    raise DataError(
+        f"{config.data.train}: expected cells of every class in bev/{config.data.source}, got none of {names} in "
+        f"{len(packed)} samples; a weight of 0 in losses.classes leaves a class out"
+    )
+
+
+def _packed(root: str, config: Config, world: World, watcher: Watcher, advance: Advance) -> Pack:
+    """The pack of a dataset, made by the first process if it is not there."""
+    told = f"{Path(root).resolve()} {config.data.source}".encode()
+    name = f"{Path(root).resolve().name}-{config.setting}-{hashlib.sha256(told).hexdigest()[:8]}"
+    out = Path(config.data.packs) / name
+    if not world.first:
+        distributed.barrier()
+        return Pack.open(out)
+    try:
+        return pack(
+            root, config.data.source, SETTINGS[config.setting], out, advance, watcher.say, max(1, config.data.workers)
+        )
+    finally:
+        if world.size > 1:
+            distributed.barrier()
+
+
+def _augmentation(config: AugmentConfig) -> Augmentation:
+    """Degrees are for people."""
+    return Augmentation(
+        yaw_rad=math.radians(config.yaw_deg),
+        shift_m=config.shift_m,
+        mirror=config.mirror,
+        brightness=config.brightness,
+        contrast=config.contrast,
+        saturation=config.saturation,
+        cameras_dropped=config.cameras_dropped,
+        extrinsic_rad=math.radians(config.extrinsic_deg),
+        extrinsic_m=config.extrinsic_m,
+    )

@@ -1,0 +1,160 @@
+"""Time from pictures to the grid: batch 1, all ways in turn, medians, Lift-Splat-Shoot as the unit.
+
+    OMP_NUM_THREADS=2 python -m benchmarks.models [--runs 9] [--setting 360] [--no-compile]
+
+Weights are fresh: time does not depend on them. Pictures are there already, and a rig's plan is made once, as in a
+car. How fast bf16 is depends on the machine (AMX or AVX512-BF16; elsewhere it is emulated and slow): what it has is
+printed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import statistics
+import time
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
+from pathlib import Path
+from typing import NamedTuple
+
+import torch
+from rich.console import Console
+from rich.table import Table
+from torch import Tensor
+from torch.utils.flop_counter import FlopCounterMode
+
+from appocc.camera import CameraRig
+from appocc.models.base import BEVModel, Output, Plan
+from appocc.models.fused import fused
+from appocc.models.registry import build
+from appocc.models.setting import SETTINGS, Setting
+from appocc.rigs import read_rig
+
+_FLAGS = ("avx2", "avx512f", "avx512_bf16", "amx_bf16", "amx_int8", "asimd", "bf16")
+Forward = Callable[[Tensor, Plan], Output]
+
+
+class Way(NamedTuple):
+    """A network and how it is run.
+
+    Attributes:
+        name: of the network.
+        how: for the table.
+        model: that counts for parameters and multiplications.
+        forward: what is timed.
+        bf16: under autocast.
+    """
+
+    name: str
+    how: str
+    model: BEVModel
+    forward: Forward
+    bf16: bool = False
+
+    def run(self, images: Tensor, plan: Plan) -> float:
+        """Seconds of one forward."""
+        start = time.perf_counter()
+        with self.precision():
+            self.forward(images, plan)
+        return time.perf_counter() - start
+
+    def precision(self) -> AbstractContextManager[object]:
+        """What to run it in."""
+        return torch.autocast("cpu", torch.bfloat16) if self.bf16 else nullcontext()
+
+
+def ways(setting: Setting, compiled: bool) -> list[Way]:
+    """Everything that is timed, the unit first."""
+    torch.manual_seed(0)
+    lss, paper, ours = (build(name, setting).eval() for name in ("lss", "paper", "appocc"))
+    last = fused(ours).to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+    found = [
+        Way("lss", "float32, eager", lss, lss),
+        Way("paper", "float32, eager", paper, paper),
+        Way("appocc", "float32, eager", ours, ours),
+        Way("appocc", "float32, eager, channels last, folded", ours, last),
+        Way("appocc", "bf16, eager, channels last, folded", ours, last, bf16=True),
+    ]
+    if compiled:
+        from torch._inductor import config
+
+        config.freezing = True
+        found += [
+            Way("appocc", "float32, compiled", ours, _compiled(last)),
+            Way("appocc", "bf16, compiled", ours, _compiled(last), bf16=True),
+        ]
+    return found
+
+
+def _compiled(model: BEVModel) -> Forward:
+    forward: Forward = torch.compile(model)
+    return forward
+
+
+def giga_macs(way: Way, images: Tensor, plan: Plan) -> float:
+    """Multiplications with additions of convolutions and matrix products, in 1e9."""
+    with FlopCounterMode(display=False) as counter:
+        way.model(images, plan)
+    return float(counter.get_total_flops()) / 2e9
+
+
+def measure(setting: Setting, runs: int, compiled: bool) -> Table:
+    """Time all ways in turn, so that what else the machine does falls on all alike."""
+    rig = CameraRig(tuple(read_rig("paper")[channel] for channel in setting.channels))
+    images = torch.rand(1, len(rig), 3, setting.height_px, setting.width_px)
+    working: list[tuple[Way, Plan]] = []
+    failed: list[tuple[Way, str]] = []
+    table = Table("network", "how", "median ms", "of lss", "times faster", "parameters", "GMAC")
+    candidates = ways(setting, compiled)
+    with torch.inference_mode():
+        for way in candidates:
+            plan = way.model.plan([rig])
+            try:
+                way.run(images, plan)  # compiles
+                way.run(images, plan)
+                working.append((way, plan))
+            except Exception as error:  # torch.compile needs a C++ compiler and fails with nearly any error
+                failed.append((way, str(error).splitlines()[0][:60]))
+        seconds: list[list[float]] = [[] for _ in working]
+        for _ in range(runs):
+            for own, (way, plan) in zip(seconds, working, strict=True):
+                own.append(way.run(images, plan))
+        unit = statistics.median(seconds[0])
+        for own, (way, plan) in zip(seconds, working, strict=True):
+            median = statistics.median(own)
+            weights = sum(each.numel() for each in way.model.parameters()) / 1e6
+            figures = f"{median * 1e3:.0f}", f"{median / unit:.3f}", f"{unit / median:.2f}"
+            table.add_row(way.name, way.how, *figures, f"{weights:.2f} M", f"{giga_macs(way, images, plan):.1f}")
+    for way, reason in failed:
+        table.add_row(way.name, way.how, reason, "", "", "", "")
+    return table
+
+
+def machine() -> str:
+    """What decides the speed: the processor, what of it computes bf16, and the threads."""
+    info = Path("/proc/cpuinfo")
+    lines = info.read_text().splitlines() if info.exists() else []
+    names = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
+    flags = {flag for line in lines if line.startswith(("flags", "Features")) for flag in line.split()}
+    has = ", ".join(flag for flag in _FLAGS if flag in flags) or "unknown"
+    name = names[0] if names else "unknown processor"
+    return f"{name}; has {has}; {torch.get_num_threads()} threads; torch {torch.__version__}"
+
+
+def main() -> None:
+    """Parse arguments, measure, print a table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--runs", type=int, default=9, help="of each way; the median counts")
+    parser.add_argument("--setting", choices=sorted(SETTINGS), default="360")
+    parser.add_argument("--no-compile", action="store_true", help="leave torch.compile out")
+    arguments = parser.parse_args()
+    if "OMP_NUM_THREADS" in os.environ:
+        torch.set_num_threads(int(os.environ["OMP_NUM_THREADS"]))
+    console = Console(width=140)
+    console.print(machine())
+    console.print(measure(SETTINGS[arguments.setting], arguments.runs, not arguments.no_compile))
+
+
+if __name__ == "__main__":
+    main()

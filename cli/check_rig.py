@@ -1,0 +1,52 @@
+"""`appocc check-rig`: whether cameras and ego frame fit together, to be seen at a glance."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from cli.common import JsonOption, VersionOption, emit, say
+from cli.infer import RigOption, SourceArgument, moments_of
+
+
+def check_rig(
+    source: SourceArgument,
+    out: Annotated[Path, typer.Option("--out", help="The picture to write (.png).")],
+    scene: Annotated[str | None, typer.Option("--scene", help="Scene of ROOT; the first by default.")] = None,
+    frame: Annotated[int, typer.Option("--frame", min=0, help="Number of the key frame or sub-folder, from 0.")] = 0,
+    rig: RigOption = None,
+    version: VersionOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Draw the ground grid of the ego frame into every image: x axis red, y axis green, horizon yellow.
+
+    Lines lie 5 m apart. They must lie flat on the street, with x+ ahead and y+ to the left.
+
+    Example: appocc check-rig IMAGES --rig rig.yaml --out rig.png
+    """
+    from appocc.errors import NotFoundError
+    from appocc.files import write_image
+    from appocc.inference.rig_check import pose_of, rig_sheet
+
+    moments = moments_of(source, rig, scene, version)
+    if frame >= len(moments):
+        raise NotFoundError(f"{source}: it has frames 0..{len(moments) - 1}, not {frame}")
+    view = moments[frame].read()
+    write_image(out, rig_sheet(view.frame))
+    poses = {camera.channel: pose_of(camera) for camera in view.frame.rig}
+    if as_json:
+        emit(
+            {
+                "picture": str(out),
+                "cameras": {name: pose._asdict() for name, pose in poses.items()},
+                "dead": view.dead,
+            }
+        )
+    for channel, reason in view.dead.items():
+        say(f"{channel}: left out ({reason})")
+    for name, pose in poses.items():
+        angles = f"yaw {pose.yaw_deg:+.1f} deg, pitch {pose.pitch_deg:+.1f} deg, roll {pose.roll_deg:+.1f} deg"
+        say(f"{name}: {angles}, {pose.height_m:.2f} m above the ground")
+    say(f"{out}")

@@ -1,0 +1,89 @@
+"""`appocc infer`: pictures to maps."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from cli.common import JsonOption, VersionOption, emit, progress, say
+
+if TYPE_CHECKING:
+    from appocc.bevmap import BEVMap
+    from appocc.checks import FloatArray
+    from appocc.inference.moments import Moment
+
+SourceArgument = Annotated[
+    Path,
+    typer.Argument(
+        metavar="ROOT|IMAGES",
+        help="Dataset root; or with --rig a folder of images named by channel, or of sub-folders of such.",
+    ),
+]
+RigOption = Annotated[str | None, typer.Option("--rig", help="Name or YAML file of the rig that took IMAGES.")]
+
+
+def infer(
+    source: SourceArgument,
+    out: Annotated[Path, typer.Option("--out", help="Folder for the maps; ROOT/bev/NAME makes them a source.")],
+    scene: Annotated[str | None, typer.Option("--scene", help="Only this scene of ROOT.")] = None,
+    weights: Annotated[Path | None, typer.Option(help="File of weights; those of the package by default.")] = None,
+    rig: RigOption = None,
+    version: VersionOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Predict what is where, and its colour, from the cameras alone: maps and pictures; can be resumed.
+
+    A camera without a readable image is left out of the rig.
+
+    Example: appocc infer ROOT --scene S --weights F --out ROOT/bev/mine
+    """
+    import time
+
+    from appocc.inference.loading import load_predictor
+    from appocc.inference.run import PICTURES
+    from appocc.inference.run import infer as run
+
+    moments = moments_of(source, rig, scene, version)
+    predictor = load_predictor(weights)
+    start = time.monotonic()
+    with progress("prediction", len(moments)) as advance:
+        summary = run(moments, predictor, out, _places, advance)
+    seconds = time.monotonic() - start
+    if as_json:
+        dead = {channel: {"frames": times, "reason": why} for channel, (times, why) in summary.dead.items()}
+        counts = {"made": summary.made, "kept": summary.kept, "seconds": seconds, "left_out": dead}
+        emit({"folder": str(out), "pictures": str(out / PICTURES), **counts})
+    if summary.dead:
+        told = (f"{channel} in {times} frames ({why})" for channel, (times, why) in summary.dead.items())
+        say(f"left out: {'; '.join(told)}")
+    rate = f", {summary.made / seconds * 60:.0f} a minute" if summary.made else ""
+    say(f"{out}: {summary.made} maps made{rate}, {summary.kept} kept; pictures in {out / PICTURES}")
+
+
+def moments_of(source: Path, rig: str | None, scene: str | None, version: str | None) -> list[Moment]:
+    """The moments of a dataset, or of a folder of images where a rig is named.
+
+    Raises:
+        DataError: if there are none.
+        NotFoundError: if there is no such scene or rig.
+    """
+    from appocc.errors import DataError
+    from appocc.inference.moments import dataset_moments, folder_moments
+    from appocc.nuscenes import Dataset
+    from appocc.rigs import read_rig
+
+    if rig is not None:
+        if scene is not None:
+            raise DataError("expected either --scene of a dataset or --rig of a folder of images, got both")
+        return folder_moments(source, read_rig(rig))
+    dataset = Dataset(source, version)
+    return dataset_moments(dataset, [dataset.scene(scene)] if scene else dataset.scenes)
+
+
+def _places(bev: BEVMap) -> FloatArray:
+    """Centroids of the vehicles of a map, as tracking finds them."""
+    from tracking.blobs import find_blobs
+
+    return find_blobs(bev).centroid_m

@@ -1,0 +1,93 @@
+"""`appocc train`: weights from packed samples; can be interrupted at any moment and goes on to the same numbers."""
+
+from __future__ import annotations
+
+import os
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import FrameType
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from cli.common import JsonOption, emit, say
+
+if TYPE_CHECKING:
+    from appocc.training.run import Watcher
+
+
+def train(
+    config: Annotated[Path, typer.Argument(metavar="CONFIG", help="YAML file, such as configs/small.yaml.")],
+    overrides: Annotated[
+        list[str] | None, typer.Argument(metavar="[KEY=VALUE]...", help="Replace what it says: train.lr=1e-3.")
+    ] = None,
+    out: Annotated[Path | None, typer.Option("--out", help="Folder of the run; else runs/NAME-OF-CONFIG.")] = None,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on with the run that lies in this folder.")] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Train a network; under torchrun on many GPUs. Exit 0: done, 1: it diverged, 2: bad input, 130: interrupted.
+
+    Example: appocc train configs/small.yaml data.train=SIM data.val=VAL --out runs/first
+    """
+    from appocc.training.config import read_config
+    from appocc.training.run import StoppedError
+    from appocc.training.run_folder import RunFolder
+    from appocc.training.session import run_training
+
+    settings, folder = read_config(config, overrides or ()), RunFolder(out or Path("runs") / config.stem)
+    with watched() as watcher, stoppable(watcher) as caught:
+        try:
+            summary = run_training(settings, folder, resume, watcher)
+        except StoppedError as stopped:
+            watcher.say(str(stopped))
+            raise typer.Exit(128 + (caught or [signal.SIGINT])[0]) from stopped
+    if int(os.environ.get("RANK", "0")):
+        return
+    if as_json:
+        emit(summary)
+    best = summary["best"]
+    scores = ", ".join(f"{name} {100 * (value or 0):.1f}" for name, value in best["best_iou"].items())
+    say(f"{folder.best}: step {best['step']}, IoU {scores} (percent, on validation); curves in {folder.curves}")
+
+
+@contextmanager
+def watched() -> Iterator[Watcher]:
+    """Who shows a training on stderr: a bar with rate, time left and losses, and a line for each evaluation."""
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+
+    from appocc.training.run import Watcher
+
+    if int(os.environ.get("RANK", "0")):  # the first process speaks for all
+        yield Watcher()
+        return
+    columns = (BarColumn(20), TaskProgressColumn(), TimeRemainingColumn(), TextColumn("{task.description}"))
+    console = Console(stderr=True)
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
+        task = bar.add_task("preparing", total=1.0)
+        yield Watcher(lambda share, text: bar.update(task, completed=share, description=text), say)
+
+
+@contextmanager
+def stoppable(watcher: Watcher) -> Iterator[list[int]]:
+    """Let Ctrl-C and SIGTERM end the training after the step under way; before the first, or again: at once.
+
+    The block gets a list to which the signals' numbers are added.
+    """
+    caught: list[int] = []
+
+    def stop(number: int, frame: FrameType | None) -> None:
+        if caught or not watcher.running:
+            watcher.say("stopped at once")
+            raise SystemExit(128 + number)
+        caught.append(number)
+        watcher.stop = True
+
+    before = {number: signal.signal(number, stop) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield caught
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

@@ -1,0 +1,46 @@
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tiny_dataset import TinyDataset
+from typer.testing import CliRunner, Result
+
+from appocc.errors import AppoccError
+from appocc.files import read_image, write_image
+from cli.main import app
+
+
+def run(*words: object) -> Result:
+    return CliRunner().invoke(app, ["check-rig", *map(str, words)])
+
+
+def test_a_frame_of_a_scene(tiny: TinyDataset, tmp_path: Path) -> None:
+    out = tmp_path / "rig.png"
+    result = run(tiny.root, "--scene", "scene-tiny", "--frame", 2, "--out", out, "--json")
+    assert result.exit_code == 0, result.stderr
+    value = json.loads(result.stdout)
+    assert value["picture"] == str(out)
+    assert value["cameras"]["CAM_FRONT"]["yaw_deg"] == pytest.approx(0, abs=1e-6)
+    assert abs(value["cameras"]["CAM_BACK"]["yaw_deg"]) == pytest.approx(180)
+    assert value["cameras"]["CAM_BACK"]["height_m"] == pytest.approx(1.6)
+    assert read_image(out).shape[0] == 640  # a row ahead, a row behind
+
+
+def test_images_with_a_rig(tmp_path: Path) -> None:
+    write_image(tmp_path / "CAM_FRONT.png", np.full((128, 352, 3), 90, np.uint8))
+    result = run(tmp_path, "--rig", "paper", "--out", tmp_path / "rig.png")
+    assert result.exit_code == 0, result.stderr
+    assert "CAM_FRONT: yaw +0.0 deg" in result.stderr
+    assert "CAM_BACK: left out (no image)" in result.stderr
+    assert read_image(tmp_path / "rig.png").shape == (320, 880, 3)
+
+
+def test_what_is_not_there(tiny: TinyDataset, tmp_path: Path) -> None:
+    for words, reason in (((tiny.root, "--frame", 3), "frames 0..2, not 3"), ((tmp_path / "x",), "no such folder")):
+        result = run(*words, "--out", tmp_path / "rig.png")
+        assert isinstance(result.exception, AppoccError)
+        assert reason in str(result.exception)
+    assert not (tmp_path / "rig.png").exists()

@@ -1,0 +1,138 @@
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from tiny_dataset import TinyDataset
+from typer.testing import CliRunner, Result
+
+from appocc.errors import AppoccError
+from appocc.training.checkpoint import states
+from cli.main import app
+
+REPOSITORY = Path(__file__).parents[2]
+TEXT = """
+data: {train: none, val: none}
+train: {steps: 12, batch: 4, lr: 0.02, ema: 0.5, threads: 1}
+evaluate: {every_steps: 5, norm_batches: 3}
+"""
+# The command with the tiny network and samples of the loop's own tests.
+TINY = f"""
+import sys
+sys.path[:0] = [{str(REPOSITORY)!r}, {str(REPOSITORY / "tests" / "training")!r}]
+from appocc.training import session
+from made_training import made_parts
+session.prepared = lambda config, world, watcher, advance: made_parts(config, world)
+from cli.main import run
+run()
+"""
+
+
+def run(*arguments: str) -> Result:
+    return CliRunner().invoke(app, ["train", *arguments])
+
+
+@pytest.fixture
+def tiny_parts(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(REPOSITORY / "tests" / "training"))
+    from made_training import made_parts
+
+    monkeypatch.setattr(
+        "appocc.training.session.prepared", lambda config, world, watcher, advance: made_parts(config, world)
+    )
+
+
+@pytest.fixture
+def config(tmp_path: Path) -> Path:
+    path = tmp_path / "first.yaml"
+    path.write_text(TEXT)
+    return path
+
+
+def test_a_run_and_the_same_again(
+    tmp_path: Path, config: Path, tiny_parts: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    result = run(str(config), "train.lr=0.01", "--json")
+    assert result.exit_code == 0, result.output
+    value = json.loads(result.stdout)
+    assert (value["folder"], value["steps"]) == ("runs/first", 12)
+    assert set(value["best"]["best_iou"]) == {"road", "vehicle", "lane"}
+    assert "best.safetensors: step" in result.stderr
+    assert "lr: 0.01" in (tmp_path / "runs" / "first" / "config.yaml").read_text()
+    again = run(str(config), "train.lr=0.01", "--resume", "--json")
+    assert json.loads(again.stdout) == value
+    other = run(str(config), "--resume")
+    assert other.exception is not None
+    assert "other values of train.lr" in str(other.exception)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["none.yaml"], "none.yaml: cannot be read"),
+        (["first.yaml", "train.lr=high"], "train.lr: expected a valid number"),
+        (["first.yaml", "--resume"], "no run to go on with"),
+        (["first.yaml", "--out", "first.yaml"], "there is a run already"),
+        (["first.yaml", "network=resnet"], "no network 'resnet'"),
+        (["first.yaml", "data.train=nowhere"], "nowhere: no such folder"),
+        (["first.yaml", "data.train=tiny", "data.source=exact"], "no BEV map"),
+        (["first.yaml", "train.device=cuda"], "torch finds no GPU"),
+    ],
+)
+def test_bad_input_is_told_and_leaves_nothing(
+    tmp_path: Path, config: Path, tiny: TinyDataset, monkeypatch: pytest.MonkeyPatch, arguments: list[str], said: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("torch.cuda.is_available", lambda: False)
+    before = sorted(tmp_path.rglob("*"))
+    result = run(*arguments)
+    assert isinstance(result.exception, AppoccError)
+    assert result.exception.exit_code == 2
+    assert said in str(result.exception)
+    assert "\n" not in str(result.exception)
+    assert result.stdout == ""
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_divergence_ends_with_one(tmp_path: Path, config: Path) -> None:
+    command = [sys.executable, "-c", TINY, "train", str(config), "train.lr=1e30", "train.warmup=0", "--out", "run"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=tmp_path)
+    assert done.returncode == 1
+    last = done.stderr.strip().splitlines()[-1]
+    assert last.startswith("error: step ")
+    assert "try a lower train.lr" in last
+    assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("sent", "code"),
+    [
+        (signal.SIGINT, 130),
+        pytest.param(signal.SIGTERM, 143, marks=pytest.mark.slow),
+        pytest.param(signal.SIGKILL, -9, marks=pytest.mark.slow),
+    ],
+    ids=["ctrl-c", "terminated", "killed"],
+)
+def test_interrupted_anywhere_it_goes_on(tmp_path: Path, config: Path, sent: signal.Signals, code: int) -> None:
+    words = ["train", str(config), "train.steps=4000", "evaluate.every_steps=100000", "save.every_steps=20"]
+    command = [sys.executable, "-c", TINY, *words, "--out", str(tmp_path / "run")]
+    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+    deadline = time.monotonic() + 300
+    while not list(tmp_path.glob("run/state-*")):
+        assert process.poll() is None, process.communicate()[1]
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+    process.send_signal(sent)
+    said = process.communicate(timeout=120)[1]
+    assert process.returncode == code
+    if sent != signal.SIGKILL:
+        assert len(said.strip().splitlines()) == 1
+        assert "goes on with --resume" in said
+    reached = states(tmp_path / "run")[0].name
+    assert 20 <= int(reached[6:14]) < 4000

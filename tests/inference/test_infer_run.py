@@ -1,0 +1,127 @@
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from made_model import AHEAD, MadeModel, predictor
+from tiny_dataset import TinyDataset, token
+
+from appocc.bevmap import LANE, VEHICLE, BEVMap, load_map
+from appocc.checks import FloatArray
+from appocc.errors import DataError
+from appocc.files import read_image, zip_arrays
+from appocc.inference.moments import Moment, dataset_moments
+from appocc.inference.pictures import decided, figure, rows_of_cameras
+from appocc.inference.predictor import Predictor
+from appocc.inference.run import Summary, infer
+from appocc.nuscenes import Dataset
+
+ALL = [token("sample", i) for i in range(3)]
+
+
+def places(bev: BEVMap) -> FloatArray:
+    """The mean of all vehicle cells."""
+    return np.asarray(bev.grid.centres()[bev.occupancy[VEHICLE] > 0].mean(axis=0, keepdims=True))
+
+
+def moments_of(tiny: TinyDataset) -> list[Moment]:
+    dataset = Dataset(tiny.root)
+    return dataset_moments(dataset, dataset.scenes)
+
+
+def run(tiny: TinyDataset, out: Path, model: Predictor | None = None) -> Summary:
+    return infer(moments_of(tiny), model or predictor(), out, places, lambda _: None)
+
+
+def digests(folder: Path) -> dict[str, str]:
+    return {path.name: hashlib.md5(path.read_bytes()).hexdigest() for path in folder.rglob("*") if path.is_file()}
+
+
+def test_maps_are_a_source_and_say_what_is_seen(tiny: TinyDataset) -> None:
+    out = tiny.root / "bev" / "mine"
+    assert run(tiny, out)[:2] == (3, 0)
+    assert [load_map(tiny.root, source, ALL[0]).meta["token"] for source in ("mine", f"{out}/")] == ALL[:1] * 2
+    with (out / f"{ALL[1]}.npz").open("rb") as handle, zip_arrays(handle) as data:
+        assert data["seen"].all()
+        assert data["occupancy"].dtype == np.float16
+    assert sorted(path.name for path in (out / "pictures").iterdir()) == [f"scene-tiny-000{i}.png" for i in range(3)]
+    assert read_image(out / "pictures" / "scene-tiny-0002.png").std() > 10
+
+
+def test_the_same_again_and_resumed_is_the_same_to_the_byte(tiny: TinyDataset, tmp_path: Path) -> None:
+    run(tiny, tmp_path / "a")
+    before = digests(tmp_path / "a")
+    (tmp_path / "a" / f"{ALL[0]}.npz").write_bytes(b"half")
+    (tmp_path / "a" / "pictures" / "scene-tiny-0001.png").unlink()
+    assert run(tiny, tmp_path / "a")[:2] == (2, 1)
+    assert digests(tmp_path / "a") == before
+    run(tiny, tmp_path / "b")
+    assert digests(tmp_path / "b") == before
+
+
+def test_other_weights_or_settings_make_new_maps(tiny: TinyDataset, tmp_path: Path) -> None:
+    run(tiny, tmp_path)
+    assert run(tiny, tmp_path, predictor(digest="d2"))[:2] == (3, 0)
+    assert run(tiny, tmp_path, predictor(MadeModel(AHEAD), "d2"))[:2] == (3, 0)
+    assert BEVMap.load(tmp_path / f"{ALL[0]}.npz").grid == AHEAD.grid
+
+
+def test_dead_cameras_are_told_once(tiny: TinyDataset, tmp_path: Path) -> None:
+    dataset = Dataset(tiny.root)
+    gone = [dataset.path(dataset.data(dataset.sample(name))["CAM_BACK"]) for name in ALL[1:]]
+    for path in gone:
+        path.unlink()
+    dead = run(tiny, tmp_path).dead
+    assert list(dead) == ["CAM_BACK"]
+    times, why = dead["CAM_BACK"]
+    assert times == 2
+    assert str(gone[0]) in why
+    assert [BEVMap.load(tmp_path / f"{name}.npz").meta["cameras"] for name in ALL] == [
+        ["CAM_FRONT", "CAM_BACK"],
+        ["CAM_FRONT"],
+        ["CAM_FRONT"],
+    ]
+
+
+def test_nothing_half_made_is_left(tiny: TinyDataset, tmp_path: Path) -> None:
+    def fails(bev: BEVMap) -> FloatArray:
+        raise DataError("stop")
+
+    with pytest.raises(DataError, match="stop"):
+        infer(moments_of(tiny), predictor(), tmp_path / "out", fails, lambda _: None)
+    assert list(tmp_path.glob("out/**/*.*")) == []
+
+
+def test_a_map_is_decided_by_its_thresholds(tiny: TinyDataset) -> None:
+    bev, _ = predictor()(moments_of(tiny)[0].read().frame)
+    on = decided(bev)
+    assert on.occupancy[VEHICLE].sum() > 0  # 0.45 against 0.4
+    assert on.occupancy[LANE].sum() == 0  # 0.45 against 0.5
+    plain = BEVMap(bev.grid, bev.occupancy, bev.occupancy_valid, bev.appearance, bev.appearance_valid)
+    assert decided(plain).occupancy[VEHICLE].sum() == 0
+
+
+@pytest.mark.parametrize("setting", [None, AHEAD])
+def test_the_figure_has_cameras_left_and_both_maps_right(tiny: TinyDataset, setting: object) -> None:
+    frame = moments_of(tiny)[0].read().frame
+    bev = decided(predictor(MadeModel(AHEAD) if setting else None)(frame).bev)
+    picture = figure(frame, bev, places(bev))
+    bare = figure(frame, bev, np.zeros((0, 2)))
+    high, wide = (side * 4 for side in bev.grid.shape)
+    assert picture.shape[0] == (2 * high + 8 if setting else high)
+    left = picture.shape[1] - (wide if setting else 2 * wide + 8) - 8
+    image = picture[picture.shape[0] // 4, left // 4]
+    assert np.abs(image.astype(int) - [160, 80, 40]).max() <= 3
+    # The label stands 3 m to the side of the car, 10 m ahead, in both maps and nowhere else.
+    changed = np.argwhere((picture != bare).any(axis=-1))
+    assert len(changed)
+    rows = changed[changed[:, 0] < high, 0]
+    assert rows.mean() == pytest.approx((16 - 10) * 10, abs=6)
+    assert changed[:, 1].min() > left
+
+
+def test_cameras_stand_as_they_look(tiny: TinyDataset) -> None:
+    frame = moments_of(tiny)[0].read().frame
+    assert [[camera.channel for camera in row] for row in rows_of_cameras(frame.rig)] == [["CAM_FRONT"], ["CAM_BACK"]]

@@ -1,0 +1,115 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from made_model import AHEAD, AROUND, CHANNELS, LOW, MadeModel, predictor
+from tiny_dataset import TinyDataset
+
+from appocc.bevmap import VEHICLE
+from appocc.camera import Camera, CameraRig
+from appocc.errors import DataError
+from appocc.frame import Frame
+from appocc.inference import loading
+from appocc.inference.loading import load_predictor
+from appocc.inference.predictor import cameras_of
+from appocc.models.registry import build
+from appocc.models.setting import SETTINGS
+from appocc.models.weights import save_weights
+from appocc.nuscenes import Dataset
+
+
+def frame_of(tiny: TinyDataset, number: int = 0) -> Frame:
+    dataset = Dataset(tiny.root)
+    return dataset.frame(dataset.samples(dataset.scenes[0])[number])
+
+
+def rig(*channels: str) -> CameraRig:
+    return CameraRig(tuple(Camera(name, 8, 8, np.eye(3), np.eye(4)) for name in channels))
+
+
+def test_a_map_says_what_the_network_said(tiny: TinyDataset) -> None:
+    frame = frame_of(tiny)
+    bev, seen = predictor()(frame)
+    assert bev.grid == AROUND.grid
+    assert bev.occupancy[VEHICLE, 65, 40] == pytest.approx(LOW, abs=1e-3)
+    assert bev.occupancy_valid.all()
+    assert bev.appearance_valid.all()
+    assert np.abs(bev.appearance[:, 0, 0].astype(int) - [160, 80, 40]).max() <= 2  # RGB of the tiny dataset's images
+    assert seen.all()
+    assert bev.meta["weights"] == {"name": "made", "sha256": "d1"}
+    assert bev.meta["thresholds"] == {"road": 0.5, "vehicle": 0.4, "lane": 0.5}
+    assert (bev.meta["token"], bev.meta["timestamp_us"]) == (frame.token, frame.timestamp_us)
+    assert bev.meta["cameras"] == ["CAM_FRONT", "CAM_BACK"]
+
+
+def test_a_dead_camera_is_no_part_of_the_rig(tiny: TinyDataset) -> None:
+    whole = frame_of(tiny)
+    alive = {"CAM_FRONT": whole.images["CAM_FRONT"]}
+    model = MadeModel()
+    bev, seen = predictor(model)(Frame(whole.token, 0, whole.world_from_ego, whole.rig, alive))
+    assert model.rigs[0].channels == ("CAM_FRONT",)
+    assert (model.rigs[0]["CAM_FRONT"].width_px, model.rigs[0]["CAM_FRONT"].height_px) == (16, 8)
+    assert bev.meta["cameras"] == ["CAM_FRONT"]
+    assert 0 < seen.sum() < seen.size
+    with pytest.raises(DataError, match="expected a picture of CAM_FRONT_LEFT"):
+        predictor()(Frame(whole.token, 0, whole.world_from_ego, whole.rig, {}))
+
+
+def test_a_plan_is_made_once_for_a_rig(tiny: TinyDataset) -> None:
+    model = MadeModel()
+    answer = predictor(model)
+    frame = frame_of(tiny)
+    for _ in range(3):
+        answer(frame)
+    assert len(model.rigs) == 1
+    fewer = {"CAM_BACK": frame.images["CAM_BACK"]}
+    answer(Frame(frame.token, 0, frame.world_from_ego, frame.rig, fewer))
+    assert [one.channels for one in model.rigs] == [("CAM_FRONT", "CAM_BACK"), ("CAM_BACK",)]
+
+
+def test_a_network_for_occupancy_alone_knows_no_colour(tiny: TinyDataset) -> None:
+    bev, _ = predictor(MadeModel(colour=False))(frame_of(tiny))
+    assert not bev.appearance_valid.any()
+    assert bev.occupancy_valid.all()
+
+
+def test_an_answer_that_is_no_number_is_refused(tiny: TinyDataset, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(torch, "logit", lambda values, _: values * float("nan"))
+    with pytest.raises(DataError, match="not finite"):
+        predictor()(frame_of(tiny))
+
+
+def test_cameras_of_other_names_are_used_where_all_is_seen() -> None:
+    odd = rig("CAM_LEFT", "CAM_BACK", "CAM_FRONT")
+    assert [camera.channel for camera in cameras_of(AROUND, odd)] == ["CAM_FRONT", "CAM_BACK", "CAM_LEFT"]
+    assert [camera.channel for camera in cameras_of(AHEAD, odd)] == ["CAM_FRONT"]
+    assert [camera.channel for camera in cameras_of(AROUND, rig(*CHANNELS[::-1]))] == list(CHANNELS)
+
+
+def test_weights_from_a_file(tiny: TinyDataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    torch.manual_seed(1)
+    path, thresholds = tmp_path / "w.safetensors", "[0.4, 0.3, 0.2]"
+    save_weights(path, build("appocc", SETTINGS["180"]), {"network": "appocc", "thresholds": thresholds})
+    loaded = load_predictor(path, torch.device("cpu"))
+    assert loaded.weights.thresholds == {"road": 0.4, "vehicle": 0.3, "lane": 0.2}
+    assert loaded.weights.name == "appocc (w.safetensors)"
+    frame = frame_of(tiny)
+    (bev, seen), (again, _) = loaded(frame), load_predictor(path, torch.device("cpu"))(frame)
+    assert bev.grid == SETTINGS["180"].grid
+    assert seen.shape == (100, 200)
+    assert 0 < seen.sum() < seen.size
+    assert (bev.occupancy == again.occupancy).all()
+    # Those of the package are found in the same way.
+    monkeypatch.setattr(loading, "PACKAGED", path)
+    assert load_predictor(None).weights.digest == loaded.weights.digest
+
+
+def test_weights_that_are_missing_are_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(DataError, match="no such file"):
+        load_predictor(tmp_path / "none.safetensors")
+    monkeypatch.setattr(loading, "PACKAGED", tmp_path / "none.safetensors")
+    with pytest.raises(DataError, match="no weights come with this version"):
+        load_predictor(None)

@@ -1,0 +1,162 @@
+"""Weights on disk: they come back as they were, and what is no weights is refused in one line."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+import torch
+from safetensors.torch import save_file
+
+from appocc.errors import DataError, NotFoundError
+from appocc.grid import BEVGrid
+from appocc.models.base import BEVModel
+from appocc.models.registry import build
+from appocc.models.setting import SETTINGS, Setting
+from appocc.models.weights import load_model, save_weights, thresholds_of
+
+TINY = Setting("own", ("CAM_A", "CAM_B"), BEVGrid(0.0, 8.0, -4.0, 4.0, 0.5), 96, 64)
+CARD = {"network": "neat", "data": "a few towns"}
+
+
+def network(name: str = "neat", **more: bool | int) -> BEVModel:
+    torch.manual_seed(1)
+    return build(name, TINY, **more)  # type: ignore[arg-type]
+
+
+@pytest.fixture
+def written(tmp_path: Path) -> Path:
+    path = tmp_path / "w.safetensors"
+    save_weights(path, network(), CARD)
+    return path
+
+
+def test_weights_and_card_come_back(written: Path) -> None:
+    model, card = load_model(written)
+    assert model.setting == TINY
+    assert not model.training
+    assert card["data"] == "a few towns"
+    assert thresholds_of(card) == (0.5, 0.5, 0.5)
+    for key, tensor in network().state_dict().items():
+        assert torch.equal(model.state_dict()[key], tensor)
+
+
+def test_heads_for_training_are_left_out_and_appearance_is_found_out(tmp_path: Path) -> None:
+    path = tmp_path / "w.safetensors"
+    for appearance in (True, False):
+        model = network("appocc", appearance=appearance, kinds=5)
+        save_weights(path, model, {"network": "appocc", "thresholds": "[0.4, 0.3, 0.2]"}, half=True)
+        loaded, card = load_model(path)
+        assert card["appearance"] == json.dumps(appearance)
+        assert thresholds_of(card) == (0.4, 0.3, 0.2)
+        assert loaded.state_dict().keys() < model.state_dict().keys()
+        for key, tensor in loaded.state_dict().items():
+            assert tensor.dtype == model.state_dict()[key].dtype
+            torch.testing.assert_close(tensor, model.state_dict()[key], rtol=1e-3, atol=1e-6)
+
+
+def test_half_the_size_and_the_same_bytes_each_time(tmp_path: Path, written: Path) -> None:
+    again, half = tmp_path / "again.safetensors", tmp_path / "half.safetensors"
+    save_weights(again, network(), dict(reversed(CARD.items())))
+    save_weights(half, network(), CARD, half=True)
+    assert again.read_bytes() == written.read_bytes()
+    assert half.stat().st_size < 0.6 * written.stat().st_size
+
+
+def test_random_numbers_of_the_caller_go_on(tmp_path: Path) -> None:
+    model = network()
+    torch.manual_seed(7)
+    expected = torch.rand(3)
+    torch.manual_seed(7)
+    save_weights(tmp_path / "w.safetensors", model, CARD)
+    load_model(tmp_path / "w.safetensors")
+    assert torch.equal(torch.rand(3), expected)
+
+
+def test_a_setting_of_the_paper_comes_back(tmp_path: Path) -> None:
+    save_weights(tmp_path / "w.safetensors", build("neat", SETTINGS["180"]), CARD)
+    assert load_model(tmp_path / "w.safetensors")[0].setting == SETTINGS["180"]
+
+
+def test_what_cannot_be_saved(tmp_path: Path) -> None:
+    path = tmp_path / "w.safetensors"
+    with pytest.raises(NotFoundError, match="no network 'other'"):
+        save_weights(path, network(), {"network": "other"})
+    with pytest.raises(DataError, match="expected those of the network 'appocc'"):
+        save_weights(path, network(), {"network": "appocc"})
+    with pytest.raises(DataError, match="thresholds"):
+        save_weights(path, network(), {"network": "neat", "thresholds": "[0.5]"})
+    broken = network()
+    with torch.no_grad():
+        next(broken.parameters()).fill_(torch.nan)
+    with pytest.raises(DataError, match="finite"):
+        save_weights(path, broken, CARD)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("kept", [0, 5, 200, 100_000, -1])
+def test_truncated_files(written: Path, kept: int) -> None:
+    written.write_bytes(written.read_bytes()[:kept])
+    assert_refused(written, "not a readable file of weights")
+
+
+def test_foreign_files(tmp_path: Path) -> None:
+    path = tmp_path / "w.safetensors"
+    assert_refused(path, "no such file")
+    assert_refused(tmp_path, "no such file")
+    torch.save({"a": torch.zeros(3)}, path)
+    assert_refused(path, "not a readable file of weights")
+    path.write_text("weights\n" * 50)
+    assert_refused(path, "not a readable file of weights")
+    save_file({"a": torch.zeros(3)}, path)
+    assert_refused(path, "there is no card")
+    save_file({"a": torch.zeros(3)}, path, {"card": "[1]"})
+    assert_refused(path, "there is no card")
+    save_file({"a": torch.zeros(3)}, path, {"card": "{"})
+    assert_refused(path, "not a readable file of weights")
+
+
+@pytest.mark.parametrize(
+    ("changed", "reason"),
+    [
+        ({"version": "2"}, "expected weights of version 1, got 2"),
+        ({"network": "other"}, "no network 'other'"),
+        ({"network": "appocc"}, "weights of "),
+        ({"appearance": "maybe"}, "the card cannot be true"),
+        ({"thresholds": "[0.5, 0.5]"}, "three thresholds"),
+        ({"thresholds": "[0.5, 0.5, 2]"}, "thresholds of 0 .. 1"),
+        ({"view": "[]"}, "the card cannot be true"),
+        (
+            {"view": json.dumps({"channels": ["CAM_A"], "grid": [0, 1e6, 0, 1e6, 0.5], "size_px": [96, 64]})},
+            "a grid of",
+        ),
+        (
+            {"view": json.dumps({"channels": ["CAM_A"], "grid": [0, 8, -4, 4, 0.3], "size_px": [96, 64]})},
+            "whole number",
+        ),
+        ({"setting": None}, "the card lacks 'setting'"),
+    ],
+)
+def test_cards_that_cannot_be_true(written: Path, changed: dict[str, str | None], reason: str) -> None:
+    model, card = load_model(written)
+    new = {key: value for key, value in {**card, **changed}.items() if value is not None}
+    save_file(model.state_dict(), written, {"card": json.dumps(new)})
+    assert_refused(written, reason)
+
+
+def test_weights_that_lack_one_or_are_no_numbers(written: Path) -> None:
+    model, card = load_model(written)
+    state = model.state_dict()
+    first = next(key for key in state if state[key].is_floating_point() and state[key].ndim > 1)
+    save_file({key: tensor for key, tensor in state.items() if key != first}, written, {"card": json.dumps(card)})
+    assert_refused(written, f"weights of '{first}': expected .* got None")
+    save_file({**state, first: state[first] * torch.inf}, written, {"card": json.dumps(card)})
+    assert_refused(written, "finite")
+
+
+def assert_refused(path: Path, reason: str) -> None:
+    with pytest.raises(DataError, match=reason) as caught:
+        load_model(path)
+    assert "\n" not in str(caught.value)
+    assert str(caught.value).startswith(str(path))

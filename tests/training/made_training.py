@@ -1,0 +1,133 @@
+"""A network, samples and a configuration small enough to train in a second; pictures show what is true."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import torch
+from safetensors.torch import save_file
+from torch import Tensor, nn
+
+from appocc.camera import CameraRig
+from appocc.grid import BEVGrid
+from appocc.models.base import DEPTH_BINS, BEVModel, Output, ViewOutput
+from appocc.models.setting import Setting
+from appocc.training.batch import Batch, Truth
+from appocc.training.config import Config
+from appocc.training.loop import train
+from appocc.training.run import Parts, Watcher
+from appocc.training.run_folder import RunFolder
+from appocc.training.world import World, joined
+
+SETTING = Setting("tiny", ("CAM_FRONT",), BEVGrid(0.0, 3.2, -1.6, 1.6), width_px=64, height_px=64)
+KINDS = 4
+
+
+class TinyPlan(NamedTuple):
+    seen: Tensor
+
+    def to(self, device: torch.device) -> TinyPlan:
+        return TinyPlan(self.seen.to(device))
+
+
+class TinyModel(BEVModel):
+    """Each eighth of the picture becomes a cell; it has what makes resuming hard: batch norm and dropout."""
+
+    def __init__(self, appearance: bool = True) -> None:
+        super().__init__()
+        self.setting, self.appearance = SETTING, appearance
+        stem = nn.Conv2d(3, 8, 3, padding=1, bias=False)
+        self.trunk = nn.Sequential(stem, nn.BatchNorm2d(8), nn.ReLU(), nn.AvgPool2d(8), nn.Dropout(0.1))
+        self.heads = nn.Conv2d(8, 6 if appearance else 3, 1)
+        self.views = nn.Conv2d(8, DEPTH_BINS + KINDS, 1)
+
+    def plan(self, rigs: Sequence[CameraRig]) -> TinyPlan:
+        return TinyPlan(torch.ones(len(rigs), *SETTING.grid.shape, dtype=torch.bool))
+
+    def forward(self, images: Tensor, plan: Any) -> Output:
+        assert images.flatten(0, 1).is_contiguous(memory_format=torch.channels_last)
+        features = self.trunk(images[:, 0])
+        answer, views = self.heads(features), self.views(features)[:, None]
+        colour = answer[:, 3:].sigmoid() if self.appearance else None
+        told = ViewOutput(views[:, :, :DEPTH_BINS], views[:, :, DEPTH_BINS:]) if self.training else None
+        return Output(answer[:, :3], colour, told)
+
+
+class TinySamples:
+    """Pictures of noise over squares of plain colour; the red ones are road, green vehicles, blue lanes."""
+
+    def __init__(self, count: int = 24, size: int = 4, rank: int = 0, world: int = 1, broken: bool = False) -> None:
+        self.count, self.size, self.rank, self.world, self.broken = count, size, rank, world, broken
+        self.asked: list[int] = []
+
+    def batches(self, start: int = 0, threads: int = 1) -> Iterator[Batch]:
+        number = start
+        while True:
+            self.asked.append(number)
+            first = (number * self.world + self.rank) * self.size
+            yield self.batch([(first + k) % self.count for k in range(self.size)], seed=number)
+            number += 1
+
+    def in_order(self, most: int | None = None, threads: int = 1) -> Iterator[Batch]:
+        own = list(range(min(self.count, most or self.count)))[self.rank :: self.world]
+        for first in range(0, len(own), self.size):
+            yield self.batch(own[first : first + self.size], seed=0)
+
+    def batch(self, numbers: list[int], seed: int) -> Batch:
+        noise = torch.Generator().manual_seed(seed)
+        squares = torch.stack([torch.rand(3, 8, 8, generator=torch.Generator().manual_seed(n)) for n in numbers])
+        images = squares.repeat_interleave(8, 2).repeat_interleave(8, 3)
+        images = 0.9 * images + 0.1 * torch.rand(images.shape, generator=noise)
+        if self.broken:
+            images = images * torch.nan
+        truth = Truth(
+            (squares > 0.6).float(),
+            torch.ones(squares.shape, dtype=torch.bool),
+            squares,
+            torch.ones(squares[:, 0].shape, dtype=torch.bool),
+            4 + 40 * squares[:, :1],
+            (squares[:, :1] * KINDS).long(),
+        )
+        rig = CameraRig(())
+        return Batch(images[:, None], (rig,) * len(numbers), truth, tuple(numbers))
+
+
+def save(path: Path, model: BEVModel, card: dict[str, str]) -> None:
+    save_file({name: value.contiguous() for name, value in model.state_dict().items()}, path)
+
+
+def made_config(**more: Any) -> Config:
+    """Twelve steps with two evaluations; keys with dots as `train__lr`."""
+    values: dict[str, Any] = {
+        "data": {"train": "none", "val": "none"},
+        "train": {"steps": 12, "batch": 4, "lr": 0.02, "ema": 0.5, "threads": 1},
+        "evaluate": {"every_steps": 5, "norm_batches": 3},
+        "save": {"every_steps": 4},
+    }
+    for key, value in more.items():
+        part, _, name = key.partition("__")
+        if name:
+            values.setdefault(part, {})[name] = value
+        else:
+            values[part] = value
+    return Config.model_validate(values)
+
+
+def made_parts(config: Config, world: World | None = None, broken: bool = False) -> Parts:
+    torch.manual_seed(config.train.seed)
+    rank, size = (world.rank, world.size) if world else (0, 1)
+    samples = TinySamples(size=config.train.batch, rank=rank, world=size, broken=broken)
+    val = TinySamples(10, config.train.batch, rank, size)
+    return Parts(TinyModel(config.appearance), samples, val, save)
+
+
+def run(
+    folder: Path, config: Config, watcher: Watcher | None = None, resume: bool = False, broken: bool = False
+) -> Parts:
+    """Train in a folder."""
+    with joined("cpu") as world:
+        parts = made_parts(config, world, broken)
+        train(parts, config, RunFolder(folder), world, watcher or Watcher(), resume)
+    return parts

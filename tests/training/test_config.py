@@ -1,0 +1,113 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from appocc.errors import DataError
+from appocc.training.config import Config, read_config
+
+TEXT = """
+data: {train: a, val: b}
+train:
+  steps: 10
+  lr: 1e-3
+"""
+CONFIGS = sorted((Path(__file__).parents[2] / "configs").glob("*.yaml"))
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    path = tmp_path / "c.yaml"
+    path.write_text(TEXT)
+    return path
+
+
+def test_a_file_says_what_differs_from_the_defaults(path: Path) -> None:
+    config = read_config(path)
+    assert (config.train.lr, config.train.steps, config.train.batch) == (1e-3, 10, 8)
+    assert config.setting == "360"
+
+
+def test_overrides_replace_and_add(path: Path) -> None:
+    words = ["train.lr=2e-4", "setting=180", "losses.classes=[1, 0, 2]", "train.steps=null", "train.minutes=1.5"]
+    config = read_config(path, words)
+    assert config.train.lr == 2e-4
+    assert config.setting == "180"
+    assert config.losses.classes == (1, 0, 2)
+    assert (config.train.steps, config.train.minutes) == (None, 1.5)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["train.lrr=1"], "c.yaml with train.lrr=1: train.lrr: no such key (did you mean train.lr?)"),
+        (["trian.lr=1"], "trian: no such key (did you mean train?)"),
+        (["train.lr=fast"], "train.lr: expected a valid number"),
+        (["train.lr=-1"], "train.lr: expected greater than 0, got -1"),
+        (["train.lr=.nan"], "train.lr: expected a finite number"),
+        (["train.precision=fp8"], "train.precision: expected 'fp32' or 'bf16', got 'fp8'"),
+        (["setting=270"], "setting: expected '360' or '180', got '270'"),
+        (["losses.classes=[1, 2]"], "losses.classes"),
+        (["train.minutes=5"], "either steps or minutes"),
+        (["train.steps=null"], "either steps or minutes"),
+        (["train.batch"], "expected key=value"),
+        ([".=1"], "expected key=value"),
+        (["network.size=1"], "'network' is a value"),
+        (["train.lr=[1"], "no valid YAML value"),
+        (["data=null"], "data: expected a valid dictionary"),
+    ],
+)
+def test_what_is_wrong_is_told_in_one_line_with_file_and_key(path: Path, words: list[str], said: str) -> None:
+    if words[0].startswith("network.size"):
+        words = ["network=appocc", *words]
+    with pytest.raises(DataError) as caught:
+        read_config(path, words)
+    assert said in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("data: {train: a", "no valid YAML"),
+        ("- 1", "expected keys such as data and train, got list"),
+        ("", "got NoneType"),
+        ("data: {train: a, val: b}", "train: expected a value, got none"),
+        ("data: {train: a, train: b}", "'train' stands twice"),
+        ("data: 2020-99-99", "no valid YAML"),
+    ],
+)
+def test_damaged_files_are_told(tmp_path: Path, text: str, said: str) -> None:
+    path = tmp_path / "bad.yaml"
+    path.write_text(text)
+    with pytest.raises(DataError, match=r"bad\.yaml") as caught:
+        read_config(path)
+    assert said in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_missing_file_is_told(tmp_path: Path) -> None:
+    with pytest.raises(DataError, match=r"none.yaml: cannot be read"):
+        read_config(tmp_path / "none.yaml")
+
+
+def test_what_is_written_is_read_as_the_same(path: Path, tmp_path: Path) -> None:
+    config = read_config(path, ["losses.pos_weight=[1, 2.5, 3]", "train.threads=2"])
+    (tmp_path / "again.yaml").write_text(config.as_yaml())
+    assert read_config(tmp_path / "again.yaml") == config
+
+
+def test_differences_name_the_keys(path: Path) -> None:
+    one, other = read_config(path), read_config(path, ["train.lr=5", "losses.classes=[1, 1, 2]"])
+    assert one.differences(other) == ["train.lr", "losses.classes"]
+    assert one.differences(one) == []
+
+
+@pytest.mark.parametrize("shipped", CONFIGS, ids=lambda path: path.name)
+def test_shipped_files_can_be_read(shipped: Path) -> None:
+    assert isinstance(read_config(shipped), Config)
+
+
+def test_there_are_shipped_files() -> None:
+    assert {"small.yaml", "release.yaml"} <= {path.name for path in CONFIGS}

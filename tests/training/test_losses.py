@@ -1,0 +1,133 @@
+from __future__ import annotations
+
+import math
+
+import pytest
+import torch
+from torch import Tensor
+
+from appocc.models.base import DEPTH_BINS, Output, ViewOutput
+from appocc.training.batch import Truth
+from appocc.training.config import LossConfig
+from appocc.training.losses import colour_loss, depth_bin, depth_loss, kind_loss, losses, occupancy_loss
+
+
+def truth(**parts: Tensor) -> Truth:
+    """One sample of 2x2 cells and one camera of 2x2 places, nothing on, everything known."""
+    values = {
+        "occupancy": torch.zeros(1, 3, 2, 2),
+        "occupancy_valid": torch.ones(1, 3, 2, 2, dtype=torch.bool),
+        "appearance": torch.zeros(1, 3, 2, 2),
+        "appearance_valid": torch.ones(1, 2, 2, dtype=torch.bool),
+        "depth_m": torch.zeros(1, 1, 2, 2),
+        "kind": torch.full((1, 1, 2, 2), -1),
+    }
+    return Truth(**(values | parts))
+
+
+def test_cross_entropy_weighs_what_is_on_and_leaves_out_what_is_unknown() -> None:
+    occupancy = torch.zeros(1, 3, 2, 2)
+    occupancy[0, 1, 0, 0] = 1
+    known = torch.ones(1, 3, 2, 2, dtype=torch.bool)
+    known[0, 1, 1] = False
+    logits = torch.zeros(1, 3, 2, 2)
+    logits[0, 1, 0, 0] = math.log(3)  # probability 3/4
+    logits[0, 1, 1] = 100.0  # wrong, but nothing is known there
+    config = LossConfig(pos_weight=(1, 4, 1))
+    found = occupancy_loss(logits, truth(occupancy=occupancy, occupancy_valid=known), config)
+    vehicle = (4 * -math.log(3 / 4) + math.log(2)) / 2
+    assert found.tolist() == pytest.approx([math.log(2), vehicle, math.log(2)])
+
+
+def test_focal_loss_looks_away_from_what_is_right() -> None:
+    occupancy = torch.zeros(1, 3, 2, 2)
+    occupancy[0, 0] = 1
+    logits = torch.full((1, 3, 2, 2), math.log(3))
+    config = LossConfig(occupancy="focal", focal_gamma=2, pos_weight=(2, 1, 1))
+    road, vehicle, _ = occupancy_loss(logits, truth(occupancy=occupancy), config).tolist()
+    assert road == pytest.approx(2 * (1 / 4) ** 2 * -math.log(3 / 4))
+    assert vehicle == pytest.approx((3 / 4) ** 2 * -math.log(1 / 4))
+
+
+def test_colour_counts_on_known_cells_of_the_classes_and_more_on_vehicles() -> None:
+    occupancy = torch.zeros(1, 3, 2, 2)
+    occupancy[0, 0, 0, 0] = 1  # road
+    occupancy[0, 0:2, 0, 1] = 1  # a vehicle on the road
+    occupancy[0, 2, 1, 0] = 1  # a lane whose colour nobody knows; (1, 1) is nothing
+    known = torch.tensor([[[True, True], [False, True]]])
+    appearance = torch.zeros(1, 3, 2, 2)
+    appearance[0, :, 0, 0] = torch.tensor([0.3, 0.0, 0.0])  # L1 0.1
+    appearance[0, :, 0, 1] = 0.5
+    appearance[0, :, 1] = 1.0
+    found = colour_loss(appearance, truth(occupancy=occupancy, appearance_valid=known), vehicles=3)
+    assert float(found) == pytest.approx((1 * 0.1 + 3 * 0.5) / 4)
+
+
+def test_a_class_that_is_not_known_to_be_there_has_no_colour() -> None:
+    none_known = torch.zeros(1, 3, 2, 2, dtype=torch.bool)
+    found = colour_loss(
+        torch.ones(1, 3, 2, 2), truth(occupancy=torch.ones(1, 3, 2, 2), occupancy_valid=none_known), 4
+    )
+    assert float(found) == 0
+
+
+def test_depth_bins() -> None:
+    depths = torch.tensor([0.0, 3.99, 4.0, 4.5, 4.99, 5.0, 44.99, 45.0, math.inf])
+    assert depth_bin(depths).tolist() == [-1, -1, 0, 0, 0, 1, 40, -1, -1]
+
+
+def test_depth_is_judged_where_it_is_known() -> None:
+    logits = torch.zeros(1, 1, DEPTH_BINS, 2, 2)
+    logits[0, 0, 6, 0, 0] = math.log(60)  # 10.5 m: 60 of 100
+    logits[0, 0, 0, 1, 1] = 50.0  # unknown there
+    depth = torch.tensor([[[[10.4, math.inf], [0.0, 0.0]]]])
+    assert float(depth_loss(logits, depth)) == pytest.approx(-math.log(0.6), abs=1e-6)
+
+
+def test_coarser_answers_are_judged_by_what_stands_in_front() -> None:
+    depth = torch.tensor([[[[0.0, 20.2, 3.0, 0.0], [10.4, math.inf, 0.0, math.inf]]]])  # 2 squares of 2x2
+    kind = torch.tensor([[[[7, 1, 2, -1], [5, 0, 0, 0]]]])
+    logits = torch.zeros(1, 1, DEPTH_BINS, 1, 2)
+    logits[0, 0, 6, 0, 0] = math.log(60)
+    # The second square's nearest is before the first bin: what is behind it must not be told to be in front.
+    assert float(depth_loss(logits, depth)) == pytest.approx(-math.log(0.6), abs=1e-6)
+    kinds = torch.zeros(1, 1, 8, 1, 2)
+    kinds[0, 0, 5, 0, 0] = kinds[0, 0, 2, 0, 1] = math.log(7)
+    assert float(kind_loss(kinds, kind, depth)) == pytest.approx(math.log(2), abs=1e-6)
+
+
+def test_a_kind_is_known_where_no_depth_is() -> None:
+    kind = torch.tensor([[[[-1, 3], [-1, -1]]]])
+    kinds = torch.zeros(1, 1, 4, 1, 1)
+    assert float(kind_loss(kinds, kind, torch.zeros(1, 1, 2, 2))) == pytest.approx(math.log(4))
+
+
+def test_nothing_known_is_no_loss_and_has_a_gradient() -> None:
+    logits = torch.zeros(1, 3, 2, 2, requires_grad=True)
+    colour = torch.zeros(1, 3, 2, 2, requires_grad=True)
+    views = ViewOutput(
+        torch.zeros(1, 1, DEPTH_BINS, 2, 2, requires_grad=True), torch.zeros(1, 1, 5, 2, 2, requires_grad=True)
+    )
+    nothing = truth(
+        occupancy_valid=torch.zeros(1, 3, 2, 2, dtype=torch.bool),
+        appearance_valid=torch.zeros(1, 2, 2, dtype=torch.bool),
+    )
+    terms = losses(Output(logits, colour, views), nothing, LossConfig())
+    assert terms.names() == ("road", "vehicle", "lane", "colour", "depth", "kind")
+    total = terms.total(LossConfig())
+    assert float(total.detach()) == 0
+    torch.autograd.backward(total)
+    assert all(part.grad is not None and not part.grad.any() for part in (logits, colour, *views) if part is not None)
+
+
+def test_the_total_is_weighted_and_lacks_what_the_network_does_not_answer() -> None:
+    terms = losses(Output(torch.zeros(1, 3, 2, 2), None, None), truth(), LossConfig(classes=(1, 2, 0)))
+    assert terms.names() == ("road", "vehicle", "lane")
+    assert float(terms.total(LossConfig(classes=(1, 2, 0)))) == pytest.approx(3 * math.log(2))
+
+
+def test_half_precision_answers_are_judged_in_full() -> None:
+    logits = torch.full((1, 3, 2, 2), 0.25, dtype=torch.bfloat16)
+    found = occupancy_loss(logits, truth(), LossConfig())
+    assert found.dtype == torch.float32
+    assert found.tolist() == pytest.approx([math.log1p(math.exp(0.25))] * 3)
