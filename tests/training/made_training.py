@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -95,7 +96,8 @@ class TinySamples:
 
 
 def save(path: Path, model: BEVModel, card: dict[str, str]) -> None:
-    save_file({name: value.contiguous() for name, value in model.state_dict().items()}, path)
+    tensors = {name: value.contiguous() for name, value in model.state_dict().items()}
+    save_file(tensors, path, {"card": json.dumps(card, sort_keys=True)})
 
 
 def made_config(**more: Any) -> Config:

@@ -38,13 +38,11 @@ def numbers(folder: Path) -> list[dict[str, Any]]:
 
 
 def tensors(folder: Path) -> dict[str, str]:
-    """Digests of all tensors of the latest state and of the best weights."""
-    found = {}
-    for path in (states(folder)[0], folder / "best.safetensors"):
-        with safe_open(path, framework="pt") as file:
-            for name in file.keys():  # noqa: SIM118
-                data = file.get_tensor(name).numpy().tobytes()
-                found[f"{path.name} {name}"] = hashlib.sha256(data).hexdigest()
+    """Digests of all tensors of the latest state, and of the file of the best weights with its card."""
+    found = {"best": hashlib.sha256((folder / "best.safetensors").read_bytes()).hexdigest()}
+    with safe_open(states(folder)[0], framework="pt") as file:
+        for name in file.keys():  # noqa: SIM118
+            found[name] = hashlib.sha256(file.get_tensor(name).numpy().tobytes()).hexdigest()
     return found
 
 
