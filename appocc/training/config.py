@@ -114,7 +114,7 @@ class AugmentConfig(_Part):
         yaw_deg: the ego frame is turned by up to so much.
         shift_m: and moved along x and y by up to so much.
         mirror: share of samples that are mirrored left to right.
-        brightness: of each camera by up to this share.
+        brightness: of each sample and its map, by up to this share.
         contrast: likewise.
         saturation: likewise.
         cameras_dropped: up to so many cameras are left out.
