@@ -60,7 +60,7 @@ def train(
             _step(run, wrapped, batches)
             if _save_due(run):
                 _save(run)
-            if watcher.stop:
+            if run.stopping:
                 _save(run)
                 raise StoppedError(f"stopped after step {progress.step}; {folder.path} goes on with --resume")
     _save(run)
@@ -139,7 +139,7 @@ def _step(run: Run, wrapped: nn.Module, batches: Iterator[Fed]) -> None:
         [torch.stack(told).mean(0), length[None], length.new_tensor([waited, float(run.watcher.stop)])]
     )
     *parts, total_loss, norm, waited, stop = world.mean(values).tolist()
-    run.watcher.stop = stop > 0  # all processes stop after the same step
+    run.agreed = stop > 0  # all processes stop after the same step
     named = dict(zip(terms.names(), parts, strict=True)) | {"total": total_loss}
     _check_loss(run, named, norm)  # before the weights are moved
     run.optimizer.step()
@@ -285,7 +285,7 @@ def validate(run: Run) -> Validation:
 
 def _ask_to_stop(run: Run) -> None:
     """End an evaluation that nobody waits for; it is done again on resume."""
-    if run.watcher.stop and run.world.size == 1:
+    if run.stopping:
         _save(run)
         raise StoppedError(f"stopped at step {run.progress.step}; {run.folder.path} goes on with --resume")
 

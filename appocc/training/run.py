@@ -77,7 +77,7 @@ class Watcher:
         step: called with the share of the budget that is spent and a line about it.
         say: called with lines that should stay.
         running: whether steps are taken, or will be next.
-        stop: set to end the training after this step, with its state.
+        stop: set to end the training after this step (the next, if processes have to agree), with its state.
     """
 
     step: Callable[[float, str], None] = lambda share, text: None
@@ -102,6 +102,12 @@ class Run:
     progress: Progress = field(default_factory=Progress)
     saved_at: float = field(default_factory=time.monotonic)
     drawn_at: float = field(default_factory=time.monotonic)
+    agreed: bool = False  # all processes know of the wish to stop
+
+    @property
+    def stopping(self) -> bool:
+        """Whether to stop now; nobody overwrites the wish, which a signal may utter at any moment."""
+        return self.watcher.stop if self.world.size == 1 else self.agreed
 
     @property
     def share(self) -> float:

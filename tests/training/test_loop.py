@@ -205,6 +205,22 @@ def test_an_evaluation_can_be_stopped(tmp_path: Path) -> None:
     assert (tmp_path / "run" / "state-00000005.safetensors").is_file()
 
 
+def test_no_wish_to_stop_is_lost(tmp_path: Path) -> None:
+    """A signal may come while the processes tell each other whether there was one."""
+    watcher = Watcher()
+
+    class Interrupted(World):
+        def mean(self, values: torch.Tensor) -> torch.Tensor:
+            watcher.stop = True
+            return values
+
+    config = made_config()
+    with pytest.raises(StoppedError, match="after step 1;"):
+        train(
+            made_parts(config), config, RunFolder(tmp_path / "run"), Interrupted(0, 1, torch.device("cpu")), watcher
+        )
+
+
 def test_the_rate_goes_up_and_down() -> None:
     rates = [learning_rate(share, 1.0, 0.2) for share in (0.0, 0.1, 0.2, 0.6, 1.0)]
     assert rates == pytest.approx([0.04, 0.52, 1.0, 0.50005, 1e-4])
