@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -30,7 +31,7 @@ class BEVMap:
         occupancy_valid: (3, X, Y) bool: False where nothing is known of that class.
         appearance: (3, X, Y) uint8 sRGB seen from above.
         appearance_valid: (X, Y) bool: False where no colour is known.
-        meta: sources of each part, token, time; JSON values only.
+        meta: sources of each part, token, time, `thresholds` of a network's answer; JSON values only.
     """
 
     grid: BEVGrid
@@ -60,6 +61,34 @@ class BEVMap:
             raise ShapeError(
                 f"occupancy: expected values in [0, 1], got {self.occupancy.min()}..{self.occupancy.max()}"
             )
+
+    @property
+    def thresholds(self) -> dict[str, float] | None:
+        """Probability by class from which a cell is of it, as chosen on validation data; None where meta has none.
+
+        Raises:
+            DataError: if they are no shares, one a class.
+        """
+        kept = self.meta.get("thresholds")
+        if kept is None:
+            return None
+        numbers = isinstance(kept, dict) and all(
+            isinstance(kept.get(name), int | float) and 0 <= kept[name] <= 1 for name in CLASSES
+        )
+        if not numbers:
+            raise DataError(f"thresholds of a map: expected a share for each of {', '.join(CLASSES)}, got {kept}")
+        return {name: float(kept[name]) for name in CLASSES}
+
+    @cached_property
+    def on(self) -> BoolArray:
+        """(3, X, Y) whether a cell is known to be road, vehicle, lane: from the map's thresholds, or from 0.5.
+
+        Raises:
+            DataError: as `thresholds`.
+        """
+        kept = self.thresholds or {}
+        least = np.array([kept.get(name, 0.5) for name in CLASSES], np.float32)[:, None, None]
+        return (self.occupancy >= least) & self.occupancy_valid
 
     def save(self, path: Path, more: Mapping[str, NDArray[np.generic]] | None = None) -> None:
         """Write `path` (.npz, compressed, whole or not at all; the same map gives the same bytes).

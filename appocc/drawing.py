@@ -60,13 +60,13 @@ class BEVCanvas:
         """Draw the colours of a map; unknown cells stay as they are."""
         self.cells(np.moveaxis(bev.appearance, 0, -1), bev.appearance_valid)
 
-    def occupancy(self, bev: BEVMap, threshold: float = 0.5) -> None:
+    def occupancy(self, bev: BEVMap) -> None:
         """Draw road, lane and vehicle in fixed colours, over black where known and empty."""
         known = bev.occupancy_valid[ROAD]
         self.cells(np.full((*self.grid.shape, 3), 20, np.uint8), known)
         for layer in (ROAD, LANE, VEHICLE):
             colour = np.broadcast_to(np.array(_CLASS_COLOURS[layer], np.uint8), (*self.grid.shape, 3))
-            self.cells(colour, (bev.occupancy[layer] >= threshold) & bev.occupancy_valid[layer])
+            self.cells(colour, bev.on[layer])
 
     def line(self, xy_m: ArrayLike, colour: Colour, width: int = 1, closed: bool = False) -> None:
         """Draw a polyline through points (N, 2) in the ego frame."""

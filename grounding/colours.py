@@ -106,7 +106,7 @@ def exposure_of(bev: BEVMap, vehicles_rgb: FloatArray) -> Exposure:
     Nothing is darkened, nothing brightened beyond two stops. Without road or enough vehicles that part is left out.
     """
     gain = np.ones(3)
-    road = bev.appearance_valid & (bev.occupancy[ROAD] >= 0.5) & (bev.occupancy[VEHICLE] < 0.5)
+    road = bev.appearance_valid & bev.on[ROAD] & ~bev.on[VEHICLE]
     if np.count_nonzero(road) >= 100:
         asphalt = np.median(_linear_from_srgb(bev.appearance[:, road].T), axis=0) + 1e-3
         gain = asphalt.mean() / asphalt

@@ -155,8 +155,8 @@ def _violations(bev: BEVMap, centres: FloatArray, heading: float) -> tuple[BoolA
     cells = bev.grid.cell_of(footprint_points(centres, heading))
     inside = bev.grid.contains(cells)
     i, j = np.moveaxis(np.where(inside[..., None], cells, 0), -1, 0)
-    occupied = ((bev.occupancy[VEHICLE][i, j] >= 0.5) & inside).any(axis=1)
+    occupied = (bev.on[VEHICLE][i, j] & inside).any(axis=1)
     known = bev.occupancy_valid[ROAD][i, j] & inside
-    road = (bev.occupancy[ROAD][i, j] >= 0.5) & known
+    road = bev.on[ROAD][i, j] & known
     off_road = road.sum(axis=1) < _ON_ROAD * known.sum(axis=1)
     return np.asarray(occupied), np.asarray(off_road), np.asarray(~inside.all(axis=1))

@@ -161,7 +161,7 @@ def _is_ego(item: SceneObject) -> bool:
 
 def _from_boxes(bev: BEVMap, boxes: Boxes) -> list[SceneObject]:
     """Annotated vehicles, with colours from the map and never from an annotation."""
-    known = (bev.occupancy[VEHICLE] >= 0.5) & bev.appearance_valid
+    known = bev.on[VEHICLE] & bev.appearance_valid
     centres, colours = bev.grid.centres()[known], np.moveaxis(bev.appearance, 0, -1)[known]
     objects = []
     for i in range(len(boxes)):

@@ -19,12 +19,10 @@ class BlobConfig:
     """When cells of the vehicle layer make a blob.
 
     Attributes:
-        threshold: least probability of a vehicle cell.
         min_area_m2: smaller blobs are dropped as specks; a narrow motorcycle covers about 0.6 m2.
         split: whether blobs that do not look like one vehicle are cut by colour and place.
     """
 
-    threshold: float = 0.5
     min_area_m2: float = 0.4
     split: bool = True
 
@@ -102,7 +100,7 @@ _ARRAYS = tuple(field.name for field in fields(Blobs) if field.name != "grid")
 def find_blobs(bev: BEVMap, config: BlobConfig | None = None) -> Blobs:
     """The vehicle blobs of a map: connected cells (by their sides) of the vehicle layer, cut where vehicles touch."""
     config = config or BlobConfig()
-    found, count = ndimage.label((bev.occupancy[VEHICLE] >= config.threshold) & bev.occupancy_valid[VEHICLE])
+    found, count = ndimage.label(bev.on[VEHICLE])
     labels = found.astype(np.int64)
     rgb = np.moveaxis(bev.appearance, 0, -1).astype(np.float64)
     rgb[~bev.appearance_valid] = np.nan

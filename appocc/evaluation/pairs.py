@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from appocc.bevmap import CLASSES, BEVMap, bev_folder, bev_path
+from appocc.bevmap import BEVMap, bev_folder, bev_path
 from appocc.checks import BoolArray, IntArray
 from appocc.errors import DataError
 from appocc.files import zip_arrays
@@ -75,23 +74,6 @@ def check_there(root: Path, source: str, samples: list[Sample]) -> None:
         raise DataError(
             f"{folder}: {len(missing)} of {len(samples)} samples have no BEV map ({first}); make them with: {how}"
         )
-
-
-def kept_thresholds(made: BEVMap) -> Mapping[str, float] | None:
-    """The thresholds that were chosen on validation data, where the map's meta says them.
-
-    Raises:
-        DataError: if they are no shares, one a class.
-    """
-    kept = made.meta.get("thresholds")
-    if kept is None:
-        return None
-    numbers = isinstance(kept, dict) and all(
-        isinstance(kept.get(name), int | float) and 0 <= kept[name] <= 1 for name in CLASSES
-    )
-    if not numbers:
-        raise DataError(f"thresholds of a map: expected a share for each of {', '.join(CLASSES)}, got {kept}")
-    return {name: float(kept[name]) for name in CLASSES}
 
 
 def _more(path: Path, name: str) -> NDArray[np.generic] | None:

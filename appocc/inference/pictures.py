@@ -7,7 +7,7 @@ from collections.abc import Collection
 import cv2
 import numpy as np
 
-from appocc.bevmap import CLASSES, BEVMap
+from appocc.bevmap import BEVMap
 from appocc.camera import Camera, CameraRig
 from appocc.checks import ByteArray, FloatArray
 from appocc.drawing import BEVCanvas, put_text
@@ -29,7 +29,7 @@ def figure(frame: Frame, bev: BEVMap, places_m: FloatArray) -> ByteArray:
 
     Args:
         frame: with these images.
-        bev: its map, decided (see `decided`).
+        bev: its map.
         places_m: (N, 2) centroids of vehicles, ego frame; each is labelled with its distance along x.
     """
     panels = [map_panel(bev, title, places_m) for title in _CAPTIONS]
@@ -40,14 +40,6 @@ def figure(frame: Frame, bev: BEVMap, places_m: FloatArray) -> ByteArray:
     right = np.concatenate([panels[0], gap, panels[1]], axis=axis)
     left = _cameras(frame, bev.meta.get("cameras", frame.images), right.shape[0])
     return np.ascontiguousarray(np.hstack([left, np.full((right.shape[0], _GAP_PX, 3), 255, np.uint8), right]))
-
-
-def decided(bev: BEVMap) -> BEVMap:
-    """A map with each class on or off, by the thresholds in its meta (0.5 where it has none)."""
-    kept = bev.meta.get("thresholds") or {}
-    least = np.array([float(kept.get(name, 0.5)) for name in CLASSES])[:, None, None]
-    on = (bev.occupancy >= least).astype(np.float32)
-    return BEVMap(bev.grid, on, bev.occupancy_valid, bev.appearance, bev.appearance_valid, bev.meta)
 
 
 def map_panel(bev: BEVMap, title: str, places_m: FloatArray) -> ByteArray:

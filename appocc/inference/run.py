@@ -11,7 +11,7 @@ from appocc.checks import FloatArray
 from appocc.errors import DataError
 from appocc.files import write_image
 from appocc.inference.moments import Moment
-from appocc.inference.pictures import decided, figure
+from appocc.inference.pictures import figure
 from appocc.inference.predictor import Predictor
 
 PICTURES = "pictures"
@@ -44,7 +44,7 @@ def infer(
         moments: what is predicted.
         predictor: the network.
         out: folder of the maps.
-        places_of: centroids (N, 2) of the vehicles of a decided map, ego frame, which the picture labels.
+        places_of: centroids (N, 2) of the vehicles of a map, ego frame, which the picture labels.
         advance: called with the number of moments done.
 
     Raises:
@@ -64,8 +64,7 @@ def infer(
                 dead[channel] = (times + 1, first)
             bev, seen = predictor(view.frame)
             # The map comes last, so that it is never without its picture.
-            shown = decided(bev)
-            write_image(picture, figure(view.frame, shown, places_of(shown)))
+            write_image(picture, figure(view.frame, bev, places_of(bev)))
             bev.save(path, {"seen": seen})
             made += 1
         advance(1)

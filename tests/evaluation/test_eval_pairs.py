@@ -9,7 +9,7 @@ from made_pair import GRID, bev
 from appocc.bevmap import ROAD, bev_path
 from appocc.errors import DataError
 from appocc.evaluation.bev import weather_of
-from appocc.evaluation.pairs import kept_thresholds, read_pair
+from appocc.evaluation.pairs import read_pair
 from appocc.grid import BEVGrid
 from appocc.nuscenes.records import Scene
 
@@ -48,8 +48,8 @@ def test_an_array_of_another_shape_is_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize("kept", [{"road": 0.5}, 0.5, {"road": 0.5, "vehicle": 2, "lane": 0.5}])
 def test_thresholds_are_shares_of_all_classes(kept: object) -> None:
     with pytest.raises(DataError, match="expected a share for each of road, vehicle, lane"):
-        kept_thresholds(bev(meta={"thresholds": kept}))
-    assert kept_thresholds(bev()) is None
+        _ = bev(meta={"thresholds": kept}).thresholds
+    assert bev().thresholds is None
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ from appocc.checks import FloatArray
 from appocc.errors import DataError
 from appocc.files import read_image, zip_arrays
 from appocc.inference.moments import Moment, dataset_moments
-from appocc.inference.pictures import decided, figure, rows_of_cameras
+from appocc.inference.pictures import figure, rows_of_cameras
 from appocc.inference.predictor import Predictor
 from appocc.inference.run import Summary, infer
 from appocc.nuscenes import Dataset
@@ -23,7 +23,7 @@ ALL = [token("sample", i) for i in range(3)]
 
 def places(bev: BEVMap) -> FloatArray:
     """The mean of all vehicle cells."""
-    return np.asarray(bev.grid.centres()[bev.occupancy[VEHICLE] > 0].mean(axis=0, keepdims=True))
+    return np.asarray(bev.grid.centres()[bev.on[VEHICLE]].mean(axis=0, keepdims=True))
 
 
 def moments_of(tiny: TinyDataset) -> list[Moment]:
@@ -96,17 +96,16 @@ def test_nothing_half_made_is_left(tiny: TinyDataset, tmp_path: Path) -> None:
 
 def test_a_map_is_decided_by_its_thresholds(tiny: TinyDataset) -> None:
     bev, _ = predictor()(moments_of(tiny)[0].read().frame)
-    on = decided(bev)
-    assert on.occupancy[VEHICLE].sum() > 0  # 0.45 against 0.4
-    assert on.occupancy[LANE].sum() == 0  # 0.45 against 0.5
+    assert bev.on[VEHICLE].any()  # 0.45 against 0.4
+    assert not bev.on[LANE].any()  # 0.45 against 0.5
     plain = BEVMap(bev.grid, bev.occupancy, bev.occupancy_valid, bev.appearance, bev.appearance_valid)
-    assert decided(plain).occupancy[VEHICLE].sum() == 0
+    assert not plain.on[VEHICLE].any()
 
 
 @pytest.mark.parametrize("setting", [None, AHEAD])
 def test_the_figure_has_cameras_left_and_both_maps_right(tiny: TinyDataset, setting: object) -> None:
     frame = moments_of(tiny)[0].read().frame
-    bev = decided(predictor(MadeModel(AHEAD) if setting else None)(frame).bev)
+    bev = predictor(MadeModel(AHEAD) if setting else None)(frame).bev
     picture = figure(frame, bev, places(bev))
     bare = figure(frame, bev, np.zeros((0, 2)))
     high, wide = (side * 4 for side in bev.grid.shape)

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from made_map import BLACK, BLUE, RED, WHITE, Car, map_of
@@ -45,10 +47,10 @@ def test_cells_whose_class_is_unknown_make_no_blob() -> None:
     assert len(find_blobs(hidden)) == 0
 
 
-def test_the_threshold_decides() -> None:
+def test_the_threshold_of_the_map_decides() -> None:
     bev = map_of([Car(10, 0)], probability=0.45)
     assert len(find_blobs(bev)) == 0
-    assert len(find_blobs(bev, BlobConfig(threshold=0.4))) == 1
+    assert len(find_blobs(replace(bev, meta={"thresholds": {"road": 0.5, "vehicle": 0.4, "lane": 0.5}}))) == 1
 
 
 def test_a_car_at_the_rim_is_marked_as_cut() -> None:
