@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from appocc.checks import FloatArray, check_finite, check_shape
+from appocc.checks import FloatArray, IntArray, check_finite, check_shape
 from appocc.grid import BEVGrid
 from appocc.shapes import Cover, List2
 
@@ -44,6 +44,33 @@ def polygon_cover(grid: BEVGrid, polygon_xy_m: FloatArray) -> Cover:
     size, place = x * (y + 1), row * (y + 1) + column
     signed = np.bincount(place, run * (1 - beyond), size) + np.bincount(place + 1, run * beyond, size + 1)[:size]
     return np.asarray(np.clip(np.abs(np.cumsum(signed.reshape(x, y + 1), axis=1)[:, :y]), 0.0, 1.0))
+
+
+def polygon_owner(grid: BEVGrid, outlines_m: FloatArray, least: float) -> IntArray:
+    """(X, Y) number of the polygon that covers most of a cell; -1 where none covers the share `least` of it.
+
+    Args:
+        grid: cells.
+        outlines_m: (N, K, 2) simple polygons, ego frame; of equal ones the first counts.
+        least: share, give or take rounding.
+
+    Raises:
+        ShapeError: if the outlines are not (N, K, 2) or not finite.
+    """
+    check_shape("outlines", outlines_m, (None, None, 2))
+    check_finite("outlines", outlines_m)
+    best = np.full(grid.shape, least - ROUNDING)
+    owner = np.full(grid.shape, -1, dtype=np.int64)
+    corners = (outlines_m - [grid.x_min_m, grid.y_min_m]) / grid.cell_m
+    lows = np.clip(np.floor(corners.min(axis=1)), 0, grid.shape).astype(np.int64)
+    highs = np.clip(np.floor(corners.max(axis=1)) + 1, 0, grid.shape).astype(np.int64)
+    for i in np.flatnonzero((lows < highs).all(axis=1)):
+        # Only the cells around it, counted from the lowest.
+        (x0, y0), (x1, y1) = lows[i].tolist(), highs[i].tolist()
+        cover = polygon_cover(BEVGrid(0.0, x1 - x0, 0.0, y1 - y0, 1.0), corners[i] - lows[i])
+        more = cover > best[x0:x1, y0:y1]
+        best[x0:x1, y0:y1][more], owner[x0:x1, y0:y1][more] = cover[more], i
+    return owner
 
 
 def _cut(start: FloatArray, end: FloatArray, x: int, y: int) -> FloatArray:

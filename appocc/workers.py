@@ -6,14 +6,18 @@ import multiprocessing
 import os
 import signal
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
+from typing import TypeVar
 
 import cv2
 
 from appocc.errors import AppoccError
+
+T = TypeVar("T")
+R = TypeVar("R")
 
 _ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
@@ -44,6 +48,17 @@ def worker_pool(count: int) -> Iterator[Executor | None]:
                 del os.environ[name]
             else:
                 os.environ[name] = value
+
+
+def in_order(pool: Executor | None, job: Callable[[T], R], items: Iterable[T], chunksize: int = 1) -> Iterator[R]:
+    """Results of a job in the order of its items, `chunksize` of which are handed over at once.
+
+    Without a pool they are worked out here, each when it is asked for.
+    """
+    if pool is None:
+        return map(job, items)
+    with no_interrupts():  # here processes are started
+        return pool.map(job, items, chunksize=chunksize)
 
 
 @contextmanager

@@ -18,13 +18,13 @@ import cv2
 import numpy as np
 
 from appocc.checks import FloatArray
-from appocc.geometry import quaternion_from_yaw, transform
 from appocc.rigs import read_rig
 from appocc.simulation.actors.assembling import assemble
 from appocc.simulation.actors.paint import Paint, paints_of
 from appocc.simulation.build import build_town
 from appocc.simulation.builtin import TRAIN_TOWNS, load_builtin
 from appocc.simulation.mesh import Mesh
+from appocc.simulation.recording import ego_pose
 from appocc.simulation.rendering.lighting import Ego
 from appocc.simulation.rendering.renderer import Renderer
 from appocc.simulation.rendering.weather import WEATHERS, Weather
@@ -48,15 +48,12 @@ def set_moment(
 ) -> FloatArray:
     """Put a moment into the renderer; returns town_from_ego."""
     moment = log.at(time_s)
-    row = int(np.flatnonzero(moment.index == ego)[0])
-    size, yaw = log.actors[ego].size_lwh_m, float(moment.yaw_rad[row])
-    x, y = moment.xy_m[row] - 0.3 * size[0] * np.array([np.cos(yaw), np.sin(yaw)])
-    pose = transform(quaternion_from_yaw(yaw), [x, y, 0.0])
+    pose = ego_pose(log.actors[ego], moment, ego)
     with renderer.profile.stage("assemble"):
         mesh: Mesh = assemble(log.actors, moment, paints, pose[:2, 3], ego)
     lights = np.zeros(len(log.actors), np.uint8)
     lights[moment.index] = moment.lights
-    renderer.set_moment(mesh, lights, moment.signals, weather, Ego(pose, size))
+    renderer.set_moment(mesh, lights, moment.signals, weather, Ego(pose, log.actors[ego].size_lwh_m))
     return pose
 
 

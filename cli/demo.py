@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from cli.common import JsonOption, emit, progress, say
 
-COMMAND, FRAME = "park behind the silver car", 3
+if TYPE_CHECKING:
+    from appocc.nuscenes import Dataset, Scene
+    from tracking.run import SceneTracks
+
+COMMANDS = ("park behind the nearest silver car", "stop next to the red car", "pull over behind the nearest car")
+FRAME, PREDICTED = 3, "predicted"
 
 
 def demo(
@@ -19,7 +24,7 @@ def demo(
     ] = Path("appocc-demo"),
     as_json: JsonOption = False,
 ) -> None:
-    """Run everything once on a short simulated drive: pictures, maps, tracks, a grounded command.
+    """Run everything once on a short simulated drive: pictures, predicted maps, tracks, grounded commands.
 
     Example: appocc demo --out appocc-demo
     """
@@ -37,40 +42,97 @@ def demo(
 
 def _fill(folder: Path, out: Path) -> dict[str, Any]:
     """Make all files of the demo in `folder`, which is to become `out`; the outcome for machines."""
-    from appocc.bevmap import load_map
     from appocc.demo.dataset import SCENE, SOURCE, Settings, write_dataset
     from appocc.demo.explain import explanation
-    from appocc.demo.pictures import overview
-    from appocc.files import write_bytes, write_image
+    from appocc.evaluation.bev import Question, evaluate
+    from appocc.files import write_bytes
     from appocc.nuscenes import Dataset
-    from grounding.answer import ground
-    from grounding.picture import draw
-    from grounding.scene import scene_of
-    from tracking.run import score, track_scene, write_metrics, write_tracks
-    from tracking.video import draw_frame, write_video
 
     root, settings = folder / "dataset", Settings()
     with progress("drive", settings.samples) as advance:
         write_dataset(root, settings, advance)
     dataset = Dataset(root)
     scene = dataset.scene(SCENE)
-    sample = dataset.samples(scene)[FRAME]
-    frame, bev = dataset.frame(sample), load_map(root, SOURCE, sample.token)
-    write_image(folder / "bev.png", overview(frame, bev))
-
-    with progress("tracks", settings.samples) as advance:
-        tracks = track_scene(dataset, scene, SOURCE, advance=advance)
-    scores = score(dataset, tracks) or {}
-    write_tracks(root / "tracks" / SCENE, tracks)
-    write_metrics(root / "tracks" / SCENE / "metrics.json", tracks, scores)
-    with progress("video", settings.samples) as advance:
-        write_video(dataset, tracks, folder / "tracks.webm", advance)
-    write_image(folder / "tracks.png", draw_frame(tracks, FRAME, frame, bev))
-
-    answer = ground(COMMAND, scene_of(bev, frame.boxes_ego, frame.world_from_ego))
-    write_image(folder / "ground.png", draw(answer, frame))
-
-    metrics = {name: value.as_json() for name, value in scores.items()}
-    text = explanation(out, settings.samples, FRAME, COMMAND, metrics["metrics"], answer.text())
+    _predict(dataset, scene, settings.samples)
+    judged = evaluate(dataset, [scene], Question(PREDICTED, SOURCE, False, None), lambda _: None).as_json()
+    tracks, scores = _track(dataset, scene, folder)
+    answers = _ground(dataset, scene, folder)
+    _draw(dataset, scene, folder, tracks)
+    text = explanation(out, settings.samples, FRAME, judged, scores, answers)
     write_bytes(folder / "README.txt", text.encode())
-    return {"scene": SCENE, "tracks": tracks.count, **metrics, "ground": answer.to_dict()}
+    return {"scene": SCENE, "bev": judged, "tracks": tracks.count, **scores, "ground": answers}
+
+
+def _predict(dataset: Dataset, scene: Scene, samples: int) -> None:
+    """The maps of a scene by the weights of the package."""
+    from appocc.inference.loading import load_predictor
+    from appocc.inference.moments import dataset_moments
+    from appocc.inference.run import infer
+    from cli.infer import places_of
+
+    with progress("prediction", samples) as advance:
+        infer(
+            dataset_moments(dataset, [scene]),
+            load_predictor(None),
+            dataset.root / "bev" / PREDICTED,
+            places_of,
+            advance,
+        )
+
+
+def _track(dataset: Dataset, scene: Scene, folder: Path) -> tuple[SceneTracks, dict[str, Any]]:
+    """The tracks of a scene, written with their scores and a video."""
+    from tracking.run import score, track_scene, write_metrics, write_tracks
+    from tracking.video import write_video
+
+    tracks = track_scene(dataset, scene, PREDICTED)
+    scores = score(dataset, tracks) or {}
+    place = dataset.root / "tracks" / scene.name
+    write_tracks(place, tracks)
+    write_metrics(place / "metrics.json", tracks, scores)
+    with progress("video", len(tracks.samples)) as advance:
+        write_video(dataset, tracks, folder / "tracks.webm", advance)
+    return tracks, {name: value.as_json() for name, value in scores.items()}
+
+
+def _ground(dataset: Dataset, scene: Scene, folder: Path) -> list[dict[str, Any]]:
+    """What becomes of the commands on a predicted map; drawn, and how far that is from the answer on the true map."""
+    import numpy as np
+
+    from appocc.bevmap import load_map
+    from appocc.demo.dataset import SOURCE
+    from appocc.files import write_image
+    from grounding.answer import ground
+    from grounding.picture import draw
+    from grounding.scene import scene_of
+
+    sample = dataset.samples(scene)[FRAME]
+    frame = dataset.frame(sample)
+    predicted = scene_of(load_map(dataset.root, PREDICTED, sample.token), None, frame.world_from_ego)
+    exact = scene_of(load_map(dataset.root, SOURCE, sample.token), frame.boxes_ego, frame.world_from_ego)
+    answers = []
+    for number, command in enumerate(COMMANDS, start=1):
+        answer, true = ground(command, predicted), ground(command, exact)
+        name = f"ground-{number}.png"
+        write_image(folder / name, draw(answer, frame))
+        apart_m = None
+        if answer.target and true.target:
+            apart_m = float(np.hypot(*(answer.target.ego_m - true.target.ego_m)))
+        answers.append({"picture": name, **answer.to_dict(), "text": answer.text(), "apart_m": apart_m})
+    return answers
+
+
+def _draw(dataset: Dataset, scene: Scene, folder: Path, tracks: SceneTracks) -> None:
+    """The pictures of one key frame: cameras and maps, and its tracks."""
+    from appocc.bevmap import load_map
+    from appocc.demo.dataset import SOURCE
+    from appocc.demo.pictures import overview
+    from appocc.files import write_image
+    from cli.infer import places_of
+    from tracking.video import draw_frame
+
+    sample = dataset.samples(scene)[FRAME]
+    frame = dataset.frame(sample)
+    predicted, exact = (load_map(dataset.root, source, sample.token) for source in (PREDICTED, SOURCE))
+    write_image(folder / "bev.png", overview(frame, predicted, exact, places_of(predicted)))
+    write_image(folder / "tracks.png", draw_frame(tracks, FRAME, frame, predicted))

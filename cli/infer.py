@@ -49,7 +49,7 @@ def infer(
     predictor = load_predictor(weights)
     start = time.monotonic()
     with progress("prediction", len(moments)) as advance:
-        summary = run(moments, predictor, out, _places, advance)
+        summary = run(moments, predictor, out, places_of, advance)
     seconds = time.monotonic() - start
     if as_json:
         dead = {channel: {"frames": times, "reason": why} for channel, (times, why) in summary.dead.items()}
@@ -82,7 +82,7 @@ def moments_of(source: Path, rig: str | None, scene: str | None, version: str | 
     return dataset_moments(dataset, [dataset.scene(scene)] if scene else dataset.scenes)
 
 
-def _places(bev: BEVMap) -> FloatArray:
+def places_of(bev: BEVMap) -> FloatArray:
     """Centroids of the vehicles of a map, as tracking finds them."""
     from tracking.blobs import find_blobs
 

@@ -11,7 +11,7 @@ from matplotlib.path import Path as Outline
 from appocc.checks import FloatArray
 from appocc.errors import ShapeError
 from appocc.grid import BEVGrid
-from appocc.rasterise import line_cover, polygon_cover
+from appocc.rasterise import line_cover, polygon_cover, polygon_owner
 
 GRID = BEVGrid(-4.0, 4.0, -2.0, 4.0, 0.4)
 CELL_M2 = GRID.cell_m**2
@@ -181,3 +181,22 @@ def test_line_cover() -> None:
     assert wide.max() == 1.0  # twice over the same cells
     assert line_cover(GRID, np.array([[1.0, 1.0]]), 0.15).sum() == 0
     assert line_cover(GRID, np.zeros((0, 2)), 0.15).sum() == 0
+
+
+def test_a_cell_belongs_to_the_polygon_that_covers_most_of_it() -> None:
+    rng = np.random.default_rng(4)
+    shapes = [rectangle(*rng.uniform([-5, -3, 0.3, 0.3, 0], [5, 5, 0.9, 0.9, 6.3])) for _ in range(120)]
+    shapes += [shapes[3], rectangle(90.0, 0.0, 2.0, 1.0, 0.0)]
+    covers = np.stack([polygon_cover(GRID, shape) for shape in shapes])
+    expected = np.where(covers.max(axis=0) >= 0.3, covers.argmax(axis=0), -1)
+    assert len(np.unique(expected)) > 60
+    np.testing.assert_array_equal(polygon_owner(GRID, np.stack(shapes), 0.3), expected)
+    assert (polygon_owner(GRID, np.stack(shapes[-1:]), 0.3) == -1).all()
+    assert (polygon_owner(GRID, np.zeros((0, 4, 2)), 0.3) == -1).all()
+
+
+def test_outlines_that_are_no_list_of_polygons_are_refused() -> None:
+    with pytest.raises(ShapeError, match="outlines"):
+        polygon_owner(GRID, np.zeros((4, 2)), 0.5)
+    with pytest.raises(ShapeError, match="outlines"):
+        polygon_owner(GRID, np.full((1, 4, 2), np.nan), 0.5)

@@ -9,7 +9,7 @@ from pathlib import Path
 from appocc.camera import CameraRig
 from appocc.nuscenes.writer import Writer
 from appocc.rigs import read_rig
-from appocc.simulation.recording import SOURCE, VERSION, Recipe, build_place, record_scene
+from appocc.simulation.recording import SOURCE, VERSION, Recipe, build_place, record_scene, write_map
 from appocc.simulation.scenario import Scenario
 from appocc.simulation.sources import TownSource
 
@@ -47,5 +47,6 @@ def write_dataset(root: Path, settings: Settings, advance: Callable[[float], Non
     """
     writer = Writer(root, VERSION)
     place = build_place(TownSource(_STORY.town), root)
+    write_map(place.town, _STORY.town, root)
     record_scene(_STORY, place, Recipe(settings.samples, HZ, settings.rig), writer, advance)
     writer.save()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from shlex import quote
 from typing import Any
@@ -13,30 +13,37 @@ _TEXT = """\
 appocc demo
 ===========
 
-A car with six cameras and a LiDAR drives through a simulated town for {seconds:.0f} seconds, rendered just now on
-this machine. No picture was downloaded, and nothing was recorded on a real street.
+A car with six cameras and a LiDAR drives for {seconds:.0f} seconds through a simulated town that the network has
+never seen. The drive was rendered just now on this machine; no picture was downloaded, nothing was recorded on a
+real street.
 
 What each file shows
 --------------------
 bev.png      Above, the six camera images of key frame {frame}, as one looks out of the car. Below, the same moment
-             from above, ahead is up and left is left: on the left the colour of each cell of 0.4 m, on the right
-             what is there (road grey, line markings yellow, vehicles blue). The green outline is the car itself;
-             the numbers are metres ahead of (+) or behind (-) its rear axle. This map is the simulator's own truth,
-             not a prediction.
-tracks.webm  The vehicles followed through all {samples} key frames: the cameras with the tracks drawn in, and the map
-             with each vehicle's number, distance, trail and colour. Plays in any browser.
+             from above, ahead is up and left is left: what the network makes of the images, and under it the
+             truth. On the left the colour of each cell of 0.4 m, on the right what is there (road grey, line
+             markings yellow, vehicles blue). The green outline is the car itself; the numbers are metres ahead of
+             (+) or behind (-) its rear axle.
+tracks.webm  The vehicles of the predicted maps followed through all {samples} key frames: the cameras with the
+             tracks drawn in, and the map with each vehicle's number, distance, trail and colour. Plays in any
+             browser.
 tracks.png   Key frame {frame} of it.
-ground.png   "{command}": the vehicle that was meant (red), and the place where the car should
-             stand (cyan), in the map and in the camera that sees the vehicle best.
-dataset/     The recording itself, in the nuScenes schema (images, LiDAR sweeps, boxes, vector map), and under
-             bev/{source} the maps. It is yours to play with; nuscenes-devkit opens it as version {version}.
+{pictures}
+             The vehicle that was meant (red), and the place where the car should stand (cyan), in the map and in
+             the camera that sees the vehicle best.
+dataset/     The recording itself, in the nuScenes schema (images, LiDAR sweeps, boxes, vector map), and under bev/
+             the maps: {source} (the truth) and predicted, with a picture of each key frame. It is yours to play
+             with; nuscenes-devkit opens it as version {version}.
 
 What came out
 -------------
-tracking     {metrics}
-             The maps are the truth itself, so near-perfect scores are what should come out here:
-             they show that the parts fit together, not how well a trained model would do.
-grounding    {answer}
+maps         {maps}
+tracking     {tracking}
+{answers}
+
+Nothing here looks at the truth, apart from the scores. On the true maps (try --bev {source} below) tracking and
+grounding know what to do: what goes wrong above is the network's share. What it was trained on, and how good it is:
+appocc weights show
 
 The same by hand
 ----------------
@@ -50,17 +57,36 @@ Running 'appocc demo' again makes these files anew, and leaves alone whatever el
 """
 
 
-def explanation(out: Path, samples: int, frame: int, command: str, metrics: Mapping[str, Any], answer: str) -> str:
-    """The text of README.txt: what the files in `out` show, what came out, and what to try next."""
-    root, video, picture = (quote(str(out / name)) for name in ("dataset", "tracks.webm", "ground.png"))
-    asked = f"--scene {SCENE} --frame {frame}"
+def explanation(
+    out: Path,
+    samples: int,
+    frame: int,
+    judged: Mapping[str, Any],
+    scores: Mapping[str, Any],
+    answers: Sequence[Mapping[str, Any]],
+) -> str:
+    """The text of README.txt: what the files in `out` show, what came out, and what to try next.
+
+    Args:
+        out: folder of the demo.
+        samples: number of key frames.
+        frame: the one that is drawn.
+        judged: figures of the predicted maps (`Evaluation.as_json`).
+        scores: of the tracks.
+        answers: to the commands, each with its `text`, `picture` and how far it is `apart_m` from the true one.
+    """
+    root, video = quote(str(out / "dataset")), quote(str(out / "tracks.webm"))
+    asked, command = f"--scene {SCENE} --frame {frame}", answers[0]["query"]["command"]
     steps = [
-        f"appocc track {root} --scene {SCENE} --bev {SOURCE} --video {video}",
-        f'appocc ground "{command}" {root} {asked} --bev {SOURCE} --picture {picture}',
+        f"appocc infer {root} --scene {SCENE} --out {root}/bev/predicted",
+        f"appocc eval bev {root} --bev predicted",
+        f"appocc track {root} --scene {SCENE} --bev predicted --video {video}",
+        f'appocc ground "{command}" {root} {asked} --bev predicted --picture {quote(str(out / "ground-1.png"))}',
     ]
     tries = [
         f"appocc doctor {root}",
-        f'appocc ground "stop next to the red car" {root} {asked} --bev {SOURCE} --picture red.png',
+        f"appocc track {root} --scene {SCENE} --bev {SOURCE}",
+        f'appocc ground "{command}" {root} {asked} --bev {SOURCE} --picture true.png',
         f"appocc groundtruth {root}",
         "appocc simulate town --scenes 2 --seconds 2 --split test --sheet town.png",
     ]
@@ -70,9 +96,27 @@ def explanation(out: Path, samples: int, frame: int, command: str, metrics: Mapp
         frame=frame,
         version=VERSION,
         source=SOURCE,
-        command=command,
-        metrics="MOTA {MOTA:.2f}, IDF1 {IDF1:.2f}, {IDS} id switches, {GT} annotated places".format(**metrics),
-        answer=answer.replace("\n", "\n             "),
+        pictures="\n".join(f'{one["picture"]} "{one["query"]["command"]}"' for one in answers),
+        maps=_maps(judged),
+        tracking="MOTA {MOTA:.2f}, IDF1 {IDF1:.2f}, {IDS} id switches, {GT} annotated places".format(
+            **scores["metrics"]
+        ),
+        answers="\n".join(_answer(one) for one in answers),
         steps="\n".join(steps),
         next="\n".join(tries),
     )
+
+
+def _maps(judged: Mapping[str, Any]) -> str:
+    shares = ", ".join(f"{name} {100 * (iou or 0):.0f}" for name, iou in judged["iou_at_threshold"].items())
+    return f"IoU {shares} percent; colours off by {judged['appearance_l1']:.0f} of 255"
+
+
+def _answer(answer: Mapping[str, Any]) -> str:
+    apart = answer["apart_m"]
+    text = (
+        answer["text"]
+        if apart is None
+        else f"{answer['text']}\n- {apart:.1f} m from where the true map would have it"
+    )
+    return "grounding    " + text.replace("\n", "\n             ")

@@ -1,31 +1,43 @@
-"""The demo's first picture: six cameras over the map made from them."""
+"""The demo's first picture: six cameras, the map that was predicted from them, and the truth."""
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 
 from appocc.bevmap import BEVMap
-from appocc.checks import ByteArray
-from appocc.drawing import mosaic
+from appocc.checks import ByteArray, FloatArray
+from appocc.drawing import mosaic, put_text
 from appocc.frame import Frame
-from appocc.inference.pictures import camera_picture, map_panel
+from appocc.inference.pictures import camera_picture, map_panel, rows_of_cameras
 
-# Left to right as the cameras look out of the car: the upper row ahead, the lower row behind.
-_ORDER = ("CAM_FRONT_LEFT", "CAM_FRONT", "CAM_FRONT_RIGHT", "CAM_BACK_LEFT", "CAM_BACK", "CAM_BACK_RIGHT")
-_GAP_PX = 8
+_GAP_PX, _CAMERA_PX = 8, 533
 
 
-def overview(frame: Frame, bev: BEVMap) -> ByteArray:
-    """(H, W, 3) RGB: the six images of a frame, and below them colour and occupancy of its map, all labelled."""
-    places_m = np.zeros((0, 2))
-    if frame.boxes_ego is not None:
-        places_m = frame.boxes_ego.vehicles().centre_m[:, :2]
-        places_m = places_m[bev.grid.contains(bev.grid.cell_of(places_m))]
-    panels = [map_panel(bev, title, places_m) for title in ("appearance", "occupancy")]
-    gap = np.full((panels[0].shape[0], _GAP_PX, 3), 255, np.uint8)
-    lower = np.hstack([panels[0], gap, panels[1]])
-    camera = frame.rig[_ORDER[0]]
-    height_px = camera.height_px * (lower.shape[1] // 3) // camera.width_px
-    upper = mosaic([camera_picture(frame.images[channel], channel, height_px) for channel in _ORDER], 3)
-    upper = np.pad(upper, ((0, 0), (0, lower.shape[1] - upper.shape[1]), (0, 0)))
-    return np.ascontiguousarray(np.vstack([upper, np.full((_GAP_PX, lower.shape[1], 3), 255, np.uint8), lower]))
+def overview(frame: Frame, predicted: BEVMap, exact: BEVMap, places_m: FloatArray) -> ByteArray:
+    """(H, W, 3) RGB: six images; below them the predicted map, with vehicles at `places_m` (N, 2), and the truth."""
+    boxes = frame.boxes_ego
+    centres_m = np.zeros((0, 2)) if boxes is None else boxes.vehicles().centre_m[:, :2]
+    centres_m = centres_m[exact.grid.contains(exact.grid.cell_of(centres_m))]
+    cameras = [camera for row in rows_of_cameras(frame.rig) for camera in row]
+    height_px = cameras[0].height_px * _CAMERA_PX // cameras[0].width_px
+    upper = mosaic([camera_picture(frame.images[c.channel], c.channel, height_px) for c in cameras], 3)
+    rows = [_maps(predicted, "predicted from the six images", places_m), _maps(exact, "the truth", centres_m)]
+    width_px = max(upper.shape[1], *(row.shape[1] for row in rows))
+    return np.ascontiguousarray(np.vstack([_centred(part, width_px) for part in (upper, *rows)]))
+
+
+def _maps(bev: BEVMap, title: str, places_m: FloatArray) -> ByteArray:
+    """Colour and occupancy of a map, side by side, under a title."""
+    colour, occupancy = (map_panel(bev, side, places_m) for side in ("appearance", "occupancy"))
+    gap = np.full((colour.shape[0], _GAP_PX, 3), 255, np.uint8)
+    both = np.hstack([colour, gap, occupancy])
+    head = np.full((40, both.shape[1], 3), 255, np.uint8)
+    put_text(head, title, (0, 28), (0, 0, 0), 0.8)
+    return np.vstack([head, both])
+
+
+def _centred(picture: ByteArray, width_px: int) -> ByteArray:
+    left = (width_px - picture.shape[1]) // 2
+    right = width_px - picture.shape[1] - left
+    return np.asarray(cv2.copyMakeBorder(picture, 0, 0, left, right, cv2.BORDER_CONSTANT, value=(255,) * 3), np.uint8)

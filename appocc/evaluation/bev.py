@@ -25,11 +25,14 @@ from appocc.evaluation.cells import (
     share,
     threshold_rows,
 )
-from appocc.evaluation.pairs import check_there, kept_thresholds, read_pair
+from appocc.evaluation.pairs import check_there, read_pair
 from appocc.evaluation.vehicles import VehicleScore, score_vehicles, true_vehicles, visibility_levels
 from appocc.geometry import inverse
 from appocc.nuscenes.dataset import Dataset
 from appocc.nuscenes.records import Sample, Scene
+from appocc.simulation.scenario import weather_of
+
+__all__ = ["Evaluation", "Question", "SceneScores", "evaluate", "weather_of"]
 
 
 class Question(NamedTuple):
@@ -168,7 +171,7 @@ def evaluate(
     for source in (question.source, question.against):
         check_there(dataset.root, source, samples)
     first = read_pair(dataset.root, question.source, question.against, samples[0].token, question.ahead)
-    kept = kept_thresholds(first.made)
+    kept = first.made.thresholds
     scored = tuple(_score_scene(dataset, scene, question, kept, advance) for scene in scenes)
     return Evaluation(question, kept, tuple(scene for scene in scored if scene.samples))
 
@@ -186,7 +189,7 @@ def _score_scene(
     annotated = dataset.annotated(scene)
     for sample in samples:
         pair = read_pair(dataset.root, question.source, question.against, sample.token, question.ahead)
-        if kept_thresholds(pair.made) != kept:
+        if pair.made.thresholds != kept:
             raise DataError(f"{question.source}: expected maps of one model, got other thresholds at {sample.token}")
         grid = pair.truth.grid
         within = np.linalg.norm(grid.centres(), axis=-1) <= (question.range_m or np.inf)
@@ -203,12 +206,6 @@ def _score_scene(
 def _boxes(dataset: Dataset, sample: Sample) -> Any:
     """Annotated boxes of a sample in its ego frame."""
     return dataset.boxes_world(sample).transformed(inverse(dataset.world_from_ego(sample)))
-
-
-def weather_of(scene: Scene) -> str:
-    """The weather of a simulated scene, from its description 'town, weather, simulated; ...'; empty of others."""
-    found = re.match(r"[^,]+, ([\w ]+), simulated\b", scene.description)
-    return found[1] if found else ""
 
 
 def _vehicles(scores: Iterable[VehicleScore]) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from appocc.geometry import apply, inverse
 from appocc.grid import BEVGrid
 from appocc.groundtruth.surface import Surface
 from appocc.nuscenes.maps import Area, MaskWindow, VectorMap
-from appocc.rasterise import LANE_SHARE, ROAD_SHARE, ROUNDING, VEHICLE_SHARE, line_cover, polygon_cover
+from appocc.rasterise import LANE_SHARE, ROAD_SHARE, ROUNDING, VEHICLE_SHARE, line_cover, polygon_cover, polygon_owner
 
 _MARKING_WIDTH_M = 0.15
 # Fine cells (16 make a cell of 0.4 m) that must have been labelled before labels are believed.
@@ -39,13 +39,7 @@ class RoadSources(NamedTuple):
 
 def vehicle_owner(grid: BEVGrid, boxes_ego: Boxes) -> IntArray:
     """(X, Y) number of the box that covers at least half of a cell, the one that covers most; -1 where none does."""
-    best = np.full(grid.shape, VEHICLE_SHARE - ROUNDING)
-    owner = np.full(grid.shape, -1, dtype=np.int64)
-    for i, corners in enumerate(boxes_ego.corners()):
-        cover = polygon_cover(grid, corners[:4, :2])
-        more = cover > best
-        best[more], owner[more] = cover[more], i
-    return owner
+    return polygon_owner(grid, boxes_ego.corners()[:, :4, :2], VEHICLE_SHARE)
 
 
 def road_layer(grid: BEVGrid, world_from_ego: FloatArray, sources: RoadSources) -> Layer:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from typing import TypeVar
 
-from appocc.workers import no_interrupts
+from appocc.workers import in_order
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -22,14 +22,8 @@ class Work:
     def done(self, job: Callable[[T], R], items: Sequence[T], share: float) -> list[R]:
         """Results of a job in the order of the items; it moves the bar by a share of what is left."""
         part, results = self._left * share, []
-        for result in self._results(job, items):
+        for result in in_order(self._pool, job, items, chunksize=2):
             results.append(result)
             self._advance(part / len(items))
         self._left -= part if items else 0.0
         return results
-
-    def _results(self, job: Callable[[T], R], items: Sequence[T]) -> Iterator[R]:
-        if self._pool is None:
-            return map(job, items)
-        with no_interrupts():  # here processes are started
-            return self._pool.map(job, items, chunksize=2)

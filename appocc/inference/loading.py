@@ -15,6 +15,17 @@ from appocc.models.weights import load_model, thresholds_of
 PACKAGED = Path(__file__).parent.parent / "models" / "data" / "appocc.safetensors"
 
 
+def weights_file(weights: Path | None) -> Path:
+    """A file of weights; None: that of the package.
+
+    Raises:
+        DataError: if none comes with the package.
+    """
+    if weights is None and not PACKAGED.is_file():
+        raise DataError("no weights come with this version of appocc; name a file with --weights")
+    return weights or PACKAGED
+
+
 def load_predictor(weights: Path | None, device: torch.device | None = None) -> Predictor:
     """The network of a file of weights; None: of those that come with the package.
 
@@ -23,9 +34,7 @@ def load_predictor(weights: Path | None, device: torch.device | None = None) -> 
     Raises:
         DataError: if there are none, or the file is missing or damaged.
     """
-    path = weights or PACKAGED
-    if weights is None and not path.is_file():
-        raise DataError("no weights come with this version of appocc; name a file with --weights")
+    path = weights_file(weights)
     model, card = load_model(path)
     digest = hashlib.sha256(path.read_bytes()).hexdigest()
     chosen = device or torch.device("cuda" if torch.cuda.is_available() else "cpu")

@@ -15,7 +15,7 @@ from appocc.checks import BoolArray
 from appocc.errors import DataError
 from appocc.frame import Frame
 from appocc.models.base import BEVModel, Plan
-from appocc.models.pictures import fitted
+from appocc.models.pictures import channels_of, fitted
 from appocc.models.setting import Setting
 
 
@@ -111,11 +111,5 @@ class Predictor:
 
 
 def cameras_of(setting: Setting, rig: CameraRig) -> list[Camera]:
-    """The cameras of a rig that a setting uses, in its order.
-
-    A setting that looks all around takes cameras of any other name too, after its own: rigs name them differently.
-    """
-    named = [rig[channel] for channel in setting.channels if channel in rig.channels]
-    if setting.grid.x_min_m >= 0:
-        return named
-    return [*named, *(camera for camera in rig if camera.channel not in setting.channels)]
+    """The cameras of a rig that a setting uses, in the order of `channels_of`."""
+    return [rig[channel] for channel in channels_of(setting, rig.channels)]

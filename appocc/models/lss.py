@@ -8,6 +8,7 @@ summed by plan, which takes a few hundredths of the time off the original's forw
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -80,9 +81,9 @@ class SplatModel(BEVModel):
         h, w = -(-self.setting.height_px // STRIDE), -(-self.setting.width_px // STRIDE)
         return plan_splat(rigs, self.setting.grid, h, w, STRIDE)
 
+    @abstractmethod
     def look(self, pictures: Tensor) -> Tensor:
         """Features (V, C, h, w) at stride 16 of pictures (V, 3, H, W)."""
-        raise NotImplementedError
 
     def splatted(self, images: Tensor, plan: Plan) -> tuple[Tensor, ViewOutput | None]:
         """The grid (B, CONTEXT_CHANNELS, X, Y) of pictures (B, N, 3, H, W), and in training what is said of these.

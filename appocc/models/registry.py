@@ -48,20 +48,18 @@ class Network(NamedTuple):
     Attributes:
         make: (setting, appearance, kinds) -> network with fresh weights.
         appearance: whether it can answer colours.
-        line: what it is, for people.
     """
 
     make: Callable[[Setting, bool, int], BEVModel]
     appearance: bool
-    line: str
 
 
 NETWORKS: Mapping[str, Network] = MappingProxyType(
     {
-        "appocc": Network(AppoccNet, True, "planned pull, one lean trunk: the default"),
-        "paper": Network(_paper, True, "depth splat, a ResNet trunk each for occupancy and appearance"),
-        "lss": Network(_lss, False, "Lift-Splat-Shoot, for occupancy alone"),
-        "neat": Network(_neat, False, "an attention field, for occupancy alone"),
+        "appocc": Network(AppoccNet, True),
+        "paper": Network(_paper, True),
+        "lss": Network(_lss, False),
+        "neat": Network(_neat, False),
     }
 )
 # Kept apart: it has no occupancy to answer, and zeros would be a claim.

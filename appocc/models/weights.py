@@ -12,7 +12,7 @@ from safetensors.torch import save
 from torch import Tensor
 
 from appocc.errors import AppoccError, DataError
-from appocc.files import whole_file
+from appocc.files import write_bytes
 from appocc.grid import BEVGrid
 from appocc.models.base import BEVModel
 from appocc.models.registry import build
@@ -60,8 +60,7 @@ def save_weights(path: Path, model: BEVModel, card: Card, half: bool = False) ->
     }
     thresholds_of(full)
     data = save(tensors, {_ENTRY: json.dumps(full, sort_keys=True)})
-    with whole_file(path) as temporary:
-        temporary.write_bytes(data)
+    write_bytes(path, data)
 
 
 def load_model(path: Path) -> tuple[BEVModel, dict[str, str]]:
@@ -90,6 +89,21 @@ def load_model(path: Path) -> tuple[BEVModel, dict[str, str]]:
             raise DataError(f"{path}: expected finite weights, got some in '{key}' that are not")
     model.load_state_dict({key: tensor.to(wanted[key].dtype) for key, tensor in state.items()})
     return model.eval(), card
+
+
+def begin_with(model: BEVModel, path: Path) -> None:
+    """Give a network the weights of a file; heads that only training uses stay as they are.
+
+    Raises:
+        DataError: as `load_model`, or if the weights are of another network.
+    """
+    other, card = load_model(path)
+    given, own = other.state_dict(), model.state_dict()
+    alike = all(_shape(own.get(key)) == tuple(tensor.shape) for key, tensor in given.items())
+    if type(other) is not type(model) or other.setting != model.setting or not alike:
+        kind = f"{card['network']}, {card['setting']} degrees, appearance {card['appearance']}"
+        raise DataError(f"{path}: expected weights of the network to train, got those of {kind}")
+    model.load_state_dict(own | given)
 
 
 def thresholds_of(card: Card) -> tuple[float, float, float]:

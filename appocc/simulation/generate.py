@@ -6,7 +6,6 @@ import fcntl
 import json
 import shutil
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Executor
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import partial
@@ -17,14 +16,16 @@ from appocc import __version__
 from appocc.errors import DataError
 from appocc.files import read_json, write_json
 from appocc.nuscenes.writer import Writer
-from appocc.simulation.recording import VERSION, Recipe, build_place, record_scene
+from appocc.simulation.recording import VERSION, Recipe, build_place, record_scene, write_map
 from appocc.simulation.scenario import Scenario, draw_scenario
 from appocc.simulation.sources import TownSource
-from appocc.workers import no_interrupts, worker_pool
+from appocc.workers import in_order, worker_pool
 
 SETTINGS_FILE = "simulation.json"
 _Job = tuple[Scenario, TownSource]
 _SCENES, _TOWNS, _ROWS, _STOP = "scenes", "towns", "rows.json", "stop"
+# What scenes of a town have in common.
+_SHARED = "shared"
 
 
 @dataclass(frozen=True)
@@ -191,7 +192,7 @@ def _check_settings(work: Path, settings: Settings) -> None:
     if kept.is_file() and (other := _differences(read_json(kept), settings)):
         if any(work.glob(f"{_SCENES}/*/{_ROWS}")):
             raise DataError(f"{work}: left by a run with other settings ({other}); go on with those, or remove it")
-        for name in (_SCENES, _TOWNS):  # nothing is lost
+        for name in (_SCENES, _TOWNS, _SHARED):  # nothing is lost
             shutil.rmtree(work / name, ignore_errors=True)
     write_json(kept, settings.as_json())
 
@@ -207,26 +208,15 @@ def _record(
     scenarios: Sequence[Scenario], settings: Settings, work: Path, workers: int, advance: Callable[[float], None]
 ) -> None:
     sources = {town.name: town for town in settings.towns}
-    jobs = [(scenario, sources[scenario.town]) for scenario in scenarios]
+    jobs: list[_Job] = [(scenario, sources[scenario.town]) for scenario in scenarios]
     with worker_pool(min(workers, len(jobs))) as pool:
         try:
             job = partial(_record_one, recipe=settings.recipe, work=work)
-            for frames in _results(pool, partial(job, advance=None if pool else advance), jobs):
+            for frames in in_order(pool, partial(job, advance=None if pool else advance), jobs):
                 advance(frames)
         except BaseException:
             (work / _STOP).touch()
             raise
-
-
-def _results(
-    pool: Executor | None,
-    job: Callable[[tuple[Scenario, TownSource]], int],
-    jobs: Sequence[tuple[Scenario, TownSource]],
-) -> Iterator[int]:
-    if pool is None:
-        return map(job, jobs)
-    with no_interrupts():  # here processes are started
-        return pool.map(job, jobs)
 
 
 def _record_one(job: _Job, recipe: Recipe, work: Path, advance: Callable[[float], None] | None) -> int:
@@ -242,8 +232,9 @@ def _record_one(job: _Job, recipe: Recipe, work: Path, advance: Callable[[float]
         if advance is not None:
             advance(frames)
 
-    writer = Writer(part, VERSION)
-    record_scene(scenario, build_place(source, work / _TOWNS), recipe, writer, step)
+    writer, built = Writer(part, VERSION), build_place(source, work / _TOWNS)
+    write_map(built.town, source.name, work / _SHARED)
+    record_scene(scenario, built, recipe, writer, step)
     write_json(part / _ROWS, {"rows": writer.rows, "extra": writer.extra}, indent=None)
     part.replace(place)
     return recipe.frames if advance is None else 0
@@ -259,12 +250,19 @@ def _assemble(scenarios: Sequence[Scenario], settings: Settings, work: Path) -> 
         place = work / _SCENES / scenario.name
         found = read_json(place / _ROWS)
         writer.absorb(found["rows"], found["extra"])
-        for path in sorted(path for path in place.rglob("*") if path.is_file() and path.name != _ROWS):
-            target = root / path.relative_to(place)
-            target.parent.mkdir(parents=True, exist_ok=True)
-            path.replace(target)
+        _move_files(place, root)
+    _move_files(work / _SHARED, root)
     writer.save()
     write_json(root / SETTINGS_FILE, settings.as_json())
+
+
+def _move_files(source: Path, target: Path) -> None:
+    """Move what is below one folder to the same places below another; rows and half-written files stay."""
+    for path in sorted(path for path in source.rglob("*") if path.is_file()):
+        if path.name != _ROWS and not path.name.startswith("."):
+            place = target / path.relative_to(source)
+            place.parent.mkdir(parents=True, exist_ok=True)
+            path.replace(place)
 
 
 def _put(dataset: Path, out: Path) -> None:

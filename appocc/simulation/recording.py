@@ -30,7 +30,7 @@ from appocc.simulation.rendering.lidar import EGO_FROM_LIDAR, sweep
 from appocc.simulation.rendering.lighting import Ego
 from appocc.simulation.rendering.renderer import Renderer
 from appocc.simulation.rendering.weather import drawn
-from appocc.simulation.scenario import Scenario
+from appocc.simulation.scenario import Scenario, description_of
 from appocc.simulation.scenery.signals import signal_names
 from appocc.simulation.sources import TownSource
 from appocc.simulation.surface import ROAD_SURFACES, surface_table
@@ -121,6 +121,8 @@ def record_scene(
 ) -> None:
     """Write a scene's files below the writer's root and its rows into the writer; `advance` is called a frame.
 
+    The files of its map, which are the same in every scene of a town, are left to `write_map`.
+
     Raises:
         DataError: if a file cannot be written.
     """
@@ -132,10 +134,10 @@ def record_scene(
     log = token_of("log", scenario.town)
     date = str(np.datetime64(_START_US // 1_000_000, "s").astype("datetime64[D]"))
     writer.add("log", log, logfile=scenario.town, vehicle="simulated", date_captured=date, location=scenario.town)
-    ego = place.log.actors[scenario.ego]
-    description = f"{scenario.town}, {scenario.weather.replace('_', ' ')}, simulated; ego {ego.name} ({ego.body})"
+    description = description_of(scenario, place.log.actors[scenario.ego])
     writer.add_scene(scenario.name, description, log, samples)
-    _write_map(place.town, scenario.town, log, writer)
+    name = _mask_name(scenario.town)
+    writer.add("map", token_of("map", scenario.town), category="semantic_prior", filename=name, log_tokens=[log])
 
 
 class _Recorder:
@@ -273,8 +275,17 @@ def ego_pose(actor: Actor, moment: Moment, number: int) -> FloatArray:
     return transform(quaternion_from_yaw(yaw), [x, y, 0.0])
 
 
-def _write_map(town: Town, name: str, log: str, writer: Writer) -> None:
-    """The vector map, and the drivable-area mask that nuScenes' own tools ask for; the world begins at its corner."""
+def write_map(town: Town, name: str, root: Path) -> None:
+    """Write the vector map of a town, and the drivable-area mask of nuScenes' own tools, unless they are there.
+
+    The world begins at the corner of the town's ground.
+
+    Raises:
+        DataError: if a file cannot be written.
+    """
+    mask = root / _mask_name(name)
+    if mask.is_file():  # it is written last
+        return
     low = town.ground.low_m
     lines, made = town.map, MapExpansion(name)
     for outline in lines.drivable:
@@ -284,9 +295,10 @@ def _write_map(town: Town, name: str, log: str, writer: Writer) -> None:
             made.add_line(layer, line - low)
     for outline in lines.stop_lines:
         made.add_stop_line(outline - low)
-    write_json(writer.root / "maps" / "expansion" / f"{name}.json", made.tables, indent=None)
-    token = token_of("map", name)
-    filename = f"maps/{token}.png"
+    write_json(root / "maps" / "expansion" / f"{name}.json", made.tables, indent=None)
     drivable = surface_table(ROAD_SURFACES)[town.ground.label[::-1]]
-    write_image(writer.root / filename, np.ascontiguousarray(drivable.astype(np.uint8) * 255))
-    writer.add("map", token, category="semantic_prior", filename=filename, log_tokens=[log])
+    write_image(mask, np.ascontiguousarray(drivable.astype(np.uint8) * 255))
+
+
+def _mask_name(town: str) -> str:
+    return f"maps/{token_of('map', town)}.png"

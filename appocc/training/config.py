@@ -30,17 +30,25 @@ class DataConfig(_Part):
 
     Attributes:
         train: dataset root in the nuScenes schema.
-        val: the one that thresholds and the best checkpoint are chosen on.
+        val: the one that thresholds and the best checkpoint are chosen on; or
+        held_out: so many samples at the end of each scene of `train`, which then are not trained on.
         source: whose maps are the truth, as in `bev/SOURCE`.
         packs: folder for the packed samples, which are made once.
         workers: threads or processes that read ahead.
     """
 
     train: str
-    val: str
+    val: str | None = None
+    held_out: Annotated[int, Field(ge=0)] = 0
     source: str = "exact"
     packs: str = "runs/packs"
     workers: Annotated[int, Field(ge=0, le=256)] = 1
+
+    @model_validator(mode="after")
+    def _one_validation(self) -> DataConfig:
+        if (self.val is None) == (self.held_out == 0):
+            raise ValueError("expected either val or held_out (the other null, or 0)")
+        return self
 
 
 class TrainConfig(_Part):
@@ -166,6 +174,7 @@ class Config(_Part):
         network: name in the registry of networks.
         setting: cameras and grid, 360 or 180.
         appearance: colour as well as occupancy.
+        init: file of weights to begin with, of the same network and setting; None begins with nothing learnt.
         data: see `DataConfig`; so with the others.
         train: the optimizer.
         losses: what counts.
@@ -177,6 +186,7 @@ class Config(_Part):
     network: str = "appocc"
     setting: Literal["360", "180"] = "360"
     appearance: bool = True
+    init: str | None = None
     data: DataConfig
     train: TrainConfig
     losses: LossConfig = LossConfig()

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import hashlib
-import re
 import shutil
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -23,14 +23,13 @@ from appocc.models.pictures import channels_of
 from appocc.models.setting import Setting
 from appocc.nuscenes.dataset import Dataset
 from appocc.nuscenes.writer import whole_folder
-from appocc.training.reading import ARRAYS, Sample, Source, layout, read_sample, source_of, views_path
-from appocc.workers import no_interrupts, worker_pool
+from appocc.simulation.scenario import weather_of
+from appocc.training.reading import ARRAYS, Sample, layout, read_sample, source_of, views_path
+from appocc.workers import in_order, worker_pool
 
 __all__ = ["Pack", "Sample", "pack"]
 VERSION = 2
 _ABOUT = "pack.json"
-# How the simulator describes a scene: the weather stands between the town and what the ego is.
-_SIMULATED = re.compile(r"[^,]+, ([^,]+), simulated;")
 
 
 @dataclass(frozen=True)
@@ -46,7 +45,8 @@ class Pack:
         scenes: name of the scene of each sample.
         towns: where each was recorded, '' where unknown.
         weathers: of each, as the simulator names it; '' where unknown.
-        arrays: of all samples, by the names of `Sample`'s fields.
+        rows: where each lies in the arrays.
+        arrays: by the names of `Sample`'s fields.
     """
 
     folder: Path
@@ -57,6 +57,7 @@ class Pack:
     scenes: tuple[str, ...]
     towns: tuple[str, ...]
     weathers: tuple[str, ...]
+    rows: tuple[int, ...]
     arrays: Mapping[str, NDArray[Any]]
 
     @classmethod
@@ -83,7 +84,8 @@ class Pack:
             if (arrays[name].shape, arrays[name].dtype) != (shape, dtype):
                 got = f"{arrays[name].shape} {arrays[name].dtype}"
                 raise DataError(f"{folder / name}.npy: expected {shape} {np.dtype(dtype)}, got {got}")
-        return cls(folder, setting, channels, own, **lists, arrays=arrays)
+        rows = tuple(range(len(lists["tokens"])))
+        return cls(folder, setting, channels, own, **lists, rows=rows, arrays=arrays)
 
     def __len__(self) -> int:
         """Number of samples."""
@@ -91,8 +93,24 @@ class Pack:
 
     def sample(self, number: int) -> Sample:
         """A sample, read when it is looked at; the truth is on the pack's own grid (see `cropped`)."""
-        parts = {name: np.asarray(self.arrays[name][number]) for name in ARRAYS}
+        parts = {name: np.asarray(self.arrays[name][self.rows[number]]) for name in ARRAYS}
         return Sample(**parts, grid=self.grid, channels=self.channels)
+
+    def only(self, numbers: Sequence[int]) -> Pack:
+        """Some of its samples."""
+        names = ("tokens", "scenes", "towns", "weathers", "rows")
+        picked: dict[str, Any] = {name: tuple(getattr(self, name)[n] for n in numbers) for name in names}
+        return replace(self, **picked)
+
+    def split(self, held_out: int) -> tuple[Pack, Pack]:
+        """All but the last samples of each scene, and these, so many a scene."""
+        left = Counter(self.scenes)
+        kept: list[int] = []
+        last: list[int] = []
+        for number, scene in enumerate(self.scenes):
+            (last if left[scene] <= held_out else kept).append(number)
+            left[scene] -= 1
+        return self.only(kept), self.only(last)
 
 
 # Making one -------------------------------------------------------------------------------------------------------
@@ -136,23 +154,22 @@ def pack(
         (advance or (lambda done: None))(len(kept))
         return kept
     grid = load_map(dataset.root, source, moments[0][1].token).grid
-    weathers = [_SIMULATED.match(scene.description) for scene, _ in moments]
     about = {
         "made_of": made_of,
         "grid": grid.as_array().tolist(),
         "tokens": [moment.token for _, moment in moments],
         "scenes": [scene.name for scene, _ in moments],
         "towns": [dataset.location(scene) for scene, _ in moments],
-        "weathers": [found[1].replace(" ", "_") if found else "" for found in weathers],
+        "weathers": [weather_of(scene).replace(" ", "_") for scene, _ in moments],
     }
     sources = (source_of(dataset, moment, channels) for _, moment in moments)
     read = partial(read_sample, root=dataset.root, source=source, setting=setting, grid=grid)
-    with whole_folder(out) as folder:
+    with whole_folder(out) as folder, worker_pool(workers) as pool:
         arrays = {
             name: open_memmap(folder / f"{name}.npy", mode="w+", dtype=dtype, shape=shape)
             for name, (shape, dtype) in layout(len(moments), len(channels), setting, grid).items()
         }
-        for number, sample in enumerate(_in_order(read, sources, workers)):
+        for number, sample in enumerate(in_order(pool, read, sources, chunksize=4)):
             for name in ARRAYS:
                 arrays[name][number] = getattr(sample, name)
             if advance is not None:
@@ -161,17 +178,6 @@ def pack(
             array.flush()
         write_json(folder / _ABOUT, about)
     return Pack.open(out)
-
-
-def _in_order(job: Callable[[Source], Sample], sources: Iterator[Source], workers: int) -> Iterator[Sample]:
-    """Samples of the sources in their order, read by whoever is free."""
-    with worker_pool(workers) as pool:
-        if pool is None:
-            yield from map(job, sources)
-            return
-        with no_interrupts():  # here processes are started
-            results = pool.map(job, sources, chunksize=4)
-        yield from results
 
 
 def _channels(dataset: Dataset, setting: Setting) -> tuple[str, ...]:

@@ -15,7 +15,7 @@ from appocc.bevmap import CLASSES
 from appocc.errors import DataError
 from appocc.models import registry
 from appocc.models.setting import SETTINGS
-from appocc.models.weights import save_weights
+from appocc.models.weights import begin_with, save_weights
 from appocc.simulation.rendering.views import ViewClass
 from appocc.training.augment import Augmentation
 from appocc.training.config import AugmentConfig, Config
@@ -55,8 +55,15 @@ def prepared(config: Config, world: World, watcher: Watcher, advance: Advance = 
     torch.manual_seed(config.train.seed)
     kinds = len(ViewClass) if config.losses.kind or config.losses.depth else 0
     model = registry.build(config.network, setting, appearance=config.appearance, kinds=kinds)
-    roots = (config.data.train, config.data.val)
-    train_pack, val_pack = (_packed(root, config, world, watcher, advance) for root in roots)
+    if config.init is not None:
+        begin_with(model, Path(config.init))
+    train_pack = _packed(config.data.train, config, world, watcher, advance)
+    if config.data.val is None:
+        train_pack, val_pack = train_pack.split(config.data.held_out)
+        if not len(train_pack):
+            raise DataError(f"{config.data.train}: data.held_out leaves nothing to train on, no scene is that long")
+    else:
+        val_pack = _packed(config.data.val, config, world, watcher, advance)
     check_labels(train_pack, config)
     batch, seed = config.train.batch, config.train.seed
     changed = Loader([train_pack], batch, seed, _augmentation(config.augment), world.rank, world.size)

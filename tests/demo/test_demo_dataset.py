@@ -45,12 +45,13 @@ def test_the_dataset_is_healthy(dataset: Dataset) -> None:
 def test_overview_shows_left_on_the_left(dataset: Dataset) -> None:
     sample = dataset.samples(dataset.scene(SCENE))[0]
     frame, bev = dataset.frame(sample), load_map(dataset.root, SOURCE, sample.token)
-    picture = overview(frame, bev)
-    upper = picture[: picture.shape[0] - 800]
+    picture = overview(frame, bev, bev, np.zeros((0, 2)))
     reference = cv2.resize(frame.images["CAM_FRONT_LEFT"], (110, 40), interpolation=cv2.INTER_AREA).astype(int)
+    maps = 2 * (800 + 40)
+    upper = picture[: picture.shape[0] - maps]
     third = cv2.resize(upper[: upper.shape[0] // 2, : upper.shape[1] // 3], (110, 40), interpolation=cv2.INTER_AREA)
     assert np.abs(third.astype(int) - reference).mean() < 8
-    colour = picture[-800:, :800]
     i, j = 150, 180  # ahead and to the left, where nothing is written
-    shown = colour[(199 - i) * 4 + 1, (199 - j) * 4 + 1]
-    assert shown.tolist() == bev.appearance[:, i, j].tolist()
+    for colour in (picture[-800:, :800], picture[-800 - 840 : -840, :800]):
+        shown = colour[(199 - i) * 4 + 1, (199 - j) * 4 + 1]
+        assert shown.tolist() == bev.appearance[:, i, j].tolist()

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import torch
+from made_rays import ground_places
 from torch import Tensor
 from torch.nn import functional
 
 from appocc.camera import Camera, CameraRig
 from appocc.checks import FloatArray
 from appocc.errors import ShapeError
-from appocc.geometry import apply
 from appocc.grid import BEVGrid
 from appocc.models.fused import fused
 from appocc.models.heads import PRIORS
@@ -162,13 +162,7 @@ def test_a_cell_listens_to_the_pixels_that_show_its_ground() -> None:
 
 def rendered(camera: Camera, corner_m: FloatArray) -> Tensor:
     """(3, H, W) of grey ground with a red square of 5 m, blue sky above."""
-    v, u = np.mgrid[: camera.height_px, : camera.width_px]
-    rays = np.stack([u, v, np.ones_like(u)], axis=-1) @ np.linalg.inv(camera.intrinsic).T
-    origin = camera.ego_from_cam[:3, 3]
-    ways = apply(camera.ego_from_cam, rays) - origin
-    with np.errstate(divide="ignore", invalid="ignore"):
-        xy = origin[:2] + ways[..., :2] * (-origin[2] / ways[..., 2:])
-    below = ways[..., 2] < -1e-3
+    xy, below = ground_places(camera)
     inside = below & ((xy >= corner_m) & (xy < corner_m + 5)).all(axis=-1)
     picture = np.where(inside[..., None], RED, np.where(below[..., None], GREY, (0.5, 0.7, 1.0)))
     return torch.from_numpy(picture).float().permute(2, 0, 1)

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import torch
+from made_rays import ground_places
 
 from appocc.camera import Camera, CameraRig
 from appocc.errors import ShapeError
-from appocc.geometry import apply
 from appocc.grid import BEVGrid
 from appocc.models.ipm import ipm
 from appocc.rigs import read_rig
@@ -18,13 +18,8 @@ GRID = BEVGrid(-12.0, 12.0, -12.0, 12.0, 0.8)
 
 def ground(camera: Camera) -> torch.Tensor:
     """(3, H, W) of a ground whose colours are smooth functions of x and y; black sky."""
-    v, u = np.mgrid[: camera.height_px, : camera.width_px]
-    rays = np.stack([u, v, np.ones_like(u)], axis=-1) @ np.linalg.inv(camera.intrinsic).T
-    origin = camera.ego_from_cam[:3, 3]
-    ways = apply(camera.ego_from_cam, rays) - origin
-    with np.errstate(divide="ignore", invalid="ignore"):
-        xy = origin[:2] + ways[..., :2] * (-origin[2] / ways[..., 2:])
-    return torch.from_numpy(np.where(ways[..., 2:] < 0, colour(xy), 0.0)).float().permute(2, 0, 1)
+    xy, below = ground_places(camera)
+    return torch.from_numpy(np.where(below[..., None], colour(xy), 0.0)).float().permute(2, 0, 1)
 
 
 def colour(xy_m: np.ndarray) -> np.ndarray:

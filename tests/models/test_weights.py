@@ -14,7 +14,7 @@ from appocc.grid import BEVGrid
 from appocc.models.base import BEVModel
 from appocc.models.registry import build
 from appocc.models.setting import SETTINGS, Setting
-from appocc.models.weights import load_model, save_weights, thresholds_of
+from appocc.models.weights import begin_with, load_model, save_weights, thresholds_of
 
 TINY = Setting("own", ("CAM_A", "CAM_B"), BEVGrid(0.0, 8.0, -4.0, 4.0, 0.5), 96, 64)
 CARD = {"network": "neat", "data": "a few towns"}
@@ -160,3 +160,28 @@ def assert_refused(path: Path, reason: str) -> None:
         load_model(path)
     assert "\n" not in str(caught.value)
     assert str(caught.value).startswith(str(path))
+
+
+def test_a_training_begins_with_weights(tmp_path: Path) -> None:
+    path = tmp_path / "w.safetensors"
+    save_weights(path, network("appocc"), {"network": "appocc"})
+    torch.manual_seed(2)
+    model = build("appocc", TINY, kinds=3)
+    before, given = (
+        {key: value.clone() for key, value in model.state_dict().items()},
+        load_model(path)[0].state_dict(),
+    )
+    begin_with(model, path)
+    assert given.keys() < before.keys()
+    for key, value in model.state_dict().items():
+        assert torch.equal(value, given.get(key, before[key])), key
+
+
+@pytest.mark.parametrize(
+    "other", [network("lss"), network("appocc", appearance=False), build("appocc", SETTINGS["180"])]
+)
+def test_weights_of_another_network_are_refused(tmp_path: Path, other: BEVModel) -> None:
+    path = tmp_path / "w.safetensors"
+    save_weights(path, network("appocc"), {"network": "appocc"})
+    with pytest.raises(DataError, match="expected weights of the network to train, got those of appocc, own degrees"):
+        begin_with(other, path)

@@ -5,7 +5,8 @@ import pytest
 from made_traffic import straight_traffic
 
 from appocc.errors import DataError
-from appocc.simulation.scenario import WEATHER_SHARES, draw_scenario
+from appocc.nuscenes.records import Scene
+from appocc.simulation.scenario import WEATHER_SHARES, Scenario, description_of, draw_scenario, weather_of
 
 WEATHERS = tuple(WEATHER_SHARES)
 
@@ -38,3 +39,10 @@ def test_weathers_come_by_their_shares() -> None:
 def test_a_scene_that_is_longer_than_the_traffic_is_refused() -> None:
     with pytest.raises(DataError, match="nobody drives for 60 s"):
         draw_scenario(0, "town", straight_traffic(), 60.0, WEATHERS, 0)
+
+
+def test_the_weather_is_told_by_the_description() -> None:
+    for name in WEATHERS:
+        scenario = Scenario("scene-0000", 0, "random-17", 1, 0.0, name, 0)
+        description = description_of(scenario, straight_traffic().actors[1])
+        assert weather_of(Scene("t", scenario.name, description, "l", "a", "b")).replace(" ", "_") == name

@@ -4,6 +4,7 @@ import errno
 import fcntl
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from made_traffic import straight_traffic
@@ -32,7 +33,7 @@ def recorded(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     names: list[str] = []
 
     def record(
-        scenario: Scenario, place: str, recipe: Recipe, writer: Writer, advance: Callable[[float], None]
+        scenario: Scenario, place: SimpleNamespace, recipe: Recipe, writer: Writer, advance: Callable[[float], None]
     ) -> None:
         names.append(scenario.name)
         samples = []
@@ -42,11 +43,17 @@ def recorded(monkeypatch: pytest.MonkeyPatch) -> list[str]:
             scene = token_of("scene", scenario.name)
             samples.append(writer.add("sample", token, timestamp=number, scene_token=scene, prev="", next=""))
             advance(1)
-        writer.add_scene(scenario.name, scenario.weather, place, samples)
-        writer.add("log", place, logfile=place)
+        writer.add_scene(scenario.name, scenario.weather, place.town, samples)
+        writer.add("log", place.town, logfile=place.town)
+
+    def write_map(town: str, name: str, root: Path) -> None:
+        assert town == name
+        if not (root / "maps" / f"{name}.json").is_file():
+            write_json(root / "maps" / f"{name}.json", town)
 
     monkeypatch.setattr(generate, "record_scene", record)
-    monkeypatch.setattr(generate, "build_place", lambda source, folder: source.name)
+    monkeypatch.setattr(generate, "write_map", write_map)
+    monkeypatch.setattr(generate, "build_place", lambda source, folder: SimpleNamespace(town=source.name))
     monkeypatch.setattr(TownSource, "load", lambda self, folder: (None, straight_traffic()))
     return names
 
@@ -172,8 +179,10 @@ def test_what_was_killed_before_its_first_scene_binds_nobody(tmp_path: Path) -> 
     out = tmp_path / "out"
     write_bytes(unfinished(out) / "scenes" / "scene-0000.part" / "half.bin", b"half")
     write_bytes(unfinished(out) / "towns" / "one.plan.json", b"{}")
+    write_bytes(unfinished(out) / "shared" / "maps" / "one.json", b"of another town")
     write_json(unfinished(out) / "simulation.json", {"seed": 5})
     assert simulate(out, settings_of(), 1, no_advance) == (12, 12)
+    assert {path.name: read_json(path) for path in (out / "maps").iterdir()} == {"one.json": "one", "two.json": "two"}
 
 
 @pytest.mark.usefixtures("recorded")
@@ -183,6 +192,7 @@ def test_files_that_were_half_written_when_it_was_killed_do_not_stay(tmp_path: P
     with pytest.raises(KeyboardInterrupt):
         simulate(out, settings_of(), 1, interrupted_after(6, KeyboardInterrupt()))
     write_bytes(unfinished(out) / "dataset" / "v1.0-simulation" / ".scene-x1y2.json", b"[")
+    write_bytes(unfinished(out) / "shared" / "maps" / ".one-x1y2.json", b"[")
     told: list[str] = []
     simulate(out, settings_of(), 1, no_advance, told.append)
     assert contents(out) == contents(tmp_path / "whole")

@@ -52,6 +52,8 @@ def test_overrides_replace_and_add(path: Path) -> None:
         (["train.minutes=5"], "either steps or minutes"),
         (["train.steps=null"], "either steps or minutes"),
         (["train.batch"], "expected key=value"),
+        (["data.held_out=2"], "expected either val or held_out"),
+        (["data.val=null"], "expected either val or held_out"),
         ([".=1"], "expected key=value"),
         (["network.size=1"], "'network' is a value"),
         (["train.lr=[1"], "no valid YAML value"),

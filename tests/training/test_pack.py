@@ -232,3 +232,12 @@ def test_damaged_packs_do_not_open(root: Path, tmp_path: Path) -> None:
     (out / "pack.json").write_text(json.dumps(about))
     with pytest.raises(DataError, match="damaged pack"):
         Pack.open(out)
+
+
+def test_the_last_samples_of_each_scene_are_held_out(root: Path, tmp_path: Path) -> None:
+    found = packed(root, tmp_path / "pack")
+    kept, last = found.split(1)
+    assert (kept.tokens, last.tokens) == (found.tokens[:2], found.tokens[2:])
+    assert (len(last.scenes), len(last.towns), len(last.weathers)) == (1, 1, 1)
+    np.testing.assert_array_equal(last.sample(0).images, found.sample(2).images)
+    assert [len(part) for part in found.split(5)] == [0, 3]

@@ -17,6 +17,7 @@ from appocc.simulation.scenery.facade import (
     shop_floor,
     window_rows,
     windows_wall,
+    with_door,
 )
 from appocc.simulation.scenery.palette import pick
 from appocc.simulation.scenery.plots import Plot
@@ -73,9 +74,7 @@ def _apartments(builder: Builder, plot: Plot, look: Look, office: bool, rng: np.
         windows_wall(builder, place, length, (look.ground_m, look.eaves_m), s, upper, look, True)
     else:
         z = window_rows(look.floors_m(), look, len(s))
-        doors = np.zeros(z.shape[:2], np.bool_)
-        if len(s):
-            doors[0, len(s) // 2], z[0, len(s) // 2] = True, (0.04, 2.6)
+        doors = with_door(z, len(s) // 2, 2.6) if len(s) else None
         windows_wall(builder, place, length, (0.0, look.eaves_m), s, z, look, detailed, doors)
     for name, closed in (("right", not plot.open_right), ("left", not plot.open_left), ("back", False)):
         plain_side(builder, main, name, look, closed)

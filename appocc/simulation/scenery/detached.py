@@ -16,6 +16,7 @@ from appocc.simulation.scenery.facade import (
     plain_wall,
     window_rows,
     windows_wall,
+    with_door,
 )
 from appocc.simulation.scenery.palette import pick
 from appocc.simulation.scenery.plots import Plot
@@ -59,9 +60,8 @@ def _detached(builder: Builder, plot: Plot, look: Look, rng: np.random.Generator
     place, length = main.side("front")
     s = columns(length, look, 0.7)
     z = window_rows(look.floors_m(), look, len(s))
-    doors = np.zeros(z.shape[:2], np.bool_)
     door = len(s) - 1
-    doors[0, door], z[0, door] = True, (0.04, 2.15)
+    doors = with_door(z, door, 2.15)
     windows_wall(builder, place, length, (0.0, look.eaves_m), s, z, look, detailed, doors)
     for name in ("right", "back", "left"):
         plain_side(builder, main, name, look, False)

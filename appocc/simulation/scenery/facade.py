@@ -99,6 +99,13 @@ def window_rows(floors_m: FloatArray, look: Look, count: int) -> FloatArray:
     return np.broadcast_to(rows[:, None], (len(floors_m), count, 2)).copy()
 
 
+def with_door(z: FloatArray, column: int, top_m: float) -> BoolArray:
+    """Make the lowest window of a column of `window_rows` a door; returns which openings are doors (m, n)."""
+    doors = np.zeros(z.shape[:2], np.bool_)
+    doors[0, column], z[0, column] = True, (0.04, top_m)
+    return doors
+
+
 def windows_wall(
     builder: Builder,
     place: Place,

@@ -15,6 +15,7 @@ from appocc.simulation.scenery.facade import (
     columns,
     window_rows,
     windows_wall,
+    with_door,
 )
 from appocc.simulation.scenery.palette import pick
 from appocc.simulation.scenery.plots import Plot
@@ -112,8 +113,7 @@ def _office(builder: Builder, plot: Plot, hall: Look, rng: np.random.Generator) 
     place, length = span.side("front")
     s = columns(length, look)
     z = window_rows(look.floors_m(), look, len(s))
-    doors = np.zeros(z.shape[:2], np.bool_)
-    doors[0, 1], z[0, 1] = True, (0.04, 2.3)
+    doors = with_door(z, 1, 2.3)
     windows_wall(builder, place, length, (0.0, look.eaves_m), s, z, look, True, doors)
     for name in ("left", "right"):
         plain_side(builder, span, name, look, False)

@@ -17,6 +17,7 @@ from appocc.simulation.scenery.facade import (
     shop_floor,
     window_rows,
     windows_wall,
+    with_door,
 )
 from appocc.simulation.scenery.palette import pick
 from appocc.simulation.scenery.plots import Plot
@@ -83,10 +84,7 @@ def _old_front(builder: Builder, plot: Plot, main: Span, look: Look, shop: bool,
         windows_wall(builder, place, length, (look.ground_m, look.eaves_m), s, upper, look, True)
     else:
         z = window_rows(look.floors_m(), look, len(s))
-        doors = np.zeros(z.shape[:2], np.bool_)
-        if len(s):
-            door = int(rng.integers(len(s)))
-            doors[0, door], z[0, door] = True, (0.04, 2.3)
+        doors = with_door(z, int(rng.integers(len(s))), 2.3) if len(s) else None
         windows_wall(builder, place, length, (0.0, look.eaves_m), s, z, look, not plot.backland, doors)
         if look.wall == Material.PLASTER and not plot.backland:
             builder.boxes(place, [0, -0.04, 0], [length, 0.0, 0.4], Material.CONCRETE, palette.STONE, look.tag, "ft")

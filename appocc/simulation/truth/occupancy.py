@@ -13,7 +13,7 @@ from appocc.bevmap import LANE, ROAD, VEHICLE
 from appocc.checks import BoolArray, ByteArray, Float32Array, FloatArray, frozen
 from appocc.geometry import inverse
 from appocc.grid import BEVGrid
-from appocc.rasterise import LANE_SHARE, ROAD_SHARE, ROUNDING, VEHICLE_SHARE, polygon_cover
+from appocc.rasterise import LANE_SHARE, ROAD_SHARE, ROUNDING, VEHICLE_SHARE, polygon_owner
 from appocc.simulation.surface import CELL_M, LANE_SURFACES, ROAD_SURFACES, Ground, surface_table
 from appocc.simulation.truth.objects import Objects
 
@@ -124,15 +124,5 @@ def vehicle_cells(grid: BEVGrid, town_from_ego: FloatArray, objects: Objects) ->
     ego_from_town = inverse(town_from_ego)
     vehicles = objects.select(objects.are_vehicles())
     outlines = vehicles.footprints() @ ego_from_town[:2, :2].T + ego_from_town[:2, 3]
-    best = np.full(grid.shape, VEHICLE_SHARE - ROUNDING)
-    owner = np.full(grid.shape, -1, np.int32)
-    outlines = (outlines - [grid.x_min_m, grid.y_min_m]) / grid.cell_m
-    lows = np.clip(np.floor(outlines.min(axis=1)).astype(np.int64), 0, grid.shape)
-    highs = np.clip(np.floor(outlines.max(axis=1)).astype(np.int64) + 1, 0, grid.shape)
-    for i in np.flatnonzero((lows < highs).all(axis=1)):
-        # Only the cells around it, counted from the lowest.
-        (x0, y0), (x1, y1) = lows[i].tolist(), highs[i].tolist()
-        cover = polygon_cover(BEVGrid(0.0, x1 - x0, 0.0, y1 - y0, 1.0), outlines[i] - lows[i])
-        more = cover > best[x0:x1, y0:y1]
-        best[x0:x1, y0:y1][more], owner[x0:x1, y0:y1][more] = cover[more], vehicles.number[i]
-    return owner
+    owner = polygon_owner(grid, outlines, VEHICLE_SHARE)
+    return np.append(vehicles.number, -1)[owner].astype(np.int32)
