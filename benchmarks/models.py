@@ -2,9 +2,9 @@
 
     OMP_NUM_THREADS=2 python -m benchmarks.models [--runs 9] [--setting 360] [--no-compile]
 
-Weights are fresh: time does not depend on them. Pictures are there already, and a rig's plan is made once, as in a
-car. How fast bf16 is depends on the machine (AMX or AVX512-BF16; elsewhere it is emulated and slow): what it has is
-printed.
+With the extra `export`, the forms that `appocc export` writes are timed too. Weights are fresh: time does not depend
+on them. Pictures are there already, and a rig's plan is made once, as in a car. How fast bf16 is depends on the
+machine (AMX or AVX512-BF16; elsewhere it is emulated and slow): what it has is printed.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from __future__ import annotations
 import argparse
 import os
 import statistics
+import tempfile
 import time
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
@@ -25,14 +26,18 @@ from torch import Tensor
 from torch.utils.flop_counter import FlopCounterMode
 
 from appocc.camera import CameraRig
-from appocc.models.base import BEVModel, Output, Plan
+from appocc.errors import AppoccError
+from appocc.export.convert import to_onnx, write_onnx, write_openvino
+from appocc.export.graph import Graph
+from appocc.export.runtimes import Run, open_onnx, open_openvino
+from appocc.models.base import BEVModel, Plan
 from appocc.models.fused import fused
 from appocc.models.registry import build
 from appocc.models.setting import SETTINGS, Setting
 from appocc.rigs import read_rig
 
 _FLAGS = ("avx2", "avx512f", "avx512_bf16", "amx_bf16", "amx_int8", "asimd", "bf16")
-Forward = Callable[[Tensor, Plan], Output]
+Forward = Callable[[Tensor, Plan], object]
 
 
 class Way(NamedTuple):
@@ -92,6 +97,26 @@ def _compiled(model: BEVModel) -> Forward:
     return forward
 
 
+def exported_ways(model: BEVModel, rig: CameraRig, shape: tuple[int, ...]) -> list[Way]:
+    """The exported forms of a network; none without the extra."""
+    threads = torch.get_num_threads()
+    with tempfile.TemporaryDirectory() as name:
+        onnx, xml, values = (Path(name) / f"model.{ending}" for ending in ("onnx", "xml", "bin"))
+        try:
+            proto = to_onnx(Graph(model, rig), shape, "")
+            write_onnx(proto, onnx)
+            write_openvino(proto, "", xml, values)
+            runs = {"ONNX": open_onnx(onnx, threads), "OpenVINO": open_openvino(xml, values, threads)}
+        except AppoccError as error:
+            print(error)
+            return []
+    return [Way("appocc", f"float32, exported, {name}", model, _of_arrays(run)) for name, run in runs.items()]
+
+
+def _of_arrays(run: Run) -> Forward:
+    return lambda images, plan: run(images.numpy())
+
+
 def giga_macs(way: Way, images: Tensor, plan: Plan) -> float:
     """Multiplications with additions of convolutions and matrix products, in 1e9."""
     with FlopCounterMode(display=False) as counter:
@@ -107,6 +132,8 @@ def measure(setting: Setting, runs: int, compiled: bool) -> Table:
     failed: list[tuple[Way, str]] = []
     table = Table("network", "how", "median ms", "of lss", "times faster", "parameters", "GMAC")
     candidates = ways(setting, compiled)
+    ours = next(way.model for way in candidates if way.name == "appocc")
+    candidates += exported_ways(ours, rig, tuple(images.shape))
     with torch.inference_mode():
         for way in candidates:
             plan = way.model.plan([rig])

@@ -10,18 +10,21 @@ from types import FrameType
 import typer
 
 from appocc.errors import AppoccError
+from cli.ablate import ablate
 from cli.check_rig import check_rig
 from cli.common import say_error
 from cli.convert import convert
 from cli.demo import demo
 from cli.doctor import doctor
 from cli.eval import app as eval_app
+from cli.export import export
 from cli.ground import ground
 from cli.groundtruth import groundtruth
 from cli.infer import infer
 from cli.simulate import simulate
 from cli.track import track
 from cli.train import train
+from cli.weights import app as weights_app
 
 app = typer.Typer(
     name="appocc",
@@ -39,9 +42,12 @@ app.command()(groundtruth)
 app.command()(infer)
 app.command("check-rig")(check_rig)
 app.command()(train)
+app.command()(ablate)
+app.command()(export)
 app.command()(track)
 app.command()(ground)
 app.add_typer(eval_app)
+app.add_typer(weights_app)
 
 
 def _terminated(number: int, frame: FrameType | None) -> None:

@@ -48,13 +48,15 @@ class Lift(nn.Module):
     def __init__(self, channels_in: int, channels_out: int = CONTEXT_CHANNELS, kinds: int = 0) -> None:
         """Make it with fresh weights; `kinds` is the number of classes of the pictures' own auxiliary answer."""
         super().__init__()
-        self.sizes = [DEPTH_BINS, channels_out, kinds]
+        self.sizes = [DEPTH_BINS, channels_out]
         self.conv = nn.Conv2d(channels_in, sum(self.sizes), 1)
+        # Apart, so that the weights that are kept are those of a network without it.
+        self.kind = nn.Conv2d(channels_in, kinds, 1) if kinds else None
 
     def forward(self, features: Tensor) -> Lifted:
         """Features (V, channels_in, h, w)."""
-        depth, context, kind = self.conv(features).split(self.sizes, dim=1)
-        return Lifted(context.permute(0, 2, 3, 1), depth, kind if self.sizes[2] else None)
+        depth, context = self.conv(features).split(self.sizes, dim=1)
+        return Lifted(context.permute(0, 2, 3, 1), depth, None if self.kind is None else self.kind(features))
 
 
 class SplatModel(BEVModel):

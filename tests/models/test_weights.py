@@ -185,3 +185,11 @@ def test_weights_of_another_network_are_refused(tmp_path: Path, other: BEVModel)
     save_weights(path, network("appocc"), {"network": "appocc"})
     with pytest.raises(DataError, match="expected weights of the network to train, got those of appocc, own degrees"):
         begin_with(other, path)
+
+
+@pytest.mark.parametrize("name", ["appocc", "paper", "lss", "neat"])
+def test_what_was_trained_with_heads_for_training_can_be_kept(tmp_path: Path, name: str) -> None:
+    path = tmp_path / "w.safetensors"
+    model = network(name, appearance=name in ("appocc", "paper"), kinds=4)
+    save_weights(path, model, {"network": name})
+    assert load_model(path)[0].state_dict().keys() <= model.state_dict().keys()

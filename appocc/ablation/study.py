@@ -1,0 +1,192 @@
+"""The study: each row is trained, judged and told, then the tables are written; it goes on where it was ended."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple, Protocol
+
+from appocc.ablation.judging import JudgingSet, Maker, judge
+from appocc.ablation.rows import Row
+from appocc.errors import DataError
+from appocc.files import read_json, write_json
+from appocc.training.checkpoint import states
+from appocc.training.config import Config
+from appocc.training.run import StoppedError, TrainingError, Watcher
+from appocc.training.run_folder import RunFolder
+
+_RESULT = "result.json"
+_TRAINED = 0.9  # share of a row's bar that training takes
+
+
+class Train(Protocol):
+    """Trains as a configuration says, in a run's folder: see `session.run_training`."""
+
+    def __call__(self, config: Config, folder: RunFolder, resume: bool, watcher: Watcher) -> Mapping[str, Any]:
+        """What came of it."""
+        ...
+
+
+class Outcome(NamedTuple):
+    """How far a row has come.
+
+    Attributes:
+        row: which.
+        state: done; failed (the training diverged); begun; not run.
+        result: what its `result.json` says: `steps`, `best_step`, `seconds` and `evaluation` of one that is done,
+            the `reason` of one that failed; empty of others, but for the `steps` of one that is begun.
+    """
+
+    row: Row
+    state: str
+    result: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Study:
+    """All that a study is made of.
+
+    Attributes:
+        base: the configuration that all rows share.
+        rows: all of them, in their order.
+        test: what they are judged on.
+        out: folder of everything.
+        train: trains a row.
+        maker_of: maps of a row, from its weights (None: it learnt nothing).
+        write: writes the tables of all outcomes.
+    """
+
+    base: Config
+    rows: Sequence[Row]
+    test: JudgingSet
+    out: Path
+    train: Train
+    maker_of: Callable[[Row, Path | None], Maker]
+    write: Callable[[Study, Sequence[Outcome]], None]
+
+    def check(self) -> None:
+        """Check what can be checked before anything is begun.
+
+        Raises:
+            DataError: if the test set cannot be used, or the folder holds another study.
+        """
+        if int(os.environ.get("WORLD_SIZE", "1")) > 1:
+            raise DataError("ablate: expected one process, got several (torchrun); share the rows out with --only")
+        self.test.check()
+        for row in self.rows:
+            folder = self.folder(row)
+            if row.learns and folder.config.is_file():
+                folder.check(row.config(self.base), resume=True)
+
+    def folder(self, row: Row) -> RunFolder:
+        """Where a row is trained."""
+        return RunFolder(self.out / row.name)
+
+    def run(self, chosen: Sequence[Row], watcher: Watcher, time_is_up: Callable[[], bool]) -> list[Outcome]:
+        """Bring the chosen rows to their end, as far as there is time; the outcomes of all rows.
+
+        The tables are written before, and after each row. A row under way when the time is up keeps its state.
+
+        Raises:
+            AppoccError: if data are missing or damaged, or the folder cannot be written.
+            StoppedError: if the watcher asked for it.
+        """
+        self.write(self, self.outcomes())
+        for number, row in enumerate(chosen):
+            if time_is_up():
+                break
+            if self._outcome(row).state in ("done", "failed"):
+                continue
+            try:
+                with _telling(watcher, row.name, number, len(chosen), time_is_up):
+                    self._finish(row, watcher)
+            except StoppedError:
+                if not time_is_up():
+                    raise
+                break
+            finally:
+                self.write(self, self.outcomes())
+        return self.outcomes()
+
+    def outcomes(self) -> list[Outcome]:
+        """How far every row has come, as their folders say."""
+        return [self._outcome(row) for row in self.rows]
+
+    def _outcome(self, row: Row) -> Outcome:
+        folder = self.folder(row)
+        there = folder.path / _RESULT
+        if there.is_file():
+            result = read_json(there)
+            if isinstance(result, dict) and result.get("key") == self._key(row):
+                return Outcome(row, "failed" if "reason" in result else "done", result)
+        if not folder.config.is_file():
+            return Outcome(row, "not run", {})
+        reached = states(folder.path)
+        return Outcome(row, "begun", {"steps": int(reached[0].stem.partition("-")[2]) if reached else 0})
+
+    def _finish(self, row: Row, watcher: Watcher) -> None:
+        """Train, judge and write the result; what is done already is not done again."""
+        folder = self.folder(row)
+        result: dict[str, Any] = {}
+        if row.learns:
+            _clear(folder)
+            try:
+                trained = self.train(row.config(self.base), folder, folder.path.exists(), watcher)
+            except TrainingError as error:
+                write_json(folder.path / _RESULT, {"key": self._key(row), "reason": str(error)})
+                watcher.say(str(error))
+                return
+            result = {"steps": trained["steps"], "seconds": trained["seconds"], "best_step": trained["best"]["step"]}
+        watcher.running = False  # from here on a signal may end it at once: maps that are made are kept
+        key = self._key(row)
+        maker = self.maker_of(row, folder.best if row.learns else None)
+        maps = folder.path / f"maps-{key[:12]}"
+        evaluation = judge(
+            maker, self.test, row.setting == "180", maps, lambda share: watcher.step(_TRAINED + share / 10, "judged")
+        )
+        write_json(folder.path / _RESULT, {"key": key, **result, "evaluation": evaluation})
+        watcher.say(f"judged: {_line(evaluation)}")
+
+    def _key(self, row: Row) -> str:
+        """Changes with the weights of a row and with the test set."""
+        best = self.folder(row).best
+        return self.test.key(best.read_bytes() if best.is_file() else b"")
+
+
+def _line(evaluation: Mapping[str, Any]) -> str:
+    """The main figures of a row, for people."""
+    iou = [f"{name} {100 * value:.1f}" for name, value in evaluation["iou"].items() if value is not None]
+    colour = evaluation["appearance_l1"]
+    return ", ".join([*(["IoU " + ", ".join(iou)] if iou else []), *([] if colour is None else [f"L1 {colour:.1f}"])])
+
+
+def _clear(folder: RunFolder) -> None:
+    """Remove a folder in which a run was about to begin when it was killed."""
+    if not folder.path.is_dir() or folder.config.is_file():
+        return
+    left = list(folder.path.iterdir())
+    if all(path == folder.environment or path.name.startswith((".environment-", ".config-")) for path in left):
+        for path in left:
+            path.unlink()
+        folder.path.rmdir()
+
+
+@contextmanager
+def _telling(watcher: Watcher, name: str, number: int, total: int, time_is_up: Callable[[], bool]) -> Iterator[None]:
+    """Let the watcher hear of a row as of a part of the study, and stop its training when the time is up."""
+    step, say = watcher.step, watcher.say
+
+    def told(share: float, text: str) -> None:
+        if watcher.running and time_is_up():
+            watcher.stop = True
+        part = share * _TRAINED if watcher.running else share
+        step((number + part) / total, f"{number + 1} of {total}, {name}: {text}")
+
+    watcher.step, watcher.say = told, lambda text: say(f"{name}: {text}")
+    try:
+        yield
+    finally:
+        watcher.step, watcher.say, watcher.running = step, say, False

@@ -1,0 +1,174 @@
+"""What is lost when cameras fail: IoU with 6, 5, 4 and 3 of them alive.
+
+    OMP_NUM_THREADS=2 python -m benchmarks.missing_cameras ROOT --weights F [--frames 32] [--against exact] [--json]
+
+A dead camera is left out of the rig, as `appocc infer` does it; nothing is fed in its place. Every choice of living
+cameras sees the same frames, taken evenly from ROOT: all six choices of five cameras, six drawn ones of four and of
+three, the same for every run. IoU is at the thresholds of the weights, over all cells of the grid and over those that
+a living camera sees by the geometry of the rig; a row is the mean over its choices, with the worst in brackets.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import combinations
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from rich.console import Console
+from rich.progress import track
+from rich.table import Table
+
+from appocc.bevmap import CLASSES, load_map
+from appocc.checks import FloatArray
+from appocc.errors import AppoccError, DataError
+from appocc.evaluation.cells import GROUPS, CellCounts, count_cells, group_masks, ious
+from appocc.inference.loading import load_predictor
+from appocc.inference.moments import Moment, dataset_moments
+from appocc.inference.predictor import Predictor, cameras_of
+from appocc.nuscenes.dataset import Dataset
+
+MOST_CHOICES, MOST_DEAD, SEED = 6, 3, 0
+OVER = ("all", "seen")
+
+
+class Score(NamedTuple):
+    """What one choice of living cameras gives.
+
+    Attributes:
+        alive: their channels.
+        iou: of each class, over each of `OVER`.
+        seen: share of the cells that a living camera sees.
+    """
+
+    alive: tuple[str, ...]
+    iou: dict[str, dict[str, float]]
+    seen: float
+
+
+def choices(channels: Sequence[str], alive: int) -> list[tuple[str, ...]]:
+    """Which cameras live: all choices, or so many drawn ones, always the same."""
+    every = list(combinations(channels, alive))
+    if len(every) <= MOST_CHOICES:
+        return every
+    drawn = np.random.default_rng([SEED, alive]).choice(len(every), MOST_CHOICES, replace=False)
+    return [every[number] for number in sorted(drawn.tolist())]
+
+
+def evenly(moments: Sequence[Moment], most: int) -> list[Moment]:
+    """So many moments, from all over a recording."""
+    places = np.linspace(0, len(moments) - 1, min(most, len(moments))).round().astype(int)
+    return [moments[place] for place in places.tolist()]
+
+
+def score(predictor: Predictor, root: Path, against: str, moments: Sequence[Moment], alive: tuple[str, ...]) -> Score:
+    """IoU over moments of which only these cameras live.
+
+    Raises:
+        DataError: if one of them has no picture, a true map is missing or on another grid.
+    """
+    grid = predictor.model.setting.grid
+    thresholds: FloatArray = np.array([[predictor.weights.thresholds[name] for name in CLASSES]])
+    counts, seen = CellCounts.nothing(1), 0.0
+    for moment in moments:
+        frame, truth = moment.read().frame, load_map(root, against, moment.token)
+        if truth.grid != grid:
+            raise DataError(
+                f"{root}: expected truth on the grid of the weights, {grid.as_array().tolist()}, "
+                f"got {truth.grid.as_array().tolist()}"
+            )
+        missing = [channel for channel in alive if channel not in frame.images]
+        if missing:
+            raise DataError(f"{moment.title}: expected pictures of all cameras, got none of {', '.join(missing)}")
+        found = predictor(replace(frame, images={channel: frame.images[channel] for channel in alive}))
+        masks = group_masks(grid, np.ones(grid.shape, np.bool_), found.seen)
+        counts, seen = counts.plus(count_cells(found.bev, truth, masks, thresholds)), seen + float(found.seen.mean())
+    iou = {name: ious(counts.overlap[0, GROUPS.index(name)]) for name in OVER}
+    return Score(alive, iou, seen / len(moments))
+
+
+def measure(predictor: Predictor, root: Path, against: str, moments: Sequence[Moment]) -> list[list[Score]]:
+    """The scores of all choices, a list for each number of living cameras, all alive first.
+
+    Raises:
+        DataError: if the rig has no camera that the weights use, or as `score`.
+    """
+    rig = moments[0].read().frame.rig
+    channels = [camera.channel for camera in cameras_of(predictor.model.setting, rig)]
+    if not channels:
+        raise DataError(f"{root}: expected cameras {', '.join(predictor.model.setting.channels)}, got none of them")
+    numbers = range(len(channels), max(len(channels) - MOST_DEAD, 1) - 1, -1)
+    asked = [(number, alive) for number in numbers for alive in choices(channels, number)]
+    found: dict[int, list[Score]] = {}
+    for number, alive in track(asked, "choices", console=Console(stderr=True), transient=True):
+        found.setdefault(number, []).append(score(predictor, root, against, moments, alive))
+    return list(found.values())
+
+
+def as_json(scores: Sequence[Sequence[Score]]) -> list[dict[str, Any]]:
+    """A row for each number of living cameras: mean and worst over its choices."""
+    return [
+        {
+            "alive": len(row[0].alive),
+            "choices": len(row),
+            "seen_share": float(np.mean([each.seen for each in row])),
+            "iou": {
+                over: {name: _spread([each.iou[over][name] for each in row]) for name in CLASSES} for over in OVER
+            },
+            "of": [{"alive": each.alive, "iou": {o: _plain(each.iou[o]) for o in OVER}} for each in row],
+        }
+        for row in scores
+    ]
+
+
+def _spread(values: Sequence[float]) -> dict[str, float | None]:
+    there = [value for value in values if np.isfinite(value)]
+    return {"mean": float(np.mean(there)) if there else None, "worst": min(there) if there else None}
+
+
+def _plain(values: dict[str, float]) -> dict[str, float | None]:
+    return {name: value if np.isfinite(value) else None for name, value in values.items()}
+
+
+def table(rows: Sequence[dict[str, Any]]) -> Table:
+    """The same for people, in percent."""
+    heads = [f"{name}, {over} cells" for over in OVER for name in CLASSES]
+    made = Table("alive", "choices", "cells seen %", *heads)
+    for row in rows:
+        figures = [row["iou"][over][name] for over in OVER for name in CLASSES]
+        cells = ["-" if f["mean"] is None else f"{100 * f['mean']:.1f} ({100 * f['worst']:.1f})" for f in figures]
+        made.add_row(str(row["alive"]), str(row["choices"]), f"{100 * row['seen_share']:.1f}", *cells)
+    return made
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Parse arguments, measure, print a table or JSON."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("root", type=Path)
+    parser.add_argument("--weights", type=Path, help="those of the package by default")
+    parser.add_argument("--frames", type=int, default=32, help="of ROOT, taken evenly (32)")
+    parser.add_argument("--against", default="exact", help="source of the truth (exact)")
+    parser.add_argument("--json", action="store_true", help="for machines; shares are 0..1")
+    told = parser.parse_args(arguments)
+    if told.frames < 1:
+        parser.error(f"--frames: expected 1 or more, got {told.frames}")
+    try:
+        dataset, predictor = Dataset(told.root), load_predictor(told.weights)
+        moments = evenly(dataset_moments(dataset, dataset.scenes), told.frames)
+        rows = as_json(measure(predictor, told.root, told.against, moments))
+    except AppoccError as error:
+        parser.exit(error.exit_code, f"error: {error}\n")
+    if told.json:
+        thresholds = dict(predictor.weights.thresholds)
+        about = {"root": str(told.root), "frames": len(moments), "weights": predictor.weights.as_meta()}
+        print(json.dumps({**about, "thresholds": thresholds, "rows": rows}, indent=2))
+    else:
+        Console(width=140).print(table(rows))
+
+
+if __name__ == "__main__":
+    main()

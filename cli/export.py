@@ -1,0 +1,90 @@
+"""`appocc export`: a network as a file that runs without torch."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from cli.common import JsonOption, VersionOption, emit, progress, say
+
+if TYPE_CHECKING:
+    from appocc.export.run import Source
+
+_STEPS = 5
+
+
+class Format(StrEnum):
+    """What can be written."""
+
+    onnx = "onnx"
+    openvino = "openvino"
+
+
+_ENDINGS = {Format.onnx: ".onnx", Format.openvino: ".xml"}
+
+
+def export(
+    out: Annotated[
+        Path, typer.Option("--out", metavar="FILE", help="The file to write: .onnx, or .xml for OpenVINO.")
+    ],
+    root: Annotated[
+        Path | None, typer.Argument(metavar="[ROOT]", help="Dataset whose rig and pictures are used.")
+    ] = None,
+    rig: Annotated[
+        str | None, typer.Option("--rig", help="Name or YAML file of a rig, instead of ROOT; 'paper' by default.")
+    ] = None,
+    scene: Annotated[str | None, typer.Option("--scene", help="Scene of ROOT; the first by default.")] = None,
+    weights: Annotated[Path | None, typer.Option(help="File of weights; those of the package by default.")] = None,
+    runs: Annotated[
+        int, typer.Option(min=1, help="How often each input is checked, with each number of threads.")
+    ] = 4,
+    form: Annotated[
+        Format | None, typer.Option("--format", help="What FILE is; by default its ending says it.")
+    ] = None,
+    version: VersionOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Write a network for one rig, checked against torch; exit 1, and no file, if its answers differ.
+
+    Example: appocc export --weights F --rig rig.yaml --out model.onnx
+    """
+    from appocc.errors import DataError
+    from appocc.export.run import export as run
+
+    if form is not None and out.suffix.lower() != _ENDINGS[form]:
+        raise DataError(f"{out}: expected a name that ends in {_ENDINGS[form]} for {form}")
+    source = _source(root, rig, scene, version)
+    with progress("export", _STEPS) as advance:
+        done = run(weights, source, out, runs, advance)
+    if as_json:
+        emit({"files": [str(file) for file in done.files], "parity": done.parity.as_json(), "card": done.card})
+    size = sum(file.stat().st_size for file in done.files)
+    say(f"{', '.join(map(str, done.files))}: {size / 1e6:.1f} MB, {done.card['network']} for rig {source.name}")
+    say("\n".join(done.parity.lines()))
+
+
+def _source(root: Path | None, rig: str | None, scene: str | None, version: str | None) -> Source:
+    """The rig that is asked for.
+
+    Raises:
+        DataError: if both a dataset and a rig are named, or the dataset is damaged.
+        NotFoundError: if there is no such scene or rig.
+    """
+    from appocc.errors import DataError
+    from appocc.export.run import Source, source_of
+    from appocc.inference.moments import dataset_moments
+    from appocc.nuscenes import Dataset
+    from appocc.rigs import DEFAULT, read_rig
+
+    if root is None:
+        if scene is not None:
+            raise DataError("expected ROOT with --scene, got none")
+        return Source(read_rig(rig or DEFAULT), Path(rig or DEFAULT).name)
+    if rig is not None:
+        raise DataError("expected either ROOT or --rig, got both")
+    dataset = Dataset(root, version)
+    chosen = dataset.scene(scene) if scene else dataset.scenes[0]
+    return source_of(dataset_moments(dataset, [chosen]), f"{chosen.name} of {root.resolve().name}")

@@ -1,0 +1,53 @@
+from __future__ import annotations
+
+import pytest
+from made_study import made_config
+
+from appocc.ablation.rows import BOTH, COLOUR, OCCUPANCY, Row, chosen_rows, study_rows
+from appocc.errors import DataError
+from appocc.models.registry import COLOURINGS, DEFAULT, NETWORKS
+
+ROWS = study_rows(5, 3)
+
+
+def test_every_network_has_its_rows_in_both_settings() -> None:
+    assert {(row.network, row.setting) for row in ROWS} == {
+        (name, setting) for name in (*NETWORKS, *COLOURINGS) for setting in ("360", "180")
+    }
+    for name, network in NETWORKS.items():
+        wanted = {OCCUPANCY, BOTH} if network.appearance else {OCCUPANCY}
+        assert {row.answers for row in ROWS if row.network == name} == wanted
+    assert {row.answers for row in ROWS if not row.learns} == {COLOUR}
+    assert len({row.name for row in ROWS}) == len(ROWS)
+
+
+def test_the_first_seed_of_all_comes_before_the_second_of_any() -> None:
+    seeds = [row.seed for row in ROWS if row.seed is not None]
+    assert seeds == sorted(seeds)
+    assert {row.network for row in ROWS if row.seed in (6, 7)} == {DEFAULT}
+    assert sum(row.network == DEFAULT for row in ROWS) == 3 * 4
+    assert len(study_rows(0, 1)) == len(ROWS) - 2 * 4
+
+
+def test_a_row_changes_nothing_but_what_it_says() -> None:
+    base = made_config(network="paper", setting=360, appearance=True)
+    row = Row("lss", "180", OCCUPANCY, 7)
+    config = row.config(base)
+    assert (config.network, config.setting, config.appearance, config.train.seed) == ("lss", "180", False, 7)
+    assert base.differences(config) == ["network", "setting", "appearance", "train.seed"]
+    assert Row("appocc", "360", BOTH, 0).config(base).differences(base) == ["network"]
+
+
+def test_rows_are_chosen_by_a_part_of_their_name() -> None:
+    assert chosen_rows(ROWS, None) == ROWS
+    assert [row.name for row in chosen_rows(ROWS, "^lss|ipm-180")] == [
+        "lss-360-occupancy-s5",
+        "lss-180-occupancy-s5",
+        "ipm-180-colour",
+    ]
+
+
+@pytest.mark.parametrize(("pattern", "said"), [("(", "regular expression"), ("lsss", "of appocc-360-occupancy-s5, ")])
+def test_a_choice_of_nothing_is_told(pattern: str, said: str) -> None:
+    with pytest.raises(DataError, match=said):
+        chosen_rows(ROWS, pattern)

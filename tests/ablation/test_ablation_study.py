@@ -1,0 +1,318 @@
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import pytest
+from made_study import ROWS, MadeMaker, made_study, tiny_train, with_truth
+from tiny_dataset import TinyDataset
+
+from appocc.ablation.rows import Row
+from appocc.ablation.run import JSON, PAGE
+from appocc.ablation.study import Study
+from appocc.errors import DataError
+from appocc.evaluation.bev import Question, evaluate
+from appocc.frame import Frame
+from appocc.inference.predictor import Prediction
+from appocc.training.config import Config
+from appocc.training.run import StoppedError, TrainingError, Watcher
+from appocc.training.run_folder import RunFolder
+
+
+@pytest.fixture(scope="module")
+def shared(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A test set that nothing changes."""
+    return with_truth(TinyDataset(tmp_path_factory.mktemp("study") / "tiny"))
+
+
+@pytest.fixture(scope="module")
+def whole(shared: Path) -> bytes:
+    """The table of a study on it that nothing interrupted."""
+    out = shared.parent / "whole"
+    study = made_study(shared, out)
+    study.check()
+    study.run(ROWS, Watcher(), never)
+    return (out / JSON).read_bytes()
+
+
+@pytest.fixture
+def root(tiny: TinyDataset) -> Path:
+    return with_truth(tiny)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _no_curves() -> Iterator[None]:
+    """Drawing takes longer than all else here."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("appocc.training.loop.draw_curves", lambda lines, path: None)
+        yield
+
+
+class Counting:
+    """Trains, and remembers what it was asked for."""
+
+    def __init__(self) -> None:
+        self.asked: list[tuple[str, bool]] = []
+
+    def __call__(self, config: Config, folder: RunFolder, resume: bool, watcher: Watcher) -> Mapping[str, Any]:
+        self.asked.append((folder.path.name, resume))
+        return tiny_train(config, folder, resume, watcher)
+
+
+def never() -> bool:
+    return False
+
+
+def done(study: Study) -> dict[str, str]:
+    return {each.row.name: each.state for each in study.outcomes()}
+
+
+def test_all_rows_are_trained_judged_and_told(shared: Path, whole: bytes, tmp_path: Path) -> None:
+    counting = Counting()
+    study = made_study(shared, tmp_path / "out", train_row=counting)
+    study.run(ROWS, Watcher(), never)
+    assert counting.asked == [(row.name, False) for row in ROWS if row.learns]
+    value = json.loads((tmp_path / "out" / JSON).read_text())
+    assert [row["state"] for row in value["rows"]] == ["done"] * len(ROWS)
+    assert value["rows"][0]["steps"] == 5
+    assert value["test"] == {"root": str(shared), "against": "exact", "scenes": 1, "samples": 3}
+    assert "network" not in value["training"]
+    assert (tmp_path / "out" / PAGE).read_text().startswith("# ")
+    # The maps were needed for the figures only.
+    assert not list(tmp_path.glob("out/*/maps-*"))
+    # And none of it is done again.
+    before = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*/result.json")}
+    again = made_study(shared, tmp_path / "out", train_row=counting)
+    again.check()
+    again.run(ROWS, Watcher(), never)
+    assert len(counting.asked) == len(ROWS) - 1
+    assert {path: path.stat().st_mtime_ns for path in before} == before
+    assert (tmp_path / "out" / JSON).read_bytes() == whole
+
+
+@pytest.mark.parametrize("number", [0, 1, 3])
+def test_figures_are_those_of_eval_bev(root: Path, tmp_path: Path, number: int) -> None:
+    study, row = made_study(root, tmp_path / "out"), ROWS[number]
+    study.run([row], Watcher(), never)
+    maker = MadeMaker(row, study.folder(row).best)
+    for scene in study.test.scenes:
+        for sample in study.test.dataset.samples(scene):
+            bev, seen = maker(study.test.dataset.frame(sample, images=False))
+            bev.save(tmp_path / "maps" / f"{sample.token}.npz", {"seen": seen})
+    question = Question(f"{tmp_path / 'maps'}/", "exact", row.setting == "180")
+    wanted = evaluate(study.test.dataset, study.test.scenes, question, lambda steps: None).as_json()
+    found = json.loads((study.folder(row).path / "result.json").read_text())["evaluation"]
+    for key in ("iou", "iou_at_threshold", "thresholds", "setting", "samples"):
+        assert found[key] == wanted[key], key
+    assert found["vehicles"]["count"] == wanted["vehicles"]["count"] > 0
+    assert (found["appearance_l1"] is None) == (row.answers == "occupancy")
+
+
+@pytest.mark.parametrize("stop_at", [1, 7, 18])
+def test_interrupted_in_training_it_goes_on_to_the_same_bytes(
+    shared: Path, whole: bytes, tmp_path: Path, stop_at: int
+) -> None:
+    study, watcher, steps = made_study(shared, tmp_path / "out"), Watcher(), []
+
+    def step(share: float, text: str) -> None:
+        steps.append(text)
+        if watcher.running and sum(": step " in each for each in steps) == stop_at:
+            watcher.stop = True
+
+    watcher.step = step
+    with pytest.raises(StoppedError):
+        study.run(ROWS, watcher, never)
+    assert "begun" in done(study).values()
+    assert b"begun" in (tmp_path / "out" / JSON).read_bytes()
+    assert (watcher.step, watcher.running) == (step, False)
+    made_study(shared, tmp_path / "out").run(ROWS, Watcher(), never)
+    assert (tmp_path / "out" / JSON).read_bytes() == whole
+
+
+def test_interrupted_in_judging_no_map_is_made_twice(shared: Path, whole: bytes, tmp_path: Path) -> None:
+    asked: list[tuple[str, str]] = []
+
+    class Interrupted(MadeMaker):
+        def __call__(self, frame: Frame) -> Prediction:
+            if len(asked) == 2:
+                raise KeyboardInterrupt
+            asked.append((self.row.name, frame.token))
+            return super().__call__(frame)
+
+    with pytest.raises(KeyboardInterrupt):
+        made_study(shared, tmp_path / "out", maker_of=Interrupted).run(ROWS, Watcher(), never)
+    assert len(list(tmp_path.glob("out/*/maps-*/*.npz"))) == 2
+
+    class Told(MadeMaker):
+        def __call__(self, frame: Frame) -> Prediction:
+            asked.append((self.row.name, frame.token))
+            return super().__call__(frame)
+
+    made_study(shared, tmp_path / "out", maker_of=Told).run(ROWS, Watcher(), never)
+    assert len(asked) == len(set(asked)) == 3 * len(ROWS)
+    assert (tmp_path / "out" / JSON).read_bytes() == whole
+
+
+def test_killed_before_the_run_was_told_it_begins(root: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "out" / ROWS[0].name
+    folder.mkdir(parents=True)
+    (folder / "environment.json").write_text("{}")
+    (folder / ".config-x.yaml").write_text("netw")
+    study = made_study(root, tmp_path / "out")
+    study.run(ROWS[:1], Watcher(), never)
+    assert done(study)[ROWS[0].name] == "done"
+    assert not list(folder.glob(".config-*"))
+
+
+def test_a_folder_with_other_things_is_left_alone(root: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "out" / ROWS[0].name
+    folder.mkdir(parents=True)
+    (folder / "letter.txt").write_text("mine")
+    with pytest.raises(DataError, match="no run to go on with"):
+        made_study(root, tmp_path / "out").run(ROWS[:1], Watcher(), never)
+    assert (folder / "letter.txt").read_text() == "mine"
+
+
+def test_when_the_time_is_up_rows_are_named_and_the_one_under_way_goes_on(
+    shared: Path, whole: bytes, tmp_path: Path
+) -> None:
+    study, watcher, steps = made_study(shared, tmp_path / "out"), Watcher(), []
+    watcher.step = lambda share, text: steps.append(text)
+    study.run(ROWS, watcher, lambda: len(steps) > 10)
+    assert list(done(study).values()) == ["done", "begun", "not run", "not run", "not run"]
+    text = (tmp_path / "out" / PAGE).read_text()
+    assert "Without a result: `appocc-360-both-s0`, `ipm-360-colour`, " in text
+    assert "1 of 5 rows are done" in text
+    made_study(shared, tmp_path / "out").run(ROWS, Watcher(), never)
+    assert (tmp_path / "out" / JSON).read_bytes() == whole
+
+
+def test_without_time_nothing_is_run(root: Path, tmp_path: Path) -> None:
+    study = made_study(root, tmp_path / "out")
+    study.run(ROWS, Watcher(), lambda: True)
+    assert set(done(study).values()) == {"not run"}
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == [JSON, PAGE]
+
+
+def test_a_training_that_diverges_is_told_and_not_tried_again(root: Path, tmp_path: Path) -> None:
+    tried = []
+
+    def diverging(config: Config, folder: RunFolder, resume: bool, watcher: Watcher) -> Mapping[str, Any]:
+        tried.append(folder.path.name)
+        if config.train.seed == 1:
+            folder.begin(config)
+            raise TrainingError("step 3: expected finite losses")
+        return tiny_train(config, folder, resume, watcher)
+
+    rows = (ROWS[4], ROWS[0])
+    for _ in range(2):
+        study = made_study(root, tmp_path / "out", rows, diverging)
+        study.check()
+        study.run(rows, Watcher(), never)
+    assert tried == [row.name for row in rows]
+    assert list(done(study).values()) == ["failed", "done"]
+    assert "failed: step 3: expected finite losses" in (tmp_path / "out" / PAGE).read_text()
+
+
+def test_another_test_set_is_judged_anew_without_training(root: Path, tmp_path: Path, tiny: TinyDataset) -> None:
+    counting, rows = Counting(), ROWS[:1]
+    made_study(root, tmp_path / "out", rows, counting).run(rows, Watcher(), never)
+    # The weights are the same, but one sample is gone.
+    tiny.tables["sample"] = tiny.tables["sample"][:2]
+    tiny.tables["sample"][1]["next"] = ""
+    tiny.row("scene", tiny.tables["sample"][0]["scene_token"])["last_sample_token"] = tiny.tables["sample"][1][
+        "token"
+    ]
+    tiny.tables["scene"][0]["nbr_samples"] = 2
+    kept = {each["token"] for each in tiny.tables["sample"]}
+    for name in ("sample_data", "sample_annotation"):
+        tiny.tables[name] = [each for each in tiny.tables[name] if each["sample_token"] in kept]
+    tiny.write()
+    study = made_study(root, tmp_path / "out", rows, counting)
+    assert done(study)[rows[0].name] == "begun"
+    study.run(rows, Watcher(), never)
+    assert json.loads((tmp_path / "out" / JSON).read_text())["test"]["samples"] == 2
+    assert json.loads((study.folder(rows[0]).path / "result.json").read_text())["evaluation"]["samples"] == 2
+    assert [resume for _, resume in counting.asked] == [False, True]
+    assert sum(line["kind"] == "train" for line in study.folder(rows[0]).lines()) == 1
+
+
+def test_rows_that_were_not_chosen_keep_what_they_have(root: Path, tmp_path: Path) -> None:
+    study = made_study(root, tmp_path / "out")
+    study.run(ROWS[:1], Watcher(), never)
+    study.run(ROWS[2:3], Watcher(), never)
+    assert list(done(study).values()) == ["done", "not run", "done", "not run", "not run"]
+
+
+class Broken:
+    """A study's folder or test set that cannot be used."""
+
+    def config(self, root: Path, out: Path) -> Study:
+        made_study(root, out, ROWS[:1]).run(ROWS[:1], Watcher(), never)
+        return made_study(root, out, ROWS[:1], train__lr=0.5)
+
+    def truth(self, root: Path, out: Path) -> Study:
+        next((root / "bev" / "exact").iterdir()).unlink()
+        return made_study(root, out)
+
+    def samples(self, root: Path, out: Path) -> Study:
+        study = made_study(root, out)
+        object.__setattr__(study.test, "scenes", ())
+        return study
+
+
+@pytest.mark.parametrize(
+    ("broken", "said"),
+    [
+        (Broken.config, "other values of train.lr"),
+        (Broken.truth, "1 of 3 samples"),
+        (Broken.samples, "no key frames"),
+    ],
+)
+def test_what_cannot_work_is_told_before_anything_begins(root: Path, tmp_path: Path, broken: Any, said: str) -> None:
+    study = broken(Broken(), root, tmp_path / "out")
+    with pytest.raises(DataError, match=said):
+        study.check()
+
+
+def test_several_processes_are_refused(root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("WORLD_SIZE", "2")
+    with pytest.raises(DataError, match="expected one process"):
+        made_study(root, tmp_path / "out").check()
+
+
+def test_a_damaged_result_is_told(root: Path, tmp_path: Path) -> None:
+    study = made_study(root, tmp_path / "out")
+    study.run(ROWS[:1], Watcher(), never)
+    result = study.folder(ROWS[0]).path / "result.json"
+    result.write_text("{")
+    with pytest.raises(DataError, match=r"result\.json: no valid JSON"):
+        study.outcomes()
+    result.write_text("[]")
+    assert done(study)[ROWS[0].name] == "begun"
+
+
+def test_a_folder_that_cannot_be_written_is_told(root: Path, tmp_path: Path) -> None:
+    (tmp_path / "out").write_text("a file")
+    with pytest.raises(DataError, match="cannot be written"):
+        made_study(root, tmp_path / "out").run(ROWS, Watcher(), never)
+
+
+def test_the_watcher_hears_of_rows(root: Path, tmp_path: Path) -> None:
+    heard: list[tuple[float, str]] = []
+    said: list[str] = []
+    watcher = Watcher(lambda share, text: heard.append((share, text)), said.append)
+    rows: tuple[Row, ...] = ROWS[1:3]
+    made_study(root, tmp_path / "out").run(rows, watcher, never)
+    shares = [share for share, _ in heard]
+    assert shares == sorted(shares)
+    assert shares[-1] == pytest.approx(1)
+    assert heard[0][1].startswith("1 of 2, appocc-360-both-s0: step 1, ")
+    assert heard[-1][1] == "2 of 2, ipm-360-colour: judged"
+    assert [text.partition(" road")[0] for text in said[:2]] == [
+        "appocc-360-both-s0: step 5: IoU",
+        "appocc-360-both-s0: judged: IoU",
+    ]
+    assert said[2].startswith("ipm-360-colour: judged: L1 ")

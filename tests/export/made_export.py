@@ -1,0 +1,76 @@
+"""Small networks whose answers differ from cell to cell, so that a wrong graph cannot pass for a right one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import torch
+from torch import nn
+
+from appocc.camera import CameraRig
+from appocc.export.parity import made_inputs
+from appocc.grid import BEVGrid
+from appocc.models.base import BEVModel
+from appocc.models.pictures import fitted_camera
+from appocc.models.registry import build
+from appocc.models.setting import Setting
+from appocc.models.weights import save_weights
+from appocc.rigs import read_rig
+
+SMALL = Setting("360", ("CAM_FRONT", "CAM_BACK"), BEVGrid(-8.0, 8.0, -8.0, 8.0, 0.5), 96, 64)
+THRESHOLDS = "[0.5, 0.4, 0.3]"
+# Three cameras, of which one is named as no setting names it; sizes and shapes differ.
+RIG = """
+cameras:
+  CAM_FRONT: {size_px: [192, 108], fov_deg: 70, position_m: [1.7, 0, 1.5], yaw_deg: 0}
+  CAM_BACK: {size_px: [160, 120], fov_deg: 90, position_m: [0, 0, 1.5], yaw_deg: 180}
+  CAM_SIDE: {size_px: [96, 64], fov_deg: 90, position_m: [0.5, 0.5, 1.5], yaw_deg: 90}
+"""
+SIZES_PX = {"CAM_FRONT": (192, 108), "CAM_BACK": (160, 120), "CAM_SIDE": (96, 64)}
+
+
+def network(name: str, setting: Setting = SMALL) -> BEVModel:
+    """A network with weights that let every part, and every picture, matter."""
+    torch.manual_seed(4)
+    model = build(name, setting)
+    for norm in (part for part in model.modules() if isinstance(part, nn.BatchNorm2d)):
+        nn.init.uniform_(norm.weight, 0.5, 1.5)  # some start at zero, and their blocks would do nothing
+        nn.init.uniform_(norm.bias, -0.2, 0.2)
+        norm.momentum = None
+    rig = fitted_rig(setting)
+    shape = (1, len(rig), 3, setting.height_px, setting.width_px)
+    inputs = [torch.from_numpy(images) for seed in (1, 2) for images in made_inputs(shape, seed).values()]
+    with torch.no_grad():
+        # Statistics of such pictures as are asked about: rounding is not blown up by what never came before.
+        model.train()(torch.cat(inputs), model.plan([rig] * len(inputs)))
+        ends = _ends(model.eval())
+        for end in ends:
+            nn.init.normal_(end.weight, std=0.1)
+            nn.init.zeros_(end.bias)  # type: ignore[arg-type]
+        spread = torch.cat([model(images, model.plan([rig])).occupancy for images in inputs]).std()
+        for end in ends:
+            end.weight /= 3 * spread
+    return model
+
+
+def _ends(model: BEVModel) -> list[nn.Conv2d | nn.Linear]:
+    """The last layers: those of three outputs, or of six."""
+    found = []
+    for part in model.modules():
+        if (isinstance(part, nn.Conv2d) and part.out_channels in (3, 6)) or (
+            isinstance(part, nn.Linear) and part.out_features == 3
+        ):
+            found.append(part)
+    return found
+
+
+def fitted_rig(setting: Setting = SMALL) -> CameraRig:
+    """The shipped rig's cameras of a setting, as its pictures are fitted."""
+    rig = read_rig("paper")
+    return CameraRig(tuple(fitted_camera(rig[channel], setting) for channel in setting.channels))
+
+
+def weights_file(path: Path, name: str, setting: Setting = SMALL) -> Path:
+    """Weights of `network` on disk."""
+    save_weights(path, network(name, setting), {"network": name, "thresholds": THRESHOLDS})
+    return path

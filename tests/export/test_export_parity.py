@@ -1,0 +1,103 @@
+"""A file that answers differently is found out, whenever it does."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from appocc.checks import Float32Array
+from appocc.export.parity import LIMIT, THREADS, Parity, compare, made_inputs
+from appocc.export.runtimes import Answers, Run
+
+SHAPE = (1, 2, 3, 20, 40)
+Twist = Callable[[dict[str, NDArray[Any]], int, int], None]
+
+
+def network(images: Float32Array) -> Answers:
+    mean = images.mean(axis=(1, 3, 4), dtype=np.float32)
+    return {"occupancy": mean, "seen": np.array([[True, False]])}
+
+
+def judged(twist: Twist) -> Parity:
+    """Compare the network with itself, its answers twisted by number of threads and count of runs."""
+
+    def open_file(threads: int) -> Run:
+        count = 0
+
+        def run(images: Float32Array) -> Answers:
+            nonlocal count
+            count += 1
+            told = {name: value.copy() for name, value in network(images).items()}
+            twist(told, threads, count)
+            return told
+
+        return run
+
+    return compare(network, open_file, made_inputs(SHAPE), 3, lambda _: None)
+
+
+def test_the_same_answers_hold() -> None:
+    parity = judged(lambda told, threads, count: None)
+    assert parity.holds
+    assert parity.largest == {"occupancy": 0, "seen": 0}
+    assert parity.between_runs == 0
+    value = parity.as_json()
+    assert value["threads"] == [1, 2, 4]
+    assert value["inputs"] == ["noise", "patches", "grey"]
+    assert value["median_ms"]["torch"] > 0
+    assert "27 runs: 3 inputs" in parity.lines()[1]
+
+
+def test_how_far_is_told_and_the_limit_is_kept() -> None:
+    def slightly(told: dict[str, NDArray[Any]], threads: int, count: int) -> None:
+        told["occupancy"] += np.float32(LIMIT / 2)
+
+    parity = judged(slightly)
+    assert parity.holds
+    assert parity.largest["occupancy"] == pytest.approx(LIMIT / 2, rel=0.01)
+
+
+def _once(told: dict[str, NDArray[Any]], threads: int, count: int) -> None:
+    told["occupancy"] += np.float32(2 * LIMIT if count == 9 else 0)
+
+
+def _at_four_threads(told: dict[str, NDArray[Any]], threads: int, count: int) -> None:
+    told["occupancy"][0, 1] += np.float32(2 * LIMIT if threads == THREADS[-1] else 0)
+
+
+def _not_a_number(told: dict[str, NDArray[Any]], threads: int, count: int) -> None:
+    told["occupancy"][0, 0] = np.nan
+
+
+def _missing(told: dict[str, NDArray[Any]], threads: int, count: int) -> None:
+    del told["seen"]
+
+
+def _other_shape(told: dict[str, NDArray[Any]], threads: int, count: int) -> None:
+    told["occupancy"] = told["occupancy"][:, :1]
+
+
+def _seen_elsewhere(told: dict[str, NDArray[Any]], threads: int, count: int) -> None:
+    told["seen"] = ~told["seen"]
+
+
+@pytest.mark.parametrize("twist", [_once, _at_four_threads, _not_a_number, _missing, _other_shape, _seen_elsewhere])
+def test_what_differs_is_found_out(twist: Twist) -> None:
+    parity = judged(twist)
+    assert not parity.holds
+    if twist is _once:
+        assert parity.between_runs == pytest.approx(2 * LIMIT, rel=0.01)
+
+
+def test_made_inputs_are_pictures_and_the_same_each_time() -> None:
+    made = made_inputs(SHAPE)
+    for name, images in made.items():
+        assert images.shape == SHAPE, name
+        assert images.dtype == np.float32
+        assert 0 <= images.min() <= images.max() <= 1
+        assert np.array_equal(images, made_inputs(SHAPE)[name])
+    assert made["noise"].std() > 0.2

@@ -1,0 +1,149 @@
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from made_model import AHEAD, GRID, HIGH, MadeModel, MadePlan, predictor
+from tiny_dataset import TinyDataset, token
+from torch import Tensor
+
+from appocc.bevmap import ROAD, BEVMap, bev_path
+from appocc.errors import DataError
+from appocc.inference.moments import Moment, dataset_moments
+from appocc.inference.predictor import Predictor
+from appocc.models.base import Output
+from appocc.models.setting import SETTINGS
+from appocc.nuscenes import Dataset
+from benchmarks import missing_cameras
+from benchmarks.missing_cameras import as_json, choices, evenly, main, measure, score, table
+
+SIX = SETTINGS["360"].channels
+
+
+class WhatIsSeen(MadeModel):
+    """Says that there is road wherever a camera looks, and nothing else."""
+
+    def forward(self, images: Tensor, plan: MadePlan) -> Output:  # type: ignore[override]
+        on = torch.zeros(1, 3, *GRID.shape)
+        on[:, ROAD] = HIGH * plan.seen
+        return Output(torch.logit(on, 1e-4), None, None)
+
+
+@pytest.fixture
+def street(tiny: TinyDataset) -> Path:
+    """The tiny dataset, which has a camera ahead and one behind, with road everywhere."""
+    for i in range(3):
+        on = np.zeros((3, *GRID.shape), np.float32)
+        on[ROAD] = 1
+        known = np.ones((3, *GRID.shape), np.bool_)
+        truth = BEVMap(GRID, on, known, np.zeros((3, *GRID.shape), np.uint8), known[0].copy())
+        truth.save(bev_path(tiny.root, "exact", token("sample", i)))
+    return tiny.root
+
+
+def moments_of(root: Path) -> list[Moment]:
+    dataset = Dataset(root)
+    return dataset_moments(dataset, dataset.scenes)
+
+
+def test_choices_of_living_cameras_are_fixed_and_few() -> None:
+    assert choices(SIX, 6) == [SIX]
+    assert [set(SIX) - set(alive) for alive in choices(SIX, 5)] == [{name} for name in reversed(SIX)]
+    for alive in (4, 3):
+        drawn = choices(SIX, alive)
+        assert len(drawn) == len(set(drawn)) == 6
+        assert all(len(set(one)) == alive and set(one) <= set(SIX) for one in drawn)
+        assert drawn == choices(SIX, alive)
+
+
+def test_frames_are_taken_from_all_over() -> None:
+    moments = [Moment(str(i), str(i), lambda: pytest.fail("read too early")) for i in range(9)]
+    assert [moment.token for moment in evenly(moments, 3)] == ["0", "4", "8"]
+    assert evenly(moments, 20) == moments
+
+
+def test_with_a_camera_gone_only_what_the_other_sees_is_right(street: Path) -> None:
+    rows = as_json(measure(predictor(WhatIsSeen()), street, "exact", moments_of(street)))
+    assert [(row["alive"], row["choices"]) for row in rows] == [(2, 1), (1, 2)]
+    assert rows[0]["seen_share"] == 1
+    assert rows[0]["iou"]["all"]["road"] == {"mean": 1, "worst": 1}
+    share = rows[1]["seen_share"]
+    assert 0.3 < share < 0.7
+    assert rows[1]["iou"]["all"]["road"]["mean"] == pytest.approx(share)
+    assert rows[1]["iou"]["all"]["road"]["worst"] == pytest.approx(
+        min(one["iou"]["all"]["road"] for one in rows[1]["of"])
+    )
+    assert rows[1]["iou"]["seen"]["road"] == {"mean": 1, "worst": 1}
+    # Nothing to compare is no number.
+    assert rows[0]["iou"]["all"]["lane"] == {"mean": None, "worst": None}
+    assert [cell for column in table(rows).columns for cell in column.cells][:2] == ["2", "1"]
+
+
+def test_a_choice_is_judged_at_the_thresholds_of_the_weights(street: Path) -> None:
+    made = predictor(WhatIsSeen())
+    assert score(made, street, "exact", moments_of(street), ("CAM_FRONT",)).iou["seen"]["road"] == 1
+    high = {"road": 0.9, "vehicle": 0.5, "lane": 0.5}
+    object.__setattr__(made.weights, "thresholds", high)
+    assert score(made, street, "exact", moments_of(street), ("CAM_FRONT",)).iou["seen"]["road"] == 0
+
+
+def without_truth(root: Path) -> None:
+    next((root / "bev" / "exact").iterdir()).unlink()
+
+
+def without_picture(root: Path) -> None:
+    next((root / "samples" / "CAM_BACK").iterdir()).unlink()
+
+
+@pytest.mark.parametrize(
+    ("spoilt", "said"),
+    [(without_truth, "no BEV map"), (without_picture, "expected pictures of all cameras, got none of CAM_BACK")],
+)
+def test_what_is_missing_is_told(street: Path, spoilt: Callable[[Path], None], said: str) -> None:
+    spoilt(street)
+    with pytest.raises(DataError, match=said):
+        measure(predictor(), street, "exact", moments_of(street))
+
+
+def test_weights_must_fit_the_truth_and_the_rig(street: Path) -> None:
+    with pytest.raises(DataError, match="truth on the grid of the weights"):
+        measure(predictor(MadeModel(AHEAD)), street, "exact", moments_of(street))
+    other = MadeModel(AHEAD)
+    other.setting = type(AHEAD)("180", ("CAM_ROOF",), AHEAD.grid, 16, 8)
+    with pytest.raises(DataError, match="expected cameras CAM_ROOF"):
+        measure(predictor(other), street, "exact", moments_of(street))
+
+
+def test_as_a_command(street: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    def loaded(weights: Path | None) -> Predictor:
+        return predictor(WhatIsSeen())
+
+    monkeypatch.setattr(missing_cameras, "load_predictor", loaded)
+    main([str(street), "--frames", "2", "--json"])
+    value = json.loads(capsys.readouterr().out)
+    assert (value["frames"], len(value["rows"])) == (2, 2)
+    assert value["thresholds"]["vehicle"] == 0.4
+    main([str(street), "--frames", "1"])
+    said = capsys.readouterr().out
+    assert "100.0 (100.0)" in said
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"), [(["nowhere"], "nowhere: no such folder"), (["x", "--frames", "0"], "expected 1 or more")]
+)
+def test_bad_input_is_one_line(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    arguments: list[str],
+    said: str,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SystemExit) as ended:
+        main(arguments)
+    assert ended.value.code == 2
+    assert said in capsys.readouterr().err.splitlines()[-1]
