@@ -21,7 +21,7 @@ from appocc.export.parity import LIMIT, Parity, ParityError, compare, eager, mad
 from appocc.export.runtimes import Run, open_onnx, open_openvino
 from appocc.files import whole_file
 from appocc.frame import Frame
-from appocc.inference.loading import PACKAGED
+from appocc.inference.loading import weights_file
 from appocc.inference.moments import Moment
 from appocc.inference.predictor import cameras_of
 from appocc.models.pictures import fitted, fitted_camera
@@ -94,9 +94,7 @@ def export(
         package(name)
     if weights is not None and str(weights) in COLOURINGS:
         raise DataError(f"{weights}: this network learns nothing and has no weights, there is nothing to export")
-    path = weights or PACKAGED
-    if weights is None and not path.is_file():
-        raise DataError("no weights come with this version of appocc; name a file with --weights")
+    path = weights_file(weights)
     model, weights_card = load_model(path)
     setting = model.setting
     cameras = CameraRig(tuple(cameras_of(setting, source.rig)))

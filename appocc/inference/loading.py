@@ -10,9 +10,7 @@ import torch
 from appocc.bevmap import CLASSES
 from appocc.errors import DataError
 from appocc.inference.predictor import Predictor, Weights
-from appocc.models.weights import load_model, thresholds_of
-
-PACKAGED = Path(__file__).parent.parent / "models" / "data" / "appocc.safetensors"
+from appocc.models.weights import PACKAGED, load_model, thresholds_of
 
 
 def weights_file(weights: Path | None) -> Path:

@@ -33,6 +33,10 @@ class Plan(Protocol):
         """The same on a device."""
         ...
 
+    def for_export(self) -> Self:
+        """The plan with which a network uses only operations that exporters translate rightly; slower."""
+        ...
+
 
 class ViewOutput(NamedTuple):
     """What is said of the pictures themselves, for auxiliary losses; None where a network does not.

@@ -64,6 +64,10 @@ class FieldPlan:
         """The same on a device."""
         return replace(self, rays=self.rays.to(device), alive=self.alive.to(device), seen=self.seen.to(device))
 
+    def for_export(self) -> Self:
+        """Itself: nothing here is hard to translate."""
+        return self
+
 
 class AttentionField(BEVModel):
     """Pictures -> tokens of patches; a place -> attention to them, refined a few times -> occupancy there."""

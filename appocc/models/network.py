@@ -49,8 +49,8 @@ class NetworkPlan:
         return replace(self, coarse=self.coarse.to(device), fine=self.fine.to(device))
 
     def for_export(self) -> NetworkPlan:
-        """The plan with which a network uses only what every runtime computes right."""
-        return replace(self, coarse=self.coarse.with_slots(), fine=self.fine.with_slots())
+        """The plan with which a network uses only operations that exporters translate rightly; slower."""
+        return replace(self, coarse=self.coarse.for_export(), fine=self.fine.for_export())
 
 
 class AppoccNet(BEVModel):
@@ -97,9 +97,8 @@ class AppoccNet(BEVModel):
         cameras = plan.coarse.cameras
         pictures = pictures_of_rigs(images, cameras).contiguous(memory_format=torch.channels_last)
         merged, coarse, fine = self.merge(self.encoder(pictures))
-        export = plan.coarse.slots is not None
-        standing = pull(coarse.permute(0, 2, 3, 1), plan.coarse, export)  # B 3*32 X Y
-        ground = pull(fine.permute(0, 2, 3, 1), plan.fine, export)  # B 16 X Y
+        standing = pull(coarse.permute(0, 2, 3, 1), plan.coarse)  # B 3*32 X Y
+        ground = pull(fine.permute(0, 2, 3, 1), plan.fine)  # B 16 X Y
         count = plan.coarse.count[..., ::2, ::2] / 2
         place = torch.cat([self.place.expand(len(count), -1, -1, -1), count], dim=1)  # B 4 X/2 Y/2
         cells = self.trunk(standing, place, ground)  # B 24 X Y

@@ -29,6 +29,8 @@ HEIGHTS_M = (0.0, 0.6, 1.3)
 _NEAREST_M = 0.1
 # Plans of rigs that come again and again: a car's own, at the two strides of a network, and a few to compare.
 _KEPT_PLANS = 8
+# Entries of a bag that one camera sees: the corners of bilinear reading. Most cells are seen by one.
+_FEW = 4
 
 
 class Table(NamedTuple):
@@ -53,6 +55,40 @@ class Table(NamedTuple):
         return functional.embedding_bag(self.rows, values, self.offsets, per_sample_weights=self.weights, mode="sum")
 
 
+class Slots(NamedTuple):
+    """The sums of a table without gaps: a few entries of every bag, and the others of those bags that have more.
+
+    Attributes:
+        rows: (_FEW, bags) int64, entries too many are row 0 with weight 0.
+        weights: (_FEW, bags, 1).
+        more_rows: (S, bags with more) int64.
+        more_weights: (S, bags with more, 1).
+        place: (bags,) int64, 1 + the number of a bag among those with more; 0 of the others.
+    """
+
+    rows: Tensor
+    weights: Tensor
+    more_rows: Tensor
+    more_weights: Tensor
+    place: Tensor
+
+    def to(self, device: torch.device) -> Slots:
+        """The same on a device."""
+        return Slots(*(each.to(device) for each in self))
+
+    def sum_of(self, values: Tensor) -> Tensor:
+        """(bags, C) of rows (R, C)."""
+        few, more = _gathered(values, self.rows, self.weights), _gathered(values, self.more_rows, self.more_weights)
+        return few + torch.cat([few.new_zeros(1, few.shape[1]), more]).index_select(0, self.place)
+
+
+def _gathered(values: Tensor, rows: Tensor, weights: Tensor) -> Tensor:
+    total = values.new_zeros(rows.shape[1], values.shape[1])
+    for row, weight in zip(rows, weights, strict=True):
+        total = total + values.index_select(0, row) * weight
+    return total
+
+
 @dataclass(frozen=True)
 class PullPlan:
     """Where the cells of a batch read; rows are the places (camera, row, column) of the features of all its cameras.
@@ -63,7 +99,7 @@ class PullPlan:
         count: (B, 1, X, Y) float32, how many cameras see a cell's centre on the ground.
         cameras: of each sample.
         heights: of a cell.
-        slots: index (S, bags) int64 and weights (S, bags, 1) of the same sums as a table without gaps, for export.
+        slots: the same as `read` by gathers and sums alone, for export.
     """
 
     read: Table
@@ -71,7 +107,7 @@ class PullPlan:
     count: Tensor
     cameras: tuple[int, ...]
     heights: int
-    slots: tuple[Tensor, Tensor] | None = None
+    slots: Slots | None = None
 
     @property
     def seen(self) -> Tensor:
@@ -80,20 +116,24 @@ class PullPlan:
 
     def to(self, device: torch.device) -> PullPlan:
         """The same on a device."""
-        slots = None if self.slots is None else (self.slots[0].to(device), self.slots[1].to(device))
+        slots = None if self.slots is None else self.slots.to(device)
         count = self.count.to(device, non_blocking=True)
         return replace(self, read=self.read.to(device), spread=self.spread.to(device), count=count, slots=slots)
 
-    def with_slots(self) -> PullPlan:
-        """The plan with `slots`: every bag gets as many entries as the fullest, those too many with weight 0."""
+    def for_export(self) -> PullPlan:
+        """The plan with `slots`."""
         ends = torch.cat([self.read.offsets[1:], self.read.offsets.new_tensor([len(self.read.rows)])])
         length = (ends - self.read.offsets).long()
-        slot = torch.arange(int(length.max()) if len(length) else 0)[:, None]  # S 1
+        more = length > _FEW
+        # Without a camera there is not even a row 0 to stand in.
+        slot = torch.arange(max(int(length.max()), _FEW) if len(self.read.rows) else 0)[:, None]  # S 1
         used = slot < length
         entry = torch.where(used, self.read.offsets + slot, 0)
-        index = torch.where(used, self.read.rows[entry].long(), 0)
-        weights = torch.where(used, self.read.weights[entry], 0.0)
-        return replace(self, slots=(index, weights[..., None]))
+        rows = torch.where(used, self.read.rows[entry].long(), 0)
+        weights = torch.where(used, self.read.weights[entry], 0.0)[..., None]
+        place = torch.where(more, more.cumsum(0), 0)
+        slots = Slots(rows[:_FEW], weights[:_FEW], rows[_FEW:, more], weights[_FEW:, more], place)
+        return replace(self, slots=slots)
 
 
 class _Pull(torch.autograd.Function):
@@ -111,14 +151,12 @@ class _Pull(torch.autograd.Function):
         return ctx.spread.sum_of(gradients[0].contiguous()), None, None
 
 
-def pull(features: Tensor, plan: PullPlan, export: bool = False) -> Tensor:
+def pull(features: Tensor, plan: PullPlan) -> Tensor:
     """What the cells read of features.
 
     Args:
         features: (V, h, w, C) of all cameras of the batch, sample after sample.
         plan: made for features of this size.
-        export: use gathers and sums alone, which every runtime computes right; slower. Without `slots` in the plan,
-            these are worked out first.
 
     Returns:
         (B, heights * C, X, Y) float32, in memory as channels last; 0 where no camera sees a place.
@@ -129,22 +167,14 @@ def pull(features: Tensor, plan: PullPlan, export: bool = False) -> Tensor:
     rows = features.flatten(0, 2).float()  # R C
     if len(rows) != len(plan.spread.offsets):
         raise ShapeError(f"features: expected {len(plan.spread.offsets)} places, as planned, got {len(rows)}")
-    if export:
-        bags = _by_slots(rows, plan if plan.slots else plan.with_slots())
+    if plan.slots is not None:
+        bags = plan.slots.sum_of(rows)
     elif rows.requires_grad:
         bags = _Pull.apply(rows, plan.read, plan.spread)  # type: ignore[no-untyped-call]
     else:
         bags = plan.read.sum_of(rows)
     batch, _, x, y = plan.count.shape
     return bags.reshape(batch, x, y, plan.heights * rows.shape[1]).permute(0, 3, 1, 2)
-
-
-def _by_slots(rows: Tensor, plan: PullPlan) -> Tensor:
-    """(bags, C) of rows (R, C); zeros come first, because there may be no slot."""
-    bags = rows.new_zeros(len(plan.read.offsets), rows.shape[1])
-    for index, weights in zip(*(plan.slots or ()), strict=True):
-        bags = bags + rows[index] * weights
-    return bags
 
 
 def plan_pull(

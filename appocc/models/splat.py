@@ -47,6 +47,7 @@ class SplatPlan:
         offsets: (B*X*Y + 1,) int64 first point of each cell.
         seen: (B, X, Y) bool, cells that a camera of the rig can see.
         cameras: how many each rig has; V in all.
+        export: use operations that exporters translate rightly, at some cost.
     """
 
     pixel: Tensor
@@ -56,6 +57,7 @@ class SplatPlan:
     offsets: Tensor
     seen: Tensor
     cameras: tuple[int, ...]
+    export: bool = False
 
     def to(self, device: torch.device) -> Self:
         """The same on a device."""
@@ -68,6 +70,10 @@ class SplatPlan:
             offsets=self.offsets.to(device),
             seen=self.seen.to(device),
         )
+
+    def for_export(self) -> Self:
+        """The plan with which a network uses only operations that exporters translate rightly; slower."""
+        return replace(self, export=True)
 
 
 def plan_splat(
@@ -107,7 +113,7 @@ def plan_splat(
     )
 
 
-def pool(context: Tensor, depth: Tensor, plan: SplatPlan, export: bool = False) -> Tensor:
+def pool(context: Tensor, depth: Tensor, plan: SplatPlan) -> Tensor:
     """Sum what falls into each cell: context times probability of its depth (paper, section III).
 
     Summed in float32 at least: hundreds of points fall into a cell near the car.
@@ -117,7 +123,6 @@ def pool(context: Tensor, depth: Tensor, plan: SplatPlan, export: bool = False) 
             beyond a rig's cameras are not looked at.
         depth: (V, DEPTH_BINS, h, w) probabilities, or (B*N, DEPTH_BINS, h, w).
         plan: where they go.
-        export: use operations that exporters translate rightly, at some cost.
 
     Returns:
         (B, C, X, Y), in channels-last memory.
@@ -131,7 +136,7 @@ def pool(context: Tensor, depth: Tensor, plan: SplatPlan, export: bool = False) 
     features = _of_rigs(context, plan.cameras).to(dtype).reshape(-1, channels)  # V*h*w C
     probability = _of_rigs(depth, plan.cameras).to(dtype).reshape(-1)  # V*D*h*w
     share = probability[plan.depth] * plan.weight.to(dtype)  # P
-    if export:
+    if plan.export:
         # index_add and index_put lose duplicates in exported graphs, embedding_bag turns to garbage there.
         points = features[plan.pixel] * share[:, None]  # P C
         start = torch.zeros(batch * x * y, channels, dtype=dtype, device=context.device)

@@ -18,6 +18,8 @@ from appocc.models.base import BEVModel
 from appocc.models.registry import build
 from appocc.models.setting import Setting
 
+# Come with the package.
+PACKAGED = Path(__file__).parent / "data" / "appocc.safetensors"
 VERSION = "1"
 # Safetensors writes several entries in an order that differs from run to run; one entry makes the same file.
 _ENTRY = "card"

@@ -174,7 +174,8 @@ class Config(_Part):
         network: name in the registry of networks.
         setting: cameras and grid, 360 or 180.
         appearance: colour as well as occupancy.
-        init: file of weights to begin with, of the same network and setting; None begins with nothing learnt.
+        init: file of weights to begin with, of the same network and setting; `packaged`: those that come along; None
+            begins with nothing learnt.
         data: see `DataConfig`; so with the others.
         train: the optimizer.
         losses: what counts.

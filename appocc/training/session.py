@@ -15,7 +15,7 @@ from appocc.bevmap import CLASSES
 from appocc.errors import DataError
 from appocc.models import registry
 from appocc.models.setting import SETTINGS
-from appocc.models.weights import begin_with, save_weights
+from appocc.models.weights import PACKAGED, begin_with, save_weights
 from appocc.simulation.rendering.views import ViewClass
 from appocc.training.augment import Augmentation
 from appocc.training.config import AugmentConfig, Config
@@ -56,7 +56,7 @@ def prepared(config: Config, world: World, watcher: Watcher, advance: Advance = 
     kinds = len(ViewClass) if config.losses.kind or config.losses.depth else 0
     model = registry.build(config.network, setting, appearance=config.appearance, kinds=kinds)
     if config.init is not None:
-        begin_with(model, Path(config.init))
+        begin_with(model, PACKAGED if config.init == "packaged" else Path(config.init))
     train_pack = _packed(config.data.train, config, world, watcher, advance)
     if config.data.val is None:
         train_pack, val_pack = train_pack.split(config.data.held_out)

@@ -32,6 +32,9 @@ class MadePlan(NamedTuple):
     def to(self, device: torch.device) -> Self:
         return self
 
+    def for_export(self) -> Self:
+        return self
+
 
 class MadeModel(BEVModel):
     """Says that there is road to the right, a lane mark at the left and a car 10 m ahead; all in the mean colour."""

@@ -70,8 +70,7 @@ def test_both_paths_and_batches_of_unequal_rigs_agree() -> None:
     plan = planned(*rigs)
     together = pull(rows, plan)
     assert together.is_contiguous(memory_format=torch.channels_last)
-    torch.testing.assert_close(together, pull(rows, plan.with_slots(), export=True), rtol=0, atol=1e-6)
-    torch.testing.assert_close(together, pull(rows, plan, export=True), rtol=0, atol=1e-6)
+    torch.testing.assert_close(together, pull(rows, plan.for_export()), rtol=0, atol=1e-6)
     torch.testing.assert_close(together[:1], pull(rows[:2], planned(rigs[0])), rtol=0, atol=0)
     torch.testing.assert_close(together[2:], pull(rows[2:], planned(rigs[2])), rtol=0, atol=0)
     assert together[1].abs().max() == 0
@@ -81,17 +80,17 @@ def test_both_paths_and_batches_of_unequal_rigs_agree() -> None:
 
 def test_no_camera_at_all_by_both_paths() -> None:
     plan = planned(CameraRig(()))
-    for export in (False, True):
-        assert pull(features(0), plan, export).shape == (1, 15, *GRID.shape)
+    for each in (plan, plan.for_export()):
+        assert pull(features(0), each).shape == (1, 15, *GRID.shape)
 
 
 def test_gradients_are_those_of_plain_gathers() -> None:
     plan = planned(rig("CAM_FRONT", "CAM_FRONT_LEFT"), rig("CAM_BACK"))
     weight = torch.rand(2, 15, *GRID.shape, generator=torch.Generator().manual_seed(2))
     found: list[Tensor] = []
-    for export in (False, True):
+    for each in (plan, plan.for_export()):
         rows = features(3).requires_grad_()
-        found += torch.autograd.grad((pull(rows, plan, export) * weight).sum(), rows)
+        found += torch.autograd.grad((pull(rows, each) * weight).sum(), rows)
     torch.testing.assert_close(found[0], found[1], rtol=1e-5, atol=1e-5)
 
 
@@ -131,7 +130,7 @@ def test_an_equal_rig_gets_the_same_plan_and_another_does_not() -> None:
 
 
 def test_plans_move_to_a_device() -> None:
-    plan = planned(rig("CAM_BACK")).with_slots().to(torch.device("meta"))
+    plan = planned(rig("CAM_BACK")).for_export().to(torch.device("meta"))
     assert plan.slots is not None
     assert {each.device.type for each in (*plan.read, *plan.spread, plan.count, plan.seen, *plan.slots)} == {"meta"}
 

@@ -79,7 +79,7 @@ def test_both_ways_of_pooling_agree_with_a_plain_loop(bilinear: bool) -> None:
     expected = by_loop(rigs, context, depth, bilinear)
     assert expected.abs().max() > 0.1
     torch.testing.assert_close(pool(context, depth, plan), expected, rtol=1e-5, atol=1e-6)
-    torch.testing.assert_close(pool(context, depth, plan, export=True), expected, rtol=1e-5, atol=1e-6)
+    torch.testing.assert_close(pool(context, depth, plan.for_export()), expected, rtol=1e-5, atol=1e-6)
 
 
 def lit_cells(rig: CameraRig, depth_bin: int, row: int, column: int, picture: int = 0) -> list[tuple[int, int]]:

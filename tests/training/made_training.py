@@ -32,6 +32,9 @@ class TinyPlan(NamedTuple):
     def to(self, device: torch.device) -> TinyPlan:
         return TinyPlan(self.seen.to(device))
 
+    def for_export(self) -> TinyPlan:
+        return self
+
 
 class TinyModel(BEVModel):
     """Each eighth of the picture becomes a cell; it has what makes resuming hard: batch norm and dropout."""
