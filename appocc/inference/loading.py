@@ -10,6 +10,7 @@ import torch
 from appocc.bevmap import CLASSES
 from appocc.errors import DataError
 from appocc.inference.predictor import Predictor, Weights
+from appocc.models.fused import fused
 from appocc.models.weights import PACKAGED, load_model, thresholds_of
 
 
@@ -37,4 +38,4 @@ def load_predictor(weights: Path | None, device: torch.device | None = None) -> 
     digest = hashlib.sha256(path.read_bytes()).hexdigest()
     chosen = device or torch.device("cuda" if torch.cuda.is_available() else "cpu")
     thresholds = dict(zip(CLASSES, thresholds_of(card), strict=True))
-    return Predictor(model, Weights(f"{card['network']} ({path.name})", digest, thresholds), chosen)
+    return Predictor(fused(model), Weights(f"{card['network']} ({path.name})", digest, thresholds), chosen)

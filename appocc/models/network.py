@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
+import numpy as np
 import torch
 from torch import Tensor, nn
 from torch.nn import functional
@@ -18,7 +20,7 @@ from appocc.models.heads import GridHeads, ViewHeads
 from appocc.models.pull import HEIGHTS_M, PullPlan, plan_pull, pull
 from appocc.models.resnet import BasicBlock, conv_norm_relu
 from appocc.models.setting import Setting
-from appocc.models.splat import by_camera, pictures_of_rigs
+from appocc.models.splat import by_camera, cells_seen, pictures_of_rigs
 
 # Strides in the pictures: what stands up is read from the coarse features, paint on the ground from the fine.
 COARSE, FINE, DEEP = 8, 4, 16
@@ -34,15 +36,20 @@ class NetworkPlan:
     Attributes:
         coarse: at stride 8, at several heights.
         fine: at stride 4, on the ground.
+        rigs: of each sample.
+        grid: that is answered.
     """
 
     coarse: PullPlan
     fine: PullPlan
+    rigs: tuple[CameraRig, ...]
+    grid: BEVGrid
 
-    @property
+    @cached_property
     def seen(self) -> Tensor:
-        """(B, X, Y) bool, cells whose ground a camera sees."""
-        return self.fine.seen
+        """(B, X, Y) bool, cells that a camera of the rig can see; worked out when asked for, training never does."""
+        seen = np.stack([cells_seen(rig, self.grid) for rig in self.rigs])
+        return torch.from_numpy(seen).to(self.coarse.count.device)
 
     def to(self, device: torch.device) -> NetworkPlan:
         """The same on a device."""
@@ -82,9 +89,8 @@ class AppoccNet(BEVModel):
         high, wide = self.setting.height_px, self.setting.width_px
         size = {stride: (-(-high // stride), -(-wide // stride)) for stride in (COARSE, FINE)}
         grid = self.setting.grid
-        return NetworkPlan(
-            plan_pull(rigs, grid, HEIGHTS_M, *size[COARSE], COARSE), plan_pull(rigs, grid, (0.0,), *size[FINE], FINE)
-        )
+        coarse = plan_pull(rigs, grid, HEIGHTS_M, *size[COARSE], COARSE)
+        return NetworkPlan(coarse, plan_pull(rigs, grid, (0.0,), *size[FINE], FINE), tuple(rigs), grid)
 
     def forward(self, images: Tensor, plan: Plan) -> Output:
         """Answer a batch; images (B, N, 3, H, W) sRGB, 0..1.

@@ -161,10 +161,12 @@ class SaveConfig(_Part):
     Attributes:
         every_steps: after so many steps,
         every_minutes: or so many minutes, whichever is first.
+        tensorboard: write the metrics for TensorBoard too (the extra `tensorboard`).
     """
 
     every_steps: Count = 500
     every_minutes: Positive = 5.0
+    tensorboard: bool = False
 
 
 class Config(_Part):

@@ -83,6 +83,8 @@ def _begin(parts: Parts, config: Config, folder: RunFolder, world: World, watche
         torch.distributed.barrier()  # else the first would make the folder before others have looked for it
     if world.first:
         folder.go_on(run.progress) if resume else folder.begin(config)
+        if config.save.tensorboard:
+            folder.show(run.progress.step)
     return run
 
 

@@ -10,6 +10,7 @@ from typing import Any
 from appocc.environment import look_around
 from appocc.errors import DataError
 from appocc.files import read_json, write_bytes, write_json
+from appocc.training.board import Board
 from appocc.training.checkpoint import Progress
 from appocc.training.config import Config, read_config
 
@@ -23,6 +24,7 @@ class RunFolder:
         """Name the folder; nothing is read or written."""
         self.path = path
         self.config, self.environment = path / "config.yaml", path / "environment.json"
+        self.board: Board | None = None
         self.metrics, self.curves, self.best = path / "metrics.jsonl", path / "curves.png", path / "best.safetensors"
 
     def check(self, config: Config, resume: bool) -> None:
@@ -67,6 +69,16 @@ class RunFolder:
         """Append a line of metrics."""
         with self.metrics.open("a", encoding="utf-8") as file:
             file.write(json.dumps(line, allow_nan=False) + "\n")
+        if self.board is not None:
+            self.board.add(line)
+
+    def show(self, step: int) -> None:
+        """Show the lines that come in TensorBoard as well, after a step.
+
+        Raises:
+            DataError: if it is not installed.
+        """
+        self.board = Board(self.path / "tensorboard", step)
 
     def lines(self) -> list[Line]:
         """All lines of metrics; one that was cut off is left out."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +17,7 @@ from appocc.models.setting import SETTINGS
 from appocc.models.weights import PACKAGED, begin_with, save_weights
 from appocc.simulation.rendering.views import ViewClass
 from appocc.training.augment import Augmentation
+from appocc.training.board import summary_writer
 from appocc.training.config import AugmentConfig, Config
 from appocc.training.loop import train
 from appocc.training.pack import Pack, pack
@@ -26,25 +26,22 @@ from appocc.training.run_folder import RunFolder
 from appocc.training.samples import Loader
 from appocc.training.world import World, joined
 
-# Called with the samples that were packed since.
-Advance = Callable[[float], None]
 
-
-def run_training(
-    config: Config, folder: RunFolder, resume: bool, watcher: Watcher, advance: Advance = lambda done: None
-) -> dict[str, Any]:
+def run_training(config: Config, folder: RunFolder, resume: bool, watcher: Watcher) -> dict[str, Any]:
     """Train as a configuration says, in a run's folder; what came of it, as JSON values.
 
     Raises:
         AppoccError: as `train`; if data are missing or damaged, or nothing could be learnt from them.
     """
     folder.check(config, resume)
+    if config.save.tensorboard:
+        summary_writer()  # tells before hours of work that it is not installed
     with joined(config.train.device) as world:
-        progress = train(prepared(config, world, watcher, advance), config, folder, world, watcher, resume)
+        progress = train(prepared(config, world, watcher), config, folder, world, watcher, resume)
     return folder.summary(progress)
 
 
-def prepared(config: Config, world: World, watcher: Watcher, advance: Advance = lambda done: None) -> Parts:
+def prepared(config: Config, world: World, watcher: Watcher) -> Parts:
     """The parts of a training.
 
     Raises:
@@ -57,13 +54,13 @@ def prepared(config: Config, world: World, watcher: Watcher, advance: Advance = 
     model = registry.build(config.network, setting, appearance=config.appearance, kinds=kinds)
     if config.init is not None:
         begin_with(model, PACKAGED if config.init == "packaged" else Path(config.init))
-    train_pack = _packed(config.data.train, config, world, watcher, advance)
+    train_pack = _packed(config.data.train, config, world, watcher)
     if config.data.val is None:
         train_pack, val_pack = train_pack.split(config.data.held_out)
         if not len(train_pack):
             raise DataError(f"{config.data.train}: data.held_out leaves nothing to train on, no scene is that long")
     else:
-        val_pack = _packed(config.data.val, config, world, watcher, advance)
+        val_pack = _packed(config.data.val, config, world, watcher)
     check_labels(train_pack, config)
     batch, seed = config.train.batch, config.train.seed
     changed = Loader([train_pack], batch, seed, _augmentation(config.augment), world.rank, world.size)
@@ -90,7 +87,7 @@ def check_labels(packed: Pack, config: Config) -> None:
     )
 
 
-def _packed(root: str, config: Config, world: World, watcher: Watcher, advance: Advance) -> Pack:
+def _packed(root: str, config: Config, world: World, watcher: Watcher) -> Pack:
     """The pack of a dataset, made by the first process if it is not there."""
     told = f"{Path(root).resolve()} {config.data.source}".encode()
     name = f"{Path(root).resolve().name}-{config.setting}-{hashlib.sha256(told).hexdigest()[:8]}"
@@ -98,10 +95,16 @@ def _packed(root: str, config: Config, world: World, watcher: Watcher, advance: 
     if not world.first:
         distributed.barrier()
         return Pack.open(out)
+    packed = 0.0
+
+    def advance(done: float) -> None:
+        nonlocal packed
+        packed += done
+        watcher.step(0.0, f"packing {root}: {packed:.0f} samples")
+
+    workers = max(1, config.data.workers)
     try:
-        return pack(
-            root, config.data.source, SETTINGS[config.setting], out, advance, watcher.say, max(1, config.data.workers)
-        )
+        return pack(root, config.data.source, SETTINGS[config.setting], out, advance, watcher.say, workers)
     finally:
         if world.size > 1:
             distributed.barrier()

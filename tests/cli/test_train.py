@@ -27,7 +27,7 @@ import sys
 sys.path[:0] = [{str(REPOSITORY)!r}, {str(REPOSITORY / "tests" / "training")!r}]
 from appocc.training import session
 from made_training import made_parts
-session.prepared = lambda config, world, watcher, advance: made_parts(config, world)
+session.prepared = lambda config, world, watcher: made_parts(config, world)
 from cli.main import run
 run()
 """
@@ -42,9 +42,7 @@ def tiny_parts(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.syspath_prepend(str(REPOSITORY / "tests" / "training"))
     from made_training import made_parts
 
-    monkeypatch.setattr(
-        "appocc.training.session.prepared", lambda config, world, watcher, advance: made_parts(config, world)
-    )
+    monkeypatch.setattr("appocc.training.session.prepared", lambda config, world, watcher: made_parts(config, world))
 
 
 @pytest.fixture

@@ -49,3 +49,9 @@ def test_names() -> None:
         build("ipm", SETTING)
     with pytest.raises(ShapeError, match="expected 0 or more classes, got -1"):
         build(DEFAULT, SETTING, kinds=-1)
+
+
+def test_all_networks_agree_on_what_is_seen() -> None:
+    seen = [build(name, SETTING).plan([RIG]).seen for name in NETWORKS]
+    assert 0.3 < seen[0].float().mean() < 1
+    assert all(torch.equal(each, seen[0]) for each in seen)
