@@ -15,7 +15,7 @@ from appocc.errors import AppoccError, DataError
 from appocc.files import write_bytes
 from appocc.grid import BEVGrid
 from appocc.models.base import BEVModel
-from appocc.models.registry import build
+from appocc.models.registry import NETWORKS, build
 from appocc.models.setting import Setting
 
 # Come with the package.
@@ -146,7 +146,7 @@ def _kind_of(name: str, setting: Setting, state: Mapping[str, Tensor]) -> tuple[
     for appearance in (True, False):
         bare = _bare(name, setting, appearance).state_dict()
         if all(_shape(tensor) == _shape(state.get(key)) for key, tensor in bare.items()):
-            return appearance, list(bare)
+            return appearance and NETWORKS[name].appearance, list(bare)
     raise DataError(f"weights: expected those of the network '{name}', got others")
 
 

@@ -1,5 +1,8 @@
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -7,12 +10,14 @@ import pytest
 from appocc.demo.dataset import Settings, write_dataset
 from appocc.errors import DataError
 from appocc.inference.loading import load_predictor
-from appocc.training.config import Config
+from appocc.training.config import Config, read_config
 from appocc.training.run import Watcher
 from appocc.training.run_folder import RunFolder
 from appocc.training.session import run_training
+from appocc.training.shipping import described
 
 pytestmark = pytest.mark.slow
+REPOSITORY = Path(__file__).parents[2]
 
 
 @pytest.fixture(scope="module")
@@ -51,3 +56,37 @@ def test_a_drive_is_packed_trained_on_and_judged_by_its_end(root: Path, tmp_path
 def test_something_must_be_left_to_train_on(root: Path, tmp_path: Path) -> None:
     with pytest.raises(DataError, match="held_out leaves nothing to train on"):
         run_training(config(root, tmp_path, 3), RunFolder(tmp_path / "run"), resume=False, watcher=Watcher())
+
+
+@pytest.mark.parametrize("path", sorted((REPOSITORY / "configs").glob("*.yaml")), ids=lambda path: path.stem)
+def test_every_shipped_config_trains(root: Path, tmp_path: Path, path: Path) -> None:
+    data = [
+        f"data.train={root}",
+        "data.val=null",
+        "data.held_out=1",
+        "data.source=exact",
+        f"data.packs={tmp_path}/packs",
+    ]
+    short = ["train.minutes=null", "train.steps=1", "train.batch=1", "train.threads=1", "train.precision=fp32"]
+    told = read_config(path, [*data, *short, "data.workers=1", "evaluate.norm_batches=1"])
+    assert run_training(told, RunFolder(tmp_path / "run"), resume=False, watcher=Watcher())["steps"] == 1
+
+
+def test_the_script_makes_weights_from_nothing(tmp_path: Path) -> None:
+    programs = tmp_path / "bin"
+    programs.mkdir()
+    (programs / "appocc").write_text(f'#!/bin/sh\nPYTHONPATH={REPOSITORY} exec {sys.executable} -m cli.main "$@"\n')
+    (programs / "appocc").chmod(0o755)
+    short = (
+        "train.minutes=null train.steps=1 train.batch=1 train.threads=1 evaluate.norm_batches=1 evaluate.samples=2"
+    )
+    told = {"PATH": f"{programs}:{os.environ['PATH']}", "SCENES": "1 1 1", "OVERRIDES": short}
+    command = [REPOSITORY / "configs" / "release.sh", REPOSITORY / "configs" / "small.yaml", "made"]
+    for _ in range(2):  # the second time, all is there
+        done = subprocess.run(
+            command, cwd=tmp_path, env=os.environ | told, capture_output=True, text=True, check=False
+        )
+        assert done.returncode == 0, done.stderr
+    card = described(tmp_path / "made" / "small" / "appocc.safetensors")
+    assert card["figures"]["samples"] == 7
+    assert "configs/release.sh" in card["commands"][0]

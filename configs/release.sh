@@ -1,0 +1,24 @@
+#!/usr/bin/env bash
+# Weights from nothing: sets of six towns and of two that training never sees, training, judgement, a file to ship.
+# configs/release.sh CONFIG [FOLDER]; run again, it goes on where it was ended.
+set -euo pipefail
+config=$1 folder=${2:-runs}
+scenes=${SCENES:-"480 36 64"} # of train, val, test: 7 frames each, two seconds apart
+run=$folder/$(basename "$config" .yaml)
+read -r train val test <<<"$scenes"
+
+render() { # name scenes split seed
+  appocc simulate "$folder/sets/$1" --scenes "$2" --split "$3" --seed "$4" --seconds 14 --hz 0.5 --no-lidar
+}
+render train "$train" train 1
+render val "$val" train 7001
+render test "$test" test 9001
+
+values=(data.train="$folder/sets/train" data.val="$folder/sets/val" data.packs="$folder/packs" ${OVERRIDES:-})
+resume=() && [ -d "$run" ] && resume=(--resume)
+appocc train "$config" "${values[@]}" --out "$run" "${resume[@]}"
+appocc infer "$folder/sets/test" --weights "$run/best.safetensors" --out "$folder/sets/test/bev/predicted"
+appocc eval bev "$folder/sets/test" --bev predicted --json >"$run/eval.json"
+appocc weights ship "$run/best.safetensors" --figures "$run/eval.json" --out "$run/appocc.safetensors" \
+  --command "SCENES='$scenes' OVERRIDES='${OVERRIDES:-}' configs/release.sh $config"
+appocc weights show "$run/appocc.safetensors"

@@ -1,0 +1,73 @@
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+import torch
+from typer.testing import CliRunner, Result
+
+from appocc.errors import DataError
+from appocc.grid import BEVGrid
+from appocc.models.registry import build
+from appocc.models.setting import Setting
+from appocc.models.weights import save_weights
+from cli.main import app
+
+TINY = Setting("own", ("CAM_A",), BEVGrid(0.0, 8.0, -4.0, 4.0, 0.5), 96, 64)
+FIGURES = {"samples": 9, "iou": {"road": 0.5}, "iou_at_threshold": {"road": 0.61, "vehicle": None}}
+
+
+def run(*arguments: str) -> Result:
+    return CliRunner().invoke(app, ["weights", *arguments])
+
+
+@pytest.fixture
+def written(tmp_path: Path) -> Path:
+    torch.manual_seed(0)
+    path = tmp_path / "w.safetensors"
+    training = {"train": {"batch": 4, "seed": 3}}
+    card = {"training": training, "step": 20, "validation": {"best_iou": {"road": 0.4}}, "thresholds": [0.4, 0.3, 0.2]}
+    texts = {"network": "appocc", **{name: json.dumps(value) for name, value in card.items()}}
+    save_weights(path, build("appocc", TINY), texts)
+    return path
+
+
+def test_weights_are_shipped_with_what_they_can_do(written: Path, tmp_path: Path) -> None:
+    (tmp_path / "eval.json").write_text(json.dumps(FIGURES))
+    out = tmp_path / "out.safetensors"
+    commands = ["--command", "appocc simulate X", "--command", "appocc train Y"]
+    result = run("ship", str(written), "--figures", str(tmp_path / "eval.json"), "--out", str(out), *commands)
+    assert result.exit_code == 0, result.output
+    assert out.stat().st_size < 0.6 * written.stat().st_size
+    text = run("show", str(out)).stderr
+    for told in (
+        "appocc, own degrees, occupancy and appearance; 3.9 million parameters",
+        "thresholds: road 0.40, vehicle 0.30, lane 0.20",
+        "training: 20 steps of 4 samples, seed 3",
+        "validation: IoU road 40.0 percent",
+        "unseen places (9 samples): IoU road 61.0, vehicle 0.0 percent",
+        "made by: appocc simulate X\nmade by: appocc train Y",
+    ):
+        assert told in text
+    value = json.loads(run("show", str(out), "--json").stdout)
+    assert value["figures"] == FIGURES
+    assert value["thresholds"] == [0.4, 0.3, 0.2]
+
+
+def test_weights_without_a_training_are_shown_too(written: Path, tmp_path: Path) -> None:
+    plain = tmp_path / "plain.safetensors"
+    save_weights(plain, build("lss", TINY), {"network": "lss"})
+    result = run("show", str(plain))
+    assert result.exit_code == 0, result.output
+    assert "lss, own degrees, occupancy;" in result.stderr
+    assert "training" not in result.stderr
+
+
+def test_figures_must_be_an_evaluation(written: Path, tmp_path: Path) -> None:
+    (tmp_path / "eval.json").write_text("[1]")
+    out = tmp_path / "out.safetensors"
+    result = run("ship", str(written), "--figures", str(tmp_path / "eval.json"), "--out", str(out))
+    assert isinstance(result.exception, DataError)
+    assert "expected the answer of 'appocc eval bev --json'" in str(result.exception)
+    assert not out.exists()
