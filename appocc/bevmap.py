@@ -57,6 +57,8 @@ class BEVMap:
             check_shape(name, array, shape)
             check_dtype(name, array, dtype)
             frozen(array)
+        if not isinstance(self.meta, Mapping):
+            raise ShapeError(f"meta: expected values by name, got {self.meta!r}")
         if self.occupancy.size and not (self.occupancy.min() >= 0 and self.occupancy.max() <= 1):
             raise ShapeError(
                 f"occupancy: expected values in [0, 1], got {self.occupancy.min()}..{self.occupancy.max()}"
@@ -122,7 +124,7 @@ class BEVMap:
             with path.open("rb") as handle, zip_arrays(handle) as data, np.errstate(over="ignore"):
                 occupancy = data["occupancy"]
                 check_numbers("occupancy", occupancy)
-                return cls(
+                made = cls(
                     BEVGrid.from_array(data["grid"]),
                     occupancy.astype(np.float32),
                     data["occupancy_valid"],
@@ -130,6 +132,8 @@ class BEVMap:
                     data["appearance_valid"],
                     json.loads(str(data["meta"])) if "meta" in data else {},
                 )
+                made.thresholds  # noqa: B018 - odd ones are told here, where the file's name is known
+                return made
         except OSError as error:
             raise DataError(f"{path}: cannot be read ({error.strerror or error})") from error
         except KeyError as error:

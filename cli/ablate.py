@@ -17,7 +17,7 @@ def ablate(
     test: Annotated[Path, typer.Option("--test", metavar="ROOT", help="Dataset root that all rows are judged on.")],
     overrides: Annotated[
         list[str] | None,
-        typer.Argument(metavar="[KEY=VALUE]...", help="Replace what it says: train.steps=600; for all rows alike."),
+        typer.Argument(metavar="KEY=VALUE", help="Replace what it says: train.steps=600; for all rows alike."),
     ] = None,
     out: Annotated[Path, typer.Option("--out", help="Folder of the runs and the tables.")] = Path("runs/ablation"),
     seeds: Annotated[int, typer.Option(min=1, max=99, help="Seeds of the default network; others have one.")] = 3,
@@ -36,8 +36,9 @@ def ablate(
 ) -> None:
     """Compare occupancy alone with occupancy + appearance, and networks with each other, at equal small budgets.
 
-    The row says network, setting, appearance and seed; CONFIG says all else. Exit 0: done, or the time is up; 1: a
-    training diverged; 2: bad input; 130: interrupted. The same command goes on.
+    The row says network, setting, appearance and seed; CONFIG says all else. The same command goes on.
+
+    Exit 0: done, or the time is up; 1: a training diverged; 2: bad input; 130: interrupted.
 
     Example: appocc ablate configs/small.yaml train.minutes=10 --test runs/sets/test --out runs/ablation
     """

@@ -31,7 +31,7 @@ def export(
         Path, typer.Option("--out", metavar="FILE", help="The file to write: .onnx, or .xml for OpenVINO.")
     ],
     root: Annotated[
-        Path | None, typer.Argument(metavar="[ROOT]", help="Dataset whose rig and pictures are used.")
+        Path | None, typer.Argument(metavar="ROOT", help="Dataset whose rig and pictures are used.")
     ] = None,
     rig: Annotated[
         str | None, typer.Option("--rig", help="Name or YAML file of a rig, instead of ROOT; 'paper' by default.")
@@ -80,9 +80,11 @@ def _source(root: Path | None, rig: str | None, scene: str | None, version: str 
     from appocc.rigs import DEFAULT, read_rig
 
     if root is None:
-        if scene is not None:
-            raise DataError("expected ROOT with --scene, got none")
-        return Source(read_rig(rig or DEFAULT), Path(rig or DEFAULT).name)
+        for option, value in (("--scene", scene), ("--version", version)):
+            if value is not None:
+                raise DataError(f"expected ROOT with {option}, got none")
+        name = DEFAULT if rig is None else rig
+        return Source(read_rig(name), Path(name).name)
     if rig is not None:
         raise DataError("expected either ROOT or --rig, got both")
     dataset = Dataset(root, version)

@@ -75,8 +75,9 @@ def moments_of(source: Path, rig: str | None, scene: str | None, version: str | 
     from appocc.rigs import read_rig
 
     if rig is not None:
-        if scene is not None:
-            raise DataError("expected either --scene of a dataset or --rig of a folder of images, got both")
+        for option, value in (("--scene", scene), ("--version", version)):
+            if value is not None:
+                raise DataError(f"expected either {option} of a dataset or --rig of a folder of images, got both")
         return folder_moments(source, read_rig(rig))
     dataset = Dataset(source, version)
     return dataset_moments(dataset, [dataset.scene(scene)] if scene else dataset.scenes)

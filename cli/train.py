@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 def train(
     config: Annotated[Path, typer.Argument(metavar="CONFIG", help="YAML file, such as configs/small.yaml.")],
     overrides: Annotated[
-        list[str] | None, typer.Argument(metavar="[KEY=VALUE]...", help="Replace what it says: train.lr=1e-3.")
+        list[str] | None, typer.Argument(metavar="KEY=VALUE", help="Replace what it says: train.lr=1e-3.")
     ] = None,
     out: Annotated[Path | None, typer.Option("--out", help="Folder of the run; else runs/NAME-OF-CONFIG.")] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Go on with the run that lies in this folder.")] = False,

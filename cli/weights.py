@@ -14,7 +14,9 @@ app = typer.Typer(name="weights", help="What weights are; weights for others to 
 
 @app.command()
 def show(
-    file: Annotated[Path | None, typer.Argument(help="File of weights; those of the package by default.")] = None,
+    file: Annotated[
+        Path | None, typer.Argument(metavar="FILE", help="File of weights; those of the package by default.")
+    ] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Say what weights were made from, and what they can do.
@@ -34,7 +36,9 @@ def show(
 
 @app.command()
 def ship(
-    file: Annotated[Path, typer.Argument(help="Weights that a training left: runs/small/best.safetensors.")],
+    file: Annotated[
+        Path, typer.Argument(metavar="FILE", help="Weights that a training left: runs/small/best.safetensors.")
+    ],
     out: Annotated[Path, typer.Option("--out", help="The new file, *.safetensors.")],
     figures: Annotated[
         Path | None, typer.Option(help="What `appocc eval bev --json` printed of their maps of unseen places.")
@@ -47,14 +51,10 @@ def ship(
 
     Example: appocc weights ship runs/small/best.safetensors --figures eval.json --out mine.safetensors
     """
-    from appocc.errors import DataError
-    from appocc.files import read_json
+    from appocc.training.shipping import read_figures
     from appocc.training.shipping import ship as write
 
-    judged = read_json(figures) if figures else None
-    if judged is not None and not (isinstance(judged, dict) and isinstance(judged.get("iou"), dict)):
-        raise DataError(f"{figures}: expected the answer of 'appocc eval bev --json', got something else")
-    write(file, out, judged, command or ())
+    write(file, out, read_figures(figures) if figures else None, command or ())
     say(f"{out}: {out.stat().st_size / 1e6:.1f} MB")
 
 
@@ -67,16 +67,21 @@ def _lines(told: dict[str, Any]) -> list[str]:
     lines = [f"{told['file']}: {told['network']}, {told['setting']} degrees, {kind}; {size}"]
     pairs = zip(CLASSES, told["thresholds"], strict=True)
     lines.append(f"thresholds: {', '.join(f'{name} {share:.2f}' for name, share in pairs)}")
-    if "training" in told:
+    if told.get("training") and told.get("step") is not None:
         how = told["training"]["train"]
         lines.append(f"training: {told['step']} steps of {how['batch']} samples, seed {how['seed']}")
+    if told.get("validation"):
         lines.append(f"validation: {_shares(told['validation']['best_iou'])}")
     if told.get("figures"):
         figures = told["figures"]
-        at = figures["iou_at_threshold"] or figures["iou"]
+        at = figures.get("iou_at_threshold") or figures["iou"]
         lines.append(f"unseen places ({figures['samples']} samples): {_shares(at)}")
     return [*lines, *(f"made by: {command}" for command in told.get("commands", ()))]
 
 
 def _shares(iou: dict[str, float | None]) -> str:
-    return "IoU " + ", ".join(f"{name} {100 * (value or 0):.1f}" for name, value in iou.items()) + " percent"
+    """By class, in their order: a card keeps its keys sorted."""
+    from appocc.bevmap import CLASSES
+
+    told = (f"{name} {100 * (iou[name] or 0):.1f}" for name in CLASSES if name in iou)
+    return "IoU " + ", ".join(told) + " percent"

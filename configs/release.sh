@@ -2,6 +2,8 @@
 # Weights from nothing: sets of six towns and of two that training never sees, training, judgement, a file to ship.
 # configs/release.sh CONFIG [FOLDER]; run again, it goes on where it was ended.
 set -euo pipefail
+# Told before hours of rendering.
+[ -f "${1:-}" ] || { echo "error: expected CONFIG [FOLDER], got '${1:-}', which is no file" >&2; exit 2; }
 config=$1 folder=${2:-runs}
 scenes=${SCENES:-"480 36 64"} # of train, val, test: 7 frames each, two seconds apart
 run=$folder/$(basename "$config" .yaml)
@@ -15,8 +17,8 @@ render val "$val" train 7001
 render test "$test" test 9001
 
 values=(data.train="$folder/sets/train" data.val="$folder/sets/val" data.packs="$folder/packs" ${OVERRIDES:-})
-resume=() && [ -d "$run" ] && resume=(--resume)
-appocc train "$config" "${values[@]}" --out "$run" "${resume[@]}"
+if [ -d "$run" ]; then values+=(--resume); fi
+appocc train "$config" "${values[@]}" --out "$run"
 appocc infer "$folder/sets/test" --weights "$run/best.safetensors" --out "$folder/sets/test/bev/predicted"
 appocc eval bev "$folder/sets/test" --bev predicted --json >"$run/eval.json"
 appocc weights ship "$run/best.safetensors" --figures "$run/eval.json" --out "$run/appocc.safetensors" \

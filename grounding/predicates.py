@@ -32,6 +32,7 @@ _LENGTH: Mapping[str, tuple[float, float]] = {
     "construction_vehicle": (7.0, 2.0),
 }
 _UNKNOWN = 0.5
+_CAR_OF_ANY_LENGTH = 0.3
 
 
 def _rises(value: float, middle: float, step: float) -> float:
@@ -45,7 +46,9 @@ def of_class(referent: Referent, item: SceneObject) -> float:
         return 1.0
     if not item.category:
         mean, spread = _LENGTH[referent.noun]
-        return float(np.exp(-0.5 * ((item.length_m - mean) / spread) ** 2))
+        likely = float(np.exp(-0.5 * ((item.length_m - mean) / spread) ** 2))
+        # Parked cars run together on a predicted map, and far ones are cut: a car may have nearly any length.
+        return max(likely, _CAR_OF_ANY_LENGTH) if referent.noun == "car" else likely
     base = _CLASS_FIT[referent.noun].get(item.noun, 0.0)
     if referent.noun == "van" and item.noun in ("car", "truck"):
         tall = _rises(item.height_m or HEIGHT_M["car"], 1.9, 0.06)

@@ -84,6 +84,7 @@ def test_a_map_of_another_tool_may_lack_meta(tmp_path: Path) -> None:
         ({"appearance": np.zeros((4, 4, 3), np.uint8)}, "appearance: expected shape"),
         ({"appearance": np.zeros((3, 4, 4), np.float32)}, "appearance: expected uint8, got float32"),
         ({"appearance_valid": np.zeros((4, 4), np.uint8)}, "appearance_valid: expected bool, got uint8"),
+        ({"meta": None}, "meta: expected values by name, got None"),
     ],
 )
 def test_what_is_no_map(changes: dict[str, Any], reason: str) -> None:
@@ -115,6 +116,16 @@ def test_a_map_that_contradicts_its_grid(tmp_path: Path) -> None:
     with np.load(tmp_path / "a.npz") as data:
         np.savez(tmp_path / "b.npz", **{**{n: data[n] for n in data.files}, "grid": [0, 4, -1, 1, 0.5]})
     with pytest.raises(DataError, match=r"b\.npz: damaged BEV map \(occupancy: expected shape \(3, 8, 4\)"):
+        BEVMap.load(tmp_path / "b.npz")
+
+
+@pytest.mark.parametrize("meta", [[1], None, "x", {"thresholds": [0.5]}, {"thresholds": {"road": float("nan")}}])
+def test_a_file_whose_meta_cannot_be_true_is_named(tmp_path: Path, meta: object) -> None:
+    bev().save(tmp_path / "a.npz")
+    with np.load(tmp_path / "a.npz") as data:
+        arrays = {name: data[name] for name in data.files} | {"meta": np.array(json.dumps(meta))}
+        np.savez(tmp_path / "b.npz", **arrays)
+    with pytest.raises(DataError, match=r"b\.npz: damaged BEV map \((meta|thresholds of a map): expected"):
         BEVMap.load(tmp_path / "b.npz")
 
 

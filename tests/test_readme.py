@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import json
 import re
+import shutil
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
-from walkthrough import README, Walkthrough, blocks
+from walkthrough import README, Walkthrough, blocks, run_line
 
 from appocc.bevmap import BEVMap
 from appocc.frame import Frame
@@ -41,7 +43,8 @@ def test_every_linked_file_is_there() -> None:
 
 @pytest.mark.realdata
 def test_the_walkthrough_on_a_real_street_runs_line_by_line(walkthrough: Walkthrough) -> None:
-    assert [line.split()[1] for line in walkthrough.lines] == ["convert", "groundtruth", "track", "ground"]
+    commands = ["convert", "groundtruth", "track", "ground", "infer", "eval"]
+    assert [line.split()[1] for line in walkthrough.lines] == commands
     assert walkthrough.failures() == []
 
 
@@ -69,8 +72,20 @@ def test_the_python_lines_run(walkthrough: Walkthrough, monkeypatch: pytest.Monk
 
 
 def test_the_walk_through_a_simulated_town_runs_line_by_line(simulated: Walkthrough) -> None:
-    assert [line.split()[1] for line in simulated.lines] == ["simulate", "doctor", "groundtruth"]
+    assert [line.split()[1] for line in simulated.lines] == ["simulate", "doctor", "groundtruth", "infer", "eval"]
     assert simulated.failures() == []
     assert (simulated.folder / "sheet.png").read_bytes().startswith(b"\x89PNG")
-    for source in ("exact", "groundtruth"):
+    for source in ("exact", "groundtruth", "predicted"):
         assert len(list((simulated.folder / "SIM" / "bev" / source).glob("*.npz"))) == 32
+
+
+@pytest.mark.slow
+def test_the_lines_that_train_run_one_after_the_other(simulated_root: Path, tmp_path: Path) -> None:
+    shutil.copytree(simulated_root, tmp_path / "SIM")
+    (tmp_path / "configs").symlink_to(ROOT / "configs")
+    lines = blocks("## Train your own")[0].splitlines()
+    assert [line.split()[1] for line in lines] == ["train", "infer", "weights", "export"]
+    for line in lines:
+        code, said = run_line(line, tmp_path)
+        assert code == 0, (line, said)
+    assert (tmp_path / "appocc.onnx").stat().st_size > 5_000_000

@@ -48,12 +48,13 @@ def run_walkthrough(base: Path, heading: str, data: Path | None) -> Walkthrough:
             if data is not None:
                 (base / "shared").mkdir()
                 (base / "shared" / "data").symlink_to(data.resolve())
-            record.write_text(json.dumps([_run(line, folder) for line in lines]))
+            record.write_text(json.dumps([run_line(line, folder) for line in lines]))
         outcomes = tuple((int(code), str(said)) for code, said in json.loads(record.read_text()))
     return Walkthrough(folder, lines, outcomes)
 
 
-def _run(line: str, folder: Path) -> tuple[int, str]:
+def run_line(line: str, folder: Path) -> tuple[int, str]:
+    """Run a line in a folder; its exit code and what it said on stderr."""
     words = shlex.split(line)
     assert words[0] == "appocc"
     environment = {**os.environ, "PYTHONPATH": str(README.parent)}

@@ -10,9 +10,10 @@ from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
 from appocc.ablation.judging import JudgingSet, Maker, judge
+from appocc.ablation.result import read_result
 from appocc.ablation.rows import Row
 from appocc.errors import DataError
-from appocc.files import read_json, write_json
+from appocc.files import write_json
 from appocc.training.checkpoint import states
 from appocc.training.config import Config
 from appocc.training.run import StoppedError, TrainingError, Watcher
@@ -119,8 +120,8 @@ class Study:
         folder = self.folder(row)
         there = folder.path / _RESULT
         if there.is_file():
-            result = read_json(there)
-            if isinstance(result, dict) and result.get("key") == self._key(row):
+            result = read_result(there, self._key(row))
+            if result is not None:
                 return Outcome(row, "failed" if "reason" in result else "done", result)
         if not folder.config.is_file():
             return Outcome(row, "not run", {})

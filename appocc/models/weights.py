@@ -80,7 +80,7 @@ def load_model(path: Path) -> tuple[BEVModel, dict[str, str]]:
         thresholds_of(card)
     except KeyError as error:
         raise DataError(f"{path}: no weights of this project, the card lacks {error}") from error
-    except (AppoccError, ValueError, TypeError, OverflowError) as error:
+    except (AppoccError, ValueError, TypeError, OverflowError, RecursionError) as error:
         raise DataError(f"{path}: the card cannot be true ({_one_line(error)})") from error
     wanted = model.state_dict()
     for key in sorted(wanted.keys() | state.keys()):

@@ -287,6 +287,14 @@ def test_a_damaged_result_is_told(root: Path, tmp_path: Path) -> None:
     study = made_study(root, tmp_path / "out")
     study.run(ROWS[:1], Watcher(), never)
     result = study.folder(ROWS[0]).path / "result.json"
+    whole = json.loads(result.read_text())
+    for damage in ({"iou": {"road": 0.5}}, {"appearance_known": "x"}, {"vehicles": None}):
+        result.write_text(json.dumps({**whole, "evaluation": {**whole["evaluation"], **damage}}))
+        with pytest.raises(DataError, match=r"result\.json: damaged \(.*evaluation\."):
+            study.outcomes()
+    result.write_text(json.dumps({"key": whole["key"]}))
+    with pytest.raises(DataError, match=r"result\.json: damaged \(there is no evaluation\)"):
+        study.outcomes()
     result.write_text("{")
     with pytest.raises(DataError, match=r"result\.json: no valid JSON"):
         study.outcomes()

@@ -82,7 +82,7 @@ def test_the_commands_it_names_work(
     monkeypatch.chdir(tmp_path)
     lines = (made[0] / "README.txt").read_text().splitlines()
     commands = [shlex.split(line) for line in lines if line.startswith("appocc ") and not line.endswith("demo")]
-    assert len(commands) == 9
+    assert len(commands) == 10
     for command in commands:
         result = run(*command[1:])
         # What stands on a predicted map, nobody can promise.

@@ -99,6 +99,7 @@ def test_what_cannot_be_done_is_told_in_one_line(tiny: TinyDataset, tmp_path: Pa
         ((tiny.root, "--weights", "w", "--rig", "none.yaml"), "no rig of this name"),
         ((tiny.root, "--weights", "w", "--rig", "paper"), "expected images named by the cameras of the rig"),
         ((tiny.root, "--weights", "w", "--rig", "paper", "--scene", "x"), "expected either --scene"),
+        ((tiny.root, "--weights", "w", "--rig", "paper", "--version", "v"), "expected either --version"),
     ]
     for words, reason in cases:
         result = run(*words, "--out", tmp_path / "out")

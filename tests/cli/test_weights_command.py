@@ -26,8 +26,12 @@ def run(*arguments: str) -> Result:
 def written(tmp_path: Path) -> Path:
     torch.manual_seed(0)
     path = tmp_path / "w.safetensors"
-    training = {"train": {"batch": 4, "seed": 3}}
-    card = {"training": training, "step": 20, "validation": {"best_iou": {"road": 0.4}}, "thresholds": [0.4, 0.3, 0.2]}
+    card = {
+        "training": {"train": {"batch": 4, "seed": 3}},
+        "step": 20,
+        "validation": {"best_iou": {"road": 0.4}},
+        "thresholds": [0.4, 0.3, 0.2],
+    }
     texts = {"network": "appocc", **{name: json.dumps(value) for name, value in card.items()}}
     save_weights(path, build("appocc", TINY), texts)
     return path
@@ -64,10 +68,59 @@ def test_weights_without_a_training_are_shown_too(written: Path, tmp_path: Path)
     assert "training" not in result.stderr
 
 
-def test_figures_must_be_an_evaluation(written: Path, tmp_path: Path) -> None:
-    (tmp_path / "eval.json").write_text("[1]")
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("[1]", "expected a valid dictionary, got '[1]'"),
+        ('{"iou": {"road": 0.5}}', "there is no samples"),
+        ('{"samples": 9, "iou": {"road": NaN}}', "iou.road: expected a finite number"),
+        ('{"samples": 9, "iou": {}, "iou_at_threshold": {"road": 61}}', "iou_at_threshold.road: expected less than"),
+    ],
+)
+def test_figures_must_be_an_evaluation(written: Path, tmp_path: Path, text: str, reason: str) -> None:
+    (tmp_path / "eval.json").write_text(text)
     out = tmp_path / "out.safetensors"
     result = run("ship", str(written), "--figures", str(tmp_path / "eval.json"), "--out", str(out))
     assert isinstance(result.exception, DataError)
     assert "expected the answer of 'appocc eval bev --json'" in str(result.exception)
+    assert reason in str(result.exception)
     assert not out.exists()
+
+
+def test_weights_are_shipped_under_no_other_ending(written: Path, tmp_path: Path) -> None:
+    result = run("ship", str(written), "--out", str(tmp_path / "out.onnx"))
+    assert isinstance(result.exception, DataError)
+    assert "expected a name that ends in .safetensors" in str(result.exception)
+    assert not (tmp_path / "out.onnx").exists()
+
+
+@pytest.mark.parametrize(
+    ("entry", "text", "reason"),
+    [
+        ("training", '{"foo": 1}', "there is no training.train"),
+        ("validation", "3", "validation: expected a valid dictionary, got '3'"),
+        ("figures", '{"samples": 1, "iou": {"road": "x"}}', "figures.iou.road: expected a valid number, got 'x'"),
+        ("commands", "3", "commands: expected a valid list, got '3'"),
+        ("step", "many", "step: expected a valid integer, got 'many'"),
+        ("figures", "[" * 100_000, "figures: expected a valid dictionary"),
+    ],
+)
+def test_a_card_that_cannot_be_true_is_told(tmp_path: Path, entry: str, text: str, reason: str) -> None:
+    path = tmp_path / "odd.safetensors"
+    save_weights(path, build("lss", TINY), {"network": "lss", entry: text})
+    result = run("show", str(path))
+    assert isinstance(result.exception, DataError)
+    assert str(result.exception).startswith(f"{path}: the card cannot be true (")
+    assert reason in str(result.exception)
+
+
+def test_a_card_is_shown_as_far_as_it_goes(tmp_path: Path) -> None:
+    path = tmp_path / "short.safetensors"
+    card = {"training": "null", "step": "3", "bytes": "no", "thresholds": '["0.1", 0.2, 0.3]'}
+    figures = {"samples": 2, "iou": {"lane": 0.2, "road": 0.5}}
+    save_weights(path, build("lss", TINY), {"network": "lss", **card, "figures": json.dumps(figures)})
+    result = run("show", str(path))
+    assert result.exit_code == 0, result.output
+    assert "thresholds: road 0.10, vehicle 0.20, lane 0.30" in result.stderr
+    assert "unseen places (2 samples): IoU road 50.0, lane 20.0 percent" in result.stderr
+    assert json.loads(run("show", str(path), "--json").stdout)["bytes"] == path.stat().st_size

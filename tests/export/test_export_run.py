@@ -202,6 +202,8 @@ def test_what_cannot_be_done_is_told_in_one_line(tiny: TinyDataset, tmp_path: Pa
         (("--weights", tmp_path / "no.safetensors", *onnx_out), "no such file of weights"),
         (("--weights", weights, *onnx_out, "--rig", tmp_path / "none.yaml"), "no rig of this name"),
         (("--weights", weights, *onnx_out, "--scene", "s"), "expected ROOT with --scene"),
+        (("--weights", weights, *onnx_out, "--version", "v1.0-mini"), "expected ROOT with --version"),
+        (("--weights", weights, *onnx_out, "--rig", ""), "no rig of this name"),
         (("--weights", weights, *onnx_out, tiny.root, "--rig", "paper"), "expected either ROOT or --rig"),
         (("--weights", weights, *onnx_out, tiny.root, "--scene", "x"), "no scene 'x'"),
         (("--weights", weights, *onnx_out, "--rig", tmp_path / "side.yaml"), "no camera rig"),

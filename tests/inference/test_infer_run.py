@@ -61,6 +61,17 @@ def test_the_same_again_and_resumed_is_the_same_to_the_byte(tiny: TinyDataset, t
     assert digests(tmp_path / "b") == before
 
 
+@pytest.mark.parametrize("meta", ["[1]", '{"weights": 3}', '{"thresholds": {"road": 7}}'])
+def test_a_map_that_says_what_cannot_be_is_made_anew(tiny: TinyDataset, tmp_path: Path, meta: str) -> None:
+    run(tiny, tmp_path)
+    before, path = digests(tmp_path), tmp_path / f"{ALL[0]}.npz"
+    with np.load(path) as data:
+        arrays = dict(data)
+    np.savez(path, **{**arrays, "meta": np.array(meta)})
+    assert run(tiny, tmp_path)[:2] == (1, 2)
+    assert digests(tmp_path) == before
+
+
 def test_other_weights_or_settings_make_new_maps(tiny: TinyDataset, tmp_path: Path) -> None:
     run(tiny, tmp_path)
     assert run(tiny, tmp_path, predictor(digest="d2"))[:2] == (3, 0)

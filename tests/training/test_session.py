@@ -81,7 +81,7 @@ def test_the_script_makes_weights_from_nothing(tmp_path: Path) -> None:
         "train.minutes=null train.steps=1 train.batch=1 train.threads=1 evaluate.norm_batches=1 evaluate.samples=2"
     )
     told = {"PATH": f"{programs}:{os.environ['PATH']}", "SCENES": "1 1 1", "OVERRIDES": short}
-    command = [REPOSITORY / "configs" / "release.sh", REPOSITORY / "configs" / "small.yaml", "made"]
+    command = [str(REPOSITORY / "configs" / name) for name in ("release.sh", "small.yaml")] + ["made"]
     for _ in range(2):  # the second time, all is there
         done = subprocess.run(
             command, cwd=tmp_path, env=os.environ | told, capture_output=True, text=True, check=False
@@ -90,3 +90,12 @@ def test_the_script_makes_weights_from_nothing(tmp_path: Path) -> None:
     card = described(tmp_path / "made" / "small" / "appocc.safetensors")
     assert card["figures"]["samples"] == 7
     assert "configs/release.sh" in card["commands"][0]
+
+
+def test_the_script_asks_for_its_configuration_first(tmp_path: Path) -> None:
+    for arguments in ([], ["nope.yaml"]):
+        command = ["bash", str(REPOSITORY / "configs" / "release.sh"), *arguments]
+        done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+        assert done.returncode == 2
+        assert done.stderr.startswith("error: expected CONFIG [FOLDER], got '")
+        assert not list(tmp_path.iterdir())
