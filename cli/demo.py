@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from appocc.nuscenes import Dataset, Scene
     from tracking.run import SceneTracks
 
-COMMANDS = ("park behind the nearest silver car", "stop next to the red car", "pull over behind the nearest car")
-FRAME, PREDICTED = 3, "predicted"
+COMMANDS = ("park behind the nearest silver car", "stop behind the nearest car ahead", "stop next to the nearest car")
+FRAME, PREDICTED = 6, "predicted"
 
 
 def demo(

@@ -15,7 +15,7 @@ from appocc.simulation.recording import VERSION
 from cli.demo import COMMANDS, FRAME
 from cli.main import app
 
-SMALL = dataset.Settings(samples=5)
+SMALL = dataset.Settings(samples=7)
 PICTURES = ("ground-1.png", "ground-2.png", "ground-3.png")
 
 
@@ -25,7 +25,7 @@ def run(*arguments: str) -> Result:
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Result]:
-    """A demo of five key frames, in a folder with a space in its name."""
+    """A demo of seven key frames, in a folder with a space in its name."""
     out = tmp_path_factory.mktemp("cli") / "my demo"
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(dataset, "Settings", lambda: SMALL)
