@@ -165,6 +165,7 @@ def test_interrupted_it_says_how_to_go_on(folder: Path, sent: signal.Signals) ->
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_real_networks_from_pictures_to_tables(
     tmp_path: Path, simulated_root: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

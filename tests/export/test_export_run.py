@@ -221,6 +221,7 @@ def test_what_cannot_be_done_is_told_in_one_line(tiny: TinyDataset, tmp_path: Pa
 
 
 @pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize(("name", "setting"), [("appocc", "360"), *((name, "180") for name in NETWORKS)])
 def test_every_network_in_both_forms_at_full_size(name: str, setting: str, tmp_path: Path) -> None:
     weights = weights_file(tmp_path / "w.safetensors", name, SETTINGS[setting])

@@ -72,6 +72,7 @@ def test_every_shipped_config_trains(root: Path, tmp_path: Path, path: Path) -> 
     assert run_training(told, RunFolder(tmp_path / "run"), resume=False, watcher=Watcher())["steps"] == 1
 
 
+@pytest.mark.long
 def test_the_script_makes_weights_from_nothing(tmp_path: Path) -> None:
     programs = tmp_path / "bin"
     programs.mkdir()
