@@ -80,6 +80,7 @@ def test_the_walk_through_a_simulated_town_runs_line_by_line(simulated: Walkthro
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_the_lines_that_train_run_one_after_the_other(simulated_root: Path, tmp_path: Path) -> None:
     shutil.copytree(simulated_root, tmp_path / "SIM")
     (tmp_path / "configs").symlink_to(ROOT / "configs")
