@@ -12,17 +12,13 @@ from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
-import torch
 
 from appocc.bevmap import BEVMap
-from appocc.camera import CameraRig
-from appocc.errors import DataError
 from appocc.evaluation.bev import Question, evaluate
 from appocc.evaluation.pairs import check_there
 from appocc.frame import Frame
 from appocc.inference.moments import dataset_moments
-from appocc.inference.predictor import Prediction, cameras_of
-from appocc.models.pictures import fitted
+from appocc.inference.predictor import Prediction, pictures_of
 from appocc.models.registry import Colouring
 from appocc.models.setting import Setting
 from appocc.nuscenes.dataset import Dataset
@@ -51,13 +47,8 @@ class ColouringMaker:
             DataError: if it has no image that the setting uses.
         """
         setting, grid = self._setting, self._setting.grid
-        living = CameraRig(tuple(camera for camera in frame.rig if camera.channel in frame.images))
-        pairs = [fitted(frame.images[c.channel], c, setting) for c in cameras_of(setting, living)]
-        if not pairs:
-            raise DataError(f"{frame.token}: expected a picture of {', '.join(setting.channels)}, got none")
-        pictures = np.stack([picture for picture, _ in pairs]).transpose(0, 3, 1, 2)  # N 3 H W
-        images = torch.from_numpy(np.ascontiguousarray(pictures)).float() / 255
-        rgb, known = (each.numpy() for each in self._colouring(images, CameraRig(tuple(c for _, c in pairs)), grid))
+        pictures, rig = pictures_of(frame, setting)
+        rgb, known = (each.numpy() for each in self._colouring(pictures.float() / 255, rig, grid))
         nothing = np.zeros((3, *grid.shape))
         colours = (rgb * 255).round().astype(np.uint8)
         bev = BEVMap(grid, nothing.astype(np.float32), nothing.astype(np.bool_), colours, known)

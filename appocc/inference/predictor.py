@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import torch
+from torch import Tensor
 
 from appocc.bevmap import CLASSES, BEVMap
 from appocc.camera import Camera, CameraRig
@@ -67,15 +68,9 @@ class Predictor:
             DataError: if it has no image that the setting uses.
         """
         setting = self.model.setting
-        chosen = cameras_of(
-            setting, CameraRig(tuple(camera for camera in frame.rig if camera.channel in frame.images))
-        )
-        if not chosen:
-            raise DataError(f"{frame.token}: expected a picture of {', '.join(setting.channels)}, got none")
-        pairs = [fitted(frame.images[camera.channel], camera, setting) for camera in chosen]
-        plan = self._plan(CameraRig(tuple(camera for _, camera in pairs)))
-        pictures = np.stack([picture for picture, _ in pairs]).transpose(0, 3, 1, 2)  # N 3 H W
-        images = torch.from_numpy(np.ascontiguousarray(pictures)).to(self._device).float()[None] / 255
+        pictures, rig = pictures_of(frame, setting)
+        plan = self._plan(rig)
+        images = pictures.to(self._device).float()[None] / 255
         with torch.inference_mode():
             output = self.model(images, plan)
             occupancy = output.occupancy[0].float().sigmoid().cpu().numpy()
@@ -89,7 +84,7 @@ class Predictor:
             )
         told = np.full(shape, colour is not None)
         known = np.ones((3, *shape), np.bool_)
-        meta = self._meta(frame, [camera.channel for camera in chosen])
+        meta = self._meta(frame, list(rig.channels))
         return Prediction(BEVMap(setting.grid, occupancy, known, rgb.round().astype(np.uint8), told, meta), seen)
 
     def _plan(self, rig: CameraRig) -> Plan:
@@ -108,6 +103,20 @@ class Predictor:
             "token": frame.token,
             "timestamp_us": frame.timestamp_us,
         }
+
+
+def pictures_of(frame: Frame, setting: Setting) -> tuple[Tensor, CameraRig]:
+    """What a network of a setting sees of a frame: (N, 3, H, W) uint8 sRGB, and the cameras of such pictures.
+
+    Raises:
+        DataError: if the frame has no image that the setting uses.
+    """
+    living = CameraRig(tuple(camera for camera in frame.rig if camera.channel in frame.images))
+    pairs = [fitted(frame.images[camera.channel], camera, setting) for camera in cameras_of(setting, living)]
+    if not pairs:
+        raise DataError(f"{frame.token}: expected a picture of {', '.join(setting.channels)}, got none")
+    stacked = np.stack([picture for picture, _ in pairs]).transpose(0, 3, 1, 2)
+    return torch.from_numpy(np.ascontiguousarray(stacked)), CameraRig(tuple(camera for _, camera in pairs))
 
 
 def cameras_of(setting: Setting, rig: CameraRig) -> list[Camera]:
