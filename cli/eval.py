@@ -1,4 +1,4 @@
-"""`appocc eval`: how good results are; `eval bev` judges maps."""
+"""`appocc eval`: how good results are; `eval bev` judges maps, `eval tracks` tracks."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from cli.common import JsonOption, RootArgument, VersionOption, emit, progress, say
+from cli.eval_tracks import tracks
 
 app = typer.Typer(name="eval", help="Judge results against the truth.", no_args_is_help=True)
 
@@ -61,6 +62,9 @@ def bev(
     if as_json:
         emit(answer)
     _show(answer)
+
+
+app.command()(tracks)
 
 
 def _show(answer: dict[str, Any]) -> None:

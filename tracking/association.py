@@ -1,71 +1,175 @@
-"""Which blob belongs to which track: Hungarian matching over place and colour."""
+"""Which detection belongs to which track: place, heading and colour, weighed as likelihoods, matched as a whole."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
-from scipy.spatial.distance import cdist
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import KDTree
 
 from appocc.checks import FloatArray, IntArray
+from tracking.motion import determinant_of, squared
 
 _FORBIDDEN = 1e6
 
 
 @dataclass(frozen=True)
 class AssociationConfig:
-    """What pairs of tracks and blobs are possible, and what they cost.
+    """What pairs of tracks and detections are possible, and what they cost.
 
     Attributes:
         gate_m: distance that is always possible.
-        gate_sigmas: beyond it, as many standard deviations of the prediction ...
+        gate_squared: beyond it, so far by Mahalanobis' squared distance to the prediction ...
         gate_most_m: ... but never more than this.
-        colour_rgb: standard deviation of a vehicle's mean colour from one sighting to the next.
-        colour_cap: most that a difference in colour may cost, in squared standard deviations (0: colour is not used).
+        heading_rad: standard deviation of a heading from one sighting to the next; front and rear are not told apart.
+        heading_cap: most that it may cost, in squared standard deviations; 0 leaves it out.
+        size: standard deviation of the logarithm of length and width, taken together.
+        size_cap: likewise.
+        colour_cap: most that a difference in colour may cost: a shadow must not break a track. 0 leaves colour out.
     """
 
-    gate_m: float = 2.5
-    gate_sigmas: float = 3.0
-    gate_most_m: float = 10.0
-    colour_rgb: float = 20.0
+    gate_m: float = 2.0
+    gate_squared: float = 7.0
+    gate_most_m: float = 6.0
+    heading_rad: float = 0.3
+    heading_cap: float = 9.0
+    size: float = 0.3
+    size_cap: float = 0.0
     colour_cap: float = 9.0
 
 
-def associate(
-    track_xy_m: FloatArray,
-    variance_m2: FloatArray,
-    track_rgb: FloatArray,
-    blob_xy_m: FloatArray,
-    blob_rgb: FloatArray,
-    config: AssociationConfig,
-) -> tuple[IntArray, IntArray]:
-    """Rows and columns of the cheapest assignment of N tracks to M blobs, within the gates.
+class Predicted(NamedTuple):
+    """What N tracks expect to be seen.
 
-    The cost of a pair is the negative log likelihood of the blob's place given the track, doubled, plus the squared
-    difference in colour over its variance, capped: paint may lie in shade or be seen wrongly, a place cannot.
-
-    Args:
-        track_xy_m: (N, 2) predicted places.
-        variance_m2: (N, M) variance of either component of (blob - prediction).
-        track_rgb: (N, 3) colours, NaN where unknown.
-        blob_xy_m: (M, 2).
-        blob_rgb: (M, 3), NaN where unknown.
-        config: gates and weights.
+    Attributes:
+        xy_m: (N, 2) places.
+        cov_m2: (N, 2, 2) how well they are known.
+        yaw_rad: (N,) headings.
+        size_m: (N, 2) width and length.
+        lab: (N, 3) colours, NaN where unknown.
+        lab_variance: (N, 3) of a sighting's colour about it.
+        kind: (N,) numbers of categories.
     """
-    distance = cdist(track_xy_m, blob_xy_m)
-    cost = distance**2 / variance_m2 + 2 * np.log(variance_m2) + _colour_cost(track_rgb, blob_rgb, config)
-    possible = distance <= _gates_m(variance_m2, config)
-    rows, columns = linear_sum_assignment(np.where(possible, cost, _FORBIDDEN))
-    keep = possible[rows, columns]
-    return rows[keep], columns[keep]
+
+    xy_m: FloatArray
+    cov_m2: FloatArray
+    yaw_rad: FloatArray
+    size_m: FloatArray
+    lab: FloatArray
+    lab_variance: FloatArray
+    kind: IntArray
+
+    def of(self, rows: IntArray) -> Predicted:
+        """Some of them (M,)."""
+        return type(self)._make(each[rows] for each in self)
 
 
-def _gates_m(variance_m2: FloatArray, config: AssociationConfig) -> FloatArray:
-    return np.clip(config.gate_sigmas * np.sqrt(variance_m2), config.gate_m, config.gate_most_m)
+class Seen(NamedTuple):
+    """What M detections show, in the frame of the tracks.
+
+    Attributes:
+        xy_m: (M, 2) places.
+        noise_m2: (M, 2, 2) how well they are known.
+        yaw_rad: (M,) headings.
+        size_m: (M, 2) width and length.
+        lab: (M, 3) colours, NaN where unknown.
+        kind: (M,) numbers of categories.
+    """
+
+    xy_m: FloatArray
+    noise_m2: FloatArray
+    yaw_rad: FloatArray
+    size_m: FloatArray
+    lab: FloatArray
+    kind: IntArray
+
+    def of(self, columns: IntArray) -> Seen:
+        """Some of them (K,)."""
+        return type(self)._make(each[columns] for each in self)
 
 
-def _colour_cost(track_rgb: FloatArray, blob_rgb: FloatArray, config: AssociationConfig) -> FloatArray:
-    """(N, M) squared colour difference in standard deviations, capped; half the cap where a colour is unknown."""
-    squared = cdist(track_rgb, blob_rgb, "sqeuclidean") / config.colour_rgb**2
-    return np.minimum(np.where(np.isfinite(squared), squared, config.colour_cap / 2), config.colour_cap)
+def associate(tracks: Predicted, seen: Seen, config: AssociationConfig) -> tuple[IntArray, IntArray]:
+    """Rows and columns of the assignment with the most pairs within the gates, then the least cost.
+
+    The cost of a pair is its negative log likelihood, doubled: of the place given the prediction, and of the heading,
+    size and colour given the track's, each capped, for it may be seen wrongly; a place cannot.
+    """
+    rows, columns = _near(tracks.xy_m, seen.xy_m, config.gate_most_m)
+    alike = tracks.kind[rows] == seen.kind[columns]
+    rows, columns = rows[alike], columns[alike]
+    track, sight = tracks.of(rows), seen.of(columns)
+    offset, cov = sight.xy_m - track.xy_m, track.cov_m2 + noise_of(track, sight)
+    far = squared(offset, cov)
+    possible = (far <= config.gate_squared) | (np.hypot(*offset.T) <= config.gate_m)
+    cost = far + np.log(determinant_of(cov)) + _unlike(track, sight, config)
+    return _matched(rows[possible], columns[possible], cost[possible])
+
+
+def noise_of(track: Predicted, sight: Seen) -> FloatArray:
+    """(P, 2, 2) covariances of the places of sightings, if each is that track.
+
+    Where a sighting is longer than the vehicle it merges with another, where it is shorter a part is missing: the
+    vehicle lies anywhere within the difference (a uniform distribution: its square over 12).
+    """
+    surplus_m = sight.size_m[:, 1] - track.size_m[:, 1]
+    return np.asarray(sight.noise_m2 + (surplus_m**2 / 12)[:, None, None] * np.eye(2))
+
+
+def _near(one: FloatArray, other: FloatArray, within_m: float) -> tuple[IntArray, IntArray]:
+    """All pairs (P,), (P,) of points (N, 2) and (M, 2) that are not farther apart."""
+    if not len(one) or not len(other):
+        return np.zeros(0, np.int64), np.zeros(0, np.int64)
+    pairs = KDTree(one).sparse_distance_matrix(KDTree(other), within_m, output_type="coo_matrix")
+    return np.asarray(pairs.row, np.int64), np.asarray(pairs.col, np.int64)
+
+
+def _unlike(track: Predicted, sight: Seen, config: AssociationConfig) -> FloatArray:
+    """(P,) what differences in heading, size and colour cost."""
+    cost = np.zeros(len(track.xy_m))
+    if config.heading_cap:
+        turn = np.abs(np.sin(track.yaw_rad - sight.yaw_rad)) / config.heading_rad
+        cost += np.minimum(turn**2, config.heading_cap)
+    if config.size_cap:
+        growth = np.abs(np.log(track.size_m / sight.size_m)).sum(axis=1) / config.size
+        cost += np.minimum(growth**2, config.size_cap)
+    if config.colour_cap:
+        strange = ((track.lab - sight.lab) ** 2 / track.lab_variance).sum(axis=1)
+        strange = np.where(np.isfinite(strange), strange, config.colour_cap / 2)
+        cost += np.minimum(strange, config.colour_cap)
+    return cost
+
+
+def _matched(rows: IntArray, columns: IntArray, cost: FloatArray) -> tuple[IntArray, IntArray]:
+    """The best assignment among possible pairs (P,); groups that share no pair are solved one by one."""
+    if not len(rows):
+        return rows, columns
+    n, m = int(rows.max()) + 1, int(columns.max()) + 1
+    links = coo_matrix((np.ones(len(rows)), (rows, n + columns)), shape=(n + m, n + m))
+    group = connected_components(links, directed=False)[1][rows]
+    order = np.argsort(group, kind="stable")
+    found = [_solved(rows[part], columns[part], cost[part]) for part in _parts(group[order], order)]
+    pairs = np.concatenate(found, axis=1)
+    pairs = pairs[:, np.argsort(pairs[0], kind="stable")]
+    return pairs[0], pairs[1]
+
+
+def _parts(sorted_group: NDArray[np.int32], order: IntArray) -> list[IntArray]:
+    return np.split(order, np.flatnonzero(np.diff(sorted_group)) + 1)
+
+
+def _solved(rows: IntArray, columns: IntArray, cost: FloatArray) -> IntArray:
+    """(2, K) the pairs of one group."""
+    if len(rows) == 1:
+        return np.stack([rows, columns])
+    own_rows, i = np.unique(rows, return_inverse=True)
+    own_columns, j = np.unique(columns, return_inverse=True)
+    table = np.full((len(own_rows), len(own_columns)), _FORBIDDEN)
+    table[i, j] = cost
+    a, b = linear_sum_assignment(table)
+    keep = table[a, b] < _FORBIDDEN
+    return np.stack([own_rows[a[keep]], own_columns[b[keep]]])

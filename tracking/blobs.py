@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from scipy import ndimage
@@ -10,8 +10,11 @@ from scipy import ndimage
 from appocc.bevmap import VEHICLE, BEVMap
 from appocc.checks import BoolArray, FloatArray, IntArray, check_finite, check_shape, frozen
 from appocc.grid import BEVGrid
+from tracking.colour import lab_from_rgb, robust_lab
+from tracking.detections import Detections, log_odds_of
 from tracking.shapes import shapes_of
 from tracking.split import split_touching
+from tracking.valleys import above_peaks, split_at_valleys
 
 
 @dataclass(frozen=True)
@@ -20,11 +23,24 @@ class BlobConfig:
 
     Attributes:
         min_area_m2: smaller blobs are dropped as specks; a narrow motorcycle covers about 0.6 m2.
-        split: whether blobs that do not look like one vehicle are cut by colour and place.
+        peak_share: of connected cells, those below this share of the highest probability among them are no vehicle.
+        split: whether blobs that do not look like one vehicle are cut.
     """
 
     min_area_m2: float = 0.4
+    peak_share: float = 0.75
     split: bool = True
+
+
+@dataclass(frozen=True)
+class GridView:
+    """A view of all that lies on a grid in the ego frame."""
+
+    grid: BEVGrid
+
+    def sees(self, xy_ego_m: FloatArray) -> BoolArray:
+        """(P,) whether points on the ground (P, 2), ego frame, metres, lie in a cell of the grid."""
+        return self.grid.contains(self.grid.cell_of(xy_ego_m))
 
 
 @dataclass(frozen=True)
@@ -38,6 +54,7 @@ class Blobs:
         width_m: (N,) the same across it.
         area_m2: (N,) covered area.
         rgb: (N, 3) mean sRGB 0..255 over the cells whose colour is known, NaN where there is none.
+        lab: (N, 3) robust CIELAB of the same cells (see `tracking.colour.robust_lab`), NaN where there is none.
         confidence: (N,) mean vehicle probability.
         touches_border: (N,) whether a cell lies on the rim of the grid, so that the vehicle may be cut off.
         grid: where blobs could be seen.
@@ -49,6 +66,7 @@ class Blobs:
     width_m: FloatArray
     area_m2: FloatArray
     rgb: FloatArray
+    lab: FloatArray
     confidence: FloatArray
     touches_border: BoolArray
     grid: BEVGrid
@@ -60,11 +78,11 @@ class Blobs:
             ShapeError: if one does not fit, or a number that must be known is not.
         """
         n = len(self.centroid_m)
+        widths = {"centroid_m": (2,), "rgb": (3,), "lab": (3,)}
         for name in _ARRAYS:
             array = getattr(self, name)
-            width = {"centroid_m": (2,), "rgb": (3,)}.get(name, ())
-            check_shape(f"blobs {name}", array, (n, *width))
-            if name != "rgb":
+            check_shape(f"blobs {name}", array, (n, *widths.get(name, ())))
+            if name not in ("rgb", "lab"):
                 check_finite(f"blobs {name}", array)
             frozen(array)
 
@@ -74,17 +92,7 @@ class Blobs:
 
     def select(self, keep: BoolArray | IntArray) -> Blobs:
         """The blobs of a mask (N,) or of indices."""
-        return Blobs(
-            self.centroid_m[keep],
-            self.yaw_rad[keep],
-            self.length_m[keep],
-            self.width_m[keep],
-            self.area_m2[keep],
-            self.rgb[keep],
-            self.confidence[keep],
-            self.touches_border[keep],
-            self.grid,
-        )
+        return replace(self, **{name: getattr(self, name)[keep] for name in _ARRAYS})
 
     def cover(self, xy_m: FloatArray) -> BoolArray:
         """(P, N) whether points (P, 2) in the ego frame lie in the boxes of the blobs."""
@@ -93,43 +101,87 @@ class Blobs:
         along, across = offset[..., 0] * cos + offset[..., 1] * sin, offset[..., 1] * cos - offset[..., 0] * sin
         return np.asarray((np.abs(along) <= self.length_m / 2) & (np.abs(across) <= self.width_m / 2))
 
+    def as_detections(self) -> Detections:
+        """The blobs as the tracker takes them: on the ego's ground plane, all of kind "vehicle", headings unknown."""
+        n = len(self)
+        return Detections(
+            ground_m=np.pad(self.centroid_m, ((0, 0), (0, 1))),
+            yaw_rad=self.yaw_rad,
+            heading_known=np.zeros(n, np.bool_),
+            size_m=np.stack([self.width_m, self.length_m, np.full(n, np.nan)], axis=1),
+            log_odds=log_odds_of(self.confidence),
+            kind=("vehicle",) * n,
+            rgb=self.rgb,
+            lab=self.lab,
+            cut=self.touches_border,
+            view=GridView(self.grid),
+        )
+
 
 _ARRAYS = tuple(field.name for field in fields(Blobs) if field.name != "grid")
 
 
 def find_blobs(bev: BEVMap, config: BlobConfig | None = None) -> Blobs:
     """The vehicle blobs of a map: connected cells (by their sides) of the vehicle layer, cut where vehicles touch."""
-    config = config or BlobConfig()
+    return measure_blobs(bev, *label_blobs(bev, config or BlobConfig()))
+
+
+def label_blobs(bev: BEVMap, config: BlobConfig) -> tuple[IntArray, int]:
+    """Blob 1..N of each cell (X, Y) of a map, 0 outside blobs, and N."""
     found, count = ndimage.label(bev.on[VEHICLE])
     labels = found.astype(np.int64)
-    rgb = np.moveaxis(bev.appearance, 0, -1).astype(np.float64)
-    rgb[~bev.appearance_valid] = np.nan
+    probability = bev.occupancy[VEHICLE]
+    count = above_peaks(labels, count, probability, config.peak_share)
     if config.split:
-        count = split_touching(labels, count, bev.grid.centres(), rgb, bev.grid.cell_m)
-    blobs = _measured(bev, labels, count, rgb)
-    return blobs.select(blobs.area_m2 >= config.min_area_m2)
+        count = split_at_valleys(labels, count, probability, bev.grid.cell_m)
+        count = split_touching(labels, count, bev)
+    size = np.bincount(labels.ravel(), minlength=count + 1)[1:]
+    return labels, _renumber(labels, size * bev.grid.cell_m**2 >= config.min_area_m2)
 
 
-def _measured(bev: BEVMap, labels: IntArray, count: int, rgb: FloatArray) -> Blobs:
-    """Blobs 1..count of a label image (X, Y) with colours (X, Y, 3)."""
-    cells = labels > 0
-    member = labels[cells] - 1
-    shapes = shapes_of(bev.grid.centres()[cells], member, count, bev.grid.cell_m)
-    rim = np.ones(labels.shape, dtype=np.bool_)
-    rim[1:-1, 1:-1] = False
-    known = np.isfinite(rgb[cells, 0])
-    with np.errstate(invalid="ignore"):
-        sums = [np.bincount(member[known], channel, count) for channel in rgb[cells][known].T]
-        colour = np.stack(sums, axis=1) / np.bincount(member[known], minlength=count)[:, None]
-    size = np.bincount(member, minlength=count)
+def _renumber(labels: IntArray, keep: BoolArray) -> int:
+    """Number those of the blobs 1..N to be kept (N,) anew, in place, and drop the others; how many they are."""
+    if not keep.all():
+        labels[:] = np.append(0, np.where(keep, np.cumsum(keep), 0))[labels]
+    return int(keep.sum())
+
+
+def measure_blobs(bev: BEVMap, labels: IntArray, count: int) -> Blobs:
+    """Blobs 1..count of a label image (X, Y), each of at least one cell."""
+    flat = labels.ravel()
+    cells = np.flatnonzero(flat)
+    member = flat[cells] - 1
+    places = np.stack(np.divmod(cells, labels.shape[1]), axis=1)
+    shapes = shapes_of(bev.grid.centre_of(places), member, count, bev.grid.cell_m)
+    rim = ((places == 0) | (places == np.array(labels.shape) - 1)).any(axis=1)
+    rgb, lab = _colours(bev, flat, cells, member, count)
     return Blobs(
         shapes.centroid_m,
         shapes.yaw_rad,
         shapes.length_m,
         shapes.width_m,
         shapes.area_m2,
-        colour,
-        np.bincount(member, bev.occupancy[VEHICLE][cells].astype(np.float64), count) / size,
-        np.bincount(member, rim[cells], count) > 0,
+        rgb,
+        lab,
+        np.bincount(member, bev.occupancy[VEHICLE].ravel()[cells], count) / np.bincount(member, minlength=count),
+        np.bincount(member, rim, count) > 0,
         bev.grid,
     )
+
+
+def _colours(
+    bev: BEVMap, flat: IntArray, cells: IntArray, member: IntArray, count: int
+) -> tuple[FloatArray, FloatArray]:
+    """Mean sRGB and robust CIELAB (N, 3) of `count` blobs: flat labels, the C cells of blobs in them, and whose."""
+    known = bev.appearance_valid.ravel()[cells]
+    cells, member = cells[known], member[known]
+    seen = bev.appearance.reshape(3, -1)[:, cells]
+    size = np.bincount(member, minlength=count)[:, None]
+    sums = np.stack([np.bincount(member, channel, count) for channel in seen], axis=1)
+    with np.errstate(invalid="ignore"):
+        mean = sums / size
+    inside = np.ones(len(cells), np.bool_)
+    for step in (1, -1, bev.grid.shape[1], -bev.grid.shape[1]):
+        # What lies beyond the grid is not looked at: a cell on its rim has a neighbour less.
+        inside &= flat.take(cells + step, mode="clip") == member + 1
+    return mean, robust_lab(lab_from_rgb(seen.T), inside, member, count)

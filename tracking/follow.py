@@ -1,16 +1,21 @@
-"""One vehicle that is followed: its motion, heading, size, colour, and where it stands in its life."""
+"""The vehicles that are followed, as arrays: motion, heading, size, colour, and where they stand in their lives."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
-from appocc.checks import FloatArray
+from appocc.checks import BoolArray, FloatArray, IntArray
 from appocc.geometry import apply, wrap_angle
-from tracking.blobs import Blobs
-from tracking.motion import Motion, MotionConfig
-from tracking.tracks import Memory, Track
+from tracking.association import Predicted, Seen
+from tracking.detections import Detections, probability_of
+from tracking.motion import MotionConfig, Motions, spread
+from tracking.tracks import Memory, Tracks
+
+# Columns of what is remembered of a sighting.
+_SIZE, _RGB, _LAB = slice(0, 3), slice(3, 6), slice(6, 9)
 
 
 @dataclass(frozen=True)
@@ -18,163 +23,236 @@ class LifeConfig:
     """Life cycle and smoothing; all times in seconds, so that frame rates and gaps do not matter.
 
     Attributes:
-        sure_confidence: a blob of this confidence makes a track at once ...
-        confirm_s: ... others when they were seen, without a miss, over this span.
-        coast_s: how long a track that is not seen is still told of, at its predicted place.
-        die_s: how long it is kept to be found again, and told of while its place is covered by vehicle cells.
+        sure: log-odds of a detection that makes a track known at once ...
+        confirm_s: ... others are told of when they were seen, without a miss, over this span.
+        coast_s: how long a track that is not seen may be told of, at its predicted place,
+        coast_m: if that is known so well (standard deviation).
+        die_s: how long a track that is not seen is kept to be found again.
         heading_s: time constant of the heading.
         turn_mps: speed from which motion says where the front is.
         sightings: how many sightings size and colour are the median of.
+        doubt: log-odds of a vehicle before anything was seen of it, ...
+        doubts: ... which weigh as much as so many sightings.
+        lab: standard deviations of a sighting's lightness and its two colour axes about the track's, before more was
+            seen: light and shadow change the first.
+        lab_sightings: how many sightings that expectation weighs.
     """
 
-    sure_confidence: float = 0.9
-    confirm_s: float = 0.15
-    coast_s: float = 0.35
-    die_s: float = 2.2
-    heading_s: float = 0.4
+    sure: float = -np.inf
+    confirm_s: float = 0.0
+    coast_s: float = 0.4
+    coast_m: float = 0.8
+    die_s: float = 1.2
+    heading_s: float = 0.3
     turn_mps: float = 1.0
     sightings: int = 11
+    doubt: float = -2.0
+    doubts: float = 4.0
+    lab: tuple[float, float, float] = (14.0, 7.0, 7.0)
+    lab_sightings: float = 4.0
     motion: MotionConfig = field(default_factory=MotionConfig)
 
 
-@dataclass(frozen=True)
-class Sighting:
-    """A blob in the world frame.
+class Sightings(NamedTuple):
+    """Detections of one moment in the world frame.
 
     Attributes:
-        place_world_m: (3,) its centroid, on the ego's ground plane.
-        yaw_world_rad: direction of its long axis, front and rear unknown.
-        size_m: (2,) length and width.
-        rgb: (3,) colour, NaN if unknown.
-        confidence: mean vehicle probability.
-        cut: whether it touches the rim of the grid.
+        place_world_m: (M, 3) points on the ground below their centres.
+        yaw_world_rad: (M,) headings.
+        heading_known: (M,) whether they tell front from rear.
+        size_m: (M, 3) width, length, height.
+        rgb: (M, 3).
+        lab: (M, 3).
+        log_odds: (M,).
+        cut: (M,) whether a part may be missing.
+        kind: (M,) numbers of categories.
     """
 
     place_world_m: FloatArray
-    yaw_world_rad: float
+    yaw_world_rad: FloatArray
+    heading_known: BoolArray
     size_m: FloatArray
     rgb: FloatArray
-    confidence: float
-    cut: bool
+    lab: FloatArray
+    log_odds: FloatArray
+    cut: BoolArray
+    kind: IntArray
+
+    def of(self, columns: IntArray) -> Sightings:
+        """Some of them (K,)."""
+        return type(self)._make(each[columns] for each in self)
 
 
-def sightings(blobs: Blobs, world_from_ego: FloatArray) -> list[Sighting]:
-    """The blobs of an ego frame in the world frame."""
-    places = apply(world_from_ego, np.pad(blobs.centroid_m, ((0, 0), (0, 1))))
-    axes = np.stack([np.cos(blobs.yaw_rad), np.sin(blobs.yaw_rad), np.zeros(len(blobs))], axis=1)
-    axes = axes @ world_from_ego[:3, :3].T
-    yaws = np.arctan2(axes[:, 1], axes[:, 0])
-    sizes = np.stack([blobs.length_m, blobs.width_m], axis=1)
-    return [
-        Sighting(
-            places[i],
-            float(yaws[i]),
-            sizes[i],
-            blobs.rgb[i],
-            float(blobs.confidence[i]),
-            bool(blobs.touches_border[i]),
-        )
-        for i in range(len(blobs))
-    ]
+def sightings_of(detections: Detections, world_from_ego: FloatArray, kind: IntArray) -> Sightings:
+    """The detections of an ego frame in the world frame, with the numbers of their categories (M,)."""
+    yaw = detections.yaw_rad
+    axes = np.stack([np.cos(yaw), np.sin(yaw), np.zeros(len(yaw))], axis=1) @ world_from_ego[:3, :3].T
+    return Sightings(
+        apply(world_from_ego, detections.ground_m),
+        np.arctan2(axes[:, 1], axes[:, 0]),
+        detections.heading_known,
+        detections.size_m,
+        detections.rgb,
+        detections.lab,
+        detections.log_odds,
+        detections.cut,
+        kind,
+    )
 
 
 class Followed:
-    """A vehicle from its first sighting to its end; changed in place by `predict`, `see` and `miss`."""
+    """N vehicles, in order of their numbers."""
 
-    def __init__(self, first: Sighting, number: int, config: LifeConfig) -> None:
-        """Begin with a first sighting."""
-        self.number = number
+    def __init__(self, config: LifeConfig) -> None:
+        """Start with none."""
         self._config = config
-        sigma_m = config.motion.cut_blob_m if first.cut else config.motion.blob_m
-        self.motion = Motion(first.place_world_m[:2], sigma_m, config.motion)
-        self._memory = Memory(config.sightings)
-        self._axis = np.zeros(2)
-        self._yaw_rad = first.yaw_world_rad
-        self._heading_known = False
-        self._confidences = 0.0
-        self._hits = 0
-        self._seen_s = 0.0
-        self.unseen_s = 0.0
-        self.confirmed = False
-        self._remember(first)
+        self.motions = Motions(config.motion)
+        self._memory = Memory(config.sightings, 9)
+        self.number = np.zeros(0, np.int64)
+        self.kind = np.zeros(0, np.int64)
+        self.yaw_rad = np.zeros(0)
+        self.confirmed = np.zeros(0, np.bool_)
+        self.unseen_s = np.zeros(0)
+        self.detection = np.zeros(0, np.int64)
+        self._ground_m = np.zeros(0)
+        self._axis = np.zeros((0, 2))
+        self._front = np.zeros(0)
+        self._evidence = np.zeros(0)
+        self._hits = np.zeros(0)
+        self._seen_s = np.zeros(0)
 
-    def blurs_m2(self, lengths_m: FloatArray) -> FloatArray:
-        """(M,) variance of either component of the centroids of blobs of such lengths (M,), if they are this vehicle.
-
-        Where a blob is longer than the vehicle it merges with another, where it is shorter a part is missing: the
-        vehicle lies anywhere within the difference (a uniform distribution: its square over 12).
-        """
-        surplus_m = lengths_m - self._memory.median()[0]
-        return np.asarray(self._config.motion.blob_m**2 + surplus_m**2 / 12)
+    def __len__(self) -> int:
+        """Number of vehicles."""
+        return len(self.number)
 
     @property
-    def dead(self) -> bool:
-        """Whether it was out of sight for too long; before it is confirmed, any miss is."""
-        return self.unseen_s > (self._config.die_s if self.confirmed else 0.0)
+    def place_world_m(self) -> FloatArray:
+        """(N, 3) places on the ground."""
+        return np.column_stack([self.motions.mean[:, :2], self._ground_m])
+
+    @property
+    def dead(self) -> BoolArray:
+        """(N,) whether one was out of sight for too long; before it is confirmed, any miss is."""
+        return np.asarray(self.unseen_s > np.where(self.confirmed, self._config.die_s, 0.0))
+
+    @property
+    def told(self) -> BoolArray:
+        """(N,) whether one is known well enough to be told of."""
+        near = (self.unseen_s <= self._config.coast_s) & (self.motions.blur_m() <= self._config.coast_m)
+        return np.asarray(self.confirmed & ((self.unseen_s == 0) | near))
 
     def predict(self, seconds: float) -> None:
         """Let time pass; it counts as unseen until `see` is called."""
-        self.motion.predict(seconds)
+        self.motions.predict(seconds, self.yaw_rad)
         self.unseen_s += seconds
+        self.detection[:] = -1
 
-    def see(self, sighting: Sighting) -> None:
-        """Take in a sighting of now."""
-        blur_m2 = float(self.blurs_m2(sighting.size_m[:1])[0])
-        self.motion.update(sighting.place_world_m[:2], blur_m2**0.5)
-        self._remember(sighting)
-
-    def _remember(self, sighting: Sighting) -> None:
-        """All that a sighting tells besides the place."""
-        config = self._config
-        self._turn(sighting, self.unseen_s)
-        self._seen_s += self.unseen_s
-        self.unseen_s = 0.0
-        self._hits += 1
-        self._confidences += sighting.confidence
-        self.confirmed |= sighting.confidence >= config.sure_confidence or self._seen_s >= config.confirm_s
-        self._ground_m = float(sighting.place_world_m[2])
-        # A vehicle that the rim cuts off is at least as large as what shows of it.
-        known_m = self._memory.median()[:2] if sighting.cut and self._hits > 1 else np.zeros(2)
-        size = np.maximum(sighting.size_m, known_m)
-        self._memory.add(np.concatenate([size, sighting.rgb]))
-
-    def _turn(self, sighting: Sighting, seconds: float) -> None:
-        """Smooth the axis, as a vector of twice its angle; long shapes show it better than square ones."""
-        long, wide = sighting.size_m
-        twice = 2 * sighting.yaw_world_rad
-        seen = (long - wide) / (long + wide) * np.array([np.cos(twice), np.sin(twice)])
-        keep = np.exp(-seconds / self._config.heading_s) if self._hits else 0.0
-        self._axis = keep * self._axis + (1 - keep) * seen
-        yaw = float(np.arctan2(self._axis[1], self._axis[0]) / 2)
-        velocity = self.motion.velocity_mps
-        if self.motion.moves and np.hypot(*velocity) >= self._config.turn_mps:
-            self._heading_known, wanted = True, float(np.arctan2(velocity[1], velocity[0]))
-        else:
-            wanted = self._yaw_rad
-        self._yaw_rad = yaw if np.cos(yaw - wanted) >= 0 else float(wrap_angle(yaw + np.pi))
-
-    @property
-    def position_world_m(self) -> FloatArray:
-        """(3,) place on the ground."""
-        return np.append(self.motion.position_m, self._ground_m)
-
-    @property
-    def rgb(self) -> FloatArray:
-        """(3,) colour, NaN if never seen."""
-        return self._memory.median()[2:]
-
-    def track(self) -> Track:
-        """What is known now."""
-        median = self._memory.median()
-        return Track(
-            self.number,
-            self.position_world_m,
-            self.motion.velocity_mps,
-            self._yaw_rad,
-            self._heading_known,
-            float(median[0]),
-            float(median[1]),
-            median[2:],
-            self._confidences / self._hits,
-            self.unseen_s == 0.0,
+    def expected(self) -> Predicted:
+        """What is expected to be seen."""
+        config, median = self._config, self._memory.median
+        about, known = self._memory.spread()[:, _LAB], self._memory.known()[:, _LAB]
+        prior = np.square(config.lab) * config.lab_sightings
+        variance = (prior + about) / (config.lab_sightings + known)
+        mean, cov = self.motions.mean, self.motions.cov
+        return Predicted(
+            mean[:, :2], cov[:, :2, :2], self.yaw_rad, median[:, :2], median[:, _LAB], variance, self.kind
         )
+
+    def shown(self, seen: Sightings) -> Seen:
+        """Sightings as they are compared with what is expected."""
+        noise = self._noise_m2(seen)
+        return Seen(seen.place_world_m[:, :2], noise, seen.yaw_world_rad, seen.size_m[:, :2], seen.lab, seen.kind)
+
+    def see(self, rows: IntArray, seen: Sightings, detection: IntArray, noise_m2: FloatArray) -> None:
+        """Take in a sighting of now of each of some vehicles (M,), with the number of its detection."""
+        self.motions.update(rows, seen.place_world_m[:, :2], noise_m2)
+        seconds = self.unseen_s[rows]
+        self._seen_s[rows] += seconds
+        self.unseen_s[rows] = 0.0
+        self.detection[rows] = detection
+        self._hits[rows] += 1
+        self._evidence[rows] += seen.log_odds
+        self._ground_m[rows] = seen.place_world_m[:, 2]
+        # A vehicle that the view cuts off is at least as large as what shows of it.
+        known_m = np.where(seen.cut[:, None], self._memory.median[rows, _SIZE], 0.0)
+        size_m = np.fmax(seen.size_m, known_m)
+        self._memory.remember(rows, np.hstack([size_m, seen.rgb, seen.lab]))
+        self._turn(rows, seen, seconds)
+        self._confirm(rows, seen.log_odds)
+
+    def add(self, seen: Sightings, numbers: IntArray, detection: IntArray) -> None:
+        """Begin to follow what was seen now (M,)."""
+        m = len(numbers)
+        self.motions.add(seen.place_world_m[:, :2], seen.yaw_world_rad, self._noise_m2(seen))
+        self._memory.add(np.hstack([seen.size_m, seen.rgb, seen.lab]))
+        self.number, self.kind = np.append(self.number, numbers), np.append(self.kind, seen.kind)
+        self.yaw_rad = np.append(self.yaw_rad, seen.yaw_world_rad)
+        self.confirmed = np.append(self.confirmed, np.zeros(m, np.bool_))
+        self.detection = np.append(self.detection, detection)
+        self._ground_m = np.append(self._ground_m, seen.place_world_m[:, 2])
+        self._axis = np.vstack([self._axis, _axis(seen)])
+        self._front = np.append(self._front, seen.heading_known.astype(np.float64))
+        self._evidence = np.append(self._evidence, seen.log_odds)
+        self._hits = np.append(self._hits, np.ones(m))
+        self.unseen_s, self._seen_s = (np.append(each, np.zeros(m)) for each in (self.unseen_s, self._seen_s))
+        self._confirm(np.arange(len(self) - m, len(self)), seen.log_odds)
+
+    def keep(self, chosen: BoolArray) -> None:
+        """Go on with some (N,) only."""
+        self.motions.keep(chosen)
+        self._memory.keep(chosen)
+        for name, values in vars(self).items():
+            if isinstance(values, np.ndarray):
+                setattr(self, name, values[chosen])
+
+    def _noise_m2(self, seen: Sightings) -> FloatArray:
+        """(M, 2, 2) covariances of the places of sightings."""
+        config = self._config.motion
+        cut_m2 = np.where(seen.cut, config.cut_m**2, 0.0)
+        return spread(seen.yaw_world_rad, config.along_m**2 + cut_m2, config.across_m**2 + cut_m2)
+
+    def _confirm(self, rows: IntArray, log_odds: FloatArray) -> None:
+        known = (log_odds >= self._config.sure) | (self._seen_s[rows] >= self._config.confirm_s)
+        self.confirmed[rows] |= known
+
+    def _turn(self, rows: IntArray, seen: Sightings, seconds: FloatArray) -> None:
+        """Smooth the axis, as a vector of twice its angle, and vote for the end that is the front."""
+        keep = np.exp(-seconds / self._config.heading_s)[:, None]
+        self._axis[rows] = keep * self._axis[rows] + (1 - keep) * _axis(seen)
+        yaw = np.arctan2(self._axis[rows, 1], self._axis[rows, 0]) / 2
+        before = self.yaw_rad[rows]
+        yaw = np.where(np.cos(yaw - before) >= 0, yaw, yaw + np.pi)
+        self._front[rows] += np.where(seen.heading_known, np.cos(seen.yaw_world_rad - yaw), 0.0)
+        velocity = self.motions.mean[rows, 2:]
+        goes = self.motions.moves()[rows] & (np.hypot(*velocity.T) >= self._config.turn_mps)
+        ahead = velocity[:, 0] * np.cos(yaw) + velocity[:, 1] * np.sin(yaw)
+        wrong = np.where(goes, ahead < 0, self._front[rows] < 0)
+        self.yaw_rad[rows] = wrap_angle(np.where(wrong, yaw + np.pi, yaw))
+        # Who was seen to move stays known; a vote counts from now on for the end it was found to be.
+        self._front[rows] = np.where(goes, np.maximum(np.abs(self._front[rows]), 1.0), np.abs(self._front[rows]))
+
+    def tracks(self, chosen: BoolArray, kinds: tuple[str, ...]) -> Tracks:
+        """What is known now of some (N,); `kinds` are the names of the categories."""
+        config, median = self._config, self._memory.median[chosen]
+        belief = (self._evidence + config.doubt * config.doubts) / (self._hits + config.doubts)
+        return Tracks(
+            self.number[chosen],
+            self.place_world_m[chosen],
+            self.motions.mean[chosen, 2:],
+            self.yaw_rad[chosen],
+            self._front[chosen] > 0,
+            median[:, _SIZE],
+            median[:, _RGB],
+            probability_of(belief[chosen]),
+            tuple(kinds[number] for number in self.kind[chosen]),
+            self.detection[chosen],
+            self.motions.moves()[chosen],
+        )
+
+
+def _axis(seen: Sightings) -> FloatArray:
+    """(M, 2) vectors of twice the headings; long shapes show them better than square ones."""
+    width, length = seen.size_m[:, 0], seen.size_m[:, 1]
+    weight = (length - width) / (length + width)
+    twice = 2 * seen.yaw_world_rad
+    return np.stack([weight * np.cos(twice), weight * np.sin(twice)], axis=1)

@@ -19,7 +19,7 @@ from appocc.nuscenes import Dataset, Sample, Scene
 from tracking.blobs import BlobConfig, find_blobs
 from tracking.formats import write_mot, write_nuscenes
 from tracking.metrics import GATE_M, Metrics, Moment, evaluate
-from tracking.tracker import Tracker
+from tracking.tracker import MAPS, Tracker
 from tracking.tracks import Track
 
 RANGE_M = 40.0
@@ -64,7 +64,7 @@ def track_scene(
     Raises:
         DataError: if the scene has no key frames or two at one time, or a map is missing or damaged.
     """
-    tracker = tracker or Tracker()
+    tracker = tracker or Tracker(MAPS)
     samples = dataset.samples(scene)
     if not samples:
         raise DataError(f"{dataset.root}: scene '{scene.name}' has no key frames")
@@ -75,7 +75,8 @@ def track_scene(
     for sample in samples:
         pose = dataset.world_from_ego(sample)
         bev = load_map(dataset.root, source, sample.token)
-        tracks.append(tracker.update(find_blobs(bev, blob_config), sample.timestamp_us, pose))
+        detections = find_blobs(bev, blob_config).as_detections()
+        tracks.append(tuple(tracker.update(detections, sample.timestamp_us, pose)))
         poses.append(pose)
         advance(1)
     return SceneTracks(scene.name, source, samples, np.stack(poses), tuple(tracks))

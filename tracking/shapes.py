@@ -8,6 +8,10 @@ import numpy as np
 
 from appocc.checks import BoolArray, FloatArray, IntArray
 
+# Length and width of a usual car, van, lorry and bus, and how much odder than cars these are, being rarer.
+USUAL_M = np.array([(4.6, 1.9), (6.0, 2.2), (8.5, 2.5), (11.5, 2.7)])
+RARER = np.array([0.0, 0.2, 0.4, 0.4])
+
 
 @dataclass(frozen=True)
 class Shapes:
@@ -65,3 +69,9 @@ def like_a_vehicle(shapes: Shapes) -> BoolArray:
     short_or_wide = (shapes.length_m <= 6.5) | (shapes.width_m >= 2.2)
     inside = (shapes.length_m <= 16.0) & (shapes.width_m <= 3.7) & (shapes.length_m >= 1.4 * shapes.width_m)
     return np.asarray(filled & short_or_wide & inside)
+
+
+def oddness(shapes: Shapes) -> FloatArray:
+    """(N,) how far a shape is from the nearest usual vehicle: 0 of a car, log 2 of one twice as long or wide."""
+    size = np.stack([shapes.length_m, shapes.width_m], axis=1)
+    return np.asarray((np.abs(np.log(size[:, None] / USUAL_M)).sum(axis=2) + RARER).min(axis=1))

@@ -8,8 +8,9 @@ import numpy as np
 from scipy import ndimage
 from scipy.spatial.distance import cdist
 
+from appocc.bevmap import BEVMap
 from appocc.checks import BoolArray, FloatArray, IntArray
-from tracking.shapes import like_a_vehicle, shapes_of
+from tracking.shapes import like_a_vehicle, oddness, shapes_of
 
 # Two usual cars cover more than this; anything smaller is taken as one vehicle, however ragged.
 LEAST_CUT_M2 = 14.0
@@ -21,58 +22,58 @@ METRES_PER_RGB = 0.02
 MOST_PIECES = 8
 # A part of a vehicle may be of any colour: no difference weighs more than this when it looks for its vehicle.
 MOST_COLOUR_M = 2.0
-# Length and width of a usual car, to choose between cuts.
-CAR_M = (4.6, 1.9)
 
 
-def split_touching(labels: IntArray, count: int, xy_m: FloatArray, rgb: FloatArray, cell_m: float) -> int:
-    """Cut those of the blobs 1..count that do not look like one vehicle into pieces that all do.
+def split_touching(labels: IntArray, count: int, bev: BEVMap) -> int:
+    """Cut those of the blobs 1..count of a map that do not look like one vehicle into pieces that all do.
 
-    Labels (X, Y) are changed in place: the first piece keeps its number, the others follow after the last. A blob
-    for which no such cut is found stays whole.
-
-    Args:
-        labels: (X, Y), 0 outside blobs.
-        count: number of blobs.
-        xy_m: (X, Y, 2) centres of the cells, ego frame.
-        rgb: (X, Y, 3) colours 0..255, NaN where unknown.
-        cell_m: size of a cell.
+    Labels (X, Y), 0 outside blobs, are changed in place: the first piece keeps its number, the others follow after
+    the last. A blob for which no such cut is found stays whole.
 
     Returns:
         The number of blobs afterwards.
     """
-    cells = labels > 0
-    shapes = shapes_of(xy_m[cells], labels[cells] - 1, count, cell_m)
+    cell_m = bev.grid.cell_m
+    cells = np.flatnonzero(labels)
+    member = labels.reshape(-1)[cells] - 1
+    large = np.bincount(member, minlength=count) * cell_m**2 >= LEAST_CUT_M2
+    if not large.any():
+        return count
+    places = np.stack(np.divmod(cells, labels.shape[1]), axis=1)
+    shapes = shapes_of(bev.grid.centre_of(places), member, count, cell_m)
     windows = ndimage.find_objects(labels)
-    for blob in np.flatnonzero(~like_a_vehicle(shapes) & (shapes.area_m2 >= LEAST_CUT_M2)):
+    for blob in np.flatnonzero(~like_a_vehicle(shapes) & large):
         window = windows[blob]
         mask = labels[window] == blob + 1
-        member = _best_cut(mask, xy_m[window], rgb[window], cell_m)
-        labels[window][mask] = np.where(member == 0, blob + 1, count + member)
-        count += int(member.max())
+        known = bev.appearance_valid[window][mask][:, None]
+        rgb = np.where(known, bev.appearance[:, *window][:, mask].T, np.nan)
+        piece = _best_cut(mask, np.argwhere(mask).astype(np.float64) * cell_m, rgb, cell_m)
+        labels[window][mask] = np.where(piece == 0, blob + 1, count + piece)
+        count += int(piece.max())
     return count
 
 
 def _best_cut(mask: BoolArray, xy_m: FloatArray, rgb: FloatArray, cell_m: float) -> IntArray:
-    """Piece of each of the C cells of a mask (H, W); all 0 where no cut leaves only vehicles."""
-    places, colours = xy_m[mask], rgb[mask]
-    if len(places) < 2:  # of a grid whose cells are larger than cars
-        return np.zeros(len(places), dtype=np.int64)
-    by_colour = _by_colour(mask, places, colours, cell_m)
-    if _oddness(places, by_colour, cell_m) < np.inf:
+    """Piece of each of the C cells of a mask (H, W), at (C, 2) and of (C, 3); 0 where no cut leaves only vehicles."""
+    whole = np.zeros(len(xy_m), dtype=np.int64)
+    if len(xy_m) < 2:  # of a grid whose cells are larger than cars
+        return whole
+    by_colour = _by_colour(mask, xy_m, rgb, cell_m)
+    if _oddness(xy_m, by_colour, cell_m) < np.inf:
         return by_colour
-    cuts = list(_cuts(places, colours))
-    odd = [_oddness(places, member, cell_m) for member in cuts]
-    return cuts[int(np.argmin(odd))] if min(odd) < np.inf else np.zeros(len(places), dtype=np.int64)
+    # Whole is as odd as a cut that leaves no vehicles: infinitely, and it comes first.
+    cuts = [whole, *_cuts(xy_m, rgb, cell_m)]
+    return cuts[int(np.argmin([_oddness(xy_m, member, cell_m) for member in cuts]))]
 
 
-def _cuts(xy_m: FloatArray, rgb: FloatArray) -> Iterator[IntArray]:
+def _cuts(xy_m: FloatArray, rgb: FloatArray, cell_m: float) -> Iterator[IntArray]:
     """Cuts of C cells into two, three ... compact pieces of like colour, begun lengthwise and across."""
     known = np.asarray(np.isfinite(rgb).all(axis=1))
     usual = rgb[known].mean(axis=0) if known.any() else np.zeros(3)
     features = np.hstack([xy_m, METRES_PER_RGB * np.where(known[:, None], rgb, usual)])
     axes = np.linalg.eigh(np.cov(xy_m.T))[1].T
-    for pieces in range(2, min(MOST_PIECES, len(features)) + 1):
+    most = min(MOST_PIECES, int(len(features) * cell_m**2 / LEAST_PIECE_M2), len(features))
+    for pieces in range(2, most + 1):
         for axis in axes:
             yield _k_means(features, xy_m @ axis, pieces)
 
@@ -83,8 +84,7 @@ def _oddness(xy_m: FloatArray, member: IntArray, cell_m: float) -> float:
     shapes = shapes_of(xy_m, member, pieces, cell_m)
     if pieces == 1 or not like_a_vehicle(shapes).all():
         return float("inf")
-    size = np.stack([shapes.length_m, shapes.width_m], axis=1)
-    return float(np.abs(np.log(size / CAR_M)).sum(axis=1).mean())
+    return float(oddness(shapes).mean())
 
 
 def _by_colour(mask: BoolArray, xy_m: FloatArray, rgb: FloatArray, cell_m: float) -> IntArray:
@@ -112,11 +112,14 @@ def _alike(one: FloatArray, other: FloatArray) -> BoolArray:
 
 def _k_means(features: FloatArray, order: FloatArray, pieces: int, rounds: int = 30) -> IntArray:
     """Cluster of each row (C, F) by Lloyd's rounds, begun with equal shares in the order of (C,) values."""
-    member = np.argsort(np.argsort(order, kind="stable"), kind="stable") * pieces // len(features)
+    member = np.empty(len(features), np.int64)
+    member[np.argsort(order, kind="stable")] = np.arange(len(features)) * pieces // len(features)
+    size = np.bincount(member)
     for _ in range(rounds):
-        centres = np.stack([features[member == piece].mean(axis=0) for piece in range(pieces)])
-        nearest = cdist(features, centres).argmin(axis=1)
-        if (nearest == member).all() or len(np.unique(nearest)) < pieces:
+        sums = np.stack([np.bincount(member, column, pieces) for column in features.T], axis=1)
+        nearest = cdist(features, sums / size[:, None], "sqeuclidean").argmin(axis=1)
+        size = np.bincount(nearest, minlength=pieces)
+        if not size.all() or (nearest == member).all():
             break
         member = nearest
     return member

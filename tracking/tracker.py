@@ -1,4 +1,4 @@
-"""The tracker: blobs of one moment after another in, tracks out."""
+"""The tracker: detections of one moment after another in, tracks out."""
 
 from __future__ import annotations
 
@@ -6,36 +6,56 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from appocc.checks import FloatArray, IntArray, check_transform
+from appocc.checks import BoolArray, FloatArray, IntArray, check_transform
 from appocc.errors import DataError
 from appocc.geometry import apply, inverse
-from appocc.grid import BEVGrid
-from tracking.association import AssociationConfig, associate
-from tracking.blobs import Blobs
-from tracking.follow import Followed, LifeConfig, Sighting, sightings
-from tracking.tracks import Track
+from tracking.association import AssociationConfig, Predicted, Seen, associate, noise_of
+from tracking.detections import Detections
+from tracking.follow import Followed, LifeConfig, Sightings, sightings_of
+from tracking.tracks import Tracks
 
 
 @dataclass(frozen=True)
 class TrackerConfig:
-    """How tracks live, and which blobs they may take."""
+    """How tracks live, and which detections they may take.
 
+    Attributes:
+        clear: log-odds from which a detection may go to any track;
+        weak: from these on to tracks that no clear one is left for, to keep them alive.
+        begin: from these on a detection that no track took begins one.
+        life: of tracks.
+        association: of detections with tracks.
+        again: of clear detections and tracks that are still without each other: found again, or faster than thought.
+    """
+
+    clear: float = 0.0
+    weak: float = -2.5
+    begin: float = -2.5
     life: LifeConfig = field(default_factory=LifeConfig)
     association: AssociationConfig = field(default_factory=AssociationConfig)
+    again: AssociationConfig = field(default_factory=lambda: AssociationConfig(gate_squared=30.0, gate_most_m=12.0))
+
+
+# For blobs of maps, which flicker where a map is predicted: who is not sure must be seen twice.
+MAPS = TrackerConfig(life=LifeConfig(sure=2.2, confirm_s=0.15, coast_s=0.35, die_s=2.2))
 
 
 class Tracker:
-    """Follows vehicles in the world frame, where the ego's own motion cancels; the same input gives the same ids."""
+    """Follows vehicles in the world frame, where the ego's own motion cancels; the same input gives the same ids.
+
+    It never looks ahead, and remembers no more the longer it runs.
+    """
 
     def __init__(self, config: TrackerConfig | None = None) -> None:
         """Start with no tracks."""
         self.config = config or TrackerConfig()
-        self._alive: list[Followed] = []
+        self._alive = Followed(self.config.life)
+        self._kinds: dict[str, int] = {}
         self._time_us: int | None = None
         self._born = 0
 
-    def update(self, blobs: Blobs, timestamp_us: int, world_from_ego: FloatArray) -> tuple[Track, ...]:
-        """Take in the blobs of one moment and return the confirmed tracks, in order of id.
+    def update(self, detections: Detections, timestamp_us: int, world_from_ego: FloatArray) -> Tracks:
+        """Take in the detections of one moment and return the tracks that are told of, in order of id.
 
         Raises:
             DataError: if time does not move forward.
@@ -43,65 +63,75 @@ class Tracker:
         """
         check_transform("world_from_ego", world_from_ego)
         self._predict(timestamp_us)
-        seen = sightings(blobs, world_from_ego)
-        rows, columns = self._associate(seen)
-        for row, column in zip(rows, columns, strict=True):
-            self._alive[row].see(seen[column])
-        self._bury(blobs.grid, world_from_ego)
-        for column in sorted(set(range(len(seen))) - set(columns.tolist()) - self._merged(blobs, world_from_ego)):
-            self._born += 1
-            self._alive.append(Followed(seen[column], self._born, self.config.life))
-        return self._told(blobs, world_from_ego)
+        kinds = [self._kinds.setdefault(name, len(self._kinds)) for name in detections.kind]
+        seen = sightings_of(detections, world_from_ego, np.array(kinds, dtype=np.int64))
+        taken = self._associate(seen)
+        self._bury(detections, world_from_ego)
+        free = ~taken & (seen.log_odds >= self.config.begin) & ~self._merged(detections, world_from_ego)
+        self._begin(np.flatnonzero(free), seen)
+        return self._alive.tracks(self._told(detections, world_from_ego), tuple(self._kinds))
 
     def _predict(self, timestamp_us: int) -> None:
         """Move all tracks to a new time."""
         if self._time_us is not None:
             if timestamp_us <= self._time_us:
                 raise DataError(f"tracker: expected a time after {self._time_us} us, got {timestamp_us} us")
-            for followed in self._alive:
-                followed.predict((timestamp_us - self._time_us) * 1e-6)
+            self._alive.predict((timestamp_us - self._time_us) * 1e-6)
         self._time_us = timestamp_us
 
-    def _associate(self, seen: list[Sighting]) -> tuple[IntArray, IntArray]:
-        """Rows of tracks and columns of sightings that belong together."""
-        if not self._alive or not seen:
-            return np.zeros(0, np.int64), np.zeros(0, np.int64)
-        lengths = np.array([sighting.size_m[0] for sighting in seen])
-        return associate(
-            np.stack([followed.motion.position_m for followed in self._alive]),
-            np.stack([followed.motion.variance_m2 + followed.blurs_m2(lengths) for followed in self._alive]),
-            np.stack([followed.rgb for followed in self._alive]),
-            np.stack([sighting.place_world_m[:2] for sighting in seen]),
-            np.stack([sighting.rgb for sighting in seen]),
-            self.config.association,
-        )
+    def _associate(self, seen: Sightings) -> BoolArray:
+        """(M,) whether a track took a sighting: clear ones, weak ones, and then clear ones farther off."""
+        taken = np.zeros(len(seen.log_odds), dtype=np.bool_)
+        expected, shown = self._alive.expected(), self._alive.shown(seen)
+        config, alive = self.config, self._alive
+        clear = seen.log_odds >= config.clear
+        weak = ~clear & (seen.log_odds >= config.weak)
+        for sights, rule in ((clear, config.association), (weak, config.association), (clear, config.again)):
+            lack = (alive.detection < 0) & (alive.confirmed | (sights is clear))
+            self._take(np.flatnonzero(lack), np.flatnonzero(sights & ~taken), expected, shown, seen, rule, taken)
+        return taken
 
-    def _bury(self, grid: BEVGrid, world_from_ego: FloatArray) -> None:
-        """Drop tracks that were unseen for too long, and unseen ones that left the grid: who enters there is new."""
-        inside = grid.contains(grid.cell_of(self._places_ego(self._alive, world_from_ego)))
-        self._alive = [
-            followed
-            for followed, within in zip(self._alive, inside, strict=True)
-            if not followed.dead and (within or not followed.unseen_s)
-        ]
+    def _take(
+        self,
+        rows: IntArray,
+        columns: IntArray,
+        expected: Predicted,
+        shown: Seen,
+        seen: Sightings,
+        rule: AssociationConfig,
+        taken: BoolArray,
+    ) -> None:
+        """Let some tracks take some sightings, and note which."""
+        i, j = associate(expected.of(rows), shown.of(columns), rule)
+        rows, columns = rows[i], columns[j]
+        self._alive.see(rows, seen.of(columns), columns, noise_of(expected.of(rows), shown.of(columns)))
+        taken[columns] = True
 
-    def _merged(self, blobs: Blobs, world_from_ego: FloatArray) -> set[int]:
-        """Blobs over the places of confirmed tracks that were not seen: vehicles that touch, not a new one."""
-        hidden = [followed for followed in self._alive if followed.confirmed and followed.unseen_s]
-        return set(np.flatnonzero(blobs.cover(self._places_ego(hidden, world_from_ego)).any(axis=0)).tolist())
+    def _begin(self, columns: IntArray, seen: Sightings) -> None:
+        """Begin tracks of sightings."""
+        numbers = self._born + 1 + np.arange(len(columns))
+        self._born += len(columns)
+        self._alive.add(seen.of(columns), numbers, columns)
 
-    def _told(self, blobs: Blobs, world_from_ego: FloatArray) -> tuple[Track, ...]:
-        """The confirmed tracks that are seen, briefly unseen, or hidden in a blob that another track took."""
-        confirmed = [followed for followed in self._alive if followed.confirmed]
-        covered = np.asarray(blobs.cover(self._places_ego(confirmed, world_from_ego)).any(axis=1))
-        return tuple(
-            followed.track()
-            for followed, hidden in zip(confirmed, covered, strict=True)
-            if hidden or followed.unseen_s <= self.config.life.coast_s
-        )
+    def _bury(self, detections: Detections, world_from_ego: FloatArray) -> None:
+        """Drop tracks that were unseen for too long, and unseen ones that left the view: who enters there is new."""
+        alive = self._alive
+        inside = detections.view.sees(self._places_ego(world_from_ego))
+        alive.keep(~alive.dead & (inside | (alive.detection >= 0)))
 
-    @staticmethod
-    def _places_ego(some: list[Followed], world_from_ego: FloatArray) -> FloatArray:
+    def _merged(self, detections: Detections, world_from_ego: FloatArray) -> BoolArray:
+        """(M,) detections over the places of known tracks that were not seen: vehicles that touch, not a new one."""
+        hidden = self._alive.confirmed & (self._alive.detection < 0)
+        return np.asarray(detections.cover(self._places_ego(world_from_ego)[hidden]).any(axis=0))
+
+    def _told(self, detections: Detections, world_from_ego: FloatArray) -> BoolArray:
+        """(N,) the tracks that are seen, briefly unseen, or hidden in a detection that another track took."""
+        alive = self._alive
+        hidden = alive.confirmed & (alive.detection < 0)
+        told = alive.told
+        told[hidden] |= detections.cover(self._places_ego(world_from_ego)[hidden]).any(axis=1)
+        return told
+
+    def _places_ego(self, world_from_ego: FloatArray) -> FloatArray:
         """(N, 2) places of tracks in the ego frame."""
-        places = np.array([followed.position_world_m for followed in some]).reshape(-1, 3)
-        return apply(inverse(world_from_ego), places)[:, :2]
+        return apply(inverse(world_from_ego), self._alive.place_world_m)[:, :2]

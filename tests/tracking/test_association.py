@@ -3,75 +3,127 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from made_map import BLUE, RED
+import pytest
+from scipy.optimize import linear_sum_assignment
 
 from appocc.checks import FloatArray
-from tracking.association import AssociationConfig, associate
+from tracking.association import AssociationConfig, Predicted, Seen, associate, noise_of
 
 UNKNOWN = (np.nan,) * 3
+RED, BLUE = (53.0, 80.0, 67.0), (32.0, 79.0, -108.0)
+CONFIG = AssociationConfig(gate_m=2.5, gate_most_m=10.0)
 Spot = tuple[float, float]
 
 
-def pairs(
-    tracks: list[Spot],
-    blobs: list[Spot],
-    track_rgb: list[tuple[float, ...]] | None = None,
-    blob_rgb: list[tuple[float, ...]] | None = None,
-    variance_m2: FloatArray | None = None,
-    config: AssociationConfig | None = None,
-) -> dict[int, int]:
-    """Blob of each track; colours are unknown, variances 0.1 m2, unless said."""
-    variance = (
-        np.full((len(tracks), len(blobs)), 0.1) if variance_m2 is None else np.tile(variance_m2[:, None], len(blobs))
-    )
-    rows, columns = associate(
-        np.array(tracks, np.float64).reshape(-1, 2),
-        variance,
-        np.array(track_rgb or [UNKNOWN] * len(tracks), np.float64).reshape(-1, 3),
-        np.array(blobs, np.float64).reshape(-1, 2),
-        np.array(blob_rgb or [UNKNOWN] * len(blobs), np.float64).reshape(-1, 3),
-        config or AssociationConfig(),
-    )
+def predicted(places: list[Spot], variance_m2: FloatArray | None = None, **more: object) -> Predicted:
+    n = len(places)
+    variance = np.full(n, 0.05) if variance_m2 is None else variance_m2
+    given = {
+        "xy_m": np.array(places, np.float64).reshape(-1, 2),
+        "cov_m2": variance[:, None, None] * np.eye(2),
+        "yaw_rad": np.zeros(n),
+        "size_m": np.tile([1.8, 4.5], (n, 1)),
+        "lab": np.full((n, 3), np.nan),
+        "lab_variance": np.full((n, 3), 50.0),
+        "kind": np.zeros(n, np.int64),
+    }
+    return Predicted(**{**given, **more})  # type: ignore[arg-type]
+
+
+def seen(places: list[Spot], **more: object) -> Seen:
+    n = len(places)
+    given = {
+        "xy_m": np.array(places, np.float64).reshape(-1, 2),
+        "noise_m2": np.tile(0.05 * np.eye(2), (n, 1, 1)),
+        "yaw_rad": np.zeros(n),
+        "size_m": np.tile([1.8, 4.5], (n, 1)),
+        "lab": np.full((n, 3), np.nan),
+        "kind": np.zeros(n, np.int64),
+    }
+    return Seen(**{**given, **more})  # type: ignore[arg-type]
+
+
+def pairs(tracks: Predicted, sights: Seen, config: AssociationConfig = CONFIG) -> dict[int, int]:
+    rows, columns = associate(tracks, sights, config)
     return dict(zip(rows.tolist(), columns.tolist(), strict=True))
 
 
+def labs(*colours: tuple[float, ...]) -> FloatArray:
+    return np.array(colours, np.float64)
+
+
 def test_the_whole_is_optimal_not_the_first() -> None:
-    assert pairs([(0, 0), (1, 0)], [(0.9, 0), (2.2, 0)]) == {0: 0, 1: 1}
+    assert pairs(predicted([(0, 0), (1, 0)]), seen([(0.9, 0), (2.2, 0)])) == {0: 0, 1: 1}
 
 
 def test_nothing_beyond_the_gate() -> None:
-    assert pairs([(0, 0)], [(2.6, 0)]) == {}
-    assert pairs([(0, 0)], [(2.4, 0)]) == {0: 0}
+    assert pairs(predicted([(0, 0)]), seen([(2.6, 0)])) == {}
+    assert pairs(predicted([(0, 0)]), seen([(2.4, 0)])) == {0: 0}
 
 
 def test_an_uncertain_track_looks_farther_but_not_endlessly() -> None:
-    assert pairs([(0, 0)], [(6, 0)], variance_m2=np.array([9.0])) == {0: 0}
-    assert pairs([(0, 0)], [(11, 0)], variance_m2=np.array([1e4])) == {}
+    assert pairs(predicted([(0, 0)], np.array([9.0])), seen([(6, 0)])) == {0: 0}
+    assert pairs(predicted([(0, 0)], np.array([1e4])), seen([(11, 0)])) == {}
 
 
 def test_a_certain_track_goes_before_an_uncertain_one() -> None:
-    assert pairs([(0, 0), (0.5, 0)], [(0.4, 0)], variance_m2=np.array([0.1, 30.0])) == {0: 0}
+    assert pairs(predicted([(0, 0), (0.5, 0)], np.array([0.05, 30.0])), seen([(0.4, 0)])) == {0: 0}
+
+
+def test_a_heading_tells_who_is_meant() -> None:
+    sights = seen([(0.5, 0), (-0.5, 0)], yaw_rad=np.array([np.pi / 2, np.pi]))
+    assert pairs(predicted([(0, 0)]), sights) == {0: 1}  # turned round is no difference
+    assert pairs(predicted([(0.1, 0)]), sights, replace(CONFIG, heading_cap=0.0)) == {0: 0}
+
+
+def test_a_size_may_tell_too() -> None:
+    sights = seen([(0.3, 0), (-0.5, 0)], size_m=np.array([[2.5, 9.0], [1.8, 4.4]]))
+    assert pairs(predicted([(0, 0)]), sights, replace(CONFIG, size_cap=9.0)) == {0: 1}
+
+
+def test_kinds_do_not_mix() -> None:
+    assert pairs(predicted([(0, 0)]), seen([(0, 0), (1, 0)], kind=np.array([1, 0]))) == {0: 1}
 
 
 def test_colour_tells_neighbours_apart() -> None:
-    tracks: list[Spot] = [(0, 0), (1.2, 0)]
     crossed: list[Spot] = [(0.5, 0), (0.7, 0)]
-    assert pairs(tracks, crossed) == {0: 0, 1: 1}
-    assert pairs(tracks, crossed, [RED, BLUE], [BLUE, RED]) == {0: 1, 1: 0}
-    without = replace(AssociationConfig(), colour_cap=0.0)
-    assert pairs(tracks, crossed, [RED, BLUE], [BLUE, RED], config=without) == {0: 0, 1: 1}
+    plain = predicted([(0, 0), (1.2, 0)])
+    assert pairs(plain, seen(crossed)) == {0: 0, 1: 1}
+    painted, sights = plain._replace(lab=labs(RED, BLUE)), seen(crossed, lab=labs(BLUE, RED))
+    assert pairs(painted, sights) == {0: 1, 1: 0}
+    assert pairs(painted, sights, replace(CONFIG, colour_cap=0.0)) == {0: 0, 1: 1}
 
 
 def test_colour_does_not_overrule_a_clear_place() -> None:
-    assert pairs([(0, 0), (5, 0)], [(0, 0), (5, 0)], [RED, BLUE], [BLUE, RED]) == {0: 0, 1: 1}
+    tracks = predicted([(0, 0), (5, 0)], lab=labs(RED, BLUE))
+    assert pairs(tracks, seen([(0, 0), (5, 0)], lab=labs(BLUE, RED))) == {0: 0, 1: 1}
 
 
 def test_an_unknown_colour_is_between_like_and_unlike() -> None:
-    blobs: list[Spot] = [(0.5, 0), (-0.5, 0)]
-    assert pairs([(0, 0)], blobs, [RED], [UNKNOWN, BLUE]) == {0: 0}
-    assert pairs([(0, 0)], blobs, [RED], [UNKNOWN, RED]) == {0: 1}
+    track = predicted([(0, 0)], lab=labs(RED))
+    places: list[Spot] = [(0.5, 0), (-0.5, 0)]
+    assert pairs(track, seen(places, lab=labs(UNKNOWN, BLUE))) == {0: 0}
+    assert pairs(track, seen(places, lab=labs(UNKNOWN, RED))) == {0: 1}
 
 
-def test_more_blobs_than_tracks_and_none_at_all() -> None:
-    assert pairs([(0, 0)], [(9, 9), (0.1, 0), (5, 5)]) == {0: 1}
-    assert pairs([(0, 0)], []) == {}
+def test_more_sightings_than_tracks_and_none_at_all() -> None:
+    assert pairs(predicted([(0, 0)]), seen([(9, 9), (0.1, 0), (5, 5)])) == {0: 1}
+    assert pairs(predicted([(0, 0)]), seen([])) == {}
+    assert pairs(predicted([]), seen([(0, 0)])) == {}
+
+
+def test_a_merged_sighting_is_blurred_by_what_it_has_too_much() -> None:
+    noise = noise_of(predicted([(0, 0)]), seen([(0, 0)], size_m=np.array([[1.8, 10.5]])))
+    np.testing.assert_allclose(noise[0], np.eye(2) * (0.05 + 36 / 12))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_groups_solved_one_by_one_are_the_whole_solved_at_once(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    tracks, sights = predicted(random.uniform(0, 40, (60, 2)).tolist()), seen(random.uniform(0, 40, (70, 2)).tolist())
+    offset = sights.xy_m[None] - tracks.xy_m[:, None]
+    far = (offset**2).sum(axis=-1) / 0.1
+    possible = np.hypot(*np.moveaxis(offset, -1, 0)) <= CONFIG.gate_m
+    rows, columns = linear_sum_assignment(np.where(possible, far, 1e6))
+    keep = possible[rows, columns]
+    assert pairs(tracks, sights, CONFIG) == dict(zip(rows[keep].tolist(), columns[keep].tolist(), strict=True))

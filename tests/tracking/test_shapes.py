@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from appocc.checks import FloatArray
-from tracking.shapes import Shapes, like_a_vehicle, shapes_of
+from tracking.shapes import Shapes, like_a_vehicle, oddness, shapes_of
 
 
 def rectangle(length_m: float, width_m: float, yaw_rad: float, cell_m: float) -> FloatArray:
@@ -54,3 +54,20 @@ def test_what_can_be_one_vehicle(length_m: float, width_m: float, fill: float, e
     length, width = np.array([length_m]), np.array([width_m])
     shapes = Shapes(np.zeros((1, 2)), np.zeros(1), length, width, fill * length * width)
     assert like_a_vehicle(shapes)[0] == expected
+
+
+@pytest.mark.parametrize(
+    ("length_m", "width_m", "expected"),
+    [
+        (4.6, 1.9, 0.0),
+        (2.3, 1.9, np.log(2)),
+        (4.6, 0.95, np.log(2)),
+        (6.0, 2.2, 0.2),
+        (11.5, 2.7, 0.4),
+        (23.0, 5.4, 0.4 + 2 * np.log(2)),
+    ],
+)
+def test_odd_is_what_is_unlike_all_usual_vehicles(length_m: float, width_m: float, expected: float) -> None:
+    length, width = np.array([length_m]), np.array([width_m])
+    shapes = Shapes(np.zeros((1, 2)), np.zeros(1), length, width, length * width)
+    np.testing.assert_allclose(oddness(shapes), [expected], atol=1e-12)

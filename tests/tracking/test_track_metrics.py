@@ -1,14 +1,24 @@
 from __future__ import annotations
 
 import warnings
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.spatial.distance import cdist
 
-from appocc.checks import FloatArray
 from appocc.errors import ShapeError
-from tracking.metrics import GATE_M, Metrics, Moment, evaluate
+from tracking.metrics import (
+    BY_OVERLAP,
+    GATE_M,
+    Compared,
+    Metrics,
+    Moment,
+    Rule,
+    by_centre,
+    clear_counts,
+    evaluate,
+    evaluate_compared,
+)
 
 Placed = dict[int, tuple[float, float]]
 
@@ -118,10 +128,65 @@ def test_hota_falls_with_distance() -> None:
     assert pytest.approx(10 / 19) == scores.DetA
 
 
+def test_another_gate() -> None:
+    """Two metres of four: HOTA's thresholds up to 0.5 are met, 10 of 19."""
+    frames = [moment({1: (0, 0)}, {5: (2.0, 0)})] * 3
+    assert evaluate(frames).FN == 3
+    scores = evaluate(frames, 4.0)
+    assert scores.FN == 0
+    assert pytest.approx(10 / 19) == scores.HOTA
+
+
+def test_half_an_overlap_is_enough() -> None:
+    def frame(iou: float) -> Compared:
+        one, yes = np.array([1]), np.ones(1, np.bool_)
+        return Compared(one, yes, one, yes, np.array([[1 - iou]]))
+
+    assert evaluate_compared([frame(0.5)], BY_OVERLAP).FN == 0
+    assert evaluate_compared([frame(0.5 - 1e-9)], BY_OVERLAP).FN == 1
+    # IoU 0.7 meets the thresholds up to 0.7: 14 of 19.
+    assert pytest.approx(14 / 19) == evaluate_compared([frame(0.7)], BY_OVERLAP).HOTA
+
+
+def test_sequences_that_share_no_ids_add_up() -> None:
+    one, other = random_moments(0), random_moments(1)
+    both = evaluate([*one, *(moved_on(frame, 10_000) for frame in other)])
+    first, second = evaluate(one), evaluate(other)
+    for name in ("GT", "FP", "FN", "IDS", "FRAG", "MT", "ML"):
+        assert getattr(both, name) == getattr(first, name) + getattr(second, name), name
+
+
+def moved_on(frame: Moment, by: int) -> Moment:
+    """The same under other ids."""
+    return replace(frame, truth_ids=frame.truth_ids + by, track_ids=frame.track_ids + by)
+
+
+def test_steady_pairs_are_no_switches() -> None:
+    frames = [moment({1: (0, 0)}, {5: (0, 0)}), moment({1: (0, 0)}, {6: (0, 0)}), moment({1: (0, 0)}, {6: (0, 0)})]
+    clear = clear_counts([frame.compared() for frame in frames], by_centre())
+    assert clear.steady == [[0], [], [0]]
+    assert (clear.matches, clear.switches) == (3, 1)
+
+
+def test_only_some_tracks() -> None:
+    compared = moment({1: (0, 0)}, {5: (0, 0), 6: (1, 0)}, unjudged=(5,)).compared()
+    only = compared.only(np.array([False, True]))
+    assert (only.track_ids.tolist(), only.judged.tolist(), only.distance.tolist()) == ([6], [True], [[1.0]])
+
+
 def test_shapes_are_checked() -> None:
     empty, no_xy, none = np.zeros(0, np.int64), np.zeros((0, 2)), np.zeros(0, np.bool_)
     with pytest.raises(ShapeError, match="moment truth_xy_m"):
         Moment(np.ones(2, np.int64), no_xy, none, empty, no_xy, none)
+    one, yes = np.array([1]), np.ones(1, np.bool_)
+    with pytest.raises(ShapeError, match="compared distance"):
+        Compared(one, yes, one, yes, np.zeros((1, 2)))
+    with pytest.raises(ShapeError, match="finite"):
+        Compared(one, yes, one, yes, np.full((1, 1), np.nan))
+    with pytest.raises(ShapeError, match="compared judged"):
+        Compared(one, yes, one, none, np.zeros((1, 1)))
+    with pytest.raises(ShapeError, match="compared demanded"):
+        Compared(one, none, one, yes, np.zeros((1, 1)))
 
 
 # Against motmetrics and TrackEval -----------------------------------------------------------------------------------
@@ -146,17 +211,34 @@ def random_moments(seed: int) -> list[Moment]:
     return frames
 
 
-def gated(frame: Moment) -> FloatArray:
-    distance = cdist(frame.truth_xy_m, frame.track_xy_m)
-    distance[distance >= GATE_M] = np.nan
-    return distance
+def compared_moments(seed: int) -> list[Compared]:
+    return [frame.compared() for frame in random_moments(seed)]
 
 
-@pytest.mark.parametrize("seed", range(4))
-def test_equal_to_motmetrics(seed: int) -> None:
+def random_overlaps(seed: int) -> list[Compared]:
+    """The same places as boxes in an image, some 4 wide and 3 high, compared by their overlap."""
+    frames = []
+    for frame in random_moments(seed):
+        size = np.array([4.0, 3.0])
+        offset = np.abs(frame.truth_xy_m[:, None] - frame.track_xy_m)
+        common = np.prod(np.maximum(size - offset, 0), axis=2)
+        iou = common / (2 * size.prod() - common)
+        frames.append(replace(frame.compared(), distance=1 - iou))
+    return frames
+
+
+CASES = [(kind, seed) for kind in ("centre", "overlap") for seed in range(4)]
+
+
+def made(kind: str, seed: int) -> tuple[list[Compared], Rule]:
+    return (compared_moments(seed), by_centre()) if kind == "centre" else (random_overlaps(seed), BY_OVERLAP)
+
+
+@pytest.mark.parametrize(("kind", "seed"), CASES)
+def test_equal_to_motmetrics(kind: str, seed: int) -> None:
     motmetrics = pytest.importorskip("motmetrics")
-    frames = random_moments(seed)
-    ours = evaluate(frames)
+    frames, rule = made(kind, seed)
+    ours = evaluate_compared(frames, rule)
     names = {
         "mota": ours.MOTA,
         "motp": ours.MOTP,
@@ -177,7 +259,9 @@ def test_equal_to_motmetrics(seed: int) -> None:
         warnings.simplefilter("ignore")
         accumulator = motmetrics.MOTAccumulator(auto_id=True)
         for frame in frames:
-            accumulator.update(frame.truth_ids, frame.track_ids, gated(frame))
+            impossible = frame.distance >= GATE_M if kind == "centre" else frame.distance > 0.5
+            distance = np.where(impossible, np.nan, frame.distance)
+            accumulator.update(frame.truth_ids, frame.track_ids, distance)
         theirs = motmetrics.metrics.create().compute(accumulator, metrics=list(names)).iloc[0]
     assert ours.IDS > 3
     assert ours.FRAG > 3
@@ -185,16 +269,15 @@ def test_equal_to_motmetrics(seed: int) -> None:
         assert value == pytest.approx(theirs[name], abs=1e-12), name
 
 
-@pytest.mark.parametrize("seed", range(4))
-def test_equal_to_trackeval(seed: int) -> None:
+@pytest.mark.parametrize(("kind", "seed"), CASES)
+def test_equal_to_trackeval(kind: str, seed: int) -> None:
     pytest.importorskip("trackeval")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         from trackeval.metrics.hota import HOTA
-    frames = random_moments(seed)
+    frames, rule = made(kind, seed)
     truths = np.unique(np.concatenate([frame.truth_ids for frame in frames]))
     tracks = np.unique(np.concatenate([frame.track_ids for frame in frames]))
-    distances = [cdist(frame.truth_xy_m, frame.track_xy_m) for frame in frames]
     data = {
         "num_gt_ids": len(truths),
         "num_tracker_ids": len(tracks),
@@ -202,10 +285,12 @@ def test_equal_to_trackeval(seed: int) -> None:
         "num_tracker_dets": sum(len(frame.track_ids) for frame in frames),
         "gt_ids": [np.searchsorted(truths, frame.truth_ids) for frame in frames],
         "tracker_ids": [np.searchsorted(tracks, frame.track_ids) for frame in frames],
-        "similarity_scores": [np.maximum(1 - distance / GATE_M, 0) for distance in distances],
+        "similarity_scores": [
+            np.maximum(1 - frame.distance / (GATE_M if kind == "centre" else 1), 0) for frame in frames
+        ],
     }
     theirs = HOTA().eval_sequence(data)
-    ours: Metrics = evaluate(frames)
+    ours: Metrics = evaluate_compared(frames, rule)
     assert pytest.approx(np.mean(theirs["HOTA"])) == ours.HOTA
     assert pytest.approx(np.mean(theirs["DetA"])) == ours.DetA
     assert pytest.approx(np.mean(theirs["AssA"])) == ours.AssA

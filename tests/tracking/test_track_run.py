@@ -16,7 +16,7 @@ from appocc.nuscenes import Dataset
 from tracking.blobs import find_blobs
 from tracking.metrics import Moment, evaluate
 from tracking.run import moving_instances, score, track_scene, write_metrics, write_tracks
-from tracking.tracker import Tracker
+from tracking.tracker import MAPS, Tracker
 
 
 def test_a_scene_is_tracked_written_and_scored(tiny: TinyDataset, tmp_path: Path) -> None:
@@ -110,7 +110,7 @@ def test_recorded_traffic_at_two_key_frames_a_second(data_root: Path) -> None:
     data = np.load(data_root / "nuscenes_mini_tracks" / "scene-0103.npz")
     cars = np.flatnonzero([name.startswith("vehicle.") and name != "vehicle.bicycle" for name in data["category"]])
     colours = np.random.default_rng(5).integers(0, 256, (len(data["ids"]), 3))
-    tracker, moments = Tracker(), []
+    tracker, moments = Tracker(MAPS), []
     for k in range(0, len(data["t"]), 5):
         here = pose(data["ego_position"][k, 0], data["ego_position"][k, 1], data["ego_heading"][k])
         there = cars[data["valid"][cars, k]]
@@ -120,7 +120,7 @@ def test_recorded_traffic_at_two_key_frames_a_second(data_root: Path) -> None:
             Car(place[0], place[1], yaw, tuple(colours[n]), data["size_lwh"][n, 0], data["size_lwh"][n, 1])
             for n, place, yaw in zip(there, places, yaws, strict=True)
         ]
-        tracks = tracker.update(find_blobs(map_of(painted)), round(data["t"][k] * 1e6), here)
+        tracks = tracker.update(find_blobs(map_of(painted)).as_detections(), round(data["t"][k] * 1e6), here)
         found = np.array([track.position_world_m for track in tracks]).reshape(-1, 3)
         near = [np.hypot(*apply(inverse(here), xyz)[:, :2].T) <= 40 for xyz in (data["position"][there, k], found)]
         numbers = np.array([track.id for track in tracks], np.int64)

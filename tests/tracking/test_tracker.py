@@ -11,7 +11,7 @@ from appocc.errors import DataError, ShapeError
 from appocc.geometry import apply, inverse, yaw_of
 from tracking.blobs import find_blobs
 from tracking.follow import LifeConfig
-from tracking.tracker import Tracker, TrackerConfig
+from tracking.tracker import MAPS, Tracker, TrackerConfig
 from tracking.tracks import Track
 
 START_US = 1_600_000_000_000_000
@@ -38,12 +38,12 @@ def follow(
     config: TrackerConfig | None = None,
 ) -> list[tuple[Track, ...]]:
     """Tracks at each time."""
-    tracker = Tracker(config)
+    tracker = Tracker(config or MAPS)
     result = []
     for t in times_s:
         here = ego(t)
         blobs = find_blobs(map_of(seen_from(here, (path(t) for path in paths)), probability))
-        result.append(tracker.update(blobs, START_US + round(t * 1e6), here))
+        result.append(tuple(tracker.update(blobs.as_detections(), START_US + round(t * 1e6), here)))
     return result
 
 
@@ -73,7 +73,8 @@ def test_a_moving_car_is_followed_at_irregular_times_from_a_moving_turning_ego()
     assert last.yaw_world_rad == pytest.approx(0.0, abs=0.06)
     np.testing.assert_allclose([last.length_m, last.width_m], [4.5, 1.8], atol=0.25)
     np.testing.assert_allclose(last.rgb, RED, atol=1)
-    assert (last.seen, last.score) == (True, 1.0)
+    assert (last.seen, last.moving, last.kind) == (True, True, "vehicle")
+    assert last.score > 0.99
 
 
 def test_a_parked_car_stands_still_in_the_world_while_the_ego_drives_by() -> None:
@@ -196,7 +197,7 @@ def test_who_enters_where_another_left_is_new() -> None:
 
 
 def test_the_life_cycle_can_be_set() -> None:
-    config = TrackerConfig(LifeConfig(coast_s=1.0))
+    config = TrackerConfig(life=LifeConfig(coast_s=1.0, coast_m=5.0))
     assert [ids(moment) for moment in follow([gap(1.0, 2.0)], every(0.2, 2), config=config)] == [[1]] * 11
 
 
@@ -214,7 +215,7 @@ def test_a_car_that_is_only_ever_seen_cut_off_has_a_size() -> None:
 
 
 def test_time_must_move_forward() -> None:
-    tracker, blobs = Tracker(), find_blobs(map_of([]))
+    tracker, blobs = Tracker(), find_blobs(map_of([])).as_detections()
     tracker.update(blobs, START_US, pose())
     with pytest.raises(DataError, match=f"expected a time after {START_US} us, got {START_US} us"):
         tracker.update(blobs, START_US, pose())
@@ -222,7 +223,7 @@ def test_time_must_move_forward() -> None:
 
 def test_the_pose_must_be_rigid() -> None:
     with pytest.raises(ShapeError, match="world_from_ego"):
-        Tracker().update(find_blobs(map_of([])), START_US, np.eye(4) * 2)
+        Tracker().update(find_blobs(map_of([])).as_detections(), START_US, np.eye(4) * 2)
 
 
 @pytest.mark.parametrize(

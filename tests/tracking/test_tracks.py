@@ -2,21 +2,57 @@ from __future__ import annotations
 
 import numpy as np
 
-from tracking.tracks import Memory
+from tracking.tracks import Memory, Tracks
+
+ONE = np.zeros(1, np.int64)
+
+
+def remembering(sightings: int, rows: list[list[float]]) -> Memory:
+    memory = Memory(sightings, len(rows[0]))
+    memory.add(np.array(rows[:1]))
+    for row in rows[1:]:
+        memory.remember(ONE, np.array([row]))
+    return memory
 
 
 def test_the_median_forgets_outliers_and_what_is_long_ago() -> None:
-    memory = Memory(3)
-    for value in (100.0, 4.0, 5.0):
-        memory.add(np.array([value]))
-    assert memory.median() == [5.0]
-    memory.add(np.array([4.5]))
-    assert memory.median() == [4.5]
+    memory = remembering(3, [[1.0], [9.0], [1.2]])
+    np.testing.assert_allclose(memory.median, [[1.2]])
+    memory.remember(ONE, np.array([[8.0]]))
+    np.testing.assert_allclose(memory.median, [[8.0]])
 
 
 def test_unknown_values_do_not_count() -> None:
-    memory = Memory(5)
-    memory.add(np.array([np.nan, np.nan]))
-    np.testing.assert_array_equal(memory.median(), [np.nan, np.nan])
-    memory.add(np.array([2.0, np.nan]))
-    np.testing.assert_array_equal(memory.median(), [2.0, np.nan])
+    memory = remembering(5, [[1.0, np.nan, np.nan], [3.0, 5.0, np.nan]])
+    np.testing.assert_allclose(memory.median, [[2.0, 5.0, np.nan]])
+    np.testing.assert_allclose(memory.known(), [[2, 1, 0]])
+    np.testing.assert_allclose(memory.spread(), [[2.0, 0.0, 0.0]])
+
+
+def test_each_vehicle_has_its_own_memory() -> None:
+    memory = remembering(3, [[1.0]])
+    memory.add(np.array([[5.0], [7.0]]))
+    memory.remember(np.array([1]), np.array([[6.0]]))
+    np.testing.assert_allclose(memory.median[:, 0], [1.0, 5.5, 7.0])
+    memory.keep(np.array([False, True, True]))
+    np.testing.assert_allclose(memory.median[:, 0], [5.5, 7.0])
+
+
+def test_tracks_are_a_sequence_of_tracks() -> None:
+    tracks = Tracks(
+        id=np.array([3, 8]),
+        position_world_m=np.array([[1.0, 2.0, 0.5], [4.0, 5.0, 0.5]]),
+        velocity_world_mps=np.array([[3.0, 4.0], [0.0, 0.0]]),
+        yaw_world_rad=np.array([0.1, 0.2]),
+        heading_known=np.array([True, False]),
+        size_m=np.array([[1.8, 4.5, np.nan], [2.5, 9.0, 3.2]]),
+        rgb=np.full((2, 3), np.nan),
+        score=np.array([0.9, 0.4]),
+        kind=("car", "bus"),
+        detection=np.array([5, -1]),
+        moving=np.array([True, False]),
+    )
+    one, other = tracks
+    assert (len(tracks), one.id, one.kind, one.speed_mps, one.seen, one.detection) == (2, 3, "car", 5.0, True, 5)
+    assert (one.width_m, one.length_m, one.moving, one.heading_known) == (1.8, 4.5, True, True)
+    assert (other.seen, other.detection, other.height_m, other.score) == (False, None, 3.2, 0.4)

@@ -1,0 +1,202 @@
+"""Vehicle blobs against the true vehicles of a simulated root, from its exact maps and from predicted ones; speed.
+
+Run: python -m benchmarks.blobs ROOT [--bev SOURCE] [--frames N] [--whole]
+ROOT holds bev/exact with the simulator's own instances. N frames, spread over all scenes, are looked at (all by
+default). With --whole, blobs that do not look like one vehicle are not cut.
+
+Columns, over vehicles and blobs whose centre (mean of their cells) lies within 20 m and 40 m of the ego:
+- vehicles: true ones that cover at least LEAST_M2 of the grid; blobs: those found;
+- missed, false: vehicles and blobs that are in no pair; pairs are one to one, the most pairs whose centres lie within
+  NEAR_M of each other and of those the nearest; F1 is the harmonic mean of the two shares that are in pairs;
+- merged: blobs that hold most of the cells of each of two or more vehicles;
+- split: vehicles with two or more blobs, of each of which most true cells are theirs (and a third of all its cells);
+- place, size: median distance of the centres of pairs, and median of the mean error of length and width, metres;
+- dE mean, dE lab: median CIEDE2000 of pairs between the blob's colour and the mean over the vehicle's true cells, and
+  between the robust colours of both.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+from scipy.spatial.distance import cdist
+from skimage.color import deltaE_ciede2000
+
+from appocc.bevmap import BEVMap
+from appocc.checks import BoolArray, FloatArray, IntArray
+from appocc.evaluation.pairs import read_pair
+from appocc.evaluation.vehicles import true_vehicles
+from appocc.grid import BEVGrid
+from appocc.nuscenes.dataset import Dataset
+from tracking.blobs import BlobConfig, Blobs, find_blobs, label_blobs, measure_blobs
+from tracking.colour import lab_from_rgb
+
+LEAST_M2 = 0.4
+NEAR_M = 2.0
+RANGES_M = (20.0, 40.0)
+
+
+class Frame(NamedTuple):
+    """A map and whose its cells are.
+
+    Attributes:
+        bev: the map that is judged.
+        truth: the exact one.
+        owner: (X, Y) number 1..V of the true vehicle, 0 where there is none.
+        vehicles: V true vehicles, as if they were blobs.
+    """
+
+    bev: BEVMap
+    truth: BEVMap
+    owner: IntArray
+    vehicles: Blobs
+
+
+@dataclass
+class Sums:
+    """What is counted within a distance."""
+
+    vehicles: int = 0
+    blobs: int = 0
+    pairs: int = 0
+    merged: int = 0
+    split: int = 0
+
+    def __post_init__(self) -> None:
+        """Begin the lists of errors of pairs: place, size, colour, robust colour."""
+        self.errors: list[FloatArray] = []
+
+    def row(self) -> list[str]:
+        """The figures in the order of HEAD."""
+        counts = [self.vehicles, self.blobs, self.vehicles - self.pairs, self.blobs - self.pairs]
+        f1 = 2 * self.pairs / max(self.vehicles + self.blobs, 1)
+        errors = np.concatenate([np.full((1, 4), np.nan), *self.errors])
+        middle = [
+            f"{np.median(known) if len(known := column[np.isfinite(column)]) else np.nan:.2f}" for column in errors.T
+        ]
+        return [*map(str, counts), f"{100 * f1:.1f}", str(self.merged), str(self.split), *middle]
+
+
+HEAD = ("vehicles", "blobs", "missed", "false", "F1 %", "merged", "split", "place", "size", "dE mean", "dE lab")
+
+
+def frames_of(dataset: Dataset, source: str, number: int | None) -> list[Frame]:
+    """Maps of a source with their truth, every so many of all key frames."""
+    tokens = [sample.token for scene in dataset.scenes for sample in dataset.samples(scene)]
+    chosen = tokens if number is None else [tokens[i] for i in np.linspace(0, len(tokens) - 1, number).astype(int)]
+    frames = []
+    for token in chosen:
+        pair = read_pair(dataset.root, source, "exact", token, ahead=False)
+        owner = true_vehicles(pair.truth, pair.instance, None).owner + 1
+        areas_m2 = np.bincount(owner.ravel()) * pair.truth.grid.cell_m**2
+        large = np.flatnonzero(areas_m2 >= LEAST_M2)
+        number_of = np.zeros(len(areas_m2), np.int64)
+        number_of[large[large > 0]] = 1 + np.arange(int((large > 0).sum()))
+        owner = number_of[owner]
+        frames.append(Frame(pair.made, pair.truth, owner, measure_blobs(pair.truth, owner, int(owner.max()))))
+    return frames
+
+
+def count(frame: Frame, config: BlobConfig, sums: dict[float, Sums]) -> None:
+    """Add what a frame shows to the sums by distance."""
+    labels, number = label_blobs(frame.bev, config)
+    blobs, vehicles = measure_blobs(frame.bev, labels, number), frame.vehicles
+    shared = np.zeros((number + 1, len(vehicles) + 1), np.int64)
+    np.add.at(shared, (labels.ravel(), frame.owner.ravel()), 1)
+    whole, parts = shared[:, 1:].sum(axis=0), shared[1:, 1:]
+    holds = (2 * parts > whole).sum(axis=1)
+    main = parts.argmax(axis=1) if len(vehicles) else np.zeros(number, np.int64)
+    of_one = np.zeros(number, np.bool_)
+    if number and len(vehicles):
+        most = parts[np.arange(number), main]
+        of_one = (2 * most > parts.sum(axis=1)) & (3 * most >= shared[1:].sum(axis=1))
+    pieces = np.bincount(main[of_one], minlength=len(vehicles))
+    rows, columns = pairs_of(blobs.centroid_m, vehicles.centroid_m)
+    errors = errors_of(blobs.select(rows), vehicles.select(columns))
+    for range_m, total in sums.items():
+        near_blob, near_vehicle = (np.hypot(*some.centroid_m.T) <= range_m for some in (blobs, vehicles))
+        # A pair counts where its vehicle does, so that none is cut by the distance.
+        inside = near_vehicle[columns]
+        total.vehicles += int(near_vehicle.sum())
+        total.pairs += int(inside.sum())
+        near_blob[rows] = inside
+        total.blobs += int(near_blob.sum())
+        total.merged += int((holds[near_blob] >= 2).sum())
+        total.split += int((pieces[near_vehicle] >= 2).sum())
+        total.errors.append(errors[inside])
+
+
+def pairs_of(places_m: FloatArray, true_m: FloatArray) -> tuple[IntArray, IntArray]:
+    """Rows of places (N, 2) and of true ones (M, 2) that are pairs."""
+    apart_m = cdist(places_m, true_m)
+    rows, columns = linear_sum_assignment(np.where(apart_m <= NEAR_M, apart_m, 1e4))
+    kept = apart_m[rows, columns] <= NEAR_M
+    return rows[kept], columns[kept]
+
+
+def errors_of(blobs: Blobs, vehicles: Blobs) -> FloatArray:
+    """(N, 4) errors of blobs that are vehicles: place, size (m), colour, robust colour (CIEDE2000)."""
+    place = np.hypot(*(blobs.centroid_m - vehicles.centroid_m).T)
+    size = (np.abs(blobs.length_m - vehicles.length_m) + np.abs(blobs.width_m - vehicles.width_m)) / 2
+    means = deltaE_ciede2000(lab_from_rgb(blobs.rgb), lab_from_rgb(vehicles.rgb))
+    return np.stack([place, size, means, deltaE_ciede2000(blobs.lab, vehicles.lab)], axis=1)
+
+
+def milliseconds(rounds: int = 200) -> tuple[float, float]:
+    """Least and median time of `find_blobs` of a map of 200 x 200 cells with 50 vehicles that stand apart."""
+    bev = made_map(BEVGrid.surround())
+    seconds = []
+    for _ in range(rounds):
+        # A fresh map: what it computes once (`on`) is part of the work.
+        fresh = BEVMap(bev.grid, bev.occupancy, bev.occupancy_valid, bev.appearance, bev.appearance_valid)
+        start = time.perf_counter()
+        found = find_blobs(fresh)
+        seconds.append(time.perf_counter() - start)
+    if len(found) != 50:
+        raise SystemExit(f"expected 50 blobs, got {len(found)}")
+    return 1e3 * min(seconds), 1e3 * float(np.median(seconds))
+
+
+def made_map(grid: BEVGrid) -> BEVMap:
+    """Five rows of ten cars of 4.4 x 2 m, turned by 0.1 rad more each, 7 m apart; all of noisy colour."""
+    dice = np.random.default_rng(1)
+    on = np.zeros(grid.shape, np.bool_)
+    xy = grid.centres()
+    for k in range(50):
+        dx, dy = xy[..., 0] - (-36 + 16 * (k // 10)), xy[..., 1] - (-31.5 + 7 * (k % 10))
+        cos, sin = np.cos(0.1 * k), np.sin(0.1 * k)
+        on |= (np.abs(dx * cos + dy * sin) <= 2.2) & (np.abs(dy * cos - dx * sin) <= 1.0)
+    occupancy = np.zeros((3, *grid.shape), np.float32)
+    occupancy[1][on] = 0.9
+    appearance = dice.integers(0, 256, (3, *grid.shape)).astype(np.uint8)
+    known: BoolArray = np.ones((3, *grid.shape), np.bool_)
+    return BEVMap(grid, occupancy, known, appearance, known[0].copy())
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("root", type=Path)
+    parser.add_argument("--bev", default="predicted")
+    parser.add_argument("--frames", type=int)
+    parser.add_argument("--whole", action="store_true")
+    arguments = parser.parse_args()
+    dataset, config = Dataset(arguments.root), BlobConfig(split=not arguments.whole)
+    print(" ".join(f"{name:>10}" for name in ("maps", "within", *HEAD)))
+    for source in ("exact", arguments.bev):
+        sums = {range_m: Sums() for range_m in RANGES_M}
+        for frame in frames_of(dataset, source, arguments.frames):
+            count(frame, config, sums)
+        for range_m, total in sums.items():
+            print(" ".join(f"{text:>10}" for text in (source, f"{range_m:.0f} m", *total.row())))
+    least, median = milliseconds()
+    print(f"find_blobs, 200 x 200 cells, 50 vehicles: {least:.2f} ms at least, {median:.2f} ms in the median")
+
+
+if __name__ == "__main__":
+    main()

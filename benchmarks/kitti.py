@@ -1,0 +1,164 @@
+"""Tracks of cars in KITTI sequences, by KITTI's rules, beside a plain Kalman filter on the same detections.
+
+    OMP_NUM_THREADS=1 python -m benchmarks.kitti ROOT [--cut X]
+
+ROOT is a folder as `tracking.kitti` describes it, with labels. Both trackers get the same detections and poses.
+Tracks whose mean score is below a cut are dropped; each tracker has its own, the one with the largest MOTA over all
+sequences, or ours the given one. Rows of single sequences have the same cut.
+
+The plain filter follows the places of detections on the world's ground with one velocity, the same noise in all
+directions, and the assignment of the least sum of distances; it tells of a track only where a detection was matched.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+from rich.progress import track as progress
+from rich.table import Table
+from scipy.optimize import linear_sum_assignment
+from scipy.spatial.distance import cdist
+
+from appocc.checks import FloatArray
+from appocc.errors import AppoccError
+from appocc.geometry import apply, wrap_angle, yaw_of
+from tracking.detections import Detections
+from tracking.kitti import KittiSequence, TakesDetections, read_sequences, track_sequence
+from tracking.kitti_protocol import Results, trial_of
+from tracking.kitti_results import results_of
+from tracking.metrics import Metrics
+from tracking.tracker import Tracker
+from tracking.tracks import Track
+
+GATE_M, MOST_UNSEEN = 2.0, 12
+NOISE_M, FIRST_SPEED_MPS, ACCELERATION = 0.3, 8.0, 4.0  # the last in m2/s3, a random walk of the velocity
+
+
+@dataclass
+class _Point:
+    """A place that moves; variances of place and velocity, and what they share, are the same along both axes."""
+
+    id: int
+    place_m: FloatArray
+    velocity_mps: FloatArray = field(default_factory=lambda: np.zeros(2))
+    variances: FloatArray = field(default_factory=lambda: np.diag([NOISE_M**2, FIRST_SPEED_MPS**2]))
+    unseen: int = 0
+
+    def predict(self, seconds: float) -> None:
+        """Move on."""
+        step = np.array([[1.0, seconds], [0.0, 1.0]])
+        walk = np.array([[seconds**3 / 3, seconds**2 / 2], [seconds**2 / 2, seconds]])
+        self.place_m = self.place_m + seconds * self.velocity_mps
+        self.variances = step @ self.variances @ step.T + ACCELERATION * walk
+        self.unseen += 1
+
+    def see(self, place_m: FloatArray) -> None:
+        """Take in a detection's place (2,)."""
+        gain = self.variances[:, 0] / (self.variances[0, 0] + NOISE_M**2)
+        off = place_m - self.place_m
+        self.place_m, self.velocity_mps = self.place_m + gain[0] * off, self.velocity_mps + gain[1] * off
+        self.variances = self.variances - np.outer(gain, self.variances[0])
+        self.unseen = 0
+
+
+class PlainFilter:
+    """The tracker to compare with."""
+
+    def __init__(self) -> None:
+        """Start with no tracks."""
+        self._alive: list[_Point] = []
+        self._born = 0
+        self._time_us: int | None = None
+
+    def update(self, detections: Detections, timestamp_us: int, world_from_ego: FloatArray) -> tuple[Track, ...]:
+        """The tracks that detections were matched to; their scores are those of the detections, log-odds."""
+        seconds = (timestamp_us - (self._time_us or 0)) * 1e-6
+        self._time_us = timestamp_us
+        for point in self._alive:
+            point.predict(seconds)
+        ground = apply(world_from_ego, detections.ground_m)
+        places = np.array([point.place_m for point in self._alive]).reshape(-1, 2)
+        distance = cdist(places, ground[:, :2])
+        rows, columns = linear_sum_assignment(np.where(distance < GATE_M, distance, 1e6))
+        taken = {}
+        for row, column in zip(rows.tolist(), columns.tolist(), strict=True):
+            if distance[row, column] < GATE_M:
+                self._alive[row].see(ground[column, :2])
+                taken[column] = self._alive[row]
+        for column in range(len(detections)):
+            if column not in taken:
+                self._born += 1
+                taken[column] = _Point(self._born, ground[column, :2].copy())
+                self._alive.append(taken[column])
+        self._alive = [point for point in self._alive if point.unseen <= MOST_UNSEEN]
+        turn = float(yaw_of(world_from_ego))
+        return tuple(_track(taken[i], detections, i, ground[i, 2], turn) for i in range(len(detections)))
+
+
+def _track(point: _Point, detections: Detections, i: int, ground_z_m: float, turn_rad: float) -> Track:
+    width, length, height = detections.size_m[i].tolist()
+    return Track(
+        id=point.id,
+        position_world_m=np.array([*point.place_m, ground_z_m]),
+        velocity_world_mps=point.velocity_mps.copy(),
+        yaw_world_rad=float(wrap_angle(detections.yaw_rad[i] + turn_rad)),
+        heading_known=True,
+        length_m=length,
+        width_m=width,
+        rgb=np.full(3, np.nan),
+        score=float(detections.log_odds[i]),
+        seen=True,
+        height_m=height,
+        kind=detections.kind[i],
+        detection=i,
+    )
+
+
+def measure(
+    sequences: Sequence[KittiSequence], make: Callable[[], TakesDetections], cut: float | None
+) -> tuple[float, list[tuple[str, Metrics]]]:
+    """The cut, and scores of all sequences together and of each."""
+    bar = Console(stderr=True)
+    outcomes: list[tuple[KittiSequence, Results]] = [
+        (one, results_of(one, track_sequence(one, make())))
+        for one in progress(sequences, "tracking", console=bar, transient=True)
+    ]
+    trial = trial_of(outcomes)
+    cut = trial.best_cut() if cut is None else cut
+    alone = [(one.name, trial_of([(one, results)]).metrics(cut)) for one, results in outcomes]
+    return cut, [("all", trial.metrics(cut)), *alone]
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser.add_argument("root", type=Path)
+    parser.add_argument("--cut", type=float, help="of our tracks; the best by default")
+    asked = parser.parse_args(arguments)
+    try:
+        sequences = read_sequences(asked.root)
+        rows = {
+            "appocc": measure(sequences, Tracker, asked.cut),
+            "plain filter": measure(sequences, PlainFilter, None),
+        }
+    except AppoccError as error:
+        sys.exit(f"error: {error}")
+    table = Table("tracker", "sequence", "cut", "MOTA", "IDF1", "IDS", "FRAG", "HOTA", "FP", "FN", "GT")
+    for number in range(len(sequences) + 1):
+        for tracker, (cut, scores) in rows.items():
+            name, m = scores[number]
+            shares = [f"{100 * share:.1f}" if share == share else "-" for share in (m.MOTA, m.IDF1, m.HOTA)]
+            counts = [str(count) for count in (m.FP, m.FN, m.GT)]
+            table.add_row(tracker, name, f"{cut:.4f}", *shares[:2], str(m.IDS), str(m.FRAG), shares[2], *counts)
+    console = Console()
+    console.width = max(console.width, 100)
+    console.print(table)
+
+
+if __name__ == "__main__":
+    main()

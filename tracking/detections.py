@@ -1,0 +1,137 @@
+"""What one moment shows of vehicles, from whichever source: the one type that the tracker takes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+from typing import Protocol
+
+import numpy as np
+
+from appocc.checks import BoolArray, FloatArray, IntArray, check_finite, check_shape, frozen
+from appocc.errors import ShapeError
+
+# Certainty beyond these odds is not told apart: a probability of 1 has no finite log-odds.
+MOST_LOG_ODDS = 12.0
+
+
+class View(Protocol):
+    """Where vehicles could be seen at a moment."""
+
+    def sees(self, xy_ego_m: FloatArray) -> BoolArray:
+        """(P,) whether points on the ground (P, 2), ego frame, metres, are in view."""
+        ...
+
+
+@dataclass(frozen=True)
+class Around:
+    """A view of all that lies within a distance of the ego.
+
+    Attributes:
+        range_m: distance on the ground.
+    """
+
+    range_m: float = np.inf
+
+    def sees(self, xy_ego_m: FloatArray) -> BoolArray:
+        """See `View`."""
+        return np.asarray(np.hypot(xy_ego_m[:, 0], xy_ego_m[:, 1]) <= self.range_m)
+
+
+@dataclass(frozen=True)
+class Detections:
+    """N vehicles seen at one moment, in the ego frame, metres and radians.
+
+    Attributes:
+        ground_m: (N, 3) points on the ground below their centres.
+        yaw_rad: (N,) direction of the long axis; if not `heading_known`, it may point to the rear.
+        heading_known: (N,) whether the yaw tells front from rear.
+        size_m: (N, 3) width, length, height; the height is NaN where unknown.
+        log_odds: (N,) of being a vehicle at all: 0 where that is as likely as not.
+        kind: N names of categories; only detections of a track's own kind go on with it.
+        rgb: (N, 3) mean sRGB 0..255, NaN where unknown.
+        lab: (N, 3) CIELAB of their paint, robust against what is not paint, NaN where unknown; what colours are
+            compared by.
+        cut: (N,) whether the view ends within the vehicle, so that a part of it may be missing.
+        view: where others would have been seen.
+    """
+
+    ground_m: FloatArray
+    yaw_rad: FloatArray
+    heading_known: BoolArray
+    size_m: FloatArray
+    log_odds: FloatArray
+    kind: tuple[str, ...]
+    rgb: FloatArray
+    lab: FloatArray
+    cut: BoolArray
+    view: View
+
+    def __post_init__(self) -> None:
+        """Check shapes.
+
+        Raises:
+            ShapeError: if one does not fit, a number that must be known is not, or a size is not positive.
+        """
+        n = len(self.ground_m)
+        widths = {"ground_m": (3,), "size_m": (3,), "rgb": (3,), "lab": (3,)}
+        for name in _ARRAYS:
+            check_shape(f"detections {name}", getattr(self, name), (n, *widths.get(name, ())))
+            frozen(getattr(self, name))
+        for name in ("ground_m", "yaw_rad", "log_odds"):
+            check_finite(f"detections {name}", getattr(self, name))
+        check_finite("detections width and length", self.size_m[:, :2])
+        if len(self.kind) != n:
+            raise ShapeError(f"detections kind: expected {n} names, got {len(self.kind)}")
+        if (self.size_m[:, :2] <= 0).any():
+            raise ShapeError(f"detections: expected positive sizes, got {self.size_m[:, :2].min()} m")
+
+    def __len__(self) -> int:
+        """Number of detections."""
+        return len(self.ground_m)
+
+    def select(self, keep: BoolArray | IntArray) -> Detections:
+        """The detections of a mask (N,) or of indices, as seen in the same view."""
+        numbers = np.arange(len(self))[keep]
+        chosen = {name: getattr(self, name)[numbers] for name in _ARRAYS}
+        return replace(self, **chosen, kind=tuple(self.kind[i] for i in numbers))
+
+    def cover(self, xy_m: FloatArray) -> BoolArray:
+        """(P, N) whether points (P, 2) in the ego frame lie in the detections' boxes."""
+        offset = xy_m[:, None] - self.ground_m[None, :, :2]
+        cos, sin = np.cos(self.yaw_rad), np.sin(self.yaw_rad)
+        along, across = offset[..., 0] * cos + offset[..., 1] * sin, offset[..., 1] * cos - offset[..., 0] * sin
+        width, length, _ = self.size_m.T
+        return np.asarray((np.abs(along) <= length / 2) & (np.abs(across) <= width / 2))
+
+
+_ARRAYS = tuple(field.name for field in fields(Detections) if field.name not in ("kind", "view"))
+
+
+def boxes_as_detections(
+    ground_m: FloatArray,
+    yaw_rad: FloatArray,
+    size_m: FloatArray,
+    log_odds: FloatArray,
+    kind: tuple[str, ...],
+    view: View,
+) -> Detections:
+    """Detections of a detector of boxes: headings known, colours not; arrays as in `Detections`.
+
+    Raises:
+        ShapeError: as `Detections`.
+    """
+    n = len(ground_m)
+    known, colourless = np.ones(n, dtype=np.bool_), np.full((n, 3), np.nan)
+    return Detections(ground_m, yaw_rad, known, size_m, log_odds, kind, colourless, colourless, ~known, view)
+
+
+def log_odds_of(probability: FloatArray) -> FloatArray:
+    """Log-odds of probabilities, no more than `MOST_LOG_ODDS` either way."""
+    least = 1 / (1 + np.exp(MOST_LOG_ODDS))
+    sure = np.clip(probability, least, 1 - least)
+    return np.asarray(np.log(sure / (1 - sure)))
+
+
+def probability_of(log_odds: FloatArray | float) -> FloatArray:
+    """Probabilities, 0..1, of log-odds."""
+    return np.asarray(1 / (1 + np.exp(-np.asarray(log_odds, dtype=np.float64))))

@@ -1,0 +1,240 @@
+"""Boxes of nuScenes detectors as detections: from result files of the benchmark, and from scenes in one JSON file.
+
+Either has boxes in the global frame; detections are in the ego frame of their key frame. The benchmark's classes are
+the detections' kinds, its scores their probabilities, and what is farther than the range of the class (50 m for all
+vehicles but two-wheelers) counts as out of view.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field, TypeAdapter, ValidationError
+
+from appocc.checks import FloatArray, IntArray, check_transform, frozen
+from appocc.errors import DataError, ShapeError
+from appocc.files import read_json
+from appocc.geometry import apply, inverse, rotation_from_quaternion, yaw_of
+from appocc.jsonparts import JsonPart, first_problem
+from tracking.detections import Around, Detections, boxes_as_detections, log_odds_of
+
+RANGE_M = 50.0
+
+_Vector = Annotated[list[float], Field(min_length=3, max_length=3)]
+_Quaternion = Annotated[list[float], Field(min_length=4, max_length=4)]
+_Share = Annotated[float, Field(ge=0, le=1)]
+_Row = Annotated[list[float], Field(min_length=4, max_length=4)]
+
+
+class _ResultBox(JsonPart):
+    """A box of the benchmark's detection results."""
+
+    translation: _Vector
+    size: _Vector
+    rotation: _Quaternion
+    detection_name: str
+    detection_score: _Share
+
+
+class _Results(JsonPart):
+    results: dict[str, list[_ResultBox]]
+
+
+class _SceneBox(JsonPart):
+    """A detector's box in a file of scenes."""
+
+    name: str
+    score: _Share
+    xyz: _Vector
+    wlh: _Vector
+    yaw: float
+
+
+class _SceneObject(JsonPart):
+    """An annotated object in a file of scenes."""
+
+    id: int
+    name: str
+    xyz: _Vector
+    num_lidar_pts: int
+
+
+class _KeyFrame(JsonPart):
+    token: str
+    timestamp: int
+    ego2global: Annotated[list[_Row], Field(min_length=4, max_length=4)]
+    gt: list[_SceneObject]
+    det: dict[str, list[_SceneBox]]
+
+
+_SCENES = TypeAdapter(dict[str, list[_KeyFrame]])
+
+
+@dataclass(frozen=True)
+class Objects:
+    """N annotated objects of one key frame, in the world frame.
+
+    Attributes:
+        ids: (N,) whole numbers, the same over time.
+        kind: N categories.
+        centre_m: (N, 3) box centres.
+        points: (N,) LiDAR points inside.
+    """
+
+    ids: IntArray
+    kind: tuple[str, ...]
+    centre_m: FloatArray
+    points: IntArray
+
+
+@dataclass(frozen=True)
+class DetectedScene:
+    """T key frames with a detector's boxes and the truth.
+
+    Attributes:
+        name: of the scene.
+        tokens: T samples.
+        timestamps_us: (T,) rising.
+        world_from_ego: (T, 4, 4) poses.
+        detections: T.
+        truth: T.
+    """
+
+    name: str
+    tokens: tuple[str, ...]
+    timestamps_us: IntArray
+    world_from_ego: FloatArray
+    detections: tuple[Detections, ...]
+    truth: tuple[Objects, ...]
+
+    def __post_init__(self) -> None:
+        """Freeze the arrays."""
+        frozen(self.timestamps_us)
+        frozen(self.world_from_ego)
+
+
+def read_detections(
+    path: Path, sample_tokens: Sequence[str], world_from_ego: FloatArray, range_m: float = RANGE_M
+) -> tuple[Detections, ...]:
+    """Detections of T samples from a file of detection results.
+
+    Args:
+        path: the file.
+        sample_tokens: T of its samples.
+        world_from_ego: (T, 4, 4) their poses.
+        range_m: how far the detector sees; boxes beyond it are kept.
+
+    Raises:
+        DataError: if the file is missing or damaged or lacks a sample.
+    """
+    try:
+        results = _Results.model_validate(read_json(path)).results
+    except ValidationError as error:
+        raise DataError(f"{path}: expected detection results of nuScenes ({first_problem(error)})") from error
+    detections = []
+    for token, pose in zip(sample_tokens, world_from_ego, strict=True):
+        if token not in results:
+            raise DataError(f"{path}: expected boxes, or an empty list, for sample {token}, got nothing")
+        boxes = results[token]
+        try:
+            turn = rotation_from_quaternion(np.array([box.rotation for box in boxes]).reshape(-1, 4))
+            detections.append(
+                _in_ego(
+                    pose,
+                    np.array([box.translation for box in boxes]).reshape(-1, 3),
+                    turn,
+                    np.array([box.size for box in boxes]).reshape(-1, 3),
+                    np.array([box.detection_score for box in boxes]),
+                    tuple(box.detection_name for box in boxes),
+                    range_m,
+                )
+            )
+        except ShapeError as error:
+            raise DataError(f"{path}: sample {token}: {error}") from error
+    return tuple(detections)
+
+
+def read_scenes(path: Path, detector: str, range_m: float = RANGE_M) -> tuple[DetectedScene, ...]:
+    """Scenes with the boxes of one of the file's detectors.
+
+    The file has for each scene a list of key frames, each with token, timestamp (microseconds), ego2global (4x4), gt
+    (a list of id, name, xyz, num_lidar_pts) and det (for each detector a list of name, score, xyz, wlh, yaw); places
+    in the global frame.
+
+    Raises:
+        DataError: if the file is missing or damaged, has no such detector, or times do not rise.
+    """
+    try:
+        scenes = _SCENES.validate_python(read_json(path))
+    except ValidationError as error:
+        raise DataError(f"{path}: expected key frames by scene ({first_problem(error)})") from error
+    return tuple(_scene(path, name, frames, detector, range_m) for name, frames in scenes.items())
+
+
+def _scene(path: Path, name: str, frames: Sequence[_KeyFrame], detector: str, range_m: float) -> DetectedScene:
+    times_us = np.array([frame.timestamp for frame in frames], dtype=np.int64)
+    if (np.diff(times_us) <= 0).any():
+        raise DataError(f"{path}: scene {name}: expected rising timestamps, got {times_us.tolist()}")
+    poses = np.array([frame.ego2global for frame in frames]).reshape(-1, 4, 4)
+    detections = []
+    for frame, pose in zip(frames, poses, strict=True):
+        if detector not in frame.det:
+            known = ", ".join(frame.det) or "none"
+            raise DataError(f"{path}: {name}: {frame.token}: expected boxes of '{detector}', got those of {known}")
+        boxes = frame.det[detector]
+        try:
+            check_transform("ego2global", pose)
+            detections.append(
+                _in_ego(
+                    pose,
+                    np.array([box.xyz for box in boxes]).reshape(-1, 3),
+                    _turns(np.array([box.yaw for box in boxes])),
+                    np.array([box.wlh for box in boxes]).reshape(-1, 3),
+                    np.array([box.score for box in boxes]),
+                    tuple(box.name for box in boxes),
+                    range_m,
+                )
+            )
+        except ShapeError as error:
+            raise DataError(f"{path}: {name}: {frame.token}: {error}") from error
+    truth = tuple(_objects(frame.gt) for frame in frames)
+    tokens = tuple(frame.token for frame in frames)
+    return DetectedScene(name, tokens, times_us, poses, tuple(detections), truth)
+
+
+def _turns(yaw_rad: FloatArray) -> FloatArray:
+    """(N, 3, 3) turns about z."""
+    turns = np.zeros((len(yaw_rad), 3, 3))
+    turns[:, 0, 0] = turns[:, 1, 1] = np.cos(yaw_rad)
+    turns[:, 1, 0], turns[:, 0, 1], turns[:, 2, 2] = np.sin(yaw_rad), -np.sin(yaw_rad), 1.0
+    return turns
+
+
+def _objects(objects: Sequence[_SceneObject]) -> Objects:
+    return Objects(
+        np.array([one.id for one in objects], dtype=np.int64),
+        tuple(one.name for one in objects),
+        np.array([one.xyz for one in objects]).reshape(-1, 3),
+        np.array([one.num_lidar_pts for one in objects], dtype=np.int64),
+    )
+
+
+def _in_ego(
+    world_from_ego: FloatArray,
+    centre_m: FloatArray,
+    rotation: FloatArray,
+    size_m: FloatArray,
+    probability: FloatArray,
+    kind: tuple[str, ...],
+    range_m: float,
+) -> Detections:
+    """Detections of N boxes with centres (N, 3) and rotations (N, 3, 3) in the world, and sizes w, l, h (N, 3)."""
+    ego_from_world = inverse(world_from_ego)
+    turn = ego_from_world[:3, :3] @ rotation
+    below = size_m[:, 2:] / 2 * np.array([0.0, 0.0, 1.0])
+    ground_m = apply(ego_from_world, centre_m) - below
+    return boxes_as_detections(ground_m, yaw_of(turn), size_m, log_odds_of(probability), kind, Around(range_m))
