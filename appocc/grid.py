@@ -36,7 +36,7 @@ class BEVGrid:
             raise ShapeError(f"grid: expected a positive cell size, got {self.cell_m}")
         for axis, low, high in (("x", self.x_min_m, self.x_max_m), ("y", self.y_min_m, self.y_max_m)):
             cells = (high - low) / self.cell_m
-            if cells < 1 or abs(cells - round(cells)) > 1e-6:
+            if round(cells) < 1 or abs(cells - round(cells)) > 1e-6:
                 raise ShapeError(f"grid {axis}: expected a whole number of {self.cell_m} m cells, got {low}..{high}")
 
     @classmethod

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
@@ -25,7 +24,8 @@ class AssociationConfig:
     Attributes:
         gate_m: distance that is always possible.
         gate_squared: beyond it, so far by Mahalanobis' squared distance to the prediction ...
-        gate_most_m: ... but never more than this.
+        gate_mps: ... but never more than `gate_m` and this far for each second since the track was seen,
+        gate_most_m: nor more than this.
         heading_rad: standard deviation of a heading from one sighting to the next; front and rear are not told apart.
         heading_cap: most that it may cost, in squared standard deviations; 0 leaves it out.
         size: standard deviation of the logarithm of length and width, taken together.
@@ -35,6 +35,7 @@ class AssociationConfig:
 
     gate_m: float = 2.0
     gate_squared: float = 7.0
+    gate_mps: float = 12.0
     gate_most_m: float = 6.0
     heading_rad: float = 0.3
     heading_cap: float = 9.0
@@ -54,6 +55,7 @@ class Predicted(NamedTuple):
         lab: (N, 3) colours, NaN where unknown.
         lab_variance: (N, 3) of a sighting's colour about it.
         kind: (N,) numbers of categories.
+        unseen_s: (N,) time since they were seen.
     """
 
     xy_m: FloatArray
@@ -63,6 +65,7 @@ class Predicted(NamedTuple):
     lab: FloatArray
     lab_variance: FloatArray
     kind: IntArray
+    unseen_s: FloatArray
 
     def of(self, rows: IntArray) -> Predicted:
         """Some of them (M,)."""
@@ -99,13 +102,14 @@ def associate(tracks: Predicted, seen: Seen, config: AssociationConfig) -> tuple
     The cost of a pair is its negative log likelihood, doubled: of the place given the prediction, and of the heading,
     size and colour given the track's, each capped, for it may be seen wrongly; a place cannot.
     """
-    rows, columns = _near(tracks.xy_m, seen.xy_m, config.gate_most_m)
+    reach_m = np.minimum(config.gate_m + config.gate_mps * tracks.unseen_s, config.gate_most_m)
+    rows, columns = _near(tracks.xy_m, seen.xy_m, float(reach_m.max(initial=0.0)))
     alike = tracks.kind[rows] == seen.kind[columns]
     rows, columns = rows[alike], columns[alike]
     track, sight = tracks.of(rows), seen.of(columns)
     offset, cov = sight.xy_m - track.xy_m, track.cov_m2 + noise_of(track, sight)
-    far = squared(offset, cov)
-    possible = (far <= config.gate_squared) | (np.hypot(*offset.T) <= config.gate_m)
+    far, apart_m = squared(offset, cov), np.hypot(*offset.T)
+    possible = ((far <= config.gate_squared) & (apart_m <= reach_m[rows])) | (apart_m <= config.gate_m)
     cost = far + np.log(determinant_of(cov)) + _unlike(track, sight, config)
     return _matched(rows[possible], columns[possible], cost[possible])
 
@@ -151,25 +155,23 @@ def _matched(rows: IntArray, columns: IntArray, cost: FloatArray) -> tuple[IntAr
     n, m = int(rows.max()) + 1, int(columns.max()) + 1
     links = coo_matrix((np.ones(len(rows)), (rows, n + columns)), shape=(n + m, n + m))
     group = connected_components(links, directed=False)[1][rows]
-    order = np.argsort(group, kind="stable")
-    found = [_solved(rows[part], columns[part], cost[part]) for part in _parts(group[order], order)]
-    pairs = np.concatenate(found, axis=1)
-    pairs = pairs[:, np.argsort(pairs[0], kind="stable")]
-    return pairs[0], pairs[1]
-
-
-def _parts(sorted_group: NDArray[np.int32], order: IntArray) -> list[IntArray]:
-    return np.split(order, np.flatnonzero(np.diff(sorted_group)) + 1)
+    chosen = np.bincount(group)[group] == 1  # with no other choice there is nothing to solve
+    shared = np.flatnonzero(~chosen)
+    shared = shared[np.argsort(group[shared], kind="stable")]
+    for part in np.split(shared, np.flatnonzero(np.diff(group[shared])) + 1) if len(shared) else ():
+        chosen[part[_solved(rows[part], columns[part], cost[part])]] = True
+    order = np.flatnonzero(chosen)
+    order = order[np.argsort(rows[order], kind="stable")]
+    return rows[order], columns[order]
 
 
 def _solved(rows: IntArray, columns: IntArray, cost: FloatArray) -> IntArray:
-    """(2, K) the pairs of one group."""
-    if len(rows) == 1:
-        return np.stack([rows, columns])
+    """Which of the pairs of one group are taken."""
     own_rows, i = np.unique(rows, return_inverse=True)
     own_columns, j = np.unique(columns, return_inverse=True)
     table = np.full((len(own_rows), len(own_columns)), _FORBIDDEN)
     table[i, j] = cost
-    a, b = linear_sum_assignment(table)
-    keep = table[a, b] < _FORBIDDEN
-    return np.stack([own_rows[a[keep]], own_columns[b[keep]]])
+    number = np.full(table.shape, -1)
+    number[i, j] = np.arange(len(rows))
+    taken = number[linear_sum_assignment(table)]
+    return taken[taken >= 0]

@@ -155,7 +155,14 @@ class Followed:
         variance = (prior + about) / (config.lab_sightings + known)
         mean, cov = self.motions.mean, self.motions.cov
         return Predicted(
-            mean[:, :2], cov[:, :2, :2], self.yaw_rad, median[:, :2], median[:, _LAB], variance, self.kind
+            mean[:, :2],
+            cov[:, :2, :2],
+            self.yaw_rad,
+            median[:, :2],
+            median[:, _LAB],
+            variance,
+            self.kind,
+            self.unseen_s,
         )
 
     def shown(self, seen: Sightings) -> Seen:

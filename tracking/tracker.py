@@ -12,6 +12,7 @@ from appocc.geometry import apply, inverse
 from tracking.association import AssociationConfig, Predicted, Seen, associate, noise_of
 from tracking.detections import Detections
 from tracking.follow import Followed, LifeConfig, Sightings, sightings_of
+from tracking.motion import MotionConfig
 from tracking.tracks import Tracks
 
 
@@ -28,16 +29,26 @@ class TrackerConfig:
         again: of clear detections and tracks that are still without each other: found again, or faster than thought.
     """
 
-    clear: float = 0.0
+    clear: float = 0.5
     weak: float = -2.5
     begin: float = -2.5
     life: LifeConfig = field(default_factory=LifeConfig)
     association: AssociationConfig = field(default_factory=AssociationConfig)
-    again: AssociationConfig = field(default_factory=lambda: AssociationConfig(gate_squared=30.0, gate_most_m=12.0))
+    again: AssociationConfig = field(default_factory=lambda: AssociationConfig(gate_squared=30.0, gate_most_m=8.0))
 
 
 # For blobs of maps, which flicker where a map is predicted: who is not sure must be seen twice.
-MAPS = TrackerConfig(life=LifeConfig(sure=2.2, confirm_s=0.15, coast_s=0.35, die_s=2.2))
+# The centre of a blob jumps when vehicles begin to touch.
+MAPS = TrackerConfig(
+    life=LifeConfig(
+        sure=2.2,
+        confirm_s=0.15,
+        coast_s=0.35,
+        die_s=2.2,
+        motion=MotionConfig(push_m2ps3=2.0, swerve_m2ps3=0.2, along_m=0.3, across_m=0.3),
+    ),
+    association=AssociationConfig(gate_m=2.5, gate_mps=40.0, gate_most_m=10.0),
+)
 
 
 class Tracker:
@@ -102,6 +113,8 @@ class Tracker:
         taken: BoolArray,
     ) -> None:
         """Let some tracks take some sightings, and note which."""
+        if not len(rows) or not len(columns):
+            return
         i, j = associate(expected.of(rows), shown.of(columns), rule)
         rows, columns = rows[i], columns[j]
         self._alive.see(rows, seen.of(columns), columns, noise_of(expected.of(rows), shown.of(columns)))

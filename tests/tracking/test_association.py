@@ -11,7 +11,7 @@ from tracking.association import AssociationConfig, Predicted, Seen, associate, 
 
 UNKNOWN = (np.nan,) * 3
 RED, BLUE = (53.0, 80.0, 67.0), (32.0, 79.0, -108.0)
-CONFIG = AssociationConfig(gate_m=2.5, gate_most_m=10.0)
+CONFIG = AssociationConfig(gate_m=2.5, gate_mps=7.5, gate_most_m=12.0)
 Spot = tuple[float, float]
 
 
@@ -26,6 +26,7 @@ def predicted(places: list[Spot], variance_m2: FloatArray | None = None, **more:
         "lab": np.full((n, 3), np.nan),
         "lab_variance": np.full((n, 3), 50.0),
         "kind": np.zeros(n, np.int64),
+        "unseen_s": np.ones(n),
     }
     return Predicted(**{**given, **more})  # type: ignore[arg-type]
 
@@ -64,6 +65,8 @@ def test_nothing_beyond_the_gate() -> None:
 def test_an_uncertain_track_looks_farther_but_not_endlessly() -> None:
     assert pairs(predicted([(0, 0)], np.array([9.0])), seen([(6, 0)])) == {0: 0}
     assert pairs(predicted([(0, 0)], np.array([1e4])), seen([(11, 0)])) == {}
+    assert pairs(predicted([(0, 0)], np.array([1e4]), unseen_s=np.array([2.0])), seen([(11, 0)])) == {0: 0}
+    assert pairs(predicted([(0, 0)], np.array([1e4]), unseen_s=np.array([9.0])), seen([(13, 0)])) == {}
 
 
 def test_a_certain_track_goes_before_an_uncertain_one() -> None:
