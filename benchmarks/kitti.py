@@ -28,7 +28,7 @@ from scipy.spatial.distance import cdist
 from appocc.checks import FloatArray
 from appocc.errors import AppoccError
 from appocc.geometry import apply, wrap_angle, yaw_of
-from tracking.detections import Detections
+from tracking.detections import Detections, probability_of
 from tracking.kitti import KittiSequence, TakesDetections, read_sequences, track_sequence
 from tracking.kitti_protocol import Results, trial_of
 from tracking.kitti_results import results_of
@@ -77,7 +77,7 @@ class PlainFilter:
         self._time_us: int | None = None
 
     def update(self, detections: Detections, timestamp_us: int, world_from_ego: FloatArray) -> tuple[Track, ...]:
-        """The tracks that detections were matched to; their scores are those of the detections, log-odds."""
+        """The tracks that detections were matched to; their scores are those of the detections."""
         seconds = (timestamp_us - (self._time_us or 0)) * 1e-6
         self._time_us = timestamp_us
         for point in self._alive:
@@ -112,7 +112,7 @@ def _track(point: _Point, detections: Detections, i: int, ground_z_m: float, tur
         length_m=length,
         width_m=width,
         rgb=np.full(3, np.nan),
-        score=float(detections.log_odds[i]),
+        score=float(probability_of(detections.log_odds[i])),
         seen=True,
         height_m=height,
         kind=detections.kind[i],

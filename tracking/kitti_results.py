@@ -12,6 +12,7 @@ import numpy as np
 from appocc.checks import FloatArray
 from appocc.files import write_bytes
 from appocc.geometry import apply, inverse, wrap_angle
+from tracking.detections import log_odds_of
 from tracking.kitti import EGO_FROM_CAM, HEIGHT_PX, WIDTH_PX, KittiFrame, KittiSequence, ego_yaw
 from tracking.tracks import Track
 
@@ -33,7 +34,7 @@ class KittiResult:
     Attributes:
         id: number of the track.
         kind: its category.
-        score: certainty, larger is surer.
+        score: certainty as log-odds, which tell sure tracks from surer ones better than probabilities.
         image_box_px: (4,) left, top, right, bottom in the picture.
         ground_m: (3,) bottom centre, ego frame.
         yaw_rad: heading, ego frame.
@@ -70,7 +71,10 @@ def _result(projection: FloatArray, frame: KittiFrame, track: Track) -> KittiRes
         rectangle: FloatArray | None = frame.image_boxes_px[track.detection]
     else:
         rectangle = projected_box(projection, ground, yaw, size)
-    return None if rectangle is None else KittiResult(track.id, track.kind, track.score, rectangle, ground, yaw, size)
+    if rectangle is None:
+        return None
+    score = float(log_odds_of(np.array(track.score)))
+    return KittiResult(track.id, track.kind, score, rectangle, ground, yaw, size)
 
 
 def projected_box(

@@ -201,8 +201,8 @@ def test_tracks_are_written_as_rows(tmp_path: Path) -> None:
     assert seen[:5] == ["1", "7", "Cyclist", "-1", "-1"]
     alpha = round(-1.5 - np.arctan2(2.0, 19.0), 4)
     place = [1.5, 1.8, 4.2, 2.0, 1.6, 19.0, -1.5]
-    assert [float(column) for column in seen[5:]] == [alpha, 600, 170, 700, 240, *place, 0.75]
-    assert seen[-1] == "0.750000"
+    assert [float(column) for column in seen[5:]] == [alpha, 600, 170, 700, 240, *place, 1.098612]
+    assert seen[-1] == "1.098612"  # log-odds of 0.75
     assert (unseen[:5], unseen[15]) == (["1", "7", "Car", "-1", "-1"], "25.0000")
     np.testing.assert_allclose(np.array(unseen[6:10], float), box_around(unseen), atol=0.01)
 

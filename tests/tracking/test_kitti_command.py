@@ -27,14 +27,14 @@ def test_all_sequences_are_tracked_written_and_scored(tmp_path: Path) -> None:
     assert answer["files"] == [str(tmp_path / "out" / f"{name}.txt") for name in ("0001", "0007")]
     metrics, best = answer["metrics"], answer["metrics_at_best_cut"]
     assert (metrics["GT"], metrics["FP"], metrics["IDS"], metrics["MT"]) == (2 * FRAMES, 0, 0, 2)
-    assert 0 < best.pop("cut") < 1
+    assert best.pop("cut") > 0
     assert best == metrics
     first, second = (Path(name).read_text().splitlines() for name in answer["files"])
     assert first == second
     assert len(first) == FRAMES - metrics["FN"] // 2
     assert first[-1].split()[:5] == [str(FRAMES - 1), "1", "Car", "-1", "-1"]
     assert "2 vehicles in 2 sequences" in result.stderr
-    assert "cut: tracks whose mean score is 0." in result.stderr
+    assert "cut: tracks whose mean score is" in result.stderr
 
 
 def test_without_labels_metrics_are_null(tmp_path: Path) -> None:
