@@ -94,13 +94,6 @@ class Blobs:
         """The blobs of a mask (N,) or of indices."""
         return replace(self, **{name: getattr(self, name)[keep] for name in _ARRAYS})
 
-    def cover(self, xy_m: FloatArray) -> BoolArray:
-        """(P, N) whether points (P, 2) in the ego frame lie in the boxes of the blobs."""
-        offset = xy_m[:, None] - self.centroid_m[None]
-        cos, sin = np.cos(self.yaw_rad), np.sin(self.yaw_rad)
-        along, across = offset[..., 0] * cos + offset[..., 1] * sin, offset[..., 1] * cos - offset[..., 0] * sin
-        return np.asarray((np.abs(along) <= self.length_m / 2) & (np.abs(across) <= self.width_m / 2))
-
     def as_detections(self) -> Detections:
         """The blobs as the tracker takes them: on the ego's ground plane, all of kind "vehicle", headings unknown."""
         n = len(self)

@@ -15,14 +15,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from appocc.checks import BoolArray, FloatArray, IntArray
+from appocc.checks import FloatArray, IntArray
 from appocc.errors import DataError
+from tracking.image_boxes import judged
 from tracking.kitti import KittiLabels, KittiSequence
 from tracking.kitti_results import KittiResult
 from tracking.metrics import Compared, Metrics, Moment, by_centre, evaluate_compared
 
 OBJECTS, DEMANDED, KIND = ("Car", "Van"), "Car", "car"
-MOST_OCCLUSION, LEAST_HEIGHT_PX, MOST_IN_REGION = 2, 25.0, 0.5
+MOST_OCCLUSION = 2
 COARSE_CUTS, REFINEMENTS = 10, 3
 
 Results = Sequence[Sequence[KittiResult]]
@@ -106,16 +107,6 @@ def _compared(
         demanded[chosen],
         np.array(track_ids, dtype=np.int64),
         np.array([car.ground_m[:2] for car in cars]).reshape(-1, 2),
-        _judged(rectangles, labels.dont_care_px),
+        judged(rectangles, labels.dont_care_px),
     )
     return moment.compared()
-
-
-def _judged(rectangles_px: FloatArray, regions_px: FloatArray) -> BoolArray:
-    """(M,) whether unmatched tracks with rectangles (M, 4) count as wrong, beside regions (K, 4)."""
-    size = rectangles_px[:, 2:] - rectangles_px[:, :2]
-    low = np.maximum(rectangles_px[:, None, :2], regions_px[None, :, :2])
-    high = np.minimum(rectangles_px[:, None, 2:], regions_px[None, :, 2:])
-    common = np.maximum(high - low, 0).prod(axis=2)
-    excused = (common > MOST_IN_REGION * size.prod(axis=1)[:, None]).any(axis=1)
-    return np.asarray((size[:, 1] > LEAST_HEIGHT_PX) & ~excused)

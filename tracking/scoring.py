@@ -27,6 +27,7 @@ from appocc.boxes import is_vehicle
 from appocc.checks import BoolArray, FloatArray, IntArray
 from appocc.errors import DataError
 from tracking.amota import Amota, ScoredMoment, amota
+from tracking.image_boxes import common_px, judged
 from tracking.metrics import BY_OVERLAP, GATE_M, Compared, Metrics, Moment, evaluate, evaluate_compared
 from tracking.pairing import PairedFrame, Pairing, pair
 from tracking.reading import DONT_CARE, Entries, Format
@@ -34,7 +35,6 @@ from tracking.reading import DONT_CARE, Entries, Format
 _NEAR = {"pedestrian", "motorcycle", "bicycle"}
 _NEAR_M, _FAR_M = 40.0, 50.0
 _ALIKE = {"car": "van", "pedestrian": "person_sitting"}
-_LEAST_HEIGHT_PX, _MOST_IN_REGION = 25.0, 0.5
 
 
 @dataclass(frozen=True)
@@ -180,8 +180,9 @@ def _moments(frames: Sequence[PairedFrame], pairing: Pairing, question: Question
         regions = np.array([kind == DONT_CARE for kind in frame.truth.kind], dtype=np.bool_)
         truth, tracks = frame.truth.select(~regions), frame.tracks
         near = [_within(part, frame.ego_xy_m, question.range_m, default) for part in (truth, tracks)]
-        judged = near[1] & _large_enough(tracks.box_px, frame.truth.box_px[regions])
-        moment = Moment(truth_ids[~regions], truth.xy_m, truth.demanded & near[0], track_ids, tracks.xy_m, judged)
+        boxless = ~(tracks.box_px[:, 2:] > tracks.box_px[:, :2]).all(axis=1)
+        counted = near[1] & (boxless | judged(tracks.box_px, frame.truth.box_px[regions]))
+        moment = Moment(truth_ids[~regions], truth.xy_m, truth.demanded & near[0], track_ids, tracks.xy_m, counted)
         moments.append(ScoredMoment(frame.time_us, moment, np.nan_to_num(tracks.score)))
     return moments
 
@@ -197,29 +198,15 @@ def _within(entries: Entries, ego_xy_m: FloatArray | None, range_m: float | None
 # In images --------------------------------------------------------------------------------------------------------
 
 
-def _large_enough(boxes_px: FloatArray, regions_px: FloatArray) -> BoolArray:
-    """(M,) KITTI's rule for unmatched tracks; what has no image box is judged."""
-    width, height = boxes_px[:, 2] - boxes_px[:, 0], boxes_px[:, 3] - boxes_px[:, 1]
-    there = (width > 0) & (height > 0)
-    share = _common_px(boxes_px, regions_px) / np.where(there, width * height, 1.0)[:, None]
-    return np.asarray(~there | ((height > _LEAST_HEIGHT_PX) & ~(share > _MOST_IN_REGION).any(axis=1)))
-
-
-def _common_px(one: FloatArray, other: FloatArray) -> FloatArray:
-    """(N, M) areas that boxes (N, 4) and (M, 4), left, top, right, bottom, have in common."""
-    start, end = np.maximum(one[:, None, :2], other[:, :2]), np.minimum(one[:, None, 2:], other[:, 2:])
-    return np.asarray(np.prod(np.maximum(end - start, 0.0), axis=2))
-
-
 def _overlaps(frames: Sequence[PairedFrame]) -> list[Compared]:
     """Frames by 1 - IoU."""
     compared = []
     for frame, truth_ids, track_ids in zip(frames, *_numbers(frames), strict=True):
         one, other = frame.truth.box_px, frame.tracks.box_px
-        common = _common_px(one, other)
+        common = common_px(one, other)
         areas = [np.prod(boxes[:, 2:] - boxes[:, :2], axis=1) for boxes in (one, other)]
         union = areas[0][:, None] + areas[1] - common
         distance = 1 - common / np.maximum(union, np.finfo(np.float64).tiny)
-        judged = np.ones(len(track_ids), dtype=np.bool_)
-        compared.append(Compared(truth_ids, frame.truth.demanded, track_ids, judged, distance))
+        every = np.ones(len(track_ids), dtype=np.bool_)
+        compared.append(Compared(truth_ids, frame.truth.demanded, track_ids, every, distance))
     return compared

@@ -78,9 +78,14 @@ class Tracker:
         seen = sightings_of(detections, world_from_ego, np.array(kinds, dtype=np.int64))
         taken = self._associate(seen)
         self._bury(detections, world_from_ego)
-        free = ~taken & (seen.log_odds >= self.config.begin) & ~self._merged(detections, world_from_ego)
+        # Unseen tracks whose places a detection covers: vehicles that touch, so that it is not a new one.
+        hidden = np.flatnonzero(self._alive.confirmed & (self._alive.detection < 0))
+        covered = detections.cover(self._places_ego(world_from_ego)[hidden])
+        free = ~taken & (seen.log_odds >= self.config.begin) & ~covered.any(axis=0)
         self._begin(np.flatnonzero(free), seen)
-        return self._alive.tracks(self._told(detections, world_from_ego), tuple(self._kinds))
+        told = self._alive.told
+        told[hidden] |= covered.any(axis=1)
+        return self._alive.tracks(told, tuple(self._kinds))
 
     def _predict(self, timestamp_us: int) -> None:
         """Move all tracks to a new time."""
@@ -131,19 +136,6 @@ class Tracker:
         alive = self._alive
         inside = detections.view.sees(self._places_ego(world_from_ego))
         alive.keep(~alive.dead & (inside | (alive.detection >= 0)))
-
-    def _merged(self, detections: Detections, world_from_ego: FloatArray) -> BoolArray:
-        """(M,) detections over the places of known tracks that were not seen: vehicles that touch, not a new one."""
-        hidden = self._alive.confirmed & (self._alive.detection < 0)
-        return np.asarray(detections.cover(self._places_ego(world_from_ego)[hidden]).any(axis=0))
-
-    def _told(self, detections: Detections, world_from_ego: FloatArray) -> BoolArray:
-        """(N,) the tracks that are seen, briefly unseen, or hidden in a detection that another track took."""
-        alive = self._alive
-        hidden = alive.confirmed & (alive.detection < 0)
-        told = alive.told
-        told[hidden] |= detections.cover(self._places_ego(world_from_ego)[hidden]).any(axis=1)
-        return told
 
     def _places_ego(self, world_from_ego: FloatArray) -> FloatArray:
         """(N, 2) places of tracks in the ego frame."""
