@@ -30,12 +30,12 @@ from skimage.color import deltaE_ciede2000
 
 from appocc.bevmap import BEVMap
 from appocc.checks import BoolArray, FloatArray, IntArray
+from appocc.colours import lab_from_rgb
 from appocc.evaluation.pairs import read_pair
 from appocc.evaluation.vehicles import true_vehicles
 from appocc.grid import BEVGrid
 from appocc.nuscenes.dataset import Dataset
 from tracking.blobs import BlobConfig, Blobs, find_blobs, label_blobs, measure_blobs
-from tracking.colour import lab_from_rgb
 
 LEAST_M2 = 0.4
 NEAR_M = 2.0

@@ -1,10 +1,11 @@
-"""Tracks of cars in KITTI sequences, by KITTI's rules, beside a plain Kalman filter on the same detections.
+"""Tracks of cars in KITTI sequences, by KITTI's rules, online and smoothed, beside a plain Kalman filter.
 
     OMP_NUM_THREADS=1 python -m benchmarks.kitti ROOT [--cut X]
 
 ROOT is a folder as `tracking.kitti` describes it, with labels. Both trackers get the same detections and poses.
-Tracks whose mean score is below a cut are dropped; each tracker has its own, the one with the largest MOTA over all
-sequences, or ours the given one. Rows of single sequences have the same cut.
+Tracks whose mean score is below a cut are dropped; each row has its own, the one with the largest MOTA over all
+sequences, or ours the given one. Rows of single sequences have the same cut. Smoothed are the tracker's tracks in
+hindsight (`tracking.smoothing`): the others know nothing of what comes later.
 
 The plain filter follows the places of detections on the world's ground with one velocity, the same noise in all
 directions, and the assignment of the least sum of distances; it tells of a track only where a detection was matched.
@@ -28,14 +29,16 @@ from scipy.spatial.distance import cdist
 from appocc.checks import FloatArray
 from appocc.errors import AppoccError
 from appocc.geometry import apply, wrap_angle, yaw_of
-from tracking.detections import Detections, probability_of
-from tracking.kitti import KittiSequence, TakesDetections, read_sequences, track_sequence
+from tracking.detections import Detections, TakesDetections, probability_of
+from tracking.kitti import KittiSequence, read_sequences, track_sequence
 from tracking.kitti_protocol import Results, trial_of
 from tracking.kitti_results import results_of
 from tracking.metrics import Metrics
+from tracking.smoothing import smooth
 from tracking.tracker import Tracker
 from tracking.tracks import Track
 
+Tracked = tuple[tuple[Track, ...], ...]
 GATE_M, MOST_UNSEEN = 2.0, 12
 NOISE_M, FIRST_SPEED_MPS, ACCELERATION = 0.3, 8.0, 4.0  # the last in m2/s3, a random walk of the velocity
 
@@ -120,14 +123,18 @@ def _track(point: _Point, detections: Detections, i: int, ground_z_m: float, tur
     )
 
 
+def follow(sequences: Sequence[KittiSequence], make: Callable[[], TakesDetections]) -> list[Tracked]:
+    """The tracks of each sequence by a fresh tracker."""
+    bar = Console(stderr=True)
+    return [track_sequence(one, make()) for one in progress(sequences, "tracking", console=bar, transient=True)]
+
+
 def measure(
-    sequences: Sequence[KittiSequence], make: Callable[[], TakesDetections], cut: float | None
+    sequences: Sequence[KittiSequence], tracks: Sequence[Tracked], cut: float | None
 ) -> tuple[float, list[tuple[str, Metrics]]]:
     """The cut, and scores of all sequences together and of each."""
-    bar = Console(stderr=True)
     outcomes: list[tuple[KittiSequence, Results]] = [
-        (one, results_of(one, track_sequence(one, make())))
-        for one in progress(sequences, "tracking", console=bar, transient=True)
+        (one, results_of(one, told)) for one, told in zip(sequences, tracks, strict=True)
     ]
     trial = trial_of(outcomes)
     cut = trial.best_cut() if cut is None else cut
@@ -142,9 +149,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
     asked = parser.parse_args(arguments)
     try:
         sequences = read_sequences(asked.root)
+        online = follow(sequences, Tracker)
+        times = [[frame.timestamp_us for frame in sequence.frames] for sequence in sequences]
         rows = {
-            "appocc": measure(sequences, Tracker, asked.cut),
-            "plain filter": measure(sequences, PlainFilter, None),
+            "appocc": measure(sequences, online, asked.cut),
+            "appocc, smoothed": measure(sequences, [*map(smooth, times, online)], asked.cut),
+            "plain filter": measure(sequences, follow(sequences, PlainFilter), None),
         }
     except AppoccError as error:
         sys.exit(f"error: {error}")

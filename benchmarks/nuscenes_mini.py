@@ -27,8 +27,7 @@ from appocc.checks import FloatArray
 from appocc.errors import AppoccError, DataError
 from benchmarks.kitti import PlainFilter
 from tracking.amota import ScoredMoment, amota, cut, fill
-from tracking.detections import Detections, probability_of
-from tracking.kitti import TakesDetections
+from tracking.detections import Detections, TakesDetections, probability_of
 from tracking.metrics import Moment, evaluate
 from tracking.nuscenes_boxes import RANGE_M, DetectedScene, read_scenes
 from tracking.tracker import Tracker

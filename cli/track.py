@@ -1,17 +1,28 @@
-"""`appocc track`: follow the vehicles of a scene through its colour bird's-eye views."""
+"""`appocc track`: follow what a scene's maps show, or what a detector found in anybody's recording."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from appocc.errors import AppoccError
+from appocc.errors import AppoccError, DataError
 from cli.common import JsonOption, VersionOption, emit, progress, say
 
 if TYPE_CHECKING:
+    from appocc.nuscenes import Dataset, Scene
     from tracking.metrics import Metrics
+    from tracking.run import SceneTracks
+
+# What can be followed: what each of them needs beside it, and what else it may have.
+_SOURCES = {
+    "--bev": (("ROOT", "--scene"), ("--version", "--out", "--video")),
+    "--detections": (("ROOT", "--scene"), ("--version", "--out")),
+    "--kitti": ((), ("--out",)),
+    "--mot": (("--fps",), ("--out",)),
+}
 
 
 def track(
@@ -23,42 +34,94 @@ def track(
         str | None,
         typer.Option("--bev", help="Source of the maps: ROOT/bev/SOURCE, or a folder with a slash in its name."),
     ] = None,
+    detections: Annotated[
+        Path | None,
+        typer.Option("--detections", help="Instead of maps: detection results for the scene, as nuScenes has them."),
+    ] = None,
     kitti: Annotated[
         Path | None, typer.Option("--kitti", help="Instead of a scene: a folder of KITTI sequences with detections.")
     ] = None,
+    mot: Annotated[
+        Path | None, typer.Option("--mot", help="Instead of a scene: a file of MOTChallenge detections of people.")
+    ] = None,
+    fps: Annotated[float | None, typer.Option("--fps", help="Frames a second of the --mot file.")] = None,
     out: Annotated[
-        Path | None, typer.Option("--out", help="Folder to write; by default ROOT/tracks/SCENE, or KITTI/tracks.")
+        Path | None,
+        typer.Option(
+            "--out",
+            help="Folder to write; by default ROOT/tracks/SCENE, KITTI/tracks, or tracks beside the --mot file.",
+        ),
     ] = None,
     video: Annotated[Path | None, typer.Option("--video", help="Also write a video of the tracks (.webm).")] = None,
     version: VersionOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Follow the vehicles of a scene through its maps, or of KITTI sequences through a detector's boxes.
+    """Follow the vehicles of a scene through its maps, or whatever a detector found in a recording.
 
-    A scene's tracks are written as nuScenes JSON and MOTChallenge text and, with annotations, their scores; those of
-    sequences as KITTI's result files, and with labels their scores are told.
+    A scene's tracks are written as nuScenes JSON and MOTChallenge text and, with annotations, the scores of its
+    vehicles; those of KITTI sequences as KITTI's result files, and with labels their scores are told; those of people
+    as MOTChallenge text.
 
     Examples: appocc track DATA --scene 002 --bev groundtruth --video tracks.webm
 
+    appocc track DATA --scene scene-0103 --detections results_nusc.json
+
     appocc track --kitti KITTI --out results
+
+    appocc track --mot det.txt --fps 25 --out results
     """
-    if kitti is not None and any(value is not None for value in (root, scene, bev, video, version)):
-        raise AppoccError("track: --kitti goes only with --out and --json, without ROOT, --scene and --bev")
+    everything = {
+        **{"ROOT": root, "--scene": scene, "--bev": bev, "--detections": detections, "--kitti": kitti, "--mot": mot},
+        **{"--fps": fps, "--out": out, "--video": video, "--version": version},
+    }
+    _check_together({name for name, value in everything.items() if value is not None})
     if kitti is not None:
         _track_kitti(kitti, out or kitti / "tracks", as_json)
-    elif root is None or scene is None or bev is None:
-        raise AppoccError("track: expected ROOT, --scene and --bev, or --kitti; see: appocc track --help")
-    else:
-        _track_scene(root, scene, bev, out, video, version, as_json)
+    elif mot is not None and fps is not None:
+        _track_mot(mot, fps, out or mot.parent / "tracks", as_json)
+    elif root is not None and scene is not None:
+        _track_scene(root, scene, bev, detections, out, video, version, as_json)
+
+
+def _check_together(given: set[str]) -> None:
+    """Check that one source was given, with all that it needs and nothing that it cannot use.
+
+    Raises:
+        AppoccError: if not.
+    """
+    sources = [name for name in _SOURCES if name in given]
+    if len(sources) != 1:
+        got = " and ".join(sources) or "none"
+        raise AppoccError(f"track: expected one of {_listed(_SOURCES)}, got {got}; see: appocc track --help")
+    needed, possible = _SOURCES[sources[0]]
+    lacking = [name for name in needed if name not in given]
+    if lacking:
+        raise AppoccError(f"track: {sources[0]} needs {_listed(needed)}, got no {_listed(lacking)}")
+    extra = sorted(given - {*sources, *needed, *possible})
+    if extra:
+        allowed = _listed([*needed, *possible, "--json"])
+        raise AppoccError(f"track: {sources[0]} goes only with {allowed}, got {_listed(extra)}")
+
+
+def _listed(names: Iterable[str]) -> str:
+    *most, last = names
+    return f"{', '.join(most)} and {last}" if most else last
 
 
 def _track_scene(
-    root: Path, scene: str, bev: str, out: Path | None, video: Path | None, version: str | None, as_json: bool
+    root: Path,
+    scene: str,
+    bev: str | None,
+    detections: Path | None,
+    out: Path | None,
+    video: Path | None,
+    version: str | None,
+    as_json: bool,
 ) -> None:
-    """Follow the vehicles of a scene through its maps."""
+    """Follow the vehicles of a scene through its maps, or a detector's objects through it."""
     from appocc.files import plain_name
     from appocc.nuscenes import Dataset
-    from tracking.run import score, track_scene, write_metrics, write_tracks
+    from tracking.run import score, write_metrics, write_tracks
     from tracking.video import check_name, write_video
 
     if video is not None:
@@ -67,8 +130,7 @@ def _track_scene(
     wanted = dataset.scene(scene)
     folder = out or root / "tracks" / plain_name(root, wanted.name)
     frames = len(dataset.samples(wanted))
-    with progress("tracking", frames) as advance:
-        result = track_scene(dataset, wanted, bev, advance=advance)
+    result, left_out = _followed(dataset, wanted, frames, bev, detections)
     scores = score(dataset, result)
     if video is not None:  # before the tracks are written: it reads every image, and may find a damaged one
         with progress("video", frames) as advance:
@@ -80,16 +142,21 @@ def _track_scene(
     files += [video] if video is not None else []
     if as_json:
         names = ("metrics", "metrics_moving", "metrics_parked")
+        source = {"bev": bev} if detections is None else {"detections": str(detections), "left_out": left_out}
         emit(
             {
                 "scene": result.scene,
-                "bev": bev,
+                **source,
                 "tracks": result.count,
                 "files": [str(path) for path in files],
                 **{name: scores[name].as_json() if scores else None for name in names},
             }
         )
-    say(f"scene {result.scene}: {result.count} vehicles in {frames} key frames")
+    what = "vehicles" if detections is None else "objects"
+    say(f"scene {result.scene}: {result.count} {what} in {frames} key frames")
+    if left_out:
+        told = ", ".join(f"{name} ({count})" for name, count in left_out.items())
+        say(f"left out, as they are no classes of the tracking benchmark: boxes of {told}")
     if scores is None:
         say("no annotations: nothing to be scored against")
     else:
@@ -97,6 +164,19 @@ def _track_scene(
         _show("vehicles", {kinds[name]: metrics for name, metrics in scores.items()})
     for path in files:
         say(f"  {path}")
+
+
+def _followed(
+    dataset: Dataset, scene: Scene, frames: int, bev: str | None, detections: Path | None
+) -> tuple[SceneTracks, Mapping[str, int]]:
+    """The tracks of a scene, and of how many boxes of which classes were left out."""
+    from tracking.nuscenes_boxes import track_detections
+    from tracking.run import track_scene
+
+    with progress("tracking", frames) as advance:
+        if detections is not None:
+            return track_detections(dataset, scene, detections, advance=advance)
+        return track_scene(dataset, scene, str(bev), advance=advance), {}
 
 
 def _track_kitti(root: Path, folder: Path, as_json: bool) -> None:
@@ -110,10 +190,9 @@ def _track_kitti(root: Path, folder: Path, as_json: bool) -> None:
     outcomes, count = [], 0
     with progress("tracking", sum(len(sequence.frames) for sequence in sequences)) as advance:
         for sequence in sequences:
-            tracks = track_sequence(sequence, Tracker())
+            tracks = track_sequence(sequence, Tracker(), advance)
             count += len({each.id for moment in tracks for each in moment})
             outcomes.append((sequence, results_of(sequence, tracks)))
-            advance(len(sequence.frames))
     files = [folder / f"{sequence.name}.txt" for sequence in sequences]
     for path, (_, results) in zip(files, outcomes, strict=True):
         write_results(path, results)
@@ -138,6 +217,28 @@ def _track_kitti(root: Path, folder: Path, as_json: bool) -> None:
         say(f"  {path}")
     if as_json:
         emit(answer)
+
+
+def _track_mot(path: Path, fps: float, folder: Path, as_json: bool) -> None:
+    """Follow the people of a file of detections; write a file of its name."""
+    from tracking.detections import lead
+    from tracking.mot_boxes import read_boxes, write_boxes
+    from tracking.tracker import Tracker
+
+    written = folder / f"{path.stem}.txt"
+    if written.resolve() == path.resolve():
+        raise DataError(f"{path}: the tracks would be written over the detections; name another folder with --out")
+    sequence = read_boxes(path, fps)
+    with progress("tracking", len(sequence.frames)) as advance:
+        tracks = lead(Tracker(sequence.config), sequence.frames, advance)
+    write_boxes(written, sequence, tracks)
+    count = len({each.id for moment in tracks for each in moment})
+    where = "on the ground" if sequence.px_per_m is None else "in the picture"
+    if as_json:
+        files = {"files": [str(written)]}
+        emit({"detections": str(path), "frames": len(sequence.frames), "followed": where, "tracks": count, **files})
+    say(f"{count} people in {len(sequence.frames)} frames, followed {where}")
+    say(f"  {written}")
 
 
 def _show(title: str, scores: dict[str, Metrics]) -> None:

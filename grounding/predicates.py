@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from grounding.colours import fit
+from appocc.colours import fit
 from grounding.query import Referent
 from grounding.scene import Scene, SceneObject
 from tracking.formats import HEIGHT_M

@@ -11,9 +11,9 @@ from numpy.typing import ArrayLike
 from appocc.bevmap import VEHICLE, BEVMap
 from appocc.boxes import Boxes
 from appocc.checks import BoolArray, FloatArray, check_shape, check_transform, frozen
+from appocc.colours import Exposure, exposure_of, name
 from appocc.drawing import EGO_LENGTH_M, EGO_REAR_M
 from appocc.geometry import apply, yaw_of
-from grounding.colours import Exposure, exposure_of, name
 from tracking.blobs import Blobs, find_blobs
 
 # From the ego's origin (rear axle) to the centre of its footprint, along its heading.

@@ -7,14 +7,12 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
-from scipy.spatial import KDTree
 
-from appocc.checks import FloatArray, IntArray
+from appocc.checks import BoolArray, FloatArray, IntArray
 from tracking.motion import determinant_of, squared
 
 _FORBIDDEN = 1e6
+_UNIT = np.eye(2)
 
 
 @dataclass(frozen=True)
@@ -43,6 +41,10 @@ class AssociationConfig:
     size_cap: float = 0.0
     colour_cap: float = 9.0
 
+    def reach_m(self, unseen_s: FloatArray) -> FloatArray:
+        """(N,) how far tracks may be from what is seen of them, after times unseen (N,)."""
+        return np.maximum(np.minimum(self.gate_m + self.gate_mps * unseen_s, self.gate_most_m), self.gate_m)
+
 
 class Predicted(NamedTuple):
     """What N tracks expect to be seen.
@@ -69,7 +71,7 @@ class Predicted(NamedTuple):
 
     def of(self, rows: IntArray) -> Predicted:
         """Some of them (M,)."""
-        return type(self)._make(each[rows] for each in self)
+        return type(self)._make([each[rows] for each in self])
 
 
 class Seen(NamedTuple):
@@ -93,25 +95,52 @@ class Seen(NamedTuple):
 
     def of(self, columns: IntArray) -> Seen:
         """Some of them (K,)."""
-        return type(self)._make(each[columns] for each in self)
+        return type(self)._make([each[columns] for each in self])
+
+
+class Pairs(NamedTuple):
+    """P possible pairs of a track and a detection.
+
+    Attributes:
+        rows: (P,) numbers of tracks.
+        columns: (P,) numbers of detections.
+        noise_m2: (P, 2, 2) how well the detection's place is known, if it is that track.
+        cost: (P,) of taking it for that track.
+    """
+
+    rows: IntArray
+    columns: IntArray
+    noise_m2: FloatArray
+    cost: FloatArray
+
+    def of(self, chosen: BoolArray) -> Pairs:
+        """Those of a mask (P,)."""
+        return type(self)._make([each[chosen] for each in self])
 
 
 def associate(tracks: Predicted, seen: Seen, config: AssociationConfig) -> tuple[IntArray, IntArray]:
-    """Rows and columns of the assignment with the most pairs within the gates, then the least cost.
+    """Rows and columns of the best assignment (see `matched`) of all pairs within the gates (see `possible`)."""
+    rows, columns = near(tracks.xy_m, seen.xy_m, config.reach_m(tracks.unseen_s))
+    best = matched(possible(tracks, seen, rows, columns, config))
+    return best.rows, best.columns
+
+
+def possible(tracks: Predicted, seen: Seen, rows: IntArray, columns: IntArray, config: AssociationConfig) -> Pairs:
+    """Those of some pairs of tracks and detections, by number (P,), (P,), that are of one kind and within the gates.
 
     The cost of a pair is its negative log likelihood, doubled: of the place given the prediction, and of the heading,
     size and colour given the track's, each capped, for it may be seen wrongly; a place cannot.
     """
-    reach_m = np.minimum(config.gate_m + config.gate_mps * tracks.unseen_s, config.gate_most_m)
-    rows, columns = _near(tracks.xy_m, seen.xy_m, float(reach_m.max(initial=0.0)))
-    alike = tracks.kind[rows] == seen.kind[columns]
-    rows, columns = rows[alike], columns[alike]
+    offset = seen.xy_m[columns] - tracks.xy_m[rows]
+    apart_m = np.hypot(offset[:, 0], offset[:, 1])
+    inside = (apart_m <= config.reach_m(tracks.unseen_s)[rows]) & (tracks.kind[rows] == seen.kind[columns])
+    rows, columns, offset, apart_m = rows[inside], columns[inside], offset[inside], apart_m[inside]
     track, sight = tracks.of(rows), seen.of(columns)
-    offset, cov = sight.xy_m - track.xy_m, track.cov_m2 + noise_of(track, sight)
-    far, apart_m = squared(offset, cov), np.hypot(*offset.T)
-    possible = ((far <= config.gate_squared) & (apart_m <= reach_m[rows])) | (apart_m <= config.gate_m)
+    noise_m2 = noise_of(track, sight)
+    cov = track.cov_m2 + noise_m2
+    far = squared(offset, cov)
     cost = far + np.log(determinant_of(cov)) + _unlike(track, sight, config)
-    return _matched(rows[possible], columns[possible], cost[possible])
+    return Pairs(rows, columns, noise_m2, cost).of((far <= config.gate_squared) | (apart_m <= config.gate_m))
 
 
 def noise_of(track: Predicted, sight: Seen) -> FloatArray:
@@ -121,15 +150,25 @@ def noise_of(track: Predicted, sight: Seen) -> FloatArray:
     vehicle lies anywhere within the difference (a uniform distribution: its square over 12).
     """
     surplus_m = sight.size_m[:, 1] - track.size_m[:, 1]
-    return np.asarray(sight.noise_m2 + (surplus_m**2 / 12)[:, None, None] * np.eye(2))
+    return np.asarray(sight.noise_m2 + (surplus_m**2 / 12)[:, None, None] * _UNIT)
 
 
-def _near(one: FloatArray, other: FloatArray, within_m: float) -> tuple[IntArray, IntArray]:
-    """All pairs (P,), (P,) of points (N, 2) and (M, 2) that are not farther apart."""
-    if not len(one) or not len(other):
-        return np.zeros(0, np.int64), np.zeros(0, np.int64)
-    pairs = KDTree(one).sparse_distance_matrix(KDTree(other), within_m, output_type="coo_matrix")
-    return np.asarray(pairs.row, np.int64), np.asarray(pairs.col, np.int64)
+def near(one: FloatArray, other: FloatArray, reach_m: FloatArray) -> tuple[IntArray, IntArray]:
+    """All pairs (P,), (P,) of points (N, 2) and (M, 2) that are no farther apart than those of the N reach (N,).
+
+    They are in order of the N. A search in order of x finds those near along x, of which few are near along y.
+    """
+    order = other[:, 0].argsort(kind="stable")
+    x, y = other[order].T
+    first = x.searchsorted(one[:, 0] - reach_m)
+    count = x.searchsorted(one[:, 0] + reach_m, side="right") - first
+    rows = np.arange(len(one)).repeat(count)
+    places = np.arange(len(rows)) + (first + count - count.cumsum()).repeat(count)
+    beside = np.abs(y[places] - one[:, 1].repeat(count)) <= reach_m.repeat(count)
+    rows, columns = rows[beside], order[places[beside]]
+    offset = other[columns] - one[rows]
+    inside = np.hypot(offset[:, 0], offset[:, 1]) <= reach_m[rows]
+    return rows[inside], columns[inside]
 
 
 def _unlike(track: Predicted, sight: Seen, config: AssociationConfig) -> FloatArray:
@@ -148,30 +187,58 @@ def _unlike(track: Predicted, sight: Seen, config: AssociationConfig) -> FloatAr
     return cost
 
 
-def _matched(rows: IntArray, columns: IntArray, cost: FloatArray) -> tuple[IntArray, IntArray]:
-    """The best assignment among possible pairs (P,); groups that share no pair are solved one by one."""
+def matched(pairs: Pairs) -> Pairs:
+    """Those of pairs that make the assignment with the most pairs, then the least cost.
+
+    Groups that share neither a track nor a detection are solved one by one.
+    """
+    rows, columns, _, cost = pairs
     if not len(rows):
-        return rows, columns
-    n, m = int(rows.max()) + 1, int(columns.max()) + 1
-    links = coo_matrix((np.ones(len(rows)), (rows, n + columns)), shape=(n + m, n + m))
-    group = connected_components(links, directed=False)[1][rows]
-    chosen = np.bincount(group)[group] == 1  # with no other choice there is nothing to solve
-    shared = np.flatnonzero(~chosen)
-    shared = shared[np.argsort(group[shared], kind="stable")]
-    for part in np.split(shared, np.flatnonzero(np.diff(group[shared])) + 1) if len(shared) else ():
-        chosen[part[_solved(rows[part], columns[part], cost[part])]] = True
-    order = np.flatnonzero(chosen)
-    order = order[np.argsort(rows[order], kind="stable")]
-    return rows[order], columns[order]
+        return pairs
+    group = _groups(rows, columns)
+    size = np.bincount(group)[group]
+    # Where all pairs of a group have one row or one column in common, it takes the cheapest of them.
+    plain = (np.bincount(rows)[rows] == size) | (np.bincount(columns)[columns] == size)
+    order = np.lexsort((cost, group))
+    chosen = np.zeros(len(rows), np.bool_)
+    chosen[order[_begins(group[order])]] = True
+    chosen &= plain
+    if not plain.all():
+        rest = order[~plain[order]]
+        chosen[rest] = _solved(group[rest], rows[rest], columns[rest], cost[rest])
+    return pairs.of(chosen)
 
 
-def _solved(rows: IntArray, columns: IntArray, cost: FloatArray) -> IntArray:
-    """Which of the pairs of one group are taken."""
-    own_rows, i = np.unique(rows, return_inverse=True)
-    own_columns, j = np.unique(columns, return_inverse=True)
-    table = np.full((len(own_rows), len(own_columns)), _FORBIDDEN)
-    table[i, j] = cost
-    number = np.full(table.shape, -1)
-    number[i, j] = np.arange(len(rows))
-    taken = number[linear_sum_assignment(table)]
-    return taken[taken >= 0]
+def _groups(rows: IntArray, columns: IntArray) -> IntArray:
+    """(P,) the lowest row that each pair is linked with, over pairs that have a row or a column in common."""
+    lowest = np.arange(int(rows.max()) + 1)
+    while True:
+        of_columns = np.full(int(columns.max()) + 1, len(lowest))
+        np.minimum.at(of_columns, columns, lowest[rows])
+        lower = lowest.copy()
+        np.minimum.at(lower, rows, of_columns[columns])
+        lower = lower[lower]  # a long chain takes few rounds: the row found may know a lower one already
+        if (lower == lowest).all():
+            return lowest[rows]
+        lowest = lower
+
+
+def _solved(group: IntArray, rows: IntArray, columns: IntArray, cost: FloatArray) -> BoolArray:
+    """(P,) which pairs are taken, in order of their groups."""
+    # Numbers that run on from group to group, so that those of one group have no gaps.
+    i = np.unique(group * (rows.max() + 1) + rows, return_inverse=True)[1]
+    j = np.unique(group * (columns.max() + 1) + columns, return_inverse=True)[1]
+    mates = np.full(int(i.max()) + 1, -1)
+    starts = np.flatnonzero(_begins(group))
+    corners = [edge.reduceat(each, starts).tolist() for each in (i, j) for edge in (np.minimum, np.maximum)]
+    for start, end, top, bottom, left, right in zip(starts, [*starts[1:], len(group)], *corners, strict=True):
+        table = np.full((bottom - top + 1, right - left + 1), _FORBIDDEN)
+        table[i[start:end] - top, j[start:end] - left] = cost[start:end]
+        own, other = linear_sum_assignment(table)
+        mates[top + own] = left + other
+    return np.asarray(mates[i] == j)
+
+
+def _begins(group: IntArray) -> BoolArray:
+    """(P,) whether a pair is the first of its group, in order of groups."""
+    return np.concatenate([[True], group[1:] != group[:-1]])

@@ -9,8 +9,9 @@ from scipy import ndimage
 
 from appocc.bevmap import VEHICLE, BEVMap
 from appocc.checks import BoolArray, FloatArray, IntArray, check_finite, check_shape, frozen
+from appocc.colours import lab_from_rgb
 from appocc.grid import BEVGrid
-from tracking.colour import lab_from_rgb, robust_lab
+from tracking.colour import robust_lab
 from tracking.detections import Detections, log_odds_of
 from tracking.shapes import shapes_of
 from tracking.split import split_touching

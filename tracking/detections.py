@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, fields, replace
 from typing import Protocol
 
 import numpy as np
 
-from appocc.checks import BoolArray, FloatArray, IntArray, check_finite, check_shape, frozen
+from appocc.boxes import LARGEST_M
+from appocc.checks import BoolArray, FloatArray, IntArray, check_finite, check_place, check_shape, frozen
 from appocc.errors import ShapeError
+from tracking.association import near
+from tracking.tracks import Track
 
 # Certainty beyond these odds is not told apart: a probability of 1 has no finite log-odds.
 MOST_LOG_ODDS = 12.0
+# Scores of detectors count as log-odds as they are; their sums must not overflow.
+_MOST_GIVEN = 1e9
+# Half the width of the widest vehicle; a wider box would only be compared with more others.
+_MOST_APART_M = 2.0
 
 
 class View(Protocol):
@@ -70,20 +78,21 @@ class Detections:
         """Check shapes.
 
         Raises:
-            ShapeError: if one does not fit, a number that must be known is not, or a size is not positive.
+            ShapeError: if one does not fit, a number that must be known is not, a place is farther than any on Earth,
+                or a size is not positive.
         """
         n = len(self.ground_m)
         widths = {"ground_m": (3,), "size_m": (3,), "rgb": (3,), "lab": (3,)}
         for name in _ARRAYS:
             check_shape(f"detections {name}", getattr(self, name), (n, *widths.get(name, ())))
             frozen(getattr(self, name))
-        for name in ("ground_m", "yaw_rad", "log_odds"):
+        check_place("detections ground_m", self.ground_m)
+        for name in ("yaw_rad", "log_odds"):
             check_finite(f"detections {name}", getattr(self, name))
         check_finite("detections width and length", self.size_m[:, :2])
+        _check_values(self)
         if len(self.kind) != n:
             raise ShapeError(f"detections kind: expected {n} names, got {len(self.kind)}")
-        if (self.size_m[:, :2] <= 0).any():
-            raise ShapeError(f"detections: expected positive sizes, got {self.size_m[:, :2].min()} m")
 
     def __len__(self) -> int:
         """Number of detections."""
@@ -95,6 +104,26 @@ class Detections:
         chosen = {name: getattr(self, name)[numbers] for name in _ARRAYS}
         return replace(self, **chosen, kind=tuple(self.kind[i] for i in numbers))
 
+    def distinct(self) -> BoolArray:
+        """(N,) which to go on with where a detector tells of a vehicle twice.
+
+        Two of one kind whose centres are apart by less than half the width of the narrower are one vehicle; the surer
+        one stays, of equals the first.
+        """
+        keep = np.ones(len(self), dtype=np.bool_)
+        half_m = np.minimum(self.size_m[:, 0] / 2, _MOST_APART_M)
+        one, other = near(self.ground_m[:, :2], self.ground_m[:, :2], half_m)
+        rank = np.empty(len(self), dtype=np.int64)
+        rank[np.argsort(-self.log_odds, kind="stable")] = np.arange(len(self))
+        offset = self.ground_m[one, :2] - self.ground_m[other, :2]
+        twins = (rank[one] < rank[other]) & (np.hypot(offset[:, 0], offset[:, 1]) <= half_m[other])
+        one, other = one[twins], other[twins]
+        order = np.argsort(rank[one], kind="stable")
+        for surer, twin in zip(one[order].tolist(), other[order].tolist(), strict=True):
+            if keep[surer] and self.kind[surer] == self.kind[twin]:
+                keep[twin] = False
+        return keep
+
     def cover(self, xy_m: FloatArray) -> BoolArray:
         """(P, N) whether points (P, 2) in the ego frame lie in the detections' boxes."""
         offset = xy_m[:, None] - self.ground_m[None, :, :2]
@@ -105,6 +134,20 @@ class Detections:
 
 
 _ARRAYS = tuple(field.name for field in fields(Detections) if field.name not in ("kind", "view"))
+
+
+def _check_values(detections: Detections) -> None:
+    """Check what would make sums overflow or logarithms fail."""
+    size_m, sure = detections.size_m, np.abs(detections.log_odds)
+    if (size_m <= 0).any():
+        raise ShapeError(f"detections: expected positive sizes, got {np.nanmin(size_m):g} m")
+    if (size_m > LARGEST_M).any():
+        raise ShapeError(f"detections: expected sizes up to {LARGEST_M:g} m, got {np.nanmax(size_m):g} m")
+    if (sure > _MOST_GIVEN).any():
+        raise ShapeError(f"detections log_odds: expected {_MOST_GIVEN:.0e} at most, got {sure.max():g}")
+    for name in ("rgb", "lab"):
+        if np.isinf(getattr(detections, name)).any():
+            raise ShapeError(f"detections {name}: expected finite numbers, or NaN where unknown, got infinity")
 
 
 def boxes_as_detections(
@@ -135,3 +178,47 @@ def log_odds_of(probability: FloatArray) -> FloatArray:
 def probability_of(log_odds: FloatArray | float) -> FloatArray:
     """Probabilities, 0..1, of log-odds."""
     return np.asarray(1 / (1 + np.exp(-np.asarray(log_odds, dtype=np.float64))))
+
+
+# Recordings -------------------------------------------------------------------------------------------------------
+
+
+class Recorded(Protocol):
+    """One moment of a recording."""
+
+    @property
+    def detections(self) -> Detections:
+        """What was seen."""
+        ...
+
+    @property
+    def timestamp_us(self) -> int:
+        """When."""
+        ...
+
+    @property
+    def world_from_ego(self) -> FloatArray:
+        """(4, 4) from where."""
+        ...
+
+
+class TakesDetections(Protocol):
+    """A tracker."""
+
+    def update(self, detections: Detections, timestamp_us: int, world_from_ego: FloatArray, /) -> Iterable[Track]:
+        """Take in one moment; the tracks at it."""
+        ...
+
+
+def lead(
+    tracker: TakesDetections, moments: Iterable[Recorded], advance: Callable[[int], None] = lambda _: None
+) -> tuple[tuple[Track, ...], ...]:
+    """Lead a fresh tracker through a recording; the tracks of each moment.
+
+    `advance` is called with the number of moments done.
+    """
+    tracks = []
+    for moment in moments:
+        tracks.append(tuple(tracker.update(moment.detections, moment.timestamp_us, moment.world_from_ego)))
+        advance(1)
+    return tuple(tracks)

@@ -80,7 +80,7 @@ class Sightings(NamedTuple):
 
     def of(self, columns: IntArray) -> Sightings:
         """Some of them (K,)."""
-        return type(self)._make(each[columns] for each in self)
+        return type(self)._make([each[columns] for each in self])
 
 
 def sightings_of(detections: Detections, world_from_ego: FloatArray, kind: IntArray) -> Sightings:
@@ -150,7 +150,7 @@ class Followed:
     def expected(self) -> Predicted:
         """What is expected to be seen."""
         config, median = self._config, self._memory.median
-        about, known = self._memory.spread()[:, _LAB], self._memory.known()[:, _LAB]
+        about, known = self._memory.spread(_LAB), self._memory.known(_LAB)
         prior = np.square(config.lab) * config.lab_sightings
         variance = (prior + about) / (config.lab_sightings + known)
         mean, cov = self.motions.mean, self.motions.cov
@@ -181,31 +181,41 @@ class Followed:
         self._evidence[rows] += seen.log_odds
         self._ground_m[rows] = seen.place_world_m[:, 2]
         # A vehicle that the view cuts off is at least as large as what shows of it.
-        known_m = np.where(seen.cut[:, None], self._memory.median[rows, _SIZE], 0.0)
+        known_m = np.where(seen.cut[:, None], self._memory.median[rows, _SIZE], np.nan)
         size_m = np.fmax(seen.size_m, known_m)
-        self._memory.remember(rows, np.hstack([size_m, seen.rgb, seen.lab]))
+        self._memory.remember(rows, np.concatenate([size_m, seen.rgb, seen.lab], axis=1))
         self._turn(rows, seen, seconds)
         self._confirm(rows, seen.log_odds)
 
     def add(self, seen: Sightings, numbers: IntArray, detection: IntArray) -> None:
         """Begin to follow what was seen now (M,)."""
+        if not len(numbers):
+            return
         m = len(numbers)
         self.motions.add(seen.place_world_m[:, :2], seen.yaw_world_rad, self._noise_m2(seen))
-        self._memory.add(np.hstack([seen.size_m, seen.rgb, seen.lab]))
-        self.number, self.kind = np.append(self.number, numbers), np.append(self.kind, seen.kind)
-        self.yaw_rad = np.append(self.yaw_rad, seen.yaw_world_rad)
-        self.confirmed = np.append(self.confirmed, np.zeros(m, np.bool_))
-        self.detection = np.append(self.detection, detection)
-        self._ground_m = np.append(self._ground_m, seen.place_world_m[:, 2])
-        self._axis = np.vstack([self._axis, _axis(seen)])
-        self._front = np.append(self._front, seen.heading_known.astype(np.float64))
-        self._evidence = np.append(self._evidence, seen.log_odds)
-        self._hits = np.append(self._hits, np.ones(m))
-        self.unseen_s, self._seen_s = (np.append(each, np.zeros(m)) for each in (self.unseen_s, self._seen_s))
+        self._memory.add(np.concatenate([seen.size_m, seen.rgb, seen.lab], axis=1))
+        begun = {
+            "number": numbers,
+            "kind": seen.kind,
+            "yaw_rad": seen.yaw_world_rad,
+            "confirmed": np.zeros(m, np.bool_),
+            "unseen_s": np.zeros(m),
+            "detection": detection,
+            "_ground_m": seen.place_world_m[:, 2],
+            "_axis": _axis(seen),
+            "_front": seen.heading_known.astype(np.float64),
+            "_evidence": seen.log_odds,
+            "_hits": np.ones(m),
+            "_seen_s": np.zeros(m),
+        }
+        for name, values in begun.items():
+            setattr(self, name, np.concatenate([getattr(self, name), values]))
         self._confirm(np.arange(len(self) - m, len(self)), seen.log_odds)
 
     def keep(self, chosen: BoolArray) -> None:
         """Go on with some (N,) only."""
+        if chosen.all():
+            return
         self.motions.keep(chosen)
         self._memory.keep(chosen)
         for name, values in vars(self).items():
@@ -225,18 +235,18 @@ class Followed:
     def _turn(self, rows: IntArray, seen: Sightings, seconds: FloatArray) -> None:
         """Smooth the axis, as a vector of twice its angle, and vote for the end that is the front."""
         keep = np.exp(-seconds / self._config.heading_s)[:, None]
-        self._axis[rows] = keep * self._axis[rows] + (1 - keep) * _axis(seen)
-        yaw = np.arctan2(self._axis[rows, 1], self._axis[rows, 0]) / 2
+        axis = keep * self._axis[rows] + (1 - keep) * _axis(seen)
+        yaw = np.arctan2(axis[:, 1], axis[:, 0]) / 2
         before = self.yaw_rad[rows]
         yaw = np.where(np.cos(yaw - before) >= 0, yaw, yaw + np.pi)
-        self._front[rows] += np.where(seen.heading_known, np.cos(seen.yaw_world_rad - yaw), 0.0)
+        front = self._front[rows] + np.where(seen.heading_known, np.cos(seen.yaw_world_rad - yaw), 0.0)
         velocity = self.motions.mean[rows, 2:]
         goes = self.motions.moves()[rows] & (np.hypot(*velocity.T) >= self._config.turn_mps)
         ahead = velocity[:, 0] * np.cos(yaw) + velocity[:, 1] * np.sin(yaw)
-        wrong = np.where(goes, ahead < 0, self._front[rows] < 0)
-        self.yaw_rad[rows] = wrap_angle(np.where(wrong, yaw + np.pi, yaw))
+        wrong = np.where(goes, ahead < 0, front < 0)
+        self._axis[rows], self.yaw_rad[rows] = axis, wrap_angle(np.where(wrong, yaw + np.pi, yaw))
         # Who was seen to move stays known; a vote counts from now on for the end it was found to be.
-        self._front[rows] = np.where(goes, np.maximum(np.abs(self._front[rows]), 1.0), np.abs(self._front[rows]))
+        self._front[rows] = np.where(goes, np.maximum(np.abs(front), 1.0), np.abs(front))
 
     def tracks(self, chosen: BoolArray, kinds: tuple[str, ...]) -> Tracks:
         """What is known now of some (N,); `kinds` are the names of the categories."""
@@ -251,15 +261,19 @@ class Followed:
             median[:, _SIZE],
             median[:, _RGB],
             probability_of(belief[chosen]),
-            tuple(kinds[number] for number in self.kind[chosen]),
+            tuple(kinds[number] for number in self.kind[chosen].tolist()),
             self.detection[chosen],
             self.motions.moves()[chosen],
         )
 
 
+# Of the heading of a square shape.
+_LEAST_WEIGHT = 0.01
+
+
 def _axis(seen: Sightings) -> FloatArray:
     """(M, 2) vectors of twice the headings; long shapes show them better than square ones."""
     width, length = seen.size_m[:, 0], seen.size_m[:, 1]
-    weight = (length - width) / (length + width)
+    weight = np.maximum(np.abs(length - width) / (length + width), _LEAST_WEIGHT)
     twice = 2 * seen.yaw_world_rad
     return np.stack([weight * np.cos(twice), weight * np.sin(twice)], axis=1)

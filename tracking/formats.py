@@ -1,7 +1,9 @@
-"""Tracks on disk: nuScenes tracking JSON and MOTChallenge text, each written whole or not at all."""
+"""Tracks on disk: nuScenes tracking JSON, MOTChallenge text and tables (CSV), each written whole or not at all."""
 
 from __future__ import annotations
 
+import csv
+import io
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
@@ -9,12 +11,19 @@ from typing import Any
 import numpy as np
 
 from appocc.checks import FloatArray
+from appocc.colours import names as words_of
+from appocc.errors import ShapeError
 from appocc.files import write_bytes, write_json
 from appocc.geometry import quaternion_from_yaw
 from tracking.tracks import Track
 
 # A bird's-eye view knows only "vehicle": the class follows from the size, and the height, unseen from above, from it.
 HEIGHT_M = {"motorcycle": 1.5, "car": 1.6, "truck": 2.8, "bus": 3.2}
+_UNKNOWN_KIND = "vehicle"
+_COLUMNS = (
+    *("timestamp_us", "frame", "track_id", "class", "x_m", "y_m", "z_m", "yaw_rad", "length_m", "width_m"),
+    *("vx_mps", "vy_mps", "r", "g", "b", "colour", "score", "seen"),
+)
 
 
 def class_of(length_m: float, width_m: float) -> str:
@@ -27,12 +36,24 @@ def class_of(length_m: float, width_m: float) -> str:
 
 
 def class_names(tracks: Sequence[Sequence[Track]]) -> dict[int, str]:
-    """The class of each track, one for its whole life, from its median size."""
+    """The class of each track, one for its whole life: its kind if that is more than "vehicle", or by median size."""
     sizes: dict[int, list[tuple[float, float]]] = {}
+    kinds: dict[int, str] = {}
     for moment in tracks:
         for track in moment:
             sizes.setdefault(track.id, []).append((track.length_m, track.width_m))
-    return {name: class_of(*np.median(seen, axis=0).tolist()) for name, seen in sizes.items()}
+            kinds[track.id] = track.kind
+    return {
+        name: class_of(*np.median(sizes[name], axis=0).tolist()) if kind == _UNKNOWN_KIND else kind
+        for name, kind in kinds.items()
+    }
+
+
+def colour_names(rgb: FloatArray) -> list[str]:
+    """Words for the sRGB colours (N, 3), 0..255, of vehicles; '' where one is not known."""
+    known = np.isfinite(rgb[:, 0])
+    words = iter(words_of(rgb[known]))
+    return [next(words) if each else "" for each in known]
 
 
 def write_nuscenes(
@@ -41,7 +62,8 @@ def write_nuscenes(
     """Write nuScenes tracking results; every sample of the scene is present, also those without tracks.
 
     Beside the keys of the benchmark each entry has `rgb` (mean sRGB 0..255, null if unknown), `seen` (false where the
-    place is predicted) and `heading_known`. The translation is the box's centre, half a usual height above ground.
+    place is predicted) and `heading_known`. The translation is the box's centre, half its height (or a usual one)
+    above ground.
 
     Args:
         path: file to write.
@@ -67,7 +89,7 @@ def write_nuscenes(
 
 
 def _entry(sample_token: str, track: Track, name: str) -> dict[str, Any]:
-    height = HEIGHT_M[name]
+    height = track.height_m if np.isfinite(track.height_m) else HEIGHT_M.get(name, HEIGHT_M["car"])
     return {
         "sample_token": sample_token,
         "translation": _rounded(track.position_world_m + np.array([0.0, 0.0, height / 2])),
@@ -109,3 +131,54 @@ def _line(frame: int, track: Track) -> str:
     x, y, z = track.position_world_m
     numbers = (x - width / 2, y - height / 2, width, height, track.score, x, y, z)
     return ",".join([str(frame), str(track.id), *(f"{number:.3f}" for number in numbers)]) + "\n"
+
+
+# Tables -----------------------------------------------------------------------------------------------------------
+
+
+def write_csv(path: Path, times_us: Sequence[int], tracks: Sequence[Sequence[Track]]) -> None:
+    """Write comma-separated values: a header, then a line for each track and moment.
+
+    Frames count from 1; places (on the ground below the centre), headings and velocities are in the world frame; r, g
+    and b are sRGB 0..255 and colour is a word for them, all empty if unknown; seen is 1, or 0 where the place is
+    predicted or filled in.
+
+    Args:
+        path: file to write.
+        times_us: T times.
+        tracks: T sequences of tracks.
+
+    Raises:
+        ShapeError: if there are not as many times as moments.
+        DataError: if the file cannot be written.
+    """
+    if len(times_us) != len(tracks):
+        raise ShapeError(f"table of tracks: expected a time for each of {len(tracks)} moments, got {len(times_us)}")
+    names = class_names(tracks)
+    told = [(frame, track) for frame, moment in enumerate(tracks, start=1) for track in moment]
+    colours = colour_names(np.array([track.rgb for _, track in told]).reshape(-1, 3))
+    rows = [
+        (int(times_us[frame - 1]), frame, track.id, names[track.id], *_cells(track, colour))
+        for (frame, track), colour in zip(told, colours, strict=True)
+    ]
+    write_table(path, _COLUMNS, rows)
+
+
+def _cells(track: Track, colour: str) -> list[str]:
+    """The columns from x_m on."""
+    numbers = (*track.position_world_m, track.yaw_world_rad, track.length_m, track.width_m, *track.velocity_world_mps)
+    rgb = [f"{value:.1f}" for value in track.rgb] if colour else [""] * 3
+    return [*(f"{number:.4f}" for number in numbers), *rgb, colour, f"{track.score:.4f}", str(int(track.seen))]
+
+
+def write_table(path: Path, header: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
+    """Write comma-separated values, lines ended as on Unix.
+
+    Raises:
+        DataError: if the file cannot be written.
+    """
+    text = io.StringIO()
+    table = csv.writer(text, lineterminator="\n")
+    table.writerow(header)
+    table.writerows(rows)
+    write_bytes(path, text.getvalue().encode())

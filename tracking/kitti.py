@@ -15,15 +15,14 @@ the origin in the camera; the world is turned alike.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 
+from appocc.boxes import LARGEST_M
 from appocc.checks import (
-    FARTHEST_M,
     BoolArray,
     FloatArray,
     IntArray,
@@ -34,7 +33,8 @@ from appocc.checks import (
 )
 from appocc.errors import DataError, ShapeError
 from appocc.geometry import transform, wrap_angle
-from tracking.detections import Detections, boxes_as_detections, log_odds_of
+from tracking.detections import Detections, TakesDetections, boxes_as_detections, lead, log_odds_of
+from tracking.rows import lines, numbers, whole
 from tracking.tracks import Track
 
 EGO_FROM_CAM = transform([[0, 0, 1], [-1, 0, 0], [0, -1, 0]], [0, 0, 0])
@@ -141,19 +141,11 @@ class KittiSequence:
     labels: tuple[KittiLabels, ...] | None
 
 
-class TakesDetections(Protocol):
-    """A tracker."""
-
-    def update(self, detections: Detections, timestamp_us: int, world_from_ego: FloatArray, /) -> Iterable[Track]:
-        """Take in one moment; the tracks at it."""
-        ...
-
-
-def track_sequence(sequence: KittiSequence, tracker: TakesDetections) -> tuple[tuple[Track, ...], ...]:
-    """Lead a fresh tracker through a sequence; the tracks of each frame."""
-    return tuple(
-        tuple(tracker.update(frame.detections, frame.timestamp_us, frame.world_from_ego)) for frame in sequence.frames
-    )
+def track_sequence(
+    sequence: KittiSequence, tracker: TakesDetections, advance: Callable[[int], None] = lambda _: None
+) -> tuple[tuple[Track, ...], ...]:
+    """Lead a fresh tracker through a sequence; the tracks of each frame. `advance` as in `lead`."""
+    return lead(tracker, sequence.frames, advance)
 
 
 def read_sequences(root: Path) -> tuple[KittiSequence, ...]:
@@ -213,38 +205,6 @@ def ego_yaw(rotation_y_rad: FloatArray) -> FloatArray:
 # Files ------------------------------------------------------------------------------------------------------------
 
 
-def _lines(path: Path, separator: str | None = None) -> Iterator[tuple[str, list[str]]]:
-    """The lines of a file that are not empty: what to call them in an error, and their columns.
-
-    Raises:
-        DataError: if the file cannot be read.
-    """
-    try:
-        text = path.read_bytes().decode(errors="replace")
-    except OSError as error:
-        raise DataError(f"{path}: cannot be read ({error.strerror})") from error
-    for number, line in enumerate(text.split("\n"), start=1):
-        if line.strip():
-            yield f"{path}: line {number}", line.split(separator)
-
-
-def _numbers(place: str, columns: Sequence[str]) -> list[float]:
-    try:
-        numbers = [float(column) for column in columns]
-    except ValueError as error:
-        raise DataError(f"{place}: expected numbers, got {error.args[0].rsplit(':', 1)[-1].strip()}") from error
-    for number in numbers:
-        if not abs(number) <= FARTHEST_M:
-            raise DataError(f"{place}: expected finite numbers up to {FARTHEST_M:.0e}, got {number:g}")
-    return numbers
-
-
-def _whole(place: str, name: str, number: float, least: int = 0) -> int:
-    if number != int(number) or number < least:
-        raise DataError(f"{place}: expected for {name} a whole number from {least}, got {number:g}")
-    return int(number)
-
-
 def _counted(place: str, columns: list[str], names: Sequence[str]) -> list[str]:
     if len(columns) != len(names):
         raise DataError(f"{place}: expected {len(names)} columns ({' '.join(names)}), got {len(columns)}")
@@ -254,14 +214,16 @@ def _counted(place: str, columns: list[str], names: Sequence[str]) -> list[str]:
 def _sized(place: str, h_w_l: Sequence[float]) -> None:
     if min(h_w_l) <= 0:
         raise DataError(f"{place}: expected positive h, w and l, got {min(h_w_l):g} m")
+    if max(h_w_l) > LARGEST_M:
+        raise DataError(f"{place}: expected h, w and l up to {LARGEST_M:g} m, got {max(h_w_l):g} m")
 
 
 def _detections(path: Path) -> FloatArray:
     """(R, 15) rows."""
     rows = []
-    for place, columns in _lines(path, ","):
-        row = _numbers(place, _counted(place, columns, _DETECTION))
-        _whole(place, "frame", row[0])
+    for place, columns in lines(path, ","):
+        row = numbers(place, _counted(place, columns, _DETECTION))
+        whole(place, "frame", row[0], 0)
         if row[1] not in KINDS:
             raise DataError(f"{place}: expected type 1, 2 or 3, got {row[1]:g}")
         _sized(place, row[7:10])
@@ -272,10 +234,10 @@ def _detections(path: Path) -> FloatArray:
 def _poses(path: Path) -> list[FloatArray]:
     """world_from_ego (4, 4) of each line."""
     poses = []
-    for place, columns in _lines(path):
+    for place, columns in lines(path):
         if len(columns) != 12:
             raise DataError(f"{place}: expected 12 numbers, got {len(columns)}")
-        pose = np.vstack([np.array(_numbers(place, columns)).reshape(3, 4), [0, 0, 0, 1]])
+        pose = np.vstack([np.array(numbers(place, columns)).reshape(3, 4), [0, 0, 0, 1]])
         try:
             check_transform(place, pose)
         except ShapeError as error:
@@ -288,12 +250,12 @@ def _poses(path: Path) -> list[FloatArray]:
 
 def _projection(path: Path) -> FloatArray:
     """P2 (3, 4)."""
-    for place, columns in _lines(path):
+    for place, columns in lines(path):
         if columns[0].rstrip(":") != "P2":
             continue
         if len(columns) != 13:
             raise DataError(f"{place}: expected 12 numbers after P2, got {len(columns) - 1}")
-        projection = np.array(_numbers(place, columns[1:])).reshape(3, 4)
+        projection = np.array(numbers(place, columns[1:])).reshape(3, 4)
         try:
             check_intrinsic(place, projection[:, :3])
         except ShapeError as error:
@@ -306,17 +268,17 @@ def _labels(path: Path, count: int) -> tuple[KittiLabels, ...]:
     """The truth of the first `count` frames."""
     frames: list[list[tuple[str, list[float]]]] = [[] for _ in range(count)]
     taken: set[tuple[int, int]] = set()
-    for place, columns in _lines(path):
+    for place, columns in lines(path):
         name = _counted(place, columns, _LABEL).pop(2)
-        row = _numbers(place, columns)
-        frame = _whole(place, "frame", row[0])
+        row = numbers(place, columns)
+        frame = whole(place, "frame", row[0], 0)
         if name != "DontCare":
-            key = frame, _whole(place, "id", row[1])
+            key = frame, whole(place, "id", row[1], 0)
             if key in taken:
                 raise DataError(f"{place}: expected one label of object {key[1]} in frame {frame}, got two")
             taken.add(key)
             for state, number in zip(("truncated", "occluded"), row[2:4], strict=True):
-                _whole(place, state, number, -1)
+                whole(place, state, number, -1)
             _sized(place, row[9:12])
         if frame < count:
             frames[frame].append((name, row))

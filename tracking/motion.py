@@ -68,7 +68,8 @@ class Motions:
         config, cov = self._config, np.zeros((len(xy_world_m), 4, 4))
         cov[:, :2, :2] = place_m2
         cov[:, 2:, 2:] = spread(yaw_rad, config.speed_mps**2, config.drift_mps**2)
-        self.mean = np.vstack([self.mean, np.pad(xy_world_m, ((0, 0), (0, 2)))])
+        mean = np.concatenate([xy_world_m, np.zeros_like(xy_world_m)], axis=1)
+        self.mean = np.concatenate([self.mean, mean])
         self.cov = np.concatenate([self.cov, cov])
 
     def keep(self, chosen: BoolArray) -> None:

@@ -7,10 +7,11 @@ vehicles but two-wheelers) counts as out of view.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field, TypeAdapter, ValidationError
@@ -20,9 +21,14 @@ from appocc.errors import DataError, ShapeError
 from appocc.files import read_json
 from appocc.geometry import apply, inverse, rotation_from_quaternion, yaw_of
 from appocc.jsonparts import JsonPart, first_problem
-from tracking.detections import Around, Detections, boxes_as_detections, log_odds_of
+from appocc.nuscenes import Dataset, Scene
+from tracking.detections import Around, Detections, TakesDetections, boxes_as_detections, log_odds_of
+from tracking.run import SceneTracks, key_frames, track_samples
+from tracking.tracker import Tracker
 
 RANGE_M = 50.0
+# The classes of the tracking benchmark; that of detections has some more.
+TRACKED = frozenset({"bicycle", "bus", "car", "motorcycle", "pedestrian", "trailer", "truck"})
 
 _Vector = Annotated[list[float], Field(min_length=3, max_length=3)]
 _Quaternion = Annotated[list[float], Field(min_length=4, max_length=4)]
@@ -41,6 +47,10 @@ class _ResultBox(JsonPart):
 
 
 class _Results(JsonPart):
+    results: dict[str, Any]
+
+
+class _SampleResults(JsonPart):
     results: dict[str, list[_ResultBox]]
 
 
@@ -131,31 +141,72 @@ def read_detections(
     Raises:
         DataError: if the file is missing or damaged or lacks a sample.
     """
+    return _detections(path, read_json(path), sample_tokens, world_from_ego, range_m)
+
+
+def _detections(
+    path: Path, content: Any, sample_tokens: Sequence[str], world_from_ego: FloatArray, range_m: float
+) -> tuple[Detections, ...]:
+    """As `read_detections`, of the file's content; samples that were not asked for are not looked at."""
     try:
-        results = _Results.model_validate(read_json(path)).results
+        results = _Results.model_validate(content).results
+        detections = []
+        for token, pose in zip(sample_tokens, world_from_ego, strict=True):
+            if token not in results:
+                raise DataError(f"{path}: expected boxes, or an empty list, for sample {token}, got nothing")
+            boxes = _SampleResults.model_validate({"results": {token: results[token]}}).results[token]
+            detections.append(_of_sample(path, token, boxes, pose, range_m))
     except ValidationError as error:
         raise DataError(f"{path}: expected detection results of nuScenes ({first_problem(error)})") from error
-    detections = []
-    for token, pose in zip(sample_tokens, world_from_ego, strict=True):
-        if token not in results:
-            raise DataError(f"{path}: expected boxes, or an empty list, for sample {token}, got nothing")
-        boxes = results[token]
-        try:
-            turn = rotation_from_quaternion(np.array([box.rotation for box in boxes]).reshape(-1, 4))
-            detections.append(
-                _in_ego(
-                    pose,
-                    np.array([box.translation for box in boxes]).reshape(-1, 3),
-                    turn,
-                    np.array([box.size for box in boxes]).reshape(-1, 3),
-                    np.array([box.detection_score for box in boxes]),
-                    tuple(box.detection_name for box in boxes),
-                    range_m,
-                )
-            )
-        except ShapeError as error:
-            raise DataError(f"{path}: sample {token}: {error}") from error
     return tuple(detections)
+
+
+def _of_sample(path: Path, token: str, boxes: Sequence[_ResultBox], pose: FloatArray, range_m: float) -> Detections:
+    try:
+        return _in_ego(
+            pose,
+            np.array([box.translation for box in boxes]).reshape(-1, 3),
+            rotation_from_quaternion(np.array([box.rotation for box in boxes]).reshape(-1, 4)),
+            np.array([box.size for box in boxes]).reshape(-1, 3),
+            np.array([box.detection_score for box in boxes]),
+            tuple(box.detection_name for box in boxes),
+            range_m,
+        )
+    except ShapeError as error:
+        raise DataError(f"{path}: sample {token}: {error}") from error
+
+
+def track_detections(
+    dataset: Dataset,
+    scene: Scene,
+    path: Path,
+    tracker: TakesDetections | None = None,
+    advance: Callable[[int], None] = lambda _: None,
+) -> tuple[SceneTracks, dict[str, int]]:
+    """Follow the objects of a scene through a file of detection results.
+
+    `advance` is called with the number of key frames done.
+
+    Returns:
+        The tracks, and of how many boxes were left out because their class is none of TRACKED.
+
+    Raises:
+        DataError: if the scene has no key frames or two at one time, or the file is missing or damaged or lacks one.
+    """
+    samples, poses = key_frames(dataset, scene)
+    content = read_json(path)
+    seen = _detections(path, content, [sample.token for sample in samples], poses, RANGE_M)
+    others = Counter(kind for each in seen for kind in each.kind if kind not in TRACKED)
+    tracked = (each.select(np.array([kind in TRACKED for kind in each.kind], dtype=np.bool_)) for each in seen)
+    tracks = track_samples(samples, poses, tracked, tracker or Tracker(), advance)
+    return SceneTracks(scene.name, str(path), samples, poses, tracks, _sensors(content)), dict(sorted(others.items()))
+
+
+def _sensors(content: Any) -> tuple[str, ...]:
+    """What the file says that its boxes were made from, such as camera and lidar; nothing if it does not."""
+    meta = content.get("meta")
+    used = [name for name, value in meta.items() if value is True] if isinstance(meta, dict) else []
+    return tuple(name.removeprefix("use_") for name in used if name.startswith("use_"))
 
 
 def read_scenes(path: Path, detector: str, range_m: float = RANGE_M) -> tuple[DetectedScene, ...]:

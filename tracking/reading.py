@@ -26,6 +26,7 @@ from appocc.checks import FARTHEST_M, BoolArray, FloatArray
 from appocc.errors import DataError
 from appocc.files import read_json
 from appocc.jsonparts import JsonPart, first_problem
+from tracking.rows import lines, numbers, whole
 
 _KITTI_COLUMNS, _MOT_COLUMNS = 17, 7
 DONT_CARE = "DontCare"
@@ -184,58 +185,29 @@ def _by_frame(numbered: Iterator[tuple[int, _Entry]]) -> dict[str | int, Entries
     return {frame: _entries(frames[frame]) for frame in sorted(frames)}
 
 
-def _lines(path: Path, separator: str | None, least: int) -> Iterator[tuple[str, list[str]]]:
-    """Lines that are not empty: what to call them in an error, and their columns."""
-    text = path.read_bytes().decode(errors="replace")
-    for number, line in enumerate(text.splitlines(), start=1):
-        if not line.strip():
-            continue
-        columns = line.split(separator)
-        if len(columns) < least:
-            raise DataError(f"{path}: line {number}: expected at least {least} columns, got {len(columns)}")
-        yield f"{path}: line {number}", columns
-
-
-def _numbers(place: str, columns: Sequence[str]) -> list[float]:
-    try:
-        numbers = [float(column) for column in columns]
-    except ValueError as error:
-        raise DataError(f"{place}: expected numbers, got {','.join(columns)[:60]!r}") from error
-    for number in numbers:
-        if not abs(number) <= FARTHEST_M:
-            raise DataError(f"{place}: expected finite numbers up to {FARTHEST_M:.0e}, got {number:g}")
-    return numbers
-
-
-def _whole(place: str, name: str, number: float) -> int:
-    if number != int(number):
-        raise DataError(f"{place}: expected a whole number for the {name}, got {number:g}")
-    return int(number)
-
-
 def _mot_entries(path: Path) -> Iterator[tuple[int, _Entry]]:
-    for place, columns in _lines(path, ",", _MOT_COLUMNS):
-        frame, name, left, top, width, height, conf = _numbers(place, columns[:_MOT_COLUMNS])
+    for place, columns in lines(path, ",", _MOT_COLUMNS):
+        frame, name, left, top, width, height, conf = numbers(place, columns[:_MOT_COLUMNS])
         if min(width, height) <= 0:
             raise DataError(f"{place}: expected a positive width and height, got {width:g} x {height:g}")
         box_px = (left, top, left + width, top + height)
-        entry = _Entry(place, str(_whole(place, "id", name)), "", box_px=box_px, score=conf, demanded=conf != 0)
-        yield _whole(place, "frame", frame), entry
+        entry = _Entry(place, str(whole(place, "id", name)), "", box_px=box_px, score=conf, demanded=conf != 0)
+        yield whole(place, "frame", frame), entry
 
 
 def _kitti_entries(path: Path) -> Iterator[tuple[int, _Entry]]:
-    for place, columns in _lines(path, None, _KITTI_COLUMNS):
-        frame, name, cut, occluded, _, left, top, right, bottom, *_, x, _, z, _ = _numbers(
+    for place, columns in lines(path, None, _KITTI_COLUMNS):
+        frame, name, cut, occluded, _, left, top, right, bottom, *_, x, _, z, _ = numbers(
             place, columns[:2] + columns[3:_KITTI_COLUMNS]
         )
-        score = _numbers(place, columns[_KITTI_COLUMNS:][:1])
+        score = numbers(place, columns[_KITTI_COLUMNS:][:1])
         entry = _Entry(
             place,
-            str(_whole(place, "id", name)),
+            str(whole(place, "id", name)),
             columns[2],
             xy_m=(x, z),
             box_px=(left, top, right, bottom),
             score=score[0] if score else float("nan"),
             demanded=cut <= 0 and occluded <= 2,
         )
-        yield _whole(place, "frame", frame), entry
+        yield whole(place, "frame", frame), entry

@@ -1,12 +1,12 @@
-"""A scene of a dataset: its maps in, its tracks, files and scores out."""
+"""A scene of a dataset: its maps or detections in, its tracks, files and scores out."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -17,8 +17,12 @@ from appocc.errors import DataError
 from appocc.files import write_json
 from appocc.nuscenes import Dataset, Sample, Scene
 from tracking.blobs import BlobConfig, find_blobs
-from tracking.formats import write_mot, write_nuscenes
+from tracking.detections import Detections, TakesDetections, lead
+from tracking.formats import write_csv, write_mot, write_nuscenes
 from tracking.metrics import GATE_M, Metrics, Moment, evaluate
+from tracking.motion import MotionConfig
+from tracking.smoothing import SmoothingConfig, smooth
+from tracking.summary import summaries_of, write_summaries
 from tracking.tracker import MAPS, Tracker
 from tracking.tracks import Track
 
@@ -33,10 +37,11 @@ class SceneTracks:
 
     Attributes:
         scene: its name.
-        source: where the maps came from.
+        source: where the maps or detections came from.
         samples: T key frames.
         world_from_ego: (T, 4, 4) poses.
         tracks: T tuples of tracks.
+        sensors: what detections were made from, of camera, lidar, radar, map and external; None for maps.
     """
 
     scene: str
@@ -44,11 +49,56 @@ class SceneTracks:
     samples: tuple[Sample, ...]
     world_from_ego: FloatArray
     tracks: tuple[tuple[Track, ...], ...]
+    sensors: tuple[str, ...] | None = None
+
+    @property
+    def times_us(self) -> tuple[int, ...]:
+        """T times of the key frames."""
+        return tuple(sample.timestamp_us for sample in self.samples)
+
+    def smoothed(self, motion: MotionConfig = MAPS.life.motion) -> SceneTracks:
+        """The same in hindsight, see `tracking.smoothing`, if their tracker took vehicles to move so."""
+        return replace(self, tracks=smooth(self.times_us, self.tracks, SmoothingConfig(motion=motion)))
 
     @property
     def count(self) -> int:
         """Number of different vehicles."""
         return len({track.id for moment in self.tracks for track in moment})
+
+
+class _Seen(NamedTuple):
+    """A key frame for the tracker."""
+
+    detections: Detections
+    timestamp_us: int
+    world_from_ego: FloatArray
+
+
+def key_frames(dataset: Dataset, scene: Scene) -> tuple[tuple[Sample, ...], FloatArray]:
+    """The T key frames of a scene, and world_from_ego (T, 4, 4) of each.
+
+    Raises:
+        DataError: if there are none, or two at one time.
+    """
+    samples = dataset.samples(scene)
+    if not samples:
+        raise DataError(f"{dataset.root}: scene '{scene.name}' has no key frames")
+    for one, other in pairwise(samples):
+        if one.timestamp_us == other.timestamp_us:
+            raise DataError(f"{dataset.tables.path('sample')}: {one.token} and {other.token} have the same time")
+    return samples, np.stack([dataset.world_from_ego(sample) for sample in samples])
+
+
+def track_samples(
+    samples: Sequence[Sample],
+    world_from_ego: FloatArray,
+    detections: Iterable[Detections],
+    tracker: TakesDetections,
+    advance: Callable[[int], None] = lambda _: None,
+) -> tuple[tuple[Track, ...], ...]:
+    """Lead a fresh tracker through T key frames with poses (T, 4, 4) and detections; `advance` as in `lead`."""
+    moments = zip(samples, world_from_ego, detections, strict=True)
+    return lead(tracker, (_Seen(seen, sample.timestamp_us, pose) for sample, pose, seen in moments), advance)
 
 
 def track_scene(
@@ -65,33 +115,26 @@ def track_scene(
         DataError: if the scene has no key frames or two at one time, or a map is missing or damaged.
     """
     tracker = tracker or Tracker(MAPS)
-    samples = dataset.samples(scene)
-    if not samples:
-        raise DataError(f"{dataset.root}: scene '{scene.name}' has no key frames")
-    for one, other in pairwise(samples):
-        if one.timestamp_us == other.timestamp_us:
-            raise DataError(f"{dataset.tables.path('sample')}: {one.token} and {other.token} have the same time")
-    poses, tracks = [], []
-    for sample in samples:
-        pose = dataset.world_from_ego(sample)
-        bev = load_map(dataset.root, source, sample.token)
-        detections = find_blobs(bev, blob_config).as_detections()
-        tracks.append(tuple(tracker.update(detections, sample.timestamp_us, pose)))
-        poses.append(pose)
-        advance(1)
-    return SceneTracks(scene.name, source, samples, np.stack(poses), tuple(tracks))
+    samples, poses = key_frames(dataset, scene)
+    blobs = (find_blobs(load_map(dataset.root, source, sample.token), blob_config) for sample in samples)
+    tracks = track_samples(samples, poses, (each.as_detections() for each in blobs), tracker, advance)
+    return SceneTracks(scene.name, source, samples, poses, tracks)
 
 
 def write_tracks(folder: Path, result: SceneTracks) -> list[Path]:
-    """Write tracking.json (nuScenes) and mot.txt (MOTChallenge) into a folder; their paths.
+    """Write tracking.json (nuScenes), mot.txt (MOTChallenge), tracks.csv and summary.csv into a folder; their paths.
 
     Raises:
         DataError: if a file cannot be written.
     """
-    paths = [folder / "tracking.json", folder / "mot.txt"]
-    modalities = ("camera", "lidar", "map", "external") if is_truth(result.source) else ("camera",)
+    paths = [folder / name for name in ("tracking.json", "mot.txt", "tracks.csv", "summary.csv")]
+    modalities = result.sensors
+    if modalities is None:
+        modalities = ("camera", "lidar", "map", "external") if is_truth(result.source) else ("camera",)
     write_nuscenes(paths[0], [sample.token for sample in result.samples], result.tracks, modalities)
     write_mot(paths[1], result.tracks)
+    write_csv(paths[2], result.times_us, result.tracks)
+    write_summaries(paths[3], summaries_of(result.times_us, result.tracks))
     return paths
 
 
@@ -109,7 +152,13 @@ def score(dataset: Dataset, result: SceneTracks) -> dict[str, Metrics] | None:
     truths = [dataset.boxes_world(sample).vehicles() for sample in result.samples]
     moving = moving_instances(truths)
     kinds = {"metrics": None, "metrics_moving": True, "metrics_parked": False}
-    return {name: evaluate(_moments(result, truths, moving, kind)) for name, kind in kinds.items()}
+    vehicles = replace(result, tracks=tuple(tuple(filter(_is_vehicle, moment)) for moment in result.tracks))
+    return {name: evaluate(_moments(vehicles, truths, moving, kind)) for name, kind in kinds.items()}
+
+
+def _is_vehicle(track: Track) -> bool:
+    """Whether a track is one of those that annotated vehicles are compared with."""
+    return track.kind not in ("pedestrian", "bicycle")
 
 
 def moving_instances(truths: Sequence[Boxes]) -> set[str]:
@@ -151,4 +200,5 @@ def write_metrics(path: Path, result: SceneTracks, metrics: dict[str, Metrics]) 
     """
     protocol: dict[str, Any] = {"range_m": RANGE_M, "gate_m": GATE_M, "moving_span_m": MOVING_SPAN_M}
     scores = {name: value.as_json() for name, value in metrics.items()}
-    write_json(path, {"scene": result.scene, "bev": result.source, "protocol": protocol, **scores})
+    source = "bev" if result.sensors is None else "detections"
+    write_json(path, {"scene": result.scene, source: result.source, "protocol": protocol, **scores})

@@ -9,7 +9,7 @@ import numpy as np
 from appocc.checks import BoolArray, FloatArray, IntArray, check_transform
 from appocc.errors import DataError
 from appocc.geometry import apply, inverse
-from tracking.association import AssociationConfig, Predicted, Seen, associate, noise_of
+from tracking.association import AssociationConfig, Pairs, matched, near, possible
 from tracking.detections import Detections
 from tracking.follow import Followed, LifeConfig, Sightings, sightings_of
 from tracking.motion import MotionConfig
@@ -74,18 +74,26 @@ class Tracker:
         """
         check_transform("world_from_ego", world_from_ego)
         self._predict(timestamp_us)
-        kinds = [self._kinds.setdefault(name, len(self._kinds)) for name in detections.kind]
-        seen = sightings_of(detections, world_from_ego, np.array(kinds, dtype=np.int64))
-        taken = self._associate(seen)
-        self._bury(detections, world_from_ego)
+        for name in dict.fromkeys(detections.kind):
+            self._kinds.setdefault(name, len(self._kinds))
+        kinds = np.array([self._kinds[name] for name in detections.kind], dtype=np.int64)
+        seen = sightings_of(detections, world_from_ego, kinds)
+        # Of what a detector tells twice, one sighting is as good as none.
+        seen = seen._replace(log_odds=np.where(detections.distinct(), seen.log_odds, -np.inf))
+        taken, close = self._associate(seen)
+        alive = self._alive
+        places_m = apply(inverse(world_from_ego), alive.place_world_m)[:, :2]
+        # Dropped are tracks unseen for too long, and unseen ones that left the view: who enters there is new.
+        keep = ~alive.dead & (detections.view.sees(places_m) | (alive.detection >= 0))
+        alive.keep(keep)
         # Unseen tracks whose places a detection covers: vehicles that touch, so that it is not a new one.
-        hidden = np.flatnonzero(self._alive.confirmed & (self._alive.detection < 0))
-        covered = detections.cover(self._places_ego(world_from_ego)[hidden])
+        hidden = np.flatnonzero(alive.confirmed & (alive.detection < 0) & close[keep])
+        covered = detections.cover(places_m[keep][hidden])
         free = ~taken & (seen.log_odds >= self.config.begin) & ~covered.any(axis=0)
         self._begin(np.flatnonzero(free), seen)
-        told = self._alive.told
+        told = alive.told
         told[hidden] |= covered.any(axis=1)
-        return self._alive.tracks(told, tuple(self._kinds))
+        return alive.tracks(told, tuple(self._kinds))
 
     def _predict(self, timestamp_us: int) -> None:
         """Move all tracks to a new time."""
@@ -95,48 +103,40 @@ class Tracker:
             self._alive.predict((timestamp_us - self._time_us) * 1e-6)
         self._time_us = timestamp_us
 
-    def _associate(self, seen: Sightings) -> BoolArray:
-        """(M,) whether a track took a sighting: clear ones, weak ones, and then clear ones farther off."""
-        taken = np.zeros(len(seen.log_odds), dtype=np.bool_)
-        expected, shown = self._alive.expected(), self._alive.shown(seen)
-        config, alive = self.config, self._alive
+    def _associate(self, seen: Sightings) -> tuple[BoolArray, BoolArray]:
+        """Let tracks take sightings: clear ones, weak ones, and then clear ones farther off.
+
+        Returns:
+            (M,) whether a track took a sighting, and (N,) whether a track is as close to one as if it were covered.
+        """
+        alive, config = self._alive, self.config
+        expected, shown = alive.expected(), alive.shown(seen)
         clear = seen.log_odds >= config.clear
         weak = ~clear & (seen.log_odds >= config.weak)
-        for sights, rule in ((clear, config.association), (weak, config.association), (clear, config.again)):
-            lack = (alive.detection < 0) & (alive.confirmed | (sights is clear))
-            self._take(np.flatnonzero(lack), np.flatnonzero(sights & ~taken), expected, shown, seen, rule, taken)
-        return taken
+        takes, taken = np.full(len(alive), -1), np.zeros(len(clear), np.bool_)
+        noise_m2 = np.zeros((len(alive), 2, 2))
 
-    def _take(
-        self,
-        rows: IntArray,
-        columns: IntArray,
-        expected: Predicted,
-        shown: Seen,
-        seen: Sightings,
-        rule: AssociationConfig,
-        taken: BoolArray,
-    ) -> None:
-        """Let some tracks take some sightings, and note which."""
-        if not len(rows) or not len(columns):
-            return
-        i, j = associate(expected.of(rows), shown.of(columns), rule)
-        rows, columns = rows[i], columns[j]
-        self._alive.see(rows, seen.of(columns), columns, noise_of(expected.of(rows), shown.of(columns)))
-        taken[columns] = True
+        def take(pairs: Pairs) -> None:
+            takes[pairs.rows], noise_m2[pairs.rows], taken[pairs.columns] = pairs.columns, pairs.noise_m2, True
+
+        half_m = np.hypot(seen.size_m[:, 0], seen.size_m[:, 1]) / 2
+        reaches_m = (rule.reach_m(expected.unseen_s) for rule in (config.association, config.again))
+        rows, columns = near(expected.xy_m, shown.xy_m, np.maximum(np.maximum(*reaches_m), half_m.max(initial=0.0)))
+        pairs = possible(expected, shown, rows, columns, config.association)
+        take(matched(pairs.of(clear[pairs.columns])))
+        take(matched(pairs.of(weak[pairs.columns] & (alive.confirmed & (takes < 0))[pairs.rows])))
+        left = (takes < 0)[rows] & (clear & ~taken)[columns]
+        if left.any():
+            take(matched(possible(expected, shown, rows[left], columns[left], config.again)))
+        found = np.flatnonzero(takes >= 0)
+        alive.see(found, seen.of(takes[found]), takes[found], noise_m2[found])
+        offset_m = shown.xy_m[columns] - expected.xy_m[rows]
+        close = np.zeros(len(alive), np.bool_)
+        close[rows[np.hypot(offset_m[:, 0], offset_m[:, 1]) <= half_m[columns]]] = True
+        return taken, close
 
     def _begin(self, columns: IntArray, seen: Sightings) -> None:
         """Begin tracks of sightings."""
         numbers = self._born + 1 + np.arange(len(columns))
         self._born += len(columns)
         self._alive.add(seen.of(columns), numbers, columns)
-
-    def _bury(self, detections: Detections, world_from_ego: FloatArray) -> None:
-        """Drop tracks that were unseen for too long, and unseen ones that left the view: who enters there is new."""
-        alive = self._alive
-        inside = detections.view.sees(self._places_ego(world_from_ego))
-        alive.keep(~alive.dead & (inside | (alive.detection >= 0)))
-
-    def _places_ego(self, world_from_ego: FloatArray) -> FloatArray:
-        """(N, 2) places of tracks in the ego frame."""
-        return apply(inverse(world_from_ego), self._alive.place_world_m)[:, :2]

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from appocc.checks import BoolArray, FloatArray, IntArray, check_finite, check_shape, frozen
 from appocc.errors import ShapeError
@@ -122,42 +123,47 @@ class Memory:
 
     def __init__(self, sightings: int, values: int) -> None:
         """Start with no vehicles, of each of which so many values are remembered."""
-        self._rows = np.zeros((0, sightings, values))
+        self._last = np.zeros((sightings, values, 0))  # in this order sums over sightings are fastest
         self._next = np.zeros(0, dtype=np.int64)
         self.median = np.zeros((0, values))
 
     def add(self, values: FloatArray) -> None:
         """Begin with first sightings (M, K), NaN where one shows nothing of a value."""
-        fresh = np.full((len(values), *self._rows.shape[1:]), np.nan)
-        fresh[:, 0] = values
-        self._rows = np.concatenate([self._rows, fresh])
-        self._next = np.append(self._next, np.ones(len(values), np.int64))
-        self.median = np.vstack([self.median, values])
+        fresh = np.full((len(self._last), *values.T.shape), np.nan)
+        fresh[0] = values.T
+        self._last = np.concatenate([self._last, fresh], axis=2)
+        self._next = np.concatenate([self._next, np.ones(len(values), np.int64)])
+        self.median = np.concatenate([self.median, values])
 
     def keep(self, chosen: BoolArray) -> None:
         """Go on with some (N,) only."""
-        self._rows, self._next, self.median = self._rows[chosen], self._next[chosen], self.median[chosen]
+        self._last, self._next, self.median = self._last[..., chosen], self._next[chosen], self.median[chosen]
 
     def remember(self, rows: IntArray, values: FloatArray) -> None:
         """One more sighting of each of some vehicles (M,): values (M, K)."""
-        sightings = self._rows.shape[1]
-        self._rows[rows, self._next[rows] % sightings] = values
+        self._last[self._next[rows] % len(self._last), :, rows] = values
         self._next[rows] += 1
-        self.median[rows] = _medians(self._rows[rows])
+        self.median[rows] = _medians(self._last[..., rows]).T
 
-    def spread(self) -> FloatArray:
-        """(N, K) sums of squared distances from the medians, and what is unknown counts for nothing."""
-        return np.asarray(np.nansum((self._rows - self.median[:, None]) ** 2, axis=1))
+    def spread(self, values: slice = slice(None)) -> FloatArray:
+        """(N, K) sums of squared distances from the medians, of all or some values; what is unknown adds nothing."""
+        off = self._last[:, values] - self.median[:, values].T
+        off[np.isnan(off)] = 0.0
+        return np.asarray((off * off).sum(axis=0).T)
 
-    def known(self) -> FloatArray:
-        """(N, K) how many of the sightings remembered show a value."""
-        return np.asarray(np.isfinite(self._rows).sum(axis=1), dtype=np.float64)
+    def known(self, values: slice = slice(None)) -> FloatArray:
+        """(N, K) how many of the sightings remembered show a value, of all or some values."""
+        return _known(self._last[:, values]).T.astype(np.float64)
 
 
-def _medians(rows: FloatArray) -> FloatArray:
-    """(M, K) medians of (M, S, K) without what is NaN; NaN where all is."""
-    ordered = np.sort(rows, axis=1)  # NaN come last
-    count = np.isfinite(rows).sum(axis=1)  # M K
-    middle = [np.maximum(count - 1, 0) // 2, np.maximum(count // 2, 0)]
-    low, high = (np.take_along_axis(ordered, each[:, None], axis=1)[:, 0] for each in middle)
-    return np.asarray(np.where(count > 0, (low + np.where(count % 2 == 1, low, high)) / 2, np.nan))
+def _known(last: FloatArray) -> NDArray[np.int32]:
+    """(K, M) how many of (S, K, M) are not NaN."""
+    return np.asarray(np.isfinite(last).sum(axis=0, dtype=np.int32))
+
+
+def _medians(last: FloatArray) -> FloatArray:
+    """(K, M) medians of (S, K, M) without what is NaN; NaN where all is."""
+    ordered = np.sort(last, axis=0)  # NaN come last
+    count = _known(last)
+    of_all = np.ix_(*map(np.arange, count.shape))
+    return np.asarray((ordered[np.maximum(count - 1, 0) // 2, *of_all] + ordered[count // 2, *of_all]) / 2)

@@ -13,6 +13,8 @@ from appocc.errors import DataError, NotFoundError
 from appocc.grid import BEVGrid
 from cli.main import app
 
+NAMES = ["tracking.json", "mot.txt", "tracks.csv", "summary.csv"]
+
 
 @pytest.fixture
 def street(tiny: TinyDataset) -> TinyDataset:
@@ -47,7 +49,7 @@ def test_json(street: TinyDataset) -> None:
     assert answer["metrics_moving"]["MOTA"] is None
     assert answer["metrics_parked"]["MOTA"] == 1.0
     folder = street.root / "tracks" / "scene-tiny"
-    assert answer["files"] == [str(folder / name) for name in ("tracking.json", "mot.txt", "metrics.json")]
+    assert answer["files"] == [str(folder / name) for name in (*NAMES, "metrics.json")]
     assert all(Path(name).is_file() for name in answer["files"])
     assert json.loads((folder / "metrics.json").read_text())["metrics"] == metrics
 
@@ -59,7 +61,7 @@ def test_for_people_everything_goes_to_stderr(street: TinyDataset, tmp_path: Pat
     assert "scene scene-tiny: 1 vehicles in 3 key frames" in result.stderr
     assert "MOTA" in result.stderr
     assert (tmp_path / "t.webm").stat().st_size > 0
-    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["metrics.json", "mot.txt", "tracking.json"]
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {*NAMES, "metrics.json"}
     assert not (street.root / "tracks").exists()
 
 
@@ -69,7 +71,7 @@ def test_without_annotations_metrics_are_null(street: TinyDataset) -> None:
     result = run(street.root, "--json")
     answer = json.loads(result.stdout)
     assert answer["metrics"] is answer["metrics_moving"] is answer["metrics_parked"] is None
-    assert [Path(name).name for name in answer["files"]] == ["tracking.json", "mot.txt"]
+    assert [Path(name).name for name in answer["files"]] == NAMES
     assert "no annotations" in result.stderr
 
 

@@ -3,10 +3,10 @@ from collections import Counter
 import numpy as np
 import pytest
 
+from appocc.colours import WORDS, word_probabilities
 from appocc.errors import NotFoundError
 from appocc.simulation.actors.paint import COLOUR_WORDS, paint_of, paints_of
 from appocc.simulation.traffic import KINDS, Actor
-from grounding.colours import WORDS, word_probabilities
 
 
 def fleet(kind: str, count: int) -> list[Actor]:

@@ -8,10 +8,10 @@ from made_map import BLACK, BLUE, RED, WHITE, Car, map_of
 
 from appocc.bevmap import VEHICLE, BEVMap
 from appocc.checks import FloatArray
+from appocc.colours import lab_from_rgb
 from appocc.errors import ShapeError
 from appocc.grid import BEVGrid
 from tracking.blobs import BlobConfig, Blobs, GridView, find_blobs, label_blobs, measure_blobs
-from tracking.colour import lab_from_rgb
 
 
 def test_a_car_is_found_where_it_stands() -> None:

@@ -63,13 +63,16 @@ def test_nothing_is_written_if_a_sequence_is_damaged(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("words", "complaint"),
     [
-        ((), "expected ROOT, --scene and --bev, or --kitti"),
-        (("ROOT",), "expected ROOT, --scene and --bev, or --kitti"),
-        (("ROOT", "--scene", "one"), "expected ROOT, --scene and --bev, or --kitti"),
-        (("--scene", "one", "--bev", "exact"), "expected ROOT, --scene and --bev, or --kitti"),
+        ((), "expected one of --bev, --detections, --kitti and --mot, got none"),
+        (("ROOT",), "expected one of --bev, --detections, --kitti and --mot, got none"),
+        (("ROOT", "--scene", "one"), "expected one of --bev, --detections, --kitti and --mot, got none"),
+        (("--scene", "one", "--bev", "exact"), "--bev needs ROOT and --scene, got no ROOT"),
         (("ROOT", "--kitti", "KITTI"), "--kitti goes only with --out and --json"),
         (("--kitti", "KITTI", "--scene", "one"), "--kitti goes only with --out and --json"),
-        (("--kitti", "KITTI", "--bev", "exact"), "--kitti goes only with --out and --json"),
+        (
+            ("--kitti", "KITTI", "--bev", "exact"),
+            "expected one of --bev, --detections, --kitti and --mot, got --bev and --kitti",
+        ),
         (("--kitti", "KITTI", "--video", "t.webm"), "--kitti goes only with --out and --json"),
         (("--kitti", "KITTI", "--version", "v1.0-mini"), "--kitti goes only with --out and --json"),
     ],

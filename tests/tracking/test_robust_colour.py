@@ -1,29 +1,9 @@
 from __future__ import annotations
 
 import numpy as np
-from skimage.color import rgb2lab
 
 from appocc.checks import FloatArray
-from tracking.colour import LEAST_INSIDE, lab_from_rgb, robust_lab
-
-
-def test_colours_are_those_of_scikit_image() -> None:
-    steps = np.array([0, 1, 5, 10, 11, 12, 40, 100, 128, 200, 254, 255], np.uint8)
-    rgb = np.stack(np.meshgrid(steps, steps, steps), axis=-1).reshape(-1, 3)
-    expected = rgb2lab(rgb[None] / 255)[0]
-    np.testing.assert_allclose(lab_from_rgb(rgb), expected, atol=1e-9)
-    np.testing.assert_allclose(lab_from_rgb(rgb.astype(np.float64)), expected, atol=1e-9)
-
-
-def test_fractions_and_unknown_colours_pass() -> None:
-    rgb = np.array([[[10.25, 99.5, 200.75], [np.nan] * 3]])
-    np.testing.assert_allclose(lab_from_rgb(rgb)[:, :1], rgb2lab(rgb[:, :1] / 255), atol=1e-9)
-    assert np.isnan(lab_from_rgb(rgb)[0, 1]).all()
-
-
-def test_white_grey_and_black_have_no_hue() -> None:
-    lab = lab_from_rgb([[255, 255, 255], [119, 119, 119], [0, 0, 0]])
-    np.testing.assert_allclose(lab, [[100.0, 0.0, 0.0], [50.034, 0.0, 0.0], [0.0, 0.0, 0.0]], atol=5e-3)
+from tracking.colour import LEAST_INSIDE, robust_lab
 
 
 def labs(lightness: list[float]) -> FloatArray:

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from appocc.errors import DataError
-from tracking.formats import class_of, write_mot, write_nuscenes
+from appocc.errors import DataError, ShapeError
+from tracking.formats import class_names, class_of, write_csv, write_mot, write_nuscenes
 from tracking.tracks import Track
 
 
@@ -75,6 +75,37 @@ def test_a_track_has_one_class_for_life(tmp_path: Path) -> None:
     assert [results[token][0]["tracking_name"] for token in "abc"] == ["truck"] * 3
 
 
+def test_a_detectors_class_and_height_stay(tmp_path: Path) -> None:
+    """Also one that only it knows."""
+    moments = [(track(1, kind="bus", height_m=3.0), track(2, kind="pram", height_m=np.nan), track(3))]
+    assert class_names(moments) == {1: "bus", 2: "pram", 3: "car"}
+    write_nuscenes(tmp_path / "t.json", ["a"], moments, [])
+    entries = json.loads((tmp_path / "t.json").read_text())["results"]["a"]
+    assert [(each["size"][2], each["translation"][2]) for each in entries] == [(3.0, 3.5), (1.6, 2.8), (1.6, 2.8)]
+
+
+def test_table_lines(tmp_path: Path) -> None:
+    unseen = track(12, rgb=np.full(3, np.nan), seen=False, kind="bus")
+    write_csv(tmp_path / "deep" / "t.csv", [10**15, 10**15 + 5, 10**15 + 9], [(track(),), (), (track(), unseen)])
+    lines = (tmp_path / "deep" / "t.csv").read_text().split("\n")
+    place = "100.0000,50.0000,2.0000,1.5708,4.5000,1.8000,3.0000,4.0000"
+    assert lines == [
+        "timestamp_us,frame,track_id,class,x_m,y_m,z_m,yaw_rad,length_m,width_m,"
+        "vx_mps,vy_mps,r,g,b,colour,score,seen",
+        f"1000000000000000,1,1,car,{place},10.0,20.0,30.0,black or blue,0.9000,1",
+        f"1000000000000009,3,1,car,{place},10.0,20.0,30.0,black or blue,0.9000,1",
+        f"1000000000000009,3,12,bus,{place},,,,,0.9000,0",
+        "",
+    ]
+
+
+def test_a_table_of_nothing_has_a_header(tmp_path: Path) -> None:
+    write_csv(tmp_path / "t.csv", [1, 2], [(), ()])
+    assert len((tmp_path / "t.csv").read_text().splitlines()) == 1
+    with pytest.raises(ShapeError, match="expected a time for each of 1 moments, got 2"):
+        write_csv(tmp_path / "t.csv", [1, 2], [()])
+
+
 def test_mot_lines(tmp_path: Path) -> None:
     slanted = track(7, yaw_world_rad=np.pi / 6, length_m=4.0, width_m=2.0)
     write_mot(tmp_path / "mot.txt", [(track(),), (), (slanted,)])
@@ -99,6 +130,8 @@ def test_what_cannot_be_written_leaves_nothing(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(DataError, match="cannot be written"):
         write_mot(tmp_path / "file" / "mot.txt", [(track(),)])
+    with pytest.raises(DataError, match="cannot be written"):
+        write_csv(tmp_path / "file" / "t.csv", [1], [(track(),)])
     with pytest.raises(ValueError, match="shorter"):
         write_nuscenes(tmp_path / "t.json", ["one", "two"], [(track(),)], [])
     assert sorted(path.name for path in tmp_path.iterdir()) == ["file"]

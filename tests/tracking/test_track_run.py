@@ -35,7 +35,12 @@ def test_a_scene_is_tracked_written_and_scored(tiny: TinyDataset, tmp_path: Path
     assert (scores["metrics_moving"].GT, scores["metrics_moving"].FP) == (0, 0)
 
     paths = write_tracks(tmp_path / "out", result)
-    assert [path.name for path in paths] == ["tracking.json", "mot.txt"]
+    assert [path.name for path in paths] == ["tracking.json", "mot.txt", "tracks.csv", "summary.csv"]
+    lines = [path.read_text().splitlines() for path in paths[2:]]
+    assert [len(each) for each in lines] == [4, 2]
+    first, last = (result.samples[i].timestamp_us for i in (0, -1))
+    assert [line.split(",")[0] for line in lines[0][1:]] == [str(time_us) for time_us in result.times_us]
+    assert lines[1][1] == f"1,car,white,{first},{last},3,3,0.00,0.00,0"
     data = json.loads(paths[0].read_text())
     assert list(data["results"]) == [token("sample", i) for i in range(3)]
     assert data["meta"]["use_lidar"]
@@ -44,6 +49,18 @@ def test_a_scene_is_tracked_written_and_scored(tiny: TinyDataset, tmp_path: Path
     assert written["metrics"]["MOTA"] == 1.0
     assert written["metrics_moving"]["MOTA"] is None
     assert written["protocol"] == {"range_m": 40.0, "gate_m": 2.0, "moving_span_m": 2.0}
+
+
+def test_smoothed_tracks_are_the_same_vehicles(tiny: TinyDataset) -> None:
+    dataset = with_maps(tiny)
+    result = track_scene(dataset, dataset.scenes[0], "groundtruth")
+    smoothed = result.smoothed()
+    assert [[track.id for track in moment] for moment in smoothed.tracks] == [[1], [1], [1]]
+    assert len({(track.length_m, track.yaw_world_rad) for (track,) in smoothed.tracks}) == 1
+    np.testing.assert_allclose(
+        [track.position_world_m for (track,) in smoothed.tracks], [[100, 210, 0]] * 3, atol=0.1
+    )
+    assert smoothed.samples == result.samples
 
 
 def test_maps_of_a_model_come_from_cameras_alone(tiny: TinyDataset, tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Colour words: how well each fits an sRGB colour, fuzzy in CIELAB; fits are ranked and never made hard labels."""
+"""Colours: CIELAB, and how well words fit, fuzzy in CIELAB; fits are ranked and never made hard labels."""
 
 from __future__ import annotations
 
@@ -21,10 +21,13 @@ _NEAREST_TERM = {"beige": "brown", "tan": "brown", "maroon": "red", "navy": "blu
     "gold": "yellow",
     "violet": "purple",
 }
+# Linear sRGB to XYZ (IEC 61966-2-1), and the white point D65 of the 2 degree observer (CIE 15); these and the two
+# numbers of the straight part near black are rounded as scikit-image rounds them, so that both give the same.
 _XYZ_FROM_RGB = np.array(
-    [[0.4124564, 0.3575761, 0.1804375], [0.2126729, 0.7151522, 0.0721750], [0.0193339, 0.1191920, 0.9503041]]
+    [[0.412453, 0.357580, 0.180423], [0.212671, 0.715160, 0.072169], [0.019334, 0.119193, 0.950227]]
 )
 _WHITE_XYZ = np.array([0.95047, 1.0, 1.08883])
+_STRAIGHT_BELOW, _STRAIGHT_SLOPE = 0.008856, 7.787
 
 # Lightness L* (centre, spread) of the achromatic words; black and white reach on to the ends of the scale.
 _LIGHTNESS = {"black": (17.0, 10.0), "grey": (43.0, 14.0), "silver": (69.0, 13.0), "white": (90.0, 11.0)}
@@ -51,18 +54,27 @@ _DOUBT = 0.03
 
 
 def lab_from_rgb(rgb: ArrayLike) -> FloatArray:
-    """CIELAB (..., 3) under D65 of sRGB colours (..., 3) in 0..255 (IEC 61966-2-1, CIE 15)."""
-    return _lab_from_linear(_linear_from_srgb(rgb))
+    """CIELAB (..., 3) under D65 of sRGB colours (..., 3) in 0..255, fastest of bytes; NaN of NaN."""
+    return _lab_from_linear(linear_from_srgb(rgb))
 
 
-def _linear_from_srgb(rgb: ArrayLike) -> FloatArray:
-    share = np.asarray(rgb, dtype=np.float64) / 255.0
+def linear_from_srgb(rgb: ArrayLike) -> FloatArray:
+    """Linear light 0..1 of sRGB values 0..255 of any shape, fastest of bytes; NaN of NaN."""
+    values = np.asarray(rgb)
+    return _LINEAR_OF_BYTE[values] if values.dtype == np.uint8 else _linear(values.astype(np.float64))
+
+
+def _linear(values: FloatArray) -> FloatArray:
+    share = values / 255.0
     return np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
 
 
+_LINEAR_OF_BYTE = _linear(np.arange(256.0))
+
+
 def _lab_from_linear(linear: FloatArray) -> FloatArray:
-    ratio = linear @ _XYZ_FROM_RGB.T / _WHITE_XYZ
-    f = np.where(ratio > (6 / 29) ** 3, np.cbrt(ratio), ratio / (3 * (6 / 29) ** 2) + 4 / 29)
+    ratio = linear @ (_XYZ_FROM_RGB.T / _WHITE_XYZ)
+    f = np.where(ratio > _STRAIGHT_BELOW, np.cbrt(ratio), ratio * _STRAIGHT_SLOPE + 16 / 116)
     x, y, z = f[..., 0], f[..., 1], f[..., 2]
     return np.stack([116 * y - 16, 500 * (x - y), 200 * (y - z)], axis=-1)
 
@@ -91,7 +103,7 @@ class Exposure:
 
     def lab(self, rgb: ArrayLike) -> FloatArray:
         """CIELAB (..., 3) of sRGB colours (..., 3) in 0..255 as they would be in neutral daylight."""
-        return _lab_from_linear(np.minimum(_linear_from_srgb(rgb) * self.gain, 1.2))
+        return _lab_from_linear(np.minimum(linear_from_srgb(rgb) * self.gain, 1.2))
 
 
 DAYLIGHT = Exposure(np.ones(3))
@@ -108,10 +120,10 @@ def exposure_of(bev: BEVMap, vehicles_rgb: FloatArray) -> Exposure:
     gain = np.ones(3)
     road = bev.appearance_valid & bev.on[ROAD] & ~bev.on[VEHICLE]
     if np.count_nonzero(road) >= 100:
-        asphalt = np.median(_linear_from_srgb(bev.appearance[:, road].T), axis=0) + 1e-3
+        asphalt = np.median(linear_from_srgb(bev.appearance[:, road].T), axis=0) + 1e-3
         gain = asphalt.mean() / asphalt
     if len(vehicles_rgb) >= 5:
-        light = (_linear_from_srgb(vehicles_rgb) * gain) @ _XYZ_FROM_RGB[1]
+        light = (linear_from_srgb(vehicles_rgb) * gain) @ _XYZ_FROM_RGB[1]
         gain = gain * np.clip(_BRIGHT_VEHICLE / max(float(np.quantile(light, 0.97)), 1e-3), 1.0, _MOST_GAIN)
     return Exposure(gain)
 
@@ -175,7 +187,16 @@ def fit(colour: str, rgb: ArrayLike, exposure: Exposure = DAYLIGHT) -> FloatArra
 
 def name(rgb: ArrayLike, exposure: Exposure = DAYLIGHT) -> str:
     """The likeliest word of one sRGB colour (3,), for people; the second likeliest beside it where it is close."""
+    return names(np.asarray(rgb)[None], exposure)[0]
+
+
+def names(rgb: ArrayLike, exposure: Exposure = DAYLIGHT) -> tuple[str, ...]:
+    """The same of N colours (N, 3)."""
     probabilities = word_probabilities(rgb, exposure)
-    first, second = np.argsort(probabilities)[::-1][:2]
-    close = probabilities[second] > 0.6 * probabilities[first]
-    return f"{WORDS[first]} or {WORDS[second]}" if close else WORDS[first]
+    first, second = np.argsort(probabilities, axis=-1)[:, ::-1][:, :2].T
+    rows = np.arange(len(probabilities))
+    close = probabilities[rows, second] > 0.6 * probabilities[rows, first]
+    return tuple(
+        f"{WORDS[one]} or {WORDS[other]}" if both else WORDS[one]
+        for one, other, both in zip(first.tolist(), second.tolist(), close.tolist(), strict=True)
+    )

@@ -5,13 +5,49 @@ import pytest
 from skimage.color import rgb2lab
 from street import BLACK, BLUE, GREEN, GREY, RED, SILVER, WHITE, YELLOW, Street
 
+from appocc.colours import (
+    DAYLIGHT,
+    WORDS,
+    Exposure,
+    exposure_of,
+    fit,
+    lab_from_rgb,
+    linear_from_srgb,
+    name,
+    word_probabilities,
+)
 from appocc.errors import ShapeError
-from grounding.colours import DAYLIGHT, WORDS, Exposure, exposure_of, fit, lab_from_rgb, name, word_probabilities
+
+
+def test_colours_are_those_of_scikit_image() -> None:
+    steps = np.array([0, 1, 5, 10, 11, 12, 40, 100, 128, 200, 254, 255], np.uint8)
+    rgb = np.stack(np.meshgrid(steps, steps, steps), axis=-1).reshape(-1, 3)
+    expected = rgb2lab(rgb[None] / 255)[0]
+    np.testing.assert_allclose(lab_from_rgb(rgb), expected, atol=1e-9)
+    np.testing.assert_allclose(lab_from_rgb(rgb.astype(np.float64)), expected, atol=1e-9)
 
 
 def test_lab_is_that_of_skimage() -> None:
     rgb = np.random.default_rng(0).integers(0, 256, (500, 3)).astype(np.uint8)
-    assert np.abs(lab_from_rgb(rgb) - rgb2lab(rgb[None])[0]).max() < 0.02
+    np.testing.assert_allclose(lab_from_rgb(rgb), rgb2lab(rgb[None])[0], atol=1e-9)
+
+
+def test_linear_light_of_bytes_is_that_of_numbers() -> None:
+    every = np.arange(256)
+    linear = linear_from_srgb(every.astype(np.uint8))
+    assert linear.tolist() == linear_from_srgb(every).tolist()
+    np.testing.assert_allclose(linear[[0, 1, 188, 255]], [0, 1 / 255 / 12.92, 0.502886, 1], atol=1e-6)
+
+
+def test_fractions_and_unknown_colours_pass() -> None:
+    rgb = np.array([[[10.25, 99.5, 200.75], [np.nan] * 3]])
+    np.testing.assert_allclose(lab_from_rgb(rgb)[:, :1], rgb2lab(rgb[:, :1] / 255), atol=1e-9)
+    assert np.isnan(lab_from_rgb(rgb)[0, 1]).all()
+
+
+def test_white_grey_and_black_have_no_hue() -> None:
+    lab = lab_from_rgb([[255, 255, 255], [119, 119, 119], [0, 0, 0]])
+    np.testing.assert_allclose(lab, [[100.0, 0.0, 0.0], [50.034, 0.0, 0.0], [0.0, 0.0, 0.0]], atol=5e-3)
 
 
 def test_lab_keeps_leading_axes() -> None:
