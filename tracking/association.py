@@ -9,10 +9,15 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from appocc.checks import BoolArray, FloatArray, IntArray
-from tracking.motion import determinant_of, squared
+from tracking.motion import bend, determinant_of, squared
 
-_FORBIDDEN = 1e6
 _UNIT = np.eye(2)
+# Spread of the lightness and the two colour axes of vehicles' paints, all streets taken together.
+_PAINTS_LAB = np.array([25.0, 12.0, 14.0])
+# A sighting whose heading is farther off than this tells of no turn.
+_MOST_TURN_RAD = 1.0
+# How much likelier, as a cost, it must be that a vehicle turned than that it went straight on.
+_TURN_COST = 2.0
 
 
 @dataclass(frozen=True)
@@ -28,7 +33,8 @@ class AssociationConfig:
         heading_cap: most that it may cost, in squared standard deviations; 0 leaves it out.
         size: standard deviation of the logarithm of length and width, taken together.
         size_cap: likewise.
-        colour_cap: most that a difference in colour may cost: a shadow must not break a track. 0 leaves colour out.
+        colour_doubt: how likely a colour is seen wrongly: a shadow must not break a track. 1 leaves colour out.
+        cost_most: what it costs to leave both alone: a vehicle gone and a new one. No pair may cost more.
     """
 
     gate_m: float = 2.0
@@ -39,7 +45,8 @@ class AssociationConfig:
     heading_cap: float = 9.0
     size: float = 0.3
     size_cap: float = 0.0
-    colour_cap: float = 9.0
+    colour_doubt: float = 0.02
+    cost_most: float = 7.0
 
     def reach_m(self, unseen_s: FloatArray) -> FloatArray:
         """(N,) how far tracks may be from what is seen of them, after times unseen (N,)."""
@@ -58,6 +65,7 @@ class Predicted(NamedTuple):
         lab_variance: (N, 3) of a sighting's colour about it.
         kind: (N,) numbers of categories.
         unseen_s: (N,) time since they were seen.
+        way_m: (N, 2) how far they went since then, if straight on.
     """
 
     xy_m: FloatArray
@@ -68,6 +76,7 @@ class Predicted(NamedTuple):
     lab_variance: FloatArray
     kind: IntArray
     unseen_s: FloatArray
+    way_m: FloatArray
 
     def of(self, rows: IntArray) -> Predicted:
         """Some of them (M,)."""
@@ -105,12 +114,14 @@ class Pairs(NamedTuple):
         rows: (P,) numbers of tracks.
         columns: (P,) numbers of detections.
         noise_m2: (P, 2, 2) how well the detection's place is known, if it is that track.
-        cost: (P,) of taking it for that track.
+        turn_rad: (P,) by how much the track turned on the way, if it is that track; 0 if it went straight on.
+        cost: (P,) of taking it for that track, less that of leaving both alone: below 0.
     """
 
     rows: IntArray
     columns: IntArray
     noise_m2: FloatArray
+    turn_rad: FloatArray
     cost: FloatArray
 
     def of(self, chosen: BoolArray) -> Pairs:
@@ -128,19 +139,33 @@ def associate(tracks: Predicted, seen: Seen, config: AssociationConfig) -> tuple
 def possible(tracks: Predicted, seen: Seen, rows: IntArray, columns: IntArray, config: AssociationConfig) -> Pairs:
     """Those of some pairs of tracks and detections, by number (P,), (P,), that are of one kind and within the gates.
 
-    The cost of a pair is its negative log likelihood, doubled: of the place given the prediction, and of the heading,
-    size and colour given the track's, each capped, for it may be seen wrongly; a place cannot.
+    The cost of a pair is its negative log likelihood, doubled: of the place given the prediction, straight on or
+    around a bend, and of heading, size and colour given the track's, each bounded, for it may be seen wrongly; a
+    place cannot.
     """
     offset = seen.xy_m[columns] - tracks.xy_m[rows]
     apart_m = np.hypot(offset[:, 0], offset[:, 1])
     inside = (apart_m <= config.reach_m(tracks.unseen_s)[rows]) & (tracks.kind[rows] == seen.kind[columns])
-    rows, columns, offset, apart_m = rows[inside], columns[inside], offset[inside], apart_m[inside]
+    rows, columns, offset = rows[inside], columns[inside], offset[inside]
     track, sight = tracks.of(rows), seen.of(columns)
     noise_m2 = noise_of(track, sight)
     cov = track.cov_m2 + noise_m2
-    far = squared(offset, cov)
-    cost = far + np.log(determinant_of(cov)) + _unlike(track, sight, config)
-    return Pairs(rows, columns, noise_m2, cost).of((far <= config.gate_squared) | (apart_m <= config.gate_m))
+    turn_rad = _turn_of(track, sight)
+    bent = offset - (bend(turn_rad) @ track.way_m[..., None])[..., 0]
+    straight_far, bent_far = squared(offset, cov), squared(bent, cov)
+    turns = bent_far + _TURN_COST < straight_far
+    far, turn_rad = np.where(turns, bent_far, straight_far), np.where(turns, turn_rad, 0.0)
+    apart_m = np.where(turns, np.hypot(bent[:, 0], bent[:, 1]), apart_m[inside])
+    cost = far + np.log(determinant_of(cov)) + _unlike(track, sight, config) - config.cost_most
+    near_enough = (far <= config.gate_squared) | (apart_m <= config.gate_m)
+    return Pairs(rows, columns, noise_m2, turn_rad, cost).of(near_enough & (cost < 0))
+
+
+def _turn_of(track: Predicted, sight: Seen) -> FloatArray:
+    """(P,) turns from the headings of tracks to those of sightings, front or rear; 0 where they are too far off."""
+    turn_rad = sight.yaw_rad - track.yaw_rad
+    turn_rad -= np.pi * np.round(turn_rad / np.pi)
+    return np.where(np.abs(turn_rad) <= _MOST_TURN_RAD, turn_rad, 0.0)
 
 
 def noise_of(track: Predicted, sight: Seen) -> FloatArray:
@@ -180,19 +205,25 @@ def _unlike(track: Predicted, sight: Seen, config: AssociationConfig) -> FloatAr
     if config.size_cap:
         growth = np.abs(np.log(track.size_m / sight.size_m)).sum(axis=1) / config.size
         cost += np.minimum(growth**2, config.size_cap)
-    if config.colour_cap:
-        strange = ((track.lab - sight.lab) ** 2 / track.lab_variance).sum(axis=1)
-        strange = np.where(np.isfinite(strange), strange, config.colour_cap / 2)
-        cost += np.minimum(strange, config.colour_cap)
+    if config.colour_doubt < 1:
+        cost += _strange(track, sight, config.colour_doubt)
     return cost
 
 
+def _strange(track: Predicted, sight: Seen, doubt: float) -> FloatArray:
+    """(P,) what colours cost: less than nothing where they agree better than those of any two vehicles; unknown: 0."""
+    far = ((track.lab - sight.lab) ** 2 / track.lab_variance).sum(axis=1)
+    rare = np.log(track.lab_variance / _PAINTS_LAB**2).sum(axis=1)
+    cost = -2 * np.log((1 - doubt) * np.exp(-(far + rare) / 2) + doubt)
+    return np.where(np.isfinite(far), cost, 0.0)
+
+
 def matched(pairs: Pairs) -> Pairs:
-    """Those of pairs that make the assignment with the most pairs, then the least cost.
+    """Those of pairs that make the assignment with the least cost.
 
     Groups that share neither a track nor a detection are solved one by one.
     """
-    rows, columns, _, cost = pairs
+    rows, columns, cost = pairs.rows, pairs.columns, pairs.cost
     if not len(rows):
         return pairs
     group = _groups(rows, columns)
@@ -232,7 +263,7 @@ def _solved(group: IntArray, rows: IntArray, columns: IntArray, cost: FloatArray
     starts = np.flatnonzero(_begins(group))
     corners = [edge.reduceat(each, starts).tolist() for each in (i, j) for edge in (np.minimum, np.maximum)]
     for start, end, top, bottom, left, right in zip(starts, [*starts[1:], len(group)], *corners, strict=True):
-        table = np.full((bottom - top + 1, right - left + 1), _FORBIDDEN)
+        table = np.zeros((bottom - top + 1, right - left + 1))  # whoever is left alone costs nothing
         table[i[start:end] - top, j[start:end] - left] = cost[start:end]
         own, other = linear_sum_assignment(table)
         mates[top + own] = left + other

@@ -27,7 +27,10 @@ class LifeConfig:
         confirm_s: ... others are told of when they were seen, without a miss, over this span.
         coast_s: how long a track that is not seen may be told of, at its predicted place,
         coast_m: if that is known so well (standard deviation).
-        die_s: how long a track that is not seen is kept to be found again.
+        lost_s: a track that is not seen for so long is lost: only by what no other track takes it may be found again,
+        forget_s: and after so long it never is, ...
+        forget_resting_s: ... or after so long if it stood where it was seen last: what hides it may stay for long.
+        rest_mps: who is slower, stands; out of sight it stays where it is.
         heading_s: time constant of the heading.
         turn_mps: speed from which motion says where the front is.
         sightings: how many sightings size and colour are the median of.
@@ -42,13 +45,16 @@ class LifeConfig:
     confirm_s: float = 0.0
     coast_s: float = 0.4
     coast_m: float = 0.8
-    die_s: float = 1.2
+    lost_s: float = 1.2
+    forget_s: float = 8.0
+    forget_resting_s: float = 30.0
+    rest_mps: float = 1.0
     heading_s: float = 0.3
     turn_mps: float = 1.0
     sightings: int = 11
     doubt: float = -2.0
     doubts: float = 4.0
-    lab: tuple[float, float, float] = (14.0, 7.0, 7.0)
+    lab: tuple[float, float, float] = (10.0, 5.0, 5.0)
     lab_sightings: float = 4.0
     motion: MotionConfig = field(default_factory=MotionConfig)
 
@@ -113,7 +119,10 @@ class Followed:
         self.yaw_rad = np.zeros(0)
         self.confirmed = np.zeros(0, np.bool_)
         self.unseen_s = np.zeros(0)
+        self.lost = np.zeros(0, np.bool_)
+        self.rests = np.zeros(0, np.bool_)
         self.detection = np.zeros(0, np.int64)
+        self._gone_s = np.zeros(0)
         self._ground_m = np.zeros(0)
         self._axis = np.zeros((0, 2))
         self._front = np.zeros(0)
@@ -131,9 +140,21 @@ class Followed:
         return np.column_stack([self.motions.mean[:, :2], self._ground_m])
 
     @property
+    def belief(self) -> FloatArray:
+        """(N,) log-odds of being a vehicle at all: the mean over all sightings, and some doubt."""
+        doubts = self._config.doubts
+        return np.asarray((self._evidence + self._config.doubt * doubts) / (self._hits + doubts))
+
+    @property
     def dead(self) -> BoolArray:
-        """(N,) whether one was out of sight for too long; before it is confirmed, any miss is."""
-        return np.asarray(self.unseen_s > np.where(self.confirmed, self._config.die_s, 0.0))
+        """(N,) whether one was out of sight for too long; before it is confirmed, any miss is.
+
+        Those that are rather no vehicles are not remembered once they are lost.
+        """
+        config = self._config
+        kept_s = np.where(self.rests, config.forget_resting_s, config.forget_s)
+        kept_s = np.where(self.belief > 0, kept_s, config.lost_s)
+        return np.asarray(self.unseen_s > np.where(self.confirmed, kept_s, 0.0))
 
     @property
     def told(self) -> BoolArray:
@@ -143,7 +164,10 @@ class Followed:
 
     def predict(self, seconds: float) -> None:
         """Let time pass; it counts as unseen until `see` is called."""
-        self.motions.predict(seconds, self.yaw_rad)
+        self.lost = self.unseen_s > self._config.lost_s
+        going_s = np.where(self.rests & (self.unseen_s > 0), 0.0, seconds)
+        self.motions.predict(going_s, self.yaw_rad)
+        self._gone_s += going_s
         self.unseen_s += seconds
         self.detection[:] = -1
 
@@ -163,6 +187,7 @@ class Followed:
             variance,
             self.kind,
             self.unseen_s,
+            mean[:, 2:] * self._gone_s[:, None],
         )
 
     def shown(self, seen: Sightings) -> Seen:
@@ -170,12 +195,24 @@ class Followed:
         noise = self._noise_m2(seen)
         return Seen(seen.place_world_m[:, :2], noise, seen.yaw_world_rad, seen.size_m[:, :2], seen.lab, seen.kind)
 
-    def see(self, rows: IntArray, seen: Sightings, detection: IntArray, noise_m2: FloatArray) -> None:
-        """Take in a sighting of now of each of some vehicles (M,), with the number of its detection."""
+    def see(
+        self, rows: IntArray, seen: Sightings, detection: IntArray, noise_m2: FloatArray, turn_rad: FloatArray
+    ) -> None:
+        """Take in a sighting of now of each of some vehicles (M,), with the number of its detection.
+
+        Args:
+            rows: (M,) which vehicles.
+            seen: M sightings.
+            detection: (M,) their numbers.
+            noise_m2: (M, 2, 2) covariances of their places.
+            turn_rad: (M,) by how much the vehicles turned on the way; 0 if they went straight on.
+        """
+        turns = turn_rad != 0
+        self.motions.turn(rows[turns], turn_rad[turns], self._gone_s[rows[turns]])
         self.motions.update(rows, seen.place_world_m[:, :2], noise_m2)
         seconds = self.unseen_s[rows]
         self._seen_s[rows] += seconds
-        self.unseen_s[rows] = 0.0
+        self.unseen_s[rows] = self._gone_s[rows] = 0.0
         self.detection[rows] = detection
         self._hits[rows] += 1
         self._evidence[rows] += seen.log_odds
@@ -185,6 +222,7 @@ class Followed:
         size_m = np.fmax(seen.size_m, known_m)
         self._memory.remember(rows, np.concatenate([size_m, seen.rgb, seen.lab], axis=1))
         self._turn(rows, seen, seconds)
+        self.rests[rows] = self.motions.rest(self._config.rest_mps)[rows]
         self._confirm(rows, seen.log_odds)
 
     def add(self, seen: Sightings, numbers: IntArray, detection: IntArray) -> None:
@@ -200,6 +238,9 @@ class Followed:
             "yaw_rad": seen.yaw_world_rad,
             "confirmed": np.zeros(m, np.bool_),
             "unseen_s": np.zeros(m),
+            "lost": np.zeros(m, np.bool_),
+            "rests": np.zeros(m, np.bool_),
+            "_gone_s": np.zeros(m),
             "detection": detection,
             "_ground_m": seen.place_world_m[:, 2],
             "_axis": _axis(seen),
@@ -250,8 +291,7 @@ class Followed:
 
     def tracks(self, chosen: BoolArray, kinds: tuple[str, ...]) -> Tracks:
         """What is known now of some (N,); `kinds` are the names of the categories."""
-        config, median = self._config, self._memory.median[chosen]
-        belief = (self._evidence + config.doubt * config.doubts) / (self._hits + config.doubts)
+        median = self._memory.median[chosen]
         return Tracks(
             self.number[chosen],
             self.place_world_m[chosen],
@@ -260,7 +300,7 @@ class Followed:
             self._front[chosen] > 0,
             median[:, _SIZE],
             median[:, _RGB],
-            probability_of(belief[chosen]),
+            probability_of(self.belief[chosen]),
             tuple(kinds[number] for number in self.kind[chosen].tolist()),
             self.detection[chosen],
             self.motions.moves()[chosen],

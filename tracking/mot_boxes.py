@@ -48,12 +48,28 @@ def _people(off_m: float, gate_m: float) -> TrackerConfig:
     found again, nor be told of where nobody is seen; the heights of boxes tell who is nearer.
     """
     near = AssociationConfig(
-        gate_m=gate_m, gate_mps=4.0, gate_most_m=2.0, heading_cap=0.0, size=0.2, size_cap=9.0, colour_cap=0.0
+        gate_m=gate_m,
+        gate_mps=4.0,
+        gate_most_m=2.0,
+        heading_cap=0.0,
+        size=0.2,
+        size_cap=9.0,
+        colour_doubt=1.0,
+        cost_most=50.0,
     )
     motion = MotionConfig(
         speed_mps=1.0, drift_mps=1.0, push_m2ps3=0.1, swerve_m2ps3=0.1, along_m=off_m, across_m=off_m
     )
-    life = LifeConfig(sure=2.2, confirm_s=0.15, coast_s=0.12, die_s=1.0, motion=motion)
+    life = LifeConfig(
+        sure=2.2,
+        confirm_s=0.15,
+        coast_s=0.12,
+        lost_s=1.0,
+        forget_s=1.0,
+        forget_resting_s=1.0,
+        rest_mps=0,
+        motion=motion,
+    )
     return TrackerConfig(begin=0.5, life=life, association=near, again=replace(near, gate_squared=15.0))
 
 

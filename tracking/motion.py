@@ -76,16 +76,26 @@ class Motions:
         """Go on with some (N,) only."""
         self.mean, self.cov = self.mean[chosen], self.cov[chosen]
 
-    def predict(self, seconds: float, yaw_rad: FloatArray) -> None:
-        """Move on by a time span; vehicles are pushed along headings (N,) more than across."""
+    def predict(self, seconds: FloatArray, yaw_rad: FloatArray) -> None:
+        """Move on by time spans (N,); vehicles are pushed along headings (N,) more than across."""
         config, cov = self._config, self.cov
         push = spread(yaw_rad, config.push_m2ps3, config.swerve_m2ps3)
-        self.mean[:, :2] += seconds * self.mean[:, 2:]
+        self.mean[:, :2] += seconds[:, None] * self.mean[:, 2:]
+        span = seconds[:, None, None]
         place, mixed, speed = cov[:, :2, :2], cov[:, :2, 2:], cov[:, 2:, 2:]
-        place += seconds * (mixed + mixed.transpose(0, 2, 1)) + seconds**2 * speed + seconds**3 / 3 * push
-        mixed += seconds * speed + seconds**2 / 2 * push
-        speed += seconds * push
+        place += span * (mixed + mixed.transpose(0, 2, 1)) + span**2 * speed + span**3 / 3 * push
+        mixed += span * speed + span**2 / 2 * push
+        speed += span * push
         cov[:, 2:, :2] = mixed.transpose(0, 2, 1)
+
+    def turn(self, rows: IntArray, angle_rad: FloatArray, seconds: FloatArray) -> None:
+        """The last `seconds` (M,) of some filters went along arcs that turned by angles (M,), not straight on."""
+        step = np.zeros((len(rows), 4, 4))
+        step[:, :2, :2] = np.eye(2)
+        step[:, :2, 2:] = bend(angle_rad) * seconds[:, None, None]
+        step[:, 2:, 2:] = _rotation(angle_rad)
+        self.mean[rows] = (step @ self.mean[rows][..., None])[..., 0]
+        self.cov[rows] = step @ self.cov[rows] @ step.transpose(0, 2, 1)
 
     def update(self, rows: IntArray, xy_world_m: FloatArray, noise_m2: FloatArray) -> None:
         """Take in a sighting of each of some filters (M,): places (M, 2) with covariances (M, 2, 2)."""
@@ -100,10 +110,27 @@ class Motions:
         speed, cov = self.mean[:, 2:], self.cov[:, 2:, 2:]
         return np.asarray(squared(speed, cov) > _CERTAIN**2)
 
+    def rest(self, most_mps: float) -> BoolArray:
+        """(N,) whether they stand, as far as is known: no faster than so much, and that well known."""
+        known_mps = np.sqrt(self.cov[:, 2, 2] + self.cov[:, 3, 3])
+        return np.asarray((np.hypot(*self.mean[:, 2:].T) < most_mps) & (known_mps < 2 * most_mps))
+
     def blur_m(self) -> FloatArray:
         """(N,) standard deviation of the place in the direction in which it is known least."""
         xx, yy, xy = self.cov[:, 0, 0], self.cov[:, 1, 1], self.cov[:, 0, 1]
         return np.asarray(np.sqrt((xx + yy) / 2 + np.hypot((xx - yy) / 2, xy)))
+
+
+def bend(angle_rad: FloatArray) -> FloatArray:
+    """(N, 2, 2) what leads from the end of a straight way to that of an arc as long, which turns by angles (N,)."""
+    chord = np.sinc(angle_rad / (2 * np.pi))[:, None, None]
+    return np.asarray(chord * _rotation(angle_rad / 2) - np.eye(2))
+
+
+def _rotation(angle_rad: FloatArray) -> FloatArray:
+    """(N, 2, 2) rotations by angles (N,)."""
+    cos, sin = np.cos(angle_rad), np.sin(angle_rad)
+    return np.stack([cos, -sin, sin, cos], axis=1).reshape(-1, 2, 2)
 
 
 def inverse_of(matrices: FloatArray) -> FloatArray:

@@ -9,11 +9,14 @@ import numpy as np
 from appocc.checks import BoolArray, FloatArray, IntArray, check_transform
 from appocc.errors import DataError
 from appocc.geometry import apply, inverse
-from tracking.association import AssociationConfig, Pairs, matched, near, possible
+from tracking.association import AssociationConfig, Pairs, Predicted, Seen, matched, near, possible
 from tracking.detections import Detections
 from tracking.follow import Followed, LifeConfig, Sightings, sightings_of
 from tracking.motion import MotionConfig
 from tracking.tracks import Tracks
+
+_AGAIN = AssociationConfig(gate_squared=30.0, gate_most_m=8.0, cost_most=15.0)
+_FOUND = AssociationConfig(gate_m=1.0, gate_squared=12.0, gate_most_m=40.0, cost_most=3.0)
 
 
 @dataclass(frozen=True)
@@ -26,7 +29,8 @@ class TrackerConfig:
         begin: from these on a detection that no track took begins one.
         life: of tracks.
         association: of detections with tracks.
-        again: of clear detections and tracks that are still without each other: found again, or faster than thought.
+        again: of clear detections and tracks that are still without each other: faster than thought.
+        found: of clear detections that are left with tracks that were lost.
     """
 
     clear: float = 0.5
@@ -34,7 +38,8 @@ class TrackerConfig:
     begin: float = -2.5
     life: LifeConfig = field(default_factory=LifeConfig)
     association: AssociationConfig = field(default_factory=AssociationConfig)
-    again: AssociationConfig = field(default_factory=lambda: AssociationConfig(gate_squared=30.0, gate_most_m=8.0))
+    again: AssociationConfig = _AGAIN
+    found: AssociationConfig = _FOUND
 
 
 # For blobs of maps, which flicker where a map is predicted: who is not sure must be seen twice.
@@ -44,7 +49,7 @@ MAPS = TrackerConfig(
         sure=2.2,
         confirm_s=0.15,
         coast_s=0.35,
-        die_s=2.2,
+        lost_s=2.2,
         motion=MotionConfig(push_m2ps3=2.0, swerve_m2ps3=0.2, along_m=0.3, across_m=0.3),
     ),
     association=AssociationConfig(gate_m=2.5, gate_mps=40.0, gate_most_m=10.0),
@@ -87,7 +92,7 @@ class Tracker:
         keep = ~alive.dead & (detections.view.sees(places_m) | (alive.detection >= 0))
         alive.keep(keep)
         # Unseen tracks whose places a detection covers: vehicles that touch, so that it is not a new one.
-        hidden = np.flatnonzero(alive.confirmed & (alive.detection < 0) & close[keep])
+        hidden = np.flatnonzero(alive.confirmed & (alive.detection < 0) & ~alive.lost & close[keep])
         covered = detections.cover(places_m[keep][hidden])
         free = ~taken & (seen.log_odds >= self.config.begin) & ~covered.any(axis=0)
         self._begin(np.flatnonzero(free), seen)
@@ -100,11 +105,14 @@ class Tracker:
         if self._time_us is not None:
             if timestamp_us <= self._time_us:
                 raise DataError(f"tracker: expected a time after {self._time_us} us, got {timestamp_us} us")
-            self._alive.predict((timestamp_us - self._time_us) * 1e-6)
+            seconds = (timestamp_us - self._time_us) * 1e-6
+            if seconds > self.config.life.forget_resting_s:
+                self._alive = Followed(self.config.life)
+            self._alive.predict(seconds)
         self._time_us = timestamp_us
 
     def _associate(self, seen: Sightings) -> tuple[BoolArray, BoolArray]:
-        """Let tracks take sightings: clear ones, weak ones, and then clear ones farther off.
+        """Let tracks take sightings: clear ones, weak ones, clear ones farther off, and at last what were lost.
 
         Returns:
             (M,) whether a track took a sighting, and (N,) whether a track is as close to one as if it were covered.
@@ -114,22 +122,27 @@ class Tracker:
         clear = seen.log_odds >= config.clear
         weak = ~clear & (seen.log_odds >= config.weak)
         takes, taken = np.full(len(alive), -1), np.zeros(len(clear), np.bool_)
-        noise_m2 = np.zeros((len(alive), 2, 2))
+        noise_m2, turn_rad = np.zeros((len(alive), 2, 2)), np.zeros(len(alive))
 
         def take(pairs: Pairs) -> None:
-            takes[pairs.rows], noise_m2[pairs.rows], taken[pairs.columns] = pairs.columns, pairs.noise_m2, True
+            takes[pairs.rows], taken[pairs.columns] = pairs.columns, True
+            noise_m2[pairs.rows], turn_rad[pairs.rows] = pairs.noise_m2, pairs.turn_rad
 
         half_m = np.hypot(seen.size_m[:, 0], seen.size_m[:, 1]) / 2
         reaches_m = (rule.reach_m(expected.unseen_s) for rule in (config.association, config.again))
-        rows, columns = near(expected.xy_m, shown.xy_m, np.maximum(np.maximum(*reaches_m), half_m.max(initial=0.0)))
+        reach_m = np.maximum(np.maximum(*reaches_m), half_m.max(initial=0.0))
+        rows, columns = _near(~alive.lost, np.ones_like(clear), expected, shown, reach_m)
         pairs = possible(expected, shown, rows, columns, config.association)
         take(matched(pairs.of(clear[pairs.columns])))
         take(matched(pairs.of(weak[pairs.columns] & (alive.confirmed & (takes < 0))[pairs.rows])))
         left = (takes < 0)[rows] & (clear & ~taken)[columns]
         if left.any():
             take(matched(possible(expected, shown, rows[left], columns[left], config.again)))
+        if alive.lost.any() and (clear & ~taken).any():
+            lost = _near(alive.lost, clear & ~taken, expected, shown, config.found.reach_m(expected.unseen_s))
+            take(matched(possible(expected, shown, *lost, config.found)))
         found = np.flatnonzero(takes >= 0)
-        alive.see(found, seen.of(takes[found]), takes[found], noise_m2[found])
+        alive.see(found, seen.of(takes[found]), takes[found], noise_m2[found], turn_rad[found])
         offset_m = shown.xy_m[columns] - expected.xy_m[rows]
         close = np.zeros(len(alive), np.bool_)
         close[rows[np.hypot(offset_m[:, 0], offset_m[:, 1]) <= half_m[columns]]] = True
@@ -140,3 +153,12 @@ class Tracker:
         numbers = self._born + 1 + np.arange(len(columns))
         self._born += len(columns)
         self._alive.add(seen.of(columns), numbers, columns)
+
+
+def _near(
+    tracks: BoolArray, sights: BoolArray, expected: Predicted, shown: Seen, reach_m: FloatArray
+) -> tuple[IntArray, IntArray]:
+    """Pairs of some of the tracks (N,) and some of the sightings (M,) within the reach (N,) of the tracks."""
+    chosen, others = np.flatnonzero(tracks), np.flatnonzero(sights)
+    rows, columns = near(expected.xy_m[chosen], shown.xy_m[others], reach_m[chosen])
+    return chosen[rows], others[columns]

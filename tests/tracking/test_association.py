@@ -7,11 +7,12 @@ import pytest
 from scipy.optimize import linear_sum_assignment
 
 from appocc.checks import FloatArray
-from tracking.association import AssociationConfig, Predicted, Seen, associate, noise_of
+from tracking.association import AssociationConfig, Predicted, Seen, associate, noise_of, possible
 
 UNKNOWN = (np.nan,) * 3
 RED, BLUE = (53.0, 80.0, 67.0), (32.0, 79.0, -108.0)
-CONFIG = AssociationConfig(gate_m=2.5, gate_mps=7.5, gate_most_m=12.0)
+# That a pair is left out costs so much that as many as possible are made.
+CONFIG = AssociationConfig(gate_m=2.5, gate_mps=7.5, gate_most_m=12.0, cost_most=1e4)
 Spot = tuple[float, float]
 
 
@@ -27,6 +28,7 @@ def predicted(places: list[Spot], variance_m2: FloatArray | None = None, **more:
         "lab_variance": np.full((n, 3), 50.0),
         "kind": np.zeros(n, np.int64),
         "unseen_s": np.ones(n),
+        "way_m": np.zeros((n, 2)),
     }
     return Predicted(**{**given, **more})  # type: ignore[arg-type]
 
@@ -94,7 +96,7 @@ def test_colour_tells_neighbours_apart() -> None:
     assert pairs(plain, seen(crossed)) == {0: 0, 1: 1}
     painted, sights = plain._replace(lab=labs(RED, BLUE)), seen(crossed, lab=labs(BLUE, RED))
     assert pairs(painted, sights) == {0: 1, 1: 0}
-    assert pairs(painted, sights, replace(CONFIG, colour_cap=0.0)) == {0: 0, 1: 1}
+    assert pairs(painted, sights, replace(CONFIG, colour_doubt=1.0)) == {0: 0, 1: 1}
 
 
 def test_colour_does_not_overrule_a_clear_place() -> None:
@@ -113,6 +115,34 @@ def test_more_sightings_than_tracks_and_none_at_all() -> None:
     assert pairs(predicted([(0, 0)]), seen([(9, 9), (0.1, 0), (5, 5)])) == {0: 1}
     assert pairs(predicted([(0, 0)]), seen([])) == {}
     assert pairs(predicted([]), seen([(0, 0)])) == {}
+
+
+def test_two_are_left_alone_rather_than_paired_at_any_cost() -> None:
+    """A row of parked cars, of which the first hides and one more appears: nobody moved to the next place."""
+    row: list[Spot] = [(0, 0), (6, 0), (12, 0)]
+    tracks, sights = predicted(row, np.full(3, 9.0)), seen([(6, 0), (12, 0), (18, 0)])
+    assert pairs(tracks, sights, CONFIG) == {0: 0, 1: 1, 2: 2}
+    assert pairs(tracks, sights, replace(CONFIG, cost_most=7.0)) == {1: 0, 2: 1}
+
+
+def test_who_turned_is_not_where_the_straight_way_ends() -> None:
+    """An arc of 8 m that turns by one radian ends 7.67 m away, at half that angle."""
+    track = predicted([(8.0, 0.0)], way_m=np.array([[8.0, 0.0]]))
+    chord = 2 * 8.0 * np.sin(0.5)
+    turned = seen([(chord * np.cos(0.5), -chord * np.sin(0.5))], yaw_rad=np.array([-1.0]))
+    ways = possible(track, turned, np.zeros(1, np.int64), np.zeros(1, np.int64), replace(CONFIG, gate_m=0.5))
+    assert ways.turn_rad.tolist() == [-1.0]
+    straight = seen([(8.0, 0.1)], yaw_rad=np.array([-0.1]))
+    ways = possible(track, straight, np.zeros(1, np.int64), np.zeros(1, np.int64), CONFIG)
+    assert ways.turn_rad.tolist() == [0.0]
+
+
+def test_a_rare_colour_pays_for_a_place_farther_off() -> None:
+    place: list[Spot] = [(3.0, 0.0)]
+    track = predicted([(0, 0)], np.full(1, 4.0), lab=labs(RED), lab_variance=np.full((1, 3), 9.0))
+    strict = replace(CONFIG, cost_most=1.0)
+    assert pairs(track, seen(place), strict) == {}
+    assert pairs(track, seen(place, lab=labs(RED)), strict) == {0: 0}
 
 
 def test_a_merged_sighting_is_blurred_by_what_it_has_too_much() -> None:

@@ -27,7 +27,7 @@ def followed(steps_s: list[float], velocity_mps: FloatArray) -> tuple[Motions, f
     motions, passed = begun(float(yaw)), 0.0
     for step in steps_s:
         passed += step
-        motions.predict(step, np.array([yaw]))
+        motions.predict(np.array([step]), np.array([yaw]))
         motions.update(ONE, (velocity_mps * passed)[None], noise())
     return motions, passed
 
@@ -43,16 +43,16 @@ def test_velocity_is_found_at_irregular_steps() -> None:
 def test_a_prediction_goes_on_at_the_same_velocity_and_grows_uncertain() -> None:
     motions, passed = followed([0.2] * 10, np.array([5.0, 0.0]))
     sure = motions.blur_m()[0]
-    motions.predict(1.0, np.zeros(1))
+    motions.predict(np.ones(1), np.zeros(1))
     np.testing.assert_allclose(motions.mean[0, :2], [5.0 * (passed + 1.0), 0.0], atol=0.3)
     assert motions.blur_m()[0] > 2 * sure
 
 
 def test_one_long_step_is_as_uncertain_as_many_short_ones() -> None:
     one, many = begun(0.7), begun(0.7)
-    one.predict(1.0, np.array([0.7]))
+    one.predict(np.ones(1), np.array([0.7]))
     for _ in range(10):
-        many.predict(0.1, np.array([0.7]))
+        many.predict(np.array([0.1]), np.array([0.7]))
     np.testing.assert_allclose(one.cov, many.cov, atol=1e-12)
 
 
@@ -64,7 +64,7 @@ def test_a_standing_vehicle_does_not_move() -> None:
 
 def test_a_vehicle_may_go_where_it_points_but_hardly_sideways() -> None:
     motions = begun(np.pi / 2)
-    motions.predict(0.5, np.array([np.pi / 2]))
+    motions.predict(np.array([0.5]), np.array([np.pi / 2]))
     x, y = np.sqrt(np.diagonal(motions.cov[0, :2, :2]))
     assert y == pytest.approx(np.hypot(0.3, 0.5 * CONFIG.speed_mps), rel=0.01)
     assert x == pytest.approx(np.hypot(0.3, 0.5 * CONFIG.drift_mps), rel=0.05)
@@ -97,7 +97,7 @@ def test_each_filter_is_filterpys() -> None:
         singles.append(single)
     for _ in range(30):
         seconds = float(random.uniform(0.02, 0.8))
-        motions.predict(seconds, yaw)
+        motions.predict(np.full(len(yaw), seconds), yaw)
         push = spread(yaw, CONFIG.push_m2ps3, CONFIG.swerve_m2ps3)
         for i, single in enumerate(singles):
             single.F = np.eye(4) + seconds * np.eye(4, k=2)

@@ -178,8 +178,32 @@ def test_a_track_coasts_briefly_then_falls_silent_then_comes_back_under_its_id()
     assert told[20] == [(1, True)]
 
 
-def test_a_track_that_is_gone_for_long_is_dead() -> None:
-    assert ids(follow([gap(1.0, 3.5)], every(0.5, 4))[-1]) == [2]
+def test_who_stands_is_remembered_while_hidden_but_not_for_ever() -> None:
+    assert ids(follow([gap(1.0, 20.0)], every(0.5, 21))[-1]) == [1]
+    assert ids(follow([gap(1.0, 35.0)], every(0.5, 36))[-1]) == [2]
+
+
+def test_who_stood_and_drove_on_while_hidden_is_new() -> None:
+    def waits(t: float) -> Car | None:
+        return Car(10, 3) if t < 1.2 else Car(22, 3) if t > 6 else None
+
+    assert ids(follow([waits], every(0.5, 8))[-1]) == [2]
+
+
+def test_a_break_of_the_recording_ends_all_tracks() -> None:
+    assert ids(follow([lambda _: Car(10, 3)], [*every(0.5, 2), 3600.0])[-1]) == [2]
+
+
+def test_who_turns_a_corner_keeps_its_id() -> None:
+    """A quarter of a circle of 6 m radius at 6 m/s, seen twice a second."""
+
+    def turning(t: float) -> Car:
+        angle = np.clip(t - 1.5, 0, np.pi / 2)
+        before, after = min(t, 1.5) * 6, max(t - 1.5 - np.pi / 2, 0) * 6
+        x, y = -5 + before + 6 * np.sin(angle), 6 * (1 - np.cos(angle)) + after
+        return Car(float(x), float(y), float(angle))
+
+    assert {name for moment in follow([turning], every(0.5, 5)) for name in ids(moment)} == {1}
 
 
 def test_life_is_counted_in_seconds_not_frames() -> None:
