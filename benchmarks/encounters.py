@@ -27,7 +27,7 @@ MIX = {
 # Of an outline, less than this in sight is nuScenes' lowest level of visibility.
 LEAST_SEEN = 0.4
 
-_STEP_S, _WARM_S = 0.1, 40.0
+_STEP_S, _WARM_S, _NEAR_M = 0.1, 40.0, 70.0
 _LANE_M, _STOP_M, _FAR_M, _CORNER_M = 3.3, 14.0, 75.0, 5.0
 # One street goes, nobody, the other one, nobody.
 _PHASES_S = (9.0, 3.0, 9.0, 3.0)
@@ -38,7 +38,7 @@ _PUSH_MPS2, _BRAKE_MPS2, _HEADWAY_S, _STILL_M = 2.0, 3.0, 0.9, 1.8
 
 @dataclass(frozen=True)
 class Sight:
-    """A moment: all N vehicles but the ego, world frame.
+    """A moment: the N vehicles around the ego, world frame.
 
     Attributes:
         timestamp_us: when.
@@ -212,7 +212,8 @@ def _ego(driving: list[list[_Placed]]) -> int:
 
 def _sight(timestamp_us: int, placed: list[_Placed], ego: int) -> Sight:
     own = next(one for one in placed if one.vehicle.number == ego)
-    others = [one for one in placed if one.vehicle.number != ego]
+    away = [np.hypot(one.x_m - own.x_m, one.y_m - own.y_m) for one in placed]
+    others = [one for one, m in zip(placed, away, strict=True) if one.vehicle.number != ego and m <= _NEAR_M]
     xy_m = np.array([[one.x_m, one.y_m] for one in others])
     yaw_rad = np.array([one.yaw_rad for one in others])
     size_m = np.array([one.vehicle.size_m for one in others])

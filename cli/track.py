@@ -18,9 +18,9 @@ if TYPE_CHECKING:
 
 # What can be followed: what each of them needs beside it, and what else it may have.
 _SOURCES = {
-    "--bev": (("ROOT", "--scene"), ("--version", "--out", "--video")),
-    "--detections": (("ROOT", "--scene"), ("--version", "--out")),
-    "--kitti": ((), ("--out",)),
+    "--bev": (("ROOT", "--scene"), ("--version", "--smooth", "--out", "--video")),
+    "--detections": (("ROOT", "--scene"), ("--version", "--smooth", "--out")),
+    "--kitti": ((), ("--smooth", "--out")),
     "--mot": (("--fps",), ("--out",)),
 }
 
@@ -45,6 +45,9 @@ def track(
         Path | None, typer.Option("--mot", help="Instead of a scene: a file of MOTChallenge detections of people.")
     ] = None,
     fps: Annotated[float | None, typer.Option("--fps", help="Frames a second of the --mot file.")] = None,
+    smooth: Annotated[
+        bool, typer.Option("--smooth", help="In hindsight: smooth the paths, fill gaps, leave out false ends.")
+    ] = False,
     out: Annotated[
         Path | None,
         typer.Option(
@@ -72,15 +75,15 @@ def track(
     """
     everything = {
         **{"ROOT": root, "--scene": scene, "--bev": bev, "--detections": detections, "--kitti": kitti, "--mot": mot},
-        **{"--fps": fps, "--out": out, "--video": video, "--version": version},
+        **{"--fps": fps, "--smooth": smooth or None, "--out": out, "--video": video, "--version": version},
     }
     _check_together({name for name, value in everything.items() if value is not None})
     if kitti is not None:
-        _track_kitti(kitti, out or kitti / "tracks", as_json)
+        _track_kitti(kitti, smooth, out or kitti / "tracks", as_json)
     elif mot is not None and fps is not None:
         _track_mot(mot, fps, out or mot.parent / "tracks", as_json)
     elif root is not None and scene is not None:
-        _track_scene(root, scene, bev, detections, out, video, version, as_json)
+        _track_scene(root, scene, bev, detections, smooth, out, video, version, as_json)
 
 
 def _check_together(given: set[str]) -> None:
@@ -113,6 +116,7 @@ def _track_scene(
     scene: str,
     bev: str | None,
     detections: Path | None,
+    smooth: bool,
     out: Path | None,
     video: Path | None,
     version: str | None,
@@ -130,7 +134,7 @@ def _track_scene(
     wanted = dataset.scene(scene)
     folder = out or root / "tracks" / plain_name(root, wanted.name)
     frames = len(dataset.samples(wanted))
-    result, left_out = _followed(dataset, wanted, frames, bev, detections)
+    result, left_out = _followed(dataset, wanted, frames, bev, detections, smooth)
     scores = score(dataset, result)
     if video is not None:  # before the tracks are written: it reads every image, and may find a damaged one
         with progress("video", frames) as advance:
@@ -167,23 +171,28 @@ def _track_scene(
 
 
 def _followed(
-    dataset: Dataset, scene: Scene, frames: int, bev: str | None, detections: Path | None
+    dataset: Dataset, scene: Scene, frames: int, bev: str | None, detections: Path | None, smooth: bool
 ) -> tuple[SceneTracks, Mapping[str, int]]:
     """The tracks of a scene, and of how many boxes of which classes were left out."""
     from tracking.nuscenes_boxes import track_detections
     from tracking.run import track_scene
+    from tracking.tracker import MAPS, TrackerConfig
 
     with progress("tracking", frames) as advance:
         if detections is not None:
-            return track_detections(dataset, scene, detections, advance=advance)
-        return track_scene(dataset, scene, str(bev), advance=advance), {}
+            result, left_out = track_detections(dataset, scene, detections, advance=advance)
+            config = TrackerConfig()
+        else:
+            result, left_out, config = track_scene(dataset, scene, str(bev), advance=advance), {}, MAPS
+    return (result.smoothed(config.life.motion) if smooth else result), left_out
 
 
-def _track_kitti(root: Path, folder: Path, as_json: bool) -> None:
+def _track_kitti(root: Path, smooth: bool, folder: Path, as_json: bool) -> None:
     """Follow the vehicles of all sequences of a folder, each on its own; write a file for each."""
     from tracking.kitti import read_sequences, track_sequence
     from tracking.kitti_protocol import trial_of
     from tracking.kitti_results import results_of, write_results
+    from tracking.smoothing import smooth as smoothed
     from tracking.tracker import Tracker
 
     sequences = read_sequences(root)
@@ -191,6 +200,8 @@ def _track_kitti(root: Path, folder: Path, as_json: bool) -> None:
     with progress("tracking", sum(len(sequence.frames) for sequence in sequences)) as advance:
         for sequence in sequences:
             tracks = track_sequence(sequence, Tracker(), advance)
+            if smooth:
+                tracks = smoothed([frame.timestamp_us for frame in sequence.frames], tracks)
             count += len({each.id for moment in tracks for each in moment})
             outcomes.append((sequence, results_of(sequence, tracks)))
     files = [folder / f"{sequence.name}.txt" for sequence in sequences]

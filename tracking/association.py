@@ -211,7 +211,7 @@ def _unlike(track: Predicted, sight: Seen, config: AssociationConfig) -> FloatAr
 
 
 def _strange(track: Predicted, sight: Seen, doubt: float) -> FloatArray:
-    """(P,) what colours cost: less than nothing where they agree better than those of any two vehicles; unknown: 0."""
+    """(P,) what colours cost: nothing if unknown, less if they agree better than those of any two vehicles."""
     far = ((track.lab - sight.lab) ** 2 / track.lab_variance).sum(axis=1)
     rare = np.log(track.lab_variance / _PAINTS_LAB**2).sum(axis=1)
     cost = -2 * np.log((1 - doubt) * np.exp(-(far + rare) / 2) + doubt)

@@ -56,7 +56,7 @@ class SceneTracks:
         """T times of the key frames."""
         return tuple(sample.timestamp_us for sample in self.samples)
 
-    def smoothed(self, motion: MotionConfig = MAPS.life.motion) -> SceneTracks:
+    def smoothed(self, motion: MotionConfig) -> SceneTracks:
         """The same in hindsight, see `tracking.smoothing`, if their tracker took vehicles to move so."""
         return replace(self, tracks=smooth(self.times_us, self.tracks, SmoothingConfig(motion=motion)))
 

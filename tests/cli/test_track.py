@@ -54,6 +54,13 @@ def test_json(street: TinyDataset) -> None:
     assert json.loads((folder / "metrics.json").read_text())["metrics"] == metrics
 
 
+def test_smoothed_tracks_are_written_and_scored_alike(street: TinyDataset) -> None:
+    result = run(street.root, "--smooth", "--json")
+    assert result.exit_code == 0, result.output
+    answer = json.loads(result.stdout)
+    assert (answer["tracks"], answer["metrics"]["MOTA"], answer["metrics"]["GT"]) == (1, 1.0, 3)
+
+
 def test_for_people_everything_goes_to_stderr(street: TinyDataset, tmp_path: Path) -> None:
     result = run(street.root, "--out", str(tmp_path / "out"), "--video", str(tmp_path / "t.webm"))
     assert result.exit_code == 0

@@ -37,6 +37,20 @@ def test_all_sequences_are_tracked_written_and_scored(tmp_path: Path) -> None:
     assert "cut: tracks whose mean score is" in result.stderr
 
 
+def test_in_hindsight_a_false_end_is_left_out(tmp_path: Path) -> None:
+    """The car is missed in the last frames, where the tracker told of it for a while."""
+    root = made_kitti(tmp_path / "kitti", FRAMES)
+    found = next((root / "detection_made").iterdir())
+    found.write_text("".join(line + "\n" for line in found.read_text().splitlines()[:-2]))
+    told = {}
+    for name, words in (("online", ()), ("smoothed", ("--smooth",))):
+        result = run("--kitti", root, "--out", tmp_path / name, "--json", *words)
+        assert result.exit_code == 0, result.output
+        told[name] = Path(json.loads(result.stdout)["files"][0]).read_text().splitlines()
+    assert told["online"][-1].split()[0] == str(FRAMES - 1)
+    assert told["smoothed"][-1].split()[0] == str(FRAMES - 3)
+
+
 def test_without_labels_metrics_are_null(tmp_path: Path) -> None:
     root = made_kitti(tmp_path / "kitti", FRAMES, labels=False)
     result = run("--kitti", root, "--json")
@@ -67,14 +81,14 @@ def test_nothing_is_written_if_a_sequence_is_damaged(tmp_path: Path) -> None:
         (("ROOT",), "expected one of --bev, --detections, --kitti and --mot, got none"),
         (("ROOT", "--scene", "one"), "expected one of --bev, --detections, --kitti and --mot, got none"),
         (("--scene", "one", "--bev", "exact"), "--bev needs ROOT and --scene, got no ROOT"),
-        (("ROOT", "--kitti", "KITTI"), "--kitti goes only with --out and --json"),
-        (("--kitti", "KITTI", "--scene", "one"), "--kitti goes only with --out and --json"),
+        (("ROOT", "--kitti", "KITTI"), "--kitti goes only with --smooth, --out and --json"),
+        (("--kitti", "KITTI", "--scene", "one"), "--kitti goes only with --smooth, --out and --json"),
         (
             ("--kitti", "KITTI", "--bev", "exact"),
             "expected one of --bev, --detections, --kitti and --mot, got --bev and --kitti",
         ),
-        (("--kitti", "KITTI", "--video", "t.webm"), "--kitti goes only with --out and --json"),
-        (("--kitti", "KITTI", "--version", "v1.0-mini"), "--kitti goes only with --out and --json"),
+        (("--kitti", "KITTI", "--video", "t.webm"), "--kitti goes only with --smooth, --out and --json"),
+        (("--kitti", "KITTI", "--version", "v1.0-mini"), "--kitti goes only with --smooth, --out and --json"),
     ],
 )
 def test_either_a_scene_or_kitti(words: tuple[str, ...], complaint: str) -> None:

@@ -54,7 +54,7 @@ def test_a_scene_is_tracked_written_and_scored(tiny: TinyDataset, tmp_path: Path
 def test_smoothed_tracks_are_the_same_vehicles(tiny: TinyDataset) -> None:
     dataset = with_maps(tiny)
     result = track_scene(dataset, dataset.scenes[0], "groundtruth")
-    smoothed = result.smoothed()
+    smoothed = result.smoothed(MAPS.life.motion)
     assert [[track.id for track in moment] for moment in smoothed.tracks] == [[1], [1], [1]]
     assert len({(track.length_m, track.yaw_world_rad) for (track,) in smoothed.tracks}) == 1
     np.testing.assert_allclose(

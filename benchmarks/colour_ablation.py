@@ -1,0 +1,285 @@
+"""What colour is worth to the tracker: identity switches with it and without it, all else equal.
+
+    python -m benchmarks.colour_ablation [--scenes 60]
+    python -m benchmarks.colour_ablation --root ROOT [--bev SOURCE]
+
+Without --root: made traffic at dense crossings (`benchmarks.encounters`), 20 s at 2 Hz a scene; of each moment a map
+of 200 x 200 cells, from which the vehicles of the lowest visibility are left out. With --root: all scenes of a
+simulated dataset, from its exact maps or those of a source, vehicles of the lowest visibility left out likewise.
+
+- exact: the maps as they are. noisy: one vehicle in ten is missed, places, headings and sizes are off, 1.5 vehicles a
+  map are not there, probabilities vary, the light of the scene changes from map to map, every fifth vehicle lies in
+  shadow, and colours are grainy. wrong: exact, but each vehicle has the colour of another one, another each time.
+- with, without: `Tracker(MAPS)`, and the same with its colour term left out; blobs are the same for both.
+- Demanded are visible vehicles within 40 m of the ego; the gate is 2 m; a switch counts after however long a gap.
+- fewer: how many switches less with colour, in percent, and its 95 % interval by bootstrap over scenes; p: how often
+  so much would come by chance, by flipping the signs of the scenes' differences (one-sided).
+"""
+
+from __future__ import annotations
+
+import argparse
+import zlib
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from rich.console import Console
+from rich.progress import Progress
+from rich.table import Table
+
+from appocc.bevmap import VEHICLE, BEVMap
+from appocc.checks import BoolArray, FloatArray, IntArray
+from appocc.evaluation.pairs import read_pair
+from appocc.evaluation.vehicles import true_vehicles, visibility_levels
+from appocc.geometry import apply, inverse, yaw_of
+from appocc.grid import BEVGrid
+from appocc.nuscenes import Dataset
+from appocc.rasterise import VEHICLE_SHARE, polygon_owner
+from benchmarks.encounters import Sight, encounters
+from tracking.blobs import find_blobs
+from tracking.detections import Detections
+from tracking.metrics import Metrics, Moment, evaluate
+from tracking.tracker import MAPS, Tracker, TrackerConfig
+
+RANGE_M, LEAST_M2, HIDDEN = 40.0, 0.4, "v0-40"
+GRID, GREY = BEVGrid.surround(), 90.0
+DRAWS = 10_000
+
+
+class Step(NamedTuple):
+    """A moment for the tracker, and the truth: V vehicles, their numbers, places (V, 2), and which are demanded."""
+
+    timestamp_us: int
+    world_from_ego: FloatArray
+    detections: Detections
+    number: IntArray
+    xy_m: FloatArray
+    demanded: BoolArray
+
+
+Scene = list[Step]
+
+
+# Made scenes ------------------------------------------------------------------------------------------------------
+
+
+def made_scene(seed: int, noisy: bool) -> Scene:
+    """Made traffic, its maps seen by the tracker as they are or disturbed."""
+    random = np.random.default_rng([seed, 9])
+    steps = []
+    for sight in encounters(seed):
+        shown = _disturbed(sight, random) if noisy else _Shown.of(sight)
+        places = apply(inverse(sight.world_from_ego), np.pad(sight.xy_m, ((0, 0), (0, 1))))[:, :2]
+        inside = GRID.contains(GRID.cell_of(places)) & (np.hypot(*places.T) <= RANGE_M)
+        grain = random.normal(0, 12, (3, *GRID.shape)) if noisy else np.zeros((3, *GRID.shape))
+        found = find_blobs(_map_of(shown, sight.world_from_ego, grain)).as_detections()
+        step = Step(
+            sight.timestamp_us, sight.world_from_ego, found, sight.number, sight.xy_m.copy(), sight.seen & inside
+        )
+        steps.append(step)
+    return steps
+
+
+class _Shown(NamedTuple):
+    """What a map shows: N boxes in the world frame, probabilities (N,) and colours (N, 3)."""
+
+    xy_m: FloatArray
+    yaw_rad: FloatArray
+    size_m: FloatArray
+    probability: FloatArray
+    rgb: FloatArray
+
+    @classmethod
+    def of(cls, sight: Sight) -> _Shown:
+        """Those in sight, as they are."""
+        seen = sight.seen
+        return cls(sight.xy_m[seen], sight.yaw_rad[seen], sight.size_m[seen], np.ones(seen.sum()), sight.rgb[seen])
+
+
+def _disturbed(sight: Sight, random: np.random.Generator) -> _Shown:
+    """Those in sight, and some that are not there, as a network might see them."""
+    true = _Shown.of(sight)
+    kept = np.flatnonzero(random.random(len(true.xy_m)) >= 0.1)
+    xy_m, yaw_rad, size_m, _, rgb = (each[kept] for each in true)
+    n, false = len(kept), int(random.poisson(1.5))
+    elsewhere = apply(sight.world_from_ego, np.pad(random.uniform(-38, 38, (false, 2)), ((0, 0), (0, 1))))[:, :2]
+    light = np.exp(random.normal(0, 0.12)) * np.where(random.random(n) < 0.2, 0.55, 1.0)
+    return _Shown(
+        np.vstack([xy_m + random.normal(0, 0.25, (n, 2)), elsewhere]),
+        np.append(yaw_rad + random.normal(0, 0.05, n), random.uniform(-np.pi, np.pi, false)),
+        np.vstack([size_m * np.exp(random.normal(0, 0.06, (n, 3))), np.tile([1.8, 4.5, 1.5], (false, 1))]),
+        np.append(random.uniform(0.6, 1.0, n), random.uniform(0.5, 0.75, false)),
+        np.vstack(
+            [
+                255 * np.minimum((rgb / 255) ** 2.2 * light[:, None], 1) ** (1 / 2.2),
+                random.uniform(0, 255, (false, 3)),
+            ]
+        ),
+    )
+
+
+def _map_of(shown: _Shown, world_from_ego: FloatArray, grain: FloatArray) -> BEVMap:
+    """The map of boxes; `grain` (3, X, Y) is added to its colours."""
+    ego_from_world = inverse(world_from_ego)
+    centre = apply(ego_from_world, np.pad(shown.xy_m, ((0, 0), (0, 1))))[:, :2]
+    yaw = shown.yaw_rad + float(yaw_of(ego_from_world))
+    along, left = (np.stack([np.cos(yaw + turn), np.sin(yaw + turn)], axis=1) for turn in (0.0, np.pi / 2))
+    half = shown.size_m[:, :2] / 2
+    corners = [
+        centre + x * half[:, 1:] * along + y * half[:, :1] * left for x, y in ((1, 1), (-1, 1), (-1, -1), (1, -1))
+    ]
+    near = np.abs(centre).max(axis=1) < 50.0
+    owner = polygon_owner(GRID, np.stack(corners, axis=1)[near], VEHICLE_SHARE)
+    on = owner >= 0
+    occupancy, appearance = np.zeros((3, *GRID.shape), np.float32), GREY + grain
+    occupancy[VEHICLE][on] = shown.probability[near][owner[on]]
+    appearance[:, on] += shown.rgb[near][owner[on]].T - GREY
+    known = np.ones(GRID.shape, np.bool_)
+    colours = np.clip(np.rint(appearance), 0, 255).astype(np.uint8)
+    return BEVMap(GRID, occupancy, np.stack([known] * 3), colours, known)
+
+
+# Scenes of a dataset ----------------------------------------------------------------------------------------------
+
+
+def read_scenes(root: Path, source: str) -> Iterator[Scene]:
+    """The scenes of a simulated dataset, from the maps of a source."""
+    dataset = Dataset(root)
+    for scene in dataset.scenes:
+        steps = []
+        for sample in dataset.samples(scene):
+            pair = read_pair(dataset.root, source, "exact", sample.token, ahead=False)
+            vehicles = true_vehicles(pair.truth, pair.instance, None)
+            levels, pose = visibility_levels(dataset, sample), dataset.world_from_ego(sample)
+            hidden = np.array([levels.get(name) == HIDDEN for name in vehicles.instance] + [False])
+            area_m2 = np.bincount(vehicles.owner.ravel() + 1, minlength=len(hidden))[1:] * pair.truth.grid.cell_m**2
+            there = dict(zip(vehicles.instance, (area_m2 >= LEAST_M2) & ~hidden[:-1], strict=True))
+            occupancy = pair.made.occupancy.copy()
+            occupancy[VEHICLE][(vehicles.owner >= 0) & hidden[vehicles.owner]] = 0
+            boxes = dataset.boxes_world(sample).vehicles()
+            xy_m = boxes.centre_m[:, :2].copy()
+            shown = np.array([there.get(name, False) for name in boxes.instance], dtype=np.bool_)
+            number = np.array([zlib.crc32(name.encode()) for name in boxes.instance], dtype=np.int64)
+            found = find_blobs(replace(pair.made, occupancy=occupancy)).as_detections()
+            demanded = shown & (np.hypot(*(xy_m - pose[:2, 3]).T) <= RANGE_M)
+            steps.append(Step(sample.timestamp_us, pose, found, number, xy_m, demanded))
+        yield steps
+
+
+# Trackers ---------------------------------------------------------------------------------------------------------
+
+
+def without_colour(config: TrackerConfig) -> TrackerConfig:
+    """The same tracker, blind to colours."""
+    rules = {name: replace(getattr(config, name), colour_doubt=1.0) for name in ("association", "again", "found")}
+    return replace(config, **rules)
+
+
+def judged(scene: Scene, config: TrackerConfig) -> Metrics:
+    """The tracker's scores in a scene."""
+    tracker, moments = Tracker(config), []
+    for step in scene:
+        tracks = tracker.update(step.detections, step.timestamp_us, step.world_from_ego)
+        places_m = tracks.position_world_m[:, :2].copy()
+        near = np.hypot(*(places_m - step.world_from_ego[:2, 3]).T) <= RANGE_M
+        moments.append(Moment(step.number, step.xy_m, step.demanded, tracks.id.copy(), places_m, near))
+    return evaluate(moments)
+
+
+def wrongly_coloured(scene: Scene, random: np.random.Generator) -> Scene:
+    """The same scene, in which each vehicle has the colour of another one, another each time."""
+    steps = []
+    for step in scene:
+        order = random.permutation(len(step.detections))
+        found = replace(step.detections, rgb=step.detections.rgb[order], lab=step.detections.lab[order])
+        steps.append(step._replace(detections=found))
+    return steps
+
+
+# Figures ----------------------------------------------------------------------------------------------------------
+
+
+class Trial(NamedTuple):
+    """Scores of scenes with colour and without."""
+
+    name: str
+    with_colour: list[Metrics]
+    without: list[Metrics]
+
+    def row(self) -> list[str]:
+        """The figures in the order of HEAD."""
+        ids = np.array([[one.IDS, other.IDS] for one, other in zip(self.with_colour, self.without, strict=True)])
+        random = np.random.default_rng(0)
+        drawn = ids[random.integers(0, len(ids), (DRAWS, len(ids)))].sum(axis=1)
+        low, high = np.percentile(_fewer(drawn), [2.5, 97.5])
+        gain = ids[:, 1] - ids[:, 0]
+        flipped = (random.choice([-1, 1], (DRAWS, len(ids))) * gain).sum(axis=1)
+        chance = (1 + np.count_nonzero(flipped >= gain.sum())) / (1 + DRAWS)
+        with_, without = ids.sum(axis=0)
+        pairs = [f"{_mean(self.with_colour, name):.1f} / {_mean(self.without, name):.1f}" for name in SHARES]
+        fewer = f"{float(_fewer(ids.sum(axis=0))):.0f} ({low:.0f} to {high:.0f})"
+        return [self.name, f"{with_} / {without}", fewer, f"{chance:.4f}", *pairs]
+
+
+SHARES = ("MOTA", "IDF1", "AssA")
+HEAD = ("maps", "IDS with / without", "fewer %", "p", *(f"{name} %" for name in SHARES))
+
+
+def _fewer(ids: IntArray) -> FloatArray:
+    """(...,) by how many percent there are fewer switches with colour: (..., 2) with, without."""
+    return np.asarray(100 * (1 - ids[..., 0] / np.maximum(ids[..., 1], 1)))
+
+
+def _mean(scores: list[Metrics], name: str) -> float:
+    """A share in percent, scenes weighed by their vehicles."""
+    weights = [each.GT for each in scores]
+    return 100 * float(np.average([getattr(each, name) for each in scores], weights=weights))
+
+
+def trial(name: str, scenes: Iterable[Scene], done: Callable[[], None]) -> Trial:
+    """Both trackers in all scenes."""
+    result = Trial(name, [], [])
+    for scene in scenes:
+        result.with_colour.append(judged(scene, MAPS))
+        result.without.append(judged(scene, without_colour(MAPS)))
+        done()
+    return result
+
+
+def made_trials(scenes: int, done: Callable[[], None]) -> list[Trial]:
+    """The trials of made scenes."""
+    exact = [made_scene(seed, noisy=False) for seed in range(scenes)]
+    random = np.random.default_rng(1)
+    return [
+        trial("exact", exact, done),
+        trial("noisy", (made_scene(seed, noisy=True) for seed in range(scenes)), done),
+        trial("wrong", (wrongly_coloured(scene, random) for scene in exact), done),
+    ]
+
+
+def main(words: Sequence[str] | None = None) -> None:
+    """Measure and tell."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--scenes", type=int, default=60)
+    parser.add_argument("--root", type=Path)
+    parser.add_argument("--bev", default="exact")
+    given = parser.parse_args(words)
+    with Progress(console=Console(stderr=True)) as progress:
+        task = progress.add_task("scenes", total=None if given.root else 3 * given.scenes)
+        done = partial(progress.advance, task)
+        if given.root:
+            trials = [trial(given.bev, read_scenes(given.root, given.bev), done)]
+        else:
+            trials = made_trials(given.scenes, done)
+    table = Table(*HEAD)
+    for each in trials:
+        table.add_row(*each.row())
+    Console(width=120).print(table)
+
+
+if __name__ == "__main__":
+    main()
