@@ -45,7 +45,7 @@ class AssociationConfig:
     heading_cap: float = 9.0
     size: float = 0.3
     size_cap: float = 0.0
-    colour_doubt: float = 0.02
+    colour_doubt: float = 0.05
     cost_most: float = 7.0
 
     def reach_m(self, unseen_s: FloatArray) -> FloatArray:

@@ -269,7 +269,7 @@ def test_the_detections_are_not_overwritten(tmp_path: Path) -> None:
         (("--mot", "d", "--kitti", "k"), "got --kitti and --mot"),
         (
             ("ROOT", "--scene", "s", "--bev", "b", "--fps", "2"),
-            "--bev goes only with ROOT, --scene, --version, --out",
+            "--bev goes only with ROOT, --scene, --version, --smooth, --out",
         ),
     ],
 )
