@@ -33,7 +33,7 @@ class AssociationConfig:
         heading_cap: most that it may cost, in squared standard deviations; 0 leaves it out.
         size: standard deviation of the logarithm of length and width, taken together.
         size_cap: likewise.
-        colour_doubt: how likely a colour is seen wrongly: a shadow must not break a track. 1 leaves colour out.
+        colour_doubt: how likely a colour is seen wrongly, before more is known; 1 leaves colour out.
         cost_most: what it costs to leave both alone: a vehicle gone and a new one. No pair may cost more.
     """
 
@@ -45,7 +45,7 @@ class AssociationConfig:
     heading_cap: float = 9.0
     size: float = 0.3
     size_cap: float = 0.0
-    colour_doubt: float = 0.05
+    colour_doubt: float = 0.02
     cost_most: float = 7.0
 
     def reach_m(self, unseen_s: FloatArray) -> FloatArray:
@@ -212,10 +212,16 @@ def _unlike(track: Predicted, sight: Seen, config: AssociationConfig) -> FloatAr
 
 def _strange(track: Predicted, sight: Seen, doubt: float) -> FloatArray:
     """(P,) what colours cost: nothing if unknown, less if they agree better than those of any two vehicles."""
+    ratio = agreement(track, sight)
+    cost = -2 * np.log((1 - doubt) * ratio + doubt)
+    return np.where(np.isfinite(ratio), cost, 0.0)
+
+
+def agreement(track: Predicted, sight: Seen) -> FloatArray:
+    """(P,) how much likelier the colours of sightings are, if they are those tracks than if they are any vehicle."""
     far = ((track.lab - sight.lab) ** 2 / track.lab_variance).sum(axis=1)
     rare = np.log(track.lab_variance / _PAINTS_LAB**2).sum(axis=1)
-    cost = -2 * np.log((1 - doubt) * np.exp(-(far + rare) / 2) + doubt)
-    return np.where(np.isfinite(far), cost, 0.0)
+    return np.asarray(np.exp(-(far + rare) / 2))
 
 
 def matched(pairs: Pairs) -> Pairs:

@@ -14,6 +14,7 @@ from tracking.detections import Detections
 from tracking.follow import Followed, LifeConfig, Sightings, sightings_of
 from tracking.motion import MotionConfig
 from tracking.tracks import Tracks
+from tracking.trust import ColourTrust
 
 _AGAIN = AssociationConfig(gate_squared=30.0, gate_most_m=8.0, cost_most=15.0)
 _FOUND = AssociationConfig(gate_m=1.0, gate_squared=12.0, gate_most_m=40.0, cost_most=3.0)
@@ -69,6 +70,7 @@ class Tracker:
         self._kinds: dict[str, int] = {}
         self._time_us: int | None = None
         self._born = 0
+        self._trust = ColourTrust()
 
     def update(self, detections: Detections, timestamp_us: int, world_from_ego: FloatArray) -> Tracks:
         """Take in the detections of one moment and return the tracks that are told of, in order of id.
@@ -132,15 +134,17 @@ class Tracker:
         reaches_m = (rule.reach_m(expected.unseen_s) for rule in (config.association, config.again))
         reach_m = np.maximum(np.maximum(*reaches_m), half_m.max(initial=0.0))
         rows, columns = _near(~alive.lost, np.ones_like(clear), expected, shown, reach_m)
-        pairs = possible(expected, shown, rows, columns, config.association)
+        first, again, last = (self._trust.applied(rule) for rule in (config.association, config.again, config.found))
+        pairs = possible(expected, shown, rows, columns, first)
+        self._trust.learn(pairs, expected, shown, first.colour_doubt)
         take(matched(pairs.of(clear[pairs.columns])))
         take(matched(pairs.of(weak[pairs.columns] & (alive.confirmed & (takes < 0))[pairs.rows])))
         left = (takes < 0)[rows] & (clear & ~taken)[columns]
         if left.any():
-            take(matched(possible(expected, shown, rows[left], columns[left], config.again)))
+            take(matched(possible(expected, shown, rows[left], columns[left], again)))
         if alive.lost.any() and (clear & ~taken).any():
             lost = _near(alive.lost, clear & ~taken, expected, shown, config.found.reach_m(expected.unseen_s))
-            take(matched(possible(expected, shown, *lost, config.found)))
+            take(matched(possible(expected, shown, *lost, last)))
         found = np.flatnonzero(takes >= 0)
         alive.see(found, seen.of(takes[found]), takes[found], noise_m2[found], turn_rad[found])
         offset_m = shown.xy_m[columns] - expected.xy_m[rows]

@@ -171,8 +171,8 @@ def test_damaged_files(tiny: TinyDataset, tmp_path: Path, results: Any, reason: 
     [
         (("--detections", "f", "--bev", "b"), "expected one of --bev, --detections, --kitti and --mot, got --bev"),
         (("--detections", "f", "--kitti", "k"), "got --detections and --kitti"),
-        (("--detections", "f", "--video", "v.webm"), "--detections goes only with ROOT, --scene, --version, --smooth, --out"),
-        (("--detections", "f", "--fps", "2"), "--detections goes only with ROOT, --scene, --version, --smooth, --out"),
+        (("--detections", "f", "--video", "v.webm"), "--detections goes only with ROOT, --scene"),
+        (("--detections", "f", "--fps", "2"), "--detections goes only with ROOT, --scene"),
         ((), "expected one of --bev, --detections, --kitti and --mot, got none"),
     ],
 )
