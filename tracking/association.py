@@ -129,13 +129,6 @@ class Pairs(NamedTuple):
         return type(self)._make([each[chosen] for each in self])
 
 
-def associate(tracks: Predicted, seen: Seen, config: AssociationConfig) -> tuple[IntArray, IntArray]:
-    """Rows and columns of the best assignment (see `matched`) of all pairs within the gates (see `possible`)."""
-    rows, columns = near(tracks.xy_m, seen.xy_m, config.reach_m(tracks.unseen_s))
-    best = matched(possible(tracks, seen, rows, columns, config))
-    return best.rows, best.columns
-
-
 def possible(tracks: Predicted, seen: Seen, rows: IntArray, columns: IntArray, config: AssociationConfig) -> Pairs:
     """Those of some pairs of tracks and detections, by number (P,), (P,), that are of one kind and within the gates.
 

@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import linear_sum_assignment
 
 from appocc.checks import FloatArray
-from tracking.association import AssociationConfig, Predicted, Seen, associate, noise_of, possible
+from tracking.association import AssociationConfig, Predicted, Seen, matched, near, noise_of, possible
 
 UNKNOWN = (np.nan,) * 3
 RED, BLUE = (53.0, 80.0, 67.0), (32.0, 79.0, -108.0)
@@ -47,8 +47,9 @@ def seen(places: list[Spot], **more: object) -> Seen:
 
 
 def pairs(tracks: Predicted, sights: Seen, config: AssociationConfig = CONFIG) -> dict[int, int]:
-    rows, columns = associate(tracks, sights, config)
-    return dict(zip(rows.tolist(), columns.tolist(), strict=True))
+    rows, columns = near(tracks.xy_m, sights.xy_m, config.reach_m(tracks.unseen_s))
+    best = matched(possible(tracks, sights, rows, columns, config))
+    return dict(zip(best.rows.tolist(), best.columns.tolist(), strict=True))
 
 
 def labs(*colours: tuple[float, ...]) -> FloatArray:

@@ -8,13 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from appocc.checks import ByteArray, Float32Array
+from appocc.colours import linear_from_srgb
 from appocc.simulation.rendering.compiled import inner, kernel
 from appocc.simulation.surface import CELL_M, Ground
 
 _LEVELS = 9
-LINEAR: Float32Array = np.where(
-    np.arange(256) <= 10, np.arange(256) / 255 / 12.92, ((np.arange(256) / 255 + 0.055) / 1.055) ** 2.4
-).astype(np.float32)
+LINEAR: Float32Array = linear_from_srgb(np.arange(256)).astype(np.float32)
 
 
 class Texture(NamedTuple):
