@@ -175,8 +175,7 @@ def read_scenes(root: Path, source: str) -> Iterator[Scene]:
 
 def without_colour(config: TrackerConfig) -> TrackerConfig:
     """The same tracker, blind to colours."""
-    rules = {name: replace(getattr(config, name), colour_doubt=1.0) for name in ("association", "again", "found")}
-    return replace(config, **rules)
+    return replace(config, colour_doubt=1.0)
 
 
 def judged(scene: Scene, config: TrackerConfig) -> Metrics:

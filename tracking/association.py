@@ -1,4 +1,4 @@
-"""Which detection belongs to which track: place, heading and colour, weighed as likelihoods, matched as a whole."""
+"""Which detection belongs to which track: place, heading and size, weighed as likelihoods, matched as a whole."""
 
 from __future__ import annotations
 
@@ -12,8 +12,6 @@ from appocc.checks import BoolArray, FloatArray, IntArray
 from tracking.motion import bend, determinant_of, squared
 
 _UNIT = np.eye(2)
-# Spread of the lightness and the two colour axes of vehicles' paints, all streets taken together.
-_PAINTS_LAB = np.array([25.0, 12.0, 14.0])
 # A sighting whose heading is farther off than this tells of no turn.
 _MOST_TURN_RAD = 1.0
 # How much likelier, as a cost, it must be that a vehicle turned than that it went straight on.
@@ -33,7 +31,7 @@ class AssociationConfig:
         heading_cap: most that it may cost, in squared standard deviations; 0 leaves it out.
         size: standard deviation of the logarithm of length and width, taken together.
         size_cap: likewise.
-        colour_doubt: how likely a colour is seen wrongly, before more is known; 1 leaves colour out.
+        stray_mps: how much faster or slower than thought they may have gone, to any side.
         cost_most: what it costs to leave both alone: a vehicle gone and a new one. No pair may cost more.
     """
 
@@ -45,7 +43,7 @@ class AssociationConfig:
     heading_cap: float = 9.0
     size: float = 0.3
     size_cap: float = 0.0
-    colour_doubt: float = 0.02
+    stray_mps: float = 0.0
     cost_most: float = 7.0
 
     def reach_m(self, unseen_s: FloatArray) -> FloatArray:
@@ -115,7 +113,7 @@ class Pairs(NamedTuple):
         columns: (P,) numbers of detections.
         noise_m2: (P, 2, 2) how well the detection's place is known, if it is that track.
         turn_rad: (P,) by how much the track turned on the way, if it is that track; 0 if it went straight on.
-        cost: (P,) of taking it for that track, less that of leaving both alone: below 0.
+        cost: (P,) of taking it for that track, less that of leaving both alone.
     """
 
     rows: IntArray
@@ -133,8 +131,7 @@ def possible(tracks: Predicted, seen: Seen, rows: IntArray, columns: IntArray, c
     """Those of some pairs of tracks and detections, by number (P,), (P,), that are of one kind and within the gates.
 
     The cost of a pair is its negative log likelihood, doubled: of the place given the prediction, straight on or
-    around a bend, and of heading, size and colour given the track's, each bounded, for it may be seen wrongly; a
-    place cannot.
+    around a bend, and of heading and size given the track's, each bounded, for it may be seen wrongly.
     """
     offset = seen.xy_m[columns] - tracks.xy_m[rows]
     apart_m = np.hypot(offset[:, 0], offset[:, 1])
@@ -142,7 +139,8 @@ def possible(tracks: Predicted, seen: Seen, rows: IntArray, columns: IntArray, c
     rows, columns, offset = rows[inside], columns[inside], offset[inside]
     track, sight = tracks.of(rows), seen.of(columns)
     noise_m2 = noise_of(track, sight)
-    cov = track.cov_m2 + noise_m2
+    strayed_m = config.stray_mps * track.unseen_s
+    cov = track.cov_m2 + noise_m2 + (strayed_m**2)[:, None, None] * _UNIT
     turn_rad = _turn_of(track, sight)
     bent = offset - (bend(turn_rad) @ track.way_m[..., None])[..., 0]
     straight_far, bent_far = squared(offset, cov), squared(bent, cov)
@@ -151,7 +149,7 @@ def possible(tracks: Predicted, seen: Seen, rows: IntArray, columns: IntArray, c
     apart_m = np.where(turns, np.hypot(bent[:, 0], bent[:, 1]), apart_m[inside])
     cost = far + np.log(determinant_of(cov)) + _unlike(track, sight, config) - config.cost_most
     near_enough = (far <= config.gate_squared) | (apart_m <= config.gate_m)
-    return Pairs(rows, columns, noise_m2, turn_rad, cost).of(near_enough & (cost < 0))
+    return Pairs(rows, columns, noise_m2, turn_rad, cost).of(near_enough)
 
 
 def _turn_of(track: Predicted, sight: Seen) -> FloatArray:
@@ -190,7 +188,7 @@ def near(one: FloatArray, other: FloatArray, reach_m: FloatArray) -> tuple[IntAr
 
 
 def _unlike(track: Predicted, sight: Seen, config: AssociationConfig) -> FloatArray:
-    """(P,) what differences in heading, size and colour cost."""
+    """(P,) what differences in heading and size cost."""
     cost = np.zeros(len(track.xy_m))
     if config.heading_cap:
         turn = np.abs(np.sin(track.yaw_rad - sight.yaw_rad)) / config.heading_rad
@@ -198,30 +196,15 @@ def _unlike(track: Predicted, sight: Seen, config: AssociationConfig) -> FloatAr
     if config.size_cap:
         growth = np.abs(np.log(track.size_m / sight.size_m)).sum(axis=1) / config.size
         cost += np.minimum(growth**2, config.size_cap)
-    if config.colour_doubt < 1:
-        cost += _strange(track, sight, config.colour_doubt)
     return cost
 
 
-def _strange(track: Predicted, sight: Seen, doubt: float) -> FloatArray:
-    """(P,) what colours cost: nothing if unknown, less if they agree better than those of any two vehicles."""
-    ratio = agreement(track, sight)
-    cost = -2 * np.log((1 - doubt) * ratio + doubt)
-    return np.where(np.isfinite(ratio), cost, 0.0)
-
-
-def agreement(track: Predicted, sight: Seen) -> FloatArray:
-    """(P,) how much likelier the colours of sightings are, if they are those tracks than if they are any vehicle."""
-    far = ((track.lab - sight.lab) ** 2 / track.lab_variance).sum(axis=1)
-    rare = np.log(track.lab_variance / _PAINTS_LAB**2).sum(axis=1)
-    return np.asarray(np.exp(-(far + rare) / 2))
-
-
 def matched(pairs: Pairs) -> Pairs:
-    """Those of pairs that make the assignment with the least cost.
+    """Those of pairs that make the assignment with the least cost; none that costs more than leaving both alone.
 
     Groups that share neither a track nor a detection are solved one by one.
     """
+    pairs = pairs.of(pairs.cost < 0)
     rows, columns, cost = pairs.rows, pairs.columns, pairs.cost
     if not len(rows):
         return pairs

@@ -14,6 +14,10 @@ from tracking.detections import Detections, probability_of
 from tracking.motion import MotionConfig, Motions, spread
 from tracking.tracks import Memory, Tracks
 
+# So many sightings the spread of colours that is believed at first weighs.
+_AT_FIRST = 10.0
+# Variance of a median of so many sightings as one, in theirs: pi / 2 for many (Gaussian), and what light adds.
+_MEDIAN_VARIANCE = 2.0
 # Columns of what is remembered of a sighting.
 _SIZE, _RGB, _LAB = slice(0, 3), slice(3, 6), slice(6, 9)
 
@@ -157,6 +161,11 @@ class Followed:
         return np.asarray(self.unseen_s > np.where(self.confirmed, kept_s, 0.0))
 
     @property
+    def known(self) -> BoolArray:
+        """(N,) whether one is rather a vehicle than none, and known."""
+        return self.confirmed & (self.belief > 0)
+
+    @property
     def told(self) -> BoolArray:
         """(N,) whether one is known well enough to be told of."""
         near = (self.unseen_s <= self._config.coast_s) & (self.motions.blur_m() <= self._config.coast_m)
@@ -173,22 +182,30 @@ class Followed:
 
     def expected(self) -> Predicted:
         """What is expected to be seen."""
-        config, median = self._config, self._memory.median
-        about, known = self._memory.spread(_LAB), self._memory.known(_LAB)
-        prior = np.square(config.lab) * config.lab_sightings
-        variance = (prior + about) / (config.lab_sightings + known)
-        mean, cov = self.motions.mean, self.motions.cov
+        median, mean, cov = self._memory.median, self.motions.mean, self.motions.cov
         return Predicted(
             mean[:, :2],
             cov[:, :2, :2],
             self.yaw_rad,
             median[:, :2],
             median[:, _LAB],
-            variance,
+            self._lab_variance(),
             self.kind,
             self.unseen_s,
             mean[:, 2:] * self._gone_s[:, None],
         )
+
+    def _lab_variance(self) -> FloatArray:
+        """(N, 3) of the colour of the next sighting about the median of the last ones.
+
+        What little is known of one vehicle is drawn towards what is known of all (empirical Bayes).
+        """
+        config = self._config
+        about, known = self._memory.spread(_LAB), self._memory.known(_LAB)
+        more = np.maximum(known - 1, 0).sum(axis=0)
+        of_all = (np.square(config.lab) * _AT_FIRST + about.sum(axis=0)) / (_AT_FIRST + more)
+        variance = (of_all * config.lab_sightings + about) / (config.lab_sightings + known)
+        return np.asarray(variance * (1 + _MEDIAN_VARIANCE / np.maximum(known, 1)))
 
     def shown(self, seen: Sightings) -> Seen:
         """Sightings as they are compared with what is expected."""

@@ -54,7 +54,6 @@ def _people(off_m: float, gate_m: float) -> TrackerConfig:
         heading_cap=0.0,
         size=0.2,
         size_cap=9.0,
-        colour_doubt=1.0,
         cost_most=50.0,
     )
     motion = MotionConfig(
@@ -70,7 +69,9 @@ def _people(off_m: float, gate_m: float) -> TrackerConfig:
         rest_mps=0,
         motion=motion,
     )
-    return TrackerConfig(begin=0.5, life=life, association=near, again=replace(near, gate_squared=15.0))
+    return TrackerConfig(
+        begin=0.5, life=life, association=near, again=replace(near, gate_squared=15.0), colour_doubt=1.0
+    )
 
 
 # Where feet stand in the picture is seen better than how far away that is on the ground.

@@ -9,15 +9,20 @@ import numpy as np
 from appocc.checks import BoolArray, FloatArray, IntArray, check_transform
 from appocc.errors import DataError
 from appocc.geometry import apply, inverse
-from tracking.association import AssociationConfig, Pairs, Predicted, Seen, matched, near, possible
+from tracking.association import AssociationConfig
 from tracking.detections import Detections
 from tracking.follow import Followed, LifeConfig, Sightings, sightings_of
 from tracking.motion import MotionConfig
+from tracking.rounds import Rounds
 from tracking.tracks import Tracks
 from tracking.trust import ColourTrust
 
 _AGAIN = AssociationConfig(gate_squared=30.0, gate_most_m=8.0, cost_most=15.0)
 _FOUND = AssociationConfig(gate_m=1.0, gate_squared=12.0, gate_most_m=40.0, cost_most=3.0)
+# So far off only a colour that few others have can tell that it is the same one; it may have turned.
+_STRAYED = AssociationConfig(
+    gate_m=1.0, gate_squared=12.0, gate_most_m=25.0, heading_cap=0.0, stray_mps=3.0, cost_most=0.0
+)
 
 
 @dataclass(frozen=True)
@@ -31,7 +36,9 @@ class TrackerConfig:
         life: of tracks.
         association: of detections with tracks.
         again: of clear detections and tracks that are still without each other: faster than thought.
-        found: of clear detections that are left with tracks that were lost.
+        found: of clear detections that are left with tracks that were lost;
+        strayed: at last with tracks that went elsewhere while they were not seen.
+        colour_doubt: how likely a colour is seen wrongly, before more is known; 1 leaves colour out.
     """
 
     clear: float = 0.5
@@ -41,6 +48,8 @@ class TrackerConfig:
     association: AssociationConfig = field(default_factory=AssociationConfig)
     again: AssociationConfig = _AGAIN
     found: AssociationConfig = _FOUND
+    strayed: AssociationConfig = _STRAYED
+    colour_doubt: float = 0.02
 
 
 # For blobs of maps, which flicker where a map is predicted: who is not sure must be seen twice.
@@ -70,7 +79,7 @@ class Tracker:
         self._kinds: dict[str, int] = {}
         self._time_us: int | None = None
         self._born = 0
-        self._trust = ColourTrust()
+        self._colours = ColourTrust(self.config.colour_doubt)
 
     def update(self, detections: Detections, timestamp_us: int, world_from_ego: FloatArray) -> Tracks:
         """Take in the detections of one moment and return the tracks that are told of, in order of id.
@@ -87,14 +96,14 @@ class Tracker:
         seen = sightings_of(detections, world_from_ego, kinds)
         # Of what a detector tells twice, one sighting is as good as none.
         seen = seen._replace(log_odds=np.where(detections.distinct(), seen.log_odds, -np.inf))
-        taken, close = self._associate(seen)
+        taken = self._associate(seen)
         alive = self._alive
         places_m = apply(inverse(world_from_ego), alive.place_world_m)[:, :2]
         # Dropped are tracks unseen for too long, and unseen ones that left the view: who enters there is new.
         keep = ~alive.dead & (detections.view.sees(places_m) | (alive.detection >= 0))
         alive.keep(keep)
         # Unseen tracks whose places a detection covers: vehicles that touch, so that it is not a new one.
-        hidden = np.flatnonzero(alive.confirmed & (alive.detection < 0) & ~alive.lost & close[keep])
+        hidden = np.flatnonzero(alive.confirmed & (alive.detection < 0) & ~alive.lost)
         covered = detections.cover(places_m[keep][hidden])
         free = ~taken & (seen.log_odds >= self.config.begin) & ~covered.any(axis=0)
         self._begin(np.flatnonzero(free), seen)
@@ -113,56 +122,32 @@ class Tracker:
             self._alive.predict(seconds)
         self._time_us = timestamp_us
 
-    def _associate(self, seen: Sightings) -> tuple[BoolArray, BoolArray]:
-        """Let tracks take sightings: clear ones, weak ones, clear ones farther off, and at last what were lost.
+    def _associate(self, seen: Sightings) -> BoolArray:
+        """Let tracks take sightings: clear ones, weak ones, clear ones farther off; at last what were lost or strayed.
 
         Returns:
-            (M,) whether a track took a sighting, and (N,) whether a track is as close to one as if it were covered.
+            (M,) whether a track took a sighting.
         """
         alive, config = self._alive, self.config
         expected, shown = alive.expected(), alive.shown(seen)
         clear = seen.log_odds >= config.clear
         weak = ~clear & (seen.log_odds >= config.weak)
-        takes, taken = np.full(len(alive), -1), np.zeros(len(clear), np.bool_)
-        noise_m2, turn_rad = np.zeros((len(alive), 2, 2)), np.zeros(len(alive))
-
-        def take(pairs: Pairs) -> None:
-            takes[pairs.rows], taken[pairs.columns] = pairs.columns, True
-            noise_m2[pairs.rows], turn_rad[pairs.rows] = pairs.noise_m2, pairs.turn_rad
-
-        half_m = np.hypot(seen.size_m[:, 0], seen.size_m[:, 1]) / 2
-        reaches_m = (rule.reach_m(expected.unseen_s) for rule in (config.association, config.again))
-        reach_m = np.maximum(np.maximum(*reaches_m), half_m.max(initial=0.0))
-        rows, columns = _near(~alive.lost, np.ones_like(clear), expected, shown, reach_m)
-        first, again, last = (self._trust.applied(rule) for rule in (config.association, config.again, config.found))
-        pairs = possible(expected, shown, rows, columns, first)
-        self._trust.learn(pairs, expected, shown, first.colour_doubt)
-        take(matched(pairs.of(clear[pairs.columns])))
-        take(matched(pairs.of(weak[pairs.columns] & (alive.confirmed & (takes < 0))[pairs.rows])))
-        left = (takes < 0)[rows] & (clear & ~taken)[columns]
-        if left.any():
-            take(matched(possible(expected, shown, rows[left], columns[left], again)))
-        if alive.lost.any() and (clear & ~taken).any():
-            lost = _near(alive.lost, clear & ~taken, expected, shown, config.found.reach_m(expected.unseen_s))
-            take(matched(possible(expected, shown, *lost, last)))
-        found = np.flatnonzero(takes >= 0)
-        alive.see(found, seen.of(takes[found]), takes[found], noise_m2[found], turn_rad[found])
-        offset_m = shown.xy_m[columns] - expected.xy_m[rows]
-        close = np.zeros(len(alive), np.bool_)
-        close[rows[np.hypot(offset_m[:, 0], offset_m[:, 1]) <= half_m[columns]]] = True
-        return taken, close
+        rounds = Rounds(expected, shown, self._colours)
+        pairs = rounds.pairs(~alive.lost, np.ones_like(clear), config.association)
+        self._colours.learn(pairs, expected, shown)
+        rounds.take(pairs.of(clear[pairs.columns]))
+        rounds.take(pairs.of(weak[pairs.columns] & (alive.confirmed & rounds.free)[pairs.rows]))
+        rounds.take(rounds.pairs(~alive.lost, clear, config.again))
+        rounds.take(rounds.pairs(alive.lost, clear, config.found))
+        if config.colour_doubt < 1:
+            rounds.take(rounds.pairs(alive.known, clear & np.isfinite(seen.lab[:, 0]), config.strayed))
+        found = np.flatnonzero(~rounds.free)
+        takes = rounds.takes[found]
+        alive.see(found, seen.of(takes), takes, rounds.noise_m2[found], rounds.turn_rad[found])
+        return rounds.taken
 
     def _begin(self, columns: IntArray, seen: Sightings) -> None:
         """Begin tracks of sightings."""
         numbers = self._born + 1 + np.arange(len(columns))
         self._born += len(columns)
         self._alive.add(seen.of(columns), numbers, columns)
-
-
-def _near(
-    tracks: BoolArray, sights: BoolArray, expected: Predicted, shown: Seen, reach_m: FloatArray
-) -> tuple[IntArray, IntArray]:
-    """Pairs of some of the tracks (N,) and some of the sightings (M,) within the reach (N,) of the tracks."""
-    chosen, others = np.flatnonzero(tracks), np.flatnonzero(sights)
-    rows, columns = near(expected.xy_m[chosen], shown.xy_m[others], reach_m[chosen])
-    return chosen[rows], others[columns]

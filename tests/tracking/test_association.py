@@ -8,6 +8,7 @@ from scipy.optimize import linear_sum_assignment
 
 from appocc.checks import FloatArray
 from tracking.association import AssociationConfig, Predicted, Seen, matched, near, noise_of, possible
+from tracking.trust import ColourTrust
 
 UNKNOWN = (np.nan,) * 3
 RED, BLUE = (53.0, 80.0, 67.0), (32.0, 79.0, -108.0)
@@ -46,9 +47,10 @@ def seen(places: list[Spot], **more: object) -> Seen:
     return Seen(**{**given, **more})  # type: ignore[arg-type]
 
 
-def pairs(tracks: Predicted, sights: Seen, config: AssociationConfig = CONFIG) -> dict[int, int]:
+def pairs(tracks: Predicted, sights: Seen, config: AssociationConfig = CONFIG, doubt: float = 0.02) -> dict[int, int]:
     rows, columns = near(tracks.xy_m, sights.xy_m, config.reach_m(tracks.unseen_s))
-    best = matched(possible(tracks, sights, rows, columns, config))
+    ways = ColourTrust(doubt).weighed(possible(tracks, sights, rows, columns, config), tracks, sights)
+    best = matched(ways)
     return dict(zip(best.rows.tolist(), best.columns.tolist(), strict=True))
 
 
@@ -97,7 +99,7 @@ def test_colour_tells_neighbours_apart() -> None:
     assert pairs(plain, seen(crossed)) == {0: 0, 1: 1}
     painted, sights = plain._replace(lab=labs(RED, BLUE)), seen(crossed, lab=labs(BLUE, RED))
     assert pairs(painted, sights) == {0: 1, 1: 0}
-    assert pairs(painted, sights, replace(CONFIG, colour_doubt=1.0)) == {0: 0, 1: 1}
+    assert pairs(painted, sights, doubt=1.0) == {0: 0, 1: 1}
 
 
 def test_colour_does_not_overrule_a_clear_place() -> None:
