@@ -1,4 +1,4 @@
-"""Which detection belongs to which track: place, heading and size, weighed as likelihoods, matched as a whole."""
+"""Which detection belongs to which track: place, heading, size and colour as likelihoods, matched as a whole."""
 
 from __future__ import annotations
 
@@ -90,6 +90,7 @@ class Seen(NamedTuple):
         yaw_rad: (M,) headings.
         size_m: (M, 2) width and length.
         lab: (M, 3) colours, NaN where unknown.
+        frequency: (M,) of such colours among vehicles, see `tracking.colour.paint_density`.
         kind: (M,) numbers of categories.
     """
 
@@ -98,6 +99,7 @@ class Seen(NamedTuple):
     yaw_rad: FloatArray
     size_m: FloatArray
     lab: FloatArray
+    frequency: FloatArray
     kind: IntArray
 
     def of(self, columns: IntArray) -> Seen:
@@ -113,7 +115,8 @@ class Pairs(NamedTuple):
         columns: (P,) numbers of detections.
         noise_m2: (P, 2, 2) how well the detection's place is known, if it is that track.
         turn_rad: (P,) by how much the track turned on the way, if it is that track; 0 if it went straight on.
-        cost: (P,) of taking it for that track, less that of leaving both alone.
+        cost: (P,) of taking it for that track, less that of leaving both alone; colours not counted.
+        alike: (P,) how much likelier their colours are, if it is that track than if it is any; NaN if unknown.
     """
 
     rows: IntArray
@@ -121,35 +124,39 @@ class Pairs(NamedTuple):
     noise_m2: FloatArray
     turn_rad: FloatArray
     cost: FloatArray
+    alike: FloatArray
 
     def of(self, chosen: BoolArray) -> Pairs:
         """Those of a mask (P,)."""
         return type(self)._make([each[chosen] for each in self])
 
 
+NONE = Pairs(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 2, 2)), np.zeros(0), np.zeros(0), np.zeros(0))
+
+
 def possible(tracks: Predicted, seen: Seen, rows: IntArray, columns: IntArray, config: AssociationConfig) -> Pairs:
     """Those of some pairs of tracks and detections, by number (P,), (P,), that are of one kind and within the gates.
 
-    The cost of a pair is its negative log likelihood, doubled: of the place given the prediction, straight on or
-    around a bend, and of heading and size given the track's, each bounded, for it may be seen wrongly.
+    How far a track reaches (`reach_m`) is left to who looks for pairs. The cost of a pair is its negative log
+    likelihood, doubled: of the place given the prediction, straight on or around a bend, and of heading and size given
+    the track's, each bounded, for it may be seen wrongly.
     """
-    offset = seen.xy_m[columns] - tracks.xy_m[rows]
-    apart_m = np.hypot(offset[:, 0], offset[:, 1])
-    inside = (apart_m <= config.reach_m(tracks.unseen_s)[rows]) & (tracks.kind[rows] == seen.kind[columns])
-    rows, columns, offset = rows[inside], columns[inside], offset[inside]
+    same = tracks.kind[rows] == seen.kind[columns]
+    rows, columns = rows[same], columns[same]
     track, sight = tracks.of(rows), seen.of(columns)
     noise_m2 = noise_of(track, sight)
-    strayed_m = config.stray_mps * track.unseen_s
-    cov = track.cov_m2 + noise_m2 + (strayed_m**2)[:, None, None] * _UNIT
-    turn_rad = _turn_of(track, sight)
+    cov = track.cov_m2 + noise_m2
+    if config.stray_mps:
+        cov = cov + ((config.stray_mps * track.unseen_s) ** 2)[:, None, None] * _UNIT
+    turn_rad, offset = _turn_of(track, sight), sight.xy_m - track.xy_m
     bent = offset - (bend(turn_rad) @ track.way_m[..., None])[..., 0]
     straight_far, bent_far = squared(offset, cov), squared(bent, cov)
     turns = bent_far + _TURN_COST < straight_far
     far, turn_rad = np.where(turns, bent_far, straight_far), np.where(turns, turn_rad, 0.0)
-    apart_m = np.where(turns, np.hypot(bent[:, 0], bent[:, 1]), apart_m[inside])
+    offset[turns] = bent[turns]
+    near_enough = (far <= config.gate_squared) | (np.hypot(offset[:, 0], offset[:, 1]) <= config.gate_m)
     cost = far + np.log(determinant_of(cov)) + _unlike(track, sight, config) - config.cost_most
-    near_enough = (far <= config.gate_squared) | (apart_m <= config.gate_m)
-    return Pairs(rows, columns, noise_m2, turn_rad, cost).of(near_enough)
+    return Pairs(rows, columns, noise_m2, turn_rad, cost, _alike(track, sight)).of(near_enough)
 
 
 def _turn_of(track: Predicted, sight: Seen) -> FloatArray:
@@ -197,6 +204,12 @@ def _unlike(track: Predicted, sight: Seen, config: AssociationConfig) -> FloatAr
         growth = np.abs(np.log(track.size_m / sight.size_m)).sum(axis=1) / config.size
         cost += np.minimum(growth**2, config.size_cap)
     return cost
+
+
+def _alike(track: Predicted, sight: Seen) -> FloatArray:
+    """(P,) how much likelier the colours of sightings are, if they are those tracks than if they are any vehicle."""
+    far = ((track.lab - sight.lab) ** 2 / track.lab_variance).sum(axis=1)
+    return np.asarray(np.exp(-far / 2) / np.sqrt(track.lab_variance.prod(axis=1)) / sight.frequency)
 
 
 def matched(pairs: Pairs) -> Pairs:

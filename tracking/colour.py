@@ -1,4 +1,4 @@
-"""The robust colour of a vehicle's cells."""
+"""Vehicles' colours: the robust one of cells, and how frequent colours are."""
 
 from __future__ import annotations
 
@@ -6,6 +6,9 @@ import numpy as np
 
 from appocc.checks import BoolArray, FloatArray, IntArray
 
+# Vehicles' paints: lightness, and the two colour axes of the white, grey and black ones and of all others.
+_LIGHTNESS = (55.0, 30.0)
+_GREYS, _GREY_AB, _OTHER_AB = 0.7, np.array([4.0, 5.0]), np.array([25.0, 25.0])
 # Fewer cells inside a blob than this say less than all of its cells.
 LEAST_INSIDE = 4
 
@@ -37,3 +40,13 @@ def robust_lab(lab: FloatArray, inside: BoolArray, member: IntArray, count: int)
     sums = np.stack([np.bincount(member[paint], channel[paint], count) for channel in lab.T], axis=1)
     with np.errstate(invalid="ignore"):
         return np.asarray(sums / (size - dark - glints)[:, None])
+
+
+def paint_density(lab: FloatArray) -> FloatArray:
+    """(N,) how frequent colours (N, 3) are among vehicles: densities, but for a Gaussian's factors of 2 pi."""
+    middle, spread = _LIGHTNESS
+    lightness = np.exp(-(((lab[:, 0] - middle) / spread) ** 2) / 2) / spread
+    greys, others = (
+        np.exp(-((lab[:, 1:] / each) ** 2).sum(axis=1) / 2) / each.prod() for each in (_GREY_AB, _OTHER_AB)
+    )
+    return np.asarray(lightness * (_GREYS * greys + (1 - _GREYS) * others))

@@ -113,6 +113,8 @@ class Detections:
         keep = np.ones(len(self), dtype=np.bool_)
         half_m = np.minimum(self.size_m[:, 0] / 2, _MOST_APART_M)
         one, other = near(self.ground_m[:, :2], self.ground_m[:, :2], half_m)
+        if len(one) == len(self):  # each has itself alone
+            return keep
         rank = np.empty(len(self), dtype=np.int64)
         rank[np.argsort(-self.log_odds, kind="stable")] = np.arange(len(self))
         offset = self.ground_m[one, :2] - self.ground_m[other, :2]

@@ -10,6 +10,7 @@ import numpy as np
 from appocc.checks import BoolArray, FloatArray, IntArray
 from appocc.geometry import apply, wrap_angle
 from tracking.association import Predicted, Seen
+from tracking.colour import paint_density
 from tracking.detections import Detections, probability_of
 from tracking.motion import MotionConfig, Motions, spread
 from tracking.tracks import Memory, Tracks
@@ -209,8 +210,15 @@ class Followed:
 
     def shown(self, seen: Sightings) -> Seen:
         """Sightings as they are compared with what is expected."""
-        noise = self._noise_m2(seen)
-        return Seen(seen.place_world_m[:, :2], noise, seen.yaw_world_rad, seen.size_m[:, :2], seen.lab, seen.kind)
+        return Seen(
+            seen.place_world_m[:, :2],
+            self._noise_m2(seen),
+            seen.yaw_world_rad,
+            seen.size_m[:, :2],
+            seen.lab,
+            paint_density(seen.lab),
+            seen.kind,
+        )
 
     def see(
         self, rows: IntArray, seen: Sightings, detection: IntArray, noise_m2: FloatArray, turn_rad: FloatArray

@@ -123,14 +123,21 @@ class Motions:
 
 def bend(angle_rad: FloatArray) -> FloatArray:
     """(N, 2, 2) what leads from the end of a straight way to that of an arc as long, which turns by angles (N,)."""
-    chord = np.sinc(angle_rad / (2 * np.pi))[:, None, None]
-    return np.asarray(chord * _rotation(angle_rad / 2) - np.eye(2))
+    half = angle_rad / 2
+    chord = np.divide(np.sin(half), half, out=np.ones_like(half), where=half != 0)
+    result = chord[:, None, None] * _rotation(half)
+    result[:, 0, 0] -= 1
+    result[:, 1, 1] -= 1
+    return np.asarray(result)
 
 
 def _rotation(angle_rad: FloatArray) -> FloatArray:
     """(N, 2, 2) rotations by angles (N,)."""
-    cos, sin = np.cos(angle_rad), np.sin(angle_rad)
-    return np.stack([cos, -sin, sin, cos], axis=1).reshape(-1, 2, 2)
+    result = np.empty((len(angle_rad), 2, 2))
+    result[:, 0, 0] = result[:, 1, 1] = np.cos(angle_rad)
+    result[:, 1, 0] = sin = np.sin(angle_rad)
+    result[:, 0, 1] = -sin
+    return result
 
 
 def inverse_of(matrices: FloatArray) -> FloatArray:

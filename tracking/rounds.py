@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from appocc.checks import BoolArray
-from tracking.association import AssociationConfig, Pairs, Predicted, Seen, matched, near, possible
+from tracking.association import NONE, AssociationConfig, Pairs, Predicted, Seen, matched, near, possible
 from tracking.trust import ColourTrust
 
 
@@ -33,13 +33,17 @@ class Rounds:
 
     def pairs(self, tracks: BoolArray, sights: BoolArray, rule: AssociationConfig) -> Pairs:
         """Those that a rule allows of some tracks (N,) and sightings (M,) still free; colours do not count."""
-        rows, columns = np.flatnonzero(tracks & self.free), np.flatnonzero(sights & ~self.taken)
+        (rows,), (columns,) = (tracks & self.free).nonzero(), (sights & ~self.taken).nonzero()
+        if not (len(rows) and len(columns)):
+            return NONE
         reach_m = rule.reach_m(self._tracks.unseen_s[rows])
         one, other = near(self._tracks.xy_m[rows], self._seen.xy_m[columns], reach_m)
-        return possible(self._tracks, self._seen, rows[one], columns[other], rule)
+        return possible(self._tracks, self._seen, rows[one], columns[other], rule) if len(one) else NONE
 
     def take(self, pairs: Pairs) -> None:
         """Of free tracks and sightings those that go together best, colours weighed, take each other."""
-        best = matched(self._colours.weighed(pairs, self._tracks, self._seen))
+        if not len(pairs.rows):
+            return
+        best = matched(self._colours.weighed(pairs))
         self.takes[best.rows], self.taken[best.columns] = best.columns, True
         self.noise_m2[best.rows], self.turn_rad[best.rows] = best.noise_m2, best.turn_rad

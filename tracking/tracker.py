@@ -123,7 +123,7 @@ class Tracker:
         self._time_us = timestamp_us
 
     def _associate(self, seen: Sightings) -> BoolArray:
-        """Let tracks take sightings: clear ones, weak ones, clear ones farther off; at last what were lost or strayed.
+        """Let tracks take sightings: clear ones, weak ones, clear ones farther off; at last who was lost or strayed.
 
         Returns:
             (M,) whether a track took a sighting.
@@ -134,7 +134,7 @@ class Tracker:
         weak = ~clear & (seen.log_odds >= config.weak)
         rounds = Rounds(expected, shown, self._colours)
         pairs = rounds.pairs(~alive.lost, np.ones_like(clear), config.association)
-        self._colours.learn(pairs, expected, shown)
+        self._colours.learn(pairs)
         rounds.take(pairs.of(clear[pairs.columns]))
         rounds.take(pairs.of(weak[pairs.columns] & (alive.confirmed & rounds.free)[pairs.rows]))
         rounds.take(rounds.pairs(~alive.lost, clear, config.again))

@@ -157,13 +157,13 @@ class Memory:
 
 
 def _known(last: FloatArray) -> NDArray[np.int32]:
-    """(K, M) how many of (S, K, M) are not NaN."""
+    """(...,) how many of (S, ...) are not NaN."""
     return np.asarray(np.isfinite(last).sum(axis=0, dtype=np.int32))
 
 
 def _medians(last: FloatArray) -> FloatArray:
     """(K, M) medians of (S, K, M) without what is NaN; NaN where all is."""
-    ordered = np.sort(last, axis=0)  # NaN come last
-    count = _known(last)
-    of_all = np.ix_(*map(np.arange, count.shape))
-    return np.asarray((ordered[np.maximum(count - 1, 0) // 2, *of_all] + ordered[count // 2, *of_all]) / 2)
+    ordered = np.sort(last.reshape(len(last), -1), axis=0)  # NaN come last
+    count, place = _known(ordered), np.arange(ordered.shape[1])
+    middle = (ordered[np.maximum(count - 1, 0) // 2, place] + ordered[count // 2, place]) / 2
+    return np.asarray(middle.reshape(last.shape[1:]))

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ from scipy.optimize import linear_sum_assignment
 
 from appocc.checks import FloatArray
 from tracking.association import AssociationConfig, Predicted, Seen, matched, near, noise_of, possible
+from tracking.colour import paint_density
 from tracking.trust import ColourTrust
 
 UNKNOWN = (np.nan,) * 3
@@ -44,12 +46,13 @@ def seen(places: list[Spot], **more: object) -> Seen:
         "lab": np.full((n, 3), np.nan),
         "kind": np.zeros(n, np.int64),
     }
-    return Seen(**{**given, **more})  # type: ignore[arg-type]
+    all_of_them: dict[str, Any] = {**given, **more}
+    return Seen(frequency=paint_density(all_of_them["lab"]), **all_of_them)
 
 
 def pairs(tracks: Predicted, sights: Seen, config: AssociationConfig = CONFIG, doubt: float = 0.02) -> dict[int, int]:
     rows, columns = near(tracks.xy_m, sights.xy_m, config.reach_m(tracks.unseen_s))
-    ways = ColourTrust(doubt).weighed(possible(tracks, sights, rows, columns, config), tracks, sights)
+    ways = ColourTrust(doubt).weighed(possible(tracks, sights, rows, columns, config))
     best = matched(ways)
     return dict(zip(best.rows.tolist(), best.columns.tolist(), strict=True))
 
