@@ -138,8 +138,8 @@ def possible(tracks: Predicted, seen: Seen, rows: IntArray, columns: IntArray, c
     """Those of some pairs of tracks and detections, by number (P,), (P,), that are of one kind and within the gates.
 
     How far a track reaches (`reach_m`) is left to who looks for pairs. The cost of a pair is its negative log
-    likelihood, doubled: of the place given the prediction, straight on or around a bend, and of heading and size given
-    the track's, each bounded, for it may be seen wrongly.
+    likelihood, doubled: of the place given the prediction, straight on or around a bend, and of heading and size
+    given the track's, each bounded, for it may be seen wrongly.
     """
     same = tracks.kind[rows] == seen.kind[columns]
     rows, columns = rows[same], columns[same]
