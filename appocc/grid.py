@@ -64,6 +64,11 @@ class BEVGrid:
         """[x_min, x_max, y_min, y_max, cell] in metres, as stored on disk."""
         return np.array([self.x_min_m, self.x_max_m, self.y_min_m, self.y_max_m, self.cell_m])
 
+    def halved(self) -> BEVGrid:
+        """The grid of cells twice as long and wide, from the same corner; it reaches at least as far."""
+        x, y = (2 * self.cell_m * -(-cells // 2) for cells in self.shape)
+        return BEVGrid(self.x_min_m, self.x_min_m + x, self.y_min_m, self.y_min_m + y, 2 * self.cell_m)
+
     @property
     def shape(self) -> tuple[int, int]:
         """Number of cells (X, Y)."""

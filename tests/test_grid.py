@@ -49,6 +49,13 @@ def test_centres_are_those_of_the_cells() -> None:
     np.testing.assert_array_equal(grid.cell_of(centres)[..., 1], np.tile(np.arange(200), (100, 1)))
 
 
+def test_halved_covers_the_same_cells_and_no_less() -> None:
+    assert BEVGrid.surround().halved() == BEVGrid(cell_m=0.8)
+    odd = BEVGrid(0.0, 1.2, -0.4, 0.4, 0.4).halved()
+    assert odd.shape == (2, 1)
+    assert odd.centre_of([0, 0]).tolist() == pytest.approx([0.4, 0.0])
+
+
 def test_contains_looks_at_both_axes() -> None:
     cells = [[0, 0], [99, 199], [100, 0], [0, 200], [-1, 5], [5, -1]]
     assert BEVGrid.front().contains(cells).tolist() == [True, True, False, False, False, False]

@@ -19,22 +19,40 @@ def log_odds(shares: tuple[float, ...]) -> Tensor:
 
 
 class GridHeads(nn.Module):
-    """Occupancy and, if wanted, appearance of each cell, from features at the grid's own resolution."""
+    """Occupancy and, if wanted, appearance of each cell, from features at the grid's own resolution.
 
-    def __init__(self, channels: int, appearance: bool) -> None:
-        """Make it with fresh weights; occupancy starts at `PRIORS`, appearance at grey."""
+    A cell's colour is a mean of its own answer and of the colours that pictures offer for it, weighted by what the
+    cell thinks of each: copying is learnt sooner than naming, and holds for paint that no training showed.
+    """
+
+    def __init__(self, channels: int, appearance: bool, offers: int) -> None:
+        """Make it with fresh weights; occupancy starts at `PRIORS`, appearance between grey and what is offered."""
         super().__init__()
-        # One convolution for both: the features have few channels, and a second pass over the grid costs more.
-        self.answer = nn.Conv2d(channels, 6 if appearance else 3, 3, padding=1)
+        self.appearance = appearance
+        # One convolution for all: the features have few channels, and a second pass over the grid costs more.
+        self.answer = nn.Conv2d(channels, 3 + 3 + 1 + offers if appearance else 3, 3, padding=1)
         nn.init.normal_(self.answer.weight, std=0.01)
         nn.init.zeros_(self.answer.bias)  # type: ignore[arg-type]
         with torch.no_grad():
             self.answer.bias[:3] = log_odds(PRIORS)  # type: ignore[index]
 
-    def forward(self, cells: Tensor) -> tuple[Tensor, Tensor | None]:
-        """Cells (B, C, X, Y) -> logits (B, 3, X, Y), colours (B, 3, X, Y) 0..1; both float32."""
+    def forward(self, cells: Tensor, offered: Tensor) -> tuple[Tensor, Tensor | None]:
+        """Say what cells hold.
+
+        Args:
+            cells: (B, C, X, Y) features.
+            offered: (B, offers, 4, X, Y) colours, 0..1, and 1 where there is one, else 0.
+
+        Returns:
+            Logits (B, 3, X, Y), and colours (B, 3, X, Y) 0..1; both float32.
+        """
         answer = self.answer(cells).float()
-        return answer[:, :3], torch.sigmoid(answer[:, 3:]) if answer.shape[1] > 3 else None
+        if not self.appearance:
+            return answer, None
+        own, liking = torch.sigmoid(answer[:, None, 3:6]), answer[:, 6:]  # B 1 3 X Y, B 1+offers X Y
+        there = torch.cat([torch.ones_like(liking[:, :1]), offered[:, :, 3]], dim=1) > 0.5
+        share = torch.where(there, liking, -1e4).softmax(dim=1)
+        return answer[:, :3], (share[:, :, None] * torch.cat([own, offered[:, :, :3]], dim=1)).sum(dim=1)
 
 
 class ViewHeads(nn.Module):

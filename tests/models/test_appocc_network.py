@@ -14,8 +14,9 @@ from appocc.checks import FloatArray
 from appocc.errors import ShapeError
 from appocc.grid import BEVGrid
 from appocc.models.fused import fused
-from appocc.models.heads import PRIORS
-from appocc.models.network import AppoccNet, doubled
+from appocc.models.heads import PRIORS, GridHeads
+from appocc.models.network import AppoccNet, doubled, paint_of
+from appocc.models.pull import HEIGHTS_M
 from appocc.models.setting import SETTINGS, Setting
 from appocc.rigs import read_rig
 
@@ -54,7 +55,7 @@ def test_shapes_and_where_it_starts_in_both_settings(name: str) -> None:
     assert plan.seen.shape == (1, *setting.grid.shape)
     shares = torch.sigmoid(output.occupancy).mean(dim=(0, 2, 3))
     assert shares.tolist() == pytest.approx(PRIORS, rel=0.3)
-    assert 3e6 < sum(weights.numel() for weights in model.parameters()) < 8e6
+    assert 1e6 < sum(weights.numel() for weights in model.parameters()) < 8e6
 
 
 def test_view_heads_speak_in_training_only_and_may_be_absent() -> None:
@@ -151,13 +152,37 @@ def test_a_cell_listens_to_the_pixels_that_show_its_ground() -> None:
     model(images, plan)
     for cell in ((122, 101), (130, 92), (135, 112)):
         (ground,) = heard
-        (gradient,) = torch.autograd.grad(ground[0, :, cell[0], cell[1]].sum(), images, retain_graph=True)
+        features = ground[0, : len(ground[0]) // len(HEIGHTS_M), cell[0], cell[1]]  # at height 0, the first
+        (gradient,) = torch.autograd.grad(features.sum(), images, retain_graph=True)
         weight = gradient[0, 0].square().sum(dim=0).double()
         weight[weight < 1e-3 * weight.max()] = 0  # squeeze-excite listens to the whole picture, a little
         rows, columns = torch.meshgrid(torch.arange(128.0), torch.arange(352.0), indexing="ij")
         centroid = [float((axis * weight).sum() / weight.sum()) for axis in (columns, rows)]
         centre = np.append(SETTINGS["360"].grid.centre_of(cell), 0.0)[None]
         assert rig["CAM_FRONT"].project_ego(centre)[0][0] == pytest.approx(centroid, abs=2.5)
+
+
+def test_paint_is_the_mean_around_the_pixel_that_a_feature_looks_at() -> None:
+    picture = torch.arange(18.0).expand(1, 3, 10, 18) / 18
+    paint = paint_of(picture)
+    assert paint.shape == (1, 4, 3, 5)
+    torch.testing.assert_close(paint[0, 0, 1, 1:4], torch.tensor([4.0, 8.0, 12.0]) / 18)
+    assert (paint[:, 3] == 1).all()
+    assert paint[0, 0, 1, 0] == pytest.approx(1 / 18)  # at the edge, of the pixels that there are
+
+
+def test_a_cell_takes_an_offered_colour_if_there_is_one() -> None:
+    heads = GridHeads(2, appearance=True, offers=2)
+    with torch.no_grad():
+        bias = heads.answer.bias
+        assert bias is not None
+        bias[6:] = torch.tensor([0.0, 30.0, 60.0])  # likes the second offer best
+    offered = torch.zeros(1, 2, 4, 3, 3)
+    offered[:, 0, :, :2] = torch.tensor([0.2, 0.4, 0.6, 1.0])[:, None, None]
+    offered[:, 1, :, 0] = torch.tensor([0.9, 0.1, 0.3, 1.0])[:, None]
+    _, colours = heads(torch.zeros(1, 2, 3, 3), offered)
+    rows = colours[0, :, :, 0].T
+    torch.testing.assert_close(rows, torch.tensor([[0.9, 0.1, 0.3], [0.2, 0.4, 0.6], [0.5, 0.5, 0.5]]))
 
 
 def rendered(camera: Camera, corner_m: FloatArray) -> Tensor:
