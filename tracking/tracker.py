@@ -17,7 +17,7 @@ from tracking.rounds import Rounds
 from tracking.tracks import Tracks
 from tracking.trust import ColourTrust
 
-_AGAIN = AssociationConfig(gate_squared=30.0, gate_most_m=8.0, cost_most=15.0)
+_AGAIN = AssociationConfig(gate_mps=20.0, gate_squared=30.0, gate_most_m=12.0, cost_most=15.0)
 _FOUND = AssociationConfig(gate_m=1.0, gate_squared=12.0, gate_most_m=40.0, cost_most=3.0)
 # So far off only a colour that few others have can tell that it is the same one; it may have turned.
 _STRAYED = AssociationConfig(
@@ -62,7 +62,7 @@ MAPS = TrackerConfig(
         lost_s=2.2,
         motion=MotionConfig(push_m2ps3=2.0, swerve_m2ps3=0.2, along_m=0.3, across_m=0.3),
     ),
-    association=AssociationConfig(gate_m=2.5, gate_mps=40.0, gate_most_m=10.0),
+    association=AssociationConfig(gate_m=2.5, gate_mps=40.0, gate_most_m=20.0),
 )
 
 
