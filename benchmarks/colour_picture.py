@@ -28,7 +28,7 @@ from appocc.errors import AppoccError
 from appocc.files import whole_file
 from appocc.geometry import apply, inverse, quaternion_from_yaw, transform, yaw_of
 from benchmarks.colour_ablation import GREY, RANGE_M, Scene, judged, made_scene, without_colour
-from benchmarks.encounters import _HOUSE_M, Sight, encounters
+from benchmarks.encounters import HOUSE_M, Sight, encounters
 from tracking.metrics import GATE_M
 from tracking.tracker import MAPS, Tracker, TrackerConfig
 
@@ -141,7 +141,7 @@ def _crossing(axes: Axes, now: Sight, picture_from_world: FloatArray) -> None:
     """The ground, the houses at the corners, the vehicles, and the ego."""
     axes.set_facecolor((GREY / 255,) * 3)
     turn_rad = float(yaw_of(picture_from_world))
-    middles_m = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) * (_HOUSE_M + 100.0)
+    middles_m = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) * (HOUSE_M + 100.0)
     for xy_m in _moved(picture_from_world, middles_m):
         _box(axes, xy_m, turn_rad, np.full(2, 200.0), facecolor=_HOUSE, edgecolor=_DARK)
     for i, xy_m in enumerate(_moved(picture_from_world, now.xy_m)):

@@ -31,7 +31,7 @@ _STEP_S, _WARM_S, _NEAR_M = 0.1, 40.0, 70.0
 _LANE_M, _STOP_M, _FAR_M, _CORNER_M = 3.3, 14.0, 75.0, 5.0
 # One street goes, nobody, the other one, nobody.
 _PHASES_S = (9.0, 3.0, 9.0, 3.0)
-_PARKED_SHARE, _KERB_M, _HOUSE_M = 0.7, 8.9, 16.0
+_PARKED_SHARE, _KERB_M, HOUSE_M = 0.7, 8.9, 16.0
 # The driver model's acceleration, comfortable braking, time headway and gap at rest.
 _PUSH_MPS2, _BRAKE_MPS2, _HEADWAY_S, _STILL_M = 2.0, 3.0, 0.9, 1.8
 
@@ -235,7 +235,7 @@ def _shares_in_sight(eye_m: FloatArray, xy_m: FloatArray, yaw_rad: FloatArray, s
     n = len(xy_m)
     points, outward = _outlines(xy_m, yaw_rad, size_m)
     turned = np.einsum("nki,nki->nk", outward, eye_m - points) > 0
-    corner = np.array([[-1, -1], [-1, 1], [1, -1], [1, 1]]) * (_HOUSE_M + 100.0)
+    corner = np.array([[-1, -1], [-1, 1], [1, -1], [1, 1]]) * (HOUSE_M + 100.0)
     boxes = np.concatenate(
         [
             np.column_stack([xy_m, yaw_rad, size_m]),
