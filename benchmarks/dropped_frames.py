@@ -1,8 +1,9 @@
-"""Tracks of a dataset's scenes from their maps, from every frame and from every second and fourth one only.
+"""Tracks of a dataset's scenes from their maps, from all frames and from every second and fourth one only.
 
     python -m benchmarks.dropped_frames ROOT [--bev SOURCE] [--scene S]
 
 Judged as `appocc track` judges: annotated vehicles within 40 m of the ego, gate 2 m, in the frames that are left.
+Means over which frame is the first one kept.
 """
 
 from __future__ import annotations
@@ -10,46 +11,65 @@ from __future__ import annotations
 import argparse
 from collections.abc import Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from rich.console import Console
-from rich.progress import track as progress
 from rich.table import Table
 
 from appocc.bevmap import load_map
 from appocc.errors import AppoccError, DataError
 from appocc.nuscenes import Dataset, Scene
+from benchmarks.colour_ablation import without_colour
 from tracking.blobs import find_blobs
 from tracking.metrics import Metrics
 from tracking.run import SceneTracks, key_frames, score, track_samples
-from tracking.tracker import MAPS, Tracker
+from tracking.tracker import MAPS, Tracker, TrackerConfig
 
-EVERY = (1, 2, 4)
+EVERY, CONFIGS = (1, 2, 4), (MAPS, without_colour(MAPS))
 SHARES, COUNTS = ("MOTA", "IDF1", "HOTA"), ("IDS", "FRAG", "FP", "FN")
+HEAD = ("scene", "frames", *(f"{name} %" for name in SHARES), *COUNTS, "IDS without colour")
 
 
-def measured(dataset: Dataset, scene: Scene, source: str) -> dict[int, Metrics]:
-    """Scores of a scene, by which frame of how many is kept.
+class Trial(NamedTuple):
+    """Scores of a scene from one frame of so many, by which is the first, with colour and without."""
+
+    every: int
+    with_colour: list[Metrics]
+    without: list[Metrics]
+
+    def row(self) -> list[str]:
+        """The figures in the order of HEAD: means, and counts as they are on average."""
+        shares = [f"{100 * np.mean([getattr(each, name) for each in self.with_colour]):.1f}" for name in SHARES]
+        counts = [_mean(self.with_colour, name) for name in COUNTS]
+        return [f"1 of {self.every}", *shares, *counts, _mean(self.without, "IDS")]
+
+
+def _mean(scores: Sequence[Metrics], name: str) -> str:
+    return f"{np.mean([getattr(each, name) for each in scores]):.2g}"
+
+
+def measured(dataset: Dataset, scene: Scene, source: str) -> list[Trial]:
+    """Scores of a scene, for each of EVERY.
 
     Raises:
         DataError: if a map is missing or damaged, or the scene has no annotations.
     """
     samples, poses = key_frames(dataset, scene)
-    console = Console(stderr=True)
-    found = [
-        find_blobs(load_map(dataset.root, source, sample.token)).as_detections()
-        for sample in progress(samples, scene.name, console=console)
-    ]
-    scores = {}
-    for every in EVERY:
-        kept = np.arange(0, len(samples), every)
-        some = tuple(samples[i] for i in kept)
-        tracks = track_samples(some, poses[kept], [found[i] for i in kept], Tracker(MAPS))
-        judged = score(dataset, SceneTracks(scene.name, source, some, poses[kept], tracks))
+    maps = (load_map(dataset.root, source, sample.token) for sample in samples)
+    found = [find_blobs(each).as_detections() for each in maps]
+
+    def scored(config: TrackerConfig, kept: slice) -> Metrics:
+        tracks = track_samples(samples[kept], poses[kept], found[kept], Tracker(config))
+        judged = score(dataset, SceneTracks(scene.name, source, samples[kept], poses[kept], tracks))
         if judged is None:
             raise DataError(f"{dataset.root}: scene '{scene.name}' has no annotations")
-        scores[every] = judged["metrics"]
-    return scores
+        return judged["metrics"]
+
+    return [
+        Trial(every, *([scored(config, slice(first, None, every)) for first in range(every)] for config in CONFIGS))
+        for every in EVERY
+    ]
 
 
 def main(words: Sequence[str] | None = None) -> None:
@@ -59,14 +79,13 @@ def main(words: Sequence[str] | None = None) -> None:
     parser.add_argument("--bev", default="groundtruth")
     parser.add_argument("--scene")
     given = parser.parse_args(words)
-    table = Table("scene", "frames", *(f"{name} %" for name in SHARES), *COUNTS)
+    table = Table(*HEAD)
     try:
         dataset = Dataset(given.root)
         scenes = [dataset.scene(given.scene)] if given.scene else dataset.scenes
         for scene in scenes:
-            for every, scores in measured(dataset, scene, given.bev).items():
-                shares = [f"{100 * getattr(scores, name):.1f}" for name in SHARES]
-                table.add_row(scene.name, f"1 of {every}", *shares, *(str(getattr(scores, name)) for name in COUNTS))
+            for trial in measured(dataset, scene, given.bev):
+                table.add_row(scene.name, *trial.row())
     except AppoccError as error:
         parser.exit(2, f"error: {error}\n")
     Console(width=100).print(table)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -63,6 +63,7 @@ MAPS = TrackerConfig(
         motion=MotionConfig(push_m2ps3=2.0, swerve_m2ps3=0.2, along_m=0.3, across_m=0.3),
     ),
     association=AssociationConfig(gate_m=2.5, gate_mps=40.0, gate_most_m=20.0),
+    again=replace(_AGAIN, gate_mps=12.0, gate_most_m=8.0),
 )
 
 

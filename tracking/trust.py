@@ -7,7 +7,7 @@ import numpy as np
 from tracking.association import Pairs
 
 # What is believed at first weighs as much as so many pairs; what was seen longer ago than about so many is forgotten.
-_AT_FIRST, _REMEMBERED = 10.0, 500.0
+_AT_FIRST, _REMEMBERED = 4.0, 500.0
 # A pair that costs less than this is the same vehicle, whatever its colours.
 _SURE = -3.0
 

@@ -64,3 +64,13 @@ def test_a_row_tells_how_much_and_how_surely() -> None:
     assert float(row["p"]) < 0.001
     row = dict(zip(HEAD, Trial("exact", [one] * 12, [one] * 12).row(), strict=True))
     assert (row["fewer %"], row["p"]) == ("0 (0 to 0)", "1.0000")
+
+
+def test_colour_keeps_identities_and_wrong_colours_do_no_more_harm_than_stated() -> None:
+    """The documentation's bound: colours that are always wrong cost at most half as many switches again as none."""
+    scenes, random = [made_scene(seed, noisy=False) for seed in range(5)], np.random.default_rng(1)
+    wrong = [wrongly_coloured(scene, random) for scene in scenes]
+    blind = sum(judged(scene, without_colour(MAPS)).IDS for scene in scenes)
+    assert blind > 25
+    assert sum(judged(scene, MAPS).IDS for scene in scenes) < 0.6 * blind
+    assert sum(judged(scene, MAPS).IDS for scene in wrong) < 1.5 * blind
