@@ -12,6 +12,7 @@ from appocc.checks import BoolArray, FloatArray, IntArray
 from tracking.motion import bend, determinant_of, squared
 
 _UNIT = np.eye(2)
+_FEW = 5000
 # A sighting whose heading is farther off than this tells of no turn.
 _MOST_TURN_RAD = 1.0
 # How much likelier, as a cost, it must be that a vehicle turned than that it went straight on.
@@ -179,8 +180,13 @@ def noise_of(track: Predicted, sight: Seen) -> FloatArray:
 def near(one: FloatArray, other: FloatArray, reach_m: FloatArray) -> tuple[IntArray, IntArray]:
     """All pairs (P,), (P,) of points (N, 2) and (M, 2) that are no farther apart than those of the N reach (N,).
 
-    They are in order of the N. A search in order of x finds those near along x, of which few are near along y.
+    They are in order of the N. A search in order of x finds those near along x, of which few are near along y; of few
+    points all pairs are looked at.
     """
+    if len(one) * len(other) <= _FEW:
+        x, y = other[:, 0] - one[:, :1], other[:, 1] - one[:, 1:]
+        rows, columns = np.nonzero(x * x + y * y <= (reach_m * reach_m)[:, None])
+        return rows, columns
     order = other[:, 0].argsort(kind="stable")
     x, y = other[order].T
     first = x.searchsorted(one[:, 0] - reach_m)

@@ -126,13 +126,14 @@ class Detections:
                 keep[twin] = False
         return keep
 
-    def cover(self, xy_m: FloatArray) -> BoolArray:
-        """(P, N) whether points (P, 2) in the ego frame lie in the detections' boxes."""
-        offset = xy_m[:, None] - self.ground_m[None, :, :2]
-        cos, sin = np.cos(self.yaw_rad), np.sin(self.yaw_rad)
-        along, across = offset[..., 0] * cos + offset[..., 1] * sin, offset[..., 1] * cos - offset[..., 0] * sin
+    def cover(self, xy_m: FloatArray) -> tuple[IntArray, IntArray]:
+        """(K,), (K,) numbers of points (P, 2) in the ego frame and of the detections in whose boxes they lie."""
         width, length, _ = self.size_m.T
-        return np.asarray((np.abs(along) <= length / 2) & (np.abs(across) <= width / 2))
+        which, points = near(self.ground_m[:, :2], xy_m, np.hypot(width, length) / 2)
+        x, y = (xy_m[points] - self.ground_m[which, :2]).T
+        cos, sin = np.cos(self.yaw_rad[which]), np.sin(self.yaw_rad[which])
+        inside = (np.abs(x * cos + y * sin) <= length[which] / 2) & (np.abs(y * cos - x * sin) <= width[which] / 2)
+        return points[inside], which[inside]
 
 
 _ARRAYS = tuple(field.name for field in fields(Detections) if field.name not in ("kind", "view"))

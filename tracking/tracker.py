@@ -105,11 +105,12 @@ class Tracker:
         alive.keep(keep)
         # Unseen tracks whose places a detection covers: vehicles that touch, so that it is not a new one.
         hidden = np.flatnonzero(alive.confirmed & (alive.detection < 0) & ~alive.lost)
-        covered = detections.cover(places_m[keep][hidden])
-        free = ~taken & (seen.log_odds >= self.config.begin) & ~covered.any(axis=0)
+        below, above = detections.cover(places_m[keep][hidden])
+        free = ~taken & (seen.log_odds >= self.config.begin)
+        free[above] = False
         self._begin(np.flatnonzero(free), seen)
         told = alive.told
-        told[hidden] |= covered.any(axis=1)
+        told[hidden[below]] = True
         return alive.tracks(told, tuple(self._kinds))
 
     def _predict(self, timestamp_us: int) -> None:

@@ -155,7 +155,8 @@ def test_cover_knows_the_turned_boxes() -> None:
     blobs = find_blobs(map_of([Car(10.0, 5.0, np.pi / 4, length_m=6.0)]))
     along = np.array([np.cos(np.pi / 4), np.sin(np.pi / 4)])
     points = np.array([10.0, 5.0]) + np.array([[0, 0], 2.6 * along, -2.6 * along, 3.6 * along, [2.0, -2.0]])
-    assert blobs.as_detections().cover(points).tolist() == [[True], [True], [True], [False], [False]]
+    covered, by = blobs.as_detections().cover(points)
+    assert (sorted(covered.tolist()), by.tolist()) == ([0, 1, 2], [0, 0, 0])
 
 
 def test_shapes_are_checked() -> None:
