@@ -75,11 +75,12 @@ def test_who_left_for_good_is_forgotten() -> None:
     assert (len(tracks), len(tracker._alive)) == (0, 0)
 
 
+@pytest.mark.parametrize("count", [20, 80])  # few, and more
 @pytest.mark.parametrize("reach_m", [0.5, 5.0, 500.0])
-def test_pairs_near_each_other_are_all_pairs_near_each_other(reach_m: float) -> None:
+def test_pairs_near_each_other_are_all_pairs_near_each_other(reach_m: float, count: int) -> None:
     dice = np.random.default_rng(3)
-    one, other = dice.uniform(-50, 50, (80, 2)), dice.uniform(-50, 50, (90, 2))
-    reaches_m = reach_m * dice.uniform(0.5, 1, 80)
+    one, other = dice.uniform(-50, 50, (count, 2)), dice.uniform(-50, 50, (90, 2))
+    reaches_m = reach_m * dice.uniform(0.5, 1, count)
     rows, columns = near(one, other, reaches_m)
     apart_m = np.hypot(*np.moveaxis(one[:, None] - other, -1, 0))
     assert (np.diff(rows) >= 0).all()
