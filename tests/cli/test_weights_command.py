@@ -46,7 +46,7 @@ def test_weights_are_shipped_with_what_they_can_do(written: Path, tmp_path: Path
     assert out.stat().st_size < 0.6 * written.stat().st_size
     text = run("show", str(out)).stderr
     for told in (
-        "appocc, own degrees, occupancy and appearance; 3.9 million parameters",
+        "appocc, own degrees, occupancy and appearance; 2.3 million parameters",
         "thresholds: road 0.40, vehicle 0.30, lane 0.20",
         "training: 20 steps of 4 samples, seed 3",
         "validation: IoU road 40.0 percent",

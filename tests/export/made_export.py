@@ -54,10 +54,10 @@ def network(name: str, setting: Setting = SMALL) -> BEVModel:
 
 
 def _ends(model: BEVModel) -> list[nn.Conv2d | nn.Linear]:
-    """The last layers: those of three outputs, or of six."""
+    """The last layers: those named so, and those of three outputs, or of six."""
     found = []
-    for part in model.modules():
-        if (isinstance(part, nn.Conv2d) and part.out_channels in (3, 6)) or (
+    for name, part in model.named_modules():
+        if (isinstance(part, nn.Conv2d) and (name.endswith(".answer") or part.out_channels in (3, 6))) or (
             isinstance(part, nn.Linear) and part.out_features == 3
         ):
             found.append(part)
