@@ -34,9 +34,11 @@ def quaternion_from_rotation(rotation: ArrayLike) -> FloatArray:
     return np.asarray(q, dtype=np.float64)
 
 
-def quaternion_from_yaw(yaw_rad: float) -> FloatArray:
-    """Quaternion (4,) wxyz of a turn about +z, counter-clockwise."""
-    return np.array([np.cos(yaw_rad / 2), 0.0, 0.0, np.sin(yaw_rad / 2)])
+def quaternion_from_yaw(yaw_rad: ArrayLike) -> FloatArray:
+    """Quaternions (..., 4) wxyz of turns (...) about +z, counter-clockwise."""
+    half_rad = np.asarray(yaw_rad, dtype=np.float64) / 2
+    zero = np.zeros_like(half_rad)
+    return np.stack([np.cos(half_rad), zero, zero, np.sin(half_rad)], axis=-1)
 
 
 def transform(rotation: ArrayLike, translation: ArrayLike) -> Transform:
@@ -75,6 +77,20 @@ def apply(target_from_source: Transform, points: Points3) -> Points3:
 def nearest_rigid(matrix: Transform) -> Transform:
     """The rigid transform nearest to a slightly rounded one (polar decomposition of the rotation)."""
     return transform(quaternion_from_rotation(matrix[:3, :3]), matrix[:3, 3])
+
+
+def footprints(centre_m: ArrayLike, yaw_rad: ArrayLike, length_width_m: ArrayLike) -> FloatArray:
+    """(..., 4, 2) corners of boxes seen from above, counter-clockwise from front left.
+
+    Args:
+        centre_m: (..., 2) centres.
+        yaw_rad: (...) headings, counter-clockwise from x.
+        length_width_m: (..., 2) sizes along the heading and across.
+    """
+    centre, half = np.asarray(centre_m), np.asarray(length_width_m) / 2
+    cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
+    ahead, left = np.stack([cos, sin], axis=-1) * half[..., :1], np.stack([-sin, cos], axis=-1) * half[..., 1:]
+    return np.stack([centre + ahead + left, centre - ahead + left, centre - ahead - left, centre + ahead - left], -2)
 
 
 def yaw_of(rotation: FloatArray) -> FloatArray:

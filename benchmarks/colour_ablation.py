@@ -35,7 +35,7 @@ from appocc.bevmap import VEHICLE, BEVMap
 from appocc.checks import BoolArray, FloatArray, IntArray
 from appocc.evaluation.pairs import read_pair
 from appocc.evaluation.vehicles import true_vehicles, visibility_levels
-from appocc.geometry import apply, inverse, yaw_of
+from appocc.geometry import apply, footprints, inverse, yaw_of
 from appocc.grid import BEVGrid
 from appocc.nuscenes import Dataset
 from appocc.rasterise import VEHICLE_SHARE, polygon_owner
@@ -127,13 +127,9 @@ def _map_of(shown: _Shown, world_from_ego: FloatArray, grain: FloatArray) -> BEV
     ego_from_world = inverse(world_from_ego)
     centre = apply(ego_from_world, np.pad(shown.xy_m, ((0, 0), (0, 1))))[:, :2]
     yaw = shown.yaw_rad + float(yaw_of(ego_from_world))
-    along, left = (np.stack([np.cos(yaw + turn), np.sin(yaw + turn)], axis=1) for turn in (0.0, np.pi / 2))
-    half = shown.size_m[:, :2] / 2
-    corners = [
-        centre + x * half[:, 1:] * along + y * half[:, :1] * left for x, y in ((1, 1), (-1, 1), (-1, -1), (1, -1))
-    ]
     near = np.abs(centre).max(axis=1) < 50.0
-    owner = polygon_owner(GRID, np.stack(corners, axis=1)[near], VEHICLE_SHARE)
+    corners = footprints(centre[near], yaw[near], shown.size_m[near][:, [1, 0]])
+    owner = polygon_owner(GRID, corners, VEHICLE_SHARE)
     on = owner >= 0
     occupancy, appearance = np.zeros((3, *GRID.shape), np.float32), GREY + grain
     occupancy[VEHICLE][on] = shown.probability[near][owner[on]]

@@ -176,15 +176,15 @@ def _followed(
     """The tracks of a scene, and of how many boxes of which classes were left out."""
     from tracking.nuscenes_boxes import track_detections
     from tracking.run import track_scene
-    from tracking.tracker import MAPS, TrackerConfig
+    from tracking.tracker import MAPS, Tracker
 
+    tracker = Tracker(MAPS) if detections is None else Tracker()
     with progress("tracking", frames) as advance:
         if detections is not None:
-            result, left_out = track_detections(dataset, scene, detections, advance=advance)
-            config = TrackerConfig()
+            result, left_out = track_detections(dataset, scene, detections, tracker, advance)
         else:
-            result, left_out, config = track_scene(dataset, scene, str(bev), advance=advance), {}, MAPS
-    return (result.smoothed(config.life.motion) if smooth else result), left_out
+            result, left_out = track_scene(dataset, scene, str(bev), tracker, advance=advance), {}
+    return (result.smoothed(tracker.config.life.motion) if smooth else result), left_out
 
 
 def _track_kitti(root: Path, smooth: bool, folder: Path, as_json: bool) -> None:

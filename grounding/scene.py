@@ -13,19 +13,11 @@ from appocc.boxes import Boxes
 from appocc.checks import BoolArray, FloatArray, check_shape, check_transform, frozen
 from appocc.colours import Exposure, exposure_of, name
 from appocc.drawing import EGO_LENGTH_M, EGO_REAR_M
-from appocc.geometry import apply, yaw_of
+from appocc.geometry import apply, footprints, yaw_of
 from tracking.blobs import Blobs, find_blobs
 
 # From the ego's origin (rear axle) to the centre of its footprint, along its heading.
 EGO_CENTRE_M = EGO_LENGTH_M / 2 - EGO_REAR_M
-
-
-def rectangle(centre_m: ArrayLike, yaw_rad: float, length_m: float, width_m: float) -> FloatArray:
-    """Corners (4, 2) of a footprint: front left, rear left, rear right, front right."""
-    forward = np.array([np.cos(yaw_rad), np.sin(yaw_rad)])
-    left = np.array([-forward[1], forward[0]])
-    signs = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) / 2
-    return np.asarray(centre_m + signs[:, :1] * length_m * forward + signs[:, 1:] * width_m * left)
 
 
 @dataclass(frozen=True)
@@ -83,7 +75,7 @@ class SceneObject:
 
     def footprint(self) -> FloatArray:
         """Corners (4, 2) in the ego frame."""
-        return rectangle(self.centre_m, self.yaw_rad, self.length_m, self.width_m)
+        return footprints(self.centre_m, self.yaw_rad, [self.length_m, self.width_m])
 
     def covers(self, xy_m: FloatArray, margin_m: float = 0.0) -> BoolArray:
         """Whether points (..., 2) lie in the footprint, grown on all sides by a margin."""

@@ -8,10 +8,10 @@ import numpy as np
 
 from appocc.checks import FloatArray
 from appocc.drawing import EGO_LENGTH_M, EGO_WIDTH_M
-from appocc.geometry import wrap_angle
+from appocc.geometry import footprints, wrap_angle
 from grounding.field import Field, Wish
 from grounding.query import Query
-from grounding.scene import Scene, SceneObject, rectangle
+from grounding.scene import Scene, SceneObject
 
 # Beyond this angle to the ego's heading a vehicle faces us, and within this distance from our path it stands in it.
 _FACING_RAD = np.radians(120)
@@ -42,7 +42,7 @@ class Target:
 
     def footprint(self) -> FloatArray:
         """Corners (4, 2) of the ego at the target, in the present ego frame."""
-        return rectangle(self.ego_m, self.heading_ego_rad, EGO_LENGTH_M, EGO_WIDTH_M)
+        return footprints(self.ego_m, self.heading_ego_rad, [EGO_LENGTH_M, EGO_WIDTH_M])
 
 
 @dataclass(frozen=True)

@@ -51,6 +51,20 @@ def test_what_is_no_quaternion(quaternion: object, reason: str) -> None:
         g.rotation_from_quaternion(quaternion)  # type: ignore[arg-type]
 
 
+def test_footprints_of_boxes_one_or_many() -> None:
+    lying, standing = [[5, 0], [1, 0], [1, -2], [5, -2]], [[2, 1], [2, -3], [4, -3], [4, 1]]
+    np.testing.assert_allclose(g.footprints([3.0, -1.0], np.pi / 2, [4.0, 2.0]), standing)
+    many = g.footprints([[[3.0, -1.0], [3.0, -1.0]]], [[0.0, np.pi / 2]], [4.0, 2.0])
+    np.testing.assert_allclose(many, [[lying, standing]])
+    assert g.footprints(np.zeros((0, 2)), np.zeros(0), np.zeros((0, 2))).shape == (0, 4, 2)
+
+
+def test_turns_may_come_many_at_once() -> None:
+    many = g.quaternion_from_yaw([[0.3, -2.0]])
+    np.testing.assert_array_equal(many, [[g.quaternion_from_yaw(0.3), g.quaternion_from_yaw(-2.0)]])
+    assert g.quaternion_from_yaw([]).shape == (0, 4)
+
+
 @given(angles)
 def test_yaw_there_and_back(yaw: float) -> None:
     rotation = g.rotation_from_quaternion(g.quaternion_from_yaw(yaw))

@@ -12,10 +12,9 @@ import numpy as np
 
 from appocc.checks import FloatArray
 from appocc.colours import names as words_of
-from appocc.errors import ShapeError
 from appocc.files import write_bytes, write_json
 from appocc.geometry import quaternion_from_yaw
-from tracking.tracks import Track
+from tracking.tracks import Track, check_times
 
 # A bird's-eye view knows only "vehicle": the class follows from the size, and the height, unseen from above, from it.
 HEIGHT_M = {"motorcycle": 1.5, "car": 1.6, "truck": 2.8, "bus": 3.2}
@@ -152,8 +151,7 @@ def write_csv(path: Path, times_us: Sequence[int], tracks: Sequence[Sequence[Tra
         ShapeError: if there are not as many times as moments.
         DataError: if the file cannot be written.
     """
-    if len(times_us) != len(tracks):
-        raise ShapeError(f"table of tracks: expected a time for each of {len(tracks)} moments, got {len(times_us)}")
+    check_times("table of tracks", times_us, tracks)
     names = class_names(tracks)
     told = [(frame, track) for frame, moment in enumerate(tracks, start=1) for track in moment]
     colours = colour_names(np.array([track.rgb for _, track in told]).reshape(-1, 3))

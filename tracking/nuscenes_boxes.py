@@ -19,7 +19,7 @@ from pydantic import Field, TypeAdapter, ValidationError
 from appocc.checks import FloatArray, IntArray, check_transform, frozen
 from appocc.errors import DataError, ShapeError
 from appocc.files import read_json
-from appocc.geometry import apply, inverse, rotation_from_quaternion, yaw_of
+from appocc.geometry import apply, inverse, quaternion_from_yaw, rotation_from_quaternion, yaw_of
 from appocc.jsonparts import JsonPart, first_problem
 from appocc.nuscenes import Dataset, Scene
 from tracking.detections import Around, Detections, TakesDetections, boxes_as_detections, log_odds_of
@@ -243,7 +243,7 @@ def _scene(path: Path, name: str, frames: Sequence[_KeyFrame], detector: str, ra
                 _in_ego(
                     pose,
                     np.array([box.xyz for box in boxes]).reshape(-1, 3),
-                    _turns(np.array([box.yaw for box in boxes])),
+                    rotation_from_quaternion(quaternion_from_yaw([box.yaw for box in boxes])),
                     np.array([box.wlh for box in boxes]).reshape(-1, 3),
                     np.array([box.score for box in boxes]),
                     tuple(box.name for box in boxes),
@@ -255,14 +255,6 @@ def _scene(path: Path, name: str, frames: Sequence[_KeyFrame], detector: str, ra
     truth = tuple(_objects(frame.gt) for frame in frames)
     tokens = tuple(frame.token for frame in frames)
     return DetectedScene(name, tokens, times_us, poses, tuple(detections), truth)
-
-
-def _turns(yaw_rad: FloatArray) -> FloatArray:
-    """(N, 3, 3) turns about z."""
-    turns = np.zeros((len(yaw_rad), 3, 3))
-    turns[:, 0, 0] = turns[:, 1, 1] = np.cos(yaw_rad)
-    turns[:, 1, 0], turns[:, 0, 1], turns[:, 2, 2] = np.sin(yaw_rad), -np.sin(yaw_rad), 1.0
-    return turns
 
 
 def _objects(objects: Sequence[_SceneObject]) -> Objects:

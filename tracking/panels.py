@@ -12,13 +12,12 @@ from appocc.bevmap import BEVMap
 from appocc.camera import Camera
 from appocc.checks import ByteArray, FloatArray
 from appocc.drawing import WHITE, BEVCanvas, Colour, draw_box, put_text
-from appocc.geometry import apply, inverse
+from appocc.geometry import apply, footprints, inverse
 from tracking.formats import HEIGHT_M, class_of
 from tracking.labels import Labels, put_chip
 from tracking.tracks import Track
 
 LIST_ROW_PX, LIST_COLUMN_PX = 22, 240
-_CORNERS = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]])
 
 
 def ink_of(number: int) -> Colour:
@@ -29,10 +28,9 @@ def ink_of(number: int) -> Colour:
 
 def footprint_world(track: Track) -> FloatArray:
     """(4, 3) corners on the ground, counter-clockwise from front left."""
-    x, y = (_CORNERS * [track.length_m / 2, track.width_m / 2]).T
-    cos, sin = np.cos(track.yaw_world_rad), np.sin(track.yaw_world_rad)
-    turned = np.stack([x * cos - y * sin, x * sin + y * cos, np.zeros(4)], axis=1)
-    return turned + track.position_world_m
+    x, y, z = track.position_world_m.tolist()
+    corners = footprints([x, y], track.yaw_world_rad, [track.length_m, track.width_m])
+    return np.pad(corners, ((0, 0), (0, 1)), constant_values=z)
 
 
 def corners_world(track: Track) -> FloatArray:

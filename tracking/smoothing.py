@@ -19,7 +19,7 @@ from appocc.checks import BoolArray, FloatArray, IntArray
 from appocc.errors import ShapeError
 from appocc.geometry import wrap_angle
 from tracking.motion import MotionConfig, Motions, spread
-from tracking.tracks import Track
+from tracking.tracks import Track, check_times
 
 ComplexArray = NDArray[np.complex128]
 # Headings and heights are averaged over the way in steps of this share of `way_m`.
@@ -76,8 +76,7 @@ def smooth(
         ShapeError: if there are not as many times as moments, or time does not move forward.
     """
     config = config or SmoothingConfig()
-    if len(times_us) != len(tracks):
-        raise ShapeError(f"smoothing: expected a time for each of {len(tracks)} moments, got {len(times_us)}")
+    check_times("smoothing", times_us, tracks)
     since_us = np.array([time_us - times_us[0] for time_us in times_us], dtype=np.float64)
     times_s = np.asarray(since_us * 1e-6)
     if (np.diff(times_s) <= 0).any():

@@ -11,10 +11,9 @@ from scipy.ndimage import median_filter
 
 from appocc.checks import FloatArray
 from appocc.colours import name
-from appocc.errors import ShapeError
 from tracking.formats import class_names, write_table
 from tracking.smoothing import paths_of
-from tracking.tracks import Track
+from tracking.tracks import Track, check_times
 
 # Places of parked vehicles wander by less, for more and more of them comes into view; shorter moves do not count.
 MOVED_M = 2.0
@@ -60,8 +59,7 @@ def summaries_of(times_us: Sequence[int], tracks: Sequence[Sequence[Track]]) -> 
     Raises:
         ShapeError: if there are not as many times as moments.
     """
-    if len(times_us) != len(tracks):
-        raise ShapeError(f"summaries: expected a time for each of {len(tracks)} moments, got {len(times_us)}")
+    check_times("summaries", times_us, tracks)
     names = class_names(tracks)
     return tuple(_summary(times_us, path, names[number]) for number, path in paths_of(tracks).items())
 

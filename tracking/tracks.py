@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -116,6 +116,16 @@ class Tracks:
     def __iter__(self) -> Iterator[Track]:
         """Each of them."""
         return (self[i] for i in range(len(self)))
+
+
+def check_times(name: str, times_us: Sequence[int], tracks: Sequence[Sequence[Track]]) -> None:
+    """Check that there is a time for each of the moments.
+
+    Raises:
+        ShapeError: if there are more or fewer.
+    """
+    if len(times_us) != len(tracks):
+        raise ShapeError(f"{name}: expected a time for each of {len(tracks)} moments, got {len(times_us)}")
 
 
 class Memory:

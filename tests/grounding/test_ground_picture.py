@@ -8,10 +8,10 @@ from appocc.camera import Camera, CameraRig
 from appocc.checks import ByteArray
 from appocc.drawing import EGO_LENGTH_M, EGO_WIDTH_M, BEVCanvas
 from appocc.frame import Frame
-from appocc.geometry import quaternion_from_rotation, transform
+from appocc.geometry import footprints, quaternion_from_rotation, transform
 from grounding.answer import ground
 from grounding.picture import CYAN, draw
-from grounding.scene import EGO_CENTRE_M, rectangle
+from grounding.scene import EGO_CENTRE_M
 
 INTRINSIC = np.array([[300.0, 0, 319.5], [0, 300.0, 179.5], [0, 0, 1]])
 AHEAD = np.array([[0.0, 0, 1], [-1, 0, 0], [0, -1, 0]])
@@ -69,7 +69,7 @@ def test_the_car_now_and_at_its_goal_are_of_one_size() -> None:
     assert answer.target is not None
     canvas, own = (BEVCanvas(STREET.grid, 4) for _ in range(2))
     canvas.ego()
-    own.line(rectangle([EGO_CENTRE_M, 0.0], 0.0, EGO_LENGTH_M, EGO_WIDTH_M), WHITE, 2, closed=True)
+    own.line(footprints([EGO_CENTRE_M, 0.0], 0.0, [EGO_LENGTH_M, EGO_WIDTH_M]), WHITE, 2, closed=True)
     for axis in (0, 1):
         drawn, expected = (np.flatnonzero(one.picture.max(axis=2).max(axis=axis) > 128) for one in (canvas, own))
         assert (drawn.min(), drawn.max()) == (expected.min(), expected.max())

@@ -6,7 +6,7 @@ from street import BLUE, RED, WHITE, Street
 
 from appocc.errors import ShapeError
 from appocc.grid import BEVGrid
-from grounding.scene import Scene, SceneObject, rectangle
+from grounding.scene import Scene, SceneObject
 
 
 def test_objects_are_the_vehicles_on_the_grid_with_colours_of_the_map() -> None:
@@ -60,9 +60,8 @@ def test_world_places_and_headings() -> None:
     assert scene.world_heading(0.25) == pytest.approx(np.pi / 2 + 0.25)
 
 
-def test_rectangle_and_covers_agree() -> None:
-    corners = rectangle([3.0, -1.0], np.pi / 2, 4.0, 2.0)
-    assert corners == pytest.approx(np.array([[2, 1], [2, -3], [4, -3], [4, 1]]))
+def test_footprint_and_covers_agree() -> None:
+    corners = np.array([[2, 1], [2, -3], [4, -3], [4, 1]])
     item = SceneObject("x", "", np.array([3.0, -1.0]), np.pi / 2, False, 4.0, 2.0)
     assert item.footprint() == pytest.approx(corners)
     assert item.covers(corners * 0.999 + np.array([3.0, -1.0]) * 0.001).all()

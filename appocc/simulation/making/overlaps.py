@@ -7,7 +7,8 @@ from collections import Counter
 import cv2
 import numpy as np
 
-from appocc.checks import BoolArray, Float32Array, FloatArray
+from appocc.checks import BoolArray, FloatArray
+from appocc.geometry import footprints
 from appocc.simulation.traffic import Actor
 
 MOST_M2 = 0.04
@@ -45,7 +46,8 @@ def overlapping(
     """Pairs of actors that overlap by more than 0.04 m2 at some step; see `without_overlaps`."""
     size = np.array([actor.size_lwh_m[:2] for actor in actors]).reshape(-1, 2)
     reach = np.asarray(np.hypot(*size.T) / 2, dtype=np.float32)
-    boxes, place = corners(xy_m, yaw_rad, size), np.asarray(xy_m, dtype=np.float32)
+    boxes = footprints(xy_m, yaw_rad, size).astype(np.float32)
+    place = np.asarray(xy_m, dtype=np.float32)
     moving, found = np.flatnonzero(~parked), set[tuple[int, int]]()
     for t in range(len(xy_m)):
         rows = np.arange(len(actors)) if t == 0 else moving
@@ -56,11 +58,3 @@ def overlapping(
             if a != b and (a, b) not in found and cv2.intersectConvexConvex(boxes[t, a], boxes[t, b])[0] > MOST_M2:
                 found.add((a, b))
     return found
-
-
-def corners(xy_m: FloatArray, yaw_rad: FloatArray, size_m: FloatArray) -> Float32Array:
-    """(..., 4, 2) corners of boxes at places (..., 2) with headings (...) and lengths and widths (..., 2)."""
-    ahead = np.stack([np.cos(yaw_rad), np.sin(yaw_rad)], axis=-1) * size_m[..., :1] / 2
-    left = np.stack([-np.sin(yaw_rad), np.cos(yaw_rad)], axis=-1) * size_m[..., 1:] / 2
-    box = [xy_m + ahead + left, xy_m - ahead + left, xy_m - ahead - left, xy_m + ahead - left]
-    return np.stack(box, axis=-2, dtype=np.float32, casting="same_kind")

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from appocc.boxes import is_vehicle
 from appocc.checks import BoolArray, ByteArray, FloatArray, IntArray, frozen
 from appocc.errors import ShapeError
+from appocc.geometry import footprints
 from appocc.nuscenes.writer import CATEGORIES
 from appocc.simulation.traffic import Actor, Moment
 
@@ -81,11 +82,7 @@ class Objects:
 
     def footprints(self) -> FloatArray:
         """(N, 4, 2) corners of the boxes on the ground, counter-clockwise from front left, town frame."""
-        ahead = np.stack([np.cos(self.yaw_rad), np.sin(self.yaw_rad)], axis=1)
-        left = np.stack([-ahead[:, 1], ahead[:, 0]], axis=1)
-        half = self.size_lwh_m[:, :2, None] / 2 * np.stack([ahead, left], axis=1)
-        signs = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]])
-        return np.asarray(self.centre_m[:, None, :2] + np.einsum("ks,nsi->nki", signs, half))
+        return footprints(self.centre_m[:, :2], self.yaw_rad, self.size_lwh_m[:, :2])
 
     def corners(self) -> FloatArray:
         """(N, 8, 3) corners of the boxes: the lower four counter-clockwise from front left, then the upper four."""
