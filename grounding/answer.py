@@ -88,7 +88,7 @@ def ground(text: str, scene: Scene) -> Answer:
         return Answer(
             status, query, scene, reasons=(reading.problem.message, *reading.notes), problem=reading.problem
         )
-    notes = (*reading.notes, *(f"the map holds no {one.noun.replace('_', ' ')}" for one in query.landmarks))
+    notes = (*reading.notes, *(f"the map holds no {one.noun.replace('_', ' ')}" for one in query.secondary))
     if query.referent is None:
         reason = "the command names no vehicle to find a place by"
         return Answer("not_found", query, scene, reasons=(reason, *notes))

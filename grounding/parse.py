@@ -91,7 +91,7 @@ def read(text: str) -> Reading:
         return Reading(query, tuple(_notes(tokens, commands[0])), _not_placed(kept, query))
     except _UnreadError as error:
         action, _, direction = _action(kept[0])
-        return Reading(Query(shown, action, direction=direction), problem=error.problem)
+        return Reading(Query(shown, action, (action,), direction=direction), problem=error.problem)
 
 
 def caret(text: str, problem: Problem) -> str:
@@ -185,10 +185,12 @@ def _query(text: str, clause: list[Token], kept: list[Token]) -> Query:
     return Query(
         command=text,
         action=action,
+        actions=(action,),
         relation=relation or "none",
+        landmark="referent" if goal else "secondary" if any(tree.find_data("landmark")) else None,
         referent=_referent(goal, kept, optional) if goal else None,
         goal_side=sides[-1] if sides else None,
-        landmarks=tuple(_landmark(part, kept) for part in tree.children if _is(part, "landmark")),
+        secondary=tuple(_landmark(part, kept) for part in tree.children if _is(part, "landmark")),
         distance_m=distance_m,
         distance_of=distance_of,
         direction=direction,

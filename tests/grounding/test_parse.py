@@ -53,7 +53,7 @@ def test_said_of_the_place_and_not_of_the_vehicle() -> None:
     assert query.referent is not None
     assert query.referent.qualifiers == ()
     assert query.referent.qualifiers_optional == ("ahead",)
-    assert [(mark.noun, mark.relation) for mark in query.landmarks] == [("lamp_post", "next_to")]
+    assert [(mark.noun, mark.relation) for mark in query.secondary] == [("lamp_post", "next_to")]
 
 
 def test_distance_and_article() -> None:
