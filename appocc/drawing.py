@@ -19,6 +19,8 @@ WHITE, BLACK, GREEN, YELLOW, RED = (255, 255, 255), (0, 0, 0), (60, 200, 90), (2
 UNKNOWN_COLOUR = (58, 62, 72)
 # The ego as a rectangle: its length and width, and how much of it lies behind the rear axle.
 EGO_LENGTH_M, EGO_WIDTH_M, EGO_REAR_M = 4.6, 1.9, 1.0
+# How much of its colour a pale cell keeps.
+_PALE = 0.25
 _CLASS_COLOURS = {ROAD: (112, 112, 118), LANE: (245, 205, 70), VEHICLE: (70, 130, 240)}
 
 
@@ -57,8 +59,15 @@ class BEVCanvas:
         return picture.repeat(self.scale, axis=0).repeat(self.scale, axis=1)
 
     def appearance(self, bev: BEVMap) -> None:
-        """Draw the colours of a map; unknown cells stay as they are."""
-        self.cells(np.moveaxis(bev.appearance, 0, -1), bev.appearance_valid)
+        """Draw the colours of a map; unknown cells stay as they are.
+
+        Networks learn colours of road, vehicles and lanes only: where their maps have none of these they are pale.
+        """
+        colours = np.moveaxis(bev.appearance, 0, -1)
+        if bev.thresholds is not None:
+            pale = np.asarray(_PALE * colours + (1 - _PALE) * np.array(UNKNOWN_COLOUR), np.uint8)
+            colours = np.where(np.asarray(bev.on.any(axis=0))[..., None], colours, pale)
+        self.cells(colours, bev.appearance_valid)
 
     def occupancy(self, bev: BEVMap) -> None:
         """Draw road, lane and vehicle in fixed colours, over black where known and empty."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -78,6 +80,23 @@ def test_unknown_cells_keep_the_colour_of_the_unknown() -> None:
     unknown = BEVMap(GRID, bev.occupancy, np.zeros((3, 8, 8), np.bool_), bev.appearance, bev.appearance_valid)
     canvas.occupancy(unknown)
     assert (canvas.picture == d.UNKNOWN_COLOUR).all()
+
+
+def test_where_a_network_says_nothing_is_its_colours_are_pale() -> None:
+    red = np.zeros((3, 8, 8), np.uint8)
+    red[0] = 250
+    true = replace(empty_map(road=(0, 0)), appearance=red, appearance_valid=np.ones((8, 8), np.bool_))
+    made = replace(true, meta={"thresholds": {"road": 0.5, "vehicle": 0.5, "lane": 0.5}})
+    pictures = []
+    for bev in (true, made):
+        canvas = d.BEVCanvas(GRID, scale=1)
+        canvas.appearance(bev)
+        pictures.append(canvas.picture)
+    assert (pictures[0] == (250, 0, 0)).all()
+    assert pictures[1][7, 7].tolist() == [250, 0, 0]
+    others = np.delete(pictures[1].reshape(-1, 3), 63, axis=0)
+    assert (np.abs(others - np.array(d.UNKNOWN_COLOUR)) < np.abs(others - [250, 0, 0])).all()
+    assert (others[:, 0] > d.UNKNOWN_COLOUR[0]).all()
 
 
 def test_lines_dots_and_the_ego_are_drawn_where_they_are() -> None:
