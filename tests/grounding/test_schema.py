@@ -1,0 +1,67 @@
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from appocc.errors import DataError
+from grounding.query import Exclusion, Landmark, Query, Referent
+from grounding.schema import query_of
+
+WHOLE = Query(
+    "x",
+    "park",
+    ("turn", "park"),
+    "between",
+    "referent",
+    Referent("car", "sedan", "dark blue", ("second", "leftmost"), ("ahead",), 2, True, ("open door",)),
+    (Landmark("truck", "between", "goal", "red", ("parked",)), Landmark("parking_lot", "into")),
+    "left",
+    "right",
+    "pass",
+    3.048,
+    "referent",
+    (Exclusion(None, "van", "red"), Exclusion("next_to", "car", "blue", ("first",))),
+)
+
+
+@pytest.mark.parametrize("query", [WHOLE, Query("x", "stop", ("stop",)), Query("x")])
+def test_what_a_query_writes_is_read_as_the_same(query: Query) -> None:
+    assert query_of("x", query.to_dict()) == query
+
+
+def test_what_is_empty_may_be_left_out() -> None:
+    assert query_of("go", {"status": "ok", "action": "stop"}) == Query("go", "stop", ("stop",))
+
+
+@pytest.mark.parametrize(
+    ("changes", "reason"),
+    [
+        ({"action": "fly"}, "action"),
+        ({"action": None}, "expected an action unless rejected, got None and status 'ok'"),
+        ({"status": "reject"}, "got park and status 'reject'"),
+        ({"relation": "over"}, "relation"),
+        ({"distance_m": float("nan")}, "distance_m"),
+        ({"distance_m": 1e9}, "distance_m"),
+        ({"referent": {"noun": "ship", "head": "ship"}}, "referent.noun"),
+        ({"referent": {"noun": "car", "head": "car", "colour": "dark"}}, None),
+        ({"referent": {"noun": "car", "head": "car", "colour": "loud"}}, "referent.colour"),
+        ({"referent": {"noun": "car", "head": "car", "qualifiers": ["fast"]}}, "referent.qualifiers.0"),
+        ({"secondary": [{"noun": "tree", "relation": "under"}]}, "secondary.0.relation"),
+        ({"excluded": "all"}, "excluded"),
+        ({"secondary": [{"noun": "tree", "relation": "near"}] * 17}, "secondary"),
+    ],
+)
+def test_values_that_no_labelled_file_knows(changes: dict[str, Any], reason: str | None) -> None:
+    given = WHOLE.to_dict() | changes
+    if reason is None:
+        assert query_of("x", given).referent
+        return
+    with pytest.raises(DataError, match=reason):
+        query_of("x", given)
+
+
+@pytest.mark.parametrize("value", [None, [], "park", 3])
+def test_what_is_no_object(value: Any) -> None:
+    with pytest.raises(DataError, match="query: "):
+        query_of("x", value)
