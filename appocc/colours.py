@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from appocc.bevmap import ROAD, VEHICLE, BEVMap
-from appocc.checks import FloatArray, check_finite, check_shape, frozen
+from appocc.checks import BoolArray, FloatArray, check_shape, frozen
 from appocc.errors import ShapeError
+
+# The numbers below are fitted to simulated scenes of all weathers and to real vehicles: docs/colours.md.
 
 # The eleven basic terms of Berlin and Kay, and silver, which one in eight colour words for vehicles is.
 WORDS = (
@@ -26,14 +29,25 @@ _NEAREST_TERM = {"beige": "brown", "tan": "brown", "maroon": "red", "navy": "blu
 _XYZ_FROM_RGB = np.array(
     [[0.412453, 0.357580, 0.180423], [0.212671, 0.715160, 0.072169], [0.019334, 0.119193, 0.950227]]
 )
+_LUMINANCE = _XYZ_FROM_RGB[1]
 _WHITE_XYZ = np.array([0.95047, 1.0, 1.08883])
 _STRAIGHT_BELOW, _STRAIGHT_SLOPE = 0.008856, 7.787
 
-# Lightness L* (centre, spread) of the achromatic words; black and white reach on to the ends of the scale.
-_LIGHTNESS = {"black": (17.0, 10.0), "grey": (43.0, 14.0), "silver": (69.0, 13.0), "white": (90.0, 11.0)}
-# What people say (columns) of paint that looks black, grey, silver, white (rows): to many grey and silver are one.
+# Paints without hue: share of vehicles, lightness L* and its spread; black reaches on to the end.
+_GREYS = {
+    "black": (0.22, 21.0, 11.0),
+    "grey": (0.20, 41.0, 7.0),
+    "silver": (0.16, 71.0, 6.0),
+    "white": (0.31, 92.0, 9.0),
+}
+_SHARE, _LIGHTNESS, _SPREAD = (np.array(column) for column in zip(*_GREYS.values(), strict=True))
+# Little is brighter than white: what is counts as off it by so much less.
+_BEYOND_WHITE = 0.55
+# All other vehicles are of any lightness, spread over this much of the scale.
+_OTHERS_SHARE, _OTHERS_SPREAD = 0.11, 24.0
+# What people say (columns) of paint that is black, grey, silver, white (rows): to many grey and silver are one.
 _SAID_OF_GREYS = np.array(
-    [[0.88, 0.10, 0.01, 0.01], [0.10, 0.72, 0.15, 0.03], [0.02, 0.22, 0.63, 0.13], [0.00, 0.03, 0.12, 0.85]]
+    [[0.94, 0.05, 0.01, 0.00], [0.09, 0.78, 0.12, 0.01], [0.01, 0.17, 0.74, 0.08], [0.00, 0.02, 0.09, 0.89]]
 )
 # Hue angle in degrees (centre, spread) of the others; brown and pink lie where orange and red are dark or light.
 _HUE = {
@@ -46,11 +60,14 @@ _HUE = {
     "purple": (322.0, 16.0),
     "pink": (358.0, 22.0),
 }
-# Chroma C* at which a hue is named as often as a grey at L* 0, how it grows with L* (white paint under a blue sky has
-# more chroma than a dark blue car), and how sharply names change.
-_CHROMA_HALF, _CHROMA_RISE, _CHROMA_STEP = 8.0, 0.1, 2.2
+# Chroma C* at which a hue is named as often as a grey: at least this, so much for each L* above a lightness, more for
+# blue, with which the sky tints what is dark; and how sharply names change.
+_CHROMA_LEAST, _CHROMA_RISE, _CHROMA_FROM, _CHROMA_SKY, _CHROMA_POWER = 3.0, 0.28, 28.0, 7.6, 2.5
+_SKY_HUE_DEG = 270.0
 # Two people agree on a vehicle's colour 84 % of the time: no word is ever impossible.
 _DOUBT = 0.03
+# What varnish mirrors of the sky, as a share of white, and how far lightness L* strays in a scene.
+_VEIL, _BLUR = 0.2, 14.0
 
 
 def lab_from_rgb(rgb: ArrayLike) -> FloatArray:
@@ -81,60 +98,62 @@ def _lab_from_linear(linear: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class Exposure:
-    """What the light of a scene does to colours.
+    """What the light of a scene does to colours, and how sure that is.
 
     Attributes:
         gain: (3,) factors of linear red, green and blue that bring the scene to neutral daylight.
+        veil: light of the sky that varnish mirrors, as a share of white's; it is taken off.
+        blur: how far lightness L* strays because light differs from place to place.
     """
 
     gain: FloatArray
+    veil: float = _VEIL
+    blur: float = _BLUR
 
     def __post_init__(self) -> None:
-        """Check the gains.
+        """Check the numbers.
 
         Raises:
-            ShapeError: if they are not three positive numbers.
+            ShapeError: if the gains are not three positive numbers, or veil or blur is negative or not finite.
         """
         check_shape("exposure gain", self.gain, (3,))
-        check_finite("exposure gain", self.gain)
-        if float(self.gain.min()) <= 0:
+        if not all(0 < factor < np.inf for factor in self.gain.tolist()):
             raise ShapeError(f"exposure gain: expected positive factors, got {self.gain.tolist()}")
+        if not (0 <= self.veil < np.inf and 0 <= self.blur < np.inf):
+            raise ShapeError(f"exposure: expected veil and blur of 0 or more, got {self.veil} and {self.blur}")
         frozen(self.gain)
 
     def lab(self, rgb: ArrayLike) -> FloatArray:
         """CIELAB (..., 3) of sRGB colours (..., 3) in 0..255 as they would be in neutral daylight."""
-        return _lab_from_linear(np.minimum(linear_from_srgb(rgb) * self.gain, 1.2))
+        linear = linear_from_srgb(rgb) * self.gain
+        luminance = (linear @ _LUMINANCE)[..., None]
+        return _lab_from_linear(np.minimum(linear * _unveiling(luminance, self.veil), 1.2))
 
 
-DAYLIGHT = Exposure(np.ones(3))
-# Where the brightest vehicles stand in daylight, by linear light: L* 88 is white paint.
-_BRIGHT_VEHICLE = 0.72
-_MOST_GAIN = 4.0
+def _unveiling(luminance: FloatArray, veil: float) -> FloatArray:
+    """Factors that take a veil off: what is dark loses most of its light, white none, and nothing turns negative."""
+    return np.asarray((1 + veil) * luminance / (luminance + veil + 1e-12))
 
 
-def exposure_of(bev: BEVMap, vehicles_rgb: FloatArray) -> Exposure:
-    """The light of a map: asphalt is grey, and the brightest of several vehicles (N, 3), 0..255, is white.
-
-    Nothing is darkened, nothing brightened beyond two stops. Without road or enough vehicles that part is left out.
-    """
-    gain = np.ones(3)
-    road = bev.appearance_valid & bev.on[ROAD] & ~bev.on[VEHICLE]
-    if np.count_nonzero(road) >= 100:
-        asphalt = np.median(linear_from_srgb(bev.appearance[:, road].T), axis=0) + 1e-3
-        gain = asphalt.mean() / asphalt
-    if len(vehicles_rgb) >= 5:
-        light = (linear_from_srgb(vehicles_rgb) * gain) @ _XYZ_FROM_RGB[1]
-        gain = gain * np.clip(_BRIGHT_VEHICLE / max(float(np.quantile(light, 0.97)), 1e-3), 1.0, _MOST_GAIN)
-    return Exposure(gain)
+# Paint as it is: nothing is mirrored, and the light is almost known.
+DAYLIGHT = Exposure(np.ones(3), veil=0.0, blur=6.0)
 
 
 def word_probabilities(rgb: ArrayLike, exposure: Exposure = DAYLIGHT) -> FloatArray:
-    """P(word | colour) (..., 12) in the order of `WORDS` for sRGB colours (..., 3) in 0..255; rows sum to 1."""
-    lab = exposure.lab(rgb)
+    """P(word | colour) (..., 12) in the order of `WORDS` for sRGB colours (..., 3) in 0..255; rows sum to 1.
+
+    NaN of NaN.
+    """
+    return _probabilities(exposure.lab(rgb), exposure.blur)
+
+
+def _probabilities(lab: FloatArray, blur: float) -> FloatArray:
     lightness, chroma = lab[..., 0], np.hypot(lab[..., 1], lab[..., 2])
     hue_deg = np.degrees(np.arctan2(lab[..., 2], lab[..., 1]))
-    chromatic = 1 / (1 + np.exp((_CHROMA_HALF + _CHROMA_RISE * lightness - chroma) / _CHROMA_STEP))
-    shares = _shares(_grey_words(lightness)) @ _SAID_OF_GREYS * (1 - chromatic)[..., None]
+    sky = _CHROMA_SKY * np.maximum(np.cos(np.radians(hue_deg - _SKY_HUE_DEG)), 0) * np.maximum(1 - lightness / 100, 0)
+    neutral = np.maximum(_CHROMA_RISE * (lightness - _CHROMA_FROM), _CHROMA_LEAST) + sky
+    chromatic = 1 / (1 + (neutral / np.maximum(chroma, 1e-6)) ** _CHROMA_POWER)
+    shares = _shares(_grey_words(lightness, blur)) @ _SAID_OF_GREYS * (1 - chromatic)[..., None]
     shares = np.concatenate([shares, _shares(_hue_words(lightness, chroma, hue_deg)) * chromatic[..., None]], axis=-1)
     return np.asarray((1 - _DOUBT) * shares + _DOUBT / len(WORDS))
 
@@ -143,14 +162,13 @@ def _shares(weights: FloatArray) -> FloatArray:
     return np.asarray((weights + 1e-9) / (weights + 1e-9).sum(axis=-1, keepdims=True))
 
 
-def _grey_words(lightness: FloatArray) -> FloatArray:
-    """(..., 4) weights of black, grey, silver, white."""
-    bells = []
-    for word, (centre, spread) in _LIGHTNESS.items():
-        low, high = (-np.inf if word == "black" else centre), (np.inf if word == "white" else centre)
-        off = lightness - np.clip(lightness, low, high)
-        bells.append(np.exp(-0.5 * (off / spread) ** 2))
-    return np.stack(bells, axis=-1)
+def _grey_words(lightness: FloatArray, blur: float) -> FloatArray:
+    """(..., 4) how often vehicles are black, grey, silver, white and of such a lightness."""
+    spread = np.hypot(_SPREAD, blur)
+    off = (lightness[..., None] - _LIGHTNESS) / spread
+    off[..., 0] = np.maximum(off[..., 0], 0)
+    off[..., 3] = np.where(off[..., 3] > 0, _BEYOND_WHITE * off[..., 3], off[..., 3])
+    return np.asarray(_SHARE / spread * np.exp(-0.5 * off**2))
 
 
 def _hue_words(lightness: FloatArray, chroma: FloatArray, hue_deg: FloatArray) -> FloatArray:
@@ -162,26 +180,40 @@ def _hue_words(lightness: FloatArray, chroma: FloatArray, hue_deg: FloatArray) -
     weights = dict(zip(_HUE, bells, strict=True))
     bright = 1 / (1 + np.exp(-(lightness - 52) / 4))
     weights["orange"] = weights["orange"] * bright
-    weights["brown"] = weights["brown"] * (1 - bright * np.clip((chroma - 15) / 20, 0, 1))
+    pale = np.clip((60 - chroma) / 20, 0, 1)
+    weights["brown"] = weights["brown"] * pale * (1 - bright * np.clip((chroma - 15) / 20, 0, 1))
     weights["pink"] = weights["pink"] * 1 / (1 + np.exp(-(lightness - 60) / 4))
     return np.stack(list(weights.values()), axis=-1)
 
 
-def fit(colour: str, rgb: ArrayLike, exposure: Exposure = DAYLIGHT) -> FloatArray:
-    """How well a colour word of a command fits sRGB colours (..., 3) in 0..255, in (0, 1]: P(word) / max P.
+@lru_cache(maxsize=8)
+def _most(blur: float) -> FloatArray:
+    """(12,) how probable each word is of the colour that it fits best."""
+    lightness, chroma, hue = np.meshgrid(
+        np.arange(0, 101, 2.0), np.arange(0, 101, 10.0), np.radians(range(0, 360, 5))
+    )
+    lab = np.stack([lightness, chroma * np.cos(hue), chroma * np.sin(hue)], axis=-1).reshape(-1, 3)
+    most = _probabilities(lab, blur).max(axis=0)
+    frozen(most)
+    return np.asarray(most)
 
-    The word may carry "dark" or "light" or be one of them alone.
+
+def fit(colour: str, rgb: ArrayLike, exposure: Exposure = DAYLIGHT) -> FloatArray:
+    """How well a colour word of a command fits sRGB colours (..., 3) in 0..255, in (0, 1]; NaN of NaN.
+
+    1 is the colour that the word fits best, so that vehicles rank as the word is probable of them. The word may carry
+    "dark" or "light" or be one of them alone.
     """
     *shade, term = colour.split()
     shades = [*shade, term] if term in ("dark", "light") else shade
-    probabilities = word_probabilities(rgb, exposure)
-    result = np.ones(probabilities.shape[:-1])
+    lab = exposure.lab(rgb)
+    result = lab[..., 0] * 0 + 1
     if term not in ("dark", "light"):
         index = WORDS.index(_NEAREST_TERM.get(term, term))
-        result = probabilities[..., index] / probabilities.max(axis=-1)
+        result = np.minimum(_probabilities(lab, exposure.blur)[..., index] / _most(exposure.blur)[index], 1)
     for word in shades:
         sign = 1 if word == "light" else -1
-        result = result / (1 + np.exp(-sign * (exposure.lab(rgb)[..., 0] - 45) / 6))
+        result = result / (1 + np.exp(-sign * (lab[..., 0] - 45) / 6))
     return np.asarray(result)
 
 
@@ -191,12 +223,127 @@ def name(rgb: ArrayLike, exposure: Exposure = DAYLIGHT) -> str:
 
 
 def names(rgb: ArrayLike, exposure: Exposure = DAYLIGHT) -> tuple[str, ...]:
-    """The same of N colours (N, 3)."""
+    """The same of N colours (N, 3); '' of NaN."""
     probabilities = word_probabilities(rgb, exposure)
-    first, second = np.argsort(probabilities, axis=-1)[:, ::-1][:, :2].T
-    rows = np.arange(len(probabilities))
-    close = probabilities[rows, second] > 0.6 * probabilities[rows, first]
+    order = np.argsort(probabilities, axis=-1)[:, ::-1][:, :2]
+    one, other = np.take_along_axis(probabilities, order, axis=-1).T
     return tuple(
-        f"{WORDS[one]} or {WORDS[other]}" if both else WORDS[one]
-        for one, other, both in zip(first.tolist(), second.tolist(), close.tolist(), strict=True)
+        "" if np.isnan(best) else f"{WORDS[first]} or {WORDS[second]}" if close else WORDS[first]
+        for (first, second), best, close in zip(order.tolist(), one, (other > 0.6 * one).tolist(), strict=True)
     )
+
+
+# The light of a scene, from its vehicles and its road ---------------------------------------------------------------
+
+# Asphalt shows a third of the light of white paint, give or take, in stops; and what is known of light without it.
+_ROAD_STOPS, _ROAD_SPREAD, _ANY_SPREAD = -1.6, 1.2, 2.0
+# Vehicles of one place are alike, as those of a fleet: more do not tell more.
+_MOST_VEHICLES = 30
+_STOPS = np.linspace(-6.0, 6.0, 49)
+# Vehicles whose colour is off the asphalt's by less (logarithm of the channels) may be without hue, and show the
+# colour of the light as it does; so many of them count as much as the asphalt.
+_HUELESS, _AS_MUCH_AS_ROAD = 0.4, 4.0
+# The ground beside a vehicle lies in the same light, but it is not the same ground everywhere. How much of it counts;
+# where it is looked at: out of the sides, and along them; and how many such places are needed for half of that.
+_BESIDE_SHARE, _BESIDE_PLACES = 0.6, 5.0
+_BESIDE_M, _BESIDE_ALONG = (0.5, 1.0), np.linspace(0.08, 0.92, 4)
+# Every second cell both ways tells the road's colour well enough, if these are not too few.
+_EVERY, _LEAST_ROAD = 2, 25
+# No light is so dim that noise would count.
+_DIMMEST = 1e-3
+_LOGARITHM_OF_BYTE = np.log(_LINEAR_OF_BYTE + _DIMMEST)
+
+
+def exposure_of(bev: BEVMap, vehicles_rgb: FloatArray) -> Exposure:
+    """The light of a map, by its road and the sRGB colours (N, 3) of its vehicles, 0..255, NaN where unknown.
+
+    Asphalt is grey, and so are most vehicles: that tells the light's colour. Its strength is what makes the vehicles
+    likely, given how many are black, grey, silver and white, and the asphalt about as bright as usual.
+    """
+    return _exposure(_asphalt(bev, _road_of(bev)), linear_from_srgb(vehicles_rgb))
+
+
+def exposures_of(bev: BEVMap, vehicles_rgb: FloatArray, footprints_m: FloatArray) -> tuple[Exposure, ...]:
+    """The light of a map on each of its vehicles: shade, sun, lamps at night are told by the road beside it.
+
+    Args:
+        bev: the map.
+        vehicles_rgb: (N, 3) sRGB colours, 0..255, NaN where unknown.
+        footprints_m: (N, 4, 2) corners in the ego frame, in order around the vehicle.
+
+    Raises:
+        ShapeError: if the arrays do not fit together.
+    """
+    check_shape("vehicles_rgb", vehicles_rgb, (None, 3))
+    check_shape("footprints_m", footprints_m, (len(vehicles_rgb), 4, 2))
+    if not len(vehicles_rgb):
+        return ()
+    where = _road_of(bev)
+    road = _asphalt(bev, where)
+    local = np.ones((len(vehicles_rgb), 3)) if road is None else _beside(bev, where, road, footprints_m)
+    common = _exposure(road, linear_from_srgb(vehicles_rgb) * local)
+    return tuple(Exposure(common.gain * own) for own in local)
+
+
+def _road_of(bev: BEVMap) -> BoolArray:
+    """(X, Y) road whose colour is known and which no vehicle covers."""
+    return np.asarray(bev.appearance_valid & bev.on[ROAD] & ~bev.on[VEHICLE])
+
+
+def _asphalt(bev: BEVMap, where: BoolArray) -> FloatArray | None:
+    """(3,) median linear light of the road (X, Y), None where there is too little of it."""
+    sparse = where[::_EVERY, ::_EVERY]
+    if np.count_nonzero(sparse) < _LEAST_ROAD:
+        return None
+    median = np.median(bev.appearance[:, ::_EVERY, ::_EVERY][:, sparse], axis=1)
+    return np.asarray(_LINEAR_OF_BYTE[median.astype(np.uint8)] + _DIMMEST)
+
+
+def _beside(bev: BEVMap, where: BoolArray, road: FloatArray, footprints_m: FloatArray) -> FloatArray:
+    """(N, 3) factors that bring the light beside each vehicle to that of all the road (3,), as far as it is known."""
+    following = np.roll(footprints_m, -1, axis=1)
+    outwards = (footprints_m + following) / 2 - footprints_m.mean(axis=1, keepdims=True)
+    outwards = outwards / np.maximum(np.linalg.norm(outwards, axis=-1, keepdims=True), 1e-9)
+    sides = footprints_m[:, :, None] + _BESIDE_ALONG[:, None] * (following - footprints_m)[:, :, None]
+    places = np.stack([sides + off_m * outwards[:, :, None] for off_m in _BESIDE_M], axis=1)
+    cells = bev.grid.cell_of(places.reshape(len(footprints_m), -1, 2))
+    inside = bev.grid.contains(cells)
+    x, y = np.moveaxis(np.where(inside[..., None], cells, 0), -1, 0)
+    seen = inside & where[x, y]
+    stronger = np.where(seen, _LOGARITHM_OF_BYTE[bev.appearance[:, x, y]] - np.log(road)[:, None, None], 0)
+    count = seen.sum(axis=1)
+    trust = _BESIDE_SHARE * count / (count + _BESIDE_PLACES)
+    return np.asarray(np.exp(-trust * stronger.sum(axis=2) / np.maximum(count, 1)).T)
+
+
+def _exposure(road: FloatArray | None, vehicles: FloatArray) -> Exposure:
+    """The light that linear colours (3,) of the road and (N, 3) of vehicles tell."""
+    vehicles = vehicles[np.isfinite(vehicles).all(axis=1)]
+    tint = _tint(road, vehicles)
+    stops = _STOPS[:, None]
+    luminance = np.maximum(vehicles / tint @ _LUMINANCE, 1e-5) * 2.0**stops
+    lightness = 116 * np.cbrt(luminance * _unveiling(luminance, _VEIL)) - 16
+    likely = _grey_words(lightness, _BLUR).sum(axis=-1) + _OTHERS_SHARE / _OTHERS_SPREAD
+    trust = min(1.0, _MOST_VEHICLES / max(len(vehicles), 1))
+    score = trust * np.log(likely).sum(axis=1) - 0.5 * (_STOPS / _ANY_SPREAD) ** 2
+    if road is not None:
+        score = score - 0.5 * ((np.log2(road @ _LUMINANCE) + _STOPS - _ROAD_STOPS) / _ROAD_SPREAD) ** 2
+    weight = np.exp(score - score.max())
+    return Exposure(2.0 ** float(weight @ _STOPS / weight.sum()) / tint)
+
+
+def _tint(road: FloatArray | None, vehicles: FloatArray) -> FloatArray:
+    """(3,) colour of the light, of luminance about 1: that of the road, and of vehicles that may have no hue."""
+    of_road = _hue_alone(np.ones(3) if road is None else road)
+    of_vehicles = _hue_alone(vehicles + _DIMMEST)
+    of_vehicles = of_vehicles[(np.abs(of_vehicles - of_road) < _HUELESS).all(axis=1)]
+    if not len(of_vehicles):
+        return np.asarray(np.exp(of_road))
+    share = len(of_vehicles) / (len(of_vehicles) + _AS_MUCH_AS_ROAD)
+    return np.asarray(np.exp((1 - share) * of_road + share * np.median(of_vehicles, axis=0)))
+
+
+def _hue_alone(linear: FloatArray) -> FloatArray:
+    """Logarithms of linear colours (..., 3), their brightness taken off."""
+    logarithms = np.log(linear)
+    return np.asarray(logarithms - (logarithms @ _LUMINANCE)[..., None])

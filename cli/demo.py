@@ -102,17 +102,17 @@ def _ground(dataset: Dataset, scene: Scene, folder: Path) -> list[dict[str, Any]
     from appocc.bevmap import load_map
     from appocc.demo.dataset import SOURCE
     from appocc.files import write_image
-    from grounding.answer import ground
+    from grounding.grounder import Grounder
     from grounding.picture import draw
-    from grounding.scene import scene_of
 
     sample = dataset.samples(scene)[FRAME]
     frame = dataset.frame(sample)
-    predicted = scene_of(load_map(dataset.root, PREDICTED, sample.token), None, frame.world_from_ego)
-    exact = scene_of(load_map(dataset.root, SOURCE, sample.token), frame.boxes_ego, frame.world_from_ego)
+    predicted, exact = Grounder(), Grounder()
+    predicted.set_scene(load_map(dataset.root, PREDICTED, sample.token), None, frame.world_from_ego)
+    exact.set_scene(load_map(dataset.root, SOURCE, sample.token), frame.boxes_ego, frame.world_from_ego)
     answers = []
     for number, command in enumerate(COMMANDS, start=1):
-        answer, true = ground(command, predicted), ground(command, exact)
+        answer, true = predicted.ground(command), exact.ground(command)
         name = f"ground-{number}.png"
         write_image(folder / name, draw(answer, frame))
         apart_m = None

@@ -1,4 +1,4 @@
-"""`appocc eval`: how good results are; `eval bev` judges maps, `eval tracks` tracks."""
+"""`appocc eval`: how good results are; `eval bev` judges maps, `eval tracks` tracks, `eval parses` commands."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from cli.common import JsonOption, RootArgument, VersionOption, emit, progress, say
+from cli.eval_parses import parses
 from cli.eval_tracks import tracks
 
 app = typer.Typer(name="eval", help="Judge results against the truth.", no_args_is_help=True)
@@ -65,6 +66,7 @@ def bev(
 
 
 app.command()(tracks)
+app.command()(parses)
 
 
 def _show(answer: dict[str, Any]) -> None:

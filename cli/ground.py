@@ -1,50 +1,213 @@
-"""`appocc ground`: a sentence to the one cell where the car should go."""
+"""`appocc ground`: sentences to the cells where the car should go."""
 
 from __future__ import annotations
 
+import os
+import sys
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cli.common import JsonOption, RootArgument, VersionOption, emit, say
+from appocc.errors import DataError
+from cli.common import JsonOption, VersionOption, emit, say
+
+if TYPE_CHECKING:
+    from appocc.frame import Frame
+    from grounding.grounder import Grounder
+    from grounding.parse import Reading
+
+_MOST_BYTES = 1_000_000
 
 
 def ground(
-    text: Annotated[str, typer.Argument(metavar="TEXT", help="The command, such as 'park behind the silver car'.")],
-    root: RootArgument,
-    scene: Annotated[str, typer.Option("--scene", help="Name or token of the scene.")],
-    frame: Annotated[int, typer.Option("--frame", help="Number of the key frame, from 0.")],
+    text: Annotated[
+        str | None, typer.Argument(metavar="[TEXT]", help="The command, such as 'park behind the silver car'.")
+    ] = None,
+    root: Annotated[
+        Path | None, typer.Argument(metavar="[ROOT]", help="Dataset root in the nuScenes schema.")
+    ] = None,
+    scene: Annotated[str | None, typer.Option("--scene", help="Name or token of the scene.")] = None,
+    frame: Annotated[int | None, typer.Option("--frame", help="Number of the key frame, from 0.")] = None,
     bev: Annotated[
         str, typer.Option("--bev", help="Source of the maps: ROOT/bev/SOURCE, or a folder with a slash in its name.")
     ] = "groundtruth",
     version: VersionOption = None,
+    tracks: Annotated[
+        Path | None, typer.Option("--tracks", help="The vehicles from nuScenes tracking results, such as of `track`.")
+    ] = None,
+    map_file: Annotated[
+        Path | None, typer.Option("--map", help="Instead of ROOT, --scene and --frame: one saved map (.npz).")
+    ] = None,
+    commands: Annotated[
+        Path | None, typer.Option("--commands", help="Instead of TEXT: a file of commands, one a line.")
+    ] = None,
+    interactive: Annotated[
+        bool, typer.Option("--interactive", "-i", help="Instead of TEXT: ask, and ask again, until an empty line.")
+    ] = False,
+    lexicon: Annotated[
+        Path | None, typer.Option("--lexicon", help="A file of words to know beside the own ones.")
+    ] = None,
+    llm: Annotated[
+        str | None,
+        typer.Option(
+            "--llm",
+            help="Address of a language model to read first (chat completions; $APPOCC_LLM_MODEL and _KEY).",
+        ),
+    ] = None,
+    explain: Annotated[
+        bool, typer.Option("--explain", help="Also what each word was read as, every score, and the field of places.")
+    ] = False,
     as_json: JsonOption = False,
     picture: Annotated[Path | None, typer.Option("--picture", help="Write a picture of the answer (.png).")] = None,
 ) -> None:
     """Ground a driving command: which vehicle it means, and the cell where the car should stand.
 
-    Exit code 0: found; 2: no driving command; 3: ambiguous, not found, or a command that cannot be placed yet.
+    Exit code 0: found; 2: no driving command; 3: ambiguous, not found, or nowhere to stand; of several the highest.
 
     Example: appocc ground "stop behind the nearest white car" DATA --scene 002 --frame 10 --picture g.png
     """
+    from grounding.grounder import Grounder
+
+    if (commands or interactive) and root is None and text is not None:
+        root, text = Path(text), None  # the only word without an option is then the dataset
+    _check_one(("TEXT", text), ("--commands", commands), ("--interactive", interactive or None))
+    _check_one(("ROOT", root), ("--map", map_file))
+    if picture is not None and text is None:
+        raise DataError("--picture goes only with TEXT")
+    grounder = Grounder(_reader(lexicon, llm))
+    moment = None
+    if root is not None:
+        moment = _set_key_frame(grounder, root, scene, frame, bev, version, tracks, picture is not None)
+    else:
+        _set_map(grounder, map_file, scene, frame, tracks)
+    if text is not None:
+        raise typer.Exit(_answer(grounder, text, moment, explain, as_json, picture))
+    asked = _lines(commands) if commands else _asked()
+    raise typer.Exit(max((_answer(grounder, one, moment, explain, as_json, None) for one in asked), default=0))
+
+
+def _check_one(*given: tuple[str, object]) -> None:
+    """One of several ways to say the same.
+
+    Raises:
+        DataError: if none or several are given.
+    """
+    names = [name for name, value in given if value is not None]
+    if len(names) != 1:
+        wanted = " and ".join([", ".join(name for name, _ in given[:-1]), given[-1][0]])
+        raise DataError(f"expected one of {wanted}, got {' and '.join(names) or 'none'}")
+
+
+def _reader(lexicon: Path | None, llm: str | None) -> Callable[[str], tuple[Reading, ...]]:
+    """How sentences are read."""
+    from functools import partial
+
+    from grounding.lexicon import read_lexicon
+    from grounding.llm import Endpoint
+    from grounding.parse import readings
+
+    own = readings if lexicon is None else partial(readings, lexicon=read_lexicon(lexicon))
+    if llm is None:
+        return own
+    return Endpoint(
+        llm, os.environ.get("APPOCC_LLM_MODEL", "default"), os.environ.get("APPOCC_LLM_KEY"), read=own
+    ).readings
+
+
+def _set_key_frame(
+    grounder: Grounder,
+    root: Path,
+    scene: str | None,
+    frame: int | None,
+    bev: str,
+    version: str | None,
+    tracks: Path | None,
+    images: bool,
+) -> Frame:
+    """Let a grounder look at a key frame of a dataset; what a camera saw of it, if images are wanted.
+
+    Raises:
+        DataError: if something is missing or damaged.
+    """
     from appocc.bevmap import is_truth, load_map
-    from appocc.files import write_image
     from appocc.nuscenes import Dataset
     from appocc.nuscenes.dataset import sample_at
-    from grounding.answer import ground as answer_of
-    from grounding.picture import draw
-    from grounding.scene import scene_of
+    from tracking.nuscenes_tracks import read_moment
 
+    if scene is None or frame is None:
+        raise DataError("ROOT needs --scene and --frame")
     dataset = Dataset(root, version)
     sample = sample_at(dataset, dataset.scene(scene), frame)
-    moment = dataset.frame(sample, images=picture is not None)
-    # What a model predicted is answered from what it predicted, never from annotations.
-    boxes_ego = moment.boxes_ego if is_truth(bev) else None
-    answer = answer_of(text, scene_of(load_map(root, bev, sample.token), boxes_ego, moment.world_from_ego))
+    moment = dataset.frame(sample, images=images)
+    made = load_map(root, bev, sample.token)
+    if tracks is not None:
+        grounder.set_scene(made, read_moment(tracks, sample.token), moment.world_from_ego)
+    else:
+        # What a model predicted is answered from what it predicted, never from annotations.
+        grounder.set_scene(made, moment.boxes_ego if is_truth(bev) else None, moment.world_from_ego)
+    return moment
+
+
+def _set_map(
+    grounder: Grounder, map_file: Path | None, scene: str | None, frame: int | None, tracks: Path | None
+) -> None:
+    """Let a grounder look at a saved map and the vehicles that it shows.
+
+    Raises:
+        DataError: if the file is missing or damaged, or a scene is named beside it.
+    """
+    from appocc.bevmap import BEVMap
+
+    if map_file is None or (scene, frame, tracks) != (None, None, None):
+        raise DataError("--map goes without --scene, --frame and --tracks")
+    grounder.set_scene(BEVMap.load(map_file))
+
+
+def _lines(path: Path) -> list[str]:
+    """The lines of a file of commands that are not empty.
+
+    Raises:
+        DataError: if it cannot be read, is no text, is too large, or holds none.
+    """
+    try:
+        with path.open("rb") as file:
+            text = file.read(_MOST_BYTES + 1)
+    except OSError as error:
+        raise DataError(f"{path}: cannot be read ({error.strerror})") from error
+    if len(text) > _MOST_BYTES:
+        raise DataError(f"{path}: expected at most {_MOST_BYTES} bytes of commands")
+    found = [line.strip() for line in text.decode(errors="replace").splitlines() if line.strip()]
+    if not found:
+        raise DataError(f"{path}: expected commands, one a line, got none")
+    return found
+
+
+def _asked() -> Iterator[str]:
+    """What people type, until an empty line or the end of input."""
+    while True:
+        typer.echo("> ", nl=False, err=True)
+        line = sys.stdin.readline()
+        if not line.strip():
+            return
+        yield line.strip()
+
+
+def _answer(
+    grounder: Grounder, text: str, moment: Frame | None, explain: bool, as_json: bool, picture: Path | None
+) -> int:
+    """Answer one sentence; the exit code that it means."""
+    from appocc.files import write_image
+    from grounding.explain import explained
+    from grounding.picture import draw
+
+    answer = grounder.ground(text)
     if picture is not None:
-        write_image(picture, draw(answer, moment))
+        write_image(picture, draw(answer, moment, explain))
     if as_json:
         emit(answer.to_dict())
     say(answer.text())
-    raise typer.Exit(answer.exit_code)
+    if explain:
+        say(explained(answer))
+    return answer.exit_code

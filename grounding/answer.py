@@ -1,20 +1,22 @@
-"""Sentence and scene -> answer: the query, the vehicle, the cell, and why; or why not."""
+"""What became of a sentence: the query, the vehicle, the cell, and why; or why not."""
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Any
 
-from grounding.describe import candidate_dict, phrase, target_dict
-from grounding.parse import Problem, caret, read
+import numpy as np
+
+from grounding.describe import candidate_dict, phrase, rounded, target_dict
+from grounding.parse import Problem, Reading, caret
 from grounding.query import Query
-from grounding.resolve import Candidate, resolve
+from grounding.resolve import Candidate
 from grounding.scene import Scene
-from grounding.target import Plan, Target, plan
+from grounding.target import Plan, Target
 
 # Of a sentence, in the answer for people.
 _SHOWN_CHARACTERS = 160
+_NO_PLAN = Plan(None, ())
 
 
 @dataclass(frozen=True)
@@ -23,23 +25,40 @@ class Answer:
 
     Attributes:
         status: ok, ambiguous, not_found or not_a_command.
-        query: what was understood.
+        reading: what was understood.
         scene: where it was asked.
-        target: the place, None unless the status is ok.
+        plan: the place, its route, others that would do; without a target unless the status is ok.
         referent: the vehicle the place is measured from, None where none is certain.
         candidates: vehicles that may be meant, best first; near misses where none fits.
         reasons: sentences that say why.
-        problem: why the sentence is no command or cannot be placed, and the words it is about.
+        question: what would decide between the candidates, '' where they are not several.
+        score: logarithm of how good reading, vehicle and place are together, to compare readings by.
     """
 
     status: str
-    query: Query
+    reading: Reading
     scene: Scene
-    target: Target | None = None
+    plan: Plan = _NO_PLAN
     referent: Candidate | None = None
     candidates: tuple[Candidate, ...] = ()
     reasons: tuple[str, ...] = ()
-    problem: Problem | None = None
+    question: str = ""
+    score: float = 0.0
+
+    @property
+    def query(self) -> Query:
+        """What was understood."""
+        return self.reading.query
+
+    @property
+    def problem(self) -> Problem | None:
+        """Why the sentence is no command, and the words that this is about."""
+        return self.reading.problem
+
+    @property
+    def target(self) -> Target | None:
+        """The place, None unless the status is ok."""
+        return self.plan.target
 
     @property
     def exit_code(self) -> int:
@@ -48,12 +67,17 @@ class Answer:
 
     def to_dict(self) -> dict[str, Any]:
         """The answer for machines; angles in radians, lengths in metres."""
+        plan = self.plan
         return {
             "status": self.status,
             "query": self.query.to_dict(),
-            "target": target_dict(self.target) if self.target else None,
+            "target": target_dict(plan.target) if plan.target else None,
+            "route": None if plan.route is None else [rounded(point) for point in plan.route],
+            "runners_up": [target_dict(one) for one in plan.runners_up],
+            "nearest": target_dict(plan.nearest) if plan.nearest else None,
             "referent": candidate_dict(self.referent, self.scene) if self.referent else None,
             "candidates": [candidate_dict(one, self.scene) for one in self.candidates],
+            "question": self.question or None,
             "reasons": list(self.reasons),
         }
 
@@ -64,52 +88,26 @@ class Answer:
         if self.problem and (marks := caret(self.query.command, self.problem)):
             lines.append(marks)
         if self.target:
-            x, y = self.target.ego_m
-            i, j = self.target.cell
-            lines.append(
-                f"target: cell ({i}, {j}), ego ({x:.1f}, {y:.1f}) m, "
-                f"world ({self.target.world_m[0]:.1f}, {self.target.world_m[1]:.1f}) m, "
-                f"heading {self.target.heading_ego_rad:+.2f} rad to ours, score {self.target.score:.2f}"
-            )
+            lines.append(f"target: {_place(self.target)}, score {self.target.score:.2f}")
+            lines.append(f"way: {way_m(self.plan.route):.0f} m") if self.plan.route is not None else None
         lines += [f"- {reason}" for reason in self.reasons]
+        if self.plan.nearest:
+            lines.append(f"nearest place that would do: {_place(self.plan.nearest)}")
         others = [(n, one) for n, one in enumerate(self.candidates, start=1) if one is not self.referent]
         title = "others:" if self.referent else "which?" if self.status == "ambiguous" else "nearest to it:"
         lines += [title] if others else []
         lines += [f"  {number}. {phrase(one.item, self.scene)}" for number, one in others]
-        return "\n".join(lines)
+        return "\n".join([*lines, *([self.question] if self.question else [])])
 
 
-def ground(text: str, scene: Scene) -> Answer:
-    """The place that a sentence asks for in a scene; every text gets an answer."""
-    reading = read(text)
-    query = reading.query
-    if reading.problem:
-        status = "not_found" if query.action else "not_a_command"
-        return Answer(
-            status, query, scene, reasons=(reading.problem.message, *reading.notes), problem=reading.problem
-        )
-    notes = (*reading.notes, *(f"the map holds no {one.noun.replace('_', ' ')}" for one in query.secondary))
-    if query.referent is None:
-        reason = "the command names no vehicle to find a place by"
-        return Answer("not_found", query, scene, reasons=(reason, *notes))
-    resolution = resolve(query.referent, scene)
-    reasons = (*resolution.reasons, *notes)
-    if resolution.status != "ok":
-        return Answer(resolution.status, query, scene, candidates=resolution.candidates, reasons=reasons)
-    tried = resolution.candidates[: None if not query.referent.definite else 1]
-    referent, made = max(((one, plan(query, one.item, scene)) for one in tried), key=lambda pair: _worth(*pair))
-    described = f"'{query.referent.phrase()}' is the {phrase(referent.item, scene)}"
-    return Answer(
-        "ok" if made.target else "not_found",
-        query,
-        scene,
-        made.target,
-        referent,
-        resolution.candidates,
-        (described, *reasons, *made.reasons),
+def way_m(route_m: np.ndarray[Any, np.dtype[np.float64]]) -> float:
+    """Length of a route (K, 2)."""
+    return float(np.hypot(*np.diff(route_m, axis=0).T).sum())
+
+
+def _place(target: Target) -> str:
+    (i, j), (x, y) = target.cell, target.ego_m
+    return (
+        f"cell ({i}, {j}), ego ({x:.1f}, {y:.1f}) m, world ({target.world_m[0]:.1f}, {target.world_m[1]:.1f}) m, "
+        f"heading {target.heading_ego_rad:+.2f} rad to ours"
     )
-
-
-def _worth(candidate: Candidate, made: Plan) -> float:
-    """How good a vehicle is together with the place beside it, where any vehicle will do."""
-    return candidate.score + math.log(made.target.score) if made.target else -math.inf

@@ -6,8 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from grounding.objects import EGO_CENTRE_M, SceneObject
 from grounding.resolve import Candidate
-from grounding.scene import EGO_CENTRE_M, Scene, SceneObject
+from grounding.scene import Scene
 from grounding.target import Target
 
 
@@ -42,14 +43,15 @@ def candidate_dict(candidate: Candidate, scene: Scene) -> dict[str, Any]:
         "rgb": None if item.rgb is None else [round(float(v)) for v in item.rgb],
         "distance_m": round(item.distance_m, 2),
         "side": side(item),
-        "cell": scene.bev.grid.cell_of(item.centre_m).tolist(),
-        "ego_m": _rounded(item.centre_m),
-        "world_m": _rounded(scene.world_xy(item.centre_m)),
+        "cell": None if scene.bev is None else scene.bev.grid.cell_of(item.centre_m).tolist(),
+        "ego_m": rounded(item.centre_m),
+        "world_m": rounded(scene.world_xy(item.centre_m)),
         "heading_rad": round(scene.world_heading(item.yaw_rad), 4),
         "heading_ego_rad": round(item.yaw_rad, 4),
         "front_known": item.front_known,
         "size_m": [round(item.length_m, 2), round(item.width_m, 2)],
         "speed_mps": None if item.speed_mps is None else round(item.speed_mps, 2),
+        "partner": None if candidate.partner is None else candidate.partner.id,
         "score": round(candidate.score, 3),
         "fits": {word: round(value, 3) for word, value in candidate.fits.items()},
     }
@@ -59,13 +61,14 @@ def target_dict(target: Target) -> dict[str, Any]:
     """A target: the middle of the ego's footprint; `heading_rad` in the world, `heading_ego_rad` relative to ours."""
     return {
         "cell": list(target.cell),
-        "ego_m": _rounded(target.ego_m),
-        "world_m": _rounded(target.world_m),
+        "ego_m": rounded(target.ego_m),
+        "world_m": rounded(target.world_m),
         "heading_rad": round(target.heading_rad, 4),
         "heading_ego_rad": round(target.heading_ego_rad, 4),
         "score": round(target.score, 4),
     }
 
 
-def _rounded(xy_m: np.ndarray[Any, np.dtype[np.float64]]) -> list[float]:
+def rounded(xy_m: np.ndarray[Any, np.dtype[np.float64]]) -> list[float]:
+    """Millimetres are enough."""
     return [round(float(v), 3) for v in xy_m]

@@ -1,162 +1,225 @@
-"""The preference field around a vehicle: how much the ego would like each cell, and which constraint forbids it."""
+"""Preference over cells, and the search for the best cell that nothing forbids; why a cell is forbidden, in words."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
-from appocc.bevmap import ROAD, VEHICLE, BEVMap
 from appocc.checks import BoolArray, FloatArray, IntArray
-from appocc.drawing import EGO_LENGTH_M, EGO_WIDTH_M
-from grounding.query import Query
+from appocc.drawing import EGO_LENGTH_M
+from grounding.footing import MARGIN_M, OFF_MAP, OFF_ROAD, TAKEN, UNKNOWN, whole_steps
+from grounding.road import Road
 from grounding.scene import Scene, SceneObject
 
-# Metres between bumpers, and between sides, where the command names none; what is tolerated; how far one may look on.
-_GAP_M = {"park": 1.0, "stop": 2.0, "pull_over": 1.5, "approach": 2.0}
-_SIDE_GAP_M = 0.8
-_LEAST_GAP_M, _LEAST_SIDE_GAP_M = 0.5, 0.4
-# A queue may stand between us and a vehicle to stop behind; one parks in the gap beside it or not at all.
-_FURTHER_M = {"park": 3.0, "stop": 10.0, "pull_over": 3.0, "approach": 10.0}
-_FURTHER_SIDE_M = 1.5
-# Share of the ego's footprint (of what is known of it) that has to lie on the road.
-_ON_ROAD = 0.9
+# Further flags of a place, beside those of its footing.
+UNREACHED, EXCLUDED = 16, 32
+# Cells are tried in order of cost, so many at once.
+_CHUNK = 96
+# A way round costs one for so many metres more than the straight line.
+_DETOUR_M = 25.0
+# Other places are told that cost no more than this beyond the best.
+_AS_GOOD = 6.0
+# Where nothing fits, so many places of a wish are looked at; one of which several things are wrong comes far behind.
+_MOST_LOOKED_AT, _SEVERAL = 1500, 50.0
 
 
 @dataclass(frozen=True)
 class Wish:
-    """One way to satisfy a relation, along axes through the referent's middle.
+    """One way to satisfy a command: N cells, how much each is disliked, and the heading there.
 
     Attributes:
-        words: for people: "behind it".
-        axis: (2,) unit vector from the referent to the goal, along or across the referent.
-        lengthwise: whether that axis is the direction of the ego's length at the goal.
-        cost: dislike of this way beside the others.
+        words: for people, without the vehicle: "behind it".
+        cells: (N, 2).
+        cost: (N,) zero for the very best place.
+        heading_rad: (N,) ego frame.
+        gap_m: (N,) distance to be told, None where there is none.
+        measured: how that is measured: "bumper to bumper".
     """
 
     words: str
-    axis: FloatArray
-    lengthwise: bool
-    cost: float = 0.0
+    cells: IntArray
+    cost: FloatArray
+    heading_rad: FloatArray
+    gap_m: FloatArray | None = None
+    measured: str = ""
+
+
+@dataclass(frozen=True)
+class Place:
+    """A cell of one of the wishes."""
+
+    wish: Wish
+    index: int
+
+    @property
+    def cell(self) -> tuple[int, int]:
+        """Its place on the grid."""
+        i, j = self.wish.cells[self.index].tolist()
+        return i, j
+
+    @property
+    def heading_rad(self) -> float:
+        """Heading there, ego frame."""
+        return float(self.wish.heading_rad[self.index])
+
+    @property
+    def cost(self) -> float:
+        """How much it is disliked."""
+        return float(self.wish.cost[self.index])
 
 
 class Field:
-    """The cells around one wish: how much each is disliked, and which constraint forbids it."""
+    """All wishes of a command over one road."""
 
-    def __init__(self, query: Query, wish: Wish, item: SceneObject, heading: float, scene: Scene) -> None:
-        """Weigh the cells around a vehicle for the ego's heading (ego frame, radians)."""
-        self.wish, self.item, self.scene = wish, item, scene
-        self.heading = heading
-        bev = scene.bev
-        across = np.array([-wish.axis[1], wish.axis[0]])
-        centres = bev.grid.centres().reshape(-1, 2)
-        offset = centres - item.centre_m
-        gap = offset @ wish.axis - self._contact_m()
-        aside = offset @ across
-        wanted, least, most, slack, spread = self._measures(query)
-        region = (gap >= least) & (gap <= most) & (np.abs(aside) <= slack)
-        if query.goal_side:
-            region &= centres[:, 1] > 0 if query.goal_side == "left" else centres[:, 1] < 0
-        self.cells: IntArray = np.argwhere(region.reshape(bev.grid.shape))
-        self.gap = gap[region]
-        self.cost = ((self.gap - wanted) / spread[0]) ** 2 + (aside[region] / spread[1]) ** 2 + wish.cost
-        self.occupied, self.off_road, self.outside = _violations(bev, centres[region], heading)
+    def __init__(
+        self,
+        wishes: Sequence[Wish],
+        scene: Scene,
+        road: Road,
+        about: Sequence[SceneObject] = (),
+        excluded: BoolArray | None = None,
+    ) -> None:
+        """Wishes, best first where they are alike.
 
-    def _contact_m(self) -> float:
-        """Distance of the middles at which the ego touches the vehicle."""
-        own = self.item.length_m if self._at_its_end() else self.item.width_m
-        return (own + (EGO_LENGTH_M if self.wish.lengthwise else EGO_WIDTH_M)) / 2
+        Args:
+            wishes: ways to satisfy the command.
+            scene: names the vehicles.
+            road: says where the ego may stand.
+            about: the vehicles that the command is about.
+            excluded: (X, Y) cells that it rules out.
+        """
+        self.scene, self.road, self._about, self._excluded = scene, road, about, excluded
+        self.wishes = [self._prepared(wish) for wish in wishes if len(wish.cells)]
+        self._hoped = [wish.words for wish in wishes]
 
-    def _at_its_end(self) -> bool:
-        """Whether the ego meets the vehicle at its front or rear, not at a side."""
-        along = np.array([np.cos(self.item.yaw_rad), np.sin(self.item.yaw_rad)])
-        return bool(abs(along @ self.wish.axis) > np.sqrt(0.5))
+    def _prepared(self, wish: Wish) -> Wish:
+        """With headings that places can have, and the dislike of ways round."""
+        length = self.road.ways.length_m[wish.cells[:, 0], wish.cells[:, 1]]
+        straight = np.linalg.norm(self.road.grid.centre_of(wish.cells) - self.road.own.middle_m, axis=1)
+        round_m = np.where(np.isfinite(length), length - 1.1 * straight, 0.0)
+        cost = wish.cost + np.maximum(round_m, 0.0) / _DETOUR_M
+        return Wish(wish.words, wish.cells, cost, whole_steps(wish.heading_rad), wish.gap_m, wish.measured)
 
-    def _measures(self, query: Query) -> tuple[float, float, float, float, tuple[float, float]]:
-        """Wanted, least and greatest gap, greatest offset aside, and the spreads of both dislikes, metres."""
-        if self.wish.lengthwise:
-            action = query.action or "stop"
-            wanted, least, further = _GAP_M[action], _LEAST_GAP_M, _FURTHER_M[action]
-            slack, spread = 1.2, (2.0, 0.6)
-        else:
-            wanted, least, further = _SIDE_GAP_M, _LEAST_SIDE_GAP_M, _FURTHER_SIDE_M
-            beside = self.item.width_m if self._at_its_end() else self.item.length_m
-            slack, spread = beside / 2 + 1, (0.8, 2.5)
-        if query.distance_m is None:
-            return wanted, least, wanted + further, slack, spread
-        # A distance that is named is kept to within a metre and a tenth.
-        named, off = query.distance_m, 1 + query.distance_m / 10
-        return named, max(min(least, named), named - off), named + off, slack, spread
+    @cached_property
+    def _number(self) -> IntArray:
+        """(M,) wish of each cell of all wishes."""
+        return np.repeat(np.arange(len(self.wishes)), [len(wish.cells) for wish in self.wishes])
 
-    def _allowed(self) -> BoolArray:
-        return ~(self.occupied | self.off_road | self.outside)
+    @cached_property
+    def _all(self) -> tuple[IntArray, FloatArray, FloatArray, IntArray]:
+        """Cells (M, 2), costs and headings (M,) of all wishes, and the number of each in its own."""
+        if not self.wishes:
+            return np.zeros((0, 2), np.int64), np.zeros(0), np.zeros(0), np.zeros(0, np.int64)
+        parts = [(wish.cells, wish.cost, wish.heading_rad, np.arange(len(wish.cells))) for wish in self.wishes]
+        cells, costs, headings, own = (np.concatenate(column) for column in zip(*parts, strict=True))
+        return cells, costs, headings, own
 
-    def best_cost(self) -> float:
-        """Cost of the best allowed cell, infinity where there is none."""
-        return float(np.min(self.cost[self._allowed()], initial=np.inf))
+    def flags(self, cells: IntArray, heading_rad: FloatArray) -> IntArray:
+        """(N,) what forbids places, the boxes' margin left out."""
+        flags = self.road.footing.flags(cells, heading_rad)
+        i, j = cells.T
+        flags |= UNREACHED * ~np.isfinite(self.road.ways.length_m[i, j])
+        if self._excluded is not None:
+            flags |= EXCLUDED * self._excluded[i, j]
+        return flags
 
-    def wished_cost(self) -> float:
-        """Cost of the best cell if nothing were forbidden, infinity where there is none."""
-        return float(np.min(self.cost, initial=np.inf))
+    def best(self, count: int = 1) -> list[Place]:
+        """Places that nothing forbids, best first, each at least a car's length from those before it."""
+        cells, costs, headings, own = self._all
+        reached = np.flatnonzero(np.isfinite(self.road.ways.length_m[cells[:, 0], cells[:, 1]]))
+        order = reached[np.argsort(costs[reached], kind="stable")]
+        found: list[Place] = []
+        while len(order) and len(found) < count:
+            chunk, order = order[:_CHUNK], order[_CHUNK:]
+            chunk = chunk[self.flags(cells[chunk], headings[chunk]) == 0]
+            while len(chunk) and len(found) < count:
+                one, chunk = int(chunk[0]), chunk[1:]
+                middle = self.road.grid.centre_of(cells[one])
+                if self.road.footing.nearest(middle, float(headings[one]))[1] >= MARGIN_M:
+                    found.append(Place(self.wishes[self._number[one]], int(own[one])))
+                    chunk, order = (
+                        rest[self._apart(cells[rest], cells[one]) & (costs[rest] <= found[0].cost + _AS_GOOD)]
+                        for rest in (chunk, order)
+                    )
+        return found
 
-    def chosen(self) -> int:
-        """Number of the best allowed cell."""
-        return int(np.argmin(np.where(self._allowed(), self.cost, np.inf)))
+    def _apart(self, cells: IntArray, other: IntArray) -> BoolArray:
+        """(N,) which cells are at least a car's length from another."""
+        return np.asarray(np.linalg.norm(cells - other, axis=1) * self.road.grid.cell_m >= EGO_LENGTH_M)
 
-    def why_here(self, index: int) -> list[str]:
-        """The gap, and the constraint that moved the cell from the best place."""
-        ours = "bumper" if self.wish.lengthwise else "side"
-        its = "bumper" if self._at_its_end() else "side"
-        reasons = [f"the place is {self.wish.words}, {self.gap[index]:.1f} m {ours} to {its}"]
-        ideal = int(np.argmin(self.cost))
-        grid = self.scene.bev.grid
-        moved = float(np.linalg.norm(self.cells[index] - self.cells[ideal]) * grid.cell_m)
-        if moved > 0:
-            reasons.append(f"moved {moved:.1f} m from the best place, which {self._forbidden(ideal)}")
-        return reasons
+    def ideal(self, wish: Wish | None = None) -> Place | None:
+        """The best place of a wish, or of all, if nothing were forbidden; None where there is none on the map."""
+        wishes = self.wishes if wish is None else [wish]
+        places = [Place(one, int(np.argmin(one.cost))) for one in wishes]
+        return min(places, key=lambda place: place.cost, default=None)
 
-    def why_not_here(self) -> str:
-        """Why a wish that would have been better was not taken."""
-        wrong = self._forbidden(int(np.argmin(self.cost)))
-        return f"{self.wish.words} would be better, but the best place there {wrong}"
+    def picture(self) -> FloatArray:
+        """(X, Y) cost of the allowed cells, infinity elsewhere; boxes' margins are left to the map's cells."""
+        field = np.full(self.road.grid.shape, np.inf)
+        cells, costs, headings, _ = self._all
+        fine = self.flags(cells, headings) == 0
+        np.minimum.at(field, tuple(cells[fine].T), costs[fine])
+        return field
 
-    def why_none(self) -> str:
-        """Which constraint leaves no cell."""
-        if not len(self.cells):
-            return f"no place {self.wish.words} lies on the map"
-        ideal = int(np.argmin(self.cost))
-        return f"no place {self.wish.words} is free: the best one {self._forbidden(ideal)}"
+    def nearest(self, middle_m: FloatArray) -> Place | None:
+        """The place nearest to a point (2,), ego frame, at which the ego could stand at all."""
+        cells = np.stack(np.unravel_index(self.road.ways.cells, self.road.grid.shape), axis=-1)
+        far = np.linalg.norm(self.road.grid.centre_of(cells) - middle_m, axis=1)
+        heading = whole_steps(self.road.direction_rad[cells[:, 0], cells[:, 1]])
+        anywhere = Wish("", cells, far, heading)
+        search = Field([], self.scene, self.road, (), self._excluded)
+        search.wishes = [anywhere]
+        return next(iter(search.best()), None)
 
-    def _forbidden(self, index: int) -> str:
-        """What is wrong with a cell, in words."""
-        at = self.scene.bev.grid.centre_of(self.cells[index])
-        if self.occupied[index]:
-            points = footprint_points(at[None], self.heading)[0]
-            blockers = [item for item in self.scene.objects if item.covers(points, 0.2).any()]
-            other = next((b for b in blockers if b.id != self.item.id), None)
-            if other is None:
-                return "comes too close to the vehicle itself"
-            return f"is taken by the {self.scene.colour_name(other) or ''} {other.noun}".replace("  ", " ")
-        return "leaves the road" if self.off_road[index] else "leaves the map"
+    def told(self, place: Place) -> str:
+        """A place in words, with its gap."""
+        wish = place.wish
+        if wish.gap_m is None:
+            return wish.words
+        gap = float(wish.gap_m[place.index])
+        return f"{wish.words}, {-gap:.1f} m back" if gap < 0 else f"{wish.words}, {gap:.1f} m {wish.measured}"
 
+    def why_none(self) -> tuple[Place | None, list[str]]:
+        """The best place but for one thing, and that in words; without one where no wish has a cell on the map.
 
-def footprint_points(centres: FloatArray, heading: float) -> FloatArray:
-    """Points (N, P, 2) a fifth of a metre apart that fill the ego's footprint at centres (N, 2), its rim included."""
-    along = np.linspace(-EGO_LENGTH_M / 2, EGO_LENGTH_M / 2, 24)
-    across = np.linspace(-EGO_WIDTH_M / 2, EGO_WIDTH_M / 2, 11)
-    forward = np.array([np.cos(heading), np.sin(heading)])
-    left = np.array([-forward[1], forward[0]])
-    local = (along[:, None, None] * forward + across[None, :, None] * left).reshape(-1, 2)
-    return np.asarray(centres[:, None] + local)
+        A place of which one thing is wrong comes before one of which several are.
+        """
+        best: tuple[float, Place, int] | None = None
+        for wish in self.wishes:
+            few = np.argsort(wish.cost, kind="stable")[:_MOST_LOOKED_AT]
+            flags = self.flags(wish.cells[few], wish.heading_rad[few])
+            # What keeps the ego out also keeps it from getting there: that is told only where it stands alone.
+            flags = np.where(flags & ~UNREACHED, flags & ~UNREACHED, flags)
+            several = np.array([flag.bit_count() for flag in flags.tolist()]) > 1
+            price = wish.cost[few] + _SEVERAL * several
+            one = int(np.argmin(price))
+            if best is None or price[one] < best[0]:
+                best = float(price[one]), Place(wish, int(few[one])), int(flags[one])
+        if best is None:
+            return None, [f"no place {words} lies on the map" for words in self._hoped[:1]]
+        words = best[1].wish.words
+        return best[1], [f"no place {words} is free: the best one {self.wrong(best[1], best[2])}"]
 
+    def wrong(self, place: Place, flags: int | None = None) -> str:
+        """What is wrong with a place, in words."""
+        if flags is None:
+            flags = int(self.flags(np.array([place.cell]), np.array([place.heading_rad]))[0])
+        if flags & OFF_MAP:
+            return "leaves the map"
+        if flags & TAKEN or not flags:
+            return self._taken_by(*self.road.footing.nearest(self.road.grid.centre_of(place.cell), place.heading_rad))
+        if flags & OFF_ROAD:
+            return "leaves the road"
+        if flags & UNKNOWN:
+            return "lies where the map knows nothing"
+        return "is ruled out by the command" if flags & EXCLUDED else "cannot be reached over free road"
 
-def _violations(bev: BEVMap, centres: FloatArray, heading: float) -> tuple[BoolArray, BoolArray, BoolArray]:
-    """Of the ego at centres (N, 2): whether it meets a vehicle, lacks road where it is known, leaves the grid."""
-    cells = bev.grid.cell_of(footprint_points(centres, heading))
-    inside = bev.grid.contains(cells)
-    i, j = np.moveaxis(np.where(inside[..., None], cells, 0), -1, 0)
-    occupied = (bev.on[VEHICLE][i, j] & inside).any(axis=1)
-    known = bev.occupancy_valid[ROAD][i, j] & inside
-    road = bev.on[ROAD][i, j] & known
-    off_road = road.sum(axis=1) < _ON_ROAD * known.sum(axis=1)
-    return np.asarray(occupied), np.asarray(off_road), np.asarray(~inside.all(axis=1))
+    def _taken_by(self, item: SceneObject | None, gap_m: float) -> str:
+        if item is None or gap_m > 1.0:
+            return "is taken by a vehicle of the map"
+        if any(one.id == item.id for one in self._about):
+            return "comes too close to the vehicle itself"
+        return f"is taken by the {self.scene.colour_name(item) or ''} {item.noun}".replace("  ", " ")

@@ -1,249 +1,228 @@
-"""The words of driving commands as data: phrase -> kind of token and value.
-
-A phrase is written as a pattern: `a|b` is a choice, `[a|b]` may be left out. The longest phrase wins.
-"""
+"""The words of driving commands: phrases read from text files, what each is to the grammar and what it stands for."""
 
 from __future__ import annotations
 
 import re
-from enum import StrEnum
+from dataclasses import dataclass, field
 from functools import cache
-from itertools import product
+from pathlib import Path
 
+from appocc.errors import DataError
+from grounding.kinds import INFLECTED, LIGHT_VERBS, MENDED, NOUNS, VALUES, WORD, Entry, Kind, Pattern
 
-class Kind(StrEnum):
-    """What a word is to the grammar."""
+__all__ = ["Kind", "Lexicon", "default_lexicon", "phrases", "read_lexicon"]
 
-    ACTION = "ACTION"
-    RELATION = "RELATION"
-    NOUN = "NOUN"
-    LANDMARK = "LANDMARK"
-    COLOUR = "COLOUR"
-    SHADE = "SHADE"
-    ORDINAL = "ORDINAL"
-    SUPERLATIVE = "SUPERLATIVE"
-    STATE = "STATE"
-    SIZE = "SIZE"
-    SIDE = "SIDE"
-    WHERE = "WHERE"
-    THE = "THE"
-    ANY = "ANY"
-    NUMBER = "NUMBER"
-    UNIT = "UNIT"
-    BREAK = "BREAK"
-    BEYOND = "BEYOND"
-    FILLER = "FILLER"
-    UNKNOWN = "UNKNOWN"
-
-
-# Values of actions and relations are those of the labelled command files; a second word of an action's value is the
-# relation ("approach toward") or the direction ("turn left") that its phrase carries along.
-_ACTIONS = {
-    "park": "park [the|my|our|your|this] [car|vehicle]; find|take|grab|get [me|us] [a|the|that|this] [free|empty]"
-    " [parking] spot|space|place [to park]; find|get [me|us] [some] parking; pull in [to]; pull into",
-    "stop": "stop [the car]; halt; pause; pull up; drop me|us|them|him|her off|out; drop off; let me|us out;"
-    " come to a|the stop|halt; get out|off",
-    "pull_over": "pull over; pull to the side",
-    "approach": "go; drive; move; get; head; come; navigate; proceed; line up; position yourself|us;"
-    " go|drive|get home; take|drive|bring|get me|us home",
-    "approach toward": "go|drive|move|head|come|get|navigate|proceed [up|over] to|toward|towards; approach;"
-    " bring|take|drive|get me|us [over] to|toward|towards; get|go|drive|move closer to",
-    "follow": "follow|following; keep up with; stay|keep|remain; tail",
-    "follow behind": "drive|go behind",
-    "overtake": "overtake; pass [by]; get|go|drive|move|steer|swerve around",
-    "drive_past past": "go|drive|get|going|driving past; keep|continue going|driving past",
-    "slow_down": "slow down; back off; brake; go|drive slower|slowly; reduce speed",
-    "wait": "wait [right] [here|there] [for]; stay here|there|put; hold on",
-    "give_way": "give way [to]; yield [to]; let|allow; make way|room for",
-    "avoid": "avoid; look|watch out [for]; be careful [of|with]; careful; keep away from; steer clear of;"
-    " keep [a|your|some] [safe] distance [from|to]",
-    "other": "continue; keep going|driving|moving; speed up; accelerate; go|drive faster; back up; reverse; honk;"
-    " keep|stay|remain in [the|our|this|your] [left|right] [hand] lane; keep|stay [to] [the] left|right",
-    "other straight": "go|drive|continue|keep [going|driving] straight [on|ahead]",
-    "turn": "turn; turn at|into|onto|in|back|here; enter",
-    "turn around": "turn around; make|do|take a u-turn|you-turn; u-turn; you-turn",
-    "change_lane": "change|switch [the] lane|lanes; merge [in|into|onto] [the] [lane|traffic];"
-    " change|switch|move|get|merge|turn [over] in|into|to the [other|next|same|middle] lane",
-}
-_ACTIONS |= {
-    f"turn {side}": f"turn|bear|steer {side}; take|make|hang a|the [sharp|next|first|second|third] {side} [turn]"
-    for side in ("left", "right")
-}
-_ACTIONS |= {
-    f"change_lane {side}": f"change|switch|move|get|merge|turn|go [over] in|into|to|onto [the] {side} [hand] lane;"
-    f" change|switch lane|lanes [to] [the] {side}; merge [to] [the] {side}"
-    for side in ("left", "right")
-}
-_RELATIONS = {
-    "behind": "[right|just|directly|straight] behind; in [the] back of; at|on|to the rear|back of",
-    "in_front_of": "[right|just|directly|straight] in [the] front of; infront of; ahead of; at|to the front of",
-    "next_to": "[right|just|directly] next to; beside; alongside [of]; along side [of]; adjacent to; parallel to;"
-    " level with; side by side with; abreast of",
-    "near": "near [to]; close [by] to; nearby; by; around; in the vicinity of; not far from",
-    "left_of": "[on|to|at] [the] left of; [on|to|at] [the] left [hand] side of",
-    "right_of": "[on|to|at] [the] right of; [on|to|at] [the] right [hand] side of",
-    "toward": "toward; towards",
-    "before": "[right|just|directly] before",
-    "past": "[right|just|directly] after; past; beyond",
-    "opposite": "opposite [of|to]; across from",
-}
-_NOUNS = {
-    "car": "car; sedan; suv; jeep; taxi; cab; 4x4; hatchback; estate [car]; station wagon; wagon; convertible; coupe;"
-    " automobile; police car; sports car",
-    "van": "van; minivan; delivery van; camper [van]",
-    "truck": "truck; lorry; pickup [truck]; pick up truck; semi; big rig; box|fire|garbage|delivery|dump|tow truck",
-    "bus": "bus; coach; minibus; school bus; shuttle",
-    "trailer": "trailer",
-    "motorcycle": "motorcycle; motorbike; motor bike; bike; scooter; moped",
-    "construction_vehicle": "construction vehicle; digger; excavator; bulldozer; forklift",
-    "vehicle": "vehicle",
-}
-# Things that a command may name and that the map does not hold.
-_LANDMARKS = {
-    "tree": "tree|trees",
-    "lamp_post": "lamp post|posts; lamppost; street light|lamp; streetlight; light pole; pole",
-    "traffic_light": "[traffic|stop] light|lights",
-    "sign": "[stop|street|traffic] sign",
-    "building": "building; house; shop; store; wall; garage; entrance; hotel; restaurant; gate; fence",
-    "bus_stop": "bus stop|station",
-    "intersection": "intersection; junction; crossing; corner; crosswalk; zebra crossing; roundabout",
-    "parking_lot": "parking lot|garage; car park; driveway",
-    "parking_spot": "[parking] spot|space",
-    "cone": "[traffic] cone|cones; barrier",
-    "road": "road; street; kerb; curb; sidewalk; pavement",
-    "person": "person; people; pedestrian; man; woman; guy; lady; friend; child; kid; boy; girl; worker; policeman",
-    "bicycle": "bicycle; cyclist",
-    "hydrant": "[fire] hydrant",
-}
-_COLOURS = {
-    **{
-        word: word
-        for word in ("black", "white", "red", "green", "yellow", "blue", "brown", "orange", "pink", "purple")
-    },
-    **{word: word for word in ("beige", "maroon", "tan", "navy", "turquoise")},
-    "grey": "grey|gray",
-    "silver": "silver|silvery",
-    "gold": "gold|golden",
-    "violet": "violet|lilac",
-}
-_STATES = {
-    "parked": "parked",
-    "stopped": "stopped; standing; waiting; stationary; idling",
-    "moving": "moving; driving",
-    "oncoming": "oncoming; coming|driving toward|towards us|me; facing us|me",
-    "turning": "turning",
-    "turning_left": "turning left",
-    "turning_right": "turning right",
-    "leaving": "leaving; pulling|backing|driving out|off|away",
-    "passing": "passing [us|me|by]; overtaking [us|me]",
-}
-_SIDES = {
-    f"{side}_side": f"[on|to|at] [the|our|my|your] [far] {side} [hand] [side]; on|to|at the {side} [hand] [side] of"
-    " [the|our|this|that|my|your] us|me|road|street|lane"
-    for side in ("left", "right")
-} | {f"from_{side}": f"from [the|our|my|your] [far] {side} [hand] [side]" for side in ("left", "right")}
-_WHERES = {
-    "ahead": "[up|straight|right|just] ahead; [up|straight|right|just] ahead of us|me|you; [right|straight] in front;"
-    " in front of us|me|you; up front; up there",
-    "behind_ego": "[right] behind us|me|you; in back of us|me",
-    "own_lane": "in|on our|my|the way|path; in our|my lane; blocking [our|my|the] way|path|lane|road",
-    **{f"{which}_lane": f"in the|our|my {which} [hand] lane" for which in ("left", "right", "middle", "other")},
-}
-_NUMBERS = {"2": "two", "3": "three", "4": "four", "5": "five", "6": "six", "7": "seven", "8": "eight"} | {
-    "9": "nine",
-    "10": "ten",
-    "15": "fifteen",
-    "20": "twenty",
-}
-_UNITS = {"1": "m; metre|metres|meter|meters", "0.3048": "ft; foot|feet", "0.9144": "yard|yards"}
-
-# They change the meaning in ways that no grammar here reads, so they are told and never skipped.
-_BEYOND = (
-    "not; don't; dont; never; no; except; without; unless; anywhere; instead; between; across; until; when; where;"
-    " same; other; while; it; him; her; them; its; one; both; cars|trucks|vans|buses|vehicles|motorcycles;"
-    " in the same lane; lane|lanes"
+DEFAULT = Path(__file__).parent / "data" / "lexicon.txt"
+STATES: tuple[str, ...] = (
+    "parked",
+    "stopped",
+    "moving",
+    "oncoming",
+    "turning",
+    "turning_left",
+    "turning_right",
+    "leaving",
 )
-# What can be placed. Other actions and relations are read, and so are these qualifiers; then it is told that they
-# cannot be placed yet.
-PLACED_ACTIONS = frozenset(("park", "stop", "pull_over", "approach"))
-PLACED_RELATIONS = frozenset(("behind", "in_front_of", "next_to", "near", "left_of", "right_of", "toward"))
-NOT_SEEN = frozenset(
-    (
-        *("turning", "turning_left", "turning_right", "leaving", "passing"),
-        *("own_lane", "left_lane", "right_lane", "middle_lane", "other_lane"),
-    )
+STATES += ("passing", "braking", "own_lane")
+EVENTS = ("pass", "leave", "turn", "stop", "merge", "clear", "other")
+_COLOURS: tuple[str, ...] = (
+    "black",
+    "white",
+    "red",
+    "green",
+    "yellow",
+    "blue",
+    "brown",
+    "orange",
+    "pink",
+    "purple",
+    "grey",
 )
-DIRECTIONS = frozenset(("left", "right", "around", "straight"))
-# Verbs of many meanings: with words beside them that are not understood they drive only where traffic is named.
-WEAK_VERBS = frozenset(
-    (
-        *("get", "go", "move", "come", "turn", "pass", "wait", "let", "allow", "keep", "stay", "remain"),
-        *("continue", "reverse", "enter"),
-    )
-)
-# Courtesy, chatter and function words; those of the last line are there so that spelling repair leaves them alone.
-_FILLERS = (
-    "please; can; could; would; will; should; you; i; we; me; us; my; our; your; just; directly; [right] here; [over]"
-    " there; right now|away|there; now; okay; ok; hey; hi; hello; thanks; thank you; want; need; like; wish; to; for;"
-    " so; is; are; was; be; am; that is|are; that's; which is|are; who is; i'd; let's; kindly; maybe; immediately;"
-    " quickly; slowly; carefully; somewhere; too; also; at; in; on; of; up; down; over; out; off; into; from; with;"
-    " as; do; and; or; little bit; very; really; sir; man; mate; driver; what; which; who; side; way; straight;"
-    " in|into [the|this|that|a] [free|empty] [parking] spot|space|place; a moment|minute|second|bit|while;"
-    " turn on|off [the|your|my] [head] light|lights|headlights|wipers;"
-    " block; trick; crown; about; these; three; think; sight; might; night; still; slack; whine; great; behold; story"
-)
-# What begins so asks something; "can", "could" and "would" begin polite commands, "when the bus leaves" a condition.
-QUESTION = re.compile(
-    r"(what|what's|whats|where|why|how|who|whose|which|is|are|was|were|does|did|has|have)\b"
-    r"|when (do|does|did|is|are|was|were|will|can|shall|should)\b"
-)
-_TABLES: dict[Kind, dict[str, str]] = {
-    Kind.FILLER: {"": _FILLERS},
-    Kind.BEYOND: {"": _BEYOND},
-    Kind.ACTION: _ACTIONS,
-    Kind.RELATION: _RELATIONS,
-    Kind.LANDMARK: _LANDMARKS,
-    Kind.NOUN: _NOUNS,
-    Kind.COLOUR: _COLOURS,
-    Kind.SHADE: {"dark": "dark|darker; deep", "light": "light|lighter; pale; bright"},
-    Kind.ORDINAL: {"first": "first|1st", "second": "second|2nd", "third": "third|3rd", "fourth": "fourth|4th"}
-    | {"next": "next", "last": "last"},
-    Kind.SUPERLATIVE: {
-        "nearest": "nearest|closest",
-        "farthest": "farthest|furthest; most distant",
-        "leftmost": "leftmost; left most",
-        "rightmost": "rightmost; right most",
-        "largest": "largest|biggest",
-        "smallest": "smallest",
-    },
-    Kind.STATE: _STATES,
-    Kind.SIZE: {"large": "large|big|huge", "small": "small|little|tiny"},
-    Kind.SIDE: _SIDES,
-    Kind.WHERE: _WHERES,
-    Kind.THE: {"the": "the|that|this"},
-    Kind.ANY: {"a": "a|an|any|some"},
-    Kind.NUMBER: _NUMBERS,
-    Kind.UNIT: _UNITS,
-    Kind.BREAK: {"": "and then; then; and after that"},
-}
+_COLOURS += ("silver", "gold", "beige", "maroon", "tan", "navy", "turquoise", "violet")
+_WRITTEN = {kind.value: kind for kind in Kind if kind not in (Kind.COMMA, Kind.BREAK, Kind.DISTANCE, Kind.UNKNOWN)}
+_MOST_BYTES = 1_000_000
+_HEAD = re.compile(r"\[([a-z]+)([^\]\[|]*)((?:\|[^\]\[]*)?)\]")
+
+
+@dataclass
+class Lexicon:
+    """Phrases by their first word, and all their words.
+
+    Attributes:
+        patterns: in the order in which they were read; the last wins where two are as long.
+        by_word: the same by the words they may begin with.
+        forms: of inflected words: s, ing, past, plural.
+        words: every word; 0 where no slip is mended to it, 1 where one is, 2 for what is named most.
+        irregular: forms of verbs and plurals that no rule makes.
+    """
+
+    patterns: list[Pattern] = field(default_factory=list)
+    by_word: dict[str, list[Pattern]] = field(default_factory=dict)
+    forms: dict[str, str] = field(default_factory=dict)
+    words: dict[str, int] = field(default_factory=dict)
+    irregular: dict[str, tuple[str, ...]] = field(default_factory=dict)
+
+    def longest(self, words: tuple[str, ...], start: int) -> tuple[int, Entry] | None:
+        """One past the longest phrase that begins at `start`, and what it is; None where none does."""
+        best: tuple[int, Entry] | None = None
+        for pattern in self.by_word.get(words[start], ()):
+            end = pattern.end(words, start)
+            if end > start and (best is None or end >= best[0]):
+                best = end, _both(best[1], pattern.entry) if best and best[0] == end else pattern.entry
+        return best
+
+    def add(self, line: str, entry: Entry) -> None:
+        """Add the phrases of a line; they are indexed here, and taken apart when they are first tried."""
+        for text in filter(None, map(str.strip, line.split(";"))):
+            pattern = Pattern(text, entry, self.inflected)
+            self.patterns.append(pattern)
+            for word in re.split(r"[\[\]|_ ]+", text):
+                self.words.setdefault(word, 0)
+            first, *rest = text.split()
+            for word in re.split(r"[\[\]|_]+", rest[-1]) if rest and entry.kind in NOUNS else ():
+                self.words.setdefault(self.inflected(word, entry.kind)[1], 0)
+            alone = first.isalnum() and all(part[0] == "[" for part in rest)
+            mended = alone and entry.kind in MENDED and entry.value not in LIGHT_VERBS
+            often = mended * (2 if entry.kind in (Kind.NOUN, Kind.COLOUR) else 1)
+            for word in self._beginnings(text, entry.kind):
+                self.by_word.setdefault(word, []).append(pattern)
+                self.words[word] = max(self.words.get(word, 0), often)
+
+    def _beginnings(self, text: str, kind: Kind) -> set[str]:
+        """All words that the phrases of a pattern begin with."""
+        words: set[str] = set()
+        for part in text.split():
+            for choice in part.strip("[]").split("|"):
+                first, *more = choice.split("_")
+                words.update(self.inflected(first, kind) if kind is Kind.VERB or not more else (first,))
+            if part[0] != "[":
+                break
+        return words
+
+    def inflected(self, word: str, kind: Kind) -> tuple[str, ...]:
+        """The word itself, and its other forms if it is a verb or a noun; they are remembered in `forms`."""
+        if kind not in INFLECTED:
+            return (word,)
+        forms = self.irregular.get(word) or _regular(word)
+        if kind is not Kind.VERB:
+            self.forms.setdefault(forms[1], "plural")
+            return forms[:2]
+        for form, name in zip(forms[1:], ("s", "ing", "past", "past"), strict=False):
+            if form != word:
+                self.forms.setdefault(form, name)
+        return forms
+
+
+def _both(before: Entry, entry: Entry) -> Entry:
+    """One entry of two of the same phrase: the later, but a verb keeps what it commands ("get out")."""
+    if before.kind is entry.kind is Kind.VERB and "none" in (before.value, entry.value):
+        value = before.value if entry.value == "none" else entry.value
+        return Entry(Kind.VERB, value, entry.state or before.state, entry.event or before.event)
+    return entry
 
 
 @cache
+def _regular(word: str) -> tuple[str, ...]:
+    """A verb with -s, -ing, -ed; the second is a noun's plural, too."""
+    before, last = word[-2:-1], word[-1:]
+    if last == "y" and before not in "aeiou":
+        return word, word[:-1] + "ies", word + "ing", word[:-1] + "ied"
+    plural = word + ("es" if last in "sxz" or word[-2:] in ("ch", "sh") else "s")
+    if last == "e":
+        return word, plural, word[:-1] + "ing", word + "d"
+    # One short syllable doubles its last letter: stop, stopping.
+    stem = word + last if re.fullmatch(r"[^aeiou]*[aeiou][^aeiouwxy]", word) else word
+    return word, plural, stem + "ing", stem + "ed"
+
+
+def read_lexicon(path: Path, base: Lexicon | None = None) -> Lexicon:
+    """The phrases of a file, added to those of the package (or of `base`), which stays as it is.
+
+    Raises:
+        DataError: if the file or a line of it cannot be read, with its number.
+    """
+    lexicon = _copy(base or default_lexicon())
+    _read_into(lexicon, path, careful=True)
+    return lexicon
+
+
+@cache
+def default_lexicon() -> Lexicon:
+    """The phrases of the package."""
+    lexicon = Lexicon()
+    _read_into(lexicon, DEFAULT)
+    return lexicon
+
+
 def phrases() -> dict[tuple[str, ...], tuple[Kind, str]]:
-    """Every phrase of the lexicon, word by word, with its kind and value; later tables win."""
-    book: dict[tuple[str, ...], tuple[Kind, str]] = {}
-    for kind, table in _TABLES.items():
-        for value, patterns in table.items():
-            for pattern in patterns.split(";"):
-                book.update(dict.fromkeys(_expanded(pattern), (kind, value)))
-    book.pop((), None)
-    return book
+    """Every phrase of the package, word by word, with its kind and value."""
+    return {
+        phrase: (pattern.entry.kind, pattern.entry.value)
+        for pattern in default_lexicon().patterns
+        for phrase in pattern.phrases()
+    }
 
 
-def _expanded(pattern: str) -> list[tuple[str, ...]]:
-    """All phrases of a pattern."""
-    choices = []
-    for part in re.findall(r"\[[^]]*\]|\S+", pattern):
-        words = part.strip("[]").split("|")
-        choices.append(["", *words] if part.startswith("[") else words)
-    return [tuple(" ".join(words).split()) for words in product(*choices)]
+def _copy(base: Lexicon) -> Lexicon:
+    by_word = {word: list(patterns) for word, patterns in base.by_word.items()}
+    return Lexicon(list(base.patterns), by_word, dict(base.forms), dict(base.words), dict(base.irregular))
+
+
+def _read_into(lexicon: Lexicon, path: Path, careful: bool = False) -> None:
+    """Add the phrases of a file; `careful`: each is taken apart at once, so that mistakes are told."""
+    try:
+        size = path.stat().st_size
+        lines = path.read_text(encoding="utf-8").splitlines() if size <= _MOST_BYTES else []
+    except (OSError, UnicodeDecodeError) as error:
+        raise DataError(f"{path}: cannot be read as text ({getattr(error, 'strerror', None) or error})") from error
+    if size > _MOST_BYTES:
+        raise DataError(f"{path}: expected a lexicon of at most {_MOST_BYTES} bytes, got {size}")
+    section: Entry | None = None
+    in_forms = False
+    for number, line in enumerate(lines, start=1):
+        text = line.strip().casefold().replace("-", " ")
+        if not text or text.startswith("#"):
+            continue
+        try:
+            if head := _HEAD.fullmatch(text):
+                in_forms = head[0] == "[forms]"
+                section = None if in_forms else _entry(head)
+            elif in_forms:
+                lexicon.irregular[text.split()[0]] = _forms(text)
+            elif section is None:
+                raise ValueError(f"expected a section such as [noun car] first, got '{text[:60]}'")
+            else:
+                before = len(lexicon.patterns)
+                lexicon.add(text, section)
+                for pattern in lexicon.patterns[before:] if careful else ():
+                    pattern.parts()
+        except ValueError as error:
+            raise DataError(f"{path}: line {number}: {error}") from error
+
+
+def _forms(text: str) -> tuple[str, ...]:
+    forms = tuple(text.split())
+    if not 2 <= len(forms) <= 6 or not all(WORD.fullmatch(word) for word in forms):
+        raise ValueError(f"expected a word and its forms (-s, -ing, -ed), got '{text[:60]}'")
+    return forms
+
+
+def _entry(head: re.Match[str]) -> Entry:
+    """What the head of a section says of its phrases."""
+    if head[1] not in _WRITTEN:
+        raise ValueError(f"expected a section of one of {', '.join(_WRITTEN)}, got '{head[0]}'")
+    kind, value = _WRITTEN[head[1]], head[2].strip()
+    allowed = _COLOURS if kind is Kind.COLOUR else VALUES.get(kind)
+    if allowed and value.split(" ")[0] not in allowed:
+        raise ValueError(f"expected [{kind.value}] to be one of {', '.join(allowed)}, got '{value}'")
+    if kind in (Kind.NUMBER, Kind.UNIT) and not re.fullmatch(r"\d{1,6}(\.\d{1,6})?", value):
+        raise ValueError(f"expected a plain number, got '{head[0]}'")
+    more = {}
+    for item in filter(None, (part.strip() for part in head[3].split("|"))):
+        key, _, what = item.partition("=")
+        if what not in {"is": STATES, "event": EVENTS}.get(key, ()):
+            raise ValueError(
+                f"expected is=STATE ({', '.join(STATES)}) or event=EVENT ({', '.join(EVENTS)}), got '{item}'"
+            )
+        more[key] = what
+    return Entry(kind, value, more.get("is", ""), more.get("event", ""))

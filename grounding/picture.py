@@ -11,12 +11,15 @@ from appocc.checks import ByteArray, FloatArray
 from appocc.drawing import RED, WHITE, YELLOW, BEVCanvas, Colour, draw_box, put_text
 from appocc.frame import Frame
 from appocc.geometry import apply, inverse
+from appocc.grid import BEVGrid
 from grounding.answer import Answer
 from grounding.describe import phrase
-from grounding.scene import SceneObject
+from grounding.objects import SceneObject
+from grounding.target import Target
 from tracking.formats import HEIGHT_M
 
 CYAN: Colour = (60, 220, 255)
+PALE_CYAN: Colour = (120, 170, 185)
 _SCALE = 4
 _CAPTION_PX, _LINE_PX = 204, 22
 # A camera's panel is at most this many times as wide as the map beside it.
@@ -24,10 +27,16 @@ _WIDEST = 1.8
 _STATUS_COLOUR: dict[str, Colour] = {"ok": (90, 220, 110), "ambiguous": YELLOW}
 
 
-def draw(answer: Answer, frame: Frame) -> ByteArray:
-    """The picture (H, W, 3) RGB of an answer at the moment it was asked, whatever its status."""
-    bev = _bev_panel(answer)
-    camera = _camera_panel(answer, frame, bev.shape[0])
+def draw(answer: Answer, frame: Frame | None = None, field: bool = False) -> ByteArray:
+    """The picture (H, W, 3) RGB of an answer, whatever its status.
+
+    Args:
+        answer: with the scene where it was asked.
+        frame: the cameras of that moment, None where there are none.
+        field: whether to shade the places that would do, the brighter the better.
+    """
+    bev = _bev_panel(answer, field)
+    camera = None if frame is None else _camera_panel(answer, frame, bev.shape[0])
     panels = bev if camera is None else np.hstack([bev, camera])
     return np.ascontiguousarray(np.vstack([_caption(answer, panels.shape[1]), panels]))
 
@@ -48,31 +57,59 @@ def _cut(text: str, characters: int = 200) -> str:
     return text if len(text) <= characters else text[: characters - 3] + "..."
 
 
-def _bev_panel(answer: Answer) -> ByteArray:
-    """Appearance over occupancy, candidates numbered, the referent outlined, the ego at the target."""
-    canvas = BEVCanvas(answer.scene.bev.grid, _SCALE)
-    canvas.occupancy(answer.scene.bev)
-    canvas.appearance(answer.scene.bev)
+def _bev_panel(answer: Answer, field: bool) -> ByteArray:
+    """Appearance over occupancy, candidates numbered, the referent outlined, the way, and the ego at the target."""
+    bev = answer.scene.bev
+    canvas = BEVCanvas(BEVGrid.surround() if bev is None else bev.grid, _SCALE)
+    if bev is not None:
+        canvas.occupancy(bev)
+        canvas.appearance(bev)
+    if field and answer.plan.field is not None:
+        _shade(canvas, answer.plan.field)
     canvas.ego()
     for number, candidate in enumerate(answer.candidates, start=1):
         if candidate is not answer.referent:
             canvas.line(candidate.item.footprint(), YELLOW, 1, closed=True)
             canvas.label(candidate.item.centre_m, str(number), YELLOW)
     if answer.referent:
-        canvas.line(answer.referent.item.footprint(), RED, 2, closed=True)
+        for item in (answer.referent.item, answer.referent.partner):
+            if item:
+                canvas.line(item.footprint(), RED, 2, closed=True)
+    for other in answer.plan.runners_up:
+        canvas.line(other.footprint(), PALE_CYAN, 1, closed=True)
+    if answer.plan.route is not None:
+        canvas.line(answer.plan.route, PALE_CYAN, 1)
     if answer.target:
-        corners = answer.target.footprint()
-        canvas.line(corners, CYAN, 2, closed=True)
-        canvas.line([answer.target.ego_m, (corners[0] + corners[3]) / 2], CYAN, 2)
-        canvas.dot(answer.target.ego_m, CYAN, 3)
+        _place(canvas, answer.target, CYAN)
+    elif answer.plan.nearest:
+        _place(canvas, answer.plan.nearest, WHITE)
     _legend(canvas, answer)
     return canvas.picture
+
+
+def _place(canvas: BEVCanvas, target: Target, colour: Colour) -> None:
+    """The ego at a place, and where it looks."""
+    corners = target.footprint()
+    canvas.line(corners, colour, 2, closed=True)
+    canvas.line([target.ego_m, (corners[0] + corners[3]) / 2], colour, 2)
+    canvas.dot(target.ego_m, colour, 3)
+
+
+def _shade(canvas: BEVCanvas, cost: FloatArray) -> None:
+    """Places that would do, over the map: half transparent, the brighter the better."""
+    good = np.isfinite(cost)
+    share = np.exp(-np.where(good, cost, 0.0) / 2)
+    under = canvas.picture.copy()
+    canvas.cells(np.asarray((0.25 + 0.75 * share[..., None]) * np.array(CYAN), np.uint8), good)
+    cv2.addWeighted(canvas.picture, 0.5, under, 0.5, 0, dst=canvas.picture)
 
 
 def _legend(canvas: BEVCanvas, answer: Answer) -> None:
     entries = [("the car now", (60, 200, 90))]
     entries += [("the vehicle meant", RED)] if answer.referent else []
     entries += [("the place to go", CYAN)] if answer.target else []
+    entries += [("the way, and other places", PALE_CYAN)] if answer.plan.route is not None else []
+    entries += [("the nearest place that would do", WHITE)] if answer.plan.nearest else []
     entries += (
         [("other candidates" if answer.referent else "candidates", YELLOW)]
         if len(answer.candidates) > (answer.referent is not None)

@@ -127,8 +127,8 @@ class Query:
 
     Attributes:
         command: the sentence as it was given.
-        action: the primary one: park, stop, pull_over, follow, approach, overtake, drive_past, turn, change_lane, wait,
-            slow_down, give_way, avoid, other; None for a sentence that is no driving command.
+        action: the primary one: park, stop, pull_over, follow, approach, overtake, drive_past, turn, change_lane,
+            wait, slow_down, give_way, avoid, other; None for a sentence that is no driving command.
         actions: every commanded action in order, the primary one included.
         relation: where the ego ends relative to the landmark: behind, in_front_of, next_to, near, left_of, right_of,
             opposite, between, past, before, at, toward, same_as; none.

@@ -1,38 +1,31 @@
-"""Which vehicle a query means: soft predicates, soft counting, and honesty about ties."""
+"""Which vehicle a query means, and honesty about ties and about what is not there."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
-from appocc.checks import FloatArray
-from grounding.predicates import fits
-from grounding.query import Referent
-from grounding.scene import EGO_CENTRE_M, Scene, SceneObject
+from grounding.counting import counting_words
+from grounding.nouns import KNOWN, PEOPLE, VEHICLES
+from grounding.predicates import described
+from grounding.query import Landmark, Query, Referent
+from grounding.question import ask, tell_apart
+from grounding.relations import gaps, room_between
+from grounding.scene import Scene, SceneObject
+from grounding.soft import bell
+from grounding.weigh import Weighed, unknown_things, weigh
 
-# Below this a vehicle does not fit what was said; two whose scores differ by less than the margin are a tie.
-_MATCHES = 0.2
-_MARGIN = np.log(1.6)
+# Two whose scores differ by less are a tie.
+_MARGIN = np.log(2.0)
 # Below this no vehicle is the one counted to: there are too few.
 _LEAST_CHANCE = 0.05
-# No vehicle fits for certain, so counting never hangs on a single one.
-_MOST_CERTAIN = 0.95
-# People speak of what lies before them: a vehicle behind the ego counts a quarter, unless the words say otherwise.
-_BEHIND_WEIGHT = 0.25
-_ORDINALS = {"first": 1, "next": 1, "second": 2, "third": 3, "fourth": 4}
-# What a superlative sorts by, smallest first, and over which difference two vehicles are hard to tell apart.
-_SORTING: Mapping[str, tuple[Callable[[SceneObject], float], float]] = {
-    "nearest": (lambda item: item.distance_m, 0.3),
-    "farthest": (lambda item: -item.distance_m, 0.3),
-    "leftmost": (lambda item: -item.centre_m[1], 0.2),
-    "rightmost": (lambda item: item.centre_m[1], 0.2),
-    "largest": (lambda item: -item.length_m * item.width_m, 0.5),
-    "smallest": (lambda item: item.length_m * item.width_m, 0.5),
-    "first": (lambda item: item.centre_m[0], 0.3),
-    "last": (lambda item: -item.centre_m[0], 0.3),
-}
+# What a word leaves of a vehicle that it does not fit, and of one that it hardly fits.
+_LACKING, _DOUBTFUL = 0.12, 0.35
+# Two that are meant together stand together; what is left of them where no car fits between.
+_TOGETHER_M, _NO_ROOM, _MOST_PAIRS = 10.0, 0.1, 40
 
 
 @dataclass(frozen=True)
@@ -43,111 +36,202 @@ class Candidate:
         item: the vehicle.
         fits: each thing said of it, and how well it fits, 0..1.
         score: logarithm of how well it fits all in all, its place in the count included.
+        partner: the other vehicle, where two are meant.
     """
 
     item: SceneObject
     fits: Mapping[str, float]
     score: float
+    partner: SceneObject | None = None
 
 
 @dataclass(frozen=True)
 class Resolution:
-    """The outcome: ok, ambiguous or not_found; candidates, best first (near misses where none fits)."""
+    """Which vehicle is meant.
+
+    Attributes:
+        status: ok, ambiguous or not_found; ok without candidates where no vehicle is named.
+        candidates: best first; those that tie where it is ambiguous, near misses where none fits.
+        reasons: sentences that say why.
+        question: the one question that would decide, where it is ambiguous.
+        differences: of each tied candidate, what it has and the others do not.
+    """
 
     status: str
     candidates: tuple[Candidate, ...]
     reasons: tuple[str, ...]
+    question: str = ""
+    differences: tuple[str, ...] = ()
 
 
-def resolve(referent: Referent, scene: Scene, limit: int = 6) -> Resolution:
-    """The vehicle that a referent means."""
-    said = [fits(referent, item, scene) for item in scene.objects]
-    plain = np.array([np.prod(list(one.values())) for one in said])
-    if not len(plain) or float(plain.max()) < _MATCHES:
-        return _nothing(referent, scene, said, limit)
-    likely = np.where(plain >= _MATCHES, np.minimum(plain, _MOST_CERTAIN), 0.0)
-    behind = np.array([_behind_ego(item, referent) for item in scene.objects])
-    if float(np.max(plain[~behind], initial=0.0)) >= _MATCHES:
-        likely[behind] *= _BEHIND_WEIGHT
-    counted = _counted(referent, scene.objects, likely)
-    distance = np.array([item.distance_m for item in scene.objects])
-    # A slight liking for the near one breaks even scores, more of it where any will do.
-    scores = np.log(counted + 1e-9) - distance / (60 if referent.definite else 15)
-    order = [int(i) for i in np.argsort(-scores, kind="stable") if plain[i] >= _MATCHES]
-    candidates = tuple(Candidate(scene.objects[i], said[i], float(scores[i])) for i in order[:limit])
-    if counted[order[0]] < _LEAST_CHANCE:
-        return Resolution("not_found", candidates, (_too_few(referent, len(order)),))
-    tied = [c for c in candidates if c.score > candidates[0].score - _MARGIN]
+class _Choice(NamedTuple):
+    """A thing, or two of them, by their numbers; `partner` is -1 where one is meant."""
+
+    row: int
+    partner: int
+    score: float
+
+
+def resolve(query: Query | Referent, scene: Scene, limit: int = 6) -> Resolution:
+    """The vehicle that a query means; a referent alone is looked for without anything to do with it."""
+    asked = _as_sought(Query("", referent=query) if isinstance(query, Referent) else query)
+    referent = asked.referent
+    if referent is None:
+        return Resolution("ok", (), unknown_things(asked))
+    if absent := _absent(referent, scene):
+        return Resolution("not_found", (), (absent,))
+    weighed = weigh(asked, referent, scene)
+    matching = int(weighed.matches.sum())
+    choices = _choices(asked, referent, scene, weighed) if matching else []
+    if not choices:
+        return _nothing(asked, referent, scene, weighed, limit)
+    if counting_words(referent.qualifiers) and weighed.chance[choices[0].row] < _LEAST_CHANCE:
+        return Resolution(
+            "not_found",
+            _candidates(choices[:limit], scene, weighed),
+            (_too_few(referent, matching), *weighed.notes),
+        )
+    tied = [choice for choice in choices if choice.score > choices[0].score - _MARGIN]
     if len(tied) > 1 and referent.definite:
-        reason = f"{len(tied)} vehicles fit '{referent.phrase()}' about equally well"
-        return Resolution("ambiguous", tuple(tied), (reason,))
-    return Resolution("ok", candidates, tuple(_why(referent, len(order))))
+        return _ambiguous(referent, _candidates(tied[:limit], scene, weighed), len(tied), scene, weighed)
+    candidates = _candidates(choices[:limit], scene, weighed)
+    return Resolution("ok", candidates, (*_why(referent, matching, candidates[0], scene), *weighed.notes))
 
 
-def _behind_ego(item: SceneObject, referent: Referent) -> bool:
-    return bool(item.centre_m[0] < EGO_CENTRE_M - 2.5) and "behind_ego" not in referent.qualifiers
+def forbidden(query: Query, scene: Scene) -> tuple[tuple[str, SceneObject], ...]:
+    """Where a place may not be: relations, and the vehicles that they are to."""
+    found: list[tuple[str, SceneObject]] = []
+    for part in query.excluded:
+        if part.relation is not None and part.noun in KNOWN and len(scene.crowd):
+            weighed = weigh(Query(""), described(part), scene)
+            meant = weighed.matches & (weighed.chance >= weighed.chance.max() / 3)
+            found += [(part.relation, scene.crowd.items[i]) for i in np.flatnonzero(meant).tolist()]
+    return tuple(found)
 
 
-def _counted(referent: Referent, items: Sequence[SceneObject], likely: FloatArray) -> FloatArray:
-    """Probability of each vehicle to be the one that the ordinals and superlatives count to."""
-    ordinals = [word for word in referent.qualifiers if word in _ORDINALS or word == "last"]
-    superlatives = [word for word in referent.qualifiers if word in _SORTING and word not in (*ordinals, "first")]
-    if not ordinals and not superlatives:
-        return likely
-    number = next((_ORDINALS[word] for word in ordinals if word in _ORDINALS), 1)
-    sorting = (superlatives or (["last"] if "last" in ordinals else ["first"]))[0]
-    if not superlatives:
-        # Plain ordinals count along the way ahead; what is beside or behind the ego is no part of the count.
-        likely = np.where([item.centre_m[0] > EGO_CENTRE_M for item in items], likely, 0.0)
-    key, step = _SORTING[sorting]
-    # The last from the left is the first from the right.
-    sign = -1 if superlatives and "last" in ordinals else 1
-    keys = sign * np.array([key(item) for item in items])
-    return np.array([likely[i] * _exactly(number - 1, _before(keys, likely, i, step)) for i in range(len(items))])
+def _as_sought(query: Query) -> Query:
+    """The query with the thing to look for as its referent; riders and drivers are part of their vehicles."""
+    referent, secondary = query.referent, query.secondary
+    if referent is None:
+        named = [part for part in secondary if part.of == "goal" and part.noun in KNOWN][:1]
+        return replace(query, referent=described(named[0]), secondary=_without(named, secondary)) if named else query
+    inside = [part for part in secondary if part.relation in ("on", "in")]
+    if referent.noun in PEOPLE:
+        ridden = [part for part in inside if part.of == "referent" and part.noun in VEHICLES][:1]
+        if ridden:
+            part = ridden[0]
+            vehicle = replace(referent, noun=part.noun, head=described(part).head, colour=part.colour)
+            return replace(query, referent=vehicle, secondary=_without(ridden, secondary))
+    riders = [part for part in inside if part.of == "inverse" and part.noun in PEOPLE]
+    return replace(query, secondary=_without(riders, secondary))
 
 
-def _before(keys: FloatArray, likely: FloatArray, i: int, step: float) -> FloatArray:
-    """Probability of every other vehicle to be one of those meant and to come before vehicle i."""
-    ahead = likely / (1 + np.exp(np.clip((keys - keys[i]) / step, -50, 50)))
-    return np.asarray(np.delete(ahead, i))
+def _without(some: Sequence[Landmark], landmarks: tuple[Landmark, ...]) -> tuple[Landmark, ...]:
+    return tuple(part for part in landmarks if part not in some)
 
 
-def _exactly(count: int, probabilities: FloatArray) -> float:
-    """Probability that exactly `count` of independent events happen (Poisson binomial)."""
-    chances = np.zeros(count + 1)
-    chances[0] = 1.0
-    for p in probabilities:
-        chances[1:] = chances[1:] * (1 - p) + chances[:-1] * p
-        chances[0] *= 1 - p
-    return float(chances[count])
+def _absent(referent: Referent, scene: Scene) -> str:
+    """Why nothing of the kind can be found in a scene at all; empty if something might."""
+    if referent.noun in PEOPLE:
+        return "" if "person" in scene.crowd.kind else "only vehicles are known here, and no people"
+    if not scene.objects and not (referent.noun == "bicycle" and scene.others):
+        return "no vehicle is known here" if scene.bev is None else "the map shows no vehicle"
+    return ""
 
 
-def _nothing(referent: Referent, scene: Scene, said: list[dict[str, float]], limit: int) -> Resolution:
-    """Nothing fits: the nearest misses, and what of the words no vehicle allows for."""
-    if not scene.objects:
-        return Resolution("not_found", (), ("the map shows no vehicle",))
-    # The mean keeps an order among vehicles that miss by one word and those that miss by all.
-    closeness = [float(np.mean(list(one.values()))) for one in said]
-    order = sorted(range(len(said)), key=lambda i: (-round(closeness[i], 1), scene.objects[i].distance_m))
-    misses = tuple(
-        Candidate(scene.objects[i], said[i], float(np.log(np.prod(list(said[i].values())) + 1e-9)))
-        for i in order[: limit // 2]
+def _choices(query: Query, referent: Referent, scene: Scene, weighed: Weighed) -> list[_Choice]:
+    """Things or pairs of them that the words fit, best first."""
+    named = [part for part in query.secondary if part.relation == "between" and part.of == "goal"]
+    between = [part for part in named if part.noun in KNOWN]
+    if referent.number != 2 and (query.relation != "between" or (named and not between)):
+        rows = np.flatnonzero(weighed.matches)
+        order = rows[np.argsort(-weighed.score[rows], kind="stable")].tolist()
+        return [_Choice(i, -1, float(weighed.score[i])) for i in order]
+    return _pairs(query, between, scene, weighed)
+
+
+def _pairs(query: Query, between: Sequence[Landmark], scene: Scene, weighed: Weighed) -> list[_Choice]:
+    """Two things each, best first: those that a query asks for, and those that it names as the other ones."""
+    crowd = scene.crowd
+    other = weigh(Query(""), described(between[0]), scene) if between else weighed
+    rows = np.flatnonzero(weighed.matches | other.matches)
+    fit = room_between(crowd, rows) if query.relation == "between" else bell(gaps(crowd, rows)[rows], _TOGETHER_M)
+    score = weighed.score[rows, None] + other.score[rows] + np.log(_NO_ROOM + (1 - _NO_ROOM) * fit)
+    possible = weighed.matches[rows, None] & other.matches[rows] & ~np.eye(len(rows), dtype=np.bool_)
+    if not between:
+        possible = np.triu(possible)
+    first, second = np.nonzero(possible)
+    best = np.argsort(-score[first, second], kind="stable")[:_MOST_PAIRS]
+    first, second = first[best], second[best]
+    value, first, second = score[first, second], rows[first], rows[second]
+    if not between:
+        # Of two alike the better one leads.
+        swap = weighed.score[first] < weighed.score[second]
+        first, second = np.where(swap, second, first), np.where(swap, first, second)
+    return [_Choice(*each) for each in zip(first.tolist(), second.tolist(), value.tolist(), strict=True)]
+
+
+def _candidates(choices: Sequence[_Choice], scene: Scene, weighed: Weighed) -> tuple[Candidate, ...]:
+    items = scene.crowd.items
+    return tuple(
+        Candidate(
+            items[choice.row],
+            {word: float(fit[choice.row]) for word, fit in weighed.said.items()},
+            choice.score,
+            items[choice.partner] if choice.partner >= 0 else None,
+        )
+        for choice in choices
     )
-    reasons = [f"no vehicle on the map fits '{referent.phrase()}'"]
-    lacking = [word for word in said[0] if max(one[word] for one in said) < _MATCHES]
-    reasons += [f"none of the {len(said)} vehicles is '{word}'" for word in lacking]
-    return Resolution("not_found", misses, tuple(reasons))
+
+
+def _ambiguous(
+    referent: Referent, candidates: tuple[Candidate, ...], count: int, scene: Scene, weighed: Weighed
+) -> Resolution:
+    what = "people" if referent.noun in PEOPLE else "pairs" if candidates[0].partner else "vehicles"
+    groups = [(one.item,) if one.partner is None else (one.item, one.partner) for one in candidates]
+    differences = tell_apart(groups, scene)
+    reason = f"{count} {what} fit '{referent.phrase()}' about equally well"
+    return Resolution("ambiguous", candidates, (reason, *weighed.notes), ask(differences), differences)
+
+
+def _nothing(query: Query, referent: Referent, scene: Scene, weighed: Weighed, limit: int) -> Resolution:
+    """Nothing fits: the nearest misses, and what of the words no vehicle allows for."""
+    said = np.stack(list(weighed.said.values()))
+    reasons = [f"nothing here fits '{referent.phrase()}'"]
+    if weighed.matches.any():
+        reasons = [_no_pair(query, referent, scene, weighed)]
+    lacking = [word for word, fit in weighed.said.items() if float(fit.max()) < _LACKING]
+    reasons += [f"none of the {len(scene.crowd)} here is '{word}'" for word in lacking]
+    # The mean keeps an order among things that miss by one word and those that miss by all.
+    order = np.lexsort((scene.crowd.distance_m, -said.mean(axis=0).round(1)))[: limit // 2]
+    product = np.log(said.prod(axis=0) + 1e-9)
+    misses = [_Choice(i, -1, float(product[i])) for i in order.tolist()]
+    return Resolution("not_found", _candidates(misses, scene, weighed), (*reasons, *weighed.notes))
+
+
+def _no_pair(query: Query, referent: Referent, scene: Scene, weighed: Weighed) -> str:
+    """Why there are no two vehicles, though there is one."""
+    named = [part for part in query.secondary if part.relation == "between" and part.noun in KNOWN]
+    if named:
+        return f"nothing here fits '{described(named[0]).phrase()}', to be between it and '{referent.phrase()}'"
+    return f"only {int(weighed.matches.sum())} here fits '{referent.phrase()}', and two are asked for"
 
 
 def _too_few(referent: Referent, matching: int) -> str:
-    words = [word for word in referent.qualifiers if word in _ORDINALS or word in _SORTING]
+    words = counting_words(referent.qualifiers)
     return f"no vehicle is the '{' '.join(words)}' one: {matching} fit the rest of '{referent.phrase()}'"
 
 
-def _why(referent: Referent, matching: int) -> list[str]:
-    """What was counted, in words."""
+def _why(referent: Referent, matching: int, best: Candidate, scene: Scene) -> list[str]:
+    """What was counted, in words, and what speaks against it."""
+    one, several = ("person", "people") if referent.noun in PEOPLE else ("vehicle", "vehicles")
+    reasons = [f"it fits '{referent.phrase()}' best of {matching} {several}"]
     if matching == 1:
-        return [f"it is the only vehicle that fits '{referent.phrase()}'"]
-    if not referent.definite:
-        return [f"any of {matching} vehicles would do: the one that fits best and lies near was taken"]
-    return [f"it fits '{referent.phrase()}' best of {matching} vehicles"]
+        reasons = [f"it is the only {one} that fits '{referent.phrase()}'"]
+    elif not referent.definite:
+        reasons = [f"any of {matching} {several} would do: the one that fits best and lies near was taken"]
+    if referent.colour and best.item.rgb is None:
+        reasons.append(f"its colour is not known: '{referent.colour}' could not be checked")
+    elif referent.colour and best.fits[referent.colour] < _DOUBTFUL:
+        reasons.append(f"its colour looks {scene.colour_name(best.item)} rather than {referent.colour}")
+    return reasons

@@ -1,23 +1,27 @@
-"""Where the ego should stand: from the relation and the vehicle it is measured from to one free cell of the map."""
+"""Where the ego should stand: from a command, the vehicle it is measured from and the road to one free cell."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
-from appocc.checks import FloatArray
+from appocc.checks import BoolArray, FloatArray
 from appocc.drawing import EGO_LENGTH_M, EGO_WIDTH_M
-from appocc.geometry import footprints, wrap_angle
-from grounding.field import Field, Wish
+from appocc.geometry import footprints
+from grounding.field import Field, Place
 from grounding.query import Query
+from grounding.road import Road
 from grounding.scene import Scene, SceneObject
+from grounding.wanted import place_beside, wanted
 
-# Beyond this angle to the ego's heading a vehicle faces us, and within this distance from our path it stands in it.
-_FACING_RAD = np.radians(120)
-_OUR_PATH_M = 4.5
-_FAR_SIDE = 0.8
 _MOVING_MPS = 1.0
+# A place that is nearer than this to the best one is told as that.
+_MOVED_M = 0.6
+_RUNNERS_UP = 3
+_LEAST_SCORE = 1e-6
 
 
 @dataclass(frozen=True)
@@ -47,110 +51,122 @@ class Target:
 
 @dataclass(frozen=True)
 class Plan:
-    """A target with the reasons for it, or without one the reason why there is none."""
+    """A target with the reasons for it, or without one the reason why there is none.
+
+    Attributes:
+        target: the place, None where nothing fits.
+        reasons: sentences that say why.
+        route: (K, 2) way to the target, ego frame; None without one.
+        runners_up: other good places, each at least a car's length from the target and from each other.
+        nearest: where nothing fits, the nearest place at which the ego could stand.
+        weighed: all places with their costs, None where there was nothing to weigh.
+    """
 
     target: Target | None
     reasons: tuple[str, ...]
+    route: FloatArray | None = None
+    runners_up: tuple[Target, ...] = ()
+    nearest: Target | None = None
+    weighed: Field | None = None
+
+    @cached_property
+    def field(self) -> FloatArray | None:
+        """(X, Y) cost of all places that would do, infinity elsewhere; None where there was nothing to weigh."""
+        return None if self.weighed is None else self.weighed.picture()
 
 
-def plan(query: Query, item: SceneObject, scene: Scene) -> Plan:
-    """The target of a query beside the vehicle it is measured from."""
-    heading, wishes, reasons = _wishes(query, item)
-    if item.speed_mps is not None and item.speed_mps > _MOVING_MPS:
-        reasons.append(f"it moves at {item.speed_mps:.0f} m/s: the place is measured from where it is now")
-    fields = [Field(query, wish, item, heading, scene) for wish in wishes]
-    best = min(fields, key=lambda one: one.best_cost())
-    if not np.isfinite(best.best_cost()):
-        return Plan(None, (*reasons, *(one.why_none() for one in fields)))
-    index = best.chosen()
-    cell = best.cells[index]
-    at = scene.bev.grid.centre_of(cell)
-    target = Target(
-        (int(cell[0]), int(cell[1])),
+def plan(
+    query: Query,
+    scene: Scene,
+    road: Road,
+    item: SceneObject | None = None,
+    partner: SceneObject | None = None,
+    forbidden: Sequence[tuple[str, SceneObject]] = (),
+) -> Plan:
+    """The place that a command asks for.
+
+    Args:
+        query: the command.
+        scene: where it is given.
+        road: the road of that scene.
+        item: the vehicle that the relation is measured from, None where the command names none.
+        partner: the second one of 'between'.
+        forbidden: relations to vehicles in which the place may not be.
+    """
+    wishes, reasons = wanted(query, road, item, partner)
+    if item is not None and item.speed_mps is not None and item.speed_mps > _MOVING_MPS:
+        reasons = [*reasons, f"it moves at {item.speed_mps:.0f} m/s: the place is measured from where it is now"]
+    if wishes is None:
+        return Plan(None, tuple(reasons))
+    fields = Field(wishes, scene, road, [one for one in (item, partner) if one], _excluded(forbidden, road))
+    best = fields.best(1 + _RUNNERS_UP)
+    if not best:
+        return _nothing(fields, item, reasons)
+    target, *others = (_target(place, scene, road) for place in best)
+    route = road.ways.route(target.cell, road.own.middle_m, target.heading_ego_rad)
+    return Plan(target, (*reasons, *_why(fields, best[0])), route, tuple(others), None, fields)
+
+
+def _excluded(forbidden: Sequence[tuple[str, SceneObject]], road: Road) -> BoolArray | None:
+    """Cells (X, Y) in a relation to a vehicle that the command rules out."""
+    if not forbidden:
+        return None
+    excluded = np.zeros(road.grid.shape, np.bool_)
+    for relation, item in forbidden:
+        for wish in place_beside(relation, Query("", "stop"), road, item)[0]:
+            excluded[tuple(wish.cells.T)] = True
+    return excluded
+
+
+def _target(place: Place, scene: Scene, road: Road, score: float | None = None) -> Target:
+    at = road.grid.centre_of(place.cell)
+    return Target(
+        place.cell,
         at,
         scene.world_xy(at),
-        scene.world_heading(heading),
-        heading,
-        float(np.exp(-best.best_cost() / 2)),
+        scene.world_heading(place.heading_rad),
+        place.heading_rad,
+        max(float(np.exp(-place.cost / 2)), _LEAST_SCORE) if score is None else score,
     )
-    better = [one for one in fields if one.wished_cost() < best.best_cost() - 1e-9 and one is not best]
-    return Plan(target, (*reasons, *best.why_here(index), *(one.why_not_here() for one in better)))
 
 
-def _along(yaw_rad: float) -> float:
-    """The direction of an axis that is nearer to the ego's heading; it flips where the axis lies across our path."""
-    turned = float(wrap_angle(yaw_rad))
-    return turned if abs(turned) <= np.pi / 2 else float(wrap_angle(turned + np.pi))
+def _why(fields: Field, place: Place) -> list[str]:
+    """The gap, the way, and the constraints that moved the place from better ones."""
+    road = fields.road
+    way_m = float(road.ways.length_m[place.cell])
+    reasons = [f"the place is {fields.told(place)}"]
+    ideal = fields.ideal(place.wish)
+    if ideal is not None:
+        moved = float(np.linalg.norm(np.subtract(ideal.cell, place.cell)) * road.grid.cell_m)
+        if moved > _MOVED_M:
+            reasons.append(f"moved {moved:.1f} m from the best place, which {fields.wrong(ideal)}")
+    # The same place in words may be wished for with more than one heading.
+    other_wishes = [wish for wish in fields.wishes if wish.words != place.wish.words]
+    others = [other for wish in other_wishes if (other := fields.ideal(wish))]
+    better = min(others, key=lambda other: other.cost, default=place)
+    if better.cost < place.cost - 1e-9:
+        reasons.append(f"{better.wish.words} would be better, but the best place there {fields.wrong(better)}")
+    along, aside = (float(values[place.cell]) for values in road.own.coordinates)
+    if along < -_MOVED_M and abs(aside) < 1.5:
+        reasons.append(f"that is {-along:.1f} m behind where we are now")
+    return [*reasons, f"the way there is {way_m:.0f} m over free road"]
 
 
-def _as_we_see_it(yaw_rad: float) -> float:
-    """The half-axis of a vehicle, lengthwise or across, nearest to the ego's heading: at most 45 degrees from it.
-
-    A quarter turn to its left is then the half-axis nearest to the ego's left, whichever way the vehicle stands.
-    """
-    return float((yaw_rad + np.pi / 4) % (np.pi / 2) - np.pi / 4)
-
-
-def _unit(angle_rad: float) -> FloatArray:
-    return np.array([np.cos(angle_rad), np.sin(angle_rad)])
-
-
-def _wishes(query: Query, item: SceneObject) -> tuple[float, list[Wish], list[str]]:
-    """The ego's heading, ways to satisfy the relation, best first, and the frame of reference in words."""
-    if query.relation in ("behind", "in_front_of"):
-        return _at_an_end(query.relation, item)
-    if query.relation == "next_to":
-        heading = _along(item.yaw_rad)
-        return heading, _sides(item, heading), []
-    heading = _as_we_see_it(item.yaw_rad)
-    sides, forward = _sides(item, heading), _unit(heading)
-    if query.relation in ("left_of", "right_of"):
-        return heading, [replace(sides[query.relation == "right_of"], cost=0.0)], [_whose_sides(item)]
-    ways = [*sides, Wish("short of it", -forward, True), Wish("beyond it", forward, True)]
-    dislike = (1.0, 1.0, 0.0, 2.0) if query.relation == "toward" else (0.0, 0.0, 0.5, 0.5)
-    return heading, [replace(way, cost=way.cost + more) for way, more in zip(ways, dislike, strict=True)], []
-
-
-def _sides(item: SceneObject, heading: float) -> list[Wish]:
-    """Both sides of a vehicle, left and right of a heading; the one towards us is the better."""
-    left = _unit(heading + np.pi / 2)
-    towards_left = float(item.centre_m @ left) < 0
-    return [
-        Wish(_seen(left), left, False, 0.0 if towards_left else _FAR_SIDE),
-        Wish(_seen(-left), -left, False, _FAR_SIDE if towards_left else 0.0),
-    ]
-
-
-def _seen(axis: FloatArray) -> str:
-    """Where a place lies from the vehicle, as the ego sees it."""
-    x, y = axis
-    if abs(y) > abs(x) - 1e-9:
-        return "left of it" if y > 0 else "right of it"
-    return "beyond it" if x > 0 else "short of it"
-
-
-def _whose_sides(item: SceneObject) -> str:
-    """Whose left and right they are, and why not the vehicle's where those are others."""
-    turn = item.yaw_rad - _as_we_see_it(item.yaw_rad)
-    ours = "left and right are ours, as we see the vehicle"
-    if abs(np.sin(turn)) > 0.5:
-        return f"{ours}: it stands across our way, so the place is at its end"
-    return f"{ours}, which faces us" if item.front_known and np.cos(turn) < 0 else ours
-
-
-def _at_an_end(relation: str, item: SceneObject) -> tuple[float, list[Wish], list[str]]:
-    """Heading, wish and frame of reference for a place before or behind a vehicle."""
-    word = relation.replace("_", " ")
-    facing = abs(float(wrap_angle(item.yaw_rad))) > _FACING_RAD
-    ours, own = _as_we_see_it(item.yaw_rad), _along(item.yaw_rad)
-    heading, front, reasons = own, _unit(item.yaw_rad), []
-    if not item.front_known:
-        heading, front = ours, _unit(ours)
-        reasons = [f"its front is not known: '{word}' is taken along our own direction of travel"]
-    elif facing and (item.speed_mps is None or item.speed_mps < 0.5) and abs(item.centre_m[1]) < _OUR_PATH_M:
-        front = _unit(own)
-        reasons = [f"it stands facing us beside our path: '{word}' is taken along our direction of travel"]
-    elif facing:
-        far = "far" if relation == "behind" else "near"
-        reasons = [f"it faces us: '{word}' is taken from the vehicle itself, so that the place is at its {far} end"]
-    return heading, [Wish(f"{word} it", -front if relation == "behind" else front, True)], reasons
+def _nothing(fields: Field, about: SceneObject | None, reasons: Sequence[str]) -> Plan:
+    """Which constraint leaves no place, and the nearest place that would do."""
+    road = fields.road
+    if not len(road.ways.cells):
+        return Plan(None, (*reasons, "no free road around us is known"), weighed=fields)
+    best, why = fields.why_none()
+    reasons = [*reasons, *why]
+    if not why or (best is None and about is None):
+        return Plan(None, tuple(reasons), weighed=fields)
+    middle = road.grid.centre_of(best.cell) if best else about.centre_m if about else road.own.middle_m
+    near = fields.nearest(middle)
+    if near is None:
+        return Plan(None, tuple(reasons), weighed=fields)
+    nearest = _target(near, fields.scene, road, score=_LEAST_SCORE)
+    away, (x, y) = float(np.hypot(*(nearest.ego_m - middle))), nearest.ego_m
+    where = "there" if best else "it"
+    reasons.append(f"the nearest place that would do is {away:.1f} m from {where}, at ({x:.1f}, {y:.1f}) m")
+    return Plan(None, tuple(reasons), nearest=nearest, weighed=fields)

@@ -6,19 +6,19 @@ import difflib
 import re
 import unicodedata
 from collections.abc import Iterator
-from dataclasses import dataclass
-from functools import cache
+from dataclasses import dataclass, replace
 
-from grounding.lexicon import WEAK_VERBS, Kind, phrases
+from grounding.kinds import NOUNS, WORD, Entry, Kind
+from grounding.lexicon import Lexicon, default_lexicon
 
-MAX_CHARACTERS = 500
-_WORD = re.compile(r"\d+x\d+|\d+(?:st|nd|rd|th)\b|\d+(?:\.\d+)?|[^\W\d_]+(?:['-][^\W\d_]+)*|[.;!?]")
-_NUMBER = re.compile(r"\d+(?:\.\d+)?")
+MAX_CHARACTERS = 2000
+_NUMBER = re.compile(r"\d{1,9}(?:\.\d{1,9})?")
 # Only longer words are repaired: among short ones every slip is another word (car, cat; van, can).
 _REPAIRED_FROM = 5
+_MARKS = {",": Kind.COMMA} | dict.fromkeys(".;!?", Kind.BREAK)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Token:
     """One word or phrase of a sentence.
 
@@ -29,6 +29,9 @@ class Token:
         meant: the same with slips of spelling mended.
         start: first character in the normalised sentence.
         end: one past the last.
+        form: of a verb s, ing or past, of a noun plural, of words whose owner is named own ("the van's"); '' else.
+        state: of a verb what it says of another vehicle.
+        event: of a verb what it is when it is awaited of another vehicle.
     """
 
     kind: Kind
@@ -37,65 +40,80 @@ class Token:
     meant: str
     start: int
     end: int
+    form: str = ""
+    state: str = ""
+    event: str = ""
+
+    def of_kind(self, kind: Kind, value: str = "") -> Token:
+        """The same word as something else."""
+        return replace(self, kind=kind, value=value, form="", state="", event="")
 
 
 def normalise(text: str) -> str:
-    """Lower case, plain quotes and blanks; characters keep their meaning, not their number."""
-    folded = unicodedata.normalize("NFKC", text).casefold().replace("’", "'").replace("‘", "'")
+    """Lower case, plain quotes and blanks, no hyphens; characters keep their meaning, not their number."""
+    folded = unicodedata.normalize("NFKC", text).casefold().replace("’", "'").replace("‘", "'").replace("`", "'")
+    folded = re.sub(r"(?<=\w)[-‐‑](?=\w)", " ", re.sub(r"(?<=\d),(?=\d{3}\b)", "", folded))
+    folded = re.sub(r"[–—:()/\"]|(?<=\s)-", " , ", folded)
     return " ".join("".join(c if c.isprintable() else " " for c in folded).split())
 
 
-def tokenise(normalised: str) -> list[Token]:
-    """Typed tokens of a normalised sentence in order; marks of punctuation that end a clause are BREAK."""
-    words = list(_WORD.finditer(normalised))
-    spelling = [_repaired(word.group()) for word in words]
-    tokens, i = [], 0
+def tokenise(normalised: str, lexicon: Lexicon | None = None) -> list[Token]:
+    """Typed tokens of a normalised sentence in order; marks that end a clause are BREAK, commas COMMA."""
+    lexicon = lexicon or default_lexicon()
+    found = list(WORD.finditer(normalised))
+    mended = {word: _repaired(word, lexicon) for word in dict.fromkeys(match.group() for match in found)}
+    words = tuple(mended[match.group()] for match in found)
+    tokens: list[Token] = []
+    i = 0
     while i < len(words):
-        length, kind, value = _longest(spelling[i:])
-        span = words[i : i + length]
-        start, end = span[0].start(), span[-1].end()
-        tokens.append(Token(kind, value, normalised[start:end], " ".join(spelling[i : i + length]), start, end))
-        i += length
+        end, entry = lexicon.longest(words, i) or (i + 1, _plain(words[i], lexicon))
+        start, stop = found[i].start(), found[end - 1].end()
+        form = _form(words[i:end], entry, lexicon)
+        said = normalised[start:stop], " ".join(words[i:end]), start, stop
+        tokens.append(Token(entry.kind, entry.value, *said, form, entry.state, entry.event))
+        i = end
     return tokens
 
 
-def _longest(words: list[str]) -> tuple[int, Kind, str]:
-    """Number of words, kind and value of the longest phrase at the beginning of `words`."""
-    book = phrases()
-    for length in range(min(_longest_phrase(), len(words)), 0, -1):
-        entry = book.get(tuple(words[:length]))
-        if entry is not None:
-            return length, *entry
-    if words[0] in ".;!?":
-        return 1, Kind.BREAK, ""
-    if _NUMBER.fullmatch(words[0]):
-        return 1, Kind.NUMBER, words[0]
-    return 1, Kind.UNKNOWN, ""
+def _plain(word: str, lexicon: Lexicon) -> Entry:
+    """What a word is that the lexicon does not know; "the van's" is a van."""
+    if word.endswith("'s") and (owner := lexicon.longest((word[:-2],), 0)) and owner[1].kind in NOUNS:
+        return owner[1]
+    if word in _MARKS:
+        return Entry(_MARKS[word])
+    if _NUMBER.fullmatch(word):
+        return Entry(Kind.NUMBER, word)
+    return Entry(Kind.POSSESSIVE) if word.endswith("'s") else Entry(Kind.UNKNOWN)
 
 
-@cache
-def _longest_phrase() -> int:
-    return max(len(phrase) for phrase in phrases())
+def _form(words: tuple[str, ...], entry: Entry, lexicon: Lexicon) -> str:
+    if entry.kind is Kind.VERB:
+        form = lexicon.forms.get(words[0], "")
+        return form if form != "plural" else "s"
+    if words[-1].endswith("'s"):
+        return "own"
+    return "plural" if lexicon.forms.get(words[-1]) in ("plural", "s") else ""
 
 
-@cache
-def _vocabulary() -> dict[str, bool]:
-    """Every word of the lexicon; True where it bears meaning, so that a slip may be mended to it."""
-    known: dict[str, bool] = {}
-    for phrase, (kind, _) in phrases().items():
-        for word in phrase:
-            meant = kind not in (Kind.FILLER, Kind.BEYOND) and len(phrase) == 1 and word not in WEAK_VERBS
-            known[word] = known.get(word, False) or meant
-    return known
-
-
-def _repaired(word: str) -> str:
-    """The word itself, or the only meaning word one slip away from a longer word that is not known."""
-    vocabulary = _vocabulary()
-    if word in vocabulary or len(word) < _REPAIRED_FROM or not word.isascii():
+def _repaired(word: str, lexicon: Lexicon) -> str:
+    """The word itself, or the best word with a meaning one slip away from a longer word that is not known."""
+    if word in lexicon.words or len(word) < _REPAIRED_FROM or not (word.isascii() and word.isalpha()):
         return word
-    found = {slip for slip in _slips(word) if vocabulary.get(slip, False) and len(slip) >= _REPAIRED_FROM - 1}
-    return found.pop() if len(found) == 1 else word
+    found = {slip for slip in _slips(word) if len(slip) >= _REPAIRED_FROM - 1 and _likely(word, slip, lexicon)}
+    stems = {slip.removesuffix("s") for slip in found}
+    return min(found, key=lambda slip: (abs(len(slip) - len(word)), slip)) if len(stems) == 1 else word
+
+
+def _likely(word: str, slip: str, lexicon: Lexicon) -> bool:
+    """Whether a known word may be meant: first letters are seldom wrong, and short words have many neighbours."""
+    often = lexicon.words.get(slip, 0)
+    swapped = sorted(word) == sorted(slip)
+    same_length = len(word) == len(slip) and not swapped
+    return (
+        often > 0
+        and (swapped or word[0] == slip[0])
+        and (often == 2 or not same_length or len(word) > _REPAIRED_FROM)
+    )
 
 
 def _slips(word: str) -> Iterator[str]:
@@ -111,8 +129,9 @@ def _slips(word: str) -> Iterator[str]:
         yield from (head + letter + tail for letter in letters)
 
 
-def did_you_mean(word: str, kinds: tuple[Kind, ...]) -> str | None:
+def did_you_mean(word: str, kinds: tuple[Kind, ...], lexicon: Lexicon | None = None) -> str | None:
     """The nearest single word of some kinds, None where nothing resembles it."""
-    choices = [phrase[0] for phrase, (kind, _) in phrases().items() if kind in kinds and len(phrase) == 1]
+    patterns = (lexicon or default_lexicon()).patterns
+    choices = [one.text for one in patterns if one.entry.kind in kinds and one.text.isalpha()]
     found = difflib.get_close_matches(word, choices, n=1, cutoff=0.6)
     return found[0] if found else None

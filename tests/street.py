@@ -9,6 +9,7 @@ from appocc.boxes import Boxes
 from appocc.checks import FloatArray
 from appocc.geometry import inverse, quaternion_from_yaw, transform
 from appocc.grid import BEVGrid
+from grounding.grounder import Grounder
 from grounding.scene import Scene, scene_of
 
 WHITE, SILVER, GREY, BLACK = (245, 245, 245), (190, 191, 192), (110, 110, 112), (18, 18, 20)
@@ -84,3 +85,9 @@ class Street:
     def scene_without_boxes(self) -> Scene:
         """The scene of the map alone."""
         return scene_of(self.bev(), None, WORLD_FROM_EGO)
+
+    def grounder(self, boxes: bool = True) -> Grounder:
+        """One that looks at map and annotations, or at the map alone."""
+        grounder = Grounder()
+        grounder.set_scene(self.bev(), self.boxes() if boxes else None, WORLD_FROM_EGO)
+        return grounder

@@ -14,6 +14,7 @@ from walkthrough import README, Walkthrough, blocks, run_line
 
 from appocc.bevmap import BEVMap
 from appocc.frame import Frame
+from grounding.answer import Answer
 
 ROOT = README.parent
 
@@ -65,10 +66,13 @@ def test_the_walkthrough_leaves_what_it_promises(walkthrough: Walkthrough) -> No
 def test_the_python_lines_run(walkthrough: Walkthrough, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(walkthrough.folder)
     names: dict[str, object] = {}
-    exec(compile(blocks("## In Python")[0], "README.md", "exec"), names)
+    for block in blocks("## In Python"):
+        exec(compile(block, "README.md", "exec"), names)
     assert isinstance(names["bev"], BEVMap)
     assert isinstance(names["frame"], Frame)
     assert names["bev"].occupancy[1].sum() > 100
+    assert isinstance(names["answer"], Answer)
+    assert names["answer"].status == "ok"
 
 
 def test_the_walk_through_a_simulated_town_runs_line_by_line(simulated: Walkthrough) -> None:
@@ -77,6 +81,16 @@ def test_the_walk_through_a_simulated_town_runs_line_by_line(simulated: Walkthro
     assert (simulated.folder / "sheet.png").read_bytes().startswith(b"\x89PNG")
     for source in ("exact", "groundtruth", "predicted"):
         assert len(list((simulated.folder / "SIM" / "bev" / source).glob("*.npz"))) == 32
+
+
+def test_the_lines_that_say_where_to_go_run_one_after_the_other(simulated_root: Path, tmp_path: Path) -> None:
+    (tmp_path / "SIM").symlink_to(simulated_root)
+    lines = blocks("## Say where to go")[0].splitlines()
+    assert [line.split()[1] for line in lines] == ["ground", "track", "ground"]
+    for line in lines:
+        code, said = run_line(line, tmp_path)
+        assert code == 0, (line, said)
+    assert (tmp_path / "place.png").read_bytes().startswith(b"\x89PNG")
 
 
 @pytest.mark.slow

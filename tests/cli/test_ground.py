@@ -13,6 +13,8 @@ from appocc.errors import DataError, NotFoundError
 from appocc.files import read_image
 from appocc.grid import BEVGrid
 from cli.main import app
+from tracking.formats import write_nuscenes
+from tracking.tracks import Track
 
 
 @pytest.fixture
@@ -121,6 +123,124 @@ def test_a_picture_that_cannot_be_written_leaves_nothing(street: Path, tmp_path:
     result = run(street, "stop behind the car", "--picture", str(tmp_path / "g.nonsense"))
     assert isinstance(result.exception, DataError)
     assert list(tmp_path.glob("*nonsense*")) == []
+
+
+# Other scenes -----------------------------------------------------------------------------------------------------
+
+
+def ask(*words: object, typed: str | None = None) -> Result:
+    return CliRunner().invoke(app, ["ground", *map(str, words)], input=typed)
+
+
+KEY_FRAME = ("--scene", "scene-tiny", "--frame", "0")
+
+
+def test_a_saved_map_alone(street: Path, tmp_path: Path) -> None:
+    """Its vehicles are its blobs, the world is the ego frame, and a picture has no camera."""
+    result = ask(
+        *("stop behind the car", "--map", bev_path(street, "other", token("sample", 0)), "--json"),
+        *("--picture", tmp_path / "g.png"),
+    )
+    assert result.exit_code == 0, result.output
+    value = json.loads(result.stdout)
+    assert value["target"]["world_m"] == value["target"]["ego_m"]
+    assert read_image(tmp_path / "g.png").shape[1] == 800
+
+
+def test_vehicles_from_tracks(street: Path, tmp_path: Path) -> None:
+    track = Track(
+        7, np.array([100.0, 215.0, 0.0]), np.zeros(2), np.pi / 2, True, 4.4, 1.8, np.array([20.0, 30, 200]), 0.9, True
+    )
+    write_nuscenes(tmp_path / "t.json", [token("sample", 0)], [(track,)], ("camera",))
+    result = ask(
+        "stop behind the blue car", street, *KEY_FRAME, "--bev", "empty", "--tracks", tmp_path / "t.json", "--json"
+    )
+    assert result.exit_code == 0, result.output
+    value = json.loads(result.stdout)
+    assert value["referent"]["ego_m"] == pytest.approx([15, 0], abs=1e-3)
+    # The rear bumper is at 12.8 m, the gap 2 m, half the ego 2.3 m.
+    assert value["target"]["ego_m"] == pytest.approx([8.5, 0.0], abs=0.41)
+
+
+def test_several_commands_from_a_file(street: Path, tmp_path: Path) -> None:
+    (tmp_path / "all.txt").write_text("stop behind the white car\n\n  tell me a joke\nfollow the bus\n")
+    result = ask(street, *KEY_FRAME, "--commands", tmp_path / "all.txt", "--json")
+    assert result.exit_code == 3
+    read, values = json.JSONDecoder(), []
+    left = result.stdout.strip()
+    while left:
+        value, end = read.raw_decode(left)
+        values.append(value["status"])
+        left = left[end:].strip()
+    assert values == ["ok", "not_a_command", "not_found"]
+
+
+def test_asking_again_and_again(street: Path) -> None:
+    result = ask(street, *KEY_FRAME, "-i", typed="stop behind the white car\ntell me a joke\n\nstop\n")
+    assert result.exit_code == 2
+    assert result.stderr.count("> ") == 3
+    assert "ok: stop behind the white car" in result.stderr
+    assert "not a command: tell me a joke" in result.stderr
+    assert "ok: stop\n" not in result.stderr
+    assert ask(street, *KEY_FRAME, "-i", typed="").exit_code == 0
+
+
+def test_an_explanation_names_words_scores_and_places(street: Path) -> None:
+    result = ask("stop behind the white car", street, *KEY_FRAME, "--explain")
+    assert "[stop: verb]" in result.stderr
+    assert "[behind: relation]" in result.stderr
+    assert "action stop" in result.stderr
+    assert "referent white car" in result.stderr
+    assert "white 1.00" in result.stderr
+
+
+def test_a_lexicon_of_ones_own(street: Path, tmp_path: Path) -> None:
+    (tmp_path / "own.txt").write_text("[noun car]\nschnauferl\n")
+    assert ask("stop behind the schnauferl", street, *KEY_FRAME).exit_code == 3
+    result = ask("stop behind the schnauferl", street, *KEY_FRAME, "--lexicon", tmp_path / "own.txt")
+    assert result.exit_code == 0, result.output
+    (tmp_path / "own.txt").write_text("nonsense\n")
+    damaged = ask("stop", street, *KEY_FRAME, "--lexicon", tmp_path / "own.txt")
+    assert isinstance(damaged.exception, DataError)
+    assert "own.txt" in str(damaged.exception)
+
+
+def test_a_language_model_that_is_not_there_is_told_and_not_needed(street: Path) -> None:
+    result = ask("stop behind the white car", street, *KEY_FRAME, "--llm", "http://127.0.0.1:9/")
+    assert result.exit_code == 0
+    assert "the language model was not heard" in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("words", "reason"),
+    [
+        ((), "expected one of TEXT, --commands and --interactive, got none"),
+        (("stop", "{root}", "-i"), "got TEXT and --interactive"),
+        (("stop",), "expected one of ROOT and --map, got none"),
+        (("stop", "{root}", "--map", "m.npz"), "got ROOT and --map"),
+        (("stop", "{root}"), "ROOT needs --scene and --frame"),
+        (("stop", "--map", "m.npz", "--frame", "0"), "--map goes without --scene, --frame and --tracks"),
+        (("stop", "--map", "{root}/nothing.npz"), "nothing.npz"),
+        (("{root}", "-i", *KEY_FRAME, "--picture", "g.png"), "--picture goes only with TEXT"),
+        (("{root}", "--commands", "{root}/none.txt", *KEY_FRAME), "none.txt: cannot be read"),
+        (("stop", "{root}", *KEY_FRAME, "--tracks", "{root}/none.json"), "none.json"),
+        (("stop", "{root}", *KEY_FRAME, "--llm", "file:///etc/passwd"), "begins with http:// or https://"),
+    ],
+)
+def test_what_does_not_go_together(street: Path, words: tuple[str, ...], reason: str) -> None:
+    result = ask(*(word.format(root=street) for word in words))
+    assert isinstance(result.exception, DataError), result.output
+    assert reason in str(result.exception)
+
+
+@pytest.mark.parametrize(
+    ("content", "reason"), [(b"", "got none"), (b" \n\n", "got none"), (b"a\n" * 600_000, "at most")]
+)
+def test_files_without_commands(street: Path, tmp_path: Path, content: bytes, reason: str) -> None:
+    (tmp_path / "all.txt").write_bytes(content)
+    result = ask(street, *KEY_FRAME, "--commands", tmp_path / "all.txt")
+    assert isinstance(result.exception, DataError)
+    assert reason in str(result.exception)
 
 
 def test_help_shows_an_example() -> None:

@@ -9,13 +9,13 @@ from appocc.checks import ByteArray
 from appocc.drawing import EGO_LENGTH_M, EGO_WIDTH_M, BEVCanvas
 from appocc.frame import Frame
 from appocc.geometry import footprints, quaternion_from_rotation, transform
-from grounding.answer import ground
 from grounding.picture import CYAN, draw
 from grounding.scene import EGO_CENTRE_M
 
 INTRINSIC = np.array([[300.0, 0, 319.5], [0, 300.0, 179.5], [0, 0, 1]])
 AHEAD = np.array([[0.0, 0, 1], [-1, 0, 0], [0, -1, 0]])
 STREET = Street().car("w1", 12, -3, WHITE).car("w2", 20, 3, WHITE).car("b", 26, -2, BLUE).car("back", -12, 0, BLUE)
+GROUNDER = STREET.grounder()
 
 
 def camera(channel: str, rotation: np.typing.NDArray[np.float64]) -> Camera:
@@ -48,7 +48,7 @@ def cyan_pixels(picture: ByteArray) -> int:
     ],
 )
 def test_every_status_has_a_picture(text: str) -> None:
-    answer = ground(text, STREET.scene())
+    answer = GROUNDER.ground(text)
     picture = draw(answer, frame())
     assert picture.dtype == np.uint8
     assert picture.shape[2] == 3
@@ -57,7 +57,7 @@ def test_every_status_has_a_picture(text: str) -> None:
 
 
 def test_the_place_is_marked_in_map_and_camera() -> None:
-    answer = ground("stop behind the nearest blue car ahead", STREET.scene())
+    answer = GROUNDER.ground("stop behind the nearest blue car ahead")
     picture = draw(answer, frame())
     assert answer.target is not None
     assert cyan_pixels(picture[:, :800]) > 100
@@ -65,7 +65,7 @@ def test_the_place_is_marked_in_map_and_camera() -> None:
 
 
 def test_the_car_now_and_at_its_goal_are_of_one_size() -> None:
-    answer = ground("stop behind the nearest blue car ahead", STREET.scene())
+    answer = GROUNDER.ground("stop behind the nearest blue car ahead")
     assert answer.target is not None
     canvas, own = (BEVCanvas(STREET.grid, 4) for _ in range(2))
     canvas.ego()
@@ -85,18 +85,18 @@ def test_the_camera_that_sees_the_vehicle_is_shown() -> None:
     moment = Frame(bare.token, 0, WORLD_FROM_EGO, bare.rig, images, bare.boxes_ego)
     shown = {"stop behind the blue car ahead": (10, 60, 10), "stop behind the car behind us": (60, 10, 10)}
     for text, background in shown.items():
-        picture = draw(ground(text, STREET.scene()), moment)
+        picture = draw(GROUNDER.ground(text), moment)
         assert tuple(int(v) for v in np.median(picture[300:, 800:].reshape(-1, 3), axis=0)) == background
 
 
 def test_without_images_the_map_stands_alone() -> None:
-    picture = draw(ground("stop behind the white car", STREET.scene()), frame(images=False))
+    picture = draw(GROUNDER.ground("stop behind the white car"), frame(images=False))
     assert picture.shape[1] == 800
 
 
 def test_blobs_are_drawn_with_a_height_of_their_own() -> None:
     bare = frame()
     moment = Frame(bare.token, 0, WORLD_FROM_EGO, bare.rig, bare.images, None)
-    answer = ground("stop behind the nearest blue vehicle ahead", STREET.scene_without_boxes())
+    answer = STREET.grounder(boxes=False).ground("stop behind the nearest blue vehicle ahead")
     assert answer.status == "ok"
     assert cyan_pixels(draw(answer, moment)[:, 800:]) > 100

@@ -1,3 +1,5 @@
+"""What commands mean, rule by rule of the labelled files."""
+
 from __future__ import annotations
 
 import json
@@ -5,227 +7,356 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
-from grounding.parse import caret, read
-from grounding.tokens import MAX_CHARACTERS
+from grounding.evaluation import Result, evaluate, read_labelled
+from grounding.parse import read
+from grounding.query import Query
 
-# Sentence: action, relation, noun, colour, qualifiers.
-COMMANDS = {
-    "park behind the silver car": ("park", "behind", "car", "silver", ()),
-    "Stop next to that gray VAN!": ("stop", "next_to", "van", "grey", ()),
-    "go to the second car on the right": ("approach", "toward", "car", None, ("second", "right_side")),
-    "pull over in front of the nearest dark blue pickup truck": (
-        "pull_over",
-        "in_front_of",
-        "truck",
-        "dark blue",
-        ("nearest",),
-    ),
-    "could you please park close to a parked motorbike": ("park", "near", "motorcycle", None, ("parked",)),
-    "stop on the right of the bus that is parked ahead": ("stop", "right_of", "bus", None, ("parked", "ahead")),
-    "get behind the suv in front of us": ("approach", "behind", "car", None, ("ahead",)),
-    "pull up and stop beside the last white lorry": ("stop", "next_to", "truck", "white", ("last",)),
-    "park behind the second car from the left": ("park", "behind", "car", None, ("second", "leftmost")),
-    "stop next to the last bus from our right hand side": ("stop", "next_to", "bus", None, ("last", "rightmost")),
-    "stop behind the car from the left": ("stop", "behind", "car", None, ("left_side",)),
-    "park behind the car on the left of the road": ("park", "behind", "car", None, ("left_side",)),
-    "park behind the car on the left side of the road": ("park", "behind", "car", None, ("left_side",)),
-    "stop by the van at the right hand side of our street": ("stop", "near", "van", None, ("right_side",)),
-    "park in the spot behind the second closest vehicle": ("park", "behind", "vehicle", None, ("second", "nearest")),
+OWN = Path(__file__).parent / "commands.jsonl"
+
+
+def told(text: str) -> str:
+    """A query in one line: action, relation, [noun, colour, qualifiers], direction, side, trigger, distance."""
+    query = read(text).query
+    words = [str(query.action), query.relation]
+    if query.referent is not None:
+        inner = [query.referent.noun, query.referent.colour, *query.referent.qualifiers]
+        words.append(f"[{' '.join(word for word in inner if word)}]")
+    words += [word for word in (query.direction, query.goal_side, query.trigger) if word]
+    if query.distance_m is not None:
+        words.append(f"{query.distance_m:g} m {query.distance_of}")
+    return " ".join(words)
+
+
+def query_of(text: str) -> Query:
+    reading = read(text)
+    assert reading.problem is None
+    return reading.query
+
+
+# Rule 4: what verbs command.
+ACTIONS = {
+    "park behind the van": "park behind [van]",
+    "find me a parking spot near the bus": "park near [bus]",
+    "take the place in front of the truck": "park in_front_of [truck]",
+    "pull in beside the red car": "park next_to [car red]",
+    "reverse into the spot behind the van": "park behind [van]",
+    "halt next to the taxi": "stop next_to [car]",
+    "pull up behind the bus": "stop behind [bus]",
+    "drop me off by the van": "stop near [van]",
+    "i want to get out at the second car": "stop at [car second]",
+    "pick up my friend, he is next to the blue car": "stop none [car blue]",
+    "pull over in front of the lorry": "pull_over in_front_of [truck]",
+    "pull to the side behind the bus": "pull_over behind [bus]",
+    "tail the black car": "follow none [car black]",
+    "keep up with the bus": "follow none [bus]",
+    "drive behind the white van": "follow behind [van white]",
+    "stay close behind the truck": "follow behind [truck]",
+    "go in the same direction as the van": "follow same_as [van]",
+    "get closer to the truck": "approach toward [truck]",
+    "take me to the black car": "approach toward [car black]",
+    "get next to the motorbike": "approach next_to [motorcycle]",
+    "overtake the bus": "overtake none [bus]",
+    "drive around the stopped truck": "overtake none [truck stopped]",
+    "swerve around the cyclist": "overtake none [bicycle]",
+    "keep going past the parked cars": "drive_past past [car parked]",
+    "drive slowly past the van": "drive_past past [van]",
+    "take the next left after the bus": "turn past [bus] left",
+    "make a u-turn behind the van": "turn behind [van] around",
+    "enter the driveway behind the red car": "turn behind [car red]",
+    "go left before the truck": "turn before [truck] left",
+    "switch lanes behind the bus": "change_lane behind [bus]",
+    "merge to the right in front of the van": "change_lane in_front_of [van] right",
+    "get in the left lane behind the truck": "change_lane behind [truck] left",
+    "get behind the van in the right lane": "change_lane behind [van right_lane]",
+    "get in the same lane as the bus": "change_lane same_as [bus]",
+    "move into the lane to the left of the bus": "change_lane left_of [bus]",
+    "wait for the bus": "wait none [bus]",
+    "slow down behind the truck": "slow_down behind [truck]",
+    "back off from the bus": "slow_down none [bus]",
+    "yield to the oncoming bus": "give_way none [bus oncoming]",
+    "look out for the cyclist": "avoid none [bicycle]",
+    "keep a safe distance from the truck": "avoid none [truck]",
+    "don't get too close to the bus": "avoid none [bus]",
+    "honk at the van in our lane": "other none [van own_lane]",
+    "speed up": "other none",
+    "keep straight": "other none straight",
 }
 
 
-@pytest.mark.parametrize("text", COMMANDS)
-def test_commands(text: str) -> None:
-    reading = read(text)
-    assert reading.problem is None
-    query = reading.query
+@pytest.mark.parametrize("text", ACTIONS)
+def test_verbs_and_what_they_command(text: str) -> None:
+    assert told(text) == ACTIONS[text]
+
+
+# Rules 2, 3, 5, 6 and 8: which action counts, and what clauses about time and purpose add.
+CLAUSES = {
+    "overtake the van and park behind the bus": "park behind [bus]",
+    "pull in behind the van in the left lane and speed up": "change_lane behind [van left_lane]",
+    "turn left when the bus has passed": "turn none [bus] left pass",
+    "after the truck leaves, go straight": "other none [truck] straight leave",
+    "as soon as that van turns follow the red car": "follow none [car red] turn",
+    "don't turn until the van passes": "turn none [van] pass",
+    "don't move until the van has passed": "wait none [van] pass",
+    "slow down to let the bus merge": "give_way none [bus] merge",
+    "stop so that we do not hit the van": "stop none [van]",
+    "turn right so i can go in the same direction as the bus": "turn same_as [bus] right",
+    "turn left after we pass the second van": "turn past [van second] left",
+    "turn left before we reach the van": "turn before [van] left",
+    "stop after passing the red car": "stop past [car red]",
+    "slow down while passing the van": "slow_down past [van]",
+    "park where the red car is": "park at [car red]",
+    "stop on the other side of the truck": "stop past [truck]",
+    "continue until you see the red van, then stop": "stop at [van red]",
+    "wait until the red car leaves and park there": "park at [car red] leave",
+    "when you turn right do not hit the parked van": "avoid none [van parked] right",
+    "turn right before stopping next to the van": "stop next_to [van] right",
+    "turn left, then turn right behind the van": "turn behind [van] right",
+    "turn left, then right after the van": "turn past [van] right",
+    "continue straight and then turn left": "turn none left",
+    "overtake the truck and continue straight": "overtake none [truck] straight",
+    "if the bus stops go around it": "overtake none [bus stopped]",
+    "let the bus turn in front of us": "give_way none [bus] turn",
+    "let the van on the left out": "give_way none [van left_side] leave",
+    "wait for the bus to pass before going left": "wait none [bus] left pass",
+}
+
+
+@pytest.mark.parametrize("text", CLAUSES)
+def test_clauses(text: str) -> None:
+    assert told(text) == CLAUSES[text]
+
+
+# Rule 7 and the nouns: what is said of a vehicle, before and after its noun, in relative clauses and predicates.
+VEHICLES = {
+    "follow the dark blue estate": "[car dark blue]",
+    "follow the gray pickup": "[truck grey]",
+    "follow the honda civic": "[car]",
+    "follow the white ford van": "[van white]",
+    "follow the first bus on the right hand side": "[bus first right_side]",
+    "follow the second closest car": "[car second nearest]",
+    "follow the second car from the left": "[car second leftmost]",
+    "follow the car from the left": "[car left_side]",
+    "follow the car in front of us": "[car ahead]",
+    "follow the car that is closest to us": "[car nearest]",
+    "follow the car which is parked on the left": "[car parked left_side]",
+    "follow the car that has just turned left": "[car turning_left]",
+    "follow the car coming towards us": "[car oncoming]",
+    "follow the van that just passed us": "[van passing]",
+    "follow the van pulling out on the left": "[van leaving left_side]",
+    "follow the van that is blocking our way": "[van own_lane]",
+    "follow the van in the far right lane": "[van right_lane]",
+    "follow the left car": "[car left_side]",
+    "follow the big truck across the street": "[truck large opposite_side]",
+    "follow that truck, it is turning right": "[truck turning_right]",
+    "the bus has stopped, follow it": "[bus stopped]",
+    "there is a red van ahead. follow that van": "[van red ahead]",
+    "follow that car, the yellow one": "[car yellow]",
+    "follow my brother's car": "[car]",
+    "follow the bus driven by my uncle": "[bus]",
+    "follow the guy in the red car": "[car red]",
+    "follow the couple on the left": "[person left_side]",
+}
+
+
+@pytest.mark.parametrize("text", VEHICLES)
+def test_what_is_said_of_the_vehicle(text: str) -> None:
+    assert told(text).removeprefix("follow none ") == VEHICLES[text]
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("stop 3 metres behind the van", "stop behind [van] 3 m referent"),
+        ("stop two and a half metres behind the van", "stop behind [van] 2.5 m referent"),
+        ("follow the van at a distance of 20 metres", "follow none [van] 20 m referent"),
+        ("park within 5 metres of the bus", "park near [bus] 5 m referent"),
+        ("stay 10 feet away from the bus", "avoid none [bus] 3.048 m referent"),
+        ("follow the van and keep 15 metres distance", "follow none [van] 15 m referent"),
+        ("stop in 50 feet", "stop none 15.24 m ego"),
+        ("drive 100 yards and turn left", "turn none left 91.44 m ego"),
+        ("follow the van for 1 mile", "follow none [van] 1609.34 m ego"),
+        ("stop behind the van 15 metres ahead of us", "stop behind [van ahead] 15 m descriptor"),
+        ("stop behind the van that is 20 m away", "stop behind [van] 20 m descriptor"),
+        ("wait 5 minutes behind the bus", "wait behind [bus]"),
+    ],
+)
+def test_distances(text: str, expected: str) -> None:
+    assert told(text) == expected
+
+
+@pytest.mark.parametrize(
+    ("text", "expected", "excluded"),
+    [
+        ("park behind the van, not the red one", "park behind [van]", (None, "van", "red", ())),
+        ("stop by the car that is not white", "stop near [car]", (None, "car", "white", ())),
+        ("stop by the car that isn't parked", "stop near [car]", (None, "car", None, ("parked",))),
+        ("park anywhere except behind the bus", "park none", ("behind", "bus", None, ())),
+        ("don't park next to the bus", "park none", ("next_to", "bus", None, ())),
+        ("don't stop by the van, stop behind it", "stop behind [van]", ("near", "van", None, ())),
+        ("follow the van instead of the bus", "follow none [van]", (None, "bus", None, ())),
+        ("do not follow that car, go straight", "other none straight", (None, "car", None, ())),
+    ],
+)
+def test_what_is_ruled_out(text: str, expected: str, excluded: tuple[Any, ...]) -> None:
+    assert told(text) == expected
+    (one,) = query_of(text).excluded
+    assert (one.relation, one.noun, one.colour, one.qualifiers) == excluded
+
+
+@pytest.mark.parametrize(
+    ("text", "expected", "anaphora"),
+    [
+        ("there are two vans ahead, stop behind the white one", "stop behind [van white ahead]", True),
+        ("don't park by the red car, take the spot behind the blue one", "park behind [car blue]", True),
+        ("do you see that bus? overtake it", "overtake none [bus]", True),
+        ("that is tony's van, stop next to him", "stop next_to [van]", True),
+        ("there is a free space before the van. park there", "park before [van]", False),
+        ("there is a gap behind the bus, take it", "park behind [bus]", False),
+        ("that van is leaving, take its spot", "park at [van leaving]", True),
+        ("stop at the first of the two vans", "stop at [van first]", False),
+    ],
+)
+def test_what_pronouns_stand_for(text: str, expected: str, anaphora: bool) -> None:
+    assert told(text) == expected
+    referent = query_of(text).referent
+    assert referent is not None
+    assert referent.anaphora is anaphora
+
+
+def test_two_vehicles_between_and_opposite() -> None:
+    query = query_of("park between the blue car and the white truck")
+    assert query.relation == "between"
     assert query.referent is not None
-    found = (query.action, query.relation, query.referent.noun, query.referent.colour, query.referent.qualifiers)
-    assert found == COMMANDS[text]
+    assert (query.referent.noun, query.referent.number) == ("car", 1)
+    assert [(mark.noun, mark.relation, mark.colour) for mark in query.secondary] == [("truck", "between", "white")]
+    pair = query_of("stop between the two vans").referent
+    assert pair is not None
+    assert pair.number == 2
+    assert told("stop across the road from the bus") == "stop opposite [bus]"
+
+
+@pytest.mark.parametrize(
+    ("text", "relation", "landmark", "marks"),
+    [
+        ("turn left at the lights", "at", "secondary", [("traffic_light", "at", "goal")]),
+        ("park opposite the bakery", "opposite", "secondary", [("bakery", "opposite", "goal")]),
+        ("stop by the van near the trees", "near", "referent", [("tree", "near", "referent")]),
+        ("stop by the sign in front of the bus", "near", "secondary", [("sign", "in_front_of", "inverse")]),
+        ("turn into the street after the van", "past", "referent", [("street", "into", "goal")]),
+        ("stop behind the car next to the bus", "behind", "referent", [("bus", "next_to", "referent")]),
+        ("stay in the left lane", "none", None, [("lane", "in", "goal")]),
+        ("turn left", "none", None, []),
+    ],
+)
+def test_landmarks(text: str, relation: str, landmark: str | None, marks: list[tuple[str, str, str]]) -> None:
+    query = query_of(text)
+    assert (query.relation, query.landmark) == (relation, landmark)
+    assert [(mark.noun, mark.relation, mark.of) for mark in query.secondary] == marks
 
 
 def test_said_of_the_place_and_not_of_the_vehicle() -> None:
-    query = read("You can park up ahead on the right behind the silver car, next to the lamp post").query
+    query = query_of("You can park up ahead on the right behind the silver car, next to the lamp post")
     assert query.goal_side == "right"
     assert query.referent is not None
     assert query.referent.qualifiers == ()
     assert query.referent.qualifiers_optional == ("ahead",)
-    assert [(mark.noun, mark.relation) for mark in query.secondary] == [("lamp_post", "next_to")]
-
-
-def test_distance_and_article() -> None:
-    query = read("park 10 feet behind a bus").query
-    assert query.distance_m == pytest.approx(3.048)
-    assert query.referent is not None
-    assert not query.referent.definite
-    assert query.to_dict()["distance_of"] == "referent"
-
-
-def test_mended_and_unknown_words_are_told() -> None:
-    reading = read("stop behind the shiny sliver trcuk")
-    assert reading.query.referent is not None
-    assert (reading.query.referent.colour, reading.query.referent.head) == ("silver", "truck")
-    notes = " ".join(reading.notes)
-    assert "'sliver' was read as 'silver'" in notes
-    assert "left out: 'shiny'" in notes
+    assert [(mark.noun, mark.relation, mark.of) for mark in query.secondary] == [("lamp_post", "next_to", "goal")]
 
 
 @pytest.mark.parametrize(
-    ("text", "message"),
+    ("text", "actions"),
     [
-        ("", "holds no words"),
-        ("   \t ", "holds no words"),
-        ("\U0001f697\U0001f697", "holds no words"),
-        ("停在白色汽车后面", "no word of it is understood"),
-        ("остановись за белой машиной", "no word of it is understood"),
-        ("tell me a joke", "no driving action"),
-        ("wash the silver car", "no driving action"),
-        ("what colour is the bus?", "a question"),
-        ("when do we stop?", "a question"),
-        ("I love you", "no word of it is understood"),
-        ("turn the music down", "no driving action"),
-        ("turn on the lights", "no word of it is understood"),
-        ("pass me the salt", "no driving action"),
-        ("get me a coffee", "no driving action"),
-        ("let me tell you a story", "no driving action"),
-        ("watch a movie", "no driving action"),
-        ("park behind the car " * 600, f"expected at most {MAX_CHARACTERS} characters, got 12000"),
+        ("turn left and park by the van", ("turn", "park")),
+        ("pull up and stop by the van", ("stop",)),
+        ("continue to follow the van", ("follow",)),
+        ("slow down, go around the bus and continue", ("slow_down", "overtake", "other")),
+        ("after turning left stop by the van", ("stop",)),
+        ("wait for the bus to go before turning left", ("wait", "turn")),
     ],
 )
-def test_what_is_no_command_gets_one_clear_line(text: str, message: str) -> None:
-    reading = read(text)
-    assert reading.problem is not None
-    assert message in reading.problem.message
-    assert "\n" not in reading.problem.message
-    assert reading.query.action is None
-    assert reading.query.to_dict()["status"] == "reject"
-    assert len(reading.query.command) <= MAX_CHARACTERS
+def test_all_actions_in_order(text: str, actions: tuple[str, ...]) -> None:
+    assert query_of(text).actions == actions
 
 
-# Driving commands that have no place yet: action, and what the one line says.
-UNPLACED = {
-    "turn right": ("turn", "'turn right': cannot be placed yet"),
-    "turn at the bakery": ("turn", "'turn at': cannot be placed yet"),
-    "stop in 20 metres": ("stop", "'20 metres': cannot be placed yet"),
-    "follow the closest bus": ("follow", "'follow': cannot be placed yet"),
-    "wait": ("wait", "'wait': cannot be placed yet"),
-    "let the red car pass": ("give_way", "'let': cannot be placed yet"),
-    "keep going": ("other", "'keep going': cannot be placed yet"),
-    "change to the left lane": ("change_lane", "'change to the left lane': cannot be placed yet"),
-    "drive around the blue van": ("overtake", "'drive around': cannot be placed yet"),
-    "when the bus leaves, turn left": ("turn", "'when': cannot be placed yet"),
-    "don't park behind the bus": ("park", "'don't': cannot be placed yet"),
-    "park between the cars": ("park", "'between': cannot be placed yet"),
-    "stop 5 metres before the red truck": ("stop", "'before': cannot be placed yet"),
-    "park behind the bus after the light": ("park", "'after': cannot be placed yet"),
-    "stop behind the car that is turning left": ("stop", "'turning left': cannot be placed yet"),
-    "park behind the van 15 metres ahead of us": ("park", "'15 metres': cannot be placed yet"),
-    "there is a van. park behind it": ("park", "'it': cannot be placed yet"),
-    "stop the red truck": ("stop", "expected a relation"),
-    "park behind the": ("park", "missing after 'behind': expected a vehicle"),
-    "park behind the zebra": ("park", "'zebra' is not understood: expected a vehicle"),
-    "park behind the bus near a van": ("park", "'van' is not understood here"),
-    "park behind the red and blue car": ("park", "one colour at a time"),
-    "stop. park behind the car": ("park", "one command at a time"),
-    "park behind the vann": ("park", "did you mean 'van'"),
-}
-
-
-@pytest.mark.parametrize("text", UNPLACED)
-def test_driving_commands_that_cannot_be_placed_keep_their_action(text: str) -> None:
-    action, message = UNPLACED[text]
-    reading = read(text)
-    assert reading.query.to_dict()["status"] == "ok"
-    assert reading.query.action == action
-    assert reading.problem is not None
-    assert message in reading.problem.message
-    assert "\n" not in reading.problem.message
-
-
-def test_what_is_read_of_a_command_that_cannot_be_placed() -> None:
-    query = read("turn left after the second white van").query.to_dict()
-    assert (query["direction"], query["relation"]) == ("left", "past")
-    assert query["referent"]["colour"] == "white"
-    assert query["referent"]["qualifiers"] == ["second"]
-    ego, descriptor = read("stop in 20 feet").query, read("park behind the van 15 metres ahead of us").query
-    assert ego.distance_m == pytest.approx(6.096)
-    assert ego.distance_of == "ego"
-    assert (descriptor.distance_m, descriptor.distance_of) == (15, "descriptor")
-    assert descriptor.referent is not None
-    assert descriptor.referent.qualifiers == ("ahead",)
-
-
-def test_small_talk_around_a_command_does_not_hide_it() -> None:
-    query = read("is that a bus? get me a coffee. stop behind the white car").query
-    assert (query.action, query.relation) == ("stop", "behind")
-
-
-def test_caret_points_at_the_word() -> None:
-    text = "Park  behind the zebra"
-    problem = read(text).problem
-    assert problem is not None
-    sentence, marks = caret(text, problem).splitlines()
-    start = marks.index("^")
-    assert sentence[start : start + marks.count("^")] == "zebra"
-
-
-def test_no_caret_for_the_whole_sentence() -> None:
-    problem = read("tell me a joke").problem
-    assert problem is not None
-    assert caret("tell me a joke", problem) == ""
-
-
-WORDS = (
-    "park stop behind near the a red dark second left on right car truck in front of 5 metres tree zebra . next to"
+@pytest.mark.parametrize(
+    "text",
+    [
+        "could you please park behind the van",
+        "I would like you to park behind the van, thanks",
+        "let's park behind the van",
+        "you should park behind the van now",
+        "it would be nice to park behind the van",
+        "would you mind parking behind the van?",
+        "I'd prefer if you parked behind the van",
+        "hey, why don't we just park right behind the van",
+        "what a day! park behind the van. I am hungry.",
+        "park behind the shiny whatsit van",
+    ],
 )
+def test_politeness_and_chatter_change_nothing(text: str) -> None:
+    assert told(text) == "park behind [van]"
 
 
-@settings(max_examples=300, deadline=None)
-@given(st.one_of(st.text(max_size=120), st.lists(st.sampled_from(WORDS.split()), max_size=14).map(" ".join)))
-def test_any_text_is_a_query_or_a_problem(text: str) -> None:
-    reading = read(text)
-    assert reading.query.action is not None or reading.problem is not None
-    json.dumps(reading.query.to_dict())
+def test_articles() -> None:
+    for text, definite in (("park by a bus", False), ("park by any bus", False), ("park by that bus", True)):
+        referent = query_of(text).referent
+        assert referent is not None
+        assert referent.definite is definite
 
 
-def gold(data_root: Path, *categories: str) -> list[dict[str, Any]]:
-    path = data_root.parent / "grounding" / "core_dev.jsonl"
+def test_mended_and_unknown_words_are_told() -> None:
+    reading = read("stop behind the fluffy sliver trcuk")
+    assert reading.query.referent is not None
+    assert (reading.query.referent.colour, reading.query.referent.head) == ("silver", "trcuk")
+    assert reading.notes == (
+        "'sliver' was read as 'silver'",
+        "'trcuk' was read as 'truck'",
+        "not understood and left out: 'fluffy'",
+    )
+    assert "".join(token.text for token in reading.tokens) == "stopbehindthefluffyslivertrcuk"
+
+
+def judged(path: Path) -> Result:
+    return evaluate(read_labelled(path), lambda text: read(text).query.to_dict())
+
+
+def test_own_commands() -> None:
+    """Written and labelled before the parser (batch 1) and after it, without a look at what it says (2 to 5)."""
+    records = read_labelled(OWN)
+    for batch, commands, least in ((1, 184, 0.99), (2, 60, 0.98), (3, 60, 0.9), (4, 60, 0.95), (5, 64, 0.96)):
+        part = [record for record in records if record["batch"] == batch]
+        answer = evaluate(part, lambda text: read(text).query.to_dict()).as_json()
+        assert answer["records"] == commands
+        assert answer["core_parse_right"] >= least
+        assert answer["false_rejects"] == 0
+        assert answer["reject_recall"] in (1, None)
+
+
+def labelled_file(data_root: Path, name: str) -> Path:
+    path = data_root.parent / "grounding" / name
     if not path.is_file():
         pytest.skip(f"no labelled commands at {path}")
-    records = [json.loads(line) for line in path.read_text().splitlines()]
-    return [record for record in records if not categories or record["category"] in categories]
+    return path
+
+
+@pytest.mark.realdata
+@pytest.mark.parametrize(("name", "least"), [("core_dev.jsonl", 0.97), ("talk2car_dev.jsonl", 0.95)])
+def test_labelled_commands(data_root: Path, name: str, least: float) -> None:
+    answer = judged(labelled_file(data_root, name)).as_json()
+    assert answer["core_parse_right"] >= least
+    assert answer["false_rejects"] <= 0.02
+    assert answer["reject_recall"] in (1, None)
+    for field in ("actions", "trigger", "distance", "excluded", "number", "landmark", "goal_side"):
+        assert answer["per_field"][field] >= 0.95
 
 
 @pytest.mark.realdata
 def test_keys_are_those_of_the_labelled_files(data_root: Path) -> None:
-    record = gold(data_root, "simple")[0]
-    own = read("park behind the silver car").query.to_dict()
+    line = labelled_file(data_root, "core_dev.jsonl").read_text().splitlines()[0]
+    record = json.loads(line)
+    own = read(record["command"]).query.to_dict()
     assert set(record) - set(own) == {"id", "token", "source", "category", "obj_name"}
     assert set(own) <= set(record)
     assert set(own["referent"]) == set(record["referent"])
     assert own == {key: record[key] for key in own}
-
-
-@pytest.mark.realdata
-def test_labelled_driving_commands_are_told_from_others_and_keep_their_action(data_root: Path) -> None:
-    for record in gold(data_root):
-        query = read(record["command"]).query.to_dict()
-        assert query["status"] == record["status"], record["command"]
-        assert query["action"] in (record["action"], *record["action_alt"]), record["command"]
-
-
-@pytest.mark.realdata
-def test_simple_labelled_commands_are_read_as_labelled(data_root: Path) -> None:
-    for record in gold(data_root, "simple", "ordinal", "distance", "no_referent", "manoeuvre", "reject"):
-        query = read(record["command"]).query.to_dict()
-        assert query["status"] == record["status"], record["command"]
-        assert query["action"] in (record["action"], *record["action_alt"]), record["command"]
-        assert query["relation"] in (record["relation"], *record["relation_alt"]), record["command"]
-        assert query["direction"] == record["direction"], record["command"]
-        for key in ("noun", "colour", "qualifiers"):
-            assert (query["referent"] or {}).get(key) == (record["referent"] or {}).get(key), record["command"]
-        for key in ("distance_m", "distance_of"):
-            assert query[key] == pytest.approx(record[key]), record["command"]

@@ -1,0 +1,353 @@
+"""Commands in simulated scenes whose vehicle and place are known: how often does the product get them right?
+
+    python -m benchmarks.grounding_cases ROOT [--bev SOURCE] [--noisy] [--cases 1000] [--seed 0]
+                                              [--errors] [--pictures DIR]
+
+ROOT is a simulated dataset. A case is a key frame, a sentence, the vehicle (of "between" two) that it means by true
+body, paint, place and speed, with clear margins to all others, and the cells where a place is right, all of it found
+without any code of `grounding` (`benchmarks.grounding_truth`). In 15 % of the cases two or more vehicles fit and
+nothing is said to decide; in 5 % there is no such vehicle.
+
+- --bev: whose maps; with `exact` the true boxes are given as well, with any other source the map alone. --noisy:
+  exact maps, disturbed as in `benchmarks.colour_ablation`, the map alone. From a map alone nobody knows fronts,
+  speeds and heights: sentences say nothing of parked or moving then, car, van and truck are told apart by other
+  words, and "behind" is along our own direction.
+- vehicle: the right one (without boxes: within 2 m of it), or none where none is named. place: the target lies in the
+  region and heads along the lane. off: metres from the target to the best place of the region, where the vehicle is
+  right. asked, none: answered by a question, by "not found". error: the product raised.
+- declared: of ambiguous cases those answered so, with two or more of the vehicles that fit among the candidates; of
+  absent ones those not found.
+- hard violations: targets whose footprint holds the middle of a cell that the given map calls vehicle, or that it
+  does not call road, or that lies off the map. There may be none.
+"""
+
+from __future__ import annotations
+
+import argparse
+import zlib
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from itertools import groupby
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from rich.console import Console
+from rich.progress import Progress
+from rich.table import Table
+
+from appocc.bevmap import ROAD, VEHICLE, BEVMap, load_map
+from appocc.boxes import Boxes
+from appocc.checks import ByteArray, FloatArray
+from appocc.drawing import EGO_LENGTH_M, EGO_WIDTH_M, GREEN, RED, WHITE, YELLOW, BEVCanvas, Colour, put_text
+from appocc.errors import AppoccError
+from appocc.files import write_image
+from appocc.geometry import footprints, wrap_angle
+from benchmarks.colour_ablation import _disturbed, _map_of
+from benchmarks.encounters import Sight
+from benchmarks.grounding_truth.making import SUITS, Case, make_cases
+from benchmarks.grounding_truth.moments import Moment, Town
+from benchmarks.grounding_truth.places import TURN_DEG
+from grounding.grounder import Grounder
+
+# Without boxes the right vehicle is the one this near; a heading in steps may be this much farther off.
+SAME_M, YAW_SLACK_DEG = 2.0, 5.0
+NO_COLOUR = np.array([128, 128, 128])
+MOST_PICTURES = 60
+CYAN: Colour = (60, 220, 255)
+
+
+# The product ------------------------------------------------------------------------------------------------------
+
+
+class Asked(NamedTuple):
+    """What the product answered.
+
+    Attributes:
+        status: ok, ambiguous, not_found, not_a_command; error where it raised.
+        words: its reasons, or the error.
+        cell: of the target, None without one.
+        place_m: (2,) the same in metres.
+        yaw_rad: heading there, to ours.
+        vehicles: identity and place of those it measures from.
+        candidates: the same of those that may be meant.
+    """
+
+    status: str
+    words: str
+    cell: tuple[int, int] | None = None
+    place_m: FloatArray | None = None
+    yaw_rad: float = 0.0
+    vehicles: tuple[tuple[str, FloatArray], ...] = ()
+    candidates: tuple[tuple[str, FloatArray], ...] = ()
+
+
+def ask(sentence: str, grounder: Grounder) -> Asked:
+    """The product's answer: the one place that knows how it is asked."""
+    answer = grounder.ground(sentence)
+    target, referent = answer.target, answer.referent
+    items = [referent.item, getattr(referent, "partner", None)] if referent else []
+    return Asked(
+        answer.status,
+        "; ".join(answer.reasons),
+        target.cell if target else None,
+        target.ego_m if target else None,
+        target.heading_ego_rad if target else 0.0,
+        tuple((item.id, item.centre_m) for item in items if item),
+        tuple((one.item.id, one.item.centre_m) for one in answer.candidates),
+    )
+
+
+# Judging ----------------------------------------------------------------------------------------------------------
+
+
+class Verdict(NamedTuple):
+    """What is right of an answer.
+
+    Attributes:
+        case: what was asked.
+        asked: what was answered.
+        vehicle: whether the vehicle is right; of an ambiguous or absent case, whether it was declared so.
+        place: whether the target is right.
+        off_m: from the target to the best place, NaN where there is none or the vehicle is wrong.
+        on_vehicle: cells of vehicles below the target's footprint.
+        off_road: cells below it that are no known road, or lie off the map.
+    """
+
+    case: Case
+    asked: Asked
+    vehicle: bool
+    place: bool = False
+    off_m: float = np.nan
+    on_vehicle: int = 0
+    off_road: int = 0
+
+    @property
+    def right(self) -> bool:
+        """Whether all of it is right."""
+        return self.vehicle and (self.place or self.case.kind != "one") and not self.on_vehicle + self.off_road
+
+
+def judge(case: Case, asked: Asked, bev: BEVMap, by_name: bool) -> Verdict:
+    """Judge an answer on the map that the product was given; vehicles are known by name, or by their place."""
+    on_vehicle, off_road = violations(asked, bev)
+    right = case.kind == "absent" and asked.status == "not_found"
+    if case.kind == "ambiguous":
+        right = asked.status == "ambiguous" and len(_found(case, asked.candidates, by_name)) > 1
+    if case.kind == "one":
+        right = asked.status == "ok" and len(asked.vehicles) == len(case.vehicles)
+        right &= len(_found(case, asked.vehicles, by_name)) == len(case.vehicles)
+    if case.region is None or asked.place_m is None:
+        return Verdict(case, asked, right, False, np.nan, on_vehicle, off_road)
+    turns_deg = np.degrees(wrap_angle(np.array(case.region.yaws_rad) - asked.yaw_rad))
+    along_lane = bool(np.abs(turns_deg).min() <= TURN_DEG + YAW_SLACK_DEG)
+    off_m = float(np.hypot(*(asked.place_m - case.region.best_m))) if right else np.nan
+    inside = bool(case.region.cells[asked.cell]) and along_lane
+    return Verdict(case, asked, right, inside, off_m, on_vehicle, off_road)
+
+
+def _found(case: Case, answered: Sequence[tuple[str, FloatArray]], by_name: bool) -> list[str]:
+    """Which of a case's vehicles are among those of an answer."""
+    if by_name:
+        return [v.instance for v in case.vehicles if v.instance in {name for name, _ in answered}]
+    places = np.array([place for _, place in answered]).reshape(-1, 2)
+    return [v.instance for v in case.vehicles if np.hypot(*(places - v.xy_m).T).min(initial=np.inf) <= SAME_M]
+
+
+def violations(asked: Asked, bev: BEVMap) -> tuple[int, int]:
+    """Of the cells whose middle lies in the target's footprint, how many are vehicle, and how many no known road."""
+    if asked.place_m is None:
+        return 0, 0
+    offset = bev.grid.centres() - asked.place_m
+    cos, sin = np.cos(asked.yaw_rad), np.sin(asked.yaw_rad)
+    inside = np.abs(offset @ [cos, sin]) <= EGO_LENGTH_M / 2
+    inside &= np.abs(offset @ [-sin, cos]) <= EGO_WIDTH_M / 2
+    corners = footprints(asked.place_m, asked.yaw_rad, [EGO_LENGTH_M, EGO_WIDTH_M])
+    off_map = np.count_nonzero(~bev.grid.contains(bev.grid.cell_of(corners)))
+    off_road = np.count_nonzero(inside & ~bev.on[ROAD])
+    return int(np.count_nonzero(inside & bev.on[VEHICLE])), int(off_road + off_map)
+
+
+# Maps to ask on ---------------------------------------------------------------------------------------------------
+
+
+def noisy_map(moment: Moment, random: np.random.Generator) -> BEVMap:
+    """The exact map as a network might see it: vehicles off, missed and made up, colours grainy."""
+    on_map = [n for n, v in enumerate(moment.vehicles) if v.on_map]
+    colours = moment.bev.appearance.transpose(1, 2, 0)
+    rgb = [np.median(colours[own], axis=0) if (own := moment.owner == n).any() else NO_COLOUR for n in on_map]
+    vehicles = [moment.vehicles[n] for n in on_map]
+    sight = Sight(
+        0,
+        moment.world_from_ego,
+        np.arange(len(vehicles)),
+        np.array([v.xy_m for v in vehicles]).reshape(-1, 2) @ moment.world_from_ego[:2, :2].T
+        + moment.world_from_ego[:2, 3],
+        np.array([v.yaw_rad for v in vehicles])
+        + np.arctan2(moment.world_from_ego[1, 0], moment.world_from_ego[0, 0]),
+        np.array([(v.width_m, v.length_m, 1.5) for v in vehicles]).reshape(-1, 3),
+        np.array(rgb, dtype=np.float64).reshape(-1, 3),
+        np.ones(len(vehicles), np.bool_),
+    )
+    grain = random.normal(0, 12, (3, *moment.bev.grid.shape))
+    seen = _map_of(_disturbed(sight, random), moment.world_from_ego, grain)
+    occupancy, shown = moment.bev.occupancy.copy(), seen.occupancy[VEHICLE] > 0
+    occupancy[VEHICLE] = seen.occupancy[VEHICLE]
+    ground = np.clip(moment.bev.appearance + grain, 0, 255)
+    appearance = np.where(shown, seen.appearance, ground).astype(np.uint8)
+    return replace(moment.bev, occupancy=occupancy, appearance=appearance)
+
+
+def product_and_map(town: Town, moment: Moment, source: str, noisy: bool, seed: int) -> tuple[Grounder, BEVMap]:
+    """The product, before a key frame, and the map that it is given."""
+    boxes: Boxes | None = None
+    if noisy:
+        bev = noisy_map(moment, np.random.default_rng([seed, 7, zlib.crc32(moment.token.encode())]))
+    elif source == "exact":
+        bev, boxes = moment.bev, moment.boxes
+    else:
+        bev = load_map(town.dataset.root, source, moment.token)
+    grounder = Grounder()
+    grounder.set_scene(bev, boxes, moment.world_from_ego)
+    return grounder, bev
+
+
+def verdicts(
+    town: Town, cases: Sequence[Case], source: str, noisy: bool, seed: int, pictures: Path | None
+) -> Iterator[Verdict]:
+    """Ask and judge, key frame by key frame; draw some of the wrong ones."""
+    drawn = 0
+    for token, ours in groupby(cases, key=lambda case: case.token):
+        moment = town.moment(token)
+        grounder, bev = product_and_map(town, moment, source, noisy, seed)
+        for case in ours:
+            try:
+                asked = ask(case.sentence, grounder)
+            except Exception as error:  # whatever it is: it is counted and told
+                asked = Asked("error", f"{type(error).__name__}: {error}")
+            verdict = judge(case, asked, bev, source == "exact" and not noisy)
+            if pictures and not verdict.right and drawn < MOST_PICTURES:
+                write_image(pictures / f"{drawn:03d}_{case.group}_{case.kind}.png", picture(verdict, moment, bev))
+                drawn += 1
+            yield verdict
+
+
+# Telling ----------------------------------------------------------------------------------------------------------
+
+HEAD = ("relation", "cases", "vehicle %", "place %", "off m: median", "p90", "asked", "none", "error")
+
+
+def table(judged: Sequence[Verdict]) -> Table:
+    """Shares of the cases with one answer, a row a relation."""
+    made = Table(*HEAD)
+    ones = [one for one in judged if one.case.kind == "one"]
+    for name in (*SUITS, "all"):
+        rows = [one for one in ones if name in (one.case.group, "all")]
+        if not rows:
+            continue
+        off = [one.off_m for one in rows if np.isfinite(one.off_m)]
+        status = Counter(one.asked.status for one in rows)
+        shares = [f"{100 * np.mean([getattr(one, key) for one in rows]):.1f}" for key in ("vehicle", "place")]
+        distances = [f"{np.percentile(off, share):.2f}" if off else "" for share in (50, 90)]
+        counts = [str(status[key]) for key in ("ambiguous", "not_found", "error")]
+        made.add_row(name.replace("_", " "), str(len(rows)), *shares, *distances, *counts, end_section=name == "none")
+    return made
+
+
+def summary(judged: Sequence[Verdict], left_out: Counter[str]) -> list[str]:
+    """What the table does not hold."""
+    lines = []
+    for kind in ("ambiguous", "absent"):
+        declared = [one.vehicle for one in judged if one.case.kind == kind]
+        lines.append(f"{kind}: {sum(declared)} of {len(declared)} declared")
+    places = [one for one in judged if one.asked.place_m is not None]
+    hit, off = (sum(getattr(one, key) > 0 for one in places) for key in ("on_vehicle", "off_road"))
+    lines.append(f"hard violations: {hit} on a vehicle, {off} off the road, of {len(places)} targets")
+    errors = Counter(one.asked.words for one in judged if one.asked.status == "error")
+    lines += [f"error, {count} times: {words}" for words, count in errors.most_common(10)]
+    refused = sum(one.asked.status == "not_a_command" for one in judged)
+    lines.append(f"not understood as a command: {refused}")
+    return [*lines, *(f"no case {count} times: {why}" for why, count in left_out.most_common())]
+
+
+def told(verdict: Verdict) -> str:
+    """A wrong answer in two lines."""
+    case, asked = verdict.case, verdict.asked
+    meant = ", ".join(f"{v.paint} {v.body} at ({v.xy_m[0]:.0f}, {v.xy_m[1]:.0f})" for v in case.vehicles) or "none"
+    got = ", ".join(f"{name[:8]} at ({x:.0f}, {y:.0f})" for name, (x, y) in asked.vehicles) or "none"
+    wrong = [name for name in ("vehicle", "place") if not getattr(verdict, name)]
+    best = f", best {np.round(case.region.best_m, 1).tolist()}" if case.region else ""
+    where = f", place {np.round(asked.place_m, 1).tolist()}" if asked.place_m is not None else ""
+    return (
+        f"{case.token[:8]} {case.kind} {case.relation}: {case.sentence}\n"
+        f"    wrong {' and '.join(wrong) or 'footprint'}; {asked.status}: {got}{where}; "
+        f"right: {meant}{best}; {asked.words}"
+    )
+
+
+def picture(verdict: Verdict, moment: Moment, bev: BEVMap) -> ByteArray:
+    """The map with the region, its best place, the true vehicles (red) and those answered, and the target (cyan)."""
+    case, asked = verdict.case, verdict.asked
+    canvas = BEVCanvas(bev.grid, 4)
+    canvas.occupancy(bev)
+    canvas.appearance(bev)
+    canvas.ego()
+    if case.region:
+        plain = canvas.picture.copy()
+        canvas.cells(np.broadcast_to(np.array(GREEN, np.uint8), (*bev.grid.shape, 3)), case.region.cells)
+        canvas.picture[:] = (0.5 * plain + 0.5 * canvas.picture).astype(np.uint8)
+        canvas.dot(case.region.best_m, GREEN, 4)
+    for v in moment.vehicles:
+        if v.on_map:
+            meant = v.instance in {one.instance for one in case.vehicles}
+            corners = footprints(v.xy_m, v.yaw_rad, [v.length_m, v.width_m])
+            canvas.line(corners, RED if meant else WHITE, 2 if meant else 1, closed=True)
+            canvas.line([(corners[0] + corners[3]) / 2, v.xy_m], RED if meant else WHITE)
+            canvas.label(v.xy_m, f"{v.paint} {v.body}{'' if v.visible else ' hidden'}")
+    for _, place in asked.vehicles or asked.candidates:
+        canvas.dot(place, CYAN if asked.vehicles else YELLOW, 5)
+    if asked.place_m is not None:
+        corners = footprints(asked.place_m, asked.yaw_rad, [EGO_LENGTH_M, EGO_WIDTH_M])
+        canvas.line(corners, CYAN, 2, closed=True)
+        canvas.line([asked.place_m, (corners[0] + corners[3]) / 2], CYAN, 2)
+    band = np.full((78, canvas.picture.shape[1], 3), 24, np.uint8)
+    put_text(band, case.sentence, (8, 20), WHITE, 0.55)
+    put_text(band, f"{case.kind} {case.relation}, {case.ask.action}; {asked.status}", (8, 44), YELLOW, 0.5)
+    put_text(band, asked.words, (8, 66), WHITE, 0.4)
+    return np.ascontiguousarray(np.vstack([band, canvas.picture]))
+
+
+def main(words: Sequence[str] | None = None) -> None:
+    """Make cases, ask, judge and tell."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("root", type=Path)
+    parser.add_argument("--bev", default="exact")
+    parser.add_argument("--noisy", action="store_true")
+    parser.add_argument("--cases", type=int, default=1000)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--errors", action="store_true")
+    parser.add_argument("--pictures", type=Path)
+    given = parser.parse_args(words)
+    console = Console(width=120)
+    try:
+        town = Town(given.root)
+        with Progress(console=Console(stderr=True)) as progress:
+            task = progress.add_task("making cases", total=given.cases)
+            blobs = given.noisy or given.bev != "exact"
+            made = make_cases(town, given.cases, given.seed, blobs, lambda n: progress.update(task, completed=n))
+            asking = verdicts(town, made.cases, given.bev, given.noisy, given.seed, given.pictures)
+            judged = list(progress.track(asking, total=len(made.cases), description="asking"))
+    except AppoccError as error:
+        parser.exit(2, f"{error}\n")
+    if given.errors:
+        for one in judged:
+            if not one.right:
+                console.print(told(one), highlight=False, markup=False)
+    console.print(table(judged))
+    for line in summary(judged, made.left_out):
+        console.print(line, highlight=False, markup=False)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,319 @@
+"""Cases drawn from key frames: a sentence, whom it means, and where a place is right."""
+
+from __future__ import annotations
+
+import zlib
+from collections import Counter
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from appocc.drawing import EGO_LENGTH_M
+from benchmarks.grounding_truth.moments import Moment, Town, Vehicle
+from benchmarks.grounding_truth.places import Ask, Region, wanted_m
+from benchmarks.grounding_truth.regions import region
+from benchmarks.grounding_truth.roads import EGO_CENTRE_M
+from benchmarks.grounding_truth.sentences import (
+    CALLED,
+    PAINTS,
+    Description,
+    command,
+    describe,
+    perhaps,
+    surely,
+)
+
+# What one says of a group of relations: the relation itself and actions that suit; "none" names no vehicle.
+SUITS: dict[str, tuple[tuple[str, str], ...]] = {
+    **{
+        name: ((name, "park"), (name, "stop"), (name, "pull_over"), (name, "approach"))
+        for name in ("behind", "in_front_of", "next_to", "near")
+    },
+    **{name: ((name, "park"), (name, "stop"), (name, "pull_over")) for name in ("left_of", "right_of")},
+    **{
+        name: ((name, "stop"), (name, "stop"), (name, "park"), (name, "pull_over")) for name in ("before", "opposite")
+    },
+    "past": (("past", "stop"), ("past", "park"), ("past", "pull_over"), ("drive_past", "drive_past")),
+    "toward": (("toward", "approach"),),
+    "at": (("at", "stop"), ("at", "park"), ("at", "approach")),
+    "between": (("between", "park"), ("between", "stop")),
+    "follow": (("follow", "follow"), ("follow", "follow"), ("overtake", "overtake")),
+    "none": (("none", "pull_over"), ("none", "park"), ("none", "stop")),
+}
+AMBIGUOUS_SHARE, ABSENT_SHARE = 0.15, 0.05
+# Groups whose vehicles are of many kinds: only these are asked of two alike or of none such.
+OF_MANY = tuple(name for name in SUITS if name not in ("between", "follow", "none"))
+# Where people speak of vehicles.
+AHEAD_M, ASIDE_M = (8.0, 36.0), 20.0
+LEAST_WAY_M = 4.0
+# Two fit about equally: their distances differ by less than this factor, and neither stands out by being in our way.
+EQUAL_FACTOR, OUR_WAY_M, PAIR_ASIDE_M = 1.25, 2.5, 12.0
+IN_LANE_M, SLOW_MPS = 2.0, 6.0
+SAID_M, SAID_SHARE = (2.0, 3.0, 4.0, 5.0, 10 * 0.3048, 15 * 0.3048), 0.25
+STOPS_M = (8.0, 10.0, 12.0, 15.0, 20.0, 25.0)
+# A vehicle and a relation may come again with other words in one frame, but not often.
+TRIES, PASSES = 6, 6
+
+
+class Case(NamedTuple):
+    """A sentence in a key frame, and what is right.
+
+    Attributes:
+        token: of the sample.
+        kind: one, ambiguous or absent.
+        group: of relations, see SUITS.
+        relation: as in `regions.RELATIONS`.
+        ask: the action and what else is said.
+        sentence: the command.
+        vehicles: whom it means; those that fit, of an ambiguous one; none, where no vehicle is named or there.
+        region: where a place is right; None unless there is one answer.
+    """
+
+    token: str
+    kind: str
+    group: str
+    relation: str
+    ask: Ask
+    sentence: str
+    vehicles: tuple[Vehicle, ...] = ()
+    region: Region | None = None
+
+    @property
+    def key(self) -> tuple[str, ...]:
+        """What is asked for, in whatever words: two cases of one frame differ in it."""
+        names = [v.instance for v in self.vehicles] or [self.sentence]
+        return (self.group, self.relation, *names)
+
+
+class Made(NamedTuple):
+    """Cases, in the order of the key frames, and how often none could be made for want of what."""
+
+    cases: list[Case]
+    left_out: Counter[str]
+
+
+def make_cases(town: Town, count: int, seed: int, blobs: bool, done: Callable[[int], None]) -> Made:
+    """About `count` cases, as many of each group as the frames allow; the same seed gives the same ones."""
+    wanted = _quotas(count)
+    have: Counter[Slot] = Counter()
+    cases: list[Case] = []
+    left_out: Counter[str] = Counter()
+    tokens = [sample.token for sample in town.samples()]
+    order = np.random.default_rng(seed).permutation(len(tokens)).tolist()
+    for turn in range(PASSES):
+        if turn >= PASSES / 2:
+            _pass_on(wanted, have)
+        for number in order:
+            if all(have[slot] >= wanted[slot] for slot in wanted):
+                break
+            moment = town.moment(tokens[number])
+            random = np.random.default_rng([seed, turn, zlib.crc32(moment.token.encode())])
+            known = {case.key for case in cases if case.token == moment.token}
+            at_most = -(-3 * count // (2 * len(tokens)))
+            # What is rarest up to now comes first.
+            slots = sorted(
+                (slot for slot in wanted if have[slot] < wanted[slot]),
+                key=lambda slot: (have[slot] / wanted[slot], random.random()),
+            )
+            for slot in slots:
+                case = _draw(moment, slot, blobs, random, left_out) if at_most else None
+                if case and case.key not in known:
+                    cases.append(case)
+                    have[slot] += 1
+                    at_most -= 1
+            done(len(cases))
+    place = {token: n for n, token in enumerate(tokens)}
+    return Made(sorted(cases, key=lambda case: place[case.token]), left_out)
+
+
+Slot = tuple[str, str]
+
+
+def _quotas(count: int) -> dict[Slot, int]:
+    """How many cases of each kind and group."""
+    ambiguous, absent = round(count * AMBIGUOUS_SHARE), round(count * ABSENT_SHARE)
+    shares = (("one", tuple(SUITS), count - ambiguous - absent), ("ambiguous", OF_MANY, ambiguous))
+    return {
+        (kind, group): number * (n + 1) // len(groups) - number * n // len(groups)
+        for kind, groups, number in (*shares, ("absent", OF_MANY, absent))
+        for n, group in enumerate(groups)
+        if number * (n + 1) // len(groups) > number * n // len(groups)
+    }
+
+
+def _pass_on(wanted: dict[Slot, int], have: Counter[Slot]) -> None:
+    """What a group lacks goes to the others of its kind that had no lack."""
+    for kind in {kind for kind, _ in wanted}:
+        full = [slot for slot in wanted if slot[0] == kind and have[slot] >= wanted[slot]]
+        lacking = sum(wanted[slot] - have[slot] for slot in wanted if slot[0] == kind)
+        for n, slot in enumerate(full):
+            wanted.update({slot: have[slot] for slot in wanted if slot[0] == kind and slot not in full})
+            wanted[slot] += lacking * (n + 1) // len(full) - lacking * n // len(full)
+
+
+def _draw(
+    moment: Moment, slot: Slot, blobs: bool, random: np.random.Generator, left_out: Counter[str]
+) -> Case | None:
+    """A case of a slot, None where this frame has none."""
+    kind, group = slot
+    relation, action = _pick(SUITS[group], random)
+    said_m = None
+    if action in ("park", "stop") and relation in ("behind", "in_front_of", "before", "past"):
+        said_m = _pick(SAID_M, random) if random.random() < SAID_SHARE else None
+    ask = Ask(action, said_m, None, blobs)
+    make = {"absent": _absent, "ambiguous": _ambiguous, "one": _one}[kind]
+    if kind == "one" and group in ("between", "none"):
+        make = {"between": _between, "none": _nothing}[group]
+    return make(moment, group, relation, ask, random, left_out)
+
+
+def _one(
+    moment: Moment, group: str, relation: str, ask: Ask, random: np.random.Generator, left_out: Counter[str]
+) -> Case | None:
+    """One vehicle, described so that no other can be meant."""
+    suited = [v for v in moment.vehicles if _suits(moment, v, relation, ask)]
+    for i in random.permutation(len(suited))[:TRIES].tolist():
+        said = describe(moment, suited[i], ask.blobs, random)
+        if said is None:
+            left_out["the vehicle cannot be told apart"] += 1
+            continue
+        found = _ahead(region(relation, moment, [suited[i]], ask), left_out)
+        if found:
+            sentence = command(relation, ask, [(said, suited[i].body)], random)
+            return Case(moment.token, "one", group, relation, ask, sentence, (suited[i],), found)
+    return None
+
+
+def _between(
+    moment: Moment, group: str, relation: str, ask: Ask, random: np.random.Generator, left_out: Counter[str]
+) -> Case | None:
+    """Two vehicles with a gap, each told apart, or both together."""
+    suited = [v for v in moment.vehicles if _suits(moment, v, relation, ask)]
+    pairs = [(v, w) for n, v in enumerate(suited) for w in suited[:n]]
+    for i in random.permutation(len(pairs)).tolist():
+        found = _ahead(region(relation, moment, pairs[i], ask), left_out)
+        if found is None:
+            continue
+        pair = pairs[i]
+        names = _both(moment, pair, ask.blobs) or [describe(moment, v, ask.blobs, random) for v in pair]
+        said = [(name, v.body) for name, v in zip(names, pair, strict=True) if name]
+        if len(said) < 2:
+            left_out["the vehicle cannot be told apart"] += 1
+            continue
+        return Case(moment.token, "one", group, relation, ask, command(relation, ask, said, random), pair, found)
+    return None
+
+
+def _both(moment: Moment, pair: tuple[Vehicle, Vehicle], blobs: bool) -> list[Description | None] | None:
+    """One description that fits these two and no third, None where there is none."""
+    v, w = pair
+    its_side = "left" if moment.sideways_m(v.xy_m) > 0 else "right"
+    for paint, side in ((None, None), (v.paint, None), (None, its_side), (v.paint, its_side)):
+        said = Description(CALLED[v.body][0], paint, side)
+        might = [one for one in moment.vehicles if perhaps(moment, said, one, blobs)]
+        if len(might) == 2 and surely(moment, said, v) and surely(moment, said, w):
+            return [said, said]
+    return None
+
+
+def _nothing(
+    moment: Moment, group: str, relation: str, ask: Ask, random: np.random.Generator, left_out: Counter[str]
+) -> Case | None:
+    """A place that no vehicle tells."""
+    said_m = _pick(STOPS_M, random) if ask.action == "stop" else None
+    side = _pick(("left", "right", "right", None), random) if ask.action != "stop" else None
+    ask = ask._replace(said_m=said_m, side=side)
+    found = _ahead(region(relation, moment, [], ask), left_out)
+    return found and Case(moment.token, "one", group, relation, ask, command(relation, ask, [], random), region=found)
+
+
+def _ambiguous(
+    moment: Moment, group: str, relation: str, ask: Ask, random: np.random.Generator, left_out: Counter[str]
+) -> Case | None:
+    """Two vehicles that look alike, both with places, and nothing said to decide."""
+    suited = [v for v in moment.vehicles if _suits(moment, v, relation, ask)]
+    pairs = [(v, w) for n, v in enumerate(suited) for w in suited[:n] if _alike(moment, v, w)]
+    for i in random.permutation(len(pairs))[:TRIES].tolist():
+        v, w = pairs[i]
+        said, fitting = _equally(moment, v, w, ask.blobs, random)
+        if fitting and all(_ahead(region(relation, moment, [one], ask), left_out) for one in (v, w)):
+            # By no word for a body that only one of them has.
+            sentence = command(relation, ask, [(said, said.noun)], random)
+            return Case(moment.token, "ambiguous", group, relation, ask, sentence, fitting)
+    return None
+
+
+def _equally(
+    moment: Moment, v: Vehicle, w: Vehicle, blobs: bool, random: np.random.Generator
+) -> tuple[Description, tuple[Vehicle, ...]]:
+    """A description that fits two vehicles and no nearer one, which people would think of first; all it may fit."""
+    side = "left" if moment.sideways_m(v.xy_m) > 0 else "right"
+    said = Description(CALLED[v.body][0])
+    for n in random.permutation(4).tolist():
+        said = said._replace(paint=v.paint if n % 2 and v.paint == w.paint else None, side=(None, side)[n // 2])
+        fitting = sorted(
+            (one for one in moment.vehicles if surely(moment, said, one)), key=lambda one: one.distance_m
+        )
+        if {v.instance, w.instance} == {one.instance for one in fitting[:2]}:
+            return said, tuple(one for one in moment.vehicles if perhaps(moment, said, one, blobs))
+    return said, ()
+
+
+def _alike(moment: Moment, v: Vehicle, w: Vehicle) -> bool:
+    """Whether nothing but its place tells one from the other, and that hardly."""
+    ratio = max(v.distance_m, w.distance_m) / min(v.distance_m, w.distance_m)
+    ours = {abs(moment.sideways_m(one.xy_m)) < OUR_WAY_M for one in (v, w)}
+    cars = CALLED[v.body][0] == CALLED[w.body][0] == "car"
+    same = (v.stands, v.parked) == (w.stands, w.parked) and (cars or v.body == w.body)
+    beside = max(abs(v.xy_m[1]), abs(w.xy_m[1])) <= PAIR_ASIDE_M
+    return same and beside and ratio < EQUAL_FACTOR and len(ours) == 1
+
+
+def _absent(
+    moment: Moment, group: str, relation: str, ask: Ask, random: np.random.Generator, left_out: Counter[str]
+) -> Case | None:
+    """A vehicle that is not there: nothing of that paint, or of that body."""
+    bodies = tuple(CALLED)
+    body = _pick(bodies, random)
+    said = Description(CALLED[body][0], _pick(PAINTS, random) if random.random() < 0.7 else None)
+    there = [v for v in moment.vehicles if v.on_map and v.visible and v.xy_m[0] > AHEAD_M[0]]
+    # Whatever it is called: a paint that only some other body has would do for somebody.
+    loose = said._replace(noun="vehicle") if said.paint else said
+    if not there or any(perhaps(moment, loose, v, ask.blobs, anywhere=True) for v in moment.vehicles):
+        return None
+    return Case(moment.token, "absent", group, relation, ask, command(relation, ask, [(said, body)], random))
+
+
+def _suits(moment: Moment, v: Vehicle, relation: str, ask: Ask) -> bool:
+    """Whether a sensible person would ask that of a vehicle."""
+    if not (v.visible and v.on_map and AHEAD_M[0] <= v.xy_m[0] <= AHEAD_M[1] and abs(v.xy_m[1]) <= ASIDE_M):
+        return False
+    if not moment.is_in_street(v):
+        return False
+    aside = abs(moment.sideways_m(v.xy_m))
+    if relation == "follow":
+        room = v.xy_m[0] - v.length_m / 2 - wanted_m(ask, v) - EGO_LENGTH_M / 2 > EGO_CENTRE_M
+        return not v.parked and aside < 2 * IN_LANE_M and room
+    if relation == "overtake":
+        return aside < IN_LANE_M and v.speed_mps < SLOW_MPS
+    if relation == "drive_past":
+        return v.stands and aside > IN_LANE_M
+    if relation == "toward":
+        return True
+    return v.parked if ask.action in ("park", "pull_over") else v.stands
+
+
+def _ahead(found: Region | None, left_out: Counter[str]) -> Region | None:
+    """A region whose best place lies far enough before us to get there."""
+    if found is None:
+        left_out["no place in that relation is free"] += 1
+        return None
+    if found.best_m[0] < EGO_CENTRE_M + LEAST_WAY_M:
+        left_out["the place is no way ahead"] += 1
+        return None
+    return found
+
+
+def _pick(words: Sequence[Any], random: np.random.Generator) -> Any:
+    return words[int(random.integers(len(words)))]

@@ -1,0 +1,322 @@
+"""Which places a command allows: one short function a relation, by plain geometry on a true moment.
+
+What a relation means, its gaps and limits are those of the project's contract on places, written again here. Heading
+along the lane, either way round but in our own lane. Where a queue is in the way the contract lets a place lie
+farther off; people might not call that "behind" any more, so that such cases are left out, like all others of which
+two people might think differently.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+
+from appocc.checks import BoolArray
+from appocc.drawing import EGO_LENGTH_M, EGO_WIDTH_M
+from benchmarks.grounding_truth.moments import ALONG_DEG, HALF_CELL_M, Moment, Vehicle
+from benchmarks.grounding_truth.places import (
+    ALIGNED_M,
+    LEAST_GAP_M,
+    MARGIN_M,
+    Ask,
+    Region,
+    in_line,
+    is_wanted,
+    lanes_near,
+    next_in_line,
+    places,
+    unit,
+    wanted_m,
+)
+from benchmarks.grounding_truth.roads import EGO_CENTRE_M, kerbs, to_kerb
+
+# Between these angles two people might not agree whether it faces us, between those it stands across our way; what
+# faces us counts as in our way up to this far from our path, give or take.
+FACES_DEG, ACROSS_DEG, IN_WAY_M, IN_WAY_DOUBT_M = (100.0, 140.0), (50.0, 130.0), 4.5, 0.8
+SIDE_GAP_M, SIDE_GAPS_M, SIDE_OFFSET_M = 0.8, (0.4, 2.3), 1.0
+NEAR_M, TOWARD_M = 6.0, 1.0
+# Opposite: this much before or behind being level, and for parking this near to the kerb.
+LEVEL_M, EDGE_M = 2.0, 1.5
+# Between: room that both ends need, the longest gap that still is one, and across how far it may be.
+ROOM_M, LONGEST_GAP_M, WIDEST_GAP_M = 0.4, 20.0, 12.0
+# Of places that no vehicle tells, how far ahead, give or take.
+AHEAD_M, AHEAD_SLACK_M = (4.0, 30.0), 1.0
+
+
+def region(relation: str, moment: Moment, vehicles: Sequence[Vehicle], ask: Ask) -> Region | None:
+    """The places in a relation to vehicles (one; two of "between"; none of "none"); None where there is none."""
+    return RELATIONS[relation](moment, *vehicles, ask)
+
+
+# To what is near it -----------------------------------------------------------------------------------------------
+
+
+def behind(moment: Moment, v: Vehicle, ask: Ask) -> Region | None:
+    """In line with it, behind."""
+    return _at_end(moment, v, ask, -1)
+
+
+def in_front_of(moment: Moment, v: Vehicle, ask: Ask) -> Region | None:
+    """In line with it, before its front."""
+    return _at_end(moment, v, ask, 1)
+
+
+def follow(moment: Moment, v: Vehicle, ask: Ask) -> Region | None:
+    """Behind it in its lane, or in line with it, at the gap of its speed."""
+    return _in_its_lane(moment, v, ask, -1)
+
+
+def overtake(moment: Moment, v: Vehicle, ask: Ask) -> Region | None:
+    """Beyond it in its lane."""
+    return _in_its_lane(moment, v, ask, 1)
+
+
+def _in_its_lane(moment: Moment, v: Vehicle, ask: Ask, sign: int) -> Region | None:
+    """Before or beyond one that goes our way, where its lane runs as ours does, or straight on as it stands."""
+    if moment.path is None or abs(moment.turn_deg(v)) > ALONG_DEG or not moment.has_lane_to(v.xy_m[0] - v.length_m):
+        return None
+    x, aside = moment.centres[..., 0], moment.sideways_m(v.xy_m)
+    half = (v.length_m + EGO_LENGTH_M) / 2
+    per_x = np.hypot(1.0, moment.path.bend[1] + moment.path.bend[2] * (x + v.xy_m[0]))  # how long a way is over its x
+    same_lane = np.abs(moment.centres[..., 1] - moment.path.y(x) - aside) <= ALIGNED_M + HALF_CELL_M
+    where = same_lane & is_wanted(sign * (x - v.xy_m[0]) * per_x - half, ask, v)
+    along, across = moment.local(v.xy_m, v.yaw_rad)
+    where |= (np.abs(across) <= ALIGNED_M + HALF_CELL_M) & is_wanted(sign * along - half, ask, v)
+    slope = np.array([np.cos(moment.our_yaw(v.xy_m[0])), np.sin(moment.our_yaw(v.xy_m[0]))])
+    ideal_x = float((v.xy_m + sign * slope * (wanted_m(ask, v) + half))[0])
+    if not moment.has_lane_to(ideal_x):
+        return None  # at a crossing
+    where &= sign * along < next_in_line(moment, v, v.yaw_rad, sign)
+    ideal = np.array([ideal_x, moment.path.y(ideal_x) + aside])
+    return places(moment, where, ideal, (v.yaw_rad, moment.our_yaw(ideal_x)))
+
+
+def _at_end(moment: Moment, v: Vehicle, ask: Ask, sign: int) -> Region | None:
+    yaw = frame_yaw(moment, v, ask.blobs)
+    if yaw is None:
+        return None
+    along, _ = moment.local(v.xy_m, yaw)
+    gap = sign * along - (v.length_m + EGO_LENGTH_M) / 2
+    where = in_line(moment, v, yaw, sign) & is_wanted(gap, ask, v)
+    ideal = v.xy_m + sign * unit(yaw) * (wanted_m(ask, v) + (v.length_m + EGO_LENGTH_M) / 2)
+    return places(moment, where, ideal, (yaw, yaw + np.pi))
+
+
+def frame_yaw(moment: Moment, v: Vehicle, blobs: bool) -> float | None:
+    """The direction that "in front of" it means; None where two people might differ."""
+    turn = moment.turn_deg(v)
+    axis = moment.our_axis(v)
+    if blobs:  # its front is not known: our own direction, as far as it has one of its axes
+        return None if ACROSS_DEG[0] < abs(turn) < ACROSS_DEG[1] else axis
+    if abs(turn) <= FACES_DEG[0]:
+        return v.yaw_rad
+    if abs(turn) < FACES_DEG[1]:
+        return None
+    if not v.stands:
+        return v.yaw_rad
+    aside = np.abs([moment.sideways_m(v.xy_m), v.xy_m[1]])  # of our lane, and straight on
+    in_way, beside = aside.max() < IN_WAY_M - IN_WAY_DOUBT_M, aside.min() > IN_WAY_M + IN_WAY_DOUBT_M
+    if not (in_way or beside) or not moment.has_lane_to(v.xy_m[0]):
+        return None
+    return axis if in_way else v.yaw_rad
+
+
+def next_to(moment: Moment, v: Vehicle, ask: Ask) -> Region | None:
+    """Beside it, either side; the side towards us is the better one."""
+    return _beside(moment, v, (1, -1))
+
+
+def left_of(moment: Moment, v: Vehicle, ask: Ask) -> Region | None:
+    """Beside it, on its left as we see it."""
+    return _beside(moment, v, (1,)) if moment.is_along(v) else None
+
+
+def right_of(moment: Moment, v: Vehicle, ask: Ask) -> Region | None:
+    """Beside it, on its right as we see it."""
+    return _beside(moment, v, (-1,)) if moment.is_along(v) else None
+
+
+def _beside(moment: Moment, v: Vehicle, sides: Sequence[int]) -> Region | None:
+    yaw = moment.our_axis(v)
+    along, across = moment.local(v.xy_m, yaw)
+    level = np.abs(along) <= v.length_m / 2 + SIDE_OFFSET_M + HALF_CELL_M
+    where = np.zeros_like(level)
+    for side in sides:
+        gap = side * across - (v.width_m + EGO_WIDTH_M) / 2
+        where |= level & (gap >= SIDE_GAPS_M[0] - HALF_CELL_M) & (gap <= SIDE_GAPS_M[1] + HALF_CELL_M)
+    left = unit(yaw + np.pi / 2)
+    towards = max(sides, key=lambda side: -side * float((v.xy_m - [EGO_CENTRE_M, 0.0]) @ left))
+    ideal = v.xy_m + towards * left * (SIDE_GAP_M + (v.width_m + EGO_WIDTH_M) / 2)
+    return places(moment, where, ideal, (yaw, yaw + np.pi))
+
+
+def near(moment: Moment, v: Vehicle, ask: Ask) -> Region | None:
+    """Around it; the nearer the better."""
+    return places(moment, _around(moment, v), v.xy_m, lanes_near(moment, v))
+
+
+def toward(moment: Moment, v: Vehicle, ask: Ask) -> Region | None:
+    """Around it, but short of it, on our way or as we see it."""
+    yaw = moment.our_yaw(v.xy_m[0])
+    sight = float(np.arctan2(v.xy_m[1], v.xy_m[0] - EGO_CENTRE_M))
+    short = (moment.local(v.xy_m, yaw)[0] <= TOWARD_M) | (moment.local(v.xy_m, sight)[0] <= TOWARD_M)
+    way = yaw if moment.is_along(v) else sight
+    ideal = v.xy_m - unit(way) * (wanted_m(ask, v) + (v.extent_m(way) + EGO_LENGTH_M) / 2)
+    return places(moment, _around(moment, v) & short, ideal, lanes_near(moment, v))
+
+
+def _around(moment: Moment, v: Vehicle) -> BoolArray:
+    """Where the ego's footprint, in line with a vehicle, is near it."""
+    along, across = moment.local(v.xy_m, v.yaw_rad)
+    short = np.maximum(np.abs(along) - (v.length_m + EGO_LENGTH_M) / 2, 0)
+    aside = np.maximum(np.abs(across) - (v.width_m + EGO_WIDTH_M) / 2, 0)
+    return np.asarray(np.hypot(short, aside) <= NEAR_M + HALF_CELL_M)
+
+
+def between(moment: Moment, v: Vehicle, w: Vehicle, ask: Ask) -> Region | None:
+    """In the gap of two that stand in a row or side by side, clear of both."""
+    yaw, apart = v.yaw_rad, w.xy_m - v.xy_m
+    askew = abs((np.degrees(w.yaw_rad - yaw) + 90) % 180 - 90)
+    offset = np.abs(np.array([apart @ unit(yaw), apart @ unit(yaw + np.pi / 2)]))
+    row = offset[0] > offset[1]
+    sizes = ((v.length_m + w.length_m) / 2, EGO_LENGTH_M) if row else ((v.width_m + w.width_m) / 2, EGO_WIDTH_M)
+    free = (offset[0] if row else offset[1]) - sizes[0]
+    slant = offset[1] if row else offset[0]
+    most = LONGEST_GAP_M if row else WIDEST_GAP_M
+    if not row and ask.action == "park":
+        return None  # nobody parks in the middle of a road
+    if askew > ALONG_DEG or slant > ALIGNED_M or not sizes[1] + 2 * ROOM_M <= free <= most:
+        return None
+    middle = (v.xy_m + w.xy_m) / 2
+    along, across = moment.local(middle, yaw)
+    lengthwise, aside = (along, across) if row else (across, along)
+    inside = np.abs(lengthwise) <= (free - sizes[1]) / 2
+    inside &= np.abs(aside) <= (ALIGNED_M if row else v.length_m / 2 + SIDE_OFFSET_M) + HALF_CELL_M
+    gap = (np.abs(lengthwise) <= free / 2) & (np.abs(aside) <= 1.0)
+    if (gap & moment.taken).any():  # a third one stands in it
+        return None
+    return places(moment, inside, middle, (yaw, yaw + np.pi))
+
+
+# To what is along our road ----------------------------------------------------------------------------------------
+
+
+def before(moment: Moment, v: Vehicle, ask: Ask) -> Region | None:
+    """Short of it, in line with it or in our own lane."""
+    return _along_road(moment, v, ask, -1)
+
+
+def past(moment: Moment, v: Vehicle, ask: Ask) -> Region | None:
+    """Beyond it, in line with it or in our own lane."""
+    return _along_road(moment, v, ask, 1)
+
+
+def drive_past(moment: Moment, v: Vehicle, ask: Ask) -> Region | None:
+    """Beyond it in our own lane."""
+    return _along_road(moment, v, ask, 1)
+
+
+def _along_road(moment: Moment, v: Vehicle, ask: Ask, sign: int) -> Region | None:
+    """On our road before or beyond a vehicle that stands along it: for parking in line with it, else in our lane."""
+    if moment.path is None or not moment.is_along(v) or not moment.has_lane_to(v.xy_m[0]):
+        return None
+    yaw = moment.our_yaw(v.xy_m[0])
+    along, _ = moment.local(v.xy_m, yaw)
+    half = (v.extent_m(yaw) + EGO_LENGTH_M) / 2
+    where = is_wanted(sign * along - half, ask, v)
+    ideal = v.xy_m + sign * unit(yaw) * (wanted_m(ask, v) + half)
+    lined = where & in_line(moment, v, yaw, sign)
+    if ask.action in ("park", "pull_over"):
+        return places(moment, lined, ideal, (yaw, yaw + np.pi))
+    ideal = np.array([ideal[0], moment.path.y(ideal[0])])
+    own = np.abs(moment.centres[..., 1] - moment.path.y(moment.centres[..., 0])) <= ALIGNED_M + HALF_CELL_M
+    ours = places(moment, where & own, ideal, (yaw,))
+    if ours is None or ask.action != "stop":
+        return ours
+    both = places(moment, where & (own | lined), ours.best_m, (yaw, yaw + np.pi))
+    return both and both._replace(best_m=ours.best_m)
+
+
+def opposite(moment: Moment, v: Vehicle, ask: Ask) -> Region | None:
+    """Level with it on the other side of the road, for parking at the kerb there."""
+    road = kerbs(moment.bev.grid, moment.ground, v.xy_m, v.yaw_rad) if moment.is_along(v) else None
+    if road is None:
+        return None
+    left, right = road
+    side = -1 if (left + right) / 2 < 0 else 1
+    middle, edge = side * (left + right) / 2, left if side > 0 else -right
+    if middle < ROOM_M + v.width_m / 2:
+        return None  # it stands in the middle itself
+    along, across = moment.local(v.xy_m, v.yaw_rad)
+    where = (np.abs(along) <= v.length_m / 2 + LEVEL_M + HALF_CELL_M) & (side * across >= middle)
+    best = edge - EGO_WIDTH_M / 2 - LEAST_GAP_M
+    where &= side * across <= edge
+    if ask.action == "stop":
+        best = (middle + edge) / 2
+    else:
+        where &= side * across >= edge - EGO_WIDTH_M / 2 - EDGE_M - HALF_CELL_M
+    ideal = v.xy_m + side * best * unit(v.yaw_rad + np.pi / 2)
+    return places(moment, where, ideal, (v.yaw_rad, v.yaw_rad + np.pi))
+
+
+# To nothing -------------------------------------------------------------------------------------------------------
+
+
+def nothing(moment: Moment, ask: Ask) -> Region | None:
+    """Stop so far ahead in our lane, or stand at the kerb of a side, the nearest place of that."""
+    return _in_lane(moment, ask) if ask.action == "stop" else _at_kerb(moment, ask)
+
+
+def _in_lane(moment: Moment, ask: Ask) -> Region | None:
+    if ask.said_m is None or moment.path is None:
+        return None
+    way = np.arange(0.0, ask.said_m + 0.1, 0.5)
+    x = EGO_CENTRE_M + way * np.cos(moment.our_yaw(EGO_CENTRE_M + ask.said_m / 2))
+    cells = moment.bev.grid.cell_of(np.stack([x, moment.path.y(x)], axis=-1))
+    if not moment.stands_free(cells, moment.our_yaw(EGO_CENTRE_M + ask.said_m / 2), MARGIN_M).all():
+        return None  # somebody is in the way
+    if not moment.has_lane_to(x[-1]):
+        return None
+    end_m = np.array([x[-1], float(moment.path.y(x[-1]))])
+    yaw = moment.our_yaw(end_m[0])
+    along, across = moment.local(end_m, yaw)
+    where = (np.abs(along) <= 1 + ask.said_m / 10 + HALF_CELL_M) & (np.abs(across) <= ALIGNED_M + HALF_CELL_M)
+    return places(moment, where, end_m, (yaw,))
+
+
+def _at_kerb(moment: Moment, ask: Ask) -> Region | None:
+    if moment.path is None:
+        return None
+    side = 1 if ask.side == "left" else -1
+    away, kerb_y = to_kerb(moment.bev.grid, moment.ground, side)
+    x, y = moment.centres[:, 0, 0], moment.centres[..., 1]
+    lane_y = moment.path.y(x)[:, None]
+    # Our road's own kerb: the cell in the middle of our lane sees the same one.
+    lane = np.argmin(np.abs(y - lane_y), axis=1)
+    where = np.abs(kerb_y - kerb_y[np.arange(len(x)), lane][:, None]) < HALF_CELL_M
+    where &= (side * (y - lane_y) >= -HALF_CELL_M) & (away >= EGO_WIDTH_M / 2) & (away <= EGO_WIDTH_M / 2 + EDGE_M)
+    ahead = (x >= EGO_CENTRE_M + AHEAD_M[0] - AHEAD_SLACK_M) & (x <= EGO_CENTRE_M + AHEAD_M[1] + AHEAD_SLACK_M)
+    yaw = moment.our_yaw(EGO_CENTRE_M + sum(AHEAD_M) / 2)
+    return places(moment, where & ahead[:, None], np.array([EGO_CENTRE_M + AHEAD_M[0], 0.0]), (yaw, yaw + np.pi))
+
+
+Relation = Callable[..., Region | None]
+RELATIONS: Mapping[str, Relation] = {
+    "behind": behind,
+    "in_front_of": in_front_of,
+    "next_to": next_to,
+    "near": near,
+    "left_of": left_of,
+    "right_of": right_of,
+    "toward": toward,
+    "before": before,
+    "past": past,
+    "opposite": opposite,
+    "between": between,
+    "at": near,
+    "follow": follow,
+    "overtake": overtake,
+    "drive_past": drive_past,
+    "none": nothing,
+}

@@ -1,0 +1,232 @@
+"""Human commands on real tracks: whether the vehicle that the speaker meant is found.
+
+    python -m benchmarks.real_commands DIR [--json]
+
+DIR holds `scene-*.npz` (tracks of annotated objects in the world, ten moments a second, no colours) and
+`talk2car_commands.json` (sentences with the scene, the time and the track that is meant; those without a track are
+left out). Each sentence is read and resolved among the tracks of its moment, with what changed in the half second
+before; there is no map, so colour words can only be told, not checked.
+
+- rank: of the track that is meant among all that fit, 0 where it is not among them.
+- top: it is the answer. among: the answer is a question, and it is one of those asked about. missed: neither.
+- what lacked, for all that are not top. language: the query names no such kind of thing, or lacks a colour word that
+  is in the sentence. colour: with its own paint on that track alone it would be the answer. scene: the rest (what the
+  words say is not what the tracks show, or they do not say enough).
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import re
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from appocc.checks import FloatArray
+from appocc.colours import WORDS
+from appocc.errors import AppoccError, DataError
+from appocc.files import read_json, zip_arrays
+from appocc.geometry import quaternion_from_yaw, transform
+from grounding.nouns import PEOPLE, of_noun
+from grounding.parse import read
+from grounding.query import Query
+from grounding.resolve import resolve
+from grounding.scene import Scene, scene_of_tracks
+from tracking.tracks import Track
+
+OUTCOMES = ("top", "among", "missed")
+BEFORE_STEPS, STEP_S, MOVES_MPS = 5, 0.1, 0.5
+# Paints that no two words share, to mark the one that is meant.
+PAINTS: dict[str, tuple[int, int, int]] = {
+    **{"black": (20, 20, 22), "grey": (118, 118, 120), "silver": (180, 182, 184), "white": (245, 245, 245)},
+    **{"red": (190, 25, 30), "orange": (240, 130, 30), "brown": (100, 60, 35), "yellow": (240, 205, 40)},
+    **{"green": (30, 130, 50), "blue": (30, 60, 180), "purple": (110, 40, 140), "pink": (240, 150, 180)},
+}
+
+
+class Recording:
+    """The tracks of a scene."""
+
+    def __init__(self, path: Path) -> None:
+        """Read a file.
+
+        Raises:
+            DataError: if it cannot be read or lacks a part.
+        """
+        names = [*("t", "ids", "category", "position", "heading", "velocity", "valid", "size_lwh")]
+        names += ["ego_position", "ego_heading"]
+        try:
+            with path.open("rb") as handle, zip_arrays(handle) as arrays:
+                self._parts: dict[str, Any] = {name: arrays[name] for name in names}
+        except (OSError, ValueError, KeyError) as error:
+            raise DataError(f"{path}: expected tracks of a scene ({error})") from error
+
+    def number_of(self, token: str) -> int:
+        """Number of an instance from 1.
+
+        Raises:
+            DataError: if there is none.
+        """
+        found = np.flatnonzero(self._parts["ids"] == token)
+        if not len(found):
+            raise DataError(f"track {token}: expected it among those of its scene, got none")
+        return int(found[0]) + 1
+
+    def scene_at(self, seconds: float) -> Scene:
+        """The scene of the moment nearest to a time."""
+        now = int(np.argmin(np.abs(self._parts["t"] - seconds)))
+        before = max(now - BEFORE_STEPS, 0)
+        heading, place = self._parts["ego_heading"][now], self._parts["ego_position"][now]
+        world_from_ego = transform(quaternion_from_yaw(float(heading)), place)
+        if before == now:
+            return scene_of_tracks(None, self._tracks(now), world_from_ego)
+        return scene_of_tracks(None, self._tracks(now), world_from_ego, self._tracks(before), STEP_S * (now - before))
+
+    def _tracks(self, moment: int) -> Iterator[Track]:
+        parts = self._parts
+        for i in np.flatnonzero(parts["valid"][:, moment]).tolist():
+            kind = str(parts["category"][i])
+            if not kind.startswith(("vehicle.", "human.")):
+                continue
+            length, width, height = parts["size_lwh"][i].tolist()
+            ground: FloatArray = parts["position"][i, moment] - np.array([0.0, 0.0, height / 2])
+            velocity = parts["velocity"][i, moment].astype(np.float64)
+            moving = bool(np.hypot(*velocity) > MOVES_MPS)
+            yaw = float(parts["heading"][i, moment])
+            unknown = np.full(3, np.nan)
+            yield Track(
+                i + 1, ground, velocity, yaw, True, length, width, unknown, 1.0, True, height, kind, moving=moving
+            )
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of a sentence.
+
+    Attributes:
+        command: the sentence.
+        scene: name of its scene.
+        outcome: top, among or missed.
+        rank: of the track that is meant, 0 where it does not fit.
+        asked: how many the answer leaves open.
+        lacked: language, colour or scene; empty for top.
+        said: the answer in a line.
+    """
+
+    command: str
+    scene: str
+    outcome: str
+    rank: int
+    asked: int
+    lacked: str
+    said: str
+
+
+def outcome_of(query: Query, scene: Scene, meant: str) -> tuple[str, int, int, str]:
+    """Outcome, rank, how many are left open, and the answer in words, for the id of the track that is meant."""
+    whole = [one.item.id for one in resolve(query, scene, limit=len(scene.crowd)).candidates]
+    found = resolve(query, scene)
+    ids = [one.item.id for one in found.candidates]
+    rank = whole.index(meant) + 1 if meant in whole and found.status != "not_found" else 0
+    said = found.question or (found.reasons[0] if found.reasons else found.status)
+    if found.status == "ok" and ids and ids[0] == meant:
+        return "top", rank, 1, said
+    return "among" if found.status == "ambiguous" and meant in ids else "missed", rank, len(ids), said
+
+
+def lacked_by(command: str, query: Query, scene: Scene, meant: str) -> str:
+    """Why the track that is meant is not the answer."""
+    row = next(i for i, item in enumerate(scene.crowd.items) if item.id == meant)
+    named = next(
+        (word for word in re.findall("[a-z]+", command.lower().replace("gray", "grey")) if word in WORDS), ""
+    )
+    referent = query.referent
+    if referent is None:
+        return "language"
+    colours = " ".join(colour or "" for colour in (referent.colour, *(part.colour for part in query.secondary)))
+    # People wear colours that are no paint.
+    if named not in colours.split() and named and referent.noun not in PEOPLE:
+        return "language"
+    nouns = [(referent.noun, referent.head), *((part.noun, part.noun) for part in query.secondary)]
+    if max(float(of_noun(noun, head, scene.crowd)[row]) for noun, head in nouns) < 0.1:
+        return "language"
+    painted = _painted(scene, meant, (referent.colour or "").split()[-1:])
+    return "colour" if painted and outcome_of(query, painted, meant)[0] == "top" else "scene"
+
+
+def _painted(scene: Scene, meant: str, colour: list[str]) -> Scene | None:
+    """The scene with a colour on one track, and its opposite on all others; None without such a colour."""
+    if not colour or colour[0] not in PAINTS:
+        return None
+    other = PAINTS["white" if colour[0] in ("black", "blue", "purple", "brown", "grey", "green") else "black"]
+    rgb = {True: np.array(PAINTS[colour[0]], np.float64), False: np.array(other, np.float64)}
+    return replace(scene, objects=tuple(replace(item, rgb=rgb[item.id == meant].copy()) for item in scene.objects))
+
+
+def measure(folder: Path) -> list[Outcome]:
+    """What becomes of each sentence.
+
+    Raises:
+        DataError: if a file cannot be read or a track is not there.
+    """
+    told = folder / "talk2car_commands.json"
+    records = read_json(told)
+    keys = {"command", "scene", "track", "t_best"}
+    if not isinstance(records, list) or not all(isinstance(one, dict) for one in records):
+        raise DataError(f"{told}: expected a list of records, got {type(records).__name__}")
+    records = [one for one in records if one.get("track")]
+    lacking = [one for one in records if not keys <= one.keys()]
+    if lacking:
+        raise DataError(f"{told}: expected {', '.join(sorted(keys))} in each record, got {sorted(lacking[0])}")
+    recordings = {name: Recording(folder / f"{name}.npz") for name in sorted({one["scene"] for one in records})}
+    outcomes = []
+    for one in records:
+        recording = recordings[one["scene"]]
+        scene, meant = recording.scene_at(one["t_best"]), f"track {recording.number_of(one['track'])}"
+        query = read(one["command"]).query
+        outcome, rank, asked, said = outcome_of(query, scene, meant)
+        lacked = "" if outcome == "top" else lacked_by(one["command"], query, scene, meant)
+        outcomes.append(Outcome(one["command"], one["scene"], outcome, rank, asked, lacked, said))
+    return outcomes
+
+
+def table(outcomes: Sequence[Outcome]) -> Table:
+    """The outcomes for people, totals at the end."""
+    made = Table("scene", "command", "outcome", "rank", "asked", "lacked")
+    for one in outcomes:
+        made.add_row(one.scene[-4:], one.command, one.outcome, str(one.rank or "-"), str(one.asked), one.lacked)
+    made.add_section()
+    counts = Counter(one.outcome for one in outcomes)
+    lacked = Counter(one.lacked for one in outcomes if one.lacked)
+    totals = ", ".join(f"{name} {counts[name]}" for name in OUTCOMES)
+    made.add_row("all", f"{len(outcomes)} commands", totals, "", "", ", ".join(f"{k} {v}" for k, v in lacked.items()))
+    return made
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Parse arguments, measure, print a table or JSON."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--json", action="store_true", help="for machines")
+    told = parser.parse_args(arguments)
+    try:
+        outcomes = measure(told.folder)
+    except AppoccError as error:
+        parser.exit(error.exit_code, f"error: {error}\n")
+    if told.json:
+        counts = Counter(one.outcome for one in outcomes)
+        lacked = Counter(one.lacked for one in outcomes if one.lacked)
+        print(json.dumps({"counts": counts, "lacked": lacked, "commands": [vars(one) for one in outcomes]}, indent=2))
+    else:
+        Console(width=150).print(table(outcomes))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,75 @@
+"""`appocc eval parses`: how many labelled commands are understood."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from cli.common import JsonOption, emit, say
+
+if TYPE_CHECKING:
+    from grounding.evaluation import Result
+
+
+def parses(
+    labelled: Annotated[
+        Path, typer.Argument(metavar="FILE.jsonl", help="Labelled commands, one JSON object a line.")
+    ],
+    errors: Annotated[bool, typer.Option("--errors", help="List every command with a field that is wrong.")] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Compare what the parser makes of commands with their labels: core parse right, and field by field.
+
+    Example: appocc eval parses commands.jsonl --errors
+    """
+    from grounding.evaluation import evaluate, read_labelled
+    from grounding.parse import read
+
+    result = evaluate(read_labelled(labelled), lambda text: read(text).query.to_dict())
+    if as_json:
+        emit(result.as_json())
+    if errors:
+        _list_errors(result)
+    _show(result.as_json())
+
+
+def _list_errors(result: Result) -> None:
+    for one in result.judged:
+        wrong = one.wrong()
+        if wrong:
+            say(("" if one.core else "core: ") + one.record["command"])
+        for field, labelled, read in wrong:
+            say(f"    {field}: labelled {labelled}, read {read}")
+
+
+def _show(answer: dict[str, Any]) -> None:
+    """The figures as tables on stderr."""
+    from rich.console import Console
+    from rich.table import Table
+
+    low, high = answer["wilson"]
+    say(f"{answer['records']} commands, core parse right {_percent(answer['core_parse_right'])} %")
+    say(f"95 % interval {_percent(low)}..{_percent(high)}, lenient {_percent(answer['lenient'])} %")
+    say(f"false rejects {_percent(answer['false_rejects'])} %, reject recall {_percent(answer['reject_recall'])} %")
+    console = Console(stderr=True)
+    console.width = max(console.width, 100)  # in a narrow window lines break, but no number is left out
+    fields = Table("field")
+    fields.add_column("right %", justify="right")
+    for name, share in answer["per_field"].items():
+        counted = " (F1)" if name in ("qualifiers", "secondary", "excluded") else ""
+        fields.add_row(name + counted, _percent(share))
+    groups = Table("category")
+    for head in ("commands", "core right"):
+        groups.add_column(head, justify="right")
+    for name, group in answer["by_category"].items():
+        groups.add_row(name, str(group["records"]), str(group["right"]))
+    console.print(fields)
+    if len(answer["by_category"]) > 1:
+        console.print(groups)
+
+
+def _percent(share: float | None) -> str:
+    """A share in percent, or a dash where there was nothing to be counted."""
+    return f"{100 * share:.1f}" if share is not None else "-"

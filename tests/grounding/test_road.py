@@ -1,0 +1,224 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from street import Street
+
+from appocc.bevmap import LANE, ROAD, VEHICLE, BEVMap
+from appocc.checks import BoolArray
+from appocc.grid import BEVGrid
+from grounding.footing import OFF_MAP, OFF_ROAD, TAKEN, UNKNOWN, Footing, gap_m, whole_steps
+from grounding.road import Road, agreeing
+from grounding.scene import EGO_CENTRE_M
+
+GRID = BEVGrid.surround()
+X, Y = np.moveaxis(GRID.centres(), -1, 0)
+
+
+def road_of(road: BoolArray, street: Street | None = None, soft: bool = False) -> Road:
+    street = street or Street()
+    street.occupancy[ROAD] = road
+    scene = street.scene()
+    bev = scene.bev
+    assert bev is not None
+    if soft:
+        occupancy = np.clip(bev.occupancy, 0.1, 0.9)
+        bev = BEVMap(bev.grid, occupancy, bev.occupancy_valid, bev.appearance, bev.appearance_valid)
+    return Road.of(bev, scene.objects)
+
+
+def strip(angle_rad: float, half_m: float = 4.0) -> BoolArray:
+    """A road through the ego's middle at an angle."""
+    return np.asarray(np.abs(Y * np.cos(angle_rad) - (X - EGO_CENTRE_M) * np.sin(angle_rad)) < half_m)
+
+
+@pytest.mark.parametrize("angle_deg", [-60, -25, 0, 10, 45, 80])
+def test_the_axis_of_a_straight_road(angle_deg: float) -> None:
+    angle = np.radians(angle_deg)
+    road = road_of(strip(angle))
+    far = strip(angle, 3.0) & (np.hypot(X, Y) > 12) & (np.hypot(X, Y) < 34)
+    off = np.abs(np.sin(road.tracer.axis_rad[far] - angle))
+    assert np.degrees(off.max()) < 4
+    assert road.sure[far].min() > 0.8
+
+
+def test_our_direction_along_a_ring_and_behind_us() -> None:
+    ring = np.asarray(np.abs(np.hypot(X - EGO_CENTRE_M, Y - 20) - 20) < 4)
+    road = road_of(ring)
+    for angle_deg in (-80, -40, 40, 80, 120):
+        angle = np.radians(angle_deg)
+        at = np.array([EGO_CENTRE_M + 20 * np.sin(angle), 20 - 20 * np.cos(angle)])
+        assert abs(np.sin((road.direction_at(at) - angle) / 2)) < 0.06, angle_deg
+
+
+def test_a_side_road_is_left_by_where_one_comes_from() -> None:
+    cross = strip(0) | ((np.abs(X - 20) < 4) & (Y > 0)) | ((np.abs(X - 10) < 4) & (Y < 0))
+    road = road_of(np.asarray(cross))
+    assert road.direction_at(np.array([20.0, 25.0])) == pytest.approx(np.pi / 2, abs=0.06)
+    assert road.direction_at(np.array([10.0, -25.0])) == pytest.approx(-np.pi / 2, abs=0.06)
+    assert road.direction_at(np.array([36.0, 0.0])) == pytest.approx(0, abs=0.06)
+    i, j = GRID.cell_of([20.0, 2.0])
+    assert road.sure[i, j] < 0.6 < road.sure[tuple(GRID.cell_of([20.0, 25.0]))]
+
+
+def test_the_direction_does_not_turn_round_in_a_wide_junction() -> None:
+    corners = [np.hypot(X - x, Y - y) > 7 for x in (8, 32) for y in (-12, 12)]
+    cross = (
+        strip(0, 5.0) | (np.abs(X - 20) < 5) | ((np.abs(X - 20) < 12) & (np.abs(Y) < 12) & np.all(corners, axis=0))
+    )
+    road = road_of(np.asarray(cross))
+    reached = np.isfinite(road.ways.length_m)
+    beyond = reached & (X > 34) & (np.abs(Y) < 4)
+    assert np.cos(road.direction_rad[beyond]).min() > 0.9
+    left = reached & (Y > 16) & (np.abs(X - 20) < 4)
+    assert np.sin(road.direction_rad[left]).min() > 0.9
+    behind = reached & (X < -8) & (np.abs(Y) < 4)
+    assert np.cos(road.direction_rad[behind]).min() > 0.9
+
+
+def test_the_direction_before_a_vehicle_that_one_drives_round() -> None:
+    road = road_of(strip(0, 4.5), Street().car("c", 14, 0).car("d", 14, 3.2).car("e", 22, -3))
+    reached = np.isfinite(road.ways.length_m)
+    assert np.cos(road.direction_rad[reached & (X > -20) & (X < 36)]).min() > 0.9
+
+
+def test_vehicles_tell_the_axis_where_no_edge_does() -> None:
+    street = Street()
+    for number in range(4):
+        street.car(f"c{number}", 5 + 6 * number, 6 + 4 * number, yaw_rad=np.arctan2(4, 6))
+    road = road_of(np.ones(GRID.shape, np.bool_), street)
+    assert road.direction_at(np.array([17.0, 14.0])) == pytest.approx(np.arctan2(4, 6), abs=0.1)
+
+
+def test_one_that_stands_across_a_plain_road_says_nothing() -> None:
+    road = road_of(strip(0), Street().car("c", 15, 0, yaw_rad=np.pi / 2))
+    assert road.direction_at(np.array([15.0, 0.0])) == pytest.approx(0, abs=0.02)
+
+
+def test_ways_are_as_wide_as_the_ego() -> None:
+    gate = strip(0) & ~((np.abs(X - 10) < 1) & (np.abs(Y) > 0.7))
+    wide = strip(0) & ~((np.abs(X - 10) < 1) & (np.abs(Y) > 1.3))
+    there = tuple(GRID.cell_of([20.0, 0.0]))
+    assert not np.isfinite(road_of(np.asarray(gate)).ways.length_m[there])
+    assert road_of(np.asarray(wide)).ways.length_m[there] == pytest.approx(20 - EGO_CENTRE_M, abs=0.6)
+
+
+def test_small_holes_are_closed_in_predicted_maps_only_and_never_stood_on() -> None:
+    holes = strip(0, 2.0) & ~((np.abs(X - 10) < 0.3) & (np.abs(Y) < 0.6))
+    there = tuple(GRID.cell_of([20.0, 0.0]))
+    assert not np.isfinite(road_of(np.asarray(holes)).ways.length_m[there])
+    soft = road_of(np.asarray(holes), soft=True)
+    assert np.isfinite(soft.ways.length_m[there])
+    assert soft.footing.flags(GRID.cell_of([[10.0, 0.0]]), np.zeros(1)).tolist() == [OFF_ROAD]
+
+
+def test_the_ways_start_on_the_nearest_free_cell() -> None:
+    beside = np.asarray(np.abs(Y - 5) < 3)
+    road = road_of(beside)
+    assert road.ways.length_m.min() == 0
+    start = GRID.centre_of(np.argwhere(road.ways.length_m == 0)[0])
+    assert start == pytest.approx([1.4, 3.0], abs=0.45)
+    assert not len(road_of(np.asarray(np.abs(Y - 20) < 3)).ways.cells)
+
+
+def test_the_own_lane_follows_a_bend_and_crosses_a_junction_straight() -> None:
+    bend = np.asarray(np.abs(np.hypot(X - EGO_CENTRE_M, Y - 30) - 30) < 4)
+    own = road_of(bend).own
+    for along in (10, 20, 30):
+        at = np.array([EGO_CENTRE_M + 30 * np.sin(along / 30), 30 - 30 * np.cos(along / 30)])
+        assert own.place_of(at) == pytest.approx((along, 0), abs=1.0)
+    cross = road_of(np.asarray(strip(0) | (np.abs(X - 15) < 5))).own
+    assert np.abs(cross.points_m[:, 1]).max() < 0.5
+    assert cross.end_m == pytest.approx(40 - EGO_CENTRE_M, abs=1.5)
+    assert not cross.ends
+
+
+def test_the_own_lane_ends_where_the_road_does() -> None:
+    own = road_of(np.asarray(strip(0) & (X < 20))).own
+    assert own.ends
+    assert own.end_m == pytest.approx(20 - EGO_CENTRE_M, abs=1.5)
+
+
+def test_metres_along_and_aside_of_a_lane() -> None:
+    along, aside = road_of(strip(0)).own.coordinates
+    cell = tuple(GRID.cell_of([15.0, 3.0]))
+    assert (along[cell], aside[cell]) == pytest.approx(GRID.centre_of(cell) - [EGO_CENTRE_M, 0], abs=1e-6)
+
+
+def test_the_way_to_the_edge() -> None:
+    road = road_of(np.asarray((Y > -4) & (Y < 7)))
+    cells = GRID.cell_of([[10.0, 0.2], [10.0, 20.0], [30.0, 0.2]])
+    left, right = (road.to_edge(cells, np.full(3, turn)) for turn in (np.pi / 2, -np.pi / 2))
+    assert left == pytest.approx([6.8, 0, 6.8], abs=0.21)
+    assert right == pytest.approx([4.2, 0, 4.2], abs=0.21)
+    assert road.to_edge(cells, np.full(3, np.pi / 2), most_m=3.0).max() == pytest.approx(3)
+
+
+def test_the_side_of_traffic() -> None:
+    assert road_of(strip(0)).keeps == 1
+    oncoming = Street().car("c", 20, -3.5, yaw_rad=np.pi, speed_mps=5)
+    assert road_of(strip(0, 6.0), oncoming).keeps == -1
+    assert road_of(strip(0, 6.0), Street().car("c", 20, 3.5, yaw_rad=np.pi, speed_mps=5)).keeps == 1
+    standing = Street().car("c", 20, -3.5, yaw_rad=np.pi)
+    assert road_of(strip(0, 6.0), standing).keeps == 1
+
+
+def test_what_forbids_a_place() -> None:
+    street = Street().car("c", 20, 0)
+    street.road_known[X < -30] = False
+    scene = street.scene()
+    assert scene.bev is not None
+    footing = Footing.of(scene.bev, scene.objects)
+    places = np.array([[0.2, 0.2], [20.2, 0.2], [0.2, 7.4], [-31.0, 0.2], [38.2, 0.2], [16.6, 0.2]])
+    flags = footing.flags(GRID.cell_of(places), np.zeros(len(places))).tolist()
+    assert flags == [0, TAKEN, OFF_ROAD, UNKNOWN, OFF_MAP, TAKEN]
+
+
+def test_a_part_of_a_cell_over_the_rim_is_off_the_map() -> None:
+    scene = Street().scene()
+    assert scene.bev is not None
+    footing = Footing.of(scene.bev, ())
+    cells = np.stack([np.arange(190, 200), np.full(10, 100)], axis=-1)
+    off = footing.flags(cells, np.zeros(10)) & OFF_MAP
+    assert (off > 0).tolist() == (GRID.centre_of(cells)[:, 0] + 2.3 > 40).tolist()
+
+
+def test_cells_under_a_turned_footprint_are_those_whose_centres_it_covers() -> None:
+    chance = np.random.default_rng(4)
+    street = Street()
+    street.occupancy[VEHICLE] = chance.random(GRID.shape) < 0.004
+    street.occupancy[ROAD] = chance.random(GRID.shape) > 0.004
+    scene = street.scene_without_boxes()
+    assert scene.bev is not None
+    bev, footing = scene.bev, Footing.of(scene.bev, ())
+    cells = chance.integers(10, 190, (300, 2))
+    headings = whole_steps(chance.uniform(-np.pi, np.pi, 300))
+    for cell, heading, flags in zip(cells, headings, footing.flags(cells, headings), strict=True):
+        offset = GRID.centres() - GRID.centre_of(cell)
+        along = np.abs(offset @ [np.cos(heading), np.sin(heading)])
+        across = np.abs(offset @ [-np.sin(heading), np.cos(heading)])
+        assert bool(flags & OFF_ROAD) == bool((~bev.on[ROAD] & (along <= 2.3) & (across <= 0.95)).any())
+        assert bool(flags & TAKEN) == bool((bev.on[VEHICLE] & (along <= 2.6) & (across <= 1.25)).any())
+
+
+def test_gaps_to_a_vehicle() -> None:
+    item = Street().car("c", 20, 0).scene().objects[0]
+    places = np.array([[12.0, 0.0], [20.0, 4.0], [20.0, 1.0], [30.0, 0.0]])
+    assert gap_m(item, places, np.zeros(4)) == pytest.approx([3.5, 2.15, -0.85, 5.5])
+    assert gap_m(item, places[:1], np.array([np.pi / 2])) == pytest.approx([8 - 2.2 - 0.95])
+    scene = Street().car("c", 20, 0).scene()
+    assert scene.bev is not None
+    assert Footing.of(scene.bev, scene.objects).nearest(places[0], 0.0)[1] == pytest.approx(3.5)
+    assert Footing.of(scene.bev, ()).nearest(places[0], 0.0) == (None, np.inf)
+
+
+def test_the_agreeing_end_of_an_axis() -> None:
+    assert agreeing(0.2, 0.0) == pytest.approx(0.2)
+    assert agreeing(0.2, np.pi) == pytest.approx(0.2 - np.pi)
+
+
+def test_markings_alone_show_the_way() -> None:
+    street = Street()
+    street.occupancy[LANE] = np.abs((X - EGO_CENTRE_M) * np.sin(0.4) - Y * np.cos(0.4)) % 3.5 < 0.3
+    road = road_of(np.ones(GRID.shape, np.bool_), street)
+    assert road.direction_at(np.array([20.0, 8.0])) == pytest.approx(0.4, abs=0.05)

@@ -1,0 +1,83 @@
+"""What holds of every plan, on roads and among vehicles drawn by chance."""
+
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from scipy import ndimage
+from street import Street
+from test_target import asked, check_invariants
+
+from appocc.bevmap import LANE, ROAD, VEHICLE, BEVMap
+from appocc.grid import BEVGrid
+from grounding.query import Query
+from grounding.road import Road
+from grounding.target import plan
+
+RELATIONS = ("behind", "in_front_of", "next_to", "near", "left_of", "right_of", "opposite", "past", "before", "at")
+WITH = [asked(action, relation) for relation in (*RELATIONS, "toward") for action in ("park", "stop", "pull_over")]
+WITH += [asked(action) for action in ("follow", "approach", "overtake", "drive_past", "change_lane", "avoid")]
+WITH += [asked("park", "between"), asked("turn", "past", direction="left"), asked("follow", "same_as")]
+WITH += [asked("stop", "behind", distance_m=5.0, distance_of="referent"), asked("park", "near", goal_side="left")]
+ALONE = [asked("turn", direction=way) for way in ("left", "right", "around", "straight")]
+ALONE += [asked(action) for action in ("park", "pull_over", "stop", "wait", "slow_down", "change_lane")]
+GRIDS = [BEVGrid.surround(), BEVGrid.front(), BEVGrid(-8.0, 24.0, -16.0, 20.0)]
+
+
+@st.composite
+def streets(draw: st.DrawFn) -> Street:
+    """Roads crossing at any angle, with markings, unknown patches, holes and vehicles that stand anyhow."""
+    street = Street(draw(st.sampled_from(GRIDS)))
+    chance = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+    x, y = np.moveaxis(street.grid.centres(), -1, 0)
+    street.occupancy[ROAD] = 0
+    for number in range(draw(st.integers(1, 3))):
+        angle = chance.normal(0, 0.15) if number == 0 else chance.uniform(-np.pi, np.pi)
+        px, py = (0.0, chance.uniform(-2, 2)) if number == 0 else chance.uniform(-10, 30, 2)
+        across = (y - py) * np.cos(angle) - (x - px) * np.sin(angle)
+        street.occupancy[ROAD, np.abs(across) < chance.uniform(1.5, 8)] = 1
+        street.occupancy[LANE, np.abs(across) < 0.2] = 1
+    for _ in range(draw(st.integers(0, 3))):
+        px, py, radius = chance.uniform([-20, -15, 0.3], [35, 15, 3])
+        street.occupancy[ROAD, np.hypot(x - px, y - py) < radius] = 0
+    if draw(st.booleans()):
+        street.road_known[:] = np.hypot(x - chance.uniform(-10, 40), y) < chance.uniform(5, 40)
+    for number in range(draw(st.integers(2, 12))):
+        px, py = chance.uniform(-10, 35), chance.uniform(-10, 10)
+        if np.hypot(px - 1.3, py) > 4:
+            yaw = chance.choice([0.0, np.pi, chance.uniform(-np.pi, np.pi)])
+            street.car(f"c{number}", px, py, yaw_rad=yaw, speed_mps=float(chance.choice([0, 7])))
+    return street
+
+
+@settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck))
+@given(streets(), st.sampled_from(WITH + ALONE), st.integers(0, 10**6), st.booleans())
+def test_no_place_breaks_a_constraint(street: Street, query: Query, pick: int, soft: bool) -> None:
+    scene = street.scene()
+    bev = scene.bev
+    assert bev is not None
+    if soft:  # A predicted map: nothing is quite sure, and small holes are closed for ways, never for places.
+        occupancy = np.clip(bev.occupancy, 0.1, 0.9)
+        bev = BEVMap(bev.grid, occupancy, bev.occupancy_valid, bev.appearance, bev.appearance_valid)
+    road = Road.of(bev, scene.objects)
+    item = partner = None
+    forbidden = []
+    if query in WITH and scene.objects:
+        item, partner = (scene.objects[(pick + step) % len(scene.objects)] for step in (0, 1))
+        forbidden = [("next_to", scene.objects[pick // 7 % len(scene.objects)])] if pick % 3 == 0 else []
+    made = plan(query, scene, road, item, partner, forbidden)
+    check_invariants(made, scene, road)
+    if made.target is not None and not soft:
+        # Worked out apart from the search for ways: one piece of cells in which a disc of the ego's width fits.
+        open_ = np.pad(bev.on[ROAD] & bev.occupancy_valid[:2].all(axis=0) & ~bev.on[VEHICLE], 1)
+        room = ndimage.distance_transform_edt(open_)[1:-1, 1:-1] * bev.grid.cell_m
+        piece = ndimage.label(room > 0.95, np.ones((3, 3)))[0]
+        start = np.argwhere(road.ways.length_m == 0)[0]
+        assert piece[made.target.cell] == piece[tuple(start)] > 0
+    if made.route is not None:
+        cells = road.grid.cell_of(made.route)
+        on_map = road.grid.contains(cells)
+        free = on_map & road.ways.free[tuple(np.where(on_map[:, None], cells, 0).T)]
+        assert free[np.argmax(free) :].all()  # from where it meets the first free cell
+        assert np.hypot(*np.diff(made.route, axis=0).T).max(initial=0.0) < 7
