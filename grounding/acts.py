@@ -96,7 +96,7 @@ def _of_kind(phrase: Phrase | None, kind: str) -> Phrase | None:
     if phrase is None:
         return None
     if phrase.kind == kind:
-        # "To evade traffic" is about nobody, "the oncoming traffic" about some vehicle.
+        # "To beat the traffic" is about nobody, "the oncoming traffic" about some vehicle.
         return phrase if kind != "traffic" or phrase.qualifiers else None
     return next((other for _, other in phrase.links if kind == other.kind == "vehicle"), None)
 

@@ -179,7 +179,7 @@ def question(told: Telling, token: Token) -> None:
 
 def there(told: Telling, token: Token) -> None:
     """There, its spot: a place told before."""
-    if token.text.startswith(("where", "is", "that")):  # "that is where I need to go"
+    if token.text.startswith(("where", "is", "that")):  # "that is where I want to stop"
         told.clear()
     if token.text.startswith(_ITS):
         told.aim("at", Phrase("pronoun", head=token.text, start=token.start))

@@ -21,7 +21,7 @@ class Deed:
         target: the vehicle (or whoever) it is about, None for none.
         relation: to the target, 'none' where nothing is said.
         direct: whether the target is the verb's object, without a relation.
-        inverse: the last of `marks` stands in this relation to the target ("by the sign in front of the bike").
+        inverse: the last of `marks` stands in this relation to the target ("by the sign in front of the bus").
         marks: other things with their relation ("object" for the verb's object), in order.
         direction: left, right, straight, around.
         side: left or right side of the road for the goal.

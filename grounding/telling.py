@@ -190,7 +190,7 @@ class Telling:
             deed.marks.append(("object", phrase))
             self.mention(phrase, "landmark")
         elif deed.target is None and phrase.kind == "vehicle" and at_place:
-            # "The road the bus came from", "the direction the van goes".
+            # "The road the van came from", "the direction the van goes".
             self.within = False
             self.aim("same_as" if self.noun and self.noun.head in ("direction", "way") else "at", phrase)
         elif (deed.target is None and deed.object is None) or taken:
@@ -271,7 +271,7 @@ class Telling:
             last = deed.marks[-1][0] if deed.marks else ""
             beside = last in _BESIDE or (last == "object" and deed.meaning in _ABOUT_THINGS) or relation == "with"
             apart = beside and self._at_solid()
-            deed.inverse = relation if apart else None  # "by the sign in front of the bike"
+            deed.inverse = relation if apart else None  # "by the sign in front of the bus"
             deed.relation = last if apart else relation
             deed.target = phrase
             self.mention(phrase, "target")

@@ -126,7 +126,7 @@ def _say(told: Telling, token: Token) -> None:
 
 
 def _passing_by(told: Telling, token: Token, host: Phrase) -> bool:
-    """Whether the verb tells no lasting state: "where the bus came from", "he is driving badly"."""
+    """Whether the verb tells no lasting state: "where the van came from", "he is driving badly"."""
     if told.used == "at" and token.form == "past":
         return token.state not in ("parked", "stopped")
     if token.form == "past" and told.helped in ("is", "are", "was", "were", "being") and token.state in _DRIVEN:

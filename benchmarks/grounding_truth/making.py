@@ -66,6 +66,7 @@ class Case(NamedTuple):
         relation: as in `regions.RELATIONS`.
         ask: the action and what else is said.
         sentence: the command.
+        said: how each vehicle is described.
         vehicles: whom it means; those that fit, of an ambiguous one; none, where no vehicle is named or there.
         region: where a place is right; None unless there is one answer.
     """
@@ -76,6 +77,7 @@ class Case(NamedTuple):
     relation: str
     ask: Ask
     sentence: str
+    said: tuple[Description, ...] = ()
     vehicles: tuple[Vehicle, ...] = ()
     region: Region | None = None
 
@@ -181,7 +183,7 @@ def _one(
         found = _ahead(region(relation, moment, [suited[i]], ask), left_out)
         if found:
             sentence = command(relation, ask, [(said, suited[i].body)], random)
-            return Case(moment.token, "one", group, relation, ask, sentence, (suited[i],), found)
+            return Case(moment.token, "one", group, relation, ask, sentence, (said,), (suited[i],), found)
     return None
 
 
@@ -208,7 +210,7 @@ def _between(
 def _both(moment: Moment, pair: tuple[Vehicle, Vehicle], blobs: bool) -> list[Description | None] | None:
     """One description that fits these two and no third, None where there is none."""
     v, w = pair
-    its_side = "left" if moment.sideways_m(v.xy_m) > 0 else "right"
+    its_side = "left" if moment.sideways_m(v) > 0 else "right"
     for paint, side in ((None, None), (v.paint, None), (None, its_side), (v.paint, its_side)):
         said = Description(CALLED[v.body][0], paint, side)
         might = [one for one in moment.vehicles if perhaps(moment, said, one, blobs)]
@@ -240,7 +242,7 @@ def _ambiguous(
         if fitting and all(_ahead(region(relation, moment, [one], ask), left_out) for one in (v, w)):
             # By no word for a body that only one of them has.
             sentence = command(relation, ask, [(said, said.noun)], random)
-            return Case(moment.token, "ambiguous", group, relation, ask, sentence, fitting)
+            return Case(moment.token, "ambiguous", group, relation, ask, sentence, (said,), fitting)
     return None
 
 
@@ -248,7 +250,7 @@ def _equally(
     moment: Moment, v: Vehicle, w: Vehicle, blobs: bool, random: np.random.Generator
 ) -> tuple[Description, tuple[Vehicle, ...]]:
     """A description that fits two vehicles and no nearer one, which people would think of first; all it may fit."""
-    side = "left" if moment.sideways_m(v.xy_m) > 0 else "right"
+    side = "left" if moment.sideways_m(v) > 0 else "right"
     said = Description(CALLED[v.body][0])
     for n in random.permutation(4).tolist():
         said = said._replace(paint=v.paint if n % 2 and v.paint == w.paint else None, side=(None, side)[n // 2])
@@ -263,7 +265,7 @@ def _equally(
 def _alike(moment: Moment, v: Vehicle, w: Vehicle) -> bool:
     """Whether nothing but its place tells one from the other, and that hardly."""
     ratio = max(v.distance_m, w.distance_m) / min(v.distance_m, w.distance_m)
-    ours = {abs(moment.sideways_m(one.xy_m)) < OUR_WAY_M for one in (v, w)}
+    ours = {abs(moment.sideways_m(one)) < OUR_WAY_M for one in (v, w)}
     cars = CALLED[v.body][0] == CALLED[w.body][0] == "car"
     same = (v.stands, v.parked) == (w.stands, w.parked) and (cars or v.body == w.body)
     beside = max(abs(v.xy_m[1]), abs(w.xy_m[1])) <= PAIR_ASIDE_M
@@ -287,21 +289,19 @@ def _absent(
 
 def _suits(moment: Moment, v: Vehicle, relation: str, ask: Ask) -> bool:
     """Whether a sensible person would ask that of a vehicle."""
-    if not (v.visible and v.on_map and AHEAD_M[0] <= v.xy_m[0] <= AHEAD_M[1] and abs(v.xy_m[1]) <= ASIDE_M):
-        return False
-    if not moment.is_in_street(v):
-        return False
-    aside = abs(moment.sideways_m(v.xy_m))
+    there = v.visible and v.on_map and AHEAD_M[0] <= v.xy_m[0] <= AHEAD_M[1] and abs(v.xy_m[1]) <= ASIDE_M
+    aside = abs(moment.sideways_m(v))
+    state = v.parked if ask.action in ("park", "pull_over") else v.stands
     if relation == "follow":
         room = v.xy_m[0] - v.length_m / 2 - wanted_m(ask, v) - EGO_LENGTH_M / 2 > EGO_CENTRE_M
-        return not v.parked and aside < 2 * IN_LANE_M and room
-    if relation == "overtake":
-        return aside < IN_LANE_M and v.speed_mps < SLOW_MPS
-    if relation == "drive_past":
-        return v.stands and aside > IN_LANE_M
-    if relation == "toward":
-        return True
-    return v.parked if ask.action in ("park", "pull_over") else v.stands
+        state = not v.parked and aside < 2 * IN_LANE_M and room
+    elif relation == "overtake":
+        state = aside < IN_LANE_M and v.speed_mps < SLOW_MPS
+    elif relation == "drive_past":
+        state = v.stands and aside > IN_LANE_M
+    elif relation == "toward":
+        state = True
+    return bool(there and state and moment.is_in_street(v))
 
 
 def _ahead(found: Region | None, left_out: Counter[str]) -> Region | None:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -156,9 +156,14 @@ class Moment:
         """Direction of our lane at a place ahead, straight on where no kerb tells."""
         return self.path.yaw_rad(x_m) if self.path else 0.0
 
-    def sideways_m(self, xy_m: FloatArray) -> float:
-        """How far left of our lane a point lies."""
-        return float(xy_m[1] - (self.path.y(float(xy_m[0])) if self.path else 0.0))
+    def sideways_m(self, v: Vehicle) -> float:
+        """How far left of our lane a vehicle's middle lies, straight on where no kerb tells."""
+        return self._sideways_m[v.instance]
+
+    @cached_property
+    def _sideways_m(self) -> dict[str, float]:
+        lane = self.path.y if self.path else np.zeros_like
+        return {v.instance: float(v.xy_m[1] - lane(v.xy_m[0])) for v in self.vehicles}
 
     def has_lane_to(self, x_m: float) -> bool:
         """Whether our lane is known as far as that."""
@@ -203,6 +208,7 @@ class Moment:
         return np.pad(self.ground, _PAD).ravel(), np.pad(~self.taken, _PAD).ravel()
 
 
+@lru_cache(maxsize=1024)
 def _footprint_cells(cell_m: float, yaw_rad: float, margin_m: float) -> IntArray:
     """(N, 2) offsets to the cells whose middle lies in the ego's footprint, grown by a margin."""
     offsets = np.stack(np.meshgrid(*[np.arange(-_PAD, _PAD + 1)] * 2, indexing="ij"), axis=-1).reshape(-1, 2)

@@ -76,7 +76,7 @@ def _in_its_lane(moment: Moment, v: Vehicle, ask: Ask, sign: int) -> Region | No
     """Before or beyond one that goes our way, where its lane runs as ours does, or straight on as it stands."""
     if moment.path is None or abs(moment.turn_deg(v)) > ALONG_DEG or not moment.has_lane_to(v.xy_m[0] - v.length_m):
         return None
-    x, aside = moment.centres[..., 0], moment.sideways_m(v.xy_m)
+    x, aside = moment.centres[..., 0], moment.sideways_m(v)
     half = (v.length_m + EGO_LENGTH_M) / 2
     per_x = np.hypot(1.0, moment.path.bend[1] + moment.path.bend[2] * (x + v.xy_m[0]))  # how long a way is over its x
     same_lane = np.abs(moment.centres[..., 1] - moment.path.y(x) - aside) <= ALIGNED_M + HALF_CELL_M
@@ -115,7 +115,7 @@ def frame_yaw(moment: Moment, v: Vehicle, blobs: bool) -> float | None:
         return None
     if not v.stands:
         return v.yaw_rad
-    aside = np.abs([moment.sideways_m(v.xy_m), v.xy_m[1]])  # of our lane, and straight on
+    aside = np.abs([moment.sideways_m(v), v.xy_m[1]])  # of our lane, and straight on
     in_way, beside = aside.max() < IN_WAY_M - IN_WAY_DOUBT_M, aside.min() > IN_WAY_M + IN_WAY_DOUBT_M
     if not (in_way or beside) or not moment.has_lane_to(v.xy_m[0]):
         return None

@@ -86,7 +86,7 @@ class Description(NamedTuple):
 
 def surely(moment: Moment, said: Description, v: Vehicle) -> bool:
     """Whether everybody would agree that a vehicle ahead is such a one, its place in an order left out."""
-    aside = moment.sideways_m(v.xy_m)
+    aside = moment.sideways_m(v)
     return (
         v.visible
         and v.on_map
@@ -102,7 +102,7 @@ def surely(moment: Moment, said: Description, v: Vehicle) -> bool:
 
 def perhaps(moment: Moment, said: Description, v: Vehicle, blobs: bool, anywhere: bool = False) -> bool:
     """Whether somebody might mean a vehicle, seen or hidden; ahead of us, or `anywhere`."""
-    aside = moment.sideways_m(v.xy_m)
+    aside = moment.sideways_m(v)
     bodies = ALIKE_FROM_ABOVE if blobs and said.noun in ("car", "van", "truck") else COULD_BE[said.noun]
     return (
         (v.visible or v.on_map)
@@ -118,7 +118,7 @@ def perhaps(moment: Moment, said: Description, v: Vehicle, blobs: bool, anywhere
 def _sides_m(moment: Moment, said: Description, v: Vehicle) -> tuple[float, float]:
     """How far to the side that is said a vehicle lies, of our way and of our heading: not all mean the same."""
     sign = 1 if said.side == "left" else -1
-    return sign * moment.sideways_m(v.xy_m), sign * float(v.xy_m[1])
+    return sign * moment.sideways_m(v), sign * float(v.xy_m[1])
 
 
 def meant(moment: Moment, said: Description, blobs: bool) -> Vehicle | None:
@@ -135,7 +135,7 @@ def meant(moment: Moment, said: Description, blobs: bool) -> Vehicle | None:
         return None
     if said.order in ("farthest", "last") and not all(v.on_map for v in might):
         return None
-    if said.order in (*ORDINALS, "last") and any(abs(moment.sideways_m(v.xy_m)) > ROAD_M for v in [*counted, *after]):
+    if said.order in (*ORDINALS, "last") and any(abs(moment.sideways_m(v)) > ROAD_M for v in [*counted, *after]):
         return None
     if said.order in ("leftmost", "rightmost"):
         outermost = (max if said.order == "leftmost" else min)(might, key=_bearing_deg)
@@ -162,7 +162,7 @@ def _bearing_deg(v: Vehicle) -> float:
 
 def describe(moment: Moment, v: Vehicle, blobs: bool, random: np.random.Generator) -> Description | None:
     """Words that mean this vehicle and no other, None where none were found."""
-    aside = moment.sideways_m(v.xy_m)
+    aside = moment.sideways_m(v)
     for _ in range(DRAWS):
         draw = random.random(6)
         order = ORDERS[int(random.integers(len(ORDERS)))] if draw[3] < 0.25 else None

@@ -100,11 +100,11 @@ CLAUSES = {
     "don't move until the van has passed": "wait none [van] pass",
     "slow down to let the bus merge": "give_way none [bus] merge",
     "stop so that we do not hit the van": "stop none [van]",
-    "turn right so i can go in the same direction as the bus": "turn same_as [bus] right",
+    "change lanes so we can go the same way as the van": "change_lane same_as [van]",
     "turn left after we pass the second van": "turn past [van second] left",
     "turn left before we reach the van": "turn before [van] left",
     "stop after passing the red car": "stop past [car red]",
-    "slow down while passing the van": "slow_down past [van]",
+    "slow down as we drive by the school bus": "slow_down past [bus]",
     "park where the red car is": "park at [car red]",
     "stop on the other side of the truck": "stop past [truck]",
     "continue until you see the red van, then stop": "stop at [van red]",
@@ -116,9 +116,9 @@ CLAUSES = {
     "continue straight and then turn left": "turn none left",
     "overtake the truck and continue straight": "overtake none [truck] straight",
     "if the bus stops go around it": "overtake none [bus stopped]",
-    "let the bus turn in front of us": "give_way none [bus] turn",
+    "let the truck merge in front of us": "give_way none [truck] merge",
     "let the van on the left out": "give_way none [van left_side] leave",
-    "wait for the bus to pass before going left": "wait none [bus] left pass",
+    "wait for the truck to leave before turning right": "wait none [truck] right leave",
 }
 
 
@@ -210,7 +210,7 @@ def test_what_is_ruled_out(text: str, expected: str, excluded: tuple[Any, ...]) 
         ("there are two vans ahead, stop behind the white one", "stop behind [van white ahead]", True),
         ("don't park by the red car, take the spot behind the blue one", "park behind [car blue]", True),
         ("do you see that bus? overtake it", "overtake none [bus]", True),
-        ("that is tony's van, stop next to him", "stop next_to [van]", True),
+        ("my uncle drives that van, stop behind him", "stop behind [van]", True),
         ("there is a free space before the van. park there", "park before [van]", False),
         ("there is a gap behind the bus, take it", "park behind [bus]", False),
         ("that van is leaving, take its spot", "park at [van leaving]", True),
@@ -272,7 +272,7 @@ def test_said_of_the_place_and_not_of_the_vehicle() -> None:
         ("continue to follow the van", ("follow",)),
         ("slow down, go around the bus and continue", ("slow_down", "overtake", "other")),
         ("after turning left stop by the van", ("stop",)),
-        ("wait for the bus to go before turning left", ("wait", "turn")),
+        ("let the bus out before turning left", ("give_way", "turn")),
     ],
 )
 def test_all_actions_in_order(text: str, actions: tuple[str, ...]) -> None:
