@@ -9,9 +9,9 @@ from grounding.field import Wish
 from grounding.footing import gap_m, whole_steps
 from grounding.frames import Around, ego_half_m, wish_of
 from grounding.goals import LANE_M
+from grounding.objects import SceneObject
 from grounding.query import Query
 from grounding.road import Road
-from grounding.scene import SceneObject
 from grounding.wishes import ALONG_M, ASIDE_M, BUMPERS, IN_LINE_M, PARKED, SECOND, off_gap, wanted_gap_m
 
 # Level with a vehicle across the road means up to so much before or beyond it; a parked one stands so near the edge.

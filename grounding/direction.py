@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from appocc.checks import BoolArray, FloatArray
 from appocc.grid import BEVGrid
-from grounding.scene import SceneObject
+from grounding.objects import SceneObject
 
 # What is seen within some metres counts most; where that is nothing, what is farther away.
 _NEAR_M, _FAR_M, _FAR_WEIGHT = 2.8, 8.0, 0.02

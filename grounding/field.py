@@ -11,8 +11,9 @@ import numpy as np
 from appocc.checks import BoolArray, FloatArray, IntArray
 from appocc.drawing import EGO_LENGTH_M
 from grounding.footing import MARGIN_M, OFF_MAP, OFF_ROAD, TAKEN, UNKNOWN, whole_steps
+from grounding.objects import SceneObject
 from grounding.road import Road
-from grounding.scene import Scene, SceneObject
+from grounding.scene import Scene
 
 # Further flags of a place, beside those of its footing.
 UNREACHED, EXCLUDED = 16, 32

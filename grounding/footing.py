@@ -12,7 +12,7 @@ from appocc.bevmap import ROAD, VEHICLE, BEVMap
 from appocc.checks import BoolArray, FloatArray, IntArray
 from appocc.drawing import EGO_LENGTH_M, EGO_WIDTH_M
 from appocc.grid import BEVGrid
-from grounding.scene import SceneObject
+from grounding.objects import SceneObject
 
 # What forbids a cell under the footprint; flags, so that several can hold.
 OFF_MAP, UNKNOWN, OFF_ROAD, TAKEN = 1, 2, 4, 8

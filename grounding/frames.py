@@ -12,8 +12,8 @@ from appocc.drawing import EGO_LENGTH_M, EGO_WIDTH_M
 from appocc.geometry import wrap_angle
 from grounding.field import Wish
 from grounding.footing import gap_m, whole_steps
+from grounding.objects import SceneObject
 from grounding.road import Road, agreeing
-from grounding.scene import SceneObject
 
 # Beyond this angle to our direction a vehicle faces us, and within this distance from our path it stands in it.
 _FACING_RAD = np.radians(120)

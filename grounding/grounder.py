@@ -42,7 +42,6 @@ class Grounder:
         """Make one that reads sentences so: the readings of a text, best first, at least one."""
         self._read = read
         self._scene: Scene | None = None
-        self._road: Road | None = None
 
     def set_scene(
         self,
@@ -68,7 +67,6 @@ class Grounder:
             self._scene = scene_of(bev, vehicles, pose)
         else:
             self._scene = scene_of_tracks(bev, vehicles, pose)
-        self._road = Road.of(bev, self._scene.objects)
         return self._scene
 
     def ground(self, text: str) -> Answer:
@@ -77,15 +75,16 @@ class Grounder:
         Raises:
             AppoccError: if no scene was set.
         """
-        if self._scene is None or self._road is None:
+        scene = self._scene
+        if scene is None or scene.road is None:
             raise AppoccError("grounder: expected a scene to be set before a sentence is asked")
         first, *others = self._read(text)
         if first.problem:
             reasons = (first.problem.message, *first.notes)
-            return Answer("not_a_command", first, self._scene, reasons=reasons)
+            return Answer("not_a_command", first, scene, reasons=reasons)
         read = [first, *(reading for reading in others if not reading.problem)]
         # Of equally good answers the first: readings come best first.
-        return max((_answer(reading, self._scene, self._road) for reading in read), key=lambda answer: answer.score)
+        return max((_answer(reading, scene, scene.road) for reading in read), key=lambda answer: answer.score)
 
 
 def _answer(reading: Reading, scene: Scene, road: Road) -> Answer:

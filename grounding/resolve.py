@@ -10,11 +10,12 @@ import numpy as np
 
 from grounding.counting import counting_words
 from grounding.nouns import KNOWN, PEOPLE, VEHICLES
+from grounding.objects import SceneObject
 from grounding.predicates import described
 from grounding.query import Landmark, Query, Referent
 from grounding.question import ask, tell_apart
 from grounding.relations import gaps, room_between
-from grounding.scene import Scene, SceneObject
+from grounding.scene import Scene
 from grounding.soft import bell
 from grounding.weigh import Weighed, unknown_things, weigh
 

@@ -18,8 +18,8 @@ from appocc.grid import BEVGrid
 from grounding.course import Course, Tracer
 from grounding.direction import SHORTEST_M, axes
 from grounding.footing import OFF_ROAD, TAKEN, UNKNOWN, Footing
+from grounding.objects import EGO_CENTRE_M, SceneObject
 from grounding.route import Ways, ways_from
-from grounding.scene import EGO_CENTRE_M, SceneObject
 
 # The ego's own middle may lie on a cell that is not free, on a kerb that a network misplaced for example.
 _START_M = 6.0

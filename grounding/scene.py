@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,11 +17,9 @@ from appocc.geometry import apply, inverse, wrap_angle, yaw_of
 from grounding.crowd import Crowd, crowd_of
 from grounding.lanes import LANE_M, Lanes
 from grounding.objects import EGO_CENTRE_M, SceneObject
+from grounding.road import Road
 from tracking.blobs import Blobs, find_blobs
 from tracking.tracks import Track
-
-if TYPE_CHECKING:
-    from grounding.road import Road
 
 __all__ = ["EGO_CENTRE_M", "Scene", "SceneObject", "scene_of", "scene_of_tracks"]
 
@@ -70,8 +67,6 @@ class Scene:
     @cached_property
     def road(self) -> Road | None:
         """What the map says about driving, made once; None without a map."""
-        from grounding.road import Road  # it is laid around the objects of scenes
-
         return None if self.bev is None else Road.of(self.bev, self.objects)
 
     @property

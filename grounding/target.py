@@ -12,9 +12,10 @@ from appocc.checks import BoolArray, FloatArray
 from appocc.drawing import EGO_LENGTH_M, EGO_WIDTH_M
 from appocc.geometry import footprints
 from grounding.field import Field, Place
+from grounding.objects import SceneObject
 from grounding.query import Query
 from grounding.road import Road
-from grounding.scene import Scene, SceneObject
+from grounding.scene import Scene
 from grounding.wanted import place_beside, wanted
 
 _MOVING_MPS = 1.0

@@ -12,9 +12,9 @@ from grounding.across import between, on_our_way, opposite
 from grounding.branches import branch
 from grounding.field import Wish
 from grounding.frames import Around
+from grounding.objects import SceneObject
 from grounding.query import Query
 from grounding.road import Road
-from grounding.scene import SceneObject
 from grounding.wishes import PARKED, about, at_an_end, beside
 
 # What an action means by itself of the vehicle that it takes.

@@ -9,9 +9,9 @@ from appocc.drawing import EGO_LENGTH_M, EGO_WIDTH_M
 from appocc.geometry import wrap_angle
 from grounding.field import Wish
 from grounding.frames import Around, ego_half_m, front_of, wish_of
+from grounding.objects import SceneObject
 from grounding.query import Query
 from grounding.road import Road, agreeing
-from grounding.scene import SceneObject
 
 # Metres between bumpers where the command names none; elsewhere _GAP_M. To follow: and so many seconds' way.
 _GAPS_M = {"park": 1.0, "pull_over": 1.5, "overtake": 6.0, "drive_past": 6.0}

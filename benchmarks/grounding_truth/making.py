@@ -203,7 +203,8 @@ def _between(
         if len(said) < 2:
             left_out["the vehicle cannot be told apart"] += 1
             continue
-        return Case(moment.token, "one", group, relation, ask, command(relation, ask, said, random), pair, found)
+        sentence = command(relation, ask, said, random)
+        return Case(moment.token, "one", group, relation, ask, sentence, (said[0][0], said[1][0]), pair, found)
     return None
 
 
@@ -284,7 +285,8 @@ def _absent(
     loose = said._replace(noun="vehicle") if said.paint else said
     if not there or any(perhaps(moment, loose, v, ask.blobs, anywhere=True) for v in moment.vehicles):
         return None
-    return Case(moment.token, "absent", group, relation, ask, command(relation, ask, [(said, body)], random))
+    sentence = command(relation, ask, [(said, body)], random)
+    return Case(moment.token, "absent", group, relation, ask, sentence, (said,))
 
 
 def _suits(moment: Moment, v: Vehicle, relation: str, ask: Ask) -> bool:
