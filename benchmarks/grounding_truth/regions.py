@@ -39,7 +39,7 @@ NEAR_M, TOWARD_M = 6.0, 1.0
 # Opposite: this much before or behind being level, and for parking this near to the kerb.
 LEVEL_M, EDGE_M = 2.0, 1.5
 # Between: room that both ends need, the longest gap that still is one, and across how far it may be.
-ROOM_M, LONGEST_GAP_M, WIDEST_GAP_M = 0.4, 20.0, 12.0
+ROOM_M, LONGEST_GAP_M, WIDEST_GAP_M = 0.4, 15.0, 12.0
 # Of places that no vehicle tells, how far ahead, give or take.
 AHEAD_M, AHEAD_SLACK_M = (4.0, 30.0), 1.0
 
@@ -176,27 +176,25 @@ def _around(moment: Moment, v: Vehicle) -> BoolArray:
 
 def between(moment: Moment, v: Vehicle, w: Vehicle, ask: Ask) -> Region | None:
     """In the gap of two that stand in a row or side by side, clear of both."""
-    yaw, apart = v.yaw_rad, w.xy_m - v.xy_m
-    askew = abs((np.degrees(w.yaw_rad - yaw) + 90) % 180 - 90)
-    offset = np.abs(np.array([apart @ unit(yaw), apart @ unit(yaw + np.pi / 2)]))
-    row = offset[0] > offset[1]
-    sizes = ((v.length_m + w.length_m) / 2, EGO_LENGTH_M) if row else ((v.width_m + w.width_m) / 2, EGO_WIDTH_M)
-    free = (offset[0] if row else offset[1]) - sizes[0]
-    slant = offset[1] if row else offset[0]
-    most = LONGEST_GAP_M if row else WIDEST_GAP_M
+    along, across = (float((w.xy_m - v.xy_m) @ unit(v.yaw_rad + turn)) for turn in (0.0, np.pi / 2))
+    askew = abs((np.degrees(w.yaw_rad - v.yaw_rad) + 90) % 180 - 90)
+    row = abs(along) > abs(across)
     if not row and ask.action == "park":
         return None  # nobody parks in the middle of a road
-    if askew > ALONG_DEG or slant > ALIGNED_M or not sizes[1] + 2 * ROOM_M <= free <= most:
+    apart, slant = (along, across) if row else (across, along)
+    way = v.yaw_rad + (0.0 if row else np.pi / 2) + (0.0 if apart > 0 else np.pi)
+    ends = [(one.length_m if row else one.width_m) / 2 for one in (v, w)]
+    free, needed = abs(apart) - sum(ends), EGO_LENGTH_M if row else EGO_WIDTH_M
+    most = LONGEST_GAP_M if row else WIDEST_GAP_M
+    if askew > ALONG_DEG or abs(slant) > ALIGNED_M or not needed + 2 * ROOM_M <= free <= most:
         return None
-    middle = (v.xy_m + w.xy_m) / 2
-    along, across = moment.local(middle, yaw)
-    lengthwise, aside = (along, across) if row else (across, along)
-    inside = np.abs(lengthwise) <= (free - sizes[1]) / 2
-    inside &= np.abs(aside) <= (ALIGNED_M if row else v.length_m / 2 + SIDE_OFFSET_M) + HALF_CELL_M
-    gap = (np.abs(lengthwise) <= free / 2) & (np.abs(aside) <= 1.0)
-    if (gap & moment.taken).any():  # a third one stands in it
-        return None
-    return places(moment, inside, middle, (yaw, yaw + np.pi))
+    middle = (v.xy_m + w.xy_m) / 2 + unit(way) * (ends[0] - ends[1]) / 2
+    lengthwise, aside = (np.abs(one) for one in moment.local(middle, way))
+    if (moment.taken & (lengthwise <= free / 2 - ROOM_M) & (aside <= ROOM_M)).any():
+        return None  # a third one stands in it
+    wide = ALIGNED_M if row else v.length_m / 2 + SIDE_OFFSET_M
+    inside = (lengthwise <= (free - needed) / 2) & (aside <= wide + HALF_CELL_M)
+    return places(moment, inside, middle, (v.yaw_rad, v.yaw_rad + np.pi))
 
 
 # To what is along our road ----------------------------------------------------------------------------------------

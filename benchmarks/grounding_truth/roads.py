@@ -56,13 +56,14 @@ def own_path(grid: BEVGrid, road: BoolArray) -> Lane | None:
     for sign, rows in ((1, road[first:last, middle:]), (-1, road[first:last, middle::-1])):
         kerb = np.where(rows.all(axis=1), 1e3, np.argmin(rows, axis=1) * grid.cell_m)  # far where there is none
         flat = sign * kerb - slope * x - bend * x**2
-        near.append(np.abs(flat - np.median(flat[:, tried], axis=1, keepdims=True)) < KERB_OFF_M)
+        off_m = np.abs(flat - np.median(flat[:, tried], axis=1, keepdims=True))
+        near.append(np.maximum(1 - off_m / KERB_OFF_M, 0.0))
     left, right = (one[:, tried].mean(axis=1) for one in near)
-    most = np.maximum(left, right)
-    best = int(np.argmax(left + right + most - BEND_COST * np.abs(bend[:, 0])))
-    if most[best] < KERB_SHARE or left[best] + right[best] < BOTH_SHARES:
+    best = int(np.argmax(left + right + np.maximum(left, right) - BEND_COST * np.abs(bend[:, 0])))
+    shares = [float((one[best, tried] > 0).mean()) for one in near]
+    if max(shares) < KERB_SHARE or sum(shares) < BOTH_SHARES:
         return None
-    along = x[near[0][best] | near[1][best]]
+    along = x[(near[0][best] > 0) | (near[1][best] > 0)]
     end = int(np.argmax(np.append(np.diff(along) > KERB_GAP_M, True)))
     b, c = float(slope[best, 0]), float(bend[best, 0])
     lane = Lane(np.array([-b * EGO_CENTRE_M - c * EGO_CENTRE_M**2, b, c]), float(along[end]))
