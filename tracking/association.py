@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
+from scipy.spatial.distance import cdist
 
 from appocc.checks import BoolArray, FloatArray, IntArray
 from tracking.motion import bend, determinant_of, squared
@@ -79,7 +80,7 @@ class Predicted(NamedTuple):
 
     def of(self, rows: IntArray) -> Predicted:
         """Some of them (M,)."""
-        return type(self)._make([each[rows] for each in self])
+        return type(self)._make([each.take(rows, axis=0) for each in self])
 
 
 class Seen(NamedTuple):
@@ -105,7 +106,7 @@ class Seen(NamedTuple):
 
     def of(self, columns: IntArray) -> Seen:
         """Some of them (K,)."""
-        return type(self)._make([each[columns] for each in self])
+        return type(self)._make([each.take(columns, axis=0) for each in self])
 
 
 class Pairs(NamedTuple):
@@ -127,9 +128,9 @@ class Pairs(NamedTuple):
     cost: FloatArray
     alike: FloatArray
 
-    def of(self, chosen: BoolArray) -> Pairs:
-        """Those of a mask (P,)."""
-        return type(self)._make([each[chosen] for each in self])
+    def of(self, numbers: IntArray) -> Pairs:
+        """Some of them (K,)."""
+        return type(self)._make([each.take(numbers, axis=0) for each in self])
 
 
 NONE = Pairs(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 2, 2)), np.zeros(0), np.zeros(0), np.zeros(0))
@@ -149,22 +150,24 @@ def possible(tracks: Predicted, seen: Seen, rows: IntArray, columns: IntArray, c
     cov = track.cov_m2 + noise_m2
     if config.stray_mps:
         cov = cov + ((config.stray_mps * track.unseen_s) ** 2)[:, None, None] * _UNIT
-    turn_rad, offset = _turn_of(track, sight), sight.xy_m - track.xy_m
-    bent = offset - (bend(turn_rad) @ track.way_m[..., None])[..., 0]
-    straight_far, bent_far = squared(offset, cov), squared(bent, cov)
+    turn_rad = _turn_of(track, sight)
+    (ahead, left), (way_x, way_y) = bend(turn_rad), track.way_m.T
+    x, y = (sight.xy_m - track.xy_m).T
+    bent_x, bent_y = x - ahead * way_x + left * way_y, y - left * way_x - ahead * way_y
+    straight_far, bent_far = squared(x, y, cov), squared(bent_x, bent_y, cov)
     turns = bent_far + _TURN_COST < straight_far
-    far, turn_rad = np.where(turns, bent_far, straight_far), np.where(turns, turn_rad, 0.0)
-    offset[turns] = bent[turns]
-    near_enough = (far <= config.gate_squared) | (np.hypot(offset[:, 0], offset[:, 1]) <= config.gate_m)
+    far = np.where(turns, bent_far, straight_far)
+    away_m = np.where(turns, np.hypot(bent_x, bent_y), np.hypot(x, y))
+    near_enough = (far <= config.gate_squared) | (away_m <= config.gate_m)
     cost = far + np.log(determinant_of(cov)) + _unlike(track, sight, config) - config.cost_most
-    return Pairs(rows, columns, noise_m2, turn_rad, cost, _alike(track, sight)).of(near_enough)
+    return Pairs(rows, columns, noise_m2, turn_rad * turns, cost, _alike(track, sight)).of(near_enough.nonzero()[0])
 
 
 def _turn_of(track: Predicted, sight: Seen) -> FloatArray:
     """(P,) turns from the headings of tracks to those of sightings, front or rear; 0 where they are too far off."""
     turn_rad = sight.yaw_rad - track.yaw_rad
-    turn_rad -= np.pi * np.round(turn_rad / np.pi)
-    return np.where(np.abs(turn_rad) <= _MOST_TURN_RAD, turn_rad, 0.0)
+    turn_rad -= np.pi * np.rint(turn_rad / np.pi)
+    return turn_rad * (np.abs(turn_rad) <= _MOST_TURN_RAD)
 
 
 def noise_of(track: Predicted, sight: Seen) -> FloatArray:
@@ -184,9 +187,10 @@ def near(one: FloatArray, other: FloatArray, reach_m: FloatArray) -> tuple[IntAr
     points all pairs are looked at.
     """
     if len(one) * len(other) <= _FEW:
-        x, y = other[:, 0] - one[:, :1], other[:, 1] - one[:, 1:]
-        rows, columns = np.nonzero(x * x + y * y <= (reach_m * reach_m)[:, None])
-        return rows, columns
+        inside = cdist(one, other, "sqeuclidean") <= (reach_m * reach_m)[:, None]
+        (places,) = inside.reshape(-1).nonzero()  # of a row this is faster than of a table
+        rows = places // len(other)
+        return rows, places - rows * len(other)
     order = other[:, 0].argsort(kind="stable")
     x, y = other[order].T
     first = x.searchsorted(one[:, 0] - reach_m)
@@ -223,14 +227,17 @@ def matched(pairs: Pairs) -> Pairs:
 
     Groups that share neither a track nor a detection are solved one by one.
     """
-    pairs = pairs.of(pairs.cost < 0)
-    rows, columns, cost = pairs.rows, pairs.columns, pairs.cost
-    if not len(rows):
-        return pairs
+    (worth,) = (pairs.cost < 0).nonzero()
+    if not len(worth):
+        return NONE
+    rows, columns, cost = pairs.rows[worth], pairs.columns[worth], pairs.cost[worth]
+    of_row, of_column = np.bincount(rows)[rows], np.bincount(columns)[columns]
+    if ((of_row == 1) & (of_column == 1)).all():  # nobody has a choice
+        return pairs.of(worth)
     group = _groups(rows, columns)
     size = np.bincount(group)[group]
     # Where all pairs of a group have one row or one column in common, it takes the cheapest of them.
-    plain = (np.bincount(rows)[rows] == size) | (np.bincount(columns)[columns] == size)
+    plain = (of_row == size) | (of_column == size)
     order = np.lexsort((cost, group))
     chosen = np.zeros(len(rows), np.bool_)
     chosen[order[_begins(group[order])]] = True
@@ -238,14 +245,14 @@ def matched(pairs: Pairs) -> Pairs:
     if not plain.all():
         rest = order[~plain[order]]
         chosen[rest] = _solved(group[rest], rows[rest], columns[rest], cost[rest])
-    return pairs.of(chosen)
+    return pairs.of(worth[chosen])
 
 
 def _groups(rows: IntArray, columns: IntArray) -> IntArray:
     """(P,) the lowest row that each pair is linked with, over pairs that have a row or a column in common."""
-    lowest = np.arange(int(rows.max()) + 1)
+    lowest, count = np.arange(rows.max() + 1), columns.max() + 1
     while True:
-        of_columns = np.full(int(columns.max()) + 1, len(lowest))
+        of_columns = np.full(count, len(lowest))
         np.minimum.at(of_columns, columns, lowest[rows])
         lower = lowest.copy()
         np.minimum.at(lower, rows, of_columns[columns])

@@ -6,9 +6,11 @@ import numpy as np
 
 from appocc.checks import BoolArray, FloatArray, IntArray
 
-# Vehicles' paints: lightness, and the two colour axes of the white, grey and black ones and of all others.
-_LIGHTNESS = (55.0, 30.0)
-_GREYS, _GREY_AB, _OTHER_AB = 0.7, np.array([4.0, 5.0]), np.array([25.0, 25.0])
+# Vehicles' paints: what they spread about, and how far; the white, grey and black ones, and all others.
+_MIDDLE = np.array([55.0, 0.0, 0.0])
+_SPREADS = np.array([[30.0, 4.0, 5.0], [30.0, 25.0, 25.0]])
+_PEAKS = np.array([0.7, 0.3]) / _SPREADS.prod(axis=1)
+_SHARPNESS = (1 / _SPREADS**2).T / 2
 # Fewer cells inside a blob than this say less than all of its cells.
 LEAST_INSIDE = 4
 
@@ -44,9 +46,4 @@ def robust_lab(lab: FloatArray, inside: BoolArray, member: IntArray, count: int)
 
 def paint_density(lab: FloatArray) -> FloatArray:
     """(N,) how frequent colours (N, 3) are among vehicles: densities, but for a Gaussian's factors of 2 pi."""
-    middle, spread = _LIGHTNESS
-    lightness = np.exp(-(((lab[:, 0] - middle) / spread) ** 2) / 2) / spread
-    greys, others = (
-        np.exp(-((lab[:, 1:] / each) ** 2).sum(axis=1) / 2) / each.prod() for each in (_GREY_AB, _OTHER_AB)
-    )
-    return np.asarray(lightness * (_GREYS * greys + (1 - _GREYS) * others))
+    return np.asarray(np.exp(-((lab - _MIDDLE) ** 2 @ _SHARPNESS)) @ _PEAKS)

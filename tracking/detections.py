@@ -128,11 +128,12 @@ class Detections:
 
     def cover(self, xy_m: FloatArray) -> tuple[IntArray, IntArray]:
         """(K,), (K,) numbers of points (P, 2) in the ego frame and of the detections in whose boxes they lie."""
-        width, length, _ = self.size_m.T
-        which, points = near(self.ground_m[:, :2], xy_m, np.hypot(width, length) / 2)
-        x, y = (xy_m[points] - self.ground_m[which, :2]).T
+        half_m = self.size_m / 2
+        which, points = near(self.ground_m[:, :2], xy_m, np.hypot(half_m[:, 0], half_m[:, 1]))
+        x, y = (xy_m.take(points, axis=0) - self.ground_m[:, :2].take(which, axis=0)).T
+        half_width, half_length, _ = half_m.take(which, axis=0).T
         cos, sin = np.cos(self.yaw_rad[which]), np.sin(self.yaw_rad[which])
-        inside = (np.abs(x * cos + y * sin) <= length[which] / 2) & (np.abs(y * cos - x * sin) <= width[which] / 2)
+        inside = (np.abs(x * cos + y * sin) <= half_length) & (np.abs(y * cos - x * sin) <= half_width)
         return points[inside], which[inside]
 
 

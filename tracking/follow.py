@@ -71,9 +71,9 @@ class Sightings(NamedTuple):
         place_world_m: (M, 3) points on the ground below their centres.
         yaw_world_rad: (M,) headings.
         heading_known: (M,) whether they tell front from rear.
-        size_m: (M, 3) width, length, height.
-        rgb: (M, 3).
-        lab: (M, 3).
+        values: (M, 9) width, length, height, colour in sRGB, and in CIELAB.
+        noise_m2: (M, 2, 2) how well the places are known.
+        axis: (M, 2) vectors of twice the headings; long shapes show them better than square ones.
         log_odds: (M,).
         cut: (M,) whether a part may be missing.
         kind: (M,) numbers of categories.
@@ -82,33 +82,48 @@ class Sightings(NamedTuple):
     place_world_m: FloatArray
     yaw_world_rad: FloatArray
     heading_known: BoolArray
-    size_m: FloatArray
-    rgb: FloatArray
-    lab: FloatArray
+    values: FloatArray
+    noise_m2: FloatArray
+    axis: FloatArray
     log_odds: FloatArray
     cut: BoolArray
     kind: IntArray
 
     def of(self, columns: IntArray) -> Sightings:
         """Some of them (K,)."""
-        return type(self)._make([each[columns] for each in self])
+        return type(self)._make([each.take(columns, axis=0) for each in self])
 
 
-def sightings_of(detections: Detections, world_from_ego: FloatArray, kind: IntArray) -> Sightings:
+def sightings_of(
+    detections: Detections, world_from_ego: FloatArray, kind: IntArray, config: MotionConfig
+) -> Sightings:
     """The detections of an ego frame in the world frame, with the numbers of their categories (M,)."""
-    yaw = detections.yaw_rad
-    axes = np.stack([np.cos(yaw), np.sin(yaw), np.zeros(len(yaw))], axis=1) @ world_from_ego[:3, :3].T
+    x, y = world_from_ego[:2, :2] @ np.array([np.cos(detections.yaw_rad), np.sin(detections.yaw_rad)])
+    yaw_rad = np.arctan2(y, x)
+    cut_m2 = config.cut_m**2 * detections.cut.astype(np.float64)
     return Sightings(
         apply(world_from_ego, detections.ground_m),
-        np.arctan2(axes[:, 1], axes[:, 0]),
+        yaw_rad,
         detections.heading_known,
-        detections.size_m,
-        detections.rgb,
-        detections.lab,
+        np.concatenate([detections.size_m, detections.rgb, detections.lab], axis=1),
+        spread(yaw_rad, config.along_m**2 + cut_m2, config.across_m**2 + cut_m2),
+        _axis(yaw_rad, detections.size_m),
         detections.log_odds,
         detections.cut,
         kind,
     )
+
+
+# Of the heading of a square shape.
+_LEAST_WEIGHT = 0.01
+
+
+def _axis(yaw_rad: FloatArray, size_m: FloatArray) -> FloatArray:
+    """(M, 2) vectors of twice the headings (M,) of shapes (M, 3)."""
+    width, length, _ = size_m.T
+    weight = np.maximum(np.abs(length - width) / (length + width), _LEAST_WEIGHT)
+    twice = 2 * yaw_rad
+    return np.asarray((weight * np.array([np.cos(twice), np.sin(twice)])).T)
 
 
 class Followed:
@@ -119,21 +134,18 @@ class Followed:
         self._config = config
         self.motions = Motions(config.motion)
         self._memory = Memory(config.sightings, 9)
-        self.number = np.zeros(0, np.int64)
-        self.kind = np.zeros(0, np.int64)
-        self.yaw_rad = np.zeros(0)
-        self.confirmed = np.zeros(0, np.bool_)
-        self.unseen_s = np.zeros(0)
-        self.lost = np.zeros(0, np.bool_)
-        self.rests = np.zeros(0, np.bool_)
-        self.detection = np.zeros(0, np.int64)
-        self._gone_s = np.zeros(0)
-        self._ground_m = np.zeros(0)
-        self._axis = np.zeros((0, 2))
-        self._front = np.zeros(0)
-        self._evidence = np.zeros(0)
-        self._hits = np.zeros(0)
-        self._seen_s = np.zeros(0)
+        self._hold(np.zeros((3, 0), np.int64), np.zeros((4, 0), np.bool_), np.zeros((9, 0)))
+
+    def _hold(self, whole: IntArray, flags: BoolArray, real: FloatArray) -> None:
+        """Go on with other states: tables (..., N), for few arrays grow and shrink faster than many.
+
+        Each attribute is a row of one, to be written into, never replaced.
+        """
+        self._tables = whole, flags, real
+        self.number, self.kind, self.detection = whole
+        self.confirmed, self.lost, self.rests, self._moves = flags
+        self.yaw_rad, self.unseen_s, self._gone_s, self._seen_s, self._ground_m = real[:5]
+        self._evidence, self._front, self._axis = real[5], real[6], real[7:]
 
     def __len__(self) -> int:
         """Number of vehicles."""
@@ -142,13 +154,13 @@ class Followed:
     @property
     def place_world_m(self) -> FloatArray:
         """(N, 3) places on the ground."""
-        return np.column_stack([self.motions.mean[:, :2], self._ground_m])
+        return np.concatenate([self.motions.mean[:, :2], self._ground_m[:, None]], axis=1)
 
     @property
     def belief(self) -> FloatArray:
         """(N,) log-odds of being a vehicle at all: the mean over all sightings, and some doubt."""
         doubts = self._config.doubts
-        return np.asarray((self._evidence + self._config.doubt * doubts) / (self._hits + doubts))
+        return np.asarray((self._evidence + self._config.doubt * doubts) / (self._memory.sightings + doubts))
 
     @property
     def dead(self) -> BoolArray:
@@ -164,7 +176,7 @@ class Followed:
     @property
     def known(self) -> BoolArray:
         """(N,) whether one is rather a vehicle than none, and known."""
-        return self.confirmed & (self.belief > 0)
+        return np.asarray(self.confirmed & (self.belief > 0))
 
     @property
     def told(self) -> BoolArray:
@@ -174,7 +186,7 @@ class Followed:
 
     def predict(self, seconds: float) -> None:
         """Let time pass; it counts as unseen until `see` is called."""
-        self.lost = self.unseen_s > self._config.lost_s
+        self.lost[:] = self.unseen_s > self._config.lost_s
         going_s = np.where(self.rests & (self.unseen_s > 0), 0.0, seconds)
         self.motions.predict(going_s, self.yaw_rad)
         self._gone_s += going_s
@@ -202,21 +214,21 @@ class Followed:
         What little is known of one vehicle is drawn towards what is known of all (empirical Bayes).
         """
         config = self._config
-        about, known = self._memory.spread(_LAB), self._memory.known(_LAB)
-        more = np.maximum(known - 1, 0).sum(axis=0)
-        of_all = (np.square(config.lab) * _AT_FIRST + about.sum(axis=0)) / (_AT_FIRST + more)
-        variance = (of_all * config.lab_sightings + about) / (config.lab_sightings + known)
-        return np.asarray(variance * (1 + _MEDIAN_VARIANCE / np.maximum(known, 1)))
+        about, known = self._memory.spread[:, _LAB].T.copy(), self._memory.known[:, _LAB].T.copy()
+        some = np.maximum(known, 1)
+        of_all = (np.square(config.lab) * _AT_FIRST + about.sum(axis=1)) / (_AT_FIRST + (some - 1).sum(axis=1))
+        variance = (of_all[:, None] * config.lab_sightings + about) / (config.lab_sightings + known)
+        return np.asarray(variance * (1 + _MEDIAN_VARIANCE / some)).T
 
     def shown(self, seen: Sightings) -> Seen:
         """Sightings as they are compared with what is expected."""
         return Seen(
             seen.place_world_m[:, :2],
-            self._noise_m2(seen),
+            seen.noise_m2,
             seen.yaw_world_rad,
-            seen.size_m[:, :2],
-            seen.lab,
-            paint_density(seen.lab),
+            seen.values[:, :2],
+            seen.values[:, _LAB],
+            paint_density(seen.values[:, _LAB]),
             seen.kind,
         )
 
@@ -232,51 +244,39 @@ class Followed:
             noise_m2: (M, 2, 2) covariances of their places.
             turn_rad: (M,) by how much the vehicles turned on the way; 0 if they went straight on.
         """
-        turns = turn_rad != 0
-        self.motions.turn(rows[turns], turn_rad[turns], self._gone_s[rows[turns]])
+        (turns,) = turn_rad.nonzero()
+        if len(turns):
+            self.motions.turn(rows[turns], turn_rad[turns], self._gone_s[rows[turns]])
         self.motions.update(rows, seen.place_world_m[:, :2], noise_m2)
         seconds = self.unseen_s[rows]
         self._seen_s[rows] += seconds
         self.unseen_s[rows] = self._gone_s[rows] = 0.0
         self.detection[rows] = detection
-        self._hits[rows] += 1
         self._evidence[rows] += seen.log_odds
         self._ground_m[rows] = seen.place_world_m[:, 2]
         # A vehicle that the view cuts off is at least as large as what shows of it.
-        known_m = np.where(seen.cut[:, None], self._memory.median[rows, _SIZE], np.nan)
-        size_m = np.fmax(seen.size_m, known_m)
-        self._memory.remember(rows, np.concatenate([size_m, seen.rgb, seen.lab], axis=1))
-        self._turn(rows, seen, seconds)
+        values = seen.values
+        if seen.cut.any():
+            known_m = np.where(seen.cut[:, None], self._memory.median[rows, _SIZE], np.nan)
+            values = np.concatenate([np.fmax(values[:, _SIZE], known_m), values[:, _SIZE.stop :]], axis=1)
+        self._memory.remember(rows, values)
+        self._moves[:] = self.motions.moves()
         self.rests[rows] = self.motions.rest(self._config.rest_mps)[rows]
+        self._turn(rows, seen, seconds)
         self._confirm(rows, seen.log_odds)
 
     def add(self, seen: Sightings, numbers: IntArray, detection: IntArray) -> None:
         """Begin to follow what was seen now (M,)."""
-        if not len(numbers):
+        n, m = len(self), len(numbers)
+        if not m:
             return
-        m = len(numbers)
-        self.motions.add(seen.place_world_m[:, :2], seen.yaw_world_rad, self._noise_m2(seen))
-        self._memory.add(np.concatenate([seen.size_m, seen.rgb, seen.lab], axis=1))
-        begun = {
-            "number": numbers,
-            "kind": seen.kind,
-            "yaw_rad": seen.yaw_world_rad,
-            "confirmed": np.zeros(m, np.bool_),
-            "unseen_s": np.zeros(m),
-            "lost": np.zeros(m, np.bool_),
-            "rests": np.zeros(m, np.bool_),
-            "_gone_s": np.zeros(m),
-            "detection": detection,
-            "_ground_m": seen.place_world_m[:, 2],
-            "_axis": _axis(seen),
-            "_front": seen.heading_known.astype(np.float64),
-            "_evidence": seen.log_odds,
-            "_hits": np.ones(m),
-            "_seen_s": np.zeros(m),
-        }
-        for name, values in begun.items():
-            setattr(self, name, np.concatenate([getattr(self, name), values]))
-        self._confirm(np.arange(len(self) - m, len(self)), seen.log_odds)
+        self.motions.add(seen.place_world_m[:, :2], seen.yaw_world_rad, seen.noise_m2)
+        self._memory.add(seen.values)
+        self._hold(*(np.concatenate([t, np.zeros((len(t), m), t.dtype)], axis=1) for t in self._tables))
+        self.number[n:], self.kind[n:], self.detection[n:] = numbers, seen.kind, detection
+        self.yaw_rad[n:], self._axis[:, n:], self._front[n:] = seen.yaw_world_rad, seen.axis.T, seen.heading_known
+        self._ground_m[n:], self._evidence[n:] = seen.place_world_m[:, 2], seen.log_odds
+        self._confirm(np.arange(n, n + m), seen.log_odds)
 
     def keep(self, chosen: BoolArray) -> None:
         """Go on with some (N,) only."""
@@ -284,15 +284,7 @@ class Followed:
             return
         self.motions.keep(chosen)
         self._memory.keep(chosen)
-        for name, values in vars(self).items():
-            if isinstance(values, np.ndarray):
-                setattr(self, name, values[chosen])
-
-    def _noise_m2(self, seen: Sightings) -> FloatArray:
-        """(M, 2, 2) covariances of the places of sightings."""
-        config = self._config.motion
-        cut_m2 = np.where(seen.cut, config.cut_m**2, 0.0)
-        return spread(seen.yaw_world_rad, config.along_m**2 + cut_m2, config.across_m**2 + cut_m2)
+        self._hold(*(table.compress(chosen, axis=1) for table in self._tables))
 
     def _confirm(self, rows: IntArray, log_odds: FloatArray) -> None:
         known = (log_odds >= self._config.sure) | (self._seen_s[rows] >= self._config.confirm_s)
@@ -300,45 +292,32 @@ class Followed:
 
     def _turn(self, rows: IntArray, seen: Sightings, seconds: FloatArray) -> None:
         """Smooth the axis, as a vector of twice its angle, and vote for the end that is the front."""
-        keep = np.exp(-seconds / self._config.heading_s)[:, None]
-        axis = keep * self._axis[rows] + (1 - keep) * _axis(seen)
-        yaw = np.arctan2(axis[:, 1], axis[:, 0]) / 2
-        before = self.yaw_rad[rows]
-        yaw = np.where(np.cos(yaw - before) >= 0, yaw, yaw + np.pi)
-        front = self._front[rows] + np.where(seen.heading_known, np.cos(seen.yaw_world_rad - yaw), 0.0)
-        velocity = self.motions.mean[rows, 2:]
-        goes = self.motions.moves()[rows] & (np.hypot(*velocity.T) >= self._config.turn_mps)
-        ahead = velocity[:, 0] * np.cos(yaw) + velocity[:, 1] * np.sin(yaw)
-        wrong = np.where(goes, ahead < 0, front < 0)
-        self._axis[rows], self.yaw_rad[rows] = axis, wrap_angle(np.where(wrong, yaw + np.pi, yaw))
+        keep = np.exp(-seconds / self._config.heading_s)
+        self._axis[:, rows] = axis = keep * self._axis.take(rows, axis=1) + (1 - keep) * seen.axis.T
+        yaw = np.arctan2(axis[1], axis[0]) / 2
+        yaw += np.pi * (np.cos(yaw - self.yaw_rad[rows]) < 0)
+        front = self._front[rows] + seen.heading_known * np.cos(seen.yaw_world_rad - yaw)
+        vx, vy = self.motions.mean.take(rows, axis=0)[:, 2:].T
+        goes = self._moves[rows] & (np.hypot(vx, vy) >= self._config.turn_mps)
+        wrong = np.where(goes, vx * np.cos(yaw) + vy * np.sin(yaw), front) < 0
+        self.yaw_rad[rows] = wrap_angle(yaw + np.pi * wrong)
         # Who was seen to move stays known; a vote counts from now on for the end it was found to be.
-        self._front[rows] = np.where(goes, np.maximum(np.abs(front), 1.0), np.abs(front))
+        self._front[rows] = np.maximum(np.abs(front), goes)
 
     def tracks(self, chosen: BoolArray, kinds: tuple[str, ...]) -> Tracks:
         """What is known now of some (N,); `kinds` are the names of the categories."""
-        median = self._memory.median[chosen]
+        (rows,) = chosen.nonzero()
+        median, mean = self._memory.median.take(rows, axis=0), self.motions.mean.take(rows, axis=0)
         return Tracks(
-            self.number[chosen],
-            self.place_world_m[chosen],
-            self.motions.mean[chosen, 2:],
-            self.yaw_rad[chosen],
-            self._front[chosen] > 0,
+            self.number[rows],
+            self.place_world_m.take(rows, axis=0),
+            mean[:, 2:],
+            self.yaw_rad[rows],
+            self._front[rows] > 0,
             median[:, _SIZE],
             median[:, _RGB],
-            probability_of(self.belief[chosen]),
-            tuple(kinds[number] for number in self.kind[chosen].tolist()),
-            self.detection[chosen],
-            self.motions.moves()[chosen],
+            probability_of(self.belief[rows]),
+            tuple(kinds[number] for number in self.kind[rows].tolist()),
+            self.detection[rows],
+            self._moves[rows],
         )
-
-
-# Of the heading of a square shape.
-_LEAST_WEIGHT = 0.01
-
-
-def _axis(seen: Sightings) -> FloatArray:
-    """(M, 2) vectors of twice the headings; long shapes show them better than square ones."""
-    width, length = seen.size_m[:, 0], seen.size_m[:, 1]
-    weight = np.maximum(np.abs(length - width) / (length + width), _LEAST_WEIGHT)
-    twice = 2 * seen.yaw_world_rad
-    return np.stack([weight * np.cos(twice), weight * np.sin(twice)], axis=1)

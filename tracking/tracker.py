@@ -8,7 +8,6 @@ import numpy as np
 
 from appocc.checks import BoolArray, FloatArray, IntArray, check_transform
 from appocc.errors import DataError
-from appocc.geometry import apply, inverse
 from tracking.association import AssociationConfig
 from tracking.detections import Detections
 from tracking.follow import Followed, LifeConfig, Sightings, sightings_of
@@ -91,24 +90,23 @@ class Tracker:
         """
         check_transform("world_from_ego", world_from_ego)
         self._predict(timestamp_us)
-        for name in dict.fromkeys(detections.kind):
-            self._kinds.setdefault(name, len(self._kinds))
-        kinds = np.array([self._kinds[name] for name in detections.kind], dtype=np.int64)
-        seen = sightings_of(detections, world_from_ego, kinds)
+        kinds = np.array([self._kinds.setdefault(name, len(self._kinds)) for name in detections.kind], dtype=np.int64)
+        seen = sightings_of(detections, world_from_ego, kinds, self.config.life.motion)
         # Of what a detector tells twice, one sighting is as good as none.
         seen = seen._replace(log_odds=np.where(detections.distinct(), seen.log_odds, -np.inf))
-        taken = self._associate(seen)
+        left = self._associate(seen)
         alive = self._alive
-        places_m = apply(inverse(world_from_ego), alive.place_world_m)[:, :2]
+        # In the ego frame; the inverse of a rotation is its transpose.
+        places_m = (alive.place_world_m - world_from_ego[:3, 3]) @ world_from_ego[:3, :2]
         # Dropped are tracks unseen for too long, and unseen ones that left the view: who enters there is new.
         keep = ~alive.dead & (detections.view.sees(places_m) | (alive.detection >= 0))
         alive.keep(keep)
         # Unseen tracks whose places a detection covers: vehicles that touch, so that it is not a new one.
-        hidden = np.flatnonzero(alive.confirmed & (alive.detection < 0) & ~alive.lost)
-        below, above = detections.cover(places_m[keep][hidden])
-        free = ~taken & (seen.log_odds >= self.config.begin)
-        free[above] = False
-        self._begin(np.flatnonzero(free), seen)
+        (hidden,) = (alive.confirmed & (alive.detection < 0) & ~alive.lost).nonzero()
+        below, above = detections.cover(places_m.compress(keep, axis=0).take(hidden, axis=0))
+        new = left & (seen.log_odds >= self.config.begin)
+        new[above] = False
+        self._begin(new.nonzero()[0], seen)
         told = alive.told
         told[hidden[below]] = True
         return alive.tracks(told, tuple(self._kinds))
@@ -128,25 +126,31 @@ class Tracker:
         """Let tracks take sightings: clear ones, weak ones, clear ones farther off; at last who was lost or strayed.
 
         Returns:
-            (M,) whether a track took a sighting.
+            (M,) which sightings no track took.
         """
         alive, config = self._alive, self.config
         expected, shown = alive.expected(), alive.shown(seen)
         clear = seen.log_odds >= config.clear
         weak = ~clear & (seen.log_odds >= config.weak)
-        rounds = Rounds(expected, shown, self._colours)
-        pairs = rounds.pairs(~alive.lost, np.ones_like(clear), config.association)
+        rounds = Rounds(expected, shown)
+        current = ~alive.lost
+        pairs = rounds.pairs(current, np.ones_like(clear), config.association)
         self._colours.learn(pairs)
-        rounds.take(pairs.of(clear[pairs.columns]))
-        rounds.take(pairs.of(weak[pairs.columns] & (alive.confirmed & rounds.free)[pairs.rows]))
-        rounds.take(rounds.pairs(~alive.lost, clear, config.again))
-        rounds.take(rounds.pairs(alive.lost, clear, config.found))
-        if config.colour_doubt < 1:
-            rounds.take(rounds.pairs(alive.known, clear & np.isfinite(seen.lab[:, 0]), config.strayed))
-        found = np.flatnonzero(~rounds.free)
+        pairs = self._colours.weighed(pairs)
+        rounds.take(pairs, current, clear)
+        rounds.take(pairs, alive.confirmed, weak)
+        if (clear & rounds.left).any():
+            coloured = clear & np.isfinite(shown.lab[:, 0]) & (config.colour_doubt < 1)
+            for tracks, sights, rule in (
+                (current, clear, config.again),
+                (alive.lost, clear, config.found),
+                (alive.known, coloured, config.strayed),
+            ):
+                rounds.take(self._colours.weighed(rounds.pairs(tracks, sights, rule)), tracks, sights)
+        (found,) = (~rounds.free).nonzero()
         takes = rounds.takes[found]
         alive.see(found, seen.of(takes), takes, rounds.noise_m2[found], rounds.turn_rad[found])
-        return rounds.taken
+        return rounds.left
 
     def _begin(self, columns: IntArray, seen: Sightings) -> None:
         """Begin tracks of sightings."""

@@ -129,51 +129,58 @@ def check_times(name: str, times_us: Sequence[int], tracks: Sequence[Sequence[Tr
 
 
 class Memory:
-    """Medians over the last sightings of each of N vehicles: one that saw two as one, or a half, does not count."""
+    """Medians over the last sightings of each of N vehicles: one that saw two as one, or a half, does not count.
+
+    Attributes:
+        sightings: (N,) how many there were, those that are forgotten among them.
+        median: (N, K) of K values, NaN where none is known.
+        known: (N, K) how many of the sightings remembered show a value.
+        spread: (N, K) sums of squared distances from the medians; what is unknown adds nothing.
+    """
 
     def __init__(self, sightings: int, values: int) -> None:
         """Start with no vehicles, of each of which so many values are remembered."""
-        self._last = np.zeros((sightings, values, 0))  # in this order sums over sightings are fastest
-        self._next = np.zeros(0, dtype=np.int64)
+        self._last = np.zeros((sightings, 0, values))  # in this order sums over sightings are fastest
+        self.sightings = np.zeros(0, dtype=np.int64)
         self.median = np.zeros((0, values))
+        self.known = np.zeros((0, values))
+        self.spread = np.zeros((0, values))
 
     def add(self, values: FloatArray) -> None:
         """Begin with first sightings (M, K), NaN where one shows nothing of a value."""
-        fresh = np.full((len(self._last), *values.T.shape), np.nan)
-        fresh[0] = values.T
-        self._last = np.concatenate([self._last, fresh], axis=2)
-        self._next = np.concatenate([self._next, np.ones(len(values), np.int64)])
+        fresh = np.full((len(self._last), *values.shape), np.nan)
+        fresh[0] = values
+        self._last = np.concatenate([self._last, fresh], axis=1)
+        self.sightings = np.concatenate([self.sightings, np.ones(len(values), np.int64)])
         self.median = np.concatenate([self.median, values])
+        self.known = np.concatenate([self.known, np.isfinite(values)])
+        self.spread = np.concatenate([self.spread, np.zeros_like(values)])
 
     def keep(self, chosen: BoolArray) -> None:
         """Go on with some (N,) only."""
-        self._last, self._next, self.median = self._last[..., chosen], self._next[chosen], self.median[chosen]
+        self._last, self.sightings = self._last.compress(chosen, axis=1), self.sightings[chosen]
+        self.median, self.known, self.spread = (
+            each.compress(chosen, axis=0) for each in (self.median, self.known, self.spread)
+        )
 
     def remember(self, rows: IntArray, values: FloatArray) -> None:
         """One more sighting of each of some vehicles (M,): values (M, K)."""
-        self._last[self._next[rows] % len(self._last), :, rows] = values
-        self._next[rows] += 1
-        self.median[rows] = _medians(self._last[..., rows]).T
-
-    def spread(self, values: slice = slice(None)) -> FloatArray:
-        """(N, K) sums of squared distances from the medians, of all or some values; what is unknown adds nothing."""
-        off = self._last[:, values] - self.median[:, values].T
-        off[np.isnan(off)] = 0.0
-        return np.asarray((off * off).sum(axis=0).T)
-
-    def known(self, values: slice = slice(None)) -> FloatArray:
-        """(N, K) how many of the sightings remembered show a value, of all or some values."""
-        return _known(self._last[:, values]).T.astype(np.float64)
+        self._last[self.sightings[rows] % len(self._last), rows] = values
+        self.sightings[rows] += 1
+        last = self._last.take(rows, axis=1)
+        is_known = np.isfinite(last)
+        self.known[rows] = known = is_known.sum(axis=0, dtype=np.int32)
+        self.median[rows] = median = _medians(last, known)
+        off = last - median
+        off[~is_known] = 0.0
+        off *= off
+        self.spread[rows] = off.sum(axis=0)
 
 
-def _known(last: FloatArray) -> NDArray[np.int32]:
-    """(...,) how many of (S, ...) are not NaN."""
-    return np.asarray(np.isfinite(last).sum(axis=0, dtype=np.int32))
-
-
-def _medians(last: FloatArray) -> FloatArray:
-    """(K, M) medians of (S, K, M) without what is NaN; NaN where all is."""
-    ordered = np.sort(last.reshape(len(last), -1), axis=0)  # NaN come last
-    count, place = _known(ordered), np.arange(ordered.shape[1])
-    middle = (ordered[np.maximum(count - 1, 0) // 2, place] + ordered[count // 2, place]) / 2
-    return np.asarray(middle.reshape(last.shape[1:]))
+def _medians(last: FloatArray, known: NDArray[np.int32]) -> FloatArray:
+    """(M, K) medians of (S, M, K) without what is NaN, of which so many (M, K) are not; NaN where all is."""
+    ordered = last.reshape(len(last), -1).T.copy()
+    ordered.sort(axis=1)  # NaN come last
+    first = np.arange(0, ordered.size, len(last)).reshape(known.shape)
+    # Where none is known, the second of the two is NaN.
+    return np.asarray((ordered.take(first + (known - 1) // 2) + ordered.take(first + known // 2)) / 2)

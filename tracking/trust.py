@@ -46,7 +46,7 @@ class ColourTrust:
 
     def weighed(self, pairs: Pairs) -> Pairs:
         """Pairs with what their colours cost: less if they agree better than those of any two, nothing if unknown."""
-        if self._at_first == 1:
+        if self._at_first == 1 or not len(pairs.rows):
             return pairs
         doubt = self.doubt
         cost = -2 * np.log((1 - doubt) * pairs.alike + doubt)

@@ -25,8 +25,14 @@ def test_the_median_forgets_outliers_and_what_is_long_ago() -> None:
 def test_unknown_values_do_not_count() -> None:
     memory = remembering(5, [[1.0, np.nan, np.nan], [3.0, 5.0, np.nan]])
     np.testing.assert_allclose(memory.median, [[2.0, 5.0, np.nan]])
-    np.testing.assert_allclose(memory.known(), [[2, 1, 0]])
-    np.testing.assert_allclose(memory.spread(), [[2.0, 0.0, 0.0]])
+    np.testing.assert_allclose(memory.known, [[2, 1, 0]])
+    np.testing.assert_allclose(memory.spread, [[2.0, 0.0, 0.0]])
+
+
+def test_a_value_that_was_never_seen_stays_unknown() -> None:
+    memory = remembering(3, [[np.nan, 1.0], [np.nan, 2.0]])
+    np.testing.assert_allclose(memory.median, [[np.nan, 1.5]])
+    np.testing.assert_allclose(memory.spread, [[0.0, 0.5]])
 
 
 def test_each_vehicle_has_its_own_memory() -> None:
