@@ -178,7 +178,7 @@ def _hue_words(lightness: FloatArray, chroma: FloatArray, hue_deg: FloatArray) -
         off = (hue_deg - centre + 180) % 360 - 180
         bells.append(np.exp(-0.5 * (off / spread) ** 2))
     weights = dict(zip(_HUE, bells, strict=True))
-    bright = 1 / (1 + np.exp(-(lightness - 52) / 4))
+    bright = 1 / (1 + np.exp(-(lightness - 48) / 8))
     weights["orange"] = weights["orange"] * bright
     pale = np.clip((60 - chroma) / 20, 0, 1)
     weights["brown"] = weights["brown"] * pale * (1 - bright * np.clip((chroma - 15) / 20, 0, 1))
@@ -264,7 +264,16 @@ def exposure_of(bev: BEVMap, vehicles_rgb: FloatArray) -> Exposure:
 
 
 def exposures_of(bev: BEVMap, vehicles_rgb: FloatArray, footprints_m: FloatArray) -> tuple[Exposure, ...]:
-    """The light of a map on each of its vehicles: shade, sun, lamps at night are told by the road beside it.
+    """The light of a map on each of its vehicles, as `gains_of`.
+
+    Raises:
+        ShapeError: if the arrays do not fit together.
+    """
+    return tuple(Exposure(gain) for gain in gains_of(bev, vehicles_rgb, footprints_m))
+
+
+def gains_of(bev: BEVMap, vehicles_rgb: FloatArray, footprints_m: FloatArray) -> FloatArray:
+    """Factors (N, 3) of the light of a map on each of its vehicles: shade, sun, lamps are told by the road beside it.
 
     Args:
         bev: the map.
@@ -277,12 +286,11 @@ def exposures_of(bev: BEVMap, vehicles_rgb: FloatArray, footprints_m: FloatArray
     check_shape("vehicles_rgb", vehicles_rgb, (None, 3))
     check_shape("footprints_m", footprints_m, (len(vehicles_rgb), 4, 2))
     if not len(vehicles_rgb):
-        return ()
+        return np.zeros((0, 3))
     where = _road_of(bev)
     road = _asphalt(bev, where)
     local = np.ones((len(vehicles_rgb), 3)) if road is None else _beside(bev, where, road, footprints_m)
-    common = _exposure(road, linear_from_srgb(vehicles_rgb) * local)
-    return tuple(Exposure(common.gain * own) for own in local)
+    return _exposure(road, linear_from_srgb(vehicles_rgb) * local).gain * local
 
 
 def _road_of(bev: BEVMap) -> BoolArray:

@@ -1,9 +1,11 @@
 """How well colour words are ranked: on real vehicles named by hand, and on simulated ones in all weathers.
 
     python -m benchmarks.colour_words [ROOT] [--bev SOURCE]
+    python -m benchmarks.colour_words --remake PANDASET NUSCENES
 
 Prints the tables of docs/colours.md as Markdown. ROOT is a folder that `appocc simulate` made; --bev names its maps
-(exact, or what a network answered). Vehicles of the lowest visibility are left out.
+(exact, or what a network answered). Vehicles of the lowest visibility are left out. --remake writes the colours and
+the light of the real vehicles anew, from the maps that `appocc groundtruth` made in the two roots.
 
 - first: share of vehicles whose word (of the paint they were given; of the person) is the likeliest one. two: is
   among the two likeliest. P: mean probability of that word.
@@ -16,7 +18,8 @@ from __future__ import annotations
 
 import argparse
 import csv
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from io import StringIO
 from pathlib import Path
 from typing import NamedTuple
 
@@ -25,21 +28,36 @@ from numpy.typing import ArrayLike
 
 from appocc.bevmap import load_map
 from appocc.checks import FloatArray
-from appocc.colours import WORDS, Exposure, exposures_of, fit, word_probabilities
+from appocc.colours import WORDS, Exposure, exposure_of, exposures_of, fit, word_probabilities
 from appocc.evaluation.vehicles import visibility_levels
+from appocc.files import write_bytes
 from appocc.geometry import inverse
+from appocc.grid import BEVGrid
+from appocc.groundtruth.compose import vehicles_near
+from appocc.groundtruth.inputs import gather
+from appocc.groundtruth.painting import bodies_of, paint_scene
+from appocc.groundtruth.pipeline import ground_of
+from appocc.groundtruth.work import Work
 from appocc.nuscenes import Dataset
+from appocc.nuscenes.records import Sample, Scene
 from grounding.scene import scene_of
 
 NAMED = Path(__file__).parents[1] / "tests" / "grounding" / "colour_names.csv"
+_CHANNELS = ("red", "green", "blue")
+# Vehicles that people can name stand up to this far away, beyond the maps' grids.
+_FAR_M = 160.0
 WEATHERS = ("clear", "overcast", "low sun", "wet", "dusk", "night")
 HIDDEN = "v0-40"
 
 
 class Named(NamedTuple):
-    """A real vehicle that a person named: what a map shows of it (3,), in which light, and the words."""
+    """A real vehicle that a person named: what a map shows of it (3,), in which light, and the words.
+
+    `seen`: well, or little: far away, or mostly hidden.
+    """
 
     dataset: str
+    seen: str
     rgb: FloatArray
     exposure: Exposure
     word: str
@@ -67,17 +85,92 @@ class Shares(NamedTuple):
 
 def read_named(path: Path = NAMED) -> list[Named]:
     """The real vehicles that were named by hand."""
-    lines = (line for line in path.read_text().splitlines() if not line.startswith("#"))
     return [
         Named(
             row["dataset"],
+            row["seen"],
             np.array([float(row[channel]) for channel in ("red", "green", "blue")]),
             Exposure(np.array([float(row[f"gain_{channel}"]) for channel in ("red", "green", "blue")])),
             row["word"],
             row["second"],
         )
-        for row in csv.DictReader(lines)
+        for row in _rows(path)
     ]
+
+
+def _rows(path: Path) -> list[dict[str, str]]:
+    return list(csv.DictReader(line for line in path.read_text().splitlines() if not line.startswith("#")))
+
+
+def remake(roots: Mapping[str, Path], path: Path = NAMED) -> None:
+    """Write the colours of the vehicles named by hand anew, from the maps of the datasets; words stay as they are.
+
+    A colour is that of the map in which the vehicle is nearest to the ego, or, for one that stands beyond all grids,
+    what it would be painted with; so is the light.
+    """
+    head = [line for line in path.read_text().splitlines() if line.startswith("#")]
+    rows = _rows(path)
+    for name, root in roots.items():
+        dataset = Dataset(root)
+        for scene in dataset.scenes:
+            own = [row for row in rows if (row["dataset"], row["scene"]) == (name, scene.name)]
+            for row, (rgb, light) in zip(own, _shown(dataset, scene, [row["vehicle"] for row in own]), strict=True):
+                row |= {channel: f"{value:.0f}" for channel, value in zip(_CHANNELS, rgb, strict=True)}
+                row |= {
+                    f"gain_{channel}": f"{value:.3f}" for channel, value in zip(_CHANNELS, light.gain, strict=True)
+                }
+    text = StringIO()
+    writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    write_bytes(path, ("\n".join(head) + "\n" + text.getvalue()).encode())
+
+
+def _shown(dataset: Dataset, scene: Scene, vehicles: Sequence[str]) -> Iterator[tuple[FloatArray, Exposure]]:
+    """Colour (3,) and light of each of some vehicles of a scene."""
+    inputs = gather(dataset, scene)
+    _, gains = ground_of(inputs, Work(None, lambda _: None, 1))
+    far = BEVGrid(-_FAR_M, _FAR_M, -_FAR_M, _FAR_M, 0.4)
+    painted = paint_scene(
+        inputs.samples, [bodies_of(sample, vehicles_near(sample, far), gains) for sample in inputs.samples]
+    )
+    paint = {
+        name: rgb
+        for sample, own in zip(inputs.samples, painted, strict=True)
+        for name, rgb, known in zip(sample.boxes_world.instance, *own, strict=True)
+        if known
+    }
+    lit = [_lit(dataset, sample) for sample in dataset.samples(scene)]
+    for vehicle in vehicles:
+        near = sorted((row for row in lit if vehicle in row.distance_m), key=lambda row: row.distance_m[vehicle])
+        nearest = next((row for row in near if vehicle in row.rgb), near[0])
+        rgb = nearest.rgb.get(vehicle, np.asarray(paint[vehicle], np.float64))
+        yield rgb, nearest.light.get(vehicle, nearest.common)
+
+
+class _Lit(NamedTuple):
+    """A map: distance of each object from the ego, colours and light of those on the map, light of all of it."""
+
+    distance_m: dict[str, float]
+    rgb: dict[str, FloatArray]
+    light: dict[str, Exposure]
+    common: Exposure
+
+
+def _lit(dataset: Dataset, sample: Sample) -> _Lit:
+    bev, pose = load_map(dataset.root, "groundtruth", sample.token), dataset.world_from_ego(sample)
+    boxes = dataset.boxes_world(sample).transformed(inverse(pose))
+    objects = [item for item in scene_of(bev, boxes.vehicles(), pose).objects if item.rgb is not None]
+    rgb = np.array([item.rgb for item in objects]).reshape(-1, 3)
+    lights = exposures_of(bev, rgb, np.array([item.footprint() for item in objects]).reshape(-1, 4, 2))
+    names = [item.id for item in objects]
+    distance = np.linalg.norm(boxes.centre_m[:, :2], axis=1).tolist()
+    return _Lit(
+        dict(zip(boxes.instance, distance, strict=True)),
+        dict(zip(names, rgb, strict=True)),
+        dict(zip(names, lights, strict=True)),
+        exposure_of(bev, rgb),
+    )
 
 
 def named_groups(named: Iterable[Named]) -> dict[str, list[Group]]:
@@ -167,10 +260,16 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("root", type=Path, nargs="?", help="a simulated dataset")
     parser.add_argument("--bev", default="exact", help="source of its maps")
+    parser.add_argument(
+        "--remake", type=Path, nargs=2, metavar=("PANDASET", "NUSCENES"), help="two datasets with maps"
+    )
     arguments = parser.parse_args()
-    named = read_named()
-    show("real vehicles", named_groups(named))
-    print(f"The likeliest word is one of the two that a person would say: {either(named):.2f}\n")
+    if arguments.remake:
+        remake(dict(zip(("pandaset", "nuscenes"), arguments.remake, strict=True)))
+    for seen in ("well", "little"):
+        named = [row for row in read_named() if row.seen == seen]
+        show(f"real vehicles seen {seen}", named_groups(named))
+        print(f"The likeliest word is one of the two that a person would say: {either(named):.2f}\n")
     if arguments.root is None:
         return
     rows: dict[str, list[Group]] = {weather: [] for weather in WEATHERS}

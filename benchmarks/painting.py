@@ -3,7 +3,7 @@
 Run: python -m benchmarks.painting ROOT FIXTURE.json
 ROOT is a converted PandaSet recording; the fixture names track, frame and the hand-read RGB of each vehicle view.
 Prints the mean absolute difference per channel (0..255) and the colour difference CIEDE2000: of the paper's mode, of
-the robust colour of each sample by itself, and of the robust colour over the whole scene, which is what is written.
+the robust colour of each sample by itself, and of the robust colour of the whole scene, which is what is written.
 """
 
 from __future__ import annotations
@@ -21,21 +21,15 @@ from appocc.checks import ByteArray
 from appocc.grid import BEVGrid
 from appocc.groundtruth.compose import vehicles_near
 from appocc.groundtruth.inputs import SampleInput, gather
-from appocc.groundtruth.painting import Paint, Painted, paint_sample, pool_over_time
+from appocc.groundtruth.painting import Painted, bodies_of, paint_mode_of, paint_scene
 from appocc.nuscenes import Dataset
 from appocc.nuscenes.writer import token_of
-
-
-def painted(samples: Sequence[SampleInput], paint: Paint) -> list[Painted]:
-    """Colours of the vehicles of each sample by itself."""
-    grid = BEVGrid.surround()
-    return [paint_sample(sample, vehicles_near(sample, grid), paint) for sample in samples]
 
 
 def colour_of(sample: SampleInput, own: Painted, scene: str, track: str) -> ByteArray | None:
     """The colour (3,) of a track in a sample, None where it is unknown."""
     place = sample.boxes_world.instance.index(token_of("instance", token_of("scene", scene), track))
-    return own.rgb[place] if own.area_px[place] > 0 else None
+    return own.rgb[place] if own.known[place] else None
 
 
 def report(
@@ -70,10 +64,13 @@ def main() -> None:
     dataset = Dataset(arguments.root)
     scene = dataset.scenes[0]
     samples = gather(dataset, scene).samples
-    report("mode (paper)", samples, painted(samples, "mode"), scene.name, entries)
-    robust = painted(samples, "robust")
-    report("robust, by sample", samples, robust, scene.name, entries)
-    report("robust, as written", samples, pool_over_time(samples, robust), scene.name, entries)
+    wanted = [vehicles_near(sample, BEVGrid.surround()) for sample in samples]
+    pairs = list(zip(samples, wanted, strict=True))
+    report("mode (paper)", samples, [paint_mode_of(*pair) for pair in pairs], scene.name, entries)
+    bodies = [bodies_of(*pair, {}) for pair in pairs]  # the fixture holds the pictures' own colours
+    alone = [paint_scene([sample], [own])[0] for sample, own in zip(samples, bodies, strict=True)]
+    report("robust, by sample", samples, alone, scene.name, entries)
+    report("robust, as written", samples, paint_scene(samples, bodies), scene.name, entries)
 
 
 if __name__ == "__main__":

@@ -15,6 +15,7 @@ from appocc.colours import (
     exposure_of,
     exposures_of,
     fit,
+    gains_of,
     lab_from_rgb,
     linear_from_srgb,
     name,
@@ -149,12 +150,12 @@ def test_shades_and_synonyms() -> None:
 
 
 def test_every_colour_word_of_the_lexicon_has_a_fit() -> None:
-    from grounding.kinds import Kind
+    from grounding.kinds import COLOURS, Kind
     from grounding.lexicon import phrases
 
     for phrase, (kind, value) in phrases().items():
         if kind in (Kind.COLOUR, Kind.SHADE):
-            assert 0 < fit(value, (120, 80, 60)) <= 1, phrase
+            assert 0 < fit(COLOURS.get(value, value), (120, 80, 60)) <= 1, phrase
 
 
 def dusk(rgb: tuple[int, int, int]) -> tuple[int, int, int]:
@@ -304,6 +305,9 @@ def test_places_off_the_road_are_in_the_light_of_all() -> None:
 def test_exposures_of_nothing_and_of_odd_shapes() -> None:
     bev, rgb, outlines = shaded_street()
     assert exposures_of(bev, np.zeros((0, 3)), np.zeros((0, 4, 2))) == ()
+    assert gains_of(bev, np.zeros((0, 3)), np.zeros((0, 4, 2))).shape == (0, 3)
+    gains = [light.gain.tolist() for light in exposures_of(bev, rgb, outlines)]
+    assert gains_of(bev, rgb, outlines).tolist() == gains
     with pytest.raises(ShapeError, match="footprints_m"):
         exposures_of(bev, rgb, outlines[:3])
     with pytest.raises(ShapeError, match="vehicles_rgb"):

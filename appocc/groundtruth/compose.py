@@ -29,7 +29,7 @@ class Settings(NamedTuple):
 
     def as_meta(self) -> dict[str, Any]:
         """JSON form."""
-        return {"grid": self.grid.as_array().tolist(), "paint": self.paint, "format": 2}
+        return {"grid": self.grid.as_array().tolist(), "paint": self.paint, "format": 3}
 
 
 def compose(sample: SampleInput, sources: RoadSources, painted: Painted | None, settings: Settings) -> BEVMap:
@@ -110,5 +110,5 @@ def _vehicles(
     owner = vehicle_owner(grid, sample.boxes_world.select(near).transformed(inverse(sample.world_from_ego)))
     on = owner >= 0
     which = np.flatnonzero(near)[owner[on]]
-    rgb[on], known[on] = painted.rgb[which], painted.area_px[which] > 0
+    rgb[on], known[on] = painted.rgb[which], painted.known[which]
     return Layer(on, np.ones(grid.shape, dtype=np.bool_), "cuboids")

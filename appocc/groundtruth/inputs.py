@@ -22,7 +22,7 @@ _VIEWS_PER_CHANNEL = 3
 
 @dataclass(frozen=True)
 class View:
-    """An image with its camera, pose and the boxes of its own time (world frame)."""
+    """An image with its camera, pose and the boxes as it shows them (world frame)."""
 
     path: Path
     camera: Camera
@@ -75,16 +75,15 @@ class _BoxesOverTime:
         self._boxes = boxes
         self._place = [{name: i for i, name in enumerate(b.instance)} for b in boxes]
 
-    def at(self, timestamp_us: int, sample: int | None = None) -> Boxes:
-        """Boxes at a time: those of sample number `sample` (by default the one nearest in time), moved to it.
+    def at(self, timestamp_us: int) -> Boxes:
+        """Boxes at a time: those of the sample nearest in time, moved to it.
 
         An object that is annotated on one side only stays as it is there.
         """
         last = len(self._times) - 1
         i = int(np.clip(np.searchsorted(self._times, timestamp_us, "right") - 1, 0, max(last - 1, 0)))
         j = min(i + 1, last)
-        if sample is None:
-            sample = i if abs(self._times[i] - timestamp_us) <= abs(self._times[j] - timestamp_us) else j
+        sample = i if abs(self._times[i] - timestamp_us) <= abs(self._times[j] - timestamp_us) else j
         base = self._boxes[sample]
         if i == j or timestamp_us == self._times[sample] or not len(base):
             return base
@@ -116,13 +115,29 @@ def gather(dataset: Dataset, scene: Scene) -> SceneInputs:
     boxes = [dataset.boxes_world(sample) for sample in samples]
     over_time = _BoxesOverTime(samples, boxes)
     stream = dataset.stream(scene)
+    ahead_us = _ahead_us(dataset, samples)
     views: dict[str, list[View]] = defaultdict(list)
     for data in stream:
         if data.modality == "camera":
-            views[data.channel].append(_view(dataset, data, over_time.at(data.timestamp_us)))
+            boxes_then = over_time.at(data.timestamp_us + ahead_us.get(data.channel, 0))
+            views[data.channel].append(_view(dataset, data, boxes_then))
     sweeps = tuple(_sweep(dataset, data, over_time, views) for data in stream if data.channel == LIDAR)
-    inputs = tuple(_sample(dataset, sample, k, over_time) for k, sample in enumerate(samples))
+    inputs = tuple(_sample(dataset, *pair) for pair in zip(samples, boxes, strict=True))
     return SceneInputs(scene.name, sweeps, inputs, dataset.annotated(scene))
+
+
+def _ahead_us(dataset: Dataset, samples: tuple[Sample, ...]) -> dict[str, int]:
+    """How long before its sample's time each camera takes its picture, by channel.
+
+    A spinning LiDAR fires the cameras as it passes them, and is stamped at the end of its turn. Boxes are drawn
+    around its points: they lie where the key frame's picture shows an object, not where it is at the sample's time.
+    """
+    early: dict[str, list[int]] = defaultdict(list)
+    for sample in samples:
+        for data in dataset.data(sample).values():
+            if data.modality == "camera":
+                early[data.channel].append(sample.timestamp_us - data.timestamp_us)
+    return {channel: round(float(np.median(own))) for channel, own in early.items()}
 
 
 def _view(dataset: Dataset, data: SampleData, boxes: Boxes) -> View:
@@ -148,7 +163,7 @@ def _sweep(dataset: Dataset, data: SampleData, boxes: _BoxesOverTime, views: dic
     )
 
 
-def _sample(dataset: Dataset, sample: Sample, number: int, boxes: _BoxesOverTime) -> SampleInput:
+def _sample(dataset: Dataset, sample: Sample, boxes: Boxes) -> SampleInput:
     data = dataset.data(sample)
     cameras = [d for d in data.values() if d.modality == "camera"]
     lidar = data.get(LIDAR)
@@ -159,7 +174,7 @@ def _sample(dataset: Dataset, sample: Sample, number: int, boxes: _BoxesOverTime
         sample.token,
         sample.timestamp_us,
         dataset.world_from_ego(sample),
-        boxes.at(sample.timestamp_us, number),
-        tuple(_view(dataset, d, boxes.at(d.timestamp_us, number)) for d in cameras),
+        boxes,
+        tuple(_view(dataset, d, boxes) for d in cameras),
         own_lidar,
     )

@@ -1,8 +1,8 @@
-"""The colour of each vehicle from the images of its cuboid: the paper's histogram mode, and a robust variant."""
+"""Which pixels show a vehicle, and its colour: the paper's histogram mode, or one of its bodywork over a scene."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -10,8 +10,10 @@ import numpy as np
 from appocc.boxes import Boxes
 from appocc.camera import Camera
 from appocc.checks import BoolArray, ByteArray, FloatArray
+from appocc.colours import Exposure
 from appocc.files import read_image
 from appocc.geometry import apply, inverse
+from appocc.groundtruth.bodywork import Bodywork, bodywork, light_of, paint_of
 from appocc.groundtruth.inputs import SampleInput, View
 from appocc.groundtruth.visibility import DepthPicture, box_entry, image_rectangle
 from appocc.nuscenes.lidar import read_lidar
@@ -21,12 +23,8 @@ Paint = Literal["mode", "robust"]
 _BINS, _BIN_LENGTH = 25, 10
 _SAMPLES_A_SIDE = 56
 _LEAST_PIXELS = 12
-_BOX_MARGIN_M = 0.1
-# Bodywork between tyres and windows, in parts of the height; parts of brightness that are shadow or glint.
-_BODY_BAND = (0.28, 0.62)
-_DARKEST, _BRIGHTEST = 0.15, 0.9
-# Colours this near to one another (0..255) count as the same paint when the densest colour is sought.
-_NEAR, _SAME = 24.0, 36.0
+# LiDAR points this far outside a box are still the vehicle's.
+_BOX_MARGIN_M = 0.15
 
 
 class BoxPixels(NamedTuple):
@@ -34,20 +32,20 @@ class BoxPixels(NamedTuple):
 
     Attributes:
         rgb: (N, 3) uint8 colours.
-        height: (N,) where on the box's height each was hit, 0..1.
-        area_px: pixels of the image that the samples stand for.
+        height: (N,) where on the box's height each lies, 0..1.
+        sample_px: pixels of the image that each stands for.
     """
 
     rgb: ByteArray
     height: FloatArray
-    area_px: float
+    sample_px: float
 
 
 class Painted(NamedTuple):
-    """Colours (B, 3) uint8 of boxes, and the image area (B,) in pixels each was read from, 0 where it is unknown."""
+    """Colours (B, 3) uint8 of boxes, and which are known (B,)."""
 
     rgb: ByteArray
-    area_px: FloatArray
+    known: BoolArray
 
 
 _NO_PIXELS = BoxPixels(np.zeros((0, 3), np.uint8), np.zeros(0), 0.0)
@@ -56,7 +54,11 @@ _NO_PIXELS = BoxPixels(np.zeros((0, 3), np.uint8), np.zeros(0), 0.0)
 def box_pixels(
     image: ByteArray, view: View, boxes_world: Boxes, target: int, depth: DepthPicture | None
 ) -> BoxPixels:
-    """Pixels of the image region of box `target` in which neither another box nor a nearer LiDAR surface hides it."""
+    """Pixels of the image that show box `target`: where the sweep's points lie in it, else where nothing hides it.
+
+    Where the sweep looks past or through the box (beside a bonnet, through glass) it shows something else. Where the
+    sweep saw nothing, or has no point in the box, other boxes hide it as if they were solid.
+    """
     camera, eye = view.camera, view.world_from_cam[:3, 3]
     corners_cam = apply(inverse(view.world_from_cam), boxes_world.corners())
     rectangle = image_rectangle(camera, corners_cam[target])
@@ -65,21 +67,31 @@ def box_pixels(
     uv = _grid_of_pixels(*rectangle)
     sample_px = float(np.prod(rectangle[1] - rectangle[0])) / len(uv)
     rays = _rays(camera, view.world_from_cam, uv)
-    own = _entry(eye, rays, boxes_world, target)
-    hit = np.isfinite(own)
-    uv, rays, own = uv[hit], rays[hit], own[hit]
+    where = _entry(eye, rays, boxes_world, target)
+    hit = np.isfinite(where)
+    uv, rays, where = uv[hit], rays[hit], where[hit]
     if len(uv) < _LEAST_PIXELS:
         return _NO_PIXELS
     free = np.ones(len(uv), dtype=np.bool_)
     for other in _possible_occluders(camera, corners_cam, target, rectangle):
-        free &= _entry(eye, rays, boxes_world, other) > own
+        free &= _entry(eye, rays, boxes_world, other) > where
     if depth is not None:
-        free &= ~depth.hides(uv, own)
-    uv, rays, own = uv[free], rays[free], own[free]
-    local = apply(inverse(boxes_world.frame_from_box(target)), eye + rays * own[:, None])
-    height = local[:, 2] / boxes_world.size_wlh_m[target, 2] + 0.5
+        swept = depth.depth_m(uv)
+        on = _inside(eye + rays * np.where(np.isfinite(swept), swept, 0.0)[:, None], boxes_world, target)
+        on &= np.isfinite(swept)
+        free = on | (free & np.isinf(swept)) if on.sum() >= _LEAST_PIXELS else free & ~depth.hides(uv, where)
+        where = np.where(on, swept, where)
+    uv, rays, where = uv[free], rays[free], where[free]
+    local = apply(inverse(boxes_world.frame_from_box(target)), eye + rays * where[:, None])
+    height = np.clip(local[:, 2] / boxes_world.size_wlh_m[target, 2] + 0.5, 0.0, 1.0)
     column, row = uv.astype(np.int64).T
-    return BoxPixels(image[row, column], height, sample_px * len(uv))
+    return BoxPixels(image[row, column], height, sample_px)
+
+
+def _inside(points_world: FloatArray, boxes: Boxes, i: int) -> BoolArray:
+    """(N,) which points lie in a box, or all but."""
+    local = apply(inverse(boxes.frame_from_box(i)), points_world)
+    return np.asarray((np.abs(local) <= boxes.half_lwh_m()[i] + _BOX_MARGIN_M).all(axis=1))
 
 
 def _grid_of_pixels(low: FloatArray, high: FloatArray) -> FloatArray:
@@ -119,84 +131,71 @@ def paint_mode(pixels: BoxPixels) -> ByteArray:
     return np.array([b * _BIN_LENGTH + _BIN_LENGTH // 2 for b in fullest], np.uint8)
 
 
-def paint_robust(pixels: BoxPixels) -> ByteArray:
-    """(3,) colour of the bodywork: windows, tyres, shadow and glint trimmed, then the densest colour that is left."""
-    band = (pixels.height > _BODY_BAND[0]) & (pixels.height < _BODY_BAND[1])
-    rgb = pixels.rgb[band] if band.sum() >= _LEAST_PIXELS else pixels.rgb
-    brightness = rgb.astype(np.float64) @ [0.299, 0.587, 0.114]
-    low, high = np.quantile(brightness, [_DARKEST, _BRIGHTEST])
-    rgb = rgb[(brightness >= low) & (brightness <= high)].astype(np.float64)
-    distance = np.linalg.norm(rgb[:, None] - rgb[None, :: max(len(rgb) // 256, 1)], axis=2)
-    densest = (distance < _NEAR).sum(axis=1).argmax()
-    near = np.linalg.norm(rgb - rgb[densest], axis=1) < _SAME
-    return np.asarray(np.round(np.median(rgb[near], axis=0)), dtype=np.uint8)
-
-
-def paint_vehicles(
-    images: Sequence[ByteArray],
-    views: Sequence[View],
-    vehicles: BoolArray,
-    depths: Sequence[DepthPicture | None],
-    paint: Paint,
-) -> Painted:
-    """Colours of the boxes that are vehicles (B,), from all views that see them.
-
-    All views must hold the same boxes in the same order.
-    """
-    painted = Painted(np.zeros((len(vehicles), 3), np.uint8), np.zeros(len(vehicles)))
-    choose = paint_mode if paint == "mode" else paint_robust
-    for i in np.flatnonzero(vehicles):
-        seen = zip(images, views, depths, strict=True)
-        parts = [box_pixels(image, view, view.boxes_world, int(i), depth) for image, view, depth in seen]
-        parts.append(_NO_PIXELS)  # for a sample without images
-        rgb, height, areas = zip(*parts, strict=True)
-        pixels = BoxPixels(np.concatenate(rgb), np.concatenate(height), sum(areas))
-        if len(pixels.rgb) >= _LEAST_PIXELS:
-            painted.rgb[i], painted.area_px[i] = choose(pixels), pixels.area_px
-    return painted
-
-
-def paint_sample(sample: SampleInput, wanted: BoolArray, paint: Paint) -> Painted:
-    """Colours of the wanted boxes (B,) of a sample from its own images and sweep.
+def paint_mode_of(sample: SampleInput, wanted: BoolArray) -> Painted:
+    """The paper's colours of the wanted boxes (B,) of a sample, from its own images and sweep.
 
     Raises:
         DataError: if an image or the sweep is damaged.
     """
+    painted = Painted(np.zeros((len(wanted), 3), np.uint8), np.zeros(len(wanted), dtype=np.bool_))
+    for i, views in _seen(sample, wanted):
+        rgb, height, _ = zip(*(pixels for pixels, _, _ in views), strict=True)
+        pixels = BoxPixels(np.concatenate(rgb), np.concatenate(height), 1.0)
+        if len(pixels.rgb) >= _LEAST_PIXELS:
+            painted.rgb[i], painted.known[i] = paint_mode(pixels), True
+    return painted
+
+
+def bodies_of(sample: SampleInput, wanted: BoolArray, gains: Mapping[str, FloatArray]) -> list[list[Bodywork]]:
+    """What the images of a sample show of the bodywork of each of its boxes; nothing of those not wanted (B,).
+
+    `gains` holds factors (3,) by channel that even the cameras' colours out, 1 where a channel has none.
+
+    Raises:
+        DataError: if an image or the sweep is damaged.
+    """
+    bodies: list[list[Bodywork]] = [[] for _ in wanted]
+    for i, views in _seen(sample, wanted):
+        for pixels, channel, light in views:
+            if len(pixels.rgb) >= _LEAST_PIXELS:
+                bodies[i].append(bodywork(*pixels, light, gains.get(channel, np.ones(3))))
+    return bodies
+
+
+def _seen(sample: SampleInput, wanted: BoolArray) -> Iterator[tuple[int, list[tuple[BoxPixels, str, Exposure]]]]:
+    """Each wanted box: its pixels in every image of a sample that shows it, with the image's channel and light."""
     images = [read_image(view.path, (view.camera.width_px, view.camera.height_px)) for view in sample.views]
+    lights = [light_of(image) for image in images]
     depths: list[DepthPicture | None] = [None] * len(images)
     if sample.lidar is not None:
         path, world_from_lidar = sample.lidar
         raw = read_lidar(path)[:, :3]
         points = apply(world_from_lidar, raw[np.isfinite(raw).all(axis=1)])
-        # Annotated objects hide as boxes, each where it was at the image's own time: a moving car's points, taken at
-        # the sweep's time, would hide the car itself.
-        points = points[~sample.boxes_world.inside(points, _BOX_MARGIN_M)]
         depths = [DepthPicture(apply(inverse(view.world_from_cam), points), view.camera) for view in sample.views]
-    return paint_vehicles(images, sample.views, wanted, depths, paint)
+    for i in np.flatnonzero(wanted).tolist():
+        views = []
+        for image, view, depth, light in zip(images, sample.views, depths, lights, strict=True):
+            pixels = box_pixels(image, view, view.boxes_world, i, depth)
+            if len(pixels.rgb):
+                views.append((pixels, view.camera.channel, light))
+        if views:
+            yield i, views
 
 
-def pool_over_time(samples: Sequence[SampleInput], painted: Sequence[Painted]) -> list[Painted]:
-    """One colour an object in all samples: the seen colour that lies nearest to all others, by the area of each.
+def paint_scene(samples: Sequence[SampleInput], bodies: Sequence[list[list[Bodywork]]]) -> list[Painted]:
+    """One colour an object in all samples, of all the pictures of it.
 
     Paint does not change on the way; what hides, lights and mirrors does.
     """
-    seen: dict[str, list[tuple[ByteArray, float]]] = {}
-    for sample, own in zip(samples, painted, strict=True):
-        for name, rgb, area in zip(sample.boxes_world.instance, own.rgb, own.area_px, strict=True):
-            if area:
-                seen.setdefault(name, []).append((rgb, float(area)))
-    best = {name: _most_central(colours) for name, colours in seen.items()}
-    nothing = (np.zeros(3, np.uint8), 0.0)
-    pooled = []
+    pictures: dict[str, list[Bodywork]] = {}
+    for sample, own in zip(samples, bodies, strict=True):
+        for name, body in zip(sample.boxes_world.instance, own, strict=True):
+            pictures.setdefault(name, []).extend(body)
+    paint = {name: paint_of(every) for name, every in pictures.items() if every}
+    painted = []
     for sample in samples:
-        rows = [best.get(name, nothing) for name in sample.boxes_world.instance]
-        rgb = np.array([row[0] for row in rows], np.uint8).reshape(-1, 3)
-        pooled.append(Painted(rgb, np.array([row[1] for row in rows], np.float64)))
-    return pooled
-
-
-def _most_central(colours: list[tuple[ByteArray, float]]) -> tuple[ByteArray, float]:
-    """The weighted medoid of some colours, and their area in all."""
-    rgb, area = np.array([c for c, _ in colours], np.float64), np.array([a for _, a in colours])
-    distance = np.linalg.norm(rgb[:, None] - rgb[None], axis=2) @ area
-    return colours[int(distance.argmin())][0], float(area.sum())
+        names = sample.boxes_world.instance
+        rgb = [paint.get(name, np.zeros(3, np.uint8)) for name in names]
+        known = np.array([name in paint for name in names], dtype=np.bool_)
+        painted.append(Painted(np.array(rgb, np.uint8).reshape(-1, 3), known))
+    return painted

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pickle
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from functools import lru_cache, partial
 from pathlib import Path
@@ -13,15 +13,17 @@ from typing import NamedTuple
 import numpy as np
 
 from appocc.bevmap import BEVMap, bev_folder, bev_path
+from appocc.checks import FloatArray
 from appocc.drawing import preview
 from appocc.errors import DataError
 from appocc.files import write_bytes, write_image
+from appocc.groundtruth.bodywork import Bodywork
 from appocc.groundtruth.colouring import colour_sweep
 from appocc.groundtruth.compose import Settings, compose, vehicles_near
 from appocc.groundtruth.inputs import SampleInput, SceneInputs, gather
 from appocc.groundtruth.occupancy import RoadSources
-from appocc.groundtruth.painting import Painted, paint_sample, pool_over_time
-from appocc.groundtruth.surface import build_surface, exposure_gains
+from appocc.groundtruth.painting import Painted, bodies_of, paint_mode_of, paint_scene
+from appocc.groundtruth.surface import Surface, build_surface, exposure_gains
 from appocc.groundtruth.work import Work
 from appocc.nuscenes.dataset import Dataset
 from appocc.nuscenes.maps import mask_window, vector_map
@@ -91,34 +93,52 @@ def _make_scene(
 ) -> int:
     inputs = gather(dataset, scene)
     work = Work(pool, advance, len(missing))
-    pairs = zip(inputs.samples, _paint(inputs, settings, work), strict=True)
+    surface, gains = ground_of(inputs, work)
+    pairs = zip(inputs.samples, _paint(inputs, gains, settings, work), strict=True)
     wanted = [(sample, painted) for sample, painted in pairs if sample.token in missing]
     with tempfile.TemporaryDirectory(prefix="appocc-") as folder:
         sources = Path(folder) / "sources.pickle"  # our own file, read back by our own workers only
-        write_bytes(sources, pickle.dumps(_sources(dataset, scene, inputs, work)))
+        write_bytes(sources, pickle.dumps(_sources(dataset, scene, inputs, surface)))
         work.done(partial(_make_sample, sources=sources, out=out, settings=settings), wanted, 1.0)
     return len(wanted)
 
 
-def _paint(inputs: SceneInputs, settings: Settings, work: Work) -> Sequence[Painted | None]:
-    """Colours of the vehicles of each sample; of all samples, as the robust colour is one for the whole scene."""
-    if not inputs.annotated:
-        return [None] * len(inputs.samples)
-    painted = work.done(partial(_paint_sample, settings=settings), inputs.samples, 0.35)
-    return pool_over_time(inputs.samples, painted) if settings.paint == "robust" else painted
+def ground_of(inputs: SceneInputs, work: Work) -> tuple[Surface, dict[str, FloatArray]]:
+    """The ground of a scene, and the factors (3,) by channel that even the cameras' colours out.
 
-
-def _paint_sample(sample: SampleInput, settings: Settings) -> Painted:
-    return paint_sample(sample, vehicles_near(sample, settings.grid), settings.paint)
-
-
-def _sources(dataset: Dataset, scene: Scene, inputs: SceneInputs, work: Work) -> RoadSources:
-    """Everything that the samples of a scene share."""
+    Raises:
+        DataError: if a sweep, its labels or an image is damaged.
+    """
     origin = inputs.samples[0].world_from_ego[:3, 3]
     channels = tuple(sorted({view.camera.channel for sweep in inputs.sweeps for view in sweep.rounds[0]}))
     job = partial(colour_sweep, origin_m=origin, channels=channels)
-    coloured = work.done(job, inputs.sweeps, 0.8)
-    surface = build_surface(coloured, origin, exposure_gains(coloured, len(channels)))
+    coloured = work.done(job, inputs.sweeps, 0.6)
+    gains = exposure_gains(coloured, len(channels))
+    return build_surface(coloured, origin, gains), dict(zip(channels, gains.factors, strict=True))
+
+
+def _paint(
+    inputs: SceneInputs, gains: Mapping[str, FloatArray], settings: Settings, work: Work
+) -> Sequence[Painted | None]:
+    """Colours of the vehicles of each sample; of all samples, as the robust colour is one for the whole scene."""
+    if not inputs.annotated:
+        return [None] * len(inputs.samples)
+    if settings.paint == "mode":
+        return work.done(partial(_mode, settings=settings), inputs.samples, 0.5)
+    job = partial(_bodies, gains=gains, settings=settings)
+    return paint_scene(inputs.samples, work.done(job, inputs.samples, 0.5))
+
+
+def _mode(sample: SampleInput, settings: Settings) -> Painted:
+    return paint_mode_of(sample, vehicles_near(sample, settings.grid))
+
+
+def _bodies(sample: SampleInput, gains: Mapping[str, FloatArray], settings: Settings) -> list[list[Bodywork]]:
+    return bodies_of(sample, vehicles_near(sample, settings.grid), gains)
+
+
+def _sources(dataset: Dataset, scene: Scene, inputs: SceneInputs, surface: Surface) -> RoadSources:
+    """Everything that the samples of a scene share."""
     places = np.stack([sample.world_from_ego[:2, 3] for sample in inputs.samples])
     low, high = places.min(axis=0) - 60, places.max(axis=0) + 60
     vector = vector_map(dataset, scene)

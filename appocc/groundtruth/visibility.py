@@ -49,9 +49,17 @@ class DepthPicture:
 
     def hides(self, uv_px: List2, depth_m: Numbers) -> Flags:
         """Whether something nearer lies in front of pixels (N, 2) at depths (N,); pixels lie in the image."""
+        return np.asarray((depth_m - _SLACK_M) * self._before(uv_px) > 1 + _RELATIVE_SLACK)
+
+    def depth_m(self, uv_px: List2) -> Numbers:
+        """Depths (N,) of what the sweep saw at pixels (N, 2) of the image; infinity where it saw nothing."""
+        before = self._before(uv_px).astype(np.float64)
+        with np.errstate(divide="ignore"):
+            return np.asarray(1 / before)
+
+    def _before(self, uv_px: FloatArray) -> Float32Array:
         cells = self._cells(uv_px)
-        before = self._inverse_depth[cells[:, 0], cells[:, 1]]
-        return np.asarray((depth_m - _SLACK_M) * before > 1 + _RELATIVE_SLACK)
+        return np.asarray(self._inverse_depth[cells[:, 0], cells[:, 1]])
 
 
 def _fill_rings(inverse_depth: Float32Array, most: int) -> None:

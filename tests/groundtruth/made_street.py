@@ -114,7 +114,11 @@ def street_from_ego(time_s: float) -> FloatArray:
 
 @dataclass(frozen=True)
 class Plan:
-    """What a made dataset holds; times in seconds from its start."""
+    """What a made dataset holds; times in seconds from its start.
+
+    The pictures of a key frame show the street as its sweep and boxes do, however early they are stamped: a spinning
+    LiDAR fires the cameras as it passes, and is stamped at the end of its turn.
+    """
 
     street: Street
     samples: int = 2
@@ -139,7 +143,7 @@ def make(root: Path, plan: Plan) -> Dataset:
         time_s = k * STEP_US * 1e-6
         samples.append(writer.add("sample", token_of("sample", k), timestamp=_us(time_s), scene_token=scene))
         for channel in plan.cameras:
-            _add_picture(writer, plan, samples[-1], channel, mounts[channel], time_s + plan.camera_delay_s)
+            _add_picture(writer, plan, samples[-1], channel, mounts[channel], time_s)
         if k in plan.with_lidar:
             _add_scan(writer, plan, samples[-1], mounts["LIDAR_TOP"], time_s, key=True)
         for solid in plan.street(time_s) if plan.annotated else ():
@@ -165,13 +169,14 @@ def _annotation(solid: Solid) -> Annotation:
 
 
 def _add_picture(writer: Writer, plan: Plan, sample: str, channel: str, mount: str, time_s: float) -> None:
-    view, name = camera(channel), f"samples/{channel}/{_us(time_s)}.png"
-    picture = photograph(view, street_from_ego(time_s) @ view.ego_from_cam, plan.street(time_s))
+    view, stamp_s = camera(channel), time_s + plan.camera_delay_s
+    name = f"samples/{channel}/{_us(stamp_s)}.png"
+    picture = photograph(view, street_from_ego(stamp_s) @ view.ego_from_cam, plan.street(time_s))
     path = writer.root / name
     path.parent.mkdir(parents=True, exist_ok=True)
     assert cv2.imwrite(str(path), picture[..., ::-1])
-    pose = WORLD_FROM_STREET @ street_from_ego(time_s)
-    writer.add_file(sample, channel, mount, pose, _us(time_s), name, (view.width_px, view.height_px))
+    pose = WORLD_FROM_STREET @ street_from_ego(stamp_s)
+    writer.add_file(sample, channel, mount, pose, _us(stamp_s), name, (view.width_px, view.height_px))
 
 
 def _add_scan(writer: Writer, plan: Plan, sample: str, mount: str, time_s: float, key: bool) -> None:

@@ -36,14 +36,13 @@ def test_sweeps_have_the_boxes_of_their_own_time(tmp_path: Path) -> None:
     ]
 
 
-def test_images_have_the_boxes_of_their_own_time(tmp_path: Path) -> None:
+def test_images_have_the_boxes_of_their_key_frame(tmp_path: Path) -> None:
+    """They are stamped earlier than the sweep, but the LiDAR passed the car when they were taken."""
     dataset = make(tmp_path, Plan(street, samples=2, camera_delay_s=-0.1))
-    sample = gather(dataset, dataset.scenes[0]).samples[1]
-    assert centres(sample.boxes_world) == [10.0, 15.0]
-    assert all(centres(view.boxes_world) == [9.2, 15.0] for view in sample.views)
-    # Before the first sample the motion is carried back.
-    first = gather(dataset, dataset.scenes[0]).samples[0]
-    assert centres(first.views[0].boxes_world) == [5.2, 15.0, -10.0]
+    inputs = gather(dataset, dataset.scenes[0])
+    assert [centres(view.boxes_world) for view in inputs.samples[1].views] == [[10.0, 15.0]] * 4
+    assert [centres(view.boxes_world) for view in inputs.samples[0].views] == [[6.0, 15.0, -10.0]] * 4
+    assert [centres(view.boxes_world) for view in inputs.sweeps[1].rounds[0]] == [[10.0, 15.0]] * 4
 
 
 def test_motion_is_carried_on_by_one_interval_at_most(tmp_path: Path) -> None:

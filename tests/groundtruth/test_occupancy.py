@@ -17,7 +17,7 @@ from appocc.groundtruth.colouring import ROAD as ROAD_LABEL
 from appocc.groundtruth.compose import Settings, compose, vehicles_near
 from appocc.groundtruth.inputs import gather
 from appocc.groundtruth.occupancy import RoadSources, lane_layer, road_layer, vehicle_owner
-from appocc.groundtruth.painting import paint_sample
+from appocc.groundtruth.painting import bodies_of, paint_scene
 from appocc.groundtruth.surface import ExposureGains, Surface, build_surface
 from appocc.nuscenes.maps import MaskWindow, VectorMap
 
@@ -226,7 +226,7 @@ def composed(root: Path, plan: Plan, sources: RoadSources | None = None) -> BEVM
     settings = Settings(BEVGrid(-12.0, 12.0, -12.0, 12.0, 0.4), "robust")
     sample = inputs.samples[0]
     wanted = vehicles_near(sample, settings.grid)
-    painted = paint_sample(sample, wanted, settings.paint) if inputs.annotated else None
+    painted = paint_scene([sample], [bodies_of(sample, wanted, {})])[0] if inputs.annotated else None
     return compose(sample, where, painted, settings)
 
 

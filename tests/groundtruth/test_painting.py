@@ -1,39 +1,40 @@
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
-from made_street import BLUE, GREEN, RED, Plan, Solid, camera, car, make, photograph, street_from_ego
+from made_street import BLUE, GREEN, RED, Plan, Solid, beams, camera, car, make, photograph, scan, street_from_ego
 
 from appocc.boxes import Boxes
 from appocc.checks import BoolArray, ByteArray
+from appocc.colours import lab_from_rgb
 from appocc.errors import DataError
-from appocc.files import read_image
+from appocc.files import read_image, write_image
 from appocc.geometry import apply, inverse, transform
+from appocc.groundtruth.bodywork import Bodywork
 from appocc.groundtruth.inputs import SampleInput, View, gather
 from appocc.groundtruth.painting import (
     BoxPixels,
     Paint,
     Painted,
+    bodies_of,
     box_pixels,
     paint_mode,
-    paint_robust,
-    paint_sample,
-    paint_vehicles,
-    pool_over_time,
+    paint_mode_of,
+    paint_scene,
 )
 from appocc.groundtruth.visibility import DepthPicture
 
 BOTH = pytest.mark.parametrize("paint_name", ["mode", "robust"])
-GLASS, TYRE = (40, 50, 62), (14, 14, 15)
 
 
 def pixels(rgb: object, height: object = 0.5) -> BoxPixels:
     colours = np.array(rgb, dtype=np.uint8).reshape(-1, 3)
     heights = np.broadcast_to(np.asarray(height, np.float64), len(colours)).copy()
-    return BoxPixels(colours, heights, float(len(colours)))
+    return BoxPixels(colours, heights, 1.0)
 
 
 # The paper's mode ---------------------------------------------------------------------------------------------------
@@ -58,40 +59,6 @@ def test_mode_of_one_colour_is_its_bin(value: int) -> None:
     assert paint_mode(pixels([(value,) * 3] * 20)).tolist() == [min(value // 10, 24) * 10 + 5] * 3
 
 
-# The robust variant -------------------------------------------------------------------------------------------------
-
-
-def body_and_glass() -> BoxPixels:
-    """A red car as a camera sees it: more glass than paint, tyres, a shadowed edge and a glint on the paint."""
-    rng = np.random.default_rng(1)
-    parts = [(TYRE, 150, 0.0, 0.27), (GLASS, 400, 0.63, 1.0), (RED, 200, 0.3, 0.6)]
-    parts += [((20, 4, 4), 25, 0.3, 0.6), ((255, 250, 250), 15, 0.3, 0.6)]
-    rgb = np.concatenate([np.tile(colour, (n, 1)) for colour, n, _, _ in parts]).astype(float)
-    height = np.concatenate([rng.uniform(low, high, n) for _, n, low, high in parts])
-    return BoxPixels(np.clip(rgb + rng.normal(0, 3, rgb.shape), 0, 255).astype(np.uint8), height, 1000.0)
-
-
-def test_robust_ignores_glass_tyres_shadow_and_glint() -> None:
-    car_seen = body_and_glass()
-    assert np.abs(paint_robust(car_seen).astype(float) - RED).max() < 6
-    assert np.abs(paint_mode(car_seen).astype(float) - RED).max() > 100  # the paper's answers with the glass
-
-
-def test_robust_trims_a_dense_shadow_from_paint_of_many_shades() -> None:
-    shades = np.linspace(40, 240, 172)[:, None].repeat(3, axis=1)
-    shadow = np.full((28, 3), 5.0)
-    assert paint_robust(pixels(np.vstack([shades, shadow]))).min() > 30
-
-
-def test_robust_takes_what_there_is_where_no_bodywork_is_seen() -> None:
-    assert np.abs(paint_robust(pixels([GLASS] * 40, 0.9)).astype(float) - GLASS).max() <= 1
-
-
-def test_robust_of_two_paints_is_one_of_them() -> None:
-    answer = paint_robust(pixels([RED] * 60 + [BLUE] * 40)).tolist()
-    assert answer == list(RED)
-
-
 # In pictures --------------------------------------------------------------------------------------------------------
 
 
@@ -113,10 +80,26 @@ def seen(every: list[Solid], annotated: list[Solid], channel: str = "CAM_FRONT")
     return photograph(model, pose, every), View(Path("unused"), model, pose, boxes(*annotated), 0)
 
 
-def paint(every: list[Solid], annotated: list[Solid], how: Paint) -> tuple[ByteArray, BoolArray]:
-    image, view = seen(every, annotated)
-    painted = paint_vehicles([image], [view], np.ones(len(annotated), np.bool_), [None], how)
-    return painted.rgb, painted.area_px > 0
+def painted_of(sample: SampleInput, wanted: BoolArray, how: Paint) -> Painted:
+    """A sample by itself."""
+    return (
+        paint_mode_of(sample, wanted) if how == "mode" else paint_scene([sample], [bodies_of(sample, wanted, {})])[0]
+    )
+
+
+def sample_of(folder: Path, pictures: list[tuple[ByteArray, View]], every: Boxes) -> SampleInput:
+    """A sample without a sweep, its pictures in a folder."""
+    views = []
+    for image, view in pictures:
+        path = folder / f"{view.camera.channel}.png"
+        write_image(path, image)
+        views.append(replace(view, path=path))
+    return SampleInput("t", 0, np.eye(4), every, tuple(views), None)
+
+
+def paint(folder: Path, every: list[Solid], annotated: list[Solid], how: Paint) -> Painted:
+    sample = sample_of(folder, [seen(every, annotated)], boxes(*annotated))
+    return painted_of(sample, np.ones(len(annotated), np.bool_), how)
 
 
 def within_bin(rgb: ByteArray, expected: tuple[int, int, int]) -> bool:
@@ -124,16 +107,16 @@ def within_bin(rgb: ByteArray, expected: tuple[int, int, int]) -> bool:
 
 
 @BOTH
-def test_cars_are_painted_in_their_own_colour(paint_name: Paint) -> None:
+def test_cars_are_painted_in_their_own_colour(tmp_path: Path, paint_name: Paint) -> None:
     street = [car(10, 2, RED, "a"), car(12, -4, BLUE, "b")]
-    colours, known = paint(street, street, paint_name)
+    colours, known = paint(tmp_path, street, street, paint_name)
     assert known.all()
     assert within_bin(colours[0], RED)
     assert within_bin(colours[1], BLUE)
 
 
 @BOTH
-def test_a_car_behind_another_is_painted_from_its_visible_part(paint_name: Paint) -> None:
+def test_a_car_behind_another_is_painted_from_its_visible_part(tmp_path: Path, paint_name: Paint) -> None:
     # The blue one covers all but a strip of the red one.
     red, blue = car(16, -2.2, RED, "red"), car(9, -0.7, BLUE, "blue")
     image, view = seen([red, blue], [red, blue])
@@ -141,48 +124,59 @@ def test_a_car_behind_another_is_painted_from_its_visible_part(paint_name: Paint
         box_pixels(image, view, boxes(red), 0, None).rgb
     )
     assert 0.05 < share < 0.5
-    colours, known = paint([red, blue], [red, blue], paint_name)
+    colours, known = paint(tmp_path, [red, blue], [red, blue], paint_name)
     assert known.tolist() == [True, True]
     assert within_bin(colours[0], RED)
     assert within_bin(colours[1], BLUE)
 
 
 @BOTH
-def test_a_car_that_another_covers_is_unknown(paint_name: Paint) -> None:
+def test_a_car_that_another_covers_is_unknown(tmp_path: Path, paint_name: Paint) -> None:
     red, blue = car(16, -1, RED, "red"), Solid((6, -3, 0), (8, 1, 2.5), BLUE, "vehicle.truck", "blue")
-    colours, known = paint([red, blue], [red, blue], paint_name)
+    colours, known = paint(tmp_path, [red, blue], [red, blue], paint_name)
     assert known.tolist() == [False, True]
     assert colours[0].tolist() == [0, 0, 0]
 
 
 @BOTH
-def test_cars_that_no_camera_sees_are_unknown(paint_name: Paint) -> None:
+def test_cars_that_no_camera_sees_are_unknown(tmp_path: Path, paint_name: Paint) -> None:
     behind, aside, tiny = car(-10, 0, RED, "a"), car(3, 9, RED, "b"), car(150, 0, RED, "c")
-    _, known = paint([behind, aside, tiny], [behind, aside, tiny], paint_name)
+    _, known = paint(tmp_path, [behind, aside, tiny], [behind, aside, tiny], paint_name)
     assert known.tolist() == [False, False, False]
 
 
-def test_without_images_all_are_unknown() -> None:
-    assert paint_vehicles([], [], np.ones(3, np.bool_), [], "robust").area_px.tolist() == [0.0] * 3
+@BOTH
+def test_without_images_all_are_unknown(paint_name: Paint) -> None:
+    sample = SampleInput("t", 0, np.eye(4), boxes(*[car(10, 2, RED, name) for name in "abc"]), (), None)
+    assert painted_of(sample, np.ones(3, np.bool_), paint_name).known.tolist() == [False] * 3
 
 
-def test_only_the_wanted_are_painted() -> None:
+@BOTH
+def test_only_the_wanted_are_painted(tmp_path: Path, paint_name: Paint) -> None:
     street = [car(10, 2, RED, "a"), car(12, -4, BLUE, "b")]
-    image, view = seen(street, street)
-    known = paint_vehicles([image], [view], np.array([False, True]), [None], "mode").area_px > 0
-    assert known.tolist() == [False, True]
+    sample = sample_of(tmp_path, [seen(street, street)], boxes(*street))
+    assert painted_of(sample, np.array([False, True]), paint_name).known.tolist() == [False, True]
 
 
-def test_all_views_count_together() -> None:
-    """Left and front camera each see an end of the car; the mode is that of both."""
+def test_cameras_colours_are_evened_out(tmp_path: Path) -> None:
+    street = [car(10, 2, (120, 120, 120), "a")]
+    sample = sample_of(tmp_path, [seen(street, street)], boxes(*street))
+    every = np.ones(1, np.bool_)
+    for gains, expected in (({"CAM_FRONT": np.array([1.1, 1.0, 0.9])}, [132, 120, 108]), ({}, [120, 120, 120])):
+        (painted,) = paint_scene([sample], [bodies_of(sample, every, gains)])
+        assert painted.rgb[0].tolist() == expected
+
+
+@BOTH
+def test_all_views_count_together(tmp_path: Path, paint_name: Paint) -> None:
+    """Left and front camera each see an end of the car; the colour is that of the end that is seen more of."""
     street = [car(4.5, 3.2, RED, "a")]
-    front, left = seen(street, street), seen(street, street, "CAM_LEFT")
-    counts = [len(box_pixels(image, view, view.boxes_world, 0, None).rgb) for image, view in (front, left)]
-    assert min(counts) > 12
-    flooded = np.full_like(front[0], 77)
-    few = int(np.argmin(counts))
-    images = [flooded if i == few else (front, left)[i][0] for i in range(2)]
-    colours, _area = paint_vehicles(images, [front[1], left[1]], np.ones(1, np.bool_), [None, None], "mode")
+    pictures = [seen(street, street), seen(street, street, "CAM_LEFT")]
+    every = [box_pixels(image, view, view.boxes_world, 0, None) for image, view in pictures]
+    assert min(len(own.rgb) for own in every) > 12
+    few = int(np.argmin([len(own.rgb) * own.sample_px for own in every]))
+    pictures[few] = (np.full_like(pictures[few][0], 77), pictures[few][1])
+    colours, _known = painted_of(sample_of(tmp_path, pictures, boxes(*street)), np.ones(1, np.bool_), paint_name)
     assert within_bin(colours[0], RED)
 
 
@@ -198,6 +192,36 @@ def test_what_lidar_sees_before_a_car_hides_it() -> None:
     assert (without.rgb == GREEN).all(axis=1).sum() > 50
     assert (with_depth.rgb == RED).all(axis=1).mean() > 0.95
     assert len(with_depth.rgb) > 50
+
+
+def swept(view: View, solids: list[Solid]) -> DepthPicture:
+    """What a fine LiDAR sees of a street, as a camera's depth picture."""
+    points, _ = scan(np.array([0.9, -1.0, 1.84]), solids, beams(np.linspace(-30, 8, 300), 2000))
+    return DepthPicture(apply(inverse(view.world_from_cam), points), view.camera)
+
+
+def test_a_car_is_seen_past_the_corner_of_a_box_that_is_too_large() -> None:
+    """Another car fills the lower half of its own box only; LiDAR points on the car behind it tell."""
+    red, low = car(16, -1, RED, "red"), Solid((8, -2, 0), (12, 0, 0.6), BLUE, "vehicle.car", "low")
+    large = Solid((8, -2, 0), (12, 0, 2.0), BLUE, "vehicle.car", "low")
+    image, view = seen([red, low], [red, large])
+    without, found = (box_pixels(image, view, view.boxes_world, 0, own) for own in (None, swept(view, [red, low])))
+    assert len(without.rgb) < 12
+    assert len(found.rgb) > 100
+    assert (found.rgb == RED).all(axis=1).mean() > 0.95
+
+
+def test_what_lidar_sees_beyond_a_box_is_no_part_of_the_car() -> None:
+    """The box is much too wide; beside the car the LiDAR sees the wall behind it."""
+    red, wall = car(12, -1, RED, "a"), Solid((30, -20, 0), (31, 20, 8), GREEN)
+    wide = Solid((10, -4, 0), (14, 2, 1.5), RED, "vehicle.car", "a")
+    image, view = seen([red, wall], [wide])
+    without, found = (box_pixels(image, view, view.boxes_world, 0, own) for own in (None, swept(view, [red, wall])))
+    # The road inside the box lies in it, but low.
+    before, after = ((own.rgb[own.height > 0.2] == RED).all(axis=1) for own in (without, found))
+    assert before.mean() < 0.7
+    assert after.mean() > 0.9
+    assert after.sum() > 0.9 * before.sum()
 
 
 def test_heights_are_those_of_the_box() -> None:
@@ -216,7 +240,7 @@ def test_the_area_is_that_in_the_picture(distance: float) -> None:
     red, blue = car(distance, -1.5, RED, "a"), car(distance - 2.2, 1.5, BLUE, "b")
     image, view = seen([red, blue], [red, blue])
     found = box_pixels(image, view, view.boxes_world, 0, None)
-    assert found.area_px == pytest.approx((image == RED).all(axis=2).sum(), rel=0.12)
+    assert len(found.rgb) * found.sample_px == pytest.approx((image == RED).all(axis=2).sum(), rel=0.12)
 
 
 def test_a_turned_and_tilted_box_is_hit_where_it_is() -> None:
@@ -254,92 +278,81 @@ def test_a_turned_and_tilted_box_is_hit_where_it_is() -> None:
 
 
 @BOTH
-def test_an_oncoming_car_does_not_hide_itself(tmp_path: Path, paint_name: Paint) -> None:
-    """The image is 0.1 s older than the sweep, in which the car is 2 m nearer."""
-    plan = Plan(lambda t: [car(14 - 20 * t, 2, RED, "a")], samples=2, cameras=("CAM_FRONT",), camera_delay_s=-0.1)
+def test_an_oncoming_car_is_painted_where_the_pictures_show_it(tmp_path: Path, paint_name: Paint) -> None:
+    """They are stamped 0.1 s, or 2 m, before the sweep; a green wall stands behind the car."""
+    wall = Solid((19.0, -6.0, 0.0), (20.0, 8.0, 5.0), GREEN)
+    plan = Plan(
+        lambda t: [car(14 - 20 * t, 2, RED, "a"), wall], samples=2, cameras=("CAM_FRONT",), camera_delay_s=-0.1
+    )
     dataset = make(tmp_path, plan)
     sample = gather(dataset, dataset.scenes[0]).samples[0]
-    colours, area = paint_sample(sample, np.ones(1, np.bool_), paint_name)
-    assert area[0] > 0
+    colours, known = painted_of(sample, np.ones(1, np.bool_), paint_name)
+    assert known[0]
     assert within_bin(colours[0], RED)
-    every = sum(box_pixels(*_one(view), view.boxes_world, 0, None).area_px for view in sample.views)
-    assert area[0] > 0.95 * every
-
-
-def _one(view: View) -> tuple[ByteArray, View]:
-    return read_image(view.path), view
+    (view,) = sample.views
+    found = box_pixels(read_image(view.path), view, view.boxes_world, 0, None)
+    assert (found.rgb == RED).all(axis=1).mean() > 0.98
 
 
 @BOTH
 def test_a_sample_without_lidar_is_painted_by_boxes_alone(tmp_path: Path, paint_name: Paint) -> None:
     dataset = make(tmp_path, Plan(lambda t: [car(10, 2, BLUE, "a")], samples=1, with_lidar=()))
-    colours, area = paint_sample(gather(dataset, dataset.scenes[0]).samples[0], np.ones(1, np.bool_), paint_name)
-    assert area[0] > 0
+    sample = gather(dataset, dataset.scenes[0]).samples[0]
+    colours, known = painted_of(sample, np.ones(1, np.bool_), paint_name)
+    assert known[0]
     assert within_bin(colours[0], BLUE)
 
 
-def test_one_colour_an_object_over_time(tmp_path: Path) -> None:
-    plan = Plan(lambda t: [car(10, 2, RED, "a"), car(-9, 2, BLUE, "b")], samples=3)
-    dataset = make(tmp_path, plan)
-    samples = gather(dataset, dataset.scenes[0]).samples
-    near, glint, hidden = [200, 0, 0], [255, 255, 255], [0, 0, 0]
-    views = [([near, hidden], [900.0, 0.0]), ([[196, 2, 1], hidden], [400.0, 0.0]), ([glint, hidden], [800.0, 0.0])]
-    painted = [Painted(np.array(rgb, np.uint8), np.array(area)) for rgb, area in views]
-    for own in pool_over_time(samples, painted):
-        assert own.rgb.tolist() == [near, hidden]  # the glint counts, but lies far from the others
-        assert own.area_px.tolist() == [2100.0, 0.0]  # what was never seen stays unknown
-
-
-def test_without_boxes_there_is_nothing_to_pool(tmp_path: Path) -> None:
-    dataset = make(tmp_path, Plan(lambda t: [], samples=1))
-    samples = gather(dataset, dataset.scenes[0]).samples
-    pooled = pool_over_time(samples, [Painted(np.zeros((0, 3), np.uint8), np.zeros(0))])
-    assert pooled[0].rgb.shape == (0, 3)
-
-
-def test_a_damaged_image(tmp_path: Path) -> None:
+@BOTH
+def test_a_damaged_image(tmp_path: Path, paint_name: Paint) -> None:
     dataset = make(tmp_path, Plan(lambda t: [], samples=1))
     sample = gather(dataset, dataset.scenes[0]).samples[0]
     sample.views[0].path.write_bytes(b"no image")
     with pytest.raises(DataError, match=r"CAM_BACK.*\.png: not a readable image"):
-        paint_sample(sample, np.zeros(0, np.bool_), "robust")
+        painted_of(sample, np.zeros(0, np.bool_), paint_name)
 
 
 # Over a scene -------------------------------------------------------------------------------------------------------
 
 
-def over_time(*samples: dict[str, tuple[tuple[int, int, int], float]]) -> list[dict[str, tuple[list[int], float]]]:
-    """What becomes of the colours and areas of some objects, by name and sample."""
-    inputs, painted = [], []
+def shown(rgb: tuple[int, int, int], area_px: float) -> list[Bodywork]:
+    """A picture that shows bodywork of one colour."""
+    colours = np.array([rgb] * 20, np.uint8)
+    return [Bodywork(colours, lab_from_rgb(colours), area_px, True)]
+
+
+def over_time(*samples: dict[str, list[Bodywork]]) -> list[dict[str, list[int] | None]]:
+    """The colours of some objects, by name and sample; None where it is unknown."""
+    inputs = []
     for objects in samples:
         every = boxes(*(car(10 * i, 0, RED, name) for i, name in enumerate(objects)))
         inputs.append(SampleInput("t", 0, np.eye(4), every, (), None))
-        rgb, area = np.array([o[0] for o in objects.values()], np.uint8), np.array([o[1] for o in objects.values()])
-        painted.append(Painted(rgb.reshape(-1, 3), area.astype(np.float64)))
-    pooled = pool_over_time(inputs, painted)
+    painted = paint_scene(inputs, [list(objects.values()) for objects in samples])
     return [
-        {name: (rgb.tolist(), float(area)) for name, rgb, area in zip(i.boxes_world.instance, *p, strict=True)}
-        for i, p in zip(inputs, pooled, strict=True)
+        {name: rgb.tolist() if known else None for name, rgb, known in zip(objects, *own, strict=True)}
+        for objects, own in zip(samples, painted, strict=True)
     ]
 
 
 def test_an_object_has_one_colour_in_all_samples() -> None:
-    red, glare = (200, 30, 30), (255, 250, 250)
+    shade, glare = (90, 92, 95), (255, 250, 250)
     first, second, third = over_time(
-        {"a": (red, 100.0), "b": (BLUE, 10.0)}, {"a": (glare, 150.0)}, {"b": (BLUE, 5.0), "a": (red, 90.0)}
+        {"a": shown(shade, 100.0), "b": shown(BLUE, 10.0)},
+        {"a": shown(glare, 150.0)},
+        {"b": shown(BLUE, 5.0), "a": shown(shade, 90.0)},
     )
-    assert first["a"] == second["a"] == third["a"] == (list(red), 340.0)
-    assert first["b"] == third["b"] == (list(BLUE), 15.0)
+    assert first["a"] == second["a"] == third["a"] == list(shade)  # the glare is the largest, but alone
+    assert first["b"] == third["b"] == list(BLUE)
 
 
 def test_an_object_keeps_its_colour_where_it_is_hidden() -> None:
-    hidden, seen_later = over_time({"a": ((0, 0, 0), 0.0)}, {"a": (RED, 50.0)})
-    assert hidden == seen_later == {"a": (list(RED), 50.0)}
+    assert over_time({"a": []}, {"a": shown(RED, 50.0)}) == [{"a": list(RED)}] * 2
 
 
 def test_an_object_that_is_never_seen_stays_unknown() -> None:
-    assert over_time({"a": ((0, 0, 0), 0.0)}, {}, {"a": ((0, 0, 0), 0.0)}) == [
-        {"a": ([0, 0, 0], 0)},
-        {},
-        {"a": ([0, 0, 0], 0)},
-    ]
+    assert over_time({"a": []}, {}, {"a": []}) == [{"a": None}, {}, {"a": None}]
+
+
+def test_without_boxes_there_is_nothing_to_paint() -> None:
+    (painted,) = paint_scene([SampleInput("t", 0, np.eye(4), boxes(), (), None)], [[]])
+    assert painted.rgb.shape == (0, 3)

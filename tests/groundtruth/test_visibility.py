@@ -37,6 +37,13 @@ def hidden(view: Camera, sweep: FloatArray, points: FloatArray) -> tuple[BoolArr
     return result, seen
 
 
+def test_a_depth_picture_tells_how_far_the_sweep_saw() -> None:
+    view = camera()
+    picture = DepthPicture(np.array([[0.0, 0.0, 8.0], [0.0, 0.0, 20.0]]), view)
+    np.testing.assert_allclose(picture.depth_m(np.array([[800.0, 450.0]])), [8.0], rtol=1e-6)
+    assert picture.depth_m(np.array([[100.0, 450.0], [800.0, 100.0]])).tolist() == [np.inf, np.inf]
+
+
 def boxes(*rows: tuple[float, float, float, float, float, float, float]) -> Boxes:
     """Boxes of (x, y, z, length, width, height, yaw)."""
     n, table = len(rows), np.array(rows, dtype=np.float64).reshape(-1, 7)
