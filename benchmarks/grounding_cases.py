@@ -15,6 +15,8 @@ nothing is said to decide; in 5 % there is no such vehicle.
 - vehicle: the right one (without boxes: within 2 m of it), or none where none is named. place: the target lies in the
   region and heads along the lane. off: metres from the target to the best place of the region, where the vehicle is
   right. asked, none: answered by a question, by "not found". error: the product raised.
+- asked back: of cases with one answer those answered by a question, and how often the right vehicle is among those
+  that it is about.
 - declared: of ambiguous cases those answered so, with two or more of the vehicles that fit among the candidates; of
   absent ones those not found.
 - hard violations: targets whose footprint holds the middle of a cell that the given map calls vehicle, or that it
@@ -113,6 +115,7 @@ class Verdict(NamedTuple):
         off_m: from the target to the best place, NaN where there is none or the vehicle is wrong.
         on_vehicle: cells of vehicles below the target's footprint.
         off_road: cells below it that are no known road, or lie off the map.
+        among: whether the right vehicle is among those that it asked about.
     """
 
     case: Case
@@ -122,6 +125,7 @@ class Verdict(NamedTuple):
     off_m: float = np.nan
     on_vehicle: int = 0
     off_road: int = 0
+    among: bool = False
 
     @property
     def right(self) -> bool:
@@ -139,7 +143,8 @@ def judge(case: Case, asked: Asked, bev: BEVMap, by_name: bool) -> Verdict:
         right = asked.status == "ok" and len(asked.vehicles) == len(case.vehicles)
         right &= len(_found(case, asked.vehicles, by_name)) == len(case.vehicles)
     if case.region is None or asked.place_m is None:
-        return Verdict(case, asked, right, False, np.nan, on_vehicle, off_road)
+        among = asked.status == "ambiguous" and bool(_found(case, asked.candidates, by_name))
+        return Verdict(case, asked, right, False, np.nan, on_vehicle, off_road, among)
     turns_deg = np.degrees(wrap_angle(np.array(case.region.yaws_rad) - asked.yaw_rad))
     along_lane = bool(np.abs(turns_deg).min() <= TURN_DEG + YAW_SLACK_DEG)
     off_m = float(np.hypot(*(asked.place_m - case.region.best_m))) if right else np.nan
@@ -261,6 +266,9 @@ def summary(judged: Sequence[Verdict], left_out: Counter[str]) -> list[str]:
     for kind in ("ambiguous", "absent"):
         declared = [one.vehicle for one in judged if one.case.kind == kind]
         lines.append(f"{kind}: {sum(declared)} of {len(declared)} declared")
+    asked = [one for one in judged if one.case.kind == "one" and one.asked.status == "ambiguous"]
+    right = sum(one.among for one in asked)
+    lines.append(f"asked back though there is one answer: {len(asked)}, about the right vehicle {right}")
     places = [one for one in judged if one.asked.place_m is not None]
     hit, off = (sum(getattr(one, key) > 0 for one in places) for key in ("on_vehicle", "off_road"))
     lines.append(f"hard violations: {hit} on a vehicle, {off} off the road, of {len(places)} targets")

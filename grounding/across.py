@@ -19,8 +19,8 @@ _LEVEL_M, _EDGE_M, _AT_EDGE_M = 2.0, 0.3, 0.6
 # The road's width is looked at so far before and beyond a vehicle, and taken where no side road widens it.
 _ACROSS_M, _WIDTH_AT_M, _WIDTH_SHARE = 18.0, np.arange(-8.0, 8.1, 2.0), 0.25
 _MIDDLE_M = 1.5
-# A vehicle is in our lane up to so far from its middle.
-_IN_LANE_M = 1.5
+# A vehicle is in our lane up to so far from its middle; dislike of leaving it to drive past something.
+_IN_LANE_M, _LEAVES = 1.5, 12.0
 
 
 def on_our_way(relation: str, query: Query, item: SceneObject, road: Road) -> tuple[list[Wish], list[str]]:
@@ -29,6 +29,7 @@ def on_our_way(relation: str, query: Query, item: SceneObject, road: Road) -> tu
     around = Around(item, road, most + item.length_m / 2 + EGO_LENGTH_M)
     sign, words = (-1.0, "short of it on our way") if relation == "before" else (1.0, "beyond it on our way")
     heading = around.lane_rad
+    driven = query.action == "drive_past"
     along, aside = around.offsets(around.ours_rad)
     ego_half = ego_half_m(heading - around.ours_rad)
     lanes = [("in line with it", aside, 0.0)]
@@ -37,7 +38,8 @@ def on_our_way(relation: str, query: Query, item: SceneObject, road: Road) -> tu
         along, aside, ego_half = on - at, own - off, np.full(len(on), EGO_LENGTH_M / 2)
         if abs(off) < _IN_LANE_M:
             own = aside  # It stands in our lane itself, and shows where that is.
-        lanes = [("in our lane", own, 0.0), ("in line with it", aside, SECOND)]
+        # Who drives past it stays in our lane; elsewhere a place in line with it will do.
+        lanes = [("in our lane", own, 0.0), ("in line with it", aside, _LEAVES if driven else SECOND)]
         if query.action in PARKED:
             lanes = [("in line with it", aside, 0.0), ("in our lane", own, SECOND)]
     if query.action == "overtake":
@@ -64,7 +66,8 @@ def opposite(query: Query, item: SceneObject, road: Road) -> tuple[list[Wish], l
     of_item = (right_m - left_m) / 2
     of_cell, half_road = left + of_item, (left_m + right_m) / 2
     sign = -1.0 if of_item > 0 else 1.0
-    region = (np.abs(along) <= around.half_m(forward) + _LEVEL_M) & (sign * of_cell > 0)
+    level_m = around.half_m(forward) + _LEVEL_M + road.grid.cell_m / 2  # a place is a whole cell
+    region = (np.abs(along) <= level_m) & (sign * of_cell > 0)
     region &= np.abs(of_cell) < half_road
     if query.action in PARKED:
         aside = (half_road - np.abs(of_cell) - EGO_WIDTH_M / 2 - _EDGE_M) / _AT_EDGE_M

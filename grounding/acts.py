@@ -48,11 +48,28 @@ def acts_of(story: Story) -> list[Act]:
             # "Don't go until it has passed" is to wait; "don't turn until it has" is to turn then.
             going = deed.meaning in ("go", "drive", "move", "other")
             deed.negated, deed.meaning = False, "wait" if going else deed.meaning
+            if deed.forbidden is not None and deed.target is None:
+                deed.target = deed.forbidden
+                story.excluded = [(said, phrase) for said, phrase in story.excluded if phrase is not deed.target]
+    _join_purposes(story)
     settled = [(deed, settle(deed)) for deed in story.deeds if not deed.negated]
     # What a deed is about that is no driving is only mentioned: "fetch my bag from that van".
     idle = [deed.target for deed, action in settled if action is None]
     story.mentions = [(phrase, "said" if phrase in idle else role) for phrase, role in story.mentions]
     return [_act(story, deed, action) for deed, action in settled if action]
+
+
+def _join_purposes(story: Story) -> None:
+    """Where a place is taken for something else, that counts: "use the gap to change lanes"."""
+    for deed, purpose in zip(story.deeds[:-1], story.deeds[1:], strict=True):
+        aim = settle(purpose) if purpose.link == "to" and deed.meaning == "take" and deed.spot else None
+        if aim is None or deed.negated:
+            continue
+        if aim != "park":
+            story.deeds.remove(deed)
+        if purpose.target is None and not purpose.there:
+            purpose.target, purpose.relation, purpose.inverse = deed.target, deed.relation, deed.inverse
+            purpose.marks = [(said, thing) for said, thing in deed.marks if thing.kind != "spot"] + purpose.marks
 
 
 def _act(story: Story, deed: Deed, action: str) -> Act:
@@ -88,6 +105,9 @@ def choose(story: Story, told: Sequence[Act]) -> Choice:
                 return Choice(_last(main or acts), referent)
         if kind == "vehicle" and (said := _told(story)):
             return Choice(_last(main or acts), said)
+    for act in main:
+        if act.deed.object is not None and act.deed.object.kind == "person":
+            return Choice(act, act.deed.object)  # "pick up the woman"
     return Choice(_last(main or acts), None)
 
 

@@ -10,14 +10,18 @@ _SIDES = ("left_side", "right_side", "opposite_side", "left_lane", "right_lane")
 # What "there are two trucks ahead" says of "the red one", too.
 _INHERITED = ("ahead", "behind_ego", "own_lane", *_SIDES, "parked", "moving", "stopped")
 _WORDS = ("pronoun", "one")
+_SEVERAL = ("them", "they", "they're")
 
 
 def antecedent(story: Story, phrase: Phrase) -> Phrase | None:
     """The last thing named before a phrase that it may stand for: a vehicle if there is one."""
     at = next(i for i, (other, _) in enumerate(story.mentions) if other is phrase)
     before = [(other, role) for other, role in story.mentions[:at] if other.kind not in (*_WORDS, "part")]
+    if phrase.head in _SEVERAL and any(other.kind == "person" for other, _ in before):
+        # "That man wants to cross behind the bus, let them": one bus is not "them".
+        before = [(other, role) for other, role in before if other.kind != "vehicle" or other.number != 1]
     for kinds in (("vehicle",), ("person",), ("traffic", "thing", "spot", "region")):
-        for roles in (("said", "target", "event", "excluded"), ("landmark",)):
+        for roles in (("said", "target", "event", "excluded"), ("denied",), ("landmark",)):
             for other, role in reversed(before):
                 if other.kind in kinds and role in roles:
                     return other
@@ -36,10 +40,11 @@ def resolved(story: Story, phrase: Phrase) -> Phrase | None:
     found.definite, found.late, found.known = phrase.definite, list(phrase.late), before.known
     found.links, found.excluded = [*before.links, *phrase.links], phrase.excluded
     found.extra = [*before.extra, *phrase.extra]
+    found.in_line = before.in_line or phrase.in_line
     if phrase.kind == "pronoun":
         found.colour, found.qualifiers = before.colour, list(before.qualifiers)
     else:
-        inherits = phrase.qualifiers and role != "excluded"
+        inherits = phrase.qualifiers and role not in ("excluded", "denied")
         found.colour = phrase.colour or (before.colour if inherits else None)
         found.qualifiers = [word for word in before.qualifiers if word in _INHERITED and role == "said"]
     found.qualifiers += [word for word in phrase.qualifiers if word not in found.qualifiers]

@@ -27,7 +27,7 @@ class Clause:
 
     Attributes:
         link: '' for the first of a sentence or one after a comma; and, or, but, then; when, after, before, until,
-            while, if, because, so.
+            while, if, because, so; correct after what takes back something said ("no, ...").
         tokens: without what divides it from others.
         new: whether a new sentence begins with it.
     """
@@ -53,8 +53,14 @@ def split(tokens: Sequence[Token]) -> list[Clause]:
     for i, token in enumerate(tokens):
         rest = tokens[i + 1 : i + _LOOK_AHEAD]
         if token.kind is Kind.BREAK:
+            waits = link == "correct" and not current  # "no! the blue one"
             close()
-            link, new = "", True
+            link, new = "correct" if waits else "", True
+        elif token.kind is Kind.CORRECT:
+            close()
+            link = "correct"
+        elif link == "correct" and token.kind is Kind.COMMA and not current:
+            continue
         elif token.kind is Kind.COMMA:
             close()
             # "When it leaves, ..." ends what hangs on "when"; "so that, ..." does not.
@@ -63,7 +69,7 @@ def split(tokens: Sequence[Token]) -> list[Clause]:
             close()
             link = "then"
         elif token.kind in _JOINTS:
-            if _begins_clause(rest):
+            if _begins_clause(rest) and not _between_us(current):
                 close()
                 link = _JOINTS[token.kind]
             elif current:
@@ -86,6 +92,11 @@ def split(tokens: Sequence[Token]) -> list[Clause]:
             current.append(token)
     close()
     return clauses
+
+
+def _between_us(current: Sequence[Token]) -> bool:
+    """Whether "and" joins the other end of a gap: "until the gap between us and the van is bigger"."""
+    return [token.kind for token in current[-2:]] == [Kind.BETWEEN, Kind.EGO]
 
 
 def _begins_clause(rest: Sequence[Token]) -> bool:
@@ -133,6 +144,8 @@ def _is_clause(token: Token, rest: Sequence[Token], link: str) -> bool:
     first = next((other.kind for other in rest), Kind.BREAK)
     if token.value in ("so", "because", "if"):
         return token.value != "so" or first not in (Kind.EXTRA, Kind.UNKNOWN)
+    if first in (Kind.ANY, Kind.THE) and len(rest) > 1 and rest[1].kind is Kind.VERB:
+        return True  # "after a u-turn"
     if first in (Kind.EGO, Kind.EXISTS, Kind.VERB, Kind.NONDRIVE, Kind.AUX, Kind.SUB):
         return True
     return _subject_end(rest) is not None

@@ -1,4 +1,4 @@
-"""First, second, last, nearest, leftmost: the probability of each thing to be the one that is counted to."""
+"""First, second, last, nearest, leftmost, the one in front of us: the probability of each thing to be that one."""
 
 from __future__ import annotations
 
@@ -9,10 +9,17 @@ import numpy as np
 from appocc.checks import FloatArray
 from grounding.crowd import Crowd
 from grounding.objects import EGO_CENTRE_M
+from grounding.predicates import own_lane
+from grounding.query import Referent
 from grounding.soft import rises
 
 # From here on a vehicle is before us rather than beside us.
 _AHEAD_M = 3.0
+
+# How surely "the car in front of us" is the one right before us in our lane; it may be any one ahead.
+_LEADS = 0.85
+# What may be said beside it without telling another place.
+_NO_PLACE = frozenset(("ahead", "behind_ego", "moving", "stopped", "braking", "large", "small"))
 
 ORDINALS: Mapping[str, int] = {"first": 1, "next": 1, "second": 2, "third": 3, "fourth": 4}
 # What a superlative sorts by, smallest first, and over which difference two vehicles are hard to tell apart.
@@ -53,6 +60,30 @@ def counted(qualifiers: tuple[str, ...], crowd: Crowd, likely: FloatArray) -> Fl
     # The last from the left is the first from the right.
     keys = key(crowd) * (-1 if superlatives and "last" in ordinals else 1)
     return likely * _exactly(number - 1, _before(keys, likely, step))
+
+
+def leads(referent: Referent) -> int:
+    """1 for "the car in front of us", -1 for the one behind us, 0 with another place told or several meant."""
+    words, several = {*referent.qualifiers}, referent.number != 1 or _plural(referent.head)
+    if several or not referent.in_line or not referent.definite or not words <= _NO_PLACE:
+        return 0
+    return ("ahead" in words) - ("behind_ego" in words)
+
+
+def _plural(head: str) -> bool:
+    return head.endswith("s") and not head.endswith(("ss", "bus"))
+
+
+def leading(side: int, crowd: Crowd, likely: FloatArray) -> FloatArray:
+    """(N,) probabilities to be the one before us (1) or behind us (-1), given those to fit what else is said (N,).
+
+    The nearest one in our lane is; where none is in our lane, the nearest one.
+    """
+    keys = side * _way_ahead_m(crowd)
+    in_lane = likely * own_lane(crowd)
+    first = in_lane * _exactly(0, _before(keys, in_lane, SORTING["first"][1]))
+    nearest = likely * _exactly(0, _before(keys, likely, SORTING["first"][1]))
+    return np.asarray(_LEADS * (first + (1 - in_lane).prod() * nearest) + (1 - _LEADS) * likely)
 
 
 def _before(keys: FloatArray, likely: FloatArray, step: float) -> FloatArray:

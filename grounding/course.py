@@ -20,7 +20,7 @@ _CURVATURES = np.concatenate([-_TURNS[::-1], [0.0], _TURNS])
 _BEGINNINGS = 24
 # What a metre costs: that runs across the road, is bent (times the curvature squared), is too near to a marking or
 # to the edge, or nearer to it than the start (by a metre); and one that the road is too short for.
-_ACROSS, _BENT, _MARKING, _EDGE, _DRIFT, _MISSING = 1.0, 30.0, 0.2, 0.6, 0.15, 1.0
+_ACROSS, _BENT, _MARKING, _EDGE, _DRIFT, _MISSING = 1.0, 60.0, 0.2, 0.6, 0.15, 1.0
 _ROOM_M, _BESIDE_MARKING_M, _MOST_DRIFT_M = 1.4, 1.2, 1.0
 
 
@@ -174,7 +174,8 @@ class Tracer:
         inside = self.grid.contains(cells)
         i, j = np.moveaxis(np.where(inside[..., None], cells, 0), -1, 0)
         edge = self.edge_m[i, j]
-        cost = _ACROSS * self.sure[i, j] * np.sin(wrap_angle(heading - self.axis_rad[i, j])) ** 2
+        # In a junction the axis leans to whatever branches off: there it says little.
+        cost = _ACROSS * (self.sure[i, j] * np.sin(wrap_angle(heading - self.axis_rad[i, j]))) ** 2
         cost += _MARKING * np.maximum(_BESIDE_MARKING_M - self.marking_m[i, j], 0.0) + _EDGE * np.maximum(
             _ROOM_M - edge, 0.0
         )

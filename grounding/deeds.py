@@ -45,6 +45,8 @@ def tell(clauses: Sequence[Clause]) -> Story:
     for clause in clauses:
         told.before, told.deed, told.clause = told.deed or told.before, None, clause
         told.clear()
+        if clause.new:
+            told.forget_place()
         told.rest = list(parts(clause.tokens))
         while told.rest:
             part = told.rest.pop(0)

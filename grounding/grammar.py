@@ -20,6 +20,7 @@ _LETTERS = (
 )
 # A noun phrase: with an article ("the red one", "the big bakery", "the second"), or without ("parked black cars").
 _PHRASE = re.compile(r"d+[mukn]+h*|d+h+|[mkn]*[hk]+|m+|n+|p|e|(?<=r)u+")
+_ANYBODY = ("everyone", "everybody", "someone", "somebody", "anyone", "anybody", "people")
 _EXTRA = (Kind.EXTRA, Kind.UNKNOWN, Kind.POSSESSIVE, Kind.MAKE)
 _QUALIFIERS = (Kind.ORDINAL, Kind.SUPERLATIVE, Kind.STATE, Kind.SIZE)
 
@@ -44,6 +45,7 @@ class Phrase:
         links: what stands in a relation to it.
         late: qualifiers said after the noun.
         known: whether the lexicon has its noun.
+        in_line: as in `Referent`.
     """
 
     kind: str
@@ -60,6 +62,7 @@ class Phrase:
     links: list[tuple[str, Phrase]] = field(default_factory=list)
     late: list[str] = field(default_factory=list)
     known: bool = True
+    in_line: bool = False
 
     def qualify(self, value: str) -> None:
         """Add what is said after the noun; "the second from the left" is counted from there."""
@@ -91,9 +94,23 @@ def parts(tokens: Sequence[Token]) -> Iterator[Part]:
     at = 0
     for match in _PHRASE.finditer(letters):
         yield from tokens[at : match.start()]
-        yield _phrase(tokens[match.start() : match.end()])
+        middle = _second(tokens, match.start(), match.end())
+        yield _phrase(tokens[match.start() : middle])
+        if middle < match.end():
+            yield _phrase(tokens[middle : match.end()])
         at = match.end()
     yield from tokens[at:]
+
+
+def _second(tokens: Sequence[Token], start: int, end: int) -> int:
+    """Where a second noun phrase begins, as in "give the truck room", "the bus everyone takes"; else the end."""
+    for i in range(start + 1, end):
+        if tokens[i].text in _ANYBODY and tokens[i - 1].kind is Kind.NOUN:
+            return i
+    verb, last = tokens[start - 1] if start else tokens[start], tokens[end - 1]
+    given = verb.kind is Kind.VERB and verb.value in ("give", "leave", "give_way") and last.kind is Kind.SPOT
+    owner = tokens[end - 2].kind in (Kind.NOUN, Kind.PERSON) if end - start > 1 else False
+    return end - 1 if given and owner else end
 
 
 def _phrase(tokens: Sequence[Token]) -> Phrase:
@@ -105,8 +122,8 @@ def _phrase(tokens: Sequence[Token]) -> Phrase:
         elif token.kind is Kind.COLOUR and phrase.colour is None:
             shades = [other.value for other in tokens if other.kind is Kind.SHADE]
             phrase.colour = " ".join([*shades[:1], token.value])
-        elif token.kind in _QUALIFIERS and token.value and token.value not in phrase.qualifiers:
-            phrase.qualifiers.append(token.value)
+        elif token.kind in _QUALIFIERS:
+            phrase.qualifiers += [value for value in token.value.split() if value not in phrase.qualifiers]
         elif token.kind is Kind.NUMBER:
             phrase.number = 2 if token.value == "2" else int(token.value == "1")
         elif token.kind in _EXTRA and token.meant not in (phrase.head, "my", "our", "your"):

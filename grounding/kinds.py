@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from enum import StrEnum
 from itertools import product
+from typing import Literal, get_args
 
 WORD = re.compile(
     r"\d+x\d+|\d+(?:st|nd|rd|th)\b|\d+(?:\.\d+)?|[a-z]{1,3}\d{1,3}\b|[^\W\d_]+(?:'[^\W\d_]+)*|'s\b|[.;!?,&]"
@@ -74,6 +75,7 @@ class Kind(StrEnum):
     TO = "to"
     OF = "of"
     OUT = "out"
+    CORRECT = "correct"
     QUESTION = "question"
     FILLER = "filler"
     COMMA = "comma"
@@ -94,7 +96,7 @@ MENDED = (NOUNS - {Kind.REGION, Kind.PART, Kind.SPOT}) | {
     Kind.SIZE,
     Kind.DIRECTION,
 }
-ACTIONS: tuple[str, ...] = (
+Action = Literal[
     "park",
     "stop",
     "pull_over",
@@ -104,11 +106,53 @@ ACTIONS: tuple[str, ...] = (
     "drive_past",
     "turn",
     "change_lane",
-)
-ACTIONS += ("wait", "slow_down", "give_way", "avoid", "other")
+    "wait",
+    "slow_down",
+    "give_way",
+    "avoid",
+    "other",
+]
+Relation = Literal[
+    "none",
+    "behind",
+    "in_front_of",
+    "next_to",
+    "near",
+    "left_of",
+    "right_of",
+    "opposite",
+    "between",
+    "past",
+    "before",
+    "at",
+    "toward",
+    "same_as",
+]
+ACTIONS: tuple[str, ...] = get_args(Action)
+RELATIONS: tuple[str, ...] = get_args(Relation)[1:]
 LIGHT_VERBS = ("go", "drive", "move", "get", "pull", "stay", "take", "bring", "leave", "give")
+# Colour words, each with the colour that it is a kind of.
+COLOURS: dict[str, str] = {
+    **{
+        word: word
+        for word in ("black", "grey", "silver", "white", "red", "orange", "brown", "yellow", "green", "blue")
+    },
+    **{word: word for word in ("purple", "pink", "beige", "tan", "maroon", "navy", "turquoise", "gold", "violet")},
+    **{
+        "crimson": "red",
+        "scarlet": "red",
+        "ruby": "red",
+        "burgundy": "maroon",
+        "magenta": "pink",
+        "lavender": "purple",
+    },
+    **{"olive": "green", "lime": "green", "emerald": "green", "khaki": "tan", "mustard": "yellow", "bronze": "brown"},
+    **{"copper": "brown", "chocolate": "brown", "charcoal": "grey", "cream": "beige", "champagne": "beige"},
+    **{"ivory": "white", "teal": "turquoise", "cyan": "turquoise", "lilac": "violet", "indigo": "violet"},
+}
 # What a section's value may be, where the list is closed.
 VALUES: dict[Kind, tuple[str, ...]] = {
+    Kind.COLOUR: tuple(COLOURS),
     Kind.VERB: (*ACTIONS, *LIGHT_VERBS, "danger", "none"),
     Kind.NOUN: (
         *("car", "van", "truck", "bus", "trailer", "motorcycle", "bicycle", "construction_vehicle"),
@@ -165,21 +209,25 @@ class Pattern:
             raise ValueError(f"expected words, a|b or [a|b], got '{self.text}'")
         if len(read) > _MOST_PARTS or all(part[0] == "[" for part in read):
             raise ValueError(f"expected 1 to {_MOST_PARTS} words, one at least not in brackets, got '{self.text}'")
-        first = next(i for i, part in enumerate(read) if part[0] != "[")
+        first, *_ = needed = [i for i, part in enumerate(read) if part[0] != "["]
         parts = []
         for i, part in enumerate(read):
             by_word: dict[str, list[tuple[str, ...]]] = {}
             for choice in part.strip("[]").split("|"):
-                for phrase in self._forms(tuple(choice.split("_")), i <= first):
+                # The first words of a verb have its forms, the last ones of a noun.
+                inflects = i <= first if self.entry.kind is Kind.VERB else i >= needed[-1]
+                for phrase in self._forms(tuple(choice.split("_")), inflects):
                     by_word.setdefault(phrase[0], []).append(phrase)
             parts.append((by_word, part[0] == "["))
         self._parts = tuple(parts)
         return self._parts
 
-    def _forms(self, words: tuple[str, ...], first: bool) -> list[tuple[str, ...]]:
+    def _forms(self, words: tuple[str, ...], inflects: bool) -> list[tuple[str, ...]]:
         """All forms of a choice: of verbs by the first word, of nouns by the last."""
+        if not inflects:
+            return [words]
         if self.entry.kind is Kind.VERB:
-            return [(form, *words[1:]) for form in self._inflected(words[0], Kind.VERB)] if first else [words]
+            return [(form, *words[1:]) for form in self._inflected(words[0], Kind.VERB)]
         return [(*words[:-1], form) for form in self._inflected(words[-1], self.entry.kind)]
 
     def end(self, words: tuple[str, ...], start: int) -> int:

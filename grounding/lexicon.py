@@ -25,20 +25,6 @@ STATES: tuple[str, ...] = (
 )
 STATES += ("passing", "braking", "own_lane")
 EVENTS = ("pass", "leave", "turn", "stop", "merge", "clear", "other")
-_COLOURS: tuple[str, ...] = (
-    "black",
-    "white",
-    "red",
-    "green",
-    "yellow",
-    "blue",
-    "brown",
-    "orange",
-    "pink",
-    "purple",
-    "grey",
-)
-_COLOURS += ("silver", "gold", "beige", "maroon", "tan", "navy", "turquoise", "violet")
 _WRITTEN = {kind.value: kind for kind in Kind if kind not in (Kind.COMMA, Kind.BREAK, Kind.DISTANCE, Kind.UNKNOWN)}
 _MOST_BYTES = 1_000_000
 _HEAD = re.compile(r"\[([a-z]+)([^\]\[|]*)((?:\|[^\]\[]*)?)\]")
@@ -212,7 +198,7 @@ def _entry(head: re.Match[str]) -> Entry:
     if head[1] not in _WRITTEN:
         raise ValueError(f"expected a section of one of {', '.join(_WRITTEN)}, got '{head[0]}'")
     kind, value = _WRITTEN[head[1]], head[2].strip()
-    allowed = _COLOURS if kind is Kind.COLOUR else VALUES.get(kind)
+    allowed = VALUES.get(kind)
     if allowed and value.split(" ")[0] not in allowed:
         raise ValueError(f"expected [{kind.value}] to be one of {', '.join(allowed)}, got '{value}'")
     if kind in (Kind.NUMBER, Kind.UNIT) and not re.fullmatch(r"\d{1,6}(\.\d{1,6})?", value):

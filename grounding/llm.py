@@ -16,8 +16,9 @@ from urllib.parse import urlsplit
 from urllib.request import Request, urlopen
 
 from appocc.errors import DataError
+from grounding.kinds import Action, Relation
 from grounding.parse import Reading, readings
-from grounding.schema import Action, Noun, Placing, Qualifier, Relation, choices, query_of
+from grounding.schema import Noun, Placing, Qualifier, choices, query_of
 
 _MOST_BYTES = 100_000
 _TASK = f"""You read what a passenger tells a self-driving car and answer with one JSON object and nothing else.

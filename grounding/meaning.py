@@ -13,7 +13,8 @@ _LANE_CHANGING = ("go", "drive", "move", "get", "pull", "take", "turn", "change_
 _ENTERED = ("driveway", "parking_lot", "entrance", "road", "turn", "exit", "corner", "intersection", "roundabout")
 _LOTS = ("driveway", "parking_lot", "entrance")
 _ROUND = ("corner", "roundabout")
-_KEPT_FREE = ("distance", "space", "room", "gap")
+_KEPT_FREE = ("distance", "space", "room", "gap", "berth", "wide berth", "clearance", "leeway")
+_LANES = ("lane", "bus_lane", "bike_lane")
 _BESIDE = ("behind", "in_front_of", "next_to")
 # Relations that say nothing about where a vehicle ends beside another.
 _LOOSE = ("in", "into", "along", "on", "with", "of", "for", "object")
@@ -28,7 +29,7 @@ def settle(deed: Deed) -> str | None:
         action = _plain(deed) if deed.meaning in ACTIONS else _FAMILIES.get(deed.meaning, _nothing)(deed)
     if action in ("park", "pull_over") and deed.relation == "toward":
         deed.relation = "near"
-    passing = action == "overtake" and deed.relation in ("near", "toward")
+    passing = action == "overtake" and deed.relation in ("near", "toward", "left_of", "right_of")
     awaited = action in ("give_way", "wait") and deed.direct
     if action == "slow_down" and deed.away:
         deed.relation = "none"
@@ -43,8 +44,8 @@ def _nothing(deed: Deed) -> str | None:
 
 def _lane_change(deed: Deed) -> str | None:
     """A lane that is named makes many verbs a change of lanes; None where none is."""
-    pulls_in = deed.meaning == "park" and deed.word.startswith("pull")
-    if deed.lane or deed.names("lane"):
+    pulls_in = deed.meaning == "park" and deed.word.endswith(("in", "into", "in to"))
+    if deed.lane or deed.names(*_LANES):
         if deed.meaning not in _LANE_CHANGING and not pulls_in:
             return None
         side = (deed.lane or "").removesuffix("_lane")
@@ -82,14 +83,16 @@ def _park(deed: Deed) -> str:
 
 def _stop_or_pass(deed: Deed) -> str | None:
     """Not "stop the music", "pass the salt"."""
-    strict = deed.word.split()[0] in ("stop", "pass", "pick", "drop")
+    if deed.word.startswith("get off") and deed.names("entrance"):
+        return "turn"
+    strict = deed.word.split()[0] in ("stop", "pass", "pick", "drop", "roll", "put", "set", "draw")
     return None if strict and deed.target is None and _odd(deed.object) else deed.meaning
 
 
 def _turn(deed: Deed) -> str | None:
-    if deed.round and deed.target is not None and deed.direction in (None, "around"):
-        deed.direction = None
-        return "overtake"
+    if deed.round and deed.target is not None and (deed.direction in (None, "around") or deed.word[:4] != "turn"):
+        deed.direction = None if deed.direction == "around" else deed.direction
+        return "overtake"  # "go left around the van"
     if "back" in deed.word and deed.target is not None:
         deed.direction = None
         return "approach"
@@ -101,7 +104,10 @@ def _turn(deed: Deed) -> str | None:
 
 def _slow_down(deed: Deed) -> str:
     """Driving slowly past the bus passes it."""
-    drives = deed.word.split()[0] in ("drive", "go", "pass", "continue", "proceed", "move")
+    word = deed.word.split()[0]
+    if word in ("inch", "creep", "crawl") and deed.target is not None and deed.relation != "past":
+        return "approach"
+    drives = word in ("drive", "go", "pass", "continue", "proceed", "move", "inch", "creep", "crawl")
     if drives and deed.target is not None and (deed.round or deed.relation == "past"):
         return "overtake" if deed.round else "drive_past"
     return "slow_down"
@@ -109,10 +115,12 @@ def _slow_down(deed: Deed) -> str:
 
 def _go_on(deed: Deed) -> str:
     """On: behind another vehicle, past it, or until beside it."""
-    if deed.spot:
+    if deed.spot or (deed.there and deed.word.startswith(("reverse", "back"))):
         return "park"
     if deed.target is None:
         return "other"
+    if deed.word.startswith(("reverse", "back")):
+        return "park" if deed.relation == "between" else "other" if deed.relation == "none" else "approach"
     beside = dict.fromkeys(("next_to", "in_front_of", "near"), "approach")
     return ({"behind": "follow", "past": "drive_past"} | beside).get(deed.relation, "other")
 
@@ -156,7 +164,7 @@ def _motion(deed: Deed) -> str | None:
     if deed.round and (solid or corner):
         deed.relation = "none"
         return "turn" if deed.target is None and corner else "overtake"
-    if deed.direction in ("left", "right") and (deed.target is None or relation not in (*_BESIDE, "toward")):
+    if deed.direction in ("left", "right") and (deed.target is None or relation not in (*_BESIDE, "toward", "past")):
         return "turn" if verb in ("go", "drive") else "change_lane"
     if relation == "past":
         return "overtake" if verb == "get" else "drive_past"
@@ -172,8 +180,11 @@ def _motion(deed: Deed) -> str | None:
 def _motion_to(deed: Deed) -> str | None:
     """To a vehicle; "move the car" is no driving command."""
     verb, relation = deed.meaning, deed.relation
-    if deed.direct:
+    if deed.direct and relation == "none":
         return None
+    if deed.away:
+        deed.relation = "none"
+        return "avoid"
     if deed.spot:
         return "park"
     if verb == "pull" and relation != "in_front_of":
@@ -187,7 +198,9 @@ def _motion_without(deed: Deed) -> str | None:
     named = [relation for relation, _ in deed.marks if relation != "object"]
     if deed.spot:
         return "park"
-    if deed.object is not None and not named:
+    if (deed.object is not None and not named) or (
+        deed.marks and all(thing.kind == "part" for _, thing in deed.marks)
+    ):
         return None
     if verb == "pull" and deed.direction != "straight":
         return "pull_over" if deed.side or deed.direction else "stop" if named or deed.there else None
@@ -200,7 +213,8 @@ def _motion_without(deed: Deed) -> str | None:
 def _stay(deed: Deed) -> str | None:
     """Stay, keep, hold."""
     between = deed.relation == "between" and deed.distances  # "keep 5 metres between us and the bus"
-    if deed.away or between or _leaves_room(deed):
+    gap = deed.distances and deed.target is not None and deed.relation in ("none", "toward")
+    if deed.away or between or gap or _leaves_room(deed):
         return "avoid"
     if deed.relation in ("behind", "same_as", "next_to", "near") and deed.target is not None:
         return "follow"
@@ -230,17 +244,21 @@ def _take(deed: Deed) -> str | None:
 
 def _bring(deed: Deed) -> str | None:
     named = any(relation != "object" for relation, _ in deed.marks)
+    if deed.relation == "past":
+        return "drive_past"
     told = named or deed.there or "home" in deed.word or (deed.target is not None and not deed.direct)
     return "approach" if told else None
 
 
 def _leave(deed: Deed) -> str | None:
-    if _leaves_room(deed):
+    if _leaves_room(deed) or deed.distances:
         return "avoid"
     return "other" if deed.spot or deed.names("road", "parking_lot", "lane", "driveway") else None
 
 
 def _give(deed: Deed) -> str | None:
+    if any(thing.head in _SIGNALS for _, thing in deed.marks):
+        return "other"  # "give it a honk"
     return "give_way" if deed.event else "avoid" if _leaves_room(deed) else None
 
 

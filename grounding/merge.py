@@ -7,24 +7,13 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from grounding.acts import BESIDE, Act, Choice, acts_of, choose
-from grounding.antecedents import qualify_antecedents, resolved, same
+from grounding.antecedents import antecedent, qualify_antecedents, resolved, same
 from grounding.grammar import Phrase
+from grounding.kinds import RELATIONS
 from grounding.meaning import settle
 from grounding.query import Exclusion, Landmark, Query, Referent
 from grounding.story import Deed, Story
 
-_MAIN_RELATIONS: tuple[str, ...] = (
-    "behind",
-    "in_front_of",
-    "next_to",
-    "near",
-    "left_of",
-    "right_of",
-    "opposite",
-    "between",
-    "past",
-)
-_MAIN_RELATIONS += ("before", "at", "toward", "same_as")
 _UNTOLD = ("with", "of", "for", "object")
 _PLURALS: tuple[tuple[str, str], ...] = (
     ("people", "person"),
@@ -49,15 +38,18 @@ def merge(text: str, story: Story) -> Merged:
     qualify_antecedents(story)
     told = acts_of(story)
     acts = [act for act in told if not act.deed.aside]
-    excluded = tuple(_exclusions(story))
     if not acts:
-        return Merged(_forbidden(text, story, excluded))
+        return Merged(_forbidden(text, story, tuple(_exclusions(story))))
     choice = choose(story, told)
     deed = choice.act.deed
+    if deed.target is not None and deed.target.kind == "pronoun":
+        meant = antecedent(story, deed.target)  # "don't overtake it, stay behind it"
+        story.excluded = [(said, phrase) for said, phrase in story.excluded if said or phrase is not meant]
+    excluded = tuple(_exclusions(story))
     relation, referent = _relation(story, acts, choice)
     secondary = tuple(_landmarks(acts, choice.act, referent))
     measured = "secondary" if deed.inverse is not None else "referent" if referent is not None else None
-    goal = next((mark for mark in secondary if mark.of == "goal" and mark.relation in _MAIN_RELATIONS), None)
+    goal = next((mark for mark in secondary if mark.of == "goal" and mark.relation in RELATIONS), None)
     if referent is None and goal is not None:
         relation, measured = goal.relation, "secondary"
     in_order = (choice.act, *acts, *told)
@@ -68,7 +60,7 @@ def merge(text: str, story: Story) -> Merged:
         actions=tuple(_actions(acts)),
         relation=relation,
         landmark=measured,
-        referent=_referent(story, referent, deed, choice.anaphora) if referent is not None else None,
+        referent=_referent(story, referent, deed, choice.anaphora, relation) if referent is not None else None,
         secondary=secondary,
         direction=_direction([*acts, *told], choice.act),
         goal_side=next((act.deed.side for act in in_order if act.deed.side), None),
@@ -87,7 +79,12 @@ def _forbidden(text: str, story: Story, excluded: tuple[Exclusion, ...]) -> Quer
         return Query(text)
     placed = any(one.relation for one in excluded)
     action = "wait" if actions[-1] == "other" else actions[-1] if placed else "other"
-    return Query(text, action, (action,), excluded=excluded)
+    let = next((deed for deed in reversed(story.deeds) if deed.target is not None), None)  # "don't let it merge"
+    referent = None if let is None or let.target is None else resolved(story, let.target)
+    if let is None or referent is None or referent.kind not in ("vehicle", "person"):
+        return Query(text, action, (action,), excluded=excluded)
+    named = _referent(story, referent, let, let.target is not referent)
+    return Query(text, action, (action,), landmark="referent", referent=named, trigger=let.event, excluded=excluded)
 
 
 def _relation(story: Story, acts: Sequence[Act], choice: Choice) -> tuple[str, Phrase | None]:
@@ -182,7 +179,7 @@ def _distance(acts: Sequence[Act]) -> tuple[float | None, str | None]:
     return None, None
 
 
-def _referent(story: Story, phrase: Phrase, deed: Deed, anaphora: bool) -> Referent:
+def _referent(story: Story, phrase: Phrase, deed: Deed, anaphora: bool, relation: str = "none") -> Referent:
     """The referent with what is said of it elsewhere."""
     whole = replace(phrase, qualifiers=list(phrase.qualifiers), extra=list(phrase.extra))
     for other, role in story.mentions:
@@ -190,7 +187,7 @@ def _referent(story: Story, phrase: Phrase, deed: Deed, anaphora: bool) -> Refer
             whole.qualifiers += [word for word in other.qualifiers if word not in whole.qualifiers]
             whole.colour = whole.colour or other.colour
             whole.extra += other.extra
-    pair = whole.number == 2 or (whole.number == 0 and deed.relation == "between")
+    pair = whole.number == 2 or (whole.number == 0 and relation == "between")
     return Referent(
         noun=whole.noun,
         head=whole.head,
@@ -201,6 +198,7 @@ def _referent(story: Story, phrase: Phrase, deed: Deed, anaphora: bool) -> Refer
         anaphora=anaphora,
         extra=tuple(dict.fromkeys(whole.extra)),
         definite=whole.definite,
+        in_line=whole.in_line,
     )
 
 

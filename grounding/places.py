@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from grounding import corrections
 from grounding.grammar import Phrase
 from grounding.kinds import Kind
 from grounding.telling import Telling
@@ -14,6 +15,19 @@ _WEAK = ("at", "toward", "in", "into", "along", "on", "with", "of")
 _GOING = ("leaving", "turning", "turning_left", "turning_right", "passing")
 _STEERING = ("turn", "change_lane", "go", "drive", "move", "overtake")
 _ITS = ("its", "his", "her", "their", "in its", "in his", "in her", "in their", "into its", "to its", "at its")
+# Said of the next one in our lane: "in front of us"; "up ahead" may be any.
+_IN_LINE = (
+    "of us",
+    "of me",
+    "of our car",
+    "of my car",
+    "behind us",
+    "behind me",
+    "front",
+    "our tail",
+    "my tail",
+    "before us",
+)
 # What may still come between a distance and what it is of.
 _MORE = ("relation", "between", "away", "where")
 
@@ -37,21 +51,43 @@ def relation(told: Telling, token: Token) -> None:
 def _without_noun(told: Telling, token: Token) -> None:
     """A relation that no noun follows."""
     deed = told.deed
+    if told.negative and told.next_kind == "" and _ruled_out(told, token.value):
+        return
     if token.value in ("left_of", "right_of") and told.host.target is not None:
         told.host.relation = token.value  # "on its left"
-    if told.next_kind in ("relation", "distance", "between"):
+    if told.next_kind in ("relation", "distance", "between", "except"):
         return
     if deed is not None and deed.meaning in AWAITING and deed.target is not None and deed.event is None:
-        if token.value in ("in", "into", "near", "on"):
+        if token.value in ("in", "into", "near", "on", "past") or token.text == "through":
             deed.event = "merge" if token.value == "in" else "pass"  # "let it in", "let it by"
     elif token.value == "past" and deed is not None and deed.relation == "none":
         deed.relation = "past"
+    beside = token.value in ("behind", "next_to", "opposite") and token.text != "next"
+    beside = beside or (token.text in ("around", "round") and told.next_kind == "")
+    if beside and deed is not None and deed.target is None and told.relation and _vehicle_before(told):
+        told.aim(token.value, Phrase("pronoun", head="it", start=token.start))  # "that is his bus, pull alongside"
     if told.next_kind != "lane":
         told.relation = None
 
 
+def _ruled_out(told: Telling, relation: str) -> bool:
+    """Whether a place beside what was named is ruled out: "behind the van, not in front"."""
+    target = told.host.target
+    if target is None:
+        return False
+    told.story.excluded.append((relation, target))
+    told.negative, told.relation = False, None
+    return True
+
+
+def _vehicle_before(told: Telling) -> bool:
+    return any(phrase.kind == "vehicle" for phrase, _ in told.story.mentions)
+
+
 def between(told: Telling, token: Token) -> None:
     """Between: its first noun is the target, its second a landmark."""
+    if told.next_kind == "ego" and told.gap_m is not None:
+        told.spend_gap("gap")  # "leave 2 metres between us and the van"
     told.relation = "between"
 
 
@@ -63,10 +99,17 @@ def of(told: Telling, token: Token) -> None:
 def side(told: Telling, token: Token) -> None:
     """On the left: of the vehicle just named; else of the goal, or where to steer."""
     noun = told.noun
-    passed = told.deed is not None and (told.deed.meaning == "overtake" or told.deed.round)
+    deed = told.deed
+    passed = deed is not None and (deed.meaning == "overtake" or deed.round or deed.relation == "past")
     if noun is not None and noun.kind == "pronoun" and passed:
         told.noun = None  # "pass it on the left"
     value = token.value.removesuffix("_side").removeprefix("from_")
+    at = told.clause.tokens.index(token)
+    if at and told.clause.tokens[at - 1].form == "own" and told.host.target is noun and value != "opposite":
+        told.host.relation = f"{value}_of"  # "to the white car's left side"
+        return
+    if told.correcting and told.deed is None and noun is None and corrections.move(told, token.value):
+        return
     if _qualifies(told, token) or value == "opposite":
         return
     if told.deed is None and told.third is not None:
@@ -80,6 +123,8 @@ def side(told: Telling, token: Token) -> None:
 
 def where(told: Telling, token: Token) -> None:
     """Ahead, behind us, in our lane: of the vehicle just named; else said of the place."""
+    if told.negative and "front" in token.text and _ruled_out(told, "in_front_of"):
+        return
     if token.value == "beside_ego" or _qualifies(told, token):
         return
     told.spend_gap("way")
@@ -98,6 +143,7 @@ def _qualifies(told: Telling, token: Token) -> bool:
         return noun is not None and noun.kind == "thing"
     told.spend_gap("descriptor")
     noun.qualify(token.value)
+    noun.in_line = noun.in_line or token.text.endswith(_IN_LINE)
     return True
 
 
@@ -107,7 +153,7 @@ def lane(told: Telling, token: Token) -> None:
         told.rest.pop(0)  # "the lane to the left of the bus"
         told.relation = token.value.replace("lane", "of")
         told.host.marks.append(("in", Phrase("region", "lane", "lane")))
-    elif told.deed is None and told.next_kind in ("be", "aux"):
+    elif told.deed is None and told.third is None and told.next_kind in ("be", "aux"):
         told.subject = told.noun = Phrase("region", "lane", "lane")  # "the left lane is closed"
     else:
         if not _qualifies(told, token):
@@ -119,7 +165,9 @@ def distance(told: Telling, token: Token) -> None:
     """Metres: before a relation the gap, alone the way to go, after a noun how far that is."""
     told.gap_m = float(token.value)
     more = told.next_kind in _MORE
-    if told.relation and not (told.rest and isinstance(told.rest[0], Phrase)):
+    if told.next_kind == "here" or (told.deed is None and told.subject is not None):
+        told.spend_gap("descriptor")  # "the van 20 metres up the road"
+    elif told.relation and not (told.rest and isinstance(told.rest[0], Phrase)):
         said, told.relation = told.relation, None
         if said == "of" or (said == "at" and told.noun is not None):
             told.spend_gap("gap")  # "at a distance of 5 metres"
@@ -153,10 +201,14 @@ def exception(told: Telling, token: Token) -> None:
 
 def which(told: Telling, token: Token) -> None:
     """That is, who has: what follows is said of the noun before."""
+    if told.noun is None and not told.clause.new and told.story.mentions:
+        told.noun = told.story.mentions[-1][0]  # "the white car, which is parked"
     if told.noun is not None:
         told.within = True
         told.helped = token.text.split()[-1] if " " in token.text else token.text if "'s" in token.text else ""
         told.subject = told.noun
+        if token.value == "ego":  # "the van we passed"
+            told.subject, told.happened = "ego", True
 
 
 def helper(told: Telling, token: Token) -> None:

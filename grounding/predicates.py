@@ -9,6 +9,7 @@ import numpy as np
 from appocc.checks import FloatArray
 from appocc.colours import fit
 from grounding.crowd import Crowd
+from grounding.kinds import COLOURS
 from grounding.lanes import LANE_M
 from grounding.nouns import of_noun
 from grounding.query import Exclusion, Landmark, Referent
@@ -17,7 +18,7 @@ from grounding.soft import UNKNOWN, bell, falls, half_open, rises
 
 # How many of ten vehicles people call so; the rest share the rest. What has no known colour fits as well as chance.
 _COMMON_PAINT = {"white": 0.35, "black": 0.3, "grey": 0.3, "silver": 0.3, "dark": 0.4, "light": 0.4}
-_RARE_PAINT = 0.08
+_RARE_PAINT = 0.045
 # From above a motorcycle is rather its rider's colour than its own.
 _RIDDEN, _RIDDEN_M = 0.25, 2.6
 _LARGE_M = {"car": 4.75, "van": 5.6, "truck": 6.5, "bus": 11.5, "motorcycle": 2.2}
@@ -194,7 +195,8 @@ def of_colour(colour: str, scene: Scene) -> FloatArray:
         return np.full(len(crowd), UNKNOWN)
     result = np.full(len(crowd), _COMMON_PAINT.get(colour.split()[-1], _RARE_PAINT))
     try:
-        result[known] = fit(colour, scene.paint_rgb[known], NEUTRAL)
+        term = " ".join(COLOURS.get(word, word) for word in colour.split())
+        result[known] = fit(term, scene.paint_rgb[known], NEUTRAL)
     except ValueError:
         return np.full(len(crowd), UNKNOWN)
     ridden = np.array([kind in ("motorcycle", "bicycle") for kind in crowd.kind], np.bool_)

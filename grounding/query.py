@@ -32,6 +32,7 @@ class Referent:
         anaphora: whether the action's own argument is a pronoun, "one" or a bare adjective.
         extra: what is said of it that no map can show: make, owner, an open door.
         definite: "the", "that" (one certain vehicle) and not "a", "any" (whichever suits).
+        in_line: "in front of us", "behind us" (the next one in our lane) and not just "ahead".
     """
 
     noun: str
@@ -43,6 +44,7 @@ class Referent:
     anaphora: bool = False
     extra: tuple[str, ...] = ()
     definite: bool = True
+    in_line: bool = False
 
     def to_dict(self) -> dict[str, Any]:
         """The referent as the labelled files write it."""

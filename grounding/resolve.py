@@ -73,9 +73,9 @@ class _Choice(NamedTuple):
     score: float
 
 
-def resolve(query: Query | Referent, scene: Scene, limit: int = 6) -> Resolution:
-    """The vehicle that a query means; a referent alone is looked for without anything to do with it."""
-    asked = _as_sought(Query("", referent=query) if isinstance(query, Referent) else query)
+def resolve(query: Query, scene: Scene, limit: int = 6) -> Resolution:
+    """The vehicle that a query means."""
+    asked = _as_sought(query)
     referent = asked.referent
     if referent is None:
         return Resolution("ok", (), unknown_things(asked))

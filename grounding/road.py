@@ -38,6 +38,8 @@ _MOVING_VOTES = 3.0
 _ONE_LANE_M = 5.5
 # A metre on the narrowest way, and one out of our own lane, count for so much more when ways are compared.
 _NARROW, _WIDE_M, _OFF_LANE, _LANE_M = 0.8, 1.6, 0.3, 3.0
+# A road is our own up to so far beside our lane, where it runs on with it (cosine of the angle between both).
+_BESIDE_M, _PARALLEL = 12.0, 0.7
 _EGO = np.array([EGO_CENTRE_M, 0.0])
 
 
@@ -145,7 +147,14 @@ class Road:
     def direction_at(self, xy_m: FloatArray) -> float:
         """Our direction of travel along the road's axis at a point (2,), radians."""
         i, j = np.clip(self.grid.cell_of(xy_m), 0, np.array(self.grid.shape) - 1).tolist()
-        return agreeing(self.tracer.axis_rad[i, j], self.direction_rad[self.nearest(xy_m)])
+        axis_rad = float(self.tracer.axis_rad[i, j])
+        along, aside = self.own.place_of(xy_m)
+        if self.own.start_m < along < self.own.end_m and abs(aside) < _BESIDE_M:
+            # Round what blocks a road one comes back to it from beyond: beside our lane, that tells the direction.
+            ours_rad = float(self.own.heading_rad(np.array(along)))
+            if abs(np.cos(axis_rad - ours_rad)) > _PARALLEL:
+                return agreeing(axis_rad, ours_rad)
+        return agreeing(axis_rad, self.direction_rad[self.nearest(xy_m)])
 
 
 def agreeing(axis_rad: float, with_rad: float) -> float:

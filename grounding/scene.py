@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from appocc.bevmap import VEHICLE, BEVMap
 from appocc.boxes import Boxes, is_vehicle
 from appocc.checks import FloatArray, check_transform
-from appocc.colours import Exposure, exposures_of, linear_from_srgb, name, names
+from appocc.colours import Exposure, gains_of, linear_from_srgb, name, names
 from appocc.geometry import apply, inverse, wrap_angle, yaw_of
 from grounding.crowd import Crowd, crowd_of
 from grounding.lanes import LANE_M, Lanes
@@ -84,9 +84,9 @@ class Scene:
         known = np.flatnonzero(np.isfinite(rgb).all(axis=1))
         if self.bev is None or not len(known):
             return rgb
-        lights = exposures_of(self.bev, rgb[known], self.crowd.corners_m[known])
+        gains = gains_of(self.bev, rgb[known], self.crowd.corners_m[known])
         neutral = np.full_like(rgb, np.nan)
-        neutral[known] = _srgb(linear_from_srgb(rgb[known]) * np.array([light.gain for light in lights]))
+        neutral[known] = _srgb(linear_from_srgb(rgb[known]) * gains)
         return neutral
 
     def colour_name(self, item: SceneObject) -> str | None:

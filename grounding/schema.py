@@ -8,40 +8,9 @@ from pydantic import Field, ValidationError
 
 from appocc.errors import DataError
 from appocc.jsonparts import JsonPart, first_problem
+from grounding.kinds import COLOURS, Action, Relation
 from grounding.query import Exclusion, Landmark, Query, Referent
 
-Action = Literal[
-    "park",
-    "stop",
-    "pull_over",
-    "follow",
-    "approach",
-    "overtake",
-    "drive_past",
-    "turn",
-    "change_lane",
-    "wait",
-    "slow_down",
-    "give_way",
-    "avoid",
-    "other",
-]
-Relation = Literal[
-    "none",
-    "behind",
-    "in_front_of",
-    "next_to",
-    "near",
-    "left_of",
-    "right_of",
-    "opposite",
-    "between",
-    "past",
-    "before",
-    "at",
-    "toward",
-    "same_as",
-]
 # What a further thing may stand in besides.
 Placing = Literal["in", "into", "on", "until", "around"]
 Noun = Literal[
@@ -102,11 +71,7 @@ def choices(kind: Any) -> str:
 
 _Word = Annotated[str, Field(min_length=1, max_length=60)]
 _Qualifiers = Annotated[list[Qualifier], Field(default_factory=list, max_length=_MOST)]
-_TERMS = (
-    "black|grey|silver|white|red|orange|brown|yellow|green|blue|purple|pink"
-    "|beige|tan|maroon|navy|turquoise|gold|violet"
-)
-_Colour = Annotated[str, Field(pattern=rf"^(((dark|light) )?({_TERMS})|dark|light)$")]
+_Colour = Annotated[str, Field(pattern=rf"^(((dark|light) )?({'|'.join(COLOURS)})|dark|light)$")]
 
 
 class _Referent(JsonPart):

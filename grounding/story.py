@@ -17,6 +17,7 @@ class Deed:
         link: of its clause, as in `Clause`; "to" in a purpose ("slow down to let it pass").
         start: first character in the normalised sentence.
         negated: "don't".
+        forbidden: what may not be its object: "don't overtake the van".
         aside: tells when ("when you turn"), and commands nothing.
         target: the vehicle (or whoever) it is about, None for none.
         relation: to the target, 'none' where nothing is said.
@@ -40,6 +41,7 @@ class Deed:
     link: str = ""
     start: int = 0
     negated: bool = False
+    forbidden: Phrase | None = None
     aside: bool = False
     target: Phrase | None = None
     relation: str = "none"

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
+from grounding.amounts import counted
 from grounding.kinds import NOUNS, Kind
 from grounding.tokens import Token
 
@@ -18,10 +19,21 @@ _INSIDE = MODIFIERS | HEADS | {Kind.UNKNOWN, Kind.NUMBER}
 _STARTS = DETERMINERS | _INSIDE | {Kind.THAT}
 _OURS = frozenset((Kind.EGO, Kind.BREAK, Kind.COMMA, Kind.THEN, Kind.AND))
 _ENDS_CLAUSE = frozenset((Kind.BREAK, Kind.THEN))
+# What follows a verb that has no object of its own.
+_AFTER_VERB = frozenset(
+    (Kind.BREAK, Kind.COMMA, Kind.AND, Kind.THEN, Kind.SUB, Kind.SIDE, Kind.WHERE, Kind.LANE, Kind.HERE)
+)
 _PREDICATE = frozenset((Kind.VERB, Kind.BE, Kind.AUX, Kind.EGO, Kind.NOT, Kind.QUESTION, Kind.MEANWHILE))
 # Verbs that are also nouns: "the next turn", "at that stop".
 _NOUN_VERBS = {"park": "park", "stop": "stop", "turn": "turn", "pass": "pass", "drive": "driveway", "exit": "exit"}
+# Nouns that are also verbs: "shadow that van".
+_VERBS_TOO = {"shadow": "follow", "mirror": "follow", "dodge": "avoid", "block": "danger", "track": "follow"}
 _DIRECTED = ("turn left", "turn right", "turn around")
+_STRAIGHT_TO, _RIGHT_AT = ("go right", "drive right", "head right"), ("behind", "in_front_of", "next_to", "near")
+
+
+# What follows "parking" where that is a verb.
+_PARKING = (Kind.RELATION, Kind.SIDE, Kind.BETWEEN, Kind.HERE, Kind.WHERE, Kind.THERE, Kind.DISTANCE, Kind.SUB)
 
 
 class _Split(NamedTuple):
@@ -45,63 +57,28 @@ class _Split(NamedTuple):
 
 _SPLIT = {
     "bus stops": _Split(DETERMINERS | {Kind.COLOUR, Kind.THAT}, (Kind.NOUN, Kind.VERB), ("bus", "stop"), "stop"),
-    "right after": _Split(frozenset((Kind.THEN, Kind.AND)), (Kind.DIRECTION, Kind.SUB), ("right", "after")),
-    "right before": _Split(frozenset((Kind.THEN, Kind.AND)), (Kind.DIRECTION, Kind.SUB), ("right", "before")),
+    "right after": _Split(
+        frozenset((Kind.THEN, Kind.AND, Kind.EXCEPT)), (Kind.DIRECTION, Kind.SUB), ("right", "after")
+    ),
+    "right before": _Split(
+        frozenset((Kind.THEN, Kind.AND, Kind.EXCEPT)), (Kind.DIRECTION, Kind.SUB), ("right", "before")
+    ),
 }
 
 
 def tag(tokens: Sequence[Token]) -> list[Token]:
     """The tokens that bear meaning, each as what it is here; fillers are left out."""
     tagged: list[Token] = []
-    kept = [token for token in _counted(tokens) if token.kind is not Kind.FILLER]
+    kept = [token for token in counted(tokens) if token.kind is not Kind.FILLER]
     for i, token in enumerate(kept):
         after = kept[i + 1 : i + 6]
-        if (rule := _RULES.get(token.kind)) is not None:
-            tagged.append(rule(tagged, token, after))
-        elif (parts := _SPLIT.get(token.text)) is not None and _kind(tagged, -1) in parts.after:
+        if (parts := _SPLIT.get(token.text)) is not None and _kind(tagged, -1) in parts.after:
             tagged += parts.of(token)
+        elif (rule := _RULES.get(token.kind)) is not None:
+            tagged.append(rule(tagged, token, after))
         else:
             tagged.append(token)
     return [token for token in tagged if token.kind is not Kind.FILLER]
-
-
-def _counted(tokens: Sequence[Token]) -> list[Token]:
-    """Numbers with their units as one DISTANCE in metres; times are left out."""
-    counted: list[Token] = []
-    i = 0
-    while i < len(tokens):
-        end, value, any_number = i, 0.0, False
-        while end < len(tokens) and (amount := _amount(tokens, end)) is not None:
-            # "two hundred" multiplies, "twenty five" adds.
-            value = value * amount if any_number and amount in (100, 1000) else value + amount
-            any_number, end = True, end + 1
-            if end + 1 < len(tokens) and tokens[end].kind is Kind.AND and (_amount(tokens, end + 1) or 1) < 1:
-                end += 1  # "two and a half"
-        article = end == i and tokens[i].kind is Kind.ANY
-        unit_at = end + article
-        unit = tokens[unit_at] if unit_at < len(tokens) and (any_number or article) else None
-        if unit is not None and unit.kind is Kind.UNIT:
-            counted.append(_joined(tokens[i : unit_at + 1], (value if any_number else 1.0) * float(unit.value)))
-            i = unit_at + 1
-        elif unit is not None and unit.kind is Kind.TIME:
-            i = unit_at + 1
-        else:
-            counted.append(tokens[i])
-            i += 1
-    return counted
-
-
-def _amount(tokens: Sequence[Token], i: int) -> float | None:
-    token = tokens[i]
-    if token.kind is Kind.NUMBER:
-        return float(token.value)
-    followed = i + 1 < len(tokens) and tokens[i + 1].kind in (Kind.UNIT, Kind.TIME)
-    return 1.0 if token.kind is Kind.ONE and token.text == "one" and followed else None
-
-
-def _joined(tokens: Sequence[Token], metres: float) -> Token:
-    text, meant = (" ".join(part) for part in zip(*((t.text, t.meant) for t in tokens), strict=True))
-    return Token(Kind.DISTANCE, f"{metres:.10g}", text, meant, tokens[0].start, tokens[-1].end)
 
 
 def _kind(tokens: Sequence[Token], i: int) -> Kind:
@@ -133,12 +110,19 @@ def _verb(before: Sequence[Token], token: Token, after: Sequence[Token]) -> Toke
         return token.of_kind(Kind.THING, token.text)  # "park is closed"
     if _adjective(before, token, after) and last not in HEADS:
         return token.of_kind(Kind.STATE, token.state)
+    if token.value == "turn" and token.form and _kind(after, 0) is Kind.COLOUR:
+        return replace(token, value="none", state="", event="other")  # "until the light turns green"
+    onward = token.text in ("go", "come") and last not in (Kind.NOT, Kind.EGO)
+    if onward and _kind(after, 0) is Kind.VERB and not after[0].form:
+        return token.of_kind(Kind.FILLER)  # "go park there"
     if token.text == "lets" and last in _ENDS_CLAUSE | {Kind.COMMA}:
         return token.of_kind(Kind.FILLER)  # "lets park here"
     if token.value in _DIRECTED and after and after[0].text.startswith("lane"):
         return token.of_kind(Kind.VERB, token.value.replace("turn", "change_lane"))  # "take the left lane"
-    if token.meant == "pull in" and after and after[0].text == "front of":
-        return token.of_kind(Kind.VERB, "pull")
+    if token.meant in ("pull in", "move in") and after and after[0].text in ("front of", "back of"):
+        return token.of_kind(Kind.VERB, token.meant.split()[0])
+    if token.meant in _STRAIGHT_TO and after and after[0].kind is Kind.RELATION and after[0].value in _RIGHT_AT:
+        return token.of_kind(Kind.VERB, token.meant.split()[0])  # "go right behind it" is no turn
     if token.form == "ing" and last in DETERMINERS and _kind(after, 0) in HEADS | {Kind.COLOUR}:
         return token.of_kind(Kind.EXTRA)
     named = last in DETERMINERS or (last in MODIFIERS and _kind(before, -2) in DETERMINERS)
@@ -164,6 +148,9 @@ def _one(before: Sequence[Token], token: Token, after: Sequence[Token]) -> Token
 def _direction(before: Sequence[Token], token: Token, after: Sequence[Token]) -> Token:
     """A side in "the left car", a direction in "take the next left"."""
     following = [other for other in after if other.kind not in MODIFIERS][:1]
+    first = _kind(before, -1) in _ENDS_CLAUSE | {Kind.COMMA} and token.value != "straight"
+    if first and _kind(after, 0) is Kind.RELATION and after[0].value in ("at", "into"):
+        return token.of_kind(Kind.VERB, f"turn {token.value}")  # "left at the lights"
     if token.value != "straight" and _kind(following, 0) in HEADS and _kind(before, -1) in _STARTS | {Kind.RELATION}:
         return token.of_kind(Kind.STATE, f"{token.value}_side")
     return token
@@ -178,6 +165,9 @@ def _side(before: Sequence[Token], token: Token, after: Sequence[Token]) -> Toke
 
 def _ordinal(before: Sequence[Token], token: Token, after: Sequence[Token]) -> Token:
     turning = _kind(after, 0) is Kind.DIRECTION or (_kind(after, 0) is Kind.VERB and after[0].value in _DIRECTED)
+    alone = all(other.kind in DETERMINERS for other in before[_clause_start(before) :])
+    if alone and _kind(after, 0) is Kind.DIRECTION and _kind(after, 1) not in HEADS | MODIFIERS:
+        return token.of_kind(Kind.VERB, "turn")  # "next left, please"
     return token.of_kind(Kind.FILLER) if turning else token
 
 
@@ -226,7 +216,9 @@ def _question(before: Sequence[Token], token: Token, after: Sequence[Token]) -> 
 
 def _exists(before: Sequence[Token], token: Token, after: Sequence[Token]) -> Token:
     """In "the truck we have on our right" nothing new exists."""
-    inside = _kind(before, -1) in HEADS | {Kind.WHICH, Kind.THAT} or (token.text in ("see", "notice") and before)
+    said = not token.text.startswith(("there", "here"))
+    inside = said and _kind(before, -1) in HEADS | {Kind.WHICH, Kind.THAT}
+    inside = inside or (token.text in ("see", "notice") and bool(before))
     return token.of_kind(Kind.FILLER) if inside and _kind(before, -1) not in _ENDS_CLAUSE else token
 
 
@@ -239,14 +231,68 @@ def _joint(before: Sequence[Token], token: Token, after: Sequence[Token]) -> Tok
 
 def _region(before: Sequence[Token], token: Token, after: Sequence[Token]) -> Token:
     """The verb in "would you mind parking beside"."""
+    if _is_verb(before, token, after):
+        return token.of_kind(Kind.VERB, _VERBS_TOO[token.text])
     if token.text == "blocks" and _kind(before, -1) in HEADS:
         return replace(token, kind=Kind.VERB, value="none", form="s")  # "that van blocks the road"
     if token.text == "exit" and _kind(before, -1) in _OURS | {Kind.AUX, Kind.TO}:
         return token.of_kind(Kind.VERB, "turn")
-    verb = token.text == "parking" and _kind(after, 0) in (Kind.RELATION, Kind.SIDE, Kind.BETWEEN, Kind.HERE)
-    if verb and _kind(before, -1) in (Kind.BREAK, Kind.BE, Kind.AUX, Kind.EGO, Kind.COMMA, Kind.NOT, Kind.AND):
+    verb = token.text == "parking" and _kind(after, 0) in _PARKING
+    verb = verb or (token.text == "parking" and _kind(before, -1) is Kind.SUB)
+    begins = (Kind.BREAK, Kind.BE, Kind.AUX, Kind.EGO, Kind.COMMA, Kind.NOT, Kind.AND, Kind.SUB)
+    if verb and _kind(before, -1) in begins:
         return Token(Kind.VERB, "park", token.text, token.meant, token.start, token.end, "ing", "parked", "stop")
     return token
+
+
+def _thing(before: Sequence[Token], token: Token, after: Sequence[Token]) -> Token:
+    """The verb in "the man crossing the street"."""
+    if _is_verb(before, token, after):
+        return token.of_kind(Kind.VERB, _VERBS_TOO[token.text])
+    walks = token.text == "crossing" and _kind(before, -1) in HEADS - {Kind.THING} | {
+        Kind.BE,
+        Kind.WHICH,
+        Kind.PRONOUN,
+    }
+    return replace(token, kind=Kind.VERB, value="none", form="ing", event="pass") if walks else token
+
+
+def _is_verb(before: Sequence[Token], token: Token, after: Sequence[Token]) -> bool:
+    commanded = _kind(before, -1) in _OURS | {Kind.AUX, Kind.TO, Kind.NOT}
+    return token.text in _VERBS_TOO and commanded and _kind(after, 0) in _STARTS
+
+
+def _ego(before: Sequence[Token], token: Token, after: Sequence[Token]) -> Token:
+    """The "which" that is left out in "the first van we pass"; what follows is said of the van."""
+    if _kind(before, -1) not in HEADS:
+        return token
+    said = [other for other in after if other.kind not in (Kind.AUX, Kind.BE, Kind.NOT)]
+    verb = _kind(said, 0) in (Kind.VERB, Kind.NONDRIVE)
+    open_end = _kind(said, 1) in _AFTER_VERB or (
+        _kind(said, 1) in (Kind.RELATION, Kind.TO) and _kind(said, 2) in _AFTER_VERB
+    )
+    clause = [other.kind for other in before[_clause_start(before) :]]
+    named = Kind.VERB in clause or clause[0] in DETERMINERS | MODIFIERS | {Kind.THAT}
+    return token.of_kind(Kind.WHICH, "ego") if verb and open_end and named else token
+
+
+def _clause_start(tokens: Sequence[Token]) -> int:
+    ends = [i for i, token in enumerate(tokens) if token.kind in _ENDS_CLAUSE | {Kind.COMMA}]
+    return ends[-1] + 1 if ends else 0
+
+
+def _correct(before: Sequence[Token], token: Token, after: Sequence[Token]) -> Token:
+    """No correction in "never mind the bus", "there is actually no space"."""
+    if token.text.endswith(" no") and _kind(after, 0) in _INSIDE:
+        return token.of_kind(Kind.NOT)
+    dropped = token.text in ("never mind", "nevermind", "cancel that", "forget that", "scratch that")
+    return token.of_kind(Kind.EXCEPT) if dropped and _kind(after, 0) in _STARTS else token
+
+
+def _not(before: Sequence[Token], token: Token, after: Sequence[Token]) -> Token:
+    """A "no" that stands alone takes back what was said."""
+    alone = token.text == "no" and _kind(after, 0) in (Kind.COMMA, Kind.BREAK, Kind.CORRECT)
+    return token.of_kind(Kind.CORRECT) if alone and _kind(before, -1) in _ENDS_CLAUSE | {Kind.COMMA} else token
 
 
 def _nondrive(before: Sequence[Token], token: Token, after: Sequence[Token]) -> Token:
@@ -262,7 +308,9 @@ def _relation(before: Sequence[Token], token: Token, after: Sequence[Token]) -> 
 def _noun(before: Sequence[Token], token: Token, after: Sequence[Token]) -> Token:
     """No truck in "pick up my friend"."""
     named = _kind(before, -1) in DETERMINERS | MODIFIERS | {Kind.RELATION, Kind.THAT}
-    return token.of_kind(Kind.VERB, "stop") if token.text == "pick up" and not named else token
+    # Written as one word it is a truck, unless it takes an object: "pickup that girl".
+    verb = token.text == "pick up" or (token.text == "pickup" and _kind(after, 0) in _STARTS)
+    return token.of_kind(Kind.VERB, "stop") if verb and not named else token
 
 
 def _aux(before: Sequence[Token], token: Token, after: Sequence[Token]) -> Token:
@@ -335,4 +383,10 @@ _RULES: dict[Kind, _Rule] = {
     Kind.UNIT: _idle,
     Kind.ABOUT: _idle,
     Kind.EXTRA: _extra,
+    Kind.THING: _thing,
+    Kind.MAKE: _thing,
+    Kind.PART: _thing,
+    Kind.EGO: _ego,
+    Kind.CORRECT: _correct,
+    Kind.NOT: _not,
 }

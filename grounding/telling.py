@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
+from grounding import afterthoughts, corrections
 from grounding.clauses import Clause
 from grounding.grammar import Part, Phrase
-from grounding.kinds import Kind
 from grounding.story import Deed, Story
-from grounding.tokens import Token
 
 TEMPORAL = ("when", "after", "before", "until")
 VEHICLES = ("vehicle", "traffic")
@@ -71,11 +70,25 @@ class Telling:
         self.gap_m: float | None = None
         self.place: list[str] = []
 
+    def forget_place(self) -> None:
+        """What was said before a verb that did not come is only mentioned: "there he is, in the van. stop"."""
+        target = self.leading.target
+        self.leading.lane = None
+        if self.leading.relation not in ("in", "on", "with"):
+            return
+        self.story.mentions = [(one, "said" if one is target else role) for one, role in self.story.mentions]
+        self.leading = Deed()
+
     @property
     def next_kind(self) -> str:
         """What kind of part comes next, '' at the end of the clause."""
         part = self.rest[0] if self.rest else None
         return "" if part is None else part.kind if isinstance(part, Phrase) else part.kind.value
+
+    @property
+    def correcting(self) -> bool:
+        """Whether the clause takes back something said before."""
+        return self.clause.link == "correct"
 
     @property
     def host(self) -> Deed:
@@ -96,13 +109,15 @@ class Telling:
             phrase = Phrase("vehicle", phrase.head.split()[-1], phrase.head.split()[-1], phrase.start)
         if phrase.kind == "ego":
             self._ego(phrase)
+        elif self.correcting and self.deed is None and corrections.instead(self, phrase):
+            pass
         elif phrase.kind == "adjective":
             self._adjective(phrase)
         elif self.negative and self.stating:  # "there is no traffic"
             self.negative = False
             self.mention(phrase, "landmark")
         elif self.negative and self._denied(phrase):
-            self.exclude(self.relation, phrase)
+            self._rule_out(phrase)
         elif self.relation:
             self._related(self.relation, phrase)
         elif self.deed is None:
@@ -119,10 +134,24 @@ class Telling:
             self.noun = phrase
         self.used, self.relation = self.relation, None
 
-    def exclude(self, relation: str | None, phrase: Phrase) -> None:
+    def _rule_out(self, phrase: Phrase) -> None:
+        """What "not" denies: a thing that somebody has not, a place told by what follows, or just this."""
+        told_by = phrase.kind in _PLACES or (phrase.kind == "one" and not self._any_vehicle())
+        if self.within and phrase.kind not in VEHICLES:
+            self.negative = False  # "who has no lights"
+            self.mention(phrase, "landmark")
+        elif told_by and self.relation is None and self.next_kind in ("relation", "between"):
+            self.noun = phrase  # "except the place behind the bus"
+        else:
+            self.exclude(self.relation, phrase, "denied")
+
+    def _any_vehicle(self) -> bool:
+        return any(phrase.kind in VEHICLES for phrase, _ in self.story.mentions)
+
+    def exclude(self, relation: str | None, phrase: Phrase, role: str = "excluded") -> None:
         """A noun phrase is ruled out."""
         self.story.excluded.append((relation, phrase))
-        self.mention(phrase, "excluded")
+        self.mention(phrase, role)
         self.negative = False
 
     def refine(self, host: Phrase, phrase: Phrase) -> None:
@@ -135,17 +164,21 @@ class Telling:
 
     def _ego(self, phrase: Phrase) -> None:
         """We drive; "next to us" tells nothing new."""
-        self.relation, self.gap_m = None, None if self.relation else self.gap_m
-        if self.within:
-            self.happened = True  # "the van that we passed"
+        beside, self.relation = self.relation not in (None, "at", "same_as"), None
+        if beside:
+            self.gap_m = None
+        elif self.within:
+            self.subject, self.happened = "ego", True  # "the van that we passed"
         else:
             self.subject = "ego"
             self.helped = phrase.head if phrase.head in _AM else ""
 
     def _adjective(self, phrase: Phrase) -> None:
         """Said of what was named: "that is red", "which is closest to us"."""
-        host = self.noun or self.third
-        if host is None or self.happened or host.kind in ("thing", *_PLACES):
+        host = (self.third if self.helped and not self.within else None) or self.noun or self.third
+        dressed = self.relation in ("in", "with") and host is not None and host.kind == "person"
+        if host is None or self.happened or dressed or host.kind in ("thing", *_PLACES):
+            self.relation = None if dressed else self.relation  # "the man in black"
             return
         if self.negative:
             host.excluded.append((phrase.colour, tuple(phrase.qualifiers)))
@@ -161,12 +194,12 @@ class Telling:
 
     def _begin_with(self, phrase: Phrase) -> None:
         """Neither verb nor relation before it: the subject of a statement, or an afterthought."""
-        afterthought = self.before.target if self.before is not None and not self.clause.new else None
-        if phrase.kind == "one" and afterthought is not None and not self._predicate_follows():
-            self.refine(afterthought, phrase)
+        if afterthoughts.tells_more(self, phrase):
             return
         subject = self.third
-        if subject is not None and self.helped and phrase.kind == "one":
+        if subject is not None and self.helped and phrase.kind == "one" and afterthoughts.is_the_other(self, phrase):
+            self.mention(phrase, "said")  # "it is not the red car, it is the blue one"
+        elif subject is not None and self.helped and phrase.kind == "one":
             self.refine(subject, phrase)  # "his car is the black one"
         elif subject is not None and self.helped and subject.kind == "one" and phrase.kind == "vehicle":
             subject.become(phrase)  # "the blue one is my car"
@@ -175,23 +208,26 @@ class Telling:
         else:
             self.mention(phrase, "event" if self.clause.link in TEMPORAL else "said")
             self.subject = phrase
+            self.helped = "is" if phrase.kind == "pronoun" and phrase.head.endswith("'s") else self.helped
             for value in self.place:
                 phrase.qualify(value)
             self.place = []
-
-    def _predicate_follows(self) -> bool:
-        return any(isinstance(part, Token) and part.kind in (Kind.VERB, Kind.BE, Kind.AUX) for part in self.rest)
 
     def _object(self, deed: Deed, phrase: Phrase) -> None:
         """After a verb, without a relation."""
         at_place = self.noun is not None and self.noun.kind in _PLACES
         taken = deed.meaning == "take" and phrase.kind == "pronoun" and self.noun is None
-        if deed.meaning in ("give", "leave") and phrase.kind in _PLACES:
+        first = deed.target is None and self.used == "between" and deed.marks and deed.marks[-1][0] == "between"
+        if first and phrase.kind in VEHICLES:  # "between the lamp post and the van"
+            self.aim("between", phrase)
+        elif deed.meaning in ("give", "leave") and (
+            phrase.kind in _PLACES or (deed.target and phrase.kind == "thing")
+        ):
             deed.marks.append(("object", phrase))
             self.mention(phrase, "landmark")
         elif deed.target is None and phrase.kind == "vehicle" and at_place:
             # "The road the van came from", "the direction the van goes".
-            self.within = False
+            self.within, self.subject = False, None
             self.aim("same_as" if self.noun and self.noun.head in ("direction", "way") else "at", phrase)
         elif (deed.target is None and deed.object is None) or taken:
             self._take(deed, phrase)
@@ -208,6 +244,7 @@ class Telling:
         """The object of a verb."""
         spot = self._place_before() if deed.meaning == "take" and phrase.kind == "pronoun" else None
         if deed.negated and deed.meaning not in ("give_way", "wait"):
+            deed.forbidden = phrase
             self.exclude(None, phrase)
         elif spot is not None:  # "take it"
             deed.marks.append(("object", spot))
@@ -220,8 +257,9 @@ class Telling:
         self.spend_gap("gap")
 
     def _place_before(self) -> Phrase | None:
-        named = (phrase for phrase, _ in reversed(self.story.mentions))
-        return next((phrase for phrase in named if phrase.kind in _PLACES), None)
+        places = [(phrase, role) for phrase, role in reversed(self.story.mentions) if phrase.kind in _PLACES]
+        said = [phrase for phrase, role in places if role == "said"]  # not the lot in "there is an entrance to a lot"
+        return next(iter([*said, *(phrase for phrase, _ in places)]), None)
 
     # ------------------------------------------------------------ with a relation
 
@@ -231,7 +269,14 @@ class Telling:
         noun = self.noun
         lane = noun is not None and noun.noun == "lane"
         of = noun if relation == "of" or (relation == "with" and lane) else None
-        if of is not None and of.kind == "one" and phrase.noun:
+        place_told = self.within and noun is not None and noun.kind in _PLACES and self.deed is not None
+        if place_told and phrase.kind == "vehicle" and self.host.target is None:
+            self.within = False
+            self.aim(relation, phrase)  # "in the spot that is behind the van"
+        elif of is not None and phrase.head in _GROUPS and self.host.marks and self.host.marks[-1][1] is of:
+            self.host.marks.append((self.host.marks.pop()[0], phrase))  # "at the end of the row of vans"
+            self.mention(phrase, "landmark")
+        elif of is not None and of.kind == "one" and phrase.noun:
             phrase.refine_into(of)  # "the first of the three cars"
         elif (self.deed is None and (self.subject or self.idle or self.stating)) or self.within or self.happened:
             if noun is not None and not self.happened:
@@ -254,6 +299,7 @@ class Telling:
         """Whether the deed is at a thing or a person, just named."""
         marks = self.host.marks
         at = bool(marks) and marks[-1][1] is self.noun and marks[-1][1].kind in ("thing", "person")
+        at = at and marks[-1][1].noun != "sidewalk"  # it runs along the whole road
         return at and self.host.target is None
 
     def _group_is_aim(self, group: Phrase) -> bool:
@@ -265,7 +311,9 @@ class Telling:
         deed = self.host
         if deed.negated and relation == "into":  # "don't drive into the truck"
             deed.meaning, deed.negated = "avoid", False
-        if deed.negated:
+        if deed.negated and deed.round:
+            self.mention(phrase, "excluded")  # "don't go around it" rules out no place
+        elif deed.negated:
             self.exclude(relation, phrase)
         elif deed.target is None:
             last = deed.marks[-1][0] if deed.marks else ""

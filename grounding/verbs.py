@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from grounding import corrections
 from grounding.grammar import Phrase
 from grounding.kinds import Kind
 from grounding.story import Deed
-from grounding.telling import TEMPORAL, Telling
+from grounding.telling import TEMPORAL, VEHICLES, Telling
 from grounding.tokens import Token
 
 # Verbs whose object does something in turn: "let it pass", "wait for it to turn".
@@ -27,7 +28,9 @@ def verb(told: Telling, token: Token) -> None:
     if purpose and told.helped and third is not None and third.kind == "pronoun":
         told.subject, told.helped = None, ""  # "it would be nice to park here"
     wished = token.form == "past" and told.clause.link == "if" and told.subject == "ego"  # "if you parked here"
-    may_command = (token.form in ("", "ing") or wished) and token.value != "none" and not told.idle
+    # "It hit my bike" commands nothing; "don't hit it" does.
+    harm = token.value == "danger" and not told.negative
+    may_command = not harm and (token.form in ("", "ing") or wished) and token.value != "none" and not told.idle
     if may_command and (_going_on(told) if token.form == "ing" else _base(told)):
         begin(told, token, "to" if purpose and told.deed is not None else told.clause.link)
     else:
@@ -39,7 +42,7 @@ def _awaited(told: Telling, token: Token, purpose: bool) -> bool:
     """Whether the verb is what the object of another is to do: "let it pass"."""
     deed = told.deed
     awaits = deed is not None and (deed.meaning in AWAITING or (deed.meaning == "give" and purpose))
-    if deed is None or not awaits or deed.target is None or told.within:
+    if deed is None or not awaits or deed.target is None or (told.within and (token.form or told.helped)):
         return False
     bare = not token.form and not told.helped
     finished = token.form not in ("", "s") and not told.helped
@@ -60,6 +63,8 @@ def _base(told: Telling) -> bool:
     if told.third is not None:
         hanging = told.clause.link in (*TEMPORAL, "if", "because", "while")
         return not told.helped and not hanging and singular
+    if told.helped and told.subject is None and told.noun is not None and told.noun.kind == "vehicle":
+        return False  # "where the van is about to leave"
     return not told.within
 
 
@@ -89,6 +94,8 @@ def begin(told: Telling, token: Token, link: str) -> None:
     _take_over(told.leading, deed)
     for phrase, event in told.awaited:
         deed.event, deed.waits_for = event, phrase
+    if told.correcting and told.deed is None:
+        corrections.cancel(told, deed)
     told.deed, told.leading, told.awaited = deed, Deed(), []
     told.story.deeds.append(deed)
     told.noun, told.subject = None, None
@@ -133,7 +140,7 @@ def _passing_by(told: Telling, token: Token, host: Phrase) -> bool:
         return True  # "it is driven by my uncle"
     if token.state == "turning" and told.next_kind in ("part", "thing", "spot", "relation"):
         return True  # "it turned its lights on"
-    if not token.form and token.state in ("parked", "stopped"):
+    if not token.form and token.state in ("parked", "stopped", "passing"):
         return True  # "it wants to park"
     if token.state != "moving":
         return False
@@ -146,6 +153,7 @@ def _await(told: Telling, subject: Phrase, event: str) -> None:
     """An event that the last deed waits for, or the next."""
     told.happened = True
     told.noun = None
+    event = event if subject.kind in (*VEHICLES, "person", "one", "pronoun") or event == "clear" else "other"
     deed = told.before if not told.clause.new else None
     if deed is not None and deed.event is None:
         deed.event, deed.waits_for = event, subject
@@ -169,12 +177,17 @@ def meanwhile(told: Telling, token: Token) -> None:
 def turned(told: Telling, token: Token) -> None:
     """Left, right, straight: of a turning vehicle, of a deed, or a deed of its own ("turn left, then right")."""
     host, deed, before = told.noun, told.deed, told.before
+    if told.negative:  # "not left", "instead of right"
+        told.negative, told.noun = False, told.noun if told.noun is not None and told.noun.kind else None
+        return
     if host is not None and host.kind == "vehicle" and host.late[-1:] in (["turning"], ["moving"]):
         if token.value in ("left", "right"):
             host.qualifiers[host.qualifiers.index(host.late[-1])] = f"turning_{token.value}"
     elif told.happened:
         return
     elif deed is None:
+        if told.correcting and corrections.steer(told, token.value):
+            return
         if told.clause.link in ("then", "and") and before is not None and before.direction:
             said = token.text, token.meant, token.start, token.end
             begin(told, Token(Kind.VERB, f"turn {token.value}", *said), told.clause.link)

@@ -9,7 +9,7 @@ import numpy as np
 
 from appocc.checks import BoolArray, FloatArray
 from appocc.drawing import EGO_LENGTH_M
-from grounding.counting import ORDINALS, counted, counting_words
+from grounding.counting import ORDINALS, counted, counting_words, leading, leads
 from grounding.hints import membership, of_action, place
 from grounding.nouns import KNOWN
 from grounding.predicates import QUALIFIERS, described, fits
@@ -21,8 +21,9 @@ from grounding.scene import Scene
 _LEAST_WORD, _LEAST_ALL = 0.12, 0.06
 # What fits so well counts in full where things are counted; yet nothing fits for certain.
 _PLAINLY, _MOST_CERTAIN = 0.6, 0.95
-# Light and people's words differ: among things that have the colour it tells less than the fit says.
-_COLOUR_WEIGHT, _LEAST_COLOUR = 0.7, 0.2
+# Light and people's words differ: among things that have the colour it tells less than the fit says. What fits it
+# less than the least does not have it; above that a doubtful colour rules nothing out that all other words fit.
+_COLOUR_WEIGHT, _LEAST_COLOUR, _DOUBTFUL_COLOUR = 0.7, 0.05, 0.2
 # What an exclusion leaves of a vehicle, and how much a qualifier weighs that may belong to the place.
 _EXCLUDED, _OPTIONAL = 0.03, 0.3
 # Less likely things are no landmarks.
@@ -64,18 +65,26 @@ def weigh(query: Query, referent: Referent, scene: Scene) -> Weighed:
         if exclusion.relation is None and exclusion.noun in KNOWN:
             ruled_out = described(exclusion)
             said[f"not {ruled_out.phrase()}"] = 1 - (1 - _EXCLUDED) * _product(fits(ruled_out, scene))
-    plain, worst = _product(said), np.min(list(said.values()), axis=0)
-    matches = (worst >= _LEAST_WORD) & (plain >= _LEAST_ALL)
+    others = {word: fit for word, fit in said.items() if word != referent.colour}
+    plain, colour = _product(others), np.ones(len(crowd))
+    matches = np.min(list(others.values()), axis=0) >= _LEAST_WORD
     if referent.colour:
-        matches &= said[referent.colour] >= _LEAST_COLOUR
-        plain = plain * np.maximum(said[referent.colour], _LEAST_WORD) ** (_COLOUR_WEIGHT - 1)
-    likely = np.where(matches, np.minimum(plain, _MOST_CERTAIN), 0.0)
+        colour = said[referent.colour]
+        matches &= colour >= _LEAST_COLOUR
+    matches &= plain * np.maximum(colour, _DOUBTFUL_COLOUR) >= _LEAST_ALL
+    likely = np.where(matches, np.minimum(plain * colour**_COLOUR_WEIGHT, _MOST_CERTAIN), 0.0)
     if counting_words(referent.qualifiers):
-        likely = np.minimum(likely / _PLAINLY, _MOST_CERTAIN) * membership(referent, crowd)
+        # What fits best is such a thing, if only by the words of the one who speaks.
+        member = membership(referent, crowd)
+        plainly, best = (np.max(fit * member, where=matches, initial=_LEAST_ALL) for fit in (plain, colour))
+        counts = np.minimum(plain / min(plainly, _PLAINLY), 1.0) * np.minimum(colour / best, 1.0) ** _COLOUR_WEIGHT
+        likely = np.where(matches, np.minimum(counts, _MOST_CERTAIN), 0.0) * member
     chance = counted(referent.qualifiers, crowd, likely)
     if referent.number == 2 and chance is not likely:
         following = tuple(word for word in referent.qualifiers if word not in ORDINALS)
         chance = chance + counted(("second", *following), crowd, likely)
+    if side := leads(referent):
+        chance = leading(side, crowd, likely)
     score = np.log(chance + _NOWHERE) + place(query, referent, crowd) + of_action(query, crowd)
     for word in referent.qualifiers_optional:
         if word in QUALIFIERS:

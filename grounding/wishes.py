@@ -16,14 +16,16 @@ from grounding.road import Road, agreeing
 # Metres between bumpers where the command names none; elsewhere _GAP_M. To follow: and so many seconds' way.
 _GAPS_M = {"park": 1.0, "pull_over": 1.5, "overtake": 6.0, "drive_past": 6.0}
 _GAP_M, _FOLLOW_M, _FOLLOW_S = 2.0, 6.0, 1.5
+_PASSES, _PASSED_M = ("overtake", "drive_past"), 2.0
 # A queue may stand between us and a vehicle to stop behind; one parks beside it or not at all.
 _FURTHER_M, _FURTHER_PARKED_M, _CLOSER_M = 10.0, 3.0, 3.0
-# Beside: metres between sides. Near and at: the greatest gap.
+# Beside: metres between sides, and by how much lengths may miss each other's middle. Near and at: the greatest gap.
+_LEVEL_M = 1.0
 _LEAST_M, _LEAST_SIDE_M, _SIDE_M, _MOST_SIDE_M = 0.3, 0.4, 0.8, 2.3
 _NEAR_M, _AT_M = 6.0, 10.0
 # In line means so far aside at most, in our own lane too; spreads of the dislikes along (farther and
 # closer than wanted) and aside.
-IN_LINE_M, ALONG_M, _CLOSE_M, ASIDE_M = 1.2, 2.0, 1.0, 0.6
+IN_LINE_M, ALONG_M, _CLOSE_M, _CLOSE_SHARE, ASIDE_M = 1.2, 2.0, 1.0, 0.25, 0.6
 # Dislike of a way that is only the second best, and of the farther side.
 SECOND, _FAR_SIDE, _FARTHER, _ALSO = 1.5, 0.8, 0.3, 0.1
 # One who parks stands so near the edge of the road.
@@ -42,13 +44,15 @@ def wanted_gap_m(query: Query, item: SceneObject) -> tuple[float, float, float]:
         return named, max(min(_LEAST_M, named), named - off), named + off
     follows = query.action in ("follow", "change_lane") or query.relation == "same_as"
     wanted = _FOLLOW_M + _FOLLOW_S * (item.speed_mps or 0.0) if follows else _GAPS_M.get(query.action or "", _GAP_M)
-    least = max(_LEAST_M, wanted - _CLOSER_M)  # one who follows does not squeeze in before a queue
+    # One who follows does not squeeze in before a queue; how far beyond it one is who has passed, nobody measures.
+    least = _PASSED_M if query.action in _PASSES else max(_LEAST_M, wanted - _CLOSER_M)
     return wanted, least, wanted + (_FURTHER_PARKED_M if query.action in PARKED else _FURTHER_M)
 
 
 def off_gap(gap_m: FloatArray, wanted_m: float) -> FloatArray:
-    """Dislike (N,) of other gaps than the wanted one; closer is worse than farther."""
-    return np.asarray(((gap_m - wanted_m) / np.where(gap_m < wanted_m, _CLOSE_M, ALONG_M)) ** 2)
+    """Dislike (N,) of other gaps than the wanted one; closer is worse than farther, less so where it is wide."""
+    close_m = max(_CLOSE_M, wanted_m * _CLOSE_SHARE)
+    return np.asarray(((gap_m - wanted_m) / np.where(gap_m < wanted_m, close_m, ALONG_M)) ** 2)
 
 
 def at_an_end(relation: str, query: Query, item: SceneObject, road: Road) -> tuple[list[Wish], list[str]]:
@@ -100,7 +104,8 @@ def beside(relation: str, query: Query, item: SceneObject, road: Road) -> tuple[
     if query.distance_m is not None and query.distance_of == "referent":
         wanted, least, most = wanted_gap_m(query, item)
     gap = np.abs(left) - around.half_m(forward + np.pi / 2) - ego_half_m(heading - forward + np.pi / 2)
-    level = (np.abs(along) <= around.half_m(forward) + 1.0) & (gap >= least) & (gap <= most)
+    overlap_m = around.half_m(forward) + _LEVEL_M + road.grid.cell_m / 2  # a place is a whole cell
+    level = (np.abs(along) <= overlap_m) & (gap >= least) & (gap <= most)
     cost = ((gap - wanted) / 0.8) ** 2 + (along / 2.5) ** 2
     measured = "side to side" if abs(np.sin(forward - item.yaw_rad)) < 0.5 else "side to bumper"
     wishes = []
@@ -124,7 +129,7 @@ def about(relation: str, query: Query, item: SceneObject, road: Road) -> tuple[l
     # Short of it and beyond it we stay in our lane or come in line with it.
     aside = np.abs(left) if not around.beside_course else np.minimum(np.abs(left), np.abs(around.course[1]))
     past_its_end = np.abs(along) - around.half_m(forward) - ego_half_m(heading - forward) >= 0
-    level = (np.abs(along) <= around.half_m(forward) + 1.0) & ~past_its_end
+    level = (np.abs(along) <= around.half_m(forward) + _LEVEL_M) & ~past_its_end
     end_m = _GAPS_M.get(query.action or "", _GAP_M)
     ways = (
         ("short of it", past_its_end & (along < 0), end_m, aside / 1.2),

@@ -241,8 +241,8 @@ def _ambiguous(
         v, w = pairs[i]
         said, fitting = _equally(moment, v, w, ask.blobs, random)
         if fitting and all(_ahead(region(relation, moment, [one], ask), left_out) for one in (v, w)):
-            # By no word for a body that only one of them has.
-            sentence = command(relation, ask, [(said, said.noun)], random)
+            # By no word for a body that only one of them has, and not by "a", of which any would do.
+            sentence = command(relation, ask, [(said, said.noun)], random, definite=True)
             return Case(moment.token, "ambiguous", group, relation, ask, sentence, (said,), fitting)
     return None
 

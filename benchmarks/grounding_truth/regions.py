@@ -24,7 +24,6 @@ from benchmarks.grounding_truth.places import (
     in_line,
     is_wanted,
     lanes_near,
-    next_in_line,
     places,
     unit,
     wanted_m,
@@ -36,6 +35,9 @@ from benchmarks.grounding_truth.roads import EGO_CENTRE_M, kerbs, to_kerb
 FACES_DEG, ACROSS_DEG, IN_WAY_M, IN_WAY_DOUBT_M = (100.0, 140.0), (50.0, 130.0), 4.5, 0.8
 SIDE_GAP_M, SIDE_GAPS_M, SIDE_OFFSET_M = 0.8, (0.4, 2.3), 1.0
 NEAR_M, TOWARD_M = 6.0, 1.0
+# What is so near the middle of our lane is in it. Who heads more than so much (a slope) off it is changing lanes:
+# which one is then ours nobody can say.
+IN_LANE_M, CHANGING = 1.0, 0.05
 # Opposite: this much before or behind being level, and for parking this near to the kerb.
 LEVEL_M, EDGE_M = 2.0, 1.5
 # Between: room that both ends need, the longest gap that still is one, and across how far it may be.
@@ -79,17 +81,27 @@ def _in_its_lane(moment: Moment, v: Vehicle, ask: Ask, sign: int) -> Region | No
     x, aside = moment.centres[..., 0], moment.sideways_m(v)
     half = (v.length_m + EGO_LENGTH_M) / 2
     per_x = np.hypot(1.0, moment.path.bend[1] + moment.path.bend[2] * (x + v.xy_m[0]))  # how long a way is over its x
-    same_lane = np.abs(moment.centres[..., 1] - moment.path.y(x) - aside) <= ALIGNED_M + HALF_CELL_M
-    where = same_lane & is_wanted(sign * (x - v.xy_m[0]) * per_x - half, ask, v)
-    along, across = moment.local(v.xy_m, v.yaw_rad)
-    where |= (np.abs(across) <= ALIGNED_M + HALF_CELL_M) & is_wanted(sign * along - half, ask, v)
+    off = moment.centres[..., 1] - moment.path.y(x)
+    same_lane = np.abs(off - aside) <= ALIGNED_M + HALF_CELL_M
+    if abs(aside) < IN_LANE_M:
+        same_lane |= np.abs(off) <= ALIGNED_M + HALF_CELL_M  # in our own
+    ahead = sign * (x - v.xy_m[0])
+    where = same_lane & is_wanted(ahead * per_x - half, ask, v) & (ahead < _next_in_lane(moment, v, sign))
+    along, _ = moment.local(v.xy_m, v.yaw_rad)
+    where |= in_line(moment, v, v.yaw_rad, sign) & is_wanted(sign * along - half, ask, v)
     slope = np.array([np.cos(moment.our_yaw(v.xy_m[0])), np.sin(moment.our_yaw(v.xy_m[0]))])
     ideal_x = float((v.xy_m + sign * slope * (wanted_m(ask, v) + half))[0])
     if not moment.has_lane_to(ideal_x):
         return None  # at a crossing
-    where &= sign * along < next_in_line(moment, v, v.yaw_rad, sign)
     ideal = np.array([ideal_x, moment.path.y(ideal_x) + aside])
     return places(moment, where, ideal, (v.yaw_rad, moment.our_yaw(ideal_x)))
+
+
+def _next_in_lane(moment: Moment, v: Vehicle, sign: int) -> float:
+    """How far ahead (1) or behind (-1) the next vehicle of its lane is, along x, infinity without one."""
+    same = [one for one in moment.vehicles if abs(moment.sideways_m(one) - moment.sideways_m(v)) < ALIGNED_M]
+    apart = [sign * float(one.xy_m[0] - v.xy_m[0]) for one in same]
+    return min((each for each in apart if each > 0.5), default=np.inf)
 
 
 def _at_end(moment: Moment, v: Vehicle, ask: Ask, sign: int) -> Region | None:
@@ -160,8 +172,8 @@ def toward(moment: Moment, v: Vehicle, ask: Ask) -> Region | None:
     """Around it, but short of it, on our way or as we see it."""
     yaw = moment.our_yaw(v.xy_m[0])
     sight = float(np.arctan2(v.xy_m[1], v.xy_m[0] - EGO_CENTRE_M))
-    short = (moment.local(v.xy_m, yaw)[0] <= TOWARD_M) | (moment.local(v.xy_m, sight)[0] <= TOWARD_M)
     way = yaw if moment.is_along(v) else sight
+    short = (moment.local(v.xy_m, way)[0] <= TOWARD_M) | (moment.local(v.xy_m, sight)[0] <= TOWARD_M)
     ideal = v.xy_m - unit(way) * (wanted_m(ask, v) + (v.extent_m(way) + EGO_LENGTH_M) / 2)
     return places(moment, _around(moment, v) & short, ideal, lanes_near(moment, v))
 
@@ -228,11 +240,12 @@ def _along_road(moment: Moment, v: Vehicle, ask: Ask, sign: int) -> Region | Non
     if ask.action in ("park", "pull_over"):
         return places(moment, lined, ideal, (yaw, yaw + np.pi))
     ideal = np.array([ideal[0], moment.path.y(ideal[0])])
+    there = moment.our_yaw(ideal[0])  # our lane may bend on the way
     own = np.abs(moment.centres[..., 1] - moment.path.y(moment.centres[..., 0])) <= ALIGNED_M + HALF_CELL_M
-    ours = places(moment, where & own, ideal, (yaw,))
+    ours = places(moment, where & own, ideal, (yaw, there))
     if ours is None or ask.action != "stop":
         return ours
-    both = places(moment, where & (own | lined), ours.best_m, (yaw, yaw + np.pi))
+    both = places(moment, where & (own | lined), ours.best_m, (yaw, yaw + np.pi, there))
     return both and both._replace(best_m=ours.best_m)
 
 
@@ -267,7 +280,7 @@ def nothing(moment: Moment, ask: Ask) -> Region | None:
 
 
 def _in_lane(moment: Moment, ask: Ask) -> Region | None:
-    if ask.said_m is None or moment.path is None:
+    if ask.said_m is None or moment.path is None or abs(moment.path.bend[1]) > CHANGING:
         return None
     way = np.arange(0.0, ask.said_m + 0.1, 0.5)
     x = EGO_CENTRE_M + way * np.cos(moment.our_yaw(EGO_CENTRE_M + ask.said_m / 2))
@@ -289,11 +302,10 @@ def _at_kerb(moment: Moment, ask: Ask) -> Region | None:
     side = 1 if ask.side == "left" else -1
     away, kerb_y = to_kerb(moment.bev.grid, moment.ground, side)
     x, y = moment.centres[:, 0, 0], moment.centres[..., 1]
-    lane_y = moment.path.y(x)[:, None]
     # Our road's own kerb: the cell in the middle of our lane sees the same one.
-    lane = np.argmin(np.abs(y - lane_y), axis=1)
+    lane = np.argmin(np.abs(y - moment.path.y(x)[:, None]), axis=1)
     where = np.abs(kerb_y - kerb_y[np.arange(len(x)), lane][:, None]) < HALF_CELL_M
-    where &= (side * (y - lane_y) >= -HALF_CELL_M) & (away >= EGO_WIDTH_M / 2) & (away <= EGO_WIDTH_M / 2 + EDGE_M)
+    where &= (away >= EGO_WIDTH_M / 2) & (away <= EGO_WIDTH_M / 2 + EDGE_M)
     ahead = (x >= EGO_CENTRE_M + AHEAD_M[0] - AHEAD_SLACK_M) & (x <= EGO_CENTRE_M + AHEAD_M[1] + AHEAD_SLACK_M)
     yaw = moment.our_yaw(EGO_CENTRE_M + sum(AHEAD_M) / 2)
     return places(moment, where & ahead[:, None], np.array([EGO_CENTRE_M + AHEAD_M[0], 0.0]), (yaw, yaw + np.pi))

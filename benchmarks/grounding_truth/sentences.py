@@ -251,17 +251,26 @@ def phrase(said: Description, body: str, random: np.random.Generator, article: s
     return " ".join(["the" if order else article, *words])
 
 
-def command(relation: str, ask: Ask, names: Sequence[tuple[Description, str]], random: np.random.Generator) -> str:
-    """A sentence that asks for a relation to vehicles (descriptions with bodies)."""
+def command(
+    relation: str,
+    ask: Ask,
+    names: Sequence[tuple[Description, str]],
+    random: np.random.Generator,
+    definite: bool = False,
+) -> str:
+    """A sentence that asks for a relation to vehicles (descriptions with bodies), `definite`: by no "a" of them."""
     if relation == "none":
         return _polite(_to_nothing(ask, random), random)
     objects = [phrase(said, body, random) for said, body in names]
     if relation == "between" and len(names) == 2 and names[0][0] == names[1][0]:
-        objects = [phrase(names[0][0], names[0][1], random, number=2)]
+        bodies = {body for _, body in names}
+        # Two of different bodies are called by what both are.
+        objects = [phrase(names[0][0], bodies.pop() if len(bodies) == 1 else "", random, number=2)]
     if len(names) == 1 and random.random() < 0.1:
         do = _to_object(relation, ask, "it", random)
         a, the = (phrase(*names[0], random, article) for article in ("a", "the"))
-        return _pick(_BEFOREHAND, random).format(a=a, the=the, do=do)
+        beforehand = [words for words in _BEFOREHAND if not (definite and "{a}" in words)]
+        return _pick(beforehand, random).format(a=a, the=the, do=do)
     return _polite(_to_object(relation, ask, " and ".join(objects), random), random)
 
 

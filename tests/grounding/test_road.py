@@ -222,3 +222,15 @@ def test_markings_alone_show_the_way() -> None:
     street.occupancy[LANE] = np.abs((X - EGO_CENTRE_M) * np.sin(0.4) - Y * np.cos(0.4)) % 3.5 < 0.3
     road = road_of(np.ones(GRID.shape, np.bool_), street)
     assert road.direction_at(np.array([20.0, 8.0])) == pytest.approx(0.4, abs=0.05)
+
+
+def test_what_blocks_our_road_is_not_seen_from_beyond() -> None:
+    """The only way round it comes back along our road from the other side."""
+    loop = (np.abs(X - 6) < 3) & (np.abs(Y + 8) < 10)
+    loop |= (np.abs(X - 34) < 3) & (np.abs(Y + 8) < 10)
+    loop |= (np.abs(Y + 15) < 3) & (X > 3) & (X < 37)
+    street = Street().car("bus", 18, 0, size_wlh_m=(2.9, 11.0, 3.2))
+    road = road_of((np.abs(Y) < 2.4) | loop, street)
+    far = road.ways.length_m[tuple(GRID.cell_of([26.0, 0.0]))]
+    assert far > 40
+    assert abs(road.direction_at(np.array([18.0, 0.0]))) < 0.1

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from plans import asked, check_invariants
 from scipy import ndimage
 from street import Street
-from test_target import asked, check_invariants
 
 from appocc.bevmap import LANE, ROAD, VEHICLE, BEVMap
 from appocc.grid import BEVGrid

@@ -1,0 +1,100 @@
+"""Frames of reference: whose front, whose left, and the same in a mirror."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from plans import (
+    LENGTHWISE_M,
+    SIDEWAYS_M,
+    asked,
+    found,
+    near,
+    planned,
+    said,
+)
+from street import BLACK, RED, WHITE, Street
+
+from appocc.drawing import EGO_WIDTH_M
+from grounding.road import Road
+from grounding.target import plan
+
+
+def test_a_turned_car_turns_the_place() -> None:
+    yaw = 0.3
+    target = found(planned(Street().car("car", 15, 0, yaw_rad=yaw), asked("stop", "behind")))
+    away = LENGTHWISE_M + 2.0
+    assert near(target, 15 - away * np.cos(yaw), -away * np.sin(yaw))
+    assert 0.1 < target.heading_ego_rad < yaw + 0.02
+
+
+@pytest.mark.parametrize(("relation", "sign"), [("behind", 1), ("in_front_of", -1)])
+def test_a_car_that_comes_towards_us_keeps_its_own_front(relation: str, sign: int) -> None:
+    made = planned(Street().car("car", 15, 3, yaw_rad=np.pi, speed_mps=8), asked("stop", relation))
+    assert near(found(made), 15 + sign * (LENGTHWISE_M + 2.0), 3)
+    assert found(made).heading_ego_rad == pytest.approx(0, abs=0.02)
+    assert said(made, "it faces us")
+    assert said(made, "moves at 8 m/s")
+
+
+def test_one_that_comes_towards_us_is_followed_its_own_way() -> None:
+    made = planned(Street().car("car", 10, 3, yaw_rad=np.pi, speed_mps=2), asked("follow"))
+    assert near(found(made), 10 + LENGTHWISE_M + 9.0, 3)
+    assert abs(found(made).heading_ego_rad) == pytest.approx(np.pi, abs=0.02)
+    assert said(made, "turn around")
+
+
+def test_one_that_stands_facing_us_in_our_path_is_taken_along_our_way() -> None:
+    made = planned(Street().car("car", 15, -3, yaw_rad=np.pi), asked("park", "behind"))
+    assert near(found(made), 15 - LENGTHWISE_M - 1.0, -3)
+    assert said(made, "our direction of travel")
+    far = planned(Street().car("car", 15, 6, yaw_rad=np.pi), asked("park", "behind"))
+    assert near(found(far), 15 + LENGTHWISE_M + 1.0, 6)
+
+
+def test_left_and_right_of_a_car_that_faces_us_are_ours() -> None:
+    made = planned(Street().car("car", 15, 2, yaw_rad=np.pi), asked("stop", "right_of"))
+    assert near(found(made), 15, 2 - SIDEWAYS_M - 0.8)
+    assert said(made, "left and right are ours, as we see the vehicle, which faces us")
+
+
+def test_one_that_stands_across_our_way_is_passed_at_its_end() -> None:
+    made = planned(Street().car("car", 15, 0, yaw_rad=np.pi / 2), asked("stop", "left_of"))
+    assert near(found(made), 15, (4.4 + EGO_WIDTH_M) / 2 + 0.8)
+    assert found(made).heading_ego_rad == pytest.approx(0, abs=0.03)
+    assert said(made, "stands across our way")
+    assert said(made, "side to bumper")
+
+
+@pytest.mark.parametrize("yaw_deg", [0, 30, 60, 89, 91, -91, 120, 150, 180])
+def test_left_is_ours_whichever_way_it_stands(yaw_deg: float) -> None:
+    street = Street().car("car", 15, 0, RED, yaw_rad=np.radians(yaw_deg))
+    left, right = (found(planned(street, asked("stop", side))) for side in ("left_of", "right_of"))
+    assert left.ego_m[1] > 1.5
+    assert right.ego_m[1] < -1.5
+    assert max(abs(left.heading_ego_rad), abs(right.heading_ego_rad)) <= np.pi / 4 + 0.05
+
+
+def test_a_front_that_is_not_known_is_said() -> None:
+    scene = Street().car("car", 15, -3, yaw_rad=np.pi).scene_without_boxes()
+    assert scene.bev is not None
+    item = replace(scene.objects[0], front_known=False)
+    made = plan(asked("stop", "behind"), scene, Road.of(scene.bev, scene.objects), item)
+    assert near(found(made), 15 - LENGTHWISE_M - 2.0, -3)
+    assert said(made, "its front is not known")
+
+
+@pytest.mark.parametrize("action", ["stop", "park"])
+@pytest.mark.parametrize(
+    "relation", ["behind", "in_front_of", "next_to", "near", "before", "past", "toward", "opposite", "at"]
+)
+def test_a_mirrored_scene_mirrors_the_place(action: str, relation: str) -> None:
+    places = []
+    for sign in (1.0, -1.0):
+        street = Street().car("car", 20, -3.1 * sign, RED, yaw_rad=0.2 * sign)
+        street = street.car("other", 11, 2.2 * sign, BLACK, yaw_rad=-0.1 * sign).car("third", 31, -0.9 * sign, WHITE)
+        places.append(found(planned(street, asked(action, relation))))
+    assert places[0].ego_m == pytest.approx(places[1].ego_m * [1, -1], abs=0.41)
+    assert places[0].heading_ego_rad == pytest.approx(-places[1].heading_ego_rad, abs=0.04)
