@@ -149,6 +149,8 @@ def test_neither_workers_nor_kill_9_change_a_byte(tmp_path: Path, rig: str) -> N
 def test_ctrl_c_keeps_finished_scenes_and_says_so(tmp_path: Path, rig: str) -> None:
     out = tmp_path / "out"
     options = ["--scenes", "40", "--seconds", "1", "--rig", rig, "--town", TEST_TOWNS[0], "--workers", "2"]
+    # What a shell starts in the background ignores Ctrl-C, and so does all that it starts.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     process = subprocess.Popen(command(str(out), *options), stderr=subprocess.PIPE, text=True)
     while not list(tmp_path.glob(".out.unfinished/scenes/*/rows.json")):
         assert process.poll() is None
