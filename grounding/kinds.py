@@ -128,6 +128,19 @@ Relation = Literal[
     "toward",
     "same_as",
 ]
+# What a vehicle does, as far as it tells it from others.
+State = Literal[
+    "parked",
+    "stopped",
+    "moving",
+    "oncoming",
+    "turning",
+    "turning_left",
+    "turning_right",
+    "leaving",
+    "passing",
+    "braking",
+]
 ACTIONS: tuple[str, ...] = get_args(Action)
 RELATIONS: tuple[str, ...] = get_args(Relation)[1:]
 LIGHT_VERBS = ("go", "drive", "move", "get", "pull", "stay", "take", "bring", "leave", "give")

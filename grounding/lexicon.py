@@ -6,24 +6,15 @@ import re
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
+from typing import get_args
 
 from appocc.errors import DataError
-from grounding.kinds import INFLECTED, LIGHT_VERBS, MENDED, NOUNS, VALUES, WORD, Entry, Kind, Pattern
+from grounding.kinds import INFLECTED, LIGHT_VERBS, MENDED, NOUNS, VALUES, WORD, Entry, Kind, Pattern, State
 
 __all__ = ["Kind", "Lexicon", "default_lexicon", "phrases", "read_lexicon"]
 
 DEFAULT = Path(__file__).parent / "data" / "lexicon.txt"
-STATES: tuple[str, ...] = (
-    "parked",
-    "stopped",
-    "moving",
-    "oncoming",
-    "turning",
-    "turning_left",
-    "turning_right",
-    "leaving",
-)
-STATES += ("passing", "braking", "own_lane")
+STATES: tuple[str, ...] = (*get_args(State), "own_lane")
 EVENTS = ("pass", "leave", "turn", "stop", "merge", "clear", "other")
 _WRITTEN = {kind.value: kind for kind in Kind if kind not in (Kind.COMMA, Kind.BREAK, Kind.DISTANCE, Kind.UNKNOWN)}
 _MOST_BYTES = 1_000_000

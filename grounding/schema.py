@@ -8,7 +8,7 @@ from pydantic import Field, ValidationError
 
 from appocc.errors import DataError
 from appocc.jsonparts import JsonPart, first_problem
-from grounding.kinds import COLOURS, Action, Relation
+from grounding.kinds import COLOURS, Action, Relation, State
 from grounding.query import Exclusion, Landmark, Query, Referent
 
 # What a further thing may stand in besides.
@@ -48,16 +48,7 @@ Qualifier = Literal[
     "middle_lane",
     "ahead",
     "behind_ego",
-    "parked",
-    "stopped",
-    "moving",
-    "oncoming",
-    "turning",
-    "turning_left",
-    "turning_right",
-    "leaving",
-    "passing",
-    "braking",
+    State,
     "large",
     "small",
 ]

@@ -77,8 +77,8 @@ def box_pixels(
         free &= _entry(eye, rays, boxes_world, other) > where
     if depth is not None:
         swept = depth.depth_m(uv)
-        on = _inside(eye + rays * np.where(np.isfinite(swept), swept, 0.0)[:, None], boxes_world, target)
-        on &= np.isfinite(swept)
+        points_world = eye + rays * np.where(np.isfinite(swept), swept, 0.0)[:, None]
+        on = boxes_world.select(np.array([target])).inside(points_world, _BOX_MARGIN_M) & np.isfinite(swept)
         free = on | (free & np.isinf(swept)) if on.sum() >= _LEAST_PIXELS else free & ~depth.hides(uv, where)
         where = np.where(on, swept, where)
     uv, rays, where = uv[free], rays[free], where[free]
@@ -86,12 +86,6 @@ def box_pixels(
     height = np.clip(local[:, 2] / boxes_world.size_wlh_m[target, 2] + 0.5, 0.0, 1.0)
     column, row = uv.astype(np.int64).T
     return BoxPixels(image[row, column], height, sample_px)
-
-
-def _inside(points_world: FloatArray, boxes: Boxes, i: int) -> BoolArray:
-    """(N,) which points lie in a box, or all but."""
-    local = apply(inverse(boxes.frame_from_box(i)), points_world)
-    return np.asarray((np.abs(local) <= boxes.half_lwh_m()[i] + _BOX_MARGIN_M).all(axis=1))
 
 
 def _grid_of_pixels(low: FloatArray, high: FloatArray) -> FloatArray:
