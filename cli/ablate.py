@@ -13,7 +13,7 @@ from cli.train import stoppable, watched
 
 
 def ablate(
-    config: Annotated[Path, typer.Argument(metavar="CONFIG", help="YAML file, such as configs/small.yaml.")],
+    config: Annotated[Path, typer.Argument(metavar="CONFIG", help="YAML file, or small, which is shipped.")],
     test: Annotated[Path, typer.Option("--test", metavar="ROOT", help="Dataset root that all rows are judged on.")],
     overrides: Annotated[
         list[str] | None,
@@ -40,7 +40,7 @@ def ablate(
 
     Exit 0: done, or the time is up; 1: a training diverged; 2: bad input; 130: interrupted.
 
-    Example: appocc ablate configs/small.yaml train.minutes=10 --test runs/sets/test --out runs/ablation
+    Example: appocc ablate small train.minutes=10 --test runs/sets/test --out runs/ablation
     """
     import time
 
@@ -48,10 +48,11 @@ def ablate(
     from appocc.ablation.run import PAGE, study_of, study_values
     from appocc.nuscenes import Dataset
     from appocc.training.config import read_config
+    from appocc.training.configs import config_path
     from appocc.training.run import StoppedError
 
     end = time.monotonic() + 60 * budget_minutes if budget_minutes is not None else float("inf")
-    study = study_of(read_config(config, overrides or ()), Dataset(test, version), scenes, seeds, out)
+    study = study_of(read_config(config_path(config), overrides or ()), Dataset(test, version), scenes, seeds, out)
     chosen = chosen_rows(study.rows, only)
     with watched() as watcher, stoppable(watcher) as caught:
         try:

@@ -82,12 +82,12 @@ def _predict(dataset: Dataset, scene: Scene, samples: int) -> None:
 
 def _track(dataset: Dataset, scene: Scene, folder: Path) -> tuple[SceneTracks, dict[str, Any]]:
     """The tracks of a scene, written with their scores and a video."""
-    from tracking.run import score, track_scene, write_metrics, write_tracks
+    from tracking.run import score, track_scene, tracks_folder, write_metrics, write_tracks
     from tracking.video import write_video
 
     tracks = track_scene(dataset, scene, PREDICTED)
     scores = score(dataset, tracks) or {}
-    place = dataset.root / "tracks" / scene.name
+    place = tracks_folder(dataset.root, PREDICTED, scene.name)
     write_tracks(place, tracks)
     write_metrics(place / "metrics.json", tracks, scores)
     with progress("video", len(tracks.samples)) as advance:

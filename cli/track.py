@@ -52,7 +52,8 @@ def track(
         Path | None,
         typer.Option(
             "--out",
-            help="Folder to write; by default ROOT/tracks/SCENE, KITTI/tracks, or tracks beside the --mot file.",
+            help="Folder to write; by default ROOT/tracks/SOURCE/SCENE (SOURCE: that of the maps, or the name of the "
+            "--detections file), KITTI/tracks, or tracks beside the --mot file.",
         ),
     ] = None,
     video: Annotated[Path | None, typer.Option("--video", help="Also write a video of the tracks (.webm).")] = None,
@@ -123,16 +124,15 @@ def _track_scene(
     as_json: bool,
 ) -> None:
     """Follow the vehicles of a scene through its maps, or a detector's objects through it."""
-    from appocc.files import plain_name
     from appocc.nuscenes import Dataset
-    from tracking.run import score, write_metrics, write_tracks
+    from tracking.run import score, tracks_folder, write_metrics, write_tracks
     from tracking.video import check_name, write_video
 
     if video is not None:
         check_name(video)
     dataset = Dataset(root, version)
     wanted = dataset.scene(scene)
-    folder = out or root / "tracks" / plain_name(root, wanted.name)
+    folder = out or tracks_folder(root, str(bev) if detections is None else detections.stem, wanted.name)
     frames = len(dataset.samples(wanted))
     result, left_out = _followed(dataset, wanted, frames, bev, detections, smooth)
     scores = score(dataset, result)

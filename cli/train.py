@@ -19,7 +19,9 @@ if TYPE_CHECKING:
 
 
 def train(
-    config: Annotated[Path, typer.Argument(metavar="CONFIG", help="YAML file, such as configs/small.yaml.")],
+    config: Annotated[
+        Path, typer.Argument(metavar="CONFIG", help="YAML file, or small, release or recording, which are shipped.")
+    ],
     overrides: Annotated[
         list[str] | None, typer.Argument(metavar="KEY=VALUE", help="Replace what it says: train.lr=1e-3.")
     ] = None,
@@ -29,14 +31,15 @@ def train(
 ) -> None:
     """Train a network; under torchrun on many GPUs. Exit 0: done, 1: it diverged, 2: bad input, 130: interrupted.
 
-    Example: appocc train configs/small.yaml data.train=SIM data.val=VAL --out runs/first
+    Example: appocc train small data.train=SIM data.val=VAL --out runs/first
     """
     from appocc.training.config import read_config
+    from appocc.training.configs import config_path
     from appocc.training.run import StoppedError
     from appocc.training.run_folder import RunFolder
     from appocc.training.session import run_training
 
-    settings, folder = read_config(config, overrides or ()), RunFolder(out or Path("runs") / config.stem)
+    settings, folder = read_config(config_path(config), overrides or ()), RunFolder(out or Path("runs") / config.stem)
     with watched() as watcher, stoppable(watcher) as caught:
         try:
             summary = run_training(settings, folder, resume, watcher)

@@ -1,10 +1,12 @@
 #!/usr/bin/env bash
 # Weights from nothing: sets of six towns and of two that training never sees, training, judgement, a file to ship.
-# configs/release.sh CONFIG [FOLDER]; run again, it goes on where it was ended.
+# configs/release.sh CONFIG [FOLDER]: a YAML file, or one of this folder by its name. Run again, it goes on where it was ended.
 set -euo pipefail
+config=${1:-}
+[ -f "$config" ] || config=$(dirname "$0")/$config.yaml
 # Told before hours of rendering.
-[ -f "${1:-}" ] || { echo "error: expected CONFIG [FOLDER], got '${1:-}', which is no file" >&2; exit 2; }
-config=$1 folder=${2:-runs}
+[ -f "$config" ] || { echo "error: expected CONFIG [FOLDER], got '${1:-}', which is no file" >&2; exit 2; }
+folder=${2:-runs}
 scenes=${SCENES:-"480 36 64"} # of train, val, test: 7 frames each, two seconds apart
 run=$folder/$(basename "$config" .yaml)
 read -r train val test <<<"$scenes"
@@ -22,5 +24,5 @@ appocc train "$config" "${values[@]}" --out "$run"
 appocc infer "$folder/sets/test" --weights "$run/best.safetensors" --out "$folder/sets/test/bev/predicted"
 appocc eval bev "$folder/sets/test" --bev predicted --json >"$run/eval.json"
 appocc weights ship "$run/best.safetensors" --figures "$run/eval.json" --out "$run/appocc.safetensors" \
-  --command "SCENES='$scenes' OVERRIDES='${OVERRIDES:-}' configs/release.sh $config"
+  --command "SCENES='$scenes' OVERRIDES='${OVERRIDES:-}' configs/release.sh $1"
 appocc weights show "$run/appocc.safetensors"

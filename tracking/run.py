@@ -14,7 +14,7 @@ from appocc.bevmap import is_truth, load_map
 from appocc.boxes import Boxes
 from appocc.checks import FloatArray
 from appocc.errors import DataError
-from appocc.files import write_json
+from appocc.files import plain_name, write_json
 from appocc.nuscenes import Dataset, Sample, Scene
 from tracking.blobs import BlobConfig, find_blobs
 from tracking.detections import Detections, TakesDetections, lead
@@ -119,6 +119,15 @@ def track_scene(
     blobs = (find_blobs(load_map(dataset.root, source, sample.token), blob_config) for sample in samples)
     tracks = track_samples(samples, poses, (each.as_detections() for each in blobs), tracker, advance)
     return SceneTracks(scene.name, source, samples, poses, tracks)
+
+
+def tracks_folder(root: Path, source: str, scene: str) -> Path:
+    """Where a scene's tracks are written: `ROOT/tracks/SOURCE/SCENE`; of a source that is a folder, its last part.
+
+    Raises:
+        DataError: if a name leads elsewhere.
+    """
+    return root / "tracks" / plain_name(root, Path(source).absolute().name) / plain_name(root, scene)
 
 
 def write_tracks(folder: Path, result: SceneTracks) -> list[Path]:

@@ -48,7 +48,7 @@ def test_json(street: TinyDataset) -> None:
     assert (metrics["MOTA"], metrics["IDF1"], metrics["IDS"], metrics["GT"]) == (1.0, 1.0, 0, 3)
     assert answer["metrics_moving"]["MOTA"] is None
     assert answer["metrics_parked"]["MOTA"] == 1.0
-    folder = street.root / "tracks" / "scene-tiny"
+    folder = street.root / "tracks" / "groundtruth" / "scene-tiny"
     assert answer["files"] == [str(folder / name) for name in (*NAMES, "metrics.json")]
     assert all(Path(name).is_file() for name in answer["files"])
     assert json.loads((folder / "metrics.json").read_text())["metrics"] == metrics

@@ -72,7 +72,7 @@ def test_a_scene_is_tracked_written_and_scored(tiny: TinyDataset, tmp_path: Path
     assert "3 objects in 3 key frames" in result.stderr
     # The pedestrian is no vehicle and does not count; the trailer is one that is not there.
     assert [answer["metrics"][name] for name in ("GT", "FN", "FP", "IDS")] == [3, 0, 3, 0]
-    folder = tiny.root / "tracks" / "scene-tiny"
+    folder = tiny.root / "tracks" / "results" / "scene-tiny"
     assert answer["files"][:2] == [str(folder / name) for name in ("tracking.json", "mot.txt")]
     assert json.loads((folder / "metrics.json").read_text())["detections"] == str(path)
 
