@@ -54,6 +54,16 @@ def test_json(street: TinyDataset) -> None:
     assert json.loads((folder / "metrics.json").read_text())["metrics"] == metrics
 
 
+def test_tracks_of_one_source_do_not_overwrite_those_of_another(street: TinyDataset, tmp_path: Path) -> None:
+    assert run(street.root).exit_code == 0
+    (street.root / "bev" / "groundtruth").rename(tmp_path / "mine")
+    first = {path: path.stat().st_mtime_ns for path in (street.root / "tracks").rglob("*.*")}
+    assert run(street.root, "--bev", f"{tmp_path}/mine/").exit_code == 0
+    assert {path.name for path in (street.root / "tracks").iterdir()} == {"groundtruth", "mine"}
+    assert {path: path.stat().st_mtime_ns for path in first} == first
+    assert len(list((street.root / "tracks" / "mine" / "scene-tiny").iterdir())) == len(first)
+
+
 def test_smoothed_tracks_are_written_and_scored_alike(street: TinyDataset) -> None:
     result = run(street.root, "--smooth", "--json")
     assert result.exit_code == 0, result.output

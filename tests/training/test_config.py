@@ -6,6 +6,7 @@ import pytest
 
 from appocc.errors import DataError
 from appocc.training.config import Config, read_config
+from appocc.training.configs import FOLDER, config_names, config_path
 
 TEXT = """
 data: {train: a, val: b}
@@ -13,7 +14,7 @@ train:
   steps: 10
   lr: 1e-3
 """
-CONFIGS = sorted((Path(__file__).parents[2] / "configs").glob("*.yaml"))
+CONFIGS = Path(__file__).parents[2] / "configs"
 
 
 @pytest.fixture
@@ -106,10 +107,24 @@ def test_differences_name_the_keys(path: Path) -> None:
     assert one.differences(one) == []
 
 
-@pytest.mark.parametrize("shipped", CONFIGS, ids=lambda path: path.name)
-def test_shipped_files_can_be_read(shipped: Path) -> None:
-    assert isinstance(read_config(shipped), Config)
+@pytest.mark.parametrize("name", config_names())
+def test_shipped_files_are_found_by_name_and_in_the_clone(name: str) -> None:
+    config = read_config(config_path(Path(name)))
+    assert isinstance(config, Config)
+    assert read_config(config_path(CONFIGS / f"{name}.yaml")) == config
 
 
 def test_there_are_shipped_files() -> None:
-    assert {"small.yaml", "release.yaml"} <= {path.name for path in CONFIGS}
+    assert config_names() == ("recording", "release", "small")
+    assert {path.stem for path in CONFIGS.glob("*.yaml")} == {*config_names()}
+
+
+def test_an_existing_file_goes_before_a_shipped_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("small").mkdir()
+    assert config_path(Path("small")) == FOLDER / "small.yaml"
+    Path("release").write_text(TEXT)
+    assert config_path(Path("release")) == Path("release")
+    for wrong in ("smal", "small.yaml", "elsewhere/small"):
+        with pytest.raises(DataError, match=f"{wrong}: cannot be read .*shipped are recording, release, small"):
+            config_path(Path(wrong))
