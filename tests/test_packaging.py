@@ -21,6 +21,8 @@ import pytest
 ROOT = Path(__file__).parents[1]
 ONLY_IN_TESTS = "jaxtyping"  # imported where the test run has loaded it already
 SHIPPED = ("appocc", "tracking", "grounding", "cli")
+FOLDERS = (*SHIPPED, "tests", "benchmarks", "docs", "configs")
+FILES = ("LICENSE", "README.md", "CHANGELOG.md", "Makefile", "constraints.txt", "pyproject.toml")
 PROJECT: dict[str, Any] = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 
 
@@ -35,7 +37,10 @@ class Built(NamedTuple):
 def built(tmp_path_factory: pytest.TempPathFactory) -> Built:
     """Built by the backend itself: no network, no packages but setuptools."""
     folder = tmp_path_factory.mktemp("built")
-    shutil.copytree(ROOT, folder / "clone", ignore=_unpacked)
+    for name in FOLDERS:
+        shutil.copytree(ROOT / name, folder / "clone" / name, ignore=shutil.ignore_patterns("__pycache__"))
+    for name in (*FILES, "MANIFEST.in"):
+        shutil.copy(ROOT / name, folder / "clone")
     backend = "import sys; from setuptools.build_meta import *; {}(sys.argv[1])"
     for hook, source in (("build_sdist", "clone"), ("build_wheel", "sdist")):
         command = [sys.executable, "-c", backend.format(hook), str(folder)]
@@ -47,12 +52,6 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Built:
     with zipfile.ZipFile(next(folder.glob("*.whl"))) as archive:
         archive.extractall(folder / "wheel")
     return Built(folder / "sdist", folder / "wheel")
-
-
-def _unpacked(folder: str, names: list[str]) -> set[str]:
-    """What a clone has beside its own files: environments, caches, outputs."""
-    ignored = [line.strip("/") for line in (ROOT / ".gitignore").read_text().splitlines()]
-    return {*shutil.ignore_patterns(".git", *ignored)(folder, names)}
 
 
 def _files(folder: Path, pattern: str = "*") -> set[str]:
@@ -68,10 +67,10 @@ def test_the_wheel_has_every_file_of_the_packages(built: Built) -> None:
 
 
 def test_the_sdist_has_what_the_readme_needs(built: Built) -> None:
-    for folder in (*SHIPPED, "tests", "benchmarks", "docs", "configs"):
+    for folder in FOLDERS:
         assert _files(built.sdist / folder) == _files(ROOT / folder)
     assert {"tests/conftest.py", "tests/fixtures/vehicle_colours_pandaset_002.json"} <= _files(built.sdist)
-    for name in ("LICENSE", "README.md", "CHANGELOG.md", "Makefile", "constraints.txt", "pyproject.toml"):
+    for name in FILES:
         assert (built.sdist / name).read_bytes() == (ROOT / name).read_bytes()
     assert os.access(built.sdist / "configs" / "release.sh", os.X_OK)
 
