@@ -6,7 +6,8 @@ from street import BLUE, WHITE, WORLD_FROM_EGO, Street
 
 from appocc.camera import Camera, CameraRig
 from appocc.checks import ByteArray
-from appocc.drawing import EGO_LENGTH_M, EGO_WIDTH_M, BEVCanvas
+from appocc.drawing import BEVCanvas
+from appocc.ego_vehicle import EGO_LENGTH_M, EGO_WIDTH_M
 from appocc.frame import Frame
 from appocc.geometry import footprints, quaternion_from_rotation, transform
 from grounding.picture import CYAN, draw
