@@ -93,6 +93,13 @@ class BEVMap:
         least = np.array([kept.get(name, 0.5) for name in CLASSES], np.float32)[:, None, None]
         return (self.occupancy >= least) & self.occupancy_valid
 
+    @cached_property
+    def unseen(self) -> BoolArray:
+        """(X, Y) cells of a prediction that no camera sees; none of other maps."""
+        if self.thresholds is None:
+            return np.zeros(self.grid.shape, np.bool_)
+        return np.asarray(~self.occupancy_valid.any(axis=0))
+
     def with_guesses(self) -> BEVMap:
         """The map with all cells of a prediction valid, those included that no camera sees; other maps as they are.
 

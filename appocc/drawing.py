@@ -34,7 +34,7 @@ def turned(cells: NDArray[np.uint8]) -> ByteArray:
 def hatched(rows: int, columns: int) -> ByteArray:
     """(rows, columns, 3) picture of the unknown: diagonal lines."""
     line = np.add.outer(np.arange(rows), np.arange(columns)) % _HATCH_PX < _HATCH_LINE_PX
-    return np.where(line[..., None], np.uint8(HATCH_COLOUR), np.uint8(UNKNOWN_COLOUR))
+    return np.where(line[..., None], HATCH_COLOUR, UNKNOWN_COLOUR).astype(np.uint8)
 
 
 class BEVCanvas:

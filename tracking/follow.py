@@ -166,8 +166,8 @@ class Followed:
     def dead(self) -> BoolArray:
         """(N,) whether one was missed for too long; before it is confirmed, any miss is.
 
-        Those that are rather no vehicles are not remembered once they are lost. In a blind spot nothing is missed, but
-        there too a track is forgotten after `forget_s` or `forget_resting_s`.
+        Those that are rather no vehicles are not remembered once they are lost. In a blind spot nothing is missed,
+        but there too a track is forgotten after `forget_s` or `forget_resting_s`.
         """
         config = self._config
         forget_s = np.where(self.rests, config.forget_resting_s, config.forget_s)

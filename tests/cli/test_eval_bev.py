@@ -80,7 +80,9 @@ def test_a_model_is_judged_at_half_and_at_its_thresholds(street: TinyDataset) ->
     assert value["vehicles"]["ciede2000_median"] > 3
     assert set(value["by_sight"]) == {"seen", "unseen"}
     assert value["by_sight"]["unseen"]["iou_at_threshold"] == {"road": 1.0, "vehicle": None, "lane": None}
-    assert value["by_sight"]["seen"]["iou_at_threshold"] == value["iou_at_threshold_seen"] == value["iou_at_threshold"]
+    assert (
+        value["by_sight"]["seen"]["iou_at_threshold"] == value["iou_at_threshold_seen"] == value["iou_at_threshold"]
+    )
 
 
 def test_setting_and_range_cut_cells_away(street: TinyDataset) -> None:

@@ -34,7 +34,10 @@ def test_overlap_is_counted_by_class() -> None:
 def test_all_maps_are_judged_on_the_cells_that_the_truth_knows() -> None:
     truth, made = bev({ROAD: np.s_[0:10, 0:10]}), bev({ROAD: np.s_[0:10, 0:20]}, rgb=(130, 100, 100))
     counts = count_cells(without(made, np.s_[:, 10:]), without(truth, np.s_[0:5, :]), MASKS, HALF)
-    assert counts.overlap[0, 0, ROAD].tolist() == [50, 100]  # what the map guesses in cells that no camera sees counts
+    assert counts.overlap[0, 0, ROAD].tolist() == [
+        50,
+        100,
+    ]  # guesses count too
     assert counts.colour[0, 0].tolist() == [35 * 10 * 10.0, 350]
     assert counts.known.tolist() == [35 * 40, 350]
 
