@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -28,7 +28,8 @@ class BEVMap:
     Attributes:
         grid: extent and cell size; X, Y = grid.shape.
         occupancy: (3, X, Y) float32 in [0, 1]: probability of road, vehicle, lane (0 or 1 in truths).
-        occupancy_valid: (3, X, Y) bool: False where nothing is known of that class.
+        occupancy_valid: (3, X, Y) bool: False where nothing is known of that class; of a prediction: where no camera
+            sees the cell.
         appearance: (3, X, Y) uint8 sRGB seen from above.
         appearance_valid: (X, Y) bool: False where no colour is known.
         meta: sources of each part, token, time, `thresholds` of a network's answer; JSON values only.
@@ -91,6 +92,23 @@ class BEVMap:
         kept = self.thresholds or {}
         least = np.array([kept.get(name, 0.5) for name in CLASSES], np.float32)[:, None, None]
         return (self.occupancy >= least) & self.occupancy_valid
+
+    @cached_property
+    def unseen(self) -> BoolArray:
+        """(X, Y) cells of a prediction that no camera sees; none of other maps."""
+        if self.thresholds is None:
+            return np.zeros(self.grid.shape, np.bool_)
+        return np.asarray(~self.occupancy_valid.any(axis=0))
+
+    def with_guesses(self) -> BEVMap:
+        """The map with all cells of a prediction valid, those included that no camera sees; other maps as they are.
+
+        A network answers for every cell of its grid; where no camera sees the cell, the answer is a guess.
+        """
+        if self.thresholds is None:
+            return self
+        coloured = np.full_like(self.appearance_valid, self.appearance_valid.any())
+        return replace(self, occupancy_valid=np.ones_like(self.occupancy_valid), appearance_valid=coloured)
 
     def save(self, path: Path, more: Mapping[str, NDArray[np.generic]] | None = None) -> None:
         """Write `path` (.npz, compressed, whole or not at all; the same map gives the same bytes).

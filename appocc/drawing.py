@@ -11,14 +11,16 @@ from numpy.typing import ArrayLike, NDArray
 from appocc.bevmap import LANE, ROAD, VEHICLE, BEVMap
 from appocc.camera import Camera
 from appocc.checks import BoolArray, ByteArray, FloatArray
+from appocc.ego_vehicle import EGO_LENGTH_M, EGO_REAR_M, EGO_WIDTH_M
 from appocc.geometry import apply, inverse
 from appocc.grid import BEVGrid
 
 Colour = tuple[int, int, int]
 WHITE, BLACK, GREEN, YELLOW, RED = (255, 255, 255), (0, 0, 0), (60, 200, 90), (255, 220, 60), (235, 70, 60)
-UNKNOWN_COLOUR = (58, 62, 72)
-# The ego as a rectangle: its length and width, and how much of it lies behind the rear axle.
-EGO_LENGTH_M, EGO_WIDTH_M, EGO_REAR_M = 4.6, 1.9, 1.0
+# Unknown cells are hatched, so that nobody takes them for a dark street: ground and line colour, and the period.
+UNKNOWN_COLOUR, HATCH_COLOUR = (58, 62, 72), (92, 98, 112)
+_HATCH_PX, _HATCH_LINE_PX = 12, 2
+UNKNOWN_LEGEND = "hatched: unknown"
 # How much of its colour a pale cell keeps.
 _PALE = 0.25
 _CLASS_COLOURS = {ROAD: (112, 112, 118), LANE: (245, 205, 70), VEHICLE: (70, 130, 240)}
@@ -29,15 +31,21 @@ def turned(cells: NDArray[np.uint8]) -> ByteArray:
     return np.ascontiguousarray(cells[::-1, ::-1])
 
 
+def hatched(rows: int, columns: int) -> ByteArray:
+    """(rows, columns, 3) picture of the unknown: diagonal lines."""
+    line = np.add.outer(np.arange(rows), np.arange(columns)) % _HATCH_PX < _HATCH_LINE_PX
+    return np.where(line[..., None], HATCH_COLOUR, UNKNOWN_COLOUR).astype(np.uint8)
+
+
 class BEVCanvas:
     """A picture of a grid, `scale` pixels a cell, to draw on in ego metres."""
 
     def __init__(self, grid: BEVGrid, scale: int = 4) -> None:
-        """Start with a picture of unknown cells."""
+        """Start with a picture of unknown cells, hatched."""
         self.grid = grid
         self.scale = scale
         x, y = grid.shape
-        self.picture: ByteArray = np.full((x * scale, y * scale, 3), UNKNOWN_COLOUR, np.uint8)
+        self.picture: ByteArray = hatched(x * scale, y * scale)
 
     def pixel(self, xy_m: ArrayLike) -> NDArray[np.int32]:
         """Pixels (..., 2) as (column, row) of points (..., 2) in the ego frame."""
@@ -59,7 +67,7 @@ class BEVCanvas:
         return picture.repeat(self.scale, axis=0).repeat(self.scale, axis=1)
 
     def appearance(self, bev: BEVMap) -> None:
-        """Draw the colours of a map; unknown cells stay as they are.
+        """Draw the colours of a map; unknown cells stay hatched.
 
         Networks learn colours of road, vehicles and lanes only: where their maps have none of these they are pale.
         """
@@ -189,6 +197,6 @@ def preview(bev: BEVMap, scale: int = 4) -> ByteArray:
         canvas = BEVCanvas(bev.grid, scale)
         getattr(canvas, title)(bev)
         canvas.ego()
-        put_text(canvas.picture, title, (8, 18))
+        put_text(canvas.picture, f"{title} ({UNKNOWN_LEGEND})", (8, 18))
         panels.append(canvas.picture)
     return np.ascontiguousarray(np.hstack(panels))

@@ -23,7 +23,7 @@ import numpy as np
 from scipy.spatial.distance import cdist
 
 from appocc.checks import FloatArray, IntArray
-from appocc.drawing import EGO_LENGTH_M, EGO_WIDTH_M
+from appocc.ego_vehicle import EGO_LENGTH_M, EGO_WIDTH_M
 from appocc.errors import AppoccError
 from appocc.files import whole_file
 from appocc.geometry import apply, inverse, quaternion_from_yaw, transform, yaw_of

@@ -18,6 +18,10 @@ RootArgument = Annotated[Path, typer.Argument(metavar="ROOT", help="Dataset root
 VersionOption = Annotated[
     str | None, typer.Option("--version", help="Folder of the tables, such as v1.0-mini, where ROOT has several.")
 ]
+TrustUnseenOption = Annotated[
+    bool,
+    typer.Option("--trust-unseen", help="Of predicted maps, also use what the network guesses where no camera sees."),
+]
 JsonOption = Annotated[bool, typer.Option("--json", help="Machine-readable output on stdout, nothing else there.")]
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from appocc.errors import DataError
-from cli.common import JsonOption, VersionOption, emit, say
+from cli.common import JsonOption, TrustUnseenOption, VersionOption, emit, say
 
 if TYPE_CHECKING:
     from appocc.frame import Frame
@@ -56,6 +56,7 @@ def ground(
             help="Address of a language model to read first (chat completions; $APPOCC_LLM_MODEL and _KEY).",
         ),
     ] = None,
+    trust_unseen: TrustUnseenOption = False,
     explain: Annotated[
         bool, typer.Option("--explain", help="Also what each word was read as, every score, and the field of places.")
     ] = False,
@@ -79,9 +80,9 @@ def ground(
     grounder = Grounder(_reader(lexicon, llm))
     moment = None
     if root is not None:
-        moment = _set_key_frame(grounder, root, scene, frame, bev, version, tracks, picture is not None)
+        moment = _set_key_frame(grounder, root, scene, frame, bev, version, tracks, trust_unseen, picture is not None)
     else:
-        _set_map(grounder, map_file, scene, frame, tracks)
+        _set_map(grounder, map_file, scene, frame, tracks, trust_unseen)
     if text is not None:
         raise typer.Exit(_answer(grounder, text, moment, explain, as_json, picture))
     asked = _lines(commands) if commands else _asked()
@@ -124,6 +125,7 @@ def _set_key_frame(
     bev: str,
     version: str | None,
     tracks: Path | None,
+    trust_unseen: bool,
     images: bool,
 ) -> Frame:
     """Let a grounder look at a key frame of a dataset; what a camera saw of it, if images are wanted.
@@ -142,6 +144,7 @@ def _set_key_frame(
     sample = sample_at(dataset, dataset.scene(scene), frame)
     moment = dataset.frame(sample, images=images)
     made = load_map(root, bev, sample.token)
+    made = made.with_guesses() if trust_unseen else made
     if tracks is not None:
         grounder.set_scene(made, read_moment(tracks, sample.token), moment.world_from_ego)
     else:
@@ -151,7 +154,12 @@ def _set_key_frame(
 
 
 def _set_map(
-    grounder: Grounder, map_file: Path | None, scene: str | None, frame: int | None, tracks: Path | None
+    grounder: Grounder,
+    map_file: Path | None,
+    scene: str | None,
+    frame: int | None,
+    tracks: Path | None,
+    trust_unseen: bool,
 ) -> None:
     """Let a grounder look at a saved map and the vehicles that it shows.
 
@@ -162,7 +170,8 @@ def _set_map(
 
     if map_file is None or (scene, frame, tracks) != (None, None, None):
         raise DataError("--map goes without --scene, --frame and --tracks")
-    grounder.set_scene(BEVMap.load(map_file))
+    bev = BEVMap.load(map_file)
+    grounder.set_scene(bev.with_guesses() if trust_unseen else bev)
 
 
 def _lines(path: Path) -> list[str]:

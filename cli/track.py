@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from appocc.errors import AppoccError, DataError
-from cli.common import JsonOption, VersionOption, emit, progress, say
+from cli.common import JsonOption, TrustUnseenOption, VersionOption, emit, progress, say
 
 if TYPE_CHECKING:
     from appocc.nuscenes import Dataset, Scene
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 # What can be followed: what each of them needs beside it, and what else it may have.
 _SOURCES = {
-    "--bev": (("ROOT", "--scene"), ("--version", "--smooth", "--out", "--video")),
+    "--bev": (("ROOT", "--scene"), ("--version", "--smooth", "--out", "--video", "--trust-unseen")),
     "--detections": (("ROOT", "--scene"), ("--version", "--smooth", "--out")),
     "--kitti": ((), ("--smooth", "--out")),
     "--mot": (("--fps",), ("--out",)),
@@ -57,6 +57,7 @@ def track(
         ),
     ] = None,
     video: Annotated[Path | None, typer.Option("--video", help="Also write a video of the tracks (.webm).")] = None,
+    trust_unseen: TrustUnseenOption = False,
     version: VersionOption = None,
     as_json: JsonOption = False,
 ) -> None:
@@ -77,6 +78,7 @@ def track(
     everything = {
         **{"ROOT": root, "--scene": scene, "--bev": bev, "--detections": detections, "--kitti": kitti, "--mot": mot},
         **{"--fps": fps, "--smooth": smooth or None, "--out": out, "--video": video, "--version": version},
+        "--trust-unseen": trust_unseen or None,
     }
     _check_together({name for name, value in everything.items() if value is not None})
     if kitti is not None:
@@ -84,7 +86,7 @@ def track(
     elif mot is not None and fps is not None:
         _track_mot(mot, fps, out or mot.parent / "tracks", as_json)
     elif root is not None and scene is not None:
-        _track_scene(root, scene, bev, detections, smooth, out, video, version, as_json)
+        _track_scene(root, scene, bev, detections, smooth, out, video, trust_unseen, version, as_json)
 
 
 def _check_together(given: set[str]) -> None:
@@ -120,6 +122,7 @@ def _track_scene(
     smooth: bool,
     out: Path | None,
     video: Path | None,
+    trust_unseen: bool,
     version: str | None,
     as_json: bool,
 ) -> None:
@@ -134,7 +137,7 @@ def _track_scene(
     wanted = dataset.scene(scene)
     folder = out or tracks_folder(root, str(bev) if detections is None else detections.stem, wanted.name)
     frames = len(dataset.samples(wanted))
-    result, left_out = _followed(dataset, wanted, frames, bev, detections, smooth)
+    result, left_out = _followed(dataset, wanted, frames, bev, detections, smooth, trust_unseen)
     scores = score(dataset, result)
     if video is not None:  # before the tracks are written: it reads every image, and may find a damaged one
         with progress("video", frames) as advance:
@@ -171,7 +174,13 @@ def _track_scene(
 
 
 def _followed(
-    dataset: Dataset, scene: Scene, frames: int, bev: str | None, detections: Path | None, smooth: bool
+    dataset: Dataset,
+    scene: Scene,
+    frames: int,
+    bev: str | None,
+    detections: Path | None,
+    smooth: bool,
+    trust_unseen: bool,
 ) -> tuple[SceneTracks, Mapping[str, int]]:
     """The tracks of a scene, and of how many boxes of which classes were left out."""
     from tracking.nuscenes_boxes import track_detections
@@ -183,7 +192,7 @@ def _followed(
         if detections is not None:
             result, left_out = track_detections(dataset, scene, detections, tracker, advance)
         else:
-            result, left_out = track_scene(dataset, scene, str(bev), tracker, advance=advance), {}
+            result, left_out = track_scene(dataset, scene, str(bev), tracker, None, advance, trust_unseen), {}
     return (result.smoothed(tracker.config.life.motion) if smooth else result), left_out
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from appocc.drawing import EGO_LENGTH_M, EGO_WIDTH_M
+from appocc.ego_vehicle import EGO_LENGTH_M, EGO_WIDTH_M
 from grounding.field import Wish
 from grounding.footing import gap_m, whole_steps
 from grounding.frames import Around, ego_half_m, wish_of

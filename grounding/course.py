@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from appocc.checks import BoolArray, FloatArray
-from appocc.drawing import EGO_WIDTH_M
+from appocc.ego_vehicle import EGO_WIDTH_M
 from appocc.geometry import wrap_angle
 from appocc.grid import BEVGrid
 

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from appocc.checks import BoolArray, FloatArray, IntArray
-from appocc.drawing import EGO_LENGTH_M
+from appocc.ego_vehicle import EGO_LENGTH_M
 from grounding.footing import MARGIN_M, OFF_MAP, OFF_ROAD, TAKEN, UNKNOWN, whole_steps
 from grounding.objects import SceneObject
 from grounding.road import Road

@@ -10,7 +10,7 @@ import numpy as np
 
 from appocc.bevmap import ROAD, VEHICLE, BEVMap
 from appocc.checks import BoolArray, FloatArray, IntArray
-from appocc.drawing import EGO_LENGTH_M, EGO_WIDTH_M
+from appocc.ego_vehicle import EGO_LENGTH_M, EGO_WIDTH_M, body_cells
 from appocc.grid import BEVGrid
 from grounding.objects import SceneObject
 
@@ -47,9 +47,11 @@ class Footing:
     @classmethod
     def of(cls, bev: BEVMap, objects: Sequence[SceneObject]) -> Footing:
         """The cells of a map and the vehicles on it."""
-        known = bev.occupancy_valid[ROAD] & bev.occupancy_valid[VEHICLE]
+        # No camera sees below the ego, but it stands on road that it may stand on.
+        below = bev.unseen & body_cells(bev.grid)
+        known = (bev.occupancy_valid[ROAD] & bev.occupancy_valid[VEHICLE]) | below
         taken = bev.on[VEHICLE] | covered(bev.grid, objects)
-        inner = UNKNOWN * ~known + OFF_ROAD * (known & ~bev.on[ROAD]) + TAKEN * taken
+        inner = UNKNOWN * ~known + OFF_ROAD * (known & ~bev.on[ROAD] & ~below) + TAKEN * taken
         rim = _reach(bev.grid.cell_m)
         return cls(bev.grid, np.pad(inner.astype(np.uint8), rim, constant_values=OFF_MAP), tuple(objects))
 

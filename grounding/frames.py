@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from appocc.checks import BoolArray, FloatArray, IntArray
-from appocc.drawing import EGO_LENGTH_M, EGO_WIDTH_M
+from appocc.ego_vehicle import EGO_LENGTH_M, EGO_WIDTH_M
 from appocc.geometry import wrap_angle
 from grounding.field import Wish
 from grounding.footing import gap_m, whole_steps

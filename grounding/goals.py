@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from appocc.checks import FloatArray, IntArray
-from appocc.drawing import EGO_WIDTH_M
+from appocc.ego_vehicle import EGO_WIDTH_M
 from appocc.geometry import wrap_angle
 from grounding.field import Wish
 from grounding.footing import TAKEN

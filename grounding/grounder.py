@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from grounding.parse import Reading, readings
 from grounding.resolve import Candidate, Resolution, forbidden, resolve
 from grounding.road import Road
 from grounding.scene import Scene, scene_of, scene_of_tracks
+from grounding.sight import unseen_reason
 from grounding.target import Plan, plan
 from tracking.tracks import Track
 
@@ -84,7 +86,10 @@ class Grounder:
             return Answer("not_a_command", first, scene, reasons=reasons)
         read = [first, *(reading for reading in others if not reading.problem)]
         # Of equally good answers the first: readings come best first.
-        return max((_answer(reading, scene, scene.road) for reading in read), key=lambda answer: answer.score)
+        best = max((_answer(reading, scene, scene.road) for reading in read), key=lambda answer: answer.score)
+        if not scene.unseen_sides:
+            return best
+        return replace(best, reasons=(*best.reasons, unseen_reason(scene.unseen_sides)))
 
 
 def _answer(reading: Reading, scene: Scene, road: Road) -> Answer:

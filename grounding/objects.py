@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from appocc.checks import BoolArray, FloatArray, check_shape, frozen
-from appocc.drawing import EGO_LENGTH_M, EGO_REAR_M
+from appocc.ego_vehicle import EGO_LENGTH_M, EGO_REAR_M
 from appocc.geometry import footprints
 
 # From the ego's origin (rear axle) to the centre of its footprint, along its heading.

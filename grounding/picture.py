@@ -8,7 +8,17 @@ import numpy as np
 from appocc.boxes import Boxes
 from appocc.camera import Camera
 from appocc.checks import ByteArray, FloatArray
-from appocc.drawing import RED, WHITE, YELLOW, BEVCanvas, Colour, draw_box, put_text
+from appocc.drawing import (
+    HATCH_COLOUR,
+    RED,
+    UNKNOWN_LEGEND,
+    WHITE,
+    YELLOW,
+    BEVCanvas,
+    Colour,
+    draw_box,
+    put_text,
+)
 from appocc.frame import Frame
 from appocc.geometry import apply, inverse
 from appocc.grid import BEVGrid
@@ -105,7 +115,7 @@ def _shade(canvas: BEVCanvas, cost: FloatArray) -> None:
 
 
 def _legend(canvas: BEVCanvas, answer: Answer) -> None:
-    entries = [("the car now", (60, 200, 90))]
+    entries = [("the car now", (60, 200, 90)), (UNKNOWN_LEGEND, HATCH_COLOUR)]
     entries += [("the vehicle meant", RED)] if answer.referent else []
     entries += [("the place to go", CYAN)] if answer.target else []
     entries += [("the way, and other places", PALE_CYAN)] if answer.plan.route is not None else []

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from appocc.checks import BoolArray, FloatArray, IntArray
-from appocc.drawing import EGO_LENGTH_M, EGO_WIDTH_M
+from appocc.ego_vehicle import EGO_LENGTH_M, EGO_WIDTH_M
 from grounding.crowd import Crowd
 from grounding.soft import bell, falls, rises
 

@@ -12,7 +12,7 @@ from scipy import ndimage
 
 from appocc.bevmap import LANE, BEVMap
 from appocc.checks import BoolArray, FloatArray, IntArray
-from appocc.drawing import EGO_WIDTH_M
+from appocc.ego_vehicle import EGO_WIDTH_M
 from appocc.geometry import wrap_angle
 from appocc.grid import BEVGrid
 from grounding.course import Course, Tracer

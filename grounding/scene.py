@@ -18,6 +18,7 @@ from grounding.crowd import Crowd, crowd_of
 from grounding.lanes import LANE_M, Lanes
 from grounding.objects import EGO_CENTRE_M, SceneObject
 from grounding.road import Road
+from grounding.sight import unseen_sides
 from tracking.blobs import Blobs, find_blobs
 from tracking.tracks import Track
 
@@ -68,6 +69,11 @@ class Scene:
     def road(self) -> Road | None:
         """What the map says about driving, made once; None without a map."""
         return None if self.bev is None else Road.of(self.bev, self.objects)
+
+    @cached_property
+    def unseen_sides(self) -> tuple[str, ...]:
+        """The sides of the ego that no camera sees, such as "behind us"."""
+        return () if self.bev is None else tuple(unseen_sides(self.bev))
 
     @property
     def lanes(self) -> Lanes:
@@ -150,9 +156,11 @@ def _scene(bev: BEVMap | None, items: Sequence[SceneObject], world_from_ego: Flo
 
 
 def _within(bev: BEVMap | None, item: SceneObject) -> bool:
+    """Whether a thing is near enough, on the map where there is one; what no camera sees is not known to be there."""
     if bev is None:
         return item.distance_m <= _FARTHEST_M
-    return bool(bev.grid.contains(bev.grid.cell_of(item.centre_m)))
+    cell = bev.grid.cell_of(item.centre_m)
+    return bool(bev.grid.contains(cell)) and not bev.unseen[tuple(cell)]
 
 
 def _is_ego(item: SceneObject) -> bool:

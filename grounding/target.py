@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from appocc.checks import BoolArray, FloatArray
-from appocc.drawing import EGO_LENGTH_M, EGO_WIDTH_M
+from appocc.ego_vehicle import EGO_LENGTH_M, EGO_WIDTH_M
 from appocc.geometry import footprints
 from grounding.field import Field, Place
 from grounding.objects import SceneObject

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from appocc.drawing import EGO_LENGTH_M
+from appocc.ego_vehicle import EGO_LENGTH_M
 from grounding import goals
 from grounding.across import between, on_our_way, opposite
 from grounding.branches import branch

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from appocc.checks import BoolArray, FloatArray
-from appocc.drawing import EGO_LENGTH_M
+from appocc.ego_vehicle import EGO_LENGTH_M
 from grounding.counting import ORDINALS, counted, counting_words, leading, leads
 from grounding.hints import membership, of_action, place
 from grounding.nouns import KNOWN

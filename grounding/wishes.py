@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from appocc.checks import FloatArray
-from appocc.drawing import EGO_LENGTH_M, EGO_WIDTH_M
+from appocc.ego_vehicle import EGO_LENGTH_M, EGO_WIDTH_M
 from appocc.geometry import wrap_angle
 from grounding.field import Wish
 from grounding.frames import Around, ego_half_m, front_of, wish_of

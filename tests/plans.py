@@ -10,7 +10,7 @@ from street import HALF_ROAD_M, WORLD_FROM_EGO, Street
 
 from appocc.bevmap import ROAD, VEHICLE
 from appocc.checks import BoolArray
-from appocc.drawing import EGO_LENGTH_M, EGO_WIDTH_M
+from appocc.ego_vehicle import EGO_LENGTH_M, EGO_WIDTH_M
 from appocc.grid import BEVGrid
 from grounding.query import Query, Referent
 from grounding.road import Road

@@ -12,6 +12,7 @@ from appocc.bevmap import LANE, ROAD, VEHICLE, BEVMap
 from appocc.boxes import Boxes
 from appocc.camera import Camera
 from appocc.checks import FloatArray
+from appocc.ego_vehicle import EGO_LENGTH_M, EGO_REAR_M
 from appocc.geometry import transform
 from appocc.grid import BEVGrid
 
@@ -61,7 +62,7 @@ def test_a_mask_leaves_the_rest_as_it_is() -> None:
     canvas.cells(np.full((8, 8, 3), 9, np.uint8), where)
     assert (canvas.picture == 9).all(axis=2).sum() == 4
     assert canvas.picture[-1, -1].tolist() == [9, 9, 9]
-    assert tuple(canvas.picture[0, 0]) == d.UNKNOWN_COLOUR
+    assert (canvas.picture[:14] == d.hatched(16, 16)[:14]).all()
 
 
 def test_layers_are_told_apart_and_vehicles_lie_on_top() -> None:
@@ -72,14 +73,16 @@ def test_layers_are_told_apart_and_vehicles_lie_on_top() -> None:
     assert canvas.picture[7, 7].tolist() != canvas.picture[6, 6].tolist()
 
 
-def test_unknown_cells_keep_the_colour_of_the_unknown() -> None:
-    canvas = d.BEVCanvas(GRID, scale=1)
+def test_unknown_cells_stay_hatched_unlike_a_dark_street() -> None:
+    canvas = d.BEVCanvas(GRID, scale=2)
+    hatched = canvas.picture.copy()
+    assert {tuple(pixel) for row in hatched.tolist() for pixel in row} == {d.UNKNOWN_COLOUR, d.HATCH_COLOUR}
     bev = empty_map()
     canvas.appearance(bev)
-    assert (canvas.picture == d.UNKNOWN_COLOUR).all()
+    assert (canvas.picture == hatched).all()
     unknown = BEVMap(GRID, bev.occupancy, np.zeros((3, 8, 8), np.bool_), bev.appearance, bev.appearance_valid)
     canvas.occupancy(unknown)
-    assert (canvas.picture == d.UNKNOWN_COLOUR).all()
+    assert (canvas.picture == hatched).all()
 
 
 def test_where_a_network_says_nothing_is_its_colours_are_pale() -> None:
@@ -111,7 +114,7 @@ def test_lines_dots_and_the_ego_are_drawn_where_they_are() -> None:
     canvas.ego()
     rows, columns = np.nonzero((canvas.picture != before).any(axis=2))
     ahead, behind = 40 - rows.min() / 10, 40 - rows.max() / 10
-    assert (ahead, behind) == pytest.approx((d.EGO_LENGTH_M - d.EGO_REAR_M, -d.EGO_REAR_M), abs=0.4)
+    assert (ahead, behind) == pytest.approx((EGO_LENGTH_M - EGO_REAR_M, -EGO_REAR_M), abs=0.4)
     assert 400 - columns.min() == pytest.approx(columns.max() - 400, abs=2)
 
 
@@ -119,7 +122,7 @@ def test_labels_stay_inside_the_picture() -> None:
     for xy in ([39.9, 39.9], [-39.9, -39.9], [500.0, -500.0]):
         canvas = d.BEVCanvas(BEVGrid.surround(), scale=2)
         canvas.label(xy, "12.3 m")
-        changed = np.argwhere((canvas.picture != d.UNKNOWN_COLOUR).any(axis=2))
+        changed = np.argwhere((canvas.picture != d.BEVCanvas(canvas.grid, scale=2).picture).any(axis=2))
         assert len(changed) > 50
         assert (changed.max(axis=0) - changed.min(axis=0) > [5, 30]).all()
 

@@ -12,7 +12,7 @@ from appocc.checks import BoolArray, FloatArray, IntArray, check_finite, check_s
 from appocc.colours import lab_from_rgb
 from appocc.grid import BEVGrid
 from tracking.colour import robust_lab
-from tracking.detections import Detections, log_odds_of
+from tracking.detections import Detections, View, log_odds_of
 from tracking.shapes import shapes_of
 from tracking.split import split_touching
 from tracking.valleys import above_peaks, split_at_valleys
@@ -33,15 +33,30 @@ class BlobConfig:
     split: bool = True
 
 
-@dataclass(frozen=True)
-class GridView:
-    """A view of all that lies on a grid in the ego frame."""
+@dataclass(frozen=True, eq=False)
+class GridView(View):
+    """A view of the cells of a grid in the ego frame.
+
+    Attributes:
+        grid: extent of the view.
+        known: (X, Y) cells in which a vehicle would be detected, the others are blind spots; None: all.
+    """
 
     grid: BEVGrid
+    known: BoolArray | None = None
 
     def sees(self, xy_ego_m: FloatArray) -> BoolArray:
-        """(P,) whether points on the ground (P, 2), ego frame, metres, lie in a cell of the grid."""
+        """See `View`."""
         return self.grid.contains(self.grid.cell_of(xy_ego_m))
+
+    def blind(self, xy_ego_m: FloatArray) -> BoolArray:
+        """See `View`."""
+        if self.known is None:
+            return super().blind(xy_ego_m)
+        cells = self.grid.cell_of(xy_ego_m)
+        inside = self.grid.contains(cells)
+        i, j = np.where(inside[:, None], cells, 0).T
+        return np.asarray(inside & ~self.known[i, j])
 
 
 @dataclass(frozen=True)
@@ -57,8 +72,9 @@ class Blobs:
         rgb: (N, 3) mean sRGB 0..255 over the cells whose colour is known, NaN where there is none.
         lab: (N, 3) robust CIELAB of the same cells (see `tracking.colour.robust_lab`), NaN where there is none.
         confidence: (N,) mean vehicle probability.
-        touches_border: (N,) whether a cell lies on the rim of the grid, so that the vehicle may be cut off.
-        grid: where blobs could be seen.
+        touches_border: (N,) whether a cell is on the rim of the grid or next to a cell of which nothing is known, so
+            that the vehicle may be cut off.
+        view: where blobs can be detected.
     """
 
     centroid_m: FloatArray
@@ -70,7 +86,7 @@ class Blobs:
     lab: FloatArray
     confidence: FloatArray
     touches_border: BoolArray
-    grid: BEVGrid
+    view: GridView
 
     def __post_init__(self) -> None:
         """Check shapes.
@@ -108,11 +124,11 @@ class Blobs:
             rgb=self.rgb,
             lab=self.lab,
             cut=self.touches_border,
-            view=GridView(self.grid),
+            view=self.view,
         )
 
 
-_ARRAYS = tuple(field.name for field in fields(Blobs) if field.name != "grid")
+_ARRAYS = tuple(field.name for field in fields(Blobs) if field.name != "view")
 
 
 def find_blobs(bev: BEVMap, config: BlobConfig | None = None) -> Blobs:
@@ -147,7 +163,10 @@ def measure_blobs(bev: BEVMap, labels: IntArray, count: int) -> Blobs:
     member = flat[cells] - 1
     places = np.stack(np.divmod(cells, labels.shape[1]), axis=1)
     shapes = shapes_of(bev.grid.centre_of(places), member, count, bev.grid.cell_m)
+    known = bev.occupancy_valid[VEHICLE]
     rim = ((places == 0) | (places == np.array(labels.shape) - 1)).any(axis=1)
+    if not known.all():
+        rim |= ndimage.binary_dilation(~known)[tuple(places.T)]
     rgb, lab = _colours(bev, flat, cells, member, count)
     return Blobs(
         shapes.centroid_m,
@@ -159,7 +178,7 @@ def measure_blobs(bev: BEVMap, labels: IntArray, count: int) -> Blobs:
         lab,
         np.bincount(member, bev.occupancy[VEHICLE].ravel()[cells], count) / np.bincount(member, minlength=count),
         np.bincount(member, rim, count) > 0,
-        bev.grid,
+        GridView(bev.grid, None if known.all() else known),
     )
 
 

@@ -23,15 +23,19 @@ _MOST_APART_M = 2.0
 
 
 class View(Protocol):
-    """Where vehicles could be seen at a moment."""
+    """Where vehicles can be detected at a moment; points (P, 2) are on the ground, ego frame, metres."""
 
     def sees(self, xy_ego_m: FloatArray) -> BoolArray:
-        """(P,) whether points on the ground (P, 2), ego frame, metres, are in view."""
+        """(P,) whether points are within the extent of the view."""
         ...
+
+    def blind(self, xy_ego_m: FloatArray) -> BoolArray:
+        """(P,) whether points are in a blind spot within the extent: nothing is known there; nowhere by default."""
+        return np.zeros(len(xy_ego_m), np.bool_)
 
 
 @dataclass(frozen=True)
-class Around:
+class Around(View):
     """A view of all that lies within a distance of the ego.
 
     Attributes:

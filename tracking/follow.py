@@ -134,7 +134,7 @@ class Followed:
         self._config = config
         self.motions = Motions(config.motion)
         self._memory = Memory(config.sightings, 9)
-        self._hold(np.zeros((3, 0), np.int64), np.zeros((4, 0), np.bool_), np.zeros((9, 0)))
+        self._hold(np.zeros((3, 0), np.int64), np.zeros((4, 0), np.bool_), np.zeros((10, 0)))
 
     def _hold(self, whole: IntArray, flags: BoolArray, real: FloatArray) -> None:
         """Go on with other states: tables (..., N), for few arrays grow and shrink faster than many.
@@ -145,7 +145,7 @@ class Followed:
         self.number, self.kind, self.detection = whole
         self.confirmed, self.lost, self.rests, self._moves = flags
         self.yaw_rad, self.unseen_s, self._gone_s, self._seen_s, self._ground_m = real[:5]
-        self._evidence, self._front, self._axis = real[5], real[6], real[7:]
+        self._evidence, self._front, self.missed_s, self._axis = real[5], real[6], real[7], real[8:]
 
     def __len__(self) -> int:
         """Number of vehicles."""
@@ -164,14 +164,16 @@ class Followed:
 
     @property
     def dead(self) -> BoolArray:
-        """(N,) whether one was out of sight for too long; before it is confirmed, any miss is.
+        """(N,) whether one was missed for too long; before it is confirmed, any miss is.
 
-        Those that are rather no vehicles are not remembered once they are lost.
+        Those that are rather no vehicles are not remembered once they are lost. In a blind spot nothing is missed,
+        but there too a track is forgotten after `forget_s` or `forget_resting_s`.
         """
         config = self._config
-        kept_s = np.where(self.rests, config.forget_resting_s, config.forget_s)
-        kept_s = np.where(self.belief > 0, kept_s, config.lost_s)
-        return np.asarray(self.unseen_s > np.where(self.confirmed, kept_s, 0.0))
+        forget_s = np.where(self.rests, config.forget_resting_s, config.forget_s)
+        kept_s = np.where(self.belief > 0, forget_s, config.lost_s)
+        missed_too_long = self.missed_s > np.where(self.confirmed, kept_s, 0.0)
+        return np.asarray(missed_too_long | (self.unseen_s > forget_s))
 
     @property
     def known(self) -> BoolArray:
@@ -185,13 +187,18 @@ class Followed:
         return np.asarray(self.confirmed & ((self.unseen_s == 0) | near))
 
     def predict(self, seconds: float) -> None:
-        """Let time pass; it counts as unseen until `see` is called."""
+        """Let time pass; it counts as unseen and as missed until `see` is called."""
         self.lost[:] = self.unseen_s > self._config.lost_s
         going_s = np.where(self.rests & (self.unseen_s > 0), 0.0, seconds)
         self.motions.predict(going_s, self.yaw_rad)
         self._gone_s += going_s
         self.unseen_s += seconds
+        self.missed_s += seconds
         self.detection[:] = -1
+
+    def excuse(self, rows: BoolArray, seconds: float) -> None:
+        """Take back what was counted as missed of vehicles (N,) that could not be seen for the last seconds."""
+        self.missed_s[rows] = np.maximum(self.missed_s[rows] - seconds, 0.0)
 
     def expected(self) -> Predicted:
         """What is expected to be seen."""
@@ -250,7 +257,7 @@ class Followed:
         self.motions.update(rows, seen.place_world_m[:, :2], noise_m2)
         seconds = self.unseen_s[rows]
         self._seen_s[rows] += seconds
-        self.unseen_s[rows] = self._gone_s[rows] = 0.0
+        self.unseen_s[rows] = self._gone_s[rows] = self.missed_s[rows] = 0.0
         self.detection[rows] = detection
         self._evidence[rows] += seen.log_odds
         self._ground_m[rows] = seen.place_world_m[:, 2]

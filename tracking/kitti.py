@@ -33,7 +33,7 @@ from appocc.checks import (
 )
 from appocc.errors import DataError, ShapeError
 from appocc.geometry import transform, wrap_angle
-from tracking.detections import Detections, TakesDetections, boxes_as_detections, lead, log_odds_of
+from tracking.detections import Detections, TakesDetections, View, boxes_as_detections, lead, log_odds_of
 from tracking.rows import lines, numbers, whole
 from tracking.tracks import Track
 
@@ -48,7 +48,7 @@ _LABEL = ("frame", "id", "type", "truncated", "occluded", "alpha", *_DETECTION[2
 
 
 @dataclass(frozen=True)
-class KittiView:
+class KittiView(View):
     """What a detector of the camera can find: vehicles ahead that are wholly within the picture's width.
 
     Attributes:

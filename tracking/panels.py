@@ -11,7 +11,7 @@ import numpy as np
 from appocc.bevmap import BEVMap
 from appocc.camera import Camera
 from appocc.checks import ByteArray, FloatArray
-from appocc.drawing import WHITE, BEVCanvas, Colour, draw_box, put_text
+from appocc.drawing import UNKNOWN_LEGEND, WHITE, BEVCanvas, Colour, draw_box, put_text
 from appocc.geometry import apply, footprints, inverse
 from tracking.formats import HEIGHT_M, class_of
 from tracking.labels import Labels, put_chip
@@ -62,6 +62,7 @@ def bev_panel(
     """The map with boxes, trails (id -> (K, 3) world), ids, mean colours and longitudinal distances; forward up."""
     canvas = BEVCanvas(bev.grid, scale)
     canvas.appearance(bev)
+    put_text(canvas.picture, UNKNOWN_LEGEND, (8, canvas.picture.shape[0] - 8))
     canvas.ego()
     ego_from_world = inverse(world_from_ego)
     ordered = nearest_first(tracks, world_from_ego)

@@ -108,15 +108,19 @@ def track_scene(
     tracker: Tracker | None = None,
     blob_config: BlobConfig | None = None,
     advance: Callable[[int], None] = lambda _: None,
+    trust_unseen: bool = False,
 ) -> SceneTracks:
     """Follow the vehicles of a scene through its maps; `advance` is called with the number of key frames done.
+
+    With `trust_unseen` the guesses of predicted maps count too, see `BEVMap.with_guesses`.
 
     Raises:
         DataError: if the scene has no key frames or two at one time, or a map is missing or damaged.
     """
     tracker = tracker or Tracker(MAPS)
     samples, poses = key_frames(dataset, scene)
-    blobs = (find_blobs(load_map(dataset.root, source, sample.token), blob_config) for sample in samples)
+    maps = (load_map(dataset.root, source, sample.token) for sample in samples)
+    blobs = (find_blobs(bev.with_guesses() if trust_unseen else bev, blob_config) for bev in maps)
     tracks = track_samples(samples, poses, (each.as_detections() for each in blobs), tracker, advance)
     return SceneTracks(scene.name, source, samples, poses, tracks)
 

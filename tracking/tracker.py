@@ -89,7 +89,7 @@ class Tracker:
             ShapeError: if the pose is no rigid transform.
         """
         check_transform("world_from_ego", world_from_ego)
-        self._predict(timestamp_us)
+        seconds = self._predict(timestamp_us)
         kinds = np.array([self._kinds.setdefault(name, len(self._kinds)) for name in detections.kind], dtype=np.int64)
         seen = sightings_of(detections, world_from_ego, kinds, self.config.life.motion)
         # Of what a detector tells twice, one sighting is as good as none.
@@ -99,7 +99,9 @@ class Tracker:
         # In the ego frame; the inverse of a rotation is its transpose.
         places_m = (alive.place_world_m - world_from_ego[:3, 3]) @ world_from_ego[:3, :2]
         # Dropped are tracks unseen for too long, and unseen ones that left the view: who enters there is new.
-        keep = ~alive.dead & (detections.view.sees(places_m) | (alive.detection >= 0))
+        found = alive.detection >= 0
+        alive.excuse(detections.view.blind(places_m) & ~found, seconds)
+        keep = ~alive.dead & (detections.view.sees(places_m) | found)
         alive.keep(keep)
         # Unseen tracks whose places a detection covers: vehicles that touch, so that it is not a new one.
         (hidden,) = (alive.confirmed & (alive.detection < 0) & ~alive.lost).nonzero()
@@ -111,8 +113,9 @@ class Tracker:
         told[hidden[below]] = True
         return alive.tracks(told, tuple(self._kinds))
 
-    def _predict(self, timestamp_us: int) -> None:
-        """Move all tracks to a new time."""
+    def _predict(self, timestamp_us: int) -> float:
+        """Move all tracks to a new time; by how many seconds."""
+        seconds = 0.0
         if self._time_us is not None:
             if timestamp_us <= self._time_us:
                 raise DataError(f"tracker: expected a time after {self._time_us} us, got {timestamp_us} us")
@@ -121,6 +124,7 @@ class Tracker:
                 self._alive = Followed(self.config.life)
             self._alive.predict(seconds)
         self._time_us = timestamp_us
+        return seconds
 
     def _associate(self, seen: Sightings) -> BoolArray:
         """Let tracks take sightings: clear ones, weak ones, clear ones farther off; at last who was lost or strayed.

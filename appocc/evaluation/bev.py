@@ -86,7 +86,7 @@ class Evaluation:
             name: {**groups[name], "vehicles": _vehicles(s for s in vehicles if low <= s.distance_m < high)}
             for name, (low, high) in zip(RINGS, RINGS_M, strict=True)
         }
-        told = sum(scene.counts.overlap[0, GROUPS.index("seen") :].sum() for scene in self.scenes) > 0
+        sighted = sum(scene.counts.overlap[0, GROUPS.index("seen") :].sum() for scene in self.scenes) > 0
         weathers = sorted({scene.weather for scene in self.scenes} - {""})
         levels = sorted({score.visibility for score in vehicles} - {""}, key=_first_number)
         return {
@@ -98,10 +98,11 @@ class Evaluation:
             "samples": sum(scene.samples for scene in self.scenes),
             "thresholds": self.thresholds,
             **self._cells(self.scenes, "all"),
+            **{f"{key}_seen": groups["seen"][key] if sighted else None for key in ("iou", "iou_at_threshold")},
             "appearance_known": share(*np.sum([scene.counts.known for scene in self.scenes], axis=0)[::-1]),
             "vehicles": _vehicles(vehicles),
             "by_range": by_range,
-            "by_sight": {name: groups[name] for name in ("seen", "unseen")} if told else None,
+            "by_sight": {name: groups[name] for name in ("seen", "unseen")} if sighted else None,
             "by_weather": {name: self._weather(name) for name in weathers},
             "by_visibility": {level: _vehicles(s for s in vehicles if s.visibility == level) for level in levels},
             "confidence": self._confidence(),

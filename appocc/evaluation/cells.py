@@ -59,7 +59,8 @@ def group_masks(grid: BEVGrid, within: BoolArray, seen: BoolArray | None) -> Boo
 def count_cells(made: BEVMap, truth: BEVMap, masks: BoolArray, thresholds: FloatArray) -> CellCounts:
     """Compare two maps on one grid.
 
-    Layers are compared where both know the class, colours where both know the colour, by the true class.
+    Layers are compared where the truth knows the class, so that every map is judged on the same cells; a class of
+    which the map knows no cell is not judged. Colours are compared where both know them, by the true class.
 
     Args:
         made: the map that is judged.
@@ -69,11 +70,11 @@ def count_cells(made: BEVMap, truth: BEVMap, masks: BoolArray, thresholds: Float
     """
     flat = masks.reshape(len(masks), -1).astype(np.float64)  # G XY
     on = truth.occupancy >= 0.5
-    both_know = made.occupancy_valid & truth.occupancy_valid
+    judged = truth.occupancy_valid & made.occupancy_valid.any(axis=(1, 2), keepdims=True)
     overlap = np.zeros((len(thresholds), len(masks), len(CLASSES), 2))
     for t, least in enumerate(thresholds):
         mine = made.occupancy >= least[:, None, None]
-        for k, cells in enumerate((mine & on & both_know, (mine | on) & both_know)):
+        for k, cells in enumerate((mine & on & judged, (mine | on) & judged)):
             overlap[t, :, :, k] = flat @ cells.reshape(len(CLASSES), -1).T
     known = made.appearance_valid & truth.appearance_valid
     error = colour_error(made, truth)

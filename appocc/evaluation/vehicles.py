@@ -81,7 +81,7 @@ def score_vehicles(
     threshold: float,
     visibility: Mapping[str, str],
 ) -> list[VehicleScore]:
-    """Judge every vehicle by its true cells `within` (X, Y) what is looked at.
+    """Judge every vehicle by its true cells `within` (X, Y) what is looked at; none if the map knows no vehicle cell.
 
     Args:
         made: the map that is judged.
@@ -91,10 +91,10 @@ def score_vehicles(
         threshold: least probability of a vehicle cell.
         visibility: level by instance token.
     """
-    found = (made.occupancy[VEHICLE] >= threshold) & made.occupancy_valid[VEHICLE]
+    found = made.occupancy[VEHICLE] >= threshold
     known = made.appearance_valid & truth.appearance_valid
     error, centres = colour_error(made, truth), truth.grid.centres()
-    owner = np.where(within & made.occupancy_valid[VEHICLE], vehicles.owner, -1)
+    owner = np.where(within & made.occupancy_valid[VEHICLE].any(), vehicles.owner, -1)
     scores = []
     for number in np.unique(owner[owner >= 0]).tolist():
         cells = owner == number

@@ -10,7 +10,7 @@ import numpy as np
 from appocc.bevmap import BEVMap
 from appocc.camera import Camera, CameraRig
 from appocc.checks import ByteArray, FloatArray
-from appocc.drawing import BEVCanvas, put_text
+from appocc.drawing import UNKNOWN_LEGEND, BEVCanvas, put_text
 from appocc.frame import Frame
 
 _SCALE, _GAP_PX, _LEAST_WIDE_PX = 4, 8, 300
@@ -19,8 +19,8 @@ _ASIDE_M = 3.0
 # A camera that looks farther to the side than this belongs to the rear row.
 _FRONT_ROW_RAD = np.radians(80.0)
 _CAPTIONS = {
-    "occupancy": "occupancy: road grey, line markings yellow, vehicles blue",
-    "appearance": "appearance: the colour of each cell, from above, ahead is up",
+    "occupancy": f"occupancy: road grey, line markings yellow, vehicles blue; {UNKNOWN_LEGEND}",
+    "appearance": f"appearance: the colour of each cell, from above, ahead is up; {UNKNOWN_LEGEND}",
 }
 
 

@@ -43,8 +43,8 @@ class Prediction(NamedTuple):
     """An answer.
 
     Attributes:
-        bev: float probabilities and colours of all cells.
-        seen: (X, Y) cells that a camera of the rig sees.
+        bev: float probabilities and colours of all cells; valid are those that a camera of the rig sees.
+        seen: (X, Y) these cells; elsewhere the network guesses.
     """
 
     bev: BEVMap
@@ -82,10 +82,10 @@ class Predictor:
             raise DataError(
                 f"{frame.token}: the network's answer is not finite; are its weights ({self.weights.name})?"
             )
-        told = np.full(shape, colour is not None)
-        known = np.ones((3, *shape), np.bool_)
+        known, coloured = np.broadcast_to(seen, (3, *shape)).copy(), seen & (colour is not None)
         meta = self._meta(frame, list(rig.channels))
-        return Prediction(BEVMap(setting.grid, occupancy, known, rgb.round().astype(np.uint8), told, meta), seen)
+        bev = BEVMap(setting.grid, occupancy, known, rgb.round().astype(np.uint8), coloured, meta)
+        return Prediction(bev, seen)
 
     def _plan(self, rig: CameraRig) -> Plan:
         key = b"".join(c.intrinsic.tobytes() + c.ego_from_cam.tobytes() + c.channel.encode() for c in rig)

@@ -19,6 +19,7 @@ from torch.nn import functional
 
 from appocc.camera import Camera, CameraRig
 from appocc.checks import BoolArray, FloatArray, IntArray, frozen
+from appocc.ego_vehicle import body_cells
 from appocc.errors import ShapeError
 from appocc.geometry import apply, inverse
 from appocc.grid import BEVGrid
@@ -185,7 +186,10 @@ def by_camera(pictures: Tensor, cameras: Sequence[int], count: int) -> Tensor:
 
 
 def cells_seen(rig: CameraRig, grid: BEVGrid) -> BoolArray:
-    """(X, Y), whether a camera has the cell's centre in its picture, on the ground or up to a car's height above."""
+    """(X, Y), whether a camera has the cell's centre in its picture, on the ground or up to a car's height above.
+
+    By geometry alone: other things may hide a cell. The cells below the ego's own body are not seen.
+    """
     x_m, y_m = grid.centres()[:, 0, 0], grid.centres()[0, :, 1]
     seen = np.zeros(grid.shape, dtype=np.bool_)
     for camera in rig:
@@ -199,7 +203,7 @@ def cells_seen(rig: CameraRig, grid: BEVGrid) -> BoolArray:
             # As `Camera.sees`, without a division at every cell.
             inside = (u >= -0.5 * depth) & (u < (camera.width_px - 0.5) * depth) & (depth > 0.1)
             seen |= inside & (v >= -0.5 * depth) & (v < (camera.height_px - 0.5) * depth)
-    return seen
+    return seen & ~body_cells(grid)
 
 
 class _RigPoints(NamedTuple):

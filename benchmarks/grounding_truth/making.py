@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from appocc.drawing import EGO_LENGTH_M
+from appocc.ego_vehicle import EGO_LENGTH_M
 from benchmarks.grounding_truth.moments import Moment, Town, Vehicle
 from benchmarks.grounding_truth.places import Ask, Region, wanted_m
 from benchmarks.grounding_truth.regions import region

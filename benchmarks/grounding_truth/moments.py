@@ -20,7 +20,7 @@ from scipy import ndimage
 from appocc.bevmap import ROAD, VEHICLE, BEVMap, bev_path, load_map
 from appocc.boxes import Boxes, is_vehicle
 from appocc.checks import BoolArray, FloatArray, IntArray
-from appocc.drawing import EGO_LENGTH_M, EGO_WIDTH_M
+from appocc.ego_vehicle import EGO_LENGTH_M, EGO_WIDTH_M
 from appocc.errors import DataError
 from appocc.evaluation.vehicles import visibility_levels
 from appocc.files import read_json, zip_arrays

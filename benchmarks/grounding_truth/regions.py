@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from appocc.checks import BoolArray
-from appocc.drawing import EGO_LENGTH_M, EGO_WIDTH_M
+from appocc.ego_vehicle import EGO_LENGTH_M, EGO_WIDTH_M
 from benchmarks.grounding_truth.moments import ALONG_DEG, HALF_CELL_M, Moment, Vehicle
 from benchmarks.grounding_truth.places import (
     ALIGNED_M,

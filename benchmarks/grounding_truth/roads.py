@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from appocc.checks import BoolArray, FloatArray
-from appocc.drawing import EGO_LENGTH_M, EGO_REAR_M, EGO_WIDTH_M
+from appocc.ego_vehicle import EGO_LENGTH_M, EGO_REAR_M, EGO_WIDTH_M
 from appocc.grid import BEVGrid
 
 EGO_CENTRE_M = EGO_LENGTH_M / 2 - EGO_REAR_M

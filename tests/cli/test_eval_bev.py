@@ -61,7 +61,7 @@ def test_the_truth_itself_is_right(street: TinyDataset) -> None:
     # One at 10, 7.5 and 5 m; the second and third samples are those within ten metres.
     assert [value["by_range"][ring]["vehicles"]["count"] for ring in ("0-10 m", "10-20 m")] == [2, 1]
     assert value["by_visibility"]["v80-100"]["count"] == 3
-    assert value["by_sight"] is None
+    assert value["by_sight"] is value["iou_seen"] is None
     assert value["confidence"]["iou"]["road"] is None  # one scene
 
 
@@ -80,7 +80,9 @@ def test_a_model_is_judged_at_half_and_at_its_thresholds(street: TinyDataset) ->
     assert value["vehicles"]["ciede2000_median"] > 3
     assert set(value["by_sight"]) == {"seen", "unseen"}
     assert value["by_sight"]["unseen"]["iou_at_threshold"] == {"road": 1.0, "vehicle": None, "lane": None}
-    assert value["by_sight"]["seen"]["iou_at_threshold"] == value["iou_at_threshold"]
+    assert (
+        value["by_sight"]["seen"]["iou_at_threshold"] == value["iou_at_threshold_seen"] == value["iou_at_threshold"]
+    )
 
 
 def test_setting_and_range_cut_cells_away(street: TinyDataset) -> None:

@@ -1,6 +1,8 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -247,3 +249,24 @@ def test_help_shows_an_example() -> None:
     result = CliRunner().invoke(app, ["ground", "--help"])
     assert result.exit_code == 0
     assert "Example" in result.output
+
+
+def test_nothing_is_taken_from_what_no_camera_sees_unless_asked_for(street: Path) -> None:
+    bev = BEVMap.load(bev_path(street, "groundtruth", token("sample", 0)))
+    behind = bev.grid.centres()[..., 0] < 3.0  # all that a rear camera sees
+    meta = {"thresholds": {"road": 0.5, "vehicle": 0.5, "lane": 0.5}}
+    blind = replace(bev, occupancy_valid=bev.occupancy_valid & behind, appearance_valid=behind, meta=meta)
+    blind.save(bev_path(street, "predicted", token("sample", 0)))
+    refused, trusted = (
+        run(street, "stop behind the vehicle", "--bev", "predicted", "--json", *more)
+        for more in ((), ("--trust-unseen",))
+    )
+    assert (refused.exit_code, trusted.exit_code) == (3, 0), refused.output
+    assert json.loads(refused.stdout)["reasons"][-1] == "ahead of us nothing is seen"
+    assert json.loads(trusted.stdout)["target"]["ego_m"][0] > 3
+    saved = run_map(bev_path(street, "predicted", token("sample", 0)))
+    assert (saved().exit_code, saved("--trust-unseen").exit_code) == (3, 0)
+
+
+def run_map(path: Path) -> Callable[..., Result]:
+    return lambda *more: CliRunner().invoke(app, ["ground", "stop behind the vehicle", "--map", str(path), *more])

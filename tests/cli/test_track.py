@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -110,3 +111,15 @@ def test_help_shows_an_example() -> None:
     result = CliRunner().invoke(app, ["track", "--help"])
     assert result.exit_code == 0
     assert "appocc track DATA --scene 002" in result.stdout
+
+
+def test_no_vehicle_is_followed_where_no_camera_sees_unless_asked_for(street: TinyDataset) -> None:
+    for i in range(3):
+        path = bev_path(street.root, "groundtruth", token("sample", i))
+        bev = BEVMap.load(path)
+        behind = bev.grid.centres()[..., 0] < 0
+        meta = {"thresholds": {"road": 0.5, "vehicle": 0.5, "lane": 0.5}}
+        replace(bev, occupancy_valid=bev.occupancy_valid & behind, meta=meta).save(path)
+    blind, trusted = (json.loads(run(street.root, "--json", *more).stdout) for more in ((), ("--trust-unseen",)))
+    assert (blind["tracks"], trusted["tracks"]) == (0, 1)
+    assert trusted["metrics"]["MOTA"] == 1.0

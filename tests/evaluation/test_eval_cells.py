@@ -31,12 +31,21 @@ def test_overlap_is_counted_by_class() -> None:
     assert np.isnan(found["lane"])
 
 
-def test_what_either_does_not_know_is_not_counted() -> None:
+def test_all_maps_are_judged_on_the_cells_that_the_truth_knows() -> None:
     truth, made = bev({ROAD: np.s_[0:10, 0:10]}), bev({ROAD: np.s_[0:10, 0:20]}, rgb=(130, 100, 100))
     counts = count_cells(without(made, np.s_[:, 10:]), without(truth, np.s_[0:5, :]), MASKS, HALF)
-    assert counts.overlap[0, 0, ROAD].tolist() == [50, 50]
+    assert counts.overlap[0, 0, ROAD].tolist() == [
+        50,
+        100,
+    ]  # guesses count too
     assert counts.colour[0, 0].tolist() == [35 * 10 * 10.0, 350]
     assert counts.known.tolist() == [35 * 40, 350]
+
+
+def test_a_class_that_a_map_knows_nowhere_is_not_judged() -> None:
+    truth, made = bev({ROAD: np.s_[0:10, 0:10]}), bev({})
+    assert np.isnan(ious(count_cells(without(made, np.s_[:, :]), truth, MASKS, HALF).overlap[0, 0])["road"])
+    assert ious(count_cells(made, truth, MASKS, HALF).overlap[0, 0])["road"] == 0
 
 
 def test_thresholds_are_those_of_the_classes() -> None:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from street import BLACK, Street
 
-from appocc.drawing import EGO_LENGTH_M
+from appocc.ego_vehicle import EGO_LENGTH_M
 from grounding.field import Field, Wish
 from grounding.road import Road
 from grounding.scene import Scene

@@ -6,7 +6,8 @@ from street import BLUE, WHITE, WORLD_FROM_EGO, Street
 
 from appocc.camera import Camera, CameraRig
 from appocc.checks import ByteArray
-from appocc.drawing import EGO_LENGTH_M, EGO_WIDTH_M, BEVCanvas
+from appocc.drawing import BEVCanvas
+from appocc.ego_vehicle import EGO_LENGTH_M, EGO_WIDTH_M
 from appocc.frame import Frame
 from appocc.geometry import footprints, quaternion_from_rotation, transform
 from grounding.picture import CYAN, draw
@@ -68,6 +69,8 @@ def test_the_car_now_and_at_its_goal_are_of_one_size() -> None:
     answer = GROUNDER.ground("stop behind the nearest blue car ahead")
     assert answer.target is not None
     canvas, own = (BEVCanvas(STREET.grid, 4) for _ in range(2))
+    for one in (canvas, own):
+        one.picture[:] = 0  # without the hatching
     canvas.ego()
     own.line(footprints([EGO_CENTRE_M, 0.0], 0.0, [EGO_LENGTH_M, EGO_WIDTH_M]), WHITE, 2, closed=True)
     for axis in (0, 1):

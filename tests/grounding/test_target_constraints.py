@@ -16,7 +16,7 @@ from plans import (
 from street import BLACK, RED, Street
 
 from appocc.bevmap import ROAD
-from appocc.drawing import EGO_LENGTH_M
+from appocc.ego_vehicle import EGO_LENGTH_M
 from appocc.grid import BEVGrid
 from grounding.query import Query
 from grounding.road import Road

@@ -17,7 +17,7 @@ from plans import (
 )
 from street import BLACK, RED, WHITE, Street
 
-from appocc.drawing import EGO_WIDTH_M
+from appocc.ego_vehicle import EGO_WIDTH_M
 from grounding.road import Road
 from grounding.target import plan
 

@@ -35,7 +35,7 @@ def test_a_map_says_what_the_network_said(tiny: TinyDataset) -> None:
     bev, seen = predictor()(frame)
     assert bev.grid == AROUND.grid
     assert bev.occupancy[VEHICLE, 65, 40] == pytest.approx(LOW, abs=1e-3)
-    assert bev.occupancy_valid.all()
+    assert bev.occupancy_valid.all()  # one camera looks ahead, one back
     assert bev.appearance_valid.all()
     assert np.abs(bev.appearance[:, 0, 0].astype(int) - [160, 80, 40]).max() <= 2  # RGB of the tiny dataset's images
     assert seen.all()
@@ -54,6 +54,13 @@ def test_a_dead_camera_is_no_part_of_the_rig(tiny: TinyDataset) -> None:
     assert (model.rigs[0]["CAM_FRONT"].width_px, model.rigs[0]["CAM_FRONT"].height_px) == (16, 8)
     assert bev.meta["cameras"] == ["CAM_FRONT"]
     assert 0 < seen.sum() < seen.size
+    assert (bev.occupancy_valid == seen).all()
+    assert (bev.appearance_valid == seen).all()
+    assert not (bev.on & ~seen).any()
+    guessed = bev.with_guesses()
+    assert guessed.occupancy_valid.all()
+    assert guessed.appearance_valid.all()
+    assert (guessed.on & ~seen).any()
     with pytest.raises(DataError, match="expected a picture of CAM_FRONT_LEFT"):
         predictor()(Frame(whole.token, 0, whole.world_from_ego, whole.rig, {}))
 
@@ -73,6 +80,7 @@ def test_a_plan_is_made_once_for_a_rig(tiny: TinyDataset) -> None:
 def test_a_network_for_occupancy_alone_knows_no_colour(tiny: TinyDataset) -> None:
     bev, _ = predictor(MadeModel(colour=False))(frame_of(tiny))
     assert not bev.appearance_valid.any()
+    assert not bev.with_guesses().appearance_valid.any()
     assert bev.occupancy_valid.all()
 
 

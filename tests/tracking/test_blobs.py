@@ -75,7 +75,7 @@ def test_some_blobs_can_be_chosen() -> None:
     for chosen in (blobs.select(blobs.centroid_m[:, 0] > 0), blobs.select(np.array([1]))):
         assert len(chosen) == 1
         np.testing.assert_array_equal(chosen.rgb, [BLUE])
-        assert chosen.grid == blobs.grid
+        assert chosen.view is blobs.view
 
 
 # Colours ----------------------------------------------------------------------------------------------------------
@@ -138,7 +138,7 @@ def test_blobs_are_detections() -> None:
     np.testing.assert_array_equal(seen.rgb, blobs.rgb)
     np.testing.assert_array_equal(seen.lab, blobs.lab)
     assert seen.cut.tolist() == blobs.touches_border.tolist()
-    assert seen.view == GridView(blobs.grid)
+    assert seen.view is blobs.view
 
 
 def test_no_blobs_are_no_detections() -> None:
@@ -149,6 +149,18 @@ def test_a_grid_sees_what_lies_in_its_cells() -> None:
     points = np.array([[0.0, 0.0], [39.99, -40.0], [40.0, 0.0], [0.0, -40.01], [-1.0, 5.0]])
     assert GridView(BEVGrid.surround()).sees(points).tolist() == [True, True, False, False, True]
     assert GridView(BEVGrid.front()).sees(points).tolist() == [True, True, False, False, False]
+
+
+def test_cells_that_no_camera_sees_are_blind_spots_and_hold_no_blob() -> None:
+    bev = map_of([Car(10.0, 0.0), Car(-10.0, 0.0), Car(20.0, 6.0)])
+    known = np.broadcast_to(bev.grid.centres()[..., 0] > 9.0, bev.occupancy_valid.shape).copy()
+    blobs = find_blobs(replace(bev, occupancy_valid=known))
+    assert np.round(blobs.centroid_m[:, 1], 1).tolist() == [0.0, 6.0]
+    assert blobs.touches_border.tolist() == [True, False]  # the first one goes on where nothing is known
+    points = np.array([[20.0, 0.0], [0.0, 0.0], [-50.0, 0.0]])
+    assert blobs.view.blind(points).tolist() == [False, True, False]
+    assert blobs.view.sees(points).tolist() == [True, True, False]
+    assert not find_blobs(bev).view.blind(points).any()
 
 
 def test_cover_knows_the_turned_boxes() -> None:
@@ -172,7 +184,7 @@ def test_shapes_are_checked() -> None:
             good.lab,
             good.confidence,
             good.touches_border,
-            good.grid,
+            good.view,
         )
 
 

@@ -1,0 +1,79 @@
+"""Predictions of a rig that does not look everywhere: nothing is taken from cells that no camera sees."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from plans import cells_under
+from street import RED, WHITE, Street
+
+from appocc.bevmap import BEVMap
+from appocc.checks import BoolArray
+from appocc.ego_vehicle import body_cells
+from appocc.grid import BEVGrid
+from grounding.grounder import Grounder
+from grounding.sight import unseen_sides
+
+GRID = BEVGrid.surround()
+X_M, Y_M = np.moveaxis(GRID.centres(), -1, 0)
+# What one front camera of 70 degrees sees.
+AHEAD = np.abs(np.arctan2(Y_M, X_M - 1.7)) < np.radians(35)
+THRESHOLDS = {"road": 0.5, "vehicle": 0.5, "lane": 0.5}
+
+
+def predicted(street: Street, seen: BoolArray) -> BEVMap:
+    """The street as a network predicts it that guesses right everywhere."""
+    bev = street.bev()
+    valid = np.broadcast_to(seen & ~body_cells(GRID), (3, *GRID.shape)).copy()
+    return replace(bev, occupancy_valid=valid, appearance_valid=valid[0].copy(), meta={"thresholds": THRESHOLDS})
+
+
+def grounder(bev: BEVMap) -> Grounder:
+    made = Grounder()
+    made.set_scene(bev)
+    return made
+
+
+def test_sides_without_a_camera_are_named() -> None:
+    street = Street()
+    assert unseen_sides(predicted(street, AHEAD)) == ["on our left", "on our right", "behind us"]
+    assert unseen_sides(predicted(street, X_M > -5)) == ["behind us"]
+    assert unseen_sides(predicted(street, np.ones(GRID.shape, np.bool_))) == []
+    assert unseen_sides(street.bev()) == []
+
+
+@pytest.mark.parametrize(
+    "text", ["turn around", "stop", "park on the right", "go back 20 metres", "change to the left lane"]
+)
+def test_no_place_and_no_way_is_taken_where_no_camera_sees(text: str) -> None:
+    bev = predicted(Street(), AHEAD)
+    answer = grounder(bev).ground(text)
+    allowed = AHEAD | body_cells(GRID)
+    for target in filter(None, (answer.target, *answer.plan.runners_up, answer.plan.nearest)):
+        assert AHEAD[target.cell]
+        assert allowed[cells_under(target, GRID)].all()
+    if answer.plan.route is not None:
+        assert allowed[tuple(GRID.cell_of(answer.plan.route).T)].all()
+    assert answer.reasons[-1] == "on our left, on our right and behind us nothing is seen"
+
+
+def test_a_guess_is_used_where_it_is_asked_for() -> None:
+    street = Street().car("behind", -12.0, -3.0, RED)
+    bev = predicted(street, AHEAD)
+    refused, trusted = (grounder(each).ground("park behind the red car") for each in (bev, bev.with_guesses()))
+    assert refused.status == "not_found"
+    assert refused.reasons[-1].endswith("behind us nothing is seen")
+    assert trusted.status == "ok"
+    assert trusted.target is not None
+    assert trusted.target.ego_m[0] < -12
+    assert not any("nothing is seen" in reason for reason in trusted.reasons)
+
+
+def test_a_vehicle_that_no_camera_sees_is_not_meant_even_if_it_is_tracked() -> None:
+    street = Street().car("ahead", 12.0, 1.0, WHITE).car("behind", -8.0, 1.0, WHITE)
+    made = Grounder()
+    scene = made.set_scene(predicted(street, AHEAD), street.boxes())
+    assert [item.id for item in scene.objects] == ["ahead"]
+    assert len(made.set_scene(street.bev(), street.boxes()).objects) == 2
