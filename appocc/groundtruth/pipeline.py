@@ -5,7 +5,6 @@ from __future__ import annotations
 import pickle
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Executor
 from functools import lru_cache, partial
 from pathlib import Path
 from typing import NamedTuple
@@ -28,7 +27,7 @@ from appocc.groundtruth.work import Work
 from appocc.nuscenes.dataset import Dataset
 from appocc.nuscenes.maps import mask_window, vector_map
 from appocc.nuscenes.records import Scene
-from appocc.workers import worker_pool
+from appocc.workers import Pool, worker_pool
 
 SOURCE = "groundtruth"
 
@@ -88,7 +87,7 @@ def _make_scene(
     missing: set[str],
     out: Path,
     settings: Settings,
-    pool: Executor | None,
+    pool: Pool | None,
     advance: Callable[[float], None],
 ) -> int:
     inputs = gather(dataset, scene)

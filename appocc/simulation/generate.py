@@ -23,7 +23,7 @@ from appocc.workers import in_order, worker_pool
 
 SETTINGS_FILE = "simulation.json"
 _Job = tuple[Scenario, TownSource]
-_SCENES, _TOWNS, _ROWS, _STOP = "scenes", "towns", "rows.json", "stop"
+_SCENES, _TOWNS, _ROWS = "scenes", "towns", "rows.json"
 # What scenes of a town have in common.
 _SHARED = "shared"
 
@@ -167,7 +167,6 @@ def _unfinished_folder(out: Path, settings: Settings) -> Iterator[Path]:
                 raise DataError(f"{out}: another run is making it just now") from error
             try:
                 _check_settings(work, settings)
-                (work / _STOP).unlink(missing_ok=True)
                 yield work
             finally:
                 for part in work.glob(f"{_SCENES}/*.part"):
@@ -210,13 +209,9 @@ def _record(
     sources = {town.name: town for town in settings.towns}
     jobs: list[_Job] = [(scenario, sources[scenario.town]) for scenario in scenarios]
     with worker_pool(min(workers, len(jobs))) as pool:
-        try:
-            job = partial(_record_one, recipe=settings.recipe, work=work)
-            for frames in in_order(pool, partial(job, advance=None if pool else advance), jobs):
-                advance(frames)
-        except BaseException:
-            (work / _STOP).touch()
-            raise
+        job = partial(_record_one, recipe=settings.recipe, work=work)
+        for frames in in_order(pool, partial(job, advance=None if pool else advance), jobs):
+            advance(frames)
 
 
 def _record_one(job: _Job, recipe: Recipe, work: Path, advance: Callable[[float], None] | None) -> int:
@@ -226,15 +221,9 @@ def _record_one(job: _Job, recipe: Recipe, work: Path, advance: Callable[[float]
     part = place.with_suffix(".part")
     shutil.rmtree(part, ignore_errors=True)
 
-    def step(frames: float) -> None:
-        if (work / _STOP).exists():
-            raise DataError(f"{scenario.name}: stopped")
-        if advance is not None:
-            advance(frames)
-
     writer, built = Writer(part, VERSION), build_place(source, work / _TOWNS)
     write_map(built.town, source.name, work / _SHARED)
-    record_scene(scenario, built, recipe, writer, step)
+    record_scene(scenario, built, recipe, writer, advance or (lambda frames: None))
     write_json(part / _ROWS, {"rows": writer.rows, "extra": writer.extra}, indent=None)
     part.replace(place)
     return recipe.frames if advance is None else 0
