@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import hashlib
+import math
+import os
 import shutil
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
-from numpy.lib.format import open_memmap
+from numpy.lib import format as npy
 from numpy.typing import NDArray
 
 from appocc.bevmap import bev_path, load_map
@@ -165,19 +168,33 @@ def pack(
     sources = (source_of(dataset, moment, channels) for _, moment in moments)
     read = partial(read_sample, root=dataset.root, source=source, setting=setting, grid=grid)
     with whole_folder(out) as folder, worker_pool(workers) as pool:
-        arrays = {
-            name: open_memmap(folder / f"{name}.npy", mode="w+", dtype=dtype, shape=shape)
-            for name, (shape, dtype) in layout(len(moments), len(channels), setting, grid).items()
-        }
-        for number, sample in enumerate(in_order(pool, read, sources, chunksize=4)):
-            for name in ARRAYS:
-                arrays[name][number] = getattr(sample, name)
-            if advance is not None:
-                advance(1)
-        for array in arrays.values():
-            array.flush()
+        with ExitStack() as opened:
+            arrays = {
+                name: opened.enter_context(_array_file(folder / f"{name}.npy", shape, dtype))
+                for name, (shape, dtype) in layout(len(moments), len(channels), setting, grid).items()
+            }
+            for sample in in_order(pool, read, sources, chunksize=4):
+                for name in ARRAYS:
+                    arrays[name].write(getattr(sample, name).tobytes())
+                if advance is not None:
+                    advance(1)
         write_json(folder / _ABOUT, about)
     return Pack.open(out)
+
+
+@contextmanager
+def _array_file(path: Path, shape: tuple[int, ...], dtype: type[np.generic]) -> Iterator[BinaryIO]:
+    """A new .npy file of an array of this shape, to which its rows are written one after the other.
+
+    Not through a map of memory, where a full disk would kill the process. Its room on the disk is taken at once,
+    where the system can, so that a disk that is too small is noticed before the work.
+    """
+    header = {"descr": npy.dtype_to_descr(np.dtype(dtype)), "fortran_order": False, "shape": shape}
+    with path.open("wb") as file:
+        npy.write_array_header_1_0(file, header)
+        if hasattr(os, "posix_fallocate"):
+            os.posix_fallocate(file.fileno(), 0, file.tell() + math.prod(shape) * np.dtype(dtype).itemsize)
+        yield file
 
 
 def _channels(dataset: Dataset, setting: Setting) -> tuple[str, ...]:
