@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import fcntl
 import json
 import shutil
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -19,6 +18,7 @@ from appocc.nuscenes.writer import Writer
 from appocc.simulation.recording import VERSION, Recipe, build_place, record_scene, write_map
 from appocc.simulation.scenario import Scenario, draw_scenario
 from appocc.simulation.sources import TownSource
+from appocc.temporary import locked, made_folder
 from appocc.workers import in_order, worker_pool
 
 SETTINGS_FILE = "simulation.json"
@@ -157,14 +157,8 @@ def _unfinished_folder(out: Path, settings: Settings) -> Iterator[Path]:
         DataError: if it belongs to other settings or to a run that goes on, or cannot be written.
     """
     work = unfinished(out)
-    made = [folder for folder in (work, *work.parents) if not folder.exists()]
     try:
-        work.mkdir(parents=True, exist_ok=True)
-        with (work / "lock").open("w") as lock:
-            try:
-                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except OSError as error:
-                raise DataError(f"{out}: another run is making it just now") from error
+        with made_folder(work), locked(work / "lock", out):
             try:
                 _check_settings(work, settings)
                 yield work
@@ -173,17 +167,8 @@ def _unfinished_folder(out: Path, settings: Settings) -> Iterator[Path]:
                     shutil.rmtree(part, ignore_errors=True)
                 if not any(work.glob(f"{_SCENES}/*")):
                     shutil.rmtree(work, ignore_errors=True)
-                    _remove_empty(made)
     except OSError as error:
-        _remove_empty(made)
         raise DataError(f"{error.filename or out}: cannot be written ({error.strerror or error})") from error
-
-
-def _remove_empty(folders: Sequence[Path]) -> None:
-    """Remove folders, the innermost first, unless something lies in them."""
-    for folder in folders:
-        with suppress(OSError):
-            folder.rmdir()
 
 
 def _check_settings(work: Path, settings: Settings) -> None:

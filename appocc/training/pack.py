@@ -8,7 +8,7 @@ import os
 import shutil
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -25,8 +25,11 @@ from appocc.grid import BEVGrid
 from appocc.models.pictures import channels_of
 from appocc.models.setting import Setting
 from appocc.nuscenes.dataset import Dataset
+from appocc.nuscenes.records import Sample as Moment
+from appocc.nuscenes.records import Scene
 from appocc.nuscenes.writer import whole_folder
 from appocc.simulation.scenario import weather_of
+from appocc.temporary import locked, made_folder
 from appocc.training.reading import ARRAYS, Sample, layout, read_sample, source_of, views_path
 from appocc.workers import in_order, worker_pool
 
@@ -140,7 +143,8 @@ def pack(
         setting: cameras, grid and size of the pictures.
         out: folder of the pack, written whole or not at all.
         advance: called with the samples done, in parts.
-        tell: called with a line when a pack that is there is out of date or damaged, and made anew.
+        tell: called with a line when a pack that is there is out of date or damaged and made anew,
+            or another run is making it.
         workers: processes.
 
     Raises:
@@ -152,10 +156,37 @@ def pack(
         raise DataError(f"{dataset.root}: no key frames to train on")
     channels = _channels(dataset, setting)
     made_of = _made_of(dataset, source, setting, channels, [moment.token for _, moment in moments])
-    kept = _kept(out, made_of, tell or (lambda line: None))
-    if kept is not None:
-        (advance or (lambda done: None))(len(kept))
-        return kept
+    advance, tell = advance or (lambda done: None), tell or (lambda line: None)
+    with suppress(DataError):
+        if (kept := _kept(out, made_of)[0]) is not None:
+            advance(len(kept))
+            return kept
+    try:
+        with made_folder(out.parent), locked(out.with_name(f".{out.name}.lock"), out, tell):
+            kept, reason = _kept(out, made_of)  # another run may have made it, or be about to
+            if kept is not None:
+                advance(len(kept))
+                return kept
+            if reason:
+                tell(f"{out}: packed anew, {reason}")
+                shutil.rmtree(out)
+            _make(dataset, moments, out, made_of, setting, advance, workers)
+    except OSError as error:
+        raise DataError(f"{out}: cannot be written ({error.strerror or error})") from error
+    return Pack.open(out)
+
+
+def _make(
+    dataset: Dataset,
+    moments: Sequence[tuple[Scene, Moment]],
+    out: Path,
+    made_of: dict[str, Any],
+    setting: Setting,
+    advance: Callable[[float], None],
+    workers: int,
+) -> None:
+    """Write a pack."""
+    source, channels = made_of["source"], tuple(made_of["channels"])
     grid = load_map(dataset.root, source, moments[0][1].token).grid
     about = {
         "made_of": made_of,
@@ -176,10 +207,8 @@ def pack(
             for sample in in_order(pool, read, sources, chunksize=4):
                 for name in ARRAYS:
                     arrays[name].write(getattr(sample, name).tobytes())
-                if advance is not None:
-                    advance(1)
+                advance(1)
         write_json(folder / _ABOUT, about)
-    return Pack.open(out)
 
 
 @contextmanager
@@ -243,24 +272,21 @@ def _made_of(
     }
 
 
-def _kept(out: Path, made_of: dict[str, Any], tell: Callable[[str], None]) -> Pack | None:
-    """The pack that lies there if it was made of the same; one that was not is removed.
+def _kept(out: Path, made_of: dict[str, Any]) -> tuple[Pack | None, str]:
+    """The pack that lies there, if it was made of the same; of another one, why it cannot be used.
 
     Raises:
         DataError: if something else lies there.
     """
     if not out.is_dir() or not any(out.iterdir()):
-        return None
+        return None, ""
     if not (out / _ABOUT).is_file():
         raise DataError(f"{out}: expected a pack or a new folder, got a folder with something else in it")
     try:
         old = read_json(out / _ABOUT)["made_of"]
         changed = [key for key in made_of if old.get(key) != made_of[key]]
         if not changed:
-            return Pack.open(out)
-        reason = f"its {', '.join(changed)} changed"
+            return Pack.open(out), ""
+        return None, f"its {', '.join(changed)} changed"
     except (DataError, KeyError, TypeError, AttributeError) as error:
-        reason = f"it is damaged: {error}"
-    tell(f"{out}: packed anew, {reason}")
-    shutil.rmtree(out)
-    return None
+        return None, f"it is damaged: {error}"

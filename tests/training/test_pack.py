@@ -6,6 +6,7 @@ import json
 import os
 import re
 import resource
+from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 
@@ -21,6 +22,7 @@ from appocc.models.pictures import fitted
 from appocc.models.setting import Setting
 from appocc.nuscenes import Dataset
 from appocc.simulation.truth.auxiliary import ViewTargets, save_views
+from appocc.temporary import locked
 from appocc.training.pack import Pack, pack
 from appocc.training.reading import cropped
 
@@ -122,6 +124,25 @@ def test_a_full_disk_is_an_error_and_leaves_nothing(
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
     assert [path.name for path in tmp_path.iterdir()] == [root.name]
+
+
+def test_a_pack_that_another_run_is_making_is_waited_for(root: Path, tmp_path: Path) -> None:
+    said: list[str] = []
+    done: list[float] = []
+    out = tmp_path / "pack"
+
+    def say(line: str) -> None:
+        said.append(line)
+        packed(root, tmp_path / "other")
+        (tmp_path / "other").rename(out)
+        release.close()
+
+    with ExitStack() as release:
+        release.enter_context(locked(tmp_path / ".pack.lock", out))
+        pack(root, "exact", SETTING, out, done.append, say)
+    assert said == [f"{out}: waiting for another run that is at work on it"]
+    assert done == [3]  # kept, at once
+    assert not list(tmp_path.glob(".*"))
 
 
 def test_samples_without_any_camera_of_the_setting(root: Path, tmp_path: Path) -> None:
