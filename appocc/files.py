@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import json
 import os
-import tempfile
 import zipfile
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -18,6 +17,7 @@ from PIL import Image
 
 from appocc.checks import ByteArray
 from appocc.errors import DataError
+from appocc.temporary import made_folder, partial_file
 
 # nuScenes' largest mask has 1.2 billion pixels; Pillow's own limit guards against far smaller pictures.
 _MOST_PIXELS = 4_000_000_000
@@ -63,33 +63,16 @@ def whole_file(path: Path) -> Iterator[Path]:
     Raises:
         DataError: if the folder cannot be written.
     """
-    with ExitStack() as undo:
-        try:
-            # Else a device or a pipe would be replaced by a file of its name.
-            if path.exists() and not path.is_file():
-                raise DataError(f"{path}: cannot be written (it is no plain file)")
-            for folder in [folder for folder in reversed(path.parents) if not folder.exists()]:
-                folder.mkdir(exist_ok=True)
-                undo.callback(_remove_empty, folder)
-            handle, name = tempfile.mkstemp(prefix=f".{path.stem}-", suffix=path.suffix, dir=path.parent)
-        except OSError as error:
-            raise DataError(f"{path}: cannot be written ({error.strerror})") from error
-        os.close(handle)
-        temporary = Path(name)
-        undo.callback(temporary.unlink, missing_ok=True)
-        try:
+    try:
+        # Else a device or a pipe would be replaced by a file of its name.
+        if path.exists() and not path.is_file():
+            raise DataError(f"{path}: cannot be written (it is no plain file)")
+        with made_folder(path.parent), partial_file(path) as temporary:
             yield temporary
             temporary.chmod(0o644)
             temporary.replace(path)
-        except OSError as error:
-            raise DataError(f"{path}: cannot be written ({error.strerror or error})") from error
-        undo.pop_all()
-
-
-def _remove_empty(folder: Path) -> None:
-    """Remove a folder unless something lies in it by now."""
-    with suppress(OSError):
-        folder.rmdir()
+    except OSError as error:
+        raise DataError(f"{path}: cannot be written ({error.strerror or error})") from error
 
 
 def write_bytes(path: Path, data: bytes) -> None:

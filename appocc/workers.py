@@ -1,16 +1,23 @@
-"""Worker processes: one thread each, stopped by Ctrl-C, gone with the parent."""
+"""Worker processes: one thread each, deaf to Ctrl-C, gone with the pool or the parent, and missed when killed."""
 
 from __future__ import annotations
 
 import multiprocessing
 import os
+import pickle
+import queue
 import signal
+import sys
 import threading
-from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import Executor, ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
-from typing import TypeVar
+import time
+import traceback
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from itertools import count, islice
+from multiprocessing.connection import Connection, wait
+from multiprocessing.process import BaseProcess
+from types import FrameType
+from typing import Any, TypeVar
 
 import cv2
 
@@ -20,29 +27,111 @@ T = TypeVar("T")
 R = TypeVar("R")
 
 _ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+# What a worker has to remove what it has half written, before it is killed.
+_GRACE_S = 1.0
+
+
+class Pool:
+    """Fresh processes, started when there is work for them.
+
+    Each has a connection of its own, whose other end nobody else holds: however one end dies, the other notices,
+    even in the middle of a message.
+    """
+
+    def __init__(self, size: int) -> None:
+        """Start with no process; there will be up to `size`."""
+        self.size = size
+        self._workers: dict[Connection, BaseProcess] = {}
+
+    def in_order(self, job: Callable[[T], R], items: Iterable[T], chunksize: int = 1) -> Iterator[R]:
+        """Results of a job in the order of its items; no more than some chunks are ahead of the one waited for.
+
+        Raises:
+            AppoccError: if a worker is killed.
+            Exception: as the job does, for the first item that fails.
+        """
+        left = iter(items)
+        chunks = iter(lambda: tuple(islice(left, chunksize)), ())
+        handed = 0
+        busy: dict[Connection, int] = {}
+        done: dict[int, Sequence[R] | Exception] = {}
+        try:
+            for number in count():
+                while number not in done:
+                    while len(busy) < self.size and handed < number + 2 * self.size and (chunk := next(chunks, None)):
+                        busy[self._give((job, chunk), busy)] = handed
+                        handed += 1
+                    if not busy:
+                        return
+                    for worker in wait(list(busy)):
+                        assert isinstance(worker, Connection)
+                        done[busy.pop(worker)] = outcome = self._taken(worker)
+                        if isinstance(outcome, Exception):
+                            chunks = iter(())
+                outcome = done.pop(number)
+                if isinstance(outcome, Exception):
+                    raise outcome
+                yield from outcome
+        finally:
+            if busy:
+                self.stop()
+
+    def stop(self) -> None:
+        """End all processes, the busy ones too, within a second or so."""
+        # Cut short by a second signal it would leave some behind.
+        with no_interrupts():
+            for connection in self._workers:
+                connection.close()
+            deadline = time.monotonic() + _GRACE_S
+            for process in self._workers.values():
+                process.join(max(0.0, deadline - time.monotonic()))
+                process.kill()
+                process.join()
+            self._workers.clear()
+
+    def _give(self, work: tuple[Callable[[T], R], Sequence[T]], busy: Collection[Connection]) -> Connection:
+        """Hand work to a worker that has none, a new one if need be."""
+        worker = next((each for each in self._workers if each not in busy), None) or self._started()
+        with self._missing_the_killed():
+            worker.send(work)
+        return worker
+
+    def _started(self) -> Connection:
+        context = multiprocessing.get_context("spawn")
+        ours, theirs = context.Pipe()
+        process = context.Process(target=_serve, args=(theirs,), daemon=True)
+        with no_interrupts():  # workers inherit that
+            process.start()
+            self._workers[ours] = process
+        theirs.close()
+        return ours
+
+    def _taken(self, worker: Connection) -> Any:
+        with self._missing_the_killed():
+            return worker.recv()
+
+    @contextmanager
+    def _missing_the_killed(self) -> Iterator[None]:
+        try:
+            yield
+        except (EOFError, OSError) as error:
+            told = f"a worker process was killed (out of memory?): {self.size} at once may be too many"
+            raise AppoccError(told) from error
 
 
 @contextmanager
-def worker_pool(count: int) -> Iterator[Executor | None]:
-    """A pool of fresh processes, one thread each; None for a single worker, which needs no pool.
-
-    Raises:
-        AppoccError: if a worker is killed.
-    """
-    if count <= 1:
+def worker_pool(size: int) -> Iterator[Pool | None]:
+    """A pool of processes, one thread each; None for a single worker, which needs no pool."""
+    if size <= 1:
         yield None
         return
     before = {name: os.environ.get(name) for name in _ONE_THREAD}
     os.environ.update(dict.fromkeys(_ONE_THREAD, "1"))
-    pool = ProcessPoolExecutor(count, multiprocessing.get_context("spawn"), _start_worker)
+    pool = Pool(size)
     try:
         yield pool
-    except BrokenProcessPool as error:
-        raise AppoccError(f"a worker process was killed (out of memory?): {count} at once may be too many") from error
     finally:
-        # A second signal must not cut this short: Python would then wait for its workers forever.
-        with no_interrupts():
-            pool.shutdown(wait=True, cancel_futures=True)
+        pool.stop()
         for name, value in before.items():
             if value is None:
                 del os.environ[name]
@@ -50,15 +139,12 @@ def worker_pool(count: int) -> Iterator[Executor | None]:
                 os.environ[name] = value
 
 
-def in_order(pool: Executor | None, job: Callable[[T], R], items: Iterable[T], chunksize: int = 1) -> Iterator[R]:
+def in_order(pool: Pool | None, job: Callable[[T], R], items: Iterable[T], chunksize: int = 1) -> Iterator[R]:
     """Results of a job in the order of its items, `chunksize` of which are handed over at once.
 
     Without a pool they are worked out here, each when it is asked for.
     """
-    if pool is None:
-        return map(job, items)
-    with no_interrupts():  # here processes are started
-        return pool.map(job, items, chunksize=chunksize)
+    return map(job, items) if pool is None else pool.in_order(job, items, chunksize)
 
 
 @contextmanager
@@ -78,14 +164,47 @@ def no_interrupts() -> Iterator[None]:
             signal.signal(number, handler)
 
 
-def _start_worker() -> None:
-    """In a worker: one thread that works, and one that waits for the end of the parent, killed or not."""
+# In a worker --------------------------------------------------------------------------------------------------------
+
+
+def _serve(connection: Connection) -> None:
+    """Do what comes, until the parent closes the connection or dies."""
     cv2.setNumThreads(1)
-    threading.Thread(target=_end_with_parent, daemon=True).start()
+    signal.signal(signal.SIGUSR1, _end)
+    received: queue.SimpleQueue[bytes] = queue.SimpleQueue()
+    threading.Thread(target=_receive, args=(connection, received), daemon=True).start()
+    with suppress(SystemExit, OSError):
+        while True:
+            outcome = _outcome(received.get())
+            try:
+                connection.send(outcome)
+            except (pickle.PicklingError, TypeError, AttributeError) as error:
+                connection.send(RuntimeError(f"{type(error).__name__}: {error}"))
+    os._exit(0)
 
 
-def _end_with_parent() -> None:
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        parent.join()
-        os._exit(1)
+def _receive(connection: Connection, received: queue.SimpleQueue[bytes]) -> None:
+    """Take what the parent sends; when it sends no more, interrupt the work under way, and end soon in any case."""
+    with suppress(EOFError, OSError):
+        while True:
+            received.put(connection.recv_bytes())
+    main = threading.main_thread().ident
+    assert main is not None
+    signal.pthread_kill(main, signal.SIGUSR1)
+    time.sleep(_GRACE_S)
+    os._exit(1)
+
+
+def _end(number: int, frame: FrameType | None) -> None:
+    """End as an exception does, so that what is half written is removed."""
+    sys.exit(1)
+
+
+def _outcome(work: bytes) -> list[Any] | Exception:
+    try:
+        job, items = pickle.loads(work)
+        return [job(item) for item in items]
+    except Exception as error:
+        if not isinstance(error, AppoccError):
+            error.add_note(f"In a worker process:\n{traceback.format_exc()}")
+        return error

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from appocc.errors import DataError
 from appocc.files import inside, read_json, write_json
+from appocc.temporary import made_folder, partial_folder
 
 MANIFEST = "demo.json"
 _MADE_BY = "appocc demo"
@@ -27,18 +27,12 @@ def demo_folder(out: Path) -> Iterator[Path]:
     before = _made_before(out)
     try:
         # On the same disk as `out`, which may be a mounted one.
-        place = out if out.is_dir() else out.parent
-        place.mkdir(parents=True, exist_ok=True)
-        temporary = tempfile.TemporaryDirectory(prefix=_UNFINISHED, dir=place)
-    except OSError as error:
-        raise DataError(f"{out}: cannot be written ({error.strerror})") from error
-    with temporary as name:
-        folder = Path(name)
-        yield folder
-        try:
+        place = out / "demo" if out.is_dir() else out
+        with made_folder(place.parent), partial_folder(place, f"{_UNFINISHED}{out.name}") as folder:
+            yield folder
             _put(folder, out, before)
-        except OSError as error:
-            raise DataError(f"{out}: cannot be written ({error.strerror})") from error
+    except OSError as error:
+        raise DataError(f"{out}: cannot be written ({error.strerror or error})") from error
 
 
 def _made_before(out: Path) -> list[str]:

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import pickle
-import tempfile
-from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Executor
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from functools import lru_cache, partial
 from pathlib import Path
 from typing import NamedTuple
@@ -28,7 +27,9 @@ from appocc.groundtruth.work import Work
 from appocc.nuscenes.dataset import Dataset
 from appocc.nuscenes.maps import mask_window, vector_map
 from appocc.nuscenes.records import Scene
-from appocc.workers import worker_pool
+from appocc.nuscenes.writer import token_of
+from appocc.temporary import made_folder, partial_folder
+from appocc.workers import Pool, worker_pool
 
 SOURCE = "groundtruth"
 
@@ -88,7 +89,7 @@ def _make_scene(
     missing: set[str],
     out: Path,
     settings: Settings,
-    pool: Executor | None,
+    pool: Pool | None,
     advance: Callable[[float], None],
 ) -> int:
     inputs = gather(dataset, scene)
@@ -96,11 +97,26 @@ def _make_scene(
     surface, gains = ground_of(inputs, work)
     pairs = zip(inputs.samples, _paint(inputs, gains, settings, work), strict=True)
     wanted = [(sample, painted) for sample, painted in pairs if sample.token in missing]
-    with tempfile.TemporaryDirectory(prefix="appocc-") as folder:
-        sources = Path(folder) / "sources.pickle"  # our own file, read back by our own workers only
+    with _scratch(out, scene) as folder:
+        sources = folder / "sources.pickle"  # our own file, read back by our own workers only
         write_bytes(sources, pickle.dumps(_sources(dataset, scene, inputs, surface)))
         work.done(partial(_make_sample, sources=sources, out=out, settings=settings), wanted, 1.0)
     return len(wanted)
+
+
+@contextmanager
+def _scratch(out: Path, scene: Scene) -> Iterator[Path]:
+    """A folder for what the workers share of a scene; beside the maps, where another run of it is noticed.
+
+    Raises:
+        DataError: if there is one, or the folder cannot be made.
+    """
+    place = bev_folder(out, SOURCE) / token_of("scene", scene.token)
+    try:
+        with made_folder(place.parent), partial_folder(place) as folder:
+            yield folder
+    except OSError as error:
+        raise DataError(f"{error.filename or place.parent}: cannot be written ({error.strerror or error})") from error
 
 
 def ground_of(inputs: SceneInputs, work: Work) -> tuple[Surface, dict[str, FloatArray]]:

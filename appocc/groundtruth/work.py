@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import Executor
 from typing import TypeVar
 
-from appocc.workers import in_order
+from appocc.workers import Pool, in_order
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -15,7 +14,7 @@ R = TypeVar("R")
 class Work:
     """Jobs of one scene, done in order by whoever is free, and how far they have come in samples."""
 
-    def __init__(self, pool: Executor | None, advance: Callable[[float], None], samples: int) -> None:
+    def __init__(self, pool: Pool | None, advance: Callable[[float], None], samples: int) -> None:
         """Begin with a scene of so many samples to be made; `advance` is called with parts of them."""
         self._pool, self._advance, self._left = pool, advance, float(samples)
 

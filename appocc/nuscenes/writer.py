@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import shutil
-import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -16,6 +14,7 @@ from appocc.errors import DataError, ShapeError
 from appocc.files import write_json
 from appocc.geometry import quaternion_from_rotation
 from appocc.nuscenes.schema import TABLES
+from appocc.temporary import made_folder, partial_folder
 
 Row = dict[str, Any]
 
@@ -281,20 +280,13 @@ def whole_folder(path: Path) -> Iterator[Path]:
     """A temporary folder beside `path`, renamed to it when the block ends well and removed when it does not.
 
     Raises:
-        DataError: if `path` exists and is not an empty folder, or cannot be written.
+        DataError: if `path` exists and is not an empty folder, cannot be written, or is being made by another run.
     """
     if path.is_file() or (path.is_dir() and any(path.iterdir())):
         raise DataError(f"{path}: exists already; name a new folder")
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        temporary = Path(tempfile.mkdtemp(prefix=f".{path.name}-", dir=path.parent))
-    except OSError as error:
-        raise DataError(f"{path}: cannot be written ({error.strerror})") from error
-    try:
-        yield temporary
-        temporary.chmod(0o755)
-        temporary.replace(path)
+        with made_folder(path.parent), partial_folder(path) as temporary:
+            yield temporary
+            temporary.replace(path)
     except OSError as error:
         raise DataError(f"{path}: cannot be written ({error.strerror or error})") from error
-    finally:
-        shutil.rmtree(temporary, ignore_errors=True)

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import fcntl
 import json
 import shutil
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -19,11 +18,12 @@ from appocc.nuscenes.writer import Writer
 from appocc.simulation.recording import VERSION, Recipe, build_place, record_scene, write_map
 from appocc.simulation.scenario import Scenario, draw_scenario
 from appocc.simulation.sources import TownSource
+from appocc.temporary import locked, made_folder
 from appocc.workers import in_order, worker_pool
 
 SETTINGS_FILE = "simulation.json"
 _Job = tuple[Scenario, TownSource]
-_SCENES, _TOWNS, _ROWS, _STOP = "scenes", "towns", "rows.json", "stop"
+_SCENES, _TOWNS, _ROWS = "scenes", "towns", "rows.json"
 # What scenes of a town have in common.
 _SHARED = "shared"
 
@@ -157,34 +157,18 @@ def _unfinished_folder(out: Path, settings: Settings) -> Iterator[Path]:
         DataError: if it belongs to other settings or to a run that goes on, or cannot be written.
     """
     work = unfinished(out)
-    made = [folder for folder in (work, *work.parents) if not folder.exists()]
     try:
-        work.mkdir(parents=True, exist_ok=True)
-        with (work / "lock").open("w") as lock:
-            try:
-                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except OSError as error:
-                raise DataError(f"{out}: another run is making it just now") from error
+        with made_folder(work), locked(work / "lock", out):
             try:
                 _check_settings(work, settings)
-                (work / _STOP).unlink(missing_ok=True)
                 yield work
             finally:
                 for part in work.glob(f"{_SCENES}/*.part"):
                     shutil.rmtree(part, ignore_errors=True)
                 if not any(work.glob(f"{_SCENES}/*")):
                     shutil.rmtree(work, ignore_errors=True)
-                    _remove_empty(made)
     except OSError as error:
-        _remove_empty(made)
         raise DataError(f"{error.filename or out}: cannot be written ({error.strerror or error})") from error
-
-
-def _remove_empty(folders: Sequence[Path]) -> None:
-    """Remove folders, the innermost first, unless something lies in them."""
-    for folder in folders:
-        with suppress(OSError):
-            folder.rmdir()
 
 
 def _check_settings(work: Path, settings: Settings) -> None:
@@ -210,13 +194,9 @@ def _record(
     sources = {town.name: town for town in settings.towns}
     jobs: list[_Job] = [(scenario, sources[scenario.town]) for scenario in scenarios]
     with worker_pool(min(workers, len(jobs))) as pool:
-        try:
-            job = partial(_record_one, recipe=settings.recipe, work=work)
-            for frames in in_order(pool, partial(job, advance=None if pool else advance), jobs):
-                advance(frames)
-        except BaseException:
-            (work / _STOP).touch()
-            raise
+        job = partial(_record_one, recipe=settings.recipe, work=work)
+        for frames in in_order(pool, partial(job, advance=None if pool else advance), jobs):
+            advance(frames)
 
 
 def _record_one(job: _Job, recipe: Recipe, work: Path, advance: Callable[[float], None] | None) -> int:
@@ -226,15 +206,9 @@ def _record_one(job: _Job, recipe: Recipe, work: Path, advance: Callable[[float]
     part = place.with_suffix(".part")
     shutil.rmtree(part, ignore_errors=True)
 
-    def step(frames: float) -> None:
-        if (work / _STOP).exists():
-            raise DataError(f"{scenario.name}: stopped")
-        if advance is not None:
-            advance(frames)
-
     writer, built = Writer(part, VERSION), build_place(source, work / _TOWNS)
     write_map(built.town, source.name, work / _SHARED)
-    record_scene(scenario, built, recipe, writer, step)
+    record_scene(scenario, built, recipe, writer, advance or (lambda frames: None))
     write_json(part / _ROWS, {"rows": writer.rows, "extra": writer.extra}, indent=None)
     part.replace(place)
     return recipe.frames if advance is None else 0

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import hashlib
+import math
+import os
 import shutil
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
-from numpy.lib.format import open_memmap
+from numpy.lib import format as npy
 from numpy.typing import NDArray
 
 from appocc.bevmap import bev_path, load_map
@@ -22,8 +25,11 @@ from appocc.grid import BEVGrid
 from appocc.models.pictures import channels_of
 from appocc.models.setting import Setting
 from appocc.nuscenes.dataset import Dataset
+from appocc.nuscenes.records import Sample as Moment
+from appocc.nuscenes.records import Scene
 from appocc.nuscenes.writer import whole_folder
 from appocc.simulation.scenario import weather_of
+from appocc.temporary import locked, made_folder
 from appocc.training.reading import ARRAYS, Sample, layout, read_sample, source_of, views_path
 from appocc.workers import in_order, worker_pool
 
@@ -137,7 +143,8 @@ def pack(
         setting: cameras, grid and size of the pictures.
         out: folder of the pack, written whole or not at all.
         advance: called with the samples done, in parts.
-        tell: called with a line when a pack that is there is out of date or damaged, and made anew.
+        tell: called with a line when a pack that is there is out of date or damaged and made anew,
+            or another run is making it.
         workers: processes.
 
     Raises:
@@ -149,10 +156,37 @@ def pack(
         raise DataError(f"{dataset.root}: no key frames to train on")
     channels = _channels(dataset, setting)
     made_of = _made_of(dataset, source, setting, channels, [moment.token for _, moment in moments])
-    kept = _kept(out, made_of, tell or (lambda line: None))
-    if kept is not None:
-        (advance or (lambda done: None))(len(kept))
-        return kept
+    advance, tell = advance or (lambda done: None), tell or (lambda line: None)
+    with suppress(DataError):
+        if (kept := _kept(out, made_of)[0]) is not None:
+            advance(len(kept))
+            return kept
+    try:
+        with made_folder(out.parent), locked(out.with_name(f".{out.name}.lock"), out, tell):
+            kept, reason = _kept(out, made_of)  # another run may have made it, or be about to
+            if kept is not None:
+                advance(len(kept))
+                return kept
+            if reason:
+                tell(f"{out}: packed anew, {reason}")
+                shutil.rmtree(out)
+            _make(dataset, moments, out, made_of, setting, advance, workers)
+    except OSError as error:
+        raise DataError(f"{out}: cannot be written ({error.strerror or error})") from error
+    return Pack.open(out)
+
+
+def _make(
+    dataset: Dataset,
+    moments: Sequence[tuple[Scene, Moment]],
+    out: Path,
+    made_of: dict[str, Any],
+    setting: Setting,
+    advance: Callable[[float], None],
+    workers: int,
+) -> None:
+    """Write a pack."""
+    source, channels = made_of["source"], tuple(made_of["channels"])
     grid = load_map(dataset.root, source, moments[0][1].token).grid
     about = {
         "made_of": made_of,
@@ -165,19 +199,31 @@ def pack(
     sources = (source_of(dataset, moment, channels) for _, moment in moments)
     read = partial(read_sample, root=dataset.root, source=source, setting=setting, grid=grid)
     with whole_folder(out) as folder, worker_pool(workers) as pool:
-        arrays = {
-            name: open_memmap(folder / f"{name}.npy", mode="w+", dtype=dtype, shape=shape)
-            for name, (shape, dtype) in layout(len(moments), len(channels), setting, grid).items()
-        }
-        for number, sample in enumerate(in_order(pool, read, sources, chunksize=4)):
-            for name in ARRAYS:
-                arrays[name][number] = getattr(sample, name)
-            if advance is not None:
+        with ExitStack() as opened:
+            arrays = {
+                name: opened.enter_context(_array_file(folder / f"{name}.npy", shape, dtype))
+                for name, (shape, dtype) in layout(len(moments), len(channels), setting, grid).items()
+            }
+            for sample in in_order(pool, read, sources, chunksize=4):
+                for name in ARRAYS:
+                    arrays[name].write(getattr(sample, name).tobytes())
                 advance(1)
-        for array in arrays.values():
-            array.flush()
         write_json(folder / _ABOUT, about)
-    return Pack.open(out)
+
+
+@contextmanager
+def _array_file(path: Path, shape: tuple[int, ...], dtype: type[np.generic]) -> Iterator[BinaryIO]:
+    """A new .npy file of an array of this shape, to which its rows are written one after the other.
+
+    Not through a map of memory, where a full disk would kill the process. Its room on the disk is taken at once,
+    where the system can, so that a disk that is too small is noticed before the work.
+    """
+    header = {"descr": npy.dtype_to_descr(np.dtype(dtype)), "fortran_order": False, "shape": shape}
+    with path.open("wb") as file:
+        npy.write_array_header_1_0(file, header)
+        if hasattr(os, "posix_fallocate"):
+            os.posix_fallocate(file.fileno(), 0, file.tell() + math.prod(shape) * np.dtype(dtype).itemsize)
+        yield file
 
 
 def _channels(dataset: Dataset, setting: Setting) -> tuple[str, ...]:
@@ -226,24 +272,21 @@ def _made_of(
     }
 
 
-def _kept(out: Path, made_of: dict[str, Any], tell: Callable[[str], None]) -> Pack | None:
-    """The pack that lies there if it was made of the same; one that was not is removed.
+def _kept(out: Path, made_of: dict[str, Any]) -> tuple[Pack | None, str]:
+    """The pack that lies there, if it was made of the same; of another one, why it cannot be used.
 
     Raises:
         DataError: if something else lies there.
     """
     if not out.is_dir() or not any(out.iterdir()):
-        return None
+        return None, ""
     if not (out / _ABOUT).is_file():
         raise DataError(f"{out}: expected a pack or a new folder, got a folder with something else in it")
     try:
         old = read_json(out / _ABOUT)["made_of"]
         changed = [key for key in made_of if old.get(key) != made_of[key]]
         if not changed:
-            return Pack.open(out)
-        reason = f"its {', '.join(changed)} changed"
+            return Pack.open(out), ""
+        return None, f"its {', '.join(changed)} changed"
     except (DataError, KeyError, TypeError, AttributeError) as error:
-        reason = f"it is damaged: {error}"
-    tell(f"{out}: packed anew, {reason}")
-    shutil.rmtree(out)
-    return None
+        return None, f"it is damaged: {error}"

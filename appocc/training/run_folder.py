@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -10,6 +12,7 @@ from typing import Any
 from appocc.environment import look_around
 from appocc.errors import DataError
 from appocc.files import read_json, write_bytes, write_json
+from appocc.temporary import locked, made_folder
 from appocc.training.board import Board
 from appocc.training.checkpoint import Progress
 from appocc.training.config import Config, read_config
@@ -31,17 +34,45 @@ class RunFolder:
         """Check that a run may begin, or go on, here.
 
         Raises:
-            DataError: if there is a run already, or none to go on with, or one of another training.
+            DataError: if there is a run already or something else, or no run to go on with, or of another training.
         """
         if not resume:
-            if self.path.exists():
+            if self.config.exists():
                 raise DataError(f"{self.path}: there is a run already; --resume goes on with it, --out names another")
+            self._check_empty()
             return
         if not self.config.is_file():
             raise DataError(f"{self.path}: no run to go on with (no {self.config.name})")
         differing = read_config(self.config).differences(config)
         if differing:
             raise DataError(f"{self.path}: this run was begun with other values of {', '.join(differing)}")
+
+    def _check_empty(self) -> None:
+        """Check that nothing is in the folder but what `begin` leaves if it is killed.
+
+        Raises:
+            DataError: if it is no folder, or something else is in it.
+        """
+        names = sorted(path.name for path in self.path.iterdir()) if self.path.is_dir() else []
+        others = [name for name in names if name != self.environment.name and not name.startswith(".")]
+        if others or self.path.is_file():
+            got = f"one with {others[0]}" if others else "a file"
+            raise DataError(f"{self.path}: expected a new or empty folder, got {got}; --out names another")
+
+    @contextmanager
+    def held(self) -> Iterator[None]:
+        """Keep other trainings out of the folder, which is made; if nothing comes into it, it is removed.
+
+        Raises:
+            DataError: if another training is at work in it, or it cannot be written.
+        """
+        try:
+            with made_folder(self.path), locked(self.path / ".lock", self.path):
+                yield
+        except OSError as error:
+            raise DataError(
+                f"{error.filename or self.path}: cannot be written ({error.strerror or error})"
+            ) from error
 
     def begin(self, config: Config) -> None:
         """Make the folder.
@@ -58,9 +89,8 @@ class RunFolder:
         Raises:
             DataError: if it cannot be written.
         """
-        for name in ("state", "best", "metrics", "curves"):
-            for left in self.path.glob(f".{name}-*"):
-                left.unlink()
+        for left in self.path.glob(".state-*"):
+            left.unlink()
         latest = {"train": progress.step, "val": progress.evaluated}
         kept = [line for line in self.lines() if line["step"] <= latest[line["kind"]]]
         write_bytes(self.metrics, "".join(json.dumps(line) + "\n" for line in kept).encode())

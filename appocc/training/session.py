@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -36,7 +37,7 @@ def run_training(config: Config, folder: RunFolder, resume: bool, watcher: Watch
     folder.check(config, resume)
     if config.save.tensorboard:
         summary_writer()  # tells before hours of work that it is not installed
-    with joined(config.train.device) as world:
+    with joined(config.train.device) as world, folder.held() if world.first else nullcontext():
         progress = train(prepared(config, world, watcher), config, folder, world, watcher, resume)
     return folder.summary(progress)
 

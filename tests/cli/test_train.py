@@ -12,6 +12,7 @@ from tiny_dataset import TinyDataset
 from typer.testing import CliRunner, Result
 
 from appocc.errors import AppoccError
+from appocc.temporary import locked
 from appocc.training.checkpoint import states
 from cli.main import app
 
@@ -76,7 +77,8 @@ def test_a_run_and_the_same_again(
         (["none.yaml"], "none.yaml: cannot be read"),
         (["first.yaml", "train.lr=high"], "train.lr: expected a valid number"),
         (["first.yaml", "--resume"], "no run to go on with"),
-        (["first.yaml", "--out", "first.yaml"], "there is a run already"),
+        (["first.yaml", "--out", "first.yaml"], "expected a new or empty folder, got a file"),
+        (["first.yaml", "--out", "."], "expected a new or empty folder, got one with first.yaml"),
         (["first.yaml", "network=resnet"], "no network 'resnet'"),
         (["first.yaml", "data.train=nowhere"], "nowhere: no such folder"),
         (["first.yaml", "data.train=tiny", "data.source=exact"], "no BEV map"),
@@ -96,6 +98,23 @@ def test_bad_input_is_told_and_leaves_nothing(
     assert "\n" not in str(result.exception)
     assert result.stdout == ""
     assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_an_empty_folder_is_taken_and_one_run_at_a_time_works_in_it(
+    tmp_path: Path, config: Path, tiny_parts: None
+) -> None:
+    out = tmp_path / "run"
+    out.mkdir()
+    with locked(out / ".lock", out):
+        for resume in ([], ["--resume"]):
+            refused = run(str(config), "--out", str(out), *resume)
+            assert isinstance(refused.exception, AppoccError)
+            assert str(refused.exception) == f"{out}: another run is at work on it just now"
+            (out / "config.yaml").write_text(TEXT)
+        (out / "config.yaml").unlink()
+    assert run(str(config), "--out", str(out)).exit_code == 0
+    assert not (out / ".lock").exists()
+    assert run(str(config), "--out", str(out), "--resume").exit_code == 0
 
 
 def test_divergence_ends_with_one(tmp_path: Path, config: Path) -> None:

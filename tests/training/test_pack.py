@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import json
+import os
 import re
+import resource
+from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,6 +22,7 @@ from appocc.models.pictures import fitted
 from appocc.models.setting import Setting
 from appocc.nuscenes import Dataset
 from appocc.simulation.truth.auxiliary import ViewTargets, save_views
+from appocc.temporary import locked
 from appocc.training.pack import Pack, pack
 from appocc.training.reading import cropped
 
@@ -104,6 +108,41 @@ def test_a_missing_map_is_named_before_anything_is_made(root: Path, tmp_path: Pa
     with pytest.raises(DataError, match=r"sample-20+\.npz: no BEV map; make it with: maps of source 'exact'"):
         packed(root, tmp_path / "pack")
     assert not (tmp_path / "pack").exists()
+
+
+@pytest.mark.parametrize("reserved", [True, False], ids=["noticed at once", "noticed in writing"])
+def test_a_full_disk_is_an_error_and_leaves_nothing(
+    root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, reserved: bool
+) -> None:
+    if not reserved:
+        monkeypatch.delattr(os, "posix_fallocate", raising=False)
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (12_000, before[1]))  # fails as a disk does that has no more room
+    try:
+        with pytest.raises(DataError, match=r"pack: cannot be written \(File too large\)"):
+            packed(root, tmp_path / "pack")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert [path.name for path in tmp_path.iterdir()] == [root.name]
+
+
+def test_a_pack_that_another_run_is_making_is_waited_for(root: Path, tmp_path: Path) -> None:
+    said: list[str] = []
+    done: list[float] = []
+    out = tmp_path / "pack"
+
+    def say(line: str) -> None:
+        said.append(line)
+        packed(root, tmp_path / "other")
+        (tmp_path / "other").rename(out)
+        release.close()
+
+    with ExitStack() as release:
+        release.enter_context(locked(tmp_path / ".pack.lock", out))
+        pack(root, "exact", SETTING, out, done.append, say)
+    assert said == [f"{out}: waiting for another run that is at work on it"]
+    assert done == [3]  # kept, at once
+    assert not list(tmp_path.glob(".*"))
 
 
 def test_samples_without_any_camera_of_the_setting(root: Path, tmp_path: Path) -> None:

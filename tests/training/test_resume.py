@@ -114,7 +114,7 @@ def test_two_states_are_kept_and_a_damaged_one_is_left_aside(tmp_path: Path) -> 
     assert [path.name for path in states(folder)] == ["state-00000008.safetensors", "state-00000004.safetensors"]
     latest = states(folder)[0]
     latest.write_bytes(latest.read_bytes()[:5000])
-    (folder / ".state-00000012-half.safetensors").write_bytes(b"half")
+    (folder / ".state-00000012.partial.safetensors").write_bytes(b"half")
     with (folder / "metrics.jsonl").open("a") as file:
         file.write('{"kind": "train", "st')
     run(folder, made_config(), Watcher(say=said.append), resume=True)
