@@ -9,7 +9,8 @@ from pathlib import Path
 
 import pytest
 import torch
-from made_training import SETTING, TinyModel, TinySamples, made_config, made_parts, run, save
+from made_training import SETTING, Poison, TinyModel, TinySamples, made_config, made_parts, run, save
+from safetensors import safe_open
 from torch import nn
 
 from appocc.errors import DataError
@@ -170,18 +171,25 @@ def test_a_budget_of_time_ends_and_anneals(tmp_path: Path) -> None:
 
 def test_no_numbers_stop_it_before_the_weights_are_touched(tmp_path: Path) -> None:
     with pytest.raises(TrainingError, match=r"step 1: expected finite .* road nan") as caught:
-        run(tmp_path / "run", made_config(), broken=True)
+        run(tmp_path / "run", made_config(), poison=Poison(0, math.nan))
     assert caught.value.exit_code == 1
     assert "\n" not in str(caught.value)
     assert not list((tmp_path / "run").glob("*.safetensors"))
 
 
-def test_divergence_keeps_the_last_good_weights(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("factor", "reason"),
+    [(math.nan, "step 13: expected finite losses"), (1e6, "step 13: expected a loss that falls, but it has grown")],
+    ids=["no number", "growth"],
+)
+def test_divergence_keeps_the_last_good_weights(tmp_path: Path, factor: float, reason: str) -> None:
     folder = tmp_path / "run"
-    config = made_config(train__lr=300.0, train__steps=200, train__clip=1e9, train__warmup=0.4)
-    with pytest.raises(TrainingError, match=r"expected .*best.safetensors stays"):
-        run(folder, config)
-    assert (folder / "best.safetensors").is_file()
+    config = made_config(train__steps=20)
+    with pytest.raises(TrainingError, match=rf"^{reason}.*best.safetensors stays\)$"):
+        run(folder, config, poison=Poison(12, factor))
+    assert [line["step"] for line in lines(folder, "val")] == [5, 10]
+    with safe_open(folder / "best.safetensors", framework="pt") as file:
+        assert all(file.get_tensor(name).isfinite().all() for name in file.keys())  # noqa: SIM118
 
 
 def test_no_validation_samples_are_told(tmp_path: Path) -> None:
