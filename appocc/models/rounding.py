@@ -22,5 +22,5 @@ def rounding(terms: int, dtype: torch.dtype = torch.float32) -> float:
 
 
 def terms_of(model: nn.Module) -> int:
-    """Terms of all sums between a network's pictures and one of its answers: over layers, the weights of an output."""
+    """Terms of all sums between a network's pictures and one of its answers: the weights of an output, by layer."""
     return sum(weight[0].numel() for weight in model.parameters() if weight.ndim > 1)
