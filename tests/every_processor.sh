@@ -10,6 +10,9 @@ cd "$(dirname "$0")/.."
 
 TESTS=(tests/models tests/training tests/export tests/inference tests/groundtruth tests/simulation tests/test_colours.py)
 
+# OpenVINO's own copy of oneDNN obeys its variable only in part, and fails below AVX2.
+OPENVINO="test_openvinos_files_stand_together or test_the_check_is_told or test_a_file_that_answers_differently"
+
 # Every value occurs, and each with different others; a dash leaves the library its own choice.
 #          name    ATEN     oneDNN  OpenBLAS  numba    threads
 CONFIGURATIONS=(
@@ -41,12 +44,14 @@ for row in "${CONFIGURATIONS[@]}"; do
   [ "$onednn" = - ] || settings+=(ONEDNN_MAX_CPU_ISA="$onednn")
   [ "$openblas" = - ] || settings+=(OPENBLAS_CORETYPE="$openblas")
   [ "$numba" = - ] || settings+=(NUMBA_CPU_NAME="$numba")
+  chosen=()
+  [ "$onednn" != SSE41 ] || chosen=(-k "not ($OPENVINO)")
   echo "== $name: ${settings[*]}"
   processes=$(($(nproc) / threads))
   began=$SECONDS
   env -u ATEN_CPU_CAPABILITY -u ONEDNN_MAX_CPU_ISA -u OPENBLAS_CORETYPE -u NUMBA_CPU_NAME "${settings[@]}" \
     "$python" -m pytest -n "$((processes > 0 ? processes : 1))" --dist loadfile -p no:cacheprovider \
-    -m "not slow and not realdata" "${TESTS[@]}" && said=passed || { said=FAILED; failed=1; }
+    -m "not slow and not realdata" "${chosen[@]}" "${TESTS[@]}" && said=passed || { said=FAILED; failed=1; }
   rows+=("$name|$said|ATEN $aten, oneDNN $onednn, OpenBLAS $openblas, numba $numba, threads $threads|$((SECONDS - began)) s")
 done
 printf '%s\n' "" "${rows[@]}" | column -t -s '|'
