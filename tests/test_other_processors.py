@@ -1,6 +1,6 @@
 """The same seed on another processor: the same numbers up to rounding, as docs/conventions.md promises.
 
-Run as a script, this file writes what it computes; so it does in a process whose libraries use the oldest instructions.
+Run as a script, this file writes what it computes: in a process whose libraries use the oldest instructions.
 """
 
 from __future__ import annotations
