@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
-from numpy.typing import NDArray
 from tolerances import assert_rounded
 
 from appocc.models.rounding import rounding, terms_of
@@ -25,7 +24,7 @@ OLDEST = {"NUMBA_CPU_NAME": "generic", "ATEN_CPU_CAPABILITY": "default", "ONEDNN
 CONVENTIONS = TESTS.parent / "docs" / "conventions.md"
 
 
-def computed() -> dict[str, NDArray[Any]]:
+def computed() -> dict[str, Any]:
     """A small simulated picture with its depth, and what a network of the same seed answers to noise."""
     sys.path.append(str(TESTS / "simulation"))
     from made_render_town import camera, car, town
