@@ -14,6 +14,28 @@ from walkthrough import Walkthrough, run_walkthrough
 settings.register_profile("steady", derandomize=True, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("steady")
 
+# Fixtures that take long and are made once for all processes of a run.
+_MADE_ONCE = ("walkthrough", "simulated")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Where there is a process a core, threads within each would only wait for each other."""
+    if config.getoption("numprocesses", default=None):
+        for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+            os.environ.setdefault(name, "1")
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """What is made once is begun first, a file for each, and its other users come last: no process waits for it."""
+    makers = {name: next((item.path for item in items if _needs(item) == {name}), None) for name in _MADE_ONCE}
+    users = {item.path for item in items if _needs(item)}
+    items.sort(key=lambda item: 0 if item.path in makers.values() else 1 + (item.path in users))
+
+
+def _needs(item: pytest.Item) -> set[str]:
+    """Which of those an item needs."""
+    return set(_MADE_ONCE).intersection(getattr(item, "fixturenames", ()))
+
 
 @pytest.fixture(scope="session")
 def data_root() -> Path:

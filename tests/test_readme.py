@@ -5,11 +5,10 @@ from __future__ import annotations
 import json
 import re
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+from in_process import run_command
 from walkthrough import README, Walkthrough, blocks, run_line
 
 from appocc.bevmap import BEVMap
@@ -26,13 +25,14 @@ def test_the_two_commands_are_targets_of_the_makefile() -> None:
     assert {line.split()[1] for line in lines} <= set(targets)
 
 
-def test_every_command_of_the_table_has_help_with_an_example() -> None:
+def test_every_command_of_the_table_has_help_with_an_example(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     names = set(re.findall(r"^\| `appocc ((?:[a-z-]+ ?\b)+)", README.read_text(), flags=re.MULTILINE))
     assert len(names) >= 6
     for name in names:
-        done = subprocess.run(
-            [sys.executable, "-m", "cli.main", *name.split(), "--help"], capture_output=True, text=True, check=True
-        )
+        done = run_command([*name.split(), "--help"], capsys, monkeypatch)
+        assert done.returncode == 0
         assert f"appocc {name.strip()}" in " ".join(done.stdout.replace("│", " ").split()), name
 
 

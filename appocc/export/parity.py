@@ -18,8 +18,8 @@ from appocc.errors import AppoccError
 from appocc.export.graph import SEEN, answers
 from appocc.export.runtimes import Answers, Run
 from appocc.models.base import BEVModel
+from appocc.models.rounding import rounding, terms_of
 
-LIMIT = 1e-4
 THREADS = (1, 2, 4)
 
 
@@ -34,6 +34,7 @@ class Parity:
     """How far an exported file is from the network.
 
     Attributes:
+        limit: the largest difference that rounding explains; answers are 0..1.
         largest: |difference| by output, over all inputs, runs and threads; infinite where an answer is not finite.
         between_runs: of the file's own answers to one input, over runs and threads.
         inputs: names of them.
@@ -43,6 +44,7 @@ class Parity:
         exported_s: median seconds of the file, one thread.
     """
 
+    limit: float
     largest: dict[str, float]
     between_runs: float
     inputs: tuple[str, ...]
@@ -53,13 +55,13 @@ class Parity:
 
     @property
     def holds(self) -> bool:
-        """Whether every difference is within LIMIT."""
-        return max(self.largest.values()) <= LIMIT
+        """Whether every difference is within the limit."""
+        return max(self.largest.values()) <= self.limit
 
     def as_json(self) -> dict[str, Any]:
         """For machines."""
         return {
-            "limit": LIMIT,
+            "limit": self.limit,
             "largest_difference": self.largest,
             "between_runs": self.between_runs,
             "inputs": list(self.inputs),
@@ -74,12 +76,17 @@ class Parity:
         count = len(self.inputs) * self.runs * len(self.threads)
         ratio = self.eager_s / self.exported_s
         return [
-            f"largest difference: {far} (limit {LIMIT:.0e}), between runs {self.between_runs:.1e}",
+            f"largest difference: {far} (limit {self.limit:.1e}), between runs {self.between_runs:.1e}",
             f"{count} runs: {len(self.inputs)} inputs, each {self.runs} times with "
             f"{', '.join(map(str, self.threads))} threads",
             f"median, one thread: torch {self.eager_s * 1e3:.0f} ms, exported {self.exported_s * 1e3:.0f} ms "
             f"({ratio:.2f} times faster)",
         ]
+
+
+def limit_of(model: BEVModel) -> float:
+    """How far a right file may be from a network: by the rounding of its sums in float32, of answers 0..1."""
+    return rounding(terms_of(model))
 
 
 def made_inputs(shape: tuple[int, ...], seed: int = 0) -> dict[str, Float32Array]:
@@ -112,6 +119,7 @@ def compare(
     network: Run,
     open_file: Callable[[int], Run],
     inputs: Mapping[str, Float32Array],
+    limit: float,
     runs: int,
     advance: Callable[[float], None],
 ) -> Parity:
@@ -121,6 +129,7 @@ def compare(
         network: what is right.
         open_file: the file, with a number of threads.
         inputs: pictures by name; at least one.
+        limit: see `limit_of`.
         runs: of each input with each number of threads.
         advance: called with the number of steps done, of len(THREADS) in all.
     """
@@ -148,7 +157,7 @@ def compare(
                     seconds["eager"].append(time.perf_counter() - start)
         advance(1)
     medians = {which: statistics.median(values) for which, values in seconds.items()}
-    return Parity(largest, between, tuple(inputs), runs, THREADS, medians["eager"], medians["exported"])
+    return Parity(limit, largest, between, tuple(inputs), runs, THREADS, medians["eager"], medians["exported"])
 
 
 def _apart(expected: Answers, found: Answers) -> dict[str, float]:

@@ -17,7 +17,7 @@ from appocc.export.card import card_of, text_of
 from appocc.export.convert import to_onnx, write_onnx, write_openvino
 from appocc.export.extras import package
 from appocc.export.graph import Graph
-from appocc.export.parity import LIMIT, Parity, ParityError, compare, eager, made_inputs
+from appocc.export.parity import Parity, ParityError, compare, eager, limit_of, made_inputs
 from appocc.export.runtimes import Run, open_onnx, open_openvino
 from appocc.files import whole_file
 from appocc.frame import Frame
@@ -83,7 +83,7 @@ def export(
         advance: called with the number of steps done, of five.
 
     Raises:
-        ParityError: if a probability is farther from the network's than LIMIT.
+        ParityError: if a probability is farther from the network's than rounding explains.
         DataError: if there are no weights, no camera that they use, or `out` cannot be written.
         AppoccError: if the extra is not installed.
     """
@@ -112,10 +112,12 @@ def export(
         advance(1)
         open_file = _written(proto, text_of(card), places)
         advance(1)
-        parity = compare(eager(model, fit), open_file, inputs, runs, advance)
+        parity = compare(eager(model, fit), open_file, inputs, limit_of(model), runs, advance)
         if not parity.holds:
             far = ", ".join(f"{name} {value:.2g}" for name, value in parity.largest.items())
-            raise ParityError(f"{out}: not written: its answers differ from the network's by {far}, over {LIMIT:g}")
+            raise ParityError(
+                f"{out}: not written: its answers differ from the network's by {far}, over {parity.limit:.1e}"
+            )
     return Exported(_files(out), card, parity)
 
 

@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from in_process import run_command
 from tiny_dataset import TinyDataset, token
 
 REPOSITORY = Path(__file__).parents[2]
@@ -67,12 +68,17 @@ CASES = [
 
 
 @pytest.mark.parametrize(("words", "reason"), CASES, ids=[" ".join(words)[:75] for words, _ in CASES])
-def test_bad_input_is_told_in_one_line(tiny: TinyDataset, words: list[str], reason: str) -> None:
+def test_bad_input_is_told_in_one_line(
+    tiny: TinyDataset,
+    words: list[str],
+    reason: str,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     for name, text in FILES.items():
         (tiny.root / name).write_text(text)
     before = sorted(tiny.root.rglob("*"))
-    command = [sys.executable, "-m", "cli.main", *(word.format(root=tiny.root) for word in words)]
-    done = subprocess.run(command, cwd=REPOSITORY, capture_output=True, text=True, check=False)
+    done = run_command([word.format(root=tiny.root) for word in words], capsys, monkeypatch)
     assert done.returncode == 2
     assert done.stdout == ""
     lines = [line for line in done.stderr.splitlines() if line.strip()]
@@ -80,3 +86,10 @@ def test_bad_input_is_told_in_one_line(tiny: TinyDataset, words: list[str], reas
     assert lines[0].startswith("error: ")
     assert reason.format(root=tiny.root) in lines[0]
     assert sorted(tiny.root.rglob("*")) == before
+
+
+def test_so_does_a_process_of_its_own(tiny: TinyDataset) -> None:
+    command = [sys.executable, "-m", "cli.main", "doctor", str(tiny.root / "none")]
+    done = subprocess.run(command, cwd=REPOSITORY, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == f"error: {tiny.root / 'none'}: no such folder\n"

@@ -10,6 +10,7 @@ import time
 from pathlib import Path
 
 import pytest
+from in_process import run_command
 from typer.testing import CliRunner, Result
 
 from appocc.files import read_image
@@ -79,10 +80,14 @@ def test_a_rig_of_ones_own_full_maps_and_no_lidar(tmp_path: Path, rig: str) -> N
         (["--seconds", "599", "--town", TRAIN_TOWNS[0]], "nobody drives"),
     ],
 )
-def test_bad_input_is_told_and_leaves_nothing(tmp_path: Path, arguments: list[str], said: str) -> None:
-    done = subprocess.run(
-        command(str(tmp_path / "out"), "--scenes", "1", *arguments), capture_output=True, text=True, check=False
-    )
+def test_bad_input_is_told_and_leaves_nothing(
+    tmp_path: Path,
+    arguments: list[str],
+    said: str,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    done = run_command(["simulate", str(tmp_path / "out"), "--scenes", "1", *arguments], capsys, monkeypatch)
     assert done.returncode == 2
     assert said in done.stderr
     assert "Traceback" not in done.stderr
@@ -100,11 +105,15 @@ def test_bad_input_is_told_and_leaves_nothing(tmp_path: Path, arguments: list[st
     ],
 )
 def test_a_folder_that_cannot_be_is_told_before_the_work(
-    tmp_path: Path, out: str, arguments: list[str], said: str
+    tmp_path: Path,
+    out: str,
+    arguments: list[str],
+    said: str,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    done = subprocess.run(
-        command(out, "--scenes", "1", *arguments), capture_output=True, text=True, check=False, cwd=tmp_path
-    )
+    monkeypatch.chdir(tmp_path)
+    done = run_command(["simulate", out, "--scenes", "1", *arguments], capsys, monkeypatch)
     assert done.returncode == 2
     assert said in done.stderr
     assert len(done.stderr.strip().splitlines()) == 1
@@ -156,7 +165,7 @@ def test_ctrl_c_keeps_finished_scenes_and_says_so(tmp_path: Path, rig: str) -> N
         assert process.poll() is None
         time.sleep(0.05)
     process.send_signal(signal.SIGINT)
-    said = process.communicate(timeout=60)[1]
+    said = process.communicate(timeout=300)[1]
     assert process.returncode not in (0, 1)
     assert "go" in said
     assert "kept in" in said

@@ -118,11 +118,13 @@ def test_an_empty_folder_is_taken_and_one_run_at_a_time_works_in_it(
 
 
 def test_divergence_ends_with_one(tmp_path: Path, config: Path) -> None:
-    command = [sys.executable, "-c", TINY, "train", str(config), "train.lr=1e30", "train.warmup=0", "--out", "run"]
+    poisoned = TINY.replace("world)\n", "world, poison=Poison(7, float('nan')))\n")
+    poisoned = poisoned.replace("import made_parts", "import Poison, made_parts")
+    command = [sys.executable, "-c", poisoned, "train", str(config), "--out", "run"]
     done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=tmp_path)
     assert done.returncode == 1
     last = done.stderr.strip().splitlines()[-1]
-    assert last.startswith("error: step ")
+    assert last.startswith("error: step 8: expected finite losses")
     assert "try a lower train.lr" in last
     assert "Traceback" not in done.stderr
 

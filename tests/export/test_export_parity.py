@@ -7,12 +7,16 @@ from typing import Any
 
 import numpy as np
 import pytest
+import torch
 from numpy.typing import NDArray
 
 from appocc.checks import Float32Array
-from appocc.export.parity import LIMIT, THREADS, Parity, compare, made_inputs
+from appocc.export.parity import THREADS, Parity, compare, limit_of, made_inputs
 from appocc.export.runtimes import Answers, Run
+from appocc.models.registry import NETWORKS, build
+from appocc.models.setting import SETTINGS
 
+LIMIT = 1e-4
 SHAPE = (1, 2, 3, 20, 40)
 Twist = Callable[[dict[str, NDArray[Any]], int, int], None]
 
@@ -37,7 +41,7 @@ def judged(twist: Twist) -> Parity:
 
         return run
 
-    return compare(network, open_file, made_inputs(SHAPE), 3, lambda _: None)
+    return compare(network, open_file, made_inputs(SHAPE), LIMIT, 3, lambda _: None)
 
 
 def test_the_same_answers_hold() -> None:
@@ -91,6 +95,14 @@ def test_what_differs_is_found_out(twist: Twist) -> None:
     assert not parity.holds
     if twist is _once:
         assert parity.between_runs == pytest.approx(2 * LIMIT, rel=0.01)
+
+
+@pytest.mark.parametrize("name", NETWORKS)
+def test_the_limit_grows_with_a_networks_sums_and_is_far_below_what_is_seen(name: str) -> None:
+    with torch.device("meta"):
+        model = build(name, SETTINGS["360"])
+    assert 3e-5 < limit_of(model) < 3e-4
+    assert limit_of(model.double()) == limit_of(model)  # files compute in float32 whatever the network does
 
 
 def test_made_inputs_are_pictures_and_the_same_each_time() -> None:

@@ -26,7 +26,7 @@ def answers() -> Iterator[Callable[..., Endpoint]]:
     """An endpoint that answers with given bytes."""
     servers = []
 
-    def start(body: bytes, status: int = 200, wait_s: float = 0.0) -> Endpoint:
+    def start(body: bytes, status: int = 200, wait_s: float = 0.0, limit_s: float = 60.0) -> Endpoint:
         asked: list[dict[str, Any]] = []
 
         class Handler(BaseHTTPRequestHandler):
@@ -45,7 +45,7 @@ def answers() -> Iterator[Callable[..., Endpoint]]:
         server.asked = asked  # type: ignore[attr-defined]
         threading.Thread(target=server.serve_forever, daemon=True).start()
         servers.append(server)
-        return Endpoint(f"http://127.0.0.1:{server.server_port}/v1/chat/completions", "m", "secret", 0.5)
+        return Endpoint(f"http://127.0.0.1:{server.server_port}/v1/chat/completions", "m", "secret", limit_s)
 
     yield start
     for server in servers:
@@ -90,11 +90,11 @@ def test_what_is_no_query_is_not_heard(answers: Callable[..., Endpoint], body: b
     assert given[0].notes[-1].startswith("the language model was not heard: ")
 
 
-@pytest.mark.parametrize(("status", "wait_s"), [(500, 0.0), (200, 1.0)])
+@pytest.mark.parametrize(("status", "wait_s", "limit_s"), [(500, 0.0, 60.0), (200, 1.0, 0.1)])
 def test_one_that_fails_or_is_slow_is_not_waited_for(
-    answers: Callable[..., Endpoint], status: int, wait_s: float
+    answers: Callable[..., Endpoint], status: int, wait_s: float, limit_s: float
 ) -> None:
-    given = answers(chat(json.dumps(GOOD)), status, wait_s).readings("park behind the red car")
+    given = answers(chat(json.dumps(GOOD)), status, wait_s, limit_s).readings("park behind the red car")
     assert "was not heard" in given[0].notes[-1]
 
 

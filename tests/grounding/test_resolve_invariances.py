@@ -8,7 +8,7 @@ from random import Random
 import numpy as np
 import pytest
 from asking import ask, car
-from hypothesis import assume, given
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from street import BLACK, BLUE, GREEN, RED, SILVER, WHITE, YELLOW, Street
 
@@ -51,6 +51,7 @@ def answer(found: Resolution) -> tuple[str, list[str]]:
     ]
 
 
+@settings(max_examples=40)  # each looks over a street twice
 @given(PLACES, WORDS, st.sampled_from([None, "white", "red"]))
 def test_a_mirrored_scene_has_the_mirrored_answer(
     places: list[Place], words: tuple[str, ...], colour: str | None
@@ -63,6 +64,7 @@ def test_a_mirrored_scene_has_the_mirrored_answer(
     assert answer(one) == answer(other)
 
 
+@settings(max_examples=40)  # each looks over a street twice
 @given(PLACES, WORDS, st.randoms(use_true_random=False))
 def test_the_order_of_vehicles_does_not_matter(places: list[Place], words: tuple[str, ...], random: Random) -> None:
     scene = placed(places)
@@ -73,6 +75,7 @@ def test_the_order_of_vehicles_does_not_matter(places: list[Place], words: tuple
     assert [c.score for c in one.candidates] == pytest.approx([c.score for c in other.candidates])
 
 
+@settings(max_examples=40)  # each looks over a street twice
 @given(PLACES, WORDS)
 def test_a_far_vehicle_of_another_kind_changes_nothing(places: list[Place], words: tuple[str, ...]) -> None:
     bus = (

@@ -115,9 +115,8 @@ def test_slips_of_longer_words_are_mended_where_that_is_likely(slip: str, meant:
 
 
 def test_known_words_are_never_mended() -> None:
-    for phrase in phrases():
-        for word in phrase:
-            assert all(token.text == token.meant for token in tokenise(word) if token.kind is not Kind.BREAK)
+    for word in sorted({word for phrase in phrases() for word in phrase}):
+        assert all(token.text == token.meant for token in tokenise(word) if token.kind is not Kind.BREAK)
 
 
 def test_did_you_mean() -> None:

@@ -6,6 +6,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+import torch
 from made_street import (
     BLUE,
     EGO_FROM_LIDAR,
@@ -22,6 +23,7 @@ from made_street import (
     photograph,
     street_from_ego,
 )
+from tolerances import assert_rounded
 
 from appocc.boxes import Boxes
 from appocc.checks import ByteArray, FloatArray
@@ -42,6 +44,7 @@ from appocc.nuscenes.lidar import write_lidar
 from appocc.nuscenes.point_labels import PointLabels
 
 EGO = street_from_ego(0.0)
+TERMS = 4 * 4  # of four poses, one after the other
 NOBODY = Boxes.empty()
 
 
@@ -99,7 +102,7 @@ def test_colours_are_taken_between_pixels() -> None:
     image = np.stack([columns * 8, rows * 10, np.full_like(rows, 7)], axis=-1).astype(np.uint8)
     places = np.array([[10.25, 5.5], [3.0, 4.0], [28.9, 18.1], [-0.4, -0.4], [29.4, 19.4]])
     expected = [[82, 55, 7], [24, 40, 7], [231.2, 181, 7], [0, 0, 7], [232, 190, 7]]
-    assert np.abs(colour_at(image, places) - np.array(expected)).max() < 1e-4
+    assert_rounded(colour_at(image, places), expected, 4)
 
 
 def test_points_take_the_colour_of_what_is_there(tmp_path: Path) -> None:
@@ -118,7 +121,7 @@ def test_points_out_of_sight_are_kept_without_colour(tmp_path: Path) -> None:
     here = on_ground((8, -1), (-8, -1))
     points, street = coloured(sweep(tmp_path, here, (view(tmp_path, "a", [], NOBODY),)))
     assert points.camera.tolist() == [0, NO_CAMERA]
-    np.testing.assert_allclose(street, here, atol=1e-4)
+    assert_rounded(street, here, TERMS, dtype=torch.float32)
 
 
 # A wall, 1.2 m high, hides a strip of road from the camera (1.5 m high), but not from a LiDAR high on a mast.
@@ -195,7 +198,7 @@ def test_points_in_boxes_are_removed(tmp_path: Path) -> None:
     inside, below = np.array([[12.0, -1.0, 0.7], [14.05, -1, 0.5]]), np.array([[12.0, 4.0, 0.0]])
     every = np.vstack([inside, below])
     _, street = coloured(sweep(tmp_path, every, (view(tmp_path, "a", [], NOBODY),), boxes=box(red)))
-    np.testing.assert_allclose(street, below, atol=1e-4)
+    assert_rounded(street, below, TERMS, dtype=torch.float32)
 
 
 def test_points_in_boxes_are_removed_at_their_own_time(tmp_path: Path) -> None:
@@ -218,7 +221,7 @@ def test_points_without_a_place_and_those_of_the_ego_are_left_out(tmp_path: Path
     far = on_ground((70, 0))
     good = on_ground((8, -1))
     points, street = coloured(sweep(tmp_path, np.vstack([nan, own, far, good]), (view(tmp_path, "a", [], NOBODY),)))
-    np.testing.assert_allclose(street, good, atol=1e-4)
+    assert_rounded(street, good, TERMS, dtype=torch.float32)
     assert points.camera.tolist() == [0]
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import torch
 from made_rays import ground_places
+from tolerances import assert_rounded
 from torch import Tensor
 from torch.nn import functional
 
@@ -17,6 +18,7 @@ from appocc.models.fused import fused
 from appocc.models.heads import PRIORS, GridHeads
 from appocc.models.network import AppoccNet, doubled, paint_of
 from appocc.models.pull import HEIGHTS_M
+from appocc.models.rounding import terms_of
 from appocc.models.setting import SETTINGS, Setting
 from appocc.rigs import read_rig
 
@@ -89,8 +91,8 @@ def test_rigs_of_a_batch_do_not_touch_each_other_and_padding_is_not_looked_at() 
         together = model(images, model.plan(rigs))
         alone = [model(images[i : i + 1, : len(rig)], model.plan([rig])) for i, rig in enumerate(rigs)]
     for i, each in enumerate(alone):
-        torch.testing.assert_close(together.occupancy[i : i + 1], each.occupancy, rtol=0, atol=1e-5)
-        torch.testing.assert_close(together.appearance[i : i + 1], each.appearance, rtol=0, atol=1e-5)
+        assert_rounded(together.occupancy[i : i + 1], each.occupancy, terms_of(model))
+        assert_rounded(together.appearance[i : i + 1], each.appearance, terms_of(model))
 
 
 def test_order_of_cameras_does_not_matter() -> None:
@@ -101,7 +103,7 @@ def test_order_of_cameras_does_not_matter() -> None:
     with torch.inference_mode():
         one = model(images, model.plan([rig])).occupancy
         other = model(images.flip(1), model.plan([turned])).occupancy
-    torch.testing.assert_close(one, other, rtol=0, atol=1e-5)
+    assert_rounded(one, other, terms_of(model))
 
 
 def test_a_rig_without_cameras_still_gets_an_answer() -> None:
@@ -129,15 +131,15 @@ def test_export_and_fused_paths_answer_the_same() -> None:
     images = pictures(1, 2)
     with torch.inference_mode():
         expected = model(images, plan).occupancy
-        torch.testing.assert_close(model(images, plan.for_export()).occupancy, expected, rtol=0, atol=1e-4)
-        torch.testing.assert_close(fused(model)(images, plan).occupancy, expected, rtol=0, atol=1e-4)
+        assert_rounded(model(images, plan.for_export()).occupancy, expected, terms_of(model))
+        assert_rounded(fused(model)(images, plan).occupancy, expected, terms_of(model))
     assert any(isinstance(part, torch.nn.BatchNorm2d) for part in model.modules())
 
 
 def test_doubling_keeps_places() -> None:
     coarse = torch.arange(5.0).expand(1, 1, 3, 5) * 2  # value = place of output j of a stride-2 convolution
     fine = doubled(coarse, torch.zeros(1, 1, 5, 9))
-    torch.testing.assert_close(fine[0, 0, 0], torch.arange(9.0))
+    assert_rounded(fine[0, 0, 0], torch.arange(9.0), 4)
     assert fine.shape == (1, 1, 5, 9)
 
 
@@ -166,9 +168,9 @@ def test_paint_is_the_mean_around_the_pixel_that_a_feature_looks_at() -> None:
     picture = torch.arange(18.0).expand(1, 3, 10, 18) / 18
     paint = paint_of(picture)
     assert paint.shape == (1, 4, 3, 5)
-    torch.testing.assert_close(paint[0, 0, 1, 1:4], torch.tensor([4.0, 8.0, 12.0]) / 18)
+    assert_rounded(paint[0, 0, 1, 1:4], torch.tensor([4.0, 8.0, 12.0]) / 18, 64)
     assert (paint[:, 3] == 1).all()
-    assert paint[0, 0, 1, 0] == pytest.approx(1 / 18)  # at the edge, of the pixels that there are
+    assert_rounded(paint[0, 0, 1, 0], torch.tensor(1 / 18), 64)  # at the edge, of the pixels that there are
 
 
 def test_a_cell_takes_an_offered_colour_if_there_is_one() -> None:
@@ -182,7 +184,7 @@ def test_a_cell_takes_an_offered_colour_if_there_is_one() -> None:
     offered[:, 1, :, 0] = torch.tensor([0.9, 0.1, 0.3, 1.0])[:, None]
     _, colours = heads(torch.zeros(1, 2, 3, 3), offered)
     rows = colours[0, :, :, 0].T
-    torch.testing.assert_close(rows, torch.tensor([[0.9, 0.1, 0.3], [0.2, 0.4, 0.6], [0.5, 0.5, 0.5]]))
+    assert_rounded(rows, torch.tensor([[0.9, 0.1, 0.3], [0.2, 0.4, 0.6], [0.5, 0.5, 0.5]]), 4)
 
 
 def rendered(camera: Camera, corner_m: FloatArray) -> Tensor:

@@ -1,9 +1,11 @@
 import pytest
 import torch
+from tolerances import assert_rounded
 
 from appocc.camera import CameraRig
 from appocc.grid import BEVGrid
 from appocc.models.lss import LiftSplatShoot
+from appocc.models.rounding import terms_of
 from appocc.models.setting import Setting
 from appocc.rigs import read_rig
 
@@ -28,7 +30,7 @@ def test_it_answers_occupancy_alone(network: LiftSplatShoot) -> None:
     assert output.occupancy.shape == (2, 3, 20, 30)
     assert output.appearance is None
     assert output.views is None
-    torch.testing.assert_close(output.occupancy[1], alone.occupancy[0], rtol=1e-4, atol=1e-5)
+    assert_rounded(output.occupancy[1], alone.occupancy[0], terms_of(network))
 
 
 def test_it_has_as_many_weights_as_the_original_less_the_dead_ones(network: LiftSplatShoot) -> None:

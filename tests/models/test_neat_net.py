@@ -1,11 +1,13 @@
 import pytest
 import torch
+from tolerances import assert_rounded
 
 from appocc.camera import CameraRig
 from appocc.errors import ShapeError
 from appocc.grid import BEVGrid
 from appocc.models import neat
 from appocc.models.neat import AttentionField
+from appocc.models.rounding import terms_of
 from appocc.models.setting import SETTINGS, Setting
 from appocc.rigs import read_rig
 
@@ -37,7 +39,7 @@ def test_every_cell_is_answered_however_many_are_asked_at_once(
     assert whole.shape == (2, 3, 10, 24)
     assert whole[0, 0].std() > 0
     monkeypatch.setattr(neat, "_CHUNK", 37)
-    torch.testing.assert_close(answer(network, IMAGES, RIG, RIG), whole, rtol=1e-4, atol=1e-5)
+    assert_rounded(answer(network, IMAGES, RIG, RIG), whole, terms_of(network))
 
 
 def test_rigs_of_a_batch_may_differ_and_dead_cameras_take_no_attention(network: AttentionField) -> None:
@@ -45,16 +47,16 @@ def test_rigs_of_a_batch_may_differ_and_dead_cameras_take_no_attention(network: 
     images[1, 1:] = torch.nan
     front = CameraRig(RIG.cameras[:1])
     together = answer(network, images, RIG, front)
-    torch.testing.assert_close(together[1:], answer(network, images[1:, :1], front), rtol=1e-4, atol=1e-5)
-    torch.testing.assert_close(together[:1], answer(network, images[:1], RIG), rtol=1e-4, atol=1e-5)
+    assert_rounded(together[1:], answer(network, images[1:, :1], front), terms_of(network))
+    assert_rounded(together[:1], answer(network, images[:1], RIG), terms_of(network))
     assert answer(network, images[:1], CameraRig(())).isfinite().all()
 
 
 def test_the_order_of_cameras_does_not_matter(network: AttentionField) -> None:
     order = [2, 0, 1]
     turned = CameraRig(tuple(RIG.cameras[i] for i in order))
-    torch.testing.assert_close(
-        answer(network, IMAGES[:1, order], turned), answer(network, IMAGES[:1, :3], RIG), rtol=1e-4, atol=1e-5
+    assert_rounded(
+        answer(network, IMAGES[:1, order], turned), answer(network, IMAGES[:1, :3], RIG), terms_of(network)
     )
 
 
@@ -67,12 +69,12 @@ def test_where_a_camera_looks_matters(network: AttentionField) -> None:
 def test_rays_point_where_the_pictures_do(network: AttentionField) -> None:
     plan = network.plan([RIG])
     direction, place = plan.rays[0, ..., :3], plan.rays[0, ..., 3:]
-    torch.testing.assert_close(direction.norm(dim=-1), torch.ones(3, 2, 4))
+    assert_rounded(direction.norm(dim=-1), torch.ones(3, 2, 4), 3)
     assert (direction[0, ..., 0] > 0.7).all()  # ahead
     assert (direction[1, ..., 1] > 0.3).all()  # to the left
     assert (direction[2, ..., 1] < -0.3).all()  # to the right
     assert (direction[:, 0, :, 2] > direction[:, 1, :, 2]).all()  # upper rows look higher
-    torch.testing.assert_close(place[0, 0, 0], torch.tensor([1.7, 0.0, 1.51]))
+    assert_rounded(place[0, 0, 0], torch.tensor([1.7, 0.0, 1.51]))
 
 
 def test_in_training_all_cells_reach_all_weights(monkeypatch: pytest.MonkeyPatch) -> None:

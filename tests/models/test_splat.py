@@ -3,6 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+from tolerances import assert_rounded
 
 from appocc.camera import Camera, CameraRig
 from appocc.ego_vehicle import body_cells
@@ -79,8 +80,9 @@ def test_both_ways_of_pooling_agree_with_a_plain_loop(bilinear: bool) -> None:
     plan = replace(plan, weight=plan.weight.double())
     expected = by_loop(rigs, context, depth, bilinear)
     assert expected.abs().max() > 0.1
-    torch.testing.assert_close(pool(context, depth, plan), expected, rtol=1e-5, atol=1e-6)
-    torch.testing.assert_close(pool(context, depth, plan.for_export()), expected, rtol=1e-5, atol=1e-6)
+    # The plan's weights are float32; a cell sums a few points.
+    assert_rounded(pool(context, depth, plan), expected, 8, float(context.abs().max()), torch.float32)
+    assert_rounded(pool(context, depth, plan.for_export()), expected, 8, float(context.abs().max()), torch.float32)
 
 
 def lit_cells(rig: CameraRig, depth_bin: int, row: int, column: int, picture: int = 0) -> list[tuple[int, int]]:
@@ -117,7 +119,7 @@ def test_points_outside_do_not_fold_into_the_first_row() -> None:
     assert not (nearest.depth < first_bin).any()
     of_first = bilinear.depth < first_bin
     assert (bilinear.cell[of_first] < grid.shape[1]).all()
-    assert float(bilinear.weight[of_first].sum()) == pytest.approx(0.25 * first_bin)
+    assert_rounded(bilinear.weight[of_first].sum(), torch.tensor(0.25 * first_bin), first_bin, size=GRID.shape[0])
 
 
 def test_a_point_at_the_border_loses_the_share_that_lies_outside() -> None:
@@ -128,7 +130,7 @@ def test_a_point_at_the_border_loses_the_share_that_lies_outside() -> None:
     points = frustum_points(rig, H, W, STRIDE)[0].reshape(-1, 3)
     within = (np.abs(points) < [19.6, 19.6, 10]).all(axis=1)
     beyond = (np.abs(points[:, :2]) > 20.4).any(axis=1) | (np.abs(points[:, 2]) > 10)
-    assert torch.allclose(total[torch.from_numpy(within)], torch.ones(int(within.sum())))
+    assert_rounded(total[torch.from_numpy(within)], torch.ones(int(within.sum())), 4)
     assert not total[torch.from_numpy(beyond)].any()
 
 

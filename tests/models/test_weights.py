@@ -53,7 +53,8 @@ def test_heads_for_training_are_left_out_and_appearance_is_found_out(tmp_path: P
         assert loaded.state_dict().keys() < model.state_dict().keys()
         for key, tensor in loaded.state_dict().items():
             assert tensor.dtype == model.state_dict()[key].dtype
-            torch.testing.assert_close(tensor, model.state_dict()[key], rtol=1e-3, atol=1e-6)
+            given = model.state_dict()[key]
+            assert torch.equal(tensor, given.half().to(given.dtype) if given.ndim > 1 else given)
 
 
 def test_half_the_size_and_the_same_bytes_each_time(tmp_path: Path, written: Path) -> None:

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from tolerances import assert_rounded
 
 from appocc.checks import Float32Array
 from appocc.simulation.actors.assembling import assemble, variant_of
@@ -24,6 +25,7 @@ def actor(name: str, body: str = "sedan", size: Size = (4.6, 1.82, 1.46), kind: 
 
 
 ORIGIN = np.zeros(2)
+TERMS = 8  # of a turn and a shift
 
 
 def of(mesh: Mesh, number: int) -> Float32Array:
@@ -46,8 +48,8 @@ def test_an_actor_is_the_mesh_of_its_body() -> None:
     car = actor("b", "suv", (4.4, 1.9, 1.7))
     mesh = assemble([car], moment([0], [(0.0, 0.0, 0.0)]), [RED], ORIGIN, None)
     alone = body_mesh("suv", car.size_lwh_m, variant_of(car), 0)
-    assert mesh.vertices_m == pytest.approx(alone.vertices_m, abs=1e-4)
-    assert mesh.normals == pytest.approx(alone.normals, abs=1e-4)
+    assert_rounded(mesh.vertices_m, alone.vertices_m, TERMS)
+    assert_rounded(mesh.normals, alone.normals, TERMS)
     assert np.array_equal(mesh.faces, alone.faces)
     assert np.array_equal(mesh.material, alone.material)
 
@@ -113,7 +115,8 @@ def test_walkers_step_as_they_go_and_stand_still_when_they_stop() -> None:
         return np.asarray(mesh.vertices_m - np.array([x, 0.0, 0.0], np.float32))
 
     standing = [shape(x, 0.0) for x in (0.0, 0.35, 0.7)]
-    assert all(step == pytest.approx(standing[0], abs=1e-5) for step in standing)
+    for step in standing[1:]:
+        assert_rounded(step, standing[0], TERMS)
     walking = [shape(x, 1.3) for x in (0.05, 0.40, 0.75)]
     assert np.abs(walking[0] - walking[2]).max() > 0.1
 

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 import pytest
 from made_render_town import WALL_Y_M, box, camera, car, town
+from tolerances import assert_rounded
 
 from appocc.camera import Camera, CameraRig
 from appocc.checks import FloatArray
@@ -18,6 +19,7 @@ from appocc.simulation.rendering.weather import WEATHERS
 
 POSE = transform(quaternion_from_yaw(0.2), [8.0, -1.5, 0.0])
 RIG = CameraRig((camera("A", 160, 60, (1.5, 0.2, 1.5), 0), camera("B", 120, 80, (1.0, 0.4, 1.6), 70)))
+TERMS = 4 * 9  # of where a ray meets a triangle: products of three vectors
 NO_BYTES = np.zeros(0, np.uint8)
 CARS = joined([car(20, -2, 3), car(16, 6, 1, (240, 240, 240))])
 
@@ -135,8 +137,8 @@ def test_packets_and_single_rays_meet_the_same() -> None:
     face, weights = packets.nearest(origins, ways, limits[0])
     face_plain, weights_plain = plain.nearest(origins, ways, limits[1])
     np.testing.assert_array_equal(face, face_plain)
-    np.testing.assert_allclose(limits[0], limits[1], atol=1e-4)
-    np.testing.assert_allclose(weights[face >= 0], weights_plain[face >= 0], atol=1e-4)
+    assert_rounded(limits[0], limits[1], TERMS)
+    assert_rounded(weights[face >= 0], weights_plain[face >= 0], TERMS, size=float(np.abs(origins).max()))
     np.testing.assert_array_equal(packets.blocked(origins, ways), plain.blocked(origins, ways))
     assert 0 < (face >= 0).sum() < 999
 

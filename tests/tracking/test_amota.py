@@ -178,7 +178,7 @@ def random_scene(rng: np.random.Generator, first_id: int, found: float) -> list[
     scores: defaultdict[int, float] = defaultdict(lambda: float(rng.choice([0.2, 0.5, rng.random()])))
     id_of = first_id + 100 + np.arange(8)
     moments, time = [], 0
-    for t in range(30):
+    for t in range(20):
         time += int(rng.integers(1, 4))
         places = places + rng.normal(0, 0.5, places.shape)
         if t % 6 == 5:

@@ -59,11 +59,20 @@ class TinyModel(BEVModel):
         return Output(answer[:, :3], colour, told)
 
 
+class Poison(NamedTuple):
+    """Batches of training from one on have their pictures and true colours multiplied: by NaN, or by far too much."""
+
+    first: int
+    factor: float
+
+
 class TinySamples:
     """Pictures of noise over squares of plain colour; the red ones are road, green vehicles, blue lanes."""
 
-    def __init__(self, count: int = 24, size: int = 4, rank: int = 0, world: int = 1, broken: bool = False) -> None:
-        self.count, self.size, self.rank, self.world, self.broken = count, size, rank, world, broken
+    def __init__(
+        self, count: int = 24, size: int = 4, rank: int = 0, world: int = 1, poison: Poison | None = None
+    ) -> None:
+        self.count, self.size, self.rank, self.world, self.poison = count, size, rank, world, poison
         self.asked: list[int] = []
 
     def batches(self, start: int = 0, threads: int = 1) -> Iterator[Batch]:
@@ -71,7 +80,8 @@ class TinySamples:
         while True:
             self.asked.append(number)
             first = (number * self.world + self.rank) * self.size
-            yield self.batch([(first + k) % self.count for k in range(self.size)], seed=number)
+            batch = self.batch([(first + k) % self.count for k in range(self.size)], seed=number)
+            yield self._poisoned(batch) if self.poison and number >= self.poison.first else batch
             number += 1
 
     def in_order(self, most: int | None = None, threads: int = 1) -> Iterator[Batch]:
@@ -84,8 +94,6 @@ class TinySamples:
         squares = torch.stack([torch.rand(3, 8, 8, generator=torch.Generator().manual_seed(n)) for n in numbers])
         images = squares.repeat_interleave(8, 2).repeat_interleave(8, 3)
         images = 0.9 * images + 0.1 * torch.rand(images.shape, generator=noise)
-        if self.broken:
-            images = images * torch.nan
         truth = Truth(
             (squares > 0.6).float(),
             torch.ones(squares.shape, dtype=torch.bool),
@@ -96,6 +104,11 @@ class TinySamples:
         )
         rig = CameraRig(())
         return Batch(images[:, None], (rig,) * len(numbers), truth, tuple(numbers))
+
+    def _poisoned(self, batch: Batch) -> Batch:
+        assert self.poison is not None
+        truth = batch.truth._replace(appearance=batch.truth.appearance * self.poison.factor)
+        return batch._replace(images=batch.images * self.poison.factor, truth=truth)
 
 
 def save(path: Path, model: BEVModel, card: dict[str, str]) -> None:
@@ -120,19 +133,23 @@ def made_config(**more: Any) -> Config:
     return Config.model_validate(values)
 
 
-def made_parts(config: Config, world: World | None = None, broken: bool = False) -> Parts:
+def made_parts(config: Config, world: World | None = None, poison: Poison | None = None) -> Parts:
     torch.manual_seed(config.train.seed)
     rank, size = (world.rank, world.size) if world else (0, 1)
-    samples = TinySamples(size=config.train.batch, rank=rank, world=size, broken=broken)
+    samples = TinySamples(size=config.train.batch, rank=rank, world=size, poison=poison)
     val = TinySamples(10, config.train.batch, rank, size)
     return Parts(TinyModel(config.appearance), samples, val, save)
 
 
 def run(
-    folder: Path, config: Config, watcher: Watcher | None = None, resume: bool = False, broken: bool = False
+    folder: Path,
+    config: Config,
+    watcher: Watcher | None = None,
+    resume: bool = False,
+    poison: Poison | None = None,
 ) -> Parts:
     """Train in a folder."""
     with joined("cpu") as world:
-        parts = made_parts(config, world, broken)
+        parts = made_parts(config, world, poison)
         train(parts, config, RunFolder(folder), world, watcher or Watcher(), resume)
     return parts

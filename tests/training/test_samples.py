@@ -11,6 +11,7 @@ import pytest
 import torch
 from made_packs import SETTING, made_map, with_maps
 from tiny_dataset import TinyDataset, token
+from tolerances import assert_rounded
 
 from appocc.camera import CameraRig
 from appocc.errors import DataError
@@ -75,7 +76,7 @@ def test_what_a_batch_holds(packed: Pack) -> None:
         np.testing.assert_array_equal(batch.truth.occupancy[i], bev.occupancy)
         np.testing.assert_array_equal(batch.truth.occupancy_valid[i], bev.occupancy_valid)
         np.testing.assert_array_equal(batch.truth.appearance_valid[i], bev.appearance_valid)
-        np.testing.assert_allclose(batch.truth.appearance[i], bev.appearance / 255, atol=1e-7)
+        assert_rounded(batch.truth.appearance[i], bev.appearance / 255)
     assert batch.truth.depth_m[0, 1].tolist() == [[float("inf")] * 4, [20.0] * 4]
     assert batch.truth.kind[0, 1].tolist() == [[0] * 4, [5] * 4]
     assert (batch.truth.kind[0, 0] == -1).all()
