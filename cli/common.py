@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import json
 import os
+import shlex
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any
@@ -19,6 +20,24 @@ VersionOption = Annotated[
     str | None, typer.Option("--version", help="Folder of the tables, such as v1.0-mini, where ROOT has several.")
 ]
 JsonOption = Annotated[bool, typer.Option("--json", help="Machine-readable output on stdout, nothing else there.")]
+
+
+class Interrupted(SystemExit):
+    """A signal ends the command; it ends as an exception does, so that what is half made is removed.
+
+    Attributes:
+        number: of the signal.
+        more: words that the command needs to go on where it was.
+    """
+
+    def __init__(self, number: int, more: Sequence[str] = ()) -> None:
+        """End with the exit code of a process that this signal ended."""
+        super().__init__(128 + number)
+        self.number, self.more = number, tuple(more)
+
+    def __str__(self) -> str:
+        """The line that says how to go on."""
+        return f"interrupted; to go on: {shlex.join(['appocc', *sys.argv[1:], *self.more])}"
 
 
 def say(text: str) -> None:
