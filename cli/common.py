@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import json
 import os
+import shlex
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any
@@ -23,6 +24,24 @@ TrustUnseenOption = Annotated[
     typer.Option("--trust-unseen", help="Of predicted maps, also use what the network guesses where no camera sees."),
 ]
 JsonOption = Annotated[bool, typer.Option("--json", help="Machine-readable output on stdout, nothing else there.")]
+
+
+class Interrupted(SystemExit):
+    """A signal ends the command; it ends as an exception does, so that what is half made is removed.
+
+    Attributes:
+        number: of the signal.
+        more: words that the command needs to go on where it was.
+    """
+
+    def __init__(self, number: int, more: Sequence[str] = ()) -> None:
+        """End with the exit code of a process that this signal ended."""
+        super().__init__(128 + number)
+        self.number, self.more = number, tuple(more)
+
+    def __str__(self) -> str:
+        """The line that says how to go on."""
+        return f"interrupted; to go on: {shlex.join(['appocc', *sys.argv[1:], *self.more])}"
 
 
 def say(text: str) -> None:

@@ -12,7 +12,7 @@ import typer
 from appocc.errors import AppoccError
 from cli.ablate import ablate
 from cli.check_rig import check_rig
-from cli.common import say_error
+from cli.common import Interrupted, say, say_error
 from cli.convert import convert
 from cli.demo import demo
 from cli.doctor import doctor
@@ -50,24 +50,32 @@ app.add_typer(eval_app)
 app.add_typer(weights_app)
 
 
-def _terminated(number: int, frame: FrameType | None) -> None:
-    """End as an exception does, so that what is half made is removed, with the exit code of a killed process."""
-    sys.exit(128 + number)
+def _interrupted(number: int, frame: FrameType | None) -> None:
+    raise Interrupted(number)
 
 
 def run() -> None:
     """Entry point of the console script."""
-    signal.signal(signal.SIGTERM, _terminated)
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    for number, handler in before.items():
+        if handler is not signal.SIG_IGN:  # as of Ctrl-C in what a shell starts in the background
+            signal.signal(number, _interrupted)
     # OpenCV would write about damaged pictures to stderr itself; the errors say it.
     os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
     try:
         app()
+    except Interrupted as ended:
+        say(str(ended))
+        raise
     except AppoccError as error:
         say_error(error)
         sys.exit(error.exit_code)
     except OSError as error:  # the system refuses something: no permission, no space, a name too long
         say_error(f"{error.filename or 'the system'}: {error.strerror or error}")
         sys.exit(AppoccError.exit_code)
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 if __name__ == "__main__":

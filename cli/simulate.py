@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from cli.common import JsonOption, emit, progress, say
+from cli.common import Interrupted, JsonOption, emit, progress, say
 
 
 class Split(StrEnum):
@@ -80,10 +80,9 @@ def simulate(
     try:
         with progress("simulation", scenes * recipe.frames) as advance:
             summary = run(out, settings, workers or cores(), advance, say)
-    except (KeyboardInterrupt, SystemExit):
-        kept = finished_scenes(out)
-        where = f"; they are kept in {unfinished(out)}, the same command goes on" if kept else ""
-        say(f"stopped after {kept} of {scenes} scenes{where}")
+    except Interrupted:
+        if kept := finished_scenes(out):
+            say(f"{kept} of {scenes} scenes are kept in {unfinished(out)}")
         raise
     taken_s = time.monotonic() - start
     if sheet is not None:

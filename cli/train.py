@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cli.common import JsonOption, emit, say
+from cli.common import Interrupted, JsonOption, emit, say
 
 if TYPE_CHECKING:
     from appocc.training.run import Watcher
@@ -46,6 +46,8 @@ def train(
         except StoppedError as stopped:
             watcher.say(str(stopped))
             raise typer.Exit(128 + (caught or [signal.SIGINT])[0]) from stopped
+        except Interrupted as ended:
+            raise Interrupted(ended.number, () if resume or not folder.config.is_file() else ["--resume"]) from ended
     if int(os.environ.get("RANK", "0")):
         return
     if as_json:
@@ -83,8 +85,7 @@ def stoppable(watcher: Watcher) -> Iterator[list[int]]:
 
     def stop(number: int, frame: FrameType | None) -> None:
         if caught or not watcher.running:
-            watcher.say("stopped at once")
-            raise SystemExit(128 + number)
+            raise Interrupted(number)
         caught.append(number)
         watcher.stop = True
 

@@ -49,6 +49,7 @@ def write_video(
         finally:
             if writer is not None:
                 writer.release()
+                _number_track(temporary)
         # OpenCV does not say when a picture could not be encoded or, on a full disk, written.
         written = _pictures_in(temporary)
         if written != len(result.samples):
@@ -84,6 +85,16 @@ def _open(path: Path, picture: ByteArray, rate_hz: float) -> cv2.VideoWriter:
     # OpenCV complains of the tag it was given and then writes proper VP8.
     with _without_stderr():
         return cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"VP80"), rate_hz, size)
+
+
+def _number_track(path: Path) -> None:
+    """Replace the number that FFmpeg draws for the track: the same tracks make the same bytes."""
+    with path.open("r+b") as file:
+        head = file.read(4096)
+        _, found, rest = head.partition(b"\x73\xc5\x88")  # TrackUID of eight bytes
+        if found:
+            file.seek(0)
+            file.write(head.replace(rest[:8], b"\0\0\0\0\0\0\0\1"))
 
 
 def _pictures_in(path: Path) -> int:

@@ -72,15 +72,15 @@ class TrainConfig(_Part):
 
     steps: Count | None = None
     minutes: Positive | None = None
-    batch: Count = 8
-    accumulate: Count = 1
-    lr: Positive = 2e-3
-    weight_decay: NotNegative = 1e-2
+    batch: Annotated[int, Field(ge=1, le=65_536)] = 8
+    accumulate: Annotated[int, Field(ge=1, le=65_536)] = 1
+    lr: Annotated[float, Field(gt=0, le=1000)] = 2e-3
+    weight_decay: Annotated[float, Field(ge=0, le=1000)] = 1e-2
     clip: Positive = 5.0
     ema: Annotated[float, Field(ge=0, lt=1)] = 0.998
     warmup: Share = 0.1
     precision: Literal["fp32", "bf16"] = "fp32"
-    threads: Count | None = None
+    threads: Annotated[int, Field(ge=1, le=1024)] | None = None
     seed: Annotated[int, Field(ge=0, lt=2**31)] = 0
     device: Literal["auto", "cpu", "cuda"] = "auto"
 

@@ -12,9 +12,10 @@ import torch
 from torch import distributed
 
 from appocc.bevmap import CLASSES
+from appocc.environment import memory
 from appocc.errors import DataError
 from appocc.models import registry
-from appocc.models.setting import SETTINGS
+from appocc.models.setting import SETTINGS, Setting
 from appocc.models.weights import PACKAGED, begin_with, save_weights
 from appocc.simulation.rendering.views import ViewClass
 from appocc.training.augment import Augmentation
@@ -49,6 +50,7 @@ def prepared(config: Config, world: World, watcher: Watcher) -> Parts:
         AppoccError: if data are missing or damaged, lack a class, or the network is unknown.
     """
     setting = SETTINGS[config.setting]
+    _check_memory(config.train.batch, setting)
     # Its first weights are the same in each process and for each seed, whatever was drawn before.
     torch.manual_seed(config.train.seed)
     kinds = len(ViewClass) if config.losses.kind or config.losses.depth else 0
@@ -66,6 +68,21 @@ def prepared(config: Config, world: World, watcher: Watcher) -> Parts:
     batch, seed = config.train.batch, config.train.seed
     changed = Loader([train_pack], batch, seed, _augmentation(config.augment), world.rank, world.size)
     return Parts(model, changed, Loader([val_pack], batch, seed, rank=world.rank, world=world.size), save_weights)
+
+
+def _check_memory(batch: int, setting: Setting) -> None:
+    """Check that the pictures of a batch alone fit into the machine's memory, before hours of packing.
+
+    Raises:
+        DataError: if they do not.
+    """
+    total, _ = memory()
+    pictures = len(setting.channels) * setting.height_px * setting.width_px * 3 * 4  # bytes of a sample
+    if total is not None and batch * pictures > total:
+        needed = (
+            f"{batch * pictures / 2**30:,.0f} GiB for the pictures of a batch, the machine has {total / 2**30:,.0f}"
+        )
+        raise DataError(f"train.batch={batch}: expected at most {total // pictures:,} samples ({needed})")
 
 
 def check_labels(packed: Pack, config: Config) -> None:

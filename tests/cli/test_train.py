@@ -82,6 +82,7 @@ def test_a_run_and_the_same_again(
         (["first.yaml", "network=resnet"], "no network 'resnet'"),
         (["first.yaml", "data.train=nowhere"], "nowhere: no such folder"),
         (["first.yaml", "data.train=tiny", "data.source=exact"], "no BEV map"),
+        (["first.yaml", "train.batch=60000"], "train.batch=60000: expected at most 10,591 samples (181 GiB"),
         (["first.yaml", "train.device=cuda"], "torch finds no GPU"),
     ],
 )
@@ -90,6 +91,7 @@ def test_bad_input_is_told_and_leaves_nothing(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("torch.cuda.is_available", lambda: False)
+    monkeypatch.setattr("appocc.training.session.memory", lambda: (32 * 2**30, None))
     before = sorted(tmp_path.rglob("*"))
     result = run(*arguments)
     assert isinstance(result.exception, AppoccError)

@@ -174,6 +174,15 @@ def test_a_video_is_written_whole(tiny: TinyDataset, tmp_path: Path) -> None:
     assert width == 1440 + 800
 
 
+def test_the_same_tracks_make_the_same_bytes(tiny: TinyDataset, tmp_path: Path) -> None:
+    dataset = with_maps(tiny)
+    result = track_scene(dataset, dataset.scenes[0], "groundtruth")
+    for name in ("a.webm", "b.webm"):
+        write_video(dataset, result, tmp_path / name)
+    assert (tmp_path / "a.webm").read_bytes() == (tmp_path / "b.webm").read_bytes()
+    assert [path.name for path in sorted(tmp_path.glob("*.webm"))] == ["a.webm", "b.webm"]
+
+
 def test_a_broken_image_leaves_no_video(tiny: TinyDataset, tmp_path: Path) -> None:
     dataset = with_maps(tiny)
     result = track_scene(dataset, dataset.scenes[0], "groundtruth")

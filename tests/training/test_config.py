@@ -46,6 +46,11 @@ def test_overrides_replace_and_add(path: Path) -> None:
         (["trian.lr=1"], "trian: no such key (did you mean train?)"),
         (["train.lr=fast"], "train.lr: expected a valid number"),
         (["train.lr=-1"], "train.lr: expected greater than 0, got -1"),
+        (["train.lr=1e30"], "train.lr: expected less than or equal to 1000, got '1e30'"),
+        (["train.weight_decay=1e300"], "train.weight_decay: expected less than or equal to 1000"),
+        (["train.batch=1000000000"], "train.batch: expected less than or equal to 65536, got 1000000000"),
+        (["train.accumulate=1000000000"], "train.accumulate: expected less than or equal to 65536"),
+        (["train.threads=100000"], "train.threads: expected less than or equal to 1024, got 100000"),
         (["train.lr=.nan"], "train.lr: expected a finite number"),
         (["train.precision=fp8"], "train.precision: expected 'fp32' or 'bf16', got 'fp8'"),
         (["setting=270"], "setting: expected '360' or '180', got '270'"),
@@ -58,6 +63,7 @@ def test_overrides_replace_and_add(path: Path) -> None:
         ([".=1"], "expected key=value"),
         (["network.size=1"], "'network' is a value"),
         (["train.lr=[1"], "no valid YAML value"),
+        (["network=!!python/object/apply:os.getcwd []"], "no valid YAML value"),
         (["data=null"], "data: expected a valid dictionary"),
     ],
 )
@@ -74,6 +80,7 @@ def test_what_is_wrong_is_told_in_one_line_with_file_and_key(path: Path, words: 
     ("text", "said"),
     [
         ("data: {train: a", "no valid YAML"),
+        ("network: !!python/object/apply:os.getcwd []", "no valid YAML"),
         ("- 1", "expected keys such as data and train, got list"),
         ("", "got NoneType"),
         ("data: {train: a, val: b}", "train: expected a value, got none"),
