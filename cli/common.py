@@ -18,6 +18,7 @@ RootArgument = Annotated[Path, typer.Argument(metavar="ROOT", help="Dataset root
 VersionOption = Annotated[
     str | None, typer.Option("--version", help="Folder of the tables, such as v1.0-mini, where ROOT has several.")
 ]
+_MOST_TOLD = 2000
 JsonOption = Annotated[bool, typer.Option("--json", help="Machine-readable output on stdout, nothing else there.")]
 
 
@@ -28,8 +29,9 @@ def say(text: str) -> None:
 
 
 def say_error(reason: object) -> None:
-    """Why a command ends, in one line."""
-    say("error: " + str(reason).replace("\n", "\\n"))
+    """Why a command ends, in one line; names and values in it may be as long as a stranger likes."""
+    line = str(reason)
+    say("error: " + (line if len(line) <= _MOST_TOLD else line[:_MOST_TOLD] + " ...").replace("\n", "\\n"))
 
 
 def emit(value: Any) -> None:

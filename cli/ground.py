@@ -171,13 +171,9 @@ def _lines(path: Path) -> list[str]:
     Raises:
         DataError: if it cannot be read, is no text, is too large, or holds none.
     """
-    try:
-        with path.open("rb") as file:
-            text = file.read(_MOST_BYTES + 1)
-    except OSError as error:
-        raise DataError(f"{path}: cannot be read ({error.strerror})") from error
-    if len(text) > _MOST_BYTES:
-        raise DataError(f"{path}: expected at most {_MOST_BYTES} bytes of commands")
+    from appocc.files import read_file
+
+    text = read_file(path, _MOST_BYTES)
     found = [line.strip() for line in text.decode(errors="replace").splitlines() if line.strip()]
     if not found:
         raise DataError(f"{path}: expected commands, one a line, got none")
