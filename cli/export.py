@@ -88,5 +88,7 @@ def _source(root: Path | None, rig: str | None, scene: str | None, version: str 
     if rig is not None:
         raise DataError("expected either ROOT or --rig, got both")
     dataset = Dataset(root, version)
+    if not dataset.scenes:
+        raise DataError(f"{root}: expected a scene, got none")
     chosen = dataset.scene(scene) if scene else dataset.scenes[0]
     return source_of(dataset_moments(dataset, [chosen]), f"{chosen.name} of {root.resolve().name}")

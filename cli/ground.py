@@ -181,10 +181,19 @@ def _lines(path: Path) -> list[str]:
 
 
 def _asked() -> Iterator[str]:
-    """What people type, until an empty line or the end of input."""
+    """What people type, until an empty line or the end of input.
+
+    Raises:
+        DataError: if standard input is closed.
+    """
+    if sys.stdin is None:
+        raise DataError("--interactive: standard input is closed")
     while True:
         typer.echo("> ", nl=False, err=True)
-        line = sys.stdin.readline()
+        try:
+            line = sys.stdin.readline(_MOST_BYTES)
+        except UnicodeDecodeError as error:
+            raise DataError(f"standard input: expected text ({error})") from error
         if not line.strip():
             return
         yield line.strip()

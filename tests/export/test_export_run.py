@@ -191,6 +191,14 @@ def test_a_missing_extra_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     assert list(tmp_path.iterdir()) == [weights]
 
 
+def test_a_dataset_without_scenes(tiny: TinyDataset, tmp_path: Path) -> None:
+    for table in tiny.tables:
+        tiny.tables[table] = []
+    result = run(tiny.write(), "--out", tmp_path / "m.onnx")
+    assert isinstance(result.exception, DataError)
+    assert str(result.exception) == f"{tiny.root}: expected a scene, got none"
+
+
 def test_what_cannot_be_done_is_told_in_one_line(tiny: TinyDataset, tmp_path: Path) -> None:
     weights = weights_file(tmp_path / "w.safetensors", "neat")
     onnx_out = ("--out", tmp_path / "m.onnx")
