@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any
@@ -60,6 +60,26 @@ def _plain(value: Any) -> Any:
     if isinstance(value, float) and not -1e308 < value < 1e308:
         return None
     return value
+
+
+def say_stale(stale: Mapping[str, int]) -> None:
+    """How many results were there and were made anew, and why."""
+    if stale:
+        say(f"made anew: {'; '.join(f'{count} ({reason})' for reason, count in stale.items())}")
+
+
+def out_path(text: str) -> Path:
+    """The value of `--out`; an empty one would be the working folder.
+
+    Raises:
+        typer.BadParameter: if it is empty.
+    """
+    if not text:
+        raise typer.BadParameter("expected a name, got an empty one")
+    return Path(text)
+
+
+out_path.__name__ = "path"  # how --help calls the value
 
 
 @contextmanager

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import shutil
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
@@ -22,13 +21,15 @@ from appocc.grid import BEVGrid
 from appocc.models.pictures import channels_of
 from appocc.models.setting import Setting
 from appocc.nuscenes.dataset import Dataset
+from appocc.nuscenes.records import Sample as Moment
 from appocc.nuscenes.writer import whole_folder
+from appocc.provenance import training_parts
 from appocc.simulation.scenario import weather_of
 from appocc.training.reading import ARRAYS, Sample, layout, read_sample, source_of, views_path
 from appocc.workers import in_order, worker_pool
 
 __all__ = ["Pack", "Sample", "pack"]
-VERSION = 2
+VERSION = 3
 _ABOUT = "pack.json"
 
 
@@ -148,7 +149,7 @@ def pack(
     if not moments:
         raise DataError(f"{dataset.root}: no key frames to train on")
     channels = _channels(dataset, setting)
-    made_of = _made_of(dataset, source, setting, channels, [moment.token for _, moment in moments])
+    made_of = _made_of(dataset, source, setting, channels, [moment for _, moment in moments])
     kept = _kept(out, made_of, tell or (lambda line: None))
     if kept is not None:
         (advance or (lambda done: None))(len(kept))
@@ -196,20 +197,19 @@ def _channels(dataset: Dataset, setting: Setting) -> tuple[str, ...]:
 
 
 def _made_of(
-    dataset: Dataset, source: str, setting: Setting, channels: tuple[str, ...], tokens: Sequence[str]
+    dataset: Dataset, source: str, setting: Setting, channels: tuple[str, ...], moments: Sequence[Moment]
 ) -> dict[str, Any]:
     """JSON values that change with whatever a pack is made of.
 
     Raises:
         DataError: if a sample has no map.
     """
-    told = hashlib.sha256()
-    for token in tokens:
+    more = []
+    for token in (moment.token for moment in moments):
         path = bev_path(dataset.root, source, token)
         if not path.is_file():
             load_map(dataset.root, source, token)  # its error says how maps are made
-        state, views = path.stat(), views_path(dataset.root, token)
-        told.update(f"{token} {state.st_size} {state.st_mtime_ns} {views.is_file()}\n".encode())
+        more += [path, views_path(dataset.root, token)]
     return {
         "version": VERSION,
         "root": str(dataset.root.resolve()),
@@ -222,7 +222,7 @@ def _made_of(
             "height_px": setting.height_px,
         },
         "channels": list(channels),
-        "samples": told.hexdigest(),
+        **training_parts(dataset, moments, more),
     }
 
 

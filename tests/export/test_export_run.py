@@ -16,7 +16,7 @@ from tiny_dataset import TinyDataset
 from typer.testing import CliRunner, Result
 
 from appocc.camera import CameraRig
-from appocc.errors import AppoccError
+from appocc.errors import AppoccError, DataError
 from appocc.export import run as export_run
 from appocc.export.convert import write_openvino
 from appocc.export.parity import LIMIT, ParityError

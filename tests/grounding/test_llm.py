@@ -138,7 +138,16 @@ def test_what_it_rejects_the_grammar_may_still_read(answers: Callable[..., Endpo
 
 @pytest.mark.parametrize(
     "url",
-    ["file:///etc/passwd", "ftp://a/b", "localhost:80", "http://", "", "http://[::1", "http://:80", "http://a:99999/"],
+    [
+        "file:///etc/passwd",
+        "ftp://a/b",
+        "localhost:80",
+        "http://",
+        "",
+        "http://[::1",
+        "http://:80",
+        "http://a:99999/",
+    ],
 )
 def test_addresses_of_nothing(url: str) -> None:
     with pytest.raises(DataError, match="expected an address that begins with http"):
