@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from appocc.checks import BoolArray, ByteArray, Float32Array, check_dtype, check_numbers, check_shape, frozen
 from appocc.errors import DataError, ShapeError
-from appocc.files import plain_name, whole_file, zip_arrays
+from appocc.files import plain_name, read_file, whole_file, zip_arrays
 from appocc.grid import BEVGrid
 
 CLASSES = ("road", "vehicle", "lane")
@@ -138,8 +138,9 @@ class BEVMap:
         Raises:
             DataError: if the file is missing, damaged, or lacks a part.
         """
+        packed = read_file(path)
         try:
-            with path.open("rb") as handle, zip_arrays(handle) as data, np.errstate(over="ignore"):
+            with zip_arrays(packed) as data, np.errstate(over="ignore"):
                 occupancy = data["occupancy"]
                 check_numbers("occupancy", occupancy)
                 made = cls(
@@ -152,8 +153,6 @@ class BEVMap:
                 )
                 made.thresholds  # noqa: B018 - odd ones are told here, where the file's name is known
                 return made
-        except OSError as error:
-            raise DataError(f"{path}: cannot be read ({error.strerror or error})") from error
         except KeyError as error:
             raise DataError(f"{path}: no BEV map, {error.args[0]}") from error
         except Exception as error:  # damage surfaces as nearly any error of zipfile, zlib and numpy

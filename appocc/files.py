@@ -1,10 +1,15 @@
-"""Files: paths that stay below their root, writes that are whole or not at all, images that are checked."""
+"""Files: paths that stay below their root, reads that end, writes that are whole or not at all, checked images."""
 
 from __future__ import annotations
 
+import gzip
+import hashlib
+import io
 import json
 import os
+import stat
 import zipfile
+import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -19,8 +24,16 @@ from appocc.checks import ByteArray
 from appocc.errors import DataError
 from appocc.temporary import made_folder, partial_file
 
+# Far above any real file: a camera's picture, a sweep, a map, a town. A file of results may hold a whole dataset.
+MOST_BYTES, MOST_TEXT_BYTES = 1 << 28, 1 << 31
+# What compressed files may hold.
+_MOST_UNPACKED = 1 << 30
 # nuScenes' largest mask has 1.2 billion pixels; Pillow's own limit guards against far smaller pictures.
 _MOST_PIXELS = 4_000_000_000
+# A few bytes can claim to be a picture that fills the memory; cameras have up to 50 million pixels.
+_MOST_CAMERA_PIXELS = 200_000_000
+# Formats that are read. Each of the others is one more parser for a stranger's bytes, and EPS starts a program.
+_FORMATS = ("JPEG", "PNG")
 
 
 def inside(root: Path, name: str) -> Path:
@@ -94,31 +107,119 @@ def write_json(path: Path, value: Any, indent: int | None = 1) -> None:
     write_bytes(path, (json.dumps(value, indent=indent) + "\n").encode())
 
 
+@contextmanager
+def open_plain(path: Path, most_bytes: int | None = None) -> Iterator[BinaryIO]:
+    """A plain file, open to read; reading a pipe or a device might never end.
+
+    Raises:
+        DataError: if it is missing, cannot be read, is no plain file, or is larger than `most_bytes`.
+    """
+    try:
+        opened = open(path, "rb", opener=_without_waiting)  # noqa: SIM115 - closed below, where an error is not of opening
+    except (OSError, ValueError) as error:  # a name with a null in it is a ValueError
+        raise DataError(f"{path}: cannot be read ({getattr(error, 'strerror', None) or error})") from error
+    with opened as file:
+        state = os.fstat(file.fileno())
+        if not stat.S_ISREG(state.st_mode):
+            raise DataError(f"{path}: expected a plain file, got a pipe or a device")
+        if most_bytes is not None and state.st_size > most_bytes:
+            raise DataError(f"{path}: expected at most {most_bytes} bytes, got {state.st_size}")
+        yield file
+
+
+def _without_waiting(name: str, flags: int) -> int:
+    """Open a file; a pipe at once too, which otherwise waits for a writer."""
+    return os.open(name, flags | getattr(os, "O_NONBLOCK", 0))
+
+
+def read_file(path: Path, most_bytes: int = MOST_BYTES) -> bytes:
+    """The bytes of a plain file.
+
+    Raises:
+        DataError: as `open_plain`.
+    """
+    with open_plain(path, most_bytes) as file:
+        try:
+            # No more than was there when it was opened: a file may grow as fast as it is read.
+            return file.read(os.fstat(file.fileno()).st_size)
+        except OSError as error:
+            raise DataError(f"{path}: cannot be read ({error.strerror})") from error
+
+
+def read_text(path: Path, most_bytes: int = MOST_BYTES) -> str:
+    """The text of a plain file in UTF-8.
+
+    Raises:
+        DataError: as `open_plain`, or if it is no text.
+    """
+    try:
+        return read_file(path, most_bytes).decode()
+    except UnicodeDecodeError as error:
+        raise DataError(f"{path}: cannot be read as text ({error})") from error
+
+
+def digest_of(path: Path) -> str:
+    """SHA-256 of a plain file.
+
+    Raises:
+        DataError: as `open_plain`.
+    """
+    with open_plain(path) as file:
+        digest = hashlib.sha256()
+        while piece := file.read(1 << 20):
+            digest.update(piece)
+        return digest.hexdigest()
+
+
+def unzipped(path: Path) -> bytes:
+    """The bytes of a file, unpacked if its name ends in .gz.
+
+    Raises:
+        DataError: as `open_plain`, or if it is damaged or holds far too much.
+    """
+    data = read_file(path)
+    if path.suffix != ".gz":
+        return data
+    try:
+        with gzip.open(io.BytesIO(data)) as file:
+            text = file.read(_MOST_UNPACKED + 1)
+    except (OSError, EOFError, zlib.error) as error:
+        raise DataError(f"{path}: cannot be unpacked ({error})") from error
+    if len(text) > _MOST_UNPACKED:
+        raise DataError(f"{path}: expected at most {_MOST_UNPACKED} bytes when unpacked, got more")
+    return text
+
+
 def read_json(path: Path) -> Any:
     """Read a JSON file.
 
     Raises:
         DataError: if it is missing or no JSON.
     """
+    data = read_file(path, MOST_TEXT_BYTES)
     try:
-        return json.loads(path.read_bytes())
-    except OSError as error:
-        raise DataError(f"{path}: cannot be read ({error.strerror})") from error
+        return json.loads(data)
     except (ValueError, RecursionError) as error:
         raise DataError(f"{path}: no valid JSON ({error})") from error
 
 
-def zip_arrays(handle: BinaryIO) -> NpzFile:
-    """The arrays of an open .npz file by name; nothing is unpickled.
+def zip_arrays(data: bytes) -> NpzFile:
+    """The arrays of an .npz file by name; nothing is unpickled.
 
     Raises:
-        ValueError: if it is none; what is damaged inside surfaces as nearly any error of zipfile, zlib and numpy.
+        ValueError: if it is none, or holds far too much; what is damaged inside surfaces as nearly any error of
+            zipfile, zlib and numpy.
     """
+    handle = io.BytesIO(data)
     if not zipfile.is_zipfile(handle):
         raise ValueError("no .npz archive, or truncated")
+    with zipfile.ZipFile(handle) as archive:
+        unpacked = sum(part.file_size for part in archive.infolist())
+    if unpacked > _MOST_UNPACKED:
+        raise ValueError(f"expected at most {_MOST_UNPACKED} bytes when unpacked, got {unpacked}")
     handle.seek(0)
-    archive: NpzFile = np.load(handle, allow_pickle=False)
-    return archive
+    arrays: NpzFile = np.load(handle, allow_pickle=False)
+    return arrays
 
 
 def read_image(path: Path, size_px: tuple[int, int] | None = None) -> ByteArray:
@@ -127,19 +228,16 @@ def read_image(path: Path, size_px: tuple[int, int] | None = None) -> ByteArray:
     Raises:
         DataError: if it is missing, truncated or no image, or has another size.
     """
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise DataError(f"{path}: cannot be read ({error.strerror})") from error
+    data = read_file(path)
     # OpenCV fills what is missing of a truncated JPEG with grey and returns it: look for the end marker.
     if data[:2] == b"\xff\xd8" and b"\xff\xd9" not in data[-64:]:
         raise DataError(f"{path}: the image is truncated ({len(data)} bytes)")
     try:
-        image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR_RGB) if data else None
-    except cv2.error:  # a few bytes that claim to be a huge picture
+        image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR_RGB) if _is_picture(data) else None
+    except cv2.error:
         image = None
     if image is None:
-        raise DataError(f"{path}: not a readable image ({len(data)} bytes)")
+        raise DataError(f"{path}: not a readable image ({len(data)} bytes), expected JPEG or PNG")
     height, width = image.shape[:2]
     if size_px is not None and size_px != (width, height):
         expected = f"{size_px[0]}x{size_px[1]}"
@@ -147,10 +245,30 @@ def read_image(path: Path, size_px: tuple[int, int] | None = None) -> ByteArray:
     return np.asarray(image, dtype=np.uint8)
 
 
-def open_picture(path: Path) -> Image.Image:
-    """A picture of which only the size or a part is wanted; it may be as large as a map."""
+def _is_picture(data: bytes) -> bool:
+    """Whether bytes begin as a picture of a format that is read, no larger than a camera takes."""
+    try:
+        with _pillow(io.BytesIO(data)) as picture:
+            return picture.width * picture.height <= _MOST_CAMERA_PIXELS
+    except (OSError, SyntaxError, ValueError, Image.DecompressionBombError):
+        return False
+
+
+@contextmanager
+def open_picture(path: Path) -> Iterator[Image.Image]:
+    """A JPEG or PNG picture of which only the size or a part is wanted; it may be as large as a map.
+
+    Raises:
+        DataError: as `open_plain`; what is damaged inside surfaces as an error of Pillow.
+    """
+    with open_plain(path) as file, _pillow(file) as picture:
+        yield picture
+
+
+def _pillow(file: BinaryIO) -> Image.Image:
+    """A picture of a format that is read; its pixels are read when they are asked for."""
     Image.MAX_IMAGE_PIXELS = _MOST_PIXELS
-    return Image.open(path)
+    return Image.open(file, formats=_FORMATS)
 
 
 def write_image(path: Path, rgb: ByteArray) -> None:

@@ -63,7 +63,7 @@ class Recording:
         names = [*("t", "ids", "category", "position", "heading", "velocity", "valid", "size_lwh")]
         names += ["ego_position", "ego_heading"]
         try:
-            with path.open("rb") as handle, zip_arrays(handle) as arrays:
+            with zip_arrays(path.read_bytes()) as arrays:
                 self._parts: dict[str, Any] = {name: arrays[name] for name in names}
         except (OSError, ValueError, KeyError) as error:
             raise DataError(f"{path}: expected tracks of a scene ({error})") from error

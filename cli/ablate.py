@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from cli.common import JsonOption, VersionOption, emit, say
+from cli.common import JsonOption, VersionOption, emit, out_path, say
 from cli.train import stoppable, watched
 
 
@@ -19,7 +19,9 @@ def ablate(
         list[str] | None,
         typer.Argument(metavar="KEY=VALUE", help="Replace what it says: train.steps=600; for all rows alike."),
     ] = None,
-    out: Annotated[Path, typer.Option("--out", help="Folder of the runs and the tables.")] = Path("runs/ablation"),
+    out: Annotated[Path, typer.Option("--out", parser=out_path, help="Folder of the runs and the tables.")] = Path(
+        "runs/ablation"
+    ),
     seeds: Annotated[int, typer.Option(min=1, max=99, help="Seeds of the default network; others have one.")] = 3,
     only: Annotated[
         str | None, typer.Option(metavar="REGEX", help="Run only the rows whose names it is found in: '^appocc-360'.")

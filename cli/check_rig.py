@@ -7,13 +7,13 @@ from typing import Annotated
 
 import typer
 
-from cli.common import JsonOption, VersionOption, emit, say
+from cli.common import JsonOption, VersionOption, emit, out_path, say
 from cli.infer import RigOption, SourceArgument, moments_of
 
 
 def check_rig(
     source: SourceArgument,
-    out: Annotated[Path, typer.Option("--out", help="The picture to write (.png).")],
+    out: Annotated[Path, typer.Option("--out", parser=out_path, help="The picture to write (.png).")],
     scene: Annotated[str | None, typer.Option("--scene", help="Scene of ROOT; the first by default.")] = None,
     frame: Annotated[int, typer.Option("--frame", min=0, help="Number of the key frame or sub-folder, from 0.")] = 0,
     rig: RigOption = None,

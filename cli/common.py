@@ -6,7 +6,7 @@ import json
 import os
 import shlex
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any
@@ -24,6 +24,8 @@ TrustUnseenOption = Annotated[
     typer.Option("--trust-unseen", help="Of predicted maps, also use what the network guesses where no camera sees."),
 ]
 JsonOption = Annotated[bool, typer.Option("--json", help="Machine-readable output on stdout, nothing else there.")]
+# A line for people about a name or value of a stranger is no longer than this.
+_MOST_TOLD = 2000
 
 
 class Interrupted(SystemExit):
@@ -51,8 +53,9 @@ def say(text: str) -> None:
 
 
 def say_error(reason: object) -> None:
-    """Why a command ends, in one line."""
-    say("error: " + str(reason).replace("\n", "\\n"))
+    """Why a command ends, in one line; names and values in it may be as long as a stranger likes."""
+    line = str(reason)
+    say("error: " + (line if len(line) <= _MOST_TOLD else line[:_MOST_TOLD] + " ...").replace("\n", "\\n"))
 
 
 def emit(value: Any) -> None:
@@ -81,6 +84,26 @@ def _plain(value: Any) -> Any:
     if isinstance(value, float) and not -1e308 < value < 1e308:
         return None
     return value
+
+
+def say_stale(stale: Mapping[str, int]) -> None:
+    """How many results were there and were made anew, and why."""
+    if stale:
+        say(f"made anew: {'; '.join(f'{count} ({reason})' for reason, count in stale.items())}")
+
+
+def out_path(text: str) -> Path:
+    """The value of `--out`; an empty one would be the working folder.
+
+    Raises:
+        typer.BadParameter: if it is empty.
+    """
+    if not text:
+        raise typer.BadParameter("expected a name, got an empty one")
+    return Path(text)
+
+
+out_path.__name__ = "path"  # how --help calls the value
 
 
 @contextmanager

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from cli.common import JsonOption, emit, progress, say
+from cli.common import JsonOption, emit, out_path, progress, say
 
 
 class Source(StrEnum):
@@ -22,7 +22,7 @@ def convert(
     src: Annotated[
         Path, typer.Argument(metavar="SRC", help="Folder with frames.json (plain), or a published sequence folder.")
     ],
-    out: Annotated[Path, typer.Argument(metavar="OUT", help="New folder for the dataset.")],
+    out: Annotated[Path, typer.Argument(parser=out_path, metavar="OUT", help="New folder for the dataset.")],
     lidar: Annotated[Path | None, typer.Option(help="Folder with the sweeps, where they lie apart.")] = None,
     trust_pickles: Annotated[
         bool,

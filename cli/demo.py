@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from cli.common import JsonOption, emit, progress, say
+from cli.common import JsonOption, emit, out_path, progress, say
 
 if TYPE_CHECKING:
     from appocc.nuscenes import Dataset, Scene
@@ -20,7 +20,8 @@ FRAME, PREDICTED = 6, "predicted"
 
 def demo(
     out: Annotated[
-        Path, typer.Option("--out", help="New folder, or an earlier demo, whose files are made anew.")
+        Path,
+        typer.Option("--out", parser=out_path, help="New folder, or an earlier demo, whose files are made anew."),
     ] = Path("appocc-demo"),
     as_json: JsonOption = False,
 ) -> None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cli.common import JsonOption, VersionOption, emit, progress, say
+from cli.common import JsonOption, VersionOption, emit, out_path, progress, say
 
 if TYPE_CHECKING:
     from appocc.export.run import Source
@@ -28,7 +28,10 @@ _ENDINGS = {Format.onnx: ".onnx", Format.openvino: ".xml"}
 
 def export(
     out: Annotated[
-        Path, typer.Option("--out", metavar="FILE", help="The file to write: .onnx, or .xml for OpenVINO.")
+        Path,
+        typer.Option(
+            "--out", parser=out_path, metavar="FILE", help="The file to write: .onnx, or .xml for OpenVINO."
+        ),
     ],
     root: Annotated[
         Path | None, typer.Argument(metavar="ROOT", help="Dataset whose rig and pictures are used.")
@@ -88,5 +91,7 @@ def _source(root: Path | None, rig: str | None, scene: str | None, version: str 
     if rig is not None:
         raise DataError("expected either ROOT or --rig, got both")
     dataset = Dataset(root, version)
+    if not dataset.scenes:
+        raise DataError(f"{root}: expected a scene, got none")
     chosen = dataset.scene(scene) if scene else dataset.scenes[0]
     return source_of(dataset_moments(dataset, [chosen]), f"{chosen.name} of {root.resolve().name}")

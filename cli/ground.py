@@ -180,13 +180,9 @@ def _lines(path: Path) -> list[str]:
     Raises:
         DataError: if it cannot be read, is no text, is too large, or holds none.
     """
-    try:
-        with path.open("rb") as file:
-            text = file.read(_MOST_BYTES + 1)
-    except OSError as error:
-        raise DataError(f"{path}: cannot be read ({error.strerror})") from error
-    if len(text) > _MOST_BYTES:
-        raise DataError(f"{path}: expected at most {_MOST_BYTES} bytes of commands")
+    from appocc.files import read_file
+
+    text = read_file(path, _MOST_BYTES)
     found = [line.strip() for line in text.decode(errors="replace").splitlines() if line.strip()]
     if not found:
         raise DataError(f"{path}: expected commands, one a line, got none")
@@ -194,10 +190,19 @@ def _lines(path: Path) -> list[str]:
 
 
 def _asked() -> Iterator[str]:
-    """What people type, until an empty line or the end of input."""
+    """What people type, until an empty line or the end of input.
+
+    Raises:
+        DataError: if standard input is closed.
+    """
+    if sys.stdin is None:
+        raise DataError("--interactive: standard input is closed")
     while True:
         typer.echo("> ", nl=False, err=True)
-        line = sys.stdin.readline()
+        try:
+            line = sys.stdin.readline(_MOST_BYTES)
+        except UnicodeDecodeError as error:
+            raise DataError(f"standard input: expected text ({error})") from error
         if not line.strip():
             return
         yield line.strip()

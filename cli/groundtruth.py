@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from cli.common import JsonOption, RootArgument, VersionOption, emit, progress, say
+from cli.common import JsonOption, RootArgument, VersionOption, emit, out_path, progress, say, say_stale
 
 
 class Paint(StrEnum):
@@ -20,7 +20,10 @@ class Paint(StrEnum):
 
 def groundtruth(
     root: RootArgument,
-    out: Annotated[Path | None, typer.Option(help="Folder for bev/groundtruth; ROOT itself by default.")] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(parser=out_path, help="Folder for bev/groundtruth; ROOT itself by default."),
+    ] = None,
     scene: Annotated[str | None, typer.Option(help="Only this scene.")] = None,
     paint: Annotated[
         Paint, typer.Option(help="Vehicle colour: robust (bodywork only), or the paper's histogram mode.")
@@ -50,6 +53,8 @@ def groundtruth(
         summary = generate(dataset, scenes, out or root, settings, workers or cores(), advance)
     seconds = time.monotonic() - start
     if as_json:
-        emit({"made": summary.made, "kept": summary.kept, "folder": str(summary.folder), "seconds": seconds})
+        counts = {"made": summary.made, "kept": summary.kept, "stale": summary.stale}
+        emit({**counts, "folder": str(summary.folder), "seconds": seconds})
+    say_stale(summary.stale)
     rate = f", {summary.made / seconds * 60:.0f} a minute" if summary.made else ""
     say(f"{summary.folder}: {summary.made} maps made{rate}, {summary.kept} kept")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cli.common import JsonOption, VersionOption, emit, progress, say
+from cli.common import JsonOption, VersionOption, emit, out_path, progress, say, say_stale
 
 if TYPE_CHECKING:
     from appocc.bevmap import BEVMap
@@ -26,7 +26,10 @@ RigOption = Annotated[str | None, typer.Option("--rig", help="Name or YAML file 
 
 def infer(
     source: SourceArgument,
-    out: Annotated[Path, typer.Option("--out", help="Folder for the maps; ROOT/bev/NAME makes them a source.")],
+    out: Annotated[
+        Path,
+        typer.Option("--out", parser=out_path, help="Folder for the maps; ROOT/bev/NAME makes them a source."),
+    ],
     scene: Annotated[str | None, typer.Option("--scene", help="Only this scene of ROOT.")] = None,
     weights: Annotated[Path | None, typer.Option(help="File of weights; those of the package by default.")] = None,
     rig: RigOption = None,
@@ -54,7 +57,8 @@ def infer(
     if as_json:
         dead = {channel: {"frames": times, "reason": why} for channel, (times, why) in summary.dead.items()}
         counts = {"made": summary.made, "kept": summary.kept, "seconds": seconds, "left_out": dead}
-        emit({"folder": str(out), "pictures": str(out / PICTURES), **counts})
+        emit({"folder": str(out), "pictures": str(out / PICTURES), **counts, "stale": summary.stale})
+    say_stale(summary.stale)
     if summary.dead:
         told = (f"{channel} in {times} frames ({why})" for channel, (times, why) in summary.dead.items())
         say(f"left out: {'; '.join(told)}")

@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from cli.common import Interrupted, JsonOption, emit, progress, say
+from cli.common import Interrupted, JsonOption, emit, out_path, progress, say
 
 
 class Split(StrEnum):
@@ -21,7 +21,7 @@ class Split(StrEnum):
 
 
 def simulate(
-    out: Annotated[Path, typer.Argument(metavar="OUT", help="New folder for the dataset.")],
+    out: Annotated[Path, typer.Argument(parser=out_path, metavar="OUT", help="New folder for the dataset.")],
     scenes: Annotated[int, typer.Option(min=1, max=9999, help="Number of scenes.")] = 10,
     seconds: Annotated[float, typer.Option(min=0.1, max=600, help="Length of a scene.")] = 10.0,
     hz: Annotated[float, typer.Option(min=0.1, max=50, help="Frames a second.")] = 2.0,

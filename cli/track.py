@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from appocc.errors import AppoccError, DataError
-from cli.common import JsonOption, TrustUnseenOption, VersionOption, emit, progress, say
+from cli.common import JsonOption, TrustUnseenOption, VersionOption, emit, out_path, progress, say
 
 if TYPE_CHECKING:
     from appocc.nuscenes import Dataset, Scene
@@ -52,6 +52,7 @@ def track(
         Path | None,
         typer.Option(
             "--out",
+            parser=out_path,
             help="Folder to write; by default ROOT/tracks/SOURCE/SCENE (SOURCE: that of the maps, or the name of the "
             "--detections file), KITTI/tracks, or tracks beside the --mot file.",
         ),

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cli.common import Interrupted, JsonOption, emit, say
+from cli.common import Interrupted, JsonOption, emit, out_path, say
 
 if TYPE_CHECKING:
     from appocc.training.run import Watcher
@@ -25,7 +25,10 @@ def train(
     overrides: Annotated[
         list[str] | None, typer.Argument(metavar="KEY=VALUE", help="Replace what it says: train.lr=1e-3.")
     ] = None,
-    out: Annotated[Path | None, typer.Option("--out", help="Folder of the run; else runs/NAME-OF-CONFIG.")] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", parser=out_path, help="Folder of the run; else runs/NAME-OF-CONFIG."),
+    ] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Go on with the run that lies in this folder.")] = False,
     as_json: JsonOption = False,
 ) -> None:

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from cli.common import JsonOption, emit, say
+from cli.common import JsonOption, emit, out_path, say
 
 app = typer.Typer(name="weights", help="What weights are; weights for others to use.", no_args_is_help=True)
 
@@ -39,7 +39,7 @@ def ship(
     file: Annotated[
         Path, typer.Argument(metavar="FILE", help="Weights that a training left: runs/small/best.safetensors.")
     ],
-    out: Annotated[Path, typer.Option("--out", help="The new file, *.safetensors.")],
+    out: Annotated[Path, typer.Option("--out", parser=out_path, help="The new file, *.safetensors.")],
     figures: Annotated[
         Path | None, typer.Option(help="What `appocc eval bev --json` printed of their maps of unseen places.")
     ] = None,

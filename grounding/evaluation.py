@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from appocc.errors import DataError
+from appocc.files import read_text
 
 # What must be right for the headline figure; the others are judged one by one.
 CORE = ("status", "action", "relation", "noun", "colour", "qualifiers", "direction")
@@ -186,12 +187,8 @@ def read_labelled(path: Path) -> list[dict[str, Any]]:
     Raises:
         DataError: if the file cannot be read, or a line of it is no record, with its number.
     """
-    try:
-        lines = path.read_text(encoding="utf-8").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise DataError(f"{path}: cannot be read as text ({getattr(error, 'strerror', None) or error})") from error
     records = []
-    for number, line in enumerate(lines, start=1):
+    for number, line in enumerate(read_text(path).splitlines(), start=1):
         if line.strip():
             try:
                 records.append(_record(line))

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import get_args
 
 from appocc.errors import DataError
+from appocc.files import read_text
 from grounding.kinds import INFLECTED, LIGHT_VERBS, MENDED, NOUNS, VALUES, WORD, Entry, Kind, Pattern, State
 
 __all__ = ["Kind", "Lexicon", "default_lexicon", "phrases", "read_lexicon"]
@@ -147,13 +148,7 @@ def _copy(base: Lexicon) -> Lexicon:
 
 def _read_into(lexicon: Lexicon, path: Path, careful: bool = False) -> None:
     """Add the phrases of a file; `careful`: each is taken apart at once, so that mistakes are told."""
-    try:
-        size = path.stat().st_size
-        lines = path.read_text(encoding="utf-8").splitlines() if size <= _MOST_BYTES else []
-    except (OSError, UnicodeDecodeError) as error:
-        raise DataError(f"{path}: cannot be read as text ({getattr(error, 'strerror', None) or error})") from error
-    if size > _MOST_BYTES:
-        raise DataError(f"{path}: expected a lexicon of at most {_MOST_BYTES} bytes, got {size}")
+    lines = read_text(path, _MOST_BYTES).splitlines()
     section: Entry | None = None
     in_forms = False
     for number, line in enumerate(lines, start=1):

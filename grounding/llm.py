@@ -9,9 +9,13 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from concurrent.futures import Future
 from dataclasses import dataclass, replace
+from functools import partial
 from http.client import HTTPException
+from threading import Thread
 from typing import Any
+from urllib.error import HTTPError
 from urllib.parse import urlsplit
 from urllib.request import Request, urlopen
 
@@ -20,7 +24,7 @@ from grounding.kinds import Action, Relation
 from grounding.parse import Reading, readings
 from grounding.schema import Noun, Placing, Qualifier, choices, query_of
 
-_MOST_BYTES = 100_000
+_MOST_BYTES, _MOST_TOLD = 100_000, 200
 _TASK = f"""You read what a passenger tells a self-driving car and answer with one JSON object and nothing else.
 status: "ok", or "reject" if it is no driving command (then nothing else).
 action: the action that takes the vehicle referred to, else the main one: {choices(Action)}.
@@ -43,7 +47,7 @@ class Endpoint:
         url: of its chat completions, http or https.
         model: its name.
         key: sent as a bearer token, None where none is needed.
-        timeout_s: how long an answer may take.
+        timeout_s: how long an answer may take in all.
         read: how sentences are read beside it.
     """
 
@@ -59,8 +63,12 @@ class Endpoint:
         Raises:
             DataError: if it is not one of http or https.
         """
-        parts = urlsplit(self.url)
-        if parts.scheme not in ("http", "https") or not parts.netloc:
+        try:
+            parts = urlsplit(self.url)
+            good = parts.scheme in ("http", "https") and bool(parts.hostname) and parts.port != 0
+        except ValueError:  # half an IPv6 address, a port that is none
+            good = False
+        if not good:
             raise DataError(
                 f"language model: expected an address that begins with http:// or https://, got {self.url}"
             )
@@ -69,9 +77,9 @@ class Endpoint:
         """The model's reading before those of the grammar; if it fails, those of the grammar with a note why."""
         own = self.read(text)
         try:
-            query = query_of(text, json.loads(self._asked(text)))
-        except (DataError, ValueError, OSError, HTTPException) as error:
-            note = f"the language model was not heard: {error}"
+            query = query_of(text, json.loads(_within(self.timeout_s, partial(self._asked, text))))
+        except (DataError, ValueError, OSError, HTTPException, RecursionError) as error:
+            note = f"the language model was not heard: {str(error)[:_MOST_TOLD]}"
             return tuple(replace(one, notes=(*one.notes, note)) for one in own)
         if query.action is None:
             return own
@@ -88,8 +96,35 @@ class Endpoint:
         body = {"model": self.model, "messages": messages, "temperature": 0}
         headers = {"Content-Type": "application/json"} | ({"Authorization": f"Bearer {self.key}"} if self.key else {})
         request = Request(self.url, json.dumps(body).encode(), headers)
-        with urlopen(request, timeout=self.timeout_s) as answer:
-            return _content(json.loads(answer.read(_MOST_BYTES)))
+        try:
+            with urlopen(request, timeout=self.timeout_s) as answer:
+                return _content(json.loads(answer.read(_MOST_BYTES)))
+        except HTTPError as error:
+            error.close()  # it holds the connection
+            raise
+
+
+def _within(seconds: float, job: Callable[[], str]) -> str:
+    """What a job returns or raises; one that takes longer is left to itself, and ends with the process at the latest.
+
+    A limit for each read is none for all: a server may send a byte a second.
+
+    Raises:
+        TimeoutError: if it takes longer.
+    """
+    answer: Future[str] = Future()
+
+    def work() -> None:
+        try:
+            answer.set_result(job())
+        except Exception as error:  # whatever it is, it is raised where the answer is waited for
+            answer.set_exception(error)
+
+    Thread(target=work, daemon=True).start()
+    try:
+        return answer.result(seconds)
+    except TimeoutError as error:
+        raise TimeoutError(f"no answer within {seconds:g} s") from error
 
 
 def _content(answer: Any) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import os
 import pickle
 import struct
@@ -13,6 +14,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from PIL import Image, UnidentifiedImageError
 
 from appocc import files
 from appocc.errors import DataError
@@ -207,13 +209,78 @@ def test_arrays_are_never_unpickled(tmp_path: Path) -> None:
 
     np.savez(tmp_path / "a.npz", evil=np.array(Evil(), dtype=object))
     (tmp_path / "b.npz").write_bytes(pickle.dumps(Evil()))
-    with (tmp_path / "a.npz").open("rb") as handle, files.zip_arrays(handle) as data:
+    with files.zip_arrays((tmp_path / "a.npz").read_bytes()) as data:
         assert data.files == ["evil"]
         with pytest.raises(ValueError, match="allow_pickle=False"):
             data["evil"]
-    with (
-        (tmp_path / "b.npz").open("rb") as handle,
-        pytest.raises(ValueError, match=r"no \.npz archive, or truncated"),
-    ):
-        files.zip_arrays(handle)
+    with pytest.raises(ValueError, match=r"no \.npz archive, or truncated"):
+        files.zip_arrays((tmp_path / "b.npz").read_bytes())
     assert not ran.exists()
+
+
+def test_what_might_never_end_is_not_read(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "device").symlink_to("/dev/zero")
+    for name in ("pipe", "device"):
+        for read in (files.read_file, files.read_json, files.read_image, files.read_text, files.digest_of):
+            with pytest.raises(DataError, match=f"{name}: expected a plain file, got a pipe or a device"):
+                read(tmp_path / name)
+        with (
+            pytest.raises(DataError, match=f"{name}: expected a plain file"),
+            files.open_picture(tmp_path / name),
+        ):
+            pass
+    with pytest.raises(DataError, match=r"cannot be read \(Is a directory\)"):
+        files.read_file(tmp_path)
+    with pytest.raises(DataError, match=r"cannot be read \(embedded null byte\)"):
+        files.read_file(tmp_path / "a\0b")
+
+
+def test_a_file_is_read_up_to_a_size(tmp_path: Path) -> None:
+    (tmp_path / "a").write_bytes(b"12345")
+    assert files.read_file(tmp_path / "a", 5) == b"12345"
+    with pytest.raises(DataError, match="a: expected at most 4 bytes, got 5"):
+        files.read_file(tmp_path / "a", 4)
+    (tmp_path / "huge").touch()
+    os.truncate(tmp_path / "huge", 1 << 40)
+    for read in (files.read_file, files.read_json, files.read_image, files.unzipped):
+        with pytest.raises(DataError, match=r"huge: expected at most \d+ bytes, got 1099511627776"):
+            read(tmp_path / "huge")
+
+
+def test_packed_files_hold_no_more_than_a_size(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "a.gz").write_bytes(gzip.compress(bytes(1000)))
+    np.savez_compressed(tmp_path / "a.npz", a=np.zeros(800, np.uint8))
+    packed = (tmp_path / "a.npz").read_bytes()
+    monkeypatch.setattr(files, "_MOST_UNPACKED", 1000)
+    assert files.unzipped(tmp_path / "a.gz") == bytes(1000)
+    with files.zip_arrays(packed) as data:
+        assert data["a"].shape == (800,)
+    monkeypatch.setattr(files, "_MOST_UNPACKED", 700)
+    with pytest.raises(DataError, match=r"a\.gz: expected at most 700 bytes when unpacked, got more"):
+        files.unzipped(tmp_path / "a.gz")
+    with pytest.raises(ValueError, match="expected at most 700 bytes when unpacked, got 928"):
+        files.zip_arrays(packed)
+    (tmp_path / "b.gz").write_bytes(b"no gzip")
+    with pytest.raises(DataError, match=r"b\.gz: cannot be unpacked"):
+        files.unzipped(tmp_path / "b.gz")
+
+
+@pytest.mark.parametrize("form", ["BMP", "GIF", "TIFF", "PPM", "WEBP", "EPS"])
+def test_only_jpeg_and_png_are_read(tmp_path: Path, form: str) -> None:
+    path = tmp_path / "a.png"
+    Image.fromarray(PICTURE).save(path, form)
+    with pytest.raises(DataError, match=r"not a readable image .* expected JPEG or PNG"):
+        files.read_image(path)
+    with pytest.raises(UnidentifiedImageError), files.open_picture(path):
+        pass
+
+
+def test_a_few_bytes_that_claim_a_huge_picture_are_refused(tmp_path: Path) -> None:
+    files.write_image(tmp_path / "a.png", PICTURE)
+    data = bytearray((tmp_path / "a.png").read_bytes())
+    data[16:24] = struct.pack(">II", 20_000, 20_000)
+    data[29:33] = struct.pack(">I", zlib.crc32(data[12:29]))
+    (tmp_path / "a.png").write_bytes(data)
+    with pytest.raises(DataError, match="not a readable image"):
+        files.read_image(tmp_path / "a.png")

@@ -61,7 +61,7 @@ def test_an_intrinsic_may_be_given(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "reason"),
     [
-        ("[1, 2", "no camera rig"),
+        ("[1, 2", "no valid YAML"),
         ("", "the file"),
         ("cameras: {}", "cameras"),
         ("cameras:\n  ../x: {}", "pattern"),
@@ -76,8 +76,8 @@ def test_an_intrinsic_may_be_given(tmp_path: Path) -> None:
         (ONE + "    zoom: 3\n", "zoom"),
         (ONE + ONE.removeprefix("cameras:\n"), "'CAM_FRONT' stands twice"),
         (ONE + "    yaw_deg: 90\n", "'yaw_deg' stands twice"),
-        (ONE.replace("yaw_deg: 0", "yaw_deg: 2020-99-99"), "no camera rig"),
-        (ONE.replace("[64, 32]", f"[{'9' * 5000}, 32]"), "no camera rig"),
+        (ONE.replace("yaw_deg: 0", "yaw_deg: 2020-99-99"), "no valid YAML"),
+        (ONE.replace("[64, 32]", f"[{'9' * 5000}, 32]"), "no valid YAML"),
         (ONE.replace("[64, 32]", "[64, 0]"), "size_px"),
         (ONE.replace("[64, 32]", "[99999, 32]"), "size_px"),
         (ONE.replace("[1, 0, 1.5]", "[1, .inf, 1.5]"), "position_m"),
@@ -101,5 +101,5 @@ def test_an_unknown_name_lists_the_known_ones() -> None:
 def test_a_file_that_is_no_text(tmp_path: Path) -> None:
     path = tmp_path / "rig.yaml"
     path.write_bytes(b"\xff\xfe\x00\x80")
-    with pytest.raises(DataError, match="no camera rig"):
+    with pytest.raises(DataError, match="cannot be read as text"):
         read_rig(str(path))

@@ -21,7 +21,7 @@ from pathlib import Path
 import numpy as np
 from scipy.stats import rankdata
 
-from appocc.checks import FloatArray, check_shape, frozen
+from appocc.checks import FloatArray, IntArray, check_shape, frozen
 from appocc.errors import DataError, ShapeError
 from appocc.files import write_bytes
 from tracking.association import AssociationConfig
@@ -114,7 +114,7 @@ class MotSequence:
     """The frames of a file, from the first with detections to the last.
 
     Attributes:
-        frames: T, one after another.
+        frames: T, in order of time; empty ones in which a tracker remembers nobody are left out.
         px_per_m: pixels of a metre in the picture; None where places on the ground are followed.
     """
 
@@ -147,11 +147,23 @@ def read_boxes(path: Path, fps: float) -> MotSequence:
     px_per_m = None if placed else float(np.median(rows[:, 5])) / PERSON_M
     rows = rows[np.argsort(rows[:, 0], kind="stable")]
     rows[:, 6] = _log_odds(rows[:, 6])
-    parts = np.split(rows, np.searchsorted(rows[:, 0], np.arange(first + 1, last + 1)))
+    seen = _frames_near(rows[:, 0].astype(np.int64), fps)
+    parts = np.split(rows, np.searchsorted(rows[:, 0], seen[1:]))
     try:
-        return MotSequence(tuple(_frame(first + i, part, fps, px_per_m) for i, part in enumerate(parts)), px_per_m)
+        frames = (_frame(int(number), part, fps, px_per_m) for number, part in zip(seen, parts, strict=True))
+        return MotSequence(tuple(frames), px_per_m)
     except ShapeError as error:
         raise DataError(f"{path}: {error}") from error
+
+
+def _frames_near(numbers: IntArray, fps: float) -> IntArray:
+    """Numbers of the frames with detections, and of those after them until nobody is remembered any more."""
+    seen = np.unique(numbers)
+    # With the frame itself, and the first in which all are forgotten.
+    remembered = int(np.ceil(PEOPLE_IN_PICTURES.life.forget_resting_s * fps)) + 2
+    left = np.diff(seen, append=seen[-1] + 1).clip(max=remembered)
+    after = np.arange(left.sum()) - np.repeat(np.cumsum(left) - left, left)
+    return np.asarray(np.repeat(seen, left) + after)
 
 
 def _rows(path: Path) -> tuple[FloatArray, bool]:

@@ -24,7 +24,7 @@ from pydantic import Field, ValidationError
 
 from appocc.checks import FARTHEST_M, BoolArray, FloatArray
 from appocc.errors import DataError
-from appocc.files import read_json
+from appocc.files import open_plain, read_json
 from appocc.jsonparts import JsonPart, first_problem
 from tracking.rows import lines, numbers, whole
 
@@ -109,11 +109,8 @@ def read_tracks(path: Path) -> TrackFile:
     Raises:
         DataError: if it cannot be read or is damaged, or an id is there twice in a frame.
     """
-    try:
-        with path.open("rb") as file:
-            start = file.read(4096).lstrip()
-    except OSError as error:
-        raise DataError(f"{path}: cannot be read ({error.strerror})") from error
+    with open_plain(path) as file:
+        start = file.read(4096).lstrip()
     if not start:
         return TrackFile(path, None, {})
     if start[:1] in b"{[":

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from appocc.checks import FARTHEST_M
 from appocc.errors import DataError
+from appocc.files import MOST_TEXT_BYTES, read_file
 
 _MOST_TOLD = 40
 
@@ -22,10 +23,7 @@ def lines(path: Path, separator: str | None = None, least: int = 1) -> Iterator[
     Raises:
         DataError: if the file cannot be read or a line has fewer columns.
     """
-    try:
-        text = path.read_bytes().decode(errors="replace")
-    except OSError as error:
-        raise DataError(f"{path}: cannot be read ({error.strerror})") from error
+    text = read_file(path, MOST_TEXT_BYTES).decode(errors="replace")
     for number, line in enumerate(text.split("\n"), start=1):
         if not line.strip():
             continue

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from appocc.bevmap import BEVMap, bev_folder, bev_path
 from appocc.checks import BoolArray, IntArray
 from appocc.errors import DataError
-from appocc.files import zip_arrays
+from appocc.files import read_file, zip_arrays
 from appocc.grid import BEVGrid
 from appocc.nuscenes.records import Sample
 
@@ -78,8 +78,9 @@ def check_there(root: Path, source: str, samples: list[Sample]) -> None:
 
 def _more(path: Path, name: str) -> NDArray[np.generic] | None:
     """An array beside a map's own; None where the file has none."""
+    packed = read_file(path)
     try:
-        with path.open("rb") as handle, zip_arrays(handle) as data:
+        with zip_arrays(packed) as data:
             return data.get(name)
     except Exception as error:  # as in `BEVMap.load`
         raise DataError(f"{path}: damaged BEV map ({error})") from error

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
@@ -19,7 +18,7 @@ from appocc.export.extras import package
 from appocc.export.graph import Graph
 from appocc.export.parity import Parity, ParityError, compare, eager, limit_of, made_inputs
 from appocc.export.runtimes import Run, open_onnx, open_openvino
-from appocc.files import whole_file
+from appocc.files import digest_of, whole_file
 from appocc.frame import Frame
 from appocc.inference.loading import weights_file
 from appocc.inference.moments import Moment
@@ -102,7 +101,7 @@ def export(
         raise DataError(f"rig {source.name}: expected a camera of {', '.join(setting.channels)}, got none")
     fit = CameraRig(tuple(fitted_camera(camera, setting) for camera in cameras))
     shape = (1, len(fit), 3, setting.height_px, setting.width_px)
-    told = {"file": path.name, "sha256": hashlib.sha256(path.read_bytes()).hexdigest()}
+    told = {"file": path.name, "sha256": digest_of(path)}
     card = card_of(weights_card, told, setting, cameras, source.name, _PACKAGES[ending])
     inputs = {**made_inputs(shape), **_pictures(source.frames, cameras, setting)}
     with ExitStack() as kept:

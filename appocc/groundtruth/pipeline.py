@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import lru_cache, partial
@@ -28,6 +29,7 @@ from appocc.nuscenes.dataset import Dataset
 from appocc.nuscenes.maps import mask_window, vector_map
 from appocc.nuscenes.records import Scene
 from appocc.nuscenes.writer import token_of
+from appocc.provenance import Parts, Record, add_record, scene_parts
 from appocc.temporary import made_folder, partial_folder
 from appocc.workers import Pool, worker_pool
 
@@ -35,11 +37,12 @@ SOURCE = "groundtruth"
 
 
 class Summary(NamedTuple):
-    """Counts of a run."""
+    """Counts of a run; `stale`: maps that were there and were made anew, by the reason."""
 
     made: int
     kept: int
     folder: Path
+    stale: dict[str, int]
 
 
 def generate(
@@ -50,7 +53,7 @@ def generate(
     workers: int,
     advance: Callable[[float], None],
 ) -> Summary:
-    """Write the BEV map and preview of every sample of the scenes below `out`; maps that are there already are kept.
+    """Write the BEV map and preview of every sample of the scenes below `out`; maps of the same inputs are kept.
 
     `advance` is called with the samples done, in parts: painting and colouring, which come first for a whole scene,
     count too. The result does not depend on `workers`.
@@ -62,25 +65,34 @@ def generate(
         names = ", ".join(scene.name for scene in scenes[:6])
         raise DataError(f"{dataset.root}: no key frames (scenes: {names or 'none'})")
     made = kept = 0
+    stale: Counter[str] = Counter()
+    record = Record(bev_folder(out, SOURCE))
     with worker_pool(workers) as pool:
         for scene in scenes:
             samples = dataset.samples(scene)
-            missing = {s.token for s in samples if not _is_there(bev_path(out, SOURCE, s.token), settings)}
+            parts = scene_parts(dataset, scene)
+            missing = set()
+            for path in (bev_path(out, SOURCE, sample.token) for sample in samples):
+                reason = _why_stale(path, settings) or (path.is_file() and record.why_stale(path.stem, parts))
+                if reason or not (path.is_file() and path.with_suffix(".png").is_file()):
+                    missing.add(path.stem)
+                    stale.update([reason] if reason else [])
             kept += len(samples) - len(missing)
             advance(len(samples) - len(missing))
             if missing:
-                made += _make_scene(dataset, scene, missing, out, settings, pool, advance)
-    return Summary(made, kept, bev_folder(out, SOURCE))
+                made += _make_scene(dataset, scene, missing, out, settings, pool, advance, parts)
+    record.tidy()
+    return Summary(made, kept, bev_folder(out, SOURCE), dict(stale))
 
 
-def _is_there(path: Path, settings: Settings) -> bool:
-    """Whether a whole map made with the same settings lies there, with its picture."""
-    if not (path.is_file() and path.with_suffix(".png").is_file()):
-        return False
+def _why_stale(path: Path, settings: Settings) -> str:
+    """Why a map that is there was not made with these settings; '' if it was, or none is there."""
+    if not path.is_file():
+        return ""
     try:
-        return bool(BEVMap.load(path).meta.get("settings") == settings.as_meta())
-    except DataError:  # whatever is wrong with it, it is made anew
-        return False
+        return "" if BEVMap.load(path).meta.get("settings") == settings.as_meta() else "settings changed"
+    except DataError:
+        return "damaged"
 
 
 def _make_scene(
@@ -91,6 +103,7 @@ def _make_scene(
     settings: Settings,
     pool: Pool | None,
     advance: Callable[[float], None],
+    parts: Parts,
 ) -> int:
     inputs = gather(dataset, scene)
     work = Work(pool, advance, len(missing))
@@ -100,7 +113,7 @@ def _make_scene(
     with _scratch(out, scene) as folder:
         sources = folder / "sources.pickle"  # our own file, read back by our own workers only
         write_bytes(sources, pickle.dumps(_sources(dataset, scene, inputs, surface)))
-        work.done(partial(_make_sample, sources=sources, out=out, settings=settings), wanted, 1.0)
+        work.done(partial(_make_sample, sources=sources, out=out, settings=settings, parts=parts), wanted, 1.0)
     return len(wanted)
 
 
@@ -173,10 +186,13 @@ def _read_sources(path: Path) -> RoadSources:
     return sources
 
 
-def _make_sample(wanted: tuple[SampleInput, Painted | None], sources: Path, out: Path, settings: Settings) -> None:
+def _make_sample(
+    wanted: tuple[SampleInput, Painted | None], sources: Path, out: Path, settings: Settings, parts: Parts
+) -> None:
     """Compose and write one sample; the map comes last, so that a map is never without its picture."""
     sample, painted = wanted
     bev = compose(sample, _read_sources(sources), painted, settings)
     path = bev_path(out, SOURCE, sample.token)
     write_image(path.with_suffix(".png"), preview(bev))
     bev.save(path)
+    add_record(path.parent, path.stem, parts)

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import hashlib
 from pathlib import Path
 
 import torch
 
 from appocc.bevmap import CLASSES
 from appocc.errors import DataError
+from appocc.files import digest_of
 from appocc.inference.predictor import Predictor, Weights
 from appocc.models.fused import fused
 from appocc.models.weights import PACKAGED, load_model, thresholds_of
@@ -35,7 +35,7 @@ def load_predictor(weights: Path | None, device: torch.device | None = None) -> 
     """
     path = weights_file(weights)
     model, card = load_model(path)
-    digest = hashlib.sha256(path.read_bytes()).hexdigest()
+    digest = digest_of(path)
     chosen = device or torch.device("cuda" if torch.cuda.is_available() else "cpu")
     thresholds = dict(zip(CLASSES, thresholds_of(card), strict=True))
     return Predictor(fused(model), Weights(f"{card['network']} ({path.name})", digest, thresholds), chosen)

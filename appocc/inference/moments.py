@@ -16,6 +16,7 @@ from appocc.files import plain_name, read_image
 from appocc.frame import Frame
 from appocc.nuscenes.dataset import Dataset
 from appocc.nuscenes.records import Sample, Scene
+from appocc.provenance import Parts, digest, sample_parts, state_of
 
 _ENDINGS = (".jpg", ".jpeg", ".png")
 # A picture without anything brighter is that of a dead camera: the darkest night has lamps and noise.
@@ -41,11 +42,13 @@ class Moment(NamedTuple):
         token: name of its map.
         title: name of its picture.
         read: its view; read late, so that a long recording need not fit into memory.
+        parts: what its map is made from.
     """
 
     token: str
     title: str
     read: Callable[[], View]
+    parts: Callable[[], Parts]
 
 
 def dataset_moments(dataset: Dataset, scenes: Sequence[Scene]) -> list[Moment]:
@@ -58,8 +61,8 @@ def dataset_moments(dataset: Dataset, scenes: Sequence[Scene]) -> list[Moment]:
     for scene in scenes:
         name = plain_name(dataset.root, scene.name)
         for number, sample in enumerate(dataset.samples(scene)):
-            read = partial(_read_sample, dataset, sample)
-            moments.append(Moment(plain_name(dataset.root, sample.token), f"{name}-{number:04d}", read))
+            read, parts = partial(_read_sample, dataset, sample), partial(sample_parts, dataset, sample)
+            moments.append(Moment(plain_name(dataset.root, sample.token), f"{name}-{number:04d}", read, parts))
     if not moments:
         raise DataError(f"{dataset.root}: no key frames")
     return moments
@@ -80,7 +83,11 @@ def folder_moments(folder: Path, rig: CameraRig) -> list[Moment]:
     if not found:
         wanted = ", ".join(f"{channel}.jpg" for channel in rig.channels[:3])
         raise DataError(f"{folder}: expected images named by the cameras of the rig ({wanted}, ...), got none")
-    return [Moment(path.resolve().name, path.resolve().name, partial(_read_folder, path, rig)) for path in found]
+    names = [path.resolve().name for path in found]
+    return [
+        Moment(name, name, partial(_read_folder, path, rig), partial(_folder_parts, path, rig))
+        for name, path in zip(names, found, strict=True)
+    ]
 
 
 def _read_sample(dataset: Dataset, sample: Sample) -> View:
@@ -94,6 +101,13 @@ def _read_sample(dataset: Dataset, sample: Sample) -> View:
 def _read_folder(folder: Path, rig: CameraRig) -> View:
     images, dead = _living(rig, _images(folder, rig))
     return View(Frame(folder.resolve().name, 0, np.eye(4), rig, images), dead)
+
+
+def _folder_parts(folder: Path, rig: CameraRig) -> Parts:
+    """What the map of a folder of images is made from."""
+    cameras = [(c.channel, c.width_px, c.height_px, c.intrinsic.tolist(), c.ego_from_cam.tolist()) for c in rig]
+    files = [(channel, path.name, state_of(path)) for channel, path in _images(folder, rig).items()]
+    return {"pictures": digest(files), "calibration": digest(cameras)}
 
 
 def _images(folder: Path, rig: CameraRig) -> dict[str, Path]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from appocc.checks import ByteArray, FloatArray, check_shape
 from appocc.errors import DataError
-from appocc.files import write_bytes
+from appocc.files import read_file, write_bytes
 
 
 def read_lidar(path: Path) -> FloatArray:
@@ -17,10 +17,7 @@ def read_lidar(path: Path) -> FloatArray:
     Raises:
         DataError: if the file is missing or its length is no multiple of five float32.
     """
-    try:
-        raw = path.read_bytes()
-    except OSError as error:
-        raise DataError(f"{path}: cannot be read ({error.strerror})") from error
+    raw = read_file(path)
     if len(raw) % 20:
         raise DataError(f"{path}: expected rows of 5 float32 (20 bytes), got {len(raw)} bytes: truncated?")
     return np.frombuffer(raw, np.float32).reshape(-1, 5).astype(np.float64)
@@ -43,10 +40,7 @@ def read_labels(path: Path, points: int) -> ByteArray:
     Raises:
         DataError: if the file is missing or does not hold one byte a point.
     """
-    try:
-        raw = path.read_bytes()
-    except OSError as error:
-        raise DataError(f"{path}: cannot be read ({error.strerror})") from error
+    raw = read_file(path)
     if len(raw) != points:
         raise DataError(f"{path}: expected {points} labels, one a point, got {len(raw)}")
     return np.frombuffer(raw, np.uint8)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import re
 from collections.abc import Iterator
@@ -14,11 +15,14 @@ from numpy.typing import NDArray
 
 from appocc.checks import BoolArray, IntArray
 from appocc.errors import DataError, NotFoundError
+from appocc.files import open_plain
 from appocc.nuscenes.columns import Column, column, joined
 from appocc.nuscenes.schema import Field
 
 # Characters read at a time: larger pieces leave the processor's cache and are slower to parse.
 _PIECE = 1 << 16
+# Characters of a record, at most: a file without an end of one would fill the memory.
+_LONGEST = 1 << 24
 _BETWEEN = re.compile(r"\}\s*,\s*(?=\{)")
 
 
@@ -112,19 +116,19 @@ def read_table(path: Path, fields: tuple[Field, ...]) -> Table:
     """
     parts: dict[str, list[Column]] = {field.name: [] for field in fields}
     seen = 0
-    try:
-        with path.open(encoding="utf-8-sig", newline="") as handle:
+    with open_plain(path) as file, io.TextIOWrapper(file, "utf-8-sig", newline="") as handle:
+        try:
             for records in _pieces(handle):
                 for field in fields:
                     parts[field.name].append(column(field, records, seen))
                 seen += len(records)
-    except OSError as error:
-        raise DataError(f"{path}: cannot be read ({error.strerror})") from error
-    except DataError as error:
-        raise DataError(f"{path}: {error}") from None
-    except (ValueError, RecursionError) as error:
-        reason = error.msg if isinstance(error, json.JSONDecodeError) else error
-        raise DataError(f"{path}: no valid JSON list of records ({reason}, after record {seen})") from error
+        except OSError as error:
+            raise DataError(f"{path}: cannot be read ({error.strerror})") from error
+        except DataError as error:
+            raise DataError(f"{path}: {error}") from None
+        except (ValueError, RecursionError) as error:
+            reason = error.msg if isinstance(error, json.JSONDecodeError) else error
+            raise DataError(f"{path}: no valid JSON list of records ({reason}, after record {seen})") from error
     return Table(path.stem, {field.name: joined(parts.pop(field.name)) for field in fields})
 
 
@@ -138,6 +142,8 @@ def _pieces(handle: TextIO) -> Iterator[list[Any]]:
         records, end = _whole_records(buffer)
         yield records
         buffer = buffer[end:] + piece
+        if len(buffer) > _LONGEST:
+            raise ValueError(f"a record is longer than {_LONGEST} characters")
     yield json.loads(f"[{buffer}")
 
 

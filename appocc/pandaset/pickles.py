@@ -8,6 +8,7 @@ the width and .y the length; points are in the WORLD frame and hold both LiDARs 
 from __future__ import annotations
 
 import importlib
+import io
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,7 @@ import numpy as np
 
 from appocc.checks import FloatArray
 from appocc.errors import AppoccError, DataError
-from appocc.files import read_json
+from appocc.files import read_file, read_json
 from appocc.geometry import apply, inverse, transform
 from appocc.pandaset.recording import CHANNELS, Cuboid, Image, Moment, Recording, Sweep
 
@@ -136,7 +137,8 @@ def _unpickled(path: Path) -> Any:
         pandas = importlib.import_module("pandas")
     except ImportError as error:
         raise DataError("reading pickles needs pandas: pip install 'appocc[pandaset]'") from error
+    packed = read_file(path)
     try:
-        return pandas.read_pickle(path)
+        return pandas.read_pickle(io.BytesIO(packed), compression="gzip")
     except Exception as error:  # a damaged pickle can raise anything
         raise DataError(f"{path}: cannot be unpickled ({type(error).__name__}: {error})") from error

@@ -10,7 +10,7 @@ import numpy as np
 
 from appocc.checks import FloatArray, check_finite, check_numbers, check_transform
 from appocc.errors import AppoccError, DataError
-from appocc.files import inside, read_json, zip_arrays
+from appocc.files import inside, read_file, read_json, zip_arrays
 from appocc.geometry import nearest_rigid
 from appocc.pandaset.recording import CHANNELS, Cuboid, Image, Moment, Recording, RoadRaster, Sweep
 
@@ -75,12 +75,11 @@ def _cuboid(box: dict[str, Any]) -> Cuboid:
 
 def _sweep(path: Path) -> Sweep:
     """Points of one npz: centimetres in the ego frame."""
+    packed = read_file(path)
     try:
-        with path.open("rb") as handle, zip_arrays(handle) as data:
+        with zip_arrays(packed) as data:
             check_numbers("points", data["xyz_cm_ego"])
             return Sweep(data["xyz_cm_ego"].astype(np.float64) / 100, data["intensity"], data["semseg"])
-    except OSError as error:
-        raise DataError(f"{path}: cannot be read ({error.strerror or error})") from error
     except Exception as error:  # damage surfaces as nearly any error of zipfile, zlib and numpy
         raise DataError(f"{path}: damaged sweep ({error})") from error
 
@@ -102,8 +101,9 @@ def _road(source: Path) -> RoadRaster | None:
     path = source / "road_world.npz"
     if not path.is_file():
         return None
+    packed = read_file(path)
     try:
-        with path.open("rb") as handle, zip_arrays(handle) as data:
+        with zip_arrays(packed) as data:
             check_numbers("label", data["label"])
             check_finite("label", data["label"])
             origin = (float(data["x0"]), float(data["y0"]))

@@ -6,13 +6,13 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from appocc.camera import Camera, CameraRig
 from appocc.checks import FloatArray
 from appocc.errors import DataError, NotFoundError, ShapeError
 from appocc.geometry import transform
+from appocc.yaml_file import read_yaml
 
 FOLDER = Path(__file__).parent
 DEFAULT = "paper"
@@ -52,18 +52,6 @@ class _RigModel(BaseModel):
     ]
 
 
-class _Loader(yaml.SafeLoader):
-    """YAML in which no key comes twice: of two cameras of one name, the first would be lost in silence."""
-
-    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
-        names = [key.value for key, _ in node.value if isinstance(key, yaml.ScalarNode)]
-        for name in names:
-            if names.count(name) > 1:
-                line = node.start_mark.line + 1
-                raise yaml.constructor.ConstructorError(None, None, f"'{name}' stands twice below line {line}")
-        return super().construct_mapping(node, deep)
-
-
 def rig_names() -> tuple[str, ...]:
     """Names of the shipped rigs."""
     return tuple(sorted(path.stem for path in FOLDER.glob("*.yaml")))
@@ -79,17 +67,15 @@ def read_rig(name_or_path: str) -> CameraRig:
     path = FOLDER / f"{name_or_path}.yaml" if name_or_path in rig_names() else Path(name_or_path)
     if not path.is_file():
         raise NotFoundError(f"{name_or_path}: no rig of this name ({', '.join(rig_names())}) and no such file")
+    values = read_yaml(path)
     try:
-        found = _RigModel.model_validate(yaml.load(path.read_text(encoding="utf-8"), _Loader))
+        found = _RigModel.model_validate(values)
         return CameraRig(tuple(_camera(channel, model) for channel, model in found.cameras.items()))
-    except OSError as error:
-        raise DataError(f"{path}: cannot be read ({error.strerror or error})") from error
     except ValidationError as error:
         first: Any = error.errors()[0]
         where = ".".join(str(part) for part in first["loc"] if part != "[key]") or "the file"
         raise DataError(f"{path}: no camera rig: {where}: {first['msg']}") from error
-    # A date that is none, or a number of thousands of digits, is a plain ValueError of PyYAML.
-    except (yaml.YAMLError, ShapeError, ValueError, RecursionError) as error:
+    except (ShapeError, ValueError) as error:
         raise DataError(f"{path}: no camera rig ({' '.join(str(error).split())})") from error
 
 

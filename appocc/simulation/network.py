@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import gzip
-import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -15,6 +13,7 @@ import numpy as np
 
 from appocc.checks import FloatArray, check_finite, frozen
 from appocc.errors import DataError, NotFoundError
+from appocc.files import unzipped
 
 LaneKind = Literal["driving", "parking", "cycling", "walking", "shoulder", "other"]
 # Lanes of these classes in SUMO's words; what nobody may use beside a road is a parking lane (see `making.layout`).
@@ -158,13 +157,10 @@ def read_network(path: Path) -> RoadNetwork:
     Raises:
         DataError: if it is missing, damaged, or no network.
     """
+    text = unzipped(path)
     try:
-        data = path.read_bytes()
-        root = ElementTree.fromstring(gzip.decompress(data) if path.suffix == ".gz" else data)
-        return _network(root)
-    except OSError as error:
-        raise DataError(f"{path}: cannot be read ({error.strerror or error})") from error
-    except (ElementTree.ParseError, ValueError, TypeError, EOFError, zlib.error) as error:
+        return _network(ElementTree.fromstring(text))
+    except (ElementTree.ParseError, ValueError, TypeError) as error:
         raise DataError(f"{path}: no SUMO network ({error})") from error
 
 

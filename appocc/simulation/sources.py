@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from appocc.errors import DataError, NotFoundError
+from appocc.files import digest_of
 from appocc.simulation.builtin import TEST_TOWNS, TRAIN_TOWNS, load_builtin
 from appocc.simulation.plan import TownPlan
 from appocc.simulation.town_files import load_town
@@ -94,8 +94,4 @@ def _source(text: str) -> TownSource:
         raise NotFoundError(f"{text}: no built-in town ({names}), no map file, and not random:NUMBER")
     if not text.endswith(_MAPS):
         raise DataError(f"{text}: expected an OpenDRIVE (.xodr) or SUMO (.net.xml, .net.xml.gz) map")
-    try:
-        digest = hashlib.sha256(path.read_bytes()).hexdigest()
-    except OSError as error:
-        raise DataError(f"{text}: cannot be read ({error.strerror or error})") from error
-    return TownSource(path.name.split(".")[0], path, digest)
+    return TownSource(path.name.split(".")[0], path, digest_of(path))

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from appocc.checks import BoolArray, ByteArray, FloatArray, IntArray
 from appocc.errors import AppoccError, DataError
-from appocc.files import write_bytes, zip_arrays
+from appocc.files import read_file, write_bytes, zip_arrays
 from appocc.simulation.traffic import KINDS, Actor, TrafficLog
 
 UNIT = np.array([0.01, 0.01, np.deg2rad(0.25)])  # what x, y (metres) and headings (radians) are rounded to
@@ -58,11 +58,10 @@ def load_traffic(path: Path) -> TrafficLog:
     Raises:
         DataError: if the file is missing, damaged, or holds something else.
     """
+    packed = read_file(path)
     try:
-        with path.open("rb") as handle, zip_arrays(handle) as archive:
+        with zip_arrays(packed) as archive:
             return _log({name: archive[name] for name in archive.files})
-    except OSError as error:
-        raise DataError(f"{path}: cannot be read ({error.strerror or error})") from error
     except (AppoccError, ValueError, KeyError, TypeError, IndexError, EOFError, zipfile.BadZipFile) as error:
         raise DataError(f"{path}: no recorded traffic, or damaged ({' '.join(str(error).split())})") from error
     except Exception as error:  # zlib, struct and numpy's header parser have more for damaged bytes

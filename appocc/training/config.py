@@ -11,12 +11,14 @@ import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from appocc.errors import DataError
+from appocc.yaml_file import parse_yaml, read_yaml
 
 Share = Annotated[float, Field(ge=0, le=1)]
 NotNegative = Annotated[float, Field(ge=0)]
 Positive = Annotated[float, Field(gt=0)]
 Count = Annotated[int, Field(ge=1)]
 PerClass = tuple[NotNegative, NotNegative, NotNegative]
+_MOST_TOLD = 100
 
 
 class _Part(BaseModel):
@@ -219,13 +221,7 @@ def read_config(path: Path, overrides: Sequence[str] = ()) -> Config:
     Raises:
         DataError: if the file cannot be read, or says something that no training can be told.
     """
-    try:
-        values = yaml.load(path.read_text(encoding="utf-8"), _Loader)
-    except OSError as error:
-        raise DataError(f"{path}: cannot be read ({error.strerror or error})") from error
-    # A date that is none, or a number of thousands of digits, is a plain ValueError of PyYAML.
-    except (yaml.YAMLError, ValueError, RecursionError) as error:
-        raise DataError(f"{path}: no valid YAML ({' '.join(str(error).split())})") from error
+    values = read_yaml(path)
     if not isinstance(values, dict):
         raise DataError(f"{path}: expected keys such as data and train, got {type(values).__name__}")
     replaced = dict(_override(values, text) for text in overrides)
@@ -246,9 +242,9 @@ def _override(values: dict[Any, Any], text: str) -> tuple[str, str]:
             raise DataError(f"'{text}': expected a key, but '{part}' is a value")
         values = values[part]
     try:
-        values[parts[-1]] = yaml.load(value, _Loader)
-    except (yaml.YAMLError, ValueError, RecursionError) as error:
-        raise DataError(f"'{text}': no valid YAML value ({' '.join(str(error).split())})") from error
+        values[parts[-1]] = parse_yaml(value)
+    except ValueError as error:
+        raise DataError(f"'{text}': no valid YAML value ({error})") from error
     return key, text
 
 
@@ -267,7 +263,7 @@ def _complaint(path: Path, error: ValidationError, replaced: dict[str, str]) -> 
     if first["type"] == "missing":
         return f"{place}: {key}: expected a value, got none"
     message = first["msg"].removeprefix("Value error, ").replace("Input should be", "expected")
-    got = "" if first["type"] == "value_error" else f", got {first['input']!r}"
+    got = "" if first["type"] == "value_error" else f", got {repr(first['input'])[:_MOST_TOLD]}"
     return f"{place}: {key}: {message}{got}"
 
 
@@ -287,14 +283,3 @@ def _flat(values: dict[str, Any], above: str = "") -> dict[str, Any]:
     for key, value in values.items():
         found |= _flat(value, f"{above}{key}.") if isinstance(value, dict) else {above + key: value}
     return found
-
-
-class _Loader(yaml.SafeLoader):
-    """YAML in which no key comes twice: the first would be lost in silence."""
-
-    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
-        names = [key.value for key, _ in node.value if isinstance(key, yaml.ScalarNode)]
-        twice = [name for name in names if names.count(name) > 1]
-        if twice:
-            raise yaml.constructor.ConstructorError(None, None, f"'{twice[0]}' stands twice", node.start_mark)
-        return super().construct_mapping(node, deep)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import math
 import os
 import shutil
@@ -28,13 +27,14 @@ from appocc.nuscenes.dataset import Dataset
 from appocc.nuscenes.records import Sample as Moment
 from appocc.nuscenes.records import Scene
 from appocc.nuscenes.writer import whole_folder
+from appocc.provenance import training_parts
 from appocc.simulation.scenario import weather_of
 from appocc.temporary import locked, made_folder
 from appocc.training.reading import ARRAYS, Sample, layout, read_sample, source_of, views_path
 from appocc.workers import in_order, worker_pool
 
 __all__ = ["Pack", "Sample", "pack"]
-VERSION = 2
+VERSION = 3
 _ABOUT = "pack.json"
 
 
@@ -155,7 +155,7 @@ def pack(
     if not moments:
         raise DataError(f"{dataset.root}: no key frames to train on")
     channels = _channels(dataset, setting)
-    made_of = _made_of(dataset, source, setting, channels, [moment.token for _, moment in moments])
+    made_of = _made_of(dataset, source, setting, channels, [moment for _, moment in moments])
     advance, tell = advance or (lambda done: None), tell or (lambda line: None)
     with suppress(DataError):
         if (kept := _kept(out, made_of)[0]) is not None:
@@ -242,20 +242,19 @@ def _channels(dataset: Dataset, setting: Setting) -> tuple[str, ...]:
 
 
 def _made_of(
-    dataset: Dataset, source: str, setting: Setting, channels: tuple[str, ...], tokens: Sequence[str]
+    dataset: Dataset, source: str, setting: Setting, channels: tuple[str, ...], moments: Sequence[Moment]
 ) -> dict[str, Any]:
     """JSON values that change with whatever a pack is made of.
 
     Raises:
         DataError: if a sample has no map.
     """
-    told = hashlib.sha256()
-    for token in tokens:
+    more = []
+    for token in (moment.token for moment in moments):
         path = bev_path(dataset.root, source, token)
         if not path.is_file():
             load_map(dataset.root, source, token)  # its error says how maps are made
-        state, views = path.stat(), views_path(dataset.root, token)
-        told.update(f"{token} {state.st_size} {state.st_mtime_ns} {views.is_file()}\n".encode())
+        more += [path, views_path(dataset.root, token)]
     return {
         "version": VERSION,
         "root": str(dataset.root.resolve()),
@@ -268,7 +267,7 @@ def _made_of(
             "height_px": setting.height_px,
         },
         "channels": list(channels),
-        "samples": told.hexdigest(),
+        **training_parts(dataset, moments, more),
     }
 
 

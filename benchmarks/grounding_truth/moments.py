@@ -253,7 +253,7 @@ class Town:
         """A key frame by its token."""
         sample = self.dataset.sample(token)
         bev = load_map(self.dataset.root, "exact", token)
-        with bev_path(self.dataset.root, "exact", token).open("rb") as handle, zip_arrays(handle) as data:
+        with zip_arrays(bev_path(self.dataset.root, "exact", token).read_bytes()) as data:
             instance = data["instance"]
         pose = self.dataset.world_from_ego(sample)
         world = self.dataset.boxes_world(sample)

@@ -14,6 +14,7 @@ from appocc.bevmap import ROAD, VEHICLE, BEVMap, bev_path
 from appocc.errors import DataError, NotFoundError
 from appocc.files import read_image
 from appocc.grid import BEVGrid
+from cli.ground import _asked
 from cli.main import app
 from tracking.formats import write_nuscenes
 from tracking.tracks import Track
@@ -243,6 +244,15 @@ def test_files_without_commands(street: Path, tmp_path: Path, content: bytes, re
     result = ask(street, *KEY_FRAME, "--commands", tmp_path / "all.txt")
     assert isinstance(result.exception, DataError)
     assert reason in str(result.exception)
+
+
+def test_standard_input_that_is_closed_or_no_text(street: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    words = ["ground", str(street), "-i", *KEY_FRAME]
+    result = CliRunner().invoke(app, words, input=b"\xff\xfe\n")
+    assert isinstance(result.exception, DataError), result.output
+    monkeypatch.setattr("sys.stdin", None)
+    with pytest.raises(DataError, match="standard input is closed"):
+        list(_asked())
 
 
 def test_help_shows_an_example() -> None:

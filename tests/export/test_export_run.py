@@ -16,7 +16,7 @@ from tiny_dataset import TinyDataset
 from typer.testing import CliRunner, Result
 
 from appocc.camera import CameraRig
-from appocc.errors import AppoccError
+from appocc.errors import AppoccError, DataError
 from appocc.export import run as export_run
 from appocc.export.convert import write_openvino
 from appocc.export.parity import ParityError, limit_of
@@ -190,6 +190,14 @@ def test_a_missing_extra_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
         assert result.exception.exit_code == 2
         assert str(result.exception).startswith(f"exporting needs {name}: pip install 'appocc[export]'")
     assert list(tmp_path.iterdir()) == [weights]
+
+
+def test_a_dataset_without_scenes(tiny: TinyDataset, tmp_path: Path) -> None:
+    for table in tiny.tables:
+        tiny.tables[table] = []
+    result = run(tiny.write(), "--out", tmp_path / "m.onnx")
+    assert isinstance(result.exception, DataError)
+    assert str(result.exception) == f"{tiny.root}: expected a scene, got none"
 
 
 def test_what_cannot_be_done_is_told_in_one_line(tiny: TinyDataset, tmp_path: Path) -> None:

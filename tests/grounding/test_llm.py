@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+import socket
 import threading
 import time
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from http.server import BaseHTTPRequestHandler, HTTPServer
 from typing import Any
 
@@ -98,6 +100,31 @@ def test_one_that_fails_or_is_slow_is_not_waited_for(
     assert "was not heard" in given[0].notes[-1]
 
 
+def test_one_that_sends_a_byte_now_and_then_is_not_waited_for() -> None:
+    server, ended = socket.create_server(("127.0.0.1", 0)), threading.Event()
+
+    def drip() -> None:
+        asked, _ = server.accept()
+        with asked, suppress(OSError):
+            asked.recv(100_000)
+            asked.sendall(b"HTTP/1.1 200 OK\r\n\r\n")
+            while not ended.wait(0.02):
+                asked.sendall(b" ")
+
+    dripping = threading.Thread(target=drip, daemon=True)
+    dripping.start()
+    given = Endpoint(f"http://127.0.0.1:{server.getsockname()[1]}/", "m", None, 0.2).readings("stop")
+    assert given[0].notes[-1] == "the language model was not heard: no answer within 0.2 s"
+    assert dripping.is_alive()
+    ended.set()
+    dripping.join(10)
+    server.close()
+
+
+def test_an_answer_too_deep_is_not_heard(answers: Callable[..., Endpoint]) -> None:
+    assert "was not heard" in answers(b"[" * 50_000).readings("stop")[0].notes[-1]
+
+
 def test_one_that_is_not_there() -> None:
     given = Endpoint("http://127.0.0.1:9/", "m", None, 0.5).readings("stop")
     assert given[0].query == read("stop").query
@@ -109,7 +136,19 @@ def test_what_it_rejects_the_grammar_may_still_read(answers: Callable[..., Endpo
     assert given[0].query == read("park behind the red car").query
 
 
-@pytest.mark.parametrize("url", ["file:///etc/passwd", "ftp://a/b", "localhost:80", "http://", ""])
+@pytest.mark.parametrize(
+    "url",
+    [
+        "file:///etc/passwd",
+        "ftp://a/b",
+        "localhost:80",
+        "http://",
+        "",
+        "http://[::1",
+        "http://:80",
+        "http://a:99999/",
+    ],
+)
 def test_addresses_of_nothing(url: str) -> None:
     with pytest.raises(DataError, match="expected an address that begins with http"):
         Endpoint(url, "m")

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import hashlib
+import os
 from pathlib import Path
 
 import numpy as np
@@ -62,7 +63,7 @@ def run(dataset: Dataset, out: Path, workers: int = 1, settings: Settings = SETT
 def made(dataset: Dataset, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Its maps."""
     out = tmp_path_factory.mktemp("maps")
-    assert run(dataset, out) == Summary(3, 0, out / "bev" / "groundtruth")
+    assert run(dataset, out) == Summary(3, 0, out / "bev" / "groundtruth", {})
     return out
 
 
@@ -81,7 +82,8 @@ def maps(dataset: Dataset, out: Path) -> list[BEVMap]:
 
 def test_a_map_and_a_picture_a_sample(dataset: Dataset, made: Path) -> None:
     tokens = [sample.token for sample in dataset.samples(dataset.scenes[0])]
-    assert set(digests(made)) == {f"bev/groundtruth/{t}.{kind}" for t in tokens for kind in ("npz", "png")}
+    files = {f"bev/groundtruth/{t}.{kind}" for t in tokens for kind in ("npz", "png")}
+    assert set(digests(made)) == {*files, "bev/groundtruth/inputs.jsonl"}
     for sample, bev in zip(dataset.samples(dataset.scenes[0]), maps(dataset, made), strict=True):
         assert bev.grid == SETTINGS.grid
         assert bev.meta["token"] == sample.token
@@ -155,6 +157,26 @@ def test_a_run_goes_on_where_it_was(dataset: Dataset, made: Path, tmp_path: Path
     third.write_bytes(third.read_bytes()[:100])
     assert run(dataset, tmp_path)[:2] == (1, 2)
     assert digests(tmp_path) == expected == digests(made)
+
+
+def test_maps_are_made_anew_when_what_they_are_made_of_changed(tiny: TinyDataset, tmp_path: Path) -> None:
+    def anew() -> tuple[int, dict[str, int]]:
+        summary = run(Dataset(tiny.root), tmp_path)
+        return summary.made, summary.stale
+
+    assert anew() == (3, {})
+    tiny.tables["sample_annotation"][0]["size"][0] += 0.5
+    tiny.write()
+    assert anew() == (3, {"boxes changed": 3})
+    tiny.tables["calibrated_sensor"][0]["translation"][2] += 0.1
+    tiny.write()
+    assert anew() == (3, {"calibration changed": 3})
+    os.utime(next((tiny.root / "samples" / "LIDAR_TOP").iterdir()), ns=(1, 1))
+    os.utime(tiny.root / "maps" / "drivable.png", ns=(1, 1))
+    assert anew() == (3, {"maps and sweeps changed": 3})
+    (tmp_path / "bev" / "groundtruth" / "inputs.jsonl").unlink()
+    assert anew() == (3, {"what they were made from is not recorded": 3})
+    assert anew() == (0, {})
 
 
 def test_other_settings_are_another_run(dataset: Dataset, tmp_path: Path) -> None:

@@ -1,6 +1,8 @@
 from __future__ import annotations
 
 import hashlib
+import os
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -43,7 +45,7 @@ def test_maps_are_a_source_and_say_what_is_seen(tiny: TinyDataset) -> None:
     out = tiny.root / "bev" / "mine"
     assert run(tiny, out)[:2] == (3, 0)
     assert [load_map(tiny.root, source, ALL[0]).meta["token"] for source in ("mine", f"{out}/")] == ALL[:1] * 2
-    with (out / f"{ALL[1]}.npz").open("rb") as handle, zip_arrays(handle) as data:
+    with zip_arrays((out / f"{ALL[1]}.npz").read_bytes()) as data:
         assert data["seen"].all()
         assert data["occupancy"].dtype == np.float16
     assert sorted(path.name for path in (out / "pictures").iterdir()) == [f"scene-tiny-000{i}.png" for i in range(3)]
@@ -135,3 +137,56 @@ def test_the_figure_has_cameras_left_and_both_maps_right(tiny: TinyDataset, sett
 def test_cameras_stand_as_they_look(tiny: TinyDataset) -> None:
     frame = moments_of(tiny)[0].read().frame
     assert [[camera.channel for camera in row] for row in rows_of_cameras(frame.rig)] == [["CAM_FRONT"], ["CAM_BACK"]]
+
+
+def _anew(tiny: TinyDataset, out: Path) -> tuple[int, int, dict[str, int]]:
+    summary = run(tiny, out)
+    return summary.made, summary.kept, summary.stale
+
+
+def test_a_map_is_made_anew_when_its_pictures_or_cameras_changed(tiny: TinyDataset, tmp_path: Path) -> None:
+    dataset = Dataset(tiny.root)
+    path = dataset.path(dataset.data(dataset.sample(ALL[1]))["CAM_BACK"])
+    picture = path.read_bytes()
+    path.unlink()
+    assert _anew(tiny, tmp_path) == (3, 0, {})
+    path.write_bytes(picture)
+    assert _anew(tiny, tmp_path) == (1, 2, {"pictures changed": 1})
+    assert BEVMap.load(tmp_path / f"{ALL[1]}.npz").meta["cameras"] == ["CAM_FRONT", "CAM_BACK"]
+    tiny.tables["calibrated_sensor"][0]["translation"][2] += 0.1
+    tiny.write()
+    os.utime(path, ns=(1, 1))
+    assert _anew(tiny, tmp_path)[2] == {"calibration changed": 2, "calibration and pictures changed": 1}
+    assert _anew(tiny, tmp_path) == (0, 3, {})
+
+
+def test_maps_without_a_record_are_made_anew_once(tiny: TinyDataset, tmp_path: Path) -> None:
+    run(tiny, tmp_path)
+    before, record = digests(tmp_path), tmp_path / "inputs.jsonl"
+    record.write_bytes(record.read_bytes().split(b"\n")[0] + b'\n["half')
+    assert _anew(tiny, tmp_path) == (2, 1, {"what they were made from is not recorded": 2})
+    assert digests(tmp_path) == before
+    assert _anew(tiny, tmp_path) == (0, 3, {})
+
+
+def test_neither_maps_nor_the_record_depend_on_where_the_dataset_lies(tiny: TinyDataset, tmp_path: Path) -> None:
+    run(tiny, tmp_path / "a")
+    tiny.root = tiny.root.rename(tmp_path / "elsewhere")
+    assert _anew(tiny, tmp_path / "a") == (0, 3, {})
+
+
+def test_a_truth_is_not_replaced(tiny: TinyDataset, tmp_path: Path) -> None:
+    run(tiny, tmp_path / "mine")
+    for name in ("groundtruth", "exact"):
+        (tmp_path / f"link-to-{name}").symlink_to(tmp_path / name)
+        for out in (tmp_path / name, tmp_path / f"link-to-{name}"):
+            with pytest.raises(DataError, match="maps in a folder of this name count as the truth"):
+                run(tiny, out)
+    path = tmp_path / "mine" / f"{ALL[0]}.npz"
+    bev = BEVMap.load(path)
+    for meta in ({"source": "simulated"}, {"sources": {"road": "map"}}):
+        replace(bev, meta=meta).save(path)
+        before = digests(tmp_path)
+        with pytest.raises(DataError, match=f"{ALL[0]}.npz: expected a predicted map or none, got a truth"):
+            run(tiny, tmp_path / "mine")
+        assert digests(tmp_path) == before

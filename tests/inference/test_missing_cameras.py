@@ -61,7 +61,7 @@ def test_choices_of_living_cameras_are_fixed_and_few() -> None:
 
 
 def test_frames_are_taken_from_all_over() -> None:
-    moments = [Moment(str(i), str(i), lambda: pytest.fail("read too early")) for i in range(9)]
+    moments = [Moment(str(i), str(i), lambda: pytest.fail("read too early"), dict) for i in range(9)]
     assert [moment.token for moment in evenly(moments, 3)] == ["0", "4", "8"]
     assert evenly(moments, 20) == moments
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 from collections.abc import Callable
 from pathlib import Path
@@ -10,6 +11,7 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+from PIL import Image
 from tiny_dataset import TinyDataset
 
 from appocc.checks import ByteArray, FloatArray
@@ -96,13 +98,21 @@ def test_a_scene_without_a_mask(tiny: TinyDataset) -> None:
     assert mask_window(dataset, dataset.scenes[0], *EVERYWHERE) is None
 
 
+def _postscript() -> bytes:
+    """A grey picture as EPS, which Pillow gives to Ghostscript."""
+    stream = io.BytesIO()
+    Image.new("L", (8, 8)).save(stream, "EPS")
+    return stream.getvalue()
+
+
 def test_masks_that_cannot_be_read(tiny: TinyDataset) -> None:
     path = tiny.root / "maps" / "drivable.png"
     whole = path.read_bytes()
     dataset = Dataset(tiny.root)
-    for data in (b"no picture", whole[: len(whole) // 2], None):
+    for data in (b"no picture", whole[: len(whole) // 2], _postscript(), None):
         path.unlink() if data is None else path.write_bytes(data)
-        with pytest.raises(DataError, match=r"maps/drivable\.png: not a readable map mask"):
+        reason = "cannot be read" if data is None else "not a readable map mask"
+        with pytest.raises(DataError, match=rf"maps/drivable\.png: {reason}"):
             mask_window(dataset, dataset.scenes[0], *EVERYWHERE)
 
 

@@ -125,7 +125,7 @@ BAD: dict[str, tuple[Callable[[Path], object], str]] = {
     ),
     "no images": (no_images, r"sequence 002: no frames"),
     "class names a list": (lambda s: (s / "annotations/semseg/classes.json").write_text("[]"), r"AttributeError"),
-    "no cuboids": (lambda s: (s / "annotations/cuboids/02.pkl.gz").unlink(), r"02\.pkl\.gz: cannot be unpickled"),
+    "no cuboids": (lambda s: (s / "annotations/cuboids/02.pkl.gz").unlink(), r"02\.pkl\.gz: cannot be read"),
     "cuboids damaged": (
         lambda s: (s / "annotations/cuboids/02.pkl.gz").write_bytes(b"nothing"),
         r"02\.pkl\.gz: cannot be unpickled",

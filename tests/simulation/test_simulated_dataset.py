@@ -79,7 +79,7 @@ def test_instances_of_cells_are_annotated_objects(dataset: Dataset, samples: lis
     sample = max(samples, key=lambda s: load_map(dataset.root, "exact", s.token).occupancy[VEHICLE].sum())
     path = bev_path(dataset.root, "exact", sample.token)
     bev = BEVMap.load(path)
-    with path.open("rb") as handle, zip_arrays(handle) as data:
+    with zip_arrays(path.read_bytes()) as data:
         instance, covered = data["instance"], data["appearance_covered"]
     assert covered.shape == bev.appearance.shape
     np.testing.assert_array_equal(instance >= 0, bev.occupancy[VEHICLE] > 0.5)
@@ -112,7 +112,7 @@ def test_vehicles_show_their_paint_from_above(dataset: Dataset, samples: list[Sa
         bev = BEVMap.load(path)
         if bev.meta["weather"] not in ("clear", "overcast"):
             continue
-        with path.open("rb") as handle, zip_arrays(handle) as data:
+        with zip_arrays(path.read_bytes()) as data:
             instance = data["instance"]
         for number in np.unique(instance[instance >= 0]):
             cells = instance == number

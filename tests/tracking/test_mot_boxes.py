@@ -12,6 +12,7 @@ from typer.testing import CliRunner, Result
 from appocc.checks import FloatArray
 from appocc.errors import AppoccError, DataError, ShapeError
 from cli.main import app
+from tracking import mot_boxes
 from tracking.detections import MOST_LOG_ODDS, lead
 from tracking.mot_boxes import PEOPLE_IN_PICTURES, PEOPLE_ON_GROUND, MotSequence, read_boxes, write_boxes
 from tracking.scoring import Question, score_files
@@ -64,6 +65,32 @@ def test_places_on_the_ground(tmp_path: Path) -> None:
     seen = sequence.frames[0].detections
     np.testing.assert_array_equal(seen.ground_m, [[4.5, -1, 0.25]])
     np.testing.assert_allclose(seen.size_m, [[0.51, 0.51, 1.7]])
+
+
+def test_frames_without_anybody_cost_nothing(tmp_path: Path) -> None:
+    rows = [walker(i, 0) for i in range(1, 6)] + [walker(40, 0), walker(999_000, -1.998e6), walker(999_999, -2e6)]
+    sequence = read_boxes(write(tmp_path / "det.txt", rows), FPS)
+    numbers = [frame.number for frame in sequence.frames]
+    assert numbers == [*range(1, 32), *range(40, 67), *range(999_000, 999_027), 999_999]
+    assert [frame.number for frame in sequence.frames if len(frame.detections)] == [
+        *range(1, 6),
+        40,
+        999_000,
+        999_999,
+    ]
+    assert [frame.timestamp_us for frame in sequence.frames] == [number * 40_000 for number in numbers]
+
+
+def test_frames_that_are_left_out_change_no_track(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    rows = [walker(i) for i in (*range(20), *range(30, 40), *range(90, 110))]
+    path = write(tmp_path / "det.txt", rows)
+    short = read_boxes(path, FPS)
+    monkeypatch.setattr(mot_boxes, "_frames_near", lambda numbers, fps: np.arange(numbers.min(), numbers.max() + 1))
+    full = read_boxes(path, FPS)
+    assert (len(short.frames), len(full.frames)) == (86, 110)
+    for name, sequence in (("short", short), ("full", full)):
+        write_boxes(tmp_path / name, sequence, lead(Tracker(sequence.config), sequence.frames))
+    assert (tmp_path / "short").read_text() == (tmp_path / "full").read_text()
 
 
 def test_columns_after_conf_that_are_no_place(tmp_path: Path) -> None:

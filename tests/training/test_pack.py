@@ -80,10 +80,21 @@ def test_one_that_is_out_of_date_is_made_anew_and_said_so(root: Path, tmp_path: 
     (out / "known.npy").write_bytes(b"x")
     pack(root, "exact", small, out, tell=told.append)
     assert [line.split(",")[0] for line in told] == [f"{out}: packed anew"] * 3
-    assert "samples changed" in told[0]
+    assert "its maps changed" in told[0]
     assert "setting changed" in told[1]
     assert "damaged" in told[2]
     assert sorted(path.name for path in tmp_path.iterdir()) == ["pack", "tiny"]
+
+
+def test_one_of_other_pictures_or_cameras_is_made_anew(tiny: TinyDataset, root: Path, tmp_path: Path) -> None:
+    out, told = tmp_path / "pack", list[str]()
+    packed(root, out)
+    os.utime(next((root / "samples" / "CAM_BACK").iterdir()), ns=(1, 1))
+    pack(root, "exact", SETTING, out, tell=told.append)
+    tiny.tables["calibrated_sensor"][0]["translation"][2] += 0.1
+    tiny.write()
+    pack(root, "exact", SETTING, out, tell=told.append)
+    assert [line.split(", ", 1)[1] for line in told] == ["its sensor files changed", "its calibration changed"]
 
 
 def test_what_is_no_pack_is_left_alone(root: Path, tmp_path: Path) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gzip
 import tempfile
 import zlib
 from pathlib import Path
@@ -10,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from appocc.errors import DataError
+from appocc.files import unzipped
 from appocc.simulation.making.car_parks import draw_car_parks
 from appocc.simulation.making.carriageway import draw_carriageway
 from appocc.simulation.making.layout import draw_layout
@@ -76,8 +76,4 @@ def _network(source: Path | int, file: Path) -> None:
     elif source.suffix == ".xodr":
         import_opendrive(source, file)
     else:
-        try:
-            data = source.read_bytes()
-            file.write_bytes(gzip.decompress(data) if source.suffix == ".gz" else data)
-        except (OSError, EOFError, zlib.error) as error:
-            raise DataError(f"{source}: cannot be read ({error})") from error
+        file.write_bytes(unzipped(source))

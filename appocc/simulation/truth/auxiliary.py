@@ -11,7 +11,7 @@ import numpy as np
 
 from appocc.checks import ByteArray, Float32Array, check_dtype, check_shape, frozen
 from appocc.errors import DataError
-from appocc.files import whole_file, zip_arrays
+from appocc.files import read_file, whole_file, zip_arrays
 
 FACTOR = 8
 
@@ -115,11 +115,10 @@ def load_views(path: Path) -> dict[str, ViewTargets]:
     Raises:
         DataError: if the file is missing or damaged.
     """
+    packed = read_file(path)
     try:
-        with path.open("rb") as handle, zip_arrays(handle) as data:
+        with zip_arrays(packed) as data:
             channels = [name.removesuffix(".depth_m") for name in data.files if name.endswith(".depth_m")]
             return {name: ViewTargets(data[f"{name}.depth_m"], data[f"{name}.kind"]) for name in channels}
-    except OSError as error:
-        raise DataError(f"{path}: cannot be read ({error.strerror or error})") from error
     except Exception as error:  # damage surfaces as nearly any error of zipfile, zlib and numpy
         raise DataError(f"{path}: damaged depth file ({error})") from error

@@ -1,0 +1,168 @@
+"""What results were made from: digests by part, kept beside the results, so that a later run sees which are stale.
+
+Files count by their sizes and times, tables by their values; no absolute path counts. The record is a file of its
+own: the results themselves stay the same to the byte wherever the dataset lies.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from appocc.errors import DataError
+from appocc.files import MOST_TEXT_BYTES, inside, read_file, write_bytes
+from appocc.nuscenes.dataset import LIDAR, Dataset
+from appocc.nuscenes.records import Sample, SampleData, Scene
+from appocc.nuscenes.schema import LABEL_TABLES
+
+# Digest of each part: pictures, calibration, ...
+Parts = Mapping[str, str]
+_RECORD = "inputs.jsonl"
+_UNKNOWN = "what they were made from is not recorded"
+
+
+def digest(values: Iterable[object]) -> str:
+    """Digest of numbers, texts, lists and arrays."""
+    told = hashlib.sha256()
+    for value in values:
+        plain = value.tolist() if isinstance(value, np.ndarray) else value
+        told.update(f"{plain!r}\n".encode())
+    return told.hexdigest()[:16]
+
+
+def state_of(path: Path) -> tuple[int, int] | None:
+    """Size and time of a file, None where there is none."""
+    try:
+        state = path.stat()
+    except (OSError, ValueError):
+        return None
+    return state.st_size, state.st_mtime_ns
+
+
+class Record:
+    """What each result of a folder was made from; a line for each, the last one counts."""
+
+    def __init__(self, folder: Path) -> None:
+        """Read what is recorded; lines that are damaged are left out."""
+        self._path = folder / _RECORD
+        self._parts: dict[str, Parts] = {}
+        for line in read_file(self._path, MOST_TEXT_BYTES).splitlines() if self._path.is_file() else ():
+            try:
+                name, parts = json.loads(line)
+                self._parts[str(name)] = dict(parts)
+            except (ValueError, TypeError, RecursionError):
+                continue
+
+    def why_stale(self, name: str, parts: Parts) -> str:
+        """Why a result that is there is not of these parts; '' if it is."""
+        before = self._parts.get(name)
+        if before is None:
+            return _UNKNOWN
+        changed = sorted(part for part in {*before, *parts} if before.get(part) != parts.get(part))
+        return f"{' and '.join(changed)} changed" if changed else ""
+
+    def tidy(self) -> None:
+        """Write one line for each result, in order; called when a run has ended.
+
+        Raises:
+            DataError: if it cannot be written.
+        """
+        found = Record(self._path.parent)._parts
+        lines = "".join(_line(name, found[name]) for name in sorted(found)).encode()
+        if found and lines != read_file(self._path, MOST_TEXT_BYTES):
+            write_bytes(self._path, lines)
+
+
+def add_record(folder: Path, name: str, parts: Parts) -> None:
+    """Record what a result was made from, once it is there; several processes may do so at a time.
+
+    Raises:
+        DataError: if it cannot be written.
+    """
+    try:
+        with (folder / _RECORD).open("ab") as file:
+            # The line before may have been cut off.
+            file.write(f"\n{_line(name, parts)}".encode())
+    except OSError as error:
+        raise DataError(f"{folder / _RECORD}: cannot be written ({error.strerror})") from error
+
+
+def _line(name: str, parts: Parts) -> str:
+    return json.dumps([name, dict(sorted(parts.items()))]) + "\n"
+
+
+# Of datasets ------------------------------------------------------------------------------------------------------
+
+
+def sample_parts(dataset: Dataset, sample: Sample) -> dict[str, str]:
+    """What a prediction of a sample is made from."""
+    data = list(dataset.data(sample).values())
+    pictures = [each for each in data if each.modality == "camera"]
+    return {"pictures": _files(dataset, pictures), "calibration": _mounting(dataset, data, [sample])}
+
+
+def scene_parts(dataset: Dataset, scene: Scene) -> dict[str, str]:
+    """What ground truth of any sample of a scene is made from.
+
+    Raises:
+        DataError: if a table entry cannot be true.
+    """
+    samples, stream = dataset.samples(scene), dataset.stream(scene)
+    pictures = [data for data in stream if data.modality == "camera"]
+    sweeps = [data for data in stream if data.channel == LIDAR]
+    labels = [path for data in sweeps for table in LABEL_TABLES if (path := dataset.label_path(data, table))]
+    return {
+        "pictures": _files(dataset, pictures),
+        "sweeps": digest([_files(dataset, sweeps), *((path.name, state_of(path)) for path in labels)]),
+        "calibration": _mounting(dataset, [*pictures, *sweeps], samples),
+        "boxes": _boxes(dataset, samples),
+        "maps": _maps(dataset, scene),
+    }
+
+
+def training_parts(dataset: Dataset, samples: Sequence[Sample], more: Iterable[Path]) -> dict[str, str]:
+    """What the packed samples of a dataset are made from; `more`: the files of maps and views."""
+    data = [each for sample in samples for each in dataset.data(sample).values()]
+    used = [each for each in data if each.modality == "camera" or each.channel == LIDAR]
+    return {
+        "sensor files": _files(dataset, used),
+        "calibration": _mounting(dataset, used, samples),
+        "maps": digest((path.name, state_of(path)) for path in more),
+    }
+
+
+def _files(dataset: Dataset, data: Iterable[SampleData]) -> str:
+    return digest((each.filename, state_of(dataset.path(each))) for each in data)
+
+
+def _mounting(dataset: Dataset, data: Iterable[SampleData], samples: Iterable[Sample]) -> str:
+    """Cameras and sensors as mounted, the ego's poses and all times, as the tables have them."""
+    sensors, poses = dataset.tables["calibrated_sensor"], dataset.tables["ego_pose"]
+    values: list[Any] = [(sample.token, sample.timestamp_us) for sample in samples]
+    for each in data:
+        values.append((each.channel, each.timestamp_us, each.width_px, each.height_px))
+        values += [sensors[name][each.calibration_row] for name in ("translation", "rotation", "camera_intrinsic")]
+        values += [poses[name][each.ego_pose_row] for name in ("translation", "rotation")]
+    return digest(values)
+
+
+def _boxes(dataset: Dataset, samples: Iterable[Sample]) -> str:
+    table, categories = dataset.tables["sample_annotation"], dataset.tables["category"]["name"]
+    values: list[Any] = []
+    for sample in samples:
+        rows = dataset.tables.annotations_by_sample.rows(sample.token)
+        values += [table.array(name)[rows] for name in ("instance_token", "translation", "size", "rotation")]
+        values += [categories[row] if row >= 0 else None for row in dataset.tables.annotation_category[rows]]
+    return digest(values)
+
+
+def _maps(dataset: Dataset, scene: Scene) -> str:
+    record, location = dataset.map_record(scene), dataset.location(scene)
+    names = [f"maps/expansion/{location}.json", f"maps/{location}.json"] if location else []
+    names += [record.filename] if record is not None else []
+    return digest([record, *((name, state_of(inside(dataset.root, name))) for name in names)])
