@@ -14,6 +14,7 @@ from appocc.errors import AppoccError, DataError, NotFoundError
 from appocc.files import inside, read_image
 from appocc.frame import Frame
 from appocc.geometry import interpolate_pose, inverse, rotation_from_quaternion, transform
+from appocc.nuscenes.columns import intrinsic_of
 from appocc.nuscenes.lidar import read_lidar
 from appocc.nuscenes.records import MapRecord, Sample, SampleData, Scene
 from appocc.nuscenes.schema import LABEL_TABLES
@@ -178,7 +179,7 @@ class Dataset:
         if width < 1 or height < 1:
             height, width = read_image(self.path(data)).shape[:2]
         try:
-            intrinsic = np.array(t["camera_intrinsic"][data.calibration_row], dtype=np.float64)
+            intrinsic = intrinsic_of(t["camera_intrinsic"][data.calibration_row])
             return Camera(data.channel, width, height, intrinsic, ego_from_cam)
         except (TypeError, ValueError) as error:
             raise DataError(f"{where}: {error}") from error

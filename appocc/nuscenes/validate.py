@@ -9,9 +9,10 @@ from itertools import chain
 import numpy as np
 
 from appocc.boxes import LARGEST_M
-from appocc.checks import FARTHEST_M, BoolArray, FloatArray, check_intrinsic
+from appocc.checks import FARTHEST_M, BoolArray, FloatArray
 from appocc.errors import DataError
 from appocc.nuscenes.chaincheck import check_chains, later, pair
+from appocc.nuscenes.columns import intrinsic_of
 from appocc.nuscenes.dataset import Dataset
 from appocc.nuscenes.filecheck import check_files
 from appocc.nuscenes.problem import Problem, of_rows, refers
@@ -42,6 +43,7 @@ def validate(dataset: Dataset, images: bool = True, progress: Progress = no_prog
     in_tables = chain(
         _lacking(tables),
         *(_tokens(tables[name]) for name in (*TABLES, *EXTRA_TABLES)),
+        *(_times(tables[name]) for name in TABLES),
         _references(tables),
         _list_references(tables),
         check_chains(tables),
@@ -75,6 +77,12 @@ def _lacking(tables: Tables) -> Iterator[Problem]:
 def _tokens(table: Table) -> Iterator[Problem]:
     yield from of_rows(table, table.repeated(), "repeated token", lambda row: "an earlier row has the same token")
     yield from of_rows(table, table.array("token") == b"", "empty token", lambda row: f"row {row} has no token")
+
+
+def _times(table: Table) -> Iterator[Problem]:
+    for field in table.cut:
+        reason = f"{field}: expected whole microseconds, got some with fractions, which are cut off"
+        yield Problem(table.name, "", "times with fractions", reason, "note")
 
 
 def _references(tables: Tables) -> Iterator[Problem]:
@@ -146,7 +154,7 @@ def _cameras(tables: Tables) -> Iterator[Problem]:
 
 def _is_intrinsic(value: object) -> bool:
     try:
-        check_intrinsic("camera_intrinsic", np.array(value, dtype=np.float64))
+        intrinsic_of(value)
     except (TypeError, ValueError):
         return False
     return True
