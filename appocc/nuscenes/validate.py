@@ -11,6 +11,7 @@ import numpy as np
 from appocc.boxes import LARGEST_M
 from appocc.checks import FARTHEST_M, BoolArray, FloatArray
 from appocc.errors import DataError
+from appocc.geometry import is_unit
 from appocc.nuscenes.chaincheck import check_chains, later, pair
 from appocc.nuscenes.columns import intrinsic_of
 from appocc.nuscenes.dataset import Dataset
@@ -128,7 +129,7 @@ def _poses(table: Table) -> Iterator[Problem]:
         length = np.linalg.norm(turn, axis=1)
     yield from of_rows(
         table,
-        ~(np.abs(length - 1) < 1e-3),
+        ~is_unit(turn),
         "bad pose",
         lambda row: f"rotation {turn[row].tolist()} has length {length[row]:.4g}, expected a unit quaternion",
     )
