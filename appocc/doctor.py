@@ -138,8 +138,12 @@ def _channels(dataset: Dataset) -> dict[str, Channel]:
     sensors, row = dataset.tables["sensor"], dataset.tables.data_channel
     keys = dataset.tables["sample_data"].array("is_key_frame")
     counts = [np.bincount(row[(row >= 0) & which], minlength=len(sensors)) for which in (keys, ~keys)]
-    found = zip(sensors["channel"], sensors["modality"], *counts, strict=True)
-    return {name: Channel(modality, int(k), int(s)) for name, modality, k, s in sorted(found) if k + s}
+    found: dict[str, Channel] = {}
+    for name, modality, k, s in sorted(zip(sensors["channel"], sensors["modality"], *counts, strict=True)):
+        if k + s:
+            known = found.get(name, Channel(modality, 0, 0))
+            found[name] = Channel(modality, known.key_frames + int(k), known.sweeps + int(s))
+    return found
 
 
 # For people -------------------------------------------------------------------------------------------------------

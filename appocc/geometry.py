@@ -6,9 +6,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
-from appocc.checks import FloatArray, check_finite, check_place, check_shape
+from appocc.checks import BoolArray, FloatArray, check_finite, check_place, check_shape
 from appocc.errors import ShapeError
 from appocc.shapes import Numbers, Points3, Rotations, Transform, Transforms
+
+_ROUNDED = 1e-3
 
 
 def rotation_from_quaternion(wxyz: ArrayLike) -> Rotations:
@@ -26,6 +28,12 @@ def rotation_from_quaternion(wxyz: ArrayLike) -> Rotations:
         raise ShapeError(f"quaternion wxyz: expected a length of 1, got {size.min():.2g} .. {size.max():.2g}")
     matrices = Rotation.from_quat(q.reshape(-1, 4), scalar_first=True).as_matrix()
     return np.asarray(matrices, dtype=np.float64).reshape(*q.shape[:-1], 3, 3)
+
+
+def is_unit(wxyz: ArrayLike) -> BoolArray:
+    """Whether quaternions (..., 4) have a length of 1, but for the rounding of three decimals."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        return np.asarray(np.abs(np.linalg.norm(wxyz, axis=-1) - 1) <= _ROUNDED)
 
 
 def quaternion_from_rotation(rotation: ArrayLike) -> FloatArray:

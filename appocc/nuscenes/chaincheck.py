@@ -120,26 +120,27 @@ def _end(parent: Table, field: str, reason: str) -> Callable[[int], str]:
 
 def _key_frames(tables: Tables) -> Iterator[Problem]:
     """Samples without files, with two of one channel, or (a note) without one that others of their scene have."""
-    samples, data, sensors = tables["sample"], tables["sample_data"], tables["sensor"]
-    sample, channel = samples.rows_of(data.array("sample_token")), tables.data_channel
-    keys = np.where(data.array("is_key_frame"), pair(sample, channel, len(sensors)), -1)
+    samples, data = tables["sample"], tables["sample_data"]
+    # Two sensors may have one name, of two vehicles for example, but not in one sample.
+    names, number = np.unique(np.array(tables["sensor"]["channel"], dtype=np.str_), return_inverse=True)
+    sample, channel = samples.rows_of(data.array("sample_token")), at_rows(number, tables.data_channel)
+    keys = np.where(data.array("is_key_frame"), pair(sample, channel, len(names)), -1)
     yield from of_rows(data, later(keys), "two key frames", _other_file(data))
-    has = np.zeros((len(samples), len(sensors)), dtype=np.bool_)
+    has = np.zeros((len(samples), len(names)), dtype=np.bool_)
     has.flat[keys[keys >= 0]] = True
     without = np.asarray(~has.any(axis=1))
     yield from of_rows(samples, without, "no files", lambda row: "no key-frame file refers to it")
     scene = tables["scene"].rows_of(samples.array("scene_token"))
     for i in range(len(tables["scene"])):
-        yield from _gaps(tables, i, has[scene == i])
+        yield from _gaps(tables, i, names.tolist(), has[scene == i])
 
 
 def _other_file(data: Table) -> Callable[[int], str]:
     return lambda row: f"sample {data.text('sample_token', row)} has another such file"
 
 
-def _gaps(tables: Tables, scene: int, has: BoolArray) -> Iterator[Problem]:
+def _gaps(tables: Tables, scene: int, names: list[str], has: BoolArray) -> Iterator[Problem]:
     """Channels that some samples of a scene lack, from a mask (samples, channels)."""
     for channel in np.flatnonzero(has.any(axis=0) & ~has.all(axis=0)):
-        name = tables["sensor"]["channel"][channel]
-        reason = f"{int((~has[:, channel]).sum())} of {len(has)} samples have no {name}"
+        reason = f"{int((~has[:, channel]).sum())} of {len(has)} samples have no {names[channel]}"
         yield Problem("scene", tables["scene"].text("token", scene), "samples without a channel", reason, "note")

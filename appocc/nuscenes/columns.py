@@ -4,18 +4,23 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from itertools import chain
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from appocc.checks import FloatArray, check_intrinsic
 from appocc.errors import DataError
 from appocc.nuscenes.schema import Field
 
 Column = NDArray[Any] | list[Any]
 # One longer text would widen all rows of its column.
 _LONGEST = 1024
+# Up to here float64 holds every whole number: microseconds until the year 2255.
+_LARGEST_EXACT = 2**53
+_NUMBER: set[type] = {int, float}
 _MISFITS = (KeyError, TypeError, ValueError, OverflowError, AttributeError)
 
 
@@ -41,13 +46,15 @@ def _packed(field: Field, values: list[Any]) -> Column:
 
 
 def _pack_text(field: Field, values: list[Any]) -> Column:
-    texts = np.array([("" if value is None else value).encode() for value in values], dtype=np.bytes_)
+    nothing = "" if field.kind == "token" or not field.required else None
+    texts = np.array([(nothing if value is None else value).encode() for value in values], dtype=np.bytes_)
     if texts.itemsize > _LONGEST:
         raise ValueError
     return texts
 
 
 def _pack_vector(field: Field, values: list[Any]) -> Column:
+    _check_types(chain.from_iterable(values), _NUMBER | {type(None)})
     vectors = np.array(values, dtype=np.float64)
     if values and vectors.shape != (len(values), field.width):
         raise ValueError
@@ -55,10 +62,28 @@ def _pack_vector(field: Field, values: list[Any]) -> Column:
 
 
 def _pack_int(field: Field, values: list[Any]) -> Column:
-    numbers = np.array([field.unknown if value is None else value for value in values], dtype=np.int64)
-    if numbers.ndim != 1:
+    numbers = _pack_time(field, values)
+    whole = numbers.astype(np.int64)
+    if (whole != numbers).any():
         raise ValueError
-    return numbers
+    return whole
+
+
+def _pack_time(field: Field, values: list[Any]) -> NDArray[Any]:
+    """int64, or float64 where a number has a fraction."""
+    known = values if field.required else [field.unknown if value is None else value for value in values]
+    _check_types(known, _NUMBER)
+    numbers = np.array(known, dtype=np.float64)
+    if numbers.ndim != 1 or not (np.abs(numbers) < _LARGEST_EXACT).all():
+        raise ValueError
+    whole = numbers.astype(np.int64)
+    return numbers if (whole != numbers).any() else whole
+
+
+def _check_types(values: Iterable[Any], allowed: set[type]) -> None:
+    """numpy alone takes true for 1 and "5" for 5."""
+    if not set(map(type, values)) <= allowed:
+        raise TypeError
 
 
 def _pack_bool(field: Field, values: list[Any]) -> Column:
@@ -68,7 +93,12 @@ def _pack_bool(field: Field, values: list[Any]) -> Column:
 
 
 def _pack_names(field: Field, values: list[Any]) -> Column:
-    return [sys.intern("" if value is None else value) for value in values]
+    if field.required and not all(values):
+        raise ValueError
+    names = [sys.intern("" if value is None else value) for value in values]
+    if field.choices and not set(names) <= set(field.choices):
+        raise ValueError
+    return names
 
 
 def _pack_tokens(field: Field, values: list[Any]) -> Column:
@@ -82,6 +112,7 @@ _PACK: dict[str, Callable[[Field, list[Any]], Column]] = {
     "text": _pack_text,
     "vector": _pack_vector,
     "int": _pack_int,
+    "time": _pack_time,
     "bool": _pack_bool,
     "name": _pack_names,
     "tokens": _pack_tokens,
@@ -93,6 +124,7 @@ _WANTED = {
     "name": "a text",
     "tokens": "a list of tokens",
     "int": "a whole number",
+    "time": "microseconds",
     "bool": "true or false",
 }
 
@@ -108,6 +140,8 @@ def _complaint(field: Field, record: Any) -> str:
         _packed(field, [record.get(field.name)])
     except _MISFITS:
         wanted = f"{field.width} numbers" if field.kind == "vector" else _WANTED[field.kind]
+        wanted += " that is not empty" if field.kind == "name" and field.required else ""
+        wanted = " or ".join(filter(None, field.choices)) or wanted
         return f"{name}: {field.name}: expected {wanted}, got {json.dumps(record[field.name])[:60]}"
     return ""
 
@@ -117,3 +151,22 @@ def joined(parts: list[Column]) -> Column:
     if isinstance(parts[0], list):
         return [value for part in parts for value in part]
     return np.concatenate([np.asarray(part) for part in parts])
+
+
+def only_numbers(value: Any) -> bool:
+    """Whether a JSON value is a number or a list, however deep, of nothing else; true and "5" are none."""
+    return all(map(only_numbers, value)) if isinstance(value, list) else type(value) in _NUMBER
+
+
+def intrinsic_of(value: Any) -> FloatArray:
+    """(3, 3) matrix of a camera's `camera_intrinsic`.
+
+    Raises:
+        TypeError: if it holds anything but numbers.
+        ValueError: if it is no matrix of a pinhole camera.
+    """
+    if not only_numbers(value):
+        raise TypeError(f"expected numbers, got {str(value)[:80]}")
+    matrix = np.array(value, dtype=np.float64)
+    check_intrinsic("camera_intrinsic", matrix)
+    return matrix

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from functools import cached_property, lru_cache
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from appocc.boxes import Boxes
 from appocc.camera import Camera, CameraRig
 from appocc.checks import FloatArray, IntArray, check_finite, frozen
-from appocc.errors import AppoccError, DataError, NotFoundError
+from appocc.errors import AppoccError, DataError, NotFoundError, ShapeError
 from appocc.files import inside, read_image
 from appocc.frame import Frame
-from appocc.geometry import interpolate_pose, inverse, rotation_from_quaternion, transform
+from appocc.geometry import interpolate_pose, inverse, is_unit, rotation_from_quaternion, transform
+from appocc.nuscenes.columns import intrinsic_of
 from appocc.nuscenes.lidar import read_lidar
 from appocc.nuscenes.records import MapRecord, Sample, SampleData, Scene
 from appocc.nuscenes.schema import LABEL_TABLES
@@ -95,10 +98,18 @@ class Dataset:
     # Sensor files -------------------------------------------------------------------------------------------------
 
     def data(self, sample: Sample) -> dict[str, SampleData]:
-        """The key-frame file of each channel of a sample; a channel without one is absent."""
+        """The key-frame file of each channel of a sample; a channel without one is absent.
+
+        Raises:
+            DataError: if a channel has two, or a file's sensor or ego pose is missing.
+        """
         rows = self.tables.data_by_sample.rows(sample.token)
         keys = rows[self.tables["sample_data"].array("is_key_frame")[rows]]
         records = sorted((self._data(int(row)) for row in keys), key=lambda d: d.channel)
+        for one, other in pairwise(records):
+            if one.channel == other.channel:
+                where = f"{self.tables.path('sample_data')}: sample {sample.token}"
+                raise DataError(f"{where}: expected one key frame of {one.channel}, got {one.token} and {other.token}")
         return {record.channel: record for record in records}
 
     @lru_cache(maxsize=8)  # noqa: B019 - a dataset lives as long as the command
@@ -161,7 +172,7 @@ class Dataset:
     def _pose(self, table: str, row: int) -> FloatArray:
         t = self.tables[table]
         try:
-            return transform(t["rotation"][row], t["translation"][row])
+            return transform(_rotations(t["rotation"][row]), t["translation"][row])
         except AppoccError as error:
             raise DataError(f"{self.tables.path(table)}: {t.text('token', row)}: {error}") from error
 
@@ -178,7 +189,7 @@ class Dataset:
         if width < 1 or height < 1:
             height, width = read_image(self.path(data)).shape[:2]
         try:
-            intrinsic = np.array(t["camera_intrinsic"][data.calibration_row], dtype=np.float64)
+            intrinsic = intrinsic_of(t["camera_intrinsic"][data.calibration_row])
             return Camera(data.channel, width, height, intrinsic, ego_from_cam)
         except (TypeError, ValueError) as error:
             raise DataError(f"{where}: {error}") from error
@@ -259,7 +270,7 @@ class Dataset:
             return Boxes(
                 t.array("translation")[rows],
                 t.array("size")[rows],
-                rotation_from_quaternion(t.array("rotation")[rows]),
+                _rotations(t.array("rotation")[rows]),
                 tuple(categories[c] for c in category),
                 tuple(t.text("instance_token", int(row)) for row in rows),
                 tuple(t.text("token", int(row)) for row in rows),
@@ -336,6 +347,18 @@ class Dataset:
         except (TypeError, ValueError, OverflowError) as error:
             where = f"{self.tables.path('map')}: {t.text('token', row)}"
             raise DataError(f"{where}: origin_m or unknown_value: expected numbers ({error})") from error
+
+
+def _rotations(wxyz: ArrayLike) -> FloatArray:
+    """(..., 3, 3) rotations of quaternions (..., 4) of a table.
+
+    Raises:
+        ShapeError: if one is not finite, or not of length 1.
+    """
+    rotations = rotation_from_quaternion(wxyz)
+    if not is_unit(wxyz).all():
+        raise ShapeError(f"quaternion wxyz: expected a length of 1, got {np.asarray(wxyz).tolist()}")
+    return rotations
 
 
 def _gap_us(data: SampleData, sample: Sample) -> int:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-Kind = Literal["token", "text", "name", "tokens", "int", "bool", "vector", "any"]
+Kind = Literal["token", "text", "name", "tokens", "int", "time", "bool", "vector", "any"]
 
 
 @dataclass(frozen=True)
@@ -14,13 +14,16 @@ class Field:
 
     Attributes:
         name: key in the JSON objects.
-        kind: token and text become numpy byte strings, int int64, bool bool, vector float64 (N, width); name becomes
-            a list of str, tokens a list of tuples of str, any a list of whatever the file holds.
+        kind: token and text become numpy byte strings, int int64, bool bool, vector float64 (N, width); time becomes
+            int64 microseconds, fractions cut off; name becomes a list of str, tokens a list of tuples of str, any a
+            list of whatever the file holds.
         refers_to: table whose tokens the field holds, if it is a reference.
         width: length of a vector.
-        required: whether every record must have it; others get a default (empty, `unknown`, False).
+        required: whether every record must have it, and not null (but for tokens and parts of vectors); others get a
+            default (empty, `unknown`, False). A required name must not be empty.
         optional_reference: whether an empty reference is allowed (ends of chains, unknown visibility).
         unknown: what an int is where it is missing or null.
+        choices: all that a name can be; empty where it can be anything.
     """
 
     name: str
@@ -30,6 +33,7 @@ class Field:
     required: bool = True
     optional_reference: bool = False
     unknown: int = 0
+    choices: tuple[str, ...] = ()
 
 
 def _ref(name: str, table: str, optional: bool = False) -> Field:
@@ -55,7 +59,7 @@ TABLES: dict[str, tuple[Field, ...]] = {
     ),
     "ego_pose": (
         _TOKEN,
-        Field("timestamp", "int"),
+        Field("timestamp", "time"),
         Field("translation", "vector", width=3),
         Field("rotation", "vector", width=4),
     ),
@@ -84,7 +88,7 @@ TABLES: dict[str, tuple[Field, ...]] = {
     ),
     "sample": (
         _TOKEN,
-        Field("timestamp", "int"),
+        Field("timestamp", "time"),
         _ref("scene_token", "scene"),
         _ref("prev", "sample", optional=True),
         _ref("next", "sample", optional=True),
@@ -108,7 +112,7 @@ TABLES: dict[str, tuple[Field, ...]] = {
         _ref("sample_token", "sample"),
         _ref("ego_pose_token", "ego_pose"),
         _ref("calibrated_sensor_token", "calibrated_sensor"),
-        Field("timestamp", "int"),
+        Field("timestamp", "time"),
         Field("fileformat", "text", required=False),
         Field("is_key_frame", "bool"),
         Field("height", "int", required=False),
@@ -126,7 +130,7 @@ TABLES: dict[str, tuple[Field, ...]] = {
         Field("name", "name"),
         Field("description", "name", required=False),
     ),
-    "sensor": (_TOKEN, Field("channel", "name"), Field("modality", "name")),
+    "sensor": (_TOKEN, Field("channel", "name"), Field("modality", "name", choices=("camera", "lidar", "radar"))),
     "visibility": (_TOKEN, Field("level", "name", required=False), Field("description", "name", required=False)),
 }
 

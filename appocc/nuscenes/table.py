@@ -27,12 +27,16 @@ _BETWEEN = re.compile(r"\}\s*,\s*(?=\{)")
 
 
 class Table:
-    """A table: `name`, one column per field, rows counted from 0, found by token in O(log n)."""
+    """A table: `name`, one column per field, rows counted from 0, found by token in O(log n).
 
-    def __init__(self, name: str, columns: dict[str, Column]) -> None:
+    `cut` names the fields of times that had fractions of a microsecond, which are cut off.
+    """
+
+    def __init__(self, name: str, columns: dict[str, Column], cut: tuple[str, ...] = ()) -> None:
         """Take columns of equal length; `token` must be among them."""
         self.name = name
         self.columns = columns
+        self.cut = cut
 
     def __len__(self) -> int:
         """Number of rows."""
@@ -129,7 +133,10 @@ def read_table(path: Path, fields: tuple[Field, ...]) -> Table:
         except (ValueError, RecursionError) as error:
             reason = error.msg if isinstance(error, json.JSONDecodeError) else error
             raise DataError(f"{path}: no valid JSON list of records ({reason}, after record {seen})") from error
-    return Table(path.stem, {field.name: joined(parts.pop(field.name)) for field in fields})
+    columns = {field.name: joined(parts.pop(field.name)) for field in fields}
+    times = {field.name: np.asarray(columns[field.name]) for field in fields if field.kind == "time"}
+    cut = tuple(name for name, time in times.items() if time.dtype != np.int64)
+    return Table(path.stem, columns | {name: times[name].astype(np.int64) for name in cut}, cut)
 
 
 def _pieces(handle: TextIO) -> Iterator[list[Any]]:

@@ -9,9 +9,11 @@ from itertools import chain
 import numpy as np
 
 from appocc.boxes import LARGEST_M
-from appocc.checks import FARTHEST_M, BoolArray, FloatArray, check_intrinsic
+from appocc.checks import FARTHEST_M, BoolArray, FloatArray
 from appocc.errors import DataError
+from appocc.geometry import is_unit
 from appocc.nuscenes.chaincheck import check_chains, later, pair
+from appocc.nuscenes.columns import intrinsic_of
 from appocc.nuscenes.dataset import Dataset
 from appocc.nuscenes.filecheck import check_files
 from appocc.nuscenes.problem import Problem, of_rows, refers
@@ -42,6 +44,7 @@ def validate(dataset: Dataset, images: bool = True, progress: Progress = no_prog
     in_tables = chain(
         _lacking(tables),
         *(_tokens(tables[name]) for name in (*TABLES, *EXTRA_TABLES)),
+        *(_times(tables[name]) for name in TABLES),
         _references(tables),
         _list_references(tables),
         check_chains(tables),
@@ -75,6 +78,12 @@ def _lacking(tables: Tables) -> Iterator[Problem]:
 def _tokens(table: Table) -> Iterator[Problem]:
     yield from of_rows(table, table.repeated(), "repeated token", lambda row: "an earlier row has the same token")
     yield from of_rows(table, table.array("token") == b"", "empty token", lambda row: f"row {row} has no token")
+
+
+def _times(table: Table) -> Iterator[Problem]:
+    for field in table.cut:
+        reason = f"{field}: expected whole microseconds, got some with fractions, which are cut off"
+        yield Problem(table.name, "", "times with fractions", reason, "note")
 
 
 def _references(tables: Tables) -> Iterator[Problem]:
@@ -120,7 +129,7 @@ def _poses(table: Table) -> Iterator[Problem]:
         length = np.linalg.norm(turn, axis=1)
     yield from of_rows(
         table,
-        ~(np.abs(length - 1) < 1e-3),
+        ~is_unit(turn),
         "bad pose",
         lambda row: f"rotation {turn[row].tolist()} has length {length[row]:.4g}, expected a unit quaternion",
     )
@@ -146,7 +155,7 @@ def _cameras(tables: Tables) -> Iterator[Problem]:
 
 def _is_intrinsic(value: object) -> bool:
     try:
-        check_intrinsic("camera_intrinsic", np.array(value, dtype=np.float64))
+        intrinsic_of(value)
     except (TypeError, ValueError):
         return False
     return True

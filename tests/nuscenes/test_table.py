@@ -18,7 +18,7 @@ from appocc.nuscenes.table import Groups, Table, at_rows, empty_table, read_tabl
 
 FIELDS = (
     Field("token", "token"),
-    Field("time", "int"),
+    Field("time", "time"),
     Field("note", "text", required=False),
     Field("name", "name", required=False),
     Field("parts", "tokens", required=False),
@@ -26,11 +26,13 @@ FIELDS = (
     Field("place", "vector", width=3),
     Field("count", "int", required=False, unknown=-1),
     Field("other", "any", required=False),
+    Field("title", "name"),
+    Field("mode", "name", required=False, choices=("", "one", "two")),
 )
 
 
 def record(i: int = 0, **changes: Any) -> dict[str, Any]:
-    return {"token": f"t{i}", "time": i, "key": i % 2 == 0, "place": [i, 0.5, -1], **changes}
+    return {"token": f"t{i}", "time": i, "key": i % 2 == 0, "place": [i, 0.5, -1], "title": "x", **changes}
 
 
 def write(tmp_path: Path, text: str | bytes) -> Path:
@@ -65,7 +67,15 @@ def test_null_means_not_known(tmp_path: Path) -> None:
 
 
 def test_times_with_a_fraction_are_cut_to_whole_microseconds(tmp_path: Path) -> None:
-    assert read(tmp_path, [record(0, time=1557858039302414.8)])["time"][0] == 1557858039302414
+    t = read(tmp_path, [record(0), record(1, time=1557858039302414.8)])
+    assert t.array("time").tolist() == [0, 1557858039302414]
+    assert t.cut == ("time",)
+
+
+def test_whole_numbers_may_be_written_as_floats(tmp_path: Path) -> None:
+    t = read(tmp_path, [record(0, time=1557858039302414.0, count=5.0)])
+    assert (t["time"][0], t["count"][0], t.cut) == (1557858039302414, 5, ())
+    assert t.array("time").dtype == t.array("count").dtype == np.int64
 
 
 def test_fields_that_the_schema_does_not_know_are_skipped(tmp_path: Path) -> None:
@@ -153,10 +163,21 @@ def test_a_file_that_is_not_there(tmp_path: Path) -> None:
         ({"name": 5}, "name: expected a text, got 5"),
         ({"parts": "abc"}, 'parts: expected a list of tokens, got "abc"'),
         ({"parts": [1]}, r"parts: expected a list of tokens, got \[1\]"),
-        ({"time": "soon"}, 'time: expected a whole number, got "soon"'),
-        ({"time": float("nan")}, "time: expected a whole number, got NaN"),
-        ({"time": 2**63}, "time: expected a whole number, got 9223372036854775808"),
-        ({"time": [3]}, r"time: expected a whole number, got \[3\]"),
+        ({"time": "soon"}, 'time: expected microseconds, got "soon"'),
+        ({"time": float("nan")}, "time: expected microseconds, got NaN"),
+        ({"time": 2**63}, "time: expected microseconds, got 9223372036854775808"),
+        ({"time": [3]}, r"time: expected microseconds, got \[3\]"),
+        ({"time": True}, "time: expected microseconds, got true"),
+        ({"time": None}, "time: expected microseconds, got null"),
+        ({"time": -float("inf")}, "time: expected microseconds, got -Infinity"),
+        ({"count": 2.5}, r"count: expected a whole number, got 2\.5"),
+        ({"count": False}, "count: expected a whole number, got false"),
+        ({"count": "7"}, 'count: expected a whole number, got "7"'),
+        ({"title": None}, "title: expected a text that is not empty, got null"),
+        ({"title": ""}, 'title: expected a text that is not empty, got ""'),
+        ({"mode": "three"}, 'mode: expected one or two, got "three"'),
+        ({"place": [True, 2, 3]}, r"place: expected 3 numbers, got \[true, 2, 3\]"),
+        ({"place": ["1", "2", "3"]}, r'place: expected 3 numbers, got \["1", "2", "3"\]'),
         ({"key": "false"}, 'key: expected true or false, got "false"'),
         ({"key": None}, "key: expected true or false, got null"),
         ({"place": [1, 2]}, r"place: expected 3 numbers, got \[1, 2\]"),
