@@ -25,6 +25,7 @@ def pytest_configure(config: pytest.Config) -> None:
             os.environ.setdefault(name, "1")
 
 
+@pytest.hookimpl(trylast=True)  # of the tests that are chosen
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """What is made once is begun first, a file for each, and its other users come last: no process waits for it."""
     makers = {name: next((item.path for item in items if _needs(item) == {name}), None) for name in _MADE_ONCE}
