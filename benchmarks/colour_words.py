@@ -21,6 +21,7 @@ import csv
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from io import StringIO
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
 import numpy as np
@@ -129,7 +130,8 @@ def remake(roots: Mapping[str, Path], path: Path = NAMED) -> None:
 def _shown(dataset: Dataset, scene: Scene, vehicles: Sequence[str]) -> Iterator[tuple[FloatArray, Exposure]]:
     """Colour (3,) and light of each of some vehicles of a scene."""
     inputs = gather(dataset, scene)
-    _, gains = ground_of(inputs, Work(None, lambda _: None, 1))
+    with TemporaryDirectory() as folder:
+        _, gains = ground_of(inputs, Work(None, lambda _: None, 1), Path(folder))
     far = BEVGrid(-_FAR_M, _FAR_M, -_FAR_M, _FAR_M, 0.4)
     painted = paint_scene(
         inputs.samples, [bodies_of(sample, vehicles_near(sample, far), gains) for sample in inputs.samples]

@@ -18,11 +18,12 @@ from appocc.drawing import preview
 from appocc.errors import DataError
 from appocc.files import write_bytes, write_image
 from appocc.groundtruth.bodywork import Bodywork
-from appocc.groundtruth.colouring import colour_sweep
+from appocc.groundtruth.colouring import ColouredPoints, colour_sweep
 from appocc.groundtruth.compose import Settings, compose, vehicles_near
 from appocc.groundtruth.inputs import SampleInput, SceneInputs, gather
 from appocc.groundtruth.occupancy import RoadSources
 from appocc.groundtruth.painting import Painted, bodies_of, paint_mode_of, paint_scene
+from appocc.groundtruth.store import PointStore
 from appocc.groundtruth.surface import Surface, build_surface, exposure_gains
 from appocc.groundtruth.work import Work
 from appocc.nuscenes.dataset import Dataset
@@ -107,10 +108,10 @@ def _make_scene(
 ) -> int:
     inputs = gather(dataset, scene)
     work = Work(pool, advance, len(missing))
-    surface, gains = ground_of(inputs, work)
-    pairs = zip(inputs.samples, _paint(inputs, gains, settings, work), strict=True)
-    wanted = [(sample, painted) for sample, painted in pairs if sample.token in missing]
     with _scratch(out, scene) as folder:
+        surface, gains = ground_of(inputs, work, folder)
+        pairs = zip(inputs.samples, _paint(inputs, gains, settings, work), strict=True)
+        wanted = [(sample, painted) for sample, painted in pairs if sample.token in missing]
         sources = folder / "sources.pickle"  # our own file, read back by our own workers only
         write_bytes(sources, pickle.dumps(_sources(dataset, scene, inputs, surface)))
         work.done(partial(_make_sample, sources=sources, out=out, settings=settings, parts=parts), wanted, 1.0)
@@ -132,8 +133,10 @@ def _scratch(out: Path, scene: Scene) -> Iterator[Path]:
         raise DataError(f"{error.filename or place.parent}: cannot be written ({error.strerror or error})") from error
 
 
-def ground_of(inputs: SceneInputs, work: Work) -> tuple[Surface, dict[str, FloatArray]]:
+def ground_of(inputs: SceneInputs, work: Work, folder: Path) -> tuple[Surface, dict[str, FloatArray]]:
     """The ground of a scene, and the factors (3,) by channel that even the cameras' colours out.
+
+    What the sweeps show is kept in an empty folder meanwhile.
 
     Raises:
         DataError: if a sweep, its labels or an image is damaged.
@@ -141,9 +144,15 @@ def ground_of(inputs: SceneInputs, work: Work) -> tuple[Surface, dict[str, Float
     origin = inputs.samples[0].world_from_ego[:3, 3]
     channels = tuple(sorted({view.camera.channel for sweep in inputs.sweeps for view in sweep.rounds[0]}))
     job = partial(colour_sweep, origin_m=origin, channels=channels)
-    coloured = work.done(job, inputs.sweeps, 0.6)
-    gains = exposure_gains(coloured, len(channels))
-    return build_surface(coloured, origin, gains), dict(zip(channels, gains.factors, strict=True))
+    store = PointStore(folder)
+
+    def stored() -> Iterator[ColouredPoints]:
+        for points in work.each(job, inputs.sweeps, 0.6):
+            store.add(points)
+            yield points
+
+    gains = exposure_gains(stored(), len(channels))
+    return build_surface(store, origin, gains), dict(zip(channels, gains.factors, strict=True))
 
 
 def _paint(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -10,17 +10,14 @@ import numpy as np
 
 from appocc.checks import BoolArray, Float32Array, FloatArray, IntArray
 from appocc.groundtruth.colouring import LANE, NO_CAMERA, ROAD, UNLABELLED, ColouredPoints
+from appocc.groundtruth.store import FINE_M, PointStore
 
-FINE_M = 0.1
 # The ground under a point is looked for in cells of this size; what stands higher is no ground.
 _GROUND_CELL_M, _GROUND_SHARE = 0.4, 0.1
 _BELOW_M, _ABOVE_M = 0.3, 0.25
 # Exposure: points a camera pair must share, points that the prior (no difference) is worth, and the most that a
 # camera is brightened or darkened: where exposures differ more, colours near the pictures' own are worth more.
 _LEAST_PAIRS, _GAIN_PRIOR, _MOST_GAIN = 30, 2000.0, 1.2
-_NO_POINTS = ColouredPoints(
-    np.zeros((0, 3), np.float32), np.zeros((0, 3), np.uint8), np.zeros(0, np.uint8), np.zeros(0, np.uint8)
-)
 
 
 class Surface(NamedTuple):
@@ -50,7 +47,7 @@ class ExposureGains:
     factors: FloatArray
 
 
-def exposure_gains(sweeps: Sequence[ColouredPoints], cameras: int) -> ExposureGains:
+def exposure_gains(sweeps: Iterable[ColouredPoints], cameras: int) -> ExposureGains:
     """Gains from points that two cameras see at once: least squares on the log ratios, drawn towards 1.
 
     Each pair of cameras counts by its number of common points; cameras that share none keep the gain 1, and none
@@ -59,7 +56,9 @@ def exposure_gains(sweeps: Sequence[ColouredPoints], cameras: int) -> ExposureGa
     normal = np.zeros((cameras, cameras))
     right = np.zeros((cameras, 3))
     ratios: dict[tuple[int, int], list[Float32Array]] = {}
+    seen = np.zeros(cameras)
     for points in sweeps:
+        seen += np.bincount(points.camera, minlength=256)[:cameras]
         for pair, values in _pair_ratios(points).items():
             ratios.setdefault(pair, []).append(values)
     for (a, b), parts in sorted(ratios.items()):
@@ -73,7 +72,6 @@ def exposure_gains(sweeps: Sequence[ColouredPoints], cameras: int) -> ExposureGa
         right[b] += weight * ratio
     log_gain = np.linalg.solve(normal + _GAIN_PRIOR * np.eye(cameras), right)
     limit = np.log(_MOST_GAIN)
-    seen = sum((np.bincount(points.camera, minlength=256)[:cameras] for points in sweeps), np.zeros(cameras))
     paired = normal.diagonal() > 0
     seen = np.where(paired, seen, 0.0)
     mean = seen @ log_gain / max(seen.sum(), 1.0)  # the scene's brightness on the whole stays
@@ -95,18 +93,22 @@ def _pair_ratios(points: ColouredPoints) -> dict[tuple[int, int], Float32Array]:
     return {(int(p) // 256, int(p) % 256): ratio[pairs == p] for p in np.unique(pairs)}
 
 
-def build_surface(sweeps: Sequence[ColouredPoints], origin_m: FloatArray, gains: ExposureGains) -> Surface:
-    """Gather the sweeps: keep the ground, even out exposure, and average what falls into a fine cell.
+def build_surface(store: PointStore, origin_m: FloatArray, gains: ExposureGains) -> Surface:
+    """Gather the points: keep the ground, even out exposure, and average what falls into a fine cell.
 
-    Without sweeps the surface is empty.
+    Without points the surface is empty.
     """
-    sweeps = [_NO_POINTS, *sweeps]
-    xyz = np.concatenate([points.xyz_m for points in sweeps])
-    keep = _on_ground(xyz)
-    xyz = xyz[keep]
-    camera = np.concatenate([points.camera for points in sweeps])[keep]
-    rgb = np.concatenate([points.rgb for points in sweeps])[keep].astype(np.float32)
-    ground = np.concatenate([points.ground for points in sweeps])[keep]
+    parts = [_surface_of(store, strip, origin_m, gains) for strip in sorted(store.strips) or [0]]
+    return Surface(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
+
+
+def _surface_of(store: PointStore, strip: int, origin_m: FloatArray, gains: ExposureGains) -> Surface:
+    """The surface in a strip of the world; what lies near in the next strips tells where its ground is."""
+    points = store.strip(strip)
+    keep = _on_ground(np.concatenate([points.xyz_m, *(store.strip(near).xyz_m for near in (strip - 1, strip + 1))]))
+    keep = keep[: len(points.xyz_m)]
+    xyz, camera, ground = points.xyz_m[keep], points.camera[keep], points.ground[keep]
+    rgb = points.rgb[keep].astype(np.float32)
     coloured = camera != NO_CAMERA
     rgb[coloured] *= gains.factors.astype(np.float32)[camera[coloured]]
     cell, unique = _numbered(xyz, FINE_M)

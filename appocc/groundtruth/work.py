@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import TypeVar
 
 from appocc.workers import Pool, in_order
@@ -20,9 +20,12 @@ class Work:
 
     def done(self, job: Callable[[T], R], items: Sequence[T], share: float) -> list[R]:
         """Results of a job in the order of the items; it moves the bar by a share of what is left."""
-        part, results = self._left * share, []
+        return list(self.each(job, items, share))
+
+    def each(self, job: Callable[[T], R], items: Sequence[T], share: float) -> Iterator[R]:
+        """The same one by one, for results that are too large to be kept."""
+        part = self._left * share
         for result in in_order(self._pool, job, items, chunksize=2):
-            results.append(result)
+            yield result
             self._advance(part / len(items))
         self._left -= part if items else 0.0
-        return results

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from made_street import BLUE, RED, WORLD_FROM_STREET, Plan, Solid, car, make, street_from_ego
+from made_surface import surface_of
 
 from appocc.bevmap import LANE, ROAD, VEHICLE, BEVMap
 from appocc.boxes import Boxes
@@ -18,7 +19,7 @@ from appocc.groundtruth.compose import Settings, compose, vehicles_near
 from appocc.groundtruth.inputs import gather
 from appocc.groundtruth.occupancy import RoadSources, lane_layer, road_layer, vehicle_owner
 from appocc.groundtruth.painting import bodies_of, paint_scene
-from appocc.groundtruth.surface import ExposureGains, Surface, build_surface
+from appocc.groundtruth.surface import ExposureGains, Surface
 from appocc.nuscenes.maps import MaskWindow, VectorMap
 
 GRID = BEVGrid(-8.0, 8.0, -8.0, 8.0, 0.4)
@@ -37,7 +38,7 @@ def surface(*rows: tuple[float, float, int]) -> Surface:
         np.zeros(n, np.uint8),
         table[:, 2].astype(np.uint8),
     )
-    return build_surface([points], HERE[:3, 3], EVEN)
+    return surface_of([points], HERE[:3, 3], EVEN)
 
 
 def cell(x: int, y: int, *labels: int) -> list[tuple[float, float, int]]:
@@ -277,7 +278,7 @@ def test_a_vehicle_of_unknown_colour_hides_the_ground(tmp_path: Path) -> None:
         np.zeros(n, np.uint8),
         np.full(n, UNLABELLED, np.uint8),
     )
-    ground = build_surface([points], WORLD_FROM_STREET[:3, 3], EVEN)
+    ground = surface_of([points], WORLD_FROM_STREET[:3, 3], EVEN)
     plan = Plan(street, samples=1, cameras=("CAM_FRONT",))
     bev = composed(tmp_path, plan, RoadSources(None, None, ground, NO_LABELS))
     i, j = bev.grid.cell_of(apply(inverse(street_from_ego(0)), np.array([-8.0, -2.8, 0.0]))[:2])

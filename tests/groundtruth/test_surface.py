@@ -3,12 +3,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import torch
+from made_surface import surface_of
 from numpy.typing import ArrayLike
 from tolerances import assert_rounded
 
 from appocc.checks import FloatArray
+from appocc.groundtruth import store
 from appocc.groundtruth.colouring import LANE, NO_CAMERA, OTHER, ROAD, UNLABELLED, ColouredPoints
-from appocc.groundtruth.surface import ExposureGains, Surface, build_surface, exposure_gains
+from appocc.groundtruth.surface import ExposureGains, Surface, exposure_gains
 
 ORIGIN = np.array([1000.0, -2000.0, 5.0])
 EVEN = ExposureGains(np.ones((4, 3)))
@@ -87,7 +89,7 @@ def test_gains_without_cameras() -> None:
 
 
 def test_surface_places_and_colours() -> None:
-    surface = build_surface(
+    surface = surface_of(
         [points([[0.01, 0.02, 0.1], [0.09, 0.08, 0.2], [-0.05, 0.55, 0.0]], (10, 20, 30))], ORIGIN, EVEN
     )
     order = np.argsort(surface.xyz_m[:, 0])
@@ -101,8 +103,8 @@ def test_surface_evens_out_the_cameras() -> None:
     place = np.tile([[0.05, 0.05, 0.0]], (10, 1))
     sweeps = [points(place, (100, 100, 100), 0), points(place + np.array([0.4, 0, 0]), (120, 120, 120), 1)]
     gains = ExposureGains(np.array([[1.1] * 3, [1.1 / 1.2] * 3]))
-    assert_rounded(build_surface(sweeps, ORIGIN, gains).rgb, np.full((2, 3), 110), 20)
-    bright = build_surface([points(place, (250, 250, 250))], ORIGIN, ExposureGains(np.full((1, 3), 1.2)))
+    assert_rounded(surface_of(sweeps, ORIGIN, gains).rgb, np.full((2, 3), 110), 20)
+    bright = surface_of([points(place, (250, 250, 250))], ORIGIN, ExposureGains(np.full((1, 3), 1.2)))
     assert bright.rgb.tolist() == [[255, 255, 255]]
 
 
@@ -112,7 +114,7 @@ def test_what_hangs_over_the_road_is_no_ground() -> None:
     road = points(np.column_stack([xy, rng.normal(0, 0.02, 4000)]), (90, 90, 90))
     leaves = points(np.column_stack([xy, rng.uniform(2.5, 6, 4000)]), (20, 160, 30))
     echo = points(np.column_stack([xy[:50], np.full(50, -3.0)]), (255, 0, 255))  # a mirror image below the road
-    surface = build_surface([leaves, road, echo], ORIGIN, EVEN)
+    surface = surface_of([leaves, road, echo], ORIGIN, EVEN)
     assert len(surface.xyz_m) > 1300
     assert np.abs(surface.xyz_m[:, 2] - ORIGIN[2]).max() < 0.1
     assert (surface.rgb == 90).all()
@@ -121,7 +123,7 @@ def test_what_hangs_over_the_road_is_no_ground() -> None:
 def test_a_slope_is_ground() -> None:
     xy = np.random.default_rng(4).uniform(0, 10, (5000, 2))
     slope = points(np.column_stack([xy, 0.15 * xy[:, 0]]), (90, 90, 90))
-    surface = build_surface([slope], ORIGIN, EVEN)
+    surface = surface_of([slope], ORIGIN, EVEN)
     np.testing.assert_allclose(surface.xyz_m[:, 2] - ORIGIN[2], 0.15 * (surface.xyz_m[:, 0] - ORIGIN[0]), atol=0.02)
 
 
@@ -131,7 +133,7 @@ def test_a_slope_is_ground() -> None:
 def test_colours_withstand_outliers(outliers: list[tuple[int, int, int]]) -> None:
     place = [[0.05, 0.05, 0.0]]
     sweeps = [points(place, (100 + i, 90 + i, 80 + i)) for i in range(6)] + [points(place, rgb) for rgb in outliers]
-    surface = build_surface(sweeps, ORIGIN, EVEN)
+    surface = surface_of(sweeps, ORIGIN, EVEN)
     assert (np.abs(surface.rgb[0] - [102.5, 92.5, 82.5]) <= 2).all()
 
 
@@ -140,13 +142,13 @@ def test_colours_withstand_outliers(outliers: list[tuple[int, int, int]]) -> Non
 )
 def test_colours_of_few_observations(rgb: list[int], expected: float) -> None:
     sweeps = [points([[0.05, 0.05, 0]], (value,) * 3) for value in rgb]
-    assert build_surface(sweeps, ORIGIN, EVEN).rgb.tolist() == [[expected] * 3]
+    assert surface_of(sweeps, ORIGIN, EVEN).rgb.tolist() == [[expected] * 3]
 
 
 def test_points_that_no_camera_saw_have_no_colour() -> None:
     sweeps = [points([[0.05, 0.05, 0]], (0, 0, 0), NO_CAMERA), points([[0.45, 0.05, 0]], (50, 60, 70))]
     sweeps.append(points([[0.45, 0.05, 0]], (0, 0, 0), NO_CAMERA))
-    surface = build_surface(sweeps, ORIGIN, EVEN)
+    surface = surface_of(sweeps, ORIGIN, EVEN)
     order = np.argsort(surface.xyz_m[:, 0])
     assert surface.coloured[order].tolist() == [False, True]
     assert surface.rgb[order[1]].tolist() == [50, 60, 70]
@@ -154,7 +156,7 @@ def test_points_that_no_camera_saw_have_no_colour() -> None:
 
 def labels(*ground: int) -> Surface:
     """The surface of one fine cell with these labels."""
-    return build_surface([points([[0.05, 0.05, 0]] * len(ground), (9, 9, 9), 0, list(ground))], ORIGIN, EVEN)
+    return surface_of([points([[0.05, 0.05, 0]] * len(ground), (9, 9, 9), 0, list(ground))], ORIGIN, EVEN)
 
 
 def test_shares_of_labels() -> None:
@@ -170,8 +172,26 @@ def test_sweeps_without_labels_take_no_part_in_the_shares() -> None:
     assert (nothing.labelled.item(), nothing.road.item()) == (False, 0.0)
 
 
+def test_strips_make_no_difference(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Points of some sweeps, many on the edges of cells, on ground that has steps."""
+    rng = np.random.default_rng(6)
+    sweeps = []
+    for _ in range(4):
+        place = rng.uniform(-6, 6, (20_000, 3)) * [1, 0.1, 0.05]
+        place[::3, 0] = np.round(place[::3, 0] / 0.4) * 0.4
+        place[:, 2] += np.where(np.floor(place[:, 0] / 0.4) % 2, 0.0, 1.0)
+        sweeps.append(points(place, tuple(rng.integers(0, 255, 3).tolist())))
+    found = []
+    for cells in (10_000, 4, 7):
+        monkeypatch.setattr(store, "_STRIP_CELLS", cells)
+        found.append(surface_of(sweeps, ORIGIN, EVEN))
+    for part in range(len(Surface._fields)):
+        assert np.array_equal(found[0][part], found[1][part])
+        assert np.array_equal(found[0][part], found[2][part])
+
+
 def test_a_surface_of_nothing() -> None:
     for sweeps in ([], [points(np.zeros((0, 3)), (0, 0, 0))]):
-        surface = build_surface(sweeps, ORIGIN, EVEN)
+        surface = surface_of(sweeps, ORIGIN, EVEN)
         assert [len(part) for part in surface] == [0] * 6
         assert surface.xyz_m.shape == (0, 3)
