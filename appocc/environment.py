@@ -6,7 +6,10 @@ import os
 import platform
 import re
 import shutil
+import stat
 import subprocess
+import sys
+import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import metadata
@@ -156,3 +159,44 @@ def gpu() -> str | None:
     except (OSError, subprocess.SubprocessError):
         return None
     return done.stdout.strip().split("\n")[0] or None
+
+
+def choose_cache_folders(package: Path) -> None:
+    """Let numba and Matplotlib keep their files in a private temporary folder where the usual ones cannot be written.
+
+    Called before numba is imported. Numba keeps compiled code beside a package's modules, else below the user's home.
+    """
+    home = Path(os.environ.get("XDG_CACHE_HOME") or Path("~/.cache").expanduser())
+    named = os.environ.get("NUMBA_CACHE_DIR")
+    numba = any(_writable(folder) for folder in (*([Path(named)] if named else []), package, home))
+    if numba and _writable(home):
+        return
+    folder = _private_folder()
+    if folder is None:  # numba says so when it compiles
+        return
+    os.environ.setdefault("MPLCONFIGDIR", str(folder / "matplotlib"))
+    if not numba:
+        os.environ["NUMBA_CACHE_DIR"] = str(folder / "numba")
+        print(f"compiled code is kept in {folder}: {package} and {home} cannot be written", file=sys.stderr)
+
+
+def _writable(folder: Path) -> bool:
+    """Whether a folder can be written, or be made."""
+    if not folder.is_absolute():  # a home that is not known
+        return False
+    there = next(place for place in (folder, *folder.parents) if os.path.lexists(place))
+    return there.is_dir() and os.access(there, os.W_OK | os.X_OK)
+
+
+def _private_folder() -> Path | None:
+    """A temporary folder of this user alone, as code that is found there is run; None where there is none."""
+    if not hasattr(os, "getuid"):
+        return None
+    try:
+        folder = Path(tempfile.gettempdir()) / f"appocc-{os.getuid()}"
+        folder.mkdir(mode=0o700, exist_ok=True)
+        state = folder.lstat()
+    except OSError:
+        return None
+    private = stat.S_ISDIR(state.st_mode) and state.st_uid == os.getuid() and not state.st_mode & 0o077
+    return folder if private and _writable(folder) else None

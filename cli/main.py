@@ -73,6 +73,11 @@ def run() -> None:
     except OSError as error:  # the system refuses something: no permission, no space, a name too long
         say_error(f"{error.filename or 'the system'}: {error.strerror or error}")
         sys.exit(AppoccError.exit_code)
+    except RuntimeError as error:
+        if "cannot cache function" not in str(error):
+            raise
+        say_error("numba: expected a folder for compiled code that can be written, got none; set NUMBA_CACHE_DIR")
+        sys.exit(AppoccError.exit_code)
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)

@@ -53,18 +53,11 @@ def simulate(
     import time
 
     from appocc.environment import cores
-    from appocc.errors import AppoccError, NotFoundError
+    from appocc.errors import NotFoundError
     from appocc.rigs import read_rig
-
-    try:
-        from appocc.simulation.generate import Settings, finished_scenes, unfinished
-        from appocc.simulation.generate import simulate as run
-        from appocc.simulation.recording import Recipe
-    except RuntimeError as error:
-        if "cannot cache function" not in str(error):
-            raise
-        needed = "expected a folder for compiled code that can be written, got none; set NUMBA_CACHE_DIR to one"
-        raise AppoccError(f"numba: {needed}") from error
+    from appocc.simulation.generate import Settings, finished_scenes, unfinished
+    from appocc.simulation.generate import simulate as run
+    from appocc.simulation.recording import Recipe
     from appocc.simulation.scenario import WEATHER_SHARES
     from appocc.simulation.sources import town_sources
 

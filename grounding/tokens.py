@@ -13,8 +13,9 @@ from grounding.lexicon import Lexicon, default_lexicon
 
 MAX_CHARACTERS = 2000
 _NUMBER = re.compile(r"\d{1,9}(?:\.\d{1,9})?")
-# Only longer words are repaired: among short ones every slip is another word (car, cat; van, can).
-_REPAIRED_FROM = 5
+# Only longer words are repaired: among short ones every slip is another word (car, cat; van, can). No word is longer
+# than the last, and trying all its slips takes time that grows with the square of its length.
+_REPAIRED_FROM, _REPAIRED_TO = 5, 30
 _MARKS = {",": Kind.COMMA} | dict.fromkeys(".;!?", Kind.BREAK)
 
 
@@ -97,7 +98,8 @@ def _form(words: tuple[str, ...], entry: Entry, lexicon: Lexicon) -> str:
 
 def _repaired(word: str, lexicon: Lexicon) -> str:
     """The word itself, or the best word with a meaning one slip away from a longer word that is not known."""
-    if word in lexicon.words or len(word) < _REPAIRED_FROM or not (word.isascii() and word.isalpha()):
+    plain = word.isascii() and word.isalpha() and _REPAIRED_FROM <= len(word) <= _REPAIRED_TO
+    if word in lexicon.words or not plain:
         return word
     found = {slip for slip in _slips(word) if len(slip) >= _REPAIRED_FROM - 1 and _likely(word, slip, lexicon)}
     stems = {slip.removesuffix("s") for slip in found}

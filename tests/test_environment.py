@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import platform
 import subprocess
+import tempfile
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -103,3 +105,58 @@ def test_apple(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(platform, "system", lambda: "Darwin")
     monkeypatch.setattr(platform, "machine", lambda: "arm64")
     assert gpu() == "Apple GPU"
+
+
+@pytest.fixture
+def homeless(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A machine on which nothing but the temporary folder can be written."""
+    for name in ("NUMBA_CACHE_DIR", "MPLCONFIGDIR"):
+        monkeypatch.setenv(name, "")  # so that what is set here is put back
+        monkeypatch.delenv(name)
+    (tmp_path / "file").touch()
+    (tmp_path / "temporary").mkdir()
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file" / "cache"))
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "temporary"))
+    return tmp_path
+
+
+def test_caches_lie_in_a_private_folder_where_nothing_else_can_be_written(
+    homeless: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    package, folder = homeless / "file" / "package", homeless / "temporary" / f"appocc-{os.getuid()}"
+    environment.choose_cache_folders(package)
+    assert os.environ["NUMBA_CACHE_DIR"] == str(folder / "numba")
+    assert os.environ["MPLCONFIGDIR"] == str(folder / "matplotlib")
+    assert folder.stat().st_mode & 0o777 == 0o700
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert said.err.startswith(f"compiled code is kept in {folder}: ")
+    environment.choose_cache_folders(package)  # in a worker, say: all is well by now
+    assert os.environ["NUMBA_CACHE_DIR"] == str(folder / "numba")
+    assert capsys.readouterr().err == ""
+
+
+def test_caches_that_can_be_written_stay_where_they_are(homeless: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    environment.choose_cache_folders(homeless)
+    assert "NUMBA_CACHE_DIR" not in os.environ
+    monkeypatch.setenv("XDG_CACHE_HOME", str(homeless / "new" / "cache"))
+    monkeypatch.delenv("MPLCONFIGDIR")
+    environment.choose_cache_folders(homeless / "file" / "package")
+    assert "NUMBA_CACHE_DIR" not in os.environ
+    assert "MPLCONFIGDIR" not in os.environ
+
+
+@pytest.mark.parametrize("kind", ["open to others", "a link", "a file"])
+def test_a_folder_that_others_may_have_filled_is_not_used(homeless: Path, kind: str) -> None:
+    folder = homeless / "temporary" / f"appocc-{os.getuid()}"
+    if kind == "a link":
+        (homeless / "theirs").mkdir(mode=0o700)
+        folder.symlink_to(homeless / "theirs")
+    elif kind == "a file":
+        folder.touch()
+    else:
+        folder.mkdir()
+        folder.chmod(0o770)
+    environment.choose_cache_folders(homeless / "file" / "package")
+    assert "NUMBA_CACHE_DIR" not in os.environ
+    assert "MPLCONFIGDIR" not in os.environ

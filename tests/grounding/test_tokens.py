@@ -1,11 +1,13 @@
 from __future__ import annotations
 
+from collections.abc import Iterator
 from itertools import pairwise
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from grounding import tokens
 from grounding.kinds import Kind
 from grounding.lexicon import phrases
 from grounding.tagging import tag
@@ -129,3 +131,28 @@ def test_did_you_mean() -> None:
 def test_any_text_has_tokens_in_order(text: str) -> None:
     tokens = tokenise(normalise(text))
     assert all(a.end <= b.start for a, b in pairwise(tokens))
+
+
+@given(st.lists(st.builds(str.__mul__, st.sampled_from("abcdefgh"), st.integers(1, 1990)), min_size=1, max_size=50))
+@example(["a" * 1990])
+@example(["ab" * 10] * 99)
+def test_time_grows_with_the_length_of_a_sentence(words: list[str]) -> None:
+    text = normalise("park behind the " + " ".join(words))[: tokens.MAX_CHARACTERS]
+    written = 0
+
+    def counted(word: str) -> Iterator[str]:
+        nonlocal written
+        for slip in slips(word):
+            written += len(slip)
+            yield slip
+
+    slips = tokens._slips
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(tokens, "_slips", counted)
+        assert " ".join(token.text for token in tokenise(text)) == text
+    assert written <= 54 * 32 * len(text)
+
+
+def test_a_word_as_long_as_a_sentence_may_be() -> None:
+    word = "a" * (tokens.MAX_CHARACTERS - 20)
+    assert kinds_and_values(f"stop behind {word}")[-1] == ("unknown", "")
