@@ -22,7 +22,7 @@ ROOT = Path(__file__).parents[1]
 ONLY_IN_TESTS = "jaxtyping"  # imported where the test run has loaded it already
 SHIPPED = ("appocc", "tracking", "grounding", "cli")
 FOLDERS = (*SHIPPED, "tests", "benchmarks", "docs", "configs")
-FILES = ("LICENSE", "README.md", "CHANGELOG.md", "Makefile", "constraints.txt", "pyproject.toml")
+FILES = ("LICENSE", "README.md", "CHANGELOG.md", "CONTRIBUTING.md", "Makefile", "constraints.txt", "pyproject.toml")
 PROJECT: dict[str, Any] = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 
 
