@@ -18,6 +18,7 @@ from PIL import Image
 
 from appocc.checks import ByteArray
 from appocc.errors import DataError
+from appocc.jpeg import end_of, is_cut, is_jpeg
 
 # nuScenes' largest mask has 1.2 billion pixels; Pillow's own limit guards against far smaller pictures.
 _MOST_PIXELS = 4_000_000_000
@@ -148,20 +149,22 @@ def read_image(path: Path, size_px: tuple[int, int] | None = None) -> ByteArray:
         data = path.read_bytes()
     except OSError as error:
         raise DataError(f"{path}: cannot be read ({error.strerror})") from error
-    # OpenCV fills what is missing of a truncated JPEG with grey and returns it: look for the end marker.
-    if data[:2] == b"\xff\xd8" and b"\xff\xd9" not in data[-64:]:
+    if is_jpeg(data) and end_of(data) < 0:
         raise DataError(f"{path}: the image is truncated ({len(data)} bytes)")
     try:
-        image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR_RGB) if data else None
+        decoded = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR_RGB) if data else None
     except cv2.error:  # a few bytes that claim to be a huge picture
-        image = None
-    if image is None:
+        decoded = None
+    if decoded is None:
         raise DataError(f"{path}: not a readable image ({len(data)} bytes)")
+    image: ByteArray = np.asarray(decoded, dtype=np.uint8)
+    if is_jpeg(data) and is_cut(data, image):
+        raise DataError(f"{path}: the image is truncated (its end mark comes too early)")
     height, width = image.shape[:2]
     if size_px is not None and size_px != (width, height):
         expected = f"{size_px[0]}x{size_px[1]}"
         raise DataError(f"{path}: expected {expected} pixels, as its table says, got {width}x{height}")
-    return np.asarray(image, dtype=np.uint8)
+    return image
 
 
 def open_picture(path: Path) -> Image.Image:

@@ -5,14 +5,17 @@ from __future__ import annotations
 import json
 import os
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from appocc.errors import DataError
+
+if TYPE_CHECKING:
+    from appocc.nuscenes import Dataset, Scene
 
 RootArgument = Annotated[Path, typer.Argument(metavar="ROOT", help="Dataset root in the nuScenes schema.")]
 VersionOption = Annotated[
@@ -30,6 +33,13 @@ def say(text: str) -> None:
 def say_error(reason: object) -> None:
     """Why a command ends, in one line."""
     say("error: " + str(reason).replace("\n", "\\n"))
+
+
+def say_empty(dataset: Dataset, scenes: Iterable[Scene]) -> None:
+    """A line for each scene that has no key frames and is passed over."""
+    for scene in scenes:
+        if not dataset.samples(scene):
+            say(f"left out: scene '{scene.name}', which has no key frames")
 
 
 def emit(value: Any) -> None:

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from cli.common import JsonOption, RootArgument, VersionOption, emit, progress, say
+from cli.common import JsonOption, RootArgument, VersionOption, emit, progress, say, say_empty
 
 
 class Paint(StrEnum):
@@ -49,6 +49,7 @@ def groundtruth(
         settings = Settings(BEVGrid.surround(), paint.value)
         summary = generate(dataset, scenes, out or root, settings, workers or cores(), advance)
     seconds = time.monotonic() - start
+    say_empty(dataset, scenes)
     if as_json:
         emit({"made": summary.made, "kept": summary.kept, "folder": str(summary.folder), "seconds": seconds})
     rate = f", {summary.made / seconds * 60:.0f} a minute" if summary.made else ""
