@@ -105,7 +105,7 @@ def test_a_truncated_image_is_a_failed_check(tiny: TinyDataset) -> None:
 
 def test_whole_files_are_read_only_when_asked(tiny: TinyDataset) -> None:
     path = tiny.root / tiny.row("sample_data", token("LIDAR_TOP", 0))["filename"]
-    path.write_bytes(np.float32([[1] * 5, [np.nan] * 5]).tobytes())
+    path.write_bytes(np.array([[1] * 5, [np.nan] * 5], np.float32).tobytes())
     assert run(str(tiny.root))[0] == 0
     assert run(str(tiny.root), "--images")[0] == 1
 
