@@ -63,6 +63,16 @@ def check_place(name: str, array: NDArray[np.generic]) -> None:
         raise ShapeError(f"{name}: expected at most {FARTHEST_M:.0e} m, got {far:.2g}")
 
 
+def check_distance(name: str, value_m: float | None) -> None:
+    """Check that metres, where they are given, are positive and no more than FARTHEST_M.
+
+    Raises:
+        ShapeError: if they are not.
+    """
+    if value_m is not None and not 0 < value_m <= FARTHEST_M:
+        raise ShapeError(f"{name}: expected metres, above 0 and finite, got {value_m:g}")
+
+
 def check_numbers(name: str, array: NDArray[np.generic]) -> None:
     """Check that an array holds real numbers (or booleans), of any type.
 

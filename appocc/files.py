@@ -22,6 +22,7 @@ from PIL import Image
 
 from appocc.checks import ByteArray
 from appocc.errors import DataError
+from appocc.jpeg import end_of, is_cut, is_jpeg
 from appocc.temporary import made_folder, partial_file
 
 # Far above any real file: a camera's picture, a sweep, a map, a town. A file of results may hold a whole dataset.
@@ -229,20 +230,22 @@ def read_image(path: Path, size_px: tuple[int, int] | None = None) -> ByteArray:
         DataError: if it is missing, truncated or no image, or has another size.
     """
     data = read_file(path)
-    # OpenCV fills what is missing of a truncated JPEG with grey and returns it: look for the end marker.
-    if data[:2] == b"\xff\xd8" and b"\xff\xd9" not in data[-64:]:
+    if is_jpeg(data) and end_of(data) < 0:
         raise DataError(f"{path}: the image is truncated ({len(data)} bytes)")
     try:
-        image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR_RGB) if _is_picture(data) else None
+        decoded = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR_RGB) if _is_picture(data) else None
     except cv2.error:
-        image = None
-    if image is None:
+        decoded = None
+    if decoded is None:
         raise DataError(f"{path}: not a readable image ({len(data)} bytes), expected JPEG or PNG")
+    image: ByteArray = np.asarray(decoded, dtype=np.uint8)
+    if is_jpeg(data) and is_cut(data, image):
+        raise DataError(f"{path}: the image is truncated (its end mark comes too early)")
     height, width = image.shape[:2]
     if size_px is not None and size_px != (width, height):
         expected = f"{size_px[0]}x{size_px[1]}"
         raise DataError(f"{path}: expected {expected} pixels, as its table says, got {width}x{height}")
-    return np.asarray(image, dtype=np.uint8)
+    return image
 
 
 def _is_picture(data: bytes) -> bool:

@@ -6,14 +6,17 @@ import json
 import os
 import shlex
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from appocc.errors import DataError
+
+if TYPE_CHECKING:
+    from appocc.nuscenes import Dataset, Scene
 
 RootArgument = Annotated[Path, typer.Argument(metavar="ROOT", help="Dataset root in the nuScenes schema.")]
 VersionOption = Annotated[
@@ -56,6 +59,13 @@ def say_error(reason: object) -> None:
     """Why a command ends, in one line; names and values in it may be as long as a stranger likes."""
     line = str(reason)
     say("error: " + (line if len(line) <= _MOST_TOLD else line[:_MOST_TOLD] + " ...").replace("\n", "\\n"))
+
+
+def say_empty(dataset: Dataset, scenes: Iterable[Scene]) -> None:
+    """A line for each scene that has no key frames and is passed over."""
+    for scene in scenes:
+        if not dataset.samples(scene):
+            say(f"left out: scene '{scene.name}', which has no key frames")
 
 
 def emit(value: Any) -> None:

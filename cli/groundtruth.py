@@ -8,7 +8,17 @@ from typing import Annotated
 
 import typer
 
-from cli.common import JsonOption, RootArgument, VersionOption, emit, out_path, progress, say, say_stale
+from cli.common import (
+    JsonOption,
+    RootArgument,
+    VersionOption,
+    emit,
+    out_path,
+    progress,
+    say,
+    say_empty,
+    say_stale,
+)
 
 
 class Paint(StrEnum):
@@ -52,6 +62,7 @@ def groundtruth(
         settings = Settings(BEVGrid.surround(), paint.value)
         summary = generate(dataset, scenes, out or root, settings, workers or cores(), advance)
     seconds = time.monotonic() - start
+    say_empty(dataset, scenes)
     if as_json:
         counts = {"made": summary.made, "kept": summary.kept, "stale": summary.stale}
         emit({**counts, "folder": str(summary.folder), "seconds": seconds})

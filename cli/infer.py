@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cli.common import JsonOption, VersionOption, emit, out_path, progress, say, say_stale
+from cli.common import JsonOption, VersionOption, emit, out_path, progress, say, say_empty, say_stale
 
 if TYPE_CHECKING:
     from appocc.bevmap import BEVMap
@@ -84,7 +84,10 @@ def moments_of(source: Path, rig: str | None, scene: str | None, version: str | 
                 raise DataError(f"expected either {option} of a dataset or --rig of a folder of images, got both")
         return folder_moments(source, read_rig(rig))
     dataset = Dataset(source, version)
-    return dataset_moments(dataset, [dataset.scene(scene)] if scene else dataset.scenes)
+    scenes = [dataset.scene(scene)] if scene else dataset.scenes
+    moments = dataset_moments(dataset, scenes)
+    say_empty(dataset, scenes)
+    return moments
 
 
 def places_of(bev: BEVMap) -> FloatArray:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from appocc.checks import (
+    check_distance,
     check_dtype,
     check_finite,
     check_intrinsic,
@@ -45,6 +46,14 @@ def test_places_on_earth() -> None:
         check_place("place", np.array([1.0, -1e300]))
     with pytest.raises(ShapeError, match=r"^place: expected finite"):
         check_place("place", np.array([np.nan]))
+
+
+def test_distances() -> None:
+    for good in (None, 1e-3, 1e9):
+        check_distance("--range", good)
+    for wrong in (0.0, -1.0, np.inf, np.nan, 2e9):
+        with pytest.raises(ShapeError, match=r"^--range: expected metres, above 0 and finite, got "):
+            check_distance("--range", wrong)
 
 
 def test_numbers_of_any_real_type() -> None:

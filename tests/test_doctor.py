@@ -105,9 +105,17 @@ def test_a_truncated_image_is_a_failed_check(tiny: TinyDataset) -> None:
 
 def test_whole_files_are_read_only_when_asked(tiny: TinyDataset) -> None:
     path = tiny.root / tiny.row("sample_data", token("LIDAR_TOP", 0))["filename"]
-    path.write_bytes(np.full((3, 5), np.nan, np.float32).tobytes())
+    path.write_bytes(np.array([[1] * 5, [np.nan] * 5], np.float32).tobytes())
     assert run(str(tiny.root))[0] == 0
     assert run(str(tiny.root), "--images")[0] == 1
+
+
+def test_two_sensors_of_one_channel_are_a_failed_check(tiny: TinyDataset) -> None:
+    tiny.row("sensor", token("sensor", "CAM_BACK"))["channel"] = "CAM_FRONT"
+    code, _, err = run(str(tiny.write()))
+    assert code == 1
+    assert "error: sample_data: two key frames (3)" in err
+    assert "  CAM_FRONT            camera            6          2" in err
 
 
 def test_notes_do_not_make_a_dataset_ill(tiny: TinyDataset) -> None:

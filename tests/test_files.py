@@ -17,6 +17,7 @@ from hypothesis import strategies as st
 from PIL import Image, UnidentifiedImageError
 
 from appocc import files
+from appocc.checks import ByteArray
 from appocc.errors import DataError
 
 PICTURE = np.arange(4 * 6 * 3, dtype=np.uint8).reshape(4, 6, 3)
@@ -136,6 +137,49 @@ def test_truncated_pictures_are_refused(tmp_path: Path, ending: str, share: floa
     files.write_image(path, np.random.default_rng(1).integers(0, 255, (64, 64, 3), np.uint8))
     path.write_bytes(path.read_bytes()[: int(path.stat().st_size * share)])
     with pytest.raises(DataError, match="the image is truncated" if ending == ".jpg" else "not a readable image"):
+        files.read_image(path)
+
+
+def noise(height: int = 64, width: int = 64) -> ByteArray:
+    return np.random.default_rng(1).integers(0, 255, (height, width, 3), np.uint8)
+
+
+@pytest.mark.parametrize("share", [0.3, 0.6, 0.9])
+@pytest.mark.parametrize("grey", [False, True])
+def test_a_jpeg_that_is_cut_and_given_an_end_mark_is_refused(tmp_path: Path, share: float, grey: bool) -> None:
+    path = tmp_path / "a.jpg"
+    files.write_image(path, noise()[..., 0] if grey else noise(61, 77))
+    path.write_bytes(path.read_bytes()[: int(path.stat().st_size * share)] + b"\xff\xd9")
+    with pytest.raises(DataError, match=r"a\.jpg: the image is truncated \(its end mark comes too early\)"):
+        files.read_image(path)
+
+
+def test_a_jpeg_with_bytes_after_its_end_is_whole(tmp_path: Path) -> None:
+    path = tmp_path / "a.jpg"
+    files.write_image(path, noise())
+    whole = files.read_image(path)
+    path.write_bytes(path.read_bytes() + bytes(1000))
+    np.testing.assert_array_equal(files.read_image(path), whole)
+
+
+def test_a_jpeg_of_the_grey_that_stands_for_what_is_missing_is_whole(tmp_path: Path) -> None:
+    picture = noise()
+    picture[32:, 32:] = 128
+    files.write_image(tmp_path / "a.jpg", picture)
+    assert (files.read_image(tmp_path / "a.jpg")[-1, -1] == 128).all()
+    files.write_image(tmp_path / "b.jpg", np.full((8, 1, 3), 128, np.uint8))
+    assert (files.read_image(tmp_path / "b.jpg") == 128).all()
+
+
+def test_the_end_mark_of_a_thumbnail_is_none_of_the_picture(tmp_path: Path) -> None:
+    path = tmp_path / "a.jpg"
+    files.write_image(path, noise())
+    data = path.read_bytes()
+    thumbnail = b"\xff\xe1" + (2 + 40).to_bytes(2, "big") + b"\xff\xd8" + bytes(36) + b"\xff\xd9"
+    path.write_bytes(data[:2] + thumbnail + data[2:])
+    assert files.read_image(path).shape == (64, 64, 3)
+    path.write_bytes(path.read_bytes()[: -len(data) // 3])
+    with pytest.raises(DataError, match="the image is truncated"):
         files.read_image(path)
 
 

@@ -71,6 +71,12 @@ def test_yaw_there_and_back(yaw: float) -> None:
     np.testing.assert_allclose(np.exp(1j * g.yaw_of(rotation)), np.exp(1j * yaw), atol=1e-9)
 
 
+def test_unit_quaternions_may_be_rounded() -> None:
+    good = [[1.0, 0, 0, 0], [0, 0.6, -0.8, 0], [0.707, 0, 0, 0.707]]
+    wrong = [[1.01, 0, 0, 0], [0, 0.99, 0, 0], [0, 0, 0, 0], [np.nan, 0, 0, 1], [1e200, 0, 0, 1e200]]
+    assert g.is_unit(np.array(good + wrong)).tolist() == [True] * 3 + [False] * 5
+
+
 @given(poses())
 def test_quaternion_there_and_back(pose: FloatArray) -> None:
     quaternion = g.quaternion_from_rotation(pose[:3, :3])

@@ -37,7 +37,7 @@ KIND, PERSON_M = "pedestrian", 1.7
 _FOOTPRINT = 0.3
 # Log-odds of the detection in the middle of a file, where confidences tell the order alone: right in 3 of 4 cases.
 _MIDDLE = 1.0
-MOST_FRAMES, MOST_FPS = 1_000_000, 1000.0
+MOST_FRAMES, LEAST_FPS, MOST_FPS = 1_000_000, 0.01, 1000.0
 _LEAST_COLUMNS, _ALL_COLUMNS = 7, 10
 
 
@@ -136,8 +136,8 @@ def read_boxes(path: Path, fps: float) -> MotSequence:
     Raises:
         DataError: if it cannot be read, is damaged or empty, or the frame rate is none.
     """
-    if not 0 < fps <= MOST_FPS:
-        raise DataError(f"expected above 0 and up to {MOST_FPS:g} frames a second, got {fps:g}")
+    if not LEAST_FPS <= fps <= MOST_FPS:
+        raise DataError(f"expected {LEAST_FPS:g} .. {MOST_FPS:g} frames a second, got {fps:g}")
     rows, placed = _rows(path)
     if not len(rows):
         raise DataError(f"{path}: expected detections, got an empty file")

@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 from appocc.boxes import is_vehicle
-from appocc.checks import BoolArray, FloatArray, IntArray
+from appocc.checks import BoolArray, FloatArray, IntArray, check_distance
 from appocc.errors import DataError
 from tracking.amota import Amota, ScoredMoment, amota
 from tracking.image_boxes import common_px, judged
@@ -50,6 +50,15 @@ class Question:
     kind: str | None = None
     range_m: float | None = None
     gate_m: float | None = None
+
+    def __post_init__(self) -> None:
+        """Check that distances can be true.
+
+        Raises:
+            ShapeError: if one is not positive and finite.
+        """
+        check_distance("--range", self.range_m)
+        check_distance("--gate", self.gate_m)
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from appocc.bevmap import CLASSES, VEHICLE
-from appocc.checks import FloatArray, IntArray
+from appocc.checks import FloatArray, IntArray, check_distance
 from appocc.errors import DataError
 from appocc.evaluation.bootstrap import DRAWS, LEVEL, interval, median_of_drawn
 from appocc.evaluation.cells import (
@@ -35,7 +35,8 @@ from appocc.simulation.scenario import weather_of
 __all__ = ["Evaluation", "Question", "SceneScores", "evaluate", "weather_of"]
 
 
-class Question(NamedTuple):
+@dataclass(frozen=True)
+class Question:
     """What is compared.
 
     Attributes:
@@ -49,6 +50,14 @@ class Question(NamedTuple):
     against: str
     ahead: bool = False
     range_m: float | None = None
+
+    def __post_init__(self) -> None:
+        """Check that the range can be true.
+
+        Raises:
+            ShapeError: if it is not positive and finite.
+        """
+        check_distance("--range", self.range_m)
 
 
 class SceneScores(NamedTuple):

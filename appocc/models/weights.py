@@ -16,7 +16,7 @@ from appocc.files import write_bytes
 from appocc.grid import BEVGrid
 from appocc.models.base import BEVModel
 from appocc.models.registry import NETWORKS, build
-from appocc.models.setting import Setting
+from appocc.models.setting import SETTINGS, Setting
 
 # Come with the package.
 PACKAGED = Path(__file__).parent / "data" / "appocc.safetensors"
@@ -183,7 +183,10 @@ def _setting_of(name: str, view: str) -> Setting:
     x, y = grid.shape
     if x * y > _MOST_CELLS or width_px * height_px > _MOST_PIXELS or min(width_px, height_px) < 1:
         raise ValueError(f"a grid of {x} x {y} cells from pictures of {width_px} x {height_px}")
-    return Setting(name, tuple(map(str, values["channels"])), grid, width_px, height_px)
+    setting = Setting(name, tuple(map(str, values["channels"])), grid, width_px, height_px)
+    if setting != SETTINGS.get(name, setting):
+        raise ValueError(f"expected the cameras, grid and size of setting {name}, got {view}")
+    return setting
 
 
 def _one_line(error: Exception) -> str:

@@ -119,7 +119,7 @@ def _end(parent: Table, field: str, reason: str) -> Callable[[int], str]:
 
 
 def _key_frames(tables: Tables) -> Iterator[Problem]:
-    """Samples without files, with two of one channel, or (a note) without one that others of their scene have."""
+    """Scenes without samples; samples without files, with two of a channel, or (a note) without one of others."""
     samples, data = tables["sample"], tables["sample_data"]
     # Two sensors may have one name, of two vehicles for example, but not in one sample.
     names, number = np.unique(np.array(tables["sensor"]["channel"], dtype=np.str_), return_inverse=True)
@@ -131,6 +131,8 @@ def _key_frames(tables: Tables) -> Iterator[Problem]:
     without = np.asarray(~has.any(axis=1))
     yield from of_rows(samples, without, "no files", lambda row: "no key-frame file refers to it")
     scene = tables["scene"].rows_of(samples.array("scene_token"))
+    empty = np.bincount(scene[scene >= 0], minlength=len(tables["scene"])) == 0
+    yield from of_rows(tables["scene"], empty, "no key frames", lambda row: "no sample refers to it")
     for i in range(len(tables["scene"])):
         yield from _gaps(tables, i, names.tolist(), has[scene == i])
 

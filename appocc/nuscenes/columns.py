@@ -46,8 +46,9 @@ def _packed(field: Field, values: list[Any]) -> Column:
 
 
 def _pack_text(field: Field, values: list[Any]) -> Column:
-    nothing = "" if field.kind == "token" or not field.required else None
-    texts = np.array([(nothing if value is None else value).encode() for value in values], dtype=np.bytes_)
+    if field.kind == "token" or not field.required:
+        values = ["" if value is None else value for value in values]
+    texts = np.array([value.encode() for value in values], dtype=np.bytes_)
     if texts.itemsize > _LONGEST:
         raise ValueError
     return texts
@@ -81,7 +82,7 @@ def _pack_time(field: Field, values: list[Any]) -> NDArray[Any]:
 
 
 def _check_types(values: Iterable[Any], allowed: set[type]) -> None:
-    """numpy alone takes true for 1 and "5" for 5."""
+    """Numpy alone takes true for 1 and "5" for 5."""
     if not set(map(type, values)) <= allowed:
         raise TypeError
 

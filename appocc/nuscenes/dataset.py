@@ -109,7 +109,9 @@ class Dataset:
         for one, other in pairwise(records):
             if one.channel == other.channel:
                 where = f"{self.tables.path('sample_data')}: sample {sample.token}"
-                raise DataError(f"{where}: expected one key frame of {one.channel}, got {one.token} and {other.token}")
+                raise DataError(
+                    f"{where}: expected one key frame of {one.channel}, got {one.token} and {other.token}"
+                )
         return {record.channel: record for record in records}
 
     @lru_cache(maxsize=8)  # noqa: B019 - a dataset lives as long as the command

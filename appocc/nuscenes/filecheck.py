@@ -13,6 +13,7 @@ from PIL import Image
 
 from appocc.errors import DataError
 from appocc.files import open_picture, read_image, stays_inside
+from appocc.jpeg import end_of
 from appocc.nuscenes.dataset import Dataset
 from appocc.nuscenes.lidar import read_lidar
 from appocc.nuscenes.problem import Problem
@@ -20,7 +21,7 @@ from appocc.nuscenes.schema import LABEL_TABLES
 from appocc.nuscenes.table import Table
 
 _BATCH = 256
-_POINT_BYTES = 20
+_POINT_BYTES, _FIRST_POINTS = 20, 100
 _ENDS = {"JPEG": b"\xff\xd9", "PNG": b"IEND"}
 
 
@@ -121,7 +122,7 @@ def _glance(job: _Job) -> tuple[str, str] | None:
     try:
         if job.modality == "camera":
             return _wrong_size(job, *_size_of(job.path))
-        return _wrong_length(job.path) if _is_lidar(job) else None
+        return _glance_at_lidar(job.path) if _is_lidar(job) else None
     except (DataError, OSError) as error:
         return f"unreadable {job.modality} file", str(error)
 
@@ -151,6 +152,21 @@ def _wrong_size(job: _Job, width: int, height: int) -> tuple[str, str] | None:
     return "wrong image size", f"{job.path} is {width}x{height}, the table says {stated}"
 
 
+def _glance_at_lidar(path: Path) -> tuple[str, str] | None:
+    """Only where the first points are not finite are the others looked at, too.
+
+    Raises:
+        DataError: if none is finite.
+    """
+    wrong = _wrong_length(path)
+    if not wrong:
+        with path.open("rb") as handle:
+            first = np.frombuffer(handle.read(_FIRST_POINTS * _POINT_BYTES), np.float32)
+        if not np.isfinite(first).all():
+            read_lidar(path)
+    return wrong
+
+
 def _wrong_length(path: Path) -> tuple[str, str] | None:
     size = path.stat().st_size
     if size and size % _POINT_BYTES == 0:
@@ -169,9 +185,15 @@ def _size_of(path: Path) -> tuple[int, int]:
             size, form = picture.size, picture.format or ""
     except (OSError, SyntaxError, Image.DecompressionBombError) as error:
         raise DataError(f"{path}: not a readable image ({error})") from error
-    if _ENDS.get(form, b"") not in _tail(path):
+    if form in _ENDS and _ENDS[form] not in _tail(path) and not _has_end(path, form):
         raise DataError(f"{path}: the image is truncated ({path.stat().st_size} bytes)")
     return size
+
+
+def _has_end(path: Path, form: str) -> bool:
+    """Whether a picture has its end mark before bytes that do not belong to it."""
+    data = path.read_bytes()
+    return end_of(data) >= 0 if form == "JPEG" else _ENDS[form] in data
 
 
 def _tail(path: Path) -> bytes:

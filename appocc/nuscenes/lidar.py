@@ -15,12 +15,15 @@ def read_lidar(path: Path) -> FloatArray:
     """(N, 5) float64 points of a .pcd.bin file.
 
     Raises:
-        DataError: if the file is missing or its length is no multiple of five float32.
+        DataError: if the file is missing, its length is no multiple of five float32, or no point is finite.
     """
     raw = read_file(path)
     if len(raw) % 20:
         raise DataError(f"{path}: expected rows of 5 float32 (20 bytes), got {len(raw)} bytes: truncated?")
-    return np.frombuffer(raw, np.float32).reshape(-1, 5).astype(np.float64)
+    points = np.frombuffer(raw, np.float32).reshape(-1, 5).astype(np.float64)
+    if len(points) and not np.isfinite(points[:, :3]).all(axis=1).any():
+        raise DataError(f"{path}: expected finite points, got {len(points)} that are not")
+    return points
 
 
 def write_lidar(path: Path, points: FloatArray) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -41,15 +42,22 @@ def _moment(source: Path, frame: dict[str, Any], lidar: Path | None) -> Moment:
         CHANNELS[name]: Image(inside(source, camera["file"]), float(camera["t"]), _pose(camera, "T_world_cam"))
         for name, camera in frame["cameras"].items()
     }
-    npz = lidar / "npz" / f"{int(frame['i']):02d}.npz" if lidar and frame["lidar_npz"] else None
     return Moment(
         int(frame["i"]),
         float(frame["t_lidar"]),
         _pose(frame, "T_world_ego"),
         images,
         tuple(_cuboid(box) for box in frame["boxes"]),
-        partial(_sweep, npz) if npz else None,
+        _sweep_of(frame, lidar),
     )
+
+
+def _sweep_of(frame: dict[str, Any], lidar: Path | None) -> Callable[[], Sweep] | None:
+    """What reads the sweep of an entry of `frames`; its `lidar_npz` may name another folder, but no other file."""
+    stated, name = frame["lidar_npz"], f"{int(frame['i']):02d}.npz"
+    if stated is not None and PurePosixPath(stated).name != name:
+        raise DataError(f"frame {frame['i']}: lidar_npz: expected a path to {name}, got {str(stated)[:80]!r}")
+    return None if stated is None or lidar is None else partial(_sweep, lidar / "npz" / name)
 
 
 def _pose(row: dict[str, Any], name: str) -> FloatArray:

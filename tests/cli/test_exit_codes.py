@@ -26,6 +26,7 @@ FILES = {
 }
 SCENE = ["track", "{root}", "--scene", "scene-tiny"]
 MOT = ["track", "--fps", "25", "--out", "{root}/out", "--mot"]
+TRACKS = ["eval", "tracks", "--gt", "{root}/none.json", "--tracks", "{root}/tracks.json"]
 CASES = [
     (["doctor", "{root}/none"], "no such folder"),
     (["groundtruth", "{root}/v1.0-tiny/scene.json"], "no such folder"),
@@ -48,6 +49,12 @@ CASES = [
     ([*MOT, "{root}/good.txt", "--kitti", "{root}"], "expected one of --bev, --detections, --kitti and --mot"),
     (["track", "--mot", "{root}/good.txt"], "--mot needs --fps"),
     (["track", "--mot", "{root}/good.txt", "--fps", "nan"], "frames a second, got nan"),
+    (["track", "--mot", "{root}/good.txt", "--fps", "1e-300"], "frames a second, got 1e-300"),
+    ([*TRACKS, "--gate", "inf"], "--gate: expected metres, above 0 and finite, got inf"),
+    (
+        ["eval", "bev", "{root}", "--bev", "x", "--range", "inf"],
+        "--range: expected metres, above 0 and finite, got inf",
+    ),
     (["track", "--mot", "{root}/good.txt", "--fps", "25", "--out", "{root}"], "written over the detections"),
     (["track", "--mot", "{root}/good.txt", "--fps", "25", "--out", "{root}/nan.txt"], "cannot be written"),
     (["eval", "tracks", "--gt", "{root}/none.txt", "--tracks", "{root}/good.txt"], "{root}/none.txt: cannot be read"),

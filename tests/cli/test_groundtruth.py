@@ -65,6 +65,15 @@ def test_json_and_out(
     assert sorted(tiny_root.rglob("*")) == before  # the dataset is only read
 
 
+def test_a_scene_without_key_frames_is_left_out_with_a_line(
+    tiny: TinyDataset, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    tiny.tables["scene"].append({**tiny.tables["scene"][0], "token": "other", "name": "empty"})
+    code, _, stderr = command(monkeypatch, capsys, tiny.write())
+    assert code == 0
+    assert "left out: scene 'empty', which has no key frames" in stderr
+
+
 def test_paint_and_scene(
     tiny_root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -136,6 +136,7 @@ def test_foreign_files(tmp_path: Path) -> None:
             {"view": json.dumps({"channels": ["CAM_A"], "grid": [0, 8, -4, 4, 0.3], "size_px": [96, 64]})},
             "whole number",
         ),
+        ({"setting": "360"}, "expected the cameras, grid and size of setting 360, got"),
         ({"setting": None}, "the card lacks 'setting'"),
     ],
 )
@@ -144,6 +145,15 @@ def test_cards_that_cannot_be_true(written: Path, changed: dict[str, str | None]
     new = {key: value for key, value in {**card, **changed}.items() if value is not None}
     save_file(model.state_dict(), written, {"card": json.dumps(new)})
     assert_refused(written, reason)
+
+
+def test_the_card_of_a_setting_of_the_paper_with_other_cameras(tmp_path: Path) -> None:
+    path = tmp_path / "w.safetensors"
+    save_weights(path, build("neat", SETTINGS["180"]), CARD)
+    model, card = load_model(path)
+    for key, value in (("view", card["view"].replace("CAM_FRONT_LEFT", "CAM_BACK")), ("setting", "360")):
+        save_file(model.state_dict(), path, {"card": json.dumps({**card, key: value})})
+        assert_refused(path, "expected the cameras, grid and size of setting")
 
 
 def test_weights_that_lack_one_or_are_no_numbers(written: Path) -> None:

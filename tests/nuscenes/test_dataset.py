@@ -159,6 +159,33 @@ def test_a_pose_that_cannot_be_true(tiny: TinyDataset) -> None:
         dataset.world_from_ego_at(dataset.data(samples[0])["CAM_FRONT"])
 
 
+@pytest.mark.parametrize("table", ["ego_pose", "calibrated_sensor", "sample_annotation"])
+def test_a_rotation_that_is_no_unit_quaternion(tiny: TinyDataset, table: str) -> None:
+    for row in tiny.tables[table]:
+        row["rotation"] = [1.01 * part for part in row["rotation"]]
+    dataset, _, samples = opened(tiny)
+    with pytest.raises(DataError, match=rf"{table}\.json: .*quaternion wxyz: expected a length of 1, got "):
+        dataset.frame(samples[0], images=False)
+
+
+def test_rotations_may_be_rounded(tiny: TinyDataset) -> None:
+    for row in tiny.tables["ego_pose"]:
+        row["rotation"] = [round(part, 3) for part in row["rotation"]]
+    dataset, _, samples = opened(tiny)
+    np.testing.assert_allclose(dataset.world_from_ego(samples[0])[:2, 0], [0, 1], atol=1e-12)
+
+
+def test_two_key_frames_of_one_channel(tiny: TinyDataset) -> None:
+    """One of two cameras would be lost, whichever way they came to have one name."""
+    tiny.row("sensor", token("sensor", "CAM_BACK"))["channel"] = "CAM_FRONT"
+    dataset, _, samples = opened(tiny)
+    both = f"{token('CAM_FRONT', -10_000)} and {token('CAM_BACK', -10_000)}"
+    with pytest.raises(
+        DataError, match=rf"sample {samples[0].token}: expected one key frame of CAM_FRONT, got {both}"
+    ):
+        dataset.data(samples[0])
+
+
 def test_the_pose_of_a_sample_is_that_of_its_lidar(tiny: TinyDataset) -> None:
     dataset, _, samples = opened(tiny)
     world_from_ego = dataset.world_from_ego(samples[1])

@@ -33,6 +33,17 @@ def test_points_that_cannot_be_read(tmp_path: Path) -> None:
         read_lidar(tmp_path / "half.bin")
 
 
+def test_points_that_are_all_no_numbers(tmp_path: Path) -> None:
+    (tmp_path / "nan.bin").write_bytes(np.full((7, 5), np.nan, np.float32).tobytes())
+    with pytest.raises(DataError, match=r"nan\.bin: expected finite points, got 7 that are not"):
+        read_lidar(tmp_path / "nan.bin")
+    some = np.array([[np.nan, 0, 0, 0, 0], [1, 2, 3, np.nan, 0]], np.float32)
+    (tmp_path / "some.bin").write_bytes(some.tobytes())
+    assert read_lidar(tmp_path / "some.bin")[1, :3].tolist() == [1, 2, 3]
+    (tmp_path / "empty.bin").write_bytes(b"")
+    assert read_lidar(tmp_path / "empty.bin").shape == (0, 5)
+
+
 def test_labels_are_one_byte_a_point(tmp_path: Path) -> None:
     (tmp_path / "a.bin").write_bytes(bytes([24, 17]))
     assert read_labels(tmp_path / "a.bin", 2).tolist() == [24, 17]

@@ -7,10 +7,12 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from findings import assert_only, found
 from tiny_dataset import INTRINSIC, START_US, TinyDataset, token
 
+from appocc.geometry import is_unit
 from appocc.nuscenes import Dataset
 from appocc.nuscenes.problem import Problem
 from appocc.nuscenes.validate import validate
@@ -255,7 +257,18 @@ def test_poses_that_are_none(tiny: TinyDataset, table: str, field: str, value: l
 
 
 @pytest.mark.parametrize(
-    "value", [[], None, [[1, 2], [3]], "abc", [[-20, 0, 15], [0, 20, 9], [0, 0, 1]], [[20, 0, None]] * 3]
+    "value",
+    [
+        *[
+            [],
+            None,
+            [[1, 2], [3]],
+            "abc",
+            [["20", 0, 15], [0, 20, 9], [0, 0, 1]],
+            [[20, 0, 15], [0, 20, 9], [0, 0, True]],
+        ],
+        *[[[-20, 0, 15], [0, 20, 9], [0, 0, 1]], [[20, 0, None]] * 3],
+    ],
 )
 def test_intrinsics_of_cameras(tiny: TinyDataset, value: Any) -> None:
     tiny.row("calibrated_sensor", token("mount", "LIDAR_TOP"))["camera_intrinsic"] = value
@@ -285,3 +298,63 @@ def test_a_published_part_of_nuscenes(data_root: Path) -> None:
     problems = validate(Dataset(data_root / "nuscenes_real"))
     assert {(p.table, p.kind, p.severity) for p in problems} == {("map", "logs of other parts", "note")}
     assert len(problems) == 4
+
+
+@pytest.mark.realdata
+def test_rotations_rounded_to_float32_are_unit_quaternions(data_root: Path) -> None:
+    turns = Dataset(data_root / "nuscenes_real").tables["ego_pose"].array("rotation")
+    assert is_unit(turns.astype(np.float32)).all()
+
+
+# Channels and scenes ----------------------------------------------------------------------------------------------
+
+
+def test_two_sensors_of_one_channel(tiny: TinyDataset) -> None:
+    """One of the two cameras would be lost in every sample."""
+    tiny.row("sensor", token("sensor", "CAM_BACK"))["channel"] = "CAM_FRONT"
+    data = tiny.tables["sample_data"]
+    behind = [row["token"] for row in data[4:8] if row["is_key_frame"]]
+    twice = [p for p in found(tiny) if p.kind == "two key frames"]
+    assert_only(twice, *[("sample_data", name, "two key frames", "has another such file") for name in behind])
+
+
+def test_two_sensors_of_one_channel_in_different_samples_are_sound(tiny: TinyDataset) -> None:
+    """As in the joined tables of two vehicles."""
+    data = tiny.tables["sample_data"]
+    tiny.row("sensor", token("sensor", "CAM_BACK"))["channel"] = "CAM_FRONT"
+    tiny.tables["sample_data"] = [row for row in data[:4] if row["sample_token"] == token("sample", 0)]
+    tiny.tables["sample_data"] += [row for row in data[4:8] if row["sample_token"] != token("sample", 0)] + data[8:]
+    kinds = {p.kind for p in found(tiny)}
+    assert not kinds & {"two key frames", "samples without a channel"}
+
+
+def test_a_scene_without_key_frames(tiny: TinyDataset) -> None:
+    tiny.tables["scene"].append({**tiny.tables["scene"][0], "token": "other", "name": "b", "nbr_samples": 0})
+    empty = [p for p in found(tiny) if p.kind == "no key frames"]
+    assert_only(empty, ("scene", "other", "no key frames", "no sample refers to it"))
+
+
+def test_times_with_fractions_are_a_note(tiny: TinyDataset) -> None:
+    for row in tiny.tables["sample"]:
+        row["timestamp"] += 0.25
+    problems = found(tiny)
+    assert_only(problems, ("sample", "", "times with fractions", "timestamp: expected whole microseconds"))
+    assert problems[0].severity == "note"
+
+
+@pytest.mark.parametrize(
+    ("table", "field", "value"),
+    [
+        ("sensor", "channel", None),
+        ("sensor", "channel", ""),
+        ("sensor", "modality", "Camera"),
+        ("sample", "timestamp", True),
+        ("sample_data", "timestamp", "1600000000000000"),
+        ("ego_pose", "translation", [True, False, True]),
+        ("sample_annotation", "translation", ["1", "2", "3"]),
+        ("calibrated_sensor", "rotation", ["1", 0, 0, 0]),
+    ],
+)
+def test_values_that_are_none_are_a_damaged_table(tiny: TinyDataset, table: str, field: str, value: Any) -> None:
+    tiny.tables[table][1][field] = value
+    assert_only(found(tiny), (table, "", "damaged table", f"{field}: expected "))

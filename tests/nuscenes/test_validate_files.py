@@ -129,3 +129,31 @@ def test_labels_of_a_lidar_file_that_is_missing_are_not_judged(tiny: TinyDataset
     (tiny.root / "lidarseg/a.bin").write_bytes(bytes(9))
     (tiny.root / tiny.row("sample_data", LIDAR)["filename"]).unlink()
     assert [p.kind for p in found(tiny)] == ["missing file"]
+
+
+def test_a_sweep_without_a_finite_point(tiny: TinyDataset) -> None:
+    path = tiny.root / tiny.row("sample_data", LIDAR)["filename"]
+    path.write_bytes(np.full((300, 5), np.nan, np.float32).tobytes())
+    for images in (True, False):
+        assert_only(found(tiny, images), ("sample_data", LIDAR, "unreadable lidar file", "got 300 that are not"))
+
+
+def test_a_sweep_that_only_begins_without_finite_points(tiny: TinyDataset) -> None:
+    path = tiny.root / tiny.row("sample_data", LIDAR)["filename"]
+    path.write_bytes(np.repeat([[np.nan], [1.0]], [300, 1], axis=0).repeat(5, axis=1).astype(np.float32).tobytes())
+    assert found(tiny, images=False) == []
+    assert [p.kind for p in found(tiny)] == ["bad LiDAR points"]
+
+
+def test_pictures_with_padding_after_their_end_are_whole(tiny: TinyDataset) -> None:
+    with (tiny.root / tiny.row("sample_data", FRONT)["filename"]).open("ab") as file:
+        file.write(bytes(500))
+    assert found(tiny, images=True) == found(tiny, images=False) == []
+
+
+def test_a_picture_cut_off_but_for_its_end_mark(tiny: TinyDataset) -> None:
+    path = tiny.root / tiny.row("sample_data", FRONT)["filename"]
+    noise = np.random.default_rng(1).integers(0, 255, (20, 32, 3), np.uint8)
+    data = cv2.imencode(".jpg", noise)[1].tobytes()
+    path.write_bytes(data[: len(data) * 3 // 4] + b"\xff\xd9")
+    assert_only(found(tiny), ("sample_data", FRONT, "unreadable camera file", "its end mark comes too early"))

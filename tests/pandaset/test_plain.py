@@ -83,6 +83,14 @@ BAD: dict[str, tuple[Change, str]] = {
     "file elsewhere": (lambda d: front(d).update(file="../../etc/passwd"), r"leads out of this folder"),
     "file absolute": (lambda d: front(d).update(file="/etc/passwd"), r"leads out of this folder"),
     "file gone": (lambda d: front(d).update(file="002/none.jpg"), r"none\.jpg: cannot be read \(No such file"),
+    "sweep of another name": (
+        lambda d: d["frames"][2].update(lidar_npz="../../etc/passwd"),
+        r"frame 2: lidar_npz: expected a path to 02\.npz, got '\.\./\.\./etc/passwd'",
+    ),
+    "sweep of another frame": (
+        lambda d: d["frames"][2].update(lidar_npz="npz/00.npz"),
+        r"expected a path to 02\.npz",
+    ),
     "no boxes": (lambda d: d["frames"][0].pop("boxes"), r"'boxes'"),
     "box without yaw": (lambda d: box(d).pop("yaw_world"), r"'yaw_world'"),
     "box yaw NaN": (lambda d: box(d).update(yaw_world=float("nan")), r"cuboid car yaw: expected finite"),
