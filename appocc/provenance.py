@@ -1,7 +1,7 @@
-"""What results were made from: digests by part, kept beside the results, so that a later run sees which are stale.
+"""Provenance of results: digests of their inputs, so that a later run finds stale results.
 
-Files count by their sizes and times, tables by their values; no absolute path counts. The record is a file of its
-own: the results themselves stay the same to the byte wherever the dataset lies.
+A file enters by its size and time, a table by its values; absolute paths do not. The record is a separate file: the
+results themselves are the same bytes wherever the dataset is stored.
 """
 
 from __future__ import annotations
@@ -45,10 +45,10 @@ def state_of(path: Path) -> tuple[int, int] | None:
 
 
 class Record:
-    """What each result of a folder was made from; a line for each, the last one counts."""
+    """Inputs of each result in a folder: one line a result, the last one is valid."""
 
     def __init__(self, folder: Path) -> None:
-        """Read what is recorded; lines that are damaged are left out."""
+        """Read the record; damaged lines are skipped."""
         self._path = folder / _RECORD
         self._parts: dict[str, Parts] = {}
         for line in read_file(self._path, MOST_TEXT_BYTES).splitlines() if self._path.is_file() else ():
@@ -59,7 +59,7 @@ class Record:
                 continue
 
     def why_stale(self, name: str, parts: Parts) -> str:
-        """Why a result that is there is not of these parts; '' if it is."""
+        """Reason why an existing result does not belong to these parts; '' if it does."""
         before = self._parts.get(name)
         if before is None:
             return _UNKNOWN
@@ -79,7 +79,7 @@ class Record:
 
 
 def add_record(folder: Path, name: str, parts: Parts) -> None:
-    """Record what a result was made from, once it is there; several processes may do so at a time.
+    """Record the inputs of a written result; several processes may append concurrently.
 
     Raises:
         DataError: if it cannot be written.
@@ -100,14 +100,14 @@ def _line(name: str, parts: Parts) -> str:
 
 
 def sample_parts(dataset: Dataset, sample: Sample) -> dict[str, str]:
-    """What a prediction of a sample is made from."""
+    """Inputs of the prediction of a sample."""
     data = list(dataset.data(sample).values())
     pictures = [each for each in data if each.modality == "camera"]
     return {"pictures": _files(dataset, pictures), "calibration": _mounting(dataset, data, [sample])}
 
 
 def scene_parts(dataset: Dataset, scene: Scene) -> dict[str, str]:
-    """What ground truth of any sample of a scene is made from.
+    """Inputs of the ground truth of any sample of a scene.
 
     Raises:
         DataError: if a table entry cannot be true.
@@ -126,7 +126,7 @@ def scene_parts(dataset: Dataset, scene: Scene) -> dict[str, str]:
 
 
 def training_parts(dataset: Dataset, samples: Sequence[Sample], more: Iterable[Path]) -> dict[str, str]:
-    """What the packed samples of a dataset are made from; `more`: the files of maps and views."""
+    """Inputs of a packed dataset; `more`: the files of maps and views."""
     data = [each for sample in samples for each in dataset.data(sample).values()]
     used = [each for each in data if each.modality == "camera" or each.channel == LIDAR]
     return {

@@ -1,9 +1,11 @@
-"""Work under way: locked, and under a fixed hidden name, so that what a killed process left is taken over."""
+"""Temporary files and folders of unfinished results: locked, under a fixed hidden name.
+
+A later run reuses the name, so that it removes what a killed process has left.
+"""
 
 from __future__ import annotations
 
 import errno
-import fcntl
 import os
 import shutil
 from collections.abc import Callable, Iterator
@@ -12,23 +14,28 @@ from pathlib import Path
 
 from appocc.errors import DataError
 
-# What file systems answer that have no locks.
+try:
+    import fcntl
+except ImportError:  # Windows: two runs at one folder are not noticed there
+    fcntl = None  # type: ignore[assignment]
+
+# Errors of file systems without locks.
 _NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP, errno.EINVAL)
 
 
 @contextmanager
 def locked(lock: Path, of: Path, wait: Callable[[str], None] | None = None) -> Iterator[None]:
-    """Hold a lock: a file that is there, and empty at first, for that long. If this process dies, nobody holds it.
+    """Hold an exclusive lock on a new, empty file; the system releases it if this process dies.
 
-    The file may be renamed meanwhile; else it is removed in the end.
+    The file may be renamed in the block; otherwise it is removed at the end.
 
     Args:
         lock: the file.
-        of: what it protects, for people.
-        wait: called with a line before another process is waited for; where None, that is an error.
+        of: the path that it protects, for the error message.
+        wait: called with a line before this process waits for another one; None: do not wait.
 
     Raises:
-        DataError: if another process holds it.
+        DataError: if another process holds it and `wait` is None.
         OSError: if the file cannot be made.
     """
     handle = _held(lock, of, wait)
@@ -43,12 +50,12 @@ def locked(lock: Path, of: Path, wait: Callable[[str], None] | None = None) -> I
 
 
 def _held(lock: Path, of: Path, wait: Callable[[str], None] | None) -> int:
-    """A handle of a locked file."""
+    """Descriptor of the locked file."""
     while True:
         handle = os.open(lock, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK, 0o644)
         try:
             _lock(handle, of, wait)
-            if _is_named(handle, lock):  # else whoever held it has renamed or removed it
+            if _is_named(handle, lock):  # otherwise the last holder has renamed or removed it
                 return handle
         except BaseException:
             os.close(handle)
@@ -57,12 +64,14 @@ def _held(lock: Path, of: Path, wait: Callable[[str], None] | None) -> int:
 
 
 def _lock(handle: int, of: Path, wait: Callable[[str], None] | None) -> None:
+    if fcntl is None:
+        return
     try:
         fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError as error:
         if wait is None:
-            raise DataError(f"{of}: another run is at work on it just now") from error
-        wait(f"{of}: waiting for another run that is at work on it")
+            raise DataError(f"{of}: in use by another run") from error
+        wait(f"{of}: waiting for another run that uses it")
         fcntl.flock(handle, fcntl.LOCK_EX)
     except OSError as error:
         if error.errno not in _NO_LOCKS:
@@ -78,7 +87,7 @@ def _is_named(handle: int, path: Path) -> bool:
 
 @contextmanager
 def partial_file(path: Path) -> Iterator[Path]:
-    """An empty file beside `path`, to be renamed to it or else removed; another process at it is waited for.
+    """An empty file in the folder of `path`, to be renamed to it, otherwise removed; waits for other processes.
 
     Raises:
         OSError: if it cannot be made.
@@ -90,10 +99,14 @@ def partial_file(path: Path) -> Iterator[Path]:
 
 @contextmanager
 def partial_folder(path: Path, name: str | None = None) -> Iterator[Path]:
-    """An empty folder beside `path` (of another `name`, where given), to be renamed to it or else removed.
+    """An empty folder in the folder of `path`, to be renamed to it, otherwise removed.
+
+    Args:
+        path: the final folder.
+        name: of the temporary folder; by default it follows from `path`.
 
     Raises:
-        DataError: if another process is at it.
+        DataError: if another process uses it.
         OSError: if it cannot be made.
     """
     temporary = path.with_name(name or f".{path.name}.partial")
@@ -108,7 +121,7 @@ def partial_folder(path: Path, name: str | None = None) -> Iterator[Path]:
 
 @contextmanager
 def made_folder(folder: Path) -> Iterator[None]:
-    """Make a folder and its parents; of those that were not there, the ones that are empty in the end are removed.
+    """Make a folder and its parents; new ones that are empty at the end are removed.
 
     Raises:
         OSError: if it cannot be made.

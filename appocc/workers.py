@@ -1,4 +1,8 @@
-"""Worker processes: one thread each, deaf to Ctrl-C, gone with the pool or the parent, and missed when killed."""
+"""Worker processes, one thread each. They ignore Ctrl-C, end with the pool or the parent; a killed one is an error.
+
+Not `concurrent.futures`: its workers share one pipe for results, and a worker that is killed while it writes blocks
+that pipe for all others, and the parent with them.
+"""
 
 from __future__ import annotations
 
@@ -27,24 +31,26 @@ T = TypeVar("T")
 R = TypeVar("R")
 
 _ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
-# What a worker has to remove what it has half written, before it is killed.
+# Grace period in which a worker can remove its half-written files before it is killed.
 _GRACE_S = 1.0
+# Interrupts the job of a worker; Windows has none, there the grace period passes.
+_INTERRUPT = getattr(signal, "SIGUSR1", None)
 
 
 class Pool:
-    """Fresh processes, started when there is work for them.
+    """Spawned processes, started on demand.
 
-    Each has a connection of its own, whose other end nobody else holds: however one end dies, the other notices,
-    even in the middle of a message.
+    Each has its own connection, and no other process holds either end: if one end dies, even while it writes a
+    message, the other gets an end of file.
     """
 
     def __init__(self, size: int) -> None:
-        """Start with no process; there will be up to `size`."""
+        """Start with no process; `size` is the maximum."""
         self.size = size
         self._workers: dict[Connection, BaseProcess] = {}
 
     def in_order(self, job: Callable[[T], R], items: Iterable[T], chunksize: int = 1) -> Iterator[R]:
-        """Results of a job in the order of its items; no more than some chunks are ahead of the one waited for.
+        """Results of a job in the order of its items; at most two chunks a process are computed ahead.
 
         Raises:
             AppoccError: if a worker is killed.
@@ -78,7 +84,7 @@ class Pool:
 
     def stop(self) -> None:
         """End all processes, the busy ones too, within a second or so."""
-        # Cut short by a second signal it would leave some behind.
+        # A second signal must not interrupt this: it would leave processes behind.
         with no_interrupts():
             for connection in self._workers:
                 connection.close()
@@ -90,7 +96,7 @@ class Pool:
             self._workers.clear()
 
     def _give(self, work: tuple[Callable[[T], R], Sequence[T]], busy: Collection[Connection]) -> Connection:
-        """Hand work to a worker that has none, a new one if need be."""
+        """Send work to an idle worker, or to a new one."""
         worker = next((each for each in self._workers if each not in busy), None) or self._started()
         with self._missing_the_killed():
             worker.send(work)
@@ -142,16 +148,16 @@ def worker_pool(size: int) -> Iterator[Pool | None]:
 def in_order(pool: Pool | None, job: Callable[[T], R], items: Iterable[T], chunksize: int = 1) -> Iterator[R]:
     """Results of a job in the order of its items, `chunksize` of which are handed over at once.
 
-    Without a pool they are worked out here, each when it is asked for.
+    Without a pool they are computed here, one by one on demand.
     """
     return map(job, items) if pool is None else pool.in_order(job, items, chunksize)
 
 
 @contextmanager
 def no_interrupts() -> Iterator[None]:
-    """Ctrl-C and SIGTERM do nothing here, nor ever in processes that are started here: the parent stops those.
+    """Ignore Ctrl-C and SIGTERM in this block, and in processes that are started in it: the parent stops those.
 
-    Only the main thread can say so, and only it is interrupted.
+    Does nothing outside of the main thread: only that one handles signals.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
@@ -168,9 +174,10 @@ def no_interrupts() -> Iterator[None]:
 
 
 def _serve(connection: Connection) -> None:
-    """Do what comes, until the parent closes the connection or dies."""
+    """Run the jobs that arrive, until the parent closes the connection or dies."""
     cv2.setNumThreads(1)
-    signal.signal(signal.SIGUSR1, _end)
+    if _INTERRUPT is not None:
+        signal.signal(_INTERRUPT, _end)
     received: queue.SimpleQueue[bytes] = queue.SimpleQueue()
     threading.Thread(target=_receive, args=(connection, received), daemon=True).start()
     with suppress(SystemExit, OSError):
@@ -184,19 +191,20 @@ def _serve(connection: Connection) -> None:
 
 
 def _receive(connection: Connection, received: queue.SimpleQueue[bytes]) -> None:
-    """Take what the parent sends; when it sends no more, interrupt the work under way, and end soon in any case."""
+    """Receive jobs; at the end of the connection interrupt the job that runs, and exit after the grace period."""
     with suppress(EOFError, OSError):
         while True:
             received.put(connection.recv_bytes())
     main = threading.main_thread().ident
     assert main is not None
-    signal.pthread_kill(main, signal.SIGUSR1)
+    if _INTERRUPT is not None:
+        signal.pthread_kill(main, _INTERRUPT)
     time.sleep(_GRACE_S)
     os._exit(1)
 
 
 def _end(number: int, frame: FrameType | None) -> None:
-    """End as an exception does, so that what is half written is removed."""
+    """Exit by an exception, so that half-written files are removed."""
     sys.exit(1)
 
 

@@ -48,7 +48,7 @@ def test_what_a_killed_process_left_is_taken_over(tmp_path: Path) -> None:
 def test_what_another_process_is_at_is_left_alone(tmp_path: Path) -> None:
     with partial_folder(tmp_path / "out") as folder:
         (folder / "mine").touch()
-        with pytest.raises(DataError, match=r"out: another run is at work on it just now$"):
+        with pytest.raises(DataError, match=r"out: in use by another run$"):
             partial_folder(tmp_path / "out").__enter__()
         assert names(folder) == ["mine"]
     assert names(tmp_path) == []

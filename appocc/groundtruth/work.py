@@ -1,4 +1,4 @@
-"""Jobs of one scene, and how far they have come."""
+"""Jobs of one scene, with progress."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ R = TypeVar("R")
 
 
 class Work:
-    """Jobs of one scene, done in order by whoever is free, and how far they have come in samples."""
+    """Jobs of one scene, run in order on a pool, with progress in samples."""
 
     def __init__(self, pool: Pool | None, advance: Callable[[float], None], samples: int) -> None:
         """Begin with a scene of so many samples to be made; `advance` is called with parts of them."""

@@ -111,7 +111,7 @@ def test_an_empty_folder_is_taken_and_one_run_at_a_time_works_in_it(
         for resume in ([], ["--resume"]):
             refused = run(str(config), "--out", str(out), *resume)
             assert isinstance(refused.exception, AppoccError)
-            assert str(refused.exception) == f"{out}: another run is at work on it just now"
+            assert str(refused.exception) == f"{out}: in use by another run"
             (out / "config.yaml").write_text(TEXT)
         (out / "config.yaml").unlink()
     assert run(str(config), "--out", str(out)).exit_code == 0

@@ -151,7 +151,7 @@ def test_a_pack_that_another_run_is_making_is_waited_for(root: Path, tmp_path: P
     with ExitStack() as release:
         release.enter_context(locked(tmp_path / ".pack.lock", out))
         pack(root, "exact", SETTING, out, done.append, say)
-    assert said == [f"{out}: waiting for another run that is at work on it"]
+    assert said == [f"{out}: waiting for another run that uses it"]
     assert done == [3]  # kept, at once
     assert not list(tmp_path.glob(".*"))
 
