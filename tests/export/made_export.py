@@ -17,7 +17,7 @@ from appocc.models.setting import Setting
 from appocc.models.weights import save_weights
 from appocc.rigs import read_rig
 
-SMALL = Setting("360", ("CAM_FRONT", "CAM_BACK"), BEVGrid(-8.0, 8.0, -8.0, 8.0, 0.5), 96, 64)
+SMALL = Setting("small", ("CAM_FRONT", "CAM_BACK"), BEVGrid(-8.0, 8.0, -8.0, 8.0, 0.5), 96, 64)
 THRESHOLDS = "[0.5, 0.4, 0.3]"
 # Three cameras, of which one is named as no setting names it; sizes and shapes differ.
 RIG = """

@@ -85,7 +85,7 @@ def test_an_onnx_file_stands_alone(by_rig: Made) -> None:
     }
     card = json.loads(session.get_modelmeta().custom_metadata_map["card"])
     assert card == by_rig.told["card"]
-    assert (card["network"], card["setting"], card["classes"]) == ("appocc", "360", ["road", "vehicle", "lane"])
+    assert (card["network"], card["setting"], card["classes"]) == ("appocc", "small", ["road", "vehicle", "lane"])
     assert list(card["thresholds"].values()) == json.loads(THRESHOLDS)
     assert [camera["channel"] for camera in card["cameras"]] == ["CAM_FRONT", "CAM_BACK", "CAM_SIDE"]
     assert card["weights"]["sha256"] == load_predictor(by_rig.folder / "w.safetensors").weights.digest
