@@ -339,16 +339,18 @@ def test_a_score_is_the_mean_of_what_was_seen_and_some_doubt() -> None:
 @pytest.mark.parametrize(("log_odds", "again"), [(3.0, 1), (-1.0, 2)])
 def test_who_is_rather_no_vehicle_is_not_remembered_once_lost(log_odds: float, again: int) -> None:
     def at(i: int) -> Detections:
-        return seen([[10, 0]] if i < 10 or i >= 35 else [], log_odds=log_odds)
+        return seen([[10, 0]], log_odds=log_odds) if i < 10 else seen([[10, 0]] if i == 35 else [])
 
     assert follow(at, 36)[-1][0].id == again
 
 
 def test_a_break_longer_than_anything_is_remembered_ends_all_tracks() -> None:
-    tracker, parked = Tracker(), seen([[10, 0]])
-    follow(lambda _: parked, 10, tracker=tracker)
-    (track,) = tracker.update(parked, 10 * STEP_US + 31_000_000, pose())
-    assert track.id == 2
+    parked = seen([[10, 0]])
+    for seconds, number in ((2.9, 1), (3.1, 2)):
+        tracker = Tracker(TrackerConfig(life=LifeConfig(forget_resting_s=3.0)))
+        follow(lambda _: parked, 20, tracker=tracker)
+        (track,) = tracker.update(parked, 20 * STEP_US + round(seconds * 1e6), pose())
+        assert track.id == number
 
 
 def test_who_stands_goes_no_way_while_it_is_hidden() -> None:
