@@ -54,6 +54,26 @@ def test_inside_any_box_with_and_without_a_margin() -> None:
     assert not Boxes.empty().inside(points).any()
 
 
+def test_a_margin_counts_in_full_on_every_side() -> None:
+    points = np.array([[2.19, 0, 0], [-2.19, 1.19, -0.69], [2.21, 0, 0], [0, 1.21, 0], [0, 0, 0.71]])
+    assert two().inside(points, margin_m=0.2).tolist() == [True, True, False, False, False]
+
+
+def test_a_corner_farther_along_x_than_half_the_length() -> None:
+    """Of a box that is turned so that its diagonal lies along x."""
+    turn = rotation_from_quaternion(quaternion_from_yaw(-np.arctan2(1, 2)))
+    turned = two(rotation=np.stack([turn, QUARTER]))
+    assert turned.inside(np.array([[2.2, 0.0, 0.0], [2.3, 0.0, 0.0]])).tolist() == [True, False]
+
+
+def test_turns_of_a_frame_come_after_those_of_a_box() -> None:
+    """A frame that is rolled about x, a box that is turned about z: they do not commute."""
+    roll = rotation_from_quaternion([np.cos(0.3), np.sin(0.3), 0, 0])
+    moved = two().transformed(transform(roll, [0, 0, 0]))
+    np.testing.assert_allclose(moved.rotation[1] @ [1.0, 0, 0], roll @ [0.0, 1, 0], atol=1e-12)
+    np.testing.assert_allclose(moved.corners()[1], two().corners()[1] @ roll.T, atol=1e-12)
+
+
 @given(st.floats(-4, 4), st.floats(-9, 9), st.floats(-3, 3), st.floats(-np.pi, np.pi))
 def test_inside_does_not_depend_on_the_frame(x: float, y: float, z: float, yaw: float) -> None:
     point = np.array([[10.0 + x, y, 1 + z]])

@@ -7,7 +7,7 @@ from asking import ask, best, car, row
 from street import BLACK, BLUE, RED, SILVER, WHITE, Street
 
 from grounding.query import Exclusion, Landmark, Query, Referent
-from grounding.resolve import resolve
+from grounding.resolve import forbidden, resolve
 
 
 @pytest.mark.parametrize(
@@ -180,3 +180,31 @@ def test_what_no_map_shows_is_told_and_not_failed_on() -> None:
         "no map shows 'my uncle's': it was left out",
         "the map holds no tree: it was left out",
     )
+
+
+# It may be brown; rather it is red.
+REDDISH = (113, 91, 93)
+
+
+def test_the_better_one_of_a_pair_leads() -> None:
+    street = Street().car("reddish", 18, -5, REDDISH).car("red", 12, -5, RED).car("white", 30, 5, WHITE)
+    found = ask(car("red", number=2), street.scene())
+    assert found.status == "ok"
+    assert found.candidates[0].partner is not None
+    assert (found.candidates[0].item.id, found.candidates[0].partner.id) == ("red", "reddish")
+
+
+def test_a_place_is_ruled_out_beside_all_that_may_be_meant() -> None:
+    scene = Street().car("red", 14, -6, RED).car("reddish", 14, 6, REDDISH).car("white", 24, 6, WHITE).scene()
+    query = Query("", excluded=(Exclusion("behind", "car", "red"),))
+    assert [(relation, item.id) for relation, item in forbidden(query, scene)] == [
+        ("behind", "red"),
+        ("behind", "reddish"),
+    ]
+
+
+def test_near_misses_come_best_first() -> None:
+    street = Street().car("black", 8, 0, BLACK).car("van", 30, -5, WHITE, size_wlh_m=(2.0, 5.4, 2.3))
+    found = ask(Referent("van", "van", "green"), street.car("blue", 12, 5, BLUE).scene())
+    assert found.status == "not_found"
+    assert found.candidates[0].item.id == "van"

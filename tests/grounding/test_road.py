@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from street import Street
@@ -234,3 +236,28 @@ def test_what_blocks_our_road_is_not_seen_from_beyond() -> None:
     far = road.ways.length_m[tuple(GRID.cell_of([26.0, 0.0]))]
     assert far > 40
     assert abs(road.direction_at(np.array([18.0, 0.0]))) < 0.1
+
+
+def test_a_hole_of_six_cells_is_closed_and_one_of_seven_is_not() -> None:
+    small, large = strip(0, 6.0), strip(0, 6.0)
+    small[150, 97:103] = large[150, 97:104] = False
+    assert road_of(small, soft=True).road[150, 97:103].all()
+    assert not road_of(large, soft=True).road[150, 97:104].any()
+
+
+def test_our_half_of_the_road_is_on_the_side_on_which_one_drives() -> None:
+    """On a road of 16 m it is 4 m from the edge."""
+    road = Road.of(Street().bev(), ())
+    cells = GRID.cell_of([[10.0, -4.1], [10.0, 3.9]])
+    ahead = np.zeros(2)
+    np.testing.assert_allclose(road.off_lane(cells, ahead), [0, 8], atol=0.5)
+    np.testing.assert_allclose(replace(road, keeps=-1).off_lane(cells, ahead), [8, 0], atol=0.5)
+
+
+def test_a_heading_lies_between_the_axis_of_the_road_and_the_one_that_is_liked() -> None:
+    road, cell = Road.of(Street().bev(), ()), np.array([[125, 95]])
+    assert road.tracer.axis_rad[125, 95] == pytest.approx(0, abs=0.01)
+    for like in (0.4, -0.4, np.pi - 0.4):
+        (heading,) = road.headings(cell, np.array([like]))
+        axis = 0.0 if abs(like) < 1 else np.pi
+        assert 0 < (heading - axis) / (like - axis) < 0.7

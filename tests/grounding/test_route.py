@@ -91,3 +91,19 @@ def test_a_route_keeps_to_free_cells() -> None:
 def test_a_route_to_where_we_are() -> None:
     start = GRID.centre_of([4, 20]) + 0.1
     assert ways(everywhere()).route((4, 20), start, 0.0) == pytest.approx(np.stack([start, start - 0.1]))
+
+
+def test_a_route_round_a_corner_bends_softly() -> None:
+    free = everywhere()
+    free[18:22, :30] = False
+    route = ways(free).route((36, 10), GRID.centre_of([4, 20]), 0.0)
+    step = np.diff(route, axis=0)
+    assert np.abs(np.diff(np.unwrap(np.arctan2(step[:, 1], step[:, 0])))).max() < np.pi / 4
+
+
+@pytest.mark.parametrize("cell", [(14, 20), (34, 20)])
+def test_a_disliked_end_is_entered_from_any_side(cell: tuple[int, int]) -> None:
+    dislike = np.zeros(GRID.shape)
+    dislike[cell] = 100
+    made = ways_from(GRID, everywhere(), dislike, (24, 20))
+    assert made.length_m[cell] == pytest.approx(5)

@@ -182,3 +182,26 @@ def test_the_side_for_the_goal() -> None:
     street = Street().car("car", 15, -0.5, WHITE)
     left, right = (found(planned(street, asked("park", "near", goal_side=side))) for side in ("left", "right"))
     assert left.ego_m[1] > 0 > right.ego_m[1]
+
+
+def test_a_score_falls_with_the_square_of_what_moves_a_place() -> None:
+    """The cost is a squared distance in standard deviations: the score is a Gaussian's, one at the best place."""
+    made = planned(Street().car("car", -14, -6), asked("park", "behind"))
+    target = found(made)
+    assert made.field is not None
+    cost = made.field[target.cell]
+    assert cost > 0.05
+    assert target.score == pytest.approx(np.exp(-cost / 2))
+
+
+def test_only_a_place_in_our_own_lane_is_behind_where_we_are() -> None:
+    assert said(planned(Street().car("car", -12, 0), asked("park", "behind")), "behind where we are now")
+    assert not said(planned(Street().car("car", -12, 5), asked("park", "behind")), "behind where we are now")
+
+
+def test_a_distance_to_go_is_held_to_within_a_tenth_and_a_metre() -> None:
+    made = planned(Street(), asked("stop", distance_m=20.0, distance_of="ego"), None)
+    assert made.field is not None
+    ahead_m = Street().grid.centres()[..., 0][np.isfinite(made.field)] - EGO_CENTRE_M
+    assert 17 <= ahead_m.min() < 17.5
+    assert 22.5 < ahead_m.max() <= 23

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 from plans import (
     LENGTHWISE_M,
@@ -100,6 +101,14 @@ def test_where_nothing_fits_the_failed_constraint_is_named(query: Query, x_m: fl
     assert made.target is None
     assert made.nearest is not None
     assert said(made, reason), made.reasons
+
+
+def test_the_nearest_place_is_so_far_from_the_vehicle() -> None:
+    made = planned(Street().car("car", 34, 0), asked("stop", "behind", distance_m=80.0, distance_of="referent"))
+    assert made.nearest is not None
+    away_m = np.hypot(*(made.nearest.ego_m - [34, 0]))
+    assert away_m < 10
+    assert said(made, f"the nearest place that would do is {away_m:.1f} m from it, at (")
 
 
 def test_what_the_command_rules_out() -> None:

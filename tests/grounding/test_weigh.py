@@ -8,9 +8,10 @@ from asking import VAN_WLH_M, ask, best, car
 from street import BLACK, BLUE, RED, WHITE, Street
 
 from appocc.colours import fit
+from appocc.drawing import EGO_LENGTH_M
 from grounding.predicates import fits
 from grounding.query import Query, Referent
-from grounding.scene import NEUTRAL, Scene
+from grounding.scene import EGO_CENTRE_M, NEUTRAL, Scene
 from grounding.weigh import weigh
 
 # It may be brown; rather it is red.
@@ -58,3 +59,27 @@ def test_a_better_colour_counts_more(word: str) -> None:
     weighed = weigh(Query(""), car("red", word), scene)
     assert np.argmax(weighed.chance) == (0 if word == "nearest" else 1)
     assert weighed.chance[2] == 0
+
+
+def test_a_colour_tells_less_than_its_fit_says() -> None:
+    scene = Street().car("red", 14, -6, RED).car("reddish", 14, 6, REDDISH).scene()
+    weighed = weigh(Query(""), car("red"), scene)
+    fit = weighed.said["red"]
+    assert fit[0] > 1.3 * fit[1] > 0.1
+    assert weighed.chance[0] / weighed.chance[1] == pytest.approx((fit[0] / fit[1]) ** 0.7)
+
+
+def distance_fit(distance_m: float, x_m: float, size_wlh_m: tuple[float, float, float] = (1.8, 4.4, 1.5)) -> float:
+    """How well a vehicle straight ahead is so far away."""
+    scene = Street().car("it", x_m, 0, size_wlh_m=size_wlh_m).scene()
+    query = Query("", distance_m=distance_m, distance_of="descriptor")
+    return float(weigh(query, Referent("vehicle", "vehicle"), scene).said[f"{distance_m:g} m away"][0])
+
+
+def test_distances_are_from_middle_to_middle_or_from_bumper_to_bumper() -> None:
+    assert distance_fit(20, EGO_CENTRE_M + 20) == pytest.approx(1, abs=1e-3)
+    assert distance_fit(20, EGO_CENTRE_M + 20 + EGO_LENGTH_M / 2 + 4.0, (2.5, 8.0, 3.2)) == pytest.approx(1, abs=1e-3)
+
+
+def test_a_distance_that_is_a_quarter_off_is_one_standard_deviation_off() -> None:
+    assert distance_fit(20 * np.exp(0.25), EGO_CENTRE_M + 20) == pytest.approx(np.exp(-0.5), rel=0.01)

@@ -9,8 +9,9 @@ from tolerances import assert_rounded
 from torch import Tensor
 from torch.nn import functional
 
-from appocc.camera import CameraRig
+from appocc.camera import Camera, CameraRig
 from appocc.errors import ShapeError
+from appocc.geometry import transform
 from appocc.grid import BEVGrid
 from appocc.models.pull import PullPlan, plan_pull, pull
 from appocc.rigs import read_rig
@@ -110,6 +111,28 @@ def test_seen_is_what_cameras_see_of_the_ground() -> None:
     expected = np.any([camera.sees(*camera.project_ego(points)) for camera in cameras], axis=0)
     plan = planned(cameras, heights_m=(0.6, 0.0))
     assert plan.seen[0].numpy().ravel().tolist() == expected.tolist()
+
+
+def overhead(focal_px: float, height_m: float) -> CameraRig:
+    """A camera of 8 x 8 pixels that looks straight down, its image's upper edge ahead."""
+    pose = transform(np.array([[0.0, -1, 0], [-1, 0, 0], [0, 0, -1]]), [0.13, 0.17, height_m])
+    intrinsic = np.array([[focal_px, 0, 3.5], [0, focal_px, 3.5], [0, 0, 1]])
+    return CameraRig((Camera("CAM_DOWN", 8, 8, intrinsic, pose),))
+
+
+def test_half_a_pixel_beyond_the_middle_of_the_outer_ones_is_seen() -> None:
+    """With pixels of 2 m on the ground there are cells whose places lie in that half."""
+    cameras = overhead(5.0, 10.0)
+    plan = plan_pull([cameras], GRID, (0.0,), 1, 1, 8)
+    uv, depth = cameras["CAM_DOWN"].project_ego(np.insert(GRID.centres().reshape(-1, 2), 2, 0.0, axis=1))
+    sees = cameras["CAM_DOWN"].sees(uv, depth)
+    assert (uv[sees] < 0).any()
+    assert plan.seen[0].numpy().ravel().tolist() == sees.tolist()
+
+
+def test_what_is_too_near_to_a_lens_is_not_seen() -> None:
+    seen = [plan_pull([overhead(0.01, height_m)], GRID, (0.0,), 1, 1, 8).seen.any() for height_m in (0.05, 0.2)]
+    assert seen == [False, True]
 
 
 def test_left_and_right_are_not_mixed_up() -> None:

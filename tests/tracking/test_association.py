@@ -10,6 +10,8 @@ from scipy.optimize import linear_sum_assignment
 from appocc.checks import FloatArray
 from tracking.association import AssociationConfig, Predicted, Seen, matched, near, noise_of, possible
 from tracking.colour import paint_density
+from tracking.motion import bend
+from tracking.rounds import Rounds
 from tracking.trust import ColourTrust
 
 UNKNOWN = (np.nan,) * 3
@@ -166,3 +168,54 @@ def test_groups_solved_one_by_one_are_the_whole_solved_at_once(seed: int) -> Non
     rows, columns = linear_sum_assignment(np.where(possible, far, 1e6))
     keep = possible[rows, columns]
     assert pairs(tracks, sights, CONFIG) == dict(zip(rows[keep].tolist(), columns[keep].tolist(), strict=True))
+
+
+# Reach, bends, likelihoods ----------------------------------------------------------------------------------------
+
+
+def test_how_far_a_track_reaches() -> None:
+    config = AssociationConfig(gate_m=2.0, gate_mps=12.0, gate_most_m=6.0)
+    np.testing.assert_allclose(config.reach_m(np.array([0.0, 0.1, 1.0, 9.0])), [2.0, 3.2, 6.0, 6.0])
+
+
+def turned_by(angle: float, variance_m2: float = 0.05) -> float:
+    """By how much a track is taken to have turned that is seen where an arc of 10 m with such a turn ends."""
+    ahead, left = bend(np.array([angle]))
+    tracks = predicted([(10, 0)], np.array([variance_m2]), way_m=np.array([[10.0, 0.0]]))
+    sights = seen([(10 + 10 * float(ahead[0]), 10 * float(left[0]))], yaw_rad=np.array([angle]))
+    every = np.zeros(1, np.int64)
+    (turn_rad,) = possible(tracks, sights, every, every, replace(CONFIG, gate_m=20.0)).turn_rad
+    return float(turn_rad)
+
+
+def test_a_sighting_at_the_end_of_a_bend_is_a_turn() -> None:
+    assert turned_by(0.8) == pytest.approx(0.8)
+    assert turned_by(-0.5) == pytest.approx(-0.5)
+
+
+def test_a_heading_that_is_far_off_tells_of_no_turn() -> None:
+    assert turned_by(1.3) == 0
+
+
+def test_a_little_nearer_to_the_bend_is_no_turn() -> None:
+    assert turned_by(0.1, variance_m2=0.01) == pytest.approx(0.1)
+    assert turned_by(0.1, variance_m2=0.15) == 0
+
+
+def test_how_much_likelier_colours_are() -> None:
+    """The ratio of two densities: a Gaussian about the track's colour, and that of all vehicles' paints."""
+    off = np.array([3.0, -5.0, 7.0])
+    tracks, sights = predicted([(0, 0)], lab=labs(RED)), seen([(0, 0)], lab=labs(tuple(RED + off)))
+    every = np.zeros(1, np.int64)
+    (alike,) = possible(tracks, sights, every, every, CONFIG).alike
+    assert alike == pytest.approx(np.exp(-(off @ off) / 50 / 2) / 50**1.5 / sights.frequency[0])
+
+
+def test_who_may_not_be_taken_now_is_left_though_nearer() -> None:
+    tracks, sights = predicted([(0, 0)]), seen([(0.1, 0), (1.0, 0)])
+    rounds, every = Rounds(tracks, sights), np.ones(1, np.bool_)
+    both = rounds.pairs(every, np.ones(2, np.bool_), CONFIG)
+    assert len(both.rows) == 2
+    rounds.take(both, every, np.array([False, True]))
+    assert rounds.takes.tolist() == [1]
+    assert rounds.left.tolist() == [True, False]

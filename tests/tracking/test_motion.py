@@ -5,7 +5,7 @@ import pytest
 from filterpy.kalman import KalmanFilter
 
 from appocc.checks import FloatArray
-from tracking.motion import MotionConfig, Motions, spread
+from tracking.motion import MotionConfig, Motions, bend, spread
 
 CONFIG = MotionConfig()
 ONE = np.zeros(1, np.int64)
@@ -122,3 +122,43 @@ def test_some_go_on() -> None:
     motions.keep(np.array([True, False, True]))
     assert motions.mean[:, :2].tolist() == [[0, 1], [4, 5]]
     assert len(motions.cov) == 2
+
+
+def test_who_was_seen_once_does_not_stand_as_far_as_is_known() -> None:
+    """Its speed may be anything along its heading, whichever way that points."""
+    for yaw in (0.0, np.pi / 2):
+        assert not begun(yaw).rest(1.0).any()
+    standing, _ = followed([0.2] * 10, np.zeros(2))
+    assert standing.rest(1.0).all()
+    slow, _ = followed([0.2] * 10, np.array([0.5, 0.0]))
+    assert slow.rest(1.0).all()
+    assert not slow.rest(0.3).any()
+
+
+def test_three_standard_deviations_are_certain_to_move() -> None:
+    motions = begun()
+    motions.cov[:] = np.eye(4)
+    for speed, moves in ((2.9, False), (3.1, True)):
+        motions.mean[0, 2:] = speed * np.array([0.6, -0.8])
+        assert motions.moves().tolist() == [moves]
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.4, -1.2, np.pi])
+def test_an_arc_bends_to_the_side_to_which_it_turns(angle: float) -> None:
+    """In small steps, each straight on."""
+    headings = angle * (np.arange(20_000) + 0.5) / 20_000
+    ahead, left = bend(np.array([angle]))
+    np.testing.assert_allclose([1 + ahead[0], left[0]], [np.cos(headings).mean(), np.sin(headings).mean()], atol=1e-8)
+
+
+def test_what_is_not_known_turns_with_the_vehicle() -> None:
+    """After a quarter turn the speed is unknown along the new heading, and so is the place at the arc's end."""
+    motions = begun()
+    motions.mean[0, 2:] = [5.0, 0.0]
+    motions.predict(np.array([0.5]), np.zeros(1))
+    motions.turn(ONE, np.array([np.pi / 2]), np.array([0.5]))
+    np.testing.assert_allclose(motions.mean[0], [2.5 * 2 / np.pi, 2.5 * 2 / np.pi, 0, 5], atol=1e-9)
+    along, across = motions.cov[0, 3, 3], motions.cov[0, 2, 2]
+    assert along > 0.9 * CONFIG.speed_mps**2
+    assert across < 1.0
+    np.testing.assert_allclose(motions.cov[0, 0, 3], motions.cov[0, 1, 3], rtol=0.05)

@@ -60,6 +60,13 @@ def test_every_kind_of_error_counts_once() -> None:
     assert (scores.MT, scores.ML) == (1, 0)
 
 
+@pytest.mark.parametrize(("found", "mostly"), [(5, (1, 0)), (4, (1, 0)), (3, (0, 0)), (1, (0, 0)), (0, (0, 1))])
+def test_mostly_tracked_and_mostly_lost(found: int, mostly: tuple[int, int]) -> None:
+    """Of five frames: 80 % are mostly tracked, 20 % are not yet mostly lost."""
+    scores = evaluate([moment({1: (0, 0)}, {5: (0, 0)} if t < found else {}) for t in range(5)])
+    assert mostly == (scores.MT, scores.ML)
+
+
 def test_a_swap_is_two_switches() -> None:
     frames = [moment({1: (0, 0), 2: (9, 0)}, {5: (0, 0), 6: (9, 0)})] * 2
     frames += [moment({1: (0, 0), 2: (9, 0)}, {6: (0, 0), 5: (9, 0)})] * 2

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,9 @@ from numpy.typing import ArrayLike
 
 from appocc.checks import FloatArray
 from appocc.errors import AppoccError, DataError, ShapeError
-from tracking.detections import Around, Detections, boxes_as_detections
+from tracking.detections import Around, Detections, boxes_as_detections, probability_of
+from tracking.follow import Followed, LifeConfig, sightings_of
+from tracking.motion import MotionConfig
 from tracking.tracker import MAPS, Tracker, TrackerConfig
 from tracking.tracks import Track
 
@@ -323,3 +326,74 @@ def test_whatever_comes_the_tracker_refuses_it_or_tells_what_can_be(config: Trac
             assert np.isfinite(track.velocity_world_mps).all()
             assert 0 <= track.score <= 1
     assert told > 300
+
+
+# What is remembered -----------------------------------------------------------------------------------------------
+
+
+def test_a_score_is_the_mean_of_what_was_seen_and_some_doubt() -> None:
+    (track,) = Tracker().update(seen([[0, 0]], log_odds=3.0), STEP_US, pose())
+    assert track.score == pytest.approx(probability_of((3.0 - 4 * 2.0) / (1 + 4)))
+
+
+@pytest.mark.parametrize(("log_odds", "again"), [(3.0, 1), (-1.0, 2)])
+def test_who_is_rather_no_vehicle_is_not_remembered_once_lost(log_odds: float, again: int) -> None:
+    def at(i: int) -> Detections:
+        return seen([[10, 0]], log_odds=log_odds) if i < 10 else seen([[10, 0]] if i == 35 else [])
+
+    assert follow(at, 36)[-1][0].id == again
+
+
+def test_a_break_longer_than_anything_is_remembered_ends_all_tracks() -> None:
+    parked = seen([[10, 0]])
+    for seconds, number in ((2.9, 1), (3.1, 2)):
+        tracker = Tracker(TrackerConfig(life=LifeConfig(forget_resting_s=3.0)))
+        follow(lambda _: parked, 20, tracker=tracker)
+        (track,) = tracker.update(parked, 20 * STEP_US + round(seconds * 1e6), pose())
+        assert track.id == number
+
+
+def test_who_stands_goes_no_way_while_it_is_hidden() -> None:
+    followed = Followed(LifeConfig())
+    for i in range(20):
+        sight = sightings_of(seen([[0.05 * i, 0]]), pose(), np.zeros(1, np.int64), MotionConfig())
+        if i == 0:
+            followed.add(sight, np.ones(1, np.int64), np.zeros(1, np.int64))
+            continue
+        followed.predict(0.1)
+        followed.see(np.zeros(1, np.int64), sight, np.zeros(1, np.int64), sight.noise_m2, np.zeros(1))
+    assert followed.rests.all()
+    for _ in range(3):
+        followed.predict(1.0)
+    np.testing.assert_allclose(followed.expected().way_m[0], [0.5, 0], atol=0.1)
+
+
+def test_a_vehicle_that_is_cut_off_for_long_keeps_its_size() -> None:
+    def at(i: int) -> Detections:
+        short = seen([[10, 0]], size_m=(1.8, 2.0, 1.5))
+        return seen([[10, 0]]) if i < 5 else replace(short, cut=np.ones(1, np.bool_))
+
+    assert follow(at, 30)[-1][0].length_m == pytest.approx(CAR_M[1])
+
+
+def test_little_seen_of_a_colour_says_little_of_the_next_one() -> None:
+    """Variance about a median: of one sighting three times what is expected of each, of many hardly more."""
+    config = LifeConfig()
+    followed = Followed(config)
+    coloured = replace(seen([[0, 0]]), lab=np.array([[50.0, 40.0, 10.0]]), rgb=np.full((1, 3), 100.0))
+    both = [sightings_of(each, pose(), np.zeros(1, np.int64), MotionConfig()) for each in (coloured, seen([[9, 0]]))]
+    for number, sight in enumerate(both):
+        followed.add(sight, np.array([number]), np.zeros(1, np.int64))
+    expected, share = np.square(config.lab), config.lab_sightings / (config.lab_sightings + 1)
+    np.testing.assert_allclose(followed.expected().lab_variance, [3 * share * expected, 3 * expected])
+
+
+def test_a_vehicle_without_a_colour_is_not_found_again_far_astray() -> None:
+    """However cheap that is made: without a colour nothing tells that it is the same one."""
+    rule = TrackerConfig()
+    tracker = Tracker(replace(rule, strayed=replace(rule.strayed, cost_most=1000.0)))
+
+    def at(i: int) -> Detections:
+        return seen([[1.0 * i, 0]] if i < 20 else [] if i < 40 else [[1.0 * i, 9]])
+
+    assert follow(at, 41, tracker=tracker)[-1][0].id == 2

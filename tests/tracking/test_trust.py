@@ -44,6 +44,14 @@ def test_what_is_long_ago_is_forgotten() -> None:
     assert trust.doubt < 0.05
 
 
+def test_colours_that_stay_wrong_stay_doubted() -> None:
+    """What is remembered of them all fades alike."""
+    trust = ColourTrust(0.1)
+    for _ in range(400):
+        trust.learn(alone(RED, BLUE))
+    assert trust.doubt > 0.9
+
+
 def test_pairs_that_compete_teach_nothing() -> None:
     trust = ColourTrust(0.1)
     tracks, sights = predicted([(0, 0), (1, 0)], lab=labs(RED, RED)), seen([(0.5, 0)], lab=labs(BLUE))
