@@ -8,7 +8,7 @@ from asking import VAN_WLH_M, ask, best, car
 from street import BLACK, BLUE, RED, WHITE, Street
 
 from appocc.colours import fit
-from appocc.drawing import EGO_LENGTH_M
+from appocc.ego_vehicle import EGO_LENGTH_M
 from grounding.predicates import fits
 from grounding.query import Query, Referent
 from grounding.scene import EGO_CENTRE_M, NEUTRAL, Scene
