@@ -28,7 +28,7 @@ from appocc.models.efficientnet import column_centres_px
 
 # Points above or below say nothing of the street (LSS's z bounds).
 HEIGHTS_M = (-10.0, 10.0)
-# A cell counts as seen if a camera sees it at one of these heights above its centre.
+# A cell counts as seen if a camera sees a corner of it at one of these heights.
 SEEN_HEIGHTS_M = (0.0, 0.75, 1.5)
 # Rigs whose plan is kept; a plan of six cameras takes 1 MB, bilinear 4 MB.
 _RIGS_KEPT = 32
@@ -186,12 +186,13 @@ def by_camera(pictures: Tensor, cameras: Sequence[int], count: int) -> Tensor:
 
 
 def cells_seen(rig: CameraRig, grid: BEVGrid) -> BoolArray:
-    """(X, Y), whether a camera has the cell's centre in its picture, on the ground or up to a car's height above.
+    """(X, Y), whether a camera has a corner of the cell in its picture, on the ground or up to a car's height above.
 
     By geometry alone: other things may hide a cell. The cells below the ego's own body are not seen.
     """
-    x_m, y_m = grid.centres()[:, 0, 0], grid.centres()[0, :, 1]
-    seen = np.zeros(grid.shape, dtype=np.bool_)
+    x, y = grid.shape
+    x_m, y_m = grid.x_min_m + grid.cell_m * np.arange(x + 1), grid.y_min_m + grid.cell_m * np.arange(y + 1)
+    corner = np.zeros((x + 1, y + 1), dtype=np.bool_)
     for camera in rig:
         pixel_from_ego = camera.intrinsic @ inverse(camera.ego_from_cam)[:3]  # 3 4, pixels times depth
         for height_m in SEEN_HEIGHTS_M:
@@ -202,7 +203,8 @@ def cells_seen(rig: CameraRig, grid: BEVGrid) -> BoolArray:
             )
             # As `Camera.sees`, without a division at every cell.
             inside = (u >= -0.5 * depth) & (u < (camera.width_px - 0.5) * depth) & (depth > 0.1)
-            seen |= inside & (v >= -0.5 * depth) & (v < (camera.height_px - 0.5) * depth)
+            corner |= inside & (v >= -0.5 * depth) & (v < (camera.height_px - 0.5) * depth)
+    seen = corner[:-1, :-1] | corner[1:, :-1] | corner[:-1, 1:] | corner[1:, 1:]
     return seen & ~body_cells(grid)
 
 

@@ -178,13 +178,13 @@ def test_seen_cells_are_those_before_the_cameras() -> None:
     assert not seen[1].any()
 
 
-def test_a_cell_is_seen_if_a_camera_has_its_centre_in_the_picture_at_some_height() -> None:
+def test_a_cell_is_seen_if_a_camera_has_a_corner_of_it_in_the_picture_at_some_height() -> None:
     expected = np.zeros(GRID.shape, dtype=np.bool_)
-    centres = GRID.centres().reshape(-1, 2)
+    corners = GRID.centres()[..., None, :] + GRID.cell_m / 2 * np.array([[-1, -1], [-1, 1], [1, -1], [1, 1]])
     for each in RIG:
         for height_m in SEEN_HEIGHTS_M:
-            pixels, depth_m = each.project_ego(np.insert(centres, 2, height_m, axis=1))
-            expected |= each.sees(pixels, depth_m).reshape(GRID.shape)
+            pixels, depth_m = each.project_ego(np.insert(corners.reshape(-1, 2), 2, height_m, axis=1))
+            expected |= each.sees(pixels, depth_m).reshape(*GRID.shape, 4).any(axis=-1)
     assert 0.2 < expected.mean() < 0.9
     body = body_cells(GRID)
     assert (expected & body).any()
