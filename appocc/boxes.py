@@ -18,7 +18,7 @@ from appocc.checks import (
 )
 from appocc.errors import ShapeError
 from appocc.geometry import apply, inverse, yaw_of
-from appocc.shapes import Corners, Flags, List3, Numbers, Transform
+from appocc.typing import Corners, Flags, List3, Numbers, Transform
 
 # Corners in units of half the size (length, width, height): the lower four counter-clockwise, then the upper.
 _CORNERS = np.array(

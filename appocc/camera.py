@@ -10,7 +10,7 @@ import numpy as np
 from appocc.checks import FloatArray, check_intrinsic, check_transform, frozen
 from appocc.errors import NotFoundError, ShapeError
 from appocc.geometry import apply, inverse
-from appocc.shapes import Flags, List2, List3, Numbers
+from appocc.typing import Flags, List2, List3, Numbers
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from appocc.checks import BoolArray, FloatArray, check_finite, check_place, check_shape
 from appocc.errors import ShapeError
-from appocc.shapes import Numbers, Points3, Rotations, Transform, Transforms
+from appocc.typing import Numbers, Points3, Rotations, Transform, Transforms
 
 _ROUNDED = 1e-3
 

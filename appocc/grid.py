@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from appocc.checks import BoolArray, FloatArray, check_finite, check_shape
 from appocc.errors import ShapeError
-from appocc.shapes import Cells, Points2
+from appocc.typing import Cells, Points2
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ import numpy as np
 
 from appocc.checks import FloatArray, IntArray, check_finite, check_shape
 from appocc.grid import BEVGrid
-from appocc.shapes import Cover, List2
+from appocc.typing import Cover, List2
 
 # Share of a cell that a class must cover to switch it on.
 ROAD_SHARE = VEHICLE_SHARE = 0.5

@@ -35,7 +35,7 @@ from appocc.evaluation.pairs import read_pair
 from appocc.evaluation.vehicles import true_vehicles
 from appocc.grid import BEVGrid
 from appocc.nuscenes.dataset import Dataset
-from tracking.blobs import BlobConfig, Blobs, find_blobs, label_blobs, measure_blobs
+from tracking.instances.instances import BlobConfig, Blobs, find_blobs, label_blobs, measure_blobs
 
 LEAST_M2 = 0.4
 NEAR_M = 2.0

@@ -30,10 +30,10 @@ import numpy as np
 
 from appocc.checks import BoolArray, ByteArray, FloatArray
 from appocc.simulation.ground import build_ground
-from appocc.simulation.making.opendrive import import_opendrive
 from appocc.simulation.network import read_network
 from appocc.simulation.plan import TownPlan
 from appocc.simulation.surface import CELL_M, ROAD_SURFACES, Ground, Surface, surface_table
+from appocc.simulation.town_generation.opendrive import import_opendrive
 
 RIM_M = 0.5
 # Two and a half pixels of CARLA's; our edge lines lie 0.2 m beside the lane's edge, theirs on it.

@@ -40,9 +40,9 @@ from appocc.grid import BEVGrid
 from appocc.nuscenes import Dataset
 from appocc.rasterise import VEHICLE_SHARE, polygon_owner
 from benchmarks.encounters import Sight, encounters
-from tracking.blobs import find_blobs
 from tracking.detections import Detections
-from tracking.metrics import Metrics, Moment, evaluate
+from tracking.evaluation.clear_id_hota import Metrics, Moment, evaluate
+from tracking.instances.instances import find_blobs
 from tracking.tracker import MAPS, Tracker, TrackerConfig
 
 RANGE_M, LEAST_M2, HIDDEN = 40.0, 0.4, "v0-40"

@@ -29,7 +29,7 @@ from appocc.files import whole_file
 from appocc.geometry import apply, inverse, quaternion_from_yaw, transform, yaw_of
 from benchmarks.colour_ablation import GREY, RANGE_M, Scene, judged, made_scene, without_colour
 from benchmarks.encounters import HOUSE_M, Sight, encounters
-from tracking.metrics import GATE_M
+from tracking.evaluation.clear_id_hota import GATE_M
 from tracking.tracker import MAPS, Tracker, TrackerConfig
 
 if TYPE_CHECKING:
@@ -68,8 +68,8 @@ class Loss(NamedTuple):
 def tracks_of(scene: Scene, config: TrackerConfig) -> dict[int, IntArray]:
     """For each vehicle by its number the id of its track at each moment (K,); 0 where it has none or is not demanded.
 
-    Pairs are those of `tracking.metrics` as long as no two vehicles want one track: the last one while it is within
-    the gate, else the nearest.
+    Pairs are those of `tracking.evaluation.clear_id_hota` as long as no two vehicles want one track: the last one
+    while it is within the gate, else the nearest.
     """
     tracker = Tracker(config)
     of = {int(number): np.zeros(len(scene), np.int64) for step in scene for number in step.number}

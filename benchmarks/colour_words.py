@@ -41,7 +41,7 @@ from appocc.groundtruth.pipeline import ground_of
 from appocc.groundtruth.work import Work
 from appocc.nuscenes import Dataset
 from appocc.nuscenes.records import Sample, Scene
-from grounding.scene import scene_of
+from grounding.referent.scene import scene_of
 
 NAMED = Path(__file__).parents[1] / "tests" / "grounding" / "colour_names.csv"
 _CHANNELS = ("red", "green", "blue")

@@ -21,9 +21,9 @@ from appocc.bevmap import load_map
 from appocc.errors import AppoccError, DataError
 from appocc.nuscenes import Dataset, Scene
 from benchmarks.colour_ablation import without_colour
-from tracking.blobs import find_blobs
-from tracking.metrics import Metrics
-from tracking.run import SceneTracks, key_frames, score, track_samples
+from tracking.evaluation.clear_id_hota import Metrics
+from tracking.instances.instances import find_blobs
+from tracking.pipeline import SceneTracks, key_frames, score, track_samples
 from tracking.tracker import MAPS, Tracker, TrackerConfig
 
 EVERY, CONFIGS = (1, 2, 4), (MAPS, without_colour(MAPS))

@@ -37,7 +37,7 @@ from benchmarks.grounding_truth.making import SUITS
 from benchmarks.grounding_truth.places import Ask
 from benchmarks.grounding_truth.sentences import CALLED, ORDERS, Description, command
 from grounding.grounder import Grounder
-from grounding.parse import read
+from grounding.language.parser import read
 
 GRID = BEVGrid.surround()
 # Half the width of both roads, where the other one lies, and along which lines vehicles stand.
@@ -61,7 +61,7 @@ START = """
 import time
 import numpy
 begun = time.process_time()
-from grounding.parse import read
+from grounding.language.parser import read
 read("park behind the second silver van on the left")
 print(time.process_time() - begun)
 """

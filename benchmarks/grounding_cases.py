@@ -42,11 +42,11 @@ from rich.table import Table
 from appocc.bevmap import ROAD, VEHICLE, BEVMap, load_map
 from appocc.boxes import Boxes
 from appocc.checks import ByteArray, FloatArray
-from appocc.drawing import GREEN, RED, WHITE, YELLOW, BEVCanvas, Colour, put_text
 from appocc.ego_vehicle import EGO_LENGTH_M, EGO_WIDTH_M
 from appocc.errors import AppoccError
 from appocc.files import write_image
 from appocc.geometry import footprints, wrap_angle
+from appocc.visualization.canvas import GREEN, RED, WHITE, YELLOW, BEVCanvas, Colour, put_text
 from benchmarks.colour_ablation import _disturbed, _map_of
 from benchmarks.encounters import Sight
 from benchmarks.grounding_truth.making import SUITS, Case, make_cases

@@ -2,10 +2,10 @@
 
     OMP_NUM_THREADS=1 python -m benchmarks.kitti ROOT [--cut X]
 
-ROOT is a folder as `tracking.kitti` describes it, with labels. Both trackers get the same detections and poses.
+ROOT is a folder as `tracking.io.kitti` describes it, with labels. Both trackers get the same detections and poses.
 Tracks whose mean score is below a cut are dropped; each row has its own, the one with the largest MOTA over all
 sequences, or ours the given one. Rows of single sequences have the same cut. Smoothed are the tracker's tracks in
-hindsight (`tracking.smoothing`): the others know nothing of what comes later.
+hindsight (`tracking.filtering.smoother`): the others know nothing of what comes later.
 
 The plain filter follows the places of detections on the world's ground with one velocity, the same noise in all
 directions, and the assignment of the least sum of distances; it tells of a track only where a detection was matched.
@@ -30,11 +30,11 @@ from appocc.checks import FloatArray
 from appocc.errors import AppoccError
 from appocc.geometry import apply, wrap_angle, yaw_of
 from tracking.detections import Detections, TakesDetections, probability_of
-from tracking.kitti import KittiSequence, read_sequences, track_sequence
-from tracking.kitti_protocol import Results, trial_of
-from tracking.kitti_results import results_of
-from tracking.metrics import Metrics
-from tracking.smoothing import smooth
+from tracking.evaluation.clear_id_hota import Metrics
+from tracking.evaluation.kitti import Results, trial_of
+from tracking.filtering.smoother import smooth
+from tracking.io.kitti import KittiSequence, read_sequences, track_sequence
+from tracking.io.kitti_results import results_of
 from tracking.tracker import Tracker
 from tracking.tracks import Track
 

@@ -27,8 +27,8 @@ from appocc.bevmap import CLASSES, load_map
 from appocc.checks import FloatArray
 from appocc.errors import AppoccError, DataError
 from appocc.evaluation.cells import GROUPS, CellCounts, count_cells, group_masks, ious
+from appocc.inference.inputs import Moment, dataset_moments
 from appocc.inference.loading import load_predictor
-from appocc.inference.moments import Moment, dataset_moments
 from appocc.inference.predictor import Predictor, cameras_of
 from appocc.nuscenes.dataset import Dataset
 

@@ -32,8 +32,8 @@ from appocc.export.graph import Graph
 from appocc.export.runtimes import Run, open_onnx, open_openvino
 from appocc.models.base import BEVModel, Plan
 from appocc.models.fused import fused
+from appocc.models.model_spec import SETTINGS, Setting
 from appocc.models.registry import build
-from appocc.models.setting import SETTINGS, Setting
 from appocc.rigs import read_rig
 
 _FLAGS = ("avx2", "avx512f", "avx512_bf16", "amx_bf16", "amx_int8", "asimd", "bf16")

@@ -2,10 +2,11 @@
 
     OMP_NUM_THREADS=1 python -m benchmarks.nuscenes_mini FILE [--detector centerpoint] [--json]
 
-FILE holds scenes as `tracking.nuscenes_boxes.read_scenes` describes them. Cars within 50 m that have LiDAR points are
-to be found. AMOTA is over 40 recalls (`tracking.amota`); the other figures are at the threshold of the best MOTA,
-of the same filled tracks. The tracker gets the boxes of all classes and its tracks of cars are judged; the plain
-filter of `benchmarks.kitti` gets those of cars, and forgets what three key frames (1.5 s) do not show.
+FILE holds scenes as `tracking.io.nuscenes_detections.read_scenes` describes them. Cars within 50 m that have LiDAR
+points are to be found. AMOTA is over 40 recalls (`tracking.evaluation.amota`); the other figures are at the threshold
+of the best MOTA, of the same filled tracks. The tracker gets the boxes of all classes and its tracks of cars are
+judged; the plain filter of `benchmarks.kitti` gets those of cars, and forgets what three key frames (1.5 s) do not
+show.
 
 The figures of others were measured on scene-0103 alone, with CenterPoint's boxes and the same rules.
 """
@@ -26,10 +27,10 @@ from rich.table import Table
 from appocc.checks import FloatArray
 from appocc.errors import AppoccError, DataError
 from benchmarks.kitti import PlainFilter
-from tracking.amota import ScoredMoment, amota, cut, fill
 from tracking.detections import Detections, TakesDetections, probability_of
-from tracking.metrics import Moment, evaluate
-from tracking.nuscenes_boxes import RANGE_M, DetectedScene, read_scenes
+from tracking.evaluation.amota import ScoredMoment, amota, cut, fill
+from tracking.evaluation.clear_id_hota import Moment, evaluate
+from tracking.io.nuscenes_detections import RANGE_M, DetectedScene, read_scenes
 from tracking.tracker import Tracker
 from tracking.tracks import Track
 

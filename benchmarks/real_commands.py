@@ -34,11 +34,11 @@ from appocc.colours import WORDS
 from appocc.errors import AppoccError, DataError
 from appocc.files import read_json, zip_arrays
 from appocc.geometry import quaternion_from_yaw, transform
-from grounding.nouns import PEOPLE, of_noun
-from grounding.parse import read
+from grounding.language.parser import read
 from grounding.query import Query
-from grounding.resolve import resolve
-from grounding.scene import Scene, scene_of_tracks
+from grounding.referent.class_fit import PEOPLE, of_noun
+from grounding.referent.resolver import resolve
+from grounding.referent.scene import Scene, scene_of_tracks
 from tracking.tracks import Track
 
 OUTCOMES = ("top", "among", "missed")

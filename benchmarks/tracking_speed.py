@@ -40,8 +40,8 @@ from appocc.bevmap import VEHICLE, BEVMap
 from appocc.checks import BoolArray, FloatArray, IntArray
 from appocc.geometry import apply
 from appocc.grid import BEVGrid
-from tracking.blobs import GridView, find_blobs
 from tracking.detections import Detections
+from tracking.instances.instances import GridView, find_blobs
 from tracking.tracker import MAPS, Tracker
 
 COUNTS = (10, 50, 100, 200, 500)

@@ -28,7 +28,7 @@ def check_rig(
     """
     from appocc.errors import NotFoundError
     from appocc.files import write_image
-    from appocc.inference.rig_check import pose_of, rig_sheet
+    from appocc.visualization.rig_check import pose_of, rig_sheet
 
     moments = moments_of(source, rig, scene, version)
     if frame >= len(moments):

@@ -12,7 +12,7 @@ from cli.common import JsonOption, emit, out_path, progress, say
 
 if TYPE_CHECKING:
     from appocc.nuscenes import Dataset, Scene
-    from tracking.run import SceneTracks
+    from tracking.pipeline import SceneTracks
 
 COMMANDS = ("park behind the nearest silver car", "stop behind the nearest car ahead", "stop next to the nearest car")
 FRAME, PREDICTED = 6, "predicted"
@@ -66,8 +66,8 @@ def _fill(folder: Path, out: Path) -> dict[str, Any]:
 
 def _predict(dataset: Dataset, scene: Scene, samples: int) -> None:
     """The maps of a scene by the weights of the package."""
+    from appocc.inference.inputs import dataset_moments
     from appocc.inference.loading import load_predictor
-    from appocc.inference.moments import dataset_moments
     from appocc.inference.run import infer
     from cli.infer import places_of
 
@@ -83,8 +83,8 @@ def _predict(dataset: Dataset, scene: Scene, samples: int) -> None:
 
 def _track(dataset: Dataset, scene: Scene, folder: Path) -> tuple[SceneTracks, dict[str, Any]]:
     """The tracks of a scene, written with their scores and a video."""
-    from tracking.run import score, track_scene, tracks_folder, write_metrics, write_tracks
-    from tracking.video import write_video
+    from tracking.pipeline import score, track_scene, tracks_folder, write_metrics, write_tracks
+    from tracking.visualization.video import write_video
 
     tracks = track_scene(dataset, scene, PREDICTED)
     scores = score(dataset, tracks) or {}
@@ -104,7 +104,7 @@ def _ground(dataset: Dataset, scene: Scene, folder: Path) -> list[dict[str, Any]
     from appocc.demo.dataset import SOURCE
     from appocc.files import write_image
     from grounding.grounder import Grounder
-    from grounding.picture import draw
+    from grounding.visualization import draw
 
     sample = dataset.samples(scene)[FRAME]
     frame = dataset.frame(sample)
@@ -130,7 +130,7 @@ def _draw(dataset: Dataset, scene: Scene, folder: Path, tracks: SceneTracks) -> 
     from appocc.demo.pictures import overview
     from appocc.files import write_image
     from cli.infer import places_of
-    from tracking.video import draw_frame
+    from tracking.visualization.video import draw_frame
 
     sample = dataset.samples(scene)[FRAME]
     frame = dataset.frame(sample)

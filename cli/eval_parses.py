@@ -10,7 +10,7 @@ import typer
 from cli.common import JsonOption, emit, say
 
 if TYPE_CHECKING:
-    from grounding.evaluation import Result
+    from grounding.language.evaluation import Result
 
 
 def parses(
@@ -24,8 +24,8 @@ def parses(
 
     Example: appocc eval parses commands.jsonl --errors
     """
-    from grounding.evaluation import evaluate, read_labelled
-    from grounding.parse import read
+    from grounding.language.evaluation import evaluate, read_labelled
+    from grounding.language.parser import read
 
     result = evaluate(read_labelled(labelled), lambda text: read(text).query.to_dict())
     if as_json:

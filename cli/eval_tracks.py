@@ -10,7 +10,7 @@ import typer
 from cli.common import JsonOption, VersionOption, emit, say
 
 if TYPE_CHECKING:
-    from tracking.scoring import Answer
+    from tracking.evaluation.evaluate import Answer
 
 
 def tracks(
@@ -39,7 +39,7 @@ def tracks(
 
     Example: appocc eval tracks --gt ROOT --tracks tracking.json --kind car
     """
-    from tracking.scoring import Question, score_files
+    from tracking.evaluation.evaluate import Question, score_files
 
     answer = score_files(truth, found, Question(kind, range_m, gate_m), version)
     if as_json:

@@ -78,7 +78,7 @@ def _source(root: Path | None, rig: str | None, scene: str | None, version: str 
     """
     from appocc.errors import DataError
     from appocc.export.run import Source, source_of
-    from appocc.inference.moments import dataset_moments
+    from appocc.inference.inputs import dataset_moments
     from appocc.nuscenes import Dataset
     from appocc.rigs import DEFAULT, read_rig
 

@@ -16,7 +16,7 @@ from cli.common import JsonOption, TrustUnseenOption, VersionOption, emit, say
 if TYPE_CHECKING:
     from appocc.frame import Frame
     from grounding.grounder import Grounder
-    from grounding.parse import Reading
+    from grounding.language.parser import Reading
 
 _MOST_BYTES = 1_000_000
 
@@ -105,9 +105,9 @@ def _reader(lexicon: Path | None, llm: str | None) -> Callable[[str], tuple[Read
     """How sentences are read."""
     from functools import partial
 
-    from grounding.lexicon import read_lexicon
-    from grounding.llm import Endpoint
-    from grounding.parse import readings
+    from grounding.language.lexicon import read_lexicon
+    from grounding.language.llm import Endpoint
+    from grounding.language.parser import readings
 
     own = readings if lexicon is None else partial(readings, lexicon=read_lexicon(lexicon))
     if llm is None:
@@ -136,7 +136,7 @@ def _set_key_frame(
     from appocc.bevmap import is_truth, load_map
     from appocc.nuscenes import Dataset
     from appocc.nuscenes.dataset import sample_at
-    from tracking.nuscenes_tracks import read_moment
+    from tracking.io.nuscenes_tracks import read_moment
 
     if scene is None or frame is None:
         raise DataError("ROOT needs --scene and --frame")
@@ -214,7 +214,7 @@ def _answer(
     """Answer one sentence; the exit code that it means."""
     from appocc.files import write_image
     from grounding.explain import explained
-    from grounding.picture import draw
+    from grounding.visualization import draw
 
     answer = grounder.ground(text)
     if picture is not None:

@@ -12,7 +12,7 @@ from cli.common import JsonOption, VersionOption, emit, out_path, progress, say,
 if TYPE_CHECKING:
     from appocc.bevmap import BEVMap
     from appocc.checks import FloatArray
-    from appocc.inference.moments import Moment
+    from appocc.inference.inputs import Moment
 
 SourceArgument = Annotated[
     Path,
@@ -74,7 +74,7 @@ def moments_of(source: Path, rig: str | None, scene: str | None, version: str | 
         NotFoundError: if there is no such scene or rig.
     """
     from appocc.errors import DataError
-    from appocc.inference.moments import dataset_moments, folder_moments
+    from appocc.inference.inputs import dataset_moments, folder_moments
     from appocc.nuscenes import Dataset
     from appocc.rigs import read_rig
 
@@ -92,6 +92,6 @@ def moments_of(source: Path, rig: str | None, scene: str | None, version: str | 
 
 def places_of(bev: BEVMap) -> FloatArray:
     """Centroids of the vehicles of a map, as tracking finds them."""
-    from tracking.blobs import find_blobs
+    from tracking.instances.instances import find_blobs
 
     return find_blobs(bev).centroid_m

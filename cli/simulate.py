@@ -108,7 +108,7 @@ def write_sheet(root: Path, path: Path) -> None:
     """Make the contact sheet of a dataset."""
     from appocc.files import write_image
     from appocc.nuscenes import Dataset
-    from appocc.sheet import contact_sheet
+    from appocc.visualization.contact_sheet import contact_sheet
 
     write_image(path, contact_sheet(Dataset(root), "exact"))
     say(f"{path}: contact sheet")

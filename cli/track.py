@@ -13,8 +13,8 @@ from cli.common import JsonOption, TrustUnseenOption, VersionOption, emit, out_p
 
 if TYPE_CHECKING:
     from appocc.nuscenes import Dataset, Scene
-    from tracking.metrics import Metrics
-    from tracking.run import SceneTracks
+    from tracking.evaluation.clear_id_hota import Metrics
+    from tracking.pipeline import SceneTracks
 
 # What can be followed: what each of them needs beside it, and what else it may have.
 _SOURCES = {
@@ -129,8 +129,8 @@ def _track_scene(
 ) -> None:
     """Follow the vehicles of a scene through its maps, or a detector's objects through it."""
     from appocc.nuscenes import Dataset
-    from tracking.run import score, tracks_folder, write_metrics, write_tracks
-    from tracking.video import check_name, write_video
+    from tracking.pipeline import score, tracks_folder, write_metrics, write_tracks
+    from tracking.visualization.video import check_name, write_video
 
     if video is not None:
         check_name(video)
@@ -184,8 +184,8 @@ def _followed(
     trust_unseen: bool,
 ) -> tuple[SceneTracks, Mapping[str, int]]:
     """The tracks of a scene, and of how many boxes of which classes were left out."""
-    from tracking.nuscenes_boxes import track_detections
-    from tracking.run import track_scene
+    from tracking.io.nuscenes_detections import track_detections
+    from tracking.pipeline import track_scene
     from tracking.tracker import MAPS, Tracker
 
     tracker = Tracker(MAPS) if detections is None else Tracker()
@@ -199,10 +199,10 @@ def _followed(
 
 def _track_kitti(root: Path, smooth: bool, folder: Path, as_json: bool) -> None:
     """Follow the vehicles of all sequences of a folder, each on its own; write a file for each."""
-    from tracking.kitti import read_sequences, track_sequence
-    from tracking.kitti_protocol import trial_of
-    from tracking.kitti_results import results_of, write_results
-    from tracking.smoothing import smooth as smoothed
+    from tracking.evaluation.kitti import trial_of
+    from tracking.filtering.smoother import smooth as smoothed
+    from tracking.io.kitti import read_sequences, track_sequence
+    from tracking.io.kitti_results import results_of, write_results
     from tracking.tracker import Tracker
 
     sequences = read_sequences(root)
@@ -243,7 +243,7 @@ def _track_kitti(root: Path, smooth: bool, folder: Path, as_json: bool) -> None:
 def _track_mot(path: Path, fps: float, folder: Path, as_json: bool) -> None:
     """Follow the people of a file of detections; write a file of its name."""
     from tracking.detections import lead
-    from tracking.mot_boxes import read_boxes, write_boxes
+    from tracking.io.mot_challenge import read_boxes, write_boxes
     from tracking.tracker import Tracker
 
     written = folder / f"{path.stem}.txt"

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 
 from grounding.describe import candidate_dict, phrase, rounded, target_dict
-from grounding.parse import Problem, Reading, caret
+from grounding.goal.planner import Plan, Target
+from grounding.language.parser import Problem, Reading, caret
 from grounding.query import Query
-from grounding.resolve import Candidate
-from grounding.scene import Scene
-from grounding.target import Plan, Target
+from grounding.referent.resolver import Candidate
+from grounding.referent.scene import Scene
 
 # Of a sentence, in the answer for people.
 _SHOWN_CHARACTERS = 160

@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from grounding.objects import EGO_CENTRE_M, SceneObject
-from grounding.resolve import Candidate
-from grounding.scene import Scene
-from grounding.target import Target
+from grounding.goal.planner import Target
+from grounding.referent.resolver import Candidate
+from grounding.referent.scene import Scene
+from grounding.scene_object import EGO_CENTRE_M, SceneObject
 
 
 def side(item: SceneObject) -> str:

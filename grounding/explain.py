@@ -6,7 +6,7 @@ import textwrap
 
 from grounding.answer import Answer
 from grounding.describe import phrase
-from grounding.kinds import Kind
+from grounding.language.word_categories import Kind
 from grounding.query import Query
 
 _SILENT = (Kind.FILLER,)

@@ -14,13 +14,13 @@ from appocc.checks import FloatArray
 from appocc.errors import AppoccError
 from grounding.answer import Answer
 from grounding.describe import phrase
-from grounding.objects import SceneObject
-from grounding.parse import Reading, readings
-from grounding.resolve import Candidate, Resolution, forbidden, resolve
-from grounding.road import Road
-from grounding.scene import Scene, scene_of, scene_of_tracks
-from grounding.sight import unseen_reason
-from grounding.target import Plan, plan
+from grounding.goal.planner import Plan, plan
+from grounding.language.parser import Reading, readings
+from grounding.referent.resolver import Candidate, Resolution, forbidden, resolve
+from grounding.referent.scene import Scene, scene_of, scene_of_tracks
+from grounding.road.road_map import Road
+from grounding.road.visibility import unseen_reason
+from grounding.scene_object import SceneObject
 from tracking.tracks import Track
 
 # A reading for which no vehicle or no place is found stands behind all others.

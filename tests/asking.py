@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 from street import BLACK, BLUE, GREY, RED, WHITE, Street
 
-from grounding.parse import read
+from grounding.language.parser import read
 from grounding.query import Query, Referent
-from grounding.resolve import Resolution, resolve
-from grounding.scene import Scene
+from grounding.referent.resolver import Resolution, resolve
+from grounding.referent.scene import Scene
 
 SIZES_WLH_M = {
     "vehicle.bus.rigid": (2.9, 11.0, 3.4),

@@ -12,10 +12,10 @@ from appocc.bevmap import ROAD, VEHICLE
 from appocc.checks import BoolArray
 from appocc.ego_vehicle import EGO_LENGTH_M, EGO_WIDTH_M
 from appocc.grid import BEVGrid
+from grounding.goal.planner import Plan, Target, plan
 from grounding.query import Query, Referent
-from grounding.road import Road
-from grounding.scene import Scene, SceneObject
-from grounding.target import Plan, Target, plan
+from grounding.referent.scene import Scene, SceneObject
+from grounding.road.road_map import Road
 
 HALF_CELL_M = 0.2 + 1e-9
 # Half a car (4.4 m x 1.8 m) and half the ego; from the middle of the road to an ego parked at its edge.

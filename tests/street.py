@@ -10,7 +10,7 @@ from appocc.checks import FloatArray
 from appocc.geometry import inverse, quaternion_from_yaw, transform
 from appocc.grid import BEVGrid
 from grounding.grounder import Grounder
-from grounding.scene import Scene, scene_of
+from grounding.referent.scene import Scene, scene_of
 
 WHITE, SILVER, GREY, BLACK = (245, 245, 245), (190, 191, 192), (110, 110, 112), (18, 18, 20)
 RED, BLUE, GREEN, YELLOW = (190, 25, 30), (30, 60, 170), (30, 130, 50), (235, 200, 40)

@@ -153,8 +153,8 @@ def test_shades_and_synonyms() -> None:
 
 
 def test_every_colour_word_of_the_lexicon_has_a_fit() -> None:
-    from grounding.kinds import COLOURS, Kind
-    from grounding.lexicon import phrases
+    from grounding.language.lexicon import phrases
+    from grounding.language.word_categories import COLOURS, Kind
 
     for phrase, (kind, value) in phrases().items():
         if kind in (Kind.COLOUR, Kind.SHADE):

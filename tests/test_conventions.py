@@ -13,10 +13,10 @@ from appocc.bevmap import CLASSES, BEVMap
 from appocc.boxes import Boxes, is_vehicle
 from appocc.camera import Camera
 from appocc.checks import FloatArray
-from appocc.drawing import BEVCanvas, turned
 from appocc.grid import BEVGrid
 from appocc.nuscenes.lidar import write_lidar
 from appocc.rasterise import LANE_SHARE, ROAD_SHARE, VEHICLE_SHARE
+from appocc.visualization.canvas import BEVCanvas, turned
 
 PAGE = Path(__file__).parents[1] / "docs" / "conventions.md"
 QUARTER = g.quaternion_from_yaw(np.pi / 2)

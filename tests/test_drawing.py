@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from appocc import drawing as d
 from appocc.bevmap import LANE, ROAD, VEHICLE, BEVMap
 from appocc.boxes import Boxes
 from appocc.camera import Camera
@@ -15,6 +14,7 @@ from appocc.checks import FloatArray
 from appocc.ego_vehicle import EGO_LENGTH_M, EGO_REAR_M
 from appocc.geometry import transform
 from appocc.grid import BEVGrid
+from appocc.visualization import canvas as d
 
 GRID = BEVGrid(-2, 6, -4, 4, 1.0)  # 8 x 8 cells
 

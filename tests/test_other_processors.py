@@ -31,8 +31,8 @@ def computed() -> dict[str, Any]:
 
     from appocc.camera import CameraRig
     from appocc.grid import BEVGrid
+    from appocc.models.model_spec import Setting
     from appocc.models.registry import build
-    from appocc.models.setting import Setting
     from appocc.simulation.rendering.renderer import Renderer
     from appocc.simulation.rendering.weather import WEATHERS
 

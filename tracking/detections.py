@@ -11,7 +11,7 @@ import numpy as np
 from appocc.boxes import LARGEST_M
 from appocc.checks import BoolArray, FloatArray, IntArray, check_finite, check_place, check_shape, frozen
 from appocc.errors import ShapeError
-from tracking.association import near
+from tracking.association.costs import near
 from tracking.tracks import Track
 
 # Certainty beyond these odds is not told apart: a probability of 1 has no finite log-odds.

@@ -8,13 +8,13 @@ import numpy as np
 
 from appocc.checks import BoolArray, FloatArray, IntArray, check_transform
 from appocc.errors import DataError
-from tracking.association import AssociationConfig
+from tracking.association.cascade import Rounds
+from tracking.association.colour_likelihood import ColourTrust
+from tracking.association.costs import AssociationConfig
 from tracking.detections import Detections
-from tracking.follow import Followed, LifeConfig, Sightings, sightings_of
-from tracking.motion import MotionConfig
-from tracking.rounds import Rounds
+from tracking.filtering.kalman import MotionConfig
+from tracking.track_table import Followed, LifeConfig, Sightings, sightings_of
 from tracking.tracks import Tracks
-from tracking.trust import ColourTrust
 
 _AGAIN = AssociationConfig(gate_mps=20.0, gate_squared=30.0, gate_most_m=12.0, cost_most=15.0)
 _FOUND = AssociationConfig(gate_m=1.0, gate_squared=12.0, gate_most_m=40.0, cost_most=3.0)

@@ -17,10 +17,10 @@ from appocc.bevmap import BEVMap
 from appocc.evaluation.bev import Question, evaluate
 from appocc.evaluation.pairs import check_there
 from appocc.frame import Frame
-from appocc.inference.moments import dataset_moments
+from appocc.inference.inputs import dataset_moments
 from appocc.inference.predictor import Prediction, pictures_of
+from appocc.models.model_spec import Setting
 from appocc.models.registry import Colouring
-from appocc.models.setting import Setting
 from appocc.nuscenes.dataset import Dataset
 from appocc.nuscenes.records import Scene
 

@@ -17,8 +17,8 @@ from appocc.ablation.tables import study_json
 from appocc.errors import DataError
 from appocc.files import write_bytes, write_json
 from appocc.inference.loading import load_predictor
+from appocc.models.model_spec import SETTINGS
 from appocc.models.registry import COLOURINGS
-from appocc.models.setting import SETTINGS
 from appocc.nuscenes.dataset import Dataset
 from appocc.nuscenes.records import Scene
 from appocc.training.config import Config

@@ -7,9 +7,9 @@ import numpy as np
 
 from appocc.bevmap import BEVMap
 from appocc.checks import ByteArray, FloatArray
-from appocc.drawing import mosaic, put_text
 from appocc.frame import Frame
-from appocc.inference.pictures import camera_picture, map_panel, rows_of_cameras
+from appocc.visualization.canvas import mosaic, put_text
+from appocc.visualization.predictions import camera_picture, map_panel, rows_of_cameras
 
 _GAP_PX, _CAMERA_PX = 8, 533
 

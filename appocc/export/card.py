@@ -10,8 +10,8 @@ from typing import Any
 from appocc.bevmap import CLASSES
 from appocc.camera import Camera, CameraRig
 from appocc.export.graph import APPEARANCE, INPUT, OCCUPANCY, SEEN
-from appocc.models.pictures import fitted_camera
-from appocc.models.setting import Setting
+from appocc.models.input_images import fitted_camera
+from appocc.models.model_spec import Setting
 from appocc.models.weights import thresholds_of
 
 ENTRY = "card"

@@ -20,12 +20,12 @@ from appocc.export.parity import Parity, ParityError, compare, eager, limit_of, 
 from appocc.export.runtimes import Run, open_onnx, open_openvino
 from appocc.files import digest_of, whole_file
 from appocc.frame import Frame
+from appocc.inference.inputs import Moment
 from appocc.inference.loading import weights_file
-from appocc.inference.moments import Moment
 from appocc.inference.predictor import cameras_of
-from appocc.models.pictures import fitted, fitted_camera
+from appocc.models.input_images import fitted, fitted_camera
+from appocc.models.model_spec import Setting
 from appocc.models.registry import COLOURINGS
-from appocc.models.setting import Setting
 from appocc.models.weights import load_model
 
 _ONNX, _OPENVINO = ".onnx", ".xml"

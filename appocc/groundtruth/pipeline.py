@@ -14,7 +14,6 @@ import numpy as np
 
 from appocc.bevmap import BEVMap, bev_folder, bev_path
 from appocc.checks import FloatArray
-from appocc.drawing import preview
 from appocc.errors import DataError
 from appocc.files import write_bytes, write_image
 from appocc.groundtruth.bodywork import Bodywork
@@ -32,6 +31,7 @@ from appocc.nuscenes.records import Scene
 from appocc.nuscenes.writer import token_of
 from appocc.provenance import Parts, Record, add_record, scene_parts
 from appocc.temporary import made_folder, partial_folder
+from appocc.visualization.canvas import preview
 from appocc.workers import Pool, worker_pool
 
 SOURCE = "groundtruth"

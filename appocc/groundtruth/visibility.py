@@ -12,7 +12,7 @@ from appocc.boxes import Boxes
 from appocc.camera import Camera
 from appocc.checks import BoolArray, Float32Array, FloatArray, IntArray
 from appocc.geometry import apply, inverse
-from appocc.shapes import Flags, List2, List3, Numbers, Transform, Vector3
+from appocc.typing import Flags, List2, List3, Numbers, Transform, Vector3
 
 # Angles of the depth picture's cells: as wide as two LiDAR columns, low enough that far ground stays apart from near.
 _COLUMN_RAD, _ROW_RAD = 1 / 160, 1 / 1000

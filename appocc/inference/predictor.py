@@ -16,8 +16,8 @@ from appocc.checks import BoolArray
 from appocc.errors import DataError
 from appocc.frame import Frame
 from appocc.models.base import BEVModel, Plan
-from appocc.models.pictures import channels_of, fitted
-from appocc.models.setting import Setting
+from appocc.models.input_images import channels_of, fitted
+from appocc.models.model_spec import Setting
 
 
 @dataclass(frozen=True)

@@ -11,10 +11,10 @@ from appocc.bevmap import BEVMap, is_truth
 from appocc.checks import FloatArray
 from appocc.errors import DataError
 from appocc.files import write_image
-from appocc.inference.moments import Moment
-from appocc.inference.pictures import figure
+from appocc.inference.inputs import Moment
 from appocc.inference.predictor import Predictor
 from appocc.provenance import Record, add_record
+from appocc.visualization.predictions import figure
 
 PICTURES = "pictures"
 

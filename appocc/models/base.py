@@ -10,7 +10,7 @@ import torch
 from torch import Tensor, nn
 
 from appocc.camera import CameraRig
-from appocc.models.setting import Setting
+from appocc.models.model_spec import Setting
 
 # Depth bins of the paper (section III): centres 4.5 .. 44.5 m.
 DEPTH_BINS = 41

@@ -11,7 +11,7 @@ from torch import Tensor
 from appocc.camera import CameraRig
 from appocc.errors import ShapeError
 from appocc.grid import BEVGrid
-from appocc.models.pull import plan_pull, pull
+from appocc.models.view_transform.sampling import plan_pull, pull
 
 
 def ipm(images: Tensor, rig: CameraRig, grid: BEVGrid) -> tuple[Tensor, Tensor]:

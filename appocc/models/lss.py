@@ -19,9 +19,9 @@ from appocc.camera import CameraRig
 from appocc.errors import ShapeError
 from appocc.models.base import DEPTH_BINS, BEVModel, Output, Plan, ViewOutput
 from appocc.models.efficientnet import EfficientNetB0
+from appocc.models.model_spec import Setting
 from appocc.models.resnet import BEVTrunk, conv_norm_relu, joined_at
-from appocc.models.setting import Setting
-from appocc.models.splat import SplatPlan, by_camera, pictures_of_rigs, plan_splat, pool
+from appocc.models.view_transform.splatting import SplatPlan, by_camera, pictures_of_rigs, plan_splat, pool
 
 STRIDE = 16
 CONTEXT_CHANNELS = 64

@@ -31,8 +31,8 @@ from appocc.checks import Float32Array
 from appocc.errors import ShapeError
 from appocc.models.base import BEVModel, Output, Plan
 from appocc.models.efficientnet import EfficientNetB0, column_centres_px
-from appocc.models.setting import Setting
-from appocc.models.splat import by_camera, cells_seen, pictures_of_rigs
+from appocc.models.model_spec import Setting
+from appocc.models.view_transform.splatting import by_camera, cells_seen, pictures_of_rigs
 
 STRIDE = 16
 CHANNELS = 128

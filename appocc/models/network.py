@@ -17,10 +17,10 @@ from appocc.grid import BEVGrid
 from appocc.models.base import BEVModel, Output, Plan, ViewOutput
 from appocc.models.efficientnet import EfficientNetB0
 from appocc.models.heads import GridHeads, ViewHeads
-from appocc.models.pull import HEIGHTS_M, PullPlan, plan_pull, pull
+from appocc.models.model_spec import Setting
 from appocc.models.resnet import BasicBlock, conv_norm_relu
-from appocc.models.setting import Setting
-from appocc.models.splat import by_camera, cells_seen, pictures_of_rigs
+from appocc.models.view_transform.sampling import HEIGHTS_M, PullPlan, plan_pull, pull
+from appocc.models.view_transform.splatting import by_camera, cells_seen, pictures_of_rigs
 
 # Strides in the pictures: what stands up is read from the coarse features, paint and edges from the fine.
 COARSE, FINE, DEEP = 8, 4, 16

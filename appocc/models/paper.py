@@ -14,8 +14,8 @@ from appocc.errors import ShapeError
 from appocc.models.base import Output, Plan
 from appocc.models.efficientnet import EfficientNetB0
 from appocc.models.lss import CONTEXT_CHANNELS, STRIDE, Lift, SplatModel
+from appocc.models.model_spec import Setting
 from appocc.models.resnet import BEVTrunk
-from appocc.models.setting import Setting
 
 _COLOURS = 3
 

@@ -14,10 +14,10 @@ from appocc.grid import BEVGrid
 from appocc.models.base import BEVModel
 from appocc.models.ipm import ipm
 from appocc.models.lss import LiftSplatShoot
+from appocc.models.model_spec import Setting
 from appocc.models.neat import AttentionField
 from appocc.models.network import AppoccNet
 from appocc.models.paper import PaperNet
-from appocc.models.setting import Setting
 
 DEFAULT = "appocc"
 

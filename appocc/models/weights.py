@@ -15,8 +15,8 @@ from appocc.errors import AppoccError, DataError
 from appocc.files import write_bytes
 from appocc.grid import BEVGrid
 from appocc.models.base import BEVModel
+from appocc.models.model_spec import SETTINGS, Setting
 from appocc.models.registry import NETWORKS, build
-from appocc.models.setting import SETTINGS, Setting
 
 # Come with the package.
 PACKAGED = Path(__file__).parent / "data" / "appocc.safetensors"

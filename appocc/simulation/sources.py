@@ -53,7 +53,7 @@ class TownSource:
         """
         if self.origin is None or self.is_prepared(folder):
             return
-        from appocc.simulation.making.make import make_town
+        from appocc.simulation.town_generation.make import make_town
 
         folder.mkdir(parents=True, exist_ok=True)
         make_town(self.origin, folder, self.name)

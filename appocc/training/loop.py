@@ -23,13 +23,13 @@ from appocc.models.base import BEVModel, Output
 from appocc.training.checkpoint import Progress, load_state, save_state, states
 from appocc.training.config import Config
 from appocc.training.curves import draw_curves
-from appocc.training.feed import Fed, feed
 from appocc.training.losses import losses
 from appocc.training.metrics import Tally, Validation
+from appocc.training.prefetcher import Fed, feed
+from appocc.training.process_group import World
 from appocc.training.run import Parts, Run, StoppedError, TrainingError, Watcher
 from appocc.training.run_folder import RunFolder
 from appocc.training.schedule import Budget, ema_decay, learning_rate
-from appocc.training.world import World
 
 _LINE_EVERY = 10  # steps of a line of metrics
 _DRAW_EVERY_S = 60.0

@@ -17,8 +17,8 @@ from appocc.errors import AppoccError, DataError
 from appocc.files import read_image
 from appocc.geometry import apply, inverse
 from appocc.grid import BEVGrid
-from appocc.models.pictures import fitted
-from appocc.models.setting import Setting
+from appocc.models.input_images import fitted
+from appocc.models.model_spec import Setting
 from appocc.nuscenes.dataset import LIDAR, Dataset
 from appocc.nuscenes.lidar import read_lidar
 from appocc.nuscenes.records import Sample as Moment

@@ -15,9 +15,9 @@ from appocc.models.base import BEVModel
 from appocc.training.batch import Batch
 from appocc.training.checkpoint import Progress
 from appocc.training.config import Config
+from appocc.training.process_group import World
 from appocc.training.run_folder import RunFolder
 from appocc.training.schedule import Budget
-from appocc.training.world import World
 
 
 class TrainingError(AppoccError):

@@ -13,9 +13,9 @@ from appocc.environment import look_around
 from appocc.errors import DataError
 from appocc.files import read_json, write_bytes, write_json
 from appocc.temporary import locked, made_folder
-from appocc.training.board import Board
 from appocc.training.checkpoint import Progress
 from appocc.training.config import Config, read_config
+from appocc.training.summary_writer import Board
 
 Line = dict[str, Any]
 

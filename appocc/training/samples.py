@@ -15,10 +15,10 @@ import torch
 from appocc.camera import Camera, CameraRig
 from appocc.checks import IntArray
 from appocc.errors import DataError
-from appocc.models.setting import Setting
+from appocc.models.model_spec import Setting
 from appocc.training.augment import Augmentation, augmented
 from appocc.training.batch import Batch, Truth
-from appocc.training.pack import Pack
+from appocc.training.packed_dataset import Pack
 from appocc.training.reading import APPEARANCE_BIT, UNKNOWN_KIND, Sample, cropped
 
 UNCHANGED = Augmentation()

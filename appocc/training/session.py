@@ -15,18 +15,18 @@ from appocc.bevmap import CLASSES
 from appocc.environment import memory
 from appocc.errors import DataError
 from appocc.models import registry
-from appocc.models.setting import SETTINGS, Setting
+from appocc.models.model_spec import SETTINGS, Setting
 from appocc.models.weights import PACKAGED, begin_with, save_weights
 from appocc.simulation.rendering.views import ViewClass
 from appocc.training.augment import Augmentation
-from appocc.training.board import summary_writer
 from appocc.training.config import AugmentConfig, Config
 from appocc.training.loop import train
-from appocc.training.pack import Pack, pack
+from appocc.training.packed_dataset import Pack, pack
+from appocc.training.process_group import World, joined
 from appocc.training.run import Parts, Watcher
 from appocc.training.run_folder import RunFolder
 from appocc.training.samples import Loader
-from appocc.training.world import World, joined
+from appocc.training.summary_writer import summary_writer
 
 
 def run_training(config: Config, folder: RunFolder, resume: bool, watcher: Watcher) -> dict[str, Any]:

@@ -23,9 +23,9 @@ from appocc.inference.predictor import Prediction
 from appocc.nuscenes.dataset import Dataset
 from appocc.training.config import Config, read_config
 from appocc.training.loop import train
+from appocc.training.process_group import joined
 from appocc.training.run import Watcher
 from appocc.training.run_folder import RunFolder
-from appocc.training.world import joined
 
 sys.path.append(str(Path(__file__).parents[1] / "training"))
 from made_training import made_config as made_config

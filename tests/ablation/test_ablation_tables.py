@@ -20,7 +20,7 @@ from appocc.ablation.tables import appearance_table, differences, iou_table, spr
 from appocc.errors import DataError
 from appocc.frame import Frame
 from appocc.models.ipm import ipm
-from appocc.models.setting import SETTINGS
+from appocc.models.model_spec import SETTINGS
 from appocc.nuscenes import Dataset
 
 TEST = {"root": "sim", "against": "exact", "scenes": 3, "samples": 12}

@@ -16,7 +16,7 @@ from appocc.files import read_image
 from appocc.grid import BEVGrid
 from cli.ground import _asked
 from cli.main import app
-from tracking.formats import write_nuscenes
+from tracking.io.writers import write_nuscenes
 from tracking.tracks import Track
 
 

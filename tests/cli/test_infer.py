@@ -16,7 +16,7 @@ from appocc.files import write_image
 from appocc.inference import loading
 from appocc.inference.predictor import Predictor, Weights
 from appocc.models.base import BEVModel, Output
-from appocc.models.setting import SETTINGS
+from appocc.models.model_spec import SETTINGS
 from cli.main import app
 
 RIG = """

@@ -9,8 +9,8 @@ from typer.testing import CliRunner, Result
 
 from appocc.errors import DataError
 from appocc.grid import BEVGrid
+from appocc.models.model_spec import Setting
 from appocc.models.registry import build
-from appocc.models.setting import Setting
 from appocc.models.weights import save_weights
 from cli.main import app
 

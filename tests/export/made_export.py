@@ -11,9 +11,9 @@ from appocc.camera import CameraRig
 from appocc.export.parity import made_inputs
 from appocc.grid import BEVGrid
 from appocc.models.base import BEVModel
-from appocc.models.pictures import fitted_camera
+from appocc.models.input_images import fitted_camera
+from appocc.models.model_spec import Setting
 from appocc.models.registry import build
-from appocc.models.setting import Setting
 from appocc.models.weights import save_weights
 from appocc.rigs import read_rig
 

@@ -14,10 +14,10 @@ from tolerances import assert_rounded
 from appocc.camera import Camera, CameraRig
 from appocc.export.card import card_of, text_of
 from appocc.export.graph import Graph, answers
-from appocc.models.pictures import fitted
+from appocc.models.input_images import fitted
+from appocc.models.model_spec import SETTINGS
 from appocc.models.registry import NETWORKS
 from appocc.models.rounding import terms_of
-from appocc.models.setting import SETTINGS
 from appocc.rigs import read_rig
 
 

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from appocc.checks import Float32Array
 from appocc.export.parity import THREADS, Parity, compare, limit_of, made_inputs
 from appocc.export.runtimes import Answers, Run
+from appocc.models.model_spec import SETTINGS
 from appocc.models.registry import NETWORKS, build
-from appocc.models.setting import SETTINGS
 
 LIMIT = 1e-4
 SHAPE = (1, 2, 3, 20, 40)

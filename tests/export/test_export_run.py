@@ -24,8 +24,8 @@ from appocc.export.run import Source, export
 from appocc.files import write_image
 from appocc.frame import Frame
 from appocc.inference.loading import load_predictor
+from appocc.models.model_spec import SETTINGS
 from appocc.models.registry import NETWORKS
-from appocc.models.setting import SETTINGS
 from appocc.models.weights import load_model
 from appocc.rigs import read_rig
 from cli.main import app

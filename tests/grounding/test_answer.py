@@ -9,8 +9,8 @@ from street import BLACK, BLUE, RED, WHITE, Street
 from appocc.errors import AppoccError
 from grounding.answer import Answer
 from grounding.grounder import Grounder
-from grounding.objects import EGO_CENTRE_M
-from grounding.parse import read
+from grounding.language.parser import read
+from grounding.scene_object import EGO_CENTRE_M
 
 STREET = Street().car("w1", 12, -3, WHITE).car("w2", 20, 3, WHITE).car("b", 26, -3, BLUE).car("k", 8, 3, None)
 GROUNDER = STREET.grounder()

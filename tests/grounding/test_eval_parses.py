@@ -9,8 +9,8 @@ from typer.testing import CliRunner
 
 from appocc.errors import DataError
 from cli.main import app
-from grounding.evaluation import Result, evaluate, judge, read_labelled, wilson
-from grounding.parse import read
+from grounding.language.evaluation import Result, evaluate, judge, read_labelled, wilson
+from grounding.language.parser import read
 
 GOLD: dict[str, Any] = {
     "command": "stop next to the second red bike on the left",

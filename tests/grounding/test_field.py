@@ -5,9 +5,9 @@ import pytest
 from street import BLACK, Street
 
 from appocc.ego_vehicle import EGO_LENGTH_M
-from grounding.field import Field, Wish
-from grounding.road import Road
-from grounding.scene import Scene
+from grounding.goal.search import Field, Wish
+from grounding.referent.scene import Scene
+from grounding.road.road_map import Road
 
 
 def made(street: Street) -> tuple[Scene, Road]:

@@ -6,12 +6,12 @@ from street import BLUE, WHITE, WORLD_FROM_EGO, Street
 
 from appocc.camera import Camera, CameraRig
 from appocc.checks import ByteArray
-from appocc.drawing import BEVCanvas
 from appocc.ego_vehicle import EGO_LENGTH_M, EGO_WIDTH_M
 from appocc.frame import Frame
 from appocc.geometry import footprints, quaternion_from_rotation, transform
-from grounding.picture import CYAN, draw
-from grounding.scene import EGO_CENTRE_M
+from appocc.visualization.canvas import BEVCanvas
+from grounding.referent.scene import EGO_CENTRE_M
+from grounding.visualization import CYAN, draw
 
 INTRINSIC = np.array([[300.0, 0, 319.5], [0, 300.0, 179.5], [0, 0, 1]])
 AHEAD = np.array([[0.0, 0, 1], [-1, 0, 0], [0, -1, 0]])

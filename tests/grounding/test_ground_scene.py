@@ -8,8 +8,8 @@ from street import BLUE, RED, WHITE, WORLD_FROM_EGO, Street
 
 from appocc.errors import ShapeError
 from appocc.grid import BEVGrid
-from grounding.scene import Scene, SceneObject, scene_of, scene_of_tracks
-from tracking.blobs import find_blobs
+from grounding.referent.scene import Scene, SceneObject, scene_of, scene_of_tracks
+from tracking.instances.instances import find_blobs
 from tracking.tracker import Tracker
 from tracking.tracks import Track
 

@@ -6,8 +6,8 @@ from street import Street
 
 from appocc.bevmap import LANE, ROAD
 from appocc.checks import FloatArray
-from grounding.lanes import LANE_M, Lanes, Traffic, lanes_of
-from grounding.road import Road
+from grounding.road.lane_model import LANE_M, Lanes, Traffic, lanes_of
+from grounding.road.road_map import Road
 
 BENDS = [0.0, 0.004, -0.006, 0.012]
 

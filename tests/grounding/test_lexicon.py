@@ -5,9 +5,9 @@ from pathlib import Path
 import pytest
 
 from appocc.errors import DataError
-from grounding.kinds import Entry, Kind
-from grounding.lexicon import Lexicon, default_lexicon, phrases, read_lexicon
-from grounding.parse import read
+from grounding.language.lexicon import Lexicon, default_lexicon, phrases, read_lexicon
+from grounding.language.parser import read
+from grounding.language.word_categories import Entry, Kind
 
 
 def test_every_phrase_of_the_package_can_be_taken_apart() -> None:

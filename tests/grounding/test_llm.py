@@ -14,8 +14,8 @@ from typing import Any
 import pytest
 
 from appocc.errors import DataError
-from grounding.llm import Endpoint
-from grounding.parse import read
+from grounding.language.llm import Endpoint
+from grounding.language.parser import read
 
 GOOD = {"status": "ok", "action": "park", "relation": "behind", "landmark": "referent"} | {
     "referent": {"noun": "car", "head": "beetle", "colour": "red", "qualifiers": ["left_side"]}

@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 from asking import told
 
-from grounding.evaluation import Result, evaluate, read_labelled
-from grounding.parse import read
+from grounding.language.evaluation import Result, evaluate, read_labelled
+from grounding.language.parser import read
 from grounding.query import Query
 
 OWN = Path(__file__).parent / "commands.jsonl"

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from grounding.lexicon import default_lexicon
-from grounding.parse import MOST, Reading, caret, readings
-from grounding.tokens import MAX_CHARACTERS, normalise
+from grounding.language.lexicon import default_lexicon
+from grounding.language.parser import MOST, Reading, caret, readings
+from grounding.language.tokenizer import MAX_CHARACTERS, normalise
 
 WORDS = sorted(word for word in default_lexicon().words if word)
 NASTY = (

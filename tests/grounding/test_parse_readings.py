@@ -6,9 +6,9 @@ import json
 
 import pytest
 
-from grounding.parse import caret, read, readings
+from grounding.language.parser import caret, read, readings
+from grounding.language.tokenizer import MAX_CHARACTERS
 from grounding.query import Query
-from grounding.tokens import MAX_CHARACTERS
 
 
 @pytest.mark.parametrize(

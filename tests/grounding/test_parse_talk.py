@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from asking import told
 
-from grounding.parse import read
+from grounding.language.parser import read
 
 SENTENCES = {
     # What is taken back.

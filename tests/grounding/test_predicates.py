@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from street import BLACK, BLUE, RED, SILVER, WHITE, Street
 
-from grounding.predicates import QUALIFIERS, fits
 from grounding.query import Referent
-from grounding.scene import Scene
+from grounding.referent.predicates import QUALIFIERS, fits
+from grounding.referent.scene import Scene
 
 SIZES = {
     "bus": ("vehicle.bus.rigid", (2.9, 11.0, 3.4)),

@@ -3,8 +3,8 @@ from __future__ import annotations
 import numpy as np
 from street import BLACK, SILVER, WHITE, Street
 
-from grounding.question import ask, tell_apart
-from grounding.scene import Scene
+from grounding.referent.clarification import ask, tell_apart
+from grounding.referent.scene import Scene
 
 
 def words(scene: Scene, *names: str) -> tuple[str, ...]:

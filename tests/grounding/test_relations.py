@@ -10,8 +10,8 @@ import pytest
 from street import Street
 
 from appocc.checks import FloatArray
-from grounding.crowd import Crowd
-from grounding.relations import related, room_between
+from grounding.referent.object_table import Crowd
+from grounding.referent.spatial_relations import related, room_between
 
 ALL = ("behind", "in_front_of", "before", "past", "left_of", "right_of", "opposite", "near", "next_to", "same_as")
 

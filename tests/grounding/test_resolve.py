@@ -7,7 +7,7 @@ from asking import ask, best, car, row
 from street import BLACK, BLUE, RED, SILVER, WHITE, Street
 
 from grounding.query import Exclusion, Landmark, Query, Referent
-from grounding.resolve import forbidden, resolve
+from grounding.referent.resolver import forbidden, resolve
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ from street import RED, WHITE, YELLOW, Street
 
 from appocc.bevmap import ROAD
 from grounding.query import Query, Referent
-from grounding.resolve import resolve
+from grounding.referent.resolver import resolve
 
 
 @pytest.mark.parametrize(

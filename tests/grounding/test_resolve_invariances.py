@@ -12,8 +12,8 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from street import BLACK, BLUE, GREEN, RED, SILVER, WHITE, YELLOW, Street
 
-from grounding.resolve import Resolution
-from grounding.scene import Scene
+from grounding.referent.resolver import Resolution
+from grounding.referent.scene import Scene
 
 PAINTS = (WHITE, BLACK, RED, BLUE, GREEN, SILVER)
 PLACES = st.lists(

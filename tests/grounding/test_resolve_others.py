@@ -10,8 +10,8 @@ from asking import SIZES_WLH_M, VAN_WLH_M, best, car, row
 from street import BLACK, BLUE, RED, WHITE, Street
 
 from grounding.query import Exclusion, Landmark, Query, Referent
-from grounding.resolve import forbidden, resolve
-from grounding.scene import Scene
+from grounding.referent.resolver import forbidden, resolve
+from grounding.referent.scene import Scene
 
 
 def vans() -> Scene:

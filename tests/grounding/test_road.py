@@ -9,9 +9,9 @@ from street import Street
 from appocc.bevmap import LANE, ROAD, VEHICLE, BEVMap
 from appocc.checks import BoolArray
 from appocc.grid import BEVGrid
-from grounding.footing import OFF_MAP, OFF_ROAD, TAKEN, UNKNOWN, Footing, gap_m, whole_steps
-from grounding.road import Road, agreeing
-from grounding.scene import EGO_CENTRE_M
+from grounding.referent.scene import EGO_CENTRE_M
+from grounding.road.free_space import OFF_MAP, OFF_ROAD, TAKEN, UNKNOWN, Footing, gap_m, whole_steps
+from grounding.road.road_map import Road, agreeing
 
 GRID = BEVGrid.surround()
 X, Y = np.moveaxis(GRID.centres(), -1, 0)

@@ -5,7 +5,7 @@ import pytest
 
 from appocc.checks import BoolArray
 from appocc.grid import BEVGrid
-from grounding.route import Ways, ways_from
+from grounding.road.routing import Ways, ways_from
 
 GRID = BEVGrid(-10.0, 10.0, -10.0, 10.0, 0.5)
 START = GRID.cell_of([-8.0, 0.0])

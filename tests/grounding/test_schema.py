@@ -6,7 +6,7 @@ import pytest
 
 from appocc.errors import DataError
 from grounding.query import Exclusion, Landmark, Query, Referent
-from grounding.schema import query_of
+from grounding.query_schema import query_of
 
 WHOLE = Query(
     "x",

@@ -20,7 +20,7 @@ from street import BLACK, HALF_ROAD_M, RED, WHITE, Street
 
 from appocc.bevmap import ROAD
 from grounding.query import Query
-from grounding.scene import EGO_CENTRE_M
+from grounding.referent.scene import EGO_CENTRE_M
 
 AT_CAR = [
     ("stop", "behind", 20 - LENGTHWISE_M - 2.0, -3),

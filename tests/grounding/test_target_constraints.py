@@ -19,10 +19,10 @@ from street import BLACK, RED, Street
 from appocc.bevmap import ROAD
 from appocc.ego_vehicle import EGO_LENGTH_M
 from appocc.grid import BEVGrid
+from grounding.goal.planner import plan
 from grounding.query import Query
-from grounding.road import Road
-from grounding.scene import EGO_CENTRE_M
-from grounding.target import plan
+from grounding.referent.scene import EGO_CENTRE_M
+from grounding.road.road_map import Road
 
 
 def test_a_taken_place_moves_the_target_and_the_reason_names_what_took_it() -> None:

@@ -18,8 +18,8 @@ from plans import (
 from street import BLACK, RED, WHITE, Street
 
 from appocc.ego_vehicle import EGO_WIDTH_M
-from grounding.road import Road
-from grounding.target import plan
+from grounding.goal.planner import plan
+from grounding.road.road_map import Road
 
 
 def test_a_turned_car_turns_the_place() -> None:

@@ -11,9 +11,9 @@ from street import Street
 
 from appocc.bevmap import LANE, ROAD, VEHICLE, BEVMap
 from appocc.grid import BEVGrid
+from grounding.goal.planner import plan
 from grounding.query import Query
-from grounding.road import Road
-from grounding.target import plan
+from grounding.road.road_map import Road
 
 RELATIONS = ("behind", "in_front_of", "next_to", "near", "left_of", "right_of", "opposite", "past", "before", "at")
 WITH = [asked(action, relation) for relation in (*RELATIONS, "toward") for action in ("park", "stop", "pull_over")]

@@ -14,7 +14,7 @@ from plans import (
 from street import HALF_ROAD_M, Street
 
 from appocc.bevmap import LANE, ROAD
-from grounding.scene import EGO_CENTRE_M
+from grounding.referent.scene import EGO_CENTRE_M
 
 
 def test_one_turns_around_to_the_side_of_those_that_come_towards_us() -> None:

@@ -7,11 +7,11 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from grounding import tokens
-from grounding.kinds import Kind
-from grounding.lexicon import phrases
-from grounding.tagging import tag
-from grounding.tokens import did_you_mean, normalise, tokenise
+from grounding.language import tokenizer
+from grounding.language.lexicon import phrases
+from grounding.language.tagger import tag
+from grounding.language.tokenizer import did_you_mean, normalise, tokenise
+from grounding.language.word_categories import Kind
 
 
 def kinds_and_values(text: str) -> list[tuple[str, str]]:
@@ -137,7 +137,7 @@ def test_any_text_has_tokens_in_order(text: str) -> None:
 @example(["a" * 1990])
 @example(["ab" * 10] * 99)
 def test_time_grows_with_the_length_of_a_sentence(words: list[str]) -> None:
-    text = normalise("park behind the " + " ".join(words))[: tokens.MAX_CHARACTERS]
+    text = normalise("park behind the " + " ".join(words))[: tokenizer.MAX_CHARACTERS]
     written = 0
 
     def counted(word: str) -> Iterator[str]:
@@ -146,13 +146,13 @@ def test_time_grows_with_the_length_of_a_sentence(words: list[str]) -> None:
             written += len(slip)
             yield slip
 
-    slips = tokens._slips
+    slips = tokenizer._slips
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(tokens, "_slips", counted)
+        patch.setattr(tokenizer, "_slips", counted)
         assert " ".join(token.text for token in tokenise(text)) == text
     assert written <= 54 * 32 * len(text)
 
 
 def test_a_word_as_long_as_a_sentence_may_be() -> None:
-    word = "a" * (tokens.MAX_CHARACTERS - 20)
+    word = "a" * (tokenizer.MAX_CHARACTERS - 20)
     assert kinds_and_values(f"stop behind {word}")[-1] == ("unknown", "")

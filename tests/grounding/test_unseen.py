@@ -14,7 +14,7 @@ from appocc.checks import BoolArray
 from appocc.ego_vehicle import body_cells
 from appocc.grid import BEVGrid
 from grounding.grounder import Grounder
-from grounding.sight import unseen_sides
+from grounding.road.visibility import unseen_sides
 
 GRID = BEVGrid.surround()
 X_M, Y_M = np.moveaxis(GRID.centres(), -1, 0)

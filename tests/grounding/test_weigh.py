@@ -9,10 +9,10 @@ from street import BLACK, BLUE, RED, WHITE, Street
 
 from appocc.colours import fit
 from appocc.ego_vehicle import EGO_LENGTH_M
-from grounding.predicates import fits
 from grounding.query import Query, Referent
-from grounding.scene import EGO_CENTRE_M, NEUTRAL, Scene
-from grounding.weigh import weigh
+from grounding.referent.predicates import fits
+from grounding.referent.scene import EGO_CENTRE_M, NEUTRAL, Scene
+from grounding.referent.scoring import weigh
 
 # It may be brown; rather it is red.
 REDDISH = (113, 91, 93)

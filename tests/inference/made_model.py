@@ -14,7 +14,7 @@ from appocc.camera import CameraRig
 from appocc.grid import BEVGrid
 from appocc.inference.predictor import Predictor, Weights
 from appocc.models.base import BEVModel, Output
-from appocc.models.setting import Setting
+from appocc.models.model_spec import Setting
 
 GRID = BEVGrid(-16.0, 16.0, -16.0, 16.0, 0.4)
 CHANNELS = ("CAM_FRONT_LEFT", "CAM_FRONT", "CAM_FRONT_RIGHT", "CAM_BACK")

@@ -14,11 +14,11 @@ from appocc.bevmap import LANE, VEHICLE, BEVMap, load_map
 from appocc.checks import FloatArray
 from appocc.errors import DataError
 from appocc.files import read_image, zip_arrays
-from appocc.inference.moments import Moment, dataset_moments
-from appocc.inference.pictures import figure, rows_of_cameras
+from appocc.inference.inputs import Moment, dataset_moments
 from appocc.inference.predictor import Predictor
 from appocc.inference.run import Summary, infer
 from appocc.nuscenes import Dataset
+from appocc.visualization.predictions import figure, rows_of_cameras
 
 ALL = [token("sample", i) for i in range(3)]
 

@@ -13,10 +13,10 @@ from torch import Tensor
 
 from appocc.bevmap import ROAD, BEVMap, bev_path
 from appocc.errors import DataError
-from appocc.inference.moments import Moment, dataset_moments
+from appocc.inference.inputs import Moment, dataset_moments
 from appocc.inference.predictor import Predictor
 from appocc.models.base import Output
-from appocc.models.setting import SETTINGS
+from appocc.models.model_spec import SETTINGS
 from appocc.nuscenes import Dataset
 from benchmarks import missing_cameras
 from benchmarks.missing_cameras import as_json, choices, evenly, main, measure, score, table

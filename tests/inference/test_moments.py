@@ -9,7 +9,7 @@ from tiny_dataset import HEIGHT_PX, WIDTH_PX, TinyDataset, token
 from appocc.camera import Camera, CameraRig
 from appocc.errors import DataError
 from appocc.files import write_image
-from appocc.inference.moments import dataset_moments, folder_moments
+from appocc.inference.inputs import dataset_moments, folder_moments
 from appocc.nuscenes import Dataset
 
 RIG = CameraRig(

@@ -15,9 +15,9 @@ from appocc.frame import Frame
 from appocc.inference import loading
 from appocc.inference.loading import load_predictor
 from appocc.inference.predictor import cameras_of
+from appocc.models.model_spec import SETTINGS
 from appocc.models.registry import build
 from appocc.models.rounding import rounding
-from appocc.models.setting import SETTINGS
 from appocc.models.weights import save_weights
 from appocc.nuscenes import Dataset
 

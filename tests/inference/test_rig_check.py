@@ -5,11 +5,11 @@ import pytest
 
 from appocc.camera import Camera, CameraRig
 from appocc.checks import ByteArray, FloatArray
-from appocc.drawing import GREEN, RED, YELLOW
 from appocc.errors import DataError
 from appocc.frame import Frame
-from appocc.inference.rig_check import pose_of, rig_sheet
 from appocc.rigs import read_rig
+from appocc.visualization.canvas import GREEN, RED, YELLOW
+from appocc.visualization.rig_check import pose_of, rig_sheet
 
 SIZE_PX = (640, 320)
 

@@ -16,10 +16,10 @@ from appocc.errors import ShapeError
 from appocc.grid import BEVGrid
 from appocc.models.fused import fused
 from appocc.models.heads import PRIORS, GridHeads
+from appocc.models.model_spec import SETTINGS, Setting
 from appocc.models.network import AppoccNet, doubled, paint_of
-from appocc.models.pull import HEIGHTS_M
 from appocc.models.rounding import terms_of
-from appocc.models.setting import SETTINGS, Setting
+from appocc.models.view_transform.sampling import HEIGHTS_M
 from appocc.rigs import read_rig
 
 AHEAD = Setting("ahead", SETTINGS["180"].channels, BEVGrid(0.0, 19.2, -9.6, 9.6, 0.8), 176, 64)

@@ -5,8 +5,8 @@ from tolerances import assert_rounded
 from appocc.camera import CameraRig
 from appocc.grid import BEVGrid
 from appocc.models.lss import LiftSplatShoot
+from appocc.models.model_spec import Setting
 from appocc.models.rounding import terms_of
-from appocc.models.setting import Setting
 from appocc.rigs import read_rig
 
 SMALL = Setting("small", ("CAM_FRONT", "CAM_BACK"), BEVGrid(0, 16, -12, 12, 0.8), 96, 64)

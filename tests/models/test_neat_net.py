@@ -6,9 +6,9 @@ from appocc.camera import CameraRig
 from appocc.errors import ShapeError
 from appocc.grid import BEVGrid
 from appocc.models import neat
+from appocc.models.model_spec import SETTINGS, Setting
 from appocc.models.neat import AttentionField
 from appocc.models.rounding import terms_of
-from appocc.models.setting import SETTINGS, Setting
 from appocc.rigs import read_rig
 
 SMALL = Setting("small", ("CAM_FRONT", "CAM_FRONT_LEFT", "CAM_FRONT_RIGHT"), BEVGrid(0, 10, -12, 12, 1.0), 64, 32)

@@ -8,10 +8,10 @@ from appocc.errors import ShapeError
 from appocc.grid import BEVGrid
 from appocc.models.base import DEPTH_BINS
 from appocc.models.efficientnet import EfficientNetB0
+from appocc.models.model_spec import SETTINGS, Setting
 from appocc.models.neat import AttentionField
 from appocc.models.paper import PaperNet
 from appocc.models.rounding import terms_of
-from appocc.models.setting import SETTINGS, Setting
 from appocc.rigs import read_rig
 
 # A small world: pictures of 64x32 pixels, a grid whose sides cannot be halved three times.

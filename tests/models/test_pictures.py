@@ -10,8 +10,8 @@ from appocc.camera import Camera
 from appocc.checks import ByteArray
 from appocc.errors import ShapeError
 from appocc.geometry import transform
-from appocc.models.pictures import channels_of, fitted, fitted_camera
-from appocc.models.setting import SETTINGS, Setting
+from appocc.models.input_images import channels_of, fitted, fitted_camera
+from appocc.models.model_spec import SETTINGS, Setting
 from appocc.rigs import read_rig
 
 SETTING = SETTINGS["360"]

@@ -13,7 +13,7 @@ from appocc.camera import Camera, CameraRig
 from appocc.errors import ShapeError
 from appocc.geometry import transform
 from appocc.grid import BEVGrid
-from appocc.models.pull import PullPlan, plan_pull, pull
+from appocc.models.view_transform.sampling import PullPlan, plan_pull, pull
 from appocc.rigs import read_rig
 
 GRID = BEVGrid(-16.0, 16.0, -12.0, 12.0, 0.8)

@@ -8,8 +8,8 @@ import torch
 from appocc.camera import CameraRig
 from appocc.errors import NotFoundError, ShapeError
 from appocc.grid import BEVGrid
+from appocc.models.model_spec import Setting
 from appocc.models.registry import COLOURINGS, DEFAULT, NETWORKS, build
-from appocc.models.setting import Setting
 from appocc.rigs import read_rig
 
 RIG = CameraRig(tuple(camera.resized(128, 64) for camera in read_rig("paper") if "FRONT" in camera.channel))

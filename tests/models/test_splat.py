@@ -11,7 +11,7 @@ from appocc.errors import ShapeError
 from appocc.geometry import transform
 from appocc.grid import BEVGrid
 from appocc.models.base import DEPTH_BINS, DEPTH_STEP_M, FIRST_DEPTH_M
-from appocc.models.splat import (
+from appocc.models.view_transform.splatting import (
     SEEN_HEIGHTS_M,
     SplatPlan,
     by_camera,

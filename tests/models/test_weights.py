@@ -12,8 +12,8 @@ from safetensors.torch import save_file
 from appocc.errors import DataError, NotFoundError
 from appocc.grid import BEVGrid
 from appocc.models.base import BEVModel
+from appocc.models.model_spec import SETTINGS, Setting
 from appocc.models.registry import build
-from appocc.models.setting import SETTINGS, Setting
 from appocc.models.weights import begin_with, load_model, save_weights, thresholds_of
 
 TINY = Setting("own", ("CAM_A", "CAM_B"), BEVGrid(0.0, 8.0, -4.0, 4.0, 0.5), 96, 64)

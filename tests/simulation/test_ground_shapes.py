@@ -7,11 +7,11 @@ import pytest
 
 from appocc.checks import ByteArray, FloatArray
 from appocc.grid import BEVGrid
+from appocc.polylines import clean, cut, dashes, length_m, shifted, strip
 from appocc.rasterise import polygon_cover
 from appocc.simulation.ground.filling import Canvas
 from appocc.simulation.ground.noise import tile
 from appocc.simulation.ground.outlines import outlines_of
-from appocc.simulation.ground.polylines import clean, cut, dashes, length_m, shifted, strip
 
 BEND = np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 10.0]])
 

@@ -7,7 +7,7 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from appocc.simulation.making.layout import Layout, Street, draw_layout
+from appocc.simulation.town_generation.layout import Layout, Street, draw_layout
 
 
 def _directed(layout: Layout) -> list[tuple[str, str, str]]:

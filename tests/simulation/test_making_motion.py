@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from appocc.checks import FloatArray
-from appocc.simulation.making.bends import bend_speeds
-from appocc.simulation.making.motion import AXLE, bodies
-from appocc.simulation.making.overlaps import overlapping, without_overlaps
 from appocc.simulation.network import Edge, Lane, RoadNetwork
+from appocc.simulation.town_generation.curve_speed import bend_speeds
+from appocc.simulation.town_generation.motion import AXLE, bodies
+from appocc.simulation.town_generation.overlaps import overlapping, without_overlaps
 from appocc.simulation.traffic import Actor
 
 

@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 
 from appocc.errors import DataError
-from appocc.simulation.making.carriageway import draw_carriageway
-from appocc.simulation.making.layout import draw_layout
-from appocc.simulation.making.make import make_town
-from appocc.simulation.making.opendrive import import_opendrive
-from appocc.simulation.making.streets import write_network
-from appocc.simulation.making.traffic import make_traffic
 from appocc.simulation.network import RoadNetwork, read_network
 from appocc.simulation.plan import TownPlan
 from appocc.simulation.town_files import load_town
+from appocc.simulation.town_generation.carriageway import draw_carriageway
+from appocc.simulation.town_generation.layout import draw_layout
+from appocc.simulation.town_generation.make import make_town
+from appocc.simulation.town_generation.opendrive import import_opendrive
+from appocc.simulation.town_generation.streets import write_network
+from appocc.simulation.town_generation.traffic import make_traffic
 from appocc.simulation.traffic import Light, TrafficLog
 
 pytest.importorskip("libsumo")

@@ -11,7 +11,7 @@ from appocc.camera import CameraRig
 from appocc.errors import NotFoundError
 from appocc.geometry import transform
 from appocc.simulation.mesh import Material, Mesh, joined
-from appocc.simulation.rendering import lens
+from appocc.simulation.rendering import camera_response
 from appocc.simulation.rendering.lighting import Ego
 from appocc.simulation.rendering.materials import shop_pane
 from appocc.simulation.rendering.renderer import Renderer
@@ -88,7 +88,7 @@ def test_signals_show_their_letter(renderer: Renderer, letter: str, bright: int 
     weather = WEATHERS["overcast"]
     renderer.set_moment(joined([]), NO_BYTES, np.array([ord(letter)], np.uint8), weather, None)
     lamps = [ahead(renderer, (20, -7.9, 4.1 - k)) for k in range(3)]
-    colours = [lens.develop(lamp, renderer.gains).astype(int) for lamp in lamps]
+    colours = [camera_response.develop(lamp, renderer.gains).astype(int) for lamp in lamps]
     if bright is None:
         assert max(colour.max() for colour in colours) < 130
         return
@@ -213,16 +213,18 @@ def test_an_unknown_weather_is_refused() -> None:
 
 def test_the_tone_curve_rises_and_ends_at_white() -> None:
     light = np.geomspace(1e-3, 100, 200, dtype=np.float32)[:, None].repeat(3, 1)
-    picture = lens.develop(light, np.ones(3, np.float32)).astype(int)
+    picture = camera_response.develop(light, np.ones(3, np.float32)).astype(int)
     assert (np.diff(picture, axis=0) >= 0).all()
     assert picture[0].max() < 10
     assert picture[-1].min() == 255
-    assert 80 < lens.develop(np.full(3, 0.18, np.float32), np.ones(3, np.float32)).mean() < 150
+    assert 80 < camera_response.develop(np.full(3, 0.18, np.float32), np.ones(3, np.float32)).mean() < 150
 
 
 def test_noise_is_that_of_a_sensor() -> None:
     gains, random = np.ones(3, np.float32), np.random.default_rng(0)
-    pictures = [lens.photograph(np.full((60, 80, 3), v, np.float32), gains, 0.0, random) for v in (0.02, 0.3)]
+    pictures = [
+        camera_response.photograph(np.full((60, 80, 3), v, np.float32), gains, 0.0, random) for v in (0.02, 0.3)
+    ]
     middle = [picture[20:40, 30:50].astype(float) for picture in pictures]
     assert all(0.3 < picture.std() < 6 for picture in middle)
     # Corners are darker.

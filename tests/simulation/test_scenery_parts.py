@@ -10,8 +10,8 @@ from appocc.simulation.mesh import Material, Mesh
 from appocc.simulation.network import RoadNetwork
 from appocc.simulation.scenery import trees
 from appocc.simulation.scenery.builder import Builder, Place, copies, stem
-from appocc.simulation.scenery.halls import works
 from appocc.simulation.scenery.houses import build_houses
+from appocc.simulation.scenery.industrial import works
 from appocc.simulation.scenery.plots import Plot, lay_plots
 from appocc.simulation.scenery.site import Site
 from appocc.simulation.surface import CELL_M, Ground, Surface

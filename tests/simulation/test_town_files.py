@@ -16,11 +16,11 @@ import pytest
 from appocc.checks import BoolArray, FloatArray
 from appocc.errors import DataError, NotFoundError
 from appocc.simulation.builtin import TEST_TOWNS, TOWNS_FOLDER, TRAIN_TOWNS, load_builtin
-from appocc.simulation.making.make import make_town
 from appocc.simulation.plan import TownPlan
 from appocc.simulation.scenario import draw_scenario
 from appocc.simulation.sources import TownSource
 from appocc.simulation.town_files import STYLES, load_town, save_town
+from appocc.simulation.town_generation.make import make_town
 from appocc.simulation.traffic import Light, TrafficLog
 
 _ALL = (*TRAIN_TOWNS, *TEST_TOWNS)
@@ -28,7 +28,7 @@ _BLOCKED = """
 import sys
 sys.modules["sumo"] = sys.modules["libsumo"] = None
 from appocc.simulation.builtin import load_builtin
-from appocc.simulation.making.make import make_town
+from appocc.simulation.town_generation.make import make_town
 plan, log = load_builtin("aldermoor")
 print(plan.name, len(log.actors) > 100)
 from pathlib import Path

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from appocc.errors import ShapeError
-from tracking.amota import RECALLS, AtThreshold, ScoredMoment, amota, cut, fill
-from tracking.metrics import Moment, evaluate
-from tracking.nuscenes_boxes import read_scenes
+from tracking.evaluation.amota import RECALLS, AtThreshold, ScoredMoment, amota, cut, fill
+from tracking.evaluation.clear_id_hota import Moment, evaluate
+from tracking.io.nuscenes_detections import read_scenes
 
 Placed = dict[int, tuple[float, float]]
 STEP_US = 500_000

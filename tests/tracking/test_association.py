@@ -8,11 +8,11 @@ import pytest
 from scipy.optimize import linear_sum_assignment
 
 from appocc.checks import FloatArray
-from tracking.association import AssociationConfig, Predicted, Seen, matched, near, noise_of, possible
-from tracking.colour import paint_density
-from tracking.motion import bend
-from tracking.rounds import Rounds
-from tracking.trust import ColourTrust
+from tracking.association.cascade import Rounds
+from tracking.association.colour_likelihood import ColourTrust
+from tracking.association.costs import AssociationConfig, Predicted, Seen, matched, near, noise_of, possible
+from tracking.association.paint import paint_density
+from tracking.filtering.kalman import bend
 
 UNKNOWN = (np.nan,) * 3
 RED, BLUE = (53.0, 80.0, 67.0), (32.0, 79.0, -108.0)

@@ -8,7 +8,7 @@ import numpy as np
 from made_map import RED, Car, map_of, pose
 
 from appocc.bevmap import BEVMap
-from tracking.blobs import find_blobs
+from tracking.instances.instances import find_blobs
 from tracking.tracker import MAPS, Tracker
 from tracking.tracks import Track
 

@@ -9,7 +9,7 @@ from made_map import BLUE, RED, Car, boxes_of, map_of
 from appocc.bevmap import BEVMap
 from appocc.groundtruth.occupancy import vehicle_owner
 from benchmarks.blobs import Frame, Sums, count, pairs_of
-from tracking.blobs import BlobConfig, measure_blobs
+from tracking.instances.instances import BlobConfig, measure_blobs
 
 
 def counted(bev: BEVMap, cars: list[Car], split: bool = True) -> dict[float, Sums]:

@@ -11,7 +11,7 @@ from appocc.checks import FloatArray
 from appocc.colours import lab_from_rgb
 from appocc.errors import ShapeError
 from appocc.grid import BEVGrid
-from tracking.blobs import BlobConfig, Blobs, GridView, find_blobs, label_blobs, measure_blobs
+from tracking.instances.instances import BlobConfig, Blobs, GridView, find_blobs, label_blobs, measure_blobs
 
 
 def test_a_car_is_found_where_it_stands() -> None:

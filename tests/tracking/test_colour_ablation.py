@@ -5,7 +5,7 @@ import pytest
 
 from benchmarks.colour_ablation import HEAD, Step, Trial, judged, made_scene, without_colour, wrongly_coloured
 from benchmarks.encounters import MIX, encounters
-from tracking.metrics import Metrics
+from tracking.evaluation.clear_id_hota import Metrics
 from tracking.tracker import MAPS
 
 

@@ -13,10 +13,10 @@ from typer.testing import CliRunner, Result
 
 from appocc.errors import DataError
 from cli.main import app
-from tracking.amota import ScoredMoment, amota
-from tracking.metrics import evaluate
-from tracking.pairing import pair
-from tracking.scoring import Answer, Question, score_files
+from tracking.evaluation.alignment import pair
+from tracking.evaluation.amota import ScoredMoment, amota
+from tracking.evaluation.clear_id_hota import evaluate
+from tracking.evaluation.evaluate import Answer, Question, score_files
 
 KITTI = "{frame} {id} {kind} {cut} 0 -10 {left} 100 {right} {bottom} 1.5 1.6 4.0 {x} 1.7 {z} 0.1"
 

@@ -11,8 +11,8 @@ from made_kitti import PROJECTION, box_around, detection, label, made_kitti, pos
 from appocc.checks import FloatArray
 from appocc.errors import DataError, ShapeError
 from tracking.detections import MOST_LOG_ODDS, Detections
-from tracking.kitti import KittiSequence, KittiView, read_sequences, track_sequence
-from tracking.kitti_results import projected_box, results_of, write_results
+from tracking.io.kitti import KittiSequence, KittiView, read_sequences, track_sequence
+from tracking.io.kitti_results import projected_box, results_of, write_results
 from tracking.tracks import Track
 
 

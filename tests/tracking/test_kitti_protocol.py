@@ -9,9 +9,9 @@ from made_kitti import label, made_kitti, region, write
 
 from appocc.checks import FloatArray
 from appocc.errors import DataError
-from tracking.kitti import KittiLabels, KittiSequence, read_sequences
-from tracking.kitti_protocol import Results, trial_of
-from tracking.kitti_results import KittiResult
+from tracking.evaluation.kitti import Results, trial_of
+from tracking.io.kitti import KittiLabels, KittiSequence, read_sequences
+from tracking.io.kitti_results import KittiResult
 
 HIGH, LOW = np.array([600.0, 170.0, 700.0, 240.0]), np.array([600.0, 170.0, 700.0, 195.0])
 

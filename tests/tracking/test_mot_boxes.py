@@ -12,10 +12,10 @@ from typer.testing import CliRunner, Result
 from appocc.checks import FloatArray
 from appocc.errors import AppoccError, DataError, ShapeError
 from cli.main import app
-from tracking import mot_boxes
 from tracking.detections import MOST_LOG_ODDS, lead
-from tracking.mot_boxes import PEOPLE_IN_PICTURES, PEOPLE_ON_GROUND, MotSequence, read_boxes, write_boxes
-from tracking.scoring import Question, score_files
+from tracking.evaluation.evaluate import Question, score_files
+from tracking.io import mot_challenge
+from tracking.io.mot_challenge import PEOPLE_IN_PICTURES, PEOPLE_ON_GROUND, MotSequence, read_boxes, write_boxes
 from tracking.tracker import Tracker
 from tracking.tracks import Track
 
@@ -85,7 +85,9 @@ def test_frames_that_are_left_out_change_no_track(tmp_path: Path, monkeypatch: p
     rows = [walker(i) for i in (*range(20), *range(30, 40), *range(90, 110))]
     path = write(tmp_path / "det.txt", rows)
     short = read_boxes(path, FPS)
-    monkeypatch.setattr(mot_boxes, "_frames_near", lambda numbers, fps: np.arange(numbers.min(), numbers.max() + 1))
+    monkeypatch.setattr(
+        mot_challenge, "_frames_near", lambda numbers, fps: np.arange(numbers.min(), numbers.max() + 1)
+    )
     full = read_boxes(path, FPS)
     assert (len(short.frames), len(full.frames)) == (86, 110)
     for name, sequence in (("short", short), ("full", full)):

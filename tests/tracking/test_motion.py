@@ -5,7 +5,7 @@ import pytest
 from filterpy.kalman import KalmanFilter
 
 from appocc.checks import FloatArray
-from tracking.motion import MotionConfig, Motions, bend, spread
+from tracking.filtering.kalman import MotionConfig, Motions, bend, spread
 
 CONFIG = MotionConfig()
 ONE = np.zeros(1, np.int64)

@@ -10,7 +10,7 @@ import pytest
 from appocc.checks import FloatArray
 from appocc.errors import DataError
 from tracking.detections import Around, log_odds_of
-from tracking.nuscenes_boxes import read_detections, read_scenes
+from tracking.io.nuscenes_detections import read_detections, read_scenes
 
 HALF = 0.5**0.5
 

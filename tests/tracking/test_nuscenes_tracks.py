@@ -9,8 +9,8 @@ import pytest
 from test_track_formats import track
 
 from appocc.errors import DataError
-from tracking.formats import write_nuscenes
-from tracking.nuscenes_tracks import read_moment
+from tracking.io.nuscenes_tracks import read_moment
+from tracking.io.writers import write_nuscenes
 
 
 def written(folder: Path, **changes: Any) -> Path:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from appocc.errors import DataError
-from tracking.reading import Entries, Format, read_tracks
+from tracking.io.readers import Entries, Format, read_tracks
 
 KITTI = "{frame} {id} {kind} {cut} {hidden} -10 10 20 60 80 1.5 1.6 4.0 {x} 1.7 {z} 0.1"
 

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 
 from appocc.checks import FloatArray
-from tracking.colour import LEAST_INSIDE, robust_lab
+from tracking.association.paint import LEAST_INSIDE, robust_lab
 
 
 def labs(lightness: list[float]) -> FloatArray:

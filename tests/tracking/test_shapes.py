@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from appocc.checks import FloatArray
-from tracking.shapes import Shapes, like_a_vehicle, oddness, shapes_of
+from tracking.instances.oriented_boxes import Shapes, like_a_vehicle, oddness, shapes_of
 
 
 def rectangle(length_m: float, width_m: float, yaw_rad: float, cell_m: float) -> FloatArray:

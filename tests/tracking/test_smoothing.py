@@ -13,11 +13,11 @@ from numpy.typing import ArrayLike
 from appocc.checks import FloatArray
 from appocc.errors import ShapeError
 from tracking.detections import Around, boxes_as_detections
-from tracking.kitti import read_sequences, track_sequence
-from tracking.kitti_protocol import trial_of
-from tracking.kitti_results import results_of
-from tracking.motion import MotionConfig, spread
-from tracking.smoothing import SmoothingConfig, paths_of, smooth
+from tracking.evaluation.kitti import trial_of
+from tracking.filtering.kalman import MotionConfig, spread
+from tracking.filtering.smoother import SmoothingConfig, paths_of, smooth
+from tracking.io.kitti import read_sequences, track_sequence
+from tracking.io.kitti_results import results_of
 from tracking.tracker import Tracker
 from tracking.tracks import Track
 

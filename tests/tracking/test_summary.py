@@ -8,7 +8,7 @@ import pytest
 from test_track_formats import track
 
 from appocc.errors import DataError, ShapeError
-from tracking.summary import TrackSummary, path_m, summaries_of, write_summaries
+from tracking.evaluation.summary import TrackSummary, path_m, summaries_of, write_summaries
 from tracking.tracks import Track
 
 

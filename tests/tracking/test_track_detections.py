@@ -13,8 +13,8 @@ from appocc.errors import AppoccError, DataError
 from appocc.nuscenes import Dataset
 from cli.main import app
 from tracking.detections import Detections
-from tracking.nuscenes_boxes import RANGE_M, track_detections
-from tracking.scoring import Question, score_files
+from tracking.evaluation.evaluate import Question, score_files
+from tracking.io.nuscenes_detections import RANGE_M, track_detections
 
 SIZES = {
     "car": [1.9, 4.6, 1.6],

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from appocc.errors import DataError, ShapeError
-from tracking.formats import class_names, class_of, write_csv, write_mot, write_nuscenes
+from tracking.io.writers import class_names, class_of, write_csv, write_mot, write_nuscenes
 from tracking.tracks import Track
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from appocc.errors import ShapeError
-from tracking.metrics import (
+from tracking.evaluation.clear_id_hota import (
     BY_OVERLAP,
     GATE_M,
     Compared,

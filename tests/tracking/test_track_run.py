@@ -13,9 +13,9 @@ from appocc.bevmap import bev_path
 from appocc.errors import DataError
 from appocc.geometry import apply, inverse
 from appocc.nuscenes import Dataset
-from tracking.blobs import find_blobs
-from tracking.metrics import Moment, evaluate
-from tracking.run import moving_instances, score, track_scene, write_metrics, write_tracks
+from tracking.evaluation.clear_id_hota import Moment, evaluate
+from tracking.instances.instances import find_blobs
+from tracking.pipeline import moving_instances, score, track_scene, write_metrics, write_tracks
 from tracking.tracker import MAPS, Tracker
 
 

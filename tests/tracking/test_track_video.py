@@ -13,12 +13,12 @@ from tiny_dataset import TinyDataset
 from appocc.camera import Camera, CameraRig
 from appocc.checks import ByteArray, FloatArray
 from appocc.errors import DataError
-from appocc.inference.pictures import rows_of_cameras
-from tracking.labels import Labels, put_chip
-from tracking.panels import bev_panel, camera_panel, corners_world, footprint_world, ink_of, list_panel
-from tracking.run import SceneTracks, track_scene
+from appocc.visualization.predictions import rows_of_cameras
+from tracking.pipeline import SceneTracks, track_scene
 from tracking.tracks import Track
-from tracking.video import check_name, trails, write_video
+from tracking.visualization.labels import Labels, put_chip
+from tracking.visualization.panels import bev_panel, camera_panel, corners_world, footprint_world, ink_of, list_panel
+from tracking.visualization.video import check_name, trails, write_video
 
 INK = (255, 255, 255)
 

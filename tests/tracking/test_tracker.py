@@ -9,8 +9,8 @@ from made_map import BLUE, RED, Car, map_of, pose
 from appocc.checks import FloatArray
 from appocc.errors import DataError, ShapeError
 from appocc.geometry import apply, inverse, yaw_of
-from tracking.blobs import find_blobs
-from tracking.follow import LifeConfig
+from tracking.instances.instances import find_blobs
+from tracking.track_table import LifeConfig
 from tracking.tracker import MAPS, Tracker, TrackerConfig
 from tracking.tracks import Track
 

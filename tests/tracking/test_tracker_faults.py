@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike
 from appocc.checks import FloatArray
 from appocc.errors import AppoccError, DataError, ShapeError
 from tracking.detections import Around, Detections, boxes_as_detections, probability_of
-from tracking.follow import Followed, LifeConfig, sightings_of
-from tracking.motion import MotionConfig
+from tracking.filtering.kalman import MotionConfig
+from tracking.track_table import Followed, LifeConfig, sightings_of
 from tracking.tracker import MAPS, Tracker, TrackerConfig
 from tracking.tracks import Track
 
@@ -85,7 +85,7 @@ def test_detections_with_values_that_cannot_be(name: str, value: Any, complaint:
 
 
 def test_what_may_be_unknown() -> None:
-    # Needs the change of tracking.follow.Followed.see that an unknown height stays unknown.
+    # Needs the change of tracking.track_table.Followed.see that an unknown height stays unknown.
     result = follow(lambda _: seen([[10, 0]], size_m=(1.8, 4.5, NAN)), 3)
     assert ids(result) == [[1]] * 3
     assert np.isnan(result[-1][0].height_m)
@@ -108,7 +108,7 @@ def test_tiny_and_huge_sizes(size_m: tuple[float, float, float]) -> None:
 
 @pytest.mark.parametrize("size_m", [(0.7, 0.5, 1.8), (0.5, 0.5, 1.8)])
 def test_who_is_wider_than_long_looks_where_the_detector_says(size_m: tuple[float, float, float]) -> None:
-    # Needs the change of tracking.follow._axis that the size's sign must not turn the axis.
+    # Needs the change of tracking.track_table._axis that the size's sign must not turn the axis.
     result = follow(lambda _: seen([[10, 0]], size_m=size_m, kind="pedestrian", yaw_rad=1.0), 10)
     assert result[-1][0].yaw_world_rad == pytest.approx(1.0)
     assert result[-1][0].heading_known

@@ -9,7 +9,7 @@ import pytest
 
 from benchmarks import tracking_speed
 from benchmarks.tracking_speed import Moment, Traffic
-from tracking.association import AssociationConfig, near
+from tracking.association.costs import AssociationConfig, near
 from tracking.tracker import Tracker
 
 NOW = np.eye(4)

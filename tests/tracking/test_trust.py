@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from test_association import BLUE, RED, labs, predicted, seen
 
-from tracking.association import AssociationConfig, Pairs, possible
-from tracking.trust import ColourTrust
+from tracking.association.colour_likelihood import ColourTrust
+from tracking.association.costs import AssociationConfig, Pairs, possible
 
 FAR_APART = [(20.0 * i, 0.0) for i in range(10)]
 GREY = (60.0, 0.0, 0.0)

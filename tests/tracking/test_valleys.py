@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tracking.valleys import above_peaks, split_at_valleys
+from tracking.instances.watershed import above_peaks, split_at_valleys
 
 
 def test_each_group_has_its_own_peak() -> None:

@@ -9,7 +9,7 @@ from tiny_dataset import TinyDataset, token
 
 from appocc.bevmap import BEVMap, bev_path
 from appocc.grid import BEVGrid
-from appocc.models.setting import Setting
+from appocc.models.model_spec import Setting
 
 GRID = BEVGrid(-8, 8, -8, 8, 0.4)
 # The tiny dataset has pictures of 32x20: four rows are cut off above and none below.

@@ -14,13 +14,13 @@ from torch import Tensor, nn
 from appocc.camera import CameraRig
 from appocc.grid import BEVGrid
 from appocc.models.base import DEPTH_BINS, BEVModel, Output, ViewOutput
-from appocc.models.setting import Setting
+from appocc.models.model_spec import Setting
 from appocc.training.batch import Batch, Truth
 from appocc.training.config import Config
 from appocc.training.loop import train
+from appocc.training.process_group import World, joined
 from appocc.training.run import Parts, Watcher
 from appocc.training.run_folder import RunFolder
-from appocc.training.world import World, joined
 
 SETTING = Setting("tiny", ("CAM_FRONT",), BEVGrid(0.0, 3.2, -1.6, 1.6), width_px=64, height_px=64)
 KINDS = 4

@@ -16,7 +16,7 @@ from appocc.checks import FloatArray, check_transform
 from appocc.errors import ShapeError
 from appocc.geometry import apply, inverse, quaternion_from_yaw, transform
 from appocc.grid import BEVGrid
-from appocc.models.setting import SETTINGS
+from appocc.models.model_spec import SETTINGS
 from appocc.rigs import read_rig
 from appocc.training.augment import Augmentation, augmented, mirrored, reframed, relit
 from appocc.training.reading import ARRAYS, Sample, cropped

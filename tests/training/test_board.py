@@ -7,7 +7,7 @@ import pytest
 from made_training import made_config, run
 
 from appocc.errors import DataError
-from appocc.training.board import summary_writer
+from appocc.training.summary_writer import summary_writer
 
 
 def test_the_metrics_are_shown_in_tensorboard(tmp_path: Path) -> None:

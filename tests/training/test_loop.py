@@ -21,14 +21,14 @@ from appocc.models.base import BEVModel, Output
 from appocc.models.rounding import rounding
 from appocc.training.checkpoint import Progress
 from appocc.training.curves import draw_curves
-from appocc.training.feed import _ahead, feed
 from appocc.training.loop import _estimate_norms, _optimizer, train
 from appocc.training.losses import losses
 from appocc.training.metrics import Tally
+from appocc.training.prefetcher import _ahead, feed
+from appocc.training.process_group import World, joined
 from appocc.training.run import Parts, Run, StoppedError, TrainingError, Watcher
 from appocc.training.run_folder import RunFolder
 from appocc.training.schedule import Budget, ema_decay, learning_rate
-from appocc.training.world import World, joined
 
 HERE = World(0, 1, torch.device("cpu"))
 

@@ -18,12 +18,12 @@ from tiny_dataset import START_US, TinyDataset, token
 from appocc.bevmap import bev_path
 from appocc.errors import DataError
 from appocc.grid import BEVGrid
-from appocc.models.pictures import fitted
-from appocc.models.setting import Setting
+from appocc.models.input_images import fitted
+from appocc.models.model_spec import Setting
 from appocc.nuscenes import Dataset
 from appocc.simulation.truth.auxiliary import ViewTargets, save_views
 from appocc.temporary import locked
-from appocc.training.pack import Pack, pack
+from appocc.training.packed_dataset import Pack, pack
 from appocc.training.reading import cropped
 
 

@@ -18,7 +18,7 @@ from appocc.errors import DataError
 from appocc.simulation.truth.auxiliary import ViewTargets, save_views
 from appocc.training.augment import Augmentation
 from appocc.training.batch import Batch
-from appocc.training.pack import Pack, pack
+from appocc.training.packed_dataset import Pack, pack
 from appocc.training.samples import Loader
 
 STRONG = Augmentation(np.pi, 2.0, 0.5, 0.2, 0.2, 0.2, 1, 0.02, 0.05)

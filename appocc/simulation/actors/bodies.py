@@ -8,11 +8,11 @@ import numpy as np
 
 from appocc.errors import NotFoundError, ShapeError
 from appocc.simulation.actors.cars import car
-from appocc.simulation.actors.heavy import box_truck, bus
 from appocc.simulation.actors.modelling import Modeller, Size, Template
 from appocc.simulation.actors.people import walker
 from appocc.simulation.actors.profiles import CAR_BODIES
 from appocc.simulation.actors.riders import bicycle, motorcycle
+from appocc.simulation.actors.trucks_and_buses import box_truck, bus
 from appocc.simulation.mesh import Mesh
 
 DETAILS = 3

@@ -6,7 +6,7 @@ import numpy as np
 
 from appocc.checks import FloatArray
 from appocc.simulation.actors.car_frame import SHARE_LOW, CarFrame, points
-from appocc.simulation.actors.looks import GLASS, GRILLE, PAINT, RAIL, TRIM
+from appocc.simulation.actors.materials import GLASS, GRILLE, PAINT, RAIL, TRIM
 
 _PANES = {"g": GLASS, "t": TRIM, "p": PAINT}
 _BED_M = 0.42

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from appocc.simulation.actors.cabins import Cabin
+from appocc.simulation.actors.car_ends import Ends
 from appocc.simulation.actors.car_frame import SHARE_LOW
-from appocc.simulation.actors.ends import Ends
-from appocc.simulation.actors.flanks import Flanks
-from appocc.simulation.actors.looks import CHROME, DARK_HUB, GREY_TRIM, GRILLE, PAINT
+from appocc.simulation.actors.car_sides import Flanks
+from appocc.simulation.actors.materials import CHROME, DARK_HUB, GREY_TRIM, GRILLE, PAINT
 from appocc.simulation.actors.modelling import Modeller
 from appocc.simulation.actors.profiles import car_profile
 from appocc.simulation.actors.wheels import add_wheels

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from appocc.checks import BoolArray, ByteArray, Float32Array, FloatArray, IntArray, frozen
-from appocc.simulation.actors.looks import Look
+from appocc.simulation.actors.materials import Look
 from appocc.simulation.mesh import Material
 
 Looks = Look | Sequence[Sequence[Look | None]]

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from appocc.errors import NotFoundError
-from appocc.simulation.actors.looks import Colour
+from appocc.simulation.actors.materials import Colour
 from appocc.simulation.traffic import Actor
 
 # sRGB of typical paints of a colour word: (weight, centre, spread along the brightness, spread of the hue).

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from appocc.simulation.actors.looks import JACKET, TRIM, Colour, Look, cloth, skin
+from appocc.simulation.actors.materials import JACKET, TRIM, Colour, Look, cloth, skin
 from appocc.simulation.actors.modelling import Modeller, Size
 
 SKINS = (skin(206, 160, 132), skin(146, 100, 76), skin(94, 62, 46))

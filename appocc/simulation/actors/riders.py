@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from appocc.simulation.actors.looks import (
+from appocc.simulation.actors.materials import (
     CHROME,
     DARK_HUB,
     GREY_TRIM,

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from appocc.simulation.actors.looks import RUBBER, Look
+from appocc.simulation.actors.materials import RUBBER, Look
 from appocc.simulation.actors.modelling import Modeller
 
 _SEGMENTS = (10, 8, 4)

@@ -6,9 +6,9 @@ import cv2
 import numpy as np
 
 from appocc.checks import BoolArray, ByteArray, FloatArray
+from appocc.polylines import clean, strip
 from appocc.simulation.ground.filling import Canvas
-from appocc.simulation.ground.polylines import clean, strip
-from appocc.simulation.ground.stretches import ROADWAY
+from appocc.simulation.ground.road_segments import ROADWAY
 from appocc.simulation.network import Edge, Lane, LaneKind, RoadNetwork
 from appocc.simulation.plan import CarPark, TownPlan
 from appocc.simulation.surface import CELL_M, ROAD_SURFACES, Surface, surface_table

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from appocc.checks import FloatArray
+from appocc.polylines import strip
 from appocc.simulation.ground.areas import canvas_of, draw_car_park, draw_streets, road_mask
 from appocc.simulation.ground.colours import coloured
 from appocc.simulation.ground.crossings import arrows, stop_lines, zebras
@@ -13,8 +14,7 @@ from appocc.simulation.ground.land import draw_land, lots_of
 from appocc.simulation.ground.looks import look_of
 from appocc.simulation.ground.markings import LINE_WIDTH_M, Habits, Line, lines_of
 from appocc.simulation.ground.outlines import outlines_of
-from appocc.simulation.ground.polylines import strip
-from appocc.simulation.ground.stretches import Stretch, stretches_of
+from appocc.simulation.ground.road_segments import Stretch, stretches_of
 from appocc.simulation.ground.surroundings import draw_kerb, draw_surroundings
 from appocc.simulation.plan import TownPlan
 from appocc.simulation.surface import Ground, Surface

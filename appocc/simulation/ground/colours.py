@@ -12,7 +12,7 @@ from appocc.checks import ByteArray, Float32Array
 from appocc.simulation.ground.filling import Canvas
 from appocc.simulation.ground.land import Lot
 from appocc.simulation.ground.noise import tile
-from appocc.simulation.ground.stretches import Stretch
+from appocc.simulation.ground.road_segments import Stretch
 from appocc.simulation.ground.wear import NEUTRAL, draw_wear
 from appocc.simulation.plan import TownPlan
 from appocc.simulation.surface import Surface

@@ -8,8 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from appocc.checks import FloatArray
-from appocc.simulation.ground.polylines import directions_at, length_m, points_at
-from appocc.simulation.ground.stretches import STOP_WIDTH_M, ZEBRA_GAP_M, ZEBRA_M, Stretch
+from appocc.polylines import directions_at, length_m, points_at
+from appocc.simulation.ground.road_segments import STOP_WIDTH_M, ZEBRA_GAP_M, ZEBRA_M, Stretch
 from appocc.simulation.network import Connection, Lane
 
 STRIPE_M = 0.5

@@ -9,11 +9,11 @@ import cv2
 import numpy as np
 
 from appocc.checks import FloatArray
+from appocc.polylines import directions_at, length_m, points_at, shifted
 from appocc.simulation.ground.filling import Canvas
 from appocc.simulation.ground.looks import Look
 from appocc.simulation.ground.noise import value_noise
-from appocc.simulation.ground.polylines import directions_at, length_m, points_at, shifted
-from appocc.simulation.ground.stretches import Stretch
+from appocc.simulation.ground.road_segments import Stretch
 from appocc.simulation.surface import Surface
 
 # The noise that decides where earth shows is made in cells of this many of the canvas's.

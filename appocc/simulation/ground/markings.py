@@ -9,8 +9,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from appocc.checks import FloatArray, IntArray
-from appocc.simulation.ground.polylines import clean, cut, dashes, directions_at, length_m, points_at, shifted
-from appocc.simulation.ground.stretches import Stretch
+from appocc.polylines import clean, cut, dashes, directions_at, length_m, points_at, shifted
+from appocc.simulation.ground.road_segments import Stretch
 from appocc.simulation.surface import Surface
 
 LINE_WIDTH_M = 0.15

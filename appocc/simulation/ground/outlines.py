@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 
 from appocc.checks import ByteArray, FloatArray
-from appocc.simulation.ground.polylines import normals
+from appocc.polylines import normals
 from appocc.simulation.surface import CELL_M
 
 _SIMPLE_CELLS = 0.6

@@ -8,12 +8,12 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from appocc.checks import FloatArray
+from appocc.polylines import clean, cut, directions_at, length_m, points_at, shifted, strip
 from appocc.simulation.ground.areas import lane_areas
 from appocc.simulation.ground.filling import Canvas
 from appocc.simulation.ground.land import Lot
 from appocc.simulation.ground.looks import look_of
-from appocc.simulation.ground.polylines import clean, cut, directions_at, length_m, points_at, shifted, strip
-from appocc.simulation.ground.stretches import Stretch, street_of
+from appocc.simulation.ground.road_segments import Stretch, street_of
 from appocc.simulation.network import Lane
 from appocc.simulation.plan import TownPlan
 

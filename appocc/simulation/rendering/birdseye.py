@@ -9,7 +9,7 @@ import numpy as np
 from appocc.checks import BoolArray, ByteArray, Float32Array, FloatArray, IntArray, frozen
 from appocc.grid import BEVGrid
 from appocc.simulation.mesh import Material
-from appocc.simulation.rendering.lens import develop
+from appocc.simulation.rendering.camera_response import develop
 from appocc.simulation.rendering.renderer import Renderer
 from appocc.simulation.rendering.tracing import TOWN
 from appocc.simulation.surface import CELL_M

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from appocc.camera import Camera
 from appocc.checks import ByteArray, Float32Array, FloatArray
 from appocc.simulation.rendering.compiled import kernel
-from appocc.simulation.rendering.stage import Triangles
+from appocc.simulation.rendering.scene_buffers import Triangles
 from appocc.simulation.rendering.texture import Texture, label_at
 from appocc.simulation.rendering.tracing import ACTOR, GROUND, SKY
 from appocc.simulation.rendering.views import ViewClass

@@ -10,15 +10,15 @@ from numpy.typing import NDArray
 from appocc.camera import Camera, CameraRig
 from appocc.checks import BoolArray, ByteArray, Float32Array, FloatArray
 from appocc.simulation.mesh import Material, Mesh, joined
-from appocc.simulation.rendering import lens
+from appocc.simulation.rendering import camera_response
 from appocc.simulation.rendering.compiled import kernel
 from appocc.simulation.rendering.lighting import Ego, Lighting, Sky, Standing, narrowed, near_corner, near_light
 from appocc.simulation.rendering.noise import noise_tile
 from appocc.simulation.rendering.profile import Profile
 from appocc.simulation.rendering.rays import GROUND_KINDS, camera_rays, name_pixels, ray_matrix
 from appocc.simulation.rendering.refining import jagged, mirrored_in, mixed_in, off_wet_ground
+from appocc.simulation.rendering.scene_buffers import Stage
 from appocc.simulation.rendering.shading import shade
-from appocc.simulation.rendering.stage import Stage
 from appocc.simulation.rendering.sunlight import toward_sun
 from appocc.simulation.rendering.texture import textured
 from appocc.simulation.rendering.tracing import ACTOR, Hits, Tracer
@@ -69,8 +69,8 @@ class Renderer:
 
     @property
     def gains(self) -> Float32Array:
-        """(3,) exposure and white balance of the weather, for `lens.develop`."""
-        return lens.exposure(self._sky.weather, self._sky.up)
+        """(3,) exposure and white balance of the weather, for `camera_response.develop`."""
+        return camera_response.exposure(self._sky.weather, self._sky.up)
 
     def views(self, rig: CameraRig, town_from_ego: FloatArray, rng: np.random.Generator) -> Mapping[str, View]:
         """Pictures and maps of a rig by channel; noise comes from `rng`."""
@@ -120,7 +120,7 @@ class Renderer:
             self._refine(camera, matrix, place, linear[rows], hits.source, lit, start)
         with self.profile.stage("lens"):
             glow = 0.05 if self._sky.weather.lamps > 0 else 0.0
-            image = lens.photograph(linear.reshape(*shape, 3), self.gains, glow, rng)
+            image = camera_response.photograph(linear.reshape(*shape, 3), self.gains, glow, rng)
         return View(image, depth.reshape(shape), actor.reshape(shape), kind.reshape(shape))
 
     def _refine(

@@ -32,8 +32,8 @@ from appocc.simulation.rendering.materials import (
     shop_pane,
 )  # fmt: skip
 from appocc.simulation.rendering.noise import noise
+from appocc.simulation.rendering.scene_buffers import Triangles, normal_at
 from appocc.simulation.rendering.sky import sky_at
-from appocc.simulation.rendering.stage import Triangles, normal_at
 from appocc.simulation.rendering.texture import Texture, colour_at
 from appocc.simulation.rendering.tracing import GROUND, SKY
 from appocc.simulation.traffic import Light

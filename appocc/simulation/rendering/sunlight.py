@@ -9,7 +9,7 @@ from appocc.checks import ByteArray, Float32Array
 from appocc.simulation.rendering.compiled import inner, outer
 from appocc.simulation.rendering.lighting import Lighting
 from appocc.simulation.rendering.materials import FOLIAGE
-from appocc.simulation.rendering.stage import Triangles, normal_at
+from appocc.simulation.rendering.scene_buffers import Triangles, normal_at
 from appocc.simulation.rendering.tracing import ACTOR, GROUND, SKY
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from appocc.simulation.scenery.apartments import apartment_house
 from appocc.simulation.scenery.builder import Builder
 from appocc.simulation.scenery.detached import detached_house
-from appocc.simulation.scenery.halls import works
+from appocc.simulation.scenery.industrial import works
 from appocc.simulation.scenery.plots import Plot
 from appocc.simulation.scenery.terraces import town_house
 

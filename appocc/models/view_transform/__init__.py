@@ -1,0 +1,1 @@
+"""View transforms: from features of the cameras to the grid."""

@@ -1,0 +1,207 @@
+"""Where lines may be painted: one direction of a street from junction to junction, and what lies at its ends."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from appocc.checks import FloatArray
+from appocc.polylines import clean, length_m, shifted
+from appocc.simulation.network import Edge, Lane, LaneKind, RoadNetwork
+
+# From the junction's outline: gap, zebra, gap, stop line.
+ZEBRA_GAP_M, ZEBRA_M, STOP_GAP_M, STOP_WIDTH_M = 0.6, 3.6, 1.0, 0.4
+_LONG_ENOUGH_M = 24.0
+_FAST_MPS = 15.0
+_MOST_BACK_M = 6.0
+# Kinds of lanes that make up the carriageway.
+ROADWAY: tuple[LaneKind, ...] = ("driving", "parking", "cycling")
+
+
+@dataclass(frozen=True)
+class End:
+    """What lies at one end of a stretch.
+
+    Attributes:
+        junction: whether lines end here; where two streets merely meet they go on.
+        signal: whether lights control the traffic.
+        zebra: whether people cross here.
+        yields: whether the traffic that arrives has to give way.
+    """
+
+    junction: bool = False
+    signal: bool = False
+    zebra: bool = False
+    yields: bool = False
+
+    @property
+    def stop_m(self) -> float:
+        """Way from the end to the near side of the stop line."""
+        return ZEBRA_GAP_M + ZEBRA_M + STOP_GAP_M if self.zebra else ZEBRA_GAP_M
+
+    @property
+    def has_stop(self) -> bool:
+        """Whether a stop line is painted for the traffic that arrives."""
+        return self.signal or self.yields
+
+    @property
+    def clear_arriving_m(self) -> float:
+        """Way before the end in which no lines between lanes are painted for the traffic that arrives."""
+        return self.stop_m + STOP_WIDTH_M if self.has_stop else 0.5 if self.junction else 0.0
+
+    @property
+    def clear_leaving_m(self) -> float:
+        """The same for the traffic that leaves the junction."""
+        return ZEBRA_GAP_M + ZEBRA_M + 0.5 if self.zebra else 0.5 if self.junction else 0.0
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """One direction of a street.
+
+    Attributes:
+        lanes: from right to left, only those with a centre line.
+        left_m: (N, 2) left border of the leftmost lane, in the direction of travel.
+        start: what lies at its beginning.
+        end: what lies at its end.
+        street: the same for both directions of a street.
+        start_back_m: way from the left border's beginning to where the street's first lane leaves the junction.
+        end_back_m: way from where the first lane meets the junction to the left border's end.
+    """
+
+    lanes: tuple[Lane, ...]
+    left_m: FloatArray
+    start: End
+    end: End
+    street: str
+    start_back_m: float = 0.0
+    end_back_m: float = 0.0
+
+    @property
+    def width_m(self) -> float:
+        """Width of all lanes."""
+        return sum(lane.width_m for lane in self.lanes)
+
+    @property
+    def driving(self) -> tuple[Lane, ...]:
+        """The lanes for cars, from right to left."""
+        return tuple(lane for lane in self.lanes if lane.kind == "driving")
+
+    @property
+    def arterial(self) -> bool:
+        """Whether it is a main street: two or more lanes, or fast."""
+        return len(self.driving) > 1 or any(lane.speed_mps > _FAST_MPS for lane in self.driving)
+
+    def section(self, at_end: bool) -> tuple[FloatArray, FloatArray]:
+        """Point (2,) on the left border and direction of travel (2,) where the street meets the junction."""
+        line = self.left_m if at_end else self.left_m[::-1]
+        step = line[-1] - line[-2]
+        out = step / np.hypot(*step)
+        return line[-1] - out * (self.end_back_m if at_end else self.start_back_m), out if at_end else -out
+
+
+def stretches_of(network: RoadNetwork) -> list[Stretch]:
+    """All streets of a network, those short pieces between two of them that are junctions in name only included."""
+    ends = _junction_ends(network)
+    found = [
+        _stretch(
+            edge.lanes,
+            replace(ends[edge.from_junction], yields=False),
+            _arriving(network, edge, ends),
+            street_of(edge),
+        )
+        for edge in network.edges
+    ]
+    whole = _facing({s.lanes[0].edge: s for s in found if s is not None}, network)
+    passages = [_stretch(lanes, End(), End(), street) for lanes, street in _passages(network, ends)]
+    return [*whole, *(passage for passage in passages if passage is not None)]
+
+
+def street_of(edge: Edge) -> str:
+    """Name of a street, the same for both of its directions."""
+    return " ".join(sorted((edge.from_junction, edge.to_junction)))
+
+
+def _stretch(lanes: Sequence[Lane], start: End, end: End, street: str) -> Stretch | None:
+    lined = [replace(lane, centre_m=clean(lane.centre_m)) for lane in lanes if lane.kind in ROADWAY]
+    lined = [lane for lane in lined if length_m(lane.centre_m) > 0]
+    if all(lane.kind != "driving" for lane in lined):
+        return None
+    left = shifted(lined[-1].centre_m, lined[-1].width_m / 2)
+    if length_m(left) < _LONG_ENOUGH_M:
+        start, end = replace(start, zebra=False), replace(end, zebra=False)
+    return Stretch(tuple(lined), left, start, end, street, _back(lined, left, False), _back(lined, left, True))
+
+
+def _back(lanes: Sequence[Lane], left_m: FloatArray, at_end: bool) -> float:
+    """By how much the lane that reaches least far stays behind the left border, at one end."""
+    line = left_m if at_end else left_m[::-1]
+    step = line[-2] - line[-1]
+    ends = np.stack([lane.centre_m[-1 if at_end else 0] for lane in lanes])
+    return min(max(0.0, float(((ends - line[-1]) @ (step / np.hypot(*step))).max())), _MOST_BACK_M)
+
+
+def _facing(stretches: Mapping[str, Stretch], network: RoadNetwork) -> list[Stretch]:
+    """Both directions of a street end at the same cross-section of it, so that zebras go straight across."""
+    edges = {edge.name: edge for edge in network.edges}
+    joined = []
+    for name, stretch in stretches.items():
+        back = network.opposite(edges[name])
+        other = stretches.get(back.name) if back is not None else None
+        if other is not None and np.hypot(*(other.left_m[0] - stretch.left_m[-1])) < _MOST_BACK_M:
+            stretch = replace(stretch, end_back_m=max(stretch.end_back_m, other.start_back_m))
+        if other is not None and np.hypot(*(other.left_m[-1] - stretch.left_m[0])) < _MOST_BACK_M:
+            stretch = replace(stretch, start_back_m=max(stretch.start_back_m, other.end_back_m))
+        joined.append(stretch)
+    return joined
+
+
+def _junction_ends(network: RoadNetwork) -> dict[str, End]:
+    ways: Mapping[str, set[tuple[str, str]]] = defaultdict(set)
+    signalled = set()
+    to_junction = {edge.name: edge.to_junction for edge in network.edges}
+    for link in network.connections:
+        before, after = (name.rpartition("_")[0] for name in (link.from_lane, link.to_lane))
+        if link.direction != "t" and before in to_junction:
+            ways[to_junction[before]].add((before, after))
+            if link.signal:
+                signalled.add(to_junction[before])
+    names = {edge.to_junction for edge in network.edges} | {edge.from_junction for edge in network.edges}
+    ends = {}
+    for name in sorted(names):
+        pairs = ways.get(name, set())
+        branches = len(pairs) > len({a for a, _ in pairs}) or len(pairs) > len({b for _, b in pairs})
+        signal = name in signalled
+        ends[name] = End(branches or signal, signal, signal and branches)
+    return ends
+
+
+def _arriving(network: RoadNetwork, edge: Edge, ends: Mapping[str, End]) -> End:
+    """The end of an edge; it yields where others have priority or where, among equals, no way goes straight on."""
+    end = ends[edge.to_junction]
+    if not end.junction or end.signal:
+        return end
+    kinds = {j.name: j.kind for j in network.junctions}
+    if kinds.get(edge.to_junction) not in ("priority", "priority_stop"):
+        return end
+    best = max(other.priority for other in network.edges if other.to_junction == edge.to_junction)
+    links = [c for c in network.connections if c.from_lane.rpartition("_")[0] == edge.name]
+    ahead = any(c.direction == "s" for c in links)
+    return replace(end, yields=edge.priority < best or not (ahead or not links))
+
+
+def _passages(network: RoadNetwork, ends: Mapping[str, End]) -> list[tuple[list[Lane], str]]:
+    """Lanes inside junctions through which every street has one way only, by edge, and the street they continue."""
+    edge_of = {edge.name: edge for edge in network.edges}
+    inner = {lane.name: lane for lane in network.inner_lanes}
+    groups: dict[str, dict[str, Lane]] = defaultdict(dict)
+    street = {}
+    for link in network.connections:
+        before = edge_of.get(link.from_lane.rpartition("_")[0])
+        if before and link.via in inner and link.direction != "t" and not ends[before.to_junction].junction:
+            groups[inner[link.via].edge][link.via] = inner[link.via]
+            street[inner[link.via].edge] = street_of(before)
+    return [(sorted(lanes.values(), key=lambda lane: lane.index), street[name]) for name, lanes in groups.items()]

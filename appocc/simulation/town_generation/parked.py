@@ -1,0 +1,100 @@
+"""What stands still for the whole time: cars at the kerb and in car parks."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from appocc.checks import FloatArray
+from appocc.simulation.network import Edge, Lane
+from appocc.simulation.plan import TownPlan
+from appocc.simulation.town_generation.bodies import draw_body, draw_size
+from appocc.simulation.traffic import Actor
+
+_CORNER_M = 7.0  # nobody parks this close to a junction
+_OCCUPIED, _IN_BAY, _FLIPPED = 0.8, 0.68, 0.08
+_NARROWEST_M, _FASTEST_MPS = 1.9, 14.5
+_MOST = 300
+_MOUTH_M = 6.5
+_KERB_M = 0.22
+_LONGEST_IN_BAY_M = 5.1
+
+
+class Parked(NamedTuple):
+    """A vehicle that stands at (x, y) in metres with a heading."""
+
+    actor: Actor
+    x_m: float
+    y_m: float
+    yaw_rad: float
+
+
+def draw_parked(plan: TownPlan, rng: np.random.Generator) -> list[Parked]:
+    """Parked vehicles along the parking lanes and in the bays of a town."""
+    found = [spot for edge in plan.network.edges for lane in edge.lanes for spot in _kerb(plan, edge, lane, rng)]
+    keep = np.sort(rng.permutation(len(found))[:_MOST])
+    spots = [found[k] for k in keep] + [spot for park in plan.car_parks for spot in _bays(park.bays, rng)]
+    return [
+        Parked(Actor(f"parked_{k}", spot.actor.kind, spot.actor.body, spot.actor.size_lwh_m), *spot[1:])
+        for k, spot in enumerate(spots)
+    ]
+
+
+def _draw(rng: np.random.Generator) -> Actor:
+    body = draw_body(rng, parked=True)
+    return Actor("", body.kind, body.name, draw_size(rng, body))
+
+
+def _stands_there(edge: Edge, lane: Lane) -> bool:
+    """Cars park in parking lanes, and in towns that have none of them on wide shoulders; not beside fast roads."""
+    fastest = max((other.speed_mps for other in edge.lanes if other.kind == "driving"), default=0.0)
+    return lane.kind in ("parking", "shoulder") and lane.width_m >= _NARROWEST_M and 0 < fastest < _FASTEST_MPS
+
+
+def _kerb(plan: TownPlan, edge: Edge, lane: Lane, rng: np.random.Generator) -> list[Parked]:
+    if not _stands_there(edge, lane):
+        return []
+    line = lane.centre_m
+    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))])
+    one_way = plan.network.opposite(edge) is None
+    found: list[Parked] = []
+    at = _CORNER_M + rng.uniform(0, 3)
+    while True:
+        actor = _draw(rng)
+        length, width, _ = actor.size_lwh_m
+        if at + length > along[-1] - _CORNER_M:
+            return found
+        ends = np.stack([np.interp([at, at + length], along, line[:, axis]) for axis in (0, 1)], axis=1)
+        yaw = float(np.arctan2(*(ends[1] - ends[0])[::-1]))
+        # Wheels at the kerb: what is wider than the lane sticks out to the road.
+        off = _KERB_M + (width - lane.width_m) / 2 + float(np.clip(rng.normal(0.0, 0.07), -0.12, 0.2))
+        side = off if lane.index == 0 or edge.lanes[0].kind != lane.kind else -off
+        x, y = ends.mean(axis=0) + side * np.array([-np.sin(yaw), np.cos(yaw)])
+        turned = rng.uniform() < (_FLIPPED * 2 if one_way else _FLIPPED)
+        yaw += float(rng.normal(0.0, 0.025)) + (np.pi if turned else 0.0)
+        if rng.uniform() < _OCCUPIED and not _before_driveway(plan, ends.mean(axis=0)):
+            found.append(Parked(actor, float(x), float(y), float(np.mod(yaw + np.pi, 2 * np.pi) - np.pi)))
+            at += length + rng.uniform(0.6, 1.6)
+        else:
+            at += 5.5
+
+
+def _before_driveway(plan: TownPlan, xy_m: FloatArray) -> bool:
+    """Whether a place at the kerb is in the way of a car park's driveway."""
+    mouths = [park.outline_m[:2].mean(axis=0) for park in plan.car_parks]
+    return any(float(np.hypot(*(mouth - xy_m))) < _MOUTH_M for mouth in mouths)
+
+
+def _bays(bays: FloatArray, rng: np.random.Generator) -> list[Parked]:
+    found = []
+    for x, y, yaw in bays:
+        actor = _draw(rng)
+        dx, dy, turn = rng.normal(0.0, 0.15), rng.normal(0.0, 0.06), rng.normal(0.0, 0.02)
+        if rng.uniform() < _IN_BAY and actor.size_lwh_m[0] < _LONGEST_IN_BAY_M:
+            ahead, left = np.array([np.cos(yaw), np.sin(yaw)]), np.array([-np.sin(yaw), np.cos(yaw)])
+            centre = np.array([x, y]) + dx * ahead + dy * left
+            heading = yaw + turn + (np.pi if rng.uniform() < 0.25 else 0.0)
+            heading = float(np.mod(heading + np.pi, 2 * np.pi) - np.pi)
+            found.append(Parked(actor, float(centre[0]), float(centre[1]), heading))
+    return found

@@ -1,0 +1,1 @@
+"""Images for people: maps, rigs, predictions and contact sheets."""

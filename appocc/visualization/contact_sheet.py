@@ -1,0 +1,63 @@
+"""A contact sheet of a dataset: a row a scene, with its six cameras and its map."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from appocc.bevmap import load_map
+from appocc.checks import ByteArray
+from appocc.errors import DataError
+from appocc.nuscenes.dataset import Dataset
+from appocc.nuscenes.records import Scene
+from appocc.visualization.canvas import BEVCanvas, mosaic, put_text
+
+# Order in which one looks out of the car: ahead above, behind below, left to the left.
+_LOOKING_OUT = ("CAM_FRONT_LEFT", "CAM_FRONT", "CAM_FRONT_RIGHT", "CAM_BACK_LEFT", "CAM_BACK", "CAM_BACK_RIGHT")
+_PANEL_PX, _BEV_SCALE, _MOST_ROWS, _GAP_PX = 550, 2, 24, 8
+
+
+def contact_sheet(dataset: Dataset, source: str) -> ByteArray:
+    """Key frames of the scenes (at most 24, evenly chosen): cameras, colours from above, what is there; (H, W, 3).
+
+    Raises:
+        DataError: if there are no scenes with samples, or a file is missing or damaged.
+    """
+    scenes = [scene for scene in dataset.scenes if dataset.samples(scene)]
+    if not scenes:
+        raise DataError(f"{dataset.root}: no scenes with samples")
+    chosen = np.unique(np.linspace(0, len(scenes) - 1, min(len(scenes), _MOST_ROWS)).round().astype(int))
+    rows = [_row(dataset, scenes[i], source) for i in chosen]
+    width = max(row.shape[1] for row in rows)
+    padded = [np.pad(row, ((0, _GAP_PX), (0, width - row.shape[1]), (0, 0)), constant_values=24) for row in rows]
+    return np.ascontiguousarray(np.vstack(padded))
+
+
+def _row(dataset: Dataset, scene: Scene, source: str) -> ByteArray:
+    samples = dataset.samples(scene)
+    sample = samples[len(samples) // 2]
+    frame = dataset.frame(sample)
+    order = [name for name in _LOOKING_OUT if name in frame.images] or sorted(frame.images)
+    cameras = mosaic([_panel(frame.images[name], name) for name in order], 3)
+    put_text(cameras, f"{scene.name}: {scene.description}", (6, cameras.shape[0] - 6), scale=0.5)
+    bev = load_map(dataset.root, source, sample.token)
+    maps = []
+    for title in ("appearance", "occupancy"):
+        canvas = BEVCanvas(bev.grid, _BEV_SCALE)
+        getattr(canvas, title)(bev)
+        canvas.ego()
+        maps.append(canvas.picture)
+    height = max(cameras.shape[0], *(picture.shape[0] for picture in maps))
+    parts = [
+        np.pad(p, ((0, height - p.shape[0]), (0, _GAP_PX), (0, 0)), constant_values=24) for p in (cameras, *maps)
+    ]
+    return np.hstack(parts)
+
+
+def _panel(image: ByteArray, title: str) -> ByteArray:
+    """A picture at the width of the sheet's columns, with its name."""
+    height = max(round(image.shape[0] * _PANEL_PX / image.shape[1]), 16)
+    how = cv2.INTER_AREA if image.shape[1] > _PANEL_PX else cv2.INTER_CUBIC
+    panel = np.asarray(cv2.resize(image, (_PANEL_PX, height), interpolation=how), np.uint8)
+    put_text(panel, title, (6, 16))
+    return panel

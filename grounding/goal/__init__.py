@@ -1,0 +1,1 @@
+"""Goal selection: the cell where the ego's footprint fulfils a command."""

@@ -1,0 +1,1 @@
+"""Language: from the words of a command to a typed query."""

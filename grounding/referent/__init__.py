@@ -1,0 +1,1 @@
+"""Referent resolution: which vehicle of the scene a query means."""

@@ -1,0 +1,1 @@
+"""Evaluation of tracks: CLEAR, identity, HOTA and AMOTA."""

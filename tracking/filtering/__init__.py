@@ -1,0 +1,1 @@
+"""State estimation: Kalman filters, and offline smoothing."""

@@ -1,0 +1,1 @@
+"""Vehicle instances from bird's-eye-view maps."""

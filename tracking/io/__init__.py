@@ -1,0 +1,1 @@
+"""Files of detections and tracks: nuScenes, KITTI and MOTChallenge."""

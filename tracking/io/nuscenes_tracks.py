@@ -1,0 +1,82 @@
+"""Tracks of one key frame from a file of nuScenes tracking results, one's own or anybody's."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field, ValidationError
+
+from appocc.errors import DataError, ShapeError
+from appocc.files import read_json
+from appocc.geometry import rotation_from_quaternion, yaw_of
+from appocc.jsonparts import JsonPart, first_problem
+from tracking.tracks import Track
+
+_Three = Annotated[list[float], Field(min_length=3, max_length=3)]
+_Four = Annotated[list[float], Field(min_length=4, max_length=4)]
+_Two = Annotated[list[float], Field(min_length=2, max_length=2)]
+# Faster than this a vehicle moves, and its heading is where it goes.
+_MOVING_MPS = 1.0
+
+
+class _Box(JsonPart):
+    """A track; the last three are those that `tracking.io.writers` adds."""
+
+    translation: _Three
+    size: _Three
+    rotation: _Four
+    velocity: _Two
+    tracking_id: str | int
+    tracking_name: str
+    tracking_score: float = 1.0
+    rgb: _Three | None = None
+    seen: bool = True
+    heading_known: bool | None = None
+
+
+class _Results(JsonPart):
+    results: dict[str, list[_Box]]
+
+
+def read_moment(path: Path, sample_token: str) -> tuple[Track, ...]:
+    """The tracks of a key frame; ids that are no numbers are counted from 1.
+
+    Raises:
+        DataError: if the file cannot be read, is damaged, or has no such key frame.
+    """
+    try:
+        results = _Results.model_validate(read_json(path)).results
+    except ValidationError as error:
+        raise DataError(f"{path}: expected tracking results of nuScenes ({first_problem(error)})") from error
+    if sample_token not in results:
+        raise DataError(f"{path}: expected tracks of key frame {sample_token}, got none")
+    try:
+        return tuple(_track(number, box) for number, box in enumerate(results[sample_token], start=1))
+    except ShapeError as error:
+        raise DataError(f"{path}: key frame {sample_token}: {error}") from error
+
+
+def _track(number: int, box: _Box) -> Track:
+    width_m, length_m, height_m = box.size
+    x, y, z = box.translation
+    velocity = np.array(box.velocity)
+    moving = bool(np.hypot(*velocity) > _MOVING_MPS)
+    name = str(box.tracking_id)
+    return Track(
+        int(name) if name.isascii() and name.isdigit() else number,
+        np.array([x, y, z - height_m / 2]),
+        velocity,
+        float(yaw_of(rotation_from_quaternion(box.rotation))),
+        # Detectors of others give headings that they mean; our own say when they do not know the front.
+        box.heading_known is not False,
+        length_m,
+        width_m,
+        np.array(box.rgb or [np.nan] * 3),
+        box.tracking_score,
+        box.seen,
+        height_m,
+        box.tracking_name,
+        moving=moving,
+    )

@@ -1,0 +1,67 @@
+"""Labels that keep clear of each other: a chip of a vehicle's mean colour and a short text."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from appocc.checks import ByteArray, FloatArray
+from appocc.visualization.canvas import BLACK, UNKNOWN_COLOUR, Colour, put_text
+
+_SCALE, _HEIGHT_PX, _CHIP_PX = 0.4, 13, 11
+
+
+class Labels:
+    """Places labels on one picture, each where no earlier one stands; draw the important ones first."""
+
+    def __init__(self, picture: ByteArray, avoid: FloatArray | None = None) -> None:
+        """Start on a picture (H, W, 3); rectangles (K, 4), left, top, right, bottom, are only written on at need."""
+        self._picture = picture
+        self._avoid = np.zeros((0, 4)) if avoid is None else avoid
+        self._taken = np.zeros((0, 4))
+
+    def put(self, at: tuple[int, int], text: str, ink: Colour, chip: FloatArray, away_px: int) -> bool:
+        """Write a label beside pixel (column, row): right, left, above or below, `away_px` off.
+
+        Returns whether there was room; where there is none, nothing is drawn.
+        """
+        (wide, _), _ = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, _SCALE, 1)
+        wide += _CHIP_PX + 4
+        half = _HEIGHT_PX // 2
+        corners = [
+            (at[0] + away_px, at[1] - half),
+            (at[0] - away_px - wide, at[1] - half),
+            (at[0] - wide // 2, at[1] - away_px - _HEIGHT_PX),
+            (at[0] - wide // 2, at[1] + away_px),
+        ]
+        boxes = [np.array([left, top, left + wide, top + _HEIGHT_PX], dtype=np.float64) for left, top in corners]
+        free = [box for box in boxes if self._inside(box) and not _overlap(box, self._taken)]
+        if not free:
+            return False
+        box = min(free, key=lambda box: _overlap(box, self._avoid))
+        left, top = int(box[0]), int(box[1])
+        self._taken = np.vstack([self._taken, box])
+        put_chip(self._picture, (left, top + 1), chip)
+        put_text(self._picture, text, (left + _CHIP_PX + 3, top + _HEIGHT_PX - 2), ink, _SCALE)
+        return True
+
+    def _inside(self, box: FloatArray) -> bool:
+        height, width = self._picture.shape[:2]
+        return bool((box >= 0).all() and box[2] <= width and box[3] <= height)
+
+
+def _overlap(box: FloatArray, others: FloatArray) -> int:
+    """How many of the rectangles (K, 4) a rectangle (4,) overlaps."""
+    apart = (others[:, :2] >= box[2:]) | (others[:, 2:] <= box[:2])
+    return int((~apart.any(axis=1)).sum())
+
+
+def put_chip(picture: ByteArray, corner: tuple[int, int], rgb: FloatArray, side_px: int = _CHIP_PX) -> None:
+    """Draw a square of a colour (3,), its upper left corner at (column, row); crossed out if unknown."""
+    known = bool(np.isfinite(rgb).all())
+    red, green, blue = (int(v) for v in (rgb if known else np.array(UNKNOWN_COLOUR)))
+    opposite = (corner[0] + side_px - 1, corner[1] + side_px - 1)
+    cv2.rectangle(picture, corner, opposite, (red, green, blue), -1)
+    cv2.rectangle(picture, corner, opposite, BLACK, 1)
+    if not known:
+        cv2.line(picture, corner, opposite, BLACK, 1)
