@@ -50,12 +50,13 @@ _STAMP = _stamp()
 def _kept(function: _Function, more: dict[str, Any]) -> _Function:
     """Compile, and make the copy on disk depend on the whole package: numba looks at the function's own module only.
 
-    A kernel with old versions of the small functions of other modules inside would read beyond its arrays.
+    A kernel with old versions of the small functions of other modules inside would read beyond its arrays. Numba
+    compares the version before it unpickles an index: one that names modules which are gone is never unpickled.
     """
     options: dict[str, Any] = {**_OPTIONS, **more, "cache": True}
     compiled: Any = numba.njit(**options)(function)
     index: Any = getattr(getattr(compiled, "_cache", None), "_cache_file", None)
-    if hasattr(index, "_source_stamp"):
-        index._source_stamp = _STAMP
+    if hasattr(index, "_version"):
+        index._version = (numba.__version__, *_STAMP)
     result: _Function = compiled
     return result
