@@ -2,10 +2,55 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, fields
+
 from appocc.checks import BoolArray
+from appocc.errors import ShapeError
 from appocc.grid import BEVGrid
 
-# Length and width of the body, and its rear overhang: the part behind the rear axle, the origin of the ego frame.
+
+@dataclass(frozen=True)
+class EgoVehicle:
+    """Size of the ego vehicle. The origin of the ego frame is its rear axle.
+
+    Attributes:
+        length_m: from bumper to bumper.
+        width_m: of the body, without mirrors.
+        rear_overhang_m: from the rear axle to the rear bumper.
+        turning_circle_m: diameter, kerb to kerb.
+
+    Raises:
+        ShapeError: if a size is not positive, or the rear axle is not within the length.
+    """
+
+    length_m: float = 4.6
+    width_m: float = 1.9
+    rear_overhang_m: float = 1.0
+    turning_circle_m: float = 11.0
+
+    def __post_init__(self) -> None:
+        """Check the sizes."""
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if not 0 < value < 100:
+                raise ShapeError(f"EgoVehicle: {field.name}: expected metres above 0 and below 100, got {value}")
+        if self.rear_overhang_m >= self.length_m:
+            raise ShapeError(
+                f"EgoVehicle: rear_overhang_m: expected less than length_m {self.length_m}, got {self.rear_overhang_m}"
+            )
+
+    @property
+    def centre_m(self) -> float:
+        """x of the body's centre in the ego frame."""
+        return self.length_m / 2 - self.rear_overhang_m
+
+    def body_cells(self, grid: BEVGrid) -> BoolArray:
+        """(X, Y) cells of a grid in the ego frame whose centre is below the body."""
+        x_m, y_m = grid.centres()[..., 0], grid.centres()[..., 1]
+        return (abs(x_m - self.centre_m) <= self.length_m / 2) & (abs(y_m) <= self.width_m / 2)
+
+
+# Until every user takes the value.
 EGO_LENGTH_M, EGO_WIDTH_M, EGO_REAR_M = 4.6, 1.9, 1.0
 
 
