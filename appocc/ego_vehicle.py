@@ -35,13 +35,12 @@ class EgoVehicle:
             if not 0 < value < 100:
                 raise ShapeError(f"EgoVehicle: {field.name}: expected metres above 0 and below 100, got {value}")
         if self.rear_overhang_m >= self.length_m:
-            raise ShapeError(
-                f"EgoVehicle: rear_overhang_m: expected less than length_m {self.length_m}, got {self.rear_overhang_m}"
-            )
+            limit = f"expected less than length_m ({self.length_m})"
+            raise ShapeError(f"EgoVehicle: rear_overhang_m: {limit}, got {self.rear_overhang_m}")
 
     @property
     def centre_m(self) -> float:
-        """x of the body's centre in the ego frame."""
+        """How far the body's centre is ahead of the rear axle."""
         return self.length_m / 2 - self.rear_overhang_m
 
     def body_cells(self, grid: BEVGrid) -> BoolArray:
