@@ -1,9 +1,9 @@
 """CPU time of the simulator's renderer by stage.
 
 Run: OMP_NUM_THREADS=1 python -m benchmarks.simulator [--town NAME] [--weather NAME] [--rig NAME] [--frames 12]
-Takes moments spread over the town's traffic, each seen by another car, and prints the median CPU milliseconds a frame
-of each stage, what was prepared once (town, renderer, the first frame with its compilation), thousands of rays, and
-memory.
+Renders frames spread over the town's traffic, each from a different car, and prints the median CPU milliseconds per
+frame of each stage, the times of one-off work (town, renderer, the first frame with its compilation), thousands of
+rays, and memory.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from appocc.simulation.traffic import TrafficLog
 
 
 def moments(log: TrafficLog, count: int) -> Iterator[tuple[float, int]]:
-    """Times spread over the log, and a moving car at each."""
+    """Yield times spread over the log, and a moving car at each."""
     for time_s in np.linspace(0.1, 0.9, count) * log.duration_s:
         moment = log.at(float(time_s))
         moving = np.hypot(*moment.velocity_mps.T) > 1
@@ -46,7 +46,7 @@ def moments(log: TrafficLog, count: int) -> Iterator[tuple[float, int]]:
 def set_moment(
     renderer: Renderer, log: TrafficLog, paints: tuple[Paint, ...], time_s: float, ego: int, weather: Weather
 ) -> FloatArray:
-    """Put a moment into the renderer; returns town_from_ego."""
+    """Set the scene of the renderer; return town_from_ego."""
     moment = log.at(time_s)
     pose = ego_pose(log.actors[ego], moment, ego)
     with renderer.profile.stage("assemble"):
@@ -80,7 +80,7 @@ def main() -> None:
         pose = set_moment(renderer, log, paints, time_s, ego, weather)
         renderer.views(rig, pose, np.random.default_rng(number))
         total = time.process_time() - started
-        if number == 0:  # compiles, or loads what was compiled
+        if number == 0:  # compiles, or loads compiled kernels
             print(f", first frame {total:.1f} s")
             continue
         for name, seconds in renderer.profile.cpu_s.items():

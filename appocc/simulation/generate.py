@@ -1,4 +1,4 @@
-"""A dataset of simulated scenes: recorded in parallel, resumed by scene, put in its place when all is there."""
+"""Generate a dataset of simulated scenes: parallel, resumable by scene, moved to its folder when complete."""
 
 from __future__ import annotations
 
@@ -24,20 +24,20 @@ from appocc.workers import in_order, worker_pool
 SETTINGS_FILE = "simulation.json"
 _Job = tuple[Scenario, TownSource]
 _SCENES, _TOWNS, _ROWS = "scenes", "towns", "rows.json"
-# What scenes of a town have in common.
+# Files shared by the scenes of a town.
 _SHARED = "shared"
 
 
 @dataclass(frozen=True)
 class Settings:
-    """What decides every byte of a dataset.
+    """Settings that determine every byte of a dataset.
 
     Attributes:
         scenes: number of scenes.
-        towns: taken in turn.
+        towns: used in turn.
         weathers: names to draw from.
-        seed: of everything that is drawn.
-        recipe: what is recorded of a scene.
+        seed: random seed.
+        recipe: what each scene records.
     """
 
     scenes: int
@@ -47,7 +47,7 @@ class Settings:
     recipe: Recipe
 
     def as_json(self) -> dict[str, Any]:
-        """JSON values, kept beside the tables."""
+        """Return the settings as JSON values, which are stored with the tables."""
         return {
             "appocc": __version__,
             "scenes": self.scenes,
@@ -59,7 +59,7 @@ class Settings:
 
 
 class Summary(NamedTuple):
-    """Counts of a run: frames made now and in all."""
+    """Number of frames recorded by this run, and in total."""
 
     made: int
     frames: int
@@ -72,10 +72,10 @@ def simulate(
     advance: Callable[[float], None],
     tell: Callable[[str], None] = lambda text: None,
 ) -> Summary:
-    """Record a dataset below `out`; `advance` is called with the frames done, `tell` with what takes long.
+    """Record a dataset below `out`; `advance` receives the number of finished frames, `notify` a line before long steps.
 
-    The result does not depend on `workers`, nor on whether the run was interrupted: finished scenes are kept in a
-    hidden folder beside `out`, and the same call goes on from there.
+    The result depends neither on `workers` nor on interruptions: finished scenes are kept in a hidden folder next to
+    `out`, and the same call resumes from them.
 
     Raises:
         DataError: if `out` holds something else or cannot be written, or a town cannot be simulated.
@@ -83,21 +83,21 @@ def simulate(
     out = _place(out)
     total = settings.scenes * settings.recipe.frames
     if _is_made(out, settings):
-        shutil.rmtree(unfinished(out), ignore_errors=True)  # a run that was killed at its very end leaves it
+        shutil.rmtree(unfinished(out), ignore_errors=True)  # left by a run that was killed at its very end
         advance(total)
         return Summary(0, total)
     with _unfinished_folder(out, settings) as work:
         kept = finished_scenes(out)
         if kept:
-            tell(f"{out}: going on after {kept} of {settings.scenes} scenes")
+            notify(f"{out}: resuming after {kept} of {settings.scenes} scenes")
         for town in settings.towns[: settings.scenes]:
             if not town.is_prepared(work / _TOWNS):
-                tell(f"{town.name}: making its streets and traffic, which takes a minute or so")
+                notify(f"{town.name}: generating streets and traffic, which takes about a minute")
                 town.prepare(work / _TOWNS)
         scenarios = [_draw(number, settings, work) for number in range(settings.scenes)]
         left = [scene for scene in scenarios if not (work / _SCENES / scene.name / _ROWS).is_file()]
         advance((len(scenarios) - len(left)) * settings.recipe.frames)
-        # Scenes of a town follow each other, so that a worker seldom has to build another town.
+        # Scenes of a town follow each other, so that a worker rarely has to build another town.
         left.sort(key=lambda scene: (scene.town, scene.number))
         _record(left, settings, work, workers, advance)
         _assemble(scenarios, settings, work)
@@ -106,23 +106,23 @@ def simulate(
 
 
 def unfinished(out: Path) -> Path:
-    """Where the finished scenes of an interrupted run lie."""
+    """Return the folder with the finished scenes of an interrupted run."""
     out = _place(out)
     return out.parent / f".{out.name}.unfinished"
 
 
 def finished_scenes(out: Path) -> int:
-    """How many scenes an interrupted run has left."""
+    """Return the number of scenes an interrupted run has finished."""
     return len(list(unfinished(out).glob(f"{_SCENES}/*/{_ROWS}")))
 
 
 def _place(out: Path) -> Path:
-    """The folder that is meant, whatever links or dots lead to it."""
+    """Resolve the output folder if it is a link or ends in dots."""
     return out.resolve() if out.is_symlink() or out.name in ("", "..") else out
 
 
 def _is_made(out: Path, settings: Settings) -> bool:
-    """Whether `out` is the finished dataset already.
+    """Return whether `out` already is the finished dataset.
 
     Raises:
         DataError: if `out` holds anything else, or cannot be replaced by a finished dataset.
@@ -140,8 +140,8 @@ def _is_made(out: Path, settings: Settings) -> bool:
 
 
 def _differences(kept: Any, settings: Settings) -> str:
-    """Names of the settings that are not those kept in a file, empty if there are none."""
-    asked = json.loads(json.dumps(settings.as_json()))  # as they are once written and read
+    """Return the names of the settings that differ from those stored in a file, empty if there are none."""
+    asked = json.loads(json.dumps(settings.as_json()))  # as they are after writing and reading
     if not isinstance(kept, dict):
         return "all"
     missing = object()
@@ -151,10 +151,10 @@ def _differences(kept: Any, settings: Settings) -> str:
 
 @contextmanager
 def _unfinished_folder(out: Path, settings: Settings) -> Iterator[Path]:
-    """The folder to work in, locked; it stays, with its finished scenes, when the block is interrupted.
+    """Lock and yield the working folder; it keeps its finished scenes when the block is interrupted.
 
     Raises:
-        DataError: if it belongs to other settings or to a run that goes on, or cannot be written.
+        DataError: if it belongs to other settings or to a running process, or cannot be written.
     """
     work = unfinished(out)
     try:
@@ -175,7 +175,7 @@ def _check_settings(work: Path, settings: Settings) -> None:
     kept = work / SETTINGS_FILE
     if kept.is_file() and (other := _differences(read_json(kept), settings)):
         if any(work.glob(f"{_SCENES}/*/{_ROWS}")):
-            raise DataError(f"{work}: left by a run with other settings ({other}); go on with those, or remove it")
+            raise DataError(f"{work}: left by a run with other settings ({other}); resume with those, or remove it")
         for name in (_SCENES, _TOWNS, _SHARED):  # nothing is lost
             shutil.rmtree(work / name, ignore_errors=True)
     write_json(kept, settings.as_json())
@@ -200,7 +200,7 @@ def _record(
 
 
 def _record_one(job: _Job, recipe: Recipe, work: Path, advance: Callable[[float], None] | None) -> int:
-    """Record a scene into a folder of its own; returns the frames that `advance` has not been told of."""
+    """Record a scene into its own folder; return the number of frames not yet reported to `advance`."""
     scenario, source = job
     place = work / _SCENES / scenario.name
     part = place.with_suffix(".part")
@@ -215,9 +215,9 @@ def _record_one(job: _Job, recipe: Recipe, work: Path, advance: Callable[[float]
 
 
 def _assemble(scenarios: Sequence[Scenario], settings: Settings, work: Path) -> None:
-    """Join the scenes' files and rows into one dataset; can be interrupted anywhere and called again."""
+    """Merge the scenes' files and rows into one dataset; the merge can be interrupted and repeated."""
     root = work / "dataset"
-    for half in root.rglob(".*"):  # written when the run before was killed
+    for half in root.rglob(".*"):  # written by a run that was killed
         half.unlink()
     writer = Writer(root, VERSION)
     for scenario in scenarios:
@@ -231,7 +231,7 @@ def _assemble(scenarios: Sequence[Scenario], settings: Settings, work: Path) -> 
 
 
 def _move_files(source: Path, target: Path) -> None:
-    """Move what is below one folder to the same places below another; rows and half-written files stay."""
+    """Move the files below one folder to the same paths below another; rows and partial files stay."""
     for path in sorted(path for path in source.rglob("*") if path.is_file()):
         if path.name != _ROWS and not path.name.startswith("."):
             place = target / path.relative_to(source)
@@ -240,7 +240,7 @@ def _move_files(source: Path, target: Path) -> None:
 
 
 def _put(dataset: Path, out: Path) -> None:
-    """The finished dataset takes its place; then nothing is left to go on with."""
+    """Move the finished dataset to its folder and remove the working folder."""
     if out.is_dir():
         out.rmdir()
     dataset.replace(out)

@@ -1,4 +1,4 @@
-"""One simulated scene written in the nuScenes schema: pictures, LiDAR, boxes, map and exact truth."""
+"""Record one simulated scene in the nuScenes schema: images, LiDAR, boxes, map and exact ground truth."""
 
 from __future__ import annotations
 
@@ -44,9 +44,9 @@ from appocc.simulation.truth.visibility import seen_shares
 
 VERSION, SOURCE = "v1.0-simulation", "exact"
 _START_US, _SCENE_US = 1_700_000_000_000_000, 3_600_000_000
-# Boxes are annotated, and vehicles in the map told apart, within this range of the ego.
+# Boxes are annotated, and vehicles in the map get instances, within this range of the ego.
 _ANNOTATED_M = 80.0
-# Share of a vehicle's length that lies behind its rear axle.
+# Share of a vehicle's length behind its rear axle.
 _REAR_OVERHANG = 0.2
 
 
@@ -55,11 +55,11 @@ class Recipe:
     """What is recorded of a scene.
 
     Attributes:
-        frames: samples of a scene.
-        hz: samples a second.
+        frames: samples per scene.
+        hz: samples per second.
         rig: cameras.
         lidar: whether every sample has a LiDAR sweep.
-        full_maps: whether depth, class and actor of every pixel are kept, beside those of every 8x8 pixels.
+        full_maps: whether depth, class and actor of every pixel are stored, in addition to those of 8x8 blocks.
     """
 
     frames: int
@@ -69,7 +69,7 @@ class Recipe:
     full_maps: bool = False
 
     def as_json(self) -> dict[str, Any]:
-        """JSON values that tell recipes apart."""
+        """Return JSON values that identify the settings."""
         cameras = {
             camera.channel: {
                 "size_px": [camera.width_px, camera.height_px],
@@ -89,13 +89,13 @@ class Recipe:
 
 @dataclass(frozen=True)
 class Place:
-    """A town ready to be recorded.
+    """A town with its traffic, ready to be recorded.
 
     Attributes:
-        town: what stands.
-        log: who moves.
-        renderer: of the town.
-        signal_column: (S,) column of the log's signals for each lamp of the town, -1 where it has none.
+        town: static scene.
+        log: recorded traffic.
+        renderer: renderer of the town.
+        signal_column: (S,) column of the log's signals for each lamp of the town, -1 if it has none.
         category: (A,) nuScenes category of each actor.
     """
 
@@ -108,7 +108,7 @@ class Place:
 
 @lru_cache(maxsize=1)
 def build_place(source: TownSource, folder: Path) -> Place:
-    """Build a town; a process keeps the one it built last."""
+    """Build a town with its renderer; each process caches the last one."""
     plan, log = source.load(folder)
     town = build_town(plan)
     columns = {name: column for column, name in enumerate(log.signal_links)}
@@ -119,9 +119,9 @@ def build_place(source: TownSource, folder: Path) -> Place:
 def record_scene(
     scenario: Scenario, place: Place, recipe: Recipe, writer: Writer, advance: Callable[[float], None]
 ) -> None:
-    """Write a scene's files below the writer's root and its rows into the writer; `advance` is called a frame.
+    """Write a scene's files below the writer's root and its rows into the writer; `advance` is called once per frame.
 
-    The files of its map, which are the same in every scene of a town, are left to `write_map`.
+    Map files, which all scenes of a town share, are written by `write_map`.
 
     Raises:
         DataError: if a file cannot be written.
@@ -159,7 +159,7 @@ class _Recorder:
         self._painted: set[str] = set()
 
     def add_sample(self, number: int) -> str:
-        """Record the frame of a number; returns the sample's token."""
+        """Record frame `number`; return the sample's token."""
         scenario, place = self._scenario, self._place
         seconds = number / self._recipe.hz
         timestamp = _START_US + scenario.number * _SCENE_US + round(seconds * 1e6)
@@ -181,12 +181,12 @@ class _Recorder:
         place = self._place
         lights = np.zeros(len(place.log.actors), np.uint8)
         lights[moment.index] = moment.lights
-        letters = np.append(moment.signals, np.uint8(ord("O")))  # what has no column is off
+        letters = np.append(moment.signals, np.uint8(ord("O")))  # lamps without a column are off
         ego = Ego(pose, place.log.actors[self._scenario.ego].size_lwh_m)
         place.renderer.set_moment(mesh, lights, letters[place.signal_column], self._weather, ego)
 
     def _add_views(self, sample: str, timestamp: int, pose: FloatArray, random: np.random.Generator) -> None:
-        """The pictures of a sample, all taken at its own time, and what is in their pixels."""
+        """Write the images of a sample, all taken at the time of the sample, and their pixel maps."""
         views = self._place.renderer.views(self._recipe.rig, pose, random)
         for channel, view in views.items():
             filename = f"samples/{channel}/{self._scenario.name}__{channel}__{timestamp}.jpg"
@@ -221,7 +221,7 @@ class _Recorder:
         objects: Objects,
         random: np.random.Generator,
     ) -> IntArray:
-        """The LiDAR sweep with its labels; returns the points on each object, -1 where there is no LiDAR."""
+        """Write the LiDAR sweep with its labels; return the number of points on each object, -1 without a LiDAR."""
         if not self._recipe.lidar:
             return np.full(len(objects), -1)
         place, root = self._place, self._writer.root
@@ -267,7 +267,7 @@ class _Recorder:
 
 
 def ego_pose(actor: Actor, moment: Moment, number: int) -> FloatArray:
-    """(4, 4) town_from_ego of an actor: its rear axle on the ground, x forward."""
+    """Return (4, 4) town_from_ego of an actor: rear axle on the ground, x forward."""
     row = int(np.flatnonzero(moment.index == number)[0])
     back = actor.size_lwh_m[0] * (0.5 - _REAR_OVERHANG)
     yaw = float(moment.yaw_rad[row])
@@ -276,15 +276,15 @@ def ego_pose(actor: Actor, moment: Moment, number: int) -> FloatArray:
 
 
 def write_map(town: Town, name: str, root: Path) -> None:
-    """Write the vector map of a town, and the drivable-area mask of nuScenes' own tools, unless they are there.
+    """Write the vector map of a town, and the drivable-area mask for nuScenes' own tools, if they do not exist.
 
-    The world begins at the corner of the town's ground.
+    The world origin is the lower corner of the town's ground.
 
     Raises:
         DataError: if a file cannot be written.
     """
     mask = root / _mask_name(name)
-    if mask.is_file():  # it is written last
+    if mask.is_file():  # written last
         return
     low = town.ground.low_m
     lines, made = town.map, MapExpansion(name)

@@ -1,4 +1,4 @@
-"""Recorded traffic as small files: places to the centimetre, headings to a quarter of a degree."""
+"""Compact files of recorded traffic: positions to the centimetre, headings to a quarter of a degree."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from appocc.errors import AppoccError, DataError
 from appocc.files import read_file, write_bytes, zip_arrays
 from appocc.simulation.traffic import KINDS, Actor, TrafficLog
 
-UNIT = np.array([0.01, 0.01, np.deg2rad(0.25)])  # what x, y (metres) and headings (radians) are rounded to
+UNIT = np.array([0.01, 0.01, np.deg2rad(0.25)])  # quantization of x, y (metres) and headings (radians)
 _VERSION = 1
 Arrays = dict[str, NDArray[Any]]
 
@@ -26,7 +26,7 @@ def save_traffic(path: Path, log: TrafficLog) -> None:
     """Write recorded traffic; the same log gives the same bytes.
 
     Raises:
-        DataError: if the file cannot be written, or an actor leaves and comes back or jumps.
+        DataError: if the file cannot be written, or an actor reappears or jumps.
     """
     info = {
         "version": _VERSION,
@@ -56,7 +56,7 @@ def load_traffic(path: Path) -> TrafficLog:
     """Read recorded traffic.
 
     Raises:
-        DataError: if the file is missing, damaged, or holds something else.
+        DataError: if the file is missing, damaged, or not recorded traffic.
     """
     packed = read_file(path)
     try:
@@ -64,24 +64,24 @@ def load_traffic(path: Path) -> TrafficLog:
             return _log({name: archive[name] for name in archive.files})
     except (AppoccError, ValueError, KeyError, TypeError, IndexError, EOFError, zipfile.BadZipFile) as error:
         raise DataError(f"{path}: no recorded traffic, or damaged ({' '.join(str(error).split())})") from error
-    except Exception as error:  # zlib, struct and numpy's header parser have more for damaged bytes
+    except Exception as error:  # zlib, struct and numpy's header parser raise more for damaged bytes
         raise DataError(f"{path}: damaged ({type(error).__name__})") from error
 
 
 def _still(track: FloatArray, lights: ByteArray) -> BoolArray:
-    """Which actors never change: one row is enough for them."""
+    """Return which actors never change: one row is enough for them."""
     with np.errstate(invalid="ignore"):
         same = (np.abs(track - track[:1]) < UNIT / 2).all(axis=(0, 2))
     return np.asarray(same & (lights == lights[:1]).all(axis=0))
 
 
 def _runs(tracks: list[FloatArray], names: list[str]) -> Arrays:
-    """Actors' tracks (T, 3) as first and last step, first place and step, and the changes of their steps."""
+    """Encode tracks (T, 3) as first and last step, first pose and step, and the second differences of the poses."""
     spans, starts, speeds, bends = ([np.zeros((0, n), np.int32)] for n in (2, 3, 3, 3))
     for track, name in zip(tracks, names, strict=True):
         there = np.flatnonzero(np.isfinite(track[:, 0]))
         if len(there) < 2 or there[-1] - there[0] + 1 != len(there):
-            raise DataError(f"traffic: expected {name} to be there for two steps or more, without a gap")
+            raise DataError(f"traffic: expected {name} to be present for two steps or more, without a gap")
         run = track[there]
         run[:, 2] = np.unwrap(run[:, 2])
         cells = np.round(run / UNIT).astype(np.int32)
@@ -98,13 +98,13 @@ def _runs(tracks: list[FloatArray], names: list[str]) -> Arrays:
 
 
 def _halves(values: NDArray[np.int32]) -> ByteArray:
-    """(3, 2, N) bytes of (N, 3) int16 numbers: low ones apart from high ones, which are alike and so pack well."""
+    """Return (3, 2, N) bytes of (N, 3) int16 numbers: low bytes and high bytes apart, which compresses better."""
     pairs = np.ascontiguousarray(values.T.astype("<i2")).view(np.uint8).reshape(3, -1, 2)
     return np.ascontiguousarray(pairs.transpose(0, 2, 1))
 
 
 def _changes(values: ByteArray) -> ByteArray:
-    """(N, T) differences (modulo 256) from step to step of (T, N) bytes."""
+    """Return (N, T) differences (modulo 256) from step to step of (T, N) bytes."""
     return np.ascontiguousarray(np.diff(values, axis=0, prepend=np.uint8(0)).T)
 
 
@@ -135,7 +135,7 @@ def _log(arrays: Arrays) -> TrafficLog:
 
 
 def _tracks(arrays: Arrays) -> list[IntArray]:
-    """What `_runs` coded, in units: one (N, 3) for each moving actor."""
+    """Decode the tracks of `_runs`, in units: one (N, 3) for each moving actor."""
     bends = np.ascontiguousarray(arrays["bends"].transpose(0, 2, 1)).view("<i2")[..., 0].T.astype(np.int64)
     lengths = np.diff(arrays["spans"], axis=1)[:, 0] - 2
     ends = np.concatenate([[0], np.cumsum(lengths)])

@@ -1,4 +1,4 @@
-"""All actors of a moment as one mesh."""
+"""Assemble all actors of a traffic state into one mesh."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from appocc.simulation.mesh import Mesh
 from appocc.simulation.traffic import Actor, Moment
 
 _NEAR_M, _MIDDLE_M = 25.0, 60.0
-# Length of a double step of a walker and of a turn of a rider's pedals.
+# Length of two steps of a pedestrian, and distance per turn of a rider's pedals.
 _STRIDE_M = {"adult": 1.4, "child": 1.0, "bicycle": 5.0}
 _WALKING_MPS = 0.2
 
@@ -30,15 +30,15 @@ def assemble(
     exclude: int | None,
     far_m: float = 150.0,
 ) -> Mesh:
-    """One mesh in the town frame of who is near a point; `tag` is the number of the actor in the log.
+    """Assemble the actors near a point into one mesh in the town frame; `tag` is the index of the actor in the log.
 
     Args:
-        actors: of the log.
-        moment: where they are.
-        paints: by number of the actor.
-        centre_xy_m: (2,) the point, town frame; near it actors have more detail.
-        exclude: number of an actor to leave out.
-        far_m: how far from the point.
+        actors: actors of the log.
+        moment: their poses.
+        paints: by index of the actor.
+        centre_xy_m: (2,) the point, town frame; nearby actors have more detail.
+        exclude: index of an actor to leave out.
+        far_m: radius around the point.
     """
     distance_m = np.hypot(*(moment.xy_m - centre_xy_m).T)
     rows = np.flatnonzero((distance_m <= far_m) & (moment.index != (-1 if exclude is None else exclude)))
@@ -68,12 +68,12 @@ def _shape(actor: Actor, number: int, moment: Moment, row: int, distance_m: floa
 
 
 def variant_of(actor: Actor) -> int:
-    """The variant of an actor's body: it follows from its name."""
+    """Return the body variant of an actor, which follows from its name."""
     return zlib.crc32(actor.name.encode()) >> 8
 
 
 def _step(actor: Actor, number: int, moment: Moment, row: int) -> int:
-    """Phase of the step: legs go on with the way made along the heading; who stands has pose 0."""
+    """Return the phase of the step: legs advance with the distance travelled; actors that do not move have pose 0."""
     stride_m = _STRIDE_M.get(actor.body)
     if stride_m is None or np.hypot(*moment.velocity_mps[row]) < _WALKING_MPS:
         return 0
@@ -90,7 +90,7 @@ def _place(
     vertices_out: Float32Array,
     normals_out: Float32Array,
 ) -> None:
-    """Stretch a template to a size, turn and move it; `pose` is x, y, yaw, size, size of the template."""
+    """Scale, rotate and translate a template; `pose` holds x, y, yaw, the size and the size of the template."""
     x, y, cos, sin = pose[0], pose[1], np.cos(pose[2]), np.sin(pose[2])
     length, width, height = pose[3], pose[4], pose[5]
     by_x, by_y, by_z = pose[6] / length, pose[7] / width, pose[8] / height
@@ -119,7 +119,7 @@ def _copy(
     material_out: ByteArray,
     tint_out: ByteArray,
 ) -> None:
-    """Copy the faces of a template; painted ones take the paint."""
+    """Copy the faces of a template; painted faces take the actor's paint."""
     for i in range(len(faces)):
         material_out[i] = material[i]
         for k in range(3):

@@ -1,4 +1,4 @@
-"""The shape of every body, at three levels of detail."""
+"""Body shapes at three levels of detail."""
 
 from __future__ import annotations
 
@@ -25,17 +25,17 @@ BODIES = (
 
 
 def body_mesh(body: str, size_lwh_m: Size, variant: int, detail: int) -> Mesh:
-    """A body that fills its box: x forward, y left, z up, origin below the centre; painted faces are light grey.
+    """Build a body that fills its box: x forward, y left, z up, origin at the bottom centre; painted faces are grey.
 
     Args:
         body: one of `BODIES`.
         size_lwh_m: length, width, height.
-        variant: any number; make, wheels, clothes.
+        variant: any number; it selects make, wheels and clothes.
         detail: 0 near (to 25 m), 1 middle (to 60 m), 2 far.
 
     Raises:
-        NotFoundError: if there is no such body.
-        ShapeError: if a size is not positive, or there is no such level of detail.
+        NotFoundError: if the body is unknown.
+        ShapeError: if a size is not positive, or the level of detail does not exist.
     """
     if min(size_lwh_m) <= 0 or not np.isfinite(size_lwh_m).all():
         raise ShapeError(f"size of {body}: expected three positive lengths, got {size_lwh_m}")
@@ -58,11 +58,11 @@ def body_mesh(body: str, size_lwh_m: Size, variant: int, detail: int) -> Mesh:
 
 
 def template(body: str, variant: int, detail: int, pose: int = 0) -> Template:
-    """A body without a size; `pose` is the phase of a step, of those who walk or ride.
+    """Return a body without a size; `pose` is the phase of the step of pedestrians and riders.
 
     Raises:
-        NotFoundError: if there is no such body.
-        ShapeError: if there is no such level of detail.
+        NotFoundError: if the body is unknown.
+        ShapeError: if the level of detail does not exist.
     """
     if body not in BODIES:
         raise NotFoundError(f"there is no body '{body}', only {', '.join(BODIES)}")
@@ -73,7 +73,7 @@ def template(body: str, variant: int, detail: int, pose: int = 0) -> Template:
 
 @cache
 def _template(body: str, variant: int, detail: int, pose: int) -> Template:
-    # All phases of a step are stretched alike, so that nobody grows while walking.
+    # All phases of a step are scaled alike, so that nobody's size changes while walking.
     first = _model(body, variant, detail, 0)
     return first.template(first) if pose == 0 else _model(body, variant, detail, pose).template(first)
 

@@ -13,23 +13,23 @@ _BED_M = 0.42
 
 
 class Cabin(CarFrame):
-    """What stands on the shoulder, and what is drawn on the doors."""
+    """The part of a car above the shoulder line, and the door details."""
 
     def build(self) -> None:
-        """Windows, pillars and roof."""
+        """Build windows, pillars and roof."""
         profile = self.profile
         base, top, edge = (np.array(column) for column in zip(*profile.pillars, strict=True))
         if self.detail == 2:
             ends = [0, len(base) - 1]
             base, top, edge = base[ends], top[ends], edge[ends]
-        # Far away the windows begin at the shoulder itself.
+        # At the lowest level of detail the windows begin at the shoulder itself.
         belt_y = self.half(base) * profile.widths[0] if self.detail < 2 else self.shoulder_half(base)
         roof_y = np.full(len(top), self.width / 2 * profile.widths[1])
         lower = points(base, belt_y, self.shoulder(base) + (0.03 if self.detail < 2 else 0.0))
         upper = points(top, roof_y, edge)
         if self.detail == 0:
             head = lower + 0.86 * (upper - lower)
-            head[1:-1, 1] += 0.012  # the windows are bent; the corners belong to the screens, too
+            head[1:-1, 1] += 0.012  # curved side windows; the corners also belong to the windscreen and rear window
             rows, shares = np.stack([lower, head, upper], axis=1), np.array([0.0, 0.55, 1.0])
         else:
             rows, shares = np.stack([lower, upper], axis=1), np.array([0.0, 1.0])
@@ -48,7 +48,7 @@ class Cabin(CarFrame):
             self._rear_doors()
 
     def _belt(self, base: FloatArray, lower: FloatArray) -> None:
-        """The ledge between the shoulder and the side windows."""
+        """Add the ledge between the shoulder and the side windows."""
         bends = self.line[:, 0]
         pillars = base if self.detail == 0 else base[[0, -1]]
         x = np.unique(np.concatenate([pillars, bends[(bends < base[0]) & (bends > base[-1])]]))[::-1]
@@ -68,7 +68,7 @@ class Cabin(CarFrame):
         self.model.sheet(self._roof_grid(upper, shares), PAINT)
 
     def _screens(self, lower: FloatArray, upper: FloatArray, shares: FloatArray) -> None:
-        """Windscreen and rear window, bent forward and back in the middle."""
+        """Add windscreen and rear window, curved along the centre line."""
         roof = self._roof_grid(upper, shares)
         front_foot, _, _, rear_foot = self.profile.screens_x_m
         closed = self.profile.panes.count("p") > 2
@@ -95,7 +95,7 @@ class Cabin(CarFrame):
         self.model.box(low, high, RAIL, mirror=True, skip="b")
 
     def _doors(self) -> None:
-        """Gaps between the doors, and their handles."""
+        """Add the gaps between the doors, and their handles."""
         front_x = [x for x, _, _ in self.profile.pillars]
         doors = [front_x[1] - 0.12, 0.5 * (front_x[2] + front_x[3])]
         doors += [front_x[4] + 0.10] if self.profile.panes[3] == "g" else []
@@ -112,7 +112,7 @@ class Cabin(CarFrame):
             self.model.sheet([[[a, side, b] for b in z] for a in (x + 0.06, x + 0.24)], GRILLE)
 
     def _rear_doors(self) -> None:
-        """Windows in the rear doors of a van, and the gap between the doors."""
+        """Add the windows in the rear doors of a van, and the gap between the doors."""
         _, _, top, foot = self.profile.screens_x_m
         low, high = float(self.shoulder(np.array(foot))) + 0.03, self.profile.pillars[-1][2]
         z = low + (high - low) * np.array([0.12, 0.72])

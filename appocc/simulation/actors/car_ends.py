@@ -1,4 +1,4 @@
-"""Nose, tail, bonnet, boot and load bed of a car."""
+"""Front and rear of a car: bumpers, bonnet, boot and load bed."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ from appocc.checks import FloatArray
 from appocc.simulation.actors.car_frame import SHARE_LOW, CarFrame, points
 from appocc.simulation.actors.materials import HEAD_LAMP, INDICATOR, PAINT, PLATE, TAIL_LAMP, TRIM, Look
 
-# Columns from the centre line to the corner as shares of the half width; how far the rounded ends fall back there.
+# Columns from the centre line to the corner as shares of the half width; how far the rounded ends recede there.
 _COLUMNS = ((0.0, 0.36, 0.64, 0.89, 1.0), (0.0, 0.84, 1.0), (0.0, 1.0))
 _FALL = ((0.0, 0.02, 0.06, 0.20, 1.0), (0.0, 0.16, 1.0), (0.0, 0.5))
 _ROWS = ((0, 1, 3, 4, 5), (0, 1, 3, 5), (0, 3, 5))
-# Row of a profile's nose and tail that holds the lamps.
+# Row of a profile's front and rear that holds the lamps.
 _LAMP_ROW = 3
 
 
 class Ends(CarFrame):
-    """What lies ahead of and behind the cabin."""
+    """The parts of a car ahead of and behind the cabin."""
 
     def _end_grid(self, front: bool) -> FloatArray:
-        """(rows, columns, 3) of the nose or the tail; its last column is the corner of the flank."""
+        """Return (rows, columns, 3) of the front or rear; the last column is the corner it shares with the side."""
         sign = 1.0 if front else -1.0
         rows = np.array(self.profile.nose if front else self.profile.tail)[list(_ROWS[self.detail])]
         corner_x = float(self.full_line[0 if front else -1, 0])
@@ -32,7 +32,7 @@ class Ends(CarFrame):
         corner_y = np.array([SHARE_LOW * half, half, float(self.shoulder_half(at))])
         low, high = rows[0, 0], rows[-1, 0]
         z_corner = corner_z[0] + (rows[:, 0] - low) / (high - low) * (corner_z[-1] - corner_z[0])
-        # The flank's edge bends at the waist: a row of this end meets it there.
+        # The edge of the side bends at the waist: a row of this grid meets it there.
         z_corner[1 + int(np.argmin(np.abs(z_corner[1:-1] - corner_z[1])))] = corner_z[1]
         y_corner = np.interp(z_corner, corner_z, corner_y)
         depth = self.length / 2 - abs(corner_x)
@@ -44,7 +44,7 @@ class Ends(CarFrame):
         return np.stack(grid, axis=1)
 
     def end(self, front: bool, grille: Look) -> None:
-        """Nose or tail: bumper, lamps, grille and plate."""
+        """Add front or rear: bumper, lamps, grille and number plate."""
         grid = self._end_grid(front)
         rows = _ROWS[self.detail]
         columns = len(_COLUMNS[self.detail]) - 1
@@ -69,7 +69,7 @@ class Ends(CarFrame):
     def _patch(
         self, cell: FloatArray, across: tuple[float, float], up: tuple[float, float], look: Look, front: bool
     ) -> None:
-        """A part of a cell (2, 2, 3) of the nose or the tail, just in front of it."""
+        """Add a part of a cell (2, 2, 3) of the front or rear, slightly in front of it."""
         v, u = np.meshgrid(up, across, indexing="ij")
         weights = np.stack([(1 - v) * (1 - u), (1 - v) * u, v * (1 - u), v * u], axis=-1)
         patch = weights @ cell.reshape(4, 3) + [0.007 if front else -0.007, 0.005, 0.0]
@@ -84,7 +84,7 @@ class Ends(CarFrame):
         self.model.sheet(plate, PLATE, mirror=False)
 
     def _deck(self, x: FloatArray, edge: FloatArray, crown_m: float, first: FloatArray) -> FloatArray:
-        """(stations, columns, 3): rows from the end's upper edge `first` (columns, 3) to stations at x."""
+        """Return (stations, columns, 3): rows from the upper edge `first` (columns, 3) to stations at x."""
         shares = np.array(_COLUMNS[self.detail])
         half = self.shoulder_half(x) if self.detail < 2 else self.half(x)
         y = half[:, None] * shares
@@ -93,19 +93,19 @@ class Ends(CarFrame):
         return np.concatenate([first[None], rest])
 
     def bonnet(self) -> None:
-        """From the nose to the windscreen."""
+        """Add the bonnet, from the front to the windscreen."""
         x = self.full_line[1:3, 0] if self.detail == 0 else self.full_line[2:3, 0]
         grid = self._deck(x, self.shoulder(x), self.profile.crown_m[0], self._end_grid(front=True)[-1])
         self.model.sheet(grid, PAINT)
 
     def boot(self) -> None:
-        """From the tail to the rear window."""
+        """Add the boot, from the rear to the rear window."""
         x = self.full_line[5:6, 0]
         grid = self._deck(x, self.shoulder(x), 0.03, self._end_grid(front=False)[-1])
         self.model.sheet(grid, PAINT)
 
     def bed(self) -> None:
-        """An open load bed: rim, inner walls and floor."""
+        """Add an open load bed: rim, inner walls and floor."""
         tail = self._end_grid(front=False)[-1]
         rear, front = self.full_line[-1, 0], self.full_line[4, 0]
         z = float(self.shoulder(np.array(front)))

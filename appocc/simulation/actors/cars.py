@@ -1,4 +1,4 @@
-"""Cars, pickups and vans: a lower body with wheel arches, and a cabin on it."""
+"""Cars, pickups and vans: a lower body with wheel arches and a cabin."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from appocc.simulation.actors.wheels import add_wheels
 
 
 def car(body: str, variant: int, detail: int) -> Modeller:
-    """A car, pickup or van."""
+    """Model a car, pickup or van."""
     profile = car_profile(body, variant)
     model = Modeller(profile.size_lwh_m)
     Flanks(model, profile, detail).build()

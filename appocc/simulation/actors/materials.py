@@ -1,4 +1,4 @@
-"""What the parts of actors are made of."""
+"""Materials and tints of the parts of actors."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ Colour = tuple[int, int, int]
 
 
 class Look(NamedTuple):
-    """A part's material and sRGB tint; a painted part takes the actor's paint instead."""
+    """Material and sRGB tint of a part; a painted part takes the actor's paint instead."""
 
     material: Material
     tint: Colour
@@ -29,24 +29,24 @@ UNDERSIDE = Look(Material.TRIM, (12, 12, 13))
 GREY_TRIM = Look(Material.TRIM, (74, 75, 77))
 HEAD_LAMP = Look(Material.HEAD_LAMP, (214, 218, 222))
 TAIL_LAMP = Look(Material.TAIL_LAMP, (128, 16, 18))
-# Mirrored parts change sides: the left one is given, see `Modeller.sheet`.
+# Mirrored parts swap sides: this is the left one, see `Modeller.add_sheet`.
 INDICATOR = Look(Material.INDICATOR_LEFT, (196, 112, 34))
 PLATE = Look(Material.PLATE, (226, 226, 220))
 RAIL = Look(Material.METAL, (150, 152, 155))
 
 
 def plain(*tint: int) -> Look:
-    """A matt part."""
+    """Return a matt finish."""
     return Look(Material.PLAIN, _colour(tint))
 
 
 def cloth(*tint: int) -> Look:
-    """A garment."""
+    """Return the finish of a garment."""
     return Look(Material.CLOTH, _colour(tint))
 
 
 def skin(*tint: int) -> Look:
-    """Bare skin."""
+    """Return the finish of bare skin."""
     return Look(Material.SKIN, _colour(tint))
 
 

@@ -1,4 +1,4 @@
-"""Modelling: sheets of quadrilaterals become a template that fits any size of its body."""
+"""Model bodies from sheets of quadrilaterals, and turn them into templates that fit any size."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from appocc.simulation.mesh import Material
 
 Looks = Look | Sequence[Sequence[Look | None]]
 Size = tuple[float, float, float]
-# Faces of one material that meet at less than this are one curve.
+# Faces of one material that meet at less than this angle form a smooth curve.
 _CREASE_COS = float(np.cos(np.radians(42.0)))
 _THINNEST_M2 = 1e-7
 
 
 @dataclass(frozen=True)
 class Template:
-    """A body without a size: x is `places[0] * length + places[3] * height`, y and z scale with width and height.
+    """A body without a size: x is `coordinates[0] * length + coordinates[3] * height`, y and z scale.
 
-    The last column keeps round what must stay round when a body is stretched: wheels and their arches.
+    The last column keeps round parts round when a body is stretched: wheels and their arches.
 
     Attributes:
-        size_lwh_m: the size it was modelled at, which `normals` hold for.
+        size_lwh_m: size at which the body was modelled; `normals` hold for it.
         places: (V, 4) float32.
         normals: (V, 3) float32, unit.
         faces: (F, 3) int32, counter-clockwise from outside.
@@ -44,18 +44,18 @@ class Template:
     painted: BoolArray
 
     def __post_init__(self) -> None:
-        """Templates are shared: nobody writes into one."""
+        """Make the arrays read-only: templates are shared."""
         for array in (self.places, self.normals, self.faces, self.material, self.tint, self.painted):
             frozen(array)
 
 
 class Modeller:
-    """Collects the faces of a body at its usual size: metres, x forward, y left, z up, origin below the centre."""
+    """Collects the faces of a body at its usual size: metres, x forward, y left, z up, origin bottom centre."""
 
     def __init__(self, size_lwh_m: Size) -> None:
-        """Start with nothing."""
+        """Start an empty body."""
         self.size_lwh_m = size_lwh_m
-        self._corners: list[FloatArray] = []  # (F, 3, 4): x, y, z and what x is anchored to
+        self._corners: list[FloatArray] = []  # (F, 3, 4): x, y, z and the anchor of x
         self._looks: list[Look] = []
 
     def sheet(
@@ -72,10 +72,10 @@ class Modeller:
         Args:
             points_m: (N, M, 3).
             looks: of all cells, or (N - 1, M - 1) of each; None leaves a hole.
-            inside_m: (3,) a point behind the sheet; without it the middle of the body.
-            anchor_m: what x is measured from where a part is to stay round, (N, M) or a number; without it x itself.
-            mirror: add it on the other side, too.
-            hollow: it is seen from the side of `inside_m`.
+            inside_m: (3,) a point behind the sheet; the middle of the body by default.
+            anchor_m: origin of x for parts that stay round, (N, M) or a number; x itself by default.
+            mirror: also add the sheet on the other side of the car.
+            hollow: the sheet is seen from the side of `inside_m`.
         """
         points = np.asarray(points_m, np.float64)
         anchor = points[..., 0] if anchor_m is None else np.broadcast_to(np.asarray(anchor_m), points.shape[:2])
@@ -95,7 +95,7 @@ class Modeller:
         mirror: bool,
         hollow: bool = False,
     ) -> None:
-        """Add triangles (F, 3, 4), all wound alike, and turn them outward; the last column is the anchor of x."""
+        """Add triangles (F, 3, 4) of equal winding and orient them outward; the last column is the anchor of x."""
         normal = _area_normals(corners)
         inside = np.array([0.0, 0.0, 0.45 * self.size_lwh_m[2]]) if inside_m is None else np.asarray(inside_m)
         if (np.sum(normal * (corners[..., :3].mean(axis=1) - inside)) < 0) != hollow:
@@ -109,7 +109,7 @@ class Modeller:
             self._looks += [_other_side(look) for look in kept]
 
     def fan(self, ring_m: ArrayLike, look: Look, inside_m: ArrayLike, anchor_m: float | None, mirror: bool) -> None:
-        """Fill a convex ring (N, 3)."""
+        """Add the area inside a convex ring (N, 3)."""
         ring = np.asarray(ring_m, np.float64)
         anchor = ring[:, :1] if anchor_m is None else np.full((len(ring), 1), anchor_m)
         ring = np.concatenate([ring, anchor], axis=1)
@@ -141,7 +141,7 @@ class Modeller:
         mirror: bool = False,
         closed: bool = True,
     ) -> None:
-        """Add a tube along points (N, 3) with a radius at each; its ends are flat."""
+        """Add a tube with flat ends along points (N, 3) with a radius at each."""
         ends = np.asarray(ends_m, np.float64)
         along = ends[-1] - ends[0]
         along = along / np.linalg.norm(along)
@@ -156,7 +156,7 @@ class Modeller:
             self.fan(ring, look, ends.mean(axis=0), None, mirror)
 
     def template(self, filling: Modeller) -> Template:
-        """What was collected, stretched by the last millimetres as it takes `filling` to fill the box exactly."""
+        """Return the collected faces as a template, scaled such that `filling` fills its box exactly."""
         corners = np.concatenate(self._corners)
         places = _filled(self._places(), filling._places(), self.size_lwh_m[2] / self.size_lwh_m[0])
         normals = _smooth_normals(corners[..., :3], np.array([look.material for look in self._looks]))
@@ -173,7 +173,7 @@ class Modeller:
         )
 
     def _places(self) -> FloatArray:
-        """(F, 3, 4) corners as shares of the size, see `Template.places`."""
+        """Return (F, 3, 4) corners as shares of the size, see `BodyTemplate.coordinates`."""
         corners = np.concatenate(self._corners)
         x, y, z, anchor = np.moveaxis(corners, -1, 0)
         length, width, height = self.size_lwh_m
@@ -185,13 +185,13 @@ def _other_side(look: Look) -> Look:
 
 
 def _area_normals(corners: FloatArray) -> FloatArray:
-    """(F, 3) normals of triangles, twice as long as these are large."""
+    """Return (F, 3) normals of triangles; their length is twice the area."""
     (ax, ay, az), (bx, by, bz) = (np.moveaxis(corners[:, k, :3] - corners[:, 0, :3], -1, 0) for k in (1, 2))
     return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=-1)
 
 
 def _filled(places: FloatArray, filling: FloatArray, height_per_length: float) -> FloatArray:
-    """Places moved as it takes `filling` to have extents of exactly -1/2..1/2, -1/2..1/2 and 0..1."""
+    """Return coordinates scaled such that `filling` has extents of exactly -1/2..1/2, -1/2..1/2 and 0..1."""
     result = places.copy()
     x = filling[..., 0] + filling[..., 3] * height_per_length
     for column, values, low in ((0, x, -0.5), (1, filling[..., 1], -0.5), (2, filling[..., 2], 0.0)):
@@ -200,11 +200,11 @@ def _filled(places: FloatArray, filling: FloatArray, height_per_length: float) -
 
 
 def _smooth_normals(corners: FloatArray, material: IntArray) -> FloatArray:
-    """(F, 3, 3) unit normals of the corners: smooth where faces of a material meet at a small angle, else sharp."""
+    """Return (F, 3, 3) unit normals of the corners: smooth between faces of a material at a small angle."""
     area = _area_normals(corners)
     unit = area / np.linalg.norm(area, axis=1, keepdims=True)
     _, place = np.unique(np.round(corners.reshape(-1, 3), 4), axis=0, return_inverse=True)
-    # A row of `table` holds the corners at one place.
+    # A row of `table` holds the corners at one position.
     order = np.argsort(place, kind="stable")
     counts = np.bincount(place)
     rank = np.arange(len(order)) - np.repeat(np.cumsum(counts) - counts, counts)

@@ -1,4 +1,4 @@
-"""Paints as on real streets: which colours, how often, and how they spread."""
+"""Vehicle paints and clothing colours as on real streets: colour shares and their spread."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ _SHARES = {
 }
 
 
-# A town's buses belong to one fleet, but for some guests.
+# Most buses of a town belong to one fleet.
 _FLEET_SHARE = 0.85
 
 
@@ -78,10 +78,10 @@ COLOUR_WORDS = tuple(_PAINTS)
 
 
 def paint_of(actor: Actor, seed: int) -> Paint:
-    """The paint of a vehicle, or of a walker's jacket; it follows from the seed, the kind and the name alone.
+    """Draw the paint of a vehicle or of a pedestrian's jacket; it depends on seed, kind and name only.
 
     Raises:
-        NotFoundError: if there are no paints for its kind.
+        NotFoundError: if the kind has no paints.
     """
     if actor.kind not in _SHARES:
         raise NotFoundError(f"{actor.name}: there is no kind '{actor.kind}', only {', '.join(_SHARES)}")
@@ -94,7 +94,7 @@ def paint_of(actor: Actor, seed: int) -> Paint:
 
 
 def paints_of(actors: Sequence[Actor], seed: int) -> tuple[Paint, ...]:
-    """The paints of a log's actors, in their order."""
+    """Draw the paints of a log's actors, in their order."""
     return tuple(paint_of(actor, seed) for actor in actors)
 
 
@@ -103,7 +103,7 @@ def _drawn(rng: np.random.Generator, words: list[str], shares: list[float]) -> s
 
 
 def _around(rng: np.random.Generator, typical: tuple[_Typical, ...]) -> Colour:
-    """A colour near one of some typical paints: metallic flakes and age change its brightness more than its hue."""
+    """Draw a colour near one of several typical paints: metallic flakes and age change brightness more than hue."""
     weights = np.array([weight for weight, *_ in typical])
     pick = int(np.searchsorted(np.cumsum(weights) / weights.sum(), rng.random(), side="right"))
     _, centre, spread, hue_spread = typical[pick]

@@ -1,4 +1,4 @@
-"""Walkers, and the parts riders are made of."""
+"""Pedestrians, and the body parts of riders."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _SHOES = (cloth(30, 28, 27), cloth(196, 194, 188), cloth(84, 56, 38))
 _HAIR = (cloth(92, 66, 42), cloth(24, 20, 18), cloth(34, 26, 22))
 _BAG: Colour = (70, 76, 62)
 _SIDES = (7, 5, 3)
-# How far each leg is ahead in the four phases of a step; the arms go the other way.
+# How far each leg is ahead in the four phases of a step; the arms swing the other way.
 _SWING = (1.0, 0.25, -1.0, -0.25)
 
 
@@ -27,10 +27,10 @@ def limb(
     flat: tuple[float, float] = (1.0, 1.0),
     closed: bool = True,
 ) -> None:
-    """Add a part of level rings around points (N, 3), stretched by `flat` along x and y."""
+    """Add a limb of horizontal rings around points (N, 3), scaled by `flat` along x and y."""
     points = np.asarray(points_m, np.float64)
     turn = np.arange(sides + 1) * (2 * np.pi / sides)
-    # A circle of few corners is drawn a little larger, so that limbs look alike at all levels of detail.
+    # A circle of few corners is slightly larger, so that limbs look alike at all levels of detail.
     grown = ((7 * np.sin(2 * np.pi / 7)) / (sides * np.sin(2 * np.pi / sides))) ** 0.25
     circle = grown * np.stack([flat[0] * np.cos(turn), flat[1] * np.sin(turn), np.zeros(sides + 1)], axis=1)
     rings = points[:, None] + np.asarray(radii_m)[:, None, None] * circle
@@ -42,7 +42,7 @@ def limb(
 
 
 def walker(child: bool, variant: int, detail: int, pose: int) -> Modeller:
-    """Somebody on foot in one phase of a step; the jacket takes the actor's paint."""
+    """Model a pedestrian in one phase of a step; the jacket takes the actor's paint."""
     size: Size = (0.50, 0.42, 1.20) if child else (0.75, 0.60, 1.75)
     model = Modeller(size)
     h, sides, swing = size[2], _SIDES[detail], _SWING[pose]
@@ -113,7 +113,7 @@ def _head(model: Modeller, h: float, head: float, variant: int, detail: int) -> 
 
 
 def helmet(model: Modeller, centre_m: ArrayLike, radius_m: float, look: Look, sides: int, full: bool) -> None:
-    """Add a helmet; a full one covers the face and has a visor."""
+    """Add a helmet; a full-face helmet has a visor."""
     centre = np.asarray(centre_m, np.float64)
     heights, radii = np.array([-0.95, -0.4, 0.3, 0.8, 1.0]), np.array([0.62, 0.95, 1.0, 0.66, 0.15])
     if not full:

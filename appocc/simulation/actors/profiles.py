@@ -13,7 +13,7 @@ Line = tuple[tuple[float, float], ...]
 
 @dataclass(frozen=True)
 class CarProfile:
-    """What tells one car's shape from another's; x forward from the middle of the car, z up, metres.
+    """The shape parameters of a car; x forward from the middle of the car, z up, metres.
 
     Attributes:
         size_lwh_m: usual length, width, height.
@@ -21,14 +21,14 @@ class CarProfile:
         axles_x_m: front and rear axle.
         sill_m: height of the lower edge.
         waist_m: height where the body is widest.
-        shoulder: (x, z) of the line from the front wing to the tail, from the nose's corner to the tail's.
+        shoulder: (x, z) of the line from the front wing to the tail, from the front corner to the rear corner.
         pillars: (x at the belt, x at the roof, z at the roof's edge) of the edges of the side windows, front to rear.
-        panes: what lies between two pillars: g(lass), t(rim), p(aint).
-        screens_x_m: centre line: foot and head of the windscreen, head and foot of the rear window.
+        panes: material between two pillars: g(lass), t(rim), p(aint).
+        screens_x_m: on the centre line: bottom and top of the windscreen, top and bottom of the rear window.
         widths: half widths as shares: belt, edge of the roof.
-        crown_m: how far the middle of the bonnet and of the roof rise over their edges.
+        crown_m: rise of the middle of the bonnet and of the roof above their edges.
         nose: (z, setback) of the front's centre line from the bumper's lower edge to the bonnet.
-        tail: the same of the rear.
+        tail: (z, setback) of the rear's centre line.
         bed: whether an open load bed follows the cabin.
         rails: roof rails.
         cladding: dark lower body.
@@ -189,7 +189,7 @@ CAR_BODIES = tuple(_PROFILES)
 
 
 def car_profile(body: str, variant: int) -> CarProfile:
-    """The profile of a make: 0 as drawn, 1 with a longer roof and a higher belt, 2 with a shorter, rounder cabin."""
+    """Return the profile of a variant: 0 unchanged, 1 longer roof and higher belt, 2 shorter and rounder cabin."""
     profile = _PROFILES[body]
     back, belt, head = ((0.0, 0.0, 0.0), (-0.09, 0.02, -0.05), (0.05, -0.015, 0.06))[variant]
     if profile.bed or body == "van":

@@ -28,13 +28,13 @@ from appocc.simulation.actors.people import SKINS, helmet, limb
 _JACKETS = (cloth(38, 39, 42), cloth(150, 46, 40), cloth(58, 84, 120))
 _TROUSERS = (cloth(40, 48, 70), cloth(30, 30, 33), cloth(122, 108, 88))
 _HELMETS = (plain(230, 230, 228), plain(34, 35, 38), plain(178, 40, 36))
-# Far away spokes, gaps and tyre of a bicycle's wheel are one grey.
+# At a distance, spokes, gaps and tyre of a bicycle wheel merge into one grey.
 _SPOKES = plain(92, 92, 92)
 _SEGMENTS = (11, 8, 6)
 
 
 def _wheel(model: Modeller, x: float, radius: float, wide: float, hub: Look | None, detail: int) -> None:
-    """A wheel in the middle plane; without a hub one sees through its spokes."""
+    """Add a wheel in the middle plane; a wheel without a hub has spokes."""
     segments = _SEGMENTS[detail]
     turn = np.arange(segments + 1) * (2 * np.pi / segments)
     ring = np.stack([np.cos(turn), np.zeros(segments + 1), np.sin(turn)], axis=1)
@@ -60,7 +60,7 @@ def _wheel(model: Modeller, x: float, radius: float, wide: float, hub: Look | No
 
 
 class _Seat(NamedTuple):
-    """Where a rider sits: x, z of hip and shoulder, the left hand, and how far out knees and feet are."""
+    """Pose of a rider: x, z of hip and shoulder, the left hand, and the lateral spread of knees and feet."""
 
     hip: tuple[float, float]
     shoulder: tuple[float, float]
@@ -69,7 +69,7 @@ class _Seat(NamedTuple):
 
 
 def _rider(model: Modeller, seat: _Seat, legs: Sequence[tuple[float, ...]], variant: int, detail: int) -> None:
-    """Legs, torso and arms; `legs` holds x and z of knee and foot, left and right."""
+    """Add legs, torso and arms; `legs` holds x and z of knee and foot, left and right."""
     sides = (6, 4, 3)[detail]
     closed = detail == 0
     (hip_x, hip_z), (shoulder_x, shoulder_z) = seat.hip, seat.shoulder
@@ -101,7 +101,7 @@ def _rider(model: Modeller, seat: _Seat, legs: Sequence[tuple[float, ...]], vari
 
 
 def motorcycle(variant: int, detail: int) -> Modeller:
-    """A motorcycle with its rider; the tank, the fairing and the tail take the actor's paint."""
+    """Model a motorcycle with its rider; tank, fairing and tail take the actor's paint."""
     model = Modeller((2.15, 0.80, 1.62))
     sides = (6, 5, 3)[detail]
     for x in (0.765, -0.765):
@@ -132,7 +132,7 @@ def motorcycle(variant: int, detail: int) -> Modeller:
 
 
 def bicycle(variant: int, detail: int, pose: int) -> Modeller:
-    """A bicycle with its rider in one phase of the pedals' turn; the frame takes the actor's paint."""
+    """Model a bicycle with its rider in one phase of the pedals' turn; the frame takes the actor's paint."""
     model = Modeller((1.75, 0.60, 1.72))
     for x in (0.53, -0.53):
         _wheel(model, x, 0.345, 0.045, None, detail)

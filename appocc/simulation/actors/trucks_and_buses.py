@@ -32,33 +32,33 @@ _FALL_M = ((0.0, 0.03, 0.10, 0.22), (0.0, 0.10, 0.22), (0.0, 0.12))
 
 
 class _Hull:
-    """Rows from the lower edge to the roof's edge: height, half width, x of the front and of the rear."""
+    """A hull in rows from the lower edge to the roof's edge: height, half width, x of the front and of the rear."""
 
     def __init__(self, model: Modeller, rows: Sequence[tuple[float, float, float, float]], detail: int) -> None:
         self.model, self.detail = model, detail
         self.z, self.half, self.front_x, self.rear_x = (np.array(column) for column in zip(*rows, strict=True))
 
     def end(self, front: bool) -> FloatArray:
-        """(rows, columns, 3) of the left half of the front or the rear."""
+        """Return (rows, columns, 3) of the left half of the front or the rear."""
         shares, fall = np.array(_COLUMNS[self.detail]), np.array(_FALL_M[self.detail])
         x = self.front_x[:, None] - fall if front else self.rear_x[:, None] + 0.6 * fall
         return np.stack(np.broadcast_arrays(x, self.half[:, None] * shares, self.z[:, None]), axis=-1)
 
     def add_end(self, front: bool, looks: Sequence[Sequence[Look]]) -> None:
-        """Front or rear; looks of each row's columns from the centre to the corner, the last one goes on."""
+        """Add front or rear; a row lists finishes from the centre to the corner and repeats the last one."""
         columns = len(_COLUMNS[self.detail]) - 1
         filled = [[row[min(k, len(row) - 1)] for k in range(columns)] for row in looks]
         x = float(np.mean(self.front_x + self.rear_x)) / 2
         self.model.sheet(self.end(front), filled, [x, 0.0, float(self.z.mean())])
 
     def side(self, stations_x_m: Sequence[float | FloatArray]) -> FloatArray:
-        """(rows, stations + 2, 3) of the left side from front to rear; a station has one x, or one for each row."""
+        """Return (rows, stations + 2, 3) of the left side, front to rear; a station has one x, or one per row."""
         front, rear = self.end(True)[:, -1], self.end(False)[:, -1]
         middle = [np.stack([np.broadcast_to(x, self.z.shape), self.half, self.z], axis=-1) for x in stations_x_m]
         return np.stack([front, *middle, rear], axis=1)
 
     def add_roof(self, crown_m: float, look: Look, stations_x_m: Sequence[float]) -> None:
-        """The roof over the uppermost row."""
+        """Add the roof above the uppermost row."""
         shares = np.array(_COLUMNS[self.detail])
         middle = [
             np.stack(
@@ -70,14 +70,14 @@ class _Hull:
         self.model.sheet(grid, look)
 
     def add_floor(self, low_m: float) -> None:
-        """The underside."""
+        """Add the underside."""
         low, high = [self.rear_x[0] + 0.1, -0.9 * self.half[0]], [self.front_x[0] - 0.1, 0.9 * self.half[0]]
         floor = [[[x, y, low_m] for y in (low[1], high[1])] for x in (low[0], high[0])]
         self.model.sheet(floor, UNDERSIDE, mirror=False)
 
 
 def bus(variant: int, detail: int) -> Modeller:
-    """A city bus: window band, doors on the right side, a sign over the windscreen."""
+    """Model a city bus: window band, doors on the right side, a sign above the windscreen."""
     model = Modeller((12.0, 2.55, 3.1))
     high = (
         *((0.30, 1.23, 5.94, -5.97), (0.58, 1.25, 5.985, -5.985), (0.98, 1.26, 5.985, -5.985)),
@@ -148,7 +148,7 @@ def _bus_ends(hull: _Hull) -> None:
 def _arch_walls(
     model: Modeller, axles: Sequence[float], half_m: float, y: float, z: tuple[float, float], closed: bool = True
 ) -> None:
-    """Dark walls behind the wheels, and a ceiling over them."""
+    """Add dark walls behind the wheels, and a ceiling above them."""
     for axle in axles:
         wall = [[[axle + d, y, h] for h in z] for d in (-half_m, half_m)]
         model.sheet(wall, UNDERSIDE, anchor_m=axle)
@@ -159,7 +159,7 @@ def _arch_walls(
 
 
 def box_truck(variant: int, detail: int) -> Modeller:
-    """A truck with a cab in a colour of its own, and a box in the actor's paint."""
+    """Model a truck whose cab has its own colour; the box takes the actor's paint."""
     model = Modeller((7.2, 2.4, 3.2))
     cab = (plain(228, 229, 228), plain(30, 62, 124), plain(146, 28, 32))[variant]
     _cab(model, cab, detail)
@@ -201,7 +201,7 @@ def _cab(model: Modeller, look: Look, detail: int) -> None:
     hull.add_end(False, [[look]] * (len(keep) - 1))
     hull.add_roof(0.06, look, [])
     if detail == 0:
-        # A wind deflector leads from the cab to the top of the box.
+        # A wind deflector connects the cab to the top of the box.
         shield = [[[2.7, y, 2.46] for y in (0.0, 0.75)], [[1.75, y, 3.0] for y in (0.0, 0.85)]]
         model.sheet(shield, look)
         model.sheet(

@@ -1,4 +1,4 @@
-"""Wheels: a tyre, and a rim with spokes."""
+"""Wheels with tyre, rim and spokes."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def add_wheels(
     hub: Look,
     detail: int,
 ) -> None:
-    """Add wheels on both sides of some axles; their outer faces lie at +-`outer_y_m`."""
+    """Add wheels on both sides of the axles; their outer faces are at +-`outer_y_m`."""
     segments = _SEGMENTS[detail]
     turn = np.arange(segments + 1) * (2 * np.pi / segments)
     ring = np.stack([np.cos(turn), np.zeros(segments + 1), np.sin(turn)], axis=1)

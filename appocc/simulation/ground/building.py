@@ -1,4 +1,4 @@
-"""The ground of a town from its plan."""
+"""Build the ground of a town from its plan."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ from appocc.simulation.town import VectorMap
 
 
 def build_ground(plan: TownPlan) -> tuple[Ground, VectorMap]:
-    """Draw the ground of a town, and its vector map; the same plan gives the same bytes.
+    """Draw the ground of a town and its vector map; the same plan gives the same bytes.
 
     Raises:
-        NotFoundError: if its style is unknown.
+        NotFoundError: if the style is unknown.
     """
     look = look_of(plan.style)
     stretches = stretches_of(plan.network)

@@ -1,4 +1,4 @@
-"""How the ground looks: colours without light, sRGB."""
+"""Albedo of the ground, sRGB."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ _PLAIN_TONE = 90
 
 @dataclass(frozen=True)
 class Paint:
-    """Look of a surface.
+    """Appearance of a surface.
 
     Attributes:
-        rgb: mean colour; of asphalt, relative to its tone.
-        grain: deviation of brightness from cell to cell, of 255.
-        mottle: deviation from metre to metre.
-        hue: deviation of warmth, green to brown on grass.
-        cover: how much of the asphalt below it hides; 0 for asphalt itself.
-        shaded: share of the wear's shade that it shows.
+        rgb: mean colour; for asphalt, relative to its tone.
+        grain: standard deviation of brightness from cell to cell, of 255.
+        mottle: standard deviation of brightness from metre to metre.
+        hue: standard deviation of warmth, green to brown on grass.
+        cover: opacity over the asphalt below; 0 for asphalt itself.
+        shaded: share of the wear shade that is visible.
     """
 
     rgb: tuple[float, float, float]
@@ -62,9 +62,9 @@ PAINTS: Mapping[Surface, Paint] = {
 
 
 def coloured(canvas: Canvas, plan: TownPlan, stretches: Sequence[Stretch], lots: Sequence[Lot]) -> ByteArray:
-    """(H, W, 3) colours of a canvas of labels."""
+    """Return (H, W, 3) colours of a label canvas."""
     label = canvas.raster[:, :, 0]
-    # The picture itself first holds the asphalt's tone and shade: a town fills memory enough.
+    # The output array first holds tone and shade of the asphalt, which saves memory.
     colour = np.empty((*label.shape, 3), np.uint8)
     colour[:1] = (_PLAIN_TONE, NEUTRAL, 0)
     colour[1:] = colour[:1]
@@ -83,12 +83,12 @@ def coloured(canvas: Canvas, plan: TownPlan, stretches: Sequence[Stretch], lots:
 def _paint(
     label: ByteArray, colour: ByteArray, table: Float32Array, fine: Float32Array, broad: Float32Array, wear: float
 ) -> None:
-    """Tone and shade in `colour` to colours, by label."""
+    """Convert tone and shade in `colour` to colours, by label."""
     height, width = label.shape
     mask = _TILE - 1
     worn = np.float32(wear)
     for row in range(height):
-        # Other rows and columns of the same tiles, at steps that repeat at no common length.
+        # Other rows and columns of the same tiles, at offsets without a common period.
         one, two, three = row & mask, (row + row // 3 + 311) & mask, (row // 2 + 517) & mask
         for column in range(width):
             look = table[label[row, column]]
@@ -100,7 +100,7 @@ def _paint(
             cover = look[6]
             bright = grain * look[3] + np.float32(0.7) * mottle * look[4] + shade * look[7]
             if cover > 0 and cover < 1:
-                # Paint peels in flakes, on some stretches more than on others.
+                # Paint peels in flakes, on some segments more than on others.
                 lost = worn + np.float32(0.12) * mottle + np.float32(0.22) * fine[two, (column + 40) & mask]
                 cover *= min(max(np.float32(1.05) - max(lost, np.float32(0)), np.float32(0.3)), np.float32(1))
             for k in range(3):

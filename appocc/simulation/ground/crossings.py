@@ -1,4 +1,4 @@
-"""What is painted across the lanes and on them at junctions: stop lines, zebras, arrows."""
+"""Markings across lanes and at junctions: stop lines, zebra crossings, arrows."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from appocc.simulation.ground.road_segments import STOP_WIDTH_M, ZEBRA_GAP_M, ZE
 from appocc.simulation.network import Connection, Lane
 
 STRIPE_M = 0.5
-# Arrows: from the stop line to the tips of the last and the one before.
+# Distance from the stop line to the tips of the last arrow and of the one before.
 _ARROWS_M = (3.0, 22.0)
 _ARROW_LONG_M = 5.0
-# Half outlines in metres, tip ahead at (0, 0); x to the right, y ahead.
+# Half outlines in metres, tip at (0, 0); x to the right, y ahead.
 _SHAFT = 0.09
 
 
 def stop_lines(stretches: Sequence[Stretch]) -> list[FloatArray]:
-    """Outlines (4, 2) of the stop lines, each across the lanes for cars that arrive at a junction."""
+    """Return the outlines (4, 2) of the stop lines, each across the car lanes that arrive at a junction."""
     lines = []
     for stretch in stretches:
         driving = [k for k, lane in enumerate(stretch.lanes) if lane.kind == "driving"]
@@ -34,7 +34,7 @@ def stop_lines(stretches: Sequence[Stretch]) -> list[FloatArray]:
 
 
 def zebras(stretches: Sequence[Stretch]) -> list[FloatArray]:
-    """Outlines (4, 2) of the stripes of all zebras; the stripes lie along the street."""
+    """Return the outlines (4, 2) of the stripes of all zebra crossings; the stripes run along the street."""
     stripes = []
     for stretch in stretches:
         for at_end, end in ((False, stretch.start), (True, stretch.end)):
@@ -48,14 +48,14 @@ def zebras(stretches: Sequence[Stretch]) -> list[FloatArray]:
 
 
 def _offsets(stretch: Stretch) -> list[tuple[float, float]]:
-    """Way to the right of the left border at which each lane, from right to left, begins and ends."""
+    """Return start and end of each lane, from right to left, as distances to the right of the left border."""
     widths = np.array([lane.width_m for lane in stretch.lanes])
     begins = np.cumsum(widths[::-1])[::-1] - widths
     return [(float(b), float(b + w)) for b, w in zip(begins, widths, strict=True)]
 
 
 def _across(stretch: Stretch, at_end: bool, ahead_m: tuple[float, float], right_m: tuple[float, float]) -> FloatArray:
-    """(4, 2) rectangle at an end of a street: from where it meets the junction ahead, from its left border right."""
+    """Return a (4, 2) rectangle at an end of a segment, from its cross-section ahead and from its left border."""
     point, heading = stretch.section(at_end)
     right = np.array([heading[1], -heading[0]])
     corners = [(0, 0), (0, 1), (1, 1), (1, 0)]
@@ -63,7 +63,7 @@ def _across(stretch: Stretch, at_end: bool, ahead_m: tuple[float, float], right_
 
 
 def arrows(stretches: Sequence[Stretch], connections: Sequence[Connection]) -> list[FloatArray]:
-    """Outlines of the arrows before signalled junctions."""
+    """Return the outlines of the arrows at signalled junctions."""
     ways: dict[str, set[str]] = defaultdict(set)
     for link in connections:
         ways[link.from_lane].add({"R": "r", "L": "l"}.get(link.direction, link.direction))
@@ -92,7 +92,7 @@ def _lane_arrows(stretch: Stretch, lane: Lane, directions: set[str]) -> list[Flo
 
 
 def arrow(directions: set[str]) -> list[FloatArray]:
-    """Areas of an arrow for some of s, l, r: x to the right, y ahead, from (0, 0) to (0, 5)."""
+    """Return the areas of an arrow for any of s, l, r: x to the right, y ahead, from (0, 0) to (0, 5)."""
     areas = []
     bend = 3.1 if "s" in directions else 4.1
     if "s" in directions:

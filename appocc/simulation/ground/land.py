@@ -1,4 +1,4 @@
-"""The land between the streets: lots along them, and open ground beyond."""
+"""Land between the streets: lots along them, open ground elsewhere."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from appocc.simulation.ground.noise import value_noise
 from appocc.simulation.ground.road_segments import Stretch
 from appocc.simulation.surface import Surface
 
-# The noise that decides where earth shows is made in cells of this many of the canvas's.
+# The noise that places bare earth has cells of this many canvas cells.
 _NOISE_CELLS = 4
 _DRIVE_M = (2.6, 3.4)
 _SHADES = 9
@@ -28,9 +28,9 @@ class Lot:
 
     Attributes:
         outline_m: (4, 2) street side first, town frame.
-        surface: what it is.
-        shade: how much lighter it is than others.
-        drive_m: (4, 2) outline of a paved drive, (0, 2) if there is none.
+        surface: surface class.
+        shade: brightness offset from other lots.
+        drive_m: (4, 2) outline of a paved driveway, (0, 2) if there is none.
     """
 
     outline_m: FloatArray
@@ -40,7 +40,7 @@ class Lot:
 
 
 def lots_of(stretches: Sequence[Stretch], look: Look, seed: int) -> list[Lot]:
-    """Lots to the right of all streets; those that are drawn later cover the backs of those before."""
+    """Draw lots to the right of all segments; later lots cover the backs of earlier ones."""
     random = np.random.default_rng([seed, 56])
     lots = []
     for stretch in stretches:
@@ -72,7 +72,7 @@ def _lots_along(kerb_m: FloatArray, look: Look, random: np.random.Generator) -> 
 
 
 def _behind(kerb_m: FloatArray, start_m: float, end_m: float, deep_m: float) -> FloatArray:
-    """(4, 2) area to the right of a kerb, from one way along it to another."""
+    """Return a (4, 2) area to the right of a kerb, between two distances along it."""
     along = np.array([start_m, end_m])
     heading = directions_at(kerb_m, np.full(2, (start_m + end_m) / 2))
     front = points_at(kerb_m, along)
@@ -81,7 +81,7 @@ def _behind(kerb_m: FloatArray, start_m: float, end_m: float, deep_m: float) -> 
 
 
 def draw_land(canvas: Canvas, lots: Sequence[Lot], look: Look, seed: int) -> None:
-    """Open ground everywhere, then the lots; streets are drawn over both."""
+    """Draw open ground everywhere, then the lots; streets are drawn on top."""
     label = canvas.raster[:, :, 0]
     rows, columns = (size // _NOISE_CELLS + 2 for size in label.shape)
     bare = value_noise(np.random.default_rng([seed, 52]), (rows, columns), (28, 12, 4), (1.0, 0.6, 0.3)) > look.earth

@@ -1,4 +1,4 @@
-"""What a town's style puts beside its streets."""
+"""Land use along the streets of each town style."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from appocc.simulation.surface import Surface
 
 @dataclass(frozen=True)
 class Look:
-    """What a style puts beside its streets.
+    """Land use along the streets of a town style.
 
     Attributes:
         pavement_m: width of the pavement.
-        lot_wide_m: least and greatest width of a lot along its street.
-        lot_deep_m: least and greatest depth.
-        lot_surfaces: what lots are, and how often of 1.
-        drives: share of the green lots with a paved drive.
-        earth: how rarely bare earth shows beyond the lots, in deviations of the noise.
+        lot_wide_m: minimum and maximum width of a lot along its street.
+        lot_deep_m: minimum and maximum depth.
+        lot_surfaces: surface classes of lots and their shares.
+        drives: share of the green lots with a paved driveway.
+        earth: noise threshold above which open ground is bare earth, in standard deviations.
     """
 
     pavement_m: float
@@ -40,10 +40,10 @@ LOOKS: Mapping[str, Look] = {
 
 
 def look_of(style: str) -> Look:
-    """What a style puts beside its streets.
+    """Return the land style of a town style.
 
     Raises:
-        NotFoundError: if there is no such style.
+        NotFoundError: if the style is unknown.
     """
     if style not in LOOKS:
         raise NotFoundError(f"no style '{style}': expected one of {', '.join(LOOKS)}")

@@ -1,4 +1,4 @@
-"""Painted lines along the streets: SUMO's networks hold none, so they follow from the lanes."""
+"""Painted lines along the streets, derived from the lanes: SUMO networks hold none."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from appocc.simulation.surface import Surface
 
 LINE_WIDTH_M = 0.15
 DASH_M, DASH_GAP_M = 3.0, 5.0
-# The last way before a junction, where lanes must not be changed.
+# Length of the solid line before a junction, where lane changes are prohibited.
 SOLID_M = 20.0
-# Between the two lines of a double one, middle to middle; from a lane's edge to the middle of its edge line.
+# Spacing of the two lines of a double line, and distance from a lane's edge to its edge line, centre to centre.
 DOUBLE_M, EDGE_M = 0.30, 0.20
-# Two directions belong to one carriageway when their borders are at most this far apart.
+# Two directions share a carriageway if their borders are at most this far apart.
 _TOGETHER_M = 0.9
 _SAMPLE_M = 0.5
 _NEIGHBOURS = 10
@@ -29,12 +29,12 @@ _NEAR_END_M = 30.0
 
 @dataclass(frozen=True)
 class Line:
-    """A painted line; a dash is a line of its own.
+    """A painted line; each dash is a separate line.
 
     Attributes:
-        points_m: (N, 2) its middle.
+        points_m: (N, 2) its centre line.
         surface: LINE_WHITE or LINE_YELLOW.
-        between: whether it parts the two directions of a street.
+        between: whether it separates the two directions of a street.
     """
 
     points_m: FloatArray
@@ -44,12 +44,12 @@ class Line:
 
 @dataclass(frozen=True)
 class Habits:
-    """How a town paints its streets.
+    """Marking style of a town.
 
     Attributes:
-        centre: colour between the directions.
-        double_on_small: whether streets of two lanes have a double line too, not dashes.
-        small_edges: whether streets of two lanes have edge lines.
+        centre: colour of the lines between the directions.
+        double_on_small: whether two-lane streets have a double centre line instead of dashes.
+        small_edges: whether two-lane streets have edge lines.
     """
 
     centre: Surface
@@ -58,13 +58,13 @@ class Habits:
 
     @classmethod
     def of(cls, seed: int) -> Habits:
-        """The habits of a town by its seed."""
+        """Draw the marking style of a town by its seed."""
         draw = np.random.default_rng([seed, 51]).random(3)
         return cls(Surface.LINE_YELLOW if draw[0] < 0.6 else Surface.LINE_WHITE, draw[1] < 0.25, draw[2] < 0.3)
 
 
 def lines_of(stretches: Sequence[Stretch], habits: Habits) -> list[Line]:
-    """All lines along the streets."""
+    """Return all lines along the streets."""
     lines = []
     for stretch in stretches:
         lines += _between_lanes(stretch)
@@ -86,7 +86,7 @@ def _between_lanes(stretch: Stretch) -> list[Line]:
 
 
 def lane_line(border_m: FloatArray, stretch: Stretch) -> list[FloatArray]:
-    """Dashes, and before a junction a solid line, along a border between lanes of one direction."""
+    """Return the dashes, and the solid part before a junction, along a border between lanes of one direction."""
     line = _trimmed(border_m, stretch, stretch.start.clear_leaving_m, stretch.end.clear_arriving_m)
     if len(line) < 2:
         return []
@@ -98,7 +98,7 @@ def lane_line(border_m: FloatArray, stretch: Stretch) -> list[FloatArray]:
 
 
 def _right_edge(stretch: Stretch, habits: Habits) -> list[Line]:
-    """The line along the right edge, where neither parked cars nor bicycles stand beside."""
+    """Return the right edge line; lanes next to parked cars or bicycles have none."""
     outer = stretch.lanes[0]
     if outer.kind != "driving" or not (stretch.arterial or habits.small_edges):
         return []
@@ -107,7 +107,7 @@ def _right_edge(stretch: Stretch, habits: Habits) -> list[Line]:
 
 
 def _left_borders(stretches: Sequence[Stretch], habits: Habits) -> list[Line]:
-    """Lines between the directions; where a median parts them, or there is one direction only, along the edge."""
+    """Return the lines between the directions, and the left edge lines of medians and one-way streets."""
     borders = [clean(stretch.left_m) for stretch in stretches]
     along = [np.arange(_SAMPLE_M / 2, max(length_m(b), _SAMPLE_M), _SAMPLE_M) for b in borders]
     partners = _partners(borders, along)
@@ -125,7 +125,7 @@ def _left_borders(stretches: Sequence[Stretch], habits: Habits) -> list[Line]:
 
 
 def _partners(borders: Sequence[FloatArray], along_m: Sequence[FloatArray]) -> list[IntArray]:
-    """For ways along each border, the number of the border of the other direction close by; -1 if there is none."""
+    """Return, per sample along each border, the index of the adjacent opposite border; -1 if there is none."""
     points = np.concatenate([points_at(b, s) for b, s in zip(borders, along_m, strict=True)])
     headings = np.concatenate([directions_at(b, s) for b, s in zip(borders, along_m, strict=True)])
     counts = [len(s) for s in along_m]
@@ -140,7 +140,7 @@ def _partners(borders: Sequence[FloatArray], along_m: Sequence[FloatArray]) -> l
 
 
 def _runs(partner: IntArray, along_m: FloatArray, length: float) -> list[tuple[float, float, int]]:
-    """Stretches of way with the same partner; the ends reach the ends of the border."""
+    """Return runs of samples with the same partner; the first and the last reach the ends of the border."""
     changes = np.flatnonzero(np.diff(partner)) + 1
     bounds = [0.0, *(along_m[changes] - _SAMPLE_M / 2), length]
     partners = partner[[0, *changes]]
@@ -152,7 +152,7 @@ def _runs(partner: IntArray, along_m: FloatArray, length: float) -> list[tuple[f
 
 
 def _halfway(line_m: FloatArray, other_m: FloatArray) -> FloatArray:
-    """The line moved halfway towards another that runs close beside it."""
+    """Move a line halfway towards a parallel one nearby."""
     if len(line_m) < 2:
         return line_m
     fine = points_at(other_m, np.arange(0.0, length_m(other_m) + 0.05, 0.1))
@@ -160,7 +160,7 @@ def _halfway(line_m: FloatArray, other_m: FloatArray) -> FloatArray:
 
 
 def _divider(middle_m: FloatArray, stretch: Stretch, other: Stretch, habits: Habits) -> list[Line]:
-    """The line between two directions: double on main streets, else dashed."""
+    """Return the line between two directions: double on main streets, else dashed."""
     start_m = max(stretch.start.clear_leaving_m, other.end.clear_arriving_m)
     line = _trimmed(middle_m, stretch, start_m, max(stretch.end.clear_arriving_m, other.start.clear_leaving_m))
     if len(line) < 2:
@@ -173,7 +173,7 @@ def _divider(middle_m: FloatArray, stretch: Stretch, other: Stretch, habits: Hab
 
 
 def _dashed_between_junctions(line_m: FloatArray, stretch: Stretch) -> list[FloatArray]:
-    """Dashes, and close to junctions a solid line."""
+    """Return dashes with a solid part near the junctions."""
     length = length_m(line_m)
     first = SOLID_M / 2 if stretch.start.junction and length > 3 * SOLID_M else 0.0
     last = SOLID_M / 2 if stretch.end.junction and length > 3 * SOLID_M else 0.0
@@ -195,11 +195,11 @@ def _white(lines_m: Iterable[FloatArray]) -> list[Line]:
 
 
 def _trimmed(line_m: FloatArray, stretch: Stretch, start_m: float, end_m: float) -> FloatArray:
-    """The line without what lies nearer to the junctions than `start_m` and `end_m`, measured along the street."""
+    """Cut off the parts of a line closer to the junctions than `start_m` and `end_m`, measured along the street."""
     if len(line_m) < 2:
         return line_m
     first, last = 0.0, length_m(line_m)
-    # Of a piece from the middle of a street, which lies far from its ends, nothing is cut.
+    # Nothing is cut from a piece in the middle of a street, far from its ends.
     if stretch.start.junction:
         point, heading = stretch.section(False)
         first = start_m - float((line_m[0] - point) @ heading)

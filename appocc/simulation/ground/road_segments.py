@@ -1,4 +1,4 @@
-"""Where lines may be painted: one direction of a street from junction to junction, and what lies at its ends."""
+"""Road segments: one direction of a street from junction to junction, with its ends and lanes."""
 
 from __future__ import annotations
 
@@ -12,24 +12,24 @@ from appocc.checks import FloatArray
 from appocc.polylines import clean, length_m, shifted
 from appocc.simulation.network import Edge, Lane, LaneKind, RoadNetwork
 
-# From the junction's outline: gap, zebra, gap, stop line.
+# From the junction's outline: gap, zebra crossing, gap, stop line.
 ZEBRA_GAP_M, ZEBRA_M, STOP_GAP_M, STOP_WIDTH_M = 0.6, 3.6, 1.0, 0.4
 _LONG_ENOUGH_M = 24.0
 _FAST_MPS = 15.0
 _MOST_BACK_M = 6.0
-# Kinds of lanes that make up the carriageway.
+# Lane kinds of the carriageway.
 ROADWAY: tuple[LaneKind, ...] = ("driving", "parking", "cycling")
 
 
 @dataclass(frozen=True)
 class End:
-    """What lies at one end of a stretch.
+    """One end of a road segment.
 
     Attributes:
-        junction: whether lines end here; where two streets merely meet they go on.
-        signal: whether lights control the traffic.
-        zebra: whether people cross here.
-        yields: whether the traffic that arrives has to give way.
+        junction: whether lines end here; they continue where two streets merely meet.
+        signal: whether traffic lights control it.
+        zebra: whether it has a pedestrian crossing.
+        yields: whether arriving traffic has to give way.
     """
 
     junction: bool = False
@@ -39,22 +39,22 @@ class End:
 
     @property
     def stop_m(self) -> float:
-        """Way from the end to the near side of the stop line."""
+        """Distance from the end to the near side of the stop line."""
         return ZEBRA_GAP_M + ZEBRA_M + STOP_GAP_M if self.zebra else ZEBRA_GAP_M
 
     @property
     def has_stop(self) -> bool:
-        """Whether a stop line is painted for the traffic that arrives."""
+        """Whether arriving traffic has a stop line."""
         return self.signal or self.yields
 
     @property
     def clear_arriving_m(self) -> float:
-        """Way before the end in which no lines between lanes are painted for the traffic that arrives."""
+        """Distance before the end without lane lines for arriving traffic."""
         return self.stop_m + STOP_WIDTH_M if self.has_stop else 0.5 if self.junction else 0.0
 
     @property
     def clear_leaving_m(self) -> float:
-        """The same for the traffic that leaves the junction."""
+        """Distance after the junction without lane lines for leaving traffic."""
         return ZEBRA_GAP_M + ZEBRA_M + 0.5 if self.zebra else 0.5 if self.junction else 0.0
 
 
@@ -65,11 +65,11 @@ class Stretch:
     Attributes:
         lanes: from right to left, only those with a centre line.
         left_m: (N, 2) left border of the leftmost lane, in the direction of travel.
-        start: what lies at its beginning.
-        end: what lies at its end.
-        street: the same for both directions of a street.
-        start_back_m: way from the left border's beginning to where the street's first lane leaves the junction.
-        end_back_m: way from where the first lane meets the junction to the left border's end.
+        start: its first end.
+        end: its last end.
+        street: name shared by both directions of a street.
+        start_back_m: distance from the start of the left border to where the shortest lane leaves the junction.
+        end_back_m: distance from where the shortest lane meets the junction to the end of the left border.
     """
 
     lanes: tuple[Lane, ...]
@@ -82,21 +82,21 @@ class Stretch:
 
     @property
     def width_m(self) -> float:
-        """Width of all lanes."""
+        """Total width of the lanes."""
         return sum(lane.width_m for lane in self.lanes)
 
     @property
     def driving(self) -> tuple[Lane, ...]:
-        """The lanes for cars, from right to left."""
+        """The car lanes, from right to left."""
         return tuple(lane for lane in self.lanes if lane.kind == "driving")
 
     @property
     def arterial(self) -> bool:
-        """Whether it is a main street: two or more lanes, or fast."""
+        """Whether it is a main street: two or more car lanes, or fast."""
         return len(self.driving) > 1 or any(lane.speed_mps > _FAST_MPS for lane in self.driving)
 
     def section(self, at_end: bool) -> tuple[FloatArray, FloatArray]:
-        """Point (2,) on the left border and direction of travel (2,) where the street meets the junction."""
+        """Return the left border point (2,) and the direction of travel (2,) where the segment meets a junction."""
         line = self.left_m if at_end else self.left_m[::-1]
         step = line[-1] - line[-2]
         out = step / np.hypot(*step)
@@ -104,7 +104,7 @@ class Stretch:
 
 
 def stretches_of(network: RoadNetwork) -> list[Stretch]:
-    """All streets of a network, those short pieces between two of them that are junctions in name only included."""
+    """Return the segments of a network, including the short pieces inside junctions without crossing traffic."""
     ends = _junction_ends(network)
     found = [
         _stretch(
@@ -121,7 +121,7 @@ def stretches_of(network: RoadNetwork) -> list[Stretch]:
 
 
 def street_of(edge: Edge) -> str:
-    """Name of a street, the same for both of its directions."""
+    """Return the name of a street, shared by both of its directions."""
     return " ".join(sorted((edge.from_junction, edge.to_junction)))
 
 
@@ -137,7 +137,7 @@ def _stretch(lanes: Sequence[Lane], start: End, end: End, street: str) -> Stretc
 
 
 def _back(lanes: Sequence[Lane], left_m: FloatArray, at_end: bool) -> float:
-    """By how much the lane that reaches least far stays behind the left border, at one end."""
+    """Return how far the shortest lane stays behind the left border, at one end."""
     line = left_m if at_end else left_m[::-1]
     step = line[-2] - line[-1]
     ends = np.stack([lane.centre_m[-1 if at_end else 0] for lane in lanes])
@@ -145,7 +145,7 @@ def _back(lanes: Sequence[Lane], left_m: FloatArray, at_end: bool) -> float:
 
 
 def _facing(stretches: Mapping[str, Stretch], network: RoadNetwork) -> list[Stretch]:
-    """Both directions of a street end at the same cross-section of it, so that zebras go straight across."""
+    """Align both directions of a street at the same cross-sections, so that zebras are perpendicular to it."""
     edges = {edge.name: edge for edge in network.edges}
     joined = []
     for name, stretch in stretches.items():
@@ -180,7 +180,7 @@ def _junction_ends(network: RoadNetwork) -> dict[str, End]:
 
 
 def _arriving(network: RoadNetwork, edge: Edge, ends: Mapping[str, End]) -> End:
-    """The end of an edge; it yields where others have priority or where, among equals, no way goes straight on."""
+    """Return the end of an edge; it yields to edges of higher priority, or if it has no way straight on."""
     end = ends[edge.to_junction]
     if not end.junction or end.signal:
         return end
@@ -194,7 +194,7 @@ def _arriving(network: RoadNetwork, edge: Edge, ends: Mapping[str, End]) -> End:
 
 
 def _passages(network: RoadNetwork, ends: Mapping[str, End]) -> list[tuple[list[Lane], str]]:
-    """Lanes inside junctions through which every street has one way only, by edge, and the street they continue."""
+    """Return the lanes inside junctions without crossing traffic, by edge, and the street they continue."""
     edge_of = {edge.name: edge for edge in network.edges}
     inner = {lane.name: lane for lane in network.inner_lanes}
     groups: dict[str, dict[str, Lane]] = defaultdict(dict)

@@ -1,4 +1,4 @@
-"""What lies right beside the streets: kerbs, pavements, medians and islands."""
+"""Kerbs, pavements, medians and islands next to the streets."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from appocc.simulation.ground.areas import disc, islands, road_mask
 from appocc.simulation.surface import CELL_M, Surface
 
 _KERB_M = 0.2
-# The way to the nearest street is measured in coarser cells, and made fine again in bands of rows.
+# Distance to the nearest street is computed in coarser cells and upsampled in bands of rows.
 _COARSE, _BAND = 2, 256
 _ISLAND_COARSE = 4
-# Ground that roads enclose is an island, with grass and without a pavement, up to this area or this half width.
+# Ground enclosed by roads is an island (grass, no pavement) up to this area or this half width.
 _ISLAND_M2, _ISLAND_HALF_M, _LARGEST_ISLAND_M2 = 900.0, 6.0, 6000.0
 _PAVED_HALF_M = 1.0
 
 
 def draw_surroundings(label: ByteArray, pavement_m: float) -> None:
-    """Pavements, islands and kerbs around everything that is road so far."""
+    """Draw pavements, islands and kerbs around the road drawn before."""
     road = road_mask(label)
     away_m = _away_m(road)
     for first in range(0, len(away_m), _BAND):
@@ -31,7 +31,7 @@ def draw_surroundings(label: ByteArray, pavement_m: float) -> None:
 
 
 def draw_kerb(label: ByteArray) -> None:
-    """Kerb stones around all road."""
+    """Draw kerb stones around all road."""
     road = road_mask(label)
     kerb = np.asarray(cv2.dilate(road, disc(_KERB_M)), dtype=np.uint8)
     kerb -= road
@@ -39,7 +39,7 @@ def draw_kerb(label: ByteArray) -> None:
 
 
 def _away_m(road: ByteArray) -> Float32Array:
-    """Way to the nearest road, metres, in coarse cells."""
+    """Return the distance to the nearest road, metres, in coarse cells."""
     size = tuple(-(-n // _COARSE) for n in road.shape[::-1])
     small = cv2.resize(road, size, interpolation=cv2.INTER_AREA)
     away = np.asarray(cv2.distanceTransform(1 - small, cv2.DIST_L2, 5), dtype=np.float32)
@@ -48,7 +48,7 @@ def _away_m(road: ByteArray) -> Float32Array:
 
 
 def _draw_islands(label: ByteArray, road: ByteArray, away_m: Float32Array) -> None:
-    """Medians and the islands of roundabouts: grass, or paved where they are narrow."""
+    """Draw medians and the islands of roundabouts: grass, or paved where they are narrow."""
     step = _ISLAND_COARSE // _COARSE
     for rows, columns, inside in islands(road, _ISLAND_COARSE, 0.0, _LARGEST_ISLAND_M2):
         free = inside & (road[rows, columns] == 0)

@@ -1,4 +1,4 @@
-"""What makes one stretch of asphalt look unlike the next: its tone, oil, patches, seams, cracks, covers, joints."""
+"""Wear of the asphalt: tone, oil, patches, seams, cracks, manhole covers, joints."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from appocc.simulation.ground.road_segments import Stretch, street_of
 from appocc.simulation.network import Lane
 from appocc.simulation.plan import TownPlan
 
-# Channels of the canvas of wear: grey of the asphalt, and how much darker (below) or lighter (above) it is.
+# Channels of the wear canvas: grey level of the asphalt, and its shade (below neutral darker, above lighter).
 TONE, SHADE = 0, 1
 NEUTRAL = 128
 _JUNCTION_TONE = 86
@@ -47,7 +47,7 @@ def draw_wear(canvas: Canvas, plan: TownPlan, stretches: Sequence[Stretch], lots
 
 
 def _lots(canvas: Canvas, lots: Sequence[Lot]) -> None:
-    """Every lot is lighter or darker than its neighbours, with a hedge or a wall between."""
+    """Give each lot its own brightness, with a hedge or a wall between neighbours."""
     for lot in lots:
         canvas.fill([lot.outline_m], NEUTRAL + lot.shade, SHADE)
         canvas.fill([strip(lot.outline_m[1:], _HEDGE_M / 2, -_HEDGE_M / 2)], NEUTRAL + lot.shade + _HEDGE, SHADE)
@@ -80,7 +80,7 @@ def _asphalt(canvas: Canvas, areas_m: Iterable[FloatArray], tone: int) -> None:
 
 
 def _lanes(canvas: Canvas, lanes: Sequence[Lane], inner: Sequence[Lane]) -> None:
-    """Oil along the middle of the lanes, and where the tyres roll."""
+    """Draw oil along the middle of the lanes, and tyre tracks."""
     lines = [clean(lane.centre_m) for lane in (*lanes, *inner)]
     for half, change in _OIL:
         canvas.add((strip(line, half, -half) for line in lines), change, SHADE)
@@ -91,13 +91,13 @@ def _lanes(canvas: Canvas, lanes: Sequence[Lane], inner: Sequence[Lane]) -> None
 
 
 def _right(stretch: Stretch, beyond_m: float) -> FloatArray:
-    """The right border of a street moved outwards."""
+    """Return the right border of a segment, moved outwards."""
     outer = stretch.lanes[0]
     return shifted(outer.centre_m, -outer.width_m / 2 - beyond_m)
 
 
 def _repairs(canvas: Canvas, stretch: Stretch, random: np.random.Generator) -> None:
-    """Patches with tar around, seams along the street, cracks across it, covers."""
+    """Draw patches with tar edges, seams along the street, cracks across it, and manhole covers."""
     length = length_m(stretch.left_m)
     if length < 5.0 or not stretch.driving:
         return
@@ -124,7 +124,7 @@ def _repairs(canvas: Canvas, stretch: Stretch, random: np.random.Generator) -> N
 
 
 def _places(stretch: Stretch, along_m: FloatArray, right_m: FloatArray) -> FloatArray:
-    """(S, 2) points at ways along a street and to the right of its left border."""
+    """Return (S, 2) points by distance along a segment and to the right of its left border."""
     heading = directions_at(stretch.left_m, along_m)
     right = np.stack([heading[:, 1], -heading[:, 0]], axis=1)
     return np.asarray(points_at(stretch.left_m, along_m) + right_m[:, None] * right)
@@ -152,7 +152,7 @@ def _crack(stretch: Stretch, along_m: float, width_m: float, random: np.random.G
 
 
 def _pavement_joints(canvas: Canvas, stretch: Stretch, pavement_m: float) -> None:
-    """Joints between the slabs beside a street; what is no pavement hides its part."""
+    """Draw the joints between the slabs of the pavement; other surfaces hide their part."""
     border = _right(stretch, 0.0)
     length = length_m(border)
     if length < 3.0:
@@ -169,7 +169,7 @@ def _pavement_joints(canvas: Canvas, stretch: Stretch, pavement_m: float) -> Non
 
 
 def _car_parks(canvas: Canvas, plan: TownPlan, random: np.random.Generator) -> None:
-    """Their own asphalt, and drops of oil in the bays."""
+    """Draw the asphalt of the car parks, and drops of oil in the bays."""
     turns = np.linspace(0, 2 * np.pi, 8, endpoint=False)
     ring = np.stack([np.cos(turns), np.sin(turns)], axis=1)
     for car_park in plan.car_parks:

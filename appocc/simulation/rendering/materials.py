@@ -1,4 +1,4 @@
-"""Patterns of materials: how much lighter or darker than its tint a surface is at a place, and what panes show."""
+"""Procedural patterns of materials: brightness relative to the tint, and the interior behind window panes."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from appocc.simulation.mesh import Material
 from appocc.simulation.rendering.compiled import inner
 from appocc.simulation.rendering.noise import hashed, noise
 
-# Numba takes whole numbers at module level as constants.
+# Numba treats integers at module level as constants.
 BRICK, PLASTER, CONCRETE = int(Material.BRICK), int(Material.PLASTER), int(Material.CONCRETE)
 WINDOW, SHOPFRONT = int(Material.WINDOW), int(Material.SHOPFRONT)
 ROOF_TILES, FLAT_ROOF = int(Material.ROOF_TILES), int(Material.FLAT_ROOF)
@@ -19,7 +19,7 @@ PAINT, GLASS, CHROME = int(Material.PAINT), int(Material.GLASS), int(Material.CH
 HEAD_LAMP, TAIL_LAMP = int(Material.HEAD_LAMP), int(Material.TAIL_LAMP)
 INDICATOR_LEFT, INDICATOR_RIGHT = int(Material.INDICATOR_LEFT), int(Material.INDICATOR_RIGHT)
 TRIM, PLATE, CLOTH = int(Material.TRIM), int(Material.PLATE), int(Material.CLOTH)
-# A shop window's panes; the texture coordinates of shop fronts are drawn out so that whole ones fit.
+# Size of a shop window pane; texture coordinates of shopfronts are scaled so that whole panes fit.
 SHOP_PANE_M, SHOP_HIGH_M = 1.6, 3.2
 
 
@@ -27,22 +27,22 @@ SHOP_PANE_M, SHOP_HIGH_M = 1.6, 3.2
 def pattern(
     material: int, u: float, v: float, x: float, y: float, z: float, pixel_m: float, tile: Float32Array
 ) -> float:
-    """Factor of the tint at a place; what is finer than a pixel fades to its mean.
+    """Return the factor of the tint at a point; details smaller than a pixel fade to their mean.
 
     Args:
         material: number of a `Material`.
         u: texture coordinate, metres for walls and roofs.
-        v: the other.
-        x: place in the town, metres.
-        y: the same.
-        z: the same.
-        pixel_m: width of a pixel there.
-        tile: the noise tile.
+        v: the other texture coordinate.
+        x: position in the town, metres.
+        y: position in the town, metres.
+        z: position in the town, metres.
+        pixel_m: width of a pixel at the point.
+        tile: noise tile.
     """
     if material == BRICK:
         return _bricks(u, v, pixel_m) * (0.88 + 0.24 * noise(tile, (x + y) * 5.0, z * 5.0))
     if material in (PLASTER, CONCRETE):
-        # Rain draws streaks downward, damp rises from the ground.
+        # Rain streaks run downward, damp rises from the ground.
         value = 0.90 + 0.12 * noise(tile, (x - y) * 4.0, z * 4.0) + 0.10 * noise(tile, (x + y) * 14.0, z * 0.9)
         return value * (0.86 + 0.14 * min(z / 0.8, 1.0))
     if material == ROOF_TILES:
@@ -92,14 +92,14 @@ def _tiles(u: float, v: float, pixel_m: float) -> float:
 def pane(
     u: float, v: float, key: int, tint: tuple[float, float, float], lamps: float
 ) -> tuple[float, float, float, float, float]:
-    """What a window shows: colour (3), how much it mirrors (0 on frames), and light from inside.
+    """Return the look of a window pane: colour (3), reflectivity (0 on frames), and light from inside.
 
     Args:
-        u: texture coordinate, from 0 to 1 across a pane; several side by side go on.
-        v: the other, upward.
+        u: texture coordinate, from 0 to 1 across a pane; adjacent panes continue it.
+        v: the other texture coordinate, upward.
         key: number of the pane's quad.
         tint: colour of the frame.
-        lamps: strength of the lights inside, see `Weather.lamps`.
+        lamps: strength of interior lights, see `Weather.lamps`.
     """
     column, row = math.floor(u), math.floor(v)
     a, b = u - column, v - row
@@ -113,7 +113,7 @@ def pane(
         cloth = 0.30 + 0.25 * inside
         return cloth, cloth * 0.96, cloth * 0.88, 0.75, on * 0.6
     if inside > 0.8 and b > inside - 0.35:
-        return 0.42, 0.41, 0.38, 0.7, on * 0.55  # a blind, partly down
+        return 0.42, 0.41, 0.38, 0.7, on * 0.55  # a blind, partly lowered
     return 0.03, 0.033, 0.036, 1.0, on * (0.45 + 0.75 * b)
 
 
@@ -121,16 +121,16 @@ def pane(
 def shop_pane(
     u: float, v: float, shop: int, tint: tuple[float, float, float], lamps: float
 ) -> tuple[float, float, float, float, float]:
-    """What a shop's window shows, as `pane`: a room that grows darker upward, and wide shapes on its floor.
+    """Return the look of a shop window, as `window_pane`: a room that darkens upward, and wide shapes on its floor.
 
-    All panes of a shop show one room, lit or not.
+    All panes of a shop show the same room, lit or not.
 
     Args:
         u: metres along the front; a pane is SHOP_PANE_M wide.
         v: metres upward; a pane is SHOP_HIGH_M high.
         shop: number of the building.
         tint: colour of the frame.
-        lamps: strength of the lights inside, see `Weather.lamps`.
+        lamps: strength of interior lights, see `Weather.lamps`.
     """
     column = math.floor(u / SHOP_PANE_M)
     a, b = u / SHOP_PANE_M - column, v / SHOP_HIGH_M
@@ -149,7 +149,7 @@ def shop_pane(
             0.10 + 0.10 * hashed(key, key + 233),
         )
         top, tone = 0.16 + 0.34 * hashed(key, key + 239), 0.05 + 0.25 * hashed(key, key + 241)
-        # Soft borders: at a car's resolution sharp ones would be a mosaic.
+        # Soft edges: at the resolution of a camera, sharp ones would alias.
         cover = min(max((half - abs(a - middle)) / 0.06 + 0.5, 0.0), 1.0)
         cover *= min(max((top - b) / 0.06 + 0.5, 0.0), 1.0)
         cold = hashed(key, key + 251)

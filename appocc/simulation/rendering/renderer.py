@@ -1,4 +1,4 @@
-"""Draws what the cameras of a vehicle see of a town at a moment."""
+"""Render what the cameras of a vehicle see in a town."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ from appocc.simulation.rendering.weather import WEATHERS, Weather
 from appocc.simulation.town import Town
 
 _CHUNK = 1 << 17
-# Three more rays where a pixel's centre does not tell enough; with the centre they turn in a circle.
+# Three extra rays for pixels with edges; together with the centre they form a rotated pattern.
 _SHIFTS_PX = ((0.36, 0.10), (-0.27, 0.26), (-0.09, -0.36))
 
 
 class Renderer:
-    """Renders one town; `set_moment` puts actors, lamps and weather into it."""
+    """Renders one town; `set_scene` sets actors, lamps and weather."""
 
     def __init__(self, town: Town) -> None:
         """Prepare everything that depends on the town alone."""
@@ -49,13 +49,13 @@ class Renderer:
     def set_moment(
         self, actors: Mesh, lights: ByteArray, signals: ByteArray, weather: Weather, ego: Ego | None
     ) -> None:
-        """Set what the next pictures show.
+        """Set the scene of the next images.
 
         Args:
-            actors: all actors but the ego, town frame; tag is an actor's number.
-            lights: (A,) `traffic.Light` bits by number of the actor.
+            actors: all actors except the ego, town frame; the tag is the index of the actor.
+            lights: (A,) `traffic.Light` bits by index of the actor.
             signals: (S,) letters of the traffic lights as ASCII, in the order of `signal_links`.
-            weather: light and air.
+            weather: light and atmosphere.
             ego: the vehicle that carries the cameras, None if there is none.
         """
         with self.profile.stage("moment"):
@@ -69,23 +69,23 @@ class Renderer:
 
     @property
     def gains(self) -> Float32Array:
-        """(3,) exposure and white balance of the weather, for `camera_response.develop`."""
+        """(3,) exposure and white balance of the weather, for `camera_response.tone_map`."""
         return camera_response.exposure(self._sky.weather, self._sky.up)
 
     def views(self, rig: CameraRig, town_from_ego: FloatArray, rng: np.random.Generator) -> Mapping[str, View]:
-        """Pictures and maps of a rig by channel; noise comes from `rng`."""
+        """Render images and pixel maps of a rig by channel; `rng` generates the noise."""
         return {camera.channel: self._view(camera, town_from_ego, rng) for camera in rig}
 
     def radiance(
         self, origins: Float32Array, directions: Float32Array, spread_rad: float, see_through_leaves: bool = False
     ) -> Float32Array:
-        """Light (N, 3) float32 linear, without haze, that comes back along unit rays (N, 3), town frame.
+        """Return the radiance (N, 3) float32 linear, without haze, along unit rays (N, 3), town frame.
 
         Args:
-            origins: (N, 3) float32 where the rays begin.
+            origins: (N, 3) float32 start of the rays.
             directions: (N, 3) float32 unit.
-            spread_rad: width of a pixel at a distance of one metre.
-            see_through_leaves: whether to look through foliage.
+            spread_rad: angular width of a pixel.
+            see_through_leaves: whether to skip foliage.
         """
         origins = np.require(origins, np.float32, ["C", "W"])
         directions = np.require(directions, np.float32, ["C", "W"])
@@ -133,7 +133,7 @@ class Renderer:
         lit: BoolArray,
         first_pixel: int,
     ) -> None:
-        """Smooth the edges in some rows of a picture by more rays there."""
+        """Antialias the edges in some rows of an image by extra rays."""
         with self.profile.stage("refine"):
             gain = float(self.gains.mean())
             pixels = jagged(linear, gain, source, lit, camera.width_px)
@@ -157,14 +157,14 @@ class Renderer:
         return 1.0 / float(camera.intrinsic[0, 0])
 
     def _met(self, origins: Float32Array, directions: Float32Array) -> Hits:
-        """What rays meet; faces are numbered as in the stage's triangles."""
+        """Trace rays; faces are numbered as in the scene buffers."""
         with self.profile.stage("trace"):
             hits = self.tracer.nearest(origins, directions)
             _number(hits.source, hits.face, self._stage.town_faces)
         return hits
 
     def _behind_leaves(self, origins: Float32Array, directions: Float32Array, hits: Hits) -> Hits:
-        """The same hits, but of rays that end in leaves what lies behind them."""
+        """Replace hits on foliage by the hits behind it."""
         for _ in range(12):
             leaves = np.flatnonzero(
                 (hits.face >= 0) & (self._stage.triangles.material[hits.face] == Material.FOLIAGE)
@@ -188,7 +188,7 @@ class Renderer:
         light: Lighting,
         radiance: Float32Array,
     ) -> BoolArray:
-        """Enter the light (N, 3) that comes back along rays; returns (N,) whether the sun shines on what they met."""
+        """Write the radiance (N, 3) along rays; return (N,) whether their hits are sunlit."""
         lit = self._sunny(hits, origins, directions, light)
         self._light_back(hits, origins, directions, lit, spread_rad, light, radiance)
         if light.wetness > 0:
@@ -208,7 +208,7 @@ class Renderer:
         return lit
 
     def _sunny(self, hits: Hits, origins: Float32Array, directions: Float32Array, light: Lighting) -> BoolArray:
-        """(N,) whether the sun shines on what rays met."""
+        """Return (N,) whether the hits of rays are sunlit."""
         with self.profile.stage("shadow"):
             lit = np.zeros(len(origins), np.bool_)
             if light.sun.any():
@@ -266,14 +266,14 @@ class Renderer:
 
 
 def _middle(actors: Mesh) -> FloatArray:
-    """(2,) middle of all actors."""
+    """Return the (2,) centre of all actors."""
     places = actors.vertices_m[:, :2].astype(np.float64)
     return np.asarray(places.mean(0)) if len(places) else np.zeros(2)
 
 
 @kernel
 def _number(source: ByteArray, face: NDArray[np.int32], town_faces: int) -> None:
-    """Count the actors' faces on from the town's."""
+    """Offset the actors' faces by the number of town faces."""
     for i in range(len(source)):
         if source[i] == ACTOR:
             face[i] += town_faces

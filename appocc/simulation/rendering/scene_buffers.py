@@ -1,4 +1,4 @@
-"""Town and actors as one set of triangles, as kernels take them."""
+"""Town and actors in one set of triangle buffers for the kernels."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _KINDS = {
 
 
 class Triangles(NamedTuple):
-    """The town's triangles, and after them the actors' of the moment; arrays as in `Mesh`.
+    """The town's triangles, followed by those of the actors; arrays as in `Mesh`.
 
     Attributes:
         normals: (V, 3) float32.
@@ -52,7 +52,7 @@ class Triangles(NamedTuple):
 
 @inner
 def normal_at(triangles: Triangles, face: int, u: float, v: float) -> tuple[float, float, float]:
-    """Unit normal between a face's vertices."""
+    """Interpolate the unit normal between the vertices of a face."""
     a, b, c = triangles.faces[face]
     one, two, three = triangles.normals[a], triangles.normals[b], triangles.normals[c]
     w = 1 - u - v
@@ -64,7 +64,7 @@ def normal_at(triangles: Triangles, face: int, u: float, v: float) -> tuple[floa
 
 
 class Stage:
-    """Keeps the town's triangles at the front of arrays that have room for the actors behind them."""
+    """Buffers with the town's triangles at the front and room for the actors behind them."""
 
     def __init__(self, solid: Mesh) -> None:
         """Copy the town's triangles."""
@@ -73,7 +73,7 @@ class Stage:
         self._put(solid, 0, 0, _static_kinds(solid))
 
     def set_actors(self, actors: Mesh) -> None:
-        """Put the actors of a moment behind the town's triangles, in place of those that were there."""
+        """Replace the actors behind the town's triangles."""
         vertices, faces = self.town_vertices + len(actors.normals), self.town_faces + len(actors.faces)
         if vertices > len(self.triangles.normals) or faces > len(self.triangles.faces):
             old, self.triangles = self.triangles, _arrays(vertices * 5 // 4, faces * 5 // 4)
@@ -110,13 +110,13 @@ def _static_kinds(mesh: Mesh) -> ByteArray:
     for kind, materials in _KINDS.items():
         table[list(materials)] = kind
     kinds = table[mesh.material]
-    # What has a number is part of a building (awnings, rails, metal halls), or the lamp of a signal.
+    # Faces with a tag are parts of a building (awnings, rails, metal walls), or lamps of signals.
     kinds[(mesh.material != Material.SIGNAL) & (mesh.tag >= 0)] = ViewClass.BUILDING
     return kinds
 
 
 def _actor_kinds(mesh: Mesh) -> ByteArray:
-    """What has panes is a vehicle, what else has tyres a two-wheeler with its rider, and the rest are people."""
+    """Classify actors by material: glass marks a vehicle, rubber without glass a two-wheeler, neither a person."""
     count = int(mesh.tag.max(initial=-1)) + 2
     panes = np.bincount(mesh.tag[mesh.material == Material.GLASS] + 1, minlength=count) > 0
     tyres = np.bincount(mesh.tag[mesh.material == Material.RUBBER] + 1, minlength=count) > 0

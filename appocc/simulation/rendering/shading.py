@@ -1,4 +1,4 @@
-"""What light comes back from where rays end: one kernel over all of them."""
+"""Shading of the hits of rays, in one kernel."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ _BRAKE, _LEFT, _RIGHT, _PARKED = (int(bit) for bit in (Light.BRAKE, Light.LEFT, 
 def _ground(
     texture: Texture, tile: Float32Array, x: float, y: float, dx: float, dy: float, dz: float, pixel_m: float
 ) -> tuple[float, float, float]:
-    """Colour of the ground under a pixel: texels along its long, slanting footprint, at the scale of its width."""
+    """Return the colour of the ground under a pixel: several texture taps along the pixel's elongated footprint."""
     steep = max(-dz, 0.004)
     long = pixel_m / steep
     taps = min(max(int(long / max(pixel_m, 0.05) + 0.5), 1), 5)
@@ -56,7 +56,7 @@ def _ground(
     for tap in range(taps):
         share = (tap + 0.5) / taps
         step = (share - 0.5) * long * flat
-        # Some taps from the finer level and some from the coarser one: as good as a blend of both.
+        # Taps alternate between the finer and the coarser level, which approximates a blend of both.
         p, q, s = colour_at(texture, x + dx * step, y + dy * step, int(level + share))
         r, g, b = r + p, g + q, b + s
     grain = 1.0
@@ -70,7 +70,7 @@ def _ground(
 def _glow(
     material: int, tag: int, tint: tuple[float, float, float], light: Lighting, shown: ByteArray, signals: ByteArray
 ) -> tuple[float, float, float]:
-    """Light that a lamp gives off by itself."""
+    """Return the light a lamp emits."""
     white = light.white
     burning = 1.0 if light.lamps > 0 else 0.0
     if material == STREET_LAMP:
@@ -93,7 +93,7 @@ def _glow(
 
 @inner
 def _signal(tag: int, signals: ByteArray, white: float) -> tuple[float, float, float]:
-    """Light of a traffic light's lamp; letters are SUMO's: r, y, g, G, u (red and yellow), s, o (yellow), O (off)."""
+    """Return the light of a traffic light's lamp; SUMO letters r, y, g, G, u (red, yellow), s, o, O (off)."""
     link, colour = tag // 3, tag % 3
     if tag < 0 or link >= len(signals):
         return 0.0, 0.0, 0.0
@@ -109,7 +109,7 @@ def _signal(tag: int, signals: ByteArray, white: float) -> tuple[float, float, f
 
 @inner
 def _mirrored(light: Lighting, x: float, y: float, z: float) -> tuple[float, float, float]:
-    """What a smooth surface would mirror in a unit direction: the sky over a row of houses over the street."""
+    """Return the environment reflected in a unit direction: the sky above a row of houses above the street."""
     low = 0.06 + 0.12 * noise(light.noise, x * 40.0 + 7.0, y * 40.0)
     r, g, b = sky_at(light.sky, x, y, z)
     if z < low + 0.04:
@@ -126,7 +126,7 @@ def _surface(
     f: int, u: float, v: float, place: tuple[float, float, float], way: tuple[float, float, float], pixel_m: float,
     lit: bool, triangles: Triangles, texture: Texture, light: Lighting, shown: ByteArray, signals: ByteArray,
 ) -> tuple[float, float, float]:  # fmt: skip
-    """Light that comes back from a place on a face, seen along `way`."""
+    """Return the radiance of a point on a face, seen along `way`."""
     x, y, z = place
     material, tint = triangles.material[f], triangles.tint[f]
     r, g, b = texture.linear[tint[0]], texture.linear[tint[1]], texture.linear[tint[2]]
@@ -136,7 +136,7 @@ def _surface(
     s = w * triangles.uv[one, 0] + u * triangles.uv[two, 0] + v * triangles.uv[three, 0]
     t = w * triangles.uv[one, 1] + u * triangles.uv[two, 1] + v * triangles.uv[three, 1]
     if material in (FOLIAGE, HEDGE):
-        # Leaves point everywhere: the crown's own normal is only where most of them look.
+        # Leaves point in all directions: the normal of the crown is only their mean.
         ruffle = 1.0 if pixel_m < 0.5 else 0.5
         nx += ruffle * (noise(light.noise, y * 23.0 + z * 11.0, z * 23.0) - 0.5)
         ny += ruffle * (noise(light.noise, x * 23.0 - z * 13.0, z * 23.0 + 77.0) - 0.5)
@@ -176,7 +176,7 @@ def _surface(
 
 @inner
 def _coat(material: int, mirror: float) -> tuple[float, float]:
-    """How much of what is before it a surface mirrors, looked at straight; and how sharp the sun's highlight is."""
+    """Return the reflectivity of a surface at normal incidence, and the sharpness of the sun's highlight."""
     if mirror > 0:
         return 0.13 * mirror, 600.0
     if material == PAINT:
@@ -197,7 +197,7 @@ def _gloss(
     light: Lighting, way: tuple[float, float, float], nx: float, ny: float, nz: float, facing: float, z: float,
     lit: bool, coat: float, sharp: float,
 ) -> tuple[float, float, float]:  # fmt: skip
-    """Sky, surroundings and sun in a smooth surface (Schlick's Fresnel)."""
+    """Return the reflection of sky, surroundings and sun in a smooth surface (Schlick's Fresnel)."""
     mx, my, mz = way[0] + 2 * facing * nx, way[1] + 2 * facing * ny, way[2] + 2 * facing * nz
     away = 1 - min(facing, 1.0)
     share = coat + (1 - coat) * away * away * away * away * away * 0.85
@@ -227,9 +227,9 @@ def shade(
     signals: ByteArray,
     radiance: Float32Array,
 ) -> None:
-    """Enter the light (N, 3) that comes back along N rays."""
+    """Write the radiance (N, 3) along N rays."""
     for i in range(len(distance)):
-        # One type everywhere: each helper is compiled once.
+        # One type everywhere: each helper is compiled only once.
         dx, dy, dz = np.float64(directions[i, 0]), np.float64(directions[i, 1]), np.float64(directions[i, 2])
         if source[i] == SKY:
             r, g, b = sky_at(light.sky, dx, dy, dz)

@@ -1,4 +1,4 @@
-"""Which places face the sun, and which of them lie in the shadow of the ego."""
+"""Sunlit candidates: hits that face the sun outside the shadow of the ego."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ def toward_sun(
     numbers: NDArray[np.int32],
     starts: Float32Array,
 ) -> int:
-    """Which of N hits face the sun and do not stand in the ego's shadow; returns how many, M.
+    """Find the hits that face the sun and are outside the ego's shadow; return their number M.
 
-    Enters their numbers into the front of `numbers` (N,), and where rays to the sun begin into that of `starts`
+    Writes their indices to the front of `numbers` (N,), and the origins of rays to the sun to the front of `starts`
     (N, 3).
     """
     count = 0
@@ -44,7 +44,7 @@ def toward_sun(
             if facing > 0:
                 x, y, z = -x, -y, -z
             material = triangles.material[face[i]]
-            # Low-poly curves and crowns would shade themselves in patches.
+            # Offsets against self-shadowing of low-poly curves and crowns.
             off += 0.25 if material == FOLIAGE else 0.02 if source[i] == ACTOR else 0.006
         if x * light.sun_to[0] + y * light.sun_to[1] + z * light.sun_to[2] <= 0:
             continue
@@ -61,7 +61,7 @@ def toward_sun(
 
 @inner
 def _behind_ego(light: Lighting, x: float, y: float, z: float) -> bool:
-    """Whether the ego's body or cabin stands between a place and the sun."""
+    """Return whether the ego's body or cabin is between a point and the sun."""
     pose, sun = light.ego_from_town, light.sun_to
     a = pose[0, 0] * x + pose[0, 1] * y + pose[0, 2] * z + pose[0, 3] - light.ego_box[3]
     b = pose[1, 0] * x + pose[1, 1] * y + pose[1, 2] * z + pose[1, 3]
@@ -81,7 +81,7 @@ def _crosses(
     a: float, da: float, b: float, db: float, c: float, dc: float,
     back: float, front: float, side: float, low: float, high: float,
 ) -> bool:  # fmt: skip
-    """Whether a line from (a, b, c) along (da, db, dc) meets a box, ahead of its start."""
+    """Return whether a ray from (a, b, c) along (da, db, dc) hits a box."""
     da, db, dc = _kept_off_zero(da), _kept_off_zero(db), _kept_off_zero(dc)
     t1, t2 = (back - a) / da, (front - a) / da
     t3, t4 = (-side - b) / db, (side - b) / db

@@ -1,4 +1,4 @@
-"""Rays against the town, its actors and the ground plane (Embree)."""
+"""Trace rays against town, actors and the ground plane (Embree)."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ _FAR_M = np.float32(1e30)
 
 @dataclass(frozen=True)
 class Hits:
-    """What N rays met first.
+    """First hits of N rays.
 
     Attributes:
-        distance_m: (N,) float32 along the ray; infinite where it meets the sky.
+        distance_m: (N,) float32 along the ray; infinite for the sky.
         source: (N,) uint8: SKY, GROUND (the plane z = 0), TOWN or ACTOR.
         face: (N,) int32 face of the mesh of TOWN or ACTOR, else -1.
         uv: (N, 2) float32 barycentric weights of the face's second and third vertex.
@@ -34,31 +34,31 @@ class Hits:
 
 
 class Tracer:
-    """Traces rays in the town frame; the actors' mesh is replaced for every moment, the town's stays."""
+    """Traces rays in the town frame; the actors' mesh is replaced for every scene, the town's is permanent."""
 
     def __init__(self, solid: Mesh) -> None:
-        """Build the search tree of what stands in the town."""
+        """Build the search tree of the static scenery."""
         self._solid = scene_of(solid)
         self._actors: Scene | None = None
 
     def set_actors(self, actors: Mesh) -> None:
-        """Put other actors into the town."""
+        """Replace the actors."""
         self._actors = scene_of(actors)
 
     def nearest(self, origins: Float32Array, directions: Float32Array) -> Hits:
-        """What rays from (N, 3) along unit (N, 3) meet first; float32, town frame."""
+        """Return the first hits of rays from (N, 3) along unit (N, 3); float32, town frame."""
         distance, source = _plane(origins, directions)
         face = np.full(len(distance), -1, np.int32)
         uv = np.zeros((len(distance), 2), np.float32)
         for number, scene in ((TOWN, self._solid), (ACTOR, self._actors)):
             if scene is not None:
-                # Each shortens the distance within which the next is looked for.
+                # Each scene limits the distance for the next one.
                 _take(*scene.nearest(origins, directions, distance), number, source, face, uv)
         distance[source == SKY] = np.inf
         return Hits(distance, source, face, uv)
 
     def blocked(self, origins: Float32Array, directions: Float32Array) -> BoolArray:
-        """Whether rays from (N, 3) along unit (N, 3) meet the town or an actor (the ground does not count)."""
+        """Return whether rays from (N, 3) along unit (N, 3) hit the town or an actor (the ground does not count)."""
         blocked = np.zeros(len(origins), np.bool_)
         for scene in (self._solid, self._actors):
             if scene is not None:
@@ -68,7 +68,7 @@ class Tracer:
 
 @kernel
 def _plane(origins: Float32Array, directions: Float32Array) -> tuple[Float32Array, ByteArray]:
-    """Distance to the plane z = 0 and GROUND, or far away and SKY."""
+    """Return the distance to the plane z = 0 and GROUND, or a large distance and SKY."""
     count = len(origins)
     distance, source = np.empty(count, np.float32), np.empty(count, np.uint8)
     for i in range(count):
@@ -88,7 +88,7 @@ def _take(
     face: NDArray[np.int32],
     uv: Float32Array,
 ) -> None:
-    """Where a scene was met, it was nearer than all before: enter it."""
+    """Write the hits of a scene, which are nearer than all earlier ones."""
     for i in range(len(found)):
         if found[i] >= 0:
             source[i], face[i] = number, found[i]

@@ -1,4 +1,4 @@
-"""What a camera sees: the picture, and exactly what is in each of its pixels."""
+"""Camera views: the image and per-pixel ground truth."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ class ViewClass(IntEnum):
 
 @dataclass(frozen=True)
 class View:
-    """One camera's picture and its maps; H rows, W columns.
+    """Image and pixel maps of one camera; H rows, W columns.
 
     Attributes:
         image: (H, W, 3) uint8 sRGB.
-        depth_m: (H, W) float32 along the optical axis; infinite where the sky is.
-        actor: (H, W) int32 number of the actor (its mesh's tag), -1 where there is none.
+        depth_m: (H, W) float32 along the optical axis; infinite for the sky.
+        actor: (H, W) int32 index of the actor (the tag of its mesh), -1 for none.
         kind: (H, W) uint8 `ViewClass`.
     """
 

@@ -1,4 +1,4 @@
-"""Weathers: where the sun stands, what the sky looks like, how wet the street is."""
+"""Weathers: position of the sun, sky, haze and wetness."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ Colour = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class Weather:
-    """Light and air of a scene; colours are linear RGB, strengths such that a white sheet in that light shows them.
+    """Light and atmosphere of a scene; linear RGB, scaled such that a white surface has the value of its irradiance.
 
     Attributes:
         name: one of `WEATHERS`.
         sun_azimuth_rad: direction to the sun in the town frame, counter-clockwise from +x.
-        sun_elevation_rad: above the horizon.
-        sun: light of the sun on a sheet that faces it; zero where it does not get through.
+        sun_elevation_rad: elevation above the horizon.
+        sun: irradiance of a surface that faces the sun; zero if clouds hide it.
         zenith: radiance of the sky overhead.
         horizon: radiance of the sky and of the haze at the horizon.
         cloudiness: share of the sky under clouds.
-        haze_per_m: share of the light that a metre of air takes away.
+        haze_per_m: extinction per metre.
         wetness: 0 dry .. 1 puddles.
-        lamps: strength of street lamps, vehicles' lamps and lit windows beside the light of the day; 0 with all off.
-        white: gains of the cameras' white balance.
-        exposure_stops: brighter (+) or darker (-) than the cameras would choose.
+        lamps: strength of street lamps, vehicle lamps and lit windows; 0 if all are off.
+        white: white-balance gains of the cameras.
+        exposure_stops: exposure compensation: brighter (+) or darker (-).
     """
 
     name: str
@@ -124,10 +124,10 @@ WEATHERS: Mapping[str, Weather] = MappingProxyType({weather.name: weather for we
 
 
 def drawn(name: str, rng: np.random.Generator) -> Weather:
-    """A weather of that name with another direction of the sun, haze and strength.
+    """Return a weather by name with a random direction of the sun, haze and strength.
 
     Raises:
-        NotFoundError: if there is no such weather.
+        NotFoundError: if the weather is unknown.
     """
     if name not in WEATHERS:
         raise NotFoundError(f"there is no weather '{name}'; there are {', '.join(WEATHERS)}")

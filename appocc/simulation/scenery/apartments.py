@@ -1,4 +1,4 @@
-"""Blocks of flats and offices: flat roofs, large windows, balconies, glass at the ground."""
+"""Apartment and office buildings: flat roofs, large windows, balconies, glazed ground floors."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from appocc.simulation.scenery.spans import SIDES, Span, plain_side
 
 
 def apartment_house(builder: Builder, plot: Plot, tag: int, rng: np.random.Generator, highest: int = 12) -> None:
-    """Add a block of flats, or offices, of at most some storeys."""
+    """Add an apartment or office building with at most `highest` storeys."""
     office = rng.random() < (0.35 if plot.arterial else 0.12)
     wall = (Material.CONCRETE, Material.PLASTER, Material.BRICK, Material.PLAIN)[
         int(rng.choice(4, p=(0.2, 0.4, 0.2, 0.2)))
@@ -95,7 +95,7 @@ def _apartments(builder: Builder, plot: Plot, look: Look, office: bool, rng: np.
 
 
 def _accent(builder: Builder, main: Span, look: Look, rng: np.random.Generator) -> None:
-    """A stair tower of another colour that stands a little out of the front and above the roof."""
+    """Add a stair tower of another colour, slightly in front of the facade and above the roof."""
     place, length = main.side("front")
     width = 2.4
     s = 0.4 if rng.random() < 0.5 else length - width - 0.4
@@ -111,7 +111,7 @@ def _accent(builder: Builder, main: Span, look: Look, rng: np.random.Generator) 
 
 
 def _raised(builder: Builder, span: Span, z_m: float, look: Look) -> None:
-    """Walls of a storey on a roof."""
+    """Add the walls of a storey on a roof."""
     for name in SIDES:
         place, length = span.side(name)
         s = columns(length, look, 0.8)

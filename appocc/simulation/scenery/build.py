@@ -1,4 +1,4 @@
-"""All that stands in a town, from its plan and its ground."""
+"""Build the static scenery of a town from its plan and ground."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from appocc.simulation.surface import Ground
 
 
 def build_scenery(plan: TownPlan, ground: Ground) -> tuple[Mesh, FloatArray]:
-    """Everything that stands, as one mesh, and where the street lamps' lights are, (L, 3) town frame.
+    """Build the scenery as one mesh, and return it with the positions of the street lamps' light sources, (L, 3).
 
     Raises:
-        NotFoundError: if the plan's style is not known.
+        NotFoundError: if the plan's style is unknown.
     """
     if plan.style not in SPACINGS:
         raise NotFoundError(f"{plan.name}: expected a style of {', '.join(SPACINGS)}, got '{plan.style}'")
-    # Each part draws from its own numbers, so that a change of one leaves the others as they are.
+    # Each part has its own random generator, so that a change in one does not affect the others.
     houses, streets, green = (np.random.default_rng([plan.seed, part]) for part in range(3))
     site = Site(ground, plan.network)
     builder = Builder()

@@ -1,4 +1,4 @@
-"""Detached houses of a suburb: gabled and hipped roofs, porches, garages."""
+"""Detached suburban houses: gabled and hipped roofs, porches, garages."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from appocc.simulation.scenery.spans import Span, plain_side
 
 
 def detached_house(builder: Builder, plot: Plot, tag: int, rng: np.random.Generator) -> None:
-    """Add a house with its garage; on arterials now and then a low block of flats."""
+    """Add a house with its garage; on arterials sometimes a low apartment building."""
     if plot.arterial and plot.width_m > 11 and rng.random() < 0.15 and not plot.backland:
         apartment_house(builder, replace(plot, arterial=False), tag, rng, 3)
         return
@@ -85,7 +85,7 @@ def _detached(builder: Builder, plot: Plot, look: Look, rng: np.random.Generator
 
 
 def _porch(builder: Builder, main: Span, s: float, look: Look, tint: Tint) -> None:
-    """A little roof over the door, on two posts, and a step."""
+    """Add a small roof above the door on two posts, and a step."""
     d = main.d0
     builder.boxes(
         main.place, [s - 1.0, d - 1.2, 2.45], [s + 1.0, d, 2.6], Material.PLAIN, look.trim, look.tag, "lrfdt"
@@ -107,7 +107,7 @@ def _porch(builder: Builder, main: Span, s: float, look: Look, tint: Tint) -> No
 
 
 def _front_wing(builder: Builder, bay: Span, look: Look, pitch_rad: float, tint: Tint) -> None:
-    """A part that stands forward with its gable to the street."""
+    """Add a front wing whose gable faces the street."""
     place, length = bay.side("front")
     s = np.array([[length / 2 - 0.95, length / 2 + 0.95]])
     z = window_rows(look.floors_m(), look, 1)

@@ -1,4 +1,4 @@
-"""Walls with openings: windows set into the wall, doors, shopfronts, balconies."""
+"""Walls with openings: recessed windows, doors, shopfronts, balconies."""
 
 from __future__ import annotations
 
@@ -11,29 +11,29 @@ from appocc.simulation.mesh import Material
 from appocc.simulation.scenery.builder import UNIT_UV, Builder, Place, Tint
 from appocc.simulation.scenery.palette import CONCRETE, METALS
 
-SHOP_PANE_M, SHOP_HIGH_M = 1.6, 3.2  # one pane of a shop window, as it is drawn
+SHOP_PANE_M, SHOP_HIGH_M = 1.6, 3.2  # size of a shop window pane, see `rendering.materials`
 _GATE_M, _GROOVES = 1.8, 4
-_PROUD_M = 0.03  # panes of plain walls stand before the wall, so that neither hides the other
+_PROUD_M = 0.03  # panes of plain walls are in front of the wall, which avoids z-fighting
 
 
 @dataclass(frozen=True)
 class Look:
-    """How the walls of a building look.
+    """Walls and windows of a building.
 
     Attributes:
         wall: material of the walls.
-        wall_tint: their colour.
+        wall_tint: colour of the walls.
         trim: colour of sills, cornices and surrounds.
-        frame: colour of the windows' frames.
-        door: colour of its doors.
-        bay_m: about the distance between windows.
+        frame: colour of the window frames.
+        door: colour of the doors.
+        bay_m: approximate distance between windows.
         window_m: width and height of a window.
-        sill_m: from the floor to the window.
+        sill_m: height of the window above the floor.
         ground_m: height of the ground floor.
-        storey_m: height of the others.
-        storeys: how many, the ground floor included.
-        recess_m: how deep windows towards the street lie in the wall.
-        sills: whether they have sills.
+        storey_m: height of the other storeys.
+        storeys: number of storeys, including the ground floor.
+        recess_m: recess of the windows in street facades.
+        sills: whether the windows have sills.
         tag: number of the building.
     """
 
@@ -58,13 +58,13 @@ class Look:
         return self.ground_m + (self.storeys - 1) * self.storey_m
 
     def floors_m(self, first: int = 0) -> FloatArray:
-        """Heights of the floors from one on."""
+        """Return the heights of the floors, from `first` on."""
         floors = np.concatenate([[0.0], self.ground_m + self.storey_m * np.arange(self.storeys - 1)])
         return np.asarray(floors[first:])
 
 
 def rectangles(edges: FloatArray, d: float | FloatArray = 0.0) -> FloatArray:
-    """(N, 4, 3) upright quads of [s0, s1, z0, z1] (N, 4) that face the street at depth d."""
+    """Return (N, 4, 3) upright quads of [s0, s1, z0, z1] (N, 4) that face the street at depth d."""
     edges = np.asarray(edges, np.float64).reshape(-1, 4)
     quads = np.empty((len(edges), 4, 3))
     quads[:, :, 0] = edges[:, [0, 1, 1, 0]]
@@ -74,13 +74,13 @@ def rectangles(edges: FloatArray, d: float | FloatArray = 0.0) -> FloatArray:
 
 
 def plain_wall(builder: Builder, place: Place, edges: FloatArray, material: Material, tint: Tint, tag: int) -> None:
-    """Add wall rectangles [s0, s1, z0, z1] (N, 4); the pattern runs on from one to the next."""
+    """Add wall rectangles [s0, s1, z0, z1] (N, 4) with a continuous pattern."""
     quads = rectangles(edges)
     builder.quads(place, quads, material, tint, tag, quads[..., [0, 2]])
 
 
 def columns(length_m: float, look: Look, margin_m: float = 0.5) -> FloatArray:
-    """(n, 2) left and right edges of the windows of a wall, evenly spread; none on a wall too short."""
+    """Return (n, 2) left and right edges of the windows of a wall, evenly spaced; none if the wall is too short."""
     count = int((length_m - 2 * margin_m) / look.bay_m + 0.35)
     if count == 0 and length_m > look.window_m[0] + 0.6:
         count = 1
@@ -93,14 +93,14 @@ def columns(length_m: float, look: Look, margin_m: float = 0.5) -> FloatArray:
 
 
 def window_rows(floors_m: FloatArray, look: Look, count: int) -> FloatArray:
-    """(m, n, 2) lower and upper edges of the windows of some floors, n in each."""
+    """Return (m, n, 2) lower and upper edges of the windows of some floors, n in each."""
     low = floors_m + look.sill_m
     rows = np.stack([low, low + look.window_m[1]], axis=1)
     return np.broadcast_to(rows[:, None], (len(floors_m), count, 2)).copy()
 
 
 def with_door(z: FloatArray, column: int, top_m: float) -> BoolArray:
-    """Make the lowest window of a column of `window_rows` a door; returns which openings are doors (m, n)."""
+    """Replace the lowest window of a column of `window_rows` by a door; return which openings are doors (m, n)."""
     doors = np.zeros(z.shape[:2], np.bool_)
     doors[0, column], z[0, column] = True, (0.04, top_m)
     return doors
@@ -120,14 +120,14 @@ def windows_wall(
     """Add a wall from z_m[0] to z_m[1] with openings: columns s (n, 2), rows z (m, n, 2).
 
     Args:
-        builder: takes the faces.
-        place: s = 0 at its left end.
-        length_m: of the wall.
+        builder: collects the faces.
+        place: frame with s = 0 at the left end of the wall.
+        length_m: length of the wall.
         z_m: lower and upper edge.
         s: left and right edges of the columns.
-        z: lower and upper edges of each opening, from below.
+        z: lower and upper edges of each opening, from the bottom.
         look: materials.
-        detailed: set the windows into the wall, with sills; else they are panes before it.
+        detailed: recess the windows in the wall, with sills; otherwise panes are in front of the wall.
         doors: (m, n) which openings are doors.
     """
     whole = np.array([[0.0, length_m, *z_m]])
@@ -137,7 +137,7 @@ def windows_wall(
         return
     across = np.broadcast_to(s[None], (rows, count, 2))
     panes = np.concatenate([across, z], axis=-1).reshape(-1, 4)
-    there = panes[:, 3] - panes[:, 2] > 1e-3  # an opening may be left out by giving it no height
+    there = panes[:, 3] - panes[:, 2] > 1e-3  # an opening without height is omitted
     door = np.zeros(len(panes), np.bool_) if doors is None else doors.reshape(-1)
     panes, door = panes[there], door[there]
     if detailed:
@@ -163,7 +163,7 @@ def _pierced(
     z: FloatArray,
     look: Look,
 ) -> None:
-    """The wall around the openings: piers of full height, and spandrels over and under them."""
+    """Add the wall around the openings: piers of full height, and spandrels above and below the openings."""
     low, high = np.concatenate([[0.0], s[:, 1]]), np.concatenate([s[:, 0], [length_m]])
     piers = np.stack([low, high, np.full_like(low, z_m[0]), np.full_like(low, z_m[1])], axis=1)
     count = len(s)
@@ -176,7 +176,7 @@ def _pierced(
 
 
 def _reveals(builder: Builder, place: Place, panes: FloatArray, look: Look) -> None:
-    """The sides and the upper edge of each opening, from the wall's face to the pane; the lower one is the sill's."""
+    """Add the sides and upper edge of each opening, from the wall's face to the pane; sills are the lower edge."""
     s0, s1, z0, z1 = panes.T
     f, b = np.zeros_like(s0), np.full_like(s0, look.recess_m)
     left = [[s0, f, z0], [s0, b, z0], [s0, b, z1], [s0, f, z1]]
@@ -197,7 +197,7 @@ def _sills(builder: Builder, place: Place, panes: FloatArray, look: Look) -> Non
 
 
 def _door_details(builder: Builder, place: Place, doors: FloatArray, look: Look) -> None:
-    """Frames and handles of doors; grooves across those as wide as a gate."""
+    """Add frames and handles of doors, and grooves across those as wide as a gate."""
     before = look.recess_m - 0.02
     gate = doors[:, 1] - doors[:, 0] > _GATE_M
     s0, s1, z0, z1 = doors[~gate].T
@@ -224,16 +224,16 @@ def band(
 def shop_floor(
     builder: Builder, place: Place, length_m: float, look: Look, fascia: Tint, awning: Tint | None, stall: bool = True
 ) -> None:
-    """Add a ground floor of shop windows between piers, its sign board, and an awning if it has a colour.
+    """Add a ground floor of shop windows between piers, its sign board, and an optional awning.
 
     Args:
         builder: takes the faces.
-        place: s = 0 at the wall's left end.
-        length_m: of the wall.
+        place: frame with s = 0 at the left end of the wall.
+        length_m: length of the wall.
         look: materials.
         fascia: colour of the sign board.
-        awning: its colour, None for none.
-        stall: whether the glass stands on a low wall; else it reaches the ground.
+        awning: colour of the awning, None for no awning.
+        stall: whether the glass is on a low wall; otherwise it reaches the ground.
     """
     count = max(1, round((length_m - 0.4) / 3.6))
     bay = (length_m - 0.4) / count
@@ -259,7 +259,7 @@ def shop_floor(
 
 
 def _shop_uv(panes: FloatArray) -> FloatArray:
-    """(N, 4, 2) metres along a shop's windows and up them, drawn out a little so that each shows whole panes."""
+    """Return (N, 4, 2) metres along and up shop windows, scaled slightly so that each shows whole panes."""
     count = np.maximum(np.rint((panes[:, 1] - panes[:, 0]) / SHOP_PANE_M), 1.0)
     first = np.cumsum(count) - count
     along = np.stack([first, first + count], axis=1)[:, [0, 1, 1, 0]] * SHOP_PANE_M
@@ -268,7 +268,7 @@ def _shop_uv(panes: FloatArray) -> FloatArray:
 
 
 def _awnings(builder: Builder, place: Place, s: FloatArray, z_m: float, tint: Tint, tag: int) -> None:
-    """Sloping cloths over shop windows, with a valance; seen from both sides."""
+    """Add sloping, two-sided awnings with a valance above shop windows."""
     s0, s1 = s.T
     back, front, top, low = np.full_like(s0, -0.13), np.full_like(s0, -1.25), z_m, z_m - 0.45
     t, e, v = np.full_like(s0, top), np.full_like(s0, low), np.full_like(s0, low - 0.22)
@@ -280,7 +280,7 @@ def _awnings(builder: Builder, place: Place, s: FloatArray, z_m: float, tint: Ti
 
 
 def balconies(builder: Builder, place: Place, s: FloatArray, floors_m: FloatArray, rail: Tint, look: Look) -> None:
-    """Add balconies before columns (n, 2) at floors (m,): a slab and a rail on three sides."""
+    """Add balconies in front of columns (n, 2) at floors (m,): a slab and a railing on three sides."""
     s0, s1 = (np.tile(edge, len(floors_m)) for edge in (s[:, 0] - 0.45, s[:, 1] + 0.45))
     z = np.repeat(floors_m, len(s))
     out = np.full_like(s0, -1.3)

@@ -1,4 +1,4 @@
-"""Templates of street furniture around their own origins: the front looks to -y, the carriageway."""
+"""Templates of street furniture around their own origins; the front faces -y, the carriageway."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ _WOOD: Tint = (128, 88, 58)
 
 
 def post(height_m: float, radius_m: float = 0.045, tint: Tint = _STEEL, top_m: float | None = None) -> Mesh:
-    """A round post at the origin, closed above."""
+    """Return a round post at the origin with a closed top."""
     ends = np.zeros(3), np.array([0.0, 0.0, height_m])
     return stem(*ends, (radius_m, radius_m if top_m is None else top_m), 6, Material.METAL, tint, capped=True)
 
 
 def street_lamp(old: bool) -> tuple[Mesh, FloatArray]:
-    """A street lamp and the place of its light: a lantern on a post, or a long arm over the street."""
+    """Return a street lamp and the position of its light: a lantern on a post, or a long arm over the street."""
     builder = Builder()
     if old:
         light = np.array([0.0, 0.0, 4.72])
@@ -49,7 +49,7 @@ def street_lamp(old: bool) -> tuple[Mesh, FloatArray]:
 
 
 def plate(corners: FloatArray, z_m: float, tint: Tint, front_m: float, material: Material, back: bool = True) -> Mesh:
-    """A flat sign that looks to -y: outline (K, 2) of x and height, counter-clockwise from the front."""
+    """Return a flat sign that faces -y: outline (K, 2) of x and height, counter-clockwise from the front."""
     builder = Builder()
     count = len(corners)
     at = np.stack([corners[:, 0], np.full(count, front_m), corners[:, 1] + z_m], axis=1)
@@ -63,7 +63,7 @@ def plate(corners: FloatArray, z_m: float, tint: Tint, front_m: float, material:
 
 
 def ring(count: int, radius_m: float, turn: float = 0.5) -> FloatArray:
-    """(K, 2) corners of a regular outline, counter-clockwise."""
+    """Return the (K, 2) corners of a regular polygon, counter-clockwise."""
     angle = 2 * np.pi * (np.arange(count) + turn) / count - np.pi / 2
     return np.stack([np.cos(angle), np.sin(angle)], axis=1) * radius_m
 
@@ -73,7 +73,7 @@ def _square(width_m: float, height_m: float, x: float = 0.0, z: float = 0.0) -> 
 
 
 def _on_post(*plates: tuple[FloatArray, Tint, float], height_m: float = 2.5) -> Mesh:
-    """Plates one before the other on a post: outline, colour, distance before the first."""
+    """Return plates in front of each other on a post: outline, colour, distance in front of the first."""
     parts = [post(height_m + 0.25, 0.035)]
     for number, (outline, tint, before) in enumerate(plates):
         parts.append(plate(outline, height_m, tint, -0.05 - before, Material.SIGN, back=number == 0))
@@ -81,26 +81,26 @@ def _on_post(*plates: tuple[FloatArray, Tint, float], height_m: float = 2.5) -> 
 
 
 def stop_sign() -> Mesh:
-    """A red octagon with a white rim and a bar for its word."""
+    """Return a red octagon with a white rim and a bar for its text."""
     word = _square(0.5, 0.14)
     return _on_post((ring(8, 0.42), _WHITE, 0.0), (ring(8, 0.385), _RED, 0.006), (word, _WHITE, 0.012))
 
 
 def yield_sign() -> Mesh:
-    """A white triangle with a red rim, point down."""
+    """Return a white triangle with a red rim, point down."""
     down = np.array([[0.0, -0.5], [0.45, 0.28], [-0.45, 0.28]])
     return _on_post((down, _RED, 0.0), (down * 0.62, _WHITE, 0.006))
 
 
 def limit_sign(number: int) -> Mesh:
-    """A white disc with a red rim and two figures, of `number` 30, 50 or 60."""
+    """Return a white disc with a red rim and two digits, for a limit of 30, 50 or 60."""
     left = {3: "acdgb", 5: "afgcd", 6: "afgecd"}.get(number // 10, "acdgb")
     bars = [(bar, _DARK, 0.012) for bar in (*_figure(left, -0.1), *_figure("abcdef", 0.1))]
     return _on_post((ring(16, 0.33), _RED, 0.0), (ring(16, 0.26), _WHITE, 0.006), *bars)
 
 
 def _figure(bars: str, x: float) -> list[FloatArray]:
-    """Outlines of a figure of seven bars: a above, then clockwise to f, g in the middle."""
+    """Return the outlines of a seven-segment digit: a at the top, then clockwise to f; g in the middle."""
     wide, thick, half = 0.12, 0.035, 0.1
     places = {
         "a": _square(wide, thick, x, 2 * half - thick),
@@ -115,14 +115,14 @@ def _figure(bars: str, x: float) -> list[FloatArray]:
 
 
 def parking_sign() -> Mesh:
-    """A white P on blue."""
+    """Return a parking sign: a white P on blue."""
     letter = [_square(0.07, 0.4, -0.09), _square(0.2, 0.06, 0.01, 0.17), _square(0.2, 0.06, 0.01, -0.01)]
     letter.append(_square(0.06, 0.2, 0.1, 0.08))
     return _on_post((_square(0.56, 0.62), _BLUE, 0.0), *((bar, _WHITE, 0.006) for bar in letter))
 
 
 def crossing_sign() -> Mesh:
-    """A white triangle on blue with a dark figure."""
+    """Return a crossing sign: a white triangle on blue with a dark figure."""
     up = np.array([[-0.24, -0.2], [0.24, -0.2], [0.0, 0.24]])
     return _on_post(
         (_square(0.62, 0.62), _BLUE, 0.0), (up, _WHITE, 0.006), (_square(0.06, 0.24, 0, -0.05), _DARK, 0.012)
@@ -130,20 +130,20 @@ def crossing_sign() -> Mesh:
 
 
 def name_sign() -> Mesh:
-    """A street name on a green or blue board."""
+    """Return a street name sign."""
     board = _square(1.0, 0.24)
     return _on_post((board, (30, 92, 64), 0.0), (_square(0.78, 0.07), _WHITE, 0.006), height_m=2.9)
 
 
 def bin_() -> Mesh:
-    """A litter bin."""
+    """Return a litter bin."""
     drum = stem(np.zeros(3), np.array([0, 0, 0.85]), (0.22, 0.25), 8, Material.METAL, (58, 72, 62), capped=True)
     lid = stem(np.array([0, 0, 0.85]), np.array([0, 0, 0.97]), (0.26, 0.18), 8, Material.METAL, _DARK, capped=True)
     return joined([drum, lid])
 
 
 def bench() -> Mesh:
-    """A bench of wood that looks to the street."""
+    """Return a wooden bench that faces the street."""
     builder = Builder()
     seat = np.array([[-0.9, -0.22, 0.42], [-0.9, -0.06, 0.42], [-0.9, 0.10, 0.42]])
     builder.boxes(ORIGIN, seat, seat + np.array([1.8, 0.13, 0.04]), Material.PLAIN, _WOOD, sides="lrfbdt")
@@ -156,7 +156,7 @@ def bench() -> Mesh:
 
 
 def shelter() -> Mesh:
-    """A bus shelter, four metres long, with a flag."""
+    """Return a bus shelter, four metres long, with a stop sign."""
     builder = Builder()
     posts = np.array([[-2.0, 0.55, 0.0], [1.92, 0.55, 0.0], [-2.0, -0.55, 0.0], [1.92, -0.55, 0.0]])
     builder.boxes(ORIGIN, posts, posts + np.array([0.08, 0.08, 2.35]), Material.METAL, _DARK)
@@ -173,7 +173,7 @@ def shelter() -> Mesh:
 
 
 def power_box() -> Mesh:
-    """A cabinet of a utility."""
+    """Return a utility cabinet."""
     builder = Builder()
     builder.boxes(ORIGIN, [-0.45, -0.02, 0.0], [0.45, 0.36, 0.1], Material.CONCRETE, CONCRETE)
     builder.boxes(ORIGIN, [-0.42, 0.0, 0.1], [0.42, 0.34, 1.25], Material.PLAIN, (142, 150, 140))
@@ -182,7 +182,7 @@ def power_box() -> Mesh:
 
 
 def bollard() -> Mesh:
-    """A bollard with a bright band."""
+    """Return a bollard with a bright band."""
     low = post(0.78, 0.065, _DARK)
     band = np.array([0, 0, 0.78]), np.array([0, 0, 0.86])
     bright = stem(*band, (0.067, 0.067), 6, Material.SIGN, _WHITE)
@@ -190,7 +190,7 @@ def bollard() -> Mesh:
 
 
 def hydrant() -> Mesh:
-    """A fire hydrant."""
+    """Return a fire hydrant."""
     body = stem(np.zeros(3), np.array([0, 0, 0.6]), (0.12, 0.1), 6, Material.PLAIN, _RED, capped=True)
     builder = Builder()
     builder.boxes(ORIGIN, [-0.17, -0.06, 0.38], [0.17, 0.06, 0.5], Material.PLAIN, _RED, sides="lrfbdt")
@@ -198,7 +198,7 @@ def hydrant() -> Mesh:
 
 
 def letter_box() -> Mesh:
-    """A letter box on a foot."""
+    """Return a letter box on a post."""
     builder = Builder()
     builder.boxes(ORIGIN, [-0.06, -0.06, 0.0], [0.06, 0.06, 0.75], Material.METAL, _DARK)
     builder.boxes(ORIGIN, [-0.24, -0.18, 0.75], [0.24, 0.18, 1.35], Material.PLAIN, (196, 150, 30), sides="lrfbdt")
@@ -206,7 +206,7 @@ def letter_box() -> Mesh:
 
 
 def planter() -> Mesh:
-    """A tub with plants."""
+    """Return a planter."""
     builder = Builder()
     builder.boxes(ORIGIN, [-0.6, -0.3, 0.0], [0.6, 0.3, 0.5], Material.CONCRETE, CONCRETE)
     builder.boxes(ORIGIN, [-0.52, -0.22, 0.5], [0.52, 0.22, 0.85], Material.HEDGE, (84, 108, 56))
@@ -214,7 +214,7 @@ def planter() -> Mesh:
 
 
 def billboard() -> Mesh:
-    """A board of three by six metres on two legs; its picture is a few plain areas."""
+    """Return a billboard of three by six metres on two legs; its picture is a few plain areas."""
     builder = Builder()
     legs = np.array([[-2.2, 0.1, 0.0], [2.0, 0.1, 0.0]])
     builder.boxes(ORIGIN, legs, legs + np.array([0.2, 0.2, 2.6]), Material.METAL, _STEEL)

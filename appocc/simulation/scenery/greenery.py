@@ -1,4 +1,4 @@
-"""Where trees, hedges and bushes stand: along streets, in gardens, in parks."""
+"""Trees, hedges and bushes along streets, in gardens and in parks."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ from appocc.simulation.scenery.trees import Tree, broad, bush, columnar, conifer
 
 @dataclass(frozen=True)
 class Planting:
-    """How green a style is.
+    """Density and mix of the greenery of a style.
 
     Attributes:
-        spacing_m: between the trees of a dense garden or park.
-        share: of the places near houses that have a tree.
-        park_share: of those away from houses.
-        bushes: bushes to a tree.
+        spacing_m: spacing of the trees in a dense garden or park.
+        share: share of the spots near houses that have a tree.
+        park_share: share of the spots away from houses.
+        bushes: bushes per tree.
         hedges: share of the front gardens with a hedge or fence.
         conifers: share of conifers.
-        near_m: up to this far from a street trees are seen well; behind terraces they are not.
+        near_m: distance from a street up to which trees are detailed; terraces hide those behind them.
     """
 
     spacing_m: float
@@ -51,7 +51,7 @@ _VARIANTS = 4
 
 
 def plant(site: Site, style: str, street_trees_m: FloatArray, rng: np.random.Generator) -> list[Mesh]:
-    """Trees and bushes, copies of a few: street trees at given places (N, 2), gardens and parks by the style."""
+    """Build trees and bushes as instances: street trees at positions (N, 2), gardens and parks by the style."""
     planting = PLANTINGS[style]
     spots = _garden_spots(site, planting, rng)
     far = site.metres_at(spots, site.to_road_m) > planting.near_m
@@ -77,7 +77,7 @@ def plant(site: Site, style: str, street_trees_m: FloatArray, rng: np.random.Gen
 
 
 def _garden_spots(site: Site, planting: Planting, rng: np.random.Generator) -> FloatArray:
-    """(N, 2) a jittered grid, thinned, away from walls and pavements; leaves every trunk its own ground."""
+    """Return (N, 2) of a jittered, thinned grid away from walls and pavements; trunks keep their distance."""
     height, width = site.taken.shape
     step = planting.spacing_m / SITE_M
     y, x = np.meshgrid(np.arange(0, height, step), np.arange(0, width, step), indexing="ij")
@@ -86,7 +86,7 @@ def _garden_spots(site: Site, planting: Planting, rng: np.random.Generator) -> F
     to_taken = cv2.distanceTransform((site.taken == 0).astype(np.uint8), cv2.DIST_L2, 3)
     clear = SITE_M * site.metres_at(spots, np.asarray(to_taken, dtype=np.float32))
     paved = site.metres_at(spots, site.to_paved_m)
-    # Clumps: parks and gardens are fuller here than there.
+    # Low-frequency noise makes some parks and gardens denser than others.
     coarse = grid[:, ::-1] / [height, width] * 11
     fullness = 0.4 + 1.2 * map_coordinates(rng.random((12, 12)), coarse.T, order=1, mode="nearest")
     share = np.where(clear < 9.0, planting.share, planting.park_share) * fullness
@@ -103,7 +103,7 @@ def _scattered(
     scale: tuple[float, float],
     slender: float = 1.0,
 ) -> list[Mesh]:
-    """Copies at places (N, 2), a few variants mixed, each of its own size and shade; `slender` are the higher."""
+    """Return instances at positions (N, 2) in several variants, sizes and shades; `slender` scales the height."""
     count = len(xy_m)
     variant = rng.integers(_VARIANTS, size=count)
     yaw = rng.uniform(0, 2 * np.pi, count)
@@ -122,7 +122,7 @@ def _scattered(
 
 
 def enclose(builder: Builder, site: Site, plots: Sequence[Plot], style: str, rng: np.random.Generator) -> None:
-    """Add hedges and fences before front gardens, with a gap for the way to the door."""
+    """Add hedges and fences in front of gardens, with a gap for the path to the door."""
     share = PLANTINGS[style].hedges
     for plot in plots:
         if not plot.built or plot.backland or plot.front_m < 3.0 or rng.random() > share:
@@ -145,7 +145,7 @@ def enclose(builder: Builder, site: Site, plots: Sequence[Plot], style: str, rng
 
 
 def _hedge(builder: Builder, plot: Plot, s0: float, s1: float, d: float, rng: np.random.Generator) -> None:
-    """A clipped hedge, a little uneven along its length."""
+    """Add a clipped hedge, slightly uneven along its length."""
     count = max(1, round((s1 - s0) / 1.6))
     cut = np.linspace(s0, s1, count + 1)
     height = float(rng.uniform(0.8, 1.5)) + rng.uniform(-0.05, 0.05, count)
@@ -157,7 +157,7 @@ def _hedge(builder: Builder, plot: Plot, s0: float, s1: float, d: float, rng: np
 
 
 def _picket(builder: Builder, plot: Plot, s0: float, s1: float, d: float, rng: np.random.Generator) -> None:
-    """A fence of boards on posts, or a low wall."""
+    """Add a picket fence, or a low wall."""
     tint = palette.FENCES[int(rng.integers(len(palette.FENCES)))]
     if rng.random() < 0.35:
         brick = palette.BRICKS[int(rng.integers(len(palette.BRICKS)))]
@@ -174,7 +174,7 @@ def _picket(builder: Builder, plot: Plot, s0: float, s1: float, d: float, rng: n
 
 
 def _mesh_fence(builder: Builder, plot: Plot, s0: float, s1: float, d: float) -> None:
-    """Posts with three rails around a works."""
+    """Add a metal fence with rails."""
     count = max(2, round((s1 - s0) / 2.8) + 1)
     s = np.linspace(s0, s1 - 0.06, count)
     low = np.stack([s, np.full(count, d - 0.03), np.zeros(count)], axis=1)

@@ -1,4 +1,4 @@
-"""Buildings on their plots, by style."""
+"""Place buildings on their plots, by style."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from appocc.simulation.scenery.terraces import town_house
 
 
 def build_houses(builder: Builder, plots: Sequence[Plot], style: str, rng: np.random.Generator) -> None:
-    """Add a building to every plot that has one; its faces are tagged with its number."""
+    """Add a building to every plot that has one; its faces are tagged with its index."""
     makers = {"old": town_house, "modern": apartment_house, "suburb": detached_house, "industrial": works}
     for tag, plot in enumerate(plots):
-        # Plots without a building draw their numbers too: else all that follow would look different.
+        # Empty plots draw their random numbers, too, so that the other buildings do not depend on them.
         makers[style](builder if plot.built else Builder(), plot, tag, rng)

@@ -1,4 +1,4 @@
-"""Works: halls under saw-tooth, flat or low gabled roofs, gates, offices before them."""
+"""Industrial buildings: saw-tooth, flat or low gabled roofs, gates, offices in front."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from appocc.simulation.scenery.spans import SIDES, Span, plain_columns, plain_si
 
 
 def works(builder: Builder, plot: Plot, tag: int, rng: np.random.Generator) -> None:
-    """Add a hall, with offices if it is wide."""
+    """Add an industrial building; wide plots may have offices."""
     wall = (Material.METAL, Material.CONCRETE, Material.BRICK)[int(rng.choice(3, p=(0.55, 0.3, 0.15)))]
     tints = palette.BRICKS if wall == Material.BRICK else palette.HALLS
     look = Look(
@@ -64,7 +64,7 @@ def works(builder: Builder, plot: Plot, tag: int, rng: np.random.Generator) -> N
 
 
 def _hall_ribs(builder: Builder, main: Span, look: Look, gates: FloatArray, rng: np.random.Generator) -> None:
-    """A plinth, open at the gates (n, 2) of the front, a coloured band under the eaves, and posts between windows."""
+    """Add a plinth with gaps at the front gates (n, 2), a band below the eaves, and posts between windows."""
     stripe = pick(rng, palette.AWNINGS + palette.METALS)
     for name in SIDES:
         place, length = main.side(name)
@@ -97,7 +97,7 @@ def _hall_roof(builder: Builder, main: Span, look: Look, rng: np.random.Generato
 
 
 def _office(builder: Builder, plot: Plot, hall: Look, rng: np.random.Generator) -> None:
-    """Two storeys of offices before a hall."""
+    """Add two storeys of offices in front of an industrial building."""
     look = replace(
         hall,
         wall=Material.PLASTER,

@@ -1,4 +1,4 @@
-"""Colours of walls, roofs and leaves, as they are seen in European and American streets (sRGB)."""
+"""Colours of walls, roofs and leaves as in European and American streets (sRGB)."""
 
 from __future__ import annotations
 
@@ -115,7 +115,7 @@ GRAVEL: Tint = (128, 124, 118)
 
 
 def pick(rng: np.random.Generator, tints: Sequence[Tint]) -> Tint:
-    """One of some colours, a little lighter or darker."""
+    """Return one of the colours at random, slightly lighter or darker."""
     tint = tints[int(rng.integers(len(tints)))]
     shade = float(rng.uniform(0.93, 1.06))
     red, green, blue = (min(255, round(c * shade)) for c in tint)

@@ -1,4 +1,4 @@
-"""Where houses stand: rectangles along the frontages, none touching what is paved nor each other."""
+"""Building plots: rectangles along the frontages that overlap neither paved ground nor each other."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ class Plot:
     """A rectangle for a building; s = 0 .. width along the street, d = 0 (front) .. depth.
 
     Attributes:
-        place: frame of its front left corner.
-        width_m: along the street.
-        depth_m: away from it.
-        arterial: whether the street is one.
-        open_left: whether nothing touches it on its left, so that this side has windows.
-        open_right: the same on its right.
-        front_m: from its front to the paved edge.
-        road_m: from its front to the nearest carriageway or car park.
-        backland: whether it stands in a second row, seen only through gaps.
-        built: whether a building stands on it; not in the middle of a roundabout.
+        place: local frame at its front left corner.
+        width_m: width along the street.
+        depth_m: depth away from the street.
+        arterial: whether the street is an arterial.
+        open_left: whether its left side is free, so that it has windows.
+        open_right: whether its right side is free.
+        front_m: distance from its front to the paved edge.
+        road_m: distance from its front to the nearest carriageway or car park.
+        backland: whether it is in a second row, visible only through gaps.
+        built: whether it has a building; plots on roundabouts have none.
     """
 
     place: Place
@@ -43,7 +43,7 @@ class Plot:
 
 @dataclass(frozen=True)
 class Spacing:
-    """How plots follow each other: ranges of widths, depths, front gardens and gaps, metres."""
+    """Ranges of plot widths, depths, front gardens and gaps, metres."""
 
     width_m: tuple[float, float]
     depth_m: tuple[float, float]
@@ -59,12 +59,12 @@ SPACINGS: dict[str, Spacing] = {
     "suburb": Spacing((9.5, 14.5), (8.0, 10.5), (4.5, 7.5), (4.5, 10.0), 1.0, 0.04),
     "industrial": Spacing((20.0, 46.0), (16.0, 30.0), (4.0, 10.0), (6.0, 14.0), 1.0, 0.10),
 }
-# From the paved edge to the second row.
+# Distance from the paved edge to the second row.
 _BACK_M = {"old": 26.0, "modern": 34.0, "suburb": 27.0, "industrial": 44.0}
 
 
 def lay_plots(site: Site, style: str, rng: np.random.Generator) -> list[Plot]:
-    """Plots along all frontages, then a second row behind them; takes their ground."""
+    """Lay plots along all frontages, then a second row behind them, and reserve their ground."""
     spacing = SPACINGS[style]
     plots: list[Plot] = []
     for frontage in site.frontages():
@@ -82,7 +82,7 @@ def _off_islands(site: Site, plot: Plot) -> bool:
 def _along(
     site: Site, frontage: Frontage, spacing: Spacing, rng: np.random.Generator, backland: bool = False
 ) -> list[Plot]:
-    """Plots from one end of a frontage to the other; at its ends a house may reach round the corner."""
+    """Lay plots from one end of a frontage to the other; at its ends a building may extend around the corner."""
     plots: list[Plot] = []
     front = float(rng.uniform(*spacing.front_m))
     s, end = -2.5, frontage.length_m + 2.5
@@ -117,7 +117,7 @@ def _fitted(
     terraced: bool,
     backland: bool,
 ) -> Plot | None:
-    """The plot there, moved back, shortened or narrowed until it is free; None if even that does not help."""
+    """Return the plot, moved back, shortened or narrowed until it is free; None if it never is."""
     tries = [
         (share, back) for share in (1.0, 0.8, 0.62) for back in (0.2, 0.5, 0.9, 1.5) if width_m * share >= _SMALLEST_M
     ]

@@ -1,4 +1,4 @@
-"""Roofs over rectangles: gabled, hipped, flat, saw-tooth; chimneys and what stands on flat ones."""
+"""Roofs of rectangular building parts: gabled, hipped, flat, saw-tooth; chimneys and roof equipment."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _THICK_M = 0.16
 def gable(
     builder: Builder, span: Span, pitch_rad: float, tint: Tint, look: Look, eave_m: float = 0.35, verge_m: float = 0.0
 ) -> float:
-    """Add a roof with its ridge along s and walls up to it at both ends; returns the height of the ridge."""
+    """Add a roof with its ridge along s, and gable walls at both ends; return the height of the ridge."""
     s0, s1, d0, d1, z = span.s0, span.s1, span.d0, span.d1, span.eaves_m
     middle, rise = (d0 + d1) / 2, np.tan(pitch_rad)
     top = z + (d1 - d0) / 2 * rise
@@ -32,7 +32,7 @@ def gable(
     e, low = eave_m, z - eave_m * rise
     a, b = s0 - verge_m, s1 + verge_m
     t = _THICK_M
-    # Front and back slope, each from the ridge down; their undersides; eaves; verges.
+    # Front and back slope from the ridge down; then undersides, eaves and verges.
     front = [[b, middle, top + t], [a, middle, top + t], [a, d0 - e, low + t], [b, d0 - e, low + t]]
     back = [[a, middle, top + t], [b, middle, top + t], [b, d1 + e, low + t], [a, d1 + e, low + t]]
     builder.quads(span.place, [front, back], Material.ROOF_TILES, tint, look.tag)
@@ -53,7 +53,7 @@ def gable(
 
 
 def hip(builder: Builder, span: Span, pitch_rad: float, tint: Tint, look: Look, eave_m: float = 0.4) -> float:
-    """Add a roof that slopes to all four sides, its ridge along s; returns the height of the ridge."""
+    """Add a roof that slopes to all four sides, its ridge along s; return the height of the ridge."""
     a, b, c, d = span.s0 - eave_m, span.s1 + eave_m, span.d0 - eave_m, span.d1 + eave_m
     half = min(b - a, d - c) / 2
     middle, z = (c + d) / 2, span.eaves_m
@@ -77,7 +77,7 @@ def hip(builder: Builder, span: Span, pitch_rad: float, tint: Tint, look: Look, 
 
 
 def flat(builder: Builder, span: Span, parapet_m: float, look: Look, coping: Tint) -> None:
-    """Add a gravel roof behind a parapet; the walls end at the eaves, the parapet stands above them."""
+    """Add a gravel roof behind a parapet; the walls end at the eaves, the parapet continues above them."""
     s0, s1, d0, d1, z = span.s0, span.s1, span.d0, span.d1, span.eaves_m
     thick = 0.25
     builder.quads(
@@ -115,7 +115,7 @@ def rooftop(builder: Builder, span: Span, look: Look, rng: np.random.Generator) 
 
 
 def chimney(builder: Builder, span: Span, s: float, d: float, z_m: float, tint: Tint, look: Look) -> None:
-    """Add a chimney of brick with a cap and two pots that ends at `z_m`."""
+    """Add a brick chimney with a cap and two pots; its cap begins at `z_m`."""
     low = [s - 0.35, d - 0.5, span.eaves_m]
     builder.boxes(span.place, low, [s + 0.35, d + 0.5, z_m], Material.BRICK, tint, look.tag, "lrfb")
     cap = [s - 0.42, d - 0.57, z_m], [s + 0.42, d + 0.57, z_m + 0.12]
@@ -125,7 +125,7 @@ def chimney(builder: Builder, span: Span, s: float, d: float, z_m: float, tint: 
 
 
 def dormers(builder: Builder, span: Span, count: int, pitch_rad: float, tint: Tint, look: Look) -> None:
-    """Add windows with little flat roofs that stand out of the front slope of a gabled roof."""
+    """Add dormers with flat roofs to the front slope of a gabled roof."""
     rise = np.tan(pitch_rad)
     width, height, d = 1.35, 1.35, span.d0 + 0.9
     z = span.eaves_m + 0.9 * rise + 0.1
@@ -151,7 +151,7 @@ def dormers(builder: Builder, span: Span, count: int, pitch_rad: float, tint: Ti
 
 
 def saw_teeth(builder: Builder, span: Span, tooth_m: float, rise_m: float, tint: Tint, look: Look) -> None:
-    """Add a roof of sheds, each upright side glazed, along s."""
+    """Add a saw-tooth roof with glazed upright sides, along s."""
     count = max(1, round((span.s1 - span.s0) / tooth_m))
     edge = np.linspace(span.s0, span.s1, count + 1)
     a, b, c, d, z = edge[:-1], edge[1:], span.d0, span.d1, span.eaves_m
@@ -172,7 +172,7 @@ def saw_teeth(builder: Builder, span: Span, tooth_m: float, rise_m: float, tint:
 
 
 def _tooth_panes(a: np.ndarray, c: float, d: float, z: float, rise_m: float) -> np.ndarray:
-    """Panes along the upright sides of saw teeth."""
+    """Return panes along the upright sides of saw teeth."""
     panes = max(1, int((d - c) / 3.0))
     cut = np.linspace(c + 0.4, d - 0.4, panes + 1)
     s, near = np.meshgrid(a - 0.03, cut[:-1], indexing="ij")

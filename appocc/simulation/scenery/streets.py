@@ -1,4 +1,4 @@
-"""What stands along the streets: lamps, signs, bins, benches, shelters, and the places of street trees."""
+"""Street furniture along the streets: lamps, signs, bins, benches, shelters; positions of street trees."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ from appocc.simulation.scenery.builder import copies
 from appocc.simulation.scenery.roadside import Roadside, along_streets, far_enough, outer_lanes, placed
 from appocc.simulation.scenery.site import Site, lanes_across
 
-_LAMP_STEP_M = 56.0  # on each side; the sides take turns
+_LAMP_STEP_M = 56.0  # on each side; the sides alternate
 _TREE_STREETS = {"old": 0.3, "modern": 0.5, "suburb": 0.45, "industrial": 0.12}
 
 
 class Streets:
-    """Puts things beside the streets; each keeps its distance from those before it."""
+    """Places things along the streets; each keeps its distance from earlier ones."""
 
     def __init__(self, site: Site, network: RoadNetwork, taken_m: FloatArray) -> None:
-        """Begin with places (N, 2) that are taken already."""
+        """Start with occupied positions (N, 2)."""
         self.site, self.network = site, network
         self.taken_m = taken_m.reshape(-1, 2)
         self.meshes: list[Mesh] = []
 
     def put(self, template: Mesh, side: Roadside, facing: FloatArray, least_m: float) -> Roadside:
-        """Copies at those places that are free and big enough, which they take; fronts look along `facing` (N, 2)."""
+        """Place instances at free, large enough positions, and occupy these; fronts face along `facing` (N, 2)."""
         yaw = np.arctan2(facing[:, 1], facing[:, 0]) + np.pi / 2
         fits = self._off_road(template, side.xy_m, yaw)
         side, yaw = side.only(fits), yaw[fits]
@@ -41,7 +41,7 @@ class Streets:
         return side
 
     def _off_road(self, template: Mesh, xy_m: FloatArray, yaw_rad: FloatArray) -> BoolArray:
-        """(N,) whether a template keeps off the carriageway at places, up to the height of a truck."""
+        """Return (N,) whether a template at each position stays off the carriageway, up to the height of a truck."""
         low = template.vertices_m[template.vertices_m[:, 2] < 4.0, :2].astype(np.float64)
         (x0, y0), (x1, y1) = low.min(axis=0) - 0.1, low.max(axis=0) + 0.1
         corners = np.array([[x, y] for x in np.linspace(x0, x1, 5) for y in (y0, (y0 + y1) / 2, y1)])
@@ -54,7 +54,7 @@ class Streets:
 def furnish(
     site: Site, network: RoadNetwork, style: str, taken_m: FloatArray, rng: np.random.Generator
 ) -> tuple[list[Mesh], FloatArray, FloatArray]:
-    """Everything along the streets; also the lamps' lights (L, 3) and where street trees are to stand (N, 2)."""
+    """Furnish the streets; also return the lamps' light sources (L, 3) and the positions of street trees (N, 2)."""
     streets = Streets(site, network, taken_m)
     lamps = along_streets(site, network, _LAMP_STEP_M, 0.6, True, 7.0)
     template, light = furniture.street_lamp(style == "old")
@@ -67,7 +67,7 @@ def furnish(
 
 
 def _street_trees(streets: Streets, style: str, rng: np.random.Generator) -> FloatArray:
-    """Rows of trees on the pavements of some streets, both sides."""
+    """Return positions of tree rows on the pavements of some streets, on both sides."""
     step = float(rng.uniform(9.0, 12.0))
     side = along_streets(streets.site, streets.network, step, 0.8, False, 13.0)
     names = [edge.name for edge in streets.network.edges]
@@ -85,7 +85,7 @@ def _street_trees(streets: Streets, style: str, rng: np.random.Generator) -> Flo
 
 
 def _signs(streets: Streets, rng: np.random.Generator) -> None:
-    """Stop and yield at junctions, limits and parking along the way, street names."""
+    """Place stop and yield signs, speed limits, parking signs and street names."""
     network = streets.network
     kinds = {junction.name: junction.kind for junction in network.junctions}
     most: dict[str, int] = {}
@@ -125,13 +125,13 @@ def _signs(streets: Streets, rng: np.random.Generator) -> None:
 
 
 def _near_end(line_m: FloatArray, back_m: float) -> tuple[FloatArray, FloatArray]:
-    """The point of a line some way before its end, and its direction."""
+    """Return the point of a line some distance before its end, and the direction there."""
     heading = (line_m[-1] - line_m[-2]) / max(float(np.linalg.norm(line_m[-1] - line_m[-2])), 1e-9)
     return line_m[-1] - back_m * heading, heading
 
 
 def _near_start(line_m: FloatArray, ahead_m: float) -> tuple[FloatArray, FloatArray]:
-    """The point of a line some way after its start, or its middle if that is nearer, and its direction."""
+    """Return the point some distance after the start of a line, at most at its middle, and the direction there."""
     length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line_m, axis=0), axis=1))])
     at = min(ahead_m, length[-1] / 2)
     i = min(int(np.searchsorted(length, at)), len(line_m) - 1)
@@ -141,9 +141,9 @@ def _near_start(line_m: FloatArray, ahead_m: float) -> tuple[FloatArray, FloatAr
 
 
 def _things(streets: Streets, style: str, rng: np.random.Generator) -> None:
-    """Bins, benches, cabinets, hydrants, letter boxes, planters, bollards, shelters, billboards."""
+    """Place bins, benches, cabinets, hydrants, letter boxes, planters, bollards, shelters and billboards."""
     town = style in ("old", "modern")
-    # Template, about how many metres of kerb to one, behind the kerb, paved ground it needs behind its place.
+    # Template, metres of kerb per item, distance behind the kerb, paved depth it needs behind it.
     rows: tuple[tuple[Mesh, float, float, float], ...] = (
         (furniture.shelter(), 260.0, 1.55, 0.9),
         (furniture.bench(), 90.0 if town else 220.0, 1.7, 0.5),
@@ -164,7 +164,7 @@ def _things(streets: Streets, style: str, rng: np.random.Generator) -> None:
 
 
 def _bollards(streets: Streets, rng: np.random.Generator) -> None:
-    """Rows of bollards where streets meet junctions."""
+    """Place rows of bollards where streets meet junctions."""
     side = along_streets(streets.site, streets.network, 1.6, 0.45, False, 1.0)
     ends = np.zeros(len(side), np.bool_)
     for number in np.unique(side.edge):
@@ -176,7 +176,7 @@ def _bollards(streets: Streets, rng: np.random.Generator) -> None:
 
 
 def _billboards(streets: Streets, share: float, rng: np.random.Generator) -> None:
-    """Boards on free ground behind the pavement, towards those who come."""
+    """Place billboards behind the pavement, facing the traffic."""
     side = along_streets(streets.site, streets.network, 60.0, 4.6, False, 20.0)
     chosen = rng.random(len(side)) < share
     away = streets.site.metres_at(side.xy_m, streets.site.to_paved_m)

@@ -26,7 +26,7 @@ from appocc.simulation.scenery.spans import Span, plain_side
 
 
 def town_house(builder: Builder, plot: Plot, tag: int, rng: np.random.Generator) -> None:
-    """Add a house of a terrace, seldom a newer one."""
+    """Add a terraced house, rarely an apartment building."""
     if plot.width_m > 11 and rng.random() < 0.06 and not plot.backland:
         apartment_house(builder, plot, tag, rng)
         return

@@ -1,4 +1,4 @@
-"""Templates of trees and bushes: trunks, irregular crowns, tufts of leaves that break their outlines."""
+"""Templates of trees and bushes: trunks, irregular crowns, and tufts of leaves that break their outlines."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from appocc.simulation.mesh import Material, Mesh, joined
 from appocc.simulation.scenery.builder import stem
 
 _BARK = (96, 84, 70)
-_LEAF = (80, 100, 50)  # replaced when it is placed
-_CLEAR_M = 3.05  # street trees are trimmed: trucks pass below
+_LEAF = (80, 100, 50)  # replaced when it is instanced
+_CLEAR_M = 3.05  # street trees are trimmed for trucks
 _GOLDEN = (1 + 5**0.5) / 2
 
 
 @dataclass(frozen=True)
 class Tree:
-    """A template that stands at its origin.
+    """A template of a tree with its trunk at the origin.
 
     Attributes:
         mesh: trunk and crown.
-        leaves: (F,) which faces take the colour of the leaves.
+        leaves: (F,) which faces take the leaf colour.
         crown_m: radius of the crown.
-        height_m: of the whole tree.
+        height_m: total height.
     """
 
     mesh: Mesh
@@ -37,7 +37,7 @@ class Tree:
 
 @cache
 def _sphere(level: int) -> tuple[FloatArray, NDArray[np.int64]]:
-    """Unit icosphere: (V, 3) points and (F, 3) faces; level 0 has 20 faces, level 1 has 80."""
+    """Return the unit icosphere: (V, 3) points and (F, 3) faces; level 0 has 20 faces, level 1 has 80."""
     a, b = 1.0, _GOLDEN
     points = [(-a, b, 0), (a, b, 0), (-a, -b, 0), (a, -b, 0), (0, -a, b), (0, a, b), (0, -a, -b), (0, a, -b)]
     points += [(b, 0, -a), (b, 0, a), (-b, 0, -a), (-b, 0, a)]
@@ -55,7 +55,7 @@ def _sphere(level: int) -> tuple[FloatArray, NDArray[np.int64]]:
 
 
 def _mesh(vertices: FloatArray, normals: FloatArray, faces: NDArray[np.int64]) -> Mesh:
-    """Leaves; a face that was pressed flat and looks inward is turned round."""
+    """Return a mesh of leaves; faces that point inward after flattening are flipped."""
     corners = vertices[faces]
     facing = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     inward = (facing * normals[faces].sum(axis=1)).sum(axis=1) < 0
@@ -79,10 +79,10 @@ def _blob(
     rough: float = 0.16,
     floor_m: float = 0.0,
 ) -> Mesh:
-    """A lump of leaves."""
+    """Return a cluster of leaves."""
     points, faces = _sphere(level)
     lumpy = points * (1 + rng.uniform(-rough, rough, (len(points), 1)))
-    lumpy[:, 2] = np.maximum(lumpy[:, 2], -0.82)  # flat below, as crowns are
+    lumpy[:, 2] = np.maximum(lumpy[:, 2], -0.82)  # flat at the bottom, like crowns
     vertices = lumpy * radii + centre
     vertices[:, 2] = np.maximum(vertices[:, 2], floor_m)
     return _mesh(vertices, points / radii, faces)
@@ -91,7 +91,7 @@ def _blob(
 def _tufts(
     rng: np.random.Generator, count: int, centre: FloatArray, radii: FloatArray, size_m: float, floor_m: float = 0.05
 ) -> Mesh:
-    """Twigs with leaves on the surface of a crown: quads at random angles, lit as the crown is."""
+    """Return twigs with leaves on the surface of a crown: quads at random angles with the normals of the crown."""
     out = rng.normal(size=(count, 3))
     out[:, 2] = np.abs(out[:, 2]) * np.where(rng.random(count) < 0.25, -0.7, 1.0)
     out /= np.linalg.norm(out, axis=1, keepdims=True)
@@ -122,7 +122,7 @@ def _tree(parts: list[Mesh]) -> Tree:
 
 
 def broad(seed: int, detail: float = 1.0) -> Tree:
-    """A tree with a round, open crown, about 8 m high; detail 2 for those that are passed closely."""
+    """Return a tree with a round, open crown, about 8 m high; detail 2 for trees close to the street."""
     rng = np.random.default_rng([seed, 1])
     fork = np.array([0.0, 0.0, 2.6])
     parts = [_limb(np.zeros(3), fork, (0.2, 0.13), 6)]
@@ -145,7 +145,7 @@ def broad(seed: int, detail: float = 1.0) -> Tree:
 
 
 def columnar(seed: int, detail: float = 1.0) -> Tree:
-    """A slender tree such as a poplar or hornbeam, about 9 m high."""
+    """Return a slender tree such as a poplar or hornbeam, about 9 m high."""
     rng = np.random.default_rng([seed, 2])
     middle, radii = np.array([0.0, 0.0, 5.3]), np.array([1.25, 1.25, 3.9]) * rng.uniform(0.9, 1.1, 3)
     parts = [_limb(np.zeros(3), np.array([0.0, 0.0, 2.2]), (0.16, 0.12)), _blob(rng, middle, radii * 0.94, 1, 0.12)]
@@ -153,7 +153,7 @@ def columnar(seed: int, detail: float = 1.0) -> Tree:
 
 
 def conifer(seed: int, detail: float = 1.0) -> Tree:
-    """A spruce, about 9 m high: skirts of boughs, one over the other."""
+    """Return a spruce, about 9 m high, with layers of branches."""
     rng = np.random.default_rng([seed, 3])
     parts = [_limb(np.zeros(3), np.array([0.0, 0.0, 1.4]), (0.17, 0.14))]
     levels, sides = (5 if detail > 0.5 else 4), 9
@@ -174,7 +174,7 @@ def conifer(seed: int, detail: float = 1.0) -> Tree:
 
 
 def small(seed: int, detail: float = 1.0) -> Tree:
-    """A garden tree, about 4.5 m high, crown low and round."""
+    """Return a garden tree, about 4.5 m high, with a low, round crown."""
     rng = np.random.default_rng([seed, 4])
     middle, radii = np.array([0.0, 0.0, 3.0]), np.array([1.45, 1.45, 1.4]) * rng.uniform(0.88, 1.12, 3)
     parts = [_limb(np.zeros(3), np.array([0.0, 0.0, 2.0]), (0.1, 0.07)), _blob(rng, middle, radii * 0.9, 1)]
@@ -182,7 +182,7 @@ def small(seed: int, detail: float = 1.0) -> Tree:
 
 
 def bush(seed: int) -> Tree:
-    """A bush, about 1.2 m high."""
+    """Return a bush, about 1.2 m high."""
     rng = np.random.default_rng([seed, 5])
     middle, radii = np.array([0.0, 0.0, 0.5]), np.array([0.8, 0.8, 0.65])
     body = _blob(rng, middle, radii * 0.92, 0)

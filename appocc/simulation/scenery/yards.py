@@ -1,4 +1,4 @@
-"""What stands on the yards of works: containers, tanks, stacks of pallets."""
+"""Equipment of industrial yards: containers, tanks, stacks of pallets."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from appocc.simulation.scenery.plots import Plot
 from appocc.simulation.scenery.site import Site
 
 _CONTAINER_M = (6.1, 2.44, 2.6)
-_TRIES = 5  # places tried at each plot
+_TRIES = 5  # attempts per plot
 
 
 def fill_yards(builder: Builder, site: Site, plots: list[Plot], rng: np.random.Generator) -> list[Mesh]:
-    """Put containers, pallets and tanks between and behind the halls, where there is room."""
+    """Place containers, pallets and tanks between and behind the buildings, where there is room."""
     tanks: list[Mesh] = []
     for plot in plots:
         for _ in range(_TRIES):
@@ -38,7 +38,7 @@ def fill_yards(builder: Builder, site: Site, plots: list[Plot], rng: np.random.G
 
 
 def _containers(builder: Builder, place: Place, rng: np.random.Generator) -> None:
-    """One to three containers on top of each other, each with ribs along its sides."""
+    """Add one to three stacked containers with ribs along their sides."""
     length, width, height = _CONTAINER_M
     for level in range(int(rng.choice((1, 2, 3), p=(0.5, 0.35, 0.15)))):
         tint, z = pick(rng, palette.AWNINGS + palette.HALLS), level * height
@@ -50,7 +50,7 @@ def _containers(builder: Builder, place: Place, rng: np.random.Generator) -> Non
 
 
 def _pallets(builder: Builder, place: Place, rng: np.random.Generator) -> None:
-    """Stacks of boards."""
+    """Add stacks of pallets."""
     for s in (0.0, 1.5, 3.0, 4.5):
         height = float(rng.uniform(0.3, 1.9))
         low = np.array([s, rng.uniform(0.0, 1.0), 0.0])
@@ -58,7 +58,7 @@ def _pallets(builder: Builder, place: Place, rng: np.random.Generator) -> None:
 
 
 def _tank(xy_m: FloatArray, rng: np.random.Generator) -> list[Mesh]:
-    """A round tank with a cone on top."""
+    """Return a round tank with a cone on top."""
     tint, height = pick(rng, palette.HALLS[:2] + palette.METALS[2:]), float(rng.uniform(4.0, 9.0))
     foot, top = np.array([*xy_m, 0.0]), np.array([*xy_m, height])
     cone = stem(top, top + np.array([0.0, 0.0, 0.7]), (1.3, 0.25), 14, Material.METAL, tint, capped=True)

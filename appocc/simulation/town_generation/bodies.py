@@ -1,4 +1,4 @@
-"""Sizes of vehicles and people, and how vehicles drive."""
+"""Body types of vehicles and people: sizes, shares and speeds."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ Range = tuple[float, float]
 
 @dataclass(frozen=True)
 class Body:
-    """One body type.
+    """A body type.
 
     Attributes:
-        kind: the actor's kind.
-        name: the actor's body.
-        moving: its share in the traffic.
-        parked: its share at the kerb.
-        length_m: from and to.
-        width_m: from and to.
-        height_m: from and to, riders included.
-        sumo: SUMO's class of vehicle.
-        speed_mps: most it drives.
+        kind: kind of the actor.
+        name: body of the actor.
+        moving: share in moving traffic.
+        parked: share in parked vehicles.
+        length_m: minimum and maximum.
+        width_m: minimum and maximum.
+        height_m: minimum and maximum, riders included.
+        sumo: SUMO's vehicle class.
+        speed_mps: top speed.
     """
 
     kind: str
@@ -54,13 +54,13 @@ CHILD = Body("pedestrian", "child", 0, 0, (0.32, 0.4), (0.38, 0.46), (1.05, 1.4)
 
 
 def draw_body(rng: np.random.Generator, parked: bool) -> Body:
-    """A body type, as often as it is seen on the road or at the kerb."""
+    """Draw a body type by its share in moving or parked traffic."""
     share = np.array([body.parked if parked else body.moving for body in VEHICLES], dtype=np.float64)
     return VEHICLES[int(rng.choice(len(VEHICLES), p=share / share.sum()))]
 
 
 def draw_size(rng: np.random.Generator, body: Body) -> tuple[float, float, float]:
-    """Length, width and height in metres, to the centimetre."""
+    """Draw length, width and height in metres, to the centimetre."""
     ranges = (body.length_m, body.width_m, body.height_m)
     length, width, height = (round(float(rng.uniform(*r)), 2) for r in ranges)
     return length, width, height

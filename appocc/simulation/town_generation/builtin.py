@@ -1,11 +1,11 @@
-"""Make the built-in towns again, byte for byte: `python -m appocc.simulation.town_generation.builtin`."""
+"""Regenerate the built-in towns, byte for byte: `python -m appocc.simulation.town_generation.builtin`."""
 
 from __future__ import annotations
 
 from appocc.simulation.builtin import TOWNS_FOLDER
 from appocc.simulation.town_generation.make import make_town
 
-# Name, seed of the layout, look of the houses.
+# Name, layout seed, architectural style.
 _TOWNS = (
     ("aldermoor", 12, "old"),
     ("brackwater", 21, "industrial"),

@@ -1,4 +1,4 @@
-"""Car parks beside the streets of an invented town."""
+"""Car parks of a generated town."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from appocc.simulation.plan import CarPark
 from appocc.simulation.town_generation.carriageway import Carriageway, normals
 
 _BAY_M, _BAY_WIDTH_M, _AISLE_M = 5.0, 2.5, 6.2
-_SETBACK_M = 3.4  # the pavement lies between the street and the bays
+_SETBACK_M = 3.4  # the pavement is between the street and the bays
 _DRIVEWAY_M = 6.4
 _MARGIN_M = 3.0
 _APART_M = 90.0
@@ -18,7 +18,7 @@ _STRAIGHT_M = 0.5
 
 
 def draw_car_parks(network: RoadNetwork, carriageway: Carriageway, rng: np.random.Generator) -> tuple[CarPark, ...]:
-    """Two or three car parks where there is room for them."""
+    """Draw two or three car parks where there is room."""
     found: list[CarPark] = []
     wanted = int(rng.integers(2, 4))
     for k in rng.permutation(len(network.edges)):
@@ -37,12 +37,12 @@ def draw_car_parks(network: RoadNetwork, carriageway: Carriageway, rng: np.rando
 
 
 def _within(park: CarPark, network: RoadNetwork) -> bool:
-    """Whether it lies between the streets, not outside the town."""
+    """Return whether a car park is inside the bounds of the streets."""
     return bool(((park.outline_m > network.low_m) & (park.outline_m < network.high_m)).all())
 
 
 def _beside(edge: Edge, columns: int, share: float, carriageway: Carriageway) -> CarPark | None:
-    """A car park right of an edge with `columns` bays each side of its driveway; None where it does not fit."""
+    """Return a car park right of an edge with `columns` bays on each side of its driveway; None if there is no room."""
     lane = edge.lanes[0]
     border = lane.centre_m - normals(lane.centre_m) * lane.width_m / 2
     along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(border, axis=0).T))])
@@ -66,7 +66,7 @@ def _beside(edge: Edge, columns: int, share: float, carriageway: Carriageway) ->
 
 
 def _plan(columns: int, half: float, deep: float) -> tuple[FloatArray, FloatArray]:
-    """Outline and bays (x, y, yaw) with x along the street and y away from it, to the right."""
+    """Return outline and bays (x, y, yaw); x along the street, y away from it, to the right."""
     gate = _DRIVEWAY_M / 2
     near, far = _SETBACK_M + 0.2 + _BAY_M / 2, deep - 0.2 - _BAY_M / 2
     corners = [(-half, _SETBACK_M), (-half, deep), (half, deep), (half, _SETBACK_M), (gate, _SETBACK_M)]

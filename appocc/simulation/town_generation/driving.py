@@ -1,4 +1,4 @@
-"""Traffic simulated by SUMO: where every vehicle's front bumper is, ten times a second."""
+"""Run SUMO and record the front bumper of every vehicle ten times a second."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from appocc.simulation.town_generation.tools import said, simulator
 
 STEP_S = 0.1
 _LOOK_STEPS = 2
-_FILL_S = 60.0  # vehicles set out during this time
+_FILL_S = 60.0  # vehicles depart within this time
 
 
 @dataclass(frozen=True)
 class Driver:
-    """A vehicle and the edges it drives along."""
+    """A vehicle and the edges of its route."""
 
     name: str
     body: Body
@@ -33,12 +33,12 @@ class Driver:
 
 @dataclass(frozen=True)
 class Drive:
-    """T steps of A vehicles.
+    """T steps of A driven vehicles.
 
     Attributes:
-        front_m: (T, A, 2) middle of the front bumper; NaN while not there.
-        yaw_rad: (T, A) SUMO's own heading.
-        lamps: (T, A) SUMO's bits: 1 right, 2 left indicator, 8 brake.
+        front_m: (T, A, 2) middle of the front bumper; NaN while absent.
+        yaw_rad: (T, A) heading from SUMO.
+        lamps: (T, A) SUMO's signal bits: 1 right, 2 left indicator, 8 brake.
         links: names `light/link`.
         letters: (T, S) state of each link.
     """
@@ -51,21 +51,21 @@ class Drive:
 
 
 def drive(path: Path, network: RoadNetwork, drivers: list[Driver], times_s: tuple[float, float], seed: int) -> Drive:
-    """Let the drivers drive, and record what they do once the town has filled up.
+    """Simulate the drivers, and record them after a warm-up.
 
     Args:
-        path: SUMO's file of the network.
-        network: what it holds.
-        drivers: who drives.
-        times_s: how long the town fills up, and how long is recorded after that.
-        seed: of what drivers do by chance.
+        path: network file of SUMO.
+        network: its network.
+        drivers: vehicles and routes.
+        times_s: duration of the warm-up and of the recording.
+        seed: random seed of SUMO.
 
     Raises:
         AppoccError: if SUMO is missing.
-        DataError: if it cannot run on this network.
+        DataError: if SUMO cannot run on this network.
     """
     sumo = simulator()
-    if not drivers:  # SUMO can crash on what is no more than a piece of a network
+    if not drivers:  # SUMO can crash on networks that are mere fragments
         count = round(times_s[1] / STEP_S) + 1
         nowhere, dark = np.zeros((count, 0, 2)), np.zeros((count, 0), np.uint8)
         return Drive(nowhere, nowhere[..., 0], dark, (), dark)
@@ -73,7 +73,7 @@ def drive(path: Path, network: RoadNetwork, drivers: list[Driver], times_s: tupl
         routes = Path(folder) / "town.rou.xml"
         routes.write_text(_route_file(drivers), encoding="utf-8")
         options = ["--step-length", str(STEP_S), "--lateral-resolution", "0.8", "--seed", str(seed % 2**31)]
-        # Who blocks a street for long is taken away rather than moved through the air.
+        # Vehicles that block a street for long are removed rather than teleported.
         options += ["--time-to-teleport", "40", "--time-to-teleport.remove", "true", "--ignore-route-errors", "true"]
         options += ["--no-step-log", "true", "--no-warnings", "true", "--collision.action", "none"]
         options += ["--collision.check-junctions", "false"]
@@ -114,14 +114,14 @@ def _record(sumo: ModuleType, drivers: list[Driver], bends: dict[str, FloatArray
             lamps[t, k] = sumo.vehicle.getSignals(name) & 11
         states = "".join(lights.getRedYellowGreenState(n) for n in names)
         letters[t] = np.frombuffer(states.encode("ascii"), np.uint8)
-    front[np.abs(front) > 1e6] = np.nan  # SUMO's mark of a place that it does not know
+    front[np.abs(front) > 1e6] = np.nan  # SUMO's value for unknown positions
     return Drive(front, yaw, lamps, links, letters)
 
 
 def _slow_down(
     sumo: ModuleType, present: tuple[str, ...], most: dict[str, float], bends: dict[str, FloatArray]
 ) -> None:
-    """Nobody drives faster than the bend allows in which it is."""
+    """Limit the speed of each vehicle in a curve."""
     for name in present:
         lane = sumo.vehicle.getLaneID(name)
         speed = most[name]

@@ -1,4 +1,4 @@
-"""What stands still for the whole time: cars at the kerb and in car parks."""
+"""Parked cars along kerbs and in car parks."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from appocc.simulation.plan import TownPlan
 from appocc.simulation.town_generation.bodies import draw_body, draw_size
 from appocc.simulation.traffic import Actor
 
-_CORNER_M = 7.0  # nobody parks this close to a junction
+_CORNER_M = 7.0  # no parking this close to a junction
 _OCCUPIED, _IN_BAY, _FLIPPED = 0.8, 0.68, 0.08
 _NARROWEST_M, _FASTEST_MPS = 1.9, 14.5
 _MOST = 300
@@ -22,7 +22,7 @@ _LONGEST_IN_BAY_M = 5.1
 
 
 class Parked(NamedTuple):
-    """A vehicle that stands at (x, y) in metres with a heading."""
+    """A parked vehicle at (x, y) in metres with a heading."""
 
     actor: Actor
     x_m: float
@@ -31,7 +31,7 @@ class Parked(NamedTuple):
 
 
 def draw_parked(plan: TownPlan, rng: np.random.Generator) -> list[Parked]:
-    """Parked vehicles along the parking lanes and in the bays of a town."""
+    """Draw the vehicles in the parking lanes and car parks of a town."""
     found = [spot for edge in plan.network.edges for lane in edge.lanes for spot in _kerb(plan, edge, lane, rng)]
     keep = np.sort(rng.permutation(len(found))[:_MOST])
     spots = [found[k] for k in keep] + [spot for park in plan.car_parks for spot in _bays(park.bays, rng)]
@@ -47,7 +47,7 @@ def _draw(rng: np.random.Generator) -> Actor:
 
 
 def _stands_there(edge: Edge, lane: Lane) -> bool:
-    """Cars park in parking lanes, and in towns that have none of them on wide shoulders; not beside fast roads."""
+    """Return whether cars may park in a lane: a parking lane or wide shoulder of a street that is not fast."""
     fastest = max((other.speed_mps for other in edge.lanes if other.kind == "driving"), default=0.0)
     return lane.kind in ("parking", "shoulder") and lane.width_m >= _NARROWEST_M and 0 < fastest < _FASTEST_MPS
 
@@ -67,7 +67,7 @@ def _kerb(plan: TownPlan, edge: Edge, lane: Lane, rng: np.random.Generator) -> l
             return found
         ends = np.stack([np.interp([at, at + length], along, line[:, axis]) for axis in (0, 1)], axis=1)
         yaw = float(np.arctan2(*(ends[1] - ends[0])[::-1]))
-        # Wheels at the kerb: what is wider than the lane sticks out to the road.
+        # The wheels are at the kerb: vehicles wider than the lane protrude into the road.
         off = _KERB_M + (width - lane.width_m) / 2 + float(np.clip(rng.normal(0.0, 0.07), -0.12, 0.2))
         side = off if lane.index == 0 or edge.lanes[0].kind != lane.kind else -off
         x, y = ends.mean(axis=0) + side * np.array([-np.sin(yaw), np.cos(yaw)])
@@ -81,7 +81,7 @@ def _kerb(plan: TownPlan, edge: Edge, lane: Lane, rng: np.random.Generator) -> l
 
 
 def _before_driveway(plan: TownPlan, xy_m: FloatArray) -> bool:
-    """Whether a place at the kerb is in the way of a car park's driveway."""
+    """Return whether a position at the kerb blocks the driveway of a car park."""
     mouths = [park.outline_m[:2].mean(axis=0) for park in plan.car_parks]
     return any(float(np.hypot(*(mouth - xy_m))) < _MOUTH_M for mouth in mouths)
 

@@ -1,4 +1,4 @@
-"""Where vehicles go: long random ways through the part of a network that one can drive around in for ever."""
+"""Random routes through the strongly connected part of a network."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ _TIGHT_RAD = 1.7  # buses and lorries avoid sharper turns
 
 
 class Routes:
-    """The drivable part of a network, and random ways through it."""
+    """The largest strongly connected part of a network, and random routes through it."""
 
     def __init__(self, network: RoadNetwork) -> None:
-        """Find the largest set of edges that can all be reached from one another."""
+        """Find the largest set of mutually reachable edges."""
         ways = _ways(network)
         edges = {edge.name: edge for edge in network.edges if _drives(edge)}
         names = list(edges)
@@ -36,9 +36,9 @@ class Routes:
         self.total_m = sum(self._length_m.values())
 
     def draw(self, rng: np.random.Generator, length_m: float, large: bool) -> list[str]:
-        """Names of edges to drive along, at least `length_m` in all; large vehicles keep to the main streets.
+        """Draw a route as names of edges, at least `length_m` in all; large vehicles prefer main streets.
 
-        Empty if the network has no street that one can come back to.
+        Empty if no edge of the network can be reached from itself.
         """
         starts = [name for name, length in self._length_m.items() if length > _SHORTEST_M and self._next[name]]
         if not starts:
@@ -61,12 +61,12 @@ class Routes:
 
 
 def edge_length_m(edge: Edge) -> float:
-    """Length of an edge's first lane."""
+    """Return the length of an edge's first lane."""
     return float(np.hypot(*np.diff(edge.lanes[0].centre_m, axis=0).T).sum())
 
 
 def _turn(first: Edge, second: Edge) -> float:
-    """The angle from the end of an edge to the start of the next, without its sign."""
+    """Return the absolute angle between the end of an edge and the start of the next."""
     a, b = (np.diff(edge.lanes[-1].centre_m, axis=0)[k] for edge, k in ((first, -1), (second, 0)))
     return float(np.abs(np.arctan2(a[0] * b[1] - a[1] * b[0], a @ b)))
 
@@ -76,7 +76,7 @@ def _drives(edge: Edge) -> bool:
 
 
 def _ways(network: RoadNetwork) -> dict[str, dict[str, float]]:
-    """Which edges follow on which, and how much each is liked."""
+    """Return the successors of each edge with their weights."""
     found: dict[str, dict[str, float]] = defaultdict(dict)
     for way in network.connections:
         first, second = network.lanes.get(way.from_lane), network.lanes.get(way.to_lane)

@@ -1,4 +1,4 @@
-"""The traffic of a town: vehicles that drive, vehicles that stand, people on the pavements, lights."""
+"""Traffic of a town: moving vehicles, parked vehicles, pedestrians, traffic lights."""
 
 from __future__ import annotations
 
@@ -20,21 +20,21 @@ from appocc.simulation.traffic import Actor, Light, TrafficLog
 from appocc.simulation.traffic_files import UNIT
 
 Group = tuple[list[Actor], FloatArray, FloatArray, ByteArray]  # actors, places, headings, lights
-_EVERY = 2  # of SUMO's steps: 5 Hz
+_EVERY = 2  # every second step of SUMO: 5 Hz
 _WARM_S, _LEAD_S = 110.0, 10.0
 _VEHICLE_EVERY_M, _MOST_VEHICLES, _WALKERS = 58.0, 150, 70
 _FASTEST_MEAN_MPS = 12.0
-_SHORTEST_STEPS = 25  # who is there for less than this leaves no trace
+_SHORTEST_STEPS = 25  # shorter presences are dropped
 _LETTERS = {ord("G"): ord("G"), ord("g"): ord("g"), ord("y"): ord("y"), ord("Y"): ord("y"), ord("u"): ord("y")}
 
 
 def make_traffic(path: Path, plan: TownPlan, length_s: float = 260.0) -> TrafficLog:
-    """Traffic for a town; the same plan always gives the same traffic.
+    """Generate the traffic of a town; the same plan always gives the same traffic.
 
     Args:
-        path: SUMO's file of the plan's network.
+        path: network file of the plan.
         plan: the town.
-        length_s: how long is recorded.
+        length_s: length of the recording.
 
     Raises:
         AppoccError: if SUMO is missing.
@@ -64,7 +64,7 @@ def _drivers(plan: TownPlan, rng: np.random.Generator, length_s: float) -> list[
 
 
 def _lights(drove: Drive) -> ByteArray:
-    """(T, A) `Light` bits; SUMO's brake lamps are dark while a car stands."""
+    """Return (T, A) `Light` bits; SUMO switches brake lamps off when a car has stopped."""
     brake, left, right = (drove.lamps & bit > 0 for bit in (8, 2, 1))
     speed = np.hypot(*np.moveaxis(np.diff(drove.front_m, axis=0, append=drove.front_m[-1:]), -1, 0)) / STEP_S
     stands = speed < 0.2
@@ -79,7 +79,7 @@ def _letters(letters: ByteArray) -> ByteArray:
 
 
 def _apart(drivers: list[Driver], part: IntArray, driven: tuple[FloatArray, FloatArray, ByteArray]) -> Group:
-    """One actor for each unbroken presence of a vehicle."""
+    """Create one actor for each uninterrupted presence of a vehicle."""
     actors, columns = [], []
     for k, driver in enumerate(drivers):
         for number in range(int(part[:, k].max(initial=-1)) + 1):
@@ -103,7 +103,7 @@ def _joined(
     links: tuple[str, ...],
     letters: ByteArray,
 ) -> TrafficLog:
-    """All in one log, without those who overlap."""
+    """Join all actors in one log and remove overlapping ones."""
     steps = len(driving[1])
     step_s = STEP_S * _EVERY
     times_s = np.arange(steps, dtype=np.float64) * step_s
@@ -114,7 +114,7 @@ def _joined(
     xy = np.concatenate([driving[1], np.tile(place[:, :2], (steps, 1, 1)), walked], axis=1)
     yaw = np.concatenate([driving[2], np.tile(place[:, 2], (steps, 1)), looked], axis=1)
     lights = np.concatenate([driving[3], np.full((steps, len(parked)), int(Light.PARKED)), looked * 0], axis=1)
-    # Rounded as they will be saved, so that what is kept apart here stays apart.
+    # Rounded as in the file, so that actors kept apart here stay apart.
     xy, yaw = np.round(xy / UNIT[:2]) * UNIT[:2], np.round(yaw / UNIT[2]) * UNIT[2]
     stands = np.isin(np.arange(len(actors)), len(driving[0]) + np.arange(len(parked)))
     keep = without_overlaps(actors, xy, yaw, stands)

@@ -1,4 +1,4 @@
-"""People on the pavements: they walk around blocks, beside the carriageway."""
+"""Pedestrians who walk on the pavements around blocks."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from appocc.simulation.traffic import Actor
 
 _SHORTEST_M = 90.0
 _SMOOTH_CELLS = 5.0  # of the raster
-# Those who walk one way keep to one side of the pavement.
+# Pedestrians of one direction keep to one side of the pavement.
 _SIDES_M = (1.15, 1.85)
 
 
 def draw_walkers(
     carriageway: Carriageway, count: int, times_s: FloatArray, rng: np.random.Generator
 ) -> tuple[list[Actor], FloatArray, FloatArray]:
-    """People, their places (T, count, 2) and headings (T, count) at times (T,)."""
+    """Draw pedestrians, their positions (T, count, 2) and headings (T, count) at times (T,)."""
     loops = [[_ring(line) for line in carriageway.contours(side)] for side in _SIDES_M]
     loops = [[ring for ring in rings if ring[-1, 2] > _SHORTEST_M] for rings in loops]
     actors: list[Actor] = []
@@ -38,7 +38,7 @@ def draw_walkers(
 
 
 def _ring(line_m: FloatArray) -> FloatArray:
-    """A closed line as (N + 1, 3): x, y, and the length up to there; the steps of the raster are smoothed away."""
+    """Return a closed line as (N + 1, 3): x, y and arc length; the raster steps are smoothed."""
     smooth = np.stack([gaussian_filter1d(line_m[:, axis], _SMOOTH_CELLS, mode="wrap") for axis in (0, 1)], axis=1)
     closed = np.concatenate([smooth, smooth[:1]])
     along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(closed, axis=0).T))])
@@ -46,7 +46,7 @@ def _ring(line_m: FloatArray) -> FloatArray:
 
 
 def _walk(ring: FloatArray, start_m: float, speed_mps: float, times_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Places (T, 2) and headings (T,); people turn a little before and after a corner."""
+    """Return positions (T, 2) and headings (T,); pedestrians turn gradually around corners."""
     at = start_m + speed_mps * times_s
     way = float(np.copysign(0.6, speed_mps))
     before, here, ahead = (_at(ring, at + shift) for shift in (-way, 0.0, way))

@@ -42,15 +42,15 @@ class ViewTargets:
 
 
 def reduced(depth_m: Float32Array, kind: ByteArray, factor: int = FACTOR) -> ViewTargets:
-    """Each block of factor x factor pixels as one: its commonest class, and the median depth of that class's pixels.
+    """Reduce each block of factor x factor pixels to its most frequent class and the median depth of that class.
 
-    A mean over the edge of a car would be a depth at which there is nothing. Of classes that are equally common the
-    nearer wins. Blocks at the right and lower edge may be cut off.
+    A mean across the edge of a car would be a depth at which nothing is. Among equally frequent classes the nearest
+    one wins. Blocks at the right and lower edge may be incomplete.
 
     Args:
         depth_m: (H, W) float32, infinite in the sky.
         kind: (H, W) uint8.
-        factor: pixels along a block's side.
+        factor: side length of a block in pixels.
     """
     depth, common = _reduce(depth_m, kind, factor)
     with np.errstate(over="ignore"):
@@ -59,7 +59,7 @@ def reduced(depth_m: Float32Array, kind: ByteArray, factor: int = FACTOR) -> Vie
 
 @numba.njit(cache=True, nogil=True)
 def _reduce(depth: Float32Array, kind: ByteArray, factor: int) -> tuple[Float32Array, ByteArray]:
-    """The median depth of the commonest class of each block, and that class."""
+    """Return the median depth of the most frequent class of each block, and that class."""
     high, wide = depth.shape
     rows, columns = (high + factor - 1) // factor, (wide + factor - 1) // factor
     median, common = np.empty((rows, columns), np.float32), np.empty((rows, columns), np.uint8)
@@ -90,17 +90,17 @@ def _reduce(depth: Float32Array, kind: ByteArray, factor: int) -> tuple[Float32A
                             at -= 1
                         chosen[at] = depth[r, c]
                         n += 1
-            # The lower of the two in the middle: a depth that is there.
+            # The lower of the two middle values: a depth that occurs.
             median[i, j] = chosen[(n - 1) // 2]
             common[i, j] = best
     return median, common
 
 
 def save_views(path: Path, views: Mapping[str, ViewTargets]) -> None:
-    """Write the views of a sample's cameras by channel as one .npz, whole or not at all.
+    """Write the view targets of a sample by camera channel to one .npz, atomically.
 
     Raises:
-        DataError: if it cannot be written.
+        DataError: if the file cannot be written.
     """
     arrays = {
         f"{channel}.{part}": getattr(view, part) for channel, view in views.items() for part in ("depth_m", "kind")
