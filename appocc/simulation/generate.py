@@ -72,7 +72,7 @@ def simulate(
     advance: Callable[[float], None],
     tell: Callable[[str], None] = lambda text: None,
 ) -> Summary:
-    """Record a dataset below `out`; `advance` receives the number of finished frames, `notify` a line before long steps.
+    """Record a dataset below `out`; `advance` gets the number of finished frames, `notify` a line before slow steps.
 
     The result depends neither on `workers` nor on interruptions: finished scenes are kept in a hidden folder next to
     `out`, and the same call resumes from them.

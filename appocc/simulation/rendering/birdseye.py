@@ -76,7 +76,7 @@ class _View:
         self._centres = centres @ town_from_ego[:2, :2].T + town_from_ego[:2, 3]
 
     def _rays(self, cells: IntArray, shift: FloatArray) -> tuple[Float32Array, Float32Array]:
-        """Return origins and directions (N, 3) of rays onto cells (N,); `shift` (2,) is from their centres, in cells."""
+        """Return origins and directions (N, 3) of rays onto cells (N,), `shift` (2,) cells off their centres."""
         origins = np.empty((len(cells), 3), np.float32)
         origins[:, :2] = self._centres[cells] + self._pose[:2, :2] @ (shift * self._grid.cell_m)
         origins[:, 2] = self._height_m

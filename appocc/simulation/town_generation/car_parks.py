@@ -42,7 +42,7 @@ def _within(park: CarPark, network: RoadNetwork) -> bool:
 
 
 def _beside(edge: Edge, columns: int, share: float, carriageway: Carriageway) -> CarPark | None:
-    """Return a car park right of an edge with `columns` bays on each side of its driveway; None if there is no room."""
+    """Return a car park right of an edge, `columns` bays on each side of its driveway; None if there is no room."""
     lane = edge.lanes[0]
     border = lane.centre_m - normals(lane.centre_m) * lane.width_m / 2
     along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(border, axis=0).T))])

@@ -16,11 +16,12 @@ _JUMP_M = 0.8  # displacement in 0.1 s beyond the usual one that marks a telepor
 def bodies(front_m: FloatArray, yaw_rad: FloatArray, length_m: FloatArray) -> tuple[FloatArray, FloatArray, IntArray]:
     """Return the motion of vehicles from SUMO's front bumpers (T, A, 2), headings (T, A) and the lengths (A,).
 
-    SUMO's vehicles turn on the spot where lanes meet at an angle; here the bumper's path is smoothed and the rear axle
-    follows it like a trailer (tractrix), so that bodies turn like real cars.
+    SUMO's vehicles turn on the spot where lanes meet at an angle; here the bumper's path is smoothed and the rear
+    axle follows it like a trailer (tractrix), so that bodies turn like real cars.
 
     Returns:
-        Centres (T, A, 2), headings (T, A), and the index (T, A) of the uninterrupted presence, per vehicle from 0; -1 while absent.
+        Centres (T, A, 2), headings (T, A), and the index (T, A) of the uninterrupted presence, counted per
+        vehicle from 0; -1 while absent.
     """
     front, part = np.full_like(front_m, np.nan), np.full(yaw_rad.shape, -1)
     for k in range(front_m.shape[1]):
