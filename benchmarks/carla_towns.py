@@ -8,7 +8,7 @@ Road: ours is every surface cars may drive on. CARLA's is its layer `road` (lane
 with `parking`; its `shoulder` is road in neither. CARLA's raster shows streets of two lanes of 4.0 m as 9.0 m wide:
 its roads reach RIM_M too far on all sides, and the second figure removes that rim. Remaining differences:
 the middle lane for both directions in Town03 is road here, but not in CARLA's layer; junctions drawn here also cover
-the median they reach across; lanes that begin at a tip (Town06) begin here with their full width; and netconvert omits
+the median they reach across; lanes that begin at a tip (Town06) begin here with full width; and netconvert omits
 some lanes of two loops of Town06.
 
 Lines: share of our painted cells within TOLERANCE_M of one of CARLA's (hit), and of CARLA's within that of ours

@@ -23,38 +23,38 @@ from appocc.geometry import apply, inverse, transform
 from appocc.grid import BEVGrid
 from appocc.rigs import read_rig
 from appocc.simulation.actors.assembling import assemble
-from appocc.simulation.actors.paint import paints_of
+from appocc.simulation.actors.paint import draw_paints
 from appocc.simulation.mesh import Mesh
-from appocc.simulation.rendering.lidar import EGO_FROM_LIDAR, Sweep, sweep
-from appocc.simulation.rendering.lighting import Ego
+from appocc.simulation.rendering.lidar import EGO_FROM_LIDAR, LidarSweep, simulate_sweep
+from appocc.simulation.rendering.lighting import EgoBody
 from appocc.simulation.rendering.tracing import TOWN, Tracer
-from appocc.simulation.rendering.views import View
+from appocc.simulation.rendering.views import CameraView
 from appocc.simulation.rendering.weather import WEATHERS
 from appocc.simulation.scenario import draw_scenario
 from appocc.simulation.sources import TownSource, town_sources
-from appocc.simulation.truth.objects import Objects, objects_near
+from appocc.simulation.truth.objects import ActorBoxes, objects_near
 from appocc.simulation.truth.occupancy import vehicle_cells
-from appocc.simulation.truth.visibility import seen_shares
+from appocc.simulation.truth.visibility import visible_shares
 
 _LEAST_PX = 12
 
 
-class Frame(NamedTuple):
+class TruthFrame(NamedTuple):
     """A frame to be checked; mesh and objects exclude the ego."""
 
     pose: FloatArray
     mesh: Mesh
-    objects: Objects
+    objects: ActorBoxes
     tracer: Tracer
 
 
-def box_ious(frame: Frame, rig: CameraRig, views: Mapping[str, View]) -> list[tuple[float, float]]:
+def box_ious(frame: TruthFrame, rig: CameraRig, views: Mapping[str, CameraView]) -> list[tuple[float, float]]:
     """Return the IoU of the rectangle around each unoccluded vehicle's pixels with those around its box and mesh."""
     found: list[tuple[float, float]] = []
     vehicles = frame.objects.select(frame.objects.are_vehicles())
     for camera in rig:
         alone = CameraRig((camera,))
-        shares = seen_shares(frame.tracer, frame.mesh, vehicles.number, alone, frame.pose)
+        shares = visible_shares(frame.tracer, frame.mesh, vehicles.number, alone, frame.pose)
         actor = views[camera.channel].actor
         for number, corners, share in zip(vehicles.number, vehicles.corners(), shares, strict=True):
             uv, depth = camera.project_ego(apply(inverse(frame.pose), corners))
@@ -87,7 +87,7 @@ def lidar_camera(yaw_rad: float, width_px: int = 1920, height_px: int = 1080) ->
     return Camera("CAM_LIDAR", width_px, height_px, intrinsic, transform(right_down_ahead, EGO_FROM_LIDAR[:3, 3]))
 
 
-def depth_errors(found: Sweep, camera: Camera, view: View) -> FloatArray:
+def depth_errors(found: LidarSweep, camera: Camera, view: CameraView) -> FloatArray:
     """Return (M,) LiDAR depth minus image depth in metres, of points whose four pixels show one smooth surface.
 
     The inverse depth of a plane is linear in the image, so interpolation between pixel centres is exact.
@@ -106,7 +106,7 @@ def depth_errors(found: Sweep, camera: Camera, view: View) -> FloatArray:
     return np.asarray(depth - 1 / (upper * (1 - b) + lower * b))
 
 
-def _smooth(view: View) -> BoolArray:
+def _smooth(view: CameraView) -> BoolArray:
     """Return (H, W) whether the 4x4 pixels around a pixel's lower right corner show one surface without an edge."""
     with np.errstate(divide="ignore", invalid="ignore"):
         near = 1 / view.depth_m.astype(np.float64)
@@ -120,7 +120,7 @@ def _smooth(view: View) -> BoolArray:
     return good
 
 
-def silhouettes(grid: BEVGrid, frame: Frame, side: int = 4) -> NDArray[np.int32]:
+def silhouettes(grid: BEVGrid, frame: TruthFrame, side: int = 4) -> NDArray[np.int32]:
     """Return (X, Y) index of the vehicle whose mesh covers half of a cell from above, by side x side rays."""
     step = (np.arange(side) + 0.5) / side
     x, y = grid.shape
@@ -172,26 +172,26 @@ def main() -> None:
 
 def _frames(
     source: TownSource, count: int, rig: CameraRig
-) -> Iterator[tuple[Frame, Mapping[str, View], Sweep, Camera, View]]:
+) -> Iterator[tuple[TruthFrame, Mapping[str, CameraView], LidarSweep, Camera, CameraView]]:
     """Yield frames of random scenes of a town, with their views, exact LiDAR sweep, and an image from the LiDAR."""
-    from appocc.simulation.recording import build_place, ego_pose
+    from appocc.simulation.recording import build_town_simulation, ego_pose
 
-    place = build_place(source, Path())
-    paints = paints_of(place.log.actors, 0)
+    simulation = build_town_simulation(source, Path())
+    paints = draw_paints(simulation.log.actors, 0)
     for number in range(count):
-        scenario = draw_scenario(number, source.name, place.log, 10.0, ("overcast",), 5)
-        ego, moment = place.log.actors[scenario.ego], place.log.at(scenario.start_s + 5.0)
-        pose = ego_pose(ego, moment, scenario.ego)
-        mesh = assemble(place.log.actors, moment, paints, pose[:2, 3], scenario.ego)
-        lights = np.zeros(len(place.log.actors), np.uint8)
-        signals = np.full(len(place.signal_column), ord("r"), np.uint8)
-        place.renderer.set_moment(mesh, lights, signals, WEATHERS["overcast"], Ego(pose, ego.size_lwh_m))
-        objects = objects_near(place.log.actors, moment, pose[:2, 3], 80.0, scenario.ego)
-        frame = Frame(pose, mesh, objects, place.renderer.tracer)
-        views = place.renderer.views(rig, pose, np.random.default_rng(0))
-        found = sweep(frame.tracer, place.town, mesh, place.category, pose, None)
+        scenario = draw_scenario(number, source.name, simulation.log, 10.0, ("overcast",), 5)
+        ego, state = simulation.log.actors[scenario.ego], simulation.log.state_at(scenario.start_s + 5.0)
+        pose = ego_pose(ego, state, scenario.ego)
+        mesh = assemble(simulation.log.actors, state, paints, pose[:2, 3], scenario.ego)
+        lights = np.zeros(len(simulation.log.actors), np.uint8)
+        signals = np.full(len(simulation.signal_column), ord("r"), np.uint8)
+        simulation.renderer.set_scene(mesh, lights, signals, WEATHERS["overcast"], EgoBody(pose, ego.size_lwh_m))
+        objects = objects_near(simulation.log.actors, state, pose[:2, 3], 80.0, scenario.ego)
+        frame = TruthFrame(pose, mesh, objects, simulation.renderer.tracer)
+        views = simulation.renderer.views(rig, pose, np.random.default_rng(0))
+        found = simulate_sweep(frame.tracer, simulation.town, mesh, simulation.category, pose, None)
         camera = lidar_camera(2 * np.pi * number / count)
-        view = place.renderer.views(CameraRig((camera,)), pose, np.random.default_rng(0))[camera.channel]
+        view = simulation.renderer.views(CameraRig((camera,)), pose, np.random.default_rng(0))[camera.channel]
         yield frame, views, found, camera, view
 
 

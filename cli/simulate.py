@@ -55,27 +55,27 @@ def simulate(
     from appocc.environment import cores
     from appocc.errors import NotFoundError
     from appocc.rigs import read_rig
-    from appocc.simulation.generate import Settings, finished_scenes, unfinished
+    from appocc.simulation.generate import DatasetSettings, count_finished_scenes, unfinished_folder
     from appocc.simulation.generate import simulate as run
-    from appocc.simulation.recording import Recipe
+    from appocc.simulation.recording import RecordingSettings
     from appocc.simulation.scenario import WEATHER_SHARES
     from appocc.simulation.sources import town_sources
 
     unknown = [name for name in weather or () if name not in WEATHER_SHARES]
     if unknown:
         raise NotFoundError(f"weather: expected {', '.join(WEATHER_SHARES)}, got '{unknown[0]}'")
-    recipe = Recipe(max(1, round(seconds * hz)), hz, read_rig(rig), lidar, full_maps)
+    recording = RecordingSettings(max(1, round(seconds * hz)), hz, read_rig(rig), lidar, full_maps)
     towns = town_sources(split.value, town or ())
-    settings = Settings(scenes, towns, tuple(dict.fromkeys(weather or WEATHER_SHARES)), seed, recipe)
+    settings = DatasetSettings(scenes, towns, tuple(dict.fromkeys(weather or WEATHER_SHARES)), seed, recording)
     if sheet is not None:
         check_sheet(sheet, out)
     start = time.monotonic()
     try:
-        with progress("simulation", scenes * recipe.frames) as advance:
+        with progress("simulation", scenes * recording.frames) as advance:
             summary = run(out, settings, workers or cores(), advance, say)
     except Interrupted:
-        if kept := finished_scenes(out):
-            say(f"{kept} of {scenes} scenes are kept in {unfinished(out)}")
+        if kept := count_finished_scenes(out):
+            say(f"{kept} of {scenes} scenes are kept in {unfinished_folder(out)}")
         raise
     taken_s = time.monotonic() - start
     if sheet is not None:

@@ -38,7 +38,7 @@ def computed() -> dict[str, Any]:
 
     front = camera("CAM_FRONT", 96, 64, (1.5, 0.2, 1.5), 0)
     renderer = Renderer(town())
-    renderer.set_moment(car(16, -2, 1), np.zeros(4, np.uint8), np.zeros(0, np.uint8), WEATHERS["low_sun"], None)
+    renderer.set_scene(car(16, -2, 1), np.zeros(4, np.uint8), np.zeros(0, np.uint8), WEATHERS["low_sun"], None)
     view = renderer.views(CameraRig((front,)), np.eye(4), np.random.default_rng(1))["CAM_FRONT"]
     torch.manual_seed(1)
     model = build("appocc", Setting("small", ("CAM_FRONT",), BEVGrid(0.0, 8.0, -4.0, 4.0, 0.5), 96, 64)).eval()

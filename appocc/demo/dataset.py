@@ -9,7 +9,14 @@ from pathlib import Path
 from appocc.camera import CameraRig
 from appocc.nuscenes.writer import Writer
 from appocc.rigs import read_rig
-from appocc.simulation.recording import SOURCE, VERSION, Recipe, build_place, record_scene, write_map
+from appocc.simulation.recording import (
+    SOURCE,
+    VERSION,
+    RecordingSettings,
+    build_town_simulation,
+    record_scene,
+    write_map,
+)
 from appocc.simulation.scenario import Scenario
 from appocc.simulation.sources import TownSource
 
@@ -46,7 +53,7 @@ def write_dataset(root: Path, settings: Settings, advance: Callable[[float], Non
         DataError: if a file cannot be written.
     """
     writer = Writer(root, VERSION)
-    place = build_place(TownSource(_STORY.town), root)
-    write_map(place.town, _STORY.town, root)
-    record_scene(_STORY, place, Recipe(settings.samples, HZ, settings.rig), writer, advance)
+    simulation = build_town_simulation(TownSource(_STORY.town), root)
+    write_map(simulation.town, _STORY.town, root)
+    record_scene(_STORY, simulation, RecordingSettings(settings.samples, HZ, settings.rig), writer, advance)
     writer.save()

@@ -15,7 +15,7 @@ from appocc import __version__
 from appocc.errors import DataError
 from appocc.files import read_json, write_json
 from appocc.nuscenes.writer import Writer
-from appocc.simulation.recording import VERSION, Recipe, build_place, record_scene, write_map
+from appocc.simulation.recording import VERSION, RecordingSettings, build_town_simulation, record_scene, write_map
 from appocc.simulation.scenario import Scenario, draw_scenario
 from appocc.simulation.sources import TownSource
 from appocc.temporary import locked, made_folder
@@ -29,7 +29,7 @@ _SHARED = "shared"
 
 
 @dataclass(frozen=True)
-class Settings:
+class DatasetSettings:
     """Settings that determine every byte of a dataset.
 
     Attributes:
@@ -37,14 +37,14 @@ class Settings:
         towns: used in turn.
         weathers: names to draw from.
         seed: random seed.
-        recipe: what each scene records.
+        recording: what each scene records.
     """
 
     scenes: int
     towns: tuple[TownSource, ...]
     weathers: tuple[str, ...]
     seed: int
-    recipe: Recipe
+    recording: RecordingSettings
 
     def as_json(self) -> dict[str, Any]:
         """Return the settings as JSON values, which are stored with the tables."""
@@ -54,11 +54,11 @@ class Settings:
             "towns": [town.as_json() for town in self.towns],
             "weathers": list(self.weathers),
             "seed": self.seed,
-            **self.recipe.as_json(),
+            **self.recording.as_json(),
         }
 
 
-class Summary(NamedTuple):
+class SimulationCounts(NamedTuple):
     """Number of frames recorded by this run, and in total."""
 
     made: int
@@ -67,11 +67,11 @@ class Summary(NamedTuple):
 
 def simulate(
     out: Path,
-    settings: Settings,
+    settings: DatasetSettings,
     workers: int,
     advance: Callable[[float], None],
-    tell: Callable[[str], None] = lambda text: None,
-) -> Summary:
+    notify: Callable[[str], None] = lambda text: None,
+) -> SimulationCounts:
     """Record a dataset below `out`; `advance` gets the number of finished frames, `notify` a line before slow steps.
 
     The result depends neither on `workers` nor on interruptions: finished scenes are kept in a hidden folder next to
@@ -80,48 +80,48 @@ def simulate(
     Raises:
         DataError: if `out` holds something else or cannot be written, or a town cannot be simulated.
     """
-    out = _place(out)
-    total = settings.scenes * settings.recipe.frames
-    if _is_made(out, settings):
-        shutil.rmtree(unfinished(out), ignore_errors=True)  # left by a run that was killed at its very end
+    out = _resolved(out)
+    total = settings.scenes * settings.recording.frames
+    if _is_finished(out, settings):
+        shutil.rmtree(unfinished_folder(out), ignore_errors=True)  # left by a run that was killed at its very end
         advance(total)
-        return Summary(0, total)
-    with _unfinished_folder(out, settings) as work:
-        kept = finished_scenes(out)
+        return SimulationCounts(0, total)
+    with _working_folder(out, settings) as work:
+        kept = count_finished_scenes(out)
         if kept:
             notify(f"{out}: resuming after {kept} of {settings.scenes} scenes")
         for town in settings.towns[: settings.scenes]:
             if not town.is_prepared(work / _TOWNS):
                 notify(f"{town.name}: generating streets and traffic, which takes about a minute")
                 town.prepare(work / _TOWNS)
-        scenarios = [_draw(number, settings, work) for number in range(settings.scenes)]
+        scenarios = [_draw_scene(number, settings, work) for number in range(settings.scenes)]
         left = [scene for scene in scenarios if not (work / _SCENES / scene.name / _ROWS).is_file()]
-        advance((len(scenarios) - len(left)) * settings.recipe.frames)
+        advance((len(scenarios) - len(left)) * settings.recording.frames)
         # Scenes of a town follow each other, so that a worker rarely has to build another town.
         left.sort(key=lambda scene: (scene.town, scene.number))
         _record(left, settings, work, workers, advance)
         _assemble(scenarios, settings, work)
-        _put(work / "dataset", out)
-    return Summary(len(left) * settings.recipe.frames, total)
+        _publish(work / "dataset", out)
+    return SimulationCounts(len(left) * settings.recording.frames, total)
 
 
-def unfinished(out: Path) -> Path:
+def unfinished_folder(out: Path) -> Path:
     """Return the folder with the finished scenes of an interrupted run."""
-    out = _place(out)
+    out = _resolved(out)
     return out.parent / f".{out.name}.unfinished"
 
 
-def finished_scenes(out: Path) -> int:
+def count_finished_scenes(out: Path) -> int:
     """Return the number of scenes an interrupted run has finished."""
-    return len(list(unfinished(out).glob(f"{_SCENES}/*/{_ROWS}")))
+    return len(list(unfinished_folder(out).glob(f"{_SCENES}/*/{_ROWS}")))
 
 
-def _place(out: Path) -> Path:
+def _resolved(out: Path) -> Path:
     """Resolve the output folder if it is a link or ends in dots."""
     return out.resolve() if out.is_symlink() or out.name in ("", "..") else out
 
 
-def _is_made(out: Path, settings: Settings) -> bool:
+def _is_finished(out: Path, settings: DatasetSettings) -> bool:
     """Return whether `out` already is the finished dataset.
 
     Raises:
@@ -139,7 +139,7 @@ def _is_made(out: Path, settings: Settings) -> bool:
     raise DataError(f"{out}: exists already; name a new folder")
 
 
-def _differences(kept: Any, settings: Settings) -> str:
+def _differences(kept: Any, settings: DatasetSettings) -> str:
     """Return the names of the settings that differ from those stored in a file, empty if there are none."""
     asked = json.loads(json.dumps(settings.as_json()))  # as they are after writing and reading
     if not isinstance(kept, dict):
@@ -150,13 +150,13 @@ def _differences(kept: Any, settings: Settings) -> str:
 
 
 @contextmanager
-def _unfinished_folder(out: Path, settings: Settings) -> Iterator[Path]:
+def _working_folder(out: Path, settings: DatasetSettings) -> Iterator[Path]:
     """Lock and yield the working folder; it keeps its finished scenes when the block is interrupted.
 
     Raises:
         DataError: if it belongs to other settings or to a running process, or cannot be written.
     """
-    work = unfinished(out)
+    work = unfinished_folder(out)
     try:
         with made_folder(work), locked(work / "lock", out):
             try:
@@ -171,7 +171,7 @@ def _unfinished_folder(out: Path, settings: Settings) -> Iterator[Path]:
         raise DataError(f"{error.filename or out}: cannot be written ({error.strerror or error})") from error
 
 
-def _check_settings(work: Path, settings: Settings) -> None:
+def _check_settings(work: Path, settings: DatasetSettings) -> None:
     kept = work / SETTINGS_FILE
     if kept.is_file() and (other := _differences(read_json(kept), settings)):
         if any(work.glob(f"{_SCENES}/*/{_ROWS}")):
@@ -181,40 +181,44 @@ def _check_settings(work: Path, settings: Settings) -> None:
     write_json(kept, settings.as_json())
 
 
-def _draw(number: int, settings: Settings, work: Path) -> Scenario:
+def _draw_scene(number: int, settings: DatasetSettings, work: Path) -> Scenario:
     source = settings.towns[number % len(settings.towns)]
     _, log = source.load(work / _TOWNS)
-    seconds = (settings.recipe.frames - 1) / settings.recipe.hz
-    return draw_scenario(number, source.name, log, seconds, settings.weathers, settings.seed, settings.recipe.hz)
+    seconds = (settings.recording.frames - 1) / settings.recording.hz
+    return draw_scenario(number, source.name, log, seconds, settings.weathers, settings.seed, settings.recording.hz)
 
 
 def _record(
-    scenarios: Sequence[Scenario], settings: Settings, work: Path, workers: int, advance: Callable[[float], None]
+    scenarios: Sequence[Scenario],
+    settings: DatasetSettings,
+    work: Path,
+    workers: int,
+    advance: Callable[[float], None],
 ) -> None:
     sources = {town.name: town for town in settings.towns}
     jobs: list[_Job] = [(scenario, sources[scenario.town]) for scenario in scenarios]
     with worker_pool(min(workers, len(jobs))) as pool:
-        job = partial(_record_one, recipe=settings.recipe, work=work)
+        job = partial(_record_one, recording=settings.recording, work=work)
         for frames in in_order(pool, partial(job, advance=None if pool else advance), jobs):
             advance(frames)
 
 
-def _record_one(job: _Job, recipe: Recipe, work: Path, advance: Callable[[float], None] | None) -> int:
+def _record_one(job: _Job, recording: RecordingSettings, work: Path, advance: Callable[[float], None] | None) -> int:
     """Record a scene into its own folder; return the number of frames not yet reported to `advance`."""
     scenario, source = job
     place = work / _SCENES / scenario.name
     part = place.with_suffix(".part")
     shutil.rmtree(part, ignore_errors=True)
 
-    writer, built = Writer(part, VERSION), build_place(source, work / _TOWNS)
-    write_map(built.town, source.name, work / _SHARED)
-    record_scene(scenario, built, recipe, writer, advance or (lambda frames: None))
+    writer, simulation = Writer(part, VERSION), build_town_simulation(source, work / _TOWNS)
+    write_map(simulation.town, source.name, work / _SHARED)
+    record_scene(scenario, simulation, recording, writer, advance or (lambda frames: None))
     write_json(part / _ROWS, {"rows": writer.rows, "extra": writer.extra}, indent=None)
     part.replace(place)
-    return recipe.frames if advance is None else 0
+    return recording.frames if advance is None else 0
 
 
-def _assemble(scenarios: Sequence[Scenario], settings: Settings, work: Path) -> None:
+def _assemble(scenarios: Sequence[Scenario], settings: DatasetSettings, work: Path) -> None:
     """Merge the scenes' files and rows into one dataset; the merge can be interrupted and repeated."""
     root = work / "dataset"
     for half in root.rglob(".*"):  # written by a run that was killed
@@ -239,9 +243,9 @@ def _move_files(source: Path, target: Path) -> None:
             path.replace(place)
 
 
-def _put(dataset: Path, out: Path) -> None:
+def _publish(dataset: Path, out: Path) -> None:
     """Move the finished dataset to its folder and remove the working folder."""
     if out.is_dir():
         out.rmdir()
     dataset.replace(out)
-    shutil.rmtree(unfinished(out), ignore_errors=True)
+    shutil.rmtree(unfinished_folder(out), ignore_errors=True)

@@ -70,7 +70,7 @@ def draw_scenario(
     return Scenario(f"scene-{number:04d}", number, town, ego, start * log.step_s, weather, seed)
 
 
-def description_of(scenario: Scenario, ego: Actor) -> str:
+def describe_scenario(scenario: Scenario, ego: Actor) -> str:
     """Return the description for the table of scenes; `weather_of` parses it."""
     weather = scenario.weather.replace("_", " ")
     return f"{scenario.town}, {weather}, simulated; ego {ego.name} ({ego.body})"

@@ -17,7 +17,7 @@ from appocc.simulation.town_files import load_town
 from appocc.simulation.traffic import TrafficLog
 
 SPLITS = {"train": TRAIN_TOWNS, "test": TEST_TOWNS, "all": (*TRAIN_TOWNS, *TEST_TOWNS)}
-_MADE_UP = re.compile(r"random:(\d{1,9})")
+_RANDOM = re.compile(r"random:(\d{1,9})")
 _MAPS = (".xodr", ".net.xml", ".net.xml.gz")
 
 
@@ -53,10 +53,10 @@ class TownSource:
         """
         if self.origin is None or self.is_prepared(folder):
             return
-        from appocc.simulation.town_generation.make import make_town
+        from appocc.simulation.town_generation.make import generate_town
 
         folder.mkdir(parents=True, exist_ok=True)
-        make_town(self.origin, folder, self.name)
+        generate_town(self.origin, folder, self.name)
 
     def load(self, folder: Path) -> tuple[TownPlan, TrafficLog]:
         """Load plan and traffic; towns that are not built in must be prepared in `folder`."""
@@ -85,9 +85,9 @@ def town_sources(split: str, asked: Sequence[str]) -> tuple[TownSource, ...]:
 def _source(text: str) -> TownSource:
     if text in SPLITS["all"]:
         return TownSource(text)
-    made_up = _MADE_UP.fullmatch(text)
-    if made_up:
-        return TownSource(f"random-{int(made_up[1])}", int(made_up[1]))
+    random_town = _RANDOM.fullmatch(text)
+    if random_town:
+        return TownSource(f"random-{int(random_town[1])}", int(random_town[1]))
     path = Path(text)
     if not path.is_file():
         names = ", ".join(SPLITS["all"])

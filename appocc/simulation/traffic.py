@@ -42,7 +42,7 @@ class Actor:
 
 
 @dataclass(frozen=True)
-class Moment:
+class TrafficState:
     """State of all N actors present at a time, in the order of the log.
 
     Attributes:
@@ -110,7 +110,7 @@ class TrafficLog:
         """Time from the first to the last step."""
         return (len(self.xy_m) - 1) * self.step_s
 
-    def at(self, time_s: float) -> Moment:
+    def state_at(self, time_s: float) -> TrafficState:
         """Return the traffic state at a time; positions are interpolated linearly, headings along the shorter arc.
 
         Raises:
@@ -124,7 +124,7 @@ class TrafficLog:
         index = np.flatnonzero(np.isfinite(first[:, 0]) & np.isfinite(second[:, 0]))
         step, yaw = (second - first)[index], self.yaw_rad[before : before + 2, index].astype(np.float64)
         turn = np.mod(yaw[1] - yaw[0] + np.pi, 2 * np.pi) - np.pi
-        return Moment(
+        return TrafficState(
             index,
             first[index] + share * step,
             yaw[0] + share * turn,

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from appocc.camera import Camera
 from appocc.geometry import transform
-from appocc.simulation.mesh import Material, Mesh, joined
+from appocc.simulation.mesh import Material, Mesh, join_meshes
 from appocc.simulation.network import RoadNetwork
 from appocc.simulation.plan import TownPlan
 from appocc.simulation.surface import Ground, Surface
@@ -52,7 +52,7 @@ def box(
 
 def car(x: float, y: float, tag: int, tint: tuple[int, int, int] = (190, 30, 30)) -> Mesh:
     """A painted box with panes on it, a brake lamp at its back (towards -x) and head lamps at its front."""
-    return joined(
+    return join_meshes(
         [
             box((x - 2, y - 0.9, 0.3), (x + 2, y + 0.9, 1.0), Material.PAINT, tint, tag),
             box((x - 1, y - 0.8, 1.0), (x + 1, y + 0.8, 1.5), Material.GLASS, (30, 34, 38), tag),
@@ -74,7 +74,7 @@ def town(*more: Mesh) -> Town:
         (220,) * 3,
     )
     none = RoadNetwork((), (), (), (), np.zeros(2), np.zeros(2), np.zeros(2))
-    solid = joined(
+    solid = join_meshes(
         [
             box((5, WALL_Y_M, 0), (35, WALL_Y_M + 4, 5), Material.BRICK, (150, 70, 55), 0),
             box((25, 5, 0), (25.4, 5.4, 6), Material.METAL, (60, 60, 60)),

@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 from appocc.camera import Camera, CameraRig
 from appocc.checks import FloatArray
 from appocc.geometry import transform
-from appocc.simulation.mesh import Material, Mesh, joined
+from appocc.simulation.mesh import Material, Mesh, join_meshes
 from appocc.simulation.network import RoadNetwork
 from appocc.simulation.plan import TownPlan
 from appocc.simulation.rendering.tracing import Tracer
 from appocc.simulation.surface import Ground, Surface
 from appocc.simulation.town import Town, VectorMap
-from appocc.simulation.traffic import Actor, Moment
+from appocc.simulation.traffic import Actor, TrafficState
 
 # Ground from (-50, -50) to (50, 50); the road's centre line is y = 0, 8 m wide; a white line along y = 0.
 LOW_M, CELLS = -50.0, 1000
@@ -30,7 +30,7 @@ class Street(NamedTuple):
 
     town: Town
     actors: tuple[Actor, ...]
-    moment: Moment
+    state: TrafficState
     mesh: Mesh
     tracer: Tracer
 
@@ -92,14 +92,14 @@ def made_street(
     town = made_town(wall if solid is None else solid)
     actors = tuple(Actor(f"actor-{i}", kind, body, size) for i, (kind, body, size, *_) in enumerate(rows))
     places = np.array([row[3:] for row in rows], np.float64).reshape(-1, 3)
-    mesh = joined(
+    mesh = join_meshes(
         [
             box_mesh((x, y, actor.size_lwh_m[2] / 2), actor.size_lwh_m, yaw, Material.PAINT, (180, 20, 20), i)
             for i, (actor, (x, y, yaw)) in enumerate(zip(actors, places, strict=True))
         ]
     )
     count = len(rows)
-    moment = Moment(
+    state = TrafficState(
         np.arange(count),
         places[:, :2],
         places[:, 2],
@@ -109,7 +109,7 @@ def made_street(
     )
     tracer = Tracer(town.solid)
     tracer.set_actors(mesh)
-    return Street(town, actors, moment, mesh, tracer)
+    return Street(town, actors, state, mesh, tracer)
 
 
 def looking(channel: str, yaw_rad: float, place_m: Sequence[float], wide: int = 640, high: int = 360) -> Camera:

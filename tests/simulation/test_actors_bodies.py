@@ -4,9 +4,9 @@ import pytest
 
 from appocc.checks import BoolArray
 from appocc.errors import NotFoundError, ShapeError
-from appocc.simulation.actors.bodies import BODIES, POSES, VARIANTS, body_mesh, template
+from appocc.simulation.actors.bodies import BODIES, POSES, VARIANTS, body_mesh, body_template
 from appocc.simulation.actors.modelling import Size
-from appocc.simulation.mesh import Material, Mesh, joined
+from appocc.simulation.mesh import Material, Mesh, join_meshes
 from appocc.simulation.rendering.tracing import ACTOR, Tracer
 
 # Short, usual and long ones of each body.
@@ -49,7 +49,7 @@ def seen_backs(mesh: Mesh) -> float:
     yaw, up = rng.uniform(0, 2 * np.pi, 4000), np.radians(rng.uniform(2, 60, 4000))
     ways = -np.stack([np.cos(up) * np.cos(yaw), np.cos(up) * np.sin(yaw), np.sin(up)], axis=1)
     starts = rng.uniform(mesh.vertices_m.min(axis=0), mesh.vertices_m.max(axis=0), (4000, 3)) - 30 * ways
-    tracer = Tracer(joined([]))
+    tracer = Tracer(join_meshes([]))
     tracer.set_actors(mesh)
     hits = tracer.nearest(starts.astype(np.float32), ways.astype(np.float32))
     met = hits.source == ACTOR
@@ -141,12 +141,12 @@ def test_windows_are_glass_above_the_wheels() -> None:
 
 
 def test_walkers_move_their_legs_and_keep_their_height() -> None:
-    steps = [template("adult", 0, 0, pose) for pose in range(POSES)]
-    assert all(step.places[:, 2].max() == pytest.approx(1.0, abs=1e-3) for step in steps)
-    spans = [float(np.ptp(step.places[:, 0])) for step in steps]
+    steps = [body_template("adult", 0, 0, pose) for pose in range(POSES)]
+    assert all(step.coordinates[:, 2].max() == pytest.approx(1.0, abs=1e-3) for step in steps)
+    spans = [float(np.ptp(step.coordinates[:, 0])) for step in steps]
     assert spans[0] == pytest.approx(1.0, abs=1e-3)
     assert spans[1] < 0.9 * spans[0]
-    assert not np.array_equal(steps[0].places, steps[2].places)
+    assert not np.array_equal(steps[0].coordinates, steps[2].coordinates)
 
 
 def test_templates_are_the_same_every_time() -> None:

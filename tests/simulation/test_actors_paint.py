@@ -5,7 +5,7 @@ import pytest
 
 from appocc.colours import WORDS, word_probabilities
 from appocc.errors import NotFoundError
-from appocc.simulation.actors.paint import COLOUR_WORDS, paint_of, paints_of
+from appocc.simulation.actors.paint import COLOUR_WORDS, draw_paint, draw_paints
 from appocc.simulation.traffic import KINDS, Actor
 
 
@@ -14,7 +14,7 @@ def fleet(kind: str, count: int) -> list[Actor]:
 
 
 def shares(kind: str, count: int = 5000) -> dict[str, float]:
-    counts = Counter(paint.name for paint in paints_of(fleet(kind, count), 3))
+    counts = Counter(paint.name for paint in draw_paints(fleet(kind, count), 3))
     return {name: n / count for name, n in counts.items()}
 
 
@@ -39,7 +39,7 @@ def test_vans_and_trucks_are_mostly_white() -> None:
 def test_most_buses_of_a_town_are_of_one_fleet() -> None:
     common = []
     for seed in range(12):
-        counts = Counter(paint.rgb for paint in paints_of(fleet("bus", 60), seed))
+        counts = Counter(paint.rgb for paint in draw_paints(fleet("bus", 60), seed))
         rgb, count = counts.most_common(1)[0]
         assert count >= 40
         common.append(rgb)
@@ -48,25 +48,25 @@ def test_most_buses_of_a_town_are_of_one_fleet() -> None:
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_names_agree_with_what_people_would_say(kind: str) -> None:
-    paints = paints_of(fleet(kind, 1500), 11)
+    paints = draw_paints(fleet(kind, 1500), 11)
     said = np.array(WORDS)[word_probabilities(np.array([paint.rgb for paint in paints])).argmax(axis=1)]
     assert np.mean(said == [paint.name for paint in paints]) > 0.95
 
 
 def test_paints_of_a_colour_differ() -> None:
-    white = {paint.rgb for paint in paints_of(fleet("car", 500), 0) if paint.name == "white"}
+    white = {paint.rgb for paint in draw_paints(fleet("car", 500), 0) if paint.name == "white"}
     assert len(white) > 80
 
 
 def test_a_paint_follows_from_seed_and_name_alone() -> None:
     car = Actor("veh7", "car", "sedan", (4.5, 1.8, 1.5))
     again = Actor("veh7", "car", "estate", (4.9, 1.9, 1.5))
-    assert paint_of(car, 5) == paint_of(again, 5)
-    others = {paint_of(car, seed).rgb for seed in range(20)}
+    assert draw_paint(car, 5) == draw_paint(again, 5)
+    others = {draw_paint(car, seed).rgb for seed in range(20)}
     assert len(others) > 10
     assert all(0 <= value <= 255 for rgb in others for value in rgb)
 
 
 def test_a_kind_without_paints_is_said() -> None:
     with pytest.raises(NotFoundError, match="no kind 'tram'"):
-        paint_of(Actor("x", "tram", "bus", (30.0, 2.6, 3.5)), 0)
+        draw_paint(Actor("x", "tram", "bus", (30.0, 2.6, 3.5)), 0)

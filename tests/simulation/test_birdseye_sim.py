@@ -7,8 +7,8 @@ from made_truth_town import Street, box_mesh, made_street
 from appocc.checks import ByteArray, FloatArray
 from appocc.geometry import quaternion_from_yaw, transform
 from appocc.grid import BEVGrid
-from appocc.simulation.mesh import Material, joined
-from appocc.simulation.rendering.birdseye import Above, birdseye
+from appocc.simulation.mesh import Material, join_meshes
+from appocc.simulation.rendering.birdseye import BirdsEyeImage, render_birdseye
 from appocc.simulation.rendering.renderer import Renderer
 from appocc.simulation.rendering.weather import WEATHERS
 
@@ -19,18 +19,18 @@ GRID = BEVGrid(-20, 20, -20, 20)
 def street() -> Street:
     crown = box_mesh((-10, 6, 5), (4, 4, 2), material=Material.FOLIAGE, tint=(30, 60, 20))
     house = box_mesh((10, -12, 3), (8, 8, 6), material=Material.PLAIN, tint=(200, 30, 30))
-    return made_street([("car", "sedan", (4.6, 1.8, 1.5), 8, 2, 0.0)], joined([crown, house]))
+    return made_street([("car", "sedan", (4.6, 1.8, 1.5), 8, 2, 0.0)], join_meshes([crown, house]))
 
 
 @pytest.fixture(scope="module")
 def renderer(street: Street) -> Renderer:
     made = Renderer(street.town)
-    made.set_moment(street.mesh, np.zeros(1, np.uint8), np.zeros(0, np.uint8), WEATHERS["overcast"], None)
+    made.set_scene(street.mesh, np.zeros(1, np.uint8), np.zeros(0, np.uint8), WEATHERS["overcast"], None)
     return made
 
 
-def seen(street: Street, renderer: Renderer, x: float, y: float, yaw: float) -> Above:
-    return birdseye(renderer, street.town, GRID, transform(quaternion_from_yaw(yaw), np.array([x, y, 0.0])))
+def seen(street: Street, renderer: Renderer, x: float, y: float, yaw: float) -> BirdsEyeImage:
+    return render_birdseye(renderer, street.town, GRID, transform(quaternion_from_yaw(yaw), np.array([x, y, 0.0])))
 
 
 def at(picture: ByteArray, xy: tuple[float, float]) -> FloatArray:
@@ -39,11 +39,11 @@ def at(picture: ByteArray, xy: tuple[float, float]) -> FloatArray:
 
 
 @pytest.fixture(scope="module")
-def above(street: Street, renderer: Renderer) -> Above:
+def above(street: Street, renderer: Renderer) -> BirdsEyeImage:
     return seen(street, renderer, 0, 0, 0)
 
 
-def test_colours_lie_where_things_are(above: Above) -> None:
+def test_colours_lie_where_things_are(above: BirdsEyeImage) -> None:
     picture = above.appearance
     red, green, blue = at(picture, (8.2, 2.2))  # the car
     assert red > 2 * max(green, blue)
@@ -64,7 +64,7 @@ def test_the_picture_turns_with_the_ego(street: Street, renderer: Renderer) -> N
         assert red > 2 * max(green, blue)
 
 
-def test_trees_are_left_out_of_one_picture_only(above: Above) -> None:
+def test_trees_are_left_out_of_one_picture_only(above: BirdsEyeImage) -> None:
     inside = GRID.cell_of(np.array([-10.2, 6.2]))
     assert tuple(above.covered[:, inside[0], inside[1]]) != tuple(above.appearance[:, inside[0], inside[1]])
     differs = (above.covered != above.appearance).any(axis=0)
@@ -87,7 +87,7 @@ def test_beyond_the_ground_nothing_is_known(street: Street, renderer: Renderer) 
     assert (above.valid == (GRID.centres()[..., 0] < 10)).all()
 
 
-def test_same_moment_same_picture(street: Street, renderer: Renderer, above: Above) -> None:
+def test_same_moment_same_picture(street: Street, renderer: Renderer, above: BirdsEyeImage) -> None:
     again = seen(street, renderer, 0, 0, 0)
     assert again.appearance.tobytes() == above.appearance.tobytes()
     assert again.covered.tobytes() == above.covered.tobytes()

@@ -10,8 +10,8 @@ from appocc.grid import BEVGrid
 from appocc.polylines import clean, cut, dashes, length_m, shifted, strip
 from appocc.rasterise import polygon_cover
 from appocc.simulation.ground.filling import Canvas
-from appocc.simulation.ground.noise import tile
-from appocc.simulation.ground.outlines import outlines_of
+from appocc.simulation.ground.noise import tileable_noise
+from appocc.simulation.ground.outlines import trace_outlines
 
 BEND = np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 10.0]])
 
@@ -89,7 +89,7 @@ def test_outlines_fill_to_the_mask_without_holes() -> None:
     mask = blob()
     grid = BEVGrid(3.0, 19.0, -2.0, 10.0, 0.1)
     total = np.zeros(grid.shape)
-    for outline in outlines_of(mask, np.array([3.0, -2.0])):
+    for outline in trace_outlines(mask, np.array([3.0, -2.0])):
         total += polygon_cover(grid, outline)
     filled = total.T >= 0.5
     assert (filled & (mask > 0)).sum() / (filled | (mask > 0)).sum() > 0.99
@@ -97,7 +97,7 @@ def test_outlines_fill_to_the_mask_without_holes() -> None:
 
 
 def test_tiles_go_on_without_a_seam() -> None:
-    noise = tile(np.random.default_rng(4), 256, (32, 16), (1.0, 0.5))
+    noise = tileable_noise(np.random.default_rng(4), 256, (32, 16), (1.0, 0.5))
     inside = np.abs(np.diff(noise, axis=0)).mean()
     assert np.abs(noise[0] - noise[-1]).mean() < 2 * inside
     assert np.abs(noise[:, 0] - noise[:, -1]).mean() < 2 * inside

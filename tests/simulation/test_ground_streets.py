@@ -178,8 +178,8 @@ def test_zebras_arrows_and_bay_lines_are_road_but_no_lane_markings(ground: Groun
 def test_arrows_point_where_the_lane_leads(ground: Ground) -> None:
     """The left lane from the west goes straight on and left; the right one has no way on here and no arrow."""
     assert np.isin(Surface.ARROW, ground.label[:, : int((-10 - ground.low_m[0]) / CELL_M)])
-    arrow = np.argwhere(ground.label == Surface.ARROW) * CELL_M + ground.low_m[::-1]
-    west = arrow[(arrow[:, 1] < -10) & (arrow[:, 0] < 0)]
+    arrow_areas = np.argwhere(ground.label == Surface.ARROW) * CELL_M + ground.low_m[::-1]
+    west = arrow_areas[(arrow_areas[:, 1] < -10) & (arrow_areas[:, 0] < 0)]
     middle = -LANE_M / 2
     assert west[:, 0].max() - middle > 0.8  # the head to the left
     assert middle - west[:, 0].min() < 0.5

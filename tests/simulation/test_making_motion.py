@@ -6,8 +6,8 @@ import numpy as np
 
 from appocc.checks import FloatArray
 from appocc.simulation.network import Edge, Lane, RoadNetwork
-from appocc.simulation.town_generation.curve_speed import bend_speeds
-from appocc.simulation.town_generation.motion import AXLE, bodies
+from appocc.simulation.town_generation.curve_speed import curve_speeds
+from appocc.simulation.town_generation.motion import AXLE, vehicle_motion
 from appocc.simulation.town_generation.overlaps import overlapping, without_overlaps
 from appocc.simulation.traffic import Actor
 
@@ -22,7 +22,7 @@ def _corner(steps: int = 400, speed: float = 4.0) -> tuple[FloatArray, FloatArra
 
 def test_a_car_does_not_turn_on_the_spot() -> None:
     front, yaw = _corner()
-    centre, turned, part = bodies(front, yaw, np.array([4.5]))
+    centre, turned, part = vehicle_motion(front, yaw, np.array([4.5]))
     rate = np.rad2deg(np.abs(np.diff(np.unwrap(turned[:, 0])))) / 0.1
     assert rate.max() < 75
     assert np.cos(turned[-1, 0] - np.pi / 2) > 0.999
@@ -37,7 +37,7 @@ def test_a_car_does_not_turn_on_the_spot() -> None:
 
 def test_a_standing_car_stays_as_it_is() -> None:
     front = np.tile([[[3.0, 4.0]]], (50, 1, 1))
-    centre, yaw, _ = bodies(front, np.full((50, 1), 0.5), np.array([4.0]))
+    centre, yaw, _ = vehicle_motion(front, np.full((50, 1), 0.5), np.array([4.0]))
     np.testing.assert_allclose(yaw, 0.5)
     np.testing.assert_allclose(centre[:, 0], np.tile([3 - 2 * np.cos(0.5), 4 - 2 * np.sin(0.5)], (50, 1)))
 
@@ -46,7 +46,7 @@ def test_a_gap_or_a_jump_parts_two_presences() -> None:
     front, yaw = _corner()
     front[50:60], yaw[50:60] = np.nan, np.nan
     front[100:] += 30.0
-    centre, _, part = bodies(front, yaw, np.array([4.5]))
+    centre, _, part = vehicle_motion(front, yaw, np.array([4.5]))
     assert [part[k, 0] for k in (0, 49, 50, 60, 99, 100, 399)] == [0, 0, -1, 1, 1, 2, 2]
     assert np.isnan(centre[50:60]).all()
     assert np.isfinite(centre[60:]).all()
@@ -61,7 +61,7 @@ def test_bends_are_slow_and_braked_for() -> None:
         Lane("a_2", "a", 2, "parking", 2.3, 13.9, line * 1.0),
     )
     zero = np.zeros(2)
-    speeds = bend_speeds(RoadNetwork((Edge("a", "i", "j", 1, lanes),), (), (), (), zero, zero, zero))
+    speeds = curve_speeds(RoadNetwork((Edge("a", "i", "j", 1, lanes),), (), (), (), zero, zero, zero))
     assert list(speeds) == ["a_0"]
     assert 4.5 < speeds["a_0"].min() < 6.5
     assert speeds["a_0"][0] > 10

@@ -14,10 +14,10 @@ from appocc.simulation.plan import TownPlan
 from appocc.simulation.town_files import load_town
 from appocc.simulation.town_generation.carriageway import draw_carriageway
 from appocc.simulation.town_generation.layout import draw_layout
-from appocc.simulation.town_generation.make import make_town
+from appocc.simulation.town_generation.make import generate_town
 from appocc.simulation.town_generation.opendrive import import_opendrive
 from appocc.simulation.town_generation.streets import write_network
-from appocc.simulation.town_generation.traffic import make_traffic
+from appocc.simulation.town_generation.traffic import generate_traffic
 from appocc.simulation.traffic import Light, TrafficLog
 
 pytest.importorskip("libsumo")
@@ -39,7 +39,7 @@ def network(small: Path) -> RoadNetwork:
 
 @pytest.fixture(scope="module")
 def log(small: Path, network: RoadNetwork) -> TrafficLog:
-    return make_traffic(small, TownPlan("small", 5, "old", network), 8.0)
+    return generate_traffic(small, TownPlan("small", 5, "old", network), 8.0)
 
 
 def test_an_invented_town_has_streets_to_drive_and_park_in(network: RoadNetwork) -> None:
@@ -60,15 +60,15 @@ def test_traffic_fills_it(network: RoadNetwork, log: TrafficLog) -> None:
     assert np.count_nonzero(parked) > 20
     beside = draw_carriageway(network)
     places = log.xy_m[:, people].reshape(-1, 2).astype(np.float64)
-    assert beside.beyond(places).min() > 0.45
-    assert beside.beyond(places).max() < 2.6
+    assert beside.distance_m(places).min() > 0.45
+    assert beside.distance_m(places).max() < 2.6
     driving = log.xy_m[:, ~people & ~parked].reshape(-1, 2).astype(np.float64)
-    assert np.mean(beside.beyond(driving[np.isfinite(driving[:, 0])]) == 0) > 0.99
+    assert np.mean(beside.distance_m(driving[np.isfinite(driving[:, 0])]) == 0) > 0.99
     assert len({actor.name for actor in log.actors}) == len(log.actors)
 
 
 def test_the_same_plan_gives_the_same_traffic(small: Path, network: RoadNetwork, log: TrafficLog) -> None:
-    again = make_traffic(small, TownPlan("other", 5, "old", network), 8.0)
+    again = generate_traffic(small, TownPlan("other", 5, "old", network), 8.0)
     assert again.actors == log.actors
     np.testing.assert_array_equal(again.xy_m, log.xy_m)
     np.testing.assert_array_equal(again.signals, log.signals)
@@ -82,7 +82,7 @@ def test_a_network_without_a_way_back_still_gives_a_town(tmp_path: Path) -> None
     <junction id="j" type="dead_end" x="90" y="2" incLanes="a_0" intLanes="" shape="90,0 90,4"/></net>"""
     source = tmp_path / "lane.net.xml.gz"
     source.write_bytes(gzip.compress(net.encode()))
-    assert make_town(source, tmp_path / "out") == "lane"
+    assert generate_town(source, tmp_path / "out") == "lane"
     plan, log = load_town(tmp_path / "out", "lane")
     assert plan.name == "lane"
     assert all(
@@ -95,7 +95,7 @@ def test_what_is_no_map_gets_one_line(tmp_path: Path, text: str) -> None:
     source = tmp_path / "bad.xodr"
     source.write_text(text, encoding="utf-8")
     with pytest.raises(DataError, match=r"bad\.xodr: no road network \(.+\)") as caught:
-        make_town(source, tmp_path / "out")
+        generate_town(source, tmp_path / "out")
     assert "\n" not in str(caught.value)
     assert not (tmp_path / "out").exists()
 
@@ -105,7 +105,7 @@ def test_missing_and_damaged_sources_get_one_line(tmp_path: Path) -> None:
     (tmp_path / "plain.net.xml").write_bytes(b"<net/>")
     for name in ("none.xodr", "none.net.xml", "cut.net.xml.gz", "plain.net.xml"):
         with pytest.raises(DataError, match=name):
-            make_town(tmp_path / name, tmp_path / "out")
+            generate_town(tmp_path / name, tmp_path / "out")
 
 
 @pytest.mark.realdata
@@ -125,6 +125,6 @@ def test_carla_towns_keep_their_roadsides(data_root: Path, tmp_path: Path) -> No
 def test_a_carla_town_is_made(data_root: Path, tmp_path: Path) -> None:
     path = tmp_path / "Town02.net.xml"
     import_opendrive(data_root / "carla_towns" / "xodr" / "Town02.xodr", path)
-    log = make_traffic(path, TownPlan("Town02", 3, "old", read_network(path)), 5.0)
+    log = generate_traffic(path, TownPlan("Town02", 3, "old", read_network(path)), 5.0)
     kinds = {actor.kind for actor in log.actors}
     assert {"car", "pedestrian"} <= kinds

@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 from appocc.camera import CameraRig
 from appocc.errors import NotFoundError
 from appocc.geometry import transform
-from appocc.simulation.mesh import Material, Mesh, joined
+from appocc.simulation.mesh import Material, Mesh, join_meshes
 from appocc.simulation.rendering import camera_response
-from appocc.simulation.rendering.lighting import Ego
+from appocc.simulation.rendering.lighting import EgoBody
 from appocc.simulation.rendering.materials import shop_pane
 from appocc.simulation.rendering.renderer import Renderer
-from appocc.simulation.rendering.weather import WEATHERS, Weather, drawn
+from appocc.simulation.rendering.weather import WEATHERS, Weather, draw_weather
 from appocc.simulation.traffic import Light
 
 CLEAR = replace(
@@ -34,11 +34,11 @@ def brightness(
     places: list[tuple[float, float]],
     weather: Weather,
     mesh: Mesh | None = None,
-    ego: Ego | None = None,
+    ego: EgoBody | None = None,
     shown: int = 0,
 ) -> NDArray[np.float32]:
     """Light (N,) that comes up from places on the ground."""
-    renderer.set_moment(mesh or joined([]), np.full(9, shown, np.uint8), NO_BYTES, weather, ego)
+    renderer.set_scene(mesh or join_meshes([]), np.full(9, shown, np.uint8), NO_BYTES, weather, ego)
     return np.asarray(renderer.radiance(*down(places), 0.001).mean(1), np.float32)
 
 
@@ -54,7 +54,7 @@ def test_shadows_fall_away_from_the_sun(renderer: Renderer) -> None:
 
 
 def test_the_ego_casts_a_shadow_without_a_mesh(renderer: Renderer) -> None:
-    ego = Ego(transform(np.eye(3), [10.0, 0.0, 0.0]), (4.5, 1.9, 1.6))
+    ego = EgoBody(transform(np.eye(3), [10.0, 0.0, 0.0]), (4.5, 1.9, 1.6))
     without = brightness(renderer, [(11, -1.4), (11, 2.5)], CLEAR)
     with_ego = brightness(renderer, [(11, -1.4), (11, 2.5)], CLEAR, ego=ego)
     assert with_ego[0] < 0.5 * without[0]
@@ -76,7 +76,7 @@ def test_night_is_darker_and_lamps_shine(renderer: Renderer) -> None:
 
 
 def test_the_ego_lights_the_street_ahead_of_it_at_night(renderer: Renderer) -> None:
-    ego = Ego(transform(np.eye(3), [10.0, -2.0, 0.0]), (4.5, 1.9, 1.6))
+    ego = EgoBody(transform(np.eye(3), [10.0, -2.0, 0.0]), (4.5, 1.9, 1.6))
     places = [(24.0, -2.0), (2.0, -2.0)]
     dark, lit = (brightness(renderer, places, WEATHERS["night"], ego=who) for who in (None, ego))
     assert lit[0] > dark[0] + 0.02
@@ -86,9 +86,9 @@ def test_the_ego_lights_the_street_ahead_of_it_at_night(renderer: Renderer) -> N
 @pytest.mark.parametrize(("letter", "bright"), [("r", 0), ("y", 1), ("g", 2), ("G", 2), ("O", None), ("u", 0)])
 def test_signals_show_their_letter(renderer: Renderer, letter: str, bright: int | None) -> None:
     weather = WEATHERS["overcast"]
-    renderer.set_moment(joined([]), NO_BYTES, np.array([ord(letter)], np.uint8), weather, None)
+    renderer.set_scene(join_meshes([]), NO_BYTES, np.array([ord(letter)], np.uint8), weather, None)
     lamps = [ahead(renderer, (20, -7.9, 4.1 - k)) for k in range(3)]
-    colours = [camera_response.develop(lamp, renderer.gains).astype(int) for lamp in lamps]
+    colours = [camera_response.tone_map(lamp, renderer.gains).astype(int) for lamp in lamps]
     if bright is None:
         assert max(colour.max() for colour in colours) < 130
         return
@@ -104,7 +104,7 @@ def test_signals_show_their_letter(renderer: Renderer, letter: str, bright: int 
 def test_brake_lamps_are_brighter_and_parked_cars_dark(renderer: Renderer) -> None:
     red = {}
     for bits in (0, int(Light.BRAKE), int(Light.PARKED)):
-        renderer.set_moment(car(20, -2, 0), np.array([bits], np.uint8), NO_BYTES, WEATHERS["night"], None)
+        renderer.set_scene(car(20, -2, 0), np.array([bits], np.uint8), NO_BYTES, WEATHERS["night"], None)
         red[bits] = ahead(renderer, (17.95, -2, 0.75))[0]
     assert red[Light.BRAKE] > 2 * red[0]
     assert red[0] > 5 * red[Light.PARKED]
@@ -119,7 +119,7 @@ def test_wet_streets_mirror_what_stands_behind_them(renderer: Renderer) -> None:
     ways = (ways / np.linalg.norm(ways, axis=1, keepdims=True)).astype(np.float32)
     redness = []
     for weather in (replace(wet, wetness=0.0), wet):
-        renderer.set_moment(
+        renderer.set_scene(
             box((20, -4, 0), (21, 4, 4), Material.PLAIN, (230, 20, 20)), NO_BYTES, NO_BYTES, weather, None
         )
         light = renderer.radiance(origins, ways, 0.001).mean(0)
@@ -145,7 +145,7 @@ def test_shops_show_one_room_without_hard_tiles(shop: int) -> None:
 
 def test_pools_of_light_fade_before_the_map_of_them_ends(renderer: Renderer) -> None:
     # Tail lamps 156 m apart: the map around their middle ends two metres behind the first.
-    cars = joined([_tail_lamp(-60.0, 0), _tail_lamp(96.0, 1)])
+    cars = join_meshes([_tail_lamp(-60.0, 0), _tail_lamp(96.0, 1)])
     street = [(-60.3 - 0.2 * k, 0.0) for k in range(20)]
     glow = brightness(renderer, street, WEATHERS["night"], cars, shown=int(Light.BRAKE))
     glow -= brightness(renderer, street, WEATHERS["night"], cars, shown=int(Light.PARKED))
@@ -165,7 +165,7 @@ def _tail_lamp(x_m: float, tag: int) -> Mesh:
 
 def test_paint_keeps_its_colour_in_sun_and_shade(renderer: Renderer) -> None:
     for tint in ((190, 30, 30), (30, 60, 150)):
-        renderer.set_moment(car(20, -2, 0, tint), np.zeros(1, np.uint8), NO_BYTES, CLEAR, None)
+        renderer.set_scene(car(20, -2, 0, tint), np.zeros(1, np.uint8), NO_BYTES, CLEAR, None)
         origins = np.array([[20, 3, 0.6], [20, -7, 0.6]], np.float32)
         ways = np.array([[0, -1, 0], [0, 1, 0]], np.float32)
         light = renderer.radiance(origins, ways, 0.001)
@@ -176,7 +176,7 @@ def test_paint_keeps_its_colour_in_sun_and_shade(renderer: Renderer) -> None:
 def test_one_can_look_through_leaves() -> None:
     crown = box((8, -4, 3), (12, 4, 5), Material.FOLIAGE, (40, 90, 30))
     renderer = Renderer(town(crown))
-    renderer.set_moment(joined([]), NO_BYTES, NO_BYTES, WEATHERS["overcast"], None)
+    renderer.set_scene(join_meshes([]), NO_BYTES, NO_BYTES, WEATHERS["overcast"], None)
     closed, through = (renderer.radiance(*down([(10, 0)]), 0.001, see_through_leaves=see)[0] for see in (False, True))
     assert closed[1] > 1.3 * closed[2]
     assert through[1] < 1.1 * through[2]
@@ -187,7 +187,7 @@ def test_haze_hides_what_is_far_in_pictures_only(renderer: Renderer) -> None:
     images = []
     for haze in (0.0, 0.2):
         weather = replace(WEATHERS["overcast"], haze_per_m=haze)
-        renderer.set_moment(joined([]), NO_BYTES, NO_BYTES, weather, None)
+        renderer.set_scene(join_meshes([]), NO_BYTES, NO_BYTES, weather, None)
         view = renderer.views(rig, transform(np.eye(3), [20.0, -8.0, 0.0]), np.random.default_rng(0))["A"]
         images.append(view.image[:14].astype(float))
     assert images[1].std() < 0.5 * images[0].std()
@@ -199,7 +199,7 @@ def test_haze_hides_what_is_far_in_pictures_only(renderer: Renderer) -> None:
 
 def test_weathers_are_drawn_from_a_seed() -> None:
     for name in WEATHERS:
-        first, again, other = (drawn(name, np.random.default_rng(seed)) for seed in (1, 1, 2))
+        first, again, other = (draw_weather(name, np.random.default_rng(seed)) for seed in (1, 1, 2))
         assert first == again != other
         assert first.name == name
         assert (first.sun[0] > 0) == (WEATHERS[name].sun[0] > 0)
@@ -208,22 +208,22 @@ def test_weathers_are_drawn_from_a_seed() -> None:
 
 def test_an_unknown_weather_is_refused() -> None:
     with pytest.raises(NotFoundError, match="no weather 'snow'; there are clear"):
-        drawn("snow", np.random.default_rng(0))
+        draw_weather("snow", np.random.default_rng(0))
 
 
 def test_the_tone_curve_rises_and_ends_at_white() -> None:
     light = np.geomspace(1e-3, 100, 200, dtype=np.float32)[:, None].repeat(3, 1)
-    picture = camera_response.develop(light, np.ones(3, np.float32)).astype(int)
+    picture = camera_response.tone_map(light, np.ones(3, np.float32)).astype(int)
     assert (np.diff(picture, axis=0) >= 0).all()
     assert picture[0].max() < 10
     assert picture[-1].min() == 255
-    assert 80 < camera_response.develop(np.full(3, 0.18, np.float32), np.ones(3, np.float32)).mean() < 150
+    assert 80 < camera_response.tone_map(np.full(3, 0.18, np.float32), np.ones(3, np.float32)).mean() < 150
 
 
 def test_noise_is_that_of_a_sensor() -> None:
     gains, random = np.ones(3, np.float32), np.random.default_rng(0)
     pictures = [
-        camera_response.photograph(np.full((60, 80, 3), v, np.float32), gains, 0.0, random) for v in (0.02, 0.3)
+        camera_response.apply_response(np.full((60, 80, 3), v, np.float32), gains, 0.0, random) for v in (0.02, 0.3)
     ]
     middle = [picture[20:40, 30:50].astype(float) for picture in pictures]
     assert all(0.3 < picture.std() < 6 for picture in middle)

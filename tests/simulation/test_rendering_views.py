@@ -10,18 +10,18 @@ from tolerances import assert_rounded
 from appocc.camera import Camera, CameraRig
 from appocc.checks import FloatArray
 from appocc.geometry import apply, inverse, quaternion_from_yaw, transform
-from appocc.simulation.mesh import Material, Mesh, joined
+from appocc.simulation.mesh import Material, Mesh, join_meshes
 from appocc.simulation.rendering import renderer as module
-from appocc.simulation.rendering.embree import PacketScene, PlainScene, scene_of
+from appocc.simulation.rendering.embree import PacketScene, SingleRayScene, build_scene
 from appocc.simulation.rendering.renderer import Renderer
-from appocc.simulation.rendering.views import View, ViewClass
+from appocc.simulation.rendering.views import CameraView, ViewClass
 from appocc.simulation.rendering.weather import WEATHERS
 
 POSE = transform(quaternion_from_yaw(0.2), [8.0, -1.5, 0.0])
 RIG = CameraRig((camera("A", 160, 60, (1.5, 0.2, 1.5), 0), camera("B", 120, 80, (1.0, 0.4, 1.6), 70)))
 TERMS = 4 * 9  # of where a ray meets a triangle: products of three vectors
 NO_BYTES = np.zeros(0, np.uint8)
-CARS = joined([car(20, -2, 3), car(16, 6, 1, (240, 240, 240))])
+CARS = join_meshes([car(20, -2, 3), car(16, 6, 1, (240, 240, 240))])
 
 
 @pytest.fixture(scope="module")
@@ -29,12 +29,12 @@ def renderer() -> Renderer:
     return Renderer(town())
 
 
-def views(renderer: Renderer, rig: CameraRig = RIG, seed: int = 0, mesh: Mesh = CARS) -> Mapping[str, View]:
-    renderer.set_moment(mesh, np.zeros(4, np.uint8), NO_BYTES, WEATHERS["clear"], None)
+def views(renderer: Renderer, rig: CameraRig = RIG, seed: int = 0, mesh: Mesh = CARS) -> Mapping[str, CameraView]:
+    renderer.set_scene(mesh, np.zeros(4, np.uint8), NO_BYTES, WEATHERS["clear"], None)
     return renderer.views(rig, POSE, np.random.default_rng(seed))
 
 
-def points_of(view: View, by: Camera) -> tuple[FloatArray, FloatArray, FloatArray]:
+def points_of(view: CameraView, by: Camera) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Points (N, 3) in the town, pixels (N, 2) and depths (N,) of all pixels that are not sky, from the depth map."""
     rows, columns = np.nonzero(np.isfinite(view.depth_m))
     pixels = np.stack([columns, rows], 1).astype(np.float64)
@@ -86,7 +86,7 @@ def test_people_and_two_wheelers_are_told_by_what_they_are_made_of(renderer: Ren
     cloth = box((14, -2.2, 0), (14.4, -1.8, 1.7), Material.CLOTH, (20, 20, 80), 0)
     wheels = box((14, -0.4, 0), (15.5, 0.0, 0.7), Material.RUBBER, (20, 20, 20), 2)
     rider = box((14.5, -0.4, 0.7), (14.9, 0.0, 1.6), Material.CLOTH, (90, 20, 20), 2)
-    view = views(renderer, mesh=joined([cloth, wheels, rider]))["A"]
+    view = views(renderer, mesh=join_meshes([cloth, wheels, rider]))["A"]
     assert set(view.kind[view.actor == 0]) == {ViewClass.PERSON}
     assert set(view.kind[view.actor == 2]) == {ViewClass.TWO_WHEELER}
 
@@ -127,8 +127,8 @@ def test_full_hd(renderer: Renderer) -> None:
 
 
 def test_packets_and_single_rays_meet_the_same() -> None:
-    mesh, random = joined([town().solid, CARS]), np.random.default_rng(5)
-    packets, plain = scene_of(mesh), PlainScene(mesh)
+    mesh, random = join_meshes([town().solid, CARS]), np.random.default_rng(5)
+    packets, plain = build_scene(mesh), SingleRayScene(mesh)
     assert isinstance(packets, PacketScene)  # the library that embreex brings was found
     origins = random.uniform([0, -8, 0.5], [40, 8, 5], (999, 3)).astype(np.float32)
     ways = random.normal(size=(999, 3))
@@ -144,4 +144,4 @@ def test_packets_and_single_rays_meet_the_same() -> None:
 
 
 def test_an_empty_scene_is_none() -> None:
-    assert scene_of(joined([])) is None
+    assert build_scene(join_meshes([])) is None

@@ -6,7 +6,7 @@ from made_traffic import straight_traffic
 
 from appocc.errors import DataError
 from appocc.nuscenes.records import Scene
-from appocc.simulation.scenario import WEATHER_SHARES, Scenario, description_of, draw_scenario, weather_of
+from appocc.simulation.scenario import WEATHER_SHARES, Scenario, describe_scenario, draw_scenario, weather_of
 
 WEATHERS = tuple(WEATHER_SHARES)
 
@@ -44,5 +44,5 @@ def test_a_scene_that_is_longer_than_the_traffic_is_refused() -> None:
 def test_the_weather_is_told_by_the_description() -> None:
     for name in WEATHERS:
         scenario = Scenario("scene-0000", 0, "random-17", 1, 0.0, name, 0)
-        description = description_of(scenario, straight_traffic().actors[1])
+        description = describe_scenario(scenario, straight_traffic().actors[1])
         assert weather_of(Scene("t", scenario.name, description, "l", "a", "b")).replace(" ", "_") == name

@@ -9,14 +9,14 @@ from appocc.checks import FloatArray
 from appocc.simulation.mesh import Material, Mesh
 from appocc.simulation.network import RoadNetwork
 from appocc.simulation.scenery import trees
-from appocc.simulation.scenery.builder import Builder, Place, copies, stem
+from appocc.simulation.scenery.builder import Builder, LocalFrame, instance_mesh, tapered_rod
 from appocc.simulation.scenery.houses import build_houses
-from appocc.simulation.scenery.industrial import works
+from appocc.simulation.scenery.industrial import add_industrial_building
 from appocc.simulation.scenery.plots import Plot, lay_plots
 from appocc.simulation.scenery.site import Site
 from appocc.simulation.surface import CELL_M, Ground, Surface
 
-TURNED = Place(np.array([10.0, 5.0]), np.array([0.6, 0.8]))
+TURNED = LocalFrame(np.array([10.0, 5.0]), np.array([0.6, 0.8]))
 
 
 def volume(mesh: Mesh) -> float:
@@ -26,7 +26,7 @@ def volume(mesh: Mesh) -> float:
 
 def box() -> Mesh:
     builder = Builder()
-    builder.boxes(TURNED, [0, 0, 0], [4, 2, 3], Material.BRICK, (1, 2, 3), 7, "lrfbdt")
+    builder.add_boxes(TURNED, [0, 0, 0], [4, 2, 3], Material.BRICK, (1, 2, 3), 7, "lrfbdt")
     return builder.mesh()
 
 
@@ -41,18 +41,18 @@ def test_boxes_are_closed_and_turned_outward() -> None:
 
 def test_the_front_of_a_place_looks_to_the_street() -> None:
     builder = Builder()
-    builder.boxes(TURNED, [0, 0, 0], [4, 2, 3], Material.BRICK, (1, 2, 3), sides="f")
+    builder.add_boxes(TURNED, [0, 0, 0], [4, 2, 3], Material.BRICK, (1, 2, 3), sides="f")
     np.testing.assert_allclose(builder.mesh().normals, np.tile([0.8, -0.6, 0.0], (4, 1)), atol=1e-6)
 
 
 def test_texture_runs_in_metres_up_a_wall() -> None:
     builder = Builder()
-    builder.boxes(TURNED, [0, 0, 0], [4, 2, 3], Material.BRICK, (1, 2, 3), sides="f")
+    builder.add_boxes(TURNED, [0, 0, 0], [4, 2, 3], Material.BRICK, (1, 2, 3), sides="f")
     np.testing.assert_allclose(builder.mesh().uv, [[0, 0], [4, 0], [4, 3], [0, 3]], atol=1e-5)
 
 
 def test_copies_are_scaled_turned_and_moved() -> None:
-    mesh = copies(
+    mesh = instance_mesh(
         box(),
         np.array([[100.0, 0, 0], [0, 100, 2]]),
         np.array([0.0, np.pi / 2]),
@@ -67,14 +67,14 @@ def test_copies_are_scaled_turned_and_moved() -> None:
 
 
 def test_stems_are_round_and_capped() -> None:
-    rod = stem(np.zeros(3), np.array([0.0, 0.0, 2.0]), (1.0, 0.5), 24, Material.METAL, (1, 1, 1), capped=True)
+    rod = tapered_rod(np.zeros(3), np.array([0.0, 0.0, 2.0]), (1.0, 0.5), 24, Material.METAL, (1, 1, 1), capped=True)
     assert rod.normals[:48, 2].max() == 0.0
     np.testing.assert_allclose(rod.normals[48:], np.tile([0, 0, 1], (24, 1)), atol=1e-6)
     # A cut cone without its foot, which lies in the plane z = 0 and so adds nothing.
     assert volume(rod) == pytest.approx(np.pi * 2 / 3 * (1 + 0.5 + 0.25), rel=0.02)
 
 
-@pytest.mark.parametrize("make", [trees.broad, trees.columnar, trees.conifer, trees.small])
+@pytest.mark.parametrize("make", [trees.broad_tree, trees.columnar_tree, trees.conifer_tree, trees.small_tree])
 def test_trees_stand_on_a_trunk_and_differ(make: object) -> None:
     assert callable(make)
     tree, sparse, other = make(1, 1.0), make(1, 0.4), make(2, 1.0)
@@ -90,7 +90,7 @@ def test_trees_stand_on_a_trunk_and_differ(make: object) -> None:
 
 def test_trucks_pass_below_street_trees() -> None:
     for seed in range(4):
-        tree = trees.broad(seed, 2.0)
+        tree = trees.broad_tree(seed, 2.0)
         assert tree.mesh.vertices_m[np.unique(tree.mesh.faces[tree.leaves]), 2].min() > 3.0
 
 
@@ -120,11 +120,11 @@ def test_ground_is_free_until_it_is_taken() -> None:
 
 def test_frontages_run_along_the_pavement_and_face_the_street() -> None:
     longest = plain().frontages()[:2]
-    assert sorted(float(f.place.inward[1]) for f in longest) == pytest.approx([-1.0, 1.0])
+    assert sorted(float(f.frame.inward[1]) for f in longest) == pytest.approx([-1.0, 1.0])
     for frontage in longest:
         assert frontage.length_m > 55
-        edge = 35.0 if frontage.place.inward[1] > 0 else 25.0
-        assert frontage.place.origin_m[1] == pytest.approx(edge, abs=2 * CELL_M)
+        edge = 35.0 if frontage.frame.inward[1] > 0 else 25.0
+        assert frontage.frame.origin_m[1] == pytest.approx(edge, abs=2 * CELL_M)
 
 
 def test_roundabouts_have_no_buildings_in_the_middle() -> None:
@@ -134,7 +134,7 @@ def test_roundabouts_have_no_buildings_in_the_middle() -> None:
     nothing = RoadNetwork((), (), (), (), np.full(2, -60.0), np.full(2, 60.0), np.zeros(2))
     site = Site(Ground(np.full(2, -60.0), label, np.zeros((1200, 1200, 3), np.uint8)), nothing)
     plots = lay_plots(site, "modern", np.random.default_rng(3))
-    apart = np.array([np.hypot(*plot.place.at(plot.width_m / 2, plot.depth_m / 2)) for plot in plots])
+    apart = np.array([np.hypot(*plot.frame.at(plot.width_m / 2, plot.depth_m / 2)) for plot in plots])
     built = np.array([plot.built for plot in plots])
     assert (apart < 14.0).any()
     assert (built == (apart > 14.0)).all()
@@ -145,11 +145,13 @@ def test_roundabouts_have_no_buildings_in_the_middle() -> None:
 
 
 def test_the_gates_of_halls_reach_the_ground() -> None:
-    place = Place(np.zeros(2), np.array([1.0, 0.0]))
+    frame = LocalFrame(np.zeros(2), np.array([1.0, 0.0]))
     found = 0
     for seed in range(4):
         builder = Builder()
-        works(builder, Plot(place, 22.0, 18.0, False, True, True, 5.0, 8.0), 0, np.random.default_rng(seed))
+        add_industrial_building(
+            builder, Plot(frame, 22.0, 18.0, False, True, True, 5.0, 8.0), 0, np.random.default_rng(seed)
+        )
         mesh = builder.mesh()
         corners = mesh.vertices_m[mesh.faces]
         low, high = corners.min(axis=1), corners.max(axis=1)

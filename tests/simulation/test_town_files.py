@@ -20,7 +20,7 @@ from appocc.simulation.plan import TownPlan
 from appocc.simulation.scenario import draw_scenario
 from appocc.simulation.sources import TownSource
 from appocc.simulation.town_files import STYLES, load_town, save_town
-from appocc.simulation.town_generation.make import make_town
+from appocc.simulation.town_generation.make import generate_town
 from appocc.simulation.traffic import Light, TrafficLog
 
 _ALL = (*TRAIN_TOWNS, *TEST_TOWNS)
@@ -79,12 +79,12 @@ projParameter="!"/><edge id="a" from="i" to="j"><lane id="a_0" index="0" {lane}/
     ],
 )
 def test_a_network_that_cannot_be_a_town_is_refused_by_its_own_name(
-    tmp_path: Path, size: int, lane: str, said: str
+    tmp_path: Path, size: int, lane: str, captured_errors: str
 ) -> None:
     source = tmp_path / "odd.net.xml"
     source.write_text(_EDGE.format(size=size, lane=lane))
-    with pytest.raises(DataError, match=said) as caught:
-        make_town(source, tmp_path / "out")
+    with pytest.raises(DataError, match=captured_errors) as caught:
+        generate_town(source, tmp_path / "out")
     assert str(caught.value).startswith(f"{source}: ")
     assert not (tmp_path / "out").exists()
 
@@ -93,7 +93,7 @@ def test_a_piece_of_a_network_on_which_sumo_would_crash_is_a_town_without_driver
     pytest.importorskip("libsumo", reason="SUMO is not installed")
     source = tmp_path / "piece.net.xml"
     source.write_text(_EDGE.format(size=90, lane='speed="8" length="90" shape="0,2 90,2"'))
-    make_town(source, tmp_path / "out")
+    generate_town(source, tmp_path / "out")
     _, log = load_town(tmp_path / "out", "piece")
     assert not _of_kind(log, "car", "van", "truck", "bus", "motorcycle", "bicycle").any()
 
@@ -104,7 +104,7 @@ def test_what_sumo_says_becomes_the_error(tmp_path: Path, capfd: pytest.CaptureF
     source = tmp_path / "odd.net.xml"
     source.write_bytes(whole.replace(b'linkIndex="1"', b'linkIndex="9999"'))
     with pytest.raises(DataError, match=r"odd\.net\.xml: SUMO cannot run on it \(.*9999"):
-        make_town(source, tmp_path / "out")
+        generate_town(source, tmp_path / "out")
     assert capfd.readouterr().err == ""
 
 
@@ -122,8 +122,8 @@ def test_an_ego_stands_in_a_fifth_of_its_frames_at_most(seconds: float, hz: floa
     for number in range(40):
         log = _town(_ALL[number % len(_ALL)])[1]
         scenario = draw_scenario(number, "town", log, seconds, ("clear",), 0, hz)
-        frames = [log.at(scenario.start_s + k / hz) for k in range(round(seconds * hz) + 1)]
-        speeds = [np.hypot(*moment.velocity_mps[moment.index == scenario.ego][0]) for moment in frames]
+        frames = [log.state_at(scenario.start_s + k / hz) for k in range(round(seconds * hz) + 1)]
+        speeds = [np.hypot(*state.velocity_mps[state.index == scenario.ego][0]) for state in frames]
         assert np.mean(np.array(speeds) < 0.5) <= 0.2
 
 

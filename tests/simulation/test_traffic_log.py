@@ -39,38 +39,38 @@ def _log(steps: int = 40) -> TrafficLog:
 
 def test_a_step_is_given_as_it_was_recorded() -> None:
     log = _log()
-    moment = log.at(2.0)
-    np.testing.assert_array_equal(moment.index, [0, 1, 2, 3])
-    np.testing.assert_allclose(moment.xy_m, log.xy_m[10], atol=1e-4)
-    np.testing.assert_allclose(moment.velocity_mps[0], [8, -3], atol=1e-2)
-    np.testing.assert_array_equal(moment.signals, log.signals[10])
-    assert moment.lights[2] == Light.PARKED
+    state = log.state_at(2.0)
+    np.testing.assert_array_equal(state.index, [0, 1, 2, 3])
+    np.testing.assert_allclose(state.xy_m, log.xy_m[10], atol=1e-4)
+    np.testing.assert_allclose(state.velocity_mps[0], [8, -3], atol=1e-2)
+    np.testing.assert_array_equal(state.signals, log.signals[10])
+    assert state.lights[2] == Light.PARKED
 
 
 def test_between_two_steps_headings_turn_the_short_way_round() -> None:
     log = _log()
     step = int(np.flatnonzero(np.abs(np.diff(log.yaw_rad[:, 0])) > 3)[0])  # from +pi to -pi
-    yaw = log.at((step + 0.25) * 0.2).yaw_rad[0]
+    yaw = log.state_at((step + 0.25) * 0.2).yaw_rad[0]
     expected = log.yaw_rad[step, 0] + 0.25 * 0.02
     np.testing.assert_allclose(np.cos(yaw - expected), 1.0, atol=1e-7)
 
 
 def test_who_is_absent_at_either_step_is_left_out() -> None:
     log = _log()
-    assert 1 not in log.at(0.9).index  # comes at step 5
-    assert 1 in log.at(1.0).index
-    assert 1 not in log.at(5.9).index
+    assert 1 not in log.state_at(0.9).index  # comes at step 5
+    assert 1 in log.state_at(1.0).index
+    assert 1 not in log.state_at(5.9).index
 
 
 @pytest.mark.parametrize("time_s", [-0.1, 8.0, float("nan")])
 def test_times_outside_are_refused(time_s: float) -> None:
     with pytest.raises(ShapeError, match="expected a time within"):
-        _log().at(time_s)
+        _log().state_at(time_s)
 
 
 def test_the_last_moment_can_be_asked_for() -> None:
     log = _log()
-    np.testing.assert_allclose(log.at(log.duration_s).xy_m[0], log.xy_m[-1, 0], atol=1e-3)
+    np.testing.assert_allclose(log.state_at(log.duration_s).xy_m[0], log.xy_m[-1, 0], atol=1e-3)
 
 
 def test_arrays_must_fit() -> None:

@@ -17,7 +17,7 @@ def test_rows_say_what_stands_where() -> None:
     street = made_street(
         [("car", "pickup", (5.2, 2.0, 1.8), 12, 3, 0.5), ("pedestrian", "child", (0.5, 0.5, 1.2), 4, -3, 0.0)]
     )
-    around = objects_near(street.actors, street.moment, np.zeros(2), 80.0)
+    around = objects_near(street.actors, street.state, np.zeros(2), 80.0)
     world_from_town = transform(quaternion_from_yaw(np.pi / 2), np.array([1000.0, 2000, 0]))
     truck, child = annotate(around, world_from_town, np.array([7, 0]), np.array([0.9, 0.1]))
     assert (truck.instance, truck.category, truck.visibility, truck.lidar_points) == (

@@ -9,25 +9,25 @@ from appocc.checks import FloatArray
 from appocc.geometry import quaternion_from_yaw, transform
 from appocc.grid import BEVGrid
 from appocc.rasterise import polygon_cover
-from appocc.simulation.truth.objects import Objects, objects_near
-from appocc.simulation.truth.occupancy import ground_shares, occupancy, vehicle_cells
+from appocc.simulation.truth.objects import ActorBoxes, objects_near
+from appocc.simulation.truth.occupancy import exact_occupancy, ground_shares, vehicle_cells
 
 CAR = ("car", "sedan", (4.6, 1.8, 1.5))
-NOBODY = objects_near((), made_street([]).moment, np.zeros(2), np.inf)
+NOBODY = objects_near((), made_street([]).state, np.zeros(2), np.inf)
 
 
 def pose(x: float, y: float, yaw: float) -> FloatArray:
     return transform(quaternion_from_yaw(yaw), np.array([x, y, 0.0]))
 
 
-def objects(*rows: tuple[float, float, float], what: tuple[str, str, tuple[float, float, float]] = CAR) -> Objects:
+def objects(*rows: tuple[float, float, float], what: tuple[str, str, tuple[float, float, float]] = CAR) -> ActorBoxes:
     street = made_street([(*what, *row) for row in rows])
-    return objects_near(street.actors, street.moment, np.zeros(2), np.inf)
+    return objects_near(street.actors, street.state, np.zeros(2), np.inf)
 
 
 def test_road_and_line_lie_where_they_are_painted() -> None:
     grid = BEVGrid(-20, 20, -20, 20)
-    truth = occupancy(made_ground(), grid, pose(0, 0, 0), NOBODY)
+    truth = exact_occupancy(made_ground(), grid, pose(0, 0, 0), NOBODY)
     y = grid.centres()[0, :, 1]
     assert (truth.occupancy[ROAD] == (np.abs(y) < 4)).all()
     assert (truth.occupancy[LANE] == (np.abs(y) < 0.4)).all()  # 0.1 m of line in each of two cells of 0.4 m
@@ -37,11 +37,11 @@ def test_road_and_line_lie_where_they_are_painted() -> None:
 def test_left_of_the_ego_is_left_in_the_layer() -> None:
     # The ego stands 10 m south of the road and looks east: the road lies to its left, at high y.
     grid = BEVGrid(-20, 20, -20, 20)
-    road = occupancy(made_ground(), grid, pose(0, -10, 0), NOBODY).occupancy[ROAD]
+    road = exact_occupancy(made_ground(), grid, pose(0, -10, 0), NOBODY).occupancy[ROAD]
     assert road[50, grid.cell_of([0.2, 10.2])[1]] == 1
     assert road[:, :50].sum() == 0
     # It looks north: the road lies ahead, at high x.
-    road = occupancy(made_ground(), grid, pose(0, -10, np.pi / 2), NOBODY).occupancy[ROAD]
+    road = exact_occupancy(made_ground(), grid, pose(0, -10, np.pi / 2), NOBODY).occupancy[ROAD]
     assert road[grid.cell_of([10.2, 0.2])[0], 50] == 1
     assert road[:50].sum() == 0
 
@@ -58,7 +58,7 @@ def test_shares_come_close_to_the_exact_cover() -> None:
 
 
 def test_beyond_the_raster_nothing_is_known_of_the_ground() -> None:
-    truth = occupancy(made_ground(), BEVGrid.surround(), pose(40, 0, 0), objects((52, 0, 0)))
+    truth = exact_occupancy(made_ground(), BEVGrid.surround(), pose(40, 0, 0), objects((52, 0, 0)))
     x = BEVGrid.surround().centres()[..., 0]
     assert (truth.valid[ROAD] == (x < 10)).all()
     assert (truth.valid[LANE] == (x < 10)).all()
@@ -106,6 +106,6 @@ def test_what_counts_as_vehicle() -> None:
 
 def test_the_ego_and_what_is_far_are_left_out() -> None:
     street = made_street([(*CAR, 0, 0, 0), (*CAR, 10, 0, 0), (*CAR, 100, 0, 0)])
-    near = objects_near(street.actors, street.moment, np.zeros(2), 80.0, ego=0)
+    near = objects_near(street.actors, street.state, np.zeros(2), 80.0, ego=0)
     assert near.number.tolist() == [1]
     assert [actor.name for actor in near.actors] == ["actor-1"]

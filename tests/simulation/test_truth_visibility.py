@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 
 from appocc.camera import CameraRig
 from appocc.checks import FloatArray
-from appocc.simulation.mesh import Mesh, joined
+from appocc.simulation.mesh import Mesh, join_meshes
 from appocc.simulation.rendering.tracing import ACTOR, Tracer
-from appocc.simulation.truth.visibility import seen_shares, visibility_token
+from appocc.simulation.truth.visibility import visibility_token, visible_shares
 
 CAR = ("car", "sedan", (4.6, 1.8, 1.5))
 BUS = ("bus", "bus", (11.0, 2.5, 3.1))
@@ -40,7 +40,7 @@ def brute_force(street: Street, rig: CameraRig) -> FloatArray:
         one = Mesh(
             mesh.vertices_m, mesh.normals, mesh.uv, mesh.faces[own], mesh.material[own], mesh.tint[own], mesh.tag[own]
         )
-        tracer = Tracer(joined([]))
+        tracer = Tracer(join_meshes([]))
         tracer.set_actors(one)
         alone[i] = counts(tracer, one, rays, len(street.actors))[i]
     return np.divide(seen, alone, out=np.zeros(len(seen)), where=alone > 0)
@@ -67,7 +67,7 @@ def street() -> Street:
 
 def test_shares_agree_with_full_pictures(street: Street) -> None:
     numbers = np.arange(len(street.actors), dtype=np.int32)
-    shares = seen_shares(street.tracer, street.mesh, numbers, made_rig(), EGO, 64)
+    shares = visible_shares(street.tracer, street.mesh, numbers, made_rig(), EGO, 64)
     truth = brute_force(street, made_rig())
     assert np.abs(shares - truth).max() < 0.08
     assert np.abs(shares - truth).mean() < 0.02
@@ -78,20 +78,20 @@ def test_shares_agree_with_full_pictures(street: Street) -> None:
 
 def test_the_answer_follows_the_numbers_asked_for(street: Street) -> None:
     numbers = np.array([5, 1, 99], np.int32)
-    every = seen_shares(street.tracer, street.mesh, np.arange(12, dtype=np.int32), made_rig(), EGO)
-    assert seen_shares(street.tracer, street.mesh, numbers, made_rig(), EGO).tolist() == [every[5], every[1], 0.0]
+    every = visible_shares(street.tracer, street.mesh, np.arange(12, dtype=np.int32), made_rig(), EGO)
+    assert visible_shares(street.tracer, street.mesh, numbers, made_rig(), EGO).tolist() == [every[5], every[1], 0.0]
 
 
 def test_cut_off_by_the_edge_of_the_image_is_not_hidden(street: Street) -> None:
     front = CameraRig(made_rig().cameras[:1])
     alone = made_street([(*CAR, 3.0, 3.0, 0.0)], box_mesh((0, 40, 1), (1, 1, 1)))
-    assert seen_shares(alone.tracer, alone.mesh, np.array([0], np.int32), front, EGO).tolist() == [1.0]
+    assert visible_shares(alone.tracer, alone.mesh, np.array([0], np.int32), front, EGO).tolist() == [1.0]
 
 
 def test_behind_the_only_camera_nothing_is_seen() -> None:
     front = CameraRig(made_rig().cameras[:1])
     street = made_street([(*CAR, -8.0, 0.0, 0.0)])
-    assert seen_shares(street.tracer, street.mesh, np.array([0], np.int32), front, EGO).tolist() == [0.0]
+    assert visible_shares(street.tracer, street.mesh, np.array([0], np.int32), front, EGO).tolist() == [0.0]
 
 
 @pytest.mark.parametrize(

@@ -7,12 +7,12 @@ from functools import cache
 import numpy as np
 
 from appocc.errors import NotFoundError, ShapeError
-from appocc.simulation.actors.cars import car
-from appocc.simulation.actors.modelling import Modeller, Size, Template
-from appocc.simulation.actors.people import walker
+from appocc.simulation.actors.cars import model_car
+from appocc.simulation.actors.modelling import BodyTemplate, Modeller, Size
+from appocc.simulation.actors.people import model_pedestrian
 from appocc.simulation.actors.profiles import CAR_BODIES
-from appocc.simulation.actors.riders import bicycle, motorcycle
-from appocc.simulation.actors.trucks_and_buses import box_truck, bus
+from appocc.simulation.actors.riders import model_bicycle, model_motorcycle
+from appocc.simulation.actors.trucks_and_buses import model_box_truck, model_bus
 from appocc.simulation.mesh import Mesh
 
 DETAILS = 3
@@ -39,11 +39,11 @@ def body_mesh(body: str, size_lwh_m: Size, variant: int, detail: int) -> Mesh:
     """
     if min(size_lwh_m) <= 0 or not np.isfinite(size_lwh_m).all():
         raise ShapeError(f"size of {body}: expected three positive lengths, got {size_lwh_m}")
-    shape = template(body, variant, detail)
+    shape = body_template(body, variant, detail)
     length, width, height = size_lwh_m
-    places = shape.places.astype(np.float64)
-    x = places[:, 0] * length + places[:, 3] * height
-    vertices = np.stack([x, places[:, 1] * width, places[:, 2] * height], axis=1)
+    coordinates = shape.coordinates.astype(np.float64)
+    x = coordinates[:, 0] * length + coordinates[:, 3] * height
+    vertices = np.stack([x, coordinates[:, 1] * width, coordinates[:, 2] * height], axis=1)
     normals = shape.normals / (np.array(size_lwh_m) / shape.size_lwh_m)
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     return Mesh(
@@ -57,7 +57,7 @@ def body_mesh(body: str, size_lwh_m: Size, variant: int, detail: int) -> Mesh:
     )
 
 
-def template(body: str, variant: int, detail: int, pose: int = 0) -> Template:
+def body_template(body: str, variant: int, detail: int, pose: int = 0) -> BodyTemplate:
     """Return a body without a size; `pose` is the phase of the step of pedestrians and riders.
 
     Raises:
@@ -68,21 +68,21 @@ def template(body: str, variant: int, detail: int, pose: int = 0) -> Template:
         raise NotFoundError(f"there is no body '{body}', only {', '.join(BODIES)}")
     if not 0 <= detail < DETAILS:
         raise ShapeError(f"detail: expected 0..{DETAILS - 1}, got {detail}")
-    return _template(body, variant % VARIANTS, detail, pose % POSES)
+    return _build_template(body, variant % VARIANTS, detail, pose % POSES)
 
 
 @cache
-def _template(body: str, variant: int, detail: int, pose: int) -> Template:
+def _build_template(body: str, variant: int, detail: int, pose: int) -> BodyTemplate:
     # All phases of a step are scaled alike, so that nobody's size changes while walking.
     first = _model(body, variant, detail, 0)
-    return first.template(first) if pose == 0 else _model(body, variant, detail, pose).template(first)
+    return first.to_template(first) if pose == 0 else _model(body, variant, detail, pose).to_template(first)
 
 
 def _model(body: str, variant: int, detail: int, pose: int) -> Modeller:
     if body in ("adult", "child"):
-        return walker(body == "child", variant, detail, pose)
+        return model_pedestrian(body == "child", variant, detail, pose)
     if body == "bicycle":
-        return bicycle(variant, detail, pose)
+        return model_bicycle(variant, detail, pose)
     if body in CAR_BODIES:
-        return car(body, variant, detail)
-    return {"box_truck": box_truck, "bus": bus, "motorcycle": motorcycle}[body](variant, detail)
+        return model_car(body, variant, detail)
+    return {"box_truck": model_box_truck, "bus": model_bus, "motorcycle": model_motorcycle}[body](variant, detail)

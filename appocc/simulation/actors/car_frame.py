@@ -24,11 +24,11 @@ class CarFrame:
         self.full_line = np.array(profile.shoulder)
         self.line = self.full_line[list(_STATIONS[detail])]
 
-    def half(self, x: FloatArray) -> FloatArray:
+    def half_width(self, x: FloatArray) -> FloatArray:
         """Return the half width at the waist; linear between the stations, so that finer parts leave no cracks."""
         return self._tapered(x, (0.97, 1.0, 1.0, 0.965))
 
-    def shoulder_half(self, x: FloatArray) -> FloatArray:
+    def shoulder_half_width(self, x: FloatArray) -> FloatArray:
         """Return the half width at the shoulder, where the ends are rounder than at the bumpers."""
         return self._tapered(x, (0.91, SHARE_SHOULDER, SHARE_SHOULDER, 0.88))
 

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from appocc.checks import BoolArray, ByteArray, Float32Array, FloatArray, IntArray, frozen
-from appocc.simulation.actors.materials import Look
+from appocc.simulation.actors.materials import Finish
 from appocc.simulation.mesh import Material
 
-Looks = Look | Sequence[Sequence[Look | None]]
+Finishes = Finish | Sequence[Sequence[Finish | None]]
 Size = tuple[float, float, float]
 # Faces of one material that meet at less than this angle form a smooth curve.
 _CREASE_COS = float(np.cos(np.radians(42.0)))
@@ -20,14 +20,14 @@ _THINNEST_M2 = 1e-7
 
 
 @dataclass(frozen=True)
-class Template:
+class BodyTemplate:
     """A body without a size: x is `coordinates[0] * length + coordinates[3] * height`, y and z scale.
 
     The last column keeps round parts round when a body is stretched: wheels and their arches.
 
     Attributes:
         size_lwh_m: size at which the body was modelled; `normals` hold for it.
-        places: (V, 4) float32.
+        coordinates: (V, 4) float32.
         normals: (V, 3) float32, unit.
         faces: (F, 3) int32, counter-clockwise from outside.
         material: (F,) uint8.
@@ -36,7 +36,7 @@ class Template:
     """
 
     size_lwh_m: Size
-    places: Float32Array
+    coordinates: Float32Array
     normals: Float32Array
     faces: NDArray[np.int32]
     material: ByteArray
@@ -45,7 +45,7 @@ class Template:
 
     def __post_init__(self) -> None:
         """Make the arrays read-only: templates are shared."""
-        for array in (self.places, self.normals, self.faces, self.material, self.tint, self.painted):
+        for array in (self.coordinates, self.normals, self.faces, self.material, self.tint, self.painted):
             frozen(array)
 
 
@@ -56,12 +56,12 @@ class Modeller:
         """Start an empty body."""
         self.size_lwh_m = size_lwh_m
         self._corners: list[FloatArray] = []  # (F, 3, 4): x, y, z and the anchor of x
-        self._looks: list[Look] = []
+        self._finishes: list[Finish] = []
 
-    def sheet(
+    def add_sheet(
         self,
         points_m: ArrayLike,
-        looks: Looks,
+        finishes: Finishes,
         inside_m: ArrayLike | None = None,
         anchor_m: ArrayLike | None = None,
         mirror: bool = True,
@@ -71,7 +71,7 @@ class Modeller:
 
         Args:
             points_m: (N, M, 3).
-            looks: of all cells, or (N - 1, M - 1) of each; None leaves a hole.
+            finishes: of all cells, or (N - 1, M - 1) of each; None leaves a hole.
             inside_m: (3,) a point behind the sheet; the middle of the body by default.
             anchor_m: origin of x for parts that stay round, (N, M) or a number; x itself by default.
             mirror: also add the sheet on the other side of the car.
@@ -82,15 +82,17 @@ class Modeller:
         grid = np.concatenate([points, anchor[..., None]], axis=-1)
         a, b, c, d = grid[:-1, :-1], grid[1:, :-1], grid[1:, 1:], grid[:-1, 1:]
         quads = np.stack([np.stack([a, b, c], axis=2), np.stack([a, c, d], axis=2)], axis=2)
-        cells = [[looks] * a.shape[1] for _ in range(a.shape[0])] if isinstance(looks, Look) else looks
-        flat = [look for row in cells for look in row for _ in range(2)]
-        keep = np.array([look is not None for look in flat])
-        self.triangles(quads.reshape(-1, 3, 4)[keep], [k for k in flat if k is not None], inside_m, mirror, hollow)
+        cells = [[finishes] * a.shape[1] for _ in range(a.shape[0])] if isinstance(finishes, Finish) else finishes
+        flat = [finish for row in cells for finish in row for _ in range(2)]
+        keep = np.array([finish is not None for finish in flat])
+        self.add_triangles(
+            quads.reshape(-1, 3, 4)[keep], [k for k in flat if k is not None], inside_m, mirror, hollow
+        )
 
-    def triangles(
+    def add_triangles(
         self,
         corners: FloatArray,
-        looks: Sequence[Look],
+        finishes: Sequence[Finish],
         inside_m: ArrayLike | None,
         mirror: bool,
         hollow: bool = False,
@@ -101,22 +103,26 @@ class Modeller:
         if (np.sum(normal * (corners[..., :3].mean(axis=1) - inside)) < 0) != hollow:
             corners = corners[:, ::-1]
         solid = np.linalg.norm(normal, axis=1) > _THINNEST_M2
-        corners, kept = corners[solid], [look for look, on in zip(looks, solid, strict=True) if on]
+        corners, kept = corners[solid], [finish for finish, on in zip(finishes, solid, strict=True) if on]
         self._corners.append(corners)
-        self._looks += kept
+        self._finishes += kept
         if mirror:
             self._corners.append((corners * [1.0, -1.0, 1.0, 1.0])[:, ::-1])
-            self._looks += [_other_side(look) for look in kept]
+            self._finishes += [_other_side(finish) for finish in kept]
 
-    def fan(self, ring_m: ArrayLike, look: Look, inside_m: ArrayLike, anchor_m: float | None, mirror: bool) -> None:
+    def add_fan(
+        self, ring_m: ArrayLike, finish: Finish, inside_m: ArrayLike, anchor_m: float | None, mirror: bool
+    ) -> None:
         """Add the area inside a convex ring (N, 3)."""
         ring = np.asarray(ring_m, np.float64)
         anchor = ring[:, :1] if anchor_m is None else np.full((len(ring), 1), anchor_m)
         ring = np.concatenate([ring, anchor], axis=1)
         corners = np.stack([np.broadcast_to(ring[0], ring[2:].shape), ring[1:-1], ring[2:]], axis=1)
-        self.triangles(corners, [look] * len(corners), inside_m, mirror)
+        self.add_triangles(corners, [finish] * len(corners), inside_m, mirror)
 
-    def box(self, low_m: ArrayLike, high_m: ArrayLike, look: Look, mirror: bool = False, skip: str = "") -> None:
+    def add_box(
+        self, low_m: ArrayLike, high_m: ArrayLike, finish: Finish, mirror: bool = False, skip: str = ""
+    ) -> None:
         """Add a box; `skip` names sides to leave out: f(ront) r(ear) s(ides: left and right) t(op) b(ottom)."""
         (x0, y0, z0), (x1, y1, z1) = np.asarray(low_m, np.float64), np.asarray(high_m, np.float64)
         middle = [(x0 + x1) / 2, (y0 + y1) / 2, (z0 + z1) / 2]
@@ -130,13 +136,13 @@ class Modeller:
         }
         for name, points in sides.items():
             if name.lower() not in skip:
-                self.sheet(points, look, middle, mirror=mirror)
+                self.add_sheet(points, finish, middle, mirror=mirror)
 
-    def tube(
+    def add_tube(
         self,
         ends_m: ArrayLike,
         radii_m: ArrayLike,
-        look: Look,
+        finish: Finish,
         sides: int,
         mirror: bool = False,
         closed: bool = True,
@@ -151,28 +157,28 @@ class Modeller:
         turn = np.arange(sides + 1) * (2 * np.pi / sides) + np.pi / sides
         circle = np.cos(turn)[:, None] * across + np.sin(turn)[:, None] * third
         rings = ends[:, None] + np.asarray(radii_m)[:, None, None] * circle
-        self.sheet(rings, look, ends.mean(axis=0), mirror=mirror)
+        self.add_sheet(rings, finish, ends.mean(axis=0), mirror=mirror)
         for ring in (rings[0, :-1], rings[-1, :-1]) if closed else ():
-            self.fan(ring, look, ends.mean(axis=0), None, mirror)
+            self.add_fan(ring, finish, ends.mean(axis=0), None, mirror)
 
-    def template(self, filling: Modeller) -> Template:
-        """Return the collected faces as a template, scaled such that `filling` fills its box exactly."""
+    def to_template(self, reference: Modeller) -> BodyTemplate:
+        """Return the collected faces as a template, scaled such that `reference` fills its box exactly."""
         corners = np.concatenate(self._corners)
-        places = _filled(self._places(), filling._places(), self.size_lwh_m[2] / self.size_lwh_m[0])
-        normals = _smooth_normals(corners[..., :3], np.array([look.material for look in self._looks]))
-        rows = np.concatenate([np.round(places, 6), np.round(normals, 3)], axis=-1).reshape(-1, 7)
+        coordinates = _scaled(self._coordinates(), reference._coordinates(), self.size_lwh_m[2] / self.size_lwh_m[0])
+        normals = _smooth_normals(corners[..., :3], np.array([finish.material for finish in self._finishes]))
+        rows = np.concatenate([np.round(coordinates, 6), np.round(normals, 3)], axis=-1).reshape(-1, 7)
         _, first, inverse = np.unique(rows, axis=0, return_index=True, return_inverse=True)
-        return Template(
+        return BodyTemplate(
             self.size_lwh_m,
-            np.ascontiguousarray(places.reshape(-1, 4)[first], np.float32),
+            np.ascontiguousarray(coordinates.reshape(-1, 4)[first], np.float32),
             np.ascontiguousarray(normals.reshape(-1, 3)[first], np.float32),
             np.ascontiguousarray(inverse.reshape(-1, 3), np.int32),
-            np.array([look.material for look in self._looks], np.uint8),
-            np.array([look.tint for look in self._looks], np.uint8),
-            np.array([look.painted for look in self._looks], np.bool_),
+            np.array([finish.material for finish in self._finishes], np.uint8),
+            np.array([finish.tint for finish in self._finishes], np.uint8),
+            np.array([finish.painted for finish in self._finishes], np.bool_),
         )
 
-    def _places(self) -> FloatArray:
+    def _coordinates(self) -> FloatArray:
         """Return (F, 3, 4) corners as shares of the size, see `BodyTemplate.coordinates`."""
         corners = np.concatenate(self._corners)
         x, y, z, anchor = np.moveaxis(corners, -1, 0)
@@ -180,8 +186,10 @@ class Modeller:
         return np.stack([anchor / length, y / width, z / height, (x - anchor) / height], axis=-1)
 
 
-def _other_side(look: Look) -> Look:
-    return look._replace(material=Material.INDICATOR_RIGHT) if look.material == Material.INDICATOR_LEFT else look
+def _other_side(finish: Finish) -> Finish:
+    return (
+        finish._replace(material=Material.INDICATOR_RIGHT) if finish.material == Material.INDICATOR_LEFT else finish
+    )
 
 
 def _area_normals(corners: FloatArray) -> FloatArray:
@@ -190,12 +198,12 @@ def _area_normals(corners: FloatArray) -> FloatArray:
     return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=-1)
 
 
-def _filled(places: FloatArray, filling: FloatArray, height_per_length: float) -> FloatArray:
-    """Return coordinates scaled such that `filling` has extents of exactly -1/2..1/2, -1/2..1/2 and 0..1."""
-    result = places.copy()
-    x = filling[..., 0] + filling[..., 3] * height_per_length
-    for column, values, low in ((0, x, -0.5), (1, filling[..., 1], -0.5), (2, filling[..., 2], 0.0)):
-        result[..., column] = (places[..., column] - values.min()) / (values.max() - values.min()) + low
+def _scaled(coordinates: FloatArray, reference: FloatArray, height_per_length: float) -> FloatArray:
+    """Return coordinates scaled such that `reference` has extents of exactly -1/2..1/2, -1/2..1/2 and 0..1."""
+    result = coordinates.copy()
+    x = reference[..., 0] + reference[..., 3] * height_per_length
+    for column, values, low in ((0, x, -0.5), (1, reference[..., 1], -0.5), (2, reference[..., 2], 0.0)):
+        result[..., column] = (coordinates[..., column] - values.min()) / (values.max() - values.min()) + low
     return result
 
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from appocc.simulation.actors.materials import RUBBER, Look
+from appocc.simulation.actors.materials import RUBBER, Finish
 from appocc.simulation.actors.modelling import Modeller
 
 _SEGMENTS = (10, 8, 4)
@@ -18,7 +18,7 @@ def add_wheels(
     radius_m: float,
     outer_y_m: float,
     wide_m: float,
-    hub: Look,
+    hub: Finish,
     detail: int,
 ) -> None:
     """Add wheels on both sides of the axles; their outer faces are at +-`outer_y_m`."""
@@ -32,14 +32,14 @@ def add_wheels(
         inner = middle - [0.0, wide_m, 0.0]
         tyre = middle + radius_m * ring
         if detail:
-            model.fan(tyre[:-1], RUBBER, inner, axle, mirror=True)
+            model.add_fan(tyre[:-1], RUBBER, inner, axle, mirror=True)
             if detail == 1:
                 hub_ring = middle + [0.0, 0.004, 0.0] + 0.6 * radius_m * ring
-                model.fan(hub_ring[:-1], hub, inner, axle, mirror=True)
+                model.add_fan(hub_ring[:-1], hub, inner, axle, mirror=True)
             continue
         rim = middle - [0.0, 0.006, 0.0] + 0.68 * radius_m * ring
         centre = np.broadcast_to(middle - [0.0, 0.03, 0.0], rim.shape)
-        model.sheet(np.stack([inner + radius_m * ring, tyre, rim], axis=1), RUBBER, inner, axle)
-        model.fan((inner + 0.95 * radius_m * ring)[:-1:2], RUBBER, middle, axle, mirror=True)
+        model.add_sheet(np.stack([inner + radius_m * ring, tyre, rim], axis=1), RUBBER, inner, axle)
+        model.add_fan((inner + 0.95 * radius_m * ring)[:-1:2], RUBBER, middle, axle, mirror=True)
         spokes = [[hub if k % 2 else RUBBER] for k in range(segments)]
-        model.sheet(np.stack([rim, centre], axis=1), spokes, inner, axle)
+        model.add_sheet(np.stack([rim, centre], axis=1), spokes, inner, axle)

@@ -30,7 +30,7 @@ _SLIVER_M2 = 3.0
 _OVERLAP_M = 0.01
 
 
-def canvas_of(plan: TownPlan) -> Canvas:
+def empty_canvas(plan: TownPlan) -> Canvas:
     """Return an empty label canvas around the streets and car parks of a town."""
     places = [plan.network.low_m, plan.network.high_m, *(c.outline_m for c in plan.car_parks)]
     points = np.concatenate([np.atleast_2d(place) for place in places])
@@ -51,7 +51,7 @@ def draw_streets(canvas: Canvas, network: RoadNetwork) -> None:
     met = {name for e in network.edges if has_cars(e) for name in (e.from_junction, e.to_junction)}
     crossings = (j.outline_m for j in network.junctions if j.name in met and len(j.outline_m) > 2)
     canvas.fill((outline for outline in crossings if _mean_width_m(outline) > _CLOSE_M), Surface.ROAD)
-    _close(canvas.raster[:, :, 0])
+    _close_gaps(canvas.raster[:, :, 0])
 
 
 def _mean_width_m(outline_m: FloatArray) -> float:
@@ -74,7 +74,7 @@ def lane_areas(lane: Lane) -> FloatArray:
 
 def draw_car_park(canvas: Canvas, car_park: CarPark) -> None:
     """Draw a car park with the lines between its bays; existing street surfaces are kept."""
-    rows, columns = _box(canvas, car_park.outline_m)
+    rows, columns = _cells_around(canvas, car_park.outline_m)
     part = canvas.raster[rows, columns, 0]
     before = part.copy()
     canvas.fill([car_park.outline_m], Surface.PARKING)
@@ -99,23 +99,25 @@ def road_mask(label: ByteArray) -> ByteArray:
     return np.asarray(cv2.LUT(label, surface_table(ROAD_SURFACES).astype(np.uint8)), dtype=np.uint8)
 
 
-def disc(radius_m: float) -> ByteArray:
+def disc_kernel(radius_m: float) -> ByteArray:
     """Return an elliptical morphology kernel."""
     size = 2 * round(radius_m / CELL_M) + 1
     return np.asarray(cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size)), dtype=np.uint8)
 
 
-def _close(label: ByteArray) -> None:
+def _close_gaps(label: ByteArray) -> None:
     """Close gaps between lanes and tiny islands: they become road."""
     road = road_mask(label)
-    closed = np.asarray(cv2.morphologyEx(road, cv2.MORPH_CLOSE, disc(_CLOSE_M / 2)), dtype=np.uint8)
+    closed = np.asarray(cv2.morphologyEx(road, cv2.MORPH_CLOSE, disc_kernel(_CLOSE_M / 2)), dtype=np.uint8)
     label[(closed > 0) & (road == 0)] = Surface.ROAD
-    for rows, columns, island in islands(closed, 2, 0.0, _SLIVER_M2):
+    for rows, columns, island in find_islands(closed, 2, 0.0, _SLIVER_M2):
         part = label[rows, columns]
         part[island & (part < Surface.ROAD)] = Surface.ROAD
 
 
-def islands(road: ByteArray, coarse: int, least_m2: float, most_m2: float) -> list[tuple[slice, slice, BoolArray]]:
+def find_islands(
+    road: ByteArray, coarse: int, least_m2: float, most_m2: float
+) -> list[tuple[slice, slice, BoolArray]]:
     """Find ground enclosed by roads within an area range, in coarse cells: rows, columns and a mask of each."""
     small = cv2.resize(road, None, fx=1 / coarse, fy=1 / coarse, interpolation=cv2.INTER_NEAREST)
     _, number, stats, _ = cv2.connectedComponentsWithStats(1 - small, connectivity=4)
@@ -134,7 +136,7 @@ def islands(road: ByteArray, coarse: int, least_m2: float, most_m2: float) -> li
     return found
 
 
-def _box(canvas: Canvas, points_m: FloatArray) -> tuple[slice, slice]:
+def _cells_around(canvas: Canvas, points_m: FloatArray) -> tuple[slice, slice]:
     """Return rows and columns of the canvas around the points."""
     cells = (points_m - canvas.low_m) / CELL_M
     low = np.maximum(np.floor(cells.min(axis=0)).astype(np.int64) - 1, 0)

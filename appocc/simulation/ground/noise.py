@@ -28,7 +28,9 @@ def value_noise(
     return np.asarray(total / total.std())
 
 
-def tile(random: np.random.Generator, size: int, grains: tuple[int, ...], weights: tuple[float, ...]) -> Float32Array:
+def tileable_noise(
+    random: np.random.Generator, size: int, grains: tuple[int, ...], weights: tuple[float, ...]
+) -> Float32Array:
     """Return (size, size) float32 noise that tiles without a seam."""
     rim = size // 8
     noise = value_noise(random, (size + rim, size + rim), grains, weights)

@@ -12,7 +12,7 @@ from appocc.simulation.surface import CELL_M
 _SIMPLE_CELLS = 0.6
 
 
-def outlines_of(mask: ByteArray, low_m: FloatArray) -> tuple[FloatArray, ...]:
+def trace_outlines(mask: ByteArray, low_m: FloatArray) -> tuple[FloatArray, ...]:
     """Return the outlines (N, 2), town frame, of a mask (H, W) uint8 of 0 and 1; no area has a hole.
 
     The mask is cut along rows through every hole, so that each hole touches the border of an area.

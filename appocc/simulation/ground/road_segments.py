@@ -22,7 +22,7 @@ ROADWAY: tuple[LaneKind, ...] = ("driving", "parking", "cycling")
 
 
 @dataclass(frozen=True)
-class End:
+class SegmentEnd:
     """One end of a road segment.
 
     Attributes:
@@ -59,7 +59,7 @@ class End:
 
 
 @dataclass(frozen=True)
-class Stretch:
+class RoadSegment:
     """One direction of a street.
 
     Attributes:
@@ -74,8 +74,8 @@ class Stretch:
 
     lanes: tuple[Lane, ...]
     left_m: FloatArray
-    start: End
-    end: End
+    start: SegmentEnd
+    end: SegmentEnd
     street: str
     start_back_m: float = 0.0
     end_back_m: float = 0.0
@@ -103,29 +103,29 @@ class Stretch:
         return line[-1] - out * (self.end_back_m if at_end else self.start_back_m), out if at_end else -out
 
 
-def stretches_of(network: RoadNetwork) -> list[Stretch]:
+def find_road_segments(network: RoadNetwork) -> list[RoadSegment]:
     """Return the segments of a network, including the short pieces inside junctions without crossing traffic."""
     ends = _junction_ends(network)
     found = [
-        _stretch(
+        _segment(
             edge.lanes,
             replace(ends[edge.from_junction], yields=False),
-            _arriving(network, edge, ends),
-            street_of(edge),
+            _arriving_end(network, edge, ends),
+            street_name(edge),
         )
         for edge in network.edges
     ]
-    whole = _facing({s.lanes[0].edge: s for s in found if s is not None}, network)
-    passages = [_stretch(lanes, End(), End(), street) for lanes, street in _passages(network, ends)]
+    whole = _align({s.lanes[0].edge: s for s in found if s is not None}, network)
+    passages = [_segment(lanes, SegmentEnd(), SegmentEnd(), street) for lanes, street in _passages(network, ends)]
     return [*whole, *(passage for passage in passages if passage is not None)]
 
 
-def street_of(edge: Edge) -> str:
+def street_name(edge: Edge) -> str:
     """Return the name of a street, shared by both of its directions."""
     return " ".join(sorted((edge.from_junction, edge.to_junction)))
 
 
-def _stretch(lanes: Sequence[Lane], start: End, end: End, street: str) -> Stretch | None:
+def _segment(lanes: Sequence[Lane], start: SegmentEnd, end: SegmentEnd, street: str) -> RoadSegment | None:
     lined = [replace(lane, centre_m=clean(lane.centre_m)) for lane in lanes if lane.kind in ROADWAY]
     lined = [lane for lane in lined if length_m(lane.centre_m) > 0]
     if all(lane.kind != "driving" for lane in lined):
@@ -133,10 +133,12 @@ def _stretch(lanes: Sequence[Lane], start: End, end: End, street: str) -> Stretc
     left = shifted(lined[-1].centre_m, lined[-1].width_m / 2)
     if length_m(left) < _LONG_ENOUGH_M:
         start, end = replace(start, zebra=False), replace(end, zebra=False)
-    return Stretch(tuple(lined), left, start, end, street, _back(lined, left, False), _back(lined, left, True))
+    return RoadSegment(
+        tuple(lined), left, start, end, street, _setback(lined, left, False), _setback(lined, left, True)
+    )
 
 
-def _back(lanes: Sequence[Lane], left_m: FloatArray, at_end: bool) -> float:
+def _setback(lanes: Sequence[Lane], left_m: FloatArray, at_end: bool) -> float:
     """Return how far the shortest lane stays behind the left border, at one end."""
     line = left_m if at_end else left_m[::-1]
     step = line[-2] - line[-1]
@@ -144,22 +146,22 @@ def _back(lanes: Sequence[Lane], left_m: FloatArray, at_end: bool) -> float:
     return min(max(0.0, float(((ends - line[-1]) @ (step / np.hypot(*step))).max())), _MOST_BACK_M)
 
 
-def _facing(stretches: Mapping[str, Stretch], network: RoadNetwork) -> list[Stretch]:
+def _align(segments: Mapping[str, RoadSegment], network: RoadNetwork) -> list[RoadSegment]:
     """Align both directions of a street at the same cross-sections, so that zebras are perpendicular to it."""
     edges = {edge.name: edge for edge in network.edges}
-    joined = []
-    for name, stretch in stretches.items():
+    aligned = []
+    for name, segment in segments.items():
         back = network.opposite(edges[name])
-        other = stretches.get(back.name) if back is not None else None
-        if other is not None and np.hypot(*(other.left_m[0] - stretch.left_m[-1])) < _MOST_BACK_M:
-            stretch = replace(stretch, end_back_m=max(stretch.end_back_m, other.start_back_m))
-        if other is not None and np.hypot(*(other.left_m[-1] - stretch.left_m[0])) < _MOST_BACK_M:
-            stretch = replace(stretch, start_back_m=max(stretch.start_back_m, other.end_back_m))
-        joined.append(stretch)
-    return joined
+        other = segments.get(back.name) if back is not None else None
+        if other is not None and np.hypot(*(other.left_m[0] - segment.left_m[-1])) < _MOST_BACK_M:
+            segment = replace(segment, end_back_m=max(segment.end_back_m, other.start_back_m))
+        if other is not None and np.hypot(*(other.left_m[-1] - segment.left_m[0])) < _MOST_BACK_M:
+            segment = replace(segment, start_back_m=max(segment.start_back_m, other.end_back_m))
+        aligned.append(segment)
+    return aligned
 
 
-def _junction_ends(network: RoadNetwork) -> dict[str, End]:
+def _junction_ends(network: RoadNetwork) -> dict[str, SegmentEnd]:
     ways: Mapping[str, set[tuple[str, str]]] = defaultdict(set)
     signalled = set()
     to_junction = {edge.name: edge.to_junction for edge in network.edges}
@@ -175,11 +177,11 @@ def _junction_ends(network: RoadNetwork) -> dict[str, End]:
         pairs = ways.get(name, set())
         branches = len(pairs) > len({a for a, _ in pairs}) or len(pairs) > len({b for _, b in pairs})
         signal = name in signalled
-        ends[name] = End(branches or signal, signal, signal and branches)
+        ends[name] = SegmentEnd(branches or signal, signal, signal and branches)
     return ends
 
 
-def _arriving(network: RoadNetwork, edge: Edge, ends: Mapping[str, End]) -> End:
+def _arriving_end(network: RoadNetwork, edge: Edge, ends: Mapping[str, SegmentEnd]) -> SegmentEnd:
     """Return the end of an edge; it yields to edges of higher priority, or if it has no way straight on."""
     end = ends[edge.to_junction]
     if not end.junction or end.signal:
@@ -193,7 +195,7 @@ def _arriving(network: RoadNetwork, edge: Edge, ends: Mapping[str, End]) -> End:
     return replace(end, yields=edge.priority < best or not (ahead or not links))
 
 
-def _passages(network: RoadNetwork, ends: Mapping[str, End]) -> list[tuple[list[Lane], str]]:
+def _passages(network: RoadNetwork, ends: Mapping[str, SegmentEnd]) -> list[tuple[list[Lane], str]]:
     """Return the lanes inside junctions without crossing traffic, by edge, and the street they continue."""
     edge_of = {edge.name: edge for edge in network.edges}
     inner = {lane.name: lane for lane in network.inner_lanes}
@@ -203,5 +205,5 @@ def _passages(network: RoadNetwork, ends: Mapping[str, End]) -> list[tuple[list[
         before = edge_of.get(link.from_lane.rpartition("_")[0])
         if before and link.via in inner and link.direction != "t" and not ends[before.to_junction].junction:
             groups[inner[link.via].edge][link.via] = inner[link.via]
-            street[inner[link.via].edge] = street_of(before)
+            street[inner[link.via].edge] = street_name(before)
     return [(sorted(lanes.values(), key=lambda lane: lane.index), street[name]) for name, lanes in groups.items()]

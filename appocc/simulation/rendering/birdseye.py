@@ -9,7 +9,7 @@ import numpy as np
 from appocc.checks import BoolArray, ByteArray, Float32Array, FloatArray, IntArray, frozen
 from appocc.grid import BEVGrid
 from appocc.simulation.mesh import Material
-from appocc.simulation.rendering.camera_response import develop
+from appocc.simulation.rendering.camera_response import tone_map
 from appocc.simulation.rendering.renderer import Renderer
 from appocc.simulation.rendering.tracing import TOWN
 from appocc.simulation.surface import CELL_M
@@ -25,7 +25,7 @@ _EDGE = 24
 
 
 @dataclass(frozen=True)
-class Above:
+class BirdsEyeImage:
     """Colours seen from above, sRGB, under the exposure of the cameras.
 
     Attributes:
@@ -44,7 +44,7 @@ class Above:
             frozen(array)
 
 
-def birdseye(renderer: Renderer, town: Town, grid: BEVGrid, town_from_ego: FloatArray) -> Above:
+def render_birdseye(renderer: Renderer, town: Town, grid: BEVGrid, town_from_ego: FloatArray) -> BirdsEyeImage:
     """Render the mean colours of a grid's cells in the scene the renderer is set to.
 
     Args:
@@ -53,20 +53,20 @@ def birdseye(renderer: Renderer, town: Town, grid: BEVGrid, town_from_ego: Float
         grid: cells in the ego frame.
         town_from_ego: (4, 4) pose.
     """
-    view = _View(renderer, town, grid, town_from_ego)
+    view = _CellRays(renderer, town, grid, town_from_ego)
     every = np.arange(grid.shape[0] * grid.shape[1])
     free = view.light(every, _CENTRE, True)
-    edges = np.flatnonzero(_edges(develop(free, renderer.gains).reshape(*grid.shape, 3)))
+    edges = np.flatnonzero(_edges(tone_map(free, renderer.gains).reshape(*grid.shape, 3)))
     free[edges] = (free[edges] + 3 * view.light(edges, _AROUND, True)) / 4
     covered = free.copy()
     crowns = np.flatnonzero(_grown(view.crowns().reshape(grid.shape)))
     covered[crowns] = view.light(crowns, np.concatenate([_CENTRE, _AROUND]), False)
-    pictures = [develop(light, renderer.gains).reshape(*grid.shape, 3) for light in (free, covered)]
+    pictures = [tone_map(light, renderer.gains).reshape(*grid.shape, 3) for light in (free, covered)]
     appearance, with_trees = (np.ascontiguousarray(np.moveaxis(picture, 2, 0)) for picture in pictures)
-    return Above(appearance, with_trees, view.on_ground())
+    return BirdsEyeImage(appearance, with_trees, view.on_ground())
 
 
-class _View:
+class _CellRays:
     """Vertical rays onto the cells of a grid, which are numbered row by row."""
 
     def __init__(self, renderer: Renderer, town: Town, grid: BEVGrid, town_from_ego: FloatArray) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from appocc.checks import ByteArray, Float32Array
-from appocc.simulation.rendering.compiled import inner, kernel
+from appocc.simulation.rendering.compiled import inlined, kernel
 from appocc.simulation.rendering.weather import Weather
 
 _STEPS = 4096
@@ -21,7 +21,7 @@ _BLUR = 0.045
 _WHITE = 8.0  # exposed values above this are white
 
 
-def exposure(weather: Weather, sky_light: Float32Array) -> Float32Array:
+def exposure_gains(weather: Weather, sky_light: Float32Array) -> Float32Array:
     """Return (3,) float32 gains, white balance included, that expose a street in that weather to middle grey.
 
     The gains depend on the weather alone, so that a colour is the same in all cameras and from above.
@@ -34,7 +34,7 @@ def exposure(weather: Weather, sky_light: Float32Array) -> Float32Array:
     return np.asarray(gain * np.asarray(weather.white), np.float32)
 
 
-def develop(linear: Float32Array, gains: Float32Array) -> ByteArray:
+def tone_map(linear: Float32Array, gains: Float32Array) -> ByteArray:
     """Convert linear radiance (..., 3) float32 to uint8 sRGB by the tone curve, without lens effects and noise."""
     value = np.sqrt(np.clip(linear * gains, 0.0, _WHITE) / _WHITE) * (_STEPS - 1)
     return np.asarray(np.rint(_curve()[value.astype(np.int32)] * 255), np.uint8)
@@ -48,7 +48,7 @@ def _curve() -> Float32Array:
     return np.asarray(np.where(film <= 0.0031308, film * 12.92, 1.055 * film ** (1 / 2.4) - 0.055), np.float32)
 
 
-def photograph(linear: Float32Array, gains: Float32Array, glow: float, rng: np.random.Generator) -> ByteArray:
+def apply_response(linear: Float32Array, gains: Float32Array, glow: float, rng: np.random.Generator) -> ByteArray:
     """Convert radiance (H, W, 3) float32 to an image (H, W, 3) uint8 with lens effects and noise.
 
     Args:
@@ -58,12 +58,12 @@ def photograph(linear: Float32Array, gains: Float32Array, glow: float, rng: np.r
         rng: random generator of the noise.
     """
     if glow > 0:
-        linear = linear + glow * _spread(np.maximum(np.minimum(linear * gains, 30.0) - 1.5, 0.0)) / gains
+        linear = linear + glow * _blur_glare(np.maximum(np.minimum(linear * gains, 30.0) - 1.5, 0.0)) / gains
     seed = int(rng.integers(1 << 31))
-    return _exposed(np.ascontiguousarray(linear, np.float32), gains, _curve(), seed)
+    return _expose(np.ascontiguousarray(linear, np.float32), gains, _curve(), seed)
 
 
-def _spread(bright: Float32Array) -> Float32Array:
+def _blur_glare(bright: Float32Array) -> Float32Array:
     """Blur light to a halo of about a tenth of the image height."""
     rows, columns = bright.shape[:2]
     small = cv2.resize(bright, (max(columns // 4, 1), max(rows // 4, 1)), interpolation=cv2.INTER_AREA)
@@ -71,8 +71,8 @@ def _spread(bright: Float32Array) -> Float32Array:
     return np.asarray(cv2.resize(halo, (columns, rows), interpolation=cv2.INTER_LINEAR), np.float32)
 
 
-@inner
-def _mixed(seed: int, number: int) -> Any:
+@inlined
+def _random_bits(seed: int, number: int) -> Any:
     """Return 64 pseudorandom bits by number (splitmix64)."""
     z = np.uint64(seed) * np.uint64(0xD1342543DE82EF95) + np.uint64(number) * np.uint64(0x9E3779B97F4A7C15)
     z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
@@ -81,7 +81,7 @@ def _mixed(seed: int, number: int) -> Any:
 
 
 @kernel
-def _exposed(linear: Float32Array, gains: Float32Array, curve: Float32Array, seed: int) -> NDArray[np.uint8]:
+def _expose(linear: Float32Array, gains: Float32Array, curve: Float32Array, seed: int) -> NDArray[np.uint8]:
     rows, columns = linear.shape[:2]
     image = np.empty((rows, columns, 3), np.uint8)
     reach = 4.0 / (rows * rows + columns * columns)
@@ -97,7 +97,7 @@ def _exposed(linear: Float32Array, gains: Float32Array, curve: Float32Array, see
                     linear[up, column, k] + linear[down, column, k] + linear[row, left, k] + linear[row, right, k]
                 )
                 value = gains[k] * fall * ((1 - 4 * _BLUR) * linear[row, column, k] + _BLUR * around)
-                bits = _mixed(seed, (row * columns + column) * 3 + k)
+                bits = _random_bits(seed, (row * columns + column) * 3 + k)
                 # The sum of four uniform numbers is nearly normal; its standard deviation is 37837.
                 total = (bits & part) + ((bits >> np.uint64(16)) & part) + ((bits >> np.uint64(32)) & part)
                 normal = (float(total + (bits >> np.uint64(48))) - 131070.0) / 37837.0

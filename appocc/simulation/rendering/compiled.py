@@ -20,18 +20,18 @@ _Function = TypeVar("_Function", bound=Callable[..., Any])
 
 def kernel(function: _Function) -> _Function:
     """Compile a function over many elements."""
-    return _kept(function, {})
+    return _compile_cached(function, {})
 
 
-def outer(function: _Function) -> _Function:
+def array_free_kernel(function: _Function) -> _Function:
     """Compile a function over many elements that allocates no arrays, without reference counting.
 
     Otherwise, small functions that pass on tuples of arrays spend two thirds of their time on reference counting.
     """
-    return _kept(function, {"_nrt": False})
+    return _compile_cached(function, {"_nrt": False})
 
 
-def inner(function: _Function) -> _Function:
+def inlined(function: _Function) -> _Function:
     """Compile a function that kernels call per element: it allocates no arrays and is inlined."""
     options: dict[str, Any] = {**_OPTIONS, "_nrt": False, "forceinline": True}
     compiled: _Function = numba.njit(**options)(function)
@@ -47,7 +47,7 @@ def _stamp() -> tuple[float, int]:
 _STAMP = _stamp()
 
 
-def _kept(function: _Function, more: dict[str, Any]) -> _Function:
+def _compile_cached(function: _Function, more: dict[str, Any]) -> _Function:
     """Compile a function and make its cache depend on the whole package, not only on the function's own module.
 
     A kernel with outdated inlined functions of other modules would read beyond its arrays. Numba compares the version

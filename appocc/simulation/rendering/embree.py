@@ -4,6 +4,7 @@ The package embreex ships Embree's library, but traces single rays. Rays of neig
 path through the search tree; in packets they are traced three to four times as fast. Therefore the library is called
 directly; where it is not found, `build_scene` returns a scene traced by embreex.
 """
+
 from __future__ import annotations
 
 import ctypes
@@ -23,7 +24,7 @@ from numpy.typing import NDArray
 
 from appocc.checks import BoolArray, Float32Array, IntArray
 from appocc.simulation.mesh import Mesh
-from appocc.simulation.rendering.compiled import inner, outer
+from appocc.simulation.rendering.compiled import array_free_kernel, inlined
 
 # Constants from the headers of Embree 4.
 _TRIANGLES, _INDEX, _VERTEX, _FLOAT3, _UINT3, _COHERENT = 0, 0, 1, 0x9003, 0x5003, 1 << 16
@@ -45,7 +46,7 @@ _FUNCTIONS: dict[str, tuple[Any, list[Any]]] = {
 }
 
 
-class Scene(Protocol):
+class RayScene(Protocol):
     """Triangles that rays are traced against."""
 
     def nearest(
@@ -59,14 +60,14 @@ class Scene(Protocol):
         ...
 
 
-def scene_of(mesh: Mesh) -> Scene | None:
+def build_scene(mesh: Mesh) -> RayScene | None:
     """Build the scene of a mesh; None if the mesh is empty."""
     if not len(mesh.faces):
         return None
-    return PacketScene(mesh) if _library() else PlainScene(mesh)
+    return PacketScene(mesh) if _library() else SingleRayScene(mesh)
 
 
-class PlainScene:
+class SingleRayScene:
     """A scene traced by embreex with single rays."""
 
     def __init__(self, mesh: Mesh) -> None:
@@ -77,7 +78,7 @@ class PlainScene:
     def nearest(
         self, origins: Float32Array, directions: Float32Array, distance_m: Float32Array
     ) -> tuple[NDArray[np.int32], Float32Array]:
-        """See `Scene.nearest`."""
+        """See `RayScene.nearest`."""
         # Embree overwrites the limits passed to it.
         found = self._scene.run(origins, directions, dists=distance_m.copy(), query="INTERSECT", output=1)
         met = found["primID"] >= 0
@@ -85,7 +86,7 @@ class PlainScene:
         return found["primID"], np.stack([found["u"], found["v"]], axis=1)
 
     def blocked(self, origins: Float32Array, directions: Float32Array) -> BoolArray:
-        """See `Scene.blocked`."""
+        """See `RayScene.blocked`."""
         return np.asarray(self._scene.run(origins, directions, query="OCCLUDED") == 0)
 
 
@@ -115,7 +116,7 @@ class PacketScene:
     def nearest(
         self, origins: Float32Array, directions: Float32Array, distance_m: Float32Array
     ) -> tuple[NDArray[np.int32], Float32Array]:
-        """See `Scene.nearest`."""
+        """See `RayScene.nearest`."""
         face, uv, packet = np.empty(len(origins), np.int32), np.zeros((len(origins), 2), np.float32), _Packet()
         addresses = packet.addresses(self._intersect, self._scene)
         _nearest(
@@ -124,7 +125,7 @@ class PacketScene:
         return face, uv
 
     def blocked(self, origins: Float32Array, directions: Float32Array) -> BoolArray:
-        """See `Scene.blocked`."""
+        """See `RayScene.blocked`."""
         blocked, packet = np.empty(len(origins), np.bool_), _Packet()
         addresses = packet.addresses(self._occluded, self._scene)
         _blocked(addresses, packet.rays, packet.valid, origins, directions, blocked)
@@ -192,7 +193,7 @@ def _aligned(count: int) -> Float32Array:
     return space[first : first + count]
 
 
-@inner
+@inlined
 def _fill(
     rays: Float32Array,
     valid: NDArray[np.int32],
@@ -210,7 +211,7 @@ def _fill(
             rays[(4 + k) * _PACKET + lane] = directions[i, k]
 
 
-@outer
+@array_free_kernel
 def _nearest(
     addresses: IntArray,
     rays: Float32Array,
@@ -237,7 +238,7 @@ def _nearest(
                 uv[i, 0], uv[i, 1] = rays[15 * _PACKET + lane], rays[16 * _PACKET + lane]
 
 
-@outer
+@array_free_kernel
 def _blocked(
     addresses: IntArray,
     rays: Float32Array,

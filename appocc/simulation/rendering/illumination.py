@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 
 from appocc.checks import Float32Array
-from appocc.simulation.rendering.compiled import inner
+from appocc.simulation.rendering.compiled import inlined
 from appocc.simulation.rendering.lighting import LAMP_CELL_M, NEAR_CELL_M, NEAR_CELLS, OPEN_CELL_M, Lighting
 
 _FADING_CELLS = 32.0
 
 
-@inner
+@inlined
 def _table_at(
     table: Float32Array, low_x: float, low_y: float, cell_m: float, beyond: float, x: float, y: float
 ) -> float:
@@ -26,7 +26,7 @@ def _table_at(
     return float(first * (1 - b) + second * b)
 
 
-@inner
+@inlined
 def _near_at(near: Float32Array, low_x: float, low_y: float, x: float, y: float, channel: int) -> float:
     """Interpolate the near map bilinearly; beyond it there is neither shade nor lamp light."""
     u, v = (x - low_x) / NEAR_CELL_M - 0.5, (y - low_y) / NEAR_CELL_M - 0.5
@@ -42,7 +42,7 @@ def _near_at(near: Float32Array, low_x: float, low_y: float, x: float, y: float,
     return value
 
 
-@inner
+@inlined
 def _lamps_on(
     light: Lighting, x: float, y: float, z: float, nx: float, ny: float, nz: float
 ) -> tuple[float, float, float]:
@@ -70,7 +70,7 @@ def _lamps_on(
     return street + head + tail, 0.80 * street + 0.95 * head + 0.05 * tail, 0.50 * street + 0.82 * head + 0.03 * tail
 
 
-@inner
+@inlined
 def light_on(
     light: Lighting, x: float, y: float, z: float, nx: float, ny: float, nz: float, sun: float
 ) -> tuple[float, float, float]:

@@ -40,7 +40,7 @@ _OUTSIDE = Surface.GRASS
 
 
 @dataclass(frozen=True)
-class Sweep:
+class LidarSweep:
     """P points of one revolution, by column (clockwise from behind), and within a column from the lowest beam up.
 
     Attributes:
@@ -59,7 +59,7 @@ class Sweep:
             frozen(array)
 
 
-def sweep(
+def simulate_sweep(
     tracer: Tracer,
     town: Town,
     actors_mesh: Mesh,
@@ -68,7 +68,7 @@ def sweep(
     random: np.random.Generator | None,
     columns: int = 1080,
     range_m: float = 90.0,
-) -> Sweep:
+) -> LidarSweep:
     """Simulate one revolution of the LiDAR, without motion during it.
 
     Args:
@@ -89,7 +89,7 @@ def sweep(
     keep = np.flatnonzero((hits.source != SKY) & (hits.distance_m >= _NEAREST_M) & (hits.distance_m <= range_m))
     hits = Hits(hits.distance_m[keep], hits.source[keep], hits.face[keep], hits.uv[keep])
     towards, beams, ring = towards[keep], beams[keep], ring[keep]
-    surface = _Surface.of(hits, start[keep] + towards * hits.distance_m[:, None], towards, town, actors_mesh)
+    surface = _HitSurfaces.look_up(hits, start[keep] + towards * hits.distance_m[:, None], towards, town, actors_mesh)
     distance = hits.distance_m.astype(np.float64)
     intensity = surface.intensity()
     if random is not None:
@@ -105,7 +105,7 @@ def sweep(
     category = surface.category
     hit_actor = surface.actor >= 0
     category[hit_actor] = actor_category[surface.actor[hit_actor]]
-    return Sweep(points[found].astype(np.float32), category[found], surface.actor[found])
+    return LidarSweep(points[found].astype(np.float32), category[found], surface.actor[found])
 
 
 def _directions(columns: int) -> tuple[FloatArray, FloatArray]:
@@ -124,7 +124,7 @@ def _directions(columns: int) -> tuple[FloatArray, FloatArray]:
 
 
 @dataclass(frozen=True)
-class _Surface:
+class _HitSurfaces:
     """Surfaces hit by the rays: reflected share, category and actor, all (P,)."""
 
     back: FloatArray
@@ -132,7 +132,9 @@ class _Surface:
     actor: NDArray[np.int32]
 
     @classmethod
-    def of(cls, hits: Hits, place: Float32Array, towards: Float32Array, town: Town, actors_mesh: Mesh) -> _Surface:
+    def look_up(
+        cls, hits: Hits, place: Float32Array, towards: Float32Array, town: Town, actors_mesh: Mesh
+    ) -> _HitSurfaces:
         """Look up the surfaces at hits, at points (P, 3) in the town, hit along directions (P, 3)."""
         count = len(place)
         back, facing = np.empty(count), np.empty(count)

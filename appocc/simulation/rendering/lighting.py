@@ -19,7 +19,7 @@ from appocc.simulation.rendering.tracing import Tracer
 from appocc.simulation.rendering.weather import Weather
 from appocc.simulation.surface import Ground
 from appocc.simulation.town import Town
-from appocc.simulation.traffic import Light as Shown
+from appocc.simulation.traffic import Light
 
 OPEN_CELL_M, LAMP_CELL_M, NEAR_CELL_M = 2.0, 1.0, 0.25
 NEAR_CELLS = 640
@@ -77,7 +77,7 @@ class Lighting(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Ego:
+class EgoBody:
     """The vehicle that carries the cameras: it casts shadow and light, but has no mesh.
 
     Attributes:
@@ -107,7 +107,7 @@ class Sky:
     sun_to: Float32Array
 
     @staticmethod
-    def of(weather: Weather, tile: Float32Array) -> Sky:
+    def build(weather: Weather, tile: Float32Array) -> Sky:
         """Build the sky of a weather."""
         radiance, toward = sky_map(weather, tile), sun_direction(weather)
         up = mean_light(radiance)
@@ -116,7 +116,7 @@ class Sky:
 
 
 @dataclass(frozen=True)
-class Standing:
+class TownLight:
     """Light that depends on the town alone: see `Lighting.open` and `Lighting.lamp`."""
 
     low_m: FloatArray
@@ -124,10 +124,10 @@ class Standing:
     lamp: Float32Array
 
     @staticmethod
-    def of(town: Town, tracer: Tracer) -> Standing:
+    def compute(town: Town, tracer: Tracer) -> TownLight:
         """Compute the sky visibility and the light of the street lamps of a town."""
         extent = np.array(town.ground.label.shape[::-1]) * 0.1
-        return Standing(town.ground.low_m, _open_sky(town.ground, extent, tracer), _lamp_light(town, extent))
+        return TownLight(town.ground.low_m, _open_sky(town.ground, extent, tracer), _lamp_light(town, extent))
 
 
 def _open_sky(ground: Ground, extent_m: FloatArray, tracer: Tracer) -> Float32Array:
@@ -166,25 +166,27 @@ def _lamp_light(town: Town, extent_m: FloatArray) -> Float32Array:
     return light
 
 
-def near_light(actors: Mesh, shown: ByteArray, ego: Ego | None, lamps: float, middle_m: FloatArray) -> Float32Array:
+def near_light(
+    actors: Mesh, actor_lights: ByteArray, ego: EgoBody | None, lamps: float, middle_m: FloatArray
+) -> Float32Array:
     """Compute shade under actors and the light of their lamps around a point (2,): see `Lighting.near`.
 
     Args:
         actors: mesh of the actors.
-        shown: (A,) `traffic.Light` bits by index of the actor.
+        actor_lights: (A,) `traffic.Light` bits by index of the actor.
         ego: the vehicle without a mesh; it emits light, but does not darken the ground below it, which BEV maps show.
         lamps: strength of lamps, 0 if all are off.
         middle_m: (2,) centre of the map.
     """
     corner = near_corner(middle_m)
     low = np.zeros((NEAR_CELLS, NEAR_CELLS), np.float32)
-    _splat(actors.vertices_m, actors.faces, corner.astype(np.float32), low)
+    _mark_low_parts(actors.vertices_m, actors.faces, corner.astype(np.float32), low)
     near = np.zeros((NEAR_CELLS, NEAR_CELLS, 3), np.float32)
     # Most of the sky is hidden right below a vehicle, and some of it half a metre from it.
     near[..., 0] = 1 - 0.62 * cv2.blur(low, (3, 3)) - 0.34 * cv2.blur(cv2.blur(low, (7, 7)), (5, 5))
     if lamps > 0:
-        beams = _beams(actors, shown, ego)
-        _shine(near, corner.astype(np.float32), beams)
+        beams = _beams(actors, actor_lights, ego)
+        _add_beams(near, corner.astype(np.float32), beams)
     return near
 
 
@@ -193,14 +195,14 @@ def near_corner(middle_m: FloatArray) -> FloatArray:
     return np.round(np.asarray(middle_m) / NEAR_CELL_M) * NEAR_CELL_M - NEAR_CELLS // 2 * NEAR_CELL_M
 
 
-def _beams(actors: Mesh, shown: ByteArray, ego: Ego | None) -> Float32Array:
+def _beams(actors: Mesh, actor_lights: ByteArray, ego: EgoBody | None) -> Float32Array:
     """Return (B, 6) position and direction on the ground, head and tail lamp strength of each actor with lamps."""
     found = []
     for material, channel in ((Material.HEAD_LAMP, 4), (Material.TAIL_LAMP, 5)):
         faces = np.flatnonzero(actors.material == material)
         tag = actors.tag[faces]
-        faces, tag = faces[(tag >= 0) & (tag < len(shown))], tag[(tag >= 0) & (tag < len(shown))]
-        faces, tag = faces[(shown[tag] & Shown.PARKED) == 0], tag[(shown[tag] & Shown.PARKED) == 0]
+        faces, tag = faces[(tag >= 0) & (tag < len(actor_lights))], tag[(tag >= 0) & (tag < len(actor_lights))]
+        faces, tag = faces[(actor_lights[tag] & Light.PARKED) == 0], tag[(actor_lights[tag] & Light.PARKED) == 0]
         places = actors.vertices_m[actors.faces[faces]].mean(1)[:, :2]
         normals = actors.normals[actors.faces[faces]].mean(1)[:, :2]
         for number in np.unique(tag):
@@ -208,23 +210,25 @@ def _beams(actors: Mesh, shown: ByteArray, ego: Ego | None) -> Float32Array:
             beam = np.zeros(6)
             beam[:2], beam[2:4] = places[own].mean(0), normals[own].mean(0)
             beam[2:4] /= max(float(np.hypot(*beam[2:4])), 1e-6)
-            beam[channel] = 1.0 if channel == 4 or not shown[number] & Shown.BRAKE else 2.5
+            beam[channel] = 1.0 if channel == 4 or not actor_lights[number] & Light.BRAKE else 2.5
             found.append(beam)
     if ego is not None:  # its head lamps are computed exactly, see `illumination`
         ahead, middle = ego.town_from_ego[:2, 0], ego.town_from_ego[:2, 3]
         half = ego.size_lwh_m[0] / 2
-        brake = 2.5 if ego.lights & Shown.BRAKE else 1.0
+        brake = 2.5 if ego.lights & Light.BRAKE else 1.0
         found.append(np.array([*(middle + ahead * (ego.centre_x_m - half)), *-ahead, 0.0, brake]))
     return np.array(found, np.float32).reshape(-1, 6)
 
 
-def narrowed(target_from_source: FloatArray) -> Float32Array:
+def inverse_pose(target_from_source: FloatArray) -> Float32Array:
     """Return (3, 4) float32 of the inverse of a pose."""
     return np.ascontiguousarray(inverse(target_from_source)[:3], np.float32)
 
 
 @kernel
-def _splat(vertices: Float32Array, faces: NDArray[np.int32], corner: Float32Array, low: Float32Array) -> None:
+def _mark_low_parts(
+    vertices: Float32Array, faces: NDArray[np.int32], corner: Float32Array, low: Float32Array
+) -> None:
     """Mark the cells below parts that are less than a metre above the ground."""
     for face in range(len(faces)):
         a, b, c = vertices[faces[face, 0]], vertices[faces[face, 1]], vertices[faces[face, 2]]
@@ -243,7 +247,7 @@ def _splat(vertices: Float32Array, faces: NDArray[np.int32], corner: Float32Arra
 
 
 @kernel
-def _shine(near: Float32Array, corner: Float32Array, beams: Float32Array) -> None:
+def _add_beams(near: Float32Array, corner: Float32Array, beams: Float32Array) -> None:
     """Add the light of lamps (see `_beams`) on the ground: low beams ahead, a red glow behind."""
     cells = int(30.0 / 0.25)
     for beam in range(len(beams)):

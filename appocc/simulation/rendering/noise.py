@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from appocc.checks import Float32Array
-from appocc.simulation.rendering.compiled import inner
+from appocc.simulation.rendering.compiled import inlined
 
 TILE = 256
 
@@ -25,7 +25,7 @@ def noise_tile(seed: int) -> Float32Array:
     return rank.reshape(TILE, TILE)
 
 
-@inner
+@inlined
 def noise(tile: Float32Array, x: float, y: float) -> float:
     """Interpolate the tile bilinearly at (x, y) in cells of the tile."""
     left, low = np.floor(x), np.floor(y)
@@ -38,8 +38,8 @@ def noise(tile: Float32Array, x: float, y: float) -> float:
     return value
 
 
-@inner
-def hashed(a: int, b: int) -> float:
+@inlined
+def hash_unit(a: int, b: int) -> float:
     """Hash two integers to 0..1; do not pass constants: each would compile another variant."""
     h = np.uint32(a) * np.uint32(0x9E3779B1) ^ np.uint32(b) * np.uint32(0x85EBCA77)
     h = np.uint32(h ^ (h >> np.uint32(15))) * np.uint32(0x2C1B3C6D)

@@ -64,7 +64,7 @@ def camera_rays(
 
 
 @kernel
-def name_pixels(
+def label_pixels(
     distance: Float32Array,
     source: ByteArray,
     face: NDArray[np.int32],

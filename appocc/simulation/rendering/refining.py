@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from appocc.checks import BoolArray, ByteArray, Float32Array
 from appocc.simulation.rendering.compiled import kernel
-from appocc.simulation.rendering.noise import hashed, noise
+from appocc.simulation.rendering.noise import hash_unit, noise
 from appocc.simulation.rendering.texture import Texture, label_at
 from appocc.simulation.rendering.tracing import GROUND, SKY
 from appocc.simulation.surface import Surface
@@ -24,7 +24,9 @@ _PUDDLES_FROM, _FILM, _FAINT = 0.91, 0.14, 0.01
 
 
 @kernel
-def jagged(linear: Float32Array, gain: float, source: ByteArray, lit: BoolArray, width_px: int) -> NDArray[np.int32]:
+def find_jagged_pixels(
+    linear: Float32Array, gain: float, source: ByteArray, lit: BoolArray, width_px: int
+) -> NDArray[np.int32]:
     """Return pixels (M,), row by row, that differ so much from a neighbour that they need more rays.
 
     The ground texture is filtered at lookup, so on the ground only edges of shadows count, and in the sky nothing
@@ -57,7 +59,9 @@ def jagged(linear: Float32Array, gain: float, source: ByteArray, lit: BoolArray,
 
 
 @kernel
-def mixed_in(linear: Float32Array, pixels: NDArray[np.int32], more: Float32Array, rays: int, limit: float) -> None:
+def blend_extra_rays(
+    linear: Float32Array, pixels: NDArray[np.int32], more: Float32Array, rays: int, limit: float
+) -> None:
     """Replace the radiance of pixels by the mean of their centre ray and `rays` extra rays each, (rays * M, 3).
 
     Radiance is clipped to `limit`, so that edges of overexposed areas are smooth.
@@ -72,7 +76,7 @@ def mixed_in(linear: Float32Array, pixels: NDArray[np.int32], more: Float32Array
 
 
 @kernel
-def off_wet_ground(
+def reflect_wet_ground(
     distance: Float32Array,
     source: ByteArray,
     origins: Float32Array,
@@ -105,7 +109,7 @@ def off_wet_ground(
         if share < _FAINT:
             continue
         # On a water film, each grain tilts the reflection: images stretch downward and blur.
-        rough = (1 - smooth) * (0.055 + 0.035 * hashed(int(x * 300.0), int(y * 300.0)))
+        rough = (1 - smooth) * (0.055 + 0.035 * hash_unit(int(x * 300.0), int(y * 300.0)))
         dx, dy, dz = directions[i, 0], directions[i, 1], -directions[i, 2] + rough
         scale = 1 / math.sqrt(dx * dx + dy * dy + dz * dz)
         numbers[count], shares[count] = i, share
@@ -116,7 +120,7 @@ def off_wet_ground(
 
 
 @kernel
-def mirrored_in(
+def blend_reflections(
     radiance: Float32Array, numbers: NDArray[np.int32], shares: Float32Array, image: Float32Array
 ) -> None:
     """Blend the radiance (M, 3) of reflected rays into that of hits."""

@@ -9,20 +9,33 @@ from numpy.typing import NDArray
 
 from appocc.camera import Camera, CameraRig
 from appocc.checks import BoolArray, ByteArray, Float32Array, FloatArray
-from appocc.simulation.mesh import Material, Mesh, joined
+from appocc.simulation.mesh import Material, Mesh, join_meshes
 from appocc.simulation.rendering import camera_response
 from appocc.simulation.rendering.compiled import kernel
-from appocc.simulation.rendering.lighting import Ego, Lighting, Sky, Standing, narrowed, near_corner, near_light
+from appocc.simulation.rendering.lighting import (
+    EgoBody,
+    Lighting,
+    Sky,
+    TownLight,
+    inverse_pose,
+    near_corner,
+    near_light,
+)
 from appocc.simulation.rendering.noise import noise_tile
 from appocc.simulation.rendering.profile import Profile
-from appocc.simulation.rendering.rays import GROUND_KINDS, camera_rays, name_pixels, ray_matrix
-from appocc.simulation.rendering.refining import jagged, mirrored_in, mixed_in, off_wet_ground
-from appocc.simulation.rendering.scene_buffers import Stage
+from appocc.simulation.rendering.rays import GROUND_KINDS, camera_rays, label_pixels, ray_matrix
+from appocc.simulation.rendering.refining import (
+    blend_extra_rays,
+    blend_reflections,
+    find_jagged_pixels,
+    reflect_wet_ground,
+)
+from appocc.simulation.rendering.scene_buffers import SceneBuffers
 from appocc.simulation.rendering.shading import shade
-from appocc.simulation.rendering.sunlight import toward_sun
-from appocc.simulation.rendering.texture import textured
+from appocc.simulation.rendering.sunlight import find_sunlit
+from appocc.simulation.rendering.texture import build_texture
 from appocc.simulation.rendering.tracing import ACTOR, Hits, Tracer
-from appocc.simulation.rendering.views import View
+from appocc.simulation.rendering.views import CameraView
 from appocc.simulation.rendering.weather import WEATHERS, Weather
 from appocc.simulation.town import Town
 
@@ -37,17 +50,17 @@ class Renderer:
     def __init__(self, town: Town) -> None:
         """Prepare everything that depends on the town alone."""
         self.tracer = Tracer(town.solid)
-        self._stage = Stage(town.solid)
-        self._texture = textured(town.ground)
+        self._buffers = SceneBuffers(town.solid)
+        self._texture = build_texture(town.ground)
         self._noise = noise_tile(town.plan.seed)
-        self._standing = Standing.of(town, self.tracer)
-        self._shown, self._signals = np.zeros(0, np.uint8), np.zeros(0, np.uint8)
-        self._sky = Sky.of(WEATHERS["clear"], self._noise)
+        self._town_light = TownLight.compute(town, self.tracer)
+        self._actor_lights, self._signals = np.zeros(0, np.uint8), np.zeros(0, np.uint8)
+        self._sky = Sky.build(WEATHERS["clear"], self._noise)
         self.profile = Profile()
-        self.set_moment(joined([]), self._shown, self._signals, WEATHERS["clear"], None)
+        self.set_scene(join_meshes([]), self._actor_lights, self._signals, WEATHERS["clear"], None)
 
-    def set_moment(
-        self, actors: Mesh, lights: ByteArray, signals: ByteArray, weather: Weather, ego: Ego | None
+    def set_scene(
+        self, actors: Mesh, lights: ByteArray, signals: ByteArray, weather: Weather, ego: EgoBody | None
     ) -> None:
         """Set the scene of the next images.
 
@@ -58,21 +71,23 @@ class Renderer:
             weather: light and atmosphere.
             ego: the vehicle that carries the cameras, None if there is none.
         """
-        with self.profile.stage("moment"):
+        with self.profile.stage("scene"):
             self.tracer.set_actors(actors)
-            self._stage.set_actors(actors)
-            self._shown, self._signals = np.array(lights, np.uint8), np.array(signals, np.uint8)
+            self._buffers.set_actors(actors)
+            self._actor_lights, self._signals = np.array(lights, np.uint8), np.array(signals, np.uint8)
             if weather != self._sky.weather:
-                self._sky = Sky.of(weather, self._noise)
+                self._sky = Sky.build(weather, self._noise)
             middle = ego.town_from_ego[:2, 3] if ego else _middle(actors)
-            self._light = self._lighting(near_light(actors, self._shown, ego, weather.lamps, middle), middle, ego)
+            self._light = self._lighting(
+                near_light(actors, self._actor_lights, ego, weather.lamps, middle), middle, ego
+            )
 
     @property
     def gains(self) -> Float32Array:
         """(3,) exposure and white balance of the weather, for `camera_response.tone_map`."""
-        return camera_response.exposure(self._sky.weather, self._sky.up)
+        return camera_response.exposure_gains(self._sky.weather, self._sky.up)
 
-    def views(self, rig: CameraRig, town_from_ego: FloatArray, rng: np.random.Generator) -> Mapping[str, View]:
+    def views(self, rig: CameraRig, town_from_ego: FloatArray, rng: np.random.Generator) -> Mapping[str, CameraView]:
         """Render images and pixel maps of a rig by channel; `rng` generates the noise."""
         return {camera.channel: self._view(camera, town_from_ego, rng) for camera in rig}
 
@@ -93,13 +108,13 @@ class Renderer:
         clear = self._light._replace(haze_per_m=0.0)
         for start in range(0, len(origins), _CHUNK):
             rows = slice(start, start + _CHUNK)
-            hits = self._met(origins[rows], directions[rows])
+            hits = self._trace(origins[rows], directions[rows])
             if see_through_leaves:
                 hits = self._behind_leaves(origins[rows], directions[rows], hits)
             self._shade(hits, origins[rows], directions[rows], spread_rad, clear, result[rows])
         return result
 
-    def _view(self, camera: Camera, town_from_ego: FloatArray, rng: np.random.Generator) -> View:
+    def _view(self, camera: Camera, town_from_ego: FloatArray, rng: np.random.Generator) -> CameraView:
         shape = (camera.height_px, camera.width_px)
         linear, depth = np.empty((shape[0] * shape[1], 3), np.float32), np.empty(shape[0] * shape[1], np.float32)
         actor, kind = np.empty(len(depth), np.int32), np.empty(len(depth), np.uint8)
@@ -110,18 +125,18 @@ class Renderer:
             rows = slice(start, min(start + rows_at_once, len(depth)))
             pixels = np.arange(rows.start, rows.stop, dtype=np.int32)
             origins, directions = camera_rays(pixels, camera.width_px, 0.0, 0.0, matrix, place)
-            hits = self._met(origins, directions)
+            hits = self._trace(origins, directions)
             with self.profile.stage("maps"):
-                name_pixels(
-                    hits.distance_m, hits.source, hits.face, origins, directions, ahead, self._stage.triangles,
+                label_pixels(
+                    hits.distance_m, hits.source, hits.face, origins, directions, ahead, self._buffers.triangles,
                     self._texture, GROUND_KINDS, depth[rows], actor[rows], kind[rows],
                 )  # fmt: skip
-            lit = self._shade(hits, origins, directions, self._spread(camera), self._light, linear[rows])
+            lit = self._shade(hits, origins, directions, self._pixel_angle(camera), self._light, linear[rows])
             self._refine(camera, matrix, place, linear[rows], hits.source, lit, start)
-        with self.profile.stage("lens"):
+        with self.profile.stage("response"):
             glow = 0.05 if self._sky.weather.lamps > 0 else 0.0
-            image = camera_response.photograph(linear.reshape(*shape, 3), self.gains, glow, rng)
-        return View(image, depth.reshape(shape), actor.reshape(shape), kind.reshape(shape))
+            image = camera_response.apply_response(linear.reshape(*shape, 3), self.gains, glow, rng)
+        return CameraView(image, depth.reshape(shape), actor.reshape(shape), kind.reshape(shape))
 
     def _refine(
         self,
@@ -136,7 +151,7 @@ class Renderer:
         """Antialias the edges in some rows of an image by extra rays."""
         with self.profile.stage("refine"):
             gain = float(self.gains.mean())
-            pixels = jagged(linear, gain, source, lit, camera.width_px)
+            pixels = find_jagged_pixels(linear, gain, source, lit, camera.width_px)
         self.profile.count["refined"] += len(pixels)
         self.profile.count["pixels"] += len(linear)
         if not len(pixels):
@@ -148,31 +163,31 @@ class Renderer:
         more = np.empty((len(origins), 3), np.float32)
         for start in range(0, len(origins), _CHUNK):
             rows = slice(start, start + _CHUNK)
-            hits = self._met(origins[rows], directions[rows])
-            self._shade(hits, origins[rows], directions[rows], self._spread(camera), self._light, more[rows])
-        mixed_in(linear, pixels, more, len(_SHIFTS_PX), 4.0 / gain)
+            hits = self._trace(origins[rows], directions[rows])
+            self._shade(hits, origins[rows], directions[rows], self._pixel_angle(camera), self._light, more[rows])
+        blend_extra_rays(linear, pixels, more, len(_SHIFTS_PX), 4.0 / gain)
 
     @staticmethod
-    def _spread(camera: Camera) -> float:
+    def _pixel_angle(camera: Camera) -> float:
         return 1.0 / float(camera.intrinsic[0, 0])
 
-    def _met(self, origins: Float32Array, directions: Float32Array) -> Hits:
+    def _trace(self, origins: Float32Array, directions: Float32Array) -> Hits:
         """Trace rays; faces are numbered as in the scene buffers."""
         with self.profile.stage("trace"):
             hits = self.tracer.nearest(origins, directions)
-            _number(hits.source, hits.face, self._stage.town_faces)
+            _offset_faces(hits.source, hits.face, self._buffers.town_faces)
         return hits
 
     def _behind_leaves(self, origins: Float32Array, directions: Float32Array, hits: Hits) -> Hits:
         """Replace hits on foliage by the hits behind it."""
         for _ in range(12):
             leaves = np.flatnonzero(
-                (hits.face >= 0) & (self._stage.triangles.material[hits.face] == Material.FOLIAGE)
+                (hits.face >= 0) & (self._buffers.triangles.material[hits.face] == Material.FOLIAGE)
             )
             if not len(leaves):
                 break
             passed = hits.distance_m[leaves] + np.float32(0.02)
-            further = self._met(
+            further = self._trace(
                 origins[leaves] + passed[:, None] * directions[leaves], np.ascontiguousarray(directions[leaves])
             )
             hits.distance_m[leaves] = further.distance_m + passed
@@ -189,11 +204,11 @@ class Renderer:
         radiance: Float32Array,
     ) -> BoolArray:
         """Write the radiance (N, 3) along rays; return (N,) whether their hits are sunlit."""
-        lit = self._sunny(hits, origins, directions, light)
-        self._light_back(hits, origins, directions, lit, spread_rad, light, radiance)
+        lit = self._find_sunlit(hits, origins, directions, light)
+        self._shade_hits(hits, origins, directions, lit, spread_rad, light, radiance)
         if light.wetness > 0:
             with self.profile.stage("wet"):
-                numbers, shares, starts, ways = off_wet_ground(
+                numbers, shares, starts, ways = reflect_wet_ground(
                     hits.distance_m,
                     hits.source,
                     origins,
@@ -202,26 +217,26 @@ class Renderer:
                     self._noise,
                     float(light.wetness),
                 )
-            image, seen = np.empty((len(numbers), 3), np.float32), self._met(starts, ways)
-            self._light_back(seen, starts, ways, self._sunny(seen, starts, ways, light), 0.02, light, image)
-            mirrored_in(radiance, numbers, shares, image)
+            image, seen = np.empty((len(numbers), 3), np.float32), self._trace(starts, ways)
+            self._shade_hits(seen, starts, ways, self._find_sunlit(seen, starts, ways, light), 0.02, light, image)
+            blend_reflections(radiance, numbers, shares, image)
         return lit
 
-    def _sunny(self, hits: Hits, origins: Float32Array, directions: Float32Array, light: Lighting) -> BoolArray:
+    def _find_sunlit(self, hits: Hits, origins: Float32Array, directions: Float32Array, light: Lighting) -> BoolArray:
         """Return (N,) whether the hits of rays are sunlit."""
         with self.profile.stage("shadow"):
             lit = np.zeros(len(origins), np.bool_)
             if light.sun.any():
                 numbers, starts = np.empty(len(lit), np.int32), np.empty((len(lit), 3), np.float32)
-                count = toward_sun(
-                    hits.distance_m, hits.source, hits.face, hits.uv, origins, directions, self._stage.triangles,
+                count = find_sunlit(
+                    hits.distance_m, hits.source, hits.face, hits.uv, origins, directions, self._buffers.triangles,
                     light, numbers, starts,
                 )  # fmt: skip
                 self.profile.count["shadow"] += count
                 lit[numbers[:count]] = ~self.tracer.blocked(starts[:count], np.tile(light.sun_to, (count, 1)))
         return lit
 
-    def _light_back(
+    def _shade_hits(
         self,
         hits: Hits,
         origins: Float32Array,
@@ -235,11 +250,11 @@ class Renderer:
             self.profile.count["shaded"] += len(lit)
             shade(
                 hits.distance_m, hits.source, hits.face, hits.uv, origins, directions, lit, spread_rad,
-                self._stage.triangles, self._texture, light, self._shown, self._signals, radiance,
+                self._buffers.triangles, self._texture, light, self._actor_lights, self._signals, radiance,
             )  # fmt: skip
 
-    def _lighting(self, near: Float32Array, middle_m: FloatArray, ego: Ego | None) -> Lighting:
-        weather, standing, corner = self._sky.weather, self._standing, near_corner(middle_m)
+    def _lighting(self, near: Float32Array, middle_m: FloatArray, ego: EgoBody | None) -> Lighting:
+        weather, town_light, corner = self._sky.weather, self._town_light, near_corner(middle_m)
         box = (*ego.size_lwh_m, ego.centre_x_m) if ego else (0.0, 0.0, 0.0, 0.0)
         return Lighting(
             self._sky.sun_to,
@@ -252,14 +267,14 @@ class Renderer:
             float(weather.wetness),
             float(weather.lamps),
             float(1 / self.gains.mean()),
-            float(standing.low_m[0]),
-            float(standing.low_m[1]),
-            standing.open,
-            standing.lamp,
+            float(town_light.low_m[0]),
+            float(town_light.low_m[1]),
+            town_light.open,
+            town_light.lamp,
             float(corner[0]),
             float(corner[1]),
             near,
-            narrowed(ego.town_from_ego if ego else np.eye(4)),
+            inverse_pose(ego.town_from_ego if ego else np.eye(4)),
             np.array(box, np.float32),
             self._noise,
         )
@@ -272,7 +287,7 @@ def _middle(actors: Mesh) -> FloatArray:
 
 
 @kernel
-def _number(source: ByteArray, face: NDArray[np.int32], town_faces: int) -> None:
+def _offset_faces(source: ByteArray, face: NDArray[np.int32], town_faces: int) -> None:
     """Offset the actors' faces by the number of town faces."""
     for i in range(len(source)):
         if source[i] == ACTOR:

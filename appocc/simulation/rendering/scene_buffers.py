@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from appocc.checks import ByteArray, Float32Array
 from appocc.simulation.mesh import Material, Mesh
-from appocc.simulation.rendering.compiled import inner
+from appocc.simulation.rendering.compiled import inlined
 from appocc.simulation.rendering.views import ViewClass
 
 _KINDS = {
@@ -50,7 +50,7 @@ class Triangles(NamedTuple):
     kind: ByteArray
 
 
-@inner
+@inlined
 def normal_at(triangles: Triangles, face: int, u: float, v: float) -> tuple[float, float, float]:
     """Interpolate the unit normal between the vertices of a face."""
     a, b, c = triangles.faces[face]
@@ -63,7 +63,7 @@ def normal_at(triangles: Triangles, face: int, u: float, v: float) -> tuple[floa
     return x * scale, y * scale, z * scale
 
 
-class Stage:
+class SceneBuffers:
     """Buffers with the town's triangles at the front and room for the actors behind them."""
 
     def __init__(self, solid: Mesh) -> None:

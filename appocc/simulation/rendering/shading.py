@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from appocc.checks import BoolArray, ByteArray, Float32Array
-from appocc.simulation.rendering.compiled import inner, outer
+from appocc.simulation.rendering.compiled import array_free_kernel, inlined
 from appocc.simulation.rendering.illumination import light_on
 from appocc.simulation.rendering.lighting import Lighting
 from appocc.simulation.rendering.materials import (
@@ -27,9 +27,9 @@ from appocc.simulation.rendering.materials import (
     TAIL_LAMP,
     TRIM,
     WINDOW,
-    pane,
-    pattern,
+    material_pattern,
     shop_pane,
+    window_pane,
 )  # fmt: skip
 from appocc.simulation.rendering.noise import noise
 from appocc.simulation.rendering.scene_buffers import Triangles, normal_at
@@ -41,8 +41,8 @@ from appocc.simulation.traffic import Light
 _BRAKE, _LEFT, _RIGHT, _PARKED = (int(bit) for bit in (Light.BRAKE, Light.LEFT, Light.RIGHT, Light.PARKED))
 
 
-@inner
-def _ground(
+@inlined
+def _ground_colour(
     texture: Texture, tile: Float32Array, x: float, y: float, dx: float, dy: float, dz: float, pixel_m: float
 ) -> tuple[float, float, float]:
     """Return the colour of the ground under a pixel: several texture taps along the pixel's elongated footprint."""
@@ -66,9 +66,14 @@ def _ground(
     return r * grain, g * grain, b * grain
 
 
-@inner
-def _glow(
-    material: int, tag: int, tint: tuple[float, float, float], light: Lighting, shown: ByteArray, signals: ByteArray
+@inlined
+def _emission(
+    material: int,
+    tag: int,
+    tint: tuple[float, float, float],
+    light: Lighting,
+    actor_lights: ByteArray,
+    signals: ByteArray,
 ) -> tuple[float, float, float]:
     """Return the light a lamp emits."""
     white = light.white
@@ -78,7 +83,7 @@ def _glow(
         return on, 0.82 * on, 0.55 * on
     if material == SIGNAL:
         return _signal(tag, signals, white)
-    bits = shown[tag] if 0 <= tag < len(shown) else _PARKED
+    bits = actor_lights[tag] if 0 <= tag < len(actor_lights) else _PARKED
     if material == HEAD_LAMP and not bits & _PARKED:
         on = 3.5 * white * burning
         return on, 0.96 * on, 0.86 * on
@@ -91,7 +96,7 @@ def _glow(
     return 0.0, 0.0, 0.0
 
 
-@inner
+@inlined
 def _signal(tag: int, signals: ByteArray, white: float) -> tuple[float, float, float]:
     """Return the light of a traffic light's lamp; SUMO letters r, y, g, G, u (red, yellow), s, o, O (off)."""
     link, colour = tag // 3, tag % 3
@@ -107,8 +112,8 @@ def _signal(tag: int, signals: ByteArray, white: float) -> tuple[float, float, f
     return 0.0, 0.0, 0.0
 
 
-@inner
-def _mirrored(light: Lighting, x: float, y: float, z: float) -> tuple[float, float, float]:
+@inlined
+def _environment(light: Lighting, x: float, y: float, z: float) -> tuple[float, float, float]:
     """Return the environment reflected in a unit direction: the sky above a row of houses above the street."""
     low = 0.06 + 0.12 * noise(light.noise, x * 40.0 + 7.0, y * 40.0)
     r, g, b = sky_at(light.sky, x, y, z)
@@ -121,10 +126,10 @@ def _mirrored(light: Lighting, x: float, y: float, z: float) -> tuple[float, flo
     return r, g, b
 
 
-@inner
-def _surface(
+@inlined
+def _shade_face(
     f: int, u: float, v: float, place: tuple[float, float, float], way: tuple[float, float, float], pixel_m: float,
-    lit: bool, triangles: Triangles, texture: Texture, light: Lighting, shown: ByteArray, signals: ByteArray,
+    lit: bool, triangles: Triangles, texture: Texture, light: Lighting, actor_lights: ByteArray, signals: ByteArray,
 ) -> tuple[float, float, float]:  # fmt: skip
     """Return the radiance of a point on a face, seen along `way`."""
     x, y, z = place
@@ -153,20 +158,20 @@ def _surface(
         sun = max(sun, 0.0) if lit else 0.0
     mirror, inside = 0.0, 0.0
     if material == WINDOW:
-        r, g, b, mirror, inside = pane(s, t, one, (r, g, b), light.lamps)
+        r, g, b, mirror, inside = window_pane(s, t, one, (r, g, b), light.lamps)
     elif material == SHOPFRONT:
         r, g, b, mirror, inside = shop_pane(s, t, triangles.tag[f], (r, g, b), light.lamps)
     else:
-        factor = pattern(material, s, t, x, y, z, pixel_m, light.noise)
+        factor = material_pattern(material, s, t, x, y, z, pixel_m, light.noise)
         r, g, b = r * factor, g * factor, b * factor
     er, eg, eb = light_on(light, x, y, z, nx, ny, nz, sun)
     r, g, b = r * er + inside, g * eg + 0.70 * inside, b * eb + 0.40 * inside
     if material >= STREET_LAMP:
-        p, q, k = _glow(material, triangles.tag[f], (r, g, b), light, shown, signals)
+        p, q, k = _emission(material, triangles.tag[f], (r, g, b), light, actor_lights, signals)
         r, g, b = r + p, g + q, b + k
-    coat, sharp = _coat(material, mirror)
+    coat, sharp = _reflectivity(material, mirror)
     if coat > 0:
-        p, q, k = _gloss(light, way, nx, ny, nz, facing, z, lit, coat, sharp)
+        p, q, k = _reflection(light, way, nx, ny, nz, facing, z, lit, coat, sharp)
         if material == CHROME:
             r, g, b = 0.35 * r + 0.7 * p, 0.35 * g + 0.7 * q, 0.35 * b + 0.7 * k
         else:
@@ -174,8 +179,8 @@ def _surface(
     return r, g, b
 
 
-@inner
-def _coat(material: int, mirror: float) -> tuple[float, float]:
+@inlined
+def _reflectivity(material: int, mirror: float) -> tuple[float, float]:
     """Return the reflectivity of a surface at normal incidence, and the sharpness of the sun's highlight."""
     if mirror > 0:
         return 0.13 * mirror, 600.0
@@ -192,8 +197,8 @@ def _coat(material: int, mirror: float) -> tuple[float, float]:
     return 0.0, 1.0
 
 
-@inner
-def _gloss(
+@inlined
+def _reflection(
     light: Lighting, way: tuple[float, float, float], nx: float, ny: float, nz: float, facing: float, z: float,
     lit: bool, coat: float, sharp: float,
 ) -> tuple[float, float, float]:  # fmt: skip
@@ -201,7 +206,7 @@ def _gloss(
     mx, my, mz = way[0] + 2 * facing * nx, way[1] + 2 * facing * ny, way[2] + 2 * facing * nz
     away = 1 - min(facing, 1.0)
     share = coat + (1 - coat) * away * away * away * away * away * 0.85
-    r, g, b = _mirrored(light, mx, my, mz)
+    r, g, b = _environment(light, mx, my, mz)
     if lit:
         toward = mx * light.sun_to[0] + my * light.sun_to[1] + mz * light.sun_to[2]
         if toward > 0.8:
@@ -210,7 +215,7 @@ def _gloss(
     return r * share, g * share, b * share
 
 
-@outer
+@array_free_kernel
 def shade(
     distance: Float32Array,
     source: ByteArray,
@@ -223,7 +228,7 @@ def shade(
     triangles: Triangles,
     texture: Texture,
     light: Lighting,
-    shown: ByteArray,
+    actor_lights: ByteArray,
     signals: ByteArray,
     radiance: Float32Array,
 ) -> None:
@@ -240,15 +245,15 @@ def shade(
         t = np.float64(distance[i])
         x, y, z = origins[i, 0] + t * dx, origins[i, 1] + t * dy, origins[i, 2] + t * dz
         if source[i] == GROUND:
-            r, g, b = _ground(texture, light.noise, x, y, dx, dy, dz, t * spread_rad)
+            r, g, b = _ground_colour(texture, light.noise, x, y, dx, dy, dz, t * spread_rad)
             sun = np.float64(light.sun_to[2]) if lit[i] else 0.0
             p, q, s = light_on(light, x, y, 0.0, 0.0, 0.0, 1.0, sun)
             wet = 1 - 0.45 * light.wetness
             r, g, b = r * p * wet, g * q * wet, b * s * wet
         else:
-            r, g, b = _surface(
+            r, g, b = _shade_face(
                 face[i], uv[i, 0], uv[i, 1], (x, y, z), (dx, dy, dz), t * spread_rad, lit[i], triangles, texture,
-                light, shown, signals,
+                light, actor_lights, signals,
             )  # fmt: skip
         haze = 1 - math.exp(-light.haze_per_m * t)
         radiance[i, 0] = r + (light.horizon[0] - r) * haze

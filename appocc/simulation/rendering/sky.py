@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from appocc.checks import Float32Array
-from appocc.simulation.rendering.compiled import inner, kernel
+from appocc.simulation.rendering.compiled import inlined, kernel
 from appocc.simulation.rendering.noise import noise
 from appocc.simulation.rendering.weather import Weather
 
@@ -26,7 +26,7 @@ def sky_map(weather: Weather, tile: Float32Array) -> Float32Array:
     """Return (SIZE, SIZE, 3) float32 radiance of the sky without the sun's disc; see `sky_at`."""
     colours = np.array([weather.zenith, weather.horizon, weather.sun], np.float32)
     drift = weather.sun_azimuth_rad * 100.0  # different clouds for each direction of the sun
-    return _drawn(sun_direction(weather), colours, weather.cloudiness, drift, tile)
+    return _render_sky(sun_direction(weather), colours, weather.cloudiness, drift, tile)
 
 
 def mean_light(sky: Float32Array) -> Float32Array:
@@ -40,7 +40,7 @@ def mean_light(sky: Float32Array) -> Float32Array:
     return np.asarray((sky * weight).sum((0, 1)) / weight.sum(), np.float32)
 
 
-@inner
+@inlined
 def sky_at(sky: Float32Array, x: float, y: float, z: float) -> tuple[float, float, float]:
     """Interpolate the radiance of the sky in a unit direction; below the horizon it is that of the horizon."""
     z = max(z, 0.0)
@@ -61,7 +61,7 @@ def sky_at(sky: Float32Array, x: float, y: float, z: float) -> tuple[float, floa
 
 
 @kernel
-def _drawn(
+def _render_sky(
     sun: Float32Array, colours: Float32Array, cloudiness: float, drift: float, tile: Float32Array
 ) -> Float32Array:
     sky = np.empty((SIZE, SIZE, 3), np.float32)

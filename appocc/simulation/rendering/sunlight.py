@@ -6,15 +6,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from appocc.checks import ByteArray, Float32Array
-from appocc.simulation.rendering.compiled import inner, outer
+from appocc.simulation.rendering.compiled import array_free_kernel, inlined
 from appocc.simulation.rendering.lighting import Lighting
 from appocc.simulation.rendering.materials import FOLIAGE
 from appocc.simulation.rendering.scene_buffers import Triangles, normal_at
 from appocc.simulation.rendering.tracing import ACTOR, GROUND, SKY
 
 
-@outer
-def toward_sun(
+@array_free_kernel
+def find_sunlit(
     distance: Float32Array,
     source: ByteArray,
     face: NDArray[np.int32],
@@ -59,7 +59,7 @@ def toward_sun(
     return count
 
 
-@inner
+@inlined
 def _behind_ego(light: Lighting, x: float, y: float, z: float) -> bool:
     """Return whether the ego's body or cabin is between a point and the sun."""
     pose, sun = light.ego_from_town, light.sun_to
@@ -72,17 +72,17 @@ def _behind_ego(light: Lighting, x: float, y: float, z: float) -> bool:
     db = pose[1, 0] * sun[0] + pose[1, 1] * sun[1] + pose[1, 2] * sun[2]
     dc = pose[2, 0] * sun[0] + pose[2, 1] * sun[1] + pose[2, 2] * sun[2]
     half_l, half_w, high = light.ego_box[0] / 2, light.ego_box[1] / 2, light.ego_box[2]
-    body = _crosses(a, da, b, db, c, dc, -half_l, half_l, half_w, 0.22, 0.6 * high)
-    return body or _crosses(a, da, b, db, c, dc, -0.8 * half_l, 0.35 * half_l, 0.85 * half_w, 0.5 * high, high)
+    body = _hits_box(a, da, b, db, c, dc, -half_l, half_l, half_w, 0.22, 0.6 * high)
+    return body or _hits_box(a, da, b, db, c, dc, -0.8 * half_l, 0.35 * half_l, 0.85 * half_w, 0.5 * high, high)
 
 
-@inner
-def _crosses(
+@inlined
+def _hits_box(
     a: float, da: float, b: float, db: float, c: float, dc: float,
     back: float, front: float, side: float, low: float, high: float,
 ) -> bool:  # fmt: skip
     """Return whether a ray from (a, b, c) along (da, db, dc) hits a box."""
-    da, db, dc = _kept_off_zero(da), _kept_off_zero(db), _kept_off_zero(dc)
+    da, db, dc = _avoid_zero(da), _avoid_zero(db), _avoid_zero(dc)
     t1, t2 = (back - a) / da, (front - a) / da
     t3, t4 = (-side - b) / db, (side - b) / db
     t5, t6 = (low - c) / dc, (high - c) / dc
@@ -91,6 +91,6 @@ def _crosses(
     return bool(leaves > max(enters, 0.0))
 
 
-@inner
-def _kept_off_zero(value: float) -> float:
+@inlined
+def _avoid_zero(value: float) -> float:
     return value if abs(value) > 1e-6 else 1e-6

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from appocc.checks import ByteArray, Float32Array
 from appocc.colours import linear_from_srgb
-from appocc.simulation.rendering.compiled import inner, kernel
+from appocc.simulation.rendering.compiled import inlined, kernel
 from appocc.simulation.surface import CELL_M, Ground
 
 _LEVELS = 9
@@ -38,7 +38,7 @@ class Texture(NamedTuple):
     linear: Float32Array
 
 
-def textured(ground: Ground) -> Texture:
+def build_texture(ground: Ground) -> Texture:
     """Build the mipmap pyramid of a ground; level 0 is not copied."""
     pictures, shapes, start = [], [(0, *ground.label.shape)], 0
     picture = ground.colour
@@ -80,7 +80,7 @@ def _halved(picture: ByteArray, linear: Float32Array, encoding: ByteArray) -> By
     return half
 
 
-@inner
+@inlined
 def label_at(texture: Texture, x: float, y: float) -> int:
     """Return the `Surface` at a point, -1 beyond the ground's edge."""
     row = int(np.floor((y - texture.low_y) / CELL_M))
@@ -90,7 +90,7 @@ def label_at(texture: Texture, x: float, y: float) -> int:
     return -1
 
 
-@inner
+@inlined
 def colour_at(texture: Texture, x: float, y: float, level: int) -> tuple[float, float, float]:
     """Interpolate the linear colour at a point bilinearly in a level; a dull green beyond the ground's edge."""
     level = min(max(level, 0), len(texture.level) - 1)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from appocc.checks import BoolArray, ByteArray, Float32Array
 from appocc.simulation.mesh import Mesh
 from appocc.simulation.rendering.compiled import kernel
-from appocc.simulation.rendering.embree import Scene, scene_of
+from appocc.simulation.rendering.embree import RayScene, build_scene
 
 SKY, GROUND, TOWN, ACTOR = range(4)
 _FAR_M = np.float32(1e30)
@@ -38,22 +38,22 @@ class Tracer:
 
     def __init__(self, solid: Mesh) -> None:
         """Build the search tree of the static scenery."""
-        self._solid = scene_of(solid)
-        self._actors: Scene | None = None
+        self._solid = build_scene(solid)
+        self._actors: RayScene | None = None
 
     def set_actors(self, actors: Mesh) -> None:
         """Replace the actors."""
-        self._actors = scene_of(actors)
+        self._actors = build_scene(actors)
 
     def nearest(self, origins: Float32Array, directions: Float32Array) -> Hits:
         """Return the first hits of rays from (N, 3) along unit (N, 3); float32, town frame."""
-        distance, source = _plane(origins, directions)
+        distance, source = _trace_plane(origins, directions)
         face = np.full(len(distance), -1, np.int32)
         uv = np.zeros((len(distance), 2), np.float32)
         for number, scene in ((TOWN, self._solid), (ACTOR, self._actors)):
             if scene is not None:
                 # Each scene limits the distance for the next one.
-                _take(*scene.nearest(origins, directions, distance), number, source, face, uv)
+                _merge_hits(*scene.nearest(origins, directions, distance), number, source, face, uv)
         distance[source == SKY] = np.inf
         return Hits(distance, source, face, uv)
 
@@ -67,7 +67,7 @@ class Tracer:
 
 
 @kernel
-def _plane(origins: Float32Array, directions: Float32Array) -> tuple[Float32Array, ByteArray]:
+def _trace_plane(origins: Float32Array, directions: Float32Array) -> tuple[Float32Array, ByteArray]:
     """Return the distance to the plane z = 0 and GROUND, or a large distance and SKY."""
     count = len(origins)
     distance, source = np.empty(count, np.float32), np.empty(count, np.uint8)
@@ -80,7 +80,7 @@ def _plane(origins: Float32Array, directions: Float32Array) -> tuple[Float32Arra
 
 
 @kernel
-def _take(
+def _merge_hits(
     found: NDArray[np.int32],
     weights: Float32Array,
     number: int,

@@ -29,7 +29,7 @@ class ViewClass(IntEnum):
 
 
 @dataclass(frozen=True)
-class View:
+class CameraView:
     """Image and pixel maps of one camera; H rows, W columns.
 
     Attributes:

@@ -123,7 +123,7 @@ _SKIES = (
 WEATHERS: Mapping[str, Weather] = MappingProxyType({weather.name: weather for weather in _SKIES})
 
 
-def drawn(name: str, rng: np.random.Generator) -> Weather:
+def draw_weather(name: str, rng: np.random.Generator) -> Weather:
     """Return a weather by name with a random direction of the sun, haze and strength.
 
     Raises:

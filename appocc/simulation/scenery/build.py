@@ -6,15 +6,15 @@ import numpy as np
 
 from appocc.checks import FloatArray
 from appocc.errors import NotFoundError
-from appocc.simulation.mesh import Mesh, joined
+from appocc.simulation.mesh import Mesh, join_meshes
 from appocc.simulation.plan import TownPlan
 from appocc.simulation.scenery.builder import Builder
-from appocc.simulation.scenery.greenery import enclose, plant
+from appocc.simulation.scenery.greenery import add_enclosures, plant_trees
 from appocc.simulation.scenery.houses import build_houses
 from appocc.simulation.scenery.plots import SPACINGS, lay_plots
 from appocc.simulation.scenery.signals import build_signals
 from appocc.simulation.scenery.site import Site
-from appocc.simulation.scenery.streets import furnish
+from appocc.simulation.scenery.streets import furnish_streets
 from appocc.simulation.scenery.yards import fill_yards
 from appocc.simulation.surface import Ground
 
@@ -34,9 +34,9 @@ def build_scenery(plan: TownPlan, ground: Ground) -> tuple[Mesh, FloatArray]:
     plots = lay_plots(site, plan.style, houses)
     build_houses(builder, plots, plan.style, houses)
     signals, poles_m = build_signals(site, plan.network)
-    things, lights_m, street_trees_m = furnish(site, plan.network, plan.style, poles_m, streets)
-    enclose(builder, site, plots, plan.style, green)
+    things, lights_m, street_trees_m = furnish_streets(site, plan.network, plan.style, poles_m, streets)
+    add_enclosures(builder, site, plots, plan.style, green)
     if plan.style == "industrial":
         things += fill_yards(builder, site, plots, streets)
-    trees = plant(site, plan.style, street_trees_m, green)
-    return joined([builder.mesh(), *signals, *things, *trees]), lights_m
+    trees = plant_trees(site, plan.style, street_trees_m, green)
+    return join_meshes([builder.mesh(), *signals, *things, *trees]), lights_m

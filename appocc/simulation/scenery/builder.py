@@ -27,7 +27,7 @@ _CORNERS = np.array(  # corners of each side of a box: 0 low, 1 high along (s, d
 
 
 @dataclass(frozen=True)
-class Place:
+class LocalFrame:
     """A local frame on the ground: s to the right as seen from the street, d away from it, z up (right-handed).
 
     Attributes:
@@ -47,16 +47,16 @@ class Place:
         """Return the (2,) town position of a point."""
         return np.asarray(self.origin_m + s * self.along + d * self.inward)
 
-    def moved(self, s: float, d: float, quarter_turns: int = 0) -> Place:
+    def moved(self, s: float, d: float, quarter_turns: int = 0) -> LocalFrame:
         """Return the frame moved to another point of this one and rotated to the left."""
         along = (self.along, self.inward, -self.along, -self.inward)[quarter_turns % 4]
-        return Place(self.at(s, d), along)
+        return LocalFrame(self.at(s, d), along)
 
     def corners(self, s0: float, s1: float, d0: float, d1: float) -> FloatArray:
         """Return the (4, 2) town corners of a rectangle, counter-clockwise."""
-        return self.flat(np.array([[s0, d0], [s1, d0], [s1, d1], [s0, d1]]))
+        return self.to_town(np.array([[s0, d0], [s1, d0], [s1, d1], [s0, d1]]))
 
-    def flat(self, local: FloatArray) -> FloatArray:
+    def to_town(self, local: FloatArray) -> FloatArray:
         """Return the (..., 2) town positions of points (..., 2) given as s and d."""
         return np.asarray(self.origin_m + local @ np.array([self.along, self.inward]))
 
@@ -66,14 +66,14 @@ class Builder:
 
     def __init__(self) -> None:
         """Start an empty mesh."""
-        self._quads: list[tuple[Place, FloatArray, FloatArray | None]] = []
-        self._triangles: list[tuple[Place, FloatArray, None]] = []
-        self._quad_looks: list[tuple[int, ArrayLike, ArrayLike, int]] = []
-        self._triangle_looks: list[tuple[int, ArrayLike, ArrayLike, int]] = []
+        self._quads: list[tuple[LocalFrame, FloatArray, FloatArray | None]] = []
+        self._triangles: list[tuple[LocalFrame, FloatArray, None]] = []
+        self._quad_attributes: list[tuple[int, ArrayLike, ArrayLike, int]] = []
+        self._triangle_attributes: list[tuple[int, ArrayLike, ArrayLike, int]] = []
 
-    def quads(
+    def add_quads(
         self,
-        place: Place,
+        frame: LocalFrame,
         local: ArrayLike,
         material: ArrayLike,
         tint: ArrayLike,
@@ -82,18 +82,20 @@ class Builder:
     ) -> None:
         """Add (N, 4, 3) quads of local points, counter-clockwise; `uv` (4, 2) or (N, 4, 2), by default metres."""
         corners = np.asarray(local, np.float64).reshape(-1, 4, 3)
-        self._quads.append((place, corners, uv))
-        self._quad_looks.append((len(corners), material, tint, tag))
+        self._quads.append((frame, corners, uv))
+        self._quad_attributes.append((len(corners), material, tint, tag))
 
-    def triangles(self, place: Place, local: ArrayLike, material: Material, tint: ArrayLike, tag: int = -1) -> None:
+    def add_triangles(
+        self, frame: LocalFrame, local: ArrayLike, material: Material, tint: ArrayLike, tag: int = -1
+    ) -> None:
         """Add (N, 3, 3) triangles of local points, counter-clockwise."""
         corners = np.asarray(local, np.float64).reshape(-1, 3, 3)
-        self._triangles.append((place, corners, None))
-        self._triangle_looks.append((len(corners), material, tint, tag))
+        self._triangles.append((frame, corners, None))
+        self._triangle_attributes.append((len(corners), material, tint, tag))
 
-    def boxes(
+    def add_boxes(
         self,
-        place: Place,
+        frame: LocalFrame,
         low: ArrayLike,
         high: ArrayLike,
         material: Material,
@@ -104,7 +106,7 @@ class Builder:
         """Add boxes between local corners (N, 3), with the sides of l, r, f, b, d, t that are listed."""
         ends = np.stack([np.reshape(np.asarray(v, np.float64), (-1, 3)) for v in (low, high)], axis=1)
         which = _CORNERS[[_SIDES.index(side) for side in sides]]
-        self.quads(place, ends[:, which, np.arange(3)], material, tint, tag)
+        self.add_quads(frame, ends[:, which, np.arange(3)], material, tint, tag)
 
     def mesh(self) -> Mesh:
         """Return the mesh of all collected faces."""
@@ -118,9 +120,9 @@ class Builder:
         triangle_uv, triangle_normal = _metric_uv(triangles)
         faces = np.arange(4 * len(quads)).reshape(-1, 4)[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3)
         rest = 4 * len(quads) + np.arange(3 * len(triangles)).reshape(-1, 3)
-        looks = [
+        attributes = [
             np.concatenate([np.repeat(a, 2, axis=0), b])
-            for a, b in zip(_looks(self._quad_looks), _looks(self._triangle_looks), strict=True)
+            for a, b in zip(_attributes(self._quad_attributes), _attributes(self._triangle_attributes), strict=True)
         ]
         return Mesh(
             np.concatenate([quads.reshape(-1, 3), triangles.reshape(-1, 3)]).astype(np.float32),
@@ -129,16 +131,16 @@ class Builder:
             ),
             np.concatenate([quad_uv.reshape(-1, 2), triangle_uv.reshape(-1, 2)]).astype(np.float32),
             np.concatenate([faces, rest]).astype(np.int32),
-            looks[0].astype(np.uint8),
-            looks[1].astype(np.uint8),
-            looks[2].astype(np.int32),
+            attributes[0].astype(np.uint8),
+            attributes[1].astype(np.uint8),
+            attributes[2].astype(np.int32),
         )
 
 
-def _in_town(parts: Sequence[tuple[Place, FloatArray, FloatArray | None]], corners: int) -> FloatArray:
+def _in_town(parts: Sequence[tuple[LocalFrame, FloatArray, FloatArray | None]], corners: int) -> FloatArray:
     """Transform faces to (N, corners, 3) in the town frame, vectorized over all local frames."""
     local = np.concatenate([np.zeros((0, corners, 3)), *(part for _, part, _ in parts)])
-    frames = np.array([[*place.origin_m, *place.along] for place, _, _ in parts]).reshape(-1, 4)
+    frames = np.array([[*frame.origin_m, *frame.along] for frame, _, _ in parts]).reshape(-1, 4)
     x, y, cos, sin = np.repeat(frames, [len(part) for _, part, _ in parts], axis=0).T[..., None]
     s, d = local[..., 0], local[..., 1]
     return np.stack([x + s * cos - d * sin, y + s * sin + d * cos, local[..., 2]], axis=-1)
@@ -157,19 +159,19 @@ def _metric_uv(corners: FloatArray) -> tuple[FloatArray, FloatArray]:
     return np.asarray(offset @ axes), normal
 
 
-def _looks(looks: list[tuple[int, ArrayLike, ArrayLike, int]]) -> tuple[NDArray[np.int64], ...]:
+def _attributes(attributes: list[tuple[int, ArrayLike, ArrayLike, int]]) -> tuple[NDArray[np.int64], ...]:
     """Return material (N,), tint (N, 3) and tag (N,) of each face."""
-    total = sum(count for count, *_ in looks)
+    total = sum(count for count, *_ in attributes)
     material, tint, tag = np.zeros(total, np.int64), np.zeros((total, 3), np.int64), np.zeros(total, np.int64)
     start = 0
-    for count, *look in looks:
+    for count, *style in attributes:
         part = slice(start, start + count)
-        material[part], tint[part], tag[part] = look
+        material[part], tint[part], tag[part] = style
         start += count
     return material, tint, tag
 
 
-def copies(
+def instance_mesh(
     template: Mesh,
     xyz_m: FloatArray,
     yaw_rad: FloatArray,
@@ -210,7 +212,7 @@ def copies(
     )
 
 
-def stem(
+def tapered_rod(
     start: FloatArray,
     end: FloatArray,
     radii_m: tuple[float, float],

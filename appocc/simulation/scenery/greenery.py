@@ -12,10 +12,10 @@ from scipy.ndimage import map_coordinates
 from appocc.checks import FloatArray
 from appocc.simulation.mesh import Material, Mesh
 from appocc.simulation.scenery import palette
-from appocc.simulation.scenery.builder import Builder, Tint, copies
+from appocc.simulation.scenery.builder import Builder, Tint, instance_mesh
 from appocc.simulation.scenery.plots import Plot
 from appocc.simulation.scenery.site import REACH_M, SITE_M, Site
-from appocc.simulation.scenery.trees import Tree, broad, bush, columnar, conifer, small
+from appocc.simulation.scenery.trees import Tree, broad_tree, bush, columnar_tree, conifer_tree, small_tree
 
 
 @dataclass(frozen=True)
@@ -50,28 +50,28 @@ PLANTINGS = {
 _VARIANTS = 4
 
 
-def plant(site: Site, style: str, street_trees_m: FloatArray, rng: np.random.Generator) -> list[Mesh]:
+def plant_trees(site: Site, style: str, street_trees_m: FloatArray, rng: np.random.Generator) -> list[Mesh]:
     """Build trees and bushes as instances: street trees at positions (N, 2), gardens and parks by the style."""
     planting = PLANTINGS[style]
     spots = _garden_spots(site, planting, rng)
     far = site.metres_at(spots, site.to_road_m) > planting.near_m
     conifer_share = rng.random(len(spots)) < planting.conifers
     roll = rng.random(len(spots))
-    meshes = _scattered(street_trees_m, (broad,), palette.LEAVES, rng, 2.0, (0.82, 0.98), 1.36)
+    meshes = _scattered(street_trees_m, (broad_tree,), palette.LEAVES, rng, 2.0, (0.82, 0.98), 1.36)
     for distant, detail in ((False, 1.0), (True, 0.4)):
         here = far == distant
         leafy = here & ~conifer_share
-        meshes += _scattered(spots[leafy & (roll < 0.5)], (broad,), palette.LEAVES, rng, detail, (0.75, 1.3))
+        meshes += _scattered(spots[leafy & (roll < 0.5)], (broad_tree,), palette.LEAVES, rng, detail, (0.75, 1.3))
         meshes += _scattered(
-            spots[leafy & (roll >= 0.5) & (roll < 0.88)], (small,), palette.LEAVES, rng, detail, (0.7, 1.3)
+            spots[leafy & (roll >= 0.5) & (roll < 0.88)], (small_tree,), palette.LEAVES, rng, detail, (0.7, 1.3)
         )
-        meshes += _scattered(spots[leafy & (roll >= 0.88)], (columnar,), palette.LEAVES, rng, detail, (0.7, 1.2))
-        meshes += _scattered(spots[here & conifer_share], (conifer,), palette.NEEDLES, rng, detail, (0.6, 1.3))
+        meshes += _scattered(spots[leafy & (roll >= 0.88)], (columnar_tree,), palette.LEAVES, rng, detail, (0.7, 1.2))
+        meshes += _scattered(spots[here & conifer_share], (conifer_tree,), palette.NEEDLES, rng, detail, (0.6, 1.3))
     near = spots[~far]
     count = int(len(near) * planting.bushes)
     around = near[rng.integers(len(near), size=count)] if len(near) else near
     bushes = around + rng.uniform(-4.0, 4.0, around.shape)
-    clear = (~site.on(bushes, site.taken)) & (site.metres_at(bushes, site.to_paved_m) > 1.0)
+    clear = (~site.is_set(bushes, site.taken)) & (site.metres_at(bushes, site.to_paved_m) > 1.0)
     meshes += _scattered(bushes[clear], (lambda seed, _: bush(seed),), palette.HEDGES, rng, 1.0, (0.6, 1.4))
     return meshes
 
@@ -117,11 +117,11 @@ def _scattered(
             continue
         tree = kinds[number % len(kinds)](number, detail)
         xyz = np.concatenate([xy_m[these], np.zeros((int(these.sum()), 1))], axis=1)
-        meshes.append(copies(tree.mesh, xyz, yaw[these], size[these], colours[these], tree.leaves))
+        meshes.append(instance_mesh(tree.mesh, xyz, yaw[these], size[these], colours[these], tree.leaves))
     return meshes
 
 
-def enclose(builder: Builder, site: Site, plots: Sequence[Plot], style: str, rng: np.random.Generator) -> None:
+def add_enclosures(builder: Builder, site: Site, plots: Sequence[Plot], style: str, rng: np.random.Generator) -> None:
     """Add hedges and fences in front of gardens, with a gap for the path to the door."""
     share = PLANTINGS[style].hedges
     for plot in plots:
@@ -132,7 +132,7 @@ def enclose(builder: Builder, site: Site, plots: Sequence[Plot], style: str, rng
         ends = [(-1.2, gap - 1.7), (gap + 1.7, plot.width_m + 1.2)]
         kind = rng.random()
         for s0, s1 in ends:
-            outline = plot.place.corners(s0, s1, d - 0.4, d + 0.4)
+            outline = plot.frame.corners(s0, s1, d - 0.4, d + 0.4)
             if s1 - s0 < 0.8 or not site.free(outline):
                 continue
             site.take(outline)
@@ -153,7 +153,7 @@ def _hedge(builder: Builder, plot: Plot, s0: float, s1: float, d: float, rng: np
     low = np.stack([cut[:-1], d - depth / 2, np.zeros(count)], axis=1)
     high = np.stack([cut[1:], d + depth / 2, height], axis=1)
     tint = palette.HEDGES[int(rng.integers(len(palette.HEDGES)))]
-    builder.boxes(plot.place, low, high, Material.HEDGE, tint)
+    builder.add_boxes(plot.frame, low, high, Material.HEDGE, tint)
 
 
 def _picket(builder: Builder, plot: Plot, s0: float, s1: float, d: float, rng: np.random.Generator) -> None:
@@ -161,16 +161,18 @@ def _picket(builder: Builder, plot: Plot, s0: float, s1: float, d: float, rng: n
     tint = palette.FENCES[int(rng.integers(len(palette.FENCES)))]
     if rng.random() < 0.35:
         brick = palette.BRICKS[int(rng.integers(len(palette.BRICKS)))]
-        builder.boxes(plot.place, [s0, d - 0.12, 0], [s1, d + 0.12, 0.75], Material.BRICK, brick)
+        builder.add_boxes(plot.frame, [s0, d - 0.12, 0], [s1, d + 0.12, 0.75], Material.BRICK, brick)
         cap = [s0 - 0.03, d - 0.16, 0.75], [s1 + 0.03, d + 0.16, 0.83]
-        builder.boxes(plot.place, *cap, Material.CONCRETE, palette.STONE, sides="lrfbdt")
+        builder.add_boxes(plot.frame, *cap, Material.CONCRETE, palette.STONE, sides="lrfbdt")
         return
     count = max(2, round((s1 - s0) / 1.9) + 1)
     s = np.linspace(s0, s1 - 0.1, count)
     low = np.stack([s, np.full(count, d - 0.05), np.zeros(count)], axis=1)
-    builder.boxes(plot.place, low, low + np.array([0.1, 0.1, 1.15]), Material.PLAIN, tint)
+    builder.add_boxes(plot.frame, low, low + np.array([0.1, 0.1, 1.15]), Material.PLAIN, tint)
     for z in (0.12, 0.42, 0.72):
-        builder.boxes(plot.place, [s0, d - 0.07, z], [s1, d - 0.05, z + 0.22], Material.PLAIN, tint, sides="lrfbdt")
+        builder.add_boxes(
+            plot.frame, [s0, d - 0.07, z], [s1, d - 0.05, z + 0.22], Material.PLAIN, tint, sides="lrfbdt"
+        )
 
 
 def _mesh_fence(builder: Builder, plot: Plot, s0: float, s1: float, d: float) -> None:
@@ -178,7 +180,7 @@ def _mesh_fence(builder: Builder, plot: Plot, s0: float, s1: float, d: float) ->
     count = max(2, round((s1 - s0) / 2.8) + 1)
     s = np.linspace(s0, s1 - 0.06, count)
     low = np.stack([s, np.full(count, d - 0.03), np.zeros(count)], axis=1)
-    builder.boxes(plot.place, low, low + np.array([0.06, 0.06, 1.9]), Material.METAL, palette.METALS[0])
+    builder.add_boxes(plot.frame, low, low + np.array([0.06, 0.06, 1.9]), Material.METAL, palette.METALS[0])
     for z in np.linspace(0.2, 1.8, 7):
         rail = [s0, d - 0.045, z], [s1, d - 0.03, z + 0.035]
-        builder.boxes(plot.place, *rail, Material.METAL, palette.METALS[0], sides="fbt")
+        builder.add_boxes(plot.frame, *rail, Material.METAL, palette.METALS[0], sides="fbt")

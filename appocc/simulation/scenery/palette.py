@@ -114,7 +114,7 @@ CONCRETE: Tint = (164, 162, 158)
 GRAVEL: Tint = (128, 124, 118)
 
 
-def pick(rng: np.random.Generator, tints: Sequence[Tint]) -> Tint:
+def pick_tint(rng: np.random.Generator, tints: Sequence[Tint]) -> Tint:
     """Return one of the colours at random, slightly lighter or darker."""
     tint = tints[int(rng.integers(len(tints)))]
     shade = float(rng.uniform(0.93, 1.06))

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from appocc.simulation.scenery.builder import Place
+from appocc.simulation.scenery.builder import LocalFrame
 from appocc.simulation.scenery.site import Frontage, Site
 
 _SMALLEST_M = 5.0
@@ -17,7 +17,7 @@ class Plot:
     """A rectangle for a building; s = 0 .. width along the street, d = 0 (front) .. depth.
 
     Attributes:
-        place: local frame at its front left corner.
+        frame: local frame at its front left corner.
         width_m: width along the street.
         depth_m: depth away from the street.
         arterial: whether the street is an arterial.
@@ -29,7 +29,7 @@ class Plot:
         built: whether it has a building; plots on roundabouts have none.
     """
 
-    place: Place
+    frame: LocalFrame
     width_m: float
     depth_m: float
     arterial: bool
@@ -42,7 +42,7 @@ class Plot:
 
 
 @dataclass(frozen=True)
-class Spacing:
+class PlotSpacing:
     """Ranges of plot widths, depths, front gardens and gaps, metres."""
 
     width_m: tuple[float, float]
@@ -53,11 +53,11 @@ class Spacing:
     empty_share: float
 
 
-SPACINGS: dict[str, Spacing] = {
-    "old": Spacing((6.5, 13.5), (9.5, 12.5), (0.1, 0.1), (2.0, 5.0), 0.10, 0.03),
-    "modern": Spacing((15.0, 30.0), (12.0, 17.0), (0.8, 4.5), (3.0, 9.0), 0.75, 0.08),
-    "suburb": Spacing((9.5, 14.5), (8.0, 10.5), (4.5, 7.5), (4.5, 10.0), 1.0, 0.04),
-    "industrial": Spacing((20.0, 46.0), (16.0, 30.0), (4.0, 10.0), (6.0, 14.0), 1.0, 0.10),
+SPACINGS: dict[str, PlotSpacing] = {
+    "old": PlotSpacing((6.5, 13.5), (9.5, 12.5), (0.1, 0.1), (2.0, 5.0), 0.10, 0.03),
+    "modern": PlotSpacing((15.0, 30.0), (12.0, 17.0), (0.8, 4.5), (3.0, 9.0), 0.75, 0.08),
+    "suburb": PlotSpacing((9.5, 14.5), (8.0, 10.5), (4.5, 7.5), (4.5, 10.0), 1.0, 0.04),
+    "industrial": PlotSpacing((20.0, 46.0), (16.0, 30.0), (4.0, 10.0), (6.0, 14.0), 1.0, 0.10),
 }
 # Distance from the paved edge to the second row.
 _BACK_M = {"old": 26.0, "modern": 34.0, "suburb": 27.0, "industrial": 44.0}
@@ -76,11 +76,11 @@ def lay_plots(site: Site, style: str, rng: np.random.Generator) -> list[Plot]:
 
 
 def _off_islands(site: Site, plot: Plot) -> bool:
-    return not site.on(plot.place.at(plot.width_m / 2, plot.depth_m / 2)[None], site.island)[0]
+    return not site.is_set(plot.frame.at(plot.width_m / 2, plot.depth_m / 2)[None], site.island)[0]
 
 
 def _along(
-    site: Site, frontage: Frontage, spacing: Spacing, rng: np.random.Generator, backland: bool = False
+    site: Site, frontage: Frontage, spacing: PlotSpacing, rng: np.random.Generator, backland: bool = False
 ) -> list[Plot]:
     """Lay plots from one end of a frontage to the other; at its ends a building may extend around the corner."""
     plots: list[Plot] = []
@@ -100,7 +100,7 @@ def _along(
         if terraced:
             plots[-1] = replace(plots[-1], open_right=False)
         plots.append(plot)
-        s = float((plot.place.origin_m - frontage.place.origin_m) @ frontage.place.along) + plot.width_m
+        s = float((plot.frame.origin_m - frontage.frame.origin_m) @ frontage.frame.along) + plot.width_m
         gap = rng.random() < (spacing.gap_share if not backland else 0.8)
         terraced = not gap
         s += float(rng.uniform(*spacing.gap_m)) if gap else 0.02
@@ -121,16 +121,16 @@ def _fitted(
     tries = [
         (share, back) for share in (1.0, 0.8, 0.62) for back in (0.2, 0.5, 0.9, 1.5) if width_m * share >= _SMALLEST_M
     ]
-    place = frontage.place
+    frame = frontage.frame
     sizes = [(width_m * share, depth_m * (0.6 + 0.4 * share), front_m + back) for share, back in tries]
     local = [[[s, d], [s + width, d], [s + width, d + depth], [s, d + depth]] for width, depth, d in sizes]
-    outlines = place.flat(np.array(local).reshape(-1, 4, 2))
+    outlines = frame.to_town(np.array(local).reshape(-1, 4, 2))
     for number in np.flatnonzero(site.maybe_free(outlines)):
         if not site.free(outlines[number]):
             continue
         width, depth, d = sizes[number]
-        site.take(place.corners(s + 0.25, s + width - 0.25, d + 0.25, d + depth - 0.25))
+        site.take(frame.corners(s + 0.25, s + width - 0.25, d + 0.25, d + depth - 0.25))
         front = np.linspace(outlines[number, 0], outlines[number, 1], 5)
         road = float(site.metres_at(front, site.to_road_m).min())
-        return Plot(place.moved(s, d), width, depth, frontage.arterial, not terraced, True, d, road, backland)
+        return Plot(frame.moved(s, d), width, depth, frontage.arterial, not terraced, True, d, road, backland)
     return None

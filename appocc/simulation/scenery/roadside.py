@@ -37,7 +37,7 @@ class Roadside:
         """Number of positions."""
         return len(self.xy_m)
 
-    def only(self, which: BoolArray) -> Roadside:
+    def select(self, which: BoolArray) -> Roadside:
         """Return the positions of a mask (N,)."""
         return Roadside(
             self.xy_m[which], self.heading[which], self.outward[which], self.behind_m[which], self.edge[which]
@@ -48,7 +48,7 @@ def kerb_offset(site: Site, xy_m: FloatArray, outward: FloatArray, clear_m: floa
     """Return (N,) distance from points on the road to the first `clear_m` of ground without road; NaN if too far."""
     reach = np.arange(0.0, _FARTHEST_M, _STEP_M)
     points = xy_m[:, None] + reach[:, None] * outward[:, None]
-    road = site.on(points.reshape(-1, 2), site.road).reshape(len(xy_m), -1)
+    road = site.is_set(points.reshape(-1, 2), site.road).reshape(len(xy_m), -1)
     width = max(1, round(clear_m / _STEP_M))
     total = np.cumsum(np.pad(road, ((0, 0), (1, width))).astype(np.int64), axis=1)
     total[:, -width:] += np.arange(1, width + 1)  # ground beyond reach counts as road
@@ -108,7 +108,7 @@ def placed(
     at = xy_m[found] + offset[found, None] * outward[found]
     reach = np.arange(0.0, 4.0, 0.2)
     beyond = (at[:, None] + reach[:, None] * outward[found][:, None]).reshape(-1, 2)
-    free = (site.on(beyond, site.paved) & ~site.on(beyond, site.road)).reshape(len(at), -1)
+    free = (site.is_set(beyond, site.paved) & ~site.is_set(beyond, site.road)).reshape(len(at), -1)
     behind = 0.2 * np.logical_and.accumulate(free, axis=1).sum(axis=1)
     return Roadside(at, heading[found], outward[found], behind, edge[found])
 

@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from appocc.checks import FloatArray
-from appocc.simulation.mesh import Material, Mesh, joined
+from appocc.simulation.mesh import Material, Mesh, join_meshes
 from appocc.simulation.network import Connection, Edge, RoadNetwork
-from appocc.simulation.scenery.builder import Builder, Tint, copies, stem
-from appocc.simulation.scenery.furniture import ORIGIN, plate, ring
+from appocc.simulation.scenery.builder import Builder, Tint, instance_mesh, tapered_rod
+from appocc.simulation.scenery.furniture import ORIGIN, regular_polygon, sign_plate
 from appocc.simulation.scenery.roadside import kerb_offset
 from appocc.simulation.scenery.site import Site, lanes_across
 
@@ -26,7 +26,7 @@ _GREY: Tint = (96, 100, 102)
 
 
 @dataclass(frozen=True)
-class Head:
+class SignalHead:
     """A signal head of three lamps: middle of its lower edge (3,), facing direction (2,), index of its link."""
 
     xyz_m: FloatArray
@@ -51,7 +51,7 @@ def build_signals(site: Site, network: RoadNetwork) -> tuple[list[Mesh], FloatAr
         if connection.signal:
             key = network.lane(connection.from_lane).edge, connection.signal
             approaches.setdefault(key, []).append(connection)
-    heads: list[Head] = []
+    heads: list[SignalHead] = []
     poles: list[tuple[FloatArray, float]] = []
     arms: list[tuple[FloatArray, FloatArray]] = []
     for (edge_name, _), connections in approaches.items():
@@ -65,7 +65,7 @@ def _approach(
     edge: Edge,
     connections: list[Connection],
     number: Mapping[str, int],
-    heads: list[Head],
+    heads: list[SignalHead],
     poles: list[tuple[FloatArray, float]],
     arms: list[tuple[FloatArray, FloatArray]],
 ) -> None:
@@ -83,7 +83,9 @@ def _approach(
     for k, connection in enumerate(on_pole):
         aside = (k - (len(on_pole) - 1) / 2) * _ASIDE_M
         base = pole + aside * right - 0.12 * heading
-        heads.append(Head(np.array([*base, _HEAD_M]), -heading, number[f"{connection.signal}/{connection.link}"]))
+        heads.append(
+            SignalHead(np.array([*base, _HEAD_M]), -heading, number[f"{connection.signal}/{connection.link}"])
+        )
     if over:
         tips = _over_lanes(network, links, pole, heading, number, heads)
         arms.append((pole, tips))
@@ -97,7 +99,7 @@ def _over_lanes(
     pole: FloatArray,
     heading: FloatArray,
     number: Mapping[str, int],
-    heads: list[Head],
+    heads: list[SignalHead],
 ) -> FloatArray:
     """Hang a head for each link above its lane, adjacent if a lane has several; return the end of the arm (2,)."""
     left = np.array([-heading[1], heading[0]])
@@ -109,7 +111,9 @@ def _over_lanes(
         reach = float((middle - pole) @ left) - (same.index(k) - (len(same) - 1) / 2) * (_ASIDE_M + 0.08)
         farthest = max(farthest, reach)
         base = pole + reach * left - 0.12 * heading
-        heads.append(Head(np.array([*base, _ARM_M]), -heading, number[f"{connection.signal}/{connection.link}"]))
+        heads.append(
+            SignalHead(np.array([*base, _ARM_M]), -heading, number[f"{connection.signal}/{connection.link}"])
+        )
     return np.asarray(pole + (farthest + 0.3) * left)
 
 
@@ -118,7 +122,7 @@ def _far_side(
     network: RoadNetwork,
     straight: list[Connection],
     number: Mapping[str, int],
-    heads: list[Head],
+    heads: list[SignalHead],
     poles: list[tuple[FloatArray, float]],
 ) -> None:
     """Repeat the head of straight-on traffic beyond the junction, for drivers at the stop line."""
@@ -130,7 +134,7 @@ def _far_side(
     start, heading = _end(outer.centre_m, 0)
     pole = _beside(site, start + 1.2 * heading, heading)
     base = pole - 0.12 * heading
-    heads.append(Head(np.array([*base, _HEAD_M]), -heading, number[f"{connection.signal}/{connection.link}"]))
+    heads.append(SignalHead(np.array([*base, _HEAD_M]), -heading, number[f"{connection.signal}/{connection.link}"]))
     poles.append((pole, _HEAD_M + 1.1))
 
 
@@ -161,14 +165,14 @@ def _beside(site: Site, xy_m: FloatArray, heading: FloatArray, half_m: float = 0
     return np.asarray(xy_m + 14.0 * right)
 
 
-def _heads(heads: list[Head]) -> list[Mesh]:
+def _heads(heads: list[SignalHead]) -> list[Mesh]:
     """Return housings with three tagged lamps each."""
     if not heads:
         return []
     template = _head()
     at = np.stack([head.xyz_m for head in heads])
     yaw = np.array([np.arctan2(head.towards[1], head.towards[0]) + np.pi / 2 for head in heads])
-    mesh = copies(template, at, yaw, np.ones((len(heads), 3)))
+    mesh = instance_mesh(template, at, yaw, np.ones((len(heads), 3)))
     first = np.repeat(3 * np.array([head.link for head in heads]), len(template.faces))
     return [replace(mesh, tag=np.where(mesh.tag >= 0, mesh.tag + first, -1).astype(np.int32))]
 
@@ -176,12 +180,12 @@ def _heads(heads: list[Head]) -> list[Mesh]:
 def _head() -> Mesh:
     """Return one head that faces -y, its lower edge at the origin; the lamps' tags are 0, 1, 2."""
     builder = Builder()
-    builder.boxes(ORIGIN, [-0.16, -0.12, 0.0], [0.16, 0.08, 0.98], Material.TRIM, _BLACK, sides="lrfbdt")
-    builder.boxes(ORIGIN, [-0.23, 0.0, -0.07], [0.23, 0.02, 1.05], Material.TRIM, _BLACK, sides="lrfbdt")
+    builder.add_boxes(ORIGIN, [-0.16, -0.12, 0.0], [0.16, 0.08, 0.98], Material.TRIM, _BLACK, sides="lrfbdt")
+    builder.add_boxes(ORIGIN, [-0.23, 0.0, -0.07], [0.23, 0.02, 1.05], Material.TRIM, _BLACK, sides="lrfbdt")
     parts = []
     for lamp, tint in enumerate(_COLOURS):
         z = 0.81 - 0.32 * lamp
-        disc = plate(ring(10, 0.12), z, tint, -0.13, Material.SIGNAL, back=False)
+        disc = sign_plate(regular_polygon(10, 0.12), z, tint, -0.13, Material.SIGNAL, back=False)
         parts.append(replace(disc, tag=np.full(len(disc.faces), lamp, np.int32)))
         angle = np.linspace(-0.15, np.pi + 0.15, 5)
         x, up = 0.135 * np.cos(angle), z + 0.135 * np.sin(angle)
@@ -192,8 +196,8 @@ def _head() -> Mesh:
                 [x[i + 1], -0.3, up[i + 1]],
                 [x[i], -0.3, up[i]],
             ]
-            builder.quads(ORIGIN, [near[::-1], near], Material.TRIM, _BLACK)
-    return joined([builder.mesh(), *parts])
+            builder.add_quads(ORIGIN, [near[::-1], near], Material.TRIM, _BLACK)
+    return join_meshes([builder.mesh(), *parts])
 
 
 def _poles(poles: list[tuple[FloatArray, float]]) -> list[Mesh]:
@@ -201,7 +205,7 @@ def _poles(poles: list[tuple[FloatArray, float]]) -> list[Mesh]:
     for xy, height in poles:
         thick = (0.12, 0.09) if height > 5 else (0.07, 0.06)
         ends = np.array([*xy, 0.0]), np.array([*xy, height])
-        meshes.append(stem(*ends, thick, 8, Material.METAL, _GREY, capped=True))
+        meshes.append(tapered_rod(*ends, thick, 8, Material.METAL, _GREY, capped=True))
     return meshes
 
 
@@ -209,7 +213,7 @@ def _arms(arms: list[tuple[FloatArray, FloatArray]]) -> list[Mesh]:
     """Return the arms from the poles above the lanes."""
     height = _ARM_M + 0.6
     return [
-        stem(
+        tapered_rod(
             np.array([*pole, height]),
             np.array([*tip, height + 0.25]),
             (0.08, 0.05),

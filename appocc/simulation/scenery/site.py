@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 
 from appocc.checks import BoolArray, ByteArray, Float32Array, FloatArray, IntArray
 from appocc.simulation.network import Edge, RoadNetwork
-from appocc.simulation.scenery.builder import Place
+from appocc.simulation.scenery.builder import LocalFrame
 from appocc.simulation.surface import CELL_M, ROAD_SURFACES, Ground, Surface, surface_table
 
 _COARSE = 2  # ground cells per site cell
@@ -27,7 +27,7 @@ _PAVED = (*ROAD_SURFACES, Surface.PAVEMENT, Surface.KERB)
 class Frontage:
     """A straight section of the border between paved ground and a block; s runs along it, d into the block."""
 
-    place: Place
+    frame: LocalFrame
     length_m: float
     arterial: bool
 
@@ -112,22 +112,22 @@ class Site:
             length = np.linalg.norm(ends - points, axis=1)
             for i in np.flatnonzero(length >= shortest_m):
                 found.append(self._facing(points[i], ends[i], float(length[i]), beyond_m))
-        wide = self.arterial(np.array([f.place.at(f.length_m / 2, 0.0) for f in found]).reshape(-1, 2))
+        wide = self.arterial(np.array([f.frame.at(f.length_m / 2, 0.0) for f in found]).reshape(-1, 2))
         order = sorted(range(len(found)), key=lambda i: (-round(found[i].length_m, 3), i))
-        return [Frontage(found[i].place, found[i].length_m, bool(wide[i])) for i in order]
+        return [Frontage(found[i].frame, found[i].length_m, bool(wide[i])) for i in order]
 
     def _facing(self, start: FloatArray, end: FloatArray, length_m: float, beyond_m: float) -> Frontage:
         """Return the section between two points, oriented such that the block is to its left."""
         along = (end - start) / length_m
         side = (start + end) / 2 + 2.0 * np.array([-along[1], along[0]])
         left = self.metres_at(side[None], self.to_paved_m)[0] > beyond_m
-        return Frontage(Place(start, along) if left else Place(end, -along), length_m, False)
+        return Frontage(LocalFrame(start, along) if left else LocalFrame(end, -along), length_m, False)
 
     def metres_at(self, xy_m: FloatArray, what: Float32Array) -> Float32Array:
         """Return (N,) values of a distance raster at positions (N, 2)."""
         return np.asarray(what[self.cell(xy_m)])
 
-    def on(self, xy_m: FloatArray, what: BoolArray | ByteArray) -> BoolArray:
+    def is_set(self, xy_m: FloatArray, what: BoolArray | ByteArray) -> BoolArray:
         """Return (N,) whether a raster is set at positions (N, 2)."""
         return np.asarray(what[self.cell(xy_m)] > 0)
 

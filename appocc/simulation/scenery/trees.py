@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from appocc.checks import BoolArray, FloatArray
-from appocc.simulation.mesh import Material, Mesh, joined
-from appocc.simulation.scenery.builder import stem
+from appocc.simulation.mesh import Material, Mesh, join_meshes
+from appocc.simulation.scenery.builder import tapered_rod
 
 _BARK = (96, 84, 70)
 _LEAF = (80, 100, 50)  # replaced when it is instanced
@@ -111,17 +111,17 @@ def _tufts(
 
 
 def _limb(start: FloatArray, end: FloatArray, thick_m: tuple[float, float], sides: int = 5) -> Mesh:
-    return stem(start, end, thick_m, sides, Material.BARK, _BARK)
+    return tapered_rod(start, end, thick_m, sides, Material.BARK, _BARK)
 
 
 def _tree(parts: list[Mesh]) -> Tree:
-    mesh = joined(parts)
+    mesh = join_meshes(parts)
     leaves = mesh.material == Material.FOLIAGE
     crown = mesh.vertices_m[np.unique(mesh.faces[leaves])]
     return Tree(mesh, leaves, float(np.hypot(crown[:, 0], crown[:, 1]).max()), float(crown[:, 2].max()))
 
 
-def broad(seed: int, detail: float = 1.0) -> Tree:
+def broad_tree(seed: int, detail: float = 1.0) -> Tree:
     """Return a tree with a round, open crown, about 8 m high; detail 2 for trees close to the street."""
     rng = np.random.default_rng([seed, 1])
     fork = np.array([0.0, 0.0, 2.6])
@@ -144,7 +144,7 @@ def broad(seed: int, detail: float = 1.0) -> Tree:
     return _tree(parts)
 
 
-def columnar(seed: int, detail: float = 1.0) -> Tree:
+def columnar_tree(seed: int, detail: float = 1.0) -> Tree:
     """Return a slender tree such as a poplar or hornbeam, about 9 m high."""
     rng = np.random.default_rng([seed, 2])
     middle, radii = np.array([0.0, 0.0, 5.3]), np.array([1.25, 1.25, 3.9]) * rng.uniform(0.9, 1.1, 3)
@@ -152,7 +152,7 @@ def columnar(seed: int, detail: float = 1.0) -> Tree:
     return _tree([*parts, _tufts(rng, round(32 * detail), middle, radii, 0.42)])
 
 
-def conifer(seed: int, detail: float = 1.0) -> Tree:
+def conifer_tree(seed: int, detail: float = 1.0) -> Tree:
     """Return a spruce, about 9 m high, with layers of branches."""
     rng = np.random.default_rng([seed, 3])
     parts = [_limb(np.zeros(3), np.array([0.0, 0.0, 1.4]), (0.17, 0.14))]
@@ -173,7 +173,7 @@ def conifer(seed: int, detail: float = 1.0) -> Tree:
     return _tree(parts)
 
 
-def small(seed: int, detail: float = 1.0) -> Tree:
+def small_tree(seed: int, detail: float = 1.0) -> Tree:
     """Return a garden tree, about 4.5 m high, with a low, round crown."""
     rng = np.random.default_rng([seed, 4])
     middle, radii = np.array([0.0, 0.0, 3.0]), np.array([1.45, 1.45, 1.4]) * rng.uniform(0.88, 1.12, 3)

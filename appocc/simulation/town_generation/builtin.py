@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from appocc.simulation.builtin import TOWNS_FOLDER
-from appocc.simulation.town_generation.make import make_town
+from appocc.simulation.town_generation.make import generate_town
 
 # Name, layout seed, architectural style.
 _TOWNS = (
@@ -18,15 +18,15 @@ _TOWNS = (
 )
 
 
-def make_all() -> None:
+def generate_all() -> None:
     """Write the files of all built-in towns.
 
     Raises:
         AppoccError: if SUMO is missing.
     """
     for name, seed, style in _TOWNS:
-        make_town(seed, TOWNS_FOLDER, name, style)
+        generate_town(seed, TOWNS_FOLDER, name, style)
 
 
 if __name__ == "__main__":
-    make_all()
+    generate_all()

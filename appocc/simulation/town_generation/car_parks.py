@@ -57,7 +57,7 @@ def _beside(edge: Edge, columns: int, share: float, carriageway: Carriageway) ->
     deep = _SETBACK_M + 2 * _BAY_M + _AISLE_M + 0.4
     u, v = np.meshgrid(np.arange(-half - _MARGIN_M, half + _MARGIN_M), np.arange(_SETBACK_M, deep + _MARGIN_M))
     room = np.stack([u.ravel(), v.ravel()], axis=1) @ town_from_park + line[4]
-    if np.abs(local[:, 1]).max() > _STRAIGHT_M or carriageway.beyond(room).min() < _SETBACK_M - 1.0:
+    if np.abs(local[:, 1]).max() > _STRAIGHT_M or carriageway.distance_m(room).min() < _SETBACK_M - 1.0:
         return None
     outline, bays = _plan(columns, half, deep)
     yaw = np.arctan2(ahead[1], ahead[0]) - bays[:, 2]

@@ -26,7 +26,7 @@ class Carriageway:
     low_m: FloatArray
     outside_m: Float32Array
 
-    def beyond(self, points_m: FloatArray) -> FloatArray:
+    def distance_m(self, points_m: FloatArray) -> FloatArray:
         """Return the distance (N,) of points (N, 2) from the carriageway."""
         cell = ((points_m - self.low_m) / _CELL_M).astype(np.int64)
         height, width = self.outside_m.shape

@@ -14,7 +14,7 @@ _SLOWEST_MPS = 2.5
 _SMOOTH_CELLS = 1.2
 
 
-def bend_speeds(network: RoadNetwork) -> dict[str, FloatArray]:
+def curve_speeds(network: RoadNetwork) -> dict[str, FloatArray]:
     """Return, for lanes with slow curves, the speed every two metres, including braking distances."""
     found = {}
     for name, lane in network.lanes.items():

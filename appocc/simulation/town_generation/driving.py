@@ -12,9 +12,9 @@ import numpy as np
 from appocc.checks import ByteArray, FloatArray
 from appocc.errors import DataError
 from appocc.simulation.network import RoadNetwork
-from appocc.simulation.town_generation.bodies import Body
-from appocc.simulation.town_generation.curve_speed import bend_speeds
-from appocc.simulation.town_generation.tools import said, simulator
+from appocc.simulation.town_generation.bodies import BodyType
+from appocc.simulation.town_generation.curve_speed import curve_speeds
+from appocc.simulation.town_generation.tools import captured_errors, load_sumo
 
 STEP_S = 0.1
 _LOOK_STEPS = 2
@@ -26,13 +26,13 @@ class Driver:
     """A vehicle and the edges of its route."""
 
     name: str
-    body: Body
+    body: BodyType
     size_lwh_m: tuple[float, float, float]
     route: list[str]
 
 
 @dataclass(frozen=True)
-class Drive:
+class DriveRecord:
     """T steps of A driven vehicles.
 
     Attributes:
@@ -50,7 +50,9 @@ class Drive:
     letters: ByteArray
 
 
-def drive(path: Path, network: RoadNetwork, drivers: list[Driver], times_s: tuple[float, float], seed: int) -> Drive:
+def simulate_driving(
+    path: Path, network: RoadNetwork, drivers: list[Driver], times_s: tuple[float, float], seed: int
+) -> DriveRecord:
     """Simulate the drivers, and record them after a warm-up.
 
     Args:
@@ -64,11 +66,11 @@ def drive(path: Path, network: RoadNetwork, drivers: list[Driver], times_s: tupl
         AppoccError: if SUMO is missing.
         DataError: if SUMO cannot run on this network.
     """
-    sumo = simulator()
+    sumo = load_sumo()
     if not drivers:  # SUMO can crash on networks that are mere fragments
         count = round(times_s[1] / STEP_S) + 1
         nowhere, dark = np.zeros((count, 0, 2)), np.zeros((count, 0), np.uint8)
-        return Drive(nowhere, nowhere[..., 0], dark, (), dark)
+        return DriveRecord(nowhere, nowhere[..., 0], dark, (), dark)
     with tempfile.TemporaryDirectory() as folder:
         routes = Path(folder) / "town.rou.xml"
         routes.write_text(_route_file(drivers), encoding="utf-8")
@@ -78,10 +80,10 @@ def drive(path: Path, network: RoadNetwork, drivers: list[Driver], times_s: tupl
         options += ["--no-step-log", "true", "--no-warnings", "true", "--collision.action", "none"]
         options += ["--collision.check-junctions", "false"]
         try:
-            with said() as errors:
+            with captured_errors() as errors:
                 sumo.start(["sumo", "-n", str(path), "-r", str(routes), *options])
             steps = (round(times_s[0] / STEP_S), round(times_s[1] / STEP_S) + 1)
-            return _record(sumo, drivers, bend_speeds(network), steps)
+            return _record(sumo, drivers, curve_speeds(network), steps)
         except (sumo.TraCIException, sumo.FatalTraCIError, RuntimeError) as error:
             reason = next(iter(errors), " ".join(str(error).split()))
             raise DataError(f"{path}: SUMO cannot run on it ({reason})") from error
@@ -89,7 +91,9 @@ def drive(path: Path, network: RoadNetwork, drivers: list[Driver], times_s: tupl
             sumo.close()
 
 
-def _record(sumo: ModuleType, drivers: list[Driver], bends: dict[str, FloatArray], steps: tuple[int, int]) -> Drive:
+def _record(
+    sumo: ModuleType, drivers: list[Driver], limits: dict[str, FloatArray], steps: tuple[int, int]
+) -> DriveRecord:
     number = {driver.name: k for k, driver in enumerate(drivers)}
     most = {driver.name: driver.body.speed_mps for driver in drivers}
     front = np.full((steps[1], len(drivers), 2), np.nan)
@@ -103,7 +107,7 @@ def _record(sumo: ModuleType, drivers: list[Driver], bends: dict[str, FloatArray
         sumo.simulation.step()
         present = sumo.vehicle.getIDList()
         if step % _LOOK_STEPS == 0:
-            _slow_down(sumo, present, most, bends)
+            _slow_down(sumo, present, most, limits)
         t = step - steps[0]
         if t < 0:
             continue
@@ -115,20 +119,20 @@ def _record(sumo: ModuleType, drivers: list[Driver], bends: dict[str, FloatArray
         states = "".join(lights.getRedYellowGreenState(n) for n in names)
         letters[t] = np.frombuffer(states.encode("ascii"), np.uint8)
     front[np.abs(front) > 1e6] = np.nan  # SUMO's value for unknown positions
-    return Drive(front, yaw, lamps, links, letters)
+    return DriveRecord(front, yaw, lamps, links, letters)
 
 
 def _slow_down(
-    sumo: ModuleType, present: tuple[str, ...], most: dict[str, float], bends: dict[str, FloatArray]
+    sumo: ModuleType, present: tuple[str, ...], most: dict[str, float], limits: dict[str, FloatArray]
 ) -> None:
     """Limit the speed of each vehicle in a curve."""
     for name in present:
         lane = sumo.vehicle.getLaneID(name)
         speed = most[name]
-        if lane in bends:
+        if lane in limits:
             share = sumo.vehicle.getLanePosition(name) / sumo.lane.getLength(lane)
-            last = len(bends[lane]) - 1
-            speed = min(speed, float(bends[lane][min(int(share * last + 1.0), last)]))
+            last = len(limits[lane]) - 1
+            speed = min(speed, float(limits[lane][min(int(share * last + 1.0), last)]))
         if speed != sumo.vehicle.getMaxSpeed(name):
             sumo.vehicle.setMaxSpeed(name, speed)
 

@@ -18,12 +18,12 @@ from appocc.simulation.town_generation.carriageway import draw_carriageway
 from appocc.simulation.town_generation.layout import draw_layout
 from appocc.simulation.town_generation.opendrive import import_opendrive
 from appocc.simulation.town_generation.streets import write_network
-from appocc.simulation.town_generation.traffic import make_traffic
+from appocc.simulation.town_generation.traffic import generate_traffic
 
 _LARGEST_M = 3000.0  # the ground is a raster of the whole town
 
 
-def make_town(source: Path | int, folder: Path, name: str = "", style: str = "") -> str:
+def generate_town(source: Path | int, folder: Path, name: str = "", style: str = "") -> str:
     """Generate a town and its traffic, and write its three files.
 
     Args:
@@ -51,7 +51,7 @@ def make_town(source: Path | int, folder: Path, name: str = "", style: str = "")
             rng = np.random.default_rng([seed, 3])
             parks = draw_car_parks(network, draw_carriageway(network), rng) if isinstance(source, int) else ()
             plan = TownPlan(name, seed, style, network, parks)
-            log = make_traffic(file, plan)
+            log = generate_traffic(file, plan)
         except DataError as error:
             # An error in the scratch file is an error in its source.
             raise DataError(str(error).replace(str(file), str(source))) from error

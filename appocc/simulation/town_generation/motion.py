@@ -13,7 +13,9 @@ _SPACING_M, _ALONG_M, _TIME_STEPS = 0.2, 1.3, 4.0
 _JUMP_M = 0.8  # displacement in 0.1 s beyond the usual one that marks a teleport of SUMO
 
 
-def bodies(front_m: FloatArray, yaw_rad: FloatArray, length_m: FloatArray) -> tuple[FloatArray, FloatArray, IntArray]:
+def vehicle_motion(
+    front_m: FloatArray, yaw_rad: FloatArray, length_m: FloatArray
+) -> tuple[FloatArray, FloatArray, IntArray]:
     """Return the motion of vehicles from SUMO's front bumpers (T, A, 2), headings (T, A) and the lengths (A,).
 
     SUMO's vehicles turn on the spot where lanes meet at an angle; here the bumper's path is smoothed and the rear

@@ -21,7 +21,7 @@ _KERB_M = 0.22
 _LONGEST_IN_BAY_M = 5.1
 
 
-class Parked(NamedTuple):
+class ParkedVehicle(NamedTuple):
     """A parked vehicle at (x, y) in metres with a heading."""
 
     actor: Actor
@@ -30,13 +30,13 @@ class Parked(NamedTuple):
     yaw_rad: float
 
 
-def draw_parked(plan: TownPlan, rng: np.random.Generator) -> list[Parked]:
+def draw_parked(plan: TownPlan, rng: np.random.Generator) -> list[ParkedVehicle]:
     """Draw the vehicles in the parking lanes and car parks of a town."""
     found = [spot for edge in plan.network.edges for lane in edge.lanes for spot in _kerb(plan, edge, lane, rng)]
     keep = np.sort(rng.permutation(len(found))[:_MOST])
     spots = [found[k] for k in keep] + [spot for park in plan.car_parks for spot in _bays(park.bays, rng)]
     return [
-        Parked(Actor(f"parked_{k}", spot.actor.kind, spot.actor.body, spot.actor.size_lwh_m), *spot[1:])
+        ParkedVehicle(Actor(f"parked_{k}", spot.actor.kind, spot.actor.body, spot.actor.size_lwh_m), *spot[1:])
         for k, spot in enumerate(spots)
     ]
 
@@ -46,19 +46,19 @@ def _draw(rng: np.random.Generator) -> Actor:
     return Actor("", body.kind, body.name, draw_size(rng, body))
 
 
-def _stands_there(edge: Edge, lane: Lane) -> bool:
+def _allows_parking(edge: Edge, lane: Lane) -> bool:
     """Return whether cars may park in a lane: a parking lane or wide shoulder of a street that is not fast."""
     fastest = max((other.speed_mps for other in edge.lanes if other.kind == "driving"), default=0.0)
     return lane.kind in ("parking", "shoulder") and lane.width_m >= _NARROWEST_M and 0 < fastest < _FASTEST_MPS
 
 
-def _kerb(plan: TownPlan, edge: Edge, lane: Lane, rng: np.random.Generator) -> list[Parked]:
-    if not _stands_there(edge, lane):
+def _kerb(plan: TownPlan, edge: Edge, lane: Lane, rng: np.random.Generator) -> list[ParkedVehicle]:
+    if not _allows_parking(edge, lane):
         return []
     line = lane.centre_m
     along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))])
     one_way = plan.network.opposite(edge) is None
-    found: list[Parked] = []
+    found: list[ParkedVehicle] = []
     at = _CORNER_M + rng.uniform(0, 3)
     while True:
         actor = _draw(rng)
@@ -74,7 +74,7 @@ def _kerb(plan: TownPlan, edge: Edge, lane: Lane, rng: np.random.Generator) -> l
         turned = rng.uniform() < (_FLIPPED * 2 if one_way else _FLIPPED)
         yaw += float(rng.normal(0.0, 0.025)) + (np.pi if turned else 0.0)
         if rng.uniform() < _OCCUPIED and not _before_driveway(plan, ends.mean(axis=0)):
-            found.append(Parked(actor, float(x), float(y), float(np.mod(yaw + np.pi, 2 * np.pi) - np.pi)))
+            found.append(ParkedVehicle(actor, float(x), float(y), float(np.mod(yaw + np.pi, 2 * np.pi) - np.pi)))
             at += length + rng.uniform(0.6, 1.6)
         else:
             at += 5.5
@@ -86,7 +86,7 @@ def _before_driveway(plan: TownPlan, xy_m: FloatArray) -> bool:
     return any(float(np.hypot(*(mouth - xy_m))) < _MOUTH_M for mouth in mouths)
 
 
-def _bays(bays: FloatArray, rng: np.random.Generator) -> list[Parked]:
+def _bays(bays: FloatArray, rng: np.random.Generator) -> list[ParkedVehicle]:
     found = []
     for x, y, yaw in bays:
         actor = _draw(rng)
@@ -96,5 +96,5 @@ def _bays(bays: FloatArray, rng: np.random.Generator) -> list[Parked]:
             centre = np.array([x, y]) + dx * ahead + dy * left
             heading = yaw + turn + (np.pi if rng.uniform() < 0.25 else 0.0)
             heading = float(np.mod(heading + np.pi, 2 * np.pi) - np.pi)
-            found.append(Parked(actor, float(centre[0]), float(centre[1]), heading))
+            found.append(ParkedVehicle(actor, float(centre[0]), float(centre[1]), heading))
     return found

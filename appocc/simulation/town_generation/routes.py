@@ -43,19 +43,19 @@ class Routes:
         starts = [name for name, length in self._length_m.items() if length > _SHORTEST_M and self._next[name]]
         if not starts:
             return []
-        share = np.array([self._length_m[name] * self._liking(name, large) for name in starts])
+        share = np.array([self._length_m[name] * self._weight(name, large) for name in starts])
         route = [starts[int(rng.choice(len(starts), p=share / share.sum()))]]
         driven = 0.0
         while driven < length_m and self._next[route[-1]]:
             onward = self._next[route[-1]]
             here = self._edges[route[-1]]
             tight = [1e-3 if large and _turn(here, self._edges[name]) > _TIGHT_RAD else 1.0 for name, _ in onward]
-            share = np.array([w * t * self._liking(n, large) for (n, w), t in zip(onward, tight, strict=True)])
+            share = np.array([w * t * self._weight(n, large) for (n, w), t in zip(onward, tight, strict=True)])
             route.append(onward[int(rng.choice(len(onward), p=share / share.sum()))][0])
             driven += self._length_m[route[-1]]
         return route
 
-    def _liking(self, name: str, large: bool) -> float:
+    def _weight(self, name: str, large: bool) -> float:
         lanes = sum(lane.kind == "driving" for lane in self._edges[name].lanes)
         return 8.0 if large and lanes > 1 else 1.0
 

@@ -17,7 +17,7 @@ from appocc.errors import AppoccError, DataError
 _MISSING = "generating a town needs SUMO: pip install 'appocc[sumo]'"
 
 
-def simulator() -> ModuleType:
+def load_sumo() -> ModuleType:
     """Return the module libsumo.
 
     Raises:
@@ -30,7 +30,7 @@ def simulator() -> ModuleType:
 
 
 @contextmanager
-def said() -> Iterator[list[str]]:
+def captured_errors() -> Iterator[list[str]]:
     """Capture what a library writes to stderr; at the end, the list holds its error lines."""
     errors: list[str] = []
     sys.stderr.flush()

@@ -10,8 +10,8 @@ from appocc.checks import ByteArray, FloatArray, IntArray
 from appocc.simulation.plan import TownPlan
 from appocc.simulation.town_generation.bodies import draw_body, draw_size
 from appocc.simulation.town_generation.carriageway import draw_carriageway
-from appocc.simulation.town_generation.driving import STEP_S, Drive, Driver, drive
-from appocc.simulation.town_generation.motion import bodies
+from appocc.simulation.town_generation.driving import STEP_S, Driver, DriveRecord, simulate_driving
+from appocc.simulation.town_generation.motion import vehicle_motion
 from appocc.simulation.town_generation.overlaps import without_overlaps
 from appocc.simulation.town_generation.parked import draw_parked
 from appocc.simulation.town_generation.routes import Routes
@@ -28,7 +28,7 @@ _SHORTEST_STEPS = 25  # shorter presences are dropped
 _LETTERS = {ord("G"): ord("G"), ord("g"): ord("g"), ord("y"): ord("y"), ord("Y"): ord("y"), ord("u"): ord("y")}
 
 
-def make_traffic(path: Path, plan: TownPlan, length_s: float = 260.0) -> TrafficLog:
+def generate_traffic(path: Path, plan: TownPlan, length_s: float = 260.0) -> TrafficLog:
     """Generate the traffic of a town; the same plan always gives the same traffic.
 
     Args:
@@ -43,13 +43,13 @@ def make_traffic(path: Path, plan: TownPlan, length_s: float = 260.0) -> Traffic
     rng = np.random.default_rng([plan.seed, 2])
     drivers = _drivers(plan, rng, _WARM_S + length_s)
     times_s = (_WARM_S - _LEAD_S, length_s + _LEAD_S)
-    drove = drive(path, plan.network, drivers, times_s, plan.seed)
+    record = simulate_driving(path, plan.network, drivers, times_s, plan.seed)
     lead = round(_LEAD_S / STEP_S)
     lengths = np.array([driver.size_lwh_m[0] for driver in drivers])
-    centre, yaw, part = bodies(drove.front_m, drove.yaw_rad, lengths)
+    centre, yaw, part = vehicle_motion(record.front_m, record.yaw_rad, lengths)
     kept = slice(lead, None, _EVERY)
-    vehicles = _apart(drivers, part[kept], (centre[kept], yaw[kept], _lights(drove)[kept]))
-    return _joined(plan, rng, vehicles, drove.links, _letters(drove.letters[kept]))
+    vehicles = _split_presences(drivers, part[kept], (centre[kept], yaw[kept], _lights(record)[kept]))
+    return _join(plan, rng, vehicles, record.links, _letters(record.letters[kept]))
 
 
 def _drivers(plan: TownPlan, rng: np.random.Generator, length_s: float) -> list[Driver]:
@@ -63,13 +63,13 @@ def _drivers(plan: TownPlan, rng: np.random.Generator, length_s: float) -> list[
     return [driver for driver in drivers if driver.route]
 
 
-def _lights(drove: Drive) -> ByteArray:
+def _lights(record: DriveRecord) -> ByteArray:
     """Return (T, A) `Light` bits; SUMO switches brake lamps off when a car has stopped."""
-    brake, left, right = (drove.lamps & bit > 0 for bit in (8, 2, 1))
-    speed = np.hypot(*np.moveaxis(np.diff(drove.front_m, axis=0, append=drove.front_m[-1:]), -1, 0)) / STEP_S
+    brake, left, right = (record.lamps & bit > 0 for bit in (8, 2, 1))
+    speed = np.hypot(*np.moveaxis(np.diff(record.front_m, axis=0, append=record.front_m[-1:]), -1, 0)) / STEP_S
     stands = speed < 0.2
     bits = (brake | stands) * int(Light.BRAKE) + left * int(Light.LEFT) + right * int(Light.RIGHT)
-    return np.where(np.isfinite(drove.yaw_rad), bits, 0).astype(np.uint8)
+    return np.where(np.isfinite(record.yaw_rad), bits, 0).astype(np.uint8)
 
 
 def _letters(letters: ByteArray) -> ByteArray:
@@ -78,7 +78,9 @@ def _letters(letters: ByteArray) -> ByteArray:
     return np.asarray(table[letters])
 
 
-def _apart(drivers: list[Driver], part: IntArray, driven: tuple[FloatArray, FloatArray, ByteArray]) -> Group:
+def _split_presences(
+    drivers: list[Driver], part: IntArray, driven: tuple[FloatArray, FloatArray, ByteArray]
+) -> Group:
     """Create one actor for each uninterrupted presence of a vehicle."""
     actors, columns = [], []
     for k, driver in enumerate(drivers):
@@ -96,7 +98,7 @@ def _apart(drivers: list[Driver], part: IntArray, driven: tuple[FloatArray, Floa
     return actors, placed, turned, shown
 
 
-def _joined(
+def _join(
     plan: TownPlan,
     rng: np.random.Generator,
     driving: Group,

@@ -8,7 +8,7 @@ from appocc.checks import FloatArray, IntArray
 from appocc.geometry import transform
 from appocc.nuscenes.writer import Annotation
 from appocc.simulation.traffic import Light
-from appocc.simulation.truth.objects import Objects, category_of
+from appocc.simulation.truth.objects import ActorBoxes, category_of
 from appocc.simulation.truth.visibility import visibility_token
 
 # A vehicle in traffic below this speed counts as stopped.
@@ -16,7 +16,7 @@ _STOPPED_MPS = 0.3
 
 
 def annotate(
-    objects: Objects, world_from_town: FloatArray, lidar_points: IntArray, seen_share: FloatArray
+    objects: ActorBoxes, world_from_town: FloatArray, lidar_points: IntArray, seen_share: FloatArray
 ) -> list[Annotation]:
     """Create one annotation per object, in their order; the name of the actor is the instance.
 

@@ -41,7 +41,7 @@ class ViewTargets:
         frozen(self.kind)
 
 
-def reduced(depth_m: Float32Array, kind: ByteArray, factor: int = FACTOR) -> ViewTargets:
+def reduce_view(depth_m: Float32Array, kind: ByteArray, factor: int = FACTOR) -> ViewTargets:
     """Reduce each block of factor x factor pixels to its most frequent class and the median depth of that class.
 
     A mean across the edge of a car would be a depth at which nothing is. Among equally frequent classes the nearest

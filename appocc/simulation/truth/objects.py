@@ -13,7 +13,7 @@ from appocc.checks import BoolArray, ByteArray, FloatArray, IntArray, frozen
 from appocc.errors import ShapeError
 from appocc.geometry import footprints
 from appocc.nuscenes.writer import CATEGORIES
-from appocc.simulation.traffic import Actor, Moment
+from appocc.simulation.traffic import Actor, TrafficState
 
 # nuScenes' categories: a pickup is a truck, a van is a car.
 _CATEGORY_OF_BODY = {
@@ -50,7 +50,7 @@ def category_indices(actors: Sequence[Actor]) -> ByteArray:
 
 
 @dataclass(frozen=True)
-class Objects:
+class ActorBoxes:
     """Boxes of N actors in a frame, town frame.
 
     Attributes:
@@ -96,9 +96,9 @@ class Objects:
         """Return (N,) whether each belongs to the class vehicle."""
         return np.array([is_vehicle(category_of(actor)) for actor in self.actors], np.bool_)
 
-    def select(self, keep: BoolArray) -> Objects:
+    def select(self, keep: BoolArray) -> ActorBoxes:
         """Return the objects of a mask (N,)."""
-        return Objects(
+        return ActorBoxes(
             tuple(actor for actor, kept in zip(self.actors, keep, strict=True) if kept),
             self.number[keep],
             self.centre_m[keep],
@@ -110,33 +110,33 @@ class Objects:
 
 
 def objects_near(
-    actors: Sequence[Actor], moment: Moment, centre_xy_m: FloatArray, range_m: float, ego: int = -1
-) -> Objects:
+    actors: Sequence[Actor], state: TrafficState, centre_xy_m: FloatArray, range_m: float, ego: int = -1
+) -> ActorBoxes:
     """Return the actors of a traffic state whose centre is within a range of a point (2,), town frame.
 
     Args:
         actors: actors of the log.
-        moment: their poses.
+        state: their poses.
         centre_xy_m: (2,) usually the position of the ego.
         range_m: radius; infinite for all.
         ego: index of the actor to leave out, -1 for none.
     """
-    away = np.hypot(*(moment.xy_m - np.asarray(centre_xy_m)[:2]).T)
-    keep = np.flatnonzero((away <= range_m) & (moment.index != ego))
-    chosen = tuple(actors[number] for number in moment.index[keep])
+    away = np.hypot(*(state.xy_m - np.asarray(centre_xy_m)[:2]).T)
+    keep = np.flatnonzero((away <= range_m) & (state.index != ego))
+    chosen = tuple(actors[number] for number in state.index[keep])
     size = np.array([actor.size_lwh_m for actor in chosen], np.float64).reshape(-1, 3)
-    return Objects(
+    return ActorBoxes(
         chosen,
-        moment.index[keep].astype(np.int32),
-        np.concatenate([moment.xy_m[keep], size[:, 2:] / 2], axis=1),
-        np.asarray(moment.yaw_rad[keep], np.float64),
+        state.index[keep].astype(np.int32),
+        np.concatenate([state.xy_m[keep], size[:, 2:] / 2], axis=1),
+        np.asarray(state.yaw_rad[keep], np.float64),
         size,
-        np.asarray(moment.velocity_mps[keep], np.float64),
-        moment.lights[keep].copy(),
+        np.asarray(state.velocity_mps[keep], np.float64),
+        state.lights[keep].copy(),
     )
 
 
-def points_on(actor: NDArray[np.int32], number: NDArray[np.int32]) -> IntArray:
+def count_lidar_points(actor: NDArray[np.int32], number: NDArray[np.int32]) -> IntArray:
     """Count the LiDAR points (N,) on each actor `number` (N,); `actor` (P,) is the actor that each point hit."""
     hit = actor[actor >= 0]
     counts = np.bincount(hit, minlength=int(max(number.max(initial=-1), hit.max(initial=-1))) + 1)

@@ -15,14 +15,14 @@ from appocc.geometry import inverse
 from appocc.grid import BEVGrid
 from appocc.rasterise import LANE_SHARE, ROAD_SHARE, ROUNDING, VEHICLE_SHARE, polygon_owner
 from appocc.simulation.surface import CELL_M, LANE_SURFACES, ROAD_SURFACES, Ground, surface_table
-from appocc.simulation.truth.objects import Objects
+from appocc.simulation.truth.objects import ActorBoxes
 
 _FINE = 12
 _FLAGS = surface_table(ROAD_SURFACES).astype(np.uint8) + 2 * surface_table(LANE_SURFACES).astype(np.uint8)
 
 
 @dataclass(frozen=True)
-class Occupancy:
+class ExactOccupancy:
     """Exact occupancy of a grid.
 
     Attributes:
@@ -41,7 +41,7 @@ class Occupancy:
             frozen(array)
 
 
-def occupancy(ground: Ground, grid: BEVGrid, town_from_ego: FloatArray, objects: Objects) -> Occupancy:
+def exact_occupancy(ground: Ground, grid: BEVGrid, town_from_ego: FloatArray, objects: ActorBoxes) -> ExactOccupancy:
     """Compute the layers of a frame.
 
     Args:
@@ -57,7 +57,7 @@ def occupancy(ground: Ground, grid: BEVGrid, town_from_ego: FloatArray, objects:
     layers[LANE] = (lane >= LANE_SHARE - ROUNDING) & known
     layers[VEHICLE] = vehicle >= 0
     valid[[ROAD, LANE]] = known
-    return Occupancy(layers, valid, vehicle)
+    return ExactOccupancy(layers, valid, vehicle)
 
 
 def ground_shares(
@@ -119,7 +119,7 @@ def _count(
     return on_road, on_lane, inside
 
 
-def vehicle_cells(grid: BEVGrid, town_from_ego: FloatArray, objects: Objects) -> NDArray[np.int32]:
+def vehicle_cells(grid: BEVGrid, town_from_ego: FloatArray, objects: ActorBoxes) -> NDArray[np.int32]:
     """Return (X, Y) int32 index of the vehicle that covers most, and at least half, of a cell; -1 for none."""
     ego_from_town = inverse(town_from_ego)
     vehicles = objects.select(objects.are_vehicles())

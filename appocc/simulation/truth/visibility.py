@@ -22,7 +22,7 @@ def visibility_token(share: float) -> str:
     return VISIBILITIES[int(np.searchsorted([0.4, 0.6, 0.8], share, side="right"))][0]
 
 
-def seen_shares(
+def visible_shares(
     tracer: Tracer,
     actors_mesh: Mesh,
     numbers: NDArray[np.int32],

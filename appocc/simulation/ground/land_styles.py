@@ -10,7 +10,7 @@ from appocc.simulation.surface import Surface
 
 
 @dataclass(frozen=True)
-class Look:
+class LandStyle:
     """Land use along the streets of a town style.
 
     Attributes:
@@ -31,20 +31,22 @@ class Look:
 
 
 _GREEN, _BARE, _PAVED = Surface.GRASS, Surface.EARTH, Surface.YARD
-LOOKS: Mapping[str, Look] = {
-    "old": Look(3.2, (9.0, 19.0), (14.0, 26.0), ((_PAVED, 0.66), (_GREEN, 0.28), (_BARE, 0.06)), 0.3, 1.7),
-    "modern": Look(3.6, (22.0, 48.0), (22.0, 38.0), ((_PAVED, 0.55), (_GREEN, 0.45)), 0.3, 2.1),
-    "suburb": Look(2.2, (15.0, 25.0), (24.0, 34.0), ((_GREEN, 0.92), (_PAVED, 0.04), (_BARE, 0.04)), 0.8, 1.7),
-    "industrial": Look(2.4, (30.0, 70.0), (36.0, 56.0), ((_PAVED, 0.68), (_BARE, 0.2), (_GREEN, 0.12)), 0.2, 1.2),
+LAND_STYLES: Mapping[str, LandStyle] = {
+    "old": LandStyle(3.2, (9.0, 19.0), (14.0, 26.0), ((_PAVED, 0.66), (_GREEN, 0.28), (_BARE, 0.06)), 0.3, 1.7),
+    "modern": LandStyle(3.6, (22.0, 48.0), (22.0, 38.0), ((_PAVED, 0.55), (_GREEN, 0.45)), 0.3, 2.1),
+    "suburb": LandStyle(2.2, (15.0, 25.0), (24.0, 34.0), ((_GREEN, 0.92), (_PAVED, 0.04), (_BARE, 0.04)), 0.8, 1.7),
+    "industrial": LandStyle(
+        2.4, (30.0, 70.0), (36.0, 56.0), ((_PAVED, 0.68), (_BARE, 0.2), (_GREEN, 0.12)), 0.2, 1.2
+    ),
 }
 
 
-def look_of(style: str) -> Look:
+def find_land_style(style: str) -> LandStyle:
     """Return the land style of a town style.
 
     Raises:
         NotFoundError: if the style is unknown.
     """
-    if style not in LOOKS:
-        raise NotFoundError(f"no style '{style}': expected one of {', '.join(LOOKS)}")
-    return LOOKS[style]
+    if style not in LAND_STYLES:
+        raise NotFoundError(f"no style '{style}': expected one of {', '.join(LAND_STYLES)}")
+    return LAND_STYLES[style]
