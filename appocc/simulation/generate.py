@@ -185,7 +185,9 @@ def _draw_scene(number: int, settings: DatasetSettings, work: Path) -> Scenario:
     source = settings.towns[number % len(settings.towns)]
     _, log = source.load(work / _TOWNS)
     seconds = (settings.recording.frames - 1) / settings.recording.hz
-    return draw_scenario(number, source.name, log, seconds, settings.weathers, settings.seed, settings.recording.hz)
+    return draw_scenario(
+        number, source.name, log, seconds, settings.weathers, seed=settings.seed, hz=settings.recording.hz
+    )
 
 
 def _record(

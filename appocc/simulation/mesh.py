@@ -44,7 +44,7 @@ class Material(IntEnum):
     HEDGE = 26
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Mesh:
     """V vertices and F triangles, outward normals; x forward, y left, z up, metres.
 
@@ -93,11 +93,11 @@ def join_meshes(meshes: Sequence[Mesh]) -> Mesh:
     offsets = np.cumsum([0, *(len(mesh.vertices_m) for mesh in meshes)])
     faces = [mesh.faces + np.int32(offset) for mesh, offset in zip(meshes, offsets, strict=False)]
     return Mesh(
-        np.concatenate([mesh.vertices_m for mesh in meshes] or [np.zeros((0, 3), np.float32)]),
-        np.concatenate([mesh.normals for mesh in meshes] or [np.zeros((0, 3), np.float32)]),
-        np.concatenate([mesh.uv for mesh in meshes] or [np.zeros((0, 2), np.float32)]),
-        np.concatenate(faces or [np.zeros((0, 3), np.int32)]),
-        np.concatenate([mesh.material for mesh in meshes] or [np.zeros(0, np.uint8)]),
-        np.concatenate([mesh.tint for mesh in meshes] or [np.zeros((0, 3), np.uint8)]),
-        np.concatenate([mesh.tag for mesh in meshes] or [np.zeros(0, np.int32)]),
+        vertices_m=np.concatenate([mesh.vertices_m for mesh in meshes] or [np.zeros((0, 3), np.float32)]),
+        normals=np.concatenate([mesh.normals for mesh in meshes] or [np.zeros((0, 3), np.float32)]),
+        uv=np.concatenate([mesh.uv for mesh in meshes] or [np.zeros((0, 2), np.float32)]),
+        faces=np.concatenate(faces or [np.zeros((0, 3), np.int32)]),
+        material=np.concatenate([mesh.material for mesh in meshes] or [np.zeros(0, np.uint8)]),
+        tint=np.concatenate([mesh.tint for mesh in meshes] or [np.zeros((0, 3), np.uint8)]),
+        tag=np.concatenate([mesh.tag for mesh in meshes] or [np.zeros(0, np.int32)]),
     )

@@ -30,7 +30,7 @@ _TYPES: dict[str, LaneKind] = {
 }
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Lane:
     """A lane.
 
@@ -73,7 +73,7 @@ class Edge:
     lanes: tuple[Lane, ...]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Junction:
     """A junction: its outline (N, 2) in metres, and its right-of-way rule (SUMO's type)."""
 
@@ -104,7 +104,7 @@ class Connection:
     link: int
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class RoadNetwork:
     """All streets of a town, in the town frame: metres, x east, y north.
 
@@ -173,13 +173,15 @@ def _network(root: ElementTree.Element) -> RoadNetwork:
     bounds, offset = _numbers(location, "convBoundary", 4), _numbers(location, "netOffset", 2)
     inside = [e for e in root.iter("edge") if e.get("function") == "internal"]
     return RoadNetwork(
-        tuple(_edge(e) for e in root.iter("edge") if e.get("function", "normal") == "normal"),
-        tuple(_lane(lane, str(e.get("id"))) for e in inside for lane in e.iter("lane")),
-        tuple(_junction(j) for j in root.iter("junction") if j.get("type") != "internal" and j.get("shape")),
-        tuple(_connection(c) for c in root.iter("connection") if not str(c.get("from")).startswith(":")),
-        bounds[:2],
-        bounds[2:],
-        offset,
+        edges=tuple(_edge(e) for e in root.iter("edge") if e.get("function", "normal") == "normal"),
+        inner_lanes=tuple(_lane(lane, str(e.get("id"))) for e in inside for lane in e.iter("lane")),
+        junctions=tuple(
+            _junction(j) for j in root.iter("junction") if j.get("type") != "internal" and j.get("shape")
+        ),
+        connections=tuple(_connection(c) for c in root.iter("connection") if not str(c.get("from")).startswith(":")),
+        low_m=bounds[:2],
+        high_m=bounds[2:],
+        offset_m=offset,
     )
 
 
@@ -208,13 +210,13 @@ def _edge(element: ElementTree.Element) -> Edge:
 
 def _lane(element: ElementTree.Element, edge: str) -> Lane:
     return Lane(
-        str(element.get("id")),
-        edge,
-        int(element.get("index", "0")),
-        _kind(element, inside=edge.startswith(":")),
-        float(element.get("width", "3.2")),
-        float(element.get("speed", "13.9")),
-        _points(element.get("shape")),
+        name=str(element.get("id")),
+        edge=edge,
+        index=int(element.get("index", "0")),
+        kind=_kind(element, inside=edge.startswith(":")),
+        width_m=float(element.get("width", "3.2")),
+        speed_mps=float(element.get("speed", "13.9")),
+        centre_m=_points(element.get("shape")),
     )
 
 

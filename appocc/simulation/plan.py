@@ -8,7 +8,7 @@ from appocc.checks import FloatArray
 from appocc.simulation.network import RoadNetwork
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class CarPark:
     """An off-street area with parking bays.
 

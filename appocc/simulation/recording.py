@@ -87,7 +87,7 @@ class RecordingSettings:
         }
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class TownSimulation:
     """A town with its traffic, ready to be recorded.
 
@@ -216,7 +216,9 @@ class _Recorder:
     ) -> str:
         world_from_ego = self._world_from_town @ pose
         calibration = self._calibration[channel]
-        return self._writer.add_file(sample, channel, calibration, world_from_ego, timestamp, name, size_px)
+        return self._writer.add_file(
+            sample, channel, calibration, world_from_ego, timestamp, filename=name, size_px=size_px
+        )
 
     def _add_sweep(
         self,

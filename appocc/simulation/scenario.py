@@ -21,7 +21,7 @@ _STANDING_MPS, _MOST_STANDING = 0.5, 0.2
 _DESCRIBED = re.compile(r"[^,]+, ([\w ]+), simulated\b")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Scenario:
     """A scene to be recorded.
 
@@ -67,7 +67,15 @@ def draw_scenario(
     start = int(random.choice(np.flatnonzero(starts[:, ego])))
     shares = np.array([WEATHER_SHARES[name] for name in weathers])
     weather = str(random.choice(np.array(weathers), p=shares / shares.sum()))
-    return Scenario(f"scene-{number:04d}", number, town, ego, start * log.step_s, weather, seed)
+    return Scenario(
+        name=f"scene-{number:04d}",
+        number=number,
+        town=town,
+        ego=ego,
+        start_s=start * log.step_s,
+        weather=weather,
+        seed=seed,
+    )
 
 
 def describe_scenario(scenario: Scenario, ego: Actor) -> str:

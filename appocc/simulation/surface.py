@@ -42,7 +42,7 @@ def surface_table(surfaces: tuple[Surface, ...]) -> BoolArray:
     return table
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Ground:
     """Labels and colours in cells of 0.1 m on the plane z = 0; the lower corner of cell (0, 0) is at `low_m`.
 

@@ -10,7 +10,7 @@ from appocc.simulation.plan import TownPlan
 from appocc.simulation.surface import Ground
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class VectorMap:
     """Lines and areas of the street map, (N, 2) each, town frame.
 
@@ -29,7 +29,7 @@ class VectorMap:
     walkways: tuple[FloatArray, ...] = ()
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Town:
     """The static part of a town.
 

@@ -41,7 +41,7 @@ class Actor:
     size_lwh_m: tuple[float, float, float]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class TrafficState:
     """State of all N actors present at a time, in the order of the log.
 
@@ -63,7 +63,7 @@ class TrafficState:
     signals: ByteArray
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class TrafficLog:
     """Recorded traffic: T steps of A actors.
 

@@ -124,13 +124,13 @@ def _log(arrays: Arrays) -> TrafficLog:
     lights[:, moving] = np.cumsum(arrays["lights"].T, axis=0, dtype=np.uint8)
     yaw = np.mod(track[..., 2] + np.pi, 2 * np.pi) - np.pi
     return TrafficLog(
-        float(info["step_s"]),
-        actors,
-        track[..., :2].astype(np.float32),
-        yaw.astype(np.float32),
-        lights,
-        tuple(str(link) for link in info["signal_links"]),
-        np.cumsum(arrays["signals"].T, axis=0, dtype=np.uint8),
+        step_s=float(info["step_s"]),
+        actors=actors,
+        xy_m=track[..., :2].astype(np.float32),
+        yaw_rad=yaw.astype(np.float32),
+        lights=lights,
+        signal_links=tuple(str(link) for link in info["signal_links"]),
+        signals=np.cumsum(arrays["signals"].T, axis=0, dtype=np.uint8),
     )
 
 

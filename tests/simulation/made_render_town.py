@@ -40,13 +40,13 @@ def box(
     uv = np.where(np.abs(normals[:, :1]) > 0, vertices[:, [1, 2]], vertices[:, [0, 2]])
     faces = (np.arange(6)[:, None, None] * 4 + np.array([[0, 1, 2], [0, 2, 3]])).reshape(-1, 3)
     return Mesh(
-        vertices.astype(np.float32),
-        normals.astype(np.float32),
-        uv.astype(np.float32),
-        faces.astype(np.int32),
-        np.full(12, material, np.uint8),
-        np.tile(np.array(tint, np.uint8), (12, 1)),
-        np.full(12, tag, np.int32),
+        vertices_m=vertices.astype(np.float32),
+        normals=normals.astype(np.float32),
+        uv=uv.astype(np.float32),
+        faces=faces.astype(np.int32),
+        material=np.full(12, material, np.uint8),
+        tint=np.tile(np.array(tint, np.uint8), (12, 1)),
+        tag=np.full(12, tag, np.int32),
     )
 
 
@@ -73,7 +73,15 @@ def town(*more: Mesh) -> Town:
         (90, 90, 92),
         (220,) * 3,
     )
-    none = RoadNetwork((), (), (), (), np.zeros(2), np.zeros(2), np.zeros(2))
+    none = RoadNetwork(
+        edges=(),
+        inner_lanes=(),
+        junctions=(),
+        connections=(),
+        low_m=np.zeros(2),
+        high_m=np.zeros(2),
+        offset_m=np.zeros(2),
+    )
     solid = join_meshes(
         [
             box((5, WALL_Y_M, 0), (35, WALL_Y_M + 4, 5), Material.BRICK, (150, 70, 55), 0),

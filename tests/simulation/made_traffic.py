@@ -24,4 +24,12 @@ def straight_traffic() -> TrafficLog:
         )
     )
     none = np.zeros((101, 0), np.uint8)
-    return TrafficLog(0.2, actors, xy, np.zeros((101, 4), np.float32), np.zeros((101, 4), np.uint8), (), none)
+    return TrafficLog(
+        step_s=0.2,
+        actors=actors,
+        xy_m=xy,
+        yaw_rad=np.zeros((101, 4), np.float32),
+        lights=np.zeros((101, 4), np.uint8),
+        signal_links=(),
+        signals=none,
+    )

@@ -54,13 +54,13 @@ def box_mesh(
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     count = len(faces)
     return Mesh(
-        points.reshape(-1, 3).astype(np.float32),
-        np.repeat(normals, 3, axis=0).astype(np.float32),
-        np.zeros((3 * count, 2), np.float32),
-        np.arange(3 * count, dtype=np.int32).reshape(-1, 3),
-        np.full(count, material, np.uint8),
-        np.tile(np.array(tint, np.uint8), (count, 1)),
-        np.full(count, tag, np.int32),
+        vertices_m=points.reshape(-1, 3).astype(np.float32),
+        normals=np.repeat(normals, 3, axis=0).astype(np.float32),
+        uv=np.zeros((3 * count, 2), np.float32),
+        faces=np.arange(3 * count, dtype=np.int32).reshape(-1, 3),
+        material=np.full(count, material, np.uint8),
+        tint=np.tile(np.array(tint, np.uint8), (count, 1)),
+        tag=np.full(count, tag, np.int32),
     )
 
 
@@ -78,7 +78,9 @@ def made_ground() -> Ground:
 def made_town(solid: Mesh) -> Town:
     """That ground with something that stands on it."""
     nowhere = np.zeros(2)
-    network = RoadNetwork((), (), (), (), nowhere, nowhere, nowhere)
+    network = RoadNetwork(
+        edges=(), inner_lanes=(), junctions=(), connections=(), low_m=nowhere, high_m=nowhere, offset_m=nowhere
+    )
     return Town(
         TownPlan("made", 0, "old", network), made_ground(), solid, np.zeros((0, 3)), VectorMap((), (), (), ())
     )

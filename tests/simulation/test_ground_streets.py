@@ -22,7 +22,15 @@ HALF_M, LONG_M = 10.0, 90.0
 
 
 def lane(edge: str, index: int, kind: str, points: list[list[float]], width_m: float = LANE_M) -> Lane:
-    return Lane(f"{edge}_{index}", edge, index, kind, width_m, 13.9, np.array(points))  # type: ignore[arg-type]
+    return Lane(
+        name=f"{edge}_{index}",
+        edge=edge,
+        index=index,
+        kind=kind,  # type: ignore[arg-type]
+        width_m=width_m,
+        speed_mps=13.9,
+        centre_m=np.array(points),
+    )
 
 
 def arm(name: str, direction: FloatArray, across: tuple[tuple[str, float, float], ...]) -> tuple[Edge, Edge]:
@@ -55,7 +63,15 @@ def make_network() -> RoadNetwork:
     links = tuple(Connection(f"{a}_in_1", f"{b}_out_1", "", turn, "lights", k) for k, (a, b, turn) in enumerate(ways))
     low, high = np.array([-100.0, -2 * LANE_M]), np.array([100.0, 100.0])
     crossing = Junction("c", "traffic_light", np.zeros(2), square)
-    return RoadNetwork(edges, (), (crossing,), links, low, high, np.zeros(2))
+    return RoadNetwork(
+        edges=edges,
+        inner_lanes=(),
+        junctions=(crossing,),
+        connections=links,
+        low_m=low,
+        high_m=high,
+        offset_m=np.zeros(2),
+    )
 
 
 CAR_PARK = CarPark(

@@ -118,7 +118,14 @@ def test_same_seed_same_points(street: Street) -> None:
 
 def test_nothing_beyond_the_range(street: Street, exact: LidarSweep) -> None:
     short = simulate_sweep(
-        street.tracer, street.town, street.mesh, category_indices(street.actors), EGO, None, 1080, 20.0
+        street.tracer,
+        street.town,
+        street.mesh,
+        category_indices(street.actors),
+        EGO,
+        None,
+        columns=1080,
+        range_m=20.0,
     )
     assert 0 < np.linalg.norm(short.points[:, :3], axis=1).max() <= 20.001
     assert np.linalg.norm(exact.points[:, :3], axis=1).max() > 60

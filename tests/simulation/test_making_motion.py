@@ -56,12 +56,22 @@ def test_bends_are_slow_and_braked_for() -> None:
     angle = np.linspace(-np.pi / 2, 0, 20)
     line = np.concatenate([[[-60, -12], [-30, -12]], np.stack([12 * np.cos(angle), 12 * np.sin(angle)], axis=1)])
     lanes = (
-        Lane("a_0", "a", 0, "driving", 3.2, 13.9, line),
-        Lane("a_1", "a", 1, "driving", 3.2, 13.9, line[:2] * 1.0),
-        Lane("a_2", "a", 2, "parking", 2.3, 13.9, line * 1.0),
+        Lane(name="a_0", edge="a", index=0, kind="driving", width_m=3.2, speed_mps=13.9, centre_m=line),
+        Lane(name="a_1", edge="a", index=1, kind="driving", width_m=3.2, speed_mps=13.9, centre_m=line[:2] * 1.0),
+        Lane(name="a_2", edge="a", index=2, kind="parking", width_m=2.3, speed_mps=13.9, centre_m=line * 1.0),
     )
     zero = np.zeros(2)
-    speeds = curve_speeds(RoadNetwork((Edge("a", "i", "j", 1, lanes),), (), (), (), zero, zero, zero))
+    speeds = curve_speeds(
+        RoadNetwork(
+            edges=(Edge("a", "i", "j", 1, lanes),),
+            inner_lanes=(),
+            junctions=(),
+            connections=(),
+            low_m=zero,
+            high_m=zero,
+            offset_m=zero,
+        )
+    )
     assert list(speeds) == ["a_0"]
     assert 4.5 < speeds["a_0"].min() < 6.5
     assert speeds["a_0"][0] > 10

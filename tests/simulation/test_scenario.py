@@ -43,6 +43,6 @@ def test_a_scene_that_is_longer_than_the_traffic_is_refused() -> None:
 
 def test_the_weather_is_told_by_the_description() -> None:
     for name in WEATHERS:
-        scenario = Scenario("scene-0000", 0, "random-17", 1, 0.0, name, 0)
+        scenario = Scenario(name="scene-0000", number=0, town="random-17", ego=1, start_s=0.0, weather=name, seed=0)
         description = describe_scenario(scenario, straight_traffic().actors[1])
         assert weather_of(Scene("t", scenario.name, description, "l", "a", "b")).replace(" ", "_") == name

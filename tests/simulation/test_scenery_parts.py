@@ -26,7 +26,7 @@ def volume(mesh: Mesh) -> float:
 
 def box() -> Mesh:
     builder = Builder()
-    builder.add_boxes(TURNED, [0, 0, 0], [4, 2, 3], Material.BRICK, (1, 2, 3), 7, "lrfbdt")
+    builder.add_boxes(TURNED, [0, 0, 0], [4, 2, 3], Material.BRICK, (1, 2, 3), tag=7, sides="lrfbdt")
     return builder.mesh()
 
 
@@ -99,7 +99,15 @@ def plain() -> Site:
     label = np.full((600, 600), Surface.GRASS, np.uint8)
     label[250:350] = Surface.PAVEMENT
     label[270:330] = Surface.ROAD
-    nothing = RoadNetwork((), (), (), (), np.zeros(2), np.full(2, 60.0), np.zeros(2))
+    nothing = RoadNetwork(
+        edges=(),
+        inner_lanes=(),
+        junctions=(),
+        connections=(),
+        low_m=np.zeros(2),
+        high_m=np.full(2, 60.0),
+        offset_m=np.zeros(2),
+    )
     return Site(Ground(np.zeros(2), label, np.zeros((600, 600, 3), np.uint8)), nothing)
 
 
@@ -131,7 +139,15 @@ def test_roundabouts_have_no_buildings_in_the_middle() -> None:
     y, x = np.mgrid[0:1200, 0:1200] * CELL_M - 60.0
     label = np.full((1200, 1200), Surface.GRASS, np.uint8)
     label[(np.hypot(x, y) > 14.0) & (np.hypot(x, y) < 22.0)] = Surface.ROAD
-    nothing = RoadNetwork((), (), (), (), np.full(2, -60.0), np.full(2, 60.0), np.zeros(2))
+    nothing = RoadNetwork(
+        edges=(),
+        inner_lanes=(),
+        junctions=(),
+        connections=(),
+        low_m=np.full(2, -60.0),
+        high_m=np.full(2, 60.0),
+        offset_m=np.zeros(2),
+    )
     site = Site(Ground(np.full(2, -60.0), label, np.zeros((1200, 1200, 3), np.uint8)), nothing)
     plots = lay_plots(site, "modern", np.random.default_rng(3))
     apart = np.array([np.hypot(*plot.frame.at(plot.width_m / 2, plot.depth_m / 2)) for plot in plots])
@@ -150,7 +166,19 @@ def test_the_gates_of_halls_reach_the_ground() -> None:
     for seed in range(4):
         builder = Builder()
         add_industrial_building(
-            builder, Plot(frame, 22.0, 18.0, False, True, True, 5.0, 8.0), 0, np.random.default_rng(seed)
+            builder,
+            Plot(
+                frame=frame,
+                width_m=22.0,
+                depth_m=18.0,
+                arterial=False,
+                open_left=True,
+                open_right=True,
+                front_m=5.0,
+                road_m=8.0,
+            ),
+            0,
+            np.random.default_rng(seed),
         )
         mesh = builder.mesh()
         corners = mesh.vertices_m[mesh.faces]

@@ -30,7 +30,18 @@ def street(
     along = (end - start) / np.linalg.norm(end - start)
     right = np.array([along[1], -along[0]])
     lines = [np.linspace(start, end, 9) + way * right for _, way in lanes]
-    made = (Lane(f"{name}_{k}", name, k, lanes[k][0], LANE_M, 13.9, line) for k, line in enumerate(lines))  # type: ignore[arg-type]
+    made = (
+        Lane(
+            name=f"{name}_{k}",
+            edge=name,
+            index=k,
+            kind=lanes[k][0],  # type: ignore[arg-type]
+            width_m=LANE_M,
+            speed_mps=13.9,
+            centre_m=line,
+        )
+        for k, line in enumerate(lines)
+    )
     return Edge(name, *ends, 1, tuple(made))
 
 
@@ -50,7 +61,15 @@ def crossing() -> RoadNetwork:
     square = HALF_M * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
     junction = Junction("c", "traffic_light", np.zeros(2), square)
     bound = np.array([LONG_M, LONG_M])
-    return RoadNetwork(tuple(edges), (), (junction,), tuple(links), -bound, bound, np.zeros(2))
+    return RoadNetwork(
+        edges=tuple(edges),
+        inner_lanes=(),
+        junctions=(junction,),
+        connections=tuple(links),
+        low_m=-bound,
+        high_m=bound,
+        offset_m=np.zeros(2),
+    )
 
 
 def park() -> CarPark:
@@ -238,7 +257,15 @@ def test_the_same_plan_gives_the_same_bytes(towns: dict[str, tuple[Mesh, FloatAr
 
 @pytest.mark.parametrize("style", STYLES)
 def test_a_plain_without_streets_has_no_houses(style: str) -> None:
-    nowhere = RoadNetwork((), (), (), (), np.zeros(2), np.full(2, 40.0), np.zeros(2))
+    nowhere = RoadNetwork(
+        edges=(),
+        inner_lanes=(),
+        junctions=(),
+        connections=(),
+        low_m=np.zeros(2),
+        high_m=np.full(2, 40.0),
+        offset_m=np.zeros(2),
+    )
     meadow = np.full((400, 400), Surface.GRASS, np.uint8)
     ground = Ground(np.zeros(2), meadow, np.zeros((400, 400, 3), np.uint8))
     mesh, lamps = build_scenery(TownPlan("Nowhere", 1, style, nowhere), ground)

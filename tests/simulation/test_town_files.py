@@ -121,7 +121,7 @@ def test_a_town_is_prepared_when_the_last_of_its_files_is_there(tmp_path: Path) 
 def test_an_ego_stands_in_a_fifth_of_its_frames_at_most(seconds: float, hz: float) -> None:
     for number in range(40):
         log = _town(_ALL[number % len(_ALL)])[1]
-        scenario = draw_scenario(number, "town", log, seconds, ("clear",), 0, hz)
+        scenario = draw_scenario(number, "town", log, seconds, ("clear",), seed=0, hz=hz)
         frames = [log.state_at(scenario.start_s + k / hz) for k in range(round(seconds * hz) + 1)]
         speeds = [np.hypot(*state.velocity_mps[state.index == scenario.ego][0]) for state in frames]
         assert np.mean(np.array(speeds) < 0.5) <= 0.2
@@ -130,7 +130,13 @@ def test_an_ego_stands_in_a_fifth_of_its_frames_at_most(seconds: float, hz: floa
 def test_in_traffic_without_anybody_there_is_no_scene() -> None:
     nobody = np.zeros((9, 0), np.float32)
     log = TrafficLog(
-        0.2, (), np.zeros((9, 0, 2), np.float32), nobody, nobody.astype(np.uint8), (), nobody.astype(np.uint8)
+        step_s=0.2,
+        actors=(),
+        xy_m=np.zeros((9, 0, 2), np.float32),
+        yaw_rad=nobody,
+        lights=nobody.astype(np.uint8),
+        signal_links=(),
+        signals=nobody.astype(np.uint8),
     )
     with pytest.raises(DataError, match="nobody drives"):
         draw_scenario(0, "town", log, 1.0, ("clear",), 0)

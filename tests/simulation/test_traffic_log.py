@@ -34,7 +34,15 @@ def _log(steps: int = 40) -> TrafficLog:
         Actor("pedestrian_0", "pedestrian", "adult", (0.5, 0.6, 1.8)),
     )
     letters = rng.choice(np.frombuffer(b"ryGg", np.uint8), (steps, 3)).astype(np.uint8)
-    return TrafficLog(0.2, actors, xy, yaw, lights, ("j/0", "j/1", "k/0"), letters)
+    return TrafficLog(
+        step_s=0.2,
+        actors=actors,
+        xy_m=xy,
+        yaw_rad=yaw,
+        lights=lights,
+        signal_links=("j/0", "j/1", "k/0"),
+        signals=letters,
+    )
 
 
 def test_a_step_is_given_as_it_was_recorded() -> None:
@@ -76,7 +84,15 @@ def test_the_last_moment_can_be_asked_for() -> None:
 def test_arrays_must_fit() -> None:
     log = _log()
     with pytest.raises(ShapeError, match="yaw_rad"):
-        TrafficLog(0.2, log.actors, log.xy_m, log.yaw_rad[:, :2], log.lights, log.signal_links, log.signals)
+        TrafficLog(
+            step_s=0.2,
+            actors=log.actors,
+            xy_m=log.xy_m,
+            yaw_rad=log.yaw_rad[:, :2],
+            lights=log.lights,
+            signal_links=log.signal_links,
+            signals=log.signals,
+        )
 
 
 def test_a_log_survives_its_file(tmp_path: Path) -> None:
@@ -101,7 +117,13 @@ def test_the_same_log_gives_the_same_bytes(tmp_path: Path) -> None:
 def test_a_log_of_parked_cars_only(tmp_path: Path) -> None:
     log = _log()
     parked = TrafficLog(
-        0.2, log.actors[2:3], log.xy_m[:, 2:3], log.yaw_rad[:, 2:3], log.lights[:, 2:3], (), log.signals[:, :0]
+        step_s=0.2,
+        actors=log.actors[2:3],
+        xy_m=log.xy_m[:, 2:3],
+        yaw_rad=log.yaw_rad[:, 2:3],
+        lights=log.lights[:, 2:3],
+        signal_links=(),
+        signals=log.signals[:, :0],
     )
     save_traffic(tmp_path / "p.npz", parked)
     np.testing.assert_allclose(load_traffic(tmp_path / "p.npz").xy_m, parked.xy_m, atol=0.0051)
@@ -111,7 +133,15 @@ def test_who_comes_back_cannot_be_saved(tmp_path: Path) -> None:
     log = _log()
     xy = log.xy_m.copy()
     xy[15, 1] = np.nan
-    broken = TrafficLog(0.2, log.actors, xy, log.yaw_rad, log.lights, log.signal_links, log.signals)
+    broken = TrafficLog(
+        step_s=0.2,
+        actors=log.actors,
+        xy_m=xy,
+        yaw_rad=log.yaw_rad,
+        lights=log.lights,
+        signal_links=log.signal_links,
+        signals=log.signals,
+    )
     with pytest.raises(DataError, match="bus_0"):
         save_traffic(tmp_path / "b.npz", broken)
     assert not list(tmp_path.iterdir())

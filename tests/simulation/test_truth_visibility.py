@@ -38,7 +38,13 @@ def brute_force(street: Street, rig: CameraRig) -> FloatArray:
         own = street.mesh.tag == i
         mesh = street.mesh
         one = Mesh(
-            mesh.vertices_m, mesh.normals, mesh.uv, mesh.faces[own], mesh.material[own], mesh.tint[own], mesh.tag[own]
+            vertices_m=mesh.vertices_m,
+            normals=mesh.normals,
+            uv=mesh.uv,
+            faces=mesh.faces[own],
+            material=mesh.material[own],
+            tint=mesh.tint[own],
+            tag=mesh.tag[own],
         )
         tracer = Tracer(join_meshes([]))
         tracer.set_actors(one)

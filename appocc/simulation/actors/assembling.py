@@ -61,7 +61,15 @@ def assemble(
             shape.faces, shape.material, shape.tint, shape.painted, paint, v, faces[f:], material[f:], tint[f:]
         )
     tags = np.repeat(state.index[rows].astype(np.int32), np.diff(face_ends))
-    return Mesh(vertices, normals, np.zeros((len(vertices), 2), np.float32), faces, material, tint, tags)
+    return Mesh(
+        vertices_m=vertices,
+        normals=normals,
+        uv=np.zeros((len(vertices), 2), np.float32),
+        faces=faces,
+        material=material,
+        tint=tint,
+        tag=tags,
+    )
 
 
 def _actor_template(actor: Actor, number: int, state: TrafficState, row: int, distance_m: float) -> BodyTemplate:

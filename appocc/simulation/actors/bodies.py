@@ -47,13 +47,13 @@ def body_mesh(body: str, size_lwh_m: Size, variant: int, detail: int) -> Mesh:
     normals = shape.normals / (np.array(size_lwh_m) / shape.size_lwh_m)
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     return Mesh(
-        vertices.astype(np.float32),
-        normals.astype(np.float32),
-        np.zeros((len(vertices), 2), np.float32),
-        shape.faces,
-        shape.material,
-        shape.tint,
-        np.full(len(shape.faces), -1, np.int32),
+        vertices_m=vertices.astype(np.float32),
+        normals=normals.astype(np.float32),
+        uv=np.zeros((len(vertices), 2), np.float32),
+        faces=shape.faces,
+        material=shape.material,
+        tint=shape.tint,
+        tag=np.full(len(shape.faces), -1, np.int32),
     )
 
 

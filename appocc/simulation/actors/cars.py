@@ -29,5 +29,5 @@ def model_car(body: str, variant: int, detail: int) -> Modeller:
     half = profile.size_lwh_m[1] / 2
     hub = (CHROME, DARK_HUB, CHROME)[variant]
     outer = half * SHARE_LOW - 0.012 if detail == 0 else half - 0.006
-    add_wheels(model, profile.axles_x_m, profile.wheel_m, outer, 0.21, hub, detail)
+    add_wheels(model, profile.axles_x_m, profile.wheel_m, outer, 0.21, hub=hub, detail=detail)
     return model

@@ -19,7 +19,7 @@ _CREASE_COS = float(np.cos(np.radians(42.0)))
 _THINNEST_M2 = 1e-7
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class BodyTemplate:
     """A body without a size: x is `coordinates[0] * length + coordinates[3] * height`, y and z scale.
 
@@ -169,13 +169,13 @@ class Modeller:
         rows = np.concatenate([np.round(coordinates, 6), np.round(normals, 3)], axis=-1).reshape(-1, 7)
         _, first, inverse = np.unique(rows, axis=0, return_index=True, return_inverse=True)
         return BodyTemplate(
-            self.size_lwh_m,
-            np.ascontiguousarray(coordinates.reshape(-1, 4)[first], np.float32),
-            np.ascontiguousarray(normals.reshape(-1, 3)[first], np.float32),
-            np.ascontiguousarray(inverse.reshape(-1, 3), np.int32),
-            np.array([finish.material for finish in self._finishes], np.uint8),
-            np.array([finish.tint for finish in self._finishes], np.uint8),
-            np.array([finish.painted for finish in self._finishes], np.bool_),
+            size_lwh_m=self.size_lwh_m,
+            coordinates=np.ascontiguousarray(coordinates.reshape(-1, 4)[first], np.float32),
+            normals=np.ascontiguousarray(normals.reshape(-1, 3)[first], np.float32),
+            faces=np.ascontiguousarray(inverse.reshape(-1, 3), np.int32),
+            material=np.array([finish.material for finish in self._finishes], np.uint8),
+            tint=np.array([finish.tint for finish in self._finishes], np.uint8),
+            painted=np.array([finish.painted for finish in self._finishes], np.bool_),
         )
 
     def _coordinates(self) -> FloatArray:

@@ -50,7 +50,7 @@ def model_pedestrian(child: bool, variant: int, detail: int, pose: int) -> Model
     shoulder_z, hip_z = h * (1 - head - 0.045), h * 0.50
     wide = h * 0.105
     for side, ahead in ((1.0, swing), (-1.0, -swing)):
-        _leg(model, h, hip_z, side, ahead, variant, detail)
+        _leg(model, h, hip_z, side, ahead, variant=variant, detail=detail)
         _arm(model, (wide * 1.25, shoulder_z, size), side, -ahead, SKINS[variant], detail)
     torso = [(0.0, 0.0, hip_z - 0.035 * h), (0.0, 0.0, 0.60 * h), (0.01, 0.0, shoulder_z - 0.05 * h)]
     torso.append((0.0, 0.0, shoulder_z + 0.012 * h))

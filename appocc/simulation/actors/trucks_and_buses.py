@@ -92,10 +92,10 @@ def model_bus(variant: int, detail: int) -> Modeller:
     hull.add_floor(0.3)
     if detail < 2:
         model.add_box([-3.6, -0.75, 2.9], [-1.2, 0.75, 3.1], plain(196, 198, 198), skip="b")
-        add_wheels(model, axles, 0.47, 1.235 if detail == 0 else 1.27, 0.3, CHROME, detail)
+        add_wheels(model, axles, 0.47, 1.235 if detail == 0 else 1.27, 0.3, hub=CHROME, detail=detail)
     else:
         model.add_box([-3.6, -0.75, 3.09], [-1.2, 0.75, 3.1], plain(196, 198, 198), skip="bfrs")
-        add_wheels(model, axles, 0.47, 1.27, 0.3, CHROME, detail)
+        add_wheels(model, axles, 0.47, 1.27, 0.3, hub=CHROME, detail=detail)
     return model
 
 
@@ -171,7 +171,7 @@ def model_box_truck(variant: int, detail: int) -> Modeller:
         model.add_box([-3.45, -0.55, 0.55], [1.8, 0.55, 1.0], TRIM, skip="t")
         guard = [[[x, 1.12, z] for z in (0.45, 0.85)] for x in (-1.45, 1.5)]
         model.add_sheet(guard, GREY_TRIM)
-    add_wheels(model, axles, 0.46, 1.15, 0.34, plain(150, 152, 154), detail)
+    add_wheels(model, axles, 0.46, 1.15, 0.34, hub=plain(150, 152, 154), detail=detail)
     _truck_rear(model, variant, detail)
     return model
 

@@ -15,7 +15,7 @@ from appocc.simulation.surface import CELL_M
 Int32Array = NDArray[np.int32]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Canvas:
     """A raster (H, W, C) uint8 whose cell (0, 0) has its lower corner at `low_m` (2,), town frame.
 

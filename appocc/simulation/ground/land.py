@@ -22,7 +22,7 @@ _DRIVE_M = (2.6, 3.4)
 _SHADES = 9
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Lot:
     """Ground that belongs to one house.
 

@@ -27,7 +27,7 @@ _SHORTEST_M = 1.0
 _NEAR_END_M = 30.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class MarkingLine:
     """A painted line; each dash is a separate line.
 

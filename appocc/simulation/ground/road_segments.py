@@ -58,7 +58,7 @@ class SegmentEnd:
         return ZEBRA_GAP_M + ZEBRA_M + 0.5 if self.zebra else 0.5 if self.junction else 0.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class RoadSegment:
     """One direction of a street.
 
@@ -134,7 +134,13 @@ def _segment(lanes: Sequence[Lane], start: SegmentEnd, end: SegmentEnd, street: 
     if length_m(left) < _LONG_ENOUGH_M:
         start, end = replace(start, zebra=False), replace(end, zebra=False)
     return RoadSegment(
-        tuple(lined), left, start, end, street, _setback(lined, left, False), _setback(lined, left, True)
+        lanes=tuple(lined),
+        left_m=left,
+        start=start,
+        end=end,
+        street=street,
+        start_back_m=_setback(lined, left, False),
+        end_back_m=_setback(lined, left, True),
     )
 
 

@@ -24,7 +24,7 @@ _AROUND = np.array([[0.32, 0.10], [-0.25, 0.26], [-0.09, -0.33]])
 _EDGE = 24
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class BirdsEyeImage:
     """Colours seen from above, sRGB, under the exposure of the cameras.
 

@@ -39,7 +39,7 @@ _MARKINGS = tuple(s for s in Surface if s >= Surface.ZEBRA)
 _OUTSIDE = Surface.GRASS
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class LidarSweep:
     """P points of one revolution, by column (clockwise from behind), and within a column from the lowest beam up.
 
@@ -123,7 +123,7 @@ def _directions(columns: int) -> tuple[FloatArray, FloatArray]:
     return beams.reshape(-1, 3), np.tile(np.arange(float(len(up))), columns)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _HitSurfaces:
     """Surfaces hit by the rays: reflected share, category and actor, all (P,)."""
 

@@ -76,7 +76,7 @@ class Lighting(NamedTuple):
     noise: Float32Array
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class EgoBody:
     """The vehicle that carries the cameras: it casts shadow and light, but has no mesh.
 
@@ -96,7 +96,7 @@ class EgoBody:
         return 0.3 * self.size_lwh_m[0]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Sky:
     """Sky and sun of a weather, computed once per weather."""
 
@@ -115,7 +115,7 @@ class Sky:
         return Sky(weather, radiance, up, (0.16 * ground).astype(np.float32), toward)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class TownLight:
     """Light that depends on the town alone: see `Lighting.open` and `Lighting.lamp`."""
 

@@ -132,7 +132,7 @@ class Renderer:
                     self._texture, GROUND_KINDS, depth[rows], actor[rows], kind[rows],
                 )  # fmt: skip
             lit = self._shade(hits, origins, directions, self._pixel_angle(camera), self._light, linear[rows])
-            self._refine(camera, matrix, place, linear[rows], hits.source, lit, start)
+            self._refine(camera, matrix, place, linear[rows], hits.source, lit=lit, first_pixel=start)
         with self.profile.stage("response"):
             glow = 0.05 if self._sky.weather.lamps > 0 else 0.0
             image = camera_response.apply_response(linear.reshape(*shape, 3), self.gains, glow, rng)
@@ -205,7 +205,7 @@ class Renderer:
     ) -> BoolArray:
         """Write the radiance (N, 3) along rays; return (N,) whether their hits are sunlit."""
         lit = self._find_sunlit(hits, origins, directions, light)
-        self._shade_hits(hits, origins, directions, lit, spread_rad, light, radiance)
+        self._shade_hits(hits, origins, directions, lit, spread_rad, light=light, radiance=radiance)
         if light.wetness > 0:
             with self.profile.stage("wet"):
                 numbers, shares, starts, ways = reflect_wet_ground(
@@ -218,7 +218,9 @@ class Renderer:
                     float(light.wetness),
                 )
             image, seen = np.empty((len(numbers), 3), np.float32), self._trace(starts, ways)
-            self._shade_hits(seen, starts, ways, self._find_sunlit(seen, starts, ways, light), 0.02, light, image)
+            self._shade_hits(
+                seen, starts, ways, self._find_sunlit(seen, starts, ways, light), 0.02, light=light, radiance=image
+            )
             blend_reflections(radiance, numbers, shares, image)
         return lit
 
@@ -257,26 +259,26 @@ class Renderer:
         weather, town_light, corner = self._sky.weather, self._town_light, near_corner(middle_m)
         box = (*ego.size_lwh_m, ego.centre_x_m) if ego else (0.0, 0.0, 0.0, 0.0)
         return Lighting(
-            self._sky.sun_to,
-            np.array(weather.sun, np.float32),
-            self._sky.up,
-            self._sky.bounce,
-            self._sky.radiance,
-            np.array(weather.horizon, np.float32),
-            float(weather.haze_per_m),
-            float(weather.wetness),
-            float(weather.lamps),
-            float(1 / self.gains.mean()),
-            float(town_light.low_m[0]),
-            float(town_light.low_m[1]),
-            town_light.open,
-            town_light.lamp,
-            float(corner[0]),
-            float(corner[1]),
-            near,
-            inverse_pose(ego.town_from_ego if ego else np.eye(4)),
-            np.array(box, np.float32),
-            self._noise,
+            sun_to=self._sky.sun_to,
+            sun=np.array(weather.sun, np.float32),
+            up=self._sky.up,
+            bounce=self._sky.bounce,
+            sky=self._sky.radiance,
+            horizon=np.array(weather.horizon, np.float32),
+            haze_per_m=float(weather.haze_per_m),
+            wetness=float(weather.wetness),
+            lamps=float(weather.lamps),
+            white=float(1 / self.gains.mean()),
+            low_x=float(town_light.low_m[0]),
+            low_y=float(town_light.low_m[1]),
+            open=town_light.open,
+            lamp=town_light.lamp,
+            near_x=float(corner[0]),
+            near_y=float(corner[1]),
+            near=near,
+            ego_from_town=inverse_pose(ego.town_from_ego if ego else np.eye(4)),
+            ego_box=np.array(box, np.float32),
+            noise=self._noise,
         )
 
 

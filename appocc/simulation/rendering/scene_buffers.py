@@ -95,13 +95,13 @@ class SceneBuffers:
 
 def _arrays(vertices: int, faces: int) -> Triangles:
     return Triangles(
-        np.empty((vertices, 3), np.float32),
-        np.empty((vertices, 2), np.float32),
-        np.empty((faces, 3), np.int32),
-        np.empty(faces, np.uint8),
-        np.empty((faces, 3), np.uint8),
-        np.empty(faces, np.int32),
-        np.empty(faces, np.uint8),
+        normals=np.empty((vertices, 3), np.float32),
+        uv=np.empty((vertices, 2), np.float32),
+        faces=np.empty((faces, 3), np.int32),
+        material=np.empty(faces, np.uint8),
+        tint=np.empty((faces, 3), np.uint8),
+        tag=np.empty(faces, np.int32),
+        kind=np.empty(faces, np.uint8),
     )
 
 

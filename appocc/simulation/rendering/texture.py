@@ -49,13 +49,13 @@ def build_texture(ground: Ground) -> Texture:
         start += picture.shape[0] * picture.shape[1]
         pictures.append(picture.reshape(-1, 3))
     return Texture(
-        float(ground.low_m[0]),
-        float(ground.low_m[1]),
-        ground.label,
-        ground.colour,
-        np.concatenate(pictures) if pictures else np.zeros((1, 3), np.uint8),
-        np.array(shapes, np.int64),
-        LINEAR,
+        low_x=float(ground.low_m[0]),
+        low_y=float(ground.low_m[1]),
+        label=ground.label,
+        colour=ground.colour,
+        halved=np.concatenate(pictures) if pictures else np.zeros((1, 3), np.uint8),
+        level=np.array(shapes, np.int64),
+        linear=LINEAR,
     )
 
 

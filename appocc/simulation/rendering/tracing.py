@@ -16,7 +16,7 @@ SKY, GROUND, TOWN, ACTOR = range(4)
 _FAR_M = np.float32(1e30)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Hits:
     """First hits of N rays.
 

@@ -28,7 +28,7 @@ class ViewClass(IntEnum):
     OTHER = 11
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class CameraView:
     """Image and pixel maps of one camera; H rows, W columns.
 

@@ -13,7 +13,7 @@ from appocc.errors import NotFoundError
 Colour = tuple[float, float, float]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Weather:
     """Light and atmosphere of a scene; linear RGB, scaled such that a white surface has the value of its irradiance.
 
@@ -49,9 +49,9 @@ class Weather:
 _SUN_AZIMUTH_RAD = 3.9
 _SKIES = (
     Weather(
-        "clear",
-        _SUN_AZIMUTH_RAD,
-        0.80,
+        name="clear",
+        sun_azimuth_rad=_SUN_AZIMUTH_RAD,
+        sun_elevation_rad=0.80,
         sun=(3.0, 2.85, 2.6),
         zenith=(0.18, 0.36, 0.80),
         horizon=(0.66, 0.80, 0.98),
@@ -59,9 +59,9 @@ _SKIES = (
         haze_per_m=0.0008,
     ),
     Weather(
-        "overcast",
-        _SUN_AZIMUTH_RAD,
-        0.9,
+        name="overcast",
+        sun_azimuth_rad=_SUN_AZIMUTH_RAD,
+        sun_elevation_rad=0.9,
         sun=(0.0, 0.0, 0.0),
         zenith=(0.82, 0.86, 0.92),
         horizon=(0.68, 0.72, 0.78),
@@ -70,9 +70,9 @@ _SKIES = (
         exposure_stops=0.35,
     ),
     Weather(
-        "low_sun",
-        _SUN_AZIMUTH_RAD,
-        0.19,
+        name="low_sun",
+        sun_azimuth_rad=_SUN_AZIMUTH_RAD,
+        sun_elevation_rad=0.19,
         sun=(2.7, 1.80, 1.0),
         zenith=(0.22, 0.34, 0.60),
         horizon=(0.85, 0.66, 0.48),
@@ -82,9 +82,9 @@ _SKIES = (
         exposure_stops=0.15,
     ),
     Weather(
-        "dusk",
-        _SUN_AZIMUTH_RAD,
-        -0.05,
+        name="dusk",
+        sun_azimuth_rad=_SUN_AZIMUTH_RAD,
+        sun_elevation_rad=-0.05,
         sun=(0.0, 0.0, 0.0),
         zenith=(0.055, 0.085, 0.19),
         horizon=(0.24, 0.17, 0.17),
@@ -94,9 +94,9 @@ _SKIES = (
         exposure_stops=-0.9,
     ),
     Weather(
-        "night",
-        _SUN_AZIMUTH_RAD,
-        -0.6,
+        name="night",
+        sun_azimuth_rad=_SUN_AZIMUTH_RAD,
+        sun_elevation_rad=-0.6,
         sun=(0.0, 0.0, 0.0),
         zenith=(0.009, 0.011, 0.017),
         horizon=(0.034, 0.027, 0.024),
@@ -107,9 +107,9 @@ _SKIES = (
         exposure_stops=-1.1,
     ),
     Weather(
-        "wet",
-        _SUN_AZIMUTH_RAD,
-        0.7,
+        name="wet",
+        sun_azimuth_rad=_SUN_AZIMUTH_RAD,
+        sun_elevation_rad=0.7,
         sun=(0.0, 0.0, 0.0),
         zenith=(0.48, 0.52, 0.58),
         horizon=(0.42, 0.45, 0.49),

@@ -73,11 +73,13 @@ def _apartments(builder: Builder, plot: Plot, style: FacadeStyle, office: bool, 
     if detailed and rng.random() < (0.85 if plot.arterial or office else 0.4):
         add_shop_floor(builder, frame, length, style, pick_tint(rng, palette.DARK_FRAMES), None, stall=False)
         upper = window_rows(style.floors_m(1), style, len(s))
-        add_window_wall(builder, frame, length, (style.ground_m, style.eaves_m), s, upper, style, True)
+        add_window_wall(builder, frame, length, (style.ground_m, style.eaves_m), s, upper, style=style, detailed=True)
     else:
         z = window_rows(style.floors_m(), style, len(s))
         doors = place_door(z, len(s) // 2, 2.6) if len(s) else None
-        add_window_wall(builder, frame, length, (0.0, style.eaves_m), s, z, style, detailed, doors)
+        add_window_wall(
+            builder, frame, length, (0.0, style.eaves_m), s, z, style=style, detailed=detailed, doors=doors
+        )
     for name, closed in (("right", not plot.open_right), ("left", not plot.open_left), ("back", False)):
         add_plain_side(builder, main, name, style, closed)
     if detailed and not office and len(s) > 1 and rng.random() < 0.75:
@@ -106,7 +108,9 @@ def _accent(builder: Builder, main: BuildingPart, style: FacadeStyle, rng: np.ra
     other = replace(style, wall=Material.PLAIN, wall_tint=pick_tint(rng, palette.PANELS))
     top = style.eaves_m + 1.6
     high = [s + width, 2.5, top]
-    builder.add_boxes(frame, [s, -0.25, style.ground_m], high, other.wall, other.wall_tint, style.tag, "lrfbdt")
+    builder.add_boxes(
+        frame, [s, -0.25, style.ground_m], high, other.wall, other.wall_tint, tag=style.tag, sides="lrfbdt"
+    )
     floors = style.floors_m(1)
     panes = np.stack(
         [np.full_like(floors, s + 0.5), np.full_like(floors, s + width - 0.5), floors + 0.3, floors + 2.6], axis=1
@@ -120,4 +124,4 @@ def _raised(builder: Builder, span: BuildingPart, z_m: float, style: FacadeStyle
         frame, length = span.side(name)
         s = window_columns(length, style, 0.8)
         z = window_rows(np.array([z_m]), style, len(s))
-        add_window_wall(builder, frame, length, (z_m, span.eaves_m), s, z, style, False)
+        add_window_wall(builder, frame, length, (z_m, span.eaves_m), s, z, style=style, detailed=False)

@@ -26,7 +26,7 @@ _CORNERS = np.array(  # corners of each side of a box: 0 low, 1 high along (s, d
 )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class LocalFrame:
     """A local frame on the ground: s to the right as seen from the street, d away from it, z up (right-handed).
 
@@ -125,15 +125,15 @@ class Builder:
             for a, b in zip(_attributes(self._quad_attributes), _attributes(self._triangle_attributes), strict=True)
         ]
         return Mesh(
-            np.concatenate([quads.reshape(-1, 3), triangles.reshape(-1, 3)]).astype(np.float32),
-            np.concatenate([np.repeat(quad_normal, 4, axis=0), np.repeat(triangle_normal, 3, axis=0)]).astype(
+            vertices_m=np.concatenate([quads.reshape(-1, 3), triangles.reshape(-1, 3)]).astype(np.float32),
+            normals=np.concatenate([np.repeat(quad_normal, 4, axis=0), np.repeat(triangle_normal, 3, axis=0)]).astype(
                 np.float32
             ),
-            np.concatenate([quad_uv.reshape(-1, 2), triangle_uv.reshape(-1, 2)]).astype(np.float32),
-            np.concatenate([faces, rest]).astype(np.int32),
-            attributes[0].astype(np.uint8),
-            attributes[1].astype(np.uint8),
-            attributes[2].astype(np.int32),
+            uv=np.concatenate([quad_uv.reshape(-1, 2), triangle_uv.reshape(-1, 2)]).astype(np.float32),
+            faces=np.concatenate([faces, rest]).astype(np.int32),
+            material=attributes[0].astype(np.uint8),
+            tint=attributes[1].astype(np.uint8),
+            tag=attributes[2].astype(np.int32),
         )
 
 
@@ -202,13 +202,13 @@ def instance_mesh(
     if tint is not None and tinted is not None:
         colours = np.where(tinted[None, :, None], tint[:, None], colours)
     return Mesh(
-        vertices.reshape(-1, 3).astype(np.float32),
-        normals.reshape(-1, 3).astype(np.float32),
-        np.tile(template.uv, (count, 1)),
-        (template.faces + (np.arange(count) * corners)[:, None, None]).reshape(-1, 3).astype(np.int32),
-        np.tile(template.material, count),
-        colours.reshape(-1, 3).astype(np.uint8),
-        np.tile(template.tag, count),
+        vertices_m=vertices.reshape(-1, 3).astype(np.float32),
+        normals=normals.reshape(-1, 3).astype(np.float32),
+        uv=np.tile(template.uv, (count, 1)),
+        faces=(template.faces + (np.arange(count) * corners)[:, None, None]).reshape(-1, 3).astype(np.int32),
+        material=np.tile(template.material, count),
+        tint=colours.reshape(-1, 3).astype(np.uint8),
+        tag=np.tile(template.tag, count),
     )
 
 
@@ -241,11 +241,11 @@ def tapered_rod(
         uv = np.concatenate([uv, radii_m[1] * np.stack([np.cos(angle), np.sin(angle)], axis=1)])
     count = sum(len(part) for part in faces)
     return Mesh(
-        np.concatenate(vertices).astype(np.float32),
-        np.concatenate(normals).astype(np.float32),
-        uv.astype(np.float32),
-        np.concatenate(faces).astype(np.int32),
-        np.full(count, material, np.uint8),
-        np.tile(np.array(tint, np.uint8), (count, 1)),
-        np.full(count, -1, np.int32),
+        vertices_m=np.concatenate(vertices).astype(np.float32),
+        normals=np.concatenate(normals).astype(np.float32),
+        uv=uv.astype(np.float32),
+        faces=np.concatenate(faces).astype(np.int32),
+        material=np.full(count, material, np.uint8),
+        tint=np.tile(np.array(tint, np.uint8), (count, 1)),
+        tag=np.full(count, -1, np.int32),
     )

@@ -62,7 +62,7 @@ def _detached(builder: Builder, plot: Plot, style: FacadeStyle, rng: np.random.G
     z = window_rows(style.floors_m(), style, len(s))
     door = len(s) - 1
     doors = place_door(z, door, 2.15)
-    add_window_wall(builder, frame, length, (0.0, style.eaves_m), s, z, style, detailed, doors)
+    add_window_wall(builder, frame, length, (0.0, style.eaves_m), s, z, style=style, detailed=detailed, doors=doors)
     for name in ("right", "back", "left"):
         add_plain_side(builder, main, name, style, False)
     tint, pitch = pick_tint(rng, palette.SHINGLES + palette.TILES[:4]), float(rng.uniform(0.45, 0.75))
@@ -70,12 +70,18 @@ def _detached(builder: Builder, plot: Plot, style: FacadeStyle, rng: np.random.G
     if kind < 0.4 and length > plot.depth_m - front:
         top = add_hip_roof(builder, main, pitch, tint, style)
     elif kind < 0.75 or wing:
-        top = add_gable_roof(builder, main, pitch, tint, style, 0.4, 0.3)
+        top = add_gable_roof(builder, main, pitch, tint, style, eave_m=0.4, verge_m=0.3)
     else:
-        top = add_gable_roof(builder, main.turned(), pitch, tint, style, 0.4, 0.3)
+        top = add_gable_roof(builder, main.turned(), pitch, tint, style, eave_m=0.4, verge_m=0.3)
     if rng.random() < 0.55:
         add_chimney(
-            builder, main, main.s0 + 1.2, (main.d0 + main.d1) / 2, top + 0.6, pick_tint(rng, palette.BRICKS), style
+            builder,
+            main,
+            main.s0 + 1.2,
+            (main.d0 + main.d1) / 2,
+            top + 0.6,
+            tint=pick_tint(rng, palette.BRICKS),
+            style=style,
         )
     if detailed:
         _porch(builder, main, float(s[door].mean()), style, tint)
@@ -96,11 +102,23 @@ def _porch(builder: Builder, main: BuildingPart, s: float, style: FacadeStyle, t
     """Add a small roof above the door on two posts, and a step."""
     d = main.d0
     builder.add_boxes(
-        main.frame, [s - 1.0, d - 1.2, 2.45], [s + 1.0, d, 2.6], Material.PLAIN, style.trim, style.tag, "lrfdt"
+        main.frame,
+        [s - 1.0, d - 1.2, 2.45],
+        [s + 1.0, d, 2.6],
+        Material.PLAIN,
+        style.trim,
+        tag=style.tag,
+        sides="lrfdt",
     )
     posts = np.array([[s - 0.95, d - 1.15, 0.0], [s + 0.83, d - 1.15, 0.0]])
     builder.add_boxes(
-        main.frame, posts, posts + np.array([0.12, 0.12, 2.45]), Material.PLAIN, style.trim, style.tag, "lrfb"
+        main.frame,
+        posts,
+        posts + np.array([0.12, 0.12, 2.45]),
+        Material.PLAIN,
+        style.trim,
+        tag=style.tag,
+        sides="lrfb",
     )
     slope = [[s + 1.0, d, 3.0], [s - 1.0, d, 3.0], [s - 1.0, d - 1.2, 2.6], [s + 1.0, d - 1.2, 2.6]]
     builder.add_quads(main.frame, slope, Material.ROOF_TILES, tint, style.tag)
@@ -119,13 +137,13 @@ def _front_wing(builder: Builder, bay: BuildingPart, style: FacadeStyle, pitch_r
     frame, length = bay.side("front")
     s = np.array([[length / 2 - 0.95, length / 2 + 0.95]])
     z = window_rows(style.floors_m(), style, 1)
-    add_window_wall(builder, frame, length, (0.0, style.eaves_m), s, z, style, True)
+    add_window_wall(builder, frame, length, (0.0, style.eaves_m), s, z, style=style, detailed=True)
     for name in ("left", "right"):
         side, length = bay.side(name)
         add_plain_wall(
             builder, side, np.array([[0.0, length, 0.0, style.eaves_m]]), style.wall, style.wall_tint, style.tag
         )
-    add_gable_roof(builder, bay.turned(), pitch_rad, tint, style, 0.3, 0.3)
+    add_gable_roof(builder, bay.turned(), pitch_rad, tint, style, eave_m=0.3, verge_m=0.3)
 
 
 def _garage(builder: Builder, part: BuildingPart, style: FacadeStyle, pitch_rad: float, tint: Tint) -> None:
@@ -139,10 +157,10 @@ def _garage(builder: Builder, part: BuildingPart, style: FacadeStyle, pitch_rad:
         (0.0, part.eaves_m),
         door,
         np.array([[[0.02, 2.15]]]),
-        shut,
-        True,
-        np.ones((1, 1), np.bool_),
+        style=shut,
+        detailed=True,
+        doors=np.ones((1, 1), np.bool_),
     )
     for name in ("right", "back"):
         add_plain_side(builder, part, name, shut, True)
-    add_gable_roof(builder, part.turned(), min(pitch_rad, 0.5), tint, shut, 0.25, 0.25)
+    add_gable_roof(builder, part.turned(), min(pitch_rad, 0.5), tint, shut, eave_m=0.25, verge_m=0.25)

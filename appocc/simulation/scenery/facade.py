@@ -16,7 +16,7 @@ _GATE_M, _GROOVES = 1.8, 4
 _PROUD_M = 0.03  # panes of plain walls are in front of the wall, which avoids z-fighting
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class FacadeStyle:
     """Walls and windows of a building.
 
@@ -143,7 +143,7 @@ def add_window_wall(
     door = np.zeros(len(panes), np.bool_) if doors is None else doors.reshape(-1)
     panes, door = panes[there], door[there]
     if detailed:
-        _pierced(builder, frame, length_m, z_m, s, z, style)
+        _pierced(builder, frame, length_m, z_m, s, z=z, style=style)
         _reveals(builder, frame, panes, style)
         if style.sills:
             _sills(builder, frame, panes[~door], style)
@@ -195,7 +195,7 @@ def _sills(builder: Builder, frame: LocalFrame, panes: FloatArray, style: Facade
     s0, s1, z0, _ = panes.T
     low = np.stack([s0 - 0.08, np.full_like(s0, -0.09), z0 - 0.11], axis=1)
     high = np.stack([s1 + 0.08, np.full_like(s0, style.recess_m), z0 + 0.005], axis=1)
-    builder.add_boxes(frame, low, high, Material.CONCRETE, style.trim, style.tag, "ft")
+    builder.add_boxes(frame, low, high, Material.CONCRETE, style.trim, tag=style.tag, sides="ft")
 
 
 def _door_details(builder: Builder, frame: LocalFrame, doors: FloatArray, style: FacadeStyle) -> None:
@@ -226,7 +226,7 @@ def add_cornice(
 ) -> None:
     """Add a cornice or string course along a wall."""
     low, high = [0.0, -out_m, z_m], [length_m, 0.02, z_m + height_m]
-    builder.add_boxes(frame, low, high, Material.CONCRETE, style.trim, style.tag, "lrfdt")
+    builder.add_boxes(frame, low, high, Material.CONCRETE, style.trim, tag=style.tag, sides="lrfdt")
 
 
 def add_shop_floor(
@@ -261,7 +261,7 @@ def add_shop_floor(
     s, z = np.concatenate([s, s_door]), np.concatenate([z, [[[0.02, head]]]], axis=1)
     order = np.argsort(s[:, 0], kind="stable")
     s, z = s[order], z[:, order]
-    _pierced(builder, frame, length_m, (0.0, style.ground_m), s, z, style)
+    _pierced(builder, frame, length_m, (0.0, style.ground_m), s, z=z, style=style)
     panes = np.concatenate([s, z[0]], axis=1)
     _reveals(builder, frame, panes, style)
     glass = rectangles(panes, style.recess_m)
@@ -307,11 +307,11 @@ def add_balconies(
         np.stack([s1, wall, z], axis=1),
         Material.CONCRETE,
         CONCRETE,
-        style.tag,
-        "lrfd",
+        tag=style.tag,
+        sides="lrfd",
     )
     low, high = np.stack([s0, out, z + 0.06], axis=1), np.stack([s1, out + 0.04, z + 1.02], axis=1)
-    builder.add_boxes(frame, low, high, Material.METAL, rail, style.tag, "fbt")
+    builder.add_boxes(frame, low, high, Material.METAL, rail, tag=style.tag, sides="fbt")
     for left in (s0, s1 - 0.04):
         low, high = np.stack([left, out + 0.04, z + 0.06], axis=1), np.stack([left + 0.04, wall, z + 1.02], axis=1)
-        builder.add_boxes(frame, low, high, Material.METAL, rail, style.tag, "lr")
+        builder.add_boxes(frame, low, high, Material.METAL, rail, tag=style.tag, sides="lr")

@@ -197,7 +197,11 @@ def bollard() -> Mesh:
     band = np.array([0, 0, 0.78]), np.array([0, 0, 0.86])
     bright = tapered_rod(*band, (0.067, 0.067), 6, Material.SIGN, _WHITE)
     return join_meshes(
-        [low, bright, tapered_rod(band[1], band[1] + [0, 0, 0.1], (0.067, 0.045), 6, Material.METAL, _DARK, True)]
+        [
+            low,
+            bright,
+            tapered_rod(band[1], band[1] + [0, 0, 0.1], (0.067, 0.045), 6, Material.METAL, tint=_DARK, capped=True),
+        ]
     )
 
 

@@ -18,7 +18,7 @@ from appocc.simulation.scenery.site import REACH_M, SITE_M, Site
 from appocc.simulation.scenery.trees import Tree, broad_tree, bush, columnar_tree, conifer_tree, small_tree
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Planting:
     """Density and mix of the greenery of a style.
 
@@ -42,10 +42,16 @@ class Planting:
 
 
 PLANTINGS = {
-    "old": Planting(7.5, 0.22, 0.36, 0.5, 0.0, 0.1, 9.0),
-    "modern": Planting(8.5, 0.26, 0.36, 0.8, 0.1, 0.12, 12.0),
-    "suburb": Planting(7.5, 0.34, 0.42, 0.9, 0.75, 0.22, 13.0),
-    "industrial": Planting(11.0, 0.16, 0.3, 0.6, 0.6, 0.2, 14.0),
+    "old": Planting(spacing_m=7.5, share=0.22, park_share=0.36, bushes=0.5, hedges=0.0, conifers=0.1, near_m=9.0),
+    "modern": Planting(
+        spacing_m=8.5, share=0.26, park_share=0.36, bushes=0.8, hedges=0.1, conifers=0.12, near_m=12.0
+    ),
+    "suburb": Planting(
+        spacing_m=7.5, share=0.34, park_share=0.42, bushes=0.9, hedges=0.75, conifers=0.22, near_m=13.0
+    ),
+    "industrial": Planting(
+        spacing_m=11.0, share=0.16, park_share=0.3, bushes=0.6, hedges=0.6, conifers=0.2, near_m=14.0
+    ),
 }
 _VARIANTS = 4
 
@@ -57,7 +63,7 @@ def plant_trees(site: Site, style: str, street_trees_m: FloatArray, rng: np.rand
     far = site.metres_at(spots, site.to_road_m) > planting.near_m
     conifer_share = rng.random(len(spots)) < planting.conifers
     roll = rng.random(len(spots))
-    meshes = _scattered(street_trees_m, (broad_tree,), palette.LEAVES, rng, 2.0, (0.82, 0.98), 1.36)
+    meshes = _scattered(street_trees_m, (broad_tree,), palette.LEAVES, rng, 2.0, scale=(0.82, 0.98), slender=1.36)
     for distant, detail in ((False, 1.0), (True, 0.4)):
         here = far == distant
         leafy = here & ~conifer_share

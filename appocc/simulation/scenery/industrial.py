@@ -53,7 +53,9 @@ def add_industrial_building(builder: Builder, plot: Plot, tag: int, rng: np.rand
     z[0, ~gates] = z[1, ~gates, :1]
     doors = np.zeros(z.shape[:2], np.bool_)
     doors[0] = True
-    add_window_wall(builder, frame, length, (0.0, style.eaves_m), s, z, style, not plot.backland, doors)
+    add_window_wall(
+        builder, frame, length, (0.0, style.eaves_m), s, z, style=style, detailed=not plot.backland, doors=doors
+    )
     for name in ("right", "back", "left"):
         add_plain_side(builder, main, name, style, False)
     if not plot.backland:
@@ -76,14 +78,20 @@ def _hall_ribs(
         count = len(cut)
         low = np.stack([cut[:, 0], np.full(count, -0.06), np.zeros(count)], axis=1)
         high = np.stack([cut[:, 1], np.zeros(count), np.full(count, 0.55)], axis=1)
-        builder.add_boxes(frame, low, high, Material.CONCRETE, palette.CONCRETE, style.tag, "lrft")
+        builder.add_boxes(frame, low, high, Material.CONCRETE, palette.CONCRETE, tag=style.tag, sides="lrft")
         ends = [-0.05, -0.05, style.eaves_m - 0.9], [length + 0.05, 0.0, style.eaves_m - 0.25]
         builder.add_boxes(frame, *ends, Material.PLAIN, stripe, style.tag, "lrfdt")
         if len(s) > 1:
             between = (s[1:, 0] + s[:-1, 1]) / 2
             low = np.stack([between - 0.15, np.full_like(between, -0.12), np.zeros_like(between)], axis=1)
             builder.add_boxes(
-                frame, low, low + np.array([0.3, 0.12, style.eaves_m]), style.wall, style.wall_tint, style.tag, "lrf"
+                frame,
+                low,
+                low + np.array([0.3, 0.12, style.eaves_m]),
+                style.wall,
+                style.wall_tint,
+                tag=style.tag,
+                sides="lrf",
             )
 
 
@@ -95,7 +103,7 @@ def _hall_roof(builder: Builder, main: BuildingPart, style: FacadeStyle, rng: np
         add_flat_roof(builder, main, 0.8, style, palette.LEAD)
         add_roof_equipment(builder, main, style, rng)
     else:
-        add_gable_roof(builder, main.turned(), 0.2, sheet, style, 0.2, 0.1)
+        add_gable_roof(builder, main.turned(), 0.2, sheet, style, eave_m=0.2, verge_m=0.1)
 
 
 def _office(builder: Builder, plot: Plot, hall: FacadeStyle, rng: np.random.Generator) -> None:
@@ -116,7 +124,7 @@ def _office(builder: Builder, plot: Plot, hall: FacadeStyle, rng: np.random.Gene
     s = window_columns(length, style)
     z = window_rows(style.floors_m(), style, len(s))
     doors = place_door(z, 1, 2.3)
-    add_window_wall(builder, frame, length, (0.0, style.eaves_m), s, z, style, True, doors)
+    add_window_wall(builder, frame, length, (0.0, style.eaves_m), s, z, style=style, detailed=True, doors=doors)
     for name in ("left", "right"):
         add_plain_side(builder, span, name, style, False)
     add_flat_roof(builder, span, 0.5, style, palette.LEAD)

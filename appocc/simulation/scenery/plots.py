@@ -12,7 +12,7 @@ from appocc.simulation.scenery.site import Frontage, Site
 _SMALLEST_M = 5.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Plot:
     """A rectangle for a building; s = 0 .. width along the street, d = 0 (front) .. depth.
 
@@ -93,7 +93,7 @@ def _along(
             width = min(end - s, 1.25 * spacing.width_m[1])
         depth = float(rng.uniform(*spacing.depth_m))
         skip = rng.random() < (0.5 if backland else spacing.empty_share)
-        plot = None if skip else _fitted(site, frontage, s, width, depth, front, terraced, backland)
+        plot = None if skip else _fitted(site, frontage, s, width, depth, front, terraced=terraced, backland=backland)
         if plot is None:
             s, terraced = s + (width if skip else 1.5), False
             continue
@@ -132,5 +132,15 @@ def _fitted(
         site.take(frame.corners(s + 0.25, s + width - 0.25, d + 0.25, d + depth - 0.25))
         front = np.linspace(outlines[number, 0], outlines[number, 1], 5)
         road = float(site.metres_at(front, site.to_road_m).min())
-        return Plot(frame.moved(s, d), width, depth, frontage.arterial, not terraced, True, d, road, backland)
+        return Plot(
+            frame=frame.moved(s, d),
+            width_m=width,
+            depth_m=depth,
+            arterial=frontage.arterial,
+            open_left=not terraced,
+            open_right=True,
+            front_m=d,
+            road_m=road,
+            backland=backland,
+        )
     return None

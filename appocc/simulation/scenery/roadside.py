@@ -15,7 +15,7 @@ _STEP_M = 0.1
 _FARTHEST_M = 14.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Roadside:
     """N positions next to streets.
 

@@ -80,7 +80,7 @@ def add_hip_roof(
     )
     ends = [[[a, d, t], [a, c, t], [p, middle, top]], [[b, c, t], [b, d, t], [q, middle, top]]]
     builder.add_triangles(part.frame, ends, Material.ROOF_TILES, tint, style.tag)
-    builder.add_boxes(part.frame, [a, c, z], [b, d, t], Material.PLAIN, style.trim, style.tag, "lrfbd")
+    builder.add_boxes(part.frame, [a, c, z], [b, d, t], Material.PLAIN, style.trim, tag=style.tag, sides="lrfbd")
     return float(top)
 
 
@@ -94,13 +94,15 @@ def add_flat_roof(builder: Builder, part: BuildingPart, parapet_m: float, style:
     low = [[s0, d0, z], [s0, d1 - thick, z], [s0, d0 + thick, z], [s1 - thick, d0 + thick, z]]
     high = [[s1, d0 + thick], [s1, d1], [s0 + thick, d1 - thick], [s1, d1 - thick]]
     top = z + parapet_m
-    builder.add_boxes(part.frame, low, [[*h, top] for h in high], style.wall, style.wall_tint, style.tag, "lrfb")
+    builder.add_boxes(
+        part.frame, low, [[*h, top] for h in high], style.wall, style.wall_tint, tag=style.tag, sides="lrfb"
+    )
     out = 0.05
     low = [[s0 - out, d0 - out, top], [s0 - out, d1 - thick, top], [s0 - out, d0 + thick, top]]
     low.append([s1 - thick, d0 + thick, top])
     high = [[s1 + out, d0 + thick], [s1 + out, d1 + out], [s0 + thick, d1 - thick], [s1 + out, d1 - thick]]
     builder.add_boxes(
-        part.frame, low, [[*h, top + 0.09] for h in high], Material.CONCRETE, coping, style.tag, "lrfbt"
+        part.frame, low, [[*h, top + 0.09] for h in high], Material.CONCRETE, coping, tag=style.tag, sides="lrfbt"
     )
 
 
@@ -129,7 +131,7 @@ def add_chimney(
 ) -> None:
     """Add a brick chimney with a cap and two pots; its cap begins at `z_m`."""
     low = [s - 0.35, d - 0.5, part.eaves_m]
-    builder.add_boxes(part.frame, low, [s + 0.35, d + 0.5, z_m], Material.BRICK, tint, style.tag, "lrfb")
+    builder.add_boxes(part.frame, low, [s + 0.35, d + 0.5, z_m], Material.BRICK, tint, tag=style.tag, sides="lrfb")
     cap = [s - 0.42, d - 0.57, z_m], [s + 0.42, d + 0.57, z_m + 0.12]
     builder.add_boxes(part.frame, *cap, Material.CONCRETE, style.trim, style.tag, "lrfbdt")
     pots = np.array([[s - 0.13, d - 0.35, z_m + 0.12], [s - 0.13, d + 0.1, z_m + 0.12]])
@@ -149,14 +151,20 @@ def add_dormers(
     one = np.ones(count)
     low = np.stack([s - width / 2, d * one, (z - 0.3) * one], axis=1)
     high = np.stack([s + width / 2, (d + height / rise) * one, (z + height) * one], axis=1)
-    builder.add_boxes(part.frame, low, high, Material.PLAIN, tint, style.tag, "lrf")
+    builder.add_boxes(part.frame, low, high, Material.PLAIN, tint, tag=style.tag, sides="lrf")
     roof = [0.12, 0.14, 0.0]
     top = high.copy()
     top[:, 2] += 0.12
     bottom = low.copy()
     bottom[:, 2] = high[:, 2]
     builder.add_boxes(
-        part.frame, bottom - roof, top + np.array([0.12, 0.25, 0.0]), Material.PLAIN, LEAD, style.tag, "lrfdt"
+        part.frame,
+        bottom - roof,
+        top + np.array([0.12, 0.25, 0.0]),
+        Material.PLAIN,
+        LEAD,
+        tag=style.tag,
+        sides="lrfdt",
     )
     x0, x1, z0, z1 = s - width / 2 + 0.15, s + width / 2 - 0.15, (z + 0.12) * one, (z + height - 0.12) * one
     y = (d - 0.03) * one

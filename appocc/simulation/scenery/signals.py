@@ -25,7 +25,7 @@ _BLACK: Tint = (30, 32, 33)
 _GREY: Tint = (96, 100, 102)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SignalHead:
     """A signal head of three lamps: middle of its lower edge (3,), facing direction (2,), index of its link."""
 
@@ -55,7 +55,7 @@ def build_signals(site: Site, network: RoadNetwork) -> tuple[list[Mesh], FloatAr
     poles: list[tuple[FloatArray, float]] = []
     arms: list[tuple[FloatArray, FloatArray]] = []
     for (edge_name, _), connections in approaches.items():
-        _approach(site, network, edges[edge_name], connections, number, heads, poles, arms)
+        _approach(site, network, edges[edge_name], connections, number, heads, poles=poles, arms=arms)
     return [*_heads(heads), *_poles(poles), *_arms(arms)], np.array([xy for xy, _ in poles]).reshape(-1, 2)
 
 

@@ -47,4 +47,4 @@ def add_plain_side(builder: Builder, part: BuildingPart, name: str, style: Facad
     frame, length = part.side(name)
     s = np.zeros((0, 2)) if closed else plain_window_columns(length, style)
     z = window_rows(style.floors_m(), style, len(s))
-    add_window_wall(builder, frame, length, (0.0, part.eaves_m), s, z, style, False)
+    add_window_wall(builder, frame, length, (0.0, part.eaves_m), s, z, style=style, detailed=False)

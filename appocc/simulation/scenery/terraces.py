@@ -83,19 +83,21 @@ def _old_front(
         awning = pick_tint(rng, palette.AWNINGS) if rng.random() < 0.5 and plot.road_m > 2.0 else None
         add_shop_floor(builder, frame, length, style, pick_tint(rng, palette.FASCIAS), awning)
         upper = window_rows(style.floors_m(1), style, len(s))
-        add_window_wall(builder, frame, length, (style.ground_m, style.eaves_m), s, upper, style, True)
+        add_window_wall(builder, frame, length, (style.ground_m, style.eaves_m), s, upper, style=style, detailed=True)
     else:
         z = window_rows(style.floors_m(), style, len(s))
         doors = place_door(z, int(rng.integers(len(s))), 2.3) if len(s) else None
-        add_window_wall(builder, frame, length, (0.0, style.eaves_m), s, z, style, not plot.backland, doors)
+        add_window_wall(
+            builder, frame, length, (0.0, style.eaves_m), s, z, style=style, detailed=not plot.backland, doors=doors
+        )
         if style.wall == Material.PLASTER and not plot.backland:
             builder.add_boxes(
-                frame, [0, -0.04, 0], [length, 0.0, 0.4], Material.CONCRETE, palette.STONE, style.tag, "ft"
+                frame, [0, -0.04, 0], [length, 0.0, 0.4], Material.CONCRETE, palette.STONE, tag=style.tag, sides="ft"
             )
     if not plot.backland:
-        add_cornice(builder, frame, length, style.eaves_m - 0.3, 0.3, 0.22, style)
+        add_cornice(builder, frame, length, style.eaves_m - 0.3, 0.3, out_m=0.22, style=style)
         if rng.random() < 0.6:
-            add_cornice(builder, frame, length, style.ground_m - 0.1, 0.2, 0.08, style)
+            add_cornice(builder, frame, length, style.ground_m - 0.1, 0.2, out_m=0.08, style=style)
 
 
 def _old_roof(builder: Builder, plot: Plot, main: BuildingPart, style: FacadeStyle, rng: np.random.Generator) -> None:
@@ -108,7 +110,13 @@ def _old_roof(builder: Builder, plot: Plot, main: BuildingPart, style: FacadeSty
     bricks = pick_tint(rng, palette.BRICKS)
     if rng.random() < 0.75:
         add_chimney(
-            builder, main, main.s0 + 0.5, (main.d0 + main.d1) / 2 + rng.uniform(-1.5, 1.5), top + 0.9, bricks, style
+            builder,
+            main,
+            main.s0 + 0.5,
+            (main.d0 + main.d1) / 2 + rng.uniform(-1.5, 1.5),
+            top + 0.9,
+            tint=bricks,
+            style=style,
         )
     if rng.random() < 0.45 and not plot.backland:
         add_dormers(builder, main, int(plot.width_m / 4.2), pitch, tint, style)

@@ -18,7 +18,7 @@ _CLEAR_M = 3.05  # street trees are trimmed for trucks
 _GOLDEN = (1 + 5**0.5) / 2
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Tree:
     """A template of a tree with its trunk at the origin.
 
@@ -61,13 +61,13 @@ def _mesh(vertices: FloatArray, normals: FloatArray, faces: NDArray[np.int64]) -
     inward = (facing * normals[faces].sum(axis=1)).sum(axis=1) < 0
     faces = np.where(inward[:, None], faces[:, ::-1], faces)
     return Mesh(
-        vertices.astype(np.float32),
-        (normals / np.linalg.norm(normals, axis=1, keepdims=True)).astype(np.float32),
-        vertices[:, [0, 2]].astype(np.float32),
-        faces.astype(np.int32),
-        np.full(len(faces), Material.FOLIAGE, np.uint8),
-        np.tile(np.array(_LEAF, np.uint8), (len(faces), 1)),
-        np.full(len(faces), -1, np.int32),
+        vertices_m=vertices.astype(np.float32),
+        normals=(normals / np.linalg.norm(normals, axis=1, keepdims=True)).astype(np.float32),
+        uv=vertices[:, [0, 2]].astype(np.float32),
+        faces=faces.astype(np.int32),
+        material=np.full(len(faces), Material.FOLIAGE, np.uint8),
+        tint=np.tile(np.array(_LEAF, np.uint8), (len(faces), 1)),
+        tag=np.full(len(faces), -1, np.int32),
     )
 
 

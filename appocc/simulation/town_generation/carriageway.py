@@ -14,7 +14,7 @@ _CELL_M, _MARGIN_M = 0.25, 30.0
 _SUBPIXEL = 4
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Carriageway:
     """Distances from the carriageway of a town in cells of 0.25 m.
 

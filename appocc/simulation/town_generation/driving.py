@@ -31,7 +31,7 @@ class Driver:
     route: list[str]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class DriveRecord:
     """T steps of A driven vehicles.
 

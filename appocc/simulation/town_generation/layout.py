@@ -17,7 +17,7 @@ _DROPPED = 0.15
 _RING_M = 15.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Crossing:
     """A crossing: position (2,), SUMO's junction type, and the radius of its corners."""
 
@@ -27,7 +27,7 @@ class Crossing:
     radius_m: float = 6.5
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Street:
     """A street between two crossings.
 
@@ -237,7 +237,8 @@ def _street(
         names[0] = f"r{_name(chain[1])}"
     if chain[-1] == ring:
         names[1] = f"r{_name(chain[-2])}"
-    street = Street(f"s{_name(chain[0])}{_name(chain[1])}", names[0], names[1], np.concatenate(pieces))
+    name = f"s{_name(chain[0])}{_name(chain[1])}"
+    street = Street(name=name, start=names[0], end=names[1], line_m=np.concatenate(pieces))
     if _is_arterial(chain[0], chain[1], arterials):
         return replace(street, lanes=(2, 2), lane_m=3.3, speed_mps=13.9, priority=9)
     parking = rng.uniform(size=2) < 0.72
@@ -269,7 +270,10 @@ def _roundabout(centre: FloatArray, ring: Cell, streets: list[Street]) -> tuple[
         first, last = (float(np.arctan2(*(xy - centre)[::-1])) for xy in (a_xy, b_xy))
         angle = np.linspace(first, first + (last - first) % (2 * np.pi), 16)
         line = centre + _RING_M * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-        arcs.append(Street(f"o{_name(ring)}{a}", a, b, line, (1, 0), lane_m=4.6, speed_mps=6.5, priority=8))
+        name = f"o{_name(ring)}{a}"
+        arcs.append(
+            Street(name=name, start=a, end=b, line_m=line, lanes=(1, 0), lane_m=4.6, speed_mps=6.5, priority=8)
+        )
     return [Crossing(name, xy, "priority", 5.0) for name, xy in corners], arcs
 
 

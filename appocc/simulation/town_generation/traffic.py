@@ -121,11 +121,11 @@ def _join(
     stands = np.isin(np.arange(len(actors)), len(driving[0]) + np.arange(len(parked)))
     keep = without_overlaps(actors, xy, yaw, stands)
     return TrafficLog(
-        step_s,
-        tuple(actor for actor, stays in zip(actors, keep, strict=True) if stays),
-        xy[:, keep].astype(np.float32),
-        (np.mod(yaw[:, keep] + np.pi, 2 * np.pi) - np.pi).astype(np.float32),
-        lights[:, keep].astype(np.uint8),
-        links,
-        letters,
+        step_s=step_s,
+        actors=tuple(actor for actor, stays in zip(actors, keep, strict=True) if stays),
+        xy_m=xy[:, keep].astype(np.float32),
+        yaw_rad=(np.mod(yaw[:, keep] + np.pi, 2 * np.pi) - np.pi).astype(np.float32),
+        lights=lights[:, keep].astype(np.uint8),
+        signal_links=links,
+        signals=letters,
     )

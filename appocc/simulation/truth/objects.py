@@ -49,7 +49,7 @@ def category_indices(actors: Sequence[Actor]) -> ByteArray:
     return np.array([CATEGORIES.index(category_of(actor)) for actor in actors], np.uint8)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class ActorBoxes:
     """Boxes of N actors in a frame, town frame.
 
@@ -99,13 +99,13 @@ class ActorBoxes:
     def select(self, keep: BoolArray) -> ActorBoxes:
         """Return the objects of a mask (N,)."""
         return ActorBoxes(
-            tuple(actor for actor, kept in zip(self.actors, keep, strict=True) if kept),
-            self.number[keep],
-            self.centre_m[keep],
-            self.yaw_rad[keep],
-            self.size_lwh_m[keep],
-            self.velocity_mps[keep],
-            self.lights[keep],
+            actors=tuple(actor for actor, kept in zip(self.actors, keep, strict=True) if kept),
+            number=self.number[keep],
+            centre_m=self.centre_m[keep],
+            yaw_rad=self.yaw_rad[keep],
+            size_lwh_m=self.size_lwh_m[keep],
+            velocity_mps=self.velocity_mps[keep],
+            lights=self.lights[keep],
         )
 
 
@@ -126,13 +126,13 @@ def objects_near(
     chosen = tuple(actors[number] for number in state.index[keep])
     size = np.array([actor.size_lwh_m for actor in chosen], np.float64).reshape(-1, 3)
     return ActorBoxes(
-        chosen,
-        state.index[keep].astype(np.int32),
-        np.concatenate([state.xy_m[keep], size[:, 2:] / 2], axis=1),
-        np.asarray(state.yaw_rad[keep], np.float64),
-        size,
-        np.asarray(state.velocity_mps[keep], np.float64),
-        state.lights[keep].copy(),
+        actors=chosen,
+        number=state.index[keep].astype(np.int32),
+        centre_m=np.concatenate([state.xy_m[keep], size[:, 2:] / 2], axis=1),
+        yaw_rad=np.asarray(state.yaw_rad[keep], np.float64),
+        size_lwh_m=size,
+        velocity_mps=np.asarray(state.velocity_mps[keep], np.float64),
+        lights=state.lights[keep].copy(),
     )
 
 

@@ -21,7 +21,7 @@ _FINE = 12
 _FLAGS = surface_table(ROAD_SURFACES).astype(np.uint8) + 2 * surface_table(LANE_SURFACES).astype(np.uint8)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ExactOccupancy:
     """Exact occupancy of a grid.
 
