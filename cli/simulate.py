@@ -47,6 +47,9 @@ def simulate(
 
     Example: appocc simulate OUT --scenes 8 --seconds 10 --split all --sheet sheet.png
     """
+    from appocc.temporary import check_locks
+
+    check_locks()
     # Processes with several threads each are slower than with one; set before numpy is imported.
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS"):
         os.environ.setdefault(name, "1")

@@ -46,6 +46,17 @@ def rig(tmp_path_factory: pytest.TempPathFactory) -> str:
     return str(path)
 
 
+def test_a_system_without_file_locks_ends_with_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("appocc.temporary.fcntl", None)
+    done = run_command(["simulate", str(tmp_path / "new" / "out"), "--scenes", "1"], capsys, monkeypatch)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.count("\n") == 1
+    assert "expected a Unix system with file locks (fcntl)" in done.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_a_rig_of_ones_own_full_maps_and_no_lidar(tmp_path: Path, rig: str) -> None:
     out = tmp_path / "out"
     options = ["--rig", rig, "--no-lidar", "--full-maps", "--weather", "wet", "--town", TEST_TOWNS[0]]
