@@ -53,7 +53,7 @@ def main(root: Path) -> None:
     groups = Counter(f"{low}-{low + 4}" for low in (near // 5 * 5).tolist())
     show(f"vehicles within {NEAR_M:.0f} m (median {np.median(near):.0f})", groups, sorted(groups, key=first_number))
     show("distance of vehicles, m", counts.distance, sorted(counts.distance, key=first_number))
-    show("heading of vehicles within 40 m, against the ego's", counts.heading, HEADINGS)
+    show("heading of vehicles within 40 m, relative to the ego", counts.heading, HEADINGS)
     show("true colour of vehicles", counts.colour, [name for name, _ in counts.colour.most_common()])
     show("visibility of vehicles within 40 m", counts.visibility, list(levels.values()))
     show("annotations", counts.category, [name for name, _ in counts.category.most_common()])

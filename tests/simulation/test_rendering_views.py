@@ -104,7 +104,7 @@ def test_more_rays_at_edges_bring_the_picture_nearer_to_the_truth(
     refined = views(renderer)["B"].image
     large = views(renderer, CameraRig((RIG["B"].resized(480, 320),)))["B"].image
     truth = large.reshape(80, 4, 120, 4, 3).mean((1, 3))
-    monkeypatch.setattr(module, "jagged", lambda *_: np.zeros(0, np.int32))
+    monkeypatch.setattr(module, "find_jagged_pixels", lambda *_: np.zeros(0, np.int32))
     plain = views(renderer)["B"].image
     error, before = (float(((image - truth) ** 2).mean()) for image in (refined, plain))
     assert error < 0.85 * before

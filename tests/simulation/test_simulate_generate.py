@@ -57,7 +57,7 @@ def recorded(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
     monkeypatch.setattr(generate, "record_scene", record)
     monkeypatch.setattr(generate, "write_map", write_map)
-    monkeypatch.setattr(generate, "build_place", lambda source, folder: SimpleNamespace(town=source.name))
+    monkeypatch.setattr(generate, "build_town_simulation", lambda source, folder: SimpleNamespace(town=source.name))
     monkeypatch.setattr(TownSource, "load", lambda self, folder: (None, straight_traffic()))
     return names
 

@@ -69,7 +69,7 @@ projParameter="!"/><edge id="a" from="i" to="j"><lane id="a_0" index="0" {lane}/
 
 
 @pytest.mark.parametrize(
-    ("size", "lane", "said"),
+    ("size", "lane", "message"),
     [
         (90, 'speed="8" length="90" shape="0,2"', "expected two points.*got 1 points"),
         (90, 'speed="8" width="0" length="90" shape="0,2 90,2"', "width 0 m"),
@@ -79,11 +79,11 @@ projParameter="!"/><edge id="a" from="i" to="j"><lane id="a_0" index="0" {lane}/
     ],
 )
 def test_a_network_that_cannot_be_a_town_is_refused_by_its_own_name(
-    tmp_path: Path, size: int, lane: str, captured_errors: str
+    tmp_path: Path, size: int, lane: str, message: str
 ) -> None:
     source = tmp_path / "odd.net.xml"
     source.write_text(_EDGE.format(size=size, lane=lane))
-    with pytest.raises(DataError, match=captured_errors) as caught:
+    with pytest.raises(DataError, match=message) as caught:
         generate_town(source, tmp_path / "out")
     assert str(caught.value).startswith(f"{source}: ")
     assert not (tmp_path / "out").exists()
