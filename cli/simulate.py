@@ -30,7 +30,7 @@ def simulate(
     workers: Annotated[int | None, typer.Option(min=1, max=1024, help="Processes (default: one per core).")] = None,
     town: Annotated[
         list[str] | None,
-        typer.Option(help="Built-in town, map file (.xodr, .net.xml) or random:NUMBER; can be repeated."),
+        typer.Option(help="Built-in town, map file (.xodr, .net.xml) or random:SEED; can be repeated."),
     ] = None,
     rig: Annotated[str, typer.Option(help="Camera rig: name (paper, paper_full) or YAML file.")] = "paper",
     weather: Annotated[

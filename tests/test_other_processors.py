@@ -26,7 +26,6 @@ CONVENTIONS = TESTS.parent / "docs" / "conventions.md"
 
 def computed() -> dict[str, Any]:
     """A small simulated picture with its depth, and what a network of the same seed answers to noise."""
-    sys.path.append(str(TESTS / "simulation"))
     from made_render_town import camera, car, town
 
     from appocc.camera import CameraRig

@@ -69,7 +69,7 @@ def _load(name: str, folder: Path | None) -> tuple[TownPlan, TrafficLog]:
 
 
 def town_sources(split: str, asked: Sequence[str]) -> tuple[TownSource, ...]:
-    """Return the towns of a split, or those named: built-in names, map files, `random:NUMBER`.
+    """Return the towns of a split, or those named: built-in names, map files, `random:SEED`.
 
     Raises:
         NotFoundError: if a name is neither a known town nor a file.
@@ -91,7 +91,7 @@ def _source(text: str) -> TownSource:
     path = Path(text)
     if not path.is_file():
         names = ", ".join(SPLITS["all"])
-        raise NotFoundError(f"{text}: no built-in town ({names}), no map file, and not random:NUMBER")
+        raise NotFoundError(f"{text}: no built-in town ({names}), no map file, and not random:SEED")
     if not text.endswith(_MAPS):
         raise DataError(f"{text}: expected an OpenDRIVE (.xodr) or SUMO (.net.xml, .net.xml.gz) map")
     return TownSource(path.name.split(".")[0], path, digest_of(path))

@@ -79,7 +79,7 @@ def test_a_rig_of_ones_own_full_maps_and_no_lidar(tmp_path: Path, rig: str) -> N
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "message"),
     [
         (["--town", "atlantis"], "atlantis"),
         (["--weather", "hail"], "hail"),
@@ -94,23 +94,23 @@ def test_a_rig_of_ones_own_full_maps_and_no_lidar(tmp_path: Path, rig: str) -> N
 def test_bad_input_is_told_and_leaves_nothing(
     tmp_path: Path,
     arguments: list[str],
-    said: str,
+    message: str,
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     done = run_command(["simulate", str(tmp_path / "out"), "--scenes", "1", *arguments], capsys, monkeypatch)
     assert done.returncode == 2
-    assert said in done.stderr
+    assert message in done.stderr
     assert "Traceback" not in done.stderr
     assert len(done.stderr.strip().splitlines()) == 1
     assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize(
-    ("out", "arguments", "said"),
+    ("out", "arguments", "message"),
     [
         (".", [], "working folder"),
-        ("out.png", ["--sheet", "out.png"], "the sheet's own file"),
+        ("out.png", ["--sheet", "out.png"], "a file name for the sheet"),
         ("new/folder/out", ["--seconds", "599"], "nobody drives"),
         ("new/" + "x" * 250, [], "too long"),
     ],
@@ -119,14 +119,14 @@ def test_a_folder_that_cannot_be_is_told_before_the_work(
     tmp_path: Path,
     out: str,
     arguments: list[str],
-    said: str,
+    message: str,
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.chdir(tmp_path)
     done = run_command(["simulate", out, "--scenes", "1", *arguments], capsys, monkeypatch)
     assert done.returncode == 2
-    assert said in done.stderr
+    assert message in done.stderr
     assert len(done.stderr.strip().splitlines()) == 1
     assert list(tmp_path.iterdir()) == []
 
@@ -160,7 +160,7 @@ def test_neither_workers_nor_kill_9_change_a_byte(tmp_path: Path, rig: str) -> N
     process.wait()
     assert not out.exists()
     done = subprocess.run(command(str(out), *options, "--workers", "2"), check=True, capture_output=True, text=True)
-    assert "going on after" in done.stderr
+    assert "resuming after" in done.stderr
     assert digests(out) == digests(tmp_path / "one")
     assert [path.name for path in sorted(tmp_path.iterdir())] == ["one", "two"]
 

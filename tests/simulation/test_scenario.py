@@ -11,7 +11,7 @@ from appocc.simulation.scenario import WEATHER_SHARES, Scenario, describe_scenar
 WEATHERS = tuple(WEATHER_SHARES)
 
 
-def test_an_ego_drives_most_of_the_time_and_is_there_all_of_it() -> None:
+def test_the_ego_is_present_throughout_and_drives_most_of_the_time() -> None:
     log = straight_traffic()
     for number in range(40):
         scenario = draw_scenario(number, "town", log, 5.0, WEATHERS, 7)
@@ -22,14 +22,14 @@ def test_an_ego_drives_most_of_the_time_and_is_there_all_of_it() -> None:
         assert scenario.weather in WEATHERS
 
 
-def test_scenes_differ_and_are_drawn_again_alike() -> None:
+def test_scenes_differ_and_are_reproducible() -> None:
     log = straight_traffic()
     first = [draw_scenario(number, "town", log, 5.0, WEATHERS, 7) for number in range(20)]
     assert first == [draw_scenario(number, "town", log, 5.0, WEATHERS, 7) for number in range(20)]
     assert len({(scenario.ego, scenario.start_s) for scenario in first}) > 12
 
 
-def test_weathers_come_by_their_shares() -> None:
+def test_weathers_follow_their_weights() -> None:
     log = straight_traffic()
     drawn = [draw_scenario(number, "town", log, 5.0, ("clear", "night"), 0).weather for number in range(300)]
     share = WEATHER_SHARES["clear"] / (WEATHER_SHARES["clear"] + WEATHER_SHARES["night"])

@@ -1,4 +1,4 @@
-"""Recorded traffic: asked at any time, saved, and read again."""
+"""Recorded traffic: interpolated, saved and loaded."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from appocc.simulation.traffic_files import load_traffic, save_traffic
 
 
 def _log(steps: int = 40) -> TrafficLog:
-    """One that drives a curve, one that comes late and leaves early, one that is parked, one that walks."""
+    """A car in a curve, one that arrives late and leaves early, a parked one, and a pedestrian."""
     rng = np.random.default_rng(3)
     t = np.arange(steps) * 0.2
     xy = np.full((steps, 4, 2), np.nan, np.float32)
@@ -45,7 +45,7 @@ def _log(steps: int = 40) -> TrafficLog:
     )
 
 
-def test_a_step_is_given_as_it_was_recorded() -> None:
+def test_a_recorded_step_is_returned_unchanged() -> None:
     log = _log()
     state = log.state_at(2.0)
     np.testing.assert_array_equal(state.index, [0, 1, 2, 3])
@@ -55,7 +55,7 @@ def test_a_step_is_given_as_it_was_recorded() -> None:
     assert state.lights[2] == Light.PARKED
 
 
-def test_between_two_steps_headings_turn_the_short_way_round() -> None:
+def test_headings_are_interpolated_along_the_shorter_arc() -> None:
     log = _log()
     step = int(np.flatnonzero(np.abs(np.diff(log.yaw_rad[:, 0])) > 3)[0])  # from +pi to -pi
     yaw = log.state_at((step + 0.25) * 0.2).yaw_rad[0]
@@ -63,7 +63,7 @@ def test_between_two_steps_headings_turn_the_short_way_round() -> None:
     np.testing.assert_allclose(np.cos(yaw - expected), 1.0, atol=1e-7)
 
 
-def test_who_is_absent_at_either_step_is_left_out() -> None:
+def test_actors_absent_at_either_step_are_left_out() -> None:
     log = _log()
     assert 1 not in log.state_at(0.9).index  # comes at step 5
     assert 1 in log.state_at(1.0).index
@@ -76,12 +76,12 @@ def test_times_outside_are_refused(time_s: float) -> None:
         _log().state_at(time_s)
 
 
-def test_the_last_moment_can_be_asked_for() -> None:
+def test_the_state_at_the_last_step() -> None:
     log = _log()
     np.testing.assert_allclose(log.state_at(log.duration_s).xy_m[0], log.xy_m[-1, 0], atol=1e-3)
 
 
-def test_arrays_must_fit() -> None:
+def test_array_shapes_are_checked() -> None:
     log = _log()
     with pytest.raises(ShapeError, match="yaw_rad"):
         TrafficLog(
@@ -95,7 +95,7 @@ def test_arrays_must_fit() -> None:
         )
 
 
-def test_a_log_survives_its_file(tmp_path: Path) -> None:
+def test_logs_are_saved_and_loaded(tmp_path: Path) -> None:
     log, file = _log(), tmp_path / "a.traffic.npz"
     save_traffic(file, log)
     again = load_traffic(file)
@@ -129,7 +129,7 @@ def test_a_log_of_parked_cars_only(tmp_path: Path) -> None:
     np.testing.assert_allclose(load_traffic(tmp_path / "p.npz").xy_m, parked.xy_m, atol=0.0051)
 
 
-def test_who_comes_back_cannot_be_saved(tmp_path: Path) -> None:
+def test_an_actor_that_reappears_cannot_be_saved(tmp_path: Path) -> None:
     log = _log()
     xy = log.xy_m.copy()
     xy[15, 1] = np.nan
@@ -147,7 +147,7 @@ def test_who_comes_back_cannot_be_saved(tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
-def test_damaged_files_get_one_line(tmp_path: Path) -> None:
+def test_damaged_files_give_one_line(tmp_path: Path) -> None:
     file = tmp_path / "a.npz"
     save_traffic(file, _log())
     good = file.read_bytes()
@@ -164,7 +164,7 @@ def test_damaged_files_get_one_line(tmp_path: Path) -> None:
         load_traffic(tmp_path / "none.npz")
 
 
-def test_parts_that_do_not_fit_together_are_refused(tmp_path: Path) -> None:
+def test_inconsistent_parts_are_refused(tmp_path: Path) -> None:
     file = tmp_path / "a.npz"
     save_traffic(file, _log())
     with np.load(file) as archive:

@@ -30,7 +30,7 @@ BOXY = BODIES[:9]
 
 
 def silhouette(mesh: Mesh, size: Size, axes: tuple[int, int], cells: int = 300) -> BoolArray:
-    """(cells, cells) what the mesh covers of its box, seen along the third axis."""
+    """Return (cells, cells) the silhouette of the mesh in its box along the third axis."""
     low = np.array([-size[0] / 2, -size[1] / 2, 0.0])[list(axes)]
     corners = (mesh.vertices_m[mesh.faces][..., list(axes)] - low) / np.array(size)[list(axes)] * cells
     image = np.zeros((cells, cells), np.uint8)
@@ -44,7 +44,7 @@ def overlap(a: BoolArray, b: BoolArray) -> float:
 
 
 def seen_backs(mesh: Mesh) -> float:
-    """Share of rays from all around and above that meet the back of a face first."""
+    """Return the share of rays from all sides and above that hit the back of a face first."""
     rng = np.random.default_rng(0)
     yaw, up = rng.uniform(0, 2 * np.pi, 4000), np.radians(rng.uniform(2, 60, 4000))
     ways = -np.stack([np.cos(up) * np.cos(yaw), np.cos(up) * np.sin(yaw), np.sin(up)], axis=1)
@@ -82,7 +82,7 @@ def test_from_above_vehicles_cover_their_rectangle(body: str) -> None:
 
 
 @pytest.mark.parametrize("body", BODIES)
-def test_levels_of_detail_look_alike_and_cost_less(body: str) -> None:
+def test_levels_of_detail_look_alike_with_fewer_faces(body: str) -> None:
     meshes = [body_mesh(body, USUAL[body], 0, detail) for detail in range(3)]
     counts = [len(mesh.faces) for mesh in meshes]
     limits = (800, 230, 95) if body in BOXY else (800, 450, 180)
@@ -103,7 +103,7 @@ def test_faces_are_wound_outward(body: str) -> None:
 
 
 @pytest.mark.parametrize("body", BODIES)
-def test_normals_point_as_the_faces_do(body: str) -> None:
+def test_normals_agree_with_the_faces(body: str) -> None:
     mesh = body_mesh(body, SIZES[body][2], 0, 0)
     a, b, c = np.moveaxis(mesh.vertices_m[mesh.faces].astype(np.float64), 1, 0)
     area = np.cross(b - a, c - a)
@@ -140,7 +140,7 @@ def test_windows_are_glass_above_the_wheels() -> None:
     assert np.count_nonzero(mesh.material == Material.GLASS) > 10
 
 
-def test_walkers_move_their_legs_and_keep_their_height() -> None:
+def test_pedestrians_move_their_legs_and_keep_their_height() -> None:
     steps = [body_template("adult", 0, 0, pose) for pose in range(POSES)]
     assert all(step.coordinates[:, 2].max() == pytest.approx(1.0, abs=1e-3) for step in steps)
     spans = [float(np.ptp(step.coordinates[:, 0])) for step in steps]
@@ -156,7 +156,7 @@ def test_templates_are_the_same_every_time() -> None:
     assert not np.array_equal(first.vertices_m, body_mesh("suv", USUAL["suv"], 1, 0).vertices_m)
 
 
-def test_what_is_no_body_is_said() -> None:
+def test_unknown_bodies_sizes_and_details_are_refused() -> None:
     with pytest.raises(NotFoundError, match="no body 'tank'"):
         body_mesh("tank", (5.0, 2.0, 2.0), 0, 0)
     with pytest.raises(ShapeError, match=r"expected 0\.\.2, got 3"):

@@ -1,4 +1,4 @@
-"""Invented streets, before SUMO sees them."""
+"""Generated street layouts, before SUMO."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def test_towns_have_all_kinds_of_streets() -> None:
     assert any(crossing.kind == "traffic_light" for layout in layouts for crossing in layout.crossings)
 
 
-def test_the_seed_decides() -> None:
+def test_layout_depends_on_the_seed() -> None:
     first, second, other = draw_layout(7), draw_layout(7), draw_layout(8)
     assert [s.line_m.tobytes() for s in first.streets] == [s.line_m.tobytes() for s in second.streets]
     assert [s.line_m.tobytes() for s in first.streets] != [s.line_m.tobytes() for s in other.streets]

@@ -1,4 +1,4 @@
-"""Parts of the scenery: builder, copies, stems, trees, the free ground of a site."""
+"""Parts of the scenery: builder, instances, rods, trees, the free ground of a site."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def test_boxes_are_closed_and_turned_outward() -> None:
     np.testing.assert_allclose(mesh.vertices_m.min(axis=0), [8.4, 5.0, 0.0], atol=1e-5)
 
 
-def test_the_front_of_a_place_looks_to_the_street() -> None:
+def test_the_front_of_a_frame_faces_the_street() -> None:
     builder = Builder()
     builder.add_boxes(TURNED, [0, 0, 0], [4, 2, 3], Material.BRICK, (1, 2, 3), sides="f")
     np.testing.assert_allclose(builder.mesh().normals, np.tile([0.8, -0.6, 0.0], (4, 1)), atol=1e-6)
@@ -51,7 +51,7 @@ def test_texture_runs_in_metres_up_a_wall() -> None:
     np.testing.assert_allclose(builder.mesh().uv, [[0, 0], [4, 0], [4, 3], [0, 3]], atol=1e-5)
 
 
-def test_copies_are_scaled_turned_and_moved() -> None:
+def test_instances_are_scaled_rotated_and_translated() -> None:
     mesh = instance_mesh(
         box(),
         np.array([[100.0, 0, 0], [0, 100, 2]]),
@@ -66,7 +66,7 @@ def test_copies_are_scaled_turned_and_moved() -> None:
     np.testing.assert_allclose(mesh.vertices_m[24:].max(axis=0), [-10.0, 124.8, 5.0], atol=1e-4)
 
 
-def test_stems_are_round_and_capped() -> None:
+def test_rods_are_round_and_capped() -> None:
     rod = tapered_rod(np.zeros(3), np.array([0.0, 0.0, 2.0]), (1.0, 0.5), 24, Material.METAL, (1, 1, 1), capped=True)
     assert rod.normals[:48, 2].max() == 0.0
     np.testing.assert_allclose(rod.normals[48:], np.tile([0, 0, 1], (24, 1)), atol=1e-6)
@@ -75,7 +75,7 @@ def test_stems_are_round_and_capped() -> None:
 
 
 @pytest.mark.parametrize("make", [trees.broad_tree, trees.columnar_tree, trees.conifer_tree, trees.small_tree])
-def test_trees_stand_on_a_trunk_and_differ(make: object) -> None:
+def test_trees_have_a_trunk_and_differ(make: object) -> None:
     assert callable(make)
     tree, sparse, other = make(1, 1.0), make(1, 0.4), make(2, 1.0)
     trunk = tree.mesh.vertices_m[tree.mesh.faces[~tree.leaves]]
@@ -160,7 +160,7 @@ def test_roundabouts_have_no_buildings_in_the_middle() -> None:
     assert np.hypot(*builder.mesh().vertices_m[:, :2].T).min() > 20.0
 
 
-def test_the_gates_of_halls_reach_the_ground() -> None:
+def test_gates_of_industrial_buildings_reach_the_ground() -> None:
     frame = LocalFrame(np.zeros(2), np.array([1.0, 0.0]))
     found = 0
     for seed in range(4):

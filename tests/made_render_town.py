@@ -1,4 +1,4 @@
-"""A street of forty metres, made by hand, and things to put on it."""
+"""A hand-made street of forty metres, and objects to place on it."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def box(
 
 
 def car(x: float, y: float, tag: int, tint: tuple[int, int, int] = (190, 30, 30)) -> Mesh:
-    """A painted box with panes on it, a brake lamp at its back (towards -x) and head lamps at its front."""
+    """A painted box with panes on it, a brake lamp at its rear (towards -x) and head lamps at its front."""
     return join_meshes(
         [
             box((x - 2, y - 0.9, 0.3), (x + 2, y + 0.9, 1.0), Material.PAINT, tint, tag),
@@ -63,7 +63,7 @@ def car(x: float, y: float, tag: int, tint: tuple[int, int, int] = (190, 30, 30)
 
 
 def town(*more: Mesh) -> Town:
-    """A street along x from 0 to 40 with a white line at y = 0, grass beside it, a brick wall, a pole and a lamp."""
+    """A street along x from 0 to 40 with a white line at y = 0, grass next to it, a brick wall, a pole and a lamp."""
     label = np.full((400, 400), Surface.GRASS, np.uint8)
     label[160:240] = Surface.ROAD
     label[198:202] = Surface.LINE_WHITE
@@ -100,7 +100,7 @@ def town(*more: Mesh) -> Town:
 
 
 def camera(channel: str, width: int, height: int, place: tuple[float, float, float], toward_deg: float) -> Camera:
-    """A level camera that looks along a heading."""
+    """Return a level camera that faces a heading."""
     focal = width / 2 / np.tan(np.radians(35))
     intrinsic = np.array([[focal, 0, (width - 1) / 2], [0, focal, height * 0.45], [0, 0, 1]])
     cos, sin = np.cos(np.radians(toward_deg)), np.sin(np.radians(toward_deg))
@@ -111,6 +111,6 @@ def camera(channel: str, width: int, height: int, place: tuple[float, float, flo
 def down(
     points_m: list[tuple[float, float]], height_m: float = 5.5
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Rays straight down onto places."""
+    """Return vertical rays onto points."""
     origins = np.array([[x, y, height_m] for x, y in points_m], np.float32)
     return origins, np.tile(np.array([0, 0, -1], np.float32), (len(origins), 1))

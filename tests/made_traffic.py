@@ -1,4 +1,4 @@
-"""Traffic made by hand."""
+"""Hand-made traffic."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from appocc.simulation.traffic import Actor, TrafficLog
 
 
 def straight_traffic() -> TrafficLog:
-    """A car that drives all the time, one that stands half of it, a parked one, a walker."""
+    """A car that always drives, one that is stationary half of the time, a parked one, a pedestrian."""
     steps = np.arange(101)
     xy = np.zeros((101, 4, 2), np.float32)
     xy[:, 0, 0] = steps

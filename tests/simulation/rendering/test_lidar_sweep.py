@@ -33,7 +33,7 @@ def in_town(points: Float32Array) -> FloatArray:
     return np.asarray(apply(EGO @ EGO_FROM_LIDAR, points[:, :3].astype(np.float64)))
 
 
-def test_points_lie_on_what_they_hit(street: Street, exact: LidarSweep) -> None:
+def test_points_are_on_the_surfaces_they_hit(street: Street, exact: LidarSweep) -> None:
     place = in_town(exact.points)
     flat = np.isin(exact.category, [CATEGORIES.index(name) for name in ("flat.driveable_surface", "flat.terrain")])
     assert flat.any()

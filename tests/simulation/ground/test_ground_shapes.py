@@ -1,4 +1,4 @@
-"""Polylines, filling and outlines the ground of a town is drawn with."""
+"""Polylines, polygon filling and outlines of the ground."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def quarter(radius_m: float) -> FloatArray:
     return radius_m * np.stack([np.cos(turn), np.sin(turn)], axis=1)
 
 
-def test_cut_keeps_corners_and_gives_nothing_for_nothing() -> None:
+def test_cut_keeps_corners_and_handles_empty_ranges() -> None:
     np.testing.assert_allclose(cut(BEND, 4.0, 12.0), np.array([[4.0, 0.0], [10.0, 0.0], [10.0, 2.0]]))
     assert len(cut(BEND, 12.0, 4.0)) == 0
     assert length_m(cut(BEND, -5.0, 50.0)) == pytest.approx(20.0)
@@ -75,7 +75,7 @@ def test_filling_beyond_the_canvas_is_cut_off() -> None:
 
 
 def blob() -> ByteArray:
-    """A ring with two holes beside each other, a speck in a hole, and a bar apart."""
+    """A ring with two adjacent holes, a speck in a hole, and a separate bar."""
     mask = np.zeros((120, 160), np.uint8)
     mask[10:100, 10:120] = 1
     mask[30:60, 20:60] = 0
@@ -96,7 +96,7 @@ def test_outlines_fill_to_the_mask_without_holes() -> None:
     assert total.max() < 1.5
 
 
-def test_tiles_go_on_without_a_seam() -> None:
+def test_noise_tiles_without_a_seam() -> None:
     noise = tileable_noise(np.random.default_rng(4), 256, (32, 16), (1.0, 0.5))
     inside = np.abs(np.diff(noise, axis=0)).mean()
     assert np.abs(noise[0] - noise[-1]).mean() < 2 * inside

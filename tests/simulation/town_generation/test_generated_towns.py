@@ -1,4 +1,4 @@
-"""Towns made with SUMO: an invented one, CARLA's, and what is no map."""
+"""Towns generated with SUMO: from a seed, from CARLA's maps, and from invalid maps."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def log(small: Path, network: RoadNetwork) -> TrafficLog:
     return generate_traffic(small, TownPlan("small", 5, "old", network), 8.0)
 
 
-def test_an_invented_town_has_streets_to_drive_and_park_in(network: RoadNetwork) -> None:
+def test_a_generated_town_has_streets_to_drive_and_park_in(network: RoadNetwork) -> None:
     kinds = {lane.kind for edge in network.edges for lane in edge.lanes}
     assert kinds == {"driving", "parking"}
     widths = {lane.width_m for edge in network.edges for lane in edge.lanes if lane.kind == "parking"}
@@ -52,7 +52,7 @@ def test_an_invented_town_has_streets_to_drive_and_park_in(network: RoadNetwork)
         assert network.lane(way.from_lane).kind == network.lane(way.to_lane).kind == "driving"
 
 
-def test_traffic_fills_it(network: RoadNetwork, log: TrafficLog) -> None:
+def test_a_generated_town_has_traffic(network: RoadNetwork, log: TrafficLog) -> None:
     assert log.duration_s == pytest.approx(8.0)
     parked = (log.lights & int(Light.PARKED)).any(axis=0)
     people = np.array([actor.kind == "pedestrian" for actor in log.actors])
@@ -91,7 +91,7 @@ def test_a_network_without_a_way_back_still_gives_a_town(tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize("text", ["", "hello", "<a/>", "<OpenDRIVE/>"])
-def test_what_is_no_map_gets_one_line(tmp_path: Path, text: str) -> None:
+def test_invalid_maps_give_one_line(tmp_path: Path, text: str) -> None:
     source = tmp_path / "bad.xodr"
     source.write_text(text, encoding="utf-8")
     with pytest.raises(DataError, match=r"bad\.xodr: no road network \(.+\)") as caught:
@@ -100,7 +100,7 @@ def test_what_is_no_map_gets_one_line(tmp_path: Path, text: str) -> None:
     assert not (tmp_path / "out").exists()
 
 
-def test_missing_and_damaged_sources_get_one_line(tmp_path: Path) -> None:
+def test_missing_and_damaged_sources_give_one_line(tmp_path: Path) -> None:
     (tmp_path / "cut.net.xml.gz").write_bytes(gzip.compress(b"<net/>" * 99)[:20])
     (tmp_path / "plain.net.xml").write_bytes(b"<net/>")
     for name in ("none.xodr", "none.net.xml", "cut.net.xml.gz", "plain.net.xml"):
@@ -122,7 +122,7 @@ def test_carla_towns_keep_their_roadsides(data_root: Path, tmp_path: Path) -> No
 
 
 @pytest.mark.realdata
-def test_a_carla_town_is_made(data_root: Path, tmp_path: Path) -> None:
+def test_a_carla_town_is_generated(data_root: Path, tmp_path: Path) -> None:
     path = tmp_path / "Town02.net.xml"
     import_opendrive(data_root / "carla_towns" / "xodr" / "Town02.xodr", path)
     log = generate_traffic(path, TownPlan("Town02", 3, "old", read_network(path)), 5.0)

@@ -13,7 +13,7 @@ from appocc.simulation.truth.annotations import annotate, attribute_of
 from appocc.simulation.truth.objects import category_of, objects_near
 
 
-def test_rows_say_what_stands_where() -> None:
+def test_rows_hold_category_box_and_visibility() -> None:
     street = made_street(
         [("car", "pickup", (5.2, 2.0, 1.8), 12, 3, 0.5), ("pedestrian", "child", (0.5, 0.5, 1.2), 4, -3, 0.0)]
     )

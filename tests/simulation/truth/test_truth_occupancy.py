@@ -25,7 +25,7 @@ def objects(*rows: tuple[float, float, float], what: tuple[str, str, tuple[float
     return objects_near(street.actors, street.state, np.zeros(2), np.inf)
 
 
-def test_road_and_line_lie_where_they_are_painted() -> None:
+def test_road_and_line_are_where_they_are_painted() -> None:
     grid = BEVGrid(-20, 20, -20, 20)
     truth = exact_occupancy(made_ground(), grid, pose(0, 0, 0), NOBODY)
     y = grid.centres()[0, :, 1]
@@ -57,7 +57,7 @@ def test_shares_come_close_to_the_exact_cover() -> None:
     assert known.all()
 
 
-def test_beyond_the_raster_nothing_is_known_of_the_ground() -> None:
+def test_ground_beyond_the_raster_is_unknown() -> None:
     truth = exact_occupancy(made_ground(), BEVGrid.surround(), pose(40, 0, 0), objects((52, 0, 0)))
     x = BEVGrid.surround().centres()[..., 0]
     assert (truth.valid[ROAD] == (x < 10)).all()
@@ -94,7 +94,7 @@ def test_one_cell_of_a_vehicle_is_enough() -> None:
     assert owner[0, 0] == 0
 
 
-def test_what_counts_as_vehicle() -> None:
+def test_vehicle_categories() -> None:
     grid = BEVGrid.surround()
     bicycle = objects((5, 0, 0), what=("bicycle", "bicycle", (1.8, 0.8, 1.7)))
     person = objects((5, 0, 0), what=("pedestrian", "adult", (0.9, 0.9, 1.7)))
@@ -104,7 +104,7 @@ def test_what_counts_as_vehicle() -> None:
     assert (vehicle_cells(grid, np.eye(4), motorcycle) == 0).any()
 
 
-def test_the_ego_and_what_is_far_are_left_out() -> None:
+def test_the_ego_and_distant_actors_are_excluded() -> None:
     street = made_street([(*CAR, 0, 0, 0), (*CAR, 10, 0, 0), (*CAR, 100, 0, 0)])
     near = objects_near(street.actors, street.state, np.zeros(2), 80.0, ego=0)
     assert near.number.tolist() == [1]

@@ -22,9 +22,7 @@ def loaded(path: Path) -> ModuleType:
     return module
 
 
-def test_an_index_that_names_modules_which_are_gone_is_replaced(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_index_that_refers_to_removed_modules_is_replaced(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
     from appocc.simulation.rendering.compiled import kernel
 

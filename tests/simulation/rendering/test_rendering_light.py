@@ -37,13 +37,13 @@ def brightness(
     ego: EgoBody | None = None,
     shown: int = 0,
 ) -> NDArray[np.float32]:
-    """Light (N,) that comes up from places on the ground."""
+    """Return the radiance (N,) of points on the ground."""
     renderer.set_scene(mesh or join_meshes([]), np.full(9, shown, np.uint8), NO_BYTES, weather, ego)
     return np.asarray(renderer.radiance(*down(places), 0.001).mean(1), np.float32)
 
 
 def ahead(renderer: Renderer, target: tuple[float, float, float]) -> NDArray[np.float32]:
-    """Light (3,) along a ray that comes from five metres in front (towards -x) of a place and meets it."""
+    """Return the radiance (3,) of a point along a ray from five metres in front of it (towards -x)."""
     origin = np.array([[target[0] - 5, target[1], target[2]]], np.float32)
     return np.asarray(renderer.radiance(origin, np.array([[1, 0, 0]], np.float32), 0.001)[0])
 
@@ -61,7 +61,7 @@ def test_the_ego_casts_a_shadow_without_a_mesh(renderer: Renderer) -> None:
     assert with_ego[1] == pytest.approx(without[1], rel=0.02)
 
 
-def test_it_is_dark_below_a_car_even_without_a_sun(renderer: Renderer) -> None:
+def test_it_is_dark_below_a_car_without_sun(renderer: Renderer) -> None:
     below = car(20, -2, 0)
     places = [(20.0, -2.0 - 0.98), (20.0, -2.0 - 3.0)]
     near, far = brightness(renderer, places, WEATHERS["overcast"], below)
@@ -110,7 +110,7 @@ def test_brake_lamps_are_brighter_and_parked_cars_dark(renderer: Renderer) -> No
     assert red[0] > 5 * red[Light.PARKED]
 
 
-def test_wet_streets_mirror_what_stands_behind_them(renderer: Renderer) -> None:
+def test_wet_streets_reflect_the_scene_behind_them(renderer: Renderer) -> None:
     wet = WEATHERS["wet"]
     # Seen from afar, the street before a red box: a film of water mirrors at small angles only.
     origins = np.tile(np.array([[0, 0, 1.2]], np.float32), (60, 1))
@@ -143,7 +143,7 @@ def test_shops_show_one_room_without_hard_tiles(shop: int) -> None:
     assert above[4] == 0.0  # and by day no lamps burn
 
 
-def test_pools_of_light_fade_before_the_map_of_them_ends(renderer: Renderer) -> None:
+def test_lamp_light_fades_before_the_border_of_the_near_map(renderer: Renderer) -> None:
     # Tail lamps 156 m apart: the map around their middle ends two metres behind the first.
     cars = join_meshes([_tail_lamp(-60.0, 0), _tail_lamp(96.0, 1)])
     street = [(-60.3 - 0.2 * k, 0.0) for k in range(20)]
@@ -173,7 +173,7 @@ def test_paint_keeps_its_colour_in_sun_and_shade(renderer: Renderer) -> None:
         assert list(light.argmax(1)) == [int(np.argmax(tint))] * 2
 
 
-def test_one_can_look_through_leaves() -> None:
+def test_rays_can_skip_foliage() -> None:
     crown = box((8, -4, 3), (12, 4, 5), Material.FOLIAGE, (40, 90, 30))
     renderer = Renderer(town(crown))
     renderer.set_scene(join_meshes([]), NO_BYTES, NO_BYTES, WEATHERS["overcast"], None)
@@ -182,7 +182,7 @@ def test_one_can_look_through_leaves() -> None:
     assert through[1] < 1.1 * through[2]
 
 
-def test_haze_hides_what_is_far_in_pictures_only(renderer: Renderer) -> None:
+def test_haze_applies_to_images_only(renderer: Renderer) -> None:
     rig = CameraRig((camera("A", 64, 32, (0.0, 0.0, 1.5), 90),))
     images = []
     for haze in (0.0, 0.2):

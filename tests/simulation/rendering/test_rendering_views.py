@@ -45,7 +45,7 @@ def points_of(view: CameraView, by: Camera) -> tuple[FloatArray, FloatArray, Flo
     return apply(POSE @ by.ego_from_cam, in_cam), pixels, depth
 
 
-def test_depth_puts_pixels_on_the_surfaces_that_are_there(renderer: Renderer) -> None:
+def test_depth_maps_pixels_to_surfaces(renderer: Renderer) -> None:
     for channel, view in views(renderer).items():
         points, _, _ = points_of(view, RIG[channel])
         kind = view.kind[np.isfinite(view.depth_m)]
@@ -68,7 +68,7 @@ def test_a_known_point_is_seen_where_it_is_projected(renderer: Renderer) -> None
     assert view.depth_m[row, column] == pytest.approx(depth[1], abs=5e-3)
 
 
-def test_pixels_say_what_they_show(renderer: Renderer) -> None:
+def test_pixel_classes(renderer: Renderer) -> None:
     view = views(renderer)["A"]
     assert (view.actor >= 0).any()
     np.testing.assert_array_equal(view.kind[view.actor >= 0], ViewClass.VEHICLE)
@@ -82,7 +82,7 @@ def test_pixels_say_what_they_show(renderer: Renderer) -> None:
     assert np.abs(points[line, 1]).max() < 0.2 + 2e-3
 
 
-def test_people_and_two_wheelers_are_told_by_what_they_are_made_of(renderer: Renderer) -> None:
+def test_people_and_two_wheelers_are_classified_by_material(renderer: Renderer) -> None:
     cloth = box((14, -2.2, 0), (14.4, -1.8, 1.7), Material.CLOTH, (20, 20, 80), 0)
     wheels = box((14, -0.4, 0), (15.5, 0.0, 0.7), Material.RUBBER, (20, 20, 20), 2)
     rider = box((14.5, -0.4, 0.7), (14.9, 0.0, 1.6), Material.CLOTH, (90, 20, 20), 2)
@@ -91,16 +91,14 @@ def test_people_and_two_wheelers_are_told_by_what_they_are_made_of(renderer: Ren
     assert set(view.kind[view.actor == 2]) == {ViewClass.TWO_WHEELER}
 
 
-def test_same_input_same_bytes_and_other_noise_another_picture(renderer: Renderer) -> None:
+def test_same_input_gives_same_bytes_and_other_noise_another_image(renderer: Renderer) -> None:
     first, again, other = (views(renderer, seed=seed)["A"].image for seed in (1, 1, 2))
     assert first.tobytes() == again.tobytes()
     difference = np.abs(first.astype(int) - other)
     assert 0 < difference.mean() < 3
 
 
-def test_more_rays_at_edges_bring_the_picture_nearer_to_the_truth(
-    renderer: Renderer, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_extra_rays_at_edges_reduce_the_error(renderer: Renderer, monkeypatch: pytest.MonkeyPatch) -> None:
     refined = views(renderer)["B"].image
     large = views(renderer, CameraRig((RIG["B"].resized(480, 320),)))["B"].image
     truth = large.reshape(80, 4, 120, 4, 3).mean((1, 3))
@@ -110,7 +108,7 @@ def test_more_rays_at_edges_bring_the_picture_nearer_to_the_truth(
     assert error < 0.85 * before
 
 
-def test_large_pictures_are_made_in_parts(renderer: Renderer, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_large_images_are_rendered_in_chunks(renderer: Renderer, monkeypatch: pytest.MonkeyPatch) -> None:
     whole = views(renderer)["A"]
     monkeypatch.setattr(module, "_CHUNK", 1000)
     parts = views(renderer)["A"]
@@ -126,7 +124,7 @@ def test_full_hd(renderer: Renderer) -> None:
     assert view.depth_m.shape == view.actor.shape == view.kind.shape == (1080, 1920)
 
 
-def test_packets_and_single_rays_meet_the_same() -> None:
+def test_packets_and_single_rays_agree() -> None:
     mesh, random = join_meshes([town().solid, CARS]), np.random.default_rng(5)
     packets, plain = build_scene(mesh), SingleRayScene(mesh)
     assert isinstance(packets, PacketScene)  # the library that embreex brings was found

@@ -1,4 +1,4 @@
-"""A town made by hand: flat ground with a road along x, one wall, and actors that are boxes."""
+"""A hand-made town: flat ground with a road along x, one wall, and box-shaped actors."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _SIDES = np.array([[0, 4, 7], [0, 7, 3], [1, 5, 4], [1, 4, 0], [2, 6, 5], [2, 5,
 
 
 class Street(NamedTuple):
-    """The town, its actors at a moment, and the tracer of both."""
+    """A town, its actors, and the tracer of both."""
 
     town: Town
     actors: tuple[Actor, ...]
@@ -43,7 +43,7 @@ def box_mesh(
     tint: tuple[int, int, int] = (128, 128, 128),
     tag: int = -1,
 ) -> Mesh:
-    """A box that is centred at a place; normals outward, corners not shared."""
+    """A box centred at a point; normals outward, corners not shared."""
     signs = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]], np.float64)
     corners = np.array([[*xy, z] for z in (-1.0, 1.0) for xy in signs]) * np.array(size_lwh_m) / 2
     cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
@@ -76,7 +76,7 @@ def made_ground() -> Ground:
 
 
 def made_town(solid: Mesh) -> Town:
-    """That ground with something that stands on it."""
+    """Return a town of the ground of `made_ground` and a static mesh."""
     nowhere = np.zeros(2)
     network = RoadNetwork(
         edges=(), inner_lanes=(), junctions=(), connections=(), low_m=nowhere, high_m=nowhere, offset_m=nowhere
@@ -89,7 +89,7 @@ def made_town(solid: Mesh) -> Town:
 def made_street(
     rows: Sequence[tuple[str, str, tuple[float, float, float], float, float, float]], solid: Mesh | None = None
 ) -> Street:
-    """Actors of rows (kind, body, size l w h, x, y, yaw), drawn as boxes of their size, beside a wall at y = 8..9."""
+    """Actors of rows (kind, body, size l w h, x, y, yaw), as boxes of their size, next to a wall at y = 8..9."""
     wall = box_mesh((10, 8.5, 2), (20, 1, 4), material=Material.BRICK)
     town = made_town(wall if solid is None else solid)
     actors = tuple(Actor(f"actor-{i}", kind, body, size) for i, (kind, body, size, *_) in enumerate(rows))
@@ -115,7 +115,7 @@ def made_street(
 
 
 def looking(channel: str, yaw_rad: float, place_m: Sequence[float], wide: int = 640, high: int = 360) -> Camera:
-    """A camera with 90 degrees of view that looks along a yaw in the ego frame."""
+    """A camera with a field of view of 90 degrees that faces a yaw in the ego frame."""
     focal = wide / 2
     intrinsic = np.array([[focal, 0, (wide - 1) / 2], [0, focal, (high - 1) / 2], [0, 0, 1]])
     cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)

@@ -1,4 +1,4 @@
-"""The checks of `benchmarks.simulator_truth` on a street made by hand, where boxes are boxes."""
+"""The checks of `benchmarks.simulator_truth` on a hand-made street of box-shaped actors."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def test_projected_boxes_enclose_the_pixels_of_their_vehicles(frame: TruthFrame,
     assert ious.min() > 0.93
 
 
-def test_lidar_and_picture_measure_the_same_depth(frame: TruthFrame, street: Street, renderer: Renderer) -> None:
+def test_lidar_and_image_measure_the_same_depth(frame: TruthFrame, street: Street, renderer: Renderer) -> None:
     found = simulate_sweep(frame.tracer, street.town, street.mesh, category_indices(street.actors), EGO, None)
     camera = lidar_camera(0.2, 640, 360)
     errors = depth_errors(

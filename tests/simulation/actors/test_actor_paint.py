@@ -18,7 +18,7 @@ def shares(kind: str, count: int = 5000) -> dict[str, float]:
     return {name: n / count for name, n in counts.items()}
 
 
-def test_the_words_are_those_of_commands() -> None:
+def test_colour_words_are_those_of_commands() -> None:
     assert set(COLOUR_WORDS) == set(WORDS)
 
 
@@ -47,7 +47,7 @@ def test_most_buses_of_a_town_are_of_one_fleet() -> None:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_names_agree_with_what_people_would_say(kind: str) -> None:
+def test_names_agree_with_the_colour_classifier(kind: str) -> None:
     paints = draw_paints(fleet(kind, 1500), 11)
     said = np.array(WORDS)[word_probabilities(np.array([paint.rgb for paint in paints])).argmax(axis=1)]
     assert np.mean(said == [paint.name for paint in paints]) > 0.95
@@ -67,6 +67,6 @@ def test_a_paint_follows_from_seed_and_name_alone() -> None:
     assert all(0 <= value <= 255 for rgb in others for value in rgb)
 
 
-def test_a_kind_without_paints_is_said() -> None:
+def test_a_kind_without_paints_is_refused() -> None:
     with pytest.raises(NotFoundError, match="no kind 'tram'"):
         draw_paint(Actor("x", "tram", "bus", (30.0, 2.6, 3.5)), 0)

@@ -32,7 +32,7 @@ def of(mesh: Mesh, number: int) -> Float32Array:
     return np.asarray(mesh.vertices_m[mesh.faces[mesh.tag == number]]).reshape(-1, 3)
 
 
-def test_a_car_stands_in_its_oriented_box() -> None:
+def test_a_car_fills_its_oriented_box() -> None:
     yaw = 0.7
     mesh = assemble([actor("a")], state([0], [(12.0, -5.0, yaw)]), [RED], ORIGIN, None)
     turn = np.array([[np.cos(yaw), np.sin(yaw)], [-np.sin(yaw), np.cos(yaw)]])
@@ -54,7 +54,7 @@ def test_an_actor_is_the_mesh_of_its_body() -> None:
     assert np.array_equal(mesh.material, alone.material)
 
 
-def test_tags_and_paints_are_by_the_number_in_the_log() -> None:
+def test_tags_and_paints_follow_the_index_in_the_log() -> None:
     actors = [actor(name) for name in "abcd"]
     where = state([1, 3], [(5.0, 0.0, 0.0), (-5.0, 3.0, 1.0)])
     mesh = assemble(actors, where, [BLUE, RED, BLUE, BLUE], ORIGIN, None)
@@ -79,7 +79,7 @@ def test_every_painted_face_of_every_vehicle_has_its_paint() -> None:
     assert np.all(mesh.tint[paint] == RED.rgb)
 
 
-def test_a_walker_wears_a_jacket_of_its_colour() -> None:
+def test_a_pedestrian_wears_a_jacket_of_its_colour() -> None:
     walker = actor("w", "adult", (0.7, 0.6, 1.75), "pedestrian")
     mesh = assemble([walker], state([0], [(0.0, 0.0, 0.0)]), [RED], ORIGIN, None)
     jacket = np.all(mesh.tint == RED.rgb, axis=1)
@@ -87,14 +87,14 @@ def test_a_walker_wears_a_jacket_of_its_colour() -> None:
     assert 0.2 < np.mean(jacket) < 0.7
 
 
-def test_the_ego_and_who_is_far_away_are_left_out() -> None:
+def test_the_ego_and_distant_actors_are_left_out() -> None:
     actors = [actor(name) for name in "abc"]
     where = state([0, 1, 2], [(0.0, 0.0, 0.0), (40.0, 0.0, 0.0), (151.0, 0.0, 0.0)])
     assert set(assemble(actors, where, [RED] * 3, ORIGIN, 0).tag) == {1}
     assert set(assemble(actors, where, [RED] * 3, np.array([100.0, 0.0]), None, 55.0).tag) == {2}
 
 
-def test_nobody_near_is_an_empty_mesh() -> None:
+def test_no_actor_nearby_gives_an_empty_mesh() -> None:
     mesh = assemble([actor("a")], state([0], [(0.0, 0.0, 0.0)]), [RED], np.array([1e3, 0.0]), None)
     assert mesh.vertices_m.shape == (0, 3)
     assert mesh.faces.shape == (0, 3)
@@ -107,7 +107,7 @@ def test_detail_falls_with_distance() -> None:
     assert counts[0] > 2 * counts[1] > 4 * counts[2]
 
 
-def test_walkers_step_as_they_go_and_stand_still_when_they_stop() -> None:
+def test_pedestrians_step_while_walking_only() -> None:
     walker = [actor("w", "adult", (0.7, 0.6, 1.75), "pedestrian")]
 
     def shape(x: float, speed_mps: float) -> Float32Array:
@@ -121,7 +121,7 @@ def test_walkers_step_as_they_go_and_stand_still_when_they_stop() -> None:
     assert np.abs(walking[0] - walking[2]).max() > 0.1
 
 
-def test_the_same_moment_is_the_same_mesh() -> None:
+def test_the_same_state_gives_the_same_mesh() -> None:
     actors = [actor(f"v{k}", body) for k, body in enumerate(("sedan", "van", "bus", "bicycle") * 5)]
     rng = np.random.default_rng(1)
     poses = [(float(x), float(y), float(yaw)) for x, y, yaw in rng.uniform(-60, 60, (20, 3))]

@@ -1,4 +1,4 @@
-"""From SUMO's bumpers to bodies that move as bodies do."""
+"""Vehicle motion from SUMO's bumpers, curve speeds and overlaps."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from appocc.simulation.traffic import Actor
 
 
 def _corner(steps: int = 400, speed: float = 4.0) -> tuple[FloatArray, FloatArray]:
-    """A bumper that goes east and turns north on the spot, as SUMO's do where lanes meet."""
+    """A bumper that goes east and turns north on the spot, like SUMO's where lanes meet."""
     along = np.arange(steps) * 0.1 * speed
     bend = along[steps // 2]
     front = np.stack([np.minimum(along, bend), np.maximum(along - bend, 0)], axis=1)
@@ -35,14 +35,14 @@ def test_a_car_does_not_turn_on_the_spot() -> None:
     assert np.hypot(*(centre[:, 0] + ahead * 2.25 - front[:, 0]).T).max() < 1.2
 
 
-def test_a_standing_car_stays_as_it_is() -> None:
+def test_a_stationary_car_does_not_move() -> None:
     front = np.tile([[[3.0, 4.0]]], (50, 1, 1))
     centre, yaw, _ = vehicle_motion(front, np.full((50, 1), 0.5), np.array([4.0]))
     np.testing.assert_allclose(yaw, 0.5)
     np.testing.assert_allclose(centre[:, 0], np.tile([3 - 2 * np.cos(0.5), 4 - 2 * np.sin(0.5)], (50, 1)))
 
 
-def test_a_gap_or_a_jump_parts_two_presences() -> None:
+def test_a_gap_or_a_jump_splits_a_presence() -> None:
     front, yaw = _corner()
     front[50:60], yaw[50:60] = np.nan, np.nan
     front[100:] += 30.0
@@ -52,7 +52,7 @@ def test_a_gap_or_a_jump_parts_two_presences() -> None:
     assert np.isfinite(centre[60:]).all()
 
 
-def test_bends_are_slow_and_braked_for() -> None:
+def test_curves_are_slow_with_braking_distance() -> None:
     angle = np.linspace(-np.pi / 2, 0, 20)
     line = np.concatenate([[[-60, -12], [-30, -12]], np.stack([12 * np.cos(angle), 12 * np.sin(angle)], axis=1)])
     lanes = (

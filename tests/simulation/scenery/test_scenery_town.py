@@ -1,4 +1,4 @@
-"""What stands in a hand-made town: a signalled crossing of an arterial and a street with parking lanes."""
+"""Scenery of a hand-made town: a signalled crossing of an arterial and a street with parking lanes."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ BUILT = (Material.BRICK, Material.PLASTER, Material.CONCRETE, Material.PLAIN, Ma
 def street(
     name: str, start: FloatArray, end: FloatArray, ends: tuple[str, str], lanes: tuple[tuple[str, float], ...]
 ) -> Edge:
-    """One direction of a street; lanes as (kind, way to the right of the middle line)."""
+    """One direction of a street; lanes as (kind, distance to the right of the middle line)."""
     along = (end - start) / np.linalg.norm(end - start)
     right = np.array([along[1], -along[0]])
     lines = [np.linspace(start, end, 9) + way * right for _, way in lanes]
@@ -46,7 +46,7 @@ def street(
 
 
 def crossing() -> RoadNetwork:
-    """Four arms around the origin; every arm's driving lane next to the middle may go everywhere."""
+    """Four arms around the origin; the driving lane next to the middle of each arm connects to all others."""
     edges: list[Edge] = []
     for k in range(4):
         way = np.array([np.cos(k * np.pi / 2), np.sin(k * np.pi / 2)])
@@ -107,7 +107,7 @@ def labels_at(ground: Ground, xy_m: FloatArray) -> ByteArray:
 
 
 def face_points(mesh: Mesh) -> FloatArray:
-    """(F, 7, 3) places on every triangle."""
+    """Return (F, 7, 3) points on every triangle."""
     weights = np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 0], [0, 1, 1], [1, 0, 1], [1, 1, 1]], np.float64)
     weights /= weights.sum(axis=1, keepdims=True)
     return np.asarray(np.einsum("pk,fkd->fpd", weights, mesh.vertices_m[mesh.faces]))
@@ -168,7 +168,7 @@ def test_nothing_floats_nor_sinks(towns: dict[str, tuple[Mesh, FloatArray]], sty
 
 
 @pytest.mark.parametrize("style", STYLES)
-def test_a_town_has_what_a_town_has(towns: dict[str, tuple[Mesh, FloatArray]], style: str) -> None:
+def test_a_town_has_all_kinds_of_scenery(towns: dict[str, tuple[Mesh, FloatArray]], style: str) -> None:
     mesh, _ = towns[style]
     expected = {
         Material.WINDOW,
@@ -215,7 +215,7 @@ def test_lamps_hang_over_the_pavement_or_street(towns: dict[str, tuple[Mesh, Flo
     assert near.min() > 4.0
 
 
-def test_every_link_has_three_lamps_that_face_who_comes(towns: dict[str, tuple[Mesh, FloatArray]]) -> None:
+def test_every_link_has_three_lamps_facing_its_approach(towns: dict[str, tuple[Mesh, FloatArray]]) -> None:
     network, mesh = crossing(), towns["old"][0]
     names = signal_names(network)
     assert len(names) == 12

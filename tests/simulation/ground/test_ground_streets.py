@@ -34,7 +34,7 @@ def lane(edge: str, index: int, kind: str, points: list[list[float]], width_m: f
 
 
 def arm(name: str, direction: FloatArray, across: tuple[tuple[str, float, float], ...]) -> tuple[Edge, Edge]:
-    """Both directions of a street from the crossing outwards; lanes as (kind, way right of the middle, width)."""
+    """Both directions of a street from the crossing outwards; lanes as (kind, offset to the right, width)."""
     right = np.array([direction[1], -direction[0]])
     near, far = direction * HALF_M, direction * (HALF_M + LONG_M)
     out = [
@@ -108,7 +108,7 @@ def at(ground: Ground, x: float, y: float) -> Surface:
 
 
 def across(ground: Ground, x: float, low: float, high: float, surfaces: tuple[Surface, ...]) -> FloatArray:
-    """y of the middles of the runs of some surfaces along a cut through the town."""
+    """Return y of the centres of runs of the surfaces along a cut through the town."""
     column = int((x - ground.low_m[0]) / CELL_M)
     on = surface_table(surfaces)[ground.label[:, column]].astype(int)
     y = ground.low_m[1] + np.arange(len(on) + 1) * CELL_M
@@ -137,7 +137,7 @@ def iou(a: BoolArray, b: BoolArray) -> float:
         (65.0, -30.0, Surface.PARKING),
     ],
 )
-def test_known_places(ground: Ground, x: float, y: float, surface: Surface) -> None:
+def test_surface_at_known_points(ground: Ground, x: float, y: float, surface: Surface) -> None:
     assert at(ground, x, y) == surface
 
 
@@ -165,7 +165,7 @@ def test_lines_between_lanes_are_broken_and_before_the_junction_solid(ground: Gr
     assert white[columns[2] : columns[3]].all()
 
 
-def test_zebra_lies_between_junction_and_stop_line(ground: Ground) -> None:
+def test_zebra_is_between_junction_and_stop_line(ground: Ground) -> None:
     zebra = np.argwhere(ground.label == Surface.ZEBRA) * CELL_M + ground.low_m[::-1]
     west = zebra[(zebra[:, 1] < 0) & (np.abs(zebra[:, 0]) < 2 * LANE_M + 0.1)]
     assert -15.0 < west[:, 1].min() < west[:, 1].max() < -HALF_M
@@ -192,7 +192,7 @@ def test_zebras_arrows_and_bay_lines_are_road_but_no_lane_markings(ground: Groun
 
 
 def test_arrows_point_where_the_lane_leads(ground: Ground) -> None:
-    """The left lane from the west goes straight on and left; the right one has no way on here and no arrow."""
+    """The left lane from the west goes straight on and left; the right one has no connection and no arrow."""
     assert np.isin(Surface.ARROW, ground.label[:, : int((-10 - ground.low_m[0]) / CELL_M)])
     arrow_areas = np.argwhere(ground.label == Surface.ARROW) * CELL_M + ground.low_m[::-1]
     west = arrow_areas[(arrow_areas[:, 1] < -10) & (arrow_areas[:, 0] < 0)]
@@ -243,7 +243,7 @@ def grid_of(ground: Ground) -> BEVGrid:
     return BEVGrid(float(x), float(x + width * CELL_M), float(y), float(y + height * CELL_M), CELL_M)
 
 
-def test_same_plan_same_bytes_other_seed_other_look(built: tuple[Ground, VectorMap]) -> None:
+def test_same_plan_gives_same_bytes_and_another_seed_another_look(built: tuple[Ground, VectorMap]) -> None:
     again, vector_map = build_ground(PLAN)
     assert again.label.tobytes() == built[0].label.tobytes()
     assert again.colour.tobytes() == built[0].colour.tobytes()
@@ -274,7 +274,7 @@ def test_unknown_style_is_named() -> None:
         build_ground(TownPlan("Cross", 2, "baroque", PLAN.network))
 
 
-def test_colours_tell_paint_from_asphalt_and_asphalt_is_not_flat(ground: Ground) -> None:
+def test_colours_separate_paint_from_asphalt_and_asphalt_varies(ground: Ground) -> None:
     grey = ground.colour.mean(axis=2)
     road = grey[ground.label == Surface.ROAD]
     assert grey[ground.label == Surface.LINE_WHITE].mean() > road.mean() + 50

@@ -21,7 +21,7 @@ Rays = list[tuple[NDArray[np.float32], NDArray[np.float32]]]
 
 
 def counts(tracer: Tracer, mesh: Mesh, rays: Rays, actors: int) -> NDArray[np.int64]:
-    """Pixels of each actor over all cameras, by full pictures of numbers."""
+    """Count the pixels of each actor over all cameras in full images of actor indices."""
     total = np.zeros(actors, np.int64)
     for origins, directions in rays:
         hits = tracer.nearest(origins, directions)
@@ -30,7 +30,7 @@ def counts(tracer: Tracer, mesh: Mesh, rays: Rays, actors: int) -> NDArray[np.in
 
 
 def brute_force(street: Street, rig: CameraRig) -> FloatArray:
-    """Seen pixels of each actor by those it would have if it were alone."""
+    """Return visible pixels of each actor relative to those of the actor alone."""
     rays = [pixel_rays(camera.resized(400, 225), EGO) for camera in rig]
     seen = counts(street.tracer, street.mesh, rays, len(street.actors))
     alone = np.zeros(len(street.actors), np.int64)
@@ -71,7 +71,7 @@ def street() -> Street:
     return made_street(rows)
 
 
-def test_shares_agree_with_full_pictures(street: Street) -> None:
+def test_shares_agree_with_full_images(street: Street) -> None:
     numbers = np.arange(len(street.actors), dtype=np.int32)
     shares = visible_shares(street.tracer, street.mesh, numbers, made_rig(), EGO, 64)
     truth = brute_force(street, made_rig())
@@ -82,19 +82,19 @@ def test_shares_agree_with_full_pictures(street: Street) -> None:
     assert ((truth > 0.2) & (truth < 0.8)).any()
 
 
-def test_the_answer_follows_the_numbers_asked_for(street: Street) -> None:
+def test_shares_follow_the_order_of_the_indices(street: Street) -> None:
     numbers = np.array([5, 1, 99], np.int32)
     every = visible_shares(street.tracer, street.mesh, np.arange(12, dtype=np.int32), made_rig(), EGO)
     assert visible_shares(street.tracer, street.mesh, numbers, made_rig(), EGO).tolist() == [every[5], every[1], 0.0]
 
 
-def test_cut_off_by_the_edge_of_the_image_is_not_hidden(street: Street) -> None:
+def test_truncation_by_the_image_border_is_not_occlusion(street: Street) -> None:
     front = CameraRig(made_rig().cameras[:1])
     alone = made_street([(*CAR, 3.0, 3.0, 0.0)], box_mesh((0, 40, 1), (1, 1, 1)))
     assert visible_shares(alone.tracer, alone.mesh, np.array([0], np.int32), front, EGO).tolist() == [1.0]
 
 
-def test_behind_the_only_camera_nothing_is_seen() -> None:
+def test_actors_behind_the_only_camera_are_not_visible() -> None:
     front = CameraRig(made_rig().cameras[:1])
     street = made_street([(*CAR, -8.0, 0.0, 0.0)])
     assert visible_shares(street.tracer, street.mesh, np.array([0], np.int32), front, EGO).tolist() == [0.0]

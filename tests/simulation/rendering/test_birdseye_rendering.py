@@ -43,7 +43,7 @@ def above(street: Street, renderer: Renderer) -> BirdsEyeImage:
     return seen(street, renderer, 0, 0, 0)
 
 
-def test_colours_lie_where_things_are(above: BirdsEyeImage) -> None:
+def test_colours_are_at_the_positions_of_objects(above: BirdsEyeImage) -> None:
     picture = above.appearance
     red, green, blue = at(picture, (8.2, 2.2))  # the car
     assert red > 2 * max(green, blue)
@@ -56,7 +56,7 @@ def test_colours_lie_where_things_are(above: BirdsEyeImage) -> None:
     assert above.valid.all()
 
 
-def test_the_picture_turns_with_the_ego(street: Street, renderer: Renderer) -> None:
+def test_the_image_turns_with_the_ego(street: Street, renderer: Renderer) -> None:
     # From (8, -8) looking north, the car lies 10 m ahead, and the house 4 m behind and 2 m to the right.
     picture = seen(street, renderer, 8, -8, np.pi / 2).appearance
     for place in ((10.2, 0.2), (-4.2, -2.2)):
@@ -64,7 +64,7 @@ def test_the_picture_turns_with_the_ego(street: Street, renderer: Renderer) -> N
         assert red > 2 * max(green, blue)
 
 
-def test_trees_are_left_out_of_one_picture_only(above: BirdsEyeImage) -> None:
+def test_trees_are_excluded_from_one_image_only(above: BirdsEyeImage) -> None:
     inside = GRID.cell_of(np.array([-10.2, 6.2]))
     assert tuple(above.covered[:, inside[0], inside[1]]) != tuple(above.appearance[:, inside[0], inside[1]])
     differs = (above.covered != above.appearance).any(axis=0)
@@ -82,12 +82,12 @@ def test_cells_are_means_over_their_area(street: Street, renderer: Renderer) -> 
     assert (line < full).all()
 
 
-def test_beyond_the_ground_nothing_is_known(street: Street, renderer: Renderer) -> None:
+def test_cells_beyond_the_ground_are_invalid(street: Street, renderer: Renderer) -> None:
     above = seen(street, renderer, 40, 0, 0)
     assert (above.valid == (GRID.centres()[..., 0] < 10)).all()
 
 
-def test_same_moment_same_picture(street: Street, renderer: Renderer, above: BirdsEyeImage) -> None:
+def test_same_state_gives_the_same_image(street: Street, renderer: Renderer, above: BirdsEyeImage) -> None:
     again = seen(street, renderer, 0, 0, 0)
     assert again.appearance.tobytes() == above.appearance.tobytes()
     assert again.covered.tobytes() == above.covered.tobytes()
