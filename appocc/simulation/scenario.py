@@ -60,7 +60,7 @@ def draw_scenario(
         DataError: if no car is present in the town's traffic for that long.
     """
     random = np.random.default_rng([seed, number, 0])
-    starts = _starts(log, seconds, hz)
+    starts = _possible_starts(log, seconds, hz)
     if not starts.any():
         raise DataError(f"{town}: nobody drives for {seconds:g} s in its traffic of {log.duration_s:g} s")
     ego = int(random.choice(np.flatnonzero(starts.any(axis=0))))
@@ -90,7 +90,7 @@ def weather_of(scene: Scene) -> str:
     return found[1] if found else ""
 
 
-def _starts(log: TrafficLog, seconds: float, hz: float) -> BoolArray:
+def _possible_starts(log: TrafficLog, seconds: float, hz: float) -> BoolArray:
     """Return (T, A) at which steps a scene may start with which ego; if no ego moves enough, all that are present."""
     steps = int(np.ceil(seconds / log.step_s - 1e-9)) + 1
     there = np.isfinite(log.xy_m[..., 0])
@@ -99,9 +99,9 @@ def _starts(log: TrafficLog, seconds: float, hz: float) -> BoolArray:
     speed = np.linalg.norm(np.diff(log.xy_m, axis=0, append=np.nan), axis=2) / log.step_s
     standing = np.nan_to_num(speed, nan=0.0) < _STANDING_MPS
     able = np.array([actor.kind in _EGO_KINDS for actor in log.actors], dtype=np.bool_)
-    present = _windows(there, steps) == steps
+    present = _window_counts(there, steps) == steps
     possible = np.zeros_like(there)
-    possible[: len(present)] = present & able & (_windows(there & ~standing, steps) > 0)
+    possible[: len(present)] = present & able & (_window_counts(there & ~standing, steps) > 0)
     driving = possible.copy()
     # A frame has the speed of the traffic step it falls into.
     frames = (np.arange(round(seconds * hz) + 1) / hz / log.step_s + 1e-9).astype(np.int64)
@@ -112,7 +112,7 @@ def _starts(log: TrafficLog, seconds: float, hz: float) -> BoolArray:
     return driving if driving.any() else possible
 
 
-def _windows(flags: BoolArray, steps: int) -> np.ndarray[tuple[int, int], np.dtype[np.int64]]:
+def _window_counts(flags: BoolArray, steps: int) -> np.ndarray[tuple[int, int], np.dtype[np.int64]]:
     """Return (T - steps + 1, A) the number of set flags in each window of `steps`."""
     total = np.cumsum(np.concatenate([np.zeros((1, flags.shape[1]), np.int64), flags]), axis=0)
     return np.asarray(total[steps:] - total[:-steps])

@@ -36,16 +36,16 @@ def save_traffic(path: Path, log: TrafficLog) -> None:
         "signal_links": list(log.signal_links),
     }
     track = np.concatenate([log.xy_m, log.yaw_rad[..., None]], axis=2).astype(np.float64)
-    still = _still(track, log.lights)
+    still = _stationary(track, log.lights)
     moving = np.flatnonzero(~still)
     arrays: Arrays = {
         "info": np.frombuffer(json.dumps(info).encode(), np.uint8),
         "still": still,
         "still_poses": np.round(track[0, still] / UNIT).astype(np.int32),
         "still_lights": log.lights[0, still],
-        **_runs([track[:, k] for k in moving], [log.actors[k].name for k in moving]),
-        "lights": _changes(log.lights[:, moving]),
-        "signals": _changes(log.signals),
+        **_encode_tracks([track[:, k] for k in moving], [log.actors[k].name for k in moving]),
+        "lights": _differences(log.lights[:, moving]),
+        "signals": _differences(log.signals),
     }
     stream = io.BytesIO()
     np.savez_compressed(stream, **arrays)  # type: ignore[arg-type]
@@ -61,21 +61,21 @@ def load_traffic(path: Path) -> TrafficLog:
     packed = read_file(path)
     try:
         with zip_arrays(packed) as archive:
-            return _log({name: archive[name] for name in archive.files})
+            return _decode_log({name: archive[name] for name in archive.files})
     except (AppoccError, ValueError, KeyError, TypeError, IndexError, EOFError, zipfile.BadZipFile) as error:
         raise DataError(f"{path}: no recorded traffic, or damaged ({' '.join(str(error).split())})") from error
     except Exception as error:  # zlib, struct and numpy's header parser raise more for damaged bytes
         raise DataError(f"{path}: damaged ({type(error).__name__})") from error
 
 
-def _still(track: FloatArray, lights: ByteArray) -> BoolArray:
+def _stationary(track: FloatArray, lights: ByteArray) -> BoolArray:
     """Return which actors never change: one row is enough for them."""
     with np.errstate(invalid="ignore"):
         same = (np.abs(track - track[:1]) < UNIT / 2).all(axis=(0, 2))
     return np.asarray(same & (lights == lights[:1]).all(axis=0))
 
 
-def _runs(tracks: list[FloatArray], names: list[str]) -> Arrays:
+def _encode_tracks(tracks: list[FloatArray], names: list[str]) -> Arrays:
     """Encode tracks (T, 3) as first and last step, first pose and step, and the second differences of the poses."""
     spans, starts, speeds, bends = ([np.zeros((0, n), np.int32)] for n in (2, 3, 3, 3))
     for track, name in zip(tracks, names, strict=True):
@@ -93,22 +93,26 @@ def _runs(tracks: list[FloatArray], names: list[str]) -> Arrays:
             raise DataError(f"traffic: {name} jumps too far to be coded")
     joined = (np.concatenate(parts) for parts in (spans, starts, speeds, bends))
     return dict(
-        zip(("spans", "starts", "speeds", "bends"), (*list(joined)[:3], _halves(np.concatenate(bends))), strict=True)
+        zip(
+            ("spans", "starts", "speeds", "bends"),
+            (*list(joined)[:3], _split_bytes(np.concatenate(bends))),
+            strict=True,
+        )
     )
 
 
-def _halves(values: NDArray[np.int32]) -> ByteArray:
+def _split_bytes(values: NDArray[np.int32]) -> ByteArray:
     """Return (3, 2, N) bytes of (N, 3) int16 numbers: low bytes and high bytes apart, which compresses better."""
     pairs = np.ascontiguousarray(values.T.astype("<i2")).view(np.uint8).reshape(3, -1, 2)
     return np.ascontiguousarray(pairs.transpose(0, 2, 1))
 
 
-def _changes(values: ByteArray) -> ByteArray:
+def _differences(values: ByteArray) -> ByteArray:
     """Return (N, T) differences (modulo 256) from step to step of (T, N) bytes."""
     return np.ascontiguousarray(np.diff(values, axis=0, prepend=np.uint8(0)).T)
 
 
-def _log(arrays: Arrays) -> TrafficLog:
+def _decode_log(arrays: Arrays) -> TrafficLog:
     info = json.loads(arrays["info"].tobytes())
     if info["version"] != _VERSION:
         raise ValueError(f"expected version {_VERSION}, got {info['version']}")
@@ -118,7 +122,7 @@ def _log(arrays: Arrays) -> TrafficLog:
     track = np.full((int(info["steps"]), len(actors), 3), np.nan)
     lights = np.zeros(track.shape[:2], np.uint8)
     track[:, still], lights[:, still] = arrays["still_poses"], arrays["still_lights"]
-    for k, first, run in zip(moving, arrays["spans"][:, 0], _tracks(arrays), strict=True):
+    for k, first, run in zip(moving, arrays["spans"][:, 0], _decode_tracks(arrays), strict=True):
         track[first : first + len(run), k] = run
     track *= UNIT
     lights[:, moving] = np.cumsum(arrays["lights"].T, axis=0, dtype=np.uint8)
@@ -134,8 +138,8 @@ def _log(arrays: Arrays) -> TrafficLog:
     )
 
 
-def _tracks(arrays: Arrays) -> list[IntArray]:
-    """Decode the tracks of `_runs`, in units: one (N, 3) for each moving actor."""
+def _decode_tracks(arrays: Arrays) -> list[IntArray]:
+    """Decode the tracks of `_encode_tracks`, in units: one (N, 3) for each moving actor."""
     bends = np.ascontiguousarray(arrays["bends"].transpose(0, 2, 1)).view("<i2")[..., 0].T.astype(np.int64)
     lengths = np.diff(arrays["spans"], axis=1)[:, 0] - 2
     ends = np.concatenate([[0], np.cumsum(lengths)])

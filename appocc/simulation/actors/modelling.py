@@ -108,7 +108,7 @@ class Modeller:
         self._finishes += kept
         if mirror:
             self._corners.append((corners * [1.0, -1.0, 1.0, 1.0])[:, ::-1])
-            self._finishes += [_other_side(finish) for finish in kept]
+            self._finishes += [_mirrored_finish(finish) for finish in kept]
 
     def add_fan(
         self, ring_m: ArrayLike, finish: Finish, inside_m: ArrayLike, anchor_m: float | None, mirror: bool
@@ -186,7 +186,7 @@ class Modeller:
         return np.stack([anchor / length, y / width, z / height, (x - anchor) / height], axis=-1)
 
 
-def _other_side(finish: Finish) -> Finish:
+def _mirrored_finish(finish: Finish) -> Finish:
     return (
         finish._replace(material=Material.INDICATOR_RIGHT) if finish.material == Material.INDICATOR_LEFT else finish
     )

@@ -17,7 +17,7 @@ def add_wheels(
     axles_x_m: Sequence[float],
     radius_m: float,
     outer_y_m: float,
-    wide_m: float,
+    width_m: float,
     hub: Finish,
     detail: int,
 ) -> None:
@@ -29,7 +29,7 @@ def add_wheels(
         ring = np.array([[0.7, 0.0, -1.0], [0.8, 0.0, 0.5], [-0.8, 0.0, 0.5], [-0.7, 0.0, -1.0], [0.7, 0.0, -1.0]])
     for axle in axles_x_m:
         middle = np.array([axle, outer_y_m, radius_m])
-        inner = middle - [0.0, wide_m, 0.0]
+        inner = middle - [0.0, width_m, 0.0]
         tyre = middle + radius_m * ring
         if detail:
             model.add_fan(tyre[:-1], RUBBER, inner, axle, mirror=True)

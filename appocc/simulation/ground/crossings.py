@@ -29,7 +29,9 @@ def stop_lines(segments: Sequence[RoadSegment]) -> list[FloatArray]:
             continue
         offsets = _offsets(segment)
         near, far = -segment.end.stop_m, -segment.end.stop_m - STOP_WIDTH_M
-        lines.append(_across(segment, True, (near, far), (offsets[driving[-1]][0] + 0.15, offsets[driving[0]][1])))
+        lines.append(
+            _rectangle_at(segment, True, (near, far), (offsets[driving[-1]][0] + 0.15, offsets[driving[0]][1]))
+        )
     return lines
 
 
@@ -43,7 +45,7 @@ def zebras(segments: Sequence[RoadSegment]) -> list[FloatArray]:
             sign = -1.0 if at_end else 1.0
             reach = (sign * ZEBRA_GAP_M, sign * (ZEBRA_GAP_M + ZEBRA_M))
             for left in np.arange(STRIPE_M / 2, segment.width_m - STRIPE_M * 0.9, 2 * STRIPE_M):
-                stripes.append(_across(segment, at_end, reach, (left, left + STRIPE_M)))
+                stripes.append(_rectangle_at(segment, at_end, reach, (left, left + STRIPE_M)))
     return stripes
 
 
@@ -54,7 +56,7 @@ def _offsets(segment: RoadSegment) -> list[tuple[float, float]]:
     return [(float(b), float(b + w)) for b, w in zip(begins, widths, strict=True)]
 
 
-def _across(
+def _rectangle_at(
     segment: RoadSegment, at_end: bool, ahead_m: tuple[float, float], right_m: tuple[float, float]
 ) -> FloatArray:
     """Return a (4, 2) rectangle at an end of a segment, from its cross-section ahead and from its left border."""

@@ -15,19 +15,19 @@ class LandStyle:
 
     Attributes:
         pavement_m: width of the pavement.
-        lot_wide_m: minimum and maximum width of a lot along its street.
-        lot_deep_m: minimum and maximum depth.
+        lot_width_m: minimum and maximum width of a lot along its street.
+        lot_depth_m: minimum and maximum depth.
         lot_surfaces: surface classes of lots and their shares.
-        drives: share of the green lots with a paved driveway.
-        earth: noise threshold above which open ground is bare earth, in standard deviations.
+        driveway_share: share of the green lots with a paved driveway.
+        earth_threshold: noise threshold above which open ground is bare earth, in standard deviations.
     """
 
     pavement_m: float
-    lot_wide_m: tuple[float, float]
-    lot_deep_m: tuple[float, float]
+    lot_width_m: tuple[float, float]
+    lot_depth_m: tuple[float, float]
     lot_surfaces: tuple[tuple[Surface, float], ...]
-    drives: float
-    earth: float
+    driveway_share: float
+    earth_threshold: float
 
 
 _GREEN, _BARE, _PAVED = Surface.GRASS, Surface.EARTH, Surface.YARD

@@ -79,15 +79,17 @@ def _between_lanes(segment: RoadSegment) -> list[MarkingLine]:
             continue
         border = shifted(right.centre_m, right.width_m / 2)
         if right.kind == left.kind:
-            lines += _white(lane_line(border, segment))
+            lines += _white_lines(lane_line(border, segment))
         else:
-            lines += _white([_trimmed(border, segment, segment.start.clear_leaving_m, segment.end.clear_arriving_m)])
+            lines += _white_lines(
+                [_trim(border, segment, segment.start.clear_leaving_m, segment.end.clear_arriving_m)]
+            )
     return lines
 
 
 def lane_line(border_m: FloatArray, segment: RoadSegment) -> list[FloatArray]:
     """Return the dashes, and the solid part before a junction, along a border between lanes of one direction."""
-    line = _trimmed(border_m, segment, segment.start.clear_leaving_m, segment.end.clear_arriving_m)
+    line = _trim(border_m, segment, segment.start.clear_leaving_m, segment.end.clear_arriving_m)
     if len(line) < 2:
         return []
     solid = SOLID_M if segment.end.junction else 0.0
@@ -103,7 +105,7 @@ def _right_edge(segment: RoadSegment, style: MarkingStyle) -> list[MarkingLine]:
     if outer.kind != "driving" or not (segment.arterial or style.small_edges):
         return []
     line = shifted(outer.centre_m, EDGE_M - outer.width_m / 2)
-    return _white([_trimmed(line, segment, segment.start.clear_leaving_m, segment.end.clear_arriving_m)])
+    return _white_lines([_trim(line, segment, segment.start.clear_leaving_m, segment.end.clear_arriving_m)])
 
 
 def _left_borders(segments: Sequence[RoadSegment], style: MarkingStyle) -> list[MarkingLine]:
@@ -120,7 +122,7 @@ def _left_borders(segments: Sequence[RoadSegment], style: MarkingStyle) -> list[
             if other < 0:
                 lines += _left_edge(piece, segment, style)
             elif number < other:
-                lines += _divider(_halfway(piece, borders[other]), segment, segments[other], style)
+                lines += _divider(_move_halfway(piece, borders[other]), segment, segments[other], style)
     return lines
 
 
@@ -151,7 +153,7 @@ def _runs(partner: IntArray, along_m: FloatArray, length: float) -> list[tuple[f
     ]
 
 
-def _halfway(line_m: FloatArray, other_m: FloatArray) -> FloatArray:
+def _move_halfway(line_m: FloatArray, other_m: FloatArray) -> FloatArray:
     """Move a line halfway towards a parallel one nearby."""
     if len(line_m) < 2:
         return line_m
@@ -164,7 +166,7 @@ def _divider(
 ) -> list[MarkingLine]:
     """Return the line between two directions: double on main streets, else dashed."""
     start_m = max(segment.start.clear_leaving_m, other.end.clear_arriving_m)
-    line = _trimmed(middle_m, segment, start_m, max(segment.end.clear_arriving_m, other.start.clear_leaving_m))
+    line = _trim(middle_m, segment, start_m, max(segment.end.clear_arriving_m, other.start.clear_leaving_m))
     if len(line) < 2:
         return []
     if segment.arterial or other.arterial or style.double_on_small:
@@ -188,15 +190,15 @@ def _left_edge(border_m: FloatArray, segment: RoadSegment, style: MarkingStyle) 
     if not segment.arterial or len(border_m) < 2:
         return []
     line = shifted(border_m, -EDGE_M)
-    line = _trimmed(line, segment, segment.start.clear_leaving_m, segment.end.clear_arriving_m)
+    line = _trim(line, segment, segment.start.clear_leaving_m, segment.end.clear_arriving_m)
     return [MarkingLine(line, style.centre, False)] if len(line) > 1 else []
 
 
-def _white(lines_m: Iterable[FloatArray]) -> list[MarkingLine]:
+def _white_lines(lines_m: Iterable[FloatArray]) -> list[MarkingLine]:
     return [MarkingLine(line, Surface.LINE_WHITE, False) for line in lines_m if len(line) > 1]
 
 
-def _trimmed(line_m: FloatArray, segment: RoadSegment, start_m: float, end_m: float) -> FloatArray:
+def _trim(line_m: FloatArray, segment: RoadSegment, start_m: float, end_m: float) -> FloatArray:
     """Cut off the parts of a line closer to the junctions than `start_m` and `end_m`, measured along the street."""
     if len(line_m) < 2:
         return line_m

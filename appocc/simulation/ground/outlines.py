@@ -23,7 +23,7 @@ def trace_outlines(mask: ByteArray, low_m: FloatArray) -> tuple[FloatArray, ...]
         contours, _ = cv2.findContours(mask[low:high], cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
         for contour in contours:
             if len(contour) > 2:
-                cells = _widened(contour[:, 0].astype(np.float64)) + np.array([0.5, low + 0.5])
+                cells = _widen(contour[:, 0].astype(np.float64)) + np.array([0.5, low + 0.5])
                 found.append(cells * CELL_M + low_m)
     return tuple(found)
 
@@ -40,7 +40,7 @@ def _rows_through_holes(mask: ByteArray) -> list[int]:
     return rows
 
 
-def _widened(contour: FloatArray) -> FloatArray:
+def _widen(contour: FloatArray) -> FloatArray:
     """Move a contour from the centres of the outermost cells to their outer edges, and simplify it."""
     around = np.concatenate([contour[-1:], contour, contour[:1]])
     # OpenCV's contours run counter-clockwise with y down, so the outside is to the left here.

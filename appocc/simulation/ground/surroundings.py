@@ -54,12 +54,12 @@ def _draw_islands(label: ByteArray, road: ByteArray, distance_m: Float32Array) -
     step = _ISLAND_COARSE // _COARSE
     for rows, columns, inside in find_islands(road, _ISLAND_COARSE, 0.0, _LARGEST_ISLAND_M2):
         free = inside & (road[rows, columns] == 0)
-        coarse = distance_m[_shrunk(rows, _COARSE), _shrunk(columns, _COARSE)][::step, ::step]
+        coarse = distance_m[_shrink(rows, _COARSE), _shrink(columns, _COARSE)][::step, ::step]
         mine = inside[::_ISLAND_COARSE, ::_ISLAND_COARSE][: coarse.shape[0], : coarse.shape[1]]
         half_m = float(coarse[: mine.shape[0], : mine.shape[1]][mine].max(initial=0.0))
         if free.sum() * CELL_M**2 <= _ISLAND_M2 or half_m <= _ISLAND_HALF_M:
             label[rows, columns][free] = Surface.PAVEMENT if half_m < _PAVED_HALF_M else Surface.GRASS
 
 
-def _shrunk(span: slice, factor: int) -> slice:
+def _shrink(span: slice, factor: int) -> slice:
     return slice(span.start // factor, -(-span.stop // factor))

@@ -33,29 +33,29 @@ _HEDGE_M, _HEDGE = 0.35, -16
 def draw_wear(canvas: Canvas, plan: TownPlan, segments: Sequence[RoadSegment], lots: Sequence[Lot]) -> None:
     """Draw tone and shade of streets and lots; `canvas` has the two channels."""
     pavement_m = find_land_style(plan.style).pavement_m
-    _lots(canvas, lots)
-    _tones(canvas, plan, segments)
+    _draw_lots(canvas, lots)
+    _draw_tones(canvas, plan, segments)
     lanes = [lane for segment in segments for lane in segment.driving]
     inner = [lane for lane in plan.network.inner_lanes if lane.kind == "driving"]
-    _lanes(canvas, lanes, inner)
+    _draw_lane_wear(canvas, lanes, inner)
     canvas.add((strip(_right_border(s, 0.0), _GUTTER_M, 0.0) for s in segments), _GUTTER, SHADE)
     random = np.random.default_rng([plan.seed, 53])
     for segment in segments:
-        _repairs(canvas, segment, random)
-        _pavement_joints(canvas, segment, pavement_m)
-    _car_parks(canvas, plan, random)
+        _draw_repairs(canvas, segment, random)
+        _draw_pavement_joints(canvas, segment, pavement_m)
+    _draw_car_park_wear(canvas, plan, random)
 
 
-def _lots(canvas: Canvas, lots: Sequence[Lot]) -> None:
+def _draw_lots(canvas: Canvas, lots: Sequence[Lot]) -> None:
     """Give each lot its own brightness, with a hedge or a wall between neighbours."""
     for lot in lots:
         canvas.fill([lot.outline_m], NEUTRAL + lot.shade, SHADE)
         canvas.fill([strip(lot.outline_m[1:], _HEDGE_M / 2, -_HEDGE_M / 2)], NEUTRAL + lot.shade + _HEDGE, SHADE)
-        if len(lot.drive_m):
-            canvas.fill([lot.drive_m], NEUTRAL - lot.shade, SHADE)
+        if len(lot.driveway_m):
+            canvas.fill([lot.driveway_m], NEUTRAL - lot.shade, SHADE)
 
 
-def _tones(canvas: Canvas, plan: TownPlan, segments: Sequence[RoadSegment]) -> None:
+def _draw_tones(canvas: Canvas, plan: TownPlan, segments: Sequence[RoadSegment]) -> None:
     random = np.random.default_rng([plan.seed, 54])
     streets = sorted({segment.street for segment in segments})
     tone = dict(zip(streets, random.integers(*_TONES, len(streets)).tolist(), strict=True))
@@ -66,20 +66,20 @@ def _tones(canvas: Canvas, plan: TownPlan, segments: Sequence[RoadSegment]) -> N
     for place in plan.network.junctions:
         if len(place.outline_m) > 2:
             own = around.get(place.name, [_JUNCTION_TONE])
-            _asphalt(canvas, [place.outline_m], sum(own) // len(own) + int(random.integers(-5, 6)))
+            _fill_asphalt(canvas, [place.outline_m], sum(own) // len(own) + int(random.integers(-5, 6)))
     for segment in segments:
         for lane in segment.lanes:
             lighter = int(random.integers(-2, 3)) + (4 if lane.kind == "parking" else 0)
-            _asphalt(canvas, [lane_areas(lane)], tone[segment.street] + lighter)
+            _fill_asphalt(canvas, [lane_areas(lane)], tone[segment.street] + lighter)
 
 
-def _asphalt(canvas: Canvas, areas_m: Iterable[FloatArray], tone: int) -> None:
+def _fill_asphalt(canvas: Canvas, areas_m: Iterable[FloatArray], tone: int) -> None:
     areas = list(areas_m)
     canvas.fill(areas, tone, TONE)
     canvas.fill(areas, NEUTRAL, SHADE)
 
 
-def _lanes(canvas: Canvas, lanes: Sequence[Lane], inner: Sequence[Lane]) -> None:
+def _draw_lane_wear(canvas: Canvas, lanes: Sequence[Lane], inner: Sequence[Lane]) -> None:
     """Draw oil along the middle of the lanes, and tyre tracks."""
     lines = [clean(lane.centre_m) for lane in (*lanes, *inner)]
     for half, change in _OIL:
@@ -96,7 +96,7 @@ def _right_border(segment: RoadSegment, beyond_m: float) -> FloatArray:
     return shifted(outer.centre_m, -outer.width_m / 2 - beyond_m)
 
 
-def _repairs(canvas: Canvas, segment: RoadSegment, random: np.random.Generator) -> None:
+def _draw_repairs(canvas: Canvas, segment: RoadSegment, random: np.random.Generator) -> None:
     """Draw patches with tar edges, seams along the street, cracks across it, and manhole covers."""
     length = length_m(segment.left_m)
     if length < 5.0 or not segment.driving:
@@ -110,7 +110,7 @@ def _repairs(canvas: Canvas, segment: RoadSegment, random: np.random.Generator) 
         start = random.uniform(0, length)
         line = cut(segment.left_m, start, start + random.uniform(8, 40))
         side = sum(lane.width_m for lane in segment.driving[1:]) or random.uniform(0.1, 1.5)
-        canvas.add([strip(_wavy(line, -side - 0.2, random), 0.05, -0.05)], -18, SHADE)
+        canvas.add([strip(_wavy_line(line, -side - 0.2, random), 0.05, -0.05)], -18, SHADE)
     for _ in range(count[2]):
         start, width = random.uniform(0, length), random.uniform(0.8, segment.width_m)
         canvas.add([strip(_crack(segment, start, width, random), 0.05, -0.05)], -int(random.integers(10, 26)), SHADE)
@@ -137,7 +137,7 @@ def _patch(segment: RoadSegment, random: np.random.Generator, length: float) -> 
     return _points_along(segment, start + long * np.array([0, 1, 1, 0]), right + wide * np.array([0, 0, 1, 1]))
 
 
-def _wavy(line_m: FloatArray, left_m: float, random: np.random.Generator) -> FloatArray:
+def _wavy_line(line_m: FloatArray, left_m: float, random: np.random.Generator) -> FloatArray:
     if length_m(line_m) < 1.0:
         return np.zeros((0, 2))
     fine = points_at(line_m, np.linspace(0, length_m(line_m), max(3, round(length_m(line_m) / 2))))
@@ -151,7 +151,7 @@ def _crack(segment: RoadSegment, along_m: float, width_m: float, random: np.rand
     return clean(_points_along(segment, along, right))
 
 
-def _pavement_joints(canvas: Canvas, segment: RoadSegment, pavement_m: float) -> None:
+def _draw_pavement_joints(canvas: Canvas, segment: RoadSegment, pavement_m: float) -> None:
     """Draw the joints between the slabs of the pavement; other surfaces hide their part."""
     border = _right_border(segment, 0.0)
     length = length_m(border)
@@ -168,12 +168,12 @@ def _pavement_joints(canvas: Canvas, segment: RoadSegment, pavement_m: float) ->
         canvas.add([strip(border, _JOINT_M / 2, -_JOINT_M / 2)], -11, SHADE)
 
 
-def _car_parks(canvas: Canvas, plan: TownPlan, random: np.random.Generator) -> None:
+def _draw_car_park_wear(canvas: Canvas, plan: TownPlan, random: np.random.Generator) -> None:
     """Draw the asphalt of the car parks, and drops of oil in the bays."""
     turns = np.linspace(0, 2 * np.pi, 8, endpoint=False)
     ring = np.stack([np.cos(turns), np.sin(turns)], axis=1)
     for car_park in plan.car_parks:
-        _asphalt(canvas, [car_park.outline_m], int(random.integers(78, 104)))
+        _fill_asphalt(canvas, [car_park.outline_m], int(random.integers(78, 104)))
         for x, y, yaw in car_park.bays:
             ahead = np.array([np.cos(yaw), np.sin(yaw)])
             for _ in range(int(random.integers(0, 4))):

@@ -55,12 +55,12 @@ def render_birdseye(renderer: Renderer, town: Town, grid: BEVGrid, town_from_ego
     """
     view = _CellRays(renderer, town, grid, town_from_ego)
     every = np.arange(grid.shape[0] * grid.shape[1])
-    free = view.light(every, _CENTRE, True)
-    edges = np.flatnonzero(_edges(tone_map(free, renderer.gains).reshape(*grid.shape, 3)))
-    free[edges] = (free[edges] + 3 * view.light(edges, _AROUND, True)) / 4
+    free = view.radiance(every, _CENTRE, True)
+    edges = np.flatnonzero(_find_edges(tone_map(free, renderer.gains).reshape(*grid.shape, 3)))
+    free[edges] = (free[edges] + 3 * view.radiance(edges, _AROUND, True)) / 4
     covered = free.copy()
-    crowns = np.flatnonzero(_grown(view.crowns().reshape(grid.shape)))
-    covered[crowns] = view.light(crowns, np.concatenate([_CENTRE, _AROUND]), False)
+    crowns = np.flatnonzero(_dilate(view.crowns().reshape(grid.shape)))
+    covered[crowns] = view.radiance(crowns, np.concatenate([_CENTRE, _AROUND]), False)
     pictures = [tone_map(light, renderer.gains).reshape(*grid.shape, 3) for light in (free, covered)]
     appearance, with_trees = (np.ascontiguousarray(np.moveaxis(picture, 2, 0)) for picture in pictures)
     return BirdsEyeImage(appearance, with_trees, view.on_ground())
@@ -82,7 +82,7 @@ class _CellRays:
         origins[:, 2] = self._height_m
         return origins, np.tile(np.array([0, 0, -1], np.float32), (len(cells), 1))
 
-    def light(self, cells: IntArray, shifts: FloatArray, through_leaves: bool) -> Float32Array:
+    def radiance(self, cells: IntArray, shifts: FloatArray, through_leaves: bool) -> Float32Array:
         """Return (N, 3) linear radiance of cells (N,), averaged over rays at the shifts (K, 2)."""
         rays = [self._rays(cells, shift) for shift in shifts]
         origins, directions = (np.concatenate(parts) for parts in zip(*rays, strict=True))
@@ -105,7 +105,7 @@ class _CellRays:
         return np.asarray(((place >= 0) & (place < [wide, high])).all(axis=1).reshape(self._grid.shape))
 
 
-def _edges(picture: ByteArray) -> BoolArray:
+def _find_edges(picture: ByteArray) -> BoolArray:
     """Return (X, Y) whether a cell of a picture (X, Y, 3) differs strongly from a neighbour."""
     level = picture.astype(np.int16)
     found = np.zeros(picture.shape[:2], np.bool_)
@@ -118,7 +118,7 @@ def _edges(picture: ByteArray) -> BoolArray:
     return found
 
 
-def _grown(flags: BoolArray) -> BoolArray:
+def _dilate(flags: BoolArray) -> BoolArray:
     """Dilate flags (X, Y) by one cell in four directions."""
     grown = flags.copy()
     grown[1:] |= flags[:-1]

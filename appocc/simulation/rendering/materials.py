@@ -20,7 +20,7 @@ HEAD_LAMP, TAIL_LAMP = int(Material.HEAD_LAMP), int(Material.TAIL_LAMP)
 INDICATOR_LEFT, INDICATOR_RIGHT = int(Material.INDICATOR_LEFT), int(Material.INDICATOR_RIGHT)
 TRIM, PLATE, CLOTH = int(Material.TRIM), int(Material.PLATE), int(Material.CLOTH)
 # Size of a shop window pane; texture coordinates of shopfronts are scaled so that whole panes fit.
-SHOP_PANE_M, SHOP_HIGH_M = 1.6, 3.2
+SHOP_PANE_WIDTH_M, SHOP_PANE_HEIGHT_M = 1.6, 3.2
 
 
 @inlined
@@ -132,8 +132,8 @@ def shop_pane(
         tint: colour of the frame.
         lamps: strength of interior lights, see `Weather.lamps`.
     """
-    column = math.floor(u / SHOP_PANE_M)
-    a, b = u / SHOP_PANE_M - column, v / SHOP_HIGH_M
+    column = math.floor(u / SHOP_PANE_WIDTH_M)
+    a, b = u / SHOP_PANE_WIDTH_M - column, v / SHOP_PANE_HEIGHT_M
     if min(a, 1 - a) < 0.03 or min(b, 1 - b) < 0.025:
         return tint[0], tint[1], tint[2], 0.0, 0.0
     room, warm = 0.05 + 0.08 * hash_unit(shop, shop + 211), hash_unit(shop, shop + 223)

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 
-class Profile:
+class RenderProfile:
     """CPU seconds of this process by stage, and counts of rays and pixels, since the last reset."""
 
     def __init__(self) -> None:

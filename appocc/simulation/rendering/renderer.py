@@ -22,7 +22,7 @@ from appocc.simulation.rendering.lighting import (
     near_light,
 )
 from appocc.simulation.rendering.noise import noise_tile
-from appocc.simulation.rendering.profile import Profile
+from appocc.simulation.rendering.profile import RenderProfile
 from appocc.simulation.rendering.rays import GROUND_KINDS, camera_rays, label_pixels, ray_matrix
 from appocc.simulation.rendering.refining import (
     blend_extra_rays,
@@ -56,7 +56,7 @@ class Renderer:
         self._town_light = TownLight.compute(town, self.tracer)
         self._actor_lights, self._signals = np.zeros(0, np.uint8), np.zeros(0, np.uint8)
         self._sky = Sky.build(WEATHERS["clear"], self._noise)
-        self.profile = Profile()
+        self.profile = RenderProfile()
         self.set_scene(join_meshes([]), self._actor_lights, self._signals, WEATHERS["clear"], None)
 
     def set_scene(
@@ -77,7 +77,7 @@ class Renderer:
             self._actor_lights, self._signals = np.array(lights, np.uint8), np.array(signals, np.uint8)
             if weather != self._sky.weather:
                 self._sky = Sky.build(weather, self._noise)
-            middle = ego.town_from_ego[:2, 3] if ego else _middle(actors)
+            middle = ego.town_from_ego[:2, 3] if ego else _centre_of(actors)
             self._light = self._lighting(
                 near_light(actors, self._actor_lights, ego, weather.lamps, middle), middle, ego
             )
@@ -89,7 +89,7 @@ class Renderer:
 
     def views(self, rig: CameraRig, town_from_ego: FloatArray, rng: np.random.Generator) -> Mapping[str, CameraView]:
         """Render images and pixel maps of a rig by channel; `rng` generates the noise."""
-        return {camera.channel: self._view(camera, town_from_ego, rng) for camera in rig}
+        return {camera.channel: self._render_view(camera, town_from_ego, rng) for camera in rig}
 
     def radiance(
         self, origins: Float32Array, directions: Float32Array, spread_rad: float, see_through_leaves: bool = False
@@ -114,7 +114,7 @@ class Renderer:
             self._shade(hits, origins[rows], directions[rows], spread_rad, clear, result[rows])
         return result
 
-    def _view(self, camera: Camera, town_from_ego: FloatArray, rng: np.random.Generator) -> CameraView:
+    def _render_view(self, camera: Camera, town_from_ego: FloatArray, rng: np.random.Generator) -> CameraView:
         shape = (camera.height_px, camera.width_px)
         linear, depth = np.empty((shape[0] * shape[1], 3), np.float32), np.empty(shape[0] * shape[1], np.float32)
         actor, kind = np.empty(len(depth), np.int32), np.empty(len(depth), np.uint8)
@@ -132,13 +132,13 @@ class Renderer:
                     self._texture, GROUND_KINDS, depth[rows], actor[rows], kind[rows],
                 )  # fmt: skip
             lit = self._shade(hits, origins, directions, self._pixel_angle(camera), self._light, linear[rows])
-            self._refine(camera, matrix, place, linear[rows], hits.source, lit=lit, first_pixel=start)
+            self._antialias(camera, matrix, place, linear[rows], hits.source, lit=lit, first_pixel=start)
         with self.profile.stage("response"):
             glow = 0.05 if self._sky.weather.lamps > 0 else 0.0
             image = camera_response.apply_response(linear.reshape(*shape, 3), self.gains, glow, rng)
         return CameraView(image, depth.reshape(shape), actor.reshape(shape), kind.reshape(shape))
 
-    def _refine(
+    def _antialias(
         self,
         camera: Camera,
         matrix: Float32Array,
@@ -282,7 +282,7 @@ class Renderer:
         )
 
 
-def _middle(actors: Mesh) -> FloatArray:
+def _centre_of(actors: Mesh) -> FloatArray:
     """Return the (2,) centre of all actors."""
     places = actors.vertices_m[:, :2].astype(np.float64)
     return np.asarray(places.mean(0)) if len(places) else np.zeros(2)

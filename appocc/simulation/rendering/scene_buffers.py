@@ -70,7 +70,7 @@ class SceneBuffers:
         """Copy the town's triangles."""
         self.town_vertices, self.town_faces = len(solid.normals), len(solid.faces)
         self.triangles = _arrays(self.town_vertices, self.town_faces)
-        self._put(solid, 0, 0, _static_kinds(solid))
+        self._write(solid, 0, 0, _static_kinds(solid))
 
     def set_actors(self, actors: Mesh) -> None:
         """Replace the actors behind the town's triangles."""
@@ -80,9 +80,9 @@ class SceneBuffers:
             array: Any
             for name, array in self.triangles._asdict().items():
                 array[: len(getattr(old, name))] = getattr(old, name)
-        self._put(actors, self.town_vertices, self.town_faces, _actor_kinds(actors))
+        self._write(actors, self.town_vertices, self.town_faces, _actor_kinds(actors))
 
-    def _put(self, mesh: Mesh, vertex: int, face: int, kinds: ByteArray) -> None:
+    def _write(self, mesh: Mesh, vertex: int, face: int, kinds: ByteArray) -> None:
         rows, own = slice(vertex, vertex + len(mesh.normals)), slice(face, face + len(mesh.faces))
         self.triangles.normals[rows] = mesh.normals
         self.triangles.uv[rows] = mesh.uv

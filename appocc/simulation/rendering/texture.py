@@ -43,7 +43,7 @@ def build_texture(ground: Ground) -> Texture:
     pictures, shapes, start = [], [(0, *ground.label.shape)], 0
     picture = ground.colour
     while len(shapes) < _LEVELS and min(picture.shape[:2]) >= 8:
-        picture = _halved(picture, LINEAR, _encoding())
+        picture = _halve(picture, LINEAR, _encoding())
         picture.flags.writeable = False  # a single kernel signature
         shapes.append((start, *picture.shape[:2]))
         start += picture.shape[0] * picture.shape[1]
@@ -67,7 +67,7 @@ def _encoding() -> ByteArray:
 
 
 @kernel
-def _halved(picture: ByteArray, linear: Float32Array, encoding: ByteArray) -> ByteArray:
+def _halve(picture: ByteArray, linear: Float32Array, encoding: ByteArray) -> ByteArray:
     """Average 2x2 texels in linear light; otherwise white lines on asphalt would darken with distance."""
     rows, columns = picture.shape[0] // 2, picture.shape[1] // 2
     half = np.empty((rows, columns, 3), np.uint8)

@@ -15,7 +15,7 @@ from appocc.simulation.scenery.facade import (
     add_shop_floor,
     add_window_wall,
     place_door,
-    rectangles,
+    upright_quads,
     window_columns,
     window_rows,
 )
@@ -60,10 +60,12 @@ def add_apartment_building(
         sills=False,
         tag=tag,
     )
-    _apartments(builder, plot, style, office, rng)
+    _build_apartments(builder, plot, style, office, rng)
 
 
-def _apartments(builder: Builder, plot: Plot, style: FacadeStyle, office: bool, rng: np.random.Generator) -> None:
+def _build_apartments(
+    builder: Builder, plot: Plot, style: FacadeStyle, office: bool, rng: np.random.Generator
+) -> None:
     set_back = style.storeys >= 4 and rng.random() < 0.45
     top_floor = 3.0 if set_back else 0.0
     main = BuildingPart(plot.frame, 0.0, plot.width_m, 0.0, plot.depth_m, style.eaves_m)
@@ -88,19 +90,19 @@ def _apartments(builder: Builder, plot: Plot, style: FacadeStyle, office: bool, 
             builder, frame, every, style.floors_m(1), pick_tint(rng, palette.METALS + palette.PANELS), style
         )
     if detailed and not office and rng.random() < 0.4:
-        _accent(builder, main, style, rng)
+        _add_stair_tower(builder, main, style, rng)
     add_flat_roof(builder, main, float(rng.uniform(0.5, 1.1)), style, palette.LEAD)
     if set_back:
         top = replace(style, wall=Material.PLAIN, wall_tint=pick_tint(rng, palette.PANELS), storeys=style.storeys + 1)
         pent = BuildingPart(plot.frame, 1.8, plot.width_m - 1.8, 2.0, plot.depth_m - 1.5, style.eaves_m + top_floor)
-        _raised(builder, pent, style.eaves_m, top)
+        _add_storey_walls(builder, pent, style.eaves_m, top)
         add_flat_roof(builder, pent, 0.2, top, palette.LEAD)
         add_roof_equipment(builder, pent, top, rng)
     else:
         add_roof_equipment(builder, main, style, rng)
 
 
-def _accent(builder: Builder, main: BuildingPart, style: FacadeStyle, rng: np.random.Generator) -> None:
+def _add_stair_tower(builder: Builder, main: BuildingPart, style: FacadeStyle, rng: np.random.Generator) -> None:
     """Add a stair tower of another colour, slightly in front of the facade and above the roof."""
     frame, length = main.side("front")
     width = 2.4
@@ -115,10 +117,10 @@ def _accent(builder: Builder, main: BuildingPart, style: FacadeStyle, rng: np.ra
     panes = np.stack(
         [np.full_like(floors, s + 0.5), np.full_like(floors, s + width - 0.5), floors + 0.3, floors + 2.6], axis=1
     )
-    builder.add_quads(frame, rectangles(panes, -0.28), Material.WINDOW, style.window_frame, style.tag, UNIT_UV)
+    builder.add_quads(frame, upright_quads(panes, -0.28), Material.WINDOW, style.window_frame, style.tag, UNIT_UV)
 
 
-def _raised(builder: Builder, span: BuildingPart, z_m: float, style: FacadeStyle) -> None:
+def _add_storey_walls(builder: Builder, span: BuildingPart, z_m: float, style: FacadeStyle) -> None:
     """Add the walls of a storey on a roof."""
     for name in SIDES:
         frame, length = span.side(name)

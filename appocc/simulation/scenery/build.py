@@ -34,9 +34,9 @@ def build_scenery(plan: TownPlan, ground: Ground) -> tuple[Mesh, FloatArray]:
     plots = lay_plots(site, plan.style, houses)
     build_houses(builder, plots, plan.style, houses)
     signals, poles_m = build_signals(site, plan.network)
-    things, lights_m, street_trees_m = furnish_streets(site, plan.network, plan.style, poles_m, streets)
+    furniture, lights_m, street_trees_m = furnish_streets(site, plan.network, plan.style, poles_m, streets)
     add_enclosures(builder, site, plots, plan.style, green)
     if plan.style == "industrial":
-        things += fill_yards(builder, site, plots, streets)
+        furniture += fill_yards(builder, site, plots, streets)
     trees = plant_trees(site, plan.style, street_trees_m, green)
-    return join_meshes([builder.mesh(), *signals, *things, *trees]), lights_m
+    return join_meshes([builder.mesh(), *signals, *furniture, *trees]), lights_m

@@ -47,10 +47,10 @@ def add_detached_house(builder: Builder, plot: Plot, tag: int, rng: np.random.Ge
         sills=True,
         tag=tag,
     )
-    _detached(builder, plot, style, rng)
+    _build_house(builder, plot, style, rng)
 
 
-def _detached(builder: Builder, plot: Plot, style: FacadeStyle, rng: np.random.Generator) -> None:
+def _build_house(builder: Builder, plot: Plot, style: FacadeStyle, rng: np.random.Generator) -> None:
     garage = plot.width_m > 11 and rng.random() < 0.75
     split = plot.width_m - (3.6 if garage else 0.0)
     wing = rng.random() < 0.5
@@ -84,12 +84,12 @@ def _detached(builder: Builder, plot: Plot, style: FacadeStyle, rng: np.random.G
             style=style,
         )
     if detailed:
-        _porch(builder, main, float(s[door].mean()), style, tint)
+        _add_porch(builder, main, float(s[door].mean()), style, tint)
     if wing:
         bay = BuildingPart(plot.frame, 0.4, 0.4 + min(4.0, 0.4 * split), 0.0, front + 2.0, style.eaves_m)
-        _front_wing(builder, bay, style, pitch, tint)
+        _add_front_wing(builder, bay, style, pitch, tint)
     if garage:
-        _garage(
+        _add_garage(
             builder,
             BuildingPart(plot.frame, split, plot.width_m, 2.2, min(plot.depth_m, 8.2), 2.6),
             style,
@@ -98,7 +98,7 @@ def _detached(builder: Builder, plot: Plot, style: FacadeStyle, rng: np.random.G
         )
 
 
-def _porch(builder: Builder, main: BuildingPart, s: float, style: FacadeStyle, tint: Tint) -> None:
+def _add_porch(builder: Builder, main: BuildingPart, s: float, style: FacadeStyle, tint: Tint) -> None:
     """Add a small roof above the door on two posts, and a step."""
     d = main.d0
     builder.add_boxes(
@@ -132,7 +132,7 @@ def _porch(builder: Builder, main: BuildingPart, s: float, style: FacadeStyle, t
     )
 
 
-def _front_wing(builder: Builder, bay: BuildingPart, style: FacadeStyle, pitch_rad: float, tint: Tint) -> None:
+def _add_front_wing(builder: Builder, bay: BuildingPart, style: FacadeStyle, pitch_rad: float, tint: Tint) -> None:
     """Add a front wing whose gable faces the street."""
     frame, length = bay.side("front")
     s = np.array([[length / 2 - 0.95, length / 2 + 0.95]])
@@ -146,7 +146,7 @@ def _front_wing(builder: Builder, bay: BuildingPart, style: FacadeStyle, pitch_r
     add_gable_roof(builder, bay.turned(), pitch_rad, tint, style, eave_m=0.3, verge_m=0.3)
 
 
-def _garage(builder: Builder, part: BuildingPart, style: FacadeStyle, pitch_rad: float, tint: Tint) -> None:
+def _add_garage(builder: Builder, part: BuildingPart, style: FacadeStyle, pitch_rad: float, tint: Tint) -> None:
     frame, length = part.side("front")
     door = np.array([[length / 2 - 1.3, length / 2 + 1.3]])
     shut = replace(style, door=style.trim, storeys=1, sills=False)

@@ -11,7 +11,7 @@ from appocc.simulation.mesh import Material
 from appocc.simulation.scenery.builder import UNIT_UV, Builder, LocalFrame, Tint
 from appocc.simulation.scenery.palette import CONCRETE, METALS
 
-SHOP_PANE_M, SHOP_HIGH_M = 1.6, 3.2  # size of a shop window pane, see `rendering.materials`
+SHOP_PANE_WIDTH_M, SHOP_PANE_HEIGHT_M = 1.6, 3.2  # size of a shop window pane, see `rendering.materials`
 _GATE_M, _GROOVES = 1.8, 4
 _PROUD_M = 0.03  # panes of plain walls are in front of the wall, which avoids z-fighting
 
@@ -63,7 +63,7 @@ class FacadeStyle:
         return np.asarray(floors[first:])
 
 
-def rectangles(edges: FloatArray, d: float | FloatArray = 0.0) -> FloatArray:
+def upright_quads(edges: FloatArray, d: float | FloatArray = 0.0) -> FloatArray:
     """Return (N, 4, 3) upright quads of [s0, s1, z0, z1] (N, 4) that face the street at depth d."""
     edges = np.asarray(edges, np.float64).reshape(-1, 4)
     quads = np.empty((len(edges), 4, 3))
@@ -77,7 +77,7 @@ def add_plain_wall(
     builder: Builder, frame: LocalFrame, edges: FloatArray, material: Material, tint: Tint, tag: int
 ) -> None:
     """Add wall rectangles [s0, s1, z0, z1] (N, 4) with a continuous pattern."""
-    quads = rectangles(edges)
+    quads = upright_quads(edges)
     builder.add_quads(frame, quads, material, tint, tag, quads[..., [0, 2]])
 
 
@@ -143,20 +143,22 @@ def add_window_wall(
     door = np.zeros(len(panes), np.bool_) if doors is None else doors.reshape(-1)
     panes, door = panes[there], door[there]
     if detailed:
-        _pierced(builder, frame, length_m, z_m, s, z=z, style=style)
-        _reveals(builder, frame, panes, style)
+        _add_wall_around(builder, frame, length_m, z_m, s, z=z, style=style)
+        _add_reveals(builder, frame, panes, style)
         if style.sills:
-            _sills(builder, frame, panes[~door], style)
+            _add_sills(builder, frame, panes[~door], style)
     else:
         add_plain_wall(builder, frame, whole, style.wall, style.wall_tint, style.tag)
     depth = style.recess_m if detailed else -_PROUD_M
-    builder.add_quads(frame, rectangles(panes[~door], depth), Material.WINDOW, style.window_frame, style.tag, UNIT_UV)
-    builder.add_quads(frame, rectangles(panes[door], depth), Material.PLAIN, style.door, style.tag)
+    builder.add_quads(
+        frame, upright_quads(panes[~door], depth), Material.WINDOW, style.window_frame, style.tag, UNIT_UV
+    )
+    builder.add_quads(frame, upright_quads(panes[door], depth), Material.PLAIN, style.door, style.tag)
     if detailed and door.any():
-        _door_details(builder, frame, panes[door], style)
+        _add_door_details(builder, frame, panes[door], style)
 
 
-def _pierced(
+def _add_wall_around(
     builder: Builder,
     frame: LocalFrame,
     length_m: float,
@@ -177,7 +179,7 @@ def _pierced(
     add_plain_wall(builder, frame, np.concatenate([piers, spandrels]), style.wall, style.wall_tint, style.tag)
 
 
-def _reveals(builder: Builder, frame: LocalFrame, panes: FloatArray, style: FacadeStyle) -> None:
+def _add_reveals(builder: Builder, frame: LocalFrame, panes: FloatArray, style: FacadeStyle) -> None:
     """Add the sides and upper edge of each opening, from the wall's face to the pane; sills are the lower edge."""
     s0, s1, z0, z1 = panes.T
     f, b = np.zeros_like(s0), np.full_like(s0, style.recess_m)
@@ -191,27 +193,27 @@ def _reveals(builder: Builder, frame: LocalFrame, panes: FloatArray, style: Faca
     builder.add_quads(frame, quads, style.wall, style.wall_tint, style.tag)
 
 
-def _sills(builder: Builder, frame: LocalFrame, panes: FloatArray, style: FacadeStyle) -> None:
+def _add_sills(builder: Builder, frame: LocalFrame, panes: FloatArray, style: FacadeStyle) -> None:
     s0, s1, z0, _ = panes.T
     low = np.stack([s0 - 0.08, np.full_like(s0, -0.09), z0 - 0.11], axis=1)
     high = np.stack([s1 + 0.08, np.full_like(s0, style.recess_m), z0 + 0.005], axis=1)
     builder.add_boxes(frame, low, high, Material.CONCRETE, style.trim, tag=style.tag, sides="ft")
 
 
-def _door_details(builder: Builder, frame: LocalFrame, doors: FloatArray, style: FacadeStyle) -> None:
+def _add_door_details(builder: Builder, frame: LocalFrame, doors: FloatArray, style: FacadeStyle) -> None:
     """Add frames and handles of doors, and grooves across those as wide as a gate."""
     before = style.recess_m - 0.02
     gate = doors[:, 1] - doors[:, 0] > _GATE_M
     s0, s1, z0, z1 = doors[~gate].T
     left, right = (np.stack([a, a + 0.07, z0, z1], axis=1) for a in (s0, s1 - 0.07))
     upper = np.stack([s0 + 0.07, s1 - 0.07, z1 - 0.08, z1], axis=1)
-    frames = rectangles(np.concatenate([left, right, upper]), before)
+    frames = upright_quads(np.concatenate([left, right, upper]), before)
     builder.add_quads(frame, frames, Material.PLAIN, style.window_frame, style.tag)
-    handles = rectangles(np.stack([s1 - 0.20, s1 - 0.14, z0 + 0.95, z0 + 1.12], axis=1), before)
+    handles = upright_quads(np.stack([s1 - 0.20, s1 - 0.14, z0 + 0.95, z0 + 1.12], axis=1), before)
     builder.add_quads(frame, handles, Material.METAL, METALS[2], style.tag)
     s0, s1, z0, z1 = np.repeat(doors[gate], _GROOVES, axis=0).T
     z = z0 + (z1 - z0) * np.tile((np.arange(_GROOVES) + 1) / (_GROOVES + 1), int(gate.sum()))
-    grooves = rectangles(np.stack([s0, s1, z - 0.015, z + 0.015], axis=1), before + 0.01)
+    grooves = upright_quads(np.stack([s0, s1, z - 0.015, z + 0.015], axis=1), before + 0.01)
     builder.add_quads(frame, grooves, Material.PLAIN, np.array(style.door) * 3 // 5, style.tag)
 
 
@@ -261,27 +263,27 @@ def add_shop_floor(
     s, z = np.concatenate([s, s_door]), np.concatenate([z, [[[0.02, head]]]], axis=1)
     order = np.argsort(s[:, 0], kind="stable")
     s, z = s[order], z[:, order]
-    _pierced(builder, frame, length_m, (0.0, style.ground_m), s, z=z, style=style)
+    _add_wall_around(builder, frame, length_m, (0.0, style.ground_m), s, z=z, style=style)
     panes = np.concatenate([s, z[0]], axis=1)
-    _reveals(builder, frame, panes, style)
-    glass = rectangles(panes, style.recess_m)
+    _add_reveals(builder, frame, panes, style)
+    glass = upright_quads(panes, style.recess_m)
     builder.add_quads(frame, glass, Material.SHOPFRONT, style.window_frame, style.tag, _shop_uv(panes))
     board = [0.25, -0.12, head + 0.12], [length_m - 0.25, 0.02, head + 0.67]
     builder.add_boxes(frame, *board, Material.PLAIN, fascia, style.tag, "lrfdt")
     if awning is not None:
-        _awnings(builder, frame, s[s[:, 1] - s[:, 0] > 1.3], head + 0.05, awning, style.tag)
+        _add_awnings(builder, frame, s[s[:, 1] - s[:, 0] > 1.3], head + 0.05, awning, style.tag)
 
 
 def _shop_uv(panes: FloatArray) -> FloatArray:
     """Return (N, 4, 2) metres along and up shop windows, scaled slightly so that each shows whole panes."""
-    count = np.maximum(np.rint((panes[:, 1] - panes[:, 0]) / SHOP_PANE_M), 1.0)
+    count = np.maximum(np.rint((panes[:, 1] - panes[:, 0]) / SHOP_PANE_WIDTH_M), 1.0)
     first = np.cumsum(count) - count
-    along = np.stack([first, first + count], axis=1)[:, [0, 1, 1, 0]] * SHOP_PANE_M
-    up = np.broadcast_to([0.0, 0.0, SHOP_HIGH_M, SHOP_HIGH_M], along.shape)
+    along = np.stack([first, first + count], axis=1)[:, [0, 1, 1, 0]] * SHOP_PANE_WIDTH_M
+    up = np.broadcast_to([0.0, 0.0, SHOP_PANE_HEIGHT_M, SHOP_PANE_HEIGHT_M], along.shape)
     return np.stack([along, up], axis=-1)
 
 
-def _awnings(builder: Builder, frame: LocalFrame, s: FloatArray, z_m: float, tint: Tint, tag: int) -> None:
+def _add_awnings(builder: Builder, frame: LocalFrame, s: FloatArray, z_m: float, tint: Tint, tag: int) -> None:
     """Add sloping, two-sided awnings with a valance above shop windows."""
     s0, s1 = s.T
     back, front, top, low = np.full_like(s0, -0.13), np.full_like(s0, -1.25), z_m, z_m - 0.45

@@ -60,38 +60,46 @@ def plant_trees(site: Site, style: str, street_trees_m: FloatArray, rng: np.rand
     """Build trees and bushes as instances: street trees at positions (N, 2), gardens and parks by the style."""
     planting = PLANTINGS[style]
     spots = _garden_spots(site, planting, rng)
-    far = site.metres_at(spots, site.to_road_m) > planting.near_m
+    far = site.distance_at(spots, site.to_road_m) > planting.near_m
     conifer_share = rng.random(len(spots)) < planting.conifers
     roll = rng.random(len(spots))
-    meshes = _scattered(street_trees_m, (broad_tree,), palette.LEAVES, rng, 2.0, scale=(0.82, 0.98), slender=1.36)
+    meshes = _instance_trees(
+        street_trees_m, (broad_tree,), palette.LEAVES, rng, 2.0, scale=(0.82, 0.98), slender=1.36
+    )
     for distant, detail in ((False, 1.0), (True, 0.4)):
         here = far == distant
         leafy = here & ~conifer_share
-        meshes += _scattered(spots[leafy & (roll < 0.5)], (broad_tree,), palette.LEAVES, rng, detail, (0.75, 1.3))
-        meshes += _scattered(
+        meshes += _instance_trees(
+            spots[leafy & (roll < 0.5)], (broad_tree,), palette.LEAVES, rng, detail, (0.75, 1.3)
+        )
+        meshes += _instance_trees(
             spots[leafy & (roll >= 0.5) & (roll < 0.88)], (small_tree,), palette.LEAVES, rng, detail, (0.7, 1.3)
         )
-        meshes += _scattered(spots[leafy & (roll >= 0.88)], (columnar_tree,), palette.LEAVES, rng, detail, (0.7, 1.2))
-        meshes += _scattered(spots[here & conifer_share], (conifer_tree,), palette.NEEDLES, rng, detail, (0.6, 1.3))
+        meshes += _instance_trees(
+            spots[leafy & (roll >= 0.88)], (columnar_tree,), palette.LEAVES, rng, detail, (0.7, 1.2)
+        )
+        meshes += _instance_trees(
+            spots[here & conifer_share], (conifer_tree,), palette.NEEDLES, rng, detail, (0.6, 1.3)
+        )
     near = spots[~far]
     count = int(len(near) * planting.bushes)
     around = near[rng.integers(len(near), size=count)] if len(near) else near
     bushes = around + rng.uniform(-4.0, 4.0, around.shape)
-    clear = (~site.is_set(bushes, site.taken)) & (site.metres_at(bushes, site.to_paved_m) > 1.0)
-    meshes += _scattered(bushes[clear], (lambda seed, _: bush(seed),), palette.HEDGES, rng, 1.0, (0.6, 1.4))
+    clear = (~site.is_set(bushes, site.occupied)) & (site.distance_at(bushes, site.to_paved_m) > 1.0)
+    meshes += _instance_trees(bushes[clear], (lambda seed, _: bush(seed),), palette.HEDGES, rng, 1.0, (0.6, 1.4))
     return meshes
 
 
 def _garden_spots(site: Site, planting: Planting, rng: np.random.Generator) -> FloatArray:
     """Return (N, 2) of a jittered, thinned grid away from walls and pavements; trunks keep their distance."""
-    height, width = site.taken.shape
+    height, width = site.occupied.shape
     step = planting.spacing_m / SITE_M
     y, x = np.meshgrid(np.arange(0, height, step), np.arange(0, width, step), indexing="ij")
     grid = np.stack([x.ravel(), y.ravel()], axis=1) + rng.uniform(0, step, (x.size, 2))
     spots = site.low_m + grid * SITE_M
-    to_taken = cv2.distanceTransform((site.taken == 0).astype(np.uint8), cv2.DIST_L2, 3)
-    clear = SITE_M * site.metres_at(spots, np.asarray(to_taken, dtype=np.float32))
-    paved = site.metres_at(spots, site.to_paved_m)
+    to_taken = cv2.distanceTransform((site.occupied == 0).astype(np.uint8), cv2.DIST_L2, 3)
+    clear = SITE_M * site.distance_at(spots, np.asarray(to_taken, dtype=np.float32))
+    paved = site.distance_at(spots, site.to_paved_m)
     # Low-frequency noise makes some parks and gardens denser than others.
     coarse = grid[:, ::-1] / [height, width] * 11
     fullness = 0.4 + 1.2 * map_coordinates(rng.random((12, 12)), coarse.T, order=1, mode="nearest")
@@ -100,7 +108,7 @@ def _garden_spots(site: Site, planting: Planting, rng: np.random.Generator) -> F
     return np.asarray(spots[keep])
 
 
-def _scattered(
+def _instance_trees(
     xy_m: FloatArray,
     kinds: Sequence[Callable[[int, float], Tree]],
     tints: Sequence[Tint],
@@ -139,18 +147,18 @@ def add_enclosures(builder: Builder, site: Site, plots: Sequence[Plot], style: s
         kind = rng.random()
         for s0, s1 in ends:
             outline = plot.frame.corners(s0, s1, d - 0.4, d + 0.4)
-            if s1 - s0 < 0.8 or not site.free(outline):
+            if s1 - s0 < 0.8 or not site.is_free(outline):
                 continue
-            site.take(outline)
+            site.occupy(outline)
             if style == "industrial":
-                _mesh_fence(builder, plot, s0, s1, d)
+                _add_metal_fence(builder, plot, s0, s1, d)
             elif kind < 0.55:
-                _hedge(builder, plot, s0, s1, d, rng)
+                _add_hedge(builder, plot, s0, s1, d, rng)
             else:
-                _picket(builder, plot, s0, s1, d, rng)
+                _add_picket_fence(builder, plot, s0, s1, d, rng)
 
 
-def _hedge(builder: Builder, plot: Plot, s0: float, s1: float, d: float, rng: np.random.Generator) -> None:
+def _add_hedge(builder: Builder, plot: Plot, s0: float, s1: float, d: float, rng: np.random.Generator) -> None:
     """Add a clipped hedge, slightly uneven along its length."""
     count = max(1, round((s1 - s0) / 1.6))
     cut = np.linspace(s0, s1, count + 1)
@@ -162,7 +170,7 @@ def _hedge(builder: Builder, plot: Plot, s0: float, s1: float, d: float, rng: np
     builder.add_boxes(plot.frame, low, high, Material.HEDGE, tint)
 
 
-def _picket(builder: Builder, plot: Plot, s0: float, s1: float, d: float, rng: np.random.Generator) -> None:
+def _add_picket_fence(builder: Builder, plot: Plot, s0: float, s1: float, d: float, rng: np.random.Generator) -> None:
     """Add a picket fence, or a low wall."""
     tint = palette.FENCES[int(rng.integers(len(palette.FENCES)))]
     if rng.random() < 0.35:
@@ -181,7 +189,7 @@ def _picket(builder: Builder, plot: Plot, s0: float, s1: float, d: float, rng: n
         )
 
 
-def _mesh_fence(builder: Builder, plot: Plot, s0: float, s1: float, d: float) -> None:
+def _add_metal_fence(builder: Builder, plot: Plot, s0: float, s1: float, d: float) -> None:
     """Add a metal fence with rails."""
     count = max(2, round((s1 - s0) / 2.8) + 1)
     s = np.linspace(s0, s1 - 0.06, count)

@@ -26,7 +26,7 @@ from appocc.simulation.scenery.spans import SIDES, BuildingPart, add_plain_side,
 def add_industrial_building(builder: Builder, plot: Plot, tag: int, rng: np.random.Generator) -> None:
     """Add an industrial building; wide plots may have offices."""
     wall = (Material.METAL, Material.CONCRETE, Material.BRICK)[int(rng.choice(3, p=(0.55, 0.3, 0.15)))]
-    tints = palette.BRICKS if wall == Material.BRICK else palette.HALLS
+    tints = palette.BRICKS if wall == Material.BRICK else palette.INDUSTRIAL_WALLS
     style = FacadeStyle(
         wall=wall,
         wall_tint=pick_tint(rng, tints),
@@ -59,13 +59,13 @@ def add_industrial_building(builder: Builder, plot: Plot, tag: int, rng: np.rand
     for name in ("right", "back", "left"):
         add_plain_side(builder, main, name, style, False)
     if not plot.backland:
-        _hall_ribs(builder, main, style, s[gates], rng)
-    _hall_roof(builder, main, style, rng)
+        _add_ribs(builder, main, style, s[gates], rng)
+    _add_roof(builder, main, style, rng)
     if office:
-        _office(builder, plot, style, rng)
+        _add_office(builder, plot, style, rng)
 
 
-def _hall_ribs(
+def _add_ribs(
     builder: Builder, main: BuildingPart, style: FacadeStyle, gates: FloatArray, rng: np.random.Generator
 ) -> None:
     """Add a plinth with gaps at the front gates (n, 2), a band below the eaves, and posts between windows."""
@@ -95,8 +95,8 @@ def _hall_ribs(
             )
 
 
-def _hall_roof(builder: Builder, main: BuildingPart, style: FacadeStyle, rng: np.random.Generator) -> None:
-    kind, sheet = rng.random(), pick_tint(rng, palette.METALS[2:] + palette.HALLS[:3])
+def _add_roof(builder: Builder, main: BuildingPart, style: FacadeStyle, rng: np.random.Generator) -> None:
+    kind, sheet = rng.random(), pick_tint(rng, palette.METALS[2:] + palette.INDUSTRIAL_WALLS[:3])
     if kind < 0.4:
         add_saw_tooth_roof(builder, main, float(rng.uniform(5.5, 8.0)), 2.4, sheet, style)
     elif kind < 0.75:
@@ -106,7 +106,7 @@ def _hall_roof(builder: Builder, main: BuildingPart, style: FacadeStyle, rng: np
         add_gable_roof(builder, main.turned(), 0.2, sheet, style, eave_m=0.2, verge_m=0.1)
 
 
-def _office(builder: Builder, plot: Plot, hall: FacadeStyle, rng: np.random.Generator) -> None:
+def _add_office(builder: Builder, plot: Plot, hall: FacadeStyle, rng: np.random.Generator) -> None:
     """Add two storeys of offices in front of an industrial building."""
     style = replace(
         hall,

@@ -46,7 +46,7 @@ PANELS: tuple[Tint, ...] = (
     (120, 126, 130),
     (146, 112, 98),
 )
-HALLS: tuple[Tint, ...] = (
+INDUSTRIAL_WALLS: tuple[Tint, ...] = (
     (168, 174, 178),
     (196, 196, 190),
     (142, 150, 156),

@@ -68,18 +68,18 @@ def lay_plots(site: Site, style: str, rng: np.random.Generator) -> list[Plot]:
     spacing = SPACINGS[style]
     plots: list[Plot] = []
     for frontage in site.frontages():
-        plots += _along(site, frontage, spacing, rng)
+        plots += _lay_along(site, frontage, spacing, rng)
     for frontage in site.frontages(_BACK_M[style], 10.0):
-        plots += _along(site, frontage, spacing, rng, backland=True)
-    site.taken[site.island] = 0
-    return [plot if _off_islands(site, plot) else replace(plot, built=False) for plot in plots]
+        plots += _lay_along(site, frontage, spacing, rng, backland=True)
+    site.occupied[site.island] = 0
+    return [plot if _is_off_islands(site, plot) else replace(plot, built=False) for plot in plots]
 
 
-def _off_islands(site: Site, plot: Plot) -> bool:
+def _is_off_islands(site: Site, plot: Plot) -> bool:
     return not site.is_set(plot.frame.at(plot.width_m / 2, plot.depth_m / 2)[None], site.island)[0]
 
 
-def _along(
+def _lay_along(
     site: Site, frontage: Frontage, spacing: PlotSpacing, rng: np.random.Generator, backland: bool = False
 ) -> list[Plot]:
     """Lay plots from one end of a frontage to the other; at its ends a building may extend around the corner."""
@@ -93,7 +93,9 @@ def _along(
             width = min(end - s, 1.25 * spacing.width_m[1])
         depth = float(rng.uniform(*spacing.depth_m))
         skip = rng.random() < (0.5 if backland else spacing.empty_share)
-        plot = None if skip else _fitted(site, frontage, s, width, depth, front, terraced=terraced, backland=backland)
+        plot = (
+            None if skip else _fit_plot(site, frontage, s, width, depth, front, terraced=terraced, backland=backland)
+        )
         if plot is None:
             s, terraced = s + (width if skip else 1.5), False
             continue
@@ -107,7 +109,7 @@ def _along(
     return plots
 
 
-def _fitted(
+def _fit_plot(
     site: Site,
     frontage: Frontage,
     s: float,
@@ -125,13 +127,13 @@ def _fitted(
     sizes = [(width_m * share, depth_m * (0.6 + 0.4 * share), front_m + back) for share, back in tries]
     local = [[[s, d], [s + width, d], [s + width, d + depth], [s, d + depth]] for width, depth, d in sizes]
     outlines = frame.to_town(np.array(local).reshape(-1, 4, 2))
-    for number in np.flatnonzero(site.maybe_free(outlines)):
-        if not site.free(outlines[number]):
+    for number in np.flatnonzero(site.may_be_free(outlines)):
+        if not site.is_free(outlines[number]):
             continue
         width, depth, d = sizes[number]
-        site.take(frame.corners(s + 0.25, s + width - 0.25, d + 0.25, d + depth - 0.25))
+        site.occupy(frame.corners(s + 0.25, s + width - 0.25, d + 0.25, d + depth - 0.25))
         front = np.linspace(outlines[number, 0], outlines[number, 1], 5)
-        road = float(site.metres_at(front, site.to_road_m).min())
+        road = float(site.distance_at(front, site.to_road_m).min())
         return Plot(
             frame=frame.moved(s, d),
             width_m=width,

@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 
 from appocc.checks import BoolArray, FloatArray, IntArray
 from appocc.simulation.network import Edge, Lane, RoadNetwork
-from appocc.simulation.scenery.site import Site, resampled
+from appocc.simulation.scenery.site import Site, resample
 
 _STEP_M = 0.1
 _FARTHEST_M = 14.0
@@ -87,7 +87,7 @@ def along_streets(
     for number, edge, lane, side in outer_lanes(network):
         first = edge.from_junction < edge.to_junction if side < 0 else True
         start = skip_m + (0.0 if first or not alternate else step_m / 2)
-        points, heading = resampled(lane.centre_m, step_m, start)
+        points, heading = resample(lane.centre_m, step_m, start)
         length = np.linalg.norm(np.diff(lane.centre_m, axis=0), axis=1).sum()
         inside = start + step_m * np.arange(len(points)) < length - skip_m
         out = side * np.stack([-heading[:, 1], heading[:, 0]], axis=1)
@@ -96,10 +96,10 @@ def along_streets(
         none = np.zeros((0, 2))
         return Roadside(none, none, none, np.zeros(0), np.zeros(0, np.int64))
     points, heading, out = (np.concatenate([part[k] for part in parts]) for k in range(3))
-    return placed(site, points, heading, out, np.concatenate([part[3] for part in parts]), back_m)
+    return place_behind_kerb(site, points, heading, out, np.concatenate([part[3] for part in parts]), back_m)
 
 
-def placed(
+def place_behind_kerb(
     site: Site, xy_m: FloatArray, heading: FloatArray, outward: FloatArray, edge: IntArray, back_m: float
 ) -> Roadside:
     """Return positions `back_m` behind the kerb of carriageway points, if there is one."""
@@ -113,7 +113,7 @@ def placed(
     return Roadside(at, heading[found], outward[found], behind, edge[found])
 
 
-def far_enough(xy_m: FloatArray, others_m: FloatArray, least_m: float) -> BoolArray:
+def keep_distance(xy_m: FloatArray, others_m: FloatArray, least_m: float) -> BoolArray:
     """Return (N,) whether positions (N, 2) keep a minimum distance from occupied ones (M, 2)."""
     if not len(others_m) or not len(xy_m):
         return np.ones(len(xy_m), np.bool_)

@@ -55,11 +55,11 @@ def build_signals(site: Site, network: RoadNetwork) -> tuple[list[Mesh], FloatAr
     poles: list[tuple[FloatArray, float]] = []
     arms: list[tuple[FloatArray, FloatArray]] = []
     for (edge_name, _), connections in approaches.items():
-        _approach(site, network, edges[edge_name], connections, number, heads, poles=poles, arms=arms)
+        _build_approach(site, network, edges[edge_name], connections, number, heads, poles=poles, arms=arms)
     return [*_heads(heads), *_poles(poles), *_arms(arms)], np.array([xy for xy, _ in poles]).reshape(-1, 2)
 
 
-def _approach(
+def _build_approach(
     site: Site,
     network: RoadNetwork,
     edge: Edge,
@@ -71,7 +71,7 @@ def _approach(
 ) -> None:
     """Add heads, poles and the arm of one approach."""
     outer = next(lane for lane in edge.lanes if lane.kind != "walking")
-    end, heading = _end(outer.centre_m, -1)
+    end, heading = _line_end(outer.centre_m, -1)
     # From left to right as the driver sees the links; one head per name.
     order = {"t": 0, "l": 1, "L": 2, "s": 3, "R": 4, "r": 5}
     links = sorted(connections, key=lambda c: (order.get(c.direction, 3), -network.lane(c.from_lane).index, c.link))
@@ -79,7 +79,7 @@ def _approach(
     right = np.array([heading[1], -heading[0]])
     over = lanes_across(network, edge) >= _ARM_FROM
     on_pole = [c for c in links if c.direction not in ("l", "L", "t")][-1:] or links[-1:] if over else links
-    pole = _beside(site, end, heading, (len(on_pole) - 1) / 2 * _ASIDE_M)
+    pole = _kerb_position(site, end, heading, (len(on_pole) - 1) / 2 * _ASIDE_M)
     for k, connection in enumerate(on_pole):
         aside = (k - (len(on_pole) - 1) / 2) * _ASIDE_M
         base = pole + aside * right - 0.12 * heading
@@ -87,13 +87,13 @@ def _approach(
             SignalHead(np.array([*base, _HEAD_M]), -heading, number[f"{connection.signal}/{connection.link}"])
         )
     if over:
-        tips = _over_lanes(network, links, pole, heading, number, heads)
+        tips = _hang_over_lanes(network, links, pole, heading, number, heads)
         arms.append((pole, tips))
     poles.append((pole, _ARM_M + 1.0 if over else _HEAD_M + 1.1))
-    _far_side(site, network, [c for c in links if c.direction == "s"], number, heads, poles)
+    _repeat_beyond_junction(site, network, [c for c in links if c.direction == "s"], number, heads, poles)
 
 
-def _over_lanes(
+def _hang_over_lanes(
     network: RoadNetwork,
     links: list[Connection],
     pole: FloatArray,
@@ -107,7 +107,7 @@ def _over_lanes(
     farthest = 0.0
     for k, connection in enumerate(links):
         same = [i for i, lane in enumerate(lanes) if lane == connection.from_lane]
-        middle = _end(network.lane(connection.from_lane).centre_m, -1)[0]
+        middle = _line_end(network.lane(connection.from_lane).centre_m, -1)[0]
         reach = float((middle - pole) @ left) - (same.index(k) - (len(same) - 1) / 2) * (_ASIDE_M + 0.08)
         farthest = max(farthest, reach)
         base = pole + reach * left - 0.12 * heading
@@ -117,7 +117,7 @@ def _over_lanes(
     return np.asarray(pole + (farthest + 0.3) * left)
 
 
-def _far_side(
+def _repeat_beyond_junction(
     site: Site,
     network: RoadNetwork,
     straight: list[Connection],
@@ -131,20 +131,20 @@ def _far_side(
     connection = min(straight, key=lambda c: network.lane(c.to_lane).index)
     edge = next(e for e in network.edges if e.name == network.lane(connection.to_lane).edge)
     outer = next(lane for lane in edge.lanes if lane.kind != "walking")
-    start, heading = _end(outer.centre_m, 0)
-    pole = _beside(site, start + 1.2 * heading, heading)
+    start, heading = _line_end(outer.centre_m, 0)
+    pole = _kerb_position(site, start + 1.2 * heading, heading)
     base = pole - 0.12 * heading
     heads.append(SignalHead(np.array([*base, _HEAD_M]), -heading, number[f"{connection.signal}/{connection.link}"]))
     poles.append((pole, _HEAD_M + 1.1))
 
 
-def _end(line_m: FloatArray, which: int) -> tuple[FloatArray, FloatArray]:
+def _line_end(line_m: FloatArray, which: int) -> tuple[FloatArray, FloatArray]:
     """Return the first (0) or last (-1) point of a line and the unit direction there."""
     a, b = (line_m[0], line_m[1]) if which == 0 else (line_m[-2], line_m[-1])
     return np.asarray(line_m[which]), (b - a) / max(float(np.linalg.norm(b - a)), 1e-9)
 
 
-def _beside(site: Site, xy_m: FloatArray, heading: FloatArray, half_m: float = 0.0) -> FloatArray:
+def _kerb_position(site: Site, xy_m: FloatArray, heading: FloatArray, half_m: float = 0.0) -> FloatArray:
     """Return the nearest ground behind the kerb to the right of a road point, moved along the street if necessary.
 
     Args:
@@ -160,7 +160,7 @@ def _beside(site: Site, xy_m: FloatArray, heading: FloatArray, half_m: float = 0
         offset = kerb_offset(site, start[None], right[None], back + half_m + 0.3)[0]
         pole = start + (offset + back) * right
         # Where the kerb bends around a corner, the distance across the street is not the shortest one to the road.
-        if np.isfinite(offset) and site.metres_at(pole[None], site.to_road_m)[0] > half_m + 0.4:
+        if np.isfinite(offset) and site.distance_at(pole[None], site.to_road_m)[0] > half_m + 0.4:
             return np.asarray(pole)
     return np.asarray(xy_m + 14.0 * right)
 

@@ -40,7 +40,7 @@ class Site:
         road: (H, W) road.
         paved: (H, W) roads, car parks and pavements.
         island: (H, W) centres of roundabouts: grass without buildings.
-        taken: (H, W) uint8 occupied or reserved ground.
+        occupied: (H, W) uint8 occupied or reserved ground.
         to_road_m: (H, W) distance to the nearest road.
         to_paved_m: (H, W) distance to paved ground.
     """
@@ -49,40 +49,40 @@ class Site:
         """Downsample the labels: a cell is road, or paved, if any part of it is."""
         self.low_m = ground.low_m - _MARGIN_M
         flags = surface_table(ROAD_SURFACES) * np.uint8(_ROAD) + surface_table(_PAVED) * np.uint8(_ANY)
-        coarse = _coarse(np.asarray(cv2.LUT(ground.label, flags), dtype=np.uint8))
+        coarse = _downsample(np.asarray(cv2.LUT(ground.label, flags), dtype=np.uint8))
         self.road, self.paved = (coarse & _ROAD) > 0, (coarse & _ANY) > 0
         self.to_road_m, self.to_paved_m = _distance(self.road), _distance(self.paved)
         self.island = _islands(self.paved)
-        self.taken: ByteArray = self.paved.astype(np.uint8)
+        self.occupied: ByteArray = self.paved.astype(np.uint8)
         self._streets = _streets(network)
 
     def cell(self, xy_m: FloatArray) -> tuple[IntArray, IntArray]:
         """Return row and column (N,) of positions (N, 2); positions outside are moved to the border."""
         index = np.floor((xy_m - self.low_m) / SITE_M).astype(np.int64)
-        high = self.taken.shape
+        high = self.occupied.shape
         return np.clip(index[..., 1], 0, high[0] - 1), np.clip(index[..., 0], 0, high[1] - 1)
 
-    def maybe_free(self, outlines_m: FloatArray) -> BoolArray:
+    def may_be_free(self, outlines_m: FloatArray) -> BoolArray:
         """Return (N,) whether a few points of convex outlines (N, K, 2) are free: rejects most candidates cheaply."""
         middle = outlines_m.mean(axis=1, keepdims=True)
         probes = np.concatenate([outlines_m, (outlines_m + middle) / 2, middle], axis=1)
         cells = np.floor((probes - self.low_m) / SITE_M).astype(np.int64)
-        height, width = self.taken.shape
+        height, width = self.occupied.shape
         inside = ((cells >= 1) & (cells < [width - 2, height - 2])).all(axis=(1, 2))
         cells[~inside] = 0
-        return np.asarray(inside & ~self.taken[cells[..., 1], cells[..., 0]].any(axis=1))
+        return np.asarray(inside & ~self.occupied[cells[..., 1], cells[..., 0]].any(axis=1))
 
-    def free(self, outline_m: FloatArray) -> bool:
+    def is_free(self, outline_m: FloatArray) -> bool:
         """Return whether a convex outline (K, 2) is inside the site and overlaps no occupied ground."""
-        if not self.maybe_free(outline_m[None])[0]:
+        if not self.may_be_free(outline_m[None])[0]:
             return False
         low, high, mask = self._stamp(outline_m)
-        return not (self.taken[low[1] : high[1], low[0] : high[0]] & mask).any()
+        return not (self.occupied[low[1] : high[1], low[0] : high[0]] & mask).any()
 
-    def take(self, outline_m: FloatArray) -> None:
+    def occupy(self, outline_m: FloatArray) -> None:
         """Occupy a convex outline (K, 2) inside the site."""
         low, high, mask = self._stamp(outline_m)
-        self.taken[low[1] : high[1], low[0] : high[0]] |= mask
+        self.occupied[low[1] : high[1], low[0] : high[0]] |= mask
 
     def _stamp(self, outline_m: FloatArray) -> tuple[IntArray, IntArray, ByteArray]:
         points = (outline_m - self.low_m) / SITE_M
@@ -111,19 +111,19 @@ class Site:
             ends = np.roll(points, -1, axis=0)
             length = np.linalg.norm(ends - points, axis=1)
             for i in np.flatnonzero(length >= shortest_m):
-                found.append(self._facing(points[i], ends[i], float(length[i]), beyond_m))
+                found.append(self._orient(points[i], ends[i], float(length[i]), beyond_m))
         wide = self.arterial(np.array([f.frame.at(f.length_m / 2, 0.0) for f in found]).reshape(-1, 2))
         order = sorted(range(len(found)), key=lambda i: (-round(found[i].length_m, 3), i))
         return [Frontage(found[i].frame, found[i].length_m, bool(wide[i])) for i in order]
 
-    def _facing(self, start: FloatArray, end: FloatArray, length_m: float, beyond_m: float) -> Frontage:
+    def _orient(self, start: FloatArray, end: FloatArray, length_m: float, beyond_m: float) -> Frontage:
         """Return the section between two points, oriented such that the block is to its left."""
         along = (end - start) / length_m
         side = (start + end) / 2 + 2.0 * np.array([-along[1], along[0]])
-        left = self.metres_at(side[None], self.to_paved_m)[0] > beyond_m
+        left = self.distance_at(side[None], self.to_paved_m)[0] > beyond_m
         return Frontage(LocalFrame(start, along) if left else LocalFrame(end, -along), length_m, False)
 
-    def metres_at(self, xy_m: FloatArray, what: Float32Array) -> Float32Array:
+    def distance_at(self, xy_m: FloatArray, what: Float32Array) -> Float32Array:
         """Return (N,) values of a distance raster at positions (N, 2)."""
         return np.asarray(what[self.cell(xy_m)])
 
@@ -132,7 +132,7 @@ class Site:
         return np.asarray(what[self.cell(xy_m)] > 0)
 
 
-def _coarse(flags: ByteArray) -> ByteArray:
+def _downsample(flags: ByteArray) -> ByteArray:
     """Downsample bits, with a margin: set where any part of a cell is set."""
     height, width = (-(-size // _COARSE) for size in flags.shape)
     fine = np.zeros((height * _COARSE, width * _COARSE), np.uint8)
@@ -174,13 +174,13 @@ def _streets(network: RoadNetwork) -> tuple[cKDTree, BoolArray] | None:
         for lane in edge.lanes:
             if lane.kind != "driving":
                 continue
-            dense = resampled(lane.centre_m, 6.0)[0]
+            dense = resample(lane.centre_m, 6.0)[0]
             points.append(dense)
             wide.append(np.full(len(dense), arterial))
     return (cKDTree(np.concatenate(points)), np.concatenate(wide)) if points else None
 
 
-def resampled(line_m: FloatArray, step_m: float, start_m: float = 0.0) -> tuple[FloatArray, FloatArray]:
+def resample(line_m: FloatArray, step_m: float, start_m: float = 0.0) -> tuple[FloatArray, FloatArray]:
     """Resample a polyline: (N, 2) points every `step_m` from `start_m`, and (N, 2) unit directions."""
     length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line_m, axis=0), axis=1))])
     at = np.arange(start_m, length[-1] + 1e-9, step_m)

@@ -11,7 +11,7 @@ from appocc.simulation.mesh import Mesh
 from appocc.simulation.network import RoadNetwork
 from appocc.simulation.scenery import furniture
 from appocc.simulation.scenery.builder import instance_mesh
-from appocc.simulation.scenery.roadside import Roadside, along_streets, far_enough, outer_lanes, placed
+from appocc.simulation.scenery.roadside import Roadside, along_streets, keep_distance, outer_lanes, place_behind_kerb
 from appocc.simulation.scenery.site import Site, lanes_across
 
 _LAMP_STEP_M = 56.0  # on each side; the sides alternate
@@ -21,10 +21,10 @@ _TREE_STREETS = {"old": 0.3, "modern": 0.5, "suburb": 0.45, "industrial": 0.12}
 class StreetFurnisher:
     """Places things along the streets; each keeps its distance from earlier ones."""
 
-    def __init__(self, site: Site, network: RoadNetwork, taken_m: FloatArray) -> None:
+    def __init__(self, site: Site, network: RoadNetwork, occupied_m: FloatArray) -> None:
         """Start with occupied positions (N, 2)."""
         self.site, self.network = site, network
-        self.taken_m = taken_m.reshape(-1, 2)
+        self.occupied_m = occupied_m.reshape(-1, 2)
         self.meshes: list[Mesh] = []
 
     def place_copies(self, template: Mesh, side: Roadside, facing: FloatArray, least_m: float) -> Roadside:
@@ -32,9 +32,9 @@ class StreetFurnisher:
         yaw = np.arctan2(facing[:, 1], facing[:, 0]) + np.pi / 2
         fits = self._off_road(template, side.xy_m, yaw)
         side, yaw = side.select(fits), yaw[fits]
-        far = far_enough(side.xy_m, self.taken_m, least_m)
+        far = keep_distance(side.xy_m, self.occupied_m, least_m)
         side, yaw = side.select(far), yaw[far]
-        self.taken_m = np.concatenate([self.taken_m, side.xy_m])
+        self.occupied_m = np.concatenate([self.occupied_m, side.xy_m])
         if len(side):
             xyz = np.concatenate([side.xy_m, np.zeros((len(side), 1))], axis=1)
             self.meshes.append(instance_mesh(template, xyz, yaw, np.ones((len(side), 3))))
@@ -52,21 +52,21 @@ class StreetFurnisher:
 
 
 def furnish_streets(
-    site: Site, network: RoadNetwork, style: str, taken_m: FloatArray, rng: np.random.Generator
+    site: Site, network: RoadNetwork, style: str, occupied_m: FloatArray, rng: np.random.Generator
 ) -> tuple[list[Mesh], FloatArray, FloatArray]:
     """Furnish the streets; also return the lamps' light sources (L, 3) and the positions of street trees (N, 2)."""
-    streets = StreetFurnisher(site, network, taken_m)
+    streets = StreetFurnisher(site, network, occupied_m)
     lamps = along_streets(site, network, _LAMP_STEP_M, 0.6, True, 7.0)
     template, light = furniture.street_lamp(style == "old")
     lamps = streets.place_copies(template, lamps, -lamps.outward, 4.0)
     lights = np.concatenate([lamps.xy_m + light[1] * lamps.outward, np.full((len(lamps), 1), light[2])], axis=1)
-    _signs(streets, rng)
-    trees = _street_trees(streets, style, rng)
-    _things(streets, style, rng)
+    _place_signs(streets, rng)
+    trees = _place_street_trees(streets, style, rng)
+    _place_furniture(streets, style, rng)
     return streets.meshes, lights, trees
 
 
-def _street_trees(streets: StreetFurnisher, style: str, rng: np.random.Generator) -> FloatArray:
+def _place_street_trees(streets: StreetFurnisher, style: str, rng: np.random.Generator) -> FloatArray:
     """Return positions of tree rows on the pavements of some streets, on both sides."""
     step = float(rng.uniform(9.0, 12.0))
     side = along_streets(streets.site, streets.network, step, 0.8, False, 13.0)
@@ -79,12 +79,12 @@ def _street_trees(streets: StreetFurnisher, style: str, rng: np.random.Generator
     green = rng.random(len(names) + 1) < _TREE_STREETS[style]
     keep = green[street] & (rng.random(len(side)) < 0.88) & (side.behind_m > 0.8)
     side = side.select(keep)
-    side = side.select(far_enough(side.xy_m, streets.taken_m, 3.0))
-    streets.taken_m = np.concatenate([streets.taken_m, side.xy_m])
+    side = side.select(keep_distance(side.xy_m, streets.occupied_m, 3.0))
+    streets.occupied_m = np.concatenate([streets.occupied_m, side.xy_m])
     return side.xy_m
 
 
-def _signs(streets: StreetFurnisher, rng: np.random.Generator) -> None:
+def _place_signs(streets: StreetFurnisher, rng: np.random.Generator) -> None:
     """Place stop and yield signs, speed limits, parking signs and street names."""
     network = streets.network
     kinds = {junction.name: junction.kind for junction in network.junctions}
@@ -96,7 +96,7 @@ def _signs(streets: StreetFurnisher, rng: np.random.Generator) -> None:
         if side > 0 or len(lane.centre_m) < 2:
             continue
         kind, minor = kinds.get(edge.to_junction, ""), edge.priority < most[edge.to_junction]
-        last, first = _near_end(lane.centre_m, 1.0), _near_start(lane.centre_m, 14.0)
+        last, first = _point_before_end(lane.centre_m, 1.0), _point_after_start(lane.centre_m, 14.0)
         if kind == "priority" and minor:
             rows.setdefault("stop" if number % 3 == 0 else "yield", []).append((*last, number))
         elif kind in ("priority", "right_before_left", "traffic_light") and rng.random() < 0.35:
@@ -105,9 +105,9 @@ def _signs(streets: StreetFurnisher, rng: np.random.Generator) -> None:
         if rng.random() < 0.4:
             rows.setdefault(f"limit{limit}", []).append((*first, number))
         if any(other.kind == "parking" for other in edge.lanes) and rng.random() < 0.5:
-            rows.setdefault("parking", []).append((*_near_start(lane.centre_m, 24.0), number))
+            rows.setdefault("parking", []).append((*_point_after_start(lane.centre_m, 24.0), number))
         if kind == "traffic_light" and lanes_across(network, edge) < 3 and rng.random() < 0.5:
-            rows.setdefault("crossing", []).append((*_near_end(lane.centre_m, 6.0), number))
+            rows.setdefault("crossing", []).append((*_point_before_end(lane.centre_m, 6.0), number))
     templates: dict[str, Callable[[], Mesh]] = {
         "stop": furniture.stop_sign,
         "yield": furniture.yield_sign,
@@ -120,17 +120,17 @@ def _signs(streets: StreetFurnisher, rng: np.random.Generator) -> None:
         xy, heading = np.array([row[0] for row in rows[name]]), np.array([row[1] for row in rows[name]])
         edges = np.array([row[2] for row in rows[name]])
         right = np.stack([heading[:, 1], -heading[:, 0]], axis=1)
-        places = placed(streets.site, xy, heading, right, edges, 0.55)
+        places = place_behind_kerb(streets.site, xy, heading, right, edges, 0.55)
         streets.place_copies(templates[name](), places, -places.heading, 1.2)
 
 
-def _near_end(line_m: FloatArray, back_m: float) -> tuple[FloatArray, FloatArray]:
+def _point_before_end(line_m: FloatArray, back_m: float) -> tuple[FloatArray, FloatArray]:
     """Return the point of a line some distance before its end, and the direction there."""
     heading = (line_m[-1] - line_m[-2]) / max(float(np.linalg.norm(line_m[-1] - line_m[-2])), 1e-9)
     return line_m[-1] - back_m * heading, heading
 
 
-def _near_start(line_m: FloatArray, ahead_m: float) -> tuple[FloatArray, FloatArray]:
+def _point_after_start(line_m: FloatArray, ahead_m: float) -> tuple[FloatArray, FloatArray]:
     """Return the point some distance after the start of a line, at most at its middle, and the direction there."""
     length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line_m, axis=0), axis=1))])
     at = min(ahead_m, length[-1] / 2)
@@ -140,7 +140,7 @@ def _near_start(line_m: FloatArray, ahead_m: float) -> tuple[FloatArray, FloatAr
     return line_m[i - 1] + (at - length[i - 1]) * heading, heading
 
 
-def _things(streets: StreetFurnisher, style: str, rng: np.random.Generator) -> None:
+def _place_furniture(streets: StreetFurnisher, style: str, rng: np.random.Generator) -> None:
     """Place bins, benches, cabinets, hydrants, letter boxes, planters, bollards, shelters and billboards."""
     town = style in ("old", "modern")
     # Template, metres of kerb per item, distance behind the kerb, paved depth it needs behind it.
@@ -159,11 +159,11 @@ def _things(streets: StreetFurnisher, style: str, rng: np.random.Generator) -> N
         side = side.select(chosen)
         streets.place_copies(template, side, -side.outward, 3.6 if apart > 250 else 2.0)
     if town:
-        _bollards(streets, rng)
-    _billboards(streets, 0.5 if style == "industrial" else 0.12, rng)
+        _place_bollards(streets, rng)
+    _place_billboards(streets, 0.5 if style == "industrial" else 0.12, rng)
 
 
-def _bollards(streets: StreetFurnisher, rng: np.random.Generator) -> None:
+def _place_bollards(streets: StreetFurnisher, rng: np.random.Generator) -> None:
     """Place rows of bollards where streets meet junctions."""
     side = along_streets(streets.site, streets.network, 1.6, 0.45, False, 1.0)
     ends = np.zeros(len(side), np.bool_)
@@ -175,16 +175,16 @@ def _bollards(streets: StreetFurnisher, rng: np.random.Generator) -> None:
     streets.place_copies(furniture.bollard(), side, -side.outward, 1.3)
 
 
-def _billboards(streets: StreetFurnisher, share: float, rng: np.random.Generator) -> None:
+def _place_billboards(streets: StreetFurnisher, share: float, rng: np.random.Generator) -> None:
     """Place billboards behind the pavement, facing the traffic."""
     side = along_streets(streets.site, streets.network, 60.0, 4.6, False, 20.0)
     chosen = rng.random(len(side)) < share
-    away = streets.site.metres_at(side.xy_m, streets.site.to_paved_m)
+    away = streets.site.distance_at(side.xy_m, streets.site.to_paved_m)
     clear = np.ones(len(side), np.bool_)
     for reach in (-2.6, -1.3, 0.0, 1.3, 2.6):
         across = side.xy_m + reach * side.outward
         clear &= ~streets.site.is_set(across, streets.site.road)
-        clear &= ~streets.site.is_set(across + side.outward * 2.6, streets.site.taken)
+        clear &= ~streets.site.is_set(across + side.outward * 2.6, streets.site.occupied)
     side = side.select(chosen & clear & (away > 0.4))
     moved = Roadside(side.xy_m + 2.6 * side.outward, side.heading, side.outward, side.behind_m, side.edge)
     streets.place_copies(furniture.billboard(), moved, -moved.heading, 4.0)

@@ -30,10 +30,10 @@ def add_town_house(builder: Builder, plot: Plot, tag: int, rng: np.random.Genera
     if plot.width_m > 11 and rng.random() < 0.06 and not plot.backland:
         add_apartment_building(builder, plot, tag, rng)
         return
-    _terrace(builder, plot, _old_look(plot, tag, rng), rng)
+    _build_terrace(builder, plot, _draw_style(plot, tag, rng), rng)
 
 
-def _old_look(plot: Plot, tag: int, rng: np.random.Generator) -> FacadeStyle:
+def _draw_style(plot: Plot, tag: int, rng: np.random.Generator) -> FacadeStyle:
     brick = rng.random() < 0.42
     tall = rng.random() < 0.75
     return FacadeStyle(
@@ -56,12 +56,12 @@ def _old_look(plot: Plot, tag: int, rng: np.random.Generator) -> FacadeStyle:
     )
 
 
-def _terrace(builder: Builder, plot: Plot, style: FacadeStyle, rng: np.random.Generator) -> None:
+def _build_terrace(builder: Builder, plot: Plot, style: FacadeStyle, rng: np.random.Generator) -> None:
     wing = not plot.backland and plot.width_m > 7 and rng.random() < 0.4
     depth = plot.depth_m - (3.0 if wing else 0.0)
     main = BuildingPart(plot.frame, 0.0, plot.width_m, 0.0, depth, style.eaves_m)
     shop = not plot.backland and rng.random() < (0.75 if plot.arterial else 0.07)
-    _old_front(builder, plot, main, style, shop, rng)
+    _add_front(builder, plot, main, style, shop, rng)
     for name, closed in (("right", not plot.open_right), ("left", not plot.open_left), ("back", False)):
         add_plain_side(builder, main, name, style, closed)
     if wing:
@@ -71,10 +71,10 @@ def _terrace(builder: Builder, plot: Plot, style: FacadeStyle, rng: np.random.Ge
         for name in ("right", "back", "left"):
             add_plain_side(builder, rear, name, low, name != "back")
         add_flat_roof(builder, rear, 0.3, low, palette.STONE)
-    _old_roof(builder, plot, main, style, rng)
+    _add_roof(builder, plot, main, style, rng)
 
 
-def _old_front(
+def _add_front(
     builder: Builder, plot: Plot, main: BuildingPart, style: FacadeStyle, shop: bool, rng: np.random.Generator
 ) -> None:
     frame, length = main.side("front")
@@ -100,7 +100,7 @@ def _old_front(
             add_cornice(builder, frame, length, style.ground_m - 0.1, 0.2, out_m=0.08, style=style)
 
 
-def _old_roof(builder: Builder, plot: Plot, main: BuildingPart, style: FacadeStyle, rng: np.random.Generator) -> None:
+def _add_roof(builder: Builder, plot: Plot, main: BuildingPart, style: FacadeStyle, rng: np.random.Generator) -> None:
     tint = pick_tint(rng, palette.TILES)
     if rng.random() < 0.12:
         add_flat_roof(builder, main, 0.7, style, style.trim)

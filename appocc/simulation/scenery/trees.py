@@ -71,7 +71,7 @@ def _mesh(vertices: FloatArray, normals: FloatArray, faces: NDArray[np.int64]) -
     )
 
 
-def _blob(
+def _leaf_cluster(
     rng: np.random.Generator,
     centre: FloatArray,
     radii: FloatArray,
@@ -110,7 +110,7 @@ def _tufts(
     return _mesh(corners.reshape(-1, 3), np.repeat(out + 0.4 * facing, 4, axis=0), faces)
 
 
-def _limb(start: FloatArray, end: FloatArray, thick_m: tuple[float, float], sides: int = 5) -> Mesh:
+def _branch(start: FloatArray, end: FloatArray, thick_m: tuple[float, float], sides: int = 5) -> Mesh:
     return tapered_rod(start, end, thick_m, sides, Material.BARK, _BARK)
 
 
@@ -125,11 +125,11 @@ def broad_tree(seed: int, detail: float = 1.0) -> Tree:
     """Return a tree with a round, open crown, about 8 m high; detail 2 for trees close to the street."""
     rng = np.random.default_rng([seed, 1])
     fork = np.array([0.0, 0.0, 2.6])
-    parts = [_limb(np.zeros(3), fork, (0.2, 0.13), 6)]
+    parts = [_branch(np.zeros(3), fork, (0.2, 0.13), 6)]
     middle = np.array([rng.uniform(-0.2, 0.2), rng.uniform(-0.2, 0.2), rng.uniform(5.1, 5.6)])
     radii = np.array([2.2, 2.2, rng.uniform(2.0, 2.5)]) * rng.uniform(0.9, 1.1, 3)
     fine = detail**-0.4
-    parts.append(_blob(rng, middle, radii * 0.88, 1 if detail > 0.5 else 0, 0.2, _CLEAR_M))
+    parts.append(_leaf_cluster(rng, middle, radii * 0.88, 1 if detail > 0.5 else 0, 0.2, _CLEAR_M))
     parts.append(_tufts(rng, round(42 * detail), middle, radii, 0.58 * fine, _CLEAR_M))
     turn = rng.uniform(0, 2 * np.pi)
     for k in range(3 if detail > 0.5 else 1):
@@ -137,10 +137,10 @@ def broad_tree(seed: int, detail: float = 1.0) -> Tree:
         side = np.array([np.cos(angle) * 1.6, np.sin(angle) * 1.6, rng.uniform(4.0, 5.0)])
         lump = rng.uniform(1.0, 1.35) * np.array([1.0, 1.0, 0.85])
         parts += [
-            _blob(rng, side, lump * 0.9, 0, 0.15, _CLEAR_M),
+            _leaf_cluster(rng, side, lump * 0.9, 0, 0.15, _CLEAR_M),
             _tufts(rng, round(11 * detail), side, lump, 0.48 * fine, _CLEAR_M),
         ]
-        parts.append(_limb(fork - [0, 0, 0.3], side, (0.1, 0.04), 3))
+        parts.append(_branch(fork - [0, 0, 0.3], side, (0.1, 0.04), 3))
     return _tree(parts)
 
 
@@ -148,14 +148,17 @@ def columnar_tree(seed: int, detail: float = 1.0) -> Tree:
     """Return a slender tree such as a poplar or hornbeam, about 9 m high."""
     rng = np.random.default_rng([seed, 2])
     middle, radii = np.array([0.0, 0.0, 5.3]), np.array([1.25, 1.25, 3.9]) * rng.uniform(0.9, 1.1, 3)
-    parts = [_limb(np.zeros(3), np.array([0.0, 0.0, 2.2]), (0.16, 0.12)), _blob(rng, middle, radii * 0.94, 1, 0.12)]
+    parts = [
+        _branch(np.zeros(3), np.array([0.0, 0.0, 2.2]), (0.16, 0.12)),
+        _leaf_cluster(rng, middle, radii * 0.94, 1, 0.12),
+    ]
     return _tree([*parts, _tufts(rng, round(32 * detail), middle, radii, 0.42)])
 
 
 def conifer_tree(seed: int, detail: float = 1.0) -> Tree:
     """Return a spruce, about 9 m high, with layers of branches."""
     rng = np.random.default_rng([seed, 3])
-    parts = [_limb(np.zeros(3), np.array([0.0, 0.0, 1.4]), (0.17, 0.14))]
+    parts = [_branch(np.zeros(3), np.array([0.0, 0.0, 1.4]), (0.17, 0.14))]
     levels, sides = (5 if detail > 0.5 else 4), 9
     for k in range(levels):
         low, radius = 0.9 + 1.45 * k, 2.1 * (1 - k / (levels + 0.6))
@@ -177,7 +180,7 @@ def small_tree(seed: int, detail: float = 1.0) -> Tree:
     """Return a garden tree, about 4.5 m high, with a low, round crown."""
     rng = np.random.default_rng([seed, 4])
     middle, radii = np.array([0.0, 0.0, 3.0]), np.array([1.45, 1.45, 1.4]) * rng.uniform(0.88, 1.12, 3)
-    parts = [_limb(np.zeros(3), np.array([0.0, 0.0, 2.0]), (0.1, 0.07)), _blob(rng, middle, radii * 0.9, 1)]
+    parts = [_branch(np.zeros(3), np.array([0.0, 0.0, 2.0]), (0.1, 0.07)), _leaf_cluster(rng, middle, radii * 0.9, 1)]
     return _tree([*parts, _tufts(rng, round(26 * detail), middle, radii, 0.38)])
 
 
@@ -185,5 +188,5 @@ def bush(seed: int) -> Tree:
     """Return a bush, about 1.2 m high."""
     rng = np.random.default_rng([seed, 5])
     middle, radii = np.array([0.0, 0.0, 0.5]), np.array([0.8, 0.8, 0.65])
-    body = _blob(rng, middle, radii * 0.92, 0)
+    body = _leaf_cluster(rng, middle, radii * 0.92, 0)
     return _tree([body, _tufts(rng, 10, middle, radii, 0.3)])

@@ -25,9 +25,9 @@ def fill_yards(builder: Builder, site: Site, plots: list[Plot], rng: np.random.G
             frame, kind = plot.frame.moved(float(s), float(d), int(rng.integers(2))), rng.random()
             length, width = (2.6, 2.6) if kind > 0.65 else _CONTAINER_M[:2]
             outline = frame.corners(-0.6, length + 0.6, -0.6, width + 0.6)
-            if not site.free(outline):
+            if not site.is_free(outline):
                 continue
-            site.take(outline)
+            site.occupy(outline)
             if kind < 0.45:
                 _containers(builder, frame, rng)
             elif kind < 0.65:
@@ -41,7 +41,7 @@ def _containers(builder: Builder, frame: LocalFrame, rng: np.random.Generator) -
     """Add one to three stacked containers with ribs along their sides."""
     length, width, height = _CONTAINER_M
     for level in range(int(rng.choice((1, 2, 3), p=(0.5, 0.35, 0.15)))):
-        tint, z = pick_tint(rng, palette.AWNINGS + palette.HALLS), level * height
+        tint, z = pick_tint(rng, palette.AWNINGS + palette.INDUSTRIAL_WALLS), level * height
         builder.add_boxes(frame, [0.0, 0.0, z], [length, width, z + height - 0.02], Material.METAL, tint)
         s = np.linspace(0.3, length - 0.5, 9)
         for d, side in ((-0.04, "lrf"), (width, "lrb")):
@@ -59,7 +59,7 @@ def _pallets(builder: Builder, frame: LocalFrame, rng: np.random.Generator) -> N
 
 def _tank(xy_m: FloatArray, rng: np.random.Generator) -> list[Mesh]:
     """Return a round tank with a cone on top."""
-    tint, height = pick_tint(rng, palette.HALLS[:2] + palette.METALS[2:]), float(rng.uniform(4.0, 9.0))
+    tint, height = pick_tint(rng, palette.INDUSTRIAL_WALLS[:2] + palette.METALS[2:]), float(rng.uniform(4.0, 9.0))
     foot, top = np.array([*xy_m, 0.0]), np.array([*xy_m, height])
     cone = tapered_rod(top, top + np.array([0.0, 0.0, 0.7]), (1.3, 0.25), 14, Material.METAL, tint, capped=True)
     return [tapered_rod(foot, top, (1.3, 1.3), 14, Material.METAL, tint), cone]

@@ -23,10 +23,10 @@ def draw_car_parks(network: RoadNetwork, carriageway: Carriageway, rng: np.rando
     wanted = int(rng.integers(2, 4))
     for k in rng.permutation(len(network.edges)):
         columns = int(rng.choice([3, 4]))
-        park = _beside(network.edges[k], columns, float(rng.uniform(0.4, 0.6)), carriageway)
+        park = _fit_car_park(network.edges[k], columns, float(rng.uniform(0.4, 0.6)), carriageway)
         if (
             park is None
-            or not _within(park, network)
+            or not _is_inside(park, network)
             or any(np.hypot(*(park.bays[0, :2] - p.bays[0, :2])) < _APART_M for p in found)
         ):
             continue
@@ -36,12 +36,12 @@ def draw_car_parks(network: RoadNetwork, carriageway: Carriageway, rng: np.rando
     return tuple(found)
 
 
-def _within(park: CarPark, network: RoadNetwork) -> bool:
+def _is_inside(park: CarPark, network: RoadNetwork) -> bool:
     """Return whether a car park is inside the bounds of the streets."""
     return bool(((park.outline_m > network.low_m) & (park.outline_m < network.high_m)).all())
 
 
-def _beside(edge: Edge, columns: int, share: float, carriageway: Carriageway) -> CarPark | None:
+def _fit_car_park(edge: Edge, columns: int, share: float, carriageway: Carriageway) -> CarPark | None:
     """Return a car park right of an edge, `columns` bays on each side of its driveway; None if there is no room."""
     lane = edge.lanes[0]
     border = lane.centre_m - normals(lane.centre_m) * lane.width_m / 2
@@ -59,13 +59,13 @@ def _beside(edge: Edge, columns: int, share: float, carriageway: Carriageway) ->
     room = np.stack([u.ravel(), v.ravel()], axis=1) @ town_from_park + line[4]
     if np.abs(local[:, 1]).max() > _STRAIGHT_M or carriageway.distance_m(room).min() < _SETBACK_M - 1.0:
         return None
-    outline, bays = _plan(columns, half, deep)
+    outline, bays = _bay_layout(columns, half, deep)
     yaw = np.arctan2(ahead[1], ahead[0]) - bays[:, 2]
     places = bays[:, :2] @ town_from_park + line[4]
-    return CarPark(outline @ town_from_park + line[4], np.concatenate([places, _wrapped(yaw)[:, None]], axis=1))
+    return CarPark(outline @ town_from_park + line[4], np.concatenate([places, _wrap_angle(yaw)[:, None]], axis=1))
 
 
-def _plan(columns: int, half: float, deep: float) -> tuple[FloatArray, FloatArray]:
+def _bay_layout(columns: int, half: float, deep: float) -> tuple[FloatArray, FloatArray]:
     """Return outline and bays (x, y, yaw); x along the street, y away from it, to the right."""
     gate = _DRIVEWAY_M / 2
     near, far = _SETBACK_M + 0.2 + _BAY_M / 2, deep - 0.2 - _BAY_M / 2
@@ -78,5 +78,5 @@ def _plan(columns: int, half: float, deep: float) -> tuple[FloatArray, FloatArra
     return outline, np.array([*front, *back])
 
 
-def _wrapped(yaw_rad: FloatArray) -> FloatArray:
+def _wrap_angle(yaw_rad: FloatArray) -> FloatArray:
     return np.asarray(np.mod(yaw_rad + np.pi, 2 * np.pi) - np.pi)

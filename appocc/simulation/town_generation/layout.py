@@ -67,10 +67,10 @@ def draw_layout(seed: int, lines: int = _LINES) -> Layout:
     rng = np.random.default_rng([seed, 1])
     places = _places(rng, lines)
     arterials = _arterials(rng, lines)
-    pairs = _thinned(rng, _grid_pairs(lines), arterials)
+    pairs = _remove_streets(rng, _grid_pairs(lines), arterials)
     pairs += _diagonals(rng, pairs, arterials, lines)
     arms = _arms(pairs)
-    ring = _ring_place(rng, arms, arterials)
+    ring = _draw_roundabout(rng, arms, arterials)
     headings = _headings(rng, places, arms, arterials)
     chains = _chains(pairs, arms, arterials)
     streets = [_street(rng, chain, places, headings, arterials, ring) for chain in chains]
@@ -79,7 +79,7 @@ def draw_layout(seed: int, lines: int = _LINES) -> Layout:
     if ring is not None:
         corners, arcs = _roundabout(places[ring], ring, streets)
         crossings, streets = crossings + corners, streets + arcs
-    return Layout(tuple(crossings), tuple(_one_ways(rng, streets)))
+    return Layout(tuple(crossings), tuple(_draw_one_ways(rng, streets)))
 
 
 def _name(cell: Cell) -> str:
@@ -127,7 +127,7 @@ def _connected(pairs: list[tuple[Cell, Cell]], count: int) -> bool:
     return len(seen) == count
 
 
-def _thinned(
+def _remove_streets(
     rng: np.random.Generator, pairs: list[tuple[Cell, Cell]], arterials: tuple[int, int]
 ) -> list[tuple[Cell, Cell]]:
     """Remove some streets; all places stay connected, and no street winds along more than two blocks."""
@@ -162,7 +162,9 @@ def _diagonals(
     return found
 
 
-def _ring_place(rng: np.random.Generator, arms: dict[Cell, list[Cell]], arterials: tuple[int, int]) -> Cell | None:
+def _draw_roundabout(
+    rng: np.random.Generator, arms: dict[Cell, list[Cell]], arterials: tuple[int, int]
+) -> Cell | None:
     """Draw the cell of the roundabout; about two thirds of the towns have one."""
     fit = [c for c in sorted(arms) if c[0] != arterials[0] and c[1] != arterials[1] and 3 <= len(arms[c]) <= 4]
     fit = [c for c in fit if all(abs(c[0] - n[0]) + abs(c[1] - n[1]) == 1 for n in arms[c])]
@@ -277,7 +279,7 @@ def _roundabout(centre: FloatArray, ring: Cell, streets: list[Street]) -> tuple[
     return [Crossing(name, xy, "priority", 5.0) for name, xy in corners], arcs
 
 
-def _one_ways(rng: np.random.Generator, streets: list[Street]) -> list[Street]:
+def _draw_one_ways(rng: np.random.Generator, streets: list[Street]) -> list[Street]:
     """Turn some narrow streets into one-way streets while every street stays reachable from every other."""
     wanted = int(rng.integers(2, 5))
     for k in rng.permutation(len(streets)):
@@ -286,18 +288,18 @@ def _one_ways(rng: np.random.Generator, streets: list[Street]) -> list[Street]:
             continue
         single = replace(street, lanes=(1, 0), lane_m=3.5, parking=(True, bool(rng.uniform() < 0.8)))
         trial = [single if s is street else s for s in streets]
-        if _strong(trial):
+        if _is_strongly_connected(trial):
             streets, wanted = trial, wanted - 1
     return streets
 
 
-def _strong(streets: list[Street]) -> bool:
+def _is_strongly_connected(streets: list[Street]) -> bool:
     """Return whether every street is reachable from every other without U-turns."""
     ways = [(s.start, s.end, s.name) for s in streets] + [(s.end, s.start, s.name) for s in streets if s.lanes[1]]
-    return all(_reached(list(range(len(ways))), ways, step) == len(ways) for step in (1, -1))
+    return all(_count_reached(list(range(len(ways))), ways, step) == len(ways) for step in (1, -1))
 
 
-def _reached(_: list[int], ways: list[tuple[str, str, str]], step: int) -> int:
+def _count_reached(_: list[int], ways: list[tuple[str, str, str]], step: int) -> int:
     leaving: dict[str, list[int]] = defaultdict(list)
     for k, way in enumerate(ways):
         leaving[way[0] if step == 1 else way[1]].append(k)

@@ -8,7 +8,7 @@ from scipy.ndimage import gaussian_filter1d, median_filter
 from appocc.checks import FloatArray, IntArray
 
 # Distance of the rear axle behind the front bumper, as a share of the length.
-AXLE = 0.8
+AXLE_SHARE = 0.8
 _SPACING_M, _ALONG_M, _TIME_STEPS = 0.2, 1.3, 4.0
 _JUMP_M = 0.8  # displacement in 0.1 s beyond the usual one that marks a teleport of SUMO
 
@@ -28,9 +28,9 @@ def vehicle_motion(
     front, part = np.full_like(front_m, np.nan), np.full(yaw_rad.shape, -1)
     for k in range(front_m.shape[1]):
         for number, (start, end) in enumerate(_presences(front_m[:, k])):
-            front[start:end, k] = _smooth(front_m[start:end, k])
+            front[start:end, k] = _smooth_path(front_m[start:end, k])
             part[start:end, k] = number
-    yaw = _trailing(front, yaw_rad, AXLE * length_m, part)
+    yaw = _trailing_headings(front, yaw_rad, AXLE_SHARE * length_m, part)
     ahead = np.stack([np.cos(yaw), np.sin(yaw)], axis=-1)
     return front - ahead * length_m[:, None] / 2, yaw, part
 
@@ -46,7 +46,7 @@ def _presences(xy_m: FloatArray) -> list[tuple[int, int]]:
     return [(int(a), int(b)) for a, b in zip(starts, ends, strict=True)]
 
 
-def _smooth(xy_m: FloatArray) -> FloatArray:
+def _smooth_path(xy_m: FloatArray) -> FloatArray:
     """Round the corners of a path (N, 2), and smooth its speed."""
     step = np.hypot(*np.diff(xy_m, axis=0).T)
     along = np.concatenate([[0.0], np.cumsum(step)])
@@ -55,12 +55,12 @@ def _smooth(xy_m: FloatArray) -> FloatArray:
     keep = np.concatenate([[True], step > 1e-6])
     at = np.arange(0.0, along[-1] + _SPACING_M, _SPACING_M)
     path = np.stack([np.interp(at, along[keep], xy_m[keep, axis]) for axis in (0, 1)], axis=1)
-    path = np.stack([_rounded(path[:, axis], _ALONG_M / _SPACING_M) for axis in (0, 1)], axis=1)
-    even = np.clip(_rounded(along, _TIME_STEPS), 0.0, along[-1])
+    path = np.stack([_smooth_values(path[:, axis], _ALONG_M / _SPACING_M) for axis in (0, 1)], axis=1)
+    even = np.clip(_smooth_values(along, _TIME_STEPS), 0.0, along[-1])
     return np.stack([np.interp(even, at, path[:, axis]) for axis in (0, 1)], axis=1)
 
 
-def _rounded(values: FloatArray, sigma: float) -> FloatArray:
+def _smooth_values(values: FloatArray, sigma: float) -> FloatArray:
     """Smooth by a Gaussian; values are extrapolated beyond the ends by point reflection."""
     pad = min(int(4 * sigma), len(values) - 1)
     before, after = 2 * values[0] - values[pad:0:-1], 2 * values[-1] - values[-2 : -pad - 2 : -1]
@@ -68,7 +68,7 @@ def _rounded(values: FloatArray, sigma: float) -> FloatArray:
     return np.asarray(smooth[pad : pad + len(values)])
 
 
-def _trailing(front: FloatArray, yaw_rad: FloatArray, axle_m: FloatArray, part: IntArray) -> FloatArray:
+def _trailing_headings(front: FloatArray, yaw_rad: FloatArray, axle_m: FloatArray, part: IntArray) -> FloatArray:
     """Return headings (T, A) of bodies whose rear axle follows the bumper at a fixed distance."""
     yaw = np.full(yaw_rad.shape, np.nan)
     rear = np.full(front.shape[1:], np.nan)

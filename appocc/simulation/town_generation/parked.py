@@ -32,16 +32,18 @@ class ParkedVehicle(NamedTuple):
 
 def draw_parked(plan: TownPlan, rng: np.random.Generator) -> list[ParkedVehicle]:
     """Draw the vehicles in the parking lanes and car parks of a town."""
-    found = [spot for edge in plan.network.edges for lane in edge.lanes for spot in _kerb(plan, edge, lane, rng)]
+    found = [
+        spot for edge in plan.network.edges for lane in edge.lanes for spot in _park_at_kerb(plan, edge, lane, rng)
+    ]
     keep = np.sort(rng.permutation(len(found))[:_MOST])
-    spots = [found[k] for k in keep] + [spot for park in plan.car_parks for spot in _bays(park.bays, rng)]
+    spots = [found[k] for k in keep] + [spot for park in plan.car_parks for spot in _park_in_bays(park.bays, rng)]
     return [
         ParkedVehicle(Actor(f"parked_{k}", spot.actor.kind, spot.actor.body, spot.actor.size_lwh_m), *spot[1:])
         for k, spot in enumerate(spots)
     ]
 
 
-def _draw(rng: np.random.Generator) -> Actor:
+def _draw_vehicle(rng: np.random.Generator) -> Actor:
     body = draw_body(rng, parked=True)
     return Actor("", body.kind, body.name, draw_size(rng, body))
 
@@ -52,7 +54,7 @@ def _allows_parking(edge: Edge, lane: Lane) -> bool:
     return lane.kind in ("parking", "shoulder") and lane.width_m >= _NARROWEST_M and 0 < fastest < _FASTEST_MPS
 
 
-def _kerb(plan: TownPlan, edge: Edge, lane: Lane, rng: np.random.Generator) -> list[ParkedVehicle]:
+def _park_at_kerb(plan: TownPlan, edge: Edge, lane: Lane, rng: np.random.Generator) -> list[ParkedVehicle]:
     if not _allows_parking(edge, lane):
         return []
     line = lane.centre_m
@@ -61,7 +63,7 @@ def _kerb(plan: TownPlan, edge: Edge, lane: Lane, rng: np.random.Generator) -> l
     found: list[ParkedVehicle] = []
     at = _CORNER_M + rng.uniform(0, 3)
     while True:
-        actor = _draw(rng)
+        actor = _draw_vehicle(rng)
         length, width, _ = actor.size_lwh_m
         if at + length > along[-1] - _CORNER_M:
             return found
@@ -73,23 +75,23 @@ def _kerb(plan: TownPlan, edge: Edge, lane: Lane, rng: np.random.Generator) -> l
         x, y = ends.mean(axis=0) + side * np.array([-np.sin(yaw), np.cos(yaw)])
         turned = rng.uniform() < (_FLIPPED * 2 if one_way else _FLIPPED)
         yaw += float(rng.normal(0.0, 0.025)) + (np.pi if turned else 0.0)
-        if rng.uniform() < _OCCUPIED and not _before_driveway(plan, ends.mean(axis=0)):
+        if rng.uniform() < _OCCUPIED and not _blocks_driveway(plan, ends.mean(axis=0)):
             found.append(ParkedVehicle(actor, float(x), float(y), float(np.mod(yaw + np.pi, 2 * np.pi) - np.pi)))
             at += length + rng.uniform(0.6, 1.6)
         else:
             at += 5.5
 
 
-def _before_driveway(plan: TownPlan, xy_m: FloatArray) -> bool:
+def _blocks_driveway(plan: TownPlan, xy_m: FloatArray) -> bool:
     """Return whether a position at the kerb blocks the driveway of a car park."""
     mouths = [park.outline_m[:2].mean(axis=0) for park in plan.car_parks]
     return any(float(np.hypot(*(mouth - xy_m))) < _MOUTH_M for mouth in mouths)
 
 
-def _bays(bays: FloatArray, rng: np.random.Generator) -> list[ParkedVehicle]:
+def _park_in_bays(bays: FloatArray, rng: np.random.Generator) -> list[ParkedVehicle]:
     found = []
     for x, y, yaw in bays:
-        actor = _draw(rng)
+        actor = _draw_vehicle(rng)
         dx, dy, turn = rng.normal(0.0, 0.15), rng.normal(0.0, 0.06), rng.normal(0.0, 0.02)
         if rng.uniform() < _IN_BAY and actor.size_lwh_m[0] < _LONGEST_IN_BAY_M:
             ahead, left = np.array([np.cos(yaw), np.sin(yaw)]), np.array([-np.sin(yaw), np.cos(yaw)])

@@ -20,8 +20,8 @@ class Routes:
 
     def __init__(self, network: RoadNetwork) -> None:
         """Find the largest set of mutually reachable edges."""
-        ways = _ways(network)
-        edges = {edge.name: edge for edge in network.edges if _drives(edge)}
+        ways = _successors(network)
+        edges = {edge.name: edge for edge in network.edges if _has_cars(edge)}
         names = list(edges)
         number = {name: k for k, name in enumerate(names)}
         links = [(number[a], number[b]) for a in names for b in sorted(ways[a]) if b in number]
@@ -71,11 +71,11 @@ def _turn(first: Edge, second: Edge) -> float:
     return float(np.abs(np.arctan2(a[0] * b[1] - a[1] * b[0], a @ b)))
 
 
-def _drives(edge: Edge) -> bool:
+def _has_cars(edge: Edge) -> bool:
     return any(lane.kind == "driving" for lane in edge.lanes)
 
 
-def _ways(network: RoadNetwork) -> dict[str, dict[str, float]]:
+def _successors(network: RoadNetwork) -> dict[str, dict[str, float]]:
     """Return the successors of each edge with their weights."""
     found: dict[str, dict[str, float]] = defaultdict(dict)
     for way in network.connections:

@@ -20,7 +20,7 @@ def draw_walkers(
     carriageway: Carriageway, count: int, times_s: FloatArray, rng: np.random.Generator
 ) -> tuple[list[Actor], FloatArray, FloatArray]:
     """Draw pedestrians, their positions (T, count, 2) and headings (T, count) at times (T,)."""
-    loops = [[_ring(line) for line in carriageway.contours(side)] for side in _SIDES_M]
+    loops = [[_loop(line) for line in carriageway.contours(side)] for side in _SIDES_M]
     loops = [[ring for ring in rings if ring[-1, 2] > _SHORTEST_M] for rings in loops]
     actors: list[Actor] = []
     places, headings = np.zeros((len(times_s), count, 2)), np.zeros((len(times_s), count))
@@ -37,7 +37,7 @@ def draw_walkers(
     return actors, places, headings
 
 
-def _ring(line_m: FloatArray) -> FloatArray:
+def _loop(line_m: FloatArray) -> FloatArray:
     """Return a closed line as (N + 1, 3): x, y and arc length; the raster steps are smoothed."""
     smooth = np.stack([gaussian_filter1d(line_m[:, axis], _SMOOTH_CELLS, mode="wrap") for axis in (0, 1)], axis=1)
     closed = np.concatenate([smooth, smooth[:1]])
@@ -49,10 +49,10 @@ def _walk(ring: FloatArray, start_m: float, speed_mps: float, times_s: FloatArra
     """Return positions (T, 2) and headings (T,); pedestrians turn gradually around corners."""
     at = start_m + speed_mps * times_s
     way = float(np.copysign(0.6, speed_mps))
-    before, here, ahead = (_at(ring, at + shift) for shift in (-way, 0.0, way))
+    before, here, ahead = (_interpolate(ring, at + shift) for shift in (-way, 0.0, way))
     return here, np.arctan2(*(ahead - before).T[::-1])
 
 
-def _at(ring: FloatArray, along_m: FloatArray) -> FloatArray:
+def _interpolate(ring: FloatArray, along_m: FloatArray) -> FloatArray:
     wrapped = np.mod(along_m, ring[-1, 2])
     return np.stack([np.interp(wrapped, ring[:, 2], ring[:, axis]) for axis in (0, 1)], axis=1)

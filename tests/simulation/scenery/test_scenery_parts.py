@@ -117,13 +117,13 @@ def square(x: float, y: float, size_m: float = 4.0) -> FloatArray:
 
 def test_ground_is_free_until_it_is_taken() -> None:
     site = plain()
-    assert site.free(square(10.0, 40.0))
-    assert not site.free(square(10.0, 32.0))  # on the pavement
-    assert not site.free(square(10.0, 34.5))  # touches it
-    assert not site.free(square(-30.0, 40.0))  # outside
-    site.take(square(10.0, 40.0))
-    assert not site.free(square(13.0, 42.0))
-    assert site.free(square(14.5, 40.0))
+    assert site.is_free(square(10.0, 40.0))
+    assert not site.is_free(square(10.0, 32.0))  # on the pavement
+    assert not site.is_free(square(10.0, 34.5))  # touches it
+    assert not site.is_free(square(-30.0, 40.0))  # outside
+    site.occupy(square(10.0, 40.0))
+    assert not site.is_free(square(13.0, 42.0))
+    assert site.is_free(square(14.5, 40.0))
 
 
 def test_frontages_run_along_the_pavement_and_face_the_street() -> None:
@@ -154,7 +154,7 @@ def test_roundabouts_have_no_buildings_in_the_middle() -> None:
     built = np.array([plot.built for plot in plots])
     assert (apart < 14.0).any()
     assert (built == (apart > 14.0)).all()
-    assert site.free(square(-2.0, -2.0))  # for trees
+    assert site.is_free(square(-2.0, -2.0))  # for trees
     builder = Builder()
     build_houses(builder, plots, "modern", np.random.default_rng(3))
     assert np.hypot(*builder.mesh().vertices_m[:, :2].T).min() > 20.0
@@ -193,5 +193,5 @@ def test_gates_of_industrial_buildings_reach_the_ground() -> None:
 
 def test_distances_to_the_road() -> None:
     site = plain()
-    near = site.metres_at(np.array([[30.0, 40.0], [30.0, 30.0]]), site.to_road_m)
+    near = site.distance_at(np.array([[30.0, 40.0], [30.0, 30.0]]), site.to_road_m)
     assert near == pytest.approx([7.0, 0.0], abs=0.3)

@@ -7,7 +7,7 @@ import numpy as np
 from appocc.checks import FloatArray
 from appocc.simulation.network import Edge, Lane, RoadNetwork
 from appocc.simulation.town_generation.curve_speed import curve_speeds
-from appocc.simulation.town_generation.motion import AXLE, vehicle_motion
+from appocc.simulation.town_generation.motion import AXLE_SHARE, vehicle_motion
 from appocc.simulation.town_generation.overlaps import overlapping, without_overlaps
 from appocc.simulation.traffic import Actor
 
@@ -28,7 +28,7 @@ def test_a_car_does_not_turn_on_the_spot() -> None:
     assert np.cos(turned[-1, 0] - np.pi / 2) > 0.999
     assert (part == 0).all()
     ahead = np.stack([np.cos(turned[:, 0]), np.sin(turned[:, 0])], axis=1)
-    axle = np.diff(centre[:, 0] - ahead * (AXLE - 0.5) * 4.5, axis=0) / 0.1
+    axle = np.diff(centre[:, 0] - ahead * (AXLE_SHARE - 0.5) * 4.5, axis=0) / 0.1
     middle = (ahead[1:] + ahead[:-1]) / 2
     assert np.abs(axle[:, 0] * middle[:, 1] - axle[:, 1] * middle[:, 0]).max() < 0.15
     # The nose stays where SUMO has it, but for the rounded corner.
