@@ -31,7 +31,7 @@ from appocc.simulation.rendering.weather import WEATHERS, Weather
 from appocc.simulation.traffic import TrafficLog
 
 
-def moments(log: TrafficLog, count: int) -> Iterator[tuple[float, int]]:
+def sample_frames(log: TrafficLog, count: int) -> Iterator[tuple[float, int]]:
     """Yield times spread over the log, and a moving car at each."""
     for time_s in np.linspace(0.1, 0.9, count) * log.duration_s:
         state = log.state_at(float(time_s))
@@ -72,7 +72,7 @@ def main() -> None:
     renderer = Renderer(town)
     print(f"{options.town}: town {built - started:.1f} s, renderer {time.process_time() - built:.1f} s", end="")
     stages: defaultdict[str, list[float]] = defaultdict(list)
-    for number, (time_s, ego) in enumerate(moments(log, options.frames + 1)):
+    for number, (time_s, ego) in enumerate(sample_frames(log, options.frames + 1)):
         renderer.profile.clear()
         started = time.process_time()
         pose = set_scene(renderer, log, paints, time_s, ego, weather)

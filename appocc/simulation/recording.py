@@ -150,7 +150,7 @@ class _Recorder:
     def __init__(
         self, scenario: Scenario, simulation: TownSimulation, recording: RecordingSettings, writer: Writer
     ) -> None:
-        self._scenario, self._simulation, self._recipe, self._writer = scenario, simulation, recording, writer
+        self._scenario, self._simulation, self._recording, self._writer = scenario, simulation, recording, writer
         self._scene = token_of("scene", scenario.name)
         seed = np.random.SeedSequence([*scenario.random_seed, 1]).generate_state(1)
         self._paints: tuple[ActorPaint, ...] = draw_paints(simulation.log.actors, int(seed[0]))
@@ -167,7 +167,7 @@ class _Recorder:
     def add_sample(self, number: int) -> str:
         """Record frame `number`; return the sample's token."""
         scenario, simulation = self._scenario, self._simulation
-        seconds = number / self._recipe.hz
+        seconds = number / self._recording.hz
         timestamp = _START_US + scenario.number * _SCENE_US + round(seconds * 1e6)
         sample = token_of("sample", scenario.name, number)
         self._writer.add("sample", sample, timestamp=timestamp, scene_token=self._scene, prev="", next="")
@@ -175,7 +175,7 @@ class _Recorder:
         pose = ego_pose(simulation.log.actors[scenario.ego], state, scenario.ego)
         objects = objects_near(simulation.log.actors, state, pose[:2, 3], _ANNOTATED_M, scenario.ego)
         mesh = assemble(simulation.log.actors, state, self._paints, pose[:2, 3], scenario.ego)
-        self._set(state, mesh, pose)
+        self._set_scene(state, mesh, pose)
         random = np.random.default_rng([*scenario.random_seed, 3, number])
         self._add_views(sample, timestamp, pose, random)
         points = self._add_sweep(sample, timestamp, pose, mesh, objects, random)
@@ -183,7 +183,7 @@ class _Recorder:
         self._add_bev(sample, pose, objects)
         return sample
 
-    def _set(self, state: TrafficState, mesh: Mesh, pose: FloatArray) -> None:
+    def _set_scene(self, state: TrafficState, mesh: Mesh, pose: FloatArray) -> None:
         simulation = self._simulation
         lights = np.zeros(len(simulation.log.actors), np.uint8)
         lights[state.index] = state.lights
@@ -193,7 +193,7 @@ class _Recorder:
 
     def _add_views(self, sample: str, timestamp: int, pose: FloatArray, random: np.random.Generator) -> None:
         """Write the images of a sample, all taken at the time of the sample, and their pixel maps."""
-        views = self._simulation.renderer.views(self._recipe.rig, pose, random)
+        views = self._simulation.renderer.views(self._recording.rig, pose, random)
         for channel, view in views.items():
             filename = f"samples/{channel}/{self._scenario.name}__{channel}__{timestamp}.jpg"
             write_image(self._writer.root / filename, view.image)
@@ -201,7 +201,7 @@ class _Recorder:
             self._add_file(sample, channel, pose, timestamp, filename, size)
         small = {channel: reduce_view(view.depth_m, view.kind) for channel, view in views.items()}
         save_views(self._writer.root / "views" / f"{sample}.npz", small)
-        if self._recipe.full_maps:
+        if self._recording.full_maps:
             full = {channel: ViewTargets(view.depth_m, view.kind) for channel, view in views.items()}
             save_views(self._writer.root / "views_full" / f"{sample}.npz", full)
 
@@ -230,7 +230,7 @@ class _Recorder:
         random: np.random.Generator,
     ) -> IntArray:
         """Write the LiDAR sweep with its labels; return the number of points on each object, -1 without a LiDAR."""
-        if not self._recipe.lidar:
+        if not self._recording.lidar:
             return np.full(len(objects), -1)
         simulation, root = self._simulation, self._writer.root
         found = simulate_sweep(simulation.renderer.tracer, simulation.town, mesh, simulation.category, pose, random)
@@ -243,7 +243,7 @@ class _Recorder:
         return count_lidar_points(found.actor, objects.number)
 
     def _add_boxes(self, sample: str, pose: FloatArray, mesh: Mesh, objects: ActorBoxes, points: IntArray) -> None:
-        seen = visible_shares(self._simulation.renderer.tracer, mesh, objects.number, self._recipe.rig, pose)
+        seen = visible_shares(self._simulation.renderer.tracer, mesh, objects.number, self._recording.rig, pose)
         boxes = annotate(objects, self._world_from_town, points, seen)
         for box, number, velocity in zip(boxes, objects.number, objects.velocity_mps, strict=True):
             self._writer.add_annotation(self._scene, sample, box, velocity_mps=velocity)

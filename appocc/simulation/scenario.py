@@ -62,7 +62,7 @@ def draw_scenario(
     random = np.random.default_rng([seed, number, 0])
     starts = _possible_starts(log, seconds, hz)
     if not starts.any():
-        raise DataError(f"{town}: nobody drives for {seconds:g} s in its traffic of {log.duration_s:g} s")
+        raise DataError(f"{town}: no vehicle drives for {seconds:g} s in its traffic of {log.duration_s:g} s")
     ego = int(random.choice(np.flatnonzero(starts.any(axis=0))))
     start = int(random.choice(np.flatnonzero(starts[:, ego])))
     shares = np.array([WEATHER_SHARES[name] for name in weathers])

@@ -88,7 +88,7 @@ def test_a_rig_of_ones_own_full_maps_and_no_lidar(tmp_path: Path, rig: str) -> N
         (["--sheet", f"{__file__}/sheet.png"], "below a file"),
         (["--town", TRAIN_TOWNS[0], "--town", TRAIN_TOWNS[0]], "different names"),
         (["--town", __file__], "expected an OpenDRIVE"),
-        (["--seconds", "599", "--town", TRAIN_TOWNS[0]], "nobody drives"),
+        (["--seconds", "599", "--town", TRAIN_TOWNS[0]], "no vehicle drives"),
     ],
 )
 def test_bad_input_is_told_and_leaves_nothing(
@@ -111,7 +111,7 @@ def test_bad_input_is_told_and_leaves_nothing(
     [
         (".", [], "working folder"),
         ("out.png", ["--sheet", "out.png"], "a file name for the sheet"),
-        ("new/folder/out", ["--seconds", "599"], "nobody drives"),
+        ("new/folder/out", ["--seconds", "599"], "no vehicle drives"),
         ("new/" + "x" * 250, [], "too long"),
     ],
 )

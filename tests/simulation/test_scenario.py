@@ -37,7 +37,7 @@ def test_weathers_follow_their_weights() -> None:
 
 
 def test_a_scene_that_is_longer_than_the_traffic_is_refused() -> None:
-    with pytest.raises(DataError, match="nobody drives for 60 s"):
+    with pytest.raises(DataError, match="no vehicle drives for 60 s"):
         draw_scenario(0, "town", straight_traffic(), 60.0, WEATHERS, 0)
 
 

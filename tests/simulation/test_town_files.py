@@ -136,7 +136,7 @@ def test_empty_traffic_has_no_scenario() -> None:
         signal_links=(),
         signals=nobody.astype(np.uint8),
     )
-    with pytest.raises(DataError, match="nobody drives"):
+    with pytest.raises(DataError, match="no vehicle drives"):
         draw_scenario(0, "town", log, 1.0, ("clear",), 0)
 
 

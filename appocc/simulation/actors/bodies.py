@@ -73,7 +73,7 @@ def body_template(body: str, variant: int, detail: int, pose: int = 0) -> BodyTe
 
 @cache
 def _build_template(body: str, variant: int, detail: int, pose: int) -> BodyTemplate:
-    # All phases of a step are scaled alike, so that nobody's size changes while walking.
+    # All phases of a step are scaled alike, so that the size does not change while walking.
     first = _model(body, variant, detail, 0)
     return first.to_template(first) if pose == 0 else _model(body, variant, detail, pose).to_template(first)
 

@@ -24,7 +24,7 @@ class CarFrontRear(CarFrame):
     def _end_grid(self, front: bool) -> FloatArray:
         """Return (rows, columns, 3) of the front or rear; the last column is the corner it shares with the side."""
         sign = 1.0 if front else -1.0
-        rows = np.array(self.profile.nose if front else self.profile.tail)[list(_ROWS[self.detail])]
+        rows = np.array(self.profile.front_outline if front else self.profile.rear_outline)[list(_ROWS[self.detail])]
         corner_x = float(self.full_line[0 if front else -1, 0])
         at = np.array(corner_x)
         corner_z = np.array([self.profile.sill_m, float(self.waist(at)), float(self.shoulder(at))])
@@ -76,7 +76,7 @@ class CarFrontRear(CarFrame):
         self.model.add_sheet(patch, finish)
 
     def _plate(self, front: bool) -> None:
-        rows = np.array(self.profile.nose if front else self.profile.tail)[list(_ROWS[0])]
+        rows = np.array(self.profile.front_outline if front else self.profile.rear_outline)[list(_ROWS[0])]
         middle = rows[1, 0] + (0.07 if front else 0.21)
         z = np.array([middle - 0.06, middle + 0.06])
         x = (1.0 if front else -1.0) * (self.length / 2 - np.interp(z, rows[:, 0], rows[:, 1]) + 0.009)
@@ -106,7 +106,7 @@ class CarFrontRear(CarFrame):
 
     def add_bed(self) -> None:
         """Add an open load bed: rim, inner walls and floor."""
-        tail = self._end_grid(front=False)[-1]
+        rear_outline = self._end_grid(front=False)[-1]
         rear, front = self.full_line[-1, 0], self.full_line[4, 0]
         z = float(self.shoulder(np.array(front)))
         floor = self.profile.waist_m - 0.08
@@ -121,5 +121,5 @@ class CarFrontRear(CarFrame):
         self.model.add_sheet(bottom[1:3], TRIM)
         wall = [[[a, inner[0], h] for h in (floor, z)] for a in (rear + 0.04, front)]
         self.model.add_sheet(wall, TRIM, [(rear + front) / 2, self.width, floor])
-        top = np.stack([tail, tail * [0.0, 1.0, 1.0] + [rear + 0.04, 0.0, 0.0]])
+        top = np.stack([rear_outline, rear_outline * [0.0, 1.0, 1.0] + [rear + 0.04, 0.0, 0.0]])
         self.model.add_sheet(top, PAINT)

@@ -33,9 +33,9 @@ class CarFrame:
         return self._tapered(x, (0.91, SHARE_SHOULDER, SHARE_SHOULDER, 0.88))
 
     def _tapered(self, x: FloatArray, shares: tuple[float, float, float, float]) -> FloatArray:
-        nose, tail = self.full_line[0, 0], self.full_line[-1, 0]
+        front, rear = self.full_line[0, 0], self.full_line[-1, 0]
         stations = self.line[::-1, 0]
-        rounded = np.interp(stations, [tail, tail + 0.35, nose - 0.40, nose], shares)
+        rounded = np.interp(stations, [rear, rear + 0.35, front - 0.40, front], shares)
         return np.asarray(np.interp(x, stations, rounded) * self.width / 2)
 
     def shoulder(self, x: FloatArray) -> FloatArray:

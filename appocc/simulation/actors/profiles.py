@@ -27,8 +27,8 @@ class CarProfile:
         screens_x_m: on the centre line: bottom and top of the windscreen, top and bottom of the rear window.
         widths: half widths as shares: belt, edge of the roof.
         crown_m: rise of the middle of the bonnet and of the roof above their edges.
-        nose: (z, setback) of the front's centre line from the bumper's lower edge to the bonnet.
-        tail: (z, setback) of the rear's centre line.
+        front_outline: (z, setback) of the front's centre line from the bumper's lower edge to the bonnet.
+        rear_outline: (z, setback) of the rear's centre line.
         bed: whether an open load bed follows the cabin.
         rails: roof rails.
         cladding: dark lower body.
@@ -45,16 +45,16 @@ class CarProfile:
     screens_x_m: tuple[float, float, float, float]
     widths: tuple[float, float]
     crown_m: tuple[float, float]
-    nose: Line
-    tail: Line
+    front_outline: Line
+    rear_outline: Line
     bed: bool = False
     rails: bool = False
     cladding: bool = False
 
 
-_NOSE: Line = ((0.19, 0.05), (0.36, 0.012), (0.50, 0.012), (0.59, 0.04), (0.70, 0.10), (0.735, 0.17))
-_TAIL: Line = ((0.22, 0.05), (0.42, 0.010), (0.56, 0.015), (0.70, 0.05), (0.86, 0.08), (0.965, 0.11))
-_HATCH_TAIL: Line = ((0.24, 0.05), (0.44, 0.010), (0.58, 0.015), (0.72, 0.06), (0.90, 0.09), (0.98, 0.12))
+_FRONT: Line = ((0.19, 0.05), (0.36, 0.012), (0.50, 0.012), (0.59, 0.04), (0.70, 0.10), (0.735, 0.17))
+_REAR: Line = ((0.22, 0.05), (0.42, 0.010), (0.56, 0.015), (0.70, 0.05), (0.86, 0.08), (0.965, 0.11))
+_HATCH_REAR: Line = ((0.24, 0.05), (0.44, 0.010), (0.58, 0.015), (0.72, 0.06), (0.90, 0.09), (0.98, 0.12))
 
 _SEDAN = CarProfile(
     size_lwh_m=(4.70, 1.82, 1.45),
@@ -71,8 +71,8 @@ _SEDAN = CarProfile(
     screens_x_m=(1.26, 0.33, -1.05, -1.84),
     widths=(0.885, 0.715),
     crown_m=(0.045, 0.055),
-    nose=_NOSE,
-    tail=_TAIL,
+    front_outline=_FRONT,
+    rear_outline=_REAR,
 )
 _HATCHBACK = CarProfile(
     size_lwh_m=(4.25, 1.79, 1.47),
@@ -89,8 +89,8 @@ _HATCHBACK = CarProfile(
     screens_x_m=(1.14, 0.31, -1.66, -1.98),
     widths=(0.885, 0.725),
     crown_m=(0.045, 0.055),
-    nose=_NOSE,
-    tail=_HATCH_TAIL,
+    front_outline=_FRONT,
+    rear_outline=_HATCH_REAR,
 )
 _ESTATE = replace(
     _SEDAN,
@@ -102,7 +102,7 @@ _ESTATE = replace(
     ),
     panes="pgtgtgp",
     screens_x_m=(1.28, 0.35, -1.94, -2.22),
-    tail=_HATCH_TAIL,
+    rear_outline=_HATCH_REAR,
     rails=True,
 )
 _SUV = CarProfile(
@@ -120,8 +120,8 @@ _SUV = CarProfile(
     screens_x_m=(1.24, 0.49, -1.84, -2.12),
     widths=(0.89, 0.74),
     crown_m=(0.05, 0.06),
-    nose=((0.26, 0.06), (0.46, 0.012), (0.62, 0.012), (0.74, 0.03), (0.86, 0.07), (0.90, 0.13)),
-    tail=((0.28, 0.06), (0.52, 0.010), (0.68, 0.015), (0.80, 0.05), (1.02, 0.08), (1.11, 0.12)),
+    front_outline=((0.26, 0.06), (0.46, 0.012), (0.62, 0.012), (0.74, 0.03), (0.86, 0.07), (0.90, 0.13)),
+    rear_outline=((0.28, 0.06), (0.52, 0.010), (0.68, 0.015), (0.80, 0.05), (1.02, 0.08), (1.11, 0.12)),
     rails=True,
     cladding=True,
 )
@@ -140,8 +140,8 @@ _MINIVAN = CarProfile(
     screens_x_m=(1.70, 0.68, -2.12, -2.26),
     widths=(0.90, 0.77),
     crown_m=(0.05, 0.055),
-    nose=((0.20, 0.05), (0.40, 0.012), (0.56, 0.012), (0.66, 0.04), (0.80, 0.12), (0.86, 0.19)),
-    tail=((0.24, 0.05), (0.46, 0.010), (0.62, 0.010), (0.78, 0.03), (1.00, 0.05), (1.06, 0.07)),
+    front_outline=((0.20, 0.05), (0.40, 0.012), (0.56, 0.012), (0.66, 0.04), (0.80, 0.12), (0.86, 0.19)),
+    rear_outline=((0.24, 0.05), (0.46, 0.010), (0.62, 0.010), (0.78, 0.03), (1.00, 0.05), (1.06, 0.07)),
 )
 _PICKUP = CarProfile(
     size_lwh_m=(5.35, 1.90, 1.82),
@@ -158,8 +158,8 @@ _PICKUP = CarProfile(
     screens_x_m=(1.36, 0.70, -0.63, -0.67),
     widths=(0.90, 0.76),
     crown_m=(0.05, 0.06),
-    nose=((0.36, 0.05), (0.56, 0.012), (0.70, 0.015), (0.80, 0.03), (0.95, 0.06), (1.00, 0.11)),
-    tail=((0.40, 0.06), (0.60, 0.010), (0.70, 0.04), (0.80, 0.05), (1.08, 0.05), (1.15, 0.05)),
+    front_outline=((0.36, 0.05), (0.56, 0.012), (0.70, 0.015), (0.80, 0.03), (0.95, 0.06), (1.00, 0.11)),
+    rear_outline=((0.40, 0.06), (0.60, 0.010), (0.70, 0.04), (0.80, 0.05), (1.08, 0.05), (1.15, 0.05)),
     bed=True,
     cladding=True,
 )
@@ -178,8 +178,8 @@ _VAN = CarProfile(
     screens_x_m=(1.94, 1.02, -2.60, -2.66),
     widths=(0.94, 0.845),
     crown_m=(0.05, 0.06),
-    nose=((0.24, 0.05), (0.46, 0.012), (0.62, 0.012), (0.74, 0.04), (0.90, 0.10), (0.95, 0.15)),
-    tail=((0.30, 0.03), (0.50, 0.010), (0.66, 0.03), (0.82, 0.03), (1.14, 0.03), (1.22, 0.035)),
+    front_outline=((0.24, 0.05), (0.46, 0.012), (0.62, 0.012), (0.74, 0.04), (0.90, 0.10), (0.95, 0.15)),
+    rear_outline=((0.30, 0.03), (0.50, 0.010), (0.66, 0.03), (0.82, 0.03), (1.14, 0.03), (1.22, 0.035)),
 )
 _PROFILES = {
     **{"sedan": _SEDAN, "hatchback": _HATCHBACK, "estate": _ESTATE, "suv": _SUV},

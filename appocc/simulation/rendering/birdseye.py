@@ -61,8 +61,8 @@ def render_birdseye(renderer: Renderer, town: Town, grid: BEVGrid, town_from_ego
     covered = free.copy()
     crowns = np.flatnonzero(_dilate(view.crowns().reshape(grid.shape)))
     covered[crowns] = view.radiance(crowns, np.concatenate([_CENTRE, _AROUND]), False)
-    pictures = [tone_map(light, renderer.gains).reshape(*grid.shape, 3) for light in (free, covered)]
-    appearance, with_trees = (np.ascontiguousarray(np.moveaxis(picture, 2, 0)) for picture in pictures)
+    images = [tone_map(light, renderer.gains).reshape(*grid.shape, 3) for light in (free, covered)]
+    appearance, with_trees = (np.ascontiguousarray(np.moveaxis(image, 2, 0)) for image in images)
     return BirdsEyeImage(appearance, with_trees, view.on_ground())
 
 
@@ -105,10 +105,10 @@ class _CellRays:
         return np.asarray(((place >= 0) & (place < [wide, high])).all(axis=1).reshape(self._grid.shape))
 
 
-def _find_edges(picture: ByteArray) -> BoolArray:
-    """Return (X, Y) whether a cell of a picture (X, Y, 3) differs strongly from a neighbour."""
-    level = picture.astype(np.int16)
-    found = np.zeros(picture.shape[:2], np.bool_)
+def _find_edges(image: ByteArray) -> BoolArray:
+    """Return (X, Y) whether a cell of an image (X, Y, 3) differs strongly from a neighbour."""
+    level = image.astype(np.int16)
+    found = np.zeros(image.shape[:2], np.bool_)
     for axis in (0, 1):
         step = (np.abs(np.diff(level, axis=axis)) > _EDGE).any(axis=2)
         before, after = ([slice(None), slice(None)] for _ in range(2))

@@ -40,20 +40,20 @@ class Texture(NamedTuple):
 
 def build_texture(ground: Ground) -> Texture:
     """Build the mipmap pyramid of a ground; level 0 is not copied."""
-    pictures, shapes, start = [], [(0, *ground.label.shape)], 0
-    picture = ground.colour
-    while len(shapes) < _LEVELS and min(picture.shape[:2]) >= 8:
-        picture = _halve(picture, LINEAR, _encoding())
-        picture.flags.writeable = False  # a single kernel signature
-        shapes.append((start, *picture.shape[:2]))
-        start += picture.shape[0] * picture.shape[1]
-        pictures.append(picture.reshape(-1, 3))
+    images, shapes, start = [], [(0, *ground.label.shape)], 0
+    image = ground.colour
+    while len(shapes) < _LEVELS and min(image.shape[:2]) >= 8:
+        image = _halve(image, LINEAR, _encoding())
+        image.flags.writeable = False  # a single kernel signature
+        shapes.append((start, *image.shape[:2]))
+        start += image.shape[0] * image.shape[1]
+        images.append(image.reshape(-1, 3))
     return Texture(
         low_x=float(ground.low_m[0]),
         low_y=float(ground.low_m[1]),
         label=ground.label,
         colour=ground.colour,
-        halved=np.concatenate(pictures) if pictures else np.zeros((1, 3), np.uint8),
+        halved=np.concatenate(images) if images else np.zeros((1, 3), np.uint8),
         level=np.array(shapes, np.int64),
         linear=LINEAR,
     )
@@ -67,15 +67,15 @@ def _encoding() -> ByteArray:
 
 
 @kernel
-def _halve(picture: ByteArray, linear: Float32Array, encoding: ByteArray) -> ByteArray:
+def _halve(image: ByteArray, linear: Float32Array, encoding: ByteArray) -> ByteArray:
     """Average 2x2 texels in linear light; otherwise white lines on asphalt would darken with distance."""
-    rows, columns = picture.shape[0] // 2, picture.shape[1] // 2
+    rows, columns = image.shape[0] // 2, image.shape[1] // 2
     half = np.empty((rows, columns, 3), np.uint8)
     for row in range(rows):
         for column in range(columns):
             for k in range(3):
-                upper = linear[picture[2 * row, 2 * column, k]] + linear[picture[2 * row, 2 * column + 1, k]]
-                lower = linear[picture[2 * row + 1, 2 * column, k]] + linear[picture[2 * row + 1, 2 * column + 1, k]]
+                upper = linear[image[2 * row, 2 * column, k]] + linear[image[2 * row, 2 * column + 1, k]]
+                lower = linear[image[2 * row + 1, 2 * column, k]] + linear[image[2 * row + 1, 2 * column + 1, k]]
                 half[row, column, k] = encoding[int((upper + lower) * np.float32(1023.75) + np.float32(0.5))]
     return half
 

@@ -232,7 +232,7 @@ def planter() -> Mesh:
 
 
 def billboard() -> Mesh:
-    """Return a billboard of three by six metres on two legs; its picture is a few plain areas."""
+    """Return a billboard of three by six metres on two legs; its image is a few plain areas."""
     builder = Builder()
     legs = np.array([[-2.2, 0.1, 0.0], [2.0, 0.1, 0.0]])
     builder.add_boxes(ORIGIN, legs, legs + np.array([0.2, 0.2, 2.6]), Material.METAL, _STEEL)

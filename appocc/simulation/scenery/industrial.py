@@ -106,10 +106,10 @@ def _add_roof(builder: Builder, main: BuildingPart, style: FacadeStyle, rng: np.
         add_gable_roof(builder, main.turned(), 0.2, sheet, style, eave_m=0.2, verge_m=0.1)
 
 
-def _add_office(builder: Builder, plot: Plot, hall: FacadeStyle, rng: np.random.Generator) -> None:
+def _add_office(builder: Builder, plot: Plot, main_style: FacadeStyle, rng: np.random.Generator) -> None:
     """Add two storeys of offices in front of an industrial building."""
     style = replace(
-        hall,
+        main_style,
         wall=Material.PLASTER,
         wall_tint=pick_tint(rng, palette.PLASTERS),
         bay_m=2.6,
