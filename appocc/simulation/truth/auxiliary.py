@@ -97,10 +97,10 @@ def _reduce(depth: Float32Array, kind: ByteArray, factor: int) -> tuple[Float32A
 
 
 def save_views(path: Path, views: Mapping[str, ViewTargets]) -> None:
-    """Write the view targets of a sample by camera channel to one .npz, atomically.
+    """Write the views of a sample's cameras by channel as one .npz, whole or not at all.
 
     Raises:
-        DataError: if the file cannot be written.
+        DataError: if it cannot be written.
     """
     arrays = {
         f"{channel}.{part}": getattr(view, part) for channel, view in views.items() for part in ("depth_m", "kind")
