@@ -17,7 +17,7 @@ def test_the_ego_is_present_throughout_and_drives_most_of_the_time() -> None:
         scenario = draw_scenario(number, "town", log, 5.0, WEATHERS, 7)
         assert log.actors[scenario.ego].name in ("a", "b")
         assert scenario.start_s + 5.0 <= log.duration_s
-        if scenario.ego == 1:  # it stands from 10 s on: at most a second of five
+        if scenario.ego == 1:  # stationary from 10 s on: at most a second of five
             assert scenario.start_s <= 6.01
         assert scenario.weather in WEATHERS
 

@@ -197,10 +197,10 @@ def test_partial_files_of_a_killed_run_are_removed(tmp_path: Path) -> None:
         simulate(out, settings_of(), 1, interrupted_after(6, KeyboardInterrupt()))
     write_bytes(unfinished_folder(out) / "dataset" / "v1.0-simulation" / ".scene-x1y2.json", b"[")
     write_bytes(unfinished_folder(out) / "shared" / "maps" / ".one-x1y2.json", b"[")
-    told: list[str] = []
-    simulate(out, settings_of(), 1, no_advance, told.append)
+    lines: list[str] = []
+    simulate(out, settings_of(), 1, no_advance, lines.append)
     assert contents(out) == contents(tmp_path / "whole")
-    assert told == [f"{out}: resuming after 1 of 3 scenes"]
+    assert lines == [f"{out}: resuming after 1 of 3 scenes"]
     write_bytes(unfinished_folder(out) / "lock", b"")  # killed at the very end
     simulate(out, settings_of(), 1, no_advance)
     assert not unfinished_folder(out).exists()

@@ -57,7 +57,7 @@ def test_colours_are_at_the_positions_of_objects(above: BirdsEyeImage) -> None:
 
 
 def test_the_image_turns_with_the_ego(street: Street, renderer: Renderer) -> None:
-    # From (8, -8) looking north, the car lies 10 m ahead, and the house 4 m behind and 2 m to the right.
+    # From (8, -8) looking north, the car is 10 m ahead, and the house 4 m behind and 2 m to the right.
     picture = seen(street, renderer, 8, -8, np.pi / 2).appearance
     for place in ((10.2, 0.2), (-4.2, -2.2)):
         red, green, blue = at(picture, place)

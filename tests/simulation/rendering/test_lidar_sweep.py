@@ -60,7 +60,7 @@ def test_rings_and_frame(exact: LidarSweep) -> None:
     assert intensity.min() >= 0
     assert intensity.max() <= 255
     assert (intensity == np.round(intensity)).all()
-    # The car ahead of the ego lies along +y of the LiDAR.
+    # The car ahead of the ego is along +y of the LiDAR.
     ahead = exact.points[exact.actor == 0]
     assert ahead[:, 1].min() > 5
     assert np.abs(ahead[:, 0]).max() < 5

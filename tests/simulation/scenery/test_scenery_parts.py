@@ -70,7 +70,7 @@ def test_rods_are_round_and_capped() -> None:
     rod = tapered_rod(np.zeros(3), np.array([0.0, 0.0, 2.0]), (1.0, 0.5), 24, Material.METAL, (1, 1, 1), capped=True)
     assert rod.normals[:48, 2].max() == 0.0
     np.testing.assert_allclose(rod.normals[48:], np.tile([0, 0, 1], (24, 1)), atol=1e-6)
-    # A cut cone without its foot, which lies in the plane z = 0 and so adds nothing.
+    # A truncated cone without its base, which is in the plane z = 0 and adds nothing.
     assert volume(rod) == pytest.approx(np.pi * 2 / 3 * (1 + 0.5 + 0.25), rel=0.02)
 
 

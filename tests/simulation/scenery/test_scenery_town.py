@@ -240,7 +240,7 @@ def test_every_link_has_three_lamps_facing_its_approach(towns: dict[str, tuple[M
 def test_heads_over_arterials_hang_above_their_lane(towns: dict[str, tuple[Mesh, FloatArray]]) -> None:
     mesh = towns["old"][0]
     places = mesh.vertices_m[mesh.faces[mesh.material == Material.SIGNAL]].mean(axis=1)
-    west = places[(places[:, 2] > 5.0) & (places[:, 0] < -5.0)]  # those of who comes from the west, heading east
+    west = places[(places[:, 2] > 5.0) & (places[:, 0] < -5.0)]  # heads for traffic from the west, heading east
     assert len(west)
     assert (np.abs(west[:, 1] + 0.5 * LANE_M) < 1.2).all()
 

@@ -58,12 +58,12 @@ def test_a_generated_town_has_traffic(network: RoadNetwork, log: TrafficLog) -> 
     people = np.array([actor.kind == "pedestrian" for actor in log.actors])
     assert np.count_nonzero(~parked & ~people) > 15
     assert np.count_nonzero(parked) > 20
-    beside = draw_carriageway(network)
+    carriageway = draw_carriageway(network)
     places = log.xy_m[:, people].reshape(-1, 2).astype(np.float64)
-    assert beside.distance_m(places).min() > 0.45
-    assert beside.distance_m(places).max() < 2.6
+    assert carriageway.distance_m(places).min() > 0.45
+    assert carriageway.distance_m(places).max() < 2.6
     driving = log.xy_m[:, ~people & ~parked].reshape(-1, 2).astype(np.float64)
-    assert np.mean(beside.distance_m(driving[np.isfinite(driving[:, 0])]) == 0) > 0.99
+    assert np.mean(carriageway.distance_m(driving[np.isfinite(driving[:, 0])]) == 0) > 0.99
     assert len({actor.name for actor in log.actors}) == len(log.actors)
 
 

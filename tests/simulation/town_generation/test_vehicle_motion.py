@@ -85,7 +85,7 @@ def test_parked_cars_go_before_those_that_move() -> None:
     xy[:, 1] = [10.0, 1.0]  # parked: car 0 runs into it
     xy[:, 2] = [[40, 0], [41, 0], [42, 0]]
     xy[1:, 3] = [[41.5, 0.5], [42, 9]]  # there for less time than car 2
-    xy[:, 4] = [10.0, 2.9]  # beside car 1, apart by 0.1 m
+    xy[:, 4] = [10.0, 2.9]  # next to car 1, 0.1 m apart
     yaw, parked = np.zeros((3, 5)), np.array([False, True, False, False, True])
     assert overlapping(actors, xy, yaw, parked) == {(0, 1), (2, 3)}
     assert without_overlaps(actors, xy, yaw, parked).tolist() == [True, False, True, False, True]

@@ -35,12 +35,12 @@ def test_road_and_line_are_where_they_are_painted() -> None:
 
 
 def test_left_of_the_ego_is_left_in_the_layer() -> None:
-    # The ego stands 10 m south of the road and looks east: the road lies to its left, at high y.
+    # The ego is 10 m south of the road and faces east: the road is to its left, at high y.
     grid = BEVGrid(-20, 20, -20, 20)
     road = exact_occupancy(made_ground(), grid, pose(0, -10, 0), NOBODY).occupancy[ROAD]
     assert road[50, grid.cell_of([0.2, 10.2])[1]] == 1
     assert road[:, :50].sum() == 0
-    # It looks north: the road lies ahead, at high x.
+    # It faces north: the road is ahead, at high x.
     road = exact_occupancy(made_ground(), grid, pose(0, -10, np.pi / 2), NOBODY).occupancy[ROAD]
     assert road[grid.cell_of([10.2, 0.2])[0], 50] == 1
     assert road[:50].sum() == 0
