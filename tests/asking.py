@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from street import BLACK, BLUE, GREY, RED, WHITE, Street
 
-from grounding.language.parser import read
+from grounding.language import parse
 from grounding.query import Query, Referent
 from grounding.referent.resolver import Resolution, resolve
 from grounding.referent.scene import Scene
@@ -47,7 +47,7 @@ def row() -> Street:
 
 def told(text: str) -> str:
     """A query in one line: action, relation, [noun, colour, qualifiers], direction, side, trigger, distance."""
-    query = read(text).query
+    query = parse(text).query
     words = [str(query.action), query.relation]
     if query.referent is not None:
         inner = [query.referent.noun, query.referent.colour, *query.referent.qualifiers]
