@@ -45,8 +45,8 @@ def row() -> Street:
     return street.car("follower", -12, 0, RED, speed_mps=6.0)
 
 
-def told(text: str) -> str:
-    """A query in one line: action, relation, [noun, colour, qualifiers], direction, side, trigger, distance."""
+def parse_summary(text: str) -> str:
+    """Return the query of a sentence in one line: "park behind [car red left_side] right 3 m referent"."""
     query = parse(text).query
     words = [str(query.action), query.relation]
     if query.referent is not None:

@@ -1,14 +1,14 @@
-"""How people talk: corrections, afterthoughts, what is left out, people, and what they wear."""
+"""Spoken language: self-repairs, appositions, ellipses, people and their clothes."""
 
 from __future__ import annotations
 
 import pytest
-from asking import told
+from asking import parse_summary
 
-from grounding.language.parser import read
+from grounding.language import parse
 
 SENTENCES = {
-    # What is taken back.
+    # Self-repairs.
     "park behind the red car. no, the blue one": "park behind [car blue]",
     "stop behind the bus, sorry, i meant the truck": "stop behind [truck]",
     "park behind the bus - no, actually in front of it": "park in_front_of [bus]",
@@ -21,11 +21,11 @@ SENTENCES = {
     "there is actually no space, stop behind the van": "stop behind [van]",
     "it is not the red car, it's the blue one. stop behind it": "stop behind [car blue]",
     "turn left instead of right after the truck": "turn past [truck] left",
-    # What is said later.
+    # Appositions.
     "that is the car, the blue one. get closer": "approach toward [car blue]",
     "park in front of the silver one, the hatchback": "park in_front_of [car silver]",
     "take the exit, the one where the red truck is turning": "turn at [truck red turning]",
-    # What is left out.
+    # Ellipses.
     "stop behind the first truck we come to": "stop behind [truck first]",
     "park after the second van you pass": "park past [van second]",
     "i know the driver of that bus, pull alongside": "stop next_to [bus]",
@@ -33,7 +33,7 @@ SENTENCES = {
     "next left, please": "turn none left",
     "left at the lights": "turn at left",
     "park behind the bus everyone is boarding": "park behind [bus]",
-    # What is wished, and what is not.
+    # Wishes and prohibitions.
     "can't we go around that truck": "overtake none [truck]",
     "do you mind parking after the red van": "park past [van red]",
     "what i want is for you to overtake the bus": "overtake none [bus]",
@@ -75,16 +75,16 @@ SENTENCES = {
 
 @pytest.mark.parametrize("text", SENTENCES)
 def test_how_people_talk(text: str) -> None:
-    assert told(text) == SENTENCES[text]
+    assert parse_summary(text) == SENTENCES[text]
 
 
 def test_what_is_ruled_out_by_a_correction() -> None:
-    (excluded,) = read("park behind the red car. no, the blue one").query.excluded
+    (excluded,) = parse("park behind the red car. no, the blue one").query.excluded
     assert (excluded.relation, excluded.noun, excluded.colour) == (None, "car", "red")
-    assert read("do not overtake the lorry, stay behind it").query.excluded == ()
-    (place,) = read("park behind the black car, not in front").query.excluded
+    assert parse("do not overtake the lorry, stay behind it").query.excluded == ()
+    (place,) = parse("park behind the black car, not in front").query.excluded
     assert (place.relation, place.noun, place.colour) == ("in_front_of", "car", "black")
-    (spot,) = read("take any place except the one next to the truck").query.excluded
+    (spot,) = parse("take any place except the one next to the truck").query.excluded
     assert (spot.relation, spot.noun) == ("next_to", "truck")
 
 
@@ -101,6 +101,6 @@ def test_what_is_ruled_out_by_a_correction() -> None:
     ],
 )
 def test_the_next_one_in_our_lane(text: str, in_line: bool) -> None:
-    referent = read(text).query.referent
+    referent = parse(text).query.referent
     assert referent is not None
     assert referent.in_line is in_line
