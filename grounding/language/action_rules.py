@@ -14,11 +14,14 @@ _LANE_CHANGING = ("go", "drive", "move", "get", "pull", "take", "turn", "change_
 _ENTERABLE = ("driveway", "parking_lot", "entrance", "road", "turn", "exit", "corner", "intersection", "roundabout")
 _LOTS = ("driveway", "parking_lot", "entrance")
 _CORNERS = ("corner", "roundabout")
+# Heads of landmarks for a gap: "keep your distance".
 _GAP_WORDS = ("distance", "space", "room", "gap", "berth", "wide berth", "clearance", "leeway")
 _LANES = ("lane", "bus_lane", "bike_lane")
+# Relations of a goal directly at a vehicle.
 _BESIDE_TARGET = ("behind", "in_front_of", "next_to")
-# Relations that do not define the goal relative to a vehicle.
+# Relations that define no goal relative to a vehicle.
 _NO_GOAL_RELATION = ("in", "into", "along", "on", "with", "of", "for", "object")
+# Verbs of horn and lights; their relation is no goal.
 _SIGNAL_VERBS = ("honk", "flash", "beep", "toot", "hoot", "sound", "blow", "signal", "tap", "press", "use", "hit")
 
 
@@ -39,8 +42,8 @@ def classify_action(frame: CommandFrame) -> str | None:
     return action
 
 
-def _no_action(frame: CommandFrame) -> str | None:
-    return None
+def _no_action(frame: CommandFrame) -> None:
+    """Classify a verb that is not about driving."""
 
 
 def _classify_lane_change(frame: CommandFrame) -> str | None:
@@ -70,6 +73,7 @@ def _classify_plain(frame: CommandFrame) -> str | None:
 
 
 def _keep_class(frame: CommandFrame) -> str | None:
+    """Return the verb class, which is the action."""
     return frame.verb_class
 
 

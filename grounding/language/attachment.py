@@ -21,7 +21,7 @@ def attach_phrase(state: DiscourseState, phrase: NounPhrase) -> None:
     own_car = phrase.kind == "ego" and " " in phrase.head and state.auxiliary and not state.open_relation
     if own_car:  # "that is our car"
         noun = phrase.head.split()[-1]
-        phrase = NounPhrase("vehicle", noun, noun, phrase.start)
+        phrase = NounPhrase(kind="vehicle", noun=noun, head=noun, start=phrase.start)
     if phrase.kind == "ego":
         _attach_ego(state, phrase)
     elif state.is_repair and state.frame is None and replace_target(state, phrase):

@@ -29,6 +29,40 @@ _AFTER_NOUN = frozenset(
     )
 )
 _PREDICATE = frozenset((WordCategory.BE, WordCategory.AUX, WordCategory.NOT))
+_CLAUSE_STARTS = frozenset(
+    (
+        WordCategory.VERB,
+        WordCategory.NONDRIVE,
+        WordCategory.MEANWHILE,
+        WordCategory.EXISTS,
+        WordCategory.SUB,
+        WordCategory.THEN,
+        WordCategory.QUESTION,
+    )
+)
+# Categories after a conjunction that introduces a clause.
+_AFTER_CONJUNCTION = frozenset(
+    (
+        WordCategory.EGO,
+        WordCategory.EXISTS,
+        WordCategory.VERB,
+        WordCategory.NONDRIVE,
+        WordCategory.AUX,
+        WordCategory.SUB,
+    )
+)
+# Categories after which a verb belongs to the subordinate clause.
+_BEFORE_SUBORDINATE_VERB = frozenset(
+    (
+        WordCategory.AUX,
+        WordCategory.BE,
+        WordCategory.TO,
+        WordCategory.NOT,
+        WordCategory.EGO,
+        WordCategory.SUB,
+        WordCategory.WHICH,
+    )
+)
 # Relation of a conjunction that only a noun follows: "after the van".
 _AS_RELATION = {"after": "past", "before": "before", "until": "at", "when": "at", "while": "near"}
 
@@ -115,15 +149,7 @@ def _ends_with_between_ego(current: Sequence[Token]) -> bool:
 def _begins_clause(rest: Sequence[Token]) -> bool:
     """Return whether a verb or a new subject follows "and"."""
     for i, token in enumerate(rest):
-        if token.category in (
-            WordCategory.VERB,
-            WordCategory.NONDRIVE,
-            WordCategory.MEANWHILE,
-            WordCategory.EXISTS,
-            WordCategory.SUB,
-            WordCategory.THEN,
-            WordCategory.QUESTION,
-        ):
+        if token.category in _CLAUSE_STARTS:
             return not (token.category is WordCategory.VERB and token.form == "past")
         if token.category not in _BEFORE_VERB:
             return _subject_end(rest[i:]) is not None
@@ -146,14 +172,11 @@ def _subject_end(tokens: Sequence[Token]) -> int | None:
             if not relative:
                 return i
         elif token.category is WordCategory.VERB:
-            plural = tokens[i - 1].form == "plural"
-            if (
-                token.form == "s"
-                or (token.form == "past" and token.event not in ("", "stop"))
-                or (plural and not token.form)
-            ):
+            past = token.form == "past" and token.event not in ("", "stop")
+            plural = tokens[i - 1].form == "plural" and not token.form
+            if token.form == "s" or past or plural:
                 return i
-            if token.form != "ing" and token.form != "past":
+            if token.form not in ("ing", "past"):
                 return None
         elif token.category is not WordCategory.TO:
             return None
@@ -167,16 +190,7 @@ def _has_predicate(token: Token, rest: Sequence[Token]) -> bool:
         return token.value != "so" or first not in (WordCategory.EXTRA, WordCategory.UNKNOWN)
     if first in (WordCategory.ANY, WordCategory.THE) and len(rest) > 1 and rest[1].category is WordCategory.VERB:
         return True  # "after a u-turn"
-    if first in (
-        WordCategory.EGO,
-        WordCategory.EXISTS,
-        WordCategory.VERB,
-        WordCategory.NONDRIVE,
-        WordCategory.AUX,
-        WordCategory.SUB,
-    ):
-        return True
-    return _subject_end(rest) is not None
+    return first in _AFTER_CONJUNCTION or _subject_end(rest) is not None
 
 
 def _starts_main(connective: str, current: Sequence[Token], token: Token, rest: Sequence[Token]) -> bool:
@@ -191,15 +205,7 @@ def _starts_main(connective: str, current: Sequence[Token], token: Token, rest: 
     if any(other.category is WordCategory.EXISTS for other in current) and current[-1].category in _NOUN_PHRASE:
         return True  # "if there is no traffic | overtake"
     last = current[-1].category if current else WordCategory.SUB
-    if last in (
-        WordCategory.AUX,
-        WordCategory.BE,
-        WordCategory.TO,
-        WordCategory.NOT,
-        WordCategory.EGO,
-        WordCategory.SUB,
-        WordCategory.WHICH,
-    ):
+    if last in _BEFORE_SUBORDINATE_VERB:
         return False
-    done = end is not None and len(current) > end
-    return done or (current[0].category in _NOUN_PHRASE and current[-1].form != "plural")
+    has_predicate = end is not None and len(current) > end
+    return has_predicate or (current[0].category in _NOUN_PHRASE and current[-1].form != "plural")

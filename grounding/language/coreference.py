@@ -39,7 +39,13 @@ def resolve_anaphor(discourse: Discourse, phrase: NounPhrase) -> NounPhrase | No
     if antecedent is None:
         return None
     role = next(role for other, role in discourse.mentions if other is antecedent)
-    resolved = NounPhrase(antecedent.kind, antecedent.noun, antecedent.head, phrase.start, number=phrase.number)
+    resolved = NounPhrase(
+        kind=antecedent.kind,
+        noun=antecedent.noun,
+        head=antecedent.head,
+        start=phrase.start,
+        number=phrase.number,
+    )
     resolved.definite, resolved.postmodifiers = phrase.definite, list(phrase.postmodifiers)
     resolved.in_lexicon = antecedent.in_lexicon
     resolved.related, resolved.excluded = [*antecedent.related, *phrase.related], phrase.excluded

@@ -21,7 +21,7 @@ def handle_negation(state: DiscourseState, token: Token) -> None:
 def handle_exception(state: DiscourseState, token: Token) -> None:
     """Open an exclusion: "except", "instead of"."""
     state.negated = True
-    state.open_phrase = state.open_phrase or NounPhrase("")
+    state.open_phrase = state.open_phrase or NounPhrase(kind="")
 
 
 def handle_relative_pronoun(state: DiscourseState, token: Token) -> None:
@@ -60,8 +60,8 @@ def handle_there(state: DiscourseState, token: Token) -> None:
     if token.text.startswith(("where", "is", "that")):  # "that is where I want to stop"
         state.clear()
     if token.text.startswith(_POSSESSIVE):
-        attach_target(state, "at", NounPhrase("pronoun", head=token.text, start=token.start))
-        state.host_frame.landmarks.append(("in", NounPhrase("spot", "parking_spot")))
+        attach_target(state, "at", NounPhrase(kind="pronoun", head=token.text, start=token.start))
+        state.host_frame.landmarks.append(("in", NounPhrase(kind="spot", noun="parking_spot")))
     elif state.open_phrase is None:
         state.host_frame.refers_to_place = True
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 from grounding.language.tokenizer import Token
-from grounding.language.word_categories import WordCategory
+from grounding.language.word_categories import NOUNS, WordCategory
 
 # Letter of each category in a noun phrase; all other categories are dots.
 _LETTERS = (
@@ -51,14 +51,12 @@ _PHRASE = re.compile(r"d+[mukn]+h*|d+h+|[mkn]*[hk]+|m+|n+|p|e|(?<=r)u+")
 _INDEFINITE_PRONOUNS = ("everyone", "everybody", "someone", "somebody", "anyone", "anybody", "people")
 _EXTRA = (WordCategory.EXTRA, WordCategory.UNKNOWN, WordCategory.POSSESSIVE, WordCategory.MAKE)
 _QUALIFIERS = (WordCategory.ORDINAL, WordCategory.SUPERLATIVE, WordCategory.STATE, WordCategory.SIZE)
-
-
-# Kinds of noun phrases that name vehicles, and that name places.
+# Kinds of noun phrases for vehicles and for places.
 VEHICLE_KINDS = ("vehicle", "traffic")
 PLACE_KINDS = ("spot", "region")
 
 
-@dataclass(eq=False)
+@dataclass(eq=False, kw_only=True)
 class NounPhrase:
     """A noun phrase; the interpreter adds the words that qualify it later in the sentence.
 
@@ -171,28 +169,29 @@ def _head(tokens: Sequence[Token]) -> NounPhrase:
     owners = [token for token in tokens if token.category is WordCategory.NOUN]
     if last.category is WordCategory.PART and owners:
         last = owners[-1]  # "the van's blinker", "the car door": qualifiers belong to the vehicle
-    plural = int(last.form != "plural")
-    if last.category is WordCategory.NOUN:
-        kind = "traffic" if last.value == "traffic" else "vehicle"
-        head = last.text.removesuffix("'s")
-        return NounPhrase(kind, "vehicle" if kind == "traffic" else last.value, head, number=plural)
-    if last.category in (WordCategory.MAKE, WordCategory.MODEL):
-        return NounPhrase("vehicle", last.value or "car", last.text, number=plural)
-    if last.category is WordCategory.PERSON:
-        return NounPhrase("person", "person", last.text, number=plural)
-    if last.category in (WordCategory.THING, WordCategory.REGION):
-        return NounPhrase(
-            last.category.value, last.value or last.corrected.replace(" ", "_"), last.text, number=plural
-        )
-    if last.category in (WordCategory.SPOT, WordCategory.PART):
-        noun = "parking_spot" if last.category is WordCategory.SPOT else last.corrected.replace(" ", "_")
-        return NounPhrase(last.category.value, noun, last.text, number=plural)
+    number = int(last.form != "plural")
     if last.category is WordCategory.UNKNOWN:
         unknown = [token.corrected for token in tokens if token.category is WordCategory.UNKNOWN]
-        return NounPhrase("thing", "_".join(unknown), last.text, in_lexicon=False)
-    if last.category is WordCategory.PRONOUN:
-        return NounPhrase("pronoun", head=last.text)
-    if last.category is WordCategory.EGO:
-        return NounPhrase("ego", head=last.text)
-    named = last.category is WordCategory.ONE or tokens[0].category in (WordCategory.THE, WordCategory.ANY)
-    return NounPhrase("one" if named else "adjective", head=last.text, number=plural)
+        return NounPhrase(kind="thing", noun="_".join(unknown), head=last.text, in_lexicon=False)
+    if last.category in (WordCategory.PRONOUN, WordCategory.EGO):
+        return NounPhrase(kind=last.category.value, head=last.text)
+    if last.category is WordCategory.NOUN:
+        kind = "traffic" if last.value == "traffic" else "vehicle"
+        noun = "vehicle" if kind == "traffic" else last.value
+        return NounPhrase(kind=kind, noun=noun, head=last.text.removesuffix("'s"), number=number)
+    if last.category in (WordCategory.MAKE, WordCategory.MODEL):
+        return NounPhrase(kind="vehicle", noun=last.value or "car", head=last.text, number=number)
+    if last.category in NOUNS:
+        return NounPhrase(kind=last.category.value, noun=_noun(last), head=last.text, number=number)
+    has_noun = last.category is WordCategory.ONE or tokens[0].category in (WordCategory.THE, WordCategory.ANY)
+    return NounPhrase(kind="one" if has_noun else "adjective", head=last.text, number=number)
+
+
+def _noun(head: Token) -> str:
+    """Return the meaning of a noun other than a vehicle's."""
+    if head.category is WordCategory.PERSON:
+        return "person"
+    if head.category is WordCategory.SPOT:
+        return "parking_spot"
+    value = head.value if head.category in (WordCategory.THING, WordCategory.REGION) else ""
+    return value or head.corrected.replace(" ", "_")

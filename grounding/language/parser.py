@@ -67,7 +67,7 @@ def parse_all(text: str, lexicon: Lexicon | None = None) -> tuple[Reading, ...]:
     """
     if len(text) > MAX_CHARACTERS:
         too_long = ParseProblem(f"expected at most {MAX_CHARACTERS} characters, got {len(text)}")
-        return (Reading(Query(text[:MAX_CHARACTERS]), problem=too_long),)
+        return (Reading(Query(command=text[:MAX_CHARACTERS]), problem=too_long),)
     normalised = normalise(text)
     tokens = tuple(tokenise(normalised, lexicon))
     query, postmodifiers = _build(text, tokens)

@@ -14,7 +14,9 @@ from grounding.language.noun_phrases import NounPhrase
 from grounding.query import Exclusion, Landmark, Query, Referent
 from grounding.vocabulary import RELATIONS
 
+# Relations without a place.
 _NOT_SPATIAL = ("with", "of", "for", "object")
+# Endings of plurals -> of singulars, the first match counts.
 _PLURALS: tuple[tuple[str, str], ...] = (
     ("people", "person"),
     ("men", "man"),
@@ -22,8 +24,8 @@ _PLURALS: tuple[tuple[str, str], ...] = (
     ("ies", "y"),
     ("sses", "ss"),
     ("ches", "ch"),
+    ("s", ""),
 )
-_PLURALS += (("s", ""),)
 
 
 class BuiltQuery(NamedTuple):
@@ -76,17 +78,23 @@ def _build_prohibition(text: str, discourse: Discourse, excluded: tuple[Exclusio
     """Return the query of a text with prohibitions only: "don't park behind the bus", "don't move"."""
     actions = [action for frame in discourse.frames if frame.negated and (action := classify_action(frame))]
     if not actions:
-        return Query(text)
+        return Query(command=text)
     excludes_place = any(one.relation for one in excluded)
     action = "wait" if actions[-1] == "other" else actions[-1] if excludes_place else "other"
     # "Don't let it merge" has a target.
     frame = next((one for one in reversed(discourse.frames) if one.target is not None), None)
     phrase = None if frame is None or frame.target is None else resolve_anaphor(discourse, frame.target)
     if frame is None or phrase is None or phrase.kind not in ("vehicle", "person"):
-        return Query(text, action, (action,), excluded=excluded)
+        return Query(command=text, action=action, actions=(action,), excluded=excluded)
     referent = _referent(discourse, phrase, frame, frame.target is not phrase)
     return Query(
-        text, action, (action,), landmark="referent", referent=referent, trigger=frame.event, excluded=excluded
+        command=text,
+        action=action,
+        actions=(action,),
+        landmark="referent",
+        referent=referent,
+        trigger=frame.event,
+        excluded=excluded,
     )
 
 
@@ -133,7 +141,7 @@ def _landmarks(intents: Sequence[Intent], main: Intent, referent: NounPhrase | N
             elif relation not in _NOT_SPATIAL and _is_landmark(thing):
                 yield _landmark(thing, relation, "goal")
         if intent.action == "other" and intent.frame.lane:
-            yield Landmark("lane", "in", "goal", None, (intent.frame.lane,))
+            yield Landmark("lane", "in", qualifiers=(intent.frame.lane,))
     person = main.target
     if person is not None and person.kind == "person" and person is not referent:
         for relation, other in person.related:  # "the pedestrians behind it"
@@ -150,7 +158,7 @@ def _is_landmark(thing: NounPhrase) -> bool:
 
 
 def _landmark(thing: NounPhrase, relation: str, of: str) -> Landmark:
-    return Landmark(_noun(thing), relation, of, thing.colour, tuple(thing.qualifiers))
+    return Landmark(_noun(thing), relation, of, colour=thing.colour, qualifiers=tuple(thing.qualifiers))
 
 
 def _noun(phrase: NounPhrase) -> str:

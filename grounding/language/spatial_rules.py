@@ -68,7 +68,7 @@ def _handle_without_noun(state: DiscourseState, token: Token) -> None:
     no_target = frame is not None and frame.target is None
     if elliptic and no_target and state.open_relation and _has_vehicle(state):
         # "That is his bus, pull alongside".
-        attach_target(state, token.value, NounPhrase("pronoun", head="it", start=token.start))
+        attach_target(state, token.value, NounPhrase(kind="pronoun", head="it", start=token.start))
     if state.next_kind != "lane":
         state.open_relation = None
 
@@ -152,7 +152,7 @@ def _qualify_open_phrase(state: DiscourseState, token: Token) -> bool:
 
 def handle_lane(state: DiscourseState, token: Token) -> None:
     """Add a lane to the last vehicle or to the goal."""
-    lane = NounPhrase("region", "lane", "lane")
+    lane = NounPhrase(kind="region", noun="lane", head="lane")
     if state.next_kind == "of" and token.value in ("left_lane", "right_lane"):
         state.remaining.pop(0)  # "the lane to the left of the bus"
         state.open_relation = token.value.replace("lane", "of")

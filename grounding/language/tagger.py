@@ -63,7 +63,14 @@ class _Compound(NamedTuple):
         middle = token.start + len(first)
         form = "s" if self.event else ""
         return (
-            Token(self.categories[0], self.values[0], first, first, token.start, middle),
+            Token(
+                category=self.categories[0],
+                value=self.values[0],
+                text=first,
+                corrected=first,
+                start=token.start,
+                end=middle,
+            ),
             Token(
                 category=self.categories[1],
                 value=self.values[1],

@@ -94,7 +94,7 @@ def tag_verb(before: Sequence[Token], token: Token, after: Sequence[Token]) -> T
 
 
 def tag_nondrive(before: Sequence[Token], token: Token, after: Sequence[Token]) -> Token:
-    """Tag a verb of another domain after a determiner as an unknown noun."""
+    """Tag a verb that is not about driving after a determiner as an unknown noun."""
     named = category_at(before, -1) in DETERMINERS | MODIFIERS
     return token.with_category(WordCategory.UNKNOWN) if named and " " not in token.text else token
 

@@ -16,7 +16,7 @@ _NUMBER = re.compile(r"\d{1,9}(?:\.\d{1,9})?")
 _MARKS = {",": WordCategory.COMMA} | dict.fromkeys(".;!?", WordCategory.BREAK)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Token:
     """One word or phrase of a sentence.
 
@@ -69,9 +69,18 @@ def tokenise(normalised: str, lexicon: Lexicon | None = None) -> list[Token]:
     while i < len(words):
         end, entry = lexicon.longest_match(words, i) or (i + 1, _entry_without_match(words[i], lexicon))
         start, stop = found[i].start(), found[end - 1].end()
-        form = _form(words[i:end], entry, lexicon)
-        span = normalised[start:stop], " ".join(words[i:end]), start, stop
-        tokens.append(Token(entry.category, entry.value, *span, form, entry.state, entry.event))
+        token = Token(
+            category=entry.category,
+            value=entry.value,
+            text=normalised[start:stop],
+            corrected=" ".join(words[i:end]),
+            start=start,
+            end=stop,
+            form=_form(words[i:end], entry, lexicon),
+            state=entry.state,
+            event=entry.event,
+        )
+        tokens.append(token)
         i = end
     return tokens
 

@@ -117,12 +117,8 @@ def start_frame(state: DiscourseState, token: Token, connective: str) -> None:
 
 def _move_arguments(leading: CommandFrame, frame: CommandFrame) -> None:
     """Move the arguments before the verb to its frame."""
-    frame.target, frame.landmarks, frame.side, frame.lane = (
-        leading.target,
-        leading.landmarks,
-        leading.side,
-        leading.lane,
-    )
+    frame.target, frame.landmarks = leading.target, leading.landmarks
+    frame.side, frame.lane = leading.side, leading.lane
     frame.goal_qualifiers, frame.distances = leading.goal_qualifiers, leading.distances
     frame.refers_to_place = leading.refers_to_place
     if leading.relation != "none":
@@ -209,8 +205,7 @@ def handle_direction(state: DiscourseState, token: Token) -> None:
         if state.is_repair and replace_direction(state, token.value):
             return
         if state.clause.connective in ("then", "and") and before is not None and before.direction:
-            span = token.text, token.corrected, token.start, token.end
-            turn = Token(WordCategory.VERB, f"turn {token.value}", *span)
+            turn = token.with_category(WordCategory.VERB, f"turn {token.value}")
             start_frame(state, turn, state.clause.connective)
     elif frame.verb_class in ("park", "stop", "pull_over") and token.value != "straight":
         frame.side = frame.side or token.value

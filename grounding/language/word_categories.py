@@ -12,10 +12,10 @@ class WordCategory(StrEnum):
 
     VERB = "verb"
     MEANWHILE = "meanwhile"  # verb phrase of a simultaneous action: "while passing"
-    NONDRIVE = "nondrive"  # verb of another domain: "tell", "wash"
+    NONDRIVE = "nondrive"  # verb that is not about driving: "tell", "wash"
     RELATION = "relation"  # spatial preposition: "behind", "next to"
     BETWEEN = "between"
-    WHERE = "where"  # place relative to the ego: "ahead", "behind us"
+    WHERE = "where"  # place relative to the ego: "up ahead", "behind us"
     HERE = "here"
     THERE = "there"
     SIDE = "side"
@@ -28,14 +28,14 @@ class WordCategory(StrEnum):
     THING = "thing"
     REGION = "region"
     SPOT = "spot"  # parking spot
-    PART = "part"  # part of a vehicle or of the scene that has no place of its own
+    PART = "part"  # part of a vehicle
     COLOUR = "colour"
     SHADE = "shade"  # "dark", "light"
     ORDINAL = "ordinal"
     SUPERLATIVE = "superlative"
     STATE = "state"
     SIZE = "size"
-    EXTRA = "extra"  # adjective that the map cannot show
+    EXTRA = "extra"  # attribute that the map cannot show: "shiny"
     THE = "the"  # definite determiner
     THAT = "that"
     ANY = "any"  # indefinite determiner
@@ -61,7 +61,7 @@ class WordCategory(StrEnum):
     SUB = "sub"  # subordinating conjunction: "when", "until"
     TO = "to"
     OF = "of"
-    OUT = "out"  # particle of a verb: "let it out"
+    OUT = "out"  # end of an awaited event: "let it out", "let it go first"
     CORRECT = "correct"  # start of a self-repair: "no, I mean"
     QUESTION = "question"  # question word
     FILLER = "filler"

@@ -42,14 +42,14 @@ SENTENCES = {
     "don't pass the cyclist until it is clear": "overtake none [bicycle] clear",
     "you are too close to the bus": "None none",
     "my legs hurt": "None none",
-    # Places taken for something, room that is given.
+    # Purposes of places, gaps.
     "use the gap between the bus and the truck to change lanes": "change_lane between [bus]",
     "look for a place to turn around near the truck": "turn near [truck] around",
     "give the truck room to turn": "give_way none [truck] turn",
     "give the truck a wide berth": "avoid none [truck]",
     "leave 2 metres between us and the van": "avoid none [van] 2 m referent",
     "drive past it": "drive_past past",
-    # Counting from the end, lengths, colours as said.
+    # Ordinals from the end, lengths, colour words.
     "park behind the second to last car on the right": "park behind [car second last right_side]",
     "stop next to the last but one van": "stop next_to [van second last]",
     "park two car lengths behind the red mini": "park behind [car red] 9 m referent",
@@ -57,14 +57,14 @@ SENTENCES = {
     "in a quarter of a mile turn left": "turn none left 402.336 m ego",
     "go another 100 metres and pull over": "pull_over none 100 m ego",
     "park behind the burgundy saloon": "park behind [car burgundy]",
-    # People, and what they have with them.
+    # People and their things.
     "stop next to the two men with umbrellas": "stop next_to [person]",
     "pick up the woman with the bag on the left": "stop none [person left_side]",
     "stop in front of the man in the yellow jacket on the right": "stop in_front_of [person right_side]",
     "the lady in green is my aunt, stop next to her": "stop next_to [person]",
     "there's an old man crossing. wait for him": "wait none [person]",
     "that man wants to cross, stop behind the bus and let them": "stop behind [bus]",
-    # One of two, and between.
+    # One of two, between.
     "let the bus pass first": "give_way none [bus] pass",
     "pass the first truck and park behind the second": "park behind [truck second]",
     "park between the two vans": "park between [van]",
@@ -74,11 +74,11 @@ SENTENCES = {
 
 
 @pytest.mark.parametrize("text", SENTENCES)
-def test_how_people_talk(text: str) -> None:
+def test_spoken_language(text: str) -> None:
     assert parse_summary(text) == SENTENCES[text]
 
 
-def test_what_is_ruled_out_by_a_correction() -> None:
+def test_exclusions_of_self_repairs() -> None:
     (excluded,) = parse("park behind the red car. no, the blue one").query.excluded
     assert (excluded.relation, excluded.noun, excluded.colour) == (None, "car", "red")
     assert parse("do not overtake the lorry, stay behind it").query.excluded == ()
@@ -100,7 +100,7 @@ def test_what_is_ruled_out_by_a_correction() -> None:
         ("stop behind the car ahead", False),
     ],
 )
-def test_the_next_one_in_our_lane(text: str, in_line: bool) -> None:
+def test_phrases_for_the_next_vehicle_in_our_lane(text: str, in_line: bool) -> None:
     referent = parse(text).query.referent
     assert referent is not None
     assert referent.in_line is in_line
