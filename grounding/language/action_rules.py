@@ -19,9 +19,9 @@ _GAP_WORDS = ("distance", "space", "room", "gap", "berth", "wide berth", "cleara
 _LANES = ("lane", "bus_lane", "bike_lane")
 # Relations of a goal directly at a vehicle.
 _BESIDE_TARGET = ("behind", "in_front_of", "next_to")
-# Relations that define no goal relative to a vehicle.
+# Relations that do not place the goal relative to a vehicle.
 _NO_GOAL_RELATION = ("in", "into", "along", "on", "with", "of", "for", "object")
-# Verbs of horn and lights; their relation is no goal.
+# Verbs of horn and lights; their relation does not place the goal.
 _SIGNAL_VERBS = ("honk", "flash", "beep", "toot", "hoot", "sound", "blow", "signal", "tap", "press", "use", "hit")
 
 
@@ -89,7 +89,7 @@ def _classify_park(frame: CommandFrame) -> str:
 
 
 def _classify_stop_or_pass(frame: CommandFrame) -> str | None:
-    """Classify "stop" and "overtake"; "stop the music" and "pass the salt" are no driving commands."""
+    """Classify "stop" and "overtake"; "stop the music" and "pass the salt" are not driving commands."""
     if frame.verb.startswith("get off") and frame.has_landmark("entrance"):
         return "turn"
     strict = frame.verb.split()[0] in ("stop", "pass", "pick", "drop", "roll", "put", "set", "draw")
@@ -136,7 +136,7 @@ def _classify_other(frame: CommandFrame) -> str:
 
 
 def _classify_follow(frame: CommandFrame) -> str | None:
-    """Classify "follow"; "follow the road" is other, "follow me on the net" no driving command."""
+    """Classify "follow"; "follow the road" is other, "follow me on the net" not a driving command."""
     if frame.target is None and frame.landmarks:
         if all(_is_off_topic(thing) for _, thing in frame.landmarks):
             return None
@@ -191,7 +191,7 @@ def _classify_motion(frame: CommandFrame) -> str | None:
 
 
 def _classify_motion_to_target(frame: CommandFrame) -> str | None:
-    """Classify motion to a vehicle; "move the car" is no driving command."""
+    """Classify motion to a vehicle; "move the car" is not a driving command."""
     verb, relation = frame.verb_class, frame.relation
     if frame.target_is_object and relation == "none":
         return None

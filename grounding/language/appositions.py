@@ -35,7 +35,7 @@ def attach_apposition(state: DiscourseState, phrase: NounPhrase) -> bool:
 
 
 def _name_one(state: DiscourseState, phrase: NounPhrase) -> bool:
-    """Give the "one" just mentioned its noun; return whether there is one without a noun."""
+    """Give a noun to the "one" mentioned last; return whether it had none."""
     mentioned = [other for other, _ in state.discourse.mentions]
     first = phrase.start == state.clause.tokens[0].start
     if not first or not mentioned or mentioned[-1].kind != "one":
@@ -48,7 +48,7 @@ def _name_one(state: DiscourseState, phrase: NounPhrase) -> bool:
 
 
 def name_contrast(state: DiscourseState, phrase: NounPhrase) -> bool:
-    """Give "one" the noun of an excluded vehicle; return whether there is one.
+    """Give "one" the noun of an excluded vehicle; return whether a vehicle is excluded.
 
     Example: "it is not the red car, it is the blue one".
     """

@@ -29,7 +29,7 @@ def find_antecedent(discourse: Discourse, phrase: NounPhrase) -> NounPhrase | No
 
 
 def resolve_anaphor(discourse: Discourse, phrase: NounPhrase) -> NounPhrase | None:
-    """Return the antecedent with the qualifiers of both; the phrase itself if it is no anaphor.
+    """Return the antecedent with the qualifiers of both; the phrase itself if it is not an anaphor.
 
     None if a pronoun or "one" has no antecedent.
     """

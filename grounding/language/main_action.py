@@ -154,7 +154,7 @@ def _last_taker(takers: Sequence[Intent], intents: Sequence[Intent]) -> Intent:
 
 
 def _final_intent(intent: Intent, target: NounPhrase | None, intents: Sequence[Intent]) -> Intent | None:
-    """Return the later intent that ends at this one's vehicle: "wait until it leaves and park there"."""
+    """Return the later intent that ends at the vehicle of this intent: "wait until it leaves and park there"."""
     start = intent.frame.start
     later = [one for one in intents if one.frame.start > start and one.frame.refers_to_place and one.target is None]
     if not later or target is None:

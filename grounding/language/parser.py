@@ -1,4 +1,4 @@
-"""Parser: a sentence to typed queries, best reading first, or the reason why it is no driving command."""
+"""Parser: a sentence to typed queries, best reading first, or the reason why it is not a driving command."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _FUNCTION_WORDS = (
 
 @dataclass(frozen=True)
 class ParseProblem:
-    """Why a sentence is no driving command: a message and a span of the normalised sentence (empty if none)."""
+    """Why a sentence is not a driving command: a message and a span of the normalised sentence (empty if none)."""
 
     message: str
     start: int = 0
@@ -41,11 +41,11 @@ class Reading:
     """One interpretation of a sentence.
 
     Attributes:
-        query: typed query; its action is None if the sentence is no driving command.
+        query: typed query; its action is None if the sentence is not a driving command.
         score: log prior, 0 for the best reading.
         tokens: tokens of the sentence.
         notes: spelling corrections and ignored words, one sentence each.
-        problem: why the sentence is no command, None if it is one.
+        problem: why the sentence is not a command, None if it is one.
     """
 
     query: Query
@@ -89,7 +89,7 @@ def _build(text: str, tokens: Sequence[Token]) -> BuiltQuery:
 
 
 def _find_problem(normalised: str, tokens: Sequence[Token], lexicon: Lexicon | None) -> ParseProblem:
-    """Return why a sentence is no driving command."""
+    """Return why a sentence is not a driving command."""
     if not tokens:
         return ParseProblem("the sentence holds no words")
     if misspelling := _find_misspelt_verb(normalised, tokens, lexicon):

@@ -82,7 +82,7 @@ def tag_verb(before: Sequence[Token], token: Token, after: Sequence[Token]) -> T
         return token.with_category(WordCategory.VERB, token.corrected.split()[0])
     relation = after[0].value if category_at(after, 0) is WordCategory.RELATION else ""
     if token.corrected in _GO_RIGHT and relation in _RIGHT_BEFORE:
-        return token.with_category(WordCategory.VERB, token.corrected.split()[0])  # "go right behind it" is no turn
+        return token.with_category(WordCategory.VERB, token.corrected.split()[0])  # "go right behind it"
     if token.form == "ing" and last in DETERMINERS and category_at(after, 0) in HEADS | {WordCategory.COLOUR}:
         return token.with_category(WordCategory.EXTRA)
     named = last in DETERMINERS or (last in MODIFIERS and category_at(before, -2) in DETERMINERS)
