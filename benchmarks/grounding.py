@@ -37,7 +37,7 @@ from benchmarks.grounding_truth.making import SUITS
 from benchmarks.grounding_truth.places import Ask
 from benchmarks.grounding_truth.sentences import CALLED, ORDERS, Description, command
 from grounding.grounder import Grounder
-from grounding.language.parser import read
+from grounding.language import parse
 
 GRID = BEVGrid.surround()
 # Half the width of both roads, where the other one lies, and along which lines vehicles stand.
@@ -61,8 +61,8 @@ START = """
 import time
 import numpy
 begun = time.process_time()
-from grounding.language.parser import read
-read("park behind the second silver van on the left")
+from grounding.language import parse
+parse("park behind the second silver van on the left")
 print(time.process_time() - begun)
 """
 
@@ -168,7 +168,7 @@ def main(words: Sequence[str] | None = None) -> None:
     turns = [text for _ in range(given.repeats) for text in asked]
     grounding = [timed_ms(partial(grounder.ground, text)) for text in turns]
     rows = {
-        "read": [timed_ms(partial(read, text)) for text in turns],
+        "read": [timed_ms(partial(parse, text)) for text in turns],
         "ground": grounding,
         "  to a place": [ms for ms, text in zip(grounding, turns, strict=True) if status[text] == "ok"],
         "set_scene": setting,

@@ -34,7 +34,7 @@ from appocc.colours import WORDS
 from appocc.errors import AppoccError, DataError
 from appocc.files import read_json, zip_arrays
 from appocc.geometry import quaternion_from_yaw, transform
-from grounding.language.parser import read
+from grounding.language import parse
 from grounding.query import Query
 from grounding.referent.class_fit import PEOPLE, of_noun
 from grounding.referent.resolver import resolve
@@ -190,7 +190,7 @@ def measure(folder: Path) -> list[Outcome]:
     for one in records:
         recording = recordings[one["scene"]]
         scene, meant = recording.scene_at(one["t_best"]), f"track {recording.number_of(one['track'])}"
-        query = read(one["command"]).query
+        query = parse(one["command"]).query
         outcome, rank, asked, said = outcome_of(query, scene, meant)
         lacked = "" if outcome == "top" else lacked_by(one["command"], query, scene, meant)
         outcomes.append(Outcome(one["command"], one["scene"], outcome, rank, asked, lacked, said))

@@ -10,7 +10,7 @@ import typer
 from cli.common import JsonOption, emit, say
 
 if TYPE_CHECKING:
-    from grounding.language.evaluation import Result
+    from grounding.language.evaluation import ParseScores
 
 
 def parses(
@@ -24,10 +24,10 @@ def parses(
 
     Example: appocc eval parses commands.jsonl --errors
     """
-    from grounding.language.evaluation import evaluate, read_labelled
-    from grounding.language.parser import read
+    from grounding.language import parse
+    from grounding.language.evaluation import read_labelled_commands, score_parser
 
-    result = evaluate(read_labelled(labelled), lambda text: read(text).query.to_dict())
+    result = score_parser(read_labelled_commands(labelled), lambda text: parse(text).query.to_dict())
     if as_json:
         emit(result.as_json())
     if errors:
@@ -35,11 +35,11 @@ def parses(
     _show(result.as_json())
 
 
-def _list_errors(result: Result) -> None:
-    for one in result.judged:
-        wrong = one.wrong()
+def _list_errors(result: ParseScores) -> None:
+    for one in result.commands:
+        wrong = one.errors()
         if wrong:
-            say(("" if one.core else "core: ") + one.record["command"])
+            say(("" if one.core_correct else "core: ") + one.label["command"])
         for field, labelled, read in wrong:
             say(f"    {field}: labelled {labelled}, read {read}")
 

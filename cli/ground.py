@@ -16,7 +16,7 @@ from cli.common import JsonOption, TrustUnseenOption, VersionOption, emit, say
 if TYPE_CHECKING:
     from appocc.frame import Frame
     from grounding.grounder import Grounder
-    from grounding.language.parser import Reading
+    from grounding.language import Reading
 
 _MOST_BYTES = 1_000_000
 
@@ -105,16 +105,15 @@ def _reader(lexicon: Path | None, llm: str | None) -> Callable[[str], tuple[Read
     """How sentences are read."""
     from functools import partial
 
-    from grounding.language.lexicon import read_lexicon
-    from grounding.language.llm import Endpoint
-    from grounding.language.parser import readings
+    from grounding.language import parse_all, read_lexicon
+    from grounding.language.llm import ChatEndpoint
 
-    own = readings if lexicon is None else partial(readings, lexicon=read_lexicon(lexicon))
+    own = parse_all if lexicon is None else partial(parse_all, lexicon=read_lexicon(lexicon))
     if llm is None:
         return own
-    return Endpoint(
-        llm, os.environ.get("APPOCC_LLM_MODEL", "default"), os.environ.get("APPOCC_LLM_KEY"), read=own
-    ).readings
+    return ChatEndpoint(
+        llm, os.environ.get("APPOCC_LLM_MODEL", "default"), os.environ.get("APPOCC_LLM_KEY"), fallback=own
+    ).parse_all
 
 
 def _set_key_frame(

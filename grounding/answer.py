@@ -9,7 +9,7 @@ import numpy as np
 
 from grounding.describe import candidate_dict, phrase, rounded, target_dict
 from grounding.goal.planner import Plan, Target
-from grounding.language.parser import Problem, Reading, caret
+from grounding.language import ParseProblem, Reading, underline
 from grounding.query import Query
 from grounding.referent.resolver import Candidate
 from grounding.referent.scene import Scene
@@ -51,7 +51,7 @@ class Answer:
         return self.reading.query
 
     @property
-    def problem(self) -> Problem | None:
+    def problem(self) -> ParseProblem | None:
         """Why the sentence is no command, and the words that this is about."""
         return self.reading.problem
 
@@ -85,7 +85,7 @@ class Answer:
         """The answer for people, several lines."""
         asked = "".join(c if c.isprintable() else " " for c in self.query.command[:_SHOWN_CHARACTERS])
         lines = [f"{self.status.replace('_', ' ')}: {asked}"]
-        if self.problem and (marks := caret(self.query.command, self.problem)):
+        if self.problem and (marks := underline(self.query.command, self.problem)):
             lines.append(marks)
         if self.target:
             lines.append(f"target: {_place(self.target)}, score {self.target.score:.2f}")

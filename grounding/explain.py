@@ -6,10 +6,10 @@ import textwrap
 
 from grounding.answer import Answer
 from grounding.describe import phrase
-from grounding.language.word_categories import Kind
+from grounding.language import WordCategory
 from grounding.query import Query
 
-_SILENT = (Kind.FILLER,)
+_SILENT = (WordCategory.FILLER,)
 _WIDTH = 110
 
 
@@ -32,9 +32,9 @@ def chips(answer: Answer) -> list[str]:
     """Each word or phrase with its kind and what it stands for: "[behind: relation]"."""
     marked = []
     for token in answer.reading.tokens:
-        kind = token.kind.value.lower()
+        kind = token.category.value.lower()
         meaning = "" if token.value in ("", token.text) else f" {token.value}"
-        marked.append(token.text if token.kind in _SILENT else f"[{token.text}: {kind}{meaning}]")
+        marked.append(token.text if token.category in _SILENT else f"[{token.text}: {kind}{meaning}]")
     return marked
 
 

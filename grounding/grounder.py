@@ -15,7 +15,7 @@ from appocc.errors import AppoccError
 from grounding.answer import Answer
 from grounding.describe import phrase
 from grounding.goal.planner import Plan, plan
-from grounding.language.parser import Reading, readings
+from grounding.language import Reading, parse_all
 from grounding.referent.resolver import Candidate, Resolution, forbidden, resolve
 from grounding.referent.scene import Scene, scene_of, scene_of_tracks
 from grounding.road.road_map import Road
@@ -40,7 +40,7 @@ class Grounder:
         answer = grounder.ground("park behind the silver car")
     """
 
-    def __init__(self, read: Reader = readings) -> None:
+    def __init__(self, read: Reader = parse_all) -> None:
         """Make one that reads sentences so: the readings of a text, best first, at least one."""
         self._read = read
         self._scene: Scene | None = None

@@ -8,8 +8,8 @@ from pydantic import Field, ValidationError
 
 from appocc.errors import DataError
 from appocc.jsonparts import JsonPart, first_problem
-from grounding.language.word_categories import COLOURS, Action, Relation, State
 from grounding.query import Exclusion, Landmark, Query, Referent
+from grounding.vocabulary import COLOURS, Action, Relation, State
 
 # What a further thing may stand in besides.
 Placing = Literal["in", "into", "on", "until", "around"]

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from street import BLACK, BLUE, GREY, RED, WHITE, Street
 
-from grounding.language.parser import read
+from grounding.language import parse
 from grounding.query import Query, Referent
 from grounding.referent.resolver import Resolution, resolve
 from grounding.referent.scene import Scene
@@ -45,9 +45,9 @@ def row() -> Street:
     return street.car("follower", -12, 0, RED, speed_mps=6.0)
 
 
-def told(text: str) -> str:
-    """A query in one line: action, relation, [noun, colour, qualifiers], direction, side, trigger, distance."""
-    query = read(text).query
+def parse_summary(text: str) -> str:
+    """Return the query of a sentence in one line: "park behind [car red left_side] right 3 m referent"."""
+    query = parse(text).query
     words = [str(query.action), query.relation]
     if query.referent is not None:
         inner = [query.referent.noun, query.referent.colour, *query.referent.qualifiers]

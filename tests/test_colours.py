@@ -153,11 +153,12 @@ def test_shades_and_synonyms() -> None:
 
 
 def test_every_colour_word_of_the_lexicon_has_a_fit() -> None:
-    from grounding.language.lexicon import phrases
-    from grounding.language.word_categories import COLOURS, Kind
+    from grounding.language.lexicon import default_phrases
+    from grounding.language.word_categories import WordCategory
+    from grounding.vocabulary import COLOURS
 
-    for phrase, (kind, value) in phrases().items():
-        if kind in (Kind.COLOUR, Kind.SHADE):
+    for phrase, (kind, value) in default_phrases().items():
+        if kind in (WordCategory.COLOUR, WordCategory.SHADE):
             assert 0 < fit(COLOURS.get(value, value), (120, 80, 60)) <= 1, phrase
 
 

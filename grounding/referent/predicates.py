@@ -8,13 +8,13 @@ import numpy as np
 
 from appocc.checks import FloatArray
 from appocc.colours import fit
-from grounding.language.word_categories import COLOURS
 from grounding.query import Exclusion, Landmark, Referent
 from grounding.referent.class_fit import of_noun
 from grounding.referent.fuzzy import UNKNOWN, bell, falls, half_open, rises
 from grounding.referent.object_table import Crowd
 from grounding.referent.scene import NEUTRAL, Scene
 from grounding.road.lane_model import LANE_M
+from grounding.vocabulary import COLOURS
 
 # How many of ten vehicles people call so; the rest share the rest. What has no known colour fits as well as chance.
 _COMMON_PAINT = {"white": 0.35, "black": 0.3, "grey": 0.3, "silver": 0.3, "dark": 0.4, "light": 0.4}

@@ -211,7 +211,7 @@ def test_a_lexicon_of_ones_own(street: Path, tmp_path: Path) -> None:
 def test_a_language_model_that_is_not_there_is_told_and_not_needed(street: Path) -> None:
     result = ask("stop behind the white car", street, *KEY_FRAME, "--llm", "http://127.0.0.1:9/")
     assert result.exit_code == 0
-    assert "the language model was not heard" in result.stderr
+    assert "the language model was not used" in result.stderr
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ from street import BLACK, BLUE, RED, WHITE, Street
 from appocc.errors import AppoccError
 from grounding.answer import Answer
 from grounding.grounder import Grounder
-from grounding.language.parser import read
+from grounding.language import parse
 from grounding.scene_object import EGO_CENTRE_M
 
 STREET = Street().car("w1", 12, -3, WHITE).car("w2", 20, 3, WHITE).car("b", 26, -3, BLUE).car("k", 8, 3, None)
@@ -128,7 +128,7 @@ def test_a_grounder_without_a_scene_says_so() -> None:
 
 def test_a_reading_that_the_scene_refutes_stands_back() -> None:
     """Who reads sentences offers a bus, which is not there, and a car."""
-    bus, car = (read(f"stop behind the blue {noun}") for noun in ("bus", "car"))
+    bus, car = (parse(f"stop behind the blue {noun}") for noun in ("bus", "car"))
     grounder = Grounder(lambda _: (bus, replace(car, score=-3.0)))
     grounder.set_scene(STREET.bev(), STREET.boxes())
     assert grounder.ground("stop behind the blue one").query.referent == car.query.referent

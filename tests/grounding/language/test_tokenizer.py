@@ -7,19 +7,20 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from grounding.language import tokenizer
-from grounding.language.lexicon import phrases
+from grounding.language import spelling, tokenizer
+from grounding.language.lexicon import default_phrases
+from grounding.language.spelling import suggest_word
 from grounding.language.tagger import tag
-from grounding.language.tokenizer import did_you_mean, normalise, tokenise
-from grounding.language.word_categories import Kind
+from grounding.language.tokenizer import normalise, tokenise
+from grounding.language.word_categories import WordCategory
 
 
-def kinds_and_values(text: str) -> list[tuple[str, str]]:
-    return [(token.kind.value, token.value) for token in tokenise(normalise(text))]
+def categories_and_values(text: str) -> list[tuple[str, str]]:
+    return [(token.category.value, token.value) for token in tokenise(normalise(text))]
 
 
 def tagged(text: str) -> list[tuple[str, str]]:
-    return [(token.kind.value, token.value) for token in tag(tokenise(normalise(text)))]
+    return [(token.category.value, token.value) for token in tag(tokenise(normalise(text)))]
 
 
 @pytest.mark.parametrize(
@@ -50,11 +51,11 @@ def tagged(text: str) -> list[tuple[str, str]]:
     ],
 )
 def test_longest_phrase_wins(text: str, expected: list[tuple[str, str]]) -> None:
-    assert kinds_and_values(text) == expected
+    assert categories_and_values(text) == expected
 
 
-def test_verbs_have_forms_and_say_what_others_do() -> None:
-    forms = {token.meant: token for token in tokenise("turns turning turned turn")}
+def test_verbs_have_forms_states_and_events() -> None:
+    forms = {token.corrected: token for token in tokenise("turns turning turned turn")}
     assert [forms[word].form for word in ("turns", "turning", "turned", "turn")] == ["s", "ing", "past", ""]
     assert {(token.state, token.event) for token in forms.values()} == {("turning", "turn")}
     (token,) = tokenise("pulling out")
@@ -85,11 +86,11 @@ def test_verbs_have_forms_and_say_what_others_do() -> None:
         ("would you mind parking beside it", [("verb", "park"), ("relation", "next_to"), ("pronoun", "")]),
     ],
 )
-def test_neighbours_tell_what_a_word_is(text: str, expected: list[tuple[str, str]]) -> None:
+def test_neighbours_decide_the_category(text: str, expected: list[tuple[str, str]]) -> None:
     assert [pair for pair in tagged(text) if pair[0] != "ego"] == expected
 
 
-def test_tokens_know_where_they_stand() -> None:
+def test_tokens_keep_their_span() -> None:
     text = normalise("  Park   behind THE zebra ")
     assert text == "park behind the zebra"
     for token in tokenise(text):
@@ -97,7 +98,7 @@ def test_tokens_know_where_they_stand() -> None:
 
 
 @pytest.mark.parametrize(
-    ("slip", "meant"),
+    ("edit", "expected"),
     [
         ("trcuk", "truck"),
         ("sliver", "silver"),
@@ -111,19 +112,21 @@ def test_tokens_know_where_they_stand() -> None:
         ("beach", "beach"),
     ],
 )
-def test_slips_of_longer_words_are_mended_where_that_is_likely(slip: str, meant: str) -> None:
-    (token,) = tokenise(slip)
-    assert (token.text, token.meant) == (slip, meant)
+def test_likely_misspellings_of_longer_words_are_corrected(edit: str, expected: str) -> None:
+    (token,) = tokenise(edit)
+    assert (token.text, token.corrected) == (edit, expected)
 
 
-def test_known_words_are_never_mended() -> None:
-    for word in sorted({word for phrase in phrases() for word in phrase}):
-        assert all(token.text == token.meant for token in tokenise(word) if token.kind is not Kind.BREAK)
+def test_known_words_are_never_corrected() -> None:
+    for word in sorted({word for phrase in default_phrases() for word in phrase}):
+        assert all(
+            token.text == token.corrected for token in tokenise(word) if token.category is not WordCategory.BREAK
+        )
 
 
-def test_did_you_mean() -> None:
-    assert did_you_mean("trukc", (Kind.NOUN,)) == "truck"
-    assert did_you_mean("xyzzy", (Kind.NOUN,)) is None
+def test_the_most_similar_word_is_suggested() -> None:
+    assert suggest_word("trukc", (WordCategory.NOUN,)) == "truck"
+    assert suggest_word("xyzzy", (WordCategory.NOUN,)) is None
 
 
 @settings(max_examples=200)
@@ -142,17 +145,17 @@ def test_time_grows_with_the_length_of_a_sentence(words: list[str]) -> None:
 
     def counted(word: str) -> Iterator[str]:
         nonlocal written
-        for slip in slips(word):
-            written += len(slip)
-            yield slip
+        for edit in single_edits(word):
+            written += len(edit)
+            yield edit
 
-    slips = tokenizer._slips
+    single_edits = spelling._single_edits
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(tokenizer, "_slips", counted)
+        patch.setattr(spelling, "_single_edits", counted)
         assert " ".join(token.text for token in tokenise(text)) == text
     assert written <= 54 * 32 * len(text)
 
 
-def test_a_word_as_long_as_a_sentence_may_be() -> None:
+def test_a_word_of_maximal_length_is_unknown() -> None:
     word = "a" * (tokenizer.MAX_CHARACTERS - 20)
-    assert kinds_and_values(f"stop behind {word}")[-1] == ("unknown", "")
+    assert categories_and_values(f"stop behind {word}")[-1] == ("unknown", "")

@@ -5,42 +5,46 @@ from pathlib import Path
 import pytest
 
 from appocc.errors import DataError
-from grounding.language.lexicon import Lexicon, default_lexicon, phrases, read_lexicon
-from grounding.language.parser import read
-from grounding.language.word_categories import Entry, Kind
+from grounding.language import parse
+from grounding.language.lexicon import Lexicon, default_lexicon, default_phrases, read_lexicon
+from grounding.language.phrase_patterns import LexicalEntry
+from grounding.language.word_categories import WordCategory
 
 
-def test_every_phrase_of_the_package_can_be_taken_apart() -> None:
-    book = phrases()
-    assert book[("pickup", "truck")] == (Kind.NOUN, "truck")
-    assert book[("went", "back")] == (Kind.VERB, "turn around")
-    assert len({kind for kind, _ in book.values()}) > 40
+def test_all_patterns_of_the_package_are_valid() -> None:
+    book = default_phrases()
+    assert book[("pickup", "truck")] == (WordCategory.NOUN, "truck")
+    assert book[("went", "back")] == (WordCategory.VERB, "turn around")
+    assert len({category for category, _ in book.values()}) > 40
 
 
 def test_patterns_have_choices_and_optional_parts() -> None:
     lexicon = Lexicon()
-    lexicon.add("drop [me|us] off|out; let_me out", Entry(Kind.FILLER))
+    lexicon.add("drop [me|us] off|out; let_me out", LexicalEntry(WordCategory.FILLER))
     found = {phrase for pattern in lexicon.patterns for phrase in pattern.phrases()}
     drops = {("drop", who, where) for who in ("me", "us") for where in ("off", "out")}
     assert found == drops | {("drop", "off"), ("drop", "out"), ("let", "me", "out")}
-    assert lexicon.longest(("please", "drop", "us", "out", "now"), 1) == (4, Entry(Kind.FILLER))
-    assert lexicon.longest(("drop", "it"), 0) is None
+    assert lexicon.longest_match(("please", "drop", "us", "out", "now"), 1) == (4, LexicalEntry(WordCategory.FILLER))
+    assert lexicon.longest_match(("drop", "it"), 0) is None
 
 
-def test_a_file_of_ones_own_adds_words(tmp_path: Path) -> None:
+def test_a_lexicon_file_adds_words(tmp_path: Path) -> None:
     path = tmp_path / "mine.txt"
     path.write_text(
         "# Dutch\n[noun car]\nauto; wagen\n[relation behind]\nachter\n[the]\nde\n[verb park | is=parked]\nparkeer\n"
     )
     before = len(default_lexicon().patterns)
     lexicon = read_lexicon(path)
-    query = read("parkeer achter de auto", lexicon).query
+    query = parse("parkeer achter de auto", lexicon).query
     assert (query.action, query.relation) == ("park", "behind")
     assert query.referent is not None
     assert (query.referent.noun, query.referent.head) == ("car", "auto")
     assert len(default_lexicon().patterns) == before
-    assert read("parkeer achter de auto").query.action is None
-    assert read_lexicon(path, Lexicon()).longest(("achter",), 0) == (1, Entry(Kind.RELATION, "behind"))
+    assert parse("parkeer achter de auto").query.action is None
+    assert read_lexicon(path, Lexicon()).longest_match(("achter",), 0) == (
+        1,
+        LexicalEntry(WordCategory.RELATION, "behind"),
+    )
 
 
 @pytest.mark.parametrize(
@@ -62,17 +66,17 @@ def test_a_file_of_ones_own_adds_words(tmp_path: Path) -> None:
         ("[forms]\ngo\n", "line 2: expected a word and its forms"),
     ],
 )
-def test_a_bad_file_is_told_with_its_line(tmp_path: Path, text: str, reason: str) -> None:
+def test_errors_name_the_line(tmp_path: Path, text: str, reason: str) -> None:
     path = tmp_path / "bad.txt"
     path.write_text(text)
-    with pytest.raises(DataError) as told:
+    with pytest.raises(DataError) as raised:
         read_lexicon(path)
-    assert str(told.value).startswith(f"{path}: ")
-    assert reason in str(told.value)
-    assert "\n" not in str(told.value)
+    assert str(raised.value).startswith(f"{path}: ")
+    assert reason in str(raised.value)
+    assert "\n" not in str(raised.value)
 
 
-def test_files_that_are_no_lexicon(tmp_path: Path) -> None:
+def test_unreadable_files(tmp_path: Path) -> None:
     with pytest.raises(DataError, match=r"cannot be read \(No such file"):
         read_lexicon(tmp_path / "none.txt")
     (tmp_path / "bytes.txt").write_bytes(b"\xff\xfe\x00")

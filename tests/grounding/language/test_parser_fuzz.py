@@ -1,4 +1,4 @@
-"""Any string at all: a query or a problem, never an exception, and the same one every time."""
+"""Any string gives a query or a problem, no exception, and the same result every time."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from grounding.language import MAX_CHARACTERS, MAX_READINGS, Reading, parse_all, underline
 from grounding.language.lexicon import default_lexicon
-from grounding.language.parser import MOST, Reading, caret, readings
-from grounding.language.tokenizer import MAX_CHARACTERS, normalise
+from grounding.language.tokenizer import normalise
 
 WORDS = sorted(word for word in default_lexicon().words if word)
 NASTY = (
@@ -41,8 +41,8 @@ TEXTS = st.one_of(
 
 
 def check(text: str) -> tuple[Reading, ...]:
-    found = readings(text)
-    assert 1 <= len(found) <= MOST
+    found = parse_all(text)
+    assert 1 <= len(found) <= MAX_READINGS
     assert found[0].score == 0
     assert [one.score for one in found] == sorted((one.score for one in found), reverse=True)
     for one in found:
@@ -55,14 +55,14 @@ def check(text: str) -> tuple[Reading, ...]:
         if one.problem is not None:
             assert "\n" not in one.problem.message
             assert 0 <= one.problem.start <= one.problem.end <= len(normalise(text[:MAX_CHARACTERS]))
-            caret(text, one.problem)
+            underline(text, one.problem)
     return found
 
 
 @settings(max_examples=300)
 @given(TEXTS)
 def test_any_text(text: str) -> None:
-    assert check(text) == readings(text)
+    assert check(text) == parse_all(text)
 
 
 @pytest.mark.parametrize("text", NASTY)
@@ -72,7 +72,7 @@ def test_nasty_texts(text: str) -> None:
 
 
 @pytest.mark.parametrize("size", [MAX_CHARACTERS + 1, 100_000])
-def test_long_texts_are_refused_at_once(size: int) -> None:
+def test_long_texts_are_rejected_without_parsing(size: int) -> None:
     (only,) = check(("park behind the car " * (size // 20 + 1))[:size])
     assert only.problem is not None
     assert only.problem.message == f"expected at most {MAX_CHARACTERS} characters, got {size}"
@@ -95,6 +95,6 @@ def test_memory_is_bounded() -> None:
         check(text)
     kept, peak = tracemalloc.get_traced_memory()
     tracemalloc.stop()
-    # What is kept are the patterns that were taken apart.
+    # The parsed patterns stay in memory.
     assert kept < 30e6
     assert peak < 60e6

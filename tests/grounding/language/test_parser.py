@@ -1,4 +1,4 @@
-"""What commands mean, rule by rule of the labelled files."""
+"""Queries of commands, rule by rule of the labelled files."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from asking import told
+from asking import parse_summary
 
-from grounding.language.evaluation import Result, evaluate, read_labelled
-from grounding.language.parser import read
+from grounding.language import parse
+from grounding.language.evaluation import ParseScores, read_labelled_commands, score_parser
 from grounding.query import Query
 
 OWN = Path(__file__).parent / "commands.jsonl"
-# Of the own commands: batch, how many they are, and the least share that is right.
+# Batches of our own commands: batch, number of commands, minimal share of right core parses.
 BATCHES = (
     *((1, 184, 0.99), (2, 60, 0.98), (3, 60, 0.9), (4, 60, 0.95), (5, 64, 0.96), (6, 127, 0.98), (7, 138, 0.99)),
     *(
@@ -30,12 +30,12 @@ BATCHES = (
 
 
 def query_of(text: str) -> Query:
-    reading = read(text)
+    reading = parse(text)
     assert reading.problem is None
     return reading.query
 
 
-# Rule 4: what verbs command.
+# Rule 4: actions of verbs.
 ACTIONS = {
     "park behind the van": "park behind [van]",
     "find me a parking spot near the bus": "park near [bus]",
@@ -86,11 +86,11 @@ ACTIONS = {
 
 
 @pytest.mark.parametrize("text", ACTIONS)
-def test_verbs_and_what_they_command(text: str) -> None:
-    assert told(text) == ACTIONS[text]
+def test_actions_of_verbs(text: str) -> None:
+    assert parse_summary(text) == ACTIONS[text]
 
 
-# Rules 2, 3, 5, 6 and 8: which action counts, and what clauses about time and purpose add.
+# Rules 2, 3, 5, 6 and 8: the main action, and clauses of time and purpose.
 CLAUSES = {
     "overtake the van and park behind the bus": "park behind [bus]",
     "pull in behind the van in the left lane and speed up": "change_lane behind [van left_lane]",
@@ -125,10 +125,10 @@ CLAUSES = {
 
 @pytest.mark.parametrize("text", CLAUSES)
 def test_clauses(text: str) -> None:
-    assert told(text) == CLAUSES[text]
+    assert parse_summary(text) == CLAUSES[text]
 
 
-# Rule 7 and the nouns: what is said of a vehicle, before and after its noun, in relative clauses and predicates.
+# Rule 7 and nouns: qualifiers before and after the noun, in relative clauses and predicates.
 VEHICLES = {
     "follow the dark blue estate": "[car dark blue]",
     "follow the gray pickup": "[truck grey]",
@@ -161,8 +161,8 @@ VEHICLES = {
 
 
 @pytest.mark.parametrize("text", VEHICLES)
-def test_what_is_said_of_the_vehicle(text: str) -> None:
-    assert told(text).removeprefix("follow none ") == VEHICLES[text]
+def test_qualifiers_of_the_vehicle(text: str) -> None:
+    assert parse_summary(text).removeprefix("follow none ") == VEHICLES[text]
 
 
 @pytest.mark.parametrize(
@@ -183,7 +183,7 @@ def test_what_is_said_of_the_vehicle(text: str) -> None:
     ],
 )
 def test_distances(text: str, expected: str) -> None:
-    assert told(text) == expected
+    assert parse_summary(text) == expected
 
 
 @pytest.mark.parametrize(
@@ -199,8 +199,8 @@ def test_distances(text: str, expected: str) -> None:
         ("do not follow that car, go straight", "other none straight", (None, "car", None, ())),
     ],
 )
-def test_what_is_ruled_out(text: str, expected: str, excluded: tuple[Any, ...]) -> None:
-    assert told(text) == expected
+def test_exclusions(text: str, expected: str, excluded: tuple[Any, ...]) -> None:
+    assert parse_summary(text) == expected
     (one,) = query_of(text).excluded
     assert (one.relation, one.noun, one.colour, one.qualifiers) == excluded
 
@@ -218,8 +218,8 @@ def test_what_is_ruled_out(text: str, expected: str, excluded: tuple[Any, ...]) 
         ("stop at the first of the two vans", "stop at [van first]", False),
     ],
 )
-def test_what_pronouns_stand_for(text: str, expected: str, anaphora: bool) -> None:
-    assert told(text) == expected
+def test_antecedents(text: str, expected: str, anaphora: bool) -> None:
+    assert parse_summary(text) == expected
     referent = query_of(text).referent
     assert referent is not None
     assert referent.anaphora is anaphora
@@ -234,11 +234,11 @@ def test_two_vehicles_between_and_opposite() -> None:
     pair = query_of("stop between the two vans").referent
     assert pair is not None
     assert pair.number == 2
-    assert told("stop across the road from the bus") == "stop opposite [bus]"
+    assert parse_summary("stop across the road from the bus") == "stop opposite [bus]"
 
 
 @pytest.mark.parametrize(
-    ("text", "relation", "landmark", "marks"),
+    ("text", "relation", "landmark", "landmarks"),
     [
         ("turn left at the lights", "at", "secondary", [("traffic_light", "at", "goal")]),
         ("park opposite the bakery", "opposite", "secondary", [("bakery", "opposite", "goal")]),
@@ -250,13 +250,13 @@ def test_two_vehicles_between_and_opposite() -> None:
         ("turn left", "none", None, []),
     ],
 )
-def test_landmarks(text: str, relation: str, landmark: str | None, marks: list[tuple[str, str, str]]) -> None:
+def test_landmarks(text: str, relation: str, landmark: str | None, landmarks: list[tuple[str, str, str]]) -> None:
     query = query_of(text)
     assert (query.relation, query.landmark) == (relation, landmark)
-    assert [(mark.noun, mark.relation, mark.of) for mark in query.secondary] == marks
+    assert [(mark.noun, mark.relation, mark.of) for mark in query.secondary] == landmarks
 
 
-def test_said_of_the_place_and_not_of_the_vehicle() -> None:
+def test_qualifiers_of_the_goal() -> None:
     query = query_of("You can park up ahead on the right behind the silver car, next to the lamp post")
     assert query.goal_side == "right"
     assert query.referent is not None
@@ -295,8 +295,8 @@ def test_all_actions_in_order(text: str, actions: tuple[str, ...]) -> None:
         "park behind the shiny whatsit van",
     ],
 )
-def test_politeness_and_chatter_change_nothing(text: str) -> None:
-    assert told(text) == "park behind [van]"
+def test_politeness_and_chatter_are_ignored(text: str) -> None:
+    assert parse_summary(text) == "park behind [van]"
 
 
 def test_articles() -> None:
@@ -306,8 +306,8 @@ def test_articles() -> None:
         assert referent.definite is definite
 
 
-def test_mended_and_unknown_words_are_told() -> None:
-    reading = read("stop behind the fluffy sliver trcuk")
+def test_notes_name_corrected_and_unknown_words() -> None:
+    reading = parse("stop behind the fluffy sliver trcuk")
     assert reading.query.referent is not None
     assert (reading.query.referent.colour, reading.query.referent.head) == ("silver", "trcuk")
     assert reading.notes == (
@@ -318,16 +318,16 @@ def test_mended_and_unknown_words_are_told() -> None:
     assert "".join(token.text for token in reading.tokens) == "stopbehindthefluffyslivertrcuk"
 
 
-def judged(path: Path) -> Result:
-    return evaluate(read_labelled(path), lambda text: read(text).query.to_dict())
+def scores_of(path: Path) -> ParseScores:
+    return score_parser(read_labelled_commands(path), lambda text: parse(text).query.to_dict())
 
 
 def test_own_commands() -> None:
-    """Written and labelled before the parser (batch 1) and after it, without a look at what it says (2 to 14)."""
-    records = read_labelled(OWN)
+    """Batch 1 was labelled before the parser existed, batches 2 to 14 after it, without its output in view."""
+    records = read_labelled_commands(OWN)
     for batch, commands, least in BATCHES:
         part = [record for record in records if record["batch"] == batch]
-        answer = evaluate(part, lambda text: read(text).query.to_dict()).as_json()
+        answer = score_parser(part, lambda text: parse(text).query.to_dict()).as_json()
         assert answer["records"] == commands
         assert answer["core_parse_right"] >= least
         assert answer["false_rejects"] <= 0.02
@@ -344,7 +344,7 @@ def labelled_file(data_root: Path, name: str) -> Path:
 @pytest.mark.realdata
 @pytest.mark.parametrize(("name", "least"), [("core_dev.jsonl", 0.97), ("talk2car_dev.jsonl", 0.95)])
 def test_labelled_commands(data_root: Path, name: str, least: float) -> None:
-    answer = judged(labelled_file(data_root, name)).as_json()
+    answer = scores_of(labelled_file(data_root, name)).as_json()
     assert answer["core_parse_right"] >= least
     assert answer["false_rejects"] <= 0.02
     assert answer["reject_recall"] in (1, None)
@@ -353,10 +353,10 @@ def test_labelled_commands(data_root: Path, name: str, least: float) -> None:
 
 
 @pytest.mark.realdata
-def test_keys_are_those_of_the_labelled_files(data_root: Path) -> None:
+def test_queries_have_the_keys_of_the_labelled_files(data_root: Path) -> None:
     line = labelled_file(data_root, "core_dev.jsonl").read_text().splitlines()[0]
     record = json.loads(line)
-    own = read(record["command"]).query.to_dict()
+    own = parse(record["command"]).query.to_dict()
     assert set(record) - set(own) == {"id", "token", "source", "category", "obj_name"}
     assert set(own) <= set(record)
     assert set(own["referent"]) == set(record["referent"])

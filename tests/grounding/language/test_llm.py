@@ -1,4 +1,4 @@
-"""A language model is heard only if what it answers in time is a query."""
+"""The language model's reading is used only if it answers with a valid query in time."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ from typing import Any
 import pytest
 
 from appocc.errors import DataError
-from grounding.language.llm import Endpoint
-from grounding.language.parser import read
+from grounding.language import parse
+from grounding.language.llm import ChatEndpoint
 
 GOOD = {"status": "ok", "action": "park", "relation": "behind", "landmark": "referent"} | {
     "referent": {"noun": "car", "head": "beetle", "colour": "red", "qualifiers": ["left_side"]}
 }
-Answers = Callable[[bytes], Endpoint]
+Answers = Callable[[bytes], ChatEndpoint]
 
 
 @pytest.fixture
-def answers() -> Iterator[Callable[..., Endpoint]]:
+def answers() -> Iterator[Callable[..., ChatEndpoint]]:
     """An endpoint that answers with given bytes."""
     servers = []
 
-    def start(body: bytes, status: int = 200, wait_s: float = 0.0, limit_s: float = 60.0) -> Endpoint:
+    def start(body: bytes, status: int = 200, wait_s: float = 0.0, limit_s: float = 60.0) -> ChatEndpoint:
         asked: list[dict[str, Any]] = []
 
         class Handler(BaseHTTPRequestHandler):
@@ -47,7 +47,7 @@ def answers() -> Iterator[Callable[..., Endpoint]]:
         server.asked = asked  # type: ignore[attr-defined]
         threading.Thread(target=server.serve_forever, daemon=True).start()
         servers.append(server)
-        return Endpoint(f"http://127.0.0.1:{server.server_port}/v1/chat/completions", "m", "secret", limit_s)
+        return ChatEndpoint(f"http://127.0.0.1:{server.server_port}/v1/chat/completions", "m", "secret", limit_s)
 
     yield start
     for server in servers:
@@ -59,8 +59,8 @@ def chat(content: str) -> bytes:
     return json.dumps({"choices": [{"message": {"content": content}}]}).encode()
 
 
-def test_its_query_comes_before_those_of_the_grammar(answers: Callable[..., Endpoint]) -> None:
-    first, *others = answers(chat(f"```json\n{json.dumps(GOOD)}\n```")).readings(
+def test_its_reading_comes_before_those_of_the_grammar(answers: Callable[..., ChatEndpoint]) -> None:
+    first, *others = answers(chat(f"```json\n{json.dumps(GOOD)}\n```")).parse_all(
         "park behind the red beetle on the left"
     )
     assert first.query.referent
@@ -86,21 +86,21 @@ def test_its_query_comes_before_those_of_the_grammar(answers: Callable[..., Endp
         b"",
     ],
 )
-def test_what_is_no_query_is_not_heard(answers: Callable[..., Endpoint], body: bytes) -> None:
-    given = answers(body).readings("park behind the red car")
-    assert given[0].query == read("park behind the red car").query
-    assert given[0].notes[-1].startswith("the language model was not heard: ")
+def test_invalid_answers_are_not_used(answers: Callable[..., ChatEndpoint], body: bytes) -> None:
+    given = answers(body).parse_all("park behind the red car")
+    assert given[0].query == parse("park behind the red car").query
+    assert given[0].notes[-1].startswith("the language model was not used: ")
 
 
 @pytest.mark.parametrize(("status", "wait_s", "limit_s"), [(500, 0.0, 60.0), (200, 1.0, 0.1)])
-def test_one_that_fails_or_is_slow_is_not_waited_for(
-    answers: Callable[..., Endpoint], status: int, wait_s: float, limit_s: float
+def test_a_failing_or_slow_endpoint_is_not_waited_for(
+    answers: Callable[..., ChatEndpoint], status: int, wait_s: float, limit_s: float
 ) -> None:
-    given = answers(chat(json.dumps(GOOD)), status, wait_s, limit_s).readings("park behind the red car")
-    assert "was not heard" in given[0].notes[-1]
+    given = answers(chat(json.dumps(GOOD)), status, wait_s, limit_s).parse_all("park behind the red car")
+    assert "was not used" in given[0].notes[-1]
 
 
-def test_one_that_sends_a_byte_now_and_then_is_not_waited_for() -> None:
+def test_an_endpoint_that_sends_single_bytes_is_not_waited_for() -> None:
     server, ended = socket.create_server(("127.0.0.1", 0)), threading.Event()
 
     def drip() -> None:
@@ -113,27 +113,27 @@ def test_one_that_sends_a_byte_now_and_then_is_not_waited_for() -> None:
 
     dripping = threading.Thread(target=drip, daemon=True)
     dripping.start()
-    given = Endpoint(f"http://127.0.0.1:{server.getsockname()[1]}/", "m", None, 0.2).readings("stop")
-    assert given[0].notes[-1] == "the language model was not heard: no answer within 0.2 s"
+    given = ChatEndpoint(f"http://127.0.0.1:{server.getsockname()[1]}/", "m", None, 0.2).parse_all("stop")
+    assert given[0].notes[-1] == "the language model was not used: no answer within 0.2 s"
     assert dripping.is_alive()
     ended.set()
     dripping.join(10)
     server.close()
 
 
-def test_an_answer_too_deep_is_not_heard(answers: Callable[..., Endpoint]) -> None:
-    assert "was not heard" in answers(b"[" * 50_000).readings("stop")[0].notes[-1]
+def test_deeply_nested_answers_are_not_used(answers: Callable[..., ChatEndpoint]) -> None:
+    assert "was not used" in answers(b"[" * 50_000).parse_all("stop")[0].notes[-1]
 
 
-def test_one_that_is_not_there() -> None:
-    given = Endpoint("http://127.0.0.1:9/", "m", None, 0.5).readings("stop")
-    assert given[0].query == read("stop").query
-    assert "was not heard" in given[0].notes[-1]
+def test_an_unreachable_endpoint() -> None:
+    given = ChatEndpoint("http://127.0.0.1:9/", "m", None, 0.5).parse_all("stop")
+    assert given[0].query == parse("stop").query
+    assert "was not used" in given[0].notes[-1]
 
 
-def test_what_it_rejects_the_grammar_may_still_read(answers: Callable[..., Endpoint]) -> None:
-    given = answers(chat('{"status": "reject"}')).readings("park behind the red car")
-    assert given[0].query == read("park behind the red car").query
+def test_the_grammar_reads_what_the_model_rejects(answers: Callable[..., ChatEndpoint]) -> None:
+    given = answers(chat('{"status": "reject"}')).parse_all("park behind the red car")
+    assert given[0].query == parse("park behind the red car").query
 
 
 @pytest.mark.parametrize(
@@ -149,6 +149,6 @@ def test_what_it_rejects_the_grammar_may_still_read(answers: Callable[..., Endpo
         "http://a:99999/",
     ],
 )
-def test_addresses_of_nothing(url: str) -> None:
+def test_invalid_addresses(url: str) -> None:
     with pytest.raises(DataError, match="expected an address that begins with http"):
-        Endpoint(url, "m")
+        ChatEndpoint(url, "m")

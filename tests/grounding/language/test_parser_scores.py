@@ -9,8 +9,14 @@ from typer.testing import CliRunner
 
 from appocc.errors import DataError
 from cli.main import app
-from grounding.language.evaluation import Result, evaluate, judge, read_labelled, wilson
-from grounding.language.parser import read
+from grounding.language import parse
+from grounding.language.evaluation import (
+    ParseScores,
+    read_labelled_commands,
+    score_command,
+    score_parser,
+    wilson_interval,
+)
 
 GOLD: dict[str, Any] = {
     "command": "stop next to the second red bike on the left",
@@ -35,25 +41,27 @@ GOLD: dict[str, Any] = {
 def gold(tmp_path: Path, *records: dict[str, Any]) -> list[dict[str, Any]]:
     path = tmp_path / "gold.jsonl"
     path.write_text("\n".join(json.dumps(record) for record in records) + "\n\n")
-    return read_labelled(path)
+    return read_labelled_commands(path)
 
 
-def changed(tmp_path: Path, **changes: Any) -> set[str]:
-    """What is wrong when a right query is changed; referent__noun changes a key of its referent."""
+def wrong_fields(tmp_path: Path, **changes: Any) -> set[str]:
+    """Return the fields that changes of a right query make wrong; referent__noun changes a key of its referent."""
     (record,) = gold(tmp_path, GOLD)
-    got = read(record["command"]).query.to_dict()
+    got = parse(record["command"]).query.to_dict()
     for key, value in changes.items():
         outer, _, inner = key.partition("__")
         if inner:
             got[outer] = {**got[outer], inner: value}
         else:
             got[outer] = value
-    judged = judge(record, got)
-    return {field for field, right in judged.right.items() if not right} | ({"core"} if not judged.core else set())
+    scored = score_command(record, got)
+    return {field for field, right in scored.correct.items() if not right} | (
+        {"core"} if not scored.core_correct else set()
+    )
 
 
 def test_a_right_query_is_right(tmp_path: Path) -> None:
-    assert changed(tmp_path) == set()
+    assert wrong_fields(tmp_path) == set()
 
 
 @pytest.mark.parametrize(
@@ -81,8 +89,8 @@ def test_a_right_query_is_right(tmp_path: Path) -> None:
         ({"excluded": [{"noun": "car", "relation": None}]}, {"excluded"}),
     ],
 )
-def test_each_rule_of_scoring(tmp_path: Path, changes: dict[str, Any], wrong: set[str]) -> None:
-    assert changed(tmp_path, **changes) == wrong
+def test_scoring_rules(tmp_path: Path, changes: dict[str, Any], wrong: set[str]) -> None:
+    assert wrong_fields(tmp_path, **changes) == wrong
 
 
 def test_distances_and_landmarks(tmp_path: Path) -> None:
@@ -98,25 +106,25 @@ def test_distances_and_landmarks(tmp_path: Path) -> None:
     (labelled,) = gold(tmp_path, record)
     got = {**labelled, "distance_m": 3.04, "secondary": [{"noun": "tree", "relation": "near", "of": "referent"}]}
     got["excluded"] = [{"noun": "car", "relation": None, "colour": "red", "qualifiers": ["a", "b"]}]
-    assert all(judge(labelled, got).right.values())
-    assert not judge(labelled, {**got, "distance_m": 3.06}).right["distance"]
-    assert not judge(labelled, {**got, "distance_of": "ego"}).right["distance"]
-    assert not judge(labelled, {**got, "distance_m": None}).right["distance"]
+    assert all(score_command(labelled, got).correct.values())
+    assert not score_command(labelled, {**got, "distance_m": 3.06}).correct["distance"]
+    assert not score_command(labelled, {**got, "distance_of": "ego"}).correct["distance"]
+    assert not score_command(labelled, {**got, "distance_m": None}).correct["distance"]
 
 
 def test_lenient_takes_near_toward_and_at_for_next_to(tmp_path: Path) -> None:
     (record,) = gold(tmp_path, {**GOLD, "relation_alt": []})
-    got = read(record["command"]).query.to_dict()
+    got = parse(record["command"]).query.to_dict()
     for relation, right in (("near", True), ("toward", True), ("at", True), ("behind", False)):
-        judged = judge(record, {**got, "relation": relation})
-        assert (judged.core, judged.lenient) == (False, right)
-    assert not judge(record, {**got, "relation": "near", "direction": "left"}).lenient
+        scored = score_command(record, {**got, "relation": relation})
+        assert (scored.core_correct, scored.lenient) == (False, right)
+    assert not score_command(record, {**got, "relation": "near", "direction": "left"}).lenient
 
 
 def test_figures(tmp_path: Path) -> None:
     reject = {"command": "sing a song", "status": "reject"}
     records = gold(tmp_path, {**GOLD, "category": "simple"}, reject, {**GOLD, "command": "park here"})
-    answer = evaluate(records, lambda text: read(text).query.to_dict()).as_json()
+    answer = score_parser(records, lambda text: parse(text).query.to_dict()).as_json()
     assert answer["records"] == 3
     assert answer["core_parse_right"] == pytest.approx(2 / 3)
     assert (answer["false_rejects"], answer["reject_recall"]) == (0.0, 1.0)
@@ -124,19 +132,19 @@ def test_figures(tmp_path: Path) -> None:
     assert answer["per_field"]["qualifiers"] == pytest.approx(2 * 2 / (2 * 2 + 2))
     assert answer["per_field"]["secondary"] is None
     assert answer["by_category"] == {"simple": {"records": 1, "right": 1}, "none": {"records": 2, "right": 1}}
-    assert answer["wilson"] == list(wilson(2, 3))
+    assert answer["wilson"] == list(wilson_interval(2, 3))
 
 
-def test_nothing_to_count() -> None:
-    answer = Result([]).as_json()
+def test_scores_of_no_commands() -> None:
+    answer = ParseScores([]).as_json()
     assert (answer["records"], answer["core_parse_right"], answer["reject_recall"]) == (0, None, None)
 
 
 def test_wilson() -> None:
-    assert wilson(108, 120) == pytest.approx((0.8333, 0.9419), abs=1e-4)
-    assert wilson(0, 10)[0] == 0.0
-    assert wilson(10, 10) == pytest.approx((0.7225, 1.0), abs=1e-4)
-    assert wilson(0, 0) == (0.0, 1.0)
+    assert wilson_interval(108, 120) == pytest.approx((0.8333, 0.9419), abs=1e-4)
+    assert wilson_interval(0, 10)[0] == 0.0
+    assert wilson_interval(10, 10) == pytest.approx((0.7225, 1.0), abs=1e-4)
+    assert wilson_interval(0, 0) == (0.0, 1.0)
 
 
 @pytest.mark.parametrize(
@@ -168,23 +176,23 @@ def test_wilson() -> None:
         ("[" * 50_000, ""),
     ],
 )
-def test_bad_lines_are_told(tmp_path: Path, line: str, reason: str) -> None:
+def test_invalid_lines_are_reported(tmp_path: Path, line: str, reason: str) -> None:
     path = tmp_path / "bad.jsonl"
     path.write_text(json.dumps(GOLD) + "\n" + line + "\n")
-    with pytest.raises(DataError) as told:
-        read_labelled(path)
-    assert str(told.value).startswith(f"{path}: line 2: ")
-    assert reason in str(told.value)
+    with pytest.raises(DataError) as raised:
+        read_labelled_commands(path)
+    assert str(raised.value).startswith(f"{path}: line 2: ")
+    assert reason in str(raised.value)
     result = CliRunner().invoke(app, ["eval", "parses", str(path)])
     assert isinstance(result.exception, DataError)
 
 
-def test_bad_files_are_told(tmp_path: Path) -> None:
+def test_invalid_files_are_reported(tmp_path: Path) -> None:
     with pytest.raises(DataError, match=r"cannot be read \(No such file"):
-        read_labelled(tmp_path / "none.jsonl")
+        read_labelled_commands(tmp_path / "none.jsonl")
     (tmp_path / "empty.jsonl").write_text("\n")
     with pytest.raises(DataError, match="expected labelled commands, one JSON object a line, got none"):
-        read_labelled(tmp_path / "empty.jsonl")
+        read_labelled_commands(tmp_path / "empty.jsonl")
 
 
 def test_the_command_prints_a_table_and_json(tmp_path: Path) -> None:

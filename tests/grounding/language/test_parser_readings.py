@@ -1,4 +1,4 @@
-"""Several readings of a sentence, and why it has none."""
+"""Alternative readings of a sentence, and problems of sentences without one."""
 
 from __future__ import annotations
 
@@ -6,8 +6,7 @@ import json
 
 import pytest
 
-from grounding.language.parser import caret, read, readings
-from grounding.language.tokenizer import MAX_CHARACTERS
+from grounding.language import MAX_CHARACTERS, parse, parse_all, underline
 from grounding.query import Query
 
 
@@ -36,8 +35,8 @@ from grounding.query import Query
         ("park behind the car " * 600, f"expected at most {MAX_CHARACTERS} characters, got 12000"),
     ],
 )
-def test_what_is_no_command_gets_one_clear_line(text: str, message: str) -> None:
-    (reading,) = readings(text)
+def test_problems_are_one_line(text: str, message: str) -> None:
+    (reading,) = parse_all(text)
     assert reading.problem is not None
     assert message in reading.problem.message
     assert "\n" not in reading.problem.message
@@ -46,61 +45,61 @@ def test_what_is_no_command_gets_one_clear_line(text: str, message: str) -> None
     assert len(reading.query.command) <= MAX_CHARACTERS
 
 
-def test_caret_points_at_the_word() -> None:
+def test_the_misspelt_word_is_underlined() -> None:
     text = "Parj  behind the van"
-    problem = read(text).problem
+    problem = parse(text).problem
     assert problem is not None
-    sentence, marks = caret(text, problem).splitlines()
+    sentence, marks = underline(text, problem).splitlines()
     start = marks.index("^")
     assert sentence[start : start + marks.count("^")] == "parj"
 
 
-def test_no_caret_for_the_whole_sentence() -> None:
-    problem = read("the bus is red").problem
+def test_a_problem_of_the_whole_sentence_is_not_underlined() -> None:
+    problem = parse("the bus is red").problem
     assert problem is not None
-    assert caret("the bus is red", problem) == ""
+    assert underline("the bus is red", problem) == ""
 
 
-def others(text: str) -> list[Query]:
-    """All readings but the first, best first."""
-    found = readings(text)
+def alternatives(text: str) -> list[Query]:
+    """Return the queries of all readings but the first, best first."""
+    found = parse_all(text)
     assert [one.score for one in found] == sorted((one.score for one in found), reverse=True)
     assert found[0].score == 0
     assert all(one.score < 0 for one in found[1:])
     return [one.query for one in found[1:]]
 
 
-def test_a_side_may_be_that_of_the_road() -> None:
-    (other,) = others("park behind the van on the left")
+def test_a_side_of_the_vehicle_or_of_the_road() -> None:
+    (other,) = alternatives("park behind the van on the left")
     assert other.goal_side == "left"
     assert other.referent is not None
     assert other.referent.qualifiers == ()
-    assert others("follow the van on the left") == []
+    assert alternatives("follow the van on the left") == []
 
 
-def test_a_bike_may_be_a_bicycle() -> None:
-    (other,) = others("follow the bike")
+def test_a_bike_is_a_motorcycle_or_a_bicycle() -> None:
+    (other,) = alternatives("follow the bike")
     assert other.referent is not None
     assert (other.referent.noun, other.to_dict()["referent"]["noun_alt"]) == ("bicycle", ["bicycle"])
 
 
-def test_a_landmark_may_belong_to_the_goal_or_to_the_vehicle() -> None:
-    (other,) = others("park behind the van next to the tree")
+def test_a_landmark_of_the_goal_or_of_the_vehicle() -> None:
+    (other,) = alternatives("park behind the van next to the tree")
     assert [mark.of for mark in other.secondary] == ["goal"]
-    (other,) = others("park behind the van, next to the tree")
+    (other,) = alternatives("park behind the van, next to the tree")
     assert {mark.of for mark in other.secondary} == {"referent"}
 
 
-def test_ahead_may_be_said_of_the_place_or_of_the_vehicle() -> None:
-    (other,) = others("park behind the van in front of us")
+def test_ahead_qualifies_the_goal_or_the_vehicle() -> None:
+    (other,) = alternatives("park behind the van in front of us")
     assert other.referent is not None
     assert (other.referent.qualifiers, other.referent.qualifiers_optional) == ((), ("ahead",))
-    (other,) = others("park up ahead behind the van")
+    (other,) = alternatives("park up ahead behind the van")
     assert other.referent is not None
     assert (other.referent.qualifiers, other.referent.qualifiers_optional) == (("ahead",), ())
 
 
-def test_six_readings_at_most() -> None:
-    found = readings("park up ahead behind the bike on the left next to the tree, in front of us")
+def test_at_most_six_readings() -> None:
+    found = parse_all("park up ahead behind the bike on the left next to the tree, in front of us")
     assert len(found) == 6
     assert len({json.dumps(one.query.to_dict()) for one in found}) == 6
