@@ -10,7 +10,7 @@ from street import BLACK, BLUE, GREY, RED, WHITE, Street
 from grounding.language.parser import read
 from grounding.query import Query, Referent
 from grounding.referent.resolver import Resolution, resolve
-from grounding.referent.scene import Scene
+from grounding.referent.scene import SceneModel
 
 SIZES_WLH_M = {
     "vehicle.bus.rigid": (2.9, 11.0, 3.4),
@@ -26,7 +26,7 @@ def car(colour: str | None = None, *qualifiers: str, **more: Any) -> Referent:
     return Referent("car", "car", colour, qualifiers, **more)
 
 
-def ask(referent: Referent, scene: Scene) -> Resolution:
+def ask(referent: Referent, scene: SceneModel) -> Resolution:
     """What is found of a referent with which nothing is to be done."""
     return resolve(Query("", referent=referent), scene)
 

@@ -10,7 +10,7 @@ from appocc.checks import FloatArray
 from appocc.geometry import inverse, quaternion_from_yaw, transform
 from appocc.grid import BEVGrid
 from grounding.grounder import Grounder
-from grounding.referent.scene import Scene, scene_of
+from grounding.referent.scene import SceneModel, scene_from_boxes, scene_from_map
 
 WHITE, SILVER, GREY, BLACK = (245, 245, 245), (190, 191, 192), (110, 110, 112), (18, 18, 20)
 RED, BLUE, GREEN, YELLOW = (190, 25, 30), (30, 60, 170), (30, 130, 50), (235, 200, 40)
@@ -78,13 +78,13 @@ class Street:
         """The same in the world frame, as a dataset holds them."""
         return self.boxes().transformed(WORLD_FROM_EGO)
 
-    def scene(self) -> Scene:
+    def scene(self) -> SceneModel:
         """The scene of map and annotations."""
-        return scene_of(self.bev(), self.boxes_world().transformed(inverse(WORLD_FROM_EGO)), WORLD_FROM_EGO)
+        return scene_from_boxes(self.bev(), self.boxes_world().transformed(inverse(WORLD_FROM_EGO)), WORLD_FROM_EGO)
 
-    def scene_without_boxes(self) -> Scene:
+    def scene_without_boxes(self) -> SceneModel:
         """The scene of the map alone."""
-        return scene_of(self.bev(), None, WORLD_FROM_EGO)
+        return scene_from_map(self.bev(), WORLD_FROM_EGO)
 
     def grounder(self, boxes: bool = True) -> Grounder:
         """One that looks at map and annotations, or at the map alone."""

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from grounding.query import Landmark, Query
+from grounding.query import Landmark, LandmarkRole, Query
 
 MOST = 6
 _GOALS = ("park", "stop", "pull_over")
@@ -51,7 +51,7 @@ def _landmark_elsewhere(query: Query) -> Query | None:
     """The thing beside the vehicle is beside the goal, or the other way round."""
     if query.referent is None or query.landmark != "referent":
         return None
-    others = {"referent": "goal", "goal": "referent"}
+    others: dict[LandmarkRole, LandmarkRole] = {"referent": "goal", "goal": "referent"}
     for i, mark in enumerate(query.secondary):
         if mark.of in others and mark.relation not in ("between", "into", "in"):
             moved = Landmark(mark.noun, mark.relation, others[mark.of], mark.colour, mark.qualifiers)

@@ -22,7 +22,8 @@ from urllib.request import Request, urlopen
 from appocc.errors import DataError
 from grounding.language.parser import Reading, readings
 from grounding.language.word_categories import Action, Relation
-from grounding.query_schema import Noun, Placing, Qualifier, choices, query_of
+from grounding.query import Placement
+from grounding.query_schema import Noun, Qualifier, choices, query_from_json
 
 _MOST_BYTES, _MOST_TOLD = 100_000, 200
 _TASK = f"""You read what a passenger tells a self-driving car and answer with one JSON object and nothing else.
@@ -33,7 +34,7 @@ relation: where the car ends relative to the landmark: {choices(Relation)}.
 landmark: "referent", "secondary" (the first of them) or null. goal_side: side of the road for the goal, or null.
 referent: the vehicle, or null: noun ({choices(Noun)}), head (the word used), colour (as said, grey for gray),
 qualifiers ({choices(Qualifier)}), number (2 for "the two cars").
-secondary: further things: noun, relation (also {choices(Placing)}), of ("goal", "referent", or "inverse"), colour,
+secondary: further things: noun, relation (also {choices(Placement)}), of ("goal", "referent", or "inverse"), colour,
 qualifiers. trigger: pass, leave, turn, stop, merge, clear, other or null. distance_m and distance_of ("referent": gap
 to it, "ego": way to go, "descriptor": it is that far away), or null.
 excluded: what is ruled out: relation (null: no such vehicle is meant), noun, colour, qualifiers."""
@@ -77,7 +78,7 @@ class Endpoint:
         """The model's reading before those of the grammar; if it fails, those of the grammar with a note why."""
         own = self.read(text)
         try:
-            query = query_of(text, json.loads(_within(self.timeout_s, partial(self._asked, text))))
+            query = query_from_json(text, json.loads(_within(self.timeout_s, partial(self._asked, text))))
         except (DataError, ValueError, OSError, HTTPException, RecursionError) as error:
             note = f"the language model was not heard: {str(error)[:_MOST_TOLD]}"
             return tuple(replace(one, notes=(*one.notes, note)) for one in own)

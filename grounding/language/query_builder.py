@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 from grounding.language.action_rules import settle
 from grounding.language.command_frames import Deed, Story
@@ -12,7 +12,19 @@ from grounding.language.coreference import antecedent, qualify_antecedents, reso
 from grounding.language.main_action import BESIDE, Act, Choice, acts_of, choose
 from grounding.language.noun_phrases import Phrase
 from grounding.language.word_categories import RELATIONS
-from grounding.query import Exclusion, Landmark, Query, Referent
+from grounding.query import (
+    Anchor,
+    Direction,
+    DistanceRole,
+    Exclusion,
+    Landmark,
+    LandmarkRelation,
+    LandmarkRole,
+    Query,
+    Referent,
+    Side,
+)
+from grounding.vocabulary import Action, Relation, Trigger
 
 _UNTOLD = ("with", "of", "for", "object")
 _PLURALS: tuple[tuple[str, str], ...] = (
@@ -48,7 +60,9 @@ def merge(text: str, story: Story) -> Merged:
     excluded = tuple(_exclusions(story))
     relation, referent = _relation(story, acts, choice)
     secondary = tuple(_landmarks(acts, choice.act, referent))
-    measured = "secondary" if deed.inverse is not None else "referent" if referent is not None else None
+    measured: Anchor | None = (
+        "secondary" if deed.inverse is not None else "referent" if referent is not None else None
+    )
     goal = next((mark for mark in secondary if mark.of == "goal" and mark.relation in RELATIONS), None)
     if referent is None and goal is not None:
         relation, measured = goal.relation, "secondary"
@@ -56,15 +70,15 @@ def merge(text: str, story: Story) -> Merged:
     distance_m, distance_of = _distance(in_order)
     query = Query(
         command=text,
-        action=choice.act.action,
-        actions=tuple(_actions(acts)),
-        relation=relation,
+        action=cast(Action, choice.act.action),
+        actions=cast(tuple[Action, ...], tuple(_actions(acts))),
+        relation=cast(Relation, relation),
         landmark=measured,
         referent=_referent(story, referent, deed, choice.anaphora, relation) if referent is not None else None,
         secondary=secondary,
-        direction=_direction([*acts, *told], choice.act),
-        goal_side=next((act.deed.side for act in in_order if act.deed.side), None),
-        trigger=next((act.deed.event for act in in_order if act.deed.event), None),
+        direction=cast(Direction | None, _direction([*acts, *told], choice.act)),
+        goal_side=cast(Side | None, next((act.deed.side for act in in_order if act.deed.side), None)),
+        trigger=cast(Trigger | None, next((act.deed.event for act in in_order if act.deed.event), None)),
         distance_m=distance_m,
         distance_of=distance_of,
         excluded=(*excluded, *_own_exclusions(referent)),
@@ -78,13 +92,14 @@ def _forbidden(text: str, story: Story, excluded: tuple[Exclusion, ...]) -> Quer
     if not actions:
         return Query(text)
     placed = any(one.relation for one in excluded)
-    action = "wait" if actions[-1] == "other" else actions[-1] if placed else "other"
+    action = cast(Action, "wait" if actions[-1] == "other" else actions[-1] if placed else "other")
     let = next((deed for deed in reversed(story.deeds) if deed.target is not None), None)  # "don't let it merge"
     referent = None if let is None or let.target is None else resolved(story, let.target)
     if let is None or referent is None or referent.kind not in ("vehicle", "person"):
         return Query(text, action, (action,), excluded=excluded)
     named = _referent(story, referent, let, let.target is not referent)
-    return Query(text, action, (action,), landmark="referent", referent=named, trigger=let.event, excluded=excluded)
+    trigger = cast(Trigger | None, let.event)
+    return Query(text, action, (action,), landmark="referent", referent=named, trigger=trigger, excluded=excluded)
 
 
 def _relation(story: Story, acts: Sequence[Act], choice: Choice) -> tuple[str, Phrase | None]:
@@ -141,8 +156,8 @@ def _told(thing: Phrase) -> bool:
     return bool(thing.noun) and thing.kind in ("vehicle", "thing", "person", "region") and thing.noun != "side"
 
 
-def _landmark(thing: Phrase, relation: str, of: str) -> Landmark:
-    return Landmark(_name(thing), relation, of, thing.colour, tuple(thing.qualifiers))
+def _landmark(thing: Phrase, relation: str, of: LandmarkRole) -> Landmark:
+    return Landmark(_name(thing), cast(LandmarkRelation, relation), of, thing.colour, tuple(thing.qualifiers))
 
 
 def _name(phrase: Phrase) -> str:
@@ -171,7 +186,7 @@ def _direction(acts: Sequence[Act], primary: Act) -> str | None:
     return next((one for one in told if one not in (None, "straight")), next(filter(None, told), None))
 
 
-def _distance(acts: Sequence[Act]) -> tuple[float | None, str | None]:
+def _distance(acts: Sequence[Act]) -> tuple[float | None, DistanceRole | None]:
     for act in acts:
         for metres, said in act.deed.distances:
             gap = said == "gap" or (said == "way" and act.action in ("follow", "avoid"))
@@ -209,7 +224,7 @@ def _exclusions(story: Story) -> Iterator[Exclusion]:
         noun = _name(found) if found.noun else target.noun if target is not None else ""
         if noun and phrase.kind != "part":
             qualifiers = tuple(phrase.qualifiers or found.qualifiers)
-            yield Exclusion(relation, noun, phrase.colour or found.colour, qualifiers)
+            yield Exclusion(cast(LandmarkRelation | None, relation), noun, phrase.colour or found.colour, qualifiers)
 
 
 def _own_exclusions(referent: Phrase | None) -> Iterator[Exclusion]:

@@ -126,10 +126,11 @@ def test_a_grounder_without_a_scene_says_so() -> None:
         Grounder().ground("stop")
 
 
-def test_a_reading_that_the_scene_refutes_stands_back() -> None:
-    """Who reads sentences offers a bus, which is not there, and a car."""
+def test_a_reading_that_the_scene_refutes_ranks_lower(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The parser offers a bus, which is not in the scene, and a car."""
     bus, car = (read(f"stop behind the blue {noun}") for noun in ("bus", "car"))
-    grounder = Grounder(lambda _: (bus, replace(car, score=-3.0)))
+    monkeypatch.setattr("grounding.grounder.readings", lambda *_: (bus, replace(car, score=-3.0)))
+    grounder = Grounder()
     grounder.set_scene(STREET.bev(), STREET.boxes())
     assert grounder.ground("stop behind the blue one").query.referent == car.query.referent
 

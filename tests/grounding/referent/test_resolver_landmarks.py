@@ -9,12 +9,12 @@ import pytest
 from asking import SIZES_WLH_M, VAN_WLH_M, best, car, row
 from street import BLACK, BLUE, RED, WHITE, Street
 
-from grounding.query import Exclusion, Landmark, Query, Referent
-from grounding.referent.resolver import forbidden, resolve
-from grounding.referent.scene import Scene
+from grounding.query import Exclusion, Landmark, LandmarkRelation, Query, Referent
+from grounding.referent.resolver import resolve, resolve_exclusions
+from grounding.referent.scene import SceneModel
 
 
-def vans() -> Scene:
+def vans() -> SceneModel:
     street = (
         Street()
         .car("v1", 14, -4, BLUE, size_wlh_m=VAN_WLH_M)
@@ -36,7 +36,9 @@ def vans() -> Scene:
         ("left_of", "van", None, ""),
     ],
 )
-def test_the_van_that_stands_so_to_another(relation: str, noun: str, colour: str | None, meant: str) -> None:
+def test_the_van_that_stands_so_to_another(
+    relation: LandmarkRelation, noun: str, colour: str | None, meant: str
+) -> None:
     query = Query("", referent=Referent("van", "van"), secondary=(Landmark(noun, relation, "referent", colour),))
     found = resolve(query, vans())
     assert found.status == "not_found" if not meant else best(found) == meant
@@ -58,7 +60,7 @@ def test_the_next_one_in_line_is_the_one_behind() -> None:
 
 
 def test_behind_is_taken_from_the_other_vehicle_unless_it_stands_facing_us() -> None:
-    def scene(speed_mps: float, y_m: float) -> Scene:
+    def scene(speed_mps: float, y_m: float) -> SceneModel:
         street = Street().car("t", 20, y_m, RED, yaw_rad=np.pi, speed_mps=speed_mps)
         return street.car("short", 12, y_m, yaw_rad=np.pi).car("beyond", 28, y_m, yaw_rad=np.pi).scene()
 
@@ -80,10 +82,10 @@ def test_excluded_vehicles_are_not_meant() -> None:
 def test_forbidden_places() -> None:
     scene = row().scene()
     query = Query("", excluded=(Exclusion("next_to", "car", "blue"), Exclusion(None, "car"), Exclusion("on", "lawn")))
-    assert [(relation, item.id) for relation, item in forbidden(query, scene)] == [("next_to", "r3")]
+    assert [(relation, item.id) for relation, item in resolve_exclusions(query, scene)] == [("next_to", "r3")]
     white = Query("", excluded=(Exclusion("behind", "car", "white"),))
-    assert {item.id for _, item in forbidden(white, scene)} == {"r2", "r4"}
-    assert forbidden(white, Street().scene()) == ()
+    assert {item.id for _, item in resolve_exclusions(white, scene)} == {"r2", "r4"}
+    assert resolve_exclusions(white, Street().scene()) == ()
 
 
 def between(referent: Referent, *secondary: Landmark) -> Query:

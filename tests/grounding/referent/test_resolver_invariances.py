@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from street import BLACK, BLUE, GREEN, RED, SILVER, WHITE, YELLOW, Street
 
 from grounding.referent.resolver import Resolution
-from grounding.referent.scene import Scene
+from grounding.referent.scene import SceneModel
 
 PAINTS = (WHITE, BLACK, RED, BLUE, GREEN, SILVER)
 PLACES = st.lists(
@@ -38,7 +38,7 @@ MIRROR = {"left_side": "right_side", "right_side": "left_side", "leftmost": "rig
 Place = tuple[int, int, tuple[int, int, int], float]
 
 
-def placed(places: list[Place], sign: int = 1) -> Scene:
+def placed(places: list[Place], sign: int = 1) -> SceneModel:
     street = Street()
     for i, (x, y, rgb, speed) in enumerate(places):
         street.car(str(i), x, sign * y, rgb, speed_mps=speed)

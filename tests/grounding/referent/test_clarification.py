@@ -3,20 +3,20 @@ from __future__ import annotations
 import numpy as np
 from street import BLACK, SILVER, WHITE, Street
 
-from grounding.referent.clarification import ask, tell_apart
-from grounding.referent.scene import Scene
+from grounding.referent.clarification import compose_question, describe_differences
+from grounding.referent.scene import SceneModel
 
 
-def words(scene: Scene, *names: str) -> tuple[str, ...]:
-    by_name = {item.id: item for item in scene.crowd.items}
-    return tell_apart([(by_name[name],) for name in names], scene)
+def words(scene: SceneModel, *names: str) -> tuple[str, ...]:
+    by_name = {item.id: item for item in scene.table.items}
+    return describe_differences([(by_name[name],) for name in names], scene)
 
 
 def test_alike_but_for_the_side() -> None:
     scene = Street().car("a", 12, 3, WHITE).car("b", 20, -5, WHITE).scene()
     told = words(scene, "a", "b")
     assert told == ("the white car on the left, 11 m ahead", "the one on the right, 19 m ahead")
-    assert ask(told) == "the white car on the left, 11 m ahead, or the one on the right, 19 m ahead?"
+    assert compose_question(told) == "the white car on the left, 11 m ahead, or the one on the right, 19 m ahead?"
 
 
 def test_only_what_tells_apart_is_said() -> None:
@@ -58,12 +58,12 @@ def test_a_question_names_a_few() -> None:
         street.car(str(i), 8 + 5 * i, -5, WHITE)
     told = words(street.scene(), *"012345")
     assert len(told) == 6
-    assert ask(told) == f"{told[0]}; {told[1]}; {told[2]}; {told[3]}; or another one?"
+    assert compose_question(told) == f"{told[0]}; {told[1]}; {told[2]}; {told[3]}; or another one?"
 
 
 def test_pairs_are_named_by_both() -> None:
     scene = Street().car("a", 8, -5, WHITE).car("b", 18, -5, BLACK).car("c", 28, -5, WHITE).scene()
     a, b, c = scene.objects
-    told = tell_apart([(a, b), (b, c)], scene)
+    told = describe_differences([(a, b), (b, c)], scene)
     assert told[0] == "the white car, 8 m ahead, and the black car, 17 m ahead"
-    assert ask(told) == f"{told[0]}; or {told[1]}?"
+    assert compose_question(told) == f"{told[0]}; or {told[1]}?"

@@ -12,6 +12,7 @@ from street import RED, WHITE, YELLOW, Street
 from appocc.bevmap import ROAD
 from grounding.query import Query, Referent
 from grounding.referent.resolver import resolve
+from grounding.vocabulary import Action, Relation, Trigger
 
 
 @pytest.mark.parametrize(
@@ -23,14 +24,14 @@ from grounding.referent.resolver import resolve
         ("turn", "pass", "none", "leader"),
     ],
 )
-def test_actions_hint_at_vehicles(action: str, trigger: str | None, relation: str, meant: str) -> None:
+def test_actions_suggest_vehicles(action: Action, trigger: Trigger | None, relation: Relation, meant: str) -> None:
     scene = Street().car("parked", 14, -4.5, WHITE).car("leader", 16, 0, WHITE, speed_mps=6).scene()
     query = Query("", action, relation=relation, trigger=trigger, referent=car("white"))
     assert best(resolve(query, scene)) == meant
 
 
 @pytest.mark.parametrize("action", ["give_way", "wait", "avoid", "slow_down"])
-def test_who_crosses_our_way_is_let_pass(action: str) -> None:
+def test_who_crosses_our_way_is_let_pass(action: Action) -> None:
     street = Street().car("leader", 16, 0, speed_mps=8).car("crossing", 20, 6, yaw_rad=-np.pi / 2, speed_mps=4)
     scene = street.car("parked", 14, -6).scene()
     found = resolve(Query("", action, referent=car()), scene)
@@ -59,7 +60,7 @@ def test_optional_qualifiers_weigh_a_little() -> None:
 def test_a_vehicle_hidden_by_others_is_not_spoken_of() -> None:
     street = Street().car("bus", 16, 4, YELLOW, size_wlh_m=(2.9, 11.0, 3.4), category="vehicle.bus.rigid")
     scene = street.car("hidden", 26, 6.3, WHITE).car("seen", 24, -5, WHITE).scene()
-    visible = {item.id: share for item, share in zip(scene.crowd.items, scene.crowd.visible, strict=True)}
+    visible = {item.id: share for item, share in zip(scene.table.items, scene.table.visible_share, strict=True)}
     assert visible == {"bus": 1.0, "hidden": 0.0, "seen": 1.0}
     assert best(ask(car("white"), scene)) == "seen"
 
@@ -91,8 +92,8 @@ def lanes() -> Street:
 
 
 @pytest.mark.parametrize("action", ["follow", "avoid", "stop", "park"])
-def test_the_car_in_front_of_us_is_the_one_in_our_lane(action: str) -> None:
-    relation = "behind" if action in ("stop", "park") else "none"
+def test_the_car_in_front_of_us_is_the_one_in_our_lane(action: Action) -> None:
+    relation: Relation = "behind" if action in ("stop", "park") else "none"
     for colour in (None, "white"):
         query = Query("", action, relation=relation, referent=car(colour, "ahead", in_line=True))
         assert best(resolve(query, lanes().scene())) == "ours"

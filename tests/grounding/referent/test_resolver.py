@@ -7,7 +7,7 @@ from asking import ask, best, car, row
 from street import BLACK, BLUE, RED, SILVER, WHITE, Street
 
 from grounding.query import Exclusion, Landmark, Query, Referent
-from grounding.referent.resolver import forbidden, resolve
+from grounding.referent.resolver import resolve, resolve_exclusions
 
 
 @pytest.mark.parametrize(
@@ -66,7 +66,7 @@ def test_a_row_is_counted_though_each_hides_the_next() -> None:
     for i in range(5):
         street.car(str(i), 9 + 6 * i, 0, speed_mps=5)
     scene = street.scene()
-    assert scene.crowd.visible.tolist() == [1, 0, 0, 0, 0]
+    assert scene.table.visible_share.tolist() == [1, 0, 0, 0, 0]
     assert [best(ask(car(None, word), scene)) for word in ("first", "second", "third")] == ["0", "1", "2"]
 
 
@@ -197,7 +197,7 @@ def test_the_better_one_of_a_pair_leads() -> None:
 def test_a_place_is_ruled_out_beside_all_that_may_be_meant() -> None:
     scene = Street().car("red", 14, -6, RED).car("reddish", 14, 6, REDDISH).car("white", 24, 6, WHITE).scene()
     query = Query("", excluded=(Exclusion("behind", "car", "red"),))
-    assert [(relation, item.id) for relation, item in forbidden(query, scene)] == [
+    assert [(relation, item.id) for relation, item in resolve_exclusions(query, scene)] == [
         ("behind", "red"),
         ("behind", "reddish"),
     ]

@@ -7,8 +7,8 @@ import pytest
 from street import BLACK, BLUE, RED, SILVER, WHITE, Street
 
 from grounding.query import Referent
-from grounding.referent.predicates import QUALIFIERS, fits
-from grounding.referent.scene import Scene
+from grounding.referent.predicates import QUALIFIERS, fit_words
+from grounding.referent.scene import SceneModel
 
 SIZES = {
     "bus": ("vehicle.bus.rigid", (2.9, 11.0, 3.4)),
@@ -27,22 +27,22 @@ SIZES = {
 }
 
 
-def sizes() -> Scene:
+def sizes() -> SceneModel:
     street = Street()
     for i, (name, (category, size)) in enumerate(SIZES.items()):
         street.car(name, -36 + 12 * (i % 7), 5 if i < 7 else -5, size_wlh_m=size, category=category)
     return street.scene()
 
 
-def value(referent: Referent, scene: Scene, name: str, word: str | None = None) -> float:
-    row = next(i for i, item in enumerate(scene.crowd.items) if item.id == name)
-    return float(fits(referent, scene)[word or referent.head][row])
+def value(referent: Referent, scene: SceneModel, name: str, word: str | None = None) -> float:
+    row = next(i for i, item in enumerate(scene.table.items) if item.id == name)
+    return float(fit_words(referent, scene)[word or referent.head][row])
 
 
-def said(qualifier: str, scene: Scene) -> dict[str, float]:
+def said(qualifier: str, scene: SceneModel) -> dict[str, float]:
     """How well each thing fits a qualifier, by its name."""
-    fit = QUALIFIERS[qualifier](scene.crowd)
-    return {item.id: float(fit[i]) for i, item in enumerate(scene.crowd.items)}
+    fit = QUALIFIERS[qualifier](scene.table)
+    return {item.id: float(fit[i]) for i, item in enumerate(scene.table.items)}
 
 
 @pytest.mark.parametrize(
@@ -124,7 +124,7 @@ def test_unknown_colours() -> None:
     assert value(Referent("car", "car", "green"), some, "a", "green") == pytest.approx(0.045)
 
 
-def street() -> Scene:
+def street() -> SceneModel:
     """Two lanes of ours, a parked row on the right, oncoming traffic on the left, and what else may happen."""
     made = Street().car("leader", 20, 0, speed_mps=8).car("left lane", 12, 3.5, speed_mps=9)
     made.car("oncoming", 25, 7, yaw_rad=np.pi, speed_mps=9).car("parked", 14, -3.6).car(
@@ -184,7 +184,7 @@ def test_yaw_rates_and_accelerations_tell_more_than_headings() -> None:
     scene = Street().car("a", 20, 3, speed_mps=6).scene()
     (item,) = scene.objects
 
-    def changing(yaw_rate_radps: float, acceleration_mps2: float) -> Scene:
+    def changing(yaw_rate_radps: float, acceleration_mps2: float) -> SceneModel:
         changed = replace(item, yaw_rate_radps=yaw_rate_radps, acceleration_mps2=acceleration_mps2)
         return replace(scene, objects=(changed,))
 
@@ -224,7 +224,7 @@ def test_large_and_small_are_meant_for_the_kind(
 def test_what_is_counted_is_no_predicate() -> None:
     scene = Street().car("a", 10, 5).scene()
     referent = Referent("car", "car", "white", ("second", "left_side", "nearest"))
-    assert set(fits(referent, scene)) == {"car", "white", "left side"}
+    assert set(fit_words(referent, scene)) == {"car", "white", "left side"}
 
 
 def test_every_qualifier_that_commands_have_is_known() -> None:
@@ -240,4 +240,4 @@ def test_every_qualifier_that_commands_have_is_known() -> None:
 def test_an_empty_scene_has_empty_fits() -> None:
     scene = Street().scene()
     every = Referent("car", "car", "red", tuple(QUALIFIERS))
-    assert {fit.shape for fit in fits(every, scene).values()} == {(0,)}
+    assert {fit.shape for fit in fit_words(every, scene).values()} == {(0,)}
