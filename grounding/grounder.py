@@ -6,7 +6,6 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from os import PathLike
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -75,7 +74,7 @@ class Grounder:
         Raises:
             DataError: if the lexicon file cannot be read.
         """
-        words = lexicon if lexicon is None or isinstance(lexicon, Lexicon) else read_lexicon(Path(lexicon))
+        words = lexicon if lexicon is None or isinstance(lexicon, Lexicon) else read_lexicon(lexicon)
 
         def parse(text: str) -> tuple[Reading, ...]:
             return readings(text, words)

@@ -6,6 +6,7 @@ import json
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
@@ -181,14 +182,14 @@ def wilson(right: int, total: int) -> tuple[float, float]:
     return max(0.0, middle - half), min(1.0, middle + half)
 
 
-def read_labelled(path: Path) -> list[dict[str, Any]]:
+def read_labelled(path: str | PathLike[str]) -> list[dict[str, Any]]:
     """The records of a JSONL file of labelled commands, one object a line; keys that are left out are empty.
 
     Raises:
         DataError: if the file cannot be read, or a line of it is no record, with its number.
     """
     records = []
-    for number, line in enumerate(read_text(path).splitlines(), start=1):
+    for number, line in enumerate(read_text(Path(path)).splitlines(), start=1):
         if line.strip():
             try:
                 records.append(_record(line))

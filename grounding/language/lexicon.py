@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, field
 from functools import cache
+from os import PathLike
 from pathlib import Path
 from typing import get_args
 
@@ -124,14 +125,14 @@ def _regular(word: str) -> tuple[str, ...]:
     return word, plural, stem + "ing", stem + "ed"
 
 
-def read_lexicon(path: Path, base: Lexicon | None = None) -> Lexicon:
+def read_lexicon(path: str | PathLike[str], base: Lexicon | None = None) -> Lexicon:
     """The phrases of a file, added to those of the package (or of `base`), which stays as it is.
 
     Raises:
         DataError: if the file or a line of it cannot be read, with its number.
     """
     lexicon = _copy(base or default_lexicon())
-    _read_into(lexicon, path, careful=True)
+    _read_into(lexicon, Path(path), careful=True)
     return lexicon
 
 

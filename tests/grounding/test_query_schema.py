@@ -35,11 +35,11 @@ WHOLE = Query(
 
 
 @pytest.mark.parametrize("query", [WHOLE, Query("x", "stop", ("stop",)), Query("x")])
-def test_what_a_query_writes_is_read_as_the_same(query: Query) -> None:
+def test_queries_survive_a_round_trip(query: Query) -> None:
     assert query_from_json("x", query.to_dict()) == query
 
 
-def test_what_is_empty_may_be_left_out() -> None:
+def test_empty_values_may_be_omitted() -> None:
     assert query_from_json("go", {"status": "ok", "action": "stop"}) == Query("go", "stop", ("stop",))
 
 
@@ -61,7 +61,7 @@ def test_what_is_empty_may_be_left_out() -> None:
         ({"secondary": [{"noun": "tree", "relation": "near"}] * 17}, "secondary"),
     ],
 )
-def test_values_that_no_labelled_file_knows(changes: dict[str, Any], reason: str | None) -> None:
+def test_invalid_values(changes: dict[str, Any], reason: str | None) -> None:
     given = WHOLE.to_dict() | changes
     if reason is None:
         assert query_from_json("x", given).referent
@@ -71,6 +71,6 @@ def test_values_that_no_labelled_file_knows(changes: dict[str, Any], reason: str
 
 
 @pytest.mark.parametrize("value", [None, [], "park", 3])
-def test_what_is_no_object(value: Any) -> None:
+def test_values_that_are_not_objects(value: Any) -> None:
     with pytest.raises(DataError, match="query: "):
         query_from_json("x", value)

@@ -1,4 +1,4 @@
-"""What may not change which vehicle is meant."""
+"""Invariances of referent resolution."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def test_a_mirrored_scene_has_the_mirrored_answer(
     mirrored = tuple(MIRROR.get(word, word) for word in words)
     one, other = ask(car(colour, *words), placed(places)), ask(car(colour, *mirrored), placed(places, -1))
     scores = [found.candidates[0].score - found.candidates[-1].score for found in (one, other) if found.candidates]
-    # A place on the very edge between two answers may fall to either.
+    # Positions on the boundary between two answers may give either.
     assume(all(abs(score - np.log(2.0)) > 1e-6 for score in scores))
     assert answer(one) == answer(other)
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from street import BLUE, RED, WHITE, WORLD_FROM_EGO, Street
 
+from appocc.boxes import Boxes
 from appocc.errors import ShapeError
 from appocc.grid import BEVGrid
 from grounding.referent.scene import SceneModel, SceneObject, scene_from_boxes, scene_from_tracks
@@ -16,12 +17,12 @@ from tracking.tracks import Track
 
 
 def made(**values: Any) -> SceneObject:
-    """A vehicle of 4 m x 2 m at the ego's origin, but for the values given."""
+    """Make a vehicle of 4 m x 2 m at the ego's origin; the given values replace the defaults."""
     usual: dict[str, Any] = {"id": "x", "category": "", "centre_m": np.zeros(2), "yaw_rad": 0.0, "front_known": True}
     return SceneObject(**{**usual, "length_m": 4.0, "width_m": 2.0, **values})
 
 
-def test_objects_are_the_vehicles_on_the_grid_with_colours_of_the_map() -> None:
+def test_vehicles_on_the_grid_with_colours_of_the_map() -> None:
     street = Street().car("red", 10, -3, RED, yaw_rad=0.3, speed_mps=4.0).car("far", 45, 0)
     street.car("walker", 5, 5, BLUE, category="human.pedestrian.adult", size_wlh_m=(0.6, 0.6, 1.8))
     (item,) = street.scene().objects
@@ -36,13 +37,13 @@ def test_objects_are_the_vehicles_on_the_grid_with_colours_of_the_map() -> None:
     assert item.distance_m == pytest.approx(np.hypot(8.7, 3.0))
 
 
-def test_a_colour_the_map_does_not_know_stays_unknown() -> None:
+def test_a_colour_that_the_map_lacks_is_unknown() -> None:
     scene = Street().car("dark", 10, -3, None).scene()
     assert scene.objects[0].rgb is None
     assert scene.colour_name(scene.objects[0]) is None
 
 
-def test_without_boxes_the_map_shows_blobs_whose_front_is_unknown() -> None:
+def test_instances_of_a_map_have_an_unknown_front() -> None:
     scene = Street().car("a", 12, -3, RED).car("b", -10, 4, WHITE).car("ego", 1.3, 0, BLUE).scene_without_boxes()
     assert len(scene.objects) == 2
     red = max(scene.objects, key=lambda item: item.centre_m[0])
@@ -55,17 +56,17 @@ def test_without_boxes_the_map_shows_blobs_whose_front_is_unknown() -> None:
     assert red.rgb == pytest.approx(RED, abs=2)
 
 
-def test_annotated_and_empty_is_empty_whatever_the_map_shows() -> None:
+def test_annotations_without_vehicles_override_the_map() -> None:
     street = Street().car("walker", 5, 5, BLUE, category="human.pedestrian.adult", size_wlh_m=(1.8, 1.8, 1.8))
     assert street.scene().objects == ()
     assert len(street.scene_without_boxes().objects) == 1
 
 
-def test_a_scene_without_vehicles_is_a_scene() -> None:
+def test_a_scene_without_vehicles() -> None:
     assert Street().scene().objects == ()
 
 
-def test_world_places_and_headings() -> None:
+def test_world_positions_and_headings() -> None:
     scene = Street().scene()
     assert scene.world_xy([10.0, 2.0]) == pytest.approx([98.0, 60.0])
     assert scene.world_heading(0.0) == pytest.approx(np.pi / 2)
@@ -98,11 +99,11 @@ def test_footprint_and_covers_agree() -> None:
         ("", "vehicle"),
     ],
 )
-def test_nouns(category: str, noun: str) -> None:
+def test_class_names(category: str, noun: str) -> None:
     assert made(category=category).class_name == noun
 
 
-def test_values_are_checked() -> None:
+def test_shapes_are_checked() -> None:
     with pytest.raises(ShapeError, match="object centre_m"):
         made(centre_m=np.zeros(3))
     with pytest.raises(ShapeError, match="object rgb"):
@@ -111,7 +112,7 @@ def test_values_are_checked() -> None:
         SceneModel(Street().bev(), (), np.zeros((4, 4)))
 
 
-def test_arrays_of_the_caller_stay_theirs() -> None:
+def test_arrays_of_the_caller_are_copied() -> None:
     centre_m, rgb = np.array([3.0, -1.0]), np.array([10.0, 20.0, 30.0])
     item = made(centre_m=centre_m, rgb=rgb)
     centre_m[0], rgb[0] = 7.0, 99.0
@@ -141,7 +142,7 @@ def test_a_front_grid_holds_only_what_is_ahead() -> None:
 
 
 def track(number: int, x_m: float, y_m: float, **more: Any) -> Track:
-    """A track by its place in the ego frame; the ego stands at (100, 50) and heads along world +y."""
+    """Make a track from a position in the ego frame; the ego is at (100, 50) and heads along world +y."""
     known: dict[str, Any] = {
         "velocity_world_mps": np.zeros(2),
         "yaw_world_rad": np.pi / 2,
@@ -170,7 +171,7 @@ def test_tracks_in_the_ego_frame() -> None:
     assert other.height_m is None
 
 
-def test_tracks_of_a_map_keep_to_its_grid() -> None:
+def test_tracks_are_limited_to_the_grid_of_the_map() -> None:
     tracks = [
         track(1, 12, -3),
         track(2, 60, 0),
@@ -185,12 +186,12 @@ def test_tracks_of_a_map_keep_to_its_grid() -> None:
     assert [item.id for item in scene_from_tracks(None, tracks, WORLD_FROM_EGO).objects] == ["track 1", "track 2"]
 
 
-def test_a_track_without_a_kind_has_only_a_shape() -> None:
+def test_a_track_of_unknown_class() -> None:
     (item,) = scene_from_tracks(None, [track(1, 12, -3, kind="vehicle")], WORLD_FROM_EGO).objects
     assert (item.category, item.class_name) == ("", "vehicle")
 
 
-def test_motion_tells_the_front() -> None:
+def test_motion_gives_the_heading() -> None:
     backwards = np.array([0.0, -6.0])
     given = track(1, 12, 3, velocity_world_mps=backwards, moving=True, heading_known=False)
     (item,) = scene_from_tracks(None, [given], WORLD_FROM_EGO).objects
@@ -199,7 +200,7 @@ def test_motion_tells_the_front() -> None:
 
 
 @pytest.mark.parametrize(("neighbour_deg", "known", "yaw_deg"), [(90, True, 0), (-90, True, 180), (0, False, 0)])
-def test_a_row_tells_the_fronts_of_those_that_stand_in_it(neighbour_deg: float, known: bool, yaw_deg: float) -> None:
+def test_a_row_gives_unknown_headings(neighbour_deg: float, known: bool, yaw_deg: float) -> None:
     unknown = track(1, 12, -5, heading_known=False)
     tracks = [unknown, track(2, 20, -5.3, yaw_world_rad=np.radians(neighbour_deg)), track(3, 20, 8)]
     item = scene_from_tracks(None, tracks, WORLD_FROM_EGO).objects[0]
@@ -207,28 +208,28 @@ def test_a_row_tells_the_fronts_of_those_that_stand_in_it(neighbour_deg: float, 
     assert abs(np.degrees(item.yaw_rad)) == pytest.approx(yaw_deg, abs=1e-6)
 
 
-def test_a_row_that_disagrees_tells_nothing() -> None:
+def test_a_row_with_both_headings_gives_none() -> None:
     tracks = [track(1, 12, -5, heading_known=False), track(2, 18, -5), track(3, 6, -5, yaw_world_rad=-np.pi / 2)]
     assert not scene_from_tracks(None, tracks, WORLD_FROM_EGO).objects[0].front_known
 
 
-def test_what_changed_since_before() -> None:
+def test_yaw_rates_and_accelerations_from_earlier_tracks() -> None:
     before = [track(1, 10, 0, velocity_world_mps=np.array([0.0, 8.0]), moving=True, yaw_world_rad=np.pi / 2 - 0.2)]
     now = [track(1, 14, 0, velocity_world_mps=np.array([0.0, 6.0]), moving=True), track(2, 9, -5)]
     one, new = scene_from_tracks(None, now, WORLD_FROM_EGO, before, 0.5).objects
     assert one.yaw_rate_radps == pytest.approx(0.4)
     assert one.acceleration_mps2 == pytest.approx(-4)
-    # Seen for the first time: it may stand or move.
+    # Detected for the first time: it may stand or move.
     assert new.velocity_mps is None
     assert scene_from_tracks(None, now, WORLD_FROM_EGO).objects[1].speed_mps == 0
 
 
-def test_a_velocity_that_is_not_certain_is_unknown() -> None:
+def test_an_uncertain_velocity_is_unknown() -> None:
     given = track(1, 12, -3, velocity_world_mps=np.array([0.0, 2.5]))
     assert scene_from_tracks(None, [given], WORLD_FROM_EGO).objects[0].velocity_mps is None
 
 
-def test_what_the_tracker_says_can_be_asked_about() -> None:
+def test_tracks_of_the_tracker_make_a_scene() -> None:
     tracker = Tracker()
     street = Street().car("a", 12, -4, RED).car("b", 22, 4, WHITE)
     for moment in range(4):
@@ -239,10 +240,10 @@ def test_what_the_tracker_says_can_be_asked_about() -> None:
     assert sorted(round(float(item.centre_m[0])) for item in scene.objects) == [12, 22]
 
 
-# Everything at once -------------------------------------------------------------------------------------------------
+# Object table ------------------------------------------------------------------------------------------------------
 
 
-def test_people_and_bicycles_are_no_vehicles_and_yet_there() -> None:
+def test_people_and_bicycles_are_separate_from_vehicles() -> None:
     street = Street().car("walker", 5, 5, BLUE, category="human.pedestrian.adult", size_wlh_m=(0.6, 0.6, 1.8))
     scene = street.car("bike", 9, 4, category="vehicle.bicycle", size_wlh_m=(0.6, 1.7, 1.5)).car("car", 15, 0).scene()
     assert [item.id for item in scene.objects] == ["car"]
@@ -257,6 +258,7 @@ def test_boxes_without_a_map() -> None:
     scene = scene_from_boxes(None, boxes, WORLD_FROM_EGO)
     assert scene.objects[0].rgb is None
     assert scene.objects[0].speed_mps == pytest.approx(3)
+    assert scene_from_boxes(None, Boxes.empty(), WORLD_FROM_EGO).objects == ()
 
 
 def test_unknown_values_are_nan() -> None:
@@ -267,7 +269,7 @@ def test_unknown_values_are_nan() -> None:
     assert not table.front_known.any()
 
 
-def test_places_along_and_beside_our_way() -> None:
+def test_offsets_along_and_across_the_ego_lane() -> None:
     table = Street().car("a", 12, -3, speed_mps=5).car("b", 25, 4, yaw_rad=np.pi).scene().table
     assert table.along_m == pytest.approx([12, 25], abs=0.1)
     assert table.lateral_m == pytest.approx([-3, 4], abs=0.1)
@@ -284,7 +286,7 @@ def test_places_along_and_beside_our_way() -> None:
         (("vehicle.car", (1.8, 4.4, 0.8), 16.0, 0.0), 1.0),
     ],
 )
-def test_nearer_vehicles_hide_others(
+def test_nearer_vehicles_occlude_others(
     hider: tuple[str, tuple[float, float, float], float, float], share: float
 ) -> None:
     category, size, x_m, y_m = hider
@@ -303,7 +305,7 @@ def test_an_empty_table() -> None:
 
 def test_colours_are_those_of_neutral_light() -> None:
     street = Street().car("sun", 12, -4, (120, 120, 120)).car("shade", 12, 4, (55, 55, 55))
-    # To our left the road lies in the shade.
+    # The left half of the road is in shade.
     street.appearance[:, :, 100:] = np.where(street.occupancy[1][:, 100:], street.appearance[:, :, 100:], 40)
     scene = street.scene()
     sun, shade = (scene.paint_rgb[[item.id for item in scene.objects].index(name), 0] for name in ("sun", "shade"))
@@ -312,13 +314,13 @@ def test_colours_are_those_of_neutral_light() -> None:
     assert bare.paint_rgb == pytest.approx(bare.table.rgb)
 
 
-def test_the_road_is_made_once_and_only_of_a_map() -> None:
+def test_the_road_is_computed_once_and_only_from_a_map() -> None:
     scene = Street().car("a", 12, -4).scene()
     assert scene.road is scene.road
     assert scene.road is not None
     assert SceneModel(None, scene.objects, WORLD_FROM_EGO).road is None
 
 
-def test_how_much_ground_beside_the_road_lies_between() -> None:
+def test_off_road_length_of_the_line_of_sight() -> None:
     table = Street().car("on", 20, 5).car("off", 2, 28).scene().table
     assert table.off_road_sight_m == pytest.approx([0, 20], abs=1)

@@ -1,4 +1,4 @@
-"""Relations between things: which side is meant, and that only the road's direction counts, not the grid's."""
+"""Spatial relations: they follow the direction of the road and not the axes of the grid."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ ALL = ("behind", "in_front_of", "before", "past", "left_of", "right_of", "opposi
 
 
 class Straight:
-    """Lanes that run one way."""
+    """A lane model with one constant direction."""
 
     def __init__(self, angle_rad: float) -> None:
         self.angle_rad = angle_rad
@@ -27,7 +27,7 @@ class Straight:
 
 
 def table(angle_rad: float = 0.0) -> ObjectTable:
-    """Cars along a road that is turned about the ego: one in the middle, then one on each side and end of it.
+    """Make cars along a road that is rotated around the ego: one in the centre, then one on each side of it.
 
     No two are equally far along, where rounding would decide who is nearer.
     """
@@ -46,7 +46,7 @@ IT = np.zeros(1, np.int64)
     ("relation", "name"),
     [("left_of", 1), ("right_of", 2), ("in_front_of", 3), ("past", 3), ("behind", 4), ("before", 4)],
 )
-def test_the_one_on_that_side_is_meant(relation: str, name: int) -> None:
+def test_relations_select_the_object_on_that_side(relation: str, name: int) -> None:
     fit = fit_relation(relation, table(), IT)[:, 0]
     others = np.delete(fit, name)
     assert fit[name] > 0.5
@@ -55,7 +55,7 @@ def test_the_one_on_that_side_is_meant(relation: str, name: int) -> None:
 
 @pytest.mark.parametrize("relation", ALL)
 @pytest.mark.parametrize("angle_rad", [0.7, -2.2])
-def test_a_road_that_runs_another_way_changes_nothing(relation: str, angle_rad: float) -> None:
+def test_relations_do_not_depend_on_the_road_direction_in_the_grid(relation: str, angle_rad: float) -> None:
     every = np.arange(len(table()))
     straight, turned = (fit_relation(relation, each, every) for each in (table(), table(angle_rad)))
     np.testing.assert_allclose(turned, straight, atol=1e-9)
