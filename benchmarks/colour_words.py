@@ -41,7 +41,7 @@ from appocc.groundtruth.pipeline import ground_of
 from appocc.groundtruth.work import Work
 from appocc.nuscenes import Dataset
 from appocc.nuscenes.records import Sample, Scene
-from grounding.referent.scene import scene_of
+from grounding.referent.scene import scene_from_boxes
 
 NAMED = Path(__file__).parents[1] / "tests" / "grounding" / "colour_names.csv"
 _CHANNELS = ("red", "green", "blue")
@@ -162,7 +162,7 @@ class _Lit(NamedTuple):
 def _lit(dataset: Dataset, sample: Sample) -> _Lit:
     bev, pose = load_map(dataset.root, "groundtruth", sample.token), dataset.world_from_ego(sample)
     boxes = dataset.boxes_world(sample).transformed(inverse(pose))
-    objects = [item for item in scene_of(bev, boxes.vehicles(), pose).objects if item.rgb is not None]
+    objects = [item for item in scene_from_boxes(bev, boxes.vehicles(), pose).objects if item.rgb is not None]
     rgb = np.array([item.rgb for item in objects]).reshape(-1, 3)
     lights = exposures_of(bev, rgb, np.array([item.footprint() for item in objects]).reshape(-1, 4, 2))
     names = [item.id for item in objects]
@@ -235,7 +235,9 @@ def simulated_groups(root: Path, source: str) -> Iterator[tuple[str, Group]]:
         for sample in dataset.samples(scene):
             pose = dataset.world_from_ego(sample)
             bev = load_map(root, source, sample.token)
-            objects = scene_of(bev, dataset.boxes_world(sample).vehicles().transformed(inverse(pose)), pose).objects
+            objects = scene_from_boxes(
+                bev, dataset.boxes_world(sample).vehicles().transformed(inverse(pose)), pose
+            ).objects
             levels = visibility_levels(dataset, sample)
             known = [(item, item.rgb) for item in objects if item.rgb is not None]
             rgb = np.array([colour for _, colour in known]).reshape(-1, 3)

@@ -36,9 +36,9 @@ from appocc.files import read_json, zip_arrays
 from appocc.geometry import quaternion_from_yaw, transform
 from grounding.language import parse
 from grounding.query import Query
-from grounding.referent.class_fit import PEOPLE, of_noun
+from grounding.referent.class_fit import PERSON_NOUNS, fit_noun
 from grounding.referent.resolver import resolve
-from grounding.referent.scene import Scene, scene_of_tracks
+from grounding.referent.scene import SceneModel, scene_from_tracks
 from tracking.tracks import Track
 
 OUTCOMES = ("top", "among", "missed")
@@ -79,15 +79,17 @@ class Recording:
             raise DataError(f"track {token}: expected it among those of its scene, got none")
         return int(found[0]) + 1
 
-    def scene_at(self, seconds: float) -> Scene:
+    def scene_at(self, seconds: float) -> SceneModel:
         """The scene of the moment nearest to a time."""
         now = int(np.argmin(np.abs(self._parts["t"] - seconds)))
         before = max(now - BEFORE_STEPS, 0)
         heading, place = self._parts["ego_heading"][now], self._parts["ego_position"][now]
         world_from_ego = transform(quaternion_from_yaw(float(heading)), place)
         if before == now:
-            return scene_of_tracks(None, self._tracks(now), world_from_ego)
-        return scene_of_tracks(None, self._tracks(now), world_from_ego, self._tracks(before), STEP_S * (now - before))
+            return scene_from_tracks(None, self._tracks(now), world_from_ego)
+        return scene_from_tracks(
+            None, self._tracks(now), world_from_ego, self._tracks(before), STEP_S * (now - before)
+        )
 
     def _tracks(self, moment: int) -> Iterator[Track]:
         parts = self._parts
@@ -129,9 +131,9 @@ class Outcome:
     said: str
 
 
-def outcome_of(query: Query, scene: Scene, meant: str) -> tuple[str, int, int, str]:
+def outcome_of(query: Query, scene: SceneModel, meant: str) -> tuple[str, int, int, str]:
     """Outcome, rank, how many are left open, and the answer in words, for the id of the track that is meant."""
-    whole = [one.item.id for one in resolve(query, scene, limit=len(scene.crowd)).candidates]
+    whole = [one.item.id for one in resolve(query, scene, limit=len(scene.table)).candidates]
     found = resolve(query, scene)
     ids = [one.item.id for one in found.candidates]
     rank = whole.index(meant) + 1 if meant in whole and found.status != "not_found" else 0
@@ -141,9 +143,9 @@ def outcome_of(query: Query, scene: Scene, meant: str) -> tuple[str, int, int, s
     return "among" if found.status == "ambiguous" and meant in ids else "missed", rank, len(ids), said
 
 
-def lacked_by(command: str, query: Query, scene: Scene, meant: str) -> str:
+def lacked_by(command: str, query: Query, scene: SceneModel, meant: str) -> str:
     """Why the track that is meant is not the answer."""
-    row = next(i for i, item in enumerate(scene.crowd.items) if item.id == meant)
+    row = next(i for i, item in enumerate(scene.table.items) if item.id == meant)
     named = next(
         (word for word in re.findall("[a-z]+", command.lower().replace("gray", "grey")) if word in WORDS), ""
     )
@@ -152,16 +154,16 @@ def lacked_by(command: str, query: Query, scene: Scene, meant: str) -> str:
         return "language"
     colours = " ".join(colour or "" for colour in (referent.colour, *(part.colour for part in query.secondary)))
     # People wear colours that are no paint.
-    if named not in colours.split() and named and referent.noun not in PEOPLE:
+    if named not in colours.split() and named and referent.noun not in PERSON_NOUNS:
         return "language"
     nouns = [(referent.noun, referent.head), *((part.noun, part.noun) for part in query.secondary)]
-    if max(float(of_noun(noun, head, scene.crowd)[row]) for noun, head in nouns) < 0.1:
+    if max(float(fit_noun(noun, head, scene.table)[row]) for noun, head in nouns) < 0.1:
         return "language"
     painted = _painted(scene, meant, (referent.colour or "").split()[-1:])
     return "colour" if painted and outcome_of(query, painted, meant)[0] == "top" else "scene"
 
 
-def _painted(scene: Scene, meant: str, colour: list[str]) -> Scene | None:
+def _painted(scene: SceneModel, meant: str, colour: list[str]) -> SceneModel | None:
     """The scene with a colour on one track, and its opposite on all others; None without such a colour."""
     if not colour or colour[0] not in PAINTS:
         return None

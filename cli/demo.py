@@ -104,7 +104,7 @@ def _ground(dataset: Dataset, scene: Scene, folder: Path) -> list[dict[str, Any]
     from appocc.demo.dataset import SOURCE
     from appocc.files import write_image
     from grounding.grounder import Grounder
-    from grounding.visualization import draw
+    from grounding.visualization import draw_answer
 
     sample = dataset.samples(scene)[FRAME]
     frame = dataset.frame(sample)
@@ -115,7 +115,7 @@ def _ground(dataset: Dataset, scene: Scene, folder: Path) -> list[dict[str, Any]
     for number, command in enumerate(COMMANDS, start=1):
         answer, true = predicted.ground(command), exact.ground(command)
         name = f"ground-{number}.png"
-        write_image(folder / name, draw(answer, frame))
+        write_image(folder / name, draw_answer(answer, frame))
         apart_m = None
         if answer.target and true.target:
             apart_m = float(np.hypot(*(answer.target.ego_m - true.target.ego_m)))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -15,8 +15,8 @@ from cli.common import JsonOption, TrustUnseenOption, VersionOption, emit, say
 
 if TYPE_CHECKING:
     from appocc.frame import Frame
-    from grounding.grounder import Grounder
-    from grounding.language import Reading
+    from grounding import Grounder
+    from grounding.language.llm import ChatEndpoint
 
 _MOST_BYTES = 1_000_000
 
@@ -69,7 +69,7 @@ def ground(
 
     Example: appocc ground "stop behind the nearest white car" DATA --scene 002 --frame 10 --picture g.png
     """
-    from grounding.grounder import Grounder
+    from grounding import Grounder, GrounderConfig
 
     if (commands or interactive) and root is None and text is not None:
         root, text = Path(text), None  # the only word without an option is then the dataset
@@ -77,12 +77,13 @@ def ground(
     _check_one(("ROOT", root), ("--map", map_file))
     if picture is not None and text is None:
         raise DataError("--picture goes only with TEXT")
-    grounder = Grounder(_reader(lexicon, llm))
+    config = GrounderConfig(trust_unseen=trust_unseen)
+    grounder = Grounder(lexicon=lexicon, llm=_endpoint(llm), config=config)
     moment = None
     if root is not None:
-        moment = _set_key_frame(grounder, root, scene, frame, bev, version, tracks, trust_unseen, picture is not None)
+        moment = _set_key_frame(grounder, root, scene, frame, bev, version, tracks, picture is not None)
     else:
-        _set_map(grounder, map_file, scene, frame, tracks, trust_unseen)
+        _set_map(grounder, map_file, scene, frame, tracks)
     if text is not None:
         raise typer.Exit(_answer(grounder, text, moment, explain, as_json, picture))
     asked = _lines(commands) if commands else _asked()
@@ -101,19 +102,13 @@ def _check_one(*given: tuple[str, object]) -> None:
         raise DataError(f"expected one of {wanted}, got {' and '.join(names) or 'none'}")
 
 
-def _reader(lexicon: Path | None, llm: str | None) -> Callable[[str], tuple[Reading, ...]]:
-    """How sentences are read."""
-    from functools import partial
-
-    from grounding.language import parse_all, read_lexicon
+def _endpoint(url: str | None) -> ChatEndpoint | None:
+    """Return the language model at an address; None without one."""
+    if url is None:
+        return None
     from grounding.language.llm import ChatEndpoint
 
-    own = parse_all if lexicon is None else partial(parse_all, lexicon=read_lexicon(lexicon))
-    if llm is None:
-        return own
-    return ChatEndpoint(
-        llm, os.environ.get("APPOCC_LLM_MODEL", "default"), os.environ.get("APPOCC_LLM_KEY"), fallback=own
-    ).parse_all
+    return ChatEndpoint(url, os.environ.get("APPOCC_LLM_MODEL", "default"), os.environ.get("APPOCC_LLM_KEY"))
 
 
 def _set_key_frame(
@@ -124,7 +119,6 @@ def _set_key_frame(
     bev: str,
     version: str | None,
     tracks: Path | None,
-    trust_unseen: bool,
     images: bool,
 ) -> Frame:
     """Let a grounder look at a key frame of a dataset; what a camera saw of it, if images are wanted.
@@ -143,7 +137,6 @@ def _set_key_frame(
     sample = sample_at(dataset, dataset.scene(scene), frame)
     moment = dataset.frame(sample, images=images)
     made = load_map(root, bev, sample.token)
-    made = made.with_guesses() if trust_unseen else made
     if tracks is not None:
         grounder.set_scene(made, read_moment(tracks, sample.token), moment.world_from_ego)
     else:
@@ -158,7 +151,6 @@ def _set_map(
     scene: str | None,
     frame: int | None,
     tracks: Path | None,
-    trust_unseen: bool,
 ) -> None:
     """Let a grounder look at a saved map and the vehicles that it shows.
 
@@ -170,7 +162,7 @@ def _set_map(
     if map_file is None or (scene, frame, tracks) != (None, None, None):
         raise DataError("--map goes without --scene, --frame and --tracks")
     bev = BEVMap.load(map_file)
-    grounder.set_scene(bev.with_guesses() if trust_unseen else bev)
+    grounder.set_scene(bev)
 
 
 def _lines(path: Path) -> list[str]:
@@ -212,15 +204,15 @@ def _answer(
 ) -> int:
     """Answer one sentence; the exit code that it means."""
     from appocc.files import write_image
-    from grounding.explain import explained
-    from grounding.visualization import draw
+    from grounding.explain import explain_answer
+    from grounding.visualization import draw_answer
 
     answer = grounder.ground(text)
     if picture is not None:
-        write_image(picture, draw(answer, moment, explain))
+        write_image(picture, draw_answer(answer, moment, show_costs=explain))
     if as_json:
         emit(answer.to_dict())
     say(answer.text())
     if explain:
-        say(explained(answer))
+        say(explain_answer(answer))
     return answer.exit_code

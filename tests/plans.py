@@ -14,7 +14,7 @@ from appocc.ego_vehicle import EGO_LENGTH_M, EGO_WIDTH_M
 from appocc.grid import BEVGrid
 from grounding.goal.planner import Plan, Target, plan
 from grounding.query import Query, Referent
-from grounding.referent.scene import Scene, SceneObject
+from grounding.referent.scene import SceneModel, SceneObject
 from grounding.road.road_map import Road
 
 HALF_CELL_M = 0.2 + 1e-9
@@ -30,7 +30,7 @@ def asked(action: str, relation: str = "none", **more: object) -> Query:
     return replace(Query("", action, (action,), relation), **more)  # type: ignore[arg-type]
 
 
-def named(scene: Scene, name: str) -> SceneObject:
+def named(scene: SceneModel, name: str) -> SceneObject:
     return next(item for item in scene.objects if item.id == name)
 
 
@@ -45,7 +45,7 @@ def planned(street: Street, query: Query, name: str | None = "car", partner: str
     return made
 
 
-def check_invariants(made: Plan, scene: Scene, road: Road) -> None:
+def check_invariants(made: Plan, scene: SceneModel, road: Road) -> None:
     """What holds for every plan, worked out apart from the code that made it."""
     bev = scene.bev
     assert bev is not None

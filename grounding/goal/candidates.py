@@ -16,9 +16,10 @@ from grounding.goal.turns import branch
 from grounding.query import Query
 from grounding.road.road_map import Road
 from grounding.scene_object import SceneObject
+from grounding.vocabulary import Relation
 
 # What an action means by itself of the vehicle that it takes.
-_RELATION_OF = {
+_RELATION_OF: dict[str, Relation] = {
     "follow": "behind",
     "change_lane": "behind",
     "approach": "toward",

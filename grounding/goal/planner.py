@@ -14,7 +14,7 @@ from appocc.geometry import footprints
 from grounding.goal.candidates import place_beside, wanted
 from grounding.goal.search import Field, Place
 from grounding.query import Query
-from grounding.referent.scene import Scene
+from grounding.referent.scene import SceneModel
 from grounding.road.road_map import Road
 from grounding.scene_object import SceneObject
 
@@ -78,7 +78,7 @@ class Plan:
 
 def plan(
     query: Query,
-    scene: Scene,
+    scene: SceneModel,
     road: Road,
     item: SceneObject | None = None,
     partner: SceneObject | None = None,
@@ -119,7 +119,7 @@ def _excluded(forbidden: Sequence[tuple[str, SceneObject]], road: Road) -> BoolA
     return excluded
 
 
-def _target(place: Place, scene: Scene, road: Road, score: float | None = None) -> Target:
+def _target(place: Place, scene: SceneModel, road: Road, score: float | None = None) -> Target:
     at = road.grid.centre_of(place.cell)
     return Target(
         place.cell,

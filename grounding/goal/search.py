@@ -10,7 +10,7 @@ import numpy as np
 
 from appocc.checks import BoolArray, FloatArray, IntArray
 from appocc.ego_vehicle import EGO_LENGTH_M
-from grounding.referent.scene import Scene
+from grounding.referent.scene import SceneModel
 from grounding.road.free_space import MARGIN_M, OFF_MAP, OFF_ROAD, TAKEN, UNKNOWN, whole_steps
 from grounding.road.road_map import Road
 from grounding.scene_object import SceneObject
@@ -78,7 +78,7 @@ class Field:
     def __init__(
         self,
         wishes: Sequence[Wish],
-        scene: Scene,
+        scene: SceneModel,
         road: Road,
         about: Sequence[SceneObject] = (),
         excluded: BoolArray | None = None,
@@ -223,4 +223,4 @@ class Field:
             return "is taken by a vehicle of the map"
         if any(one.id == item.id for one in self._about):
             return "comes too close to the vehicle itself"
-        return f"is taken by the {self.scene.colour_name(item) or ''} {item.noun}".replace("  ", " ")
+        return f"is taken by the {self.scene.colour_name(item) or ''} {item.class_name}".replace("  ", " ")

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from grounding.query import Query
+from grounding.query import LandmarkRole, Query
 
 MAX_READINGS = 6
 _STOPPING_ACTIONS = ("park", "stop", "pull_over")
@@ -52,7 +52,7 @@ def _move_landmark(query: Query) -> Query | None:
     """Attach a landmark of the vehicle to the goal, or one of the goal to the vehicle."""
     if query.referent is None or query.landmark != "referent":
         return None
-    opposite = {"referent": "goal", "goal": "referent"}
+    opposite: dict[LandmarkRole, LandmarkRole] = {"referent": "goal", "goal": "referent"}
     for i, landmark in enumerate(query.secondary):
         if landmark.of in opposite and landmark.relation not in ("between", "into", "in"):
             moved = replace(landmark, of=opposite[landmark.of])

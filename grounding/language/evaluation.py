@@ -6,6 +6,7 @@ import json
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
@@ -185,14 +186,14 @@ def wilson_interval(right: int, total: int) -> tuple[float, float]:
     return max(0.0, middle - half), min(1.0, middle + half)
 
 
-def read_labelled_commands(path: Path) -> list[dict[str, Any]]:
+def read_labelled_commands(path: str | PathLike[str]) -> list[dict[str, Any]]:
     """Return the records of a JSONL file of labelled commands, one object a line; omitted keys are empty.
 
     Raises:
         DataError: if the file cannot be read or a line is invalid; the message holds the line number.
     """
     records = []
-    for number, line in enumerate(read_text(path).splitlines(), start=1):
+    for number, line in enumerate(read_text(Path(path)).splitlines(), start=1):
         if line.strip():
             try:
                 records.append(_record(line))

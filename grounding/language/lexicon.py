@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, field
 from functools import cache
+from os import PathLike
 from pathlib import Path
 
 from appocc.errors import DataError
@@ -120,14 +121,14 @@ def _regular_forms(word: str) -> tuple[str, ...]:
     return word, plural, stem + "ing", stem + "ed"
 
 
-def read_lexicon(path: Path, base: Lexicon | None = None) -> Lexicon:
+def read_lexicon(path: str | PathLike[str], base: Lexicon | None = None) -> Lexicon:
     """Return a copy of `base` (default: the package's lexicon) with the phrases of a file added.
 
     Raises:
         DataError: if the file cannot be read or a line is invalid; the message holds the line number.
     """
     lexicon = _copy(base or default_lexicon())
-    _add_file(lexicon, path, validate=True)
+    _add_file(lexicon, Path(path), validate=True)
     return lexicon
 
 

@@ -20,7 +20,8 @@ from urllib.request import Request, urlopen
 
 from appocc.errors import DataError
 from grounding.language.parser import Reading, parse_all
-from grounding.query_schema import Noun, Placing, Qualifier, choices, query_of
+from grounding.query import Placement
+from grounding.query_schema import Noun, Qualifier, choices, query_from_json
 from grounding.vocabulary import Action, Relation
 
 _MAX_BYTES, _MAX_ERROR_CHARACTERS = 100_000, 200
@@ -32,7 +33,7 @@ relation: where the car ends relative to the landmark: {choices(Relation)}.
 landmark: "referent", "secondary" (the first of them) or null. goal_side: side of the road for the goal, or null.
 referent: the vehicle, or null: noun ({choices(Noun)}), head (the word used), colour (as said, grey for gray),
 qualifiers ({choices(Qualifier)}), number (2 for "the two cars").
-secondary: further things: noun, relation (also {choices(Placing)}), of ("goal", "referent", or "inverse"), colour,
+secondary: further things: noun, relation (also {choices(Placement)}), of ("goal", "referent", or "inverse"), colour,
 qualifiers. trigger: pass, leave, turn, stop, merge, clear, other or null. distance_m and distance_of ("referent": gap
 to it, "ego": way to go, "descriptor": it is that far away), or null.
 excluded: what is ruled out: relation (null: no such vehicle is meant), noun, colour, qualifiers."""
@@ -76,7 +77,7 @@ class ChatEndpoint:
         """Return the model's reading and those of the grammar; if the model fails, the grammar's with a note."""
         own = self.fallback(text)
         try:
-            query = query_of(text, json.loads(_run_with_timeout(self.timeout_s, partial(self._request, text))))
+            query = query_from_json(text, json.loads(_run_with_timeout(self.timeout_s, partial(self._request, text))))
         except (DataError, ValueError, OSError, HTTPException, RecursionError) as error:
             note = f"the language model was not used: {str(error)[:_MAX_ERROR_CHARACTERS]}"
             return tuple(replace(one, notes=(*one.notes, note)) for one in own)

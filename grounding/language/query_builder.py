@@ -4,15 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 from grounding.language.action_rules import classify_action
 from grounding.language.command_frames import CommandFrame, Discourse
 from grounding.language.coreference import find_antecedent, may_corefer, qualify_antecedents, resolve_anaphor
 from grounding.language.main_action import SIDE_CONNECTIVES, Intent, MainIntent, find_intents, select_main_intent
 from grounding.language.noun_phrases import NounPhrase
-from grounding.query import Exclusion, Landmark, Query, Referent
-from grounding.vocabulary import RELATIONS
+from grounding.query import (
+    Anchor,
+    Direction,
+    DistanceRole,
+    Exclusion,
+    Landmark,
+    LandmarkRelation,
+    LandmarkRole,
+    Query,
+    Referent,
+    Side,
+)
+from grounding.vocabulary import RELATIONS, Action, Relation, Trigger
 
 # Relations without a place.
 _NOT_SPATIAL = ("with", "of", "for", "object")
@@ -50,23 +61,27 @@ def build_query(text: str, discourse: Discourse) -> BuiltQuery:
     excluded = tuple(_exclusions(discourse))
     relation, referent = _goal_relation(discourse, commands, main)
     secondary = tuple(_landmarks(commands, main.intent, referent))
-    landmark = "secondary" if frame.inverse_relation is not None else "referent" if referent is not None else None
+    landmark: Anchor | None = (
+        "secondary" if frame.inverse_relation is not None else "referent" if referent is not None else None
+    )
     at_goal = next((one for one in secondary if one.of == "goal" and one.relation in RELATIONS), None)
     if referent is None and at_goal is not None:
         relation, landmark = at_goal.relation, "secondary"
     by_priority = (main.intent, *commands, *intents)
     distance_m, distance_of = _distance(by_priority)
+    side = next((intent.frame.side for intent in by_priority if intent.frame.side), None)
+    trigger = next((intent.frame.event for intent in by_priority if intent.frame.event), None)
     query = Query(
         command=text,
-        action=main.intent.action,
-        actions=tuple(_actions(commands)),
-        relation=relation,
+        action=cast(Action, main.intent.action),
+        actions=cast(tuple[Action, ...], tuple(_actions(commands))),
+        relation=cast(Relation, relation),
         landmark=landmark,
         referent=_referent(discourse, referent, frame, main.anaphora, relation) if referent is not None else None,
         secondary=secondary,
-        direction=_direction([*commands, *intents], main.intent),
-        goal_side=next((intent.frame.side for intent in by_priority if intent.frame.side), None),
-        trigger=next((intent.frame.event for intent in by_priority if intent.frame.event), None),
+        direction=cast(Direction | None, _direction([*commands, *intents], main.intent)),
+        goal_side=cast(Side | None, side),
+        trigger=cast(Trigger | None, trigger),
         distance_m=distance_m,
         distance_of=distance_of,
         excluded=(*excluded, *_referent_exclusions(referent)),
@@ -80,7 +95,7 @@ def _build_prohibition(text: str, discourse: Discourse, excluded: tuple[Exclusio
     if not actions:
         return Query(command=text)
     excludes_place = any(one.relation for one in excluded)
-    action = "wait" if actions[-1] == "other" else actions[-1] if excludes_place else "other"
+    action = cast(Action, "wait" if actions[-1] == "other" else actions[-1] if excludes_place else "other")
     # "Don't let it merge" has a target.
     frame = next((one for one in reversed(discourse.frames) if one.target is not None), None)
     phrase = None if frame is None or frame.target is None else resolve_anaphor(discourse, frame.target)
@@ -93,7 +108,7 @@ def _build_prohibition(text: str, discourse: Discourse, excluded: tuple[Exclusio
         actions=(action,),
         landmark="referent",
         referent=referent,
-        trigger=frame.event,
+        trigger=cast(Trigger | None, frame.event),
         excluded=excluded,
     )
 
@@ -157,7 +172,8 @@ def _is_landmark(thing: NounPhrase) -> bool:
     return bool(thing.noun) and thing.kind in ("vehicle", "thing", "person", "region") and thing.noun != "side"
 
 
-def _landmark(thing: NounPhrase, relation: str, of: str) -> Landmark:
+def _landmark(thing: NounPhrase, relation: str, of: LandmarkRole) -> Landmark:
+    relation = cast(LandmarkRelation, relation)
     return Landmark(_noun(thing), relation, of, colour=thing.colour, qualifiers=tuple(thing.qualifiers))
 
 
@@ -188,7 +204,7 @@ def _direction(intents: Sequence[Intent], main: Intent) -> str | None:
     return next(turns, next(filter(None, directions), None))
 
 
-def _distance(intents: Sequence[Intent]) -> tuple[float | None, str | None]:
+def _distance(intents: Sequence[Intent]) -> tuple[float | None, DistanceRole | None]:
     """Return the first distance in metres and its reference, as in `Query`."""
     for intent in intents:
         for metres, kind in intent.frame.distances:
@@ -231,7 +247,7 @@ def _exclusions(discourse: Discourse) -> Iterator[Exclusion]:
         noun = _noun(found) if found.noun else target.noun if target is not None else ""
         if noun and phrase.kind != "part":
             qualifiers = tuple(phrase.qualifiers or found.qualifiers)
-            yield Exclusion(relation, noun, phrase.colour or found.colour, qualifiers)
+            yield Exclusion(cast(LandmarkRelation | None, relation), noun, phrase.colour or found.colour, qualifiers)
 
 
 def _referent_exclusions(referent: NounPhrase | None) -> Iterator[Exclusion]:

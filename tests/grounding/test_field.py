@@ -6,11 +6,11 @@ from street import BLACK, Street
 
 from appocc.ego_vehicle import EGO_LENGTH_M
 from grounding.goal.search import Field, Wish
-from grounding.referent.scene import Scene
+from grounding.referent.scene import SceneModel
 from grounding.road.road_map import Road
 
 
-def made(street: Street) -> tuple[Scene, Road]:
+def made(street: Street) -> tuple[SceneModel, Road]:
     scene = street.scene()
     assert scene.bev is not None
     return scene, Road.of(scene.bev, scene.objects)

@@ -1,4 +1,4 @@
-"""Predictions of a rig that does not look everywhere: nothing is taken from cells that no camera sees."""
+"""Predictions with unseen cells: neither vehicles nor targets are taken from them."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from grounding.road.visibility import unseen_sides
 
 GRID = BEVGrid.surround()
 X_M, Y_M = np.moveaxis(GRID.centres(), -1, 0)
-# What one front camera of 70 degrees sees.
+# Field of view of one front camera of 70 degrees.
 AHEAD = np.abs(np.arctan2(Y_M, X_M - 1.7)) < np.radians(35)
 THRESHOLDS = {"road": 0.5, "vehicle": 0.5, "lane": 0.5}
 
 
 def predicted(street: Street, seen: BoolArray) -> BEVMap:
-    """The street as a network predicts it that guesses right everywhere."""
+    """Return the map that a network with correct guesses predicts of a street."""
     bev = street.bev()
     valid = np.broadcast_to(seen & ~body_cells(GRID), (3, *GRID.shape)).copy()
     return replace(bev, occupancy_valid=valid, appearance_valid=valid[0].copy(), meta={"thresholds": THRESHOLDS})
@@ -36,7 +36,7 @@ def grounder(bev: BEVMap) -> Grounder:
     return made
 
 
-def test_sides_without_a_camera_are_named() -> None:
+def test_unseen_sides_are_named() -> None:
     street = Street()
     assert unseen_sides(predicted(street, AHEAD)) == ["on our left", "on our right", "behind us"]
     assert unseen_sides(predicted(street, X_M > -5)) == ["behind us"]
@@ -47,7 +47,7 @@ def test_sides_without_a_camera_are_named() -> None:
 @pytest.mark.parametrize(
     "text", ["turn around", "stop", "park on the right", "go back 20 metres", "change to the left lane"]
 )
-def test_no_place_and_no_way_is_taken_where_no_camera_sees(text: str) -> None:
+def test_no_target_and_no_route_in_unseen_cells(text: str) -> None:
     bev = predicted(Street(), AHEAD)
     answer = grounder(bev).ground(text)
     allowed = AHEAD | body_cells(GRID)
@@ -59,7 +59,7 @@ def test_no_place_and_no_way_is_taken_where_no_camera_sees(text: str) -> None:
     assert answer.reasons[-1] == "on our left, on our right and behind us nothing is seen"
 
 
-def test_a_guess_is_used_where_it_is_asked_for() -> None:
+def test_guesses_are_used_on_request() -> None:
     street = Street().car("behind", -12.0, -3.0, RED)
     bev = predicted(street, AHEAD)
     refused, trusted = (grounder(each).ground("park behind the red car") for each in (bev, bev.with_guesses()))
@@ -71,7 +71,7 @@ def test_a_guess_is_used_where_it_is_asked_for() -> None:
     assert not any("nothing is seen" in reason for reason in trusted.reasons)
 
 
-def test_a_vehicle_that_no_camera_sees_is_not_meant_even_if_it_is_tracked() -> None:
+def test_a_vehicle_in_unseen_cells_is_not_in_the_scene() -> None:
     street = Street().car("ahead", 12.0, 1.0, WHITE).car("behind", -8.0, 1.0, WHITE)
     made = Grounder()
     scene = made.set_scene(predicted(street, AHEAD), street.boxes())

@@ -1,4 +1,4 @@
-"""What may not change which vehicle is meant."""
+"""Invariances of referent resolution."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from street import BLACK, BLUE, GREEN, RED, SILVER, WHITE, YELLOW, Street
 
 from grounding.referent.resolver import Resolution
-from grounding.referent.scene import Scene
+from grounding.referent.scene import SceneModel
 
 PAINTS = (WHITE, BLACK, RED, BLUE, GREEN, SILVER)
 PLACES = st.lists(
@@ -38,7 +38,7 @@ MIRROR = {"left_side": "right_side", "right_side": "left_side", "leftmost": "rig
 Place = tuple[int, int, tuple[int, int, int], float]
 
 
-def placed(places: list[Place], sign: int = 1) -> Scene:
+def placed(places: list[Place], sign: int = 1) -> SceneModel:
     street = Street()
     for i, (x, y, rgb, speed) in enumerate(places):
         street.car(str(i), x, sign * y, rgb, speed_mps=speed)
@@ -59,7 +59,7 @@ def test_a_mirrored_scene_has_the_mirrored_answer(
     mirrored = tuple(MIRROR.get(word, word) for word in words)
     one, other = ask(car(colour, *words), placed(places)), ask(car(colour, *mirrored), placed(places, -1))
     scores = [found.candidates[0].score - found.candidates[-1].score for found in (one, other) if found.candidates]
-    # A place on the very edge between two answers may fall to either.
+    # Positions on the boundary between two answers may give either.
     assume(all(abs(score - np.log(2.0)) > 1e-6 for score in scores))
     assert answer(one) == answer(other)
 

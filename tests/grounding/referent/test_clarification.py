@@ -3,28 +3,28 @@ from __future__ import annotations
 import numpy as np
 from street import BLACK, SILVER, WHITE, Street
 
-from grounding.referent.clarification import ask, tell_apart
-from grounding.referent.scene import Scene
+from grounding.referent.clarification import compose_question, describe_differences
+from grounding.referent.scene import SceneModel
 
 
-def words(scene: Scene, *names: str) -> tuple[str, ...]:
-    by_name = {item.id: item for item in scene.crowd.items}
-    return tell_apart([(by_name[name],) for name in names], scene)
+def words(scene: SceneModel, *names: str) -> tuple[str, ...]:
+    by_name = {item.id: item for item in scene.table.items}
+    return describe_differences([(by_name[name],) for name in names], scene)
 
 
-def test_alike_but_for_the_side() -> None:
+def test_candidates_that_differ_only_by_side() -> None:
     scene = Street().car("a", 12, 3, WHITE).car("b", 20, -5, WHITE).scene()
     told = words(scene, "a", "b")
     assert told == ("the white car on the left, 11 m ahead", "the one on the right, 19 m ahead")
-    assert ask(told) == "the white car on the left, 11 m ahead, or the one on the right, 19 m ahead?"
+    assert compose_question(told) == "the white car on the left, 11 m ahead, or the one on the right, 19 m ahead?"
 
 
-def test_only_what_tells_apart_is_said() -> None:
+def test_only_distinctive_traits_are_named() -> None:
     scene = Street().car("a", 10, -5, WHITE).car("b", 16, -5, BLACK).scene()
     assert words(scene, "a", "b") == ("the white car, 10 m ahead", "the black car, 16 m ahead")
 
 
-def test_a_colour_that_may_be_the_same_tells_nothing() -> None:
+def test_a_colour_that_may_be_the_same_is_not_distinctive() -> None:
     scene = Street().car("a", 10, -5, SILVER).car("b", 16, -5, None).scene()
     assert words(scene, "a", "b")[1] == "the one, 16 m ahead"
 
@@ -47,23 +47,23 @@ def test_behind_us() -> None:
     assert words(scene, "a", "b") == ("the white car, 11 m ahead", "the one behind us, 13 m")
 
 
-def test_equal_distances_are_told_with_their_tenths() -> None:
+def test_equal_distances_are_shown_with_one_decimal() -> None:
     scene = Street().car("a", 12.0, -5, WHITE).car("b", 12.3, -5, WHITE).scene()
     assert words(scene, "a", "b") == ("the white car, 11.8 m ahead", "the one, 12.1 m ahead")
 
 
-def test_a_question_names_a_few() -> None:
+def test_a_question_names_at_most_four() -> None:
     street = Street()
     for i in range(6):
         street.car(str(i), 8 + 5 * i, -5, WHITE)
     told = words(street.scene(), *"012345")
     assert len(told) == 6
-    assert ask(told) == f"{told[0]}; {told[1]}; {told[2]}; {told[3]}; or another one?"
+    assert compose_question(told) == f"{told[0]}; {told[1]}; {told[2]}; {told[3]}; or another one?"
 
 
-def test_pairs_are_named_by_both() -> None:
+def test_pairs_are_described_by_both_vehicles() -> None:
     scene = Street().car("a", 8, -5, WHITE).car("b", 18, -5, BLACK).car("c", 28, -5, WHITE).scene()
     a, b, c = scene.objects
-    told = tell_apart([(a, b), (b, c)], scene)
+    told = describe_differences([(a, b), (b, c)], scene)
     assert told[0] == "the white car, 8 m ahead, and the black car, 17 m ahead"
-    assert ask(told) == f"{told[0]}; or {told[1]}?"
+    assert compose_question(told) == f"{told[0]}; or {told[1]}?"

@@ -11,7 +11,7 @@ from appocc.frame import Frame
 from appocc.geometry import footprints, quaternion_from_rotation, transform
 from appocc.visualization.canvas import BEVCanvas
 from grounding.referent.scene import EGO_CENTRE_M
-from grounding.visualization import CYAN, draw
+from grounding.visualization import CYAN, draw_answer
 
 INTRINSIC = np.array([[300.0, 0, 319.5], [0, 300.0, 179.5], [0, 0, 1]])
 AHEAD = np.array([[0.0, 0, 1], [-1, 0, 0], [0, -1, 0]])
@@ -50,22 +50,22 @@ def cyan_pixels(picture: ByteArray) -> int:
 )
 def test_every_status_has_a_picture(text: str) -> None:
     answer = GROUNDER.ground(text)
-    picture = draw(answer, frame())
+    picture = draw_answer(answer, frame())
     assert picture.dtype == np.uint8
     assert picture.shape[2] == 3
     assert picture.shape[1] > 800 + 640
     assert (cyan_pixels(picture) > 0) == (answer.target is not None)
 
 
-def test_the_place_is_marked_in_map_and_camera() -> None:
+def test_the_target_is_marked_in_map_and_camera() -> None:
     answer = GROUNDER.ground("stop behind the nearest blue car ahead")
-    picture = draw(answer, frame())
+    picture = draw_answer(answer, frame())
     assert answer.target is not None
     assert cyan_pixels(picture[:, :800]) > 100
     assert cyan_pixels(picture[:, 800:]) > 100
 
 
-def test_the_car_now_and_at_its_goal_are_of_one_size() -> None:
+def test_the_ego_has_the_same_size_now_and_at_the_target() -> None:
     answer = GROUNDER.ground("stop behind the nearest blue car ahead")
     assert answer.target is not None
     canvas, own = (BEVCanvas(STREET.grid, 4) for _ in range(2))
@@ -80,7 +80,7 @@ def test_the_car_now_and_at_its_goal_are_of_one_size() -> None:
     assert sides == pytest.approx([EGO_LENGTH_M, EGO_WIDTH_M, EGO_LENGTH_M])
 
 
-def test_the_camera_that_sees_the_vehicle_is_shown() -> None:
+def test_the_camera_that_sees_the_referent_is_shown() -> None:
     front, back = (frame().images[c].copy() for c in ("CAM_FRONT", "CAM_BACK"))
     front[:], back[:] = (10, 60, 10), (60, 10, 10)
     bare = frame(images=False)
@@ -88,18 +88,18 @@ def test_the_camera_that_sees_the_vehicle_is_shown() -> None:
     moment = Frame(bare.token, 0, WORLD_FROM_EGO, bare.rig, images, bare.boxes_ego)
     shown = {"stop behind the blue car ahead": (10, 60, 10), "stop behind the car behind us": (60, 10, 10)}
     for text, background in shown.items():
-        picture = draw(GROUNDER.ground(text), moment)
+        picture = draw_answer(GROUNDER.ground(text), moment)
         assert tuple(int(v) for v in np.median(picture[300:, 800:].reshape(-1, 3), axis=0)) == background
 
 
-def test_without_images_the_map_stands_alone() -> None:
-    picture = draw(GROUNDER.ground("stop behind the white car"), frame(images=False))
+def test_without_images_only_the_map_is_drawn() -> None:
+    picture = draw_answer(GROUNDER.ground("stop behind the white car"), frame(images=False))
     assert picture.shape[1] == 800
 
 
-def test_blobs_are_drawn_with_a_height_of_their_own() -> None:
+def test_instances_are_drawn_with_a_default_height() -> None:
     bare = frame()
     moment = Frame(bare.token, 0, WORLD_FROM_EGO, bare.rig, bare.images, None)
     answer = STREET.grounder(boxes=False).ground("stop behind the nearest blue vehicle ahead")
     assert answer.status == "ok"
-    assert cyan_pixels(draw(answer, moment)[:, 800:]) > 100
+    assert cyan_pixels(draw_answer(answer, moment)[:, 800:]) > 100

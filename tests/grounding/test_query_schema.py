@@ -6,32 +6,41 @@ import pytest
 
 from appocc.errors import DataError
 from grounding.query import Exclusion, Landmark, Query, Referent
-from grounding.query_schema import query_of
+from grounding.query_schema import query_from_json
 
 WHOLE = Query(
-    "x",
-    "park",
-    ("turn", "park"),
-    "between",
-    "referent",
-    Referent("car", "sedan", "dark blue", ("second", "leftmost"), ("ahead",), 2, True, ("open door",)),
-    (Landmark("truck", "between", "goal", "red", ("parked",)), Landmark("parking_lot", "into")),
-    "left",
-    "right",
-    "pass",
-    3.048,
-    "referent",
-    (Exclusion(None, "van", "red"), Exclusion("next_to", "car", "blue", ("first",))),
+    command="x",
+    action="park",
+    actions=("turn", "park"),
+    relation="between",
+    landmark="referent",
+    referent=Referent(
+        noun="car",
+        head="sedan",
+        colour="dark blue",
+        qualifiers=("second", "leftmost"),
+        qualifiers_optional=("ahead",),
+        number=2,
+        anaphora=True,
+        extra=("open door",),
+    ),
+    secondary=(Landmark("truck", "between", "goal", "red", ("parked",)), Landmark("parking_lot", "into")),
+    direction="left",
+    goal_side="right",
+    trigger="pass",
+    distance_m=3.048,
+    distance_of="referent",
+    excluded=(Exclusion(None, "van", "red"), Exclusion("next_to", "car", "blue", ("first",))),
 )
 
 
 @pytest.mark.parametrize("query", [WHOLE, Query("x", "stop", ("stop",)), Query("x")])
-def test_what_a_query_writes_is_read_as_the_same(query: Query) -> None:
-    assert query_of("x", query.to_dict()) == query
+def test_queries_survive_a_round_trip(query: Query) -> None:
+    assert query_from_json("x", query.to_dict()) == query
 
 
-def test_what_is_empty_may_be_left_out() -> None:
-    assert query_of("go", {"status": "ok", "action": "stop"}) == Query("go", "stop", ("stop",))
+def test_empty_values_may_be_omitted() -> None:
+    assert query_from_json("go", {"status": "ok", "action": "stop"}) == Query("go", "stop", ("stop",))
 
 
 @pytest.mark.parametrize(
@@ -52,16 +61,16 @@ def test_what_is_empty_may_be_left_out() -> None:
         ({"secondary": [{"noun": "tree", "relation": "near"}] * 17}, "secondary"),
     ],
 )
-def test_values_that_no_labelled_file_knows(changes: dict[str, Any], reason: str | None) -> None:
+def test_invalid_values(changes: dict[str, Any], reason: str | None) -> None:
     given = WHOLE.to_dict() | changes
     if reason is None:
-        assert query_of("x", given).referent
+        assert query_from_json("x", given).referent
         return
     with pytest.raises(DataError, match=reason):
-        query_of("x", given)
+        query_from_json("x", given)
 
 
 @pytest.mark.parametrize("value", [None, [], "park", 3])
-def test_what_is_no_object(value: Any) -> None:
+def test_values_that_are_not_objects(value: Any) -> None:
     with pytest.raises(DataError, match="query: "):
-        query_of("x", value)
+        query_from_json("x", value)

@@ -7,7 +7,7 @@ from asking import ask, best, car, row
 from street import BLACK, BLUE, RED, SILVER, WHITE, Street
 
 from grounding.query import Exclusion, Landmark, Query, Referent
-from grounding.referent.resolver import forbidden, resolve
+from grounding.referent.resolver import resolve, resolve_exclusions
 
 
 @pytest.mark.parametrize(
@@ -55,18 +55,18 @@ def test_the_vehicle_meant(referent: Referent, meant: str) -> None:
         (("smallest",), "r"),
     ],
 )
-def test_counting(qualifiers: tuple[str, ...], meant: str) -> None:
+def test_ordinals_and_superlatives(qualifiers: tuple[str, ...], meant: str) -> None:
     street = Street().car("l", 30, 6, size_wlh_m=(2.0, 5.4, 1.5)).car("m", 22, 2, size_wlh_m=(1.9, 5.0, 1.5))
     street.car("n", 14, -2, size_wlh_m=(1.8, 4.4, 1.5)).car("r", 6, -6, size_wlh_m=(1.6, 3.6, 1.5))
     assert best(ask(car(None, *qualifiers), street.scene())) == meant
 
 
-def test_a_row_is_counted_though_each_hides_the_next() -> None:
+def test_occluded_vehicles_in_a_queue_are_counted() -> None:
     street = Street()
     for i in range(5):
         street.car(str(i), 9 + 6 * i, 0, speed_mps=5)
     scene = street.scene()
-    assert scene.crowd.visible.tolist() == [1, 0, 0, 0, 0]
+    assert scene.table.visible_share.tolist() == [1, 0, 0, 0, 0]
     assert [best(ask(car(None, word), scene)) for word in ("first", "second", "third")] == ["0", "1", "2"]
 
 
@@ -88,12 +88,12 @@ def test_equally_far_is_ambiguous() -> None:
 
 
 @pytest.mark.parametrize("colour", ["silver", "grey"])
-def test_one_vehicle_that_could_be_silver_or_grey_is_no_tie_when_alone(colour: str) -> None:
+def test_one_vehicle_that_is_silver_or_grey_is_not_ambiguous(colour: str) -> None:
     scene = Street().car("s", 12, -4, SILVER).car("b", 18, -4, BLACK).scene()
     assert best(ask(car(colour), replace(scene, bev=None))) == "s"
 
 
-def test_absent_gives_the_nearest_misses_and_what_lacks() -> None:
+def test_not_found_lists_near_misses_and_lacking_words() -> None:
     found = ask(Referent("bus", "bus", "pink"), row().scene())
     assert found.status == "not_found"
     assert 0 < len(found.candidates) <= 3
@@ -101,13 +101,13 @@ def test_absent_gives_the_nearest_misses_and_what_lacks() -> None:
     assert "none of the 7 here is 'pink'" in found.reasons
 
 
-def test_each_word_may_be_met_and_no_vehicle_meet_all() -> None:
+def test_not_found_if_no_vehicle_fits_all_words() -> None:
     found = ask(car("red", "left_side"), Street().car("a", 9, -4, RED).car("b", 9, 4, BLUE).scene())
     assert found.status == "not_found"
     assert found.reasons == ("nothing here fits 'red car on the left'",)
 
 
-def test_too_few_to_count_to() -> None:
+def test_too_few_vehicles_for_an_ordinal() -> None:
     found = ask(car("white", "fourth"), row().scene())
     assert found.status == "not_found"
     assert "no vehicle is the 'fourth' one: 2 fit" in found.reasons[0]
@@ -127,22 +127,22 @@ def test_no_vehicle_is_named() -> None:
     assert found.reasons == ("the map holds no double yellow line: it was left out",)
 
 
-def test_a_vehicle_that_only_the_goal_names_is_looked_for() -> None:
+def test_a_vehicle_landmark_of_the_goal_becomes_the_referent() -> None:
     query = Query("", "stop", relation="next_to", landmark="secondary", secondary=(Landmark("car", "next_to"),))
     assert best(resolve(query, Street().car("a", 12, -4).scene())) == "a"
 
 
-def test_an_unknown_colour_is_told() -> None:
+def test_an_unknown_colour_is_reported() -> None:
     scene = Street().car("unknown", 10, -4, None).scene()
     found = ask(car("white"), scene)
     assert best(found) == "unknown"
     assert "its colour is not known: 'white' could not be checked" in found.reasons
-    # What certainly is not green beats what may be anything, but not where green is seldom.
+    # An unknown colour could be green, but green is rare.
     seen = Street().car("unknown", 10, -4, None).car("red", 16, -4, RED).scene()
     assert ask(car("green"), seen).status == "not_found"
 
 
-def test_a_colour_that_hardly_fits_is_told() -> None:
+def test_a_doubtful_colour_is_reported() -> None:
     found = ask(car("grey"), Street().car("w", 10, -4, (205, 205, 207)).scene())
     assert (
         (found.status == "not_found")
@@ -167,7 +167,7 @@ def test_people_and_bicycles_where_they_are_known() -> None:
     )
 
 
-def test_what_no_map_shows_is_told_and_not_failed_on() -> None:
+def test_unmapped_things_are_reported_and_ignored() -> None:
     scene = Street().car("a", 12, -4).scene()
     query = Query(
         "",
@@ -182,11 +182,11 @@ def test_what_no_map_shows_is_told_and_not_failed_on() -> None:
     )
 
 
-# It may be brown; rather it is red.
+# More red than brown.
 REDDISH = (113, 91, 93)
 
 
-def test_the_better_one_of_a_pair_leads() -> None:
+def test_the_better_one_of_a_pair_comes_first() -> None:
     street = Street().car("reddish", 18, -5, REDDISH).car("red", 12, -5, RED).car("white", 30, 5, WHITE)
     found = ask(car("red", number=2), street.scene())
     assert found.status == "ok"
@@ -194,10 +194,10 @@ def test_the_better_one_of_a_pair_leads() -> None:
     assert (found.candidates[0].item.id, found.candidates[0].partner.id) == ("red", "reddish")
 
 
-def test_a_place_is_ruled_out_beside_all_that_may_be_meant() -> None:
+def test_an_exclusion_applies_to_all_plausible_vehicles() -> None:
     scene = Street().car("red", 14, -6, RED).car("reddish", 14, 6, REDDISH).car("white", 24, 6, WHITE).scene()
     query = Query("", excluded=(Exclusion("behind", "car", "red"),))
-    assert [(relation, item.id) for relation, item in forbidden(query, scene)] == [
+    assert [(relation, item.id) for relation, item in resolve_exclusions(query, scene)] == [
         ("behind", "red"),
         ("behind", "reddish"),
     ]

@@ -7,8 +7,8 @@ import pytest
 from street import BLACK, BLUE, RED, SILVER, WHITE, Street
 
 from grounding.query import Referent
-from grounding.referent.predicates import QUALIFIERS, fits
-from grounding.referent.scene import Scene
+from grounding.referent.predicates import QUALIFIERS, fit_words
+from grounding.referent.scene import SceneModel
 
 SIZES = {
     "bus": ("vehicle.bus.rigid", (2.9, 11.0, 3.4)),
@@ -27,22 +27,22 @@ SIZES = {
 }
 
 
-def sizes() -> Scene:
+def sizes() -> SceneModel:
     street = Street()
     for i, (name, (category, size)) in enumerate(SIZES.items()):
         street.car(name, -36 + 12 * (i % 7), 5 if i < 7 else -5, size_wlh_m=size, category=category)
     return street.scene()
 
 
-def value(referent: Referent, scene: Scene, name: str, word: str | None = None) -> float:
-    row = next(i for i, item in enumerate(scene.crowd.items) if item.id == name)
-    return float(fits(referent, scene)[word or referent.head][row])
+def value(referent: Referent, scene: SceneModel, name: str, word: str | None = None) -> float:
+    row = next(i for i, item in enumerate(scene.table.items) if item.id == name)
+    return float(fit_words(referent, scene)[word or referent.head][row])
 
 
-def said(qualifier: str, scene: Scene) -> dict[str, float]:
-    """How well each thing fits a qualifier, by its name."""
-    fit = QUALIFIERS[qualifier](scene.crowd)
-    return {item.id: float(fit[i]) for i, item in enumerate(scene.crowd.items)}
+def said(qualifier: str, scene: SceneModel) -> dict[str, float]:
+    """Return the membership of each object in a qualifier, by id."""
+    fit = QUALIFIERS[qualifier](scene.table)
+    return {item.id: float(fit[i]) for i, item in enumerate(scene.table.items)}
 
 
 @pytest.mark.parametrize(
@@ -75,18 +75,18 @@ def test_classes_and_sizes(noun: str, head: str, best: set[str], also: set[str],
     assert all(fit[name] <= 0.1 for name in never), fit
 
 
-def test_a_shape_alone_is_what_shapes_of_its_length_mostly_are() -> None:
+def test_length_decides_the_class_of_a_shape() -> None:
     scene = Street().car("c", 10, -5).car("b", 22, 5, size_wlh_m=SIZES["bus"][1]).scene_without_boxes()
     car, bus = sorted(scene.objects, key=lambda item: item.length_m)
     assert value(Referent("car", "car"), scene, car.id) > 0.9
     assert value(Referent("bus", "bus"), scene, bus.id) > 0.9
     assert value(Referent("bus", "bus"), scene, car.id) < 0.01
     assert value(Referent("motorcycle", "bike"), scene, car.id) < 0.01
-    # Parked cars run together on predicted maps.
+    # Parked cars merge on predicted maps.
     assert value(Referent("car", "car"), scene, bus.id) == pytest.approx(0.3)
 
 
-def test_lengths_on_a_predicted_map_tell_less() -> None:
+def test_lengths_on_a_predicted_map_are_less_reliable() -> None:
     street = Street().car("van", 12, -5, size_wlh_m=(2.0, 5.6, 2.2))
     sure = street.scene_without_boxes()
     street.occupancy *= 0.9
@@ -119,13 +119,13 @@ def test_unknown_colours() -> None:
     none = Street().car("a", 8, -5, None).scene()
     assert value(Referent("car", "car", "red"), none, "a", "red") == 0.5
     some = Street().car("a", 8, -5, None).car("b", 14, -5, RED).scene()
-    # Many vehicles are white, few are green: that is all one knows of it.
+    # Its colour is unknown, but more vehicles are white than green.
     assert value(Referent("car", "car", "white"), some, "a", "white") == pytest.approx(0.35)
     assert value(Referent("car", "car", "green"), some, "a", "green") == pytest.approx(0.045)
 
 
-def street() -> Scene:
-    """Two lanes of ours, a parked row on the right, oncoming traffic on the left, and what else may happen."""
+def street() -> SceneModel:
+    """Make a street: two lanes in ego direction, parked cars on the right, oncoming traffic on the left, and more."""
     made = Street().car("leader", 20, 0, speed_mps=8).car("left lane", 12, 3.5, speed_mps=9)
     made.car("oncoming", 25, 7, yaw_rad=np.pi, speed_mps=9).car("parked", 14, -3.6).car(
         "follower", -12, 0, speed_mps=8
@@ -162,7 +162,7 @@ def test_qualifiers(qualifier: str, yes: set[str], no: set[str]) -> None:
     assert all(fit[name] < 0.3 for name in no), fit
 
 
-def test_right_and_middle_lanes_by_the_lanes_there_are() -> None:
+def test_right_and_middle_lanes_depend_on_the_number_of_lanes() -> None:
     made = Street().car("l", 15, 3.5, speed_mps=8).car("own", 20, 0, speed_mps=8).car("r", 25, -3.5, speed_mps=8)
     made.occupancy[0] = 0
     made.occupancy[0][:, np.abs(made.grid.centres()[0, :, 1]) < 5.3] = 1
@@ -173,18 +173,18 @@ def test_right_and_middle_lanes_by_the_lanes_there_are() -> None:
     assert said("right_lane", scene)["own"] < 0.35
 
 
-def test_where_no_lane_is_to_the_right_ours_is_the_right_one() -> None:
+def test_the_outermost_ego_lane_is_the_right_lane() -> None:
     made = Street().car("own", 20, 0, speed_mps=8).car("left", 15, 3.5, speed_mps=8)
     made.occupancy[0] = 0
     made.occupancy[0][:, (made.grid.centres()[0, :, 1] > -1.8) & (made.grid.centres()[0, :, 1] < 5.3)] = 1
     assert said("right_lane", made.scene())["own"] > 0.55
 
 
-def test_yaw_rates_and_accelerations_tell_more_than_headings() -> None:
+def test_yaw_rates_and_accelerations_override_headings() -> None:
     scene = Street().car("a", 20, 3, speed_mps=6).scene()
     (item,) = scene.objects
 
-    def changing(yaw_rate_radps: float, acceleration_mps2: float) -> Scene:
+    def changing(yaw_rate_radps: float, acceleration_mps2: float) -> SceneModel:
         changed = replace(item, yaw_rate_radps=yaw_rate_radps, acceleration_mps2=acceleration_mps2)
         return replace(scene, objects=(changed,))
 
@@ -197,7 +197,7 @@ def test_yaw_rates_and_accelerations_tell_more_than_headings() -> None:
     assert said("braking", changing(0, 1.0))["a"] < 0.01
 
 
-def test_what_is_not_known_is_half_open() -> None:
+def test_unknown_values_have_half_membership() -> None:
     scene = Street().car("a", 20, 0).scene_without_boxes()
     assert {word: round(said(word, scene)["blob 0"], 2) for word in ("parked", "stopped", "moving", "oncoming")} == {
         "parked": 0.3,  # and it stands in our lane
@@ -211,7 +211,7 @@ def test_what_is_not_known_is_half_open() -> None:
     ("noun", "large", "small"),
     [("car", (1.9, 5.0, 1.6), (1.7, 3.9, 1.5)), ("truck", (2.5, 9.0, 3.5), (2.0, 5.3, 1.9))],
 )
-def test_large_and_small_are_meant_for_the_kind(
+def test_large_and_small_depend_on_the_class(
     noun: str, large: tuple[float, float, float], small: tuple[float, float, float]
 ) -> None:
     street = Street().car("l", 10, 5, size_wlh_m=large, category=f"vehicle.{noun}")
@@ -221,13 +221,13 @@ def test_large_and_small_are_meant_for_the_kind(
         assert value(referent, scene, best, word) > 0.6 > 0.4 > value(referent, scene, other, word)
 
 
-def test_what_is_counted_is_no_predicate() -> None:
+def test_ordinals_are_not_predicates() -> None:
     scene = Street().car("a", 10, 5).scene()
     referent = Referent("car", "car", "white", ("second", "left_side", "nearest"))
-    assert set(fits(referent, scene)) == {"car", "white", "left side"}
+    assert set(fit_words(referent, scene)) == {"car", "white", "left side"}
 
 
-def test_every_qualifier_that_commands_have_is_known() -> None:
+def test_every_qualifier_of_commands_has_a_predicate() -> None:
     counted = {"first", "second", "third", "fourth", "next", "last", "nearest", "farthest", "leftmost", "rightmost"}
     counted |= {"largest", "smallest", "large", "small"}
     assert set(QUALIFIERS) | counted == counted | {
@@ -237,7 +237,7 @@ def test_every_qualifier_that_commands_have_is_known() -> None:
     }
 
 
-def test_an_empty_scene_has_empty_fits() -> None:
+def test_an_empty_scene_has_empty_memberships() -> None:
     scene = Street().scene()
     every = Referent("car", "car", "red", tuple(QUALIFIERS))
-    assert {fit.shape for fit in fits(every, scene).values()} == {(0,)}
+    assert {fit.shape for fit in fit_words(every, scene).values()} == {(0,)}

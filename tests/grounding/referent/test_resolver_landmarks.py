@@ -1,4 +1,4 @@
-"""Vehicles that are told by others, two together, those that are ruled out."""
+"""Landmarks, pairs and exclusions."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ import pytest
 from asking import SIZES_WLH_M, VAN_WLH_M, best, car, row
 from street import BLACK, BLUE, RED, WHITE, Street
 
-from grounding.query import Exclusion, Landmark, Query, Referent
-from grounding.referent.resolver import forbidden, resolve
-from grounding.referent.scene import Scene
+from grounding.query import Exclusion, Landmark, LandmarkRelation, Query, Referent
+from grounding.referent.resolver import resolve, resolve_exclusions
+from grounding.referent.scene import SceneModel
 
 
-def vans() -> Scene:
+def vans() -> SceneModel:
     street = (
         Street()
         .car("v1", 14, -4, BLUE, size_wlh_m=VAN_WLH_M)
@@ -36,13 +36,15 @@ def vans() -> Scene:
         ("left_of", "van", None, ""),
     ],
 )
-def test_the_van_that_stands_so_to_another(relation: str, noun: str, colour: str | None, meant: str) -> None:
+def test_a_van_in_a_relation_to_a_landmark(
+    relation: LandmarkRelation, noun: str, colour: str | None, meant: str
+) -> None:
     query = Query("", referent=Referent("van", "van"), secondary=(Landmark(noun, relation, "referent", colour),))
     found = resolve(query, vans())
     assert found.status == "not_found" if not meant else best(found) == meant
 
 
-def test_the_car_that_another_stands_behind() -> None:
+def test_inverse_relations() -> None:
     scene = Street().car("a", 12, -4, WHITE).car("b", 26, 4, WHITE).car("v", 20, 4, RED, size_wlh_m=VAN_WLH_M).scene()
     query = Query("", referent=car("white"), secondary=(Landmark("van", "behind", "inverse", "red"),))
     found = resolve(query, scene)
@@ -50,15 +52,15 @@ def test_the_car_that_another_stands_behind() -> None:
     assert set(found.candidates[0].fits) == {"car", "white", "the red van behind it"}
 
 
-def test_the_next_one_in_line_is_the_one_behind() -> None:
+def test_the_next_vehicle_in_line_is_the_one_behind() -> None:
     street = Street().car("t", 30, -4, WHITE, size_wlh_m=SIZES_WLH_M["vehicle.truck"], category="vehicle.truck")
     scene = street.car("near", 22, -4).car("far", 15, -4).scene()
     query = Query("", referent=car(), secondary=(Landmark("truck", "behind", "referent"),))
     assert best(resolve(query, scene)) == "near"
 
 
-def test_behind_is_taken_from_the_other_vehicle_unless_it_stands_facing_us() -> None:
-    def scene(speed_mps: float, y_m: float) -> Scene:
+def test_behind_uses_the_landmarks_heading_unless_it_stands_facing_us() -> None:
+    def scene(speed_mps: float, y_m: float) -> SceneModel:
         street = Street().car("t", 20, y_m, RED, yaw_rad=np.pi, speed_mps=speed_mps)
         return street.car("short", 12, y_m, yaw_rad=np.pi).car("beyond", 28, y_m, yaw_rad=np.pi).scene()
 
@@ -68,7 +70,7 @@ def test_behind_is_taken_from_the_other_vehicle_unless_it_stands_facing_us() -> 
     assert best(resolve(query, scene(0.0, 3))) == "short"
 
 
-def test_excluded_vehicles_are_not_meant() -> None:
+def test_excluded_vehicles_are_not_referents() -> None:
     street = Street().car("red", 10, -4, RED, size_wlh_m=VAN_WLH_M).car("blue", 12, 4, BLUE, size_wlh_m=VAN_WLH_M)
     query = Query("", referent=Referent("van", "van"))
     assert resolve(query, street.scene()).status == "ambiguous"
@@ -77,20 +79,20 @@ def test_excluded_vehicles_are_not_meant() -> None:
     assert "not red van" in resolve(not_red, street.scene()).candidates[0].fits
 
 
-def test_forbidden_places() -> None:
+def test_excluded_relations_and_their_vehicles() -> None:
     scene = row().scene()
     query = Query("", excluded=(Exclusion("next_to", "car", "blue"), Exclusion(None, "car"), Exclusion("on", "lawn")))
-    assert [(relation, item.id) for relation, item in forbidden(query, scene)] == [("next_to", "r3")]
+    assert [(relation, item.id) for relation, item in resolve_exclusions(query, scene)] == [("next_to", "r3")]
     white = Query("", excluded=(Exclusion("behind", "car", "white"),))
-    assert {item.id for _, item in forbidden(white, scene)} == {"r2", "r4"}
-    assert forbidden(white, Street().scene()) == ()
+    assert {item.id for _, item in resolve_exclusions(white, scene)} == {"r2", "r4"}
+    assert resolve_exclusions(white, Street().scene()) == ()
 
 
 def between(referent: Referent, *secondary: Landmark) -> Query:
     return Query("", "park", relation="between", landmark="referent", referent=referent, secondary=secondary)
 
 
-def test_between_two_that_are_named() -> None:
+def test_between_two_named_vehicles() -> None:
     street = Street().car("b", 10, -5, BLUE).car("t", 22, -5, RED, size_wlh_m=SIZES_WLH_M["vehicle.truck"])
     street.rows[-1] = (*street.rows[-1][:1], "vehicle.truck", *street.rows[-1][2:])
     scene = street.car("b2", 30, 5, BLUE).scene()
@@ -103,7 +105,7 @@ def test_between_two_that_are_named() -> None:
     assert lacking.reasons[0] == "nothing here fits 'red bus', to be between it and 'blue car'"
 
 
-def test_between_two_alike_takes_those_with_room() -> None:
+def test_between_two_alike_requires_room() -> None:
     scene = Street().car("a", 8, -5, WHITE).car("b", 14, -5, WHITE).car("c", 24.5, -5, WHITE).scene()
     found = resolve(between(car("white", number=2)), scene)
     pair = found.candidates[0]
@@ -120,13 +122,13 @@ def test_two_pairs_that_fit_are_ambiguous() -> None:
     assert found.question.count(" and the white car") == 2
 
 
-def test_one_is_not_two() -> None:
+def test_a_pair_needs_two_vehicles() -> None:
     found = resolve(between(car("red", number=2)), Street().car("a", 8, -5, RED).car("b", 18, -5, BLUE).scene())
     assert found.status == "not_found"
     assert found.reasons[0] == "only 1 here fits 'red car', and two are asked for"
 
 
-def test_the_first_two() -> None:
+def test_the_first_two_vehicles() -> None:
     scene = Street().car("a", 8, -5).car("b", 18.5, -5).car("c", 29, -5).scene()
     found = resolve(between(car(None, "first", number=2)), scene)
     assert found.status == "ok"
@@ -135,13 +137,13 @@ def test_the_first_two() -> None:
     assert {best(found), partner.id} == {"a", "b"}
 
 
-def test_between_a_vehicle_and_a_thing_that_no_map_holds() -> None:
+def test_between_a_vehicle_and_an_unmapped_thing() -> None:
     query = between(car(), Landmark("tree", "between", "goal"))
     assert best(resolve(query, Street().car("a", 8, -5).scene())) == "a"
 
 
 @pytest.mark.parametrize(("distance_m", "meant"), [(10, "near"), (22, "far"), (25, "far")])
-def test_so_far_away(distance_m: float, meant: str) -> None:
+def test_distances_as_descriptors(distance_m: float, meant: str) -> None:
     scene = Street().car("near", 11, -4).car("far", 24, -4).scene()
     query = Query("", referent=car(), distance_m=distance_m, distance_of="descriptor")
     found = resolve(query, scene)

@@ -1,4 +1,4 @@
-"""Relations between things: which side is meant, and that only the road's direction counts, not the grid's."""
+"""Spatial relations: they follow the direction of the road and not the axes of the grid."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ import pytest
 from street import Street
 
 from appocc.checks import FloatArray
-from grounding.referent.object_table import Crowd
-from grounding.referent.spatial_relations import related, room_between
+from grounding.referent.object_table import ObjectTable
+from grounding.referent.spatial_relations import fit_between, fit_relation
 
 ALL = ("behind", "in_front_of", "before", "past", "left_of", "right_of", "opposite", "near", "next_to", "same_as")
 
 
 class Straight:
-    """Lanes that run one way."""
+    """A lane model with one constant direction."""
 
     def __init__(self, angle_rad: float) -> None:
         self.angle_rad = angle_rad
@@ -26,13 +26,13 @@ class Straight:
         return np.full(len(xy_m), self.angle_rad)
 
 
-def crowd(angle_rad: float = 0.0) -> Crowd:
-    """Cars along a road that is turned about the ego: one in the middle, then one on each side and end of it.
+def table(angle_rad: float = 0.0) -> ObjectTable:
+    """Make cars along a road that is rotated around the ego: one in the centre, then one on each side of it.
 
     No two are equally far along, where rounding would decide who is nearer.
     """
     street = Street().car("it", 12, 0).car("left", 11.6, 3).car("right", 12.5, -3)
-    made = street.car("ahead", 19, 0.5).car("back", 5, 0).car("far", 30, 5).scene().crowd
+    made = street.car("ahead", 19, 0.5).car("back", 5, 0).car("far", 30, 5).scene().table
     cos, sin = np.cos(angle_rad), np.sin(angle_rad)
     lanes: Any = Straight(angle_rad)
     turned = made.xy_m @ np.array([[cos, sin], [-sin, cos]])
@@ -46,8 +46,8 @@ IT = np.zeros(1, np.int64)
     ("relation", "name"),
     [("left_of", 1), ("right_of", 2), ("in_front_of", 3), ("past", 3), ("behind", 4), ("before", 4)],
 )
-def test_the_one_on_that_side_is_meant(relation: str, name: int) -> None:
-    fit = related(relation, crowd(), IT)[:, 0]
+def test_relations_select_the_object_on_that_side(relation: str, name: int) -> None:
+    fit = fit_relation(relation, table(), IT)[:, 0]
     others = np.delete(fit, name)
     assert fit[name] > 0.5
     assert others.max() < 0.2
@@ -55,8 +55,8 @@ def test_the_one_on_that_side_is_meant(relation: str, name: int) -> None:
 
 @pytest.mark.parametrize("relation", ALL)
 @pytest.mark.parametrize("angle_rad", [0.7, -2.2])
-def test_a_road_that_runs_another_way_changes_nothing(relation: str, angle_rad: float) -> None:
-    every = np.arange(len(crowd()))
-    straight, turned = (related(relation, each, every) for each in (crowd(), crowd(angle_rad)))
+def test_relations_do_not_depend_on_the_road_direction_in_the_grid(relation: str, angle_rad: float) -> None:
+    every = np.arange(len(table()))
+    straight, turned = (fit_relation(relation, each, every) for each in (table(), table(angle_rad)))
     np.testing.assert_allclose(turned, straight, atol=1e-9)
-    np.testing.assert_allclose(room_between(crowd(angle_rad), every), room_between(crowd(), every), atol=1e-9)
+    np.testing.assert_allclose(fit_between(table(angle_rad), every), fit_between(table(), every), atol=1e-9)
