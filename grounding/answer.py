@@ -5,10 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
+from appocc.polylines import length_m
 from grounding.describe import candidate_dict, phrase, rounded, target_dict
-from grounding.goal.planner import Plan, Target
+from grounding.goal.planner import GoalPlan, Target
 from grounding.language.parser import Problem, Reading, caret
 from grounding.query import Query
 from grounding.referent.resolver import Candidate
@@ -16,7 +15,7 @@ from grounding.referent.scene import Scene
 
 # Of a sentence, in the answer for people.
 _SHOWN_CHARACTERS = 160
-_NO_PLAN = Plan(None, ())
+_NO_PLAN = GoalPlan(None, ())
 
 
 @dataclass(frozen=True)
@@ -38,7 +37,7 @@ class Answer:
     status: str
     reading: Reading
     scene: Scene
-    plan: Plan = _NO_PLAN
+    plan: GoalPlan = _NO_PLAN
     referent: Candidate | None = None
     candidates: tuple[Candidate, ...] = ()
     reasons: tuple[str, ...] = ()
@@ -89,7 +88,7 @@ class Answer:
             lines.append(marks)
         if self.target:
             lines.append(f"target: {_place(self.target)}, score {self.target.score:.2f}")
-            lines.append(f"way: {way_m(self.plan.route):.0f} m") if self.plan.route is not None else None
+            lines.append(f"way: {length_m(self.plan.route):.0f} m") if self.plan.route is not None else None
         lines += [f"- {reason}" for reason in self.reasons]
         if self.plan.nearest:
             lines.append(f"nearest place that would do: {_place(self.plan.nearest)}")
@@ -98,11 +97,6 @@ class Answer:
         lines += [title] if others else []
         lines += [f"  {number}. {phrase(one.item, self.scene)}" for number, one in others]
         return "\n".join([*lines, *([self.question] if self.question else [])])
-
-
-def way_m(route_m: np.ndarray[Any, np.dtype[np.float64]]) -> float:
-    """Length of a route (K, 2)."""
-    return float(np.hypot(*np.diff(route_m, axis=0).T).sum())
 
 
 def _place(target: Target) -> str:

@@ -6,15 +6,17 @@ from typing import Any
 
 import numpy as np
 
+from appocc.ego_vehicle import EgoVehicle
+from appocc.motion_state import STANDING_MPS
 from grounding.goal.planner import Target
 from grounding.referent.resolver import Candidate
 from grounding.referent.scene import Scene
-from grounding.scene_object import EGO_CENTRE_M, SceneObject
+from grounding.scene_object import SceneObject
 
 
-def side(item: SceneObject) -> str:
+def side(item: SceneObject, ego: EgoVehicle) -> str:
     """Where a vehicle is seen from the ego, in one or two words."""
-    x, y = item.centre_m[0] - EGO_CENTRE_M, item.centre_m[1]
+    x, y = item.centre_m[0] - ego.centre_m, item.centre_m[1]
     along = "ahead" if x > 3 else "behind" if x < -3 else ""
     across = "left" if y > 1.5 else "right" if y < -1.5 else ""
     return " ".join(word for word in (along, across) if word) or "here"
@@ -24,9 +26,9 @@ def phrase(item: SceneObject, scene: Scene) -> str:
     """A vehicle in words: colour, class, distance, side, and whether it moves or faces us."""
     colour = scene.colour_name(item)
     named = f"{colour} {item.noun}" if colour else f"{item.noun} of unknown colour"
-    parts = [f"{named} {item.distance_m:.0f} m away", side(item)]
+    parts = [f"{named} {item.distance_m(scene.ego):.0f} m away", side(item, scene.ego)]
     if item.speed_mps is not None:
-        parts.append("standing" if item.speed_mps < 0.5 else f"moving at {item.speed_mps:.0f} m/s")
+        parts.append("standing" if item.speed_mps < STANDING_MPS else f"moving at {item.speed_mps:.0f} m/s")
     if item.front_known and abs(item.yaw_rad) > np.radians(120):
         parts.append("facing us")
     return ", ".join(parts)
@@ -41,8 +43,8 @@ def candidate_dict(candidate: Candidate, scene: Scene) -> dict[str, Any]:
         "category": item.category or None,
         "colour": scene.colour_name(item),
         "rgb": None if item.rgb is None else [round(float(v)) for v in item.rgb],
-        "distance_m": round(item.distance_m, 2),
-        "side": side(item),
+        "distance_m": round(item.distance_m(scene.ego), 2),
+        "side": side(item, scene.ego),
         "cell": None if scene.bev is None else scene.bev.grid.cell_of(item.centre_m).tolist(),
         "ego_m": rounded(item.centre_m),
         "world_m": rounded(scene.world_xy(item.centre_m)),

@@ -11,14 +11,15 @@ import numpy as np
 from appocc.bevmap import BEVMap
 from appocc.boxes import Boxes
 from appocc.checks import FloatArray
+from appocc.ego_vehicle import EgoVehicle
 from appocc.errors import AppoccError
 from grounding.answer import Answer
 from grounding.describe import phrase
-from grounding.goal.planner import Plan, plan
+from grounding.goal.planner import GoalPlan, plan_goal
 from grounding.language.parser import Reading, readings
 from grounding.referent.resolver import Candidate, Resolution, forbidden, resolve
 from grounding.referent.scene import Scene, scene_of, scene_of_tracks
-from grounding.road.road_map import Road
+from grounding.road.road_map import RoadMap
 from grounding.road.visibility import unseen_reason
 from grounding.scene_object import SceneObject
 from tracking.tracks import Track
@@ -40,9 +41,14 @@ class Grounder:
         answer = grounder.ground("park behind the silver car")
     """
 
-    def __init__(self, read: Reader = readings) -> None:
-        """Make one that reads sentences so: the readings of a text, best first, at least one."""
-        self._read = read
+    def __init__(self, read: Reader = readings, ego: EgoVehicle = EgoVehicle()) -> None:
+        """Make a grounder.
+
+        Args:
+            read: returns the readings of a text, best first, at least one.
+            ego: size of the ego vehicle.
+        """
+        self._read, self._ego = read, ego
         self._scene: Scene | None = None
 
     def set_scene(
@@ -66,9 +72,9 @@ class Grounder:
         """
         pose = np.eye(4) if world_from_ego is None else world_from_ego
         if vehicles is None or isinstance(vehicles, Boxes):
-            self._scene = scene_of(bev, vehicles, pose)
+            self._scene = scene_of(bev, vehicles, pose, self._ego)
         else:
-            self._scene = scene_of_tracks(bev, vehicles, pose)
+            self._scene = scene_of_tracks(bev, vehicles, pose, ego=self._ego)
         return self._scene
 
     def ground(self, text: str) -> Answer:
@@ -92,7 +98,7 @@ class Grounder:
         return replace(best, reasons=(*best.reasons, unseen_reason(scene.unseen_sides)))
 
 
-def _answer(reading: Reading, scene: Scene, road: Road) -> Answer:
+def _answer(reading: Reading, scene: Scene, road: RoadMap) -> Answer:
     """What one reading comes to."""
     query = reading.query
     found = resolve(query, scene)
@@ -132,20 +138,20 @@ def _tried(reading: Reading, found: Resolution) -> Sequence[Candidate | None]:
 
 
 def _planned(
-    reading: Reading, scene: Scene, road: Road, one: Candidate | None, barred: Sequence[tuple[str, SceneObject]]
-) -> Plan:
+    reading: Reading, scene: Scene, road: RoadMap, one: Candidate | None, barred: Sequence[tuple[str, SceneObject]]
+) -> GoalPlan:
     query = reading.query
     item, partner = (one.item, one.partner) if one else (None, None)
-    made = plan(query, scene, road, item, partner, barred)
+    made = plan_goal(query, scene, road, item, partner, barred)
     if item is None and query.landmark == "secondary":
         # A place by a thing that is not there would be a guess: it is told, and left to the passenger.
         thing = query.secondary[0].noun.replace("_", " ")
         reason = f"'{query.relation.replace('_', ' ')}' is measured from a {thing}, which the map does not hold"
-        return Plan(None, (reason,), nearest=made.target)
+        return GoalPlan(None, (reason,), nearest=made.target)
     return made
 
 
-def _worth(candidate: Candidate | None, made: Plan) -> float:
+def _worth(candidate: Candidate | None, made: GoalPlan) -> float:
     """How good a vehicle is together with the place beside it."""
     fits = candidate.score if candidate else 0.0
     return fits + (math.log(made.target.score) if made.target else _NO_PLACE)

@@ -74,8 +74,8 @@ def _bev_panel(answer: Answer, field: bool) -> ByteArray:
     if bev is not None:
         canvas.occupancy(bev)
         canvas.appearance(bev)
-    if field and answer.plan.field is not None:
-        _shade(canvas, answer.plan.field)
+    if field and answer.plan.cost_field is not None:
+        _shade(canvas, answer.plan.cost_field)
     canvas.ego()
     for number, candidate in enumerate(answer.candidates, start=1):
         if candidate is not answer.referent:

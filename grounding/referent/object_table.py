@@ -11,13 +11,15 @@ import numpy as np
 
 from appocc.bevmap import ROAD, VEHICLE, BEVMap
 from appocc.checks import BoolArray, FloatArray
+from appocc.ego_vehicle import EgoVehicle
 from appocc.geometry import footprints, wrap_angle
-from grounding.road.lane_model import Lanes, Traffic, lanes_of
-from grounding.scene_object import EGO_CENTRE_M, SceneObject
+from appocc.motion_state import MOVING_MPS, STANDING_MPS
+from grounding.road.lane_model import LaneModel, TrafficState, lanes_from_map, lanes_from_vehicles
+from grounding.scene_object import SceneObject
 from tracking.io.writers import HEIGHT_M
 
 if TYPE_CHECKING:
-    from grounding.road.road_map import Road
+    from grounding.road.road_map import RoadMap
 
 # The eye of the driver, in the ego frame; how many rays go to each thing; who looks over whom.
 _EYE_M = np.array([1.7, 0.0])
@@ -25,7 +27,6 @@ _RAYS = np.linspace(0.1, 0.9, 5)
 _TALLER_M = 0.5
 # Places on the way of sight that are looked at.
 _STEPS = 60
-_STANDS_MPS, _MOVES_MPS = 0.4, 1.0
 # Lengths of vehicles on a map that is sure of every cell, and on one that is not.
 _EXACT_M, _PREDICTED_M = 0.15, 0.5
 
@@ -51,6 +52,7 @@ class Crowd:
         turn_rad: (N,) headings relative to the direction of the road there, in [-pi, pi).
         off_road_m: (N,) how far the view from the ego leads over what the map knows to be no road.
         size_doubt_m: how far lengths may be off: more on predicted maps.
+        ego: size of the ego vehicle.
     """
 
     items: tuple[SceneObject, ...]
@@ -63,12 +65,13 @@ class Crowd:
     yaw_rate_radps: FloatArray
     acceleration_mps2: FloatArray
     rgb: FloatArray
-    lanes: Lanes
+    lanes: LaneModel
     along_m: FloatArray
     sideways_m: FloatArray
     turn_rad: FloatArray
     off_road_m: FloatArray
     size_doubt_m: float
+    ego: EgoVehicle
 
     def __len__(self) -> int:
         """How many they are."""
@@ -87,7 +90,7 @@ class Crowd:
     @cached_property
     def distance_m(self) -> FloatArray:
         """(N,) from the middle of the ego."""
-        return np.asarray(np.hypot(self.xy_m[:, 0] - EGO_CENTRE_M, self.xy_m[:, 1]))
+        return np.asarray(np.hypot(self.xy_m[:, 0] - self.ego.centre_m, self.xy_m[:, 1]))
 
     @cached_property
     def corners_m(self) -> FloatArray:
@@ -100,7 +103,9 @@ class Crowd:
         return _visible(self)
 
 
-def crowd_of(items: Sequence[SceneObject], vehicles: int, bev: BEVMap | None, road: Road | None) -> Crowd:
+def crowd_of(
+    items: Sequence[SceneObject], vehicles: int, bev: BEVMap | None, road: RoadMap | None, ego: EgoVehicle
+) -> Crowd:
     """The arrays of things, of which the first so many are vehicles, and the lanes that they and a map show."""
     nothing = (np.nan, np.nan)
     xy_m = np.array([item.centre_m for item in items]).reshape(-1, 2)
@@ -110,11 +115,14 @@ def crowd_of(items: Sequence[SceneObject], vehicles: int, bev: BEVMap | None, ro
         -1, 2
     )
     speed = np.nan_to_num(np.hypot(*velocity.T), nan=0.7)
-    moving, standing = speed > _MOVES_MPS, speed < _STANDS_MPS
+    moving, standing = speed > MOVING_MPS, speed < STANDING_MPS
     first = slice(vehicles)
-    traffic = Traffic(xy_m[first], yaw_rad[first], front_known[first], moving[first], standing[first])
-    lanes = lanes_of(traffic, bev, road)
-    along_m, sideways_m = lanes.along_and_sideways(xy_m)
+    traffic = TrafficState(xy_m[first], yaw_rad[first], front_known[first], moving[first], standing[first])
+    if bev is None or road is None:
+        lanes = lanes_from_vehicles(traffic)
+    else:
+        lanes = lanes_from_map(traffic, bev, road.ego_lane, road.traffic_side > 0, ego)
+    along_m, sideways_m = lanes.project(xy_m)
     return Crowd(
         tuple(items),
         np.arange(len(items)) < vehicles,
@@ -132,6 +140,7 @@ def crowd_of(items: Sequence[SceneObject], vehicles: int, bev: BEVMap | None, ro
         np.asarray(wrap_angle(yaw_rad - lanes.direction_rad(xy_m))),
         np.zeros(len(items)) if bev is None else _off_road(xy_m, bev),
         _EXACT_M if bev is None or _certain(bev) else _PREDICTED_M,
+        ego,
     )
 
 

@@ -11,7 +11,6 @@ from grounding.query import Referent
 from grounding.referent.fuzzy import rises
 from grounding.referent.object_table import Crowd
 from grounding.referent.predicates import own_lane
-from grounding.scene_object import EGO_CENTRE_M
 
 # From here on a vehicle is before us rather than beside us.
 _AHEAD_M = 3.0
@@ -55,7 +54,7 @@ def counted(qualifiers: tuple[str, ...], crowd: Crowd, likely: FloatArray) -> Fl
     sorting = (superlatives or (["last"] if "last" in ordinals else ["first"]))[0]
     if not superlatives and "behind_ego" not in qualifiers:
         # Plain ordinals count along the way ahead; what is beside or behind the ego is no part of the count.
-        likely = likely * rises(crowd.xy_m[:, 0], _AHEAD_M, 0.5) * (crowd.xy_m[:, 0] > EGO_CENTRE_M)
+        likely = likely * rises(crowd.xy_m[:, 0], _AHEAD_M, 0.5) * (crowd.xy_m[:, 0] > crowd.ego.centre_m)
     key, step = SORTING[sorting]
     # The last from the left is the first from the right.
     keys = key(crowd) * (-1 if superlatives and "last" in ordinals else 1)

@@ -10,7 +10,6 @@ from grounding.referent.fuzzy import bell, rises
 from grounding.referent.object_table import Crowd
 from grounding.referent.ordinals import counting_words
 from grounding.referent.predicates import ahead, facing, own_lane, standing
-from grounding.scene_object import EGO_CENTRE_M
 
 # A vehicle behind the ego counts a fifth, less where they are counted; one beside the picture a bit less.
 _BEHIND, _BEHIND_COUNTS, _ASIDE = 0.2, 0.15, 0.8
@@ -68,7 +67,7 @@ def place(query: Query, referent: Referent, crowd: Crowd) -> FloatArray:
 
 
 def _is_behind(crowd: Crowd) -> BoolArray:
-    return np.asarray(crowd.xy_m[:, 0] < EGO_CENTRE_M - 2.5)
+    return np.asarray(crowd.xy_m[:, 0] < crowd.ego.centre_m - 2.5)
 
 
 def _seen(crowd: Crowd) -> FloatArray:

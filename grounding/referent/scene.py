@@ -13,16 +13,18 @@ from appocc.bevmap import VEHICLE, BEVMap
 from appocc.boxes import Boxes, is_vehicle
 from appocc.checks import FloatArray, check_transform
 from appocc.colours import Exposure, gains_of, linear_from_srgb, name, names
+from appocc.ego_vehicle import EgoVehicle
 from appocc.geometry import apply, inverse, wrap_angle, yaw_of
+from appocc.motion_state import MOVING_MPS
 from grounding.referent.object_table import Crowd, crowd_of
-from grounding.road.lane_model import LANE_M, Lanes
-from grounding.road.road_map import Road
+from grounding.road.lane_model import LANE_M, LaneModel
+from grounding.road.road_map import RoadMap
 from grounding.road.visibility import unseen_sides
-from grounding.scene_object import EGO_CENTRE_M, SceneObject
+from grounding.scene_object import SceneObject
 from tracking.instances.instances import Blobs, find_blobs
 from tracking.tracks import Track
 
-__all__ = ["EGO_CENTRE_M", "Scene", "SceneObject", "scene_of", "scene_of_tracks"]
+__all__ = ["Scene", "SceneObject", "scene_of", "scene_of_tracks"]
 
 # People and bicycles are no vehicles of the map, but commands name them.
 _OTHERS = ("human.", "pedestrian", "person", "bicycle", "vehicle.bicycle", "cyclist")
@@ -30,8 +32,6 @@ _OTHERS = ("human.", "pedestrian", "person", "bicycle", "vehicle.bicycle", "cycl
 _FARTHEST_M = 100.0
 # Light that needs no factors; what varnish mirrors, and how light strays, is as usual.
 NEUTRAL = Exposure(np.ones(3))
-# A track that certainly does not move, and is slower than this, stands.
-_STANDS_MPS = 1.0
 # Vehicles that stand in one row head the same way: so near along the row, and parallel within this angle.
 _ROW_M, _PARALLEL_RAD = 20.0, 0.26
 
@@ -45,12 +45,14 @@ class Scene:
         objects: vehicles whose centre lies on the grid.
         world_from_ego: (4, 4) pose of the ego.
         others: people and bicycles; a map shows none.
+        ego: size of the ego vehicle.
     """
 
     bev: BEVMap | None
     objects: tuple[SceneObject, ...]
     world_from_ego: FloatArray
     others: tuple[SceneObject, ...] = ()
+    ego: EgoVehicle = EgoVehicle()
 
     def __post_init__(self) -> None:
         """Check the pose.
@@ -63,20 +65,20 @@ class Scene:
     @cached_property
     def crowd(self) -> Crowd:
         """Vehicles, people and bicycles as arrays, in this order."""
-        return crowd_of((*self.objects, *self.others), len(self.objects), self.bev, self.road)
+        return crowd_of((*self.objects, *self.others), len(self.objects), self.bev, self.road, self.ego)
 
     @cached_property
-    def road(self) -> Road | None:
+    def road(self) -> RoadMap | None:
         """What the map says about driving, made once; None without a map."""
-        return None if self.bev is None else Road.of(self.bev, self.objects)
+        return None if self.bev is None else RoadMap.from_map(self.bev, self.objects, self.ego)
 
     @cached_property
     def unseen_sides(self) -> tuple[str, ...]:
         """The sides of the ego that no camera sees, such as "behind us"."""
-        return () if self.bev is None else tuple(unseen_sides(self.bev))
+        return () if self.bev is None else tuple(unseen_sides(self.bev, self.ego))
 
     @property
-    def lanes(self) -> Lanes:
+    def lanes(self) -> LaneModel:
         """The course of the road."""
         return self.crowd.lanes
 
@@ -117,11 +119,13 @@ class Scene:
         return float(yaw_of(self.world_from_ego[:3, :3] @ turn))
 
 
-def scene_of(bev: BEVMap | None, boxes_ego: Boxes | None, world_from_ego: FloatArray) -> Scene:
+def scene_of(
+    bev: BEVMap | None, boxes_ego: Boxes | None, world_from_ego: FloatArray, ego: EgoVehicle = EgoVehicle()
+) -> Scene:
     """The scene of annotated boxes in the ego frame, or, where they are None, of the map's own vehicle blobs."""
     if boxes_ego is None:
-        return _scene(bev, [] if bev is None else _from_blobs(find_blobs(bev)), world_from_ego)
-    return _scene(bev, _from_boxes(bev, boxes_ego), world_from_ego)
+        return _scene(bev, [] if bev is None else _from_blobs(find_blobs(bev)), world_from_ego, ego)
+    return _scene(bev, _from_boxes(bev, boxes_ego), world_from_ego, ego)
 
 
 def scene_of_tracks(
@@ -130,6 +134,7 @@ def scene_of_tracks(
     world_from_ego: FloatArray,
     before: Iterable[Track] | None = None,
     seconds: float = 0.5,
+    ego: EgoVehicle = EgoVehicle(),
 ) -> Scene:
     """The scene of tracks, with their motion; of `before`, the tracks so many seconds ago, also with its changes.
 
@@ -138,7 +143,7 @@ def scene_of_tracks(
     earlier = None if before is None else {track.id: track for track in before}
     ego_from_world = inverse(world_from_ego)
     items = [_from_track(track, ego_from_world, earlier, seconds) for track in tracks]
-    scene = _scene(bev, items, world_from_ego)
+    scene = _scene(bev, items, world_from_ego, ego)
     return replace(scene, objects=_fronts_of_rows(scene.objects))
 
 
@@ -147,25 +152,25 @@ def _srgb(linear: FloatArray) -> FloatArray:
     return 255 * np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
 
 
-def _scene(bev: BEVMap | None, items: Sequence[SceneObject], world_from_ego: FloatArray) -> Scene:
+def _scene(bev: BEVMap | None, items: Sequence[SceneObject], world_from_ego: FloatArray, ego: EgoVehicle) -> Scene:
     """Those within reach, vehicles apart from the others."""
-    inside = [item for item in items if _within(bev, item) and not _is_ego(item)]
+    inside = [item for item in items if _within(bev, item, ego) and not _is_ego(item, ego)]
     vehicles = tuple(item for item in inside if not item.category.startswith(_OTHERS))
     others = tuple(item for item in inside if item.category.startswith(_OTHERS))
-    return Scene(bev, vehicles, world_from_ego, others)
+    return Scene(bev, vehicles, world_from_ego, others, ego)
 
 
-def _within(bev: BEVMap | None, item: SceneObject) -> bool:
+def _within(bev: BEVMap | None, item: SceneObject, ego: EgoVehicle) -> bool:
     """Whether a thing is near enough, on the map where there is one; what no camera sees is not known to be there."""
     if bev is None:
-        return item.distance_m <= _FARTHEST_M
+        return item.distance_m(ego) <= _FARTHEST_M
     cell = bev.grid.cell_of(item.centre_m)
     return bool(bev.grid.contains(cell)) and not bev.unseen[tuple(cell)]
 
 
-def _is_ego(item: SceneObject) -> bool:
+def _is_ego(item: SceneObject, ego: EgoVehicle) -> bool:
     """Whether a vehicle of a predicted map is the ego itself."""
-    return bool(item.covers(np.array([EGO_CENTRE_M, 0.0])))
+    return bool(item.covers(np.array([ego.centre_m, 0.0])))
 
 
 def _from_boxes(bev: BEVMap | None, boxes: Boxes) -> list[SceneObject]:
@@ -224,7 +229,7 @@ def _from_track(
     previous = None if earlier is None else earlier.get(track.id)
     if not track.moving:
         # What was seen only once may move at any speed.
-        unsure = track.speed_mps > _STANDS_MPS or (earlier is not None and previous is None)
+        unsure = track.speed_mps > MOVING_MPS or (earlier is not None and previous is None)
         velocity = None if unsure else np.zeros(2)
     return SceneObject(
         f"track {track.id}",

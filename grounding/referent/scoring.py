@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from appocc.checks import BoolArray, FloatArray
-from appocc.ego_vehicle import EGO_LENGTH_M
 from grounding.query import Exclusion, Landmark, Query, Referent
 from grounding.referent.class_fit import KNOWN
 from grounding.referent.ordinals import ORDINALS, counted, counting_words, leading, leads
@@ -123,6 +122,6 @@ def _beside(part: Landmark, scene: Scene) -> dict[str, FloatArray]:
 def _so_far_away(distance_m: float, scene: Scene) -> FloatArray:
     """From middle to middle, or from our bumper to its, whichever suits better."""
     crowd = scene.crowd
-    between = crowd.distance_m - (EGO_LENGTH_M + crowd.size_m[:, 0]) / 2
+    between = crowd.distance_m - (crowd.ego.length_m + crowd.size_m[:, 0]) / 2
     off = [np.abs(np.log(np.maximum(away, 0.1) / distance_m)) for away in (crowd.distance_m, between)]
     return np.asarray(np.exp(-0.5 * (np.min(off, axis=0) / _DISTANCE_SPREAD) ** 2))

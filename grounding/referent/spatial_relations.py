@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from appocc.checks import BoolArray, FloatArray, IntArray
-from appocc.ego_vehicle import EGO_LENGTH_M, EGO_WIDTH_M
+from appocc.motion_state import STANDING_MPS
 from grounding.referent.fuzzy import bell, falls, rises
 from grounding.referent.object_table import Crowd
 
 # A vehicle that faces us, stands, and lies so near to our path is seen along our way, not along its own.
-_FACING_RAD, _OUR_PATH_M, _STANDS_MPS = np.radians(120), 4.5, 0.5
+_FACING_RAD, _OUR_PATH_M = np.radians(120), 4.5
 # Each thing that stands between two makes the farther one less likely to be meant.
 _NEXT_IN_LINE = 0.35
 _LINED_UP_M, _LINE_FADES_M = 1.8, 15.0
@@ -23,7 +23,7 @@ _ROOM_M, _WIDE_M = 0.4, 16.0
 def frame_of(crowd: Crowd, chosen: IntArray) -> FloatArray:
     """(M,) direction along which "behind" and "in front of" are measured from each chosen thing."""
     ours = crowd.lanes.direction_rad(crowd.xy_m[chosen])
-    stands = ~(crowd.speed_mps[chosen] >= _STANDS_MPS)
+    stands = ~(crowd.speed_mps[chosen] >= STANDING_MPS)
     seen_along_our_way = (
         (np.abs(crowd.turn_rad[chosen]) > _FACING_RAD) & stands & (np.abs(crowd.sideways_m[chosen]) < _OUR_PATH_M)
     )
@@ -105,8 +105,8 @@ def room_between(crowd: Crowd, chosen: IntArray) -> FloatArray:
     along, sideways = _apart(crowd, chosen)
     lengthwise, crosswise = (each[chosen] for each in _gaps(crowd, chosen))
     own = np.arange(len(chosen))
-    behind = bell(sideways[chosen], 1.5) * _fits_in(lengthwise, EGO_LENGTH_M)
-    beside = bell(along[chosen], 2.0) * _fits_in(crosswise, EGO_WIDTH_M)
+    behind = bell(sideways[chosen], 1.5) * _fits_in(lengthwise, crowd.ego.length_m)
+    beside = bell(along[chosen], 2.0) * _fits_in(crosswise, crowd.ego.width_m)
     # A third one (last axis), in the frame of the second of the pair, takes the place if it stands there.
     taken = (np.abs(sideways.T) < _LINED_UP_M)[None] & _within(along.T[None], along[chosen][..., None])
     taken[own, :, chosen] = taken[:, own, chosen] = False

@@ -246,9 +246,7 @@ def _fit_arc(traffic: TrafficState) -> tuple[float, float]:
     return float(share @ slant), float(share @ curvature)
 
 
-def _arc_offset_m(
-    slant_rad: FloatArray | float, curvature_per_m: FloatArray | float, x_m: FloatArray
-) -> FloatArray:
+def _arc_offset_m(slant_rad: FloatArray | float, curvature_per_m: FloatArray | float, x_m: FloatArray) -> FloatArray:
     """Return how far the ego lane is to the left of the ego's x axis at distances ahead."""
     curved = np.clip(x_m, _CURVED_FROM_M, _CURVED_TO_M)
     return np.asarray(slant_rad * x_m + curvature_per_m * curved * (x_m - curved / 2))
@@ -274,7 +272,9 @@ def _lanes_on_road(centreline: Centreline, bev: BEVMap) -> dict[int, bool]:
     return found
 
 
-def _lanes_to_side(side: int, on_road: dict[int, bool], driven: IntArray, oncoming: IntArray, parked: IntArray) -> int:
+def _lanes_to_side(
+    side: int, on_road: dict[int, bool], driven: IntArray, oncoming: IntArray, parked: IntArray
+) -> int:
     """Count lanes in our direction on one side (1 left, -1 right) of the ego lane; lane numbers grow to that side."""
     count = 0
     for lane in range(1, _MAX_LANES + 1):

@@ -42,7 +42,9 @@ class CentrelineTracer:
     edge_m: FloatArray
     marking_m: FloatArray
 
-    def trace(self, start_m: FloatArray, heading_rad: float, ahead_m: float = 60.0, back_m: float = 8.0) -> Centreline:
+    def trace(
+        self, start_m: FloatArray, heading_rad: float, ahead_m: float = 60.0, back_m: float = 8.0
+    ) -> Centreline:
         """Return the centreline through a point (2,) with a heading; behind the point it is straight."""
         points, ends = self._trace_ahead(start_m, heading_rad, ahead_m)
         unit = np.array([np.cos(heading_rad), np.sin(heading_rad)])
@@ -92,7 +94,7 @@ class CentrelineTracer:
     def _cost(
         self, points: FloatArray, heading: FloatArray, edge_m: float
     ) -> tuple[FloatArray, BoolArray, BoolArray]:
-        """Return costs of points (..., K, 2), which of them the road reaches without a gap, and which arcs stay on the map."""
+        """Return costs of points (..., K, 2), which of them the road connects, and which arcs stay on the map."""
         cells = self.grid.cell_of(points)
         inside = self.grid.contains(cells)
         i, j = np.moveaxis(np.where(inside[..., None], cells, 0), -1, 0)

@@ -5,13 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from asking import VAN_WLH_M, ask, best, car
-from street import BLACK, BLUE, RED, WHITE, Street
+from street import BLACK, BLUE, EGO, RED, WHITE, Street
 
 from appocc.colours import fit
-from appocc.ego_vehicle import EGO_LENGTH_M
 from grounding.query import Query, Referent
 from grounding.referent.predicates import fits
-from grounding.referent.scene import EGO_CENTRE_M, NEUTRAL, Scene
+from grounding.referent.scene import NEUTRAL, Scene
 from grounding.referent.scoring import weigh
 
 # It may be brown; rather it is red.
@@ -77,9 +76,9 @@ def distance_fit(distance_m: float, x_m: float, size_wlh_m: tuple[float, float, 
 
 
 def test_distances_are_from_middle_to_middle_or_from_bumper_to_bumper() -> None:
-    assert distance_fit(20, EGO_CENTRE_M + 20) == pytest.approx(1, abs=1e-3)
-    assert distance_fit(20, EGO_CENTRE_M + 20 + EGO_LENGTH_M / 2 + 4.0, (2.5, 8.0, 3.2)) == pytest.approx(1, abs=1e-3)
+    assert distance_fit(20, EGO.centre_m + 20) == pytest.approx(1, abs=1e-3)
+    assert distance_fit(20, EGO.centre_m + 20 + EGO.length_m / 2 + 4.0, (2.5, 8.0, 3.2)) == pytest.approx(1, abs=1e-3)
 
 
 def test_a_distance_that_is_a_quarter_off_is_one_standard_deviation_off() -> None:
-    assert distance_fit(20 * np.exp(0.25), EGO_CENTRE_M + 20) == pytest.approx(np.exp(-0.5), rel=0.01)
+    assert distance_fit(20 * np.exp(0.25), EGO.centre_m + 20) == pytest.approx(np.exp(-0.5), rel=0.01)

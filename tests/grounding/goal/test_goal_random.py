@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import numpy as np
+from goal_plans import asked, check_invariants
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from plans import asked, check_invariants
 from scipy import ndimage
-from street import Street
+from street import EGO, Street
 
 from appocc.bevmap import LANE, ROAD, VEHICLE, BEVMap
 from appocc.grid import BEVGrid
-from grounding.goal.planner import plan
+from grounding.goal.planner import plan_goal
 from grounding.query import Query
-from grounding.road.road_map import Road
+from grounding.road.road_map import RoadMap
 
 RELATIONS = ("behind", "in_front_of", "next_to", "near", "left_of", "right_of", "opposite", "past", "before", "at")
 WITH = [asked(action, relation) for relation in (*RELATIONS, "toward") for action in ("park", "stop", "pull_over")]
@@ -60,24 +60,24 @@ def test_no_place_breaks_a_constraint(street: Street, query: Query, pick: int, s
     if soft:  # A predicted map: nothing is quite sure, and small holes are closed for ways, never for places.
         occupancy = np.clip(bev.occupancy, 0.1, 0.9)
         bev = BEVMap(bev.grid, occupancy, bev.occupancy_valid, bev.appearance, bev.appearance_valid)
-    road = Road.of(bev, scene.objects)
+    road = RoadMap.from_map(bev, scene.objects, EGO)
     item = partner = None
     forbidden = []
     if query in WITH and scene.objects:
         item, partner = (scene.objects[(pick + step) % len(scene.objects)] for step in (0, 1))
         forbidden = [("next_to", scene.objects[pick // 7 % len(scene.objects)])] if pick % 3 == 0 else []
-    made = plan(query, scene, road, item, partner, forbidden)
+    made = plan_goal(query, scene, road, item, partner, forbidden)
     check_invariants(made, scene, road)
     if made.target is not None and not soft:
         # Worked out apart from the search for ways: one piece of cells in which a disc of the ego's width fits.
         open_ = np.pad(bev.on[ROAD] & bev.occupancy_valid[:2].all(axis=0) & ~bev.on[VEHICLE], 1)
         room = ndimage.distance_transform_edt(open_)[1:-1, 1:-1] * bev.grid.cell_m
         piece = ndimage.label(room > 0.95, np.ones((3, 3)))[0]
-        start = np.argwhere(road.ways.length_m == 0)[0]
+        start = np.argwhere(road.paths.length_m == 0)[0]
         assert piece[made.target.cell] == piece[tuple(start)] > 0
     if made.route is not None:
         cells = road.grid.cell_of(made.route)
         on_map = road.grid.contains(cells)
-        free = on_map & road.ways.free[tuple(np.where(on_map[:, None], cells, 0).T)]
+        free = on_map & road.paths.free[tuple(np.where(on_map[:, None], cells, 0).T)]
         assert free[np.argmax(free) :].all()  # from where it meets the first free cell
         assert np.hypot(*np.diff(made.route, axis=0).T).max(initial=0.0) < 7

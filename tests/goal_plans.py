@@ -6,21 +6,20 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from street import HALF_ROAD_M, WORLD_FROM_EGO, Street
+from street import EGO, HALF_ROAD_M, WORLD_FROM_EGO, Street
 
 from appocc.bevmap import ROAD, VEHICLE
 from appocc.checks import BoolArray
-from appocc.ego_vehicle import EGO_LENGTH_M, EGO_WIDTH_M
 from appocc.grid import BEVGrid
-from grounding.goal.planner import Plan, Target, plan
+from grounding.goal.planner import GoalPlan, Target, plan_goal
 from grounding.query import Query, Referent
 from grounding.referent.scene import Scene, SceneObject
-from grounding.road.road_map import Road
+from grounding.road.road_map import RoadMap
 
 HALF_CELL_M = 0.2 + 1e-9
 # Half a car (4.4 m x 1.8 m) and half the ego; from the middle of the road to an ego parked at its edge.
-LENGTHWISE_M, SIDEWAYS_M = (4.4 + EGO_LENGTH_M) / 2, (1.8 + EGO_WIDTH_M) / 2
-EDGE_M = HALF_ROAD_M - EGO_WIDTH_M / 2 - 0.3
+LENGTHWISE_M, SIDEWAYS_M = (4.4 + EGO.length_m) / 2, (1.8 + EGO.width_m) / 2
+EDGE_M = HALF_ROAD_M - EGO.width_m / 2 - 0.3
 
 
 def asked(action: str, relation: str = "none", **more: object) -> Query:
@@ -34,18 +33,18 @@ def named(scene: Scene, name: str) -> SceneObject:
     return next(item for item in scene.objects if item.id == name)
 
 
-def planned(street: Street, query: Query, name: str | None = "car", partner: str | None = None) -> Plan:
+def planned(street: Street, query: Query, name: str | None = "car", partner: str | None = None) -> GoalPlan:
     """The plan beside a vehicle of a street, checked for what holds of every plan."""
     scene = street.scene()
     assert scene.bev is not None
-    road = Road.of(scene.bev, scene.objects)
+    road = RoadMap.from_map(scene.bev, scene.objects, EGO)
     item = None if name is None else named(scene, name)
-    made = plan(query, scene, road, item, None if partner is None else named(scene, partner))
+    made = plan_goal(query, scene, road, item, None if partner is None else named(scene, partner))
     check_invariants(made, scene, road)
     return made
 
 
-def check_invariants(made: Plan, scene: Scene, road: Road) -> None:
+def check_invariants(made: GoalPlan, scene: Scene, road: RoadMap) -> None:
     """What holds for every plan, worked out apart from the code that made it."""
     bev = scene.bev
     assert bev is not None
@@ -62,25 +61,25 @@ def check_invariants(made: Plan, scene: Scene, road: Road) -> None:
         assert bev.occupancy_valid[:2, under].all()
         assert bev.grid.contains(bev.grid.cell_of(place.footprint())).all()
         assert not any(item.covers(place.footprint(), 0.29).any() for item in scene.objects)
-        assert np.isfinite(road.ways.length_m[place.cell])
+        assert np.isfinite(road.paths.length_m[place.cell])
     for one, other in ((a, b) for a in made.runners_up for b in (made.target, *made.runners_up) if a is not b):
         assert other is not None
-        assert np.hypot(*(one.ego_m - other.ego_m)) >= EGO_LENGTH_M
+        assert np.hypot(*(one.ego_m - other.ego_m)) >= EGO.length_m
     assert (made.route is not None) == (made.target is not None)
-    if made.target is not None and made.route is not None and made.field is not None:
+    if made.target is not None and made.route is not None and made.cost_field is not None:
         assert made.nearest is None
         assert made.route[-1] == pytest.approx(made.target.ego_m)
-        assert np.isfinite(made.field[made.target.cell])
+        assert np.isfinite(made.cost_field[made.target.cell])
 
 
 def cells_under(target: Target, grid: BEVGrid) -> BoolArray:
     offset = grid.centres() - target.ego_m
     cos, sin = np.cos(target.heading_ego_rad), np.sin(target.heading_ego_rad)
     along, across = offset @ [cos, sin], offset @ [-sin, cos]
-    return np.asarray((np.abs(along) <= EGO_LENGTH_M / 2) & (np.abs(across) <= EGO_WIDTH_M / 2))
+    return np.asarray((np.abs(along) <= EGO.length_m / 2) & (np.abs(across) <= EGO.width_m / 2))
 
 
-def found(made: Plan) -> Target:
+def found(made: GoalPlan) -> Target:
     assert made.target is not None, made.reasons
     return made.target
 
@@ -90,5 +89,5 @@ def near(target: Target, x_m: float, y_m: float) -> bool:
     return bool(np.abs(target.ego_m - [x_m, y_m]).max() <= 2 * HALF_CELL_M)
 
 
-def said(made: Plan, words: str) -> bool:
+def said(made: GoalPlan, words: str) -> bool:
     return any(words in reason for reason in made.reasons)

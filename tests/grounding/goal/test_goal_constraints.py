@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from plans import (
+from goal_plans import (
     LENGTHWISE_M,
     asked,
     check_invariants,
@@ -14,15 +14,13 @@ from plans import (
     planned,
     said,
 )
-from street import BLACK, RED, Street
+from street import BLACK, EGO, RED, Street
 
 from appocc.bevmap import ROAD
-from appocc.ego_vehicle import EGO_LENGTH_M
 from appocc.grid import BEVGrid
-from grounding.goal.planner import plan
+from grounding.goal.planner import plan_goal
 from grounding.query import Query
-from grounding.referent.scene import EGO_CENTRE_M
-from grounding.road.road_map import Road
+from grounding.road.road_map import RoadMap
 
 
 def test_a_taken_place_moves_the_target_and_the_reason_names_what_took_it() -> None:
@@ -55,7 +53,7 @@ def test_the_road_moves_the_target() -> None:
     hole = Street().car("car", 20, -3, RED)
     hole.occupancy[ROAD, 137:142, 85:100] = 0
     made = planned(hole, asked("park", "behind"))
-    assert found(made).ego_m[0] + EGO_LENGTH_M / 2 <= 15.0  # the middle of the first cell without road
+    assert found(made).ego_m[0] + EGO.length_m / 2 <= 15.0  # the middle of the first cell without road
     assert said(made, "leaves the road")
 
 
@@ -114,9 +112,10 @@ def test_the_nearest_place_is_so_far_from_the_vehicle() -> None:
 def test_what_the_command_rules_out() -> None:
     scene = Street().car("car", 20, -3).car("other", 12, -3, BLACK).scene()
     assert scene.bev is not None
-    road = Road.of(scene.bev, scene.objects)
-    free = plan(asked("stop", "before"), scene, road, named(scene, "car"))
-    made = plan(asked("stop", "before"), scene, road, named(scene, "car"), None, [("next_to", named(scene, "other"))])
+    road = RoadMap.from_map(scene.bev, scene.objects, EGO)
+    free = plan_goal(asked("stop", "before"), scene, road, named(scene, "car"))
+    forbidden = [("next_to", named(scene, "other"))]
+    made = plan_goal(asked("stop", "before"), scene, road, named(scene, "car"), forbidden=forbidden)
     check_invariants(made, scene, road)
     assert near(found(free), 20 - LENGTHWISE_M - 2.0, 0)
     assert not near(found(made), *free.target.ego_m) if free.target else False
@@ -126,9 +125,9 @@ def test_what_the_command_rules_out() -> None:
 def test_a_grid_ahead_only() -> None:
     street = Street(BEVGrid.front()).car("car", 20, -3)
     assert near(found(planned(street, asked("stop", "behind"))), 20 - LENGTHWISE_M - 2.0, -3)
-    assert near(found(planned(street, asked("stop"), None)), EGO_CENTRE_M + 8, 0)
+    assert near(found(planned(street, asked("stop"), None)), EGO.centre_m + 8, 0)
     here = planned(street, asked("wait"), None)
-    assert found(here).ego_m[0] - EGO_LENGTH_M / 2 >= 0
+    assert found(here).ego_m[0] - EGO.length_m / 2 >= 0
     assert said(here, "leaves the map")
 
 

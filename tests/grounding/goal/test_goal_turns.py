@@ -4,22 +4,21 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from plans import (
+from goal_plans import (
     asked,
     found,
     near,
     planned,
     said,
 )
-from street import HALF_ROAD_M, Street
+from street import EGO, HALF_ROAD_M, Street
 
 from appocc.bevmap import LANE, ROAD
-from grounding.referent.scene import EGO_CENTRE_M
 
 
 def test_one_turns_around_to_the_side_of_those_that_come_towards_us() -> None:
     street = Street().car("car", 30, -3.5, yaw_rad=np.pi, speed_mps=5)
-    assert near(found(planned(street, asked("turn", direction="around"), None)), EGO_CENTRE_M + 3, -3.5)
+    assert near(found(planned(street, asked("turn", direction="around"), None)), EGO.centre_m + 3, -3.5)
 
 
 def test_where_our_lane_ends_one_goes_on_along_another_road() -> None:

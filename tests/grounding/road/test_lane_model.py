@@ -2,30 +2,31 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from street import Street
+from street import EGO, Street
 
 from appocc.bevmap import LANE, ROAD
 from appocc.checks import FloatArray
-from grounding.road.lane_model import LANE_M, Lanes, Traffic, lanes_of
-from grounding.road.road_map import Road
+from grounding.road.lane_model import LANE_M, LaneModel, TrafficState, lanes_from_map, lanes_from_vehicles
+from grounding.road.road_map import RoadMap
 
 BENDS = [0.0, 0.004, -0.006, 0.012]
 
 
-def traffic(*rows: tuple[float, float, float, float]) -> Traffic:
+def traffic(*rows: tuple[float, float, float, float]) -> TrafficState:
     """Vehicles by place, heading in degrees and speed."""
     values = np.array(rows, dtype=np.float64).reshape(-1, 4)
     known = np.ones(len(values), np.bool_)
-    return Traffic(values[:, :2], np.radians(values[:, 2]), known, values[:, 3] > 1, values[:, 3] < 0.4)
+    return TrafficState(values[:, :2], np.radians(values[:, 2]), known, values[:, 3] > 1, values[:, 3] < 0.4)
 
 
-def without_map(*rows: tuple[float, float, float, float]) -> Lanes:
-    return lanes_of(traffic(*rows), None, None)
+def without_map(*rows: tuple[float, float, float, float]) -> LaneModel:
+    return lanes_from_vehicles(traffic(*rows))
 
 
-def on_map(street: Street, *rows: tuple[float, float, float, float]) -> Lanes:
+def on_map(street: Street, *rows: tuple[float, float, float, float]) -> LaneModel:
     bev = street.bev()
-    return lanes_of(traffic(*rows), bev, Road.of(bev, ()))
+    road = RoadMap.from_map(bev, (), EGO)
+    return lanes_from_map(traffic(*rows), bev, road.ego_lane, road.traffic_side > 0, EGO)
 
 
 def on_bend(bend_per_m: float, along_m: FloatArray, sideways_m: float) -> tuple[FloatArray, FloatArray]:
@@ -37,7 +38,7 @@ def on_bend(bend_per_m: float, along_m: FloatArray, sideways_m: float) -> tuple[
 def test_without_anything_the_road_runs_where_we_head() -> None:
     found = without_map()
     assert (found.lowest, found.highest, found.oncoming_left) == (0, 0, True)
-    along, sideways = found.along_and_sideways(np.array([[12.0, -3.0], [-5.0, 2.0], [110.0, 4.0]]))
+    along, sideways = found.project(np.array([[12.0, -3.0], [-5.0, 2.0], [110.0, 4.0]]))
     assert along == pytest.approx([12, -5, 110])
     assert sideways == pytest.approx([-3, 2, 4])
     assert found.direction_rad(np.array([[50.0, 8.0]])) == pytest.approx([0])
@@ -51,7 +52,7 @@ def test_vehicles_show_the_bend(bend: float) -> None:
         rows += [(x, y, np.degrees(a), 8.0) for (x, y), a in zip(places, angle, strict=True)]
     places, angle = on_bend(bend, np.array([15.0, 30.0]), 3.5)
     found = without_map(*rows)
-    assert found.along_and_sideways(places)[1] == pytest.approx([3.5, 3.5], abs=0.7)
+    assert found.project(places)[1] == pytest.approx([3.5, 3.5], abs=0.7)
     assert found.direction_rad(places) == pytest.approx(angle, abs=0.06)
 
 
@@ -65,7 +66,7 @@ def test_a_map_shows_the_bend(bend: float) -> None:
         street.occupancy[LANE][np.abs(off - line) < 0.2] = 1
     places, angle = on_bend(bend, np.array([12.0, 24.0]), 3.5)
     found = on_map(street)
-    assert found.along_and_sideways(places)[1] == pytest.approx(3.5 * np.cos(angle), abs=1.2)
+    assert found.project(places)[1] == pytest.approx(3.5 * np.cos(angle), abs=1.2)
     assert found.direction_rad(places) == pytest.approx(np.arctan(angle), abs=0.15)
 
 
@@ -78,7 +79,7 @@ def test_places_beside_our_lane_are_where_they_say() -> None:
     lanes = without_map((10, 0, 5, 8), (22, 2, 10, 8), (34, 6, 16, 8))
     ways = np.array([5.0, 20.0, 40.0])
     for sideways in (-3.5, 0.0, 3.5):
-        along, found = lanes.along_and_sideways(lanes.beside(ways, sideways))
+        along, found = lanes.project(lanes.centreline.offset_points(ways, sideways))
         assert found == pytest.approx(np.full(3, sideways), abs=0.1)
         assert along == pytest.approx(ways, abs=0.6)
 
@@ -119,5 +120,5 @@ def test_half_of_a_road_without_traffic_is_for_the_other_direction() -> None:
 def test_a_mirrored_street_has_the_mirrored_road() -> None:
     rows = [(10.0, 3.0, 5.0, 8.0), (22.0, -2.0, 9.0, 8.0), (30.0, 1.0, 14.0, 0.0), (33.0, 8.0, 190.0, 6.0)]
     one, other = without_map(*rows), without_map(*((x, -y, -yaw, speed) for x, y, yaw, speed in rows))
-    assert other.line_m == pytest.approx(one.line_m * [1, -1], abs=1e-9)
+    assert other.centreline.points_m == pytest.approx(one.centreline.points_m * [1, -1], abs=1e-9)
     assert (other.lowest, other.highest, other.oncoming_left) == (-one.highest, -one.lowest, not one.oncoming_left)

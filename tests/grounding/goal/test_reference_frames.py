@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from plans import (
+from goal_plans import (
     LENGTHWISE_M,
     SIDEWAYS_M,
     asked,
@@ -15,11 +15,10 @@ from plans import (
     planned,
     said,
 )
-from street import BLACK, RED, WHITE, Street
+from street import BLACK, EGO, RED, WHITE, Street
 
-from appocc.ego_vehicle import EGO_WIDTH_M
-from grounding.goal.planner import plan
-from grounding.road.road_map import Road
+from grounding.goal.planner import plan_goal
+from grounding.road.road_map import RoadMap
 
 
 def test_a_turned_car_turns_the_place() -> None:
@@ -62,7 +61,7 @@ def test_left_and_right_of_a_car_that_faces_us_are_ours() -> None:
 
 def test_one_that_stands_across_our_way_is_passed_at_its_end() -> None:
     made = planned(Street().car("car", 15, 0, yaw_rad=np.pi / 2), asked("stop", "left_of"))
-    assert near(found(made), 15, (4.4 + EGO_WIDTH_M) / 2 + 0.8)
+    assert near(found(made), 15, (4.4 + EGO.width_m) / 2 + 0.8)
     assert found(made).heading_ego_rad == pytest.approx(0, abs=0.03)
     assert said(made, "stands across our way")
     assert said(made, "side to bumper")
@@ -81,7 +80,7 @@ def test_a_front_that_is_not_known_is_said() -> None:
     scene = Street().car("car", 15, -3, yaw_rad=np.pi).scene_without_boxes()
     assert scene.bev is not None
     item = replace(scene.objects[0], front_known=False)
-    made = plan(asked("stop", "behind"), scene, Road.of(scene.bev, scene.objects), item)
+    made = plan_goal(asked("stop", "behind"), scene, RoadMap.from_map(scene.bev, scene.objects, EGO), item)
     assert near(found(made), 15 - LENGTHWISE_M - 2.0, -3)
     assert said(made, "its front is not known")
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from plans import (
+from goal_plans import (
     EDGE_M,
     LENGTHWISE_M,
     SIDEWAYS_M,
@@ -16,11 +16,10 @@ from plans import (
     planned,
     said,
 )
-from street import BLACK, HALF_ROAD_M, RED, WHITE, Street
+from street import BLACK, EGO, HALF_ROAD_M, RED, WHITE, Street
 
 from appocc.bevmap import ROAD
 from grounding.query import Query
-from grounding.referent.scene import EGO_CENTRE_M
 
 AT_CAR = [
     ("stop", "behind", 20 - LENGTHWISE_M - 2.0, -3),
@@ -43,9 +42,9 @@ AT_CAR = [
     ("park", "opposite", 20, EDGE_M),
     ("stop", "opposite", 20, HALF_ROAD_M / 2),
     ("change_lane", "none", 20 - LENGTHWISE_M - 6.0, -3),
-    ("slow_down", "none", EGO_CENTRE_M + 10, 0),
-    ("wait", "none", EGO_CENTRE_M, 0),
-    ("give_way", "none", EGO_CENTRE_M, 0),
+    ("slow_down", "none", EGO.centre_m + 10, 0),
+    ("wait", "none", EGO.centre_m, 0),
+    ("give_way", "none", EGO.centre_m, 0),
     ("wait", "behind", 20 - LENGTHWISE_M - 2.0, -3),
 ]
 
@@ -59,19 +58,19 @@ def test_places_at_a_car_that_stands_our_way(action: str, relation: str, x_m: fl
 
 
 ALONE = [
-    (asked("stop"), EGO_CENTRE_M + 8, 0, 0),
-    (asked("stop", distance_m=20.0, distance_of="ego"), EGO_CENTRE_M + 20, 0, 0),
-    (asked("other", direction="straight"), EGO_CENTRE_M + 20, 0, 0),
-    (asked("turn", direction="straight"), EGO_CENTRE_M + 20, 0, 0),
-    (asked("slow_down"), EGO_CENTRE_M + 10, 0, 0),
-    (asked("wait"), EGO_CENTRE_M, 0, 0),
-    (asked("park"), EGO_CENTRE_M + 5, -EDGE_M, 0),
-    (asked("pull_over"), EGO_CENTRE_M + 5, -EDGE_M, 0),
-    (asked("park", goal_side="left"), EGO_CENTRE_M + 5, EDGE_M, 0),
-    (asked("stop", goal_side="left"), EGO_CENTRE_M + 5, EDGE_M, 0),
-    (asked("change_lane", direction="left"), EGO_CENTRE_M + 15, 3.5, 0),
-    (asked("change_lane", direction="right"), EGO_CENTRE_M + 15, -3.5, 0),
-    (asked("turn", direction="around"), EGO_CENTRE_M + 3, 3.5, np.pi),
+    (asked("stop"), EGO.centre_m + 8, 0, 0),
+    (asked("stop", distance_m=20.0, distance_of="ego"), EGO.centre_m + 20, 0, 0),
+    (asked("other", direction="straight"), EGO.centre_m + 20, 0, 0),
+    (asked("turn", direction="straight"), EGO.centre_m + 20, 0, 0),
+    (asked("slow_down"), EGO.centre_m + 10, 0, 0),
+    (asked("wait"), EGO.centre_m, 0, 0),
+    (asked("park"), EGO.centre_m + 5, -EDGE_M, 0),
+    (asked("pull_over"), EGO.centre_m + 5, -EDGE_M, 0),
+    (asked("park", goal_side="left"), EGO.centre_m + 5, EDGE_M, 0),
+    (asked("stop", goal_side="left"), EGO.centre_m + 5, EDGE_M, 0),
+    (asked("change_lane", direction="left"), EGO.centre_m + 15, 3.5, 0),
+    (asked("change_lane", direction="right"), EGO.centre_m + 15, -3.5, 0),
+    (asked("turn", direction="around"), EGO.centre_m + 3, 3.5, np.pi),
 ]
 
 
@@ -101,7 +100,7 @@ def test_what_cannot_be_placed_is_said(query: Query, reason: str) -> None:
 
 def test_a_place_that_names_no_vehicle_after_all_is_chosen_without_it() -> None:
     made = planned(Street(), replace(asked("stop", "before"), referent=None), None)
-    assert near(found(made), EGO_CENTRE_M + 8, 0)
+    assert near(found(made), EGO.centre_m + 8, 0)
     assert said(made, "no vehicle to measure 'before' from")
 
 
@@ -134,7 +133,7 @@ def test_a_place_behind_us_is_told_as_that() -> None:
 
 
 @pytest.mark.parametrize(
-    ("y_m", "x_m"), [(0.0, 30 - LENGTHWISE_M - 5), (2.0, 30 - LENGTHWISE_M - 5), (6.0, EGO_CENTRE_M + 10)]
+    ("y_m", "x_m"), [(0.0, 30 - LENGTHWISE_M - 5), (2.0, 30 - LENGTHWISE_M - 5), (6.0, EGO.centre_m + 10)]
 )
 def test_one_slows_down_short_of_what_is_in_the_way(y_m: float, x_m: float) -> None:
     street = Street().car("car", 30 if y_m < 5 else 12, y_m)
@@ -188,8 +187,8 @@ def test_a_score_falls_with_the_square_of_what_moves_a_place() -> None:
     """The cost is a squared distance in standard deviations: the score is a Gaussian's, one at the best place."""
     made = planned(Street().car("car", -14, -6), asked("park", "behind"))
     target = found(made)
-    assert made.field is not None
-    cost = made.field[target.cell]
+    assert made.cost_field is not None
+    cost = made.cost_field[target.cell]
     assert cost > 0.05
     assert target.score == pytest.approx(np.exp(-cost / 2))
 
@@ -201,7 +200,7 @@ def test_only_a_place_in_our_own_lane_is_behind_where_we_are() -> None:
 
 def test_a_distance_to_go_is_held_to_within_a_tenth_and_a_metre() -> None:
     made = planned(Street(), asked("stop", distance_m=20.0, distance_of="ego"), None)
-    assert made.field is not None
-    ahead_m = Street().grid.centres()[..., 0][np.isfinite(made.field)] - EGO_CENTRE_M
+    assert made.cost_field is not None
+    ahead_m = Street().grid.centres()[..., 0][np.isfinite(made.cost_field)] - EGO.centre_m
     assert 17 <= ahead_m.min() < 17.5
     assert 22.5 < ahead_m.max() <= 23
