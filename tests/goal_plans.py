@@ -22,24 +22,24 @@ LENGTHWISE_M, SIDEWAYS_M = (4.4 + EGO.length_m) / 2, (1.8 + EGO.width_m) / 2
 EDGE_M = HALF_ROAD_M - EGO.width_m / 2 - 0.3
 
 
-def asked(action: str, relation: str = "none", **more: object) -> Query:
+def make_query(action: str, relation: str = "none", **more: object) -> Query:
     """A query as a parser would make it, with 'the car' where a relation needs one."""
     if relation != "none":
         more = {"referent": Referent("car", "car"), "landmark": "referent", **more}
     return replace(Query("", action, (action,), relation), **more)  # type: ignore[arg-type]
 
 
-def named(scene: Scene, name: str) -> SceneObject:
+def object_named(scene: Scene, name: str) -> SceneObject:
     return next(item for item in scene.objects if item.id == name)
 
 
-def planned(street: Street, query: Query, name: str | None = "car", partner: str | None = None) -> GoalPlan:
+def plan_in(street: Street, query: Query, name: str | None = "car", partner: str | None = None) -> GoalPlan:
     """The plan beside a vehicle of a street, checked for what holds of every plan."""
     scene = street.scene()
     assert scene.bev is not None
     road = RoadMap.from_map(scene.bev, scene.objects, EGO)
-    item = None if name is None else named(scene, name)
-    made = plan_goal(query, scene, road, item, None if partner is None else named(scene, partner))
+    item = None if name is None else object_named(scene, name)
+    made = plan_goal(query, scene, road, item, None if partner is None else object_named(scene, partner))
     check_invariants(made, scene, road)
     return made
 
@@ -79,15 +79,15 @@ def cells_under(target: Target, grid: BEVGrid) -> BoolArray:
     return np.asarray((np.abs(along) <= EGO.length_m / 2) & (np.abs(across) <= EGO.width_m / 2))
 
 
-def found(made: GoalPlan) -> Target:
+def target_of(made: GoalPlan) -> Target:
     assert made.target is not None, made.reasons
     return made.target
 
 
-def near(target: Target, x_m: float, y_m: float) -> bool:
+def is_near(target: Target, x_m: float, y_m: float) -> bool:
     """Whether the target is the cell of a place, or one beside it."""
     return bool(np.abs(target.ego_m - [x_m, y_m]).max() <= 2 * HALF_CELL_M)
 
 
-def said(made: GoalPlan, words: str) -> bool:
+def has_reason(made: GoalPlan, words: str) -> bool:
     return any(words in reason for reason in made.reasons)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from goal_plans import asked, check_invariants
+from goal_plans import check_invariants, make_query
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from scipy import ndimage
@@ -16,12 +16,17 @@ from grounding.query import Query
 from grounding.road.road_map import RoadMap
 
 RELATIONS = ("behind", "in_front_of", "next_to", "near", "left_of", "right_of", "opposite", "past", "before", "at")
-WITH = [asked(action, relation) for relation in (*RELATIONS, "toward") for action in ("park", "stop", "pull_over")]
-WITH += [asked(action) for action in ("follow", "approach", "overtake", "drive_past", "change_lane", "avoid")]
-WITH += [asked("park", "between"), asked("turn", "past", direction="left"), asked("follow", "same_as")]
-WITH += [asked("stop", "behind", distance_m=5.0, distance_of="referent"), asked("park", "near", goal_side="left")]
-ALONE = [asked("turn", direction=way) for way in ("left", "right", "around", "straight")]
-ALONE += [asked(action) for action in ("park", "pull_over", "stop", "wait", "slow_down", "change_lane")]
+WITH = [
+    make_query(action, relation) for relation in (*RELATIONS, "toward") for action in ("park", "stop", "pull_over")
+]
+WITH += [make_query(action) for action in ("follow", "approach", "overtake", "drive_past", "change_lane", "avoid")]
+WITH += [make_query("park", "between"), make_query("turn", "past", direction="left"), make_query("follow", "same_as")]
+WITH += [
+    make_query("stop", "behind", distance_m=5.0, distance_of="referent"),
+    make_query("park", "near", goal_side="left"),
+]
+ALONE = [make_query("turn", direction=way) for way in ("left", "right", "around", "straight")]
+ALONE += [make_query(action) for action in ("park", "pull_over", "stop", "wait", "slow_down", "change_lane")]
 GRIDS = [BEVGrid.surround(), BEVGrid.front(), BEVGrid(-8.0, 24.0, -16.0, 20.0)]
 
 
@@ -53,7 +58,7 @@ def streets(draw: st.DrawFn) -> Street:
 
 @settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck))
 @given(streets(), st.sampled_from(WITH + ALONE), st.integers(0, 10**6), st.booleans())
-def test_no_place_breaks_a_constraint(street: Street, query: Query, pick: int, soft: bool) -> None:
+def test_no_goal_violates_a_constraint(street: Street, query: Query, pick: int, soft: bool) -> None:
     scene = street.scene()
     bev = scene.bev
     assert bev is not None

@@ -43,7 +43,7 @@ def test_the_axis_of_a_straight_road(angle_deg: float) -> None:
     assert road.axis_confidence[far].min() > 0.8
 
 
-def test_our_direction_along_a_ring_and_behind_us() -> None:
+def test_direction_of_travel_along_a_ring() -> None:
     ring = np.asarray(np.abs(np.hypot(X - EGO.centre_m, Y - 20) - 20) < 4)
     road = road_of(ring)
     for angle_deg in (-80, -40, 40, 80, 120):
@@ -52,7 +52,7 @@ def test_our_direction_along_a_ring_and_behind_us() -> None:
         assert abs(np.sin((road.direction_at(at) - angle) / 2)) < 0.06, angle_deg
 
 
-def test_a_side_road_is_left_by_where_one_comes_from() -> None:
+def test_direction_of_travel_on_side_roads_leads_away_from_the_ego() -> None:
     cross = strip(0) | ((np.abs(X - 20) < 4) & (Y > 0)) | ((np.abs(X - 10) < 4) & (Y < 0))
     road = road_of(np.asarray(cross))
     assert road.direction_at(np.array([20.0, 25.0])) == pytest.approx(np.pi / 2, abs=0.06)
@@ -62,7 +62,7 @@ def test_a_side_road_is_left_by_where_one_comes_from() -> None:
     assert road.axis_confidence[i, j] < 0.6 < road.axis_confidence[tuple(GRID.cell_of([20.0, 25.0]))]
 
 
-def test_the_direction_does_not_turn_round_in_a_wide_junction() -> None:
+def test_direction_of_travel_is_kept_in_a_wide_junction() -> None:
     corners = [np.hypot(X - x, Y - y) > 7 for x in (8, 32) for y in (-12, 12)]
     cross = (
         strip(0, 5.0) | (np.abs(X - 20) < 5) | ((np.abs(X - 20) < 12) & (np.abs(Y) < 12) & np.all(corners, axis=0))
@@ -77,13 +77,13 @@ def test_the_direction_does_not_turn_round_in_a_wide_junction() -> None:
     assert np.cos(road.direction_rad[behind]).min() > 0.9
 
 
-def test_the_direction_before_a_vehicle_that_one_drives_round() -> None:
+def test_direction_of_travel_is_kept_around_obstacles() -> None:
     road = road_of(strip(0, 4.5), Street().car("c", 14, 0).car("d", 14, 3.2).car("e", 22, -3))
     reached = np.isfinite(road.paths.length_m)
     assert np.cos(road.direction_rad[reached & (X > -20) & (X < 36)]).min() > 0.9
 
 
-def test_vehicles_tell_the_axis_where_no_edge_does() -> None:
+def test_vehicles_show_the_axis_without_edges() -> None:
     street = Street()
     for number in range(4):
         street.car(f"c{number}", 5 + 6 * number, 6 + 4 * number, yaw_rad=np.arctan2(4, 6))
@@ -91,12 +91,12 @@ def test_vehicles_tell_the_axis_where_no_edge_does() -> None:
     assert road.direction_at(np.array([17.0, 14.0])) == pytest.approx(np.arctan2(4, 6), abs=0.1)
 
 
-def test_one_that_stands_across_a_plain_road_says_nothing() -> None:
+def test_a_vehicle_across_a_clear_road_does_not_vote() -> None:
     road = road_of(strip(0), Street().car("c", 15, 0, yaw_rad=np.pi / 2))
     assert road.direction_at(np.array([15.0, 0.0])) == pytest.approx(0, abs=0.02)
 
 
-def test_ways_are_as_wide_as_the_ego() -> None:
+def test_paths_are_as_wide_as_the_ego() -> None:
     gate = strip(0) & ~((np.abs(X - 10) < 1) & (np.abs(Y) > 0.7))
     wide = strip(0) & ~((np.abs(X - 10) < 1) & (np.abs(Y) > 1.3))
     there = tuple(GRID.cell_of([20.0, 0.0]))
@@ -104,7 +104,7 @@ def test_ways_are_as_wide_as_the_ego() -> None:
     assert road_of(np.asarray(wide)).paths.length_m[there] == pytest.approx(20 - EGO.centre_m, abs=0.6)
 
 
-def test_small_holes_are_closed_in_predicted_maps_only_and_never_stood_on() -> None:
+def test_small_holes_are_filled_for_paths_on_predicted_maps_only() -> None:
     holes = strip(0, 2.0) & ~((np.abs(X - 10) < 0.3) & (np.abs(Y) < 0.6))
     there = tuple(GRID.cell_of([20.0, 0.0]))
     assert not np.isfinite(road_of(np.asarray(holes)).paths.length_m[there])
@@ -113,7 +113,7 @@ def test_small_holes_are_closed_in_predicted_maps_only_and_never_stood_on() -> N
     assert soft.free_space.flags(GRID.cell_of([[10.0, 0.0]]), np.zeros(1)).tolist() == [OFF_ROAD]
 
 
-def test_the_ways_start_on_the_nearest_free_cell() -> None:
+def test_paths_start_at_the_nearest_free_cell() -> None:
     beside = np.asarray(np.abs(Y - 5) < 3)
     road = road_of(beside)
     assert road.paths.length_m.min() == 0
@@ -122,7 +122,7 @@ def test_the_ways_start_on_the_nearest_free_cell() -> None:
     assert not len(road_of(np.asarray(np.abs(Y - 20) < 3)).paths.cells)
 
 
-def test_the_own_lane_follows_a_bend_and_crosses_a_junction_straight() -> None:
+def test_the_ego_lane_follows_a_bend_and_crosses_a_junction_straight() -> None:
     bend = np.asarray(np.abs(np.hypot(X - EGO.centre_m, Y - 30) - 30) < 4)
     own = road_of(bend).ego_lane
     for along in (10, 20, 30):
@@ -134,13 +134,13 @@ def test_the_own_lane_follows_a_bend_and_crosses_a_junction_straight() -> None:
     assert not cross.at_road_end
 
 
-def test_the_own_lane_ends_where_the_road_does() -> None:
+def test_the_ego_lane_ends_with_the_road() -> None:
     own = road_of(np.asarray(strip(0) & (X < 20))).ego_lane
     assert own.at_road_end
     assert own.end_m == pytest.approx(20 - EGO.centre_m, abs=1.5)
 
 
-def test_metres_along_and_aside_of_a_lane() -> None:
+def test_lane_coordinates_of_a_cell() -> None:
     road = road_of(strip(0))
     cell = tuple(GRID.cell_of([15.0, 3.0]))
     assert (road.along_m[cell], road.lateral_m[cell]) == pytest.approx(
@@ -148,7 +148,7 @@ def test_metres_along_and_aside_of_a_lane() -> None:
     )
 
 
-def test_the_way_to_the_edge() -> None:
+def test_distance_to_the_road_edge() -> None:
     road = road_of(np.asarray((Y > -4) & (Y < 7)))
     cells = GRID.cell_of([[10.0, 0.2], [10.0, 20.0], [30.0, 0.2]])
     left, right = (road.edge_distance_m(cells, np.full(3, turn)) for turn in (np.pi / 2, -np.pi / 2))
@@ -166,7 +166,7 @@ def test_the_side_of_traffic() -> None:
     assert road_of(strip(0, 6.0), standing).traffic_side == 1
 
 
-def test_what_forbids_a_place() -> None:
+def test_flags_of_invalid_poses() -> None:
     street = Street().car("c", 20, 0)
     street.road_known[X < -30] = False
     scene = street.scene()
@@ -177,7 +177,7 @@ def test_what_forbids_a_place() -> None:
     assert flags == [0, TAKEN, OFF_ROAD, UNKNOWN, OFF_MAP, TAKEN]
 
 
-def test_a_part_of_a_cell_over_the_rim_is_off_the_map() -> None:
+def test_a_footprint_partly_outside_the_map_is_off_the_map() -> None:
     scene = Street().scene()
     assert scene.bev is not None
     free_space = FreeSpace.from_map(scene.bev, (), EGO)
@@ -186,7 +186,7 @@ def test_a_part_of_a_cell_over_the_rim_is_off_the_map() -> None:
     assert (off > 0).tolist() == (GRID.centre_of(cells)[:, 0] + 2.3 > 40).tolist()
 
 
-def test_cells_under_a_turned_footprint_are_those_whose_centres_it_covers() -> None:
+def test_a_turned_footprint_covers_cells_by_their_centres() -> None:
     chance = np.random.default_rng(4)
     street = Street()
     street.occupancy[VEHICLE] = chance.random(GRID.shape) < 0.004
@@ -215,19 +215,19 @@ def test_gaps_to_a_vehicle() -> None:
     assert FreeSpace.from_map(scene.bev, (), EGO).nearest_object(places[0], 0.0) == (None, np.inf)
 
 
-def test_the_agreeing_end_of_an_axis() -> None:
+def test_align_axis() -> None:
     assert align_axis(0.2, 0.0) == pytest.approx(0.2)
     assert align_axis(0.2, np.pi) == pytest.approx(0.2 - np.pi)
 
 
-def test_markings_alone_show_the_way() -> None:
+def test_markings_alone_show_the_axis() -> None:
     street = Street()
     street.occupancy[LANE] = np.abs((X - EGO.centre_m) * np.sin(0.4) - Y * np.cos(0.4)) % 3.5 < 0.3
     road = road_of(np.ones(GRID.shape, np.bool_), street)
     assert road.direction_at(np.array([20.0, 8.0])) == pytest.approx(0.4, abs=0.05)
 
 
-def test_what_blocks_our_road_is_not_seen_from_beyond() -> None:
+def test_direction_at_an_obstacle_that_is_reached_from_beyond() -> None:
     """The only way round it comes back along our road from the other side."""
     loop = (np.abs(X - 6) < 3) & (np.abs(Y + 8) < 10)
     loop |= (np.abs(X - 34) < 3) & (np.abs(Y + 8) < 10)
@@ -239,14 +239,14 @@ def test_what_blocks_our_road_is_not_seen_from_beyond() -> None:
     assert abs(road.direction_at(np.array([18.0, 0.0]))) < 0.1
 
 
-def test_a_hole_of_six_cells_is_closed_and_one_of_seven_is_not() -> None:
+def test_a_hole_of_six_cells_is_filled_and_one_of_seven_is_not() -> None:
     small, large = strip(0, 6.0), strip(0, 6.0)
     small[150, 97:103] = large[150, 97:104] = False
     assert road_of(small, soft=True).drivable[150, 97:103].all()
     assert not road_of(large, soft=True).drivable[150, 97:104].any()
 
 
-def test_our_half_of_the_road_is_on_the_side_on_which_one_drives() -> None:
+def test_our_half_of_the_road_is_on_the_side_of_traffic() -> None:
     """On a road of 16 m it is 4 m from the edge."""
     road = RoadMap.from_map(Street().bev(), (), EGO)
     cells = GRID.cell_of([[10.0, -4.1], [10.0, 3.9]])
@@ -255,7 +255,7 @@ def test_our_half_of_the_road_is_on_the_side_on_which_one_drives() -> None:
     np.testing.assert_allclose(replace(road, traffic_side=-1).half_road_offset_m(cells, ahead), [8, 0], atol=0.5)
 
 
-def test_a_heading_lies_between_the_axis_of_the_road_and_the_one_that_is_liked() -> None:
+def test_a_blended_heading_is_between_the_axis_and_the_preferred_one() -> None:
     road, cell = RoadMap.from_map(Street().bev(), (), EGO), np.array([[125, 95]])
     assert road.tracer.axis_rad[125, 95] == pytest.approx(0, abs=0.01)
     for like in (0.4, -0.4, np.pi - 0.4):

@@ -19,7 +19,7 @@ def everywhere() -> BoolArray:
     return np.ones(GRID.shape, np.bool_)
 
 
-def test_lengths_straight_and_slanting() -> None:
+def test_path_lengths_straight_and_diagonal() -> None:
     length = paths(everywhere()).length_m
     assert length[4, 20] == 0
     assert length[14, 20] == pytest.approx(5)
@@ -28,7 +28,7 @@ def test_lengths_straight_and_slanting() -> None:
     assert np.isfinite(length).all()
 
 
-def test_a_wall_is_gone_round_and_a_closed_yard_is_out_of_reach() -> None:
+def test_paths_go_around_walls_and_not_through_them() -> None:
     free = everywhere()
     free[20, 5:] = False
     made = paths(free)
@@ -38,27 +38,27 @@ def test_a_wall_is_gone_round_and_a_closed_yard_is_out_of_reach() -> None:
     assert not np.isfinite(paths(free).length_m[21:]).any()
 
 
-def test_what_is_extra_costd_is_gone_round_where_that_is_little_longer() -> None:
+def test_paths_avoid_costly_cells_if_the_detour_is_short() -> None:
     extra_cost = np.zeros(GRID.shape)
     extra_cost[20, 18:23] = 5
     chain = find_shortest_paths(GRID, everywhere(), extra_cost, (4, 20)).cells_to((36, 20))
     assert not np.isin(chain[chain[:, 0] == 20][:, 1], np.arange(18, 23)).any()
 
 
-def test_nothing_is_reached_without_a_start() -> None:
+def test_without_a_start_no_cell_is_reachable() -> None:
     made = paths(everywhere(), None)
     assert not np.isfinite(made.length_m).any()
     assert len(made.cells) == 0
 
 
-def test_the_chain_goes_from_neighbour_to_neighbour() -> None:
+def test_a_path_visits_neighbouring_cells() -> None:
     chain = paths(everywhere()).cells_to((30, 7))
     assert chain[0].tolist() == [4, 20]
     assert chain[-1].tolist() == [30, 7]
     assert np.abs(np.diff(chain, axis=0)).max() == 1
 
 
-def test_cells_some_steps_before() -> None:
+def test_ancestors() -> None:
     made = paths(everywhere())
     at = int(np.searchsorted(made.cells, np.ravel_multi_index((14, 20), GRID.shape)))
     assert np.unravel_index(made.cells[made.ancestors(8)[at]], GRID.shape) == (6, 20)
@@ -88,12 +88,12 @@ def test_a_route_keeps_to_free_cells() -> None:
     assert np.hypot(*np.diff(route, axis=0).T).sum() < made.length_m[36, 10] * 1.05
 
 
-def test_a_route_to_where_we_are() -> None:
+def test_a_route_to_the_start() -> None:
     start = GRID.centre_of([4, 20]) + 0.1
     assert paths(everywhere()).route_to((4, 20), start, 0.0) == pytest.approx(np.stack([start, start - 0.1]))
 
 
-def test_a_route_round_a_corner_bends_softly() -> None:
+def test_a_route_around_a_corner_is_smooth() -> None:
     free = everywhere()
     free[18:22, :30] = False
     route = paths(free).route_to((36, 10), GRID.centre_of([4, 20]), 0.0)
@@ -102,7 +102,7 @@ def test_a_route_round_a_corner_bends_softly() -> None:
 
 
 @pytest.mark.parametrize("cell", [(14, 20), (34, 20)])
-def test_a_extra_costd_end_is_entered_from_any_side(cell: tuple[int, int]) -> None:
+def test_a_costly_goal_is_reached_from_any_side(cell: tuple[int, int]) -> None:
     extra_cost = np.zeros(GRID.shape)
     extra_cost[cell] = 100
     made = find_shortest_paths(GRID, everywhere(), extra_cost, (24, 20))

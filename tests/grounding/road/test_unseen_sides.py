@@ -46,7 +46,7 @@ def test_sides_without_a_camera_are_named() -> None:
 @pytest.mark.parametrize(
     "text", ["turn around", "stop", "park on the right", "go back 20 metres", "change to the left lane"]
 )
-def test_no_place_and_no_way_is_taken_where_no_camera_sees(text: str) -> None:
+def test_goals_and_routes_avoid_unseen_cells(text: str) -> None:
     bev = predicted(Street(), AHEAD)
     answer = grounder(bev).ground(text)
     allowed = AHEAD | EGO.body_cells(GRID)
@@ -58,7 +58,7 @@ def test_no_place_and_no_way_is_taken_where_no_camera_sees(text: str) -> None:
     assert answer.reasons[-1] == "on our left, on our right and behind us nothing is seen"
 
 
-def test_a_guess_is_used_where_it_is_asked_for() -> None:
+def test_guesses_are_used_on_request() -> None:
     street = Street().car("behind", -12.0, -3.0, RED)
     bev = predicted(street, AHEAD)
     refused, trusted = (grounder(each).ground("park behind the red car") for each in (bev, bev.with_guesses()))
@@ -70,7 +70,7 @@ def test_a_guess_is_used_where_it_is_asked_for() -> None:
     assert not any("nothing is seen" in reason for reason in trusted.reasons)
 
 
-def test_a_vehicle_that_no_camera_sees_is_not_meant_even_if_it_is_tracked() -> None:
+def test_tracked_vehicles_in_unseen_cells_are_left_out() -> None:
     street = Street().car("ahead", 12.0, 1.0, WHITE).car("behind", -8.0, 1.0, WHITE)
     made = Grounder()
     scene = made.set_scene(predicted(street, AHEAD), street.boxes())
