@@ -1,4 +1,4 @@
-"""Plans asked for in tests, each checked for what holds of every plan."""
+"""Goal plans for tests; the invariants of every plan are checked."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ EDGE_M = HALF_ROAD_M - EGO.width_m / 2 - 0.3
 
 
 def make_query(action: str, relation: str = "none", **more: object) -> Query:
-    """A query as a parser would make it, with 'the car' where a relation needs one."""
+    """A query as the parser makes it; a relation refers to "the car"."""
     if relation != "none":
         more = {"referent": Referent("car", "car"), "landmark": "referent", **more}
     return replace(Query("", action, (action,), relation), **more)  # type: ignore[arg-type]
@@ -34,7 +34,7 @@ def object_named(scene: Scene, name: str) -> SceneObject:
 
 
 def plan_in(street: Street, query: Query, name: str | None = "car", partner: str | None = None) -> GoalPlan:
-    """The plan beside a vehicle of a street, checked for what holds of every plan."""
+    """Plan a goal relative to a vehicle of a street and check the invariants."""
     scene = street.scene()
     assert scene.bev is not None
     road = RoadMap.from_map(scene.bev, scene.objects, EGO)
@@ -45,7 +45,7 @@ def plan_in(street: Street, query: Query, name: str | None = "car", partner: str
 
 
 def check_invariants(made: GoalPlan, scene: Scene, road: RoadMap) -> None:
-    """What holds for every plan, worked out apart from the code that made it."""
+    """Check what holds for every plan, independently of the planner's code."""
     bev = scene.bev
     assert bev is not None
     assert made.reasons
@@ -85,7 +85,7 @@ def target_of(made: GoalPlan) -> Target:
 
 
 def is_near(target: Target, x_m: float, y_m: float) -> bool:
-    """Whether the target is the cell of a place, or one beside it."""
+    """Return whether the target is within one cell of a position."""
     return bool(np.abs(target.ego_m - [x_m, y_m]).max() <= 2 * HALF_CELL_M)
 
 

@@ -1,4 +1,4 @@
-"""What keeps the ego off a place, and what is said of it."""
+"""Constraints on goal poses, and how violations are reported."""
 
 from __future__ import annotations
 

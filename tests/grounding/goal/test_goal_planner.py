@@ -1,4 +1,4 @@
-"""Places that commands ask for."""
+"""Goal poses of commands."""
 
 from __future__ import annotations
 
@@ -112,7 +112,7 @@ def test_driving_past_stays_in_the_ego_lane_even_if_the_gap_is_shorter() -> None
 
 
 def test_the_tolerance_of_next_to_along_the_vehicle() -> None:
-    """Lengths may miss each other's middle by a metre and half a cell."""
+    """The ego may be a metre and half a cell ahead of or behind the vehicle."""
     rim_m = 25 - 2.2 - 1.0  # from the middle of the red car
     street = Street().car("car", 25, -3, RED).car("blocker", rim_m + LENGTHWISE_M + 0.5, 0, BLACK)
     street = street.car("other side", 24, -6, WHITE)
@@ -188,7 +188,7 @@ def test_the_goal_side() -> None:
 
 
 def test_the_score_is_a_gaussian_of_the_cost() -> None:
-    """The cost is a squared distance in standard deviations: the score is a Gaussian's, one at the best place."""
+    """The cost is a squared distance in standard deviations; the score is one for the ideal candidate."""
     made = plan_in(Street().car("car", -14, -6), make_query("park", "behind"))
     target = target_of(made)
     assert made.cost_field is not None

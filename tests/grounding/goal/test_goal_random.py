@@ -1,4 +1,4 @@
-"""What holds of every plan, on roads and among vehicles drawn by chance."""
+"""Invariants of goal plans on random roads with random vehicles."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ GRIDS = [BEVGrid.surround(), BEVGrid.front(), BEVGrid(-8.0, 24.0, -16.0, 20.0)]
 
 @st.composite
 def streets(draw: st.DrawFn) -> Street:
-    """Roads crossing at any angle, with markings, unknown patches, holes and vehicles that stand anyhow."""
+    """Roads crossing at any angle, with markings, unknown cells, holes and vehicles at any pose."""
     street = Street(draw(st.sampled_from(GRIDS)))
     chance = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
     x, y = np.moveaxis(street.grid.centres(), -1, 0)
@@ -62,7 +62,7 @@ def test_no_goal_violates_a_constraint(street: Street, query: Query, pick: int, 
     scene = street.scene()
     bev = scene.bev
     assert bev is not None
-    if soft:  # A predicted map: nothing is quite sure, and small holes are closed for ways, never for places.
+    if soft:  # A predicted map: probabilities, and small holes are filled for paths but not for goals.
         occupancy = np.clip(bev.occupancy, 0.1, 0.9)
         bev = BEVMap(bev.grid, occupancy, bev.occupancy_valid, bev.appearance, bev.appearance_valid)
     road = RoadMap.from_map(bev, scene.objects, EGO)
@@ -74,7 +74,7 @@ def test_no_goal_violates_a_constraint(street: Street, query: Query, pick: int, 
     made = plan_goal(query, scene, road, item, partner, forbidden)
     check_invariants(made, scene, road)
     if made.target is not None and not soft:
-        # Worked out apart from the search for ways: one piece of cells in which a disc of the ego's width fits.
+        # Independent of the path search: goal and start are in one component where a disc of the ego width fits.
         open_ = np.pad(bev.on[ROAD] & bev.occupancy_valid[:2].all(axis=0) & ~bev.on[VEHICLE], 1)
         room = ndimage.distance_transform_edt(open_)[1:-1, 1:-1] * bev.grid.cell_m
         piece = ndimage.label(room > 0.95, np.ones((3, 3)))[0]

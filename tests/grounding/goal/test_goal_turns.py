@@ -1,4 +1,4 @@
-"""Other roads: turns, and where our lane ends."""
+"""Goals on other roads: turns, and the end of the ego lane."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def test_beyond_the_end_of_the_ego_lane_the_goal_is_on_another_road() -> None:
 
 
 def crossing(*at_m: float) -> Street:
-    """A street with side roads of 8 m width to the left at some distances, and the way there marked."""
+    """A street with lane markings and side roads of 8 m width to the left, at some distances."""
     street = Street()
     x, y = np.moveaxis(street.grid.centres(), -1, 0)
     for middle_m in at_m:

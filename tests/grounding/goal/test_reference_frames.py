@@ -1,4 +1,4 @@
-"""Frames of reference: whose front, whose left, and the same in a mirror."""
+"""Frames of reference for front and left, and mirrored scenes."""
 
 from __future__ import annotations
 

@@ -13,7 +13,7 @@ BENDS = [0.0, 0.004, -0.006, 0.012]
 
 
 def traffic(*rows: tuple[float, float, float, float]) -> TrafficState:
-    """Vehicles by place, heading in degrees and speed."""
+    """Vehicles from rows of x, y, heading in degrees and speed."""
     values = np.array(rows, dtype=np.float64).reshape(-1, 4)
     known = np.ones(len(values), np.bool_)
     return TrafficState(values[:, :2], np.radians(values[:, 2]), known, values[:, 3] > 1, values[:, 3] < 0.4)
@@ -30,7 +30,7 @@ def on_map(street: Street, *rows: tuple[float, float, float, float]) -> LaneMode
 
 
 def on_bend(bend_per_m: float, along_m: FloatArray, sideways_m: float) -> tuple[FloatArray, FloatArray]:
-    """Places and directions on a road that bends."""
+    """Positions and directions on a curved road."""
     angle = bend_per_m * along_m
     return np.stack([along_m, bend_per_m * along_m**2 / 2 + sideways_m], axis=1), angle
 
@@ -96,7 +96,7 @@ def test_lanes_driven_in_our_direction_count() -> None:
 
 
 def street_of_lanes(lowest: float, highest: float) -> Street:
-    """A street of some lanes to the right and left of ours."""
+    """A street with lanes from `lowest` to `highest`; ours is 0."""
     street = Street()
     lane = street.grid.centres()[0, :, 1] / LANE_M
     street.occupancy[ROAD] = 0

@@ -29,7 +29,7 @@ def road_of(road: BoolArray, street: Street | None = None, soft: bool = False) -
 
 
 def strip(angle_rad: float, half_m: float = 4.0) -> BoolArray:
-    """A road through the ego's middle at an angle."""
+    """A straight road through the ego's centre at an angle."""
     return np.asarray(np.abs(Y * np.cos(angle_rad) - (X - EGO.centre_m) * np.sin(angle_rad)) < half_m)
 
 
@@ -228,7 +228,7 @@ def test_markings_alone_show_the_axis() -> None:
 
 
 def test_direction_at_an_obstacle_that_is_reached_from_beyond() -> None:
-    """The only way round it comes back along our road from the other side."""
+    """The only path around it comes back along our road from the other side."""
     loop = (np.abs(X - 6) < 3) & (np.abs(Y + 8) < 10)
     loop |= (np.abs(X - 34) < 3) & (np.abs(Y + 8) < 10)
     loop |= (np.abs(Y + 15) < 3) & (X > 3) & (X < 37)
@@ -247,7 +247,7 @@ def test_a_hole_of_six_cells_is_filled_and_one_of_seven_is_not() -> None:
 
 
 def test_our_half_of_the_road_is_on_the_side_of_traffic() -> None:
-    """On a road of 16 m it is 4 m from the edge."""
+    """On a road of 16 m its middle is 4 m from the edge."""
     road = RoadMap.from_map(Street().bev(), (), EGO)
     cells = GRID.cell_of([[10.0, -4.1], [10.0, 3.9]])
     ahead = np.zeros(2)

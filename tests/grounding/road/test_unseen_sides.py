@@ -1,4 +1,4 @@
-"""Predictions of a rig that does not look everywhere: nothing is taken from cells that no camera sees."""
+"""Predictions of a rig without all-round view: cells that no camera sees are unknown."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from grounding.road.visibility import unseen_sides
 
 GRID = BEVGrid.surround()
 X_M, Y_M = np.moveaxis(GRID.centres(), -1, 0)
-# What one front camera of 70 degrees sees.
+# Cells in the view of a front camera of 70 degrees.
 AHEAD = np.abs(np.arctan2(Y_M, X_M - 1.7)) < np.radians(35)
 THRESHOLDS = {"road": 0.5, "vehicle": 0.5, "lane": 0.5}
 
 
 def predicted(street: Street, seen: BoolArray) -> BEVMap:
-    """The street as a network predicts it that guesses right everywhere."""
+    """The street as a perfect network predicts it, with cells that no camera sees marked invalid."""
     bev = street.bev()
     valid = np.broadcast_to(seen & ~EGO.body_cells(GRID), (3, *GRID.shape)).copy()
     return replace(bev, occupancy_valid=valid, appearance_valid=valid[0].copy(), meta={"thresholds": THRESHOLDS})
