@@ -27,8 +27,8 @@ from grounding.scene_object import SceneObject
 _MAX_START_M = 6.0
 # Holes of up to this many cells in the road of a predicted map are filled.
 _HOLE_CELLS = 6
-# Path direction is measured over this many steps. Thresholds on cosines: of path and axis, below which the path crosses
-# the axis; of path and ego heading, below minus which it drives back; of two axes, above which they are one road.
+# Path direction is measured over this many steps. Thresholds on cosines: of path and axis, below which the path
+# crosses the axis; of path and ego heading, below minus which it drives back; of two axes of the same road.
 _STEPS = 8
 _CROSSING, _BACKWARD, _STEADY = 0.6, 0.5, 0.5
 # The direction of travel is a majority vote of paths in a neighbourhood of this size.
