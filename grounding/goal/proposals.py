@@ -94,7 +94,7 @@ def _propose_with(query: Query, road: RoadMap, item: SceneObject, partner: Scene
             return _propose_alone(query, road)
         if action in ("slow_down", "avoid"):
             return _propose_short_of(road, item)
-        relation = _RELATION_OF[action]
+        return propose_relation(_RELATION_OF[action], query, road, item)
     return propose_relation(relation, query, road, item)
 
 
