@@ -90,12 +90,14 @@ class CandidateSearch:
                 if self.road.free_space.nearest_object(centre, float(headings[one]))[1] >= MARGIN_M:
                     found.append(GoalCandidate(self.candidate_sets[self._set_index[one]], int(indices[one])))
                     chunk, order = (
-                        rest[self._apart(cells[rest], cells[one]) & (costs[rest] <= found[0].cost + _MAX_EXTRA_COST)]
+                        rest[
+                            self._is_apart(cells[rest], cells[one]) & (costs[rest] <= found[0].cost + _MAX_EXTRA_COST)
+                        ]
                         for rest in (chunk, order)
                     )
         return found
 
-    def _apart(self, cells: IntArray, other: IntArray) -> BoolArray:
+    def _is_apart(self, cells: IntArray, other: IntArray) -> BoolArray:
         """(N,) whether cells are at least an ego length from another."""
         distance_m = np.linalg.norm(cells - other, axis=1) * self.road.grid.cell_m
         return np.asarray(distance_m >= self.road.ego.length_m)

@@ -44,7 +44,7 @@ def propose_side_road(road: RoadMap, side: str, reference_m: float | None = None
         relation: "past" or "before" the reference, or nearest to it ("at").
     """
     sign = 1.0 if side == "left" else -1.0
-    ahead = road.ego_lane.straightened_at_corner(_CORNER_RAD, _CORNER_M)
+    ahead = road.ego_lane.straighten_at_corner(_CORNER_RAD, _CORNER_M)
     all_along, all_lateral = (
         (road.along_m, road.lateral_m) if ahead is road.ego_lane else ahead.cell_coordinates(road.grid)
     )

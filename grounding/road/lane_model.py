@@ -109,7 +109,7 @@ class Centreline:
         lateral = (py * tx - px * ty)[nearest]
         return along, y * tx[nearest] - x[:, None] * ty[nearest] - lateral
 
-    def straightened_at_corner(self, corner_rad: float, within_m: float) -> Centreline:
+    def straighten_at_corner(self, corner_rad: float, within_m: float) -> Centreline:
         """Return the line straight on from its first corner: where it turns by that angle within that distance."""
         heading = np.unwrap(np.arctan2(self.tangents[:, 1], self.tangents[:, 0]))
         window = round(within_m / POINT_M)
@@ -167,12 +167,12 @@ class TrafficState:
 
 def lanes_from_vehicles(traffic: TrafficState) -> LaneModel:
     """Estimate the lanes from vehicles alone, without a map."""
-    centreline = _arc(*_fit_arc(traffic))
+    centreline = _arc_centreline(*_fit_arc(traffic))
     lateral = centreline.project(traffic.xy_m)[1]
     lane = lateral / LANE_M
     # Most countries drive on the right; oncoming vehicles, moving ones above all, are evidence for the left.
     votes = np.clip(lane, -2, 2) * np.where(traffic.moving, 2, 1)
-    votes = votes * (_headings(centreline, traffic)[1] & (np.abs(lane) < _MAX_VOTING_LANES))
+    votes = votes * (_split_by_direction(centreline, traffic)[1] & (np.abs(lane) < _MAX_VOTING_LANES))
     return _count_lanes(centreline, traffic, {}, bool(votes.sum() > -0.5))
 
 
@@ -188,12 +188,12 @@ def lanes_from_map(
         oncoming_left: whether oncoming traffic is on our left.
         ego: size of the ego vehicle.
     """
-    centreline = _extended(ego_lane.points_m, ego_lane.start_m + ego.centre_m)
+    centreline = _extend(ego_lane.points_m, ego_lane.start_m + ego.centre_m)
     return _count_lanes(centreline, traffic, _lanes_on_road(centreline, bev), oncoming_left)
 
 
-def _headings(centreline: Centreline, traffic: TrafficState) -> tuple[BoolArray, BoolArray]:
-    """(N,) each: which vehicles head in our direction, and which against it."""
+def _split_by_direction(centreline: Centreline, traffic: TrafficState) -> tuple[BoolArray, BoolArray]:
+    """Return which vehicles (N,) head in our direction, and which (N,) against it."""
     turn = np.cos(traffic.yaw_rad - centreline.direction_rad(traffic.xy_m))
     return traffic.front_known & (turn > 0.9), traffic.front_known & (-turn > 0.9)
 
@@ -203,7 +203,7 @@ def _count_lanes(
 ) -> LaneModel:
     """Number the lanes in our direction by the vehicles in them and by the map, if `on_road` is not empty."""
     along, lateral = centreline.project(traffic.xy_m)
-    with_us, facing = _headings(centreline, traffic)
+    with_us, facing = _split_by_direction(centreline, traffic)
     near = (along > -15) & (along < 45)
     chosen = (near & with_us & traffic.moving, near & facing & traffic.moving, near & traffic.standing)
     driven, oncoming, parked = (np.round(lateral[each] / LANE_M).astype(int) for each in chosen)
@@ -219,7 +219,7 @@ def _count_lanes(
     return LaneModel(centreline, -right, left, oncoming_left)
 
 
-def _extended(points_m: FloatArray, start_m: float) -> Centreline:
+def _extend(points_m: FloatArray, start_m: float) -> Centreline:
     """Extend points one metre apart straight on at both ends, to the extent of the ego lane's centreline."""
     back = max(round(_BACK_M + start_m), 0)
     ahead = max(round(_AHEAD_M - start_m) - len(points_m), 0)
@@ -252,7 +252,7 @@ def _arc_offset_m(slant_rad: FloatArray | float, curvature_per_m: FloatArray | f
     return np.asarray(slant_rad * x_m + curvature_per_m * curved * (x_m - curved / 2))
 
 
-def _arc(slant_rad: float, curvature_per_m: float) -> Centreline:
+def _arc_centreline(slant_rad: float, curvature_per_m: float) -> Centreline:
     """Return the centreline of a road with a slant and a curvature."""
     along = np.arange(-_BACK_M, _AHEAD_M)
     angle = slant_rad + curvature_per_m * np.clip(along, _CURVED_FROM_M, _CURVED_TO_M)

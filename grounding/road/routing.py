@@ -85,7 +85,7 @@ class ShortestPaths:
         return self._fit(points, fixed)
 
     def _fit(self, points: FloatArray, fixed: BoolArray) -> FloatArray:
-        """Return a line through fixed points and near the others (K, 2), closer to those off the free cells."""
+        """Return a line through fixed points and near the others (K, 2), closer where it leaves free cells."""
         weights = np.where(fixed, _FIXED, 1.0)
         may_leave = ~self._is_free(points)
         bends = np.diff(np.eye(len(points)), 2, axis=0)
