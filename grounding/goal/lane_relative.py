@@ -33,7 +33,7 @@ _IN_LANE_M, _LEAVE_LANE = 1.5, 12.0
 
 
 def propose_on_our_way(relation: str, query: Query, item: SceneObject, road: RoadMap) -> Proposal:
-    """Propose candidates before or past a vehicle on our way: in line with it, in the ego lane or in the next lane."""
+    """Propose candidates before or past a vehicle on our way: in line with it, in the ego lane or the next one."""
     gaps = gap_range(query, item)
     reference = ReferenceVehicle(item, road, gaps.most_m + item.length_m / 2 + road.ego.length_m)
     sign, words = (-1.0, "short of it on our way") if relation == "before" else (1.0, "beyond it on our way")
