@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from asking import VAN_WLH_M, ask, best, car
-from street import BLACK, BLUE, RED, WHITE, Street
+from street import BLACK, BLUE, EGO, RED, WHITE, Street
 
 from appocc.colours import fit
 from grounding.query import Query, Referent
