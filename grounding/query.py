@@ -11,13 +11,13 @@ from grounding.vocabulary import Action, Relation, Trigger
 Placement = Literal["in", "into", "on", "until", "around"]
 # "with" and "of" come only from the parser: "the driver with the dog".
 LandmarkRelation = Relation | Placement | Literal["with", "of"]
-# What a landmark is measured to; "inverse": the landmark is <relation> the referent.
+# The thing that has the relation to the landmark; "inverse": the landmark has it to the referent.
 LandmarkRole = Literal["goal", "referent", "inverse"]
-# What the goal relation is measured from: the referent, or the first landmark.
+# Origin of the goal relation: the referent or the first landmark.
 Anchor = Literal["referent", "secondary"]
 Direction = Literal["left", "right", "around", "straight"]
 Side = Literal["left", "right"]
-# What a distance measures: gap between goal and referent, distance to drive, distance of the referent from the ego.
+# Meaning of a distance: gap between goal and referent, distance to drive, distance from the ego to the referent.
 DistanceRole = Literal["referent", "ego", "descriptor"]
 
 # Phrases of qualifiers that follow the noun.
@@ -147,14 +147,14 @@ class Query:
         action: main action; None if the sentence is not a driving command.
         actions: all commanded actions in order, the main one included.
         relation: relation of the goal to the landmark.
-        landmark: what the relation is measured from; None without one.
+        landmark: origin of the relation; None without one.
         referent: the vehicle; None if none is named.
         secondary: landmarks.
         direction: steering that the text commands.
         goal_side: side of the road for the goal; None if none is named.
         trigger: event of the referent that starts or ends the action.
         distance_m: None if none is named.
-        distance_of: what the distance measures; None without one.
+        distance_of: meaning of the distance; None without one.
         excluded: excluded objects.
     """
 

@@ -1,4 +1,4 @@
-"""Sentences in one line, referents, and streets to look for them in, for tests."""
+"""Helpers of tests: queries in one line, referents, and streets to resolve them in."""
 
 from __future__ import annotations
 
@@ -22,23 +22,23 @@ VAN_WLH_M = (2.0, 5.4, 2.3)
 
 
 def car(colour: str | None = None, *qualifiers: str, **more: Any) -> Referent:
-    """A car with what is said of it."""
+    """Return a car with a colour and qualifiers."""
     return Referent("car", "car", colour, qualifiers, **more)
 
 
 def ask(referent: Referent, scene: SceneModel) -> Resolution:
-    """What is found of a referent with which nothing is to be done."""
+    """Resolve a referent without an action."""
     return resolve(Query("", referent=referent), scene)
 
 
 def best(found: Resolution) -> str:
-    """The name of the one vehicle that was found."""
+    """Return the id of the resolved vehicle."""
     assert found.status == "ok", found
     return found.candidates[0].item.id
 
 
 def row() -> Street:
-    """Cars parked on the right, one oncoming and one driving ahead, one behind us."""
+    """Make a street: cars parked on the right, one oncoming, one driving ahead, one behind the ego."""
     street = Street().car("r1", 8, -5, RED).car("r2", 14, -5, WHITE).car("r3", 20, -5, BLUE).car("r4", 26, -5, WHITE)
     street.car("oncoming", 25, 3, BLACK, yaw_rad=np.pi, speed_mps=9.0)
     street.car("leader", 18, 0, GREY, speed_mps=6.0)

@@ -48,30 +48,16 @@ _LEAST_CAR_FIT = 0.3
 # Least fit of a car with another body style than the one named.
 _OTHER_BODY_FIT = 0.15
 # Head words that are more specific than "car" and "truck".
-_OFF_ROAD = ("suv", "jeep", "4x4", "four by four", "crossover")
+_SUVS = ("suv", "jeep", "4x4", "four by four", "crossover")
 _LOW_BODIES = (
-    "sedan",
-    "saloon",
-    "coupe",
-    "convertible",
-    "sports car",
-    "hatchback",
-    "estate",
-    "estate car",
-    "station wagon",
+    *("sedan", "saloon", "coupe", "convertible", "sports car", "hatchback"),
+    *("estate", "estate car", "station wagon"),
 )
 _SHORT_BODIES = ("hatchback", "compact", "compact car")
 _PICKUPS = ("pickup", "pick-up", "pick up")
 _HEAVY_TRUCKS = (
-    "lorry",
-    "semi",
-    "big rig",
-    "box truck",
-    "semi truck",
-    "18 wheeler",
-    "dump truck",
-    "garbage truck",
-    "hgv",
+    *("lorry", "semi", "big rig", "box truck", "semi truck", "18 wheeler"),
+    *("dump truck", "garbage truck", "hgv"),
 )
 
 
@@ -116,7 +102,7 @@ def _adjust_by_size(noun: str, head: str, fit: FloatArray, table: ObjectTable) -
         return np.where(truck, 0.1 + 0.9 * rising(length, 5.9, 0.1), fit) if head in _HEAVY_TRUCKS else fit
     if noun == "car":
         fit = np.where(car, fit * (1 - 0.6 * np.where(np.isnan(height), 0, rising(height, 2.0, 0.05))), fit)
-        if head in _OFF_ROAD:
+        if head in _SUVS:
             high = fill_unknown(rising(height, 1.58, 0.02) * falling(height, 1.95, 0.05))
             return np.where(car, _OTHER_BODY_FIT + (1 - _OTHER_BODY_FIT) * high, 0)
         if head in _LOW_BODIES:

@@ -1,4 +1,4 @@
-"""The objects of a scene as arrays, so that predicates apply to all of them in one call."""
+"""The objects of a scene as arrays: predicates apply to all objects in one call."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ class ObjectTable:
         road: RoadMap | None,
         ego: EgoVehicle,
     ) -> ObjectTable:
-        """Build the table of objects, of which the first `num_vehicles` are vehicles, and the lane model."""
+        """Build the table and the lane model of objects; the first `num_vehicles` are vehicles, the rest are not."""
         xy_m = np.array([item.centre_m for item in items]).reshape(-1, 2)
         yaw_rad = np.array([item.yaw_rad for item in items])
         front_known = np.array([item.front_known for item in items], np.bool_)

@@ -8,20 +8,20 @@ import numpy as np
 
 from appocc.checks import FloatArray
 from appocc.colours import fit
-from grounding.language.word_categories import COLOURS
 from grounding.query import Exclusion, Landmark, Referent
 from grounding.referent.class_fit import fit_noun
 from grounding.referent.fuzzy import UNKNOWN, falling, fill_unknown, gaussian, rising
 from grounding.referent.object_table import ObjectTable
 from grounding.referent.scene import NEUTRAL_LIGHT, SceneModel
 from grounding.road.lane_model import LANE_M
+from grounding.vocabulary import COLOURS
 
 # Share of vehicles that people call by each colour: the fit of a vehicle of unknown colour.
 _COLOUR_FREQUENCY = {"white": 0.35, "black": 0.3, "grey": 0.3, "silver": 0.3, "dark": 0.4, "light": 0.4}
 _RARE_COLOUR_FREQUENCY = 0.045
 # From above a motorcycle shows its rider's colour more than its own. Shorter objects count as ridden.
 _LEAST_RIDDEN_FIT, _RIDDEN_LENGTH_M = 0.25, 2.6
-# Lengths from which on a vehicle of a class is large, and below which it is small.
+# Vehicles of a class are large above these lengths, and small below those.
 _LARGE_M = {"car": 4.75, "van": 5.6, "truck": 6.5, "bus": 11.5, "motorcycle": 2.2}
 _SMALL_M = {"car": 4.25, "van": 5.0, "truck": 5.9, "bus": 8.0, "motorcycle": 2.0}
 # A vehicle within these drives straight.
@@ -29,30 +29,30 @@ _STRAIGHT_YAW_RATE_RADPS, _STRAIGHT_SLANT_RAD = 0.12, 0.2
 
 
 def is_standing(table: ObjectTable) -> FloatArray:
-    """Return whether objects (N,) are standing."""
+    """Return the degree (N,) to which objects are standing."""
     return fill_unknown(falling(table.speed_mps, 0.6, 0.12))
 
 
 def is_facing_ego(table: ObjectTable) -> FloatArray:
-    """Return whether objects (N,) head against the ego's direction of travel."""
+    """Return the degree (N,) to which objects head against the ego's direction of travel."""
     return np.where(table.front_known, rising(np.abs(table.relative_heading_rad), 2.1, 0.1), UNKNOWN)
 
 
 def is_ahead(table: ObjectTable) -> FloatArray:
-    """Return whether objects (N,) are ahead of the ego and not next to it; highest in the ego lane."""
+    """Return the degree (N,) to which objects are ahead of the ego and not next to it; highest in the ego lane."""
     x, y = table.xy_m.T
     before = rising(x, 4.0, 0.6) * rising(x - 0.6 * np.abs(y), 0.0, 1.5)
     return before * (0.75 + 0.25 * gaussian(table.lateral_m, LANE_M))
 
 
 def _is_behind_ego(table: ObjectTable) -> FloatArray:
-    """Return whether objects (N,) are behind the ego."""
+    """Return the degree (N,) to which objects are behind the ego."""
     x, y = table.xy_m.T
     return rising(-x, 1.0, 0.6) * falling(x - np.abs(y), 1.0, 1.5)
 
 
 def in_own_lane(table: ObjectTable) -> FloatArray:
-    """Return whether objects (N,) are in the ego lane."""
+    """Return the degree (N,) to which objects are in the ego lane."""
     return falling(np.abs(table.lateral_m), LANE_M / 2, 0.25)
 
 
@@ -67,7 +67,7 @@ def _make_side_predicate(sign: int) -> Callable[[ObjectTable], FloatArray]:
 
 
 def _is_on_opposite_side(table: ObjectTable) -> FloatArray:
-    """Return whether objects (N,) are on the side of oncoming traffic; higher if they head against the ego."""
+    """Return the degree (N,) to which objects are on the side of oncoming traffic, best if they face the ego."""
     sign = 1 if table.lanes.oncoming_left else -1
     highest = table.lanes.highest if sign > 0 else -table.lanes.lowest
     beyond = rising(sign * table.lateral_m, LANE_M * (highest + 0.5), 0.4)
@@ -75,7 +75,7 @@ def _is_on_opposite_side(table: ObjectTable) -> FloatArray:
 
 
 def _is_in_lane(table: ObjectTable, lane: int) -> FloatArray:
-    """Return whether objects (N,) are in a lane, numbered from the ego lane (0) to the left."""
+    """Return the degree (N,) to which objects are in a lane, numbered from the ego lane (0) to the left."""
     return falling(np.abs(table.lateral_m - lane * LANE_M), LANE_M / 2, 0.3)
 
 
@@ -106,12 +106,12 @@ def _is_moving(table: ObjectTable) -> FloatArray:
 
 
 def _is_parked(table: ObjectTable) -> FloatArray:
-    """Return whether objects (N,) are parked: standing, and less likely so in the ego lane."""
+    """Return the degree (N,) to which objects are parked: standing, and less likely so in the ego lane."""
     return is_standing(table) * (1 - 0.4 * in_own_lane(table))
 
 
 def _is_stopped(table: ObjectTable) -> FloatArray:
-    """Return whether objects (N,) stand, or decelerate at low speed."""
+    """Return the degree (N,) to which objects stand or decelerate at low speed."""
     slowing = rising(-table.acceleration_mps2, 1.0, 0.2) * falling(table.speed_mps, 3.0, 0.4)
     slow = fill_unknown(falling(table.speed_mps, 1.0, 0.35))
     return np.maximum(slow, 0.7 * np.nan_to_num(slowing))
@@ -125,22 +125,23 @@ def _make_turn_predicate(sign: int) -> Callable[[ObjectTable], FloatArray]:
     """Make the predicate "turning" left (1), right (-1) or either way (0): by yaw rate, else by slant to the road."""
 
     def fits_turn(table: ObjectTable) -> FloatArray:
-        rate, slant = (
-            table.yaw_rate_radps,
-            np.sin(table.relative_heading_rad) * np.sign(np.cos(table.relative_heading_rad)),
-        )
+        rate, heading = table.yaw_rate_radps, table.relative_heading_rad
+        slant = np.sin(heading) * np.sign(np.cos(heading))
         rate, slant = (np.abs(rate), np.abs(slant)) if sign == 0 else (sign * rate, sign * slant)
         by_rate = rising(rate, _STRAIGHT_YAW_RATE_RADPS, 0.04)
         by_slant = np.where(table.front_known, 0.15 + 0.6 * rising(slant, _STRAIGHT_SLANT_RAD, 0.06), UNKNOWN)
         # A vehicle that waits to turn stands at a slant.
-        moves = np.maximum(_is_moving(table), 0.5 * rising(np.abs(slant), 2 * _STRAIGHT_SLANT_RAD, 0.1))
-        return np.where(np.isnan(rate), by_slant, by_rate) * moves
+        turning = np.maximum(_is_moving(table), 0.5 * rising(np.abs(slant), 2 * _STRAIGHT_SLANT_RAD, 0.1))
+        return np.where(np.isnan(rate), by_slant, by_rate) * turning
 
     return fits_turn
 
 
 def _is_leaving(table: ObjectTable) -> FloatArray:
-    """Return whether objects (N,) pull out from the roadside: slow, at a slant or accelerating; low if standing."""
+    """Return the degree (N,) to which objects pull out from the roadside.
+
+    They are slow, and at a slant or accelerating; the degree is low for standing objects.
+    """
     slow = fill_unknown(rising(table.speed_mps, 0.3, 0.1) * falling(table.speed_mps, 4.0, 0.5))
     starts = np.maximum(
         rising(np.abs(np.sin(table.relative_heading_rad)), 0.12, 0.04), np.nan_to_num(table.acceleration_mps2) > 0.4
@@ -149,7 +150,7 @@ def _is_leaving(table: ObjectTable) -> FloatArray:
 
 
 def _is_passing(table: ObjectTable) -> FloatArray:
-    """Return whether objects (N,) move next to or just ahead of the ego, in another lane and the same direction."""
+    """Return the degree (N,) to which objects pass the ego: moving next to it or just ahead, in another lane."""
     alongside = gaussian(np.maximum(np.abs(table.along_m - 5) - 12, 0), 6.0)
     return _is_moving(table) * alongside * (1 - 0.8 * in_own_lane(table)) * (1 - 0.6 * is_facing_ego(table))
 
@@ -183,7 +184,7 @@ QUALIFIERS: Mapping[str, Callable[[ObjectTable], FloatArray]] = {
 
 
 def fit_size(qualifier: str, noun: str, table: ObjectTable) -> FloatArray:
-    """Return whether objects (N,) are "large" or "small" for the class that a noun names."""
+    """Return the degree (N,) to which objects are "large" or "small" for the class that a noun names."""
     length = table.size_m[:, 0]
     if qualifier == "large":
         return rising(length, _LARGE_M.get(noun, 5.4), 0.3)

@@ -77,19 +77,17 @@ def _is_behind(table: ObjectTable) -> BoolArray:
 
 
 def _noticed(table: ObjectTable) -> FloatArray:
-    """Return whether the driver notices objects (N,), by their visible share.
+    """Return the degree (N,) to which the driver notices objects, by their visible share.
 
     Objects behind much off-road ground are likely occluded by buildings, which no map shows.
     """
     past_buildings = 1 - _BUILDING_OCCLUSION * rising(table.off_road_sight_m, _BUILDING_M, 1.5)
-    return (
-        np.asarray(((table.visible_share - _LEAST_VISIBLE) / (_FULLY_NOTICED - _LEAST_VISIBLE)).clip(0, 1))
-        * past_buildings
-    )
+    share = (table.visible_share - _LEAST_VISIBLE) / (_FULLY_NOTICED - _LEAST_VISIBLE)
+    return np.asarray(share.clip(0, 1)) * past_buildings
 
 
 def _in_queue(table: ObjectTable) -> FloatArray:
-    """Return whether objects (N,) are in a queue on the ego path or directly next to it."""
+    """Return the degree (N,) to which objects are in a queue on the ego path or directly next to it."""
     return gaussian(np.maximum(np.abs(table.lateral_m) - _QUEUE_M, 0), 1.5)
 
 
@@ -103,9 +101,8 @@ def log_action_prior(query: Query, table: ObjectTable) -> FloatArray:
     fit = np.ones(len(table))
     if query.action == "follow":
         waiting = 0.25 + 0.55 * in_own_lane(table)
-        fit = (
-            (1 - standing + standing * waiting) * (1 - 0.8 * is_facing_ego(table)) * (0.4 + 0.6 * (table.along_m > 0))
-        )
+        fit = (1 - standing + standing * waiting) * (1 - 0.8 * is_facing_ego(table))
+        fit = fit * (0.4 + 0.6 * (table.along_m > 0))
         fit = fit * (0.6 + 0.4 * gaussian(table.lateral_m, 4.0))
     elif query.action == "overtake":
         fit = (0.15 + 0.85 * in_own_lane(table)) * is_ahead(table) * (1 - 0.8 * is_facing_ego(table))
@@ -124,7 +121,7 @@ def log_action_prior(query: Query, table: ObjectTable) -> FloatArray:
 
 
 def _crosses_ego_path(table: ObjectTable) -> FloatArray:
-    """Return whether objects (N,) cross the ego path within seconds; a lead vehicle does not."""
+    """Return the degree (N,) to which objects cross the ego path within seconds; a lead vehicle does not."""
     speed = np.maximum(np.nan_to_num(table.speed_mps, nan=1.0), np.where(table.is_vehicle, 0.0, _WALKING_MPS))
     lateral = speed * np.sin(table.relative_heading_rad)
     nearest_m = np.min([np.abs(table.lateral_m + lateral * seconds) for seconds in _PREDICTION_TIMES_S], axis=0)
