@@ -42,7 +42,6 @@ from rich.table import Table
 from appocc.bevmap import ROAD, VEHICLE, BEVMap, load_map
 from appocc.boxes import Boxes
 from appocc.checks import ByteArray, FloatArray
-from appocc.ego_vehicle import EGO_LENGTH_M, EGO_WIDTH_M
 from appocc.errors import AppoccError
 from appocc.files import write_image
 from appocc.geometry import footprints, wrap_angle
@@ -52,6 +51,7 @@ from benchmarks.encounters import Sight
 from benchmarks.grounding_truth.making import SUITS, Case, make_cases
 from benchmarks.grounding_truth.moments import Moment, Town
 from benchmarks.grounding_truth.places import TURN_DEG
+from benchmarks.grounding_truth.roads import EGO
 from grounding.grounder import Grounder
 
 # Without boxes the right vehicle is the one this near; a heading in steps may be this much farther off.
@@ -167,9 +167,9 @@ def violations(asked: Asked, bev: BEVMap) -> tuple[int, int]:
         return 0, 0
     offset = bev.grid.centres() - asked.place_m
     cos, sin = np.cos(asked.yaw_rad), np.sin(asked.yaw_rad)
-    inside = np.abs(offset @ [cos, sin]) <= EGO_LENGTH_M / 2
-    inside &= np.abs(offset @ [-sin, cos]) <= EGO_WIDTH_M / 2
-    corners = footprints(asked.place_m, asked.yaw_rad, [EGO_LENGTH_M, EGO_WIDTH_M])
+    inside = np.abs(offset @ [cos, sin]) <= EGO.length_m / 2
+    inside &= np.abs(offset @ [-sin, cos]) <= EGO.width_m / 2
+    corners = footprints(asked.place_m, asked.yaw_rad, [EGO.length_m, EGO.width_m])
     off_map = np.count_nonzero(~bev.grid.contains(bev.grid.cell_of(corners)))
     off_road = np.count_nonzero(inside & ~bev.on[ROAD])
     return int(np.count_nonzero(inside & bev.on[VEHICLE])), int(off_road + off_map)
@@ -317,7 +317,7 @@ def picture(verdict: Verdict, moment: Moment, bev: BEVMap) -> ByteArray:
     for _, place in asked.vehicles or asked.candidates:
         canvas.dot(place, CYAN if asked.vehicles else YELLOW, 5)
     if asked.place_m is not None:
-        corners = footprints(asked.place_m, asked.yaw_rad, [EGO_LENGTH_M, EGO_WIDTH_M])
+        corners = footprints(asked.place_m, asked.yaw_rad, [EGO.length_m, EGO.width_m])
         canvas.line(corners, CYAN, 2, closed=True)
         canvas.line([asked.place_m, (corners[0] + corners[3]) / 2], CYAN, 2)
     band = np.full((78, canvas.picture.shape[1], 3), 24, np.uint8)

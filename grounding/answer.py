@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Literal
 
-import numpy as np
-
-from appocc.checks import FloatArray
+from appocc.polylines import length_m
 from grounding.describe import candidate_to_dict, describe_object, round_to_mm, target_to_dict
-from grounding.goal.planner import Plan, Target
+from grounding.goal.planner import GoalPlan, Target
 from grounding.language import ParseProblem, Reading, underline
 from grounding.query import Query
 from grounding.referent.resolver import Candidate, ResolutionStatus
@@ -19,7 +17,7 @@ AnswerStatus = ResolutionStatus | Literal["not_a_command"]
 
 # Longest part of a command that the text of an answer repeats.
 _MAX_CHARACTERS = 160
-_NO_PLAN = Plan(None, ())
+_NO_PLAN = GoalPlan(None, ())
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -41,7 +39,7 @@ class Answer:
     status: AnswerStatus
     reading: Reading
     scene: SceneModel
-    plan: Plan = _NO_PLAN
+    plan: GoalPlan = _NO_PLAN
     referent: Candidate | None = None
     candidates: tuple[Candidate, ...] = ()
     reasons: tuple[str, ...] = ()
@@ -92,7 +90,7 @@ class Answer:
             lines.append(marks)
         if self.target:
             lines.append(f"target: {_describe_pose(self.target)}, score {self.target.score:.2f}")
-            lines += [f"way: {route_length_m(self.plan.route):.0f} m"] if self.plan.route is not None else []
+            lines += [f"way: {length_m(self.plan.route):.0f} m"] if self.plan.route is not None else []
         lines += [f"- {reason}" for reason in self.reasons]
         if self.plan.nearest:
             lines.append(f"nearest place that would do: {_describe_pose(self.plan.nearest)}")
@@ -101,11 +99,6 @@ class Answer:
         lines += [title] if others else []
         lines += [f"  {number}. {describe_object(one.item, self.scene)}" for number, one in others]
         return "\n".join([*lines, *([self.question] if self.question else [])])
-
-
-def route_length_m(route_m: FloatArray) -> float:
-    """Return the length of a route (K, 2)."""
-    return float(np.hypot(*np.diff(route_m, axis=0).T).sum())
 
 
 def _describe_pose(target: Target) -> str:

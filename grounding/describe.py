@@ -7,18 +7,19 @@ from typing import Any
 import numpy as np
 
 from appocc.checks import FloatArray
+from appocc.ego_vehicle import EgoVehicle
 from appocc.motion_state import STANDING_MPS
 from grounding.goal.planner import Target
 from grounding.referent.resolver import Candidate
 from grounding.referent.scene import SceneModel
-from grounding.scene_object import EGO_CENTRE_M, SceneObject
+from grounding.scene_object import SceneObject
 
 _AHEAD_M, _ASIDE_M, _FACING_RAD = 3.0, 1.5, np.radians(120)
 
 
-def describe_side(item: SceneObject) -> str:
+def describe_side(item: SceneObject, ego: EgoVehicle) -> str:
     """Return where an object is as seen from the ego, in one or two words."""
-    x, y = item.centre_m[0] - EGO_CENTRE_M, item.centre_m[1]
+    x, y = item.centre_m[0] - ego.centre_m, item.centre_m[1]
     along = "ahead" if x > _AHEAD_M else "behind" if x < -_AHEAD_M else ""
     across = "left" if y > _ASIDE_M else "right" if y < -_ASIDE_M else ""
     return " ".join(word for word in (along, across) if word) or "here"
@@ -28,7 +29,7 @@ def describe_object(item: SceneObject, scene: SceneModel) -> str:
     """Describe an object by colour, class, distance, side and motion, and whether it faces the ego."""
     colour = scene.colour_name(item)
     named = f"{colour} {item.class_name}" if colour else f"{item.class_name} of unknown colour"
-    parts = [f"{named} {item.distance_m:.0f} m away", describe_side(item)]
+    parts = [f"{named} {item.distance_m(scene.ego):.0f} m away", describe_side(item, scene.ego)]
     if item.speed_mps is not None:
         parts.append("standing" if item.speed_mps < STANDING_MPS else f"moving at {item.speed_mps:.0f} m/s")
     if item.front_known and abs(item.yaw_rad) > _FACING_RAD:
@@ -45,8 +46,8 @@ def candidate_to_dict(candidate: Candidate, scene: SceneModel) -> dict[str, Any]
         "category": item.category or None,
         "colour": scene.colour_name(item),
         "rgb": None if item.rgb is None else [round(float(v)) for v in item.rgb],
-        "distance_m": round(item.distance_m, 2),
-        "side": describe_side(item),
+        "distance_m": round(item.distance_m(scene.ego), 2),
+        "side": describe_side(item, scene.ego),
         "cell": None if scene.bev is None else scene.bev.grid.cell_of(item.centre_m).tolist(),
         "ego_m": round_to_mm(item.centre_m),
         "world_m": round_to_mm(scene.world_xy(item.centre_m)),

@@ -13,14 +13,15 @@ import numpy as np
 from appocc.bevmap import BEVMap
 from appocc.boxes import Boxes
 from appocc.checks import FloatArray
+from appocc.ego_vehicle import EgoVehicle
 from appocc.errors import AppoccError
 from grounding.answer import Answer
 from grounding.describe import describe_object
-from grounding.goal.planner import Plan, plan
+from grounding.goal.planner import GoalPlan, plan_goal
 from grounding.language import Lexicon, Reading, parse_all, read_lexicon
 from grounding.referent.resolver import MAX_CANDIDATES, Candidate, Resolution, resolve, resolve_exclusions
 from grounding.referent.scene import SceneModel, scene_from_boxes, scene_from_map, scene_from_tracks
-from grounding.road.road_map import Road
+from grounding.road.road_map import RoadMap
 from grounding.road.visibility import unseen_reason
 from grounding.scene_object import SceneObject
 from tracking.tracks import Track
@@ -62,6 +63,7 @@ class Grounder:
         lexicon: Lexicon | str | PathLike[str] | None = None,
         llm: ChatEndpoint | None = None,
         config: GrounderConfig | None = None,
+        ego: EgoVehicle = EgoVehicle(),
     ) -> None:
         """Prepare the parser.
 
@@ -69,6 +71,7 @@ class Grounder:
             lexicon: words to parse with, or a file of words to add to those of the package.
             llm: language model that reads commands first; the parser's readings follow.
             config: settings.
+            ego: size of the ego vehicle.
 
         Raises:
             DataError: if the lexicon file cannot be read.
@@ -81,7 +84,7 @@ class Grounder:
         self._read: Callable[[str], tuple[Reading, ...]] = (
             parse if llm is None else replace(llm, fallback=parse).parse_all
         )
-        self._config = config or GrounderConfig()
+        self._config, self._ego = config or GrounderConfig(), ego
         self._scene: SceneModel | None = None
 
     def set_scene(
@@ -106,11 +109,11 @@ class Grounder:
         pose = np.eye(4) if world_from_ego is None else world_from_ego
         bev = bev.with_guesses() if self._config.trust_unseen else bev
         if vehicles is None:
-            self._scene = scene_from_map(bev, pose)
+            self._scene = scene_from_map(bev, pose, self._ego)
         elif isinstance(vehicles, Boxes):
-            self._scene = scene_from_boxes(bev, vehicles, pose)
+            self._scene = scene_from_boxes(bev, vehicles, pose, self._ego)
         else:
-            self._scene = scene_from_tracks(bev, vehicles, pose)
+            self._scene = scene_from_tracks(bev, vehicles, pose, ego=self._ego)
         return self._scene
 
     def ground(self, text: str) -> Answer:
@@ -134,7 +137,7 @@ class Grounder:
             return best
         return replace(best, reasons=(*best.reasons, unseen_reason(scene.unseen_sides)))
 
-    def _answer(self, reading: Reading, scene: SceneModel, road: Road) -> Answer:
+    def _answer(self, reading: Reading, scene: SceneModel, road: RoadMap) -> Answer:
         """Answer one reading of a command."""
         query = reading.query
         resolution = resolve(query, scene, self._config.max_candidates)
@@ -177,22 +180,22 @@ def _goal_candidates(reading: Reading, resolution: Resolution) -> Sequence[Candi
 def _plan_goal(
     reading: Reading,
     scene: SceneModel,
-    road: Road,
+    road: RoadMap,
     candidate: Candidate | None,
     exclusions: Sequence[tuple[str, SceneObject]],
-) -> Plan:
+) -> GoalPlan:
     query = reading.query
     item, partner = (candidate.item, candidate.partner) if candidate else (None, None)
-    goal_plan = plan(query, scene, road, item, partner, exclusions)
+    goal_plan = plan_goal(query, scene, road, item, partner, exclusions)
     if item is None and query.landmark == "secondary":
         # The map does not hold the landmark: report the goal as the nearest free place and not as the answer.
         landmark = query.secondary[0].noun.replace("_", " ")
         reason = f"'{query.relation.replace('_', ' ')}' is measured from a {landmark}, which the map does not hold"
-        return Plan(None, (reason,), nearest=goal_plan.target)
+        return GoalPlan(None, (reason,), nearest=goal_plan.target)
     return goal_plan
 
 
-def _log_score(candidate: Candidate | None, goal_plan: Plan) -> float:
+def _log_score(candidate: Candidate | None, goal_plan: GoalPlan) -> float:
     """Return the log score of a referent together with its goal."""
     score = candidate.score if candidate else 0.0
     return score + (math.log(goal_plan.target.score) if goal_plan.target else _NO_GOAL_SCORE)

@@ -7,11 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from appocc.checks import BoolArray, FloatArray, check_shape, frozen
-from appocc.ego_vehicle import EGO_LENGTH_M, EGO_REAR_M
+from appocc.ego_vehicle import EgoVehicle
 from appocc.geometry import footprints
 
-# From the ego's origin (rear axle) to the centre of its footprint, along its heading.
-EGO_CENTRE_M = EGO_LENGTH_M / 2 - EGO_REAR_M
 # Plain nouns for the first part of a category that is not one itself.
 _PLAIN_NOUNS = {
     "construction": "construction vehicle",
@@ -77,10 +75,9 @@ class SceneObject:
         """Speed over ground; None where unknown."""
         return None if self.velocity_mps is None else float(np.hypot(*self.velocity_mps))
 
-    @property
-    def distance_m(self) -> float:
-        """Distance from the ego centre to the object's centre."""
-        return float(np.hypot(self.centre_m[0] - EGO_CENTRE_M, self.centre_m[1]))
+    def distance_m(self, ego: EgoVehicle) -> float:
+        """Return the distance from the ego's centre to the object's centre."""
+        return float(np.hypot(self.centre_m[0] - ego.centre_m, self.centre_m[1]))
 
     def footprint(self) -> FloatArray:
         """Return the corners (4, 2) of the footprint in the ego frame."""

@@ -74,8 +74,8 @@ def _draw_bev_panel(answer: Answer, show_costs: bool) -> ByteArray:
     if bev is not None:
         canvas.occupancy(bev)
         canvas.appearance(bev)
-    if show_costs and answer.plan.field is not None:
-        _shade_costs(canvas, answer.plan.field)
+    if show_costs and answer.plan.cost_field is not None:
+        _shade_costs(canvas, answer.plan.cost_field)
     canvas.ego()
     for number, candidate in enumerate(answer.candidates, start=1):
         if candidate is not answer.referent:

@@ -7,6 +7,7 @@ import numpy as np
 from appocc.bevmap import ROAD, VEHICLE, BEVMap
 from appocc.boxes import Boxes
 from appocc.checks import FloatArray
+from appocc.ego_vehicle import EgoVehicle
 from appocc.geometry import inverse, quaternion_from_yaw, transform
 from appocc.grid import BEVGrid
 from grounding.grounder import Grounder
@@ -17,6 +18,7 @@ RED, BLUE, GREEN, YELLOW = (190, 25, 30), (30, 60, 170), (30, 130, 50), (235, 20
 # The ego is at (100, 50) and heads along world +y.
 WORLD_FROM_EGO = transform(quaternion_from_yaw(np.pi / 2), [100.0, 50.0, 0.0])
 HALF_ROAD_M = 8.0
+EGO = EgoVehicle()
 
 
 class Street:

@@ -9,11 +9,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from appocc.ego_vehicle import EGO_LENGTH_M
 from benchmarks.grounding_truth.moments import Moment, Town, Vehicle
 from benchmarks.grounding_truth.places import Ask, Region, wanted_m
 from benchmarks.grounding_truth.regions import region
-from benchmarks.grounding_truth.roads import EGO_CENTRE_M
+from benchmarks.grounding_truth.roads import EGO
 from benchmarks.grounding_truth.sentences import (
     CALLED,
     PAINTS,
@@ -295,7 +294,7 @@ def _suits(moment: Moment, v: Vehicle, relation: str, ask: Ask) -> bool:
     aside = abs(moment.sideways_m(v))
     state = v.parked if ask.action in ("park", "pull_over") else v.stands
     if relation == "follow":
-        room = v.xy_m[0] - v.length_m / 2 - wanted_m(ask, v) - EGO_LENGTH_M / 2 > EGO_CENTRE_M
+        room = v.xy_m[0] - v.length_m / 2 - wanted_m(ask, v) - EGO.length_m / 2 > EGO.centre_m
         state = not v.parked and aside < 2 * IN_LANE_M and room
     elif relation == "overtake":
         state = aside < IN_LANE_M and v.speed_mps < SLOW_MPS
@@ -311,7 +310,7 @@ def _ahead(found: Region | None, left_out: Counter[str]) -> Region | None:
     if found is None:
         left_out["no place in that relation is free"] += 1
         return None
-    if found.best_m[0] < EGO_CENTRE_M + LEAST_WAY_M:
+    if found.best_m[0] < EGO.centre_m + LEAST_WAY_M:
         left_out["the place is no way ahead"] += 1
         return None
     return found

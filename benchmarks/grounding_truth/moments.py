@@ -20,14 +20,13 @@ from scipy import ndimage
 from appocc.bevmap import ROAD, VEHICLE, BEVMap, bev_path, load_map
 from appocc.boxes import Boxes, is_vehicle
 from appocc.checks import BoolArray, FloatArray, IntArray
-from appocc.ego_vehicle import EGO_LENGTH_M, EGO_WIDTH_M
 from appocc.errors import DataError
 from appocc.evaluation.vehicles import visibility_levels
 from appocc.files import read_json, zip_arrays
 from appocc.geometry import inverse, wrap_angle
 from appocc.nuscenes import Dataset
 from appocc.nuscenes.records import Sample
-from benchmarks.grounding_truth.roads import EGO_CENTRE_M, Lane, is_street, own_path
+from benchmarks.grounding_truth.roads import EGO, Lane, is_street, own_path
 
 HIDDEN = "v0-40"
 # Cells that a footprint reaches from its middle at most.
@@ -82,7 +81,7 @@ class Vehicle(NamedTuple):
     @property
     def distance_m(self) -> float:
         """From the middle of the ego to its own."""
-        return float(np.hypot(self.xy_m[0] - EGO_CENTRE_M, self.xy_m[1]))
+        return float(np.hypot(self.xy_m[0] - EGO.centre_m, self.xy_m[1]))
 
     def extent_m(self, yaw_rad: float) -> float:
         """How long it is along a direction."""
@@ -132,17 +131,17 @@ class Moment:
     @cached_property
     def reached(self) -> BoolArray:
         """(X, Y) where a disc as wide as the ego can roll from where it is; nowhere if it cannot leave."""
-        return self._rolls(EGO_WIDTH_M / 2)
+        return self._rolls(EGO.width_m / 2)
 
     @cached_property
     def easily_reached(self) -> BoolArray:
         """(X, Y) the same with room to spare."""
-        return self._rolls(EGO_WIDTH_M / 2 + EASY_M)
+        return self._rolls(EGO.width_m / 2 + EASY_M)
 
     def _rolls(self, radius_m: float) -> BoolArray:
         clear_m = ndimage.distance_transform_edt(np.pad(self.ground & ~self.taken, 1)) * self.bev.grid.cell_m
         labels, _ = ndimage.label(clear_m[1:-1, 1:-1] >= radius_m, np.ones((3, 3)))
-        away = np.hypot(*np.moveaxis(self.centres - [EGO_CENTRE_M, 0.0], -1, 0))
+        away = np.hypot(*np.moveaxis(self.centres - [EGO.centre_m, 0.0], -1, 0))
         start = labels.ravel()[np.argmin(np.where(labels > 0, away, np.inf))]
         near = (labels == start) & (away < 2.0)
         return np.asarray((labels == start) & (start > 0) & near.any())
@@ -215,7 +214,7 @@ def _footprint_cells(cell_m: float, yaw_rad: float, margin_m: float) -> IntArray
     x, y = offsets.T * cell_m
     cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
     along, across = np.abs(x * cos + y * sin), np.abs(y * cos - x * sin)
-    return np.asarray(offsets[(along <= EGO_LENGTH_M / 2 + margin_m) & (across <= EGO_WIDTH_M / 2 + margin_m)])
+    return np.asarray(offsets[(along <= EGO.length_m / 2 + margin_m) & (across <= EGO.width_m / 2 + margin_m)])
 
 
 # Reading ----------------------------------------------------------------------------------------------------------

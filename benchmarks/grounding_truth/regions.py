@@ -13,7 +13,6 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from appocc.checks import BoolArray
-from appocc.ego_vehicle import EGO_LENGTH_M, EGO_WIDTH_M
 from benchmarks.grounding_truth.moments import ALONG_DEG, HALF_CELL_M, Moment, Vehicle
 from benchmarks.grounding_truth.places import (
     ALIGNED_M,
@@ -28,7 +27,7 @@ from benchmarks.grounding_truth.places import (
     unit,
     wanted_m,
 )
-from benchmarks.grounding_truth.roads import EGO_CENTRE_M, kerbs, to_kerb
+from benchmarks.grounding_truth.roads import EGO, kerbs, to_kerb
 
 # Between these angles two people might not agree whether it faces us, between those it stands across our way; what
 # faces us counts as in our way up to this far from our path, give or take.
@@ -79,7 +78,7 @@ def _in_its_lane(moment: Moment, v: Vehicle, ask: Ask, sign: int) -> Region | No
     if moment.path is None or abs(moment.turn_deg(v)) > ALONG_DEG or not moment.has_lane_to(v.xy_m[0] - v.length_m):
         return None
     x, aside = moment.centres[..., 0], moment.sideways_m(v)
-    half = (v.length_m + EGO_LENGTH_M) / 2
+    half = (v.length_m + EGO.length_m) / 2
     per_x = np.hypot(1.0, moment.path.bend[1] + moment.path.bend[2] * (x + v.xy_m[0]))  # how long a way is over its x
     off = moment.centres[..., 1] - moment.path.y(x)
     same_lane = np.abs(off - aside) <= ALIGNED_M + HALF_CELL_M
@@ -109,9 +108,9 @@ def _at_end(moment: Moment, v: Vehicle, ask: Ask, sign: int) -> Region | None:
     if yaw is None:
         return None
     along, _ = moment.local(v.xy_m, yaw)
-    gap = sign * along - (v.length_m + EGO_LENGTH_M) / 2
+    gap = sign * along - (v.length_m + EGO.length_m) / 2
     where = in_line(moment, v, yaw, sign) & is_wanted(gap, ask, v)
-    ideal = v.xy_m + sign * unit(yaw) * (wanted_m(ask, v) + (v.length_m + EGO_LENGTH_M) / 2)
+    ideal = v.xy_m + sign * unit(yaw) * (wanted_m(ask, v) + (v.length_m + EGO.length_m) / 2)
     return places(moment, where, ideal, (yaw, yaw + np.pi))
 
 
@@ -155,11 +154,11 @@ def _beside(moment: Moment, v: Vehicle, sides: Sequence[int]) -> Region | None:
     level = np.abs(along) <= v.length_m / 2 + SIDE_OFFSET_M + HALF_CELL_M
     where = np.zeros_like(level)
     for side in sides:
-        gap = side * across - (v.width_m + EGO_WIDTH_M) / 2
+        gap = side * across - (v.width_m + EGO.width_m) / 2
         where |= level & (gap >= SIDE_GAPS_M[0] - HALF_CELL_M) & (gap <= SIDE_GAPS_M[1] + HALF_CELL_M)
     left = unit(yaw + np.pi / 2)
-    towards = max(sides, key=lambda side: -side * float((v.xy_m - [EGO_CENTRE_M, 0.0]) @ left))
-    ideal = v.xy_m + towards * left * (SIDE_GAP_M + (v.width_m + EGO_WIDTH_M) / 2)
+    towards = max(sides, key=lambda side: -side * float((v.xy_m - [EGO.centre_m, 0.0]) @ left))
+    ideal = v.xy_m + towards * left * (SIDE_GAP_M + (v.width_m + EGO.width_m) / 2)
     return places(moment, where, ideal, (yaw, yaw + np.pi))
 
 
@@ -171,18 +170,18 @@ def near(moment: Moment, v: Vehicle, ask: Ask) -> Region | None:
 def toward(moment: Moment, v: Vehicle, ask: Ask) -> Region | None:
     """Around it, but short of it, on our way or as we see it."""
     yaw = moment.our_yaw(v.xy_m[0])
-    sight = float(np.arctan2(v.xy_m[1], v.xy_m[0] - EGO_CENTRE_M))
+    sight = float(np.arctan2(v.xy_m[1], v.xy_m[0] - EGO.centre_m))
     way = yaw if moment.is_along(v) else sight
     short = (moment.local(v.xy_m, way)[0] <= TOWARD_M) | (moment.local(v.xy_m, sight)[0] <= TOWARD_M)
-    ideal = v.xy_m - unit(way) * (wanted_m(ask, v) + (v.extent_m(way) + EGO_LENGTH_M) / 2)
+    ideal = v.xy_m - unit(way) * (wanted_m(ask, v) + (v.extent_m(way) + EGO.length_m) / 2)
     return places(moment, _around(moment, v) & short, ideal, lanes_near(moment, v))
 
 
 def _around(moment: Moment, v: Vehicle) -> BoolArray:
     """Where the ego's footprint, in line with a vehicle, is near it."""
     along, across = moment.local(v.xy_m, v.yaw_rad)
-    short = np.maximum(np.abs(along) - (v.length_m + EGO_LENGTH_M) / 2, 0)
-    aside = np.maximum(np.abs(across) - (v.width_m + EGO_WIDTH_M) / 2, 0)
+    short = np.maximum(np.abs(along) - (v.length_m + EGO.length_m) / 2, 0)
+    aside = np.maximum(np.abs(across) - (v.width_m + EGO.width_m) / 2, 0)
     return np.asarray(np.hypot(short, aside) <= NEAR_M + HALF_CELL_M)
 
 
@@ -196,7 +195,7 @@ def between(moment: Moment, v: Vehicle, w: Vehicle, ask: Ask) -> Region | None:
     apart, slant = (along, across) if row else (across, along)
     way = v.yaw_rad + (0.0 if row else np.pi / 2) + (0.0 if apart > 0 else np.pi)
     ends = [(one.length_m if row else one.width_m) / 2 for one in (v, w)]
-    free, needed = abs(apart) - sum(ends), EGO_LENGTH_M if row else EGO_WIDTH_M
+    free, needed = abs(apart) - sum(ends), EGO.length_m if row else EGO.width_m
     most = LONGEST_GAP_M if row else WIDEST_GAP_M
     if askew > ALONG_DEG or abs(slant) > ALIGNED_M or not needed + 2 * ROOM_M <= free <= most:
         return None
@@ -233,7 +232,7 @@ def _along_road(moment: Moment, v: Vehicle, ask: Ask, sign: int) -> Region | Non
         return None
     yaw = moment.our_yaw(v.xy_m[0])
     along, _ = moment.local(v.xy_m, yaw)
-    half = (v.extent_m(yaw) + EGO_LENGTH_M) / 2
+    half = (v.extent_m(yaw) + EGO.length_m) / 2
     where = is_wanted(sign * along - half, ask, v)
     ideal = v.xy_m + sign * unit(yaw) * (wanted_m(ask, v) + half)
     lined = where & in_line(moment, v, yaw, sign)
@@ -261,12 +260,12 @@ def opposite(moment: Moment, v: Vehicle, ask: Ask) -> Region | None:
         return None  # it stands in the middle itself
     along, across = moment.local(v.xy_m, v.yaw_rad)
     where = (np.abs(along) <= v.length_m / 2 + LEVEL_M + HALF_CELL_M) & (side * across >= middle)
-    best = edge - EGO_WIDTH_M / 2 - LEAST_GAP_M
+    best = edge - EGO.width_m / 2 - LEAST_GAP_M
     where &= side * across <= edge
     if ask.action == "stop":
         best = (middle + edge) / 2
     else:
-        where &= side * across >= edge - EGO_WIDTH_M / 2 - EDGE_M - HALF_CELL_M
+        where &= side * across >= edge - EGO.width_m / 2 - EDGE_M - HALF_CELL_M
     ideal = v.xy_m + side * best * unit(v.yaw_rad + np.pi / 2)
     return places(moment, where, ideal, (v.yaw_rad, v.yaw_rad + np.pi))
 
@@ -283,9 +282,9 @@ def _in_lane(moment: Moment, ask: Ask) -> Region | None:
     if ask.said_m is None or moment.path is None or abs(moment.path.bend[1]) > CHANGING:
         return None
     way = np.arange(0.0, ask.said_m + 0.1, 0.5)
-    x = EGO_CENTRE_M + way * np.cos(moment.our_yaw(EGO_CENTRE_M + ask.said_m / 2))
+    x = EGO.centre_m + way * np.cos(moment.our_yaw(EGO.centre_m + ask.said_m / 2))
     cells = moment.bev.grid.cell_of(np.stack([x, moment.path.y(x)], axis=-1))
-    if not moment.stands_free(cells, moment.our_yaw(EGO_CENTRE_M + ask.said_m / 2), MARGIN_M).all():
+    if not moment.stands_free(cells, moment.our_yaw(EGO.centre_m + ask.said_m / 2), MARGIN_M).all():
         return None  # somebody is in the way
     if not moment.has_lane_to(x[-1]):
         return None
@@ -305,10 +304,10 @@ def _at_kerb(moment: Moment, ask: Ask) -> Region | None:
     # Our road's own kerb: the cell in the middle of our lane sees the same one.
     lane = np.argmin(np.abs(y - moment.path.y(x)[:, None]), axis=1)
     where = np.abs(kerb_y - kerb_y[np.arange(len(x)), lane][:, None]) < HALF_CELL_M
-    where &= (away >= EGO_WIDTH_M / 2) & (away <= EGO_WIDTH_M / 2 + EDGE_M)
-    ahead = (x >= EGO_CENTRE_M + AHEAD_M[0] - AHEAD_SLACK_M) & (x <= EGO_CENTRE_M + AHEAD_M[1] + AHEAD_SLACK_M)
-    yaw = moment.our_yaw(EGO_CENTRE_M + sum(AHEAD_M) / 2)
-    return places(moment, where & ahead[:, None], np.array([EGO_CENTRE_M + AHEAD_M[0], 0.0]), (yaw, yaw + np.pi))
+    where &= (away >= EGO.width_m / 2) & (away <= EGO.width_m / 2 + EDGE_M)
+    ahead = (x >= EGO.centre_m + AHEAD_M[0] - AHEAD_SLACK_M) & (x <= EGO.centre_m + AHEAD_M[1] + AHEAD_SLACK_M)
+    yaw = moment.our_yaw(EGO.centre_m + sum(AHEAD_M) / 2)
+    return places(moment, where & ahead[:, None], np.array([EGO.centre_m + AHEAD_M[0], 0.0]), (yaw, yaw + np.pi))
 
 
 Relation = Callable[..., Region | None]

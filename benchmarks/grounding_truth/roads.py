@@ -10,10 +10,10 @@ from typing import NamedTuple
 import numpy as np
 
 from appocc.checks import BoolArray, FloatArray
-from appocc.ego_vehicle import EGO_LENGTH_M, EGO_REAR_M, EGO_WIDTH_M
+from appocc.ego_vehicle import EgoVehicle
 from appocc.grid import BEVGrid
 
-EGO_CENTRE_M = EGO_LENGTH_M / 2 - EGO_REAR_M
+EGO = EgoVehicle()
 # Ahead, from where to where kerbs tell where a lane runs, and how far it may go on; how near they must keep to a
 # parabola, and along how much of the way one of them and both together do.
 LANE_X_M, KERB_OFF_M, KERB_SHARE, BOTH_SHARES = (2.0, 28.0, 39.0), 0.35, 0.65, 1.0
@@ -66,9 +66,9 @@ def own_path(grid: BEVGrid, road: BoolArray) -> Lane | None:
     along = x[(near[0][best] > 0) | (near[1][best] > 0)]
     end = int(np.argmax(np.append(np.diff(along) > KERB_GAP_M, True)))
     b, c = float(slope[best, 0]), float(bend[best, 0])
-    lane = Lane(np.array([-b * EGO_CENTRE_M - c * EGO_CENTRE_M**2, b, c]), float(along[end]))
+    lane = Lane(np.array([-b * EGO.centre_m - c * EGO.centre_m**2, b, c]), float(along[end]))
     x = x[x <= lane.far_m]
-    for aside in (EGO_WIDTH_M / 2, -EGO_WIDTH_M / 2):
+    for aside in (EGO.width_m / 2, -EGO.width_m / 2):
         if not _on(grid, road, np.stack([x, lane.y(x) + aside], axis=-1))[0].all():
             return None
     return lane

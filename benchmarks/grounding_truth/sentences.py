@@ -10,7 +10,7 @@ import numpy as np
 
 from benchmarks.grounding_truth.moments import Moment, Vehicle
 from benchmarks.grounding_truth.places import Ask
-from benchmarks.grounding_truth.roads import EGO_CENTRE_M
+from benchmarks.grounding_truth.roads import EGO
 
 # Noun of a body, and the words that everybody would agree with.
 CALLED = {
@@ -152,12 +152,12 @@ def _place(order: str | None, v: Vehicle) -> float:
     sign = -1 if order in ("farthest", "last", "leftmost") else 1
     if order in ("nearest", "farthest"):
         return sign * v.distance_m
-    return sign * float(v.xy_m[1] if order in ("leftmost", "rightmost") else v.xy_m[0] - EGO_CENTRE_M)
+    return sign * float(v.xy_m[1] if order in ("leftmost", "rightmost") else v.xy_m[0] - EGO.centre_m)
 
 
 def _bearing_deg(v: Vehicle) -> float:
     """Where it is to our eyes, left positive."""
-    return float(np.degrees(np.arctan2(v.xy_m[1], v.xy_m[0] - EGO_CENTRE_M)))
+    return float(np.degrees(np.arctan2(v.xy_m[1], v.xy_m[0] - EGO.centre_m)))
 
 
 def describe(moment: Moment, v: Vehicle, blobs: bool, random: np.random.Generator) -> Description | None:

@@ -6,10 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from appocc.ego_vehicle import EgoVehicle
 from appocc.motion_state import STANDING_MPS
 from grounding.referent.scene import SceneModel
 from grounding.road.lane_model import LANE_M
-from grounding.scene_object import EGO_CENTRE_M, SceneObject
+from grounding.scene_object import SceneObject
 
 _MAX_NAMED = 4
 _ASIDE_M, _BEHIND_M, _FACING_RAD = 1.5, 2.5, np.radians(120)
@@ -22,13 +23,15 @@ CandidateGroup = tuple[SceneObject, ...]
 def describe_differences(groups: Sequence[CandidateGroup], scene: SceneModel) -> tuple[str, ...]:
     """Describe each candidate by the traits that distinguish it from the others, and by its distance."""
     known = [_traits(group[0], scene) for group in groups]
-    digits = 0 if len({round(group[0].distance_m) for group in groups}) == len(groups) else 1
+    digits = 0 if len({round(group[0].distance_m(scene.ego)) for group in groups}) == len(groups) else 1
     described = []
     for number, group in enumerate(groups):
         distinctive = _distinctive_traits(known[number], [other for k, other in enumerate(known) if k != number])
-        words = _describe(group[0], known[number], distinctive, full=number == 0, digits=digits)
+        words = _describe(group[0], scene.ego, known[number], distinctive, full=number == 0, digits=digits)
         if len(group) > 1:
-            partner = _describe(group[1], _traits(group[1], scene), {*_TRAITS[:2]}, full=True, digits=digits)
+            partner = _describe(
+                group[1], scene.ego, _traits(group[1], scene), {*_TRAITS[:2]}, full=True, digits=digits
+            )
             words += f", and {partner}"
         described.append(words)
     return tuple(described)
@@ -43,8 +46,8 @@ def compose_question(differences: Sequence[str]) -> str:
 
 def _traits(item: SceneObject, scene: SceneModel) -> dict[str, str]:
     """Return the words for each trait of an object; '' for a trait that it does not have."""
-    _, lateral_m = scene.lanes.along_and_sideways(item.centre_m[None])
-    x, y = item.centre_m[0] - EGO_CENTRE_M, item.centre_m[1]
+    _, lateral_m = scene.lanes.project(item.centre_m[None])
+    x, y = item.centre_m[0] - scene.ego.centre_m, item.centre_m[1]
     motion = ""
     if item.speed_mps is not None:
         facing = item.front_known and abs(item.yaw_rad) > _FACING_RAD
@@ -78,11 +81,13 @@ def _differ(trait: str, one: str, other: str) -> bool:
     return one != other
 
 
-def _describe(item: SceneObject, own: dict[str, str], distinctive: set[str], *, full: bool, digits: int) -> str:
+def _describe(
+    item: SceneObject, ego: EgoVehicle, own: dict[str, str], distinctive: set[str], *, full: bool, digits: int
+) -> str:
     """Describe an object by its distinctive traits; `full`: with colour and class in any case."""
     colour = own["colour"] if full or "colour" in distinctive else ""
     head = f"the {colour} {item.class_name}" if full or distinctive & {"colour", "class"} else "the one"
     place = " ".join(own[trait] for trait in ("side", "behind", "lane") if trait in distinctive)
-    where = "" if "behind" in distinctive else " ahead" if item.centre_m[0] - EGO_CENTRE_M > _BEHIND_M else " away"
+    where = "" if "behind" in distinctive else " ahead" if item.centre_m[0] - ego.centre_m > _BEHIND_M else " away"
     parts = [" ".join(f"{head} {place}".split()), *([own["motion"]] if "motion" in distinctive else [])]
-    return ", ".join([*parts, f"{item.distance_m:.{digits}f} m{where}"])
+    return ", ".join([*parts, f"{item.distance_m(ego):.{digits}f} m{where}"])

@@ -11,13 +11,15 @@ import numpy as np
 
 from appocc.bevmap import ROAD, VEHICLE, BEVMap
 from appocc.checks import BoolArray, FloatArray
+from appocc.ego_vehicle import EgoVehicle
 from appocc.geometry import footprints, wrap_angle
-from grounding.road.lane_model import Lanes, Traffic, lanes_of
-from grounding.scene_object import EGO_CENTRE_M, SceneObject
+from appocc.motion_state import MOVING_MPS, STANDING_MPS
+from grounding.road.lane_model import LaneModel, TrafficState, lanes_from_map, lanes_from_vehicles
+from grounding.scene_object import SceneObject
 from tracking.io.writers import HEIGHT_M
 
 if TYPE_CHECKING:
-    from grounding.road.road_map import Road
+    from grounding.road.road_map import RoadMap
 
 # The driver's eye in the ego frame, and where rays from it cross an object, as fractions of its angular width.
 _DRIVER_EYE_M = np.array([1.7, 0.0])
@@ -25,7 +27,6 @@ _RAY_FRACTIONS = np.linspace(0.1, 0.9, 5)
 # A driver sees over vehicles that are lower than the object by at least this.
 _SEEN_OVER_M = 0.5
 _SIGHT_LINE_SAMPLES = 60
-_STANDING_MPS, _MOVING_MPS = 0.4, 1.0
 # Standard deviation of vehicle lengths on binary maps and on predicted ones.
 _BINARY_LENGTH_STD_M, _PREDICTED_LENGTH_STD_M = 0.15, 0.5
 
@@ -51,6 +52,7 @@ class ObjectTable:
         relative_heading_rad: (N,) headings relative to the road direction at each object, in [-pi, pi).
         off_road_sight_m: (N,) length of the line of sight from the ego that crosses known off-road cells.
         length_std_m: standard deviation of the lengths, larger on predicted maps.
+        ego: size of the ego vehicle.
     """
 
     items: tuple[SceneObject, ...]
@@ -63,16 +65,22 @@ class ObjectTable:
     yaw_rate_radps: FloatArray
     acceleration_mps2: FloatArray
     rgb: FloatArray
-    lanes: Lanes
+    lanes: LaneModel
     along_m: FloatArray
     lateral_m: FloatArray
     relative_heading_rad: FloatArray
     off_road_sight_m: FloatArray
     length_std_m: float
+    ego: EgoVehicle
 
     @classmethod
     def from_objects(
-        cls, items: Sequence[SceneObject], num_vehicles: int, bev: BEVMap | None, road: Road | None
+        cls,
+        items: Sequence[SceneObject],
+        num_vehicles: int,
+        bev: BEVMap | None,
+        road: RoadMap | None,
+        ego: EgoVehicle,
     ) -> ObjectTable:
         """Build the table and the lane model of objects; the first `num_vehicles` are vehicles, the rest are not."""
         xy_m = np.array([item.centre_m for item in items]).reshape(-1, 2)
@@ -81,11 +89,14 @@ class ObjectTable:
         velocity_mps = _stack([item.velocity_mps for item in items], 2)
         # A vehicle of unknown speed counts neither as moving nor as standing.
         speed = np.nan_to_num(np.hypot(*velocity_mps.T), nan=0.7)
-        moving, standing = speed > _MOVING_MPS, speed < _STANDING_MPS
+        moving, standing = speed > MOVING_MPS, speed < STANDING_MPS
         first = slice(num_vehicles)
-        traffic = Traffic(xy_m[first], yaw_rad[first], front_known[first], moving[first], standing[first])
-        lanes = lanes_of(traffic, bev, road)
-        along_m, lateral_m = lanes.along_and_sideways(xy_m)
+        traffic = TrafficState(xy_m[first], yaw_rad[first], front_known[first], moving[first], standing[first])
+        if bev is None or road is None:
+            lanes = lanes_from_vehicles(traffic)
+        else:
+            lanes = lanes_from_map(traffic, bev, road.ego_lane, road.traffic_side > 0, ego)
+        along_m, lateral_m = lanes.project(xy_m)
         return cls(
             items=tuple(items),
             is_vehicle=np.arange(len(items)) < num_vehicles,
@@ -103,6 +114,7 @@ class ObjectTable:
             relative_heading_rad=np.asarray(wrap_angle(yaw_rad - lanes.direction_rad(xy_m))),
             off_road_sight_m=np.zeros(len(items)) if bev is None else _off_road_sight_m(xy_m, bev),
             length_std_m=_BINARY_LENGTH_STD_M if bev is None or _is_binary(bev) else _PREDICTED_LENGTH_STD_M,
+            ego=ego,
         )
 
     def __len__(self) -> int:
@@ -122,7 +134,7 @@ class ObjectTable:
     @cached_property
     def distance_m(self) -> FloatArray:
         """(N,) distances from the ego centre to the object centres."""
-        return np.asarray(np.hypot(self.xy_m[:, 0] - EGO_CENTRE_M, self.xy_m[:, 1]))
+        return np.asarray(np.hypot(self.xy_m[:, 0] - self.ego.centre_m, self.xy_m[:, 1]))
 
     @cached_property
     def corners_m(self) -> FloatArray:

@@ -11,7 +11,6 @@ from grounding.query import Referent
 from grounding.referent.fuzzy import rising
 from grounding.referent.object_table import ObjectTable
 from grounding.referent.predicates import in_own_lane
-from grounding.scene_object import EGO_CENTRE_M
 
 # From this x on an object is ahead of the ego rather than next to it.
 _AHEAD_M = 3.0
@@ -61,7 +60,7 @@ def ordinal_probability(qualifiers: tuple[str, ...], table: ObjectTable, members
     sorting = (superlatives or (["last"] if "last" in ordinals else ["first"]))[0]
     if not superlatives and "behind_ego" not in qualifiers:
         # Plain ordinals count along the road ahead and skip objects next to and behind the ego.
-        membership = membership * rising(table.xy_m[:, 0], _AHEAD_M, 0.5) * (table.xy_m[:, 0] > EGO_CENTRE_M)
+        membership = membership * rising(table.xy_m[:, 0], _AHEAD_M, 0.5) * (table.xy_m[:, 0] > table.ego.centre_m)
     key, scale = SORT_KEYS[sorting]
     # The last from the left is the first from the right.
     keys = key(table) * (-1 if superlatives and "last" in ordinals else 1)

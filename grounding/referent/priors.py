@@ -10,7 +10,6 @@ from grounding.referent.fuzzy import gaussian, rising
 from grounding.referent.object_table import ObjectTable
 from grounding.referent.ordinals import find_ordinals
 from grounding.referent.predicates import in_own_lane, is_ahead, is_facing_ego, is_standing
-from grounding.scene_object import EGO_CENTRE_M
 
 # Weight of an object behind the ego, also when objects are counted, and of one outside the forward field of view.
 _BEHIND, _BEHIND_COUNTED, _OUT_OF_VIEW = 0.2, 0.15, 0.8
@@ -74,7 +73,7 @@ def log_salience(query: Query, referent: Referent, table: ObjectTable) -> FloatA
 
 
 def _is_behind(table: ObjectTable) -> BoolArray:
-    return np.asarray(table.xy_m[:, 0] < EGO_CENTRE_M - 2.5)
+    return np.asarray(table.xy_m[:, 0] < table.ego.centre_m - 2.5)
 
 
 def _noticed(table: ObjectTable) -> FloatArray:

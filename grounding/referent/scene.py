@@ -13,16 +13,18 @@ from appocc.bevmap import VEHICLE, BEVMap
 from appocc.boxes import Boxes, is_vehicle
 from appocc.checks import FloatArray, check_transform, frozen
 from appocc.colours import Exposure, gains_of, linear_from_srgb, name, names
+from appocc.ego_vehicle import EgoVehicle
 from appocc.geometry import apply, inverse, wrap_angle, yaw_of
+from appocc.motion_state import MOVING_MPS
 from grounding.referent.object_table import ObjectTable
-from grounding.road.lane_model import LANE_M, Lanes
-from grounding.road.road_map import Road
+from grounding.road.lane_model import LANE_M, LaneModel
+from grounding.road.road_map import RoadMap
 from grounding.road.visibility import unseen_sides
-from grounding.scene_object import EGO_CENTRE_M, SceneObject
+from grounding.scene_object import SceneObject
 from tracking.instances.instances import Blobs, find_blobs
 from tracking.tracks import Track
 
-__all__ = ["EGO_CENTRE_M", "SceneModel", "SceneObject", "scene_from_boxes", "scene_from_map", "scene_from_tracks"]
+__all__ = ["SceneModel", "SceneObject", "scene_from_boxes", "scene_from_map", "scene_from_tracks"]
 
 # Categories of people and bicycles: maps do not show them as vehicles, but commands name them.
 _OTHERS = ("human.", "pedestrian", "person", "bicycle", "vehicle.bicycle", "cyclist")
@@ -30,8 +32,6 @@ _OTHERS = ("human.", "pedestrian", "person", "bicycle", "vehicle.bicycle", "cycl
 _MAX_RANGE_M = 100.0
 # White light of unit gain, with default specular reflection and spread.
 NEUTRAL_LIGHT = Exposure(np.ones(3))
-# A track that is not moving and slower than this is standing.
-_STANDING_MPS = 1.0
 # Vehicles in a row share their heading: length of a row to either side, and largest angle between its vehicles.
 _ROW_M, _PARALLEL_RAD = 20.0, 0.26
 
@@ -45,12 +45,14 @@ class SceneModel:
         objects: vehicles within the grid.
         world_from_ego: (4, 4) pose of the ego.
         others: people and bicycles, which maps do not show.
+        ego: size of the ego vehicle.
     """
 
     bev: BEVMap | None
     objects: tuple[SceneObject, ...]
     world_from_ego: FloatArray
     others: tuple[SceneObject, ...] = ()
+    ego: EgoVehicle = EgoVehicle()
 
     def __post_init__(self) -> None:
         """Check the pose and keep a read-only copy of it.
@@ -66,20 +68,22 @@ class SceneModel:
     @cached_property
     def table(self) -> ObjectTable:
         """Vehicles, then people and bicycles, as arrays."""
-        return ObjectTable.from_objects((*self.objects, *self.others), len(self.objects), self.bev, self.road)
+        return ObjectTable.from_objects(
+            (*self.objects, *self.others), len(self.objects), self.bev, self.road, self.ego
+        )
 
     @cached_property
-    def road(self) -> Road | None:
+    def road(self) -> RoadMap | None:
         """Road model of the map; None without a map."""
-        return None if self.bev is None else Road.of(self.bev, self.objects)
+        return None if self.bev is None else RoadMap.from_map(self.bev, self.objects, self.ego)
 
     @cached_property
     def unseen_sides(self) -> tuple[str, ...]:
         """Sides of the ego that no camera sees, such as "behind us"."""
-        return () if self.bev is None else tuple(unseen_sides(self.bev))
+        return () if self.bev is None else tuple(unseen_sides(self.bev, self.ego))
 
     @property
-    def lanes(self) -> Lanes:
+    def lanes(self) -> LaneModel:
         """Lane model of the road."""
         return self.table.lanes
 
@@ -120,14 +124,16 @@ class SceneModel:
         return float(yaw_of(self.world_from_ego[:3, :3] @ turn))
 
 
-def scene_from_map(bev: BEVMap, world_from_ego: FloatArray) -> SceneModel:
+def scene_from_map(bev: BEVMap, world_from_ego: FloatArray, ego: EgoVehicle = EgoVehicle()) -> SceneModel:
     """Build the scene of a map and its own vehicle instances."""
-    return _build_scene(bev, _from_blobs(find_blobs(bev)), world_from_ego)
+    return _build_scene(bev, _from_blobs(find_blobs(bev)), world_from_ego, ego)
 
 
-def scene_from_boxes(bev: BEVMap | None, boxes_ego: Boxes, world_from_ego: FloatArray) -> SceneModel:
+def scene_from_boxes(
+    bev: BEVMap | None, boxes_ego: Boxes, world_from_ego: FloatArray, ego: EgoVehicle = EgoVehicle()
+) -> SceneModel:
     """Build the scene of annotated boxes in the ego frame, with colours from the map."""
-    return _build_scene(bev, _from_boxes(bev, boxes_ego), world_from_ego)
+    return _build_scene(bev, _from_boxes(bev, boxes_ego), world_from_ego, ego)
 
 
 def scene_from_tracks(
@@ -136,6 +142,7 @@ def scene_from_tracks(
     world_from_ego: FloatArray,
     before: Iterable[Track] | None = None,
     seconds: float = 0.5,
+    ego: EgoVehicle = EgoVehicle(),
 ) -> SceneModel:
     """Build the scene of tracks in the world frame.
 
@@ -147,11 +154,12 @@ def scene_from_tracks(
         world_from_ego: (4, 4) pose of the ego.
         before: earlier tracks, from which yaw rates and accelerations are computed; None without them.
         seconds: time since `before`.
+        ego: size of the ego vehicle.
     """
     earlier = None if before is None else {track.id: track for track in before}
     ego_from_world = inverse(world_from_ego)
     items = [_from_track(track, ego_from_world, earlier, seconds) for track in tracks]
-    scene = _build_scene(bev, items, world_from_ego)
+    scene = _build_scene(bev, items, world_from_ego, ego)
     return replace(scene, objects=_with_row_headings(scene.objects))
 
 
@@ -160,25 +168,27 @@ def _srgb(linear: FloatArray) -> FloatArray:
     return 255 * np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
 
 
-def _build_scene(bev: BEVMap | None, items: Sequence[SceneObject], world_from_ego: FloatArray) -> SceneModel:
+def _build_scene(
+    bev: BEVMap | None, items: Sequence[SceneObject], world_from_ego: FloatArray, ego: EgoVehicle
+) -> SceneModel:
     """Build a scene of the objects in range, vehicles separate from people and bicycles."""
-    inside = [item for item in items if _is_in_range(bev, item) and not _is_ego(item)]
+    inside = [item for item in items if _is_in_range(bev, item, ego) and not _is_ego(item, ego)]
     vehicles = tuple(item for item in inside if not item.category.startswith(_OTHERS))
     others = tuple(item for item in inside if item.category.startswith(_OTHERS))
-    return SceneModel(bev, vehicles, world_from_ego, others)
+    return SceneModel(bev, vehicles, world_from_ego, others, ego)
 
 
-def _is_in_range(bev: BEVMap | None, item: SceneObject) -> bool:
+def _is_in_range(bev: BEVMap | None, item: SceneObject, ego: EgoVehicle) -> bool:
     """Return whether an object is on a cell of the map that a camera sees; without a map, whether it is in range."""
     if bev is None:
-        return item.distance_m <= _MAX_RANGE_M
+        return item.distance_m(ego) <= _MAX_RANGE_M
     cell = bev.grid.cell_of(item.centre_m)
     return bool(bev.grid.contains(cell)) and not bev.unseen[tuple(cell)]
 
 
-def _is_ego(item: SceneObject) -> bool:
+def _is_ego(item: SceneObject, ego: EgoVehicle) -> bool:
     """Return whether an instance of a predicted map is the ego itself."""
-    return bool(item.covers(np.array([EGO_CENTRE_M, 0.0])))
+    return bool(item.covers(np.array([ego.centre_m, 0.0])))
 
 
 def _from_boxes(bev: BEVMap | None, boxes: Boxes) -> list[SceneObject]:
@@ -238,7 +248,7 @@ def _from_track(
     previous = None if earlier is None else earlier.get(track.id)
     if not track.moving:
         # The speed of a track that was detected only once is unknown.
-        uncertain = track.speed_mps > _STANDING_MPS or (earlier is not None and previous is None)
+        uncertain = track.speed_mps > MOVING_MPS or (earlier is not None and previous is None)
         velocity = None if uncertain else np.zeros(2)
     return SceneObject(
         id=f"track {track.id}",

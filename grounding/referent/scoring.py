@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from appocc.checks import BoolArray, FloatArray
-from appocc.ego_vehicle import EGO_LENGTH_M
 from grounding.query import Exclusion, Landmark, Query, Referent
 from grounding.referent.class_fit import KNOWN_NOUNS
 from grounding.referent.object_table import ObjectTable
@@ -150,6 +149,6 @@ def _fit_landmark(part: Landmark, scene: SceneModel) -> dict[str, FloatArray]:
 def _fit_distance(distance_m: float, scene: SceneModel) -> FloatArray:
     """Return the membership (N,) in a distance, between centres or bumpers, whichever fits better."""
     table = scene.table
-    between_m = table.distance_m - (EGO_LENGTH_M + table.size_m[:, 0]) / 2
+    between_m = table.distance_m - (table.ego.length_m + table.size_m[:, 0]) / 2
     off = [np.abs(np.log(np.maximum(away, 0.1) / distance_m)) for away in (table.distance_m, between_m)]
     return np.asarray(np.exp(-0.5 * (np.min(off, axis=0) / _LOG_DISTANCE_STD) ** 2))

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from appocc.checks import BoolArray, FloatArray, IntArray
-from appocc.ego_vehicle import EGO_LENGTH_M, EGO_WIDTH_M
 from appocc.motion_state import STANDING_MPS
 from grounding.referent.fuzzy import falling, gaussian, rising
 from grounding.referent.object_table import ObjectTable
@@ -110,8 +109,8 @@ def fit_between(table: ObjectTable, chosen: IntArray) -> FloatArray:
     along, lateral = _offsets_m(table, chosen)
     lengthwise, crosswise = (each[chosen] for each in _extent_gaps_m(table, chosen))
     own = np.arange(len(chosen))
-    in_line = gaussian(lateral[chosen], 1.5) * _fit_gap(lengthwise, EGO_LENGTH_M)
-    abreast = gaussian(along[chosen], 2.0) * _fit_gap(crosswise, EGO_WIDTH_M)
+    in_line = gaussian(lateral[chosen], 1.5) * _fit_gap(lengthwise, table.ego.length_m)
+    abreast = gaussian(along[chosen], 2.0) * _fit_gap(crosswise, table.ego.width_m)
     # A third object (last axis) may occupy the gap, in the frame of the second of the pair.
     occupied = (np.abs(lateral.T) < _LINE_SIGMA_M)[None] & _is_within(along.T[None], along[chosen][..., None])
     occupied[own, :, chosen] = occupied[:, own, chosen] = False

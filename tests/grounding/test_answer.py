@@ -4,13 +4,12 @@ import json
 from dataclasses import replace
 
 import pytest
-from street import BLACK, BLUE, RED, WHITE, Street
+from street import BLACK, BLUE, EGO, RED, WHITE, Street
 
 from appocc.errors import AppoccError
 from grounding.answer import Answer
 from grounding.grounder import Grounder
 from grounding.language import parse
-from grounding.scene_object import EGO_CENTRE_M
 
 STREET = Street().car("w1", 12, -3, WHITE).car("w2", 20, 3, WHITE).car("b", 26, -3, BLUE).car("k", 8, 3, None)
 GROUNDER = STREET.grounder()
@@ -117,7 +116,7 @@ def test_an_ambiguous_command_has_a_question() -> None:
 
 def test_the_route_leads_from_the_ego_to_the_target() -> None:
     value = ground("stop behind the blue car").to_dict()
-    assert value["route"][0] == pytest.approx([EGO_CENTRE_M, 0.0], abs=0.5)
+    assert value["route"][0] == pytest.approx([EGO.centre_m, 0.0], abs=0.5)
     assert value["route"][-1] == pytest.approx(value["target"]["ego_m"], abs=0.3)
 
 

@@ -2,15 +2,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from street import BLUE, WHITE, WORLD_FROM_EGO, Street
+from street import BLUE, EGO, WHITE, WORLD_FROM_EGO, Street
 
 from appocc.camera import Camera, CameraRig
 from appocc.checks import ByteArray
-from appocc.ego_vehicle import EGO_LENGTH_M, EGO_WIDTH_M
 from appocc.frame import Frame
 from appocc.geometry import footprints, quaternion_from_rotation, transform
 from appocc.visualization.canvas import BEVCanvas
-from grounding.referent.scene import EGO_CENTRE_M
 from grounding.visualization import CYAN, draw_answer
 
 INTRINSIC = np.array([[300.0, 0, 319.5], [0, 300.0, 179.5], [0, 0, 1]])
@@ -72,12 +70,12 @@ def test_the_ego_has_the_same_size_now_and_at_the_target() -> None:
     for one in (canvas, own):
         one.picture[:] = 0  # without the hatching
     canvas.ego()
-    own.line(footprints([EGO_CENTRE_M, 0.0], 0.0, [EGO_LENGTH_M, EGO_WIDTH_M]), WHITE, 2, closed=True)
+    own.line(footprints([EGO.centre_m, 0.0], 0.0, [EGO.length_m, EGO.width_m]), WHITE, 2, closed=True)
     for axis in (0, 1):
         drawn, expected = (np.flatnonzero(one.picture.max(axis=2).max(axis=axis) > 128) for one in (canvas, own))
         assert (drawn.min(), drawn.max()) == (expected.min(), expected.max())
     sides = np.linalg.norm(np.diff(answer.target.footprint(), axis=0), axis=1)
-    assert sides == pytest.approx([EGO_LENGTH_M, EGO_WIDTH_M, EGO_LENGTH_M])
+    assert sides == pytest.approx([EGO.length_m, EGO.width_m, EGO.length_m])
 
 
 def test_the_camera_that_sees_the_referent_is_shown() -> None:

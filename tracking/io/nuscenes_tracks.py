@@ -12,13 +12,12 @@ from appocc.errors import DataError, ShapeError
 from appocc.files import read_json
 from appocc.geometry import rotation_from_quaternion, yaw_of
 from appocc.jsonparts import JsonPart, first_problem
+from appocc.motion_state import MOVING_MPS
 from tracking.tracks import Track
 
 _Three = Annotated[list[float], Field(min_length=3, max_length=3)]
 _Four = Annotated[list[float], Field(min_length=4, max_length=4)]
 _Two = Annotated[list[float], Field(min_length=2, max_length=2)]
-# Faster than this a vehicle moves, and its heading is where it goes.
-_MOVING_MPS = 1.0
 
 
 class _Box(JsonPart):
@@ -62,7 +61,7 @@ def _track(number: int, box: _Box) -> Track:
     width_m, length_m, height_m = box.size
     x, y, z = box.translation
     velocity = np.array(box.velocity)
-    moving = bool(np.hypot(*velocity) > _MOVING_MPS)
+    moving = bool(np.hypot(*velocity) > MOVING_MPS)
     name = str(box.tracking_id)
     return Track(
         int(name) if name.isascii() and name.isdigit() else number,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from appocc.checks import FloatArray
+from appocc.polylines import arc_m, points_at
 from appocc.simulation.network import Edge, RoadNetwork
 from appocc.simulation.plan import CarPark
 from appocc.simulation.town_generation.carriageway import Carriageway, normals
@@ -45,12 +46,12 @@ def _fit_car_park(edge: Edge, columns: int, share: float, carriageway: Carriagew
     """Return a car park right of an edge, `columns` bays on each side of its driveway; None if there is no room."""
     lane = edge.lanes[0]
     border = lane.centre_m - normals(lane.centre_m) * lane.width_m / 2
-    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(border, axis=0).T))])
+    end_m = float(arc_m(border)[-1])
     half = _DRIVEWAY_M / 2 + columns * _BAY_WIDTH_M + 0.5
-    if along[-1] * min(share, 1 - share) < half + 6.0:
+    if end_m * min(share, 1 - share) < half + 6.0:
         return None
-    at = along[-1] * share + np.linspace(-half, half, 9)
-    line = np.stack([np.interp(at, along, border[:, axis]) for axis in (0, 1)], axis=1)
+    at = end_m * share + np.linspace(-half, half, 9)
+    line = points_at(border, at)
     ahead = (line[-1] - line[0]) / np.hypot(*(line[-1] - line[0]))
     town_from_park = np.stack([ahead, np.array([ahead[1], -ahead[0]])])  # rows: along the street, away from it
     local = (line - line[4]) @ town_from_park.T

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from appocc.checks import FloatArray
+from appocc.polylines import arc_m, points_at
 from appocc.simulation.network import Edge, Lane
 from appocc.simulation.plan import TownPlan
 from appocc.simulation.town_generation.bodies import draw_body, draw_size
@@ -58,16 +59,16 @@ def _park_at_kerb(plan: TownPlan, edge: Edge, lane: Lane, rng: np.random.Generat
     if not _allows_parking(edge, lane):
         return []
     line = lane.centre_m
-    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))])
+    end_m = float(arc_m(line)[-1])
     one_way = plan.network.opposite(edge) is None
     found: list[ParkedVehicle] = []
     at = _CORNER_M + rng.uniform(0, 3)
     while True:
         actor = _draw_vehicle(rng)
         length, width, _ = actor.size_lwh_m
-        if at + length > along[-1] - _CORNER_M:
+        if at + length > end_m - _CORNER_M:
             return found
-        ends = np.stack([np.interp([at, at + length], along, line[:, axis]) for axis in (0, 1)], axis=1)
+        ends = points_at(line, np.array([at, at + length]))
         yaw = float(np.arctan2(*(ends[1] - ends[0])[::-1]))
         # The wheels are at the kerb: vehicles wider than the lane protrude into the road.
         off = _KERB_M + (width - lane.width_m) / 2 + float(np.clip(rng.normal(0.0, 0.07), -0.12, 0.2))

@@ -6,6 +6,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
 from appocc.checks import FloatArray
+from appocc.polylines import arc_m
 from appocc.simulation.town_generation.bodies import ADULT, CHILD, draw_size
 from appocc.simulation.town_generation.carriageway import Carriageway
 from appocc.simulation.traffic import Actor
@@ -41,8 +42,7 @@ def _loop(line_m: FloatArray) -> FloatArray:
     """Return a closed line as (N + 1, 3): x, y and arc length; the raster steps are smoothed."""
     smooth = np.stack([gaussian_filter1d(line_m[:, axis], _SMOOTH_CELLS, mode="wrap") for axis in (0, 1)], axis=1)
     closed = np.concatenate([smooth, smooth[:1]])
-    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(closed, axis=0).T))])
-    return np.concatenate([closed, along[:, None]], axis=1)
+    return np.concatenate([closed, arc_m(closed)[:, None]], axis=1)
 
 
 def _walk(ring: FloatArray, start_m: float, speed_mps: float, times_s: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from street import BLUE, RED, WHITE, WORLD_FROM_EGO, Street
+from street import BLUE, EGO, RED, WHITE, WORLD_FROM_EGO, Street
 
 from appocc.boxes import Boxes
 from appocc.errors import ShapeError
@@ -34,7 +34,7 @@ def test_vehicles_on_the_grid_with_colours_of_the_map() -> None:
     assert (item.length_m, item.width_m, item.height_m) == pytest.approx((4.4, 1.8, 1.5))
     assert item.speed_mps == pytest.approx(4.0)
     assert item.rgb == pytest.approx(RED)
-    assert item.distance_m == pytest.approx(np.hypot(8.7, 3.0))
+    assert item.distance_m(EGO) == pytest.approx(np.hypot(8.7, 3.0))
 
 
 def test_a_colour_that_the_map_lacks_is_unknown() -> None:

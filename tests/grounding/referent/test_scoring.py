@@ -5,13 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from asking import VAN_WLH_M, ask, best, car
-from street import BLACK, BLUE, RED, WHITE, Street
+from street import BLACK, BLUE, EGO, RED, WHITE, Street
 
 from appocc.colours import fit
-from appocc.ego_vehicle import EGO_LENGTH_M
 from grounding.query import Query, Referent
 from grounding.referent.predicates import fit_words
-from grounding.referent.scene import EGO_CENTRE_M, NEUTRAL_LIGHT, SceneModel
+from grounding.referent.scene import NEUTRAL_LIGHT, SceneModel
 from grounding.referent.scoring import score_objects
 
 # More red than brown.
@@ -77,9 +76,9 @@ def distance_fit(distance_m: float, x_m: float, size_wlh_m: tuple[float, float, 
 
 
 def test_distances_are_between_centres_or_bumpers() -> None:
-    assert distance_fit(20, EGO_CENTRE_M + 20) == pytest.approx(1, abs=1e-3)
-    assert distance_fit(20, EGO_CENTRE_M + 20 + EGO_LENGTH_M / 2 + 4.0, (2.5, 8.0, 3.2)) == pytest.approx(1, abs=1e-3)
+    assert distance_fit(20, EGO.centre_m + 20) == pytest.approx(1, abs=1e-3)
+    assert distance_fit(20, EGO.centre_m + 20 + EGO.length_m / 2 + 4.0, (2.5, 8.0, 3.2)) == pytest.approx(1, abs=1e-3)
 
 
 def test_a_deviation_of_a_quarter_is_one_standard_deviation() -> None:
-    assert distance_fit(20 * np.exp(0.25), EGO_CENTRE_M + 20) == pytest.approx(np.exp(-0.5), rel=0.01)
+    assert distance_fit(20 * np.exp(0.25), EGO.centre_m + 20) == pytest.approx(np.exp(-0.5), rel=0.01)

@@ -1,44 +1,43 @@
-"""Other roads: turns, and where our lane ends."""
+"""Goals on other roads: turns, and the end of the ego lane."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
-from plans import (
-    asked,
-    found,
-    near,
-    planned,
-    said,
+from goal_plans import (
+    has_reason,
+    is_near,
+    make_query,
+    plan_in,
+    target_of,
 )
-from street import HALF_ROAD_M, Street
+from street import EGO, HALF_ROAD_M, Street
 
 from appocc.bevmap import LANE, ROAD
-from grounding.referent.scene import EGO_CENTRE_M
 
 
-def test_one_turns_around_to_the_side_of_those_that_come_towards_us() -> None:
+def test_a_u_turn_goes_to_the_side_of_oncoming_traffic() -> None:
     street = Street().car("car", 30, -3.5, yaw_rad=np.pi, speed_mps=5)
-    assert near(found(planned(street, asked("turn", direction="around"), None)), EGO_CENTRE_M + 3, -3.5)
+    assert is_near(target_of(plan_in(street, make_query("turn", direction="around"), None)), EGO.centre_m + 3, -3.5)
 
 
-def test_where_our_lane_ends_one_goes_on_along_another_road() -> None:
+def test_beyond_the_end_of_the_ego_lane_the_goal_is_on_another_road() -> None:
     street = Street()
     x, y = np.moveaxis(street.grid.centres(), -1, 0)
     street.occupancy[ROAD] = ((np.abs(y) < 3) & (x < 14)) | ((np.abs(x - 10) < 4) & (y > -3))
-    made = planned(street, asked("stop", distance_m=25.0, distance_of="ego"), None)
-    target = found(made)
+    made = plan_in(street, make_query("stop", distance_m=25.0, distance_of="ego"), None)
+    target = target_of(made)
     assert target.ego_m[1] > 8
     assert target.heading_ego_rad == pytest.approx(np.pi / 2, abs=0.1)
     dead_end = Street()
     dead_end.occupancy[ROAD] = (np.abs(y) < 3) & (x < 8)
-    made = planned(dead_end, asked("change_lane", direction="left"), None)
+    made = plan_in(dead_end, make_query("change_lane", direction="left"), None)
     assert made.target is None
-    assert said(made, "our lane ends 6 m ahead")
+    assert has_reason(made, "our lane ends 6 m ahead")
 
 
 def crossing(*at_m: float) -> Street:
-    """A street with side roads of 8 m width to the left at some distances, and the way there marked."""
+    """A street with lane markings and side roads of 8 m width to the left, at some distances."""
     street = Street()
     x, y = np.moveaxis(street.grid.centres(), -1, 0)
     for middle_m in at_m:
@@ -47,24 +46,24 @@ def crossing(*at_m: float) -> Street:
     return street
 
 
-def test_a_turn_leads_onto_the_first_road_on_that_side() -> None:
-    target = found(planned(crossing(15), asked("turn", direction="left"), None))
+def test_a_turn_leads_to_the_first_side_road() -> None:
+    target = target_of(plan_in(crossing(15), make_query("turn", direction="left"), None))
     assert target.heading_ego_rad == pytest.approx(np.pi / 2, abs=0.1)
     assert target.ego_m[1] > HALF_ROAD_M
     assert 15 < target.ego_m[0] < 19  # its right half
-    made = planned(crossing(15), asked("turn", direction="right"), None)
+    made = plan_in(crossing(15), make_query("turn", direction="right"), None)
     assert made.target is None
 
 
 @pytest.mark.parametrize(("relation", "x_m"), [("before", 8), ("past", 30), ("next_to", 30)])
 def test_a_turn_before_or_past_a_vehicle(relation: str, x_m: float) -> None:
     street = crossing(8, 30).car("car", 22, -5)
-    target = found(planned(street, asked("turn", relation, direction="left")))
+    target = target_of(plan_in(street, make_query("turn", relation, direction="left")))
     assert abs(target.ego_m[0] - x_m) < 4
     assert target.ego_m[1] > HALF_ROAD_M
 
 
 def test_no_road_past_a_vehicle() -> None:
-    made = planned(crossing(8).car("car", 22, -5), asked("turn", "past", direction="left"))
+    made = plan_in(crossing(8).car("car", 22, -5), make_query("turn", "past", direction="left"))
     assert made.target is None
-    assert said(made, "no road that branches off to the left past it")
+    assert has_reason(made, "no road that branches off to the left past it")

@@ -6,12 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from plans import cells_under
-from street import RED, WHITE, Street
+from goal_plans import cells_under
+from street import EGO, RED, WHITE, Street
 
 from appocc.bevmap import BEVMap
 from appocc.checks import BoolArray
-from appocc.ego_vehicle import body_cells
 from appocc.grid import BEVGrid
 from grounding.grounder import Grounder
 from grounding.road.visibility import unseen_sides
@@ -26,7 +25,7 @@ THRESHOLDS = {"road": 0.5, "vehicle": 0.5, "lane": 0.5}
 def predicted(street: Street, seen: BoolArray) -> BEVMap:
     """Return the map that a network with correct guesses predicts of a street."""
     bev = street.bev()
-    valid = np.broadcast_to(seen & ~body_cells(GRID), (3, *GRID.shape)).copy()
+    valid = np.broadcast_to(seen & ~EGO.body_cells(GRID), (3, *GRID.shape)).copy()
     return replace(bev, occupancy_valid=valid, appearance_valid=valid[0].copy(), meta={"thresholds": THRESHOLDS})
 
 
@@ -38,10 +37,10 @@ def grounder(bev: BEVMap) -> Grounder:
 
 def test_unseen_sides_are_named() -> None:
     street = Street()
-    assert unseen_sides(predicted(street, AHEAD)) == ["on our left", "on our right", "behind us"]
-    assert unseen_sides(predicted(street, X_M > -5)) == ["behind us"]
-    assert unseen_sides(predicted(street, np.ones(GRID.shape, np.bool_))) == []
-    assert unseen_sides(street.bev()) == []
+    assert unseen_sides(predicted(street, AHEAD), EGO) == ["on our left", "on our right", "behind us"]
+    assert unseen_sides(predicted(street, X_M > -5), EGO) == ["behind us"]
+    assert unseen_sides(predicted(street, np.ones(GRID.shape, np.bool_)), EGO) == []
+    assert unseen_sides(street.bev(), EGO) == []
 
 
 @pytest.mark.parametrize(
@@ -50,7 +49,7 @@ def test_unseen_sides_are_named() -> None:
 def test_no_target_and_no_route_in_unseen_cells(text: str) -> None:
     bev = predicted(Street(), AHEAD)
     answer = grounder(bev).ground(text)
-    allowed = AHEAD | body_cells(GRID)
+    allowed = AHEAD | EGO.body_cells(GRID)
     for target in filter(None, (answer.target, *answer.plan.runners_up, answer.plan.nearest)):
         assert AHEAD[target.cell]
         assert allowed[cells_under(target, GRID)].all()

@@ -1,4 +1,4 @@
-"""Plans asked for in tests, each checked for what holds of every plan."""
+"""Goal plans for tests; the invariants of every plan are checked."""
 
 from __future__ import annotations
 
@@ -6,47 +6,46 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from street import HALF_ROAD_M, WORLD_FROM_EGO, Street
+from street import EGO, HALF_ROAD_M, WORLD_FROM_EGO, Street
 
 from appocc.bevmap import ROAD, VEHICLE
 from appocc.checks import BoolArray
-from appocc.ego_vehicle import EGO_LENGTH_M, EGO_WIDTH_M
 from appocc.grid import BEVGrid
-from grounding.goal.planner import Plan, Target, plan
+from grounding.goal.planner import GoalPlan, Target, plan_goal
 from grounding.query import Query, Referent
 from grounding.referent.scene import SceneModel, SceneObject
-from grounding.road.road_map import Road
+from grounding.road.road_map import RoadMap
 
 HALF_CELL_M = 0.2 + 1e-9
 # Half a car (4.4 m x 1.8 m) and half the ego; from the middle of the road to an ego parked at its edge.
-LENGTHWISE_M, SIDEWAYS_M = (4.4 + EGO_LENGTH_M) / 2, (1.8 + EGO_WIDTH_M) / 2
-EDGE_M = HALF_ROAD_M - EGO_WIDTH_M / 2 - 0.3
+LENGTHWISE_M, SIDEWAYS_M = (4.4 + EGO.length_m) / 2, (1.8 + EGO.width_m) / 2
+EDGE_M = HALF_ROAD_M - EGO.width_m / 2 - 0.3
 
 
-def asked(action: str, relation: str = "none", **more: object) -> Query:
-    """A query as a parser would make it, with 'the car' where a relation needs one."""
+def make_query(action: str, relation: str = "none", **more: object) -> Query:
+    """A query as the parser makes it; a relation refers to "the car"."""
     if relation != "none":
         more = {"referent": Referent("car", "car"), "landmark": "referent", **more}
     return replace(Query("", action, (action,), relation), **more)  # type: ignore[arg-type]
 
 
-def named(scene: SceneModel, name: str) -> SceneObject:
+def object_named(scene: SceneModel, name: str) -> SceneObject:
     return next(item for item in scene.objects if item.id == name)
 
 
-def planned(street: Street, query: Query, name: str | None = "car", partner: str | None = None) -> Plan:
-    """The plan beside a vehicle of a street, checked for what holds of every plan."""
+def plan_in(street: Street, query: Query, name: str | None = "car", partner: str | None = None) -> GoalPlan:
+    """Plan a goal relative to a vehicle of a street and check the invariants."""
     scene = street.scene()
     assert scene.bev is not None
-    road = Road.of(scene.bev, scene.objects)
-    item = None if name is None else named(scene, name)
-    made = plan(query, scene, road, item, None if partner is None else named(scene, partner))
+    road = RoadMap.from_map(scene.bev, scene.objects, EGO)
+    item = None if name is None else object_named(scene, name)
+    made = plan_goal(query, scene, road, item, None if partner is None else object_named(scene, partner))
     check_invariants(made, scene, road)
     return made
 
 
-def check_invariants(made: Plan, scene: SceneModel, road: Road) -> None:
-    """What holds for every plan, worked out apart from the code that made it."""
+def check_invariants(made: GoalPlan, scene: SceneModel, road: RoadMap) -> None:
+    """Check what holds for every plan, independently of the planner's code."""
     bev = scene.bev
     assert bev is not None
     assert made.reasons
@@ -62,33 +61,33 @@ def check_invariants(made: Plan, scene: SceneModel, road: Road) -> None:
         assert bev.occupancy_valid[:2, under].all()
         assert bev.grid.contains(bev.grid.cell_of(place.footprint())).all()
         assert not any(item.covers(place.footprint(), 0.29).any() for item in scene.objects)
-        assert np.isfinite(road.ways.length_m[place.cell])
+        assert np.isfinite(road.paths.length_m[place.cell])
     for one, other in ((a, b) for a in made.runners_up for b in (made.target, *made.runners_up) if a is not b):
         assert other is not None
-        assert np.hypot(*(one.ego_m - other.ego_m)) >= EGO_LENGTH_M
+        assert np.hypot(*(one.ego_m - other.ego_m)) >= EGO.length_m
     assert (made.route is not None) == (made.target is not None)
-    if made.target is not None and made.route is not None and made.field is not None:
+    if made.target is not None and made.route is not None and made.cost_field is not None:
         assert made.nearest is None
         assert made.route[-1] == pytest.approx(made.target.ego_m)
-        assert np.isfinite(made.field[made.target.cell])
+        assert np.isfinite(made.cost_field[made.target.cell])
 
 
 def cells_under(target: Target, grid: BEVGrid) -> BoolArray:
     offset = grid.centres() - target.ego_m
     cos, sin = np.cos(target.heading_ego_rad), np.sin(target.heading_ego_rad)
     along, across = offset @ [cos, sin], offset @ [-sin, cos]
-    return np.asarray((np.abs(along) <= EGO_LENGTH_M / 2) & (np.abs(across) <= EGO_WIDTH_M / 2))
+    return np.asarray((np.abs(along) <= EGO.length_m / 2) & (np.abs(across) <= EGO.width_m / 2))
 
 
-def found(made: Plan) -> Target:
+def target_of(made: GoalPlan) -> Target:
     assert made.target is not None, made.reasons
     return made.target
 
 
-def near(target: Target, x_m: float, y_m: float) -> bool:
-    """Whether the target is the cell of a place, or one beside it."""
+def is_near(target: Target, x_m: float, y_m: float) -> bool:
+    """Return whether the target is within one cell of a position."""
     return bool(np.abs(target.ego_m - [x_m, y_m]).max() <= 2 * HALF_CELL_M)
 
 
-def said(made: Plan, words: str) -> bool:
+def has_reason(made: GoalPlan, words: str) -> bool:
     return any(words in reason for reason in made.reasons)
