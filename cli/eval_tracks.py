@@ -10,7 +10,7 @@ import typer
 from cli.common import JsonOption, VersionOption, emit, say
 
 if TYPE_CHECKING:
-    from tracking.evaluation.evaluate import Answer
+    from tracking.evaluation.evaluate import EvaluationReport
 
 
 def tracks(
@@ -39,15 +39,15 @@ def tracks(
 
     Example: appocc eval tracks --gt ROOT --tracks tracking.json --kind car
     """
-    from tracking.evaluation.evaluate import Question, score_files
+    from tracking.evaluation.evaluate import EvaluationOptions, evaluate_files
 
-    answer = score_files(truth, found, Question(kind, range_m, gate_m), version)
+    answer = evaluate_files(truth, found, EvaluationOptions(kind, range_m, gate_m), version)
     if as_json:
         emit(answer.as_json())
     _show(answer)
 
 
-def _show(answer: Answer) -> None:
+def _show(answer: EvaluationReport) -> None:
     """The scores as tables on stderr."""
     from rich.console import Console
     from rich.table import Table

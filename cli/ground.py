@@ -136,7 +136,7 @@ def _set_key_frame(
     from appocc.bevmap import is_truth, load_map
     from appocc.nuscenes import Dataset
     from appocc.nuscenes.dataset import sample_at
-    from tracking.io.nuscenes_tracks import read_moment
+    from tracking.io.nuscenes_tracks import read_key_frame
 
     if scene is None or frame is None:
         raise DataError("ROOT needs --scene and --frame")
@@ -146,7 +146,7 @@ def _set_key_frame(
     made = load_map(root, bev, sample.token)
     made = made.with_guesses() if trust_unseen else made
     if tracks is not None:
-        grounder.set_scene(made, read_moment(tracks, sample.token), moment.world_from_ego)
+        grounder.set_scene(made, read_key_frame(tracks, sample.token), moment.world_from_ego)
     else:
         # What a model predicted is answered from what it predicted, never from annotations.
         grounder.set_scene(made, moment.boxes_ego if is_truth(bev) else None, moment.world_from_ego)

@@ -14,7 +14,7 @@ from appocc.checks import BoolArray, FloatArray
 from appocc.geometry import footprints, wrap_angle
 from grounding.road.lane_model import Lanes, Traffic, lanes_of
 from grounding.scene_object import EGO_CENTRE_M, SceneObject
-from tracking.io.writers import HEIGHT_M
+from tracking.vehicle_classes import HEIGHT_M
 
 if TYPE_CHECKING:
     from grounding.road.road_map import Road

@@ -19,7 +19,7 @@ from grounding.road.lane_model import LANE_M, Lanes
 from grounding.road.road_map import Road
 from grounding.road.visibility import unseen_sides
 from grounding.scene_object import EGO_CENTRE_M, SceneObject
-from tracking.instances.instances import Blobs, find_blobs
+from tracking.instances.instances import Instances, find_instances
 from tracking.tracks import Track
 
 __all__ = ["EGO_CENTRE_M", "Scene", "SceneObject", "scene_of", "scene_of_tracks"]
@@ -120,7 +120,7 @@ class Scene:
 def scene_of(bev: BEVMap | None, boxes_ego: Boxes | None, world_from_ego: FloatArray) -> Scene:
     """The scene of annotated boxes in the ego frame, or, where they are None, of the map's own vehicle blobs."""
     if boxes_ego is None:
-        return _scene(bev, [] if bev is None else _from_blobs(find_blobs(bev)), world_from_ego)
+        return _scene(bev, [] if bev is None else _from_blobs(find_instances(bev)), world_from_ego)
     return _scene(bev, _from_boxes(bev, boxes_ego), world_from_ego)
 
 
@@ -196,7 +196,7 @@ def _from_boxes(bev: BEVMap | None, boxes: Boxes) -> list[SceneObject]:
     return objects
 
 
-def _from_blobs(blobs: Blobs) -> list[SceneObject]:
+def _from_blobs(blobs: Instances) -> list[SceneObject]:
     """The map's own vehicles: no class, no speed, and a front that is not known."""
     return [
         SceneObject(

@@ -9,7 +9,7 @@ from street import BLUE, RED, WHITE, WORLD_FROM_EGO, Street
 from appocc.errors import ShapeError
 from appocc.grid import BEVGrid
 from grounding.referent.scene import Scene, SceneObject, scene_of, scene_of_tracks
-from tracking.instances.instances import find_blobs
+from tracking.instances.instances import find_instances
 from tracking.tracker import Tracker
 from tracking.tracks import Track
 
@@ -124,7 +124,7 @@ def track(number: int, x_m: float, y_m: float, **more: Any) -> Track:
         "score": 0.9,
         "seen": True,
     }
-    return Track(number, np.array([100.0 - y_m, 50.0 + x_m, 0.0]), **(known | more))
+    return Track(id=number, position_world_m=np.array([100.0 - y_m, 50.0 + x_m, 0.0]), **(known | more))
 
 
 def test_tracks_in_the_ego_frame() -> None:
@@ -204,7 +204,7 @@ def test_what_the_tracker_says_can_be_asked_about() -> None:
     tracker = Tracker()
     street = Street().car("a", 12, -4, RED).car("b", 22, 4, WHITE)
     for moment in range(4):
-        tracks = tracker.update(find_blobs(street.bev()).as_detections(), 500_000 * moment, WORLD_FROM_EGO)
+        tracks = tracker.update(find_instances(street.bev()).as_detections(), 500_000 * moment, WORLD_FROM_EGO)
     scene = scene_of_tracks(street.bev(), tracks, WORLD_FROM_EGO)
     assert len(scene.objects) == 2
     assert {item.speed_mps for item in scene.objects} == {0}

@@ -6,7 +6,7 @@ import pytest
 from benchmarks.colour_ablation import HEAD, Step, Trial, judged, made_scene, without_colour, wrongly_coloured
 from benchmarks.encounters import MIX, encounters
 from tracking.evaluation.clear_id_hota import Metrics
-from tracking.tracker import MAPS
+from tracking.presets import MAPS
 
 
 @pytest.fixture(scope="module")

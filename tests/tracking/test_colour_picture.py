@@ -11,7 +11,7 @@ from appocc.geometry import apply, inverse
 from benchmarks.colour_ablation import Scene, judged, made_scene, without_colour
 from benchmarks.colour_picture import SEED, Loss, draw, losses, main, places_of_labels, tracks_of, ways_of
 from benchmarks.encounters import encounters
-from tracking.tracker import MAPS
+from tracking.presets import MAPS
 
 
 @pytest.fixture(scope="module")

@@ -13,8 +13,9 @@ from appocc.errors import AppoccError, DataError
 from appocc.nuscenes import Dataset
 from cli.main import app
 from tracking.detections import Detections
-from tracking.evaluation.evaluate import Question, score_files
-from tracking.io.nuscenes_detections import RANGE_M, track_detections
+from tracking.evaluation.evaluate import EvaluationOptions, evaluate_files
+from tracking.io.nuscenes_detections import RANGE_M
+from tracking.pipeline import track_detections
 
 SIZES = {
     "car": [1.9, 4.6, 1.6],
@@ -91,7 +92,7 @@ def test_classes_sizes_and_sensors_are_the_detectors(tiny: TinyDataset, tmp_path
         np.testing.assert_allclose([entry["rotation"] for entry in moment], [[HALF, 0, 0, HALF]] * 3, atol=1e-3)
         assert all(entry["heading_known"] and entry["rgb"] is None for entry in moment)
     # Its own annotations judge every class.
-    metrics = score_files(tiny.root, tmp_path / "out" / "tracking.json", Question("pedestrian")).metrics
+    metrics = evaluate_files(tiny.root, tmp_path / "out" / "tracking.json", EvaluationOptions("pedestrian")).metrics
     assert (metrics.GT, metrics.FN, metrics.FP) == (2, 0, 1)
 
 
@@ -128,7 +129,7 @@ def test_what_the_tracker_gets(tiny: TinyDataset, tmp_path: Path) -> None:
     dataset, tracker = Dataset(tiny.root), Silent()
     steps: list[int] = []
     path = write(tmp_path / "r.json", street())
-    track_detections(dataset, dataset.scenes[0], path, tracker, steps.append)
+    track_detections(dataset, dataset.scenes[0], path, tracker=tracker, advance=steps.append)
     assert steps == [1, 1, 1]
     seen, time_us = tracker.given[1]
     assert time_us == dataset.samples(dataset.scenes[0])[1].timestamp_us

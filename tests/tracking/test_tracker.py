@@ -9,9 +9,10 @@ from made_map import BLUE, RED, Car, map_of, pose
 from appocc.checks import FloatArray
 from appocc.errors import DataError, ShapeError
 from appocc.geometry import apply, inverse, yaw_of
-from tracking.instances.instances import find_blobs
-from tracking.track_table import LifeConfig
-from tracking.tracker import MAPS, Tracker, TrackerConfig
+from tracking.instances.instances import find_instances
+from tracking.presets import MAPS
+from tracking.track_table import LifecycleConfig
+from tracking.tracker import Tracker, TrackerConfig
 from tracking.tracks import Track
 
 START_US = 1_600_000_000_000_000
@@ -42,7 +43,7 @@ def follow(
     result = []
     for t in times_s:
         here = ego(t)
-        blobs = find_blobs(map_of(seen_from(here, (path(t) for path in paths)), probability))
+        blobs = find_instances(map_of(seen_from(here, (path(t) for path in paths)), probability))
         result.append(tuple(tracker.update(blobs.as_detections(), START_US + round(t * 1e6), here)))
     return result
 
@@ -221,7 +222,7 @@ def test_who_enters_where_another_left_is_new() -> None:
 
 
 def test_the_life_cycle_can_be_set() -> None:
-    config = TrackerConfig(life=LifeConfig(coast_s=1.0, coast_m=5.0))
+    config = TrackerConfig(lifecycle=LifecycleConfig(coast_s=1.0, coast_std_m=5.0))
     assert [ids(moment) for moment in follow([gap(1.0, 2.0)], every(0.2, 2), config=config)] == [[1]] * 11
 
 
@@ -239,7 +240,7 @@ def test_a_car_that_is_only_ever_seen_cut_off_has_a_size() -> None:
 
 
 def test_time_must_move_forward() -> None:
-    tracker, blobs = Tracker(), find_blobs(map_of([])).as_detections()
+    tracker, blobs = Tracker(), find_instances(map_of([])).as_detections()
     tracker.update(blobs, START_US, pose())
     with pytest.raises(DataError, match=f"expected a time after {START_US} us, got {START_US} us"):
         tracker.update(blobs, START_US, pose())
@@ -247,7 +248,7 @@ def test_time_must_move_forward() -> None:
 
 def test_the_pose_must_be_rigid() -> None:
     with pytest.raises(ShapeError, match="world_from_ego"):
-        Tracker().update(find_blobs(map_of([])).as_detections(), START_US, np.eye(4) * 2)
+        Tracker().update(find_instances(map_of([])).as_detections(), START_US, np.eye(4) * 2)
 
 
 @pytest.mark.parametrize(

@@ -2,46 +2,47 @@ from __future__ import annotations
 
 import numpy as np
 
-from tracking.tracks import Memory, Tracks
+from tracking.filtering.running_median import RunningMedian
+from tracking.tracks import Tracks
 
 ONE = np.zeros(1, np.int64)
 
 
-def remembering(sightings: int, rows: list[list[float]]) -> Memory:
-    memory = Memory(sightings, len(rows[0]))
-    memory.add(np.array(rows[:1]))
+def remembering(sightings: int, rows: list[list[float]]) -> RunningMedian:
+    medians = RunningMedian(sightings, len(rows[0]))
+    medians.add(np.array(rows[:1]))
     for row in rows[1:]:
-        memory.remember(ONE, np.array([row]))
-    return memory
+        medians.update(ONE, np.array([row]))
+    return medians
 
 
 def test_the_median_forgets_outliers_and_what_is_long_ago() -> None:
-    memory = remembering(3, [[1.0], [9.0], [1.2]])
-    np.testing.assert_allclose(memory.median, [[1.2]])
-    memory.remember(ONE, np.array([[8.0]]))
-    np.testing.assert_allclose(memory.median, [[8.0]])
+    medians = remembering(3, [[1.0], [9.0], [1.2]])
+    np.testing.assert_allclose(medians.median, [[1.2]])
+    medians.update(ONE, np.array([[8.0]]))
+    np.testing.assert_allclose(medians.median, [[8.0]])
 
 
 def test_unknown_values_do_not_count() -> None:
-    memory = remembering(5, [[1.0, np.nan, np.nan], [3.0, 5.0, np.nan]])
-    np.testing.assert_allclose(memory.median, [[2.0, 5.0, np.nan]])
-    np.testing.assert_allclose(memory.known, [[2, 1, 0]])
-    np.testing.assert_allclose(memory.spread, [[2.0, 0.0, 0.0]])
+    medians = remembering(5, [[1.0, np.nan, np.nan], [3.0, 5.0, np.nan]])
+    np.testing.assert_allclose(medians.median, [[2.0, 5.0, np.nan]])
+    np.testing.assert_allclose(medians.known, [[2, 1, 0]])
+    np.testing.assert_allclose(medians.squared_deviation, [[2.0, 0.0, 0.0]])
 
 
 def test_a_value_that_was_never_seen_stays_unknown() -> None:
-    memory = remembering(3, [[np.nan, 1.0], [np.nan, 2.0]])
-    np.testing.assert_allclose(memory.median, [[np.nan, 1.5]])
-    np.testing.assert_allclose(memory.spread, [[0.0, 0.5]])
+    medians = remembering(3, [[np.nan, 1.0], [np.nan, 2.0]])
+    np.testing.assert_allclose(medians.median, [[np.nan, 1.5]])
+    np.testing.assert_allclose(medians.squared_deviation, [[0.0, 0.5]])
 
 
 def test_each_vehicle_has_its_own_memory() -> None:
-    memory = remembering(3, [[1.0]])
-    memory.add(np.array([[5.0], [7.0]]))
-    memory.remember(np.array([1]), np.array([[6.0]]))
-    np.testing.assert_allclose(memory.median[:, 0], [1.0, 5.5, 7.0])
-    memory.keep(np.array([False, True, True]))
-    np.testing.assert_allclose(memory.median[:, 0], [5.5, 7.0])
+    medians = remembering(3, [[1.0]])
+    medians.add(np.array([[5.0], [7.0]]))
+    medians.update(np.array([1]), np.array([[6.0]]))
+    np.testing.assert_allclose(medians.median[:, 0], [1.0, 5.5, 7.0])
+    medians.keep(np.array([False, True, True]))
+    np.testing.assert_allclose(medians.median[:, 0], [5.5, 7.0])
 
 
 def test_tracks_are_a_sequence_of_tracks() -> None:
