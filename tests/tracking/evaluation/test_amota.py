@@ -114,7 +114,7 @@ def test_nothing_found() -> None:
 
 def test_scores_are_checked() -> None:
     moment = scored(0, {}, {7: (0, 0)}, {7: 1.0}).frame
-    with pytest.raises(ShapeError, match="moment scores"):
+    with pytest.raises(ShapeError, match="frame scores"):
         ScoredFrame(0, moment, np.zeros(2))
     with pytest.raises(ShapeError, match="finite"):
         ScoredFrame(0, moment, np.array([np.nan]))

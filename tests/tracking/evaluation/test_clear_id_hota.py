@@ -185,7 +185,7 @@ def test_only_some_tracks() -> None:
 
 def test_shapes_are_checked() -> None:
     empty, no_xy, none = np.zeros(0, np.int64), np.zeros((0, 2)), np.zeros(0, np.bool_)
-    with pytest.raises(ShapeError, match="moment truth_xy_m"):
+    with pytest.raises(ShapeError, match="frame truth_xy_m"):
         EvaluationFrame(np.ones(2, np.int64), no_xy, none, empty, no_xy, none)
     one, yes = np.array([1]), np.ones(1, np.bool_)
     with pytest.raises(ShapeError, match="compared distance"):

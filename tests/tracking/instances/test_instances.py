@@ -180,7 +180,7 @@ def test_cover_knows_the_turned_boxes() -> None:
 
 def test_shapes_are_checked() -> None:
     good = find_instances(map_of([Car(10, 0)]))
-    with pytest.raises(ShapeError, match=r"blobs yaw_rad: expected shape \(1\), got \(2,\)"):
+    with pytest.raises(ShapeError, match=r"instances yaw_rad: expected shape \(1\), got \(2,\)"):
         Instances(
             centroid_m=good.centroid_m,
             yaw_rad=np.zeros(2),

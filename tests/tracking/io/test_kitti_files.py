@@ -258,7 +258,7 @@ def test_rectangles_end_with_the_picture() -> None:
 def test_a_height_that_nobody_told(tmp_path: Path) -> None:
     sequence = only(made_kitti(tmp_path, 1))
     ((result,),) = kitti_results(sequence, [[replace(track(np.array([10.0, 0, -1.6]), 0.0), height_m=np.nan)]])
-    assert result.size_m.tolist() == [1.8, 4.2, 1.5]
+    assert result.size_m.tolist() == [1.8, 4.2, 1.6]
 
 
 def test_results_in_a_place_that_cannot_be_written(tmp_path: Path) -> None:
