@@ -1,7 +1,9 @@
 from __future__ import annotations
 
 import numpy as np
+from made_tracks import track
 
+from tracking.detections import CircularView, Detections
 from tracking.filtering.running_median import RunningMedian
 from tracking.tracks import Tracks
 
@@ -63,3 +65,15 @@ def test_tracks_are_a_sequence_of_tracks() -> None:
     assert (len(tracks), one.id, one.kind, one.speed_mps, one.seen, one.detection) == (2, 3, "car", 5.0, True, 5)
     assert (one.width_m, one.length_m, one.moving, one.heading_known) == (1.8, 4.5, True, True)
     assert (other.seen, other.detection, other.height_m, other.score) == (False, None, 3.2, 0.4)
+
+
+def test_constructors_copy_the_arrays_of_the_caller() -> None:
+    given = np.array([1.0, 2.0, 3.0])
+    one = track(position_world_m=given)
+    ground_m, ones = np.zeros((2, 3)), np.ones((2, 3))
+    found = Detections.from_boxes(ground_m, np.zeros(2), ones, np.zeros(2), ("car",) * 2, CircularView())
+    given[0] = ground_m[0, 0] = 9.0
+    assert (one.position_world_m[0], found.ground_m[0, 0]) == (1.0, 0.0)
+    assert not one.position_world_m.flags.writeable
+    assert not found.ground_m.flags.writeable
+    assert hash(one) != hash(track())

@@ -188,7 +188,7 @@ def test_shapes_are_checked() -> None:
     with pytest.raises(ShapeError, match="frame truth_xy_m"):
         EvaluationFrame(np.ones(2, np.int64), no_xy, none, empty, no_xy, none)
     one, yes = np.array([1]), np.ones(1, np.bool_)
-    with pytest.raises(ShapeError, match="compared distance"):
+    with pytest.raises(ShapeError, match="frame distance"):
         DistanceFrame(one, yes, one, yes, np.zeros((1, 2)))
     with pytest.raises(ShapeError, match="finite"):
         DistanceFrame(one, yes, one, yes, np.full((1, 1), np.nan))
