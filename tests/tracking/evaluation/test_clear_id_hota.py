@@ -192,9 +192,9 @@ def test_shapes_are_checked() -> None:
         DistanceFrame(one, yes, one, yes, np.zeros((1, 2)))
     with pytest.raises(ShapeError, match="finite"):
         DistanceFrame(one, yes, one, yes, np.full((1, 1), np.nan))
-    with pytest.raises(ShapeError, match="compared judged"):
+    with pytest.raises(ShapeError, match="frame penalised"):
         DistanceFrame(one, yes, one, none, np.zeros((1, 1)))
-    with pytest.raises(ShapeError, match="compared demanded"):
+    with pytest.raises(ShapeError, match="frame required"):
         DistanceFrame(one, none, one, yes, np.zeros((1, 1)))
 
 
