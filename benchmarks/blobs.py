@@ -149,7 +149,7 @@ def errors_of(blobs: Instances, vehicles: Instances) -> FloatArray:
 
 
 def milliseconds(rounds: int = 200) -> tuple[float, float]:
-    """Least and median time of `find_blobs` of a map of 200 x 200 cells with 50 vehicles that stand apart."""
+    """Least and median time of `find_instances` of a map of 200 x 200 cells with 50 vehicles that stand apart."""
     bev = made_map(BEVGrid.surround())
     seconds = []
     for _ in range(rounds):
@@ -195,7 +195,7 @@ def main() -> None:
         for range_m, total in sums.items():
             print(" ".join(f"{text:>10}" for text in (source, f"{range_m:.0f} m", *total.row())))
     least, median = milliseconds()
-    print(f"find_blobs, 200 x 200 cells, 50 vehicles: {least:.2f} ms at least, {median:.2f} ms in the median")
+    print(f"find_instances, 200 x 200 cells, 50 vehicles: {least:.2f} ms at least, {median:.2f} ms in the median")
 
 
 if __name__ == "__main__":

@@ -12,7 +12,7 @@ are missed in a frame, and 5 % more detections show nothing; colours are known. 
   the median.
 - plain: likewise, of the usual loop: one filterpy `KalmanFilter` of constant velocity for each track, the assignment
   of the least sum of all distances, a gate of 2 m, no colours, no headings, no sizes.
-- with maps: of `find_blobs` and `Tracker(MAPS).update` together, on maps of 200 x 200 cells that show 50 vehicles.
+- with maps: of `find_instances` and `Tracker(MAPS).update` together, on maps of 200 x 200 cells with 50 vehicles.
 
 With --memory, 50 vehicles that come and go through one tracker, and every tenth of the frames the memory that the
 process holds (resident, of Linux), and the tracks there were so far.

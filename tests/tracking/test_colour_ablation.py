@@ -56,7 +56,7 @@ def scores(ids: int) -> Metrics:
     return made.__class__(**{**made.__dict__, "IDS": ids})
 
 
-def test_a_row_tells_how_much_and_how_surely() -> None:
+def test_benchmark_rows_show_effect_and_confidence() -> None:
     one, two = scores(1), scores(2)
     row = dict(zip(HEAD, Trial("exact", [one] * 12, [two] * 12).row(), strict=True))
     assert row["IDS with / without"] == "12 / 24"

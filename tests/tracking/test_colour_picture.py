@@ -33,7 +33,7 @@ def test_as_many_switches_are_marked_as_the_benchmark_counts(scene: Scene) -> No
     assert marked[1] < marked[0]
 
 
-def test_only_who_is_demanded_has_tracks(scene: Scene) -> None:
+def test_only_required_vehicles_have_tracks(scene: Scene) -> None:
     tracks = tracks_of(scene[:10], MAPS)
     for k, step in enumerate(scene[:10]):
         there = {number for number, ids in tracks.items() if ids[k] > 0}

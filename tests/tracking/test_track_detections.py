@@ -125,7 +125,7 @@ class Silent:
         return ()
 
 
-def test_what_the_tracker_gets(tiny: TinyDataset, tmp_path: Path) -> None:
+def test_detections_passed_to_the_tracker(tiny: TinyDataset, tmp_path: Path) -> None:
     dataset, tracker = Dataset(tiny.root), Silent()
     steps: list[int] = []
     path = write(tmp_path / "r.json", street())
@@ -177,13 +177,13 @@ def test_damaged_files(tiny: TinyDataset, tmp_path: Path, results: Any, reason: 
         ((), "expected one of --bev, --detections, --kitti and --mot, got none"),
     ],
 )
-def test_words_that_do_not_go_together(tiny: TinyDataset, words: tuple[str, ...], complaint: str) -> None:
+def test_invalid_option_combinations(tiny: TinyDataset, words: tuple[str, ...], complaint: str) -> None:
     error = run(tiny.root, *words).exception
     assert isinstance(error, AppoccError)
     assert complaint in str(error)
     assert "\n" not in str(error)
 
 
-def test_what_detections_need(tmp_path: Path) -> None:
+def test_options_required_by_detections(tmp_path: Path) -> None:
     error = CliRunner().invoke(app, ["track", "--detections", "f"]).exception
     assert str(error) == "track: --detections needs ROOT and --scene, got no ROOT and --scene"

@@ -78,7 +78,7 @@ def test_a_moving_car_is_followed_at_irregular_times_from_a_moving_turning_ego()
     assert last.score > 0.99
 
 
-def test_a_parked_car_stands_still_in_the_world_while_the_ego_drives_by() -> None:
+def test_a_parked_car_is_stationary_while_the_ego_drives_by() -> None:
     result = follow([lambda _: Car(20, 4, 0.3)], every(0.2, 3), lambda t: pose(6 * t, 0, 0.1 * t))
     assert {track.id for moment in result for track in moment} == {1}
     for track in result[-1]:
@@ -97,7 +97,7 @@ def test_the_ground_height_follows_the_ego() -> None:
 
 
 @pytest.mark.parametrize("speed_mps", [6.0, -6.0])
-def test_motion_tells_front_from_rear(speed_mps: float) -> None:
+def test_motion_distinguishes_front_and_rear(speed_mps: float) -> None:
     result = follow([lambda t: Car(10 + speed_mps * t, 3)], every(0.2, 2))
     assert not result[0][0].heading_known
     last = result[-1][0]
@@ -159,18 +159,18 @@ def gap(start_s: float, end_s: float) -> Path:
     return lambda t: None if start_s <= t < end_s else Car(10, 3)
 
 
-def test_a_sure_blob_makes_a_track_at_once_and_others_when_seen_for_a_while() -> None:
+def test_high_confidence_confirms_immediately_low_confidence_after_a_while() -> None:
     times = every(0.1, 0.5)
     assert [len(moment) for moment in follow([gap(9, 9)], times)] == [1] * 6
     assert [len(moment) for moment in follow([gap(9, 9)], times, probability=0.7)] == [0, 0, 1, 1, 1, 1]
 
 
-def test_an_unsure_blob_that_comes_and_goes_never_makes_a_track() -> None:
+def test_a_flickering_low_confidence_instance_never_makes_a_track() -> None:
     flicker: Path = lambda t: Car(10, 3) if round(t * 10) % 3 == 0 else None  # noqa: E731
     assert all(not moment for moment in follow([flicker], every(0.1, 3), probability=0.7))
 
 
-def test_a_track_coasts_briefly_then_falls_silent_then_comes_back_under_its_id() -> None:
+def test_a_track_coasts_then_is_hidden_then_returns_under_its_id() -> None:
     result = follow([gap(1.0, 2.0)], every(0.1, 3))
     told = [[(track.id, track.seen) for track in moment] for moment in result]
     assert told[9] == [(1, True)]
@@ -179,23 +179,23 @@ def test_a_track_coasts_briefly_then_falls_silent_then_comes_back_under_its_id()
     assert told[20] == [(1, True)]
 
 
-def test_who_stands_is_remembered_while_hidden_but_not_for_ever() -> None:
+def test_stationary_tracks_are_remembered_for_a_limited_time() -> None:
     assert ids(follow([gap(1.0, 20.0)], every(0.5, 21))[-1]) == [1]
     assert ids(follow([gap(1.0, 35.0)], every(0.5, 36))[-1]) == [2]
 
 
-def test_who_stood_and_drove_on_while_hidden_is_new() -> None:
+def test_a_car_that_drove_on_while_hidden_is_new() -> None:
     def waits(t: float) -> Car | None:
         return Car(10, 3) if t < 1.2 else Car(22, 3) if t > 6 else None
 
     assert ids(follow([waits], every(0.5, 8))[-1]) == [2]
 
 
-def test_a_break_of_the_recording_ends_all_tracks() -> None:
+def test_a_long_break_deletes_all_tracks() -> None:
     assert ids(follow([lambda _: Car(10, 3)], [*every(0.5, 2), 3600.0])[-1]) == [2]
 
 
-def test_who_turns_a_corner_keeps_its_id() -> None:
+def test_a_car_that_turns_a_corner_keeps_its_id() -> None:
     """A quarter of a circle of 6 m radius at 6 m/s, seen twice a second."""
 
     def turning(t: float) -> Car:
@@ -207,12 +207,12 @@ def test_who_turns_a_corner_keeps_its_id() -> None:
     assert {name for moment in follow([turning], every(0.5, 5)) for name in ids(moment)} == {1}
 
 
-def test_life_is_counted_in_seconds_not_frames() -> None:
+def test_the_life_cycle_is_in_seconds_not_frames() -> None:
     for step in (0.1, 0.5):
         assert ids(follow([gap(1.0, 2.5)], every(step, 3))[-1]) == [1]
 
 
-def test_who_enters_where_another_left_is_new() -> None:
+def test_a_car_that_enters_where_another_left_is_new() -> None:
     def passing(t: float) -> Car | None:
         return Car(32 + 10 * t, 3) if t < 1 else Car(37 - 10 * (t - 1.6), 3) if t >= 1.6 else None
 

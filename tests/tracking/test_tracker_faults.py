@@ -85,8 +85,8 @@ def test_detections_with_values_that_cannot_be(name: str, value: Any, complaint:
         Detections(**(values | {name: np.array(value)}))
 
 
-def test_what_may_be_unknown() -> None:
-    # Needs the change of tracking.track_table.Followed.see that an unknown height stays unknown.
+def test_unknown_values_are_allowed() -> None:
+    # An unknown height stays unknown in the track table.
     result = follow(lambda _: seen([[10, 0]], size_m=(1.8, 4.5, NAN)), 3)
     assert ids(result) == [[1]] * 3
     assert np.isnan(result[-1][0].height_m)
@@ -108,7 +108,7 @@ def test_tiny_and_huge_sizes(size_m: tuple[float, float, float]) -> None:
 
 
 @pytest.mark.parametrize("size_m", [(0.7, 0.5, 1.8), (0.5, 0.5, 1.8)])
-def test_who_is_wider_than_long_looks_where_the_detector_says(size_m: tuple[float, float, float]) -> None:
+def test_heading_of_a_detection_wider_than_long(size_m: tuple[float, float, float]) -> None:
     # Needs the change of tracking.track_table._axis that the size's sign must not turn the axis.
     result = follow(lambda _: seen([[10, 0]], size_m=size_m, kind="pedestrian", yaw_rad=1.0), 10)
     assert result[-1][0].yaw_world_rad == pytest.approx(1.0)
@@ -118,7 +118,7 @@ def test_who_is_wider_than_long_looks_where_the_detector_says(size_m: tuple[floa
 # Twins ------------------------------------------------------------------------------------------------------------
 
 
-def test_a_vehicle_that_is_told_of_twice_is_one() -> None:
+def test_duplicate_detections_are_suppressed() -> None:
     # Needs the change of tracking.tracker that only distinct detections are taken.
     result = follow(lambda i: seen([[10 + i, 0]] * 2), 20)
     assert ids(result) == [[1]] * 20
@@ -165,7 +165,7 @@ def test_others_are_no_twins() -> None:
 
 
 @pytest.mark.parametrize("wrong_us", [5 * STEP_US, 5 * STEP_US - 1, 0, -1])
-def test_time_that_stands_or_goes_back_is_refused_and_does_no_harm(wrong_us: int) -> None:
+def test_non_increasing_time_is_rejected_without_side_effects(wrong_us: int) -> None:
     tracker = Tracker()
     before = follow(lambda i: seen([[10 + i, 0]]), 5, tracker=tracker)
     with pytest.raises(DataError, match=rf"tracker: expected a time after 500000 us, got {wrong_us} us"):
@@ -187,7 +187,7 @@ def test_nothing_to_be_seen_for_long() -> None:
 
 @pytest.mark.parametrize("hours", [1, 24 * 365 * 1000])
 @pytest.mark.parametrize("step_m", [0.0, 1.0])
-def test_after_hours_nobody_is_known(hours: int, step_m: float) -> None:
+def test_tracks_are_forgotten_after_hours(hours: int, step_m: float) -> None:
     # Needs the change of tracking.tracker that tracks do not outlive a long gap between two frames.
     tracker = Tracker()
     follow(lambda i: seen([[10 + step_m * i, 0]]), 10, tracker=tracker)
@@ -311,7 +311,7 @@ def random_frame(random: np.random.Generator) -> tuple[Detections, FloatArray]:
 
 
 @pytest.mark.parametrize("config", [None, MAPS])
-def test_whatever_comes_the_tracker_refuses_it_or_tells_what_can_be(config: TrackerConfig | None) -> None:
+def test_random_input_is_rejected_or_tracked(config: TrackerConfig | None) -> None:
     random = np.random.default_rng(2)
     tracker, time_us, told = Tracker(config), 0, 0
     for _ in range(300):
@@ -338,7 +338,7 @@ def test_a_score_is_the_mean_of_what_was_seen_and_some_doubt() -> None:
 
 
 @pytest.mark.parametrize(("log_odds", "again"), [(3.0, 1), (-1.0, 2)])
-def test_who_is_rather_no_vehicle_is_not_remembered_once_lost(log_odds: float, again: int) -> None:
+def test_unlikely_vehicles_are_deleted_once_lost(log_odds: float, again: int) -> None:
     def at(i: int) -> Detections:
         return seen([[10, 0]], log_odds=log_odds) if i < 10 else seen([[10, 0]] if i == 35 else [])
 
@@ -354,7 +354,7 @@ def test_a_break_longer_than_anything_is_remembered_ends_all_tracks() -> None:
         assert track.id == number
 
 
-def test_who_stands_goes_no_way_while_it_is_hidden() -> None:
+def test_stationary_tracks_keep_their_position_while_hidden() -> None:
     followed = TrackTable(LifecycleConfig())
     for i in range(20):
         sight = detections_in_world(seen([[0.05 * i, 0]]), pose(), np.zeros(1, np.int64), MotionConfig())

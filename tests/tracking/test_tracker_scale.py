@@ -49,7 +49,7 @@ def test_false_detections_do_not_mix_the_ids_of_500_vehicles() -> None:
     assert len(set.union(*ids.values())) == sum(len(own) for own in ids.values())
 
 
-def test_the_state_holds_no_more_than_those_alive() -> None:
+def test_state_size_is_bounded_by_the_number_of_tracks() -> None:
     """Hundreds of vehicles and false ones come and go; in the end there are as many tracks as in the beginning."""
     tracker, alive, last_id = Tracker(), [], 0
     for moment in moments(20, 400):
@@ -66,7 +66,7 @@ def test_the_state_holds_no_more_than_those_alive() -> None:
     assert len(tracker._kinds) == 1
 
 
-def test_who_left_for_good_is_forgotten() -> None:
+def test_tracks_that_left_are_forgotten() -> None:
     tracker = Tracker()
     for moment in moments(50, 5):
         tracker.update(moment.detections, moment.timestamp_us, NOW)
@@ -78,7 +78,7 @@ def test_who_left_for_good_is_forgotten() -> None:
 
 @pytest.mark.parametrize("count", [20, 80])  # few, and more
 @pytest.mark.parametrize("reach_m", [0.5, 5.0, 500.0])
-def test_pairs_near_each_other_are_all_pairs_near_each_other(reach_m: float, count: int) -> None:
+def test_all_neighbours_are_found(reach_m: float, count: int) -> None:
     dice = np.random.default_rng(3)
     one, other = dice.uniform(-50, 50, (count, 2)), dice.uniform(-50, 50, (90, 2))
     reaches_m = reach_m * dice.uniform(0.5, 1, count)
@@ -89,7 +89,7 @@ def test_pairs_near_each_other_are_all_pairs_near_each_other(reach_m: float, cou
     assert found == [tuple(pair) for pair in np.argwhere(apart_m <= reaches_m[:, None]).tolist()]
 
 
-def test_nothing_is_near_nobody() -> None:
+def test_no_points_have_no_neighbours() -> None:
     nobody, some = np.zeros((0, 2)), np.ones((3, 2))
     assert [len(each) for each in find_neighbours(nobody, some, np.zeros(0))] == [0, 0]
     assert [len(each) for each in find_neighbours(some, nobody, np.ones(3))] == [0, 0]
@@ -100,7 +100,7 @@ def test_the_reach_of_a_track_grows_with_the_time_unseen() -> None:
     assert config.gate_radius_m(np.array([0.0, 0.1, 0.3, 9.0])).tolist() == [2.0, 3.0, 5.0, 6.0]
 
 
-def test_the_traffic_is_as_it_is_said_to_be() -> None:
+def test_traffic_matches_its_specification() -> None:
     seen = moments(50, 200)
     shares = np.array([[(m.truth < 0).sum() / 50, (m.truth >= 0).sum() / 50] for m in seen])
     np.testing.assert_allclose(shares.mean(axis=0), [0.05, 0.95], atol=0.01)

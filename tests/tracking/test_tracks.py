@@ -18,7 +18,7 @@ def remembering(sightings: int, rows: list[list[float]]) -> RunningMedian:
     return medians
 
 
-def test_the_median_forgets_outliers_and_what_is_long_ago() -> None:
+def test_the_median_ignores_outliers_and_old_values() -> None:
     medians = remembering(3, [[1.0], [9.0], [1.2]])
     np.testing.assert_allclose(medians.median, [[1.2]])
     medians.update(ONE, np.array([[8.0]]))
@@ -38,7 +38,7 @@ def test_a_value_that_was_never_seen_stays_unknown() -> None:
     np.testing.assert_allclose(medians.squared_deviation, [[0.0, 0.5]])
 
 
-def test_each_vehicle_has_its_own_memory() -> None:
+def test_each_track_has_its_own_median() -> None:
     medians = remembering(3, [[1.0]])
     medians.add(np.array([[5.0], [7.0]]))
     medians.update(np.array([1]), np.array([[6.0]]))

@@ -73,7 +73,7 @@ def labs(*colours: tuple[float, ...]) -> FloatArray:
     return np.array(colours, np.float64)
 
 
-def test_the_whole_is_optimal_not_the_first() -> None:
+def test_assignment_is_globally_optimal() -> None:
     assert pairs(predicted([(0, 0), (1, 0)]), seen([(0.9, 0), (2.2, 0)])) == {0: 0, 1: 1}
 
 
@@ -82,7 +82,7 @@ def test_nothing_beyond_the_gate() -> None:
     assert pairs(predicted([(0, 0)]), seen([(2.4, 0)])) == {0: 0}
 
 
-def test_an_uncertain_track_looks_farther_but_not_endlessly() -> None:
+def test_gate_grows_with_uncertainty_up_to_a_maximum() -> None:
     assert pairs(predicted([(0, 0)], np.array([9.0])), seen([(6, 0)])) == {0: 0}
     assert pairs(predicted([(0, 0)], np.array([1e4])), seen([(11, 0)])) == {}
     assert pairs(predicted([(0, 0)], np.array([1e4]), unseen_s=np.array([2.0])), seen([(11, 0)])) == {0: 0}
@@ -93,18 +93,18 @@ def test_a_certain_track_goes_before_an_uncertain_one() -> None:
     assert pairs(predicted([(0, 0), (0.5, 0)], np.array([0.05, 30.0])), seen([(0.4, 0)])) == {0: 0}
 
 
-def test_a_heading_tells_who_is_meant() -> None:
+def test_heading_disambiguates_detections() -> None:
     detections = seen([(0.5, 0), (-0.5, 0)], yaw_rad=np.array([np.pi / 2, np.pi]))
     assert pairs(predicted([(0, 0)]), detections) == {0: 1}  # turned round is no difference
     assert pairs(predicted([(0.1, 0)]), detections, replace(CONFIG, max_heading_cost=0.0)) == {0: 0}
 
 
-def test_a_size_may_tell_too() -> None:
+def test_size_disambiguates_detections() -> None:
     detections = seen([(0.3, 0), (-0.5, 0)], size_m=np.array([[2.5, 9.0], [1.8, 4.4]]))
     assert pairs(predicted([(0, 0)]), detections, replace(CONFIG, max_size_cost=9.0)) == {0: 1}
 
 
-def test_kinds_do_not_mix() -> None:
+def test_categories_are_not_matched_across() -> None:
     assert pairs(predicted([(0, 0)]), seen([(0, 0), (1, 0)], kind=np.array([1, 0]))) == {0: 1}
 
 
@@ -135,7 +135,7 @@ def test_more_sightings_than_tracks_and_none_at_all() -> None:
     assert pairs(predicted([]), seen([(0, 0)])) == {}
 
 
-def test_two_are_left_alone_rather_than_paired_at_any_cost() -> None:
+def test_pairs_above_the_maximum_cost_stay_unmatched() -> None:
     """A row of parked cars, of which the first hides and one more appears: nobody moved to the next place."""
     row: list[Spot] = [(0, 0), (6, 0), (12, 0)]
     tracks, detections = predicted(row, np.full(3, 9.0)), seen([(6, 0), (12, 0), (18, 0)])
@@ -143,7 +143,7 @@ def test_two_are_left_alone_rather_than_paired_at_any_cost() -> None:
     assert pairs(tracks, detections, replace(CONFIG, max_cost=7.0)) == {1: 0, 2: 1}
 
 
-def test_who_turned_is_not_where_the_straight_way_ends() -> None:
+def test_turns_are_matched_along_an_arc() -> None:
     """An arc of 8 m that turns by one radian ends 7.67 m away, at half that angle."""
     track = predicted([(8.0, 0.0)], displacement_m=np.array([[8.0, 0.0]]))
     chord = 2 * 8.0 * np.sin(0.5)
@@ -163,13 +163,13 @@ def test_a_rare_colour_pays_for_a_place_farther_off() -> None:
     assert pairs(track, seen(place, lab=labs(RED)), strict) == {0: 0}
 
 
-def test_a_merged_sighting_is_blurred_by_what_it_has_too_much() -> None:
+def test_merged_detections_have_more_position_noise() -> None:
     noise = measurement_noise(predicted([(0, 0)]), seen([(0, 0)], size_m=np.array([[1.8, 10.5]])))
     np.testing.assert_allclose(noise[0], np.eye(2) * (0.05 + 36 / 12))
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_groups_solved_one_by_one_are_the_whole_solved_at_once(seed: int) -> None:
+def test_components_solved_separately_equal_the_joint_solution(seed: int) -> None:
     random = np.random.default_rng(seed)
     tracks, detections = (
         predicted(random.uniform(0, 40, (60, 2)).tolist()),
@@ -186,7 +186,7 @@ def test_groups_solved_one_by_one_are_the_whole_solved_at_once(seed: int) -> Non
 # Reach, bends, likelihoods ----------------------------------------------------------------------------------------
 
 
-def test_how_far_a_track_reaches() -> None:
+def test_gate_radius_grows_with_time_unseen() -> None:
     config = AssociationConfig(min_gate_m=2.0, gate_speed_mps=12.0, max_gate_m=6.0)
     np.testing.assert_allclose(config.gate_radius_m(np.array([0.0, 0.1, 1.0, 9.0])), [2.0, 3.2, 6.0, 6.0])
 
@@ -201,21 +201,21 @@ def turned_by(angle: float, variance_m2: float = 0.05) -> float:
     return float(turn_rad)
 
 
-def test_a_sighting_at_the_end_of_a_bend_is_a_turn() -> None:
+def test_a_detection_at_the_end_of_an_arc_is_a_turn() -> None:
     assert turned_by(0.8) == pytest.approx(0.8)
     assert turned_by(-0.5) == pytest.approx(-0.5)
 
 
-def test_a_heading_that_is_far_off_tells_of_no_turn() -> None:
+def test_large_heading_errors_are_no_turns() -> None:
     assert turned_by(1.3) == 0
 
 
-def test_a_little_nearer_to_the_bend_is_no_turn() -> None:
+def test_small_evidence_is_no_turn() -> None:
     assert turned_by(0.1, variance_m2=0.01) == pytest.approx(0.1)
     assert turned_by(0.1, variance_m2=0.15) == 0
 
 
-def test_how_much_likelier_colours_are() -> None:
+def test_colour_ratio_is_that_of_two_densities() -> None:
     """The ratio of two densities: a Gaussian about the track's colour, and that of all vehicles' paints."""
     off = np.array([3.0, -5.0, 7.0])
     tracks, detections = predicted([(0, 0)], lab=labs(RED)), seen([(0, 0)], lab=labs(tuple(RED + off)))
@@ -224,7 +224,7 @@ def test_how_much_likelier_colours_are() -> None:
     assert alike == pytest.approx(np.exp(-(off @ off) / 50 / 2) / 50**1.5 / detections.colour_density[0])
 
 
-def test_who_may_not_be_taken_now_is_left_though_nearer() -> None:
+def test_excluded_detections_stay_unmatched() -> None:
     tracks, detections = predicted([(0, 0)]), seen([(0.1, 0), (1.0, 0)])
     cascade, every = MatchingCascade(tracks, detections), np.ones(1, np.bool_)
     both = cascade.candidates(every, np.ones(2, np.bool_), CONFIG)

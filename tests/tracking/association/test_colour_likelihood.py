@@ -61,7 +61,7 @@ def test_pairs_that_compete_teach_nothing() -> None:
     assert likelihood.outlier_rate == 0.1
 
 
-def test_the_blind_stay_blind() -> None:
+def test_disabled_colours_stay_disabled() -> None:
     likelihood, pairs = ColourLikelihood(1.0), alone(RED, RED)
     likelihood.update(pairs)
     assert likelihood.outlier_rate == 1.0

@@ -170,14 +170,14 @@ def moved_on(frame: EvaluationFrame, by: int) -> EvaluationFrame:
     return replace(frame, truth_ids=frame.truth_ids + by, track_ids=frame.track_ids + by)
 
 
-def test_steady_pairs_are_no_switches() -> None:
+def test_non_switches_are_listed() -> None:
     frames = [moment({1: (0, 0)}, {5: (0, 0)}), moment({1: (0, 0)}, {6: (0, 0)}), moment({1: (0, 0)}, {6: (0, 0)})]
     clear = clear_counts([frame.with_distances() for frame in frames], centre_distance_rule())
     assert clear.non_switches == [[0], [], [0]]
     assert (clear.matches, clear.switches) == (3, 1)
 
 
-def test_only_some_tracks() -> None:
+def test_tracks_can_be_selected() -> None:
     compared = moment({1: (0, 0)}, {5: (0, 0), 6: (1, 0)}, unjudged=(5,)).with_distances()
     only = compared.select_tracks(np.array([False, True]))
     assert (only.track_ids.tolist(), only.penalised.tolist(), only.distance.tolist()) == ([6], [True], [[1.0]])

@@ -296,7 +296,7 @@ def test_the_command_for_people(tmp_path: Path) -> None:
     assert "AMOTA" not in done.stderr
 
 
-def test_the_command_tells_of_the_best_threshold(tiny: TinyDataset, tmp_path: Path) -> None:
+def test_command_prints_the_best_threshold(tiny: TinyDataset, tmp_path: Path) -> None:
     found = tracks_of(tiny, tmp_path / "t.json")
     more = json.loads(found.read_text())["results"] | {"elsewhere": []}
     done = run("--gt", tiny.root, "--tracks", results(found, more), "--range", 30)

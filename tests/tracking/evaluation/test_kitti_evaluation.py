@@ -70,7 +70,7 @@ def test_a_perfect_tracker(tmp_path: Path) -> None:
         ("Van", "0 0", False),
     ],
 )
-def test_who_is_demanded(tmp_path: Path, kind: str, state: str, demanded: bool) -> None:
+def test_required_objects(tmp_path: Path, kind: str, state: str, demanded: bool) -> None:
     sequence = sequence_of(tmp_path, label(0, 4, kind, state), frames=1)
     assert counts(sequence, [[]]) == (int(demanded), int(demanded), 0, 0)
     # Who is found there is never wrong.
@@ -148,7 +148,7 @@ def with_false_tracks(tmp_path: Path) -> tuple[KittiSequence, Results]:
     return sequence, [[*moment, result(9, np.array([20.0, 8.0, 0.0]), score=0.3)] for moment in moments]
 
 
-def test_the_cut_drops_whole_tracks(tmp_path: Path) -> None:
+def test_cut_removes_whole_tracks(tmp_path: Path) -> None:
     trial = prepare_evaluation([with_false_tracks(tmp_path)])
     np.testing.assert_allclose(trial.mean_scores, [0.4, 0.3])
     assert (trial.metrics().MOTA, trial.metrics().FP) == (0.0, 3)

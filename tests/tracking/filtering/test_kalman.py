@@ -56,7 +56,7 @@ def test_one_long_step_is_as_uncertain_as_many_short_ones() -> None:
     np.testing.assert_allclose(one.cov, many.cov, atol=1e-12)
 
 
-def test_a_standing_vehicle_does_not_move() -> None:
+def test_a_stationary_vehicle_does_not_move() -> None:
     filters, _ = followed([0.2] * 10, np.zeros(2))
     assert not filters.is_moving().any()
     np.testing.assert_allclose(filters.mean, 0, atol=1e-9)
@@ -116,7 +116,7 @@ def test_each_filter_is_filterpys() -> None:
     np.testing.assert_allclose(filters.cov, [single.P for single in singles], atol=1e-9)
 
 
-def test_some_go_on() -> None:
+def test_keep_selects_filters() -> None:
     filters = KalmanFilters(CONFIG)
     filters.add(np.arange(6.0).reshape(3, 2), np.zeros(3), np.repeat(noise(), 3, axis=0))
     filters.keep(np.array([True, False, True]))
@@ -124,7 +124,7 @@ def test_some_go_on() -> None:
     assert len(filters.cov) == 2
 
 
-def test_who_was_seen_once_does_not_stand_as_far_as_is_known() -> None:
+def test_a_single_detection_is_not_stationary() -> None:
     """Its speed may be anything along its heading, whichever way that points."""
     for yaw in (0.0, np.pi / 2):
         assert not begun(yaw).is_stationary(1.0).any()
@@ -135,7 +135,7 @@ def test_who_was_seen_once_does_not_stand_as_far_as_is_known() -> None:
     assert not slow.is_stationary(0.3).any()
 
 
-def test_three_standard_deviations_are_certain_to_move() -> None:
+def test_moving_means_three_standard_deviations() -> None:
     filters = begun()
     filters.cov[:] = np.eye(4)
     for speed, moves in ((2.9, False), (3.1, True)):
@@ -151,7 +151,7 @@ def test_an_arc_bends_to_the_side_to_which_it_turns(angle: float) -> None:
     np.testing.assert_allclose([1 + ahead[0], left[0]], [np.cos(headings).mean(), np.sin(headings).mean()], atol=1e-8)
 
 
-def test_what_is_not_known_turns_with_the_vehicle() -> None:
+def test_covariance_rotates_with_the_turn() -> None:
     """After a quarter turn the speed is unknown along the new heading, and so is the place at the arc's end."""
     filters = begun()
     filters.mean[0, 2:] = [5.0, 0.0]

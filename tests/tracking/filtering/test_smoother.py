@@ -92,7 +92,7 @@ def seen_by_hand(times_us: Sequence[int], places_m: FloatArray, yaw_rad: float, 
     return states
 
 
-def test_it_is_a_smoother_over_the_sightings_themselves() -> None:
+def test_smoothing_equals_a_smoother_over_the_detections() -> None:
     """Though it knows only what the tracker made of them; time steps differ, and three moments are unseen."""
     random = np.random.default_rng(2)
     times_us = np.cumsum(random.integers(60_000, 200_000, 40)).tolist()
@@ -207,7 +207,7 @@ def test_a_stop_has_one_heading() -> None:
     assert np.ptp([one.yaw_world_rad for one in tracks[20:]]) < 1e-3
 
 
-def test_several_vehicles_are_told_of_in_order_of_id() -> None:
+def test_tracks_are_ordered_by_id() -> None:
     moments = [[track(7, 50.0), track(2)], [track(2), track(9, 90.0)], [coasted(track(4)), track(7, 50.0)]]
     assert list(group_by_track(moments)) == [2, 4, 7, 9]
     assert [[one.id for one in moment] for moment in smooth(times(3), moments)] == [[2, 7], [2, 7, 9], [7]]
@@ -227,7 +227,7 @@ def test_times_must_fit_and_rise() -> None:
 
 
 @pytest.mark.realdata
-def test_recorded_traffic_in_hindsight(data_root: Path) -> None:
+def test_smoothing_of_recorded_traffic(data_root: Path) -> None:
     """A KITTI drive: what flickered is whole, and places are nearer to the truth."""
     root = data_root / "mot" / "kitti"
     if not root.is_dir():

@@ -21,7 +21,7 @@ from tracking.instances.instances import (
 )
 
 
-def test_a_car_is_found_where_it_stands() -> None:
+def test_a_car_is_found_at_its_position() -> None:
     blobs = find_instances(map_of([Car(12.3, -7.1, 0.6, RED)], probability=0.75))
     assert len(blobs) == 1
     np.testing.assert_allclose(blobs.centroid_m[0], [12.3, -7.1], atol=0.1)
@@ -42,13 +42,13 @@ def test_specks_are_dropped() -> None:
     assert len(find_instances(map_of([speck]), InstanceConfig(min_area_m2=0.1))) == 1
 
 
-def test_a_colour_nobody_saw_is_unknown() -> None:
+def test_a_colour_without_known_cells_is_unknown() -> None:
     blobs = find_instances(map_of([Car(10, 0, rgb=None), Car(-10, 0, rgb=BLUE)]))
     order = np.argsort(blobs.centroid_m[:, 0])
     np.testing.assert_allclose(blobs.rgb[order], [BLUE, [np.nan] * 3])
 
 
-def test_cells_whose_class_is_unknown_make_no_blob() -> None:
+def test_cells_of_unknown_class_make_no_instance() -> None:
     bev = map_of([Car(10, 0)])
     valid = bev.occupancy_valid.copy()
     valid[VEHICLE] = False
@@ -124,7 +124,7 @@ def test_a_car_at_the_rim_of_the_grid_has_its_colour_and_not_its_neighbours() ->
     np.testing.assert_allclose(blobs.lab[~corner], lab_from_rgb([RED, RED]), atol=1e-9)
 
 
-def test_a_robust_colour_nobody_saw_is_unknown() -> None:
+def test_a_robust_colour_without_known_cells_is_unknown() -> None:
     blobs = find_instances(map_of([Car(10, 0, rgb=None), Car(-10, 0, rgb=BLUE)]))
     order = np.argsort(blobs.centroid_m[:, 0])
     np.testing.assert_allclose(blobs.lab[order], lab_from_rgb([BLUE, [np.nan] * 3]), atol=1e-9)
@@ -245,12 +245,12 @@ def test_a_row_of_cars_with_windscreens_is_cut_between_the_cars() -> None:
 
 
 @pytest.mark.parametrize(("length_m", "width_m"), [(12.0, 2.9), (6.0, 2.3), (4.0, 3.0), (9.5, 3.5)])
-def test_single_large_vehicles_stay_whole(length_m: float, width_m: float) -> None:
+def test_single_large_vehicles_are_not_split(length_m: float, width_m: float) -> None:
     for yaw in (0.0, 0.4, 0.8):
         assert len(find_instances(map_of([Car(10.0, 5.0, yaw, length_m=length_m, width_m=width_m)]))) == 1
 
 
-def test_what_cannot_be_cut_into_vehicles_stays_whole() -> None:
+def test_shapes_that_cannot_be_split_into_vehicles_are_kept() -> None:
     ring = [Car(10, 0, length_m=12, width_m=1), Car(10, 6, length_m=12, width_m=1)]
     ring += [Car(4.4, 3, np.pi / 2, length_m=7, width_m=0.6), Car(15.6, 3, np.pi / 2, length_m=7, width_m=0.6)]
     assert len(find_instances(map_of(ring))) == 1

@@ -53,7 +53,7 @@ def test_a_lorry_with_a_peak_over_its_cab_is_one_lorry() -> None:
     assert split_by_watershed(labels, 1, probability, 0.4) == 1
 
 
-def test_small_and_flat_groups_stay_whole() -> None:
+def test_small_and_flat_components_are_not_split() -> None:
     labels = np.zeros((40, 20), np.int64)
     labels[2:14, 2:6] = 1  # 7.7 m2
     labels[16:36, 2:14] = 2

@@ -255,7 +255,7 @@ def test_rectangles_end_with_the_picture() -> None:
     np.testing.assert_allclose(beside, [620 + 700 * 2 / 10, 180 + 700 * 1 / 10, 1241, 374])
 
 
-def test_a_height_that_nobody_told(tmp_path: Path) -> None:
+def test_an_unknown_height_is_that_of_the_class(tmp_path: Path) -> None:
     sequence = only(made_kitti(tmp_path, 1))
     ((result,),) = kitti_results(sequence, [[replace(track(np.array([10.0, 0, -1.6]), 0.0), height_m=np.nan)]])
     assert result.size_m.tolist() == [1.8, 4.2, 1.6]

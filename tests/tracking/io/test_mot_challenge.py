@@ -69,7 +69,7 @@ def test_places_on_the_ground(tmp_path: Path) -> None:
     np.testing.assert_allclose(seen.size_m, [[0.51, 0.51, 1.7]])
 
 
-def test_frames_without_anybody_cost_nothing(tmp_path: Path) -> None:
+def test_empty_frames_are_skipped(tmp_path: Path) -> None:
     rows = [walker(i, 0) for i in range(1, 6)] + [walker(40, 0), walker(999_000, -1.998e6), walker(999_999, -2e6)]
     sequence = read_mot_detections(write(tmp_path / "det.txt", rows), FPS)
     numbers = [frame.number for frame in sequence.frames]
@@ -83,7 +83,7 @@ def test_frames_without_anybody_cost_nothing(tmp_path: Path) -> None:
     assert [frame.timestamp_us for frame in sequence.frames] == [number * 40_000 for number in numbers]
 
 
-def test_frames_that_are_left_out_change_no_track(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_skipped_frames_change_no_track(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     rows = [walker(i) for i in (*range(20), *range(30, 40), *range(90, 110))]
     path = write(tmp_path / "det.txt", rows)
     short = read_mot_detections(path, FPS)
@@ -115,7 +115,7 @@ def test_other_confidences_count_by_their_rank(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("conf", [-1, 0, 0.5, 1, 100])
-def test_one_confidence_for_all_tells_nothing(tmp_path: Path, conf: float) -> None:
+def test_equal_confidences_carry_no_information(tmp_path: Path, conf: float) -> None:
     assert confidences(tmp_path / "d", conf, conf) == [1.0, 1.0]
 
 
@@ -211,7 +211,7 @@ def test_tracks_have_the_boxes_of_their_detections_or_move_their_last_ones(tmp_p
     ]
 
 
-def test_on_the_ground_the_last_box_stays_and_the_place_is_told(tmp_path: Path) -> None:
+def test_on_the_ground_the_last_box_is_kept_and_the_position_is_written(tmp_path: Path) -> None:
     sequence = read_mot_detections(write(tmp_path / "det.txt", [walker(i, more=",5,6,0") for i in (1, 3)]), FPS)
     moments = (someone(5, 6, 0),), (someone(5.5, 6.25, None),), ()
     assert lines_of(tmp_path / "a.txt", sequence, *moments) == [
@@ -318,7 +318,7 @@ def test_the_detections_are_not_overwritten(tmp_path: Path) -> None:
         ),
     ],
 )
-def test_words_that_do_not_go_together(words: tuple[str, ...], complaint: str) -> None:
+def test_invalid_option_combinations(words: tuple[str, ...], complaint: str) -> None:
     error = run(*words).exception
     assert isinstance(error, AppoccError)
     assert error.exit_code == 2

@@ -36,7 +36,7 @@ def test_a_parked_vehicle_has_no_path_however_long_it_jitters() -> None:
     assert (one.path_m, one.top_speed_mps, one.moves) == (0.0, 0.0, False)
 
 
-def test_colour_and_class_are_those_of_the_whole_track() -> None:
+def test_colour_and_class_are_medians_over_the_track() -> None:
     white, yellow, none = np.array([245.0, 245, 245]), np.array([235.0, 200, 40]), np.full(3, np.nan)
     moments = [
         [at(0.0, rgb=rgb, length_m=7.0), at(9.0, 2, rgb=none, kind="trailer")]

@@ -55,7 +55,7 @@ def ink_near(picture: ByteArray, ink: tuple[int, int, int]) -> FloatArray:
 # Geometry ---------------------------------------------------------------------------------------------------------
 
 
-def test_corners_stand_around_the_track_front_first() -> None:
+def test_corners_surround_the_track_front_first() -> None:
     footprint = footprint_world(at(10, 20, yaw_rad=np.pi / 2))
     np.testing.assert_allclose(footprint[0], [10 - 0.9, 20 + 2.25, 0], atol=1e-9)
     np.testing.assert_allclose(footprint.mean(axis=0), [10, 20, 0], atol=1e-9)
@@ -113,7 +113,7 @@ def test_the_map_follows_the_ego() -> None:
     np.testing.assert_allclose(ink_near(picture[160:240, 280:320], track_colour(3)), [20, 40], atol=4)
 
 
-def test_a_camera_shows_a_track_where_it_stands() -> None:
+def test_a_camera_panel_shows_a_track_at_its_position() -> None:
     image = np.zeros((360, 640, 3), np.uint8)
     camera = looking("CAM_FRONT", 0.0)
     picture = draw_camera_panel(image, camera, [at(20, 5, 4)], pose(), (320, 180))
@@ -161,7 +161,7 @@ def test_a_chip_has_the_colour_or_a_cross() -> None:
 # Video ------------------------------------------------------------------------------------------------------------
 
 
-def test_a_video_is_written_whole(tiny: TinyDataset, tmp_path: Path) -> None:
+def test_a_video_has_all_frames(tiny: TinyDataset, tmp_path: Path) -> None:
     dataset = with_maps(tiny)
     result = track_scene(dataset, dataset.scenes[0], "groundtruth")
     steps: list[int] = []
