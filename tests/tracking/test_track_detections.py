@@ -39,7 +39,7 @@ def box(kind: str, x: float, y: float, score: float = 0.9) -> dict[str, Any]:
 
 
 def street() -> dict[str, list[dict[str, Any]]]:
-    """What the tiny dataset shows, a trailer that nobody annotated, and things that nobody tracks."""
+    """Boxes of the tiny dataset's objects, of a trailer without annotation, and of untracked classes."""
     return {
         token("sample", i): [
             box("car", 100, 210),
@@ -115,7 +115,7 @@ def test_a_file_that_does_not_say_what_it_was_made_from(tiny: TinyDataset, tmp_p
 
 
 class Silent:
-    """A tracker that tells of nothing and keeps what it was given."""
+    """A tracker that returns no tracks and records its input."""
 
     def __init__(self) -> None:
         self.given: list[tuple[Detections, int]] = []

@@ -38,7 +38,7 @@ def test_all_sequences_are_tracked_written_and_scored(tmp_path: Path) -> None:
 
 
 def test_smoothing_drops_predictions_after_the_last_detection(tmp_path: Path) -> None:
-    """The car is missed in the last frames, where the tracker told of it for a while."""
+    """The car is missed in the last frames, where the tracker reports it for a while."""
     root = made_kitti(tmp_path / "kitti", FRAMES)
     found = next((root / "detection_made").iterdir())
     found.write_text("".join(line + "\n" for line in found.read_text().splitlines()[:-2]))

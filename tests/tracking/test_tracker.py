@@ -140,7 +140,7 @@ def test_the_same_input_gives_the_same_tracks() -> None:
 
 
 def test_two_cars_that_merge_for_a_moment_keep_their_ids() -> None:
-    """A van halts close behind another: one blob, that looks like one lorry, hides both for a second."""
+    """A van stops close behind another: both merge into one truck-shaped instance for a second."""
     van = Car(0, 3, length_m=5.0, width_m=2.5)
     paths: list[Path] = [
         lambda _: van._replace(x_m=20.0),

@@ -216,7 +216,7 @@ def test_a_microsecond_between_frames() -> None:
 
 
 def test_an_ego_that_is_elsewhere_at_once() -> None:
-    """From one frame to the next 1 km away: who was followed is forgotten, who is seen there is new."""
+    """The ego jumps by 1 km between two frames: old tracks are forgotten, detections start new ones."""
     tracker = Tracker()
     places = [pose(), pose(), pose(1000, 0, 1.0), pose(1000, 0, 1.0), *[pose()] * 2]
     result = [
@@ -378,7 +378,7 @@ def test_a_vehicle_that_is_cut_off_for_long_keeps_its_size() -> None:
 
 
 def test_little_seen_of_a_colour_says_little_of_the_next_one() -> None:
-    """Variance about a median: of one sighting three times what is expected of each, of many hardly more."""
+    """Variance about a median: three times that of a detection for one detection, hardly more for many."""
     config = LifecycleConfig()
     followed = TrackTable(config)
     coloured = replace(seen([[0, 0]]), lab=np.array([[50.0, 40.0, 10.0]]), rgb=np.full((1, 3), 100.0))
@@ -393,7 +393,7 @@ def test_little_seen_of_a_colour_says_little_of_the_next_one() -> None:
 
 
 def test_a_vehicle_without_a_colour_is_not_found_again_far_astray() -> None:
-    """However cheap that is made: without a colour nothing tells that it is the same one."""
+    """At any cost: without a colour there is no evidence for the same vehicle."""
     rule = TrackerConfig()
     tracker = Tracker(replace(rule, drifted=replace(rule.drifted, max_cost=1000.0)))
 

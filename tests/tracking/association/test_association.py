@@ -136,7 +136,7 @@ def test_more_sightings_than_tracks_and_none_at_all() -> None:
 
 
 def test_pairs_above_the_maximum_cost_stay_unmatched() -> None:
-    """A row of parked cars, of which the first hides and one more appears: nobody moved to the next place."""
+    """A row of parked cars: the first is hidden and another one appears at the end; no car has moved."""
     row: list[Spot] = [(0, 0), (6, 0), (12, 0)]
     tracks, detections = predicted(row, np.full(3, 9.0)), seen([(6, 0), (12, 0), (18, 0)])
     assert pairs(tracks, detections, CONFIG) == {0: 0, 1: 1, 2: 2}

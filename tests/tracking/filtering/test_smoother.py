@@ -60,7 +60,7 @@ def alone(tracks: Sequence[Sequence[Track]]) -> list[Track]:
 def followed(
     times_us: Sequence[int], places_m: FloatArray, yaw_rad: ArrayLike, unseen: set[int]
 ) -> list[list[Track]]:
-    """What the tracker tells of one vehicle that is seen at places (T, 2) with headings, but for some moments."""
+    """Tracks of one vehicle detected at positions (T, 2) with headings, except in some frames."""
     tracker, told = Tracker(), []
     yaw = np.broadcast_to(yaw_rad, len(times_us))
     for i, (time_us, place) in enumerate(zip(times_us, places_m, strict=True)):
@@ -73,7 +73,7 @@ def followed(
 
 
 def seen_by_hand(times_us: Sequence[int], places_m: FloatArray, yaw_rad: float, unseen: set[int]) -> FloatArray:
-    """States (T, 4) by filterpy's filter and smoother over the sightings themselves."""
+    """States (T, 4) by filterpy's filter and smoother over the detections."""
     config, yaw = MotionConfig(), np.array([yaw_rad])
     kalman = KalmanFilter(dim_x=4, dim_z=2)
     kalman.x, kalman.H, kalman.P = np.append(places_m[0], [0.0, 0.0]), np.eye(2, 4), np.zeros((4, 4))

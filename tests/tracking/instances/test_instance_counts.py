@@ -22,7 +22,7 @@ def counted(bev: BEVMap, cars: list[Car], split: bool = True) -> dict[float, Sum
 
 
 def figures(sums: Sums) -> list[int]:
-    """Vehicles, blobs, pairs, merged, split."""
+    """Vehicles, instances, pairs, merged, split."""
     return [sums.vehicles, sums.blobs, sums.pairs, sums.merged, sums.split]
 
 

@@ -199,7 +199,7 @@ def test_shapes_are_checked() -> None:
 
 
 def places(cars: list[Car], config: InstanceConfig | None = None) -> list[list[float]]:
-    """Centroids of the blobs of some cars, in order of x, then y, to 0.1 m."""
+    """Centroids of the instances of some cars, in order of x, then y, to 0.1 m."""
     found = find_instances(map_of(cars), config).centroid_m
     return sorted(np.round(found, 1).tolist())
 

@@ -18,7 +18,7 @@ from tracking.tracks import Track
 
 
 class Parrot:
-    """A tracker that says what it is told, the other way round; the first of each frame is said to be unseen."""
+    """A tracker that returns the detections in reverse order; the first of each frame is marked as unseen."""
 
     def update(self, detections: Detections, timestamp_us: int, world_from_ego: FloatArray) -> tuple[Track, ...]:
         ground = detections.ground_m @ world_from_ego[:3, :3].T + world_from_ego[:3, 3]

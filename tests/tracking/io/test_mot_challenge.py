@@ -30,7 +30,7 @@ def write(path: Path, rows: Iterable[str]) -> Path:
 
 
 def walker(frame: int, left: float = 100.0, conf: float = 1.0, more: str = "") -> str:
-    """Someone 170 pixels high who goes 2 pixels a frame to the right: 0.5 m/s."""
+    """A person of 170 pixels who moves 2 pixels per frame to the right: 0.5 m/s."""
     return f"{frame},-1,{left + 2 * frame},50,60,170,{conf}{more}"
 
 
