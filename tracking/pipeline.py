@@ -329,7 +329,5 @@ def people_path(detections: Path, folder: Path) -> Path:
     """
     path = folder / f"{detections.stem}.txt"
     if path.resolve() == detections.resolve():
-        raise DataError(
-            f"{detections}: the tracks would be written over the detections; choose another folder"
-        )
+        raise DataError(f"{detections}: the tracks would be written over the detections; choose another folder")
     return path
