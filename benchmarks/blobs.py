@@ -35,7 +35,7 @@ from appocc.evaluation.pairs import read_pair
 from appocc.evaluation.vehicles import true_vehicles
 from appocc.grid import BEVGrid
 from appocc.nuscenes.dataset import Dataset
-from tracking.instances.instances import BlobConfig, Blobs, find_blobs, label_blobs, measure_blobs
+from tracking.instances.instances import InstanceConfig, Instances, find_instances, label_instances, measure_instances
 
 LEAST_M2 = 0.4
 NEAR_M = 2.0
@@ -55,7 +55,7 @@ class Frame(NamedTuple):
     bev: BEVMap
     truth: BEVMap
     owner: IntArray
-    vehicles: Blobs
+    vehicles: Instances
 
 
 @dataclass
@@ -99,14 +99,14 @@ def frames_of(dataset: Dataset, source: str, number: int | None) -> list[Frame]:
         number_of = np.zeros(len(areas_m2), np.int64)
         number_of[large[large > 0]] = 1 + np.arange(int((large > 0).sum()))
         owner = number_of[owner]
-        frames.append(Frame(pair.made, pair.truth, owner, measure_blobs(pair.truth, owner, int(owner.max()))))
+        frames.append(Frame(pair.made, pair.truth, owner, measure_instances(pair.truth, owner, int(owner.max()))))
     return frames
 
 
-def count(frame: Frame, config: BlobConfig, sums: dict[float, Sums]) -> None:
+def count(frame: Frame, config: InstanceConfig, sums: dict[float, Sums]) -> None:
     """Add what a frame shows to the sums by distance."""
-    labels, number = label_blobs(frame.bev, config)
-    blobs, vehicles = measure_blobs(frame.bev, labels, number), frame.vehicles
+    labels, number = label_instances(frame.bev, config)
+    blobs, vehicles = measure_instances(frame.bev, labels, number), frame.vehicles
     shared = np.zeros((number + 1, len(vehicles) + 1), np.int64)
     np.add.at(shared, (labels.ravel(), frame.owner.ravel()), 1)
     whole, parts = shared[:, 1:].sum(axis=0), shared[1:, 1:]
@@ -140,7 +140,7 @@ def pairs_of(places_m: FloatArray, true_m: FloatArray) -> tuple[IntArray, IntArr
     return rows[kept], columns[kept]
 
 
-def errors_of(blobs: Blobs, vehicles: Blobs) -> FloatArray:
+def errors_of(blobs: Instances, vehicles: Instances) -> FloatArray:
     """(N, 4) errors of blobs that are vehicles: place, size (m), colour, robust colour (CIEDE2000)."""
     place = np.hypot(*(blobs.centroid_m - vehicles.centroid_m).T)
     size = (np.abs(blobs.length_m - vehicles.length_m) + np.abs(blobs.width_m - vehicles.width_m)) / 2
@@ -149,14 +149,14 @@ def errors_of(blobs: Blobs, vehicles: Blobs) -> FloatArray:
 
 
 def milliseconds(rounds: int = 200) -> tuple[float, float]:
-    """Least and median time of `find_blobs` of a map of 200 x 200 cells with 50 vehicles that stand apart."""
+    """Least and median time of `find_instances` of a map of 200 x 200 cells with 50 vehicles that stand apart."""
     bev = made_map(BEVGrid.surround())
     seconds = []
     for _ in range(rounds):
         # A fresh map: what it computes once (`on`) is part of the work.
         fresh = BEVMap(bev.grid, bev.occupancy, bev.occupancy_valid, bev.appearance, bev.appearance_valid)
         start = time.perf_counter()
-        found = find_blobs(fresh)
+        found = find_instances(fresh)
         seconds.append(time.perf_counter() - start)
     if len(found) != 50:
         raise SystemExit(f"expected 50 blobs, got {len(found)}")
@@ -186,7 +186,7 @@ def main() -> None:
     parser.add_argument("--frames", type=int)
     parser.add_argument("--whole", action="store_true")
     arguments = parser.parse_args()
-    dataset, config = Dataset(arguments.root), BlobConfig(split=not arguments.whole)
+    dataset, config = Dataset(arguments.root), InstanceConfig(split=not arguments.whole)
     print(" ".join(f"{name:>10}" for name in ("maps", "within", *HEAD)))
     for source in ("exact", arguments.bev):
         sums = {range_m: Sums() for range_m in RANGES_M}
@@ -195,7 +195,7 @@ def main() -> None:
         for range_m, total in sums.items():
             print(" ".join(f"{text:>10}" for text in (source, f"{range_m:.0f} m", *total.row())))
     least, median = milliseconds()
-    print(f"find_blobs, 200 x 200 cells, 50 vehicles: {least:.2f} ms at least, {median:.2f} ms in the median")
+    print(f"find_instances, 200 x 200 cells, 50 vehicles: {least:.2f} ms at least, {median:.2f} ms in the median")
 
 
 if __name__ == "__main__":

@@ -41,9 +41,10 @@ from appocc.nuscenes import Dataset
 from appocc.rasterise import VEHICLE_SHARE, polygon_owner
 from benchmarks.encounters import Sight, encounters
 from tracking.detections import Detections
-from tracking.evaluation.clear_id_hota import Metrics, Moment, evaluate
-from tracking.instances.instances import find_blobs
-from tracking.tracker import MAPS, Tracker, TrackerConfig
+from tracking.evaluation.clear_id_hota import EvaluationFrame, Metrics, evaluate
+from tracking.instances.instances import find_instances
+from tracking.presets import MAPS
+from tracking.tracker import Tracker, TrackerConfig
 
 RANGE_M, LEAST_M2, HIDDEN = 40.0, 0.4, "v0-40"
 GRID, GREY = BEVGrid.surround(), 90.0
@@ -76,7 +77,7 @@ def made_scene(seed: int, noisy: bool) -> Scene:
         places = apply(inverse(sight.world_from_ego), np.pad(sight.xy_m, ((0, 0), (0, 1))))[:, :2]
         inside = GRID.contains(GRID.cell_of(places)) & (np.hypot(*places.T) <= RANGE_M)
         grain = random.normal(0, 12, (3, *GRID.shape)) if noisy else np.zeros((3, *GRID.shape))
-        found = find_blobs(_map_of(shown, sight.world_from_ego, grain)).as_detections()
+        found = find_instances(_map_of(shown, sight.world_from_ego, grain)).as_detections()
         step = Step(
             sight.timestamp_us, sight.world_from_ego, found, sight.number, sight.xy_m.copy(), sight.seen & inside
         )
@@ -160,7 +161,7 @@ def read_scenes(root: Path, source: str) -> Iterator[Scene]:
             xy_m = boxes.centre_m[:, :2].copy()
             shown = np.array([there.get(name, False) for name in boxes.instance], dtype=np.bool_)
             number = np.array([zlib.crc32(name.encode()) for name in boxes.instance], dtype=np.int64)
-            found = find_blobs(replace(pair.made, occupancy=occupancy)).as_detections()
+            found = find_instances(replace(pair.made, occupancy=occupancy)).as_detections()
             demanded = shown & (np.hypot(*(xy_m - pose[:2, 3]).T) <= RANGE_M)
             steps.append(Step(sample.timestamp_us, pose, found, number, xy_m, demanded))
         yield steps
@@ -171,7 +172,7 @@ def read_scenes(root: Path, source: str) -> Iterator[Scene]:
 
 def without_colour(config: TrackerConfig) -> TrackerConfig:
     """The same tracker, blind to colours."""
-    return replace(config, colour_doubt=1.0)
+    return replace(config, colour_outlier_rate=1.0)
 
 
 def judged(scene: Scene, config: TrackerConfig) -> Metrics:
@@ -181,7 +182,7 @@ def judged(scene: Scene, config: TrackerConfig) -> Metrics:
         tracks = tracker.update(step.detections, step.timestamp_us, step.world_from_ego)
         places_m = tracks.position_world_m[:, :2].copy()
         near = np.hypot(*(places_m - step.world_from_ego[:2, 3]).T) <= RANGE_M
-        moments.append(Moment(step.number, step.xy_m, step.demanded, tracks.id.copy(), places_m, near))
+        moments.append(EvaluationFrame(step.number, step.xy_m, step.demanded, tracks.id.copy(), places_m, near))
     return evaluate(moments)
 
 

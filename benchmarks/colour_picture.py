@@ -30,7 +30,8 @@ from appocc.geometry import apply, inverse, quaternion_from_yaw, transform, yaw_
 from benchmarks.colour_ablation import GREY, RANGE_M, Scene, judged, made_scene, without_colour
 from benchmarks.encounters import HOUSE_M, Sight, encounters
 from tracking.evaluation.clear_id_hota import GATE_M
-from tracking.tracker import MAPS, Tracker, TrackerConfig
+from tracking.presets import MAPS
+from tracking.tracker import Tracker, TrackerConfig
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -22,9 +22,11 @@ from appocc.errors import AppoccError, DataError
 from appocc.nuscenes import Dataset, Scene
 from benchmarks.colour_ablation import without_colour
 from tracking.evaluation.clear_id_hota import Metrics
-from tracking.instances.instances import find_blobs
-from tracking.pipeline import SceneTracks, key_frames, score, track_samples
-from tracking.tracker import MAPS, Tracker, TrackerConfig
+from tracking.evaluation.scene import score_scene
+from tracking.instances.instances import find_instances
+from tracking.pipeline import SceneTracks, read_key_frames, track_samples
+from tracking.presets import MAPS
+from tracking.tracker import Tracker, TrackerConfig
 
 EVERY, CONFIGS = (1, 2, 4), (MAPS, without_colour(MAPS))
 SHARES, COUNTS = ("MOTA", "IDF1", "HOTA"), ("IDS", "FRAG", "FP", "FN")
@@ -55,13 +57,13 @@ def measured(dataset: Dataset, scene: Scene, source: str) -> list[Trial]:
     Raises:
         DataError: if a map is missing or damaged, or the scene has no annotations.
     """
-    samples, poses = key_frames(dataset, scene)
+    samples, poses = read_key_frames(dataset, scene)
     maps = (load_map(dataset.root, source, sample.token) for sample in samples)
-    found = [find_blobs(each).as_detections() for each in maps]
+    found = [find_instances(each).as_detections() for each in maps]
 
     def scored(config: TrackerConfig, kept: slice) -> Metrics:
         tracks = track_samples(samples[kept], poses[kept], found[kept], Tracker(config))
-        judged = score(dataset, SceneTracks(scene.name, source, samples[kept], poses[kept], tracks))
+        judged = score_scene(dataset, SceneTracks(scene.name, source, samples[kept], poses[kept], tracks))
         if judged is None:
             raise DataError(f"{dataset.root}: scene '{scene.name}' has no annotations")
         return judged["metrics"]

@@ -29,12 +29,13 @@ from scipy.spatial.distance import cdist
 from appocc.checks import FloatArray
 from appocc.errors import AppoccError
 from appocc.geometry import apply, wrap_angle, yaw_of
-from tracking.detections import Detections, TakesDetections, probability_of
+from tracking.detections import Detections, probability_from_log_odds
 from tracking.evaluation.clear_id_hota import Metrics
-from tracking.evaluation.kitti import Results, trial_of
+from tracking.evaluation.kitti import Results, prepare_evaluation
 from tracking.filtering.smoother import smooth
-from tracking.io.kitti import KittiSequence, read_sequences, track_sequence
-from tracking.io.kitti_results import results_of
+from tracking.io.kitti import KittiSequence, read_sequences
+from tracking.io.kitti_results import kitti_results
+from tracking.pipeline import OnlineTracker, track_sequence
 from tracking.tracker import Tracker
 from tracking.tracks import Track
 
@@ -115,7 +116,7 @@ def _track(point: _Point, detections: Detections, i: int, ground_z_m: float, tur
         length_m=length,
         width_m=width,
         rgb=np.full(3, np.nan),
-        score=float(probability_of(detections.log_odds[i])),
+        score=float(probability_from_log_odds(detections.log_odds[i])),
         seen=True,
         height_m=height,
         kind=detections.kind[i],
@@ -123,7 +124,7 @@ def _track(point: _Point, detections: Detections, i: int, ground_z_m: float, tur
     )
 
 
-def follow(sequences: Sequence[KittiSequence], make: Callable[[], TakesDetections]) -> list[Tracked]:
+def follow(sequences: Sequence[KittiSequence], make: Callable[[], OnlineTracker]) -> list[Tracked]:
     """The tracks of each sequence by a fresh tracker."""
     bar = Console(stderr=True)
     return [track_sequence(one, make()) for one in progress(sequences, "tracking", console=bar, transient=True)]
@@ -134,11 +135,11 @@ def measure(
 ) -> tuple[float, list[tuple[str, Metrics]]]:
     """The cut, and scores of all sequences together and of each."""
     outcomes: list[tuple[KittiSequence, Results]] = [
-        (one, results_of(one, told)) for one, told in zip(sequences, tracks, strict=True)
+        (one, kitti_results(one, told)) for one, told in zip(sequences, tracks, strict=True)
     ]
-    trial = trial_of(outcomes)
+    trial = prepare_evaluation(outcomes)
     cut = trial.best_cut() if cut is None else cut
-    alone = [(one.name, trial_of([(one, results)]).metrics(cut)) for one, results in outcomes]
+    alone = [(one.name, prepare_evaluation([(one, results)]).metrics(cut)) for one, results in outcomes]
     return cut, [("all", trial.metrics(cut)), *alone]
 
 

@@ -104,7 +104,19 @@ class Recording:
             yaw = float(parts["heading"][i, moment])
             unknown = np.full(3, np.nan)
             yield Track(
-                i + 1, ground, velocity, yaw, True, length, width, unknown, 1.0, True, height, kind, moving=moving
+                id=i + 1,
+                position_world_m=ground,
+                velocity_world_mps=velocity,
+                yaw_world_rad=yaw,
+                heading_known=True,
+                length_m=length,
+                width_m=width,
+                rgb=unknown,
+                score=1.0,
+                seen=True,
+                height_m=height,
+                kind=kind,
+                moving=moving,
             )
 
 

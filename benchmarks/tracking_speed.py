@@ -12,7 +12,7 @@ are missed in a frame, and 5 % more detections show nothing; colours are known. 
   the median.
 - plain: likewise, of the usual loop: one filterpy `KalmanFilter` of constant velocity for each track, the assignment
   of the least sum of all distances, a gate of 2 m, no colours, no headings, no sizes.
-- with maps: of `find_blobs` and `Tracker(MAPS).update` together, on maps of 200 x 200 cells that show 50 vehicles.
+- with maps: of `find_instances` and `Tracker(MAPS).update` together, on maps of 200 x 200 cells with 50 vehicles.
 
 With --memory, 50 vehicles that come and go through one tracker, and every tenth of the frames the memory that the
 process holds (resident, of Linux), and the tracks there were so far.
@@ -41,8 +41,9 @@ from appocc.checks import BoolArray, FloatArray, IntArray
 from appocc.geometry import apply
 from appocc.grid import BEVGrid
 from tracking.detections import Detections
-from tracking.instances.instances import GridView, find_blobs
-from tracking.tracker import MAPS, Tracker
+from tracking.instances.instances import GridView, find_instances
+from tracking.presets import MAPS
+from tracking.tracker import Tracker
 
 COUNTS = (10, 50, 100, 200, 500)
 AREA_M2, LANE_M, STEP_US = 128.0, 4.0, 100_000
@@ -133,7 +134,7 @@ class Traffic:
             kind=("vehicle",) * len(yaw_rad),
             rgb=np.concatenate([self.rgb[who], dice.uniform(0, 255, (false, 3))]),
             lab=lab,
-            cut=np.zeros(len(yaw_rad), np.bool_),
+            truncated=np.zeros(len(yaw_rad), np.bool_),
             view=self._view,
         )
         return Moment(self._time_us, detections, np.concatenate([self.number[who], np.full(false, -1)]))
@@ -236,7 +237,7 @@ def seconds_of_maps(frames: int) -> float:
         maps.append(traffic.drawn(grid))
     return seconds_of(
         [
-            lambda i=i, bev=bev: tracker.update(find_blobs(bev).as_detections(), i * STEP_US, np.eye(4))  # type: ignore[misc]
+            lambda i=i, bev=bev: tracker.update(find_instances(bev).as_detections(), i * STEP_US, np.eye(4))  # type: ignore[misc]
             for i, bev in enumerate(maps)
         ]
     )
@@ -252,7 +253,7 @@ def speed_table(frames: int, repeats: int) -> Table:
             tracker = Tracker()
             own.append(seconds_of_frames(tracker, moments))
             plain.append(seconds_of_frames(PlainLoop(), moments))
-            alive = len(tracker._alive)
+            alive = len(tracker._table)
         ours, theirs = float(np.median(own)), float(np.median(plain))
         table.add_row(str(count), str(alive), *_figures(ours, count), *_figures(theirs)[:2], f"{theirs / ours:.1f}")
     with_maps = float(np.median([seconds_of_maps(frames) for _ in range(repeats)]))
@@ -273,7 +274,7 @@ def memory_table(frames: int) -> Table:
         tracks = tracker.update(moment.detections, moment.timestamp_us, np.eye(4))
         so_far, vehicles = max([so_far, *tracks.id.tolist()]), max(vehicles, int(moment.truth.max()) + 1)
         if number == 1 or number % max(frames // 10, 1) == 0:
-            table.add_row(str(number), f"{resident_mb():.2f}", str(len(tracker._alive)), str(so_far), str(vehicles))
+            table.add_row(str(number), f"{resident_mb():.2f}", str(len(tracker._table)), str(so_far), str(vehicles))
     return table
 
 

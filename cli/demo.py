@@ -83,11 +83,12 @@ def _predict(dataset: Dataset, scene: Scene, samples: int) -> None:
 
 def _track(dataset: Dataset, scene: Scene, folder: Path) -> tuple[SceneTracks, dict[str, Any]]:
     """The tracks of a scene, written with their scores and a video."""
-    from tracking.pipeline import score, track_scene, tracks_folder, write_metrics, write_tracks
+    from tracking.evaluation.scene import score_scene, write_metrics
+    from tracking.pipeline import track_scene, tracks_folder, write_tracks
     from tracking.visualization.video import write_video
 
     tracks = track_scene(dataset, scene, PREDICTED)
-    scores = score(dataset, tracks) or {}
+    scores = score_scene(dataset, tracks) or {}
     place = tracks_folder(dataset.root, PREDICTED, scene.name)
     write_tracks(place, tracks)
     write_metrics(place / "metrics.json", tracks, scores)

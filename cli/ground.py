@@ -129,7 +129,7 @@ def _set_key_frame(
     from appocc.bevmap import is_truth, load_map
     from appocc.nuscenes import Dataset
     from appocc.nuscenes.dataset import sample_at
-    from tracking.io.nuscenes_tracks import read_moment
+    from tracking.io.nuscenes_tracks import read_key_frame
 
     if scene is None or frame is None:
         raise DataError("ROOT needs --scene and --frame")
@@ -138,7 +138,7 @@ def _set_key_frame(
     moment = dataset.frame(sample, images=images)
     made = load_map(root, bev, sample.token)
     if tracks is not None:
-        grounder.set_scene(made, read_moment(tracks, sample.token), moment.world_from_ego)
+        grounder.set_scene(made, read_key_frame(tracks, sample.token), moment.world_from_ego)
     else:
         # What a model predicted is answered from what it predicted, never from annotations.
         grounder.set_scene(made, moment.boxes_ego if is_truth(bev) else None, moment.world_from_ego)

@@ -92,6 +92,6 @@ def moments_of(source: Path, rig: str | None, scene: str | None, version: str | 
 
 def places_of(bev: BEVMap) -> FloatArray:
     """Centroids of the vehicles of a map, as tracking finds them."""
-    from tracking.instances.instances import find_blobs
+    from tracking.instances.instances import find_instances
 
-    return find_blobs(bev).centroid_m
+    return find_instances(bev).centroid_m

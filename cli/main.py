@@ -22,7 +22,7 @@ from cli.ground import ground
 from cli.groundtruth import groundtruth
 from cli.infer import infer
 from cli.simulate import simulate
-from cli.track import track
+from cli.track import app as track_app
 from cli.train import train
 from cli.weights import app as weights_app
 
@@ -44,7 +44,7 @@ app.command("check-rig")(check_rig)
 app.command()(train)
 app.command()(ablate)
 app.command()(export)
-app.command()(track)
+app.add_typer(track_app)
 app.command()(ground)
 app.add_typer(eval_app)
 app.add_typer(weights_app)

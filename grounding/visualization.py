@@ -26,7 +26,7 @@ from grounding.answer import Answer
 from grounding.describe import describe_object
 from grounding.goal.planner import Target
 from grounding.scene_object import SceneObject
-from tracking.io.writers import HEIGHT_M
+from tracking.vehicle_classes import HEIGHT_M
 
 CYAN: Colour = (60, 220, 255)
 PALE_CYAN: Colour = (120, 170, 185)

@@ -80,12 +80,12 @@ def explanation(
     steps = [
         f"appocc infer {root} --scene {SCENE} --out {root}/bev/predicted",
         f"appocc eval bev {root} --bev predicted",
-        f"appocc track {root} --scene {SCENE} --bev predicted --video {video}",
+        f"appocc track scene {root} --scene {SCENE} --bev predicted --video {video}",
         f'appocc ground "{command}" {root} {asked} --bev predicted --picture {quote(str(out / "ground-1.png"))}',
     ]
     tries = [
         f"appocc doctor {root}",
-        f"appocc track {root} --scene {SCENE} --bev {SOURCE}",
+        f"appocc track scene {root} --scene {SCENE} --bev {SOURCE}",
         f'appocc ground "{command}" {root} {asked} --bev {SOURCE} --picture true.png',
         f"appocc groundtruth {root}",
         "appocc simulate town --scenes 2 --seconds 2 --split test --sheet town.png",

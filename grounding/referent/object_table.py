@@ -16,7 +16,7 @@ from appocc.geometry import footprints, wrap_angle
 from appocc.motion_state import MOVING_MPS, STANDING_MPS
 from grounding.road.lane_model import LaneModel, TrafficState, lanes_from_map, lanes_from_vehicles
 from grounding.scene_object import SceneObject
-from tracking.io.writers import HEIGHT_M
+from tracking.vehicle_classes import HEIGHT_M
 
 if TYPE_CHECKING:
     from grounding.road.road_map import RoadMap

@@ -21,7 +21,7 @@ from grounding.road.lane_model import LANE_M, LaneModel
 from grounding.road.road_map import RoadMap
 from grounding.road.visibility import unseen_sides
 from grounding.scene_object import SceneObject
-from tracking.instances.instances import Blobs, find_blobs
+from tracking.instances.instances import Instances, find_instances
 from tracking.tracks import Track
 
 __all__ = ["SceneModel", "SceneObject", "scene_from_boxes", "scene_from_map", "scene_from_tracks"]
@@ -126,7 +126,7 @@ class SceneModel:
 
 def scene_from_map(bev: BEVMap, world_from_ego: FloatArray, ego: EgoVehicle = EgoVehicle()) -> SceneModel:
     """Build the scene of a map and its own vehicle instances."""
-    return _build_scene(bev, _from_blobs(find_blobs(bev)), world_from_ego, ego)
+    return _build_scene(bev, _from_instances(find_instances(bev)), world_from_ego, ego)
 
 
 def scene_from_boxes(
@@ -219,20 +219,20 @@ def _from_boxes(bev: BEVMap | None, boxes: Boxes) -> list[SceneObject]:
     return objects
 
 
-def _from_blobs(blobs: Blobs) -> list[SceneObject]:
+def _from_instances(instances: Instances) -> list[SceneObject]:
     """Convert the instances of a map; their class, speed and front are unknown."""
     return [
         SceneObject(
             id=f"blob {i}",
             category="",
-            centre_m=blobs.centroid_m[i],
-            yaw_rad=float(blobs.yaw_rad[i]),
+            centre_m=instances.centroid_m[i],
+            yaw_rad=float(instances.yaw_rad[i]),
             front_known=False,
-            length_m=float(blobs.length_m[i]),
-            width_m=float(blobs.width_m[i]),
-            rgb=blobs.rgb[i] if np.isfinite(blobs.rgb[i]).all() else None,
+            length_m=float(instances.length_m[i]),
+            width_m=float(instances.width_m[i]),
+            rgb=instances.rgb[i] if np.isfinite(instances.rgb[i]).all() else None,
         )
-        for i in range(len(blobs))
+        for i in range(len(instances))
     ]
 
 

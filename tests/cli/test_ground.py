@@ -152,7 +152,16 @@ def test_a_saved_map_alone(street: Path, tmp_path: Path) -> None:
 
 def test_vehicles_from_tracks(street: Path, tmp_path: Path) -> None:
     track = Track(
-        7, np.array([100.0, 215.0, 0.0]), np.zeros(2), np.pi / 2, True, 4.4, 1.8, np.array([20.0, 30, 200]), 0.9, True
+        id=7,
+        position_world_m=np.array([100.0, 215.0, 0.0]),
+        velocity_world_mps=np.zeros(2),
+        yaw_world_rad=np.pi / 2,
+        heading_known=True,
+        length_m=4.4,
+        width_m=1.8,
+        rgb=np.array([20.0, 30, 200]),
+        score=0.9,
+        seen=True,
     )
     write_nuscenes(tmp_path / "t.json", [token("sample", 0)], [(track,)], ("camera",))
     result = ask(

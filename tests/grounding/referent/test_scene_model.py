@@ -11,7 +11,7 @@ from appocc.boxes import Boxes
 from appocc.errors import ShapeError
 from appocc.grid import BEVGrid
 from grounding.referent.scene import SceneModel, SceneObject, scene_from_boxes, scene_from_tracks
-from tracking.instances.instances import find_blobs
+from tracking.instances.instances import find_instances
 from tracking.tracker import Tracker
 from tracking.tracks import Track
 
@@ -153,7 +153,7 @@ def track(number: int, x_m: float, y_m: float, **more: Any) -> Track:
         "score": 0.9,
         "seen": True,
     }
-    return Track(number, np.array([100.0 - y_m, 50.0 + x_m, 0.0]), **(known | more))
+    return Track(id=number, position_world_m=np.array([100.0 - y_m, 50.0 + x_m, 0.0]), **(known | more))
 
 
 def test_tracks_in_the_ego_frame() -> None:
@@ -233,7 +233,7 @@ def test_tracks_of_the_tracker_make_a_scene() -> None:
     tracker = Tracker()
     street = Street().car("a", 12, -4, RED).car("b", 22, 4, WHITE)
     for moment in range(4):
-        tracks = tracker.update(find_blobs(street.bev()).as_detections(), 500_000 * moment, WORLD_FROM_EGO)
+        tracks = tracker.update(find_instances(street.bev()).as_detections(), 500_000 * moment, WORLD_FROM_EGO)
     scene = scene_from_tracks(street.bev(), tracks, WORLD_FROM_EGO)
     assert len(scene.objects) == 2
     assert {item.speed_mps for item in scene.objects} == {0}

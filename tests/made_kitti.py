@@ -1,4 +1,4 @@
-"""A folder of KITTI sequences made by hand: a car that stands ahead while the camera drives on."""
+"""A folder of KITTI sequences made by hand: a parked car ahead of a moving camera."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def write(path: Path, rows: Iterable[str]) -> Path:
 
 
 def detection(frame: int, kind: int = 2, score: float = 3.0, ahead_m: float | None = None) -> str:
-    """The car as a detector's row, where it stands or at another depth."""
+    """The car as a detector's row, at its own or another depth."""
     z = FIRST_M - frame * STEP_M if ahead_m is None else ahead_m
     box, size = BOX_PX.replace(" ", ","), SIZE.replace(" ", ",")
     return f"{frame},{kind},{box},{score},{size},{SIDE_M},{DOWN_M},{z},{TURN},-1.6"

@@ -3,29 +3,14 @@ from __future__ import annotations
 import json
 import warnings
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
+from made_tracks import track
 
 from appocc.errors import DataError, ShapeError
-from tracking.io.writers import class_names, class_of, write_csv, write_mot, write_nuscenes
-from tracking.tracks import Track
-
-
-def track(number: int = 1, **changes: Any) -> Track:
-    values: dict[str, Any] = {
-        "position_world_m": np.array([100.0, 50.0, 2.0]),
-        "velocity_world_mps": np.array([3.0, 4.0]),
-        "yaw_world_rad": np.pi / 2,
-        "heading_known": True,
-        "length_m": 4.5,
-        "width_m": 1.8,
-        "rgb": np.array([10.0, 20.04, 30.0]),
-        "score": 0.9,
-        "seen": True,
-    }
-    return Track(number, **(values | changes))
+from tracking.io.writers import assign_classes, write_csv, write_mot, write_nuscenes
+from tracking.vehicle_classes import class_from_size
 
 
 @pytest.mark.parametrize(
@@ -33,7 +18,7 @@ def track(number: int = 1, **changes: Any) -> Track:
     [(4.5, 1.8, "car"), (2.0, 0.8, "motorcycle"), (2.6, 1.6, "car"), (7.0, 2.4, "truck"), (12.0, 2.9, "bus")],
 )
 def test_class_by_size(length_m: float, width_m: float, expected: str) -> None:
-    assert class_of(length_m, width_m) == expected
+    assert class_from_size(length_m, width_m) == expected
 
 
 def test_nuscenes_results(tmp_path: Path) -> None:
@@ -78,7 +63,7 @@ def test_a_track_has_one_class_for_life(tmp_path: Path) -> None:
 def test_a_detectors_class_and_height_stay(tmp_path: Path) -> None:
     """Also one that only it knows."""
     moments = [(track(1, kind="bus", height_m=3.0), track(2, kind="pram", height_m=np.nan), track(3))]
-    assert class_names(moments) == {1: "bus", 2: "pram", 3: "car"}
+    assert assign_classes(moments) == {1: "bus", 2: "pram", 3: "car"}
     write_nuscenes(tmp_path / "t.json", ["a"], moments, [])
     entries = json.loads((tmp_path / "t.json").read_text())["results"]["a"]
     assert [(each["size"][2], each["translation"][2]) for each in entries] == [(3.0, 3.5), (1.6, 2.8), (1.6, 2.8)]
@@ -102,7 +87,7 @@ def test_table_lines(tmp_path: Path) -> None:
 def test_a_table_of_nothing_has_a_header(tmp_path: Path) -> None:
     write_csv(tmp_path / "t.csv", [1, 2], [(), ()])
     assert len((tmp_path / "t.csv").read_text().splitlines()) == 1
-    with pytest.raises(ShapeError, match="expected a time for each of 1 moments, got 2"):
+    with pytest.raises(ShapeError, match="expected a time for each of 1 frames, got 2"):
         write_csv(tmp_path / "t.csv", [1, 2], [()])
 
 

@@ -9,8 +9,8 @@ import pytest
 
 from appocc.checks import FloatArray
 from appocc.errors import DataError
-from tracking.detections import Around, log_odds_of
-from tracking.io.nuscenes_detections import read_detections, read_scenes
+from tracking.detections import CircularView, log_odds_from_probability
+from tracking.io.nuscenes_detections import read_detections, read_scene_file
 
 HALF = 0.5**0.5
 
@@ -48,7 +48,7 @@ def test_boxes_in_the_ego_frame(tmp_path: Path) -> None:
     np.testing.assert_allclose(first.log_odds, np.log([3, 3]))
     assert first.heading_known.all()
     assert first.kind == ("car", "bus")
-    assert first.view == Around(50.0)
+    assert first.view == CircularView(50.0)
     assert len(second) == 0
 
 
@@ -99,7 +99,7 @@ def write_scene(path: Path, *frames: dict[str, Any]) -> Path:
 
 def test_a_scene(tmp_path: Path) -> None:
     path = write_scene(tmp_path / "s.json", key_frame(), key_frame(timestamp=2000, gt=[], det={"one": []}))
-    (scene,) = read_scenes(path, "one")
+    (scene,) = read_scene_file(path, "one")
     assert (scene.name, scene.tokens, scene.timestamps_us.tolist()) == ("scene", ("k0", "k0"), [1000, 2000])
     np.testing.assert_allclose(scene.detections[0].ground_m, [[0, 1, 0]], atol=1e-12)
     np.testing.assert_allclose(scene.detections[0].yaw_rad, [0.1 - np.pi / 2])
@@ -123,7 +123,7 @@ BROKEN_SCENES = [
 def test_damaged_scenes(tmp_path: Path, frames: list[dict[str, Any]], reason: str) -> None:
     path = write_scene(tmp_path / "s.json", *frames)
     with pytest.raises(DataError) as caught:
-        read_scenes(path, "one")
+        read_scene_file(path, "one")
     assert str(caught.value).startswith(f"{path}: ")
     assert reason in str(caught.value)
 
@@ -131,11 +131,11 @@ def test_damaged_scenes(tmp_path: Path, frames: list[dict[str, Any]], reason: st
 @pytest.mark.realdata
 def test_a_recorded_scene(data_root: Path) -> None:
     """Most annotated cars with points have a detection where they are."""
-    (scene,) = read_scenes(data_root / "mot" / "nuscenes_scene-0103" / "derived_tracking.json", "centerpoint")
+    (scene,) = read_scene_file(data_root / "mot" / "nuscenes_scene-0103" / "derived_tracking.json", "centerpoint")
     assert len(scene.tokens) == 40
     assert sum(kind == "car" for seen in scene.detections for kind in seen.kind) == 1577
     log_odds = np.concatenate([seen.log_odds for seen in scene.detections])
-    assert log_odds.min() == pytest.approx(log_odds_of(np.array(0.1)))
+    assert log_odds.min() == pytest.approx(log_odds_from_probability(np.array(0.1)))
     distances = []
     for at, seen, truth in zip(scene.world_from_ego, scene.detections, scene.truth, strict=True):
         places = (seen.ground_m @ at[:3, :3].T + at[:3, 3])[:, :2]

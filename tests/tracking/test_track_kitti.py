@@ -37,8 +37,8 @@ def test_all_sequences_are_tracked_written_and_scored(tmp_path: Path) -> None:
     assert "cut: tracks whose mean score is" in result.stderr
 
 
-def test_in_hindsight_a_false_end_is_left_out(tmp_path: Path) -> None:
-    """The car is missed in the last frames, where the tracker told of it for a while."""
+def test_smoothing_drops_predictions_after_the_last_detection(tmp_path: Path) -> None:
+    """The car is missed in the last frames, where the tracker reports it for a while."""
     root = made_kitti(tmp_path / "kitti", FRAMES)
     found = next((root / "detection_made").iterdir())
     found.write_text("".join(line + "\n" for line in found.read_text().splitlines()[:-2]))
@@ -91,7 +91,7 @@ def test_nothing_is_written_if_a_sequence_is_damaged(tmp_path: Path) -> None:
         (("--kitti", "KITTI", "--version", "v1.0-mini"), "--kitti goes only with --smooth, --out and --json"),
     ],
 )
-def test_either_a_scene_or_kitti(words: tuple[str, ...], complaint: str) -> None:
+def test_invalid_combinations_with_kitti(words: tuple[str, ...], complaint: str) -> None:
     error = run(*words).exception
     assert isinstance(error, AppoccError)
     assert error.exit_code == 2

@@ -9,7 +9,7 @@ from made_map import BLUE, RED, Car, boxes_of, map_of
 from appocc.bevmap import BEVMap
 from appocc.groundtruth.occupancy import vehicle_owner
 from benchmarks.blobs import Frame, Sums, count, pairs_of
-from tracking.instances.instances import BlobConfig, measure_blobs
+from tracking.instances.instances import InstanceConfig, measure_instances
 
 
 def counted(bev: BEVMap, cars: list[Car], split: bool = True) -> dict[float, Sums]:
@@ -17,12 +17,12 @@ def counted(bev: BEVMap, cars: list[Car], split: bool = True) -> dict[float, Sum
     truth = map_of(cars)
     owner = vehicle_owner(truth.grid, boxes_of(cars)).astype(np.int64) + 1
     sums = {20.0: Sums(), 40.0: Sums()}
-    count(Frame(bev, truth, owner, measure_blobs(truth, owner, len(cars))), BlobConfig(split=split), sums)
+    count(Frame(bev, truth, owner, measure_instances(truth, owner, len(cars))), InstanceConfig(split=split), sums)
     return sums
 
 
 def figures(sums: Sums) -> list[int]:
-    """Vehicles, blobs, pairs, merged, split."""
+    """Vehicles, instances, pairs, merged, split."""
     return [sums.vehicles, sums.blobs, sums.pairs, sums.merged, sums.split]
 
 

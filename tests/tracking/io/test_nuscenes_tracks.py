@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from test_track_formats import track
+from made_tracks import track
 
 from appocc.errors import DataError
-from tracking.io.nuscenes_tracks import read_moment
+from tracking.io.nuscenes_tracks import read_key_frame
 from tracking.io.writers import write_nuscenes
 
 
@@ -27,8 +27,8 @@ def test_what_was_written_is_read(tmp_path: Path) -> None:
     one, other = track(3), track(4, rgb=np.full(3, np.nan), heading_known=False, seen=False, height_m=2.5, kind="bus")
     path = tmp_path / "tracking.json"
     write_nuscenes(path, ["first", "last"], [(one, other), ()], ("camera",))
-    read = read_moment(path, "first")
-    assert read_moment(path, "last") == ()
+    read = read_key_frame(path, "first")
+    assert read_key_frame(path, "last") == ()
     for before, after in zip((one, other), read, strict=True):
         assert (after.id, after.seen, after.heading_known) == (before.id, before.seen, before.heading_known)
         np.testing.assert_allclose(after.position_world_m, before.position_world_m, atol=1e-3)
@@ -46,7 +46,7 @@ def test_results_of_others_have_fewer_keys(tmp_path: Path) -> None:
     for name in ("rgb", "seen", "heading_known", "tracking_score"):
         del content["results"]["one"][0][name]
     path.write_text(json.dumps(content))
-    (read,) = read_moment(path, "one")
+    (read,) = read_key_frame(path, "one")
     assert (read.id, read.seen, read.heading_known, read.score) == (1, True, True, 1.0)
     assert np.isnan(read.rgb).all()
 
@@ -63,10 +63,10 @@ def test_results_of_others_have_fewer_keys(tmp_path: Path) -> None:
 def test_damaged_results(tmp_path: Path, changes: dict[str, Any], reason: str) -> None:
     path = written(tmp_path, **changes)
     with pytest.raises(DataError, match=reason) as failed:
-        read_moment(path, "one")
+        read_key_frame(path, "one")
     assert str(path) in str(failed.value)
 
 
 def test_a_key_frame_that_is_not_there(tmp_path: Path) -> None:
     with pytest.raises(DataError, match="expected tracks of key frame three"):
-        read_moment(written(tmp_path), "three")
+        read_key_frame(written(tmp_path), "three")

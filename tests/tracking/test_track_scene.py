@@ -13,10 +13,12 @@ from appocc.bevmap import bev_path
 from appocc.errors import DataError
 from appocc.geometry import apply, inverse
 from appocc.nuscenes import Dataset
-from tracking.evaluation.clear_id_hota import Moment, evaluate
-from tracking.instances.instances import find_blobs
-from tracking.pipeline import moving_instances, score, track_scene, write_metrics, write_tracks
-from tracking.tracker import MAPS, Tracker
+from tracking.evaluation.clear_id_hota import EvaluationFrame, evaluate
+from tracking.evaluation.scene import moving_instances, score_scene, write_metrics
+from tracking.instances.instances import find_instances
+from tracking.pipeline import track_scene, write_tracks
+from tracking.presets import MAPS
+from tracking.tracker import Tracker
 
 
 def test_a_scene_is_tracked_written_and_scored(tiny: TinyDataset, tmp_path: Path) -> None:
@@ -28,7 +30,7 @@ def test_a_scene_is_tracked_written_and_scored(tiny: TinyDataset, tmp_path: Path
     assert [[track.id for track in moment] for moment in result.tracks] == [[1], [1], [1]]
     np.testing.assert_allclose(result.tracks[-1][0].position_world_m, [100, 210, 0], atol=0.1)
 
-    scores = score(dataset, result)
+    scores = score_scene(dataset, result)
     assert scores is not None
     assert (scores["metrics"].MOTA, scores["metrics"].GT) == (1.0, 3)
     assert (scores["metrics_parked"].MOTA, scores["metrics_parked"].GT) == (1.0, 3)
@@ -54,7 +56,7 @@ def test_a_scene_is_tracked_written_and_scored(tiny: TinyDataset, tmp_path: Path
 def test_smoothed_tracks_are_the_same_vehicles(tiny: TinyDataset) -> None:
     dataset = with_maps(tiny)
     result = track_scene(dataset, dataset.scenes[0], "groundtruth")
-    smoothed = result.smoothed(MAPS.life.motion)
+    smoothed = result.smoothed(MAPS.lifecycle.motion)
     assert [[track.id for track in moment] for moment in smoothed.tracks] == [[1], [1], [1]]
     assert len({(track.length_m, track.yaw_world_rad) for (track,) in smoothed.tracks}) == 1
     np.testing.assert_allclose(
@@ -94,7 +96,7 @@ def test_without_annotations_there_are_no_scores(tiny: TinyDataset) -> None:
     tiny.tables["sample_annotation"] = []
     tiny.write()
     dataset = Dataset(tiny.root)
-    assert score(dataset, track_scene(dataset, dataset.scenes[0], "groundtruth")) is None
+    assert score_scene(dataset, track_scene(dataset, dataset.scenes[0], "groundtruth")) is None
 
 
 def test_objects_beyond_the_range_are_ignored(tiny: TinyDataset) -> None:
@@ -102,7 +104,7 @@ def test_objects_beyond_the_range_are_ignored(tiny: TinyDataset) -> None:
         tiny.row("sample_annotation", token("car", i))["translation"] = [100.0, 240.5, 0.8]
     tiny.write()
     dataset = with_maps(tiny)
-    scores = score(dataset, track_scene(dataset, dataset.scenes[0], "groundtruth"))
+    scores = score_scene(dataset, track_scene(dataset, dataset.scenes[0], "groundtruth"))
     assert scores is not None
     # 40.5, 38 and 35.5 m from the ego: the first is beyond 40 m.
     assert (scores["metrics"].GT, scores["metrics"].FN, scores["metrics"].FP) == (2, 0, 0)
@@ -137,11 +139,13 @@ def test_recorded_traffic_at_two_key_frames_a_second(data_root: Path) -> None:
             Car(place[0], place[1], yaw, tuple(colours[n]), data["size_lwh"][n, 0], data["size_lwh"][n, 1])
             for n, place, yaw in zip(there, places, yaws, strict=True)
         ]
-        tracks = tracker.update(find_blobs(map_of(painted)).as_detections(), round(data["t"][k] * 1e6), here)
+        tracks = tracker.update(find_instances(map_of(painted)).as_detections(), round(data["t"][k] * 1e6), here)
         found = np.array([track.position_world_m for track in tracks]).reshape(-1, 3)
         near = [np.hypot(*apply(inverse(here), xyz)[:, :2].T) <= 40 for xyz in (data["position"][there, k], found)]
         numbers = np.array([track.id for track in tracks], np.int64)
-        moments.append(Moment(there, data["position"][there, k, :2], near[0], numbers, found[:, :2], near[1]))
+        moments.append(
+            EvaluationFrame(there, data["position"][there, k, :2], near[0], numbers, found[:, :2], near[1])
+        )
     scores = evaluate(moments)
     assert scores.GT > 600
     assert scores.MOTA > 0.95
@@ -151,7 +155,7 @@ def test_recorded_traffic_at_two_key_frames_a_second(data_root: Path) -> None:
 @pytest.mark.realdata
 def test_a_recorded_street_is_tracked(panda_root: Path) -> None:
     dataset = Dataset(panda_root)
-    scores = score(dataset, track_scene(dataset, dataset.scene("002"), "groundtruth"))
+    scores = score_scene(dataset, track_scene(dataset, dataset.scene("002"), "groundtruth"))
     assert scores is not None
     assert scores["metrics"].GT > 1000
     assert scores["metrics"].MOTA > 0.95

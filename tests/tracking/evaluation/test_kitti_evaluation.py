@@ -9,7 +9,7 @@ from made_kitti import label, made_kitti, region, write
 
 from appocc.checks import FloatArray
 from appocc.errors import DataError
-from tracking.evaluation.kitti import Results, trial_of
+from tracking.evaluation.kitti import Results, prepare_evaluation
 from tracking.io.kitti import KittiLabels, KittiSequence, read_sequences
 from tracking.io.kitti_results import KittiResult
 
@@ -19,7 +19,15 @@ HIGH, LOW = np.array([600.0, 170.0, 700.0, 240.0]), np.array([600.0, 170.0, 700.
 def result(
     id_: int, ground: FloatArray, box: FloatArray = HIGH, score: float = 0.5, kind: str = "car"
 ) -> KittiResult:
-    return KittiResult(id_, kind, score, box, ground, 0.0, np.array([1.8, 4.2, 1.5]))
+    return KittiResult(
+        id=id_,
+        kind=kind,
+        score=score,
+        image_box_px=box,
+        ground_m=ground,
+        yaw_rad=0.0,
+        size_m=np.array([1.8, 4.2, 1.5]),
+    )
 
 
 def perfect(labels: KittiLabels, score: float = 0.5) -> list[KittiResult]:
@@ -40,13 +48,13 @@ def sequence_of(root: Path, *labels: str, frames: int = 3) -> KittiSequence:
 
 def counts(sequence: KittiSequence, results: Results) -> tuple[int, int, int, int]:
     """Objects, missed, false, switches."""
-    metrics = trial_of([(sequence, results)]).metrics()
+    metrics = prepare_evaluation([(sequence, results)]).metrics()
     return metrics.GT, metrics.FN, metrics.FP, metrics.IDS
 
 
 def test_a_perfect_tracker(tmp_path: Path) -> None:
     sequence = read_sequences(made_kitti(tmp_path))[0]
-    metrics = trial_of([(sequence, [perfect(labels) for labels in truth(sequence)])]).metrics()
+    metrics = prepare_evaluation([(sequence, [perfect(labels) for labels in truth(sequence)])]).metrics()
     assert (metrics.MOTA, metrics.IDF1, metrics.IDS, metrics.GT) == (1.0, 1.0, 0, 3)
     assert pytest.approx(1.0) == metrics.HOTA
 
@@ -62,7 +70,7 @@ def test_a_perfect_tracker(tmp_path: Path) -> None:
         ("Van", "0 0", False),
     ],
 )
-def test_who_is_demanded(tmp_path: Path, kind: str, state: str, demanded: bool) -> None:
+def test_required_objects(tmp_path: Path, kind: str, state: str, demanded: bool) -> None:
     sequence = sequence_of(tmp_path, label(0, 4, kind, state), frames=1)
     assert counts(sequence, [[]]) == (int(demanded), int(demanded), 0, 0)
     # Who is found there is never wrong.
@@ -125,10 +133,10 @@ def test_sequences_add_up_and_share_no_ids(tmp_path: Path) -> None:
         (one, [[replace(each, id=each.id + number) for each in perfect(labels)] for labels in truth(one)])
         for number, one in enumerate(sequences)
     ]
-    metrics = trial_of(outcomes).metrics()
+    metrics = prepare_evaluation(outcomes).metrics()
     assert (metrics.GT, metrics.MOTA, metrics.IDS, metrics.MT) == (6, 1.0, 0, 2)
     # And the same track number on both is no merging of two cars.
-    same = trial_of([(one, [perfect(labels) for labels in truth(one)]) for one in sequences])
+    same = prepare_evaluation([(one, [perfect(labels) for labels in truth(one)]) for one in sequences])
     assert same.metrics().IDF1 == 1.0
     assert same.mean_scores.tolist() == [0.5, 0.5]
 
@@ -140,8 +148,8 @@ def with_false_tracks(tmp_path: Path) -> tuple[KittiSequence, Results]:
     return sequence, [[*moment, result(9, np.array([20.0, 8.0, 0.0]), score=0.3)] for moment in moments]
 
 
-def test_the_cut_drops_whole_tracks(tmp_path: Path) -> None:
-    trial = trial_of([with_false_tracks(tmp_path)])
+def test_cut_removes_whole_tracks(tmp_path: Path) -> None:
+    trial = prepare_evaluation([with_false_tracks(tmp_path)])
     np.testing.assert_allclose(trial.mean_scores, [0.4, 0.3])
     assert (trial.metrics().MOTA, trial.metrics().FP) == (0.0, 3)
     assert trial.best_cut() == pytest.approx(0.4)
@@ -156,7 +164,7 @@ def test_the_best_cut_among_many(tmp_path: Path, false: int) -> None:
     found = [replace(each, score=i / 120) for i, each in enumerate(perfect(truth(sequence)[0]))]
     for i in range(false):
         found[i] = replace(found[i], ground_m=found[i].ground_m + np.array([0.0, 50.0, 0.0]))
-    trial = trial_of([(sequence, [found])])
+    trial = prepare_evaluation([(sequence, [found])])
     assert trial.best_cut() == false / 120
     best = trial.metrics(trial.best_cut()).as_json()
     assert (best["FP"], best["FN"]) == (0, false)
@@ -164,18 +172,18 @@ def test_the_best_cut_among_many(tmp_path: Path, false: int) -> None:
 
 def test_nothing_to_be_cut(tmp_path: Path) -> None:
     sequence = read_sequences(made_kitti(tmp_path))[0]
-    nothing = trial_of([(sequence, [[], [], []])])
+    nothing = prepare_evaluation([(sequence, [[], [], []])])
     assert nothing.best_cut() == -np.inf
     assert nothing.metrics().MOTA == 0.0
     write(tmp_path / "label" / "0001.txt", [])
     sequence = read_sequences(tmp_path)[0]
-    assert trial_of([(sequence, [[result(1, np.zeros(3))], [], []])]).best_cut() == -np.inf
+    assert prepare_evaluation([(sequence, [[result(1, np.zeros(3))], [], []])]).best_cut() == -np.inf
 
 
 def test_without_labels_nothing_is_judged(tmp_path: Path) -> None:
     sequence = read_sequences(made_kitti(tmp_path, labels=False))[0]
     with pytest.raises(DataError, match="sequence 0001: expected labels to judge tracks by, got none"):
-        trial_of([(sequence, [[], [], []])])
+        prepare_evaluation([(sequence, [[], [], []])])
 
 
 @pytest.mark.realdata
@@ -183,7 +191,7 @@ def test_a_perfect_tracker_of_the_recorded_sequences(data_root: Path) -> None:
     root = data_root / "mot" / "kitti"
     if not root.is_dir():
         pytest.skip(f"no KITTI sequences at {root}")
-    trial = trial_of([(one, [perfect(labels) for labels in truth(one)]) for one in read_sequences(root)])
+    trial = prepare_evaluation([(one, [perfect(labels) for labels in truth(one)]) for one in read_sequences(root)])
     metrics = trial.metrics()
     assert (metrics.GT, metrics.MOTA, metrics.FP, metrics.FN, metrics.IDS) == (15691, 1.0, 0, 0, 0)
     assert metrics.IDF1 == 1.0

@@ -8,24 +8,26 @@ import pytest
 
 from appocc.errors import ShapeError
 from tracking.evaluation.clear_id_hota import (
-    BY_OVERLAP,
     GATE_M,
-    Compared,
+    IOU_RULE,
+    DistanceFrame,
+    EvaluationFrame,
+    MatchingRule,
     Metrics,
-    Moment,
-    Rule,
-    by_centre,
+    centre_distance_rule,
     clear_counts,
     evaluate,
-    evaluate_compared,
+    evaluate_distances,
 )
 
 Placed = dict[int, tuple[float, float]]
 
 
-def moment(truth: Placed, tracks: Placed, ignored: tuple[int, ...] = (), unjudged: tuple[int, ...] = ()) -> Moment:
+def moment(
+    truth: Placed, tracks: Placed, ignored: tuple[int, ...] = (), unjudged: tuple[int, ...] = ()
+) -> EvaluationFrame:
     """Objects and tracks by id; some objects are not demanded, some tracks not judged."""
-    return Moment(
+    return EvaluationFrame(
         np.array(list(truth), np.int64),
         np.array(list(truth.values()), np.float64).reshape(-1, 2),
         np.array([name not in ignored for name in truth], np.bool_),
@@ -145,14 +147,14 @@ def test_another_gate() -> None:
 
 
 def test_half_an_overlap_is_enough() -> None:
-    def frame(iou: float) -> Compared:
+    def frame(iou: float) -> DistanceFrame:
         one, yes = np.array([1]), np.ones(1, np.bool_)
-        return Compared(one, yes, one, yes, np.array([[1 - iou]]))
+        return DistanceFrame(one, yes, one, yes, np.array([[1 - iou]]))
 
-    assert evaluate_compared([frame(0.5)], BY_OVERLAP).FN == 0
-    assert evaluate_compared([frame(0.5 - 1e-9)], BY_OVERLAP).FN == 1
+    assert evaluate_distances([frame(0.5)], IOU_RULE).FN == 0
+    assert evaluate_distances([frame(0.5 - 1e-9)], IOU_RULE).FN == 1
     # IoU 0.7 meets the thresholds up to 0.7: 14 of 19.
-    assert pytest.approx(14 / 19) == evaluate_compared([frame(0.7)], BY_OVERLAP).HOTA
+    assert pytest.approx(14 / 19) == evaluate_distances([frame(0.7)], IOU_RULE).HOTA
 
 
 def test_sequences_that_share_no_ids_add_up() -> None:
@@ -163,43 +165,43 @@ def test_sequences_that_share_no_ids_add_up() -> None:
         assert getattr(both, name) == getattr(first, name) + getattr(second, name), name
 
 
-def moved_on(frame: Moment, by: int) -> Moment:
+def moved_on(frame: EvaluationFrame, by: int) -> EvaluationFrame:
     """The same under other ids."""
     return replace(frame, truth_ids=frame.truth_ids + by, track_ids=frame.track_ids + by)
 
 
-def test_steady_pairs_are_no_switches() -> None:
+def test_non_switches_are_listed() -> None:
     frames = [moment({1: (0, 0)}, {5: (0, 0)}), moment({1: (0, 0)}, {6: (0, 0)}), moment({1: (0, 0)}, {6: (0, 0)})]
-    clear = clear_counts([frame.compared() for frame in frames], by_centre())
-    assert clear.steady == [[0], [], [0]]
+    clear = clear_counts([frame.with_distances() for frame in frames], centre_distance_rule())
+    assert clear.non_switches == [[0], [], [0]]
     assert (clear.matches, clear.switches) == (3, 1)
 
 
-def test_only_some_tracks() -> None:
-    compared = moment({1: (0, 0)}, {5: (0, 0), 6: (1, 0)}, unjudged=(5,)).compared()
-    only = compared.only(np.array([False, True]))
-    assert (only.track_ids.tolist(), only.judged.tolist(), only.distance.tolist()) == ([6], [True], [[1.0]])
+def test_tracks_can_be_selected() -> None:
+    compared = moment({1: (0, 0)}, {5: (0, 0), 6: (1, 0)}, unjudged=(5,)).with_distances()
+    only = compared.select_tracks(np.array([False, True]))
+    assert (only.track_ids.tolist(), only.penalised.tolist(), only.distance.tolist()) == ([6], [True], [[1.0]])
 
 
 def test_shapes_are_checked() -> None:
     empty, no_xy, none = np.zeros(0, np.int64), np.zeros((0, 2)), np.zeros(0, np.bool_)
-    with pytest.raises(ShapeError, match="moment truth_xy_m"):
-        Moment(np.ones(2, np.int64), no_xy, none, empty, no_xy, none)
+    with pytest.raises(ShapeError, match="frame truth_xy_m"):
+        EvaluationFrame(np.ones(2, np.int64), no_xy, none, empty, no_xy, none)
     one, yes = np.array([1]), np.ones(1, np.bool_)
-    with pytest.raises(ShapeError, match="compared distance"):
-        Compared(one, yes, one, yes, np.zeros((1, 2)))
+    with pytest.raises(ShapeError, match="frame distance"):
+        DistanceFrame(one, yes, one, yes, np.zeros((1, 2)))
     with pytest.raises(ShapeError, match="finite"):
-        Compared(one, yes, one, yes, np.full((1, 1), np.nan))
-    with pytest.raises(ShapeError, match="compared judged"):
-        Compared(one, yes, one, none, np.zeros((1, 1)))
-    with pytest.raises(ShapeError, match="compared demanded"):
-        Compared(one, none, one, yes, np.zeros((1, 1)))
+        DistanceFrame(one, yes, one, yes, np.full((1, 1), np.nan))
+    with pytest.raises(ShapeError, match="frame penalised"):
+        DistanceFrame(one, yes, one, none, np.zeros((1, 1)))
+    with pytest.raises(ShapeError, match="frame required"):
+        DistanceFrame(one, none, one, yes, np.zeros((1, 1)))
 
 
 # Against motmetrics and TrackEval -----------------------------------------------------------------------------------
 
 
-def random_moments(seed: int) -> list[Moment]:
+def random_moments(seed: int) -> list[EvaluationFrame]:
     """Objects that wander and come and go; tracks with noise, misses, clutter, swaps and handed-on ids."""
     rng = np.random.default_rng(seed)
     places = rng.uniform(0, 25, (9, 2))
@@ -218,11 +220,11 @@ def random_moments(seed: int) -> list[Moment]:
     return frames
 
 
-def compared_moments(seed: int) -> list[Compared]:
-    return [frame.compared() for frame in random_moments(seed)]
+def compared_moments(seed: int) -> list[DistanceFrame]:
+    return [frame.with_distances() for frame in random_moments(seed)]
 
 
-def random_overlaps(seed: int) -> list[Compared]:
+def random_overlaps(seed: int) -> list[DistanceFrame]:
     """The same places as boxes in an image, some 4 wide and 3 high, compared by their overlap."""
     frames = []
     for frame in random_moments(seed):
@@ -230,22 +232,22 @@ def random_overlaps(seed: int) -> list[Compared]:
         offset = np.abs(frame.truth_xy_m[:, None] - frame.track_xy_m)
         common = np.prod(np.maximum(size - offset, 0), axis=2)
         iou = common / (2 * size.prod() - common)
-        frames.append(replace(frame.compared(), distance=1 - iou))
+        frames.append(replace(frame.with_distances(), distance=1 - iou))
     return frames
 
 
 CASES = [(kind, seed) for kind in ("centre", "overlap") for seed in range(4)]
 
 
-def made(kind: str, seed: int) -> tuple[list[Compared], Rule]:
-    return (compared_moments(seed), by_centre()) if kind == "centre" else (random_overlaps(seed), BY_OVERLAP)
+def made(kind: str, seed: int) -> tuple[list[DistanceFrame], MatchingRule]:
+    return (compared_moments(seed), centre_distance_rule()) if kind == "centre" else (random_overlaps(seed), IOU_RULE)
 
 
 @pytest.mark.parametrize(("kind", "seed"), CASES)
 def test_equal_to_motmetrics(kind: str, seed: int) -> None:
     motmetrics = pytest.importorskip("motmetrics")
     frames, rule = made(kind, seed)
-    ours = evaluate_compared(frames, rule)
+    ours = evaluate_distances(frames, rule)
     names = {
         "mota": ours.MOTA,
         "motp": ours.MOTP,
@@ -297,7 +299,7 @@ def test_equal_to_trackeval(kind: str, seed: int) -> None:
         ],
     }
     theirs = HOTA().eval_sequence(data)
-    ours: Metrics = evaluate_compared(frames, rule)
+    ours: Metrics = evaluate_distances(frames, rule)
     assert pytest.approx(np.mean(theirs["HOTA"])) == ours.HOTA
     assert pytest.approx(np.mean(theirs["DetA"])) == ours.DetA
     assert pytest.approx(np.mean(theirs["AssA"])) == ours.AssA

@@ -13,10 +13,10 @@ from typer.testing import CliRunner, Result
 
 from appocc.errors import DataError
 from cli.main import app
-from tracking.evaluation.alignment import pair
-from tracking.evaluation.amota import ScoredMoment, amota
+from tracking.evaluation.alignment import align_files
+from tracking.evaluation.amota import ScoredFrame, evaluate_amota
 from tracking.evaluation.clear_id_hota import evaluate
-from tracking.evaluation.evaluate import Answer, Question, score_files
+from tracking.evaluation.evaluate import EvaluationOptions, EvaluationReport, evaluate_files
 
 KITTI = "{frame} {id} {kind} {cut} 0 -10 {left} 100 {right} {bottom} 1.5 1.6 4.0 {x} 1.7 {z} 0.1"
 
@@ -45,10 +45,10 @@ def results(path: Path, frames: dict[str, list[dict[str, Any]]]) -> Path:
 # Files on either side ---------------------------------------------------------------------------------------------
 
 
-def as_file(path: Path, moments: list[ScoredMoment], tracks: bool) -> Path:
+def as_file(path: Path, moments: list[ScoredFrame], tracks: bool) -> Path:
     frames = {}
     for k, one in enumerate(moments):
-        m = one.moment
+        m = one.frame
         ids, places = (m.track_ids, m.track_xy_m) if tracks else (m.truth_ids, m.truth_xy_m)
         scores = one.scores.tolist() if tracks else [None] * len(ids)
         frames[f"k{k}"] = [
@@ -61,18 +61,18 @@ def test_nuscenes_files_score_as_their_moments_do(tmp_path: Path) -> None:
     scene = random_scene(np.random.default_rng(3), 0, 0.8)
     even = []
     for k, one in enumerate(scene):
-        m = one.moment
+        m = one.frame
         all_of = [np.ones(len(ids), np.bool_) for ids in (m.truth_ids, m.track_ids)]
         whole = type(m)(m.truth_ids, m.truth_xy_m, all_of[0], m.track_ids, m.track_xy_m, all_of[1])
-        even.append(ScoredMoment(k * 500_000, whole, one.scores))
+        even.append(ScoredFrame(k * 500_000, whole, one.scores))
     paths = as_file(tmp_path / "gt.json", even, False), as_file(tmp_path / "t.json", even, True)
-    answer = score_files(*paths, Question())
-    assert asdict(answer.metrics) == pytest.approx(asdict(evaluate([one.moment for one in even])))
+    answer = evaluate_files(*paths, EvaluationOptions())
+    assert asdict(answer.metrics) == pytest.approx(asdict(evaluate([one.frame for one in even])))
     assert answer.amota is not None
-    expected = amota(even)
+    expected = evaluate_amota(even)
     assert pytest.approx((expected.AMOTA, expected.AMOTP)) == (answer.amota.AMOTA, answer.amota.AMOTP)
-    wider = score_files(*paths, Question(gate_m=4.0))
-    assert asdict(wider.metrics) == pytest.approx(asdict(evaluate([one.moment for one in even], 4.0)))
+    wider = evaluate_files(*paths, EvaluationOptions(gate_m=4.0))
+    assert asdict(wider.metrics) == pytest.approx(asdict(evaluate([one.frame for one in even], 4.0)))
     assert wider.metrics.FN < answer.metrics.FN
     assert wider.protocol["gate_m"] == wider.protocol["hota_zero_m"] == 4.0
 
@@ -86,7 +86,7 @@ def test_kinds(tmp_path: Path) -> None:
     )
 
     def counts(kind: str | None) -> tuple[int, int, int]:
-        m = score_files(truth, found, Question(kind)).metrics
+        m = evaluate_files(truth, found, EvaluationOptions(kind)).metrics
         return m.GT, m.FN, m.FP
 
     assert counts(None) == (3, 1, 1)
@@ -94,18 +94,18 @@ def test_kinds(tmp_path: Path) -> None:
     assert counts("bus") == (1, 0, 1)
     assert counts("vehicle") == (2, 0, 1)
     with pytest.raises(DataError, match="expected objects of kind 'tram', got bus, car, cone"):
-        score_files(truth, found, Question("tram"))
+        evaluate_files(truth, found, EvaluationOptions("tram"))
 
 
 def test_amota_needs_scores(tmp_path: Path) -> None:
     truth = results(tmp_path / "gt.json", {"a": [box("1", 0, 0)], "b": []})
     without = results(tmp_path / "t.json", {"a": [box("1", 0, 0)], "b": [], "c": [box("1", 0, 0)]})
-    answer = score_files(truth, without, Question())
+    answer = evaluate_files(truth, without, EvaluationOptions())
     assert answer.amota is None
     assert answer.as_json()["metrics"]["AMOTA"] is None
     assert answer.protocol["samples_without_truth"] == 1
     scored = results(tmp_path / "s.json", {"a": [box("1", 0, 1, 0.5)], "b": []})
-    told = score_files(truth, scored, Question()).as_json()["metrics"]
+    told = evaluate_files(truth, scored, EvaluationOptions()).as_json()["metrics"]
     assert (told["AMOTA"], told["AMOTP"], told["MOTP"]) == (1.0, 1.0, 1.0)
     assert (told["at_best_MOTA"]["threshold"], told["at_best_MOTA"]["TP"]) == (0.5, 1)
 
@@ -114,7 +114,7 @@ def test_motchallenge_by_overlap(tmp_path: Path) -> None:
     """Halves that just overlap by half match, less does not; a conf of 0 in truth is ignored."""
     truth = text(tmp_path / "gt.txt", "1,1,0,0,10,10,1", "1,2,50,0,10,10,1", "1,3,90,0,10,10,0")
     found = text(tmp_path / "t.txt", "1,7,0,0,10,5,1", "1,8,50,0,10,4.9,1", "1,9,90,0,10,10,1", "2,9,0,0,5,5,0")
-    answer = score_files(truth, found, Question())
+    answer = evaluate_files(truth, found, EvaluationOptions())
     m = answer.metrics
     assert (m.GT, m.FN, m.FP) == (2, 1, 2)
     assert pytest.approx(0.5) == m.MOTP
@@ -141,18 +141,18 @@ def test_kitti_ignores_what_its_benchmark_does(tmp_path: Path) -> None:
         kitti(0, 23, -20, 50, left=-1, right=-1, bottom=-1),  # no image box
     ]
     found = text(tmp_path / "t.txt", *on_all, *beside)
-    m = score_files(truth, found, Question("car")).metrics
+    m = evaluate_files(truth, found, EvaluationOptions("car")).metrics
     # False are the one on a pedestrian, and the last two.
     assert (m.GT, m.FN, m.FP) == (2, 1, 3)
-    m = score_files(truth, found, Question("car", range_m=53.0)).metrics
+    m = evaluate_files(truth, found, EvaluationOptions("car", range_m=53.0)).metrics
     assert (m.GT, m.FN, m.FP) == (1, 0, 2)
-    everything = score_files(truth, found, Question()).metrics
+    everything = evaluate_files(truth, found, EvaluationOptions()).metrics
     assert (everything.GT, everything.FN, everything.FP) == (4, 1, 2)
 
 
 def test_an_empty_file_of_tracks_finds_nothing(tmp_path: Path) -> None:
     truth = text(tmp_path / "gt.txt", "1,1,0,0,10,10,1", "2,1,0,0,10,10,1")
-    m = score_files(truth, text(tmp_path / "t.txt"), Question()).metrics
+    m = evaluate_files(truth, text(tmp_path / "t.txt"), EvaluationOptions()).metrics
     assert (m.GT, m.FN, m.FP, m.MOTA) == (2, 2, 0, 0)
 
 
@@ -162,19 +162,29 @@ def test_files_that_do_not_fit(tmp_path: Path) -> None:
     one = results(tmp_path / "one.json", {"a": [box("1", 0, 0)]})
     two = results(tmp_path / "two.json", {"a": [box("1", 0, 0)], "b": [], "c": []})
     cases = [
-        (mot, kit, Question(), f"{kit}: expected MOTChallenge text, as {mot} is, got KITTI text"),
-        (one, mot, Question(), f"{mot}: expected nuScenes JSON"),
-        (text(tmp_path / "none.txt"), mot, Question(), "expected objects, got an empty file"),
-        (two, one, Question(), f"{one}: expected tracks, or an empty list, for sample b and 1 more, got nothing"),
-        (one, one, Question(range_m=5.0), "does not say where the ego is"),
-        (mot, mot, Question(range_m=5.0), "--range cannot be answered"),
-        (mot, mot, Question(gate_m=5.0), "--gate cannot be answered"),
-        (mot, mot, Question(kind="car"), "--kind cannot be answered"),
-        (results(tmp_path / "no.json", {"a": []}), one, Question(), "expected objects of kind 'any', got none"),
+        (mot, kit, EvaluationOptions(), f"{kit}: expected MOTChallenge text, as {mot} is, got KITTI text"),
+        (one, mot, EvaluationOptions(), f"{mot}: expected nuScenes JSON"),
+        (text(tmp_path / "none.txt"), mot, EvaluationOptions(), "expected objects, got an empty file"),
+        (
+            two,
+            one,
+            EvaluationOptions(),
+            f"{one}: expected tracks, or an empty list, for sample b and 1 more, got nothing",
+        ),
+        (one, one, EvaluationOptions(range_m=5.0), "does not say where the ego is"),
+        (mot, mot, EvaluationOptions(range_m=5.0), "--range cannot be answered"),
+        (mot, mot, EvaluationOptions(gate_m=5.0), "--gate cannot be answered"),
+        (mot, mot, EvaluationOptions(kind="car"), "--kind cannot be answered"),
+        (
+            results(tmp_path / "no.json", {"a": []}),
+            one,
+            EvaluationOptions(),
+            "expected objects of kind 'any', got none",
+        ),
     ]
     for truth, found, question, reason in cases:
         with pytest.raises(DataError) as caught:
-            score_files(truth, found, question)
+            evaluate_files(truth, found, question)
         assert reason in str(caught.value)
 
 
@@ -193,7 +203,7 @@ def tracks_of(tiny: TinyDataset, path: Path, shift_m: float = 0.0) -> Path:
 
 def test_against_a_dataset(tiny: TinyDataset, tmp_path: Path) -> None:
     found = tracks_of(tiny, tmp_path / "t.json", 0.5)
-    answer = score_files(tiny.root, found, Question())
+    answer = evaluate_files(tiny.root, found, EvaluationOptions())
     m = answer.metrics
     assert len(tiny.tables["sample_annotation"]) == m.GT
     assert (m.FN, m.FP) == (0, 0)
@@ -202,9 +212,12 @@ def test_against_a_dataset(tiny: TinyDataset, tmp_path: Path) -> None:
     assert answer.amota.AMOTA == 1
     assert answer.protocol["scenes"] == 1
     assert answer.protocol["range_m"] == {"bicycle": 40, "motorcycle": 40, "pedestrian": 40, "others": 50}
-    reaches = [score_files(tiny.root, found, Question(kind)).protocol["range_m"] for kind in ("car", "pedestrian")]
+    reaches = [
+        evaluate_files(tiny.root, found, EvaluationOptions(kind)).protocol["range_m"]
+        for kind in ("car", "pedestrian")
+    ]
     assert reaches == [50, 40]
-    cars = score_files(tiny.root, found, Question("car", range_m=9.0)).metrics
+    cars = evaluate_files(tiny.root, found, EvaluationOptions("car", range_m=9.0)).metrics
     # The car is 10, 7.5 and 5 m from the ego.
     assert (cars.GT, cars.FN, cars.FP) == (2, 0, 0)
 
@@ -214,7 +227,7 @@ def test_boxes_without_points_are_ignored(tiny: TinyDataset, tmp_path: Path) -> 
     for i, (lidar, radar) in enumerate([(0, 0), (0, 2), (5, 0)]):
         tiny.row("sample_annotation", token("car", i)).update(num_lidar_pts=lidar, num_radar_pts=radar)
     tiny.write()
-    answer = score_files(tiny.root, found, Question("car"))
+    answer = evaluate_files(tiny.root, found, EvaluationOptions("car"))
     assert (answer.metrics.GT, answer.metrics.FP) == (2, 0)
     # nuScenes removes them, so that the track there is false.
     assert answer.amota is not None
@@ -227,9 +240,11 @@ def test_beyond_the_range_of_the_class(tiny: TinyDataset, tmp_path: Path) -> Non
         tiny.row("sample_annotation", token("car", i))["translation"] = [100.0, 255.0, 0.8]
     tiny.write()
     # The ego is at y = 200, 202.5 and 205 m.
-    m = score_files(tiny.root, tracks_of(tiny, tmp_path / "t.json"), Question("car")).metrics
+    m = evaluate_files(tiny.root, tracks_of(tiny, tmp_path / "t.json"), EvaluationOptions("car")).metrics
     assert (m.GT, m.FP) == (0, 0)
-    far = score_files(tiny.root, tracks_of(tiny, tmp_path / "t.json"), Question("car", range_m=53.0)).metrics
+    far = evaluate_files(
+        tiny.root, tracks_of(tiny, tmp_path / "t.json"), EvaluationOptions("car", range_m=53.0)
+    ).metrics
     assert (far.GT, far.FP) == (2, 0)
 
 
@@ -241,13 +256,15 @@ def test_a_dataset_that_does_not_fit(tiny: TinyDataset, tmp_path: Path) -> None:
     ]
     for found, reason in cases:
         with pytest.raises(DataError) as caught:
-            score_files(tiny.root, found, Question())
+            evaluate_files(tiny.root, found, EvaluationOptions())
         assert str(caught.value).startswith(f"{found}: ")
         assert reason in str(caught.value)
 
 
 def test_scenes_share_no_ids(tiny: TinyDataset, tmp_path: Path) -> None:
-    assert {frame.scene for frame in pair(tiny.root, tracks_of(tiny, tmp_path / "t.json")).frames} == {"scene-tiny"}
+    assert {frame.scene for frame in align_files(tiny.root, tracks_of(tiny, tmp_path / "t.json")).frames} == {
+        "scene-tiny"
+    }
 
 
 # The command ------------------------------------------------------------------------------------------------------
@@ -279,7 +296,7 @@ def test_the_command_for_people(tmp_path: Path) -> None:
     assert "AMOTA" not in done.stderr
 
 
-def test_the_command_tells_of_the_best_threshold(tiny: TinyDataset, tmp_path: Path) -> None:
+def test_command_prints_the_best_threshold(tiny: TinyDataset, tmp_path: Path) -> None:
     found = tracks_of(tiny, tmp_path / "t.json")
     more = json.loads(found.read_text())["results"] | {"elsewhere": []}
     done = run("--gt", tiny.root, "--tracks", results(found, more), "--range", 30)
@@ -303,9 +320,9 @@ PUBLISHED = {
 }
 
 
-def tud(data_root: Path, name: str) -> Answer:
+def tud(data_root: Path, name: str) -> EvaluationReport:
     folder = data_root / "mot" / "tud" / name
-    return score_files(folder / "gt.txt", folder / "test.txt", Question())
+    return evaluate_files(folder / "gt.txt", folder / "test.txt", EvaluationOptions())
 
 
 @pytest.mark.realdata
@@ -321,6 +338,6 @@ def test_published_scores(data_root: Path, name: str) -> None:
 @pytest.mark.realdata
 def test_recorded_labels_against_themselves(data_root: Path) -> None:
     path = data_root / "mot" / "kitti" / "label" / "0003.txt"
-    m = score_files(path, path, Question("car", range_m=50.0)).metrics
+    m = evaluate_files(path, path, EvaluationOptions("car", range_m=50.0)).metrics
     assert m.GT > 100
     assert (m.MOTA, m.IDF1, m.HOTA, m.FRAG) == (1, 1, 1, 0)

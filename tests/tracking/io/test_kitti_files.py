@@ -10,14 +10,15 @@ from made_kitti import PROJECTION, box_around, detection, label, made_kitti, pos
 
 from appocc.checks import FloatArray
 from appocc.errors import DataError, ShapeError
-from tracking.detections import MOST_LOG_ODDS, Detections
-from tracking.io.kitti import KittiSequence, KittiView, read_sequences, track_sequence
-from tracking.io.kitti_results import projected_box, results_of, write_results
+from tracking.detections import MAX_LOG_ODDS, Detections
+from tracking.io.kitti import KittiSequence, KittiView, read_sequences
+from tracking.io.kitti_results import kitti_results, project_box, write_kitti_results
+from tracking.pipeline import track_sequence
 from tracking.tracks import Track
 
 
 class Parrot:
-    """A tracker that says what it is told, the other way round; the first of each frame is said to be unseen."""
+    """A tracker that returns the detections in reverse order; the first of each frame is marked as unseen."""
 
     def update(self, detections: Detections, timestamp_us: int, world_from_ego: FloatArray) -> tuple[Track, ...]:
         ground = detections.ground_m @ world_from_ego[:3, :3].T + world_from_ego[:3, 3]
@@ -30,8 +31,21 @@ class Parrot:
 def track(place: FloatArray, yaw: float, detection: int | None = None, kind: str = "car") -> Track:
     seen = detection is not None
     nowhere = np.full(3, np.nan)
-    more = {"height_m": 1.5, "kind": kind, "detection": detection}
-    return Track(7, place, np.zeros(2), float(yaw), True, 4.2, 1.8, nowhere, 0.75, seen, **more)  # type: ignore[arg-type]
+    return Track(
+        id=7,
+        position_world_m=place,
+        velocity_world_mps=np.zeros(2),
+        yaw_world_rad=float(yaw),
+        heading_known=True,
+        length_m=4.2,
+        width_m=1.8,
+        rgb=nowhere,
+        score=0.75,
+        seen=seen,
+        height_m=1.5,
+        kind=kind,
+        detection=detection,
+    )
 
 
 def only(root: Path) -> KittiSequence:
@@ -86,8 +100,8 @@ def test_scores_within_0_and_1_are_probabilities(tmp_path: Path) -> None:
     write(tmp_path / "detection_made" / "0002.txt", [detection(0, score=1.0)])
     first, second = read_sequences(tmp_path)
     np.testing.assert_allclose(first.frames[0].detections.log_odds, [0.0], atol=1e-12)
-    np.testing.assert_allclose(first.frames[1].detections.log_odds, [-MOST_LOG_ODDS])
-    np.testing.assert_allclose(second.frames[0].detections.log_odds, [MOST_LOG_ODDS])
+    np.testing.assert_allclose(first.frames[1].detections.log_odds, [-MAX_LOG_ODDS])
+    np.testing.assert_allclose(second.frames[0].detections.log_odds, [MAX_LOG_ODDS])
 
 
 def test_labels_of_all_kinds(tmp_path: Path) -> None:
@@ -194,8 +208,8 @@ def test_tracks_are_written_as_rows(tmp_path: Path) -> None:
     rows = [detection(1, ahead_m=25.0), detection(1, 3)]
     write(made_kitti(tmp_path) / "detection_made" / "0001.txt", rows)
     sequence = only(tmp_path)
-    results = results_of(sequence, track_sequence(sequence, Parrot()))
-    write_results(tmp_path / "out" / "0001.txt", results)
+    results = kitti_results(sequence, track_sequence(sequence, Parrot()))
+    write_kitti_results(tmp_path / "out" / "0001.txt", results)
     seen, unseen = (line.split() for line in (tmp_path / "out" / "0001.txt").read_text().splitlines())
     # The one that was seen has the rectangle of its detection; all have its place in the camera's frame.
     assert seen[:5] == ["1", "7", "Cyclist", "-1", "-1"]
@@ -212,8 +226,8 @@ def test_a_written_box_projects_back(tmp_path: Path, yaw: float) -> None:
     # A camera that looks elsewhere: turned to the right by 90 degrees, 5 m beside the origin.
     write(made_kitti(tmp_path, 1) / "pose" / "0001.txt", ["0 0 1 5  0 1 0 0  -1 0 0 0"])
     sequence = only(tmp_path)
-    results = results_of(sequence, [[track(np.array([1.0, -20.0, -1.6]), yaw)]])
-    write_results(tmp_path / "0001.txt", results)
+    results = kitti_results(sequence, [[track(np.array([1.0, -20.0, -1.6]), yaw)]])
+    write_kitti_results(tmp_path / "0001.txt", results)
     (row,) = ((tmp_path / "0001.txt").read_text().split(),)
     np.testing.assert_allclose(np.array(row[13:16], float), [-1.0, 1.6, 15.0], atol=1e-9)
     np.testing.assert_allclose(np.array(row[6:10], float), box_around(row), atol=0.02)
@@ -222,35 +236,35 @@ def test_a_written_box_projects_back(tmp_path: Path, yaw: float) -> None:
 def test_what_is_not_in_the_picture_is_not_written(tmp_path: Path) -> None:
     sequence = only(made_kitti(tmp_path, 1))
     places = [[-10.0, 0.0, -1.6], [10.0, 30.0, -1.6], [10.0, 0.0, 40.0], [10.0, 0.0, -1.6]]
-    (results,) = results_of(sequence, [[track(np.array(place), 0.0) for place in places]])
+    (results,) = kitti_results(sequence, [[track(np.array(place), 0.0) for place in places]])
     assert [result.ground_m.tolist() for result in results] == [places[-1]]
 
 
 def test_rectangles_end_with_the_picture() -> None:
     size = np.array([1.8, 4.2, 1.5])
-    box = projected_box(PROJECTION, np.array([6.0, 5.0, -1.6]), 0.0, size)
+    box = project_box(PROJECTION, np.array([6.0, 5.0, -1.6]), 0.0, size)
     assert box is not None
     assert box[0] == 0.0
     # A box around the camera, from behind it to 10 m ahead, fills the picture.
-    around = projected_box(PROJECTION, np.array([0.0, 0.0, -2.0]), 0.0, np.array([2.0, 20.0, 4.0]))
+    around = project_box(PROJECTION, np.array([0.0, 0.0, -2.0]), 0.0, np.array([2.0, 20.0, 4.0]))
     assert around is not None
     np.testing.assert_array_equal(around, [0, 0, 1241, 374])
     # One that reaches behind the camera beside it ends where it passes out of sight: right of what is 10 m ahead.
-    beside = projected_box(PROJECTION, np.array([0.0, -3.0, -2.0]), 0.0, np.array([2.0, 20.0, 1.0]))
+    beside = project_box(PROJECTION, np.array([0.0, -3.0, -2.0]), 0.0, np.array([2.0, 20.0, 1.0]))
     assert beside is not None
     np.testing.assert_allclose(beside, [620 + 700 * 2 / 10, 180 + 700 * 1 / 10, 1241, 374])
 
 
-def test_a_height_that_nobody_told(tmp_path: Path) -> None:
+def test_an_unknown_height_is_that_of_the_class(tmp_path: Path) -> None:
     sequence = only(made_kitti(tmp_path, 1))
-    ((result,),) = results_of(sequence, [[replace(track(np.array([10.0, 0, -1.6]), 0.0), height_m=np.nan)]])
-    assert result.size_m.tolist() == [1.8, 4.2, 1.5]
+    ((result,),) = kitti_results(sequence, [[replace(track(np.array([10.0, 0, -1.6]), 0.0), height_m=np.nan)]])
+    assert result.size_m.tolist() == [1.8, 4.2, 1.6]
 
 
 def test_results_in_a_place_that_cannot_be_written(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(DataError, match="cannot be written"):
-        write_results(tmp_path / "file" / "0001.txt", [])
+        write_kitti_results(tmp_path / "file" / "0001.txt", [])
 
 
 # Recorded sequences -----------------------------------------------------------------------------------------------
@@ -269,6 +283,6 @@ def test_the_ten_recorded_sequences(data_root: Path) -> None:
     for frame in sequences[0].frames[::20]:
         found = frame.detections
         for i in np.flatnonzero(found.log_odds > 4):
-            box = projected_box(sequences[0].projection, found.ground_m[i], float(found.yaw_rad[i]), found.size_m[i])
+            box = project_box(sequences[0].projection, found.ground_m[i], float(found.yaw_rad[i]), found.size_m[i])
             assert box is not None
             np.testing.assert_allclose(box, frame.image_boxes_px[i], atol=3)

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 
 from appocc.checks import FloatArray
-from tracking.association.paint import LEAST_INSIDE, robust_lab
+from tracking.instances.robust_colour import MIN_INNER_CELLS, robust_lab
 
 
 def labs(lightness: list[float]) -> FloatArray:
@@ -25,8 +25,8 @@ def test_few_cells_have_a_colour_too() -> None:
 
 
 def test_cells_inside_count_first_where_there_are_enough() -> None:
-    lab = labs([50.0] * LEAST_INSIDE + [90.0] * 20)
-    inside = np.arange(len(lab)) < LEAST_INSIDE
+    lab = labs([50.0] * MIN_INNER_CELLS + [90.0] * 20)
+    inside = np.arange(len(lab)) < MIN_INNER_CELLS
     one = np.zeros(len(lab), np.int64)
     np.testing.assert_allclose(robust_lab(lab, inside, one, 1)[:, 0], [50.0])
     np.testing.assert_allclose(robust_lab(lab[1:], inside[1:], one[1:], 1)[:, 0], [90.0])

@@ -12,14 +12,15 @@ from numpy.typing import ArrayLike
 
 from appocc.checks import FloatArray
 from appocc.errors import ShapeError
-from tracking.detections import Around, boxes_as_detections
-from tracking.evaluation.kitti import trial_of
-from tracking.filtering.kalman import MotionConfig, spread
-from tracking.filtering.smoother import SmoothingConfig, paths_of, smooth
-from tracking.io.kitti import read_sequences, track_sequence
-from tracking.io.kitti_results import results_of
+from tracking.detections import CircularView, Detections
+from tracking.evaluation.kitti import prepare_evaluation
+from tracking.filtering.kalman import MotionConfig, oriented_covariance
+from tracking.filtering.smoother import SmoothingConfig, smooth
+from tracking.io.kitti import read_sequences
+from tracking.io.kitti_results import kitti_results
+from tracking.pipeline import track_sequence
 from tracking.tracker import Tracker
-from tracking.tracks import Track
+from tracking.tracks import Track, group_by_track
 
 STEP_US = 100_000
 
@@ -37,7 +38,7 @@ def track(number: int = 1, x_m: float = 0.0, y_m: float = 0.0, **changes: Any) -
         "seen": True,
         "detection": 0,
     }
-    return Track(number, **(values | changes))
+    return Track(id=number, **(values | changes))
 
 
 def coasted(one: Track) -> Track:
@@ -59,24 +60,29 @@ def alone(tracks: Sequence[Sequence[Track]]) -> list[Track]:
 def followed(
     times_us: Sequence[int], places_m: FloatArray, yaw_rad: ArrayLike, unseen: set[int]
 ) -> list[list[Track]]:
-    """What the tracker tells of one vehicle that is seen at places (T, 2) with headings, but for some moments."""
+    """Tracks of one vehicle detected at positions (T, 2) with headings, except in some frames."""
     tracker, told = Tracker(), []
     yaw = np.broadcast_to(yaw_rad, len(times_us))
     for i, (time_us, place) in enumerate(zip(times_us, places_m, strict=True)):
         n = int(i not in unseen)
         boxes = np.append(place, 1.0)[None][:n], np.full(n, yaw[i]), np.array([[1.8, 4.5, 1.5]])[:n], np.full(n, 3.0)
-        told.append(list(tracker.update(boxes_as_detections(*boxes, ("car",) * n, Around()), time_us, np.eye(4))))
+        told.append(
+            list(tracker.update(Detections.from_boxes(*boxes, ("car",) * n, CircularView()), time_us, np.eye(4)))
+        )
     return told
 
 
 def seen_by_hand(times_us: Sequence[int], places_m: FloatArray, yaw_rad: float, unseen: set[int]) -> FloatArray:
-    """States (T, 4) by filterpy's filter and smoother over the sightings themselves."""
+    """States (T, 4) by filterpy's filter and smoother over the detections."""
     config, yaw = MotionConfig(), np.array([yaw_rad])
     kalman = KalmanFilter(dim_x=4, dim_z=2)
     kalman.x, kalman.H, kalman.P = np.append(places_m[0], [0.0, 0.0]), np.eye(2, 4), np.zeros((4, 4))
-    kalman.R = spread(yaw, config.along_m**2, config.across_m**2)[0]
-    kalman.P[:2, :2], kalman.P[2:, 2:] = kalman.R, spread(yaw, config.speed_mps**2, config.drift_mps**2)[0]
-    push = spread(yaw, config.push_m2ps3, config.swerve_m2ps3)[0]
+    kalman.R = oriented_covariance(yaw, config.along_std_m**2, config.across_std_m**2)[0]
+    kalman.P[:2, :2], kalman.P[2:, 2:] = (
+        kalman.R,
+        oriented_covariance(yaw, config.along_speed_std_mps**2, config.across_speed_std_mps**2)[0],
+    )
+    push = oriented_covariance(yaw, config.along_accel_psd_m2ps3, config.across_accel_psd_m2ps3)[0]
     steps_s = np.diff(times_us, prepend=times_us[0]) * 1e-6
     moved = [np.eye(4) + s * np.eye(4, k=2) for s in steps_s]
     pushed = [np.block([[s**3 / 3 * push, s**2 / 2 * push], [s**2 / 2 * push, s * push]]) for s in steps_s]
@@ -86,7 +92,7 @@ def seen_by_hand(times_us: Sequence[int], places_m: FloatArray, yaw_rad: float, 
     return states
 
 
-def test_it_is_a_smoother_over_the_sightings_themselves() -> None:
+def test_smoothing_equals_a_smoother_over_the_detections() -> None:
     """Though it knows only what the tracker made of them; time steps differ, and three moments are unseen."""
     random = np.random.default_rng(2)
     times_us = np.cumsum(random.integers(60_000, 200_000, 40)).tolist()
@@ -142,7 +148,8 @@ def test_long_gaps_stay_but_the_path_goes_on() -> None:
     moments = [[driving(1.0 * i, 10.0)] if not 4 <= i < 9 else [] for i in range(14)]
     moments[4] = [coasted(driving(4.0, 10.0))]
     lengths = [
-        [len(moment) for moment in smooth(times(14), moments, SmoothingConfig(gap_s=gap_s))] for gap_s in (0.5, 0.7)
+        [len(moment) for moment in smooth(times(14), moments, SmoothingConfig(max_gap_s=gap_s))]
+        for gap_s in (0.5, 0.7)
     ]
     assert lengths == [[1] * 4 + [0] * 5 + [1] * 5, [1] * 14]
 
@@ -200,9 +207,9 @@ def test_a_stop_has_one_heading() -> None:
     assert np.ptp([one.yaw_world_rad for one in tracks[20:]]) < 1e-3
 
 
-def test_several_vehicles_are_told_of_in_order_of_id() -> None:
+def test_tracks_are_ordered_by_id() -> None:
     moments = [[track(7, 50.0), track(2)], [track(2), track(9, 90.0)], [coasted(track(4)), track(7, 50.0)]]
-    assert list(paths_of(moments)) == [2, 4, 7, 9]
+    assert list(group_by_track(moments)) == [2, 4, 7, 9]
     assert [[one.id for one in moment] for moment in smooth(times(3), moments)] == [[2, 7], [2, 7, 9], [7]]
 
 
@@ -213,14 +220,14 @@ def test_nothing_gives_nothing() -> None:
 
 
 def test_times_must_fit_and_rise() -> None:
-    with pytest.raises(ShapeError, match="expected a time for each of 1 moments, got 2"):
+    with pytest.raises(ShapeError, match="expected a time for each of 1 frames, got 2"):
         smooth(times(2), [[track()]])
     with pytest.raises(ShapeError, match="expected times that rise"):
         smooth([5, 5], [[track()], [track()]])
 
 
 @pytest.mark.realdata
-def test_recorded_traffic_in_hindsight(data_root: Path) -> None:
+def test_smoothing_of_recorded_traffic(data_root: Path) -> None:
     """A KITTI drive: what flickered is whole, and places are nearer to the truth."""
     root = data_root / "mot" / "kitti"
     if not root.is_dir():
@@ -228,7 +235,9 @@ def test_recorded_traffic_in_hindsight(data_root: Path) -> None:
     sequence = next(one for one in read_sequences(root) if one.name == "0003")
     online = track_sequence(sequence, Tracker())
     both = online, smooth([frame.timestamp_us for frame in sequence.frames], online)
-    before, after = (trial_of([(sequence, results_of(sequence, tracks))]).metrics(0.75) for tracks in both)
+    before, after = (
+        prepare_evaluation([(sequence, kitti_results(sequence, tracks))]).metrics(0.75) for tracks in both
+    )
     assert after.HOTA > before.HOTA + 0.02
     assert after.MOTP < before.MOTP
     assert (after.FRAG, after.IDS) == (0, 0)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from appocc.checks import FloatArray
-from tracking.instances.oriented_boxes import Shapes, like_a_vehicle, oddness, shapes_of
+from tracking.instances.oriented_boxes import OrientedBoxes, fit_oriented_boxes, is_vehicle_shaped, size_deviation
 
 
 def rectangle(length_m: float, width_m: float, yaw_rad: float, cell_m: float) -> FloatArray:
@@ -18,7 +18,7 @@ def rectangle(length_m: float, width_m: float, yaw_rad: float, cell_m: float) ->
 @pytest.mark.parametrize("yaw_rad", [0.0, 0.5, 1.2, -0.7])
 def test_a_rectangle_is_measured(yaw_rad: float) -> None:
     xy = rectangle(4.7, 1.9, yaw_rad, 0.05)
-    shapes = shapes_of(xy, np.zeros(len(xy), np.int64), 1, 0.05)
+    shapes = fit_oriented_boxes(xy, np.zeros(len(xy), np.int64), 1, 0.05)
     np.testing.assert_allclose(shapes.centroid_m, [[3.0, -2.0]], atol=0.05)
     np.testing.assert_allclose(shapes.yaw_rad, yaw_rad, atol=0.01)
     np.testing.assert_allclose([shapes.length_m[0], shapes.width_m[0]], [4.7, 1.9], atol=0.06)
@@ -26,13 +26,13 @@ def test_a_rectangle_is_measured(yaw_rad: float) -> None:
 
 
 def test_one_cell_measures_one_cell() -> None:
-    shapes = shapes_of(np.array([[5.0, 6.0]]), np.zeros(1, np.int64), 1, 0.4)
+    shapes = fit_oriented_boxes(np.array([[5.0, 6.0]]), np.zeros(1, np.int64), 1, 0.4)
     np.testing.assert_allclose([shapes.length_m[0], shapes.width_m[0], shapes.area_m2[0]], [0.4, 0.4, 0.16])
 
 
 def test_groups_do_not_mix() -> None:
     xy = np.array([[0.0, 0.0], [0.4, 0.0], [0.0, 8.0], [0.0, 8.4], [0.0, 8.8]])
-    shapes = shapes_of(xy, np.array([0, 0, 1, 1, 1]), 2, 0.4)
+    shapes = fit_oriented_boxes(xy, np.array([0, 0, 1, 1, 1]), 2, 0.4)
     np.testing.assert_allclose(shapes.centroid_m, [[0.2, 0.0], [0.0, 8.4]])
     np.testing.assert_allclose(shapes.length_m, [0.8, 1.2])
     np.testing.assert_allclose(shapes.yaw_rad, [0.0, -np.pi / 2])
@@ -52,8 +52,8 @@ def test_groups_do_not_mix() -> None:
 )
 def test_what_can_be_one_vehicle(length_m: float, width_m: float, fill: float, expected: bool) -> None:
     length, width = np.array([length_m]), np.array([width_m])
-    shapes = Shapes(np.zeros((1, 2)), np.zeros(1), length, width, fill * length * width)
-    assert like_a_vehicle(shapes)[0] == expected
+    shapes = OrientedBoxes(np.zeros((1, 2)), np.zeros(1), length, width, fill * length * width)
+    assert is_vehicle_shaped(shapes)[0] == expected
 
 
 @pytest.mark.parametrize(
@@ -69,5 +69,5 @@ def test_what_can_be_one_vehicle(length_m: float, width_m: float, fill: float, e
 )
 def test_odd_is_what_is_unlike_all_usual_vehicles(length_m: float, width_m: float, expected: float) -> None:
     length, width = np.array([length_m]), np.array([width_m])
-    shapes = Shapes(np.zeros((1, 2)), np.zeros(1), length, width, length * width)
-    np.testing.assert_allclose(oddness(shapes), [expected], atol=1e-12)
+    shapes = OrientedBoxes(np.zeros((1, 2)), np.zeros(1), length, width, length * width)
+    np.testing.assert_allclose(size_deviation(shapes), [expected], atol=1e-12)

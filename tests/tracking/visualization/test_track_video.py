@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from made_map import BLUE, RED, map_of, pose
 from made_scene import with_maps
-from test_track_formats import track
+from made_tracks import track
 from tiny_dataset import TinyDataset
 
 from appocc.camera import Camera, CameraRig
@@ -16,9 +16,16 @@ from appocc.errors import DataError
 from appocc.visualization.predictions import rows_of_cameras
 from tracking.pipeline import SceneTracks, track_scene
 from tracking.tracks import Track
-from tracking.visualization.labels import Labels, put_chip
-from tracking.visualization.panels import bev_panel, camera_panel, corners_world, footprint_world, ink_of, list_panel
-from tracking.visualization.video import check_name, trails, write_video
+from tracking.visualization.labels import LabelPlacer, draw_colour_chip
+from tracking.visualization.panels import (
+    corners_world,
+    draw_bev_panel,
+    draw_camera_panel,
+    draw_list_panel,
+    footprint_world,
+    track_colour,
+)
+from tracking.visualization.video import check_video_path, collect_trails, write_video
 
 INK = (255, 255, 255)
 
@@ -48,7 +55,7 @@ def ink_near(picture: ByteArray, ink: tuple[int, int, int]) -> FloatArray:
 # Geometry ---------------------------------------------------------------------------------------------------------
 
 
-def test_corners_stand_around_the_track_front_first() -> None:
+def test_corners_surround_the_track_front_first() -> None:
     footprint = footprint_world(at(10, 20, yaw_rad=np.pi / 2))
     np.testing.assert_allclose(footprint[0], [10 - 0.9, 20 + 2.25, 0], atol=1e-9)
     np.testing.assert_allclose(footprint.mean(axis=0), [10, 20, 0], atol=1e-9)
@@ -69,7 +76,7 @@ def test_trails_are_short_and_only_of_tracks_that_are_there(tiny: TinyDataset) -
     result = track_scene(dataset, dataset.scenes[0], "groundtruth")
     moments = ((at(0, 0, 1), at(5, 5, 2)), (at(1, 0, 1),), (at(2, 0, 1),))
     made = SceneTracks(result.scene, result.source, result.samples, result.world_from_ego, moments)
-    paths = trails(made, 2)
+    paths = collect_trails(made, 2)
     assert list(paths) == [1]
     np.testing.assert_allclose(paths[1][:, 0], [0, 1, 2])
 
@@ -80,17 +87,17 @@ def test_trails_are_short_and_only_of_tracks_that_are_there(tiny: TinyDataset) -
 def test_the_map_shows_a_track_left_and_ahead_up_and_to_the_left() -> None:
     tracks = [at(20, 10, 3)]
     trail = {3: np.array([[18.0, 10.0, 0.0], [20.0, 10.0, 0.0]])}
-    picture = bev_panel(map_of([]), tracks, trail, pose())
+    picture = draw_bev_panel(map_of([]), tracks, trail, pose())
     assert picture.shape == (800, 800, 3)
     box = picture[160:240, 280:320]
     # 10 px a metre: (20, 10) lies 200 px above and 100 px left of the middle.
-    np.testing.assert_allclose(ink_near(box, ink_of(3)), [20, 40], atol=4)
+    np.testing.assert_allclose(ink_near(box, track_colour(3)), [20, 40], atol=4)
 
 
 def test_the_front_mark_lies_ahead_of_the_centre() -> None:
     def marks(yaw_rad: float) -> FloatArray:
         both = [
-            bev_panel(map_of([]), [at(20, 0, 1, yaw_rad, known)], {1: np.zeros((1, 3))}, pose()).astype(int)
+            draw_bev_panel(map_of([]), [at(20, 0, 1, yaw_rad, known)], {1: np.zeros((1, 3))}, pose()).astype(int)
             for known in (True, False)
         ]
         rows, columns = np.nonzero(np.abs(both[0] - both[1]).sum(axis=-1))
@@ -102,32 +109,32 @@ def test_the_front_mark_lies_ahead_of_the_centre() -> None:
 
 def test_the_map_follows_the_ego() -> None:
     tracks, trail = [at(120, 60, 3)], {3: np.array([[120.0, 60.0, 0.0]])}
-    picture = bev_panel(map_of([]), tracks, trail, pose(100, 50))
-    np.testing.assert_allclose(ink_near(picture[160:240, 280:320], ink_of(3)), [20, 40], atol=4)
+    picture = draw_bev_panel(map_of([]), tracks, trail, pose(100, 50))
+    np.testing.assert_allclose(ink_near(picture[160:240, 280:320], track_colour(3)), [20, 40], atol=4)
 
 
-def test_a_camera_shows_a_track_where_it_stands() -> None:
+def test_a_camera_panel_shows_a_track_at_its_position() -> None:
     image = np.zeros((360, 640, 3), np.uint8)
     camera = looking("CAM_FRONT", 0.0)
-    picture = camera_panel(image, camera, [at(20, 5, 4)], pose(), (320, 180))
+    picture = draw_camera_panel(image, camera, [at(20, 5, 4)], pose(), (320, 180))
     assert picture.shape == (180, 320, 3)
     # Its middle, (20, 5, 0.8), projects to u = 319.5 - 400 * 5 / 20, v = 179.5 + 400 * 0.7 / 20; halved.
-    np.testing.assert_allclose(ink_near(picture, ink_of(4)), [110, 97], atol=8)
-    behind = camera_panel(image, camera, [at(-20, 5, 4)], pose(), (320, 180))
-    assert not (np.abs(behind.astype(int) - ink_of(4)) <= 2).all(axis=-1).any()
+    np.testing.assert_allclose(ink_near(picture, track_colour(4)), [110, 97], atol=8)
+    behind = draw_camera_panel(image, camera, [at(-20, 5, 4)], pose(), (320, 180))
+    assert not (np.abs(behind.astype(int) - track_colour(4)) <= 2).all(axis=-1).any()
 
 
 def test_the_list_shows_as_many_as_fit() -> None:
     tracks = [at(5.0 * i, 0, i) for i in range(1, 30)]
-    picture = list_panel(tracks, pose(), (480, 44))
+    picture = draw_list_panel(tracks, pose(), (480, 44))
     assert picture.shape == (44, 480, 3)
     assert picture[:, :240].max() > 200
-    assert list_panel([], pose(), (480, 0)).shape == (0, 480, 3)
+    assert draw_list_panel([], pose(), (480, 0)).shape == (0, 480, 3)
 
 
 def test_labels_do_not_cover_each_other() -> None:
     picture: ByteArray = np.zeros((60, 200, 3), np.uint8)
-    labels = Labels(picture)
+    labels = LabelPlacer(picture)
     placed = [labels.put((100, 30), "7: 12.3m", INK, np.array(RED, float), 10) for _ in range(5)]
     assert placed == [True, True, True, True, False]
 
@@ -135,7 +142,7 @@ def test_labels_do_not_cover_each_other() -> None:
 def test_labels_keep_off_what_is_to_be_avoided() -> None:
     def middle(avoid: FloatArray) -> float:
         picture: ByteArray = np.zeros((60, 200, 3), np.uint8)
-        assert Labels(picture, avoid).put((100, 30), "7", INK, np.array(RED, float), 5)
+        assert LabelPlacer(picture, avoid).put((100, 30), "7", INK, np.array(RED, float), 5)
         return float(ink_near(picture, RED)[0])
 
     assert middle(np.zeros((0, 4))) > 100
@@ -144,9 +151,9 @@ def test_labels_keep_off_what_is_to_be_avoided() -> None:
 
 def test_a_chip_has_the_colour_or_a_cross() -> None:
     picture: ByteArray = np.zeros((20, 20, 3), np.uint8)
-    put_chip(picture, (2, 2), np.array(BLUE, float))
+    draw_colour_chip(picture, (2, 2), np.array(BLUE, float))
     assert tuple(picture[6, 9]) == BLUE
-    put_chip(picture, (2, 2), np.full(3, np.nan))
+    draw_colour_chip(picture, (2, 2), np.full(3, np.nan))
     assert tuple(picture[6, 6]) == (0, 0, 0)
     assert tuple(picture[6, 9]) != BLUE
 
@@ -154,7 +161,7 @@ def test_a_chip_has_the_colour_or_a_cross() -> None:
 # Video ------------------------------------------------------------------------------------------------------------
 
 
-def test_a_video_is_written_whole(tiny: TinyDataset, tmp_path: Path) -> None:
+def test_a_video_has_all_frames(tiny: TinyDataset, tmp_path: Path) -> None:
     dataset = with_maps(tiny)
     result = track_scene(dataset, dataset.scenes[0], "groundtruth")
     steps: list[int] = []
@@ -203,5 +210,5 @@ def test_without_cameras_the_map_alone_is_shown(tiny: TinyDataset, tmp_path: Pat
 
 def test_the_name_is_checked_first() -> None:
     with pytest.raises(DataError, match=r"t.mp4: expected a name that ends in .webm"):
-        check_name(Path("t.mp4"))
-    check_name(Path("t.webm"))
+        check_video_path(Path("t.mp4"))
+    check_video_path(Path("t.webm"))
