@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from appocc.bevmap import ROAD, VEHICLE, BEVMap
-from appocc.checks import BoolArray, FloatArray, check_shape, frozen
+from appocc.checks import BoolArray, FloatArray, check_shape, freeze_arrays, frozen
 from appocc.errors import ShapeError
+from appocc.srgb import LINEAR_OF_BYTE, linear_from_srgb
 
 # The numbers below are fitted to simulated scenes of all weathers and to real vehicles: docs/colours.md.
 
@@ -75,20 +76,6 @@ def lab_from_rgb(rgb: ArrayLike) -> FloatArray:
     return _lab_from_linear(linear_from_srgb(rgb))
 
 
-def linear_from_srgb(rgb: ArrayLike) -> FloatArray:
-    """Linear light 0..1 of sRGB values 0..255 of any shape, fastest of bytes; NaN of NaN."""
-    values = np.asarray(rgb)
-    return _LINEAR_OF_BYTE[values] if values.dtype == np.uint8 else _linear(values.astype(np.float64))
-
-
-def _linear(values: FloatArray) -> FloatArray:
-    share = values / 255.0
-    return np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
-
-
-_LINEAR_OF_BYTE = _linear(np.arange(256.0))
-
-
 def _lab_from_linear(linear: FloatArray) -> FloatArray:
     ratio = linear @ (_XYZ_FROM_RGB.T / _WHITE_XYZ)
     f = np.where(ratio > _STRAIGHT_BELOW, np.cbrt(ratio), ratio * _STRAIGHT_SLOPE + 16 / 116)
@@ -96,7 +83,7 @@ def _lab_from_linear(linear: FloatArray) -> FloatArray:
     return np.stack([116 * y - 16, 500 * (x - y), 200 * (y - z)], axis=-1)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Exposure:
     """What the light of a scene does to colours, and how sure that is.
 
@@ -121,7 +108,7 @@ class Exposure:
             raise ShapeError(f"exposure gain: expected positive factors, got {self.gain.tolist()}")
         if not (0 <= self.veil < np.inf and 0 <= self.blur < np.inf):
             raise ShapeError(f"exposure: expected veil and blur of 0 or more, got {self.veil} and {self.blur}")
-        frozen(self.gain)
+        freeze_arrays(self, "gain")
 
     def lab(self, rgb: ArrayLike) -> FloatArray:
         """CIELAB (..., 3) of sRGB colours (..., 3) in 0..255 as they would be in neutral daylight."""
@@ -251,7 +238,7 @@ _BESIDE_M, _BESIDE_ALONG = (0.5, 1.0), np.linspace(0.08, 0.92, 4)
 _EVERY, _LEAST_ROAD = 2, 25
 # No light is so dim that noise would count.
 _DIMMEST = 1e-3
-_LOGARITHM_OF_BYTE = np.log(_LINEAR_OF_BYTE + _DIMMEST)
+_LOGARITHM_OF_BYTE = np.log(LINEAR_OF_BYTE + _DIMMEST)
 
 
 def exposure_of(bev: BEVMap, vehicles_rgb: FloatArray) -> Exposure:
@@ -304,7 +291,7 @@ def _asphalt(bev: BEVMap, where: BoolArray) -> FloatArray | None:
     if np.count_nonzero(sparse) < _LEAST_ROAD:
         return None
     median = np.median(bev.appearance[:, ::_EVERY, ::_EVERY][:, sparse], axis=1)
-    return np.asarray(_LINEAR_OF_BYTE[median.astype(np.uint8)] + _DIMMEST)
+    return np.asarray(LINEAR_OF_BYTE[median.astype(np.uint8)] + _DIMMEST)
 
 
 def _beside(bev: BEVMap, where: BoolArray, road: FloatArray, footprints_m: FloatArray) -> FloatArray:

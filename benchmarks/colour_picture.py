@@ -23,7 +23,7 @@ import numpy as np
 from scipy.spatial.distance import cdist
 
 from appocc.checks import FloatArray, IntArray
-from appocc.ego_vehicle import EGO_LENGTH_M, EGO_WIDTH_M
+from appocc.ego_vehicle import EgoVehicle
 from appocc.errors import AppoccError
 from appocc.files import whole_file
 from appocc.geometry import apply, inverse, quaternion_from_yaw, transform, yaw_of
@@ -151,7 +151,8 @@ def _crossing(axes: Axes, now: Sight, picture_from_world: FloatArray) -> None:
             "alpha": 1.0 if now.seen[i] else _PALE,
         }
         _box(axes, xy_m, now.yaw_rad[i] + turn_rad, now.size_m[i], **look)
-    _box(axes, np.zeros(2), np.pi / 2, np.array([EGO_WIDTH_M, EGO_LENGTH_M]), facecolor="white", edgecolor=_EGO)
+    ego = EgoVehicle()
+    _box(axes, np.zeros(2), np.pi / 2, np.array([ego.width_m, ego.length_m]), facecolor="white", edgecolor=_EGO)
     axes.plot([-0.6, 0.0, 0.6], [0.5, 1.6, 0.5], color=_EGO, linewidth=2.5)
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from appocc.boxes import Boxes
 from appocc.camera import Camera
 from appocc.checks import ByteArray, FloatArray
+from appocc.ego_vehicle import EgoVehicle
 from appocc.frame import Frame
 from appocc.geometry import apply, inverse
 from appocc.grid import BEVGrid
@@ -76,7 +77,7 @@ def _bev_panel(answer: Answer, field: bool) -> ByteArray:
         canvas.appearance(bev)
     if field and answer.plan.field is not None:
         _shade(canvas, answer.plan.field)
-    canvas.ego()
+    canvas.ego(EgoVehicle())
     for number, candidate in enumerate(answer.candidates, start=1):
         if candidate is not answer.referent:
             canvas.line(candidate.item.footprint(), YELLOW, 1, closed=True)

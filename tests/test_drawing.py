@@ -11,7 +11,7 @@ from appocc.bevmap import LANE, ROAD, VEHICLE, BEVMap
 from appocc.boxes import Boxes
 from appocc.camera import Camera
 from appocc.checks import FloatArray
-from appocc.ego_vehicle import EGO_LENGTH_M, EGO_REAR_M
+from appocc.ego_vehicle import EgoVehicle
 from appocc.geometry import transform
 from appocc.grid import BEVGrid
 from appocc.visualization import canvas as d
@@ -102,7 +102,7 @@ def test_where_a_network_says_nothing_is_its_colours_are_pale() -> None:
     assert (others[:, 0] > d.UNKNOWN_COLOUR[0]).all()
 
 
-def test_lines_dots_and_the_ego_are_drawn_where_they_are() -> None:
+def test_lines_and_dots_are_drawn_where_they_are() -> None:
     canvas = d.BEVCanvas(BEVGrid.surround(), scale=4)
     canvas.dot([10, 5], d.RED)
     column, row = canvas.pixel([10, 5])
@@ -110,12 +110,19 @@ def test_lines_dots_and_the_ego_are_drawn_where_they_are() -> None:
     canvas.line([[-5, -5], [-5, -15]], d.YELLOW)
     column, row = canvas.pixel([-5, -10])
     assert canvas.picture[row, column].tolist() == pytest.approx(d.YELLOW, abs=30)  # its edges are smoothed
+
+
+@pytest.mark.parametrize("vehicle", [EgoVehicle(), EgoVehicle(length_m=12.0, width_m=2.5, rear_overhang_m=3.0)])
+def test_the_ego_vehicle_is_drawn_at_its_size(vehicle: EgoVehicle) -> None:
+    canvas = d.BEVCanvas(BEVGrid.surround(), scale=4)
     before = canvas.picture.copy()
-    canvas.ego()
+    canvas.ego(vehicle)
     rows, columns = np.nonzero((canvas.picture != before).any(axis=2))
     ahead, behind = 40 - rows.min() / 10, 40 - rows.max() / 10
-    assert (ahead, behind) == pytest.approx((EGO_LENGTH_M - EGO_REAR_M, -EGO_REAR_M), abs=0.4)
+    assert behind == pytest.approx(-vehicle.rear_overhang_m, abs=0.4)
+    assert ahead == pytest.approx(vehicle.length_m - vehicle.rear_overhang_m, abs=0.4)
     assert 400 - columns.min() == pytest.approx(columns.max() - 400, abs=2)
+    assert (columns.max() - columns.min()) / 10 == pytest.approx(vehicle.width_m, abs=0.4)
 
 
 def test_labels_stay_inside_the_picture() -> None:
@@ -175,7 +182,7 @@ def test_a_preview_shows_appearance_beside_occupancy() -> None:
     colour = np.zeros((3, 8, 8), np.uint8)
     colour[0] = 200
     shown = BEVMap(GRID, bev.occupancy, bev.occupancy_valid, colour, np.ones((8, 8), np.bool_))
-    picture = d.preview(shown, scale=20)
+    picture = d.preview(shown, EgoVehicle(), scale=20)
     assert picture.shape == (160, 320, 3)
     assert tuple(picture[150, 10]) == (200, 0, 0)
     assert tuple(picture[150, 170]) != (200, 0, 0)

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from appocc.bevmap import is_truth, load_map
-from appocc.boxes import Boxes
+from appocc.boxes import Boxes, is_person_or_bicycle
 from appocc.checks import FloatArray
 from appocc.errors import DataError
 from appocc.files import plain_name, write_json
@@ -171,7 +171,7 @@ def score(dataset: Dataset, result: SceneTracks) -> dict[str, Metrics] | None:
 
 def _is_vehicle(track: Track) -> bool:
     """Whether a track is one of those that annotated vehicles are compared with."""
-    return track.kind not in ("pedestrian", "bicycle")
+    return not is_person_or_bicycle(track.kind)
 
 
 def moving_instances(truths: Sequence[Boxes]) -> set[str]:

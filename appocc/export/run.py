@@ -96,10 +96,10 @@ def export(
     path = weights_file(weights)
     model, weights_card = load_model(path)
     setting = model.setting
-    cameras = CameraRig(tuple(cameras_of(setting, source.rig)))
+    cameras = source.rig.with_cameras(cameras_of(setting, source.rig))
     if not len(cameras):
         raise DataError(f"rig {source.name}: expected a camera of {', '.join(setting.channels)}, got none")
-    fit = CameraRig(tuple(fitted_camera(camera, setting) for camera in cameras))
+    fit = cameras.with_cameras(fitted_camera(camera, setting) for camera in cameras)
     shape = (1, len(fit), 3, setting.height_px, setting.width_px)
     told = {"file": path.name, "sha256": digest_of(path)}
     card = card_of(weights_card, told, setting, cameras, source.name, _PACKAGES[ending])

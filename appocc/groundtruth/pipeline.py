@@ -14,6 +14,7 @@ import numpy as np
 
 from appocc.bevmap import BEVMap, bev_folder, bev_path
 from appocc.checks import FloatArray
+from appocc.ego_vehicle import EgoVehicle
 from appocc.errors import DataError
 from appocc.files import write_bytes, write_image
 from appocc.groundtruth.bodywork import Bodywork
@@ -202,6 +203,6 @@ def _make_sample(
     sample, painted = wanted
     bev = compose(sample, _read_sources(sources), painted, settings)
     path = bev_path(out, SOURCE, sample.token)
-    write_image(path.with_suffix(".png"), preview(bev))
+    write_image(path.with_suffix(".png"), preview(bev, EgoVehicle()))
     bev.save(path)
     add_record(path.parent, path.stem, parts)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
@@ -11,6 +12,7 @@ import numpy as np
 
 from appocc.camera import Camera, CameraRig
 from appocc.checks import ByteArray
+from appocc.ego_vehicle import EgoVehicle
 from appocc.errors import DataError
 from appocc.files import plain_name, read_image
 from appocc.frame import Frame
@@ -107,7 +109,9 @@ def _folder_parts(folder: Path, rig: CameraRig) -> Parts:
     """What the map of a folder of images is made from."""
     cameras = [(c.channel, c.width_px, c.height_px, c.intrinsic.tolist(), c.ego_from_cam.tolist()) for c in rig]
     files = [(channel, path.name, state_of(path)) for channel, path in _images(folder, rig).items()]
-    return {"pictures": digest(files), "calibration": digest(cameras)}
+    # A vehicle of the default size leaves the digest as it was before rigs had a vehicle.
+    vehicle = [] if rig.ego_vehicle == EgoVehicle() else [asdict(rig.ego_vehicle)]
+    return {"pictures": digest(files), "calibration": digest([*cameras, *vehicle])}
 
 
 def _images(folder: Path, rig: CameraRig) -> dict[str, Path]:

@@ -59,7 +59,7 @@ class Predictor:
         self.model = model.to(device).eval()
         self.weights = weights
         self._device = device
-        self._planned: tuple[bytes, Plan] | None = None
+        self._planned: tuple[CameraRig, Plan] | None = None
 
     def __call__(self, frame: Frame) -> Prediction:
         """The map of a frame, from the images that it has.
@@ -88,9 +88,8 @@ class Predictor:
         return Prediction(bev, seen)
 
     def _plan(self, rig: CameraRig) -> Plan:
-        key = b"".join(c.intrinsic.tobytes() + c.ego_from_cam.tobytes() + c.channel.encode() for c in rig)
-        if self._planned is None or self._planned[0] != key:
-            self._planned = (key, self.model.plan([rig]).to(self._device))
+        if self._planned is None or self._planned[0] != rig:
+            self._planned = (rig, self.model.plan([rig]).to(self._device))
         return self._planned[1]
 
     def _meta(self, frame: Frame, channels: list[str]) -> dict[str, Any]:
@@ -111,12 +110,12 @@ def pictures_of(frame: Frame, setting: Setting) -> tuple[Tensor, CameraRig]:
     Raises:
         DataError: if the frame has no image that the setting uses.
     """
-    living = CameraRig(tuple(camera for camera in frame.rig if camera.channel in frame.images))
-    pairs = [fitted(frame.images[camera.channel], camera, setting) for camera in cameras_of(setting, living)]
+    working = frame.rig.select(frame.images)
+    pairs = [fitted(frame.images[camera.channel], camera, setting) for camera in cameras_of(setting, working)]
     if not pairs:
         raise DataError(f"{frame.token}: expected a picture of {', '.join(setting.channels)}, got none")
     stacked = np.stack([picture for picture, _ in pairs]).transpose(0, 3, 1, 2)
-    return torch.from_numpy(np.ascontiguousarray(stacked)), CameraRig(tuple(camera for _, camera in pairs))
+    return torch.from_numpy(np.ascontiguousarray(stacked)), frame.rig.with_cameras(camera for _, camera in pairs)
 
 
 def cameras_of(setting: Setting, rig: CameraRig) -> list[Camera]:

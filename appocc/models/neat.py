@@ -44,7 +44,7 @@ _CHUNK = 4096
 _RANGE_M = 40.0  # places are given in parts of it
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class FieldPlan:
     """Where the patches of a batch's pictures look.
 

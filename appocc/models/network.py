@@ -31,7 +31,7 @@ _TRUNK_CHANNELS, _LAST_CHANNELS, _CELL_CHANNELS = 64, 48, 24
 _PLACE_CHANNELS = 4
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class NetworkPlan:
     """Where cells read, at both strides.
 

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from appocc.bevmap import LANE, ROAD, VEHICLE, BEVMap
 from appocc.camera import Camera
 from appocc.checks import BoolArray, ByteArray, FloatArray
-from appocc.ego_vehicle import EGO_LENGTH_M, EGO_REAR_M, EGO_WIDTH_M
+from appocc.ego_vehicle import EgoVehicle
 from appocc.geometry import apply, inverse
 from appocc.grid import BEVGrid
 
@@ -95,9 +95,10 @@ class BEVCanvas:
         column, row = (int(v) for v in self.pixel(xy_m))
         cv2.circle(self.picture, (column, row), radius, colour, -1, cv2.LINE_AA)
 
-    def ego(self) -> None:
-        """Draw the ego: its footprint, nose marked; the frame's origin is the rear axle."""
-        left, front, rear = EGO_WIDTH_M / 2, EGO_LENGTH_M - EGO_REAR_M, -EGO_REAR_M
+    def ego(self, vehicle: EgoVehicle) -> None:
+        """Draw the footprint of the ego vehicle with its front marked."""
+        left, rear = vehicle.width_m / 2, -vehicle.rear_overhang_m
+        front = vehicle.length_m - vehicle.rear_overhang_m
         self.line([[front, left], [rear, left], [rear, -left], [front, -left]], GREEN, 2, closed=True)
         self.line([[front - 1.0, left], [front, 0.0], [front - 1.0, -left]], GREEN, 2)
 
@@ -190,13 +191,13 @@ def mosaic(pictures: Sequence[ByteArray], columns: int) -> ByteArray:
     return np.ascontiguousarray(np.vstack(rows))
 
 
-def preview(bev: BEVMap, scale: int = 4) -> ByteArray:
-    """Appearance beside occupancy, forward up, with the ego and a caption: the picture beside every saved map."""
+def preview(bev: BEVMap, ego: EgoVehicle, scale: int = 4) -> ByteArray:
+    """Return a preview of a map: appearance and occupancy side by side, forward up, captioned."""
     panels = []
     for title in ("appearance", "occupancy"):
         canvas = BEVCanvas(bev.grid, scale)
         getattr(canvas, title)(bev)
-        canvas.ego()
+        canvas.ego(ego)
         put_text(canvas.picture, f"{title} ({UNKNOWN_LEGEND})", (8, 18))
         panels.append(canvas.picture)
     return np.ascontiguousarray(np.hstack(panels))

@@ -45,7 +45,7 @@ def _row(dataset: Dataset, scene: Scene, source: str) -> ByteArray:
     for title in ("appearance", "occupancy"):
         canvas = BEVCanvas(bev.grid, _BEV_SCALE)
         getattr(canvas, title)(bev)
-        canvas.ego()
+        canvas.ego(frame.rig.ego_vehicle)
         maps.append(canvas.picture)
     height = max(cameras.shape[0], *(picture.shape[0] for picture in maps))
     parts = [

@@ -10,6 +10,7 @@ import numpy as np
 from appocc.bevmap import BEVMap
 from appocc.camera import Camera, CameraRig
 from appocc.checks import ByteArray, FloatArray
+from appocc.ego_vehicle import EgoVehicle
 from appocc.frame import Frame
 from appocc.visualization.canvas import UNKNOWN_LEGEND, BEVCanvas, put_text
 
@@ -32,7 +33,7 @@ def figure(frame: Frame, bev: BEVMap, places_m: FloatArray) -> ByteArray:
         bev: its map.
         places_m: (N, 2) centroids of vehicles, ego frame; each is labelled with its distance along x.
     """
-    panels = [map_panel(bev, title, places_m) for title in _CAPTIONS]
+    panels = [map_panel(bev, title, places_m, frame.rig.ego_vehicle) for title in _CAPTIONS]
     # Maps of what lies ahead are wide: one stands over the other.
     high, wide = panels[0].shape[:2]
     axis = 0 if wide > high else 1
@@ -42,11 +43,11 @@ def figure(frame: Frame, bev: BEVMap, places_m: FloatArray) -> ByteArray:
     return np.ascontiguousarray(np.hstack([left, np.full((right.shape[0], _GAP_PX, 3), 255, np.uint8), right]))
 
 
-def map_panel(bev: BEVMap, title: str, places_m: FloatArray) -> ByteArray:
+def map_panel(bev: BEVMap, title: str, places_m: FloatArray, ego: EgoVehicle) -> ByteArray:
     """One side of a map (`occupancy` or `appearance`) from above; vehicles carry their distance along x, metres."""
     canvas = BEVCanvas(bev.grid, _SCALE)
     getattr(canvas, title)(bev)
-    canvas.ego()
+    canvas.ego(ego)
     for x, y in places_m:
         canvas.label((x, y + np.copysign(_ASIDE_M, y)), f"{x:+.1f} m")
     put_text(canvas.picture, _CAPTIONS[title], (8, 20), scale=0.5)
@@ -78,7 +79,7 @@ def _cameras(frame: Frame, channels: Collection[str], height_px: int) -> ByteArr
 
     Where that makes them too small, those that look back become a second column.
     """
-    rows = rows_of_cameras(CameraRig(tuple(camera for camera in frame.rig if camera.channel in channels)))
+    rows = rows_of_cameras(frame.rig.select(channels))
     whole = [camera for row in rows for camera in row]
     across = max(camera.width_px / camera.height_px for camera in whole)
     columns = [whole] if across * (height_px // len(whole)) >= _LEAST_WIDE_PX else rows

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
-from appocc.camera import Camera, CameraRig
+from appocc.camera import Camera
 from appocc.checks import ByteArray, FloatArray
 from appocc.errors import DataError
 from appocc.frame import Frame
@@ -58,7 +58,7 @@ def rig_sheet(frame: Frame) -> ByteArray:
     Raises:
         DataError: if the frame has no images.
     """
-    rig = CameraRig(tuple(camera for camera in frame.rig if camera.channel in frame.images))
+    rig = frame.rig.select(frame.images)
     if not len(rig):
         raise DataError(f"{frame.token}: expected images, got none")
     rows = rows_of_cameras(rig)

@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from appocc.bevmap import VEHICLE, BEVMap
-from appocc.boxes import Boxes, is_vehicle
+from appocc.boxes import Boxes, is_person_or_bicycle, is_vehicle
 from appocc.checks import FloatArray, check_transform
-from appocc.colours import Exposure, gains_of, linear_from_srgb, name, names
+from appocc.colours import Exposure, gains_of, name, names
 from appocc.geometry import apply, inverse, wrap_angle, yaw_of
+from appocc.srgb import encode_srgb, linear_from_srgb
 from grounding.referent.object_table import Crowd, crowd_of
 from grounding.road.lane_model import LANE_M, Lanes
 from grounding.road.road_map import Road
@@ -24,8 +25,6 @@ from tracking.tracks import Track
 
 __all__ = ["EGO_CENTRE_M", "Scene", "SceneObject", "scene_of", "scene_of_tracks"]
 
-# People and bicycles are no vehicles of the map, but commands name them.
-_OTHERS = ("human.", "pedestrian", "person", "bicycle", "vehicle.bicycle", "cyclist")
 # Without a map vehicles count up to this distance.
 _FARTHEST_M = 100.0
 # Light that needs no factors; what varnish mirrors, and how light strays, is as usual.
@@ -92,7 +91,7 @@ class Scene:
             return rgb
         gains = gains_of(self.bev, rgb[known], self.crowd.corners_m[known])
         neutral = np.full_like(rgb, np.nan)
-        neutral[known] = _srgb(linear_from_srgb(rgb[known]) * gains)
+        neutral[known] = 255 * encode_srgb(linear_from_srgb(rgb[known]) * gains)
         return neutral
 
     def colour_name(self, item: SceneObject) -> str | None:
@@ -142,16 +141,11 @@ def scene_of_tracks(
     return replace(scene, objects=_fronts_of_rows(scene.objects))
 
 
-def _srgb(linear: FloatArray) -> FloatArray:
-    """SRGB values of linear light (IEC 61966-2-1), 255 of 1."""
-    return 255 * np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
-
-
 def _scene(bev: BEVMap | None, items: Sequence[SceneObject], world_from_ego: FloatArray) -> Scene:
     """Those within reach, vehicles apart from the others."""
     inside = [item for item in items if _within(bev, item) and not _is_ego(item)]
-    vehicles = tuple(item for item in inside if not item.category.startswith(_OTHERS))
-    others = tuple(item for item in inside if item.category.startswith(_OTHERS))
+    vehicles = tuple(item for item in inside if not is_person_or_bicycle(item.category))
+    others = tuple(item for item in inside if is_person_or_bicycle(item.category))
     return Scene(bev, vehicles, world_from_ego, others)
 
 
@@ -176,7 +170,7 @@ def _from_boxes(bev: BEVMap | None, boxes: Boxes) -> list[SceneObject]:
         centres, colours = bev.grid.centres()[known], np.moveaxis(bev.appearance, 0, -1)[known].astype(np.float64)
     objects = []
     for i, category in enumerate(boxes.category):
-        if not (is_vehicle(category) or category.startswith(_OTHERS)):
+        if not (is_vehicle(category) or is_person_or_bicycle(category)):
             continue
         width, length, height = (float(size) for size in boxes.size_wlh_m[i])
         velocity = boxes.velocity_mps[i]

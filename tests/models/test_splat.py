@@ -6,7 +6,7 @@ import torch
 from tolerances import assert_rounded
 
 from appocc.camera import Camera, CameraRig
-from appocc.ego_vehicle import body_cells
+from appocc.ego_vehicle import EgoVehicle
 from appocc.errors import ShapeError
 from appocc.geometry import transform
 from appocc.grid import BEVGrid
@@ -186,9 +186,17 @@ def test_a_cell_is_seen_if_a_camera_has_a_corner_of_it_in_the_picture_at_some_he
             pixels, depth_m = each.project_ego(np.insert(corners.reshape(-1, 2), 2, height_m, axis=1))
             expected |= each.sees(pixels, depth_m).reshape(*GRID.shape, 4).any(axis=-1)
     assert 0.2 < expected.mean() < 0.9
-    body = body_cells(GRID)
+    body = EgoVehicle().body_cells(GRID)
     assert (expected & body).any()
     assert np.array_equal(cells_seen(RIG, GRID), expected & ~body)
+    bus = EgoVehicle(length_m=12.0, width_m=2.5, rear_overhang_m=3.0)
+    assert np.array_equal(cells_seen(replace(RIG, ego_vehicle=bus), GRID), expected & ~bus.body_cells(GRID))
+
+
+def test_a_plan_knows_the_size_of_the_ego_vehicle() -> None:
+    bus = EgoVehicle(length_m=12.0, width_m=2.5, rear_overhang_m=3.0)
+    cars, buses = (plan_splat([rig], GRID, H, W, STRIDE).seen for rig in (RIG, replace(RIG, ego_vehicle=bus)))
+    assert not torch.equal(cars, buses)
 
 
 def test_a_plan_is_the_same_for_an_equal_rig_and_another_for_a_moved_one() -> None:

@@ -12,6 +12,7 @@ from tiny_dataset import TinyDataset
 
 from appocc.camera import Camera, CameraRig
 from appocc.checks import ByteArray, FloatArray
+from appocc.ego_vehicle import EgoVehicle
 from appocc.errors import DataError
 from appocc.visualization.predictions import rows_of_cameras
 from tracking.pipeline import SceneTracks, track_scene
@@ -80,7 +81,7 @@ def test_trails_are_short_and_only_of_tracks_that_are_there(tiny: TinyDataset) -
 def test_the_map_shows_a_track_left_and_ahead_up_and_to_the_left() -> None:
     tracks = [at(20, 10, 3)]
     trail = {3: np.array([[18.0, 10.0, 0.0], [20.0, 10.0, 0.0]])}
-    picture = bev_panel(map_of([]), tracks, trail, pose())
+    picture = bev_panel(map_of([]), tracks, trail, pose(), EgoVehicle())
     assert picture.shape == (800, 800, 3)
     box = picture[160:240, 280:320]
     # 10 px a metre: (20, 10) lies 200 px above and 100 px left of the middle.
@@ -90,10 +91,10 @@ def test_the_map_shows_a_track_left_and_ahead_up_and_to_the_left() -> None:
 def test_the_front_mark_lies_ahead_of_the_centre() -> None:
     def marks(yaw_rad: float) -> FloatArray:
         both = [
-            bev_panel(map_of([]), [at(20, 0, 1, yaw_rad, known)], {1: np.zeros((1, 3))}, pose()).astype(int)
+            bev_panel(map_of([]), [at(20, 0, 1, yaw_rad, known)], {1: np.zeros((1, 3))}, pose(), EgoVehicle())
             for known in (True, False)
         ]
-        rows, columns = np.nonzero(np.abs(both[0] - both[1]).sum(axis=-1))
+        rows, columns = np.nonzero(np.abs(both[0].astype(int) - both[1]).sum(axis=-1))
         return np.array([columns.mean(), rows.mean()])
 
     np.testing.assert_allclose(marks(0.0), [400, 200 - 11], atol=3)
@@ -102,7 +103,7 @@ def test_the_front_mark_lies_ahead_of_the_centre() -> None:
 
 def test_the_map_follows_the_ego() -> None:
     tracks, trail = [at(120, 60, 3)], {3: np.array([[120.0, 60.0, 0.0]])}
-    picture = bev_panel(map_of([]), tracks, trail, pose(100, 50))
+    picture = bev_panel(map_of([]), tracks, trail, pose(100, 50), EgoVehicle())
     np.testing.assert_allclose(ink_near(picture[160:240, 280:320], ink_of(3)), [20, 40], atol=4)
 
 

@@ -11,7 +11,6 @@ import cv2
 import numpy as np
 
 from appocc.bevmap import BEVMap, load_map
-from appocc.camera import CameraRig
 from appocc.checks import ByteArray, FloatArray
 from appocc.errors import DataError
 from appocc.files import whole_file
@@ -117,7 +116,7 @@ def _rate_hz(result: SceneTracks) -> float:
 def draw_frame(result: SceneTracks, number: int, frame: Frame, bev: BEVMap) -> ByteArray:
     """The picture (H, W, 3) RGB of key frame `number`, even in height and width."""
     tracks, pose = result.tracks[number], result.world_from_ego[number]
-    right = bev_panel(bev, tracks, trails(result, number), pose)
+    right = bev_panel(bev, tracks, trails(result, number), pose, frame.rig.ego_vehicle)
     if frame.images:
         left = _camera_panels(frame, tracks, pose)
         height = max(right.shape[0], left.shape[0])
@@ -143,7 +142,7 @@ def trails(result: SceneTracks, number: int) -> dict[int, FloatArray]:
 
 def _camera_panels(frame: Frame, tracks: tuple[Track, ...], world_from_ego: FloatArray) -> ByteArray:
     """All cameras that have a picture, in rows of one width."""
-    seeing = CameraRig(tuple(camera for camera in frame.rig if camera.channel in frame.images))
+    seeing = frame.rig.select(frame.images)
     rows = rows_of_cameras(seeing)
     width = _CAMERAS_PX // max(len(row) for row in rows)
     height = max(round(width * camera.height_px / camera.width_px) for camera in seeing)

@@ -89,7 +89,7 @@ def _gathered(values: Tensor, rows: Tensor, weights: Tensor) -> Tensor:
     return total
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class PullPlan:
     """Where the cells of a batch read; rows are the places (camera, row, column) of the features of all its cameras.
 

@@ -17,9 +17,8 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from appocc.camera import Camera, CameraRig
+from appocc.camera import CameraRig
 from appocc.checks import BoolArray, FloatArray, IntArray, frozen
-from appocc.ego_vehicle import body_cells
 from appocc.errors import ShapeError
 from appocc.geometry import apply, inverse
 from appocc.grid import BEVGrid
@@ -34,7 +33,7 @@ SEEN_HEIGHTS_M = (0.0, 0.75, 1.5)
 _RIGS_KEPT = 32
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SplatPlan:
     """For every cell of a batch's grids, the points that fall into it.
 
@@ -95,7 +94,9 @@ def plan_splat(
     """
     if not rigs:
         raise ShapeError("plan: expected rigs, got none")
-    parts = [_points_of_rig(_key(rig, h, w, stride), grid, h, w, stride, bilinear) for rig in rigs]
+    for rig in rigs:
+        _check_sizes(rig, h, w, stride)
+    parts = [_points_of_rig(rig, grid, h, w, stride, bilinear) for rig in rigs]
     cells = grid.shape[0] * grid.shape[1]
     cameras = tuple(map(len, rigs))
     before = [h * w * count for count in accumulate(cameras[:-1], initial=0)]
@@ -205,7 +206,7 @@ def cells_seen(rig: CameraRig, grid: BEVGrid) -> BoolArray:
             inside = (u >= -0.5 * depth) & (u < (camera.width_px - 0.5) * depth) & (depth > 0.1)
             corner |= inside & (v >= -0.5 * depth) & (v < (camera.height_px - 0.5) * depth)
     seen = corner[:-1, :-1] | corner[1:, :-1] | corner[:-1, 1:] | corner[1:, 1:]
-    return seen & ~body_cells(grid)
+    return seen & ~rig.ego_vehicle.body_cells(grid)
 
 
 class _RigPoints(NamedTuple):
@@ -218,17 +219,7 @@ class _RigPoints(NamedTuple):
     seen: BoolArray
 
 
-class _CameraKey(NamedTuple):
-    """A camera as a value that can be looked up."""
-
-    channel: str
-    width_px: int
-    height_px: int
-    intrinsic: bytes
-    ego_from_cam: bytes
-
-
-def _key(rig: CameraRig, h: int, w: int, stride: int) -> tuple[_CameraKey, ...]:
+def _check_sizes(rig: CameraRig, h: int, w: int, stride: int) -> None:
     for camera in rig:
         size = (-(-camera.height_px // stride), -(-camera.width_px // stride))
         if size != (h, w):
@@ -236,34 +227,10 @@ def _key(rig: CameraRig, h: int, w: int, stride: int) -> tuple[_CameraKey, ...]:
                 f"plan, {camera.channel}: expected a picture with {w}x{h} features at stride {stride}, "
                 f"got {camera.width_px}x{camera.height_px} pixels"
             )
-    return tuple(
-        _CameraKey(
-            camera.channel,
-            camera.width_px,
-            camera.height_px,
-            camera.intrinsic.astype(np.float64).tobytes(),
-            camera.ego_from_cam.astype(np.float64).tobytes(),
-        )
-        for camera in rig
-    )
 
 
 @lru_cache(_RIGS_KEPT)
-def _points_of_rig(
-    key: tuple[_CameraKey, ...], grid: BEVGrid, h: int, w: int, stride: int, bilinear: bool
-) -> _RigPoints:
-    rig = CameraRig(
-        tuple(
-            Camera(
-                each.channel,
-                each.width_px,
-                each.height_px,
-                np.frombuffer(each.intrinsic).reshape(3, 3),
-                np.frombuffer(each.ego_from_cam).reshape(4, 4),
-            )
-            for each in key
-        )
-    )
+def _points_of_rig(rig: CameraRig, grid: BEVGrid, h: int, w: int, stride: int, bilinear: bool) -> _RigPoints:
     points = frustum_points(rig, h, w, stride)  # N D h w 3
     camera, bin_, row, column = np.indices(points.shape[:-1]).reshape(4, -1)
     cell, weight = _shared(points.reshape(-1, 3), grid, bilinear)  # K N*D*h*w 2, K N*D*h*w
