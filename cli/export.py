@@ -78,7 +78,7 @@ def _source(root: Path | None, rig: str | None, scene: str | None, version: str 
     """
     from appocc.errors import DataError
     from appocc.export.run import Source, source_of
-    from appocc.inference.inputs import dataset_moments
+    from appocc.inference.inputs import dataset_inputs
     from appocc.nuscenes import Dataset
     from appocc.rigs import DEFAULT, read_rig
 
@@ -94,4 +94,4 @@ def _source(root: Path | None, rig: str | None, scene: str | None, version: str 
     if not dataset.scenes:
         raise DataError(f"{root}: expected a scene, got none")
     chosen = dataset.scene(scene) if scene else dataset.scenes[0]
-    return source_of(dataset_moments(dataset, [chosen]), f"{chosen.name} of {root.resolve().name}")
+    return source_of(dataset_inputs(dataset, [chosen]), f"{chosen.name} of {root.resolve().name}")

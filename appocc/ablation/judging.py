@@ -17,7 +17,7 @@ from appocc.bevmap import BEVMap
 from appocc.evaluation.bev import Question, evaluate
 from appocc.evaluation.pairs import check_there
 from appocc.frame import Frame
-from appocc.inference.inputs import dataset_moments
+from appocc.inference.inputs import dataset_inputs
 from appocc.inference.predictor import Prediction, pictures_of
 from appocc.models.model_spec import Setting
 from appocc.models.registry import Colouring
@@ -85,7 +85,7 @@ class JudgingSet:
         Raises:
             DataError: if there are no samples, or one has no true map.
         """
-        dataset_moments(self.dataset, self.scenes)
+        dataset_inputs(self.dataset, self.scenes)
         samples = [sample for scene in self.scenes for sample in self.dataset.samples(scene)]
         check_there(self.dataset.root, self.against, samples)
 
@@ -105,13 +105,13 @@ def judge(
     Raises:
         AppoccError: if a picture or a true map is missing, damaged or on another grid.
     """
-    moments = dataset_moments(test.dataset, test.scenes)
-    for number, moment in enumerate(moments):
-        path = maps / f"{moment.token}.npz"
+    inputs = dataset_inputs(test.dataset, test.scenes)
+    for number, each in enumerate(inputs):
+        path = maps / f"{each.token}.npz"
         if not path.is_file():
-            bev, seen = maker(moment.read().frame)
+            bev, seen = maker(each.read().frame)
             bev.save(path, {"seen": seen})
-        advance((number + 1) / len(moments))
+        advance((number + 1) / len(inputs))
     # A slash makes it a folder, not the name of a source.
     question = Question(f"{maps}/", test.against, ahead)
     figures = evaluate(test.dataset, test.scenes, question, lambda done: None).as_json()

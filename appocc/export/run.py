@@ -20,7 +20,7 @@ from appocc.export.parity import Parity, ParityError, compare, eager, limit_of, 
 from appocc.export.runtimes import Run, open_onnx, open_openvino
 from appocc.files import digest_of, whole_file
 from appocc.frame import Frame
-from appocc.inference.inputs import Moment
+from appocc.inference.inputs import InferenceInput
 from appocc.inference.loading import weights_file
 from appocc.inference.predictor import cameras_of
 from appocc.models.input_images import fitted, fitted_camera
@@ -62,10 +62,10 @@ class Exported(NamedTuple):
     parity: Parity
 
 
-def source_of(moments: Sequence[Moment], name: str) -> Source:
+def source_of(inputs: Sequence[InferenceInput], name: str) -> Source:
     """The rig of the first of some moments, and a few of them, from first to last."""
-    picked = sorted({round(i) for i in np.linspace(0, len(moments) - 1, _MOST_FRAMES)})
-    frames = [moments[i].read().frame for i in picked]
+    picked = sorted({round(i) for i in np.linspace(0, len(inputs) - 1, _MOST_FRAMES)})
+    frames = [inputs[i].read().frame for i in picked]
     return Source(frames[0].rig, name, frames)
 
 
