@@ -29,7 +29,7 @@ from appocc.errors import AppoccError, DataError
 from appocc.evaluation.cells import GROUPS, CellCounts, count_cells, group_masks, ious
 from appocc.inference.inputs import InferenceInput, dataset_inputs
 from appocc.inference.loading import load_predictor
-from appocc.inference.predictor import Predictor, cameras_of
+from appocc.inference.predictor import Predictor, select_cameras
 from appocc.nuscenes.dataset import Dataset
 
 MOST_CHOICES, MOST_DEAD, SEED = 6, 3, 0
@@ -73,7 +73,7 @@ def score(
     Raises:
         DataError: if one of them has no picture, a true map is missing or on another grid.
     """
-    grid = predictor.model.setting.grid
+    grid = predictor.model.spec.grid
     thresholds: FloatArray = np.array([[predictor.weights.thresholds[name] for name in CLASSES]])
     counts, seen = CellCounts.nothing(1), 0.0
     for each in inputs:
@@ -100,9 +100,9 @@ def measure(predictor: Predictor, root: Path, against: str, inputs: Sequence[Inf
         DataError: if the rig has no camera that the weights use, or as `score`.
     """
     rig = inputs[0].read().frame.rig
-    channels = [camera.channel for camera in cameras_of(predictor.model.setting, rig)]
+    channels = [camera.channel for camera in select_cameras(predictor.model.spec, rig)]
     if not channels:
-        raise DataError(f"{root}: expected cameras {', '.join(predictor.model.setting.channels)}, got none of them")
+        raise DataError(f"{root}: expected cameras {', '.join(predictor.model.spec.channels)}, got none of them")
     numbers = range(len(channels), max(len(channels) - MOST_DEAD, 1) - 1, -1)
     asked = [(number, alive) for number in numbers for alive in choices(channels, number)]
     found: dict[int, list[Score]] = {}

@@ -11,7 +11,7 @@ import pytest
 from appocc.bevmap import BEVMap
 from appocc.boxes import Boxes
 from appocc.camera import Camera, CameraRig
-from appocc.checks import freeze_arrays
+from appocc.checks import ByteArray, freeze_arrays
 from appocc.colours import Exposure
 from appocc.ego_vehicle import EgoVehicle
 from appocc.frame import Frame
@@ -109,7 +109,7 @@ def test_rigs_are_equal_if_their_cameras_and_vehicles_are() -> None:
 
 
 def test_the_images_of_a_frame_are_a_mapping_of_its_own() -> None:
-    rig, images = CameraRig((camera(intrinsic=np.eye(3), ego_from_cam=np.eye(4)),)), {}
+    rig, images = CameraRig((camera(intrinsic=np.eye(3), ego_from_cam=np.eye(4)),)), dict[str, ByteArray]()
     made = Frame("t", 0, np.eye(4), rig, images)
     images["CAM_FRONT"] = np.zeros((3, 4, 3), np.uint8)
     assert made.images == {}

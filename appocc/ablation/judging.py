@@ -18,8 +18,8 @@ from appocc.evaluation.bev import Question, evaluate
 from appocc.evaluation.pairs import check_there
 from appocc.frame import Frame
 from appocc.inference.inputs import dataset_inputs
-from appocc.inference.predictor import Prediction, pictures_of
-from appocc.models.model_spec import Setting
+from appocc.inference.predictor import Prediction, stack_images
+from appocc.models.model_spec import ModelSpec
 from appocc.models.registry import Colouring
 from appocc.nuscenes.dataset import Dataset
 from appocc.nuscenes.records import Scene
@@ -36,9 +36,9 @@ class Maker(Protocol):
 class ColouringMaker:
     """Maps of a colouring that learns nothing: colours where a camera sees the cell, nothing of occupancy."""
 
-    def __init__(self, colouring: Colouring, setting: Setting) -> None:
+    def __init__(self, colouring: Colouring, spec: ModelSpec) -> None:
         """Take the colouring and what it is to see."""
-        self._colouring, self._setting = colouring, setting
+        self._colouring, self._setting = colouring, spec
 
     def __call__(self, frame: Frame) -> Prediction:
         """The map of a frame.
@@ -46,8 +46,8 @@ class ColouringMaker:
         Raises:
             DataError: if it has no image that the setting uses.
         """
-        setting, grid = self._setting, self._setting.grid
-        pictures, rig = pictures_of(frame, setting)
+        spec, grid = self._setting, self._setting.grid
+        pictures, rig = stack_images(frame, spec)
         rgb, known = (each.numpy() for each in self._colouring(pictures.float() / 255, rig, grid))
         nothing = np.zeros((3, *grid.shape))
         colours = (rgb * 255).round().astype(np.uint8)

@@ -10,9 +10,9 @@ from typing import Any
 from appocc.bevmap import CLASSES
 from appocc.camera import Camera, CameraRig
 from appocc.export.graph import APPEARANCE, INPUT, OCCUPANCY, SEEN
-from appocc.models.input_images import fitted_camera
-from appocc.models.model_spec import Setting
-from appocc.models.weights import thresholds_of
+from appocc.models.input_images import fit_camera
+from appocc.models.model_spec import ModelSpec
+from appocc.models.weights import read_thresholds
 
 ENTRY = "card"
 VERSION = "1"
@@ -21,7 +21,7 @@ VERSION = "1"
 def card_of(
     weights_card: Mapping[str, str],
     weights: Mapping[str, str],
-    setting: Setting,
+    spec: ModelSpec,
     rig: CameraRig,
     rig_name: str,
     packages: tuple[str, ...],
@@ -36,7 +36,7 @@ def card_of(
         rig_name: where it comes from.
         packages: whose versions are told.
     """
-    grid = setting.grid
+    grid = spec.grid
     cells = [1, 3, *grid.shape]
     outputs = {OCCUPANCY: {"shape": cells, "type": "float32", "says": "probabilities of the classes"}}
     if json.loads(weights_card["appearance"]):
@@ -45,12 +45,12 @@ def card_of(
     return {
         "version": VERSION,
         "network": weights_card["network"],
-        "setting": setting.name,
+        "setting": spec.name,
         "classes": list(CLASSES),
-        "thresholds": dict(zip(CLASSES, thresholds_of(weights_card), strict=True)),
+        "thresholds": dict(zip(CLASSES, read_thresholds(weights_card), strict=True)),
         "input": {
             "name": INPUT,
-            "shape": [1, len(rig), 3, setting.height_px, setting.width_px],
+            "shape": [1, len(rig), 3, spec.height_px, spec.width_px],
             "type": "float32",
             "says": "pictures of the cameras in their order; sRGB, red first, 0..1",
         },
@@ -64,15 +64,15 @@ def card_of(
             "says": "ego frame: x ahead, then y to the left; cell 0 lies at the minimum",
         },
         "rig": rig_name,
-        "cameras": [_camera(camera, setting) for camera in rig],
+        "cameras": [_camera(camera, spec) for camera in rig],
         "weights": {**weights, "card": dict(weights_card)},
         "versions": {name: metadata.version(name) for name in ("appocc", "torch", *packages)},
     }
 
 
-def _camera(camera: Camera, setting: Setting) -> dict[str, Any]:
+def _camera(camera: Camera, spec: ModelSpec) -> dict[str, Any]:
     """A camera, how its picture is fitted, and the intrinsics of the fitted picture."""
-    fit = fitted_camera(camera, setting)
+    fit = fit_camera(camera, spec)
     width, height = _resized(camera, fit)
     whole = camera.resized(width, height)
     left, top = (round(whole.intrinsic[i, 2] - fit.intrinsic[i, 2]) for i in (0, 1))

@@ -7,7 +7,7 @@ from torch import Tensor, nn
 
 from appocc.camera import CameraRig
 from appocc.models.base import BEVModel
-from appocc.models.fused import fused
+from appocc.models.batch_norm_folding import fold_batch_norms
 
 INPUT = "images"
 OCCUPANCY, APPEARANCE, SEEN = "occupancy", "appearance", "seen"
@@ -26,7 +26,7 @@ class Graph(nn.Module):
             ShapeError: if a camera's picture has not the size of the setting.
         """
         super().__init__()
-        self.model = fused(model)
+        self.model = fold_batch_norms(model)
         self.plan = model.plan([rig]).for_export()
         self.seen = self.plan.seen[0]
         self.eval()

@@ -18,7 +18,7 @@ from appocc.errors import AppoccError
 from appocc.export.graph import SEEN, answers
 from appocc.export.runtimes import Answers, Run
 from appocc.models.base import BEVModel
-from appocc.models.rounding import rounding, terms_of
+from appocc.models.rounding import count_terms, rounding
 
 THREADS = (1, 2, 4)
 
@@ -86,7 +86,7 @@ class Parity:
 
 def limit_of(model: BEVModel) -> float:
     """How far a right file may be from a network: by the rounding of its sums in float32, of answers 0..1."""
-    return rounding(terms_of(model))
+    return rounding(count_terms(model))
 
 
 def made_inputs(shape: tuple[int, ...], seed: int = 0) -> dict[str, Float32Array]:

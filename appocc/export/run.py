@@ -22,9 +22,9 @@ from appocc.files import digest_of, whole_file
 from appocc.frame import Frame
 from appocc.inference.inputs import InferenceInput
 from appocc.inference.loading import weights_file
-from appocc.inference.predictor import cameras_of
-from appocc.models.input_images import fitted, fitted_camera
-from appocc.models.model_spec import Setting
+from appocc.inference.predictor import select_cameras
+from appocc.models.input_images import fit_camera, fit_image
+from appocc.models.model_spec import ModelSpec
 from appocc.models.registry import COLOURINGS
 from appocc.models.weights import load_model
 
@@ -95,15 +95,15 @@ def export(
         raise DataError(f"{weights}: this network learns nothing and has no weights, there is nothing to export")
     path = weights_file(weights)
     model, weights_card = load_model(path)
-    setting = model.setting
-    cameras = source.rig.with_cameras(cameras_of(setting, source.rig))
+    spec = model.spec
+    cameras = source.rig.with_cameras(select_cameras(spec, source.rig))
     if not len(cameras):
-        raise DataError(f"rig {source.name}: expected a camera of {', '.join(setting.channels)}, got none")
-    fit = cameras.with_cameras(fitted_camera(camera, setting) for camera in cameras)
-    shape = (1, len(fit), 3, setting.height_px, setting.width_px)
+        raise DataError(f"rig {source.name}: expected a camera of {', '.join(spec.channels)}, got none")
+    fit = cameras.with_cameras(fit_camera(camera, spec) for camera in cameras)
+    shape = (1, len(fit), 3, spec.height_px, spec.width_px)
     told = {"file": path.name, "sha256": digest_of(path)}
-    card = card_of(weights_card, told, setting, cameras, source.name, _PACKAGES[ending])
-    inputs = {**made_inputs(shape), **_pictures(source.frames, cameras, setting)}
+    card = card_of(weights_card, told, spec, cameras, source.name, _PACKAGES[ending])
+    inputs = {**made_inputs(shape), **_pictures(source.frames, cameras, spec)}
     with ExitStack() as kept:
         # First of all, so that a place that cannot be written is told at once.
         places = [kept.enter_context(whole_file(file)) for file in _files(out)]
@@ -138,12 +138,12 @@ def _written(proto: Any, card: str, places: Sequence[Path]) -> Callable[[int], R
     return lambda threads: open_openvino(first, values, threads)
 
 
-def _pictures(frames: Sequence[Frame], rig: CameraRig, setting: Setting) -> dict[str, Float32Array]:
+def _pictures(frames: Sequence[Frame], rig: CameraRig, spec: ModelSpec) -> dict[str, Float32Array]:
     """Real pictures (1, N, 3, H, W) as the network is given them, of frames in which every camera works."""
     found = {}
     for frame in frames:
         if all(camera.channel in frame.images for camera in rig):
-            pairs = [fitted(frame.images[c.channel], frame.rig[c.channel], setting) for c in rig]
+            pairs = [fit_image(frame.images[c.channel], frame.rig[c.channel], spec) for c in rig]
             stacked = np.stack([picture for picture, _ in pairs]).transpose(0, 3, 1, 2)[None]
             found[f"frame {frame.token}"] = np.ascontiguousarray(stacked, np.float32) / np.float32(255)
     return found

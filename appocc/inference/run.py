@@ -126,4 +126,4 @@ def _why_stale(path: Path, predictor: Predictor) -> str:
         raise DataError(f"{path}: expected a predicted map or none, got a truth; name another folder")
     if meta.get("weights") != predictor.weights.as_meta():
         return "weights changed"
-    return "" if meta.get("setting") == predictor.model.setting.name else "setting changed"
+    return "" if meta.get("setting") == predictor.model.spec.name else "setting changed"

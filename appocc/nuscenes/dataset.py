@@ -21,6 +21,7 @@ from appocc.nuscenes.lidar import read_lidar
 from appocc.nuscenes.records import MapRecord, Sample, SampleData, Scene
 from appocc.nuscenes.schema import LABEL_TABLES
 from appocc.nuscenes.tables import Tables
+from appocc.typing import PathLike
 
 LIDAR = "LIDAR_TOP"
 _NEAR_US = 2_000_000
@@ -33,7 +34,7 @@ class Dataset:
     axle.
     """
 
-    def __init__(self, root: Path | str, version: str | None = None) -> None:
+    def __init__(self, root: PathLike, version: str | None = None) -> None:
         """Open a root.
 
         Raises:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from appocc.checks import Float32Array
 from appocc.export.parity import THREADS, Parity, compare, limit_of, made_inputs
 from appocc.export.runtimes import Answers, Run
-from appocc.models.model_spec import SETTINGS
+from appocc.models.model_spec import MODEL_SPECS
 from appocc.models.registry import NETWORKS, build
 
 LIMIT = 1e-4
@@ -100,7 +100,7 @@ def test_what_differs_is_found_out(twist: Twist) -> None:
 @pytest.mark.parametrize("name", NETWORKS)
 def test_the_limit_grows_with_a_networks_sums_and_is_far_below_what_is_seen(name: str) -> None:
     with torch.device("meta"):
-        model = build(name, SETTINGS["360"])
+        model = build(name, MODEL_SPECS["360"])
     assert 3e-5 < limit_of(model) < 3e-4
     assert limit_of(model.double()) == limit_of(model)  # files compute in float32 whatever the network does
 

@@ -24,7 +24,7 @@ from appocc.export.run import Source, export
 from appocc.files import write_image
 from appocc.frame import Frame
 from appocc.inference.loading import load_predictor
-from appocc.models.model_spec import SETTINGS
+from appocc.models.model_spec import MODEL_SPECS
 from appocc.models.registry import NETWORKS
 from appocc.models.weights import load_model
 from appocc.rigs import read_rig
@@ -231,9 +231,9 @@ def test_what_cannot_be_done_is_told_in_one_line(tiny: TinyDataset, tmp_path: Pa
 
 @pytest.mark.slow
 @pytest.mark.long
-@pytest.mark.parametrize(("name", "setting"), [("appocc", "360"), *((name, "180") for name in NETWORKS)])
-def test_every_network_in_both_forms_at_full_size(name: str, setting: str, tmp_path: Path) -> None:
-    weights = weights_file(tmp_path / "w.safetensors", name, SETTINGS[setting])
+@pytest.mark.parametrize(("name", "spec"), [("appocc", "360"), *((name, "180") for name in NETWORKS)])
+def test_every_network_in_both_forms_at_full_size(name: str, spec: str, tmp_path: Path) -> None:
+    weights = weights_file(tmp_path / "w.safetensors", name, MODEL_SPECS[spec])
     rig = Source(CameraRig(tuple(read_rig("paper"))), "paper")
     for out in ("a.onnx", "a.xml"):
         done = export(weights, rig, tmp_path / out, 1)

@@ -6,7 +6,7 @@ from street import BLUE, WHITE, WORLD_FROM_EGO, Street
 
 from appocc.camera import Camera, CameraRig
 from appocc.checks import ByteArray
-from appocc.ego_vehicle import EGO_LENGTH_M, EGO_WIDTH_M
+from appocc.ego_vehicle import EGO_LENGTH_M, EGO_WIDTH_M, EgoVehicle
 from appocc.frame import Frame
 from appocc.geometry import footprints, quaternion_from_rotation, transform
 from appocc.visualization.canvas import BEVCanvas
@@ -71,7 +71,7 @@ def test_the_car_now_and_at_its_goal_are_of_one_size() -> None:
     canvas, own = (BEVCanvas(STREET.grid, 4) for _ in range(2))
     for one in (canvas, own):
         one.picture[:] = 0  # without the hatching
-    canvas.ego()
+    canvas.ego(EgoVehicle())
     own.line(footprints([EGO_CENTRE_M, 0.0], 0.0, [EGO_LENGTH_M, EGO_WIDTH_M]), WHITE, 2, closed=True)
     for axis in (0, 1):
         drawn, expected = (np.flatnonzero(one.picture.max(axis=2).max(axis=axis) > 128) for one in (canvas, own))

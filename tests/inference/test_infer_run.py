@@ -116,15 +116,15 @@ def test_a_map_is_decided_by_its_thresholds(tiny: TinyDataset) -> None:
     assert not plain.on[VEHICLE].any()
 
 
-@pytest.mark.parametrize("setting", [None, AHEAD])
-def test_the_figure_has_cameras_left_and_both_maps_right(tiny: TinyDataset, setting: object) -> None:
+@pytest.mark.parametrize("spec", [None, AHEAD])
+def test_the_figure_has_cameras_left_and_both_maps_right(tiny: TinyDataset, spec: object) -> None:
     frame = inputs_of(tiny)[0].read().frame
-    bev = predictor(MadeModel(AHEAD) if setting else None)(frame).bev
+    bev = predictor(MadeModel(AHEAD) if spec else None)(frame).bev
     picture = figure(frame, bev, vehicle_centres(bev))
     bare = figure(frame, bev, np.zeros((0, 2)))
     high, wide = (side * 4 for side in bev.grid.shape)
-    assert picture.shape[0] == (2 * high + 8 if setting else high)
-    left = picture.shape[1] - (wide if setting else 2 * wide + 8) - 8
+    assert picture.shape[0] == (2 * high + 8 if spec else high)
+    left = picture.shape[1] - (wide if spec else 2 * wide + 8) - 8
     image = picture[picture.shape[0] // 4, left // 4]
     assert np.abs(image.astype(int) - [160, 80, 40]).max() <= 3
     # The label stands 3 m to the side of the car, 10 m ahead, in both maps and nowhere else.

@@ -15,22 +15,22 @@ from appocc.bevmap import ROAD, BEVMap, bev_path
 from appocc.errors import DataError
 from appocc.inference.inputs import InferenceInput, dataset_inputs
 from appocc.inference.predictor import Predictor
-from appocc.models.base import Output
-from appocc.models.model_spec import SETTINGS
+from appocc.models.base import ModelOutput
+from appocc.models.model_spec import MODEL_SPECS
 from appocc.nuscenes import Dataset
 from benchmarks import missing_cameras
 from benchmarks.missing_cameras import as_json, choices, evenly, main, measure, score, table
 
-SIX = SETTINGS["360"].channels
+SIX = MODEL_SPECS["360"].channels
 
 
 class WhatIsSeen(MadeModel):
     """Says that there is road wherever a camera looks, and nothing else."""
 
-    def forward(self, images: Tensor, plan: MadePlan) -> Output:  # type: ignore[override]
+    def forward(self, images: Tensor, plan: MadePlan) -> ModelOutput:  # type: ignore[override]
         on = torch.zeros(1, 3, *GRID.shape)
         on[:, ROAD] = HIGH * plan.seen
-        return Output(torch.logit(on, 1e-4), None, None)
+        return ModelOutput(torch.logit(on, 1e-4), None, None)
 
 
 @pytest.fixture
@@ -113,7 +113,7 @@ def test_weights_must_fit_the_truth_and_the_rig(street: Path) -> None:
     with pytest.raises(DataError, match="truth on the grid of the weights"):
         measure(predictor(MadeModel(AHEAD)), street, "exact", inputs_of(street))
     other = MadeModel(AHEAD)
-    other.setting = type(AHEAD)("180", ("CAM_ROOF",), AHEAD.grid, 16, 8)
+    other.spec = type(AHEAD)("180", ("CAM_ROOF",), AHEAD.grid, 16, 8)
     with pytest.raises(DataError, match="expected cameras CAM_ROOF"):
         measure(predictor(other), street, "exact", inputs_of(street))
 

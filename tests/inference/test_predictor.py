@@ -14,8 +14,8 @@ from appocc.errors import DataError
 from appocc.frame import Frame
 from appocc.inference import loading
 from appocc.inference.loading import load_predictor
-from appocc.inference.predictor import cameras_of
-from appocc.models.model_spec import SETTINGS
+from appocc.inference.predictor import select_cameras
+from appocc.models.model_spec import MODEL_SPECS
 from appocc.models.registry import build
 from appocc.models.rounding import rounding
 from appocc.models.weights import save_weights
@@ -93,21 +93,21 @@ def test_an_answer_that_is_no_number_is_refused(tiny: TinyDataset, monkeypatch: 
 
 def test_cameras_of_other_names_are_used_where_all_is_seen() -> None:
     odd = rig("CAM_LEFT", "CAM_BACK", "CAM_FRONT")
-    assert [camera.channel for camera in cameras_of(AROUND, odd)] == ["CAM_FRONT", "CAM_BACK", "CAM_LEFT"]
-    assert [camera.channel for camera in cameras_of(AHEAD, odd)] == ["CAM_FRONT"]
-    assert [camera.channel for camera in cameras_of(AROUND, rig(*CHANNELS[::-1]))] == list(CHANNELS)
+    assert [camera.channel for camera in select_cameras(AROUND, odd)] == ["CAM_FRONT", "CAM_BACK", "CAM_LEFT"]
+    assert [camera.channel for camera in select_cameras(AHEAD, odd)] == ["CAM_FRONT"]
+    assert [camera.channel for camera in select_cameras(AROUND, rig(*CHANNELS[::-1]))] == list(CHANNELS)
 
 
 def test_weights_from_a_file(tiny: TinyDataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     torch.manual_seed(1)
     path, thresholds = tmp_path / "w.safetensors", "[0.4, 0.3, 0.2]"
-    save_weights(path, build("appocc", SETTINGS["180"]), {"network": "appocc", "thresholds": thresholds})
+    save_weights(path, build("appocc", MODEL_SPECS["180"]), {"network": "appocc", "thresholds": thresholds})
     loaded = load_predictor(path, torch.device("cpu"))
     assert loaded.weights.thresholds == {"road": 0.4, "vehicle": 0.3, "lane": 0.2}
     assert loaded.weights.name == "appocc (w.safetensors)"
     frame = frame_of(tiny)
     (bev, seen), (again, _) = loaded(frame), load_predictor(path, torch.device("cpu"))(frame)
-    assert bev.grid == SETTINGS["180"].grid
+    assert bev.grid == MODEL_SPECS["180"].grid
     assert seen.shape == (100, 200)
     assert 0 < seen.sum() < seen.size
     assert (bev.occupancy == again.occupancy).all()
