@@ -8,6 +8,8 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from appocc.version import __version__ as __version__
+
 if TYPE_CHECKING:
     from appocc.bevmap import BEVMap, load_map
     from appocc.boxes import Boxes
@@ -22,7 +24,6 @@ if TYPE_CHECKING:
     from appocc.nuscenes import Dataset
     from appocc.rigs import read_rig
 
-__version__ = "0.1.0"
 __all__ = [
     "AppoccError",
     "BEVGrid",

@@ -44,7 +44,7 @@ def is_person_or_bicycle(category: str) -> bool:
     return category.startswith(_PEOPLE_AND_BICYCLES)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Boxes:
     """N boxes in one frame, which is part of the variable name, such as `boxes_world`.
 
@@ -94,8 +94,16 @@ class Boxes:
     @classmethod
     def empty(cls) -> Boxes:
         """Return zero boxes."""
-        zero3, zero2 = np.zeros((0, 3)), np.zeros((0, 2))
-        return cls(zero3, zero3.copy(), np.zeros((0, 3, 3)), (), (), (), zero2, np.zeros(0, np.int64))
+        return cls(
+            centre_m=np.zeros((0, 3)),
+            size_wlh_m=np.zeros((0, 3)),
+            rotation=np.zeros((0, 3, 3)),
+            category=(),
+            instance=(),
+            token=(),
+            velocity_mps=np.zeros((0, 2)),
+            lidar_points=np.zeros(0, np.int64),
+        )
 
     def __len__(self) -> int:
         """Number of boxes."""
@@ -105,14 +113,14 @@ class Boxes:
         """Return the boxes of a mask (N,) or of indices."""
         index = np.arange(len(self))[keep]
         return Boxes(
-            self.centre_m[index],
-            self.size_wlh_m[index],
-            self.rotation[index],
-            tuple(self.category[i] for i in index),
-            tuple(self.instance[i] for i in index),
-            tuple(self.token[i] for i in index),
-            self.velocity_mps[index],
-            self.lidar_points[index],
+            centre_m=self.centre_m[index],
+            size_wlh_m=self.size_wlh_m[index],
+            rotation=self.rotation[index],
+            category=tuple(self.category[i] for i in index),
+            instance=tuple(self.instance[i] for i in index),
+            token=tuple(self.token[i] for i in index),
+            velocity_mps=self.velocity_mps[index],
+            lidar_points=self.lidar_points[index],
         )
 
     def vehicles(self) -> Boxes:
@@ -125,14 +133,14 @@ class Boxes:
         rotation = target_from_source[:3, :3]
         velocity = np.pad(self.velocity_mps, ((0, 0), (0, 1))) @ rotation.T
         return Boxes(
-            apply(target_from_source, self.centre_m),
-            self.size_wlh_m.copy(),
-            rotation @ self.rotation,
-            self.category,
-            self.instance,
-            self.token,
-            velocity[:, :2].copy(),
-            self.lidar_points.copy(),
+            centre_m=apply(target_from_source, self.centre_m),
+            size_wlh_m=self.size_wlh_m.copy(),
+            rotation=rotation @ self.rotation,
+            category=self.category,
+            instance=self.instance,
+            token=self.token,
+            velocity_mps=velocity[:, :2].copy(),
+            lidar_points=self.lidar_points.copy(),
         )
 
     @property

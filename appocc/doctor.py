@@ -26,7 +26,7 @@ class Channel:
     sweeps: int
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Contents:
     """What a dataset holds.
 
@@ -118,19 +118,19 @@ def contents_of(dataset: Dataset) -> Contents:
     expansions = [*root.glob("maps/expansion/*.json"), *root.glob("maps/*.json")]
     sources = [folder for folder in sorted(root.glob("bev/*")) if folder.is_dir()]
     return Contents(
-        str(root),
-        dataset.tables.version,
-        len(tables["scene"]),
-        len(tables["sample"]),
-        len(tables["sample_annotation"]),
-        len(tables["instance"]),
-        tuple(sorted({place for place in tables["log"]["location"] if place})),
-        _channels(dataset),
-        len(tables["map"]),
-        sum(scene.log_token in masked for scene in dataset.scenes),
-        len(expansions),
-        len(tables["lidarseg"]),
-        {folder.name: len(list(folder.glob("[!.]*.npz"))) for folder in sources},
+        root=str(root),
+        version=dataset.tables.version,
+        scenes=len(tables["scene"]),
+        samples=len(tables["sample"]),
+        annotations=len(tables["sample_annotation"]),
+        instances=len(tables["instance"]),
+        locations=tuple(sorted({place for place in tables["log"]["location"] if place})),
+        channels=_channels(dataset),
+        masks=len(tables["map"]),
+        scenes_with_mask=sum(scene.log_token in masked for scene in dataset.scenes),
+        vector_maps=len(expansions),
+        lidarseg=len(tables["lidarseg"]),
+        bev={folder.name: len(list(folder.glob("[!.]*.npz"))) for folder in sources},
     )
 
 

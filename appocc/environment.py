@@ -44,7 +44,7 @@ class Package:
         return ""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Environment:
     """What the suite runs on.
 
@@ -89,16 +89,16 @@ def look_around(folder: Path) -> Environment:
     packages, extras = wanted_packages(_requirements())
     total, free = memory()
     return Environment(
-        version_of("appocc") or "not installed",
-        platform.python_version(),
-        f"{platform.system()} {platform.machine()}",
-        cores(),
-        total,
-        free,
-        shutil.disk_usage(folder).free,
-        gpu(),
-        packages,
-        extras,
+        appocc=version_of("appocc") or "not installed",
+        python=platform.python_version(),
+        platform=f"{platform.system()} {platform.machine()}",
+        cores=cores(),
+        memory_bytes=total,
+        free_memory_bytes=free,
+        free_disk_bytes=shutil.disk_usage(folder).free,
+        gpu=gpu(),
+        packages=packages,
+        extras=extras,
     )
 
 

@@ -28,8 +28,8 @@ from torch.utils.flop_counter import FlopCounterMode
 from appocc.camera import CameraRig
 from appocc.errors import AppoccError
 from appocc.export.convert import to_onnx, write_onnx, write_openvino
-from appocc.export.graph import Graph
-from appocc.export.runtimes import Run, open_onnx, open_openvino
+from appocc.export.graph import ExportGraph
+from appocc.export.runtimes import Runner, open_onnx, open_openvino
 from appocc.models.base import BEVModel, ViewTransformPlan
 from appocc.models.batch_norm_folding import fold_batch_norms
 from appocc.models.model_spec import MODEL_SPECS, ModelSpec
@@ -103,7 +103,7 @@ def exported_ways(model: BEVModel, rig: CameraRig, shape: tuple[int, ...]) -> li
     with tempfile.TemporaryDirectory() as name:
         onnx, xml, values = (Path(name) / f"model.{ending}" for ending in ("onnx", "xml", "bin"))
         try:
-            proto = to_onnx(Graph(model, rig), shape, "")
+            proto = to_onnx(ExportGraph(model, rig), shape, "")
             write_onnx(proto, onnx)
             write_openvino(proto, "", xml, values)
             runs = {"ONNX": open_onnx(onnx, threads), "OpenVINO": open_openvino(xml, values, threads)}
@@ -113,7 +113,7 @@ def exported_ways(model: BEVModel, rig: CameraRig, shape: tuple[int, ...]) -> li
     return [Way("appocc", f"float32, exported, {name}", model, _of_arrays(run)) for name, run in runs.items()]
 
 
-def _of_arrays(run: Run) -> Forward:
+def _of_arrays(run: Runner) -> Forward:
     return lambda images, plan: run(images.numpy())
 
 

@@ -52,7 +52,16 @@ def _models_camera() -> list[float]:
 
 def _corner() -> FloatArray:
     zero3, size = np.zeros((1, 3)), np.array([[2.0, 4.0, 1.6]])
-    box = Boxes(zero3, size, np.eye(3)[None], ("car",), ("",), ("",), np.zeros((1, 2)), np.zeros(1, np.int64))
+    box = Boxes(
+        centre_m=zero3,
+        size_wlh_m=size,
+        rotation=np.eye(3)[None],
+        category=("car",),
+        instance=("",),
+        token=("",),
+        velocity_mps=np.zeros((1, 2)),
+        lidar_points=np.zeros(1, np.int64),
+    )
     return np.asarray(box.corners()[0, 0])
 
 

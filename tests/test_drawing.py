@@ -142,7 +142,18 @@ def _camera() -> Camera:
 def _corners(x: float, y: float = 0.0) -> FloatArray:
     one = np.array([1]), np.eye(3)[None]
     centre, size = np.array([[x, y, 0.8]]), np.array([[2.0, 4, 1.6]])
-    return np.asarray(Boxes(centre, size, one[1], ("car",), ("i",), ("t",), np.zeros((1, 2)), one[0]).corners()[0])
+    return np.asarray(
+        Boxes(
+            centre_m=centre,
+            size_wlh_m=size,
+            rotation=one[1],
+            category=("car",),
+            instance=("i",),
+            token=("t",),
+            velocity_mps=np.zeros((1, 2)),
+            lidar_points=one[0],
+        ).corners()[0]
+    )
 
 
 def test_a_box_ahead_is_drawn_around_its_place() -> None:

@@ -64,7 +64,18 @@ def test_the_suite_run_from_a_folder_that_is_not_installed(tmp_path: Path, monke
 
 def test_two_opencvs_in_one_folder(monkeypatch: pytest.MonkeyPatch) -> None:
     required = (Package("numpy", "2.0", None),)
-    here = Environment("0.1", "3.11", "Linux", 2, None, None, 1, None, required, {})
+    here = Environment(
+        appocc="0.1",
+        python="3.11",
+        platform="Linux",
+        cores=2,
+        memory_bytes=None,
+        free_memory_bytes=None,
+        free_disk_bytes=1,
+        gpu=None,
+        packages=required,
+        extras={},
+    )
     monkeypatch.setattr(environment, "version_of", {"opencv-python": "4.10"}.get)
     assert here.complaints[0] == "numpy is not installed"
     assert here.complaints[1].startswith("opencv-python is installed beside opencv-python-headless")

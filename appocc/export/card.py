@@ -1,4 +1,4 @@
-"""What an exported file says of itself, so that it can be used without this project: one JSON object."""
+"""Model card of an exported file: one JSON object with everything needed to use it without this project."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ ENTRY = "card"
 VERSION = "1"
 
 
-def card_of(
+def make_card(
     weights_card: Mapping[str, str],
     weights: Mapping[str, str],
     spec: ModelSpec,
@@ -26,15 +26,15 @@ def card_of(
     rig_name: str,
     packages: tuple[str, ...],
 ) -> dict[str, Any]:
-    """The card of an exported network.
+    """Make the model card of an exported network.
 
     Args:
-        weights_card: as in the file of weights.
-        weights: name and digest of that file.
-        setting: of the network.
-        rig: the cameras as they are, in the order of the pictures.
-        rig_name: where it comes from.
-        packages: whose versions are told.
+        weights_card: model card of the weights file.
+        weights: name and digest of the weights file.
+        spec: model spec of the network.
+        rig: original cameras, in the order of the images.
+        rig_name: name of the rig.
+        packages: packages whose versions are recorded.
     """
     grid = spec.grid
     cells = [1, 3, *grid.shape]
@@ -71,7 +71,7 @@ def card_of(
 
 
 def _camera(camera: Camera, spec: ModelSpec) -> dict[str, Any]:
-    """A camera, how its picture is fitted, and the intrinsics of the fitted picture."""
+    """Return a camera, how its image is resized and cropped, and the intrinsics of the result."""
     fit = fit_camera(camera, spec)
     width, height = _resized(camera, fit)
     whole = camera.resized(width, height)
@@ -88,7 +88,7 @@ def _camera(camera: Camera, spec: ModelSpec) -> dict[str, Any]:
 
 
 def _resized(camera: Camera, fit: Camera) -> tuple[int, int]:
-    """Size that the whole picture is resized to before it is cut, from what became of the focal lengths."""
+    """Return the size of the resized image before cropping, from the ratio of the focal lengths."""
     scales = (fit.intrinsic[i, i] / camera.intrinsic[i, i] for i in (0, 1))
     width, height = (
         round(size * scale) for size, scale in zip((camera.width_px, camera.height_px), scales, strict=True)
@@ -96,6 +96,6 @@ def _resized(camera: Camera, fit: Camera) -> tuple[int, int]:
     return width, height
 
 
-def text_of(card: Mapping[str, Any]) -> str:
-    """The card as it is written into a file."""
+def card_text(card: Mapping[str, Any]) -> str:
+    """Return the card as the text that is written into a file."""
     return json.dumps(card)

@@ -8,7 +8,7 @@ import torch
 from torch import nn
 
 from appocc.camera import CameraRig
-from appocc.export.parity import made_inputs
+from appocc.export.parity import synthetic_inputs
 from appocc.grid import BEVGrid
 from appocc.models.base import BEVModel
 from appocc.models.input_images import fit_camera
@@ -39,7 +39,7 @@ def network(name: str, spec: ModelSpec = SMALL) -> BEVModel:
         norm.momentum = None
     rig = fitted_rig(spec)
     shape = (1, len(rig), 3, spec.height_px, spec.width_px)
-    inputs = [torch.from_numpy(images) for seed in (1, 2) for images in made_inputs(shape, seed).values()]
+    inputs = [torch.from_numpy(images) for seed in (1, 2) for images in synthetic_inputs(shape, seed).values()]
     with torch.no_grad():
         # Statistics of such pictures as are asked about: rounding is not blown up by what never came before.
         model.train()(torch.cat(inputs), model.plan([rig] * len(inputs)))

@@ -12,8 +12,8 @@ from made_export import SMALL, THRESHOLDS, fitted_rig, network
 from tolerances import assert_rounded
 
 from appocc.camera import Camera, CameraRig
-from appocc.export.card import card_of, text_of
-from appocc.export.graph import Graph, answers
+from appocc.export.card import card_text, make_card
+from appocc.export.graph import ExportGraph, named_outputs
 from appocc.models.input_images import fit_image
 from appocc.models.model_spec import MODEL_SPECS
 from appocc.models.registry import NETWORKS
@@ -26,10 +26,10 @@ def test_the_graph_answers_as_the_network(name: str) -> None:
     model, rig = network(name), fitted_rig()
     images = torch.rand(1, len(rig), 3, SMALL.height_px, SMALL.width_px)
     plan = model.plan([rig])
-    graph = Graph(model, rig)
+    graph = ExportGraph(model, rig)
     with torch.inference_mode():
         output = model(images, plan)
-        expected, found = answers(output.occupancy, output.appearance), graph(images)
+        expected, found = named_outputs(output.occupancy, output.appearance), graph(images)
     assert found.keys() == expected.keys()
     assert ("appearance" in found) == NETWORKS[name].appearance
     assert torch.equal(graph.seen, plan.seen[0])
@@ -46,7 +46,7 @@ def test_pictures_fitted_by_the_card_are_those_of_the_network() -> None:
     rig = CameraRig((front, odd, small, same))
     spec = MODEL_SPECS["360"]
     told = {"network": "lss", "thresholds": THRESHOLDS, "appearance": "false"}
-    card = json.loads(text_of(card_of(told, {}, spec, rig, "mixed", ("numpy",))))
+    card = json.loads(card_text(make_card(told, {}, spec, rig, "mixed", ("numpy",))))
     draw = np.random.default_rng(0)
     for camera, entry in zip(rig, card["cameras"], strict=True):
         image = draw.integers(0, 255, (camera.height_px, camera.width_px, 3), np.uint8)

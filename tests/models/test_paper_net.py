@@ -79,7 +79,7 @@ def test_in_training_it_speaks_of_the_pictures_too() -> None:
     assert views.depth[0, 1].any()
 
 
-@pytest.mark.parametrize("kinds", [0, 2])
+@pytest.mark.parametrize("num_classes", [0, 2])
 def test_there_are_no_dead_weights(num_classes: int) -> None:
     torch.manual_seed(1)
     network = PaperNet(SMALL, num_classes=num_classes).train()

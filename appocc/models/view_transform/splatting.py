@@ -33,7 +33,7 @@ SEEN_HEIGHTS_M = (0.0, 0.75, 1.5)
 _RIGS_KEPT = 32
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class SplattingPlan:
     """Splatting plan of a batch: the frustum points in every cell.
 
