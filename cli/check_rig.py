@@ -28,14 +28,14 @@ def check_rig(
     """
     from appocc.errors import NotFoundError
     from appocc.files import write_image
-    from appocc.visualization.rig_check import pose_of, rig_sheet
+    from appocc.visualization.rig_check import camera_angles, rig_sheet
 
     inputs = inputs_of(source, rig, scene, version)
     if frame >= len(inputs):
         raise NotFoundError(f"{source}: it has frames 0..{len(inputs) - 1}, not {frame}")
     loaded = inputs[frame].read()
     write_image(out, rig_sheet(loaded.frame))
-    poses = {camera.channel: pose_of(camera) for camera in loaded.frame.rig}
+    poses = {camera.channel: camera_angles(camera) for camera in loaded.frame.rig}
     if as_json:
         emit(
             {

@@ -95,12 +95,12 @@ def execute(run: InferenceRun) -> InferenceSummary:
         DataError: as the run.
     """
     from appocc.files import write_image
-    from appocc.visualization.predictions import figure
+    from appocc.visualization.predictions import prediction_figure
 
     with progress("prediction", len(run)) as advance:
         for result in run:
             if result is not None:
-                write_image(result.picture, figure(result.frame, result.bev, places_of(result.bev)))
+                write_image(result.picture, prediction_figure(result.frame, result.bev, places_of(result.bev)))
             advance(1)
     return run.summary
 

@@ -33,7 +33,7 @@ def test_the_front_left_cell_is_drawn_at_the_upper_left() -> None:
     cells[7, 7] = 1  # farthest ahead, farthest left
     cells[7, 0] = 2  # farthest ahead, farthest right
     cells[0, 7] = 3  # behind, left
-    picture = d.turned(cells)
+    picture = d.to_image_axes(cells)
     assert (picture[0, 0], picture[0, 7], picture[7, 0]) == (1, 2, 3)
 
 
@@ -62,7 +62,7 @@ def test_a_mask_leaves_the_rest_as_it_is() -> None:
     canvas.cells(np.full((8, 8, 3), 9, np.uint8), where)
     assert (canvas.picture == 9).all(axis=2).sum() == 4
     assert canvas.picture[-1, -1].tolist() == [9, 9, 9]
-    assert (canvas.picture[:14] == d.hatched(16, 16)[:14]).all()
+    assert (canvas.picture[:14] == d.hatch_pattern(16, 16)[:14]).all()
 
 
 def test_layers_are_told_apart_and_vehicles_lie_on_top() -> None:
@@ -75,14 +75,14 @@ def test_layers_are_told_apart_and_vehicles_lie_on_top() -> None:
 
 def test_unknown_cells_stay_hatched_unlike_a_dark_street() -> None:
     canvas = d.BEVCanvas(GRID, scale=2)
-    hatched = canvas.picture.copy()
-    assert {tuple(pixel) for row in hatched.tolist() for pixel in row} == {d.UNKNOWN_COLOUR, d.HATCH_COLOUR}
+    hatch_pattern = canvas.picture.copy()
+    assert {tuple(pixel) for row in hatch_pattern.tolist() for pixel in row} == {d.UNKNOWN_COLOUR, d.HATCH_COLOUR}
     bev = empty_map()
     canvas.appearance(bev)
-    assert (canvas.picture == hatched).all()
+    assert (canvas.picture == hatch_pattern).all()
     unknown = BEVMap(GRID, bev.occupancy, np.zeros((3, 8, 8), np.bool_), bev.appearance, bev.appearance_valid)
     canvas.occupancy(unknown)
-    assert (canvas.picture == hatched).all()
+    assert (canvas.picture == hatch_pattern).all()
 
 
 def test_where_a_network_says_nothing_is_its_colours_are_pale() -> None:

@@ -10,7 +10,7 @@ from appocc.checks import ByteArray, FloatArray
 from appocc.ego_vehicle import EgoVehicle
 from appocc.frame import Frame
 from appocc.visualization.canvas import mosaic, put_text
-from appocc.visualization.predictions import camera_picture, map_panel, rows_of_cameras
+from appocc.visualization.predictions import camera_image, camera_rows, map_panel
 
 _GAP_PX, _CAMERA_PX = 8, 533
 
@@ -20,9 +20,9 @@ def overview(frame: Frame, predicted: BEVMap, exact: BEVMap, places_m: FloatArra
     boxes = frame.boxes_ego
     centres_m = np.zeros((0, 2)) if boxes is None else boxes.vehicles().centre_m[:, :2]
     centres_m = centres_m[exact.grid.contains(exact.grid.cell_of(centres_m))]
-    cameras = [camera for row in rows_of_cameras(frame.rig) for camera in row]
+    cameras = [camera for row in camera_rows(frame.rig) for camera in row]
     height_px = cameras[0].height_px * _CAMERA_PX // cameras[0].width_px
-    upper = mosaic([camera_picture(frame.images[c.channel], c.channel, height_px) for c in cameras], 3)
+    upper = mosaic([camera_image(frame.images[c.channel], c.channel, height_px) for c in cameras], 3)
     rows = [
         _maps(predicted, "predicted from the six images", places_m, frame.rig.ego_vehicle),
         _maps(exact, "the truth", centres_m, frame.rig.ego_vehicle),

@@ -18,7 +18,7 @@ from appocc.inference.inputs import InferenceInput, dataset_inputs
 from appocc.inference.predictor import Predictor
 from appocc.inference.run import InferenceRun, InferenceSummary
 from appocc.nuscenes import Dataset
-from appocc.visualization.predictions import figure, rows_of_cameras
+from appocc.visualization.predictions import camera_rows, prediction_figure
 
 ALL = [token("sample", i) for i in range(3)]
 
@@ -37,7 +37,7 @@ def run(tiny: TinyDataset, out: Path, model: Predictor | None = None) -> Inferen
     run = InferenceRun(inputs_of(tiny), model or predictor(), out)
     for result in run:
         if result is not None:
-            write_image(result.picture, figure(result.frame, result.bev, vehicle_centres(result.bev)))
+            write_image(result.picture, prediction_figure(result.frame, result.bev, vehicle_centres(result.bev)))
     return run.summary
 
 
@@ -120,8 +120,8 @@ def test_a_map_is_decided_by_its_thresholds(tiny: TinyDataset) -> None:
 def test_the_figure_has_cameras_left_and_both_maps_right(tiny: TinyDataset, spec: object) -> None:
     frame = inputs_of(tiny)[0].read().frame
     bev = predictor(MadeModel(AHEAD) if spec else None)(frame).bev
-    picture = figure(frame, bev, vehicle_centres(bev))
-    bare = figure(frame, bev, np.zeros((0, 2)))
+    picture = prediction_figure(frame, bev, vehicle_centres(bev))
+    bare = prediction_figure(frame, bev, np.zeros((0, 2)))
     high, wide = (side * 4 for side in bev.grid.shape)
     assert picture.shape[0] == (2 * high + 8 if spec else high)
     left = picture.shape[1] - (wide if spec else 2 * wide + 8) - 8
@@ -137,7 +137,7 @@ def test_the_figure_has_cameras_left_and_both_maps_right(tiny: TinyDataset, spec
 
 def test_cameras_stand_as_they_look(tiny: TinyDataset) -> None:
     frame = inputs_of(tiny)[0].read().frame
-    assert [[camera.channel for camera in row] for row in rows_of_cameras(frame.rig)] == [["CAM_FRONT"], ["CAM_BACK"]]
+    assert [[camera.channel for camera in row] for row in camera_rows(frame.rig)] == [["CAM_FRONT"], ["CAM_BACK"]]
 
 
 def _anew(tiny: TinyDataset, out: Path) -> tuple[int, int, dict[str, int]]:

@@ -14,7 +14,7 @@ from appocc.camera import Camera, CameraRig
 from appocc.checks import ByteArray, FloatArray
 from appocc.ego_vehicle import EgoVehicle
 from appocc.errors import DataError
-from appocc.visualization.predictions import rows_of_cameras
+from appocc.visualization.predictions import camera_rows
 from tracking.pipeline import SceneTracks, track_scene
 from tracking.tracks import Track
 from tracking.visualization.labels import Labels, put_chip
@@ -60,9 +60,9 @@ def test_corners_stand_around_the_track_front_first() -> None:
 def test_cameras_are_arranged_as_they_look() -> None:
     yaws = {"BACK": 180, "RIGHT": -100, "FRONT": 0, "LEFT": 100, "FRONT_RIGHT": -55, "FRONT_LEFT": 55}
     rig = CameraRig(tuple(looking(name, np.radians(yaw)) for name, yaw in yaws.items()))
-    names = [[camera.channel for camera in row] for row in rows_of_cameras(rig)]
+    names = [[camera.channel for camera in row] for row in camera_rows(rig)]
     assert names == [["FRONT_LEFT", "FRONT", "FRONT_RIGHT"], ["LEFT", "BACK", "RIGHT"]]
-    assert rows_of_cameras(CameraRig((looking("ONLY", np.pi),)))[0][0].channel == "ONLY"
+    assert camera_rows(CameraRig((looking("ONLY", np.pi),)))[0][0].channel == "ONLY"
 
 
 def test_trails_are_short_and_only_of_tracks_that_are_there(tiny: TinyDataset) -> None:

@@ -16,7 +16,7 @@ from appocc.errors import DataError
 from appocc.files import whole_file
 from appocc.frame import Frame
 from appocc.nuscenes import Dataset
-from appocc.visualization.predictions import rows_of_cameras
+from appocc.visualization.predictions import camera_rows
 from tracking.pipeline import SceneTracks
 from tracking.tracks import Track
 from tracking.visualization.panels import bev_panel, camera_panel, list_panel
@@ -143,7 +143,7 @@ def trails(result: SceneTracks, number: int) -> dict[int, FloatArray]:
 def _camera_panels(frame: Frame, tracks: tuple[Track, ...], world_from_ego: FloatArray) -> ByteArray:
     """All cameras that have a picture, in rows of one width."""
     seeing = frame.rig.select(frame.images)
-    rows = rows_of_cameras(seeing)
+    rows = camera_rows(seeing)
     width = _CAMERAS_PX // max(len(row) for row in rows)
     height = max(round(width * camera.height_px / camera.width_px) for camera in seeing)
     picture: ByteArray = np.zeros((height * len(rows), _CAMERAS_PX, 3), np.uint8)
