@@ -1,4 +1,4 @@
-"""Validation of values at module boundaries: every error names the value, what was expected and what it got."""
+"""Validation of values at module boundaries: every error names the value, the expected and the actual one."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""When a road user stands and when it moves, by its speed."""
+"""Motion state of a road user by its speed."""
 
 from __future__ import annotations
 
-# Slower than the first is standing; faster than the second is moving; between them the state is uncertain.
+# Below the first speed an object is standing, above the second moving; between them the state is uncertain.
 STANDING_MPS, MOVING_MPS = 0.5, 1.0

@@ -28,11 +28,11 @@ _UNKNOWN = "what they were made from is not recorded"
 
 def digest(values: Iterable[object]) -> str:
     """Digest of numbers, texts, lists and arrays."""
-    told = hashlib.sha256()
+    hashed = hashlib.sha256()
     for value in values:
         plain = value.tolist() if isinstance(value, np.ndarray) else value
-        told.update(f"{plain!r}\n".encode())
-    return told.hexdigest()[:16]
+        hashed.update(f"{plain!r}\n".encode())
+    return hashed.hexdigest()[:16]
 
 
 def state_of(path: Path) -> tuple[int, int] | None:

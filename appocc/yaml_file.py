@@ -33,7 +33,7 @@ def parse_yaml(text: str) -> Any:
     """Parse a YAML text.
 
     Raises:
-        ValueError: if it is invalid, with a message of one line: an alias, a duplicate key, a Python tag, or a syntax error.
+        ValueError: if it has an alias, a duplicate key, a Python tag or a syntax error; the message is one line.
     """
     try:
         return yaml.load(text, _Loader)
@@ -53,5 +53,5 @@ class _Loader(yaml.SafeLoader):
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
         times = Counter(key.value for key, _ in node.value if isinstance(key, yaml.ScalarNode))
         if twice := [name for name, count in times.items() if count > 1]:
-            raise yaml.constructor.ConstructorError(None, None, f"'{twice[0]}' stands twice", node.start_mark)
+            raise yaml.constructor.ConstructorError(None, None, f"'{twice[0]}' occurs twice", node.start_mark)
         return super().construct_mapping(node, deep)

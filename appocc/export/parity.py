@@ -85,7 +85,7 @@ class Parity:
 
 
 def parity_limit(model: BEVModel) -> float:
-    """Return the largest difference that rounding explains for outputs 0..1, from the sums of a network in float32."""
+    """Return the largest difference that rounding in float32 explains, for outputs 0..1 of a network."""
     return rounding(count_terms(model))
 
 

@@ -102,9 +102,8 @@ class EfficientNetB0(nn.Module):
 def column_centres_px(stride: int, count: int) -> FloatArray:
     """Return the pixel (count,) at the centre of the receptive field of each feature column (or row).
 
-    Pixel centres are at whole numbers. The centres follow from the padding of every convolution, without the effect of
-    image borders. Because padding is symmetric, column i is centred on pixel i * stride, and not on the middle of a
-    patch.
+    Pixel centres are at whole numbers. The centres follow from the padding of every convolution; image borders are
+    ignored. Because padding is symmetric, column i is centred on pixel i * stride and not on the middle of a patch.
 
     Raises:
         ShapeError: if there are no features at this stride.

@@ -38,9 +38,9 @@ class BasicBlock(nn.Module):
 class BEVTrunk(nn.Module):
     """Convolutional trunk from grid features to grid outputs of the same size.
 
-    The stem halves the grid (no pooling after it); the stages have 64, 128 and 256 channels at strides 2, 4 and 8. The
-    features at stride 8 are upsampled to stride 2, concatenated with those of the first stage, and upsampled to the
-    whole grid.
+    The stem halves the grid (no pooling after it); the stages have 64, 128 and 256 channels at strides 2, 4 and 8.
+    The features at stride 8 are upsampled to stride 2, concatenated with those of the first stage, and upsampled to
+    the whole grid.
     """
 
     def __init__(self, channels_in: int, channels_out: int) -> None:
