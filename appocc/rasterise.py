@@ -89,7 +89,7 @@ def _cut(start: FloatArray, end: FloatArray, x: int, y: int) -> FloatArray:
 
 
 def line_cover(grid: BEVGrid, line_xy_m: List2, width_m: float) -> Cover:
-    """Return the share (X, Y) of each cell covered by a polyline (K, 2) with a width: sum of its segments, up to 1."""
+    """Return the share (X, Y) of each cell under a polyline (K, 2) with a width; segments add up, to 1 at most."""
     cover = np.zeros(grid.shape)
     for a, b in pairwise(line_xy_m):
         length = float(np.hypot(*(b - a)))

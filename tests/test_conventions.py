@@ -16,7 +16,7 @@ from appocc.checks import FloatArray
 from appocc.grid import BEVGrid
 from appocc.nuscenes.lidar import write_lidar
 from appocc.rasterise import LANE_SHARE, ROAD_SHARE, VEHICLE_SHARE
-from appocc.visualization.canvas import BEVCanvas, turned
+from appocc.visualization.canvas import BEVCanvas, to_image_axes
 
 PAGE = Path(__file__).parents[1] / "docs" / "conventions.md"
 QUARTER = g.quaternion_from_yaw(np.pi / 2)
@@ -68,7 +68,7 @@ def _corner() -> FloatArray:
 def _cell_of_pixel(column_row: FloatArray) -> list[int]:
     numbers = np.arange(200, dtype=np.uint8)
     column, row = column_row.astype(int)
-    return [int(turned(layer)[row, column]) for layer in np.meshgrid(numbers, numbers, indexing="ij")]
+    return [int(to_image_axes(layer)[row, column]) for layer in np.meshgrid(numbers, numbers, indexing="ij")]
 
 
 # What each row of the golden table means in code: a function of the numbers under "Given".

@@ -135,7 +135,7 @@ def pack(
 
     Depth and kind come from the dataset's `views` where it has them (the simulator's), else depth from the LiDAR
     sweep of the sample, if it has one: the nearest return of each block of 8x8 pixels. The cameras are those of
-    the dataset that the setting uses (`channels_of`); a sample may lack some (they are dead in it), but not all.
+    the dataset that the setting uses (`select_channels`); a sample may lack some (they are dead in it), but not all.
 
     Args:
         root: of a dataset in the nuScenes schema.
