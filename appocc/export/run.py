@@ -150,6 +150,6 @@ def _frame_inputs(frames: Sequence[Frame], rig: CameraRig, spec: ModelSpec) -> d
     for frame in frames:
         if all(camera.channel in frame.images for camera in rig):
             pairs = [fit_image(frame.images[c.channel], frame.rig[c.channel], spec) for c in rig]
-            stacked = np.stack([picture for picture, _ in pairs]).transpose(0, 3, 1, 2)[None]
+            stacked = np.stack([image for image, _ in pairs]).transpose(0, 3, 1, 2)[None]
             found[f"frame {frame.token}"] = np.ascontiguousarray(stacked, np.float32) / np.float32(255)
     return found

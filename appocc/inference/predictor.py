@@ -68,9 +68,9 @@ class Predictor:
             DataError: if the frame has no image that the model uses, or the model output is not finite.
         """
         spec = self.model.spec
-        pictures, rig = stack_images(frame, spec)
+        stacked, rig = stack_images(frame, spec)
         plan = self._plan(rig)
-        images = pictures.to(self._device).float()[None] / 255
+        images = stacked.to(self._device).float()[None] / 255
         with torch.inference_mode():
             output = self.model(images, plan)
             occupancy = output.occupancy[0].float().sigmoid().cpu().numpy()
@@ -111,8 +111,8 @@ def stack_images(frame: Frame, spec: ModelSpec) -> tuple[Tensor, CameraRig]:
     working = frame.rig.select(frame.images)
     pairs = [fit_image(frame.images[camera.channel], camera, spec) for camera in select_cameras(spec, working)]
     if not pairs:
-        raise DataError(f"{frame.token}: expected a picture of {', '.join(spec.channels)}, got none")
-    stacked = np.stack([picture for picture, _ in pairs]).transpose(0, 3, 1, 2)
+        raise DataError(f"{frame.token}: expected an image of {', '.join(spec.channels)}, got none")
+    stacked = np.stack([image for image, _ in pairs]).transpose(0, 3, 1, 2)
     return torch.from_numpy(np.ascontiguousarray(stacked)), frame.rig.with_cameras(camera for _, camera in pairs)
 
 

@@ -84,7 +84,7 @@ class SplatModel(BEVModel):
         return plan_splatting(rigs, self.spec.grid, h, w, STRIDE)
 
     @abstractmethod
-    def encode(self, pictures: Tensor) -> Tensor:
+    def encode(self, images: Tensor) -> Tensor:
         """Return features (V, C, h, w) at stride 16 of images (V, 3, H, W)."""
 
     def lift_and_splat(self, images: Tensor, plan: ViewTransformPlan) -> tuple[Tensor, ImageOutput | None]:
@@ -119,9 +119,9 @@ class LiftSplatShoot(SplatModel):
         self.lift = Lift(_NECK_CHANNELS)
         self.trunk = BEVTrunk(CONTEXT_CHANNELS, len(CLASSES))
 
-    def encode(self, pictures: Tensor) -> Tensor:
+    def encode(self, images: Tensor) -> Tensor:
         """Return features (V, 512, h, w) at stride 16 of images (V, 3, H, W)."""
-        features = self.encoder(pictures)
+        features = self.encoder(images)
         joined: Tensor = self.neck(concat_upscaled(features[16], features[32]))
         return joined
 

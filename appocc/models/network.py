@@ -103,10 +103,10 @@ class AppoccNet(BEVModel):
         if not isinstance(plan, AppoccPlan):
             raise ShapeError(f"plan: expected one of this network, got {type(plan).__name__}")
         cameras = plan.coarse.cameras
-        pictures = pack_cameras(images, cameras).contiguous(memory_format=torch.channels_last)
-        merged, coarse, fine = self.merge(self.encoder(pictures))
+        packed = pack_cameras(images, cameras).contiguous(memory_format=torch.channels_last)
+        merged, coarse, fine = self.merge(self.encoder(packed))
         standing = sample_features(coarse.permute(0, 2, 3, 1), plan.coarse)  # B 3*32 X/2 Y/2
-        shown = torch.cat([each.permute(0, 2, 3, 1) for each in (fine, mean_colours(pictures))], dim=-1)
+        shown = torch.cat([each.permute(0, 2, 3, 1) for each in (fine, mean_colours(packed))], dim=-1)
         near = sample_features(shown, plan.fine)  # B 3*20 X Y
         count = plan.coarse.count
         place = torch.cat([self.place.expand(len(count), -1, -1, -1), count], dim=1)  # B 4 X/2 Y/2
@@ -126,9 +126,9 @@ def cell_coordinates(grid: BEVGrid) -> Tensor:
     return torch.cat([centres, centres.norm(dim=-1, keepdim=True)], dim=-1).permute(2, 0, 1)[None]
 
 
-def mean_colours(pictures: Tensor) -> Tensor:
+def mean_colours(packed: Tensor) -> Tensor:
     """Return (V, 4, ceil(H / 4), ceil(W / 4)): mean colours around pixels i * 4 of images (V, 3, H, W), and ones."""
-    colours = functional.avg_pool2d(pictures, FINE + 1, FINE, padding=FINE // 2, count_include_pad=False)
+    colours = functional.avg_pool2d(packed, FINE + 1, FINE, padding=FINE // 2, count_include_pad=False)
     return torch.cat([colours, torch.ones_like(colours[:, :1])], dim=1)
 
 

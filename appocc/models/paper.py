@@ -45,9 +45,9 @@ class PaperNet(SplatModel):
         self.occupancy = BEVTrunk(CONTEXT_CHANNELS, len(CLASSES))
         self.appearance = BEVTrunk(CONTEXT_CHANNELS, _COLOURS) if appearance else None
 
-    def encode(self, pictures: Tensor) -> Tensor:
+    def encode(self, images: Tensor) -> Tensor:
         """Return features (V, 112, h, w) at stride 16 of images (V, 3, H, W)."""
-        features: Tensor = self.encoder(pictures)[STRIDE]
+        features: Tensor = self.encoder(images)[STRIDE]
         return features
 
     def forward(self, images: Tensor, plan: ViewTransformPlan) -> ModelOutput:

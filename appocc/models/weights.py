@@ -183,7 +183,7 @@ def _parse_spec(name: str, view: str) -> ModelSpec:
     width_px, height_px = (int(value) for value in values["size_px"])
     x, y = grid.shape
     if x * y > _MOST_CELLS or width_px * height_px > _MOST_PIXELS or min(width_px, height_px) < 1:
-        raise ValueError(f"a grid of {x} x {y} cells from pictures of {width_px} x {height_px}")
+        raise ValueError(f"a grid of {x} x {y} cells from images of {width_px} x {height_px}")
     spec = ModelSpec(name, tuple(map(str, values["channels"])), grid, width_px, height_px)
     if spec != MODEL_SPECS.get(name, spec):
         raise ValueError(f"expected the cameras, grid and size of setting {name}, got {view}")

@@ -158,7 +158,7 @@ def test_a_colouring_says_colours_where_it_sees_and_nothing_of_occupancy(tiny: T
     front = Frame(frame.token, 0, frame.world_from_ego, frame.rig, {"CAM_FRONT": frame.images["CAM_FRONT"]})
     fewer, _ = ColouringMaker(ipm, MODEL_SPECS["360"])(front)
     assert 0 < fewer.appearance_valid.sum() < seen.sum()
-    with pytest.raises(DataError, match="expected a picture of CAM_FRONT_LEFT"):
+    with pytest.raises(DataError, match="expected an image of CAM_FRONT_LEFT"):
         ColouringMaker(ipm, MODEL_SPECS["180"])(Frame(frame.token, 0, frame.world_from_ego, frame.rig, {}))
 
 

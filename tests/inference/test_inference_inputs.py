@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 from tiny_dataset import HEIGHT_PX, WIDTH_PX, TinyDataset, token
 
 from appocc.camera import Camera, CameraRig
+from appocc.ego_vehicle import EgoVehicle
 from appocc.errors import DataError
 from appocc.files import write_image
 from appocc.inference.inputs import dataset_inputs, folder_inputs
@@ -59,6 +61,14 @@ def test_a_folder_of_images(tmp_path: Path) -> None:
     frame, missing = each.read()
     assert set(frame.images) == {"CAM_FRONT", "CAM_BACK"}
     assert dict(missing) == {"CAM_LEFT": "no image"}
+
+
+def test_a_larger_vehicle_is_another_calibration(tmp_path: Path) -> None:
+    write_image(tmp_path / "CAM_FRONT.png", GREY)
+    bus = replace(RIG, ego_vehicle=EgoVehicle(length_m=12.0))
+    same, other = (folder_inputs(tmp_path, rig)[0].parts() for rig in (replace(RIG), bus))
+    assert same == folder_inputs(tmp_path, RIG)[0].parts()
+    assert (same["pictures"], same["calibration"] == other["calibration"]) == (other["pictures"], False)
 
 
 def test_a_folder_of_frames_in_order_of_their_names(tmp_path: Path) -> None:

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ from tiny_dataset import TinyDataset
 
 from appocc.bevmap import VEHICLE
 from appocc.camera import Camera, CameraRig
+from appocc.ego_vehicle import EgoVehicle
 from appocc.errors import DataError
 from appocc.frame import Frame
 from appocc.inference import loading
@@ -46,7 +48,7 @@ def test_a_map_says_what_the_network_said(tiny: TinyDataset) -> None:
     assert bev.meta["cameras"] == ["CAM_FRONT", "CAM_BACK"]
 
 
-def test_a_dead_camera_is_no_part_of_the_rig(tiny: TinyDataset) -> None:
+def test_a_missing_camera_is_not_part_of_the_rig(tiny: TinyDataset) -> None:
     whole = frame_of(tiny)
     alive = {"CAM_FRONT": whole.images["CAM_FRONT"]}
     model = MadeModel()
@@ -62,7 +64,7 @@ def test_a_dead_camera_is_no_part_of_the_rig(tiny: TinyDataset) -> None:
     assert guessed.occupancy_valid.all()
     assert guessed.appearance_valid.all()
     assert (guessed.on & ~seen).any()
-    with pytest.raises(DataError, match="expected a picture of CAM_FRONT_LEFT"):
+    with pytest.raises(DataError, match="expected an image of CAM_FRONT_LEFT"):
         predictor()(Frame(whole.token, 0, whole.world_from_ego, whole.rig, {}))
 
 
@@ -76,6 +78,9 @@ def test_a_plan_is_made_once_for_a_rig(tiny: TinyDataset) -> None:
     fewer = {"CAM_BACK": frame.images["CAM_BACK"]}
     answer(Frame(frame.token, 0, frame.world_from_ego, frame.rig, fewer))
     assert [one.channels for one in model.rigs] == [("CAM_FRONT", "CAM_BACK"), ("CAM_BACK",)]
+    bus = replace(frame.rig, ego_vehicle=EgoVehicle(length_m=12.0))
+    answer(replace(frame, rig=bus))
+    assert [one.ego_vehicle for one in model.rigs] == [EgoVehicle(), EgoVehicle(), bus.ego_vehicle]
 
 
 def test_a_network_for_occupancy_alone_knows_no_colour(tiny: TinyDataset) -> None:
