@@ -152,8 +152,8 @@ def _crossing(axes: Axes, now: Sight, picture_from_world: FloatArray) -> None:
             "alpha": 1.0 if now.seen[i] else _PALE,
         }
         _box(axes, xy_m, now.yaw_rad[i] + turn_rad, now.size_m[i], **look)
-    size_m = np.array([EgoVehicle().width_m, EgoVehicle().length_m])
-    _box(axes, np.zeros(2), np.pi / 2, size_m, facecolor="white", edgecolor=_EGO)
+    ego = EgoVehicle()
+    _box(axes, np.zeros(2), np.pi / 2, np.array([ego.width_m, ego.length_m]), facecolor="white", edgecolor=_EGO)
     axes.plot([-0.6, 0.0, 0.6], [0.5, 1.6, 0.5], color=_EGO, linewidth=2.5)
 
 

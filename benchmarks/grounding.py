@@ -88,14 +88,14 @@ def made_scene(vehicles: int, seed: int = 0) -> Made:
     moving = np.where(np.abs(y) < min(map(abs, LINES_M)) + 1, random.uniform(2, 9, len(x)), 0.0)
     names = tuple(f"vehicle {n}" for n in range(len(x)))
     boxes = Boxes(
-        np.stack([x, y, size[:, 2] / 2], axis=-1),
-        size,
-        np.array([transform(quaternion_from_yaw(one), [0, 0, 0])[:3, :3] for one in yaw]).reshape(-1, 3, 3),
-        tuple("vehicle.truck" if body == "pickup" else "vehicle.car" for body, _ in looks),
-        names,
-        names,
-        moving[:, None] * np.stack([np.cos(yaw), np.sin(yaw)], axis=-1),
-        np.full(len(x), 5),
+        centre_m=np.stack([x, y, size[:, 2] / 2], axis=-1),
+        size_wlh_m=size,
+        rotation=np.array([transform(quaternion_from_yaw(one), [0, 0, 0])[:3, :3] for one in yaw]).reshape(-1, 3, 3),
+        category=tuple("vehicle.truck" if body == "pickup" else "vehicle.car" for body, _ in looks),
+        instance=names,
+        token=names,
+        velocity_mps=moving[:, None] * np.stack([np.cos(yaw), np.sin(yaw)], axis=-1),
+        lidar_points=np.full(len(x), 5),
     )
     return Made(_map_of(boxes, looks), boxes, looks)
 

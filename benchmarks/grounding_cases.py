@@ -42,6 +42,7 @@ from rich.table import Table
 from appocc.bevmap import ROAD, VEHICLE, BEVMap, load_map
 from appocc.boxes import Boxes
 from appocc.checks import ByteArray, FloatArray
+from appocc.ego_vehicle import EgoVehicle
 from appocc.errors import AppoccError
 from appocc.files import write_image
 from appocc.geometry import footprints, wrap_angle
@@ -301,7 +302,7 @@ def picture(verdict: Verdict, moment: Moment, bev: BEVMap) -> ByteArray:
     canvas = BEVCanvas(bev.grid, 4)
     canvas.occupancy(bev)
     canvas.appearance(bev)
-    canvas.ego()
+    canvas.ego(EgoVehicle())
     if case.region:
         plain = canvas.picture.copy()
         canvas.cells(np.broadcast_to(np.array(GREEN, np.uint8), (*bev.grid.shape, 3)), case.region.cells)

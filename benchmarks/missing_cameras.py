@@ -27,9 +27,9 @@ from appocc.bevmap import CLASSES, load_map
 from appocc.checks import FloatArray
 from appocc.errors import AppoccError, DataError
 from appocc.evaluation.cells import GROUPS, CellCounts, count_cells, group_masks, ious
-from appocc.inference.inputs import Moment, dataset_moments
+from appocc.inference.inputs import InferenceInput, dataset_inputs
 from appocc.inference.loading import load_predictor
-from appocc.inference.predictor import Predictor, cameras_of
+from appocc.inference.predictor import Predictor, select_cameras
 from appocc.nuscenes.dataset import Dataset
 
 MOST_CHOICES, MOST_DEAD, SEED = 6, 3, 0
@@ -59,23 +59,25 @@ def choices(channels: Sequence[str], alive: int) -> list[tuple[str, ...]]:
     return [every[number] for number in sorted(drawn.tolist())]
 
 
-def evenly(moments: Sequence[Moment], most: int) -> list[Moment]:
+def evenly(inputs: Sequence[InferenceInput], most: int) -> list[InferenceInput]:
     """So many moments, from all over a recording."""
-    places = np.linspace(0, len(moments) - 1, min(most, len(moments))).round().astype(int)
-    return [moments[place] for place in places.tolist()]
+    places = np.linspace(0, len(inputs) - 1, min(most, len(inputs))).round().astype(int)
+    return [inputs[place] for place in places.tolist()]
 
 
-def score(predictor: Predictor, root: Path, against: str, moments: Sequence[Moment], alive: tuple[str, ...]) -> Score:
+def score(
+    predictor: Predictor, root: Path, against: str, inputs: Sequence[InferenceInput], alive: tuple[str, ...]
+) -> Score:
     """IoU over moments of which only these cameras live.
 
     Raises:
         DataError: if one of them has no picture, a true map is missing or on another grid.
     """
-    grid = predictor.model.setting.grid
+    grid = predictor.model.spec.grid
     thresholds: FloatArray = np.array([[predictor.weights.thresholds[name] for name in CLASSES]])
     counts, seen = CellCounts.nothing(1), 0.0
-    for moment in moments:
-        frame, truth = moment.read().frame, load_map(root, against, moment.token)
+    for each in inputs:
+        frame, truth = each.read().frame, load_map(root, against, each.token)
         if truth.grid != grid:
             raise DataError(
                 f"{root}: expected truth on the grid of the weights, {grid.as_array().tolist()}, "
@@ -83,29 +85,29 @@ def score(predictor: Predictor, root: Path, against: str, moments: Sequence[Mome
             )
         missing = [channel for channel in alive if channel not in frame.images]
         if missing:
-            raise DataError(f"{moment.title}: expected pictures of all cameras, got none of {', '.join(missing)}")
+            raise DataError(f"{each.title}: expected pictures of all cameras, got none of {', '.join(missing)}")
         found = predictor(replace(frame, images={channel: frame.images[channel] for channel in alive}))
         masks = group_masks(grid, np.ones(grid.shape, np.bool_), found.seen)
         counts, seen = counts.plus(count_cells(found.bev, truth, masks, thresholds)), seen + float(found.seen.mean())
     iou = {name: ious(counts.overlap[0, GROUPS.index(name)]) for name in OVER}
-    return Score(alive, iou, seen / len(moments))
+    return Score(alive, iou, seen / len(inputs))
 
 
-def measure(predictor: Predictor, root: Path, against: str, moments: Sequence[Moment]) -> list[list[Score]]:
+def measure(predictor: Predictor, root: Path, against: str, inputs: Sequence[InferenceInput]) -> list[list[Score]]:
     """The scores of all choices, a list for each number of living cameras, all alive first.
 
     Raises:
         DataError: if the rig has no camera that the weights use, or as `score`.
     """
-    rig = moments[0].read().frame.rig
-    channels = [camera.channel for camera in cameras_of(predictor.model.setting, rig)]
+    rig = inputs[0].read().frame.rig
+    channels = [camera.channel for camera in select_cameras(predictor.model.spec, rig)]
     if not channels:
-        raise DataError(f"{root}: expected cameras {', '.join(predictor.model.setting.channels)}, got none of them")
+        raise DataError(f"{root}: expected cameras {', '.join(predictor.model.spec.channels)}, got none of them")
     numbers = range(len(channels), max(len(channels) - MOST_DEAD, 1) - 1, -1)
     asked = [(number, alive) for number in numbers for alive in choices(channels, number)]
     found: dict[int, list[Score]] = {}
     for number, alive in track(asked, "choices", console=Console(stderr=True), transient=True):
-        found.setdefault(number, []).append(score(predictor, root, against, moments, alive))
+        found.setdefault(number, []).append(score(predictor, root, against, inputs, alive))
     return list(found.values())
 
 
@@ -158,13 +160,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
         parser.error(f"--frames: expected 1 or more, got {told.frames}")
     try:
         dataset, predictor = Dataset(told.root), load_predictor(told.weights)
-        moments = evenly(dataset_moments(dataset, dataset.scenes), told.frames)
-        rows = as_json(measure(predictor, told.root, told.against, moments))
+        inputs = evenly(dataset_inputs(dataset, dataset.scenes), told.frames)
+        rows = as_json(measure(predictor, told.root, told.against, inputs))
     except AppoccError as error:
         parser.exit(error.exit_code, f"error: {error}\n")
     if told.json:
         thresholds = dict(predictor.weights.thresholds)
-        about = {"root": str(told.root), "frames": len(moments), "weights": predictor.weights.as_meta()}
+        about = {"root": str(told.root), "frames": len(inputs), "weights": predictor.weights.as_meta()}
         print(json.dumps({**about, "thresholds": thresholds, "rows": rows}, indent=2))
     else:
         Console(width=140).print(table(rows))

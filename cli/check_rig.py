@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from cli.common import JsonOption, VersionOption, emit, out_path, say
-from cli.infer import RigOption, SourceArgument, moments_of
+from cli.infer import RigOption, SourceArgument, inputs_of
 
 
 def check_rig(
@@ -28,23 +28,23 @@ def check_rig(
     """
     from appocc.errors import NotFoundError
     from appocc.files import write_image
-    from appocc.visualization.rig_check import pose_of, rig_sheet
+    from appocc.visualization.rig_check import camera_angles, rig_sheet
 
-    moments = moments_of(source, rig, scene, version)
-    if frame >= len(moments):
-        raise NotFoundError(f"{source}: it has frames 0..{len(moments) - 1}, not {frame}")
-    view = moments[frame].read()
-    write_image(out, rig_sheet(view.frame))
-    poses = {camera.channel: pose_of(camera) for camera in view.frame.rig}
+    inputs = inputs_of(source, rig, scene, version)
+    if frame >= len(inputs):
+        raise NotFoundError(f"{source}: it has frames 0..{len(inputs) - 1}, not {frame}")
+    loaded = inputs[frame].read()
+    write_image(out, rig_sheet(loaded.frame))
+    poses = {camera.channel: camera_angles(camera) for camera in loaded.frame.rig}
     if as_json:
         emit(
             {
                 "picture": str(out),
                 "cameras": {name: pose._asdict() for name, pose in poses.items()},
-                "dead": view.dead,
+                "dead": loaded.missing,
             }
         )
-    for channel, reason in view.dead.items():
+    for channel, reason in loaded.missing.items():
         say(f"{channel}: left out ({reason})")
     for name, pose in poses.items():
         angles = f"yaw {pose.yaw_deg:+.1f} deg, pitch {pose.pitch_deg:+.1f} deg, roll {pose.roll_deg:+.1f} deg"

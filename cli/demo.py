@@ -54,7 +54,7 @@ def _fill(folder: Path, out: Path) -> dict[str, Any]:
         write_dataset(root, settings, advance)
     dataset = Dataset(root)
     scene = dataset.scene(SCENE)
-    _predict(dataset, scene, settings.samples)
+    _predict(dataset, scene)
     judged = evaluate(dataset, [scene], Question(PREDICTED, SOURCE, False, None), lambda _: None).as_json()
     tracks, scores = _track(dataset, scene, folder)
     answers = _ground(dataset, scene, folder)
@@ -64,21 +64,14 @@ def _fill(folder: Path, out: Path) -> dict[str, Any]:
     return {"scene": SCENE, "bev": judged, "tracks": tracks.count, **scores, "ground": answers}
 
 
-def _predict(dataset: Dataset, scene: Scene, samples: int) -> None:
+def _predict(dataset: Dataset, scene: Scene) -> None:
     """The maps of a scene by the weights of the package."""
-    from appocc.inference.inputs import dataset_moments
+    from appocc.inference.inputs import dataset_inputs
     from appocc.inference.loading import load_predictor
-    from appocc.inference.run import infer
-    from cli.infer import places_of
+    from appocc.inference.run import InferenceRun
+    from cli.infer import execute
 
-    with progress("prediction", samples) as advance:
-        infer(
-            dataset_moments(dataset, [scene]),
-            load_predictor(None),
-            dataset.root / "bev" / PREDICTED,
-            places_of,
-            advance,
-        )
+    execute(InferenceRun(dataset_inputs(dataset, [scene]), load_predictor(None), dataset.root / "bev" / PREDICTED))
 
 
 def _track(dataset: Dataset, scene: Scene, folder: Path) -> tuple[SceneTracks, dict[str, Any]]:

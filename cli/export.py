@@ -11,7 +11,7 @@ import typer
 from cli.common import JsonOption, VersionOption, emit, out_path, progress, say
 
 if TYPE_CHECKING:
-    from appocc.export.run import Source
+    from appocc.export.run import ExportSource
 
 _STEPS = 5
 
@@ -69,7 +69,7 @@ def export(
     say("\n".join(done.parity.lines()))
 
 
-def _source(root: Path | None, rig: str | None, scene: str | None, version: str | None) -> Source:
+def _source(root: Path | None, rig: str | None, scene: str | None, version: str | None) -> ExportSource:
     """The rig that is asked for.
 
     Raises:
@@ -77,8 +77,8 @@ def _source(root: Path | None, rig: str | None, scene: str | None, version: str 
         NotFoundError: if there is no such scene or rig.
     """
     from appocc.errors import DataError
-    from appocc.export.run import Source, source_of
-    from appocc.inference.inputs import dataset_moments
+    from appocc.export.run import ExportSource, source_from_inputs
+    from appocc.inference.inputs import dataset_inputs
     from appocc.nuscenes import Dataset
     from appocc.rigs import DEFAULT, read_rig
 
@@ -87,11 +87,11 @@ def _source(root: Path | None, rig: str | None, scene: str | None, version: str 
             if value is not None:
                 raise DataError(f"expected ROOT with {option}, got none")
         name = DEFAULT if rig is None else rig
-        return Source(read_rig(name), Path(name).name)
+        return ExportSource(read_rig(name), Path(name).name)
     if rig is not None:
         raise DataError("expected either ROOT or --rig, got both")
     dataset = Dataset(root, version)
     if not dataset.scenes:
         raise DataError(f"{root}: expected a scene, got none")
     chosen = dataset.scene(scene) if scene else dataset.scenes[0]
-    return source_of(dataset_moments(dataset, [chosen]), f"{chosen.name} of {root.resolve().name}")
+    return source_from_inputs(dataset_inputs(dataset, [chosen]), f"{chosen.name} of {root.resolve().name}")

@@ -12,7 +12,8 @@ from cli.common import JsonOption, VersionOption, emit, out_path, progress, say,
 if TYPE_CHECKING:
     from appocc.bevmap import BEVMap
     from appocc.checks import FloatArray
-    from appocc.inference.inputs import Moment
+    from appocc.inference.inputs import InferenceInput
+    from appocc.inference.run import InferenceRun, InferenceSummary
 
 SourceArgument = Annotated[
     Path,
@@ -45,36 +46,33 @@ def infer(
     import time
 
     from appocc.inference.loading import load_predictor
-    from appocc.inference.run import PICTURES
-    from appocc.inference.run import infer as run
+    from appocc.inference.run import PICTURES, InferenceRun
 
-    moments = moments_of(source, rig, scene, version)
-    predictor = load_predictor(weights)
+    run = InferenceRun(inputs_of(source, rig, scene, version), load_predictor(weights), out)
     start = time.monotonic()
-    with progress("prediction", len(moments)) as advance:
-        summary = run(moments, predictor, out, places_of, advance)
+    summary = execute(run)
     seconds = time.monotonic() - start
     if as_json:
-        dead = {channel: {"frames": times, "reason": why} for channel, (times, why) in summary.dead.items()}
+        dead = {channel: {"frames": times, "reason": why} for channel, (times, why) in summary.missing.items()}
         counts = {"made": summary.made, "kept": summary.kept, "seconds": seconds, "left_out": dead}
         emit({"folder": str(out), "pictures": str(out / PICTURES), **counts, "stale": summary.stale})
     say_stale(summary.stale)
-    if summary.dead:
-        told = (f"{channel} in {times} frames ({why})" for channel, (times, why) in summary.dead.items())
+    if summary.missing:
+        told = (f"{channel} in {times} frames ({why})" for channel, (times, why) in summary.missing.items())
         say(f"left out: {'; '.join(told)}")
     rate = f", {summary.made / seconds * 60:.0f} a minute" if summary.made else ""
     say(f"{out}: {summary.made} maps made{rate}, {summary.kept} kept; pictures in {out / PICTURES}")
 
 
-def moments_of(source: Path, rig: str | None, scene: str | None, version: str | None) -> list[Moment]:
-    """The moments of a dataset, or of a folder of images where a rig is named.
+def inputs_of(source: Path, rig: str | None, scene: str | None, version: str | None) -> list[InferenceInput]:
+    """Return the inference inputs of a dataset, or of a folder of images if a rig is named.
 
     Raises:
         DataError: if there are none.
         NotFoundError: if there is no such scene or rig.
     """
     from appocc.errors import DataError
-    from appocc.inference.inputs import dataset_moments, folder_moments
+    from appocc.inference.inputs import dataset_inputs, folder_inputs
     from appocc.nuscenes import Dataset
     from appocc.rigs import read_rig
 
@@ -82,12 +80,29 @@ def moments_of(source: Path, rig: str | None, scene: str | None, version: str | 
         for option, value in (("--scene", scene), ("--version", version)):
             if value is not None:
                 raise DataError(f"expected either {option} of a dataset or --rig of a folder of images, got both")
-        return folder_moments(source, read_rig(rig))
+        return folder_inputs(source, read_rig(rig))
     dataset = Dataset(source, version)
     scenes = [dataset.scene(scene)] if scene else dataset.scenes
-    moments = dataset_moments(dataset, scenes)
+    inputs = dataset_inputs(dataset, scenes)
     say_empty(dataset, scenes)
-    return moments
+    return inputs
+
+
+def execute(run: InferenceRun) -> InferenceSummary:
+    """Execute a run with a progress bar; write a picture of each map, with the distances of its vehicles.
+
+    Raises:
+        DataError: as the run.
+    """
+    from appocc.files import write_image
+    from appocc.visualization.predictions import prediction_figure
+
+    with progress("prediction", len(run)) as advance:
+        for result in run:
+            if result is not None:
+                write_image(result.picture, prediction_figure(result.frame, result.bev, places_of(result.bev)))
+            advance(1)
+    return run.summary
 
 
 def places_of(bev: BEVMap) -> FloatArray:

@@ -76,7 +76,7 @@ def _draw_bev_panel(answer: Answer, show_costs: bool) -> ByteArray:
         canvas.appearance(bev)
     if show_costs and answer.plan.cost_field is not None:
         _shade_costs(canvas, answer.plan.cost_field)
-    canvas.ego()
+    canvas.ego(answer.scene.ego)
     for number, candidate in enumerate(answer.candidates, start=1):
         if candidate is not answer.referent:
             canvas.line(candidate.item.footprint(), YELLOW, 1, closed=True)

@@ -8,7 +8,7 @@
 set -uo pipefail
 cd "$(dirname "$0")/.."
 
-TESTS=(tests/models tests/training tests/export tests/inference tests/groundtruth tests/simulation tests/test_colours.py)
+TESTS=(tests/models tests/training tests/export tests/inference tests/groundtruth tests/simulation tests/core/test_colours.py)
 
 # OpenVINO's own copy of oneDNN obeys its variable only in part, and fails below AVX2.
 OPENVINO="test_openvinos_files_stand_together or test_the_check_is_told or test_a_file_that_answers_differently"

@@ -32,14 +32,14 @@ def boxes_of(cars: list[Car]) -> Boxes:
     n = len(cars)
     names = tuple(str(i) for i in range(n))
     return Boxes(
-        np.array([[car.x_m, car.y_m, 0.8] for car in cars]).reshape(n, 3),
-        np.array([[car.width_m, car.length_m, 1.6] for car in cars]).reshape(n, 3),
-        rotation_from_quaternion(np.array([quaternion_from_yaw(car.yaw_rad) for car in cars]).reshape(n, 4)),
-        ("vehicle.car",) * n,
-        names,
-        names,
-        np.zeros((n, 2)),
-        np.zeros(n, np.int64),
+        centre_m=np.array([[car.x_m, car.y_m, 0.8] for car in cars]).reshape(n, 3),
+        size_wlh_m=np.array([[car.width_m, car.length_m, 1.6] for car in cars]).reshape(n, 3),
+        rotation=rotation_from_quaternion(np.array([quaternion_from_yaw(car.yaw_rad) for car in cars]).reshape(n, 4)),
+        category=("vehicle.car",) * n,
+        instance=names,
+        token=names,
+        velocity_mps=np.zeros((n, 2)),
+        lidar_points=np.zeros(n, np.int64),
     )
 
 

@@ -73,7 +73,14 @@ class Street:
         rotations = np.stack([transform(quaternion_from_yaw(yaw), [0, 0, 0])[:3, :3] for yaw in yaws])
         count = np.full(len(names), 5)
         return Boxes(
-            np.stack(places), np.stack(sizes), rotations, categories, names, names, np.stack(velocities), count
+            centre_m=np.stack(places),
+            size_wlh_m=np.stack(sizes),
+            rotation=rotations,
+            category=categories,
+            instance=names,
+            token=names,
+            velocity_mps=np.stack(velocities),
+            lidar_points=count,
         )
 
     def boxes_world(self) -> Boxes:

@@ -17,9 +17,9 @@ from appocc.bevmap import BEVMap
 from appocc.evaluation.bev import Question, evaluate
 from appocc.evaluation.pairs import check_there
 from appocc.frame import Frame
-from appocc.inference.inputs import dataset_moments
-from appocc.inference.predictor import Prediction, pictures_of
-from appocc.models.model_spec import Setting
+from appocc.inference.inputs import dataset_inputs
+from appocc.inference.predictor import Prediction, stack_images
+from appocc.models.model_spec import ModelSpec
 from appocc.models.registry import Colouring
 from appocc.nuscenes.dataset import Dataset
 from appocc.nuscenes.records import Scene
@@ -36,9 +36,9 @@ class Maker(Protocol):
 class ColouringMaker:
     """Maps of a colouring that learns nothing: colours where a camera sees the cell, nothing of occupancy."""
 
-    def __init__(self, colouring: Colouring, setting: Setting) -> None:
+    def __init__(self, colouring: Colouring, spec: ModelSpec) -> None:
         """Take the colouring and what it is to see."""
-        self._colouring, self._setting = colouring, setting
+        self._colouring, self._setting = colouring, spec
 
     def __call__(self, frame: Frame) -> Prediction:
         """The map of a frame.
@@ -46,8 +46,8 @@ class ColouringMaker:
         Raises:
             DataError: if it has no image that the setting uses.
         """
-        setting, grid = self._setting, self._setting.grid
-        pictures, rig = pictures_of(frame, setting)
+        spec, grid = self._setting, self._setting.grid
+        pictures, rig = stack_images(frame, spec)
         rgb, known = (each.numpy() for each in self._colouring(pictures.float() / 255, rig, grid))
         nothing = np.zeros((3, *grid.shape))
         colours = (rgb * 255).round().astype(np.uint8)
@@ -85,7 +85,7 @@ class JudgingSet:
         Raises:
             DataError: if there are no samples, or one has no true map.
         """
-        dataset_moments(self.dataset, self.scenes)
+        dataset_inputs(self.dataset, self.scenes)
         samples = [sample for scene in self.scenes for sample in self.dataset.samples(scene)]
         check_there(self.dataset.root, self.against, samples)
 
@@ -105,13 +105,13 @@ def judge(
     Raises:
         AppoccError: if a picture or a true map is missing, damaged or on another grid.
     """
-    moments = dataset_moments(test.dataset, test.scenes)
-    for number, moment in enumerate(moments):
-        path = maps / f"{moment.token}.npz"
+    inputs = dataset_inputs(test.dataset, test.scenes)
+    for number, each in enumerate(inputs):
+        path = maps / f"{each.token}.npz"
         if not path.is_file():
-            bev, seen = maker(moment.read().frame)
+            bev, seen = maker(each.read().frame)
             bev.save(path, {"seen": seen})
-        advance((number + 1) / len(moments))
+        advance((number + 1) / len(inputs))
     # A slash makes it a folder, not the name of a source.
     question = Question(f"{maps}/", test.against, ahead)
     figures = evaluate(test.dataset, test.scenes, question, lambda done: None).as_json()

@@ -17,7 +17,7 @@ from appocc.ablation.tables import study_json
 from appocc.errors import DataError
 from appocc.files import write_bytes, write_json
 from appocc.inference.loading import load_predictor
-from appocc.models.model_spec import SETTINGS
+from appocc.models.model_spec import MODEL_SPECS
 from appocc.models.registry import COLOURINGS
 from appocc.nuscenes.dataset import Dataset
 from appocc.nuscenes.records import Scene
@@ -43,7 +43,7 @@ def study_of(config: Config, test: Dataset, scenes: int | None, seeds: int, out:
 
     def maker_of(row: Row, weights: Path | None) -> Maker:
         if weights is None:
-            return ColouringMaker(COLOURINGS[row.network], SETTINGS[row.setting])
+            return ColouringMaker(COLOURINGS[row.network], MODEL_SPECS[row.setting])
         return load_predictor(weights, torch.device("cpu") if config.train.device == "cpu" else None)
 
     judged = JudgingSet(test, drawn_scenes(test.scenes, scenes), config.data.source)

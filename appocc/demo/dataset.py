@@ -30,7 +30,8 @@ __all__ = ["HZ", "SCENE", "SOURCE", "VERSION", "Settings", "write_dataset"]
 
 def _whole_pictures() -> CameraRig:
     """The paper's cameras before its cuts, small: 16:9 is pleasant to look at."""
-    return CameraRig(tuple(camera.resized(*_SIZE_PX) for camera in read_rig("paper_full")))
+    rig = read_rig("paper_full")
+    return rig.with_cameras(camera.resized(*_SIZE_PX) for camera in rig)
 
 
 @dataclass(frozen=True)

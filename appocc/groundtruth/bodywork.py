@@ -8,7 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from appocc.checks import BoolArray, ByteArray, FloatArray
-from appocc.colours import Exposure, linear_from_srgb
+from appocc.colours import Exposure
+from appocc.srgb import linear_from_srgb
 
 # Bodywork lies between tyres and windows, in parts of the height.
 _BAND = (0.28, 0.62)

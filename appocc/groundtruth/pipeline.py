@@ -14,6 +14,7 @@ import numpy as np
 
 from appocc.bevmap import BEVMap, bev_folder, bev_path
 from appocc.checks import FloatArray
+from appocc.ego_vehicle import EgoVehicle
 from appocc.errors import DataError
 from appocc.files import write_bytes, write_image
 from appocc.groundtruth.bodywork import Bodywork
@@ -68,14 +69,15 @@ def generate(
     made = kept = 0
     stale: Counter[str] = Counter()
     record = Record(bev_folder(out, SOURCE))
+    why_stale = partial(_why_stale, settings=settings)
     with worker_pool(workers) as pool:
         for scene in scenes:
             samples = dataset.samples(scene)
             parts = scene_parts(dataset, scene)
             missing = set()
             for path in (bev_path(out, SOURCE, sample.token) for sample in samples):
-                reason = _why_stale(path, settings) or (path.is_file() and record.why_stale(path.stem, parts))
-                if reason or not (path.is_file() and path.with_suffix(".png").is_file()):
+                reason = record.why_remake(path, path.with_suffix(".png"), parts, why_stale)
+                if reason is not None:
                     missing.add(path.stem)
                     stale.update([reason] if reason else [])
             kept += len(samples) - len(missing)
@@ -87,9 +89,7 @@ def generate(
 
 
 def _why_stale(path: Path, settings: Settings) -> str:
-    """Why a map that is there was not made with these settings; '' if it was, or none is there."""
-    if not path.is_file():
-        return ""
+    """Why a map that is there was not made with these settings; '' if it was."""
     try:
         return "" if BEVMap.load(path).meta.get("settings") == settings.as_meta() else "settings changed"
     except DataError:
@@ -202,6 +202,6 @@ def _make_sample(
     sample, painted = wanted
     bev = compose(sample, _read_sources(sources), painted, settings)
     path = bev_path(out, SOURCE, sample.token)
-    write_image(path.with_suffix(".png"), preview(bev))
+    write_image(path.with_suffix(".png"), preview(bev, EgoVehicle()))
     bev.save(path)
     add_record(path.parent, path.stem, parts)

@@ -152,14 +152,14 @@ def _annotation(cuboid: Cuboid, points_world: FloatArray | None) -> Annotation:
     pose = transform(quaternion_from_yaw(cuboid.yaw_world_rad), cuboid.centre_world_m)
     length, width, height = (float(v) for v in cuboid.size_lwh_m)
     box = Boxes(
-        pose[None, :3, 3],
-        np.array([[width, length, height]]),
-        pose[None, :3, :3],
-        ("",),
-        ("",),
-        ("",),
-        np.full((1, 2), np.nan),
-        np.zeros(1, np.int64),
+        centre_m=pose[None, :3, 3],
+        size_wlh_m=np.array([[width, length, height]]),
+        rotation=pose[None, :3, :3],
+        category=("",),
+        instance=("",),
+        token=("",),
+        velocity_mps=np.full((1, 2), np.nan),
+        lidar_points=np.zeros(1, np.int64),
     )
     return Annotation(
         cuboid.track,

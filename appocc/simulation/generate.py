@@ -11,7 +11,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from appocc import __version__
 from appocc.errors import DataError
 from appocc.files import read_json, write_json
 from appocc.nuscenes.writer import Writer
@@ -19,6 +18,7 @@ from appocc.simulation.recording import VERSION, RecordingSettings, build_town_s
 from appocc.simulation.scenario import Scenario, draw_scenario
 from appocc.simulation.sources import TownSource
 from appocc.temporary import locked, made_folder
+from appocc.version import __version__
 from appocc.workers import in_order, worker_pool
 
 SETTINGS_FILE = "simulation.json"

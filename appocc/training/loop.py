@@ -19,7 +19,7 @@ from torch import Tensor, nn
 from torch.nn.parallel import DistributedDataParallel
 
 from appocc.errors import DataError
-from appocc.models.base import BEVModel, Output
+from appocc.models.base import BEVModel, ModelOutput
 from appocc.training.checkpoint import Progress, load_state, save_state, states
 from appocc.training.config import Config
 from appocc.training.curves import draw_curves
@@ -131,7 +131,7 @@ def _step(run: Run, wrapped: nn.Module, batches: Iterator[Fed]) -> None:
         # Gradients travel between processes once a step.
         with wrapped.no_sync() if isinstance(wrapped, DistributedDataParallel) and not last else nullcontext():
             with _autocast(run):
-                output: Output = wrapped(batch.images, plan)
+                output: ModelOutput = wrapped(batch.images, plan)
             terms = losses(output, batch.truth, run.config.losses)
             total = terms.total(run.config.losses)
             torch.autograd.backward(total / config.accumulate)
@@ -279,7 +279,7 @@ def validate(run: Run) -> Validation:
         for batch, plan, _ in batches:
             _ask_to_stop(run)
             with _autocast(run):
-                output: Output = run.average(batch.images, plan)
+                output: ModelOutput = run.average(batch.images, plan)
             terms = losses(output, batch.truth, config.losses)
             tally.add(output, batch.truth, terms, terms.total(config.losses))
     return tally.reduced().validation()

@@ -9,7 +9,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from appocc.bevmap import CLASSES, VEHICLE
-from appocc.models.base import DEPTH_BINS, DEPTH_STEP_M, FIRST_DEPTH_M, Output
+from appocc.models.base import DEPTH_BINS, DEPTH_STEP_M, FIRST_DEPTH_M, ModelOutput
 from appocc.training.batch import Truth
 from appocc.training.config import LossConfig
 
@@ -45,7 +45,7 @@ class LossTerms:
         return tuple(field.name for field in fields(self) if getattr(self, field.name) is not None)
 
 
-def losses(output: Output, truth: Truth, config: LossConfig) -> LossTerms:
+def losses(output: ModelOutput, truth: Truth, config: LossConfig) -> LossTerms:
     """All errors of a batch, in float32 whatever the precision of the network."""
     road, vehicle, lane = occupancy_loss(output.occupancy, truth, config)
     colour = colour_loss(output.appearance, truth, config.vehicles) if output.appearance is not None else None

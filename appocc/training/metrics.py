@@ -12,7 +12,7 @@ from torch import Tensor, distributed
 
 from appocc.bevmap import CLASSES, VEHICLE
 from appocc.errors import DataError
-from appocc.models.base import Output
+from appocc.models.base import ModelOutput
 from appocc.training.batch import Truth
 from appocc.training.losses import LossTerms, colour_weight
 
@@ -68,7 +68,7 @@ class Tally:
         self._losses = torch.zeros(len(_LOSSES), 2, dtype=torch.float64, device=device)
         self._samples = torch.zeros(1, dtype=torch.int64, device=device)
 
-    def add(self, output: Output, truth: Truth, terms: LossTerms, total: Tensor) -> None:
+    def add(self, output: ModelOutput, truth: Truth, terms: LossTerms, total: Tensor) -> None:
         """Count a batch."""
         probability = torch.sigmoid(output.occupancy.float())  # B 3 X Y
         place = (probability * _BINS).long().clamp(max=_BINS - 1) + _BINS * (truth.occupancy > 0.5)

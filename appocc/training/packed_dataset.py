@@ -21,8 +21,8 @@ from appocc.bevmap import bev_path, load_map
 from appocc.errors import DataError
 from appocc.files import read_json, write_json
 from appocc.grid import BEVGrid
-from appocc.models.input_images import channels_of
-from appocc.models.model_spec import Setting
+from appocc.models.input_images import select_channels
+from appocc.models.model_spec import ModelSpec
 from appocc.nuscenes.dataset import Dataset
 from appocc.nuscenes.records import Sample as Moment
 from appocc.nuscenes.records import Scene
@@ -56,7 +56,7 @@ class Pack:
     """
 
     folder: Path
-    setting: Setting
+    setting: ModelSpec
     channels: tuple[str, ...]
     grid: BEVGrid
     tokens: tuple[str, ...]
@@ -77,7 +77,7 @@ class Pack:
         try:
             told = about["made_of"]["setting"]
             grid = BEVGrid.from_array(told["grid"])
-            setting = Setting(told["name"], tuple(told["channels"]), grid, told["width_px"], told["height_px"])
+            setting = ModelSpec(told["name"], tuple(told["channels"]), grid, told["width_px"], told["height_px"])
             lists = {name: tuple(about[name]) for name in ("tokens", "scenes", "towns", "weathers")}
             channels = tuple(about["made_of"]["channels"])
             own = BEVGrid.from_array(about["grid"])
@@ -125,7 +125,7 @@ class Pack:
 def pack(
     root: Path | str,
     source: str,
-    setting: Setting,
+    setting: ModelSpec,
     out: Path,
     advance: Callable[[float], None] | None = None,
     tell: Callable[[str], None] | None = None,
@@ -135,7 +135,7 @@ def pack(
 
     Depth and kind come from the dataset's `views` where it has them (the simulator's), else depth from the LiDAR
     sweep of the sample, if it has one: the nearest return of each block of 8x8 pixels. The cameras are those of
-    the dataset that the setting uses (`channels_of`); a sample may lack some (they are dead in it), but not all.
+    the dataset that the setting uses (`select_channels`); a sample may lack some (they are dead in it), but not all.
 
     Args:
         root: of a dataset in the nuScenes schema.
@@ -181,7 +181,7 @@ def _make(
     moments: Sequence[tuple[Scene, Moment]],
     out: Path,
     made_of: dict[str, Any],
-    setting: Setting,
+    setting: ModelSpec,
     advance: Callable[[float], None],
     workers: int,
 ) -> None:
@@ -226,7 +226,7 @@ def _array_file(path: Path, shape: tuple[int, ...], dtype: type[np.generic]) -> 
         yield file
 
 
-def _channels(dataset: Dataset, setting: Setting) -> tuple[str, ...]:
+def _channels(dataset: Dataset, setting: ModelSpec) -> tuple[str, ...]:
     """The cameras of a dataset that a setting uses.
 
     Raises:
@@ -234,7 +234,7 @@ def _channels(dataset: Dataset, setting: Setting) -> tuple[str, ...]:
     """
     sensors, used = dataset.tables["sensor"], np.unique(dataset.tables.data_channel)
     names = sorted(sensors["channel"][row] for row in used if row >= 0 and sensors["modality"][row] == "camera")
-    channels = channels_of(setting, names)
+    channels = select_channels(setting, names)
     if not channels:
         found = f"expected one of {', '.join(setting.channels)}, got {', '.join(names) or 'no camera'}"
         raise DataError(f"{dataset.root}: {found}")
@@ -242,7 +242,7 @@ def _channels(dataset: Dataset, setting: Setting) -> tuple[str, ...]:
 
 
 def _made_of(
-    dataset: Dataset, source: str, setting: Setting, channels: tuple[str, ...], moments: Sequence[Moment]
+    dataset: Dataset, source: str, setting: ModelSpec, channels: tuple[str, ...], moments: Sequence[Moment]
 ) -> dict[str, Any]:
     """JSON values that change with whatever a pack is made of.
 

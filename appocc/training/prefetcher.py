@@ -13,7 +13,7 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from appocc.models.base import BEVModel, Plan
+from appocc.models.base import BEVModel, ViewTransformPlan
 from appocc.training.batch import Batch, Truth
 
 _AHEAD = 2
@@ -29,7 +29,7 @@ class Fed(NamedTuple):
     """
 
     batch: Batch
-    plan: Plan
+    plan: ViewTransformPlan
     plan_s: float
 
 

@@ -17,8 +17,8 @@ from appocc.errors import AppoccError, DataError
 from appocc.files import read_image
 from appocc.geometry import apply, inverse
 from appocc.grid import BEVGrid
-from appocc.models.input_images import fitted
-from appocc.models.model_spec import Setting
+from appocc.models.input_images import fit_image
+from appocc.models.model_spec import ModelSpec
 from appocc.nuscenes.dataset import LIDAR, Dataset
 from appocc.nuscenes.lidar import read_lidar
 from appocc.nuscenes.records import Sample as Moment
@@ -98,7 +98,7 @@ def _corner(outer: BEVGrid, inner: BEVGrid) -> tuple[int, int]:
 Layout = dict[str, tuple[tuple[int, ...], type[np.generic]]]
 
 
-def layout(samples: int, cameras: int, setting: Setting, grid: BEVGrid) -> Layout:
+def layout(samples: int, cameras: int, setting: ModelSpec, grid: BEVGrid) -> Layout:
     """Shape and type of each array of a pack."""
     s, n, (x, y) = samples, cameras, grid.shape
     h, w = _view_size(setting)
@@ -115,7 +115,7 @@ def layout(samples: int, cameras: int, setting: Setting, grid: BEVGrid) -> Layou
     }
 
 
-def _view_size(picture: Setting | Camera) -> tuple[int, int]:
+def _view_size(picture: ModelSpec | Camera) -> tuple[int, int]:
     """Rows and columns of depth and kind."""
     return -(-picture.height_px // FACTOR), -(-picture.width_px // FACTOR)
 
@@ -156,7 +156,7 @@ def source_of(dataset: Dataset, moment: Moment, channels: tuple[str, ...]) -> So
     return Source(moment.token, channels, views, (dataset.path(lidar), ego_from_lidar))
 
 
-def read_sample(wanted: Source, root: Path, source: str, setting: Setting, grid: BEVGrid) -> Sample:
+def read_sample(wanted: Source, root: Path, source: str, setting: ModelSpec, grid: BEVGrid) -> Sample:
     """Read the files of one sample.
 
     Raises:
@@ -177,7 +177,7 @@ def read_sample(wanted: Source, root: Path, source: str, setting: Setting, grid:
             continue
         image_path, camera = wanted.views[channel]
         image = read_image(image_path, (camera.width_px, camera.height_px))
-        sample.images[n], own = fitted(image, camera, setting)
+        sample.images[n], own = fit_image(image, camera, setting)
         sample.alive[n], sample.intrinsic[n], sample.ego_from_cam[n] = True, own.intrinsic, own.ego_from_cam
         if views is not None and channel in views:
             sample.depth_m[n], sample.kind[n] = _view_targets(views[channel], camera, own)
@@ -192,7 +192,7 @@ def read_sample(wanted: Source, root: Path, source: str, setting: Setting, grid:
     return sample
 
 
-def _check_grid(bev: BEVMap, grid: BEVGrid, setting: Setting, path: Path) -> None:
+def _check_grid(bev: BEVMap, grid: BEVGrid, setting: ModelSpec, path: Path) -> None:
     """Check that a map has the grid of the pack's first, and covers the setting's."""
     if bev.grid != grid:
         raise DataError(f"{path}: expected the grid of the first map, {grid}, got {bev.grid}")

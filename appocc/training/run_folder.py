@@ -9,7 +9,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from appocc.environment import look_around
+from appocc.environment import inspect_environment
 from appocc.errors import DataError
 from appocc.files import read_json, write_bytes, write_json
 from appocc.temporary import locked, made_folder
@@ -80,7 +80,7 @@ class RunFolder:
         Raises:
             DataError: if it cannot be written.
         """
-        write_json(self.environment, asdict(look_around(Path.cwd())))
+        write_json(self.environment, asdict(inspect_environment(Path.cwd())))
         write_bytes(self.config, config.as_yaml().encode())
 
     def go_on(self, progress: Progress) -> None:

@@ -15,7 +15,7 @@ import torch
 from appocc.camera import Camera, CameraRig
 from appocc.checks import IntArray
 from appocc.errors import DataError
-from appocc.models.model_spec import Setting
+from appocc.models.model_spec import ModelSpec
 from appocc.training.augment import Augmentation, augmented
 from appocc.training.batch import Batch, Truth
 from appocc.training.packed_dataset import Pack
@@ -54,7 +54,7 @@ class Loader:
         self._ends = np.cumsum([len(pack) for pack in packs])
         if not len(self._ends) or not self._ends[-1]:
             raise DataError("expected packs with samples, got none")
-        self.setting: Setting = packs[0].setting
+        self.setting: ModelSpec = packs[0].setting
         for pack in packs:
             if pack.setting != self.setting:
                 raise DataError(f"{pack.folder}: expected the setting of {packs[0].folder}, got another")

@@ -15,8 +15,8 @@ from appocc.bevmap import CLASSES
 from appocc.environment import memory
 from appocc.errors import DataError
 from appocc.models import registry
-from appocc.models.model_spec import SETTINGS, Setting
-from appocc.models.weights import PACKAGED, begin_with, save_weights
+from appocc.models.model_spec import MODEL_SPECS, ModelSpec
+from appocc.models.weights import PACKAGED, load_weights_into, save_weights
 from appocc.simulation.rendering.views import ViewClass
 from appocc.training.augment import Augmentation
 from appocc.training.config import AugmentConfig, Config
@@ -49,14 +49,14 @@ def prepared(config: Config, world: World, watcher: Watcher) -> Parts:
     Raises:
         AppoccError: if data are missing or damaged, lack a class, or the network is unknown.
     """
-    setting = SETTINGS[config.setting]
+    setting = MODEL_SPECS[config.setting]
     _check_memory(config.train.batch, setting)
     # Its first weights are the same in each process and for each seed, whatever was drawn before.
     torch.manual_seed(config.train.seed)
     kinds = len(ViewClass) if config.losses.kind or config.losses.depth else 0
-    model = registry.build(config.network, setting, appearance=config.appearance, kinds=kinds)
+    model = registry.build(config.network, setting, appearance=config.appearance, num_classes=kinds)
     if config.init is not None:
-        begin_with(model, PACKAGED if config.init == "packaged" else Path(config.init))
+        load_weights_into(model, PACKAGED if config.init == "packaged" else Path(config.init))
     train_pack = _packed(config.data.train, config, world, watcher)
     if config.data.val is None:
         train_pack, val_pack = train_pack.split(config.data.held_out)
@@ -70,7 +70,7 @@ def prepared(config: Config, world: World, watcher: Watcher) -> Parts:
     return Parts(model, changed, Loader([val_pack], batch, seed, rank=world.rank, world=world.size), save_weights)
 
 
-def _check_memory(batch: int, setting: Setting) -> None:
+def _check_memory(batch: int, setting: ModelSpec) -> None:
     """Check that the pictures of a batch alone fit into the machine's memory, before hours of packing.
 
     Raises:
@@ -122,7 +122,7 @@ def _packed(root: str, config: Config, world: World, watcher: Watcher) -> Pack:
 
     workers = max(1, config.data.workers)
     try:
-        return pack(root, config.data.source, SETTINGS[config.setting], out, advance, watcher.say, workers)
+        return pack(root, config.data.source, MODEL_SPECS[config.setting], out, advance, watcher.say, workers)
     finally:
         if world.size > 1:
             distributed.barrier()

@@ -12,7 +12,7 @@ from pydantic import Field, ValidationError
 from appocc.errors import DataError
 from appocc.files import read_json
 from appocc.jsonparts import JsonPart, first_problem
-from appocc.models.weights import load_model, save_weights, thresholds_of
+from appocc.models.weights import load_model, read_thresholds, save_weights
 
 _ENDING = ".safetensors"
 _Count = Annotated[int, Field(ge=0)]
@@ -98,7 +98,7 @@ def described(path: Path) -> dict[str, Any]:
     numbers = sum(parameter.numel() for parameter in model.parameters())
     own = {"file": str(path), "bytes": path.stat().st_size, "parameters": numbers}
     # First, and whatever a card says of the same names.
-    return {**own, **told, **own, "thresholds": list(thresholds_of(card))}
+    return {**own, **told, **own, "thresholds": list(read_thresholds(card))}
 
 
 def _value(text: str) -> Any:

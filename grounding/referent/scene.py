@@ -10,12 +10,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from appocc.bevmap import VEHICLE, BEVMap
-from appocc.boxes import Boxes, is_vehicle
+from appocc.boxes import Boxes, is_person_or_bicycle, is_vehicle
 from appocc.checks import FloatArray, check_transform, frozen
-from appocc.colours import Exposure, gains_of, linear_from_srgb, name, names
+from appocc.colours import Exposure, gains_of, name, names
 from appocc.ego_vehicle import EgoVehicle
 from appocc.geometry import apply, inverse, wrap_angle, yaw_of
 from appocc.motion_state import MOVING_MPS
+from appocc.srgb import encode_srgb, linear_from_srgb
 from grounding.referent.object_table import ObjectTable
 from grounding.road.lane_model import LANE_M, LaneModel
 from grounding.road.road_map import RoadMap
@@ -26,8 +27,6 @@ from tracking.tracks import Track
 
 __all__ = ["SceneModel", "SceneObject", "scene_from_boxes", "scene_from_map", "scene_from_tracks"]
 
-# Categories of people and bicycles: maps do not show them as vehicles, but commands name them.
-_OTHERS = ("human.", "pedestrian", "person", "bicycle", "vehicle.bicycle", "cyclist")
 # Range of objects where there is no map.
 _MAX_RANGE_M = 100.0
 # White light of unit gain, with default specular reflection and spread.
@@ -99,7 +98,7 @@ class SceneModel:
             return rgb
         gains = gains_of(self.bev, rgb[known], self.table.corners_m[known])
         neutral = np.full_like(rgb, np.nan)
-        neutral[known] = _srgb(linear_from_srgb(rgb[known]) * gains)
+        neutral[known] = 255 * encode_srgb(linear_from_srgb(rgb[known]) * gains)
         return neutral
 
     def colour_name(self, item: SceneObject) -> str | None:
@@ -163,18 +162,13 @@ def scene_from_tracks(
     return replace(scene, objects=_with_row_headings(scene.objects))
 
 
-def _srgb(linear: FloatArray) -> FloatArray:
-    """Encode linear light as sRGB (IEC 61966-2-1): 1 becomes 255."""
-    return 255 * np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
-
-
 def _build_scene(
     bev: BEVMap | None, items: Sequence[SceneObject], world_from_ego: FloatArray, ego: EgoVehicle
 ) -> SceneModel:
     """Build a scene of the objects in range, vehicles separate from people and bicycles."""
     inside = [item for item in items if _is_in_range(bev, item, ego) and not _is_ego(item, ego)]
-    vehicles = tuple(item for item in inside if not item.category.startswith(_OTHERS))
-    others = tuple(item for item in inside if item.category.startswith(_OTHERS))
+    vehicles = tuple(item for item in inside if not is_person_or_bicycle(item.category))
+    others = tuple(item for item in inside if is_person_or_bicycle(item.category))
     return SceneModel(bev, vehicles, world_from_ego, others, ego)
 
 
@@ -199,7 +193,7 @@ def _from_boxes(bev: BEVMap | None, boxes: Boxes) -> list[SceneObject]:
         centres, colours = bev.grid.centres()[known], np.moveaxis(bev.appearance, 0, -1)[known].astype(np.float64)
     objects = []
     for i, category in enumerate(boxes.category):
-        if not (is_vehicle(category) or category.startswith(_OTHERS)):
+        if not (is_vehicle(category) or is_person_or_bicycle(category)):
             continue
         width, length, height = (float(size) for size in boxes.size_wlh_m[i])
         velocity = boxes.velocity_mps[i]

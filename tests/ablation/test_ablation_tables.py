@@ -20,7 +20,7 @@ from appocc.ablation.tables import appearance_table, differences, iou_table, spr
 from appocc.errors import DataError
 from appocc.frame import Frame
 from appocc.models.ipm import ipm
-from appocc.models.model_spec import SETTINGS
+from appocc.models.model_spec import MODEL_SPECS
 from appocc.nuscenes import Dataset
 
 TEST = {"root": "sim", "against": "exact", "scenes": 3, "samples": 12}
@@ -147,19 +147,19 @@ def test_no_number_becomes_null() -> None:
 def test_a_colouring_says_colours_where_it_sees_and_nothing_of_occupancy(tiny: TinyDataset) -> None:
     dataset = Dataset(tiny.root)
     frame = dataset.frame(dataset.samples(dataset.scenes[0])[0])
-    bev, seen = ColouringMaker(ipm, SETTINGS["360"])(frame)
-    assert bev.grid == SETTINGS["360"].grid
+    bev, seen = ColouringMaker(ipm, MODEL_SPECS["360"])(frame)
+    assert bev.grid == MODEL_SPECS["360"].grid
     assert not bev.occupancy_valid.any()
     assert np.array_equal(bev.appearance_valid, seen)
     assert 0 < seen.sum() < seen.size
     assert np.abs(bev.appearance[:, seen].mean(axis=1) - [160, 80, 40]).max() <= 2
-    ahead, _ = ColouringMaker(ipm, SETTINGS["180"])(frame)
-    assert ahead.grid == SETTINGS["180"].grid
+    ahead, _ = ColouringMaker(ipm, MODEL_SPECS["180"])(frame)
+    assert ahead.grid == MODEL_SPECS["180"].grid
     front = Frame(frame.token, 0, frame.world_from_ego, frame.rig, {"CAM_FRONT": frame.images["CAM_FRONT"]})
-    fewer, _ = ColouringMaker(ipm, SETTINGS["360"])(front)
+    fewer, _ = ColouringMaker(ipm, MODEL_SPECS["360"])(front)
     assert 0 < fewer.appearance_valid.sum() < seen.sum()
-    with pytest.raises(DataError, match="expected a picture of CAM_FRONT_LEFT"):
-        ColouringMaker(ipm, SETTINGS["180"])(Frame(frame.token, 0, frame.world_from_ego, frame.rig, {}))
+    with pytest.raises(DataError, match="expected an image of CAM_FRONT_LEFT"):
+        ColouringMaker(ipm, MODEL_SPECS["180"])(Frame(frame.token, 0, frame.world_from_ego, frame.rig, {}))
 
 
 def test_scenes_are_drawn_once_and_kept_in_order(tiny: TinyDataset) -> None:

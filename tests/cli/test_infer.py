@@ -15,8 +15,8 @@ from appocc.errors import AppoccError, DataError
 from appocc.files import write_image
 from appocc.inference import loading
 from appocc.inference.predictor import Predictor, Weights
-from appocc.models.base import BEVModel, Output
-from appocc.models.model_spec import SETTINGS
+from appocc.models.base import BEVModel, ModelOutput
+from appocc.models.model_spec import MODEL_SPECS
 from cli.main import app
 
 RIG = """
@@ -39,14 +39,14 @@ class _Plan:
 class _Model(BEVModel):
     """Says nothing but the mean colour."""
 
-    setting = SETTINGS["360"]
+    spec = MODEL_SPECS["360"]
 
     def plan(self, rigs: object) -> _Plan:
         return _Plan()
 
-    def forward(self, images: Tensor, plan: object) -> Output:
+    def forward(self, images: Tensor, plan: object) -> ModelOutput:
         colour = images.mean(dim=(1, 3, 4))[:, :, None, None].expand(1, 3, 200, 200)
-        return Output(torch.zeros(1, 3, 200, 200) - 1, colour, None)
+        return ModelOutput(torch.zeros(1, 3, 200, 200) - 1, colour, None)
 
 
 @pytest.fixture(autouse=True)

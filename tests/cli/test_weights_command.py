@@ -9,12 +9,12 @@ from typer.testing import CliRunner, Result
 
 from appocc.errors import DataError
 from appocc.grid import BEVGrid
-from appocc.models.model_spec import Setting
+from appocc.models.model_spec import ModelSpec
 from appocc.models.registry import build
 from appocc.models.weights import save_weights
 from cli.main import app
 
-TINY = Setting("own", ("CAM_A",), BEVGrid(0.0, 8.0, -4.0, 4.0, 0.5), 96, 64)
+TINY = ModelSpec("own", ("CAM_A",), BEVGrid(0.0, 8.0, -4.0, 4.0, 0.5), 96, 64)
 FIGURES = {"samples": 9, "iou": {"road": 0.5}, "iou_at_threshold": {"road": 0.61, "vehicle": None}}
 
 

@@ -69,7 +69,7 @@ def test_the_ego_has_the_same_size_now_and_at_the_target() -> None:
     canvas, own = (BEVCanvas(STREET.grid, 4) for _ in range(2))
     for one in (canvas, own):
         one.picture[:] = 0  # without the hatching
-    canvas.ego()
+    canvas.ego(EGO)
     own.line(footprints([EGO.centre_m, 0.0], 0.0, [EGO.length_m, EGO.width_m]), WHITE, 2, closed=True)
     for axis in (0, 1):
         drawn, expected = (np.flatnonzero(one.picture.max(axis=2).max(axis=axis) > 128) for one in (canvas, own))

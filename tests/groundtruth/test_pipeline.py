@@ -229,7 +229,7 @@ def test_a_failure_in_the_middle_leaves_whole_files_only(
     # A folder lies where the last map should go: the worker that makes it fails.
     blocked = bev_path(out, "groundtruth", dataset.samples(dataset.scenes[0])[2].token)
     blocked.mkdir(parents=True)
-    with pytest.raises(DataError, match=rf"{blocked.name}: cannot be written \(it is no plain file\)"):
+    with pytest.raises(DataError, match=rf"{blocked.name}: cannot be written \(not a plain file\)"):
         run(dataset, out, workers)
     blocked.rmdir()
     blocked.with_suffix(".png").unlink()  # the picture comes first, so that a map is never without one

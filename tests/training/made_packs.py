@@ -9,11 +9,11 @@ from tiny_dataset import TinyDataset, token
 
 from appocc.bevmap import BEVMap, bev_path
 from appocc.grid import BEVGrid
-from appocc.models.model_spec import Setting
+from appocc.models.model_spec import ModelSpec
 
 GRID = BEVGrid(-8, 8, -8, 8, 0.4)
 # The tiny dataset has pictures of 32x20: four rows are cut off above and none below.
-SETTING = Setting("tiny", ("CAM_BACK", "CAM_FRONT", "CAM_LEFT"), GRID, 32, 16)
+SETTING = ModelSpec("tiny", ("CAM_BACK", "CAM_FRONT", "CAM_LEFT"), GRID, 32, 16)
 TOKENS = tuple(token("sample", i) for i in range(3))
 
 

@@ -13,8 +13,8 @@ from torch import Tensor, nn
 
 from appocc.camera import CameraRig
 from appocc.grid import BEVGrid
-from appocc.models.base import DEPTH_BINS, BEVModel, Output, ViewOutput
-from appocc.models.model_spec import Setting
+from appocc.models.base import DEPTH_BINS, BEVModel, ImageOutput, ModelOutput
+from appocc.models.model_spec import ModelSpec
 from appocc.training.batch import Batch, Truth
 from appocc.training.config import Config
 from appocc.training.loop import train
@@ -22,7 +22,7 @@ from appocc.training.process_group import World, joined
 from appocc.training.run import Parts, Watcher
 from appocc.training.run_folder import RunFolder
 
-SETTING = Setting("tiny", ("CAM_FRONT",), BEVGrid(0.0, 3.2, -1.6, 1.6), width_px=64, height_px=64)
+SETTING = ModelSpec("tiny", ("CAM_FRONT",), BEVGrid(0.0, 3.2, -1.6, 1.6), width_px=64, height_px=64)
 KINDS = 4
 
 
@@ -41,7 +41,7 @@ class TinyModel(BEVModel):
 
     def __init__(self, appearance: bool = True) -> None:
         super().__init__()
-        self.setting, self.appearance = SETTING, appearance
+        self.spec, self.appearance = SETTING, appearance
         stem = nn.Conv2d(3, 8, 3, padding=1, bias=False)
         self.trunk = nn.Sequential(stem, nn.BatchNorm2d(8), nn.ReLU(), nn.AvgPool2d(8), nn.Dropout(0.1))
         self.heads = nn.Conv2d(8, 6 if appearance else 3, 1)
@@ -50,13 +50,13 @@ class TinyModel(BEVModel):
     def plan(self, rigs: Sequence[CameraRig]) -> TinyPlan:
         return TinyPlan(torch.ones(len(rigs), *SETTING.grid.shape, dtype=torch.bool))
 
-    def forward(self, images: Tensor, plan: Any) -> Output:
+    def forward(self, images: Tensor, plan: Any) -> ModelOutput:
         assert images.flatten(0, 1).is_contiguous(memory_format=torch.channels_last)
         features = self.trunk(images[:, 0])
         answer, views = self.heads(features), self.views(features)[:, None]
         colour = answer[:, 3:].sigmoid() if self.appearance else None
-        told = ViewOutput(views[:, :, :DEPTH_BINS], views[:, :, DEPTH_BINS:]) if self.training else None
-        return Output(answer[:, :3], colour, told)
+        told = ImageOutput(views[:, :, :DEPTH_BINS], views[:, :, DEPTH_BINS:]) if self.training else None
+        return ModelOutput(answer[:, :3], colour, told)
 
 
 class Poison(NamedTuple):

@@ -16,13 +16,13 @@ from appocc.checks import FloatArray, check_transform
 from appocc.errors import ShapeError
 from appocc.geometry import apply, inverse, quaternion_from_yaw, transform
 from appocc.grid import BEVGrid
-from appocc.models.model_spec import SETTINGS
+from appocc.models.model_spec import MODEL_SPECS
 from appocc.rigs import read_rig
 from appocc.training.augment import Augmentation, augmented, mirrored, reframed, relit
 from appocc.training.reading import ARRAYS, Sample, cropped
 
 WIDTH, HEIGHT = 352, 128
-GRID, FRONT = BEVGrid.surround(), SETTINGS["180"].grid
+GRID, FRONT = BEVGrid.surround(), MODEL_SPECS["180"].grid
 RIG = tuple(read_rig("paper"))
 TERMS = 4 * 16  # of four poses and matrices of intrinsics, one after the other
 # Where each camera of the rig looks, degrees; a mark 14 m away in that direction is seen.

@@ -84,7 +84,7 @@ def test_what_is_wrong_is_told_in_one_line_with_file_and_key(path: Path, words: 
         ("- 1", "expected keys such as data and train, got list"),
         ("", "got NoneType"),
         ("data: {train: a, val: b}", "train: expected a value, got none"),
-        ("data: {train: a, train: b}", "'train' stands twice"),
+        ("data: {train: a, train: b}", "'train' occurs twice"),
         ("data: 2020-99-99", "no valid YAML"),
     ],
 )

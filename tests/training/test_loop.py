@@ -17,7 +17,7 @@ from torch import nn
 
 from appocc.errors import DataError
 from appocc.files import read_image
-from appocc.models.base import BEVModel, Output
+from appocc.models.base import BEVModel, ModelOutput
 from appocc.models.rounding import rounding
 from appocc.training.checkpoint import Progress
 from appocc.training.curves import draw_curves
@@ -73,7 +73,7 @@ def test_micro_batches_of_a_step_give_the_gradient_of_their_mean() -> None:
         model.zero_grad()
         for batch in parts:
             images = batch.images.flatten(0, 1).contiguous(memory_format=torch.channels_last)[:, None]
-            output: Output = model(images, model.plan(batch.rigs))
+            output: ModelOutput = model(images, model.plan(batch.rigs))
             total = losses(output, batch.truth, config.losses).total(config.losses)
             torch.autograd.backward(total / len(parts))
         grad = model.heads.weight.grad
@@ -263,7 +263,7 @@ def test_iou_at_half_and_at_the_best_threshold_by_hand() -> None:
     truth.occupancy[:, 2] = 0  # no lane at all
     truth.occupancy_valid[:, 1, :, 3] = False
     probability = torch.tensor([0.9, 0.305, 0.2, 0.8]).expand(1, 3, 1, 4)
-    output = Output(torch.logit(probability), torch.full((1, 3, 1, 4), 0.1), None)
+    output = ModelOutput(torch.logit(probability), torch.full((1, 3, 1, 4), 0.1), None)
     tally = Tally(torch.device("cpu"))
     terms = losses(output, truth, made_config().losses)
     tally.add(output, truth, terms, terms.total(made_config().losses))

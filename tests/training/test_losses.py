@@ -6,7 +6,7 @@ import torch
 from tolerances import assert_rounded
 from torch import Tensor
 
-from appocc.models.base import DEPTH_BINS, Output, ViewOutput
+from appocc.models.base import DEPTH_BINS, ImageOutput, ModelOutput
 from appocc.training.batch import Truth
 from appocc.training.config import LossConfig
 from appocc.training.losses import colour_loss, depth_bin, depth_loss, kind_loss, losses, occupancy_loss
@@ -107,14 +107,14 @@ def test_a_kind_is_known_where_no_depth_is() -> None:
 def test_nothing_known_is_no_loss_and_has_a_gradient() -> None:
     logits = torch.zeros(1, 3, 2, 2, requires_grad=True)
     colour = torch.zeros(1, 3, 2, 2, requires_grad=True)
-    views = ViewOutput(
+    views = ImageOutput(
         torch.zeros(1, 1, DEPTH_BINS, 2, 2, requires_grad=True), torch.zeros(1, 1, 5, 2, 2, requires_grad=True)
     )
     nothing = truth(
         occupancy_valid=torch.zeros(1, 3, 2, 2, dtype=torch.bool),
         appearance_valid=torch.zeros(1, 2, 2, dtype=torch.bool),
     )
-    terms = losses(Output(logits, colour, views), nothing, LossConfig())
+    terms = losses(ModelOutput(logits, colour, views), nothing, LossConfig())
     assert terms.names() == ("road", "vehicle", "lane", "colour", "depth", "kind")
     total = terms.total(LossConfig())
     assert float(total.detach()) == 0
@@ -123,7 +123,7 @@ def test_nothing_known_is_no_loss_and_has_a_gradient() -> None:
 
 
 def test_the_total_is_weighted_and_lacks_what_the_network_does_not_answer() -> None:
-    terms = losses(Output(torch.zeros(1, 3, 2, 2), None, None), truth(), LossConfig(classes=(1, 2, 0)))
+    terms = losses(ModelOutput(torch.zeros(1, 3, 2, 2), None, None), truth(), LossConfig(classes=(1, 2, 0)))
     assert terms.names() == ("road", "vehicle", "lane")
     assert_rounded(terms.total(LossConfig(classes=(1, 2, 0))), 3 * math.log(2), TERMS)
 

@@ -18,8 +18,8 @@ from tiny_dataset import START_US, TinyDataset, token
 from appocc.bevmap import bev_path
 from appocc.errors import DataError
 from appocc.grid import BEVGrid
-from appocc.models.input_images import fitted
-from appocc.models.model_spec import Setting
+from appocc.models.input_images import fit_image
+from appocc.models.model_spec import ModelSpec
 from appocc.nuscenes import Dataset
 from appocc.simulation.truth.auxiliary import ViewTargets, save_views
 from appocc.temporary import locked
@@ -32,7 +32,7 @@ def root(tiny: TinyDataset) -> Path:
     return with_maps(tiny)
 
 
-def packed(root: Path, out: Path, setting: Setting = SETTING) -> Pack:
+def packed(root: Path, out: Path, setting: ModelSpec = SETTING) -> Pack:
     return pack(root, "exact", setting, out)
 
 
@@ -45,7 +45,7 @@ def test_a_pack_holds_pictures_cameras_and_truth(root: Path, tmp_path: Path) -> 
         assert sample.channels == ("CAM_BACK", "CAM_FRONT")  # it has no CAM_LEFT
         assert sample.alive.tolist() == [True, True]
         for n, channel in enumerate(sample.channels):
-            image, camera = fitted(frame.images[channel], frame.rig[channel], SETTING)
+            image, camera = fit_image(frame.images[channel], frame.rig[channel], SETTING)
             np.testing.assert_array_equal(sample.images[n], image)
             np.testing.assert_array_equal(sample.intrinsic[n], camera.intrinsic)
             np.testing.assert_array_equal(sample.ego_from_cam[n], camera.ego_from_cam)
@@ -235,7 +235,7 @@ def test_depth_and_kind_of_a_simulated_picture_follow_its_cut(root: Path, tmp_pa
     sample = packed(root, tmp_path / "pack", setting).sample(0)
     front, back = 1, 0
     camera = Dataset(root).frame(Dataset(root).sample(TOKENS[0])).rig["CAM_FRONT"]
-    _, own = fitted(np.zeros((20, 32, 3), np.uint8), camera, setting)
+    _, own = fit_image(np.zeros((20, 32, 3), np.uint8), camera, setting)
     for row in range(4):
         for column in range(8):
             ray = np.linalg.inv(own.intrinsic) @ [8 * column + 3.5, 8 * row + 3.5, 1]

@@ -165,7 +165,7 @@ def _is(kind: str, wanted: str | None) -> bool:
     kind = kind.lower()
     if wanted is None or wanted.lower() == kind:
         return True
-    return wanted.lower() == "vehicle" and (is_vehicle(kind) or kind in ("trailer", "van"))
+    return wanted.lower() == "vehicle" and is_vehicle(kind)
 
 
 def _select_kind(frame: AlignedFrame, wanted: str | None) -> AlignedFrame:

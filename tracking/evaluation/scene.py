@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from appocc.boxes import Boxes
+from appocc.boxes import Boxes, is_person_or_bicycle
 from appocc.checks import FloatArray
 from appocc.files import write_json
 from appocc.nuscenes import Dataset
@@ -39,7 +39,7 @@ def score_scene(dataset: Dataset, result: SceneTracks) -> dict[str, Metrics] | N
 
 def _is_vehicle(track: Track) -> bool:
     """Return whether a track is compared with annotated vehicles."""
-    return track.kind not in ("pedestrian", "bicycle")
+    return not is_person_or_bicycle(track.kind)
 
 
 def moving_instances(truths: Sequence[Boxes]) -> set[str]:

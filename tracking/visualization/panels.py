@@ -11,6 +11,7 @@ import numpy as np
 from appocc.bevmap import BEVMap
 from appocc.camera import Camera
 from appocc.checks import ByteArray, FloatArray
+from appocc.ego_vehicle import EgoVehicle
 from appocc.geometry import apply, footprints, inverse
 from appocc.visualization.canvas import UNKNOWN_LEGEND, WHITE, BEVCanvas, Colour, draw_box, put_text
 from tracking.tracks import Track
@@ -57,13 +58,14 @@ def draw_bev_panel(
     tracks: Sequence[Track],
     trails: dict[int, FloatArray],
     world_from_ego: FloatArray,
+    ego: EgoVehicle,
     scale: int = 4,
 ) -> ByteArray:
     """Draw the map, forward up, with boxes, trails (id -> (K, 3) world), ids, colours and longitudinal distances."""
     canvas = BEVCanvas(bev.grid, scale)
     canvas.appearance(bev)
     put_text(canvas.picture, UNKNOWN_LEGEND, (8, canvas.picture.shape[0] - 8))
-    canvas.ego()
+    canvas.ego(ego)
     ego_from_world = inverse(world_from_ego)
     ordered = sort_by_distance(tracks, world_from_ego)
     boxes = []

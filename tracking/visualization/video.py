@@ -11,13 +11,12 @@ import cv2
 import numpy as np
 
 from appocc.bevmap import BEVMap, load_map
-from appocc.camera import CameraRig
 from appocc.checks import ByteArray, FloatArray
 from appocc.errors import DataError
 from appocc.files import whole_file
 from appocc.frame import Frame
 from appocc.nuscenes import Dataset
-from appocc.visualization.predictions import rows_of_cameras
+from appocc.visualization.predictions import camera_rows
 from tracking.pipeline import SceneTracks
 from tracking.tracks import Track
 from tracking.visualization.panels import draw_bev_panel, draw_camera_panel, draw_list_panel
@@ -117,7 +116,7 @@ def _rate_hz(result: SceneTracks) -> float:
 def draw_frame(result: SceneTracks, number: int, frame: Frame, bev: BEVMap) -> ByteArray:
     """Draw key frame `number` as RGB (H, W, 3) with even height and width."""
     tracks, pose = result.tracks[number], result.world_from_ego[number]
-    right = draw_bev_panel(bev, tracks, collect_trails(result, number), pose)
+    right = draw_bev_panel(bev, tracks, collect_trails(result, number), pose, frame.rig.ego_vehicle)
     if frame.images:
         left = _camera_panels(frame, tracks, pose)
         height = max(right.shape[0], left.shape[0])
@@ -143,8 +142,8 @@ def collect_trails(result: SceneTracks, number: int) -> dict[int, FloatArray]:
 
 def _camera_panels(frame: Frame, tracks: tuple[Track, ...], world_from_ego: FloatArray) -> ByteArray:
     """Draw all cameras with an image, in rows of equal width."""
-    seeing = CameraRig(tuple(camera for camera in frame.rig if camera.channel in frame.images))
-    rows = rows_of_cameras(seeing)
+    seeing = frame.rig.select(frame.images)
+    rows = camera_rows(seeing)
     width = _CAMERAS_PX // max(len(row) for row in rows)
     height = max(round(width * camera.height_px / camera.width_px) for camera in seeing)
     picture: ByteArray = np.zeros((height * len(rows), _CAMERAS_PX, 3), np.uint8)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from appocc.checks import ByteArray, Float32Array
 from appocc.simulation.rendering.compiled import inlined, kernel
 from appocc.simulation.rendering.weather import Weather
+from appocc.srgb import encode_srgb
 
 _STEPS = 4096
 # Full-well capacity and read noise in electrons: a small automotive sensor by day.
@@ -45,7 +46,7 @@ def _curve() -> Float32Array:
     x = (np.arange(_STEPS) / (_STEPS - 1)) ** 2 * _WHITE
     x = x * x / (x + 0.02)
     film = (1 - np.exp(-1.15 * x)) / (1 - np.exp(-1.15 * _WHITE))
-    return np.asarray(np.where(film <= 0.0031308, film * 12.92, 1.055 * film ** (1 / 2.4) - 0.055), np.float32)
+    return np.asarray(encode_srgb(film), np.float32)
 
 
 def apply_response(linear: Float32Array, gains: Float32Array, glow: float, rng: np.random.Generator) -> ByteArray:

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from appocc.checks import ByteArray, Float32Array
-from appocc.colours import linear_from_srgb
 from appocc.simulation.rendering.compiled import inlined, kernel
 from appocc.simulation.surface import CELL_M, Ground
+from appocc.srgb import encode_srgb, linear_from_srgb
 
 _LEVELS = 9
 LINEAR: Float32Array = linear_from_srgb(np.arange(256)).astype(np.float32)
@@ -61,9 +61,7 @@ def build_texture(ground: Ground) -> Texture:
 
 def _encoding() -> ByteArray:
     """Return (4096,) uint8 sRGB byte by linear value * 4095."""
-    value = np.arange(4096) / 4095
-    curve = np.where(value <= 0.0031308, value * 12.92, 1.055 * value ** (1 / 2.4) - 0.055)
-    return np.asarray(np.rint(curve * 255), np.uint8)
+    return np.asarray(np.rint(encode_srgb(np.arange(4096) / 4095) * 255), np.uint8)
 
 
 @kernel

@@ -12,8 +12,9 @@ from tiny_dataset import TinyDataset
 
 from appocc.camera import Camera, CameraRig
 from appocc.checks import ByteArray, FloatArray
+from appocc.ego_vehicle import EgoVehicle
 from appocc.errors import DataError
-from appocc.visualization.predictions import rows_of_cameras
+from appocc.visualization.predictions import camera_rows
 from tracking.pipeline import SceneTracks, track_scene
 from tracking.tracks import Track
 from tracking.visualization.labels import LabelPlacer, draw_colour_chip
@@ -66,9 +67,9 @@ def test_corners_surround_the_track_front_first() -> None:
 def test_cameras_are_arranged_as_they_look() -> None:
     yaws = {"BACK": 180, "RIGHT": -100, "FRONT": 0, "LEFT": 100, "FRONT_RIGHT": -55, "FRONT_LEFT": 55}
     rig = CameraRig(tuple(looking(name, np.radians(yaw)) for name, yaw in yaws.items()))
-    names = [[camera.channel for camera in row] for row in rows_of_cameras(rig)]
+    names = [[camera.channel for camera in row] for row in camera_rows(rig)]
     assert names == [["FRONT_LEFT", "FRONT", "FRONT_RIGHT"], ["LEFT", "BACK", "RIGHT"]]
-    assert rows_of_cameras(CameraRig((looking("ONLY", np.pi),)))[0][0].channel == "ONLY"
+    assert camera_rows(CameraRig((looking("ONLY", np.pi),)))[0][0].channel == "ONLY"
 
 
 def test_trails_are_short_and_only_of_tracks_that_are_there(tiny: TinyDataset) -> None:
@@ -87,7 +88,7 @@ def test_trails_are_short_and_only_of_tracks_that_are_there(tiny: TinyDataset) -
 def test_the_map_shows_a_track_left_and_ahead_up_and_to_the_left() -> None:
     tracks = [at(20, 10, 3)]
     trail = {3: np.array([[18.0, 10.0, 0.0], [20.0, 10.0, 0.0]])}
-    picture = draw_bev_panel(map_of([]), tracks, trail, pose())
+    picture = draw_bev_panel(map_of([]), tracks, trail, pose(), EgoVehicle())
     assert picture.shape == (800, 800, 3)
     box = picture[160:240, 280:320]
     # 10 px a metre: (20, 10) lies 200 px above and 100 px left of the middle.
@@ -97,10 +98,10 @@ def test_the_map_shows_a_track_left_and_ahead_up_and_to_the_left() -> None:
 def test_the_front_mark_lies_ahead_of_the_centre() -> None:
     def marks(yaw_rad: float) -> FloatArray:
         both = [
-            draw_bev_panel(map_of([]), [at(20, 0, 1, yaw_rad, known)], {1: np.zeros((1, 3))}, pose()).astype(int)
+            draw_bev_panel(map_of([]), [at(20, 0, 1, yaw_rad, known)], {1: np.zeros((1, 3))}, pose(), EgoVehicle())
             for known in (True, False)
         ]
-        rows, columns = np.nonzero(np.abs(both[0] - both[1]).sum(axis=-1))
+        rows, columns = np.nonzero(np.abs(both[0].astype(int) - both[1]).sum(axis=-1))
         return np.array([columns.mean(), rows.mean()])
 
     np.testing.assert_allclose(marks(0.0), [400, 200 - 11], atol=3)
@@ -109,7 +110,7 @@ def test_the_front_mark_lies_ahead_of_the_centre() -> None:
 
 def test_the_map_follows_the_ego() -> None:
     tracks, trail = [at(120, 60, 3)], {3: np.array([[120.0, 60.0, 0.0]])}
-    picture = draw_bev_panel(map_of([]), tracks, trail, pose(100, 50))
+    picture = draw_bev_panel(map_of([]), tracks, trail, pose(100, 50), EgoVehicle())
     np.testing.assert_allclose(ink_near(picture[160:240, 280:320], track_colour(3)), [20, 40], atol=4)
 
 

@@ -18,13 +18,13 @@ from appocc.colours import (
     fit,
     gains_of,
     lab_from_rgb,
-    linear_from_srgb,
     name,
     names,
     word_probabilities,
 )
 from appocc.errors import ShapeError
 from appocc.geometry import footprints
+from appocc.srgb import linear_from_srgb
 from benchmarks.colour_words import Group, either, named_groups, read_named, shares
 
 LAB_TERMS = 20  # of a power, a matrix, a root and differences of numbers up to 500

@@ -9,7 +9,7 @@ from appocc.errors import DataError
 from appocc.frame import Frame
 from appocc.rigs import read_rig
 from appocc.visualization.canvas import GREEN, RED, YELLOW
-from appocc.visualization.rig_check import pose_of, rig_sheet
+from appocc.visualization.rig_check import camera_angles, rig_sheet
 
 SIZE_PX = (640, 320)
 
@@ -63,23 +63,23 @@ def test_cameras_stand_as_they_look_out_of_the_car() -> None:
 def test_a_wrong_convention_is_told() -> None:
     swapped = level("CAM_FRONT", 0)
     camera = Camera("CAM_FRONT", *SIZE_PX, swapped.intrinsic.copy(), np.eye(4))  # as if the ego were a camera
-    assert pose_of(camera).pitch_deg == pytest.approx(-90)
-    assert pose_of(camera).height_m == 0
+    assert camera_angles(camera).pitch_deg == pytest.approx(-90)
+    assert camera_angles(camera).height_m == 0
 
 
 @pytest.mark.parametrize("name", ["paper", "paper_full"])
 def test_poses_are_those_of_the_rig_file(name: str) -> None:
-    yaws = {camera.channel: pose_of(camera).yaw_deg for camera in read_rig(name)}
+    yaws = {camera.channel: camera_angles(camera).yaw_deg for camera in read_rig(name)}
     assert yaws["CAM_FRONT_LEFT"] == pytest.approx(55)
     assert abs(yaws["CAM_BACK"]) == pytest.approx(180)
-    assert all(abs(pose_of(camera).roll_deg) < 1e-6 for camera in read_rig(name))
+    assert all(abs(camera_angles(camera).roll_deg) < 1e-6 for camera in read_rig(name))
 
 
 def test_pitch_and_roll_have_the_signs_of_the_rig_file(tmp_path_factory: pytest.TempPathFactory) -> None:
     path = tmp_path_factory.mktemp("rig") / "rig.yaml"
     pose = "yaw_deg: 30, pitch_deg: 5, roll_deg: -3"
     path.write_text(f"cameras: {{CAM_A: {{size_px: [64, 32], fov_deg: 70, position_m: [0, 0, 1], {pose}}}}}")
-    np.testing.assert_allclose(pose_of(next(iter(read_rig(str(path))))), [30, 5, -3, 1], atol=1e-9)
+    np.testing.assert_allclose(camera_angles(next(iter(read_rig(str(path))))), [30, 5, -3, 1], atol=1e-9)
 
 
 def test_no_images() -> None:

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from appocc.boxes import Boxes, is_vehicle
+from appocc.boxes import Boxes, is_person_or_bicycle, is_vehicle
 from appocc.errors import ShapeError
 from appocc.geometry import apply, inverse, quaternion_from_yaw, rotation_from_quaternion, transform
 
@@ -105,14 +105,18 @@ def test_select_by_mask_and_by_index() -> None:
     assert len(two().select(np.array([], dtype=np.int64))) == 0
 
 
-@pytest.mark.parametrize("name", ["vehicle.car", "vehicle.bus.rigid", "vehicle.motorcycle", "car", "other_vehicle"])
+@pytest.mark.parametrize(
+    "name", ["vehicle.car", "vehicle.bus.rigid", "vehicle.motorcycle", "car", "van", "trailer", "other_vehicle"]
+)
 def test_vehicles(name: str) -> None:
     assert is_vehicle(name)
+    assert not is_person_or_bicycle(name)
 
 
 @pytest.mark.parametrize("name", ["vehicle.bicycle", "bicycle", "human.pedestrian.adult", "pedestrian", "animal", ""])
 def test_what_is_no_vehicle(name: str) -> None:
     assert not is_vehicle(name)
+    assert is_person_or_bicycle(name) is (name not in ("animal", ""))
 
 
 def test_vehicles_are_chosen() -> None:

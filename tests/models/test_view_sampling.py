@@ -13,7 +13,7 @@ from appocc.camera import Camera, CameraRig
 from appocc.errors import ShapeError
 from appocc.geometry import transform
 from appocc.grid import BEVGrid
-from appocc.models.view_transform.sampling import PullPlan, plan_pull, pull
+from appocc.models.view_transform.sampling import SamplingPlan, plan_sampling, sample_features
 from appocc.rigs import read_rig
 
 GRID = BEVGrid(-16.0, 16.0, -12.0, 12.0, 0.8)
@@ -30,8 +30,8 @@ def features(cameras: int, channels: int = 5) -> Tensor:
     return torch.rand(cameras, H, W, channels, generator=torch.Generator().manual_seed(1))
 
 
-def planned(*rigs: CameraRig, heights_m: tuple[float, ...] = HEIGHTS_M) -> PullPlan:
-    return plan_pull(rigs, GRID, heights_m, H, W, STRIDE)
+def planned(*rigs: CameraRig, heights_m: tuple[float, ...] = HEIGHTS_M) -> SamplingPlan:
+    return plan_sampling(rigs, GRID, heights_m, H, W, STRIDE)
 
 
 def by_grid_sample(rows: Tensor, cameras: CameraRig, heights_m: tuple[float, ...]) -> Tensor:
@@ -57,25 +57,25 @@ def by_grid_sample(rows: Tensor, cameras: CameraRig, heights_m: tuple[float, ...
 def test_it_reads_what_grid_sample_reads(channels: tuple[str, ...]) -> None:
     cameras, rows = rig(*channels), features(len(channels))
     expected = by_grid_sample(rows, cameras, HEIGHTS_M)
-    assert_rounded(pull(rows, planned(cameras))[0], expected, READ, size=W)
+    assert_rounded(sample_features(rows, planned(cameras))[0], expected, READ, size=W)
 
 
 def test_heights_other_than_the_usual() -> None:
     cameras, rows, heights_m = rig("CAM_BACK"), features(1), (-0.5, 2.2)
     plan = planned(cameras, heights_m=heights_m)
     expected = by_grid_sample(rows, cameras, heights_m)
-    assert_rounded(pull(rows, plan)[0], expected, READ, size=W)
+    assert_rounded(sample_features(rows, plan)[0], expected, READ, size=W)
 
 
 def test_both_paths_and_batches_of_unequal_rigs_agree() -> None:
     rigs = [rig("CAM_FRONT", "CAM_FRONT_LEFT"), CameraRig(()), rig("CAM_BACK")]
     rows = features(3)
     plan = planned(*rigs)
-    together = pull(rows, plan)
+    together = sample_features(rows, plan)
     assert together.is_contiguous(memory_format=torch.channels_last)
-    assert_rounded(together, pull(rows, plan.for_export()), READ, size=1.0)
-    assert_rounded(together[:1], pull(rows[:2], planned(rigs[0])), READ, size=1.0)
-    assert_rounded(together[2:], pull(rows[2:], planned(rigs[2])), READ, size=1.0)
+    assert_rounded(together, sample_features(rows, plan.for_export()), READ, size=1.0)
+    assert_rounded(together[:1], sample_features(rows[:2], planned(rigs[0])), READ, size=1.0)
+    assert_rounded(together[2:], sample_features(rows[2:], planned(rigs[2])), READ, size=1.0)
     assert together[1].abs().max() == 0
     assert plan.cameras == (2, 0, 1)
     assert plan.seen.any(dim=(1, 2)).tolist() == [True, False, True]
@@ -84,7 +84,7 @@ def test_both_paths_and_batches_of_unequal_rigs_agree() -> None:
 def test_no_camera_at_all_by_both_paths() -> None:
     plan = planned(CameraRig(()))
     for each in (plan, plan.for_export()):
-        assert pull(features(0), each).shape == (1, 15, *GRID.shape)
+        assert sample_features(features(0), each).shape == (1, 15, *GRID.shape)
 
 
 def test_gradients_are_those_of_plain_gathers() -> None:
@@ -93,14 +93,14 @@ def test_gradients_are_those_of_plain_gathers() -> None:
     found: list[Tensor] = []
     for each in (plan, plan.for_export()):
         rows = features(3).requires_grad_()
-        found += torch.autograd.grad((pull(rows, each) * weight).sum(), rows)
+        found += torch.autograd.grad((sample_features(rows, each) * weight).sum(), rows)
     # A feature is read at most by all cells, at every height.
     assert_rounded(found[0], found[1], len(HEIGHTS_M) * plan.seen[0].numel())
 
 
 def test_a_cell_that_is_seen_reads_an_average() -> None:
     plan = planned(rig(*read_rig("paper").channels))
-    ones = pull(torch.ones(6, H, W, 1), plan)[0, 0]
+    ones = sample_features(torch.ones(6, H, W, 1), plan)[0, 0]
     assert_rounded(ones, plan.seen[0].float(), READ)
     assert plan.count.max() >= 2
 
@@ -123,7 +123,7 @@ def overhead(focal_px: float, height_m: float) -> CameraRig:
 def test_half_a_pixel_beyond_the_middle_of_the_outer_ones_is_seen() -> None:
     """With pixels of 2 m on the ground there are cells whose places lie in that half."""
     cameras = overhead(5.0, 10.0)
-    plan = plan_pull([cameras], GRID, (0.0,), 1, 1, 8)
+    plan = plan_sampling([cameras], GRID, (0.0,), 1, 1, 8)
     uv, depth = cameras["CAM_DOWN"].project_ego(np.insert(GRID.centres().reshape(-1, 2), 2, 0.0, axis=1))
     sees = cameras["CAM_DOWN"].sees(uv, depth)
     assert (uv[sees] < 0).any()
@@ -131,7 +131,7 @@ def test_half_a_pixel_beyond_the_middle_of_the_outer_ones_is_seen() -> None:
 
 
 def test_what_is_too_near_to_a_lens_is_not_seen() -> None:
-    seen = [plan_pull([overhead(0.01, height_m)], GRID, (0.0,), 1, 1, 8).seen.any() for height_m in (0.05, 0.2)]
+    seen = [plan_sampling([overhead(0.01, height_m)], GRID, (0.0,), 1, 1, 8).seen.any() for height_m in (0.05, 0.2)]
     assert seen == [False, True]
 
 
@@ -140,13 +140,13 @@ def test_left_and_right_are_not_mixed_up() -> None:
     seen = planned(rig("CAM_FRONT_LEFT")).seen[0]
     assert not seen[:, : GRID.shape[1] // 2 - 3].any()
     rows = torch.linspace(0, 1, W)[None, None, :, None].expand(1, H, W, 1)
-    column = pull(rows, planned(rig("CAM_FRONT")))[0, 0, 35]  # x = 12.4 m
+    column = sample_features(rows, planned(rig("CAM_FRONT")))[0, 0, 35]  # x = 12.4 m
     cells = column[planned(rig("CAM_FRONT")).seen[0, 35]]
     assert (cells.diff() < 0).all()  # y grows to the left, columns to the right
 
 
 def test_nearly_the_whole_grid_is_filled() -> None:
-    plan = plan_pull([read_rig("paper")], BEVGrid.surround(), HEIGHTS_M, H, W, STRIDE)
+    plan = plan_sampling([read_rig("paper")], BEVGrid.surround(), HEIGHTS_M, H, W, STRIDE)
     assert plan.seen.float().mean() > 0.97
 
 
@@ -163,8 +163,8 @@ def test_plans_move_to_a_device() -> None:
 
 def test_features_of_another_size_are_refused() -> None:
     with pytest.raises(ShapeError, match="expected 704 places, as planned, got 1408"):
-        pull(features(2), planned(rig("CAM_BACK")))
+        sample_features(features(2), planned(rig("CAM_BACK")))
     with pytest.raises(ShapeError, match=r"CAM_BACK: expected features of \(8, 22\) at stride 16"):
-        plan_pull([rig("CAM_BACK")], GRID, HEIGHTS_M, H, W, 16)
+        plan_sampling([rig("CAM_BACK")], GRID, HEIGHTS_M, H, W, 16)
     with pytest.raises(ShapeError, match="expected rigs and heights"):
-        plan_pull([], GRID, HEIGHTS_M, H, W, STRIDE)
+        plan_sampling([], GRID, HEIGHTS_M, H, W, STRIDE)

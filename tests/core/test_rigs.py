@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from appocc.ego_vehicle import EgoVehicle
 from appocc.errors import DataError, NotFoundError
 from appocc.geometry import inverse
 from appocc.rigs import read_rig, rig_names
@@ -74,13 +75,18 @@ def test_an_intrinsic_may_be_given(tmp_path: Path) -> None:
             "positive focal lengths",
         ),
         (ONE + "    zoom: 3\n", "zoom"),
-        (ONE + ONE.removeprefix("cameras:\n"), "'CAM_FRONT' stands twice"),
-        (ONE + "    yaw_deg: 90\n", "'yaw_deg' stands twice"),
+        (ONE + ONE.removeprefix("cameras:\n"), "'CAM_FRONT' occurs twice"),
+        (ONE + "    yaw_deg: 90\n", "'yaw_deg' occurs twice"),
         (ONE.replace("yaw_deg: 0", "yaw_deg: 2020-99-99"), "no valid YAML"),
         (ONE.replace("[64, 32]", f"[{'9' * 5000}, 32]"), "no valid YAML"),
         (ONE.replace("[64, 32]", "[64, 0]"), "size_px"),
         (ONE.replace("[64, 32]", "[99999, 32]"), "size_px"),
         (ONE.replace("[1, 0, 1.5]", "[1, .inf, 1.5]"), "position_m"),
+        (ONE + "ego_vehicle: 4.6\n", "ego_vehicle"),
+        (ONE + "ego_vehicle: {height_m: 1.5}\n", "ego_vehicle.height_m"),
+        (ONE + "ego_vehicle: {length_m: .nan}\n", "ego_vehicle.length_m"),
+        (ONE + "ego_vehicle: {width_m: 0}\n", "width_m: expected metres above 0"),
+        (ONE + "ego_vehicle: {rear_overhang_m: 5}\n", "rear_overhang_m: expected less than length_m"),
     ],
 )
 def test_what_is_no_rig_is_told_in_one_line(tmp_path: Path, text: str, reason: str) -> None:
@@ -91,6 +97,16 @@ def test_what_is_no_rig_is_told_in_one_line(tmp_path: Path, text: str, reason: s
     assert reason in str(caught.value)
     assert str(path) in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_a_rig_file_gives_the_size_of_the_ego_vehicle(tmp_path: Path) -> None:
+    path = tmp_path / "rig.yaml"
+    path.write_text(ONE)
+    assert read_rig(path).ego_vehicle == EgoVehicle()
+    path.write_text(ONE + "ego_vehicle:\n  length_m: 12\n  rear_overhang_m: 3.5\n")
+    rig = read_rig(path)
+    assert rig.ego_vehicle == EgoVehicle(length_m=12.0, rear_overhang_m=3.5)
+    assert rig.with_cameras(()).ego_vehicle == rig.select(["CAM_FRONT"]).ego_vehicle == rig.ego_vehicle
 
 
 def test_an_unknown_name_lists_the_known_ones() -> None:

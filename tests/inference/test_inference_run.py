@@ -13,28 +13,32 @@ from tiny_dataset import TinyDataset, token
 from appocc.bevmap import LANE, VEHICLE, BEVMap, load_map
 from appocc.checks import FloatArray
 from appocc.errors import DataError
-from appocc.files import read_image, zip_arrays
-from appocc.inference.inputs import Moment, dataset_moments
+from appocc.files import read_image, write_image, zip_arrays
+from appocc.inference.inputs import InferenceInput, dataset_inputs
 from appocc.inference.predictor import Predictor
-from appocc.inference.run import Summary, infer
+from appocc.inference.run import InferenceRun, InferenceSummary
 from appocc.nuscenes import Dataset
-from appocc.visualization.predictions import figure, rows_of_cameras
+from appocc.visualization.predictions import camera_rows, prediction_figure
 
 ALL = [token("sample", i) for i in range(3)]
 
 
-def places(bev: BEVMap) -> FloatArray:
+def vehicle_centres(bev: BEVMap) -> FloatArray:
     """The mean of all vehicle cells."""
     return np.asarray(bev.grid.centres()[bev.on[VEHICLE]].mean(axis=0, keepdims=True))
 
 
-def moments_of(tiny: TinyDataset) -> list[Moment]:
+def inputs_of(tiny: TinyDataset) -> list[InferenceInput]:
     dataset = Dataset(tiny.root)
-    return dataset_moments(dataset, dataset.scenes)
+    return dataset_inputs(dataset, dataset.scenes)
 
 
-def run(tiny: TinyDataset, out: Path, model: Predictor | None = None) -> Summary:
-    return infer(moments_of(tiny), model or predictor(), out, places, lambda _: None)
+def run(tiny: TinyDataset, out: Path, model: Predictor | None = None) -> InferenceSummary:
+    run = InferenceRun(inputs_of(tiny), model or predictor(), out)
+    for result in run:
+        if result is not None:
+            write_image(result.picture, prediction_figure(result.frame, result.bev, vehicle_centres(result.bev)))
+    return run.summary
 
 
 def digests(folder: Path) -> dict[str, str]:
@@ -81,14 +85,14 @@ def test_other_weights_or_settings_make_new_maps(tiny: TinyDataset, tmp_path: Pa
     assert BEVMap.load(tmp_path / f"{ALL[0]}.npz").grid == AHEAD.grid
 
 
-def test_dead_cameras_are_told_once(tiny: TinyDataset, tmp_path: Path) -> None:
+def test_missing_cameras_are_counted_with_their_first_reason(tiny: TinyDataset, tmp_path: Path) -> None:
     dataset = Dataset(tiny.root)
     gone = [dataset.path(dataset.data(dataset.sample(name))["CAM_BACK"]) for name in ALL[1:]]
     for path in gone:
         path.unlink()
-    dead = run(tiny, tmp_path).dead
-    assert list(dead) == ["CAM_BACK"]
-    times, why = dead["CAM_BACK"]
+    missing = run(tiny, tmp_path).missing
+    assert list(missing) == ["CAM_BACK"]
+    times, why = missing["CAM_BACK"]
     assert times == 2
     assert str(gone[0]) in why
     assert [BEVMap.load(tmp_path / f"{name}.npz").meta["cameras"] for name in ALL] == [
@@ -99,31 +103,28 @@ def test_dead_cameras_are_told_once(tiny: TinyDataset, tmp_path: Path) -> None:
 
 
 def test_nothing_half_made_is_left(tiny: TinyDataset, tmp_path: Path) -> None:
-    def fails(bev: BEVMap) -> FloatArray:
-        raise DataError("stop")
-
-    with pytest.raises(DataError, match="stop"):
-        infer(moments_of(tiny), predictor(), tmp_path / "out", fails, lambda _: None)
+    for _ in InferenceRun(inputs_of(tiny), predictor(), tmp_path / "out"):
+        break  # no picture could be written
     assert list(tmp_path.glob("out/**/*.*")) == []
 
 
 def test_a_map_is_decided_by_its_thresholds(tiny: TinyDataset) -> None:
-    bev, _ = predictor()(moments_of(tiny)[0].read().frame)
+    bev, _ = predictor()(inputs_of(tiny)[0].read().frame)
     assert bev.on[VEHICLE].any()  # 0.45 against 0.4
     assert not bev.on[LANE].any()  # 0.45 against 0.5
     plain = BEVMap(bev.grid, bev.occupancy, bev.occupancy_valid, bev.appearance, bev.appearance_valid)
     assert not plain.on[VEHICLE].any()
 
 
-@pytest.mark.parametrize("setting", [None, AHEAD])
-def test_the_figure_has_cameras_left_and_both_maps_right(tiny: TinyDataset, setting: object) -> None:
-    frame = moments_of(tiny)[0].read().frame
-    bev = predictor(MadeModel(AHEAD) if setting else None)(frame).bev
-    picture = figure(frame, bev, places(bev))
-    bare = figure(frame, bev, np.zeros((0, 2)))
+@pytest.mark.parametrize("spec", [None, AHEAD])
+def test_the_figure_has_cameras_left_and_both_maps_right(tiny: TinyDataset, spec: object) -> None:
+    frame = inputs_of(tiny)[0].read().frame
+    bev = predictor(MadeModel(AHEAD) if spec else None)(frame).bev
+    picture = prediction_figure(frame, bev, vehicle_centres(bev))
+    bare = prediction_figure(frame, bev, np.zeros((0, 2)))
     high, wide = (side * 4 for side in bev.grid.shape)
-    assert picture.shape[0] == (2 * high + 8 if setting else high)
-    left = picture.shape[1] - (wide if setting else 2 * wide + 8) - 8
+    assert picture.shape[0] == (2 * high + 8 if spec else high)
+    left = picture.shape[1] - (wide if spec else 2 * wide + 8) - 8
     image = picture[picture.shape[0] // 4, left // 4]
     assert np.abs(image.astype(int) - [160, 80, 40]).max() <= 3
     # The label stands 3 m to the side of the car, 10 m ahead, in both maps and nowhere else.
@@ -135,8 +136,8 @@ def test_the_figure_has_cameras_left_and_both_maps_right(tiny: TinyDataset, sett
 
 
 def test_cameras_stand_as_they_look(tiny: TinyDataset) -> None:
-    frame = moments_of(tiny)[0].read().frame
-    assert [[camera.channel for camera in row] for row in rows_of_cameras(frame.rig)] == [["CAM_FRONT"], ["CAM_BACK"]]
+    frame = inputs_of(tiny)[0].read().frame
+    assert [[camera.channel for camera in row] for row in camera_rows(frame.rig)] == [["CAM_FRONT"], ["CAM_BACK"]]
 
 
 def _anew(tiny: TinyDataset, out: Path) -> tuple[int, int, dict[str, int]]:

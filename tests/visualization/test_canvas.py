@@ -11,7 +11,7 @@ from appocc.bevmap import LANE, ROAD, VEHICLE, BEVMap
 from appocc.boxes import Boxes
 from appocc.camera import Camera
 from appocc.checks import FloatArray
-from appocc.ego_vehicle import EGO_LENGTH_M, EGO_REAR_M
+from appocc.ego_vehicle import EgoVehicle
 from appocc.geometry import transform
 from appocc.grid import BEVGrid
 from appocc.visualization import canvas as d
@@ -33,7 +33,7 @@ def test_the_front_left_cell_is_drawn_at_the_upper_left() -> None:
     cells[7, 7] = 1  # farthest ahead, farthest left
     cells[7, 0] = 2  # farthest ahead, farthest right
     cells[0, 7] = 3  # behind, left
-    picture = d.turned(cells)
+    picture = d.to_image_axes(cells)
     assert (picture[0, 0], picture[0, 7], picture[7, 0]) == (1, 2, 3)
 
 
@@ -62,7 +62,7 @@ def test_a_mask_leaves_the_rest_as_it_is() -> None:
     canvas.cells(np.full((8, 8, 3), 9, np.uint8), where)
     assert (canvas.picture == 9).all(axis=2).sum() == 4
     assert canvas.picture[-1, -1].tolist() == [9, 9, 9]
-    assert (canvas.picture[:14] == d.hatched(16, 16)[:14]).all()
+    assert (canvas.picture[:14] == d.hatch_pattern(16, 16)[:14]).all()
 
 
 def test_layers_are_told_apart_and_vehicles_lie_on_top() -> None:
@@ -75,14 +75,14 @@ def test_layers_are_told_apart_and_vehicles_lie_on_top() -> None:
 
 def test_unknown_cells_stay_hatched_unlike_a_dark_street() -> None:
     canvas = d.BEVCanvas(GRID, scale=2)
-    hatched = canvas.picture.copy()
-    assert {tuple(pixel) for row in hatched.tolist() for pixel in row} == {d.UNKNOWN_COLOUR, d.HATCH_COLOUR}
+    hatch_pattern = canvas.picture.copy()
+    assert {tuple(pixel) for row in hatch_pattern.tolist() for pixel in row} == {d.UNKNOWN_COLOUR, d.HATCH_COLOUR}
     bev = empty_map()
     canvas.appearance(bev)
-    assert (canvas.picture == hatched).all()
+    assert (canvas.picture == hatch_pattern).all()
     unknown = BEVMap(GRID, bev.occupancy, np.zeros((3, 8, 8), np.bool_), bev.appearance, bev.appearance_valid)
     canvas.occupancy(unknown)
-    assert (canvas.picture == hatched).all()
+    assert (canvas.picture == hatch_pattern).all()
 
 
 def test_where_a_network_says_nothing_is_its_colours_are_pale() -> None:
@@ -102,7 +102,7 @@ def test_where_a_network_says_nothing_is_its_colours_are_pale() -> None:
     assert (others[:, 0] > d.UNKNOWN_COLOUR[0]).all()
 
 
-def test_lines_dots_and_the_ego_are_drawn_where_they_are() -> None:
+def test_lines_and_dots_are_drawn_where_they_are() -> None:
     canvas = d.BEVCanvas(BEVGrid.surround(), scale=4)
     canvas.dot([10, 5], d.RED)
     column, row = canvas.pixel([10, 5])
@@ -110,12 +110,19 @@ def test_lines_dots_and_the_ego_are_drawn_where_they_are() -> None:
     canvas.line([[-5, -5], [-5, -15]], d.YELLOW)
     column, row = canvas.pixel([-5, -10])
     assert canvas.picture[row, column].tolist() == pytest.approx(d.YELLOW, abs=30)  # its edges are smoothed
+
+
+@pytest.mark.parametrize("vehicle", [EgoVehicle(), EgoVehicle(length_m=12.0, width_m=2.5, rear_overhang_m=3.0)])
+def test_the_ego_vehicle_is_drawn_at_its_size(vehicle: EgoVehicle) -> None:
+    canvas = d.BEVCanvas(BEVGrid.surround(), scale=4)
     before = canvas.picture.copy()
-    canvas.ego()
+    canvas.ego(vehicle)
     rows, columns = np.nonzero((canvas.picture != before).any(axis=2))
     ahead, behind = 40 - rows.min() / 10, 40 - rows.max() / 10
-    assert (ahead, behind) == pytest.approx((EGO_LENGTH_M - EGO_REAR_M, -EGO_REAR_M), abs=0.4)
+    assert behind == pytest.approx(-vehicle.rear_overhang_m, abs=0.4)
+    assert ahead == pytest.approx(vehicle.length_m - vehicle.rear_overhang_m, abs=0.4)
     assert 400 - columns.min() == pytest.approx(columns.max() - 400, abs=2)
+    assert (columns.max() - columns.min()) / 10 == pytest.approx(vehicle.width_m, abs=0.4)
 
 
 def test_labels_stay_inside_the_picture() -> None:
@@ -135,7 +142,18 @@ def _camera() -> Camera:
 def _corners(x: float, y: float = 0.0) -> FloatArray:
     one = np.array([1]), np.eye(3)[None]
     centre, size = np.array([[x, y, 0.8]]), np.array([[2.0, 4, 1.6]])
-    return np.asarray(Boxes(centre, size, one[1], ("car",), ("i",), ("t",), np.zeros((1, 2)), one[0]).corners()[0])
+    return np.asarray(
+        Boxes(
+            centre_m=centre,
+            size_wlh_m=size,
+            rotation=one[1],
+            category=("car",),
+            instance=("i",),
+            token=("t",),
+            velocity_mps=np.zeros((1, 2)),
+            lidar_points=one[0],
+        ).corners()[0]
+    )
 
 
 def test_a_box_ahead_is_drawn_around_its_place() -> None:
@@ -175,7 +193,7 @@ def test_a_preview_shows_appearance_beside_occupancy() -> None:
     colour = np.zeros((3, 8, 8), np.uint8)
     colour[0] = 200
     shown = BEVMap(GRID, bev.occupancy, bev.occupancy_valid, colour, np.ones((8, 8), np.bool_))
-    picture = d.preview(shown, scale=20)
+    picture = d.preview(shown, EgoVehicle(), scale=20)
     assert picture.shape == (160, 320, 3)
     assert tuple(picture[150, 10]) == (200, 0, 0)
     assert tuple(picture[150, 170]) != (200, 0, 0)

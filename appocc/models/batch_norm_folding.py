@@ -1,4 +1,4 @@
-"""A network for inference alone: what a batch norm does is folded into the convolution before it."""
+"""Batch-norm folding: merge batch norms into the convolutions before them, for inference."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from torch.nn.utils.fusion import fuse_conv_bn_eval
 Model = TypeVar("Model", bound=nn.Module)
 
 
-def fused(model: Model) -> Model:
-    """A copy in eval mode that answers the same, up to rounding, in less time; it cannot be trained.
+def fold_batch_norms(model: Model) -> Model:
+    """Return a copy in eval mode with folded batch norms: same outputs up to rounding, faster, not trainable.
 
     Only a convolution directly followed by a batch norm in a `Sequential` is folded.
     """

@@ -6,20 +6,20 @@ import torch
 from tolerances import assert_rounded
 
 from appocc.camera import Camera, CameraRig
-from appocc.ego_vehicle import body_cells
+from appocc.ego_vehicle import EgoVehicle
 from appocc.errors import ShapeError
 from appocc.geometry import transform
 from appocc.grid import BEVGrid
 from appocc.models.base import DEPTH_BINS, DEPTH_STEP_M, FIRST_DEPTH_M
 from appocc.models.view_transform.splatting import (
     SEEN_HEIGHTS_M,
-    SplatPlan,
-    by_camera,
-    cells_seen,
+    SplattingPlan,
     frustum_points,
-    pictures_of_rigs,
-    plan_splat,
-    pool,
+    pack_cameras,
+    plan_splatting,
+    splat,
+    unpack_cameras,
+    visible_cells,
 )
 
 H, W, STRIDE = 3, 6, 16
@@ -76,13 +76,13 @@ def by_loop(rigs: list[CameraRig], context: torch.Tensor, depth: torch.Tensor, b
 def test_both_ways_of_pooling_agree_with_a_plain_loop(bilinear: bool) -> None:
     rigs = [RIG, CameraRig(RIG.cameras[1:])]
     context, depth = random_features(2 * 3)
-    plan = plan_splat(rigs, GRID, H, W, STRIDE, bilinear)
+    plan = plan_splatting(rigs, GRID, H, W, STRIDE, bilinear)
     plan = replace(plan, weight=plan.weight.double())
     expected = by_loop(rigs, context, depth, bilinear)
     assert expected.abs().max() > 0.1
     # The plan's weights are float32; a cell sums a few points.
-    assert_rounded(pool(context, depth, plan), expected, 8, float(context.abs().max()), torch.float32)
-    assert_rounded(pool(context, depth, plan.for_export()), expected, 8, float(context.abs().max()), torch.float32)
+    assert_rounded(splat(context, depth, plan), expected, 8, float(context.abs().max()), torch.float32)
+    assert_rounded(splat(context, depth, plan.for_export()), expected, 8, float(context.abs().max()), torch.float32)
 
 
 def lit_cells(rig: CameraRig, depth_bin: int, row: int, column: int, picture: int = 0) -> list[tuple[int, int]]:
@@ -90,7 +90,7 @@ def lit_cells(rig: CameraRig, depth_bin: int, row: int, column: int, picture: in
     context, depth = torch.zeros(len(rig), H, W, 1), torch.zeros(len(rig), DEPTH_BINS, H, W)
     context[picture, row, column] = 1.0
     depth[picture, depth_bin, row, column] = 1.0
-    grid = pool(context, depth, plan_splat([rig], GRID, H, W, STRIDE))[0, 0]
+    grid = splat(context, depth, plan_splatting([rig], GRID, H, W, STRIDE))[0, 0]
     return [(int(x), int(y)) for x, y in grid.nonzero()]
 
 
@@ -113,7 +113,7 @@ def test_points_outside_do_not_fold_into_the_first_row() -> None:
     # towards zero would call them row 0; three quarters of a cell short of the first row's centres.
     grid = BEVGrid(5.7, 45.7, -20.1, 20.7, 0.8)
     rig = CameraRig((FRONT,))
-    nearest, bilinear = (plan_splat([rig], grid, H, W, STRIDE, each) for each in (False, True))
+    nearest, bilinear = (plan_splatting([rig], grid, H, W, STRIDE, each) for each in (False, True))
     first_bin = H * W
     assert (np.abs(frustum_points(rig, H, W, STRIDE)[0, 0, ..., 0] - 5.5) < 1e-9).all()
     assert not (nearest.depth < first_bin).any()
@@ -124,7 +124,7 @@ def test_points_outside_do_not_fold_into_the_first_row() -> None:
 
 def test_a_point_at_the_border_loses_the_share_that_lies_outside() -> None:
     rig = CameraRig((FRONT,))
-    plan = plan_splat([rig], GRID, H, W, STRIDE, bilinear=True)
+    plan = plan_splatting([rig], GRID, H, W, STRIDE, bilinear=True)
     assert float(plan.weight.max()) <= 1 + 1e-6
     total = torch.zeros(DEPTH_BINS * H * W).index_add(0, plan.depth, plan.weight)
     points = frustum_points(rig, H, W, STRIDE)[0].reshape(-1, 3)
@@ -138,40 +138,40 @@ def test_a_point_at_the_border_loses_the_share_that_lies_outside() -> None:
 def test_gradients_reach_context_and_depth(bilinear: bool) -> None:
     rig = CameraRig((FRONT,))
     small = BEVGrid(4, 12, -4, 4, 4.0)
-    plan = plan_splat([rig], small, H, W, STRIDE, bilinear)
+    plan = plan_splatting([rig], small, H, W, STRIDE, bilinear)
     plan = replace(plan, weight=plan.weight.double())
     context, depth = random_features(1, 2)
     assert torch.autograd.gradcheck(
-        lambda c, d: pool(c, d, plan), (context.requires_grad_(), depth.requires_grad_()), fast_mode=True
+        lambda c, d: splat(c, d, plan), (context.requires_grad_(), depth.requires_grad_()), fast_mode=True
     )
 
 
 def test_a_sample_of_a_batch_is_as_it_is_alone() -> None:
     rigs = [CameraRig(RIG.cameras[:1]), RIG, CameraRig(())]
     context, depth = random_features(9)
-    together = pool(context, depth, plan_splat(rigs, GRID, H, W, STRIDE))
+    together = splat(context, depth, plan_splatting(rigs, GRID, H, W, STRIDE))
     for i, rig in enumerate(rigs[:2]):
         one = slice(3 * i, 3 * i + 3)  # there are more pictures than the first rig has cameras
-        alone = pool(context[one], depth[one], plan_splat([rig], GRID, H, W, STRIDE))
+        alone = splat(context[one], depth[one], plan_splatting([rig], GRID, H, W, STRIDE))
         assert torch.equal(together[i], alone[0])
     assert not together[2].any()
     packed = [0, 3, 4, 5]
-    assert torch.equal(pool(context[packed], depth[packed], plan_splat(rigs, GRID, H, W, STRIDE)), together)
+    assert torch.equal(splat(context[packed], depth[packed], plan_splatting(rigs, GRID, H, W, STRIDE)), together)
 
 
 def test_pictures_are_packed_and_unpacked_by_rig() -> None:
     given = torch.arange(1.0, 13.0).view(2, 3, 2)
-    packed = pictures_of_rigs(given, [1, 3])
+    packed = pack_cameras(given, [1, 3])
     assert packed[:, 0].tolist() == [1, 7, 9, 11]
-    back = by_camera(packed, [1, 3], 3)
+    back = unpack_cameras(packed, [1, 3], 3)
     assert back[..., 0].tolist() == [[1, 0, 0], [7, 9, 11]]
-    assert torch.equal(by_camera(pictures_of_rigs(given, [3, 3]), [3, 3], 3), given)
+    assert torch.equal(unpack_cameras(pack_cameras(given, [3, 3]), [3, 3], 3), given)
     with pytest.raises(ShapeError, match="at least 4"):
-        pictures_of_rigs(given, [1, 4])
+        pack_cameras(given, [1, 4])
 
 
 def test_seen_cells_are_those_before_the_cameras() -> None:
-    seen = plan_splat([CameraRig((FRONT,)), CameraRig(())], GRID, H, W, STRIDE).seen
+    seen = plan_splatting([CameraRig((FRONT,)), CameraRig(())], GRID, H, W, STRIDE).seen
     assert seen.shape == (2, *GRID.shape)
     assert seen[0][tuple(GRID.cell_of([12.0, 0.3]))]
     assert not seen[0][tuple(GRID.cell_of([-12.0, 0.3]))]
@@ -186,14 +186,22 @@ def test_a_cell_is_seen_if_a_camera_has_a_corner_of_it_in_the_picture_at_some_he
             pixels, depth_m = each.project_ego(np.insert(corners.reshape(-1, 2), 2, height_m, axis=1))
             expected |= each.sees(pixels, depth_m).reshape(*GRID.shape, 4).any(axis=-1)
     assert 0.2 < expected.mean() < 0.9
-    body = body_cells(GRID)
+    body = EgoVehicle().body_cells(GRID)
     assert (expected & body).any()
-    assert np.array_equal(cells_seen(RIG, GRID), expected & ~body)
+    assert np.array_equal(visible_cells(RIG, GRID), expected & ~body)
+    bus = EgoVehicle(length_m=12.0, width_m=2.5, rear_overhang_m=3.0)
+    assert np.array_equal(visible_cells(replace(RIG, ego_vehicle=bus), GRID), expected & ~bus.body_cells(GRID))
+
+
+def test_a_plan_knows_the_size_of_the_ego_vehicle() -> None:
+    bus = EgoVehicle(length_m=12.0, width_m=2.5, rear_overhang_m=3.0)
+    cars, buses = (plan_splatting([rig], GRID, H, W, STRIDE).seen for rig in (RIG, replace(RIG, ego_vehicle=bus)))
+    assert not torch.equal(cars, buses)
 
 
 def test_a_plan_is_the_same_for_an_equal_rig_and_another_for_a_moved_one() -> None:
-    def plan(rig: CameraRig) -> SplatPlan:
-        return plan_splat([rig], GRID, H, W, STRIDE)
+    def plan(rig: CameraRig) -> SplattingPlan:
+        return plan_splatting([rig], GRID, H, W, STRIDE)
 
     again = CameraRig((camera("CAM_FRONT", 0.0),))
     first = plan(CameraRig((FRONT,)))
@@ -205,16 +213,16 @@ def test_a_plan_is_the_same_for_an_equal_rig_and_another_for_a_moved_one() -> No
 
 
 def test_what_does_not_fit_is_refused() -> None:
-    with pytest.raises(ShapeError, match="CAM_FRONT: expected a picture with 5x3 features"):
-        plan_splat([RIG], GRID, H, 5, STRIDE)
+    with pytest.raises(ShapeError, match="CAM_FRONT: expected an image with 5x3 features"):
+        plan_splatting([RIG], GRID, H, 5, STRIDE)
     with pytest.raises(ShapeError, match="got none"):
-        plan_splat([], GRID, H, W, STRIDE)
+        plan_splatting([], GRID, H, W, STRIDE)
     context, depth = random_features(2)
     with pytest.raises(ShapeError, match="got 2"):
-        pool(context, depth, plan_splat([RIG], GRID, H, W, STRIDE))
+        splat(context, depth, plan_splatting([RIG], GRID, H, W, STRIDE))
 
 
 def test_sums_are_kept_in_float32_when_features_are_not() -> None:
     context, depth = random_features(3)
-    plan = plan_splat([RIG], GRID, H, W, STRIDE)
-    assert pool(context.bfloat16(), depth.bfloat16(), plan).dtype == torch.float32
+    plan = plan_splatting([RIG], GRID, H, W, STRIDE)
+    assert splat(context.bfloat16(), depth.bfloat16(), plan).dtype == torch.float32
