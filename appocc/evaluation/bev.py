@@ -30,9 +30,7 @@ from appocc.evaluation.vehicles import VehicleScore, score_vehicles, true_vehicl
 from appocc.geometry import inverse
 from appocc.nuscenes.dataset import Dataset
 from appocc.nuscenes.records import Sample, Scene
-from appocc.simulation.scenario import weather_of
-
-__all__ = ["Evaluation", "Question", "SceneScores", "evaluate", "weather_of"]
+from appocc.nuscenes.simulated import weather_of
 
 
 @dataclass(frozen=True)

@@ -12,9 +12,9 @@ from appocc.bevmap import VEHICLE, BEVMap
 from appocc.boxes import Boxes
 from appocc.checks import BoolArray, ByteArray, IntArray
 from appocc.evaluation.cells import colour_error
-from appocc.groundtruth.occupancy import vehicle_owner
 from appocc.nuscenes.dataset import Dataset
 from appocc.nuscenes.records import Sample
+from appocc.rasterise import vehicle_owner
 
 # A vehicle is detected when the map has at least this share of its cells.
 DETECTED_SHARE = 0.5

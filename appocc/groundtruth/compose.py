@@ -13,9 +13,10 @@ from appocc.checks import BoolArray, Float32Array, FloatArray
 from appocc.geometry import apply, inverse
 from appocc.grid import BEVGrid
 from appocc.groundtruth.inputs import SampleInput
-from appocc.groundtruth.occupancy import Layer, RoadSources, cells_of, lane_layer, road_layer, vehicle_owner
+from appocc.groundtruth.occupancy import Layer, RoadSources, cells_of, lane_layer, road_layer
 from appocc.groundtruth.painting import Paint, Painted
 from appocc.groundtruth.surface import Surface
+from appocc.rasterise import vehicle_owner
 
 # An unknown cell is filled when at least this many of its eight neighbours are known, twice over.
 _NEIGHBOURS, _ROUNDS = 5, 2

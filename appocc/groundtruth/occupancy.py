@@ -6,13 +6,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from appocc.boxes import Boxes
 from appocc.checks import BoolArray, FloatArray, IntArray
 from appocc.geometry import apply, inverse
 from appocc.grid import BEVGrid
 from appocc.groundtruth.surface import Surface
 from appocc.nuscenes.maps import Area, MaskWindow, VectorMap
-from appocc.rasterise import LANE_SHARE, ROAD_SHARE, ROUNDING, VEHICLE_SHARE, line_cover, polygon_cover, polygon_owner
+from appocc.rasterise import LANE_SHARE, ROAD_SHARE, ROUNDING, line_cover, polygon_cover
 
 _MARKING_WIDTH_M = 0.15
 # Fine cells (16 make a cell of 0.4 m) that must have been labelled before labels are believed.
@@ -35,11 +34,6 @@ class RoadSources(NamedTuple):
     mask: MaskWindow | None
     surface: Surface
     surface_labels: tuple[bool, bool, str]
-
-
-def vehicle_owner(grid: BEVGrid, boxes_ego: Boxes) -> IntArray:
-    """(X, Y) number of the box that covers at least half of a cell, the one that covers most; -1 where none does."""
-    return polygon_owner(grid, boxes_ego.corners()[:, :4, :2], VEHICLE_SHARE)
 
 
 def road_layer(grid: BEVGrid, world_from_ego: FloatArray, sources: RoadSources) -> Layer:

@@ -26,11 +26,12 @@ from appocc.models.model_spec import Setting
 from appocc.nuscenes.dataset import Dataset
 from appocc.nuscenes.records import Sample as Moment
 from appocc.nuscenes.records import Scene
+from appocc.nuscenes.simulated import weather_of
+from appocc.nuscenes.view_targets import view_targets_path
 from appocc.nuscenes.writer import whole_folder
 from appocc.provenance import training_parts
-from appocc.simulation.scenario import weather_of
 from appocc.temporary import locked, made_folder
-from appocc.training.reading import ARRAYS, Sample, layout, read_sample, source_of, views_path
+from appocc.training.reading import ARRAYS, Sample, layout, read_sample, source_of
 from appocc.workers import in_order, worker_pool
 
 __all__ = ["Pack", "Sample", "pack"]
@@ -254,7 +255,7 @@ def _made_of(
         path = bev_path(dataset.root, source, token)
         if not path.is_file():
             load_map(dataset.root, source, token)  # its error says how maps are made
-        more += [path, views_path(dataset.root, token)]
+        more += [path, view_targets_path(dataset.root, token)]
     return {
         "version": VERSION,
         "root": str(dataset.root.resolve()),

@@ -22,7 +22,7 @@ from appocc.models.model_spec import Setting
 from appocc.nuscenes.dataset import LIDAR, Dataset
 from appocc.nuscenes.lidar import read_lidar
 from appocc.nuscenes.records import Sample as Moment
-from appocc.simulation.truth.auxiliary import FACTOR, ViewTargets, load_views
+from appocc.nuscenes.view_targets import BLOCK_PX, ViewTargets, load_view_targets, view_targets_path
 
 UNKNOWN_KIND = 255
 APPEARANCE_BIT = 3
@@ -117,7 +117,7 @@ def layout(samples: int, cameras: int, setting: Setting, grid: BEVGrid) -> Layou
 
 def _view_size(picture: Setting | Camera) -> tuple[int, int]:
     """Rows and columns of depth and kind."""
-    return -(-picture.height_px // FACTOR), -(-picture.width_px // FACTOR)
+    return -(-picture.height_px // BLOCK_PX), -(-picture.width_px // BLOCK_PX)
 
 
 @dataclass(frozen=True)
@@ -167,8 +167,8 @@ def read_sample(wanted: Source, root: Path, source: str, setting: Setting, grid:
     sample = Sample(**arrays, grid=grid, channels=wanted.channels)
     sample.kind[:] = UNKNOWN_KIND
     sample.intrinsic[:], sample.ego_from_cam[:] = np.eye(3), np.eye(4)
-    path = views_path(root, wanted.token)
-    views = load_views(path) if path.is_file() else None
+    path = view_targets_path(root, wanted.token)
+    views = load_view_targets(path) if path.is_file() else None
     points = None
     if views is None and wanted.lidar is not None:
         points = apply(wanted.lidar[1], read_lidar(wanted.lidar[0])[:, :3])
@@ -202,11 +202,6 @@ def _check_grid(bev: BEVMap, grid: BEVGrid, setting: Setting, path: Path) -> Non
         raise DataError(f"{path}: {error}") from error
 
 
-def views_path(root: Path, token: str) -> Path:
-    """Where the simulator keeps depth and class of what the cameras of a sample see."""
-    return root / "views" / f"{token}.npz"
-
-
 def _view_targets(targets: ViewTargets, taken: Camera, own: Camera) -> tuple[Depths, ByteArray]:
     """Depth and kind of each block of 8x8 pixels of the fitted picture.
 
@@ -215,9 +210,9 @@ def _view_targets(targets: ViewTargets, taken: Camera, own: Camera) -> tuple[Dep
     rows, columns = _view_size(own)
     scale = taken.intrinsic[[0, 1], [0, 1]] / own.intrinsic[[0, 1], [0, 1]]
     shift = taken.intrinsic[:2, 2] - scale * own.intrinsic[:2, 2]
-    middle = (FACTOR - 1) / 2
-    i = np.floor(((np.arange(rows) * FACTOR + middle) * scale[1] + shift[1] + 0.5) / FACTOR + 1e-9).astype(int)
-    j = np.floor(((np.arange(columns) * FACTOR + middle) * scale[0] + shift[0] + 0.5) / FACTOR + 1e-9).astype(int)
+    middle = (BLOCK_PX - 1) / 2
+    i = np.floor(((np.arange(rows) * BLOCK_PX + middle) * scale[1] + shift[1] + 0.5) / BLOCK_PX + 1e-9).astype(int)
+    j = np.floor(((np.arange(columns) * BLOCK_PX + middle) * scale[0] + shift[0] + 0.5) / BLOCK_PX + 1e-9).astype(int)
     high, wide = targets.kind.shape
     inside = ((i >= 0) & (i < high))[:, None] & ((j >= 0) & (j < wide))
     block = np.ix_(i.clip(0, high - 1), j.clip(0, wide - 1))
@@ -231,7 +226,7 @@ def _nearest_depths(points_ego: FloatArray, camera: Camera) -> Depths:
     rows, columns = _view_size(camera)
     uv, depth = camera.project_ego(points_ego)
     seen = camera.sees(uv, depth)
-    block = np.floor((uv[seen] + 0.5) / FACTOR).astype(np.int64)
+    block = np.floor((uv[seen] + 0.5) / BLOCK_PX).astype(np.int64)
     nearest = np.full(rows * columns, np.inf)
     np.minimum.at(nearest, block[:, 1] * columns + block[:, 0], depth[seen])
     return np.where(np.isinf(nearest), 0, nearest).reshape(rows, columns).astype(np.float16)

@@ -17,7 +17,7 @@ from appocc.errors import DataError
 from appocc.models import registry
 from appocc.models.model_spec import SETTINGS, Setting
 from appocc.models.weights import PACKAGED, begin_with, save_weights
-from appocc.simulation.rendering.views import ViewClass
+from appocc.nuscenes.view_targets import ViewClass
 from appocc.training.augment import Augmentation
 from appocc.training.config import AugmentConfig, Config
 from appocc.training.loop import train

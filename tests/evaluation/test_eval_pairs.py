@@ -8,10 +8,8 @@ from made_pair import GRID, bev
 
 from appocc.bevmap import ROAD, bev_path
 from appocc.errors import DataError
-from appocc.evaluation.bev import weather_of
 from appocc.evaluation.pairs import read_pair
 from appocc.grid import BEVGrid
-from appocc.nuscenes.records import Scene
 
 AHEAD = BEVGrid(0.0, 20.0, -20.0, 20.0, 1.0)
 
@@ -50,11 +48,3 @@ def test_thresholds_are_shares_of_all_classes(kept: object) -> None:
     with pytest.raises(DataError, match="expected a share for each of road, vehicle, lane"):
         _ = bev(meta={"thresholds": kept}).thresholds
     assert bev().thresholds is None
-
-
-@pytest.mark.parametrize(
-    ("description", "weather"),
-    [("aldermoor, low sun, simulated; ego car_70 (minivan)", "low sun"), ("Parking lot, rain, bus", ""), ("", "")],
-)
-def test_the_weather_of_simulated_scenes(description: str, weather: str) -> None:
-    assert weather_of(Scene("t", "s", description, "l", "a", "b")) == weather

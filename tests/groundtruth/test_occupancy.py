@@ -17,10 +17,11 @@ from appocc.groundtruth.colouring import OTHER, UNLABELLED, ColouredPoints
 from appocc.groundtruth.colouring import ROAD as ROAD_LABEL
 from appocc.groundtruth.compose import Settings, compose, vehicles_near
 from appocc.groundtruth.inputs import gather
-from appocc.groundtruth.occupancy import RoadSources, lane_layer, road_layer, vehicle_owner
+from appocc.groundtruth.occupancy import RoadSources, lane_layer, road_layer
 from appocc.groundtruth.painting import bodies_of, paint_scene
 from appocc.groundtruth.surface import ExposureGains, Surface
 from appocc.nuscenes.maps import MaskWindow, VectorMap
+from appocc.rasterise import vehicle_owner
 
 GRID = BEVGrid(-8.0, 8.0, -8.0, 8.0, 0.4)
 HERE = transform(quaternion_from_yaw(np.pi / 2), [100.0, 200.0, 5.0])  # ego x = world y, ego y = -world x

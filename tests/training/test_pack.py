@@ -21,7 +21,7 @@ from appocc.grid import BEVGrid
 from appocc.models.input_images import fitted
 from appocc.models.model_spec import Setting
 from appocc.nuscenes import Dataset
-from appocc.simulation.truth.auxiliary import ViewTargets, save_views
+from appocc.nuscenes.view_targets import ViewTargets, save_view_targets, view_targets_path
 from appocc.temporary import locked
 from appocc.training.packed_dataset import Pack, pack
 from appocc.training.reading import cropped
@@ -231,7 +231,7 @@ def test_depth_and_kind_of_a_simulated_picture_follow_its_cut(root: Path, tmp_pa
     depth = rng.uniform(1, 60, (3, 4)).astype(np.float16)
     depth[0] = np.inf
     kind = rng.integers(0, 12, (3, 4)).astype(np.uint8)
-    save_views(root / "views" / f"{TOKENS[0]}.npz", {"CAM_FRONT": ViewTargets(depth, kind)})
+    save_view_targets(view_targets_path(root, TOKENS[0]), {"CAM_FRONT": ViewTargets(depth, kind)})
     sample = packed(root, tmp_path / "pack", setting).sample(0)
     front, back = 1, 0
     camera = Dataset(root).frame(Dataset(root).sample(TOKENS[0])).rig["CAM_FRONT"]

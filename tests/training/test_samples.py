@@ -15,7 +15,7 @@ from tolerances import assert_rounded
 
 from appocc.camera import CameraRig
 from appocc.errors import DataError
-from appocc.simulation.truth.auxiliary import ViewTargets, save_views
+from appocc.nuscenes.view_targets import ViewTargets, save_view_targets, view_targets_path
 from appocc.training.augment import Augmentation
 from appocc.training.batch import Batch
 from appocc.training.packed_dataset import Pack, pack
@@ -34,7 +34,7 @@ def packed(tmp_path_factory: pytest.TempPathFactory) -> Pack:
     tiny.write()
     depth, kind = np.full((3, 4), 20, np.float16), np.full((3, 4), 5, np.uint8)
     depth[:2], kind[:2] = np.inf, 0  # the upper block of the cut picture is the second of the whole
-    save_views(tiny.root / "views" / f"{token('sample', 0)}.npz", {"CAM_FRONT": ViewTargets(depth, kind)})
+    save_view_targets(view_targets_path(tiny.root, token("sample", 0)), {"CAM_FRONT": ViewTargets(depth, kind)})
     return pack(with_maps(tiny), "exact", SETTING, folder / "pack")
 
 
