@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from cli.common import JsonOption, VersionOption, emit, out_path, say
-from cli.train import stoppable, watched
+from cli.train import stoppable, training_monitor
 
 
 def ablate(
@@ -56,11 +56,11 @@ def ablate(
     end = time.monotonic() + 60 * budget_minutes if budget_minutes is not None else float("inf")
     study = study_of(read_config(config_path(config), overrides or ()), Dataset(test, version), scenes, seeds, out)
     chosen = chosen_rows(study.rows, only)
-    with watched() as watcher, stoppable(watcher) as caught:
+    with training_monitor() as monitor, stoppable(monitor) as caught:
         try:
-            outcomes = study.run(chosen, watcher, lambda: time.monotonic() > end)
+            outcomes = study.run(chosen, monitor, lambda: time.monotonic() > end)
         except StoppedError as stopped:
-            watcher.say("stopped; the same command goes on")
+            monitor.on_message("stopped; the same command goes on")
             raise typer.Exit(128 + (caught or [signal.SIGINT])[0]) from stopped
     if as_json:
         emit(study_values(study, outcomes))

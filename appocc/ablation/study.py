@@ -14,9 +14,9 @@ from appocc.ablation.result import read_result
 from appocc.ablation.rows import Row
 from appocc.errors import DataError
 from appocc.files import write_json
-from appocc.training.checkpoint import states
+from appocc.training.checkpoint import list_checkpoints
 from appocc.training.config import Config
-from appocc.training.run import StoppedError, TrainingError, Watcher
+from appocc.training.run import StoppedError, TrainingError, TrainingMonitor
 from appocc.training.run_folder import RunFolder
 
 _RESULT = "result.json"
@@ -26,7 +26,9 @@ _TRAINED = 0.9  # share of a row's bar that training takes
 class Train(Protocol):
     """Trains as a configuration says, in a run's folder: see `session.run_training`."""
 
-    def __call__(self, config: Config, folder: RunFolder, resume: bool, watcher: Watcher) -> Mapping[str, Any]:
+    def __call__(
+        self, config: Config, folder: RunFolder, resume: bool, monitor: TrainingMonitor
+    ) -> Mapping[str, Any]:
         """What came of it."""
         ...
 
@@ -86,14 +88,14 @@ class Study:
         """Where a row is trained."""
         return RunFolder(self.out / row.name)
 
-    def run(self, chosen: Sequence[Row], watcher: Watcher, time_is_up: Callable[[], bool]) -> list[Outcome]:
+    def run(self, chosen: Sequence[Row], monitor: TrainingMonitor, time_is_up: Callable[[], bool]) -> list[Outcome]:
         """Bring the chosen rows to their end, as far as there is time; the outcomes of all rows.
 
         The tables are written before, and after each row. A row under way when the time is up keeps its state.
 
         Raises:
             AppoccError: if data are missing or damaged, or the folder cannot be written.
-            StoppedError: if the watcher asked for it.
+            StoppedError: if the monitor asked for it.
         """
         self.write(self, self.outcomes())
         for number, row in enumerate(chosen):
@@ -102,8 +104,8 @@ class Study:
             if self._outcome(row).state in ("done", "failed"):
                 continue
             try:
-                with _telling(watcher, row.name, number, len(chosen), time_is_up):
-                    self._finish(row, watcher)
+                with _telling(monitor, row.name, number, len(chosen), time_is_up):
+                    self._finish(row, monitor)
             except StoppedError:
                 if not time_is_up():
                     raise
@@ -125,31 +127,35 @@ class Study:
                 return Outcome(row, "failed" if "reason" in result else "done", result)
         if not folder.config.is_file():
             return Outcome(row, "not run", {})
-        reached = states(folder.path)
+        reached = list_checkpoints(folder.path)
         return Outcome(row, "begun", {"steps": int(reached[0].stem.partition("-")[2]) if reached else 0})
 
-    def _finish(self, row: Row, watcher: Watcher) -> None:
+    def _finish(self, row: Row, monitor: TrainingMonitor) -> None:
         """Train, judge and write the result; what is done already is not done again."""
         folder = self.folder(row)
         result: dict[str, Any] = {}
         if row.learns:
             _clear(folder)
             try:
-                trained = self.train(row.config(self.base), folder, folder.path.exists(), watcher)
+                trained = self.train(row.config(self.base), folder, folder.path.exists(), monitor)
             except TrainingError as error:
                 write_json(folder.path / _RESULT, {"key": self._key(row), "reason": str(error)})
-                watcher.say(str(error))
+                monitor.on_message(str(error))
                 return
             result = {"steps": trained["steps"], "seconds": trained["seconds"], "best_step": trained["best"]["step"]}
-        watcher.running = False  # from here on a signal may end it at once: maps that are made are kept
+        monitor.running = False  # from here on a signal may end it at once: maps that are made are kept
         key = self._key(row)
         maker = self.maker_of(row, folder.best if row.learns else None)
         maps = folder.path / f"maps-{key[:12]}"
         evaluation = judge(
-            maker, self.test, row.setting == "180", maps, lambda share: watcher.step(_TRAINED + share / 10, "judged")
+            maker,
+            self.test,
+            row.setting == "180",
+            maps,
+            lambda share: monitor.on_step(_TRAINED + share / 10, "judged"),
         )
         write_json(folder.path / _RESULT, {"key": key, **result, "evaluation": evaluation})
-        watcher.say(f"judged: {_line(evaluation)}")
+        monitor.on_message(f"judged: {_line(evaluation)}")
 
     def _key(self, row: Row) -> str:
         """Changes with the weights of a row and with the test set."""
@@ -176,18 +182,20 @@ def _clear(folder: RunFolder) -> None:
 
 
 @contextmanager
-def _telling(watcher: Watcher, name: str, number: int, total: int, time_is_up: Callable[[], bool]) -> Iterator[None]:
-    """Let the watcher hear of a row as of a part of the study, and stop its training when the time is up."""
-    step, say = watcher.step, watcher.say
+def _telling(
+    monitor: TrainingMonitor, name: str, number: int, total: int, time_is_up: Callable[[], bool]
+) -> Iterator[None]:
+    """Let the monitor hear of a row as of a part of the study, and stop its training when the time is up."""
+    step, say = monitor.on_step, monitor.on_message
 
     def told(share: float, text: str) -> None:
-        if watcher.running and time_is_up():
-            watcher.stop = True
-        part = share * _TRAINED if watcher.running else share
+        if monitor.running and time_is_up():
+            monitor.stop_requested = True
+        part = share * _TRAINED if monitor.running else share
         step((number + part) / total, f"{number + 1} of {total}, {name}: {text}")
 
-    watcher.step, watcher.say = told, lambda text: say(f"{name}: {text}")
+    monitor.on_step, monitor.on_message = told, lambda text: say(f"{name}: {text}")
     try:
         yield
     finally:
-        watcher.step, watcher.say, watcher.running = step, say, False
+        monitor.on_step, monitor.on_message, monitor.running = step, say, False

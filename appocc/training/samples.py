@@ -1,4 +1,4 @@
-"""Batches of packed samples in an order that follows from a seed; any step at once, made ahead in the background."""
+"""Batch loader: augmented batches of packed samples, reproducible from the seed and loaded in background threads."""
 
 from __future__ import annotations
 
@@ -16,101 +16,104 @@ from appocc.camera import Camera, CameraRig
 from appocc.checks import IntArray
 from appocc.errors import DataError
 from appocc.models.model_spec import Setting
-from appocc.training.augment import Augmentation, augmented
+from appocc.training.augment import Augmentation, augment
 from appocc.training.batch import Batch, Truth
-from appocc.training.packed_dataset import Pack
-from appocc.training.reading import APPEARANCE_BIT, UNKNOWN_KIND, Sample, cropped
+from appocc.training.packed_dataset import PackedDataset
+from appocc.training.reading import APPEARANCE_BIT, UNKNOWN_KIND, PackedSample, crop
 
-UNCHANGED = Augmentation()
-_ORDER, _CHANGE = 0, 1  # what a generator is for
+NO_AUGMENTATION = Augmentation()
+_ORDER, _AUGMENT = 0, 1  # streams of random numbers
 
 Item = TypeVar("Item")
 
 
-class Loader:
-    """Batches of one or several packs of the same setting.
+class BatchLoader:
+    """Batches of one or several packed datasets of the same setting.
 
-    The samples of all packs, numbered through, are shuffled anew for each pass over them; the passes follow each
-    other without a gap, so that every batch is full. Sample number k of this endless row, and what is changed of it,
-    depends on the seed and k only: batch `step` of process `rank` is the samples
-    k = (step * world + rank) * batch_size + 0, 1, ... A step is a forward pass: with accumulation, count those.
+    All samples are shuffled in every epoch; epochs are concatenated to one endless sequence, so that every batch is
+    full. Sample k of this sequence and its augmentation depend on the seed and k only: batch `step` of process
+    `rank` holds the samples k = (step * world_size + rank) * batch_size + 0, 1, ... A step is one forward pass, also
+    with gradient accumulation.
     """
 
     def __init__(
         self,
-        packs: Sequence[Pack],
+        datasets: Sequence[PackedDataset],
         batch_size: int,
         seed: int,
-        augmentation: Augmentation = UNCHANGED,
+        augmentation: Augmentation = NO_AUGMENTATION,
         rank: int = 0,
-        world: int = 1,
+        world_size: int = 1,
     ) -> None:
-        """Begin with packs.
+        """Load batches of packed datasets.
 
         Raises:
-            DataError: if there are no samples, or the packs are of different settings.
+            DataError: if there are no samples, or the settings of the datasets differ.
         """
-        self._packs = tuple(packs)
-        self._ends = np.cumsum([len(pack) for pack in packs])
+        self._datasets = tuple(datasets)
+        self._ends = np.cumsum([len(dataset) for dataset in datasets])
         if not len(self._ends) or not self._ends[-1]:
-            raise DataError("expected packs with samples, got none")
-        self.setting: Setting = packs[0].setting
-        for pack in packs:
-            if pack.setting != self.setting:
-                raise DataError(f"{pack.folder}: expected the setting of {packs[0].folder}, got another")
-        if batch_size < 1 or not 0 <= rank < world:
-            raise DataError(f"expected a batch size of 1 or more and rank < world, got {batch_size}, {rank}, {world}")
+            raise DataError("expected packed datasets with samples, got none")
+        self.setting: Setting = datasets[0].setting
+        for dataset in datasets:
+            if dataset.setting != self.setting:
+                raise DataError(f"{dataset.folder}: expected the setting of {datasets[0].folder}, got another")
+        if batch_size < 1 or not 0 <= rank < world_size:
+            got = f"got {batch_size}, {rank}, {world_size}"
+            raise DataError(f"expected a batch size of 1 or more and rank < world size, {got}")
         self._size, self._seed, self._augmentation = batch_size, seed, augmentation
-        self._rank, self._world = rank, world
-        self._cameras = max(len(pack.channels) for pack in packs)
-        self._order = lru_cache(maxsize=4)(self._shuffled)
+        self._rank, self._world_size = rank, world_size
+        self._cameras = max(len(dataset.channels) for dataset in datasets)
+        self._order = lru_cache(maxsize=4)(self._permutation)
 
     def __len__(self) -> int:
-        """Number of samples of all packs."""
+        """Number of samples of all datasets."""
         return int(self._ends[-1])
 
     def batch(self, step: int) -> Batch:
-        """The batch of a step."""
-        first = (step * self._world + self._rank) * self._size
-        numbers, samples = zip(*(self._drawn(k) for k in range(first, first + self._size)), strict=True)
-        return collated(samples, numbers, self._cameras)
+        """Return the batch of a step."""
+        first = (step * self._world_size + self._rank) * self._size
+        numbers, samples = zip(*(self._augmented(k) for k in range(first, first + self._size)), strict=True)
+        return collate(samples, numbers, self._cameras)
 
     def batches(self, start: int = 0, threads: int = 1) -> Iterator[Batch]:
-        """The batches from a step on, without end; made ahead by threads, or when asked for where `threads` is 0."""
-        return _ahead(self.batch, count(start), threads)
+        """Yield batches from a step on, without end; `threads` load ahead, 0 loads on request."""
+        return _in_background(self.batch, count(start), threads)
 
-    def in_order(self, most: int | None = None, threads: int = 1) -> Iterator[Batch]:
-        """Samples once each, unchanged, in the order of the packs; the last batch may be smaller.
+    def in_order(self, limit: int | None = None, threads: int = 1) -> Iterator[Batch]:
+        """Yield each sample once, not augmented, in the order of the datasets; the last batch may be smaller.
 
         Args:
-            most: how many of all processes together, the first; all where None.
+            limit: number of samples over all processes, the first ones; None: all.
             threads: as in `batches`.
         """
-        own = range(len(self) if most is None else min(most, len(self)))[self._rank :: self._world]
-        return _ahead(self._plain, (own[i : i + self._size] for i in range(0, len(own), self._size)), threads)
+        own = range(len(self) if limit is None else min(limit, len(self)))[self._rank :: self._world_size]
+        return _in_background(
+            self._not_augmented, (own[i : i + self._size] for i in range(0, len(own), self._size)), threads
+        )
 
-    def _plain(self, numbers: Sequence[int]) -> Batch:
-        samples = [cropped(self._packed(number), self.setting.grid) for number in numbers]
-        return collated(samples, numbers, self._cameras)
+    def _not_augmented(self, numbers: Sequence[int]) -> Batch:
+        samples = [crop(self._packed_sample(number), self.setting.grid) for number in numbers]
+        return collate(samples, numbers, self._cameras)
 
-    def _drawn(self, k: int) -> tuple[int, Sample]:
-        """Number and changed sample at place k of the endless row."""
-        turn, place = divmod(k, len(self))
-        number = int(self._order(turn)[place])
-        rng = np.random.default_rng([self._seed, _CHANGE, k])
-        return number, augmented(self._packed(number), self._augmentation, self.setting.grid, rng)
+    def _augmented(self, k: int) -> tuple[int, PackedSample]:
+        """Return index and augmented sample at position k of the endless sequence."""
+        epoch, position = divmod(k, len(self))
+        number = int(self._order(epoch)[position])
+        rng = np.random.default_rng([self._seed, _AUGMENT, k])
+        return number, augment(self._packed_sample(number), self._augmentation, self.setting.grid, rng)
 
-    def _shuffled(self, turn: int) -> IntArray:
-        """The order of all samples in a pass over them."""
-        return np.random.default_rng([self._seed, _ORDER, turn]).permutation(len(self))
+    def _permutation(self, epoch: int) -> IntArray:
+        """Return the order of the samples in an epoch."""
+        return np.random.default_rng([self._seed, _ORDER, epoch]).permutation(len(self))
 
-    def _packed(self, number: int) -> Sample:
-        pack = int(np.searchsorted(self._ends, number, "right"))
-        return self._packs[pack].sample(number - int(self._ends[pack]) + len(self._packs[pack]))
+    def _packed_sample(self, number: int) -> PackedSample:
+        i = int(np.searchsorted(self._ends, number, "right"))
+        return self._datasets[i].sample(number - int(self._ends[i]) + len(self._datasets[i]))
 
 
-def _ahead(job: Callable[[Item], Batch], items: Iterable[Item], threads: int) -> Iterator[Batch]:
-    """Batches of the items in their order; up to two more than there are threads are made ahead."""
+def _in_background(job: Callable[[Item], Batch], items: Iterable[Item], threads: int) -> Iterator[Batch]:
+    """Yield the batches of the items in order; up to two more than there are threads are loaded ahead."""
     if threads < 1:
         yield from map(job, items)
         return
@@ -127,15 +130,15 @@ def _ahead(job: Callable[[Item], Batch], items: Iterable[Item], threads: int) ->
         pool.shutdown(wait=True, cancel_futures=True)
 
 
-def collated(samples: Sequence[Sample], numbers: Sequence[int], cameras: int) -> Batch:
-    """A batch of samples on the setting's grid; the pictures of living cameras come first.
+def collate(samples: Sequence[PackedSample], numbers: Sequence[int], cameras: int) -> Batch:
+    """Collate samples on the grid of the setting to a batch; the images of present cameras come first.
 
-    Pictures lie in memory as they are packed, with the channels last.
+    Images keep the memory layout of the packed dataset, channels last.
 
     Args:
-        samples: of one size of pictures and one grid.
-        numbers: of each in its pack, or in all packs together.
-        cameras: N, the most that a sample has.
+        samples: samples of one image size and one grid.
+        numbers: index of each sample in all packed datasets.
+        cameras: N, largest number of cameras of a sample.
     """
     b, n, (high, wide) = len(samples), cameras, samples[0].images.shape[1:3]
     images = np.zeros((b, n, high, wide, 3), np.float32)
@@ -158,13 +161,13 @@ def collated(samples: Sequence[Sample], numbers: Sequence[int], cameras: int) ->
         torch.from_numpy(depth),
         torch.from_numpy(kind),
     )
-    rigs = tuple(_rig(sample) for sample in samples)
+    rigs = tuple(_camera_rig(sample) for sample in samples)
     return Batch(torch.from_numpy(images).permute(0, 1, 4, 2, 3), rigs, truth, tuple(numbers))
 
 
-def _rig(sample: Sample) -> CameraRig:
-    """The living cameras of a sample, in its order."""
+def _camera_rig(sample: PackedSample) -> CameraRig:
+    """Return the cameras of a sample that have images, in the order of the sample."""
     high, wide = sample.images.shape[1:3]
     k, poses = sample.intrinsic, sample.ego_from_cam
-    living = np.flatnonzero(sample.alive)
-    return CameraRig(tuple(Camera(sample.channels[n], wide, high, k[n].copy(), poses[n].copy()) for n in living))
+    present = np.flatnonzero(sample.alive)
+    return CameraRig(tuple(Camera(sample.channels[n], wide, high, k[n].copy(), poses[n].copy()) for n in present))

@@ -23,13 +23,13 @@ from appocc.inference.predictor import Prediction
 from appocc.nuscenes.dataset import Dataset
 from appocc.training.config import Config, read_config
 from appocc.training.loop import train
-from appocc.training.process_group import joined
-from appocc.training.run import Watcher
+from appocc.training.process_group import join_process_group
+from appocc.training.run import TrainingMonitor
 from appocc.training.run_folder import RunFolder
 
 sys.path.append(str(Path(__file__).parents[1] / "training"))
 from made_training import made_config as made_config
-from made_training import made_parts
+from made_training import made_setup
 
 GRIDS = {"360": BEVGrid(-8.0, 8.0, -8.0, 8.0, 0.4), "180": BEVGrid(0.0, 8.0, -8.0, 8.0, 0.4)}
 THRESHOLDS = {"road": 0.4, "vehicle": 0.6, "lane": 0.5}
@@ -81,10 +81,10 @@ def made_predictor(weights: Path, device: torch.device | None) -> Maker:
     return MadeMaker(row, weights)
 
 
-def tiny_train(config: Config, folder: RunFolder, resume: bool, watcher: Watcher) -> Mapping[str, Any]:
+def tiny_train(config: Config, folder: RunFolder, resume: bool, monitor: TrainingMonitor) -> Mapping[str, Any]:
     """As `run_training`, with the loop's own tiny network and samples."""
-    with joined("cpu") as world:
-        progress = train(made_parts(config, world), config, folder, world, watcher, resume)
+    with join_process_group("cpu") as world:
+        progress = train(made_setup(config, world), config, folder, world, monitor, resume)
     return folder.summary(progress)
 
 

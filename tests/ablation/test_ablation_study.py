@@ -17,7 +17,7 @@ from appocc.evaluation.bev import Question, evaluate
 from appocc.frame import Frame
 from appocc.inference.predictor import Prediction
 from appocc.training.config import Config
-from appocc.training.run import StoppedError, TrainingError, Watcher
+from appocc.training.run import StoppedError, TrainingError, TrainingMonitor
 from appocc.training.run_folder import RunFolder
 
 
@@ -33,7 +33,7 @@ def whole(shared: Path) -> bytes:
     out = shared.parent / "whole"
     study = made_study(shared, out)
     study.check()
-    study.run(ROWS, Watcher(), never)
+    study.run(ROWS, TrainingMonitor(), never)
     return (out / JSON).read_bytes()
 
 
@@ -46,7 +46,7 @@ def root(tiny: TinyDataset) -> Path:
 def _no_curves() -> Iterator[None]:
     """Drawing takes longer than all else here."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("appocc.training.loop.draw_curves", lambda lines, path: None)
+        patch.setattr("appocc.training.loop.plot_curves", lambda lines, path: None)
         yield
 
 
@@ -56,9 +56,11 @@ class Counting:
     def __init__(self) -> None:
         self.asked: list[tuple[str, bool]] = []
 
-    def __call__(self, config: Config, folder: RunFolder, resume: bool, watcher: Watcher) -> Mapping[str, Any]:
+    def __call__(
+        self, config: Config, folder: RunFolder, resume: bool, monitor: TrainingMonitor
+    ) -> Mapping[str, Any]:
         self.asked.append((folder.path.name, resume))
-        return tiny_train(config, folder, resume, watcher)
+        return tiny_train(config, folder, resume, monitor)
 
 
 def never() -> bool:
@@ -72,7 +74,7 @@ def done(study: Study) -> dict[str, str]:
 def test_all_rows_are_trained_judged_and_told(shared: Path, whole: bytes, tmp_path: Path) -> None:
     counting = Counting()
     study = made_study(shared, tmp_path / "out", train_row=counting)
-    study.run(ROWS, Watcher(), never)
+    study.run(ROWS, TrainingMonitor(), never)
     assert counting.asked == [(row.name, False) for row in ROWS if row.learns]
     value = json.loads((tmp_path / "out" / JSON).read_text())
     assert [row["state"] for row in value["rows"]] == ["done"] * len(ROWS)
@@ -86,7 +88,7 @@ def test_all_rows_are_trained_judged_and_told(shared: Path, whole: bytes, tmp_pa
     before = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*/result.json")}
     again = made_study(shared, tmp_path / "out", train_row=counting)
     again.check()
-    again.run(ROWS, Watcher(), never)
+    again.run(ROWS, TrainingMonitor(), never)
     assert len(counting.asked) == len(ROWS) - 1
     assert {path: path.stat().st_mtime_ns for path in before} == before
     assert (tmp_path / "out" / JSON).read_bytes() == whole
@@ -95,7 +97,7 @@ def test_all_rows_are_trained_judged_and_told(shared: Path, whole: bytes, tmp_pa
 @pytest.mark.parametrize("number", [0, 1, 3])
 def test_figures_are_those_of_eval_bev(root: Path, tmp_path: Path, number: int) -> None:
     study, row = made_study(root, tmp_path / "out"), ROWS[number]
-    study.run([row], Watcher(), never)
+    study.run([row], TrainingMonitor(), never)
     maker = MadeMaker(row, study.folder(row).best)
     for scene in study.test.scenes:
         for sample in study.test.dataset.samples(scene):
@@ -114,20 +116,20 @@ def test_figures_are_those_of_eval_bev(root: Path, tmp_path: Path, number: int) 
 def test_interrupted_in_training_it_goes_on_to_the_same_bytes(
     shared: Path, whole: bytes, tmp_path: Path, stop_at: int
 ) -> None:
-    study, watcher, steps = made_study(shared, tmp_path / "out"), Watcher(), []
+    study, monitor, steps = made_study(shared, tmp_path / "out"), TrainingMonitor(), []
 
     def step(share: float, text: str) -> None:
         steps.append(text)
-        if watcher.running and sum(": step " in each for each in steps) == stop_at:
-            watcher.stop = True
+        if monitor.running and sum(": step " in each for each in steps) == stop_at:
+            monitor.stop_requested = True
 
-    watcher.step = step
+    monitor.on_step = step
     with pytest.raises(StoppedError):
-        study.run(ROWS, watcher, never)
+        study.run(ROWS, monitor, never)
     assert "begun" in done(study).values()
     assert b"begun" in (tmp_path / "out" / JSON).read_bytes()
-    assert (watcher.step, watcher.running) == (step, False)
-    made_study(shared, tmp_path / "out").run(ROWS, Watcher(), never)
+    assert (monitor.on_step, monitor.running) == (step, False)
+    made_study(shared, tmp_path / "out").run(ROWS, TrainingMonitor(), never)
     assert (tmp_path / "out" / JSON).read_bytes() == whole
 
 
@@ -142,7 +144,7 @@ def test_interrupted_in_judging_no_map_is_made_twice(shared: Path, whole: bytes,
             return super().__call__(frame)
 
     with pytest.raises(KeyboardInterrupt):
-        made_study(shared, tmp_path / "out", maker_of=Interrupted).run(ROWS, Watcher(), never)
+        made_study(shared, tmp_path / "out", maker_of=Interrupted).run(ROWS, TrainingMonitor(), never)
     assert len(list(tmp_path.glob("out/*/maps-*/*.npz"))) == 2
 
     class Told(MadeMaker):
@@ -150,7 +152,7 @@ def test_interrupted_in_judging_no_map_is_made_twice(shared: Path, whole: bytes,
             asked.append((self.row.name, frame.token))
             return super().__call__(frame)
 
-    made_study(shared, tmp_path / "out", maker_of=Told).run(ROWS, Watcher(), never)
+    made_study(shared, tmp_path / "out", maker_of=Told).run(ROWS, TrainingMonitor(), never)
     assert len(asked) == len(set(asked)) == 3 * len(ROWS)
     assert (tmp_path / "out" / JSON).read_bytes() == whole
 
@@ -161,7 +163,7 @@ def test_killed_before_the_run_was_told_it_begins(root: Path, tmp_path: Path) ->
     (folder / "environment.json").write_text("{}")
     (folder / ".config-x.yaml").write_text("netw")
     study = made_study(root, tmp_path / "out")
-    study.run(ROWS[:1], Watcher(), never)
+    study.run(ROWS[:1], TrainingMonitor(), never)
     assert done(study)[ROWS[0].name] == "done"
     assert not list(folder.glob(".config-*"))
 
@@ -171,27 +173,27 @@ def test_a_folder_with_other_things_is_left_alone(root: Path, tmp_path: Path) ->
     folder.mkdir(parents=True)
     (folder / "letter.txt").write_text("mine")
     with pytest.raises(DataError, match="no run to go on with"):
-        made_study(root, tmp_path / "out").run(ROWS[:1], Watcher(), never)
+        made_study(root, tmp_path / "out").run(ROWS[:1], TrainingMonitor(), never)
     assert (folder / "letter.txt").read_text() == "mine"
 
 
 def test_when_the_time_is_up_rows_are_named_and_the_one_under_way_goes_on(
     shared: Path, whole: bytes, tmp_path: Path
 ) -> None:
-    study, watcher, steps = made_study(shared, tmp_path / "out"), Watcher(), []
-    watcher.step = lambda share, text: steps.append(text)
-    study.run(ROWS, watcher, lambda: len(steps) > 10)
+    study, monitor, steps = made_study(shared, tmp_path / "out"), TrainingMonitor(), []
+    monitor.on_step = lambda share, text: steps.append(text)
+    study.run(ROWS, monitor, lambda: len(steps) > 10)
     assert list(done(study).values()) == ["done", "begun", "not run", "not run", "not run"]
     text = (tmp_path / "out" / PAGE).read_text()
     assert "Without a result: `appocc-360-both-s0`, `ipm-360-colour`, " in text
     assert "1 of 5 rows are done" in text
-    made_study(shared, tmp_path / "out").run(ROWS, Watcher(), never)
+    made_study(shared, tmp_path / "out").run(ROWS, TrainingMonitor(), never)
     assert (tmp_path / "out" / JSON).read_bytes() == whole
 
 
 def test_without_time_nothing_is_run(root: Path, tmp_path: Path) -> None:
     study = made_study(root, tmp_path / "out")
-    study.run(ROWS, Watcher(), lambda: True)
+    study.run(ROWS, TrainingMonitor(), lambda: True)
     assert set(done(study).values()) == {"not run"}
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == [JSON, PAGE]
 
@@ -199,18 +201,18 @@ def test_without_time_nothing_is_run(root: Path, tmp_path: Path) -> None:
 def test_a_training_that_diverges_is_told_and_not_tried_again(root: Path, tmp_path: Path) -> None:
     tried = []
 
-    def diverging(config: Config, folder: RunFolder, resume: bool, watcher: Watcher) -> Mapping[str, Any]:
+    def diverging(config: Config, folder: RunFolder, resume: bool, monitor: TrainingMonitor) -> Mapping[str, Any]:
         tried.append(folder.path.name)
         if config.train.seed == 1:
-            folder.begin(config)
+            folder.create(config)
             raise TrainingError("step 3: expected finite losses")
-        return tiny_train(config, folder, resume, watcher)
+        return tiny_train(config, folder, resume, monitor)
 
     rows = (ROWS[4], ROWS[0])
     for _ in range(2):
         study = made_study(root, tmp_path / "out", rows, diverging)
         study.check()
-        study.run(rows, Watcher(), never)
+        study.run(rows, TrainingMonitor(), never)
     assert tried == [row.name for row in rows]
     assert list(done(study).values()) == ["failed", "done"]
     assert "failed: step 3: expected finite losses" in (tmp_path / "out" / PAGE).read_text()
@@ -218,7 +220,7 @@ def test_a_training_that_diverges_is_told_and_not_tried_again(root: Path, tmp_pa
 
 def test_another_test_set_is_judged_anew_without_training(root: Path, tmp_path: Path, tiny: TinyDataset) -> None:
     counting, rows = Counting(), ROWS[:1]
-    made_study(root, tmp_path / "out", rows, counting).run(rows, Watcher(), never)
+    made_study(root, tmp_path / "out", rows, counting).run(rows, TrainingMonitor(), never)
     # The weights are the same, but one sample is gone.
     tiny.tables["sample"] = tiny.tables["sample"][:2]
     tiny.tables["sample"][1]["next"] = ""
@@ -232,17 +234,17 @@ def test_another_test_set_is_judged_anew_without_training(root: Path, tmp_path: 
     tiny.write()
     study = made_study(root, tmp_path / "out", rows, counting)
     assert done(study)[rows[0].name] == "begun"
-    study.run(rows, Watcher(), never)
+    study.run(rows, TrainingMonitor(), never)
     assert json.loads((tmp_path / "out" / JSON).read_text())["test"]["samples"] == 2
     assert json.loads((study.folder(rows[0]).path / "result.json").read_text())["evaluation"]["samples"] == 2
     assert [resume for _, resume in counting.asked] == [False, True]
-    assert sum(line["kind"] == "train" for line in study.folder(rows[0]).lines()) == 1
+    assert sum(line["kind"] == "train" for line in study.folder(rows[0]).read_metrics()) == 1
 
 
 def test_rows_that_were_not_chosen_keep_what_they_have(root: Path, tmp_path: Path) -> None:
     study = made_study(root, tmp_path / "out")
-    study.run(ROWS[:1], Watcher(), never)
-    study.run(ROWS[2:3], Watcher(), never)
+    study.run(ROWS[:1], TrainingMonitor(), never)
+    study.run(ROWS[2:3], TrainingMonitor(), never)
     assert list(done(study).values()) == ["done", "not run", "done", "not run", "not run"]
 
 
@@ -250,7 +252,7 @@ class Broken:
     """A study's folder or test set that cannot be used."""
 
     def config(self, root: Path, out: Path) -> Study:
-        made_study(root, out, ROWS[:1]).run(ROWS[:1], Watcher(), never)
+        made_study(root, out, ROWS[:1]).run(ROWS[:1], TrainingMonitor(), never)
         return made_study(root, out, ROWS[:1], train__lr=0.5)
 
     def truth(self, root: Path, out: Path) -> Study:
@@ -285,7 +287,7 @@ def test_several_processes_are_refused(root: Path, tmp_path: Path, monkeypatch: 
 
 def test_a_damaged_result_is_told(root: Path, tmp_path: Path) -> None:
     study = made_study(root, tmp_path / "out")
-    study.run(ROWS[:1], Watcher(), never)
+    study.run(ROWS[:1], TrainingMonitor(), never)
     result = study.folder(ROWS[0]).path / "result.json"
     whole = json.loads(result.read_text())
     for damage in ({"iou": {"road": 0.5}}, {"appearance_known": "x"}, {"vehicles": None}):
@@ -305,15 +307,15 @@ def test_a_damaged_result_is_told(root: Path, tmp_path: Path) -> None:
 def test_a_folder_that_cannot_be_written_is_told(root: Path, tmp_path: Path) -> None:
     (tmp_path / "out").write_text("a file")
     with pytest.raises(DataError, match="cannot be written"):
-        made_study(root, tmp_path / "out").run(ROWS, Watcher(), never)
+        made_study(root, tmp_path / "out").run(ROWS, TrainingMonitor(), never)
 
 
 def test_the_watcher_hears_of_rows(root: Path, tmp_path: Path) -> None:
     heard: list[tuple[float, str]] = []
     said: list[str] = []
-    watcher = Watcher(lambda share, text: heard.append((share, text)), said.append)
+    monitor = TrainingMonitor(lambda share, text: heard.append((share, text)), said.append)
     rows: tuple[Row, ...] = ROWS[1:3]
-    made_study(root, tmp_path / "out").run(rows, watcher, never)
+    made_study(root, tmp_path / "out").run(rows, monitor, never)
     shares = [share for share, _ in heard]
     assert shares == sorted(shares)
     assert shares[-1] == pytest.approx(1)

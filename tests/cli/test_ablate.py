@@ -13,7 +13,7 @@ from typer.testing import CliRunner, Result
 
 from appocc.errors import AppoccError
 from appocc.grid import BEVGrid
-from appocc.training.checkpoint import states
+from appocc.training.checkpoint import list_checkpoints
 from cli.main import app
 
 TESTS = Path(__file__).parents[1]
@@ -46,7 +46,7 @@ def folder(tmp_path: Path, tiny: TinyDataset, monkeypatch: pytest.MonkeyPatch) -
 
     monkeypatch.setattr("appocc.ablation.run.run_training", tiny_train)
     monkeypatch.setattr("appocc.ablation.run.load_predictor", made_predictor)
-    monkeypatch.setattr("appocc.training.loop.draw_curves", lambda lines, path: None)
+    monkeypatch.setattr("appocc.training.loop.plot_curves", lambda lines, path: None)
     monkeypatch.chdir(tmp_path)
     with_truth(tiny)
     (tmp_path / "first.yaml").write_text(TEXT)
@@ -160,7 +160,7 @@ def test_interrupted_it_says_how_to_go_on(folder: Path, sent: signal.Signals) ->
     said = process.communicate(timeout=120)[1]
     assert process.returncode == 128 + sent
     assert said.strip() == "stopped; the same command goes on"
-    assert states(folder / "out" / "appocc-360-occupancy-s0")
+    assert list_checkpoints(folder / "out" / "appocc-360-occupancy-s0")
     assert '"begun"' in (folder / "out" / "ablation.json").read_text()
 
 

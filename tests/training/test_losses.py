@@ -9,7 +9,7 @@ from torch import Tensor
 from appocc.models.base import DEPTH_BINS, Output, ViewOutput
 from appocc.training.batch import Truth
 from appocc.training.config import LossConfig
-from appocc.training.losses import colour_loss, depth_bin, depth_loss, kind_loss, losses, occupancy_loss
+from appocc.training.losses import colour_loss, compute_losses, depth_bin, depth_loss, kind_loss, occupancy_loss
 
 TERMS = 2 * DEPTH_BINS  # of a softmax, the longest sum in the losses of so few cells
 
@@ -114,7 +114,7 @@ def test_nothing_known_is_no_loss_and_has_a_gradient() -> None:
         occupancy_valid=torch.zeros(1, 3, 2, 2, dtype=torch.bool),
         appearance_valid=torch.zeros(1, 2, 2, dtype=torch.bool),
     )
-    terms = losses(Output(logits, colour, views), nothing, LossConfig())
+    terms = compute_losses(Output(logits, colour, views), nothing, LossConfig())
     assert terms.names() == ("road", "vehicle", "lane", "colour", "depth", "kind")
     total = terms.total(LossConfig())
     assert float(total.detach()) == 0
@@ -123,7 +123,7 @@ def test_nothing_known_is_no_loss_and_has_a_gradient() -> None:
 
 
 def test_the_total_is_weighted_and_lacks_what_the_network_does_not_answer() -> None:
-    terms = losses(Output(torch.zeros(1, 3, 2, 2), None, None), truth(), LossConfig(classes=(1, 2, 0)))
+    terms = compute_losses(Output(torch.zeros(1, 3, 2, 2), None, None), truth(), LossConfig(classes=(1, 2, 0)))
     assert terms.names() == ("road", "vehicle", "lane")
     assert_rounded(terms.total(LossConfig(classes=(1, 2, 0))), 3 * math.log(2), TERMS)
 
