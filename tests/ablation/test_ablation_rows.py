@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 from made_study import made_config
 
-from appocc.ablation.rows import BOTH, COLOUR, OCCUPANCY, Row, chosen_rows, study_rows
+from appocc.ablation.rows import BOTH, COLOUR, OCCUPANCY, StudyRow, chosen_rows, study_rows
 from appocc.errors import DataError
 from appocc.models.registry import COLOURINGS, DEFAULT, NETWORKS
 
@@ -16,8 +16,8 @@ def test_every_network_has_its_rows_in_both_settings() -> None:
     }
     for name, network in NETWORKS.items():
         wanted = {OCCUPANCY, BOTH} if network.appearance else {OCCUPANCY}
-        assert {row.answers for row in ROWS if row.network == name} == wanted
-    assert {row.answers for row in ROWS if not row.learns} == {COLOUR}
+        assert {row.outputs for row in ROWS if row.network == name} == wanted
+    assert {row.outputs for row in ROWS if not row.learns} == {COLOUR}
     assert len({row.name for row in ROWS}) == len(ROWS)
 
 
@@ -31,11 +31,11 @@ def test_the_first_seed_of_all_comes_before_the_second_of_any() -> None:
 
 def test_a_row_changes_nothing_but_what_it_says() -> None:
     base = made_config(network="paper", setting=360, appearance=True)
-    row = Row("lss", "180", OCCUPANCY, 7)
+    row = StudyRow("lss", "180", OCCUPANCY, 7)
     config = row.config(base)
     assert (config.network, config.setting, config.appearance, config.train.seed) == ("lss", "180", False, 7)
     assert base.differences(config) == ["network", "setting", "appearance", "train.seed"]
-    assert Row("appocc", "360", BOTH, 0).config(base).differences(base) == ["network"]
+    assert StudyRow("appocc", "360", BOTH, 0).config(base).differences(base) == ["network"]
 
 
 def test_rows_are_chosen_by_a_part_of_their_name() -> None:

@@ -6,11 +6,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from made_study import ROWS, MadeMaker, made_study, tiny_train, with_truth
+from made_study import ROWS, MadePredictor, made_study, tiny_train, with_truth
 from tiny_dataset import TinyDataset
 
-from appocc.ablation.rows import Row
-from appocc.ablation.run import JSON, PAGE
+from appocc.ablation.rows import StudyRow
+from appocc.ablation.run import REPORT_FILE, RESULTS_FILE
 from appocc.ablation.study import Study
 from appocc.errors import DataError
 from appocc.evaluation.bev import Question, evaluate
@@ -34,7 +34,7 @@ def whole(shared: Path) -> bytes:
     study = made_study(shared, out)
     study.check()
     study.run(ROWS, TrainingMonitor(), never)
-    return (out / JSON).read_bytes()
+    return (out / RESULTS_FILE).read_bytes()
 
 
 @pytest.fixture
@@ -76,12 +76,12 @@ def test_all_rows_are_trained_judged_and_told(shared: Path, whole: bytes, tmp_pa
     study = made_study(shared, tmp_path / "out", train_row=counting)
     study.run(ROWS, TrainingMonitor(), never)
     assert counting.asked == [(row.name, False) for row in ROWS if row.learns]
-    value = json.loads((tmp_path / "out" / JSON).read_text())
+    value = json.loads((tmp_path / "out" / RESULTS_FILE).read_text())
     assert [row["state"] for row in value["rows"]] == ["done"] * len(ROWS)
     assert value["rows"][0]["steps"] == 5
     assert value["test"] == {"root": str(shared), "against": "exact", "scenes": 1, "samples": 3}
     assert "network" not in value["training"]
-    assert (tmp_path / "out" / PAGE).read_text().startswith("# ")
+    assert (tmp_path / "out" / REPORT_FILE).read_text().startswith("# ")
     # The maps were needed for the figures only.
     assert not list(tmp_path.glob("out/*/maps-*"))
     # And none of it is done again.
@@ -91,17 +91,17 @@ def test_all_rows_are_trained_judged_and_told(shared: Path, whole: bytes, tmp_pa
     again.run(ROWS, TrainingMonitor(), never)
     assert len(counting.asked) == len(ROWS) - 1
     assert {path: path.stat().st_mtime_ns for path in before} == before
-    assert (tmp_path / "out" / JSON).read_bytes() == whole
+    assert (tmp_path / "out" / RESULTS_FILE).read_bytes() == whole
 
 
 @pytest.mark.parametrize("number", [0, 1, 3])
 def test_figures_are_those_of_eval_bev(root: Path, tmp_path: Path, number: int) -> None:
     study, row = made_study(root, tmp_path / "out"), ROWS[number]
     study.run([row], TrainingMonitor(), never)
-    maker = MadeMaker(row, study.folder(row).best)
+    predictor = MadePredictor(row, study.folder(row).best)
     for scene in study.test.scenes:
         for sample in study.test.dataset.samples(scene):
-            bev, seen = maker(study.test.dataset.frame(sample, images=False))
+            bev, seen = predictor(study.test.dataset.frame(sample, images=False))
             bev.save(tmp_path / "maps" / f"{sample.token}.npz", {"seen": seen})
     question = Question(f"{tmp_path / 'maps'}/", "exact", row.setting == "180")
     wanted = evaluate(study.test.dataset, study.test.scenes, question, lambda steps: None).as_json()
@@ -109,7 +109,7 @@ def test_figures_are_those_of_eval_bev(root: Path, tmp_path: Path, number: int) 
     for key in ("iou", "iou_at_threshold", "thresholds", "setting", "samples"):
         assert found[key] == wanted[key], key
     assert found["vehicles"]["count"] == wanted["vehicles"]["count"] > 0
-    assert (found["appearance_l1"] is None) == (row.answers == "occupancy")
+    assert (found["appearance_l1"] is None) == (row.outputs == "occupancy")
 
 
 @pytest.mark.parametrize("stop_at", [1, 7, 18])
@@ -127,16 +127,16 @@ def test_interrupted_in_training_it_goes_on_to_the_same_bytes(
     with pytest.raises(StoppedError):
         study.run(ROWS, monitor, never)
     assert "begun" in done(study).values()
-    assert b"begun" in (tmp_path / "out" / JSON).read_bytes()
+    assert b"begun" in (tmp_path / "out" / RESULTS_FILE).read_bytes()
     assert (monitor.on_step, monitor.running) == (step, False)
     made_study(shared, tmp_path / "out").run(ROWS, TrainingMonitor(), never)
-    assert (tmp_path / "out" / JSON).read_bytes() == whole
+    assert (tmp_path / "out" / RESULTS_FILE).read_bytes() == whole
 
 
 def test_interrupted_in_judging_no_map_is_made_twice(shared: Path, whole: bytes, tmp_path: Path) -> None:
     asked: list[tuple[str, str]] = []
 
-    class Interrupted(MadeMaker):
+    class Interrupted(MadePredictor):
         def __call__(self, frame: Frame) -> Prediction:
             if len(asked) == 2:
                 raise KeyboardInterrupt
@@ -144,17 +144,17 @@ def test_interrupted_in_judging_no_map_is_made_twice(shared: Path, whole: bytes,
             return super().__call__(frame)
 
     with pytest.raises(KeyboardInterrupt):
-        made_study(shared, tmp_path / "out", maker_of=Interrupted).run(ROWS, TrainingMonitor(), never)
+        made_study(shared, tmp_path / "out", predictor_of=Interrupted).run(ROWS, TrainingMonitor(), never)
     assert len(list(tmp_path.glob("out/*/maps-*/*.npz"))) == 2
 
-    class Told(MadeMaker):
+    class Told(MadePredictor):
         def __call__(self, frame: Frame) -> Prediction:
             asked.append((self.row.name, frame.token))
             return super().__call__(frame)
 
-    made_study(shared, tmp_path / "out", maker_of=Told).run(ROWS, TrainingMonitor(), never)
+    made_study(shared, tmp_path / "out", predictor_of=Told).run(ROWS, TrainingMonitor(), never)
     assert len(asked) == len(set(asked)) == 3 * len(ROWS)
-    assert (tmp_path / "out" / JSON).read_bytes() == whole
+    assert (tmp_path / "out" / RESULTS_FILE).read_bytes() == whole
 
 
 def test_killed_before_the_run_was_told_it_begins(root: Path, tmp_path: Path) -> None:
@@ -172,7 +172,7 @@ def test_a_folder_with_other_things_is_left_alone(root: Path, tmp_path: Path) ->
     folder = tmp_path / "out" / ROWS[0].name
     folder.mkdir(parents=True)
     (folder / "letter.txt").write_text("mine")
-    with pytest.raises(DataError, match="no run to go on with"):
+    with pytest.raises(DataError, match="no run to resume"):
         made_study(root, tmp_path / "out").run(ROWS[:1], TrainingMonitor(), never)
     assert (folder / "letter.txt").read_text() == "mine"
 
@@ -184,18 +184,18 @@ def test_when_the_time_is_up_rows_are_named_and_the_one_under_way_goes_on(
     monitor.on_step = lambda share, text: steps.append(text)
     study.run(ROWS, monitor, lambda: len(steps) > 10)
     assert list(done(study).values()) == ["done", "begun", "not run", "not run", "not run"]
-    text = (tmp_path / "out" / PAGE).read_text()
+    text = (tmp_path / "out" / REPORT_FILE).read_text()
     assert "Without a result: `appocc-360-both-s0`, `ipm-360-colour`, " in text
     assert "1 of 5 rows are done" in text
     made_study(shared, tmp_path / "out").run(ROWS, TrainingMonitor(), never)
-    assert (tmp_path / "out" / JSON).read_bytes() == whole
+    assert (tmp_path / "out" / RESULTS_FILE).read_bytes() == whole
 
 
 def test_without_time_nothing_is_run(root: Path, tmp_path: Path) -> None:
     study = made_study(root, tmp_path / "out")
     study.run(ROWS, TrainingMonitor(), lambda: True)
     assert set(done(study).values()) == {"not run"}
-    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == [JSON, PAGE]
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == [RESULTS_FILE, REPORT_FILE]
 
 
 def test_a_training_that_diverges_is_told_and_not_tried_again(root: Path, tmp_path: Path) -> None:
@@ -215,7 +215,7 @@ def test_a_training_that_diverges_is_told_and_not_tried_again(root: Path, tmp_pa
         study.run(rows, TrainingMonitor(), never)
     assert tried == [row.name for row in rows]
     assert list(done(study).values()) == ["failed", "done"]
-    assert "failed: step 3: expected finite losses" in (tmp_path / "out" / PAGE).read_text()
+    assert "failed: step 3: expected finite losses" in (tmp_path / "out" / REPORT_FILE).read_text()
 
 
 def test_another_test_set_is_judged_anew_without_training(root: Path, tmp_path: Path, tiny: TinyDataset) -> None:
@@ -235,7 +235,7 @@ def test_another_test_set_is_judged_anew_without_training(root: Path, tmp_path: 
     study = made_study(root, tmp_path / "out", rows, counting)
     assert done(study)[rows[0].name] == "begun"
     study.run(rows, TrainingMonitor(), never)
-    assert json.loads((tmp_path / "out" / JSON).read_text())["test"]["samples"] == 2
+    assert json.loads((tmp_path / "out" / RESULTS_FILE).read_text())["test"]["samples"] == 2
     assert json.loads((study.folder(rows[0]).path / "result.json").read_text())["evaluation"]["samples"] == 2
     assert [resume for _, resume in counting.asked] == [False, True]
     assert sum(line["kind"] == "train" for line in study.folder(rows[0]).read_metrics()) == 1
@@ -314,15 +314,15 @@ def test_the_watcher_hears_of_rows(root: Path, tmp_path: Path) -> None:
     heard: list[tuple[float, str]] = []
     said: list[str] = []
     monitor = TrainingMonitor(lambda share, text: heard.append((share, text)), said.append)
-    rows: tuple[Row, ...] = ROWS[1:3]
+    rows: tuple[StudyRow, ...] = ROWS[1:3]
     made_study(root, tmp_path / "out").run(rows, monitor, never)
     shares = [share for share, _ in heard]
     assert shares == sorted(shares)
     assert shares[-1] == pytest.approx(1)
     assert heard[0][1].startswith("1 of 2, appocc-360-both-s0: step 1, ")
-    assert heard[-1][1] == "2 of 2, ipm-360-colour: judged"
+    assert heard[-1][1] == "2 of 2, ipm-360-colour: evaluated"
     assert [text.partition(" road")[0] for text in said[:2]] == [
         "appocc-360-both-s0: step 5: IoU",
-        "appocc-360-both-s0: judged: IoU",
+        "appocc-360-both-s0: evaluated: IoU",
     ]
-    assert said[2].startswith("ipm-360-colour: judged: L1 ")
+    assert said[2].startswith("ipm-360-colour: evaluated: L1 ")

@@ -1,4 +1,4 @@
-"""A trained row on the test set: its maps, then the figures of `appocc eval bev` over them."""
+"""Evaluation of a row on the test set: predict its maps, then compute the metrics of `appocc eval bev`."""
 
 from __future__ import annotations
 
@@ -25,44 +25,44 @@ from appocc.nuscenes.dataset import Dataset
 from appocc.nuscenes.records import Scene
 
 
-class Maker(Protocol):
-    """Answers frames with maps."""
+class MapPredictor(Protocol):
+    """Predicts the BEV map of a frame."""
 
     def __call__(self, frame: Frame) -> Prediction:
-        """The map of a frame."""
+        """Return the map of a frame."""
         ...
 
 
-class ColouringMaker:
-    """Maps of a colouring that learns nothing: colours where a camera sees the cell, nothing of occupancy."""
+class ColouringPredictor:
+    """Maps of a colouring method without learning: appearance of the visible cells, unknown occupancy."""
 
     def __init__(self, colouring: Colouring, setting: Setting) -> None:
-        """Take the colouring and what it is to see."""
+        """Set the colouring method and its setting."""
         self._colouring, self._setting = colouring, setting
 
     def __call__(self, frame: Frame) -> Prediction:
-        """The map of a frame.
+        """Return the map of a frame.
 
         Raises:
-            DataError: if it has no image that the setting uses.
+            DataError: if the frame has no image of a camera of the setting.
         """
         setting, grid = self._setting, self._setting.grid
         pictures, rig = pictures_of(frame, setting)
         rgb, known = (each.numpy() for each in self._colouring(pictures.float() / 255, rig, grid))
-        nothing = np.zeros((3, *grid.shape))
+        empty = np.zeros((3, *grid.shape))
         colours = (rgb * 255).round().astype(np.uint8)
-        bev = BEVMap(grid, nothing.astype(np.float32), nothing.astype(np.bool_), colours, known)
+        bev = BEVMap(grid, empty.astype(np.float32), empty.astype(np.bool_), colours, known)
         return Prediction(bev, known)
 
 
 @dataclass(frozen=True)
-class JudgingSet:
-    """What rows are judged on.
+class EvaluationSet:
+    """Test scenes of a study.
 
     Attributes:
-        dataset: with maps of source `against`.
-        scenes: of it.
-        against: source of the truth.
+        dataset: dataset with maps of source `against`.
+        scenes: test scenes of the dataset.
+        against: source of the true maps.
     """
 
     dataset: Dataset
@@ -71,58 +71,63 @@ class JudgingSet:
 
     @cached_property
     def tokens(self) -> list[str]:
-        """Of all samples."""
+        """Tokens of all samples."""
         return [sample.token for scene in self.scenes for sample in self.dataset.samples(scene)]
 
     def as_json(self) -> dict[str, Any]:
-        """What it is, for the tables."""
-        told = {"root": str(self.dataset.root), "against": self.against}
-        return {**told, "scenes": len(self.scenes), "samples": len(self.tokens)}
+        """Return the description of the test set for the results."""
+        source = {"root": str(self.dataset.root), "against": self.against}
+        return {**source, "scenes": len(self.scenes), "samples": len(self.tokens)}
 
     def check(self) -> None:
-        """Check before hours of training that there is something to judge on.
+        """Check the test set before hours of training.
 
         Raises:
-            DataError: if there are no samples, or one has no true map.
+            DataError: if there are no samples, or a sample has no true map.
         """
         dataset_moments(self.dataset, self.scenes)
         samples = [sample for scene in self.scenes for sample in self.dataset.samples(scene)]
         check_there(self.dataset.root, self.against, samples)
 
     def key(self, weights: bytes) -> str:
-        """Tells whether figures are of these weights on this test set."""
-        told = {"weights": hashlib.sha256(weights).hexdigest(), "against": self.against, "tokens": self.tokens}
-        return hashlib.sha256(json.dumps(told).encode()).hexdigest()
+        """Return a key of the results of these weights on this test set."""
+        inputs = {"weights": hashlib.sha256(weights).hexdigest(), "against": self.against, "tokens": self.tokens}
+        return hashlib.sha256(json.dumps(inputs).encode()).hexdigest()
 
 
-def judge(
-    maker: Maker, test: JudgingSet, ahead: bool, maps: Path, advance: Callable[[float], None]
+def evaluate_row(
+    predictor: MapPredictor, test: EvaluationSet, ahead: bool, maps: Path, advance: Callable[[float], None]
 ) -> dict[str, Any]:
-    """The figures of `appocc eval bev`; `maps` holds the maps as long as it takes, those that are there are kept.
+    """Predict all maps and return the metrics of `appocc eval bev`.
 
-    `advance` is called with the share of the frames that is done.
+    Args:
+        predictor: predicts the maps.
+        test: test set.
+        ahead: whether only cells with x >= 0 count.
+        maps: temporary folder of the predicted maps; existing maps of an interrupted run are reused.
+        advance: progress callback with the finished share of the frames.
 
     Raises:
-        AppoccError: if a picture or a true map is missing, damaged or on another grid.
+        AppoccError: if an image or a true map is missing, damaged or on another grid.
     """
     moments = dataset_moments(test.dataset, test.scenes)
     for number, moment in enumerate(moments):
         path = maps / f"{moment.token}.npz"
         if not path.is_file():
-            bev, seen = maker(moment.read().frame)
+            bev, seen = predictor(moment.read().frame)
             bev.save(path, {"seen": seen})
         advance((number + 1) / len(moments))
-    # A slash makes it a folder, not the name of a source.
+    # The trailing slash marks a folder instead of the name of a source.
     question = Question(f"{maps}/", test.against, ahead)
     figures = evaluate(test.dataset, test.scenes, question, lambda done: None).as_json()
     shutil.rmtree(maps)
-    return {name: plain(value) for name, value in figures.items() if name != "source"}
+    return {name: json_value(value) for name, value in figures.items() if name != "source"}
 
 
-def plain(value: Any) -> Any:
-    """JSON values; what is not finite becomes null."""
+def json_value(value: Any) -> Any:
+    """Return a JSON value; non-finite numbers become null."""
     if isinstance(value, dict):
-        return {str(name): plain(item) for name, item in value.items()}
+        return {str(name): json_value(item) for name, item in value.items()}
     if isinstance(value, list | tuple):
-        return [plain(item) for item in value]
+        return [json_value(item) for item in value]
     return None if isinstance(value, float) and not np.isfinite(value) else value
