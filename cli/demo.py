@@ -45,7 +45,7 @@ def _fill(folder: Path, out: Path) -> dict[str, Any]:
     """Make all files of the demo in `folder`, which is to become `out`; the outcome for machines."""
     from appocc.demo.dataset import SCENE, SOURCE, Settings, write_dataset
     from appocc.demo.explain import explanation
-    from appocc.evaluation.bev import Question, evaluate
+    from appocc.evaluation.bev import EvaluationConfig, evaluate
     from appocc.files import write_bytes
     from appocc.nuscenes import Dataset
 
@@ -55,7 +55,7 @@ def _fill(folder: Path, out: Path) -> dict[str, Any]:
     dataset = Dataset(root)
     scene = dataset.scene(SCENE)
     _predict(dataset, scene, settings.samples)
-    judged = evaluate(dataset, [scene], Question(PREDICTED, SOURCE, False, None), lambda _: None).as_json()
+    judged = evaluate(dataset, [scene], EvaluationConfig(PREDICTED, SOURCE, False, None), lambda _: None).as_json()
     tracks, scores = _track(dataset, scene, folder)
     answers = _ground(dataset, scene, folder)
     _draw(dataset, scene, folder, tracks)

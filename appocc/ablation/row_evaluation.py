@@ -14,8 +14,8 @@ from typing import Any, Protocol
 import numpy as np
 
 from appocc.bevmap import BEVMap
-from appocc.evaluation.bev import Question, evaluate
-from appocc.evaluation.pairs import check_there
+from appocc.evaluation.bev import EvaluationConfig, evaluate
+from appocc.evaluation.pairs import check_maps_exist
 from appocc.frame import Frame
 from appocc.inference.inputs import dataset_moments
 from appocc.inference.predictor import Prediction, pictures_of
@@ -87,7 +87,7 @@ class EvaluationSet:
         """
         dataset_moments(self.dataset, self.scenes)
         samples = [sample for scene in self.scenes for sample in self.dataset.samples(scene)]
-        check_there(self.dataset.root, self.against, samples)
+        check_maps_exist(self.dataset.root, self.against, samples)
 
     def key(self, weights: bytes) -> str:
         """Return a key of the results of these weights on this test set."""
@@ -118,7 +118,7 @@ def evaluate_row(
             bev.save(path, {"seen": seen})
         advance((number + 1) / len(moments))
     # The trailing slash marks a folder instead of the name of a source.
-    question = Question(f"{maps}/", test.against, ahead)
+    question = EvaluationConfig(f"{maps}/", test.against, ahead)
     figures = evaluate(test.dataset, test.scenes, question, lambda done: None).as_json()
     shutil.rmtree(maps)
     return {name: json_value(value) for name, value in figures.items() if name != "source"}

@@ -13,7 +13,7 @@ from appocc.ablation.rows import StudyRow
 from appocc.ablation.run import REPORT_FILE, RESULTS_FILE
 from appocc.ablation.study import Study
 from appocc.errors import DataError
-from appocc.evaluation.bev import Question, evaluate
+from appocc.evaluation.bev import EvaluationConfig, evaluate
 from appocc.frame import Frame
 from appocc.inference.predictor import Prediction
 from appocc.training.config import Config
@@ -103,7 +103,7 @@ def test_figures_are_those_of_eval_bev(root: Path, tmp_path: Path, number: int) 
         for sample in study.test.dataset.samples(scene):
             bev, seen = predictor(study.test.dataset.frame(sample, images=False))
             bev.save(tmp_path / "maps" / f"{sample.token}.npz", {"seen": seen})
-    question = Question(f"{tmp_path / 'maps'}/", "exact", row.setting == "180")
+    question = EvaluationConfig(f"{tmp_path / 'maps'}/", "exact", row.setting == "180")
     wanted = evaluate(study.test.dataset, study.test.scenes, question, lambda steps: None).as_json()
     found = json.loads((study.folder(row).path / "result.json").read_text())["evaluation"]
     for key in ("iou", "iou_at_threshold", "thresholds", "setting", "samples"):

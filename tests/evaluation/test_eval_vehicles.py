@@ -15,15 +15,15 @@ CARS = {VEHICLE: np.s_[30:34, 19:21]}
 
 
 def test_a_vehicle_is_found_by_its_own_cells() -> None:
-    truth, made = bev(CARS, rgb=(200, 30, 30)), bev({VEHICLE: np.s_[31:40, 10:30]}, 0.6, rgb=(200, 30, 30))
+    truth, predicted = bev(CARS, rgb=(200, 30, 30)), bev({VEHICLE: np.s_[31:40, 10:30]}, 0.6, rgb=(200, 30, 30))
     vehicles = true_vehicles(truth, None, None)
-    (score,) = score_vehicles(made, truth, vehicles, EVERYWHERE, 0.5, {})
-    assert score.found == 0.75
+    (score,) = score_vehicles(predicted, truth, vehicles, EVERYWHERE, 0.5, {})
+    assert score.cell_recall == 0.75
     assert score.detected
     assert score.distance_m == pytest.approx(12.0)
-    assert (score.l1, score.delta_e) == (0, 0)
-    (missed,) = score_vehicles(made, truth, vehicles, EVERYWHERE, 0.7, {})
-    assert missed.found == 0
+    assert (score.colour_l1, score.delta_e) == (0, 0)
+    (missed,) = score_vehicles(predicted, truth, vehicles, EVERYWHERE, 0.7, {})
+    assert missed.cell_recall == 0
     assert not missed.detected
 
 
