@@ -39,7 +39,7 @@ from appocc.groundtruth.colouring import (
     colour_at,
     colour_sweep,
 )
-from appocc.groundtruth.inputs import SweepInput, View, gather
+from appocc.groundtruth.inputs import PosedImage, SweepInput, gather_inputs
 from appocc.nuscenes.lidar import write_lidar
 from appocc.nuscenes.point_labels import PointLabels
 
@@ -59,19 +59,19 @@ def box(solid: Solid) -> Boxes:
     )
 
 
-def view(folder: Path, name: str, solids: list[Solid], boxes: Boxes, channel: str = "CAM_FRONT") -> View:
+def view(folder: Path, name: str, solids: list[Solid], boxes: Boxes, channel: str = "CAM_FRONT") -> PosedImage:
     """A photograph of solids from the ego's place, at a time when `boxes` were there."""
     model = camera(channel)
     path = folder / f"{name}.png"
     picture = photograph(model, EGO @ model.ego_from_cam, solids)
     assert cv2.imwrite(str(path), picture[..., ::-1])
-    return View(path, model, WORLD_FROM_STREET @ EGO @ model.ego_from_cam, boxes, 0)
+    return PosedImage(path, model, WORLD_FROM_STREET @ EGO @ model.ego_from_cam, boxes, 0)
 
 
 def sweep(
     folder: Path,
     street_points: FloatArray,
-    *rounds: tuple[View, ...],
+    *rounds: tuple[PosedImage, ...],
     boxes: Boxes = NOBODY,
     lidar_height_m: float = 1.84,
     labels: PointLabels | None = None,
@@ -204,7 +204,7 @@ def test_points_in_boxes_are_removed(tmp_path: Path) -> None:
 def test_points_in_boxes_are_removed_at_their_own_time(tmp_path: Path) -> None:
     """A car drives past between two samples; a sweep between them finds it where no sample has it."""
     dataset = make(tmp_path, Plan(lambda t: [car(6 + 12 * t, 3, BLUE, "blue")], sweeps_s=(0.25,), with_lidar=()))
-    inputs = gather(dataset, dataset.scenes[0])
+    inputs = gather_inputs(dataset, dataset.scenes[0])
     assert len(inputs.sweeps) == 1
     points = colour_sweep(
         inputs.sweeps[0], np.zeros(3), tuple(sorted(dataset.data(dataset.samples(dataset.scenes[0])[0])))

@@ -15,11 +15,11 @@ from appocc.grid import BEVGrid
 from appocc.groundtruth.colouring import LANE as LANE_LABEL
 from appocc.groundtruth.colouring import OTHER, UNLABELLED, ColouredPoints
 from appocc.groundtruth.colouring import ROAD as ROAD_LABEL
-from appocc.groundtruth.compose import Settings, compose, vehicles_near
-from appocc.groundtruth.inputs import gather
+from appocc.groundtruth.compose import GroundTruthSettings, compose_map, vehicles_near
+from appocc.groundtruth.inputs import gather_inputs
 from appocc.groundtruth.occupancy import RoadSources, lane_layer, road_layer
-from appocc.groundtruth.painting import bodies_of, paint_scene
-from appocc.groundtruth.surface import ExposureGains, Surface
+from appocc.groundtruth.painting import bodywork_by_box, robust_colours
+from appocc.groundtruth.surface import ExposureGains, GroundSurface
 from appocc.nuscenes.maps import MaskWindow, VectorMap
 from appocc.rasterise import vehicle_owner
 
@@ -28,7 +28,7 @@ HERE = transform(quaternion_from_yaw(np.pi / 2), [100.0, 200.0, 5.0])  # ego x =
 EVEN = ExposureGains(np.ones((1, 3)))
 
 
-def surface(*rows: tuple[float, float, int]) -> Surface:
+def surface(*rows: tuple[float, float, int]) -> GroundSurface:
     """A surface of points (ego x, y, label), each the middle of a fine cell."""
     table = np.array(rows, dtype=np.float64).reshape(-1, 3)
     world = apply(HERE, np.column_stack([table[:, :2], np.zeros(len(table))]))
@@ -223,13 +223,13 @@ def test_each_class_walks_the_chain_by_itself() -> None:
 def composed(root: Path, plan: Plan, sources: RoadSources | None = None) -> BEVMap:
     """The map of the first sample of a made dataset, with a ground of nothing."""
     dataset = make(root, plan)
-    inputs = gather(dataset, dataset.scenes[0])
+    inputs = gather_inputs(dataset, dataset.scenes[0])
     where = sources or RoadSources(None, None, NOTHING, NO_LABELS)
-    settings = Settings(BEVGrid(-12.0, 12.0, -12.0, 12.0, 0.4), "robust")
+    settings = GroundTruthSettings(BEVGrid(-12.0, 12.0, -12.0, 12.0, 0.4), "robust")
     sample = inputs.samples[0]
     wanted = vehicles_near(sample, settings.grid)
-    painted = paint_scene([sample], [bodies_of(sample, wanted, {})])[0] if inputs.annotated else None
-    return compose(sample, where, painted, settings)
+    painted = robust_colours([sample], [bodywork_by_box(sample, wanted, {})])[0] if inputs.annotated else None
+    return compose_map(sample, where, painted, settings)
 
 
 def street(t: float) -> list[Solid]:

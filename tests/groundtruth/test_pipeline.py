@@ -28,11 +28,11 @@ from appocc.errors import DataError
 from appocc.files import read_image
 from appocc.geometry import apply
 from appocc.grid import BEVGrid
-from appocc.groundtruth.compose import Settings
-from appocc.groundtruth.pipeline import Summary, generate
+from appocc.groundtruth.compose import GroundTruthSettings
+from appocc.groundtruth.pipeline import GenerationSummary, generate
 from appocc.nuscenes import Dataset
 
-SETTINGS = Settings(BEVGrid(-16.0, 16.0, -16.0, 16.0, 0.4), "robust")
+SETTINGS = GroundTruthSettings(BEVGrid(-16.0, 16.0, -16.0, 16.0, 0.4), "robust")
 
 
 def street(t: float) -> list[Solid]:
@@ -55,7 +55,7 @@ def dataset(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
     return make(tmp_path_factory.mktemp("street"), PLAN)
 
 
-def run(dataset: Dataset, out: Path, workers: int = 1, settings: Settings = SETTINGS) -> Summary:
+def run(dataset: Dataset, out: Path, workers: int = 1, settings: GroundTruthSettings = SETTINGS) -> GenerationSummary:
     return generate(dataset, dataset.scenes, out, settings, workers, lambda _: None)
 
 
@@ -63,7 +63,7 @@ def run(dataset: Dataset, out: Path, workers: int = 1, settings: Settings = SETT
 def made(dataset: Dataset, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Its maps."""
     out = tmp_path_factory.mktemp("maps")
-    assert run(dataset, out) == Summary(3, 0, out / "bev" / "groundtruth", {})
+    assert run(dataset, out) == GenerationSummary(3, 0, out / "bev" / "groundtruth", {})
     return out
 
 
@@ -182,7 +182,7 @@ def test_maps_are_made_anew_when_what_they_are_made_of_changed(tiny: TinyDataset
 def test_other_settings_are_another_run(dataset: Dataset, tmp_path: Path) -> None:
     run(dataset, tmp_path)
     before = digests(tmp_path)
-    other = Settings(SETTINGS.grid, "mode")
+    other = GroundTruthSettings(SETTINGS.grid, "mode")
     assert run(dataset, tmp_path, settings=other)[:2] == (3, 0)
     assert digests(tmp_path) != before
     assert maps(dataset, tmp_path)[0].meta["settings"]["paint"] == "mode"

@@ -10,7 +10,7 @@ from tolerances import assert_rounded
 from appocc.checks import FloatArray
 from appocc.groundtruth import store
 from appocc.groundtruth.colouring import LANE, NO_CAMERA, OTHER, ROAD, UNLABELLED, ColouredPoints
-from appocc.groundtruth.surface import ExposureGains, Surface, exposure_gains
+from appocc.groundtruth.surface import ExposureGains, GroundSurface, exposure_gains
 
 ORIGIN = np.array([1000.0, -2000.0, 5.0])
 EVEN = ExposureGains(np.ones((4, 3)))
@@ -154,7 +154,7 @@ def test_points_that_no_camera_saw_have_no_colour() -> None:
     assert surface.rgb[order[1]].tolist() == [50, 60, 70]
 
 
-def labels(*ground: int) -> Surface:
+def labels(*ground: int) -> GroundSurface:
     """The surface of one fine cell with these labels."""
     return surface_of([points([[0.05, 0.05, 0]] * len(ground), (9, 9, 9), 0, list(ground))], ORIGIN, EVEN)
 
@@ -185,7 +185,7 @@ def test_strips_make_no_difference(monkeypatch: pytest.MonkeyPatch) -> None:
     for cells in (10_000, 4, 7):
         monkeypatch.setattr(store, "_STRIP_CELLS", cells)
         found.append(surface_of(sweeps, ORIGIN, EVEN))
-    for part in range(len(Surface._fields)):
+    for part in range(len(GroundSurface._fields)):
         assert np.array_equal(found[0][part], found[1][part])
         assert np.array_equal(found[0][part], found[2][part])
 

@@ -10,7 +10,7 @@ from appocc.boxes import Boxes
 from appocc.camera import Camera
 from appocc.checks import BoolArray, FloatArray
 from appocc.geometry import apply, inverse, quaternion_from_rotation, quaternion_from_yaw, transform
-from appocc.groundtruth.visibility import DepthPicture, box_entry, hidden_by_boxes, image_rectangle
+from appocc.groundtruth.visibility import DepthImage, image_rectangle, occluded_by_boxes, ray_box_entry
 
 LIDAR = np.array([0.9, 0.0, 1.84])
 # Elevations of nuScenes' 32 beams, and of 64 beams as PandaSet's: dense about the horizon, sparse below.
@@ -35,13 +35,13 @@ def hidden(view: Camera, sweep: FloatArray, points: FloatArray) -> tuple[BoolArr
     uv, depth = view.project(apply(cam_from_ego, points))
     seen = view.sees(uv, depth)
     result = np.zeros(len(points), dtype=np.bool_)
-    result[seen] = DepthPicture(apply(cam_from_ego, sweep), view).hides(uv[seen], depth[seen])
+    result[seen] = DepthImage(apply(cam_from_ego, sweep), view).occludes(uv[seen], depth[seen])
     return result, seen
 
 
 def test_a_depth_picture_tells_how_far_the_sweep_saw() -> None:
     view = camera()
-    picture = DepthPicture(np.array([[0.0, 0.0, 8.0], [0.0, 0.0, 20.0]]), view)
+    picture = DepthImage(np.array([[0.0, 0.0, 8.0], [0.0, 0.0, 20.0]]), view)
     assert_rounded(picture.depth_m(np.array([[800.0, 450.0]])), [8.0], 3, dtype=torch.float32)
     assert picture.depth_m(np.array([[100.0, 450.0], [800.0, 100.0]])).tolist() == [np.inf, np.inf]
 
@@ -142,7 +142,7 @@ def test_box_entry_is_that_of_small_steps() -> None:
     for origin in rng.uniform(-6, 6, (40, 3)):
         rays = pose[:3, 3] + rng.normal(size=(20, 3)) * 1.5 - origin
         rays = rays / np.linalg.norm(rays, axis=1, keepdims=True)
-        entry = box_entry(origin, rays, pose, half)
+        entry = ray_box_entry(origin, rays, pose, half)
         places = apply(inverse(pose), origin + rays[:, None] * steps[None, :, None])
         inside = np.asarray((np.abs(places) <= half).all(axis=2))
         for one, row in zip(entry, inside, strict=True):
@@ -158,12 +158,12 @@ def test_box_entry_is_that_of_small_steps() -> None:
 def test_box_entry_at_the_edges_of_the_method() -> None:
     half, here = np.array([1.0, 1.0, 1.0]), np.eye(4)
     ahead, back = np.array([[1.0, 0, 0]]), np.array([[-1.0, 0, 0]])
-    assert box_entry(np.array([-5.0, 0, 0]), ahead, here, half)[0] == 4
-    assert box_entry(np.array([-5.0, 0, 0]), back, here, half)[0] == np.inf  # behind
-    assert box_entry(np.array([0.5, 0, 0]), ahead, here, half)[0] == 0  # begins inside
-    assert box_entry(np.array([-5.0, 1.5, 0]), ahead, here, half)[0] == np.inf  # runs beside it
-    assert box_entry(np.array([-5.0, 1.0, 0]), ahead, here, half)[0] == 4  # runs along its side
-    assert box_entry(np.array([-5.0, 0, 0]), 2 * ahead, here, half)[0] == 2  # in units of the ray
+    assert ray_box_entry(np.array([-5.0, 0, 0]), ahead, here, half)[0] == 4
+    assert ray_box_entry(np.array([-5.0, 0, 0]), back, here, half)[0] == np.inf  # behind
+    assert ray_box_entry(np.array([0.5, 0, 0]), ahead, here, half)[0] == 0  # begins inside
+    assert ray_box_entry(np.array([-5.0, 1.5, 0]), ahead, here, half)[0] == np.inf  # runs beside it
+    assert ray_box_entry(np.array([-5.0, 1.0, 0]), ahead, here, half)[0] == 4  # runs along its side
+    assert ray_box_entry(np.array([-5.0, 0, 0]), 2 * ahead, here, half)[0] == 2  # in units of the ray
 
 
 def hidden_behind(
@@ -172,7 +172,7 @@ def hidden_behind(
     view = camera()
     places = np.array(points)
     uv, _ = view.project_ego(places)
-    return [bool(one) for one in hidden_by_boxes(places, uv, view, view.ego_from_cam, boxes(*rows))]
+    return [bool(one) for one in occluded_by_boxes(places, uv, view, view.ego_from_cam, boxes(*rows))]
 
 
 def test_hidden_by_boxes() -> None:
