@@ -161,7 +161,7 @@ def bodywork_by_box(
 def _visible_boxes(
     sample: SampleInput, selected: BoolArray
 ) -> Iterator[tuple[int, list[tuple[BoxPixels, str, Exposure]]]]:
-    """Yield each selected box with its pixels in every image that shows it, with channel and exposure of the image."""
+    """Yield each selected box with its pixels in every image that shows it, with channel and exposure."""
     images = [read_image(view.path, (view.camera.width_px, view.camera.height_px)) for view in sample.views]
     lights = [estimate_exposure(image) for image in images]
     depths: list[DepthImage | None] = [None] * len(images)

@@ -11,7 +11,7 @@ T = TypeVar("T")
 R = TypeVar("R")
 
 
-class Work:
+class SceneJobs:
     """Runs the jobs of one scene on a pool, in order, with progress in samples."""
 
     def __init__(self, pool: Pool | None, advance: Callable[[float], None], samples: int) -> None:
