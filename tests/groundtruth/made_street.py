@@ -165,7 +165,12 @@ def _annotation(solid: Solid) -> Annotation:
     low, high = np.array(solid.low), np.array(solid.high)
     length, width, height = high - low
     pose = WORLD_FROM_STREET @ transform(np.eye(3), (low + high) / 2)
-    return Annotation(solid.name, solid.category, pose, (float(width), float(length), float(height)))
+    return Annotation(
+        instance=solid.name,
+        category=solid.category,
+        world_from_box=pose,
+        size_wlh_m=(float(width), float(length), float(height)),
+    )
 
 
 def _add_picture(writer: Writer, plan: Plan, sample: str, channel: str, mount: str, time_s: float) -> None:

@@ -160,7 +160,7 @@ def test_a_chain_in_pieces(tiny: TinyDataset) -> None:
 
 def test_time_that_runs_backwards(tiny: TinyDataset) -> None:
     tiny.tables["sample_data"][1]["timestamp"] = START_US + 600_000
-    reason = f"its next {token('CAM_FRONT', 490_000)} lies 110000 us before it"
+    reason = f"its next {token('CAM_FRONT', 490_000)} is 110000 us earlier"
     assert_only(found(tiny), ("sample_data", token("CAM_FRONT", 240_000), "time runs backwards", reason))
 
 

@@ -20,7 +20,13 @@ INTRINSIC = np.array([[100.0, 0, 50], [0, 100, 30], [0, 0, 1]])
 
 
 def box(name: str, x: float = 0.0, category: str = "vehicle.car", **more: Any) -> Annotation:
-    return Annotation(name, category, transform(np.eye(3), [x, 0.0, 0.0]), (1.8, 4.5, 1.5), **more)
+    return Annotation(
+        instance=name,
+        category=category,
+        world_from_box=transform(np.eye(3), [x, 0.0, 0.0]),
+        size_wlh_m=(1.8, 4.5, 1.5),
+        **more,
+    )
 
 
 def filled(root: Path) -> Writer:

@@ -33,13 +33,13 @@ def annotate(
         length, width, height = actor.size_lwh_m
         rows.append(
             Annotation(
-                actor.name,
-                category_of(actor),
-                world_from_town @ town_from_box,
-                (width, length, height),
-                attribute_of(actor.kind, int(objects.lights[i]), float(np.hypot(*objects.velocity_mps[i]))),
-                int(lidar_points[i]),
-                visibility_token(float(seen_share[i])),
+                instance=actor.name,
+                category=category_of(actor),
+                world_from_box=world_from_town @ town_from_box,
+                size_wlh_m=(width, length, height),
+                attribute=attribute_of(actor.kind, int(objects.lights[i]), float(np.hypot(*objects.velocity_mps[i]))),
+                lidar_points=int(lidar_points[i]),
+                visibility=visibility_token(float(seen_share[i])),
             )
         )
     return rows
