@@ -16,7 +16,7 @@ from appocc.simulation.sources import TownSource
 SCENE, HZ = "demo", 2.0
 _SIZE_PX = (416, 234)
 # A drive past a silver car with a gap behind it to park in, in a town that is kept for tests.
-_STORY = Scenario(SCENE, 139, "harrowmere", 12, 137.6, "clear", 123)
+_STORY = Scenario(name=SCENE, number=139, town="harrowmere", ego=12, start_s=137.6, weather="clear", seed=123)
 
 __all__ = ["HZ", "SCENE", "SOURCE", "VERSION", "Settings", "write_dataset"]
 

@@ -81,7 +81,16 @@ def generate(
             kept += len(samples) - len(missing)
             advance(len(samples) - len(missing))
             if missing:
-                made += _process_scene(dataset, scene, missing, out, settings, pool, advance, parts)
+                made += _process_scene(
+                    dataset=dataset,
+                    scene=scene,
+                    missing=missing,
+                    out=out,
+                    settings=settings,
+                    pool=pool,
+                    advance=advance,
+                    parts=parts,
+                )
     record.tidy()
     return GenerationSummary(made, kept, bev_folder(out, SOURCE), dict(stale))
 

@@ -270,14 +270,14 @@ class Dataset:
             raise DataError(f"{self.tables.path('sample_annotation')}: {token} refers to no instance with a category")
         try:
             return Boxes(
-                t.array("translation")[rows],
-                t.array("size")[rows],
-                _rotations(t.array("rotation")[rows]),
-                tuple(categories[c] for c in category),
-                tuple(t.text("instance_token", int(row)) for row in rows),
-                tuple(t.text("token", int(row)) for row in rows),
-                self._velocities(rows),
-                t.array("num_lidar_pts")[rows],
+                centre_m=t.array("translation")[rows],
+                size_wlh_m=t.array("size")[rows],
+                rotation=_rotations(t.array("rotation")[rows]),
+                category=tuple(categories[c] for c in category),
+                instance=tuple(t.text("instance_token", int(row)) for row in rows),
+                token=tuple(t.text("token", int(row)) for row in rows),
+                velocity_mps=self._velocities(rows),
+                lidar_points=t.array("num_lidar_pts")[rows],
             )
         except AppoccError as error:
             path = self.tables.path("sample_annotation")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from typing import Literal
 
 FieldKind = Literal["token", "text", "name", "tokens", "int", "time", "bool", "vector", "any"]
@@ -29,6 +29,7 @@ class FieldSpec:
     name: str
     kind: FieldKind
     refers_to: str = ""
+    _: KW_ONLY
     width: int = 0
     required: bool = True
     optional_reference: bool = False

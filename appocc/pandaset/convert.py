@@ -108,7 +108,15 @@ def _add_images(
         shutil.copyfile(image.path, target)
         world_from_ego = image.world_from_cam @ inverse(ego_from_cam[channel])
         token = calibration[channel]
-        writer.add_file(sample, channel, token, world_from_ego, timestamp, filename, (width, height))
+        writer.add_file(
+            sample=sample,
+            channel=channel,
+            calibration=token,
+            world_from_ego=world_from_ego,
+            timestamp_us=timestamp,
+            filename=filename,
+            size_px=(width, height),
+        )
 
 
 def _add_sweep(
@@ -152,14 +160,14 @@ def _annotation(cuboid: Cuboid, points_world: FloatArray | None) -> Annotation:
     pose = transform(quaternion_from_yaw(cuboid.yaw_world_rad), cuboid.centre_world_m)
     length, width, height = (float(v) for v in cuboid.size_lwh_m)
     box = Boxes(
-        pose[None, :3, 3],
-        np.array([[width, length, height]]),
-        pose[None, :3, :3],
-        ("",),
-        ("",),
-        ("",),
-        np.full((1, 2), np.nan),
-        np.zeros(1, np.int64),
+        centre_m=pose[None, :3, 3],
+        size_wlh_m=np.array([[width, length, height]]),
+        rotation=pose[None, :3, :3],
+        category=("",),
+        instance=("",),
+        token=("",),
+        velocity_mps=np.full((1, 2), np.nan),
+        lidar_points=np.zeros(1, np.int64),
     )
     return Annotation(
         instance=cuboid.track,

@@ -21,7 +21,7 @@ _NAME = re.compile(r"state-(\d+)\.safetensors")
 _KEPT = 2
 
 
-@dataclass
+@dataclass(kw_only=True)
 class TrainingProgress:
     """Progress of a training; JSON values only.
 

@@ -14,7 +14,7 @@ from appocc.training.batch import Truth
 from appocc.training.config import LossConfig
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class LossTerms:
     """Unweighted loss terms, scalars; None where the network has no such output.
 

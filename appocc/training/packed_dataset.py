@@ -171,7 +171,15 @@ def pack_dataset(
             if reason:
                 on_message(f"{out}: packing again, {reason}")
                 shutil.rmtree(out)
-            _write(dataset, samples, out, made_of, setting, advance, workers)
+            _write(
+                dataset=dataset,
+                samples=samples,
+                out=out,
+                made_of=made_of,
+                setting=setting,
+                advance=advance,
+                workers=workers,
+            )
     except OSError as error:
         raise DataError(f"{out}: cannot be written ({error.strerror or error})") from error
     return PackedDataset.open(out)

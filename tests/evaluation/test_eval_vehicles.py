@@ -41,14 +41,14 @@ def test_simulated_truth_knows_touching_vehicles_apart() -> None:
 def test_annotated_boxes_tell_vehicles_apart() -> None:
     truth = bev(CARS)
     boxes = Boxes(
-        np.array([[11.0, 0.0, 0.8], [13.0, 0.0, 0.8], [12.0, 0.0, 0.8]]),
-        np.full((3, 3), 2.0),
-        np.broadcast_to(np.eye(3), (3, 3, 3)).copy(),
-        ("vehicle.car", "vehicle.truck", "human.pedestrian.adult"),
-        ("a", "b", "walker"),
-        ("1", "2", "3"),
-        np.zeros((3, 2)),
-        np.zeros(3, np.int64),
+        centre_m=np.array([[11.0, 0.0, 0.8], [13.0, 0.0, 0.8], [12.0, 0.0, 0.8]]),
+        size_wlh_m=np.full((3, 3), 2.0),
+        rotation=np.broadcast_to(np.eye(3), (3, 3, 3)).copy(),
+        category=("vehicle.car", "vehicle.truck", "human.pedestrian.adult"),
+        instance=("a", "b", "walker"),
+        token=("1", "2", "3"),
+        velocity_mps=np.zeros((3, 2)),
+        lidar_points=np.zeros(3, np.int64),
     )
     vehicles = true_vehicles(truth, None, boxes)
     assert [vehicles.owner[30, 19], vehicles.owner[33, 20], vehicles.owner[0, 0]] == [0, 1, -1]

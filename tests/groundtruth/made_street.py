@@ -181,7 +181,15 @@ def _add_picture(writer: Writer, plan: Plan, sample: str, channel: str, mount: s
     path.parent.mkdir(parents=True, exist_ok=True)
     assert cv2.imwrite(str(path), picture[..., ::-1])
     pose = WORLD_FROM_STREET @ street_from_ego(stamp_s)
-    writer.add_file(sample, channel, mount, pose, _us(stamp_s), name, (view.width_px, view.height_px))
+    writer.add_file(
+        sample=sample,
+        channel=channel,
+        calibration=mount,
+        world_from_ego=pose,
+        timestamp_us=_us(stamp_s),
+        filename=name,
+        size_px=(view.width_px, view.height_px),
+    )
 
 
 def _add_scan(writer: Writer, plan: Plan, sample: str, mount: str, time_s: float, key: bool) -> None:

@@ -55,7 +55,14 @@ def box(solid: Solid) -> Boxes:
     size = (high - low)[None, [1, 0, 2]]
     nan, minus = np.full((1, 2), np.nan), np.full(1, -1)
     return Boxes(
-        pose[None, :3, 3].copy(), size, pose[None, :3, :3].copy(), ("vehicle.car",), ("a",), ("a",), nan, minus
+        centre_m=pose[None, :3, 3].copy(),
+        size_wlh_m=size,
+        rotation=pose[None, :3, :3].copy(),
+        category=("vehicle.car",),
+        instance=("a",),
+        token=("a",),
+        velocity_mps=nan,
+        lidar_points=minus,
     )
 
 

@@ -83,7 +83,14 @@ def boxes(*rows: tuple[float, float, float, float, float]) -> Boxes:
     names = tuple(map(str, range(n)))
     nan, minus = np.full((n, 2), np.nan), np.full(n, -1)
     return Boxes(
-        np.column_stack([table[:, :2], np.full(n, 0.7)]), size, turns, ("vehicle.car",) * n, names, names, nan, minus
+        centre_m=np.column_stack([table[:, :2], np.full(n, 0.7)]),
+        size_wlh_m=size,
+        rotation=turns,
+        category=("vehicle.car",) * n,
+        instance=names,
+        token=names,
+        velocity_mps=nan,
+        lidar_points=minus,
     )
 
 

@@ -70,7 +70,16 @@ def boxes(*solids: Solid) -> Boxes:
     turns = np.tile(np.eye(3), (n, 1, 1))
     category = tuple(solid.category for solid in solids)
     nan, minus = np.full((n, 2), np.nan), np.full(n, -1)
-    return Boxes((low + high) / 2, (high - low)[:, [1, 0, 2]], turns, category, names, names, nan, minus)
+    return Boxes(
+        centre_m=(low + high) / 2,
+        size_wlh_m=(high - low)[:, [1, 0, 2]],
+        rotation=turns,
+        category=category,
+        instance=names,
+        token=names,
+        velocity_mps=nan,
+        lidar_points=minus,
+    )
 
 
 def seen(every: list[Solid], annotated: list[Solid], channel: str = "CAM_FRONT") -> tuple[ByteArray, PosedImage]:
@@ -249,14 +258,14 @@ def test_a_turned_and_tilted_box_is_hit_where_it_is() -> None:
     """Pixels of a box in a picture in which only that box is white: all of them, and none beside it."""
     pose = transform(np.array([0.95, 0.05, 0.1, 0.3]), [12.0, 1.0, 1.0])
     box = Boxes(
-        pose[None, :3, 3].copy(),
-        np.array([[2.0, 4.5, 1.6]]),
-        pose[None, :3, :3].copy(),
-        ("vehicle.car",),
-        ("a",),
-        ("a",),
-        np.full((1, 2), np.nan),
-        np.full(1, -1),
+        centre_m=pose[None, :3, 3].copy(),
+        size_wlh_m=np.array([[2.0, 4.5, 1.6]]),
+        rotation=pose[None, :3, :3].copy(),
+        category=("vehicle.car",),
+        instance=("a",),
+        token=("a",),
+        velocity_mps=np.full((1, 2), np.nan),
+        lidar_points=np.full(1, -1),
     )
     model = camera(width=960, height=540)
     cam_from_street = inverse(street_from_ego(0) @ model.ego_from_cam)

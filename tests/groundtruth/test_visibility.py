@@ -51,14 +51,14 @@ def boxes(*rows: tuple[float, float, float, float, float, float, float]) -> Boxe
     n, table = len(rows), np.array(rows, dtype=np.float64).reshape(-1, 7)
     poses = [transform(quaternion_from_yaw(float(row[6])), row[:3]) for row in table]
     return Boxes(
-        table[:, :3].copy(),
-        table[:, [4, 3, 5]].copy(),
-        np.array([pose[:3, :3] for pose in poses]).reshape(-1, 3, 3),
-        ("vehicle.car",) * n,
-        tuple(map(str, range(n))),
-        tuple(map(str, range(n))),
-        np.full((n, 2), np.nan),
-        np.full(n, -1),
+        centre_m=table[:, :3].copy(),
+        size_wlh_m=table[:, [4, 3, 5]].copy(),
+        rotation=np.array([pose[:3, :3] for pose in poses]).reshape(-1, 3, 3),
+        category=("vehicle.car",) * n,
+        instance=tuple(map(str, range(n))),
+        token=tuple(map(str, range(n))),
+        velocity_mps=np.full((n, 2), np.nan),
+        lidar_points=np.full(n, -1),
     )
 
 

@@ -41,7 +41,13 @@ def filled(root: Path) -> Writer:
             time_us = 1_000_000 * k
             writer.add("sample", samples[k], timestamp=time_us, scene_token=scene)
             writer.add_file(
-                samples[k], "CAM_FRONT", mounts[0], POSE, time_us - 10, f"samples/{name}{k}.jpg", (100, 60)
+                sample=samples[k],
+                channel="CAM_FRONT",
+                calibration=mounts[0],
+                world_from_ego=POSE,
+                timestamp_us=time_us - 10,
+                filename=f"samples/{name}{k}.jpg",
+                size_px=(100, 60),
             )
             writer.add_file(samples[k], "LIDAR_TOP", mounts[1], POSE, time_us, f"samples/{name}{k}.pcd.bin")
             writer.add_annotation(scene, samples[k], box("car", float(k), attribute="vehicle.moving", lidar_points=k))

@@ -32,17 +32,17 @@ YAW_DEG = (55, 0, -55, 110, 180, -110)
 def blank(grid: BEVGrid = GRID) -> PackedSample:
     n, (x, y) = len(RIG), grid.shape
     return PackedSample(
-        np.zeros((n, HEIGHT, WIDTH, 3), np.uint8),
-        np.stack([camera.intrinsic for camera in RIG]),
-        np.stack([camera.ego_from_cam for camera in RIG]),
-        np.ones(n, np.bool_),
-        np.zeros((x, y), np.uint8),
-        np.full((x, y), 15, np.uint8),
-        np.zeros((3, x, y), np.uint8),
-        np.zeros((n, HEIGHT // 8, WIDTH // 8), np.float16),
-        np.full((n, HEIGHT // 8, WIDTH // 8), 255, np.uint8),
-        grid,
-        tuple(camera.channel for camera in RIG),
+        images=np.zeros((n, HEIGHT, WIDTH, 3), np.uint8),
+        intrinsic=np.stack([camera.intrinsic for camera in RIG]),
+        ego_from_cam=np.stack([camera.ego_from_cam for camera in RIG]),
+        alive=np.ones(n, np.bool_),
+        occupancy=np.zeros((x, y), np.uint8),
+        known=np.full((x, y), 15, np.uint8),
+        appearance=np.zeros((3, x, y), np.uint8),
+        depth_m=np.zeros((n, HEIGHT // 8, WIDTH // 8), np.float16),
+        kind=np.full((n, HEIGHT // 8, WIDTH // 8), 255, np.uint8),
+        grid=grid,
+        channels=tuple(camera.channel for camera in RIG),
     )
 
 
