@@ -126,7 +126,13 @@ def _packed_dataset(root: str, config: Config, processes: ProcessGroup, monitor:
     workers = max(1, config.data.workers)
     try:
         return pack_dataset(
-            root, config.data.source, SETTINGS[config.setting], out, advance, monitor.on_message, workers
+            root=root,
+            source=config.data.source,
+            setting=SETTINGS[config.setting],
+            out=out,
+            advance=advance,
+            on_message=monitor.on_message,
+            workers=workers,
         )
     finally:
         if processes.size > 1:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from appocc.demo.dataset import Settings, write_dataset
+from appocc.demo.dataset import DemoSettings, record_demo
 from appocc.errors import DataError
 from appocc.inference.loading import load_predictor
 from appocc.training.config import Config, read_config
@@ -25,7 +25,7 @@ REPOSITORY = Path(__file__).parents[2]
 def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Three key frames of a simulated drive."""
     folder = tmp_path_factory.mktemp("session") / "drive"
-    write_dataset(folder, Settings(samples=3), lambda _: None)
+    record_demo(folder, DemoSettings(samples=3), lambda _: None)
     return folder
 
 
