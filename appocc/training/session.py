@@ -19,13 +19,13 @@ from appocc.models.model_spec import SETTINGS, Setting
 from appocc.models.weights import PACKAGED, begin_with, save_weights
 from appocc.nuscenes.view_targets import ViewClass
 from appocc.training.augment import Augmentation
+from appocc.training.batch_loader import BatchLoader
 from appocc.training.config import AugmentConfig, Config
 from appocc.training.loop import train
 from appocc.training.packed_dataset import PackedDataset, pack_dataset
 from appocc.training.process_group import ProcessGroup, join_process_group
 from appocc.training.run import TrainingMonitor, TrainingSetup
 from appocc.training.run_folder import RunFolder
-from appocc.training.samples import BatchLoader
 from appocc.training.summary_writer import load_summary_writer
 
 

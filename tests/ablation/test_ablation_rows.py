@@ -21,7 +21,7 @@ def test_every_network_has_its_rows_in_both_settings() -> None:
     assert len({row.name for row in ROWS}) == len(ROWS)
 
 
-def test_the_first_seed_of_all_comes_before_the_second_of_any() -> None:
+def test_the_first_seed_of_all_rows_precedes_the_second() -> None:
     seeds = [row.seed for row in ROWS if row.seed is not None]
     assert seeds == sorted(seeds)
     assert {row.network for row in ROWS if row.seed in (6, 7)} == {DEFAULT}
@@ -29,7 +29,7 @@ def test_the_first_seed_of_all_comes_before_the_second_of_any() -> None:
     assert len(study_rows(0, 1)) == len(ROWS) - 2 * 4
 
 
-def test_a_row_changes_nothing_but_what_it_says() -> None:
+def test_a_row_changes_its_own_keys_only() -> None:
     base = made_config(network="paper", setting=360, appearance=True)
     row = StudyRow("lss", "180", OCCUPANCY, 7)
     config = row.config(base)
@@ -48,6 +48,6 @@ def test_rows_are_chosen_by_a_part_of_their_name() -> None:
 
 
 @pytest.mark.parametrize(("pattern", "said"), [("(", "regular expression"), ("lsss", "of appocc-360-occupancy-s5, ")])
-def test_a_choice_of_nothing_is_told(pattern: str, said: str) -> None:
+def test_a_pattern_without_match_is_refused(pattern: str, said: str) -> None:
     with pytest.raises(DataError, match=said):
         chosen_rows(ROWS, pattern)

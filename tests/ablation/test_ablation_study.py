@@ -71,7 +71,7 @@ def done(study: Study) -> dict[str, str]:
     return {each.row.name: each.state for each in study.outcomes()}
 
 
-def test_all_rows_are_trained_judged_and_told(shared: Path, whole: bytes, tmp_path: Path) -> None:
+def test_all_rows_are_trained_and_evaluated(shared: Path, whole: bytes, tmp_path: Path) -> None:
     counting = Counting()
     study = made_study(shared, tmp_path / "out", train_row=counting)
     study.run(ROWS, TrainingMonitor(), never)
@@ -113,7 +113,7 @@ def test_figures_are_those_of_eval_bev(root: Path, tmp_path: Path, number: int) 
 
 
 @pytest.mark.parametrize("stop_at", [1, 7, 18])
-def test_interrupted_in_training_it_goes_on_to_the_same_bytes(
+def test_interrupted_in_training_it_resumes_to_the_same_bytes(
     shared: Path, whole: bytes, tmp_path: Path, stop_at: int
 ) -> None:
     study, monitor, steps = made_study(shared, tmp_path / "out"), TrainingMonitor(), []
@@ -133,7 +133,7 @@ def test_interrupted_in_training_it_goes_on_to_the_same_bytes(
     assert (tmp_path / "out" / RESULTS_FILE).read_bytes() == whole
 
 
-def test_interrupted_in_judging_no_map_is_made_twice(shared: Path, whole: bytes, tmp_path: Path) -> None:
+def test_interrupted_in_evaluation_no_map_is_predicted_twice(shared: Path, whole: bytes, tmp_path: Path) -> None:
     asked: list[tuple[str, str]] = []
 
     class Interrupted(MadePredictor):
@@ -157,7 +157,7 @@ def test_interrupted_in_judging_no_map_is_made_twice(shared: Path, whole: bytes,
     assert (tmp_path / "out" / RESULTS_FILE).read_bytes() == whole
 
 
-def test_killed_before_the_run_was_told_it_begins(root: Path, tmp_path: Path) -> None:
+def test_killed_before_the_run_started(root: Path, tmp_path: Path) -> None:
     folder = tmp_path / "out" / ROWS[0].name
     folder.mkdir(parents=True)
     (folder / "environment.json").write_text("{}")
@@ -168,7 +168,7 @@ def test_killed_before_the_run_was_told_it_begins(root: Path, tmp_path: Path) ->
     assert not list(folder.glob(".config-*"))
 
 
-def test_a_folder_with_other_things_is_left_alone(root: Path, tmp_path: Path) -> None:
+def test_a_folder_with_other_files_is_not_touched(root: Path, tmp_path: Path) -> None:
     folder = tmp_path / "out" / ROWS[0].name
     folder.mkdir(parents=True)
     (folder / "letter.txt").write_text("mine")
@@ -177,7 +177,7 @@ def test_a_folder_with_other_things_is_left_alone(root: Path, tmp_path: Path) ->
     assert (folder / "letter.txt").read_text() == "mine"
 
 
-def test_when_the_time_is_up_rows_are_named_and_the_one_under_way_goes_on(
+def test_when_the_time_is_up_missing_rows_are_named_and_the_current_one_resumes(
     shared: Path, whole: bytes, tmp_path: Path
 ) -> None:
     study, monitor, steps = made_study(shared, tmp_path / "out"), TrainingMonitor(), []
@@ -198,7 +198,7 @@ def test_without_time_nothing_is_run(root: Path, tmp_path: Path) -> None:
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == [RESULTS_FILE, REPORT_FILE]
 
 
-def test_a_training_that_diverges_is_told_and_not_tried_again(root: Path, tmp_path: Path) -> None:
+def test_a_diverged_training_is_reported_and_not_repeated(root: Path, tmp_path: Path) -> None:
     tried = []
 
     def diverging(config: Config, folder: RunFolder, resume: bool, monitor: TrainingMonitor) -> Mapping[str, Any]:
@@ -218,7 +218,7 @@ def test_a_training_that_diverges_is_told_and_not_tried_again(root: Path, tmp_pa
     assert "failed: step 3: expected finite losses" in (tmp_path / "out" / REPORT_FILE).read_text()
 
 
-def test_another_test_set_is_judged_anew_without_training(root: Path, tmp_path: Path, tiny: TinyDataset) -> None:
+def test_another_test_set_is_evaluated_without_training(root: Path, tmp_path: Path, tiny: TinyDataset) -> None:
     counting, rows = Counting(), ROWS[:1]
     made_study(root, tmp_path / "out", rows, counting).run(rows, TrainingMonitor(), never)
     # The weights are the same, but one sample is gone.
@@ -241,7 +241,7 @@ def test_another_test_set_is_judged_anew_without_training(root: Path, tmp_path: 
     assert sum(line["kind"] == "train" for line in study.folder(rows[0]).read_metrics()) == 1
 
 
-def test_rows_that_were_not_chosen_keep_what_they_have(root: Path, tmp_path: Path) -> None:
+def test_rows_not_chosen_keep_their_results(root: Path, tmp_path: Path) -> None:
     study = made_study(root, tmp_path / "out")
     study.run(ROWS[:1], TrainingMonitor(), never)
     study.run(ROWS[2:3], TrainingMonitor(), never)
@@ -273,7 +273,9 @@ class Broken:
         (Broken.samples, "no key frames"),
     ],
 )
-def test_what_cannot_work_is_told_before_anything_begins(root: Path, tmp_path: Path, broken: Any, said: str) -> None:
+def test_invalid_studies_are_refused_before_the_first_training(
+    root: Path, tmp_path: Path, broken: Any, said: str
+) -> None:
     study = broken(Broken(), root, tmp_path / "out")
     with pytest.raises(DataError, match=said):
         study.check()
@@ -285,7 +287,7 @@ def test_several_processes_are_refused(root: Path, tmp_path: Path, monkeypatch: 
         made_study(root, tmp_path / "out").check()
 
 
-def test_a_damaged_result_is_told(root: Path, tmp_path: Path) -> None:
+def test_a_damaged_result_is_refused(root: Path, tmp_path: Path) -> None:
     study = made_study(root, tmp_path / "out")
     study.run(ROWS[:1], TrainingMonitor(), never)
     result = study.folder(ROWS[0]).path / "result.json"
@@ -304,13 +306,13 @@ def test_a_damaged_result_is_told(root: Path, tmp_path: Path) -> None:
     assert done(study)[ROWS[0].name] == "begun"
 
 
-def test_a_folder_that_cannot_be_written_is_told(root: Path, tmp_path: Path) -> None:
+def test_a_read_only_folder_is_an_error(root: Path, tmp_path: Path) -> None:
     (tmp_path / "out").write_text("a file")
     with pytest.raises(DataError, match="cannot be written"):
         made_study(root, tmp_path / "out").run(ROWS, TrainingMonitor(), never)
 
 
-def test_the_watcher_hears_of_rows(root: Path, tmp_path: Path) -> None:
+def test_the_monitor_reports_rows(root: Path, tmp_path: Path) -> None:
     heard: list[tuple[float, str]] = []
     said: list[str] = []
     monitor = TrainingMonitor(lambda share, text: heard.append((share, text)), said.append)

@@ -62,7 +62,7 @@ def test_the_papers_differences_are_those_of_its_tables() -> None:
     assert (TABLES.keys(), APPEARANCE_L1["360"]) == (DIFFERENCES.keys(), 3.046)
 
 
-def test_figures_of_seeds_come_together() -> None:
+def test_results_are_grouped_by_seed() -> None:
     first, second, third = iou_table(OUTCOMES, "360")
     assert (first["network"], first["answers"], first["seeds"]) == ("appocc", OCCUPANCY, [0, 1, 2])
     assert first["iou"]["road"] == {
@@ -91,7 +91,7 @@ def test_differences_are_of_pairs_with_one_seed() -> None:
     )
 
 
-def test_colours_are_told_of_those_who_answer_them() -> None:
+def test_colour_errors_of_networks_with_appearance() -> None:
     ours, floor = appearance_table(OUTCOMES, "360")
     assert (ours["network"], ours["appearance_l1"]["mean"], ours["ciede2000_median"]["mean"]) == ("appocc", 31, 31)
     assert (floor["network"], floor["seeds"], floor["appearance_known"]["mean"]) == ("ipm", [None], 0.75)
@@ -141,15 +141,15 @@ def test_the_report_names_budget_and_auxiliary_losses() -> None:
     assert "learn from depth" not in render_report(made_config(losses__depth=0, losses__kind=0), TEST, [])
 
 
-def test_a_spread_leaves_out_what_is_not_there() -> None:
+def test_mean_and_deviation_ignore_missing_values() -> None:
     assert spread([1.0, None, 3.0]) == {"mean": 2.0, "deviation": pytest.approx(2**0.5), "values": [1.0, None, 3.0]}
 
 
-def test_no_number_becomes_null() -> None:
+def test_non_finite_numbers_become_null() -> None:
     assert json_value({"a": [float("nan"), (1.0, float("inf"))], 2: "x"}) == {"a": [None, [1.0, None]], "2": "x"}
 
 
-def test_a_colouring_says_colours_where_it_sees_and_nothing_of_occupancy(tiny: TinyDataset) -> None:
+def test_a_colouring_method_colours_visible_cells_without_occupancy(tiny: TinyDataset) -> None:
     dataset = Dataset(tiny.root)
     frame = dataset.frame(dataset.samples(dataset.scenes[0])[0])
     bev, seen = ColouringPredictor(ipm, SETTINGS["360"])(frame)
@@ -167,7 +167,7 @@ def test_a_colouring_says_colours_where_it_sees_and_nothing_of_occupancy(tiny: T
         ColouringPredictor(ipm, SETTINGS["180"])(Frame(frame.token, 0, frame.world_from_ego, frame.rig, {}))
 
 
-def test_scenes_are_drawn_once_and_kept_in_order(tiny: TinyDataset) -> None:
+def test_scenes_are_selected_reproducibly_and_in_order(tiny: TinyDataset) -> None:
     scene = Dataset(tiny.root).scenes[0]
     many = [replace(scene, name=f"{i:02}") for i in range(40)]
     assert draw_scenes(many, None) == draw_scenes(many, 99) == tuple(many)

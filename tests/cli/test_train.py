@@ -88,7 +88,7 @@ def test_a_run_and_the_same_again(
         (["first.yaml", "train.device=cuda"], "torch finds no GPU"),
     ],
 )
-def test_bad_input_is_told_and_leaves_nothing(
+def test_bad_input_is_reported_and_leaves_no_files(
     tmp_path: Path, config: Path, tiny: TinyDataset, monkeypatch: pytest.MonkeyPatch, arguments: list[str], said: str
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -104,9 +104,7 @@ def test_bad_input_is_told_and_leaves_nothing(
     assert sorted(tmp_path.rglob("*")) == before
 
 
-def test_an_empty_folder_is_taken_and_one_run_at_a_time_works_in_it(
-    tmp_path: Path, config: Path, tiny_parts: None
-) -> None:
+def test_an_empty_folder_is_accepted_and_locked_by_one_run(tmp_path: Path, config: Path, tiny_parts: None) -> None:
     out = tmp_path / "run"
     out.mkdir()
     with locked(out / ".lock", out):
@@ -142,7 +140,9 @@ def test_divergence_ends_with_one(tmp_path: Path, config: Path) -> None:
     ],
     ids=["ctrl-c", "terminated", "killed"],
 )
-def test_interrupted_anywhere_it_goes_on(tmp_path: Path, config: Path, sent: signal.Signals, code: int) -> None:
+def test_interrupted_anywhere_it_can_be_resumed(
+    tmp_path: Path, config: Path, sent: signal.Signals, code: int
+) -> None:
     words = ["train", str(config), "train.steps=4000", "evaluate.every_steps=100000", "save.every_steps=20"]
     command = [sys.executable, "-c", TINY, *words, "--out", str(tmp_path / "run")]
     process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)

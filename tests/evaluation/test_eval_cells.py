@@ -31,7 +31,7 @@ def test_overlap_is_counted_by_class() -> None:
     assert np.isnan(found["lane"])
 
 
-def test_all_maps_are_judged_on_the_cells_that_the_truth_knows() -> None:
+def test_all_maps_are_compared_on_the_known_cells_of_the_truth() -> None:
     truth, predicted = bev({ROAD: np.s_[0:10, 0:10]}), bev({ROAD: np.s_[0:10, 0:20]}, rgb=(130, 100, 100))
     counts = count_cells(without(predicted, np.s_[:, 10:]), without(truth, np.s_[0:5, :]), MASKS, HALF)
     assert counts.overlap[0, 0, ROAD].tolist() == [
@@ -42,7 +42,7 @@ def test_all_maps_are_judged_on_the_cells_that_the_truth_knows() -> None:
     assert counts.known.tolist() == [35 * 40, 350]
 
 
-def test_a_class_that_a_map_knows_nowhere_is_not_judged() -> None:
+def test_a_class_without_valid_cells_is_not_evaluated() -> None:
     truth, predicted = bev({ROAD: np.s_[0:10, 0:10]}), bev({})
     assert np.isnan(ious(count_cells(without(predicted, np.s_[:, :]), truth, MASKS, HALF).overlap[0, 0])["road"])
     assert ious(count_cells(predicted, truth, MASKS, HALF).overlap[0, 0])["road"] == 0

@@ -14,7 +14,7 @@ from appocc.grid import BEVGrid
 AHEAD = BEVGrid(0.0, 20.0, -20.0, 20.0, 1.0)
 
 
-def test_what_lies_ahead_is_cut_out_of_maps_arrays_and_all(tmp_path: Path) -> None:
+def test_maps_and_arrays_are_cropped_to_the_cells_ahead(tmp_path: Path) -> None:
     instance = np.arange(1600, dtype=np.int32).reshape(40, 40)
     bev({ROAD: np.s_[25:30, 3:5]}).save(bev_path(tmp_path, "exact", "a"), {"instance": instance})
     seen = np.eye(20, 40, dtype=np.bool_)

@@ -58,21 +58,21 @@ def test_of_a_large_picture_samples_are_kept_that_stand_for_all() -> None:
     assert (seen.rgb[:, 0] > 100).sum() == pytest.approx(150, abs=1)
 
 
-def test_cameras_are_evened_out_and_the_pictures_own_light_stays() -> None:
+def test_gains_equalise_the_cameras_and_exposure_is_per_image() -> None:
     rgb = np.array([[100, 50, 20], [240, 7, 30]] * 6, np.uint8)
     seen = extract_bodywork(rgb, np.full(12, 0.5), 1.0, NEUTRAL, np.array([1.1, 0.9, 1.0]))
     assert seen.rgb[:2].tolist() == [[110, 45, 20], [255, 6, 30]]
     assert_rounded(seen.lab, NEUTRAL.lab(rgb), LAB_TERMS)
 
 
-def test_a_pictures_median_becomes_a_middle_grey() -> None:
+def test_the_median_of_an_image_maps_to_middle_grey() -> None:
     image = np.full((64, 96, 3), (40, 60, 80), np.uint8)
     image[:8] = 250  # a sky of an eighth changes nothing
     lab = estimate_exposure(image).lab(np.array([40, 60, 80]))
     np.testing.assert_allclose(lab, [57.1, 0.0, 0.0], atol=0.1)
 
 
-def test_a_picture_at_night_is_not_made_day() -> None:
+def test_night_images_stay_dark() -> None:
     dark, darker = (estimate_exposure(np.full((64, 96, 3), level, np.uint8)) for level in (20, 3))
     np.testing.assert_array_equal(dark.gain, darker.gain)
 
@@ -80,7 +80,7 @@ def test_a_picture_at_night_is_not_made_day() -> None:
 # What colour it has -------------------------------------------------------------------------------------------------
 
 
-def test_shadow_and_glint_on_the_paint_are_left_out() -> None:
+def test_shadows_and_highlights_are_trimmed() -> None:
     assert off(estimate_paint([shown((RED, 160), ((60, 8, 6), 20), ((255, 250, 250), 15))]), RED) < 6
 
 
@@ -90,7 +90,7 @@ def test_a_dense_shadow_on_paint_of_many_shades_is_trimmed() -> None:
     assert estimate_paint([BodyworkSamples(rgb, lab_from_rgb(rgb), 200.0, True)]).min() > 30
 
 
-def test_of_two_greys_the_larger_is_taken() -> None:
+def test_the_larger_of_two_greys_is_the_paint() -> None:
     assert off(estimate_paint([shown((GREY, 120), ((200, 200, 200), 80))]), GREY) < 4
 
 
@@ -108,7 +108,7 @@ def test_a_tint_of_the_sky_is_no_hue() -> None:
     assert off(estimate_paint([shown(((66, 78, 98), 80), ((120, 121, 120), 120))]), (120, 121, 120)) < 4
 
 
-def test_dark_pictures_tell_the_same_paint_as_bright_ones() -> None:
+def test_dark_and_bright_images_give_the_same_paint() -> None:
     """A quarter of red, in a picture as dark as that, is read in the picture's own light."""
     bright = colours((RED, 60), (GREY, 140))
     dark = (bright * 0.3).astype(np.uint8)
@@ -117,13 +117,13 @@ def test_dark_pictures_tell_the_same_paint_as_bright_ones() -> None:
     assert off(answer, (60, 9, 7)) < 4
 
 
-def test_pictures_count_by_their_area() -> None:
+def test_images_are_weighted_by_area() -> None:
     near, far = shown((GREY, 50), area_px=5000.0), shown(((200, 200, 200), 200), area_px=2000.0)
     assert off(estimate_paint([near, far]), GREY) < 4
     assert off(estimate_paint([near._replace(area_px=500.0), far]), (200, 200, 200)) < 4
 
 
-def test_a_picture_without_bodywork_counts_only_where_no_other_is() -> None:
+def test_images_without_bodywork_count_only_without_others() -> None:
     glass, paint = shown((GLASS, 200), area_px=1e6, body=False), shown((RED, 20), area_px=40.0)
     assert off(estimate_paint([glass, paint]), RED) < 6
     assert off(estimate_paint([glass]), GLASS) < 4

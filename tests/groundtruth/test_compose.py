@@ -29,7 +29,7 @@ def colours(found: GroundSurface) -> tuple[Float32Array, BoolArray]:
     return ground_colours(GRID, HERE, found)
 
 
-def test_cells_have_the_mean_of_what_lies_in_them() -> None:
+def test_cells_are_the_mean_of_their_fine_cells() -> None:
     found, known = colours(surface([(3, 4), (3, 4), (10, 12)], [(10, 20, 30), (20, 40, 60), (5, 6, 7)]))
     assert np.argwhere(known).tolist() == [[3, 4], [10, 12]]
     assert found[3, 4].tolist() == [15, 30, 45]
@@ -47,7 +47,7 @@ def block(hole: FloatArray) -> GroundSurface:
     return surface(cells, [(float(j), 100.0, 0.0) for _, j in cells])
 
 
-def test_small_holes_are_filled_with_what_surrounds_them() -> None:
+def test_small_holes_are_filled_from_their_neighbours() -> None:
     hole = np.zeros(GRID.shape)
     hole[5, 5] = hole[9, 8:10] = hole[12:14, 12:14] = 1
     found, known = colours(block(hole))
@@ -80,7 +80,7 @@ def test_large_holes_stay_unknown() -> None:
     assert known[2:18, 2:18].sum() < 16 * 16 - 16
 
 
-def test_settings_tell_runs_apart() -> None:
+def test_settings_identify_runs() -> None:
     plain = GroundTruthSettings(BEVGrid.surround(), "robust").as_meta()
     assert plain == GroundTruthSettings(BEVGrid.surround(), "robust").as_meta()
     assert plain != GroundTruthSettings(BEVGrid.front(), "robust").as_meta()

@@ -105,7 +105,7 @@ def test_a_cell_belongs_to_a_vehicle_that_covers_half_of_it() -> None:
 
 
 @pytest.mark.parametrize("shift", [0.0, 0.4, 1.2, 2.0, 2.8, -3.6])
-def test_half_a_cell_is_half_wherever_the_box_stands(shift: float) -> None:
+def test_half_a_cell_is_half_at_any_position(shift: float) -> None:
     for angle in (0.0, np.pi / 2, np.pi):
         owner = vehicle_owner(GRID, boxes((shift, shift, 4.0, 2.0, angle)))
         assert (owner == 0).sum() == 60  # 10 x 5 cells and a half to each side, or 10 and a half by 6
@@ -128,7 +128,7 @@ def test_no_vehicles() -> None:
 # Road ---------------------------------------------------------------------------------------------------------------
 
 
-def test_the_vector_map_comes_first() -> None:
+def test_the_vector_map_has_priority() -> None:
     road = road_layer(GRID, HERE, RoadSources(VECTOR, mask(False), surface(*cell(30, 30, *[OTHER] * 16)), LABELS))
     assert road.source == "map_expansion"
     assert road.valid.all()
@@ -138,7 +138,7 @@ def test_the_vector_map_comes_first() -> None:
     assert np.array_equal(road.on, expected)
 
 
-def test_the_mask_comes_second() -> None:
+def test_the_mask_is_used_without_a_vector_map() -> None:
     road = road_layer(GRID, HERE, RoadSources(None, mask(), surface(*cell(3, 3, *[ROAD_LABEL] * 16)), LABELS))
     assert road.source == "mask"
     expected = np.zeros(GRID.shape, np.bool_)
@@ -161,12 +161,12 @@ def test_beyond_the_mask_nothing_is_known() -> None:
     assert road.on.sum() == road.valid.sum() == 6 * 6 - 4
 
 
-def test_a_derived_mask_says_so() -> None:
+def test_a_derived_mask_is_named_as_source() -> None:
     derived = MaskWindow(np.zeros((400, 400), np.uint8), (80.0, 180.0), None, "made from LiDAR")
     assert road_layer(GRID, HERE, RoadSources(None, derived, NOTHING, NO_LABELS)).source == "mask (made from LiDAR)"
 
 
-def test_labels_come_third() -> None:
+def test_labels_are_used_without_maps() -> None:
     rows = cell(3, 4, *[ROAD_LABEL] * 5, *[OTHER] * 5) + cell(5, 6, *[ROAD_LABEL] * 4, *[OTHER] * 5)
     rows += cell(7, 8, ROAD_LABEL, ROAD_LABEL) + cell(9, 10, LANE_LABEL, LANE_LABEL, LANE_LABEL, OTHER)
     rows += cell(11, 12, *[UNLABELLED] * 16)

@@ -191,7 +191,7 @@ def test_all_views_count_together(tmp_path: Path, paint_name: PaintMethod) -> No
     assert within_bin(colours[0], RED)
 
 
-def test_what_lidar_sees_before_a_car_hides_it() -> None:
+def test_lidar_points_in_front_of_a_car_occlude_it() -> None:
     """A wall that nobody annotated covers the car's lower half."""
     red, wall = car(14, -1, RED, "a"), Solid((10, -4, 0), (10.2, 2, 1.0), GREEN)
     image, view = seen([red, wall], [red])
@@ -222,7 +222,7 @@ def test_a_car_is_seen_past_the_corner_of_a_box_that_is_too_large() -> None:
     assert (found.rgb == RED).all(axis=1).mean() > 0.95
 
 
-def test_what_lidar_sees_beyond_a_box_is_no_part_of_the_car() -> None:
+def test_pixels_with_lidar_depth_beyond_a_box_are_not_the_car() -> None:
     """The box is much too wide; beside the car the LiDAR sees the wall behind it."""
     red, wall = car(12, -1, RED, "a"), Solid((30, -20, 0), (31, 20, 8), GREEN)
     wide = Solid((10, -4, 0), (14, 2, 1.5), RED, "vehicle.car", "a")
@@ -289,7 +289,7 @@ def test_a_turned_and_tilted_box_is_hit_where_it_is() -> None:
 
 
 @BOTH
-def test_an_oncoming_car_is_painted_where_the_pictures_show_it(tmp_path: Path, paint_name: PaintMethod) -> None:
+def test_an_oncoming_car_is_painted_where_the_images_show_it(tmp_path: Path, paint_name: PaintMethod) -> None:
     """They are stamped 0.1 s, or 2 m, before the sweep; a green wall stands behind the car."""
     wall = Solid((19.0, -6.0, 0.0), (20.0, 8.0, 5.0), GREEN)
     plan = Plan(

@@ -80,7 +80,7 @@ def maps(dataset: Dataset, out: Path) -> list[BEVMap]:
 # What is in the maps ------------------------------------------------------------------------------------------------
 
 
-def test_a_map_and_a_picture_a_sample(dataset: Dataset, made: Path) -> None:
+def test_a_map_and_a_preview_per_sample(dataset: Dataset, made: Path) -> None:
     tokens = [sample.token for sample in dataset.samples(dataset.scenes[0])]
     files = {f"bev/groundtruth/{t}.{kind}" for t in tokens for kind in ("npz", "png")}
     assert set(digests(made)) == {*files, "bev/groundtruth/inputs.jsonl"}
@@ -146,7 +146,7 @@ def test_the_same_bytes_again_and_with_more_workers(dataset: Dataset, made: Path
     assert digests(tmp_path / "two") == expected
 
 
-def test_a_run_goes_on_where_it_was(dataset: Dataset, made: Path, tmp_path: Path) -> None:
+def test_a_run_resumes(dataset: Dataset, made: Path, tmp_path: Path) -> None:
     run(dataset, tmp_path)
     expected = digests(tmp_path)
     first, second, third = (bev_path(tmp_path, "groundtruth", s.token) for s in dataset.samples(dataset.scenes[0]))
@@ -159,7 +159,7 @@ def test_a_run_goes_on_where_it_was(dataset: Dataset, made: Path, tmp_path: Path
     assert digests(tmp_path) == expected == digests(made)
 
 
-def test_maps_are_made_anew_when_what_they_are_made_of_changed(tiny: TinyDataset, tmp_path: Path) -> None:
+def test_maps_are_replaced_when_their_inputs_changed(tiny: TinyDataset, tmp_path: Path) -> None:
     def anew() -> tuple[int, dict[str, int]]:
         summary = run(Dataset(tiny.root), tmp_path)
         return summary.made, summary.stale

@@ -76,7 +76,7 @@ def test_pandaset_vehicles_have_the_colours_that_people_read(panda_root: Path) -
     assert np.median(errors) < 9
 
 
-def test_nuscenes_as_it_lies_there(data_root: Path, tmp_path: Path) -> None:
+def test_nuscenes_as_downloaded(data_root: Path, tmp_path: Path) -> None:
     dataset = Dataset(data_root / "nuscenes_real")
     before = sorted(path.name for path in dataset.root.rglob("*"))
     summary = generate(

@@ -39,7 +39,7 @@ def hidden(view: Camera, sweep: FloatArray, points: FloatArray) -> tuple[BoolArr
     return result, seen
 
 
-def test_a_depth_picture_tells_how_far_the_sweep_saw() -> None:
+def test_a_depth_image_has_the_depth_of_the_sweep() -> None:
     view = camera()
     picture = DepthImage(np.array([[0.0, 0.0, 8.0], [0.0, 0.0, 20.0]]), view)
     assert_rounded(picture.depth_m(np.array([[800.0, 450.0]])), [8.0], 3, dtype=torch.float32)
@@ -75,7 +75,7 @@ def test_the_ground_hides_none_of_itself(elevations: FloatArray, pitch_deg: floa
 
 
 @BEAMS
-def test_a_wall_hides_what_is_behind_it_and_not_what_is_before_it(elevations: FloatArray) -> None:
+def test_a_wall_occludes_points_behind_it_only(elevations: FloatArray) -> None:
     wall = Solid((12.0, -4.0, 0.0), (12.3, 4.0, 3.0), (0, 0, 0))
     sweep, which = scan(LIDAR, [wall], beams(elevations, 1080))
     assert (which == 0).sum() > 300
@@ -98,7 +98,7 @@ def test_a_wall_hides_what_is_behind_it_and_not_what_is_before_it(elevations: Fl
 
 
 @BEAMS
-def test_between_two_rings_the_ground_hides_what_lies_below_it(elevations: FloatArray) -> None:
+def test_ground_between_two_rings_occludes_points_below_it(elevations: FloatArray) -> None:
     sweep, _ = scan(LIDAR, [], beams(elevations, 1080))
     below = np.random.default_rng(4).uniform([10, -4, -0.3], [25, 4, -0.3], (20_000, 3))
     is_hidden, seen = hidden(camera(), sweep, below)

@@ -66,7 +66,7 @@ def test_null_means_not_known(tmp_path: Path) -> None:
     assert np.isnan(t.array("place")[0, 1])
 
 
-def test_times_with_a_fraction_are_cut_to_whole_microseconds(tmp_path: Path) -> None:
+def test_fractions_of_microseconds_are_truncated(tmp_path: Path) -> None:
     t = read(tmp_path, [record(0), record(1, time=1557858039302414.8)])
     assert t.array("time").tolist() == [0, 1557858039302414]
     assert t.cut == ("time",)

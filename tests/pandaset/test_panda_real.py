@@ -77,7 +77,7 @@ def test_real_ego_poses(panda_root: Path, frames: list[dict[str, Any]]) -> None:
         assert difference[:3, :3].max() < (1e-4 if exact else 0.01)
 
 
-def test_real_road_lies_at_the_height_of_the_ego(panda_root: Path) -> None:
+def test_real_road_is_at_the_height_of_the_ego(panda_root: Path) -> None:
     dataset = Dataset(panda_root)
     for sample in dataset.samples(dataset.scenes[0])[::13]:
         data = dataset.data(sample)["LIDAR_TOP"]

@@ -24,7 +24,7 @@ def twin(tmp_path: Path) -> PandaTwin:
     return PandaTwin(tmp_path)
 
 
-def test_both_forms_say_the_same(twin: PandaTwin) -> None:
+def test_both_formats_give_the_same_recording(twin: PandaTwin) -> None:
     """The published yaw is the heading of the width axis, dimensions.x the width, points lie in the world."""
     plain, published = read_plain(twin.source, twin.lidar), read_pickles(twin.publish() / "002", None)
     assert published.name == plain.name == "002"

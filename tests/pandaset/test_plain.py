@@ -188,7 +188,7 @@ def test_bad_files(twin: PandaTwin, name: str) -> None:
     assert sorted(path.name for path in twin.root.iterdir()) == ["panda", "panda_lidar"]
 
 
-def test_frames_without_images_are_left_out(twin: PandaTwin) -> None:
+def test_frames_without_images_are_skipped(twin: PandaTwin) -> None:
     recording = read_plain(twin.source, twin.lidar)
     assert [frame.index for frame in recording.frames] == [0, 2, 4]
     assert [frame.read_sweep is not None for frame in recording.frames] == [True, True, False]

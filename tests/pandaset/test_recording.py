@@ -35,7 +35,7 @@ def cuboid(track: str, sensor: int = -1, sibling: str | None = None) -> Cuboid:
     )
 
 
-def test_twins_go_only_where_their_sibling_is() -> None:
+def test_duplicates_are_dropped_only_with_their_sibling() -> None:
     alone, main, twin = cuboid("a"), cuboid("b", 0, "c"), cuboid("c", 1, "b")
     orphan, unpaired = cuboid("d", 1, "gone"), cuboid("e", 1, None)
     kept = drop_duplicate_cuboids((alone, twin, main, orphan, unpaired))
@@ -51,7 +51,7 @@ def recording(*frames: PandaFrame) -> Recording:
     return Recording("x", frames, {"CAM_FRONT": np.eye(3)}, {7: "Road"}, None, "")
 
 
-def test_what_a_recording_must_be() -> None:
+def test_invalid_recordings_are_refused() -> None:
     good = recording(frame(0, 1.0), frame(1, 1.1))
     assert len(good.frames) == 2
     with pytest.raises(DataError, match="sequence x: no frames"):
@@ -69,7 +69,7 @@ def test_what_a_recording_must_be() -> None:
         replace(good, label_names={7: "Rode"})
 
 
-def test_what_its_parts_must_be() -> None:
+def test_invalid_parts_are_refused() -> None:
     with pytest.raises(ShapeError, match=r"a\.jpg world_from_cam"):
         PandaImage(Path("x/a.jpg"), 0.0, np.zeros((4, 4)))
     with pytest.raises(ShapeError, match=r"a\.jpg time"):
@@ -88,7 +88,7 @@ def test_what_its_parts_must_be() -> None:
             replace(cuboid("a"), **change)
 
 
-def test_what_a_sweep_must_be() -> None:
+def test_invalid_sweeps_are_refused() -> None:
     points, bytes_ = np.zeros((3, 3)), np.zeros(3, np.uint8)
     assert LidarSweep(points, bytes_, None).labels is None
     for wrong in (
@@ -111,7 +111,7 @@ def test_what_a_sweep_must_be() -> None:
         *(({"cell_m": size}, "resolution: expected") for size in (0.25, 0.04, 0.0, -0.2, float("nan"), 1e9, 10.1)),
     ],
 )
-def test_what_a_road_raster_must_be(change: dict[str, Any], message: str) -> None:
+def test_invalid_road_rasters_are_refused(change: dict[str, Any], message: str) -> None:
     good = RoadRaster(np.zeros((2, 3), np.uint8), (0.0, 0.0), 0.2)
     assert good.scale == 2
     with pytest.raises(ShapeError, match=message):

@@ -84,7 +84,7 @@ def frame(yaw_rad: float, x_m: float, y_m: float) -> FloatArray:
 
 @settings(max_examples=25)
 @given(yaw_rad=st.floats(-np.pi, np.pi), x_m=st.floats(-6, 6), y_m=st.floats(-6, 6), mirror=st.booleans())
-def test_pictures_and_map_agree_in_any_frame(yaw_rad: float, x_m: float, y_m: float, mirror: bool) -> None:
+def test_images_and_map_agree_in_any_frame(yaw_rad: float, x_m: float, y_m: float, mirror: bool) -> None:
     sample = mirror_sample(marked()) if mirror else marked()
     sample = reframe(sample, frame(yaw_rad, x_m, y_m), GRID)
     places = vehicle_places(sample)
@@ -126,7 +126,7 @@ def coded(grid: BEVGrid = GRID) -> PackedSample:
 
 
 @pytest.mark.parametrize("target", [GRID, FRONT])
-def test_every_cell_takes_what_lies_at_its_centre_and_outside_is_unknown(target: BEVGrid) -> None:
+def test_cells_are_resampled_at_their_centre_and_unknown_outside(target: BEVGrid) -> None:
     new_from_ego = frame(0.7, 3.0, -2.0)
     before, after = coded(), reframe(coded(), new_from_ego, target)
     assert after.grid == target
@@ -172,7 +172,7 @@ def test_a_skewed_pixel_is_mirrored_too() -> None:
 # Light ------------------------------------------------------------------------------------------------------------
 
 
-def test_light_changes_pictures_and_map_alike() -> None:
+def test_colour_jitter_changes_images_and_map_alike() -> None:
     rng, sample = np.random.default_rng(0), blank()
     sample.appearance[:] = rng.integers(0, 256, sample.appearance.shape)
     sample.images[0, :, :200] = np.moveaxis(sample.appearance, 0, 2)[:128]
@@ -239,7 +239,7 @@ def test_no_strength_changes_nothing_but_crops() -> None:
     np.testing.assert_array_equal(front.occupancy, sample.occupancy[100:])
 
 
-def test_the_same_generator_gives_the_same_and_the_packed_sample_is_not_written_to() -> None:
+def test_augmentation_is_reproducible_and_does_not_modify_its_input() -> None:
     sample, untouched = marked(), marked()
     for name in ARRAYS:
         getattr(sample, name).flags.writeable = False
@@ -258,7 +258,7 @@ def test_switching_one_change_on_leaves_the_others_as_they_were() -> None:
     assert equal(everything, stiff, ("images", "alive", "intrinsic"))
 
 
-def test_up_to_so_many_cameras_are_dropped_and_one_stays() -> None:
+def test_cameras_are_dropped_up_to_the_limit_and_one_remains() -> None:
     counts = [int(augment(blank(), Augmentation(cameras_dropped=2), GRID, rng(i)).alive.sum()) for i in range(20)]
     assert {*counts} == {4, 5, 6}
     lonely = blank()

@@ -91,7 +91,7 @@ def test_accumulation_asks_for_as_many_batches(tmp_path: Path) -> None:
     assert setup.train.asked[:6] == list(range(6))
 
 
-def test_norms_and_biases_are_not_made_smaller() -> None:
+def test_no_weight_decay_on_norms_and_biases() -> None:
     model = TinyModel()
     decayed, free = _optimizer(model, made_config(train__weight_decay=0.3)).param_groups
     assert (decayed["weight_decay"], free["weight_decay"]) == (0.3, 0.0)
@@ -101,7 +101,7 @@ def test_norms_and_biases_are_not_made_smaller() -> None:
     assert len(decayed["params"]) == 3
 
 
-def test_statistics_belong_to_the_averaged_weights(tmp_path: Path) -> None:
+def test_batch_norm_statistics_are_of_the_ema_weights(tmp_path: Path) -> None:
     config = made_config(evaluate__norm_batches=2)
     setup = made_setup(config)
     model = setup.model.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
@@ -129,7 +129,7 @@ def test_statistics_belong_to_the_averaged_weights(tmp_path: Path) -> None:
     assert not model.trunk[1].running_mean.any()
 
 
-def test_the_best_weights_are_the_averaged_ones_at_the_best_evaluation(tmp_path: Path) -> None:
+def test_the_best_weights_are_the_ema_weights_of_the_best_evaluation(tmp_path: Path) -> None:
     kept: list[dict[str, str]] = []
 
     def keep(path: Path, model: BEVModel, card: dict[str, str]) -> None:
@@ -178,7 +178,7 @@ def test_a_budget_of_time_ends_and_anneals(tmp_path: Path, monkeypatch: pytest.M
     assert [line["step"] for line in lines(tmp_path / "run", "val")] == [last["step"]]
 
 
-def test_no_numbers_stop_it_before_the_weights_are_touched(tmp_path: Path) -> None:
+def test_nan_stops_the_training_before_the_weights_change(tmp_path: Path) -> None:
     with pytest.raises(TrainingError, match=r"step 1: expected finite .* road nan") as caught:
         run(tmp_path / "run", made_config(), poison=Poison(0, math.nan))
     assert caught.value.exit_code == 1
@@ -201,7 +201,7 @@ def test_divergence_keeps_the_last_good_weights(tmp_path: Path, factor: float, r
         assert all(file.get_tensor(name).isfinite().all() for name in file.keys())  # noqa: SIM118
 
 
-def test_no_validation_samples_are_told(tmp_path: Path) -> None:
+def test_missing_validation_samples_are_an_error(tmp_path: Path) -> None:
     config = made_config(train__steps=2)
     setup = made_setup(config)
     with join_process_group("cpu") as processes, pytest.raises(DataError, match="expected samples, got none"):
@@ -222,7 +222,7 @@ def test_an_evaluation_can_be_stopped(tmp_path: Path) -> None:
     assert (tmp_path / "run" / "state-00000005.safetensors").is_file()
 
 
-def test_no_wish_to_stop_is_lost(tmp_path: Path) -> None:
+def test_no_stop_request_is_lost(tmp_path: Path) -> None:
     """A signal may come while the processes tell each other whether there was one."""
     monitor = TrainingMonitor()
 
@@ -238,7 +238,7 @@ def test_no_wish_to_stop_is_lost(tmp_path: Path) -> None:
         )
 
 
-def test_the_rate_goes_up_and_down() -> None:
+def test_the_learning_rate_rises_and_falls() -> None:
     rates = [learning_rate(share, 1.0, 0.2) for share in (0.0, 0.1, 0.2, 0.6, 1.0)]
     assert rates == pytest.approx([0.04, 0.52, 1.0, 0.50005, 1e-4])
     assert learning_rate(0.0, 2.0, 0.0) == 2.0
@@ -250,7 +250,7 @@ def test_shares_of_budgets() -> None:
     assert Budget(None, 60.0).share(5, 90.0) == 1.0
 
 
-def test_the_average_forgets_its_start_quickly() -> None:
+def test_ema_decay_is_lower_at_first() -> None:
     assert ema_decay(1, 0.999) == pytest.approx(2 / 11)
     assert ema_decay(10**6, 0.999) == 0.999
 
@@ -282,7 +282,7 @@ def test_iou_at_half_and_at_the_best_threshold_by_hand() -> None:
     assert_rounded(found.losses["total"], terms.total(made_config().losses), len(terms.names()))
 
 
-def test_an_error_ahead_of_time_is_raised_where_it_is_asked_for() -> None:
+def test_a_prefetch_error_is_raised_at_its_item() -> None:
     samples = TinySamples()
 
     def failing() -> object:
@@ -296,14 +296,14 @@ def test_an_error_ahead_of_time_is_raised_where_it_is_asked_for() -> None:
         next(ahead)
 
 
-def test_what_is_ahead_can_be_left(tmp_path: Path) -> None:
+def test_prefetching_can_be_closed(tmp_path: Path) -> None:
     with prefetch(TinySamples().batches(), TinyModel(), HERE.device) as batches:
         ahead = _prefetch_in_thread(batches)
         assert next(ahead).plan.seen.shape == (1 * 4, *SETTING.grid.shape)
         ahead.close()
 
 
-def test_curves_of_nothing_are_drawn(tmp_path: Path) -> None:
+def test_empty_curves_are_plotted(tmp_path: Path) -> None:
     plot_curves([], tmp_path / "c.png")
     assert read_image(tmp_path / "c.png").ndim == 3
 

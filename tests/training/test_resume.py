@@ -105,7 +105,7 @@ def test_killed_in_an_evaluation(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     assert tensors(folder) == tensors(whole)
 
 
-def test_two_states_are_kept_and_a_damaged_one_is_left_aside(tmp_path: Path) -> None:
+def test_two_checkpoints_are_kept_and_a_damaged_one_is_skipped(tmp_path: Path) -> None:
     whole, folder = tmp_path / "whole", tmp_path / "run"
     said: list[str] = []
     run(whole, made_config())
@@ -134,13 +134,13 @@ def test_a_finished_run_stays_as_it_is(tmp_path: Path) -> None:
     assert ((tmp_path / "run" / "metrics.jsonl").read_bytes(), tensors(tmp_path / "run")) == before
 
 
-def test_a_run_that_is_there_is_not_written_over(tmp_path: Path) -> None:
+def test_an_existing_run_is_not_overwritten(tmp_path: Path) -> None:
     run(tmp_path / "run", made_config(train__steps=1))
     with pytest.raises(DataError, match=r"run: run exists: use --resume"):
         run(tmp_path / "run", made_config(train__steps=1))
 
 
-def test_only_the_same_training_goes_on(tmp_path: Path) -> None:
+def test_only_the_same_configuration_resumes(tmp_path: Path) -> None:
     with pytest.raises(DataError, match="no run to resume"):
         run(tmp_path / "run", made_config(), resume=True)
     run(tmp_path / "run", made_config(train__steps=1))
@@ -148,7 +148,7 @@ def test_only_the_same_training_goes_on(tmp_path: Path) -> None:
         run(tmp_path / "run", made_config(train__steps=2, losses__colour=3.0), resume=True)
 
 
-def test_a_state_holds_the_optimizers_moments_and_no_pickle(tmp_path: Path) -> None:
+def test_a_checkpoint_restores_the_optimizer(tmp_path: Path) -> None:
     config = made_config()
     model, average = TinyModel(), TinyModel()
     optimizer = _optimizer(model, config)
@@ -165,7 +165,7 @@ def test_a_state_holds_the_optimizers_moments_and_no_pickle(tmp_path: Path) -> N
     assert all(torch.equal(mine[k][name], theirs[k][name]) for k in mine for name in mine[k])
 
 
-def test_a_state_of_other_parts_is_told(tmp_path: Path) -> None:
+def test_a_checkpoint_of_another_network_is_refused(tmp_path: Path) -> None:
     model = TinyModel()
     optimizer = _optimizer(model, made_config())
     path = save_checkpoint(tmp_path, TrainingProgress(), model, TinyModel(), optimizer)

@@ -40,7 +40,7 @@ def config(root: Path, tmp_path: Path, held_out: int, init: Path | None = None) 
     )
 
 
-def test_a_drive_is_packed_trained_on_and_judged_by_its_end(root: Path, tmp_path: Path) -> None:
+def test_train_on_a_drive_and_validate_on_its_end(root: Path, tmp_path: Path) -> None:
     said: list[str] = []
     folder = RunFolder(tmp_path / "run")
     summary = run_training(
@@ -56,7 +56,7 @@ def test_a_drive_is_packed_trained_on_and_judged_by_its_end(root: Path, tmp_path
     )
 
 
-def test_something_must_be_left_to_train_on(root: Path, tmp_path: Path) -> None:
+def test_held_out_samples_must_leave_training_samples(root: Path, tmp_path: Path) -> None:
     with pytest.raises(DataError, match="held_out leaves nothing to train on"):
         run_training(config(root, tmp_path, 3), RunFolder(tmp_path / "run"), resume=False, monitor=TrainingMonitor())
 

@@ -9,7 +9,7 @@ from itertools import islice
 import numpy as np
 import pytest
 import torch
-from made_packs import SETTING, made_map, with_maps
+from made_packed import SETTING, made_map, with_maps
 from tiny_dataset import TinyDataset, token
 from tolerances import assert_rounded
 
@@ -18,8 +18,8 @@ from appocc.errors import DataError
 from appocc.nuscenes.view_targets import ViewTargets, save_view_targets, view_targets_path
 from appocc.training.augment import Augmentation
 from appocc.training.batch import Batch
+from appocc.training.batch_loader import BatchLoader
 from appocc.training.packed_dataset import PackedDataset, pack_dataset
-from appocc.training.samples import BatchLoader
 
 STRONG = Augmentation(
     yaw_rad=np.pi,
@@ -65,7 +65,7 @@ def same(one: Batch, other: Batch) -> bool:
     )
 
 
-def test_what_a_batch_holds(packed: PackedDataset) -> None:
+def test_content_of_a_batch(packed: PackedDataset) -> None:
     batch = next(BatchLoader([packed], 3, 0).in_order())
     assert batch.number == (0, 1, 2)
     assert [rig.channels for rig in batch.rigs] == [
@@ -111,7 +111,7 @@ def test_a_dead_camera_moves_the_others_up(packed: PackedDataset) -> None:
         assert torch.equal(found[:, :2], expected)
 
 
-def test_packs_of_rigs_with_fewer_cameras_come_together(packed: PackedDataset) -> None:
+def test_datasets_of_rigs_with_fewer_cameras_combine(packed: PackedDataset) -> None:
     batches = list(BatchLoader([packed, with_a_dead_first_camera(packed)], 3, 0).in_order())
     assert batches[0].images.shape == batches[1].images.shape == (3, 3, 3, 16, 32)
     assert torch.equal(batches[0].images, batches[1].images)
@@ -151,7 +151,7 @@ def test_processes_share_the_row(packed: PackedDataset) -> None:
         assert torch.equal(torch.cat([part.truth.occupancy for part in parts]), whole.truth.occupancy)
 
 
-def test_several_packs_are_numbered_through(packed: PackedDataset) -> None:
+def test_several_datasets_are_numbered_consecutively(packed: PackedDataset) -> None:
     loader = BatchLoader([packed, packed], 2, 0)
     assert len(loader) == 6
     batches = list(loader.in_order())
@@ -161,7 +161,7 @@ def test_several_packs_are_numbered_through(packed: PackedDataset) -> None:
     assert {n for batch in islice(loader.batches(), 3) for n in batch.number} == set(range(6))
 
 
-def test_in_order_stops_where_it_is_told_and_is_shared(packed: PackedDataset) -> None:
+def test_in_order_respects_the_limit_and_is_shared_by_processes(packed: PackedDataset) -> None:
     loader = BatchLoader([packed], 2, 0, STRONG)
     assert [batch.number for batch in loader.in_order()] == [(0, 1), (2,)]
     assert [batch.number for batch in loader.in_order(1, threads=0)] == [(0,)]
@@ -187,7 +187,7 @@ def test_an_error_in_a_thread_reaches_the_loop(packed: PackedDataset) -> None:
         list(BatchLoader([short], 1, 0).in_order())
 
 
-def test_what_makes_no_loader(packed: PackedDataset) -> None:
+def test_invalid_loaders(packed: PackedDataset) -> None:
     with pytest.raises(DataError, match="expected packed datasets with samples"):
         BatchLoader([], 1, 0)
     other = replace(packed, setting=replace(packed.setting, name="other"))

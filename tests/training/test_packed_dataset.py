@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from made_packs import GRID, SETTING, TOKENS, made_map, with_maps
+from made_packed import GRID, SETTING, TOKENS, made_map, with_maps
 from tiny_dataset import START_US, TinyDataset, token
 
 from appocc.bevmap import bev_path
@@ -36,7 +36,7 @@ def packed(root: Path, out: Path, setting: Setting = SETTING) -> PackedDataset:
     return pack_dataset(root, "exact", setting, out)
 
 
-def test_a_pack_holds_pictures_cameras_and_truth(root: Path, tmp_path: Path) -> None:
+def test_a_packed_dataset_has_images_cameras_and_truth(root: Path, tmp_path: Path) -> None:
     found = packed(root, tmp_path / "pack")
     assert (len(found), found.tokens, set(found.scenes), set(found.towns)) == (3, TOKENS, {"scene-tiny"}, {"nowhere"})
     dataset = Dataset(root)
@@ -57,7 +57,7 @@ def test_a_pack_holds_pictures_cameras_and_truth(root: Path, tmp_path: Path) -> 
     assert all(isinstance(array, np.memmap) and not array.flags.writeable for array in found.arrays.values())
 
 
-def test_a_pack_that_is_there_is_kept(root: Path, tmp_path: Path) -> None:
+def test_an_existing_packed_dataset_is_reused(root: Path, tmp_path: Path) -> None:
     out, done, told = tmp_path / "pack", [0.0], list[str]()
     first = pack_dataset(root, "exact", SETTING, out, lambda more: done.append(more), told.append)
     before = (out / "images.npy").stat()
@@ -69,7 +69,7 @@ def test_a_pack_that_is_there_is_kept(root: Path, tmp_path: Path) -> None:
     assert (again.tokens, again.setting, again.grid) == (first.tokens, SETTING, GRID)
 
 
-def test_one_that_is_out_of_date_is_made_anew_and_said_so(root: Path, tmp_path: Path) -> None:
+def test_an_outdated_packed_dataset_is_replaced_with_a_message(root: Path, tmp_path: Path) -> None:
     out, told = tmp_path / "pack", list[str]()
     packed(root, out)
     made_map(9).save(bev_path(root, "exact", TOKENS[1]))
@@ -86,7 +86,7 @@ def test_one_that_is_out_of_date_is_made_anew_and_said_so(root: Path, tmp_path: 
     assert sorted(path.name for path in tmp_path.iterdir()) == ["pack", "tiny"]
 
 
-def test_one_of_other_pictures_or_cameras_is_made_anew(tiny: TinyDataset, root: Path, tmp_path: Path) -> None:
+def test_changed_images_or_calibration_are_packed_again(tiny: TinyDataset, root: Path, tmp_path: Path) -> None:
     out, told = tmp_path / "pack", list[str]()
     packed(root, out)
     os.utime(next((root / "samples" / "CAM_BACK").iterdir()), ns=(1, 1))
@@ -97,7 +97,7 @@ def test_one_of_other_pictures_or_cameras_is_made_anew(tiny: TinyDataset, root: 
     assert [line.split(", ", 1)[1] for line in told] == ["its sensor files changed", "its calibration changed"]
 
 
-def test_what_is_no_pack_is_left_alone(root: Path, tmp_path: Path) -> None:
+def test_other_folders_are_not_overwritten(root: Path, tmp_path: Path) -> None:
     (tmp_path / "photos").mkdir()
     (tmp_path / "photos" / "cat.jpg").write_bytes(b"")
     with pytest.raises(DataError, match="photos: expected a packed dataset or a new folder"):
@@ -106,7 +106,7 @@ def test_what_is_no_pack_is_left_alone(root: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("workers", [1, 2])
-def test_a_damaged_picture_leaves_nothing_behind(root: Path, tmp_path: Path, workers: int) -> None:
+def test_a_damaged_image_leaves_no_files(root: Path, tmp_path: Path, workers: int) -> None:
     picture = root / f"samples/CAM_FRONT/{START_US + 490_000}.jpg"
     picture.write_bytes(picture.read_bytes()[:-200])
     with pytest.raises(DataError, match=f"{re.escape(str(picture))}: the image is truncated"):
@@ -137,7 +137,7 @@ def test_a_full_disk_is_an_error_and_leaves_nothing(
     assert [path.name for path in tmp_path.iterdir()] == [root.name]
 
 
-def test_a_pack_that_another_run_is_making_is_waited_for(root: Path, tmp_path: Path) -> None:
+def test_packing_waits_for_another_run(root: Path, tmp_path: Path) -> None:
     said: list[str] = []
     done: list[float] = []
     out = tmp_path / "pack"
@@ -224,7 +224,7 @@ def test_maps_of_several_grids(root: Path, tmp_path: Path) -> None:
 # Depth and kind ---------------------------------------------------------------------------------------------------
 
 
-def test_depth_and_kind_of_a_simulated_picture_follow_its_cut(root: Path, tmp_path: Path) -> None:
+def test_view_targets_follow_the_crop_of_the_image(root: Path, tmp_path: Path) -> None:
     rng = np.random.default_rng(0)
     # The picture of 32x20 is enlarged and cut to 64x32; its own targets have 3 x 4 blocks.
     setting = replace(SETTING, width_px=64, height_px=32)
@@ -263,7 +263,7 @@ def test_without_them_depth_is_the_nearest_return_of_the_lidar(tiny: TinyDataset
 # Opening ----------------------------------------------------------------------------------------------------------
 
 
-def test_damaged_packs_do_not_open(root: Path, tmp_path: Path) -> None:
+def test_damaged_packed_datasets_do_not_open(root: Path, tmp_path: Path) -> None:
     out = tmp_path / "pack"
     packed(root, out)
     with pytest.raises(DataError, match=r"pack.json: cannot be read"):
