@@ -1,4 +1,4 @@
-"""Depth and class of camera pixels (`views/TOKEN.npz`): auxiliary training targets beside the nuScenes tables."""
+"""Depth and class of camera pixels (`views/TOKEN.npz`): auxiliary training targets of simulated datasets."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ BLOCK_PX = 8
 
 
 class ViewClass(IntEnum):
-    """Semantic class of a pixel, of what its centre shows."""
+    """Semantic class at the centre of a pixel."""
 
     SKY = 0
     ROAD = 1

@@ -191,10 +191,8 @@ def _autocast(run: TrainingRun) -> torch.autocast:
 
 
 def _update_ema(run: TrainingRun) -> None:
-    """Update the exponential moving average (EMA) of the weights.
-
-    `torch.optim.swa_utils.AveragedModel` copies the weights at the first step and has a constant decay.
-    """
+    """Update the exponential moving average (EMA) of the weights."""
+    # torch.optim.swa_utils.AveragedModel differs: it copies the weights at the first step, and its decay is constant.
     decay = ema_decay(run.progress.step, run.config.train.ema)
     averages: list[Tensor] = list(run.ema_model.parameters())
     torch._foreach_lerp_(averages, [weight.detach() for weight in run.model.parameters()], 1 - decay)
@@ -230,9 +228,9 @@ def _evaluate(run: TrainingRun) -> None:
 def _reestimate_batch_norm(run: TrainingRun) -> None:
     """Re-estimate the batch-norm statistics for the EMA weights, over the first training batches.
 
-    The running statistics of the trained weights do not fit the averaged ones. Unlike
-    `torch.optim.swa_utils.update_bn` this leaves dropout off, averages over the processes, and can be stopped.
+    The running statistics of the trained weights do not fit the averaged ones.
     """
+    # torch.optim.swa_utils.update_bn would switch dropout on, and neither averages over processes nor can be stopped.
     buffers = zip(run.ema_model.buffers(), run.model.buffers(), strict=True)
     for average, value in buffers:
         average.copy_(value)
