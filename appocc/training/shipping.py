@@ -77,7 +77,7 @@ def ship_weights(source: Path, out: Path, figures: Mapping[str, Any] | None, com
         DataError: if the weights are missing or damaged, or `out` has another suffix or cannot be written.
     """
     if out.suffix != _SUFFIX:
-        raise DataError(f"{out}: expected a file name with suffix {_SUFFIX}")
+        raise DataError(f"{out}: expected a name that ends in {_SUFFIX}")
     model, card = load_model(source)
     more = {"figures": json.dumps(figures, sort_keys=True), "commands": json.dumps(list(commands))}
     save_weights(out, model, {**card, **more}, half=True)

@@ -102,7 +102,7 @@ def test_files_of_other_sensors_only_have_to_be_there(tiny: TinyDataset) -> None
 def test_masks_that_are_cut_off(tiny: TinyDataset) -> None:
     path = tiny.root / "maps/drivable.png"
     path.write_bytes(path.read_bytes()[:-10])
-    assert_only(found(tiny), ("map", token("map"), "unreadable mask", "no PNG picture, or truncated"))
+    assert_only(found(tiny), ("map", token("map"), "unreadable mask", "no PNG image, or truncated"))
 
 
 def test_point_labels(tiny: TinyDataset) -> None:
