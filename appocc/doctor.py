@@ -12,7 +12,7 @@ import numpy as np
 from appocc.environment import Environment, inspect_environment
 from appocc.nuscenes import Dataset
 from appocc.nuscenes.problem import Problem
-from appocc.nuscenes.validate import Progress, no_progress, validate
+from appocc.nuscenes.validate import ProgressBar, no_progress, validate
 
 _EXAMPLES, _FEW_KINDS, _NAMES = 3, 4, 6
 
@@ -92,7 +92,7 @@ class Report:
 
 
 def examine(
-    root: Path | None, version: str | None = None, images: bool = False, progress: Progress = no_progress
+    root: Path | None, version: str | None = None, images: bool = False, progress: ProgressBar = no_progress
 ) -> Report:
     """Examine the environment and, if `root` is given, a dataset; `images` also reads every image.
 

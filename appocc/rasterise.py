@@ -6,6 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from appocc.boxes import Boxes
 from appocc.checks import FloatArray, IntArray, check_finite, check_shape
 from appocc.grid import BEVGrid
 from appocc.typing import Cover, List2
@@ -71,6 +72,11 @@ def polygon_owner(grid: BEVGrid, outlines_m: FloatArray, least: float) -> IntArr
         more = cover > best[x0:x1, y0:y1]
         best[x0:x1, y0:y1][more], owner[x0:x1, y0:y1][more] = cover[more], i
     return owner
+
+
+def vehicle_owner(grid: BEVGrid, boxes_ego: Boxes) -> IntArray:
+    """(X, Y) index of the box that covers most of a cell, at least half of it; -1 where none does."""
+    return polygon_owner(grid, boxes_ego.corners()[:, :4, :2], VEHICLE_SHARE)
 
 
 def _cut(start: FloatArray, end: FloatArray, x: int, y: int) -> FloatArray:

@@ -31,7 +31,7 @@ from skimage.color import deltaE_ciede2000
 from appocc.bevmap import BEVMap
 from appocc.checks import BoolArray, FloatArray, IntArray
 from appocc.colours import lab_from_rgb
-from appocc.evaluation.pairs import read_pair
+from appocc.evaluation.pairs import read_map_pair
 from appocc.evaluation.vehicles import true_vehicles
 from appocc.grid import BEVGrid
 from appocc.nuscenes.dataset import Dataset
@@ -92,14 +92,15 @@ def frames_of(dataset: Dataset, source: str, number: int | None) -> list[Frame]:
     chosen = tokens if number is None else [tokens[i] for i in np.linspace(0, len(tokens) - 1, number).astype(int)]
     frames = []
     for token in chosen:
-        pair = read_pair(dataset.root, source, "exact", token, ahead=False)
+        pair = read_map_pair(dataset.root, source, "exact", token, ahead=False)
         owner = true_vehicles(pair.truth, pair.instance, None).owner + 1
         areas_m2 = np.bincount(owner.ravel()) * pair.truth.grid.cell_m**2
         large = np.flatnonzero(areas_m2 >= LEAST_M2)
         number_of = np.zeros(len(areas_m2), np.int64)
         number_of[large[large > 0]] = 1 + np.arange(int((large > 0).sum()))
         owner = number_of[owner]
-        frames.append(Frame(pair.made, pair.truth, owner, measure_instances(pair.truth, owner, int(owner.max()))))
+        vehicles = measure_instances(pair.truth, owner, int(owner.max()))
+        frames.append(Frame(pair.predicted, pair.truth, owner, vehicles))
     return frames
 
 

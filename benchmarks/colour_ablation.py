@@ -33,7 +33,7 @@ from rich.table import Table
 
 from appocc.bevmap import VEHICLE, BEVMap
 from appocc.checks import BoolArray, FloatArray, IntArray
-from appocc.evaluation.pairs import read_pair
+from appocc.evaluation.pairs import read_map_pair
 from appocc.evaluation.vehicles import true_vehicles, visibility_levels
 from appocc.geometry import apply, footprints, inverse, yaw_of
 from appocc.grid import BEVGrid
@@ -149,19 +149,19 @@ def read_scenes(root: Path, source: str) -> Iterator[Scene]:
     for scene in dataset.scenes:
         steps = []
         for sample in dataset.samples(scene):
-            pair = read_pair(dataset.root, source, "exact", sample.token, ahead=False)
+            pair = read_map_pair(dataset.root, source, "exact", sample.token, ahead=False)
             vehicles = true_vehicles(pair.truth, pair.instance, None)
             levels, pose = visibility_levels(dataset, sample), dataset.world_from_ego(sample)
             hidden = np.array([levels.get(name) == HIDDEN for name in vehicles.instance] + [False])
             area_m2 = np.bincount(vehicles.owner.ravel() + 1, minlength=len(hidden))[1:] * pair.truth.grid.cell_m**2
             there = dict(zip(vehicles.instance, (area_m2 >= LEAST_M2) & ~hidden[:-1], strict=True))
-            occupancy = pair.made.occupancy.copy()
+            occupancy = pair.predicted.occupancy.copy()
             occupancy[VEHICLE][(vehicles.owner >= 0) & hidden[vehicles.owner]] = 0
             boxes = dataset.boxes_world(sample).vehicles()
             xy_m = boxes.centre_m[:, :2].copy()
             shown = np.array([there.get(name, False) for name in boxes.instance], dtype=np.bool_)
             number = np.array([zlib.crc32(name.encode()) for name in boxes.instance], dtype=np.int64)
-            found = find_instances(replace(pair.made, occupancy=occupancy)).as_detections()
+            found = find_instances(replace(pair.predicted, occupancy=occupancy)).as_detections()
             demanded = shown & (np.hypot(*(xy_m - pose[:2, 3]).T) <= RANGE_M)
             steps.append(Step(sample.timestamp_us, pose, found, number, xy_m, demanded))
         yield steps

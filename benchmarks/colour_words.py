@@ -35,10 +35,10 @@ from appocc.files import write_bytes
 from appocc.geometry import inverse
 from appocc.grid import BEVGrid
 from appocc.groundtruth.compose import vehicles_near
-from appocc.groundtruth.inputs import gather
-from appocc.groundtruth.painting import bodies_of, paint_scene
-from appocc.groundtruth.pipeline import ground_of
-from appocc.groundtruth.work import Work
+from appocc.groundtruth.inputs import gather_inputs
+from appocc.groundtruth.painting import bodywork_by_box, robust_colours
+from appocc.groundtruth.pipeline import reconstruct_ground
+from appocc.groundtruth.scene_jobs import SceneJobs
 from appocc.nuscenes import Dataset
 from appocc.nuscenes.records import Sample, Scene
 from grounding.referent.scene import scene_from_boxes
@@ -129,12 +129,12 @@ def remake(roots: Mapping[str, Path], path: Path = NAMED) -> None:
 
 def _shown(dataset: Dataset, scene: Scene, vehicles: Sequence[str]) -> Iterator[tuple[FloatArray, Exposure]]:
     """Colour (3,) and light of each of some vehicles of a scene."""
-    inputs = gather(dataset, scene)
+    inputs = gather_inputs(dataset, scene)
     with TemporaryDirectory() as folder:
-        _, gains = ground_of(inputs, Work(None, lambda _: None, 1), Path(folder))
+        _, gains = reconstruct_ground(inputs, SceneJobs(None, lambda _: None, 1), Path(folder))
     far = BEVGrid(-_FAR_M, _FAR_M, -_FAR_M, _FAR_M, 0.4)
-    painted = paint_scene(
-        inputs.samples, [bodies_of(sample, vehicles_near(sample, far), gains) for sample in inputs.samples]
+    painted = robust_colours(
+        inputs.samples, [bodywork_by_box(sample, vehicles_near(sample, far), gains) for sample in inputs.samples]
     )
     paint = {
         name: rgb

@@ -26,7 +26,7 @@ from rich.table import Table
 from appocc.bevmap import CLASSES, load_map
 from appocc.checks import FloatArray
 from appocc.errors import AppoccError, DataError
-from appocc.evaluation.cells import GROUPS, CellCounts, count_cells, group_masks, ious
+from appocc.evaluation.cells import GROUPS, CellCounts, cell_group_masks, count_cells, ious
 from appocc.inference.inputs import InferenceInput, dataset_inputs
 from appocc.inference.loading import load_predictor
 from appocc.inference.predictor import Predictor, select_cameras
@@ -75,7 +75,7 @@ def score(
     """
     grid = predictor.model.spec.grid
     thresholds: FloatArray = np.array([[predictor.weights.thresholds[name] for name in CLASSES]])
-    counts, seen = CellCounts.nothing(1), 0.0
+    counts, seen = CellCounts.zeros(1), 0.0
     for each in inputs:
         frame, truth = each.read().frame, load_map(root, against, each.token)
         if truth.grid != grid:
@@ -87,7 +87,7 @@ def score(
         if missing:
             raise DataError(f"{each.title}: expected pictures of all cameras, got none of {', '.join(missing)}")
         found = predictor(replace(frame, images={channel: frame.images[channel] for channel in alive}))
-        masks = group_masks(grid, np.ones(grid.shape, np.bool_), found.seen)
+        masks = cell_group_masks(grid, np.ones(grid.shape, np.bool_), found.seen)
         counts, seen = counts.plus(count_cells(found.bev, truth, masks, thresholds)), seen + float(found.seen.mean())
     iou = {name: ious(counts.overlap[0, GROUPS.index(name)]) for name in OVER}
     return Score(alive, iou, seen / len(inputs))

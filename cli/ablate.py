@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from cli.common import JsonOption, VersionOption, emit, out_path, say
-from cli.train import stoppable, watched
+from cli.train import stoppable, training_monitor
 
 
 def ablate(
@@ -47,25 +47,25 @@ def ablate(
     import time
 
     from appocc.ablation.rows import chosen_rows
-    from appocc.ablation.run import PAGE, study_of, study_values
+    from appocc.ablation.run import REPORT_FILE, build_study, study_results
     from appocc.nuscenes import Dataset
     from appocc.training.config import read_config
     from appocc.training.configs import config_path
     from appocc.training.run import StoppedError
 
     end = time.monotonic() + 60 * budget_minutes if budget_minutes is not None else float("inf")
-    study = study_of(read_config(config_path(config), overrides or ()), Dataset(test, version), scenes, seeds, out)
+    study = build_study(read_config(config_path(config), overrides or ()), Dataset(test, version), scenes, seeds, out)
     chosen = chosen_rows(study.rows, only)
-    with watched() as watcher, stoppable(watcher) as caught:
+    with training_monitor() as monitor, stoppable(monitor) as caught:
         try:
-            outcomes = study.run(chosen, watcher, lambda: time.monotonic() > end)
+            outcomes = study.run(chosen, monitor, lambda: time.monotonic() > end)
         except StoppedError as stopped:
-            watcher.say("stopped; the same command goes on")
+            monitor.on_message("stopped; the same command goes on")
             raise typer.Exit(128 + (caught or [signal.SIGINT])[0]) from stopped
     if as_json:
-        emit(study_values(study, outcomes))
+        emit(study_results(study, outcomes))
     done, failed = (sum(each.state == state for each in outcomes) for state in ("done", "failed"))
     ended = f", {failed} diverged" if failed else ""
-    say(f"{out / PAGE}: {done} of {len(outcomes)} rows done{ended}")
+    say(f"{out / REPORT_FILE}: {done} of {len(outcomes)} rows done{ended}")
     if failed:
         raise typer.Exit(1)

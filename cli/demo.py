@@ -43,19 +43,19 @@ def demo(
 
 def _fill(folder: Path, out: Path) -> dict[str, Any]:
     """Make all files of the demo in `folder`, which is to become `out`; the outcome for machines."""
-    from appocc.demo.dataset import SCENE, SOURCE, Settings, write_dataset
+    from appocc.demo.dataset import SCENE, SOURCE, DemoSettings, record_demo
     from appocc.demo.explain import explanation
-    from appocc.evaluation.bev import Question, evaluate
+    from appocc.evaluation.bev import EvaluationConfig, evaluate
     from appocc.files import write_bytes
     from appocc.nuscenes import Dataset
 
-    root, settings = folder / "dataset", Settings()
+    root, settings = folder / "dataset", DemoSettings()
     with progress("drive", settings.samples) as advance:
-        write_dataset(root, settings, advance)
+        record_demo(root, settings, advance)
     dataset = Dataset(root)
     scene = dataset.scene(SCENE)
     _predict(dataset, scene)
-    judged = evaluate(dataset, [scene], Question(PREDICTED, SOURCE, False, None), lambda _: None).as_json()
+    judged = evaluate(dataset, [scene], EvaluationConfig(PREDICTED, SOURCE, False, None), lambda _: None).as_json()
     tracks, scores = _track(dataset, scene, folder)
     answers = _ground(dataset, scene, folder)
     _draw(dataset, scene, folder, tracks)

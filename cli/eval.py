@@ -50,14 +50,14 @@ def bev(
     Example: appocc eval bev ROOT --bev groundtruth --against exact
     """
     from appocc.bevmap import bev_folder
-    from appocc.evaluation.bev import Question, evaluate
+    from appocc.evaluation.bev import EvaluationConfig, evaluate
     from appocc.nuscenes import Dataset
 
     dataset = Dataset(root, version)
     scenes = [dataset.scene(scene)] if scene else list(dataset.scenes)
     if against is None:
         against = Against.exact if bev_folder(root, "exact").is_dir() else Against.groundtruth
-    question = Question(source, against.value, setting is Around.ahead, range_m)
+    question = EvaluationConfig(source, against.value, setting is Around.ahead, range_m)
     with progress("comparing", sum(len(dataset.samples(one)) for one in scenes)) as advance:
         answer = evaluate(dataset, scenes, question, advance).as_json()
     if as_json:

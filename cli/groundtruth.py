@@ -21,7 +21,7 @@ from cli.common import (
 )
 
 
-class Paint(StrEnum):
+class PaintMethod(StrEnum):
     """How a vehicle's colour is chosen."""
 
     mode = "mode"
@@ -36,8 +36,8 @@ def groundtruth(
     ] = None,
     scene: Annotated[str | None, typer.Option(help="Only this scene.")] = None,
     paint: Annotated[
-        Paint, typer.Option(help="Vehicle colour: robust (bodywork only), or the paper's histogram mode.")
-    ] = Paint.robust,
+        PaintMethod, typer.Option(help="Vehicle colour: robust (bodywork only), or the paper's histogram mode.")
+    ] = PaintMethod.robust,
     workers: Annotated[int | None, typer.Option(min=1, max=1024, help="Processes; one a core by default.")] = None,
     version: VersionOption = None,
     as_json: JsonOption = False,
@@ -50,7 +50,7 @@ def groundtruth(
 
     from appocc.environment import cores
     from appocc.grid import BEVGrid
-    from appocc.groundtruth.compose import Settings
+    from appocc.groundtruth.compose import GroundTruthSettings
     from appocc.groundtruth.pipeline import generate
     from appocc.nuscenes import Dataset
 
@@ -59,7 +59,7 @@ def groundtruth(
     total = sum(len(dataset.samples(one)) for one in scenes)
     start = time.monotonic()
     with progress("ground truth", total) as advance:
-        settings = Settings(BEVGrid.surround(), paint.value)
+        settings = GroundTruthSettings(BEVGrid.surround(), paint.value)
         summary = generate(dataset, scenes, out or root, settings, workers or cores(), advance)
     seconds = time.monotonic() - start
     say_empty(dataset, scenes)

@@ -15,7 +15,7 @@ import typer
 from cli.common import Interrupted, JsonOption, emit, out_path, say
 
 if TYPE_CHECKING:
-    from appocc.training.run import Watcher
+    from appocc.training.run import TrainingMonitor
 
 
 def train(
@@ -43,11 +43,11 @@ def train(
     from appocc.training.session import run_training
 
     settings, folder = read_config(config_path(config), overrides or ()), RunFolder(out or Path("runs") / config.stem)
-    with watched() as watcher, stoppable(watcher) as caught:
+    with training_monitor() as monitor, stoppable(monitor) as caught:
         try:
-            summary = run_training(settings, folder, resume, watcher)
+            summary = run_training(settings, folder, resume, monitor)
         except StoppedError as stopped:
-            watcher.say(str(stopped))
+            monitor.on_message(str(stopped))
             raise typer.Exit(128 + (caught or [signal.SIGINT])[0]) from stopped
         except Interrupted as ended:
             raise Interrupted(ended.number, () if resume or not folder.config.is_file() else ["--resume"]) from ended
@@ -61,25 +61,25 @@ def train(
 
 
 @contextmanager
-def watched() -> Iterator[Watcher]:
+def training_monitor() -> Iterator[TrainingMonitor]:
     """Who shows a training on stderr: a bar with rate, time left and losses, and a line for each evaluation."""
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
-    from appocc.training.run import Watcher
+    from appocc.training.run import TrainingMonitor
 
     if int(os.environ.get("RANK", "0")):  # the first process speaks for all
-        yield Watcher()
+        yield TrainingMonitor()
         return
     columns = (BarColumn(20), TaskProgressColumn(), TimeRemainingColumn(), TextColumn("{task.description}"))
     console = Console(stderr=True)
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
         task = bar.add_task("preparing", total=1.0)
-        yield Watcher(lambda share, text: bar.update(task, completed=share, description=text), say)
+        yield TrainingMonitor(lambda share, text: bar.update(task, completed=share, description=text), say)
 
 
 @contextmanager
-def stoppable(watcher: Watcher) -> Iterator[list[int]]:
+def stoppable(monitor: TrainingMonitor) -> Iterator[list[int]]:
     """Let Ctrl-C and SIGTERM end the training after the step under way; before the first, or again: at once.
 
     The block gets a list to which the signals' numbers are added.
@@ -87,10 +87,10 @@ def stoppable(watcher: Watcher) -> Iterator[list[int]]:
     caught: list[int] = []
 
     def stop(number: int, frame: FrameType | None) -> None:
-        if caught or not watcher.running:
+        if caught or not monitor.running:
             raise Interrupted(number)
         caught.append(number)
-        watcher.stop = True
+        monitor.stop_requested = True
 
     before = {number: signal.signal(number, stop) for number in (signal.SIGINT, signal.SIGTERM)}
     try:

@@ -24,9 +24,9 @@ def show(
     Example: appocc weights show runs/small/best.safetensors
     """
     from appocc.inference.loading import weights_file
-    from appocc.training.shipping import described
+    from appocc.training.shipping import describe_weights
 
-    told = described(weights_file(file))
+    told = describe_weights(weights_file(file))
     if as_json:
         emit(told)
         return
@@ -51,10 +51,9 @@ def ship(
 
     Example: appocc weights ship runs/small/best.safetensors --figures eval.json --out mine.safetensors
     """
-    from appocc.training.shipping import read_figures
-    from appocc.training.shipping import ship as write
+    from appocc.training.shipping import read_figures, ship_weights
 
-    write(file, out, read_figures(figures) if figures else None, command or ())
+    ship_weights(file, out, read_figures(figures) if figures else None, command or ())
     say(f"{out}: {out.stat().st_size / 1e6:.1f} MB")
 
 

@@ -11,7 +11,7 @@ from appocc.boxes import Boxes
 from appocc.checks import FloatArray
 from appocc.geometry import quaternion_from_yaw, rotation_from_quaternion
 from appocc.grid import BEVGrid
-from appocc.groundtruth.occupancy import vehicle_owner
+from appocc.rasterise import vehicle_owner
 
 WHITE, RED, BLUE, BLACK = (240, 240, 240), (190, 30, 30), (30, 60, 170), (20, 20, 22)
 

@@ -62,7 +62,14 @@ def add_frame(writer: Writer, scene: str, sample: str, rows: Sequence[Row]) -> N
         category = "vehicle.truck" if body == "pickup" else "vehicle.car"
         state = "vehicle.parked" if not speed else "vehicle.moving"
         level = "1" if name == "hidden" else "4"
-        box = Annotation(name, category, pose, size, state, visibility=level)
+        box = Annotation(
+            instance=name,
+            category=category,
+            world_from_box=pose,
+            size_wlh_m=size,
+            attribute=state,
+            visibility=level,
+        )
         velocity = WORLD_FROM_EGO[:2, :2] @ (speed * np.array([np.cos(yaw), np.sin(yaw)]))
         writer.add_annotation(scene, sample, box, velocity)
         token = token_of("instance", scene, name)

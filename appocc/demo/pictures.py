@@ -1,4 +1,4 @@
-"""The demo's first picture: six cameras, the map that was predicted from them, and the truth."""
+"""Overview image of the demo: six camera images, the predicted map, and the true map."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _GAP_PX, _CAMERA_PX = 8, 533
 
 
 def overview(frame: Frame, predicted: BEVMap, exact: BEVMap, places_m: FloatArray) -> ByteArray:
-    """(H, W, 3) RGB: six images; below them the predicted map, with vehicles at `places_m` (N, 2), and the truth."""
+    """Return (H, W, 3) RGB: six images, the predicted map with vehicles at `places_m` (N, 2), and the true map."""
     boxes = frame.boxes_ego
     centres_m = np.zeros((0, 2)) if boxes is None else boxes.vehicles().centre_m[:, :2]
     centres_m = centres_m[exact.grid.contains(exact.grid.cell_of(centres_m))]
@@ -32,7 +32,7 @@ def overview(frame: Frame, predicted: BEVMap, exact: BEVMap, places_m: FloatArra
 
 
 def _maps(bev: BEVMap, title: str, places_m: FloatArray, ego: EgoVehicle) -> ByteArray:
-    """Colour and occupancy of a map, side by side, under a title."""
+    """Draw colour and occupancy of a map side by side below a title."""
     colour, occupancy = (map_panel(bev, side, places_m, ego) for side in ("appearance", "occupancy"))
     gap = np.full((colour.shape[0], _GAP_PX, 3), 255, np.uint8)
     both = np.hstack([colour, gap, occupancy])

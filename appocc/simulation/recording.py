@@ -20,6 +20,7 @@ from appocc.grid import BEVGrid
 from appocc.nuscenes.dataset import LIDAR
 from appocc.nuscenes.lidar import write_lidar
 from appocc.nuscenes.map_writer import MapExpansion
+from appocc.nuscenes.view_targets import ViewTargets, save_view_targets, view_targets_path
 from appocc.nuscenes.writer import Writer, token_of
 from appocc.simulation.actors.assembling import assemble
 from appocc.simulation.actors.paint import ActorPaint, draw_paints
@@ -37,7 +38,7 @@ from appocc.simulation.surface import ROAD_SURFACES, surface_table
 from appocc.simulation.town import Town
 from appocc.simulation.traffic import Actor, TrafficLog, TrafficState
 from appocc.simulation.truth.annotations import annotate
-from appocc.simulation.truth.auxiliary import ViewTargets, reduce_view, save_views
+from appocc.simulation.truth.auxiliary import reduce_view
 from appocc.simulation.truth.objects import ActorBoxes, category_indices, count_lidar_points, objects_near
 from appocc.simulation.truth.occupancy import exact_occupancy
 from appocc.simulation.truth.visibility import visible_shares
@@ -200,10 +201,10 @@ class _Recorder:
             size = (view.image.shape[1], view.image.shape[0])
             self._add_file(sample, channel, pose, timestamp, filename, size)
         small = {channel: reduce_view(view.depth_m, view.kind) for channel, view in views.items()}
-        save_views(self._writer.root / "views" / f"{sample}.npz", small)
+        save_view_targets(view_targets_path(self._writer.root, sample), small)
         if self._recording.full_maps:
             full = {channel: ViewTargets(view.depth_m, view.kind) for channel, view in views.items()}
-            save_views(self._writer.root / "views_full" / f"{sample}.npz", full)
+            save_view_targets(self._writer.root / "views_full" / f"{sample}.npz", full)
 
     def _add_file(
         self,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -10,7 +9,7 @@ import numpy as np
 
 from appocc.checks import BoolArray
 from appocc.errors import DataError
-from appocc.nuscenes.records import Scene
+from appocc.nuscenes.simulated import simulated_description
 from appocc.simulation.traffic import Actor, TrafficLog
 
 # Sampling weights of the weathers, by name in `WEATHERS`.
@@ -18,7 +17,6 @@ WEATHER_SHARES = {"clear": 0.3, "overcast": 0.22, "low_sun": 0.16, "wet": 0.12, 
 # Only cars and vans are drawn as the ego: camera poses assume a car.
 _EGO_KINDS = ("car", "van")
 _STANDING_MPS, _MOST_STANDING = 0.5, 0.2
-_DESCRIBED = re.compile(r"[^,]+, ([\w ]+), simulated\b")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,14 +78,7 @@ def draw_scenario(
 
 def describe_scenario(scenario: Scenario, ego: Actor) -> str:
     """Return the description for the table of scenes; `weather_of` parses it."""
-    weather = scenario.weather.replace("_", " ")
-    return f"{scenario.town}, {weather}, simulated; ego {ego.name} ({ego.body})"
-
-
-def weather_of(scene: Scene) -> str:
-    """The weather of a simulated scene, such as 'low sun', from its description; empty of others."""
-    found = _DESCRIBED.match(scene.description)
-    return found[1] if found else ""
+    return simulated_description(scenario.town, scenario.weather, ego.name, ego.body)
 
 
 def _possible_starts(log: TrafficLog, seconds: float, hz: float) -> BoolArray:

@@ -13,7 +13,7 @@ from typer.testing import CliRunner, Result
 
 from appocc.errors import AppoccError
 from appocc.grid import BEVGrid
-from appocc.training.checkpoint import states
+from appocc.training.checkpoint import list_checkpoints
 from cli.main import app
 
 TESTS = Path(__file__).parents[1]
@@ -46,7 +46,7 @@ def folder(tmp_path: Path, tiny: TinyDataset, monkeypatch: pytest.MonkeyPatch) -
 
     monkeypatch.setattr("appocc.ablation.run.run_training", tiny_train)
     monkeypatch.setattr("appocc.ablation.run.load_predictor", made_predictor)
-    monkeypatch.setattr("appocc.training.loop.draw_curves", lambda lines, path: None)
+    monkeypatch.setattr("appocc.training.loop.plot_curves", lambda lines, path: None)
     monkeypatch.chdir(tmp_path)
     with_truth(tiny)
     (tmp_path / "first.yaml").write_text(TEXT)
@@ -79,7 +79,7 @@ def test_without_time_nothing_is_run_and_nothing_is_wrong(folder: Path) -> None:
     assert result.stderr.strip() == "out/ablation.md: 0 of 14 rows done"
 
 
-def test_a_row_that_learns_nothing_is_judged_by_what_it_really_answers(folder: Path, tiny: TinyDataset) -> None:
+def test_a_row_without_learning_is_evaluated_on_its_real_output(folder: Path, tiny: TinyDataset) -> None:
     from made_study import with_truth
 
     with_truth(tiny, BEVGrid.surround())
@@ -128,7 +128,7 @@ def test_divergence_ends_with_one_and_the_other_rows(folder: Path) -> None:
         (["first.yaml", "--out", "first.yaml"], "first.yaml"),
     ],
 )
-def test_bad_input_is_told_and_leaves_nothing(folder: Path, arguments: list[str], said: str) -> None:
+def test_bad_input_is_reported_and_leaves_no_files(folder: Path, arguments: list[str], said: str) -> None:
     before = sorted(folder.rglob("*"))
     result = run("--test", "tiny", *arguments)
     assert isinstance(result.exception, AppoccError)
@@ -147,7 +147,7 @@ def test_another_study_in_the_same_folder_is_refused(folder: Path) -> None:
 
 
 @pytest.mark.parametrize("sent", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.slow)])
-def test_interrupted_it_says_how_to_go_on(folder: Path, sent: signal.Signals) -> None:
+def test_an_interrupted_study_says_how_to_resume(folder: Path, sent: signal.Signals) -> None:
     words = ["ablate", "first.yaml", "train.steps=4000", "evaluate.every_steps=100000", "save.every_steps=20"]
     command = [sys.executable, "-c", TINY, *words, "--test", "tiny", "--out", "out"]
     process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
@@ -160,7 +160,7 @@ def test_interrupted_it_says_how_to_go_on(folder: Path, sent: signal.Signals) ->
     said = process.communicate(timeout=120)[1]
     assert process.returncode == 128 + sent
     assert said.strip() == "stopped; the same command goes on"
-    assert states(folder / "out" / "appocc-360-occupancy-s0")
+    assert list_checkpoints(folder / "out" / "appocc-360-occupancy-s0")
     assert '"begun"' in (folder / "out" / "ablation.json").read_text()
 
 

@@ -15,7 +15,7 @@ from appocc.simulation.recording import VERSION
 from cli.demo import COMMANDS, FRAME
 from cli.main import app
 
-SMALL = dataset.Settings(samples=7)
+SMALL = dataset.DemoSettings(samples=7)
 PICTURES = ("ground-1.png", "ground-2.png", "ground-3.png")
 
 
@@ -28,7 +28,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Result]:
     """A demo of seven key frames, in a folder with a space in its name."""
     out = tmp_path_factory.mktemp("cli") / "my demo"
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(dataset, "Settings", lambda: SMALL)
+        patch.setattr(dataset, "DemoSettings", lambda: SMALL)
         return out, run("demo", "--out", str(out), "--json")
 
 

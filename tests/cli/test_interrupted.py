@@ -36,7 +36,7 @@ def test_a_line_says_how_to_go_on(sent: signal.Signals) -> None:
 
 
 def test_a_training_goes_on_with_resume(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def interrupted(config: object, folder: object, resume: bool, watcher: object) -> None:
+    def interrupted(config: object, folder: object, resume: bool, monitor: object) -> None:
         os.kill(os.getpid(), signal.SIGTERM)
 
     monkeypatch.setattr("appocc.training.session.run_training", interrupted)

@@ -82,7 +82,7 @@ def test_figures_must_be_an_evaluation(written: Path, tmp_path: Path, text: str,
     out = tmp_path / "out.safetensors"
     result = run("ship", str(written), "--figures", str(tmp_path / "eval.json"), "--out", str(out))
     assert isinstance(result.exception, DataError)
-    assert "expected the answer of 'appocc eval bev --json'" in str(result.exception)
+    assert "expected the output of 'appocc eval bev --json'" in str(result.exception)
     assert reason in str(result.exception)
     assert not out.exists()
 
@@ -110,7 +110,7 @@ def test_a_card_that_cannot_be_true_is_told(tmp_path: Path, entry: str, text: st
     save_weights(path, build("lss", TINY), {"network": "lss", entry: text})
     result = run("show", str(path))
     assert isinstance(result.exception, DataError)
-    assert str(result.exception).startswith(f"{path}: the card cannot be true (")
+    assert str(result.exception).startswith(f"{path}: invalid model card (")
     assert reason in str(result.exception)
 
 

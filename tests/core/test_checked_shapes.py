@@ -5,7 +5,7 @@ import pytest
 from jaxtyping import TypeCheckError
 
 from appocc.geometry import apply, interpolate_pose
-from appocc.groundtruth.visibility import box_entry
+from appocc.groundtruth.visibility import ray_box_entry
 
 
 def test_a_wrong_shape_is_caught() -> None:
@@ -19,5 +19,5 @@ def test_sizes_named_alike_must_agree() -> None:
 
 
 def test_right_shapes_pass() -> None:
-    entry = box_entry(np.zeros(3), np.array([[1.0, 0, 0]]), np.eye(4) + np.eye(4, k=3) * 5, np.ones(3))
+    entry = ray_box_entry(np.zeros(3), np.array([[1.0, 0, 0]]), np.eye(4) + np.eye(4, k=3) * 5, np.ones(3))
     assert entry.tolist() == [4.0]

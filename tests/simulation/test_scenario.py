@@ -6,7 +6,8 @@ from made_traffic import straight_traffic
 
 from appocc.errors import DataError
 from appocc.nuscenes.records import Scene
-from appocc.simulation.scenario import WEATHER_SHARES, Scenario, describe_scenario, draw_scenario, weather_of
+from appocc.nuscenes.simulated import weather_of
+from appocc.simulation.scenario import WEATHER_SHARES, Scenario, describe_scenario, draw_scenario
 
 WEATHERS = tuple(WEATHER_SHARES)
 

@@ -15,8 +15,8 @@ from appocc.nuscenes import Dataset
 from appocc.nuscenes.point_labels import point_labels
 from appocc.nuscenes.records import Sample
 from appocc.nuscenes.validate import validate
+from appocc.nuscenes.view_targets import load_view_targets
 from appocc.simulation.builtin import TEST_TOWNS, TRAIN_TOWNS
-from appocc.simulation.truth.auxiliary import load_views
 
 
 @pytest.fixture(scope="module")
@@ -147,7 +147,7 @@ def test_lane_markings_are_on_the_road(dataset: Dataset, samples: list[Sample]) 
 
 
 def test_views_are_an_eighth_of_the_pictures(dataset: Dataset, samples: list[Sample]) -> None:
-    views = load_views(dataset.root / "views" / f"{samples[0].token}.npz")
+    views = load_view_targets(dataset.root / "views" / f"{samples[0].token}.npz")
     assert set(views) == set(dataset.frame(samples[0]).images)
     for view in views.values():
         assert view.kind.shape == (16, 44)

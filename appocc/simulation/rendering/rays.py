@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 
 from appocc.camera import Camera
 from appocc.checks import ByteArray, Float32Array, FloatArray
+from appocc.nuscenes.view_targets import ViewClass
 from appocc.simulation.rendering.compiled import kernel
 from appocc.simulation.rendering.scene_buffers import Triangles
 from appocc.simulation.rendering.texture import Texture, label_at
 from appocc.simulation.rendering.tracing import ACTOR, GROUND, SKY
-from appocc.simulation.rendering.views import ViewClass
 from appocc.simulation.surface import LANE_SURFACES, ROAD_SURFACES, Surface
 
 # `ViewClass` of the ground by `Surface`.

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from appocc.checks import ByteArray, Float32Array
+from appocc.nuscenes.view_targets import ViewClass
 from appocc.simulation.mesh import Material, Mesh
 from appocc.simulation.rendering.compiled import inlined
-from appocc.simulation.rendering.views import ViewClass
 
 _KINDS = {
     ViewClass.BUILDING: (

@@ -3,29 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import IntEnum
 
 import numpy as np
 from numpy.typing import NDArray
 
 from appocc.checks import ByteArray, Float32Array
-
-
-class ViewClass(IntEnum):
-    """What a pixel's centre shows."""
-
-    SKY = 0
-    ROAD = 1
-    LANE_MARKING = 2
-    PAVEMENT = 3
-    TERRAIN = 4
-    BUILDING = 5
-    VEGETATION = 6
-    POLE_OR_SIGN = 7
-    VEHICLE = 8
-    TWO_WHEELER = 9
-    PERSON = 10
-    OTHER = 11
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,46 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-from pathlib import Path
-
 import numba
 import numpy as np
 
-from appocc.checks import ByteArray, Float32Array, check_dtype, check_shape, frozen
-from appocc.errors import DataError
-from appocc.files import read_file, whole_file, zip_arrays
-
-FACTOR = 8
+from appocc.checks import ByteArray, Float32Array
+from appocc.nuscenes.view_targets import BLOCK_PX, ViewTargets
 
 
-@dataclass(frozen=True)
-class ViewTargets:
-    """What one camera sees, h x w pixels.
-
-    Attributes:
-        depth_m: (h, w) float16 or float32 depth along the optical axis; infinite where it is the sky.
-        kind: (h, w) uint8 class, numbers as the renderer gives them.
-    """
-
-    depth_m: np.ndarray[tuple[int, int], np.dtype[np.floating]]
-    kind: ByteArray
-
-    def __post_init__(self) -> None:
-        """Check shapes.
-
-        Raises:
-            ShapeError: if the two differ.
-        """
-        check_shape("depth_m", self.depth_m, (None, None))
-        check_shape("kind", self.kind, self.depth_m.shape)
-        check_dtype("kind", self.kind, np.uint8)
-        frozen(self.depth_m)
-        frozen(self.kind)
-
-
-def reduce_view(depth_m: Float32Array, kind: ByteArray, factor: int = FACTOR) -> ViewTargets:
+def reduce_view(depth_m: Float32Array, kind: ByteArray, factor: int = BLOCK_PX) -> ViewTargets:
     """Reduce each block of factor x factor pixels to its most frequent class and the median depth of that class.
 
     A mean across the edge of a car would be a depth at which nothing is. Among equally frequent classes the nearest
@@ -94,31 +62,3 @@ def _reduce(depth: Float32Array, kind: ByteArray, factor: int) -> tuple[Float32A
             median[i, j] = chosen[(n - 1) // 2]
             common[i, j] = best
     return median, common
-
-
-def save_views(path: Path, views: Mapping[str, ViewTargets]) -> None:
-    """Write the views of a sample's cameras by channel as one .npz, whole or not at all.
-
-    Raises:
-        DataError: if it cannot be written.
-    """
-    arrays = {
-        f"{channel}.{part}": getattr(view, part) for channel, view in views.items() for part in ("depth_m", "kind")
-    }
-    with whole_file(path) as temporary, temporary.open("wb") as handle:
-        np.savez_compressed(handle, **arrays)
-
-
-def load_views(path: Path) -> dict[str, ViewTargets]:
-    """Read what `save_views` wrote, by channel.
-
-    Raises:
-        DataError: if the file is missing or damaged.
-    """
-    packed = read_file(path)
-    try:
-        with zip_arrays(packed) as data:
-            channels = [name.removesuffix(".depth_m") for name in data.files if name.endswith(".depth_m")]
-            return {name: ViewTargets(data[f"{name}.depth_m"], data[f"{name}.kind"]) for name in channels}
-    except Exception as error:  # damage surfaces as nearly any error of zipfile, zlib and numpy
-        raise DataError(f"{path}: damaged depth file ({error})") from error

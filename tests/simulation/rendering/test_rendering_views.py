@@ -10,11 +10,12 @@ from tolerances import assert_rounded
 from appocc.camera import Camera, CameraRig
 from appocc.checks import FloatArray
 from appocc.geometry import apply, inverse, quaternion_from_yaw, transform
+from appocc.nuscenes.view_targets import ViewClass
 from appocc.simulation.mesh import Material, Mesh, join_meshes
 from appocc.simulation.rendering import renderer as module
 from appocc.simulation.rendering.embree import PacketScene, SingleRayScene, build_scene
 from appocc.simulation.rendering.renderer import Renderer
-from appocc.simulation.rendering.views import CameraView, ViewClass
+from appocc.simulation.rendering.views import CameraView
 from appocc.simulation.rendering.weather import WEATHERS
 
 POSE = transform(quaternion_from_yaw(0.2), [8.0, -1.5, 0.0])

@@ -1,12 +1,8 @@
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
-import pytest
 
-from appocc.errors import DataError, ShapeError
-from appocc.simulation.truth.auxiliary import ViewTargets, load_views, reduce_view, save_views
+from appocc.simulation.truth.auxiliary import reduce_view
 
 
 def test_a_block_takes_its_commonest_class_and_that_class_s_median_depth() -> None:
@@ -33,31 +29,3 @@ def test_blocks_at_the_edge_are_cut() -> None:
     assert view.depth_m.shape == (2, 2)
     assert view.depth_m[1, 1] in depth[8:, 8:]
     assert view.depth_m[0, 0] == np.sort(depth[:8, :8].ravel())[31]
-
-
-def test_what_is_saved_is_loaded(tmp_path: Path) -> None:
-    random = np.random.default_rng(0)
-    views = {
-        name: ViewTargets(random.random((4, 6)).astype(dtype), random.integers(0, 9, (4, 6)).astype(np.uint8))
-        for name, dtype in (("CAM_FRONT", np.float16), ("CAM_BACK", np.float32))
-    }
-    save_views(tmp_path / "one.npz", views)
-    again = load_views(tmp_path / "one.npz")
-    assert list(again) == list(views)
-    for name, view in views.items():
-        assert again[name].depth_m.dtype == view.depth_m.dtype
-        assert (again[name].depth_m == view.depth_m).all()
-        assert (again[name].kind == view.kind).all()
-    first = (tmp_path / "one.npz").read_bytes()
-    save_views(tmp_path / "one.npz", views)
-    assert (tmp_path / "one.npz").read_bytes() == first
-
-
-def test_bad_files_and_shapes_are_told(tmp_path: Path) -> None:
-    with pytest.raises(DataError, match="cannot be read"):
-        load_views(tmp_path / "none.npz")
-    (tmp_path / "bad.npz").write_bytes(b"no zip")
-    with pytest.raises(DataError, match="damaged depth file"):
-        load_views(tmp_path / "bad.npz")
-    with pytest.raises(ShapeError, match="kind"):
-        ViewTargets(np.zeros((2, 2), np.float16), np.zeros((2, 3), np.uint8))

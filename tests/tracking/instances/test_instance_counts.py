@@ -7,7 +7,7 @@ import pytest
 from made_map import BLUE, RED, Car, boxes_of, map_of
 
 from appocc.bevmap import BEVMap
-from appocc.groundtruth.occupancy import vehicle_owner
+from appocc.rasterise import vehicle_owner
 from benchmarks.blobs import Frame, Sums, count, pairs_of
 from tracking.instances.instances import InstanceConfig, measure_instances
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from made_packs import GRID, SETTING, TOKENS, made_map, with_maps
+from made_packed import GRID, SETTING, TOKENS, made_map, with_maps
 from tiny_dataset import START_US, TinyDataset, token
 
 from appocc.bevmap import bev_path
@@ -21,10 +21,10 @@ from appocc.grid import BEVGrid
 from appocc.models.input_images import fit_image
 from appocc.models.model_spec import ModelSpec
 from appocc.nuscenes import Dataset
-from appocc.simulation.truth.auxiliary import ViewTargets, save_views
+from appocc.nuscenes.view_targets import ViewTargets, save_view_targets, view_targets_path
 from appocc.temporary import locked
-from appocc.training.packed_dataset import Pack, pack
-from appocc.training.reading import cropped
+from appocc.training.packed_dataset import PackedDataset, pack_dataset
+from appocc.training.reading import crop
 
 
 @pytest.fixture
@@ -32,11 +32,11 @@ def root(tiny: TinyDataset) -> Path:
     return with_maps(tiny)
 
 
-def packed(root: Path, out: Path, setting: ModelSpec = SETTING) -> Pack:
-    return pack(root, "exact", setting, out)
+def packed(root: Path, out: Path, setting: ModelSpec = SETTING) -> PackedDataset:
+    return pack_dataset(root, "exact", setting, out)
 
 
-def test_a_pack_holds_pictures_cameras_and_truth(root: Path, tmp_path: Path) -> None:
+def test_a_packed_dataset_has_images_cameras_and_truth(root: Path, tmp_path: Path) -> None:
     found = packed(root, tmp_path / "pack")
     assert (len(found), found.tokens, set(found.scenes), set(found.towns)) == (3, TOKENS, {"scene-tiny"}, {"nowhere"})
     dataset = Dataset(root)
@@ -57,11 +57,11 @@ def test_a_pack_holds_pictures_cameras_and_truth(root: Path, tmp_path: Path) -> 
     assert all(isinstance(array, np.memmap) and not array.flags.writeable for array in found.arrays.values())
 
 
-def test_a_pack_that_is_there_is_kept(root: Path, tmp_path: Path) -> None:
+def test_an_existing_packed_dataset_is_reused(root: Path, tmp_path: Path) -> None:
     out, done, told = tmp_path / "pack", [0.0], list[str]()
-    first = pack(root, "exact", SETTING, out, lambda more: done.append(more), told.append)
+    first = pack_dataset(root, "exact", SETTING, out, lambda more: done.append(more), told.append)
     before = (out / "images.npy").stat()
-    again = pack(root, "exact", SETTING, out, lambda more: done.append(more), told.append)
+    again = pack_dataset(root, "exact", SETTING, out, lambda more: done.append(more), told.append)
     assert (out / "images.npy").stat().st_mtime_ns == before.st_mtime_ns
     assert (out / "images.npy").stat().st_ino == before.st_ino
     assert sum(done) == 6
@@ -69,48 +69,48 @@ def test_a_pack_that_is_there_is_kept(root: Path, tmp_path: Path) -> None:
     assert (again.tokens, again.setting, again.grid) == (first.tokens, SETTING, GRID)
 
 
-def test_one_that_is_out_of_date_is_made_anew_and_said_so(root: Path, tmp_path: Path) -> None:
+def test_an_outdated_packed_dataset_is_replaced_with_a_message(root: Path, tmp_path: Path) -> None:
     out, told = tmp_path / "pack", list[str]()
     packed(root, out)
     made_map(9).save(bev_path(root, "exact", TOKENS[1]))
-    found = pack(root, "exact", SETTING, out, tell=told.append)
+    found = pack_dataset(root, "exact", SETTING, out, on_message=told.append)
     np.testing.assert_array_equal(found.sample(1).appearance, made_map(9).appearance)
     small = replace(SETTING, width_px=16, height_px=8)
-    assert pack(root, "exact", small, out, tell=told.append).sample(0).images.shape == (2, 8, 16, 3)
+    assert pack_dataset(root, "exact", small, out, on_message=told.append).sample(0).images.shape == (2, 8, 16, 3)
     (out / "known.npy").write_bytes(b"x")
-    pack(root, "exact", small, out, tell=told.append)
-    assert [line.split(",")[0] for line in told] == [f"{out}: packed anew"] * 3
+    pack_dataset(root, "exact", small, out, on_message=told.append)
+    assert [line.split(",")[0] for line in told] == [f"{out}: packing again"] * 3
     assert "its maps changed" in told[0]
     assert "setting changed" in told[1]
     assert "damaged" in told[2]
     assert sorted(path.name for path in tmp_path.iterdir()) == ["pack", "tiny"]
 
 
-def test_one_of_other_pictures_or_cameras_is_made_anew(tiny: TinyDataset, root: Path, tmp_path: Path) -> None:
+def test_changed_images_or_calibration_are_packed_again(tiny: TinyDataset, root: Path, tmp_path: Path) -> None:
     out, told = tmp_path / "pack", list[str]()
     packed(root, out)
     os.utime(next((root / "samples" / "CAM_BACK").iterdir()), ns=(1, 1))
-    pack(root, "exact", SETTING, out, tell=told.append)
+    pack_dataset(root, "exact", SETTING, out, on_message=told.append)
     tiny.tables["calibrated_sensor"][0]["translation"][2] += 0.1
     tiny.write()
-    pack(root, "exact", SETTING, out, tell=told.append)
+    pack_dataset(root, "exact", SETTING, out, on_message=told.append)
     assert [line.split(", ", 1)[1] for line in told] == ["its sensor files changed", "its calibration changed"]
 
 
-def test_what_is_no_pack_is_left_alone(root: Path, tmp_path: Path) -> None:
+def test_other_folders_are_not_overwritten(root: Path, tmp_path: Path) -> None:
     (tmp_path / "photos").mkdir()
     (tmp_path / "photos" / "cat.jpg").write_bytes(b"")
-    with pytest.raises(DataError, match="photos: expected a pack or a new folder"):
+    with pytest.raises(DataError, match="photos: expected a packed dataset or a new folder"):
         packed(root, tmp_path / "photos")
     assert (tmp_path / "photos" / "cat.jpg").exists()
 
 
 @pytest.mark.parametrize("workers", [1, 2])
-def test_a_damaged_picture_leaves_nothing_behind(root: Path, tmp_path: Path, workers: int) -> None:
+def test_a_damaged_image_leaves_no_files(root: Path, tmp_path: Path, workers: int) -> None:
     picture = root / f"samples/CAM_FRONT/{START_US + 490_000}.jpg"
     picture.write_bytes(picture.read_bytes()[:-200])
     with pytest.raises(DataError, match=f"{re.escape(str(picture))}: the image is truncated"):
-        pack(root, "exact", SETTING, tmp_path / "pack", workers=workers)
+        pack_dataset(root, "exact", SETTING, tmp_path / "pack", workers=workers)
     assert [path.name for path in tmp_path.iterdir()] == ["tiny"]
 
 
@@ -137,7 +137,7 @@ def test_a_full_disk_is_an_error_and_leaves_nothing(
     assert [path.name for path in tmp_path.iterdir()] == [root.name]
 
 
-def test_a_pack_that_another_run_is_making_is_waited_for(root: Path, tmp_path: Path) -> None:
+def test_packing_waits_for_another_run(root: Path, tmp_path: Path) -> None:
     said: list[str] = []
     done: list[float] = []
     out = tmp_path / "pack"
@@ -150,7 +150,7 @@ def test_a_pack_that_another_run_is_making_is_waited_for(root: Path, tmp_path: P
 
     with ExitStack() as release:
         release.enter_context(locked(tmp_path / ".pack.lock", out))
-        pack(root, "exact", SETTING, out, done.append, say)
+        pack_dataset(root, "exact", SETTING, out, done.append, say)
     assert said == [f"{out}: waiting for another run that uses it"]
     assert done == [3]  # kept, at once
     assert not list(tmp_path.glob(".*"))
@@ -200,7 +200,7 @@ def test_maps_may_reach_farther_than_the_setting(tiny: TinyDataset, tmp_path: Pa
     wide, front = BEVGrid(-16, 16, -16, 16, 0.4), BEVGrid(0, 8, -8, 8, 0.4)
     found = packed(with_maps(tiny, wide), tmp_path / "pack", replace(SETTING, grid=front))
     assert found.grid == found.sample(0).grid == wide
-    sample, whole = cropped(found.sample(0), front), made_map(0, wide)
+    sample, whole = crop(found.sample(0), front), made_map(0, wide)
     np.testing.assert_array_equal(sample.appearance, whole.appearance[:, 40:60, 20:60])
     np.testing.assert_array_equal(sample.known >> 3, whole.appearance_valid[40:60, 20:60])
 
@@ -224,14 +224,14 @@ def test_maps_of_several_grids(root: Path, tmp_path: Path) -> None:
 # Depth and kind ---------------------------------------------------------------------------------------------------
 
 
-def test_depth_and_kind_of_a_simulated_picture_follow_its_cut(root: Path, tmp_path: Path) -> None:
+def test_view_targets_follow_the_crop_of_the_image(root: Path, tmp_path: Path) -> None:
     rng = np.random.default_rng(0)
     # The picture of 32x20 is enlarged and cut to 64x32; its own targets have 3 x 4 blocks.
     setting = replace(SETTING, width_px=64, height_px=32)
     depth = rng.uniform(1, 60, (3, 4)).astype(np.float16)
     depth[0] = np.inf
     kind = rng.integers(0, 12, (3, 4)).astype(np.uint8)
-    save_views(root / "views" / f"{TOKENS[0]}.npz", {"CAM_FRONT": ViewTargets(depth, kind)})
+    save_view_targets(view_targets_path(root, TOKENS[0]), {"CAM_FRONT": ViewTargets(depth, kind)})
     sample = packed(root, tmp_path / "pack", setting).sample(0)
     front, back = 1, 0
     camera = Dataset(root).frame(Dataset(root).sample(TOKENS[0])).rig["CAM_FRONT"]
@@ -263,25 +263,25 @@ def test_without_them_depth_is_the_nearest_return_of_the_lidar(tiny: TinyDataset
 # Opening ----------------------------------------------------------------------------------------------------------
 
 
-def test_damaged_packs_do_not_open(root: Path, tmp_path: Path) -> None:
+def test_damaged_packed_datasets_do_not_open(root: Path, tmp_path: Path) -> None:
     out = tmp_path / "pack"
     packed(root, out)
     with pytest.raises(DataError, match=r"pack.json: cannot be read"):
-        Pack.open(tmp_path / "none")
+        PackedDataset.open(tmp_path / "none")
     (out / "alive.npy").write_bytes((out / "alive.npy").read_bytes()[:-1])
-    with pytest.raises(DataError, match="damaged pack"):
-        Pack.open(out)
+    with pytest.raises(DataError, match="damaged packed dataset"):
+        PackedDataset.open(out)
     np.save(out / "alive.npy", np.ones((3, 2)))
     with pytest.raises(DataError, match=r"alive.npy: expected \(3, 2\) bool, got \(3, 2\) float64"):
-        Pack.open(out)
+        PackedDataset.open(out)
     (out / "alive.npy").unlink()
-    with pytest.raises(DataError, match=r"damaged pack \(.*alive.npy: No such file"):
-        Pack.open(out)
+    with pytest.raises(DataError, match=r"damaged packed dataset \(.*alive.npy: No such file"):
+        PackedDataset.open(out)
     about = json.loads((out / "pack.json").read_text())
     del about["grid"]
     (out / "pack.json").write_text(json.dumps(about))
-    with pytest.raises(DataError, match="damaged pack"):
-        Pack.open(out)
+    with pytest.raises(DataError, match="damaged packed dataset"):
+        PackedDataset.open(out)
 
 
 def test_the_last_samples_of_each_scene_are_held_out(root: Path, tmp_path: Path) -> None:

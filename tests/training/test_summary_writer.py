@@ -7,7 +7,7 @@ import pytest
 from made_training import made_config, run
 
 from appocc.errors import DataError
-from appocc.training.summary_writer import summary_writer
+from appocc.training.summary_writer import load_summary_writer
 
 
 def test_the_metrics_are_shown_in_tensorboard(tmp_path: Path) -> None:
@@ -19,7 +19,7 @@ def test_the_metrics_are_shown_in_tensorboard(tmp_path: Path) -> None:
     assert [event.step for event in shown.Scalars("val/mean_iou")] == [5, 10, 12]
 
 
-def test_without_tensorboard_it_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_tensorboard_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "torch.utils.tensorboard", None)
     with pytest.raises(DataError, match="pip install 'appocc\\[tensorboard\\]'"):
-        summary_writer()
+        load_summary_writer()
