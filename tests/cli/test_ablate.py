@@ -159,7 +159,7 @@ def test_interrupted_it_says_how_to_go_on(folder: Path, sent: signal.Signals) ->
     process.send_signal(sent)
     said = process.communicate(timeout=120)[1]
     assert process.returncode == 128 + sent
-    assert said.strip() == "stopped; the same command goes on"
+    assert said.strip() == "stopped; the same command resumes"
     assert states(folder / "out" / "appocc-360-occupancy-s0")
     assert '"begun"' in (folder / "out" / "ablation.json").read_text()
 

@@ -12,7 +12,7 @@ from appocc.demo import dataset
 from appocc.errors import DataError
 from appocc.files import read_image, read_json
 from appocc.simulation.recording import VERSION
-from cli.demo import COMMANDS, FRAME
+from cli.demo_pipeline import COMMANDS, FRAME
 from cli.main import app
 
 SMALL = dataset.Settings(samples=7)

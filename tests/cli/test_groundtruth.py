@@ -71,7 +71,7 @@ def test_a_scene_without_key_frames_is_left_out_with_a_line(
     tiny.tables["scene"].append({**tiny.tables["scene"][0], "token": "other", "name": "empty"})
     code, _, stderr = command(monkeypatch, capsys, tiny.write())
     assert code == 0
-    assert "left out: scene 'empty', which has no key frames" in stderr
+    assert "skipped: scene 'empty' has no key frames" in stderr
 
 
 def test_paint_and_scene(
