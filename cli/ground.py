@@ -26,7 +26,7 @@ def ground(
     text: Annotated[
         str | None,
         typer.Argument(
-            metavar="[TEXT]",
+            metavar="TEXT",
             help="The command, such as 'park behind the silver car'; omit it with --commands or --interactive.",
             show_default=False,
         ),
@@ -34,7 +34,7 @@ def ground(
     root: Annotated[
         Path | None,
         typer.Argument(
-            metavar="[ROOT]", help="Dataset root in the nuScenes schema; omit it with --map.", show_default=False
+            metavar="ROOT", help="Dataset root in the nuScenes schema; omit it with --map.", show_default=False
         ),
     ] = None,
     scene: Annotated[str | None, typer.Option("--scene", help="Name or token of the scene.")] = None,
@@ -82,8 +82,7 @@ def ground(
 
     On one saved map: --map FILE instead of ROOT, --scene and --frame
 
-    Exit code 0: found; 2: not a driving command; 3: ambiguous, not found, or no free goal. For several commands, the
-    highest.
+    Exit 0: found; 2: not a driving command; 3: ambiguous, not found, or no free goal. Of several commands, the highest.
 
     Example: appocc ground "stop behind the nearest white car" DATA --scene 002 --frame 10 --picture g.png
     """
@@ -92,7 +91,7 @@ def ground(
 
     several = commands is not None or interactive
     if several and root is None and text is not None:
-        text, root = None, Path(text)
+        root, text = Path(text), None
     _check_one(("TEXT", text), ("--commands", commands), ("--interactive", interactive or None))
     _check_one(("ROOT", root), ("--map", map_file), hint=_ONLY_ROOT if several else "")
     if picture is not None and text is None:

@@ -23,8 +23,8 @@ def set_key_frame(
 ) -> Frame:
     """Set a key frame of a dataset as the scene of a grounder.
 
-    The vehicles are the given tracks; without tracks, the annotated boxes on a true map and the map's own instances on
-    a predicted one: a prediction is never completed from annotations.
+    The vehicles are the given tracks; without tracks, the annotated boxes on a true map and the map's own instances
+    on a predicted one: a prediction is never completed from annotations.
 
     Args:
         grounder: its scene is replaced.
