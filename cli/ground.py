@@ -82,7 +82,7 @@ def ground(
 
     On one saved map: --map FILE instead of ROOT, --scene and --frame
 
-    Exit 0: found; 2: not a driving command; 3: ambiguous, not found, or no free goal. Of several commands, the highest.
+    Exit 0: found; 2: not a command; 3: ambiguous, not found, or no free goal. Of several commands, the highest code.
 
     Example: appocc ground "stop behind the nearest white car" DATA --scene 002 --frame 10 --picture g.png
     """
