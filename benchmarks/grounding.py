@@ -33,7 +33,7 @@ from appocc.boxes import Boxes
 from appocc.geometry import footprints, quaternion_from_yaw, transform
 from appocc.grid import BEVGrid
 from appocc.rasterise import VEHICLE_SHARE, polygon_owner
-from benchmarks.grounding_truth.making import SUITS
+from benchmarks.grounding_truth.case_generation import SUITS
 from benchmarks.grounding_truth.places import Ask
 from benchmarks.grounding_truth.sentences import CALLED, ORDERS, Description, command
 from grounding.grounder import Grounder

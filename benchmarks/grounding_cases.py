@@ -48,8 +48,8 @@ from appocc.geometry import footprints, wrap_angle
 from appocc.visualization.canvas import GREEN, RED, WHITE, YELLOW, BEVCanvas, Colour, put_text
 from benchmarks.colour_ablation import _disturbed, _map_of
 from benchmarks.encounters import Sight
-from benchmarks.grounding_truth.making import SUITS, Case, make_cases
-from benchmarks.grounding_truth.moments import Moment, Town
+from benchmarks.grounding_truth.case_generation import SUITS, Case, make_cases
+from benchmarks.grounding_truth.key_frames import Town, TrueFrame
 from benchmarks.grounding_truth.places import TURN_DEG
 from grounding.grounder import Grounder
 
@@ -177,7 +177,7 @@ def violations(asked: Asked, bev: BEVMap) -> tuple[int, int]:
 # Maps to ask on ---------------------------------------------------------------------------------------------------
 
 
-def noisy_map(moment: Moment, random: np.random.Generator) -> BEVMap:
+def noisy_map(moment: TrueFrame, random: np.random.Generator) -> BEVMap:
     """Return the exact map with noise like a network's: displaced, missed and false vehicles, grainy colours."""
     on_map = [n for n, v in enumerate(moment.vehicles) if v.on_map]
     colours = moment.bev.appearance.transpose(1, 2, 0)
@@ -204,7 +204,7 @@ def noisy_map(moment: Moment, random: np.random.Generator) -> BEVMap:
     return replace(moment.bev, occupancy=occupancy, appearance=appearance)
 
 
-def product_and_map(town: Town, moment: Moment, source: str, noisy: bool, seed: int) -> tuple[Grounder, BEVMap]:
+def product_and_map(town: Town, moment: TrueFrame, source: str, noisy: bool, seed: int) -> tuple[Grounder, BEVMap]:
     """Return a grounder with a key frame as its scene, and the map that it got."""
     boxes: Boxes | None = None
     if noisy:
@@ -279,7 +279,7 @@ def summary(judged: Sequence[Verdict], left_out: Counter[str]) -> list[str]:
     return [*lines, *(f"no case {count} times: {why}" for why, count in left_out.most_common())]
 
 
-def told(verdict: Verdict) -> str:
+def error_text(verdict: Verdict) -> str:
     """Return a wrong answer in two lines."""
     case, asked = verdict.case, verdict.asked
     meant = ", ".join(f"{v.paint} {v.body} at ({v.xy_m[0]:.0f}, {v.xy_m[1]:.0f})" for v in case.vehicles) or "none"
@@ -294,7 +294,7 @@ def told(verdict: Verdict) -> str:
     )
 
 
-def picture(verdict: Verdict, moment: Moment, bev: BEVMap) -> ByteArray:
+def picture(verdict: Verdict, moment: TrueFrame, bev: BEVMap) -> ByteArray:
     """Draw the region and its best goal, the true vehicles (red), those of the answer, and the target (cyan)."""
     case, asked = verdict.case, verdict.asked
     canvas = BEVCanvas(bev.grid, 4)
@@ -351,7 +351,7 @@ def main(words: Sequence[str] | None = None) -> None:
     if given.errors:
         for one in judged:
             if not one.right:
-                console.print(told(one), highlight=False, markup=False)
+                console.print(error_text(one), highlight=False, markup=False)
     console.print(table(judged))
     for line in summary(judged, made.left_out):
         console.print(line, highlight=False, markup=False)

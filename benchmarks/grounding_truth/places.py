@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from appocc.checks import BoolArray, FloatArray
-from benchmarks.grounding_truth.moments import EASY_M, HALF_CELL_M, Moment, Vehicle
+from benchmarks.grounding_truth.key_frames import EASY_M, HALF_CELL_M, TrueFrame, Vehicle
 
 # Best gap between bumpers; accepted excess; least gap; lateral tolerance.
 GAP_M = {"park": 1.0, "pull_over": 1.5, "stop": 2.0, "approach": 2.0} | dict.fromkeys(
@@ -58,7 +58,7 @@ def unit(yaw_rad: float) -> FloatArray:
     return np.array([np.cos(yaw_rad), np.sin(yaw_rad)])
 
 
-def lanes_near(moment: Moment, v: Vehicle) -> tuple[float, ...]:
+def lanes_near(moment: TrueFrame, v: Vehicle) -> tuple[float, ...]:
     """Return the lane headings near a vehicle: its own and ours."""
     return v.yaw_rad, v.yaw_rad + np.pi, moment.our_yaw(v.xy_m[0]), moment.our_yaw(v.xy_m[0]) + np.pi
 
@@ -71,7 +71,7 @@ def wanted_m(ask: Ask, v: Vehicle) -> float:
     return GAP_M[ask.action] + GAP_PER_MPS * speed
 
 
-def is_wanted(gap: FloatArray, ask: Ask, v: Vehicle) -> BoolArray:
+def is_accepted_gap(gap: FloatArray, ask: Ask, v: Vehicle) -> BoolArray:
     """Return the cells where a gap (X, Y) is acceptable."""
     wanted = wanted_m(ask, v)
     if ask.said_m is not None:
@@ -81,14 +81,14 @@ def is_wanted(gap: FloatArray, ask: Ask, v: Vehicle) -> BoolArray:
     return np.asarray((gap >= LEAST_GAP_M - HALF_CELL_M) & (gap <= wanted + SLACK_M + HALF_CELL_M))
 
 
-def in_line(moment: Moment, v: Vehicle, yaw_rad: float, sign: int) -> BoolArray:
+def in_line(moment: TrueFrame, v: Vehicle, yaw_rad: float, sign: int) -> BoolArray:
     """Return the cells in line with a vehicle, ahead of it (1) or behind (-1), without a vehicle in between."""
     along, across = moment.local(v.xy_m, yaw_rad)
     nearest = next_in_line(moment, v, yaw_rad, sign)
     return (np.abs(across) <= ALIGNED_M + HALF_CELL_M) & (sign * along > 0) & (sign * along < nearest)
 
 
-def next_in_line(moment: Moment, v: Vehicle, yaw_rad: float, sign: int) -> float:
+def next_in_line(moment: TrueFrame, v: Vehicle, yaw_rad: float, sign: int) -> float:
     """Return the distance to the next vehicle in line, infinity without one."""
     nearest = np.inf
     for other in moment.vehicles:
@@ -98,22 +98,24 @@ def next_in_line(moment: Moment, v: Vehicle, yaw_rad: float, sign: int) -> float
     return float(nearest)
 
 
-def places(moment: Moment, where: BoolArray, ideal_m: FloatArray, yaws: tuple[float, ...]) -> Region | None:
+def places(moment: TrueFrame, where: BoolArray, ideal_m: FloatArray, yaws: tuple[float, ...]) -> Region | None:
     """Return the admissible ones of some cells, and the comfortable one nearest to the ideal place.
 
     None without a comfortable place: people disagree about tight ones.
     """
-    easy = _standing(moment, where & moment.easily_reached, yaws, EASY_TURN_DEG, EASY_M)
+    easy = _standing(moment, where & moment.comfortably_reachable, yaws, EASY_TURN_DEG, EASY_M)
     if np.count_nonzero(easy) < EASY_CELLS:
         return None
     away = np.where(easy, np.hypot(*np.moveaxis(moment.centres - ideal_m, -1, 0)), np.inf)
     best = np.unravel_index(int(np.argmin(away)), away.shape)
     return Region(
-        _standing(moment, where & moment.reached, yaws, TURN_DEG, MARGIN_M), moment.centres[best].copy(), yaws
+        _standing(moment, where & moment.reachable, yaws, TURN_DEG, MARGIN_M), moment.centres[best].copy(), yaws
     )
 
 
-def _standing(moment: Moment, where: BoolArray, yaws: Sequence[float], turn_deg: int, margin_m: float) -> BoolArray:
+def _standing(
+    moment: TrueFrame, where: BoolArray, yaws: Sequence[float], turn_deg: int, margin_m: float
+) -> BoolArray:
     """Return those of some cells (X, Y) in which the ego fits at a heading near one of the given ones."""
     cells, free = np.argwhere(where), np.zeros_like(where)
     for yaw in {round(yaw % np.pi, 3) for yaw in yaws}:  # the footprint is symmetric

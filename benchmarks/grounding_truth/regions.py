@@ -14,7 +14,7 @@ import numpy as np
 
 from appocc.checks import BoolArray
 from appocc.ego_vehicle import EGO_LENGTH_M, EGO_WIDTH_M
-from benchmarks.grounding_truth.moments import ALONG_DEG, HALF_CELL_M, Moment, Vehicle
+from benchmarks.grounding_truth.key_frames import ALONG_DEG, HALF_CELL_M, TrueFrame, Vehicle
 from benchmarks.grounding_truth.places import (
     ALIGNED_M,
     LEAST_GAP_M,
@@ -22,7 +22,7 @@ from benchmarks.grounding_truth.places import (
     Ask,
     Region,
     in_line,
-    is_wanted,
+    is_accepted_gap,
     lanes_near,
     places,
     unit,
@@ -35,8 +35,8 @@ from benchmarks.grounding_truth.roads import EGO_CENTRE_M, kerbs, to_kerb
 FACES_DEG, ACROSS_DEG, IN_WAY_M, IN_WAY_DOUBT_M = (100.0, 140.0), (50.0, 130.0), 4.5, 0.8
 SIDE_GAP_M, SIDE_GAPS_M, SIDE_OFFSET_M = 0.8, (0.4, 2.3), 1.0
 NEAR_M, TOWARD_M = 6.0, 1.0
-# A vehicle this close to the middle of our lane is in it. Beyond this slope of the lane, the ego is changing lanes, and
-# its own lane is undefined.
+# A vehicle this close to the middle of our lane is in it. Beyond this slope of the lane, the ego is changing lanes
+# and its own lane is undefined.
 IN_LANE_M, CHANGING = 1.0, 0.05
 # Opposite: longitudinal tolerance, and for parking the largest distance to the kerb.
 LEVEL_M, EDGE_M = 2.0, 1.5
@@ -46,7 +46,7 @@ ROOM_M, LONGEST_GAP_M, WIDEST_GAP_M = 0.4, 15.0, 12.0
 AHEAD_M, AHEAD_SLACK_M = (4.0, 30.0), 1.0
 
 
-def region(relation: str, moment: Moment, vehicles: Sequence[Vehicle], ask: Ask) -> Region | None:
+def region(relation: str, moment: TrueFrame, vehicles: Sequence[Vehicle], ask: Ask) -> Region | None:
     """Return the goals in a relation to vehicles (two for "between", none for "none"); None if there are none."""
     return RELATIONS[relation](moment, *vehicles, ask)
 
@@ -54,27 +54,27 @@ def region(relation: str, moment: Moment, vehicles: Sequence[Vehicle], ask: Ask)
 # Relative to a vehicle --------------------------------------------------------------------------------------------
 
 
-def behind(moment: Moment, v: Vehicle, ask: Ask) -> Region | None:
+def behind(moment: TrueFrame, v: Vehicle, ask: Ask) -> Region | None:
     """Return the region in line with the vehicle, behind it."""
     return _at_end(moment, v, ask, -1)
 
 
-def in_front_of(moment: Moment, v: Vehicle, ask: Ask) -> Region | None:
+def in_front_of(moment: TrueFrame, v: Vehicle, ask: Ask) -> Region | None:
     """Return the region in line with the vehicle, in front of it."""
     return _at_end(moment, v, ask, 1)
 
 
-def follow(moment: Moment, v: Vehicle, ask: Ask) -> Region | None:
+def follow(moment: TrueFrame, v: Vehicle, ask: Ask) -> Region | None:
     """Return the region behind the vehicle in its lane, or in line with it, at the gap of its speed."""
     return _in_its_lane(moment, v, ask, -1)
 
 
-def overtake(moment: Moment, v: Vehicle, ask: Ask) -> Region | None:
+def overtake(moment: TrueFrame, v: Vehicle, ask: Ask) -> Region | None:
     """Return the region beyond the vehicle in its lane."""
     return _in_its_lane(moment, v, ask, 1)
 
 
-def _in_its_lane(moment: Moment, v: Vehicle, ask: Ask, sign: int) -> Region | None:
+def _in_its_lane(moment: TrueFrame, v: Vehicle, ask: Ask, sign: int) -> Region | None:
     """Return the region before or beyond a vehicle of our direction, along our lane or along its heading."""
     if moment.path is None or abs(moment.turn_deg(v)) > ALONG_DEG or not moment.has_lane_to(v.xy_m[0] - v.length_m):
         return None
@@ -86,9 +86,9 @@ def _in_its_lane(moment: Moment, v: Vehicle, ask: Ask, sign: int) -> Region | No
     if abs(aside) < IN_LANE_M:
         same_lane |= np.abs(off) <= ALIGNED_M + HALF_CELL_M  # in our own
     ahead = sign * (x - v.xy_m[0])
-    where = same_lane & is_wanted(ahead * per_x - half, ask, v) & (ahead < _next_in_lane(moment, v, sign))
+    where = same_lane & is_accepted_gap(ahead * per_x - half, ask, v) & (ahead < _next_in_lane(moment, v, sign))
     along, _ = moment.local(v.xy_m, v.yaw_rad)
-    where |= in_line(moment, v, v.yaw_rad, sign) & is_wanted(sign * along - half, ask, v)
+    where |= in_line(moment, v, v.yaw_rad, sign) & is_accepted_gap(sign * along - half, ask, v)
     slope = np.array([np.cos(moment.our_yaw(v.xy_m[0])), np.sin(moment.our_yaw(v.xy_m[0]))])
     ideal_x = float((v.xy_m + sign * slope * (wanted_m(ask, v) + half))[0])
     if not moment.has_lane_to(ideal_x):
@@ -97,25 +97,25 @@ def _in_its_lane(moment: Moment, v: Vehicle, ask: Ask, sign: int) -> Region | No
     return places(moment, where, ideal, (v.yaw_rad, moment.our_yaw(ideal_x)))
 
 
-def _next_in_lane(moment: Moment, v: Vehicle, sign: int) -> float:
+def _next_in_lane(moment: TrueFrame, v: Vehicle, sign: int) -> float:
     """Return the distance along x to the next vehicle ahead (1) or behind (-1) in its lane, infinity without one."""
     same = [one for one in moment.vehicles if abs(moment.sideways_m(one) - moment.sideways_m(v)) < ALIGNED_M]
     apart = [sign * float(one.xy_m[0] - v.xy_m[0]) for one in same]
     return min((each for each in apart if each > 0.5), default=np.inf)
 
 
-def _at_end(moment: Moment, v: Vehicle, ask: Ask, sign: int) -> Region | None:
+def _at_end(moment: TrueFrame, v: Vehicle, ask: Ask, sign: int) -> Region | None:
     yaw = frame_yaw(moment, v, ask.blobs)
     if yaw is None:
         return None
     along, _ = moment.local(v.xy_m, yaw)
     gap = sign * along - (v.length_m + EGO_LENGTH_M) / 2
-    where = in_line(moment, v, yaw, sign) & is_wanted(gap, ask, v)
+    where = in_line(moment, v, yaw, sign) & is_accepted_gap(gap, ask, v)
     ideal = v.xy_m + sign * unit(yaw) * (wanted_m(ask, v) + (v.length_m + EGO_LENGTH_M) / 2)
     return places(moment, where, ideal, (yaw, yaw + np.pi))
 
 
-def frame_yaw(moment: Moment, v: Vehicle, blobs: bool) -> float | None:
+def frame_yaw(moment: TrueFrame, v: Vehicle, blobs: bool) -> float | None:
     """Return the direction of "in front of" the vehicle; None where people might disagree."""
     turn = moment.turn_deg(v)
     axis = moment.our_axis(v)
@@ -125,7 +125,7 @@ def frame_yaw(moment: Moment, v: Vehicle, blobs: bool) -> float | None:
         return v.yaw_rad
     if abs(turn) < FACES_DEG[1]:
         return None
-    if not v.stands:
+    if not v.stationary:
         return v.yaw_rad
     aside = np.abs([moment.sideways_m(v), v.xy_m[1]])  # relative to our lane, and straight on
     in_way, beside = aside.max() < IN_WAY_M - IN_WAY_DOUBT_M, aside.min() > IN_WAY_M + IN_WAY_DOUBT_M
@@ -134,22 +134,22 @@ def frame_yaw(moment: Moment, v: Vehicle, blobs: bool) -> float | None:
     return axis if in_way else v.yaw_rad
 
 
-def next_to(moment: Moment, v: Vehicle, ask: Ask) -> Region | None:
+def next_to(moment: TrueFrame, v: Vehicle, ask: Ask) -> Region | None:
     """Return the region at either side of the vehicle; the side towards us is better."""
     return _beside(moment, v, (1, -1))
 
 
-def left_of(moment: Moment, v: Vehicle, ask: Ask) -> Region | None:
+def left_of(moment: TrueFrame, v: Vehicle, ask: Ask) -> Region | None:
     """Return the region left of the vehicle as seen from the ego."""
     return _beside(moment, v, (1,)) if moment.is_along(v) else None
 
 
-def right_of(moment: Moment, v: Vehicle, ask: Ask) -> Region | None:
+def right_of(moment: TrueFrame, v: Vehicle, ask: Ask) -> Region | None:
     """Return the region right of the vehicle as seen from the ego."""
     return _beside(moment, v, (-1,)) if moment.is_along(v) else None
 
 
-def _beside(moment: Moment, v: Vehicle, sides: Sequence[int]) -> Region | None:
+def _beside(moment: TrueFrame, v: Vehicle, sides: Sequence[int]) -> Region | None:
     yaw = moment.our_axis(v)
     along, across = moment.local(v.xy_m, yaw)
     level = np.abs(along) <= v.length_m / 2 + SIDE_OFFSET_M + HALF_CELL_M
@@ -163,12 +163,12 @@ def _beside(moment: Moment, v: Vehicle, sides: Sequence[int]) -> Region | None:
     return places(moment, where, ideal, (yaw, yaw + np.pi))
 
 
-def near(moment: Moment, v: Vehicle, ask: Ask) -> Region | None:
+def near(moment: TrueFrame, v: Vehicle, ask: Ask) -> Region | None:
     """Return the region around the vehicle; nearer is better."""
     return places(moment, _around(moment, v), v.xy_m, lanes_near(moment, v))
 
 
-def toward(moment: Moment, v: Vehicle, ask: Ask) -> Region | None:
+def toward(moment: TrueFrame, v: Vehicle, ask: Ask) -> Region | None:
     """Return the region around the vehicle and short of it, along our way or in our line of sight."""
     yaw = moment.our_yaw(v.xy_m[0])
     sight = float(np.arctan2(v.xy_m[1], v.xy_m[0] - EGO_CENTRE_M))
@@ -178,7 +178,7 @@ def toward(moment: Moment, v: Vehicle, ask: Ask) -> Region | None:
     return places(moment, _around(moment, v) & short, ideal, lanes_near(moment, v))
 
 
-def _around(moment: Moment, v: Vehicle) -> BoolArray:
+def _around(moment: TrueFrame, v: Vehicle) -> BoolArray:
     """Return the cells where the ego's footprint, aligned with a vehicle, is near it."""
     along, across = moment.local(v.xy_m, v.yaw_rad)
     short = np.maximum(np.abs(along) - (v.length_m + EGO_LENGTH_M) / 2, 0)
@@ -186,7 +186,7 @@ def _around(moment: Moment, v: Vehicle) -> BoolArray:
     return np.asarray(np.hypot(short, aside) <= NEAR_M + HALF_CELL_M)
 
 
-def between(moment: Moment, v: Vehicle, w: Vehicle, ask: Ask) -> Region | None:
+def between(moment: TrueFrame, v: Vehicle, w: Vehicle, ask: Ask) -> Region | None:
     """Return the region in the gap between two vehicles in a row or side by side, clear of both."""
     along, across = (float((w.xy_m - v.xy_m) @ unit(v.yaw_rad + turn)) for turn in (0.0, np.pi / 2))
     askew = abs((np.degrees(w.yaw_rad - v.yaw_rad) + 90) % 180 - 90)
@@ -202,7 +202,7 @@ def between(moment: Moment, v: Vehicle, w: Vehicle, ask: Ask) -> Region | None:
         return None
     middle = (v.xy_m + w.xy_m) / 2 + unit(way) * (ends[0] - ends[1]) / 2
     lengthwise, aside = (np.abs(one) for one in moment.local(middle, way))
-    if (moment.taken & (lengthwise <= free / 2 - ROOM_M) & (aside <= ROOM_M)).any():
+    if (moment.occupied & (lengthwise <= free / 2 - ROOM_M) & (aside <= ROOM_M)).any():
         return None  # a third vehicle is in the gap
     wide = ALIGNED_M if row else v.length_m / 2 + SIDE_OFFSET_M
     inside = (lengthwise <= (free - needed) / 2) & (aside <= wide + HALF_CELL_M)
@@ -212,29 +212,29 @@ def between(moment: Moment, v: Vehicle, w: Vehicle, ask: Ask) -> Region | None:
 # Relative to our road ---------------------------------------------------------------------------------------------
 
 
-def before(moment: Moment, v: Vehicle, ask: Ask) -> Region | None:
+def before(moment: TrueFrame, v: Vehicle, ask: Ask) -> Region | None:
     """Return the region short of the vehicle, in line with it or in our own lane."""
     return _along_road(moment, v, ask, -1)
 
 
-def past(moment: Moment, v: Vehicle, ask: Ask) -> Region | None:
+def past(moment: TrueFrame, v: Vehicle, ask: Ask) -> Region | None:
     """Return the region beyond the vehicle, in line with it or in our own lane."""
     return _along_road(moment, v, ask, 1)
 
 
-def drive_past(moment: Moment, v: Vehicle, ask: Ask) -> Region | None:
+def drive_past(moment: TrueFrame, v: Vehicle, ask: Ask) -> Region | None:
     """Return the region beyond the vehicle in our own lane."""
     return _along_road(moment, v, ask, 1)
 
 
-def _along_road(moment: Moment, v: Vehicle, ask: Ask, sign: int) -> Region | None:
+def _along_road(moment: TrueFrame, v: Vehicle, ask: Ask, sign: int) -> Region | None:
     """Return the region before or beyond a vehicle along our road: for parking in line with it, else in our lane."""
     if moment.path is None or not moment.is_along(v) or not moment.has_lane_to(v.xy_m[0]):
         return None
     yaw = moment.our_yaw(v.xy_m[0])
     along, _ = moment.local(v.xy_m, yaw)
     half = (v.extent_m(yaw) + EGO_LENGTH_M) / 2
-    where = is_wanted(sign * along - half, ask, v)
+    where = is_accepted_gap(sign * along - half, ask, v)
     ideal = v.xy_m + sign * unit(yaw) * (wanted_m(ask, v) + half)
     lined = where & in_line(moment, v, yaw, sign)
     if ask.action in ("park", "pull_over"):
@@ -249,7 +249,7 @@ def _along_road(moment: Moment, v: Vehicle, ask: Ask, sign: int) -> Region | Non
     return both and both._replace(best_m=ours.best_m)
 
 
-def opposite(moment: Moment, v: Vehicle, ask: Ask) -> Region | None:
+def opposite(moment: TrueFrame, v: Vehicle, ask: Ask) -> Region | None:
     """Return the region level with the vehicle on the other side of the road; for parking, at the kerb."""
     road = kerbs(moment.bev.grid, moment.ground, v.xy_m, v.yaw_rad) if moment.is_along(v) else None
     if road is None:
@@ -274,12 +274,12 @@ def opposite(moment: Moment, v: Vehicle, ask: Ask) -> Region | None:
 # Without a vehicle ------------------------------------------------------------------------------------------------
 
 
-def nothing(moment: Moment, ask: Ask) -> Region | None:
+def without_vehicle(moment: TrueFrame, ask: Ask) -> Region | None:
     """Return the region at a distance ahead in our lane, or at the kerb of a side, nearest first."""
     return _in_lane(moment, ask) if ask.action == "stop" else _at_kerb(moment, ask)
 
 
-def _in_lane(moment: Moment, ask: Ask) -> Region | None:
+def _in_lane(moment: TrueFrame, ask: Ask) -> Region | None:
     if ask.said_m is None or moment.path is None or abs(moment.path.bend[1]) > CHANGING:
         return None
     way = np.arange(0.0, ask.said_m + 0.1, 0.5)
@@ -296,7 +296,7 @@ def _in_lane(moment: Moment, ask: Ask) -> Region | None:
     return places(moment, where, end_m, (yaw,))
 
 
-def _at_kerb(moment: Moment, ask: Ask) -> Region | None:
+def _at_kerb(moment: TrueFrame, ask: Ask) -> Region | None:
     if moment.path is None:
         return None
     side = 1 if ask.side == "left" else -1
@@ -328,5 +328,5 @@ RELATIONS: Mapping[str, Relation] = {
     "follow": follow,
     "overtake": overtake,
     "drive_past": drive_past,
-    "none": nothing,
+    "none": without_vehicle,
 }

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from benchmarks.grounding_truth.moments import Moment, Vehicle
+from benchmarks.grounding_truth.key_frames import TrueFrame, Vehicle
 from benchmarks.grounding_truth.places import Ask
 from benchmarks.grounding_truth.roads import EGO_CENTRE_M
 
@@ -84,7 +84,7 @@ class Description(NamedTuple):
 # Referents --------------------------------------------------------------------------------------------------------
 
 
-def surely(moment: Moment, said: Description, v: Vehicle) -> bool:
+def certainly_fits(moment: TrueFrame, said: Description, v: Vehicle) -> bool:
     """Return whether a vehicle ahead fits the description without doubt, apart from its rank in an order."""
     aside = moment.sideways_m(v)
     return (
@@ -94,13 +94,13 @@ def surely(moment: Moment, said: Description, v: Vehicle) -> bool:
         and said.noun in (CALLED[v.body][0], "vehicle")
         and (said.paint is None or (v.paint == said.paint and v.cells >= LEAST_CELLS))
         and (said.side is None or min(_sides_m(moment, said, v)) >= SIDE_M)
-        and (said.state is None or (v.parked and v.stands if said.state == "parked" else v.speed_mps > MOVES_MPS))
+        and (said.state is None or (v.parked and v.stationary if said.state == "parked" else v.speed_mps > MOVES_MPS))
         and (not said.lane or (moment.has_lane_to(v.xy_m[0]) and abs(aside) < IN_LANE_M and moment.is_along(v)))
         and (not said.ahead or abs(_bearing_deg(v)) < AHEAD_DEG)
     )
 
 
-def perhaps(moment: Moment, said: Description, v: Vehicle, blobs: bool, anywhere: bool = False) -> bool:
+def may_fit(moment: TrueFrame, said: Description, v: Vehicle, blobs: bool, anywhere: bool = False) -> bool:
     """Return whether the description might mean a vehicle, visible or occluded; ahead of us, or `anywhere`."""
     aside = moment.sideways_m(v)
     bodies = ALIKE_FROM_ABOVE if blobs and said.noun in ("car", "van", "truck") else COULD_BE[said.noun]
@@ -115,23 +115,23 @@ def perhaps(moment: Moment, said: Description, v: Vehicle, blobs: bool, anywhere
     )
 
 
-def _sides_m(moment: Moment, said: Description, v: Vehicle) -> tuple[float, float]:
+def _sides_m(moment: TrueFrame, said: Description, v: Vehicle) -> tuple[float, float]:
     """Return the offsets of a vehicle to the mentioned side, of our path and of our heading: usage differs."""
     sign = 1 if said.side == "left" else -1
     return sign * moment.sideways_m(v), sign * float(v.xy_m[1])
 
 
-def meant(moment: Moment, said: Description, blobs: bool) -> Vehicle | None:
+def sole_referent(moment: TrueFrame, said: Description, blobs: bool) -> Vehicle | None:
     """Return the only vehicle that a description can mean, None if it is not beyond doubt."""
-    might = [v for v in moment.vehicles if perhaps(moment, said, v, blobs)]
+    might = [v for v in moment.vehicles if may_fit(moment, said, v, blobs)]
     if said.order is None:
-        return might[0] if len(might) == 1 and surely(moment, said, might[0]) else None
+        return might[0] if len(might) == 1 and certainly_fits(moment, said, might[0]) else None
     number = ORDINALS.get(said.order, 1)
     if said.order == "nearest":
-        might = [v for v in moment.vehicles if perhaps(moment, said, v, blobs, anywhere=True)]
+        might = [v for v in moment.vehicles if may_fit(moment, said, v, blobs, anywhere=True)]
     might.sort(key=lambda v: _place(said.order, v))
     counted, after = might[:number], might[number : number + 1]
-    if len(might) < max(number, 2) or not all(surely(moment, said, v) for v in counted):
+    if len(might) < max(number, 2) or not all(certainly_fits(moment, said, v) for v in counted):
         return None
     if said.order in ("farthest", "last") and not all(v.on_map for v in might):
         return None
@@ -160,7 +160,7 @@ def _bearing_deg(v: Vehicle) -> float:
     return float(np.degrees(np.arctan2(v.xy_m[1], v.xy_m[0] - EGO_CENTRE_M)))
 
 
-def describe(moment: Moment, v: Vehicle, blobs: bool, random: np.random.Generator) -> Description | None:
+def describe(moment: TrueFrame, v: Vehicle, blobs: bool, random: np.random.Generator) -> Description | None:
     """Return a description that means only this vehicle, None if none is found."""
     aside = moment.sideways_m(v)
     for _ in range(DRAWS):
@@ -176,7 +176,7 @@ def describe(moment: Moment, v: Vehicle, blobs: bool, random: np.random.Generato
             draw[4] < 0.3 and not order,
         )
         said = said._replace(ahead=draw[5] > 0.8 and not said.side and not said.lane)
-        if meant(moment, said, blobs) is v and not (said.lane and said.side):
+        if sole_referent(moment, said, blobs) is v and not (said.lane and said.side):
             return said
     return None
 

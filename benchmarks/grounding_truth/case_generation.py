@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from appocc.ego_vehicle import EGO_LENGTH_M
-from benchmarks.grounding_truth.moments import Moment, Town, Vehicle
+from benchmarks.grounding_truth.key_frames import Town, TrueFrame, Vehicle
 from benchmarks.grounding_truth.places import Ask, Region, wanted_m
 from benchmarks.grounding_truth.regions import region
 from benchmarks.grounding_truth.roads import EGO_CENTRE_M
@@ -18,10 +18,10 @@ from benchmarks.grounding_truth.sentences import (
     CALLED,
     PAINTS,
     Description,
+    certainly_fits,
     command,
     describe,
-    perhaps,
-    surely,
+    may_fit,
 )
 
 # Relations of each group with suitable actions; "none" names no vehicle.
@@ -88,14 +88,14 @@ class Case(NamedTuple):
         return (self.group, self.relation, *names)
 
 
-class Made(NamedTuple):
+class GeneratedCases(NamedTuple):
     """Cases in the order of the key frames, and counts of the reasons for which none could be generated."""
 
     cases: list[Case]
     left_out: Counter[str]
 
 
-def make_cases(town: Town, count: int, seed: int, blobs: bool, done: Callable[[int], None]) -> Made:
+def make_cases(town: Town, count: int, seed: int, blobs: bool, done: Callable[[int], None]) -> GeneratedCases:
     """Generate about `count` cases, as many of each group as the frames allow; the same seed gives the same cases."""
     wanted = _quotas(count)
     have: Counter[Slot] = Counter()
@@ -105,7 +105,7 @@ def make_cases(town: Town, count: int, seed: int, blobs: bool, done: Callable[[i
     order = np.random.default_rng(seed).permutation(len(tokens)).tolist()
     for turn in range(PASSES):
         if turn >= PASSES / 2:
-            _pass_on(wanted, have)
+            _redistribute(wanted, have)
         for number in order:
             if all(have[slot] >= wanted[slot] for slot in wanted):
                 break
@@ -126,7 +126,7 @@ def make_cases(town: Town, count: int, seed: int, blobs: bool, done: Callable[[i
                     at_most -= 1
             done(len(cases))
     place = {token: n for n, token in enumerate(tokens)}
-    return Made(sorted(cases, key=lambda case: place[case.token]), left_out)
+    return GeneratedCases(sorted(cases, key=lambda case: place[case.token]), left_out)
 
 
 Slot = tuple[str, str]
@@ -144,7 +144,7 @@ def _quotas(count: int) -> dict[Slot, int]:
     }
 
 
-def _pass_on(wanted: dict[Slot, int], have: Counter[Slot]) -> None:
+def _redistribute(wanted: dict[Slot, int], have: Counter[Slot]) -> None:
     """Redistribute the missing cases of a group to the complete groups of its kind."""
     for kind in {kind for kind, _ in wanted}:
         full = [slot for slot in wanted if slot[0] == kind and have[slot] >= wanted[slot]]
@@ -155,7 +155,7 @@ def _pass_on(wanted: dict[Slot, int], have: Counter[Slot]) -> None:
 
 
 def _draw(
-    moment: Moment, slot: Slot, blobs: bool, random: np.random.Generator, left_out: Counter[str]
+    moment: TrueFrame, slot: Slot, blobs: bool, random: np.random.Generator, left_out: Counter[str]
 ) -> Case | None:
     """Return a case for a slot, None if the frame has none."""
     kind, group = slot
@@ -164,23 +164,23 @@ def _draw(
     if action in ("park", "stop") and relation in ("behind", "in_front_of", "before", "past"):
         said_m = _pick(SAID_M, random) if random.random() < SAID_SHARE else None
     ask = Ask(action, said_m, None, blobs)
-    make = {"absent": _absent, "ambiguous": _ambiguous, "one": _one}[kind]
+    make = {"absent": _absent, "ambiguous": _ambiguous, "one": _one_vehicle}[kind]
     if kind == "one" and group in ("between", "none"):
         make = {"between": _between, "none": _nothing}[group]
     return make(moment, group, relation, ask, random, left_out)
 
 
-def _one(
-    moment: Moment, group: str, relation: str, ask: Ask, random: np.random.Generator, left_out: Counter[str]
+def _one_vehicle(
+    moment: TrueFrame, group: str, relation: str, ask: Ask, random: np.random.Generator, left_out: Counter[str]
 ) -> Case | None:
     """Return a case with one vehicle, described without ambiguity."""
-    suited = [v for v in moment.vehicles if _suits(moment, v, relation, ask)]
+    suited = [v for v in moment.vehicles if _makes_sense(moment, v, relation, ask)]
     for i in random.permutation(len(suited))[:TRIES].tolist():
         said = describe(moment, suited[i], ask.blobs, random)
         if said is None:
             left_out["the vehicle cannot be told apart"] += 1
             continue
-        found = _ahead(region(relation, moment, [suited[i]], ask), left_out)
+        found = _reachable_ahead(region(relation, moment, [suited[i]], ask), left_out)
         if found:
             sentence = command(relation, ask, [(said, suited[i].body)], random)
             return Case(moment.token, "one", group, relation, ask, sentence, (said,), (suited[i],), found)
@@ -188,13 +188,13 @@ def _one(
 
 
 def _between(
-    moment: Moment, group: str, relation: str, ask: Ask, random: np.random.Generator, left_out: Counter[str]
+    moment: TrueFrame, group: str, relation: str, ask: Ask, random: np.random.Generator, left_out: Counter[str]
 ) -> Case | None:
     """Return a case with two vehicles and a gap, described one by one or together."""
-    suited = [v for v in moment.vehicles if _suits(moment, v, relation, ask)]
+    suited = [v for v in moment.vehicles if _makes_sense(moment, v, relation, ask)]
     pairs = [(v, w) for n, v in enumerate(suited) for w in suited[:n]]
     for i in random.permutation(len(pairs)).tolist():
-        found = _ahead(region(relation, moment, pairs[i], ask), left_out)
+        found = _reachable_ahead(region(relation, moment, pairs[i], ask), left_out)
         if found is None:
             continue
         pair = pairs[i]
@@ -208,47 +208,47 @@ def _between(
     return None
 
 
-def _both(moment: Moment, pair: tuple[Vehicle, Vehicle], blobs: bool) -> list[Description | None] | None:
+def _both(moment: TrueFrame, pair: tuple[Vehicle, Vehicle], blobs: bool) -> list[Description | None] | None:
     """Return a description that fits exactly these two, None if there is none."""
     v, w = pair
     its_side = "left" if moment.sideways_m(v) > 0 else "right"
     for paint, side in ((None, None), (v.paint, None), (None, its_side), (v.paint, its_side)):
         said = Description(CALLED[v.body][0], paint, side)
-        might = [one for one in moment.vehicles if perhaps(moment, said, one, blobs)]
-        if len(might) == 2 and surely(moment, said, v) and surely(moment, said, w):
+        might = [one for one in moment.vehicles if may_fit(moment, said, one, blobs)]
+        if len(might) == 2 and certainly_fits(moment, said, v) and certainly_fits(moment, said, w):
             return [said, said]
     return None
 
 
 def _nothing(
-    moment: Moment, group: str, relation: str, ask: Ask, random: np.random.Generator, left_out: Counter[str]
+    moment: TrueFrame, group: str, relation: str, ask: Ask, random: np.random.Generator, left_out: Counter[str]
 ) -> Case | None:
     """Return a case without a vehicle."""
     said_m = _pick(STOPS_M, random) if ask.action == "stop" else None
     side = _pick(("left", "right", "right", None), random) if ask.action != "stop" else None
     ask = ask._replace(said_m=said_m, side=side)
-    found = _ahead(region(relation, moment, [], ask), left_out)
+    found = _reachable_ahead(region(relation, moment, [], ask), left_out)
     return found and Case(moment.token, "one", group, relation, ask, command(relation, ask, [], random), region=found)
 
 
 def _ambiguous(
-    moment: Moment, group: str, relation: str, ask: Ask, random: np.random.Generator, left_out: Counter[str]
+    moment: TrueFrame, group: str, relation: str, ask: Ask, random: np.random.Generator, left_out: Counter[str]
 ) -> Case | None:
     """Return an ambiguous case: two similar vehicles with goals, and a sentence that fits both."""
-    suited = [v for v in moment.vehicles if _suits(moment, v, relation, ask)]
-    pairs = [(v, w) for n, v in enumerate(suited) for w in suited[:n] if _alike(moment, v, w)]
+    suited = [v for v in moment.vehicles if _makes_sense(moment, v, relation, ask)]
+    pairs = [(v, w) for n, v in enumerate(suited) for w in suited[:n] if _look_alike(moment, v, w)]
     for i in random.permutation(len(pairs))[:TRIES].tolist():
         v, w = pairs[i]
-        said, fitting = _equally(moment, v, w, ask.blobs, random)
-        if fitting and all(_ahead(region(relation, moment, [one], ask), left_out) for one in (v, w)):
+        said, fitting = _shared_description(moment, v, w, ask.blobs, random)
+        if fitting and all(_reachable_ahead(region(relation, moment, [one], ask), left_out) for one in (v, w)):
             # Without a word for a body that only one of them has, and without "a", which any of them would satisfy.
             sentence = command(relation, ask, [(said, said.noun)], random, definite=True)
             return Case(moment.token, "ambiguous", group, relation, ask, sentence, (said,), fitting)
     return None
 
 
-def _equally(
-    moment: Moment, v: Vehicle, w: Vehicle, blobs: bool, random: np.random.Generator
+def _shared_description(
+    moment: TrueFrame, v: Vehicle, w: Vehicle, blobs: bool, random: np.random.Generator
 ) -> tuple[Description, tuple[Vehicle, ...]]:
     """Return a description that fits two vehicles and no nearer one, and all vehicles that it may fit."""
     side = "left" if moment.sideways_m(v) > 0 else "right"
@@ -256,25 +256,25 @@ def _equally(
     for n in random.permutation(4).tolist():
         said = said._replace(paint=v.paint if n % 2 and v.paint == w.paint else None, side=(None, side)[n // 2])
         fitting = sorted(
-            (one for one in moment.vehicles if surely(moment, said, one)), key=lambda one: one.distance_m
+            (one for one in moment.vehicles if certainly_fits(moment, said, one)), key=lambda one: one.distance_m
         )
         if {v.instance, w.instance} == {one.instance for one in fitting[:2]}:
-            return said, tuple(one for one in moment.vehicles if perhaps(moment, said, one, blobs))
+            return said, tuple(one for one in moment.vehicles if may_fit(moment, said, one, blobs))
     return said, ()
 
 
-def _alike(moment: Moment, v: Vehicle, w: Vehicle) -> bool:
+def _look_alike(moment: TrueFrame, v: Vehicle, w: Vehicle) -> bool:
     """Return whether two vehicles differ only in position, and hardly in that."""
     ratio = max(v.distance_m, w.distance_m) / min(v.distance_m, w.distance_m)
     ours = {abs(moment.sideways_m(one)) < OUR_WAY_M for one in (v, w)}
     cars = CALLED[v.body][0] == CALLED[w.body][0] == "car"
-    same = (v.stands, v.parked) == (w.stands, w.parked) and (cars or v.body == w.body)
+    same = (v.stationary, v.parked) == (w.stationary, w.parked) and (cars or v.body == w.body)
     beside = max(abs(v.xy_m[1]), abs(w.xy_m[1])) <= PAIR_ASIDE_M
     return same and beside and ratio < EQUAL_FACTOR and len(ours) == 1
 
 
 def _absent(
-    moment: Moment, group: str, relation: str, ask: Ask, random: np.random.Generator, left_out: Counter[str]
+    moment: TrueFrame, group: str, relation: str, ask: Ask, random: np.random.Generator, left_out: Counter[str]
 ) -> Case | None:
     """Return a case with an absent vehicle: none has that paint, or that body."""
     bodies = tuple(CALLED)
@@ -283,30 +283,30 @@ def _absent(
     there = [v for v in moment.vehicles if v.on_map and v.visible and v.xy_m[0] > AHEAD_M[0]]
     # With any noun: some would accept another body with that paint.
     loose = said._replace(noun="vehicle") if said.paint else said
-    if not there or any(perhaps(moment, loose, v, ask.blobs, anywhere=True) for v in moment.vehicles):
+    if not there or any(may_fit(moment, loose, v, ask.blobs, anywhere=True) for v in moment.vehicles):
         return None
     sentence = command(relation, ask, [(said, body)], random)
     return Case(moment.token, "absent", group, relation, ask, sentence, (said,))
 
 
-def _suits(moment: Moment, v: Vehicle, relation: str, ask: Ask) -> bool:
+def _makes_sense(moment: TrueFrame, v: Vehicle, relation: str, ask: Ask) -> bool:
     """Return whether the command makes sense for a vehicle."""
     there = v.visible and v.on_map and AHEAD_M[0] <= v.xy_m[0] <= AHEAD_M[1] and abs(v.xy_m[1]) <= ASIDE_M
     aside = abs(moment.sideways_m(v))
-    state = v.parked if ask.action in ("park", "pull_over") else v.stands
+    state = v.parked if ask.action in ("park", "pull_over") else v.stationary
     if relation == "follow":
         room = v.xy_m[0] - v.length_m / 2 - wanted_m(ask, v) - EGO_LENGTH_M / 2 > EGO_CENTRE_M
         state = not v.parked and aside < 2 * IN_LANE_M and room
     elif relation == "overtake":
         state = aside < IN_LANE_M and v.speed_mps < SLOW_MPS
     elif relation == "drive_past":
-        state = v.stands and aside > IN_LANE_M
+        state = v.stationary and aside > IN_LANE_M
     elif relation == "toward":
         state = True
     return bool(there and state and moment.is_in_street(v))
 
 
-def _ahead(found: Region | None, left_out: Counter[str]) -> Region | None:
+def _reachable_ahead(found: Region | None, left_out: Counter[str]) -> Region | None:
     """Return the region if its best goal is far enough ahead to be reached, else None."""
     if found is None:
         left_out["no place in that relation is free"] += 1

@@ -75,7 +75,7 @@ class Vehicle(NamedTuple):
     cells: int
 
     @property
-    def stands(self) -> bool:
+    def stationary(self) -> bool:
         """Return whether it is stationary."""
         return self.speed_mps < STANDS_MPS
 
@@ -91,7 +91,7 @@ class Vehicle(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Moment:
+class TrueFrame:
     """A key frame.
 
     Attributes:
@@ -121,7 +121,7 @@ class Moment:
         return np.asarray(self.bev.on[ROAD])
 
     @cached_property
-    def taken(self) -> BoolArray:
+    def occupied(self) -> BoolArray:
         """Return the cells (X, Y) of vehicles, by the map or by a box."""
         taken = self.bev.on[VEHICLE].copy()
         for one in (one for one in self.vehicles if np.abs(one.xy_m).max() < NEAR_MAP_M):
@@ -130,17 +130,17 @@ class Moment:
         return np.asarray(taken)
 
     @cached_property
-    def reached(self) -> BoolArray:
+    def reachable(self) -> BoolArray:
         """Return the cells (X, Y) to which a disc of the ego's width can be moved; none if it is blocked."""
         return self._rolls(EGO_WIDTH_M / 2)
 
     @cached_property
-    def easily_reached(self) -> BoolArray:
+    def comfortably_reachable(self) -> BoolArray:
         """Return the same cells (X, Y) with a margin."""
         return self._rolls(EGO_WIDTH_M / 2 + EASY_M)
 
     def _rolls(self, radius_m: float) -> BoolArray:
-        clear_m = ndimage.distance_transform_edt(np.pad(self.ground & ~self.taken, 1)) * self.bev.grid.cell_m
+        clear_m = ndimage.distance_transform_edt(np.pad(self.ground & ~self.occupied, 1)) * self.bev.grid.cell_m
         labels, _ = ndimage.label(clear_m[1:-1, 1:-1] >= radius_m, np.ones((3, 3)))
         away = np.hypot(*np.moveaxis(self.centres - [EGO_CENTRE_M, 0.0], -1, 0))
         start = labels.ravel()[np.argmin(np.where(labels > 0, away, np.inf))]
@@ -205,7 +205,7 @@ class Moment:
     @cached_property
     def _padded(self) -> tuple[BoolArray, BoolArray]:
         """Return road and vehicle-free cells, flat, padded with neither."""
-        return np.pad(self.ground, _PAD).ravel(), np.pad(~self.taken, _PAD).ravel()
+        return np.pad(self.ground, _PAD).ravel(), np.pad(~self.occupied, _PAD).ravel()
 
 
 @lru_cache(maxsize=1024)
@@ -249,7 +249,7 @@ class Town:
         """Return all key frames."""
         return [sample for scene in self.dataset.scenes for sample in self.dataset.samples(scene)]
 
-    def moment(self, token: str) -> Moment:
+    def moment(self, token: str) -> TrueFrame:
         """Return a key frame by its token."""
         sample = self.dataset.sample(token)
         bev = load_map(self.dataset.root, "exact", token)
@@ -278,4 +278,4 @@ class Town:
                     int(np.count_nonzero(owner == len(vehicles))),
                 )
             )
-        return Moment(token, bev, owner, boxes, pose, tuple(vehicles))
+        return TrueFrame(token, bev, owner, boxes, pose, tuple(vehicles))
