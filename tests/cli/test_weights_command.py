@@ -59,7 +59,7 @@ def test_shipped_weights_have_their_figures(written: Path, tmp_path: Path) -> No
     assert value["thresholds"] == [0.4, 0.3, 0.2]
 
 
-def test_weights_without_training_data_can_be_shown(written: Path, tmp_path: Path) -> None:
+def test_weights_without_a_run_can_be_shown(written: Path, tmp_path: Path) -> None:
     plain = tmp_path / "plain.safetensors"
     save_weights(plain, build("lss", TINY), {"network": "lss"})
     result = run("show", str(plain))
