@@ -1,9 +1,9 @@
-"""Tracks of a dataset's scenes from their maps, from all frames and from every second and fourth one only.
+"""Tracking on a dataset's maps with dropped frames: all frames, every second and every fourth.
 
     python -m benchmarks.dropped_frames ROOT [--bev SOURCE] [--scene S]
 
-Judged as `appocc track` judges: annotated vehicles within 40 m of the ego, gate 2 m, in the frames that are left.
-Means over which frame is the first one kept.
+Evaluated as in `appocc track`: annotated vehicles within 40 m of the ego, gate 2 m, in the remaining frames. Figures
+are means over the choice of the first frame.
 """
 
 from __future__ import annotations
@@ -34,14 +34,14 @@ HEAD = ("scene", "frames", *(f"{name} %" for name in SHARES), *COUNTS, "IDS with
 
 
 class Trial(NamedTuple):
-    """Scores of a scene from one frame of so many, by which is the first, with colour and without."""
+    """Scores of a scene at one frame rate, by first frame, with and without colour."""
 
     every: int
     with_colour: list[Metrics]
     without: list[Metrics]
 
     def row(self) -> list[str]:
-        """The figures in the order of HEAD: means, and counts as they are on average."""
+        """Return the figures in the order of HEAD: means of shares and counts."""
         shares = [f"{100 * np.mean([getattr(each, name) for each in self.with_colour]):.1f}" for name in SHARES]
         counts = [_mean(self.with_colour, name) for name in COUNTS]
         return [f"1 of {self.every}", *shares, *counts, _mean(self.without, "IDS")]
@@ -52,7 +52,7 @@ def _mean(scores: Sequence[Metrics], name: str) -> str:
 
 
 def measured(dataset: Dataset, scene: Scene, source: str) -> list[Trial]:
-    """Scores of a scene, for each of EVERY.
+    """Return the scores of a scene for each frame rate of EVERY.
 
     Raises:
         DataError: if a map is missing or damaged, or the scene has no annotations.
@@ -75,7 +75,7 @@ def measured(dataset: Dataset, scene: Scene, source: str) -> list[Trial]:
 
 
 def main(words: Sequence[str] | None = None) -> None:
-    """Measure and tell."""
+    """Run the benchmark and print its table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("root", type=Path)
     parser.add_argument("--bev", default="groundtruth")

@@ -1,14 +1,14 @@
-"""Tracks of cars in nuScenes scenes, by nuScenes' rules, beside a plain Kalman filter and others' figures.
+"""Tracking of cars in nuScenes scenes by nuScenes' rules, with a plain Kalman filter and published trackers.
 
     OMP_NUM_THREADS=1 python -m benchmarks.nuscenes_mini FILE [--detector centerpoint] [--json]
 
-FILE holds scenes as `tracking.io.nuscenes_detections.read_scenes` describes them. Cars within 50 m that have LiDAR
-points are to be found. AMOTA is over 40 recalls (`tracking.evaluation.amota`); the other figures are at the threshold
-of the best MOTA, of the same filled tracks. The tracker gets the boxes of all classes and its tracks of cars are
-judged; the plain filter of `benchmarks.kitti` gets those of cars, and forgets what three key frames (1.5 s) do not
-show.
+FILE contains scenes in the format of `tracking.io.nuscenes_detections.read_scenes`. Ground truth: cars within 50 m
+with LiDAR points. AMOTA is over 40 recalls (`tracking.evaluation.amota`); the other figures are at the threshold of
+the best MOTA, on the same interpolated tracks. The tracker gets the boxes of all classes, and its tracks of cars are
+evaluated; the plain filter of `benchmarks.kitti` gets only cars, and deletes tracks after three key frames (1.5 s)
+without a match.
 
-The figures of others were measured on scene-0103 alone, with CenterPoint's boxes and the same rules.
+The figures of other trackers were measured on scene-0103 only, with CenterPoint's boxes and the same rules.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class _PlainFilter(PlainFilter):
     """The plain filter at two key frames a second."""
 
     def update(self, detections: Detections, timestamp_us: int, world_from_ego: FloatArray) -> tuple[Track, ...]:
-        """The tracks that detections were matched to; their scores are probabilities."""
+        """Return the tracks with a matched detection; their scores are probabilities."""
         tracks = super().update(detections, timestamp_us, world_from_ego)
         self._alive = [point for point in self._alive if point.unseen <= MOST_UNSEEN]
         return tuple(replace(track, score=float(probability_from_log_odds(track.score))) for track in tracks)
@@ -58,14 +58,14 @@ class _PlainFilter(PlainFilter):
 
 @dataclass(frozen=True)
 class _Part:
-    """A tracker's tracks of one scene, with the truth; ids begin at `first_id`."""
+    """A tracker's tracks of one scene, with the truth; ids start at `first_id`."""
 
     moments: list[ScoredFrame]
     next_id: int
 
 
 def _track(tracker: OnlineTracker, scene: SceneDetections, cars_alone: bool, first_id: int) -> _Part:
-    """Lead a fresh tracker through a scene."""
+    """Track a scene with a new tracker."""
     moments, next_id = [], first_id
     rows = zip(scene.detections, scene.timestamps_us.tolist(), scene.world_from_ego, scene.truth, strict=True)
     for seen, time_us, pose, truth in rows:
@@ -84,10 +84,10 @@ def _track(tracker: OnlineTracker, scene: SceneDetections, cars_alone: bool, fir
 
 
 def measure(scenes: Sequence[SceneDetections], plain: bool) -> dict[str, float]:
-    """The figures of the tracker, or of the plain filter, over all scenes.
+    """Return the figures of the tracker, or of the plain filter, over all scenes.
 
     Raises:
-        DataError: if there are no cars to be found.
+        DataError: if there are no annotated cars.
     """
     moments: list[ScoredFrame] = []
     first_id = 0
@@ -103,7 +103,7 @@ def measure(scenes: Sequence[SceneDetections], plain: bool) -> dict[str, float]:
 
 
 def table(rows: dict[str, dict[str, float]]) -> Table:
-    """The figures for people: shares in percent."""
+    """Return the figures as a table; shares in percent."""
     made = Table("tracker", *FIGURES)
     for name, figures in rows.items():
         cells = []
@@ -119,8 +119,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Parse arguments, measure, print a table or JSON."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("file", type=Path)
-    parser.add_argument("--detector", default="centerpoint", help="whose boxes (centerpoint)")
-    parser.add_argument("--json", action="store_true", help="for machines; shares are 0..1")
+    parser.add_argument("--detector", default="centerpoint", help="name of the detector (centerpoint)")
+    parser.add_argument("--json", action="store_true", help="print JSON; shares are 0..1")
     told = parser.parse_args(arguments)
     try:
         scenes = read_scene_file(told.file, told.detector)

@@ -1,9 +1,9 @@
-"""Error of the ways to paint vehicles against colours read by hand from the pictures.
+"""Error of vehicle colour estimation, compared with colours picked by hand from the images.
 
 Run: python -m benchmarks.painting ROOT FIXTURE.json
-ROOT is a converted PandaSet recording; the fixture names track, frame and the hand-read RGB of each vehicle view.
-Prints the mean absolute difference per channel (0..255) and the colour difference CIEDE2000: of the paper's mode, of
-the robust colour of each sample by itself, and of the robust colour of the whole scene, which is what is written.
+ROOT is a converted PandaSet recording; the fixture lists track, frame and hand-picked RGB of each vehicle view.
+Prints the mean absolute difference per channel (0..255) and the colour difference CIEDE2000 of the paper's mode, of
+the robust colour of each single sample, and of the robust colour of the whole scene, which `appocc groundtruth` uses.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from appocc.nuscenes.writer import token_of
 
 
 def colour_of(sample: SampleInput, own: BoxColours, scene: str, track: str) -> ByteArray | None:
-    """The colour (3,) of a track in a sample, None where it is unknown."""
+    """Return the colour (3,) of a track in a sample, None if unknown."""
     place = sample.boxes_world.instance.index(token_of("instance", token_of("scene", scene), track))
     return own.rgb[place] if own.known[place] else None
 
@@ -39,7 +39,7 @@ def report(
     scene: str,
     entries: list[dict[str, Any]],
 ) -> None:
-    """Print the errors of one way to paint."""
+    """Print the errors of one method."""
     step = 80 // len(samples)  # the fixture counts PandaSet's 80 frames, of which only some have images
     absolute, delta, unseen = [], [], 0
     for entry in entries:
@@ -71,7 +71,7 @@ def main() -> None:
     wanted = [vehicles_near(sample, BEVGrid.surround()) for sample in samples]
     pairs = list(zip(samples, wanted, strict=True))
     report("mode (paper)", samples, [mode_colours(*pair) for pair in pairs], scene.name, entries)
-    bodies = [bodywork_by_box(*pair, {}) for pair in pairs]  # the fixture holds the pictures' own colours
+    bodies = [bodywork_by_box(*pair, {}) for pair in pairs]  # the fixture has the colours of the images
     alone = [robust_colours([sample], [own])[0] for sample, own in zip(samples, bodies, strict=True)]
     report("robust, by sample", samples, alone, scene.name, entries)
     report("robust, as written", samples, robust_colours(samples, bodies), scene.name, entries)

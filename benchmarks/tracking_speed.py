@@ -1,21 +1,21 @@
-"""Time the tracker takes over the number of vehicles, beside a plain loop of single filters; its memory over time.
+"""Time of the tracker by number of vehicles, compared with a loop of single filters; memory over time.
 
     OMP_NUM_THREADS=1 python -m benchmarks.tracking_speed [--frames 60] [--repeats 5]
     OMP_NUM_THREADS=1 python -m benchmarks.tracking_speed --memory [--frames 100000]
 
-Made traffic: vehicles on lanes 4 m apart, each lane at its own speed, on a square of 128 m2 for each vehicle, so that
-50 fill the grid of 80 x 80 m; at 10 Hz; who leaves the square is gone, and another one enters. Of the vehicles 5 %
-are missed in a frame, and 5 % more detections show nothing; colours are known. The first ten frames do not count.
+Synthetic traffic at 10 Hz: vehicles on lanes 4 m apart, each lane with its own speed, on a square of 128 m2 per
+vehicle, so that 50 fill the grid of 80 x 80 m. A vehicle that leaves the square is replaced by a new one. In each
+frame 5 % of the vehicles are missed, and 5 % of false detections are added; colours are known. The first ten frames
+do not count.
 
-- tracks: those alive, the ones of false detections and of those that left among them.
-- ms, frames/s, us/vehicle: CPU time of `Tracker.update` alone; of all frames of a repeat the median, of all repeats
-  the median.
-- plain: likewise, of the usual loop: one filterpy `KalmanFilter` of constant velocity for each track, the assignment
-  of the least sum of all distances, a gate of 2 m, no colours, no headings, no sizes.
-- with maps: of `find_instances` and `Tracker(MAPS).update` together, on maps of 200 x 200 cells with 50 vehicles.
+- tracks: number of current tracks, including those of false detections and of vehicles that left.
+- ms, frames/s, us/vehicle: CPU time of `Tracker.update` alone; median over the frames of a repeat, then over repeats.
+- plain: the same for a baseline: one filterpy `KalmanFilter` of constant velocity per track, assignment by the least
+  sum of distances, a gate of 2 m, without colours, headings and sizes.
+- with maps: `find_instances` and `Tracker(MAPS).update` together, on maps of 200 x 200 cells with 50 vehicles.
 
-With --memory, 50 vehicles that come and go through one tracker, and every tenth of the frames the memory that the
-process holds (resident, of Linux), and the tracks there were so far.
+With --memory, one tracker follows 50 vehicles that enter and leave; ten times per run, the resident memory of the
+process (Linux) and the number of tracks so far are printed.
 """
 
 from __future__ import annotations
@@ -53,12 +53,12 @@ GATE_M, MOST_UNSEEN = 2.0, 12
 
 
 class Moment(NamedTuple):
-    """One frame of made traffic.
+    """One frame of synthetic traffic.
 
     Attributes:
-        timestamp_us: when.
-        detections: (M,) what is seen; the ego stands at the origin.
-        truth: (M,) numbers of the vehicles they show, -1 of false ones.
+        timestamp_us: time of the frame.
+        detections: (M,) detections; the ego is at the origin.
+        truth: (M,) vehicle numbers of the detections, -1 for false ones.
     """
 
     timestamp_us: int
@@ -70,15 +70,15 @@ class Traffic:
     """N vehicles on the lanes of a square around the origin.
 
     Attributes:
-        xy_m: (N, 2) places.
+        xy_m: (N, 2) positions.
         yaw_rad: (N,) headings.
         size_m: (N, 3) width, length, height.
         rgb: (N, 3) sRGB 0..255.
-        number: (N,) of vehicles; who enters has a new one.
+        number: (N,) vehicle numbers; an entering vehicle gets a new one.
     """
 
     def __init__(self, count: int, seed: int = 0) -> None:
-        """Place them, so that those of one lane are equally far apart."""
+        """Place the vehicles, equally spaced within a lane."""
         self._dice = np.random.default_rng(seed)
         self._half_m = float(np.sqrt(count * AREA_M2)) / 2
         lanes = round(2 * self._half_m / LANE_M)
@@ -96,13 +96,13 @@ class Traffic:
         self._time_us = 0
 
     def _paint(self, who: IntArray) -> None:
-        """Give some a size and colours."""
+        """Assign sizes and colours to some vehicles."""
         self.size_m[who] = self._dice.uniform([1.7, 3.8, 1.4], [2.0, 4.8, 1.8], (len(who), 3))
         self.rgb[who] = self._dice.uniform(0, 255, (len(who), 3))
         self._lab[who] = self._dice.uniform([20, -60, -60], [90, 60, 60], (len(who), 3))
 
     def drive(self) -> None:
-        """Let a tenth of a second pass."""
+        """Advance the traffic by a tenth of a second."""
         self._time_us += STEP_US
         self.xy_m[:, 0] += self._speed_mps * STEP_US * 1e-6
         gone = np.flatnonzero(np.abs(self.xy_m[:, 0]) > self._half_m)
@@ -111,7 +111,7 @@ class Traffic:
         self._paint(gone)
 
     def moments(self) -> Iterator[Moment]:
-        """What is seen, frame by frame, without end."""
+        """Yield the frames, without end."""
         while True:
             self.drive()
             yield self._seen()
@@ -140,7 +140,7 @@ class Traffic:
         return Moment(self._time_us, detections, np.concatenate([self.number[who], np.full(false, -1)]))
 
     def drawn(self, grid: BEVGrid) -> BEVMap:
-        """The map of them."""
+        """Return the map of the vehicles."""
         occupancy = np.zeros((3, *grid.shape), np.float32)
         appearance = np.full((3, *grid.shape), 90, np.uint8)
         centres = grid.centres()
@@ -161,7 +161,7 @@ class Traffic:
 
 @dataclass
 class _Single:
-    """One vehicle of the plain loop."""
+    """One track of the plain loop."""
 
     id: int
     filter: KalmanFilter
@@ -169,15 +169,15 @@ class _Single:
 
 
 class PlainLoop:
-    """The usual tracker, written as one would write it."""
+    """The baseline: a textbook tracker."""
 
     def __init__(self) -> None:
-        """Start with none."""
+        """Start without tracks."""
         self.alive: list[_Single] = []
         self._born = 0
 
     def update(self, detections: Detections, timestamp_us: int, world_from_ego: FloatArray) -> list[_Single]:
-        """Take in one moment, a tenth of a second after the one before; who was seen."""
+        """Update the tracks a tenth of a second after the last frame; return the matched ones."""
         places = apply(world_from_ego, detections.ground_m)[:, :2]
         for single in self.alive:
             single.filter.predict()
@@ -199,7 +199,7 @@ class PlainLoop:
 
 
 def _filter(place_m: FloatArray) -> KalmanFilter:
-    """Of constant velocity, at ten frames a second."""
+    """Return a constant-velocity filter for 10 Hz."""
     single, step = KalmanFilter(dim_x=4, dim_z=2), STEP_US * 1e-6
     single.x[:2, 0] = place_m
     single.F = np.eye(4) + step * np.eye(4, k=2)
@@ -214,7 +214,7 @@ def _filter(place_m: FloatArray) -> KalmanFilter:
 
 
 def seconds_of(work: Sequence[Callable[[], object]]) -> float:
-    """Median CPU time of those after the warm-up, done one after another."""
+    """Return the median CPU time of the calls after the warm-up, run in sequence."""
     seconds = []
     for each in work:
         start = time.process_time()
@@ -224,12 +224,12 @@ def seconds_of(work: Sequence[Callable[[], object]]) -> float:
 
 
 def seconds_of_frames(tracker: Tracker | PlainLoop, moments: Sequence[Moment]) -> float:
-    """Median time of a frame of detections."""
+    """Return the median time per frame of detections."""
     return seconds_of([lambda m=m: tracker.update(m.detections, m.timestamp_us, np.eye(4)) for m in moments])  # type: ignore[misc]
 
 
 def seconds_of_maps(frames: int) -> float:
-    """Median time of a frame of maps of 50 vehicles."""
+    """Return the median time per frame of maps with 50 vehicles."""
     traffic, tracker, grid = Traffic(50), Tracker(MAPS), BEVGrid.surround()
     maps = []
     for _ in range(frames):
@@ -244,7 +244,7 @@ def seconds_of_maps(frames: int) -> float:
 
 
 def speed_table(frames: int, repeats: int) -> Table:
-    """All times; the trackers take turns, so that another's load on the machine meets both."""
+    """Measure all times; the trackers take turns, so that other load on the machine affects both."""
     table = Table("vehicles", "tracks", "ms", "frames/s", "us/vehicle", "plain ms", "plain frames/s", "times faster")
     for count in COUNTS:
         moments = list(islice(Traffic(count).moments(), frames))
@@ -262,12 +262,12 @@ def speed_table(frames: int, repeats: int) -> Table:
 
 
 def _figures(seconds: float, count: int = 1) -> tuple[str, str, str]:
-    """Milliseconds and frames a second, and microseconds for each of so many vehicles."""
+    """Format milliseconds per frame, frames per second, and microseconds per vehicle."""
     return f"{1e3 * seconds:.2f}", f"{1 / seconds:.0f}", f"{1e6 * seconds / count:.1f}"
 
 
 def memory_table(frames: int) -> Table:
-    """Memory over time, of one tracker."""
+    """Measure the memory of one tracker over time."""
     table = Table("frame", "resident MB", "tracks alive", "tracks so far", "vehicles so far")
     tracker, so_far, vehicles = Tracker(), 0, 0
     for number, moment in enumerate(islice(Traffic(50).moments(), frames), start=1):
@@ -279,14 +279,14 @@ def memory_table(frames: int) -> Table:
 
 
 def resident_mb() -> float:
-    """Memory that this process holds now."""
+    """Return the resident memory of this process in MB."""
     return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 2**20
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--memory", action="store_true", help="memory over time instead of speed")
-    parser.add_argument("--frames", type=int, help="60, or 100000 for memory")
+    parser.add_argument("--frames", type=int, help="number of frames: 60, or 100000 with --memory")
     parser.add_argument("--repeats", type=int, default=5)
     asked = parser.parse_args()
     made = memory_table(asked.frames or 100_000) if asked.memory else speed_table(asked.frames or 60, asked.repeats)

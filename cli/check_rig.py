@@ -1,4 +1,4 @@
-"""`appocc check-rig`: whether cameras and ego frame fit together, to be seen at a glance."""
+"""`appocc check-rig`: a picture that shows whether the cameras and the ego frame fit together."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from cli.infer import RigOption, SourceArgument, inputs_of
 def check_rig(
     source: SourceArgument,
     out: Annotated[Path, typer.Option("--out", parser=out_path, help="The picture to write (.png).")],
-    scene: Annotated[str | None, typer.Option("--scene", help="Scene of ROOT; the first by default.")] = None,
+    scene: Annotated[str | None, typer.Option("--scene", help="Scene of ROOT; default: the first.")] = None,
     frame: Annotated[int, typer.Option("--frame", min=0, help="Number of the key frame or sub-folder, from 0.")] = 0,
     rig: RigOption = None,
     version: VersionOption = None,
@@ -22,7 +22,7 @@ def check_rig(
 ) -> None:
     """Draw the ground grid of the ego frame into every image: x axis red, y axis green, horizon yellow.
 
-    Lines lie 5 m apart. They must lie flat on the street, with x+ ahead and y+ to the left.
+    Lines are 5 m apart. With a correct rig they are flat on the street, with x+ ahead and y+ to the left.
 
     Example: appocc check-rig IMAGES --rig rig.yaml --out rig.png
     """

@@ -1,4 +1,4 @@
-"""`appocc groundtruth`: colour BEVs from recorded sensors and boxes."""
+"""`appocc groundtruth`: ground-truth BEV maps from recorded sensors and boxes."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ from cli.common import (
 )
 
 
-class PaintMethod(StrEnum):
-    """How a vehicle's colour is chosen."""
+class VehicleColour(StrEnum):
+    """How the colour of a vehicle is estimated."""
 
     mode = "mode"
     robust = "robust"
@@ -32,17 +32,17 @@ def groundtruth(
     root: RootArgument,
     out: Annotated[
         Path | None,
-        typer.Option(parser=out_path, help="Folder for bev/groundtruth; ROOT itself by default."),
+        typer.Option(parser=out_path, help="Folder for bev/groundtruth; default: ROOT."),
     ] = None,
     scene: Annotated[str | None, typer.Option(help="Only this scene.")] = None,
     paint: Annotated[
-        PaintMethod, typer.Option(help="Vehicle colour: robust (bodywork only), or the paper's histogram mode.")
-    ] = PaintMethod.robust,
-    workers: Annotated[int | None, typer.Option(min=1, max=1024, help="Processes; one a core by default.")] = None,
+        VehicleColour, typer.Option(help="Vehicle colour: robust (bodywork only) or the paper's histogram mode.")
+    ] = VehicleColour.robust,
+    workers: Annotated[int | None, typer.Option(min=1, max=1024, help="Processes; default: one per core.")] = None,
     version: VersionOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Make a colour BEV of every sample from LiDAR, images, boxes and maps; can be interrupted and resumed.
+    """Make a BEV map of every sample from LiDAR, images, boxes and road maps; resumable.
 
     Example: appocc groundtruth ROOT --out OUT
     """

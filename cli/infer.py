@@ -1,4 +1,4 @@
-"""`appocc infer`: pictures to maps."""
+"""`appocc infer`: camera images to predicted maps."""
 
 from __future__ import annotations
 
@@ -19,25 +19,25 @@ SourceArgument = Annotated[
     Path,
     typer.Argument(
         metavar="ROOT|IMAGES",
-        help="Dataset root; or with --rig a folder of images named by channel, or of sub-folders of such.",
+        help="Dataset root; or, with --rig, a folder of images named by channel, or of such folders, one per frame.",
     ),
 ]
-RigOption = Annotated[str | None, typer.Option("--rig", help="Name or YAML file of the rig that took IMAGES.")]
+RigOption = Annotated[str | None, typer.Option("--rig", help="Name or YAML file of the camera rig of IMAGES.")]
 
 
 def infer(
     source: SourceArgument,
     out: Annotated[
         Path,
-        typer.Option("--out", parser=out_path, help="Folder for the maps; ROOT/bev/NAME makes them a source."),
+        typer.Option("--out", parser=out_path, help="Folder for the maps; ROOT/bev/NAME makes them the source NAME."),
     ],
     scene: Annotated[str | None, typer.Option("--scene", help="Only this scene of ROOT.")] = None,
-    weights: Annotated[Path | None, typer.Option(help="File of weights; those of the package by default.")] = None,
+    weights: Annotated[Path | None, typer.Option(help="Weights file; default: the shipped weights.")] = None,
     rig: RigOption = None,
     version: VersionOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Predict what is where, and its colour, from the cameras alone: maps and pictures; can be resumed.
+    """Predict BEV maps (occupancy and colour) from camera images, with a picture of each; resumable.
 
     A camera without a readable image is left out of the rig.
 
@@ -58,8 +58,8 @@ def infer(
         emit({"folder": str(out), "pictures": str(out / PICTURES), **counts, "stale": summary.stale})
     say_stale(summary.stale)
     if summary.missing:
-        told = (f"{channel} in {times} frames ({why})" for channel, (times, why) in summary.missing.items())
-        say(f"left out: {'; '.join(told)}")
+        cameras = (f"{channel} in {times} frames ({why})" for channel, (times, why) in summary.missing.items())
+        say(f"left out: {'; '.join(cameras)}")
     rate = f", {summary.made / seconds * 60:.0f} a minute" if summary.made else ""
     say(f"{out}: {summary.made} maps made{rate}, {summary.kept} kept; pictures in {out / PICTURES}")
 
@@ -106,7 +106,7 @@ def execute(run: InferenceRun) -> InferenceSummary:
 
 
 def places_of(bev: BEVMap) -> FloatArray:
-    """Centroids of the vehicles of a map, as tracking finds them."""
+    """Return the centroids of a map's vehicle instances, as tracking extracts them."""
     from tracking.instances.instances import find_instances
 
     return find_instances(bev).centroid_m

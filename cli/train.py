@@ -1,4 +1,4 @@
-"""`appocc train`: weights from packed samples; can be interrupted at any moment and goes on to the same numbers."""
+"""`appocc train`: train a network; a resumed run gives the same numbers as an uninterrupted one."""
 
 from __future__ import annotations
 
@@ -20,19 +20,21 @@ if TYPE_CHECKING:
 
 def train(
     config: Annotated[
-        Path, typer.Argument(metavar="CONFIG", help="YAML file, or small, release or recording, which are shipped.")
+        Path,
+        typer.Argument(metavar="CONFIG", help="YAML file, or a shipped one: small, release or recording."),
     ],
     overrides: Annotated[
-        list[str] | None, typer.Argument(metavar="KEY=VALUE", help="Replace what it says: train.lr=1e-3.")
+        list[str] | None,
+        typer.Argument(metavar="KEY=VALUE", help="Override values of CONFIG: train.lr=1e-3."),
     ] = None,
     out: Annotated[
         Path | None,
-        typer.Option("--out", parser=out_path, help="Folder of the run; else runs/NAME-OF-CONFIG."),
+        typer.Option("--out", parser=out_path, help="Folder of the run; default: runs/NAME-OF-CONFIG."),
     ] = None,
-    resume: Annotated[bool, typer.Option("--resume", help="Go on with the run that lies in this folder.")] = False,
+    resume: Annotated[bool, typer.Option("--resume", help="Continue the run in this folder.")] = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Train a network; under torchrun on many GPUs. Exit 0: done, 1: it diverged, 2: bad input, 130: interrupted.
+    """Train a network; with torchrun, on several GPUs. Exit 0: done; 1: diverged; 2: bad input; 130: interrupted.
 
     Example: appocc train small data.train=SIM data.val=VAL --out runs/first
     """
@@ -43,7 +45,7 @@ def train(
     from appocc.training.session import run_training
 
     settings, folder = read_config(config_path(config), overrides or ()), RunFolder(out or Path("runs") / config.stem)
-    with training_monitor() as monitor, stoppable(monitor) as caught:
+    with training_progress() as monitor, stop_on_signal(monitor) as caught:
         try:
             summary = run_training(settings, folder, resume, monitor)
         except StoppedError as stopped:
@@ -61,14 +63,14 @@ def train(
 
 
 @contextmanager
-def training_monitor() -> Iterator[TrainingMonitor]:
-    """Who shows a training on stderr: a bar with rate, time left and losses, and a line for each evaluation."""
+def training_progress() -> Iterator[TrainingMonitor]:
+    """Show a training on stderr: a bar with rate, time left and losses, and a line per evaluation."""
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
     from appocc.training.run import TrainingMonitor
 
-    if int(os.environ.get("RANK", "0")):  # the first process speaks for all
+    if int(os.environ.get("RANK", "0")):  # only the first process prints
         yield TrainingMonitor()
         return
     columns = (BarColumn(20), TaskProgressColumn(), TimeRemainingColumn(), TextColumn("{task.description}"))
@@ -79,10 +81,13 @@ def training_monitor() -> Iterator[TrainingMonitor]:
 
 
 @contextmanager
-def stoppable(monitor: TrainingMonitor) -> Iterator[list[int]]:
-    """Let Ctrl-C and SIGTERM end the training after the step under way; before the first, or again: at once.
+def stop_on_signal(monitor: TrainingMonitor) -> Iterator[list[int]]:
+    """Stop the training after the current step on Ctrl-C or SIGTERM.
 
-    The block gets a list to which the signals' numbers are added.
+    The block gets a list that collects the numbers of the signals.
+
+    Raises:
+        Interrupted: on a second signal, or before the first step.
     """
     caught: list[int] = []
 

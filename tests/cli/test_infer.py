@@ -37,7 +37,7 @@ class _Plan:
 
 
 class _Model(BEVModel):
-    """Says nothing but the mean colour."""
+    """A network that outputs only the mean colour."""
 
     spec = MODEL_SPECS["360"]
 
@@ -91,7 +91,7 @@ def test_a_folder_of_images_with_a_dead_camera(tmp_path: Path) -> None:
     assert (tmp_path / "out" / "pictures" / "a.png").is_file()
 
 
-def test_what_cannot_be_done_is_told_in_one_line(tiny: TinyDataset, tmp_path: Path) -> None:
+def test_bad_input_is_reported_in_one_line_of_infer(tiny: TinyDataset, tmp_path: Path) -> None:
     cases = [
         ((tiny.root,), "no weights come with this version"),
         ((tmp_path, "--weights", "w"), "no nuScenes-schema dataset"),

@@ -22,7 +22,7 @@ data: {train: none, val: none}
 train: {steps: 12, batch: 4, lr: 0.02, ema: 0.5, threads: 1}
 evaluate: {every_steps: 5, norm_batches: 3}
 """
-# The command with the tiny network and samples of the loop's own tests.
+# The command with the tiny network and samples of the tests of the training loop.
 TINY = f"""
 import sys
 sys.path[:0] = [{str(REPOSITORY)!r}, {str(REPOSITORY / "tests" / "training")!r}]
@@ -55,7 +55,7 @@ def config(tmp_path: Path) -> Path:
     return path
 
 
-def test_a_run_and_the_same_again(
+def test_a_run_and_its_repetition(
     tmp_path: Path, config: Path, tiny_parts: None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -88,7 +88,7 @@ def test_a_run_and_the_same_again(
         (["first.yaml", "train.device=cuda"], "torch finds no GPU"),
     ],
 )
-def test_bad_input_is_reported_and_leaves_no_files(
+def test_bad_input_is_reported_and_writes_nothing(
     tmp_path: Path, config: Path, tiny: TinyDataset, monkeypatch: pytest.MonkeyPatch, arguments: list[str], said: str
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -104,7 +104,7 @@ def test_bad_input_is_reported_and_leaves_no_files(
     assert sorted(tmp_path.rglob("*")) == before
 
 
-def test_an_empty_folder_is_accepted_and_locked_by_one_run(tmp_path: Path, config: Path, tiny_parts: None) -> None:
+def test_an_empty_folder_is_accepted_and_locked_by_its_run(tmp_path: Path, config: Path, tiny_parts: None) -> None:
     out = tmp_path / "run"
     out.mkdir()
     with locked(out / ".lock", out):
@@ -119,7 +119,7 @@ def test_an_empty_folder_is_accepted_and_locked_by_one_run(tmp_path: Path, confi
     assert run(str(config), "--out", str(out), "--resume").exit_code == 0
 
 
-def test_divergence_ends_with_one(tmp_path: Path, config: Path) -> None:
+def test_divergence_gives_exit_code_1(tmp_path: Path, config: Path) -> None:
     poisoned = TINY.replace("processes)\n", "processes, poison=Poison(7, float('nan')))\n")
     poisoned = poisoned.replace("import made_setup", "import Poison, made_setup")
     command = [sys.executable, "-c", poisoned, "train", str(config), "--out", "run"]
@@ -140,9 +140,7 @@ def test_divergence_ends_with_one(tmp_path: Path, config: Path) -> None:
     ],
     ids=["ctrl-c", "terminated", "killed"],
 )
-def test_interrupted_anywhere_it_can_be_resumed(
-    tmp_path: Path, config: Path, sent: signal.Signals, code: int
-) -> None:
+def test_a_run_interrupted_anywhere_resumes(tmp_path: Path, config: Path, sent: signal.Signals, code: int) -> None:
     words = ["train", str(config), "train.steps=4000", "evaluate.every_steps=100000", "save.every_steps=20"]
     command = [sys.executable, "-c", TINY, *words, "--out", str(tmp_path / "run")]
     process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)

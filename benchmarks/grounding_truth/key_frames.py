@@ -1,9 +1,9 @@
-"""What is truly where in a key frame of a simulated dataset, and which places a command allows there.
+"""True content of a key frame of a simulated dataset, and the admissible goals in it.
 
-Plain geometry on the exact map and the true boxes; nothing of `grounding` is used, which is judged by it. A place is
-the cell of the middle of the ego's footprint. It is admissible where the relation holds within its limits, the
-footprint lies on known road and 0.2 m clear of vehicles at some heading within 30 degrees of those of the lane, and a
-disc as wide as the ego rolls there over free road. Ego frame: x forward, y left, metres.
+Plain geometry on the exact map and the true boxes, without code of `grounding`, which is evaluated with it. A place
+is the cell of the centre of the ego's footprint. It is admissible if the relation holds within its limits, the
+footprint is on known road and 0.2 m clear of vehicles at some heading within 30 degrees of those of the lane, and a
+disc of the ego's width can be moved there over free road. Ego frame: x forward, y left, metres.
 """
 
 from __future__ import annotations
@@ -29,35 +29,35 @@ from appocc.nuscenes.records import Sample
 from benchmarks.grounding_truth.roads import EGO, Lane, is_street, own_path
 
 HIDDEN = "v0-40"
-# Cells that a footprint reaches from its middle at most.
+# Largest distance in cells from the centre of a footprint to its border.
 _PAD = 12
-# A place is a whole cell: limits are half a cell wider than what the contract says.
+# A place is a whole cell: limits are half a cell wider than the specification.
 HALF_CELL_M = 0.2
-# Below this a vehicle stands; up to this angle it stands along our road.
+# Largest speed of a stationary vehicle; largest angle of a vehicle aligned with our road.
 STANDS_MPS = 0.3
 ALONG_DEG = 25.0
-# Room to spare on each side.
+# Margin on each side.
 EASY_M = 0.35
-# No vehicle farther off covers a cell of the map.
+# Farther vehicles cover no cell of the map.
 NEAR_MAP_M = 50.0
 
 
 class Vehicle(NamedTuple):
-    """A vehicle as it truly is, in the ego frame.
+    """True state of a vehicle, in the ego frame.
 
     Attributes:
-        instance: its token.
-        body: sedan, van, ... as the simulator calls it.
+        instance: instance token.
+        body: sedan, van, ... in the simulator's terms.
         paint: name of its true colour.
-        xy_m: (2,) its middle.
-        yaw_rad: its heading.
+        xy_m: (2,) centre.
+        yaw_rad: heading.
         length_m: along its heading.
         width_m: across.
         speed_mps: over ground.
-        parked: whether it is left there rather than in traffic.
-        visible: whether it is of more than the lowest visibility.
-        on_map: whether its middle lies on the map.
-        cells: how many cells of the exact map show it.
+        parked: whether it is parked, and not part of the traffic.
+        visible: whether its visibility is above the lowest level.
+        on_map: whether its centre is on the map.
+        cells: number of its cells in the exact map.
     """
 
     instance: str
@@ -74,32 +74,32 @@ class Vehicle(NamedTuple):
     cells: int
 
     @property
-    def stands(self) -> bool:
-        """Whether it does not move."""
+    def stationary(self) -> bool:
+        """Return whether it is stationary."""
         return self.speed_mps < STANDS_MPS
 
     @property
     def distance_m(self) -> float:
-        """From the middle of the ego to its own."""
+        """Return the distance between the centres of the ego and the vehicle."""
         return float(np.hypot(self.xy_m[0] - EGO.centre_m, self.xy_m[1]))
 
     def extent_m(self, yaw_rad: float) -> float:
-        """How long it is along a direction."""
+        """Return its extent along a direction."""
         turn = self.yaw_rad - yaw_rad
         return float(self.length_m * abs(np.cos(turn)) + self.width_m * abs(np.sin(turn)))
 
 
 @dataclass(frozen=True)
-class Moment:
+class TrueFrame:
     """A key frame.
 
     Attributes:
-        token: of the sample.
+        token: token of the sample.
         bev: the exact map.
-        owner: (X, Y) number in `vehicles` of the one that a cell shows, -1 for none.
+        owner: (X, Y) index in `vehicles` of the vehicle in a cell, -1 for none.
         boxes: all annotated boxes, ego frame, with true velocities.
         world_from_ego: (4, 4) pose.
-        vehicles: the true ones, as in `boxes`, those beyond the map among them.
+        vehicles: all true vehicles, in the order of `boxes`, including those beyond the map.
     """
 
     token: str
@@ -111,17 +111,17 @@ class Moment:
 
     @cached_property
     def centres(self) -> FloatArray:
-        """(X, Y, 2) middles of the cells."""
+        """Return the centres (X, Y, 2) of the cells."""
         return self.bev.grid.centres()
 
     @cached_property
     def ground(self) -> BoolArray:
-        """(X, Y) known road."""
+        """Return the known road (X, Y)."""
         return np.asarray(self.bev.on[ROAD])
 
     @cached_property
-    def taken(self) -> BoolArray:
-        """(X, Y) cells of vehicles, by the map or by a box."""
+    def occupied(self) -> BoolArray:
+        """Return the cells (X, Y) of vehicles, by the map or by a box."""
         taken = self.bev.on[VEHICLE].copy()
         for one in (one for one in self.vehicles if np.abs(one.xy_m).max() < NEAR_MAP_M):
             along, across = self.local(one.xy_m, one.yaw_rad)
@@ -129,17 +129,17 @@ class Moment:
         return np.asarray(taken)
 
     @cached_property
-    def reached(self) -> BoolArray:
-        """(X, Y) where a disc as wide as the ego can roll from where it is; nowhere if it cannot leave."""
+    def reachable(self) -> BoolArray:
+        """Return the cells (X, Y) to which a disc of the ego's width can be moved; none if it is blocked."""
         return self._rolls(EGO.width_m / 2)
 
     @cached_property
-    def easily_reached(self) -> BoolArray:
-        """(X, Y) the same with room to spare."""
+    def comfortably_reachable(self) -> BoolArray:
+        """Return the same cells (X, Y) with a margin."""
         return self._rolls(EGO.width_m / 2 + EASY_M)
 
     def _rolls(self, radius_m: float) -> BoolArray:
-        clear_m = ndimage.distance_transform_edt(np.pad(self.ground & ~self.taken, 1)) * self.bev.grid.cell_m
+        clear_m = ndimage.distance_transform_edt(np.pad(self.ground & ~self.occupied, 1)) * self.bev.grid.cell_m
         labels, _ = ndimage.label(clear_m[1:-1, 1:-1] >= radius_m, np.ones((3, 3)))
         away = np.hypot(*np.moveaxis(self.centres - [EGO.centre_m, 0.0], -1, 0))
         start = labels.ravel()[np.argmin(np.where(labels > 0, away, np.inf))]
@@ -148,15 +148,15 @@ class Moment:
 
     @cached_property
     def path(self) -> Lane | None:
-        """Our lane ahead, None where no kerb tells."""
+        """Return our lane ahead, None without a kerb."""
         return own_path(self.bev.grid, self.ground)
 
     def our_yaw(self, x_m: float) -> float:
-        """Direction of our lane at a place ahead, straight on where no kerb tells."""
+        """Return the direction of our lane at a place ahead, straight on without a kerb."""
         return self.path.yaw_rad(x_m) if self.path else 0.0
 
     def sideways_m(self, v: Vehicle) -> float:
-        """How far left of our lane a vehicle's middle lies, straight on where no kerb tells."""
+        """Return the offset of a vehicle's centre to the left of our lane, straight on without a kerb."""
         return self._sideways_m[v.instance]
 
     @cached_property
@@ -165,34 +165,34 @@ class Moment:
         return {v.instance: float(v.xy_m[1] - lane(v.xy_m[0])) for v in self.vehicles}
 
     def has_lane_to(self, x_m: float) -> bool:
-        """Whether our lane is known as far as that."""
+        """Return whether our lane is known up to a place ahead."""
         return self.path is not None and x_m <= self.path.far_m
 
     def turn_deg(self, v: Vehicle) -> float:
-        """Heading of a vehicle against our direction there, -180..180."""
+        """Return the heading of a vehicle relative to our direction there, -180..180."""
         return float(np.degrees(wrap_angle(v.yaw_rad - self.our_yaw(v.xy_m[0]))))
 
     def our_axis(self, v: Vehicle) -> float:
-        """Its long axis, the way round that is nearer to our direction."""
+        """Return the direction of its long axis that is closer to our direction."""
         return v.yaw_rad if abs(self.turn_deg(v)) < 90 else v.yaw_rad + np.pi
 
     def is_along(self, v: Vehicle) -> bool:
-        """Whether it stands along our road, either way round."""
+        """Return whether it is aligned with our road, in either direction."""
         turn = abs(self.turn_deg(v))
         return min(turn, 180 - turn) <= ALONG_DEG
 
     def is_in_street(self, v: Vehicle) -> bool:
-        """Whether it stands along a street, and not in a car park."""
+        """Return whether it is aligned with a street, and not in a car park."""
         return is_street(self.bev.grid, self.ground, v.xy_m, v.yaw_rad)
 
     def local(self, at_m: FloatArray, yaw_rad: float) -> tuple[FloatArray, FloatArray]:
-        """(X, Y) how far along and to the left of a pose each cell lies."""
+        """Return the offsets (X, Y) of each cell along and to the left of a pose."""
         x, y = np.moveaxis(self.centres - at_m, -1, 0)
         cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
         return x * cos + y * sin, y * cos - x * sin
 
     def stands_free(self, cells: IntArray, yaw_rad: float, margin_m: float) -> BoolArray:
-        """(K,) whether the ego at a heading fits on cells (K, 2): all of it on road, and clear of vehicles."""
+        """Return whether (K,) the ego fits on cells (K, 2) at a heading: on road, and clear of vehicles."""
         width = self.bev.grid.shape[1] + 2 * _PAD
         at = (cells + _PAD) @ [width, 1]
         free = np.ones(len(cells), np.bool_)
@@ -203,13 +203,13 @@ class Moment:
 
     @cached_property
     def _padded(self) -> tuple[BoolArray, BoolArray]:
-        """Road and what is free of vehicles, flat; what lies off the map is neither."""
-        return np.pad(self.ground, _PAD).ravel(), np.pad(~self.taken, _PAD).ravel()
+        """Return road and vehicle-free cells, flat, padded with neither."""
+        return np.pad(self.ground, _PAD).ravel(), np.pad(~self.occupied, _PAD).ravel()
 
 
 @lru_cache(maxsize=1024)
 def _footprint_cells(cell_m: float, yaw_rad: float, margin_m: float) -> IntArray:
-    """(N, 2) offsets to the cells whose middle lies in the ego's footprint, grown by a margin."""
+    """Return the offsets (N, 2) of the cells with centres in the ego's footprint, grown by a margin."""
     offsets = np.stack(np.meshgrid(*[np.arange(-_PAD, _PAD + 1)] * 2, indexing="ij"), axis=-1).reshape(-1, 2)
     x, y = offsets.T * cell_m
     cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
@@ -221,13 +221,13 @@ def _footprint_cells(cell_m: float, yaw_rad: float, margin_m: float) -> IntArray
 
 
 class Town:
-    """A simulated dataset, and what its files tell beyond nuScenes' schema."""
+    """A simulated dataset with its data beyond the nuScenes schema."""
 
     def __init__(self, root: Path) -> None:
-        """Open it.
+        """Open the dataset.
 
         Raises:
-            DataError: if it is none, or not simulated.
+            DataError: if it is not a dataset, or not simulated.
         """
         self.dataset = Dataset(root)
         paths = {name: self.dataset.tables.path(name) for name in ("paint", "sample_annotation", "attribute")}
@@ -245,11 +245,11 @@ class Town:
             raise DataError(f"{paths['paint'].parent}: expected body, name and velocity, lacks {error}") from error
 
     def samples(self) -> list[Sample]:
-        """All key frames."""
+        """Return all key frames."""
         return [sample for scene in self.dataset.scenes for sample in self.dataset.samples(scene)]
 
-    def moment(self, token: str) -> Moment:
-        """A key frame by its token."""
+    def moment(self, token: str) -> TrueFrame:
+        """Return a key frame by its token."""
         sample = self.dataset.sample(token)
         bev = load_map(self.dataset.root, "exact", token)
         with zip_arrays(bev_path(self.dataset.root, "exact", token).read_bytes()) as data:
@@ -277,4 +277,4 @@ class Town:
                     int(np.count_nonzero(owner == len(vehicles))),
                 )
             )
-        return Moment(token, bev, owner, boxes, pose, tuple(vehicles))
+        return TrueFrame(token, bev, owner, boxes, pose, tuple(vehicles))
