@@ -1,3 +1,76 @@
-"""The core of appocc: geometry, colour bird's-eye views, data in the nuScenes schema."""
+"""Colour bird's-eye views from surround cameras: data in the nuScenes schema, geometry, maps, and their prediction.
 
-__version__ = "0.1.0"
+The names of `__all__` are imported on first use, so that `import appocc` stays fast.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from appocc.version import __version__ as __version__
+
+if TYPE_CHECKING:
+    from appocc.bevmap import BEVMap, load_map
+    from appocc.boxes import Boxes
+    from appocc.camera import Camera, CameraRig
+    from appocc.ego_vehicle import EgoVehicle
+    from appocc.errors import AppoccError
+    from appocc.files import read_image, write_image
+    from appocc.frame import Frame
+    from appocc.grid import BEVGrid
+    from appocc.inference.loading import load_predictor
+    from appocc.inference.predictor import Prediction, Predictor
+    from appocc.nuscenes import Dataset
+    from appocc.rigs import read_rig
+
+__all__ = [
+    "AppoccError",
+    "BEVGrid",
+    "BEVMap",
+    "Boxes",
+    "Camera",
+    "CameraRig",
+    "Dataset",
+    "EgoVehicle",
+    "Frame",
+    "Prediction",
+    "Predictor",
+    "load_map",
+    "load_predictor",
+    "read_image",
+    "read_rig",
+    "write_image",
+]
+_MODULES = {
+    "AppoccError": "appocc.errors",
+    "BEVGrid": "appocc.grid",
+    "BEVMap": "appocc.bevmap",
+    "Boxes": "appocc.boxes",
+    "Camera": "appocc.camera",
+    "CameraRig": "appocc.camera",
+    "Dataset": "appocc.nuscenes",
+    "EgoVehicle": "appocc.ego_vehicle",
+    "Frame": "appocc.frame",
+    "Prediction": "appocc.inference.predictor",
+    "Predictor": "appocc.inference.predictor",
+    "load_map": "appocc.bevmap",
+    "load_predictor": "appocc.inference.loading",
+    "read_image": "appocc.files",
+    "read_rig": "appocc.rigs",
+    "write_image": "appocc.files",
+}
+
+
+def __getattr__(name: str) -> Any:
+    """Import a name of `__all__` from its module."""
+    if name not in _MODULES:
+        raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
+    value = getattr(import_module(_MODULES[name]), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    """Return the names of the module, including those not imported yet."""
+    return sorted({*globals(), *__all__})

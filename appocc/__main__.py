@@ -1,4 +1,4 @@
-"""The command `appocc`, also as `python -m appocc`: starts `cli`, unless something hides a package of the suite."""
+"""The command `appocc`, also `python -m appocc`: starts `cli`, unless a package of appocc is shadowed."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ PACKAGES = ("tracking", "grounding", "cli")
 
 
 def run() -> None:
-    """Entry point of the console script; exit code 2 where another module hides a package of the suite."""
+    """Entry point of the console script; exit code 2 if another module shadows a package of appocc."""
     for name in PACKAGES:
         place = _place(name)
         if place != HOME / name:
             got = f"{place} hides it" if place else "there is none"
             print(f"error: expected the package '{name}' of appocc in {HOME}, but {got}: {_ADVICE}", file=sys.stderr)
             sys.exit(2)
-    # By name: no module of the core depends on `cli`; this one only starts it.
+    # Imported by name, because no module of the core may depend on `cli`.
     import_module("cli.main").run()
 
 
@@ -27,7 +27,7 @@ _ADVICE = "rename that, start in another folder, or look at PYTHONPATH"
 
 
 def _place(name: str) -> Path | None:
-    """The file or folder that `import name` would take, without importing it."""
+    """Return the file or folder that `import name` would load, without importing it."""
     spec = find_spec(name)
     if spec is None:
         return None

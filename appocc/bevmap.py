@@ -1,4 +1,4 @@
-"""The colour bird's-eye view: what a cell holds, what colour it is; what a model predicts and what truth is."""
+"""The colour bird's-eye-view map: occupancy and appearance per cell, predicted or ground truth."""
 
 from __future__ import annotations
 
@@ -12,27 +12,28 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from appocc.checks import BoolArray, ByteArray, Float32Array, check_dtype, check_numbers, check_shape, frozen
+from appocc.checks import BoolArray, ByteArray, Float32Array, check_dtype, check_numbers, check_shape, freeze_arrays
 from appocc.errors import DataError, ShapeError
 from appocc.files import plain_name, read_file, whole_file, zip_arrays
 from appocc.grid import BEVGrid
+from appocc.typing import PathLike
 
 CLASSES = ("road", "vehicle", "lane")
 ROAD, VEHICLE, LANE = range(3)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class BEVMap:
     """Occupancy and appearance on a grid, in the ego frame of one sample.
 
     Attributes:
         grid: extent and cell size; X, Y = grid.shape.
-        occupancy: (3, X, Y) float32 in [0, 1]: probability of road, vehicle, lane (0 or 1 in truths).
-        occupancy_valid: (3, X, Y) bool: False where nothing is known of that class; of a prediction: where no camera
-            sees the cell.
-        appearance: (3, X, Y) uint8 sRGB seen from above.
-        appearance_valid: (X, Y) bool: False where no colour is known.
-        meta: sources of each part, token, time, `thresholds` of a network's answer; JSON values only.
+        occupancy: (3, X, Y) float32 in [0, 1]: probability of road, vehicle, lane (0 or 1 in ground truth).
+        occupancy_valid: (3, X, Y) bool: False where the class is unknown; in predictions, where no camera sees the
+            cell.
+        appearance: (3, X, Y) uint8 sRGB, seen from above.
+        appearance_valid: (X, Y) bool: False where the colour is unknown.
+        meta: source of each part, token, time, `thresholds` of predictions; JSON values only.
     """
 
     grid: BEVGrid
@@ -57,20 +58,20 @@ class BEVMap:
         ):
             check_shape(name, array, shape)
             check_dtype(name, array, dtype)
-            frozen(array)
         if not isinstance(self.meta, Mapping):
             raise ShapeError(f"meta: expected values by name, got {self.meta!r}")
         if self.occupancy.size and not (self.occupancy.min() >= 0 and self.occupancy.max() <= 1):
             raise ShapeError(
                 f"occupancy: expected values in [0, 1], got {self.occupancy.min()}..{self.occupancy.max()}"
             )
+        freeze_arrays(self, "occupancy", "occupancy_valid", "appearance", "appearance_valid")
 
     @property
     def thresholds(self) -> dict[str, float] | None:
-        """Probability by class from which a cell is of it, as chosen on validation data; None where meta has none.
+        """Decision threshold of each class, chosen on validation data; None if meta has none.
 
         Raises:
-            DataError: if they are no shares, one a class.
+            DataError: if they are not one number in [0, 1] for each class.
         """
         kept = self.meta.get("thresholds")
         if kept is None:
@@ -84,7 +85,7 @@ class BEVMap:
 
     @cached_property
     def on(self) -> BoolArray:
-        """(3, X, Y) whether a cell is known to be road, vehicle, lane: from the map's thresholds, or from 0.5.
+        """(3, X, Y) bool: known cells of road, vehicle, lane, by the map's thresholds or 0.5.
 
         Raises:
             DataError: as `thresholds`.
@@ -95,25 +96,25 @@ class BEVMap:
 
     @cached_property
     def unseen(self) -> BoolArray:
-        """(X, Y) cells of a prediction that no camera sees; none of other maps."""
+        """(X, Y) bool: cells of a prediction that no camera sees; all False for other maps."""
         if self.thresholds is None:
             return np.zeros(self.grid.shape, np.bool_)
         return np.asarray(~self.occupancy_valid.any(axis=0))
 
     def with_guesses(self) -> BEVMap:
-        """The map with all cells of a prediction valid, those included that no camera sees; other maps as they are.
+        """Return a prediction with all cells valid, including those that no camera sees; other maps unchanged.
 
-        A network answers for every cell of its grid; where no camera sees the cell, the answer is a guess.
+        A network predicts every cell of its grid; where no camera sees the cell, the prediction is a guess.
         """
         if self.thresholds is None:
             return self
         coloured = np.full_like(self.appearance_valid, self.appearance_valid.any())
         return replace(self, occupancy_valid=np.ones_like(self.occupancy_valid), appearance_valid=coloured)
 
-    def save(self, path: Path, more: Mapping[str, NDArray[np.generic]] | None = None) -> None:
-        """Write `path` (.npz, compressed, whole or not at all; the same map gives the same bytes).
+    def save(self, path: PathLike, more: Mapping[str, NDArray[np.generic]] | None = None) -> None:
+        """Write the map to `path` (.npz, compressed, atomic; the same map gives the same bytes).
 
-        `more` arrays are kept beside the map's own under names that `load` leaves alone.
+        `more` arrays are stored next to those of the map; `load` ignores them.
 
         Raises:
             DataError: if it cannot be written.
@@ -132,8 +133,8 @@ class BEVMap:
             )
 
     @classmethod
-    def load(cls, path: Path) -> BEVMap:
-        """Read a map that `save` (or any tool that keeps to the format) wrote.
+    def load(cls, path: PathLike) -> BEVMap:
+        """Read a map written by `save` or by another tool in the same format.
 
         Raises:
             DataError: if the file is missing, damaged, or lacks a part.
@@ -151,7 +152,7 @@ class BEVMap:
                     data["appearance_valid"],
                     json.loads(str(data["meta"])) if "meta" in data else {},
                 )
-                made.thresholds  # noqa: B018 - odd ones are told here, where the file's name is known
+                made.thresholds  # noqa: B018 - checked here, where the file's name is known
                 return made
         except KeyError as error:
             raise DataError(f"{path}: no BEV map, {error.args[0]}") from error
@@ -160,29 +161,29 @@ class BEVMap:
 
 
 def is_truth(source: str) -> bool:
-    """Whether maps of this source were made from everything a recording has, boxes included, and not predicted."""
+    """Return whether a source of maps is ground truth: made from all data of a recording and not predicted."""
     return Path(source).name in ("exact", "groundtruth")
 
 
-def bev_folder(root: Path, source: str) -> Path:
-    """Where the maps of a source lie: `ROOT/bev/SOURCE`; a source with a slash in its name is a folder itself."""
-    return Path(source) if "/" in source else root / "bev" / source
+def bev_folder(root: PathLike, source: str) -> Path:
+    """Return the folder of a source of maps: `ROOT/bev/SOURCE`; a source with a slash in its name is a folder."""
+    return Path(source) if "/" in source else Path(root) / "bev" / source
 
 
-def bev_path(root: Path, source: str, sample_token: str) -> Path:
-    """Where the map of a sample lies: `ROOT/bev/SOURCE/TOKEN.npz`.
+def bev_path(root: PathLike, source: str, sample_token: str) -> Path:
+    """Return the path of a sample's map: `ROOT/bev/SOURCE/TOKEN.npz`.
 
     Raises:
-        DataError: if the token leads elsewhere.
+        DataError: if the token is not a plain file name.
     """
-    return bev_folder(root, source) / f"{plain_name(root, sample_token)}.npz"
+    return bev_folder(root, source) / f"{plain_name(Path(root), sample_token)}.npz"
 
 
-def load_map(root: Path, source: str, sample_token: str) -> BEVMap:
-    """The map of a sample.
+def load_map(root: PathLike, source: str, sample_token: str) -> BEVMap:
+    """Read the map of a sample.
 
     Raises:
-        DataError: if it is missing (the message says how maps are made) or damaged.
+        DataError: if it is missing (the message names the command that makes it) or damaged.
     """
     path = bev_path(root, source, sample_token)
     if not path.is_file():

@@ -1,4 +1,4 @@
-"""Annotated 3D boxes, many at once, and the class of each: one place that knows what a vehicle is."""
+"""Annotated 3D boxes as arrays, and which categories are vehicles."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from appocc.checks import (
     check_place,
     check_shape,
     check_transform,
-    frozen,
+    freeze_arrays,
 )
 from appocc.errors import ShapeError
 from appocc.geometry import apply, inverse, yaw_of
@@ -25,25 +25,33 @@ _CORNERS = np.array(
     [[1, 1, -1], [-1, 1, -1], [-1, -1, -1], [1, -1, -1], [1, 1, 1], [-1, 1, 1], [-1, -1, 1], [1, -1, 1]],
     dtype=np.float64,
 )
-# The sides of no object in a street are longer.
+# Upper bound of box dimensions.
 LARGEST_M = 1000.0
-# Lyft writes plain names where nuScenes writes dotted ones.
-_LYFT_VEHICLES = frozenset({"car", "truck", "bus", "other_vehicle", "emergency_vehicle", "motorcycle"})
+# Lyft, KITTI and nuScenes' tasks use plain names; nuScenes' annotations use dotted ones.
+_PLAIN_VEHICLES = frozenset(
+    {"car", "van", "truck", "trailer", "bus", "other_vehicle", "emergency_vehicle", "motorcycle"}
+)
+_PEOPLE_AND_BICYCLES = ("human.", "pedestrian", "person", "bicycle", "vehicle.bicycle", "cyclist")
 
 
 def is_vehicle(category: str) -> bool:
-    """Whether a nuScenes (or Lyft) category belongs to the class vehicle: all `vehicle.*` but bicycles."""
-    return (category.startswith("vehicle.") and category != "vehicle.bicycle") or category in _LYFT_VEHICLES
+    """Return whether a nuScenes, Lyft or KITTI category belongs to the class vehicle, which excludes bicycles."""
+    return (category.startswith("vehicle.") and category != "vehicle.bicycle") or category in _PLAIN_VEHICLES
 
 
-@dataclass(frozen=True)
+def is_person_or_bicycle(category: str) -> bool:
+    """Return whether a nuScenes, Lyft or KITTI category is a person or a bicycle, with or without rider."""
+    return category.startswith(_PEOPLE_AND_BICYCLES)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Boxes:
-    """N boxes in one frame (the frame is named by the variable that holds them, such as `boxes_world`).
+    """N boxes in one frame, which is part of the variable name, such as `boxes_world`.
 
     Attributes:
         centre_m: (N, 3) box centres.
         size_wlh_m: (N, 3) width, length, height: nuScenes' order.
-        rotation: (N, 3, 3) frame-from-box rotations; the box's x axis is its heading.
+        rotation: (N, 3, 3) frame-from-box rotations; the x axis of the box is its heading.
         category: N category names.
         instance: N instance tokens (the same object over time).
         token: N annotation tokens.
@@ -81,51 +89,58 @@ class Boxes:
             i = int(np.argmin(good))
             size = self.size_wlh_m[i].tolist()
             raise ShapeError(f"box {self.token[i]}: expected a positive size below {LARGEST_M:.0f} m, got {size}")
-        for array in (self.centre_m, self.size_wlh_m, self.rotation, self.velocity_mps, self.lidar_points):
-            frozen(array)
+        freeze_arrays(self, "centre_m", "size_wlh_m", "rotation", "velocity_mps", "lidar_points")
 
     @classmethod
     def empty(cls) -> Boxes:
-        """No boxes."""
-        zero3, zero2 = np.zeros((0, 3)), np.zeros((0, 2))
-        return cls(zero3, zero3.copy(), np.zeros((0, 3, 3)), (), (), (), zero2, np.zeros(0, np.int64))
+        """Return zero boxes."""
+        return cls(
+            centre_m=np.zeros((0, 3)),
+            size_wlh_m=np.zeros((0, 3)),
+            rotation=np.zeros((0, 3, 3)),
+            category=(),
+            instance=(),
+            token=(),
+            velocity_mps=np.zeros((0, 2)),
+            lidar_points=np.zeros(0, np.int64),
+        )
 
     def __len__(self) -> int:
         """Number of boxes."""
         return len(self.category)
 
     def select(self, keep: BoolArray | IntArray) -> Boxes:
-        """The boxes of a mask (N,) or of indices."""
+        """Return the boxes of a mask (N,) or of indices."""
         index = np.arange(len(self))[keep]
         return Boxes(
-            self.centre_m[index],
-            self.size_wlh_m[index],
-            self.rotation[index],
-            tuple(self.category[i] for i in index),
-            tuple(self.instance[i] for i in index),
-            tuple(self.token[i] for i in index),
-            self.velocity_mps[index],
-            self.lidar_points[index],
+            centre_m=self.centre_m[index],
+            size_wlh_m=self.size_wlh_m[index],
+            rotation=self.rotation[index],
+            category=tuple(self.category[i] for i in index),
+            instance=tuple(self.instance[i] for i in index),
+            token=tuple(self.token[i] for i in index),
+            velocity_mps=self.velocity_mps[index],
+            lidar_points=self.lidar_points[index],
         )
 
     def vehicles(self) -> Boxes:
-        """Only those of the class vehicle."""
+        """Return the boxes of the class vehicle."""
         return self.select(np.array([is_vehicle(name) for name in self.category], dtype=np.bool_))
 
     def transformed(self, target_from_source: Transform) -> Boxes:
-        """The same boxes in another frame."""
+        """Return the boxes transformed to another frame."""
         check_transform("target_from_source", target_from_source)
-        turn = target_from_source[:3, :3]
-        velocity = np.pad(self.velocity_mps, ((0, 0), (0, 1))) @ turn.T
+        rotation = target_from_source[:3, :3]
+        velocity = np.pad(self.velocity_mps, ((0, 0), (0, 1))) @ rotation.T
         return Boxes(
-            apply(target_from_source, self.centre_m),
-            self.size_wlh_m.copy(),
-            turn @ self.rotation,
-            self.category,
-            self.instance,
-            self.token,
-            velocity[:, :2].copy(),
-            self.lidar_points.copy(),
+            centre_m=apply(target_from_source, self.centre_m),
+            size_wlh_m=self.size_wlh_m.copy(),
+            rotation=rotation @ self.rotation,
+            category=self.category,
+            instance=self.instance,
+            token=self.token,
+            velocity_mps=velocity[:, :2].copy(),
+            lidar_points=self.lidar_points.copy(),
         )
 
     @property
@@ -134,26 +149,26 @@ class Boxes:
         return yaw_of(self.rotation)
 
     def frame_from_box(self, i: int) -> Transform:
-        """(4, 4) pose of box i: origin at its centre, x along its length, y to its left, z up."""
+        """Return the (4, 4) pose of box i: origin at its centre, x along its length, y to its left, z up."""
         pose = np.eye(4)
         pose[:3, :3], pose[:3, 3] = self.rotation[i], self.centre_m[i]
         return pose
 
     def half_lwh_m(self) -> List3:
-        """(N, 3) half sizes along the box's own x, y, z axes (length, width, height)."""
+        """Return (N, 3) half sizes along the x, y, z axes of the boxes (length, width, height)."""
         return self.size_wlh_m[:, [1, 0, 2]] / 2
 
     def corners(self) -> Corners:
-        """(N, 8, 3) corners: lower four counter-clockwise from front left, then the upper four."""
+        """Return (N, 8, 3) corners: lower four counter-clockwise from front left, then the upper four."""
         local = _CORNERS[None] * self.half_lwh_m()[:, None]
         return np.asarray(np.einsum("nij,nkj->nki", self.rotation, local) + self.centre_m[:, None])
 
     def inside(self, points: List3, margin_m: float = 0.0) -> Flags:
-        """(P,) whether each of the points (P, 3) lies in any box, grown on all sides by `margin_m`."""
+        """Return (P,) whether points (P, 3) are inside any box enlarged by `margin_m` on all sides."""
         hit = np.zeros(len(points), dtype=np.bool_)
         x = np.ascontiguousarray(points[:, 0])
         for i, half in enumerate(self.half_lwh_m() + margin_m):
-            # A slab around the box first: it leaves few points for the exact test.
+            # A coarse test on x leaves few points for the exact test.
             near = np.flatnonzero(np.abs(x - self.centre_m[i, 0]) <= np.linalg.norm(half))
             local = apply(inverse(self.frame_from_box(i)), points[near])
             hit[near[(np.abs(local) <= half).all(axis=1)]] = True

@@ -1,4 +1,4 @@
-"""Checks at the seams: every error says the name, what was expected and what came."""
+"""Validation of values at module boundaries: every error names the value, the expected and the actual one."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ FARTHEST_M = 1e9
 
 
 def check_shape(name: str, array: NDArray[np.generic], expected: tuple[int | None, ...]) -> None:
-    """Check an array's shape; `None` in `expected` stands for any size.
+    """Check the shape of an array; `None` in `expected` means any size.
 
     Raises:
         ShapeError: if the number of axes or a size differs.
@@ -31,7 +31,7 @@ def check_shape(name: str, array: NDArray[np.generic], expected: tuple[int | Non
 
 
 def check_dtype(name: str, array: NDArray[np.generic], expected: type[np.generic]) -> None:
-    """Check an array's element type.
+    """Check the element type of an array.
 
     Raises:
         ShapeError: if the type differs.
@@ -52,7 +52,7 @@ def check_finite(name: str, array: NDArray[np.generic]) -> None:
 
 
 def check_place(name: str, array: NDArray[np.generic]) -> None:
-    """Check that metres can be true of a place: finite, and no farther than FARTHEST_M from the origin.
+    """Check coordinates in metres: finite and at most FARTHEST_M from the origin.
 
     Raises:
         ShapeError: if one is not.
@@ -64,10 +64,10 @@ def check_place(name: str, array: NDArray[np.generic]) -> None:
 
 
 def check_distance(name: str, value_m: float | None) -> None:
-    """Check that metres, where they are given, are positive and no more than FARTHEST_M.
+    """Check an optional distance in metres: positive and at most FARTHEST_M.
 
     Raises:
-        ShapeError: if they are not.
+        ShapeError: if it is not.
     """
     if value_m is not None and not 0 < value_m <= FARTHEST_M:
         raise ShapeError(f"{name}: expected metres, above 0 and finite, got {value_m:g}")
@@ -108,7 +108,7 @@ def check_transform(name: str, matrix: NDArray[np.generic]) -> None:
     check_finite(name, matrix)
     *turn, last = np.asarray(matrix, dtype=np.float64).tolist()
     x, y, z = (row[:3] for row in turn)
-    # Of nine numbers plain arithmetic is faster than numpy's.
+    # Plain arithmetic is faster than numpy for nine numbers.
     off = max(abs(_dot(p, q) - (p is q)) for p in (x, y, z) for q in (x, y, z))
     if off > 1e-3 or _dot(_cross(x, y), z) < 0:
         raise ShapeError(f"{name}: expected a rotation matrix in the upper left, got one off by {off:.2g}")
@@ -126,5 +126,29 @@ def _cross(p: list[float], q: list[float]) -> list[float]:
 
 
 def frozen(array: NDArray[np.generic]) -> None:
-    """Make an array read-only, so that a frozen dataclass is frozen through and through."""
+    """Make an array read-only in place; for arrays that the caller does not hold."""
     array.flags.writeable = False
+
+
+def freeze_arrays(value: object, *names: str) -> None:
+    """Replace array fields of a frozen dataclass by read-only copies, for use in `__post_init__`.
+
+    The caller's arrays stay writeable and independent of the dataclass. An array that is read-only down to its
+    memory is shared and not copied.
+    """
+    for name in names:
+        array = getattr(value, name)
+        if not _is_read_only(array):
+            array = np.array(array)
+            array.flags.writeable = False
+            object.__setattr__(value, name, array)
+
+
+def _is_read_only(array: NDArray[np.generic]) -> bool:
+    """Whether neither an array nor the memory that it is a view of can be written."""
+    memory: object = array
+    while isinstance(memory, np.ndarray):
+        if memory.flags.writeable:
+            return False
+        memory = memory.base
+    return memory is None or isinstance(memory, bytes)

@@ -1,4 +1,4 @@
-"""Colours: CIELAB, and how well words fit, fuzzy in CIELAB; fits are ranked and never made hard labels."""
+"""Colour words: CIELAB conversion, probabilities of colour words, and the exposure of a scene."""
 
 from __future__ import annotations
 
@@ -9,23 +9,24 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from appocc.bevmap import ROAD, VEHICLE, BEVMap
-from appocc.checks import BoolArray, FloatArray, check_shape, frozen
+from appocc.checks import BoolArray, FloatArray, check_shape, freeze_arrays, frozen
 from appocc.errors import ShapeError
+from appocc.srgb import LINEAR_OF_BYTE, linear_from_srgb
 
-# The numbers below are fitted to simulated scenes of all weathers and to real vehicles: docs/colours.md.
+# The constants below are fitted to simulated scenes of all weathers and to real vehicles: docs/colours.md.
 
-# The eleven basic terms of Berlin and Kay, and silver, which one in eight colour words for vehicles is.
+# The eleven basic colour terms of Berlin and Kay, and silver: one in eight colour words for vehicles.
 WORDS = (
     *("black", "grey", "silver", "white"),
     *("red", "orange", "brown", "yellow", "green", "blue", "purple", "pink"),
 )
-# Other words people use, by the term that is nearest.
+# Other colour words and their nearest term.
 _NEAREST_TERM = {"beige": "brown", "tan": "brown", "maroon": "red", "navy": "blue", "turquoise": "blue"} | {
     "gold": "yellow",
     "violet": "purple",
 }
-# Linear sRGB to XYZ (IEC 61966-2-1), and the white point D65 of the 2 degree observer (CIE 15); these and the two
-# numbers of the straight part near black are rounded as scikit-image rounds them, so that both give the same.
+# Linear sRGB to XYZ (IEC 61966-2-1), and the white point D65 of the 2 degree observer (CIE 15). These and the two
+# constants of the linear part near black are rounded as in scikit-image, so that both give the same results.
 _XYZ_FROM_RGB = np.array(
     [[0.412453, 0.357580, 0.180423], [0.212671, 0.715160, 0.072169], [0.019334, 0.119193, 0.950227]]
 )
@@ -33,7 +34,7 @@ _LUMINANCE = _XYZ_FROM_RGB[1]
 _WHITE_XYZ = np.array([0.95047, 1.0, 1.08883])
 _STRAIGHT_BELOW, _STRAIGHT_SLOPE = 0.008856, 7.787
 
-# Paints without hue: share of vehicles, lightness L* and its spread; black reaches on to the end.
+# Achromatic paints: share of vehicles, lightness L* and its standard deviation; black extends to L* = 0.
 _GREYS = {
     "black": (0.22, 21.0, 11.0),
     "grey": (0.20, 41.0, 7.0),
@@ -41,15 +42,15 @@ _GREYS = {
     "white": (0.31, 92.0, 9.0),
 }
 _SHARE, _LIGHTNESS, _SPREAD = (np.array(column) for column in zip(*_GREYS.values(), strict=True))
-# Little is brighter than white: what is counts as off it by so much less.
+# Factor on deviations above white, because little is brighter than white.
 _BEYOND_WHITE = 0.55
-# All other vehicles are of any lightness, spread over this much of the scale.
+# Share of all other vehicles, and the range of L* that they are uniform over.
 _OTHERS_SHARE, _OTHERS_SPREAD = 0.11, 24.0
-# What people say (columns) of paint that is black, grey, silver, white (rows): to many grey and silver are one.
-_SAID_OF_GREYS = np.array(
+# P(word | paint) of black, grey, silver, white paints (rows): grey and silver are often confused.
+_WORD_GIVEN_PAINT = np.array(
     [[0.94, 0.05, 0.01, 0.00], [0.09, 0.78, 0.12, 0.01], [0.01, 0.17, 0.74, 0.08], [0.00, 0.02, 0.09, 0.89]]
 )
-# Hue angle in degrees (centre, spread) of the others; brown and pink lie where orange and red are dark or light.
+# Hue angle in degrees (centre, spread) of chromatic words; brown is a dark orange, pink a light red.
 _HUE = {
     "red": (18.0, 22.0),
     "orange": (60.0, 13.0),
@@ -60,33 +61,19 @@ _HUE = {
     "purple": (322.0, 16.0),
     "pink": (358.0, 22.0),
 }
-# Chroma C* at which a hue is named as often as a grey: at least this, so much for each L* above a lightness, more for
-# blue, with which the sky tints what is dark; and how sharply names change.
+# Chroma C* at which chromatic and achromatic words are equally likely: a minimum, a slope in L* above a lightness, an
+# increment for blue, because the sky tints dark paint; and the exponent of the transition.
 _CHROMA_LEAST, _CHROMA_RISE, _CHROMA_FROM, _CHROMA_SKY, _CHROMA_POWER = 3.0, 0.28, 28.0, 7.6, 2.5
 _SKY_HUE_DEG = 270.0
-# Two people agree on a vehicle's colour 84 % of the time: no word is ever impossible.
+# Share of uniform probability: two people agree on the colour of a vehicle 84 % of the time.
 _DOUBT = 0.03
-# What varnish mirrors of the sky, as a share of white, and how far lightness L* strays in a scene.
+# Light of the sky reflected by varnish, as a share of white, and the standard deviation of L* in a scene.
 _VEIL, _BLUR = 0.2, 14.0
 
 
 def lab_from_rgb(rgb: ArrayLike) -> FloatArray:
-    """CIELAB (..., 3) under D65 of sRGB colours (..., 3) in 0..255, fastest of bytes; NaN of NaN."""
+    """Convert sRGB colours (..., 3) in 0..255 to CIELAB (..., 3) under D65, fastest for bytes; NaN stays NaN."""
     return _lab_from_linear(linear_from_srgb(rgb))
-
-
-def linear_from_srgb(rgb: ArrayLike) -> FloatArray:
-    """Linear light 0..1 of sRGB values 0..255 of any shape, fastest of bytes; NaN of NaN."""
-    values = np.asarray(rgb)
-    return _LINEAR_OF_BYTE[values] if values.dtype == np.uint8 else _linear(values.astype(np.float64))
-
-
-def _linear(values: FloatArray) -> FloatArray:
-    share = values / 255.0
-    return np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
-
-
-_LINEAR_OF_BYTE = _linear(np.arange(256.0))
 
 
 def _lab_from_linear(linear: FloatArray) -> FloatArray:
@@ -96,14 +83,14 @@ def _lab_from_linear(linear: FloatArray) -> FloatArray:
     return np.stack([116 * y - 16, 500 * (x - y), 200 * (y - z)], axis=-1)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Exposure:
-    """What the light of a scene does to colours, and how sure that is.
+    """Effect of the light of a scene on colours, and its uncertainty.
 
     Attributes:
-        gain: (3,) factors of linear red, green and blue that bring the scene to neutral daylight.
-        veil: light of the sky that varnish mirrors, as a share of white's; it is taken off.
-        blur: how far lightness L* strays because light differs from place to place.
+        gain: (3,) factors of linear red, green and blue from the scene to neutral daylight.
+        veil: light of the sky reflected by varnish, as a share of white; it is subtracted.
+        blur: standard deviation of L* due to uneven light.
     """
 
     gain: FloatArray
@@ -121,28 +108,28 @@ class Exposure:
             raise ShapeError(f"exposure gain: expected positive factors, got {self.gain.tolist()}")
         if not (0 <= self.veil < np.inf and 0 <= self.blur < np.inf):
             raise ShapeError(f"exposure: expected veil and blur of 0 or more, got {self.veil} and {self.blur}")
-        frozen(self.gain)
+        freeze_arrays(self, "gain")
 
     def lab(self, rgb: ArrayLike) -> FloatArray:
-        """CIELAB (..., 3) of sRGB colours (..., 3) in 0..255 as they would be in neutral daylight."""
+        """Return CIELAB (..., 3) in neutral daylight of sRGB colours (..., 3) in 0..255."""
         linear = linear_from_srgb(rgb) * self.gain
         luminance = (linear @ _LUMINANCE)[..., None]
         return _lab_from_linear(np.minimum(linear * _unveiling(luminance, self.veil), 1.2))
 
 
 def _unveiling(luminance: FloatArray, veil: float) -> FloatArray:
-    """Factors that take a veil off: what is dark loses most of its light, white none, and nothing turns negative."""
+    """Return the factors that remove a veil: dark colours lose most of their light, white loses none."""
     return np.asarray((1 + veil) * luminance / (luminance + veil + 1e-12))
 
 
-# Paint as it is: nothing is mirrored, and the light is almost known.
+# Paint without reflections, in known light.
 DAYLIGHT = Exposure(np.ones(3), veil=0.0, blur=6.0)
 
 
 def word_probabilities(rgb: ArrayLike, exposure: Exposure = DAYLIGHT) -> FloatArray:
-    """P(word | colour) (..., 12) in the order of `WORDS` for sRGB colours (..., 3) in 0..255; rows sum to 1.
+    """Return P(word | colour) (..., 12), in the order of `WORDS`, of sRGB colours (..., 3) in 0..255.
 
-    NaN of NaN.
+    Rows sum to 1; NaN stays NaN.
     """
     return _probabilities(exposure.lab(rgb), exposure.blur)
 
@@ -153,7 +140,7 @@ def _probabilities(lab: FloatArray, blur: float) -> FloatArray:
     sky = _CHROMA_SKY * np.maximum(np.cos(np.radians(hue_deg - _SKY_HUE_DEG)), 0) * np.maximum(1 - lightness / 100, 0)
     neutral = np.maximum(_CHROMA_RISE * (lightness - _CHROMA_FROM), _CHROMA_LEAST) + sky
     chromatic = 1 / (1 + (neutral / np.maximum(chroma, 1e-6)) ** _CHROMA_POWER)
-    shares = _shares(_grey_words(lightness, blur)) @ _SAID_OF_GREYS * (1 - chromatic)[..., None]
+    shares = _shares(_grey_words(lightness, blur)) @ _WORD_GIVEN_PAINT * (1 - chromatic)[..., None]
     shares = np.concatenate([shares, _shares(_hue_words(lightness, chroma, hue_deg)) * chromatic[..., None]], axis=-1)
     return np.asarray((1 - _DOUBT) * shares + _DOUBT / len(WORDS))
 
@@ -163,7 +150,7 @@ def _shares(weights: FloatArray) -> FloatArray:
 
 
 def _grey_words(lightness: FloatArray, blur: float) -> FloatArray:
-    """(..., 4) how often vehicles are black, grey, silver, white and of such a lightness."""
+    """Return the densities (..., 4) of black, grey, silver and white vehicles at a lightness."""
     spread = np.hypot(_SPREAD, blur)
     off = (lightness[..., None] - _LIGHTNESS) / spread
     off[..., 0] = np.maximum(off[..., 0], 0)
@@ -172,7 +159,7 @@ def _grey_words(lightness: FloatArray, blur: float) -> FloatArray:
 
 
 def _hue_words(lightness: FloatArray, chroma: FloatArray, hue_deg: FloatArray) -> FloatArray:
-    """(..., 8) weights of the words from red to pink."""
+    """Return the weights (..., 8) of the words from red to pink."""
     bells = []
     for centre, spread in _HUE.values():
         off = (hue_deg - centre + 180) % 360 - 180
@@ -188,7 +175,7 @@ def _hue_words(lightness: FloatArray, chroma: FloatArray, hue_deg: FloatArray) -
 
 @lru_cache(maxsize=8)
 def _most(blur: float) -> FloatArray:
-    """(12,) how probable each word is of the colour that it fits best."""
+    """Return the maximum (12,) of the probability of each word over all colours."""
     lightness, chroma, hue = np.meshgrid(
         np.arange(0, 101, 2.0), np.arange(0, 101, 10.0), np.radians(range(0, 360, 5))
     )
@@ -199,10 +186,9 @@ def _most(blur: float) -> FloatArray:
 
 
 def fit(colour: str, rgb: ArrayLike, exposure: Exposure = DAYLIGHT) -> FloatArray:
-    """How well a colour word of a command fits sRGB colours (..., 3) in 0..255, in (0, 1]; NaN of NaN.
+    """Return how well a colour word fits sRGB colours (..., 3) in 0..255, in (0, 1]; NaN stays NaN.
 
-    1 is the colour that the word fits best, so that vehicles rank as the word is probable of them. The word may carry
-    "dark" or "light" or be one of them alone.
+    1 is the colour that the word fits best. The word may have "dark" or "light" before it, or be one of them alone.
     """
     *shade, term = colour.split()
     shades = [*shade, term] if term in ("dark", "light") else shade
@@ -218,12 +204,12 @@ def fit(colour: str, rgb: ArrayLike, exposure: Exposure = DAYLIGHT) -> FloatArra
 
 
 def name(rgb: ArrayLike, exposure: Exposure = DAYLIGHT) -> str:
-    """The likeliest word of one sRGB colour (3,), for people; the second likeliest beside it where it is close."""
+    """Return the most probable word of an sRGB colour (3,), with the second one if it is close: "grey or silver"."""
     return names(np.asarray(rgb)[None], exposure)[0]
 
 
 def names(rgb: ArrayLike, exposure: Exposure = DAYLIGHT) -> tuple[str, ...]:
-    """The same of N colours (N, 3); '' of NaN."""
+    """Return the words of colours (N, 3), as `name`; '' for NaN."""
     probabilities = word_probabilities(rgb, exposure)
     order = np.argsort(probabilities, axis=-1)[:, ::-1][:, :2]
     one, other = np.take_along_axis(probabilities, order, axis=-1).T
@@ -233,47 +219,47 @@ def names(rgb: ArrayLike, exposure: Exposure = DAYLIGHT) -> tuple[str, ...]:
     )
 
 
-# The light of a scene, from its vehicles and its road ---------------------------------------------------------------
+# Exposure of a scene, from its vehicles and its road ---------------------------------------------------------------
 
-# Asphalt shows a third of the light of white paint, give or take, in stops; and what is known of light without it.
+# Luminance of asphalt relative to white paint, in stops, and its standard deviation; that of light without asphalt.
 _ROAD_STOPS, _ROAD_SPREAD, _ANY_SPREAD = -1.6, 1.2, 2.0
-# Vehicles of one place are alike, as those of a fleet: more do not tell more.
+# Vehicles in one place are correlated: more than this number add no evidence.
 _MOST_VEHICLES = 30
 _STOPS = np.linspace(-6.0, 6.0, 49)
-# Vehicles whose colour is off the asphalt's by less (logarithm of the channels) may be without hue, and show the
-# colour of the light as it does; so many of them count as much as the asphalt.
+# Vehicles whose log channels differ from the asphalt by less may be achromatic and show the colour of the light; this
+# number of vehicles has the same weight as the asphalt.
 _HUELESS, _AS_MUCH_AS_ROAD = 0.4, 4.0
-# The ground beside a vehicle lies in the same light, but it is not the same ground everywhere. How much of it counts;
-# where it is looked at: out of the sides, and along them; and how many such places are needed for half of that.
+# The ground next to a vehicle is in the same light, but its material varies: weight of the local light, number of
+# samples for half of this weight, and where it is sampled, outward from the sides and along them.
 _BESIDE_SHARE, _BESIDE_PLACES = 0.6, 5.0
 _BESIDE_M, _BESIDE_ALONG = (0.5, 1.0), np.linspace(0.08, 0.92, 4)
-# Every second cell both ways tells the road's colour well enough, if these are not too few.
+# Stride of the cells for the colour of the road, and their minimum number.
 _EVERY, _LEAST_ROAD = 2, 25
-# No light is so dim that noise would count.
+# Minimum light, above the noise.
 _DIMMEST = 1e-3
-_LOGARITHM_OF_BYTE = np.log(_LINEAR_OF_BYTE + _DIMMEST)
+_LOGARITHM_OF_BYTE = np.log(LINEAR_OF_BYTE + _DIMMEST)
 
 
 def exposure_of(bev: BEVMap, vehicles_rgb: FloatArray) -> Exposure:
-    """The light of a map, by its road and the sRGB colours (N, 3) of its vehicles, 0..255, NaN where unknown.
+    """Estimate the exposure of a map from its road and sRGB colours (N, 3) of its vehicles, 0..255, NaN if unknown.
 
-    Asphalt is grey, and so are most vehicles: that tells the light's colour. Its strength is what makes the vehicles
-    likely, given how many are black, grey, silver and white, and the asphalt about as bright as usual.
+    Asphalt and most vehicles are grey, which gives the colour of the light. Its intensity maximises the likelihood of
+    the vehicles, given the shares of black, grey, silver and white ones, and of the brightness of the asphalt.
     """
     return _exposure(_asphalt(bev, _road_of(bev)), linear_from_srgb(vehicles_rgb))
 
 
 def exposures_of(bev: BEVMap, vehicles_rgb: FloatArray, footprints_m: FloatArray) -> tuple[Exposure, ...]:
-    """The light of a map on each of its vehicles, as `gains_of`.
+    """Estimate the exposure of a map at each of its vehicles, as `gains_of`.
 
     Raises:
-        ShapeError: if the arrays do not fit together.
+        ShapeError: if the shapes of the arrays do not match.
     """
     return tuple(Exposure(gain) for gain in gains_of(bev, vehicles_rgb, footprints_m))
 
 
 def gains_of(bev: BEVMap, vehicles_rgb: FloatArray, footprints_m: FloatArray) -> FloatArray:
-    """Factors (N, 3) of the light of a map on each of its vehicles: shade, sun, lamps are told by the road beside it.
+    """Estimate gains (N, 3) at each vehicle of a map: the road next to it shows shade, sun and lamps.
 
     Args:
         bev: the map.
@@ -281,7 +267,7 @@ def gains_of(bev: BEVMap, vehicles_rgb: FloatArray, footprints_m: FloatArray) ->
         footprints_m: (N, 4, 2) corners in the ego frame, in order around the vehicle.
 
     Raises:
-        ShapeError: if the arrays do not fit together.
+        ShapeError: if the shapes of the arrays do not match.
     """
     check_shape("vehicles_rgb", vehicles_rgb, (None, 3))
     check_shape("footprints_m", footprints_m, (len(vehicles_rgb), 4, 2))
@@ -294,21 +280,21 @@ def gains_of(bev: BEVMap, vehicles_rgb: FloatArray, footprints_m: FloatArray) ->
 
 
 def _road_of(bev: BEVMap) -> BoolArray:
-    """(X, Y) road whose colour is known and which no vehicle covers."""
+    """Return (X, Y) bool: road with a known colour and without a vehicle."""
     return np.asarray(bev.appearance_valid & bev.on[ROAD] & ~bev.on[VEHICLE])
 
 
 def _asphalt(bev: BEVMap, where: BoolArray) -> FloatArray | None:
-    """(3,) median linear light of the road (X, Y), None where there is too little of it."""
+    """Return the median linear light (3,) of the road (X, Y); None if there is too little road."""
     sparse = where[::_EVERY, ::_EVERY]
     if np.count_nonzero(sparse) < _LEAST_ROAD:
         return None
     median = np.median(bev.appearance[:, ::_EVERY, ::_EVERY][:, sparse], axis=1)
-    return np.asarray(_LINEAR_OF_BYTE[median.astype(np.uint8)] + _DIMMEST)
+    return np.asarray(LINEAR_OF_BYTE[median.astype(np.uint8)] + _DIMMEST)
 
 
 def _beside(bev: BEVMap, where: BoolArray, road: FloatArray, footprints_m: FloatArray) -> FloatArray:
-    """(N, 3) factors that bring the light beside each vehicle to that of all the road (3,), as far as it is known."""
+    """Return the factors (N, 3) from the light next to each vehicle to that of the whole road (3,)."""
     following = np.roll(footprints_m, -1, axis=1)
     outwards = (footprints_m + following) / 2 - footprints_m.mean(axis=1, keepdims=True)
     outwards = outwards / np.maximum(np.linalg.norm(outwards, axis=-1, keepdims=True), 1e-9)
@@ -325,7 +311,7 @@ def _beside(bev: BEVMap, where: BoolArray, road: FloatArray, footprints_m: Float
 
 
 def _exposure(road: FloatArray | None, vehicles: FloatArray) -> Exposure:
-    """The light that linear colours (3,) of the road and (N, 3) of vehicles tell."""
+    """Estimate the exposure from linear colours (3,) of the road and (N, 3) of vehicles."""
     vehicles = vehicles[np.isfinite(vehicles).all(axis=1)]
     tint = _tint(road, vehicles)
     stops = _STOPS[:, None]
@@ -341,7 +327,7 @@ def _exposure(road: FloatArray | None, vehicles: FloatArray) -> Exposure:
 
 
 def _tint(road: FloatArray | None, vehicles: FloatArray) -> FloatArray:
-    """(3,) colour of the light, of luminance about 1: that of the road, and of vehicles that may have no hue."""
+    """Return the colour (3,) of the light, luminance about 1, from the road and from achromatic vehicles."""
     of_road = _hue_alone(np.ones(3) if road is None else road)
     of_vehicles = _hue_alone(vehicles + _DIMMEST)
     of_vehicles = of_vehicles[(np.abs(of_vehicles - of_road) < _HUELESS).all(axis=1)]
@@ -352,6 +338,6 @@ def _tint(road: FloatArray | None, vehicles: FloatArray) -> FloatArray:
 
 
 def _hue_alone(linear: FloatArray) -> FloatArray:
-    """Logarithms of linear colours (..., 3), their brightness taken off."""
+    """Return the logarithms of linear colours (..., 3) without their brightness."""
     logarithms = np.log(linear)
     return np.asarray(logarithms - (logarithms @ _LUMINANCE)[..., None])

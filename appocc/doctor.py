@@ -1,4 +1,4 @@
-"""Health of the environment and of a dataset, for one screen or as JSON."""
+"""Health report of the environment and of a dataset, as text or JSON."""
 
 from __future__ import annotations
 
@@ -9,41 +9,41 @@ from typing import Any
 
 import numpy as np
 
-from appocc.environment import Environment, look_around
+from appocc.environment import Environment, inspect_environment
 from appocc.nuscenes import Dataset
 from appocc.nuscenes.problem import Problem
-from appocc.nuscenes.validate import Progress, no_progress, validate
+from appocc.nuscenes.validate import ProgressBar, no_progress, validate
 
 _EXAMPLES, _FEW_KINDS, _NAMES = 3, 4, 6
 
 
 @dataclass(frozen=True)
 class Channel:
-    """A sensor channel: its modality and how many files it has."""
+    """A sensor channel: modality and numbers of files."""
 
     modality: str
     key_frames: int
     sweeps: int
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Contents:
-    """What a dataset holds.
+    """Contents of a dataset.
 
     Attributes:
-        root: its folder.
-        version: folder of the tables below it.
+        root: root folder.
+        version: folder of the tables below the root.
         scenes: number of scenes.
         samples: number of key frames.
         annotations: number of boxes.
         instances: number of annotated objects.
-        locations: where it was recorded.
+        locations: locations of the recordings.
         channels: sensor channels that have files.
         masks: number of drivable-area masks.
-        scenes_with_mask: how many scenes have one.
+        scenes_with_mask: number of scenes with a mask.
         vector_maps: number of map-expansion files.
         lidarseg: number of LiDAR files with labels.
-        bev: number of stored maps of each BEV source.
+        bev: number of maps of each BEV source.
     """
 
     root: str
@@ -63,7 +63,7 @@ class Contents:
 
 @dataclass(frozen=True)
 class Report:
-    """All that was found; `contents` is None where no dataset was named or its tables are damaged."""
+    """Findings; `contents` is None without a dataset or if its tables are damaged."""
 
     environment: Environment
     contents: Contents | None
@@ -71,11 +71,11 @@ class Report:
 
     @property
     def healthy(self) -> bool:
-        """Whether nothing is wrong; notes do not count."""
+        """Whether there are no errors; notes are ignored."""
         return not self.environment.complaints and not any(p.severity == "error" for p in self.problems)
 
     def as_json(self) -> dict[str, Any]:
-        """The report as JSON values, every finding in it."""
+        """Return the report with all findings as JSON values."""
         environment = {**asdict(self.environment), "complaints": self.environment.complaints}
         return {
             "healthy": self.healthy,
@@ -85,30 +85,30 @@ class Report:
         }
 
     def lines(self) -> list[str]:
-        """The report for people: one screen."""
+        """Return the report as lines of text, about one screen."""
         dataset = _contents_lines(self.contents) if self.contents else iter(())
         lines = [*_environment_lines(self.environment), *dataset, *_problem_lines(self.problems)]
         return [*lines, "healthy" if self.healthy else "not healthy: see the errors above"]
 
 
 def examine(
-    root: Path | None, version: str | None = None, images: bool = False, progress: Progress = no_progress
+    root: Path | None, version: str | None = None, images: bool = False, progress: ProgressBar = no_progress
 ) -> Report:
-    """Look at the environment and, where `root` is given, at a dataset; `images` reads every file whole.
+    """Examine the environment and, if `root` is given, a dataset; `images` also reads every image.
 
     Raises:
-        DataError: if `root` holds no dataset, or several versions and none is named.
+        DataError: if `root` is not a dataset, or has several versions and none is named.
     """
     if root is None:
-        return Report(look_around(Path.cwd()), None, ())
+        return Report(inspect_environment(Path.cwd()), None, ())
     dataset = Dataset(root, version)
     problems = validate(dataset, images, progress)
     damaged = any(problem.kind == "damaged table" for problem in problems)
-    return Report(look_around(root), None if damaged else contents_of(dataset), problems)
+    return Report(inspect_environment(root), None if damaged else contents_of(dataset), problems)
 
 
 def contents_of(dataset: Dataset) -> Contents:
-    """Count what a dataset holds.
+    """Count the contents of a dataset.
 
     Raises:
         DataError: if a table is damaged.
@@ -118,19 +118,19 @@ def contents_of(dataset: Dataset) -> Contents:
     expansions = [*root.glob("maps/expansion/*.json"), *root.glob("maps/*.json")]
     sources = [folder for folder in sorted(root.glob("bev/*")) if folder.is_dir()]
     return Contents(
-        str(root),
-        dataset.tables.version,
-        len(tables["scene"]),
-        len(tables["sample"]),
-        len(tables["sample_annotation"]),
-        len(tables["instance"]),
-        tuple(sorted({place for place in tables["log"]["location"] if place})),
-        _channels(dataset),
-        len(tables["map"]),
-        sum(scene.log_token in masked for scene in dataset.scenes),
-        len(expansions),
-        len(tables["lidarseg"]),
-        {folder.name: len(list(folder.glob("[!.]*.npz"))) for folder in sources},
+        root=str(root),
+        version=dataset.tables.version,
+        scenes=len(tables["scene"]),
+        samples=len(tables["sample"]),
+        annotations=len(tables["sample_annotation"]),
+        instances=len(tables["instance"]),
+        locations=tuple(sorted({place for place in tables["log"]["location"] if place})),
+        channels=_channels(dataset),
+        masks=len(tables["map"]),
+        scenes_with_mask=sum(scene.log_token in masked for scene in dataset.scenes),
+        vector_maps=len(expansions),
+        lidarseg=len(tables["lidarseg"]),
+        bev={folder.name: len(list(folder.glob("[!.]*.npz"))) for folder in sources},
     )
 
 
@@ -146,7 +146,7 @@ def _channels(dataset: Dataset) -> dict[str, Channel]:
     return found
 
 
-# For people -------------------------------------------------------------------------------------------------------
+# Text -------------------------------------------------------------------------------------------------------
 
 
 def _environment_lines(environment: Environment) -> Iterator[str]:
@@ -183,7 +183,7 @@ def _contents_lines(c: Contents) -> Iterator[str]:
 
 
 def _problem_lines(problems: tuple[Problem, ...]) -> Iterator[str]:
-    """Findings by kind, errors first, with a count and the first few of each."""
+    """Yield findings by kind, errors first, with a count and the first few of each."""
     kinds: dict[tuple[str, str, str], list[Problem]] = {}
     for problem in sorted(problems, key=lambda p: p.severity):
         kinds.setdefault((problem.severity, problem.table, problem.kind), []).append(problem)

@@ -1,4 +1,4 @@
-"""The ego vehicle: its size, and the cells of a grid below its body."""
+"""The ego vehicle: its dimensions and the grid cells below its body."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from appocc.grid import BEVGrid
 
 @dataclass(frozen=True)
 class EgoVehicle:
-    """Size of the ego vehicle. The origin of the ego frame is its rear axle.
+    """Dimensions of the ego vehicle; the origin of the ego frame is its rear axle.
 
     Attributes:
-        length_m: from bumper to bumper.
-        width_m: of the body, without mirrors.
-        rear_overhang_m: from the rear axle to the rear bumper.
-        turning_circle_m: diameter, kerb to kerb.
+        length_m: bumper to bumper.
+        width_m: width of the body, without mirrors.
+        rear_overhang_m: distance from the rear axle to the rear bumper.
+        turning_circle_m: diameter of the turning circle, kerb to kerb.
 
     Raises:
-        ShapeError: if a size is not positive, or the rear axle is not within the length.
+        ShapeError: if a dimension is not positive, or the rear axle is not within the length.
     """
 
     length_m: float = 4.6
@@ -40,20 +40,11 @@ class EgoVehicle:
 
     @property
     def centre_m(self) -> float:
-        """How far the body's centre is ahead of the rear axle."""
+        """Distance from the rear axle forward to the centre of the body."""
         return self.length_m / 2 - self.rear_overhang_m
 
     def body_cells(self, grid: BEVGrid) -> BoolArray:
         """(X, Y) cells of a grid in the ego frame whose centre is below the body."""
         x_m, y_m = grid.centres()[..., 0], grid.centres()[..., 1]
-        return (abs(x_m - self.centre_m) <= self.length_m / 2) & (abs(y_m) <= self.width_m / 2)
-
-
-# Until every user takes the value.
-EGO_LENGTH_M, EGO_WIDTH_M, EGO_REAR_M = 4.6, 1.9, 1.0
-
-
-def body_cells(grid: BEVGrid) -> BoolArray:
-    """(X, Y) cells of a grid in the ego frame whose centre is below the body of the ego."""
-    x_m, y_m = grid.centres()[..., 0], grid.centres()[..., 1]
-    return (x_m >= -EGO_REAR_M) & (x_m <= EGO_LENGTH_M - EGO_REAR_M) & (abs(y_m) <= EGO_WIDTH_M / 2)
+        ahead = (x_m >= -self.rear_overhang_m) & (x_m <= self.length_m - self.rear_overhang_m)
+        return ahead & (abs(y_m) <= self.width_m / 2)

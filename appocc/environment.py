@@ -1,4 +1,4 @@
-"""The machine and the packages: what is there and what is lacking; nothing heavy is imported to find out."""
+"""The environment: machine and packages, found without importing heavy packages."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ _REQUIREMENT = re.compile(
 
 @dataclass(frozen=True)
 class Package:
-    """A package that is asked for.
+    """A required package.
 
     Attributes:
-        name: its name.
-        least: lowest version that will do, empty where any does.
-        version: the installed version, None where it is not installed.
+        name: name of the distribution.
+        least: minimum version; empty for any version.
+        version: installed version; None if it is not installed.
     """
 
     name: str
@@ -36,7 +36,7 @@ class Package:
 
     @property
     def complaint(self) -> str:
-        """What is wrong with it, '' if nothing is."""
+        """Problem with the package; '' if there is none."""
         if self.version is None:
             return f"{self.name} is not installed"
         if _numbers(self.version) < _numbers(self.least):
@@ -44,19 +44,19 @@ class Package:
         return ""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Environment:
-    """What the suite runs on.
+    """Machine and packages of this process.
 
     Attributes:
-        appocc: version of the suite.
+        appocc: version of appocc.
         python: version of Python.
-        platform: system and processor.
-        cores: processor cores this process may use.
-        memory_bytes: all memory, None where it cannot be told.
-        free_memory_bytes: memory that programs can still get, None where it cannot be told.
-        free_disk_bytes: room on the disk of the dataset or the current folder.
-        gpu: name of the GPU, None where there is none.
+        platform: operating system and processor.
+        cores: processor cores that this process may use.
+        memory_bytes: total memory; None if unknown.
+        free_memory_bytes: available memory; None if unknown.
+        free_disk_bytes: free space on the disk of the dataset or the current folder.
+        gpu: name of the GPU; None if there is none.
         packages: required packages.
         extras: packages of each extra.
     """
@@ -74,36 +74,36 @@ class Environment:
 
     @property
     def complaints(self) -> tuple[str, ...]:
-        """What keeps the suite from working as it should."""
+        """Problems that keep appocc from working correctly."""
         found = [package.complaint for package in self.packages if package.complaint]
         if version_of("opencv-python"):
-            # Both bring the same folder cv2/; whichever was installed last has overwritten the other.
+            # Both install the folder cv2/; the last one has overwritten the other.
             found.append(
-                "opencv-python is installed beside opencv-python-headless: uninstall both, install the latter"
+                "opencv-python is installed as well as opencv-python-headless: uninstall both, install the latter"
             )
         return tuple(found)
 
 
-def look_around(folder: Path) -> Environment:
-    """The environment of this process; free disk space is that of `folder`."""
-    packages, extras = wanted_packages(_requirements())
+def inspect_environment(folder: Path) -> Environment:
+    """Inspect the environment of this process; the free disk space is that of `folder`."""
+    packages, extras = required_packages(_requirements())
     total, free = memory()
     return Environment(
-        version_of("appocc") or "not installed",
-        platform.python_version(),
-        f"{platform.system()} {platform.machine()}",
-        cores(),
-        total,
-        free,
-        shutil.disk_usage(folder).free,
-        gpu(),
-        packages,
-        extras,
+        appocc=version_of("appocc") or "not installed",
+        python=platform.python_version(),
+        platform=f"{platform.system()} {platform.machine()}",
+        cores=cores(),
+        memory_bytes=total,
+        free_memory_bytes=free,
+        free_disk_bytes=shutil.disk_usage(folder).free,
+        gpu=gpu(),
+        packages=packages,
+        extras=extras,
     )
 
 
 def version_of(name: str) -> str | None:
-    """Version of an installed package, None where it is not installed."""
+    """Return the version of an installed package; None if it is not installed."""
     try:
         return metadata.version(name)
     except metadata.PackageNotFoundError:
@@ -117,8 +117,8 @@ def _requirements() -> list[str]:
         return []
 
 
-def wanted_packages(requirements: Sequence[str]) -> tuple[tuple[Package, ...], dict[str, tuple[Package, ...]]]:
-    """Required packages, and those of each extra, from lines such as `numpy>=2.0` and `av>=1; extra == "video"`."""
+def required_packages(requirements: Sequence[str]) -> tuple[tuple[Package, ...], dict[str, tuple[Package, ...]]]:
+    """Parse required packages and those of each extra, from lines such as `numpy>=2.0` or `av>=1; extra == "a"`."""
     required: list[Package] = []
     extras: dict[str, list[Package]] = {}
     for line in requirements:
@@ -130,18 +130,18 @@ def wanted_packages(requirements: Sequence[str]) -> tuple[tuple[Package, ...], d
 
 
 def _numbers(version: str) -> tuple[int, ...]:
-    """The leading numbers of a version: 2.13.0+cpu -> (2, 13, 0)."""
+    """Return the leading numbers of a version: 2.13.0+cpu -> (2, 13, 0)."""
     match = re.match(r"\d+(\.\d+)*", version)
     return tuple(int(part) for part in match[0].split(".")) if match else ()
 
 
 def cores() -> int:
-    """Processor cores that this process may use."""
+    """Return the number of processor cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def memory(table: Path = Path("/proc/meminfo")) -> tuple[int | None, int | None]:
-    """All memory and what of it is free, in bytes, as Linux tells it; None elsewhere."""
+    """Return total and available memory in bytes on Linux; None elsewhere."""
     try:
         lines = dict(line.split(":", 1) for line in table.read_text().splitlines() if ":" in line)
         return tuple(int(lines[key].split()[0]) * 1024 for key in ("MemTotal", "MemAvailable"))  # type: ignore[return-value]
@@ -150,7 +150,7 @@ def memory(table: Path = Path("/proc/meminfo")) -> tuple[int | None, int | None]
 
 
 def gpu() -> str | None:
-    """Name and memory of the first NVIDIA GPU, or Apple's; None where neither answers."""
+    """Return name and memory of the first NVIDIA GPU, or the name of Apple's GPU; None if there is neither."""
     if platform.system() == "Darwin" and platform.machine() == "arm64":
         return "Apple GPU"
     command = ["nvidia-smi", "--query-gpu=name,memory.total", "--format=csv,noheader"]
@@ -162,9 +162,9 @@ def gpu() -> str | None:
 
 
 def choose_cache_folders(package: Path) -> None:
-    """Let numba and Matplotlib keep their files in a private temporary folder where the usual ones cannot be written.
+    """Make numba and Matplotlib use a private temporary folder if their usual cache folders are not writable.
 
-    Called before numba is imported. Numba keeps compiled code beside a package's modules, else below the user's home.
+    Must be called before numba is imported. Numba caches compiled code next to a package's modules, or in the home.
     """
     home = Path(os.environ.get("XDG_CACHE_HOME") or Path("~/.cache").expanduser())
     named = os.environ.get("NUMBA_CACHE_DIR")
@@ -181,7 +181,7 @@ def choose_cache_folders(package: Path) -> None:
 
 
 def _writable(folder: Path) -> bool:
-    """Whether a folder can be written, or be made."""
+    """Return whether a folder is writable or can be created."""
     if not folder.is_absolute():  # a home that is not known
         return False
     there = next(place for place in (folder, *folder.parents) if os.path.lexists(place))

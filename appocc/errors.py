@@ -1,19 +1,19 @@
-"""Errors of the suite: each is one clear line for a person, and carries the exit code of the command line."""
+"""Errors of the package: each has a message of one line and an exit code for the command line."""
 
 
 class AppoccError(Exception):
-    """Bad input or wrong usage; the message is one line that names the place and the reason."""
+    """Invalid input or usage; the message is one line with the location and the reason."""
 
     exit_code = 2
 
 
 class ShapeError(AppoccError, ValueError):
-    """An array has another shape, type or range than its dataclass promises."""
+    """An array or number has an invalid shape, type or range."""
 
 
 class DataError(AppoccError, ValueError):
-    """A file or folder is missing, damaged, or says something that cannot be true."""
+    """A file or folder is missing, damaged or invalid."""
 
 
 class NotFoundError(AppoccError, LookupError):
-    """A name that was asked for (scene, sample, channel, table) is not in the dataset."""
+    """A requested name (scene, sample, channel, table, ...) does not exist."""

@@ -1,4 +1,4 @@
-"""Files: paths that stay below their root, reads that end, writes that are whole or not at all, checked images."""
+"""Files: paths below a root, bounded reads, atomic writes, validated images."""
 
 from __future__ import annotations
 
@@ -24,23 +24,24 @@ from appocc.checks import ByteArray
 from appocc.errors import DataError
 from appocc.jpeg import end_of, is_cut, is_jpeg
 from appocc.temporary import made_folder, partial_file
+from appocc.typing import PathLike
 
-# Far above any real file: a camera's picture, a sweep, a map, a town. A file of results may hold a whole dataset.
+# Limits far above any real image, sweep, map or town; a file of results may hold a whole dataset.
 MOST_BYTES, MOST_TEXT_BYTES = 1 << 28, 1 << 31
-# What compressed files may hold.
+# Limit of the unpacked size of compressed files.
 _MOST_UNPACKED = 1 << 30
-# nuScenes' largest mask has 1.2 billion pixels; Pillow's own limit guards against far smaller pictures.
+# nuScenes' largest mask has 1.2 billion pixels, more than Pillow's default limit.
 _MOST_PIXELS = 4_000_000_000
-# A few bytes can claim to be a picture that fills the memory; cameras have up to 50 million pixels.
+# A small file can decode to an image that exhausts the memory; cameras have up to 50 million pixels.
 _MOST_CAMERA_PIXELS = 200_000_000
-# Formats that are read. Each of the others is one more parser for a stranger's bytes, and EPS starts a program.
+# Supported formats. Every further one is another parser for untrusted bytes, and EPS starts a program.
 _FORMATS = ("JPEG", "PNG")
 
 
 def inside(root: Path, name: str) -> Path:
-    """Path of a file that a table names, below `root`.
+    """Return the path of a file below `root` that a table names.
 
-    Only the name is judged: folders below the root may be links to other disks, as datasets often lie.
+    Only the name is checked: folders below the root may be links to other disks.
 
     Raises:
         DataError: if the name is empty or absolute, or has a part '..'.
@@ -51,17 +52,17 @@ def inside(root: Path, name: str) -> Path:
 
 
 def stays_inside(name: str) -> bool:
-    """Whether a file name can only mean a place below the folder it is joined to."""
+    """Return whether a file name, joined to a folder, is a path below this folder."""
     parts = name.replace("\\", "/").split("/")
     anchored = not parts[0] or os.path.splitdrive(name)[0]
     return not anchored and bool(name.strip("./\\")) and ".." not in parts and "\0" not in name
 
 
 def plain_name(root: Path, name: str) -> str:
-    """A name from a table of `root` that is to become the name of a file or folder, as it is.
+    """Check a name from a table of `root` that becomes the name of a file or folder, and return it.
 
     Raises:
-        DataError: if it is empty, or has parts that lead elsewhere.
+        DataError: if it is empty or has path separators.
     """
     if name in ("", ".", "..") or any(character in name for character in "/\\\0"):
         raise DataError(f"{root}: expected a name for a file, got '{name}', which is none or leads elsewhere")
@@ -69,18 +70,19 @@ def plain_name(root: Path, name: str) -> str:
 
 
 @contextmanager
-def whole_file(path: Path) -> Iterator[Path]:
-    """A temporary name beside `path`, renamed to it when the block ends well and removed when it does not.
+def whole_file(path: PathLike) -> Iterator[Path]:
+    """Write a file atomically: a temporary path, renamed to `path` if the block succeeds, otherwise removed.
 
-    Folders that are made for it go with it.
+    New parent folders are removed too if the block fails.
 
     Raises:
         DataError: if the folder cannot be written.
     """
+    path = Path(path)
     try:
-        # Else a device or a pipe would be replaced by a file of its name.
+        # Do not replace a device or a pipe.
         if path.exists() and not path.is_file():
-            raise DataError(f"{path}: cannot be written (it is no plain file)")
+            raise DataError(f"{path}: cannot be written (not a plain file)")
         with made_folder(path.parent), partial_file(path) as temporary:
             yield temporary
             temporary.chmod(0o644)
@@ -89,8 +91,8 @@ def whole_file(path: Path) -> Iterator[Path]:
         raise DataError(f"{path}: cannot be written ({error.strerror or error})") from error
 
 
-def write_bytes(path: Path, data: bytes) -> None:
-    """Write a file whole or not at all.
+def write_bytes(path: PathLike, data: bytes) -> None:
+    """Write a file atomically.
 
     Raises:
         DataError: if it cannot be written.
@@ -99,8 +101,8 @@ def write_bytes(path: Path, data: bytes) -> None:
         temporary.write_bytes(data)
 
 
-def write_json(path: Path, value: Any, indent: int | None = 1) -> None:
-    """Write JSON whole or not at all.
+def write_json(path: PathLike, value: Any, indent: int | None = 1) -> None:
+    """Write JSON atomically.
 
     Raises:
         DataError: if it cannot be written.
@@ -109,14 +111,14 @@ def write_json(path: Path, value: Any, indent: int | None = 1) -> None:
 
 
 @contextmanager
-def open_plain(path: Path, most_bytes: int | None = None) -> Iterator[BinaryIO]:
-    """A plain file, open to read; reading a pipe or a device might never end.
+def open_plain(path: PathLike, most_bytes: int | None = None) -> Iterator[BinaryIO]:
+    """Open a plain file for reading; pipes and devices are refused because reads may block.
 
     Raises:
-        DataError: if it is missing, cannot be read, is no plain file, or is larger than `most_bytes`.
+        DataError: if it is missing, cannot be read, is not a plain file, or is larger than `most_bytes`.
     """
     try:
-        opened = open(path, "rb", opener=_without_waiting)  # noqa: SIM115 - closed below, where an error is not of opening
+        opened = open(path, "rb", opener=_without_waiting)  # noqa: SIM115 - closed below, outside of this try
     except (OSError, ValueError) as error:  # a name with a null in it is a ValueError
         raise DataError(f"{path}: cannot be read ({getattr(error, 'strerror', None) or error})") from error
     with opened as file:
@@ -129,29 +131,29 @@ def open_plain(path: Path, most_bytes: int | None = None) -> Iterator[BinaryIO]:
 
 
 def _without_waiting(name: str, flags: int) -> int:
-    """Open a file; a pipe at once too, which otherwise waits for a writer."""
+    """Open a file without blocking: opening a pipe otherwise waits for a writer."""
     return os.open(name, flags | getattr(os, "O_NONBLOCK", 0))
 
 
-def read_file(path: Path, most_bytes: int = MOST_BYTES) -> bytes:
-    """The bytes of a plain file.
+def read_file(path: PathLike, most_bytes: int = MOST_BYTES) -> bytes:
+    """Read the bytes of a plain file.
 
     Raises:
         DataError: as `open_plain`.
     """
     with open_plain(path, most_bytes) as file:
         try:
-            # No more than was there when it was opened: a file may grow as fast as it is read.
+            # Only the size at opening: a file may grow as fast as it is read.
             return file.read(os.fstat(file.fileno()).st_size)
         except OSError as error:
             raise DataError(f"{path}: cannot be read ({error.strerror})") from error
 
 
-def read_text(path: Path, most_bytes: int = MOST_BYTES) -> str:
-    """The text of a plain file in UTF-8.
+def read_text(path: PathLike, most_bytes: int = MOST_BYTES) -> str:
+    """Read the UTF-8 text of a plain file.
 
     Raises:
-        DataError: as `open_plain`, or if it is no text.
+        DataError: as `open_plain`, or if it is not text.
     """
     try:
         return read_file(path, most_bytes).decode()
@@ -159,8 +161,8 @@ def read_text(path: Path, most_bytes: int = MOST_BYTES) -> str:
         raise DataError(f"{path}: cannot be read as text ({error})") from error
 
 
-def digest_of(path: Path) -> str:
-    """SHA-256 of a plain file.
+def digest_of(path: PathLike) -> str:
+    """Compute the SHA-256 of a plain file.
 
     Raises:
         DataError: as `open_plain`.
@@ -172,12 +174,13 @@ def digest_of(path: Path) -> str:
         return digest.hexdigest()
 
 
-def unzipped(path: Path) -> bytes:
-    """The bytes of a file, unpacked if its name ends in .gz.
+def unzipped(path: PathLike) -> bytes:
+    """Read the bytes of a file, unpacked if its name ends in .gz.
 
     Raises:
-        DataError: as `open_plain`, or if it is damaged or holds far too much.
+        DataError: as `open_plain`, or if it is damaged or too large when unpacked.
     """
+    path = Path(path)
     data = read_file(path)
     if path.suffix != ".gz":
         return data
@@ -191,11 +194,11 @@ def unzipped(path: Path) -> bytes:
     return text
 
 
-def read_json(path: Path) -> Any:
+def read_json(path: PathLike) -> Any:
     """Read a JSON file.
 
     Raises:
-        DataError: if it is missing or no JSON.
+        DataError: if it is missing or not JSON.
     """
     data = read_file(path, MOST_TEXT_BYTES)
     try:
@@ -205,11 +208,11 @@ def read_json(path: Path) -> Any:
 
 
 def zip_arrays(data: bytes) -> NpzFile:
-    """The arrays of an .npz file by name; nothing is unpickled.
+    """Open the arrays of an .npz file by name, without unpickling.
 
     Raises:
-        ValueError: if it is none, or holds far too much; what is damaged inside surfaces as nearly any error of
-            zipfile, zlib and numpy.
+        ValueError: if it is not an .npz file or too large when unpacked. Reading a damaged array raises nearly any
+            error of zipfile, zlib and numpy.
     """
     handle = io.BytesIO(data)
     if not zipfile.is_zipfile(handle):
@@ -223,11 +226,11 @@ def zip_arrays(data: bytes) -> NpzFile:
     return arrays
 
 
-def read_image(path: Path, size_px: tuple[int, int] | None = None) -> ByteArray:
-    """An image file as (H, W, 3) uint8 RGB; `size_px` is the (width, height) it must have.
+def read_image(path: PathLike, size_px: tuple[int, int] | None = None) -> ByteArray:
+    """Read an image file as (H, W, 3) uint8 RGB; `size_px` is the expected (width, height).
 
     Raises:
-        DataError: if it is missing, truncated or no image, or has another size.
+        DataError: if it is missing, truncated or not an image, or has another size.
     """
     data = read_file(path)
     if is_jpeg(data) and end_of(data) < 0:
@@ -249,7 +252,7 @@ def read_image(path: Path, size_px: tuple[int, int] | None = None) -> ByteArray:
 
 
 def _is_picture(data: bytes) -> bool:
-    """Whether bytes begin as a picture of a format that is read, no larger than a camera takes."""
+    """Return whether bytes begin as an image in a supported format, no larger than a camera's."""
     try:
         with _pillow(io.BytesIO(data)) as picture:
             return picture.width * picture.height <= _MOST_CAMERA_PIXELS
@@ -258,33 +261,35 @@ def _is_picture(data: bytes) -> bool:
 
 
 @contextmanager
-def open_picture(path: Path) -> Iterator[Image.Image]:
-    """A JPEG or PNG picture of which only the size or a part is wanted; it may be as large as a map.
+def open_picture(path: PathLike) -> Iterator[Image.Image]:
+    """Open a JPEG or PNG image, which may be as large as a map, to read its size or a part.
 
     Raises:
-        DataError: as `open_plain`; what is damaged inside surfaces as an error of Pillow.
+        DataError: as `open_plain`; reading damaged pixels raises an error of Pillow.
     """
     with open_plain(path) as file, _pillow(file) as picture:
         yield picture
 
 
 def _pillow(file: BinaryIO) -> Image.Image:
-    """A picture of a format that is read; its pixels are read when they are asked for."""
+    """Open an image in a supported format; pixels are read on demand."""
     Image.MAX_IMAGE_PIXELS = _MOST_PIXELS
     return Image.open(file, formats=_FORMATS)
 
 
-def write_image(path: Path, rgb: ByteArray) -> None:
-    """Write an (H, W, 3) RGB or (H, W) grey uint8 picture; the ending of the path says the format.
+def write_image(path: PathLike, rgb: ByteArray) -> None:
+    """Write an (H, W, 3) RGB or (H, W) grey uint8 image; the ending of the path is the format.
 
     Raises:
-        DataError: if the ending is unknown, the picture too large for it or empty, or the file cannot be written.
+        DataError: if the ending is unknown, the image is empty or too large for the format, or the file cannot be
+            written.
     """
+    path = Path(path)
     try:
         picture = cv2.cvtColor(rgb, cv2.COLOR_RGB2BGR) if rgb.ndim == 3 else rgb
         done, data = cv2.imencode(path.suffix or ".png", picture)
     except cv2.error:
         done = False
     if not done:
-        raise DataError(f"{path}: a picture of shape {rgb.shape} cannot be written as '{path.suffix}'")
+        raise DataError(f"{path}: an image of shape {rgb.shape} cannot be written as '{path.suffix}'")
     write_bytes(path, data.tobytes())

@@ -1,4 +1,4 @@
-"""One moment of a recording: images, rig, ego pose, time, boxes."""
+"""A key frame of a recording: images, rig, ego pose, time, boxes."""
 
 from __future__ import annotations
 
@@ -9,22 +9,22 @@ import numpy as np
 
 from appocc.boxes import Boxes
 from appocc.camera import CameraRig
-from appocc.checks import ByteArray, FloatArray, check_dtype, check_shape, check_transform, frozen
+from appocc.checks import ByteArray, FloatArray, check_dtype, check_shape, check_transform, freeze_arrays
 from appocc.errors import ShapeError
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Frame:
-    """A key frame.
+    """A key frame of a recording.
 
     Attributes:
         token: sample token.
         timestamp_us: time of the sample, microseconds.
         world_from_ego: (4, 4) ego pose at that time.
-        rig: the cameras; each `ego_from_cam` is corrected for the ego's motion between the image's own time and
-            the sample's, so that `world_from_ego @ ego_from_cam` is where the camera really was.
-        images: channel -> (H, W, 3) uint8 RGB; a camera without an image is dead.
-        boxes_ego: annotated boxes in the ego frame, None where the scene has none.
+        rig: the cameras. Each `ego_from_cam` is corrected for the ego motion between the time of the image and the
+            time of the sample, so that `world_from_ego @ ego_from_cam` is the camera's pose when it took the image.
+        images: channel -> (H, W, 3) uint8 RGB, shared with the caller; a camera without an image is missing.
+        boxes_ego: annotated boxes in the ego frame; None if the scene is not annotated.
     """
 
     token: str
@@ -41,7 +41,8 @@ class Frame:
             ShapeError: if an image does not fit its camera.
         """
         check_transform("world_from_ego", self.world_from_ego)
-        frozen(self.world_from_ego)
+        freeze_arrays(self, "world_from_ego")
+        object.__setattr__(self, "images", dict(self.images))
         for channel, image in self.images.items():
             if channel not in self.rig.channels:
                 raise ShapeError(f"images: expected channels of the rig, got '{channel}'")

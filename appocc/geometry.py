@@ -14,16 +14,16 @@ _ROUNDED = 1e-3
 
 
 def rotation_from_quaternion(wxyz: ArrayLike) -> Rotations:
-    """Rotation matrix (..., 3, 3) of quaternions (..., 4) in wxyz order; they are normalised first.
+    """Return rotation matrices (..., 3, 3) of quaternions (..., 4) in wxyz order, which are normalised first.
 
     Raises:
-        ShapeError: if the last axis is not 4, or a quaternion is not finite or has no length.
+        ShapeError: if the last axis is not 4, or a quaternion is not finite or nearly zero.
     """
     q = np.asarray(wxyz, dtype=np.float64)
     if q.shape[-1:] != (4,):
         raise ShapeError(f"quaternion wxyz: expected shape (..., 4), got {q.shape}")
     check_finite("quaternion wxyz", q)
-    size = np.abs(q).max(axis=-1)  # the length itself overflows where a number is huge
+    size = np.abs(q).max(axis=-1)  # not the length, which overflows for huge numbers
     if q.size and not (size.min() >= 1e-6 and size.max() <= 1e6):
         raise ShapeError(f"quaternion wxyz: expected a length of 1, got {size.min():.2g} .. {size.max():.2g}")
     matrices = Rotation.from_quat(q.reshape(-1, 4), scalar_first=True).as_matrix()
@@ -31,26 +31,26 @@ def rotation_from_quaternion(wxyz: ArrayLike) -> Rotations:
 
 
 def is_unit(wxyz: ArrayLike) -> BoolArray:
-    """Whether quaternions (..., 4) have a length of 1, but for the rounding of three decimals."""
+    """Return whether quaternions (..., 4) have a length of 1 to three decimals."""
     with np.errstate(over="ignore", invalid="ignore"):
         return np.asarray(np.abs(np.linalg.norm(wxyz, axis=-1) - 1) <= _ROUNDED)
 
 
 def quaternion_from_rotation(rotation: ArrayLike) -> FloatArray:
-    """Quaternion (4,) wxyz with w >= 0 of a rotation matrix (3, 3); the nearest rotation is taken."""
+    """Return the quaternion (4,) wxyz with w >= 0 of the rotation nearest to a matrix (3, 3)."""
     q = Rotation.from_matrix(np.asarray(rotation, dtype=np.float64)).as_quat(canonical=True, scalar_first=True)
     return np.asarray(q, dtype=np.float64)
 
 
 def quaternion_from_yaw(yaw_rad: ArrayLike) -> FloatArray:
-    """Quaternions (..., 4) wxyz of turns (...) about +z, counter-clockwise."""
+    """Return quaternions (..., 4) wxyz of counter-clockwise rotations (...) about +z."""
     half_rad = np.asarray(yaw_rad, dtype=np.float64) / 2
     zero = np.zeros_like(half_rad)
     return np.stack([np.cos(half_rad), zero, zero, np.sin(half_rad)], axis=-1)
 
 
 def transform(rotation: ArrayLike, translation: ArrayLike) -> Transform:
-    """4x4 transform from a rotation ((3, 3) matrix or (4,) quaternion wxyz) and a translation (3,), metres.
+    """Return the 4x4 transform of a rotation ((3, 3) matrix or (4,) quaternion wxyz) and a translation (3,), metres.
 
     Raises:
         ShapeError: if one has another shape or is not finite.
@@ -69,7 +69,7 @@ def transform(rotation: ArrayLike, translation: ArrayLike) -> Transform:
 
 
 def inverse(target_from_source: Transform) -> Transform:
-    """Inverse of a rigid transform: `source_from_target`."""
+    """Return the inverse of a rigid transform: `source_from_target`."""
     rotation_t = target_from_source[:3, :3].T
     result = np.eye(4)
     result[:3, :3] = rotation_t
@@ -78,17 +78,17 @@ def inverse(target_from_source: Transform) -> Transform:
 
 
 def apply(target_from_source: Transform, points: Points3) -> Points3:
-    """Points (..., 3) in the source frame -> points (..., 3) in the target frame."""
+    """Transform points (..., 3) from the source frame to the target frame."""
     return np.asarray(points @ target_from_source[:3, :3].T + target_from_source[:3, 3])
 
 
 def nearest_rigid(matrix: Transform) -> Transform:
-    """The rigid transform nearest to a slightly rounded one (polar decomposition of the rotation)."""
+    """Return the rigid transform nearest to a slightly rounded one (polar decomposition of the rotation)."""
     return transform(quaternion_from_rotation(matrix[:3, :3]), matrix[:3, 3])
 
 
 def footprints(centre_m: ArrayLike, yaw_rad: ArrayLike, length_width_m: ArrayLike) -> FloatArray:
-    """(..., 4, 2) corners of boxes seen from above, counter-clockwise from front left.
+    """Return the corners (..., 4, 2) of boxes seen from above, counter-clockwise from front left.
 
     Args:
         centre_m: (..., 2) centres.
@@ -102,22 +102,22 @@ def footprints(centre_m: ArrayLike, yaw_rad: ArrayLike, length_width_m: ArrayLik
 
 
 def yaw_of(rotation: FloatArray) -> FloatArray:
-    """Heading about +z, radians in (-pi, pi], of the x axis of rotations (..., 3, 3) or transforms (..., 4, 4)."""
+    """Return the heading about +z, radians in (-pi, pi], of rotations (..., 3, 3) or transforms (..., 4, 4)."""
     return np.asarray(np.arctan2(rotation[..., 1, 0], rotation[..., 0, 0]), dtype=np.float64)
 
 
 def wrap_angle(angle_rad: ArrayLike) -> FloatArray:
-    """Angles wrapped to [-pi, pi)."""
+    """Wrap angles to [-pi, pi)."""
     return np.asarray((np.asarray(angle_rad, dtype=np.float64) + np.pi) % (2 * np.pi) - np.pi)
 
 
 def interpolate_pose(times: Numbers, poses: Transforms, at: float) -> Transform:
-    """Pose at time `at` from poses (N, 4, 4) at rising `times` (N,): straight line and slerp.
+    """Interpolate poses (N, 4, 4) at rising `times` (N,) at time `at`: linear translation, slerp rotation.
 
-    Outside the span the nearest step is carried on, by at most its own length.
+    Outside of the times, extrapolate the nearest step by at most its own length.
 
     Raises:
-        ShapeError: if there is no pose at all.
+        ShapeError: if there are no poses.
     """
     if not len(times):
         raise ShapeError("poses: expected at least one, got none")
@@ -129,7 +129,7 @@ def interpolate_pose(times: Numbers, poses: Transforms, at: float) -> Transform:
 
 
 def poses_between(first: Transforms, second: Transforms, share: float) -> Transforms:
-    """Poses (N, 4, 4) a share of the way from `first` to `second`, both (N, 4, 4): straight line and slerp."""
+    """Interpolate between poses `first` and `second`, both (N, 4, 4): linear translation, slerp rotation."""
     turn = Rotation.from_matrix(first[:, :3, :3].transpose(0, 2, 1) @ second[:, :3, :3]).as_rotvec()
     between = first.copy()
     between[:, :3, :3] = first[:, :3, :3] @ Rotation.from_rotvec(turn * share).as_matrix()
@@ -138,6 +138,6 @@ def poses_between(first: Transforms, second: Transforms, share: float) -> Transf
 
 
 def mean_pose(poses: Transforms) -> Transform:
-    """Mean rotation and median translation of poses (N, 4, 4) that scatter a little around one value."""
+    """Return the mean rotation and median translation of poses (N, 4, 4) with small deviations."""
     rotation = Rotation.from_matrix(poses[:, :3, :3]).mean().as_matrix()
     return transform(rotation, np.median(poses[:, :3, 3], axis=0))

@@ -1,4 +1,4 @@
-"""The bird's-eye-view grid: where a cell lies in metres, and which cell a point falls into."""
+"""The bird's-eye-view grid: conversion between metres and cells."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from appocc.typing import Cells, Points2
 
 @dataclass(frozen=True)
 class BEVGrid:
-    """A grid on the ego's ground plane: x forward, y left, metres; arrays are (..., X, Y), cell 0 at the minimum.
+    """A grid on the ground plane of the ego frame: x forward, y left, metres; arrays are (..., X, Y).
 
-    Cell i covers [min + i*cell, min + (i+1)*cell); a point's index is found by floor.
+    Cell i covers [min + i*cell, min + (i+1)*cell); the index of a point is rounded down.
     """
 
     x_min_m: float = -40.0
@@ -41,31 +41,31 @@ class BEVGrid:
 
     @classmethod
     def surround(cls) -> BEVGrid:
-        """The paper's 360 degree grid: 80 m x 80 m around the ego, (200, 200) cells of 0.4 m."""
+        """Return the paper's 360 degree grid: 80 m x 80 m around the ego, (200, 200) cells of 0.4 m."""
         return cls()
 
     @classmethod
     def front(cls) -> BEVGrid:
-        """The paper's 180 degree grid: 40 m ahead, 80 m wide, (100, 200) cells of 0.4 m."""
+        """Return the paper's 180 degree grid: 40 m forward, 80 m wide, (100, 200) cells of 0.4 m."""
         return cls(x_min_m=0.0)
 
     @classmethod
     def from_array(cls, values: ArrayLike) -> BEVGrid:
-        """The grid of a stored array [x_min, x_max, y_min, y_max, cell].
+        """Return the grid of a stored array [x_min, x_max, y_min, y_max, cell].
 
         Raises:
-            ShapeError: if it does not hold five numbers that make a grid.
+            ShapeError: if it is not five numbers of a valid grid.
         """
         array = np.asarray(values, dtype=np.float64)
         check_shape("grid", array, (5,))
         return cls(*(float(value) for value in array))
 
     def as_array(self) -> FloatArray:
-        """[x_min, x_max, y_min, y_max, cell] in metres, as stored on disk."""
+        """Return [x_min, x_max, y_min, y_max, cell] in metres, as stored on disk."""
         return np.array([self.x_min_m, self.x_max_m, self.y_min_m, self.y_max_m, self.cell_m])
 
     def halved(self) -> BEVGrid:
-        """The grid of cells twice as long and wide, from the same corner; it reaches at least as far."""
+        """Return a grid with cells of twice the size from the same corner, with at least the same extent."""
         x, y = (2 * self.cell_m * -(-cells // 2) for cells in self.shape)
         return BEVGrid(self.x_min_m, self.x_min_m + x, self.y_min_m, self.y_min_m + y, 2 * self.cell_m)
 
@@ -78,21 +78,21 @@ class BEVGrid:
         )
 
     def cell_of(self, xy_m: ArrayLike) -> Cells:
-        """Cell indices (..., 2) of points (..., 2) in the ego frame; may lie outside the grid."""
+        """Return the cell indices (..., 2) of points (..., 2) in the ego frame; they may be outside the grid."""
         xy = np.asarray(xy_m, dtype=np.float64)
-        # A hair's breadth is added so that 0.4 * 3 falls into cell 3 and not, by rounding, into cell 2.
+        # The epsilon keeps 0.4 * 3 in cell 3 despite rounding.
         return np.floor((xy - [self.x_min_m, self.y_min_m]) / self.cell_m + 1e-9).astype(np.int64)
 
     def centre_of(self, cell: ArrayLike) -> Points2:
-        """Centres (..., 2) in metres, ego frame, of cell indices (..., 2); fractions of a cell are allowed."""
+        """Return the centres (..., 2) in metres, ego frame, of cell indices (..., 2), which may be fractions."""
         index = np.asarray(cell, dtype=np.float64)
         return np.asarray([self.x_min_m, self.y_min_m] + (index + 0.5) * self.cell_m)
 
     def contains(self, cell: ArrayLike) -> BoolArray:
-        """Whether cell indices (..., 2) lie inside the grid."""
+        """Return whether cell indices (..., 2) are inside the grid."""
         index = np.asarray(cell)
         return np.asarray(((index >= 0) & (index < np.array(self.shape))).all(axis=-1))
 
     def centres(self) -> Points2:
-        """Centres (X, Y, 2) of all cells, metres, ego frame."""
+        """Return the centres (X, Y, 2) of all cells, metres, ego frame."""
         return self.centre_of(np.stack(np.meshgrid(*map(np.arange, self.shape), indexing="ij"), axis=-1))

@@ -1,4 +1,4 @@
-"""Whether a JPEG is whole: decoders fill what is missing of one with grey, and say so at most on stderr."""
+"""Detection of truncated JPEGs: decoders fill missing parts with grey and at most warn on stderr."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from appocc.checks import ByteArray
 
 _BEGIN, _END, _SCAN = b"\xff\xd8", b"\xff\xd9", b"\xff\xda"
 _GREY = 128
-# Changes what a decoder makes of blocks that it still looks for at the end mark; without a mark in it.
+# Bytes without a marker that change blocks which a decoder still expects at the end marker.
 _FILLING = bytes(range(1, 100))
 
 
 def is_jpeg(data: bytes) -> bool:
-    """Whether a file's bytes begin as a JPEG."""
+    """Return whether bytes begin as a JPEG."""
     return data.startswith(_BEGIN)
 
 
 def end_of(data: bytes) -> int:
-    """Place of the last end mark of a JPEG, -1 where it has none; anything may follow it.
+    """Return the position of the last end marker of a JPEG, -1 if there is none; other data may follow it.
 
-    A picture in its header, such as a thumbnail, has an end mark, too.
+    Images in the header, such as thumbnails, have their own end marker and are skipped.
     """
     at = len(_BEGIN)
     while data[at : at + 1] == b"\xff" and data[at : at + 2] != _SCAN:
@@ -32,21 +32,21 @@ def end_of(data: bytes) -> int:
 
 
 def is_cut(data: bytes, decoded: ByteArray) -> bool:
-    """Whether the last blocks of a JPEG are missing, though it has an end mark.
+    """Return whether the last blocks of a JPEG are missing although it has an end marker.
 
-    Only a picture with a grey corner, wherever the camera's orientation puts it, is looked at closely. In one with
-    several scans that is cut between them nothing is seen to be missing.
+    Only images with a grey corner are checked closely; any corner, because of the camera's orientation. A progressive
+    JPEG that is truncated between two scans is not detected.
 
     Args:
         data: bytes of the file.
-        decoded: (H, W, 3) uint8 picture.
+        decoded: (H, W, 3) uint8 image.
     """
     if not (decoded[:: max(len(decoded) - 1, 1), :: max(decoded.shape[1] - 1, 1)] == _GREY).all(axis=2).any():
         return False
     end = end_of(data)
     try:
         return not np.array_equal(_pixels(data), _pixels(data[:end] + _FILLING + data[end:]))
-    except (OSError, SyntaxError, Image.DecompressionBombError):  # a kind of JPEG that Pillow does not read
+    except (OSError, SyntaxError, Image.DecompressionBombError):  # a JPEG variant that Pillow does not support
         return False
 
 

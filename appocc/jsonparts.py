@@ -1,4 +1,4 @@
-"""Parts of JSON values that others may have written: what is read of them is checked, the rest is let through."""
+"""Validation of JSON from other tools: fields that are read are checked, other fields are ignored."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 
 class JsonPart(BaseModel):
-    """Numbers are numbers and finite, texts are texts; names that are not asked for may be there."""
+    """Base model with strict types and finite numbers; other fields are ignored."""
 
     model_config = ConfigDict(frozen=True, strict=True, allow_inf_nan=False)
 
 
 def first_problem(error: ValidationError) -> str:
-    """The first thing that is wrong, and where, in a line."""
+    """Return the first problem of a validation error and its location, in one line."""
     first = error.errors()[0]
     place = ".".join(map(str, first["loc"]))
     if first["type"] == "missing":

@@ -1,6 +1,6 @@
-"""When a road user stands and when it moves, by its speed."""
+"""Speed thresholds of standing and moving road users."""
 
 from __future__ import annotations
 
-# Slower than the first is standing; faster than the second is moving; between them the state is uncertain.
+# Below the first a road user stands, above the second it moves; between them its state is uncertain.
 STANDING_MPS, MOVING_MPS = 0.5, 1.0

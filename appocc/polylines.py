@@ -1,4 +1,4 @@
-"""Geometry of polylines (N, 2): cut by arc length, moved sideways, widened to strips."""
+"""Geometry of polylines (N, 2): arc length, cutting, offsets and strips."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ import numpy as np
 from appocc.checks import FloatArray
 
 _SHORTEST_M = 0.01
-# A corner's outer edge reaches at most this many times the offset away.
+# Limit of the distance of a mitred corner, in units of the offset.
 _MITRE_LIMIT = 2.0
 _ZERO = np.zeros(1)
 
 
 def clean(line_m: FloatArray) -> FloatArray:
-    """The line without points closer than a centimetre to the one before; its ends stay."""
+    """Remove points closer than a centimetre to their predecessor; keep both ends."""
     if len(line_m) < 2:
         return line_m
     keep = np.ones(len(line_m), np.bool_)
@@ -25,23 +25,23 @@ def clean(line_m: FloatArray) -> FloatArray:
 
 
 def arc_m(line_m: FloatArray) -> FloatArray:
-    """(N,) way along the line up to each point, metres."""
+    """Return the arc length (N,) at each point, metres."""
     return np.concatenate([_ZERO, np.cumsum(np.hypot(*(line_m[1:] - line_m[:-1]).T))])
 
 
 def length_m(line_m: FloatArray) -> float:
-    """Length of the line in metres; 0 of less than two points."""
+    """Return the length of the line in metres; 0 for fewer than two points."""
     return float(np.hypot(*(line_m[1:] - line_m[:-1]).T).sum()) if len(line_m) > 1 else 0.0
 
 
 def points_at(line_m: FloatArray, along_m: FloatArray) -> FloatArray:
-    """(S, 2) points at S ways along the line; its ends beyond them."""
+    """Return points (S, 2) at arc lengths (S,), clamped to the ends of the line."""
     arc = arc_m(line_m)
     return np.stack([np.interp(along_m, arc, line_m[:, axis]) for axis in (0, 1)], axis=-1)
 
 
 def directions_at(line_m: FloatArray, along_m: FloatArray) -> FloatArray:
-    """(S, 2) unit directions of the line at S ways along it."""
+    """Return unit directions (S, 2) of the line at arc lengths (S,)."""
     steps = np.diff(line_m, axis=0)
     piece = np.searchsorted(arc_m(line_m), along_m, side="right") - 1
     step = steps[np.clip(piece, 0, len(steps) - 1)]
@@ -49,7 +49,7 @@ def directions_at(line_m: FloatArray, along_m: FloatArray) -> FloatArray:
 
 
 def cut(line_m: FloatArray, start_m: float, end_m: float) -> FloatArray:
-    """The piece from one way along the line to another; (0, 2) if nothing is left."""
+    """Return the piece between two arc lengths; (0, 2) if it is empty."""
     arc = arc_m(line_m)
     start, end = max(start_m, 0.0), min(end_m, float(arc[-1]))
     if end - start <= _SHORTEST_M:
@@ -60,13 +60,13 @@ def cut(line_m: FloatArray, start_m: float, end_m: float) -> FloatArray:
 
 
 def dashes(line_m: FloatArray, dash_m: float, gap_m: float) -> list[FloatArray]:
-    """Pieces of a broken line; it begins with half a gap, so that two lines end to end go on evenly."""
+    """Return the dashes of a broken line; it starts with half a gap, so that consecutive lines are evenly dashed."""
     starts = np.arange(gap_m / 2, length_m(line_m) - dash_m / 3, dash_m + gap_m)
     return [piece for start in starts if len(piece := cut(line_m, float(start), float(start) + dash_m))]
 
 
 def normals(line_m: FloatArray) -> FloatArray:
-    """(N, 2) at each point, to the left, as long as it takes to move both neighbouring pieces by 1 (mitred)."""
+    """Return mitred normals (N, 2) to the left: an offset by a normal shifts both neighbouring segments by 1."""
     step = np.diff(line_m, axis=0)
     step /= np.hypot(step[:, :1], step[:, 1:])
     left = np.stack([-step[:, 1], step[:, 0]], axis=1)
@@ -77,12 +77,12 @@ def normals(line_m: FloatArray) -> FloatArray:
 
 
 def shifted(line_m: FloatArray, left_m: float) -> FloatArray:
-    """The line moved to its left by some metres (to the right if negative)."""
+    """Offset the line to its left by some metres (to the right if negative)."""
     return np.asarray(line_m + normals(line_m) * left_m) if len(line_m) > 1 else line_m
 
 
 def strip(line_m: FloatArray, left_m: float, right_m: float) -> FloatArray:
-    """(N - 1, 4, 2) areas between the line moved left by `left_m` and by `right_m`; neighbours share a side."""
+    """Return quadrilaterals (N - 1, 4, 2) between the line offset left by `left_m` and by `right_m`."""
     if len(line_m) < 2:
         return np.zeros((0, 4, 2))
     across = normals(line_m)
@@ -91,6 +91,6 @@ def strip(line_m: FloatArray, left_m: float, right_m: float) -> FloatArray:
 
 
 def outline(line_m: FloatArray, left_m: float, right_m: float) -> FloatArray:
-    """(2 N, 2) outline of the whole strip between the line moved to the left by `left_m` and by `right_m`."""
+    """Return the outline (2 N, 2) of the strip between the line offset left by `left_m` and by `right_m`."""
     across = normals(line_m)
     return np.concatenate([line_m + across * right_m, (line_m + across * left_m)[::-1]])

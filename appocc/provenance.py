@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -28,11 +28,11 @@ _UNKNOWN = "what they were made from is not recorded"
 
 def digest(values: Iterable[object]) -> str:
     """Digest of numbers, texts, lists and arrays."""
-    told = hashlib.sha256()
+    hashed = hashlib.sha256()
     for value in values:
         plain = value.tolist() if isinstance(value, np.ndarray) else value
-        told.update(f"{plain!r}\n".encode())
-    return told.hexdigest()[:16]
+        hashed.update(f"{plain!r}\n".encode())
+    return hashed.hexdigest()[:16]
 
 
 def state_of(path: Path) -> tuple[int, int] | None:
@@ -65,6 +65,23 @@ class Record:
             return _UNKNOWN
         changed = sorted(part for part in {*before, *parts} if before.get(part) != parts.get(part))
         return f"{' and '.join(changed)} changed" if changed else ""
+
+    def why_remake(self, result: Path, picture: Path, parts: Parts, why_stale: Callable[[Path], str]) -> str | None:
+        """Return why a result must be made: the reason why it is stale, or '' if it or its picture is missing.
+
+        Args:
+            result: file of the result; its name without the ending is its name in the record.
+            picture: file of its picture.
+            parts: digests of its inputs now.
+            why_stale: reason why an existing result is stale apart from its inputs; '' if it is not.
+
+        Returns:
+            None if the result is up to date.
+        """
+        if not result.is_file():
+            return ""
+        reason = why_stale(result) or self.why_stale(result.stem, parts)
+        return reason or (None if picture.is_file() else "")
 
     def tidy(self) -> None:
         """Write one line for each result, in order; called when a run has ended.

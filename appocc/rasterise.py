@@ -1,4 +1,4 @@
-"""Polygons to grids: the exact share of every cell that a polygon covers."""
+"""Rasterisation: the exact share of every grid cell that a polygon covers."""
 
 from __future__ import annotations
 
@@ -6,22 +6,23 @@ from itertools import pairwise
 
 import numpy as np
 
+from appocc.boxes import Boxes
 from appocc.checks import FloatArray, IntArray, check_finite, check_shape
 from appocc.grid import BEVGrid
 from appocc.typing import Cover, List2
 
-# Share of a cell that a class must cover to switch it on.
+# Minimum covered share of a cell of each class.
 ROAD_SHARE = VEHICLE_SHARE = 0.5
 LANE_SHARE = 0.2
-# A box whose side runs along the middle of cells covers half of each, give or take rounding.
+# Tolerance for sides that run through the middle of cells and cover half of each.
 ROUNDING = 1e-9
 
 
 def polygon_cover(grid: BEVGrid, polygon_xy_m: FloatArray) -> Cover:
-    """(X, Y) share in [0, 1] of each cell that lies inside a simple polygon (K, 2), ego metres; exact, not sampled.
+    """Return the share (X, Y), in [0, 1], of each cell inside a simple polygon (K, 2), ego metres; exact.
 
-    Every edge is cut where it crosses a grid line; each piece adds its signed area to the cells on one side of it, as
-    font rasterisers do, so the sum over a row of cells is the polygon's cover.
+    Every edge is cut where it crosses a grid line. Each piece adds its signed area to the cells on one side of it, as
+    in font rasterisers; the cumulative sum over a row of cells is the cover.
 
     Raises:
         ShapeError: if the polygon is not (K, 2) or not finite.
@@ -38,7 +39,7 @@ def polygon_cover(grid: BEVGrid, polygon_xy_m: FloatArray) -> Cover:
     inside = (middle[:, 0] >= 0) & (middle[:, 0] < x) & (middle[:, 1] < y) & (run != 0)
     run, middle = run[inside], middle[inside]
     row = middle[:, 0].astype(np.int64)
-    side = np.maximum(middle[:, 1], 0.0)  # what lies before the grid covers the whole row
+    side = np.maximum(middle[:, 1], 0.0)  # parts before the grid cover the whole row
     column = side.astype(np.int64)
     beyond = side - column
     size, place = x * (y + 1), row * (y + 1) + column
@@ -47,12 +48,12 @@ def polygon_cover(grid: BEVGrid, polygon_xy_m: FloatArray) -> Cover:
 
 
 def polygon_owner(grid: BEVGrid, outlines_m: FloatArray, least: float) -> IntArray:
-    """(X, Y) number of the polygon that covers most of a cell; -1 where none covers the share `least` of it.
+    """Return the index (X, Y) of the polygon with the largest cover of each cell; -1 if below the share `least`.
 
     Args:
         grid: cells.
-        outlines_m: (N, K, 2) simple polygons, ego frame; of equal ones the first counts.
-        least: share, give or take rounding.
+        outlines_m: (N, K, 2) simple polygons, ego frame; the first one wins ties.
+        least: minimum share, up to rounding.
 
     Raises:
         ShapeError: if the outlines are not (N, K, 2) or not finite.
@@ -65,7 +66,7 @@ def polygon_owner(grid: BEVGrid, outlines_m: FloatArray, least: float) -> IntArr
     lows = np.clip(np.floor(corners.min(axis=1)), 0, grid.shape).astype(np.int64)
     highs = np.clip(np.floor(corners.max(axis=1)) + 1, 0, grid.shape).astype(np.int64)
     for i in np.flatnonzero((lows < highs).all(axis=1)):
-        # Only the cells around it, counted from the lowest.
+        # Only the cells of its bounding box.
         (x0, y0), (x1, y1) = lows[i].tolist(), highs[i].tolist()
         cover = polygon_cover(BEVGrid(0.0, x1 - x0, 0.0, y1 - y0, 1.0), corners[i] - lows[i])
         more = cover > best[x0:x1, y0:y1]
@@ -73,8 +74,13 @@ def polygon_owner(grid: BEVGrid, outlines_m: FloatArray, least: float) -> IntArr
     return owner
 
 
+def vehicle_owner(grid: BEVGrid, boxes_ego: Boxes) -> IntArray:
+    """(X, Y) index of the box that covers most of a cell, at least half of it; -1 where none does."""
+    return polygon_owner(grid, boxes_ego.corners()[:, :4, :2], VEHICLE_SHARE)
+
+
 def _cut(start: FloatArray, end: FloatArray, x: int, y: int) -> FloatArray:
-    """(K, cuts, 2) points along each edge: its ends and where it crosses the lines of a grid of x by y cells."""
+    """Return points (K, cuts, 2) along each edge: its ends and its crossings with the lines of an x by y grid."""
     step = end - start
     shares = [np.zeros((len(start), 1)), np.ones((len(start), 1))]
     for axis, size in ((0, x), (1, y)):
@@ -89,7 +95,7 @@ def _cut(start: FloatArray, end: FloatArray, x: int, y: int) -> FloatArray:
 
 
 def line_cover(grid: BEVGrid, line_xy_m: List2, width_m: float) -> Cover:
-    """(X, Y) share of each cell covered by a polyline (K, 2) of some width; its pieces are added, up to 1."""
+    """Return the share (X, Y) of each cell under a polyline (K, 2) with a width; segments add up, to 1 at most."""
     cover = np.zeros(grid.shape)
     for a, b in pairwise(line_xy_m):
         length = float(np.hypot(*(b - a)))

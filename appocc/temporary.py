@@ -8,19 +8,30 @@ from __future__ import annotations
 import errno
 import os
 import shutil
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from appocc.errors import DataError
+from appocc.errors import AppoccError, DataError
 
 try:
     import fcntl
-except ImportError:  # Windows: two runs at one folder are not noticed there
+except ImportError:  # Windows
     fcntl = None  # type: ignore[assignment]
 
 # Errors of file systems without locks.
 _NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP, errno.EINVAL)
+
+
+def check_locks() -> None:
+    """Check that this system has the file locks of Unix.
+
+    Raises:
+        AppoccError: if it has none.
+    """
+    if fcntl is None:
+        raise AppoccError(f"expected a Unix system with file locks (fcntl), got {sys.platform} without them")
 
 
 @contextmanager

@@ -1,15 +1,19 @@
-"""Shapes of arrays, as types: `Points3` are (..., 3), sizes named alike (n) agree within a call.
+"""Type aliases: paths, and arrays by shape. `Points3` is (..., 3); sizes with the same name (n) agree within a call.
 
-Where the test run has loaded jaxtyping, they are checked at every call; elsewhere they are plain numpy arrays.
+Test runs with jaxtyping check the shapes at every call; elsewhere the aliases are plain numpy arrays.
 """
 
 from __future__ import annotations
 
+import os
 import sys
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+
+# A path as public functions take it.
+PathLike = str | os.PathLike[str]
 
 if not TYPE_CHECKING and "jaxtyping" in sys.modules:
     from jaxtyping import Bool, Float, Int

@@ -50,7 +50,7 @@ class Pool:
         self._workers: dict[Connection, BaseProcess] = {}
 
     def in_order(self, job: Callable[[T], R], items: Iterable[T], chunksize: int = 1) -> Iterator[R]:
-        """Results of a job in the order of its items; at most two chunks a process are computed ahead.
+        """Yield the results of a job in the order of its items; at most two chunks per process are computed ahead.
 
         Raises:
             AppoccError: if a worker is killed.
@@ -121,8 +121,8 @@ class Pool:
         try:
             yield
         except (EOFError, OSError) as error:
-            told = f"a worker process was killed (out of memory?): {self.size} at once may be too many"
-            raise AppoccError(told) from error
+            message = f"a worker process was killed (out of memory?): {self.size} at once may be too many"
+            raise AppoccError(message) from error
 
 
 @contextmanager
@@ -146,9 +146,9 @@ def worker_pool(size: int) -> Iterator[Pool | None]:
 
 
 def in_order(pool: Pool | None, job: Callable[[T], R], items: Iterable[T], chunksize: int = 1) -> Iterator[R]:
-    """Results of a job in the order of its items, `chunksize` of which are handed over at once.
+    """Yield the results of a job in the order of its items, in chunks of `chunksize` items.
 
-    Without a pool they are computed here, one by one on demand.
+    Without a pool, compute them in this process on demand.
     """
     return map(job, items) if pool is None else pool.in_order(job, items, chunksize)
 

@@ -1,26 +1,26 @@
-"""YAML that people write: rigs and trainings. Plain values only; nothing in it is executed, nothing unfolds."""
+"""YAML files written by users, such as rigs and training configurations: plain values only, without aliases."""
 
 from __future__ import annotations
 
 from collections import Counter
-from pathlib import Path
 from typing import Any
 
 import yaml
 
 from appocc.errors import DataError
 from appocc.files import read_text
+from appocc.typing import PathLike
 
-# PyYAML reads some 50 kB a second; a rig of six cameras has 1 kB.
+# PyYAML reads about 50 kB a second; a rig of six cameras has 1 kB.
 _MOST_BYTES = 200_000
-_MOST_TOLD = 300
+_MESSAGE_CHARACTERS = 300
 
 
-def read_yaml(path: Path) -> Any:
-    """The value of a YAML file.
+def read_yaml(path: PathLike) -> Any:
+    """Read a YAML file.
 
     Raises:
-        DataError: if it cannot be read, is too large, or is no valid YAML.
+        DataError: if it cannot be read, is too large, or is not valid YAML.
     """
     text = read_text(path, _MOST_BYTES)
     try:
@@ -30,20 +30,20 @@ def read_yaml(path: Path) -> Any:
 
 
 def parse_yaml(text: str) -> Any:
-    """The value of a YAML text.
+    """Parse a YAML text.
 
     Raises:
-        ValueError: if it is none, in one line: it has an alias, a key twice, a tag of Python, or is damaged.
+        ValueError: if it has an alias, a duplicate key, a Python tag or a syntax error; the message is one line.
     """
     try:
         return yaml.load(text, _Loader)
-    # A date that is none, or a number of thousands of digits, is a plain ValueError of PyYAML.
+    # For an invalid date or a number of thousands of digits, PyYAML raises a plain ValueError.
     except (yaml.YAMLError, ValueError, RecursionError) as error:
-        raise ValueError(" ".join(str(error).split())[:_MOST_TOLD]) from error
+        raise ValueError(" ".join(str(error).split())[:_MESSAGE_CHARACTERS]) from error
 
 
 class _Loader(yaml.SafeLoader):
-    """YAML without aliases, which make gigabytes of a few lines, and in which no key hides another of its name."""
+    """YAML loader that refuses aliases, which can expand to gigabytes, and duplicate keys."""
 
     def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
         if self.check_event(yaml.AliasEvent):
@@ -53,5 +53,5 @@ class _Loader(yaml.SafeLoader):
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
         times = Counter(key.value for key, _ in node.value if isinstance(key, yaml.ScalarNode))
         if twice := [name for name, count in times.items() if count > 1]:
-            raise yaml.constructor.ConstructorError(None, None, f"'{twice[0]}' stands twice", node.start_mark)
+            raise yaml.constructor.ConstructorError(None, None, f"'{twice[0]}' occurs twice", node.start_mark)
         return super().construct_mapping(node, deep)

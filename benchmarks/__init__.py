@@ -1,1 +1,1 @@
-"""What is timed and measured: each module is one command."""
+"""Benchmarks: each module is one command, `python -m benchmarks.NAME`."""

@@ -1,15 +1,15 @@
-"""Vehicle blobs against the true vehicles of a simulated root, from its exact maps and from predicted ones; speed.
+"""Accuracy and speed of vehicle instance extraction, on exact and predicted maps of a simulated dataset.
 
 Run: python -m benchmarks.blobs ROOT [--bev SOURCE] [--frames N] [--whole]
-ROOT holds bev/exact with the simulator's own instances. N frames, spread over all scenes, are looked at (all by
-default). With --whole, blobs that do not look like one vehicle are not cut.
+ROOT contains bev/exact with the simulator's own instances. N frames, spread over all scenes, are evaluated (default:
+all). With --whole, blobs of several vehicles are not split.
 
-Columns, over vehicles and blobs whose centre (mean of their cells) lies within 20 m and 40 m of the ego:
+Columns, over vehicles and blobs whose centre (mean of their cells) is within 20 m and 40 m of the ego:
 - vehicles: true ones that cover at least LEAST_M2 of the grid; blobs: those found;
-- missed, false: vehicles and blobs that are in no pair; pairs are one to one, the most pairs whose centres lie within
-  NEAR_M of each other and of those the nearest; F1 is the harmonic mean of the two shares that are in pairs;
-- merged: blobs that hold most of the cells of each of two or more vehicles;
-- split: vehicles with two or more blobs, of each of which most true cells are theirs (and a third of all its cells);
+- missed, false: unmatched vehicles and blobs; the matching is one-to-one, with the most pairs whose centres are
+  within NEAR_M of each other and among those the least distance; F1 is the harmonic mean of the two matched shares;
+- merged: blobs that contain most of the cells of each of two or more vehicles;
+- split: vehicles with two or more blobs whose true cells are mostly theirs (and a third of all cells of the blob);
 - place, size: median distance of the centres of pairs, and median of the mean error of length and width, metres;
 - dE mean, dE lab: median CIEDE2000 of pairs between the blob's colour and the mean over the vehicle's true cells, and
   between the robust colours of both.
@@ -31,11 +31,11 @@ from skimage.color import deltaE_ciede2000
 from appocc.bevmap import BEVMap
 from appocc.checks import BoolArray, FloatArray, IntArray
 from appocc.colours import lab_from_rgb
-from appocc.evaluation.pairs import read_pair
+from appocc.evaluation.pairs import read_map_pair
 from appocc.evaluation.vehicles import true_vehicles
 from appocc.grid import BEVGrid
 from appocc.nuscenes.dataset import Dataset
-from tracking.instances.instances import BlobConfig, Blobs, find_blobs, label_blobs, measure_blobs
+from tracking.instances.instances import InstanceConfig, Instances, find_instances, label_instances, measure_instances
 
 LEAST_M2 = 0.4
 NEAR_M = 2.0
@@ -43,24 +43,24 @@ RANGES_M = (20.0, 40.0)
 
 
 class Frame(NamedTuple):
-    """A map and whose its cells are.
+    """A map and the true vehicle of each cell.
 
     Attributes:
-        bev: the map that is judged.
+        bev: the evaluated map.
         truth: the exact one.
-        owner: (X, Y) number 1..V of the true vehicle, 0 where there is none.
-        vehicles: V true vehicles, as if they were blobs.
+        owner: (X, Y) number 1..V of the true vehicle, 0 for none.
+        vehicles: V true vehicles in the form of blobs.
     """
 
     bev: BEVMap
     truth: BEVMap
     owner: IntArray
-    vehicles: Blobs
+    vehicles: Instances
 
 
 @dataclass
 class Sums:
-    """What is counted within a distance."""
+    """Counts and errors within a distance."""
 
     vehicles: int = 0
     blobs: int = 0
@@ -69,11 +69,11 @@ class Sums:
     split: int = 0
 
     def __post_init__(self) -> None:
-        """Begin the lists of errors of pairs: place, size, colour, robust colour."""
+        """Start empty lists of errors of pairs: place, size, colour, robust colour."""
         self.errors: list[FloatArray] = []
 
     def row(self) -> list[str]:
-        """The figures in the order of HEAD."""
+        """Return the figures in the order of HEAD."""
         counts = [self.vehicles, self.blobs, self.vehicles - self.pairs, self.blobs - self.pairs]
         f1 = 2 * self.pairs / max(self.vehicles + self.blobs, 1)
         errors = np.concatenate([np.full((1, 4), np.nan), *self.errors])
@@ -87,26 +87,27 @@ HEAD = ("vehicles", "blobs", "missed", "false", "F1 %", "merged", "split", "plac
 
 
 def frames_of(dataset: Dataset, source: str, number: int | None) -> list[Frame]:
-    """Maps of a source with their truth, every so many of all key frames."""
+    """Yield maps of a source with their truth, evenly spread over all key frames."""
     tokens = [sample.token for scene in dataset.scenes for sample in dataset.samples(scene)]
     chosen = tokens if number is None else [tokens[i] for i in np.linspace(0, len(tokens) - 1, number).astype(int)]
     frames = []
     for token in chosen:
-        pair = read_pair(dataset.root, source, "exact", token, ahead=False)
+        pair = read_map_pair(dataset.root, source, "exact", token, ahead=False)
         owner = true_vehicles(pair.truth, pair.instance, None).owner + 1
         areas_m2 = np.bincount(owner.ravel()) * pair.truth.grid.cell_m**2
         large = np.flatnonzero(areas_m2 >= LEAST_M2)
         number_of = np.zeros(len(areas_m2), np.int64)
         number_of[large[large > 0]] = 1 + np.arange(int((large > 0).sum()))
         owner = number_of[owner]
-        frames.append(Frame(pair.made, pair.truth, owner, measure_blobs(pair.truth, owner, int(owner.max()))))
+        vehicles = measure_instances(pair.truth, owner, int(owner.max()))
+        frames.append(Frame(pair.predicted, pair.truth, owner, vehicles))
     return frames
 
 
-def count(frame: Frame, config: BlobConfig, sums: dict[float, Sums]) -> None:
-    """Add what a frame shows to the sums by distance."""
-    labels, number = label_blobs(frame.bev, config)
-    blobs, vehicles = measure_blobs(frame.bev, labels, number), frame.vehicles
+def count(frame: Frame, config: InstanceConfig, sums: dict[float, Sums]) -> None:
+    """Add the counts of a frame to the sums by distance."""
+    labels, number = label_instances(frame.bev, config)
+    blobs, vehicles = measure_instances(frame.bev, labels, number), frame.vehicles
     shared = np.zeros((number + 1, len(vehicles) + 1), np.int64)
     np.add.at(shared, (labels.ravel(), frame.owner.ravel()), 1)
     whole, parts = shared[:, 1:].sum(axis=0), shared[1:, 1:]
@@ -121,7 +122,7 @@ def count(frame: Frame, config: BlobConfig, sums: dict[float, Sums]) -> None:
     errors = errors_of(blobs.select(rows), vehicles.select(columns))
     for range_m, total in sums.items():
         near_blob, near_vehicle = (np.hypot(*some.centroid_m.T) <= range_m for some in (blobs, vehicles))
-        # A pair counts where its vehicle does, so that none is cut by the distance.
+        # A pair counts at the distance of its vehicle, so that no pair is divided by the limit.
         inside = near_vehicle[columns]
         total.vehicles += int(near_vehicle.sum())
         total.pairs += int(inside.sum())
@@ -133,15 +134,15 @@ def count(frame: Frame, config: BlobConfig, sums: dict[float, Sums]) -> None:
 
 
 def pairs_of(places_m: FloatArray, true_m: FloatArray) -> tuple[IntArray, IntArray]:
-    """Rows of places (N, 2) and of true ones (M, 2) that are pairs."""
+    """Return the matched rows of places (N, 2) and true places (M, 2)."""
     apart_m = cdist(places_m, true_m)
     rows, columns = linear_sum_assignment(np.where(apart_m <= NEAR_M, apart_m, 1e4))
     kept = apart_m[rows, columns] <= NEAR_M
     return rows[kept], columns[kept]
 
 
-def errors_of(blobs: Blobs, vehicles: Blobs) -> FloatArray:
-    """(N, 4) errors of blobs that are vehicles: place, size (m), colour, robust colour (CIEDE2000)."""
+def errors_of(blobs: Instances, vehicles: Instances) -> FloatArray:
+    """Return errors (N, 4) of matched blobs: place, size (m), colour, robust colour (CIEDE2000)."""
     place = np.hypot(*(blobs.centroid_m - vehicles.centroid_m).T)
     size = (np.abs(blobs.length_m - vehicles.length_m) + np.abs(blobs.width_m - vehicles.width_m)) / 2
     means = deltaE_ciede2000(lab_from_rgb(blobs.rgb), lab_from_rgb(vehicles.rgb))
@@ -149,14 +150,14 @@ def errors_of(blobs: Blobs, vehicles: Blobs) -> FloatArray:
 
 
 def milliseconds(rounds: int = 200) -> tuple[float, float]:
-    """Least and median time of `find_blobs` of a map of 200 x 200 cells with 50 vehicles that stand apart."""
+    """Return least and median time of `find_instances` on a map of 200 x 200 cells with 50 separate vehicles."""
     bev = made_map(BEVGrid.surround())
     seconds = []
     for _ in range(rounds):
         # A fresh map: what it computes once (`on`) is part of the work.
         fresh = BEVMap(bev.grid, bev.occupancy, bev.occupancy_valid, bev.appearance, bev.appearance_valid)
         start = time.perf_counter()
-        found = find_blobs(fresh)
+        found = find_instances(fresh)
         seconds.append(time.perf_counter() - start)
     if len(found) != 50:
         raise SystemExit(f"expected 50 blobs, got {len(found)}")
@@ -164,7 +165,7 @@ def milliseconds(rounds: int = 200) -> tuple[float, float]:
 
 
 def made_map(grid: BEVGrid) -> BEVMap:
-    """Five rows of ten cars of 4.4 x 2 m, turned by 0.1 rad more each, 7 m apart; all of noisy colour."""
+    """Return a map with five rows of ten noisy cars, 4.4 x 2 m, 7 m apart, each rotated by a further 0.1 rad."""
     dice = np.random.default_rng(1)
     on = np.zeros(grid.shape, np.bool_)
     xy = grid.centres()
@@ -186,7 +187,7 @@ def main() -> None:
     parser.add_argument("--frames", type=int)
     parser.add_argument("--whole", action="store_true")
     arguments = parser.parse_args()
-    dataset, config = Dataset(arguments.root), BlobConfig(split=not arguments.whole)
+    dataset, config = Dataset(arguments.root), InstanceConfig(split=not arguments.whole)
     print(" ".join(f"{name:>10}" for name in ("maps", "within", *HEAD)))
     for source in ("exact", arguments.bev):
         sums = {range_m: Sums() for range_m in RANGES_M}
@@ -195,7 +196,7 @@ def main() -> None:
         for range_m, total in sums.items():
             print(" ".join(f"{text:>10}" for text in (source, f"{range_m:.0f} m", *total.row())))
     least, median = milliseconds()
-    print(f"find_blobs, 200 x 200 cells, 50 vehicles: {least:.2f} ms at least, {median:.2f} ms in the median")
+    print(f"find_instances, 200 x 200 cells, 50 vehicles: {least:.2f} ms at least, {median:.2f} ms in the median")
 
 
 if __name__ == "__main__":

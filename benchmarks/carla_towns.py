@@ -1,15 +1,15 @@
-"""Streets drawn from CARLA's OpenDRIVE maps against CARLA's own rasters of the same towns.
+"""Compare roads and lines drawn from CARLA's OpenDRIVE maps with CARLA's own rasters of the same towns.
 
 Run: python -m benchmarks.carla_towns [TOWN ...]
-The data folder (carla_towns/xodr, carla_towns/bev_h5) is ../shared/data beside the repository, or $APPOCC_DATA. Needs
-SUMO.
+The data folder (carla_towns/xodr, carla_towns/bev_h5) is ../shared/data next to the repository, or $APPOCC_DATA.
+Needs SUMO.
 
 Road: ours is every surface cars may drive on. CARLA's is its layer `road` (lanes for cars and junctions), together
-with `parking`; its `shoulder` is no road in either. CARLA's raster shows streets of two lanes of 4.0 m as 9.0 m wide:
-its roads reach RIM_M too far on all sides, and the second figure takes that off. What remains: the middle lane for
-both directions in Town03 is road here, but not in CARLA's layer; junctions drawn here also cover the median they
-reach across; lanes that begin at a tip (Town06) begin here with their full width; and two loops of Town06 have lanes
-that netconvert leaves out.
+with `parking`; its `shoulder` is road in neither. CARLA's raster shows streets of two lanes of 4.0 m as 9.0 m wide:
+its roads reach RIM_M too far on all sides, and the second figure removes that rim. Remaining differences:
+the middle lane for both directions in Town03 is road here, but not in CARLA's layer; junctions drawn here also cover
+the median they reach across; lanes that begin at a tip (Town06) begin here with full width; and netconvert omits
+some lanes of two loops of Town06.
 
 Lines: share of our painted cells within TOLERANCE_M of one of CARLA's (hit), and of CARLA's within that of ours
 (found; CARLA paints edge lines along small streets too, and ours are broken elsewhere than theirs).
@@ -36,7 +36,7 @@ from appocc.simulation.surface import CELL_M, ROAD_SURFACES, Ground, Surface, su
 from appocc.simulation.town_generation.opendrive import import_opendrive
 
 RIM_M = 0.5
-# Two and a half pixels of CARLA's; our edge lines lie 0.2 m beside the lane's edge, theirs on it.
+# Two and a half pixels of CARLA's; our edge lines are 0.2 m inside the lane's edge, theirs on it.
 TOLERANCE_M = 0.5
 _TOWNS = tuple(f"Town0{k}" for k in range(1, 7))
 _LINES = (Surface.LINE_WHITE, Surface.LINE_YELLOW)
@@ -61,7 +61,7 @@ def read_raster(path: Path) -> Raster:
 
 
 def labels_like(raster: Raster, ground: Ground, offset_m: FloatArray) -> ByteArray:
-    """Our labels at the pixels of a raster; CARLA's y points south, and SUMO moved the map by `offset_m`."""
+    """Return our labels at the pixels of a raster; CARLA's y points south, and SUMO moved the map by `offset_m`."""
     height, width = raster.road.shape
     x_m = (np.arange(width) + 0.5) / raster.px_per_m + raster.offset_m[0] + offset_m[0]
     y_m = -((np.arange(height) + 0.5) / raster.px_per_m + raster.offset_m[1]) + offset_m[1]
@@ -106,7 +106,7 @@ def compare(town: str, data: Path, folder: Path) -> str:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("towns", nargs="*", metavar="TOWN", help="Town01 ... Town06; all of them if none is named")
+    parser.add_argument("towns", nargs="*", metavar="TOWN", help="Town01 ... Town06; all by default")
     beside = Path(__file__).resolve().parents[2] / "shared" / "data"
     data = Path(os.environ.get("APPOCC_DATA", beside)) / "carla_towns"
     with tempfile.TemporaryDirectory() as folder:

@@ -1,19 +1,19 @@
-"""What colour is worth to the tracker: identity switches with it and without it, all else equal.
+"""Ablation of the tracker's colour likelihood: identity switches with and without it, all else equal.
 
     python -m benchmarks.colour_ablation [--scenes 60]
     python -m benchmarks.colour_ablation --root ROOT [--bev SOURCE]
 
-Without --root: made traffic at dense crossings (`benchmarks.encounters`), 20 s at 2 Hz a scene; of each moment a map
-of 200 x 200 cells, from which the vehicles of the lowest visibility are left out. With --root: all scenes of a
-simulated dataset, from its exact maps or those of a source, vehicles of the lowest visibility left out likewise.
+Without --root: synthetic traffic at dense crossings (`benchmarks.encounters`), 20 s at 2 Hz per scene; each frame is
+a map of 200 x 200 cells without the vehicles of the lowest visibility. With --root: all scenes of a simulated
+dataset, from its exact maps or those of a source, also without the vehicles of the lowest visibility.
 
-- exact: the maps as they are. noisy: one vehicle in ten is missed, places, headings and sizes are off, 1.5 vehicles a
-  map are not there, probabilities vary, the light of the scene changes from map to map, every fifth vehicle lies in
-  shadow, and colours are grainy. wrong: exact, but each vehicle has the colour of another one, another each time.
-- with, without: `Tracker(MAPS)`, and the same with its colour term left out; blobs are the same for both.
-- Demanded are visible vehicles within 40 m of the ego; the gate is 2 m; a switch counts after however long a gap.
-- fewer: how many switches less with colour, in percent, and its 95 % interval by bootstrap over scenes; p: how often
-  so much would come by chance, by flipping the signs of the scenes' differences (one-sided).
+- exact: unchanged maps. noisy: one vehicle in ten is missed; places, headings and sizes are noisy; 1.5 false vehicles
+  per map; probabilities vary; the light of the scene changes from map to map; every fifth vehicle is in shadow;
+  colours are grainy. wrong: exact, but each vehicle has the colour of another one, a different one in each frame.
+- with, without: `Tracker(MAPS)`, and the same tracker without its colour term; both get the same blobs.
+- Ground truth: visible vehicles within 40 m of the ego; the gate is 2 m; a switch counts after a gap of any length.
+- fewer: reduction of switches by colour, in percent, with its 95 % bootstrap interval over scenes; p: probability of
+  such a reduction by chance, by flipping the signs of the scenes' differences (one-sided).
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from rich.table import Table
 
 from appocc.bevmap import VEHICLE, BEVMap
 from appocc.checks import BoolArray, FloatArray, IntArray
-from appocc.evaluation.pairs import read_pair
+from appocc.evaluation.pairs import read_map_pair
 from appocc.evaluation.vehicles import true_vehicles, visibility_levels
 from appocc.geometry import apply, footprints, inverse, yaw_of
 from appocc.grid import BEVGrid
@@ -41,9 +41,10 @@ from appocc.nuscenes import Dataset
 from appocc.rasterise import VEHICLE_SHARE, polygon_owner
 from benchmarks.encounters import Sight, encounters
 from tracking.detections import Detections
-from tracking.evaluation.clear_id_hota import Metrics, Moment, evaluate
-from tracking.instances.instances import find_blobs
-from tracking.tracker import MAPS, Tracker, TrackerConfig
+from tracking.evaluation.clear_id_hota import EvaluationFrame, Metrics, evaluate
+from tracking.instances.instances import find_instances
+from tracking.presets import MAPS
+from tracking.tracker import Tracker, TrackerConfig
 
 RANGE_M, LEAST_M2, HIDDEN = 40.0, 0.4, "v0-40"
 GRID, GREY = BEVGrid.surround(), 90.0
@@ -51,7 +52,7 @@ DRAWS = 10_000
 
 
 class Step(NamedTuple):
-    """A moment for the tracker, and the truth: V vehicles, their numbers, places (V, 2), and which are demanded."""
+    """One frame for the tracker, with its truth: V vehicles, their numbers, places (V, 2), and which count."""
 
     timestamp_us: int
     world_from_ego: FloatArray
@@ -64,11 +65,11 @@ class Step(NamedTuple):
 Scene = list[Step]
 
 
-# Made scenes ------------------------------------------------------------------------------------------------------
+# Synthetic scenes -------------------------------------------------------------------------------------------------
 
 
 def made_scene(seed: int, noisy: bool) -> Scene:
-    """Made traffic, its maps seen by the tracker as they are or disturbed."""
+    """Return a scene of synthetic traffic, with exact or noisy maps."""
     random = np.random.default_rng([seed, 9])
     steps = []
     for sight in encounters(seed):
@@ -76,7 +77,7 @@ def made_scene(seed: int, noisy: bool) -> Scene:
         places = apply(inverse(sight.world_from_ego), np.pad(sight.xy_m, ((0, 0), (0, 1))))[:, :2]
         inside = GRID.contains(GRID.cell_of(places)) & (np.hypot(*places.T) <= RANGE_M)
         grain = random.normal(0, 12, (3, *GRID.shape)) if noisy else np.zeros((3, *GRID.shape))
-        found = find_blobs(_map_of(shown, sight.world_from_ego, grain)).as_detections()
+        found = find_instances(_map_of(shown, sight.world_from_ego, grain)).as_detections()
         step = Step(
             sight.timestamp_us, sight.world_from_ego, found, sight.number, sight.xy_m.copy(), sight.seen & inside
         )
@@ -85,7 +86,7 @@ def made_scene(seed: int, noisy: bool) -> Scene:
 
 
 class _Shown(NamedTuple):
-    """What a map shows: N boxes in the world frame, probabilities (N,) and colours (N, 3)."""
+    """Content of a map: N boxes in the world frame, probabilities (N,) and colours (N, 3)."""
 
     xy_m: FloatArray
     yaw_rad: FloatArray
@@ -95,13 +96,13 @@ class _Shown(NamedTuple):
 
     @classmethod
     def of(cls, sight: Sight) -> _Shown:
-        """Those in sight, as they are."""
+        """Return the visible vehicles without noise."""
         seen = sight.seen
         return cls(sight.xy_m[seen], sight.yaw_rad[seen], sight.size_m[seen], np.ones(seen.sum()), sight.rgb[seen])
 
 
 def _disturbed(sight: Sight, random: np.random.Generator) -> _Shown:
-    """Those in sight, and some that are not there, as a network might see them."""
+    """Return the visible vehicles with noise, and some false ones, similar to a network's prediction."""
     true = _Shown.of(sight)
     kept = np.flatnonzero(random.random(len(true.xy_m)) >= 0.1)
     xy_m, yaw_rad, size_m, _, rgb = (each[kept] for each in true)
@@ -123,7 +124,7 @@ def _disturbed(sight: Sight, random: np.random.Generator) -> _Shown:
 
 
 def _map_of(shown: _Shown, world_from_ego: FloatArray, grain: FloatArray) -> BEVMap:
-    """The map of boxes; `grain` (3, X, Y) is added to its colours."""
+    """Return the map of boxes; `grain` (3, X, Y) is added to its colours."""
     ego_from_world = inverse(world_from_ego)
     centre = apply(ego_from_world, np.pad(shown.xy_m, ((0, 0), (0, 1))))[:, :2]
     yaw = shown.yaw_rad + float(yaw_of(ego_from_world))
@@ -143,24 +144,24 @@ def _map_of(shown: _Shown, world_from_ego: FloatArray, grain: FloatArray) -> BEV
 
 
 def read_scenes(root: Path, source: str) -> Iterator[Scene]:
-    """The scenes of a simulated dataset, from the maps of a source."""
+    """Read the scenes of a simulated dataset with the maps of a source."""
     dataset = Dataset(root)
     for scene in dataset.scenes:
         steps = []
         for sample in dataset.samples(scene):
-            pair = read_pair(dataset.root, source, "exact", sample.token, ahead=False)
+            pair = read_map_pair(dataset.root, source, "exact", sample.token, ahead=False)
             vehicles = true_vehicles(pair.truth, pair.instance, None)
             levels, pose = visibility_levels(dataset, sample), dataset.world_from_ego(sample)
             hidden = np.array([levels.get(name) == HIDDEN for name in vehicles.instance] + [False])
             area_m2 = np.bincount(vehicles.owner.ravel() + 1, minlength=len(hidden))[1:] * pair.truth.grid.cell_m**2
             there = dict(zip(vehicles.instance, (area_m2 >= LEAST_M2) & ~hidden[:-1], strict=True))
-            occupancy = pair.made.occupancy.copy()
+            occupancy = pair.predicted.occupancy.copy()
             occupancy[VEHICLE][(vehicles.owner >= 0) & hidden[vehicles.owner]] = 0
             boxes = dataset.boxes_world(sample).vehicles()
             xy_m = boxes.centre_m[:, :2].copy()
             shown = np.array([there.get(name, False) for name in boxes.instance], dtype=np.bool_)
             number = np.array([zlib.crc32(name.encode()) for name in boxes.instance], dtype=np.int64)
-            found = find_blobs(replace(pair.made, occupancy=occupancy)).as_detections()
+            found = find_instances(replace(pair.predicted, occupancy=occupancy)).as_detections()
             demanded = shown & (np.hypot(*(xy_m - pose[:2, 3]).T) <= RANGE_M)
             steps.append(Step(sample.timestamp_us, pose, found, number, xy_m, demanded))
         yield steps
@@ -170,23 +171,23 @@ def read_scenes(root: Path, source: str) -> Iterator[Scene]:
 
 
 def without_colour(config: TrackerConfig) -> TrackerConfig:
-    """The same tracker, blind to colours."""
-    return replace(config, colour_doubt=1.0)
+    """Return the same configuration without the colour term."""
+    return replace(config, colour_outlier_rate=1.0)
 
 
 def judged(scene: Scene, config: TrackerConfig) -> Metrics:
-    """The tracker's scores in a scene."""
+    """Return the tracker's scores in a scene."""
     tracker, moments = Tracker(config), []
     for step in scene:
         tracks = tracker.update(step.detections, step.timestamp_us, step.world_from_ego)
         places_m = tracks.position_world_m[:, :2].copy()
         near = np.hypot(*(places_m - step.world_from_ego[:2, 3]).T) <= RANGE_M
-        moments.append(Moment(step.number, step.xy_m, step.demanded, tracks.id.copy(), places_m, near))
+        moments.append(EvaluationFrame(step.number, step.xy_m, step.demanded, tracks.id.copy(), places_m, near))
     return evaluate(moments)
 
 
 def wrongly_coloured(scene: Scene, random: np.random.Generator) -> Scene:
-    """The same scene, in which each vehicle has the colour of another one, another each time."""
+    """Return the scene with the colours of each frame permuted among its vehicles."""
     steps = []
     for step in scene:
         order = random.permutation(len(step.detections))
@@ -199,14 +200,14 @@ def wrongly_coloured(scene: Scene, random: np.random.Generator) -> Scene:
 
 
 class Trial(NamedTuple):
-    """Scores of scenes with colour and without."""
+    """Scores of scenes with and without colour."""
 
     name: str
     with_colour: list[Metrics]
     without: list[Metrics]
 
     def row(self) -> list[str]:
-        """The figures in the order of HEAD."""
+        """Return the figures in the order of HEAD."""
         ids = np.array([[one.IDS, other.IDS] for one, other in zip(self.with_colour, self.without, strict=True)])
         random = np.random.default_rng(0)
         drawn = ids[random.integers(0, len(ids), (DRAWS, len(ids)))].sum(axis=1)
@@ -225,18 +226,18 @@ HEAD = ("maps", "IDS with / without", "fewer %", "p", *(f"{name} %" for name in 
 
 
 def _fewer(ids: IntArray) -> FloatArray:
-    """(...,) by how many percent there are fewer switches with colour: (..., 2) with, without."""
+    """Return the reduction (...,) of switches in percent, from counts (..., 2) with and without colour."""
     return np.asarray(100 * (1 - ids[..., 0] / np.maximum(ids[..., 1], 1)))
 
 
 def _mean(scores: list[Metrics], name: str) -> float:
-    """A share in percent, scenes weighed by their vehicles."""
+    """Return a mean share in percent; scenes are weighted by their number of vehicles."""
     weights = [each.GT for each in scores]
     return 100 * float(np.average([getattr(each, name) for each in scores], weights=weights))
 
 
 def trial(name: str, scenes: Iterable[Scene], done: Callable[[], None]) -> Trial:
-    """Both trackers in all scenes."""
+    """Run both trackers in all scenes."""
     result = Trial(name, [], [])
     for scene in scenes:
         result.with_colour.append(judged(scene, MAPS))
@@ -246,7 +247,7 @@ def trial(name: str, scenes: Iterable[Scene], done: Callable[[], None]) -> Trial
 
 
 def made_trials(scenes: int, done: Callable[[], None]) -> list[Trial]:
-    """The trials of made scenes."""
+    """Run the trials of synthetic scenes."""
     exact = [made_scene(seed, noisy=False) for seed in range(scenes)]
     random = np.random.default_rng(1)
     return [
@@ -257,7 +258,7 @@ def made_trials(scenes: int, done: Callable[[], None]) -> list[Trial]:
 
 
 def main(words: Sequence[str] | None = None) -> None:
-    """Measure and tell."""
+    """Run the benchmark and print its table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--scenes", type=int, default=60)
     parser.add_argument("--root", type=Path)

@@ -1,14 +1,15 @@
-"""What colour is worth at a crossing, as a picture: the ways of vehicles that lose their identity.
+"""Picture of the effect of colour at a crossing: trajectories of vehicles that lose their identity.
 
     python -m benchmarks.colour_picture [--seed 10] [--out docs/tracking_colour.png]
 
-A made scene of `benchmarks.colour_ablation`, exact maps, 20 s in one picture; the same blobs for both trackers. The
-vehicles stand, in their paints, where they are when the ego is nearest to the middle of the crossing; those hidden
-from the ego at that moment are pale. Forward is up. Who loses its identity in either panel has its whole way drawn in
-both, in the colour of the track it has there, dotted where it is out of sight. The counts are the benchmark's.
+A synthetic scene of `benchmarks.colour_ablation`, exact maps, 20 s in one picture; both trackers get the same blobs.
+Vehicles are drawn in their paints, at the moment when the ego is nearest to the middle of the crossing; those
+occluded at that moment are pale. Forward is up. A vehicle that loses its identity in either panel has its whole
+trajectory drawn in both, in the colour of its track, dotted while it is occluded. The counts are those of the
+benchmark.
 
-Seed 10 is no lucky one: of the first twenty scenes, among those whose gain is nearest to the mean gain (4 switches),
-it is the one whose two counts are nearest to their means.
+Seed 10 is a typical scene: among those of the first twenty whose gain is nearest to the mean gain (4 switches), its
+two counts are nearest to their means.
 """
 
 from __future__ import annotations
@@ -23,31 +24,32 @@ import numpy as np
 from scipy.spatial.distance import cdist
 
 from appocc.checks import FloatArray, IntArray
-from appocc.ego_vehicle import EGO_LENGTH_M, EGO_WIDTH_M
+from appocc.ego_vehicle import EgoVehicle
 from appocc.errors import AppoccError
 from appocc.files import whole_file
 from appocc.geometry import apply, inverse, quaternion_from_yaw, transform, yaw_of
 from benchmarks.colour_ablation import GREY, RANGE_M, Scene, judged, made_scene, without_colour
 from benchmarks.encounters import HOUSE_M, Sight, encounters
 from tracking.evaluation.clear_id_hota import GATE_M
-from tracking.tracker import MAPS, Tracker, TrackerConfig
+from tracking.presets import MAPS
+from tracking.tracker import Tracker, TrackerConfig
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 SEED, OUT = 10, Path("docs/tracking_colour.png")
-# The first track of a vehicle, its second, and all that follow.
+# The first, the second and all later tracks of a vehicle.
 INKS = ("#2fd3e6", "#ff4d8d", "#ffb01f")
 _BACK, _HOUSE, _DARK, _FRONT, _EGO, _PALE = "#16181d", "#3c3e44", "#0c0c0c", "#f4f4f4", "#23a455", 0.22
 _DOTS = (0, (1, 1.5))
 _RING: dict[str, Any] = {"marker": "o", "markersize": 14, "markeredgecolor": "white", "markeredgewidth": 3}
-# In half panels: width and height of labels, how far from their marks they are tried, half a mark, what is kept free.
+# In half panels: width and height of labels, tried distances from their marks, half a mark, free margin.
 _LABEL, _AWAY, _MARK, _GAP = np.array([0.26, 0.085]), (0.15, 0.2, 0.25, 0.33, 0.43), 0.03, 0.01
 
 
 class Followed(NamedTuple):
-    """A vehicle: its way in the picture (K, 2), its tracks (K,), 0 where it has none, and its paint (3,) in 0..1."""
+    """A vehicle: trajectory in the picture (K, 2), track ids (K,), 0 for none, and paint (3,) in 0..1."""
 
     way_m: FloatArray
     ids: IntArray
@@ -55,21 +57,21 @@ class Followed(NamedTuple):
 
 
 class Loss(NamedTuple):
-    """A switch: the moment (its number) at which a vehicle has another track than it had last, and both tracks."""
+    """An identity switch: the index of the frame in which a vehicle changes its track, and both tracks."""
 
     at: int
     before: int
     after: int
 
 
-# What happens -----------------------------------------------------------------------------------------------------
+# Tracks and switches ----------------------------------------------------------------------------------------------
 
 
 def tracks_of(scene: Scene, config: TrackerConfig) -> dict[int, IntArray]:
-    """For each vehicle by its number the id of its track at each moment (K,); 0 where it has none or is not demanded.
+    """Return, for each vehicle number, its track id in each frame (K,); 0 without a track or if it is not evaluated.
 
-    Pairs are those of `tracking.evaluation.clear_id_hota` as long as no two vehicles want one track: the last one
-    while it is within the gate, else the nearest.
+    Pairs equal those of `tracking.evaluation.clear_id_hota` as long as no two vehicles compete for a track: the last
+    track while it is within the gate, else the nearest.
     """
     tracker = Tracker(config)
     of = {int(number): np.zeros(len(scene), np.int64) for step in scene for number in step.number}
@@ -86,13 +88,13 @@ def tracks_of(scene: Scene, config: TrackerConfig) -> dict[int, IntArray]:
 
 
 def losses(ids: IntArray) -> list[Loss]:
-    """The switches of a vehicle with these tracks (K,), 0 where it has none."""
+    """Return the identity switches of a vehicle with these track ids (K,), 0 for none."""
     there = np.flatnonzero(ids)
     return [Loss(int(b), int(ids[a]), int(ids[b])) for a, b in pairwise(there) if ids[a] != ids[b]]
 
 
 def ways_of(sights: Sequence[Sight]) -> dict[int, FloatArray]:
-    """The world places of each vehicle at each moment (K, 2), NaN where it is far away."""
+    """Return the world positions (K, 2) of each vehicle, NaN where it is far away."""
     ways = {int(number): np.full((len(sights), 2), np.nan) for sight in sights for number in sight.number}
     for k, sight in enumerate(sights):
         for number, xy_m in zip(sight.number, sight.xy_m, strict=True):
@@ -100,17 +102,17 @@ def ways_of(sights: Sequence[Sight]) -> dict[int, FloatArray]:
     return ways
 
 
-# The picture ------------------------------------------------------------------------------------------------------
+# Drawing ----------------------------------------------------------------------------------------------------------
 
 
 def draw(seed: int) -> Figure:
-    """Both panels for the scene of a seed."""
-    # Not pyplot, which keeps figures for ever and looks for a screen.
+    """Draw both panels for the scene of a seed."""
+    # pyplot would keep figures in memory and look for a display.
     from matplotlib.figure import Figure
 
     scene, sights = made_scene(seed, noisy=False), encounters(seed)
     now = min(sights, key=lambda sight: float(np.hypot(*sight.world_from_ego[:2, 3])))
-    # The ego looks along the picture's y axis.
+    # The ego's heading is the picture's y axis.
     picture_from_world = transform(quaternion_from_yaw(np.pi / 2), np.zeros(3)) @ inverse(now.world_from_ego)
     ways = {number: _moved(picture_from_world, way_m) for number, way_m in ways_of(sights).items()}
     paints = {int(number): rgb / 255 for one in sights for number, rgb in zip(one.number, one.rgb, strict=True)}
@@ -133,12 +135,12 @@ def draw(seed: int) -> Figure:
 
 
 def _moved(picture_from_world: FloatArray, xy_m: FloatArray) -> FloatArray:
-    """World places (N, 2) as places in the picture."""
+    """Transform world positions (N, 2) to the picture."""
     return apply(picture_from_world, np.pad(xy_m, ((0, 0), (0, 1))))[:, :2]
 
 
 def _crossing(axes: Axes, now: Sight, picture_from_world: FloatArray) -> None:
-    """The ground, the houses at the corners, the vehicles, and the ego."""
+    """Draw the ground, the houses at the corners, the vehicles, and the ego."""
     axes.set_facecolor((GREY / 255,) * 3)
     turn_rad = float(yaw_of(picture_from_world))
     middles_m = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) * (HOUSE_M + 100.0)
@@ -151,12 +153,13 @@ def _crossing(axes: Axes, now: Sight, picture_from_world: FloatArray) -> None:
             "alpha": 1.0 if now.seen[i] else _PALE,
         }
         _box(axes, xy_m, now.yaw_rad[i] + turn_rad, now.size_m[i], **look)
-    _box(axes, np.zeros(2), np.pi / 2, np.array([EGO_WIDTH_M, EGO_LENGTH_M]), facecolor="white", edgecolor=_EGO)
+    ego = EgoVehicle()
+    _box(axes, np.zeros(2), np.pi / 2, np.array([ego.width_m, ego.length_m]), facecolor="white", edgecolor=_EGO)
     axes.plot([-0.6, 0.0, 0.6], [0.5, 1.6, 0.5], color=_EGO, linewidth=2.5)
 
 
 def _followed(axes: Axes, vehicles: Sequence[Followed], half_m: float) -> None:
-    """The ways of vehicles with their tracks, and where they lose them."""
+    """Draw the trajectories of vehicles by track, and mark the switches."""
     lost = [(vehicle, loss) for vehicle in vehicles for loss in losses(vehicle.ids)]
     marks_m = np.array([vehicle.way_m[loss.at] for vehicle, loss in lost]).reshape(-1, 2)
     crossed_m = np.concatenate([np.zeros((1, 2)), *(vehicle.way_m[vehicle.ids > 0] for vehicle in vehicles)])
@@ -179,9 +182,9 @@ def _followed(axes: Axes, vehicles: Sequence[Followed], half_m: float) -> None:
 
 
 def places_of_labels(marks: FloatArray, crossed: FloatArray) -> FloatArray:
-    """Centres (M, 2) of labels beside marks (M, 2): clear of each other and of marks, over few of the points (P, 2).
+    """Return centres (M, 2) of labels next to marks (M, 2): clear of each other and of marks, over few points (P, 2).
 
-    All in half panels from the middle.
+    All coordinates are in half panels from the middle.
     """
     places: list[FloatArray] = []
     turns = np.arange(16) * np.pi / 8
@@ -196,13 +199,13 @@ def places_of_labels(marks: FloatArray, crossed: FloatArray) -> FloatArray:
 
 
 def _within(places: FloatArray, points: FloatArray, reach: FloatArray) -> IntArray:
-    """(N,) how many of the points (P, 2) are nearer to each place (N, 2) than `reach` (2,) in both axes."""
+    """Return the number (N,) of points (P, 2) within `reach` (2,) of each place (N, 2) in both axes."""
     near = (np.abs(places[:, None] - points[None]) < reach).all(axis=2)
     return np.asarray(near.sum(axis=1))
 
 
 def _box(axes: Axes, xy_m: FloatArray, yaw_rad: float, size_m: FloatArray, **look: Any) -> None:
-    """A vehicle: its centre and heading in the picture, its width and length."""
+    """Return the patch of a vehicle from its centre and heading in the picture, its width and length."""
     from matplotlib.patches import Rectangle
 
     width_m, length_m = size_m[:2].tolist()
@@ -214,13 +217,13 @@ def _box(axes: Axes, xy_m: FloatArray, yaw_rad: float, size_m: FloatArray, **loo
 
 
 def _ink(ids: IntArray, name: int) -> str:
-    """The colour of one of a vehicle's tracks (K,): by whether it is the first, the second or a later one."""
+    """Return the line colour of one of a vehicle's tracks (K,): first, second or later."""
     order = list(dict.fromkeys(ids[ids > 0].tolist()))
     return INKS[min(order.index(name), len(INKS) - 1)]
 
 
 def _way(axes: Axes, vehicle: Followed) -> None:
-    """A vehicle's way from where it is seen first to where it is seen last; a dot where it is seen but once."""
+    """Draw a trajectory from the first to the last observation; a dot for a single one."""
     there = np.flatnonzero(vehicle.ids)
     for a, b in pairwise(there):
         piece = vehicle.way_m[a : b + 1].T
@@ -235,7 +238,7 @@ def _way(axes: Axes, vehicle: Followed) -> None:
 
 
 def _legend(figure: Figure) -> None:
-    """What the lines and marks mean."""
+    """Draw the legend of lines and marks."""
     from matplotlib.lines import Line2D
 
     shown = [
@@ -259,7 +262,7 @@ def _legend(figure: Figure) -> None:
 
 
 def main(words: Sequence[str] | None = None) -> None:
-    """Draw and write."""
+    """Draw the picture and write it."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seed", type=int, default=SEED)
     parser.add_argument("--out", type=Path, default=OUT)

@@ -1,17 +1,17 @@
-"""How well colour words are ranked: on real vehicles named by hand, and on simulated ones in all weathers.
+"""Accuracy of colour words: on real vehicles labelled by hand, and on simulated ones in all weathers.
 
     python -m benchmarks.colour_words [ROOT] [--bev SOURCE]
     python -m benchmarks.colour_words --remake PANDASET NUSCENES
 
-Prints the tables of docs/colours.md as Markdown. ROOT is a folder that `appocc simulate` made; --bev names its maps
-(exact, or what a network answered). Vehicles of the lowest visibility are left out. --remake writes the colours and
-the light of the real vehicles anew, from the maps that `appocc groundtruth` made in the two roots.
+Prints the tables of docs/colours.md as Markdown. ROOT is a dataset of `appocc simulate`; --bev is the source of its
+maps (exact or predicted). Vehicles of the lowest visibility are skipped. --remake updates the colours and the light
+of the real vehicles from the maps of `appocc groundtruth` in the two datasets.
 
-- first: share of vehicles whose word (of the paint they were given; of the person) is the likeliest one. two: is
-  among the two likeliest. P: mean probability of that word.
-- found: of each word that some vehicles of a map have and others have not, how often the vehicle that it fits best
-  has it. pairs: of a vehicle that has it and one that has not, how often it fits the former better. Real vehicles
-  count as one map a dataset.
+- first: share of vehicles whose word (of their paint, or of the person) is the most likely one. two: is among the two
+  most likely. P: mean probability of that word.
+- found: for each word that applies to some vehicles of a map and not to others, how often the best-fitting vehicle
+  has it. pairs: how often it fits a vehicle with the colour better than one without. Real vehicles count as one map
+  per dataset.
 """
 
 from __future__ import annotations
@@ -35,26 +35,26 @@ from appocc.files import write_bytes
 from appocc.geometry import inverse
 from appocc.grid import BEVGrid
 from appocc.groundtruth.compose import vehicles_near
-from appocc.groundtruth.inputs import gather
-from appocc.groundtruth.painting import bodies_of, paint_scene
-from appocc.groundtruth.pipeline import ground_of
-from appocc.groundtruth.work import Work
+from appocc.groundtruth.inputs import gather_inputs
+from appocc.groundtruth.painting import bodywork_by_box, robust_colours
+from appocc.groundtruth.pipeline import reconstruct_ground
+from appocc.groundtruth.scene_jobs import SceneJobs
 from appocc.nuscenes import Dataset
 from appocc.nuscenes.records import Sample, Scene
-from grounding.referent.scene import scene_of
+from grounding.referent.scene import scene_from_boxes
 
 NAMED = Path(__file__).parents[1] / "tests" / "grounding" / "colour_names.csv"
 _CHANNELS = ("red", "green", "blue")
-# Vehicles that people can name stand up to this far away, beyond the maps' grids.
+# Range of vehicles that a person can label, beyond the grids of the maps.
 _FAR_M = 160.0
 WEATHERS = ("clear", "overcast", "low sun", "wet", "dusk", "night")
 HIDDEN = "v0-40"
 
 
 class Named(NamedTuple):
-    """A real vehicle that a person named: what a map shows of it (3,), in which light, and the words.
+    """A real vehicle labelled by a person: its colour in a map (3,), the light there, and the words.
 
-    `seen`: well, or little: far away, or mostly hidden.
+    `seen`: well, or little: far away, or mostly occluded.
     """
 
     dataset: str
@@ -66,7 +66,7 @@ class Named(NamedTuple):
 
 
 class Group(NamedTuple):
-    """N vehicles of one map: words, probabilities (N, 12) and how well each word fits (N, 12)."""
+    """N vehicles of one map: words, probabilities (N, 12) and fits (N, 12) of each word."""
 
     words: Sequence[str]
     probabilities: FloatArray
@@ -74,7 +74,7 @@ class Group(NamedTuple):
 
 
 class Shares(NamedTuple):
-    """The figures of a row of the tables; NaN where there is nothing to count."""
+    """The figures of one table row; NaN where nothing is counted."""
 
     vehicles: int
     first: float
@@ -85,7 +85,7 @@ class Shares(NamedTuple):
 
 
 def read_named(path: Path = NAMED) -> list[Named]:
-    """The real vehicles that were named by hand."""
+    """Read the real vehicles labelled by hand."""
     return [
         Named(
             row["dataset"],
@@ -104,10 +104,10 @@ def _rows(path: Path) -> list[dict[str, str]]:
 
 
 def remake(roots: Mapping[str, Path], path: Path = NAMED) -> None:
-    """Write the colours of the vehicles named by hand anew, from the maps of the datasets; words stay as they are.
+    """Update the colours of the hand-labelled vehicles from the maps of the datasets; the words are kept.
 
-    A colour is that of the map in which the vehicle is nearest to the ego, or, for one that stands beyond all grids,
-    what it would be painted with; so is the light.
+    Colour and light are those of the map in which the vehicle is nearest to the ego, or, for a vehicle beyond all
+    grids, those that the ground truth would use.
     """
     head = [line for line in path.read_text().splitlines() if line.startswith("#")]
     rows = _rows(path)
@@ -128,13 +128,13 @@ def remake(roots: Mapping[str, Path], path: Path = NAMED) -> None:
 
 
 def _shown(dataset: Dataset, scene: Scene, vehicles: Sequence[str]) -> Iterator[tuple[FloatArray, Exposure]]:
-    """Colour (3,) and light of each of some vehicles of a scene."""
-    inputs = gather(dataset, scene)
+    """Return colour (3,) and light of the given vehicles of a scene."""
+    inputs = gather_inputs(dataset, scene)
     with TemporaryDirectory() as folder:
-        _, gains = ground_of(inputs, Work(None, lambda _: None, 1), Path(folder))
+        _, gains = reconstruct_ground(inputs, SceneJobs(None, lambda _: None, 1), Path(folder))
     far = BEVGrid(-_FAR_M, _FAR_M, -_FAR_M, _FAR_M, 0.4)
-    painted = paint_scene(
-        inputs.samples, [bodies_of(sample, vehicles_near(sample, far), gains) for sample in inputs.samples]
+    painted = robust_colours(
+        inputs.samples, [bodywork_by_box(sample, vehicles_near(sample, far), gains) for sample in inputs.samples]
     )
     paint = {
         name: rgb
@@ -151,7 +151,7 @@ def _shown(dataset: Dataset, scene: Scene, vehicles: Sequence[str]) -> Iterator[
 
 
 class _Lit(NamedTuple):
-    """A map: distance of each object from the ego, colours and light of those on the map, light of all of it."""
+    """A map: distances of the objects from the ego, colours and light of those on the map, light of the whole map."""
 
     distance_m: dict[str, float]
     rgb: dict[str, FloatArray]
@@ -162,7 +162,7 @@ class _Lit(NamedTuple):
 def _lit(dataset: Dataset, sample: Sample) -> _Lit:
     bev, pose = load_map(dataset.root, "groundtruth", sample.token), dataset.world_from_ego(sample)
     boxes = dataset.boxes_world(sample).transformed(inverse(pose))
-    objects = [item for item in scene_of(bev, boxes.vehicles(), pose).objects if item.rgb is not None]
+    objects = [item for item in scene_from_boxes(bev, boxes.vehicles(), pose).objects if item.rgb is not None]
     rgb = np.array([item.rgb for item in objects]).reshape(-1, 3)
     lights = exposures_of(bev, rgb, np.array([item.footprint() for item in objects]).reshape(-1, 4, 2))
     names = [item.id for item in objects]
@@ -176,7 +176,7 @@ def _lit(dataset: Dataset, sample: Sample) -> _Lit:
 
 
 def named_groups(named: Iterable[Named]) -> dict[str, list[Group]]:
-    """The vehicles of each dataset as one group, those of all datasets together."""
+    """Return the vehicles of each dataset as one group, and the groups of all datasets together."""
     rows = list(named)
     groups = {}
     for dataset in sorted({row.dataset for row in rows}):
@@ -186,7 +186,7 @@ def named_groups(named: Iterable[Named]) -> dict[str, list[Group]]:
 
 
 def group_of(words: Sequence[str], rgb: Sequence[FloatArray], exposures: Sequence[Exposure]) -> Group:
-    """Vehicles of one map, each in its own light."""
+    """Return the group of the vehicles of one map, each in its own light."""
     pairs = list(zip(rgb, exposures, strict=True))
     probabilities = np.array([word_probabilities(colour, light) for colour, light in pairs]).reshape(-1, len(WORDS))
     fits = np.array([[fit(word, colour, light) for word in WORDS] for colour, light in pairs]).reshape(-1, len(WORDS))
@@ -194,13 +194,13 @@ def group_of(words: Sequence[str], rgb: Sequence[FloatArray], exposures: Sequenc
 
 
 def either(named: Iterable[Named]) -> float:
-    """Share of vehicles of which the likeliest word is one that a person would say."""
+    """Return the share of vehicles whose most likely word is one that the person would use."""
     likeliest = [(WORDS[int(word_probabilities(row.rgb, row.exposure).argmax())], row) for row in named]
     return _mean([word in (row.word, row.second) for word, row in likeliest])
 
 
 def shares(groups: Iterable[Group]) -> Shares:
-    """The figures of some groups."""
+    """Return the figures of groups."""
     places: list[int] = []
     probability: list[float] = []
     found: list[bool] = []
@@ -226,7 +226,7 @@ def _mean(values: ArrayLike) -> float:
 
 
 def simulated_groups(root: Path, source: str) -> Iterator[tuple[str, Group]]:
-    """Weather and vehicles of each map of a simulated dataset."""
+    """Return the vehicles of each map of a simulated dataset, by weather."""
     dataset = Dataset(root)
     paints = dataset.tables["paint"]
     paint = dict(zip((token.decode() for token in paints.array("instance_token")), paints["name"], strict=True))
@@ -235,7 +235,9 @@ def simulated_groups(root: Path, source: str) -> Iterator[tuple[str, Group]]:
         for sample in dataset.samples(scene):
             pose = dataset.world_from_ego(sample)
             bev = load_map(root, source, sample.token)
-            objects = scene_of(bev, dataset.boxes_world(sample).vehicles().transformed(inverse(pose)), pose).objects
+            objects = scene_from_boxes(
+                bev, dataset.boxes_world(sample).vehicles().transformed(inverse(pose)), pose
+            ).objects
             levels = visibility_levels(dataset, sample)
             known = [(item, item.rgb) for item in objects if item.rgb is not None]
             rgb = np.array([colour for _, colour in known]).reshape(-1, 3)
@@ -249,7 +251,7 @@ def simulated_groups(root: Path, source: str) -> Iterator[tuple[str, Group]]:
 
 
 def show(title: str, rows: dict[str, list[Group]]) -> None:
-    """A table, with all rows together at its end."""
+    """Print a table; its last row is over all groups."""
     print(f"| {title} | vehicles | first | two | P | found | pairs |\n|---|---|---|---|---|---|---|")
     every = [group for groups in rows.values() for group in groups]
     for label, own in {**rows, "all": every}.items():
@@ -261,7 +263,7 @@ def show(title: str, rows: dict[str, list[Group]]) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("root", type=Path, nargs="?", help="a simulated dataset")
-    parser.add_argument("--bev", default="exact", help="source of its maps")
+    parser.add_argument("--bev", default="exact", help="source of its maps (exact)")
     parser.add_argument(
         "--remake", type=Path, nargs=2, metavar=("PANDASET", "NUSCENES"), help="two datasets with maps"
     )

@@ -1,9 +1,9 @@
-"""Tracks of a dataset's scenes from their maps, from all frames and from every second and fourth one only.
+"""Tracking on a dataset's maps with dropped frames: all frames, every second and every fourth.
 
     python -m benchmarks.dropped_frames ROOT [--bev SOURCE] [--scene S]
 
-Judged as `appocc track` judges: annotated vehicles within 40 m of the ego, gate 2 m, in the frames that are left.
-Means over which frame is the first one kept.
+Evaluated as in `appocc track`: annotated vehicles within 40 m of the ego, gate 2 m, in the remaining frames. Figures
+are means over the choice of the first frame.
 """
 
 from __future__ import annotations
@@ -22,9 +22,11 @@ from appocc.errors import AppoccError, DataError
 from appocc.nuscenes import Dataset, Scene
 from benchmarks.colour_ablation import without_colour
 from tracking.evaluation.clear_id_hota import Metrics
-from tracking.instances.instances import find_blobs
-from tracking.pipeline import SceneTracks, key_frames, score, track_samples
-from tracking.tracker import MAPS, Tracker, TrackerConfig
+from tracking.evaluation.scene import score_scene
+from tracking.instances.instances import find_instances
+from tracking.pipeline import SceneTracks, read_key_frames, track_samples
+from tracking.presets import MAPS
+from tracking.tracker import Tracker, TrackerConfig
 
 EVERY, CONFIGS = (1, 2, 4), (MAPS, without_colour(MAPS))
 SHARES, COUNTS = ("MOTA", "IDF1", "HOTA"), ("IDS", "FRAG", "FP", "FN")
@@ -32,14 +34,14 @@ HEAD = ("scene", "frames", *(f"{name} %" for name in SHARES), *COUNTS, "IDS with
 
 
 class Trial(NamedTuple):
-    """Scores of a scene from one frame of so many, by which is the first, with colour and without."""
+    """Scores of a scene at one frame rate, by first frame, with and without colour."""
 
     every: int
     with_colour: list[Metrics]
     without: list[Metrics]
 
     def row(self) -> list[str]:
-        """The figures in the order of HEAD: means, and counts as they are on average."""
+        """Return the figures in the order of HEAD: means of shares and counts."""
         shares = [f"{100 * np.mean([getattr(each, name) for each in self.with_colour]):.1f}" for name in SHARES]
         counts = [_mean(self.with_colour, name) for name in COUNTS]
         return [f"1 of {self.every}", *shares, *counts, _mean(self.without, "IDS")]
@@ -50,18 +52,18 @@ def _mean(scores: Sequence[Metrics], name: str) -> str:
 
 
 def measured(dataset: Dataset, scene: Scene, source: str) -> list[Trial]:
-    """Scores of a scene, for each of EVERY.
+    """Return the scores of a scene for each frame rate of EVERY.
 
     Raises:
         DataError: if a map is missing or damaged, or the scene has no annotations.
     """
-    samples, poses = key_frames(dataset, scene)
+    samples, poses = read_key_frames(dataset, scene)
     maps = (load_map(dataset.root, source, sample.token) for sample in samples)
-    found = [find_blobs(each).as_detections() for each in maps]
+    found = [find_instances(each).as_detections() for each in maps]
 
     def scored(config: TrackerConfig, kept: slice) -> Metrics:
         tracks = track_samples(samples[kept], poses[kept], found[kept], Tracker(config))
-        judged = score(dataset, SceneTracks(scene.name, source, samples[kept], poses[kept], tracks))
+        judged = score_scene(dataset, SceneTracks(scene.name, source, samples[kept], poses[kept], tracks))
         if judged is None:
             raise DataError(f"{dataset.root}: scene '{scene.name}' has no annotations")
         return judged["metrics"]
@@ -73,7 +75,7 @@ def measured(dataset: Dataset, scene: Scene, source: str) -> list[Trial]:
 
 
 def main(words: Sequence[str] | None = None) -> None:
-    """Measure and tell."""
+    """Run the benchmark and print its table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("root", type=Path)
     parser.add_argument("--bev", default="groundtruth")

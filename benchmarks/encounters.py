@@ -14,7 +14,7 @@ import numpy as np
 
 from appocc.checks import BoolArray, FloatArray, IntArray
 from appocc.geometry import quaternion_from_yaw, transform
-from appocc.simulation.actors.paint import paint_of
+from appocc.simulation.actors.paint import draw_paint
 from appocc.simulation.traffic import Actor
 
 # Kind: share of the traffic; width, length, height.
@@ -147,7 +147,7 @@ class _Crossing:
         kind = kinds[int(self._random.choice(len(kinds), p=shares / shares.sum()))]
         size = np.array(MIX[kind][1]) * self._random.normal(1, 0.04, 3).clip(0.9, 1.1)
         width, length, height = size.tolist()
-        paint = paint_of(Actor(f"{kind}_{self._made}", kind, "", (length, width, height)), self._paints)
+        paint = draw_paint(Actor(f"{kind}_{self._made}", kind, "", (length, width, height)), self._paints)
         return _Vehicle(self._made, size, paint.rgb)
 
     def _row(self, heading_rad: float) -> list[_Placed]:

@@ -1,16 +1,16 @@
-"""How long an answer takes: sentences of all kinds, before a map with many vehicles; and the start of the language.
+"""Latency of grounding: commands of all kinds on a map with many vehicles, and the start-up time of the language.
 
     OMP_NUM_THREADS=1 python -m benchmarks.grounding [--vehicles 50] [--repeats 5]
 
-A made crossing of 200 x 200 cells: vehicles parked at the kerbs, in the lanes and all over the crossing road, in
-seven bodies and five paints. Sentences are worded as those of the cases (`benchmarks.grounding_truth`): every
-relation and action about vehicles that are there, told apart by paint, side, ordinals, superlatives, or not at all.
+A synthetic crossing of 200 x 200 cells: vehicles parked at the kerbs, in the lanes and on the crossing road, with
+seven bodies and five paints. Sentences are worded as in `benchmarks.grounding_truth`: every relation and action, with
+vehicles of the map distinguished by paint, side, ordinals, superlatives, or not at all.
 
-- read: the sentence alone. ground: sentence, vehicle and place together; to a place: of those that end in one.
-  set_scene: what is done once before each map (its vehicles, its road). CPU milliseconds on one core, of all
-  sentences and repeats the median, the 95th percentile and the worst.
-- start: in fresh processes, CPU milliseconds from the import of the language to the end of its first sentence,
-  without the interpreter and numpy; of `--repeats` the median.
+- read: parsing alone. ground: parsing, referent and goal together; to a place: only commands with a goal. set_scene:
+  the work done once per map (vehicles, road). CPU milliseconds on one core; median, 95th percentile and maximum over
+  all sentences and repeats.
+- start: CPU milliseconds from the import of the language to the end of its first sentence in a fresh process, without
+  the interpreter and numpy; median of `--repeats`.
 """
 
 from __future__ import annotations
@@ -33,16 +33,16 @@ from appocc.boxes import Boxes
 from appocc.geometry import footprints, quaternion_from_yaw, transform
 from appocc.grid import BEVGrid
 from appocc.rasterise import VEHICLE_SHARE, polygon_owner
-from benchmarks.grounding_truth.making import SUITS
+from benchmarks.grounding_truth.case_generation import SUITS
 from benchmarks.grounding_truth.places import Ask
 from benchmarks.grounding_truth.sentences import CALLED, ORDERS, Description, command
 from grounding.grounder import Grounder
-from grounding.language.parser import read
+from grounding.language import parse
 
 GRID = BEVGrid.surround()
-# Half the width of both roads, where the other one lies, and along which lines vehicles stand.
+# Half the width of both roads, position of the crossing road, and lines along which vehicles are placed.
 ROAD_M, CROSSING_X_M, LINES_M, STEP_M = 8.0, 20.0, (-6.5, -2.0, 2.0, 6.5), 7.0
-# Nothing stands this near to the ego.
+# Distance from the ego that is kept free.
 CLEAR_M = 7.0
 PAINTS = {
     "red": (190, 25, 30),
@@ -61,14 +61,14 @@ START = """
 import time
 import numpy
 begun = time.process_time()
-from grounding.language.parser import read
-read("park behind the second silver van on the left")
+from grounding.language import parse
+parse("park behind the second silver van on the left")
 print(time.process_time() - begun)
 """
 
 
 class Made(NamedTuple):
-    """A scene: the map, boxes in the ego frame, and of each vehicle the body and the paint."""
+    """A scene: the map, boxes in the ego frame, and body and paint of each vehicle."""
 
     bev: BEVMap
     boxes: Boxes
@@ -76,7 +76,7 @@ class Made(NamedTuple):
 
 
 def made_scene(vehicles: int, seed: int = 0) -> Made:
-    """A crossing with as many vehicles, if there is room."""
+    """Return a crossing with this many vehicles, as far as there is room."""
     random = np.random.default_rng(seed)
     along = np.arange(-36.0, 37.0, STEP_M)
     poses = [(x, y, 0.0 if y < 0 else np.pi) for x in along for y in LINES_M]
@@ -88,20 +88,20 @@ def made_scene(vehicles: int, seed: int = 0) -> Made:
     moving = np.where(np.abs(y) < min(map(abs, LINES_M)) + 1, random.uniform(2, 9, len(x)), 0.0)
     names = tuple(f"vehicle {n}" for n in range(len(x)))
     boxes = Boxes(
-        np.stack([x, y, size[:, 2] / 2], axis=-1),
-        size,
-        np.array([transform(quaternion_from_yaw(one), [0, 0, 0])[:3, :3] for one in yaw]).reshape(-1, 3, 3),
-        tuple("vehicle.truck" if body == "pickup" else "vehicle.car" for body, _ in looks),
-        names,
-        names,
-        moving[:, None] * np.stack([np.cos(yaw), np.sin(yaw)], axis=-1),
-        np.full(len(x), 5),
+        centre_m=np.stack([x, y, size[:, 2] / 2], axis=-1),
+        size_wlh_m=size,
+        rotation=np.array([transform(quaternion_from_yaw(one), [0, 0, 0])[:3, :3] for one in yaw]).reshape(-1, 3, 3),
+        category=tuple("vehicle.truck" if body == "pickup" else "vehicle.car" for body, _ in looks),
+        instance=names,
+        token=names,
+        velocity_mps=moving[:, None] * np.stack([np.cos(yaw), np.sin(yaw)], axis=-1),
+        lidar_points=np.full(len(x), 5),
     )
     return Made(_map_of(boxes, looks), boxes, looks)
 
 
 def _map_of(boxes: Boxes, looks: Sequence[tuple[str, str]]) -> BEVMap:
-    """The crossing from above."""
+    """Return the map of the crossing."""
     outlines = footprints(boxes.centre_m[:, :2], boxes.yaw_rad, boxes.size_wlh_m[:, [1, 0]])
     owner = polygon_owner(GRID, outlines, VEHICLE_SHARE)
     x, y = np.moveaxis(GRID.centres(), -1, 0)
@@ -115,7 +115,7 @@ def _map_of(boxes: Boxes, looks: Sequence[tuple[str, str]]) -> BEVMap:
 
 
 def sentences(made: Made, each: int = 8, seed: int = 0) -> list[str]:
-    """Commands of every relation and action about vehicles ahead."""
+    """Return commands with every relation and action about vehicles ahead."""
     random = np.random.default_rng(seed)
     ahead = np.flatnonzero(made.boxes.centre_m[:, 0] > CLEAR_M).tolist() or [0]
     asked = []
@@ -130,7 +130,7 @@ def sentences(made: Made, each: int = 8, seed: int = 0) -> list[str]:
 
 
 def _described(made: Made, i: int, n: int, random: np.random.Generator) -> tuple[Description, str]:
-    """A vehicle in words of one of several kinds."""
+    """Return a description of a vehicle, of a random kind."""
     body, paint = made.looks[i]
     side = "left" if made.boxes.centre_m[i, 1] > 0 else "right"
     order = _pick(ORDERS, random) if n % 4 > 1 else None
@@ -142,21 +142,21 @@ def _pick(words: Collection[str], random: np.random.Generator) -> str:
 
 
 def timed_ms(what: Callable[[], object]) -> float:
-    """CPU milliseconds."""
+    """Return the CPU milliseconds of a call."""
     begun = time.process_time()
     what()
     return 1e3 * (time.process_time() - begun)
 
 
 def start_ms(repeats: int) -> float:
-    """Of the language, in fresh processes."""
+    """Return the start-up milliseconds of the language in fresh processes."""
     command_line = [sys.executable, "-c", START]
     runs = [subprocess.run(command_line, capture_output=True, text=True, check=True) for _ in range(repeats)]
     return 1e3 * float(np.median([float(run.stdout) for run in runs]))
 
 
 def main(words: Sequence[str] | None = None) -> None:
-    """Measure and tell."""
+    """Run the benchmark and print its table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--vehicles", type=int, default=50)
     parser.add_argument("--repeats", type=int, default=5)
@@ -168,7 +168,7 @@ def main(words: Sequence[str] | None = None) -> None:
     turns = [text for _ in range(given.repeats) for text in asked]
     grounding = [timed_ms(partial(grounder.ground, text)) for text in turns]
     rows = {
-        "read": [timed_ms(partial(read, text)) for text in turns],
+        "read": [timed_ms(partial(parse, text)) for text in turns],
         "ground": grounding,
         "  to a place": [ms for ms, text in zip(grounding, turns, strict=True) if status[text] == "ok"],
         "set_scene": setting,

@@ -1,26 +1,25 @@
-"""Commands in simulated scenes whose vehicle and place are known: how often does the product get them right?
+"""Accuracy of grounding on commands in simulated scenes with known referent and goal region.
 
     python -m benchmarks.grounding_cases ROOT [--bev SOURCE] [--noisy] [--cases 1000] [--seed 0]
                                               [--errors] [--pictures DIR]
 
-ROOT is a simulated dataset. A case is a key frame, a sentence, the vehicle (of "between" two) that it means by true
-body, paint, place and speed, with clear margins to all others, and the cells where a place is right, all of it found
-without any code of `grounding` (`benchmarks.grounding_truth`). In 15 % of the cases two or more vehicles fit and
-nothing is said to decide; in 5 % there is no such vehicle.
+ROOT is a simulated dataset. A case is a key frame, a sentence, its referent (two for "between") by true body, paint,
+place and speed, with clear margins to all other vehicles, and the cells of admissible goals. Cases are generated
+without any code of `grounding` (`benchmarks.grounding_truth`). In 15 % of the cases two or more vehicles fit and the
+sentence does not decide between them; in 5 % there is no such vehicle.
 
-- --bev: whose maps; with `exact` the true boxes are given as well, with any other source the map alone. --noisy:
-  exact maps, disturbed as in `benchmarks.colour_ablation`, the map alone. From a map alone nobody knows fronts,
-  speeds and heights: sentences say nothing of parked or moving then, car, van and truck are told apart by other
-  words, and "behind" is along our own direction.
-- vehicle: the right one (without boxes: within 2 m of it), or none where none is named. place: the target lies in the
-  region and heads along the lane. off: metres from the target to the best place of the region, where the vehicle is
-  right. asked, none: answered by a question, by "not found". error: the product raised.
-- asked back: of cases with one answer those answered by a question, and how often the right vehicle is among those
-  that it is about.
-- declared: of ambiguous cases those answered so, with two or more of the vehicles that fit among the candidates; of
-  absent ones those not found.
-- hard violations: targets whose footprint holds the middle of a cell that the given map calls vehicle, or that it
-  does not call road, or that lies off the map. There may be none.
+- --bev: source of the maps; with `exact` the true boxes are given too, with any other source only the map. --noisy:
+  exact maps with the noise of `benchmarks.colour_ablation`, only the map. A map alone has no fronts, speeds and
+  heights: sentences then do not mention parked or moving, car, van and truck are distinguished by other words, and
+  "behind" is along our own direction.
+- vehicle: the referent is right (without boxes: within 2 m), or none if none is named. place: the target is in the
+  region and heads along the lane. off: distance of the target from the best goal of the region, in metres, if the
+  vehicle is right. asked, none: the answer is a clarification question, or "not found". error: an exception.
+- asked back: share of unambiguous cases answered by a question, and how often the referent is among its candidates.
+- declared: share of ambiguous cases answered as ambiguous, with two or more of the fitting vehicles among the
+  candidates; share of absent cases answered as not found.
+- hard violations: targets whose footprint contains the centre of a cell that is vehicle or not road in the given map,
+  or that is off the map. There must be none.
 """
 
 from __future__ import annotations
@@ -42,19 +41,20 @@ from rich.table import Table
 from appocc.bevmap import ROAD, VEHICLE, BEVMap, load_map
 from appocc.boxes import Boxes
 from appocc.checks import ByteArray, FloatArray
-from appocc.ego_vehicle import EGO_LENGTH_M, EGO_WIDTH_M
+from appocc.ego_vehicle import EgoVehicle
 from appocc.errors import AppoccError
 from appocc.files import write_image
 from appocc.geometry import footprints, wrap_angle
 from appocc.visualization.canvas import GREEN, RED, WHITE, YELLOW, BEVCanvas, Colour, put_text
 from benchmarks.colour_ablation import _disturbed, _map_of
 from benchmarks.encounters import Sight
-from benchmarks.grounding_truth.making import SUITS, Case, make_cases
-from benchmarks.grounding_truth.moments import Moment, Town
+from benchmarks.grounding_truth.case_generation import SUITS, Case, make_cases
+from benchmarks.grounding_truth.key_frames import Town, TrueFrame
 from benchmarks.grounding_truth.places import TURN_DEG
+from benchmarks.grounding_truth.roads import EGO
 from grounding.grounder import Grounder
 
-# Without boxes the right vehicle is the one this near; a heading in steps may be this much farther off.
+# Without boxes, the vehicle within this distance is the right one; tolerance of headings that come in steps.
 SAME_M, YAW_SLACK_DEG = 2.0, 5.0
 NO_COLOUR = np.array([128, 128, 128])
 MOST_PICTURES = 60
@@ -65,16 +65,16 @@ CYAN: Colour = (60, 220, 255)
 
 
 class Asked(NamedTuple):
-    """What the product answered.
+    """The answer of the grounder.
 
     Attributes:
-        status: ok, ambiguous, not_found, not_a_command; error where it raised.
+        status: ok, ambiguous, not_found, not_a_command; error for an exception.
         words: its reasons, or the error.
-        cell: of the target, None without one.
+        cell: cell of the target, None without one.
         place_m: (2,) the same in metres.
-        yaw_rad: heading there, to ours.
-        vehicles: identity and place of those it measures from.
-        candidates: the same of those that may be meant.
+        yaw_rad: heading at the target, ego frame.
+        vehicles: identity and position of the vehicles that the goal is measured from.
+        candidates: identity and position of possible referents.
     """
 
     status: str
@@ -87,7 +87,7 @@ class Asked(NamedTuple):
 
 
 def ask(sentence: str, grounder: Grounder) -> Asked:
-    """The product's answer: the one place that knows how it is asked."""
+    """Ask the grounder; all calls of it are here."""
     answer = grounder.ground(sentence)
     target, referent = answer.target, answer.referent
     items = [referent.item, getattr(referent, "partner", None)] if referent else []
@@ -106,17 +106,17 @@ def ask(sentence: str, grounder: Grounder) -> Asked:
 
 
 class Verdict(NamedTuple):
-    """What is right of an answer.
+    """Evaluation of an answer.
 
     Attributes:
-        case: what was asked.
-        asked: what was answered.
-        vehicle: whether the vehicle is right; of an ambiguous or absent case, whether it was declared so.
+        case: the case.
+        asked: the answer.
+        vehicle: whether the vehicle is right; in an ambiguous or absent case, whether it was declared as such.
         place: whether the target is right.
-        off_m: from the target to the best place, NaN where there is none or the vehicle is wrong.
-        on_vehicle: cells of vehicles below the target's footprint.
-        off_road: cells below it that are no known road, or lie off the map.
-        among: whether the right vehicle is among those that it asked about.
+        off_m: distance from the target to the best goal, NaN without a target or if the vehicle is wrong.
+        on_vehicle: number of vehicle cells below the target's footprint.
+        off_road: number of cells below it that are not known road, or off the map.
+        among: whether the referent is among the candidates of the question.
     """
 
     case: Case
@@ -130,12 +130,12 @@ class Verdict(NamedTuple):
 
     @property
     def right(self) -> bool:
-        """Whether all of it is right."""
+        """Return whether vehicle and place are right."""
         return self.vehicle and (self.place or self.case.kind != "one") and not self.on_vehicle + self.off_road
 
 
 def judge(case: Case, asked: Asked, bev: BEVMap, by_name: bool) -> Verdict:
-    """Judge an answer on the map that the product was given; vehicles are known by name, or by their place."""
+    """Evaluate an answer on the map given to the grounder; vehicles are matched by name, or by their position."""
     on_vehicle, off_road = violations(asked, bev)
     right = case.kind == "absent" and asked.status == "not_found"
     if case.kind == "ambiguous":
@@ -154,7 +154,7 @@ def judge(case: Case, asked: Asked, bev: BEVMap, by_name: bool) -> Verdict:
 
 
 def _found(case: Case, answered: Sequence[tuple[str, FloatArray]], by_name: bool) -> list[str]:
-    """Which of a case's vehicles are among those of an answer."""
+    """Return which of a case's vehicles are among those of an answer."""
     if by_name:
         return [v.instance for v in case.vehicles if v.instance in {name for name, _ in answered}]
     places = np.array([place for _, place in answered]).reshape(-1, 2)
@@ -162,14 +162,14 @@ def _found(case: Case, answered: Sequence[tuple[str, FloatArray]], by_name: bool
 
 
 def violations(asked: Asked, bev: BEVMap) -> tuple[int, int]:
-    """Of the cells whose middle lies in the target's footprint, how many are vehicle, and how many no known road."""
+    """Count the cells with centres in the target's footprint that are vehicle, and that are not known road."""
     if asked.place_m is None:
         return 0, 0
     offset = bev.grid.centres() - asked.place_m
     cos, sin = np.cos(asked.yaw_rad), np.sin(asked.yaw_rad)
-    inside = np.abs(offset @ [cos, sin]) <= EGO_LENGTH_M / 2
-    inside &= np.abs(offset @ [-sin, cos]) <= EGO_WIDTH_M / 2
-    corners = footprints(asked.place_m, asked.yaw_rad, [EGO_LENGTH_M, EGO_WIDTH_M])
+    inside = np.abs(offset @ [cos, sin]) <= EGO.length_m / 2
+    inside &= np.abs(offset @ [-sin, cos]) <= EGO.width_m / 2
+    corners = footprints(asked.place_m, asked.yaw_rad, [EGO.length_m, EGO.width_m])
     off_map = np.count_nonzero(~bev.grid.contains(bev.grid.cell_of(corners)))
     off_road = np.count_nonzero(inside & ~bev.on[ROAD])
     return int(np.count_nonzero(inside & bev.on[VEHICLE])), int(off_road + off_map)
@@ -178,8 +178,8 @@ def violations(asked: Asked, bev: BEVMap) -> tuple[int, int]:
 # Maps to ask on ---------------------------------------------------------------------------------------------------
 
 
-def noisy_map(moment: Moment, random: np.random.Generator) -> BEVMap:
-    """The exact map as a network might see it: vehicles off, missed and made up, colours grainy."""
+def noisy_map(moment: TrueFrame, random: np.random.Generator) -> BEVMap:
+    """Return the exact map with noise like a network's: displaced, missed and false vehicles, grainy colours."""
     on_map = [n for n, v in enumerate(moment.vehicles) if v.on_map]
     colours = moment.bev.appearance.transpose(1, 2, 0)
     rgb = [np.median(colours[own], axis=0) if (own := moment.owner == n).any() else NO_COLOUR for n in on_map]
@@ -205,8 +205,8 @@ def noisy_map(moment: Moment, random: np.random.Generator) -> BEVMap:
     return replace(moment.bev, occupancy=occupancy, appearance=appearance)
 
 
-def product_and_map(town: Town, moment: Moment, source: str, noisy: bool, seed: int) -> tuple[Grounder, BEVMap]:
-    """The product, before a key frame, and the map that it is given."""
+def product_and_map(town: Town, moment: TrueFrame, source: str, noisy: bool, seed: int) -> tuple[Grounder, BEVMap]:
+    """Return a grounder with a key frame as its scene, and the map that it got."""
     boxes: Boxes | None = None
     if noisy:
         bev = noisy_map(moment, np.random.default_rng([seed, 7, zlib.crc32(moment.token.encode())]))
@@ -222,7 +222,7 @@ def product_and_map(town: Town, moment: Moment, source: str, noisy: bool, seed: 
 def verdicts(
     town: Town, cases: Sequence[Case], source: str, noisy: bool, seed: int, pictures: Path | None
 ) -> Iterator[Verdict]:
-    """Ask and judge, key frame by key frame; draw some of the wrong ones."""
+    """Ask and evaluate, key frame by key frame; draw some of the wrong answers."""
     drawn = 0
     for token, ours in groupby(cases, key=lambda case: case.token):
         moment = town.moment(token)
@@ -230,7 +230,7 @@ def verdicts(
         for case in ours:
             try:
                 asked = ask(case.sentence, grounder)
-            except Exception as error:  # whatever it is: it is counted and told
+            except Exception as error:  # any exception is counted and printed
                 asked = Asked("error", f"{type(error).__name__}: {error}")
             verdict = judge(case, asked, bev, source == "exact" and not noisy)
             if pictures and not verdict.right and drawn < MOST_PICTURES:
@@ -245,7 +245,7 @@ HEAD = ("relation", "cases", "vehicle %", "place %", "off m: median", "p90", "as
 
 
 def table(judged: Sequence[Verdict]) -> Table:
-    """Shares of the cases with one answer, a row a relation."""
+    """Return the shares of the unambiguous cases, one row per relation."""
     made = Table(*HEAD)
     ones = [one for one in judged if one.case.kind == "one"]
     for name in (*SUITS, "all"):
@@ -262,7 +262,7 @@ def table(judged: Sequence[Verdict]) -> Table:
 
 
 def summary(judged: Sequence[Verdict], left_out: Counter[str]) -> list[str]:
-    """What the table does not hold."""
+    """Return the figures that are not in the table."""
     lines = []
     for kind in ("ambiguous", "absent"):
         declared = [one.vehicle for one in judged if one.case.kind == kind]
@@ -280,8 +280,8 @@ def summary(judged: Sequence[Verdict], left_out: Counter[str]) -> list[str]:
     return [*lines, *(f"no case {count} times: {why}" for why, count in left_out.most_common())]
 
 
-def told(verdict: Verdict) -> str:
-    """A wrong answer in two lines."""
+def error_text(verdict: Verdict) -> str:
+    """Return a wrong answer in two lines."""
     case, asked = verdict.case, verdict.asked
     meant = ", ".join(f"{v.paint} {v.body} at ({v.xy_m[0]:.0f}, {v.xy_m[1]:.0f})" for v in case.vehicles) or "none"
     got = ", ".join(f"{name[:8]} at ({x:.0f}, {y:.0f})" for name, (x, y) in asked.vehicles) or "none"
@@ -295,13 +295,13 @@ def told(verdict: Verdict) -> str:
     )
 
 
-def picture(verdict: Verdict, moment: Moment, bev: BEVMap) -> ByteArray:
-    """The map with the region, its best place, the true vehicles (red) and those answered, and the target (cyan)."""
+def picture(verdict: Verdict, moment: TrueFrame, bev: BEVMap) -> ByteArray:
+    """Draw the region and its best goal, the true vehicles (red), those of the answer, and the target (cyan)."""
     case, asked = verdict.case, verdict.asked
     canvas = BEVCanvas(bev.grid, 4)
     canvas.occupancy(bev)
     canvas.appearance(bev)
-    canvas.ego()
+    canvas.ego(EgoVehicle())
     if case.region:
         plain = canvas.picture.copy()
         canvas.cells(np.broadcast_to(np.array(GREEN, np.uint8), (*bev.grid.shape, 3)), case.region.cells)
@@ -317,7 +317,7 @@ def picture(verdict: Verdict, moment: Moment, bev: BEVMap) -> ByteArray:
     for _, place in asked.vehicles or asked.candidates:
         canvas.dot(place, CYAN if asked.vehicles else YELLOW, 5)
     if asked.place_m is not None:
-        corners = footprints(asked.place_m, asked.yaw_rad, [EGO_LENGTH_M, EGO_WIDTH_M])
+        corners = footprints(asked.place_m, asked.yaw_rad, [EGO.length_m, EGO.width_m])
         canvas.line(corners, CYAN, 2, closed=True)
         canvas.line([asked.place_m, (corners[0] + corners[3]) / 2], CYAN, 2)
     band = np.full((78, canvas.picture.shape[1], 3), 24, np.uint8)
@@ -328,7 +328,7 @@ def picture(verdict: Verdict, moment: Moment, bev: BEVMap) -> ByteArray:
 
 
 def main(words: Sequence[str] | None = None) -> None:
-    """Make cases, ask, judge and tell."""
+    """Run the benchmark and print its tables."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("root", type=Path)
     parser.add_argument("--bev", default="exact")
@@ -352,7 +352,7 @@ def main(words: Sequence[str] | None = None) -> None:
     if given.errors:
         for one in judged:
             if not one.right:
-                console.print(told(one), highlight=False, markup=False)
+                console.print(error_text(one), highlight=False, markup=False)
     console.print(table(judged))
     for line in summary(judged, made.left_out):
         console.print(line, highlight=False, markup=False)

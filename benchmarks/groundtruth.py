@@ -1,7 +1,7 @@
-"""Samples a minute and peak memory of `appocc groundtruth`, with one process and with two, in turn.
+"""Samples per minute and peak memory of `appocc groundtruth`, alternating between one process and two.
 
 Run: python -m benchmarks.groundtruth ROOT [--scene NAME] [--rounds 3]
-Memory is the sum over all processes of what each holds for itself (PSS), read four times a second.
+Memory is the proportional set size (PSS), summed over all processes and read four times a second.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from pathlib import Path
 
 
 def tree_memory_mb(pid: int) -> float:
-    """Memory of a process and its children, shared pages counted once, in MB (0 when it has ended)."""
+    """Return the memory of a process tree in MB, with shared pages counted once; 0 if it has ended."""
     total = 0.0
     try:
         for line in Path(f"/proc/{pid}/smaps_rollup").read_text().splitlines():
@@ -27,12 +27,12 @@ def tree_memory_mb(pid: int) -> float:
             for child in (task / "children").read_text().split():
                 total += tree_memory_mb(int(child))
     except (OSError, ValueError):
-        pass  # it ended while we looked
+        pass  # the process ended meanwhile
     return total
 
 
 def run_once(root: Path, scene: str | None, workers: int) -> tuple[float, float]:
-    """Samples a minute and peak memory in MB of one run from nothing."""
+    """Return samples per minute and peak memory in MB of one run without earlier results."""
     with tempfile.TemporaryDirectory() as out:
         command = [sys.executable, "-m", "cli.main", "groundtruth", str(root), "--out", out, "--json"]
         command += ["--workers", str(workers), *(["--scene", scene] if scene else [])]

@@ -1,14 +1,14 @@
-"""Tracks of cars in KITTI sequences, by KITTI's rules, online and smoothed, beside a plain Kalman filter.
+"""Tracking of cars in KITTI sequences by KITTI's rules: online, smoothed, and a plain Kalman filter as baseline.
 
     OMP_NUM_THREADS=1 python -m benchmarks.kitti ROOT [--cut X]
 
-ROOT is a folder as `tracking.io.kitti` describes it, with labels. Both trackers get the same detections and poses.
-Tracks whose mean score is below a cut are dropped; each row has its own, the one with the largest MOTA over all
-sequences, or ours the given one. Rows of single sequences have the same cut. Smoothed are the tracker's tracks in
-hindsight (`tracking.filtering.smoother`): the others know nothing of what comes later.
+ROOT is a folder with labels, in the layout of `tracking.io.kitti`. Both trackers get the same detections and poses.
+Tracks whose mean score is below a cut are dropped; each tracker has its own cut, the one with the highest MOTA over
+all sequences, or for ours the given one. Rows of single sequences use the same cut. "smoothed" is the offline
+smoothing of the tracker's tracks (`tracking.filtering.smoother`); the other rows are online.
 
-The plain filter follows the places of detections on the world's ground with one velocity, the same noise in all
-directions, and the assignment of the least sum of distances; it tells of a track only where a detection was matched.
+The baseline filters positions on the ground with constant velocity and isotropic noise, assigns by the least sum of
+distances, and reports a track only in frames with a matched detection.
 """
 
 from __future__ import annotations
@@ -29,12 +29,13 @@ from scipy.spatial.distance import cdist
 from appocc.checks import FloatArray
 from appocc.errors import AppoccError
 from appocc.geometry import apply, wrap_angle, yaw_of
-from tracking.detections import Detections, TakesDetections, probability_of
+from tracking.detections import Detections, probability_from_log_odds
 from tracking.evaluation.clear_id_hota import Metrics
-from tracking.evaluation.kitti import Results, trial_of
+from tracking.evaluation.kitti import Results, prepare_evaluation
 from tracking.filtering.smoother import smooth
-from tracking.io.kitti import KittiSequence, read_sequences, track_sequence
-from tracking.io.kitti_results import results_of
+from tracking.io.kitti import KittiSequence, read_sequences
+from tracking.io.kitti_results import kitti_results
+from tracking.pipeline import OnlineTracker, track_sequence
 from tracking.tracker import Tracker
 from tracking.tracks import Track
 
@@ -45,7 +46,7 @@ NOISE_M, FIRST_SPEED_MPS, ACCELERATION = 0.3, 8.0, 4.0  # the last in m2/s3, a r
 
 @dataclass
 class _Point:
-    """A place that moves; variances of place and velocity, and what they share, are the same along both axes."""
+    """A moving point; variances and covariance of position and velocity are the same along both axes."""
 
     id: int
     place_m: FloatArray
@@ -54,7 +55,7 @@ class _Point:
     unseen: int = 0
 
     def predict(self, seconds: float) -> None:
-        """Move on."""
+        """Predict the state after a time."""
         step = np.array([[1.0, seconds], [0.0, 1.0]])
         walk = np.array([[seconds**3 / 3, seconds**2 / 2], [seconds**2 / 2, seconds]])
         self.place_m = self.place_m + seconds * self.velocity_mps
@@ -62,7 +63,7 @@ class _Point:
         self.unseen += 1
 
     def see(self, place_m: FloatArray) -> None:
-        """Take in a detection's place (2,)."""
+        """Update the state with the position (2,) of a detection."""
         gain = self.variances[:, 0] / (self.variances[0, 0] + NOISE_M**2)
         off = place_m - self.place_m
         self.place_m, self.velocity_mps = self.place_m + gain[0] * off, self.velocity_mps + gain[1] * off
@@ -71,7 +72,7 @@ class _Point:
 
 
 class PlainFilter:
-    """The tracker to compare with."""
+    """The baseline tracker."""
 
     def __init__(self) -> None:
         """Start with no tracks."""
@@ -80,7 +81,7 @@ class PlainFilter:
         self._time_us: int | None = None
 
     def update(self, detections: Detections, timestamp_us: int, world_from_ego: FloatArray) -> tuple[Track, ...]:
-        """The tracks that detections were matched to; their scores are those of the detections."""
+        """Return the tracks with a matched detection; their scores are those of the detections."""
         seconds = (timestamp_us - (self._time_us or 0)) * 1e-6
         self._time_us = timestamp_us
         for point in self._alive:
@@ -115,7 +116,7 @@ def _track(point: _Point, detections: Detections, i: int, ground_z_m: float, tur
         length_m=length,
         width_m=width,
         rgb=np.full(3, np.nan),
-        score=float(probability_of(detections.log_odds[i])),
+        score=float(probability_from_log_odds(detections.log_odds[i])),
         seen=True,
         height_m=height,
         kind=detections.kind[i],
@@ -123,8 +124,8 @@ def _track(point: _Point, detections: Detections, i: int, ground_z_m: float, tur
     )
 
 
-def follow(sequences: Sequence[KittiSequence], make: Callable[[], TakesDetections]) -> list[Tracked]:
-    """The tracks of each sequence by a fresh tracker."""
+def follow(sequences: Sequence[KittiSequence], make: Callable[[], OnlineTracker]) -> list[Tracked]:
+    """Track each sequence with a new tracker."""
     bar = Console(stderr=True)
     return [track_sequence(one, make()) for one in progress(sequences, "tracking", console=bar, transient=True)]
 
@@ -132,20 +133,20 @@ def follow(sequences: Sequence[KittiSequence], make: Callable[[], TakesDetection
 def measure(
     sequences: Sequence[KittiSequence], tracks: Sequence[Tracked], cut: float | None
 ) -> tuple[float, list[tuple[str, Metrics]]]:
-    """The cut, and scores of all sequences together and of each."""
+    """Return the cut, and the scores of all sequences together and of each."""
     outcomes: list[tuple[KittiSequence, Results]] = [
-        (one, results_of(one, told)) for one, told in zip(sequences, tracks, strict=True)
+        (one, kitti_results(one, told)) for one, told in zip(sequences, tracks, strict=True)
     ]
-    trial = trial_of(outcomes)
+    trial = prepare_evaluation(outcomes)
     cut = trial.best_cut() if cut is None else cut
-    alone = [(one.name, trial_of([(one, results)]).metrics(cut)) for one, results in outcomes]
+    alone = [(one.name, prepare_evaluation([(one, results)]).metrics(cut)) for one, results in outcomes]
     return cut, [("all", trial.metrics(cut)), *alone]
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("root", type=Path)
-    parser.add_argument("--cut", type=float, help="of our tracks; the best by default")
+    parser.add_argument("--cut", type=float, help="score cut of our tracks; default: the best")
     asked = parser.parse_args(arguments)
     try:
         sequences = read_sequences(asked.root)

@@ -1,12 +1,12 @@
-"""How long and how much memory it takes to load tables of the size of nuScenes v1.0-trainval.
+"""Time and memory to load tables of the size of nuScenes v1.0-trainval.
 
     python benchmarks/load_tables.py                    # full size for ours, a tenth for the comparison
     python benchmarks/load_tables.py --scale 0.1        # smaller
 
-Tables are made up (850 scenes, 34 k samples, 2.6 M files and poses, 1.2 M annotations at scale 1), written as the
-published ones are (one key a line, tokens of 32 hex digits), and loaded in a fresh process: once by
-`Tables(...).load_all()`, and, at the comparison's scale, by `json.load` into dicts with a dict from token to row,
-which is what nuscenes-devkit does.
+The tables are synthetic (850 scenes, 34 k samples, 2.6 M files and poses, 1.2 M annotations at scale 1), written like
+the published ones (one key per line, tokens of 32 hex digits), and loaded in a fresh process: by
+`Tables(...).load_all()`, and, at the comparison's scale, by `json.load` into dicts with a dict from token to row, as
+in nuscenes-devkit.
 """
 
 from __future__ import annotations
@@ -129,7 +129,7 @@ class Maker:
                     self.counts[name] += 1
 
     def _stream(self, channel: str, mount: str, samples: list[str], start: int) -> Iterator[tuple[str, str]]:
-        """The files of one channel of a scene, each with its ego pose, as JSON texts."""
+        """Return the files of one channel of a scene, each with its ego pose, as JSON texts."""
         rate, ending = FILES[channel], _ENDINGS[channel.split("_")[0]]
         count = rate * (len(samples) - 1) + 1
         turns, places = self.quaternions(count), (self.random.normal(size=(count, 3)) * 400 + 800).tolist()
@@ -153,7 +153,7 @@ class Maker:
             yield data, pose
 
     def _boxes(self, categories: list[str], samples: list[str]) -> Iterator[tuple[str, str]]:
-        """The annotations of a scene as JSON texts: instances that are seen in some samples each."""
+        """Return the annotations of a scene as JSON texts: each instance is visible in several samples."""
         visibility, attribute = self.rows["visibility"][-1]["token"], self.rows["attribute"][0]["token"]
         left = BOXES * len(samples)
         for number in range(INSTANCES):
@@ -187,7 +187,7 @@ def _modality(channel: str) -> str:
 
 
 def _linked(tokens: list[str]) -> Iterator[tuple[str, str, str]]:
-    """Each token between the one before and the one after ('' at the ends)."""
+    """Return each token with its predecessor and successor ('' at the ends)."""
     return zip(["", *tokens[:-1]], tokens, [*tokens[1:], ""], strict=True)
 
 
@@ -206,7 +206,7 @@ def load_ours(root: Path) -> dict[str, int]:
 
 
 def load_dicts(root: Path) -> dict[str, int]:
-    """Load as nuscenes-devkit does: every table a list of dicts, and a dict from token to row."""
+    """Load as in nuscenes-devkit: every table a list of dicts, and a dict from token to row."""
     kept = {}
     for path in sorted((root / "v1.0-made").glob("*.json")):
         with path.open() as handle:
@@ -216,7 +216,7 @@ def load_dicts(root: Path) -> dict[str, int]:
 
 
 def _peak_bytes() -> int:
-    """The most memory this process has held; ru_maxrss would count its parent's before exec, too."""
+    """Return the peak memory of this process; ru_maxrss would include that of its parent before exec."""
     status = Path("/proc/self/status")
     if status.exists():
         return int(next(line for line in status.read_text().splitlines() if "VmHWM" in line).split()[1]) * 1024
@@ -234,7 +234,7 @@ def measure(way: str, root: Path) -> dict[str, Any]:
 
 def _load_and_print(way: str, root: Path) -> None:
     load = {"ours": load_ours, "dicts": load_dicts}[way]
-    import appocc.nuscenes.tables  # noqa: F401 - the time of imports is not what is measured
+    import appocc.nuscenes.tables  # noqa: F401 - exclude the time of imports
 
     start = time.perf_counter()
     rows = load(root)
@@ -255,7 +255,7 @@ def main() -> None:
     """Parse arguments, make tables in a temporary folder, measure, clean up."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--scale", type=float, default=1.0, help="share of v1.0-trainval for our reader")
-    parser.add_argument("--compare-scale", type=float, default=0.1, help="share for the comparison; 0 leaves it out")
+    parser.add_argument("--compare-scale", type=float, default=0.1, help="share for the comparison; 0 skips it")
     parser.add_argument("--load", nargs=2, metavar=("WAY", "ROOT"), help=argparse.SUPPRESS)
     arguments = parser.parse_args()
     if arguments.load:

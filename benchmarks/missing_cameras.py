@@ -1,11 +1,12 @@
-"""What is lost when cameras fail: IoU with 6, 5, 4 and 3 of them alive.
+"""Robustness to camera failures: IoU with 6, 5, 4 and 3 working cameras.
 
     OMP_NUM_THREADS=2 python -m benchmarks.missing_cameras ROOT --weights F [--frames 32] [--against exact] [--json]
 
-A dead camera is left out of the rig, as `appocc infer` does it; nothing is fed in its place. Every choice of living
-cameras sees the same frames, taken evenly from ROOT: all six choices of five cameras, six drawn ones of four and of
-three, the same for every run. IoU is at the thresholds of the weights, over all cells of the grid and over those that
-a living camera sees by the geometry of the rig; a row is the mean over its choices, with the worst in brackets.
+A failed camera is left out of the rig, as in `appocc infer`, without a substitute. All subsets of cameras are
+evaluated on the same frames, spread evenly over ROOT: all six subsets of five cameras, and six random ones of four
+and of three, the same in every run. IoU is at the thresholds of the weights, over all cells of the grid and over
+those that a working camera sees by the geometry of the rig; a row is the mean over its subsets, with the worst in
+brackets.
 """
 
 from __future__ import annotations
@@ -26,10 +27,10 @@ from rich.table import Table
 from appocc.bevmap import CLASSES, load_map
 from appocc.checks import FloatArray
 from appocc.errors import AppoccError, DataError
-from appocc.evaluation.cells import GROUPS, CellCounts, count_cells, group_masks, ious
-from appocc.inference.inputs import Moment, dataset_moments
+from appocc.evaluation.cells import GROUPS, CellCounts, cell_group_masks, count_cells, ious
+from appocc.inference.inputs import InferenceInput, dataset_inputs
 from appocc.inference.loading import load_predictor
-from appocc.inference.predictor import Predictor, cameras_of
+from appocc.inference.predictor import Predictor, select_cameras
 from appocc.nuscenes.dataset import Dataset
 
 MOST_CHOICES, MOST_DEAD, SEED = 6, 3, 0
@@ -37,12 +38,12 @@ OVER = ("all", "seen")
 
 
 class Score(NamedTuple):
-    """What one choice of living cameras gives.
+    """Scores of one subset of working cameras.
 
     Attributes:
-        alive: their channels.
+        alive: channels of the working cameras.
         iou: of each class, over each of `OVER`.
-        seen: share of the cells that a living camera sees.
+        seen: share of the cells that a working camera sees.
     """
 
     alive: tuple[str, ...]
@@ -51,7 +52,7 @@ class Score(NamedTuple):
 
 
 def choices(channels: Sequence[str], alive: int) -> list[tuple[str, ...]]:
-    """Which cameras live: all choices, or so many drawn ones, always the same."""
+    """Return the subsets of working cameras: all, or a fixed random selection."""
     every = list(combinations(channels, alive))
     if len(every) <= MOST_CHOICES:
         return every
@@ -59,23 +60,25 @@ def choices(channels: Sequence[str], alive: int) -> list[tuple[str, ...]]:
     return [every[number] for number in sorted(drawn.tolist())]
 
 
-def evenly(moments: Sequence[Moment], most: int) -> list[Moment]:
-    """So many moments, from all over a recording."""
-    places = np.linspace(0, len(moments) - 1, min(most, len(moments))).round().astype(int)
-    return [moments[place] for place in places.tolist()]
+def evenly(inputs: Sequence[InferenceInput], most: int) -> list[InferenceInput]:
+    """Return at most this many inputs, spread evenly over a recording."""
+    places = np.linspace(0, len(inputs) - 1, min(most, len(inputs))).round().astype(int)
+    return [inputs[place] for place in places.tolist()]
 
 
-def score(predictor: Predictor, root: Path, against: str, moments: Sequence[Moment], alive: tuple[str, ...]) -> Score:
-    """IoU over moments of which only these cameras live.
+def score(
+    predictor: Predictor, root: Path, against: str, inputs: Sequence[InferenceInput], alive: tuple[str, ...]
+) -> Score:
+    """Return the IoU over inputs with only these cameras.
 
     Raises:
-        DataError: if one of them has no picture, a true map is missing or on another grid.
+        DataError: if a camera has no image, or a true map is missing or on another grid.
     """
-    grid = predictor.model.setting.grid
+    grid = predictor.model.spec.grid
     thresholds: FloatArray = np.array([[predictor.weights.thresholds[name] for name in CLASSES]])
-    counts, seen = CellCounts.nothing(1), 0.0
-    for moment in moments:
-        frame, truth = moment.read().frame, load_map(root, against, moment.token)
+    counts, seen = CellCounts.zeros(1), 0.0
+    for each in inputs:
+        frame, truth = each.read().frame, load_map(root, against, each.token)
         if truth.grid != grid:
             raise DataError(
                 f"{root}: expected truth on the grid of the weights, {grid.as_array().tolist()}, "
@@ -83,34 +86,34 @@ def score(predictor: Predictor, root: Path, against: str, moments: Sequence[Mome
             )
         missing = [channel for channel in alive if channel not in frame.images]
         if missing:
-            raise DataError(f"{moment.title}: expected pictures of all cameras, got none of {', '.join(missing)}")
+            raise DataError(f"{each.title}: expected pictures of all cameras, got none of {', '.join(missing)}")
         found = predictor(replace(frame, images={channel: frame.images[channel] for channel in alive}))
-        masks = group_masks(grid, np.ones(grid.shape, np.bool_), found.seen)
+        masks = cell_group_masks(grid, np.ones(grid.shape, np.bool_), found.seen)
         counts, seen = counts.plus(count_cells(found.bev, truth, masks, thresholds)), seen + float(found.seen.mean())
     iou = {name: ious(counts.overlap[0, GROUPS.index(name)]) for name in OVER}
-    return Score(alive, iou, seen / len(moments))
+    return Score(alive, iou, seen / len(inputs))
 
 
-def measure(predictor: Predictor, root: Path, against: str, moments: Sequence[Moment]) -> list[list[Score]]:
-    """The scores of all choices, a list for each number of living cameras, all alive first.
+def measure(predictor: Predictor, root: Path, against: str, inputs: Sequence[InferenceInput]) -> list[list[Score]]:
+    """Return the scores of all subsets, a list for each number of working cameras, the full rig first.
 
     Raises:
-        DataError: if the rig has no camera that the weights use, or as `score`.
+        DataError: if the rig has no camera that the weights use, or as in `score`.
     """
-    rig = moments[0].read().frame.rig
-    channels = [camera.channel for camera in cameras_of(predictor.model.setting, rig)]
+    rig = inputs[0].read().frame.rig
+    channels = [camera.channel for camera in select_cameras(predictor.model.spec, rig)]
     if not channels:
-        raise DataError(f"{root}: expected cameras {', '.join(predictor.model.setting.channels)}, got none of them")
+        raise DataError(f"{root}: expected cameras {', '.join(predictor.model.spec.channels)}, got none of them")
     numbers = range(len(channels), max(len(channels) - MOST_DEAD, 1) - 1, -1)
     asked = [(number, alive) for number in numbers for alive in choices(channels, number)]
     found: dict[int, list[Score]] = {}
     for number, alive in track(asked, "choices", console=Console(stderr=True), transient=True):
-        found.setdefault(number, []).append(score(predictor, root, against, moments, alive))
+        found.setdefault(number, []).append(score(predictor, root, against, inputs, alive))
     return list(found.values())
 
 
 def as_json(scores: Sequence[Sequence[Score]]) -> list[dict[str, Any]]:
-    """A row for each number of living cameras: mean and worst over its choices."""
+    """Return a row for each number of working cameras: mean and worst over its subsets."""
     return [
         {
             "alive": len(row[0].alive),
@@ -135,7 +138,7 @@ def _plain(values: dict[str, float]) -> dict[str, float | None]:
 
 
 def table(rows: Sequence[dict[str, Any]]) -> Table:
-    """The same for people, in percent."""
+    """Return the rows as a table in percent."""
     heads = [f"{name}, {over} cells" for over in OVER for name in CLASSES]
     made = Table("alive", "choices", "cells seen %", *heads)
     for row in rows:
@@ -149,22 +152,22 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Parse arguments, measure, print a table or JSON."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("root", type=Path)
-    parser.add_argument("--weights", type=Path, help="those of the package by default")
-    parser.add_argument("--frames", type=int, default=32, help="of ROOT, taken evenly (32)")
+    parser.add_argument("--weights", type=Path, help="weights file; default: the shipped weights")
+    parser.add_argument("--frames", type=int, default=32, help="number of frames, spread evenly over ROOT (32)")
     parser.add_argument("--against", default="exact", help="source of the truth (exact)")
-    parser.add_argument("--json", action="store_true", help="for machines; shares are 0..1")
+    parser.add_argument("--json", action="store_true", help="print JSON; shares are 0..1")
     told = parser.parse_args(arguments)
     if told.frames < 1:
         parser.error(f"--frames: expected 1 or more, got {told.frames}")
     try:
         dataset, predictor = Dataset(told.root), load_predictor(told.weights)
-        moments = evenly(dataset_moments(dataset, dataset.scenes), told.frames)
-        rows = as_json(measure(predictor, told.root, told.against, moments))
+        inputs = evenly(dataset_inputs(dataset, dataset.scenes), told.frames)
+        rows = as_json(measure(predictor, told.root, told.against, inputs))
     except AppoccError as error:
         parser.exit(error.exit_code, f"error: {error}\n")
     if told.json:
         thresholds = dict(predictor.weights.thresholds)
-        about = {"root": str(told.root), "frames": len(moments), "weights": predictor.weights.as_meta()}
+        about = {"root": str(told.root), "frames": len(inputs), "weights": predictor.weights.as_meta()}
         print(json.dumps({**about, "thresholds": thresholds, "rows": rows}, indent=2))
     else:
         Console(width=140).print(table(rows))

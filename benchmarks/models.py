@@ -1,10 +1,10 @@
-"""Time from pictures to the grid: batch 1, all ways in turn, medians, Lift-Splat-Shoot as the unit.
+"""Inference time from images to the grid: batch 1, medians of interleaved runs, relative to Lift-Splat-Shoot.
 
     OMP_NUM_THREADS=2 python -m benchmarks.models [--runs 9] [--setting 360] [--no-compile]
 
-With the extra `export`, the forms that `appocc export` writes are timed too. Weights are fresh: time does not depend
-on them. Pictures are there already, and a rig's plan is made once, as in a car. How fast bf16 is depends on the
-machine (AMX or AVX512-BF16; elsewhere it is emulated and slow): what it has is printed.
+With the extra `export`, the formats of `appocc export` are timed too. Weights are random: time does not depend on
+them. Images are in memory, and the plan of a rig is computed once, as in a vehicle. The speed of bf16 depends on the
+machine (AMX or AVX512-BF16; emulated and slow elsewhere): its capabilities are printed.
 """
 
 from __future__ import annotations
@@ -28,27 +28,27 @@ from torch.utils.flop_counter import FlopCounterMode
 from appocc.camera import CameraRig
 from appocc.errors import AppoccError
 from appocc.export.convert import to_onnx, write_onnx, write_openvino
-from appocc.export.graph import Graph
-from appocc.export.runtimes import Run, open_onnx, open_openvino
-from appocc.models.base import BEVModel, Plan
-from appocc.models.fused import fused
-from appocc.models.model_spec import SETTINGS, Setting
+from appocc.export.graph import ExportGraph
+from appocc.export.runtimes import Runner, open_onnx, open_openvino
+from appocc.models.base import BEVModel, ViewTransformPlan
+from appocc.models.batch_norm_folding import fold_batch_norms
+from appocc.models.model_spec import MODEL_SPECS, ModelSpec
 from appocc.models.registry import build
 from appocc.rigs import read_rig
 
 _FLAGS = ("avx2", "avx512f", "avx512_bf16", "amx_bf16", "amx_int8", "asimd", "bf16")
-Forward = Callable[[Tensor, Plan], object]
+Forward = Callable[[Tensor, ViewTransformPlan], object]
 
 
 class Way(NamedTuple):
-    """A network and how it is run.
+    """A network and its mode of execution.
 
     Attributes:
-        name: of the network.
-        how: for the table.
-        model: that counts for parameters and multiplications.
-        forward: what is timed.
-        bf16: under autocast.
+        name: name of the network.
+        how: mode of execution, for the table.
+        model: its parameters and multiplications are counted.
+        forward: the timed function.
+        bf16: whether it runs under autocast.
     """
 
     name: str
@@ -57,23 +57,23 @@ class Way(NamedTuple):
     forward: Forward
     bf16: bool = False
 
-    def run(self, images: Tensor, plan: Plan) -> float:
-        """Seconds of one forward."""
+    def run(self, images: Tensor, plan: ViewTransformPlan) -> float:
+        """Return the seconds of one forward pass."""
         start = time.perf_counter()
         with self.precision():
             self.forward(images, plan)
         return time.perf_counter() - start
 
     def precision(self) -> AbstractContextManager[object]:
-        """What to run it in."""
+        """Return the context of the number format."""
         return torch.autocast("cpu", torch.bfloat16) if self.bf16 else nullcontext()
 
 
-def ways(setting: Setting, compiled: bool) -> list[Way]:
-    """Everything that is timed, the unit first."""
+def ways(spec: ModelSpec, compiled: bool) -> list[Way]:
+    """Return all networks and modes to time, the reference first."""
     torch.manual_seed(0)
-    lss, paper, ours = (build(name, setting).eval() for name in ("lss", "paper", "appocc"))
-    last = fused(ours).to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+    lss, paper, ours = (build(name, spec).eval() for name in ("lss", "paper", "appocc"))
+    last = fold_batch_norms(ours).to(memory_format=torch.channels_last)  # type: ignore[call-overload]
     found = [
         Way("lss", "float32, eager", lss, lss),
         Way("paper", "float32, eager", paper, paper),
@@ -98,12 +98,12 @@ def _compiled(model: BEVModel) -> Forward:
 
 
 def exported_ways(model: BEVModel, rig: CameraRig, shape: tuple[int, ...]) -> list[Way]:
-    """The exported forms of a network; none without the extra."""
+    """Return the exported formats of a network; empty without the extra."""
     threads = torch.get_num_threads()
     with tempfile.TemporaryDirectory() as name:
         onnx, xml, values = (Path(name) / f"model.{ending}" for ending in ("onnx", "xml", "bin"))
         try:
-            proto = to_onnx(Graph(model, rig), shape, "")
+            proto = to_onnx(ExportGraph(model, rig), shape, "")
             write_onnx(proto, onnx)
             write_openvino(proto, "", xml, values)
             runs = {"ONNX": open_onnx(onnx, threads), "OpenVINO": open_openvino(xml, values, threads)}
@@ -113,25 +113,25 @@ def exported_ways(model: BEVModel, rig: CameraRig, shape: tuple[int, ...]) -> li
     return [Way("appocc", f"float32, exported, {name}", model, _of_arrays(run)) for name, run in runs.items()]
 
 
-def _of_arrays(run: Run) -> Forward:
+def _of_arrays(run: Runner) -> Forward:
     return lambda images, plan: run(images.numpy())
 
 
-def giga_macs(way: Way, images: Tensor, plan: Plan) -> float:
-    """Multiplications with additions of convolutions and matrix products, in 1e9."""
+def giga_macs(way: Way, images: Tensor, plan: ViewTransformPlan) -> float:
+    """Count the multiply-adds of convolutions and matrix products, in 1e9."""
     with FlopCounterMode(display=False) as counter:
         way.model(images, plan)
     return float(counter.get_total_flops()) / 2e9
 
 
-def measure(setting: Setting, runs: int, compiled: bool) -> Table:
-    """Time all ways in turn, so that what else the machine does falls on all alike."""
-    rig = CameraRig(tuple(read_rig("paper")[channel] for channel in setting.channels))
-    images = torch.rand(1, len(rig), 3, setting.height_px, setting.width_px)
-    working: list[tuple[Way, Plan]] = []
+def measure(spec: ModelSpec, runs: int, compiled: bool) -> Table:
+    """Time all modes in turn, so that other load on the machine affects all equally."""
+    rig = CameraRig(tuple(read_rig("paper")[channel] for channel in spec.channels))
+    images = torch.rand(1, len(rig), 3, spec.height_px, spec.width_px)
+    working: list[tuple[Way, ViewTransformPlan]] = []
     failed: list[tuple[Way, str]] = []
     table = Table("network", "how", "median ms", "of lss", "times faster", "parameters", "GMAC")
-    candidates = ways(setting, compiled)
+    candidates = ways(spec, compiled)
     ours = next(way.model for way in candidates if way.name == "appocc")
     candidates += exported_ways(ours, rig, tuple(images.shape))
     with torch.inference_mode():
@@ -159,7 +159,7 @@ def measure(setting: Setting, runs: int, compiled: bool) -> Table:
 
 
 def machine() -> str:
-    """What decides the speed: the processor, what of it computes bf16, and the threads."""
+    """Describe the machine: processor, bf16 support, threads."""
     info = Path("/proc/cpuinfo")
     lines = info.read_text().splitlines() if info.exists() else []
     names = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
@@ -172,15 +172,15 @@ def machine() -> str:
 def main() -> None:
     """Parse arguments, measure, print a table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--runs", type=int, default=9, help="of each way; the median counts")
-    parser.add_argument("--setting", choices=sorted(SETTINGS), default="360")
-    parser.add_argument("--no-compile", action="store_true", help="leave torch.compile out")
+    parser.add_argument("--runs", type=int, default=9, help="runs of each mode; the median counts")
+    parser.add_argument("--setting", choices=sorted(MODEL_SPECS), default="360")
+    parser.add_argument("--no-compile", action="store_true", help="skip torch.compile")
     arguments = parser.parse_args()
     if "OMP_NUM_THREADS" in os.environ:
         torch.set_num_threads(int(os.environ["OMP_NUM_THREADS"]))
     console = Console(width=140)
     console.print(machine())
-    console.print(measure(SETTINGS[arguments.setting], arguments.runs, not arguments.no_compile))
+    console.print(measure(MODEL_SPECS[arguments.spec], arguments.runs, not arguments.no_compile))
 
 
 if __name__ == "__main__":

@@ -1,14 +1,14 @@
-"""Tracks of cars in nuScenes scenes, by nuScenes' rules, beside a plain Kalman filter and others' figures.
+"""Tracking of cars in nuScenes scenes by nuScenes' rules, with a plain Kalman filter and published trackers.
 
     OMP_NUM_THREADS=1 python -m benchmarks.nuscenes_mini FILE [--detector centerpoint] [--json]
 
-FILE holds scenes as `tracking.io.nuscenes_detections.read_scenes` describes them. Cars within 50 m that have LiDAR
-points are to be found. AMOTA is over 40 recalls (`tracking.evaluation.amota`); the other figures are at the threshold
-of the best MOTA, of the same filled tracks. The tracker gets the boxes of all classes and its tracks of cars are
-judged; the plain filter of `benchmarks.kitti` gets those of cars, and forgets what three key frames (1.5 s) do not
-show.
+FILE contains scenes in the format of `tracking.io.nuscenes_detections.read_scenes`. Ground truth: cars within 50 m
+with LiDAR points. AMOTA is over 40 recalls (`tracking.evaluation.amota`); the other figures are at the threshold of
+the best MOTA, on the same interpolated tracks. The tracker gets the boxes of all classes, and its tracks of cars are
+evaluated; the plain filter of `benchmarks.kitti` gets only cars, and deletes tracks after three key frames (1.5 s)
+without a match.
 
-The figures of others were measured on scene-0103 alone, with CenterPoint's boxes and the same rules.
+The figures of other trackers were measured on scene-0103 only, with CenterPoint's boxes and the same rules.
 """
 
 from __future__ import annotations
@@ -27,10 +27,11 @@ from rich.table import Table
 from appocc.checks import FloatArray
 from appocc.errors import AppoccError, DataError
 from benchmarks.kitti import PlainFilter
-from tracking.detections import Detections, TakesDetections, probability_of
-from tracking.evaluation.amota import ScoredMoment, amota, cut, fill
-from tracking.evaluation.clear_id_hota import Moment, evaluate
-from tracking.io.nuscenes_detections import RANGE_M, DetectedScene, read_scenes
+from tracking.detections import Detections, probability_from_log_odds
+from tracking.evaluation.amota import ScoredFrame, evaluate_amota, filter_by_score, prepare_frames
+from tracking.evaluation.clear_id_hota import EvaluationFrame, evaluate
+from tracking.io.nuscenes_detections import RANGE_M, SceneDetections, read_scene_file
+from tracking.pipeline import OnlineTracker
 from tracking.tracker import Tracker
 from tracking.tracks import Track
 
@@ -49,22 +50,22 @@ class _PlainFilter(PlainFilter):
     """The plain filter at two key frames a second."""
 
     def update(self, detections: Detections, timestamp_us: int, world_from_ego: FloatArray) -> tuple[Track, ...]:
-        """The tracks that detections were matched to; their scores are probabilities."""
+        """Return the tracks with a matched detection; their scores are probabilities."""
         tracks = super().update(detections, timestamp_us, world_from_ego)
         self._alive = [point for point in self._alive if point.unseen <= MOST_UNSEEN]
-        return tuple(replace(track, score=float(probability_of(track.score))) for track in tracks)
+        return tuple(replace(track, score=float(probability_from_log_odds(track.score))) for track in tracks)
 
 
 @dataclass(frozen=True)
 class _Part:
-    """A tracker's tracks of one scene, with the truth; ids begin at `first_id`."""
+    """A tracker's tracks of one scene, with the truth; ids start at `first_id`."""
 
-    moments: list[ScoredMoment]
+    moments: list[ScoredFrame]
     next_id: int
 
 
-def _track(tracker: TakesDetections, scene: DetectedScene, cars_alone: bool, first_id: int) -> _Part:
-    """Lead a fresh tracker through a scene."""
+def _track(tracker: OnlineTracker, scene: SceneDetections, cars_alone: bool, first_id: int) -> _Part:
+    """Track a scene with a new tracker."""
     moments, next_id = [], first_id
     rows = zip(scene.detections, scene.timestamps_us.tolist(), scene.world_from_ego, scene.truth, strict=True)
     for seen, time_us, pose, truth in rows:
@@ -74,33 +75,35 @@ def _track(tracker: TakesDetections, scene: DetectedScene, cars_alone: bool, fir
         ids = np.array([first_id + track.id for track in tracks], dtype=np.int64)
         objects, places = truth.centre_m[cars, :2], np.array([t.position_world_m[:2] for t in tracks]).reshape(-1, 2)
         near = [np.hypot(*(xy - pose[:2, 3]).T) < RANGE_M for xy in (objects, places)]
-        moment = Moment(first_id + truth.ids[cars], objects, near[0] & (truth.points[cars] > 0), ids, places, near[1])
-        moments.append(ScoredMoment(time_us, moment, np.array([track.score for track in tracks])))
+        moment = EvaluationFrame(
+            first_id + truth.ids[cars], objects, near[0] & (truth.points[cars] > 0), ids, places, near[1]
+        )
+        moments.append(ScoredFrame(time_us, moment, np.array([track.score for track in tracks])))
         next_id = max([next_id, *(ids + 1).tolist(), *(first_id + truth.ids + 1).tolist()])
     return _Part(moments, next_id)
 
 
-def measure(scenes: Sequence[DetectedScene], plain: bool) -> dict[str, float]:
-    """The figures of the tracker, or of the plain filter, over all scenes.
+def measure(scenes: Sequence[SceneDetections], plain: bool) -> dict[str, float]:
+    """Return the figures of the tracker, or of the plain filter, over all scenes.
 
     Raises:
-        DataError: if there are no cars to be found.
+        DataError: if there are no annotated cars.
     """
-    moments: list[ScoredMoment] = []
+    moments: list[ScoredFrame] = []
     first_id = 0
     for scene in scenes:
         part = _track(_PlainFilter() if plain else Tracker(), scene, plain, first_id)
         moments, first_id = moments + part.moments, part.next_id
-    result = amota(moments)
+    result = evaluate_amota(moments)
     if result.best is None:
         raise DataError("expected cars to be found, got none")
-    best = evaluate(cut(fill(moments), result.threshold))
+    best = evaluate(filter_by_score(prepare_frames(moments), result.threshold))
     own = {name: float(getattr(best, name)) for name in FIGURES if not name.startswith("AMOT")}
     return {"AMOTA": result.AMOTA, "AMOTP": result.AMOTP, **own}
 
 
 def table(rows: dict[str, dict[str, float]]) -> Table:
-    """The figures for people: shares in percent."""
+    """Return the figures as a table; shares in percent."""
     made = Table("tracker", *FIGURES)
     for name, figures in rows.items():
         cells = []
@@ -116,11 +119,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Parse arguments, measure, print a table or JSON."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("file", type=Path)
-    parser.add_argument("--detector", default="centerpoint", help="whose boxes (centerpoint)")
-    parser.add_argument("--json", action="store_true", help="for machines; shares are 0..1")
+    parser.add_argument("--detector", default="centerpoint", help="name of the detector (centerpoint)")
+    parser.add_argument("--json", action="store_true", help="print JSON; shares are 0..1")
     told = parser.parse_args(arguments)
     try:
-        scenes = read_scenes(told.file, told.detector)
+        scenes = read_scene_file(told.file, told.detector)
         rows = {"appocc": measure(scenes, False), "plain filter": measure(scenes, True)}
     except AppoccError as error:
         parser.exit(error.exit_code, f"error: {error}\n")

@@ -1,9 +1,9 @@
-"""Error of the ways to paint vehicles against colours read by hand from the pictures.
+"""Error of vehicle colour estimation, compared with colours picked by hand from the images.
 
 Run: python -m benchmarks.painting ROOT FIXTURE.json
-ROOT is a converted PandaSet recording; the fixture names track, frame and the hand-read RGB of each vehicle view.
-Prints the mean absolute difference per channel (0..255) and the colour difference CIEDE2000: of the paper's mode, of
-the robust colour of each sample by itself, and of the robust colour of the whole scene, which is what is written.
+ROOT is a converted PandaSet recording; the fixture lists track, frame and hand-picked RGB of each vehicle view.
+Prints the mean absolute difference per channel (0..255) and the colour difference CIEDE2000 of the paper's mode, of
+the robust colour of each single sample, and of the robust colour of the whole scene, which `appocc groundtruth` uses.
 """
 
 from __future__ import annotations
@@ -20,22 +20,26 @@ from skimage.color import deltaE_ciede2000, rgb2lab
 from appocc.checks import ByteArray
 from appocc.grid import BEVGrid
 from appocc.groundtruth.compose import vehicles_near
-from appocc.groundtruth.inputs import SampleInput, gather
-from appocc.groundtruth.painting import Painted, bodies_of, paint_mode_of, paint_scene
+from appocc.groundtruth.inputs import SampleInput, gather_inputs
+from appocc.groundtruth.painting import BoxColours, bodywork_by_box, mode_colours, robust_colours
 from appocc.nuscenes import Dataset
 from appocc.nuscenes.writer import token_of
 
 
-def colour_of(sample: SampleInput, own: Painted, scene: str, track: str) -> ByteArray | None:
-    """The colour (3,) of a track in a sample, None where it is unknown."""
+def colour_of(sample: SampleInput, own: BoxColours, scene: str, track: str) -> ByteArray | None:
+    """Return the colour (3,) of a track in a sample, None if unknown."""
     place = sample.boxes_world.instance.index(token_of("instance", token_of("scene", scene), track))
     return own.rgb[place] if own.known[place] else None
 
 
 def report(
-    name: str, samples: Sequence[SampleInput], colours: Sequence[Painted], scene: str, entries: list[dict[str, Any]]
+    name: str,
+    samples: Sequence[SampleInput],
+    colours: Sequence[BoxColours],
+    scene: str,
+    entries: list[dict[str, Any]],
 ) -> None:
-    """Print the errors of one way to paint."""
+    """Print the errors of one method."""
     step = 80 // len(samples)  # the fixture counts PandaSet's 80 frames, of which only some have images
     absolute, delta, unseen = [], [], 0
     for entry in entries:
@@ -63,14 +67,14 @@ def main() -> None:
     entries = json.loads(arguments.fixture.read_text())["entries"]
     dataset = Dataset(arguments.root)
     scene = dataset.scenes[0]
-    samples = gather(dataset, scene).samples
+    samples = gather_inputs(dataset, scene).samples
     wanted = [vehicles_near(sample, BEVGrid.surround()) for sample in samples]
     pairs = list(zip(samples, wanted, strict=True))
-    report("mode (paper)", samples, [paint_mode_of(*pair) for pair in pairs], scene.name, entries)
-    bodies = [bodies_of(*pair, {}) for pair in pairs]  # the fixture holds the pictures' own colours
-    alone = [paint_scene([sample], [own])[0] for sample, own in zip(samples, bodies, strict=True)]
+    report("mode (paper)", samples, [mode_colours(*pair) for pair in pairs], scene.name, entries)
+    bodies = [bodywork_by_box(*pair, {}) for pair in pairs]  # the fixture has the colours of the images
+    alone = [robust_colours([sample], [own])[0] for sample, own in zip(samples, bodies, strict=True)]
     report("robust, by sample", samples, alone, scene.name, entries)
-    report("robust, as written", samples, paint_scene(samples, bodies), scene.name, entries)
+    report("robust, as written", samples, robust_colours(samples, bodies), scene.name, entries)
 
 
 if __name__ == "__main__":

@@ -1,17 +1,17 @@
-"""Human commands on real tracks: whether the vehicle that the speaker meant is found.
+"""Referent resolution of human commands on real tracks.
 
     python -m benchmarks.real_commands DIR [--json]
 
-DIR holds `scene-*.npz` (tracks of annotated objects in the world, ten moments a second, no colours) and
-`talk2car_commands.json` (sentences with the scene, the time and the track that is meant; those without a track are
-left out). Each sentence is read and resolved among the tracks of its moment, with what changed in the half second
-before; there is no map, so colour words can only be told, not checked.
+DIR contains `scene-*.npz` (tracks of annotated objects in the world frame at 10 Hz, without colours) and
+`talk2car_commands.json` (sentences with scene, time and the referent's track; those without a track are skipped).
+Each sentence is parsed and resolved among the tracks of its moment and of the half second before. There is no map, so
+colour words are parsed but cannot be checked.
 
-- rank: of the track that is meant among all that fit, 0 where it is not among them.
-- top: it is the answer. among: the answer is a question, and it is one of those asked about. missed: neither.
-- what lacked, for all that are not top. language: the query names no such kind of thing, or lacks a colour word that
-  is in the sentence. colour: with its own paint on that track alone it would be the answer. scene: the rest (what the
-  words say is not what the tracks show, or they do not say enough).
+- rank: rank of the referent among all candidates, 0 if it is not one of them.
+- top: the referent is the answer. among: the answer is a clarification question that includes it. missed: neither.
+- what lacked, for all that are not top. language: the query has another class, or lacks a colour word of the
+  sentence. colour: with its own paint on that track alone it would be the answer. scene: the rest (the words
+  contradict the tracks, or do not suffice).
 """
 
 from __future__ import annotations
@@ -34,16 +34,16 @@ from appocc.colours import WORDS
 from appocc.errors import AppoccError, DataError
 from appocc.files import read_json, zip_arrays
 from appocc.geometry import quaternion_from_yaw, transform
-from grounding.language.parser import read
+from grounding.language import parse
 from grounding.query import Query
-from grounding.referent.class_fit import PEOPLE, of_noun
+from grounding.referent.class_fit import PERSON_NOUNS, fit_noun
 from grounding.referent.resolver import resolve
-from grounding.referent.scene import Scene, scene_of_tracks
+from grounding.referent.scene import SceneModel, scene_from_tracks
 from tracking.tracks import Track
 
 OUTCOMES = ("top", "among", "missed")
 BEFORE_STEPS, STEP_S, MOVES_MPS = 5, 0.1, 0.5
-# Paints that no two words share, to mark the one that is meant.
+# Paints without a common word, to mark the referent.
 PAINTS: dict[str, tuple[int, int, int]] = {
     **{"black": (20, 20, 22), "grey": (118, 118, 120), "silver": (180, 182, 184), "white": (245, 245, 245)},
     **{"red": (190, 25, 30), "orange": (240, 130, 30), "brown": (100, 60, 35), "yellow": (240, 205, 40)},
@@ -69,7 +69,7 @@ class Recording:
             raise DataError(f"{path}: expected tracks of a scene ({error})") from error
 
     def number_of(self, token: str) -> int:
-        """Number of an instance from 1.
+        """Return the number of an instance, from 1.
 
         Raises:
             DataError: if there is none.
@@ -79,15 +79,17 @@ class Recording:
             raise DataError(f"track {token}: expected it among those of its scene, got none")
         return int(found[0]) + 1
 
-    def scene_at(self, seconds: float) -> Scene:
-        """The scene of the moment nearest to a time."""
+    def scene_at(self, seconds: float) -> SceneModel:
+        """Return the scene of the moment nearest to a time."""
         now = int(np.argmin(np.abs(self._parts["t"] - seconds)))
         before = max(now - BEFORE_STEPS, 0)
         heading, place = self._parts["ego_heading"][now], self._parts["ego_position"][now]
         world_from_ego = transform(quaternion_from_yaw(float(heading)), place)
         if before == now:
-            return scene_of_tracks(None, self._tracks(now), world_from_ego)
-        return scene_of_tracks(None, self._tracks(now), world_from_ego, self._tracks(before), STEP_S * (now - before))
+            return scene_from_tracks(None, self._tracks(now), world_from_ego)
+        return scene_from_tracks(
+            None, self._tracks(now), world_from_ego, self._tracks(before), STEP_S * (now - before)
+        )
 
     def _tracks(self, moment: int) -> Iterator[Track]:
         parts = self._parts
@@ -102,22 +104,34 @@ class Recording:
             yaw = float(parts["heading"][i, moment])
             unknown = np.full(3, np.nan)
             yield Track(
-                i + 1, ground, velocity, yaw, True, length, width, unknown, 1.0, True, height, kind, moving=moving
+                id=i + 1,
+                position_world_m=ground,
+                velocity_world_mps=velocity,
+                yaw_world_rad=yaw,
+                heading_known=True,
+                length_m=length,
+                width_m=width,
+                rgb=unknown,
+                score=1.0,
+                seen=True,
+                height_m=height,
+                kind=kind,
+                moving=moving,
             )
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of a sentence.
+    """The outcome of one command.
 
     Attributes:
         command: the sentence.
         scene: name of its scene.
         outcome: top, among or missed.
-        rank: of the track that is meant, 0 where it does not fit.
-        asked: how many the answer leaves open.
+        rank: rank of the referent, 0 if it does not fit.
+        asked: number of candidates that the answer leaves open.
         lacked: language, colour or scene; empty for top.
-        said: the answer in a line.
+        said: the answer in one line.
     """
 
     command: str
@@ -129,9 +143,9 @@ class Outcome:
     said: str
 
 
-def outcome_of(query: Query, scene: Scene, meant: str) -> tuple[str, int, int, str]:
-    """Outcome, rank, how many are left open, and the answer in words, for the id of the track that is meant."""
-    whole = [one.item.id for one in resolve(query, scene, limit=len(scene.crowd)).candidates]
+def outcome_of(query: Query, scene: SceneModel, meant: str) -> tuple[str, int, int, str]:
+    """Return outcome, rank, number of open candidates, and the answer in words, given the id of the referent."""
+    whole = [one.item.id for one in resolve(query, scene, limit=len(scene.table)).candidates]
     found = resolve(query, scene)
     ids = [one.item.id for one in found.candidates]
     rank = whole.index(meant) + 1 if meant in whole and found.status != "not_found" else 0
@@ -141,9 +155,9 @@ def outcome_of(query: Query, scene: Scene, meant: str) -> tuple[str, int, int, s
     return "among" if found.status == "ambiguous" and meant in ids else "missed", rank, len(ids), said
 
 
-def lacked_by(command: str, query: Query, scene: Scene, meant: str) -> str:
-    """Why the track that is meant is not the answer."""
-    row = next(i for i, item in enumerate(scene.crowd.items) if item.id == meant)
+def lacked_by(command: str, query: Query, scene: SceneModel, meant: str) -> str:
+    """Return the reason why the referent is not the answer."""
+    row = next(i for i, item in enumerate(scene.table.items) if item.id == meant)
     named = next(
         (word for word in re.findall("[a-z]+", command.lower().replace("gray", "grey")) if word in WORDS), ""
     )
@@ -151,18 +165,18 @@ def lacked_by(command: str, query: Query, scene: Scene, meant: str) -> str:
     if referent is None:
         return "language"
     colours = " ".join(colour or "" for colour in (referent.colour, *(part.colour for part in query.secondary)))
-    # People wear colours that are no paint.
-    if named not in colours.split() and named and referent.noun not in PEOPLE:
+    # Colours of people are clothes, not paint.
+    if named not in colours.split() and named and referent.noun not in PERSON_NOUNS:
         return "language"
     nouns = [(referent.noun, referent.head), *((part.noun, part.noun) for part in query.secondary)]
-    if max(float(of_noun(noun, head, scene.crowd)[row]) for noun, head in nouns) < 0.1:
+    if max(float(fit_noun(noun, head, scene.table)[row]) for noun, head in nouns) < 0.1:
         return "language"
     painted = _painted(scene, meant, (referent.colour or "").split()[-1:])
     return "colour" if painted and outcome_of(query, painted, meant)[0] == "top" else "scene"
 
 
-def _painted(scene: Scene, meant: str, colour: list[str]) -> Scene | None:
-    """The scene with a colour on one track, and its opposite on all others; None without such a colour."""
+def _painted(scene: SceneModel, meant: str, colour: list[str]) -> SceneModel | None:
+    """Return the scene with a colour on one track and a contrasting one on all others; None without such a colour."""
     if not colour or colour[0] not in PAINTS:
         return None
     other = PAINTS["white" if colour[0] in ("black", "blue", "purple", "brown", "grey", "green") else "black"]
@@ -171,10 +185,10 @@ def _painted(scene: Scene, meant: str, colour: list[str]) -> Scene | None:
 
 
 def measure(folder: Path) -> list[Outcome]:
-    """What becomes of each sentence.
+    """Return the outcome of each command.
 
     Raises:
-        DataError: if a file cannot be read or a track is not there.
+        DataError: if a file cannot be read or a track is missing.
     """
     told = folder / "talk2car_commands.json"
     records = read_json(told)
@@ -190,7 +204,7 @@ def measure(folder: Path) -> list[Outcome]:
     for one in records:
         recording = recordings[one["scene"]]
         scene, meant = recording.scene_at(one["t_best"]), f"track {recording.number_of(one['track'])}"
-        query = read(one["command"]).query
+        query = parse(one["command"]).query
         outcome, rank, asked, said = outcome_of(query, scene, meant)
         lacked = "" if outcome == "top" else lacked_by(one["command"], query, scene, meant)
         outcomes.append(Outcome(one["command"], one["scene"], outcome, rank, asked, lacked, said))
@@ -198,7 +212,7 @@ def measure(folder: Path) -> list[Outcome]:
 
 
 def table(outcomes: Sequence[Outcome]) -> Table:
-    """The outcomes for people, totals at the end."""
+    """Return the outcomes as a table with totals."""
     made = Table("scene", "command", "outcome", "rank", "asked", "lacked")
     for one in outcomes:
         made.add_row(one.scene[-4:], one.command, one.outcome, str(one.rank or "-"), str(one.asked), one.lacked)
@@ -214,7 +228,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Parse arguments, measure, print a table or JSON."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path)
-    parser.add_argument("--json", action="store_true", help="for machines")
+    parser.add_argument("--json", action="store_true", help="print JSON")
     told = parser.parse_args(arguments)
     try:
         outcomes = measure(told.folder)

@@ -1,9 +1,9 @@
 """CPU time of the simulator's renderer by stage.
 
 Run: OMP_NUM_THREADS=1 python -m benchmarks.simulator [--town NAME] [--weather NAME] [--rig NAME] [--frames 12]
-Takes moments spread over the town's traffic, each seen by another car, and prints the median CPU milliseconds a frame
-of each stage, what was prepared once (town, renderer, the first frame with its compilation), thousands of rays, and
-memory.
+Renders frames spread over the town's traffic, each from a different car, and prints the median CPU milliseconds per
+frame of each stage, the times of one-off work (town, renderer, the first frame with its compilation), thousands of
+rays, and memory.
 """
 
 from __future__ import annotations
@@ -20,40 +20,38 @@ import numpy as np
 from appocc.checks import FloatArray
 from appocc.rigs import read_rig
 from appocc.simulation.actors.assembling import assemble
-from appocc.simulation.actors.paint import Paint, paints_of
+from appocc.simulation.actors.paint import ActorPaint, draw_paints
 from appocc.simulation.build import build_town
 from appocc.simulation.builtin import TRAIN_TOWNS, load_builtin
 from appocc.simulation.mesh import Mesh
 from appocc.simulation.recording import ego_pose
-from appocc.simulation.rendering.lighting import Ego
+from appocc.simulation.rendering.lighting import EgoBody
 from appocc.simulation.rendering.renderer import Renderer
 from appocc.simulation.rendering.weather import WEATHERS, Weather
 from appocc.simulation.traffic import TrafficLog
 
 
-def moments(log: TrafficLog, count: int) -> Iterator[tuple[float, int]]:
-    """Times spread over the log, and a moving car at each."""
+def sample_frames(log: TrafficLog, count: int) -> Iterator[tuple[float, int]]:
+    """Yield times spread over the log, and a moving car at each."""
     for time_s in np.linspace(0.1, 0.9, count) * log.duration_s:
-        moment = log.at(float(time_s))
-        moving = np.hypot(*moment.velocity_mps.T) > 1
-        cars = [
-            int(n) for n, moves in zip(moment.index, moving, strict=True) if moves and log.actors[n].kind == "car"
-        ]
+        state = log.state_at(float(time_s))
+        moving = np.hypot(*state.velocity_mps.T) > 1
+        cars = [int(n) for n, moves in zip(state.index, moving, strict=True) if moves and log.actors[n].kind == "car"]
         if cars:
             yield float(time_s), cars[len(cars) // 2]
 
 
-def set_moment(
-    renderer: Renderer, log: TrafficLog, paints: tuple[Paint, ...], time_s: float, ego: int, weather: Weather
+def set_scene(
+    renderer: Renderer, log: TrafficLog, paints: tuple[ActorPaint, ...], time_s: float, ego: int, weather: Weather
 ) -> FloatArray:
-    """Put a moment into the renderer; returns town_from_ego."""
-    moment = log.at(time_s)
-    pose = ego_pose(log.actors[ego], moment, ego)
+    """Set the scene of the renderer; return town_from_ego."""
+    state = log.state_at(time_s)
+    pose = ego_pose(log.actors[ego], state, ego)
     with renderer.profile.stage("assemble"):
-        mesh: Mesh = assemble(log.actors, moment, paints, pose[:2, 3], ego)
+        mesh: Mesh = assemble(log.actors, state, paints, pose[:2, 3], ego)
     lights = np.zeros(len(log.actors), np.uint8)
-    lights[moment.index] = moment.lights
-    renderer.set_moment(mesh, lights, moment.signals, weather, Ego(pose, log.actors[ego].size_lwh_m))
+    lights[state.index] = state.lights
+    renderer.set_scene(mesh, lights, state.signals, weather, EgoBody(pose, log.actors[ego].size_lwh_m))
     return pose
 
 
@@ -69,18 +67,18 @@ def main() -> None:
     rig, weather = read_rig(options.rig), WEATHERS[options.weather]
     started = time.process_time()
     plan, log = load_builtin(options.town)
-    town, paints = build_town(plan), paints_of(log.actors, 1)
+    town, paints = build_town(plan), draw_paints(log.actors, 1)
     built = time.process_time()
     renderer = Renderer(town)
     print(f"{options.town}: town {built - started:.1f} s, renderer {time.process_time() - built:.1f} s", end="")
     stages: defaultdict[str, list[float]] = defaultdict(list)
-    for number, (time_s, ego) in enumerate(moments(log, options.frames + 1)):
+    for number, (time_s, ego) in enumerate(sample_frames(log, options.frames + 1)):
         renderer.profile.clear()
         started = time.process_time()
-        pose = set_moment(renderer, log, paints, time_s, ego, weather)
+        pose = set_scene(renderer, log, paints, time_s, ego, weather)
         renderer.views(rig, pose, np.random.default_rng(number))
         total = time.process_time() - started
-        if number == 0:  # compiles, or loads what was compiled
+        if number == 0:  # compiles, or loads compiled kernels
             print(f", first frame {total:.1f} s")
             continue
         for name, seconds in renderer.profile.cpu_s.items():

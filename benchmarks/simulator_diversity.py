@@ -1,8 +1,8 @@
-"""What is in a simulated dataset: how many vehicles, how far, which way, which colour, how visible; class shares.
+"""Contents of a simulated dataset: number, distance, heading, colour and visibility of vehicles; class shares.
 
     python -m benchmarks.simulator_diversity ROOT
 
-Prints the tables of docs/simulator.md as Markdown. ROOT is a folder that `appocc simulate` made.
+Prints the tables of docs/simulator.md as Markdown. ROOT is a dataset written by `appocc simulate`.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ BAR = 40
 
 @dataclass
 class Counts:
-    """What was counted over all samples; vehicles are those of the class vehicle."""
+    """Counts over all samples; vehicles are boxes of the class vehicle."""
 
     near: list[int] = field(default_factory=list)
     distance: Counter[str] = field(default_factory=Counter)
@@ -53,7 +53,7 @@ def main(root: Path) -> None:
     groups = Counter(f"{low}-{low + 4}" for low in (near // 5 * 5).tolist())
     show(f"vehicles within {NEAR_M:.0f} m (median {np.median(near):.0f})", groups, sorted(groups, key=first_number))
     show("distance of vehicles, m", counts.distance, sorted(counts.distance, key=first_number))
-    show("heading of vehicles within 40 m, against the ego's", counts.heading, HEADINGS)
+    show("heading of vehicles within 40 m, relative to the ego", counts.heading, HEADINGS)
     show("true colour of vehicles", counts.colour, [name for name, _ in counts.colour.most_common()])
     show("visibility of vehicles within 40 m", counts.visibility, list(levels.values()))
     show("annotations", counts.category, [name for name, _ in counts.category.most_common()])
@@ -66,7 +66,7 @@ def main(root: Path) -> None:
 def add(
     counts: Counts, dataset: Dataset, sample: Sample, colours: Mapping[str, str], levels: Mapping[str, str]
 ) -> None:
-    """Count what is in a sample."""
+    """Count the contents of a sample."""
     boxes = dataset.boxes_world(sample)
     counts.category.update(boxes.category)
     vehicles = boxes.vehicles()
@@ -89,7 +89,7 @@ def add(
 
 
 def visibility_of(dataset: Dataset, sample: Sample) -> dict[str, str]:
-    """Visibility token by instance token."""
+    """Return visibility tokens by instance token."""
     table = dataset.tables["sample_annotation"]
     rows = table.groups("sample_token").rows(sample.token)
     instances, tokens = table.array("instance_token"), table.array("visibility_token")
@@ -101,7 +101,7 @@ def first_number(label: str) -> int:
 
 
 def show(title: str, counts: Mapping[str, int], order: Sequence[str]) -> None:
-    """A table with a bar a row."""
+    """Print a table with one bar per row."""
     total = max(sum(counts.values()), 1)
     print(f"| {title} | share | |\n|---|---|---|")
     for label in order:

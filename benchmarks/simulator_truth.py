@@ -1,10 +1,10 @@
-"""Whether the simulator's truths agree with its pictures: boxes, LiDAR and the vehicle layer against what rays hit.
+"""Agreement of the simulator's ground truth with its images: boxes, LiDAR and the vehicle layer against ray hits.
 
 Run: python -m benchmarks.simulator_truth [--town NAME ...] [--frames 6]
 Three figures over frames of built-in towns: (a) the rectangle around a projected 3D box against that of the vehicle's
-pixels, for vehicles in full view of at least 12 pixels, and that of the projected mesh, as a box has corners where a
-car has none; (b) depth of LiDAR points without noise against that of a picture of 1920x1080 pixels taken from the
-LiDAR's place, away from edges; (c) cells of the layer vehicle against the outlines of the meshes from above.
+pixels, for unoccluded vehicles of at least 12 pixels, and that of the projected mesh, as a box has corners where a
+car has none; (b) depth of LiDAR points without noise against that of a 1920x1080 image rendered from the position of
+the LiDAR, away from edges; (c) cells of the layer vehicle against the outlines of the meshes from above.
 """
 
 from __future__ import annotations
@@ -23,38 +23,38 @@ from appocc.geometry import apply, inverse, transform
 from appocc.grid import BEVGrid
 from appocc.rigs import read_rig
 from appocc.simulation.actors.assembling import assemble
-from appocc.simulation.actors.paint import paints_of
+from appocc.simulation.actors.paint import draw_paints
 from appocc.simulation.mesh import Mesh
-from appocc.simulation.rendering.lidar import EGO_FROM_LIDAR, Sweep, sweep
-from appocc.simulation.rendering.lighting import Ego
+from appocc.simulation.rendering.lidar import EGO_FROM_LIDAR, LidarSweep, simulate_sweep
+from appocc.simulation.rendering.lighting import EgoBody
 from appocc.simulation.rendering.tracing import TOWN, Tracer
-from appocc.simulation.rendering.views import View
+from appocc.simulation.rendering.views import CameraView
 from appocc.simulation.rendering.weather import WEATHERS
 from appocc.simulation.scenario import draw_scenario
 from appocc.simulation.sources import TownSource, town_sources
-from appocc.simulation.truth.objects import Objects, objects_near
+from appocc.simulation.truth.objects import ActorBoxes, objects_near
 from appocc.simulation.truth.occupancy import vehicle_cells
-from appocc.simulation.truth.visibility import seen_shares
+from appocc.simulation.truth.visibility import visible_shares
 
 _LEAST_PX = 12
 
 
-class Frame(NamedTuple):
-    """A moment to be checked; the ego is left out of mesh and objects."""
+class TruthFrame(NamedTuple):
+    """A frame to be checked; mesh and objects exclude the ego."""
 
     pose: FloatArray
     mesh: Mesh
-    objects: Objects
+    objects: ActorBoxes
     tracer: Tracer
 
 
-def box_ious(frame: Frame, rig: CameraRig, views: Mapping[str, View]) -> list[tuple[float, float]]:
-    """IoU of the rectangle around the pixels of each vehicle in full view with those around its box and its mesh."""
+def box_ious(frame: TruthFrame, rig: CameraRig, views: Mapping[str, CameraView]) -> list[tuple[float, float]]:
+    """Return the IoU of the rectangle around each unoccluded vehicle's pixels with those around its box and mesh."""
     found: list[tuple[float, float]] = []
     vehicles = frame.objects.select(frame.objects.are_vehicles())
     for camera in rig:
         alone = CameraRig((camera,))
-        shares = seen_shares(frame.tracer, frame.mesh, vehicles.number, alone, frame.pose)
+        shares = visible_shares(frame.tracer, frame.mesh, vehicles.number, alone, frame.pose)
         actor = views[camera.channel].actor
         for number, corners, share in zip(vehicles.number, vehicles.corners(), shares, strict=True):
             uv, depth = camera.project_ego(apply(inverse(frame.pose), corners))
@@ -73,13 +73,13 @@ def box_ious(frame: Frame, rig: CameraRig, views: Mapping[str, View]) -> list[tu
 
 
 def rectangle_iou(one: FloatArray, two: FloatArray) -> float:
-    """IoU of rectangles (2, 2): lower and upper corner."""
+    """Return the IoU of rectangles (2, 2): lower and upper corner."""
     common = np.prod(np.clip(np.minimum(one[1], two[1]) - np.maximum(one[0], two[0]), 0, None))
     return float(common / (np.prod(one[1] - one[0]) + np.prod(two[1] - two[0]) - common))
 
 
 def lidar_camera(yaw_rad: float, width_px: int = 1920, height_px: int = 1080) -> Camera:
-    """A camera of 90 degrees at the LiDAR's place: what it sees lies where LiDAR points lie, without parallax."""
+    """Return a camera of 90 degrees at the position of the LiDAR: it sees LiDAR points without parallax."""
     focal = width_px / 2
     intrinsic = np.array([[focal, 0, (width_px - 1) / 2], [0, focal, (height_px - 1) / 2], [0, 0, 1.0]])
     cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
@@ -87,10 +87,10 @@ def lidar_camera(yaw_rad: float, width_px: int = 1920, height_px: int = 1080) ->
     return Camera("CAM_LIDAR", width_px, height_px, intrinsic, transform(right_down_ahead, EGO_FROM_LIDAR[:3, 3]))
 
 
-def depth_errors(found: Sweep, camera: Camera, view: View) -> FloatArray:
-    """(M,) LiDAR depth less picture depth in metres, of points whose four pixels show one smooth surface.
+def depth_errors(found: LidarSweep, camera: Camera, view: CameraView) -> FloatArray:
+    """Return (M,) LiDAR depth minus image depth in metres, of points whose four pixels show one smooth surface.
 
-    The inverse depth of a plane is linear in the picture, so that between pixel centres it is exact there.
+    The inverse depth of a plane is linear in the image, so interpolation between pixel centres is exact.
     """
     uv, depth = camera.project_ego(apply(EGO_FROM_LIDAR, found.points[:, :3].astype(np.float64)))
     low = np.floor(np.nan_to_num(uv, nan=-9)).astype(np.int64)
@@ -106,8 +106,8 @@ def depth_errors(found: Sweep, camera: Camera, view: View) -> FloatArray:
     return np.asarray(depth - 1 / (upper * (1 - b) + lower * b))
 
 
-def _smooth(view: View) -> BoolArray:
-    """(H, W) whether the 4x4 pixels around a pixel's right lower corner lie on one surface without an edge."""
+def _smooth(view: CameraView) -> BoolArray:
+    """Return (H, W) whether the 4x4 pixels around a pixel's lower right corner show one surface without an edge."""
     with np.errstate(divide="ignore", invalid="ignore"):
         near = 1 / view.depth_m.astype(np.float64)
     flat = np.zeros(near.shape, np.bool_)
@@ -120,8 +120,8 @@ def _smooth(view: View) -> BoolArray:
     return good
 
 
-def silhouettes(grid: BEVGrid, frame: Frame, side: int = 4) -> NDArray[np.int32]:
-    """(X, Y) number of the vehicle whose mesh covers at least half of a cell from above, by side x side rays."""
+def silhouettes(grid: BEVGrid, frame: TruthFrame, side: int = 4) -> NDArray[np.int32]:
+    """Return (X, Y) index of the vehicle whose mesh covers half of a cell from above, by side x side rays."""
     step = (np.arange(side) + 0.5) / side
     x, y = grid.shape
     i, j = ((np.arange(n)[:, None] + step).ravel() for n in (x, y))
@@ -139,7 +139,7 @@ def silhouettes(grid: BEVGrid, frame: Frame, side: int = 4) -> NDArray[np.int32]
 
 
 def mask_iou(one: BoolArray, two: BoolArray) -> tuple[int, int]:
-    """Cells in both and cells in either."""
+    """Return the number of cells in both and in either."""
     return int((one & two).sum()), int((one | two).sum())
 
 
@@ -162,9 +162,9 @@ def main() -> None:
         print(f"{source.name}: done", flush=True)
     error = np.abs(np.concatenate(errors))
     box, shape = np.median(ious, axis=0)
-    print(f"(a) boxes: median IoU {box:.3f} of {len(ious)} vehicles; {shape:.3f} of what is in the box")
+    print(f"(a) boxes: median IoU {box:.3f} of {len(ious)} vehicles; {shape:.3f} of the meshes")
     print(
-        f"(b) LiDAR: {100 * (error < 0.01).mean():.2f} % of {len(error)} points within 1 cm of the picture's depth, "
+        f"(b) LiDAR: {100 * (error < 0.01).mean():.2f} % of {len(error)} points within 1 cm of the image's depth, "
         f"median {1000 * np.median(error):.4f} mm, 99 % within {1000 * np.quantile(error, 0.99):.3f} mm"
     )
     print(f"(c) layer vehicle: IoU {cells[0] / cells[1]:.3f} with the meshes from above, {cells[1]} cells")
@@ -172,26 +172,26 @@ def main() -> None:
 
 def _frames(
     source: TownSource, count: int, rig: CameraRig
-) -> Iterator[tuple[Frame, Mapping[str, View], Sweep, Camera, View]]:
-    """Frames of drawn scenes of a town, with their pictures, exact LiDAR, and a picture from its place."""
-    from appocc.simulation.recording import build_place, ego_pose
+) -> Iterator[tuple[TruthFrame, Mapping[str, CameraView], LidarSweep, Camera, CameraView]]:
+    """Yield frames of random scenes of a town, with their views, exact LiDAR sweep, and an image from the LiDAR."""
+    from appocc.simulation.recording import build_town_simulation, ego_pose
 
-    place = build_place(source, Path())
-    paints = paints_of(place.log.actors, 0)
+    simulation = build_town_simulation(source, Path())
+    paints = draw_paints(simulation.log.actors, 0)
     for number in range(count):
-        scenario = draw_scenario(number, source.name, place.log, 10.0, ("overcast",), 5)
-        ego, moment = place.log.actors[scenario.ego], place.log.at(scenario.start_s + 5.0)
-        pose = ego_pose(ego, moment, scenario.ego)
-        mesh = assemble(place.log.actors, moment, paints, pose[:2, 3], scenario.ego)
-        lights = np.zeros(len(place.log.actors), np.uint8)
-        signals = np.full(len(place.signal_column), ord("r"), np.uint8)
-        place.renderer.set_moment(mesh, lights, signals, WEATHERS["overcast"], Ego(pose, ego.size_lwh_m))
-        objects = objects_near(place.log.actors, moment, pose[:2, 3], 80.0, scenario.ego)
-        frame = Frame(pose, mesh, objects, place.renderer.tracer)
-        views = place.renderer.views(rig, pose, np.random.default_rng(0))
-        found = sweep(frame.tracer, place.town, mesh, place.category, pose, None)
+        scenario = draw_scenario(number, source.name, simulation.log, 10.0, ("overcast",), 5)
+        ego, state = simulation.log.actors[scenario.ego], simulation.log.state_at(scenario.start_s + 5.0)
+        pose = ego_pose(ego, state, scenario.ego)
+        mesh = assemble(simulation.log.actors, state, paints, pose[:2, 3], scenario.ego)
+        lights = np.zeros(len(simulation.log.actors), np.uint8)
+        signals = np.full(len(simulation.signal_column), ord("r"), np.uint8)
+        simulation.renderer.set_scene(mesh, lights, signals, WEATHERS["overcast"], EgoBody(pose, ego.size_lwh_m))
+        objects = objects_near(simulation.log.actors, state, pose[:2, 3], 80.0, scenario.ego)
+        frame = TruthFrame(pose, mesh, objects, simulation.renderer.tracer)
+        views = simulation.renderer.views(rig, pose, np.random.default_rng(0))
+        found = simulate_sweep(frame.tracer, simulation.town, mesh, simulation.category, pose, None)
         camera = lidar_camera(2 * np.pi * number / count)
-        view = place.renderer.views(CameraRig((camera,)), pose, np.random.default_rng(0))[camera.channel]
+        view = simulation.renderer.views(CameraRig((camera,)), pose, np.random.default_rng(0))[camera.channel]
         yield frame, views, found, camera, view
 
 

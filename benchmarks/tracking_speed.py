@@ -1,21 +1,21 @@
-"""Time the tracker takes over the number of vehicles, beside a plain loop of single filters; its memory over time.
+"""Time of the tracker by number of vehicles, compared with a loop of single filters; memory over time.
 
     OMP_NUM_THREADS=1 python -m benchmarks.tracking_speed [--frames 60] [--repeats 5]
     OMP_NUM_THREADS=1 python -m benchmarks.tracking_speed --memory [--frames 100000]
 
-Made traffic: vehicles on lanes 4 m apart, each lane at its own speed, on a square of 128 m2 for each vehicle, so that
-50 fill the grid of 80 x 80 m; at 10 Hz; who leaves the square is gone, and another one enters. Of the vehicles 5 %
-are missed in a frame, and 5 % more detections show nothing; colours are known. The first ten frames do not count.
+Synthetic traffic at 10 Hz: vehicles on lanes 4 m apart, each lane with its own speed, on a square of 128 m2 per
+vehicle, so that 50 fill the grid of 80 x 80 m. A vehicle that leaves the square is replaced by a new one. In each
+frame 5 % of the vehicles are missed, and 5 % of false detections are added; colours are known. The first ten frames
+do not count.
 
-- tracks: those alive, the ones of false detections and of those that left among them.
-- ms, frames/s, us/vehicle: CPU time of `Tracker.update` alone; of all frames of a repeat the median, of all repeats
-  the median.
-- plain: likewise, of the usual loop: one filterpy `KalmanFilter` of constant velocity for each track, the assignment
-  of the least sum of all distances, a gate of 2 m, no colours, no headings, no sizes.
-- with maps: of `find_blobs` and `Tracker(MAPS).update` together, on maps of 200 x 200 cells that show 50 vehicles.
+- tracks: number of current tracks, including those of false detections and of vehicles that left.
+- ms, frames/s, us/vehicle: CPU time of `Tracker.update` alone; median over the frames of a repeat, then over repeats.
+- plain: the same for a baseline: one filterpy `KalmanFilter` of constant velocity per track, assignment by the least
+  sum of distances, a gate of 2 m, without colours, headings and sizes.
+- with maps: `find_instances` and `Tracker(MAPS).update` together, on maps of 200 x 200 cells with 50 vehicles.
 
-With --memory, 50 vehicles that come and go through one tracker, and every tenth of the frames the memory that the
-process holds (resident, of Linux), and the tracks there were so far.
+With --memory, one tracker follows 50 vehicles that enter and leave; ten times per run, the resident memory of the
+process (Linux) and the number of tracks so far are printed.
 """
 
 from __future__ import annotations
@@ -41,8 +41,9 @@ from appocc.checks import BoolArray, FloatArray, IntArray
 from appocc.geometry import apply
 from appocc.grid import BEVGrid
 from tracking.detections import Detections
-from tracking.instances.instances import GridView, find_blobs
-from tracking.tracker import MAPS, Tracker
+from tracking.instances.instances import GridView, find_instances
+from tracking.presets import MAPS
+from tracking.tracker import Tracker
 
 COUNTS = (10, 50, 100, 200, 500)
 AREA_M2, LANE_M, STEP_US = 128.0, 4.0, 100_000
@@ -52,12 +53,12 @@ GATE_M, MOST_UNSEEN = 2.0, 12
 
 
 class Moment(NamedTuple):
-    """One frame of made traffic.
+    """One frame of synthetic traffic.
 
     Attributes:
-        timestamp_us: when.
-        detections: (M,) what is seen; the ego stands at the origin.
-        truth: (M,) numbers of the vehicles they show, -1 of false ones.
+        timestamp_us: time of the frame.
+        detections: (M,) detections; the ego is at the origin.
+        truth: (M,) vehicle numbers of the detections, -1 for false ones.
     """
 
     timestamp_us: int
@@ -69,15 +70,15 @@ class Traffic:
     """N vehicles on the lanes of a square around the origin.
 
     Attributes:
-        xy_m: (N, 2) places.
+        xy_m: (N, 2) positions.
         yaw_rad: (N,) headings.
         size_m: (N, 3) width, length, height.
         rgb: (N, 3) sRGB 0..255.
-        number: (N,) of vehicles; who enters has a new one.
+        number: (N,) vehicle numbers; an entering vehicle gets a new one.
     """
 
     def __init__(self, count: int, seed: int = 0) -> None:
-        """Place them, so that those of one lane are equally far apart."""
+        """Place the vehicles, equally spaced within a lane."""
         self._dice = np.random.default_rng(seed)
         self._half_m = float(np.sqrt(count * AREA_M2)) / 2
         lanes = round(2 * self._half_m / LANE_M)
@@ -95,13 +96,13 @@ class Traffic:
         self._time_us = 0
 
     def _paint(self, who: IntArray) -> None:
-        """Give some a size and colours."""
+        """Assign sizes and colours to some vehicles."""
         self.size_m[who] = self._dice.uniform([1.7, 3.8, 1.4], [2.0, 4.8, 1.8], (len(who), 3))
         self.rgb[who] = self._dice.uniform(0, 255, (len(who), 3))
         self._lab[who] = self._dice.uniform([20, -60, -60], [90, 60, 60], (len(who), 3))
 
     def drive(self) -> None:
-        """Let a tenth of a second pass."""
+        """Advance the traffic by a tenth of a second."""
         self._time_us += STEP_US
         self.xy_m[:, 0] += self._speed_mps * STEP_US * 1e-6
         gone = np.flatnonzero(np.abs(self.xy_m[:, 0]) > self._half_m)
@@ -110,7 +111,7 @@ class Traffic:
         self._paint(gone)
 
     def moments(self) -> Iterator[Moment]:
-        """What is seen, frame by frame, without end."""
+        """Yield the frames, without end."""
         while True:
             self.drive()
             yield self._seen()
@@ -133,13 +134,13 @@ class Traffic:
             kind=("vehicle",) * len(yaw_rad),
             rgb=np.concatenate([self.rgb[who], dice.uniform(0, 255, (false, 3))]),
             lab=lab,
-            cut=np.zeros(len(yaw_rad), np.bool_),
+            truncated=np.zeros(len(yaw_rad), np.bool_),
             view=self._view,
         )
         return Moment(self._time_us, detections, np.concatenate([self.number[who], np.full(false, -1)]))
 
     def drawn(self, grid: BEVGrid) -> BEVMap:
-        """The map of them."""
+        """Return the map of the vehicles."""
         occupancy = np.zeros((3, *grid.shape), np.float32)
         appearance = np.full((3, *grid.shape), 90, np.uint8)
         centres = grid.centres()
@@ -160,7 +161,7 @@ class Traffic:
 
 @dataclass
 class _Single:
-    """One vehicle of the plain loop."""
+    """One track of the plain loop."""
 
     id: int
     filter: KalmanFilter
@@ -168,15 +169,15 @@ class _Single:
 
 
 class PlainLoop:
-    """The usual tracker, written as one would write it."""
+    """The baseline: a textbook tracker."""
 
     def __init__(self) -> None:
-        """Start with none."""
+        """Start without tracks."""
         self.alive: list[_Single] = []
         self._born = 0
 
     def update(self, detections: Detections, timestamp_us: int, world_from_ego: FloatArray) -> list[_Single]:
-        """Take in one moment, a tenth of a second after the one before; who was seen."""
+        """Update the tracks a tenth of a second after the last frame; return the matched ones."""
         places = apply(world_from_ego, detections.ground_m)[:, :2]
         for single in self.alive:
             single.filter.predict()
@@ -198,7 +199,7 @@ class PlainLoop:
 
 
 def _filter(place_m: FloatArray) -> KalmanFilter:
-    """Of constant velocity, at ten frames a second."""
+    """Return a constant-velocity filter for 10 Hz."""
     single, step = KalmanFilter(dim_x=4, dim_z=2), STEP_US * 1e-6
     single.x[:2, 0] = place_m
     single.F = np.eye(4) + step * np.eye(4, k=2)
@@ -213,7 +214,7 @@ def _filter(place_m: FloatArray) -> KalmanFilter:
 
 
 def seconds_of(work: Sequence[Callable[[], object]]) -> float:
-    """Median CPU time of those after the warm-up, done one after another."""
+    """Return the median CPU time of the calls after the warm-up, run in sequence."""
     seconds = []
     for each in work:
         start = time.process_time()
@@ -223,12 +224,12 @@ def seconds_of(work: Sequence[Callable[[], object]]) -> float:
 
 
 def seconds_of_frames(tracker: Tracker | PlainLoop, moments: Sequence[Moment]) -> float:
-    """Median time of a frame of detections."""
+    """Return the median time per frame of detections."""
     return seconds_of([lambda m=m: tracker.update(m.detections, m.timestamp_us, np.eye(4)) for m in moments])  # type: ignore[misc]
 
 
 def seconds_of_maps(frames: int) -> float:
-    """Median time of a frame of maps of 50 vehicles."""
+    """Return the median time per frame of maps with 50 vehicles."""
     traffic, tracker, grid = Traffic(50), Tracker(MAPS), BEVGrid.surround()
     maps = []
     for _ in range(frames):
@@ -236,14 +237,14 @@ def seconds_of_maps(frames: int) -> float:
         maps.append(traffic.drawn(grid))
     return seconds_of(
         [
-            lambda i=i, bev=bev: tracker.update(find_blobs(bev).as_detections(), i * STEP_US, np.eye(4))  # type: ignore[misc]
+            lambda i=i, bev=bev: tracker.update(find_instances(bev).as_detections(), i * STEP_US, np.eye(4))  # type: ignore[misc]
             for i, bev in enumerate(maps)
         ]
     )
 
 
 def speed_table(frames: int, repeats: int) -> Table:
-    """All times; the trackers take turns, so that another's load on the machine meets both."""
+    """Measure all times; the trackers take turns, so that other load on the machine affects both."""
     table = Table("vehicles", "tracks", "ms", "frames/s", "us/vehicle", "plain ms", "plain frames/s", "times faster")
     for count in COUNTS:
         moments = list(islice(Traffic(count).moments(), frames))
@@ -252,7 +253,7 @@ def speed_table(frames: int, repeats: int) -> Table:
             tracker = Tracker()
             own.append(seconds_of_frames(tracker, moments))
             plain.append(seconds_of_frames(PlainLoop(), moments))
-            alive = len(tracker._alive)
+            alive = len(tracker._table)
         ours, theirs = float(np.median(own)), float(np.median(plain))
         table.add_row(str(count), str(alive), *_figures(ours, count), *_figures(theirs)[:2], f"{theirs / ours:.1f}")
     with_maps = float(np.median([seconds_of_maps(frames) for _ in range(repeats)]))
@@ -261,31 +262,31 @@ def speed_table(frames: int, repeats: int) -> Table:
 
 
 def _figures(seconds: float, count: int = 1) -> tuple[str, str, str]:
-    """Milliseconds and frames a second, and microseconds for each of so many vehicles."""
+    """Format milliseconds per frame, frames per second, and microseconds per vehicle."""
     return f"{1e3 * seconds:.2f}", f"{1 / seconds:.0f}", f"{1e6 * seconds / count:.1f}"
 
 
 def memory_table(frames: int) -> Table:
-    """Memory over time, of one tracker."""
+    """Measure the memory of one tracker over time."""
     table = Table("frame", "resident MB", "tracks alive", "tracks so far", "vehicles so far")
     tracker, so_far, vehicles = Tracker(), 0, 0
     for number, moment in enumerate(islice(Traffic(50).moments(), frames), start=1):
         tracks = tracker.update(moment.detections, moment.timestamp_us, np.eye(4))
         so_far, vehicles = max([so_far, *tracks.id.tolist()]), max(vehicles, int(moment.truth.max()) + 1)
         if number == 1 or number % max(frames // 10, 1) == 0:
-            table.add_row(str(number), f"{resident_mb():.2f}", str(len(tracker._alive)), str(so_far), str(vehicles))
+            table.add_row(str(number), f"{resident_mb():.2f}", str(len(tracker._table)), str(so_far), str(vehicles))
     return table
 
 
 def resident_mb() -> float:
-    """Memory that this process holds now."""
+    """Return the resident memory of this process in MB."""
     return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 2**20
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--memory", action="store_true", help="memory over time instead of speed")
-    parser.add_argument("--frames", type=int, help="60, or 100000 for memory")
+    parser.add_argument("--frames", type=int, help="number of frames: 60, or 100000 with --memory")
     parser.add_argument("--repeats", type=int, default=5)
     asked = parser.parse_args()
     made = memory_table(asked.frames or 100_000) if asked.memory else speed_table(asked.frames or 60, asked.repeats)

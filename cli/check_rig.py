@@ -1,4 +1,4 @@
-"""`appocc check-rig`: whether cameras and ego frame fit together, to be seen at a glance."""
+"""`appocc check-rig`: a picture that shows whether the cameras and the ego frame fit together."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from typing import Annotated
 import typer
 
 from cli.common import JsonOption, VersionOption, emit, out_path, say
-from cli.infer import RigOption, SourceArgument, moments_of
+from cli.infer import RigOption, SourceArgument, inputs_of
 
 
 def check_rig(
     source: SourceArgument,
     out: Annotated[Path, typer.Option("--out", parser=out_path, help="The picture to write (.png).")],
-    scene: Annotated[str | None, typer.Option("--scene", help="Scene of ROOT; the first by default.")] = None,
+    scene: Annotated[str | None, typer.Option("--scene", help="Scene of ROOT; default: the first.")] = None,
     frame: Annotated[int, typer.Option("--frame", min=0, help="Number of the key frame or sub-folder, from 0.")] = 0,
     rig: RigOption = None,
     version: VersionOption = None,
@@ -22,29 +22,29 @@ def check_rig(
 ) -> None:
     """Draw the ground grid of the ego frame into every image: x axis red, y axis green, horizon yellow.
 
-    Lines lie 5 m apart. They must lie flat on the street, with x+ ahead and y+ to the left.
+    Lines are 5 m apart. With a correct rig they are flat on the street, with x+ ahead and y+ to the left.
 
     Example: appocc check-rig IMAGES --rig rig.yaml --out rig.png
     """
     from appocc.errors import NotFoundError
     from appocc.files import write_image
-    from appocc.visualization.rig_check import pose_of, rig_sheet
+    from appocc.visualization.rig_check import camera_angles, rig_sheet
 
-    moments = moments_of(source, rig, scene, version)
-    if frame >= len(moments):
-        raise NotFoundError(f"{source}: it has frames 0..{len(moments) - 1}, not {frame}")
-    view = moments[frame].read()
-    write_image(out, rig_sheet(view.frame))
-    poses = {camera.channel: pose_of(camera) for camera in view.frame.rig}
+    inputs = inputs_of(source, rig, scene, version)
+    if frame >= len(inputs):
+        raise NotFoundError(f"{source}: it has frames 0..{len(inputs) - 1}, not {frame}")
+    loaded = inputs[frame].read()
+    write_image(out, rig_sheet(loaded.frame))
+    poses = {camera.channel: camera_angles(camera) for camera in loaded.frame.rig}
     if as_json:
         emit(
             {
                 "picture": str(out),
                 "cameras": {name: pose._asdict() for name, pose in poses.items()},
-                "dead": view.dead,
+                "dead": loaded.missing,
             }
         )
-    for channel, reason in view.dead.items():
+    for channel, reason in loaded.missing.items():
         say(f"{channel}: left out ({reason})")
     for name, pose in poses.items():
         angles = f"yaw {pose.yaw_deg:+.1f} deg, pitch {pose.pitch_deg:+.1f} deg, roll {pose.roll_deg:+.1f} deg"

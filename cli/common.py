@@ -1,4 +1,4 @@
-"""What all commands share: where text for people and for machines goes, and how errors end."""
+"""Shared by all commands: options, output for people (stderr) and machines (stdout), progress, interruption."""
 
 from __future__ import annotations
 
@@ -20,65 +20,67 @@ if TYPE_CHECKING:
 
 RootArgument = Annotated[Path, typer.Argument(metavar="ROOT", help="Dataset root in the nuScenes schema.")]
 VersionOption = Annotated[
-    str | None, typer.Option("--version", help="Folder of the tables, such as v1.0-mini, where ROOT has several.")
+    str | None, typer.Option("--version", help="Folder of the tables, such as v1.0-mini; needed if ROOT has several.")
 ]
 TrustUnseenOption = Annotated[
     bool,
-    typer.Option("--trust-unseen", help="Of predicted maps, also use what the network guesses where no camera sees."),
+    typer.Option(
+        "--trust-unseen", help="In predicted maps, also use the network's guess for cells that no camera sees."
+    ),
 ]
-JsonOption = Annotated[bool, typer.Option("--json", help="Machine-readable output on stdout, nothing else there.")]
-# A line for people about a name or value of a stranger is no longer than this.
-_MOST_TOLD = 2000
+JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON, and nothing else, to stdout.")]
+# Error messages quote names and values from input files; longer lines are cut.
+_MAX_CHARACTERS = 2000
 
 
 class Interrupted(SystemExit):
-    """A signal ends the command; it ends as an exception does, so that what is half made is removed.
+    """A signal interrupts the command. It is an exception, so that partial results are removed on the way out.
 
     Attributes:
-        number: of the signal.
-        more: words that the command needs to go on where it was.
+        number: number of the signal.
+        more: extra arguments with which the command resumes.
     """
 
     def __init__(self, number: int, more: Sequence[str] = ()) -> None:
-        """End with the exit code of a process that this signal ended."""
+        """Set the exit code of a process terminated by this signal."""
         super().__init__(128 + number)
         self.number, self.more = number, tuple(more)
 
     def __str__(self) -> str:
-        """The line that says how to go on."""
-        return f"interrupted; to go on: {shlex.join(['appocc', *sys.argv[1:], *self.more])}"
+        """Return the message with the command that resumes the run."""
+        return f"interrupted; to resume: {shlex.join(['appocc', *sys.argv[1:], *self.more])}"
 
 
 def say(text: str) -> None:
-    """Lines for people, on stderr; what controls terminals, in names of files or rows, is written out."""
+    """Print lines for people to stderr; control characters in quoted names are escaped."""
     plain = (c if c.isprintable() or c == "\n" else c.encode("unicode_escape").decode() for c in text)
     typer.echo("".join(plain), err=True)
 
 
 def say_error(reason: object) -> None:
-    """Why a command ends, in one line; names and values in it may be as long as a stranger likes."""
+    """Print the reason for a failure in one line of limited length."""
     line = str(reason)
-    say("error: " + (line if len(line) <= _MOST_TOLD else line[:_MOST_TOLD] + " ...").replace("\n", "\\n"))
+    say("error: " + (line if len(line) <= _MAX_CHARACTERS else line[:_MAX_CHARACTERS] + " ...").replace("\n", "\\n"))
 
 
 def say_empty(dataset: Dataset, scenes: Iterable[Scene]) -> None:
-    """A line for each scene that has no key frames and is passed over."""
+    """Print a line for each scene that is skipped because it has no key frames."""
     for scene in scenes:
         if not dataset.samples(scene):
-            say(f"left out: scene '{scene.name}', which has no key frames")
+            say(f"skipped: scene '{scene.name}' has no key frames")
 
 
 def emit(value: Any) -> None:
-    """A JSON object for machines, on stdout; numbers that are not finite become null.
+    """Print a JSON object to stdout; numbers that are not finite become null.
 
     Raises:
-        DataError: if stdout cannot be written, a full disk for example.
-        typer.Exit: with 141, as for the signal, if nobody reads it.
+        DataError: if stdout cannot be written, for example on a full disk.
+        typer.Exit: with 141, the exit code of SIGPIPE, if the reader has closed the pipe.
     """
     try:
         print(json.dumps(_plain(value), indent=2, allow_nan=False), flush=True)
     except OSError as error:
-        # What is still in the buffer would be tried again, and complained of, when Python ends.
+        # Python flushes the buffer again at exit; let that succeed.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         if isinstance(error, BrokenPipeError):
             raise typer.Exit(141) from error
@@ -86,7 +88,7 @@ def emit(value: Any) -> None:
 
 
 def _plain(value: Any) -> Any:
-    """JSON cannot say NaN or infinity."""
+    """Return a copy without NaN and infinity, which JSON does not have."""
     if isinstance(value, dict):
         return {str(key): _plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
@@ -97,13 +99,13 @@ def _plain(value: Any) -> Any:
 
 
 def say_stale(stale: Mapping[str, int]) -> None:
-    """How many results were there and were made anew, and why."""
+    """Print how many existing results were regenerated, by reason."""
     if stale:
-        say(f"made anew: {'; '.join(f'{count} ({reason})' for reason, count in stale.items())}")
+        say(f"regenerated: {'; '.join(f'{count} ({reason})' for reason, count in stale.items())}")
 
 
 def out_path(text: str) -> Path:
-    """The value of `--out`; an empty one would be the working folder.
+    """Return the value of `--out` as a path; an empty one would mean the working folder.
 
     Raises:
         typer.BadParameter: if it is empty.
@@ -113,18 +115,21 @@ def out_path(text: str) -> Path:
     return Path(text)
 
 
-out_path.__name__ = "path"  # how --help calls the value
+out_path.__name__ = "path"  # the metavar in --help
 
 
 @contextmanager
 def progress(title: str, total: int | None) -> Iterator[Callable[[float], None]]:
-    """A progress bar on stderr (None: length unknown); the block gets a function to call with the steps done."""
+    """Show a progress bar on stderr; the block gets a function that advances it by a number of steps.
+
+    A total of None means an unknown length.
+    """
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     console = Console(stderr=True)
-    # Into a file or a pipe a bar would only write an empty line.
+    # In a file or a pipe the bar would only print an empty line.
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
         task = bar.add_task(title, total=total)
         yield lambda steps: bar.advance(task, steps)

@@ -1,4 +1,4 @@
-"""`appocc convert`: recordings of others to the nuScenes schema."""
+"""`appocc convert`: other recordings to the nuScenes schema."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from cli.common import JsonOption, emit, out_path, progress, say
 
 
 class Source(StrEnum):
-    """Formats that can be converted."""
+    """Source formats."""
 
     pandaset = "pandaset"
 
@@ -23,10 +23,13 @@ def convert(
         Path, typer.Argument(metavar="SRC", help="Folder with frames.json (plain), or a published sequence folder.")
     ],
     out: Annotated[Path, typer.Argument(parser=out_path, metavar="OUT", help="New folder for the dataset.")],
-    lidar: Annotated[Path | None, typer.Option(help="Folder with the sweeps, where they lie apart.")] = None,
+    lidar: Annotated[Path | None, typer.Option(help="Folder of the LiDAR sweeps, if it is a separate one.")] = None,
     trust_pickles: Annotated[
         bool,
-        typer.Option("--trust-pickles", help="Read the published pickles. A pickle runs code: only if you trust it."),
+        typer.Option(
+            "--trust-pickles",
+            help="Read the published pickles. A pickle can run code: only if you trust it.",
+        ),
     ] = False,
     as_json: JsonOption = False,
 ) -> None:

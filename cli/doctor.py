@@ -1,4 +1,4 @@
-"""`appocc doctor`: is the environment in order, and is a dataset?"""
+"""`appocc doctor`: health check of the environment and of a dataset."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from cli.common import JsonOption, VersionOption, emit, progress, say
 
 
 def doctor(
-    root: Annotated[Path | None, typer.Argument(metavar="ROOT", help="Dataset root to be checked.")] = None,
-    images: Annotated[bool, typer.Option("--images", help="Read every image and LiDAR file whole: slow.")] = False,
+    root: Annotated[Path | None, typer.Argument(metavar="ROOT", help="Dataset root to check.")] = None,
+    images: Annotated[bool, typer.Option("--images", help="Decode every image and LiDAR file (slow).")] = False,
     version: VersionOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Check the environment and, with ROOT, a dataset; exit 0: healthy, 1: something is wrong, 2: no dataset there.
+    """Check the environment and, with ROOT, a dataset. Exit 0: healthy; 1: problems found; 2: no dataset at ROOT.
 
     Example: appocc doctor ROOT --images
     """

@@ -1,4 +1,4 @@
-"""`appocc eval`: how good results are; `eval bev` judges maps, `eval tracks` tracks, `eval parses` commands."""
+"""`appocc eval`: evaluation of maps (`bev`), tracks (`tracks`) and parsed commands (`parses`)."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from cli.common import JsonOption, RootArgument, VersionOption, emit, progress, 
 from cli.eval_parses import parses
 from cli.eval_tracks import tracks
 
-app = typer.Typer(name="eval", help="Judge results against the truth.", no_args_is_help=True)
+app = typer.Typer(name="eval", help="Evaluate results against the truth.", no_args_is_help=True)
 
 
-class Against(StrEnum):
-    """Which truth."""
+class Truth(StrEnum):
+    """The truth to compare with."""
 
     exact = "exact"
     groundtruth = "groundtruth"
 
 
-class Around(StrEnum):
-    """The paper's two settings: all around, or what lies ahead."""
+class GridSetting(StrEnum):
+    """The paper's two settings: the full surround grid, or its front half."""
 
     all_around = "360"
     ahead = "180"
@@ -35,29 +35,30 @@ def bev(
         str, typer.Option("--bev", help="Source of the maps: ROOT/bev/SOURCE, or a folder with a slash in its name.")
     ],
     against: Annotated[
-        Against | None, typer.Option(help="The truth; exact where ROOT has it, else groundtruth.")
+        Truth | None, typer.Option(help="The truth; default: exact if ROOT has it, else groundtruth.")
     ] = None,
-    setting: Annotated[Around, typer.Option(help="360: all cells; 180: those ahead.")] = Around.all_around,
+    setting: Annotated[GridSetting, typer.Option(help="360: all cells; 180: cells ahead.")] = GridSetting.all_around,
     range_m: Annotated[
-        float | None, typer.Option("--range", min=0.1, help="Only cells within so many metres of the ego.")
+        float | None,
+        typer.Option("--range", min=0.1, help="Only cells within this distance of the ego, in metres."),
     ] = None,
     scene: Annotated[str | None, typer.Option(help="Only this scene.")] = None,
     version: VersionOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Compare maps with the truth: IoU by class, colour errors, vehicles; by distance, visibility and weather.
+    """Evaluate BEV maps: IoU by class, colour errors and vehicles; by distance, visibility and weather.
 
     Example: appocc eval bev ROOT --bev groundtruth --against exact
     """
     from appocc.bevmap import bev_folder
-    from appocc.evaluation.bev import Question, evaluate
+    from appocc.evaluation.bev import EvaluationConfig, evaluate
     from appocc.nuscenes import Dataset
 
     dataset = Dataset(root, version)
     scenes = [dataset.scene(scene)] if scene else list(dataset.scenes)
     if against is None:
-        against = Against.exact if bev_folder(root, "exact").is_dir() else Against.groundtruth
-    question = Question(source, against.value, setting is Around.ahead, range_m)
+        against = Truth.exact if bev_folder(root, "exact").is_dir() else Truth.groundtruth
+    question = EvaluationConfig(source, against.value, setting is GridSetting.ahead, range_m)
     with progress("comparing", sum(len(dataset.samples(one)) for one in scenes)) as advance:
         answer = evaluate(dataset, scenes, question, advance).as_json()
     if as_json:
@@ -70,14 +71,14 @@ app.command()(parses)
 
 
 def _show(answer: dict[str, Any]) -> None:
-    """The figures as tables on stderr."""
+    """Print the figures as tables to stderr."""
     from rich.console import Console
 
     within = f", within {answer['range_m']:g} m" if answer["range_m"] else ""
     counted = f"{answer['samples']} samples of {answer['scenes']} scenes"
     say(f"{answer['source']} against {answer['against']}, setting {answer['setting']}{within}: {counted}")
     console = Console(stderr=True)
-    console.width = max(console.width, 150)  # in a narrow window lines break, but no number is left out
+    console.width = max(console.width, 150)  # a narrow terminal wraps lines instead of dropping numbers
     console.print(_cell_table(answer))
     console.print(_vehicle_table(answer))
 
@@ -92,19 +93,19 @@ def _cell_table(answer: dict[str, Any]) -> Any:
     for head in (*heads, "L1", "L1 road", "L1 vehicle", "L1 lane"):
         table.add_column(head, justify="right")
 
-    def row(name: str, part: dict[str, Any], tell: Any) -> None:
-        shares = [tell(100 * v) for key in ("iou", "iou_at_threshold") for v in (part[key] or {}).values()]
+    def row(name: str, part: dict[str, Any]) -> None:
+        shares = [_number(100 * v) for key in ("iou", "iou_at_threshold") for v in (part[key] or {}).values()]
         table.add_row(
-            name, *shares, *(tell(v) for v in (part["appearance_l1"], *part["appearance_l1_by_class"].values()))
+            name, *shares, *(_number(v) for v in (part["appearance_l1"], *part["appearance_l1_by_class"].values()))
         )
 
-    row("all", answer, _told)
+    row("all", answer)
     bounds = [*ranges["iou"].values(), *ranges.get("iou_at_threshold", {}).values()]
     colour = [ranges["appearance_l1"], *ranges["appearance_l1_by_class"].values()]
     table.add_row("95 % of draws", *(_range(b, 100) for b in bounds), *(_range(b, 1) for b in colour))
     for group in ("by_range", "by_sight", "by_weather"):
         for name, part in (answer[group] or {}).items():
-            row(name, part, _told)
+            row(name, part)
     return table
 
 
@@ -116,9 +117,9 @@ def _vehicle_table(answer: dict[str, Any]) -> Any:
         table.add_column(head, justify="right")
 
     def row(name: str, part: dict[str, Any]) -> None:
-        shares = [_told(100 * part[key]) for key in ("detected_share", "cells_found")]
+        shares = [_number(100 * part[key]) for key in ("detected_share", "cells_found")]
         errors = ("appearance_l1", "ciede2000_median", "ciede2000_median_detected")
-        table.add_row(name, str(part["count"]), *shares, *(_told(part[key]) for key in errors))
+        table.add_row(name, str(part["count"]), *shares, *(_number(part[key]) for key in errors))
 
     row("all", answer["vehicles"])
     ranges = [answer["confidence"][key] for key in ("ciede2000_median", "ciede2000_median_detected")]
@@ -131,8 +132,8 @@ def _vehicle_table(answer: dict[str, Any]) -> Any:
     return table
 
 
-def _told(value: float) -> str:
-    """A number, or a dash where there was nothing to be measured."""
+def _number(value: float) -> str:
+    """Format a number; a dash stands for NaN, nothing measured."""
     return f"{value:.1f}" if value == value else "-"
 
 

@@ -1,4 +1,4 @@
-"""`appocc eval parses`: how many labelled commands are understood."""
+"""`appocc eval parses`: accuracy of the command parser on labelled commands."""
 
 from __future__ import annotations
 
@@ -10,24 +10,24 @@ import typer
 from cli.common import JsonOption, emit, say
 
 if TYPE_CHECKING:
-    from grounding.language.evaluation import Result
+    from grounding.language.evaluation import ParseScores
 
 
 def parses(
     labelled: Annotated[
-        Path, typer.Argument(metavar="FILE.jsonl", help="Labelled commands, one JSON object a line.")
+        Path, typer.Argument(metavar="FILE.jsonl", help="Labelled commands, one JSON object per line.")
     ],
-    errors: Annotated[bool, typer.Option("--errors", help="List every command with a field that is wrong.")] = False,
+    errors: Annotated[bool, typer.Option("--errors", help="List every command with a wrong field.")] = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Compare what the parser makes of commands with their labels: core parse right, and field by field.
+    """Evaluate the command parser against labelled commands: core parse and each field.
 
     Example: appocc eval parses commands.jsonl --errors
     """
-    from grounding.language.evaluation import evaluate, read_labelled
-    from grounding.language.parser import read
+    from grounding.language import parse
+    from grounding.language.evaluation import read_labelled_commands, score_parser
 
-    result = evaluate(read_labelled(labelled), lambda text: read(text).query.to_dict())
+    result = score_parser(read_labelled_commands(labelled), lambda text: parse(text).query.to_dict())
     if as_json:
         emit(result.as_json())
     if errors:
@@ -35,17 +35,17 @@ def parses(
     _show(result.as_json())
 
 
-def _list_errors(result: Result) -> None:
-    for one in result.judged:
-        wrong = one.wrong()
+def _list_errors(result: ParseScores) -> None:
+    for one in result.commands:
+        wrong = one.errors()
         if wrong:
-            say(("" if one.core else "core: ") + one.record["command"])
+            say(("" if one.core_correct else "core: ") + one.label["command"])
         for field, labelled, read in wrong:
             say(f"    {field}: labelled {labelled}, read {read}")
 
 
 def _show(answer: dict[str, Any]) -> None:
-    """The figures as tables on stderr."""
+    """Print the figures as tables to stderr."""
     from rich.console import Console
     from rich.table import Table
 
@@ -54,7 +54,7 @@ def _show(answer: dict[str, Any]) -> None:
     say(f"95 % interval {_percent(low)}..{_percent(high)}, lenient {_percent(answer['lenient'])} %")
     say(f"false rejects {_percent(answer['false_rejects'])} %, reject recall {_percent(answer['reject_recall'])} %")
     console = Console(stderr=True)
-    console.width = max(console.width, 100)  # in a narrow window lines break, but no number is left out
+    console.width = max(console.width, 100)  # a narrow terminal wraps lines instead of dropping numbers
     fields = Table("field")
     fields.add_column("right %", justify="right")
     for name, share in answer["per_field"].items():
@@ -71,5 +71,5 @@ def _show(answer: dict[str, Any]) -> None:
 
 
 def _percent(share: float | None) -> str:
-    """A share in percent, or a dash where there was nothing to be counted."""
+    """Format a share in percent; a dash stands for None, nothing counted."""
     return f"{100 * share:.1f}" if share is not None else "-"

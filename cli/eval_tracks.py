@@ -1,4 +1,4 @@
-"""`appocc eval tracks`: how good anybody's tracks are."""
+"""`appocc eval tracks`: score the tracks of any tracker."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ import typer
 from cli.common import JsonOption, VersionOption, emit, say
 
 if TYPE_CHECKING:
-    from tracking.evaluation.evaluate import Answer
+    from tracking.evaluation.evaluate import EvaluationReport
 
 
 def tracks(
     truth: Annotated[
-        Path, typer.Option("--gt", help="The truth: a file in the format of the tracks, or a dataset's root.")
+        Path, typer.Option("--gt", help="Ground truth: a file in the format of the tracks, or a dataset root.")
     ],
     found: Annotated[
         Path, typer.Option("--tracks", help="nuScenes tracking JSON, MOTChallenge text or KITTI tracking text.")
@@ -23,11 +23,12 @@ def tracks(
     range_m: Annotated[
         float | None,
         typer.Option(
-            "--range", min=0.1, help="Only within so many metres of the ego; in a dataset 40 or 50 by class."
+            "--range", min=0.1, help="Maximum distance from the ego in metres; in a dataset, 40 or 50 by class."
         ),
     ] = None,
     gate_m: Annotated[
-        float | None, typer.Option("--gate", min=0.01, help="Metres between centres that still match; 2 by default.")
+        float | None,
+        typer.Option("--gate", min=0.01, help="Metres below which two centres match; by default 2."),
     ] = None,
     kind: Annotated[
         str | None, typer.Option(help="Only this category, such as car; 'vehicle': all vehicles but bicycles.")
@@ -35,56 +36,59 @@ def tracks(
     version: VersionOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Score a tracker's file: CLEAR, identity, HOTA and, of nuScenes files with scores, AMOTA.
+    """Score a file of tracks: CLEAR, identity, HOTA and, for nuScenes files with scores, AMOTA.
 
     Example: appocc eval tracks --gt ROOT --tracks tracking.json --kind car
     """
-    from tracking.evaluation.evaluate import Question, score_files
+    from tracking.evaluation.evaluate import EvaluationOptions, evaluate_files
 
-    answer = score_files(truth, found, Question(kind, range_m, gate_m), version)
+    report = evaluate_files(truth, found, EvaluationOptions(kind, range_m, gate_m), version)
     if as_json:
-        emit(answer.as_json())
-    _show(answer)
+        emit(report.as_json())
+    _show(report)
 
 
-def _show(answer: Answer) -> None:
-    """The scores as tables on stderr."""
+def _show(report: EvaluationReport) -> None:
+    """Print the scores as a table on stderr."""
     from rich.console import Console
     from rich.table import Table
 
-    p, m = answer.protocol, answer.metrics
+    p, m = report.protocol, report.metrics
     gate = "IoU of 0.5 or more" if "gate_iou" in p else f"centres nearer than {p['gate_m']:g} m"
-    within = _reach(p.get("range_m"))
+    within = _range_text(p.get("range_m"))
     say(f"{p['format']}, {p['kind'] or 'all kinds'}: {p['frames']} frames, {m.GT} objects in them; {gate}{within}")
     if p["samples_without_truth"]:
         say(f"{p['samples_without_truth']} samples of the tracks have no truth and are left out")
     table = Table()
     cells = {
-        name: _known(100 * getattr(m, name), 2) for name in ("MOTA", "IDF1", "IDP", "IDR", "HOTA", "DetA", "AssA")
+        name: _digits(100 * getattr(m, name), 2) for name in ("MOTA", "IDF1", "IDP", "IDR", "HOTA", "DetA", "AssA")
     }
-    cells |= {"MOTP": _known(m.MOTP, 3)} | {name: str(getattr(m, name)) for name in ("IDS", "FRAG", "MT", "ML")}
-    if answer.amota is not None:
-        cells |= {"AMOTA": _known(100 * answer.amota.AMOTA, 2), "AMOTP": _known(answer.amota.AMOTP, 3)}
+    cells |= {"MOTP": _digits(m.MOTP, 3)} | {name: str(getattr(m, name)) for name in ("IDS", "FRAG", "MT", "ML")}
+    if report.amota is not None:
+        cells |= {
+            "AMOTA": _digits(100 * report.amota.AMOTA, 2),
+            "AMOTP": _digits(report.amota.AMOTP, 3),
+        }
     for name in cells:
         table.add_column(name, justify="right")
     table.add_row(*cells.values())
     console = Console(stderr=True)
-    console.width = max(console.width, 120)  # in a narrow window lines break, but no number is left out
+    console.width = max(console.width, 120)  # in a narrow terminal lines wrap, but no number is cut
     console.print(table)
-    best = answer.amota.best if answer.amota is not None else None
-    if answer.amota is not None and best is not None:
-        counts = ", ".join(f"{name} {_known(getattr(best, name), 0)}" for name in ("IDS", "FRAG", "FP", "FN"))
-        at = _known(answer.amota.threshold, 4)
+    best = report.amota.best if report.amota is not None else None
+    if report.amota is not None and best is not None:
+        counts = ", ".join(f"{name} {_digits(getattr(best, name), 0)}" for name in ("IDS", "FRAG", "FP", "FN"))
+        at = _digits(report.amota.threshold, 4)
         say(f"by nuScenes' rules, with scores from {at}, where MOTA is best: MOTA {100 * best.MOTA:.2f}, {counts}")
 
 
-def _reach(range_m: float | dict[str, float] | None) -> str:
-    """How far objects are looked for."""
+def _range_text(range_m: float | dict[str, float] | None) -> str:
+    """Describe the range of the evaluation."""
     if range_m is None:
         return ""
     return ", within 40 or 50 m by class" if isinstance(range_m, dict) else f", within {range_m:g} m"
 
 
-def _known(value: float, digits: int) -> str:
-    """A number, or a dash where there was nothing to be measured."""
+def _digits(value: float, digits: int) -> str:
+    """Format a number; a dash for NaN."""
     return f"{value:.{digits}f}" if value == value else "-"

@@ -1,4 +1,4 @@
-"""`appocc export`: a network as a file that runs without torch."""
+"""`appocc export`: a network as ONNX or OpenVINO."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ import typer
 from cli.common import JsonOption, VersionOption, emit, out_path, progress, say
 
 if TYPE_CHECKING:
-    from appocc.export.run import Source
+    from appocc.export.run import ExportSource
 
 _STEPS = 5
 
 
 class Format(StrEnum):
-    """What can be written."""
+    """Output formats."""
 
     onnx = "onnx"
     openvino = "openvino"
@@ -29,28 +29,22 @@ _ENDINGS = {Format.onnx: ".onnx", Format.openvino: ".xml"}
 def export(
     out: Annotated[
         Path,
-        typer.Option(
-            "--out", parser=out_path, metavar="FILE", help="The file to write: .onnx, or .xml for OpenVINO."
-        ),
+        typer.Option("--out", parser=out_path, metavar="FILE", help="Output file: .onnx, or .xml for OpenVINO."),
     ],
     root: Annotated[
-        Path | None, typer.Argument(metavar="ROOT", help="Dataset whose rig and pictures are used.")
+        Path | None, typer.Argument(metavar="ROOT", help="Dataset whose camera rig and images are used.")
     ] = None,
     rig: Annotated[
-        str | None, typer.Option("--rig", help="Name or YAML file of a rig, instead of ROOT; 'paper' by default.")
+        str | None, typer.Option("--rig", help="Name or YAML file of a camera rig, instead of ROOT; default: paper.")
     ] = None,
-    scene: Annotated[str | None, typer.Option("--scene", help="Scene of ROOT; the first by default.")] = None,
-    weights: Annotated[Path | None, typer.Option(help="File of weights; those of the package by default.")] = None,
-    runs: Annotated[
-        int, typer.Option(min=1, help="How often each input is checked, with each number of threads.")
-    ] = 4,
-    form: Annotated[
-        Format | None, typer.Option("--format", help="What FILE is; by default its ending says it.")
-    ] = None,
+    scene: Annotated[str | None, typer.Option("--scene", help="Scene of ROOT; default: the first.")] = None,
+    weights: Annotated[Path | None, typer.Option(help="Weights file; default: the shipped weights.")] = None,
+    runs: Annotated[int, typer.Option(min=1, help="Comparisons with torch per input and number of threads.")] = 4,
+    form: Annotated[Format | None, typer.Option("--format", help="Format of FILE; default: by its suffix.")] = None,
     version: VersionOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Write a network for one rig, checked against torch; exit 1, and no file, if its answers differ.
+    """Export a network for one camera rig, compared with torch. Exit 1, without a file, if the outputs differ.
 
     Example: appocc export --weights F --rig rig.yaml --out model.onnx
     """
@@ -69,16 +63,16 @@ def export(
     say("\n".join(done.parity.lines()))
 
 
-def _source(root: Path | None, rig: str | None, scene: str | None, version: str | None) -> Source:
-    """The rig that is asked for.
+def _source(root: Path | None, rig: str | None, scene: str | None, version: str | None) -> ExportSource:
+    """Return the camera rig to export for.
 
     Raises:
-        DataError: if both a dataset and a rig are named, or the dataset is damaged.
+        DataError: if both a dataset and a rig are given, or the dataset is damaged.
         NotFoundError: if there is no such scene or rig.
     """
     from appocc.errors import DataError
-    from appocc.export.run import Source, source_of
-    from appocc.inference.inputs import dataset_moments
+    from appocc.export.run import ExportSource, source_from_inputs
+    from appocc.inference.inputs import dataset_inputs
     from appocc.nuscenes import Dataset
     from appocc.rigs import DEFAULT, read_rig
 
@@ -87,11 +81,11 @@ def _source(root: Path | None, rig: str | None, scene: str | None, version: str 
             if value is not None:
                 raise DataError(f"expected ROOT with {option}, got none")
         name = DEFAULT if rig is None else rig
-        return Source(read_rig(name), Path(name).name)
+        return ExportSource(read_rig(name), Path(name).name)
     if rig is not None:
         raise DataError("expected either ROOT or --rig, got both")
     dataset = Dataset(root, version)
     if not dataset.scenes:
         raise DataError(f"{root}: expected a scene, got none")
     chosen = dataset.scene(scene) if scene else dataset.scenes[0]
-    return source_of(dataset_moments(dataset, [chosen]), f"{chosen.name} of {root.resolve().name}")
+    return source_from_inputs(dataset_inputs(dataset, [chosen]), f"{chosen.name} of {root.resolve().name}")

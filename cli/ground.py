@@ -1,10 +1,10 @@
-"""`appocc ground`: sentences to the cells where the car should go."""
+"""`appocc ground`: driving commands to goal cells."""
 
 from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -15,18 +15,27 @@ from cli.common import JsonOption, TrustUnseenOption, VersionOption, emit, say
 
 if TYPE_CHECKING:
     from appocc.frame import Frame
-    from grounding.grounder import Grounder
-    from grounding.language.parser import Reading
+    from grounding import Grounder
+    from grounding.language.llm import ChatEndpoint
 
 _MOST_BYTES = 1_000_000
+_ONLY_ROOT = "with --commands or --interactive, ROOT is the only argument"
 
 
 def ground(
     text: Annotated[
-        str | None, typer.Argument(metavar="[TEXT]", help="The command, such as 'park behind the silver car'.")
+        str | None,
+        typer.Argument(
+            metavar="TEXT",
+            help="The command, such as 'park behind the silver car'; omit it with --commands or --interactive.",
+            show_default=False,
+        ),
     ] = None,
     root: Annotated[
-        Path | None, typer.Argument(metavar="[ROOT]", help="Dataset root in the nuScenes schema.")
+        Path | None,
+        typer.Argument(
+            metavar="ROOT", help="Dataset root in the nuScenes schema; omit it with --map.", show_default=False
+        ),
     ] = None,
     scene: Annotated[str | None, typer.Option("--scene", help="Name or token of the scene.")] = None,
     frame: Annotated[int | None, typer.Option("--frame", help="Number of the key frame, from 0.")] = None,
@@ -35,162 +44,148 @@ def ground(
     ] = "groundtruth",
     version: VersionOption = None,
     tracks: Annotated[
-        Path | None, typer.Option("--tracks", help="The vehicles from nuScenes tracking results, such as of `track`.")
+        Path | None,
+        typer.Option("--tracks", help="Take the vehicles from nuScenes tracking results, such as those of `track`."),
     ] = None,
     map_file: Annotated[
-        Path | None, typer.Option("--map", help="Instead of ROOT, --scene and --frame: one saved map (.npz).")
+        Path | None, typer.Option("--map", help="One saved map (.npz), instead of ROOT, --scene and --frame.")
     ] = None,
     commands: Annotated[
-        Path | None, typer.Option("--commands", help="Instead of TEXT: a file of commands, one a line.")
+        Path | None, typer.Option("--commands", help="File of commands, one per line, instead of TEXT.")
     ] = None,
     interactive: Annotated[
-        bool, typer.Option("--interactive", "-i", help="Instead of TEXT: ask, and ask again, until an empty line.")
+        bool, typer.Option("--interactive", "-i", help="Prompt for commands until an empty line, instead of TEXT.")
     ] = False,
     lexicon: Annotated[
-        Path | None, typer.Option("--lexicon", help="A file of words to know beside the own ones.")
+        Path | None, typer.Option("--lexicon", help="File of words to add to the built-in lexicon.")
     ] = None,
     llm: Annotated[
         str | None,
         typer.Option(
             "--llm",
-            help="Address of a language model to read first (chat completions; $APPOCC_LLM_MODEL and _KEY).",
+            help="URL of a language model to ask first (chat completions; $APPOCC_LLM_MODEL, $APPOCC_LLM_KEY).",
         ),
     ] = None,
     trust_unseen: TrustUnseenOption = False,
     explain: Annotated[
-        bool, typer.Option("--explain", help="Also what each word was read as, every score, and the field of places.")
+        bool,
+        typer.Option("--explain", help="Also print word categories and scores, and draw the goal costs."),
     ] = False,
     as_json: JsonOption = False,
     picture: Annotated[Path | None, typer.Option("--picture", help="Write a picture of the answer (.png).")] = None,
 ) -> None:
-    """Ground a driving command: which vehicle it means, and the cell where the car should stand.
+    """Ground a driving command: find the vehicle it means and the goal cell of the ego vehicle.
 
-    Exit code 0: found; 2: no driving command; 3: ambiguous, not found, or nowhere to stand; of several the highest.
+    One command: ground TEXT ROOT --scene S --frame K
+
+    Several: ground ROOT --scene S --frame K, with --commands FILE or --interactive
+
+    On one saved map: --map FILE instead of ROOT, --scene and --frame
+
+    Exit 0: found; 2: not a command; 3: ambiguous, not found, or no free goal. Of several commands, the highest code.
 
     Example: appocc ground "stop behind the nearest white car" DATA --scene 002 --frame 10 --picture g.png
     """
-    from grounding.grounder import Grounder
+    from grounding import Grounder, GrounderConfig
+    from grounding.pipeline import set_saved_map
 
-    if (commands or interactive) and root is None and text is not None:
-        root, text = Path(text), None  # the only word without an option is then the dataset
+    several = commands is not None or interactive
+    if several and root is None and text is not None:
+        root, text = Path(text), None
     _check_one(("TEXT", text), ("--commands", commands), ("--interactive", interactive or None))
-    _check_one(("ROOT", root), ("--map", map_file))
+    _check_one(("ROOT", root), ("--map", map_file), hint=_ONLY_ROOT if several else "")
     if picture is not None and text is None:
         raise DataError("--picture goes only with TEXT")
-    grounder = Grounder(_reader(lexicon, llm))
-    moment = None
+    grounder = Grounder(lexicon=lexicon, llm=_endpoint(llm), config=GrounderConfig(trust_unseen=trust_unseen))
+    key_frame = None
     if root is not None:
-        moment = _set_key_frame(grounder, root, scene, frame, bev, version, tracks, trust_unseen, picture is not None)
-    else:
-        _set_map(grounder, map_file, scene, frame, tracks, trust_unseen)
+        if scene is None or frame is None:
+            raise DataError("ROOT needs --scene and --frame")
+        key_frame = _set_key_frame(
+            grounder,
+            root,
+            scene,
+            frame,
+            bev=bev,
+            version=version,
+            tracks=tracks,
+            images=picture is not None,
+        )
+    elif map_file is not None:
+        if (scene, frame, tracks) != (None, None, None):
+            raise DataError("--map goes without --scene, --frame and --tracks")
+        set_saved_map(grounder, map_file)
     if text is not None:
-        raise typer.Exit(_answer(grounder, text, moment, explain, as_json, picture))
-    asked = _lines(commands) if commands else _asked()
-    raise typer.Exit(max((_answer(grounder, one, moment, explain, as_json, None) for one in asked), default=0))
+        raise typer.Exit(_answer(grounder, text, key_frame, explain, as_json, picture))
+    texts = _lines(commands) if commands else _typed_lines()
+    raise typer.Exit(max((_answer(grounder, one, key_frame, explain, as_json, None) for one in texts), default=0))
 
 
-def _check_one(*given: tuple[str, object]) -> None:
-    """One of several ways to say the same.
+def _check_one(*given: tuple[str, object], hint: str = "") -> None:
+    """Check that exactly one of several alternatives is given.
 
     Raises:
-        DataError: if none or several are given.
+        DataError: if none or several are given; the message ends with the hint.
     """
     names = [name for name, value in given if value is not None]
     if len(names) != 1:
         wanted = " and ".join([", ".join(name for name, _ in given[:-1]), given[-1][0]])
-        raise DataError(f"expected one of {wanted}, got {' and '.join(names) or 'none'}")
+        got = " and ".join(names) or "none"
+        raise DataError(f"expected one of {wanted}, got {got}" + (f"; {hint}" if hint else ""))
 
 
-def _reader(lexicon: Path | None, llm: str | None) -> Callable[[str], tuple[Reading, ...]]:
-    """How sentences are read."""
-    from functools import partial
+def _endpoint(url: str | None) -> ChatEndpoint | None:
+    """Return the language model at an address; None without one."""
+    if url is None:
+        return None
+    from grounding.language.llm import ChatEndpoint
 
-    from grounding.language.lexicon import read_lexicon
-    from grounding.language.llm import Endpoint
-    from grounding.language.parser import readings
-
-    own = readings if lexicon is None else partial(readings, lexicon=read_lexicon(lexicon))
-    if llm is None:
-        return own
-    return Endpoint(
-        llm, os.environ.get("APPOCC_LLM_MODEL", "default"), os.environ.get("APPOCC_LLM_KEY"), read=own
-    ).readings
+    return ChatEndpoint(url, os.environ.get("APPOCC_LLM_MODEL", "default"), os.environ.get("APPOCC_LLM_KEY"))
 
 
 def _set_key_frame(
     grounder: Grounder,
     root: Path,
-    scene: str | None,
-    frame: int | None,
+    scene: str,
+    frame: int,
+    *,
     bev: str,
     version: str | None,
     tracks: Path | None,
-    trust_unseen: bool,
     images: bool,
 ) -> Frame:
-    """Let a grounder look at a key frame of a dataset; what a camera saw of it, if images are wanted.
+    """Open the dataset and set one of its key frames as the scene.
 
     Raises:
-        DataError: if something is missing or damaged.
+        DataError: if a file is missing or damaged.
+        NotFoundError: if there is no such scene or key frame.
     """
-    from appocc.bevmap import is_truth, load_map
     from appocc.nuscenes import Dataset
     from appocc.nuscenes.dataset import sample_at
-    from tracking.io.nuscenes_tracks import read_moment
+    from grounding.pipeline import set_key_frame
 
-    if scene is None or frame is None:
-        raise DataError("ROOT needs --scene and --frame")
     dataset = Dataset(root, version)
     sample = sample_at(dataset, dataset.scene(scene), frame)
-    moment = dataset.frame(sample, images=images)
-    made = load_map(root, bev, sample.token)
-    made = made.with_guesses() if trust_unseen else made
-    if tracks is not None:
-        grounder.set_scene(made, read_moment(tracks, sample.token), moment.world_from_ego)
-    else:
-        # What a model predicted is answered from what it predicted, never from annotations.
-        grounder.set_scene(made, moment.boxes_ego if is_truth(bev) else None, moment.world_from_ego)
-    return moment
-
-
-def _set_map(
-    grounder: Grounder,
-    map_file: Path | None,
-    scene: str | None,
-    frame: int | None,
-    tracks: Path | None,
-    trust_unseen: bool,
-) -> None:
-    """Let a grounder look at a saved map and the vehicles that it shows.
-
-    Raises:
-        DataError: if the file is missing or damaged, or a scene is named beside it.
-    """
-    from appocc.bevmap import BEVMap
-
-    if map_file is None or (scene, frame, tracks) != (None, None, None):
-        raise DataError("--map goes without --scene, --frame and --tracks")
-    bev = BEVMap.load(map_file)
-    grounder.set_scene(bev.with_guesses() if trust_unseen else bev)
+    return set_key_frame(grounder, dataset, sample, bev, tracks=tracks, images=images)
 
 
 def _lines(path: Path) -> list[str]:
-    """The lines of a file of commands that are not empty.
+    """Return the non-empty lines of a file of commands.
 
     Raises:
-        DataError: if it cannot be read, is no text, is too large, or holds none.
+        DataError: if it cannot be read, is too large, or has no commands.
     """
     from appocc.files import read_file
 
     text = read_file(path, _MOST_BYTES)
     found = [line.strip() for line in text.decode(errors="replace").splitlines() if line.strip()]
     if not found:
-        raise DataError(f"{path}: expected commands, one a line, got none")
+        raise DataError(f"{path}: expected commands, one per line, got none")
     return found
 
 
-def _asked() -> Iterator[str]:
-    """What people type, until an empty line or the end of input.
+def _typed_lines() -> Iterator[str]:
+    """Prompt for lines until an empty one or the end of input.
 
     Raises:
         DataError: if standard input is closed.
@@ -209,19 +204,19 @@ def _asked() -> Iterator[str]:
 
 
 def _answer(
-    grounder: Grounder, text: str, moment: Frame | None, explain: bool, as_json: bool, picture: Path | None
+    grounder: Grounder, text: str, key_frame: Frame | None, explain: bool, as_json: bool, picture: Path | None
 ) -> int:
-    """Answer one sentence; the exit code that it means."""
+    """Print the answer to one command, write its picture, and return its exit code."""
     from appocc.files import write_image
-    from grounding.explain import explained
-    from grounding.visualization import draw
+    from grounding.explain import explain_answer
+    from grounding.visualization import draw_answer
 
     answer = grounder.ground(text)
     if picture is not None:
-        write_image(picture, draw(answer, moment, explain))
+        write_image(picture, draw_answer(answer, key_frame, show_costs=explain))
     if as_json:
         emit(answer.to_dict())
     say(answer.text())
     if explain:
-        say(explained(answer))
+        say(explain_answer(answer))
     return answer.exit_code

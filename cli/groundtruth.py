@@ -1,4 +1,4 @@
-"""`appocc groundtruth`: colour BEVs from recorded sensors and boxes."""
+"""`appocc groundtruth`: ground-truth BEV maps from recorded sensors and boxes."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ from cli.common import (
 )
 
 
-class Paint(StrEnum):
-    """How a vehicle's colour is chosen."""
+class VehicleColour(StrEnum):
+    """How the colour of a vehicle is estimated."""
 
     mode = "mode"
     robust = "robust"
@@ -32,17 +32,17 @@ def groundtruth(
     root: RootArgument,
     out: Annotated[
         Path | None,
-        typer.Option(parser=out_path, help="Folder for bev/groundtruth; ROOT itself by default."),
+        typer.Option(parser=out_path, help="Folder for bev/groundtruth; default: ROOT."),
     ] = None,
     scene: Annotated[str | None, typer.Option(help="Only this scene.")] = None,
     paint: Annotated[
-        Paint, typer.Option(help="Vehicle colour: robust (bodywork only), or the paper's histogram mode.")
-    ] = Paint.robust,
-    workers: Annotated[int | None, typer.Option(min=1, max=1024, help="Processes; one a core by default.")] = None,
+        VehicleColour, typer.Option(help="Vehicle colour: robust (bodywork only) or the paper's histogram mode.")
+    ] = VehicleColour.robust,
+    workers: Annotated[int | None, typer.Option(min=1, max=1024, help="Processes; default: one per core.")] = None,
     version: VersionOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Make a colour BEV of every sample from LiDAR, images, boxes and maps; can be interrupted and resumed.
+    """Make a BEV map of every sample from LiDAR, images, boxes and road maps; resumable.
 
     Example: appocc groundtruth ROOT --out OUT
     """
@@ -50,7 +50,7 @@ def groundtruth(
 
     from appocc.environment import cores
     from appocc.grid import BEVGrid
-    from appocc.groundtruth.compose import Settings
+    from appocc.groundtruth.compose import GroundTruthSettings
     from appocc.groundtruth.pipeline import generate
     from appocc.nuscenes import Dataset
 
@@ -59,7 +59,7 @@ def groundtruth(
     total = sum(len(dataset.samples(one)) for one in scenes)
     start = time.monotonic()
     with progress("ground truth", total) as advance:
-        settings = Settings(BEVGrid.surround(), paint.value)
+        settings = GroundTruthSettings(BEVGrid.surround(), paint.value)
         summary = generate(dataset, scenes, out or root, settings, workers or cores(), advance)
     seconds = time.monotonic() - start
     say_empty(dataset, scenes)

@@ -1,4 +1,4 @@
-"""`appocc infer`: pictures to maps."""
+"""`appocc infer`: camera images to predicted maps."""
 
 from __future__ import annotations
 
@@ -12,31 +12,32 @@ from cli.common import JsonOption, VersionOption, emit, out_path, progress, say,
 if TYPE_CHECKING:
     from appocc.bevmap import BEVMap
     from appocc.checks import FloatArray
-    from appocc.inference.inputs import Moment
+    from appocc.inference.inputs import InferenceInput
+    from appocc.inference.run import InferenceRun, InferenceSummary
 
 SourceArgument = Annotated[
     Path,
     typer.Argument(
         metavar="ROOT|IMAGES",
-        help="Dataset root; or with --rig a folder of images named by channel, or of sub-folders of such.",
+        help="Dataset root; or, with --rig, a folder of images named by channel, or of such folders, one per frame.",
     ),
 ]
-RigOption = Annotated[str | None, typer.Option("--rig", help="Name or YAML file of the rig that took IMAGES.")]
+RigOption = Annotated[str | None, typer.Option("--rig", help="Name or YAML file of the camera rig of IMAGES.")]
 
 
 def infer(
     source: SourceArgument,
     out: Annotated[
         Path,
-        typer.Option("--out", parser=out_path, help="Folder for the maps; ROOT/bev/NAME makes them a source."),
+        typer.Option("--out", parser=out_path, help="Folder for the maps; ROOT/bev/NAME makes them the source NAME."),
     ],
     scene: Annotated[str | None, typer.Option("--scene", help="Only this scene of ROOT.")] = None,
-    weights: Annotated[Path | None, typer.Option(help="File of weights; those of the package by default.")] = None,
+    weights: Annotated[Path | None, typer.Option(help="Weights file; default: the shipped weights.")] = None,
     rig: RigOption = None,
     version: VersionOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Predict what is where, and its colour, from the cameras alone: maps and pictures; can be resumed.
+    """Predict BEV maps (occupancy and colour) from camera images, with a picture of each; resumable.
 
     A camera without a readable image is left out of the rig.
 
@@ -45,36 +46,33 @@ def infer(
     import time
 
     from appocc.inference.loading import load_predictor
-    from appocc.inference.run import PICTURES
-    from appocc.inference.run import infer as run
+    from appocc.inference.run import PICTURES, InferenceRun
 
-    moments = moments_of(source, rig, scene, version)
-    predictor = load_predictor(weights)
+    run = InferenceRun(inputs_of(source, rig, scene, version), load_predictor(weights), out)
     start = time.monotonic()
-    with progress("prediction", len(moments)) as advance:
-        summary = run(moments, predictor, out, places_of, advance)
+    summary = execute(run)
     seconds = time.monotonic() - start
     if as_json:
-        dead = {channel: {"frames": times, "reason": why} for channel, (times, why) in summary.dead.items()}
+        dead = {channel: {"frames": times, "reason": why} for channel, (times, why) in summary.missing.items()}
         counts = {"made": summary.made, "kept": summary.kept, "seconds": seconds, "left_out": dead}
         emit({"folder": str(out), "pictures": str(out / PICTURES), **counts, "stale": summary.stale})
     say_stale(summary.stale)
-    if summary.dead:
-        told = (f"{channel} in {times} frames ({why})" for channel, (times, why) in summary.dead.items())
-        say(f"left out: {'; '.join(told)}")
+    if summary.missing:
+        cameras = (f"{channel} in {times} frames ({why})" for channel, (times, why) in summary.missing.items())
+        say(f"left out: {'; '.join(cameras)}")
     rate = f", {summary.made / seconds * 60:.0f} a minute" if summary.made else ""
     say(f"{out}: {summary.made} maps made{rate}, {summary.kept} kept; pictures in {out / PICTURES}")
 
 
-def moments_of(source: Path, rig: str | None, scene: str | None, version: str | None) -> list[Moment]:
-    """The moments of a dataset, or of a folder of images where a rig is named.
+def inputs_of(source: Path, rig: str | None, scene: str | None, version: str | None) -> list[InferenceInput]:
+    """Return the inference inputs of a dataset, or of a folder of images if a rig is named.
 
     Raises:
         DataError: if there are none.
         NotFoundError: if there is no such scene or rig.
     """
     from appocc.errors import DataError
-    from appocc.inference.inputs import dataset_moments, folder_moments
+    from appocc.inference.inputs import dataset_inputs, folder_inputs
     from appocc.nuscenes import Dataset
     from appocc.rigs import read_rig
 
@@ -82,16 +80,33 @@ def moments_of(source: Path, rig: str | None, scene: str | None, version: str | 
         for option, value in (("--scene", scene), ("--version", version)):
             if value is not None:
                 raise DataError(f"expected either {option} of a dataset or --rig of a folder of images, got both")
-        return folder_moments(source, read_rig(rig))
+        return folder_inputs(source, read_rig(rig))
     dataset = Dataset(source, version)
     scenes = [dataset.scene(scene)] if scene else dataset.scenes
-    moments = dataset_moments(dataset, scenes)
+    inputs = dataset_inputs(dataset, scenes)
     say_empty(dataset, scenes)
-    return moments
+    return inputs
+
+
+def execute(run: InferenceRun) -> InferenceSummary:
+    """Execute a run with a progress bar; write a picture of each map, with the distances of its vehicles.
+
+    Raises:
+        DataError: as the run.
+    """
+    from appocc.files import write_image
+    from appocc.visualization.predictions import prediction_figure
+
+    with progress("prediction", len(run)) as advance:
+        for result in run:
+            if result is not None:
+                write_image(result.picture, prediction_figure(result.frame, result.bev, places_of(result.bev)))
+            advance(1)
+    return run.summary
 
 
 def places_of(bev: BEVMap) -> FloatArray:
-    """Centroids of the vehicles of a map, as tracking finds them."""
-    from tracking.instances.instances import find_blobs
+    """Return the centroids of a map's vehicle instances, as tracking extracts them."""
+    from tracking.instances.instances import find_instances
 
-    return find_blobs(bev).centroid_m
+    return find_instances(bev).centroid_m

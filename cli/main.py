@@ -1,4 +1,4 @@
-"""The command `appocc`: its subcommands, and the one place where an error becomes a line and an exit code."""
+"""The command `appocc`: registers the subcommands and turns errors into one line and an exit code."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ from cli.ground import ground
 from cli.groundtruth import groundtruth
 from cli.infer import infer
 from cli.simulate import simulate
-from cli.track import track
+from cli.track import app as track_app
 from cli.train import train
 from cli.weights import app as weights_app
 
 app = typer.Typer(
     name="appocc",
-    help="Six cameras to a bird's-eye view of what is where and what colour it is; tracks; grounded commands.",
+    help="Six cameras to a bird's-eye view of occupancy and colour; vehicle tracks; grounded commands.",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
@@ -44,39 +44,39 @@ app.command("check-rig")(check_rig)
 app.command()(train)
 app.command()(ablate)
 app.command()(export)
-app.command()(track)
+app.add_typer(track_app)
 app.command()(ground)
 app.add_typer(eval_app)
 app.add_typer(weights_app)
 
 
-def _interrupted(number: int, frame: FrameType | None) -> None:
+def _raise_interrupted(number: int, frame: FrameType | None) -> None:
     raise Interrupted(number)
 
 
 def run() -> None:
-    """Entry point of the console script."""
+    """Run the console script."""
     before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
     for number, handler in before.items():
-        if handler is not signal.SIG_IGN:  # as of Ctrl-C in what a shell starts in the background
-            signal.signal(number, _interrupted)
-    # OpenCV would write about damaged pictures to stderr itself; the errors say it.
+        if handler is not signal.SIG_IGN:  # a shell lets its background jobs ignore Ctrl-C
+            signal.signal(number, _raise_interrupted)
+    # OpenCV prints warnings about damaged images to stderr; our errors report them already.
     os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
     try:
         app()
-    except Interrupted as ended:
-        say(str(ended))
+    except Interrupted as interruption:
+        say(str(interruption))
         raise
     except AppoccError as error:
         say_error(error)
         sys.exit(error.exit_code)
-    except OSError as error:  # the system refuses something: no permission, no space, a name too long
+    except OSError as error:  # no permission, no space left, name too long, ...
         say_error(f"{error.filename or 'the system'}: {error.strerror or error}")
         sys.exit(AppoccError.exit_code)
     except RuntimeError as error:
         if "cannot cache function" not in str(error):
             raise
-        say_error("numba: expected a folder for compiled code that can be written, got none; set NUMBA_CACHE_DIR")
+        say_error("numba: expected a writable folder for compiled code, got none; set NUMBA_CACHE_DIR")
         sys.exit(AppoccError.exit_code)
     finally:
         for number, handler in before.items():

@@ -1,4 +1,4 @@
-"""`appocc simulate`: thousands of annotated surround-view frames from nothing but a seed."""
+"""`appocc simulate`: generate annotated surround-view datasets."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from cli.common import Interrupted, JsonOption, emit, out_path, progress, say
 
 
 class Split(StrEnum):
-    """Which built-in towns: six are for training, two for tests."""
+    """Split of the built-in towns: six for training, two for tests."""
 
     train = "train"
     test = "test"
@@ -23,31 +23,34 @@ class Split(StrEnum):
 def simulate(
     out: Annotated[Path, typer.Argument(parser=out_path, metavar="OUT", help="New folder for the dataset.")],
     scenes: Annotated[int, typer.Option(min=1, max=9999, help="Number of scenes.")] = 10,
-    seconds: Annotated[float, typer.Option(min=0.1, max=600, help="Length of a scene.")] = 10.0,
-    hz: Annotated[float, typer.Option(min=0.1, max=50, help="Frames a second.")] = 2.0,
-    split: Annotated[Split, typer.Option(help="Which built-in towns, taken in turn.")] = Split.train,
-    seed: Annotated[int, typer.Option(min=0, max=2**31 - 1, help="Of everything that is drawn.")] = 0,
-    workers: Annotated[int | None, typer.Option(min=1, max=1024, help="Processes; one a core by default.")] = None,
+    seconds: Annotated[float, typer.Option(min=0.1, max=600, help="Length of each scene.")] = 10.0,
+    hz: Annotated[float, typer.Option(min=0.1, max=50, help="Samples per second.")] = 2.0,
+    split: Annotated[Split, typer.Option(help="Built-in towns to use in turn.")] = Split.train,
+    seed: Annotated[int, typer.Option(min=0, max=2**31 - 1, help="Random seed.")] = 0,
+    workers: Annotated[int | None, typer.Option(min=1, max=1024, help="Processes (default: one per core).")] = None,
     town: Annotated[
         list[str] | None,
-        typer.Option(help="A built-in town, a map file (.xodr, .net.xml) or random:NUMBER; can be repeated."),
+        typer.Option(help="Built-in town, map file (.xodr, .net.xml) or random:SEED; can be repeated."),
     ] = None,
-    rig: Annotated[str, typer.Option(help="A rig's name (paper, paper_full) or YAML file.")] = "paper",
+    rig: Annotated[str, typer.Option(help="Camera rig: name (paper, paper_full) or YAML file.")] = "paper",
     weather: Annotated[
         list[str] | None, typer.Option(help="clear, overcast, low_sun, wet, dusk or night; can be repeated.")
     ] = None,
-    lidar: Annotated[bool, typer.Option(help="LiDAR sweeps with every frame.")] = True,
-    full_maps: Annotated[bool, typer.Option(help="Depth and class of every pixel, not only of 8x8.")] = False,
-    sheet: Annotated[Path | None, typer.Option(help="Also make a contact sheet to look at (.png).")] = None,
+    lidar: Annotated[bool, typer.Option(help="Record LiDAR sweeps.")] = True,
+    full_maps: Annotated[bool, typer.Option(help="Store depth and class of every pixel, not only per 8x8.")] = False,
+    sheet: Annotated[Path | None, typer.Option(help="Also write a contact sheet (.png).")] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Simulate drives through towns: six cameras, LiDAR, boxes and exact colour BEVs, in the nuScenes schema.
+    """Simulate drives through towns: six cameras, LiDAR, boxes and exact colour BEV maps, in the nuScenes schema.
 
-    Can be interrupted: the same command goes on with the scene it had come to.
+    An interrupted run is resumed by the same command.
 
     Example: appocc simulate OUT --scenes 8 --seconds 10 --split all --sheet sheet.png
     """
-    # Two processes with several threads each are slower than with one; set before numpy starts.
+    from appocc.temporary import check_locks
+
+    check_locks()
+    # Processes with several threads each are slower than with one; set before numpy is imported.
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS"):
         os.environ.setdefault(name, "1")
     import time
@@ -55,27 +58,27 @@ def simulate(
     from appocc.environment import cores
     from appocc.errors import NotFoundError
     from appocc.rigs import read_rig
-    from appocc.simulation.generate import Settings, finished_scenes, unfinished
+    from appocc.simulation.generate import DatasetSettings, count_finished_scenes, unfinished_folder
     from appocc.simulation.generate import simulate as run
-    from appocc.simulation.recording import Recipe
+    from appocc.simulation.recording import RecordingSettings
     from appocc.simulation.scenario import WEATHER_SHARES
     from appocc.simulation.sources import town_sources
 
     unknown = [name for name in weather or () if name not in WEATHER_SHARES]
     if unknown:
         raise NotFoundError(f"weather: expected {', '.join(WEATHER_SHARES)}, got '{unknown[0]}'")
-    recipe = Recipe(max(1, round(seconds * hz)), hz, read_rig(rig), lidar, full_maps)
+    recording = RecordingSettings(max(1, round(seconds * hz)), hz, read_rig(rig), lidar, full_maps)
     towns = town_sources(split.value, town or ())
-    settings = Settings(scenes, towns, tuple(dict.fromkeys(weather or WEATHER_SHARES)), seed, recipe)
+    settings = DatasetSettings(scenes, towns, tuple(dict.fromkeys(weather or WEATHER_SHARES)), seed, recording)
     if sheet is not None:
         check_sheet(sheet, out)
     start = time.monotonic()
     try:
-        with progress("simulation", scenes * recipe.frames) as advance:
+        with progress("simulation", scenes * recording.frames) as advance:
             summary = run(out, settings, workers or cores(), advance, say)
     except Interrupted:
-        if kept := finished_scenes(out):
-            say(f"{kept} of {scenes} scenes are kept in {unfinished(out)}")
+        if kept := count_finished_scenes(out):
+            say(f"{kept} of {scenes} scenes are kept in {unfinished_folder(out)}")
         raise
     taken_s = time.monotonic() - start
     if sheet is not None:
@@ -88,10 +91,10 @@ def simulate(
 
 
 def check_sheet(path: Path, out: Path) -> None:
-    """Check the sheet's name before the work and not after it.
+    """Check the path of the contact sheet before the simulation starts.
 
     Raises:
-        DataError: if it is no .png, the dataset's own name, or cannot become a file.
+        DataError: if it is not a .png, equals the dataset's path, or cannot be a file.
     """
     from appocc.errors import DataError
 
@@ -99,13 +102,13 @@ def check_sheet(path: Path, out: Path) -> None:
         raise DataError(f"{path}: expected a name that ends in .png")
     folder = next(parent for parent in path.absolute().parents if parent.exists())
     if path.absolute() == out.absolute() or (path.exists() and not path.is_file()) or not folder.is_dir():
-        raise DataError(f"{path}: expected a name for the sheet's own file, got a folder's or one below a file")
+        raise DataError(f"{path}: expected a file name for the sheet, got a folder or a path below a file")
     if not os.access(folder, os.W_OK):
         raise DataError(f"{path}: cannot be written (no permission in {folder})")
 
 
 def write_sheet(root: Path, path: Path) -> None:
-    """Make the contact sheet of a dataset."""
+    """Write the contact sheet of a dataset."""
     from appocc.files import write_image
     from appocc.nuscenes import Dataset
     from appocc.visualization.contact_sheet import contact_sheet

@@ -1,4 +1,4 @@
-"""`appocc track`: follow what a scene's maps show, or what a detector found in anybody's recording."""
+"""`appocc track`: track vehicles through maps, or objects through the detections of a recording."""
 
 from __future__ import annotations
 
@@ -7,17 +7,150 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
-from appocc.errors import AppoccError, DataError
-from cli.common import JsonOption, TrustUnseenOption, VersionOption, emit, out_path, progress, say
+from appocc.errors import AppoccError
+from cli.common import JsonOption, RootArgument, TrustUnseenOption, VersionOption, emit, out_path, progress, say
 
 if TYPE_CHECKING:
-    from appocc.nuscenes import Dataset, Scene
+    from appocc.nuscenes import Dataset
     from tracking.evaluation.clear_id_hota import Metrics
     from tracking.pipeline import SceneTracks
 
-# What can be followed: what each of them needs beside it, and what else it may have.
-_SOURCES = {
+# Hidden sub-command for the form without sub-commands.
+_OLDER_FORM = "older-form"
+
+
+class _TrackGroup(TyperGroup):
+    """Sub-commands; other arguments are those of the older form."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Insert the hidden sub-command if the first argument is neither a sub-command nor `--help`."""
+        if not args or args[0] not in {*self.commands, "--help"}:
+            args = [_OLDER_FORM, *args]
+        return super().parse_args(ctx, args)
+
+
+app = typer.Typer(
+    name="track",
+    cls=_TrackGroup,
+    help="""Track the vehicles of a scene, or objects in the detections of a recording.
+
+    Examples: appocc track scene DATA --scene 002 --bev groundtruth --video tracks.webm
+
+    appocc track detections DATA results_nusc.json --scene scene-0103
+
+    appocc track kitti KITTI --out results
+
+    appocc track mot det.txt --fps 25 --out results
+
+    The older form works too: appocc track DATA --scene 002 --bev groundtruth, or with --detections, --kitti or --mot.
+    """,
+)
+
+SceneOption = Annotated[str, typer.Option("--scene", help="Name or token of the scene.")]
+SmoothOption = Annotated[
+    bool,
+    typer.Option("--smooth", help="Offline smoothing: smooth paths, fill gaps, drop predictions after the last hit."),
+]
+VideoOption = Annotated[Path | None, typer.Option("--video", help="Also write a video of the tracks (.webm).")]
+_BEV_HELP = "Source of the maps: ROOT/bev/SOURCE, or a folder with a slash in its name."
+
+
+@app.command("scene")
+def track_scene_command(
+    root: RootArgument,
+    scene: SceneOption,
+    bev: Annotated[str, typer.Option("--bev", help=_BEV_HELP)],
+    smooth: SmoothOption = False,
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", parser=out_path, help="Output folder; by default ROOT/tracks/SOURCE/SCENE."),
+    ] = None,
+    video: VideoOption = None,
+    trust_unseen: TrustUnseenOption = False,
+    version: VersionOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Track the vehicles of a scene through its bird's-eye-view maps.
+
+    Writes nuScenes JSON, MOTChallenge text, CSV tables and, with annotations, the scores.
+
+    Example: appocc track scene DATA --scene 002 --bev groundtruth --video tracks.webm
+    """
+    _run_maps(
+        root,
+        scene,
+        bev,
+        smooth=smooth,
+        out=out,
+        video=video,
+        trust_unseen=trust_unseen,
+        version=version,
+        as_json=as_json,
+    )
+
+
+@app.command("detections")
+def track_detections_command(
+    root: RootArgument,
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="nuScenes detection results for the scene.")],
+    scene: SceneOption,
+    smooth: SmoothOption = False,
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", parser=out_path, help="Output folder; by default ROOT/tracks/FILE/SCENE."),
+    ] = None,
+    version: VersionOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Track the objects of a scene in a detector's nuScenes results.
+
+    Writes the same files as `track scene`; classes, heights and used sensors are those of the detector.
+
+    Example: appocc track detections DATA results_nusc.json --scene scene-0103
+    """
+    _run_detections(root, scene, file, smooth=smooth, out=out, version=version, as_json=as_json)
+
+
+@app.command("kitti")
+def track_kitti_command(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of KITTI sequences with detections.")],
+    smooth: SmoothOption = False,
+    out: Annotated[
+        Path | None, typer.Option("--out", parser=out_path, help="Output folder; by default DIR/tracks.")
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Track the objects of KITTI sequences in a detector's boxes.
+
+    Writes a KITTI result file per sequence; with labels, prints the scores.
+
+    Example: appocc track kitti KITTI --out results
+    """
+    _run_kitti(folder, smooth, out or folder / "tracks", as_json)
+
+
+@app.command("mot")
+def track_mot_command(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="MOTChallenge detections of people.")],
+    fps: Annotated[float, typer.Option("--fps", help="Frame rate of the recording.")],
+    out: Annotated[
+        Path | None, typer.Option("--out", parser=out_path, help="Output folder; by default tracks next to FILE.")
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Track people in MOTChallenge detections; writes MOTChallenge text.
+
+    Example: appocc track mot det.txt --fps 25 --out results
+    """
+    _run_mot(file, fps, out or file.parent / "tracks", as_json)
+
+
+# Older form -------------------------------------------------------------------------------------------------------
+
+# The inputs of the older form, the options that each requires, and those that it allows.
+_INPUTS = {
     "--bev": (("ROOT", "--scene"), ("--version", "--smooth", "--out", "--video", "--trust-unseen")),
     "--detections": (("ROOT", "--scene"), ("--version", "--smooth", "--out")),
     "--kitti": ((), ("--smooth", "--out")),
@@ -25,89 +158,73 @@ _SOURCES = {
 }
 
 
-def track(
+@app.command(_OLDER_FORM, hidden=True)
+def track_older_form(
     root: Annotated[
         Path | None, typer.Argument(metavar="ROOT", help="Dataset root in the nuScenes schema.", show_default=False)
     ] = None,
     scene: Annotated[str | None, typer.Option("--scene", help="Name or token of the scene.")] = None,
-    bev: Annotated[
-        str | None,
-        typer.Option("--bev", help="Source of the maps: ROOT/bev/SOURCE, or a folder with a slash in its name."),
-    ] = None,
+    bev: Annotated[str | None, typer.Option("--bev", help=_BEV_HELP)] = None,
     detections: Annotated[
-        Path | None,
-        typer.Option("--detections", help="Instead of maps: detection results for the scene, as nuScenes has them."),
+        Path | None, typer.Option("--detections", help="nuScenes detection results for the scene.")
     ] = None,
-    kitti: Annotated[
-        Path | None, typer.Option("--kitti", help="Instead of a scene: a folder of KITTI sequences with detections.")
-    ] = None,
-    mot: Annotated[
-        Path | None, typer.Option("--mot", help="Instead of a scene: a file of MOTChallenge detections of people.")
-    ] = None,
-    fps: Annotated[float | None, typer.Option("--fps", help="Frames a second of the --mot file.")] = None,
-    smooth: Annotated[
-        bool, typer.Option("--smooth", help="In hindsight: smooth the paths, fill gaps, leave out false ends.")
-    ] = False,
+    kitti: Annotated[Path | None, typer.Option("--kitti", help="Folder of KITTI sequences with detections.")] = None,
+    mot: Annotated[Path | None, typer.Option("--mot", help="MOTChallenge detections of people.")] = None,
+    fps: Annotated[float | None, typer.Option("--fps", help="Frame rate of the --mot file.")] = None,
+    smooth: SmoothOption = False,
     out: Annotated[
-        Path | None,
-        typer.Option(
-            "--out",
-            parser=out_path,
-            help="Folder to write; by default ROOT/tracks/SOURCE/SCENE (SOURCE: that of the maps, or the name of the "
-            "--detections file), KITTI/tracks, or tracks beside the --mot file.",
-        ),
+        Path | None, typer.Option("--out", parser=out_path, help="Output folder; defaults as in the sub-commands.")
     ] = None,
-    video: Annotated[Path | None, typer.Option("--video", help="Also write a video of the tracks (.webm).")] = None,
+    video: VideoOption = None,
     trust_unseen: TrustUnseenOption = False,
     version: VersionOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Follow the vehicles of a scene through its maps, or whatever a detector found in a recording.
-
-    A scene's tracks are written as nuScenes JSON and MOTChallenge text and, with annotations, the scores of its
-    vehicles; those of KITTI sequences as KITTI's result files, and with labels their scores are told; those of people
-    as MOTChallenge text.
-
-    Examples: appocc track DATA --scene 002 --bev groundtruth --video tracks.webm
-
-    appocc track DATA --scene scene-0103 --detections results_nusc.json
-
-    appocc track --kitti KITTI --out results
-
-    appocc track --mot det.txt --fps 25 --out results
-    """
-    everything = {
+    """Track with one of --bev, --detections, --kitti and --mot: the older form of the sub-commands."""
+    values = {
         **{"ROOT": root, "--scene": scene, "--bev": bev, "--detections": detections, "--kitti": kitti, "--mot": mot},
         **{"--fps": fps, "--smooth": smooth or None, "--out": out, "--video": video, "--version": version},
         "--trust-unseen": trust_unseen or None,
     }
-    _check_together({name for name, value in everything.items() if value is not None})
+    _check_combination({name for name, value in values.items() if value is not None})
     if kitti is not None:
-        _track_kitti(kitti, smooth, out or kitti / "tracks", as_json)
+        track_kitti_command(kitti, smooth, out, as_json)
     elif mot is not None and fps is not None:
-        _track_mot(mot, fps, out or mot.parent / "tracks", as_json)
-    elif root is not None and scene is not None:
-        _track_scene(root, scene, bev, detections, smooth, out, video, trust_unseen, version, as_json)
+        track_mot_command(mot, fps, out, as_json)
+    elif root is not None and scene is not None and detections is not None:
+        _run_detections(root, scene, detections, smooth=smooth, out=out, version=version, as_json=as_json)
+    elif root is not None and scene is not None and bev is not None:
+        _run_maps(
+            root,
+            scene,
+            bev,
+            smooth=smooth,
+            out=out,
+            video=video,
+            trust_unseen=trust_unseen,
+            version=version,
+            as_json=as_json,
+        )
 
 
-def _check_together(given: set[str]) -> None:
-    """Check that one source was given, with all that it needs and nothing that it cannot use.
+def _check_combination(given: set[str]) -> None:
+    """Check that there is one input with all required and only allowed options.
 
     Raises:
         AppoccError: if not.
     """
-    sources = [name for name in _SOURCES if name in given]
-    if len(sources) != 1:
-        got = " and ".join(sources) or "none"
-        raise AppoccError(f"track: expected one of {_listed(_SOURCES)}, got {got}; see: appocc track --help")
-    needed, possible = _SOURCES[sources[0]]
-    lacking = [name for name in needed if name not in given]
-    if lacking:
-        raise AppoccError(f"track: {sources[0]} needs {_listed(needed)}, got no {_listed(lacking)}")
-    extra = sorted(given - {*sources, *needed, *possible})
+    inputs = [name for name in _INPUTS if name in given]
+    if len(inputs) != 1:
+        got = " and ".join(inputs) or "none"
+        raise AppoccError(f"track: expected one of {_listed(_INPUTS)}, got {got}; see: appocc track --help")
+    required, optional = _INPUTS[inputs[0]]
+    missing = [name for name in required if name not in given]
+    if missing:
+        raise AppoccError(f"track: {inputs[0]} needs {_listed(required)}, got no {_listed(missing)}")
+    extra = sorted(given - {*inputs, *required, *optional})
     if extra:
-        allowed = _listed([*needed, *possible, "--json"])
-        raise AppoccError(f"track: {sources[0]} goes only with {allowed}, got {_listed(extra)}")
+        allowed = _listed([*required, *optional, "--json"])
+        raise AppoccError(f"track: {inputs[0]} goes only with {allowed}, got {_listed(extra)}")
 
 
 def _listed(names: Iterable[str]) -> str:
@@ -115,11 +232,14 @@ def _listed(names: Iterable[str]) -> str:
     return f"{', '.join(most)} and {last}" if most else last
 
 
-def _track_scene(
+# Running ----------------------------------------------------------------------------------------------------------
+
+
+def _run_maps(
     root: Path,
     scene: str,
-    bev: str | None,
-    detections: Path | None,
+    bev: str,
+    *,
     smooth: bool,
     out: Path | None,
     video: Path | None,
@@ -127,156 +247,145 @@ def _track_scene(
     version: str | None,
     as_json: bool,
 ) -> None:
-    """Follow the vehicles of a scene through its maps, or a detector's objects through it."""
     from appocc.nuscenes import Dataset
-    from tracking.pipeline import score, tracks_folder, write_metrics, write_tracks
-    from tracking.visualization.video import check_name, write_video
+    from tracking.pipeline import track_scene, tracks_folder
+    from tracking.visualization.video import check_video_path
 
     if video is not None:
-        check_name(video)
+        check_video_path(video)
     dataset = Dataset(root, version)
     wanted = dataset.scene(scene)
-    folder = out or tracks_folder(root, str(bev) if detections is None else detections.stem, wanted.name)
-    frames = len(dataset.samples(wanted))
-    result, left_out = _followed(dataset, wanted, frames, bev, detections, smooth, trust_unseen)
-    scores = score(dataset, result)
-    if video is not None:  # before the tracks are written: it reads every image, and may find a damaged one
-        with progress("video", frames) as advance:
+    folder = out or tracks_folder(root, bev, wanted.name)
+    with progress("tracking", len(dataset.samples(wanted))) as advance:
+        result = track_scene(dataset, wanted, bev, trust_unseen=trust_unseen, smoothing=smooth, advance=advance)
+    _report_scene(dataset, result, {"bev": bev}, folder, video, as_json)
+
+
+def _run_detections(
+    root: Path,
+    scene: str,
+    file: Path,
+    *,
+    smooth: bool,
+    out: Path | None,
+    version: str | None,
+    as_json: bool,
+) -> None:
+    from appocc.nuscenes import Dataset
+    from tracking.pipeline import track_detections, tracks_folder
+
+    dataset = Dataset(root, version)
+    wanted = dataset.scene(scene)
+    folder = out or tracks_folder(root, file.stem, wanted.name)
+    with progress("tracking", len(dataset.samples(wanted))) as advance:
+        result, skipped = track_detections(dataset, wanted, file, smoothing=smooth, advance=advance)
+    _report_scene(dataset, result, {"detections": str(file), "left_out": skipped}, folder, None, as_json)
+
+
+def _report_scene(
+    dataset: Dataset,
+    result: SceneTracks,
+    source: Mapping[str, Any],
+    folder: Path,
+    video: Path | None,
+    as_json: bool,
+) -> None:
+    """Score and write the tracks of a scene, and print what was done; `source` are the keys of the input."""
+    from tracking.evaluation.scene import score_scene, write_scored_tracks
+    from tracking.visualization.video import write_video
+
+    scores = score_scene(dataset, result)
+    if video is not None:  # before the tracks are written, because it reads all images and may find a damaged one
+        with progress("video", len(result.samples)) as advance:
             write_video(dataset, result, video, advance)
-    files = write_tracks(folder, result)
-    if scores is not None:
-        files.append(folder / "metrics.json")
-        write_metrics(files[-1], result, scores)
+    files = write_scored_tracks(folder, result, scores)
     files += [video] if video is not None else []
+    titles = {"metrics": "all", "metrics_moving": "moving", "metrics_parked": "parked"}
     if as_json:
-        names = ("metrics", "metrics_moving", "metrics_parked")
-        source = {"bev": bev} if detections is None else {"detections": str(detections), "left_out": left_out}
-        emit(
-            {
-                "scene": result.scene,
-                **source,
-                "tracks": result.count,
-                "files": [str(path) for path in files],
-                **{name: scores[name].as_json() if scores else None for name in names},
-            }
-        )
-    what = "vehicles" if detections is None else "objects"
-    say(f"scene {result.scene}: {result.count} {what} in {frames} key frames")
-    if left_out:
-        told = ", ".join(f"{name} ({count})" for name, count in left_out.items())
-        say(f"left out, as they are no classes of the tracking benchmark: boxes of {told}")
+        metrics = {name: scores[name].as_json() if scores else None for name in titles}
+        paths = [str(path) for path in files]
+        emit({"scene": result.scene, **source, "tracks": result.count, "files": paths, **metrics})
+    kind = "vehicles" if "bev" in source else "objects"
+    say(f"scene {result.scene}: {result.count} {kind} in {len(result.samples)} key frames")
+    if source.get("left_out"):
+        counts = ", ".join(f"{name} ({count})" for name, count in source["left_out"].items())
+        say(f"left out, as they are no classes of the tracking benchmark: boxes of {counts}")
     if scores is None:
         say("no annotations: nothing to be scored against")
     else:
-        kinds = {"metrics": "all", "metrics_moving": "moving", "metrics_parked": "parked"}
-        _show("vehicles", {kinds[name]: metrics for name, metrics in scores.items()})
-    for path in files:
-        say(f"  {path}")
+        _show("vehicles", {titles[name]: metrics for name, metrics in scores.items()})
+    _say_files(files)
 
 
-def _followed(
-    dataset: Dataset,
-    scene: Scene,
-    frames: int,
-    bev: str | None,
-    detections: Path | None,
-    smooth: bool,
-    trust_unseen: bool,
-) -> tuple[SceneTracks, Mapping[str, int]]:
-    """The tracks of a scene, and of how many boxes of which classes were left out."""
-    from tracking.io.nuscenes_detections import track_detections
-    from tracking.pipeline import track_scene
-    from tracking.tracker import MAPS, Tracker
-
-    tracker = Tracker(MAPS) if detections is None else Tracker()
-    with progress("tracking", frames) as advance:
-        if detections is not None:
-            result, left_out = track_detections(dataset, scene, detections, tracker, advance)
-        else:
-            result, left_out = track_scene(dataset, scene, str(bev), tracker, None, advance, trust_unseen), {}
-    return (result.smoothed(tracker.config.life.motion) if smooth else result), left_out
-
-
-def _track_kitti(root: Path, smooth: bool, folder: Path, as_json: bool) -> None:
-    """Follow the vehicles of all sequences of a folder, each on its own; write a file for each."""
-    from tracking.evaluation.kitti import trial_of
-    from tracking.filtering.smoother import smooth as smoothed
-    from tracking.io.kitti import read_sequences, track_sequence
-    from tracking.io.kitti_results import results_of, write_results
-    from tracking.tracker import Tracker
+def _run_kitti(root: Path, smooth: bool, folder: Path, as_json: bool) -> None:
+    from tracking.evaluation.kitti import score_sequences
+    from tracking.io.kitti import read_sequences
+    from tracking.pipeline import count_tracks, track_kitti, write_kitti_tracks
 
     sequences = read_sequences(root)
-    outcomes, count = [], 0
     with progress("tracking", sum(len(sequence.frames) for sequence in sequences)) as advance:
-        for sequence in sequences:
-            tracks = track_sequence(sequence, Tracker(), advance)
-            if smooth:
-                tracks = smoothed([frame.timestamp_us for frame in sequence.frames], tracks)
-            count += len({each.id for moment in tracks for each in moment})
-            outcomes.append((sequence, results_of(sequence, tracks)))
-    files = [folder / f"{sequence.name}.txt" for sequence in sequences]
-    for path, (_, results) in zip(files, outcomes, strict=True):
-        write_results(path, results)
-    answer: dict[str, Any] = {
-        "sequences": [sequence.name for sequence in sequences],
-        "files": [str(path) for path in files],
-        "metrics": None,
-        "metrics_at_best_cut": None,
-    }
-    say(f"{count} vehicles in {len(sequences)} sequences")
-    labelled = [outcome for outcome in outcomes if outcome[0].labels is not None]
-    if labelled:
-        trial = trial_of(labelled)
-        cut = trial.best_cut()
-        every, best = trial.metrics(), trial.metrics(cut)
-        answer |= {"metrics": every.as_json(), "metrics_at_best_cut": {**best.as_json(), "cut": cut}}
-        _show("tracks", {"all": every, "cut": best})
-        say(f"cut: tracks whose mean score is {cut:.4f} or more, for the best MOTA")
+        outcomes = track_kitti(sequences, smooth, advance)
+    files = write_kitti_tracks(folder, outcomes)
+    say(f"{sum(count_tracks(one.tracks) for one in outcomes)} vehicles in {len(sequences)} sequences")
+    scores = score_sequences([(one.sequence, one.results) for one in outcomes])
+    if scores is not None:
+        _show("tracks", {"all": scores.metrics, "cut": scores.at_best_cut})
+        say(f"cut: tracks whose mean score is {scores.best_cut:.4f} or more, for the best MOTA")
     else:
         say("no labels: nothing to be scored against")
-    for path in files:
-        say(f"  {path}")
+    _say_files(files)
     if as_json:
-        emit(answer)
+        emit(
+            {
+                "sequences": [sequence.name for sequence in sequences],
+                "files": [str(path) for path in files],
+                "metrics": scores.metrics.as_json() if scores else None,
+                "metrics_at_best_cut": {**scores.at_best_cut.as_json(), "cut": scores.best_cut} if scores else None,
+            }
+        )
 
 
-def _track_mot(path: Path, fps: float, folder: Path, as_json: bool) -> None:
-    """Follow the people of a file of detections; write a file of its name."""
-    from tracking.detections import lead
-    from tracking.io.mot_challenge import read_boxes, write_boxes
-    from tracking.tracker import Tracker
+def _run_mot(file: Path, fps: float, folder: Path, as_json: bool) -> None:
+    from tracking.io.mot_challenge import read_mot_detections, write_mot_tracks
+    from tracking.pipeline import count_tracks, people_path, track_people
 
-    written = folder / f"{path.stem}.txt"
-    if written.resolve() == path.resolve():
-        raise DataError(f"{path}: the tracks would be written over the detections; name another folder with --out")
-    sequence = read_boxes(path, fps)
-    with progress("tracking", len(sequence.frames)) as advance:
-        tracks = lead(Tracker(sequence.config), sequence.frames, advance)
-    write_boxes(written, sequence, tracks)
-    count = len({each.id for moment in tracks for each in moment})
+    path = people_path(file, folder)
+    sequence = read_mot_detections(file, fps)
+    frames = len(sequence.frames)
+    with progress("tracking", frames) as advance:
+        tracks = track_people(sequence, advance)
+    write_mot_tracks(path, sequence, tracks)
+    count = count_tracks(tracks)
     where = "on the ground" if sequence.px_per_m is None else "in the picture"
     if as_json:
-        files = {"files": [str(written)]}
-        emit({"detections": str(path), "frames": len(sequence.frames), "followed": where, "tracks": count, **files})
-    say(f"{count} people in {len(sequence.frames)} frames, followed {where}")
-    say(f"  {written}")
+        emit({"detections": str(file), "frames": frames, "followed": where, "tracks": count, "files": [str(path)]})
+    say(f"{count} people in {frames} frames, followed {where}")
+    _say_files([path])
 
 
-def _show(title: str, scores: dict[str, Metrics]) -> None:
-    """Named scores as a table on stderr."""
+# Printing ---------------------------------------------------------------------------------------------------------
+
+
+def _say_files(paths: Iterable[Path]) -> None:
+    for path in paths:
+        say(f"  {path}")
+
+
+def _show(title: str, scores: Mapping[str, Metrics]) -> None:
+    """Print named scores as a table on stderr."""
     from rich.console import Console
     from rich.table import Table
 
     table = Table(title, "MOTA %", "IDF1 %", "HOTA %", "MOTP m", "IDS", "FRAG", "FP", "FN", "GT")
     for name, m in scores.items():
-        shares = [_known(100 * share, 1) for share in (m.MOTA, m.IDF1, m.HOTA)]
+        shares = [_format_number(100 * share, 1) for share in (m.MOTA, m.IDF1, m.HOTA)]
         counts = [str(count) for count in (m.IDS, m.FRAG, m.FP, m.FN, m.GT)]
-        table.add_row(name, *shares, _known(m.MOTP, 2), *counts)
+        table.add_row(name, *shares, _format_number(m.MOTP, 2), *counts)
     console = Console(stderr=True)
-    console.width = max(console.width, 80)  # in a narrow window lines break, but no number is left out
+    console.width = max(console.width, 80)  # in a narrow terminal lines wrap, but no number is cut
     console.print(table)
 
 
-def _known(value: float, digits: int) -> str:
-    """A number, or a dash where there was nothing to be measured."""
+def _format_number(value: float, digits: int) -> str:
+    """Format a number; a dash for NaN."""
     return f"{value:.{digits}f}" if value == value else "-"

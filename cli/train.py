@@ -1,4 +1,4 @@
-"""`appocc train`: weights from packed samples; can be interrupted at any moment and goes on to the same numbers."""
+"""`appocc train`: train a network; a resumed run gives the same numbers as an uninterrupted one."""
 
 from __future__ import annotations
 
@@ -15,24 +15,26 @@ import typer
 from cli.common import Interrupted, JsonOption, emit, out_path, say
 
 if TYPE_CHECKING:
-    from appocc.training.run import Watcher
+    from appocc.training.run import TrainingMonitor
 
 
 def train(
     config: Annotated[
-        Path, typer.Argument(metavar="CONFIG", help="YAML file, or small, release or recording, which are shipped.")
+        Path,
+        typer.Argument(metavar="CONFIG", help="YAML file, or a shipped one: small, release or recording."),
     ],
     overrides: Annotated[
-        list[str] | None, typer.Argument(metavar="KEY=VALUE", help="Replace what it says: train.lr=1e-3.")
+        list[str] | None,
+        typer.Argument(metavar="KEY=VALUE", help="Override values of CONFIG: train.lr=1e-3."),
     ] = None,
     out: Annotated[
         Path | None,
-        typer.Option("--out", parser=out_path, help="Folder of the run; else runs/NAME-OF-CONFIG."),
+        typer.Option("--out", parser=out_path, help="Folder of the run; default: runs/NAME-OF-CONFIG."),
     ] = None,
-    resume: Annotated[bool, typer.Option("--resume", help="Go on with the run that lies in this folder.")] = False,
+    resume: Annotated[bool, typer.Option("--resume", help="Continue the run in this folder.")] = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Train a network; under torchrun on many GPUs. Exit 0: done, 1: it diverged, 2: bad input, 130: interrupted.
+    """Train a network; with torchrun, on several GPUs. Exit 0: done; 1: diverged; 2: bad input; 130: interrupted.
 
     Example: appocc train small data.train=SIM data.val=VAL --out runs/first
     """
@@ -43,11 +45,11 @@ def train(
     from appocc.training.session import run_training
 
     settings, folder = read_config(config_path(config), overrides or ()), RunFolder(out or Path("runs") / config.stem)
-    with watched() as watcher, stoppable(watcher) as caught:
+    with training_progress() as monitor, stop_on_signal(monitor) as caught:
         try:
-            summary = run_training(settings, folder, resume, watcher)
+            summary = run_training(settings, folder, resume, monitor)
         except StoppedError as stopped:
-            watcher.say(str(stopped))
+            monitor.on_message(str(stopped))
             raise typer.Exit(128 + (caught or [signal.SIGINT])[0]) from stopped
         except Interrupted as ended:
             raise Interrupted(ended.number, () if resume or not folder.config.is_file() else ["--resume"]) from ended
@@ -61,36 +63,39 @@ def train(
 
 
 @contextmanager
-def watched() -> Iterator[Watcher]:
-    """Who shows a training on stderr: a bar with rate, time left and losses, and a line for each evaluation."""
+def training_progress() -> Iterator[TrainingMonitor]:
+    """Show a training on stderr: a bar with rate, time left and losses, and a line per evaluation."""
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
-    from appocc.training.run import Watcher
+    from appocc.training.run import TrainingMonitor
 
-    if int(os.environ.get("RANK", "0")):  # the first process speaks for all
-        yield Watcher()
+    if int(os.environ.get("RANK", "0")):  # only the first process prints
+        yield TrainingMonitor()
         return
     columns = (BarColumn(20), TaskProgressColumn(), TimeRemainingColumn(), TextColumn("{task.description}"))
     console = Console(stderr=True)
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
         task = bar.add_task("preparing", total=1.0)
-        yield Watcher(lambda share, text: bar.update(task, completed=share, description=text), say)
+        yield TrainingMonitor(lambda share, text: bar.update(task, completed=share, description=text), say)
 
 
 @contextmanager
-def stoppable(watcher: Watcher) -> Iterator[list[int]]:
-    """Let Ctrl-C and SIGTERM end the training after the step under way; before the first, or again: at once.
+def stop_on_signal(monitor: TrainingMonitor) -> Iterator[list[int]]:
+    """Stop the training after the current step on Ctrl-C or SIGTERM.
 
-    The block gets a list to which the signals' numbers are added.
+    The block gets a list that collects the numbers of the signals.
+
+    Raises:
+        Interrupted: on a second signal, or before the first step.
     """
     caught: list[int] = []
 
     def stop(number: int, frame: FrameType | None) -> None:
-        if caught or not watcher.running:
+        if caught or not monitor.running:
             raise Interrupted(number)
         caught.append(number)
-        watcher.stop = True
+        monitor.stop_requested = True
 
     before = {number: signal.signal(number, stop) for number in (signal.SIGINT, signal.SIGTERM)}
     try:

@@ -1,4 +1,4 @@
-"""`appocc weights`: what weights are, and weights for others."""
+"""`appocc weights`: show the model card of a weights file, and write weights for distribution."""
 
 from __future__ import annotations
 
@@ -9,79 +9,78 @@ import typer
 
 from cli.common import JsonOption, emit, out_path, say
 
-app = typer.Typer(name="weights", help="What weights are; weights for others to use.", no_args_is_help=True)
+app = typer.Typer(name="weights", help="Show a weights file, or write one for distribution.", no_args_is_help=True)
 
 
 @app.command()
 def show(
     file: Annotated[
-        Path | None, typer.Argument(metavar="FILE", help="File of weights; those of the package by default.")
+        Path | None, typer.Argument(metavar="FILE", help="Weights file; default: the shipped weights.")
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Say what weights were made from, and what they can do.
+    """Show the model card of a weights file: training data, figures, thresholds.
 
     Example: appocc weights show runs/small/best.safetensors
     """
     from appocc.inference.loading import weights_file
-    from appocc.training.shipping import described
+    from appocc.training.shipping import describe_weights
 
-    told = described(weights_file(file))
+    card = describe_weights(weights_file(file))
     if as_json:
-        emit(told)
+        emit(card)
         return
-    for line in _lines(told):
+    for line in _lines(card):
         say(line)
 
 
 @app.command()
 def ship(
     file: Annotated[
-        Path, typer.Argument(metavar="FILE", help="Weights that a training left: runs/small/best.safetensors.")
+        Path, typer.Argument(metavar="FILE", help="Weights of a training, such as runs/small/best.safetensors.")
     ],
-    out: Annotated[Path, typer.Option("--out", parser=out_path, help="The new file, *.safetensors.")],
+    out: Annotated[Path, typer.Option("--out", parser=out_path, help="Output file, *.safetensors.")],
     figures: Annotated[
-        Path | None, typer.Option(help="What `appocc eval bev --json` printed of their maps of unseen places.")
+        Path | None, typer.Option(help="Output of `appocc eval bev --json` for their maps of unseen places.")
     ] = None,
     command: Annotated[
-        list[str] | None, typer.Option(help="A command that made the data or the weights; several are possible.")
+        list[str] | None, typer.Option(help="A command that made the data or the weights; can be repeated.")
     ] = None,
 ) -> None:
-    """Write weights at half the size (float16), with how they were made and how good they are on their card.
+    """Write weights in float16, with their origin and figures in the model card.
 
     Example: appocc weights ship runs/small/best.safetensors --figures eval.json --out mine.safetensors
     """
-    from appocc.training.shipping import read_figures
-    from appocc.training.shipping import ship as write
+    from appocc.training.shipping import read_figures, ship_weights
 
-    write(file, out, read_figures(figures) if figures else None, command or ())
+    ship_weights(file, out, read_figures(figures) if figures else None, command or ())
     say(f"{out}: {out.stat().st_size / 1e6:.1f} MB")
 
 
-def _lines(told: dict[str, Any]) -> list[str]:
-    """The card for people."""
+def _lines(card: dict[str, Any]) -> list[str]:
+    """Return the model card as lines of text."""
     from appocc.bevmap import CLASSES
 
-    size = f"{told['parameters'] / 1e6:.1f} million parameters, {told['bytes'] / 1e6:.1f} MB"
-    kind = "occupancy and appearance" if told["appearance"] else "occupancy"
-    lines = [f"{told['file']}: {told['network']}, {told['setting']} degrees, {kind}; {size}"]
-    pairs = zip(CLASSES, told["thresholds"], strict=True)
+    size = f"{card['parameters'] / 1e6:.1f} million parameters, {card['bytes'] / 1e6:.1f} MB"
+    kind = "occupancy and appearance" if card["appearance"] else "occupancy"
+    lines = [f"{card['file']}: {card['network']}, {card['setting']} degrees, {kind}; {size}"]
+    pairs = zip(CLASSES, card["thresholds"], strict=True)
     lines.append(f"thresholds: {', '.join(f'{name} {share:.2f}' for name, share in pairs)}")
-    if told.get("training") and told.get("step") is not None:
-        how = told["training"]["train"]
-        lines.append(f"training: {told['step']} steps of {how['batch']} samples, seed {how['seed']}")
-    if told.get("validation"):
-        lines.append(f"validation: {_shares(told['validation']['best_iou'])}")
-    if told.get("figures"):
-        figures = told["figures"]
+    if card.get("training") and card.get("step") is not None:
+        how = card["training"]["train"]
+        lines.append(f"training: {card['step']} steps of {how['batch']} samples, seed {how['seed']}")
+    if card.get("validation"):
+        lines.append(f"validation: {_shares(card['validation']['best_iou'])}")
+    if card.get("figures"):
+        figures = card["figures"]
         at = figures.get("iou_at_threshold") or figures["iou"]
         lines.append(f"unseen places ({figures['samples']} samples): {_shares(at)}")
-    return [*lines, *(f"made by: {command}" for command in told.get("commands", ()))]
+    return [*lines, *(f"made by: {command}" for command in card.get("commands", ()))]
 
 
 def _shares(iou: dict[str, float | None]) -> str:
-    """By class, in their order: a card keeps its keys sorted."""
+    """Return IoU by class, in the order of the classes; the keys of a card are sorted."""
     from appocc.bevmap import CLASSES
 
-    told = (f"{name} {100 * (iou[name] or 0):.1f}" for name in CLASSES if name in iou)
-    return "IoU " + ", ".join(told) + " percent"
+    shares = (f"{name} {100 * (iou[name] or 0):.1f}" for name in CLASSES if name in iou)
+    return "IoU " + ", ".join(shares) + " percent"

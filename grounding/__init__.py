@@ -1,1 +1,47 @@
-"""Driving commands to one metric cell: sentence, query, referent, target."""
+"""Ground driving commands: sentence -> typed query -> referent in the scene -> one metric goal cell with reasons.
+
+A `Grounder` holds the lexicon and one scene: a bird's-eye-view map with tracks, boxes, or the map's own vehicle
+instances. `ground` parses a command, resolves the vehicle that it refers to, and plans the goal pose of the ego.
+
+    from grounding import Grounder
+
+    grounder = Grounder()
+    grounder.set_scene(bev, tracks, world_from_ego)
+    answer = grounder.ground("park behind the silver car")
+    print(answer.text(), answer.target)
+
+Names are imported on first use, so that `grounding.language` starts without the modules of scene and goal.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from grounding.answer import Answer
+    from grounding.goal.planner import Target
+    from grounding.grounder import Grounder, GrounderConfig
+    from grounding.query import Query
+
+__all__ = ["Answer", "Grounder", "GrounderConfig", "Query", "Target"]
+
+_MODULES = {
+    "Answer": "grounding.answer",
+    "Grounder": "grounding.grounder",
+    "GrounderConfig": "grounding.grounder",
+    "Query": "grounding.query",
+    "Target": "grounding.goal.planner",
+}
+
+if not TYPE_CHECKING:
+
+    def __getattr__(name: str) -> object:
+        """Import an exported name on first use."""
+        if name not in _MODULES:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        return getattr(import_module(_MODULES[name]), name)
+
+    def __dir__() -> list[str]:
+        """Return the exported names and those of the module."""
+        return sorted({*globals(), *__all__})

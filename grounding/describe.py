@@ -1,4 +1,4 @@
-"""Vehicles and places in words for people and in keys for machines."""
+"""Objects, candidates and targets as English phrases and as JSON values."""
 
 from __future__ import annotations
 
@@ -6,46 +6,51 @@ from typing import Any
 
 import numpy as np
 
+from appocc.checks import FloatArray
+from appocc.ego_vehicle import EgoVehicle
+from appocc.motion_state import STANDING_MPS
 from grounding.goal.planner import Target
 from grounding.referent.resolver import Candidate
-from grounding.referent.scene import Scene
-from grounding.scene_object import EGO_CENTRE_M, SceneObject
+from grounding.referent.scene import SceneModel
+from grounding.scene_object import SceneObject
+
+_AHEAD_M, _ASIDE_M, _FACING_RAD = 3.0, 1.5, np.radians(120)
 
 
-def side(item: SceneObject) -> str:
-    """Where a vehicle is seen from the ego, in one or two words."""
-    x, y = item.centre_m[0] - EGO_CENTRE_M, item.centre_m[1]
-    along = "ahead" if x > 3 else "behind" if x < -3 else ""
-    across = "left" if y > 1.5 else "right" if y < -1.5 else ""
+def describe_side(item: SceneObject, ego: EgoVehicle) -> str:
+    """Return where an object is as seen from the ego, in one or two words."""
+    x, y = item.centre_m[0] - ego.centre_m, item.centre_m[1]
+    along = "ahead" if x > _AHEAD_M else "behind" if x < -_AHEAD_M else ""
+    across = "left" if y > _ASIDE_M else "right" if y < -_ASIDE_M else ""
     return " ".join(word for word in (along, across) if word) or "here"
 
 
-def phrase(item: SceneObject, scene: Scene) -> str:
-    """A vehicle in words: colour, class, distance, side, and whether it moves or faces us."""
+def describe_object(item: SceneObject, scene: SceneModel) -> str:
+    """Describe an object by colour, class, distance, side and motion, and whether it faces the ego."""
     colour = scene.colour_name(item)
-    named = f"{colour} {item.noun}" if colour else f"{item.noun} of unknown colour"
-    parts = [f"{named} {item.distance_m:.0f} m away", side(item)]
+    named = f"{colour} {item.class_name}" if colour else f"{item.class_name} of unknown colour"
+    parts = [f"{named} {item.distance_m(scene.ego):.0f} m away", describe_side(item, scene.ego)]
     if item.speed_mps is not None:
-        parts.append("standing" if item.speed_mps < 0.5 else f"moving at {item.speed_mps:.0f} m/s")
-    if item.front_known and abs(item.yaw_rad) > np.radians(120):
+        parts.append("standing" if item.speed_mps < STANDING_MPS else f"moving at {item.speed_mps:.0f} m/s")
+    if item.front_known and abs(item.yaw_rad) > _FACING_RAD:
         parts.append("facing us")
     return ", ".join(parts)
 
 
-def candidate_dict(candidate: Candidate, scene: Scene) -> dict[str, Any]:
-    """A candidate with what tells it apart."""
+def candidate_to_dict(candidate: Candidate, scene: SceneModel) -> dict[str, Any]:
+    """Return a candidate as JSON values."""
     item = candidate.item
     return {
         "id": item.id,
-        "class": item.noun,
+        "class": item.class_name,
         "category": item.category or None,
         "colour": scene.colour_name(item),
         "rgb": None if item.rgb is None else [round(float(v)) for v in item.rgb],
-        "distance_m": round(item.distance_m, 2),
-        "side": side(item),
+        "distance_m": round(item.distance_m(scene.ego), 2),
+        "side": describe_side(item, scene.ego),
         "cell": None if scene.bev is None else scene.bev.grid.cell_of(item.centre_m).tolist(),
-        "ego_m": rounded(item.centre_m),
-        "world_m": rounded(scene.world_xy(item.centre_m)),
+        "ego_m": round_to_mm(item.centre_m),
+        "world_m": round_to_mm(scene.world_xy(item.centre_m)),
         "heading_rad": round(scene.world_heading(item.yaw_rad), 4),
         "heading_ego_rad": round(item.yaw_rad, 4),
         "front_known": item.front_known,
@@ -57,18 +62,18 @@ def candidate_dict(candidate: Candidate, scene: Scene) -> dict[str, Any]:
     }
 
 
-def target_dict(target: Target) -> dict[str, Any]:
-    """A target: the middle of the ego's footprint; `heading_rad` in the world, `heading_ego_rad` relative to ours."""
+def target_to_dict(target: Target) -> dict[str, Any]:
+    """Return a target as JSON values: centre of the ego's footprint, heading in the world and ego frames."""
     return {
         "cell": list(target.cell),
-        "ego_m": rounded(target.ego_m),
-        "world_m": rounded(target.world_m),
+        "ego_m": round_to_mm(target.ego_m),
+        "world_m": round_to_mm(target.world_m),
         "heading_rad": round(target.heading_rad, 4),
         "heading_ego_rad": round(target.heading_ego_rad, 4),
         "score": round(target.score, 4),
     }
 
 
-def rounded(xy_m: np.ndarray[Any, np.dtype[np.float64]]) -> list[float]:
-    """Millimetres are enough."""
+def round_to_mm(xy_m: FloatArray) -> list[float]:
+    """Round coordinates to millimetres."""
     return [round(float(v), 3) for v in xy_m]

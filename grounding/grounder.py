@@ -1,38 +1,55 @@
-"""Sentences about a scene, answered: the scene is set once, then asked as often as one likes."""
+"""The grounder: set a scene once, then ground any number of commands in it."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from os import PathLike
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from appocc.bevmap import BEVMap
 from appocc.boxes import Boxes
 from appocc.checks import FloatArray
+from appocc.ego_vehicle import EgoVehicle
 from appocc.errors import AppoccError
 from grounding.answer import Answer
-from grounding.describe import phrase
-from grounding.goal.planner import Plan, plan
-from grounding.language.parser import Reading, readings
-from grounding.referent.resolver import Candidate, Resolution, forbidden, resolve
-from grounding.referent.scene import Scene, scene_of, scene_of_tracks
-from grounding.road.road_map import Road
+from grounding.describe import describe_object
+from grounding.goal.planner import GoalPlan, plan_goal
+from grounding.language import Lexicon, Reading, parse_all, read_lexicon
+from grounding.referent.resolver import MAX_CANDIDATES, Candidate, Resolution, resolve, resolve_exclusions
+from grounding.referent.scene import SceneModel, scene_from_boxes, scene_from_map, scene_from_tracks
+from grounding.road.road_map import RoadMap
 from grounding.road.visibility import unseen_reason
 from grounding.scene_object import SceneObject
 from tracking.tracks import Track
 
-# A reading for which no vehicle or no place is found stands behind all others.
-_NO_VEHICLE, _NO_PLACE = -200.0, -100.0
-# Of vehicles of which any will do, so many are tried.
-_MOST_TRIED = 4
+if TYPE_CHECKING:
+    from grounding.language.llm import ChatEndpoint
 
-Reader = Callable[[str], tuple[Reading, ...]]
+# Log scores of readings without a referent and without a goal: these rank below all others.
+_NO_REFERENT_SCORE, _NO_GOAL_SCORE = -200.0, -100.0
+# Candidates of an indefinite referent ("a red car") for which goals are compared.
+_MAX_GOAL_CANDIDATES = 4
+
+
+@dataclass(frozen=True)
+class GrounderConfig:
+    """Settings of a grounder.
+
+    Attributes:
+        trust_unseen: whether to use a network's guesses for cells that no camera sees.
+        max_candidates: most candidates in an answer.
+    """
+
+    trust_unseen: bool = False
+    max_candidates: int = MAX_CANDIDATES
 
 
 class Grounder:
-    """Answers driving commands with places: `set_scene` once, `ground` often.
+    """Ground driving commands in a scene: `set_scene` once, `ground` often.
 
     Example:
         grounder = Grounder()
@@ -40,42 +57,70 @@ class Grounder:
         answer = grounder.ground("park behind the silver car")
     """
 
-    def __init__(self, read: Reader = readings) -> None:
-        """Make one that reads sentences so: the readings of a text, best first, at least one."""
-        self._read = read
-        self._scene: Scene | None = None
+    def __init__(
+        self,
+        *,
+        lexicon: Lexicon | str | PathLike[str] | None = None,
+        llm: ChatEndpoint | None = None,
+        config: GrounderConfig | None = None,
+        ego: EgoVehicle = EgoVehicle(),
+    ) -> None:
+        """Prepare the parser.
+
+        Args:
+            lexicon: words to parse with, or a file of words to add to those of the package.
+            llm: language model that reads commands first; the parser's readings follow.
+            config: settings.
+            ego: size of the ego vehicle.
+
+        Raises:
+            DataError: if the lexicon file cannot be read.
+        """
+        words = lexicon if lexicon is None or isinstance(lexicon, Lexicon) else read_lexicon(lexicon)
+
+        def parse(text: str) -> tuple[Reading, ...]:
+            return parse_all(text, words)
+
+        self._read: Callable[[str], tuple[Reading, ...]] = (
+            parse if llm is None else replace(llm, fallback=parse).parse_all
+        )
+        self._config, self._ego = config or GrounderConfig(), ego
+        self._scene: SceneModel | None = None
 
     def set_scene(
         self,
         bev: BEVMap,
         vehicles: Sequence[Track] | Boxes | None = None,
         world_from_ego: FloatArray | None = None,
-    ) -> Scene:
-        """Look at a map and the vehicles on it.
+    ) -> SceneModel:
+        """Set the map and the vehicles on it.
 
         Args:
-            bev: the map, in the ego frame.
-            vehicles: tracks in the world frame, or boxes in the ego frame; None: the map's own blobs.
-            world_from_ego: (4, 4) pose of the ego; by default the world is the ego frame.
+            bev: map in the ego frame.
+            vehicles: tracks in the world frame or boxes in the ego frame; None: vehicle instances of the map.
+            world_from_ego: (4, 4) pose of the ego; None: the world frame is the ego frame.
 
         Returns:
-            What is there.
+            The scene model.
 
         Raises:
-            ShapeError: if the pose is no rigid transform.
+            ShapeError: if the pose is not a rigid transform.
         """
         pose = np.eye(4) if world_from_ego is None else world_from_ego
-        if vehicles is None or isinstance(vehicles, Boxes):
-            self._scene = scene_of(bev, vehicles, pose)
+        bev = bev.with_guesses() if self._config.trust_unseen else bev
+        if vehicles is None:
+            self._scene = scene_from_map(bev, pose, self._ego)
+        elif isinstance(vehicles, Boxes):
+            self._scene = scene_from_boxes(bev, vehicles, pose, self._ego)
         else:
-            self._scene = scene_of_tracks(bev, vehicles, pose)
+            self._scene = scene_from_tracks(bev, vehicles, pose, ego=self._ego)
         return self._scene
 
     def ground(self, text: str) -> Answer:
-        """The place that a sentence asks for; every text gets an answer.
+        """Ground a command; every text gets an answer.
 
         Raises:
-            AppoccError: if no scene was set.
+            AppoccError: if no scene is set.
         """
         scene = self._scene
         if scene is None or scene.road is None:
@@ -83,76 +128,81 @@ class Grounder:
         first, *others = self._read(text)
         if first.problem:
             reasons = (first.problem.message, *first.notes)
-            return Answer("not_a_command", first, scene, reasons=reasons)
-        read = [first, *(reading for reading in others if not reading.problem)]
-        # Of equally good answers the first: readings come best first.
-        best = max((_answer(reading, scene, scene.road) for reading in read), key=lambda answer: answer.score)
+            return Answer(status="not_a_command", reading=first, scene=scene, reasons=reasons)
+        commands = [first, *(reading for reading in others if not reading.problem)]
+        answers = [self._answer(reading, scene, scene.road) for reading in commands]
+        # The readings come best first, and so the first of several equal answers wins.
+        best = max(answers, key=lambda answer: answer.score)
         if not scene.unseen_sides:
             return best
         return replace(best, reasons=(*best.reasons, unseen_reason(scene.unseen_sides)))
 
-
-def _answer(reading: Reading, scene: Scene, road: Road) -> Answer:
-    """What one reading comes to."""
-    query = reading.query
-    found = resolve(query, scene)
-    reasons = (*found.reasons, *reading.notes)
-    if found.status != "ok":
-        fits = found.candidates[0].score if found.status == "ambiguous" else _NO_VEHICLE
+    def _answer(self, reading: Reading, scene: SceneModel, road: RoadMap) -> Answer:
+        """Answer one reading of a command."""
+        query = reading.query
+        resolution = resolve(query, scene, self._config.max_candidates)
+        reasons = (*resolution.reasons, *reading.notes)
+        if resolution.status != "ok":
+            score = resolution.candidates[0].score if resolution.status == "ambiguous" else _NO_REFERENT_SCORE
+            return Answer(
+                status=resolution.status,
+                reading=reading,
+                scene=scene,
+                candidates=resolution.candidates,
+                reasons=reasons,
+                question=resolution.question,
+                score=reading.score + score,
+            )
+        exclusions = resolve_exclusions(query, scene)
+        planned = [
+            (referent, _plan_goal(reading, scene, road, referent, exclusions))
+            for referent in _goal_candidates(reading, resolution)
+        ]
+        referent, goal_plan = max(planned, key=lambda pair: _log_score(*pair))
         return Answer(
-            found.status,
-            reading,
-            scene,
-            candidates=found.candidates,
-            reasons=reasons,
-            question=found.question,
-            score=reading.score + fits,
+            status="ok" if goal_plan.target else "not_found",
+            reading=reading,
+            scene=scene,
+            plan=goal_plan,
+            referent=referent,
+            candidates=resolution.candidates,
+            reasons=(*_explain_referent(reading, referent, scene), *reasons, *goal_plan.reasons),
+            score=reading.score + _log_score(referent, goal_plan),
         )
-    barred = forbidden(query, scene)
-    referent, made = max(
-        ((one, _planned(reading, scene, road, one, barred)) for one in _tried(reading, found)),
-        key=lambda pair: _worth(*pair),
-    )
-    return Answer(
-        "ok" if made.target else "not_found",
-        reading,
-        scene,
-        made,
-        referent,
-        found.candidates,
-        (*_described(reading, referent, scene), *reasons, *made.reasons),
-        score=reading.score + _worth(referent, made),
-    )
 
 
-def _tried(reading: Reading, found: Resolution) -> Sequence[Candidate | None]:
-    """The vehicles to look for a place by; None where the command names none."""
+def _goal_candidates(reading: Reading, resolution: Resolution) -> Sequence[Candidate | None]:
+    """Return the candidates to plan a goal for; a single None if the command names no vehicle."""
     named = reading.query.referent
-    return found.candidates[: 1 if named is None or named.definite else _MOST_TRIED] or (None,)
+    return resolution.candidates[: 1 if named is None or named.definite else _MAX_GOAL_CANDIDATES] or (None,)
 
 
-def _planned(
-    reading: Reading, scene: Scene, road: Road, one: Candidate | None, barred: Sequence[tuple[str, SceneObject]]
-) -> Plan:
+def _plan_goal(
+    reading: Reading,
+    scene: SceneModel,
+    road: RoadMap,
+    candidate: Candidate | None,
+    exclusions: Sequence[tuple[str, SceneObject]],
+) -> GoalPlan:
     query = reading.query
-    item, partner = (one.item, one.partner) if one else (None, None)
-    made = plan(query, scene, road, item, partner, barred)
+    item, partner = (candidate.item, candidate.partner) if candidate else (None, None)
+    goal_plan = plan_goal(query, scene, road, item, partner, exclusions)
     if item is None and query.landmark == "secondary":
-        # A place by a thing that is not there would be a guess: it is told, and left to the passenger.
-        thing = query.secondary[0].noun.replace("_", " ")
-        reason = f"'{query.relation.replace('_', ' ')}' is measured from a {thing}, which the map does not hold"
-        return Plan(None, (reason,), nearest=made.target)
-    return made
+        # The map does not hold the landmark: report the goal as the nearest free place and not as the answer.
+        landmark = query.secondary[0].noun.replace("_", " ")
+        reason = f"'{query.relation.replace('_', ' ')}' is measured from a {landmark}, which the map does not hold"
+        return GoalPlan(None, (reason,), nearest=goal_plan.target)
+    return goal_plan
 
 
-def _worth(candidate: Candidate | None, made: Plan) -> float:
-    """How good a vehicle is together with the place beside it."""
-    fits = candidate.score if candidate else 0.0
-    return fits + (math.log(made.target.score) if made.target else _NO_PLACE)
+def _log_score(candidate: Candidate | None, goal_plan: GoalPlan) -> float:
+    """Return the log score of a referent together with its goal."""
+    score = candidate.score if candidate else 0.0
+    return score + (math.log(goal_plan.target.score) if goal_plan.target else _NO_GOAL_SCORE)
 
 
-def _described(reading: Reading, candidate: Candidate | None, scene: Scene) -> tuple[str, ...]:
-    """Which vehicle it is that was named."""
+def _explain_referent(reading: Reading, candidate: Candidate | None, scene: SceneModel) -> tuple[str, ...]:
+    """Return the sentence that names the referent."""
     if candidate is None or reading.query.referent is None:
         return ()
-    return (f"'{reading.query.referent.phrase()}' is the {phrase(candidate.item, scene)}",)
+    return (f"'{reading.query.referent.phrase()}' is the {describe_object(candidate.item, scene)}",)

@@ -1,12 +1,27 @@
-"""What a sentence asks for: the typed query, with the keys and values of labelled command files."""
+"""The query: typed meaning of a command, with the keys and values of labelled command files."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import KW_ONLY, dataclass
+from typing import Any, Literal
 
-# Qualifiers that English says after the noun.
-_AFTER = {
+from grounding.vocabulary import Action, Relation, Trigger
+
+# Relations of landmarks and exclusions, in addition to those of the goal.
+Placement = Literal["in", "into", "on", "until", "around"]
+# "with" and "of" come only from the parser: "the driver with the dog".
+LandmarkRelation = Relation | Placement | Literal["with", "of"]
+# The thing that has the relation to the landmark; "inverse": the landmark has it to the referent.
+LandmarkRole = Literal["goal", "referent", "inverse"]
+# Origin of the goal relation: the referent or the first landmark.
+Anchor = Literal["referent", "secondary"]
+Direction = Literal["left", "right", "around", "straight"]
+Side = Literal["left", "right"]
+# Meaning of a distance: gap between goal and referent, distance to drive, distance from the ego to the referent.
+DistanceRole = Literal["referent", "ego", "descriptor"]
+
+# Phrases of qualifiers that follow the noun.
+_POSTMODIFIERS = {
     "left_side": "on the left",
     "right_side": "on the right",
     "opposite_side": "on the opposite side",
@@ -19,26 +34,26 @@ _AFTER = {
 
 @dataclass(frozen=True)
 class Referent:
-    """The vehicle a command refers to.
+    """The vehicle or person that a command refers to.
 
     Attributes:
-        noun: what the word stands for: car, van, truck, bus, trailer, motorcycle, bicycle, construction_vehicle,
-            vehicle, person.
-        head: the word that was used.
-        colour: colour word as used (grey for gray; with dark or light before it), None where none is named.
+        noun: class: car, van, truck, bus, trailer, motorcycle, bicycle, construction_vehicle, vehicle, person.
+        head: the noun as written.
+        colour: colour word as written ("grey" for "gray", may start with dark or light); None if none is named.
         qualifiers: ordinals, superlatives, sides, lanes, states and sizes, in order.
-        qualifiers_optional: said of the place rather than of the vehicle ("park up ahead behind X").
+        qualifiers_optional: qualifiers that may describe the goal instead ("park up ahead behind X").
         number: 2 for "the two cars", else 1.
-        anaphora: whether the action's own argument is a pronoun, "one" or a bare adjective.
-        extra: what is said of it that no map can show: make, owner, an open door.
-        definite: "the", "that" (one certain vehicle) and not "a", "any" (whichever suits).
-        in_line: "in front of us", "behind us" (the next one in our lane) and not just "ahead".
+        anaphora: whether the argument of the action is a pronoun, "one" or a bare adjective.
+        extra: descriptions that no map can show: make, owner, an open door.
+        definite: True for "the" and "that", False for "a" and "any".
+        in_line: True for "in front of us" and "behind us" (the next one in the ego lane), False for "ahead".
     """
 
     noun: str
     head: str
     colour: str | None = None
     qualifiers: tuple[str, ...] = ()
+    _: KW_ONLY
     qualifiers_optional: tuple[str, ...] = ()
     number: int = 1
     anaphora: bool = False
@@ -47,7 +62,7 @@ class Referent:
     in_line: bool = False
 
     def to_dict(self) -> dict[str, Any]:
-        """The referent as the labelled files write it."""
+        """Return the referent with the keys of labelled command files."""
         return {
             "noun": self.noun,
             "noun_alt": ["bicycle"] if self.head == "bike" else [],
@@ -61,33 +76,33 @@ class Referent:
         }
 
     def phrase(self) -> str:
-        """The referent in words, for people."""
-        before = [word.replace("_", " ") for word in self.qualifiers if word not in _AFTER]
-        after = [_AFTER[word] for word in self.qualifiers if word in _AFTER]
+        """Return the referent as an English noun phrase without an article."""
+        before = [word.replace("_", " ") for word in self.qualifiers if word not in _POSTMODIFIERS]
+        after = [_POSTMODIFIERS[word] for word in self.qualifiers if word in _POSTMODIFIERS]
         return " ".join(word for word in (*before, self.colour or "", self.head, *after) if word)
 
 
 @dataclass(frozen=True)
 class Landmark:
-    """A further thing that a command names.
+    """Another thing in a command that locates the referent or the goal.
 
     Attributes:
-        noun: what the word stands for; nouns of vehicles as in `Referent`, others such as lamp_post.
-        relation: as in `Query`; also in, into, on, until, around.
-        of: "referent" (the referent is <relation> the thing), "goal" (the goal is), or "inverse" (the thing is
-            <relation> the referent).
+        noun: vehicle nouns as in `Referent`, others such as lamp_post.
+        relation: relation to the landmark.
+        of: "goal": the goal has the relation; "referent": the referent has it; "inverse": the landmark has it to the
+            referent.
         colour: as in `Referent`.
         qualifiers: as in `Referent`.
     """
 
     noun: str
-    relation: str
-    of: str = "goal"
+    relation: LandmarkRelation
+    of: LandmarkRole = "goal"
     colour: str | None = None
     qualifiers: tuple[str, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
-        """The landmark as the labelled files write a secondary one."""
+        """Return the landmark with the keys of "secondary" in labelled command files."""
         return {
             "noun": self.noun,
             "relation": self.relation,
@@ -99,22 +114,22 @@ class Landmark:
 
 @dataclass(frozen=True)
 class Exclusion:
-    """What a command rules out.
+    """Objects that a command excludes.
 
     Attributes:
-        relation: the goal may not be <relation> such an object; None: no such object may be the referent.
+        relation: relation that the goal must not have to such an object; None if it must not be the referent.
         noun: as in `Landmark`.
         colour: as in `Referent`.
         qualifiers: as in `Referent`.
     """
 
-    relation: str | None
+    relation: LandmarkRelation | None
     noun: str
     colour: str | None = None
     qualifiers: tuple[str, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
-        """The exclusion as the labelled files write it."""
+        """Return the exclusion with the keys of labelled command files."""
         return {
             "relation": self.relation,
             "noun": self.noun,
@@ -125,43 +140,41 @@ class Exclusion:
 
 @dataclass(frozen=True)
 class Query:
-    """A command, or (without an action) a sentence that is none.
+    """The meaning of a command; without an action, of a sentence that is not one.
 
     Attributes:
-        command: the sentence as it was given.
-        action: the primary one: park, stop, pull_over, follow, approach, overtake, drive_past, turn, change_lane,
-            wait, slow_down, give_way, avoid, other; None for a sentence that is no driving command.
-        actions: every commanded action in order, the primary one included.
-        relation: where the ego ends relative to the landmark: behind, in_front_of, next_to, near, left_of, right_of,
-            opposite, between, past, before, at, toward, same_as; none.
-        landmark: what the relation is measured from: "referent", "secondary" (the first of them), None.
-        referent: the vehicle, None where none is named.
-        secondary: further things named.
-        direction: left, right, around or straight, where the text orders so.
-        goal_side: left or right side of the road for the goal itself, None where nothing is said.
-        trigger: event that is awaited or starts the action: pass, leave, turn, stop, merge, clear, other; None.
-        distance_m: a distance that is named, None where nothing is said.
-        distance_of: what it is: referent (gap between the goal and the referent), ego (way to go), descriptor (the
-            referent is that far away); None without one.
-        excluded: what is ruled out.
+        command: the sentence as given.
+        action: main action; None if the sentence is not a driving command.
+        actions: all commanded actions in order, the main one included.
+        relation: relation of the goal to the landmark.
+        landmark: origin of the relation; None without one.
+        referent: the vehicle; None if none is named.
+        secondary: landmarks.
+        direction: steering that the text commands.
+        goal_side: side of the road for the goal; None if none is named.
+        trigger: event of the referent that starts or ends the action.
+        distance_m: None if none is named.
+        distance_of: meaning of the distance; None without one.
+        excluded: excluded objects.
     """
 
     command: str
-    action: str | None = None
-    actions: tuple[str, ...] = ()
-    relation: str = "none"
-    landmark: str | None = None
+    action: Action | None = None
+    actions: tuple[Action, ...] = ()
+    relation: Relation = "none"
+    _: KW_ONLY
+    landmark: Anchor | None = None
     referent: Referent | None = None
     secondary: tuple[Landmark, ...] = ()
-    direction: str | None = None
-    goal_side: str | None = None
-    trigger: str | None = None
+    direction: Direction | None = None
+    goal_side: Side | None = None
+    trigger: Trigger | None = None
     distance_m: float | None = None
-    distance_of: str | None = None
+    distance_of: DistanceRole | None = None
     excluded: tuple[Exclusion, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
-        """All keys of the labelled files; alternatives are for people to label, so they are empty."""
+        """Return the query with all keys of labelled command files; alternatives, set by annotators, are empty."""
         return {
             "command": self.command,
             "status": "ok" if self.action else "reject",

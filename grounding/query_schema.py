@@ -1,4 +1,4 @@
-"""A query from JSON of anybody's making, checked value by value: the layout of labelled command files."""
+"""Schema of a query in JSON: validate values with the keys of labelled command files, from any source."""
 
 from __future__ import annotations
 
@@ -8,11 +8,20 @@ from pydantic import Field, ValidationError
 
 from appocc.errors import DataError
 from appocc.jsonparts import JsonPart, first_problem
-from grounding.language.word_categories import COLOURS, Action, Relation, State
-from grounding.query import Exclusion, Landmark, Query, Referent
+from grounding.query import (
+    Anchor,
+    Direction,
+    DistanceRole,
+    Exclusion,
+    Landmark,
+    LandmarkRole,
+    Placement,
+    Query,
+    Referent,
+    Side,
+)
+from grounding.vocabulary import COLOURS, Action, Relation, State, Trigger
 
-# What a further thing may stand in besides.
-Placing = Literal["in", "into", "on", "until", "around"]
 Noun = Literal[
     "car",
     "van",
@@ -52,16 +61,16 @@ Qualifier = Literal[
     "large",
     "small",
 ]
-_MOST = 16
+_MAX_ITEMS = 16
 
 
-def choices(kind: Any) -> str:
-    """The values of one of the kinds above, for people."""
-    return ", ".join(get_args(kind))
+def choices(literal: Any) -> str:
+    """Return the values of a Literal type, separated by commas."""
+    return ", ".join(get_args(literal))
 
 
 _Word = Annotated[str, Field(min_length=1, max_length=60)]
-_Qualifiers = Annotated[list[Qualifier], Field(default_factory=list, max_length=_MOST)]
+_Qualifiers = Annotated[list[Qualifier], Field(default_factory=list, max_length=_MAX_ITEMS)]
 _Colour = Annotated[str, Field(pattern=rf"^(((dark|light) )?({'|'.join(COLOURS)})|dark|light)$")]
 
 
@@ -73,19 +82,19 @@ class _Referent(JsonPart):
     qualifiers_optional: _Qualifiers
     number: Annotated[int, Field(ge=1, le=2)] = 1
     anaphora: bool = False
-    extra: Annotated[list[_Word], Field(default_factory=list, max_length=_MOST)]
+    extra: Annotated[list[_Word], Field(default_factory=list, max_length=_MAX_ITEMS)]
 
 
 class _Landmark(JsonPart):
     noun: _Word
-    relation: Relation | Placing
-    of: Literal["goal", "referent", "inverse"] = "goal"
+    relation: Relation | Placement
+    of: LandmarkRole = "goal"
     colour: _Colour | None = None
     qualifiers: _Qualifiers
 
 
 class _Exclusion(JsonPart):
-    relation: Relation | Placing | None = None
+    relation: Relation | Placement | None = None
     noun: _Word
     colour: _Colour | None = None
     qualifiers: _Qualifiers
@@ -94,53 +103,52 @@ class _Exclusion(JsonPart):
 class _Query(JsonPart):
     status: Literal["ok", "reject"]
     action: Action | None = None
-    actions: Annotated[list[Action], Field(default_factory=list, max_length=_MOST)]
-    direction: Literal["left", "right", "around", "straight"] | None = None
-    goal_side: Literal["left", "right"] | None = None
+    actions: Annotated[list[Action], Field(default_factory=list, max_length=_MAX_ITEMS)]
+    direction: Direction | None = None
+    goal_side: Side | None = None
     relation: Relation = "none"
-    landmark: Literal["referent", "secondary"] | None = None
+    landmark: Anchor | None = None
     referent: _Referent | None = None
-    secondary: Annotated[list[_Landmark], Field(default_factory=list, max_length=_MOST)]
-    trigger: Literal["pass", "leave", "turn", "stop", "merge", "clear", "other"] | None = None
+    secondary: Annotated[list[_Landmark], Field(default_factory=list, max_length=_MAX_ITEMS)]
+    trigger: Trigger | None = None
     distance_m: Annotated[float, Field(ge=0, le=1000)] | None = None
-    distance_of: Literal["referent", "ego", "descriptor"] | None = None
-    excluded: Annotated[list[_Exclusion], Field(default_factory=list, max_length=_MOST)]
+    distance_of: DistanceRole | None = None
+    excluded: Annotated[list[_Exclusion], Field(default_factory=list, max_length=_MAX_ITEMS)]
 
 
-def query_of(command: str, value: Any) -> Query:
-    """The query of a command as somebody else read it.
+def query_from_json(command: str, value: Any) -> Query:
+    """Build a query from decoded JSON, such as the answer of a language model.
 
     Args:
         command: the sentence.
-        value: decoded JSON with the keys of `Query.to_dict`; what is empty may be left out.
+        value: decoded JSON with the keys of `Query.to_dict`; empty values may be omitted.
 
     Raises:
-        DataError: if a value is none of those that the labelled files know.
+        DataError: if a value is not valid in a labelled command file.
     """
     try:
-        read = _Query.model_validate(value)
+        model = _Query.model_validate(value)
     except ValidationError as error:
         raise DataError(f"query: {first_problem(error)}") from error
-    if (read.action is None) != (read.status == "reject"):
-        raise DataError(f"query: expected an action unless rejected, got {read.action} and status '{read.status}'")
-    named = read.referent
+    if (model.action is None) != (model.status == "reject"):
+        raise DataError(f"query: expected an action unless rejected, got {model.action} and status '{model.status}'")
     return Query(
-        command,
-        read.action,
-        tuple(read.actions) or ((read.action,) if read.action else ()),
-        read.relation,
-        read.landmark,
-        Referent(**_frozen(named)) if named else None,
-        tuple(Landmark(**_frozen(one)) for one in read.secondary),
-        read.direction,
-        read.goal_side,
-        read.trigger,
-        read.distance_m,
-        read.distance_of if read.distance_m is not None else None,
-        tuple(Exclusion(**_frozen(one)) for one in read.excluded),
+        command=command,
+        action=model.action,
+        actions=tuple(model.actions) or ((model.action,) if model.action else ()),
+        relation=model.relation,
+        landmark=model.landmark,
+        referent=Referent(**_fields(model.referent)) if model.referent else None,
+        secondary=tuple(Landmark(**_fields(one)) for one in model.secondary),
+        direction=model.direction,
+        goal_side=model.goal_side,
+        trigger=model.trigger,
+        distance_m=model.distance_m,
+        distance_of=model.distance_of if model.distance_m is not None else None,
+        excluded=tuple(Exclusion(**_fields(one)) for one in model.excluded),
     )
 
 
-def _frozen(part: JsonPart) -> dict[str, Any]:
-    """The values of a part, lists as tuples."""
+def _fields(part: JsonPart) -> dict[str, Any]:
+    """Return the fields of a model with tuples instead of lists."""
     return {name: tuple(value) if isinstance(value, list) else value for name, value in part.model_dump().items()}

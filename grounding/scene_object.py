@@ -1,4 +1,4 @@
-"""One thing on the street as the ego knows it: place, size, heading, motion, colour."""
+"""One object of a scene: class, position, size, heading, motion and colour."""
 
 from __future__ import annotations
 
@@ -7,13 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from appocc.checks import BoolArray, FloatArray, check_shape, frozen
-from appocc.ego_vehicle import EGO_LENGTH_M, EGO_REAR_M
+from appocc.ego_vehicle import EgoVehicle
 from appocc.geometry import footprints
 
-# From the ego's origin (rear axle) to the centre of its footprint, along its heading.
-EGO_CENTRE_M = EGO_LENGTH_M / 2 - EGO_REAR_M
-# First part of a category, where it is not the plain word itself.
-_PLAIN = {
+# Plain nouns for the first part of a category that is not one itself.
+_PLAIN_NOUNS = {
     "construction": "construction vehicle",
     "other_vehicle": "vehicle",
     "emergency_vehicle": "vehicle",
@@ -23,23 +21,23 @@ _PLAIN = {
 }
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class SceneObject:
-    """A vehicle, a bicycle or a person, in the ego frame.
+    """A vehicle, a bicycle or a person in the ego frame. Two objects are equal only if they are the same one.
 
     Attributes:
-        id: instance token of an annotated one, "track N" or "blob N".
-        category: nuScenes category or tracking class, '' where only its shape is known.
-        centre_m: (2,) centre of its footprint.
-        yaw_rad: direction of its long axis; its heading where the front is known.
-        front_known: whether `yaw_rad` points to its front.
-        length_m: size along its heading.
-        width_m: size across.
-        height_m: size upwards, None where unknown.
-        velocity_mps: (2,) over ground along the ego's axes, None where unknown.
-        rgb: (3,) sRGB 0..255 of its cells in the map, None where no colour is known.
-        yaw_rate_radps: how fast its heading turns, to the left positive, None where unknown.
-        acceleration_mps2: change of its speed, None where unknown.
+        id: instance token of an annotation, "track N" or "blob N".
+        category: nuScenes category or tracking class; '' where only the shape is known.
+        centre_m: (2,) centre of the footprint.
+        yaw_rad: direction of the long axis; the heading where the front is known.
+        front_known: whether `yaw_rad` points to the front.
+        length_m: size along the heading.
+        width_m: size across the heading.
+        height_m: None where unknown.
+        velocity_mps: (2,) over ground along the ego's axes; None where unknown.
+        rgb: (3,) sRGB 0..255, median of its cells in the map; None where unknown.
+        yaw_rate_radps: positive to the left; None where unknown.
+        acceleration_mps2: along the heading; None where unknown.
     """
 
     id: str
@@ -56,10 +54,10 @@ class SceneObject:
     acceleration_mps2: float | None = None
 
     def __post_init__(self) -> None:
-        """Check shapes.
+        """Check shapes and keep read-only copies of the arrays.
 
         Raises:
-            ShapeError: if one does not fit.
+            ShapeError: if a shape does not fit.
         """
         for name, array, size in (
             ("centre_m", self.centre_m, 2),
@@ -68,24 +66,25 @@ class SceneObject:
         ):
             if array is not None:
                 check_shape(f"object {name}", array, (size,))
-                frozen(array)
+                own = array.copy()
+                frozen(own)
+                object.__setattr__(self, name, own)
 
     @property
     def speed_mps(self) -> float | None:
-        """Speed over ground, None where unknown."""
+        """Speed over ground; None where unknown."""
         return None if self.velocity_mps is None else float(np.hypot(*self.velocity_mps))
 
-    @property
-    def distance_m(self) -> float:
-        """From the middle of the ego to the middle of the vehicle."""
-        return float(np.hypot(self.centre_m[0] - EGO_CENTRE_M, self.centre_m[1]))
+    def distance_m(self, ego: EgoVehicle) -> float:
+        """Return the distance from the ego's centre to the object's centre."""
+        return float(np.hypot(self.centre_m[0] - ego.centre_m, self.centre_m[1]))
 
     def footprint(self) -> FloatArray:
-        """Corners (4, 2) in the ego frame."""
+        """Return the corners (4, 2) of the footprint in the ego frame."""
         return footprints(self.centre_m, self.yaw_rad, [self.length_m, self.width_m])
 
     def covers(self, xy_m: FloatArray, margin_m: float = 0.0) -> BoolArray:
-        """Whether points (..., 2) lie in the footprint, grown on all sides by a margin."""
+        """Return whether points (..., 2) are in the footprint, grown on all sides by a margin."""
         offset = xy_m - self.centre_m
         cos, sin = np.cos(self.yaw_rad), np.sin(self.yaw_rad)
         along, across = offset[..., 0] * cos + offset[..., 1] * sin, offset[..., 1] * cos - offset[..., 0] * sin
@@ -93,7 +92,7 @@ class SceneObject:
         return np.asarray((np.abs(along) <= half[0]) & (np.abs(across) <= half[1]))
 
     @property
-    def noun(self) -> str:
-        """The plain word for its class."""
+    def class_name(self) -> str:
+        """The class as a plain noun."""
         first, *rest = self.category.removeprefix("vehicle.").split(".")
-        return rest[-1] if first == "emergency" and rest else _PLAIN.get(first, first)
+        return rest[-1] if first == "emergency" and rest else _PLAIN_NOUNS.get(first, first)

@@ -1,4 +1,4 @@
-"""A picture of an answer: the map with the vehicle and the place, beside the camera that sees the vehicle best."""
+"""Visualization of an answer: the map with referent and goal, and the camera in which the referent is largest."""
 
 from __future__ import annotations
 
@@ -23,60 +23,60 @@ from appocc.visualization.canvas import (
     put_text,
 )
 from grounding.answer import Answer
-from grounding.describe import phrase
+from grounding.describe import describe_object
 from grounding.goal.planner import Target
 from grounding.scene_object import SceneObject
-from tracking.io.writers import HEIGHT_M
+from tracking.vehicle_classes import HEIGHT_M
 
 CYAN: Colour = (60, 220, 255)
 PALE_CYAN: Colour = (120, 170, 185)
 _SCALE = 4
 _CAPTION_PX, _LINE_PX = 204, 22
-# A camera's panel is at most this many times as wide as the map beside it.
-_WIDEST = 1.8
+# Width of the camera panel, at most, relative to the map panel.
+_MAX_RELATIVE_WIDTH = 1.8
 _STATUS_COLOUR: dict[str, Colour] = {"ok": (90, 220, 110), "ambiguous": YELLOW}
 
 
-def draw(answer: Answer, frame: Frame | None = None, field: bool = False) -> ByteArray:
-    """The picture (H, W, 3) RGB of an answer, whatever its status.
+def draw_answer(answer: Answer, frame: Frame | None = None, *, show_costs: bool = False) -> ByteArray:
+    """Draw an answer of any status as RGB (H, W, 3).
 
     Args:
-        answer: with the scene where it was asked.
-        frame: the cameras of that moment, None where there are none.
-        field: whether to shade the places that would do, the brighter the better.
+        answer: answer with its scene.
+        frame: camera images of the moment; None without them.
+        show_costs: whether to shade possible goals: brighter for lower costs.
     """
-    bev = _bev_panel(answer, field)
-    camera = None if frame is None else _camera_panel(answer, frame, bev.shape[0])
+    bev = _draw_bev_panel(answer, show_costs)
+    camera = None if frame is None else _draw_camera_panel(answer, frame, bev.shape[0])
     panels = bev if camera is None else np.hstack([bev, camera])
-    return np.ascontiguousarray(np.vstack([_caption(answer, panels.shape[1]), panels]))
+    return np.ascontiguousarray(np.vstack([_draw_caption(answer, panels.shape[1]), panels]))
 
 
-def _caption(answer: Answer, width: int) -> ByteArray:
-    """The sentence, the status and the reasons above the panels."""
+def _draw_caption(answer: Answer, width: int) -> ByteArray:
+    """Draw the caption: command, status and reasons."""
     band = np.full((_CAPTION_PX, width, 3), 24, np.uint8)
     status = answer.status.replace("_", " ")
-    put_text(band, f'"{_cut(answer.query.command, width // 14)}"', (12, 28), WHITE, 0.7)
+    put_text(band, f'"{_truncate(answer.query.command, width // 14)}"', (12, 28), WHITE, 0.7)
     put_text(band, status, (12, 56), _STATUS_COLOUR.get(answer.status, RED), 0.6)
     for number, reason in enumerate(answer.reasons[: (_CAPTION_PX - 66) // _LINE_PX]):
-        put_text(band, _cut(reason, width // 10), (12, 82 + number * _LINE_PX), WHITE, 0.5)
+        put_text(band, _truncate(reason, width // 10), (12, 82 + number * _LINE_PX), WHITE, 0.5)
     return band
 
 
-def _cut(text: str, characters: int = 200) -> str:
-    """A text cut to a length."""
+def _truncate(text: str, characters: int = 200) -> str:
+    """Truncate a text."""
     return text if len(text) <= characters else text[: characters - 3] + "..."
 
 
-def _bev_panel(answer: Answer, field: bool) -> ByteArray:
-    """Appearance over occupancy, candidates numbered, the referent outlined, the way, and the ego at the target."""
+def _draw_bev_panel(answer: Answer, show_costs: bool) -> ByteArray:
+    """Draw the map with numbered candidates, referent, route, and the ego at the goal."""
     bev = answer.scene.bev
     canvas = BEVCanvas(BEVGrid.surround() if bev is None else bev.grid, _SCALE)
     if bev is not None:
         canvas.occupancy(bev)
         canvas.appearance(bev)
-    if field and answer.plan.field is not None:
-        _shade(canvas, answer.plan.field)
-    canvas.ego()
+    if show_costs and answer.plan.cost_field is not None:
+        _shade_costs(canvas, answer.plan.cost_field)
+    canvas.ego(answer.scene.ego)
     for number, candidate in enumerate(answer.candidates, start=1):
         if candidate is not answer.referent:
             canvas.line(candidate.item.footprint(), YELLOW, 1, closed=True)
@@ -90,31 +90,32 @@ def _bev_panel(answer: Answer, field: bool) -> ByteArray:
     if answer.plan.route is not None:
         canvas.line(answer.plan.route, PALE_CYAN, 1)
     if answer.target:
-        _place(canvas, answer.target, CYAN)
+        _draw_pose(canvas, answer.target, CYAN)
     elif answer.plan.nearest:
-        _place(canvas, answer.plan.nearest, WHITE)
-    _legend(canvas, answer)
+        _draw_pose(canvas, answer.plan.nearest, WHITE)
+    _draw_legend(canvas, answer)
     return canvas.picture
 
 
-def _place(canvas: BEVCanvas, target: Target, colour: Colour) -> None:
-    """The ego at a place, and where it looks."""
+def _draw_pose(canvas: BEVCanvas, target: Target, colour: Colour) -> None:
+    """Draw the footprint and the heading of the ego at a goal pose."""
     corners = target.footprint()
     canvas.line(corners, colour, 2, closed=True)
     canvas.line([target.ego_m, (corners[0] + corners[3]) / 2], colour, 2)
     canvas.dot(target.ego_m, colour, 3)
 
 
-def _shade(canvas: BEVCanvas, cost: FloatArray) -> None:
-    """Places that would do, over the map: half transparent, the brighter the better."""
-    good = np.isfinite(cost)
-    share = np.exp(-np.where(good, cost, 0.0) / 2)
-    under = canvas.picture.copy()
-    canvas.cells(np.asarray((0.25 + 0.75 * share[..., None]) * np.array(CYAN), np.uint8), good)
-    cv2.addWeighted(canvas.picture, 0.5, under, 0.5, 0, dst=canvas.picture)
+def _shade_costs(canvas: BEVCanvas, cost: FloatArray) -> None:
+    """Blend the costs (X, Y) of possible goals over the map: brighter for lower costs."""
+    possible = np.isfinite(cost)
+    score = np.exp(-np.where(possible, cost, 0.0) / 2)
+    background = canvas.picture.copy()
+    canvas.cells(np.asarray((0.25 + 0.75 * score[..., None]) * np.array(CYAN), np.uint8), possible)
+    cv2.addWeighted(canvas.picture, 0.5, background, 0.5, 0, dst=canvas.picture)
 
 
-def _legend(canvas: BEVCanvas, answer: Answer) -> None:
+def _draw_legend(canvas: BEVCanvas, answer: Answer) -> None:
+    """Draw a legend of the colours in use."""
     entries = [("the car now", (60, 200, 90)), (UNKNOWN_LEGEND, HATCH_COLOUR)]
     entries += [("the vehicle meant", RED)] if answer.referent else []
     entries += [("the place to go", CYAN)] if answer.target else []
@@ -132,37 +133,39 @@ def _legend(canvas: BEVCanvas, answer: Answer) -> None:
         put_text(canvas.picture, words, (28, top + 11))
 
 
-def _camera_panel(answer: Answer, frame: Frame, height: int) -> ByteArray | None:
-    """The camera in which the vehicle (or the first candidate) is largest, with the ground place if it is in view."""
+def _draw_camera_panel(answer: Answer, frame: Frame, height: int) -> ByteArray | None:
+    """Draw the camera in which the referent or first candidate is largest, with the goal if it is in view."""
     shown = [answer.referent] if answer.referent else list(answer.candidates)
     if not frame.images:
         return None
     channel = _best_channel(frame, shown[0].item) if shown else None
     if channel is None:
         channel = "CAM_FRONT" if "CAM_FRONT" in frame.images else next(iter(frame.images))
-    camera, picture = _enlarged(frame.rig[channel], frame.images[channel], height)
+    camera, picture = _resize(frame.rig[channel], frame.images[channel], height)
     for candidate in shown:
         draw_box(picture, camera, _corners(candidate.item, frame), RED if answer.referent else YELLOW, 2)
     if answer.target:
-        _ground_mark(picture, camera, answer.target.footprint())
+        _draw_footprint(picture, camera, answer.target.footprint())
     put_text(picture, channel, (10, 22), WHITE, 0.6)
     if shown and not answer.referent:
-        _numbers(picture, camera, answer, frame)
+        _draw_numbers(picture, camera, answer, frame)
     elif shown:
-        put_text(picture, _cut(phrase(shown[0].item, answer.scene)), (10, len(picture) - 12), WHITE, 0.55)
+        put_text(
+            picture, _truncate(describe_object(shown[0].item, answer.scene)), (10, len(picture) - 12), WHITE, 0.55
+        )
     return np.pad(picture, ((0, height - len(picture)), (0, 0), (0, 0)), constant_values=24)
 
 
-def _enlarged(camera: Camera, image: ByteArray, height: int) -> tuple[Camera, ByteArray]:
-    """A camera and its picture at a height for people, less high where the picture is wider than usual."""
-    scale = min(height / camera.height_px, _WIDEST * height / camera.width_px)
+def _resize(camera: Camera, image: ByteArray, height: int) -> tuple[Camera, ByteArray]:
+    """Resize a camera and its image to a height in pixels, or to the maximum width if that is less."""
+    scale = min(height / camera.height_px, _MAX_RELATIVE_WIDTH * height / camera.width_px)
     size = (round(camera.width_px * scale), round(camera.height_px * scale))
     how = cv2.INTER_AREA if scale < 1 else cv2.INTER_CUBIC
     return camera.resized(*size), np.asarray(cv2.resize(image, size, interpolation=how), dtype=np.uint8)
 
 
 def _corners(item: SceneObject, frame: Frame) -> FloatArray:
-    """(8, 3) corners in the ego frame: of the annotated box where there is one, else a box of a car's height."""
+    """Return box corners (8, 3) in the ego frame: of the annotated box, else of one with the height of a car."""
     boxes = frame.boxes_ego or Boxes.empty()
     if item.id in boxes.instance:
         return np.asarray(boxes.corners()[boxes.instance.index(item.id)])
@@ -171,7 +174,7 @@ def _corners(item: SceneObject, frame: Frame) -> FloatArray:
 
 
 def _best_channel(frame: Frame, item: SceneObject) -> str | None:
-    """The camera with the largest part of the box in its image, None where none sees its middle."""
+    """Return the camera that shows the box largest; None if no camera sees its centre."""
     corners = _corners(item, frame)
     sizes = {channel: _visible_px(frame.rig[channel], corners) for channel in frame.images}
     best = max(sizes, key=lambda channel: sizes[channel])
@@ -179,7 +182,7 @@ def _best_channel(frame: Frame, item: SceneObject) -> str | None:
 
 
 def _visible_px(camera: Camera, corners: FloatArray) -> float:
-    """Area of a box's bounding rectangle inside the image; 0 where the camera does not see its middle."""
+    """Return the area of the bounding rectangle inside the image; 0 if the camera does not see the box centre."""
     middle, depth = camera.project_ego(corners.mean(axis=0, keepdims=True))
     if not camera.sees(middle, depth)[0]:
         return 0.0
@@ -188,8 +191,8 @@ def _visible_px(camera: Camera, corners: FloatArray) -> float:
     return float(np.prod(uv.max(axis=0) - uv.min(axis=0)))
 
 
-def _ground_mark(picture: ByteArray, camera: Camera, footprint: FloatArray) -> None:
-    """Fill the place on the ground plane, half transparent, where it lies wholly before the camera."""
+def _draw_footprint(picture: ByteArray, camera: Camera, footprint: FloatArray) -> None:
+    """Blend a footprint on the ground plane into the image if it is completely in front of the camera."""
     points = np.pad(footprint, ((0, 0), (0, 1)))
     in_cam = apply(inverse(camera.ego_from_cam), points)
     if float(in_cam[:, 2].min()) < 0.5:
@@ -204,8 +207,8 @@ def _ground_mark(picture: ByteArray, camera: Camera, footprint: FloatArray) -> N
     cv2.polylines(picture, [outline], True, CYAN, 3, cv2.LINE_AA)
 
 
-def _numbers(picture: ByteArray, camera: Camera, answer: Answer, frame: Frame) -> None:
-    """The candidates' numbers at their places in the image."""
+def _draw_numbers(picture: ByteArray, camera: Camera, answer: Answer, frame: Frame) -> None:
+    """Draw the numbers of the candidates at their centres."""
     for number, candidate in enumerate(answer.candidates, start=1):
         middle = _corners(candidate.item, frame).mean(axis=0, keepdims=True)
         uv, depth = camera.project_ego(middle)

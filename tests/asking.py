@@ -1,4 +1,4 @@
-"""Sentences in one line, referents, and streets to look for them in, for tests."""
+"""Helpers of tests: queries in one line, referents, and streets to resolve them in."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 from street import BLACK, BLUE, GREY, RED, WHITE, Street
 
-from grounding.language.parser import read
+from grounding.language import parse
 from grounding.query import Query, Referent
 from grounding.referent.resolver import Resolution, resolve
-from grounding.referent.scene import Scene
+from grounding.referent.scene import SceneModel
 
 SIZES_WLH_M = {
     "vehicle.bus.rigid": (2.9, 11.0, 3.4),
@@ -22,32 +22,32 @@ VAN_WLH_M = (2.0, 5.4, 2.3)
 
 
 def car(colour: str | None = None, *qualifiers: str, **more: Any) -> Referent:
-    """A car with what is said of it."""
+    """Return a car with a colour and qualifiers."""
     return Referent("car", "car", colour, qualifiers, **more)
 
 
-def ask(referent: Referent, scene: Scene) -> Resolution:
-    """What is found of a referent with which nothing is to be done."""
+def ask(referent: Referent, scene: SceneModel) -> Resolution:
+    """Resolve a referent without an action."""
     return resolve(Query("", referent=referent), scene)
 
 
 def best(found: Resolution) -> str:
-    """The name of the one vehicle that was found."""
+    """Return the id of the resolved vehicle."""
     assert found.status == "ok", found
     return found.candidates[0].item.id
 
 
 def row() -> Street:
-    """Cars parked on the right, one oncoming and one driving ahead, one behind us."""
+    """Make a street: cars parked on the right, one oncoming, one driving ahead, one behind the ego."""
     street = Street().car("r1", 8, -5, RED).car("r2", 14, -5, WHITE).car("r3", 20, -5, BLUE).car("r4", 26, -5, WHITE)
     street.car("oncoming", 25, 3, BLACK, yaw_rad=np.pi, speed_mps=9.0)
     street.car("leader", 18, 0, GREY, speed_mps=6.0)
     return street.car("follower", -12, 0, RED, speed_mps=6.0)
 
 
-def told(text: str) -> str:
-    """A query in one line: action, relation, [noun, colour, qualifiers], direction, side, trigger, distance."""
-    query = read(text).query
+def parse_summary(text: str) -> str:
+    """Return the query of a sentence in one line: "park behind [car red left_side] right 3 m referent"."""
+    query = parse(text).query
     words = [str(query.action), query.relation]
     if query.referent is not None:
         inner = [query.referent.noun, query.referent.colour, *query.referent.qualifiers]

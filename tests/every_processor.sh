@@ -1,19 +1,19 @@
 #!/usr/bin/env bash
-# The numeric tests as other processors would compute them: libraries are told to use fewer, or other, instructions.
+# Runs the numeric tests as on other processors: the libraries use fewer, or other, instructions.
 #
 #   tests/every_processor.sh                 every configuration below
-#   tests/every_processor.sh oldest avx2     those named
+#   tests/every_processor.sh oldest avx2     only these
 #
 # Exit code 1 if any failed. PYTHON names the interpreter (.venv/bin/python).
 set -uo pipefail
 cd "$(dirname "$0")/.."
 
-TESTS=(tests/models tests/training tests/export tests/inference tests/groundtruth tests/simulation tests/test_colours.py)
+TESTS=(tests/models tests/training tests/export tests/inference tests/groundtruth tests/simulation tests/core/test_colours.py)
 
-# OpenVINO's own copy of oneDNN obeys its variable only in part, and fails below AVX2.
+# OpenVINO's own copy of oneDNN ignores part of its variable, and fails below AVX2.
 OPENVINO="test_openvinos_files_stand_together or test_the_check_is_told or test_a_file_that_answers_differently"
 
-# Every value occurs, and each with different others; a dash leaves the library its own choice.
+# Every value occurs in combination with different others; a dash is the library's default.
 #          name    ATEN     oneDNN  OpenBLAS  numba    threads
 CONFIGURATIONS=(
           "as-is   -        -       -         -        2"
@@ -35,11 +35,11 @@ for row in "${CONFIGURATIONS[@]}"; do
   read -r name aten onednn openblas numba threads <<<"$row"
   if [ $# -gt 0 ] && [[ " $* " != *" $name "* ]]; then continue; fi
   if [ "$openblas" = SkylakeX ] && ! grep -qw avx512f /proc/cpuinfo; then
-    rows+=("$name|left out: no AVX-512 here")
+    rows+=("$name|skipped: no AVX-512")
     continue
   fi
   settings=(OMP_NUM_THREADS="$threads" OPENBLAS_NUM_THREADS="$threads" MKL_NUM_THREADS="$threads")
-  settings+=(NUMBA_CACHE_DIR="$caches/$name") # compiled code is kept by source, not by processor
+  settings+=(NUMBA_CACHE_DIR="$caches/$name") # the cache of compiled code is keyed by source, not by processor
   [ "$aten" = - ] || settings+=(ATEN_CPU_CAPABILITY="$aten")
   [ "$onednn" = - ] || settings+=(ONEDNN_MAX_CPU_ISA="$onednn")
   [ "$openblas" = - ] || settings+=(OPENBLAS_CORETYPE="$openblas")
@@ -51,8 +51,8 @@ for row in "${CONFIGURATIONS[@]}"; do
   began=$SECONDS
   env -u ATEN_CPU_CAPABILITY -u ONEDNN_MAX_CPU_ISA -u OPENBLAS_CORETYPE -u NUMBA_CPU_NAME "${settings[@]}" \
     "$python" -m pytest -n "$((processes > 0 ? processes : 1))" --dist loadfile -p no:cacheprovider \
-    -m "not slow and not realdata" "${chosen[@]}" "${TESTS[@]}" && said=passed || { said=FAILED; failed=1; }
-  rows+=("$name|$said|ATEN $aten, oneDNN $onednn, OpenBLAS $openblas, numba $numba, threads $threads|$((SECONDS - began)) s")
+    -m "not slow and not realdata" "${chosen[@]}" "${TESTS[@]}" && result=passed || { result=FAILED; failed=1; }
+  rows+=("$name|$result|ATEN $aten, oneDNN $onednn, OpenBLAS $openblas, numba $numba, threads $threads|$((SECONDS - began)) s")
 done
 printf '%s\n' "" "${rows[@]}" | column -t -s '|'
 exit "$failed"

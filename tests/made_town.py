@@ -12,7 +12,7 @@ from street import BLACK, BLUE, GREEN, RED, WHITE, WORLD_FROM_EGO, Street
 from appocc.bevmap import VEHICLE, bev_path
 from appocc.geometry import quaternion_from_yaw, transform
 from appocc.nuscenes.writer import Annotation, Writer, token_of
-from benchmarks.grounding_truth.moments import Moment, Vehicle
+from benchmarks.grounding_truth.key_frames import TrueFrame, Vehicle
 
 NAMES = {RED: "red", BLUE: "blue", WHITE: "white", BLACK: "black", GREEN: "green"}
 CAR, VAN, TRUCK = (1.8, 4.4, 1.5), (2.0, 5.4, 2.3), (2.0, 5.4, 1.9)
@@ -62,7 +62,14 @@ def add_frame(writer: Writer, scene: str, sample: str, rows: Sequence[Row]) -> N
         category = "vehicle.truck" if body == "pickup" else "vehicle.car"
         state = "vehicle.parked" if not speed else "vehicle.moving"
         level = "1" if name == "hidden" else "4"
-        box = Annotation(name, category, pose, size, state, visibility=level)
+        box = Annotation(
+            instance=name,
+            category=category,
+            world_from_box=pose,
+            size_wlh_m=size,
+            attribute=state,
+            visibility=level,
+        )
         velocity = WORLD_FROM_EGO[:2, :2] @ (speed * np.array([np.cos(yaw), np.sin(yaw)]))
         writer.add_annotation(scene, sample, box, velocity)
         token = token_of("instance", scene, name)
@@ -72,7 +79,7 @@ def add_frame(writer: Writer, scene: str, sample: str, rows: Sequence[Row]) -> N
     bev.save(bev_path(writer.root, "exact", sample), {"instance": owner})
 
 
-def vehicle(moment: Moment, name: str) -> Vehicle:
+def vehicle(moment: TrueFrame, name: str) -> Vehicle:
     """The one of a row of FRAMES."""
     scene = token_of("scene", "scene")
     return next(v for v in moment.vehicles if v.instance == token_of("instance", scene, name))

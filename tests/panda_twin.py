@@ -1,4 +1,4 @@
-"""A small PandaSet recording made by hand, in both forms: the plain twin, and the published one with pickles.
+"""A small PandaSet recording made by hand, in both forms: the plain copy, and the published form with pickles.
 
 Six frames at 10 Hz, every second with images (0, 2, 4), the last of these without LiDAR. The ego (0.40 m above the
 road) drives and turns; cameras fire before the LiDAR, each by its own time, and shake a little in their mounts.

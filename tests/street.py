@@ -1,4 +1,4 @@
-"""A made-up street: a road of 16 m along the ego's x axis, and vehicles whose places are known by heart."""
+"""A synthetic street for tests: a road of 16 m width along the ego's x axis, with vehicles at given positions."""
 
 from __future__ import annotations
 
@@ -7,20 +7,22 @@ import numpy as np
 from appocc.bevmap import ROAD, VEHICLE, BEVMap
 from appocc.boxes import Boxes
 from appocc.checks import FloatArray
+from appocc.ego_vehicle import EgoVehicle
 from appocc.geometry import inverse, quaternion_from_yaw, transform
 from appocc.grid import BEVGrid
 from grounding.grounder import Grounder
-from grounding.referent.scene import Scene, scene_of
+from grounding.referent.scene import SceneModel, scene_from_boxes, scene_from_map
 
 WHITE, SILVER, GREY, BLACK = (245, 245, 245), (190, 191, 192), (110, 110, 112), (18, 18, 20)
 RED, BLUE, GREEN, YELLOW = (190, 25, 30), (30, 60, 170), (30, 130, 50), (235, 200, 40)
-# The ego stands at (100, 50), heading along world +y.
+# The ego is at (100, 50) and heads along world +y.
 WORLD_FROM_EGO = transform(quaternion_from_yaw(np.pi / 2), [100.0, 50.0, 0.0])
 HALF_ROAD_M = 8.0
+EGO = EgoVehicle()
 
 
 class Street:
-    """Vehicles are added by `car`; `scene` is what the map and the annotations say of them."""
+    """Add vehicles with `car`; `scene` is the scene model of the map and the annotations."""
 
     def __init__(self, grid: BEVGrid | None = None) -> None:
         """An empty street."""
@@ -44,7 +46,7 @@ class Street:
         size_wlh_m: tuple[float, float, float] = (1.8, 4.4, 1.5),
         category: str = "vehicle.car",
     ) -> Street:
-        """Add a vehicle; without a colour its cells are unknown."""
+        """Add a vehicle; without `rgb` the colour of its cells is unknown."""
         offset = self.grid.centres() - [x_m, y_m]
         cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
         along, across = offset @ [cos, sin], offset @ [-sin, cos]
@@ -58,36 +60,43 @@ class Street:
         return self
 
     def bev(self) -> BEVMap:
-        """The map."""
+        """Return the map."""
         valid = np.ones(self.occupancy.shape, np.bool_)
         valid[ROAD] = self.road_known
         return BEVMap(self.grid, self.occupancy.copy(), valid, self.appearance.copy(), self.known.copy())
 
     def boxes(self) -> Boxes:
-        """The annotations in the ego frame."""
+        """Return the annotations in the ego frame."""
         if not self.rows:
             return Boxes.empty()
         names, categories, places, yaws, sizes, velocities = zip(*self.rows, strict=True)
         rotations = np.stack([transform(quaternion_from_yaw(yaw), [0, 0, 0])[:3, :3] for yaw in yaws])
         count = np.full(len(names), 5)
         return Boxes(
-            np.stack(places), np.stack(sizes), rotations, categories, names, names, np.stack(velocities), count
+            centre_m=np.stack(places),
+            size_wlh_m=np.stack(sizes),
+            rotation=rotations,
+            category=categories,
+            instance=names,
+            token=names,
+            velocity_mps=np.stack(velocities),
+            lidar_points=count,
         )
 
     def boxes_world(self) -> Boxes:
-        """The same in the world frame, as a dataset holds them."""
+        """Return the annotations in the world frame, as in a dataset."""
         return self.boxes().transformed(WORLD_FROM_EGO)
 
-    def scene(self) -> Scene:
-        """The scene of map and annotations."""
-        return scene_of(self.bev(), self.boxes_world().transformed(inverse(WORLD_FROM_EGO)), WORLD_FROM_EGO)
+    def scene(self) -> SceneModel:
+        """Return the scene of map and annotations."""
+        return scene_from_boxes(self.bev(), self.boxes_world().transformed(inverse(WORLD_FROM_EGO)), WORLD_FROM_EGO)
 
-    def scene_without_boxes(self) -> Scene:
-        """The scene of the map alone."""
-        return scene_of(self.bev(), None, WORLD_FROM_EGO)
+    def scene_without_boxes(self) -> SceneModel:
+        """Return the scene of the map alone."""
+        return scene_from_map(self.bev(), WORLD_FROM_EGO)
 
     def grounder(self, boxes: bool = True) -> Grounder:
-        """One that looks at map and annotations, or at the map alone."""
+        """Return a grounder with the map and, if `boxes`, the annotations as its scene."""
         grounder = Grounder()
         grounder.set_scene(self.bev(), self.boxes() if boxes else None, WORLD_FROM_EGO)
         return grounder

@@ -16,7 +16,7 @@ from appocc.checks import FloatArray
 from appocc.grid import BEVGrid
 from appocc.nuscenes.lidar import write_lidar
 from appocc.rasterise import LANE_SHARE, ROAD_SHARE, VEHICLE_SHARE
-from appocc.visualization.canvas import BEVCanvas, turned
+from appocc.visualization.canvas import BEVCanvas, to_image_axes
 
 PAGE = Path(__file__).parents[1] / "docs" / "conventions.md"
 QUARTER = g.quaternion_from_yaw(np.pi / 2)
@@ -52,14 +52,23 @@ def _models_camera() -> list[float]:
 
 def _corner() -> FloatArray:
     zero3, size = np.zeros((1, 3)), np.array([[2.0, 4.0, 1.6]])
-    box = Boxes(zero3, size, np.eye(3)[None], ("car",), ("",), ("",), np.zeros((1, 2)), np.zeros(1, np.int64))
+    box = Boxes(
+        centre_m=zero3,
+        size_wlh_m=size,
+        rotation=np.eye(3)[None],
+        category=("car",),
+        instance=("",),
+        token=("",),
+        velocity_mps=np.zeros((1, 2)),
+        lidar_points=np.zeros(1, np.int64),
+    )
     return np.asarray(box.corners()[0, 0])
 
 
 def _cell_of_pixel(column_row: FloatArray) -> list[int]:
     numbers = np.arange(200, dtype=np.uint8)
     column, row = column_row.astype(int)
-    return [int(turned(layer)[row, column]) for layer in np.meshgrid(numbers, numbers, indexing="ij")]
+    return [int(to_image_axes(layer)[row, column]) for layer in np.meshgrid(numbers, numbers, indexing="ij")]
 
 
 # What each row of the golden table means in code: a function of the numbers under "Given".

@@ -25,7 +25,7 @@ SCREEN = 45
 @pytest.fixture(autouse=True)
 def sound_environment(monkeypatch: pytest.MonkeyPatch) -> None:
     """The machine that runs the tests may lack packages: that is not what is tested here."""
-    monkeypatch.setattr(environment, "wanted_packages", lambda lines: ((Package("numpy", "2.0", "2.4.6"),), {}))
+    monkeypatch.setattr(environment, "required_packages", lambda lines: ((Package("numpy", "2.0", "2.4.6"),), {}))
     monkeypatch.setattr(environment, "version_of", lambda name: "0.1.0" if name == "appocc" else None)
     monkeypatch.setattr(environment, "gpu", lambda: None)
 
@@ -47,7 +47,7 @@ def test_the_environment_alone() -> None:
 def test_a_package_that_is_missing_is_a_failed_check(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(
         environment,
-        "wanted_packages",
+        "required_packages",
         lambda lines: ((Package("numpy", "2.0", None),), {"video": (Package("av", "14", None),), "x": ()}),
     )
     code, _, err = run()

@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 from appocc import environment
-from appocc.environment import Environment, Package, gpu, look_around, memory, version_of, wanted_packages
+from appocc.environment import Environment, Package, gpu, inspect_environment, memory, required_packages, version_of
 
 
 @pytest.mark.parametrize(
@@ -34,7 +34,7 @@ def test_what_is_wrong_with_a_package(least: str, version: str | None, complaint
 def test_requirements_are_parted_by_extra(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(environment, "version_of", {"numpy": "2.4", "av": None}.get)
     lines = ["numpy>=2.0", "lark", 'av>=14; extra == "video"', "trackeval ; extra == 'dev'", "???"]
-    required, extras = wanted_packages(lines)
+    required, extras = required_packages(lines)
     assert required == (Package("numpy", "2.0", "2.4"), Package("lark", "", None))
     assert extras == {"video": (Package("av", "14", None),), "dev": (Package("trackeval", "", None),)}
 
@@ -45,7 +45,7 @@ def test_versions_come_from_metadata() -> None:
 
 
 def test_this_environment(tmp_path: Path) -> None:
-    here = look_around(tmp_path)
+    here = inspect_environment(tmp_path)
     assert here.cores >= 1
     assert here.free_disk_bytes > 0
     assert {"torch", "numpy", "typer"} <= {package.name for package in here.packages}
@@ -58,16 +58,27 @@ def test_the_suite_run_from_a_folder_that_is_not_installed(tmp_path: Path, monke
 
     monkeypatch.setattr(metadata, "requires", nothing)
     monkeypatch.setattr(metadata, "version", nothing)
-    here = look_around(tmp_path)
+    here = inspect_environment(tmp_path)
     assert (here.appocc, here.packages, here.extras) == ("not installed", (), {})
 
 
 def test_two_opencvs_in_one_folder(monkeypatch: pytest.MonkeyPatch) -> None:
     required = (Package("numpy", "2.0", None),)
-    here = Environment("0.1", "3.11", "Linux", 2, None, None, 1, None, required, {})
+    here = Environment(
+        appocc="0.1",
+        python="3.11",
+        platform="Linux",
+        cores=2,
+        memory_bytes=None,
+        free_memory_bytes=None,
+        free_disk_bytes=1,
+        gpu=None,
+        packages=required,
+        extras={},
+    )
     monkeypatch.setattr(environment, "version_of", {"opencv-python": "4.10"}.get)
     assert here.complaints[0] == "numpy is not installed"
-    assert here.complaints[1].startswith("opencv-python is installed beside opencv-python-headless")
+    assert here.complaints[1].startswith("opencv-python is installed as well as opencv-python-headless")
     monkeypatch.setattr(environment, "version_of", lambda name: None)
     assert len(here.complaints) == 1
 

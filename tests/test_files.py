@@ -125,7 +125,7 @@ def test_pictures_that_cannot_be_written(tmp_path: Path) -> None:
         ("a.jpg", np.zeros((1, 70_000, 3), np.uint8)),
         ("b.png", np.zeros((0, 4, 3), np.uint8)),
     ):
-        with pytest.raises(DataError, match=rf"{name}: a picture of shape \(.*\) cannot be written as '\.\w+'"):
+        with pytest.raises(DataError, match=rf"{name}: an image of shape \(.*\) cannot be written as '\.\w+'"):
             files.write_image(tmp_path / name, picture)
     assert not list(tmp_path.iterdir())
 
@@ -239,7 +239,7 @@ def test_what_is_no_plain_file_is_not_replaced(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe")
     (tmp_path / "folder").mkdir()
     for name in ("pipe", "folder"):
-        with pytest.raises(DataError, match=f"{name}: cannot be written .it is no plain file"):
+        with pytest.raises(DataError, match=f"{name}: cannot be written .not a plain file"):
             files.write_bytes(tmp_path / name, b"x")
     assert (tmp_path / "pipe").is_fifo()
 

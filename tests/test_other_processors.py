@@ -17,7 +17,7 @@ import pytest
 import torch
 from tolerances import assert_rounded
 
-from appocc.models.rounding import rounding, terms_of
+from appocc.models.rounding import count_terms, rounding
 
 TESTS = Path(__file__).parent
 OLDEST = {"NUMBA_CPU_NAME": "generic", "ATEN_CPU_CAPABILITY": "default", "ONEDNN_MAX_CPU_ISA": "SSE41"}
@@ -26,26 +26,25 @@ CONVENTIONS = TESTS.parent / "docs" / "conventions.md"
 
 def computed() -> dict[str, Any]:
     """A small simulated picture with its depth, and what a network of the same seed answers to noise."""
-    sys.path.append(str(TESTS / "simulation"))
     from made_render_town import camera, car, town
 
     from appocc.camera import CameraRig
     from appocc.grid import BEVGrid
-    from appocc.models.model_spec import Setting
+    from appocc.models.model_spec import ModelSpec
     from appocc.models.registry import build
     from appocc.simulation.rendering.renderer import Renderer
     from appocc.simulation.rendering.weather import WEATHERS
 
     front = camera("CAM_FRONT", 96, 64, (1.5, 0.2, 1.5), 0)
     renderer = Renderer(town())
-    renderer.set_moment(car(16, -2, 1), np.zeros(4, np.uint8), np.zeros(0, np.uint8), WEATHERS["low_sun"], None)
+    renderer.set_scene(car(16, -2, 1), np.zeros(4, np.uint8), np.zeros(0, np.uint8), WEATHERS["low_sun"], None)
     view = renderer.views(CameraRig((front,)), np.eye(4), np.random.default_rng(1))["CAM_FRONT"]
     torch.manual_seed(1)
-    model = build("appocc", Setting("small", ("CAM_FRONT",), BEVGrid(0.0, 8.0, -4.0, 4.0, 0.5), 96, 64)).eval()
+    model = build("appocc", ModelSpec("small", ("CAM_FRONT",), BEVGrid(0.0, 8.0, -4.0, 4.0, 0.5), 96, 64)).eval()
     with torch.inference_mode():
         logits = model(torch.rand(1, 1, 3, 64, 96), model.plan([CameraRig((front,))])).occupancy
     answer = torch.sigmoid(logits).numpy()
-    return {"picture": view.image, "depth_m": view.depth_m, "answer": answer, "terms": np.array(terms_of(model))}
+    return {"picture": view.image, "depth_m": view.depth_m, "answer": answer, "terms": np.array(count_terms(model))}
 
 
 @pytest.mark.slow

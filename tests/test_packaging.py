@@ -1,4 +1,4 @@
-"""What is packed: the sdist, the wheel built from it, and the packages that it asks for."""
+"""The sdist, the wheel built from it, and the declared dependencies."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 import pytest
 
 ROOT = Path(__file__).parents[1]
-ONLY_IN_TESTS = "jaxtyping"  # imported where the test run has loaded it already
+ONLY_IN_TESTS = "jaxtyping"  # imported only if the test run has loaded it
 SHIPPED = ("appocc", "tracking", "grounding", "cli")
 FOLDERS = (*SHIPPED, "tests", "benchmarks", "docs", "configs")
 FILES = ("LICENSE", "README.md", "CHANGELOG.md", "CONTRIBUTING.md", "Makefile", "constraints.txt", "pyproject.toml")
@@ -35,7 +35,7 @@ class Built(NamedTuple):
 
 @pytest.fixture(scope="module")
 def built(tmp_path_factory: pytest.TempPathFactory) -> Built:
-    """Built by the backend itself: no network, no packages but setuptools."""
+    """Build with the backend itself: without network, with setuptools only."""
     folder = tmp_path_factory.mktemp("built")
     for name in FOLDERS:
         shutil.copytree(ROOT / name, folder / "clone" / name, ignore=shutil.ignore_patterns("__pycache__"))
@@ -59,14 +59,14 @@ def _files(folder: Path, pattern: str = "*") -> set[str]:
     return {str(path.relative_to(folder)) for path in found if path.is_file() and "__pycache__" not in path.parts}
 
 
-def test_the_wheel_has_every_file_of_the_packages(built: Built) -> None:
+def test_the_wheel_contains_all_files_of_the_packages(built: Built) -> None:
     for package in SHIPPED:
         assert _files(built.wheel / package) == _files(ROOT / package)
     assert {path.name for path in built.wheel.iterdir() if not path.name.endswith(".dist-info")} == {*SHIPPED}
     assert [path.name for path in built.wheel.glob("*.dist-info/licenses/*")] == ["LICENSE"]
 
 
-def test_the_sdist_has_what_the_readme_needs(built: Built) -> None:
+def test_the_sdist_contains_the_files_of_the_readme(built: Built) -> None:
     for folder in FOLDERS:
         assert _files(built.sdist / folder) == _files(ROOT / folder)
     assert {"tests/conftest.py", "tests/fixtures/vehicle_colours_pandaset_002.json"} <= _files(built.sdist)
@@ -75,10 +75,10 @@ def test_the_sdist_has_what_the_readme_needs(built: Built) -> None:
     assert os.access(built.sdist / "configs" / "release.sh", os.X_OK)
 
 
-def test_a_training_begins_from_the_wheel(built: Built, tmp_path: Path) -> None:
+def test_a_training_starts_from_the_wheel(built: Built, tmp_path: Path) -> None:
     command = [sys.executable, "-m", "appocc", "train", "small", "train.lr=high"]
-    told = {**os.environ, "PYTHONPATH": str(built.wheel)}
-    done = subprocess.run(command, cwd=tmp_path, env=told, capture_output=True, text=True, check=False)
+    environment = {**os.environ, "PYTHONPATH": str(built.wheel)}
+    done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
     shipped = built.wheel / "appocc" / "training" / "configs" / "small.yaml"
     assert done.returncode == 2, done.stderr
     assert done.stderr.startswith(f"error: {shipped} with train.lr=high: train.lr: expected a valid number")
@@ -110,7 +110,7 @@ def _plain(name: str) -> str:
 
 
 def _imports(path: Path) -> Iterator[str]:
-    """Top-level names of the modules that a file imports, anywhere in it."""
+    """Yield the top-level names of all modules that a file imports."""
     for node in ast.walk(ast.parse(path.read_text())):
         names: list[str] = []
         if isinstance(node, ast.Import):

@@ -1,4 +1,4 @@
-"""What the README tells people to type works as written."""
+"""The commands and the Python code of the README work as written."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from grounding.answer import Answer
 ROOT = README.parent
 
 
-def test_the_two_commands_are_targets_of_the_makefile() -> None:
-    lines = blocks("## Two commands")[0].splitlines()
+def test_the_quick_start_uses_targets_of_the_makefile() -> None:
+    lines = blocks("## Quick start")[0].splitlines()
     assert lines == ["make demo", "make test"]
     targets = re.findall(r"^(\w[\w-]*):", (ROOT / "Makefile").read_text(), flags=re.MULTILINE)
     assert {line.split()[1] for line in lines} <= set(targets)
@@ -36,7 +36,7 @@ def test_every_command_of_the_table_has_help_with_an_example(
         assert f"appocc {name.strip()}" in " ".join(done.stdout.replace("│", " ").split()), name
 
 
-def test_every_linked_file_is_there() -> None:
+def test_every_linked_file_exists() -> None:
     links = re.findall(r"\]\(([\w./-]+)\)", README.read_text())
     assert links
     assert [link for link in links if not (ROOT / link).is_file()] == []
@@ -50,7 +50,7 @@ def test_the_walkthrough_on_a_real_street_runs_line_by_line(walkthrough: Walkthr
 
 
 @pytest.mark.realdata
-def test_the_walkthrough_leaves_what_it_promises(walkthrough: Walkthrough) -> None:
+def test_the_walkthrough_writes_the_promised_files(walkthrough: Walkthrough) -> None:
     maps = sorted((walkthrough.folder / "OUT" / "bev" / "groundtruth").glob("*.npz"))
     assert len(maps) == 40
     bev = BEVMap.load(maps[0])
@@ -66,16 +66,18 @@ def test_the_walkthrough_leaves_what_it_promises(walkthrough: Walkthrough) -> No
 def test_the_python_lines_run(walkthrough: Walkthrough, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(walkthrough.folder)
     names: dict[str, object] = {}
-    for block in blocks("## In Python"):
+    code = blocks("## In Python")
+    assert len(code) == 2
+    for block in code:
         exec(compile(block, "README.md", "exec"), names)
-    assert isinstance(names["bev"], BEVMap)
-    assert isinstance(names["frame"], Frame)
-    assert names["bev"].occupancy[1].sum() > 100
-    assert isinstance(names["answer"], Answer)
-    assert names["answer"].status == "ok"
+        assert isinstance(names["bev"], BEVMap)
+        assert isinstance(names["frame"], Frame)
+        assert names["bev"].occupancy[1].sum() > 100
+        assert isinstance(names["answer"], Answer)
+        assert names["answer"].status == "ok"
 
 
-def test_the_walk_through_a_simulated_town_runs_line_by_line(simulated: Walkthrough) -> None:
+def test_the_walkthrough_of_a_simulated_town_runs_line_by_line(simulated: Walkthrough) -> None:
     assert [line.split()[1] for line in simulated.lines] == ["simulate", "doctor", "groundtruth", "infer", "eval"]
     assert simulated.failures() == []
     assert (simulated.folder / "sheet.png").read_bytes().startswith(b"\x89PNG")
@@ -83,9 +85,9 @@ def test_the_walk_through_a_simulated_town_runs_line_by_line(simulated: Walkthro
         assert len(list((simulated.folder / "SIM" / "bev" / source).glob("*.npz"))) == 32
 
 
-def test_the_lines_that_say_where_to_go_run_one_after_the_other(simulated_root: Path, tmp_path: Path) -> None:
+def test_the_grounding_commands_run_in_order(simulated_root: Path, tmp_path: Path) -> None:
     (tmp_path / "SIM").symlink_to(simulated_root)
-    lines = blocks("## Say where to go")[0].splitlines()
+    lines = blocks("## Ground a command")[0].splitlines()
     assert [line.split()[1] for line in lines] == ["ground", "track", "ground"]
     for line in lines:
         code, said = run_line(line, tmp_path)
@@ -95,7 +97,7 @@ def test_the_lines_that_say_where_to_go_run_one_after_the_other(simulated_root: 
 
 @pytest.mark.slow
 @pytest.mark.long
-def test_the_lines_that_train_run_one_after_the_other(simulated_root: Path, tmp_path: Path) -> None:
+def test_the_training_commands_run_in_order(simulated_root: Path, tmp_path: Path) -> None:
     shutil.copytree(simulated_root, tmp_path / "SIM")
     lines = blocks("## Train your own")[0].splitlines()
     assert [line.split()[1] for line in lines] == ["train", "infer", "weights", "export"]

@@ -32,7 +32,7 @@ def test_plain_values() -> None:
         ("a: &a [*a]", "expected no alias"),
         ("a: !!python/object/apply:os.mkdir [ran]", "could not determine a constructor for the tag"),
         ("a: !!python/name:os.system", "could not determine a constructor for the tag"),
-        ("a: 1\nb: 2\na: 3", "'a' stands twice"),
+        ("a: 1\nb: 2\na: 3", "'a' occurs twice"),
         ("a: [1", "expected ',' or ']'"),
         ("a: 2020-99-99", "month must be in 1..12"),
         ("[" * 5000, "recursion"),

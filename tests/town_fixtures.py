@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 from made_town import write_town
 
-from benchmarks.grounding_truth.making import Made, make_cases
-from benchmarks.grounding_truth.moments import Moment, Town
+from benchmarks.grounding_truth.case_generation import GeneratedCases, make_cases
+from benchmarks.grounding_truth.key_frames import Town, TrueFrame
 
 
 @pytest.fixture(scope="session")
@@ -25,12 +25,12 @@ def town(town_root: Path) -> Town:
 
 
 @pytest.fixture(scope="session")
-def moments(town: Town) -> list[Moment]:
+def moments(town: Town) -> list[TrueFrame]:
     """Its key frames."""
     return [town.moment(sample.token) for sample in town.samples()]
 
 
 @pytest.fixture(scope="session")
-def made(town: Town) -> Made:
+def made(town: Town) -> GeneratedCases:
     """Cases in it."""
     return make_cases(town, 300, 1, False, lambda _: None)

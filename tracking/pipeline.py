@@ -1,47 +1,103 @@
-"""A scene of a dataset: its maps or detections in, its tracks, files and scores out."""
+"""Tracking pipeline: maps or detections in, tracks and files out."""
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from appocc.bevmap import is_truth, load_map
-from appocc.boxes import Boxes
 from appocc.checks import FloatArray
 from appocc.errors import DataError
-from appocc.files import plain_name, write_json
+from appocc.files import plain_name
 from appocc.nuscenes import Dataset, Sample, Scene
-from tracking.detections import Detections, TakesDetections, lead
-from tracking.evaluation.clear_id_hota import GATE_M, Metrics, Moment, evaluate
-from tracking.evaluation.summary import summaries_of, write_summaries
+from tracking.detections import Detections
 from tracking.filtering.kalman import MotionConfig
 from tracking.filtering.smoother import SmoothingConfig, smooth
-from tracking.instances.instances import BlobConfig, find_blobs
+from tracking.instances.instances import InstanceConfig, find_instances
+from tracking.io.kitti import KittiSequence
+from tracking.io.kitti_results import KittiResult, kitti_results, write_kitti_results
+from tracking.io.mot_challenge import MotSequence
+from tracking.io.nuscenes_detections import TRACKED, DetectionResults
+from tracking.io.track_summaries import summarise_tracks, write_summaries
 from tracking.io.writers import write_csv, write_mot, write_nuscenes
-from tracking.tracker import MAPS, Tracker
+from tracking.presets import MAPS, PEOPLE_IN_IMAGE, PEOPLE_ON_GROUND
+from tracking.tracker import Tracker, TrackerConfig
 from tracking.tracks import Track
 
-RANGE_M = 40.0
-# An object whose centres span more than this in the scene moves; annotations of parked ones jitter by less.
-MOVING_SPAN_M = 2.0
+
+def _ignore(steps: int) -> None:
+    """Report no progress."""
 
 
-@dataclass(frozen=True)
+# Running a tracker ------------------------------------------------------------------------------------------------
+
+
+class DetectionFrame(Protocol):
+    """Detections of one frame, with its time and ego pose."""
+
+    @property
+    def detections(self) -> Detections:
+        """Detections in the ego frame."""
+        ...
+
+    @property
+    def timestamp_us(self) -> int:
+        """Time in microseconds."""
+        ...
+
+    @property
+    def world_from_ego(self) -> FloatArray:
+        """(4, 4) ego pose."""
+        ...
+
+
+class OnlineTracker(Protocol):
+    """A tracker that is updated frame by frame."""
+
+    def update(self, detections: Detections, timestamp_us: int, world_from_ego: FloatArray, /) -> Iterable[Track]:
+        """Process one frame and return its tracks."""
+        ...
+
+
+def run_tracker(
+    tracker: OnlineTracker, frames: Iterable[DetectionFrame], advance: Callable[[int], None] = _ignore
+) -> tuple[tuple[Track, ...], ...]:
+    """Run a new tracker on a recording and return the tracks of each frame.
+
+    `advance` is called with 1 after each frame.
+    """
+    tracks = []
+    for frame in frames:
+        tracks.append(tuple(tracker.update(frame.detections, frame.timestamp_us, frame.world_from_ego)))
+        advance(1)
+    return tuple(tracks)
+
+
+def count_tracks(tracks: Iterable[Iterable[Track]]) -> int:
+    """Return the number of different track ids."""
+    return len({track.id for states in tracks for track in states})
+
+
+# Scenes of a dataset ----------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
 class SceneTracks:
-    """The tracks of a scene.
+    """Tracks of a scene.
 
     Attributes:
-        scene: its name.
-        source: where the maps or detections came from.
+        scene: name of the scene.
+        source: source of the maps, or path of the detections.
         samples: T key frames.
-        world_from_ego: (T, 4, 4) poses.
+        world_from_ego: (T, 4, 4) ego poses.
         tracks: T tuples of tracks.
-        sensors: what detections were made from, of camera, lidar, radar, map and external; None for maps.
+        sensors: inputs of the detections: camera, lidar, radar, map or external; None for maps.
     """
 
     scene: str
@@ -57,28 +113,28 @@ class SceneTracks:
         return tuple(sample.timestamp_us for sample in self.samples)
 
     def smoothed(self, motion: MotionConfig) -> SceneTracks:
-        """The same in hindsight, see `tracking.filtering.smoother`, if their tracker took vehicles to move so."""
+        """Return the tracks after offline smoothing with the motion model of their tracker."""
         return replace(self, tracks=smooth(self.times_us, self.tracks, SmoothingConfig(motion=motion)))
 
     @property
     def count(self) -> int:
-        """Number of different vehicles."""
-        return len({track.id for moment in self.tracks for track in moment})
+        """Number of tracks."""
+        return count_tracks(self.tracks)
 
 
-class _Seen(NamedTuple):
-    """A key frame for the tracker."""
+class _KeyFrame(NamedTuple):
+    """A key frame as input of a tracker."""
 
     detections: Detections
     timestamp_us: int
     world_from_ego: FloatArray
 
 
-def key_frames(dataset: Dataset, scene: Scene) -> tuple[tuple[Sample, ...], FloatArray]:
-    """The T key frames of a scene, and world_from_ego (T, 4, 4) of each.
+def read_key_frames(dataset: Dataset, scene: Scene) -> tuple[tuple[Sample, ...], FloatArray]:
+    """Return the T key frames of a scene and their poses world_from_ego (T, 4, 4).
 
     Raises:
-        DataError: if there are none, or two at one time.
+        DataError: if there are none, or two have the same time.
     """
     samples = dataset.samples(scene)
     if not samples:
@@ -93,49 +149,102 @@ def track_samples(
     samples: Sequence[Sample],
     world_from_ego: FloatArray,
     detections: Iterable[Detections],
-    tracker: TakesDetections,
-    advance: Callable[[int], None] = lambda _: None,
+    tracker: OnlineTracker,
+    advance: Callable[[int], None] = _ignore,
 ) -> tuple[tuple[Track, ...], ...]:
-    """Lead a fresh tracker through T key frames with poses (T, 4, 4) and detections; `advance` as in `lead`."""
-    moments = zip(samples, world_from_ego, detections, strict=True)
-    return lead(tracker, (_Seen(seen, sample.timestamp_us, pose) for sample, pose, seen in moments), advance)
+    """Run a new tracker on T key frames with poses (T, 4, 4) and detections; `advance` as in `run_tracker`."""
+    frames = zip(samples, world_from_ego, detections, strict=True)
+    return run_tracker(
+        tracker, (_KeyFrame(found, sample.timestamp_us, pose) for sample, pose, found in frames), advance
+    )
 
 
 def track_scene(
     dataset: Dataset,
     scene: Scene,
     source: str,
+    *,
     tracker: Tracker | None = None,
-    blob_config: BlobConfig | None = None,
-    advance: Callable[[int], None] = lambda _: None,
+    instance_config: InstanceConfig | None = None,
     trust_unseen: bool = False,
+    smoothing: bool = False,
+    advance: Callable[[int], None] = _ignore,
 ) -> SceneTracks:
-    """Follow the vehicles of a scene through its maps; `advance` is called with the number of key frames done.
+    """Track the vehicles of a scene through its maps.
 
-    With `trust_unseen` the guesses of predicted maps count too, see `BEVMap.with_guesses`.
+    Args:
+        dataset: dataset of the scene.
+        scene: scene to track.
+        source: source of the maps, see `load_map`.
+        tracker: new tracker; by default with the configuration MAPS.
+        instance_config: configuration of the instance segmentation.
+        trust_unseen: also use predictions in cells that no camera sees, see `BEVMap.with_guesses`.
+        smoothing: smooth the tracks offline.
+        advance: called with 1 after each key frame.
 
     Raises:
-        DataError: if the scene has no key frames or two at one time, or a map is missing or damaged.
+        DataError: if the scene has no key frames or two with the same time, or a map is missing or damaged.
     """
     tracker = tracker or Tracker(MAPS)
-    samples, poses = key_frames(dataset, scene)
+    samples, poses = read_key_frames(dataset, scene)
     maps = (load_map(dataset.root, source, sample.token) for sample in samples)
-    blobs = (find_blobs(bev.with_guesses() if trust_unseen else bev, blob_config) for bev in maps)
-    tracks = track_samples(samples, poses, (each.as_detections() for each in blobs), tracker, advance)
-    return SceneTracks(scene.name, source, samples, poses, tracks)
+    found = (find_instances(bev.with_guesses() if trust_unseen else bev, instance_config) for bev in maps)
+    tracks = track_samples(samples, poses, (each.as_detections() for each in found), tracker, advance)
+    result = SceneTracks(scene.name, source, samples, poses, tracks)
+    return result.smoothed(tracker.config.lifecycle.motion) if smoothing else result
+
+
+def track_detections(
+    dataset: Dataset,
+    scene: Scene,
+    path: Path,
+    *,
+    tracker: OnlineTracker | None = None,
+    smoothing: bool = False,
+    advance: Callable[[int], None] = _ignore,
+) -> tuple[SceneTracks, dict[str, int]]:
+    """Track the objects of a scene through a file of nuScenes detection results.
+
+    Args:
+        dataset: dataset of the scene.
+        scene: scene to track.
+        path: file of the detection results.
+        tracker: new tracker; by default with the default configuration.
+        smoothing: smooth the tracks offline, with the default motion model.
+        advance: called with 1 after each key frame.
+
+    Returns:
+        The tracks, and for each class that is not in TRACKED the number of boxes that were skipped.
+
+    Raises:
+        DataError: if the scene has no key frames or two with the same time, or the file is missing, damaged or lacks
+            a key frame.
+    """
+    samples, poses = read_key_frames(dataset, scene)
+    results = DetectionResults.load(path)
+    found = results.detections([sample.token for sample in samples], poses)
+    skipped = Counter(kind for each in found for kind in each.kind if kind not in TRACKED)
+    tracked = (each.select(np.array([kind in TRACKED for kind in each.kind], dtype=np.bool_)) for each in found)
+    tracks = track_samples(samples, poses, tracked, tracker or Tracker(), advance)
+    result = SceneTracks(scene.name, str(path), samples, poses, tracks, results.sensors)
+    if smoothing:
+        result = result.smoothed(MotionConfig())
+    return result, dict(sorted(skipped.items()))
 
 
 def tracks_folder(root: Path, source: str, scene: str) -> Path:
-    """Where a scene's tracks are written: `ROOT/tracks/SOURCE/SCENE`; of a source that is a folder, its last part.
+    """Return the default folder for the tracks of a scene: `ROOT/tracks/SOURCE/SCENE`.
+
+    If the source is a folder, its last part is used.
 
     Raises:
-        DataError: if a name leads elsewhere.
+        DataError: if a name contains a path.
     """
     return root / "tracks" / plain_name(root, Path(source).absolute().name) / plain_name(root, scene)
 
 
 def write_tracks(folder: Path, result: SceneTracks) -> list[Path]:
-    """Write tracking.json (nuScenes), mot.txt (MOTChallenge), tracks.csv and summary.csv into a folder; their paths.
+    """Write tracking.json (nuScenes), mot.txt (MOTChallenge), tracks.csv and summary.csv; return their paths.
 
     Raises:
         DataError: if a file cannot be written.
@@ -147,71 +256,78 @@ def write_tracks(folder: Path, result: SceneTracks) -> list[Path]:
     write_nuscenes(paths[0], [sample.token for sample in result.samples], result.tracks, modalities)
     write_mot(paths[1], result.tracks)
     write_csv(paths[2], result.times_us, result.tracks)
-    write_summaries(paths[3], summaries_of(result.times_us, result.tracks))
+    write_summaries(paths[3], summarise_tracks(result.times_us, result.tracks))
     return paths
 
 
-# Scores -----------------------------------------------------------------------------------------------------------
+# KITTI sequences and MOTChallenge files ---------------------------------------------------------------------------
 
 
-def score(dataset: Dataset, result: SceneTracks) -> dict[str, Metrics] | None:
-    """Metrics of all, of moving and of parked vehicles; None where the scene has no annotations.
+@dataclass(frozen=True, eq=False)
+class KittiTracks:
+    """Tracks of a KITTI sequence.
 
-    Demanded are annotated vehicles whose centre is within RANGE_M of the ego on the ground; the others (and, where
-    one kind is asked for, the other kind) are ignored, and so are unmatched tracks beyond the range.
+    Attributes:
+        sequence: T frames.
+        tracks: T tuples of tracks.
+        results: T tuples of the tracks inside the image, as KITTI results.
     """
-    if not dataset.annotated(dataset.scene(result.scene)):
-        return None
-    truths = [dataset.boxes_world(sample).vehicles() for sample in result.samples]
-    moving = moving_instances(truths)
-    kinds = {"metrics": None, "metrics_moving": True, "metrics_parked": False}
-    vehicles = replace(result, tracks=tuple(tuple(filter(_is_vehicle, moment)) for moment in result.tracks))
-    return {name: evaluate(_moments(vehicles, truths, moving, kind)) for name, kind in kinds.items()}
+
+    sequence: KittiSequence
+    tracks: tuple[tuple[Track, ...], ...]
+    results: tuple[tuple[KittiResult, ...], ...]
 
 
-def _is_vehicle(track: Track) -> bool:
-    """Whether a track is one of those that annotated vehicles are compared with."""
-    return track.kind not in ("pedestrian", "bicycle")
+def track_sequence(
+    sequence: KittiSequence, tracker: OnlineTracker, advance: Callable[[int], None] = _ignore
+) -> tuple[tuple[Track, ...], ...]:
+    """Run a new tracker on a KITTI sequence and return the tracks of each frame; `advance` as in `run_tracker`."""
+    return run_tracker(tracker, sequence.frames, advance)
 
 
-def moving_instances(truths: Sequence[Boxes]) -> set[str]:
-    """Instances whose centres (x, y in the world) span more than MOVING_SPAN_M over the given moments."""
-    places: dict[str, list[FloatArray]] = {}
-    for boxes in truths:
-        for instance, centre in zip(boxes.instance, boxes.centre_m, strict=True):
-            places.setdefault(instance, []).append(centre[:2])
-    return {name for name, path in places.items() if np.hypot(*np.ptp(path, axis=0)) > MOVING_SPAN_M}
+def track_kitti(
+    sequences: Iterable[KittiSequence], smoothing: bool = False, advance: Callable[[int], None] = _ignore
+) -> list[KittiTracks]:
+    """Track KITTI sequences, optionally with offline smoothing; `advance` as in `run_tracker`."""
+    outcomes = []
+    for sequence in sequences:
+        tracks = track_sequence(sequence, Tracker(), advance)
+        if smoothing:
+            tracks = smooth([frame.timestamp_us for frame in sequence.frames], tracks)
+        outcomes.append(KittiTracks(sequence, tracks, kitti_results(sequence, tracks)))
+    return outcomes
 
 
-def _moments(result: SceneTracks, truths: Sequence[Boxes], moving: set[str], kind: bool | None) -> list[Moment]:
-    """Ground truth and tracks, key frame by key frame, in world x and y."""
-    names = sorted({instance for boxes in truths for instance in boxes.instance})
-    number = {name: i for i, name in enumerate(names)}
-    moments = []
-    for pose, boxes, tracks in zip(result.world_from_ego, truths, result.tracks, strict=True):
-        ego = pose[:2, 3]
-        places = np.array([track.position_world_m[:2] for track in tracks]).reshape(-1, 2)
-        wanted = np.array([kind is None or (name in moving) == kind for name in boxes.instance], dtype=np.bool_)
-        moments.append(
-            Moment(
-                np.array([number[name] for name in boxes.instance], dtype=np.int64),
-                boxes.centre_m[:, :2].copy(),
-                wanted & (np.linalg.norm(boxes.centre_m[:, :2] - ego, axis=1) <= RANGE_M),
-                np.array([track.id for track in tracks], dtype=np.int64),
-                places,
-                np.linalg.norm(places - ego, axis=1) <= RANGE_M,
-            )
-        )
-    return moments
-
-
-def write_metrics(path: Path, result: SceneTracks, metrics: dict[str, Metrics]) -> None:
-    """Write the scores with the protocol they follow.
+def write_kitti_tracks(folder: Path, outcomes: Iterable[KittiTracks]) -> list[Path]:
+    """Write the results of each sequence to NNNN.txt and return the paths.
 
     Raises:
-        DataError: if the file cannot be written.
+        DataError: if a file cannot be written.
     """
-    protocol: dict[str, Any] = {"range_m": RANGE_M, "gate_m": GATE_M, "moving_span_m": MOVING_SPAN_M}
-    scores = {name: value.as_json() for name, value in metrics.items()}
-    source = "bev" if result.sensors is None else "detections"
-    write_json(path, {"scene": result.scene, source: result.source, "protocol": protocol, **scores})
+    paths = []
+    for outcome in outcomes:
+        paths.append(folder / f"{outcome.sequence.name}.txt")
+        write_kitti_results(paths[-1], outcome.results)
+    return paths
+
+
+def people_config(sequence: MotSequence) -> TrackerConfig:
+    """Return the tracker configuration for people on the ground or in the image."""
+    return PEOPLE_ON_GROUND if sequence.px_per_m is None else PEOPLE_IN_IMAGE
+
+
+def track_people(sequence: MotSequence, advance: Callable[[int], None] = _ignore) -> tuple[tuple[Track, ...], ...]:
+    """Track the people of a MOTChallenge file and return the tracks of each frame; `advance` as in `run_tracker`."""
+    return run_tracker(Tracker(people_config(sequence)), sequence.frames, advance)
+
+
+def people_path(detections: Path, folder: Path) -> Path:
+    """Return the path for the tracks of a MOTChallenge file: a file of the same name in a folder.
+
+    Raises:
+        DataError: if it is the file of the detections.
+    """
+    path = folder / f"{detections.stem}.txt"
+    if path.resolve() == detections.resolve():
+        raise DataError(f"{detections}: the tracks would be written over the detections; choose another folder")
+    return path

@@ -1,163 +1,155 @@
-"""The tracker: detections of one moment after another in, tracks out."""
+"""Online multi-object tracker: detections of one frame after another in, tracks out."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from appocc.checks import BoolArray, FloatArray, IntArray, check_transform
 from appocc.errors import DataError
-from tracking.association.cascade import Rounds
-from tracking.association.colour_likelihood import ColourTrust
+from tracking.association.cascade import MatchingCascade
+from tracking.association.colour_likelihood import ColourLikelihood
 from tracking.association.costs import AssociationConfig
 from tracking.detections import Detections
-from tracking.filtering.kalman import MotionConfig
-from tracking.track_table import Followed, LifeConfig, Sightings, sightings_of
+from tracking.track_table import LifecycleConfig, TrackTable, WorldDetections, detections_in_world
 from tracking.tracks import Tracks
 
-_AGAIN = AssociationConfig(gate_mps=20.0, gate_squared=30.0, gate_most_m=12.0, cost_most=15.0)
-_FOUND = AssociationConfig(gate_m=1.0, gate_squared=12.0, gate_most_m=40.0, cost_most=3.0)
-# So far off only a colour that few others have can tell that it is the same one; it may have turned.
-_STRAYED = AssociationConfig(
-    gate_m=1.0, gate_squared=12.0, gate_most_m=25.0, heading_cap=0.0, stray_mps=3.0, cost_most=0.0
+REMATCH_STAGE = AssociationConfig(gate_speed_mps=20.0, gate_chi2=30.0, max_gate_m=12.0, max_cost=15.0)
+LOST_STAGE = AssociationConfig(min_gate_m=1.0, gate_chi2=12.0, max_gate_m=40.0, max_cost=3.0)
+# At such distances only a rare colour identifies a vehicle, whose heading may have changed.
+DRIFTED_STAGE = AssociationConfig(
+    min_gate_m=1.0, gate_chi2=12.0, max_gate_m=25.0, max_heading_cost=0.0, drift_std_mps=3.0, max_cost=0.0
 )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class TrackerConfig:
-    """How tracks live, and which detections they may take.
+    """Detection thresholds, track life cycle and association stages.
 
     Attributes:
-        clear: log-odds from which a detection may go to any track;
-        weak: from these on to tracks that no clear one is left for, to keep them alive.
-        begin: from these on a detection that no track took begins one.
-        life: of tracks.
-        association: of detections with tracks.
-        again: of clear detections and tracks that are still without each other: faster than thought.
-        found: of clear detections that are left with tracks that were lost;
-        strayed: at last with tracks that went elsewhere while they were not seen.
-        colour_doubt: how likely a colour is seen wrongly, before more is known; 1 leaves colour out.
+        high_threshold: log-odds above which a detection takes part in all stages.
+        low_threshold: log-odds above which a detection extends confirmed tracks without a high one.
+        init_threshold: log-odds above which an unmatched detection starts a track.
+        lifecycle: life cycle of tracks.
+        association: first stages, current tracks: high detections, then low ones.
+        rematch: current tracks, high detections; wider gates, for faster motion than predicted.
+        lost: lost tracks, high detections.
+        drifted: last stage, established tracks that left their predicted path; high detections with a known colour.
+        colour_outlier_rate: initial probability that a colour is wrong; 1 disables colours.
     """
 
-    clear: float = 0.5
-    weak: float = -2.5
-    begin: float = -2.5
-    life: LifeConfig = field(default_factory=LifeConfig)
+    high_threshold: float = 0.5
+    low_threshold: float = -2.5
+    init_threshold: float = -2.5
+    lifecycle: LifecycleConfig = field(default_factory=LifecycleConfig)
     association: AssociationConfig = field(default_factory=AssociationConfig)
-    again: AssociationConfig = _AGAIN
-    found: AssociationConfig = _FOUND
-    strayed: AssociationConfig = _STRAYED
-    colour_doubt: float = 0.02
-
-
-# For blobs of maps, which flicker where a map is predicted: who is not sure must be seen twice.
-# The centre of a blob jumps when vehicles begin to touch.
-MAPS = TrackerConfig(
-    life=LifeConfig(
-        sure=2.2,
-        confirm_s=0.15,
-        coast_s=0.35,
-        lost_s=2.2,
-        motion=MotionConfig(push_m2ps3=2.0, swerve_m2ps3=0.2, along_m=0.3, across_m=0.3),
-    ),
-    association=AssociationConfig(gate_m=2.5, gate_mps=40.0, gate_most_m=20.0),
-    again=replace(_AGAIN, gate_mps=12.0, gate_most_m=8.0),
-)
+    rematch: AssociationConfig = REMATCH_STAGE
+    lost: AssociationConfig = LOST_STAGE
+    drifted: AssociationConfig = DRIFTED_STAGE
+    colour_outlier_rate: float = 0.02
 
 
 class Tracker:
-    """Follows vehicles in the world frame, where the ego's own motion cancels; the same input gives the same ids.
+    """Tracks vehicles in the world frame, where the ego motion cancels; deterministic.
 
-    It never looks ahead, and remembers no more the longer it runs.
+    The tracker is causal, and its memory is bounded.
+
+    Example:
+        >>> tracker = Tracker()
+        >>> tracks = tracker.update(detections, timestamp_us, world_from_ego)
+        >>> [(track.id, track.position_world_m) for track in tracks]
     """
 
     def __init__(self, config: TrackerConfig | None = None) -> None:
         """Start with no tracks."""
         self.config = config or TrackerConfig()
-        self._alive = Followed(self.config.life)
+        self._table = TrackTable(self.config.lifecycle)
         self._kinds: dict[str, int] = {}
         self._time_us: int | None = None
-        self._born = 0
-        self._colours = ColourTrust(self.config.colour_doubt)
+        self._last_id = 0
+        self._colours = ColourLikelihood(self.config.colour_outlier_rate)
 
     def update(self, detections: Detections, timestamp_us: int, world_from_ego: FloatArray) -> Tracks:
-        """Take in the detections of one moment and return the tracks that are told of, in order of id.
+        """Process the detections of one frame and return the reported tracks, ordered by id.
+
+        Args:
+            detections: detections in the ego frame.
+            timestamp_us: time of the frame in microseconds.
+            world_from_ego: (4, 4) ego pose.
 
         Raises:
-            DataError: if time does not move forward.
-            ShapeError: if the pose is no rigid transform.
+            DataError: if time does not increase.
+            ShapeError: if the pose is not a rigid transform.
         """
         check_transform("world_from_ego", world_from_ego)
         seconds = self._predict(timestamp_us)
         kinds = np.array([self._kinds.setdefault(name, len(self._kinds)) for name in detections.kind], dtype=np.int64)
-        seen = sightings_of(detections, world_from_ego, kinds, self.config.life.motion)
-        # Of what a detector tells twice, one sighting is as good as none.
-        seen = seen._replace(log_odds=np.where(detections.distinct(), seen.log_odds, -np.inf))
-        left = self._associate(seen)
-        alive = self._alive
+        found = detections_in_world(detections, world_from_ego, kinds, self.config.lifecycle.motion)
+        # Duplicates of a detection are never matched.
+        found = found._replace(log_odds=np.where(detections.nms_mask(), found.log_odds, -np.inf))
+        unmatched = self._associate(found)
+        table = self._table
         # In the ego frame; the inverse of a rotation is its transpose.
-        places_m = (alive.place_world_m - world_from_ego[:3, 3]) @ world_from_ego[:3, :2]
-        # Dropped are tracks unseen for too long, and unseen ones that left the view: who enters there is new.
-        found = alive.detection >= 0
-        alive.excuse(detections.view.blind(places_m) & ~found, seconds)
-        keep = ~alive.dead & (detections.view.sees(places_m) | found)
-        alive.keep(keep)
-        # Unseen tracks whose places a detection covers: vehicles that touch, so that it is not a new one.
-        (hidden,) = (alive.confirmed & (alive.detection < 0) & ~alive.lost).nonzero()
-        below, above = detections.cover(places_m.compress(keep, axis=0).take(hidden, axis=0))
-        new = left & (seen.log_odds >= self.config.begin)
-        new[above] = False
-        self._begin(new.nonzero()[0], seen)
-        told = alive.told
-        told[hidden[below]] = True
-        return alive.tracks(told, tuple(self._kinds))
+        xy_ego_m = (table.position_world_m - world_from_ego[:3, 3]) @ world_from_ego[:3, :2]
+        # Unmatched tracks outside the field of view are dropped: a vehicle that enters there is a new one.
+        matched = table.detection >= 0
+        table.discount_misses(detections.view.blind(xy_ego_m) & ~matched, seconds)
+        keep = ~table.expired & (detections.view.sees(xy_ego_m) | matched)
+        table.keep(keep)
+        # An unmatched track inside a detection's box belongs to a vehicle that touches the detected one: the track
+        # is reported, and the detection starts no new track.
+        (hidden,) = (table.confirmed & (table.detection < 0) & ~table.lost).nonzero()
+        covered, covering = detections.find_containing(xy_ego_m.compress(keep, axis=0).take(hidden, axis=0))
+        new = unmatched & (found.log_odds >= self.config.init_threshold)
+        new[covering] = False
+        self._start_tracks(new.nonzero()[0], found)
+        reported = table.reportable
+        reported[hidden[covered]] = True
+        return table.tracks(reported, tuple(self._kinds))
 
     def _predict(self, timestamp_us: int) -> float:
-        """Move all tracks to a new time; by how many seconds."""
+        """Predict all tracks to a new time; return the time step in seconds."""
         seconds = 0.0
         if self._time_us is not None:
             if timestamp_us <= self._time_us:
                 raise DataError(f"tracker: expected a time after {self._time_us} us, got {timestamp_us} us")
             seconds = (timestamp_us - self._time_us) * 1e-6
-            if seconds > self.config.life.forget_resting_s:
-                self._alive = Followed(self.config.life)
-            self._alive.predict(seconds)
+            if seconds > self.config.lifecycle.forget_stationary_s:
+                self._table = TrackTable(self.config.lifecycle)
+            self._table.predict(seconds)
         self._time_us = timestamp_us
         return seconds
 
-    def _associate(self, seen: Sightings) -> BoolArray:
-        """Let tracks take sightings: clear ones, weak ones, clear ones farther off; at last who was lost or strayed.
-
-        Returns:
-            (M,) which sightings no track took.
-        """
-        alive, config = self._alive, self.config
-        expected, shown = alive.expected(), alive.shown(seen)
-        clear = seen.log_odds >= config.clear
-        weak = ~clear & (seen.log_odds >= config.weak)
-        rounds = Rounds(expected, shown)
-        current = ~alive.lost
-        pairs = rounds.pairs(current, np.ones_like(clear), config.association)
-        self._colours.learn(pairs)
-        pairs = self._colours.weighed(pairs)
-        rounds.take(pairs, current, clear)
-        rounds.take(pairs, alive.confirmed, weak)
-        if (clear & rounds.left).any():
-            coloured = clear & np.isfinite(shown.lab[:, 0]) & (config.colour_doubt < 1)
-            for tracks, sights, rule in (
-                (current, clear, config.again),
-                (alive.lost, clear, config.found),
-                (alive.known, coloured, config.strayed),
+    def _associate(self, found: WorldDetections) -> BoolArray:
+        """Match detections to tracks in stages, update the matched tracks, and return unmatched detections (M,)."""
+        table, config = self._table, self.config
+        features = found.features()
+        high = found.log_odds >= config.high_threshold
+        low = ~high & (found.log_odds >= config.low_threshold)
+        cascade = MatchingCascade(table.features(), features)
+        current = ~table.lost
+        pairs = cascade.candidates(current, np.ones_like(high), config.association)
+        self._colours.update(pairs)
+        pairs = self._colours.add_cost(pairs)
+        cascade.match(pairs, current, high)
+        cascade.match(pairs, table.confirmed, low)
+        if (high & cascade.unmatched_detections).any():
+            coloured = high & np.isfinite(features.lab[:, 0]) & (config.colour_outlier_rate < 1)
+            for tracks, candidates, stage in (
+                (current, high, config.rematch),
+                (table.lost, high, config.lost),
+                (table.established, coloured, config.drifted),
             ):
-                rounds.take(self._colours.weighed(rounds.pairs(tracks, sights, rule)), tracks, sights)
-        (found,) = (~rounds.free).nonzero()
-        takes = rounds.takes[found]
-        alive.see(found, seen.of(takes), takes, rounds.noise_m2[found], rounds.turn_rad[found])
-        return rounds.left
+                pairs = self._colours.add_cost(cascade.candidates(tracks, candidates, stage))
+                cascade.match(pairs, tracks, candidates)
+        (rows,) = (~cascade.unmatched_tracks).nonzero()
+        columns = cascade.detection[rows]
+        table.update(rows, found.select(columns), columns, cascade.noise_m2[rows], cascade.turn_rad[rows])
+        return cascade.unmatched_detections
 
-    def _begin(self, columns: IntArray, seen: Sightings) -> None:
-        """Begin tracks of sightings."""
-        numbers = self._born + 1 + np.arange(len(columns))
-        self._born += len(columns)
-        self._alive.add(seen.of(columns), numbers, columns)
+    def _start_tracks(self, columns: IntArray, found: WorldDetections) -> None:
+        """Start a track for each detection at indices (K,)."""
+        ids = self._last_id + 1 + np.arange(len(columns))
+        self._last_id += len(columns)
+        self._table.add(found.select(columns), ids, columns)

@@ -1,1 +1,1 @@
-"""The paper's tables on one's own data: many small trainings alike in all but what is compared, judged alike."""
+"""Ablation study: the paper's tables on other data, from many small trainings that differ in one factor each."""

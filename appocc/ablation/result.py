@@ -1,4 +1,4 @@
-"""What a row's `result.json` says, as far as the tables need it."""
+"""Reading of `result.json` of a row; the fields used by the tables are validated."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class _Done(JsonPart):
 
 
 def read_result(path: Path, key: str) -> dict[str, Any] | None:
-    """The result of a row; None if it is that of other weights or of another test set.
+    """Read the result of a row; return None if it belongs to other weights or another test set.
 
     Raises:
         DataError: if the file is damaged.
@@ -54,5 +54,5 @@ def read_result(path: Path, key: str) -> dict[str, Any] | None:
         try:
             _Done.model_validate(result)
         except ValidationError as error:
-            raise DataError(f"{path}: damaged ({first_problem(error)}); without it the row is judged anew") from error
+            raise DataError(f"{path}: damaged ({first_problem(error)}); remove it and run again") from error
     return result

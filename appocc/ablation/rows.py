@@ -1,4 +1,4 @@
-"""What is compared: the rows of the study, the most telling first."""
+"""Rows of the ablation study, the most important first."""
 
 from __future__ import annotations
 
@@ -10,44 +10,44 @@ from appocc.errors import DataError
 from appocc.models.registry import COLOURINGS
 from appocc.training.config import Config
 
-# What a row's network answers.
+# Outputs of a network.
 OCCUPANCY, BOTH, COLOUR = "occupancy", "both", "colour"
 
 
-class Row(NamedTuple):
-    """One training and its judgement.
+class StudyRow(NamedTuple):
+    """One training and its evaluation.
 
     Attributes:
-        network: a name of the registry, or of a colouring that learns nothing.
+        network: name of a network in the registry, or of a colouring method without learning.
         setting: 360 or 180.
-        answers: OCCUPANCY, BOTH (with appearance) or COLOUR.
-        seed: of the training; None where nothing is learnt.
+        outputs: OCCUPANCY, BOTH (with appearance) or COLOUR.
+        seed: training seed; None without learning.
     """
 
     network: str
     setting: str
-    answers: str
+    outputs: str
     seed: int | None
 
     @property
     def name(self) -> str:
-        """Of its folder."""
-        words = (self.network, self.setting, self.answers, *(() if self.seed is None else (f"s{self.seed}",)))
+        """Name of the row and of its folder."""
+        words = (self.network, self.setting, self.outputs, *(() if self.seed is None else (f"s{self.seed}",)))
         return "-".join(words)
 
     @property
     def learns(self) -> bool:
-        """Whether there is anything to train."""
+        """Whether the row has a network to train."""
         return self.network not in COLOURINGS
 
     def config(self, base: Config) -> Config:
-        """The training of the row: `base` in all but what the row says."""
+        """Return the training configuration of the row: `base` with the values of the row."""
         train = base.train if self.seed is None else base.train.model_copy(update={"seed": self.seed})
-        own = {"network": self.network, "setting": self.setting, "appearance": self.answers == BOTH, "train": train}
+        own = {"network": self.network, "setting": self.setting, "appearance": self.outputs == BOTH, "train": train}
         return base.model_copy(update=own)
 
 
-# Networks of one seed, after the default one; NEAT is the paper's rival in the 180 degree setting.
+# Networks with one seed, after the default network; NEAT is the paper's baseline in the 180 degree setting.
 _OTHERS = (
     ("lss", "360", OCCUPANCY),
     ("lss", "180", OCCUPANCY),
@@ -62,22 +62,22 @@ _OTHERS = (
 )
 
 
-def study_rows(first_seed: int, seeds: int) -> tuple[Row, ...]:
-    """All rows: every network with the first seed, then the default network with the others.
+def study_rows(first_seed: int, seeds: int) -> tuple[StudyRow, ...]:
+    """Return all rows: every network with the first seed, then the default network with the other seeds.
 
-    An early end so leaves whole tables, with fewer seeds.
+    A study that ends early then has complete tables with fewer seeds.
     """
     default = [("appocc", setting, answers) for setting in ("360", "180") for answers in (OCCUPANCY, BOTH)]
-    rows = [Row(*parts, None if parts[0] in COLOURINGS else first_seed) for parts in (*default, *_OTHERS)]
-    rows += [Row(*parts, first_seed + number) for number in range(1, seeds) for parts in default]
+    rows = [StudyRow(*parts, None if parts[0] in COLOURINGS else first_seed) for parts in (*default, *_OTHERS)]
+    rows += [StudyRow(*parts, first_seed + number) for number in range(1, seeds) for parts in default]
     return tuple(rows)
 
 
-def chosen_rows(rows: Sequence[Row], pattern: str | None) -> tuple[Row, ...]:
-    """The rows in whose names a regular expression is found; all without one.
+def chosen_rows(rows: Sequence[StudyRow], pattern: str | None) -> tuple[StudyRow, ...]:
+    """Return the rows whose name contains a regular expression; all rows without one.
 
     Raises:
-        DataError: if it is none, or is found nowhere.
+        DataError: if it is invalid or matches no row.
     """
     try:
         found = tuple(row for row in rows if re.search(pattern or "", row.name))

@@ -1,4 +1,4 @@
-"""The study: each row is trained, judged and told, then the tables are written; it goes on where it was ended."""
+"""Ablation study: train and evaluate each row, then write the tables; an interrupted study can be resumed."""
 
 from __future__ import annotations
 
@@ -9,91 +9,95 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
-from appocc.ablation.judging import JudgingSet, Maker, judge
 from appocc.ablation.result import read_result
-from appocc.ablation.rows import Row
+from appocc.ablation.row_evaluation import EvaluationSet, MapPredictor, evaluate_row
+from appocc.ablation.rows import StudyRow
 from appocc.errors import DataError
 from appocc.files import write_json
-from appocc.training.checkpoint import states
+from appocc.training.checkpoint import list_checkpoints
 from appocc.training.config import Config
-from appocc.training.run import StoppedError, TrainingError, Watcher
+from appocc.training.run import StoppedError, TrainingError, TrainingMonitor
 from appocc.training.run_folder import RunFolder
 
 _RESULT = "result.json"
-_TRAINED = 0.9  # share of a row's bar that training takes
+_TRAINING_SHARE = 0.9  # of the progress of a row
 
 
 class Train(Protocol):
-    """Trains as a configuration says, in a run's folder: see `session.run_training`."""
+    """Trains with a configuration in a run folder, such as `session.run_training`."""
 
-    def __call__(self, config: Config, folder: RunFolder, resume: bool, watcher: Watcher) -> Mapping[str, Any]:
-        """What came of it."""
+    def __call__(
+        self, config: Config, folder: RunFolder, resume: bool, monitor: TrainingMonitor
+    ) -> Mapping[str, Any]:
+        """Return the summary of the run."""
         ...
 
 
-class Outcome(NamedTuple):
-    """How far a row has come.
+class RowOutcome(NamedTuple):
+    """State and result of a row.
 
     Attributes:
-        row: which.
+        row: the row.
         state: done; failed (the training diverged); begun; not run.
-        result: what its `result.json` says: `steps`, `best_step`, `seconds` and `evaluation` of one that is done,
-            the `reason` of one that failed; empty of others, but for the `steps` of one that is begun.
+        result: content of `result.json`: `steps`, `best_step`, `seconds` and `evaluation` if done, `reason` if
+            failed; `steps` if begun; empty if not run.
     """
 
-    row: Row
+    row: StudyRow
     state: str
     result: Mapping[str, Any]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Study:
-    """All that a study is made of.
+    """An ablation study.
 
     Attributes:
-        base: the configuration that all rows share.
-        rows: all of them, in their order.
-        test: what they are judged on.
-        out: folder of everything.
+        base: configuration shared by all rows.
+        rows: all rows in order.
+        test: test set.
+        out: folder of runs and results.
         train: trains a row.
-        maker_of: maps of a row, from its weights (None: it learnt nothing).
+        predictor_of: returns the predictor of a row from its weights (None without learning).
         write: writes the tables of all outcomes.
     """
 
     base: Config
-    rows: Sequence[Row]
-    test: JudgingSet
+    rows: Sequence[StudyRow]
+    test: EvaluationSet
     out: Path
     train: Train
-    maker_of: Callable[[Row, Path | None], Maker]
-    write: Callable[[Study, Sequence[Outcome]], None]
+    predictor_of: Callable[[StudyRow, Path | None], MapPredictor]
+    write: Callable[[Study, Sequence[RowOutcome]], None]
 
     def check(self) -> None:
-        """Check what can be checked before anything is begun.
+        """Check test set and folders before the first training.
 
         Raises:
-            DataError: if the test set cannot be used, or the folder holds another study.
+            DataError: if the test set cannot be used, or the folder has another study.
         """
         if int(os.environ.get("WORLD_SIZE", "1")) > 1:
-            raise DataError("ablate: expected one process, got several (torchrun); share the rows out with --only")
+            raise DataError("ablate: expected one process, got several (torchrun); distribute the rows with --only")
         self.test.check()
         for row in self.rows:
             folder = self.folder(row)
             if row.learns and folder.config.is_file():
                 folder.check(row.config(self.base), resume=True)
 
-    def folder(self, row: Row) -> RunFolder:
-        """Where a row is trained."""
+    def folder(self, row: StudyRow) -> RunFolder:
+        """Return the run folder of a row."""
         return RunFolder(self.out / row.name)
 
-    def run(self, chosen: Sequence[Row], watcher: Watcher, time_is_up: Callable[[], bool]) -> list[Outcome]:
-        """Bring the chosen rows to their end, as far as there is time; the outcomes of all rows.
+    def run(
+        self, chosen: Sequence[StudyRow], monitor: TrainingMonitor, time_is_up: Callable[[], bool]
+    ) -> list[RowOutcome]:
+        """Train and evaluate the chosen rows until the time is up; return the outcomes of all rows.
 
-        The tables are written before, and after each row. A row under way when the time is up keeps its state.
+        Tables are written at the start and after each row. A training that is interrupted keeps its checkpoint.
 
         Raises:
             AppoccError: if data are missing or damaged, or the folder cannot be written.
-            StoppedError: if the watcher asked for it.
+            StoppedError: if the monitor requested a stop.
         """
         self.write(self, self.outcomes())
         for number, row in enumerate(chosen):
@@ -102,8 +106,8 @@ class Study:
             if self._outcome(row).state in ("done", "failed"):
                 continue
             try:
-                with _telling(watcher, row.name, number, len(chosen), time_is_up):
-                    self._finish(row, watcher)
+                with _row_progress(monitor, row.name, number, len(chosen), time_is_up):
+                    self._finish(row, monitor)
             except StoppedError:
                 if not time_is_up():
                     raise
@@ -112,82 +116,88 @@ class Study:
                 self.write(self, self.outcomes())
         return self.outcomes()
 
-    def outcomes(self) -> list[Outcome]:
-        """How far every row has come, as their folders say."""
+    def outcomes(self) -> list[RowOutcome]:
+        """Return the outcome of every row, from its folder."""
         return [self._outcome(row) for row in self.rows]
 
-    def _outcome(self, row: Row) -> Outcome:
+    def _outcome(self, row: StudyRow) -> RowOutcome:
         folder = self.folder(row)
-        there = folder.path / _RESULT
-        if there.is_file():
-            result = read_result(there, self._key(row))
+        path = folder.path / _RESULT
+        if path.is_file():
+            result = read_result(path, self._key(row))
             if result is not None:
-                return Outcome(row, "failed" if "reason" in result else "done", result)
+                return RowOutcome(row, "failed" if "reason" in result else "done", result)
         if not folder.config.is_file():
-            return Outcome(row, "not run", {})
-        reached = states(folder.path)
-        return Outcome(row, "begun", {"steps": int(reached[0].stem.partition("-")[2]) if reached else 0})
+            return RowOutcome(row, "not run", {})
+        checkpoints = list_checkpoints(folder.path)
+        return RowOutcome(row, "begun", {"steps": int(checkpoints[0].stem.partition("-")[2]) if checkpoints else 0})
 
-    def _finish(self, row: Row, watcher: Watcher) -> None:
-        """Train, judge and write the result; what is done already is not done again."""
+    def _finish(self, row: StudyRow, monitor: TrainingMonitor) -> None:
+        """Train and evaluate a row and write its result; finished parts are not repeated."""
         folder = self.folder(row)
         result: dict[str, Any] = {}
         if row.learns:
-            _clear(folder)
+            _clear_unstarted(folder)
             try:
-                trained = self.train(row.config(self.base), folder, folder.path.exists(), watcher)
+                trained = self.train(row.config(self.base), folder, folder.path.exists(), monitor)
             except TrainingError as error:
                 write_json(folder.path / _RESULT, {"key": self._key(row), "reason": str(error)})
-                watcher.say(str(error))
+                monitor.on_message(str(error))
                 return
             result = {"steps": trained["steps"], "seconds": trained["seconds"], "best_step": trained["best"]["step"]}
-        watcher.running = False  # from here on a signal may end it at once: maps that are made are kept
+        monitor.running = False  # from here on a signal may interrupt at any time: finished maps are kept
         key = self._key(row)
-        maker = self.maker_of(row, folder.best if row.learns else None)
+        predictor = self.predictor_of(row, folder.best if row.learns else None)
         maps = folder.path / f"maps-{key[:12]}"
-        evaluation = judge(
-            maker, self.test, row.setting == "180", maps, lambda share: watcher.step(_TRAINED + share / 10, "judged")
+        evaluation = evaluate_row(
+            predictor,
+            self.test,
+            row.setting == "180",
+            maps,
+            lambda share: monitor.on_step(_TRAINING_SHARE + share / 10, "evaluated"),
         )
         write_json(folder.path / _RESULT, {"key": key, **result, "evaluation": evaluation})
-        watcher.say(f"judged: {_line(evaluation)}")
+        monitor.on_message(f"evaluated: {_summary_line(evaluation)}")
 
-    def _key(self, row: Row) -> str:
-        """Changes with the weights of a row and with the test set."""
+    def _key(self, row: StudyRow) -> str:
+        """Return the key of weights and test set of a row."""
         best = self.folder(row).best
         return self.test.key(best.read_bytes() if best.is_file() else b"")
 
 
-def _line(evaluation: Mapping[str, Any]) -> str:
-    """The main figures of a row, for people."""
+def _summary_line(evaluation: Mapping[str, Any]) -> str:
+    """Return the main metrics of a row as text."""
     iou = [f"{name} {100 * value:.1f}" for name, value in evaluation["iou"].items() if value is not None]
     colour = evaluation["appearance_l1"]
     return ", ".join([*(["IoU " + ", ".join(iou)] if iou else []), *([] if colour is None else [f"L1 {colour:.1f}"])])
 
 
-def _clear(folder: RunFolder) -> None:
-    """Remove a folder in which a run was about to begin when it was killed."""
+def _clear_unstarted(folder: RunFolder) -> None:
+    """Remove the folder of a run that was killed before it started."""
     if not folder.path.is_dir() or folder.config.is_file():
         return
-    left = list(folder.path.iterdir())
-    if all(path == folder.environment or path.name.startswith((".environment-", ".config-")) for path in left):
-        for path in left:
+    files = list(folder.path.iterdir())
+    if all(path == folder.environment or path.name.startswith((".environment-", ".config-")) for path in files):
+        for path in files:
             path.unlink()
         folder.path.rmdir()
 
 
 @contextmanager
-def _telling(watcher: Watcher, name: str, number: int, total: int, time_is_up: Callable[[], bool]) -> Iterator[None]:
-    """Let the watcher hear of a row as of a part of the study, and stop its training when the time is up."""
-    step, say = watcher.step, watcher.say
+def _row_progress(
+    monitor: TrainingMonitor, name: str, number: int, total: int, time_is_up: Callable[[], bool]
+) -> Iterator[None]:
+    """Report the progress of a row as part of the study, and stop its training when the time is up."""
+    on_step, on_message = monitor.on_step, monitor.on_message
 
-    def told(share: float, text: str) -> None:
-        if watcher.running and time_is_up():
-            watcher.stop = True
-        part = share * _TRAINED if watcher.running else share
-        step((number + part) / total, f"{number + 1} of {total}, {name}: {text}")
+    def on_row_step(share: float, text: str) -> None:
+        if monitor.running and time_is_up():
+            monitor.stop_requested = True
+        part = share * _TRAINING_SHARE if monitor.running else share
+        on_step((number + part) / total, f"{number + 1} of {total}, {name}: {text}")
 
-    watcher.step, watcher.say = told, lambda text: say(f"{name}: {text}")
+    monitor.on_step, monitor.on_message = on_row_step, lambda text: on_message(f"{name}: {text}")
     try:
         yield
     finally:
-        watcher.step, watcher.say, watcher.running = step, say, False
+        monitor.on_step, monitor.on_message, monitor.running = on_step, on_message, False

@@ -1,4 +1,4 @@
-"""From the outcomes of rows to the paper's tables: means and spreads over seeds, and what appearance changes."""
+"""Tables of an ablation study: mean and deviation over seeds, and the effect of appearance on occupancy."""
 
 from __future__ import annotations
 
@@ -6,20 +6,20 @@ import statistics
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from appocc.ablation.published import APPEARANCE_L1, DIFFERENCES, TABLES
+from appocc.ablation.paper_results import APPEARANCE_L1, DIFFERENCES, TABLES
 from appocc.ablation.rows import BOTH, COLOUR, OCCUPANCY
-from appocc.ablation.study import Outcome
+from appocc.ablation.study import RowOutcome
 from appocc.bevmap import CLASSES
 from appocc.training.config import Config
 
 IOUS = ("iou", "iou_at_threshold")
 Figures = dict[str, Any]
-# Of a row's evaluation, what the file of all rows repeats; the rest stays in the row's own folder.
-_KEPT = (*IOUS, "thresholds", "appearance_l1", "appearance_l1_by_class", "appearance_known", "vehicles")
+# Keys of a row's evaluation that the results repeat; `result.json` of the row has all of them.
+_REPEATED = (*IOUS, "thresholds", "appearance_l1", "appearance_l1_by_class", "appearance_known", "vehicles")
 
 
-def study_json(base: Config, test: Mapping[str, Any], outcomes: Sequence[Outcome]) -> Figures:
-    """Everything for machines, shares 0..1; nothing that a clock says, so the same rows give the same bytes."""
+def study_json(base: Config, test: Mapping[str, Any], outcomes: Sequence[RowOutcome]) -> Figures:
+    """Return the results of all rows, shares 0..1; without times, so that the same rows give the same bytes."""
     config = base.model_dump(mode="json")
     own = {"network", "setting", "appearance"}
     settings = list(TABLES)
@@ -41,8 +41,8 @@ def study_json(base: Config, test: Mapping[str, Any], outcomes: Sequence[Outcome
     }
 
 
-def iou_table(outcomes: Sequence[Outcome], setting: str) -> list[Figures]:
-    """Tables I and II: IoU of each network that answers occupancy, done rows only."""
+def iou_table(outcomes: Sequence[RowOutcome], setting: str) -> list[Figures]:
+    """Return table I or II: IoU of each network that predicts occupancy, finished rows only."""
     return [
         {**about, **{key: _by_class(done, key) for key in IOUS}}
         for about, done in _groups(outcomes, setting)
@@ -50,8 +50,8 @@ def iou_table(outcomes: Sequence[Outcome], setting: str) -> list[Figures]:
     ]
 
 
-def appearance_table(outcomes: Sequence[Outcome], setting: str) -> list[Figures]:
-    """Colour errors of each network that answers colours, done rows only."""
+def appearance_table(outcomes: Sequence[RowOutcome], setting: str) -> list[Figures]:
+    """Return the colour errors of each network that predicts appearance, finished rows only."""
     return [
         {
             **about,
@@ -65,16 +65,16 @@ def appearance_table(outcomes: Sequence[Outcome], setting: str) -> list[Figures]
     ]
 
 
-def differences(outcomes: Sequence[Outcome], setting: str) -> list[Figures]:
-    """Table III: IoU with appearance minus IoU of occupancy alone, seed by seed."""
+def differences(outcomes: Sequence[RowOutcome], setting: str) -> list[Figures]:
+    """Return table III: IoU with appearance minus IoU of occupancy alone, seed by seed."""
     found = []
     done = {each.row: each for each in outcomes if each.state == "done" and each.row.setting == setting}
     for network in dict.fromkeys(row.network for row in done):
         pairs = [
             (row.seed, each, done[alone])
             for row, each in done.items()
-            if row.network == network and row.answers == BOTH
-            for alone in [row._replace(answers=OCCUPANCY)]
+            if row.network == network and row.outputs == BOTH
+            for alone in [row._replace(outputs=OCCUPANCY)]
             if alone in done
         ]
         if pairs:
@@ -85,35 +85,35 @@ def differences(outcomes: Sequence[Outcome], setting: str) -> list[Figures]:
 
 
 def spread(values: Iterable[float | None]) -> Figures:
-    """Mean, and sample standard deviation of two or more (else null), of what there is; the values themselves."""
+    """Return mean and sample standard deviation (None for fewer than two) of the known values, and all values."""
     kept = list(values)
-    there = [value for value in kept if value is not None]
+    known = [value for value in kept if value is not None]
     return {
-        "mean": statistics.fmean(there) if there else None,
-        "deviation": statistics.stdev(there) if len(there) > 1 else None,
+        "mean": statistics.fmean(known) if known else None,
+        "deviation": statistics.stdev(known) if len(known) > 1 else None,
         "values": kept,
     }
 
 
-def _groups(outcomes: Sequence[Outcome], setting: str) -> list[tuple[Figures, list[Outcome]]]:
-    """Done rows that differ in their seed alone, and what they have in common."""
-    groups: dict[tuple[str, str], list[Outcome]] = {}
+def _groups(outcomes: Sequence[RowOutcome], setting: str) -> list[tuple[Figures, list[RowOutcome]]]:
+    """Group finished rows that differ in the seed only; return their common values and the rows."""
+    groups: dict[tuple[str, str], list[RowOutcome]] = {}
     for each in outcomes:
         if each.state == "done" and each.row.setting == setting:
-            groups.setdefault((each.row.network, each.row.answers), []).append(each)
+            groups.setdefault((each.row.network, each.row.outputs), []).append(each)
     return [
         ({"network": network, "answers": answers, "seeds": [each.row.seed for each in done]}, done)
         for (network, answers), done in groups.items()
     ]
 
 
-def _by_class(done: Sequence[Outcome], key: str) -> Figures | None:
-    """Spread of a figure of each class; None where the evaluation has none."""
+def _by_class(done: Sequence[RowOutcome], key: str) -> Figures | None:
+    """Return mean and deviation of a metric of each class; None if an evaluation lacks it."""
     parts = [each.result["evaluation"][key] for each in done]
     return None if None in parts else {name: spread(part[name] for part in parts) for name in CLASSES}
 
 
-def _differences(pairs: Sequence[tuple[Outcome, Outcome]], key: str) -> Figures | None:
+def _differences(pairs: Sequence[tuple[RowOutcome, RowOutcome]], key: str) -> Figures | None:
     both, alone = ([each.result["evaluation"][key] for each in side] for side in zip(*pairs, strict=True))
     if None in both or None in alone:
         return None
@@ -124,11 +124,12 @@ def _minus(a: float | None, b: float | None) -> float | None:
     return None if a is None or b is None else a - b
 
 
-def _row(outcome: Outcome) -> Figures:
-    """A row for machines."""
+def _row(outcome: RowOutcome) -> Figures:
+    """Return the state and main metrics of a row."""
     row, result = outcome.row, outcome.result
-    told = {"name": row.name, **row._asdict(), "state": outcome.state}
-    told |= {key: result[key] for key in ("steps", "best_step", "reason") if key in result}
+    values: Figures = {"name": row.name, "network": row.network, "setting": row.setting, "answers": row.outputs}
+    values |= {"seed": row.seed, "state": outcome.state}
+    values |= {key: result[key] for key in ("steps", "best_step", "reason") if key in result}
     if outcome.state == "done":
-        told |= {key: result["evaluation"][key] for key in _KEPT}
-    return told
+        values |= {key: result["evaluation"][key] for key in _REPEATED}
+    return values

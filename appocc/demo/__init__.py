@@ -1,1 +1,1 @@
-"""The demo's own small scene: a street of plain geometry, no simulator, in the nuScenes schema."""
+"""Demo: a simulated drive, its predicted maps, tracks and grounded commands, explained."""

@@ -1,4 +1,4 @@
-"""What the demo left behind, in words."""
+"""README of the demo: its files, results and next steps."""
 
 from __future__ import annotations
 
@@ -65,27 +65,28 @@ def explanation(
     scores: Mapping[str, Any],
     answers: Sequence[Mapping[str, Any]],
 ) -> str:
-    """The text of README.txt: what the files in `out` show, what came out, and what to try next.
+    """Return the text of README.txt: what the files in `out` show, the results, and what to try next.
 
     Args:
         out: folder of the demo.
         samples: number of key frames.
-        frame: the one that is drawn.
-        judged: figures of the predicted maps (`Evaluation.as_json`).
-        scores: of the tracks.
-        answers: to the commands, each with its `text`, `picture` and how far it is `apart_m` from the true one.
+        frame: index of the drawn key frame.
+        judged: metrics of the predicted maps (`Evaluation.as_json`).
+        scores: metrics of the tracks.
+        answers: answers to the commands, each with `text`, `picture` and `apart_m`, its distance from the answer on
+            the true map.
     """
     root, video = quote(str(out / "dataset")), quote(str(out / "tracks.webm"))
     asked, command = f"--scene {SCENE} --frame {frame}", answers[0]["query"]["command"]
     steps = [
         f"appocc infer {root} --scene {SCENE} --out {root}/bev/predicted",
         f"appocc eval bev {root} --bev predicted",
-        f"appocc track {root} --scene {SCENE} --bev predicted --video {video}",
+        f"appocc track scene {root} --scene {SCENE} --bev predicted --video {video}",
         f'appocc ground "{command}" {root} {asked} --bev predicted --picture {quote(str(out / "ground-1.png"))}',
     ]
     tries = [
         f"appocc doctor {root}",
-        f"appocc track {root} --scene {SCENE} --bev {SOURCE}",
+        f"appocc track scene {root} --scene {SCENE} --bev {SOURCE}",
         f'appocc ground "{command}" {root} {asked} --bev {SOURCE} --picture true.png',
         f"appocc groundtruth {root}",
         "appocc simulate town --scenes 2 --seconds 2 --split test --sheet town.png",

@@ -1,4 +1,4 @@
-"""The demo's folder: made apart, put in its place when all is there; what others put there stays."""
+"""Folder of the demo: written to a temporary folder and moved when complete; files of the user are kept."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ _UNFINISHED = ".unfinished-demo-"
 
 @contextmanager
 def demo_folder(out: Path) -> Iterator[Path]:
-    """An empty folder to fill; when the block ends well its files are moved to `out`, else `out` stays as it was.
+    """Yield an empty folder; on success move its files to `out`, otherwise leave `out` unchanged.
 
-    `out` is new, empty, or an earlier demo. Of an earlier demo the files that it made are replaced; all others stay.
+    `out` is new, empty, or an earlier demo, whose own files are replaced; all other files are kept.
 
     Raises:
         DataError: if `out` is something else, or cannot be written.
     """
     before = _made_before(out)
     try:
-        # On the same disk as `out`, which may be a mounted one.
+        # On the same disk as `out`, which may be a mount point.
         place = out / "demo" if out.is_dir() else out
         with made_folder(place.parent), partial_folder(place, f"{_UNFINISHED}{out.name}") as folder:
             yield folder
@@ -36,7 +36,7 @@ def demo_folder(out: Path) -> Iterator[Path]:
 
 
 def _made_before(out: Path) -> list[str]:
-    """The files of an earlier demo, below `out`."""
+    """Return the files of an earlier demo below `out`."""
     if not out.exists():
         return []
     if not (out / MANIFEST).is_file():
@@ -57,9 +57,9 @@ def _made_before(out: Path) -> list[str]:
 
 
 def _put(folder: Path, out: Path, before: list[str]) -> None:
-    """Move the new files to `out` and remove those of before that are not made any more.
+    """Move the new files to `out` and remove files of the earlier demo that have no successor.
 
-    While that is under way the list names both, so that a run after an interruption finds its own.
+    Meanwhile the manifest lists both, so that a later run recognises them after an interruption.
     """
     made = [str(path.relative_to(folder)) for path in sorted(folder.rglob("*")) if path.is_file()]
     _list(out, {*before, *made})

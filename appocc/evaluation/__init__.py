@@ -1,1 +1,1 @@
-"""How good maps are: cells, colours and vehicles compared with the truth, scene by scene."""
+"""Evaluation of BEV maps: cells, colours and vehicles compared with the true maps, scene by scene."""

@@ -1,4 +1,4 @@
-"""Confidence intervals: scenes are drawn anew, with replacement, since samples of one scene resemble each other."""
+"""Bootstrap confidence intervals; scenes are resampled, since samples of one scene are correlated."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from appocc.checks import FloatArray, IntArray
 LEVEL, DRAWS, SEED = 0.95, 1000, 0
 
 
-def interval(scenes: int, statistic: Callable[[IntArray], float]) -> tuple[float, float] | None:
-    """The range in which a figure lies in 95 % of 1,000 draws of as many scenes; None of a single scene.
+def confidence_interval(scenes: int, statistic: Callable[[IntArray], float]) -> tuple[float, float] | None:
+    """Return the 95 % interval of a statistic over 1,000 resamplings of the scenes; None for a single scene.
 
-    The same scenes give the same range.
+    The random seed is fixed: the same scenes give the same interval.
 
     Args:
-        scenes: how many there are.
-        statistic: the figure when scene i was drawn weights[i] times, weights (S,); NaN where it has none.
+        scenes: number of scenes.
+        statistic: returns the statistic if scene i is drawn weights[i] times, weights (S,); NaN if undefined.
     """
     if scenes < 2:
         return None
@@ -32,7 +32,7 @@ def interval(scenes: int, statistic: Callable[[IntArray], float]) -> tuple[float
     return float(low), float(high)
 
 
-def median_of_drawn(values: FloatArray, scene: IntArray, weights: IntArray) -> float:
-    """Median of values (V,) of scenes scene[v], each as often as its scene was drawn; NaN of none."""
+def resampled_median(values: FloatArray, scene: IntArray, weights: IntArray) -> float:
+    """Return the median of values (V,), value v repeated weights[scene[v]] times; NaN if there is none."""
     drawn = np.repeat(values, weights[scene])
     return float(np.median(drawn)) if len(drawn) else float("nan")

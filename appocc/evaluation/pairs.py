@@ -1,4 +1,4 @@
-"""A sample's map and the true one, cut to the same cells, with what else their files hold."""
+"""Pairs of an evaluated and a true map of a sample, cropped to the same cells, with extra arrays of their files."""
 
 from __future__ import annotations
 
@@ -16,54 +16,54 @@ from appocc.grid import BEVGrid
 from appocc.nuscenes.records import Sample
 
 
-class Pair(NamedTuple):
+class MapPair(NamedTuple):
     """Two maps on one grid.
 
     Attributes:
-        made: the map that is judged.
-        truth: the map it should be.
-        instance: (X, Y) whose each cell is, of simulated truth; None of other truth.
-        seen: (X, Y) cells that a camera sees, of predictions; None of other maps.
+        predicted: evaluated map.
+        truth: true map.
+        instance: (X, Y) index of the vehicle of each cell, in simulated truth; None otherwise.
+        seen: (X, Y) cells that a camera sees, in predicted maps; None otherwise.
     """
 
-    made: BEVMap
+    predicted: BEVMap
     truth: BEVMap
     instance: IntArray | None
     seen: BoolArray | None
 
 
-def read_pair(root: Path, source: str, against: str, token: str, ahead: bool) -> Pair:
-    """Read the maps of a sample, only the cells with x >= 0 where only what lies `ahead` is wanted.
+def read_map_pair(root: Path, source: str, against: str, token: str, ahead: bool) -> MapPair:
+    """Read the maps of a sample; with `ahead` only their cells with x >= 0.
 
     Raises:
-        DataError: if one is missing or damaged, or their grids differ.
+        DataError: if a map is missing or damaged, or the grids differ.
     """
     paths = [bev_path(root, name, token) for name in (source, against)]
-    made, truth = (BEVMap.load(path) for path in paths)
-    seen, instance = (_more(path, name) for path, name in zip(paths, ("seen", "instance"), strict=True))
+    predicted, truth = (BEVMap.load(path) for path in paths)
+    seen, instance = (_extra_array(path, name) for path, name in zip(paths, ("seen", "instance"), strict=True))
     if ahead:
-        seen, instance = _ahead(made.grid, seen), _ahead(truth.grid, instance)
-        made, truth = (_map_ahead(bev) for bev in (made, truth))
-    if made.grid != truth.grid:
-        expected, got = (bev.grid.as_array().tolist() for bev in (truth, made))
-        hint = "; try --setting 180" if _map_ahead(truth).grid == made.grid else ""
+        seen, instance = _crop_ahead(predicted.grid, seen), _crop_ahead(truth.grid, instance)
+        predicted, truth = (_crop_map_ahead(bev) for bev in (predicted, truth))
+    if predicted.grid != truth.grid:
+        expected, got = (bev.grid.as_array().tolist() for bev in (truth, predicted))
+        hint = "; try --setting 180" if _crop_map_ahead(truth).grid == predicted.grid else ""
         raise DataError(f"{paths[0]}: expected the grid {expected} of {paths[1]}, got {got}{hint}")
     shapes = {array.shape for array in (seen, instance) if array is not None}
     if shapes - {truth.grid.shape}:
         raise DataError(f"{paths[0]}: expected 'seen' and 'instance' of shape {truth.grid.shape}, got {shapes}")
-    return Pair(
-        made,
+    return MapPair(
+        predicted,
         truth,
         None if instance is None else instance.astype(np.int64),
         None if seen is None else seen.astype(np.bool_),
     )
 
 
-def check_there(root: Path, source: str, samples: list[Sample]) -> None:
-    """Check before the work that every sample has a map.
+def check_maps_exist(root: Path, source: str, samples: list[Sample]) -> None:
+    """Check that every sample has a map.
 
     Raises:
-        DataError: if one has none.
+        DataError: if a map is missing.
     """
     missing = [sample.token for sample in samples if not bev_path(root, source, sample.token).is_file()]
     if missing:
@@ -76,8 +76,8 @@ def check_there(root: Path, source: str, samples: list[Sample]) -> None:
         )
 
 
-def _more(path: Path, name: str) -> NDArray[np.generic] | None:
-    """An array beside a map's own; None where the file has none."""
+def _extra_array(path: Path, name: str) -> NDArray[np.generic] | None:
+    """Read an extra array of a map file; None if the file has none."""
     packed = read_file(path)
     try:
         with zip_arrays(packed) as data:
@@ -87,16 +87,16 @@ def _more(path: Path, name: str) -> NDArray[np.generic] | None:
 
 
 def _first_ahead(grid: BEVGrid) -> int:
-    """Index of the first row of cells with x >= 0."""
+    """Return the index of the first row of cells with x >= 0."""
     return min(max(int(np.ceil(-grid.x_min_m / grid.cell_m - 1e-6)), 0), grid.shape[0] - 1)
 
 
-def _ahead(grid: BEVGrid, cells: NDArray[np.generic] | None) -> NDArray[np.generic] | None:
+def _crop_ahead(grid: BEVGrid, cells: NDArray[np.generic] | None) -> NDArray[np.generic] | None:
     return None if cells is None else cells[..., _first_ahead(grid) :, :]
 
 
-def _map_ahead(bev: BEVMap) -> BEVMap:
-    """The cells of a map with x >= 0: what the 180 degree setting sees."""
+def _crop_map_ahead(bev: BEVMap) -> BEVMap:
+    """Crop a map to its cells with x >= 0, the grid of the 180 degree setting."""
     first = _first_ahead(bev.grid)
     if not first:
         return bev

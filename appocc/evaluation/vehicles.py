@@ -1,4 +1,4 @@
-"""Vehicles of one map against the truth: how much of each was found, and how far off its colour is."""
+"""Evaluation of single vehicles: cell recall and colour error of each true vehicle."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from appocc.bevmap import VEHICLE, BEVMap
 from appocc.boxes import Boxes
 from appocc.checks import BoolArray, ByteArray, IntArray
 from appocc.evaluation.cells import colour_error
-from appocc.groundtruth.occupancy import vehicle_owner
 from appocc.nuscenes.dataset import Dataset
 from appocc.nuscenes.records import Sample
+from appocc.rasterise import vehicle_owner
 
-# A vehicle is detected when the map has at least this share of its cells.
+# A vehicle is detected if the map has at least this share of its cells.
 DETECTED_SHARE = 0.5
 
 
 class TrueVehicles(NamedTuple):
-    """Which vehicle each cell belongs to.
+    """Vehicle of each cell.
 
     Attributes:
-        owner: (X, Y) number of the vehicle, -1 where there is none.
-        instance: instance token of each number; empty where that is not known.
+        owner: (X, Y) index of the vehicle, -1 for none.
+        instance: instance token of each vehicle; empty if unknown.
     """
 
     owner: IntArray
@@ -33,35 +33,35 @@ class TrueVehicles(NamedTuple):
 
 
 class VehicleScore(NamedTuple):
-    """One vehicle of one sample.
+    """Score of one vehicle in one sample.
 
     Attributes:
-        distance_m: of the mean of its cells from the ego's origin.
-        visibility: level of its annotation; empty where there is none.
-        found: share of its cells that the map has.
-        l1: mean colour error of its cells, 0..255; NaN where no colour is known in both maps.
+        distance_m: distance of the mean of its cells from the ego origin.
+        visibility: visibility level of its annotation; empty if unknown.
+        cell_recall: share of its cells that are vehicle in the map.
+        colour_l1: mean colour error of its cells, 0..255; NaN if no cell has known colours in both maps.
         delta_e: CIEDE2000 between its mean colours in both maps; NaN as above.
     """
 
     distance_m: float
     visibility: str
-    found: float
-    l1: float
+    cell_recall: float
+    colour_l1: float
     delta_e: float
 
     @property
     def detected(self) -> bool:
-        """Whether enough of it was found."""
-        return self.found >= DETECTED_SHARE
+        """Whether the map has enough of its cells."""
+        return self.cell_recall >= DETECTED_SHARE
 
 
 def true_vehicles(truth: BEVMap, instance: IntArray | None, boxes_ego: Boxes | None) -> TrueVehicles:
-    """The vehicles of a true map: the simulator's own instances, else annotated boxes, else connected cells.
+    """Separate the vehicles of a true map by simulated instances, else annotated boxes, else connected components.
 
     Args:
-        truth: the true map.
-        instance: (X, Y) index into `instances` of its meta, -1 for none; None where the file has no such array.
-        boxes_ego: annotated boxes; None where the scene has none.
+        truth: true map.
+        instance: (X, Y) index into `instances` of the map's meta, -1 for none; None if the file has no such array.
+        boxes_ego: annotated boxes; None if the scene has no annotations.
     """
     on = (truth.occupancy[VEHICLE] >= 0.5) & truth.occupancy_valid[VEHICLE]
     if instance is not None:
@@ -74,27 +74,27 @@ def true_vehicles(truth: BEVMap, instance: IntArray | None, boxes_ego: Boxes | N
 
 
 def score_vehicles(
-    made: BEVMap,
+    predicted: BEVMap,
     truth: BEVMap,
     vehicles: TrueVehicles,
     within: BoolArray,
     threshold: float,
     visibility: Mapping[str, str],
 ) -> list[VehicleScore]:
-    """Judge every vehicle by its true cells `within` (X, Y) what is looked at; none if the map knows no vehicle cell.
+    """Score every vehicle by its true cells; none if the map has no valid vehicle cell.
 
     Args:
-        made: the map that is judged.
-        truth: the map it should be, on the same grid.
-        vehicles: whose each cell is.
-        within: (X, Y) cells that are looked at.
-        threshold: least probability of a vehicle cell.
-        visibility: level by instance token.
+        predicted: evaluated map.
+        truth: true map on the same grid.
+        vehicles: true vehicles.
+        within: (X, Y) cells to evaluate.
+        threshold: lowest probability of a vehicle cell.
+        visibility: visibility level by instance token.
     """
-    found = made.occupancy[VEHICLE] >= threshold
-    known = made.appearance_valid & truth.appearance_valid
-    error, centres = colour_error(made, truth), truth.grid.centres()
-    owner = np.where(within & made.occupancy_valid[VEHICLE].any(), vehicles.owner, -1)
+    found = predicted.occupancy[VEHICLE] >= threshold
+    known = predicted.appearance_valid & truth.appearance_valid
+    error, centres = colour_error(predicted, truth), truth.grid.centres()
+    owner = np.where(within & predicted.occupancy_valid[VEHICLE].any(), vehicles.owner, -1)
     scores = []
     for number in np.unique(owner[owner >= 0]).tolist():
         cells = owner == number
@@ -102,29 +102,29 @@ def score_vehicles(
         name = vehicles.instance[number] if number < len(vehicles.instance) else ""
         scores.append(
             VehicleScore(
-                float(np.linalg.norm(centres[cells].mean(axis=0))),
-                visibility.get(name, ""),
-                float(found[cells].mean()),
-                float(error[coloured].mean()) if coloured.any() else float("nan"),
-                delta_e(made.appearance[:, coloured], truth.appearance[:, coloured]),
+                distance_m=float(np.linalg.norm(centres[cells].mean(axis=0))),
+                visibility=visibility.get(name, ""),
+                cell_recall=float(found[cells].mean()),
+                colour_l1=float(error[coloured].mean()) if coloured.any() else float("nan"),
+                delta_e=delta_e(predicted.appearance[:, coloured], truth.appearance[:, coloured]),
             )
         )
     return scores
 
 
-def delta_e(made: ByteArray, true: ByteArray) -> float:
-    """CIEDE2000 between the mean sRGB colours of two sets of cells (3, C), 0..255; NaN of none."""
-    if not made.shape[1]:
+def delta_e(predicted: ByteArray, true: ByteArray) -> float:
+    """Return CIEDE2000 between the mean sRGB colours 0..255 of two sets of cells (3, C); NaN for no cells."""
+    if not predicted.shape[1]:
         return float("nan")
     from skimage.color import deltaE_ciede2000, rgb2lab
 
-    means = np.stack([colours.mean(axis=1) for colours in (made, true)])
+    means = np.stack([colours.mean(axis=1) for colours in (predicted, true)])
     lab = rgb2lab(means[None] / 255)[0]
     return float(deltaE_ciede2000(lab[0], lab[1]))
 
 
 def visibility_levels(dataset: Dataset, sample: Sample) -> dict[str, str]:
-    """Level of visibility, such as v80-100, of each annotated instance of a sample; those without one are absent."""
+    """Return the visibility level, such as v80-100, by instance token; instances without a level are absent."""
     rows = dataset.tables.annotations_by_sample.rows(sample.token)
     annotations, levels = dataset.tables["sample_annotation"], dataset.tables["visibility"]
     found = levels.rows_of(annotations.array("visibility_token")[rows])

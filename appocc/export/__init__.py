@@ -1,1 +1,1 @@
-"""Networks for use without torch: ONNX and OpenVINO files for one rig, checked against the network they came from."""
+"""Export of networks to ONNX and OpenVINO files for one rig, verified against torch."""

@@ -1,4 +1,4 @@
-"""What an exported file says of itself, so that it can be used without this project: one JSON object."""
+"""Model card of an exported file: one JSON object with everything needed to use it without this project."""
 
 from __future__ import annotations
 
@@ -10,33 +10,33 @@ from typing import Any
 from appocc.bevmap import CLASSES
 from appocc.camera import Camera, CameraRig
 from appocc.export.graph import APPEARANCE, INPUT, OCCUPANCY, SEEN
-from appocc.models.input_images import fitted_camera
-from appocc.models.model_spec import Setting
-from appocc.models.weights import thresholds_of
+from appocc.models.input_images import fit_camera
+from appocc.models.model_spec import ModelSpec
+from appocc.models.weights import read_thresholds
 
 ENTRY = "card"
 VERSION = "1"
 
 
-def card_of(
+def make_card(
     weights_card: Mapping[str, str],
     weights: Mapping[str, str],
-    setting: Setting,
+    spec: ModelSpec,
     rig: CameraRig,
     rig_name: str,
     packages: tuple[str, ...],
 ) -> dict[str, Any]:
-    """The card of an exported network.
+    """Make the model card of an exported network.
 
     Args:
-        weights_card: as in the file of weights.
-        weights: name and digest of that file.
-        setting: of the network.
-        rig: the cameras as they are, in the order of the pictures.
-        rig_name: where it comes from.
-        packages: whose versions are told.
+        weights_card: model card of the weights file.
+        weights: name and digest of the weights file.
+        spec: model spec of the network.
+        rig: original cameras, in the order of the images.
+        rig_name: name of the rig.
+        packages: packages whose versions are recorded.
     """
-    grid = setting.grid
+    grid = spec.grid
     cells = [1, 3, *grid.shape]
     outputs = {OCCUPANCY: {"shape": cells, "type": "float32", "says": "probabilities of the classes"}}
     if json.loads(weights_card["appearance"]):
@@ -45,12 +45,12 @@ def card_of(
     return {
         "version": VERSION,
         "network": weights_card["network"],
-        "setting": setting.name,
+        "setting": spec.name,
         "classes": list(CLASSES),
-        "thresholds": dict(zip(CLASSES, thresholds_of(weights_card), strict=True)),
+        "thresholds": dict(zip(CLASSES, read_thresholds(weights_card), strict=True)),
         "input": {
             "name": INPUT,
-            "shape": [1, len(rig), 3, setting.height_px, setting.width_px],
+            "shape": [1, len(rig), 3, spec.height_px, spec.width_px],
             "type": "float32",
             "says": "pictures of the cameras in their order; sRGB, red first, 0..1",
         },
@@ -64,15 +64,15 @@ def card_of(
             "says": "ego frame: x ahead, then y to the left; cell 0 lies at the minimum",
         },
         "rig": rig_name,
-        "cameras": [_camera(camera, setting) for camera in rig],
+        "cameras": [_camera(camera, spec) for camera in rig],
         "weights": {**weights, "card": dict(weights_card)},
         "versions": {name: metadata.version(name) for name in ("appocc", "torch", *packages)},
     }
 
 
-def _camera(camera: Camera, setting: Setting) -> dict[str, Any]:
-    """A camera, how its picture is fitted, and the intrinsics of the fitted picture."""
-    fit = fitted_camera(camera, setting)
+def _camera(camera: Camera, spec: ModelSpec) -> dict[str, Any]:
+    """Return a camera, how its image is resized and cropped, and the intrinsics of the result."""
+    fit = fit_camera(camera, spec)
     width, height = _resized(camera, fit)
     whole = camera.resized(width, height)
     left, top = (round(whole.intrinsic[i, 2] - fit.intrinsic[i, 2]) for i in (0, 1))
@@ -88,7 +88,7 @@ def _camera(camera: Camera, setting: Setting) -> dict[str, Any]:
 
 
 def _resized(camera: Camera, fit: Camera) -> tuple[int, int]:
-    """Size that the whole picture is resized to before it is cut, from what became of the focal lengths."""
+    """Return the size of the resized image before cropping, from the ratio of the focal lengths."""
     scales = (fit.intrinsic[i, i] / camera.intrinsic[i, i] for i in (0, 1))
     width, height = (
         round(size * scale) for size, scale in zip((camera.width_px, camera.height_px), scales, strict=True)
@@ -96,6 +96,6 @@ def _resized(camera: Camera, fit: Camera) -> tuple[int, int]:
     return width, height
 
 
-def text_of(card: Mapping[str, Any]) -> str:
-    """The card as it is written into a file."""
+def card_text(card: Mapping[str, Any]) -> str:
+    """Return the card as the text that is written into a file."""
     return json.dumps(card)

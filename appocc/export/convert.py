@@ -1,4 +1,4 @@
-"""A graph to a file: ONNX by torch's exporter, and from that OpenVINO's own form."""
+"""Conversion of a graph to ONNX with torch's exporter, and from ONNX to OpenVINO."""
 
 from __future__ import annotations
 
@@ -14,30 +14,30 @@ import torch
 
 from appocc.errors import AppoccError
 from appocc.export.card import ENTRY
-from appocc.export.extras import package
-from appocc.export.graph import APPEARANCE, INPUT, OCCUPANCY, SEEN, Graph
+from appocc.export.extras import import_package
+from appocc.export.graph import APPEARANCE, INPUT, OCCUPANCY, SEEN, ExportGraph
 
-# The newest that the exporter writes without converting; runtimes of the last three years read it.
+# The newest opset that the exporter writes directly; runtimes of the last three years support it.
 OPSET = 20
 
 
-def to_onnx(graph: Graph, shape: tuple[int, ...], card: str) -> Any:
-    """The graph as an ONNX model; the same graph gives the same bytes.
+def to_onnx(graph: ExportGraph, shape: tuple[int, ...], card: str) -> Any:
+    """Convert a graph to an ONNX model; the same graph gives the same bytes.
 
     Args:
-        graph: a network with a rig.
-        shape: of its pictures, (1, N, 3, H, W).
-        card: goes into the model's metadata.
+        graph: network with a rig.
+        shape: shape of its images, (1, N, 3, H, W).
+        card: model card for the metadata.
 
     Raises:
-        AppoccError: if the extra is not installed, or the graph cannot be translated.
+        AppoccError: if the extra is not installed, or the graph cannot be exported.
     """
-    onnx = package("onnx")
-    package("onnxscript")
+    onnx = import_package("onnx")
+    import_package("onnxscript")
     names = [OCCUPANCY, APPEARANCE]
     images = torch.zeros(shape)
     try:
-        with _quiet(), torch.no_grad():
+        with _quiet_export(), torch.no_grad():
             count = len(graph(images))
             program = torch.onnx.export(
                 graph,
@@ -51,9 +51,9 @@ def to_onnx(graph: Graph, shape: tuple[int, ...], card: str) -> Any:
             )
     except torch.onnx.OnnxExporterError as error:
         raise AppoccError(f"torch cannot export this network ({str(error).strip().splitlines()[0]})") from error
-    assert program is not None  # it is, of dynamo
+    assert program is not None  # always with dynamo
     model = program.model_proto
-    _forget(model)
+    _remove_metadata(model)
     _add_seen(onnx, model, graph)
     model.metadata_props.add(key=ENTRY, value=card)
     onnx.checker.check_model(model)
@@ -67,9 +67,9 @@ def write_onnx(model: Any, path: Path) -> None:
 
 def write_openvino(model: Any, card: str, xml: Path, weights: Path) -> None:
     """Write an ONNX model as OpenVINO's two files, in float32; the same model gives the same bytes."""
-    openvino = package("openvino")
+    openvino = import_package("openvino")
     found = openvino.Core().read_model(model.SerializeToString(deterministic=True))
-    # Parts that OpenVINO makes itself are named by a count of all that the process ever made.
+    # OpenVINO names its own operations by a counter of the process: make the names reproducible.
     for number, part in enumerate(found.get_ordered_ops()):
         if re.fullmatch(rf"{part.get_type_name()}_\d+", part.get_friendly_name()):
             part.set_friendly_name(f"{part.get_type_name()}_{number}")
@@ -77,8 +77,8 @@ def write_openvino(model: Any, card: str, xml: Path, weights: Path) -> None:
     openvino.serialize(found, str(xml), str(weights))
 
 
-def _forget(model: Any) -> None:
-    """Drop what the exporter wrote for those who look for errors: it names files of this machine."""
+def _remove_metadata(model: Any) -> None:
+    """Remove the exporter's debugging metadata, which has file names of this machine."""
     for part in (model, model.graph, *model.graph.node, *model.graph.value_info, *model.graph.initializer):
         del part.metadata_props[:]
         part.doc_string = ""
@@ -86,8 +86,8 @@ def _forget(model: Any) -> None:
         del part.metadata_props[:]
 
 
-def _add_seen(onnx: Any, model: Any, graph: Graph) -> None:
-    """A constant as an output: the exporter itself gives large ones one name twice."""
+def _add_seen(onnx: Any, model: Any, graph: ExportGraph) -> None:
+    """Add the visible cells as a constant output; the exporter itself gives large constants duplicate names."""
     seen = graph.seen.numpy()
     constant = onnx.numpy_helper.from_array(seen, f"{SEEN}_by_rig")
     model.graph.initializer.append(constant)
@@ -96,8 +96,8 @@ def _add_seen(onnx: Any, model: Any, graph: Graph) -> None:
 
 
 @contextmanager
-def _quiet() -> Iterator[None]:
-    """Without what torch says of packages that nobody needs here, and of its own deprecated parts."""
+def _quiet_export() -> Iterator[None]:
+    """Suppress torch's messages about unused packages and its own deprecations."""
     before = logging.root.manager.disable
     logging.disable(logging.WARNING)
     try:

@@ -1,4 +1,4 @@
-"""The packages of the extra `export`, imported only where they are used."""
+"""Lazy import of the packages of the extra `export`."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from appocc.errors import AppoccError
 _MISSING = "exporting needs {name}: pip install 'appocc[export]'"
 
 
-def package(name: str) -> ModuleType:
-    """A package of the extra.
+def import_package(name: str) -> ModuleType:
+    """Import a package of the extra.
 
     Raises:
-        AppoccError: if it is not installed, or does not run here.
+        AppoccError: if it is not installed or cannot be imported.
     """
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", DeprecationWarning)  # what they use of each other is not ours to mend
+            warnings.simplefilter("ignore", DeprecationWarning)  # deprecations among these packages
             return import_module(name)
     except ImportError as error:
         raise AppoccError(f"{_MISSING.format(name=name)} ({' '.join(str(error).split())})") from error

@@ -1,4 +1,4 @@
-"""Does an exported file answer as the network does: over inputs, repeated runs and numbers of threads."""
+"""Parity of an exported file with its network, over inputs, repeated runs and numbers of threads."""
 
 from __future__ import annotations
 
@@ -15,33 +15,33 @@ import torch
 from appocc.camera import CameraRig
 from appocc.checks import Float32Array
 from appocc.errors import AppoccError
-from appocc.export.graph import SEEN, answers
-from appocc.export.runtimes import Answers, Run
+from appocc.export.graph import SEEN, named_outputs
+from appocc.export.runtimes import Outputs, Runner
 from appocc.models.base import BEVModel
-from appocc.models.rounding import rounding, terms_of
+from appocc.models.rounding import count_terms, rounding
 
 THREADS = (1, 2, 4)
 
 
 class ParityError(AppoccError):
-    """An exported file does not answer as the network does."""
+    """The outputs of an exported file differ from those of the network."""
 
     exit_code = 1
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Parity:
-    """How far an exported file is from the network.
+    """Differences between an exported file and its network.
 
     Attributes:
-        limit: the largest difference that rounding explains; answers are 0..1.
-        largest: |difference| by output, over all inputs, runs and threads; infinite where an answer is not finite.
-        between_runs: of the file's own answers to one input, over runs and threads.
-        inputs: names of them.
-        runs: of each input with each number of threads.
-        threads: numbers of them.
-        eager_s: median seconds of the network in torch, one thread.
-        exported_s: median seconds of the file, one thread.
+        limit: largest difference that rounding explains; outputs are 0..1.
+        largest: largest |difference| of each output over all inputs, runs and threads; infinite if not finite.
+        between_runs: largest difference between outputs of the file for one input, over runs and threads.
+        inputs: names of the inputs.
+        runs: number of runs of each input with each number of threads.
+        threads: numbers of threads.
+        eager_s: median time of the network in torch with one thread, seconds.
+        exported_s: median time of the file with one thread, seconds.
     """
 
     limit: float
@@ -55,11 +55,11 @@ class Parity:
 
     @property
     def holds(self) -> bool:
-        """Whether every difference is within the limit."""
+        """Whether all differences are within the limit."""
         return max(self.largest.values()) <= self.limit
 
     def as_json(self) -> dict[str, Any]:
-        """For machines."""
+        """Return the values for JSON."""
         return {
             "limit": self.limit,
             "largest_difference": self.largest,
@@ -71,7 +71,7 @@ class Parity:
         }
 
     def lines(self) -> list[str]:
-        """For people."""
+        """Return the report as lines of text."""
         far = ", ".join(f"{name} {value:.1e}" for name, value in self.largest.items())
         count = len(self.inputs) * self.runs * len(self.threads)
         ratio = self.eager_s / self.exported_s
@@ -84,13 +84,13 @@ class Parity:
         ]
 
 
-def limit_of(model: BEVModel) -> float:
-    """How far a right file may be from a network: by the rounding of its sums in float32, of answers 0..1."""
-    return rounding(terms_of(model))
+def parity_limit(model: BEVModel) -> float:
+    """Return the largest difference that rounding in float32 explains, for outputs 0..1 of a network."""
+    return rounding(count_terms(model))
 
 
-def made_inputs(shape: tuple[int, ...], seed: int = 0) -> dict[str, Float32Array]:
-    """Pictures (1, N, 3, H, W) that need no camera: noise, noise in large patches, and flat grey."""
+def synthetic_inputs(shape: tuple[int, ...], seed: int = 0) -> dict[str, Float32Array]:
+    """Return synthetic images (1, N, 3, H, W) by name: noise, noise in large patches, and uniform grey."""
     draw = np.random.default_rng(seed)
     patches = draw.random((*shape[:3], -(-shape[3] // 16), -(-shape[4] // 16)), dtype=np.float32)
     large = patches.repeat(16, axis=3).repeat(16, axis=4)[..., : shape[3], : shape[4]]
@@ -101,55 +101,55 @@ def made_inputs(shape: tuple[int, ...], seed: int = 0) -> dict[str, Float32Array
     }
 
 
-def eager(model: BEVModel, rig: CameraRig) -> Run:
-    """The network as it is used in torch, on pictures of a rig's fitted cameras."""
+def torch_runner(model: BEVModel, rig: CameraRig) -> Runner:
+    """Return a runner for the network in torch, for images of a rig after `fit_image`."""
     plan = model.plan([rig])
     seen = plan.seen[0].numpy()
 
-    def run(images: Float32Array) -> Answers:
+    def run(images: Float32Array) -> Outputs:
         with torch.inference_mode():
             output = model(torch.from_numpy(images), plan)
-            told = answers(output.occupancy, output.appearance)
-        return {**{name: value.numpy() for name, value in told.items()}, SEEN: seen}
+            named = named_outputs(output.occupancy, output.appearance)
+        return {**{name: value.numpy() for name, value in named.items()}, SEEN: seen}
 
     return run
 
 
-def compare(
-    network: Run,
-    open_file: Callable[[int], Run],
+def measure_parity(
+    network: Runner,
+    open_file: Callable[[int], Runner],
     inputs: Mapping[str, Float32Array],
     limit: float,
     runs: int,
     advance: Callable[[float], None],
 ) -> Parity:
-    """Run a file again and again and compare every answer with the network's.
+    """Run a file repeatedly and compare every output with that of the network.
 
     Args:
-        network: what is right.
-        open_file: the file, with a number of threads.
-        inputs: pictures by name; at least one.
-        limit: see `limit_of`.
-        runs: of each input with each number of threads.
-        advance: called with the number of steps done, of len(THREADS) in all.
+        network: runner of the network, the reference.
+        open_file: opens the file with a number of threads.
+        inputs: images by name; at least one.
+        limit: see `parity_limit`.
+        runs: number of runs of each input with each number of threads.
+        advance: called with the number of finished steps, of len(THREADS) in total.
     """
     first = next(iter(inputs.values()))
     expected = {name: network(images) for name, images in inputs.items()}
     largest = dict.fromkeys(next(iter(expected.values())), 0.0)
-    between, earlier = 0.0, dict[str, Answers]()
+    between, earlier = 0.0, dict[str, Outputs]()
     seconds: dict[str, list[float]] = {"eager": [], "exported": []}
     for threads in THREADS:
         exported = open_file(threads)
-        exported(first)  # the first run prepares, and would spoil the times
+        exported(first)  # warm-up
         for _ in range(runs):
             for name, images in inputs.items():
                 start = time.perf_counter()
                 found = exported(images)
                 if threads == 1:
                     seconds["exported"].append(time.perf_counter() - start)
-                for output, value in _apart(expected[name], found).items():
+                for output, value in _differences(expected[name], found).items():
                     largest[output] = max(largest[output], value)
-                between = max(between, *_apart(earlier.setdefault(name, found), found).values())
+                between = max(between, *_differences(earlier.setdefault(name, found), found).values())
             if threads == 1:
                 with _one_thread():
                     start = time.perf_counter()
@@ -157,20 +157,29 @@ def compare(
                     seconds["eager"].append(time.perf_counter() - start)
         advance(1)
     medians = {which: statistics.median(values) for which, values in seconds.items()}
-    return Parity(limit, largest, between, tuple(inputs), runs, THREADS, medians["eager"], medians["exported"])
+    return Parity(
+        limit=limit,
+        largest=largest,
+        between_runs=between,
+        inputs=tuple(inputs),
+        runs=runs,
+        threads=THREADS,
+        eager_s=medians["eager"],
+        exported_s=medians["exported"],
+    )
 
 
-def _apart(expected: Answers, found: Answers) -> dict[str, float]:
-    """Largest |difference| by output; infinite where one is missing, of another shape or not finite."""
-    far = {}
+def _differences(expected: Outputs, found: Outputs) -> dict[str, float]:
+    """Return the largest |difference| of each output; infinite if one is missing, of another shape or not finite."""
+    differences = {}
     for name, want in expected.items():
         got = found.get(name)
         if got is None or got.shape != want.shape or got.dtype != want.dtype:
-            far[name] = float("inf")
+            differences[name] = float("inf")
             continue
         value = float(np.abs(got.astype(np.float64) - want).max())
-        far[name] = value if np.isfinite(value) else float("inf")
-    return far
+        differences[name] = value if np.isfinite(value) else float("inf")
+    return differences
 
 
 @contextmanager

@@ -1,1 +1,1 @@
-"""Ground-truth colour BEVs from recorded sensors and boxes (paper, section IV.C)."""
+"""Ground-truth BEV maps from recorded sensors and boxes (paper, section IV.C)."""

@@ -1,4 +1,4 @@
-"""Static points of a sweep, each with the colours of the images in which it is visible (paper, section IV.C)."""
+"""Colouring of static LiDAR points from the images that see them (paper, section IV.C)."""
 
 from __future__ import annotations
 
@@ -12,27 +12,27 @@ from scipy import ndimage
 from appocc.checks import ByteArray, Float32Array, FloatArray, IntArray
 from appocc.files import read_image
 from appocc.geometry import apply, inverse
-from appocc.groundtruth.inputs import SweepInput, View
-from appocc.groundtruth.visibility import DepthPicture, hidden_by_boxes
+from appocc.groundtruth.inputs import PosedImage, SweepInput
+from appocc.groundtruth.visibility import DepthImage, occluded_by_boxes
 from appocc.nuscenes.lidar import read_labels, read_lidar
 
 NO_CAMERA = 255
 OTHER, ROAD, LANE, UNLABELLED = 0, 1, 2, 255
-# Points farther than the far corner of the grid never enter it.
+# The far corner of the grid: points beyond it are outside the grid.
 _MAX_RANGE_M = 57.0
-# Returns from the recording vehicle itself: nuScenes' bonnet answers up to 2.4 m, the first ring of road is at 3 m.
+# Excludes returns from the ego vehicle: nuScenes' bonnet reaches 2.4 m, the first ring on the road is at 3 m.
 _MIN_RANGE_M = 2.5
 _BOX_MARGIN_M = 0.1
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ColouredPoints:
-    """Rows of (point, view): a point seen by two cameras has two rows, one that none sees has one without colour.
+    """Observations of points, one row per point and camera; a point that no camera sees has one row without colour.
 
     Attributes:
-        xyz_m: (N, 3) float32, world frame minus the scene's origin.
+        xyz_m: (N, 3) float32 in the world frame, relative to the origin of the scene.
         rgb: (N, 3) uint8.
-        camera: (N,) number of the camera in the sorted list of channels, NO_CAMERA without colour.
+        camera: (N,) index of the camera in the sorted list of channels, NO_CAMERA without colour.
         ground: (N,) uint8 OTHER, ROAD, LANE (a marking, which is road too), or UNLABELLED.
     """
 
@@ -44,12 +44,12 @@ class ColouredPoints:
 
 @lru_cache(maxsize=20)
 def cached_image(path: Path, width_px: int, height_px: int) -> ByteArray:
-    """An image that neighbouring sweeps share."""
+    """Read an image; cached, since neighbouring sweeps use the same images."""
     return read_image(path, (width_px, height_px))
 
 
 def colour_at(image: ByteArray, uv_px: FloatArray) -> Float32Array:
-    """(N, 3) colours at sub-pixel positions (N, 2), bilinear."""
+    """Return the (N, 3) colours at sub-pixel positions (N, 2), bilinear."""
     where = uv_px.T[::-1]
     channels = [
         ndimage.map_coordinates(image[..., c], where, output=np.float32, order=1, mode="nearest") for c in range(3)
@@ -58,9 +58,9 @@ def colour_at(image: ByteArray, uv_px: FloatArray) -> Float32Array:
 
 
 def colour_sweep(sweep: SweepInput, origin_m: FloatArray, channels: tuple[str, ...]) -> ColouredPoints:
-    """The static points of a sweep with their colours; `origin_m` (3,) is taken off the world coordinates.
+    """Colour the static points of a sweep; `origin_m` (3,) is subtracted from the world coordinates.
 
-    A point takes its colour from the round of views nearest in time in which any camera sees it.
+    A point takes its colours from the images nearest in time in which any camera sees it.
 
     Raises:
         DataError: if the sweep, its labels or an image is damaged.
@@ -71,20 +71,20 @@ def colour_sweep(sweep: SweepInput, origin_m: FloatArray, channels: tuple[str, .
     keep = np.isfinite(distance) & (distance > _MIN_RANGE_M) & (distance < _MAX_RANGE_M)
     points = apply(sweep.world_from_lidar, raw[keep, :3])
     static = ~sweep.boxes_world.inside(points, _BOX_MARGIN_M)
-    everything, points = points, points[static]
+    all_points, points = points, points[static]
     ground = _ground_classes(sweep, labels[keep][static])
-    open_points = np.arange(len(points), dtype=np.int64)
+    uncoloured = np.arange(len(points), dtype=np.int64)
     rows: list[tuple[IntArray, Float32Array, ByteArray]] = []
     for views in sweep.rounds:
         seen = np.zeros(len(points), dtype=np.bool_)
         for view in views:
-            index, rgb = _seen(view, points, open_points, everything)
+            index, rgb = _visible_points(view, points, uncoloured, all_points)
             seen[index] = True
             number = np.full(len(index), channels.index(view.camera.channel), np.uint8)
             rows.append((index, rgb, number))
-        open_points = open_points[~seen[open_points]]
+        uncoloured = uncoloured[~seen[uncoloured]]
     rows.append(
-        (open_points, np.zeros((len(open_points), 3), np.float32), np.full(len(open_points), NO_CAMERA, np.uint8))
+        (uncoloured, np.zeros((len(uncoloured), 3), np.float32), np.full(len(uncoloured), NO_CAMERA, np.uint8))
     )
     index = np.concatenate([row[0] for row in rows])
     return ColouredPoints(
@@ -96,7 +96,7 @@ def colour_sweep(sweep: SweepInput, origin_m: FloatArray, channels: tuple[str, .
 
 
 def _ground_classes(sweep: SweepInput, labels: ByteArray) -> ByteArray:
-    """What the labels of a sweep say of each point's ground."""
+    """Return the ground class of each point from the labels of the sweep."""
     if sweep.labels is None:
         return np.full(len(labels), UNLABELLED, np.uint8)
     ground = np.where(sweep.labels.is_road[labels], ROAD, OTHER).astype(np.uint8)
@@ -105,10 +105,10 @@ def _ground_classes(sweep: SweepInput, labels: ByteArray) -> ByteArray:
     return ground
 
 
-def _seen(
-    view: View, points: FloatArray, candidates: IntArray, everything: FloatArray
+def _visible_points(
+    view: PosedImage, points: FloatArray, candidates: IntArray, all_points: FloatArray
 ) -> tuple[IntArray, Float32Array]:
-    """Which of the candidate points (indices) a view sees, and their colours."""
+    """Return which of the candidate points (indices) are visible in an image, and their colours."""
     cam_from_world = inverse(view.world_from_cam)
     camera = view.camera
     uv, depth = camera.project(apply(cam_from_world, points[candidates]))
@@ -116,9 +116,9 @@ def _seen(
     index, uv, depth = candidates[inside], uv[inside], depth[inside]
     if not len(index):
         return index, np.zeros((0, 3), np.float32)
-    clear = ~DepthPicture(apply(cam_from_world, everything), camera).hides(uv, depth)
+    clear = ~DepthImage(apply(cam_from_world, all_points), camera).occludes(uv, depth)
     index, uv = index[clear], uv[clear]
-    clear = ~hidden_by_boxes(points[index], uv, camera, view.world_from_cam, view.boxes_world)
+    clear = ~occluded_by_boxes(points[index], uv, camera, view.world_from_cam, view.boxes_world)
     index, uv = index[clear], uv[clear]
     if not len(index):
         return index, np.zeros((0, 3), np.float32)

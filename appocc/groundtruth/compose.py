@@ -1,4 +1,4 @@
-"""One sample's colour BEV: the scene's ground, the sample's vehicles, and what is known of road and lanes."""
+"""Composition of the BEV map of a sample from the ground of the scene, vehicles, road and lanes."""
 
 from __future__ import annotations
 
@@ -13,27 +13,30 @@ from appocc.checks import BoolArray, Float32Array, FloatArray
 from appocc.geometry import apply, inverse
 from appocc.grid import BEVGrid
 from appocc.groundtruth.inputs import SampleInput
-from appocc.groundtruth.occupancy import Layer, RoadSources, cells_of, lane_layer, road_layer, vehicle_owner
-from appocc.groundtruth.painting import Paint, Painted
-from appocc.groundtruth.surface import Surface
+from appocc.groundtruth.occupancy import OccupancyLayer, RoadSources, cells_of, lane_layer, road_layer
+from appocc.groundtruth.painting import BoxColours, PaintMethod
+from appocc.groundtruth.surface import GroundSurface
+from appocc.rasterise import vehicle_owner
 
-# An unknown cell is filled when at least this many of its eight neighbours are known, twice over.
-_NEIGHBOURS, _ROUNDS = 5, 2
+# An unknown cell is filled if at least this many of its eight neighbours are known; repeated.
+_MIN_NEIGHBOURS, _FILL_PASSES = 5, 2
 
 
-class Settings(NamedTuple):
-    """What a run is asked to do; part of each map's meta, so that a later run knows whether a map is still right."""
+class GroundTruthSettings(NamedTuple):
+    """Settings of a run, stored in the meta of each map, so that a later run finds outdated maps."""
 
     grid: BEVGrid
-    paint: Paint
+    paint: PaintMethod
 
     def as_meta(self) -> dict[str, Any]:
-        """JSON form."""
+        """Return the JSON form."""
         return {"grid": self.grid.as_array().tolist(), "paint": self.paint, "format": 3}
 
 
-def compose(sample: SampleInput, sources: RoadSources, painted: Painted | None, settings: Settings) -> BEVMap:
-    """The colour BEV of a sample; `painted` holds the colours of its boxes, None where the dataset has no boxes.
+def compose_map(
+    sample: SampleInput, sources: RoadSources, painted: BoxColours | None, settings: GroundTruthSettings
+) -> BEVMap:
+    """Compose the BEV map of a sample; `painted` holds the colours of its boxes, None if the dataset has no boxes.
 
     Raises:
         DataError: if an image or a sweep of the sample is damaged.
@@ -65,8 +68,10 @@ def compose(sample: SampleInput, sources: RoadSources, painted: Painted | None, 
     )
 
 
-def ground_colours(grid: BEVGrid, world_from_ego: FloatArray, surface: Surface) -> tuple[Float32Array, BoolArray]:
-    """Colours (X, Y, 3) of the ground, means over the fine cells, small holes filled; and which are known (X, Y)."""
+def ground_colours(
+    grid: BEVGrid, world_from_ego: FloatArray, surface: GroundSurface
+) -> tuple[Float32Array, BoolArray]:
+    """Return ground colours (X, Y, 3), means over fine cells with small holes filled, and their validity (X, Y)."""
     cell, inside = cells_of(grid, world_from_ego, surface.xyz_m[surface.coloured])
     size = grid.shape[0] * grid.shape[1]
     count = np.bincount(cell, minlength=size)
@@ -77,11 +82,11 @@ def ground_colours(grid: BEVGrid, world_from_ego: FloatArray, surface: Surface) 
 
 
 def _filled(rgb: Float32Array, known: BoolArray) -> tuple[Float32Array, BoolArray]:
-    """Fill unknown cells that known ones all but surround with the mean of those."""
+    """Fill unknown cells that known cells mostly surround with the mean of these."""
     ring = np.ones((3, 3))
-    for _ in range(_ROUNDS):
+    for _ in range(_FILL_PASSES):
         near = ndimage.convolve(known.astype(np.float64), ring, mode="constant")
-        fill = ~known & (near >= _NEIGHBOURS)
+        fill = ~known & (near >= _MIN_NEIGHBOURS)
         for c in range(3):
             total = ndimage.convolve(np.where(known, rgb[..., c], 0.0), ring, mode="constant")
             rgb[fill, c] = total[fill] / near[fill]
@@ -90,7 +95,7 @@ def _filled(rgb: Float32Array, known: BoolArray) -> tuple[Float32Array, BoolArra
 
 
 def vehicles_near(sample: SampleInput, grid: BEVGrid) -> BoolArray:
-    """(B,) which boxes of a sample are vehicles that may reach into the grid."""
+    """Return the (B,) mask of boxes of a sample that are vehicles and may overlap the grid."""
     boxes = sample.boxes_world
     corners = apply(inverse(sample.world_from_ego), boxes.corners())[..., :2]
     low, high = [grid.x_min_m, grid.y_min_m], [grid.x_max_m, grid.y_max_m]
@@ -100,15 +105,15 @@ def vehicles_near(sample: SampleInput, grid: BEVGrid) -> BoolArray:
 
 
 def _vehicles(
-    sample: SampleInput, painted: Painted | None, grid: BEVGrid, rgb: Float32Array, known: BoolArray
-) -> Layer:
-    """The vehicle layer; puts the vehicles' colours into `rgb` and `known` in place."""
+    sample: SampleInput, painted: BoxColours | None, grid: BEVGrid, rgb: Float32Array, known: BoolArray
+) -> OccupancyLayer:
+    """Return the vehicle layer; write the vehicles' colours to `rgb` and `known` in place."""
     if painted is None:
-        nothing = np.zeros(grid.shape, dtype=np.bool_)
-        return Layer(nothing, nothing.copy(), "none")
+        empty = np.zeros(grid.shape, dtype=np.bool_)
+        return OccupancyLayer(empty, empty.copy(), "none")
     near = vehicles_near(sample, grid)
     owner = vehicle_owner(grid, sample.boxes_world.select(near).transformed(inverse(sample.world_from_ego)))
     on = owner >= 0
     which = np.flatnonzero(near)[owner[on]]
     rgb[on], known[on] = painted.rgb[which], painted.known[which]
-    return Layer(on, np.ones(grid.shape, dtype=np.bool_), "cuboids")
+    return OccupancyLayer(on, np.ones(grid.shape, dtype=np.bool_), "cuboids")

@@ -1,4 +1,4 @@
-"""What the pipeline needs of a scene, gathered once: plain values that travel to worker processes."""
+"""Inputs of the pipeline for one scene, gathered once and sent to worker processes."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from appocc.nuscenes.dataset import LIDAR, Dataset
 from appocc.nuscenes.point_labels import PointLabels, point_labels
 from appocc.nuscenes.records import Sample, SampleData, Scene
 
-# Time-nearest images of a channel that are tried for a point: the nearest, then the next two.
-_VIEWS_PER_CHANNEL = 3
+# Number of images of a channel that are tried for a point, nearest in time first.
+_IMAGES_PER_CHANNEL = 3
 
 
-@dataclass(frozen=True)
-class View:
-    """An image with its camera, pose and the boxes as it shows them (world frame)."""
+@dataclass(frozen=True, eq=False)
+class PosedImage:
+    """An image with camera, pose, and the boxes at its time in the world frame."""
 
     path: Path
     camera: Camera
@@ -31,35 +31,35 @@ class View:
     timestamp_us: int
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SweepInput:
-    """A LiDAR file with its pose, the boxes of its time, its labels, and rounds of views, nearest in time first.
+    """A LiDAR sweep with pose, boxes at its time, labels, and rounds of images, nearest in time first.
 
-    Each round holds one view a camera.
+    Each round has one image of every camera.
     """
 
     path: Path
     world_from_lidar: FloatArray
     boxes_world: Boxes
     labels: PointLabels | None
-    rounds: tuple[tuple[View, ...], ...]
+    rounds: tuple[tuple[PosedImage, ...], ...]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SampleInput:
-    """A sample with its pose, boxes, key-frame views, and its own LiDAR file if it has one."""
+    """A sample with pose, boxes, key-frame images, and its LiDAR sweep if it has one."""
 
     token: str
     timestamp_us: int
     world_from_ego: FloatArray
     boxes_world: Boxes
-    views: tuple[View, ...]
+    views: tuple[PosedImage, ...]
     lidar: tuple[Path, FloatArray] | None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SceneInputs:
-    """All of a scene."""
+    """Inputs of a scene."""
 
     name: str
     sweeps: tuple[SweepInput, ...]
@@ -68,7 +68,7 @@ class SceneInputs:
 
 
 class _BoxesOverTime:
-    """Boxes at any time: straight line and slerp between the samples before and after, by instance."""
+    """Boxes interpolated over time between samples, by instance: linear position, slerp rotation."""
 
     def __init__(self, samples: tuple[Sample, ...], boxes: list[Boxes]) -> None:
         self._times = np.array([sample.timestamp_us for sample in samples], dtype=np.int64)
@@ -76,9 +76,9 @@ class _BoxesOverTime:
         self._place = [{name: i for i, name in enumerate(b.instance)} for b in boxes]
 
     def at(self, timestamp_us: int) -> Boxes:
-        """Boxes at a time: those of the sample nearest in time, moved to it.
+        """Return the boxes of the sample nearest in time, moved to the given time.
 
-        An object that is annotated on one side only stays as it is there.
+        Objects annotated in one of the two neighbouring samples only are not moved.
         """
         last = len(self._times) - 1
         i = int(np.clip(np.searchsorted(self._times, timestamp_us, "right") - 1, 0, max(last - 1, 0)))
@@ -99,38 +99,38 @@ class _BoxesOverTime:
 
 
 def _poses(boxes: Boxes, index: IntArray) -> FloatArray:
-    """(N, 4, 4) world-from-box poses of some boxes."""
+    """Return the (N, 4, 4) world-from-box poses of some boxes."""
     poses = np.tile(np.eye(4), (len(index), 1, 1))
     poses[:, :3, :3], poses[:, :3, 3] = boxes.rotation[index], boxes.centre_m[index]
     return poses
 
 
-def gather(dataset: Dataset, scene: Scene) -> SceneInputs:
-    """Inputs of a scene; sensor files are named, not read.
+def gather_inputs(dataset: Dataset, scene: Scene) -> SceneInputs:
+    """Gather the inputs of a scene; sensor files are not read.
 
     Raises:
-        DataError: if a table entry cannot be true.
+        DataError: if a table entry is invalid.
     """
     samples = dataset.samples(scene)
     boxes = [dataset.boxes_world(sample) for sample in samples]
     over_time = _BoxesOverTime(samples, boxes)
     stream = dataset.stream(scene)
-    ahead_us = _ahead_us(dataset, samples)
-    views: dict[str, list[View]] = defaultdict(list)
+    lead_us = _camera_lead_us(dataset, samples)
+    views: dict[str, list[PosedImage]] = defaultdict(list)
     for data in stream:
         if data.modality == "camera":
-            boxes_then = over_time.at(data.timestamp_us + ahead_us.get(data.channel, 0))
-            views[data.channel].append(_view(dataset, data, boxes_then))
+            boxes_then = over_time.at(data.timestamp_us + lead_us.get(data.channel, 0))
+            views[data.channel].append(_posed_image(dataset, data, boxes_then))
     sweeps = tuple(_sweep(dataset, data, over_time, views) for data in stream if data.channel == LIDAR)
     inputs = tuple(_sample(dataset, *pair) for pair in zip(samples, boxes, strict=True))
     return SceneInputs(scene.name, sweeps, inputs, dataset.annotated(scene))
 
 
-def _ahead_us(dataset: Dataset, samples: tuple[Sample, ...]) -> dict[str, int]:
-    """How long before its sample's time each camera takes its picture, by channel.
+def _camera_lead_us(dataset: Dataset, samples: tuple[Sample, ...]) -> dict[str, int]:
+    """Return the median time by which the image of each channel precedes its sample.
 
-    A spinning LiDAR fires the cameras as it passes them, and is stamped at the end of its turn. Boxes are drawn
-    around its points: they lie where the key frame's picture shows an object, not where it is at the sample's time.
+    A spinning LiDAR triggers the cameras as it passes them and is stamped at the end of the rotation. Boxes are
+    annotated around its points: they match the key-frame image and not the time of the sample.
     """
     early: dict[str, list[int]] = defaultdict(list)
     for sample in samples:
@@ -140,26 +140,28 @@ def _ahead_us(dataset: Dataset, samples: tuple[Sample, ...]) -> dict[str, int]:
     return {channel: round(float(np.median(own))) for channel, own in early.items()}
 
 
-def _view(dataset: Dataset, data: SampleData, boxes: Boxes) -> View:
+def _posed_image(dataset: Dataset, data: SampleData, boxes: Boxes) -> PosedImage:
     camera = dataset.camera(data)
     world_from_cam = dataset.world_from_ego_at(data) @ camera.ego_from_cam
-    return View(dataset.path(data), camera, world_from_cam, boxes, data.timestamp_us)
+    return PosedImage(dataset.path(data), camera, world_from_cam, boxes, data.timestamp_us)
 
 
-def _sweep(dataset: Dataset, data: SampleData, boxes: _BoxesOverTime, views: dict[str, list[View]]) -> SweepInput:
+def _sweep(
+    dataset: Dataset, data: SampleData, boxes: _BoxesOverTime, views: dict[str, list[PosedImage]]
+) -> SweepInput:
     nearest = {
-        channel: sorted(own, key=lambda view: abs(view.timestamp_us - data.timestamp_us))[:_VIEWS_PER_CHANNEL]
+        channel: sorted(own, key=lambda view: abs(view.timestamp_us - data.timestamp_us))[:_IMAGES_PER_CHANNEL]
         for channel, own in views.items()
     }
     rounds = tuple(
-        tuple(own[k] for _, own in sorted(nearest.items()) if k < len(own)) for k in range(_VIEWS_PER_CHANNEL)
+        tuple(own[k] for _, own in sorted(nearest.items()) if k < len(own)) for k in range(_IMAGES_PER_CHANNEL)
     )
     return SweepInput(
-        dataset.path(data),
-        dataset.world_from_ego_at(data) @ dataset.ego_from_sensor(data),
-        boxes.at(data.timestamp_us),
-        point_labels(dataset, data),
-        rounds,
+        path=dataset.path(data),
+        world_from_lidar=dataset.world_from_ego_at(data) @ dataset.ego_from_sensor(data),
+        boxes_world=boxes.at(data.timestamp_us),
+        labels=point_labels(dataset, data),
+        rounds=rounds,
     )
 
 
@@ -175,6 +177,6 @@ def _sample(dataset: Dataset, sample: Sample, boxes: Boxes) -> SampleInput:
         sample.timestamp_us,
         dataset.world_from_ego(sample),
         boxes,
-        tuple(_view(dataset, d, boxes) for d in cameras),
+        tuple(_posed_image(dataset, d, boxes) for d in cameras),
         own_lidar,
     )

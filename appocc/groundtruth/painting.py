@@ -1,4 +1,4 @@
-"""Which pixels show a vehicle, and its colour: the paper's histogram mode, or one of its bodywork over a scene."""
+"""Vehicle colours from visible pixels: the paper's histogram mode per sample, or the paint colour over a scene."""
 
 from __future__ import annotations
 
@@ -13,27 +13,27 @@ from appocc.checks import BoolArray, ByteArray, FloatArray
 from appocc.colours import Exposure
 from appocc.files import read_image
 from appocc.geometry import apply, inverse
-from appocc.groundtruth.bodywork import Bodywork, bodywork, light_of, paint_of
-from appocc.groundtruth.inputs import SampleInput, View
-from appocc.groundtruth.visibility import DepthPicture, box_entry, image_rectangle
+from appocc.groundtruth.bodywork import BodyworkSamples, estimate_exposure, estimate_paint, extract_bodywork
+from appocc.groundtruth.inputs import PosedImage, SampleInput
+from appocc.groundtruth.visibility import DepthImage, image_rectangle, ray_box_entry
 from appocc.nuscenes.lidar import read_lidar
 
-Paint = Literal["mode", "robust"]
-# The paper's histogram: 25 bins of length 10 for each channel.
-_BINS, _BIN_LENGTH = 25, 10
-_SAMPLES_A_SIDE = 56
-_LEAST_PIXELS = 12
-# LiDAR points this far outside a box are still the vehicle's.
+PaintMethod = Literal["mode", "robust"]
+# The paper's histogram: 25 bins of width 10 per channel.
+_BINS, _BIN_WIDTH = 25, 10
+_SAMPLES_PER_SIDE = 56
+_MIN_PIXELS = 12
+# LiDAR points within this distance of a box belong to the vehicle.
 _BOX_MARGIN_M = 0.15
 
 
 class BoxPixels(NamedTuple):
-    """Samples of a box's visible image region.
+    """Samples of the visible image region of a box.
 
     Attributes:
         rgb: (N, 3) uint8 colours.
-        height: (N,) where on the box's height each lies, 0..1.
-        sample_px: pixels of the image that each stands for.
+        height: (N,) relative height on the box, 0..1.
+        sample_px: image area of a sample.
     """
 
     rgb: ByteArray
@@ -41,8 +41,8 @@ class BoxPixels(NamedTuple):
     sample_px: float
 
 
-class Painted(NamedTuple):
-    """Colours (B, 3) uint8 of boxes, and which are known (B,)."""
+class BoxColours(NamedTuple):
+    """Colours (B, 3) uint8 of boxes and their validity (B,)."""
 
     rgb: ByteArray
     known: BoolArray
@@ -52,12 +52,12 @@ _NO_PIXELS = BoxPixels(np.zeros((0, 3), np.uint8), np.zeros(0), 0.0)
 
 
 def box_pixels(
-    image: ByteArray, view: View, boxes_world: Boxes, target: int, depth: DepthPicture | None
+    image: ByteArray, view: PosedImage, boxes_world: Boxes, target: int, depth: DepthImage | None
 ) -> BoxPixels:
-    """Pixels of the image that show box `target`: where the sweep's points lie in it, else where nothing hides it.
+    """Return the pixels that show box `target`: where LiDAR points are inside it, else where it is not occluded.
 
-    Where the sweep looks past or through the box (beside a bonnet, through glass) it shows something else. Where the
-    sweep saw nothing, or has no point in the box, other boxes hide it as if they were solid.
+    Pixels whose LiDAR depth is beyond the box (next to the bonnet, through glass) show something else. Without LiDAR
+    depth, or without points in the box, other boxes occlude it as solid bodies.
     """
     camera, eye = view.camera, view.world_from_cam[:3, 3]
     corners_cam = apply(inverse(view.world_from_cam), boxes_world.corners())
@@ -70,7 +70,7 @@ def box_pixels(
     where = _entry(eye, rays, boxes_world, target)
     hit = np.isfinite(where)
     uv, rays, where = uv[hit], rays[hit], where[hit]
-    if len(uv) < _LEAST_PIXELS:
+    if len(uv) < _MIN_PIXELS:
         return _NO_PIXELS
     free = np.ones(len(uv), dtype=np.bool_)
     for other in _possible_occluders(camera, corners_cam, target, rectangle):
@@ -79,7 +79,7 @@ def box_pixels(
         swept = depth.depth_m(uv)
         points_world = eye + rays * np.where(np.isfinite(swept), swept, 0.0)[:, None]
         on = boxes_world.select(np.array([target])).inside(points_world, _BOX_MARGIN_M) & np.isfinite(swept)
-        free = on | (free & np.isinf(swept)) if on.sum() >= _LEAST_PIXELS else free & ~depth.hides(uv, where)
+        free = on | (free & np.isinf(swept)) if on.sum() >= _MIN_PIXELS else free & ~depth.occludes(uv, where)
         where = np.where(on, swept, where)
     uv, rays, where = uv[free], rays[free], where[free]
     local = apply(inverse(boxes_world.frame_from_box(target)), eye + rays * where[:, None])
@@ -89,25 +89,25 @@ def box_pixels(
 
 
 def _grid_of_pixels(low: FloatArray, high: FloatArray) -> FloatArray:
-    """Pixels (N, 2) spread over a rectangle of the image, at most 56 a side."""
-    axes = [np.unique(np.linspace(a, b - 1, _SAMPLES_A_SIDE).astype(int)) for a, b in zip(low, high, strict=True)]
+    """Return pixels (N, 2) spread over an image rectangle, at most 56 per side."""
+    axes = [np.unique(np.linspace(a, b - 1, _SAMPLES_PER_SIDE).astype(int)) for a, b in zip(low, high, strict=True)]
     return np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2).astype(np.float64)
 
 
 def _rays(camera: Camera, world_from_cam: FloatArray, uv_px: FloatArray) -> FloatArray:
-    """Directions (N, 3) in the world through pixels (N, 2), one metre of depth long."""
+    """Return world-frame ray directions (N, 3) through pixels (N, 2), scaled to one metre of depth."""
     homogeneous = np.hstack([uv_px, np.ones((len(uv_px), 1))])
     return np.asarray(homogeneous @ np.linalg.inv(camera.intrinsic).T @ world_from_cam[:3, :3].T)
 
 
 def _entry(eye: FloatArray, rays: FloatArray, boxes: Boxes, i: int) -> FloatArray:
-    return box_entry(eye, rays, boxes.frame_from_box(i), boxes.half_lwh_m()[i])
+    return ray_box_entry(eye, rays, boxes.frame_from_box(i), boxes.half_lwh_m()[i])
 
 
 def _possible_occluders(
     camera: Camera, corners_cam: FloatArray, target: int, rectangle: tuple[FloatArray, FloatArray]
 ) -> list[int]:
-    """Boxes whose image rectangle meets the target's and whose nearest corner lies before the target's farthest."""
+    """Return the boxes that overlap the target in the image and start in front of its farthest corner."""
     found = []
     for i, corners in enumerate(corners_cam):
         if i == target or corners[:, 2].min() > corners_cam[target, :, 2].max():
@@ -118,55 +118,59 @@ def _possible_occluders(
     return found
 
 
-def paint_mode(pixels: BoxPixels) -> ByteArray:
-    """(3,) the paper's colour: the fullest of 25 bins of length 10, channel by channel (its centre)."""
-    bins = np.minimum(pixels.rgb // _BIN_LENGTH, _BINS - 1)
+def histogram_mode(pixels: BoxPixels) -> ByteArray:
+    """Return the paper's (3,) colour: per channel, the centre of the fullest of 25 bins of width 10."""
+    bins = np.minimum(pixels.rgb // _BIN_WIDTH, _BINS - 1)
     fullest = [int(np.bincount(bins[:, channel], minlength=_BINS).argmax()) for channel in range(3)]
-    return np.array([b * _BIN_LENGTH + _BIN_LENGTH // 2 for b in fullest], np.uint8)
+    return np.array([b * _BIN_WIDTH + _BIN_WIDTH // 2 for b in fullest], np.uint8)
 
 
-def paint_mode_of(sample: SampleInput, wanted: BoolArray) -> Painted:
-    """The paper's colours of the wanted boxes (B,) of a sample, from its own images and sweep.
+def mode_colours(sample: SampleInput, selected: BoolArray) -> BoxColours:
+    """Return the paper's histogram colours of the selected boxes (B,) of a sample, from its images and sweep.
 
     Raises:
         DataError: if an image or the sweep is damaged.
     """
-    painted = Painted(np.zeros((len(wanted), 3), np.uint8), np.zeros(len(wanted), dtype=np.bool_))
-    for i, views in _seen(sample, wanted):
+    painted = BoxColours(np.zeros((len(selected), 3), np.uint8), np.zeros(len(selected), dtype=np.bool_))
+    for i, views in _visible_boxes(sample, selected):
         rgb, height, _ = zip(*(pixels for pixels, _, _ in views), strict=True)
         pixels = BoxPixels(np.concatenate(rgb), np.concatenate(height), 1.0)
-        if len(pixels.rgb) >= _LEAST_PIXELS:
-            painted.rgb[i], painted.known[i] = paint_mode(pixels), True
+        if len(pixels.rgb) >= _MIN_PIXELS:
+            painted.rgb[i], painted.known[i] = histogram_mode(pixels), True
     return painted
 
 
-def bodies_of(sample: SampleInput, wanted: BoolArray, gains: Mapping[str, FloatArray]) -> list[list[Bodywork]]:
-    """What the images of a sample show of the bodywork of each of its boxes; nothing of those not wanted (B,).
+def bodywork_by_box(
+    sample: SampleInput, selected: BoolArray, gains: Mapping[str, FloatArray]
+) -> list[list[BodyworkSamples]]:
+    """Return the bodywork samples of each box from the images of a sample; empty for boxes not selected (B,).
 
-    `gains` holds factors (3,) by channel that even the cameras' colours out, 1 where a channel has none.
+    `gains` holds the exposure gains (3,) by channel; missing channels have gain 1.
 
     Raises:
         DataError: if an image or the sweep is damaged.
     """
-    bodies: list[list[Bodywork]] = [[] for _ in wanted]
-    for i, views in _seen(sample, wanted):
+    bodies: list[list[BodyworkSamples]] = [[] for _ in selected]
+    for i, views in _visible_boxes(sample, selected):
         for pixels, channel, light in views:
-            if len(pixels.rgb) >= _LEAST_PIXELS:
-                bodies[i].append(bodywork(*pixels, light, gains.get(channel, np.ones(3))))
+            if len(pixels.rgb) >= _MIN_PIXELS:
+                bodies[i].append(extract_bodywork(*pixels, light, gains.get(channel, np.ones(3))))
     return bodies
 
 
-def _seen(sample: SampleInput, wanted: BoolArray) -> Iterator[tuple[int, list[tuple[BoxPixels, str, Exposure]]]]:
-    """Each wanted box: its pixels in every image of a sample that shows it, with the image's channel and light."""
+def _visible_boxes(
+    sample: SampleInput, selected: BoolArray
+) -> Iterator[tuple[int, list[tuple[BoxPixels, str, Exposure]]]]:
+    """Yield each selected box with its pixels in every image that shows it, with channel and exposure."""
     images = [read_image(view.path, (view.camera.width_px, view.camera.height_px)) for view in sample.views]
-    lights = [light_of(image) for image in images]
-    depths: list[DepthPicture | None] = [None] * len(images)
+    lights = [estimate_exposure(image) for image in images]
+    depths: list[DepthImage | None] = [None] * len(images)
     if sample.lidar is not None:
         path, world_from_lidar = sample.lidar
         raw = read_lidar(path)[:, :3]
         points = apply(world_from_lidar, raw[np.isfinite(raw).all(axis=1)])
-        depths = [DepthPicture(apply(inverse(view.world_from_cam), points), view.camera) for view in sample.views]
-    for i in np.flatnonzero(wanted).tolist():
+        depths = [DepthImage(apply(inverse(view.world_from_cam), points), view.camera) for view in sample.views]
+    for i in np.flatnonzero(selected).tolist():
         views = []
         for image, view, depth, light in zip(images, sample.views, depths, lights, strict=True):
             pixels = box_pixels(image, view, view.boxes_world, i, depth)
@@ -176,20 +180,20 @@ def _seen(sample: SampleInput, wanted: BoolArray) -> Iterator[tuple[int, list[tu
             yield i, views
 
 
-def paint_scene(samples: Sequence[SampleInput], bodies: Sequence[list[list[Bodywork]]]) -> list[Painted]:
-    """One colour an object in all samples, of all the pictures of it.
+def robust_colours(samples: Sequence[SampleInput], bodies: Sequence[list[list[BodyworkSamples]]]) -> list[BoxColours]:
+    """Return one colour per object for all samples, estimated from all images of the scene.
 
-    Paint does not change on the way; what hides, lights and mirrors does.
+    Paint is constant over a scene; occlusion, illumination and reflections vary.
     """
-    pictures: dict[str, list[Bodywork]] = {}
+    pictures: dict[str, list[BodyworkSamples]] = {}
     for sample, own in zip(samples, bodies, strict=True):
         for name, body in zip(sample.boxes_world.instance, own, strict=True):
             pictures.setdefault(name, []).extend(body)
-    paint = {name: paint_of(every) for name, every in pictures.items() if every}
+    paint = {name: estimate_paint(own) for name, own in pictures.items() if own}
     painted = []
     for sample in samples:
         names = sample.boxes_world.instance
         rgb = [paint.get(name, np.zeros(3, np.uint8)) for name in names]
         known = np.array([name in paint for name in names], dtype=np.bool_)
-        painted.append(Painted(np.array(rgb, np.uint8).reshape(-1, 3), known))
+        painted.append(BoxColours(np.array(rgb, np.uint8).reshape(-1, 3), known))
     return painted

@@ -1,4 +1,4 @@
-"""Ground-truth BEVs of datasets: sweeps coloured and samples composed in parallel, resumed by sample."""
+"""Ground-truth pipeline: colour the sweeps and compose the samples in parallel; resumes by sample."""
 
 from __future__ import annotations
 
@@ -14,17 +14,18 @@ import numpy as np
 
 from appocc.bevmap import BEVMap, bev_folder, bev_path
 from appocc.checks import FloatArray
+from appocc.ego_vehicle import EgoVehicle
 from appocc.errors import DataError
 from appocc.files import write_bytes, write_image
-from appocc.groundtruth.bodywork import Bodywork
+from appocc.groundtruth.bodywork import BodyworkSamples
 from appocc.groundtruth.colouring import ColouredPoints, colour_sweep
-from appocc.groundtruth.compose import Settings, compose, vehicles_near
-from appocc.groundtruth.inputs import SampleInput, SceneInputs, gather
+from appocc.groundtruth.compose import GroundTruthSettings, compose_map, vehicles_near
+from appocc.groundtruth.inputs import SampleInput, SceneInputs, gather_inputs
 from appocc.groundtruth.occupancy import RoadSources
-from appocc.groundtruth.painting import Painted, bodies_of, paint_mode_of, paint_scene
+from appocc.groundtruth.painting import BoxColours, bodywork_by_box, mode_colours, robust_colours
+from appocc.groundtruth.scene_jobs import SceneJobs
 from appocc.groundtruth.store import PointStore
-from appocc.groundtruth.surface import Surface, build_surface, exposure_gains
-from appocc.groundtruth.work import Work
+from appocc.groundtruth.surface import GroundSurface, build_surface, exposure_gains
 from appocc.nuscenes.dataset import Dataset
 from appocc.nuscenes.maps import mask_window, vector_map
 from appocc.nuscenes.records import Scene
@@ -37,8 +38,8 @@ from appocc.workers import Pool, worker_pool
 SOURCE = "groundtruth"
 
 
-class Summary(NamedTuple):
-    """Counts of a run; `stale`: maps that were there and were made anew, by the reason."""
+class GenerationSummary(NamedTuple):
+    """Counts of a run; `stale`: number of outdated maps that were replaced, by reason."""
 
     made: int
     kept: int
@@ -50,14 +51,14 @@ def generate(
     dataset: Dataset,
     scenes: Sequence[Scene],
     out: Path,
-    settings: Settings,
+    settings: GroundTruthSettings,
     workers: int,
     advance: Callable[[float], None],
-) -> Summary:
-    """Write the BEV map and preview of every sample of the scenes below `out`; maps of the same inputs are kept.
+) -> GenerationSummary:
+    """Write BEV map and preview of every sample of the scenes below `out`; up-to-date maps are kept.
 
-    `advance` is called with the samples done, in parts: painting and colouring, which come first for a whole scene,
-    count too. The result does not depend on `workers`.
+    `advance` is the progress callback in samples; colouring and painting of a whole scene count as parts of its
+    samples. The result does not depend on `workers`.
 
     Raises:
         DataError: if a file of the dataset is damaged, there are no samples, or `out` cannot be written.
@@ -68,62 +69,70 @@ def generate(
     made = kept = 0
     stale: Counter[str] = Counter()
     record = Record(bev_folder(out, SOURCE))
+    why_stale = partial(_why_stale, settings=settings)
     with worker_pool(workers) as pool:
         for scene in scenes:
             samples = dataset.samples(scene)
             parts = scene_parts(dataset, scene)
             missing = set()
             for path in (bev_path(out, SOURCE, sample.token) for sample in samples):
-                reason = _why_stale(path, settings) or (path.is_file() and record.why_stale(path.stem, parts))
-                if reason or not (path.is_file() and path.with_suffix(".png").is_file()):
+                reason = record.why_remake(path, path.with_suffix(".png"), parts, why_stale)
+                if reason is not None:
                     missing.add(path.stem)
                     stale.update([reason] if reason else [])
             kept += len(samples) - len(missing)
             advance(len(samples) - len(missing))
             if missing:
-                made += _make_scene(dataset, scene, missing, out, settings, pool, advance, parts)
+                made += _process_scene(
+                    dataset=dataset,
+                    scene=scene,
+                    missing=missing,
+                    out=out,
+                    settings=settings,
+                    pool=pool,
+                    advance=advance,
+                    parts=parts,
+                )
     record.tidy()
-    return Summary(made, kept, bev_folder(out, SOURCE), dict(stale))
+    return GenerationSummary(made, kept, bev_folder(out, SOURCE), dict(stale))
 
 
-def _why_stale(path: Path, settings: Settings) -> str:
-    """Why a map that is there was not made with these settings; '' if it was, or none is there."""
-    if not path.is_file():
-        return ""
+def _why_stale(path: Path, settings: GroundTruthSettings) -> str:
+    """Return why an existing map was not made with these settings; '' if it was."""
     try:
         return "" if BEVMap.load(path).meta.get("settings") == settings.as_meta() else "settings changed"
     except DataError:
         return "damaged"
 
 
-def _make_scene(
+def _process_scene(
     dataset: Dataset,
     scene: Scene,
     missing: set[str],
     out: Path,
-    settings: Settings,
+    settings: GroundTruthSettings,
     pool: Pool | None,
     advance: Callable[[float], None],
     parts: Parts,
 ) -> int:
-    inputs = gather(dataset, scene)
-    work = Work(pool, advance, len(missing))
+    inputs = gather_inputs(dataset, scene)
+    jobs = SceneJobs(pool, advance, len(missing))
     with _scratch(out, scene) as folder:
-        surface, gains = ground_of(inputs, work, folder)
-        pairs = zip(inputs.samples, _paint(inputs, gains, settings, work), strict=True)
+        surface, gains = reconstruct_ground(inputs, jobs, folder)
+        pairs = zip(inputs.samples, _paint(inputs, gains, settings, jobs), strict=True)
         wanted = [(sample, painted) for sample, painted in pairs if sample.token in missing]
-        sources = folder / "sources.pickle"  # our own file, read back by our own workers only
+        sources = folder / "sources.pickle"  # written and read by this run only
         write_bytes(sources, pickle.dumps(_sources(dataset, scene, inputs, surface)))
-        work.done(partial(_make_sample, sources=sources, out=out, settings=settings, parts=parts), wanted, 1.0)
+        jobs.run(partial(_process_sample, sources=sources, out=out, settings=settings, parts=parts), wanted, 1.0)
     return len(wanted)
 
 
 @contextmanager
 def _scratch(out: Path, scene: Scene) -> Iterator[Path]:
-    """A folder for what the workers share of a scene; beside the maps, where another run of it is noticed.
+    """Create a temporary folder for data shared by the workers, next to the maps, where another run finds it.
 
     Raises:
-        DataError: if there is one, or the folder cannot be made.
+        DataError: if another run uses it, or it cannot be created.
     """
     place = bev_folder(out, SOURCE) / token_of("scene", scene.token)
     try:
@@ -133,10 +142,12 @@ def _scratch(out: Path, scene: Scene) -> Iterator[Path]:
         raise DataError(f"{error.filename or place.parent}: cannot be written ({error.strerror or error})") from error
 
 
-def ground_of(inputs: SceneInputs, work: Work, folder: Path) -> tuple[Surface, dict[str, FloatArray]]:
-    """The ground of a scene, and the factors (3,) by channel that even the cameras' colours out.
+def reconstruct_ground(
+    inputs: SceneInputs, jobs: SceneJobs, folder: Path
+) -> tuple[GroundSurface, dict[str, FloatArray]]:
+    """Reconstruct the coloured ground of a scene; return it and the exposure gains (3,) by channel.
 
-    What the sweeps show is kept in an empty folder meanwhile.
+    The coloured points are stored in an empty folder meanwhile.
 
     Raises:
         DataError: if a sweep, its labels or an image is damaged.
@@ -147,7 +158,7 @@ def ground_of(inputs: SceneInputs, work: Work, folder: Path) -> tuple[Surface, d
     store = PointStore(folder)
 
     def stored() -> Iterator[ColouredPoints]:
-        for points in work.each(job, inputs.sweeps, 0.6):
+        for points in jobs.run_lazily(job, inputs.sweeps, 0.6):
             store.add(points)
             yield points
 
@@ -156,27 +167,29 @@ def ground_of(inputs: SceneInputs, work: Work, folder: Path) -> tuple[Surface, d
 
 
 def _paint(
-    inputs: SceneInputs, gains: Mapping[str, FloatArray], settings: Settings, work: Work
-) -> Sequence[Painted | None]:
-    """Colours of the vehicles of each sample; of all samples, as the robust colour is one for the whole scene."""
+    inputs: SceneInputs, gains: Mapping[str, FloatArray], settings: GroundTruthSettings, jobs: SceneJobs
+) -> Sequence[BoxColours | None]:
+    """Return the vehicle colours of all samples: the robust colour needs the whole scene."""
     if not inputs.annotated:
         return [None] * len(inputs.samples)
     if settings.paint == "mode":
-        return work.done(partial(_mode, settings=settings), inputs.samples, 0.5)
-    job = partial(_bodies, gains=gains, settings=settings)
-    return paint_scene(inputs.samples, work.done(job, inputs.samples, 0.5))
+        return jobs.run(partial(_mode_colours, settings=settings), inputs.samples, 0.5)
+    job = partial(_bodywork, gains=gains, settings=settings)
+    return robust_colours(inputs.samples, jobs.run(job, inputs.samples, 0.5))
 
 
-def _mode(sample: SampleInput, settings: Settings) -> Painted:
-    return paint_mode_of(sample, vehicles_near(sample, settings.grid))
+def _mode_colours(sample: SampleInput, settings: GroundTruthSettings) -> BoxColours:
+    return mode_colours(sample, vehicles_near(sample, settings.grid))
 
 
-def _bodies(sample: SampleInput, gains: Mapping[str, FloatArray], settings: Settings) -> list[list[Bodywork]]:
-    return bodies_of(sample, vehicles_near(sample, settings.grid), gains)
+def _bodywork(
+    sample: SampleInput, gains: Mapping[str, FloatArray], settings: GroundTruthSettings
+) -> list[list[BodyworkSamples]]:
+    return bodywork_by_box(sample, vehicles_near(sample, settings.grid), gains)
 
 
-def _sources(dataset: Dataset, scene: Scene, inputs: SceneInputs, surface: Surface) -> RoadSources:
-    """Everything that the samples of a scene share."""
+def _sources(dataset: Dataset, scene: Scene, inputs: SceneInputs, surface: GroundSurface) -> RoadSources:
+    """Return the road and lane sources shared by the samples of a scene."""
     places = np.stack([sample.world_from_ego[:2, 3] for sample in inputs.samples])
     low, high = places.min(axis=0) - 60, places.max(axis=0) + 60
     vector = vector_map(dataset, scene)
@@ -195,13 +208,17 @@ def _read_sources(path: Path) -> RoadSources:
     return sources
 
 
-def _make_sample(
-    wanted: tuple[SampleInput, Painted | None], sources: Path, out: Path, settings: Settings, parts: Parts
+def _process_sample(
+    wanted: tuple[SampleInput, BoxColours | None],
+    sources: Path,
+    out: Path,
+    settings: GroundTruthSettings,
+    parts: Parts,
 ) -> None:
-    """Compose and write one sample; the map comes last, so that a map is never without its picture."""
+    """Compose and write one sample; the map is written last, so that every map has a preview."""
     sample, painted = wanted
-    bev = compose(sample, _read_sources(sources), painted, settings)
+    bev = compose_map(sample, _read_sources(sources), painted, settings)
     path = bev_path(out, SOURCE, sample.token)
-    write_image(path.with_suffix(".png"), preview(bev))
+    write_image(path.with_suffix(".png"), preview(bev, EgoVehicle()))
     bev.save(path)
     add_record(path.parent, path.stem, parts)

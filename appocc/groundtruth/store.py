@@ -1,4 +1,4 @@
-"""Coloured points of a scene on disk, in strips of the world: of a long scene only a strip at a time is in memory."""
+"""Coloured points of a scene on disk, in strips of the world, so that one strip at a time is in memory."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ _ROW = np.dtype([("xyz_m", np.float32, 3), ("rgb", np.uint8, 3), ("camera", np.u
 
 
 class PointStore:
-    """Files of points, a strip of 8 m along x each; in a strip they stay in the order in which they came."""
+    """Files of points, one per strip of 8 m along x; points keep the order in which they were added."""
 
     def __init__(self, folder: Path) -> None:
-        """Begin in an empty folder."""
+        """Store points in an empty folder."""
         self._folder = folder
         self.strips: set[int] = set()
 
@@ -37,7 +37,7 @@ class PointStore:
             self.strips.add(number)
 
     def strip(self, number: int) -> ColouredPoints:
-        """All points of a strip, none where nothing was."""
+        """Return all points of a strip; empty if it has none."""
         rows = np.fromfile(self._file(number), _ROW) if number in self.strips else np.empty(0, _ROW)
         return ColouredPoints(*(np.ascontiguousarray(rows[name]) for name in _ROW.names or ()))
 

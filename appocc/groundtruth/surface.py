@@ -1,4 +1,4 @@
-"""The ground of a scene: coloured points of all sweeps gathered into one fine raster of the world."""
+"""Ground surface of a scene: coloured points of all sweeps averaged in a fine raster of the world."""
 
 from __future__ import annotations
 
@@ -12,24 +12,24 @@ from appocc.checks import BoolArray, Float32Array, FloatArray, IntArray
 from appocc.groundtruth.colouring import LANE, NO_CAMERA, ROAD, UNLABELLED, ColouredPoints
 from appocc.groundtruth.store import FINE_M, PointStore
 
-# The ground under a point is looked for in cells of this size; what stands higher is no ground.
+# Cell size and quantile of the local ground height; points outside this height range are not ground.
 _GROUND_CELL_M, _GROUND_SHARE = 0.4, 0.1
 _BELOW_M, _ABOVE_M = 0.3, 0.25
-# Exposure: points a camera pair must share, points that the prior (no difference) is worth, and the most that a
-# camera is brightened or darkened: where exposures differ more, colours near the pictures' own are worth more.
-_LEAST_PAIRS, _GAIN_PRIOR, _MOST_GAIN = 30, 2000.0, 1.2
+# Exposure gains: minimum number of shared points of a camera pair, weight of the prior (gain 1) in points, and the
+# largest gain: for larger exposure differences, colours close to the original images are preferred.
+_MIN_PAIRS, _GAIN_PRIOR, _MAX_GAIN = 30, 2000.0, 1.2
 
 
-class Surface(NamedTuple):
+class GroundSurface(NamedTuple):
     """Occupied fine cells (0.1 m) of the ground of a scene, world frame.
 
     Attributes:
         xyz_m: (N, 3) cell centres at the height of the ground.
-        rgb: (N, 3) float32 sRGB 0..255, middle half of the observations by brightness.
+        rgb: (N, 3) float32 sRGB 0..255, mean of the middle half of the observations by brightness.
         coloured: (N,) whether any image saw the cell.
-        labelled: (N,) whether any observation has a label (nuScenes labels key frames only).
+        labelled: (N,) whether any observation has a label (nuScenes labels only key frames).
         road: (N,) share of the labelled observations that are road (lane included); 0 without labels.
-        lane: (N,) share that are lane marking.
+        lane: (N,) share of the labelled observations that are lane marking.
     """
 
     xyz_m: FloatArray
@@ -40,18 +40,18 @@ class Surface(NamedTuple):
     lane: Float32Array
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ExposureGains:
-    """(cameras, 3) factors that bring the cameras' colours to a common exposure; 1 on the average over all points."""
+    """Factors (cameras, 3) that bring the cameras to a common exposure; their mean over all points is 1."""
 
     factors: FloatArray
 
 
 def exposure_gains(sweeps: Iterable[ColouredPoints], cameras: int) -> ExposureGains:
-    """Gains from points that two cameras see at once: least squares on the log ratios, drawn towards 1.
+    """Estimate gains from points seen by two cameras: regularised least squares on the log ratios.
 
-    Each pair of cameras counts by its number of common points; cameras that share none keep the gain 1, and none
-    goes beyond 1.2 times brighter or darker.
+    A camera pair is weighted by its number of common points; cameras without common points have gain 1. Gains are
+    limited to a factor of 1.2.
     """
     normal = np.zeros((cameras, cameras))
     right = np.zeros((cameras, 3))
@@ -63,7 +63,7 @@ def exposure_gains(sweeps: Iterable[ColouredPoints], cameras: int) -> ExposureGa
             ratios.setdefault(pair, []).append(values)
     for (a, b), parts in sorted(ratios.items()):
         values = np.concatenate(parts)
-        if len(values) < _LEAST_PAIRS:
+        if len(values) < _MIN_PAIRS:
             continue
         ratio, weight = np.median(values, axis=0), float(len(values))
         normal[[a, b], [a, b]] += weight
@@ -71,16 +71,16 @@ def exposure_gains(sweeps: Iterable[ColouredPoints], cameras: int) -> ExposureGa
         right[a] -= weight * ratio
         right[b] += weight * ratio
     log_gain = np.linalg.solve(normal + _GAIN_PRIOR * np.eye(cameras), right)
-    limit = np.log(_MOST_GAIN)
+    limit = np.log(_MAX_GAIN)
     paired = normal.diagonal() > 0
     seen = np.where(paired, seen, 0.0)
-    mean = seen @ log_gain / max(seen.sum(), 1.0)  # the scene's brightness on the whole stays
+    mean = seen @ log_gain / max(seen.sum(), 1.0)  # keeps the overall brightness
     log_gain[paired] -= mean
     return ExposureGains(np.exp(np.clip(log_gain, -limit, limit)))
 
 
 def _pair_ratios(points: ColouredPoints) -> dict[tuple[int, int], Float32Array]:
-    """(M, 3) log ratios of the first camera's colour to the second's, by pair, of points that both see."""
+    """Return the (M, 3) log colour ratios of the points seen by two cameras, by camera pair."""
     rows = np.flatnonzero(
         (points.camera != NO_CAMERA) & (points.rgb.min(axis=1) > 10) & (points.rgb.max(axis=1) < 245)
     )
@@ -93,25 +93,22 @@ def _pair_ratios(points: ColouredPoints) -> dict[tuple[int, int], Float32Array]:
     return {(int(p) // 256, int(p) % 256): ratio[pairs == p] for p in np.unique(pairs)}
 
 
-def build_surface(store: PointStore, origin_m: FloatArray, gains: ExposureGains) -> Surface:
-    """Gather the points: keep the ground, even out exposure, and average what falls into a fine cell.
-
-    Without points the surface is empty.
-    """
+def build_surface(store: PointStore, origin_m: FloatArray, gains: ExposureGains) -> GroundSurface:
+    """Build the surface: keep ground points, apply exposure gains, average in fine cells; empty without points."""
     parts = [_surface_of(store, strip, origin_m, gains) for strip in sorted(store.strips) or [0]]
-    return Surface(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
+    return GroundSurface(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
 
 
-def _surface_of(store: PointStore, strip: int, origin_m: FloatArray, gains: ExposureGains) -> Surface:
-    """The surface in a strip of the world; what lies near in the next strips tells where its ground is."""
+def _surface_of(store: PointStore, strip: int, origin_m: FloatArray, gains: ExposureGains) -> GroundSurface:
+    """Return the surface in a strip; points of the neighbouring strips define the ground height at its edges."""
     points = store.strip(strip)
-    keep = _on_ground(np.concatenate([points.xyz_m, *(store.strip(near).xyz_m for near in (strip - 1, strip + 1))]))
+    keep = _is_ground(np.concatenate([points.xyz_m, *(store.strip(near).xyz_m for near in (strip - 1, strip + 1))]))
     keep = keep[: len(points.xyz_m)]
     xyz, camera, ground = points.xyz_m[keep], points.camera[keep], points.ground[keep]
     rgb = points.rgb[keep].astype(np.float32)
     coloured = camera != NO_CAMERA
     rgb[coloured] *= gains.factors.astype(np.float32)[camera[coloured]]
-    cell, unique = _numbered(xyz, FINE_M)
+    cell, unique = _cell_indices(xyz, FINE_M)
     cells = len(unique)
     count = np.bincount(cell, minlength=cells)
     mean, has_colour = _middle_mean(cell[coloured], np.minimum(rgb[coloured], 255), cells)
@@ -121,11 +118,11 @@ def _surface_of(store: PointStore, strip: int, origin_m: FloatArray, gains: Expo
     labels = np.bincount(cell, ground != UNLABELLED, minlength=cells)
     road = np.bincount(cell, (ground == ROAD) | (ground == LANE), minlength=cells) / np.maximum(labels, 1)
     lane = np.bincount(cell, ground == LANE, minlength=cells) / np.maximum(labels, 1)
-    return Surface(centre, mean, has_colour, labels > 0, road.astype(np.float32), lane.astype(np.float32))
+    return GroundSurface(centre, mean, has_colour, labels > 0, road.astype(np.float32), lane.astype(np.float32))
 
 
-def _numbered(xyz: Float32Array, cell_m: float) -> tuple[IntArray, IntArray]:
-    """Number of the world cell of each point, and the cells' indices (cells, 2)."""
+def _cell_indices(xyz: Float32Array, cell_m: float) -> tuple[IntArray, IntArray]:
+    """Return the index of the cell of each point, and the world indices (cells, 2) of the cells."""
     index = np.floor(xyz[:, :2] / cell_m).astype(np.int64)
     low = index.min(axis=0) if len(index) else np.zeros(2, np.int64)
     width = int(index[:, 1].max() - low[1] + 1) if len(index) else 1
@@ -134,9 +131,9 @@ def _numbered(xyz: Float32Array, cell_m: float) -> tuple[IntArray, IntArray]:
     return number, np.stack([unique // width, unique % width], axis=1) + low
 
 
-def _on_ground(xyz: Float32Array) -> BoolArray:
-    """Whether each point lies near the lowest tenth of its 0.4 m cell: roads under trees stay, trees go."""
-    cell, unique = _numbered(xyz, _GROUND_CELL_M)
+def _is_ground(xyz: Float32Array) -> BoolArray:
+    """Whether each point is near the lowest tenth of its 0.4 m cell: keeps roads under trees, removes the trees."""
+    cell, unique = _cell_indices(xyz, _GROUND_CELL_M)
     order = np.lexsort((xyz[:, 2], cell))
     count = np.bincount(cell, minlength=len(unique))
     start = np.cumsum(count) - count
@@ -146,7 +143,7 @@ def _on_ground(xyz: Float32Array) -> BoolArray:
 
 
 def _middle_mean(cell: IntArray, rgb: Float32Array, cells: int) -> tuple[Float32Array, BoolArray]:
-    """Mean colour (cells, 3) over the middle half of a cell's observations by brightness; which cells have any."""
+    """Return the mean colour (cells, 3) of the middle half of the observations by brightness, and its validity."""
     order = np.lexsort((rgb.sum(axis=1), cell))
     cell, rgb = cell[order], rgb[order]
     count = np.bincount(cell, minlength=cells)

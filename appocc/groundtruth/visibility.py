@@ -1,4 +1,4 @@
-"""What hides what: a depth picture from a sweep's own points, and boxes as opaque bodies."""
+"""Occlusion: a depth image from the points of a sweep, and boxes as opaque bodies."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ from appocc.checks import BoolArray, Float32Array, FloatArray, IntArray
 from appocc.geometry import apply, inverse
 from appocc.typing import Flags, List2, List3, Numbers, Transform, Vector3
 
-# Angles of the depth picture's cells: as wide as two LiDAR columns, low enough that far ground stays apart from near.
+# Angular size of the cells: as wide as two LiDAR columns, flat enough to separate near and far ground.
 _COLUMN_RAD, _ROW_RAD = 1 / 160, 1 / 1000
-# Two neighbouring rings belong to one surface up to this angle (nuScenes' 32 beams: 1.33 degrees apart).
+# Largest angle between neighbouring rings of one surface (nuScenes' 32 beams are 1.33 degrees apart).
 _RING_GAP_RAD = np.deg2rad(1.7)
 _RELATIVE_SLACK, _SLACK_M = 0.04, 0.2
 
 
-class DepthPicture:
+class DepthImage:
     """Nearest depth by direction, from the points of one sweep.
 
-    The gap between two rings is filled by a straight line in inverse depth, which is exact on any plane, the road
-    included, and errs to the near side at edges.
+    Gaps between rings are interpolated linearly in inverse depth, which is exact on planes such as the road and
+    biased to the near side at edges.
     """
 
     def __init__(self, points_cam: List3, camera: Camera) -> None:
-        """Take the sweep's points (N, 3) in the camera frame, those on moving objects included."""
+        """Build the depth image from points (N, 3) in the camera frame, including those on moving objects."""
         self._camera = camera
         focal = float(camera.intrinsic[0, 0])
         self._cell_px = np.maximum([focal * _COLUMN_RAD, focal * _ROW_RAD], 1.0)
@@ -38,35 +38,35 @@ class DepthPicture:
         seen = camera.sees(uv, depth)
         inverse_depth = np.zeros((columns, rows), np.float32)
         cells, near = self._cells(uv[seen]), (1 / depth[seen]).astype(np.float32)
-        order = np.argsort(near, kind="stable")  # the nearest is written last and stays
+        order = np.argsort(near, kind="stable")  # the nearest point is written last
         inverse_depth[cells[order, 0], cells[order, 1]] = near[order]
         _fill_rings(inverse_depth, int(_RING_GAP_RAD * focal / self._cell_px[1]))
-        # One column to each side: the gaps between columns, and the blur of edges.
+        # One column to each side closes the gaps between columns and covers blurred edges.
         self._inverse_depth = cv2.dilate(inverse_depth, np.ones((3, 1), np.uint8))
 
     def _cells(self, uv_px: FloatArray) -> IntArray:
         return ((uv_px + 0.5) / self._cell_px).astype(np.int64)
 
-    def hides(self, uv_px: List2, depth_m: Numbers) -> Flags:
-        """Whether something nearer lies in front of pixels (N, 2) at depths (N,); pixels lie in the image."""
-        return np.asarray((depth_m - _SLACK_M) * self._before(uv_px) > 1 + _RELATIVE_SLACK)
+    def occludes(self, uv_px: List2, depth_m: Numbers) -> Flags:
+        """Whether a nearer surface occludes pixels (N, 2) of the image at depths (N,)."""
+        return np.asarray((depth_m - _SLACK_M) * self._inverse_depth_at(uv_px) > 1 + _RELATIVE_SLACK)
 
     def depth_m(self, uv_px: List2) -> Numbers:
-        """Depths (N,) of what the sweep saw at pixels (N, 2) of the image; infinity where it saw nothing."""
-        before = self._before(uv_px).astype(np.float64)
+        """Return the LiDAR depths (N,) at pixels (N, 2) of the image; infinite where there are no points."""
+        inverse_depth = self._inverse_depth_at(uv_px).astype(np.float64)
         with np.errstate(divide="ignore"):
-            return np.asarray(1 / before)
+            return np.asarray(1 / inverse_depth)
 
-    def _before(self, uv_px: FloatArray) -> Float32Array:
+    def _inverse_depth_at(self, uv_px: FloatArray) -> Float32Array:
         cells = self._cells(uv_px)
         return np.asarray(self._inverse_depth[cells[:, 0], cells[:, 1]])
 
 
-def _fill_rings(inverse_depth: Float32Array, most: int) -> None:
-    """Fill gaps of up to `most` rows within each column by straight lines, in place; 0 means empty."""
+def _fill_rings(inverse_depth: Float32Array, limit: int) -> None:
+    """Interpolate gaps of up to `limit` rows within each column linearly, in place; 0 means empty."""
     column, row = np.nonzero(inverse_depth)  # sorted by column, then row
     gap = np.where(column[1:] == column[:-1], row[1:] - row[:-1], 0)
-    start = np.flatnonzero((gap > 1) & (gap <= most))
+    start = np.flatnonzero((gap > 1) & (gap <= limit))
     count = gap[start] - 1
     which = np.repeat(start, count)
     step = np.arange(len(which)) - np.repeat(np.cumsum(count) - count, count) + 1
@@ -76,26 +76,26 @@ def _fill_rings(inverse_depth: Float32Array, most: int) -> None:
     inverse_depth[column[which], row[which] + step] = below + share * (above - below)
 
 
-def box_entry(origin: Vector3, directions: List3, frame_from_box: Transform, half_lwh_m: Vector3) -> Numbers:
-    """(P,) where rays origin + t * directions (P, 3) enter a box, in units of t; infinity where they miss it.
+def ray_box_entry(origin: Vector3, directions: List3, frame_from_box: Transform, half_lwh_m: Vector3) -> Numbers:
+    """Return the (P,) parameter t at which rays origin + t * directions (P, 3) enter a box; infinite if they miss it.
 
-    Slab method; a ray that begins inside enters at 0.
+    Slab method; a ray that starts inside enters at 0.
     """
     box_from_frame = inverse(frame_from_box)
     start = apply(box_from_frame, origin)
     along = directions @ box_from_frame[:3, :3].T
     with np.errstate(divide="ignore", invalid="ignore"):
         first, second = (-half_lwh_m - start) / along, (half_lwh_m - start) / along
-    # fmax and fmin pass over NaN (a ray that runs within a face's plane); by column they are fast.
+    # fmax and fmin ignore NaN (a ray in the plane of a face); reducing by column is fast.
     enter = reduce(np.fmax, np.minimum(first, second).T)
     leave = reduce(np.fmin, np.maximum(first, second).T)
     return np.where((enter <= leave) & (leave > 0), np.maximum(enter, 0.0), np.inf)
 
 
 def image_rectangle(camera: Camera, corners_cam: FloatArray) -> tuple[FloatArray, FloatArray] | None:
-    """Lower and upper pixel bounds (2,) of a box's corners (8, 3) in the camera frame.
+    """Return lower and upper pixel bounds (2,) of the corners (8, 3) of a box in the camera frame.
 
-    The whole image where a part of the box lies behind the camera, None where all of it is out of sight.
+    The whole image if a part of the box is behind the camera, None if the box is outside the image.
     """
     if corners_cam[:, 2].max() <= 0.1:
         return None
@@ -107,7 +107,7 @@ def image_rectangle(camera: Camera, corners_cam: FloatArray) -> tuple[FloatArray
     return (low, high) if (high > low).all() else None
 
 
-def hidden_by_boxes(
+def occluded_by_boxes(
     points_world: FloatArray,
     uv_px: FloatArray,
     camera: Camera,
@@ -115,7 +115,7 @@ def hidden_by_boxes(
     boxes_world: Boxes,
     margin_m: float = 0.15,
 ) -> BoolArray:
-    """(P,) whether a box, grown by a margin, stands between the camera and each of the points (P, 3)."""
+    """Whether a box, enlarged by a margin, occludes each of the points (P, 3) from the camera."""
     hidden = np.zeros(len(points_world), dtype=np.bool_)
     eye = world_from_cam[:3, 3]
     grown = replace(boxes_world, size_wlh_m=boxes_world.size_wlh_m + 2 * margin_m)
@@ -128,6 +128,6 @@ def hidden_by_boxes(
         low, high = rectangle[0] - 1, rectangle[1] + 1
         near = np.flatnonzero(~hidden & ((uv_px >= low) & (uv_px <= high)).all(axis=1))
         if len(near):
-            entry = box_entry(eye, points_world[near] - eye, grown.frame_from_box(i), halves[i])
+            entry = ray_box_entry(eye, points_world[near] - eye, grown.frame_from_box(i), halves[i])
             hidden[near] = entry < 1.0
     return hidden

@@ -1,1 +1,1 @@
-"""From pictures to maps: recordings and folders of images, a loaded network, files and pictures for people."""
+"""Inference: from images of recordings or folders to predicted maps."""

@@ -1,4 +1,4 @@
-"""A network from a file of weights, or from those that come with the package."""
+"""Load a predictor from a weights file, or from the weights shipped with the package."""
 
 from __future__ import annotations
 
@@ -10,32 +10,33 @@ from appocc.bevmap import CLASSES
 from appocc.errors import DataError
 from appocc.files import digest_of
 from appocc.inference.predictor import Predictor, Weights
-from appocc.models.fused import fused
-from appocc.models.weights import PACKAGED, load_model, thresholds_of
+from appocc.models.batch_norm_folding import fold_batch_norms
+from appocc.models.weights import PACKAGED, load_model, read_thresholds
+from appocc.typing import PathLike
 
 
-def weights_file(weights: Path | None) -> Path:
-    """A file of weights; None: that of the package.
+def weights_file(weights: PathLike | None) -> Path:
+    """Return the path of a weights file; None: the weights shipped with the package.
 
     Raises:
-        DataError: if none comes with the package.
+        DataError: if the package has no weights.
     """
     if weights is None and not PACKAGED.is_file():
         raise DataError("no weights come with this version of appocc; name a file with --weights")
-    return weights or PACKAGED
+    return PACKAGED if weights is None else Path(weights)
 
 
-def load_predictor(weights: Path | None, device: torch.device | None = None) -> Predictor:
-    """The network of a file of weights; None: of those that come with the package.
+def load_predictor(weights: PathLike | None = None, device: torch.device | None = None) -> Predictor:
+    """Load a predictor from a weights file; None: from the weights shipped with the package.
 
-    It runs on the first GPU, where there is one, unless a device is given.
+    It runs on the given device, by default on the first GPU or else on the CPU.
 
     Raises:
-        DataError: if there are none, or the file is missing or damaged.
+        DataError: if the package has no weights, or the file is missing or damaged.
     """
     path = weights_file(weights)
     model, card = load_model(path)
     digest = digest_of(path)
     chosen = device or torch.device("cuda" if torch.cuda.is_available() else "cpu")
-    thresholds = dict(zip(CLASSES, thresholds_of(card), strict=True))
-    return Predictor(fused(model), Weights(f"{card['network']} ({path.name})", digest, thresholds), chosen)
+    thresholds = dict(zip(CLASSES, read_thresholds(card), strict=True))
+    return Predictor(fold_batch_norms(model), Weights(f"{card['network']} ({path.name})", digest, thresholds), chosen)

@@ -1,1 +1,1 @@
-"""Networks from surround pictures to a grid with occupancy and colour; parts are built outside and passed in."""
+"""Networks that predict bird's-eye-view occupancy and appearance from surround images."""

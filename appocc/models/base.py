@@ -1,4 +1,4 @@
-"""What every network takes and gives."""
+"""Interface of the networks: inputs, outputs and view-transform plans."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ import torch
 from torch import Tensor, nn
 
 from appocc.camera import CameraRig
-from appocc.models.model_spec import Setting
+from appocc.models.model_spec import ModelSpec
 
 # Depth bins of the paper (section III): centres 4.5 .. 44.5 m.
 DEPTH_BINS = 41
 FIRST_DEPTH_M, DEPTH_STEP_M = 4.5, 1.0
 
 
-class Plan(Protocol):
-    """Where features of pictures go in the grid, for the rigs of a batch; made once for a rig, kept as long as it is.
+class ViewTransformPlan(Protocol):
+    """Precomputed view transform of a batch of rigs: which image features go to which grid cells.
 
     Attributes:
         seen: (B, X, Y) bool, cells that a camera of the rig can see.
@@ -26,58 +26,58 @@ class Plan(Protocol):
 
     @property
     def seen(self) -> Tensor:
-        """(B, X, Y) bool."""
+        """(B, X, Y) bool, cells that a camera of the rig can see."""
         ...
 
     def to(self, device: torch.device) -> Self:
-        """The same on a device."""
+        """Return the plan on a device."""
         ...
 
     def for_export(self) -> Self:
-        """The plan with which a network uses only operations that exporters translate rightly; slower."""
+        """Return the plan for export: the network then uses only operations that exporters support; slower."""
         ...
 
 
-class ViewOutput(NamedTuple):
-    """What is said of the pictures themselves, for auxiliary losses; None where a network does not.
+class ImageOutput(NamedTuple):
+    """Image-space predictions for auxiliary losses; None if a network has none.
 
     Attributes:
-        depth: (B, N, DEPTH_BINS, h, w) logits of the depth at each place of the features.
-        kind: (B, N, K, h, w) logits of `ViewClass`.
+        depth: (B, N, DEPTH_BINS, h, w) logits of the depth of each feature.
+        kind: (B, N, K, h, w) logits of the class of each feature, `ViewClass`.
     """
 
     depth: Tensor | None
     kind: Tensor | None
 
 
-class Output(NamedTuple):
-    """What a network answers.
+class ModelOutput(NamedTuple):
+    """Model output.
 
     Attributes:
         occupancy: (B, 3, X, Y) logits of road, vehicle, lane.
-        appearance: (B, 3, X, Y) sRGB, 0..1; None of a network for occupancy alone.
-        views: auxiliary answers; None outside training.
+        appearance: (B, 3, X, Y) sRGB, 0..1; None for networks that predict occupancy only.
+        views: image-space predictions; None outside training.
     """
 
     occupancy: Tensor
     appearance: Tensor | None
-    views: ViewOutput | None
+    views: ImageOutput | None
 
 
 class BEVModel(nn.Module, ABC):
-    """A network from the pictures of rigs to a grid.
+    """A network that predicts a bird's-eye-view grid from the images of a camera rig.
 
-    Pictures are (B, N, 3, H, W) sRGB, 0..1, of the size of the setting, one per camera of a rig in its order; rigs of
-    a batch may have fewer than N cameras, the rest of their pictures is not looked at. A dead camera is left out of
-    the rig.
+    Images are (B, N, 3, H, W) sRGB, 0..1, of the size in the model spec, one per camera in the order of the rig. Rigs
+    of a batch may have fewer than N cameras: the remaining images are ignored. Missing cameras are not part of the
+    rig.
     """
 
-    setting: Setting
+    spec: ModelSpec
 
     @abstractmethod
-    def plan(self, rigs: Sequence[CameraRig]) -> Plan:
-        """The plan of a batch; each rig's cameras are those of the pictures as the network is given them."""
+    def plan(self, rigs: Sequence[CameraRig]) -> ViewTransformPlan:
+        """Return the view-transform plan of a batch; the cameras are those of the images after `fit_image`."""
 
     @abstractmethod
-    def forward(self, images: Tensor, plan: Plan) -> Output:
-        """Answer a batch (images: see the class)."""
+    def forward(self, images: Tensor, plan: ViewTransformPlan) -> ModelOutput:
+        """Predict a batch of images (B, N, 3, H, W), as described for the class."""

@@ -1,7 +1,7 @@
-"""EfficientNet-B0 as an encoder of pictures, cut off where its features are wanted.
+"""EfficientNet-B0 as an image encoder, truncated after the required stride.
 
 Tan and Le, "EfficientNet: Rethinking Model Scaling for Convolutional Neural Networks", ICML 2019. Parameters are
-named as in torchvision, so that its ImageNet weights load with `strict=False`.
+named as in torchvision, whose ImageNet weights load with `strict=False`.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ IMAGENET_STD = (0.229, 0.224, 0.225)
 
 
 class _Stage(NamedTuple):
-    """A row of the paper's table 1: blocks of one kind; the first of them has the stride."""
+    """A row of the paper's table 1: equal blocks, the first of which has the stride."""
 
     expansion: int
     kernel: int
@@ -43,26 +43,26 @@ _STAGES = (
     _Stage(6, 5, 2, 112, 192, 4),
     _Stage(6, 3, 1, 192, 320, 1),
 )
-# Number of the last stage at each stride, counted as in `features` (0 is the stem).
+# Index in `features` of the last stage at each stride (0 is the stem).
 _LAST_STAGE = MappingProxyType({4: 2, 8: 3, 16: 5, 32: 7})
-# Chance that the last block of the whole network is skipped in training; earlier ones in proportion to their depth.
+# Drop probability of the last block in training; earlier blocks in proportion to their depth.
 _SKIP_CHANCE = 0.2
 
 
 class EfficientNetB0(nn.Module):
-    """Pictures -> features at strides 4, 8, 16 and 32, as far as it is kept; deeper stages are not made at all.
+    """Image features at strides 4, 8, 16 and 32, up to a given stride; deeper stages are omitted.
 
-    Padding is symmetric, (kernel - 1) // 2, so feature i looks at pixel i * stride: see `column_centres_px`.
+    Padding is symmetric, (kernel - 1) // 2, so feature i is centred on pixel i * stride: see `column_centres_px`.
 
     Attributes:
-        channels: of the features, by stride.
+        channels: number of features by stride.
     """
 
     mean: Tensor
     std: Tensor
 
     def __init__(self, stride: int = 16) -> None:
-        """Make the stages up to a stride, with fresh weights.
+        """Build the stages up to a stride, with random weights.
 
         Raises:
             ShapeError: if there are no features at this stride.
@@ -76,19 +76,19 @@ class EfficientNetB0(nn.Module):
         self.features = nn.Sequential(
             _conv_norm(3, _STEM_CHANNELS, 3, 2), *(_stage(number) for number in range(kept[stride]))
         )
-        # Not weights: they are the same in every file.
+        # Constants, not weights.
         self.register_buffer("mean", torch.tensor(IMAGENET_MEAN).view(3, 1, 1), persistent=False)
         self.register_buffer("std", torch.tensor(IMAGENET_STD).view(3, 1, 1), persistent=False)
-        _start(self)
+        _initialise(self)
 
     def forward(self, images: Tensor) -> dict[int, Tensor]:
-        """Look at pictures.
+        """Encode images.
 
         Args:
             images: (B, 3, H, W) sRGB, 0..1.
 
         Returns:
-            By stride, (B, channels[stride], ceil(H / stride), ceil(W / stride)).
+            Features by stride: (B, channels[stride], ceil(H / stride), ceil(W / stride)).
         """
         x = (images - self.mean) / self.std
         found: dict[int, Tensor] = {}
@@ -100,10 +100,10 @@ class EfficientNetB0(nn.Module):
 
 
 def column_centres_px(stride: int, count: int) -> FloatArray:
-    """The pixel (count,) that each feature column (or row) looks at; pixel centres lie at whole numbers.
+    """Return the pixel (count,) at the centre of the receptive field of each feature column (or row).
 
-    Follows the padding of every convolution; edges of the picture do not matter. Because padding is symmetric, column
-    i looks at i * stride: not at the middle of a patch, nor at evenly spread places from edge to edge.
+    Pixel centres are at whole numbers. The centres follow from the padding of every convolution; image borders are
+    ignored. Because padding is symmetric, column i is centred on pixel i * stride and not on the middle of a patch.
 
     Raises:
         ShapeError: if there are no features at this stride.
@@ -119,7 +119,7 @@ def column_centres_px(stride: int, count: int) -> FloatArray:
 
 
 def _convolutions(last_stage: int) -> Iterator[tuple[int, int]]:
-    """(kernel, stride) of every spatial convolution up to a stage."""
+    """Yield (kernel, stride) of every spatial convolution up to a stage."""
     yield 3, 2
     for stage in _STAGES[:last_stage]:
         yield stage.kernel, stage.stride
@@ -130,13 +130,13 @@ def _conv_norm(
     channels_in: int, channels_out: int, kernel: int, stride: int = 1, groups: int = 1, act: bool = True
 ) -> nn.Sequential:
     conv = nn.Conv2d(channels_in, channels_out, kernel, stride, padding=(kernel - 1) // 2, groups=groups, bias=False)
-    # The usual momentum of 0.01 leaves statistics wrong after a few hundred steps.
+    # With the usual momentum of 0.01 the statistics are not converged after a few hundred steps.
     layers: list[nn.Module] = [conv, nn.BatchNorm2d(channels_out, momentum=0.1)]
     return nn.Sequential(*layers, *([nn.SiLU(inplace=True)] if act else []))
 
 
 def _stage(number: int) -> nn.Sequential:
-    """All blocks of a stage, each with its chance of being skipped."""
+    """Return all blocks of a stage with their drop probabilities."""
     stage = _STAGES[number]
     before = sum(earlier.blocks for earlier in _STAGES[:number])
     total = sum(each.blocks for each in _STAGES)
@@ -150,7 +150,7 @@ def _stage(number: int) -> nn.Sequential:
 
 
 class _SqueezeExcitation(nn.Module):
-    """Channels weighted by what the whole picture holds."""
+    """Squeeze-and-excitation: channel weights from the global mean of the features."""
 
     def __init__(self, channels: int, squeezed: int) -> None:
         super().__init__()
@@ -164,7 +164,7 @@ class _SqueezeExcitation(nn.Module):
 
 
 class _MBConv(nn.Module):
-    """Inverted bottleneck: wider, convolution per channel, squeeze-excite, narrower."""
+    """Inverted bottleneck: expansion, depthwise convolution, squeeze-and-excitation, projection."""
 
     def __init__(self, stage: _Stage, channels_in: int, stride: int, skip_chance: float) -> None:
         super().__init__()
@@ -181,19 +181,19 @@ class _MBConv(nn.Module):
 
     def forward(self, x: Tensor) -> Tensor:
         y: Tensor = self.block(x)
-        return x + self._sometimes(y) if self.residual else y
+        return x + self._drop(y) if self.residual else y
 
-    def _sometimes(self, y: Tensor) -> Tensor:
-        """Stochastic depth, picture by picture (Huang et al., ECCV 2016)."""
+    def _drop(self, y: Tensor) -> Tensor:
+        """Drop the block per image: stochastic depth (Huang et al., ECCV 2016)."""
         if not self.training or self.skip_chance == 0:
             return y
-        stays = 1 - self.skip_chance
-        kept = torch.empty(len(y), 1, 1, 1, dtype=y.dtype, device=y.device).bernoulli_(stays)
-        return y * (kept / stays)
+        keep_chance = 1 - self.skip_chance
+        kept = torch.empty(len(y), 1, 1, 1, dtype=y.dtype, device=y.device).bernoulli_(keep_chance)
+        return y * (kept / keep_chance)
 
 
-def _start(module: nn.Module) -> None:
-    """Fresh weights: He's, by the number of outputs, as torchvision's EfficientNet starts."""
+def _initialise(module: nn.Module) -> None:
+    """Initialise convolutions with He's method (fan-out), as torchvision's EfficientNet."""
     for part in module.modules():
         if isinstance(part, nn.Conv2d):
             nn.init.kaiming_normal_(part.weight, mode="fan_out")

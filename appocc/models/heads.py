@@ -1,4 +1,4 @@
-"""What a network says at the end: classes and colours of cells, and in training depth and classes of the pictures."""
+"""Output heads: occupancy and appearance of grid cells; in training also depth and class of image features."""
 
 from __future__ import annotations
 
@@ -9,27 +9,34 @@ from torch import Tensor, nn
 
 from appocc.models.base import DEPTH_BINS
 
-# Shares of cells that are road, vehicle and lane: a network that starts there has no need to learn them first.
+# Shares of cells that are road, vehicle and lane: initial predictions, so that training need not learn them.
 PRIORS = (0.2, 0.02, 0.015)
 
 
 def log_odds(shares: tuple[float, ...]) -> Tensor:
-    """Logits (K,) of probabilities."""
+    """Return logits (K,) of probabilities."""
     return torch.tensor([math.log(share / (1 - share)) for share in shares])
 
 
 class GridHeads(nn.Module):
-    """Occupancy and, if wanted, appearance of each cell, from features at the grid's own resolution.
+    """Occupancy and optionally appearance of each cell, from features at the resolution of the grid.
 
-    A cell's colour is a mean of its own answer and of the colours that pictures offer for it, weighted by what the
-    cell thinks of each: copying is learnt sooner than naming, and holds for paint that no training showed.
+    The colour of a cell is a weighted mean of a predicted colour and of candidate colours sampled from the images;
+    the head predicts the weights. Copying colours is learnt faster than predicting them, and generalises to paint
+    that is not in the training data.
     """
 
     def __init__(self, channels: int, appearance: bool, offers: int) -> None:
-        """Make it with fresh weights; occupancy starts at `PRIORS`, appearance between grey and what is offered."""
+        """Build the heads with random weights; occupancy starts at `PRIORS`, appearance as a mean of all candidates.
+
+        Args:
+            channels: number of input features.
+            appearance: predict appearance too.
+            offers: number of candidate colours per cell.
+        """
         super().__init__()
         self.appearance = appearance
-        # One convolution for all: the features have few channels, and a second pass over the grid costs more.
+        # One convolution for all outputs: a second pass over the grid costs more than the extra channels.
         self.answer = nn.Conv2d(channels, 3 + 3 + 1 + offers if appearance else 3, 3, padding=1)
         nn.init.normal_(self.answer.weight, std=0.01)
         nn.init.zeros_(self.answer.bias)  # type: ignore[arg-type]
@@ -37,11 +44,11 @@ class GridHeads(nn.Module):
             self.answer.bias[:3] = log_odds(PRIORS)  # type: ignore[index]
 
     def forward(self, cells: Tensor, offered: Tensor) -> tuple[Tensor, Tensor | None]:
-        """Say what cells hold.
+        """Predict occupancy and appearance.
 
         Args:
             cells: (B, C, X, Y) features.
-            offered: (B, offers, 4, X, Y) colours, 0..1, and 1 where there is one, else 0.
+            offered: (B, offers, 4, X, Y) candidate colours, 0..1, and a validity of 1 or 0.
 
         Returns:
             Logits (B, 3, X, Y), and colours (B, 3, X, Y) 0..1; both float32.
@@ -49,21 +56,21 @@ class GridHeads(nn.Module):
         answer = self.answer(cells).float()
         if not self.appearance:
             return answer, None
-        own, liking = torch.sigmoid(answer[:, None, 3:6]), answer[:, 6:]  # B 1 3 X Y, B 1+offers X Y
-        there = torch.cat([torch.ones_like(liking[:, :1]), offered[:, :, 3]], dim=1) > 0.5
-        share = torch.where(there, liking, -1e4).softmax(dim=1)
-        return answer[:, :3], (share[:, :, None] * torch.cat([own, offered[:, :, :3]], dim=1)).sum(dim=1)
+        own, score = torch.sigmoid(answer[:, None, 3:6]), answer[:, 6:]  # B 1 3 X Y, B 1+offers X Y
+        valid = torch.cat([torch.ones_like(score[:, :1]), offered[:, :, 3]], dim=1) > 0.5
+        weight = torch.where(valid, score, -1e4).softmax(dim=1)
+        return answer[:, :3], (weight[:, :, None] * torch.cat([own, offered[:, :, :3]], dim=1)).sum(dim=1)
 
 
-class ViewHeads(nn.Module):
-    """Depth and class at each place of the pictures: extra lessons for training, nothing of it runs afterwards."""
+class ImageHeads(nn.Module):
+    """Depth and class of image features, for auxiliary losses; not used after training."""
 
-    def __init__(self, channels: int, kinds: int) -> None:
-        """Make it for a number of classes of `ViewClass`."""
+    def __init__(self, channels: int, num_classes: int) -> None:
+        """Build the heads for a number of classes of `ViewClass`."""
         super().__init__()
         self.depth = nn.Conv2d(channels, DEPTH_BINS, 1)
-        self.kind = nn.Conv2d(channels, kinds, 1)
+        self.kind = nn.Conv2d(channels, num_classes, 1)
 
     def forward(self, features: Tensor) -> tuple[Tensor, Tensor]:
-        """Features (V, C, h, w) -> logits (V, DEPTH_BINS, h, w) and (V, kinds, h, w), float32."""
+        """Return logits (V, DEPTH_BINS, h, w) and (V, num_classes, h, w), float32, of features (V, C, h, w)."""
         return self.depth(features).float(), self.kind(features).float()

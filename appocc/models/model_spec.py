@@ -1,4 +1,4 @@
-"""What a network sees and what it answers: which cameras, which grid, which size of picture."""
+"""Model specification: cameras, grid and image size of a network."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from appocc.grid import BEVGrid
 
 
 @dataclass(frozen=True)
-class Setting:
-    """One of the paper's two settings (section V), or one's own.
+class ModelSpec:
+    """Cameras, grid and image size of a network: one of the paper's two settings (section V), or a custom one.
 
     Attributes:
-        name: as on the command line.
-        channels: cameras that are used, in the order of the pictures.
-        grid: cells that are answered, ego frame.
-        width_px: of the pictures that the network is given.
-        height_px: of them.
+        name: name on the command line.
+        channels: cameras that are used, in the order of the images.
+        grid: predicted cells, ego frame.
+        width_px: width of the input images.
+        height_px: height of the input images.
     """
 
     name: str
@@ -30,9 +30,9 @@ class Setting:
 
 _FRONT = ("CAM_FRONT_LEFT", "CAM_FRONT", "CAM_FRONT_RIGHT")
 _BACK = ("CAM_BACK_LEFT", "CAM_BACK", "CAM_BACK_RIGHT")
-SETTINGS: Mapping[str, Setting] = MappingProxyType(
+MODEL_SPECS: Mapping[str, ModelSpec] = MappingProxyType(
     {
-        "360": Setting("360", _FRONT + _BACK, BEVGrid.surround()),
-        "180": Setting("180", _FRONT, BEVGrid.front()),
+        "360": ModelSpec("360", _FRONT + _BACK, BEVGrid.surround()),
+        "180": ModelSpec("180", _FRONT, BEVGrid.front()),
     }
 )

@@ -1,7 +1,7 @@
-"""The paper's own network: two trunks over one splatted grid, one for occupancy and one for appearance.
+"""The paper's network: two trunks over one splatted grid, for occupancy and for appearance.
 
-paper.tex, section III: EfficientNet-B0 to 1/16, 64 channels of context and a distribution over 41 depths, summed into
-the grid; then for either answer the first three stages of ResNet-18 and two up-sampling layers.
+Section III of the paper: EfficientNet-B0 to stride 16, 64 channels of context and a distribution over 41 depths,
+splatted into the grid; then for each output the first three stages of ResNet-18 and two upsampling layers.
 """
 
 from __future__ import annotations
@@ -11,47 +11,47 @@ from torch import Tensor
 
 from appocc.bevmap import CLASSES
 from appocc.errors import ShapeError
-from appocc.models.base import Output, Plan
+from appocc.models.base import ModelOutput, ViewTransformPlan
 from appocc.models.efficientnet import EfficientNetB0
 from appocc.models.lss import CONTEXT_CHANNELS, STRIDE, Lift, SplatModel
-from appocc.models.model_spec import Setting
+from appocc.models.model_spec import ModelSpec
 from appocc.models.resnet import BEVTrunk
 
 _COLOURS = 3
 
 
 class PaperNet(SplatModel):
-    """The paper's network; without appearance it is the paper's ablation, one trunk."""
+    """The paper's network; without appearance it is the one-trunk network of the paper's ablation."""
 
     def __init__(
-        self, setting: Setting, encoder: EfficientNetB0 | None = None, appearance: bool = True, kinds: int = 0
+        self, spec: ModelSpec, encoder: EfficientNetB0 | None = None, appearance: bool = True, num_classes: int = 0
     ) -> None:
-        """Make it with fresh weights.
+        """Build the network with random weights.
 
         Args:
-            setting: cameras, grid, size of the pictures.
-            encoder: cut at stride 16; a fresh one if there is none.
-            appearance: whether it answers that.
-            kinds: classes of the pictures' own auxiliary answer; 0 for none, as in the paper.
+            spec: cameras, grid and image size.
+            encoder: image encoder that ends at stride 16; None: a new one.
+            appearance: predict appearance too.
+            num_classes: number of classes of the auxiliary image head; 0 for none, as in the paper.
 
         Raises:
-            ShapeError: if the encoder is not cut at stride 16.
+            ShapeError: if the encoder does not end at stride 16.
         """
-        super().__init__(setting)
+        super().__init__(spec)
         self.encoder = EfficientNetB0(STRIDE) if encoder is None else encoder
         if max(self.encoder.channels) != STRIDE:
             raise ShapeError(f"encoder: expected one cut at stride {STRIDE}, got {max(self.encoder.channels)}")
-        self.lift = Lift(self.encoder.channels[STRIDE], CONTEXT_CHANNELS, kinds)
+        self.lift = Lift(self.encoder.channels[STRIDE], CONTEXT_CHANNELS, num_classes)
         self.occupancy = BEVTrunk(CONTEXT_CHANNELS, len(CLASSES))
         self.appearance = BEVTrunk(CONTEXT_CHANNELS, _COLOURS) if appearance else None
 
-    def look(self, pictures: Tensor) -> Tensor:
-        """Features (V, 112, h, w) at stride 16 of pictures (V, 3, H, W)."""
-        features: Tensor = self.encoder(pictures)[STRIDE]
+    def encode(self, images: Tensor) -> Tensor:
+        """Return features (V, 112, h, w) at stride 16 of images (V, 3, H, W)."""
+        features: Tensor = self.encoder(images)[STRIDE]
         return features
 
-    def forward(self, images: Tensor, plan: Plan) -> Output:
-        """Answer a batch; colours pass a sigmoid, so that they are colours."""
-        grid, views = self.splatted(images, plan)
+    def forward(self, images: Tensor, plan: ViewTransformPlan) -> ModelOutput:
+        """Predict occupancy and appearance; a sigmoid keeps colours in 0..1."""
+        grid, views = self.lift_and_splat(images, plan)
         colours = None if self.appearance is None else torch.sigmoid(self.appearance(grid))
-        return Output(self.occupancy(grid), colours, views)
+        return ModelOutput(self.occupancy(grid), colours, views)

@@ -1,4 +1,4 @@
-"""The networks by name."""
+"""Registry of the networks by name."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from appocc.grid import BEVGrid
 from appocc.models.base import BEVModel
 from appocc.models.ipm import ipm
 from appocc.models.lss import LiftSplatShoot
-from appocc.models.model_spec import Setting
+from appocc.models.model_spec import ModelSpec
 from appocc.models.neat import AttentionField
 from appocc.models.network import AppoccNet
 from appocc.models.paper import PaperNet
@@ -22,35 +22,35 @@ from appocc.models.paper import PaperNet
 DEFAULT = "appocc"
 
 
-def _paper(setting: Setting, appearance: bool, kinds: int) -> BEVModel:
-    return PaperNet(setting, appearance=appearance, kinds=kinds)
+def _paper(spec: ModelSpec, appearance: bool, num_classes: int) -> BEVModel:
+    return PaperNet(spec, appearance=appearance, num_classes=num_classes)
 
 
-def _lss(setting: Setting, appearance: bool, kinds: int) -> BEVModel:
-    return LiftSplatShoot(setting)
+def _lss(spec: ModelSpec, appearance: bool, num_classes: int) -> BEVModel:
+    return LiftSplatShoot(spec)
 
 
-def _neat(setting: Setting, appearance: bool, kinds: int) -> BEVModel:
-    return AttentionField(setting)
+def _neat(spec: ModelSpec, appearance: bool, num_classes: int) -> BEVModel:
+    return AttentionField(spec)
 
 
 class Colouring(Protocol):
-    """A way to colour a grid that learns nothing and knows no classes; see `ipm.ipm`."""
+    """A method that colours a grid without learning or classes; see `ipm.ipm`."""
 
     def __call__(self, images: Tensor, rig: CameraRig, grid: BEVGrid) -> tuple[Tensor, Tensor]:
-        """Images (N, 3, H, W) -> colours (3, X, Y), 0..1, and where they are known (X, Y)."""
+        """Return colours (3, X, Y) in 0..1 and where they are known (X, Y), from images (N, 3, H, W)."""
         ...
 
 
 class Network(NamedTuple):
-    """How a network is made.
+    """Registry entry of a network.
 
     Attributes:
-        make: (setting, appearance, kinds) -> network with fresh weights.
-        appearance: whether it can answer colours.
+        make: (spec, appearance, num_classes) -> network with random weights.
+        appearance: whether the network can predict appearance.
     """
 
-    make: Callable[[Setting, bool, int], BEVModel]
+    make: Callable[[ModelSpec, bool, int], BEVModel]
     appearance: bool
 
 
@@ -62,25 +62,25 @@ NETWORKS: Mapping[str, Network] = MappingProxyType(
         "neat": Network(_neat, False),
     }
 )
-# Kept apart: it has no occupancy to answer, and zeros would be a claim.
+# Separate from NETWORKS: they predict no occupancy, and zeros would be a prediction.
 COLOURINGS: Mapping[str, Colouring] = MappingProxyType({"ipm": ipm})
 
 
-def build(name: str, setting: Setting, *, appearance: bool = True, kinds: int = 0) -> BEVModel:
-    """A network with fresh weights, from torch's own random numbers.
+def build(name: str, spec: ModelSpec, *, appearance: bool = True, num_classes: int = 0) -> BEVModel:
+    """Build a network with random weights from torch's global generator.
 
     Args:
         name: one of NETWORKS.
-        setting: what it sees and answers.
-        appearance: answer colours as well; networks for occupancy alone never do.
-        kinds: number of classes of the view heads, for training; 0 leaves these heads out.
+        spec: cameras, grid and image size.
+        appearance: predict appearance too; ignored by networks that predict occupancy only.
+        num_classes: number of classes of the image heads for training; 0 for no image heads.
 
     Raises:
         NotFoundError: if there is no network of this name.
-        ShapeError: if `kinds` is negative.
+        ShapeError: if `num_classes` is negative.
     """
     if name not in NETWORKS:
         raise NotFoundError(f"no network '{name}'; there are {', '.join(NETWORKS)}")
-    if kinds < 0:
-        raise ShapeError(f"kinds: expected 0 or more classes, got {kinds}")
-    return NETWORKS[name].make(setting, appearance, kinds)
+    if num_classes < 0:
+        raise ShapeError(f"num_classes: expected 0 or more classes, got {num_classes}")
+    return NETWORKS[name].make(spec, appearance, num_classes)

@@ -1,4 +1,4 @@
-"""The first three stages of ResNet-18 with two up-sampling layers: the trunk over the grid of Lift-Splat-Shoot.
+"""The first three stages of ResNet-18 with two upsampling layers: the grid trunk of Lift-Splat-Shoot.
 
 He et al., "Deep Residual Learning for Image Recognition", CVPR 2016; Philion and Fidler, "Lift, Splat, Shoot",
 ECCV 2020, section 4.1.
@@ -12,10 +12,10 @@ from torch.nn import functional
 
 
 class BasicBlock(nn.Module):
-    """Two 3x3 convolutions beside a short cut."""
+    """Residual block of two 3x3 convolutions."""
 
     def __init__(self, channels_in: int, channels_out: int, stride: int = 1) -> None:
-        """Make it; the last batch norm starts at zero, so that a fresh block passes its input on."""
+        """Build the block; the last batch norm starts at zero, so that a new block is the identity."""
         super().__init__()
         self.first = conv_norm_relu(channels_in, channels_out, 3, stride)
         self.second = nn.Sequential(
@@ -31,19 +31,20 @@ class BasicBlock(nn.Module):
                 nn.init.zeros_(norm.weight)
 
     def forward(self, x: Tensor) -> Tensor:
-        """(B, channels_in, X, Y) -> (B, channels_out, X / stride, Y / stride), rounded up."""
+        """Return (B, channels_out, X / stride, Y / stride), rounded up, of features (B, channels_in, X, Y)."""
         return functional.relu(self.second(self.first(x)) + self.short_cut(x))
 
 
 class BEVTrunk(nn.Module):
-    """A grid of features -> a grid of answers, at the same size.
+    """Convolutional trunk from grid features to grid outputs of the same size.
 
-    The stem halves the grid (no pooling after it), the stages have 64, 128 and 256 channels at 1/2, 1/4 and 1/8; what
-    was seen at 1/8 is scaled up to 1/2, joined with the first stage, and scaled up to the whole grid.
+    The stem halves the grid (no pooling after it); the stages have 64, 128 and 256 channels at strides 2, 4 and 8.
+    The features at stride 8 are upsampled to stride 2, concatenated with those of the first stage, and upsampled to
+    the whole grid.
     """
 
     def __init__(self, channels_in: int, channels_out: int) -> None:
-        """Make it with fresh weights."""
+        """Build the trunk with random weights."""
         super().__init__()
         self.stem = conv_norm_relu(channels_in, 64, 7, 2)
         self.stage1 = nn.Sequential(BasicBlock(64, 64), BasicBlock(64, 64))
@@ -53,29 +54,29 @@ class BEVTrunk(nn.Module):
         self.head = nn.Sequential(conv_norm_relu(256, 128, 3), nn.Conv2d(128, channels_out, 1))
 
     def forward(self, grid: Tensor) -> Tensor:
-        """(B, channels_in, X, Y) -> (B, channels_out, X, Y)."""
+        """Return (B, channels_out, X, Y) of features (B, channels_in, X, Y)."""
         half: Tensor = self.stage1(self.stem(grid))  # B 64 X/2 Y/2
         deep: Tensor = self.stage3(self.stage2(half))  # B 256 X/8 Y/8
-        joined: Tensor = self.join(joined_at(half, deep))  # B 256 X/2 Y/2
-        answer: Tensor = self.head(scaled_up(joined, grid))
+        joined: Tensor = self.join(concat_upscaled(half, deep))  # B 256 X/2 Y/2
+        answer: Tensor = self.head(resize_like(joined, grid))
         return answer
 
 
-def joined_at(fine: Tensor, coarse: Tensor) -> Tensor:
-    """(B, C1 + C2, H, W): coarse features scaled up to the size of the fine ones, and both together."""
-    return torch.cat([fine, scaled_up(coarse, fine)], dim=1)
+def concat_upscaled(fine: Tensor, coarse: Tensor) -> Tensor:
+    """Upsample coarse features to the size of the fine ones and concatenate: (B, C1 + C2, H, W)."""
+    return torch.cat([fine, resize_like(coarse, fine)], dim=1)
 
 
-def scaled_up(x: Tensor, like: Tensor) -> Tensor:
-    """Bilinear, to the height and width of another tensor.
+def resize_like(x: Tensor, like: Tensor) -> Tensor:
+    """Resize to the height and width of another tensor, bilinear with aligned corners.
 
-    Corners stay corners: a feature at stride s looks at pixel i * s, so the first lies on the first.
+    Feature i at stride s is centred on pixel i * s, so the first features of both tensors are at the same position.
     """
     return functional.interpolate(x, size=like.shape[-2:], mode="bilinear", align_corners=True)
 
 
 def conv_norm_relu(channels_in: int, channels_out: int, kernel: int, stride: int = 1) -> nn.Sequential:
-    """Convolution, batch norm, ReLU; padding keeps the size, rounded up at a stride."""
+    """Return convolution, batch norm and ReLU; padding keeps the size, divided by the stride and rounded up."""
     conv = nn.Conv2d(channels_in, channels_out, kernel, stride, padding=(kernel - 1) // 2, bias=False)
     nn.init.kaiming_normal_(conv.weight, mode="fan_out", nonlinearity="relu")
     return nn.Sequential(conv, nn.BatchNorm2d(channels_out), nn.ReLU(inplace=True))

@@ -1,4 +1,4 @@
-"""How far two right ways of computing a network may be apart: instruction sets and threads reorder its sums."""
+"""Bounds on rounding errors: instruction sets and threads change the order of the sums in a network."""
 
 from __future__ import annotations
 
@@ -7,20 +7,20 @@ import math
 import torch
 from torch import nn
 
-# Roundings add up as a random walk, whose length is rarely beyond a few deviations.
+# Rounding errors add up like a random walk, which rarely exceeds a few standard deviations.
 _DEVIATIONS = 8.0
 
 
 def rounding(terms: int, dtype: torch.dtype = torch.float32) -> float:
-    """Largest difference between two orders of the same sums, as a share of the size of the numbers.
+    """Return the largest relative difference to expect between two orders of the same sums.
 
     Args:
-        terms: of all sums, one after the other; each may round once.
-        dtype: in which they are computed.
+        terms: number of terms of all consecutive sums; each may round once.
+        dtype: type of the computation.
     """
     return _DEVIATIONS * torch.finfo(dtype).eps * math.sqrt(terms)
 
 
-def terms_of(model: nn.Module) -> int:
-    """Terms of all sums between a network's pictures and one of its answers: the weights of an output, by layer."""
+def count_terms(model: nn.Module) -> int:
+    """Count the terms of all sums between the images and an output of a network: weights per output, by layer."""
     return sum(weight[0].numel() for weight in model.parameters() if weight.ndim > 1)

@@ -1,4 +1,4 @@
-"""Weights on disk: one safetensors file with a card that says what they are; nothing in it is ever executed."""
+"""Weights files: safetensors with a model card; loading executes no code."""
 
 from __future__ import annotations
 
@@ -15,39 +15,40 @@ from appocc.errors import AppoccError, DataError
 from appocc.files import write_bytes
 from appocc.grid import BEVGrid
 from appocc.models.base import BEVModel
-from appocc.models.model_spec import SETTINGS, Setting
+from appocc.models.model_spec import MODEL_SPECS, ModelSpec
 from appocc.models.registry import NETWORKS, build
+from appocc.typing import PathLike
 
-# Come with the package.
+# Shipped with the package.
 PACKAGED = Path(__file__).parent / "data" / "appocc.safetensors"
 VERSION = "1"
-# Safetensors writes several entries in an order that differs from run to run; one entry makes the same file.
+# Safetensors writes several entries in random order; a single entry keeps files reproducible.
 _ENTRY = "card"
-# A file that asks for more would only fill the memory.
+# Limits against files that exhaust the memory.
 _MOST_CELLS, _MOST_PIXELS = 4_000_000, 16_000_000
 Card = Mapping[str, str]
 
 
-def save_weights(path: Path, model: BEVModel, card: Card, half: bool = False) -> None:
-    """Write what a network needs to answer, whole or not at all; the same weights give the same bytes.
+def save_weights(path: PathLike, model: BEVModel, card: Card, half: bool = False) -> None:
+    """Write the weights of a network for inference, atomically; the same weights give the same bytes.
 
-    Heads that only training uses are left out.
+    Heads for training only are left out.
 
     Args:
-        path: ends in .safetensors.
-        model: network of `build`.
-        card: what people and programs should know; `network` is its name. `thresholds` (JSON, one per class) are 0.5
-            where not given. `setting`, `view` (JSON: cameras, grid, size), `appearance` and `version` are set here.
-        half: write matrices as float16, half the size; statistics and biases stay as they are.
+        path: file name that ends in .safetensors.
+        model: network made by `build`.
+        card: model card; `network` is the name of the network. `thresholds` (JSON, one per class) are 0.5 by default.
+            `setting`, `view` (JSON: cameras, grid, size), `appearance` and `version` are set here.
+        half: write matrices as float16, half the size; statistics and biases keep their type.
 
     Raises:
-        DataError: if weights are not finite or not those of the network, if thresholds are none, or the file cannot
-            be written.
-        NotFoundError: if there is no network of the card's name.
+        DataError: if weights are not finite or not those of the network, if thresholds are invalid, or the file
+            cannot be written.
+        NotFoundError: if there is no network with the name on the card.
     """
     state = model.state_dict()
     name = card.get("network", "")
-    appearance, wanted = _kind_of(name, model.setting, state)
+    appearance, wanted = _inference_weights(name, model.spec, state)
     tensors = {key: _packed(state[key], half) for key in sorted(wanted)}
     for key, tensor in tensors.items():
         if not torch.isfinite(tensor).all():
@@ -55,18 +56,18 @@ def save_weights(path: Path, model: BEVModel, card: Card, half: bool = False) ->
     full = {
         "thresholds": "[0.5, 0.5, 0.5]",
         **card,
-        "setting": model.setting.name,
-        "view": _view_text(model.setting),
+        "setting": model.spec.name,
+        "view": _view_json(model.spec),
         "appearance": json.dumps(appearance),
         "version": VERSION,
     }
-    thresholds_of(full)
+    read_thresholds(full)
     data = save(tensors, {_ENTRY: json.dumps(full, sort_keys=True)})
     write_bytes(path, data)
 
 
-def load_model(path: Path) -> tuple[BEVModel, dict[str, str]]:
-    """The network of a file in eval mode, float32, and its card.
+def load_model(path: PathLike) -> tuple[BEVModel, dict[str, str]]:
+    """Load the network of a weights file, float32 and in eval mode, and its model card.
 
     Raises:
         DataError: if the file is missing or damaged, or was not written by `save_weights`.
@@ -75,13 +76,13 @@ def load_model(path: Path) -> tuple[BEVModel, dict[str, str]]:
     try:
         if card["version"] != VERSION:
             raise ValueError(f"expected weights of version {VERSION}, got {card['version']}")
-        setting = _setting_of(card["setting"], card["view"])
-        model = _bare(card["network"], setting, bool(json.loads(card["appearance"])))
-        thresholds_of(card)
+        spec = _parse_spec(card["setting"], card["view"])
+        model = _bare(card["network"], spec, bool(json.loads(card["appearance"])))
+        read_thresholds(card)
     except KeyError as error:
-        raise DataError(f"{path}: no weights of this project, the card lacks {error}") from error
+        raise DataError(f"{path}: not weights of this project, the card lacks {error}") from error
     except (AppoccError, ValueError, TypeError, OverflowError, RecursionError) as error:
-        raise DataError(f"{path}: the card cannot be true ({_one_line(error)})") from error
+        raise DataError(f"{path}: invalid model card ({_one_line(error)})") from error
     wanted = model.state_dict()
     for key in sorted(wanted.keys() | state.keys()):
         want, got = (_shape(tensors.get(key)) for tensors in (wanted, state))
@@ -93,26 +94,26 @@ def load_model(path: Path) -> tuple[BEVModel, dict[str, str]]:
     return model.eval(), card
 
 
-def begin_with(model: BEVModel, path: Path) -> None:
-    """Give a network the weights of a file; heads that only training uses stay as they are.
+def load_weights_into(model: BEVModel, path: PathLike) -> None:
+    """Load the weights of a file into a network; heads for training only are unchanged.
 
     Raises:
-        DataError: as `load_model`, or if the weights are of another network.
+        DataError: as `load_model`, or if the weights belong to another network.
     """
     other, card = load_model(path)
     given, own = other.state_dict(), model.state_dict()
     alike = all(_shape(own.get(key)) == tuple(tensor.shape) for key, tensor in given.items())
-    if type(other) is not type(model) or other.setting != model.setting or not alike:
+    if type(other) is not type(model) or other.spec != model.spec or not alike:
         kind = f"{card['network']}, {card['setting']} degrees, appearance {card['appearance']}"
         raise DataError(f"{path}: expected weights of the network to train, got those of {kind}")
     model.load_state_dict(own | given)
 
 
-def thresholds_of(card: Card) -> tuple[float, float, float]:
-    """Probabilities from which a cell is taken to be road, vehicle, lane.
+def read_thresholds(card: Card) -> tuple[float, float, float]:
+    """Read the decision thresholds of road, vehicle and lane from a model card.
 
     Raises:
-        DataError: if the card holds none.
+        DataError: if they are missing or invalid.
     """
     try:
         road, vehicle, lane = (float(each) for each in json.loads(card["thresholds"]))
@@ -123,8 +124,9 @@ def thresholds_of(card: Card) -> tuple[float, float, float]:
     return road, vehicle, lane
 
 
-def _read(path: Path) -> tuple[dict[str, str], dict[str, Tensor]]:
-    """Card and tensors of a file."""
+def _read(path: PathLike) -> tuple[dict[str, str], dict[str, Tensor]]:
+    """Read the model card and the tensors of a file."""
+    path = Path(path)
     if not path.is_file():
         raise DataError(f"{path}: no such file of weights")
     try:
@@ -137,23 +139,23 @@ def _read(path: Path) -> tuple[dict[str, str], dict[str, Tensor]]:
     except (SafetensorError, ValueError, RecursionError) as error:
         raise DataError(f"{path}: not a readable file of weights ({_one_line(error)})") from error
     if not isinstance(card, dict) or not all(isinstance(value, str) for value in card.values()):
-        raise DataError(f"{path}: no weights of this project, there is no card")
+        raise DataError(f"{path}: not weights of this project, there is no card")
     return card, state
 
 
-def _kind_of(name: str, setting: Setting, state: Mapping[str, Tensor]) -> tuple[bool, list[str]]:
-    """Whether weights are of a network with appearance, and those names of them that are needed to answer."""
+def _inference_weights(name: str, spec: ModelSpec, state: Mapping[str, Tensor]) -> tuple[bool, list[str]]:
+    """Return whether weights are of a network with appearance, and the names of the weights for inference."""
     for appearance in (True, False):
-        bare = _bare(name, setting, appearance).state_dict()
+        bare = _bare(name, spec, appearance).state_dict()
         if all(_shape(tensor) == _shape(state.get(key)) for key, tensor in bare.items()):
             return appearance and NETWORKS[name].appearance, list(bare)
     raise DataError(f"weights: expected those of the network '{name}', got others")
 
 
-def _bare(name: str, setting: Setting, appearance: bool) -> BEVModel:
-    """A network without heads for training; the caller's random numbers go on as if it had not been made."""
+def _bare(name: str, spec: ModelSpec, appearance: bool) -> BEVModel:
+    """Build a network without heads for training; the caller's random state is unchanged."""
     with torch.random.fork_rng(devices=[]):
-        return build(name, setting, appearance=appearance)
+        return build(name, spec, appearance=appearance)
 
 
 def _packed(tensor: Tensor, half: bool) -> Tensor:
@@ -165,28 +167,27 @@ def _shape(tensor: Tensor | None) -> tuple[int, ...] | None:
     return None if tensor is None else tuple(tensor.shape)
 
 
-def _view_text(setting: Setting) -> str:
-    grid = setting.grid.as_array().tolist()
-    return json.dumps({"channels": setting.channels, "grid": grid, "size_px": [setting.width_px, setting.height_px]})
+def _view_json(spec: ModelSpec) -> str:
+    grid = spec.grid.as_array().tolist()
+    return json.dumps({"channels": spec.channels, "grid": grid, "size_px": [spec.width_px, spec.height_px]})
 
 
-def _setting_of(name: str, view: str) -> Setting:
-    """The setting that `_view_text` wrote down.
+def _parse_spec(name: str, view: str) -> ModelSpec:
+    """Parse the model spec that `_view_json` wrote.
 
     Raises:
-        KeyError, ValueError, TypeError, ShapeError: if it is none.
-        DataError: if it is far too large.
+        KeyError, ValueError, TypeError, ShapeError: if it is invalid or too large.
     """
     values = json.loads(view)
     grid = BEVGrid.from_array(values["grid"])
     width_px, height_px = (int(value) for value in values["size_px"])
     x, y = grid.shape
     if x * y > _MOST_CELLS or width_px * height_px > _MOST_PIXELS or min(width_px, height_px) < 1:
-        raise ValueError(f"a grid of {x} x {y} cells from pictures of {width_px} x {height_px}")
-    setting = Setting(name, tuple(map(str, values["channels"])), grid, width_px, height_px)
-    if setting != SETTINGS.get(name, setting):
+        raise ValueError(f"a grid of {x} x {y} cells from images of {width_px} x {height_px}")
+    spec = ModelSpec(name, tuple(map(str, values["channels"])), grid, width_px, height_px)
+    if spec != MODEL_SPECS.get(name, spec):
         raise ValueError(f"expected the cameras, grid and size of setting {name}, got {view}")
-    return setting
+    return spec
 
 
 def _one_line(error: Exception) -> str:

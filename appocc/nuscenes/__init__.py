@@ -1,4 +1,4 @@
-"""The nuScenes schema: thirteen JSON tables beside samples/, sweeps/ and maps/; read, written and checked."""
+"""Datasets in the nuScenes schema: reading, writing and validation."""
 
 from appocc.nuscenes.dataset import Dataset
 from appocc.nuscenes.records import Sample, SampleData, Scene

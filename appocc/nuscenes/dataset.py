@@ -1,4 +1,4 @@
-"""Reading a dataset in the nuScenes schema: scenes, samples, sensor files, poses, boxes, frames."""
+"""Reader of datasets in the nuScenes schema: scenes, samples, sensor files, poses, boxes, frames."""
 
 from __future__ import annotations
 
@@ -21,23 +21,24 @@ from appocc.nuscenes.lidar import read_lidar
 from appocc.nuscenes.records import MapRecord, Sample, SampleData, Scene
 from appocc.nuscenes.schema import LABEL_TABLES
 from appocc.nuscenes.tables import Tables
+from appocc.typing import PathLike
 
 LIDAR = "LIDAR_TOP"
 _NEAR_US = 2_000_000
 
 
 class Dataset:
-    """A dataset root; opened once, asked often.
+    """A dataset opened for reading.
 
-    Frames: `world` is nuScenes' global frame; `ego` has x forward, y left, z up, its origin on the ground at the rear
-    axle.
+    Frames: `world` is nuScenes' global frame; `ego` has x forward, y left, z up, with its origin on the ground below
+    the rear axle.
     """
 
-    def __init__(self, root: Path | str, version: str | None = None) -> None:
-        """Open a root.
+    def __init__(self, root: PathLike, version: str | None = None) -> None:
+        """Open a dataset root.
 
         Raises:
-            DataError: if it holds no dataset, or several versions and none is named.
+            DataError: if it has no dataset, or several versions and `version` is None.
         """
         self.root = Path(root)
         self.tables = Tables(self.root, version)
@@ -46,7 +47,7 @@ class Dataset:
 
     @cached_property
     def scenes(self) -> tuple[Scene, ...]:
-        """All scenes in the order of their table."""
+        """All scenes in the order of the scene table."""
         t = self.tables["scene"]
         return tuple(
             Scene(
@@ -61,10 +62,10 @@ class Dataset:
         )
 
     def scene(self, name: str) -> Scene:
-        """The scene of a name or token.
+        """Return the scene with a name or token.
 
         Raises:
-            NotFoundError: if there is none such.
+            NotFoundError: if there is no such scene.
         """
         for scene in self.scenes:
             if name in (scene.name, scene.token):
@@ -73,15 +74,15 @@ class Dataset:
         raise NotFoundError(f"{self.root}: no scene '{name}'; it has {known or 'none'}")
 
     def samples(self, scene: Scene) -> tuple[Sample, ...]:
-        """Key frames of a scene in order of time."""
+        """Return the key frames of a scene in order of time."""
         rows = self.tables.samples_by_scene.rows(scene.token)
         return tuple(sorted((self._sample(int(row)) for row in rows), key=lambda s: s.timestamp_us))
 
     def sample(self, token: str) -> Sample:
-        """The sample of a token.
+        """Return the sample with a token.
 
         Raises:
-            NotFoundError: if there is none such.
+            NotFoundError: if there is no such sample.
         """
         return self._sample(self.tables["sample"].row(token))
 
@@ -98,10 +99,10 @@ class Dataset:
     # Sensor files -------------------------------------------------------------------------------------------------
 
     def data(self, sample: Sample) -> dict[str, SampleData]:
-        """The key-frame file of each channel of a sample; a channel without one is absent.
+        """Return the key-frame files of a sample by channel.
 
         Raises:
-            DataError: if a channel has two, or a file's sensor or ego pose is missing.
+            DataError: if a channel has two files, or the sensor or ego pose of a file is missing.
         """
         rows = self.tables.data_by_sample.rows(sample.token)
         keys = rows[self.tables["sample_data"].array("is_key_frame")[rows]]
@@ -116,16 +117,16 @@ class Dataset:
 
     @lru_cache(maxsize=8)  # noqa: B019 - a dataset lives as long as the command
     def stream(self, scene: Scene) -> tuple[SampleData, ...]:
-        """All files of a scene, key frames and sweeps, in order of time."""
+        """Return all files of a scene, key frames and sweeps, in order of time."""
         rows = [self.tables.data_by_sample.rows(sample.token) for sample in self.samples(scene)]
         every = np.concatenate(rows) if rows else np.zeros(0, np.int64)
         return tuple(sorted((self._data(int(r)) for r in every), key=lambda d: (d.timestamp_us, d.channel)))
 
     def chain(self, scene: Scene, channel: str) -> tuple[SampleData, ...]:
-        """The files of one channel of a scene, key frames and sweeps, in order of time; samples may lack it.
+        """Return the files of one channel of a scene, key frames and sweeps, in order of time.
 
         Raises:
-            NotFoundError: if the scene has no file of that channel.
+            NotFoundError: if the scene has no file of the channel.
         """
         found = tuple(data for data in self.stream(scene) if data.channel == channel)
         if not found:
@@ -142,21 +143,21 @@ class Dataset:
             lacks = "sensor" if sensor < 0 else "ego pose"
             raise DataError(f"{self.tables.path('sample_data')}: {token} refers to no {lacks}")
         return SampleData(
-            token,
-            t.text("sample_token", row),
-            sensors["channel"][sensor],
-            sensors["modality"][sensor],
-            int(t["timestamp"][row]),
-            bool(t["is_key_frame"][row]),
-            t.text("filename", row),
-            int(t["width"][row]),
-            int(t["height"][row]),
-            pose,
-            calibration,
+            token=token,
+            sample_token=t.text("sample_token", row),
+            channel=sensors["channel"][sensor],
+            modality=sensors["modality"][sensor],
+            timestamp_us=int(t["timestamp"][row]),
+            is_key_frame=bool(t["is_key_frame"][row]),
+            filename=t.text("filename", row),
+            width_px=int(t["width"][row]),
+            height_px=int(t["height"][row]),
+            ego_pose_row=pose,
+            calibration_row=calibration,
         )
 
     def path(self, data: SampleData) -> Path:
-        """Path of a sensor file.
+        """Return the path of a sensor file.
 
         Raises:
             DataError: if its name leads out of the root.
@@ -164,11 +165,11 @@ class Dataset:
         return inside(self.root, data.filename)
 
     def world_from_ego_at(self, data: SampleData) -> FloatArray:
-        """(4, 4) ego pose at the time of a sensor file."""
+        """Return the (4, 4) ego pose at the time of a sensor file."""
         return self._pose("ego_pose", data.ego_pose_row)
 
     def ego_from_sensor(self, data: SampleData) -> FloatArray:
-        """(4, 4) mounting pose of the sensor of a file."""
+        """Return the (4, 4) mounting pose of the sensor of a file."""
         return self._pose("calibrated_sensor", data.calibration_row)
 
     def _pose(self, table: str, row: int) -> FloatArray:
@@ -179,10 +180,10 @@ class Dataset:
             raise DataError(f"{self.tables.path(table)}: {t.text('token', row)}: {error}") from error
 
     def camera(self, data: SampleData) -> Camera:
-        """The camera of an image file, as mounted; sizes missing in the table are read from the image.
+        """Return the camera of an image file at its mounting pose; a missing image size is read from the image.
 
         Raises:
-            DataError: if its calibration cannot be true.
+            DataError: if the calibration is invalid.
         """
         t = self.tables["calibrated_sensor"]
         where = f"{self.tables.path('calibrated_sensor')}: {t.text('token', data.calibration_row)}"
@@ -197,7 +198,7 @@ class Dataset:
             raise DataError(f"{where}: {error}") from error
 
     def lidar(self, data: SampleData) -> FloatArray:
-        """(N, 5) float64 points of a LiDAR file in the sensor frame: x, y, z, intensity, ring.
+        """Read the (N, 5) float64 points of a LiDAR file in the sensor frame: x, y, z, intensity, ring.
 
         Raises:
             DataError: if the file is missing or damaged.
@@ -205,19 +206,19 @@ class Dataset:
         return read_lidar(self.path(data))
 
     def label_path(self, data: SampleData, table: str) -> Path | None:
-        """File of the labels (one uint8 a point) of a LiDAR file in a table of label files, None where it has none.
+        """Return the label file (one uint8 per point) of a LiDAR file in a table of label files; None if it has none.
 
         Raises:
-            DataError: if the table is damaged or the file's name leads out of the root.
+            DataError: if the table is damaged or the file name leads out of the root.
         """
         rows = self.tables.labels_by_data[table].rows(data.token)
         return inside(self.root, self.tables[table].text("filename", int(rows[0]))) if len(rows) else None
 
     def label_names(self, table: str) -> dict[int, str]:
-        """Name of each label of a table of label files, by its `index`; empty where none is given.
+        """Return the label names of a table of label files by `index`; empty if none are given.
 
         Raises:
-            DataError: if an `index` is no number.
+            DataError: if an `index` is not a number.
         """
         categories = LABEL_TABLES[table]
         t = self.tables[categories]
@@ -230,13 +231,13 @@ class Dataset:
     # The ego and the boxes ----------------------------------------------------------------------------------------
 
     def world_from_ego(self, sample: Sample) -> FloatArray:
-        """(4, 4) ego pose at the time of a sample.
+        """Return the (4, 4) ego pose at the time of a sample.
 
-        The pose of the file with the sample's own time (LIDAR_TOP in nuScenes); without one, it is found between the
-        poses of the channel with the nearest file.
+        It is the pose of the file with the time of the sample (LIDAR_TOP in nuScenes), or is interpolated between
+        the poses of the channel with the nearest file.
 
         Raises:
-            DataError: if the sample has no file with a pose within two seconds.
+            DataError: if no file within two seconds has a pose.
         """
         own = [d for d in self.data(sample).values() if d.timestamp_us == sample.timestamp_us]
         if own:
@@ -244,7 +245,7 @@ class Dataset:
         near = [d for d in self.stream(self.scene(sample.scene_token)) if _gap_us(d, sample) < _NEAR_US]
         if not near:
             raise DataError(f"{self.root}: sample {sample.token} has no file with an ego pose")
-        # One channel only: files of several lie milliseconds apart, too short a step to be carried on.
+        # One channel only: files of several channels are milliseconds apart, too close for extrapolation.
         channel = min(near, key=lambda d: _gap_us(d, sample)).channel
         chain = [d for d in near if d.channel == channel]
         times = np.array([d.timestamp_us * 1e-6 for d in chain])
@@ -253,14 +254,14 @@ class Dataset:
         )
 
     def annotated(self, scene: Scene) -> bool:
-        """Whether a scene has any annotated box; without one, its boxes are unknown rather than none."""
+        """Whether a scene has annotated boxes; the boxes of other scenes are unknown."""
         return any(len(self.tables.annotations_by_sample.rows(sample.token)) for sample in self.samples(scene))
 
     def boxes_world(self, sample: Sample) -> Boxes:
-        """Annotated boxes of a sample in the world frame, with velocities from the neighbouring annotations.
+        """Return the annotated boxes of a sample in the world frame, with velocities from neighbouring annotations.
 
         Raises:
-            DataError: if an annotation cannot be true.
+            DataError: if an annotation is invalid.
         """
         rows = self.tables.annotations_by_sample.rows(sample.token)
         t, categories = self.tables["sample_annotation"], self.tables["category"]["name"]
@@ -270,21 +271,21 @@ class Dataset:
             raise DataError(f"{self.tables.path('sample_annotation')}: {token} refers to no instance with a category")
         try:
             return Boxes(
-                t.array("translation")[rows],
-                t.array("size")[rows],
-                _rotations(t.array("rotation")[rows]),
-                tuple(categories[c] for c in category),
-                tuple(t.text("instance_token", int(row)) for row in rows),
-                tuple(t.text("token", int(row)) for row in rows),
-                self._velocities(rows),
-                t.array("num_lidar_pts")[rows],
+                centre_m=t.array("translation")[rows],
+                size_wlh_m=t.array("size")[rows],
+                rotation=_rotations(t.array("rotation")[rows]),
+                category=tuple(categories[c] for c in category),
+                instance=tuple(t.text("instance_token", int(row)) for row in rows),
+                token=tuple(t.text("token", int(row)) for row in rows),
+                velocity_mps=self._velocities(rows),
+                lidar_points=t.array("num_lidar_pts")[rows],
             )
         except AppoccError as error:
             path = self.tables.path("sample_annotation")
             raise DataError(f"{path}: sample {sample.token}: {error}") from error
 
     def _velocities(self, rows: IntArray) -> FloatArray:
-        """(N, 2) differences between the neighbouring annotations, NaN where they are over 1.5 s apart or missing."""
+        """Return (N, 2) velocities from neighbouring annotations; NaN if these are missing or over 1.5 s apart."""
         t, samples = self.tables["sample_annotation"], self.tables["sample"]
         before, after = (t.rows_of(t.array(key)[rows]) for key in ("prev", "next"))
         before, after = np.where(before < 0, rows, before), np.where(after < 0, rows, after)
@@ -297,13 +298,13 @@ class Dataset:
     # Frames -------------------------------------------------------------------------------------------------------
 
     def frame(self, sample: Sample, images: bool = True) -> Frame:
-        """A key frame as one value; `images=False` leaves the pictures unread.
+        """Return a key frame with rig, images and boxes; `images=False` does not read the images.
 
         Raises:
             DataError: if an image or a calibration is damaged.
         """
         world_from_ego = self.world_from_ego(sample)
-        cameras, pictures = [], {}
+        cameras, image_arrays = [], {}
         for channel, data in self.data(sample).items():
             if data.modality != "camera":
                 continue
@@ -311,19 +312,21 @@ class Dataset:
             ego_from_cam = inverse(world_from_ego) @ self.world_from_ego_at(data) @ camera.ego_from_cam
             cameras.append(Camera(channel, camera.width_px, camera.height_px, camera.intrinsic.copy(), ego_from_cam))
             if images:
-                pictures[channel] = read_image(self.path(data), (camera.width_px, camera.height_px))
-                frozen(pictures[channel])
+                image_arrays[channel] = read_image(self.path(data), (camera.width_px, camera.height_px))
+                frozen(image_arrays[channel])
         annotated = self.annotated(self.scene(sample.scene_token))
         boxes = self.boxes_world(sample).transformed(inverse(world_from_ego)) if annotated else None
-        return Frame(sample.token, sample.timestamp_us, world_from_ego, CameraRig(tuple(cameras)), pictures, boxes)
+        return Frame(
+            sample.token, sample.timestamp_us, world_from_ego, CameraRig(tuple(cameras)), image_arrays, boxes
+        )
 
     # Maps ---------------------------------------------------------------------------------------------------------
 
     def location(self, scene: Scene) -> str:
-        """Where a scene was recorded, as its log says ('' if it does not).
+        """Return the location of a scene from its log; '' if unknown.
 
         Raises:
-            DataError: if the scene refers to no log.
+            DataError: if the log of the scene is missing.
         """
         log = self.tables["log"]
         row = int(log.rows_of(np.array([scene.log_token.encode()]))[0])
@@ -332,10 +335,10 @@ class Dataset:
         return str(log["location"][row])
 
     def map_record(self, scene: Scene) -> MapRecord | None:
-        """The drivable-area mask of a scene's log, None where there is none.
+        """Return the drivable-area mask of the log of a scene; None if there is none.
 
         Raises:
-            DataError: if its origin or its value for "not known" are no numbers.
+            DataError: if `origin_m` or `unknown_value` is not a number.
         """
         t = self.tables["map"]
         row = next((i for i, logs in enumerate(t["log_tokens"]) if scene.log_token in logs), None)
@@ -352,10 +355,10 @@ class Dataset:
 
 
 def _rotations(wxyz: ArrayLike) -> FloatArray:
-    """(..., 3, 3) rotations of quaternions (..., 4) of a table.
+    """Return the (..., 3, 3) rotations of quaternions (..., 4).
 
     Raises:
-        ShapeError: if one is not finite, or not of length 1.
+        ShapeError: if a quaternion is not finite or not a unit quaternion.
     """
     rotations = rotation_from_quaternion(wxyz)
     if not is_unit(wxyz).all():
@@ -368,7 +371,7 @@ def _gap_us(data: SampleData, sample: Sample) -> int:
 
 
 def sample_at(dataset: Dataset, scene: Scene, frame: int) -> Sample:
-    """Key frame number `frame` of a scene, counted from 0.
+    """Return key frame `frame` of a scene, counted from 0.
 
     Raises:
         NotFoundError: if the scene has no such frame.

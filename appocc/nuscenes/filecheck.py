@@ -1,4 +1,4 @@
-"""Checking the files that the tables name: whether they are there, whole, and what the tables say they are."""
+"""Validation of the files of a dataset: missing, truncated or inconsistent with the tables."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ _ENDS = {"JPEG": b"\xff\xd9", "PNG": b"IEND"}
 
 
 def check_files(dataset: Dataset, images: bool, advance: Callable[[int], None]) -> Iterator[Problem]:
-    """Findings about sensor files, masks and label files; `images` reads images and LiDAR files whole.
+    """Yield the problems of sensor files, masks and label files; `images` reads images and LiDAR files completely.
 
-    `advance` is called with the number of sensor files done.
+    `advance` is the progress callback with the number of sensor files.
     """
     yield from _sensor_files(dataset, images, advance)
     yield from _masks(dataset)
@@ -48,7 +48,7 @@ def _leads_out(table: Table, row: int, name: str) -> Problem:
 
 @dataclass(frozen=True)
 class _Job:
-    """A sensor file to look at; the size (width, height) is what the table says, 0 where it says nothing."""
+    """A sensor file to check; `size_px` (width, height) from the table, 0 where unknown."""
 
     row: int
     path: Path
@@ -57,7 +57,7 @@ class _Job:
 
 
 def _sensor_files(dataset: Dataset, images: bool, advance: Callable[[int], None]) -> Iterator[Problem]:
-    """Folder by folder, since one listing is far quicker than asking for each of many files."""
+    """Yield the problems of sensor files, folder by folder: one listing is much faster than many single queries."""
     table = dataset.tables["sample_data"]
     folders: dict[str, list[int]] = {}
     for row, raw in enumerate(table.array("filename").tolist()):
@@ -67,32 +67,32 @@ def _sensor_files(dataset: Dataset, images: bool, advance: Callable[[int], None]
         else:
             yield _leads_out(table, row, name)
             advance(1)
-    look = _look_closely if images else _glance
+    check = _check_content if images else _check_ends
     with ThreadPoolExecutor() as pool:
         for folder, rows in folders.items():
             names = _listing(dataset.root / folder)
-            there = [row for row in rows if table.text("filename", row).rpartition("/")[2] in names]
-            yield from _missing(table, folder, sorted(set(rows) - set(there)), folder_is_there=bool(names))
-            advance(len(rows) - len(there))
-            for at in range(0, len(there), _BATCH):
-                jobs = [_job(dataset, row) for row in there[at : at + _BATCH]]
-                for job, finding in zip(jobs, pool.map(look, jobs), strict=True):
+            present = [row for row in rows if table.text("filename", row).rpartition("/")[2] in names]
+            yield from _missing(table, folder, sorted(set(rows) - set(present)), folder_is_there=bool(names))
+            advance(len(rows) - len(present))
+            for at in range(0, len(present), _BATCH):
+                jobs = [_job(dataset, row) for row in present[at : at + _BATCH]]
+                for job, finding in zip(jobs, pool.map(check, jobs), strict=True):
                     if finding:
                         yield _problem(table, job.row, *finding)
                 advance(len(jobs))
 
 
 def _listing(folder: Path) -> set[str]:
-    """Names of the files in a folder; none where it is missing."""
+    """Return the names of the files in a folder; empty if it is missing."""
     try:
-        with os.scandir(folder) as entries:  # says without asking the disk again what is a file
+        with os.scandir(folder) as entries:  # entries know their type without another disk access
             return {entry.name for entry in entries if _is_file(entry)}
     except OSError:
         return set()
 
 
 def _is_file(place: Path | os.DirEntry[str]) -> bool:
-    """Whether a file is there and can be reached: a name may be too long, a link lead to itself."""
+    """Whether a file exists; False for names that are too long and for link loops."""
     try:
         return place.is_file()
     except OSError:
@@ -100,7 +100,7 @@ def _is_file(place: Path | os.DirEntry[str]) -> bool:
 
 
 def _missing(table: Table, folder: str, rows: list[int], folder_is_there: bool) -> Iterator[Problem]:
-    """Each missing file; sweeps of a folder that was not downloaded at all are one note."""
+    """Yield each missing file; all sweeps of a folder that was not downloaded are one note."""
     keys = table.array("is_key_frame")
     if not folder_is_there and rows and not keys[rows].any():
         reason = f"none of the {len(rows)} sweeps in {folder} is there"
@@ -117,18 +117,18 @@ def _job(dataset: Dataset, row: int) -> _Job:
     return _Job(row, dataset.root / table.text("filename", row), modality, size)
 
 
-def _glance(job: _Job) -> tuple[str, str] | None:
-    """Kind and reason of what is wrong with a file, from its size, beginning and end."""
+def _check_ends(job: _Job) -> tuple[str, str] | None:
+    """Return kind and reason of a problem of a file, from its size, first and last bytes."""
     try:
         if job.modality == "camera":
             return _wrong_size(job, *_size_of(job.path))
-        return _glance_at_lidar(job.path) if _is_lidar(job) else None
+        return _check_lidar_ends(job.path) if _is_lidar(job) else None
     except (DataError, OSError) as error:
         return f"unreadable {job.modality} file", str(error)
 
 
-def _look_closely(job: _Job) -> tuple[str, str] | None:
-    """The same from the whole file."""
+def _check_content(job: _Job) -> tuple[str, str] | None:
+    """Return kind and reason of a problem of a file, from its whole content."""
     try:
         if job.modality == "camera":
             height, width = read_image(job.path).shape[:2]
@@ -152,11 +152,11 @@ def _wrong_size(job: _Job, width: int, height: int) -> tuple[str, str] | None:
     return "wrong image size", f"{job.path} is {width}x{height}, the table says {stated}"
 
 
-def _glance_at_lidar(path: Path) -> tuple[str, str] | None:
-    """Only where the first points are not finite are the others looked at, too.
+def _check_lidar_ends(path: Path) -> tuple[str, str] | None:
+    """Check the length and the first points of a LiDAR file; check all points if the first ones are not finite.
 
     Raises:
-        DataError: if none is finite.
+        DataError: if no point is finite.
     """
     wrong = _wrong_length(path)
     if not wrong:
@@ -175,10 +175,10 @@ def _wrong_length(path: Path) -> tuple[str, str] | None:
 
 
 def _size_of(path: Path) -> tuple[int, int]:
-    """Width and height that an image file states.
+    """Return width and height from the header of an image file.
 
     Raises:
-        DataError: if it is no image or its end is missing.
+        DataError: if it is not an image or is truncated.
     """
     try:
         with open_picture(path) as picture:
@@ -191,7 +191,7 @@ def _size_of(path: Path) -> tuple[int, int]:
 
 
 def _has_end(path: Path, form: str) -> bool:
-    """Whether a picture has its end mark before bytes that do not belong to it."""
+    """Whether an image has its end marker, with trailing bytes allowed."""
     data = path.read_bytes()
     return end_of(data) >= 0 if form == "JPEG" else _ENDS[form] in data
 
@@ -206,7 +206,7 @@ def _tail(path: Path) -> bytes:
 
 
 def _masks(dataset: Dataset) -> Iterator[Problem]:
-    """Masks are far too large to be decoded here: only their beginnings and ends are looked at."""
+    """Yield the problems of map masks; only first and last bytes are checked, since masks are slow to decode."""
     table = dataset.tables["map"]
     for row, name in enumerate(table["filename"]):
         path = dataset.root / name
@@ -215,7 +215,7 @@ def _masks(dataset: Dataset) -> Iterator[Problem]:
         elif not _is_file(path):
             yield _problem(table, row, "missing file", f"no file {name}")
         elif path.suffix == ".png" and not _is_whole_png(path):
-            yield _problem(table, row, "unreadable mask", f"{path}: no PNG picture, or truncated")
+            yield _problem(table, row, "unreadable mask", f"{path}: no PNG image, or truncated")
 
 
 def _is_whole_png(path: Path) -> bool:
@@ -224,7 +224,7 @@ def _is_whole_png(path: Path) -> bool:
 
 
 def _labels(dataset: Dataset) -> Iterator[Problem]:
-    """Label files: one byte for each point of their LiDAR file."""
+    """Yield the problems of label files, which have one byte per point of their LiDAR file."""
     for table in LABEL_TABLES:
         yield from _label_files(dataset, dataset.tables[table])
 

@@ -12,10 +12,10 @@ from appocc.files import read_file, write_bytes
 
 
 def read_lidar(path: Path) -> FloatArray:
-    """(N, 5) float64 points of a .pcd.bin file.
+    """Read the (N, 5) float64 points of a .pcd.bin file.
 
     Raises:
-        DataError: if the file is missing, its length is no multiple of five float32, or no point is finite.
+        DataError: if the file is missing, its length is not a multiple of five float32, or no point is finite.
     """
     raw = read_file(path)
     if len(raw) % 20:
@@ -38,12 +38,12 @@ def write_lidar(path: Path, points: FloatArray) -> None:
 
 
 def read_labels(path: Path, points: int) -> ByteArray:
-    """(N,) uint8 labels of a lidarseg file.
+    """Read the (N,) uint8 labels of a lidarseg file.
 
     Raises:
-        DataError: if the file is missing or does not hold one byte a point.
+        DataError: if the file is missing or does not have one byte per point.
     """
     raw = read_file(path)
     if len(raw) != points:
-        raise DataError(f"{path}: expected {points} labels, one a point, got {len(raw)}")
+        raise DataError(f"{path}: expected {points} labels, one per point, got {len(raw)}")
     return np.frombuffer(raw, np.uint8)

@@ -1,4 +1,4 @@
-"""Writing a vector map in the layout of nuScenes' map expansion: the layers that are read here."""
+"""Writer of vector maps in the format of nuScenes' map expansion, for the layers that `maps` reads."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from appocc.nuscenes.writer import token_of
 
 
 class MapExpansion:
-    """Collects nodes, lines, polygons and layers; tokens follow from the map's name and their order."""
+    """Collects nodes, lines, polygons and layers; tokens depend on the name of the map and their order."""
 
     def __init__(self, name: str) -> None:
         """Start an empty map."""
@@ -19,7 +19,7 @@ class MapExpansion:
         self.tables: dict[str, Any] = {"version": "1.3", **{layer: [] for layer in layers}}
 
     def add_drivable(self, outline_m: FloatArray, holes_m: Iterable[FloatArray] = ()) -> None:
-        """Add where cars may drive: an outline (N, 2) and holes in it, world frame."""
+        """Add a drivable area with outline (N, 2) and holes, world frame."""
         holes = [{"node_tokens": self._nodes(hole)} for hole in holes_m]
         self._add("drivable_area", polygon_tokens=[self._polygon(outline_m, holes)])
 

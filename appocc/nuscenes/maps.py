@@ -1,4 +1,4 @@
-"""Maps of the nuScenes schema: the drivable-area mask, and the vector map of the map expansion."""
+"""Maps of the nuScenes schema: drivable-area masks and vector maps (map expansion)."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ _LINE_LAYERS, _STOP_LAYER = ("lane_divider", "road_divider"), "stop_line"
 Area = tuple[FloatArray, tuple[FloatArray, ...]]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class MaskWindow:
-    """A cut-out of a mask: grey values (rows, columns), top row = largest y; its lower left corner (x, y)."""
+    """A crop of a mask: grey values (rows, columns), top row = largest y; world (x, y) of its lower left corner."""
 
     grey: ByteArray
     origin_m: tuple[float, float]
@@ -31,7 +31,7 @@ class MaskWindow:
     source: str
 
     def sample(self, xy_world_m: FloatArray) -> tuple[BoolArray, BoolArray]:
-        """For points (..., 2) in the world: whether each is drivable, and whether that is known."""
+        """Return for world points (..., 2) whether each is drivable and whether that is known."""
         x, y = ((xy_world_m[..., axis] - self.origin_m[axis]) * PX_PER_M for axis in (0, 1))
         column, row = np.floor(x).astype(int), np.floor(self.grey.shape[0] - y).astype(int)
         known = (column >= 0) & (row >= 0) & (column < self.grey.shape[1]) & (row < self.grey.shape[0])
@@ -42,10 +42,10 @@ class MaskWindow:
 
 
 def mask_window(dataset: Dataset, scene: Scene, low_m: FloatArray, high_m: FloatArray) -> MaskWindow | None:
-    """The mask of a scene between two world points (2,), None where it has none or lies beyond it.
+    """Return the mask of a scene between two world points (2,); None if there is no mask in this area.
 
     Raises:
-        DataError: if the picture is missing or damaged.
+        DataError: if the image is missing or damaged.
     """
     record = dataset.map_record(scene)
     return None if record is None else _window(inside(dataset.root, record.filename), record, low_m, high_m)
@@ -56,14 +56,14 @@ def _window(path: Path, record: MapRecord, low_m: FloatArray, high_m: FloatArray
     try:
         with open_picture(path) as picture:
             if picture.mode not in ("1", "L"):
-                return None  # a picture of the map in colour, such as Lyft's, is no mask
+                return None  # a colour image of the map, such as Lyft's, is not a mask
             size = np.array(picture.size)
             low = np.clip(np.floor((low_m - origin) * PX_PER_M), 0, size).astype(int)
             high = np.clip(np.ceil((high_m - origin) * PX_PER_M), low, size).astype(int)
             area = (int(low[0]), int(size[1] - high[1]), int(high[0]), int(size[1] - low[1]))
             grey = np.asarray(picture.crop(area).convert("L"), dtype=np.uint8)
     except UnidentifiedImageError as error:
-        raise DataError(f"{path}: not a readable map mask (no picture)") from error
+        raise DataError(f"{path}: not a readable map mask (no image)") from error
     except (OSError, Image.DecompressionBombError, SyntaxError) as error:
         reason = (error.strerror if isinstance(error, OSError) else None) or error
         raise DataError(f"{path}: not a readable map mask ({reason})") from error
@@ -73,21 +73,21 @@ def _window(path: Path, record: MapRecord, low_m: FloatArray, high_m: FloatArray
     return MaskWindow(grey, (float(corner[0]), float(corner[1])), record.unknown_value, record.source)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class VectorMap:
     """Polygons and lines of the map expansion, world frame, metres.
 
     Attributes:
-        drivable: polygons as (outline (K, 2), holes): drivable areas and car parks; None where the map has no such
-            layer.
-        markings: polylines (K, 2): lane dividers, road dividers, outlines of stop lines; None likewise.
+        drivable: polygons as (outline (K, 2), holes) of drivable areas and car parks; None without such a layer.
+        markings: polylines (K, 2) of lane dividers, road dividers and outlines of stop lines; None without such
+            layers.
     """
 
     drivable: tuple[Area, ...] | None
     markings: tuple[FloatArray, ...] | None
 
     def near(self, low_m: FloatArray, high_m: FloatArray) -> VectorMap:
-        """Only what overlaps the rectangle between two world points (2,)."""
+        """Return the elements that overlap the rectangle between two world points (2,)."""
 
         def overlaps(points: FloatArray) -> bool:
             return bool((points.max(axis=0) >= low_m).all() and (points.min(axis=0) <= high_m).all())
@@ -99,7 +99,7 @@ class VectorMap:
 
 
 def vector_map(dataset: Dataset, scene: Scene) -> VectorMap | None:
-    """The map expansion of a scene's location (maps/expansion/LOCATION.json), None where there is none.
+    """Return the map expansion of the location of a scene (maps/expansion/LOCATION.json); None if there is none.
 
     Raises:
         DataError: if the file is damaged.
@@ -115,7 +115,7 @@ def read_vector_map(path: Path) -> VectorMap:
     """Read a map expansion file.
 
     Raises:
-        DataError: if it is missing or damaged, refers to nodes that it lacks, or has neither roads nor markings.
+        DataError: if it is missing or damaged, refers to missing nodes, or has neither roads nor markings.
     """
     data = read_json(path)
     try:
@@ -150,11 +150,15 @@ def _markings(
 
 
 def _points(nodes: dict[str, tuple[float, float]], tokens: list[str]) -> FloatArray:
-    """Places (K, 2) of nodes; a ValueError where one is no number."""
-    places = np.array([nodes[token] for token in tokens], dtype=np.float64).reshape(-1, 2)
-    if not np.isfinite(places).all():
-        raise ValueError("a node is nowhere")
-    return places
+    """Return the positions (K, 2) of nodes.
+
+    Raises:
+        ValueError: if a position is not finite.
+    """
+    points = np.array([nodes[token] for token in tokens], dtype=np.float64).reshape(-1, 2)
+    if not np.isfinite(points).all():
+        raise ValueError("a node has no finite position")
+    return points
 
 
 def _polygon(nodes: dict[str, tuple[float, float]], row: dict[str, Any]) -> Area:

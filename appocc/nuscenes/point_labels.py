@@ -1,4 +1,4 @@
-"""Semantic labels of LiDAR points: nuScenes-lidarseg, or a finer set of the recording's own beside it."""
+"""Semantic labels of LiDAR points: nuScenes-lidarseg or a finer label set of the recording."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from appocc.nuscenes.dataset import Dataset
 from appocc.nuscenes.records import SampleData
 from appocc.nuscenes.schema import LABEL_TABLES
 
-# Label names that mean drivable road, and painted line markings (stop lines included), in lower case.
+# Lower-case names of labels of drivable road, and of painted lane markings including stop lines.
 _ROAD = ("flat.driveable_surface", "road", "lane line marking", "stop line marking", "other road marking")
 _LANE = ("lane line marking", "stop line marking")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class PointLabels:
-    """The label file of a sweep, and which labels mean road and lane.
+    """Label file of a sweep with the meaning of its labels.
 
     Attributes:
-        path: file of one uint8 a point.
-        is_road: (256,) which labels are road.
-        is_lane: (256,) which labels are line markings, None where the set has no such class.
+        path: file with one uint8 per point.
+        is_road: (256,) whether a label is road.
+        is_lane: (256,) whether a label is lane marking; None if the label set has no such class.
         source: name of the label set.
     """
 
@@ -35,7 +35,7 @@ class PointLabels:
 
 
 def point_labels(dataset: Dataset, data: SampleData) -> PointLabels | None:
-    """Labels of a LiDAR file, None where it has none that tell the road.
+    """Return the labels of a LiDAR file; None if it has no labels with a road class.
 
     Raises:
         DataError: if a table is damaged or a file name leads out of the root.
@@ -45,7 +45,7 @@ def point_labels(dataset: Dataset, data: SampleData) -> PointLabels | None:
         if path is not None:
             names = dataset.label_names(table)
             road, lane = _flags(names, _ROAD), _flags(names, _LANE)
-            if road.any():  # else the set cannot tell what is road: no source of it
+            if road.any():  # a label set without a road class is not a source
                 return PointLabels(path, road, lane if lane.any() else None, table)
     return None
 

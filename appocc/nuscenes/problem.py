@@ -1,4 +1,4 @@
-"""A finding about a dataset, and how findings are made from rows of a table."""
+"""Problems found by the validation of a dataset."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ Severity = Literal["error", "note"]
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """One finding.
+    """One problem of a dataset.
 
     Attributes:
-        table: the table it was found in.
-        token: the row, empty where the whole table is meant.
-        kind: what sort of finding it is, in few words; the same for all findings of the sort.
-        reason: what is wrong with this row.
-        severity: error where something cannot be used as the tables say; note where it is only incomplete.
+        table: name of the table.
+        token: token of the row; empty for the whole table.
+        kind: short name of the kind of problem.
+        reason: description of the problem in this row.
+        severity: error if data cannot be used; note if they are only incomplete.
     """
 
     table: str
@@ -33,18 +33,18 @@ class Problem:
     severity: Severity = "error"
 
     def __str__(self) -> str:
-        """One line: table, token, reason."""
+        """Return one line: severity, table, token, reason."""
         return f"{self.severity}: {self.table}{f' {self.token}' if self.token else ''}: {self.reason}"
 
 
-def of_rows(
+def row_problems(
     table: Table, bad: BoolArray, kind: str, reason: Callable[[int], str], severity: Severity = "error"
 ) -> Iterator[Problem]:
-    """A finding for each row of a mask (N,)."""
+    """Yield a problem for each row of a mask (N,)."""
     for row in np.flatnonzero(bad):
         yield Problem(table.name, table.text("token", int(row)), kind, reason(int(row)), severity)
 
 
-def refers(table: Table, field: str, target: str) -> Callable[[int], str]:
-    """The reason of a broken reference of a row."""
+def broken_reference(table: Table, field: str, target: str) -> Callable[[int], str]:
+    """Return a function that describes the broken reference of a row."""
     return lambda row: f"{field} '{table.text(field, row)}' is not in the table {target}"

@@ -1,4 +1,4 @@
-"""Typed records of the tables that users walk through; tokens are str, times integer microseconds."""
+"""Typed records of the main tables; tokens are str, times integer microseconds."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Scene:
-    """A recording of some seconds: its name, and the ends of its chain of samples."""
+    """A continuous drive, with the first and last token of its chain of samples."""
 
     token: str
     name: str
@@ -19,7 +19,7 @@ class Scene:
 
 @dataclass(frozen=True)
 class Sample:
-    """A key frame: the moment for which all sensors and boxes are given."""
+    """A key frame: one annotated moment with the files of all sensors."""
 
     token: str
     timestamp_us: int
@@ -28,9 +28,9 @@ class Sample:
     next: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class SampleData:
-    """One file of one sensor, with the pose and calibration rows that belong to it."""
+    """One sensor file, with the rows of its ego pose and calibration."""
 
     token: str
     sample_token: str
@@ -50,10 +50,10 @@ class MapRecord:
     """A drivable-area mask.
 
     Attributes:
-        filename: picture below the root, 10 px a metre.
+        filename: image below the root, 10 px per metre.
         origin_m: world (x, y) of its lower left corner; (0, 0) in nuScenes.
-        unknown_value: grey value that means "not known", None where every pixel is known.
-        source: what it was made from; empty for a published map.
+        unknown_value: grey value of unknown pixels; None if all pixels are known.
+        source: source that it was derived from; empty for a published map.
     """
 
     filename: str

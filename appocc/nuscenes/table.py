@@ -1,4 +1,4 @@
-"""One table in memory: numpy columns, an index by token, and a reader that never holds the whole JSON text."""
+"""Table in memory: numpy columns with an index by token, and a streaming JSON reader."""
 
 from __future__ import annotations
 
@@ -16,24 +16,24 @@ from numpy.typing import NDArray
 from appocc.checks import BoolArray, IntArray
 from appocc.errors import DataError, NotFoundError
 from appocc.files import open_plain
-from appocc.nuscenes.columns import Column, column, joined
-from appocc.nuscenes.schema import Field
+from appocc.nuscenes.columns import Column, build_column, concatenated
+from appocc.nuscenes.schema import FieldSpec
 
-# Characters read at a time: larger pieces leave the processor's cache and are slower to parse.
+# Characters per read: larger pieces exceed the processor cache and parse more slowly.
 _PIECE = 1 << 16
-# Characters of a record, at most: a file without an end of one would fill the memory.
-_LONGEST = 1 << 24
+# Maximum characters per record: a file without an end of record would fill the memory.
+_MAX_RECORD_CHARS = 1 << 24
 _BETWEEN = re.compile(r"\}\s*,\s*(?=\{)")
 
 
 class Table:
-    """A table: `name`, one column per field, rows counted from 0, found by token in O(log n).
+    """A table with one column per field; rows are counted from 0 and found by token in O(log n).
 
-    `cut` names the fields of times that had fractions of a microsecond, which are cut off.
+    `cut` names the time fields whose fractions of a microsecond were truncated.
     """
 
     def __init__(self, name: str, columns: dict[str, Column], cut: tuple[str, ...] = ()) -> None:
-        """Take columns of equal length; `token` must be among them."""
+        """Build a table from columns of equal length, with the column `token`."""
         self.name = name
         self.columns = columns
         self.cut = cut
@@ -43,15 +43,15 @@ class Table:
         return len(self.columns["token"])
 
     def __getitem__(self, field: str) -> Column:
-        """A column."""
+        """Return a column."""
         return self.columns[field]
 
     def array(self, field: str) -> NDArray[Any]:
-        """A column that is a numpy array (tokens, texts, numbers, vectors)."""
+        """Return a column of tokens, texts, numbers or vectors as numpy array."""
         return np.asarray(self.columns[field])
 
     def text(self, field: str, row: int) -> str:
-        """A token or text of one row as str."""
+        """Return a token or text of one row as str."""
         value = self.columns[field][row]
         return value.decode() if isinstance(value, bytes) else str(value)
 
@@ -62,18 +62,18 @@ class Table:
         return order, tokens[order]
 
     def rows_of(self, tokens: NDArray[np.bytes_]) -> IntArray:
-        """Row of each token, -1 where the table has none such."""
+        """Return the row of each token, -1 for unknown tokens."""
         order, ranked = self._by_token
         if not len(order):
             return np.full(len(tokens), -1)
-        place = np.minimum(np.searchsorted(ranked, tokens), len(order) - 1)
-        return np.where(ranked[place] == tokens, order[place], -1)
+        position = np.minimum(np.searchsorted(ranked, tokens), len(order) - 1)
+        return np.where(ranked[position] == tokens, order[position], -1)
 
     def row(self, token: str) -> int:
-        """Row of a token.
+        """Return the row of a token.
 
         Raises:
-            NotFoundError: if the table has none such.
+            NotFoundError: if the table has no such token.
         """
         found = int(self.rows_of(np.array([token.encode(errors="replace")]))[0])
         if found < 0:
@@ -81,42 +81,42 @@ class Table:
         return found
 
     def repeated(self) -> BoolArray:
-        """(N,) whether an earlier row has the same token."""
+        """Return (N,) whether an earlier row has the same token."""
         order, ranked = self._by_token
         again = np.zeros(len(order), dtype=np.bool_)
         again[order[1:]] = ranked[1:] == ranked[:-1]
         return again
 
-    def groups(self, field: str) -> Groups:
-        """Rows grouped by the value of a reference field."""
-        return Groups(self.array(field))
+    def groups(self, field: str) -> RowGroups:
+        """Group the rows by the value of a reference field."""
+        return RowGroups(self.array(field))
 
 
-class Groups:
-    """Rows that share a value, found in O(log n); rows keep their order within a group."""
+class RowGroups:
+    """Rows grouped by value, found in O(log n); rows keep their order within a group."""
 
     def __init__(self, values: NDArray[Any]) -> None:
-        """Sort once."""
+        """Sort the rows by value."""
         self._order = np.argsort(values, kind="stable")
         self._ranked = values[self._order]
 
     def rows(self, value: Any) -> IntArray:
-        """The rows that hold `value` (maybe none)."""
+        """Return the rows with a value; may be empty."""
         key = np.array([value.encode(errors="replace") if isinstance(value, str) else value])
         low, high = np.searchsorted(self._ranked, key, "left")[0], np.searchsorted(self._ranked, key, "right")[0]
         return self._order[low:high]
 
 
-def at_rows(values: IntArray, rows: IntArray) -> IntArray:
-    """Values at rows, -1 where the row is -1."""
+def take_rows(values: IntArray, rows: IntArray) -> IntArray:
+    """Return the values at rows, -1 where the row is -1."""
     return np.where(rows >= 0, values[rows], -1) if len(values) else np.full(len(rows), -1)
 
 
-def read_table(path: Path, fields: tuple[Field, ...]) -> Table:
-    """Read a table file, a list of JSON objects, piece by piece: its text is never in memory as a whole.
+def read_table(path: Path, fields: tuple[FieldSpec, ...]) -> Table:
+    """Read a table file, a JSON list of objects, as a stream.
 
     Raises:
-        DataError: if the file is missing, no such list, or a record lacks a field or has one of a wrong type.
+        DataError: if the file is missing or no such list, or a field of a record is missing or of a wrong type.
     """
     parts: dict[str, list[Column]] = {field.name: [] for field in fields}
     seen = 0
@@ -124,7 +124,7 @@ def read_table(path: Path, fields: tuple[Field, ...]) -> Table:
         try:
             for records in _pieces(handle):
                 for field in fields:
-                    parts[field.name].append(column(field, records, seen))
+                    parts[field.name].append(build_column(field, records, seen))
                 seen += len(records)
         except OSError as error:
             raise DataError(f"{path}: cannot be read ({error.strerror})") from error
@@ -133,14 +133,14 @@ def read_table(path: Path, fields: tuple[Field, ...]) -> Table:
         except (ValueError, RecursionError) as error:
             reason = error.msg if isinstance(error, json.JSONDecodeError) else error
             raise DataError(f"{path}: no valid JSON list of records ({reason}, after record {seen})") from error
-    columns = {field.name: joined(parts.pop(field.name)) for field in fields}
+    columns = {field.name: concatenated(parts.pop(field.name)) for field in fields}
     times = {field.name: np.asarray(columns[field.name]) for field in fields if field.kind == "time"}
     cut = tuple(name for name, time in times.items() if time.dtype != np.int64)
     return Table(path.stem, columns | {name: times[name].astype(np.int64) for name in cut}, cut)
 
 
 def _pieces(handle: TextIO) -> Iterator[list[Any]]:
-    """The records of a JSON list, some at a time."""
+    """Yield the records of a JSON list in batches."""
     buffer = handle.read(_PIECE).lstrip()
     if buffer[:1] != "[":
         raise ValueError("it does not begin with '['" if buffer else "the file is empty")
@@ -149,16 +149,16 @@ def _pieces(handle: TextIO) -> Iterator[list[Any]]:
         records, end = _whole_records(buffer)
         yield records
         buffer = buffer[end:] + piece
-        if len(buffer) > _LONGEST:
-            raise ValueError(f"a record is longer than {_LONGEST} characters")
+        if len(buffer) > _MAX_RECORD_CHARS:
+            raise ValueError(f"a record is longer than {_MAX_RECORD_CHARS} characters")
     yield json.loads(f"[{buffer}")
 
 
 def _whole_records(buffer: str) -> tuple[list[Any], int]:
-    """The records that lie whole in the buffer, and where the next one begins.
+    """Return the complete records in the buffer and the position of the next record.
 
-    What looks like the end of a record may lie in a string or in a list of objects: then the parser runs out of text,
-    and the place before it is tried. Any other complaint of the parser means a damaged file.
+    An apparent end of a record may be inside a string or a list of objects: then the parser reaches the end of the
+    text, and the previous candidate is tried. Any other parser error means a damaged file.
     """
     end = len(buffer)
     while (end := buffer.rfind("}", 0, end)) >= 0:
@@ -175,6 +175,6 @@ def _whole_records(buffer: str) -> tuple[list[Any], int]:
     return [], 0
 
 
-def empty_table(name: str, fields: tuple[Field, ...]) -> Table:
-    """A table without rows."""
-    return Table(name, {field.name: column(field, [], 0) for field in fields})
+def empty_table(name: str, fields: tuple[FieldSpec, ...]) -> Table:
+    """Return a table without rows."""
+    return Table(name, {field.name: build_column(field, [], 0) for field in fields})

@@ -1,4 +1,4 @@
-"""The thirteen tables of one dataset root, found and read on demand."""
+"""Tables of a dataset root, read on demand, and the indexes between them."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ import numpy as np
 from appocc.checks import IntArray
 from appocc.errors import DataError, NotFoundError
 from appocc.nuscenes.schema import EXTRA_TABLES, LABEL_TABLES, OPTIONAL_TABLES, TABLES
-from appocc.nuscenes.table import Groups, Table, at_rows, empty_table, read_table
+from appocc.nuscenes.table import RowGroups, Table, empty_table, read_table, take_rows
 
 
 def find_version(root: Path, version: str | None) -> str:
-    """Name of the folder below `root` that holds the tables ('' where they lie in the root itself).
+    """Return the name of the folder of the tables below `root`; '' if the tables are in the root itself.
 
     Raises:
-        DataError: if there is none, or several and no `version` says which.
+        DataError: if there is none, or there are several and `version` is None.
     """
     if not root.is_dir():
         raise DataError(f"{root}: no such folder")
@@ -42,7 +42,7 @@ class Tables:
         """Find the tables of `root`.
 
         Raises:
-            DataError: if there are none, or several versions and none is named.
+            DataError: if there are none, or several versions and `version` is None.
         """
         self.root = root
         self.version = find_version(root, version)
@@ -50,7 +50,7 @@ class Tables:
         self._loaded: dict[str, Table] = {}
 
     def __getitem__(self, name: str) -> Table:
-        """A table by name; one that a recording may lack is empty where it is missing.
+        """Return a table by name; a missing optional table is empty.
 
         Raises:
             NotFoundError: if the schema has no such table.
@@ -60,12 +60,12 @@ class Tables:
         if fields is None:
             raise NotFoundError(f"the schema has no table '{name}'; it has {', '.join([*TABLES, *EXTRA_TABLES])}")
         if name not in self._loaded:
-            lacking = name in OPTIONAL_TABLES and not self.path(name).exists()
-            self._loaded[name] = empty_table(name, fields) if lacking else read_table(self.path(name), fields)
+            missing = name in OPTIONAL_TABLES and not self.path(name).exists()
+            self._loaded[name] = empty_table(name, fields) if missing else read_table(self.path(name), fields)
         return self._loaded[name]
 
     def path(self, name: str) -> Path:
-        """File of a table."""
+        """Return the path of a table."""
         return self.folder / f"{name}.json"
 
     def load_all(self) -> None:
@@ -79,39 +79,39 @@ class Tables:
         _ = self.data_by_sample, self.annotations_by_sample, self.data_channel
 
     @cached_property
-    def data_by_sample(self) -> Groups:
+    def data_by_sample(self) -> RowGroups:
         """Rows of sample_data by sample token."""
         return self["sample_data"].groups("sample_token")
 
     @cached_property
-    def annotations_by_sample(self) -> Groups:
+    def annotations_by_sample(self) -> RowGroups:
         """Rows of sample_annotation by sample token."""
         return self["sample_annotation"].groups("sample_token")
 
     @cached_property
-    def labels_by_data(self) -> dict[str, Groups]:
-        """For each table of label files, its rows by sample_data token."""
+    def labels_by_data(self) -> dict[str, RowGroups]:
+        """Rows of each table of label files by sample_data token."""
         return {name: self[name].groups("sample_data_token") for name in LABEL_TABLES}
 
     @cached_property
-    def samples_by_scene(self) -> Groups:
+    def samples_by_scene(self) -> RowGroups:
         """Rows of sample by scene token."""
         return self["sample"].groups("scene_token")
 
     @cached_property
     def data_calibration(self) -> IntArray:
-        """(N,) row of calibrated_sensor for each row of sample_data, -1 where broken."""
+        """(N,) row of calibrated_sensor for each row of sample_data, -1 if the reference is broken."""
         return self["calibrated_sensor"].rows_of(self["sample_data"].array("calibrated_sensor_token"))
 
     @cached_property
     def data_channel(self) -> IntArray:
-        """(N,) row of sensor for each row of sample_data, -1 where broken."""
+        """(N,) row of sensor for each row of sample_data, -1 if a reference is broken."""
         sensor = self["sensor"].rows_of(self["calibrated_sensor"].array("sensor_token"))
-        return at_rows(sensor, self.data_calibration)
+        return take_rows(sensor, self.data_calibration)
 
     @cached_property
     def annotation_category(self) -> IntArray:
-        """(N,) row of category for each row of sample_annotation, -1 where broken."""
+        """(N,) row of category for each row of sample_annotation, -1 if a reference is broken."""
         instance = self["instance"].rows_of(self["sample_annotation"].array("instance_token"))
         category = self["category"].rows_of(self["instance"].array("category_token"))
-        return at_rows(category, instance)
+        return take_rows(category, instance)

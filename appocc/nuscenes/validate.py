@@ -1,4 +1,4 @@
-"""Checking a dataset: every broken reference, chain, count, time, pose, box and file is named."""
+"""Validation of a dataset: broken references, chains, counts, times, poses, boxes and files."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from appocc.boxes import LARGEST_M
 from appocc.checks import FARTHEST_M, BoolArray, FloatArray
 from appocc.errors import DataError
 from appocc.geometry import is_unit
-from appocc.nuscenes.chaincheck import check_chains, later, pair
+from appocc.nuscenes.chaincheck import check_chains, pair_keys, repeated_keys
 from appocc.nuscenes.columns import intrinsic_of
 from appocc.nuscenes.dataset import Dataset
 from appocc.nuscenes.filecheck import check_files
-from appocc.nuscenes.problem import Problem, of_rows, refers
+from appocc.nuscenes.problem import Problem, broken_reference, row_problems
 from appocc.nuscenes.schema import EXTRA_TABLES, OPTIONAL_TABLES, TABLES
 from appocc.nuscenes.table import Table
 from appocc.nuscenes.tables import Tables
 
-# Takes a title and a total, gives a function to call with the steps done.
-Progress = Callable[[str, int | None], AbstractContextManager[Callable[[int], None]]]
+# Context manager of a title and a total; yields the function to call with the number of new steps.
+ProgressBar = Callable[[str, int | None], AbstractContextManager[Callable[[int], None]]]
 _CHAINED = ("prev", "next")
 
 
@@ -31,18 +31,18 @@ def no_progress(title: str, total: int | None) -> AbstractContextManager[Callabl
     return nullcontext(lambda steps: None)
 
 
-def validate(dataset: Dataset, images: bool = True, progress: Progress = no_progress) -> tuple[Problem, ...]:
-    """All findings about a dataset; errors and notes, in the order of the checks.
+def validate(dataset: Dataset, images: bool = True, progress: ProgressBar = no_progress) -> tuple[Problem, ...]:
+    """Return all problems of a dataset, errors and notes, in the order of the checks.
 
-    `images` reads every image and LiDAR file whole; otherwise only their sizes, beginnings and ends are looked at.
-    Where a table is damaged, only that is reported: the other checks need all tables.
+    `images` reads every image and LiDAR file completely; otherwise only size, first and last bytes are checked. If a
+    table is damaged, only that is reported: the other checks need all tables.
     """
     damaged = tuple(_damaged(dataset.tables))
     if damaged:
         return damaged
     tables = dataset.tables
     in_tables = chain(
-        _lacking(tables),
+        _missing(tables),
         *(_tokens(tables[name]) for name in (*TABLES, *EXTRA_TABLES)),
         *(_times(tables[name]) for name in TABLES),
         _references(tables),
@@ -66,7 +66,7 @@ def _damaged(tables: Tables) -> Iterator[Problem]:
             yield Problem(name, "", "damaged table", str(error))
 
 
-def _lacking(tables: Tables) -> Iterator[Problem]:
+def _missing(tables: Tables) -> Iterator[Problem]:
     for name in sorted(OPTIONAL_TABLES & set(TABLES)):
         if not tables.path(name).exists():
             yield Problem(name, "", "missing table", "the file is missing; taken as empty", "note")
@@ -76,8 +76,10 @@ def _lacking(tables: Tables) -> Iterator[Problem]:
 
 
 def _tokens(table: Table) -> Iterator[Problem]:
-    yield from of_rows(table, table.repeated(), "repeated token", lambda row: "an earlier row has the same token")
-    yield from of_rows(table, table.array("token") == b"", "empty token", lambda row: f"row {row} has no token")
+    yield from row_problems(
+        table, table.repeated(), "repeated token", lambda row: "an earlier row has the same token"
+    )
+    yield from row_problems(table, table.array("token") == b"", "empty token", lambda row: f"row {row} has no token")
 
 
 def _times(table: Table) -> Iterator[Problem]:
@@ -87,7 +89,7 @@ def _times(table: Table) -> Iterator[Problem]:
 
 
 def _references(tables: Tables) -> Iterator[Problem]:
-    """Tokens that no row of the table they refer to has; prev and next are looked at with the chains."""
+    """Yield references to missing rows; prev and next are checked with the chains."""
     for name, fields in {**TABLES, **EXTRA_TABLES}.items():
         for field in fields:
             if field.kind == "token" and field.refers_to and field.name not in _CHAINED:
@@ -95,11 +97,13 @@ def _references(tables: Tables) -> Iterator[Problem]:
                 broken = tables[field.refers_to].rows_of(values) < 0
                 if field.optional_reference:
                     broken &= values != b""
-                yield from of_rows(table, broken, "broken reference", refers(table, field.name, field.refers_to))
+                yield from row_problems(
+                    table, broken, "broken reference", broken_reference(table, field.name, field.refers_to)
+                )
 
 
 def _list_references(tables: Tables) -> Iterator[Problem]:
-    """The same for lists of tokens. A published part of a dataset names logs that it does not bring: a note."""
+    """Yield broken references in lists; logs missing in a published part of a dataset are a note."""
     annotations, attributes = tables["sample_annotation"], _known(tables["attribute"])
     for row, tokens in enumerate(annotations["attribute_tokens"]):
         for token in set(tokens) - attributes:
@@ -120,14 +124,14 @@ def _known(table: Table) -> set[str]:
 
 
 def _poses(table: Table) -> Iterator[Problem]:
-    """Translations and rotations that are no pose."""
+    """Yield invalid translations and rotations."""
     place, turn = table.array("translation"), table.array("rotation")
-    yield from of_rows(
+    yield from row_problems(
         table, ~_all_below(place, FARTHEST_M), "bad pose", lambda row: f"translation is {place[row].tolist()}"
     )
     with np.errstate(over="ignore", invalid="ignore"):
         length = np.linalg.norm(turn, axis=1)
-    yield from of_rows(
+    yield from row_problems(
         table,
         ~is_unit(turn),
         "bad pose",
@@ -136,12 +140,12 @@ def _poses(table: Table) -> Iterator[Problem]:
 
 
 def _all_below(values: FloatArray, limit: float) -> BoolArray:
-    """(N,) whether all numbers of a row (N, K) are less than a limit, on either side of zero; NaN is not."""
+    """Return (N,) whether all absolute values of a row (N, K) are below a limit; False for NaN."""
     return np.asarray((np.abs(values) < limit).all(axis=1))
 
 
 def _cameras(tables: Tables) -> Iterator[Problem]:
-    """Intrinsics of cameras that are no such thing."""
+    """Yield invalid camera intrinsics."""
     table = tables["calibrated_sensor"]
     sensor = tables["sensor"].rows_of(table.array("sensor_token"))
     camera = np.array([modality == "camera" for modality in [*tables["sensor"]["modality"], ""]], dtype=np.bool_)
@@ -162,21 +166,23 @@ def _is_intrinsic(value: object) -> bool:
 
 
 def _boxes(tables: Tables) -> Iterator[Problem]:
-    """Sizes that are not positive, and instances annotated twice in a sample."""
+    """Yield sizes that are not positive, and instances annotated twice in a sample."""
     table = tables["sample_annotation"]
     size = table.array("size")
     good = _all_below(size, LARGEST_M) & (size > 0).all(axis=1)
-    yield from of_rows(table, ~good, "bad size", lambda row: f"size {size[row].tolist()}, expected positive numbers")
+    yield from row_problems(
+        table, ~good, "bad size", lambda row: f"size {size[row].tolist()}, expected positive numbers"
+    )
     sample = tables["sample"].rows_of(table.array("sample_token"))
     instance = tables["instance"].rows_of(table.array("instance_token"))
-    twice = later(pair(instance, sample, len(tables["sample"])))
-    yield from of_rows(
+    twice = repeated_keys(pair_keys(instance, sample, len(tables["sample"])))
+    yield from row_problems(
         table, twice, "annotated twice", lambda row: "its instance has another annotation in the same sample"
     )
 
 
 def _names(tables: Tables) -> Iterator[Problem]:
-    """Scene names that come twice: a name would then mean the first only."""
+    """Yield repeated scene names: a name would select the first scene only."""
     table = tables["scene"]
     seen: set[str] = set()
     for row, name in enumerate(table["name"]):

@@ -1,4 +1,4 @@
-"""Writing a dataset in the nuScenes schema: rows are collected, tokens follow from names, tables come last."""
+"""Writer of datasets in the nuScenes schema; tokens are hashes of names, tables are written at the end."""
 
 from __future__ import annotations
 
@@ -58,32 +58,32 @@ VISIBILITIES = (("1", "v0-40"), ("2", "v40-60"), ("3", "v60-80"), ("4", "v80-100
 
 
 def token_of(*names: object) -> str:
-    """A 32-digit token that follows from names alone, so that the same input gives the same tables."""
+    """Return a 32-digit token, a hash of names: the same input gives the same tables."""
     return hashlib.md5(
         "/".join(str(name) for name in names).encode(errors="surrogatepass"), usedforsecurity=False
     ).hexdigest()
 
 
 def pose_fields(target_from_source: FloatArray) -> Row:
-    """The fields `translation` and `rotation` (wxyz) of a 4x4 pose."""
+    """Return the fields `translation` and `rotation` (wxyz) of a 4x4 pose."""
     return {
         "translation": target_from_source[:3, 3].tolist(),
         "rotation": quaternion_from_rotation(target_from_source[:3, :3]).tolist(),
     }
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Annotation:
-    """A box to be written, in the world frame.
+    """A box to write, in the world frame.
 
     Attributes:
-        instance: name of the object, the same in all samples.
+        instance: name of the object in all samples.
         category: one of `CATEGORIES`.
         world_from_box: (4, 4) pose; x along the length.
         size_wlh_m: width, length, height.
         attribute: one of `ATTRIBUTES`, or empty.
-        lidar_points: LiDAR points inside, -1 where unknown.
-        visibility: token 1..4, or empty where unknown.
+        lidar_points: number of LiDAR points inside, -1 if unknown.
+        visibility: token 1..4, or empty if unknown.
     """
 
     instance: str
@@ -96,10 +96,10 @@ class Annotation:
 
 
 class Writer:
-    """Collects the rows of scenes; `save` links the chains and writes all tables."""
+    """Collects rows; `save` links the chains and writes all tables."""
 
     def __init__(self, root: Path, version: str) -> None:
-        """Start an empty dataset below `root`; the fixed tables are filled in."""
+        """Start a dataset below `root` with the fixed tables filled in."""
         self.root = root
         self.version = version
         self.rows: dict[str, list[Row]] = {name: [] for name in TABLES}
@@ -113,18 +113,18 @@ class Writer:
         self._sensors: set[str] = set()
 
     def add(self, table: str, token: str, **fields: Any) -> str:
-        """Add a row; returns its token."""
+        """Add a row and return its token."""
         self.rows[table].append({"token": token, **fields})
         return token
 
     def add_extra(self, table: str, token: str, **fields: Any) -> None:
-        """Add a row to a table beside the thirteen, such as lidarseg."""
+        """Add a row to an additional table, such as lidarseg."""
         self.extra.setdefault(table, []).append({"token": token, **fields})
 
     def add_sensor(
         self, scene: str, channel: str, ego_from_sensor: FloatArray, intrinsic: FloatArray | None = None
     ) -> str:
-        """Add the calibration of a sensor for a scene (a camera if it has an intrinsic matrix); returns its token."""
+        """Add the calibration of a sensor for a scene (a camera if `intrinsic` is given) and return its token."""
         sensor = token_of("sensor", channel)
         modality = "lidar" if intrinsic is None else "camera"
         if channel not in self._sensors:
@@ -139,7 +139,7 @@ class Writer:
         )
 
     def add_scene(self, name: str, description: str, log: str, samples: Sequence[str]) -> str:
-        """Add a scene over samples (tokens in order of time) and link their chain; returns its token.
+        """Add a scene of samples (tokens in order of time) and return its token.
 
         Raises:
             ShapeError: if it has no samples.
@@ -168,7 +168,7 @@ class Writer:
         size_px: tuple[int, int] = (0, 0),
         is_key_frame: bool = True,
     ) -> str:
-        """Add a sensor file (size as width, height) with its own ego pose; returns its token."""
+        """Add a sensor file (`size_px` as width, height) with its ego pose and return its token."""
         token = token_of("sample_data", sample, channel, timestamp_us)
         pose = self.add("ego_pose", token, timestamp=timestamp_us, **pose_fields(world_from_ego))
         return self.add(
@@ -188,10 +188,10 @@ class Writer:
         )
 
     def add_annotation(self, scene: str, sample: str, box: Annotation, velocity_mps: FloatArray | None = None) -> str:
-        """Add a box of a sample, with its velocity (2,) in the world where that is known; returns its token.
+        """Add a box of a sample, optionally with its velocity (2,) in the world frame, and return its token.
 
         Raises:
-            ShapeError: if its category is none of nuScenes'.
+            ShapeError: if its category is not a nuScenes category.
         """
         if box.category not in CATEGORIES:
             raise ShapeError(f"annotation {box.instance}: expected a nuScenes category, got '{box.category}'")
@@ -213,7 +213,7 @@ class Writer:
         )
 
     def absorb(self, rows: Mapping[str, Sequence[Row]], extra: Mapping[str, Sequence[Row]]) -> None:
-        """Take over the rows of another writer that has not been saved; rows that are there already come once."""
+        """Merge the rows of another writer that was not saved; existing rows are not repeated."""
         for mine, theirs in ((self.rows, rows), (self.extra, extra)):
             for name, found in theirs.items():
                 known = {row["token"] for row in mine.setdefault(name, [])}
@@ -244,7 +244,7 @@ class Writer:
             write_json(self.root / self.version / f"{name}.json", rows, indent=0)
 
     def _derive_instances(self) -> None:
-        """One instance row an object, from its annotations in order of time."""
+        """Add one instance row per object, from its annotations in order of time."""
         chains: dict[str, list[Row]] = {}
         for row in self.rows["sample_annotation"]:
             chains.setdefault(row["instance_token"], []).append(row)
@@ -264,7 +264,7 @@ class Writer:
 
 
 def _link(rows: list[Row], group: Any, time: Any) -> None:
-    """Fill prev and next of rows that share a group, in order of time."""
+    """Set prev and next of the rows of each group, in order of time."""
     chains: dict[Any, list[Row]] = {}
     for row in rows:
         chains.setdefault(group(row), []).append(row)
@@ -277,10 +277,10 @@ def _link(rows: list[Row], group: Any, time: Any) -> None:
 
 @contextmanager
 def whole_folder(path: Path) -> Iterator[Path]:
-    """A temporary folder beside `path`, renamed to it when the block ends well and removed when it does not.
+    """Create a temporary folder next to `path`; rename it to `path` on success and remove it on failure.
 
     Raises:
-        DataError: if `path` exists and is not an empty folder, cannot be written, or is being made by another run.
+        DataError: if `path` exists and is not an empty folder, cannot be written, or is in use by another run.
     """
     if path.is_file() or (path.is_dir() and any(path.iterdir())):
         raise DataError(f"{path}: exists already; name a new folder")

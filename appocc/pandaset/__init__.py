@@ -17,10 +17,10 @@ __all__ = ["convert_folder", "read_recordings"]
 
 
 def read_recordings(source: Path, lidar: Path | None, trust_pickles: bool) -> list[Recording]:
-    """The recordings of a folder: one plain twin (frames.json), or, trusted, published sequence folders.
+    """Read the recordings of a folder: one plain copy (frames.json) or, if pickles are trusted, published sequences.
 
     Raises:
-        DataError: if there is none, or pickles would have to be read and are not trusted.
+        DataError: if there is no recording, or it has pickles that are not trusted.
     """
     for folder in [source] if lidar is None else [source, lidar]:
         if not folder.is_dir():
@@ -40,7 +40,7 @@ def read_recordings(source: Path, lidar: Path | None, trust_pickles: bool) -> li
 def convert_folder(
     source: Path, out: Path, lidar: Path | None, trust_pickles: bool, advance: Callable[[int], None]
 ) -> dict[str, Any]:
-    """Convert all recordings of `source` into a new dataset `out`, whole or not at all; returns counts.
+    """Convert all recordings of `source` to a new dataset `out`, atomically; return counts.
 
     Raises:
         DataError: if the source is damaged or `out` cannot be written.

@@ -1,4 +1,4 @@
-"""PandaSet's classes as nuScenes categories: for boxes by name, for points by name too."""
+"""Mapping of PandaSet's classes of boxes and points to nuScenes categories."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ _CATEGORY = {
     "Temporary Construction Barriers": "movable_object.barrier",
     "Rolling Containers": "movable_object.pushable_pullable",
     "Signs": "static.manmade",
-    # Classes of points only.
+    # Classes of points.
     "Smoke": "noise",
     "Exhaust": "noise",
     "Spray or rain": "noise",
@@ -55,7 +55,7 @@ _ATTRIBUTE = {"Parked": "vehicle.parked", "Stopped": "vehicle.stopped", "Moving"
 
 
 def category_of(label: str) -> str:
-    """NuScenes category of a PandaSet class.
+    """Return the nuScenes category of a PandaSet class.
 
     Raises:
         DataError: if PandaSet has no such class.
@@ -67,7 +67,7 @@ def category_of(label: str) -> str:
 
 
 def attribute_of(label: str, motion: str | None) -> str:
-    """NuScenes attribute of a box ('' where PandaSet says nothing of its motion, or nuScenes has none for it)."""
+    """Return the nuScenes attribute of a box; '' if its motion is unknown or the category has no such attribute."""
     category = category_of(label)
     if category in ("vehicle.bicycle", "vehicle.motorcycle"):
         return ""

@@ -1,4 +1,4 @@
-"""Reader of the plain twin of a PandaSet sequence: frames.json, images, npz sweeps; nothing is unpickled."""
+"""Reader of plain copies of PandaSet sequences: frames.json, images, npz sweeps; no pickles."""
 
 from __future__ import annotations
 
@@ -13,36 +13,36 @@ from appocc.checks import FloatArray, check_finite, check_numbers, check_transfo
 from appocc.errors import AppoccError, DataError
 from appocc.files import inside, read_file, read_json, zip_arrays
 from appocc.geometry import nearest_rigid
-from appocc.pandaset.recording import CHANNELS, Cuboid, Image, Moment, Recording, RoadRaster, Sweep
+from appocc.pandaset.recording import CHANNELS, Cuboid, LidarSweep, PandaFrame, PandaImage, Recording, RoadRaster
 
 
 def read_plain(source: Path, lidar: Path | None) -> Recording:
-    """The recording of a folder with a frames.json; `lidar` is the folder with npz/NN.npz, None leaves LiDAR out.
+    """Read a folder with a frames.json; `lidar` is the folder with npz/NN.npz, None: without LiDAR.
 
     Raises:
-        DataError: if a file is missing or damaged, or says something that cannot be true.
+        DataError: if a file is missing, damaged or invalid.
     """
     path = source / "frames.json"
     data, labels, road = read_json(path), _label_names(source), _road(source)
     try:
-        frames = data["frames"]
+        rows = data["frames"]
         intrinsics = {CHANNELS[name]: np.array(k, dtype=np.float64) for name, k in data["intrinsics"].items()}
-        moments = tuple(_moment(source, frame, lidar) for frame in frames if frame["has_images"])
-        name = PurePosixPath(next(iter(frames[0]["cameras"].values()))["file"]).parts[0]
-        return Recording(name, moments, intrinsics, labels, road, str(data.get("source", "")))
+        frames = tuple(_frame(source, row, lidar) for row in rows if row["has_images"])
+        name = PurePosixPath(next(iter(rows[0]["cameras"].values()))["file"]).parts[0]
+        return Recording(name, frames, intrinsics, labels, road, str(data.get("source", "")))
     except AppoccError as error:
         raise DataError(f"{path}: {error}") from error
     except (KeyError, TypeError, IndexError, ValueError, OverflowError, AttributeError, StopIteration) as error:
-        raise DataError(f"{path}: not the plain twin of a PandaSet sequence ({error!r})") from error
+        raise DataError(f"{path}: not a plain copy of a PandaSet sequence ({error!r})") from error
 
 
-def _moment(source: Path, frame: dict[str, Any], lidar: Path | None) -> Moment:
-    """One entry of `frames`."""
+def _frame(source: Path, frame: dict[str, Any], lidar: Path | None) -> PandaFrame:
+    """Convert one entry of `frames`."""
     images = {
-        CHANNELS[name]: Image(inside(source, camera["file"]), float(camera["t"]), _pose(camera, "T_world_cam"))
+        CHANNELS[name]: PandaImage(inside(source, camera["file"]), float(camera["t"]), _pose(camera, "T_world_cam"))
         for name, camera in frame["cameras"].items()
     }
-    return Moment(
+    return PandaFrame(
         int(frame["i"]),
         float(frame["t_lidar"]),
         _pose(frame, "T_world_ego"),
@@ -52,8 +52,8 @@ def _moment(source: Path, frame: dict[str, Any], lidar: Path | None) -> Moment:
     )
 
 
-def _sweep_of(frame: dict[str, Any], lidar: Path | None) -> Callable[[], Sweep] | None:
-    """What reads the sweep of an entry of `frames`; its `lidar_npz` may name another folder, but no other file."""
+def _sweep_of(frame: dict[str, Any], lidar: Path | None) -> Callable[[], LidarSweep] | None:
+    """Return the reader of the sweep of a frame; its `lidar_npz` may name another folder but no other file."""
     stated, name = frame["lidar_npz"], f"{int(frame['i']):02d}.npz"
     if stated is not None and PurePosixPath(stated).name != name:
         raise DataError(f"frame {frame['i']}: lidar_npz: expected a path to {name}, got {str(stated)[:80]!r}")
@@ -61,39 +61,39 @@ def _sweep_of(frame: dict[str, Any], lidar: Path | None) -> Callable[[], Sweep] 
 
 
 def _pose(row: dict[str, Any], name: str) -> FloatArray:
-    """4x4 pose of a field, freed of the rounding of its text."""
+    """Return the 4x4 pose of a field, corrected for rounding to the nearest rigid transform."""
     pose = np.array(row[name], dtype=np.float64)
     check_transform(name, pose)
     return nearest_rigid(pose)
 
 
 def _cuboid(box: dict[str, Any]) -> Cuboid:
-    """One entry of `boxes`: its yaw is already that of the length axis."""
+    """Convert one entry of `boxes`, whose yaw is the heading of the length axis."""
     return Cuboid(
-        str(box["track"]),
-        str(box["class"]),
-        np.array(box["centre_world"], dtype=np.float64),
-        np.array(box["size_lwh"], dtype=np.float64),
-        float(box["yaw_world"]),
-        None if box["motion"] is None else str(box["motion"]),
-        int(box["sensor_id"]),
-        None if box["sibling"] is None else str(box["sibling"]),
+        track=str(box["track"]),
+        label=str(box["class"]),
+        centre_world_m=np.array(box["centre_world"], dtype=np.float64),
+        size_lwh_m=np.array(box["size_lwh"], dtype=np.float64),
+        yaw_world_rad=float(box["yaw_world"]),
+        motion=None if box["motion"] is None else str(box["motion"]),
+        sensor=int(box["sensor_id"]),
+        sibling=None if box["sibling"] is None else str(box["sibling"]),
     )
 
 
-def _sweep(path: Path) -> Sweep:
-    """Points of one npz: centimetres in the ego frame."""
+def _sweep(path: Path) -> LidarSweep:
+    """Read the points of one npz file, centimetres in the ego frame."""
     packed = read_file(path)
     try:
         with zip_arrays(packed) as data:
             check_numbers("points", data["xyz_cm_ego"])
-            return Sweep(data["xyz_cm_ego"].astype(np.float64) / 100, data["intensity"], data["semseg"])
+            return LidarSweep(data["xyz_cm_ego"].astype(np.float64) / 100, data["intensity"], data["semseg"])
     except Exception as error:  # damage surfaces as nearly any error of zipfile, zlib and numpy
         raise DataError(f"{path}: damaged sweep ({error})") from error
 
 
 def _label_names(source: Path) -> dict[int, str]:
-    """Names of the point labels, from the first classes.json below the folder."""
+    """Return the names of the point labels from the first classes.json below the folder."""
     path = next(iter(sorted(source.glob("*/annotations/semseg/classes.json"))), None)
     if path is None:
         return {}
@@ -105,7 +105,7 @@ def _label_names(source: Path) -> dict[int, str]:
 
 
 def _road(source: Path) -> RoadRaster | None:
-    """The road raster beside frames.json, if there is one."""
+    """Read the road raster next to frames.json; None if there is none."""
     path = source / "road_world.npz"
     if not path.is_file():
         return None

@@ -1,7 +1,7 @@
-"""A PandaSet sequence in memory: what both readers (plain twin, published pickles) give to the converter.
+"""PandaSet sequence in memory, from either reader (plain copy, published pickles).
 
-Frames: `world` is PandaSet's; `ego` here is x forward, y left, z up at the height of PandaSet's LiDAR pose, which is
-0.40 m above the road (nuScenes' ego lies on the road: the converter lowers it).
+Coordinate frames: `world` is PandaSet's; `ego` is x forward, y left, z up at the height of PandaSet's LiDAR pose,
+0.40 m above the road (the converter lowers it to the road, as in nuScenes).
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from appocc.checks import (
 from appocc.errors import DataError, ShapeError
 from appocc.pandaset.classes import category_of
 
-# PandaSet's camera folders and the nuScenes-style channels they become.
+# nuScenes-style channel of each PandaSet camera folder.
 CHANNELS = {
     "front_camera": "CAM_FRONT",
     "front_left_camera": "CAM_FRONT_LEFT",
@@ -37,14 +37,14 @@ CHANNELS = {
 
 
 def _check_time(name: str, time_s: float) -> None:
-    """Check seconds since 1970, up to the year 5138: more would not fit whole microseconds."""
+    """Check seconds since 1970, up to the year 5138, so that microseconds are exact."""
     if not 0 <= time_s < 1e11:
         raise ShapeError(f"{name}: expected seconds since 1970, got {time_s:g}")
 
 
-@dataclass(frozen=True)
-class Image:
-    """An image file with its own time and pose; PandaSet publishes rectified images, so no distortion applies."""
+@dataclass(frozen=True, eq=False)
+class PandaImage:
+    """An image file with time and pose; PandaSet's images are rectified, without distortion."""
 
     path: Path
     time_s: float
@@ -54,13 +54,13 @@ class Image:
         """Check time and pose.
 
         Raises:
-            ShapeError: if the time or the pose is none.
+            ShapeError: if time or pose is invalid.
         """
         _check_time(f"{self.path.name} time", self.time_s)
         check_transform(f"{self.path.name} world_from_cam", self.world_from_cam)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Cuboid:
     """An annotated box; yaw is the heading of its LENGTH axis, size is (length, width, height)."""
 
@@ -74,10 +74,10 @@ class Cuboid:
     sibling: str | None
 
     def __post_init__(self) -> None:
-        """Check the numbers.
+        """Check shapes and values.
 
         Raises:
-            ShapeError: if one is missing or not finite, or a size is not positive.
+            ShapeError: if a value is not finite, or a size is not positive.
             DataError: if PandaSet has no such class.
         """
         check_shape(f"cuboid {self.track} centre", self.centre_world_m, (3,))
@@ -90,8 +90,8 @@ class Cuboid:
             raise ShapeError(f"cuboid {self.track} size: expected positive sizes, got {self.size_lwh_m.tolist()}")
 
 
-@dataclass(frozen=True)
-class Sweep:
+@dataclass(frozen=True, eq=False)
+class LidarSweep:
     """Points of the spinning LiDAR: (N, 3) metres in the ego frame, (N,) intensity 0..255, (N,) class labels."""
 
     points_ego_m: FloatArray
@@ -99,7 +99,7 @@ class Sweep:
     labels: ByteArray | None
 
     def __post_init__(self) -> None:
-        """Check that there are points, and that each has a place, an intensity and, if any has, a label.
+        """Check that there are points, with an intensity and, if there are labels, a label each.
 
         Raises:
             ShapeError: if not.
@@ -114,40 +114,40 @@ class Sweep:
                 check_dtype(name, values, np.uint8)
 
 
-@dataclass(frozen=True)
-class Moment:
-    """One frame of the sequence: images by channel, boxes, and a function that reads its sweep (None: no LiDAR)."""
+@dataclass(frozen=True, eq=False)
+class PandaFrame:
+    """One frame of a sequence: images by channel, boxes, and a function that reads its sweep (None: no LiDAR)."""
 
     index: int
     time_s: float
     world_from_ego: FloatArray
-    images: dict[str, Image]
+    images: dict[str, PandaImage]
     cuboids: tuple[Cuboid, ...]
-    read_sweep: Callable[[], Sweep] | None
+    read_sweep: Callable[[], LidarSweep] | None
 
     def __post_init__(self) -> None:
         """Check time and pose.
 
         Raises:
-            ShapeError: if the time or the pose is none.
+            ShapeError: if time or pose is invalid.
         """
         _check_time(f"frame {self.index} time", self.time_s)
         check_transform(f"frame {self.index} world_from_ego", self.world_from_ego)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class RoadRaster:
-    """A raster of ground classes: label (rows along +y, columns along +x), lower left corner, cell size."""
+    """Raster of ground classes: label (rows along +y, columns along +x), lower left corner, cell size."""
 
     label: ByteArray
     origin_m: tuple[float, float]
     cell_m: float
 
     def __post_init__(self) -> None:
-        """Check that the raster can become a mask of 10 px a metre.
+        """Check that the raster can be converted to a mask of 10 px per metre.
 
         Raises:
-            ShapeError: if it has no cells, no place, or cells that are no whole multiple of 0.1 m.
+            ShapeError: if it has no cells, an invalid origin, or a cell size that is not a multiple of 0.1 m.
         """
         check_shape("label", self.label, (None, None))
         if not self.label.size:
@@ -159,33 +159,33 @@ class RoadRaster:
 
     @property
     def scale(self) -> int:
-        """Cells of 0.1 m along the side of one of these."""
+        """Number of mask pixels (0.1 m) along the side of a cell."""
         return round(self.cell_m / 0.1)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Recording:
-    """A sequence: frames in order of time, intrinsics by channel, names of the point labels, maybe a road raster."""
+    """A sequence: frames in order of time, intrinsics by channel, label names, and optionally a road raster."""
 
     name: str
-    moments: tuple[Moment, ...]
+    frames: tuple[PandaFrame, ...]
     intrinsics: dict[str, FloatArray]
     label_names: dict[int, str]
     road: RoadRaster | None
     source: str
 
     def __post_init__(self) -> None:
-        """Check that time runs forward, that every camera has an intrinsic matrix, and that labels fit a byte.
+        """Check that times increase, every camera has an intrinsic matrix, and labels fit a byte.
 
         Raises:
             DataError: if not, or there are no frames.
         """
-        times = [moment.time_s for moment in self.moments]
+        times = [frame.time_s for frame in self.frames]
         if not times:
             raise DataError(f"sequence {self.name}: no frames")
         if sorted(set(times)) != times:
-            raise DataError(f"sequence {self.name}: the frames' times do not rise")
-        for channel in sorted({channel for moment in self.moments for channel in moment.images}):
+            raise DataError(f"sequence {self.name}: the times of the frames do not increase")
+        for channel in sorted({channel for frame in self.frames for channel in frame.images}):
             if channel not in self.intrinsics:
                 raise DataError(f"sequence {self.name}: {channel} has images but no intrinsic matrix")
             check_intrinsic(f"{channel} intrinsic", self.intrinsics[channel])
@@ -195,7 +195,7 @@ class Recording:
             category_of(label)
 
 
-def without_twins(cuboids: tuple[Cuboid, ...]) -> tuple[Cuboid, ...]:
-    """Drop the forward LiDAR's copy (sensor 1) of a box whose sibling is in the same frame; keep the others."""
+def drop_duplicate_cuboids(cuboids: tuple[Cuboid, ...]) -> tuple[Cuboid, ...]:
+    """Drop the duplicates from the forward LiDAR (sensor 1) whose sibling is in the same frame."""
     present = {cuboid.track for cuboid in cuboids}
     return tuple(c for c in cuboids if not (c.sensor == 1 and c.sibling in present))

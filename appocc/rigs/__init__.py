@@ -1,4 +1,4 @@
-"""Camera rigs as YAML files: those shipped beside this module by name, any other by its path."""
+"""Camera rigs in YAML files: shipped rigs by name, others by path."""
 
 from __future__ import annotations
 
@@ -10,8 +10,10 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from appocc.camera import Camera, CameraRig
 from appocc.checks import FloatArray
+from appocc.ego_vehicle import EgoVehicle
 from appocc.errors import DataError, NotFoundError, ShapeError
 from appocc.geometry import transform
+from appocc.typing import PathLike
 from appocc.yaml_file import read_yaml
 
 FOLDER = Path(__file__).parent
@@ -22,7 +24,7 @@ _Row = tuple[float, float, float]
 
 
 class _CameraModel(BaseModel):
-    """A camera as it stands in a file; see docs/simulator.md."""
+    """A camera in a rig file; see docs/simulator.md."""
 
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
 
@@ -36,7 +38,7 @@ class _CameraModel(BaseModel):
     intrinsic: tuple[_Row, _Row, _Row] | None = None
 
     @model_validator(mode="after")
-    def _one_lens(self) -> _CameraModel:
+    def _check_intrinsic(self) -> _CameraModel:
         if (self.fov_deg is None) == (self.intrinsic is None):
             raise ValueError("expected either fov_deg or intrinsic")
         if self.intrinsic is not None and self.centre_px is not None:
@@ -44,39 +46,54 @@ class _CameraModel(BaseModel):
         return self
 
 
+class _EgoVehicleModel(BaseModel):
+    """The ego vehicle in a rig file; omitted dimensions have the default of `EgoVehicle`."""
+
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
+
+    length_m: float = EgoVehicle.length_m
+    width_m: float = EgoVehicle.width_m
+    rear_overhang_m: float = EgoVehicle.rear_overhang_m
+    turning_circle_m: float = EgoVehicle.turning_circle_m
+
+
 class _RigModel(BaseModel):
+    """A rig file."""
+
     model_config = ConfigDict(extra="forbid")
 
     cameras: Annotated[
         dict[Annotated[str, Field(pattern=r"^CAM_[A-Z0-9_]{1,40}$")], _CameraModel], Field(min_length=1)
     ]
+    ego_vehicle: _EgoVehicleModel = _EgoVehicleModel()
 
 
 def rig_names() -> tuple[str, ...]:
-    """Names of the shipped rigs."""
+    """Return the names of the shipped rigs."""
     return tuple(sorted(path.stem for path in FOLDER.glob("*.yaml")))
 
 
-def read_rig(name_or_path: str) -> CameraRig:
-    """A shipped rig by its name, or a rig from a YAML file.
+def read_rig(name_or_path: PathLike) -> CameraRig:
+    """Read a shipped rig by its name, or a rig from a YAML file.
 
     Raises:
-        NotFoundError: if it is neither.
-        DataError: if the file is damaged or describes no rig.
+        NotFoundError: if there is neither a shipped rig nor a file of this name.
+        DataError: if the file is damaged or not a valid rig.
     """
-    path = FOLDER / f"{name_or_path}.yaml" if name_or_path in rig_names() else Path(name_or_path)
+    path = FOLDER / f"{name_or_path}.yaml" if str(name_or_path) in rig_names() else Path(name_or_path)
     if not path.is_file():
         raise NotFoundError(f"{name_or_path}: no rig of this name ({', '.join(rig_names())}) and no such file")
     values = read_yaml(path)
     try:
         found = _RigModel.model_validate(values)
-        return CameraRig(tuple(_camera(channel, model) for channel, model in found.cameras.items()))
+        cameras = tuple(_camera(channel, model) for channel, model in found.cameras.items())
+        return CameraRig(cameras, EgoVehicle(**found.ego_vehicle.model_dump()))
     except ValidationError as error:
         first: Any = error.errors()[0]
         where = ".".join(str(part) for part in first["loc"] if part != "[key]") or "the file"
-        raise DataError(f"{path}: no camera rig: {where}: {first['msg']}") from error
+        raise DataError(f"{path}: invalid camera rig: {where}: {first['msg']}") from error
     except (ShapeError, ValueError) as error:
-        raise DataError(f"{path}: no camera rig ({' '.join(str(error).split())})") from error
+        raise DataError(f"{path}: invalid camera rig ({' '.join(str(error).split())})") from error
 
 
 def _camera(channel: str, model: _CameraModel) -> Camera:
@@ -87,12 +104,12 @@ def _camera(channel: str, model: _CameraModel) -> Camera:
         focal = width / 2 / np.tan(np.radians(model.fov_deg or 0.0) / 2)
         across, down = model.centre_px or ((width - 1) / 2, (height - 1) / 2)
         intrinsic = np.array([[focal, 0.0, across], [0.0, focal, down], [0.0, 0.0, 1.0]])
-    turned = _turn(model.yaw_deg, model.pitch_deg, model.roll_deg)
-    return Camera(channel, width, height, intrinsic, transform(turned, model.position_m))
+    rotation = _rotation(model.yaw_deg, model.pitch_deg, model.roll_deg)
+    return Camera(channel, width, height, intrinsic, transform(rotation, model.position_m))
 
 
-def _turn(yaw_deg: float, pitch_deg: float, roll_deg: float) -> FloatArray:
-    """Rotation from the camera frame to the ego's: yaw to the left, pitch down, roll clockwise seen from behind."""
+def _rotation(yaw_deg: float, pitch_deg: float, roll_deg: float) -> FloatArray:
+    """Return the ego-from-camera rotation: yaw to the left, pitch down, roll clockwise seen from behind."""
     (cy, cp, cr), (sy, sp, sr) = (f(np.radians([yaw_deg, pitch_deg, roll_deg])) for f in (np.cos, np.sin))
     yaw = np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]])
     pitch = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])

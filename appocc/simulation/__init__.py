@@ -1,8 +1,8 @@
-"""The embedded simulator: towns with traffic, cameras, LiDAR and exact truth, written in the nuScenes schema."""
+"""The embedded simulator: towns with traffic, cameras, LiDAR and exact ground truth in the nuScenes schema."""
 
 from pathlib import Path
 
 from appocc.environment import choose_cache_folders
 
-# All modules that numba compiles are below this one.
+# All modules with numba kernels are below this one.
 choose_cache_folders(Path(__file__).parent)

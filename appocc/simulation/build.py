@@ -1,4 +1,4 @@
-"""From a plan to a town that can be rendered."""
+"""Build a renderable town from its plan."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from appocc.simulation.town import Town
 
 
 def build_town(plan: TownPlan) -> Town:
-    """Draw the ground of a town and put everything on it; the same plan gives the same town."""
+    """Build ground and scenery of a town; the same plan gives the same town."""
     ground, lines = build_ground(plan)
     solid, lamps_m = build_scenery(plan, ground)
     return Town(plan, ground, solid, lamps_m, lines)

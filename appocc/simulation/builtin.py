@@ -1,4 +1,4 @@
-"""The towns that come with the suite: invented places with recorded traffic; reading them needs no SUMO."""
+"""Built-in towns: fictional places with recorded traffic; reading them needs no SUMO."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ TOWNS_FOLDER = Path(__file__).parent / "data" / "towns"
 
 
 def load_builtin(name: str) -> tuple[TownPlan, TrafficLog]:
-    """A built-in town and its traffic, by name.
+    """Load a built-in town and its traffic by name.
 
     Raises:
-        NotFoundError: if there is no such town; the message lists them.
+        NotFoundError: if the town is unknown; the message lists the known ones.
         DataError: if its files are missing or damaged.
     """
     if name not in TRAIN_TOWNS + TEST_TOWNS:

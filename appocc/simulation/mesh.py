@@ -1,4 +1,4 @@
-"""Triangles with a look: what rays hit."""
+"""Triangle meshes with materials."""
 
 from __future__ import annotations
 
@@ -13,22 +13,22 @@ from appocc.checks import ByteArray, Float32Array, check_dtype, check_shape, fro
 
 
 class Material(IntEnum):
-    """How a surface looks; patterns that follow `uv` are drawn when it is shaded."""
+    """Material of a surface; patterns that follow `uv` are computed when it is shaded."""
 
     PLAIN = 0  # matt, in the tint
     BRICK = 1  # uv in metres
     PLASTER = 2  # uv in metres
     CONCRETE = 3
-    WINDOW = 4  # a pane with its frame; uv 0..1 over the pane; some are lit at night (by `tag`)
-    SHOPFRONT = 5  # glass over a ground floor; uv in metres, stretched so that whole panes fit
+    WINDOW = 4  # a pane with its frame; uv 0..1 across the pane; some are lit at night (by `tag`)
+    SHOPFRONT = 5  # glass on a ground floor; uv in metres, scaled so that whole panes fit
     ROOF_TILES = 6  # uv in metres, v down the slope
     FLAT_ROOF = 7  # gravel
     FOLIAGE = 8  # leaves: mottled, lets some light through
     BARK = 9
     METAL = 10  # poles, rails
-    STREET_LAMP = 11  # shines from dusk to dawn
+    STREET_LAMP = 11  # lit from dusk to dawn
     SIGNAL = 12  # lamp of a traffic light; tag = 3 * index in `signal_links` + (0 red, 1 yellow, 2 green)
-    SIGN = 13  # retro-reflecting plate in its tint
+    SIGN = 13  # retro-reflective plate in its tint
     PAINT = 14  # bodywork: clear coat over the actor's paint
     GLASS = 15  # of vehicles
     RUBBER = 16
@@ -44,18 +44,18 @@ class Material(IntEnum):
     HEDGE = 26
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Mesh:
     """V vertices and F triangles, outward normals; x forward, y left, z up, metres.
 
     Attributes:
         vertices_m: (V, 3) float32.
-        normals: (V, 3) float32, unit; vertices are not shared over an edge that is to look sharp.
-        uv: (V, 2) float32, meaning by material.
+        normals: (V, 3) float32, unit; vertices are not shared across sharp edges.
+        uv: (V, 2) float32, meaning depends on the material.
         faces: (F, 3) int32, counter-clockwise seen from outside.
         material: (F,) uint8 `Material`.
-        tint: (F, 3) uint8 sRGB base colour; where the material is PAINT the actor's paint replaces it.
-        tag: (F,) int32: number of the actor (vehicles, people), of the signal lamp, of the building; else -1.
+        tint: (F, 3) uint8 sRGB base colour; the actor's paint replaces it where the material is PAINT.
+        tag: (F,) int32 index of the actor (vehicles, people), of the signal lamp or of the building; else -1.
     """
 
     vertices_m: Float32Array
@@ -88,16 +88,16 @@ class Mesh:
             frozen(array)
 
 
-def joined(meshes: Sequence[Mesh]) -> Mesh:
-    """One mesh of several."""
+def join_meshes(meshes: Sequence[Mesh]) -> Mesh:
+    """Join meshes into one."""
     offsets = np.cumsum([0, *(len(mesh.vertices_m) for mesh in meshes)])
     faces = [mesh.faces + np.int32(offset) for mesh, offset in zip(meshes, offsets, strict=False)]
     return Mesh(
-        np.concatenate([mesh.vertices_m for mesh in meshes] or [np.zeros((0, 3), np.float32)]),
-        np.concatenate([mesh.normals for mesh in meshes] or [np.zeros((0, 3), np.float32)]),
-        np.concatenate([mesh.uv for mesh in meshes] or [np.zeros((0, 2), np.float32)]),
-        np.concatenate(faces or [np.zeros((0, 3), np.int32)]),
-        np.concatenate([mesh.material for mesh in meshes] or [np.zeros(0, np.uint8)]),
-        np.concatenate([mesh.tint for mesh in meshes] or [np.zeros((0, 3), np.uint8)]),
-        np.concatenate([mesh.tag for mesh in meshes] or [np.zeros(0, np.int32)]),
+        vertices_m=np.concatenate([mesh.vertices_m for mesh in meshes] or [np.zeros((0, 3), np.float32)]),
+        normals=np.concatenate([mesh.normals for mesh in meshes] or [np.zeros((0, 3), np.float32)]),
+        uv=np.concatenate([mesh.uv for mesh in meshes] or [np.zeros((0, 2), np.float32)]),
+        faces=np.concatenate(faces or [np.zeros((0, 3), np.int32)]),
+        material=np.concatenate([mesh.material for mesh in meshes] or [np.zeros(0, np.uint8)]),
+        tint=np.concatenate([mesh.tint for mesh in meshes] or [np.zeros((0, 3), np.uint8)]),
+        tag=np.concatenate([mesh.tag for mesh in meshes] or [np.zeros(0, np.int32)]),
     )

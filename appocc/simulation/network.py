@@ -1,4 +1,4 @@
-"""The road network of a town: lanes, junctions and signals, as SUMO's network files hold them."""
+"""The road network of a town: lanes, junctions and signals, read from SUMO network files."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from appocc.errors import DataError, NotFoundError
 from appocc.files import unzipped
 
 LaneKind = Literal["driving", "parking", "cycling", "walking", "shoulder", "other"]
-# Lanes of these classes in SUMO's words; what nobody may use beside a road is a parking lane (see `making.layout`).
+# SUMO's vehicle classes of driving lanes; a lane closed to all is a parking lane (see `town_generation.layout`).
 _DRIVERS = frozenset({"passenger", "private", "taxi", "bus", "truck", "delivery"})
 _TYPES: dict[str, LaneKind] = {
     "parking": "parking",
@@ -30,7 +30,7 @@ _TYPES: dict[str, LaneKind] = {
 }
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Lane:
     """A lane.
 
@@ -38,7 +38,7 @@ class Lane:
         name: SUMO's id, such as `a_0`; inside junctions it begins with a colon.
         edge: name of the edge it belongs to.
         index: 0 is the rightmost.
-        kind: who may use it.
+        kind: permitted use.
         width_m: width.
         speed_mps: speed limit.
         centre_m: (N, 2) centre line in the direction of travel, town frame.
@@ -73,9 +73,9 @@ class Edge:
     lanes: tuple[Lane, ...]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Junction:
-    """A junction: its outline (N, 2) in metres, and how right of way is settled (SUMO's type)."""
+    """A junction: its outline (N, 2) in metres, and its right-of-way rule (SUMO's type)."""
 
     name: str
     kind: str
@@ -85,12 +85,12 @@ class Junction:
 
 @dataclass(frozen=True)
 class Connection:
-    """A way over a junction from lane to lane.
+    """A connection across a junction from lane to lane.
 
     Attributes:
         from_lane: name of the lane that ends at the junction.
         to_lane: name of the lane that begins there.
-        via: name of the lane inside, empty if there is none.
+        via: name of the lane inside the junction, empty if there is none.
         direction: s straight, l left, r right, t turnaround, L and R partly.
         signal: name of the traffic light, empty if there is none.
         link: number of the link in the light's state, -1 if there is none.
@@ -104,18 +104,18 @@ class Connection:
     link: int
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class RoadNetwork:
     """All streets of a town, in the town frame: metres, x east, y north.
 
     Attributes:
-        edges: streets, one entry a direction.
+        edges: one entry per direction of a street.
         inner_lanes: lanes inside junctions.
         junctions: junctions with an outline.
-        connections: ways over the junctions.
+        connections: connections across the junctions.
         low_m: (2,) lower corner of the streets' bounds.
         high_m: (2,) upper corner.
-        offset_m: (2,) that was added to the source's coordinates (OpenDRIVE).
+        offset_m: (2,) offset added to the coordinates of the source (OpenDRIVE).
     """
 
     edges: tuple[Edge, ...]
@@ -128,7 +128,7 @@ class RoadNetwork:
 
     @cached_property
     def lanes(self) -> Mapping[str, Lane]:
-        """All lanes by name, those inside junctions included."""
+        """All lanes by name, including those inside junctions."""
         outside = (lane for edge in self.edges for lane in edge.lanes)
         return {lane.name: lane for lane in (*outside, *self.inner_lanes)}
 
@@ -137,11 +137,11 @@ class RoadNetwork:
         return {(edge.from_junction, edge.to_junction): edge for edge in self.edges}
 
     def opposite(self, edge: Edge) -> Edge | None:
-        """The other direction of the same street, None of a one-way street."""
+        """Return the opposite direction of the same street, None for a one-way street."""
         return self._edge_between.get((edge.to_junction, edge.from_junction))
 
     def lane(self, name: str) -> Lane:
-        """A lane by name.
+        """Return a lane by name.
 
         Raises:
             NotFoundError: if there is none.
@@ -155,7 +155,7 @@ def read_network(path: Path) -> RoadNetwork:
     """Read a SUMO network (.net.xml or .net.xml.gz).
 
     Raises:
-        DataError: if it is missing, damaged, or no network.
+        DataError: if it is missing, damaged, or not a network.
     """
     text = unzipped(path)
     try:
@@ -173,13 +173,15 @@ def _network(root: ElementTree.Element) -> RoadNetwork:
     bounds, offset = _numbers(location, "convBoundary", 4), _numbers(location, "netOffset", 2)
     inside = [e for e in root.iter("edge") if e.get("function") == "internal"]
     return RoadNetwork(
-        tuple(_edge(e) for e in root.iter("edge") if e.get("function", "normal") == "normal"),
-        tuple(_lane(lane, str(e.get("id"))) for e in inside for lane in e.iter("lane")),
-        tuple(_junction(j) for j in root.iter("junction") if j.get("type") != "internal" and j.get("shape")),
-        tuple(_connection(c) for c in root.iter("connection") if not str(c.get("from")).startswith(":")),
-        bounds[:2],
-        bounds[2:],
-        offset,
+        edges=tuple(_edge(e) for e in root.iter("edge") if e.get("function", "normal") == "normal"),
+        inner_lanes=tuple(_lane(lane, str(e.get("id"))) for e in inside for lane in e.iter("lane")),
+        junctions=tuple(
+            _junction(j) for j in root.iter("junction") if j.get("type") != "internal" and j.get("shape")
+        ),
+        connections=tuple(_connection(c) for c in root.iter("connection") if not str(c.get("from")).startswith(":")),
+        low_m=bounds[:2],
+        high_m=bounds[2:],
+        offset_m=offset,
     )
 
 
@@ -191,7 +193,7 @@ def _numbers(element: ElementTree.Element, name: str, count: int) -> FloatArray:
 
 
 def _points(text: str | None) -> FloatArray:
-    """`x,y x,y ...` or `x,y,z x,y,z ...` as (N, 2); heights are left out: towns are flat."""
+    """Parse `x,y x,y ...` or `x,y,z x,y,z ...` as (N, 2); heights are ignored: towns are flat."""
     return np.array([[float(v) for v in point.split(",")[:2]] for point in (text or "").split()]).reshape(-1, 2)
 
 
@@ -208,13 +210,13 @@ def _edge(element: ElementTree.Element) -> Edge:
 
 def _lane(element: ElementTree.Element, edge: str) -> Lane:
     return Lane(
-        str(element.get("id")),
-        edge,
-        int(element.get("index", "0")),
-        _kind(element, inside=edge.startswith(":")),
-        float(element.get("width", "3.2")),
-        float(element.get("speed", "13.9")),
-        _points(element.get("shape")),
+        name=str(element.get("id")),
+        edge=edge,
+        index=int(element.get("index", "0")),
+        kind=_kind(element, inside=edge.startswith(":")),
+        width_m=float(element.get("width", "3.2")),
+        speed_mps=float(element.get("speed", "13.9")),
+        centre_m=_points(element.get("shape")),
     )
 
 
@@ -223,7 +225,7 @@ def _kind(element: ElementTree.Element, inside: bool) -> LaneKind:
         return _TYPES[str(element.get("type"))]
     allowed, forbidden = element.get("allow"), str(element.get("disallow", "")).split()
     if allowed is None and "all" in forbidden:
-        return "other" if inside else "parking"  # nobody parks on a junction: there they join pavements, shoulders
+        return "other" if inside else "parking"  # on junctions these lanes connect pavements and shoulders
     if allowed is None:
         return "driving" if not set(forbidden) >= _DRIVERS else "other"
     words = set(allowed.split())

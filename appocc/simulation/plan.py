@@ -1,4 +1,4 @@
-"""The plan of a town: everything that is decided before anything is drawn."""
+"""The plan of a town: everything that is decided before it is built."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from appocc.checks import FloatArray
 from appocc.simulation.network import RoadNetwork
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class CarPark:
-    """An area beside a street where cars stand in bays.
+    """An off-street area with parking bays.
 
     Attributes:
-        outline_m: (N, 2) outline, the driveway to the street included, town frame; the first two points are the ends
+        outline_m: (N, 2) outline, including the driveway to the street, town frame; the first two points are the ends
             of the driveway's mouth at the carriageway.
         bays: (B, 3) x, y of each bay's centre and its yaw (nose in), metres and radians; a bay is 5.0 m x 2.5 m.
     """
@@ -24,15 +24,15 @@ class CarPark:
 
 @dataclass(frozen=True)
 class TownPlan:
-    """A town to be built: the same plan always gives the same town.
+    """Plan of a town; the same plan always gives the same town.
 
     Attributes:
-        name: for people, and for `log.location`.
-        seed: of all that is made up: buildings, trees, wear of the road.
-        style: look of the buildings: `old` (brick and plaster, pitched roofs), `modern` (flat roofs, glass),
-            `suburb` (detached houses, gardens, many trees), `industrial` (halls, few trees).
+        name: display name, also used as `log.location`.
+        seed: random seed of buildings, trees and road wear.
+        style: architectural style: `old` (brick and plaster, pitched roofs), `modern` (flat roofs, glass),
+            `suburb` (detached houses, gardens, many trees), `industrial` (industrial buildings, few trees).
         network: streets.
-        car_parks: areas beside them.
+        car_parks: off-street car parks.
     """
 
     name: str

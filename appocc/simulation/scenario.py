@@ -1,8 +1,7 @@
-"""What a scene shows: which town, whose eyes, when, under which sky; drawn by seed."""
+"""Scenarios: town, ego vehicle, start time and weather of a scene, drawn by seed."""
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -10,29 +9,28 @@ import numpy as np
 
 from appocc.checks import BoolArray
 from appocc.errors import DataError
-from appocc.nuscenes.records import Scene
+from appocc.nuscenes.simulated import simulated_description
 from appocc.simulation.traffic import Actor, TrafficLog
 
-# How often each weather is drawn, the names of `WEATHERS`.
+# Sampling weights of the weathers, by name in `WEATHERS`.
 WEATHER_SHARES = {"clear": 0.3, "overcast": 0.22, "low_sun": 0.16, "wet": 0.12, "dusk": 0.1, "night": 0.1}
-# Cars and vans are drawn as the ego: the cameras' places are those on a car.
+# Only cars and vans are drawn as the ego: camera poses assume a car.
 _EGO_KINDS = ("car", "van")
 _STANDING_MPS, _MOST_STANDING = 0.5, 0.2
-_DESCRIBED = re.compile(r"[^,]+, ([\w ]+), simulated\b")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Scenario:
     """A scene to be recorded.
 
     Attributes:
-        name: of the scene, such as scene-0003.
+        name: name of the scene, such as scene-0003.
         number: position in the dataset.
         town: name of the town.
-        ego: number of the ego in the town's traffic log.
+        ego: index of the ego in the town's traffic log.
         start_s: time of the first frame in the log.
         weather: name of the weather.
-        seed: of paints, noise and the weather's variation; goes with `number`.
+        seed: random seed of paints, noise and weather variation; combined with `number`.
     """
 
     name: str
@@ -45,45 +43,46 @@ class Scenario:
 
     @property
     def random_seed(self) -> tuple[int, int]:
-        """Seed of all that is drawn in this scene."""
+        """Random seed of this scene."""
         return (self.seed, self.number)
 
 
 def draw_scenario(
     number: int, town: str, log: TrafficLog, seconds: float, weathers: Sequence[str], seed: int, hz: float = 2.0
 ) -> Scenario:
-    """Draw scene `number` of a dataset: an ego that is there for `seconds` and stands in few frames.
+    """Draw scene `number` of a dataset: an ego that is present for `seconds` and moves in most frames.
 
-    It stands in a fifth of them at most; where nobody moves that much, for longer, but not all the time.
+    The ego is stationary in at most a fifth of the frames; if no vehicle moves that much, in some, but not in all.
 
     Raises:
-        DataError: if no car is in the town's traffic for so long.
+        DataError: if no car is present in the town's traffic for that long.
     """
     random = np.random.default_rng([seed, number, 0])
-    starts = _starts(log, seconds, hz)
+    starts = _possible_starts(log, seconds, hz)
     if not starts.any():
-        raise DataError(f"{town}: nobody drives for {seconds:g} s in its traffic of {log.duration_s:g} s")
+        raise DataError(f"{town}: no vehicle drives for {seconds:g} s in its traffic of {log.duration_s:g} s")
     ego = int(random.choice(np.flatnonzero(starts.any(axis=0))))
     start = int(random.choice(np.flatnonzero(starts[:, ego])))
     shares = np.array([WEATHER_SHARES[name] for name in weathers])
     weather = str(random.choice(np.array(weathers), p=shares / shares.sum()))
-    return Scenario(f"scene-{number:04d}", number, town, ego, start * log.step_s, weather, seed)
+    return Scenario(
+        name=f"scene-{number:04d}",
+        number=number,
+        town=town,
+        ego=ego,
+        start_s=start * log.step_s,
+        weather=weather,
+        seed=seed,
+    )
 
 
-def description_of(scenario: Scenario, ego: Actor) -> str:
-    """How a scene is described in the table of scenes; `weather_of` reads it."""
-    weather = scenario.weather.replace("_", " ")
-    return f"{scenario.town}, {weather}, simulated; ego {ego.name} ({ego.body})"
+def describe_scenario(scenario: Scenario, ego: Actor) -> str:
+    """Return the description for the table of scenes; `weather_of` parses it."""
+    return simulated_description(scenario.town, scenario.weather, ego.name, ego.body)
 
 
-def weather_of(scene: Scene) -> str:
-    """The weather of a simulated scene, such as 'low sun', from its description; empty of others."""
-    found = _DESCRIBED.match(scene.description)
-    return found[1] if found else ""
-
-
-def _starts(log: TrafficLog, seconds: float, hz: float) -> BoolArray:
-    """(T, A) at which steps a scene may begin with which ego; where none moves enough, those that are there."""
+def _possible_starts(log: TrafficLog, seconds: float, hz: float) -> BoolArray:
+    """Return (T, A) at which steps a scene may start with which ego; if no ego moves enough, all that are present."""
     steps = int(np.ceil(seconds / log.step_s - 1e-9)) + 1
     there = np.isfinite(log.xy_m[..., 0])
     if steps > len(there):
@@ -91,11 +90,11 @@ def _starts(log: TrafficLog, seconds: float, hz: float) -> BoolArray:
     speed = np.linalg.norm(np.diff(log.xy_m, axis=0, append=np.nan), axis=2) / log.step_s
     standing = np.nan_to_num(speed, nan=0.0) < _STANDING_MPS
     able = np.array([actor.kind in _EGO_KINDS for actor in log.actors], dtype=np.bool_)
-    present = _windows(there, steps) == steps
+    present = _window_counts(there, steps) == steps
     possible = np.zeros_like(there)
-    possible[: len(present)] = present & able & (_windows(there & ~standing, steps) > 0)
+    possible[: len(present)] = present & able & (_window_counts(there & ~standing, steps) > 0)
     driving = possible.copy()
-    # A frame has the speed of the step that it falls into.
+    # A frame has the speed of the traffic step it falls into.
     frames = (np.arange(round(seconds * hz) + 1) / hz / log.step_s + 1e-9).astype(np.int64)
     stood = np.zeros(present.shape, np.int32)
     for step in np.minimum(frames, steps - 1):
@@ -104,7 +103,7 @@ def _starts(log: TrafficLog, seconds: float, hz: float) -> BoolArray:
     return driving if driving.any() else possible
 
 
-def _windows(flags: BoolArray, steps: int) -> np.ndarray[tuple[int, int], np.dtype[np.int64]]:
-    """(T - steps + 1, A) how many of `steps` from each on are set."""
+def _window_counts(flags: BoolArray, steps: int) -> np.ndarray[tuple[int, int], np.dtype[np.int64]]:
+    """Return (T - steps + 1, A) the number of set flags in each window of `steps`."""
     total = np.cumsum(np.concatenate([np.zeros((1, flags.shape[1]), np.int64), flags]), axis=0)
     return np.asarray(total[steps:] - total[:-steps])

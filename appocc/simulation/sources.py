@@ -1,4 +1,4 @@
-"""Where a town comes from: built in, made from a map file, or made up from a number."""
+"""Sources of towns: built in, imported from a map file, or generated from a seed."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from appocc.simulation.town_files import load_town
 from appocc.simulation.traffic import TrafficLog
 
 SPLITS = {"train": TRAIN_TOWNS, "test": TEST_TOWNS, "all": (*TRAIN_TOWNS, *TEST_TOWNS)}
-_MADE_UP = re.compile(r"random:(\d{1,9})")
+_RANDOM = re.compile(r"random:(\d{1,9})")
 _MAPS = (".xodr", ".net.xml", ".net.xml.gz")
 
 
@@ -27,7 +27,7 @@ class TownSource:
 
     Attributes:
         name: of the town.
-        origin: None of a built-in town, else the map file or the number it is made from.
+        origin: None for a built-in town, else the map file or the seed.
         digest: of the map file's bytes.
     """
 
@@ -36,30 +36,30 @@ class TownSource:
     digest: str = ""
 
     def as_json(self) -> dict[str, Any]:
-        """What tells the town from others, wherever its file lies."""
+        """Return JSON values that identify the town, independent of the path of its file."""
         seed = {"seed": self.origin} if isinstance(self.origin, int) else {}
         return {"name": self.name, **seed, **({"sha256": self.digest} if self.digest else {})}
 
     def is_prepared(self, folder: Path) -> bool:
-        """Whether it can be loaded: it is built in, or its files, of which the plan is the last, are in `folder`."""
+        """Return whether it can be loaded: built in, or its files (the plan is written last) are in `folder`."""
         return self.origin is None or (folder / f"{self.name}.plan.json").is_file()
 
     def prepare(self, folder: Path) -> None:
-        """Make the town's files in `folder` unless they are there; needs the extra `sumo`.
+        """Generate the town's files in `folder` if they do not exist; needs the extra `sumo`.
 
         Raises:
             AppoccError: if the extra is not installed.
-            DataError: if the map file is damaged or no streets are in it.
+            DataError: if the map file is damaged or holds no streets.
         """
         if self.origin is None or self.is_prepared(folder):
             return
-        from appocc.simulation.town_generation.make import make_town
+        from appocc.simulation.town_generation.make import generate_town
 
         folder.mkdir(parents=True, exist_ok=True)
-        make_town(self.origin, folder, self.name)
+        generate_town(self.origin, folder, self.name)
 
     def load(self, folder: Path) -> tuple[TownPlan, TrafficLog]:
-        """Plan and traffic; what is not built in has been prepared in `folder`."""
+        """Load plan and traffic; towns that are not built in must be prepared in `folder`."""
         return _load(self.name, None if self.origin is None else folder)
 
 
@@ -69,11 +69,11 @@ def _load(name: str, folder: Path | None) -> tuple[TownPlan, TrafficLog]:
 
 
 def town_sources(split: str, asked: Sequence[str]) -> tuple[TownSource, ...]:
-    """The towns of a split, or those asked for: names, map files, `random:NUMBER`.
+    """Return the towns of a split, or those named: built-in names, map files, `random:SEED`.
 
     Raises:
-        NotFoundError: if a name is unknown and no file.
-        DataError: if a file is no map or cannot be read, or two towns have one name.
+        NotFoundError: if a name is neither a known town nor a file.
+        DataError: if a file is not a map or cannot be read, or two towns have the same name.
     """
     found = tuple(_source(text) for text in asked) if asked else tuple(TownSource(name) for name in SPLITS[split])
     names = [source.name for source in found]
@@ -85,13 +85,13 @@ def town_sources(split: str, asked: Sequence[str]) -> tuple[TownSource, ...]:
 def _source(text: str) -> TownSource:
     if text in SPLITS["all"]:
         return TownSource(text)
-    made_up = _MADE_UP.fullmatch(text)
-    if made_up:
-        return TownSource(f"random-{int(made_up[1])}", int(made_up[1]))
+    random_town = _RANDOM.fullmatch(text)
+    if random_town:
+        return TownSource(f"random-{int(random_town[1])}", int(random_town[1]))
     path = Path(text)
     if not path.is_file():
         names = ", ".join(SPLITS["all"])
-        raise NotFoundError(f"{text}: no built-in town ({names}), no map file, and not random:NUMBER")
+        raise NotFoundError(f"{text}: no built-in town ({names}), no map file, and not random:SEED")
     if not text.endswith(_MAPS):
         raise DataError(f"{text}: expected an OpenDRIVE (.xodr) or SUMO (.net.xml, .net.xml.gz) map")
     return TownSource(path.name.split(".")[0], path, digest_of(path))

@@ -1,4 +1,4 @@
-"""The ground of a town: what each decimetre is, and how it looks; picture and truth come from the same raster."""
+"""The ground of a town: surface class and colour of each 0.1 m cell; images and ground truth use the same raster."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from appocc.checks import BoolArray, ByteArray, FloatArray, check_dtype, check_s
 
 
 class Surface(IntEnum):
-    """What the ground is; the order is that of drawing, later ones cover earlier ones."""
+    """Class of a ground surface; the order is the drawing order, later classes cover earlier ones."""
 
     GRASS = 0
     EARTH = 1
@@ -29,22 +29,22 @@ class Surface(IntEnum):
     STOP_LINE = 13
 
 
-# Conventions (docs/conventions.md): road is where cars may drive; zebras, arrows and bay lines are no lane markings.
+# Conventions (docs/conventions.md): road is where cars may drive; zebras, arrows and bay lines are not lane markings.
 ROAD_SURFACES = tuple(s for s in Surface if s >= Surface.ROAD)
 LANE_SURFACES = (Surface.LINE_WHITE, Surface.LINE_YELLOW, Surface.STOP_LINE)
 CELL_M = 0.1
 
 
 def surface_table(surfaces: tuple[Surface, ...]) -> BoolArray:
-    """(256,) whether a label is one of some surfaces."""
+    """Return (256,) whether a label is one of the surfaces."""
     table = np.zeros(256, np.bool_)
     table[list(surfaces)] = True
     return table
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Ground:
-    """Labels and colours in cells of 0.1 m on the plane z = 0; cell (0, 0) has its lower corner at `low_m`.
+    """Labels and colours in cells of 0.1 m on the plane z = 0; the lower corner of cell (0, 0) is at `low_m`.
 
     Attributes:
         low_m: (2,) town frame; whole multiples of the cell size.

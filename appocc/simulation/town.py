@@ -1,4 +1,4 @@
-"""A town that can be rendered: ground, everything that stands, lamps, and its vector map."""
+"""A town that can be rendered: ground, static scenery, street lamps, and its vector map."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from appocc.simulation.plan import TownPlan
 from appocc.simulation.surface import Ground
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class VectorMap:
     """Lines and areas of the street map, (N, 2) each, town frame.
 
     Attributes:
-        lane_dividers: painted lines between lanes of one direction and along edges; a dash is a line of its own.
+        lane_dividers: painted lines between lanes of one direction and along edges; each dash is a line.
         road_dividers: painted lines between the two directions.
         stop_lines: outlines of stop lines.
-        drivable: outlines of where cars may drive.
+        drivable: outlines of the drivable area.
         walkways: outlines of pavements (may be empty).
     """
 
@@ -29,16 +29,16 @@ class VectorMap:
     walkways: tuple[FloatArray, ...] = ()
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Town:
-    """Everything in a town that does not move.
+    """The static part of a town.
 
     Attributes:
-        plan: what it was built from.
+        plan: the plan it was built from.
         ground: labels and colours of the plane z = 0.
-        solid: mesh of all that stands on it.
-        lamps_m: (L, 3) positions of the street lamps' lights, town frame.
-        map: its lines and areas.
+        solid: mesh of the static scenery.
+        lamps_m: (L, 3) positions of the street lamps' light sources, town frame.
+        map: its vector map.
     """
 
     plan: TownPlan

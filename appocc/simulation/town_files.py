@@ -1,4 +1,4 @@
-"""Towns as files: the network, the plan and the recorded traffic of one town, small enough to be shipped."""
+"""Town files: network, plan and recorded traffic of a town, small enough to ship with the package."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ def save_town(folder: Path, plan: TownPlan, log: TrafficLog, network_xml: bytes)
     """Write `NAME.net.xml.gz`, `NAME.plan.json` and `NAME.traffic.npz`; the same town gives the same bytes.
 
     Args:
-        folder: where to.
-        plan: the town; its network is what `network_xml` holds.
+        folder: output folder.
+        plan: the town; `network_xml` holds its network.
         log: its traffic.
-        network_xml: text of SUMO's network; comments, which hold the time of making, are left out.
+        network_xml: text of SUMO's network; comments, which hold the time of creation, are removed.
 
     Raises:
         DataError: if a file cannot be written.
@@ -40,10 +40,10 @@ def save_town(folder: Path, plan: TownPlan, log: TrafficLog, network_xml: bytes)
 
 
 def load_town(folder: Path, name: str) -> tuple[TownPlan, TrafficLog]:
-    """Read what `save_town` wrote.
+    """Read the files of `save_town`.
 
     Raises:
-        DataError: if a file is missing, damaged, or none of a town.
+        DataError: if a file is missing, damaged, or not of a town.
     """
     file = folder / f"{name}.plan.json"
     value = read_json(file)

@@ -1,4 +1,4 @@
-"""Recorded traffic of a town: who moved where, at a fixed rate; any vehicle in it can be the ego."""
+"""Recorded traffic of a town at a fixed rate; any vehicle in it can be the ego."""
 
 from __future__ import annotations
 
@@ -15,24 +15,24 @@ KINDS = ("car", "van", "truck", "bus", "motorcycle", "bicycle", "pedestrian")
 
 
 class Light(IntFlag):
-    """What an actor shows at a moment."""
+    """Lights and parking state of an actor."""
 
     BRAKE = 1
     LEFT = 2
     RIGHT = 4
-    PARKED = 8  # no lamps, nobody inside
+    PARKED = 8  # no lamps, unoccupied
 
 
 @dataclass(frozen=True)
 class Actor:
-    """Someone or something that moves or parks; what does not change over time.
+    """A moving or parked road user; the properties that do not change over time.
 
     Attributes:
         name: unique in its log.
         kind: one of `KINDS`.
         body: shape: sedan, hatchback, estate, suv, pickup, minivan, van, box_truck, bus, motorcycle, bicycle, adult,
             child.
-        size_lwh_m: length, width, height, mirrors not included.
+        size_lwh_m: length, width, height, without mirrors.
     """
 
     name: str
@@ -41,9 +41,9 @@ class Actor:
     size_lwh_m: tuple[float, float, float]
 
 
-@dataclass(frozen=True)
-class Moment:
-    """All actors that are there at a time; N of them, in the order of the log.
+@dataclass(frozen=True, eq=False)
+class TrafficState:
+    """State of all N actors present at a time, in the order of the log.
 
     Attributes:
         index: (N,) positions in `TrafficLog.actors`.
@@ -63,18 +63,18 @@ class Moment:
     signals: ByteArray
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class TrafficLog:
-    """T steps of A actors.
+    """Recorded traffic: T steps of A actors.
 
     Attributes:
         step_s: time between two steps.
-        actors: what they are.
-        xy_m: (T, A, 2) float32 centre of the box on the ground, town frame; NaN while not there.
-        yaw_rad: (T, A) float32 heading; NaN while not there.
+        actors: static properties of the actors.
+        xy_m: (T, A, 2) float32 centre of the box on the ground, town frame; NaN while absent.
+        yaw_rad: (T, A) float32 heading; NaN while absent.
         lights: (T, A) uint8 `Light` bits.
         signal_links: names `light/link` of the traffic lights' links.
-        signals: (T, S) uint8 letters, see `Moment.signals`.
+        signals: (T, S) uint8 letters, see `TrafficState.signals`.
     """
 
     step_s: float
@@ -110,11 +110,11 @@ class TrafficLog:
         """Time from the first to the last step."""
         return (len(self.xy_m) - 1) * self.step_s
 
-    def at(self, time_s: float) -> Moment:
-        """Who is where at a time; between two steps positions go straight and headings turn evenly.
+    def state_at(self, time_s: float) -> TrafficState:
+        """Return the traffic state at a time; positions are interpolated linearly, headings along the shorter arc.
 
         Raises:
-            ShapeError: if the time lies outside the log.
+            ShapeError: if the time is outside the log.
         """
         if not 0 <= time_s <= self.duration_s + 1e-6:
             raise ShapeError(f"traffic: expected a time within 0..{self.duration_s:g} s, got {time_s:g}")
@@ -124,7 +124,7 @@ class TrafficLog:
         index = np.flatnonzero(np.isfinite(first[:, 0]) & np.isfinite(second[:, 0]))
         step, yaw = (second - first)[index], self.yaw_rad[before : before + 2, index].astype(np.float64)
         turn = np.mod(yaw[1] - yaw[0] + np.pi, 2 * np.pi) - np.pi
-        return Moment(
+        return TrafficState(
             index,
             first[index] + share * step,
             yaw[0] + share * turn,

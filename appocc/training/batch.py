@@ -1,4 +1,4 @@
-"""What the loop is given: pictures with the rigs that took them, and what is true."""
+"""Batches of training samples: images, camera rigs and ground truth."""
 
 from __future__ import annotations
 
@@ -10,14 +10,15 @@ from appocc.camera import CameraRig
 
 
 class Truth(NamedTuple):
-    """What is true of a batch; sRGB and shares are 0..1, all arrays float32 unless said.
+    """Ground truth of a batch; float32 where no type is given.
 
     Attributes:
-        occupancy: (B, 3, X, Y) road, vehicle, lane, 0 or 1.
+        occupancy: (B, 3, X, Y) road, vehicle, lane; 0 or 1.
         occupancy_valid: (B, 3, X, Y) bool.
         appearance: (B, 3, X, Y) sRGB, 0..1.
         appearance_valid: (B, X, Y) bool.
-        depth_m: (B, N, h, w) along the optical axis, infinite in the sky, 0 where unknown; at an eighth of the size.
+        depth_m: (B, N, h, w) depth along the optical axis at 1/8 of the image size; infinite in the sky, 0 where
+            unknown.
         kind: (B, N, h, w) int64 `ViewClass`, -1 where unknown.
     """
 
@@ -30,13 +31,13 @@ class Truth(NamedTuple):
 
 
 class Batch(NamedTuple):
-    """Samples together.
+    """A batch of samples.
 
     Attributes:
         images: (B, N, 3, H, W) float32 sRGB, 0..1; zeros where a rig has fewer than N cameras.
-        rigs: of each sample, the cameras of its pictures in their order.
-        truth: see `Truth`.
-        number: of each sample in its pack.
+        rigs: camera rig of each sample, in the order of its images.
+        truth: ground truth.
+        number: index of each sample in its packed dataset.
     """
 
     images: Tensor

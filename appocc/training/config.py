@@ -1,4 +1,4 @@
-"""What a training is told: a YAML file with overrides `key=value`, checked before anything is begun."""
+"""Training configuration: a YAML file with overrides `key=value`, validated before the training starts."""
 
 from __future__ import annotations
 
@@ -18,25 +18,25 @@ NotNegative = Annotated[float, Field(ge=0)]
 Positive = Annotated[float, Field(gt=0)]
 Count = Annotated[int, Field(ge=1)]
 PerClass = tuple[NotNegative, NotNegative, NotNegative]
-_MOST_TOLD = 100
+_MAX_SHOWN = 100  # characters of a wrong value in an error
 
 
-class _Part(BaseModel):
-    """Nothing unknown, nothing changed later, no NaN."""
+class _Section(BaseModel):
+    """Section of the configuration: no unknown keys, immutable, finite numbers."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
-class DataConfig(_Part):
-    """Where samples come from.
+class DataConfig(_Section):
+    """Training and validation data.
 
     Attributes:
-        train: dataset root in the nuScenes schema.
-        val: the one that thresholds and the best checkpoint are chosen on; or
-        held_out: so many samples at the end of each scene of `train`, which then are not trained on.
-        source: whose maps are the truth, as in `bev/SOURCE`.
-        packs: folder for the packed samples, which are made once.
-        workers: threads or processes that read ahead.
+        train: root of the training dataset in the nuScenes schema.
+        val: root of the validation dataset, for choosing thresholds and the best checkpoint; or
+        held_out: number of samples at the end of each scene of `train` for validation instead of training.
+        source: source of the true maps, as in `bev/SOURCE`.
+        packs: folder of the packed datasets.
+        workers: threads (or processes while packing) that read ahead.
     """
 
     train: str
@@ -53,23 +53,23 @@ class DataConfig(_Part):
         return self
 
 
-class TrainConfig(_Part):
-    """How the weights are moved.
+class TrainConfig(_Section):
+    """Optimization.
 
     Attributes:
-        steps: of the optimizer; or
-        minutes: spent on steps (evaluations not counted); the schedule follows the share of the budget that is used.
-        batch: samples of a forward pass, of each process.
-        accumulate: forward passes of a step.
+        steps: budget in optimizer steps; or
+        minutes: budget in minutes of steps, evaluations not counted; schedules follow the spent share of the budget.
+        batch: samples per forward pass and process.
+        accumulate: forward passes per step (gradient accumulation).
         lr: highest learning rate.
-        weight_decay: of matrices and kernels; norms and biases have none.
-        clip: longest gradient.
-        ema: how much of the averaged weights stays with each step.
+        weight_decay: weight decay of matrices and kernels; no weight decay on norms and biases.
+        clip: maximum gradient norm.
+        ema: decay of the exponential moving average of the weights.
         warmup: share of the budget until `lr` is reached.
-        precision: of the forward pass.
-        threads: of torch on the CPU; None leaves it to torch.
-        seed: of everything that is drawn.
-        device: auto takes a GPU where one is.
+        precision: precision of the forward pass.
+        threads: CPU threads of torch; None: torch's default.
+        seed: random seed.
+        device: auto uses a GPU if there is one.
     """
 
     steps: Count | None = None
@@ -93,18 +93,18 @@ class TrainConfig(_Part):
         return self
 
 
-class LossConfig(_Part):
-    """What counts how much; road, vehicle, lane where there are three.
+class LossConfig(_Section):
+    """Loss weights; three values are for road, vehicle, lane.
 
     Attributes:
-        occupancy: binary cross-entropy, or the focal loss (Lin et al. 2017).
-        classes: weight of each class; 0 leaves it out.
-        pos_weight: of cells that are on, against one that is off.
-        focal_gamma: how far the focal loss looks away from what is right already.
-        colour: weight of the L1 of colours, which are 0..1.
-        vehicles: weight of a vehicle's cell among those whose colour counts.
-        depth: weight of the pictures' depth.
-        kind: weight of what the pictures show.
+        occupancy: binary cross-entropy or focal loss (Lin et al. 2017).
+        classes: weight of each class; 0 ignores the class.
+        pos_weight: weight of occupied cells relative to free cells.
+        focal_gamma: exponent of the focal loss, which down-weights easy cells.
+        colour: weight of the L1 colour loss, colours 0..1.
+        vehicles: weight of vehicle cells in the colour loss.
+        depth: weight of the auxiliary depth loss.
+        kind: weight of the auxiliary pixel-class loss.
     """
 
     occupancy: Literal["bce", "focal"] = "bce"
@@ -117,19 +117,19 @@ class LossConfig(_Part):
     kind: NotNegative = 0.1
 
 
-class AugmentConfig(_Part):
-    """How far training samples are changed; all 0 leaves them as they are.
+class AugmentConfig(_Section):
+    """Data augmentation; 0 switches a transform off.
 
     Attributes:
-        yaw_deg: the ego frame is turned by up to so much.
-        shift_m: and moved along x and y by up to so much.
+        yaw_deg: largest rotation of the ego frame to either side.
+        shift_m: largest shift of the ego frame along x and y.
         mirror: share of samples that are mirrored left to right.
-        brightness: of each sample and its map, by up to this share.
-        contrast: likewise.
-        saturation: likewise.
-        cameras_dropped: up to so many cameras are left out.
-        extrinsic_deg: cameras are believed to be turned by up to so much.
-        extrinsic_m: and to be moved by up to so much.
+        brightness: largest relative change of brightness, of images and map alike.
+        contrast: largest relative change of contrast.
+        saturation: largest relative change of saturation.
+        cameras_dropped: largest number of dropped cameras.
+        extrinsic_deg: largest rotation error of the camera extrinsics.
+        extrinsic_m: largest translation error of the camera extrinsics.
     """
 
     yaw_deg: Annotated[float, Field(ge=0, le=180)] = 20.0
@@ -143,13 +143,13 @@ class AugmentConfig(_Part):
     extrinsic_m: Annotated[float, Field(ge=0, le=1)] = 0.0
 
 
-class EvaluateConfig(_Part):
-    """When and on what the averaged weights are looked at.
+class EvaluateConfig(_Section):
+    """Evaluation of the EMA weights.
 
     Attributes:
-        every_steps: and once more at the end.
-        samples: the first so many of the validation set, all of it where None.
-        norm_batches: training batches over which batch norms' statistics are estimated before it.
+        every_steps: steps between evaluations; the last step is always evaluated.
+        samples: number of validation samples, the first ones; None: all.
+        norm_batches: training batches for re-estimating the batch-norm statistics before an evaluation.
     """
 
     every_steps: Count = 200
@@ -157,12 +157,12 @@ class EvaluateConfig(_Part):
     norm_batches: Annotated[int, Field(ge=0)] = 24
 
 
-class SaveConfig(_Part):
-    """When the state is written.
+class SaveConfig(_Section):
+    """Checkpoints and logs.
 
     Attributes:
-        every_steps: after so many steps,
-        every_minutes: or so many minutes, whichever is first.
+        every_steps: steps between checkpoints.
+        every_minutes: minutes between checkpoints, if that is sooner.
         tensorboard: write the metrics for TensorBoard too (the extra `tensorboard`).
     """
 
@@ -171,21 +171,21 @@ class SaveConfig(_Part):
     tensorboard: bool = False
 
 
-class Config(_Part):
-    """A training, whole.
+class Config(_Section):
+    """Configuration of a training.
 
     Attributes:
         network: name in the registry of networks.
         setting: cameras and grid, 360 or 180.
-        appearance: colour as well as occupancy.
-        init: file of weights to begin with, of the same network and setting; `packaged`: those that come along; None
-            begins with nothing learnt.
-        data: see `DataConfig`; so with the others.
-        train: the optimizer.
-        losses: what counts.
-        augment: changes of samples.
-        evaluate: validation.
-        save: the state.
+        appearance: predict appearance as well as occupancy.
+        init: file of initial weights for the same network and setting; `packaged`: the shipped weights; None: train
+            from scratch.
+        data: training and validation data.
+        train: optimization.
+        losses: loss weights.
+        augment: data augmentation.
+        evaluate: evaluation during the training.
+        save: checkpoints and logs.
     """
 
     network: str = "appocc"
@@ -206,20 +206,20 @@ class Config(_Part):
         return str(value) if type(value) is int else value
 
     def as_yaml(self) -> str:
-        """Text that `read_config` reads as the same."""
+        """Return the configuration as YAML; `read_config` restores it."""
         return yaml.safe_dump(self.model_dump(mode="json"), sort_keys=False)
 
     def differences(self, other: Config) -> list[str]:
-        """Dotted keys at which two trainings differ."""
+        """Return the dotted keys whose values differ."""
         mine, theirs = _flat(self.model_dump(mode="json")), _flat(other.model_dump(mode="json"))
         return [key for key, value in mine.items() if theirs[key] != value]
 
 
 def read_config(path: Path, overrides: Sequence[str] = ()) -> Config:
-    """A training from a YAML file; overrides such as `train.lr=1e-3` replace what it says.
+    """Read a configuration from a YAML file; overrides such as `train.lr=1e-3` replace its values.
 
     Raises:
-        DataError: if the file cannot be read, or says something that no training can be told.
+        DataError: if the file cannot be read, or a key or value is invalid.
     """
     values = read_yaml(path)
     if not isinstance(values, dict):
@@ -228,11 +228,11 @@ def read_config(path: Path, overrides: Sequence[str] = ()) -> Config:
     try:
         return Config.model_validate(values)
     except ValidationError as error:
-        raise DataError(_complaint(path, error, replaced)) from error
+        raise DataError(_error_message(path, error, replaced)) from error
 
 
 def _override(values: dict[Any, Any], text: str) -> tuple[str, str]:
-    """Put one `key=value` into nested values; the key and the text."""
+    """Set one `key=value` in nested values; return the key and the text."""
     key, equals, value = text.partition("=")
     parts = key.split(".")
     if not equals or not all(parts):
@@ -248,13 +248,13 @@ def _override(values: dict[Any, Any], text: str) -> tuple[str, str]:
     return key, text
 
 
-def _complaint(path: Path, error: ValidationError, replaced: dict[str, str]) -> str:
-    """The first thing that is wrong, and where."""
+def _error_message(path: Path, error: ValidationError, replaced: dict[str, str]) -> str:
+    """Describe the first validation error and its key."""
     first = error.errors()[0]
     keys = [str(part) for part in first["loc"]]
     key = ".".join(keys)
-    by = [text for name, text in replaced.items() if key == name or key.startswith(f"{name}.")]
-    place = f"{path} with {by[0]}" if by else f"{path}"
+    overriding = [text for name, text in replaced.items() if key == name or key.startswith(f"{name}.")]
+    place = f"{path} with {overriding[0]}" if overriding else f"{path}"
     if first["type"] == "extra_forbidden":
         known = _names(keys[:-1])
         near = difflib.get_close_matches(keys[-1], known, n=1)
@@ -263,12 +263,12 @@ def _complaint(path: Path, error: ValidationError, replaced: dict[str, str]) -> 
     if first["type"] == "missing":
         return f"{place}: {key}: expected a value, got none"
     message = first["msg"].removeprefix("Value error, ").replace("Input should be", "expected")
-    got = "" if first["type"] == "value_error" else f", got {repr(first['input'])[:_MOST_TOLD]}"
+    got = "" if first["type"] == "value_error" else f", got {repr(first['input'])[:_MAX_SHOWN]}"
     return f"{place}: {key}: {message}{got}"
 
 
 def _names(keys: Sequence[str]) -> list[str]:
-    """Names that may stand below these keys."""
+    """Return the valid names below these keys."""
     part: type[BaseModel] = Config
     for key in keys:
         inner = part.model_fields[key].annotation
@@ -277,9 +277,9 @@ def _names(keys: Sequence[str]) -> list[str]:
     return list(part.model_fields)
 
 
-def _flat(values: dict[str, Any], above: str = "") -> dict[str, Any]:
-    """Nested keys as dotted ones."""
+def _flat(values: dict[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Flatten nested keys to dotted keys."""
     found: dict[str, Any] = {}
     for key, value in values.items():
-        found |= _flat(value, f"{above}{key}.") if isinstance(value, dict) else {above + key: value}
+        found |= _flat(value, f"{prefix}{key}.") if isinstance(value, dict) else {prefix + key: value}
     return found

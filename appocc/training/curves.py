@@ -1,4 +1,4 @@
-"""Curves of a run, as the paper's figure of losses: training and validation over steps, and IoU."""
+"""Training curves: losses of training and validation over steps, and validation IoU (the paper's loss figure)."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ _TRAIN, _VAL = "#9db4cc", "#c0392b"
 _CLASS_COLOURS = {"road": "#555555", "vehicle": "#1f77b4", "lane": "#e08e0b"}
 
 
-def draw_curves(lines: Sequence[dict[str, Any]], path: Path) -> None:
-    """Draw the lines of `metrics.jsonl` into a PNG.
+def plot_curves(lines: Sequence[dict[str, Any]], path: Path) -> None:
+    """Plot the lines of `metrics.jsonl` to a PNG file.
 
     Raises:
         DataError: if it cannot be written.
     """
-    # Not pyplot, which keeps figures for ever and looks for a screen.
+    # pyplot would keep figures in memory and look for a display.
     from matplotlib.figure import Figure
 
     train = [line for line in lines if line["kind"] == "train"]
@@ -28,14 +28,14 @@ def draw_curves(lines: Sequence[dict[str, Any]], path: Path) -> None:
     occupancy, colour, iou = figure.subplots(1, 3)
     for axes, title, names in ((occupancy, "occupancy loss", CLASSES), (colour, "colour loss (L1)", ("colour",))):
         for label, part, shade in (("training", train, _TRAIN), ("validation", val, _VAL)):
-            told = [line for line in part if all(line["losses"].get(name) is not None for name in names)]
-            totals = [sum(line["losses"][name] for name in names) for line in told]
-            axes.plot([line["step"] for line in told], totals, color=shade, label=label, marker=_marker(told))
+            own = [line for line in part if all(line["losses"].get(name) is not None for name in names)]
+            totals = [sum(line["losses"][name] for name in names) for line in own]
+            axes.plot([line["step"] for line in own], totals, color=shade, label=label, marker=_marker(own))
         axes.set(title=title, xlabel="step")
     for name in CLASSES:
-        told = [line for line in val if line["best_iou"][name] is not None]
-        steps, values = [line["step"] for line in told], [100 * line["best_iou"][name] for line in told]
-        iou.plot(steps, values, color=_CLASS_COLOURS[name], label=name, marker=_marker(told))
+        own = [line for line in val if line["best_iou"][name] is not None]
+        steps, values = [line["step"] for line in own], [100 * line["best_iou"][name] for line in own]
+        iou.plot(steps, values, color=_CLASS_COLOURS[name], label=name, marker=_marker(own))
     iou.set(title="validation IoU, percent, at the best threshold", xlabel="step", ylim=(0, 100))
     for axes in (occupancy, colour, iou):
         axes.set_xlim(left=0)
@@ -48,5 +48,5 @@ def draw_curves(lines: Sequence[dict[str, Any]], path: Path) -> None:
 
 
 def _marker(points: Sequence[Any]) -> str:
-    """A single point would be no line."""
+    """Mark few points: a line through a single point is invisible."""
     return "o" if len(points) < 20 else ""

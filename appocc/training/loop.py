@@ -1,13 +1,12 @@
-"""The training loop: read `train` from top to bottom.
+"""Training loop; start reading at `train`.
 
-Micro-batch number m of a training is one and the same samples, changes and random numbers, whenever it is computed:
-so a training that was interrupted goes on to the same numbers.
+Samples, augmentation and random numbers of micro-batch m depend on the seed and m only, so that an interrupted
+training resumes to the same numbers.
 """
 
 from __future__ import annotations
 
 import json
-import math
 import time
 from collections.abc import Iterator
 from contextlib import nullcontext
@@ -19,87 +18,105 @@ from torch import Tensor, nn
 from torch.nn.parallel import DistributedDataParallel
 
 from appocc.errors import DataError
-from appocc.models.base import BEVModel, Output
-from appocc.training.checkpoint import Progress, load_state, save_state, states
+from appocc.models.base import BEVModel, ModelOutput
+from appocc.training.checkpoint import TrainingProgress, list_checkpoints, load_checkpoint, save_checkpoint
 from appocc.training.config import Config
-from appocc.training.curves import draw_curves
-from appocc.training.losses import losses
-from appocc.training.metrics import Tally, Validation
-from appocc.training.prefetcher import Fed, feed
-from appocc.training.process_group import World
-from appocc.training.run import Parts, Run, StoppedError, TrainingError, Watcher
+from appocc.training.curves import plot_curves
+from appocc.training.losses import compute_losses
+from appocc.training.metrics import MetricAccumulator, ValidationMetrics
+from appocc.training.prefetcher import PreparedBatch, prefetch
+from appocc.training.process_group import ProcessGroup
+from appocc.training.run import StepMetrics, StoppedError, TrainingMonitor, TrainingRun, TrainingSetup
 from appocc.training.run_folder import RunFolder
 from appocc.training.schedule import Budget, ema_decay, learning_rate
+from appocc.training.step_metrics import fetch_due, fetch_metrics, log_step
 
-_LINE_EVERY = 10  # steps of a line of metrics
-_DRAW_EVERY_S = 60.0
-# A running mean of losses so many times that of the first steps will not come back.
-_DIVERGED, _FIRST_STEPS = 5.0, 10
+_PLOT_EVERY_S = 60.0
 
 
 def train(
-    parts: Parts, config: Config, folder: RunFolder, world: World, watcher: Watcher, resume: bool = False
-) -> Progress:
-    """Train until the budget is spent; the best weights and the curves lie in the run's folder then.
+    setup: TrainingSetup,
+    config: Config,
+    folder: RunFolder,
+    processes: ProcessGroup,
+    monitor: TrainingMonitor,
+    resume: bool = False,
+) -> TrainingProgress:
+    """Train until the budget is spent; write the best weights and the curves to the run folder.
 
     Raises:
-        DataError: if the folder cannot be used as it is told.
-        TrainingError: if the loss is no number any more, or grows without end.
-        StoppedError: if the watcher asked for it.
+        DataError: if the run folder cannot be used.
+        TrainingError: if the loss is not finite or diverges.
+        StoppedError: if the monitor requested a stop.
     """
-    run = _begin(parts, config, folder, world, watcher, resume)
-    progress, wrapped, watcher.running = run.progress, _wrapped(run.model, world), True
-    stream = parts.train.batches(progress.step * config.train.accumulate, config.data.workers)
-    with feed(stream, run.model, world.device) as batches:
+    run = _set_up(setup, config, folder, processes, monitor, resume)
+    progress, model, monitor.running = run.progress, _distributed(run.model, processes), True
+    stream = setup.train.batches(progress.step * config.train.accumulate, config.data.workers)
+    with prefetch(stream, run.model, processes.device) as batches:
         while True:
             due = progress.step % config.evaluate.every_steps == 0 and progress.step > 0
             if (due or run.share >= 1) and progress.evaluated < progress.step:
                 _evaluate(run)
             if run.share >= 1:
                 break
-            _step(run, wrapped, batches)
-            if _save_due(run):
-                _save(run)
-            if run.stopping:
-                _save(run)
-                raise StoppedError(f"stopped after step {progress.step}; {folder.path} goes on with --resume")
-    _save(run)
+            _train_step(run, model, batches)
+            if _checkpoint_due(run):
+                _save_checkpoint(run)
+            if run.should_stop:
+                _save_checkpoint(run)
+                raise StoppedError(f"stopped after step {progress.step}; use --resume to continue {folder.path}")
+    _save_checkpoint(run)
     return progress
 
 
-def _begin(parts: Parts, config: Config, folder: RunFolder, world: World, watcher: Watcher, resume: bool) -> Run:
-    """Everything in place for the next step; the latest state that can be read is taken up."""
+def _set_up(
+    setup: TrainingSetup,
+    config: Config,
+    folder: RunFolder,
+    processes: ProcessGroup,
+    monitor: TrainingMonitor,
+    resume: bool,
+) -> TrainingRun:
+    """Prepare the first step; on resume, load the latest readable checkpoint."""
     if config.train.threads is not None:
         torch.set_num_threads(config.train.threads)
     folder.check(config, resume)
-    model = parts.model.to(world.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
-    average = deepcopy(model).eval().requires_grad_(False)
+    model = setup.model.to(processes.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
     seconds = None if config.train.minutes is None else 60 * config.train.minutes
-    budget = Budget(config.train.steps, seconds)
-    run = Run(config, parts, world, folder, watcher, model, average, _optimizer(model, config), budget)
+    run = TrainingRun(
+        config=config,
+        setup=setup,
+        processes=processes,
+        folder=folder,
+        monitor=monitor,
+        model=model,
+        ema_model=deepcopy(model).eval().requires_grad_(False),
+        optimizer=_optimizer(model, config),
+        budget=Budget(config.train.steps, seconds),
+    )
     if resume:
-        run.progress = _taken_up(run)
-    if world.size > 1:
-        torch.distributed.barrier()  # else the first would make the folder before others have looked for it
-    if world.first:
-        folder.go_on(run.progress) if resume else folder.begin(config)
+        run.progress = _resume(run)
+    if processes.size > 1:
+        torch.distributed.barrier()  # the main process creates the folder after all others have checked it
+    if processes.is_main:
+        folder.clean_up(run.progress) if resume else folder.create(config)
         if config.save.tensorboard:
-            folder.show(run.progress.step)
+            folder.open_summary_writer(run.progress.step)
     return run
 
 
-def _taken_up(run: Run) -> Progress:
-    """The progress of the latest state that can be read; with none, the beginning."""
-    for path in states(run.folder.path):
+def _resume(run: TrainingRun) -> TrainingProgress:
+    """Load the latest readable checkpoint and return its progress; start from step 0 if there is none."""
+    for path in list_checkpoints(run.folder.path):
         try:
-            return load_state(path, run.model, run.average, run.optimizer)
+            return load_checkpoint(path, run.model, run.ema_model, run.optimizer)
         except DataError as error:
-            run.watcher.say(f"left aside: {error}")
-    return Progress()
+            run.monitor.on_message(f"checkpoint skipped: {error}")
+    return TrainingProgress()
 
 
 def _optimizer(model: nn.Module, config: Config) -> torch.optim.Optimizer:
-    """AdamW that lets norms and biases, which have one axis, keep their size."""
+    """Return AdamW with no weight decay on norms and biases, the parameters with one axis."""
     parameters = [each for each in model.parameters() if each.requires_grad]
     groups = [
         {"params": [each for each in parameters if each.ndim > 1], "weight_decay": config.train.weight_decay},
@@ -108,194 +125,168 @@ def _optimizer(model: nn.Module, config: Config) -> torch.optim.Optimizer:
     return torch.optim.AdamW([group for group in groups if group["params"]], lr=config.train.lr)
 
 
-def _wrapped(model: BEVModel, world: World) -> nn.Module:
-    """The network as its gradients are to be taken: averaged over the processes, if there are several."""
-    return model if world.size == 1 else DistributedDataParallel(model)
+def _distributed(model: BEVModel, processes: ProcessGroup) -> nn.Module:
+    """Wrap the network so that its gradients are averaged over the processes, if there are several."""
+    return model if processes.size == 1 else DistributedDataParallel(model)
 
 
-def _step(run: Run, wrapped: nn.Module, batches: Iterator[Fed]) -> None:
-    """One step of the optimizer, and of the average."""
-    config, progress, world = run.config.train, run.progress, run.world
-    start, waited, planned, samples = time.perf_counter(), 0.0, 0.0, 0
+def _train_step(run: TrainingRun, model: nn.Module, batches: Iterator[PreparedBatch]) -> None:
+    """Take one step of the optimizer and update the EMA."""
+    config, progress = run.config.train, run.progress
+    start, waited_s, plan_s, samples = time.perf_counter(), 0.0, 0.0, 0
     for group in run.optimizer.param_groups:
         group["lr"] = learning_rate(run.share, config.lr, config.warmup)
     run.model.train()
-    told: list[Tensor] = []
+    values: list[Tensor] = []
     for micro in range(config.accumulate):
-        asked = time.perf_counter()
-        batch, plan, plan_s = next(batches)
-        waited, planned = waited + time.perf_counter() - asked - plan_s, planned + plan_s
+        requested = time.perf_counter()
+        batch, plan, own_plan_s = next(batches)
+        waited_s, plan_s = waited_s + time.perf_counter() - requested - own_plan_s, plan_s + own_plan_s
         samples += len(batch.number)
-        torch.manual_seed(_seed(config.seed, (progress.step * config.accumulate + micro) * world.size + world.rank))
+        torch.manual_seed(_micro_batch_seed(run, micro))
         last = micro == config.accumulate - 1
-        # Gradients travel between processes once a step.
-        with wrapped.no_sync() if isinstance(wrapped, DistributedDataParallel) and not last else nullcontext():
+        # Gradients are exchanged once per step, in the last micro-batch.
+        with model.no_sync() if isinstance(model, DistributedDataParallel) and not last else nullcontext():
             with _autocast(run):
-                output: Output = wrapped(batch.images, plan)
-            terms = losses(output, batch.truth, run.config.losses)
+                output: ModelOutput = model(batch.images, plan)
+            terms = compute_losses(output, batch.truth, run.config.losses)
             total = terms.total(run.config.losses)
             torch.autograd.backward(total / config.accumulate)
-        told.append(torch.stack([*(getattr(terms, name) for name in terms.names()), total]).detach())
-    length = nn.utils.clip_grad_norm_(run.model.parameters(), config.clip)
-    values = torch.cat(
-        [torch.stack(told).mean(0), length[None], length.new_tensor([waited, float(run.watcher.stop)])]
+        values.append(torch.stack([*(getattr(terms, name) for name in terms.names()), total]).detach())
+    norm = nn.utils.clip_grad_norm_(run.model.parameters(), config.clip)
+    measured = time.perf_counter()
+    seconds = run.carried_s + measured - start
+    row = torch.cat([torch.stack(values).mean(0), norm[None]])
+    run.pending.append(
+        StepMetrics(
+            step=progress.step + 1,
+            names=terms.names(),
+            values=row,
+            samples=samples,
+            seconds=seconds,
+            waited_s=waited_s,
+            plan_s=plan_s,
+        )
     )
-    *parts, total_loss, norm, waited, stop = world.mean(values).tolist()
-    run.agreed = stop > 0  # all processes stop after the same step
-    named = dict(zip(terms.names(), parts, strict=True)) | {"total": total_loss}
-    _check_loss(run, named, norm)  # before the weights are moved
+    if fetch_due(run):
+        fetch_metrics(run)  # raises before the weights of this step are updated
     run.optimizer.step()
     run.optimizer.zero_grad()
     progress.step += 1
-    _follow(run)
-    taken = float(world.mean(torch.tensor([time.perf_counter() - start], device=world.device)))
-    progress.seconds += taken
-    samples *= world.size
-    times = {"seconds": taken, "waited": waited, "planned": planned}
-    _note(run, named, {"grad_norm": norm, "samples": samples, **times})
+    _update_ema(run)
+    run.carried_s = time.perf_counter() - measured
+    log_step(run)
 
 
-def _seed(seed: int, number: int) -> int:
-    """Seed of the random numbers of a micro-batch; torch looks at 32 bits only."""
-    return int(np.random.SeedSequence([seed, number]).generate_state(1)[0])
+def _micro_batch_seed(run: TrainingRun, micro: int) -> int:
+    """Return the random seed of a micro-batch of the current step; torch uses 32 bits of it."""
+    config, processes = run.config.train, run.processes
+    number = (run.progress.step * config.accumulate + micro) * processes.size + processes.rank
+    return int(np.random.SeedSequence([config.seed, number]).generate_state(1)[0])
 
 
-def _autocast(run: Run) -> torch.autocast:
-    """The precision that was asked for."""
-    return torch.autocast(run.world.device.type, torch.bfloat16, enabled=run.config.train.precision == "bf16")
+def _autocast(run: TrainingRun) -> torch.autocast:
+    """Return the context of the configured precision."""
+    return torch.autocast(run.processes.device.type, torch.bfloat16, enabled=run.config.train.precision == "bf16")
 
 
-def _follow(run: Run) -> None:
-    """Move the averaged weights towards the weights."""
+def _update_ema(run: TrainingRun) -> None:
+    """Update the exponential moving average (EMA) of the weights."""
+    # torch.optim.swa_utils.AveragedModel differs: it copies the weights at the first step, and its decay is constant.
     decay = ema_decay(run.progress.step, run.config.train.ema)
-    averages: list[Tensor] = list(run.average.parameters())
+    averages: list[Tensor] = list(run.ema_model.parameters())
     torch._foreach_lerp_(averages, [weight.detach() for weight in run.model.parameters()], 1 - decay)
 
 
-def _check_loss(run: Run, named: dict[str, float], norm: float) -> None:
-    """Stop where nothing good can come any more.
-
-    Raises:
-        TrainingError: if the losses or gradients are no numbers, or the loss has grown without end.
-    """
-    progress, total = run.progress, named["total"]
-    best = f"{run.folder.best} stays" if progress.best_step >= 0 else "nothing was evaluated yet"
-    hint = f"try a lower train.lr or train.precision=fp32 ({best})"
-    if not all(map(math.isfinite, [*named.values(), norm])):
-        text = ", ".join(f"{name} {value:.3g}" for name, value in [*named.items(), ("gradient", norm)])
-        raise TrainingError(f"step {progress.step + 1}: expected finite losses and gradients, got {text}; {hint}")
-    if len(progress.first_losses) < _FIRST_STEPS:
-        progress.first_losses.append(total)
-        progress.smooth_loss = sum(progress.first_losses) / len(progress.first_losses)
-        return
-    progress.smooth_loss += 0.1 * (total - progress.smooth_loss)
-    reference = sum(progress.first_losses) / _FIRST_STEPS
-    if progress.smooth_loss > _DIVERGED * reference:
-        grown = f"has grown from {reference:.3g} to {progress.smooth_loss:.3g}"
-        raise TrainingError(f"step {progress.step + 1}: expected a loss that falls, but it {grown}; {hint}")
+# Evaluation -------------------------------------------------------------------------------------------------------
 
 
-def _note(run: Run, named: dict[str, float], more: dict[str, float]) -> None:
-    """Keep what a step did; every so many steps their means become a line of metrics."""
-    progress, window = run.progress, run.progress.window
-    window.append(named | more)
-    rate = sum(step["samples"] for step in window) / sum(step["seconds"] for step in window)
-    shown = " ".join(f"{name} {named[name]:.3f}" for name in named if name != "total")
-    run.watcher.step(run.share, f"step {progress.step}, {rate:.1f} samples/s, {shown}")
-    if progress.step % _LINE_EVERY and run.share < 1:
-        return
-    mean = {name: sum(step[name] for step in window) / len(window) for name in window[0]}
-    line = {"kind": "train", "step": progress.step, "share": run.share, "lr": run.optimizer.param_groups[0]["lr"]}
-    line |= {"losses": {name: mean[name] for name in named}, "grad_norm": mean["grad_norm"], "samples_per_s": rate}
-    # Of the time of steps: what was spent waiting for the loader, and on plans (on a GPU a thread makes them).
-    line |= {f"{name}_share": mean[key] / mean["seconds"] for name, key in (("wait", "waited"), ("plan", "planned"))}
-    line["seconds"] = progress.seconds
-    window.clear()
-    if run.world.first:
-        run.folder.add(line)
-
-
-def _evaluate(run: Run) -> None:
-    """Look at the averaged weights on the validation set; keep them where they are the best so far."""
+def _evaluate(run: TrainingRun) -> None:
+    """Evaluate the EMA weights on the validation set; save them if they are the best so far."""
     progress, start = run.progress, time.perf_counter()
-    _estimate_norms(run)
+    _reestimate_batch_norm(run)
     found = validate(run)
     seconds = time.perf_counter() - start
     progress.evaluated = progress.step
     better = found.mean_iou > progress.best_iou
     if better:
         progress.best_step, progress.best_iou = progress.step, found.mean_iou
-    if not run.world.first:
+    if not run.processes.is_main:
         return
     if better:
-        run.parts.save(run.folder.best, run.average, _card(run, found))
-    run.folder.add({"kind": "val", "step": progress.step, **found.as_json(), "evaluation_s": seconds})
-    if run.share >= 1 or time.monotonic() - run.drawn_at > _DRAW_EVERY_S:
-        draw_curves(run.folder.lines(), run.folder.curves)
-        run.drawn_at = time.monotonic()
+        run.setup.save(run.folder.best, run.ema_model, _model_card(run, found))
+    run.folder.append_metrics({"kind": "val", "step": progress.step, **found.as_json(), "evaluation_s": seconds})
+    if run.share >= 1 or time.monotonic() - run.plotted_at > _PLOT_EVERY_S:
+        plot_curves(run.folder.read_metrics(), run.folder.curves)
+        run.plotted_at = time.monotonic()
     shown = ", ".join(f"{name} {100 * value:.1f}" for name, value in found.best_iou.items())
     colour = "" if found.colour_l1 is None else f"; colour L1 {found.colour_l1:.1f}"
-    run.watcher.say(f"step {progress.step}: IoU {shown}{colour}{' (best so far)' if better else ''}")
+    run.monitor.on_message(f"step {progress.step}: IoU {shown}{colour}{' (best so far)' if better else ''}")
 
 
 @torch.no_grad()
-def _estimate_norms(run: Run) -> None:
-    """Estimate the statistics of batch norms for the averaged weights, over the first training batches.
+def _reestimate_batch_norm(run: TrainingRun) -> None:
+    """Re-estimate the batch-norm statistics for the EMA weights, over the first training batches.
 
-    Those that followed the weights belong to other weights: with them an average can score near nothing.
+    The running statistics of the trained weights do not fit the averaged ones.
     """
-    buffers = zip(run.average.buffers(), run.model.buffers(), strict=True)
+    # torch.optim.swa_utils.update_bn would switch dropout on, and neither averages over processes nor can be stopped.
+    buffers = zip(run.ema_model.buffers(), run.model.buffers(), strict=True)
     for average, value in buffers:
         average.copy_(value)
-    norms = [each for each in run.average.modules() if isinstance(each, nn.modules.batchnorm._BatchNorm)]
+    norms = [each for each in run.ema_model.modules() if isinstance(each, nn.modules.batchnorm._BatchNorm)]
     if not norms or not run.config.evaluate.norm_batches:
         return
     momenta = [norm.momentum for norm in norms]
     for norm in norms:
         norm.reset_running_stats()
-        norm.momentum = None  # the plain mean over the batches
+        norm.momentum = None  # cumulative mean over the batches
         norm.train()
-    stream = run.parts.train.batches(0, run.config.data.workers)
-    count = -(-run.config.evaluate.norm_batches // run.world.size)
-    with feed(stream, run.average, run.world.device, count) as batches:
+    stream = run.setup.train.batches(0, run.config.data.workers)
+    count = -(-run.config.evaluate.norm_batches // run.processes.size)
+    with prefetch(stream, run.ema_model, run.processes.device, count) as batches:
         for batch, plan, _ in batches:
-            _ask_to_stop(run)
+            _raise_if_stopped(run)
             with _autocast(run):
-                run.average(batch.images, plan)
+                run.ema_model(batch.images, plan)
     for norm, momentum in zip(norms, momenta, strict=True):
         for statistic in (norm.running_mean, norm.running_var):
             if statistic is not None:
-                statistic.copy_(run.world.mean(statistic.clone()))
+                statistic.copy_(run.processes.mean(statistic.clone()))
         norm.momentum = momentum
         norm.eval()
 
 
 @torch.no_grad()
-def validate(run: Run) -> Validation:
-    """What the averaged weights do on the validation set, all processes together."""
-    config, tally = run.config, Tally(run.world.device)
-    stream = run.parts.val.in_order(config.evaluate.samples, config.data.workers)
-    with feed(stream, run.average, run.world.device) as batches:
+def validate(run: TrainingRun) -> ValidationMetrics:
+    """Return the metrics of the EMA weights on the validation set, over all processes."""
+    config, metrics = run.config, MetricAccumulator(run.processes.device)
+    stream = run.setup.val.in_order(config.evaluate.samples, config.data.workers)
+    with prefetch(stream, run.ema_model, run.processes.device) as batches:
         for batch, plan, _ in batches:
-            _ask_to_stop(run)
+            _raise_if_stopped(run)
             with _autocast(run):
-                output: Output = run.average(batch.images, plan)
-            terms = losses(output, batch.truth, config.losses)
-            tally.add(output, batch.truth, terms, terms.total(config.losses))
-    return tally.reduced().validation()
+                output: ModelOutput = run.ema_model(batch.images, plan)
+            terms = compute_losses(output, batch.truth, config.losses)
+            metrics.update(output, batch.truth, terms, terms.total(config.losses))
+    return metrics.all_reduced().compute()
 
 
-def _ask_to_stop(run: Run) -> None:
-    """End an evaluation that nobody waits for; it is done again on resume."""
-    if run.stopping:
-        _save(run)
-        raise StoppedError(f"stopped at step {run.progress.step}; {run.folder.path} goes on with --resume")
+def _raise_if_stopped(run: TrainingRun) -> None:
+    """Abort an evaluation if a stop is requested; resume repeats it.
+
+    Raises:
+        StoppedError: if a stop is requested.
+    """
+    if run.should_stop:
+        _save_checkpoint(run)
+        raise StoppedError(f"stopped at step {run.progress.step}; use --resume to continue {run.folder.path}")
 
 
-def _card(run: Run, found: Validation) -> dict[str, str]:
-    """What one must know of weights to use them, and to judge them; texts, of which all but the name are JSON.
+def _model_card(run: TrainingRun, found: ValidationMetrics) -> dict[str, str]:
+    """Return the model card; all values but the network name are JSON.
 
-    Nothing that a clock says: the same training makes the same file.
+    It holds no times: the same training writes the same file.
     """
     values = {
         "thresholds": list(found.thresholds.values()),
@@ -307,14 +298,23 @@ def _card(run: Run, found: Validation) -> dict[str, str]:
     return {"network": run.config.network, **{name: json.dumps(value) for name, value in values.items()}}
 
 
-def _save_due(run: Run) -> bool:
-    """Whether the state should be written now."""
+# Checkpoints ------------------------------------------------------------------------------------------------------
+
+
+def _checkpoint_due(run: TrainingRun) -> bool:
+    """Whether to write a checkpoint now: after some steps or, once the metrics are fetched, some minutes."""
     due = run.progress.step % run.config.save.every_steps == 0
-    return due or time.monotonic() - run.saved_at > 60 * run.config.save.every_minutes
+    late = time.monotonic() - run.saved_at > 60 * run.config.save.every_minutes
+    return due or (late and not run.pending)
 
 
-def _save(run: Run) -> None:
-    """Write the state, in the first process."""
-    if run.world.first:
-        save_state(run.folder.path, run.progress, run.model, run.average, run.optimizer)
+def _save_checkpoint(run: TrainingRun) -> None:
+    """Write a checkpoint in the main process; its weights have passed the checks of the metrics.
+
+    Raises:
+        TrainingError: if a pending loss is not finite or diverges.
+    """
+    fetch_metrics(run)  # pending in a single process only: several stop and save right after they fetched
+    if run.processes.is_main:
+        save_checkpoint(run.folder.path, run.progress, run.model, run.ema_model, run.optimizer)
     run.saved_at = time.monotonic()

@@ -1,4 +1,4 @@
-"""What a network is told of its errors: occupancy, colour, and what its pictures show."""
+"""Training losses: occupancy, colour, and the auxiliary depth and pixel-class losses of the images."""
 
 from __future__ import annotations
 
@@ -9,22 +9,22 @@ from torch import Tensor
 from torch.nn import functional
 
 from appocc.bevmap import CLASSES, VEHICLE
-from appocc.models.base import DEPTH_BINS, DEPTH_STEP_M, FIRST_DEPTH_M, Output
+from appocc.models.base import DEPTH_BINS, DEPTH_STEP_M, FIRST_DEPTH_M, ModelOutput
 from appocc.training.batch import Truth
 from appocc.training.config import LossConfig
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class LossTerms:
-    """Each error by its name, without its weight; scalars, None where the network does not answer.
+    """Unweighted loss terms, scalars; None where the network has no such output.
 
     Attributes:
-        road: occupancy of a class, mean over its cells that are known; so `vehicle` and `lane`.
-        vehicle: see `road`.
-        lane: see `road`.
+        road: occupancy loss of the road, mean over its known cells.
+        vehicle: occupancy loss of vehicles.
+        lane: occupancy loss of lane markings.
         colour: L1 of sRGB 0..1 on cells of road, vehicle and lane, mean over channels and (weighted) cells.
-        depth: cross-entropy of the depth bins, mean over places of which the depth is known.
-        kind: cross-entropy of what is seen there.
+        depth: cross-entropy of the depth bins, mean over feature pixels of known depth.
+        kind: cross-entropy of the pixel classes.
     """
 
     road: Tensor
@@ -35,18 +35,18 @@ class LossTerms:
     kind: Tensor | None = None
 
     def total(self, config: LossConfig) -> Tensor:
-        """The weighted sum; what has no weight is part of it still, so that every parameter has a gradient."""
+        """Return the weighted sum; terms of weight 0 are included, so that every parameter has a gradient."""
         weights = {**dict(zip(CLASSES, config.classes, strict=True)), **config.model_dump()}
         terms = ((name, getattr(self, name)) for name in self.names())
         return torch.stack([weights[name] * term for name, term in terms]).sum()
 
     def names(self) -> tuple[str, ...]:
-        """Of the terms that there are."""
+        """Return the names of the present terms."""
         return tuple(field.name for field in fields(self) if getattr(self, field.name) is not None)
 
 
-def losses(output: Output, truth: Truth, config: LossConfig) -> LossTerms:
-    """All errors of a batch, in float32 whatever the precision of the network."""
+def compute_losses(output: ModelOutput, truth: Truth, config: LossConfig) -> LossTerms:
+    """Return all loss terms of a batch, in float32 for any precision of the network."""
     road, vehicle, lane = occupancy_loss(output.occupancy, truth, config)
     colour = colour_loss(output.appearance, truth, config.vehicles) if output.appearance is not None else None
     depth = kind = None
@@ -58,24 +58,24 @@ def losses(output: Output, truth: Truth, config: LossConfig) -> LossTerms:
 
 
 def occupancy_loss(logits: Tensor, truth: Truth, config: LossConfig) -> Tensor:
-    """(3,) mean over the known cells of each class: cross-entropy with `pos_weight`, or the focal loss.
+    """Return the (3,) occupancy loss, mean over the known cells: cross-entropy with `pos_weight`, or focal loss.
 
-    The focal loss (Lin et al. 2017, equation 4) takes the cross-entropy times (1 - p)^gamma, p what the network gives
-    to what is true.
+    The focal loss (Lin et al. 2017, equation 4) is the cross-entropy times (1 - p)^gamma, where p is the predicted
+    probability of the true state.
     """
     logits, on = logits.float(), truth.occupancy
     weight = torch.tensor(config.pos_weight, device=logits.device)[:, None, None]  # 3 1 1
     error = functional.binary_cross_entropy_with_logits(logits, on, pos_weight=weight, reduction="none")  # B 3 X Y
     if config.occupancy == "focal":
-        wrong = torch.sigmoid(logits * (1 - 2 * on))  # probability of what is not true
+        wrong = torch.sigmoid(logits * (1 - 2 * on))  # probability of the wrong state
         error = error * wrong**config.focal_gamma
     return _mean(error, truth.occupancy_valid.float(), (0, 2, 3))
 
 
 def colour_weight(truth: Truth, vehicles: float) -> Tensor:
-    """(B, X, Y) how much a cell's colour counts: cells of a known class and colour, 0 elsewhere, more on vehicles.
+    """Return the (B, X, Y) weight of each cell in the colour loss: vehicles more, 0 if class or colour is unknown.
 
-    What else lies around, roofs and crowns of trees, cannot be seen from a car.
+    Cells of no class, such as roofs and treetops, are invisible from the ego vehicle.
     """
     on = (truth.occupancy > 0.5) & truth.occupancy_valid  # B 3 X Y
     weight = torch.where(on[:, VEHICLE], vehicles, on.any(1).float())
@@ -83,47 +83,47 @@ def colour_weight(truth: Truth, vehicles: float) -> Tensor:
 
 
 def colour_loss(appearance: Tensor, truth: Truth, vehicles: float) -> Tensor:
-    """L1 of colours, 0..1, mean over channels and cells by `colour_weight`."""
+    """Return the L1 loss of colours 0..1, mean over channels and over cells weighted by `colour_weight`."""
     error = (appearance.float() - truth.appearance).abs().mean(1)  # B X Y
     return _mean(error, colour_weight(truth, vehicles))
 
 
 def depth_bin(depth_m: Tensor) -> Tensor:
-    """Bin of each depth (its centre is nearest), -1 outside of the bins, in the sky and where unknown; int64."""
+    """Return the int64 bin of each depth, by nearest centre; -1 outside the bins, in the sky and where unknown."""
     place = (depth_m - (FIRST_DEPTH_M - DEPTH_STEP_M / 2)) / DEPTH_STEP_M
     inside = (depth_m > 0) & (place >= 0) & (place < DEPTH_BINS)
     return torch.where(inside, place.nan_to_num(posinf=0.0), -1.0).floor().long()
 
 
 def depth_loss(logits: Tensor, depth_m: Tensor) -> Tensor:
-    """Cross-entropy of bins; logits (B, N, DEPTH_BINS, h, w), truth (B, N, H, W), H a multiple of h."""
-    # The truth that counts is the nearest known one: what stands in front hides the rest.
+    """Return the cross-entropy of depth bins: logits (B, N, DEPTH_BINS, h, w), truth (B, N, k h, k w)."""
+    # The nearest known depth of a block is the target: it occludes the rest.
     distance = torch.where(depth_m > 0, depth_m, torch.inf)
     return _cross_entropy(logits, depth_bin(_nearest(depth_m, distance, logits.shape[-2])))
 
 
 def kind_loss(logits: Tensor, kind: Tensor, depth_m: Tensor) -> Tensor:
-    """Cross-entropy of kinds, -1 where unknown; logits (B, N, K, h, w), truths (B, N, H, W), H a multiple of h."""
+    """Return the cross-entropy of pixel classes: logits (B, N, K, h, w), truth (B, N, k h, k w), -1 where unknown."""
     known = torch.where(depth_m > 0, depth_m, 1e9).clamp(max=1e9)
     return _cross_entropy(logits, _nearest(kind, torch.where(kind >= 0, known, torch.inf), logits.shape[-2]))
 
 
 def _nearest(values: Tensor, distance: Tensor, height: int) -> Tensor:
-    """(B, N, h, w) of (B, N, H, W): of each square of places the value at the least distance, the first of equals."""
+    """Reduce (B, N, H, W) to (B, N, h, w): the value at the smallest distance in each block; ties take the first."""
     b, n, h, w = values.shape
     side = h // height
     if side == 1:
         return values
-    squares = (b, n, h // side, side, w // side, side)
+    blocks = (b, n, h // side, side, w // side, side)
     values, distance = (
-        each.reshape(squares).transpose(3, 4).flatten(4)  # B N h w side*side
+        each.reshape(blocks).transpose(3, 4).flatten(4)  # B N h w side*side
         for each in (values, distance)
     )
     return values.gather(-1, distance.argmin(-1, keepdim=True))[..., 0]
 
 
 def _cross_entropy(logits: Tensor, target: Tensor) -> Tensor:
-    """Mean over places whose target is not -1, 0 without any; logits (B, N, C, h, w), target (B, N, h, w)."""
+    """Return the mean over targets other than -1, or 0; logits (B, N, C, h, w), target (B, N, h, w)."""
     error = functional.cross_entropy(
         logits.float().flatten(0, 1), target.flatten(0, 1), ignore_index=-1, reduction="sum"
     )
@@ -131,6 +131,6 @@ def _cross_entropy(logits: Tensor, target: Tensor) -> Tensor:
 
 
 def _mean(values: Tensor, weight: Tensor, axes: tuple[int, ...] = ()) -> Tensor:
-    """Weighted mean over axes (all where none is named), 0 where all weights are 0."""
+    """Return the weighted mean over axes (default: all), 0 where all weights are 0."""
     total, weights = (values * weight).sum(axes or None), weight.sum(axes or None)
     return total / torch.where(weights > 0, weights, 1.0)

@@ -1,4 +1,4 @@
-"""Validation while training: IoU of each class at every threshold, and how far colours are off."""
+"""Validation metrics during a training: IoU of each class at every threshold, and colour error."""
 
 from __future__ import annotations
 
@@ -12,27 +12,27 @@ from torch import Tensor, distributed
 
 from appocc.bevmap import CLASSES, VEHICLE
 from appocc.errors import DataError
-from appocc.models.base import Output
+from appocc.models.base import ModelOutput
 from appocc.training.batch import Truth
 from appocc.training.losses import LossTerms, colour_weight
 
-# Thresholds are looked for at k / 100.
+# Candidate thresholds are k / 100.
 _BINS = 100
 _LOSSES = (*(field.name for field in fields(LossTerms)), "total")
 
 
-@dataclass(frozen=True)
-class Validation:
-    """What the weights do on the validation set; NaN where there was nothing to compare.
+@dataclass(frozen=True, kw_only=True)
+class ValidationMetrics:
+    """Metrics on the validation set; NaN where there are no cells to compare.
 
     Attributes:
-        iou: of each class at 0.5.
-        best_iou: of each class at its best threshold.
-        thresholds: these.
-        colour_l1: on 0..255, over cells of road, vehicle and lane whose colour is known; None without colour.
-        colour_l1_vehicles: over those of vehicles.
-        losses: means of the terms over batches, and `total`.
-        samples: that were looked at.
+        iou: IoU of each class at threshold 0.5.
+        best_iou: IoU of each class at its best threshold.
+        thresholds: best threshold of each class.
+        colour_l1: L1 colour error 0..255 over road, vehicle and lane cells of known colour; None without appearance.
+        colour_l1_vehicles: L1 colour error over vehicle cells.
+        losses: mean of each loss term over the batches, and `total`.
+        samples: number of samples.
     """
 
     iou: Mapping[str, float]
@@ -45,31 +45,31 @@ class Validation:
 
     @property
     def mean_iou(self) -> float:
-        """Mean of the best IoU over the classes that are there; 0 where none is."""
-        there = [value for value in self.best_iou.values() if not math.isnan(value)]
-        return sum(there) / len(there) if there else 0.0
+        """Return the mean of the best IoU over the classes present, 0 if there is none."""
+        present = [value for value in self.best_iou.values() if not math.isnan(value)]
+        return sum(present) / len(present) if present else 0.0
 
     def as_json(self) -> dict[str, Any]:
-        """JSON values; what is NaN becomes null."""
+        """Return JSON values; NaN becomes null."""
         found = {name: getattr(self, name) for name in self.__dataclass_fields__} | {"mean_iou": self.mean_iou}
         return {name: _plain(value) for name, value in found.items()}
 
 
-class Tally:
-    """Counts over batches, from which a `Validation` is made."""
+class MetricAccumulator:
+    """Accumulates `ValidationMetrics` over batches."""
 
     def __init__(self, device: torch.device) -> None:
-        """Begin with nothing."""
-        # [class, is it so, bin of the probability]
+        """Start with zero counts."""
+        # [class, true state, bin of the predicted probability]
         self._cells = torch.zeros(len(CLASSES), 2, _BINS, dtype=torch.float64, device=device)
-        # L1 and cells: all that counts, vehicles.
+        # Sum of L1 and number of cells: all classes, vehicles.
         self._colour = torch.zeros(2, 2, dtype=torch.float64, device=device)
         # Sum over batches and their number: each loss and the total.
         self._losses = torch.zeros(len(_LOSSES), 2, dtype=torch.float64, device=device)
         self._samples = torch.zeros(1, dtype=torch.int64, device=device)
 
-    def add(self, output: Output, truth: Truth, terms: LossTerms, total: Tensor) -> None:
-        """Count a batch."""
+    def update(self, output: ModelOutput, truth: Truth, terms: LossTerms, total: Tensor) -> None:
+        """Add a batch."""
         probability = torch.sigmoid(output.occupancy.float())  # B 3 X Y
         place = (probability * _BINS).long().clamp(max=_BINS - 1) + _BINS * (truth.occupancy > 0.5)
         for number in range(len(CLASSES)):
@@ -87,18 +87,18 @@ class Tally:
                 self._losses[number] += torch.stack([value.double(), torch.ones_like(value).double()])
         self._samples += len(truth.occupancy)
 
-    def reduced(self) -> Self:
-        """With the counts of all processes of a distributed training."""
+    def all_reduced(self) -> Self:
+        """Sum the counts over all processes of a distributed training."""
         if distributed.is_initialized():
             for counts in (self._cells, self._colour, self._losses, self._samples):
                 distributed.all_reduce(counts)
         return self
 
-    def validation(self) -> Validation:
-        """What the counts say.
+    def compute(self) -> ValidationMetrics:
+        """Return the metrics of all batches.
 
         Raises:
-            DataError: if nothing was counted.
+            DataError: if there are no samples.
         """
         if not int(self._samples):
             raise DataError("validation: expected samples, got none")
@@ -106,19 +106,19 @@ class Tally:
         # Cells at or above each threshold k / 100, k = 0 .. 99.
         above = cells.flip(-1).cumsum(-1).flip(-1)  # 3 2 _BINS
         iou = above[:, 1] / (cells[:, 1].sum(-1, keepdim=True) + above[:, 0])  # 3 _BINS
-        there = cells[:, 1].sum(-1) > 0
-        iou[~there] = torch.nan
-        best = torch.where(there, iou[:, 1:].nan_to_num().argmax(-1) + 1, _BINS // 2)
+        present = cells[:, 1].sum(-1) > 0
+        iou[~present] = torch.nan
+        best = torch.where(present, iou[:, 1:].nan_to_num().argmax(-1) + 1, _BINS // 2)
         means = {name: value / count for name, (value, count) in zip(_LOSSES, losses, strict=True) if count}
         colour, vehicles = (self._colour[:, 0] / self._colour[:, 1]).tolist() if "colour" in means else (None, None)
-        return Validation(
-            _by_class(iou[:, _BINS // 2]),
-            _by_class(iou.gather(1, best[:, None])[:, 0]),
-            _by_class(best.double() / _BINS),
-            colour,
-            vehicles,
-            means,
-            int(self._samples),
+        return ValidationMetrics(
+            iou=_by_class(iou[:, _BINS // 2]),
+            best_iou=_by_class(iou.gather(1, best[:, None])[:, 0]),
+            thresholds=_by_class(best.double() / _BINS),
+            colour_l1=colour,
+            colour_l1_vehicles=vehicles,
+            losses=means,
+            samples=int(self._samples),
         )
 
 

@@ -1,4 +1,4 @@
-"""Batches on their way to the network: with the plans of their rigs, on its device, ahead of time on a GPU."""
+"""Prefetcher: batches with their view-transform plans on the device; on a GPU a thread prepares them ahead."""
 
 from __future__ import annotations
 
@@ -13,69 +13,69 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from appocc.models.base import BEVModel, Plan
+from appocc.models.base import BEVModel, ViewTransformPlan
 from appocc.training.batch import Batch, Truth
 
-_AHEAD = 2
+_QUEUE_LENGTH = 2
 
 
-class Fed(NamedTuple):
-    """A batch on the device, and where its pictures' features go.
+class PreparedBatch(NamedTuple):
+    """A batch on the device with its view-transform plan.
 
     Attributes:
         batch: the batch.
-        plan: its plan.
-        plan_s: seconds for which making the plan kept the network waiting.
+        plan: view-transform plan of its rigs.
+        plan_s: seconds of the training loop spent on making the plan; 0 if a thread made it.
     """
 
     batch: Batch
-    plan: Plan
+    plan: ViewTransformPlan
     plan_s: float
 
 
 @contextmanager
-def feed(
+def prefetch(
     batches: Iterator[Batch], model: BEVModel, device: torch.device, count: int | None = None
-) -> Iterator[Iterator[Fed]]:
-    """The (first `count`) batches as a network takes them; on a GPU a thread makes them ready while it computes.
+) -> Iterator[Iterator[PreparedBatch]]:
+    """Prepare the (first `count`) batches for a network; on a GPU in a thread, while the network computes.
 
-    On the CPU a thread would only take time from the network.
+    On a CPU a thread would only take time from the network.
     """
-    ready = (_ready(batch, model, device) for batch in islice(batches, count))
+    prepared = (_prepare(batch, model, device) for batch in islice(batches, count))
     try:
-        with closing(_ahead(ready) if device.type == "cuda" else ready) as fed:
-            yield fed
+        with closing(_prefetch_in_thread(prepared) if device.type == "cuda" else prepared) as ready:
+            yield ready
     finally:
         close = getattr(batches, "close", None)
         if close is not None:
             close()
 
 
-def _ready(batch: Batch, model: BEVModel, device: torch.device) -> Fed:
-    """One batch with its plan; pictures in the layout that convolutions like."""
+def _prepare(batch: Batch, model: BEVModel, device: torch.device) -> PreparedBatch:
+    """Plan a batch and copy it to the device; the images are channels-last, the fast layout of convolutions."""
     start = time.perf_counter()
     plan = model.plan(batch.rigs).to(device)
     plan_s = time.perf_counter() - start
     count = batch.images.shape[:2]
     images = batch.images.flatten(0, 1).contiguous(memory_format=torch.channels_last)  # B*N 3 H W
-    images = _moved(images, device).view(*count, *images.shape[1:])
-    truth = Truth(*(_moved(part, device) for part in batch.truth))
-    return Fed(batch._replace(images=images, truth=truth), plan, plan_s)
+    images = _to_device(images, device).view(*count, *images.shape[1:])
+    truth = Truth(*(_to_device(part, device) for part in batch.truth))
+    return PreparedBatch(batch._replace(images=images, truth=truth), plan, plan_s)
 
 
-def _moved(tensor: Tensor, device: torch.device) -> Tensor:
-    """On the device; pinned on its way to a GPU, so that nobody waits for the copy."""
+def _to_device(tensor: Tensor, device: torch.device) -> Tensor:
+    """Copy a tensor to the device; to a GPU asynchronously from pinned memory."""
     if device.type != "cuda":
         return tensor.to(device)
     return tensor.pin_memory().to(device, non_blocking=True)
 
 
-def _ahead(items: Iterable[Fed]) -> Generator[Fed, None, None]:
-    """The same items, made by a thread that is some ahead; its error is raised where the item is asked for."""
-    made: queue.Queue[Fed | BaseException | None] = queue.Queue(_AHEAD)
+def _prefetch_in_thread(items: Iterable[PreparedBatch]) -> Generator[PreparedBatch, None, None]:
+    """Yield the same items, made ahead by a thread; an error of the thread is raised at its item."""
+    made: queue.Queue[PreparedBatch | BaseException | None] = queue.Queue(_QUEUE_LENGTH)
     ended = threading.Event()
 
-    def put(item: Fed | BaseException | None) -> None:
+    def put(item: PreparedBatch | BaseException | None) -> None:
         while not ended.is_set():
             try:
                 made.put(item, timeout=0.1)

@@ -1,4 +1,4 @@
-"""The processes of a training: one, or those that torchrun started."""
+"""The process group of a training: one process, or those started by torchrun."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from torch import Tensor, distributed
 
 from appocc.errors import DataError
 
-# Others wait while the first one draws and writes.
-_PATIENCE = timedelta(hours=1)
+# The other processes wait while the main process draws curves and writes files.
+_TIMEOUT = timedelta(hours=1)
 
 
 @dataclass(frozen=True)
-class World:
-    """This process among those of a training.
+class ProcessGroup:
+    """This process in the group of a training.
 
     Attributes:
-        rank: its number; number 0 writes and speaks.
-        size: how many there are.
-        device: where it computes.
+        rank: index of this process; the main process has rank 0, writes files and reports.
+        size: number of processes.
+        device: device of this process.
     """
 
     rank: int
@@ -32,12 +32,12 @@ class World:
     device: torch.device
 
     @property
-    def first(self) -> bool:
-        """Whether it is the one that writes."""
+    def is_main(self) -> bool:
+        """Whether this is the main process."""
         return self.rank == 0
 
     def mean(self, values: Tensor) -> Tensor:
-        """Mean over the processes, the same in each."""
+        """Return the mean over the processes (all-reduce)."""
         if self.size > 1:
             distributed.all_reduce(values)
             values = values / self.size
@@ -45,24 +45,24 @@ class World:
 
 
 @contextmanager
-def joined(device: str) -> Iterator[World]:
-    """Join the processes that torchrun started, if it did; `device` is auto, cpu or cuda.
+def join_process_group(device: str) -> Iterator[ProcessGroup]:
+    """Join the processes started by torchrun, if any; `device` is auto, cpu or cuda.
 
     Raises:
-        DataError: if a GPU is asked for and there is none.
+        DataError: if cuda is requested and no GPU is available.
     """
-    there = torch.cuda.is_available()
-    if device == "cuda" and not there:
+    has_gpu = torch.cuda.is_available()
+    if device == "cuda" and not has_gpu:
         raise DataError("train.device: expected cpu or auto, got cuda, but torch finds no GPU here")
-    on_gpu = there and device != "cpu"
-    place = torch.device("cuda", int(os.environ.get("LOCAL_RANK", "0"))) if on_gpu else torch.device("cpu")
+    on_gpu = has_gpu and device != "cpu"
+    own_device = torch.device("cuda", int(os.environ.get("LOCAL_RANK", "0"))) if on_gpu else torch.device("cpu")
     if on_gpu:
-        torch.cuda.set_device(place)
+        torch.cuda.set_device(own_device)
     if int(os.environ.get("WORLD_SIZE", "1")) == 1:
-        yield World(0, 1, place)
+        yield ProcessGroup(0, 1, own_device)
         return
-    distributed.init_process_group("nccl" if on_gpu else "gloo", timeout=_PATIENCE)
+    distributed.init_process_group("nccl" if on_gpu else "gloo", timeout=_TIMEOUT)
     try:
-        yield World(distributed.get_rank(), distributed.get_world_size(), place)
+        yield ProcessGroup(distributed.get_rank(), distributed.get_world_size(), own_device)
     finally:
         distributed.destroy_process_group()

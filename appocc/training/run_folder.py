@@ -1,4 +1,4 @@
-"""The folder of a run: what it was told, where, how it went, and what came out."""
+"""Run folder: configuration, environment, metrics, checkpoints and weights of a training run."""
 
 from __future__ import annotations
 
@@ -9,62 +9,62 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from appocc.environment import look_around
+from appocc.environment import inspect_environment
 from appocc.errors import DataError
 from appocc.files import read_json, write_bytes, write_json
 from appocc.temporary import locked, made_folder
-from appocc.training.checkpoint import Progress
+from appocc.training.checkpoint import TrainingProgress
 from appocc.training.config import Config, read_config
-from appocc.training.summary_writer import Board
+from appocc.training.summary_writer import SummaryWriter
 
-Line = dict[str, Any]
+MetricsLine = dict[str, Any]
 
 
 class RunFolder:
-    """`config.yaml`, `environment.json`, `metrics.jsonl`, `curves.png`, `best.safetensors` and the latest states."""
+    """`config.yaml`, `environment.json`, `metrics.jsonl`, `curves.png`, `best.safetensors` and checkpoints."""
 
     def __init__(self, path: Path) -> None:
-        """Name the folder; nothing is read or written."""
+        """Set the paths; nothing is read or written."""
         self.path = path
         self.config, self.environment = path / "config.yaml", path / "environment.json"
-        self.board: Board | None = None
+        self.summary_writer: SummaryWriter | None = None
         self.metrics, self.curves, self.best = path / "metrics.jsonl", path / "curves.png", path / "best.safetensors"
 
     def check(self, config: Config, resume: bool) -> None:
-        """Check that a run may begin, or go on, here.
+        """Check that a run may start here or, with `resume`, that the run of the same configuration is here.
 
         Raises:
-            DataError: if there is a run already or something else, or no run to go on with, or of another training.
+            DataError: if a run or other files exist; on resume, if there is no run or one of another configuration.
         """
         if not resume:
             if self.config.exists():
-                raise DataError(f"{self.path}: there is a run already; --resume goes on with it, --out names another")
+                raise DataError(f"{self.path}: run exists: use --resume to continue it or choose another --out")
             self._check_empty()
             return
         if not self.config.is_file():
-            raise DataError(f"{self.path}: no run to go on with (no {self.config.name})")
+            raise DataError(f"{self.path}: no run to resume (no {self.config.name})")
         differing = read_config(self.config).differences(config)
         if differing:
-            raise DataError(f"{self.path}: this run was begun with other values of {', '.join(differing)}")
+            raise DataError(f"{self.path}: the run was started with other values of {', '.join(differing)}")
 
     def _check_empty(self) -> None:
-        """Check that nothing is in the folder but what `begin` leaves if it is killed.
+        """Check that the folder is new or empty; files of a run killed while it started are allowed.
 
         Raises:
-            DataError: if it is no folder, or something else is in it.
+            DataError: if it is a file or has other files in it.
         """
         names = sorted(path.name for path in self.path.iterdir()) if self.path.is_dir() else []
         others = [name for name in names if name != self.environment.name and not name.startswith(".")]
         if others or self.path.is_file():
             got = f"one with {others[0]}" if others else "a file"
-            raise DataError(f"{self.path}: expected a new or empty folder, got {got}; --out names another")
+            raise DataError(f"{self.path}: expected a new or empty folder, got {got}; choose another --out")
 
     @contextmanager
-    def held(self) -> Iterator[None]:
-        """Keep other trainings out of the folder, which is made; if nothing comes into it, it is removed.
+    def lock(self) -> Iterator[None]:
+        """Create the folder and lock it against other trainings; remove it at the end if it is still empty.
 
         Raises:
-            DataError: if another training is at work in it, or it cannot be written.
+            DataError: if another training uses it, or it cannot be written.
         """
         try:
             with made_folder(self.path), locked(self.path / ".lock", self.path):
@@ -74,45 +74,45 @@ class RunFolder:
                 f"{error.filename or self.path}: cannot be written ({error.strerror or error})"
             ) from error
 
-    def begin(self, config: Config) -> None:
-        """Make the folder.
+    def create(self, config: Config) -> None:
+        """Write environment and configuration of a new run.
 
         Raises:
-            DataError: if it cannot be written.
+            DataError: if they cannot be written.
         """
-        write_json(self.environment, asdict(look_around(Path.cwd())))
+        write_json(self.environment, asdict(inspect_environment(Path.cwd())))
         write_bytes(self.config, config.as_yaml().encode())
 
-    def go_on(self, progress: Progress) -> None:
-        """Remove what was left half written, and the lines of what will be done again.
+    def clean_up(self, progress: TrainingProgress) -> None:
+        """Remove partial checkpoints and the metrics of steps that will be repeated, before a run is resumed.
 
         Raises:
-            DataError: if it cannot be written.
+            DataError: if the metrics cannot be written.
         """
-        for left in self.path.glob(".state-*"):
-            left.unlink()
+        for partial in self.path.glob(".state-*"):
+            partial.unlink()
         latest = {"train": progress.step, "val": progress.evaluated}
-        kept = [line for line in self.lines() if line["step"] <= latest[line["kind"]]]
+        kept = [line for line in self.read_metrics() if line["step"] <= latest[line["kind"]]]
         write_bytes(self.metrics, "".join(json.dumps(line) + "\n" for line in kept).encode())
 
-    def add(self, line: Line) -> None:
-        """Append a line of metrics."""
+    def append_metrics(self, line: MetricsLine) -> None:
+        """Append a line to the metrics, and to TensorBoard if it is open."""
         with self.metrics.open("a", encoding="utf-8") as file:
             file.write(json.dumps(line, allow_nan=False) + "\n")
-        if self.board is not None:
-            self.board.add(line)
+        if self.summary_writer is not None:
+            self.summary_writer.add(line)
 
-    def show(self, step: int) -> None:
-        """Show the lines that come in TensorBoard as well, after a step.
+    def open_summary_writer(self, step: int) -> None:
+        """Write all further metrics to TensorBoard too, continuing after `step`.
 
         Raises:
-            DataError: if it is not installed.
+            DataError: if TensorBoard is not installed.
         """
-        self.board = Board(self.path / "tensorboard", step)
+        self.summary_writer = SummaryWriter(self.path / "tensorboard", step)
 
-    def lines(self) -> list[Line]:
-        """All lines of metrics; one that was cut off is left out."""
-        found: list[Line] = []
+    def read_metrics(self) -> list[MetricsLine]:
+        """Return all lines of metrics, without a truncated last one."""
+        found: list[MetricsLine] = []
         text = self.metrics.read_text(encoding="utf-8") if self.metrics.is_file() else ""
         for line in text.splitlines():
             try:
@@ -121,17 +121,17 @@ class RunFolder:
                 break
         return found
 
-    def summary(self, progress: Progress) -> Line:
-        """What came of the run, for machines."""
-        lines = self.lines()
+    def summary(self, progress: TrainingProgress) -> MetricsLine:
+        """Return the result of the run as JSON values."""
+        lines = self.read_metrics()
         best = next((line for line in lines if line["kind"] == "val" and line["step"] == progress.best_step), None)
         steps = [line for line in lines if line["kind"] == "train"]
         waited = sum(line["wait_share"] for line in steps) / len(steps) if steps else None
-        told = {"folder": str(self.path), "weights": str(self.best), "steps": progress.step}
-        return {**told, "seconds": progress.seconds, "wait_share": waited, "best": best}
+        paths = {"folder": str(self.path), "weights": str(self.best)}
+        return {**paths, "steps": progress.step, "seconds": progress.seconds, "wait_share": waited, "best": best}
 
     def versions(self) -> dict[str, str]:
-        """Versions of what a run depends on, for the weights' card."""
-        there = read_json(self.environment)
-        torch = next(package["version"] for package in there["packages"] if package["name"] == "torch")
-        return {"appocc": there["appocc"], "python": there["python"], "torch": torch}
+        """Return the versions of appocc, Python and torch for the model card."""
+        environment = read_json(self.environment)
+        torch = next(package["version"] for package in environment["packages"] if package["name"] == "torch")
+        return {"appocc": environment["appocc"], "python": environment["python"], "torch": torch}

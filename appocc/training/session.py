@@ -1,4 +1,4 @@
-"""From a configuration to a training: packs, networks and loaders put together, in one place."""
+"""Training session: build network, packed datasets and loaders from a configuration, and train."""
 
 from __future__ import annotations
 
@@ -15,121 +15,132 @@ from appocc.bevmap import CLASSES
 from appocc.environment import memory
 from appocc.errors import DataError
 from appocc.models import registry
-from appocc.models.model_spec import SETTINGS, Setting
-from appocc.models.weights import PACKAGED, begin_with, save_weights
-from appocc.simulation.rendering.views import ViewClass
+from appocc.models.model_spec import MODEL_SPECS, ModelSpec
+from appocc.models.weights import PACKAGED, load_weights_into, save_weights
+from appocc.nuscenes.view_targets import ViewClass
 from appocc.training.augment import Augmentation
+from appocc.training.batch_loader import BatchLoader
 from appocc.training.config import AugmentConfig, Config
 from appocc.training.loop import train
-from appocc.training.packed_dataset import Pack, pack
-from appocc.training.process_group import World, joined
-from appocc.training.run import Parts, Watcher
+from appocc.training.packed_dataset import PackedDataset, pack_dataset
+from appocc.training.process_group import ProcessGroup, join_process_group
+from appocc.training.run import TrainingMonitor, TrainingSetup
 from appocc.training.run_folder import RunFolder
-from appocc.training.samples import Loader
-from appocc.training.summary_writer import summary_writer
+from appocc.training.summary_writer import load_summary_writer
 
 
-def run_training(config: Config, folder: RunFolder, resume: bool, watcher: Watcher) -> dict[str, Any]:
-    """Train as a configuration says, in a run's folder; what came of it, as JSON values.
+def run_training(config: Config, folder: RunFolder, resume: bool, monitor: TrainingMonitor) -> dict[str, Any]:
+    """Train with a configuration in a run folder; return the summary of the run as JSON values.
 
     Raises:
-        AppoccError: as `train`; if data are missing or damaged, or nothing could be learnt from them.
+        AppoccError: as `train`; if data are missing or damaged, or a class has no cells.
     """
     folder.check(config, resume)
     if config.save.tensorboard:
-        summary_writer()  # tells before hours of work that it is not installed
-    with joined(config.train.device) as world, folder.held() if world.first else nullcontext():
-        progress = train(prepared(config, world, watcher), config, folder, world, watcher, resume)
+        load_summary_writer()  # raises before hours of work if it is not installed
+    with join_process_group(config.train.device) as processes, folder.lock() if processes.is_main else nullcontext():
+        setup = prepare_training(config, processes, monitor)
+        progress = train(setup, config, folder, processes, monitor, resume)
     return folder.summary(progress)
 
 
-def prepared(config: Config, world: World, watcher: Watcher) -> Parts:
-    """The parts of a training.
+def prepare_training(config: Config, processes: ProcessGroup, monitor: TrainingMonitor) -> TrainingSetup:
+    """Build network, training data and validation data of a training.
 
     Raises:
-        AppoccError: if data are missing or damaged, lack a class, or the network is unknown.
+        AppoccError: if data are missing or damaged, a class has no cells, or the network is unknown.
     """
-    setting = SETTINGS[config.setting]
+    setting = MODEL_SPECS[config.setting]
     _check_memory(config.train.batch, setting)
-    # Its first weights are the same in each process and for each seed, whatever was drawn before.
+    # The initial weights depend on the seed only, in every process.
     torch.manual_seed(config.train.seed)
-    kinds = len(ViewClass) if config.losses.kind or config.losses.depth else 0
-    model = registry.build(config.network, setting, appearance=config.appearance, kinds=kinds)
+    kinds = len(ViewClass) if config.losses.kind or config.losses.depth else 0  # of the auxiliary heads
+    model = registry.build(config.network, setting, appearance=config.appearance, num_classes=kinds)
     if config.init is not None:
-        begin_with(model, PACKAGED if config.init == "packaged" else Path(config.init))
-    train_pack = _packed(config.data.train, config, world, watcher)
+        load_weights_into(model, PACKAGED if config.init == "packaged" else Path(config.init))
+    train_data = _packed_dataset(config.data.train, config, processes, monitor)
     if config.data.val is None:
-        train_pack, val_pack = train_pack.split(config.data.held_out)
-        if not len(train_pack):
-            raise DataError(f"{config.data.train}: data.held_out leaves nothing to train on, no scene is that long")
+        train_data, val_data = train_data.split(config.data.held_out)
+        if not len(train_data):
+            raise DataError(f"{config.data.train}: data.held_out leaves nothing to train on: no scene is longer")
     else:
-        val_pack = _packed(config.data.val, config, world, watcher)
-    check_labels(train_pack, config)
+        val_data = _packed_dataset(config.data.val, config, processes, monitor)
+    check_classes(train_data, config)
     batch, seed = config.train.batch, config.train.seed
-    changed = Loader([train_pack], batch, seed, _augmentation(config.augment), world.rank, world.size)
-    return Parts(model, changed, Loader([val_pack], batch, seed, rank=world.rank, world=world.size), save_weights)
+    rank, size = processes.rank, processes.size
+    train_loader = BatchLoader([train_data], batch, seed, _augmentation(config.augment), rank, size)
+    val_loader = BatchLoader([val_data], batch, seed, rank=rank, world_size=size)
+    return TrainingSetup(model, train_loader, val_loader, save_weights)
 
 
-def _check_memory(batch: int, setting: Setting) -> None:
-    """Check that the pictures of a batch alone fit into the machine's memory, before hours of packing.
+def _check_memory(batch: int, setting: ModelSpec) -> None:
+    """Check that the images of a batch fit into memory, before hours of packing.
 
     Raises:
         DataError: if they do not.
     """
     total, _ = memory()
-    pictures = len(setting.channels) * setting.height_px * setting.width_px * 3 * 4  # bytes of a sample
-    if total is not None and batch * pictures > total:
+    sample_bytes = len(setting.channels) * setting.height_px * setting.width_px * 3 * 4
+    if total is not None and batch * sample_bytes > total:
         needed = (
-            f"{batch * pictures / 2**30:,.0f} GiB for the pictures of a batch, the machine has {total / 2**30:,.0f}"
+            f"{batch * sample_bytes / 2**30:,.0f} GiB for the images of a batch, the machine has {total / 2**30:,.0f}"
         )
-        raise DataError(f"train.batch={batch}: expected at most {total // pictures:,} samples ({needed})")
+        raise DataError(f"train.batch={batch}: expected at most {total // sample_bytes:,} samples ({needed})")
 
 
-def check_labels(packed: Pack, config: Config) -> None:
-    """Check that every class that counts is somewhere in the training set.
+def check_classes(packed: PackedDataset, config: Config) -> None:
+    """Check that every class with a loss weight occurs in the training data.
 
     Raises:
-        DataError: if one has not a single cell.
+        DataError: if a class has no cells.
     """
     missing = [number for number, weight in enumerate(config.losses.classes) if weight]
     for number in range(len(packed)):
         sample = packed.sample(number)
-        there = sample.occupancy & sample.known
-        missing = [k for k in missing if not (there >> k & 1).any()]
+        occupied = sample.occupancy & sample.known
+        missing = [k for k in missing if not (occupied >> k & 1).any()]
         if not missing:
             return
     names = ", ".join(CLASSES[k] for k in missing)
     raise DataError(
         f"{config.data.train}: expected cells of every class in bev/{config.data.source}, got none of {names} in "
-        f"{len(packed)} samples; a weight of 0 in losses.classes leaves a class out"
+        f"{len(packed)} samples; a weight of 0 in losses.classes ignores a class"
     )
 
 
-def _packed(root: str, config: Config, world: World, watcher: Watcher) -> Pack:
-    """The pack of a dataset, made by the first process if it is not there."""
-    told = f"{Path(root).resolve()} {config.data.source}".encode()
-    name = f"{Path(root).resolve().name}-{config.setting}-{hashlib.sha256(told).hexdigest()[:8]}"
+def _packed_dataset(root: str, config: Config, processes: ProcessGroup, monitor: TrainingMonitor) -> PackedDataset:
+    """Open the packed dataset of a root; the main process packs it first if needed."""
+    key = f"{Path(root).resolve()} {config.data.source}".encode()
+    name = f"{Path(root).resolve().name}-{config.setting}-{hashlib.sha256(key).hexdigest()[:8]}"
     out = Path(config.data.packs) / name
-    if not world.first:
+    if not processes.is_main:
         distributed.barrier()
-        return Pack.open(out)
+        return PackedDataset.open(out)
     packed = 0.0
 
     def advance(done: float) -> None:
         nonlocal packed
         packed += done
-        watcher.step(0.0, f"packing {root}: {packed:.0f} samples")
+        monitor.on_step(0.0, f"packing {root}: {packed:.0f} samples")
 
     workers = max(1, config.data.workers)
     try:
-        return pack(root, config.data.source, SETTINGS[config.setting], out, advance, watcher.say, workers)
+        return pack_dataset(
+            root=root,
+            source=config.data.source,
+            setting=MODEL_SPECS[config.setting],
+            out=out,
+            advance=advance,
+            on_message=monitor.on_message,
+            workers=workers,
+        )
     finally:
-        if world.size > 1:
+        if processes.size > 1:
             distributed.barrier()
 
 
 def _augmentation(config: AugmentConfig) -> Augmentation:
-    """Degrees are for people."""
+    """Convert the configured augmentation from degrees to radians."""
     return Augmentation(
         yaw_rad=math.radians(config.yaw_deg),
         shift_m=config.shift_m,

@@ -1,4 +1,4 @@
-"""Weights for others to use: half the size, with a card that says what they came from and what they can do."""
+"""Weights for distribution: float16, with a model card of their training and evaluation."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from pydantic import Field, ValidationError
 from appocc.errors import DataError
 from appocc.files import read_json
 from appocc.jsonparts import JsonPart, first_problem
-from appocc.models.weights import load_model, save_weights, thresholds_of
+from appocc.models.weights import load_model, read_thresholds, save_weights
 
-_ENDING = ".safetensors"
+_SUFFIX = ".safetensors"
 _Count = Annotated[int, Field(ge=0)]
 _Shares = dict[str, Annotated[float, Field(ge=0, le=1)] | None]
 
@@ -38,8 +38,8 @@ class _Validation(JsonPart):
     best_iou: _Shares
 
 
-class _Told(JsonPart):
-    """What is shown of a card; weights that no training of this project left may have none of it."""
+class _ModelCard(JsonPart):
+    """Checked entries of a model card; weights from other projects may lack all of them."""
 
     training: _Training | None = None
     step: _Count | None = None
@@ -49,60 +49,60 @@ class _Told(JsonPart):
 
 
 def read_figures(path: Path) -> dict[str, Any]:
-    """What `appocc eval bev --json` said, from a file.
+    """Read the output of `appocc eval bev --json` from a file.
 
     Raises:
-        DataError: if it is missing or something else.
+        DataError: if the file is missing or holds something else.
     """
     figures: dict[str, Any] = read_json(path)
     try:
         _Figures.model_validate(figures)
     except ValidationError as error:
         raise DataError(
-            f"{path}: expected the answer of 'appocc eval bev --json', got something else ({first_problem(error)})"
+            f"{path}: expected the output of 'appocc eval bev --json', got something else ({first_problem(error)})"
         ) from error
     return figures
 
 
-def ship(source: Path, out: Path, figures: Mapping[str, Any] | None, commands: Sequence[str]) -> None:
-    """Write the weights of a training as float16, with more on their card.
+def ship_weights(source: Path, out: Path, figures: Mapping[str, Any] | None, commands: Sequence[str]) -> None:
+    """Write the weights of a training as float16 with an extended model card.
 
     Args:
-        source: weights that a training left.
-        out: ends in .safetensors.
-        figures: what `appocc eval bev --json` said of their maps of unseen places.
-        commands: that made the data and the weights.
+        source: weights file of a training.
+        out: new file, `*.safetensors`.
+        figures: output of `appocc eval bev --json` on test data.
+        commands: commands that made data and weights.
 
     Raises:
-        DataError: if the weights are missing or damaged, or `out` has another ending or cannot be written.
+        DataError: if the weights are missing or damaged, or `out` has another suffix or cannot be written.
     """
-    if out.suffix != _ENDING:
-        raise DataError(f"{out}: expected a name that ends in {_ENDING}")
+    if out.suffix != _SUFFIX:
+        raise DataError(f"{out}: expected a name that ends in {_SUFFIX}")
     model, card = load_model(source)
     more = {"figures": json.dumps(figures, sort_keys=True), "commands": json.dumps(list(commands))}
     save_weights(out, model, {**card, **more}, half=True)
 
 
-def described(path: Path) -> dict[str, Any]:
-    """What a file of weights says of itself, as JSON values.
+def describe_weights(path: Path) -> dict[str, Any]:
+    """Return the model card of a weights file as JSON values.
 
     Raises:
-        DataError: if it is missing or damaged, or its card says what cannot be.
+        DataError: if the file is missing or damaged, or its model card is invalid.
     """
     model, card = load_model(path)
-    told = {name: _value(text) for name, text in card.items()}
+    values = {name: _value(text) for name, text in card.items()}
     try:
-        _Told.model_validate(told)
+        _ModelCard.model_validate(values)
     except ValidationError as error:
-        raise DataError(f"{path}: the card cannot be true ({first_problem(error)})") from error
+        raise DataError(f"{path}: invalid model card ({first_problem(error)})") from error
     numbers = sum(parameter.numel() for parameter in model.parameters())
     own = {"file": str(path), "bytes": path.stat().st_size, "parameters": numbers}
-    # First, and whatever a card says of the same names.
-    return {**own, **told, **own, "thresholds": list(thresholds_of(card))}
+    # These come first, and entries of the same names on the card are ignored.
+    return {**own, **values, **own, "thresholds": list(read_thresholds(card))}
 
 
 def _value(text: str) -> Any:
-    """Entries are JSON, or plain texts."""
+    """Return an entry of the card: JSON or plain text."""
     try:
         return json.loads(text)
     except (ValueError, RecursionError):

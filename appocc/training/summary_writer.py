@@ -1,4 +1,4 @@
-"""Metrics as TensorBoard shows them, for those who have the extra."""
+"""Summary writer: metrics of a run for TensorBoard (the extra `tensorboard`)."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from typing import Any
 from appocc.errors import DataError
 
 
-def summary_writer() -> Any:
-    """TensorBoard's writer.
+def load_summary_writer() -> Any:
+    """Import TensorBoard's `SummaryWriter` class.
 
     Raises:
-        DataError: if it is not installed.
+        DataError: if TensorBoard is not installed.
     """
     try:
         from torch.utils.tensorboard import SummaryWriter
@@ -22,27 +22,27 @@ def summary_writer() -> Any:
     return SummaryWriter
 
 
-class Board:
-    """An events file that grows with the lines of metrics."""
+class SummaryWriter:
+    """Event file of a run."""
 
     def __init__(self, folder: Path, step: int) -> None:
-        """Go on in a folder after a step; what was written of later ones is not shown any more.
+        """Continue in a folder after a step; later events are purged.
 
         Raises:
             DataError: if TensorBoard is not installed.
         """
-        self._writer = summary_writer()(str(folder), purge_step=step + 1)
+        self._writer = load_summary_writer()(str(folder), purge_step=step + 1)
 
     def add(self, line: Mapping[str, Any]) -> None:
-        """Show a line of metrics: every number in it, under its kind."""
+        """Write every number of a line of metrics, with its kind as prefix."""
         for name, value in _numbers(line, line["kind"]):
             self._writer.add_scalar(name, value, line["step"])
         self._writer.flush()
 
 
-def _numbers(line: Mapping[str, Any], under: str) -> Iterator[tuple[str, float]]:
+def _numbers(line: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, float]]:
     for key, value in line.items():
         if isinstance(value, Mapping):
-            yield from _numbers(value, f"{under}/{key}")
+            yield from _numbers(value, f"{prefix}/{key}")
         elif isinstance(value, int | float) and key != "step":
-            yield f"{under}/{key}", float(value)
+            yield f"{prefix}/{key}", float(value)

@@ -1,1 +1,1 @@
-"""Images for people: maps, rigs, predictions and contact sheets."""
+"""Visualization of maps, rigs, predictions and datasets."""

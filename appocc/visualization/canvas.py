@@ -1,4 +1,4 @@
-"""Pictures for people: the one place where the grid is turned so that forward is up and left is left."""
+"""Drawing of maps and boxes; the only module that rotates the grid so that forward is up and left is left."""
 
 from __future__ import annotations
 
@@ -11,65 +11,65 @@ from numpy.typing import ArrayLike, NDArray
 from appocc.bevmap import LANE, ROAD, VEHICLE, BEVMap
 from appocc.camera import Camera
 from appocc.checks import BoolArray, ByteArray, FloatArray
-from appocc.ego_vehicle import EGO_LENGTH_M, EGO_REAR_M, EGO_WIDTH_M
+from appocc.ego_vehicle import EgoVehicle
 from appocc.geometry import apply, inverse
 from appocc.grid import BEVGrid
 
 Colour = tuple[int, int, int]
 WHITE, BLACK, GREEN, YELLOW, RED = (255, 255, 255), (0, 0, 0), (60, 200, 90), (255, 220, 60), (235, 70, 60)
-# Unknown cells are hatched, so that nobody takes them for a dark street: ground and line colour, and the period.
+# Unknown cells are hatched, because plain dark cells look like street: colours of background and lines, and period.
 UNKNOWN_COLOUR, HATCH_COLOUR = (58, 62, 72), (92, 98, 112)
 _HATCH_PX, _HATCH_LINE_PX = 12, 2
 UNKNOWN_LEGEND = "hatched: unknown"
-# How much of its colour a pale cell keeps.
+# Opacity of the colour of a pale cell.
 _PALE = 0.25
 _CLASS_COLOURS = {ROAD: (112, 112, 118), LANE: (245, 205, 70), VEHICLE: (70, 130, 240)}
 
 
-def turned(cells: NDArray[np.uint8]) -> ByteArray:
-    """A grid array (X, Y, ...) as a picture (rows, columns, ...): forward up, left to the left."""
+def to_image_axes(cells: NDArray[np.uint8]) -> ByteArray:
+    """Rotate a grid array (X, Y, ...) to image axes (rows, columns, ...): forward is up, left is left."""
     return np.ascontiguousarray(cells[::-1, ::-1])
 
 
-def hatched(rows: int, columns: int) -> ByteArray:
-    """(rows, columns, 3) picture of the unknown: diagonal lines."""
+def hatch_pattern(rows: int, columns: int) -> ByteArray:
+    """Return a (rows, columns, 3) hatched image, the pattern of unknown cells."""
     line = np.add.outer(np.arange(rows), np.arange(columns)) % _HATCH_PX < _HATCH_LINE_PX
     return np.where(line[..., None], HATCH_COLOUR, UNKNOWN_COLOUR).astype(np.uint8)
 
 
 class BEVCanvas:
-    """A picture of a grid, `scale` pixels a cell, to draw on in ego metres."""
+    """Canvas for a grid with `scale` pixels per cell; coordinates are metres in the ego frame."""
 
     def __init__(self, grid: BEVGrid, scale: int = 4) -> None:
-        """Start with a picture of unknown cells, hatched."""
+        """Create a canvas of unknown cells, hatched."""
         self.grid = grid
         self.scale = scale
         x, y = grid.shape
-        self.picture: ByteArray = hatched(x * scale, y * scale)
+        self.picture: ByteArray = hatch_pattern(x * scale, y * scale)
 
     def pixel(self, xy_m: ArrayLike) -> NDArray[np.int32]:
-        """Pixels (..., 2) as (column, row) of points (..., 2) in the ego frame."""
+        """Return the pixels (..., 2), (column, row), of points (..., 2) in the ego frame."""
         xy = np.asarray(xy_m, dtype=np.float64)
         column = (self.grid.y_max_m - xy[..., 1]) / self.grid.cell_m * self.scale
         row = (self.grid.x_max_m - xy[..., 0]) / self.grid.cell_m * self.scale
         return np.stack([np.floor(column), np.floor(row)], axis=-1).astype(np.int32)
 
     def cells(self, rgb: ByteArray, where: BoolArray | None = None) -> None:
-        """Fill cells with colours (X, Y, 3), all or only those of a mask (X, Y)."""
-        picture = self._enlarged(turned(rgb))
+        """Fill all cells or those of a mask (X, Y) with colours (X, Y, 3)."""
+        picture = self._enlarged(to_image_axes(rgb))
         if where is None:
             self.picture[:] = picture
         else:
-            mask = self._enlarged(turned(where.astype(np.uint8))) > 0
+            mask = self._enlarged(to_image_axes(where.astype(np.uint8))) > 0
             self.picture[mask] = picture[mask]
 
     def _enlarged(self, picture: ByteArray) -> ByteArray:
         return picture.repeat(self.scale, axis=0).repeat(self.scale, axis=1)
 
     def appearance(self, bev: BEVMap) -> None:
-        """Draw the colours of a map; unknown cells stay hatched.
+        """Draw the appearance of a map; unknown cells stay hatched.
 
-        Networks learn colours of road, vehicles and lanes only: where their maps have none of these they are pale.
+        Networks learn the colours of road, vehicles and lanes only: other cells of predictions are drawn pale.
         """
         colours = np.moveaxis(bev.appearance, 0, -1)
         if bev.thresholds is not None:
@@ -78,7 +78,7 @@ class BEVCanvas:
         self.cells(colours, bev.appearance_valid)
 
     def occupancy(self, bev: BEVMap) -> None:
-        """Draw road, lane and vehicle in fixed colours, over black where known and empty."""
+        """Draw road, lane and vehicle cells in fixed colours, known empty cells in black."""
         known = bev.occupancy_valid[ROAD]
         self.cells(np.full((*self.grid.shape, 3), 20, np.uint8), known)
         for layer in (ROAD, LANE, VEHICLE):
@@ -95,14 +95,15 @@ class BEVCanvas:
         column, row = (int(v) for v in self.pixel(xy_m))
         cv2.circle(self.picture, (column, row), radius, colour, -1, cv2.LINE_AA)
 
-    def ego(self) -> None:
-        """Draw the ego: its footprint, nose marked; the frame's origin is the rear axle."""
-        left, front, rear = EGO_WIDTH_M / 2, EGO_LENGTH_M - EGO_REAR_M, -EGO_REAR_M
+    def ego(self, vehicle: EgoVehicle) -> None:
+        """Draw the footprint of the ego vehicle with its front marked."""
+        left, rear = vehicle.width_m / 2, -vehicle.rear_overhang_m
+        front = vehicle.length_m - vehicle.rear_overhang_m
         self.line([[front, left], [rear, left], [rear, -left], [front, -left]], GREEN, 2, closed=True)
         self.line([[front - 1.0, left], [front, 0.0], [front - 1.0, -left]], GREEN, 2)
 
     def label(self, xy_m: ArrayLike, text: str, colour: Colour = WHITE) -> None:
-        """Write a short text centred at a point (2,) in the ego frame, kept inside the picture."""
+        """Write a short text centred at a point (2,) in the ego frame, shifted into the image."""
         column, row = (int(v) for v in self.pixel(xy_m))
         put_text(self.picture, text, (column, row), colour, centred=True)
 
@@ -115,16 +116,16 @@ def put_text(
     scale: float = 0.42,
     centred: bool = False,
 ) -> None:
-    """Write outlined text at pixel (column, row) of its lower left corner (or centre), kept inside the picture.
+    """Write outlined text with its lower left corner (or centre) at pixel (column, row), shifted into the image.
 
-    The letters are OpenCV's own, which has no others than ASCII: what it cannot write becomes a question mark.
+    OpenCV's fonts are ASCII only: other characters become question marks.
     """
     text = "".join(c if c.isascii() and c.isprintable() else "?" for c in text)
     (width, height), _ = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, scale, 1)
     column, row = (at[0] - width // 2, at[1] + height // 2) if centred else at
     column = min(max(column, 2), max(picture.shape[1] - width - 2, 2))
     row = min(max(row, height + 2), picture.shape[0] - 3)
-    # The outline is the text itself moved by a pixel: a thicker stroke makes OpenCV 5 set wider letters.
+    # The outline is the text shifted by a pixel: with a thicker stroke, OpenCV 5 spaces letters wider.
     for right, down, ink in ((-1, 0, BLACK), (1, 0, BLACK), (0, -1, BLACK), (0, 1, BLACK), (0, 0, colour)):
         at = (column + right, row + down)
         cv2.putText(picture, text, at, cv2.FONT_HERSHEY_SIMPLEX, scale, ink, 1, cv2.LINE_AA)
@@ -150,9 +151,9 @@ _EDGES = [
 
 
 def draw_box(picture: ByteArray, camera: Camera, corners_ego: FloatArray, colour: Colour, width: int = 2) -> bool:
-    """Draw a box (8, 3) in the ego frame into a camera's picture; its front face is crossed.
+    """Draw the corners (8, 3) of a box in the ego frame into a camera image, with a cross on its front face.
 
-    Returns whether any of it could be drawn. Edges are cut where they pass behind the camera.
+    Edges are clipped at the image plane. Return whether any edge was drawn.
     """
     corners = apply(inverse(camera.ego_from_cam), corners_ego)
     drawn = False
@@ -172,7 +173,7 @@ def draw_box(picture: ByteArray, camera: Camera, corners_ego: FloatArray, colour
 
 
 def _in_front(a: FloatArray, b: FloatArray, near_m: float = 0.2) -> FloatArray | None:
-    """The part (2, 3) of a line in the camera frame that lies before the camera, None where none does."""
+    """Clip a line in the camera frame to the part (2, 3) in front of the camera; None if there is none."""
     if max(a[2], b[2]) <= near_m:
         return None
     ends = []
@@ -183,20 +184,20 @@ def _in_front(a: FloatArray, b: FloatArray, near_m: float = 0.2) -> FloatArray |
 
 
 def mosaic(pictures: Sequence[ByteArray], columns: int) -> ByteArray:
-    """Pictures of one size in rows of `columns`; places left over stay black."""
+    """Arrange images of one size in rows of `columns`; empty tiles are black."""
     blank = np.zeros_like(pictures[0])
     padded = [*pictures, *[blank] * (-len(pictures) % columns)]
     rows = [np.hstack(padded[i : i + columns]) for i in range(0, len(padded), columns)]
     return np.ascontiguousarray(np.vstack(rows))
 
 
-def preview(bev: BEVMap, scale: int = 4) -> ByteArray:
-    """Appearance beside occupancy, forward up, with the ego and a caption: the picture beside every saved map."""
+def preview(bev: BEVMap, ego: EgoVehicle, scale: int = 4) -> ByteArray:
+    """Return a preview of a map: appearance and occupancy side by side, forward up, captioned."""
     panels = []
     for title in ("appearance", "occupancy"):
         canvas = BEVCanvas(bev.grid, scale)
         getattr(canvas, title)(bev)
-        canvas.ego()
+        canvas.ego(ego)
         put_text(canvas.picture, f"{title} ({UNKNOWN_LEGEND})", (8, 18))
         panels.append(canvas.picture)
     return np.ascontiguousarray(np.hstack(panels))

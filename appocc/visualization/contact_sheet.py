@@ -1,4 +1,4 @@
-"""A contact sheet of a dataset: a row a scene, with its six cameras and its map."""
+"""Contact sheet of a dataset: one row per scene, with its cameras and its map."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from appocc.nuscenes.dataset import Dataset
 from appocc.nuscenes.records import Scene
 from appocc.visualization.canvas import BEVCanvas, mosaic, put_text
 
-# Order in which one looks out of the car: ahead above, behind below, left to the left.
+# Cameras as they look out of the car: front row above, rear row below.
 _LOOKING_OUT = ("CAM_FRONT_LEFT", "CAM_FRONT", "CAM_FRONT_RIGHT", "CAM_BACK_LEFT", "CAM_BACK", "CAM_BACK_RIGHT")
-_PANEL_PX, _BEV_SCALE, _MOST_ROWS, _GAP_PX = 550, 2, 24, 8
+_PANEL_PX, _BEV_SCALE, _MAX_ROWS, _GAP_PX = 550, 2, 24, 8
 
 
 def contact_sheet(dataset: Dataset, source: str) -> ByteArray:
-    """Key frames of the scenes (at most 24, evenly chosen): cameras, colours from above, what is there; (H, W, 3).
+    """Return a sheet (H, W, 3) of at most 24 scenes, evenly chosen: cameras, appearance and occupancy of a key frame.
 
     Raises:
         DataError: if there are no scenes with samples, or a file is missing or damaged.
@@ -26,7 +26,7 @@ def contact_sheet(dataset: Dataset, source: str) -> ByteArray:
     scenes = [scene for scene in dataset.scenes if dataset.samples(scene)]
     if not scenes:
         raise DataError(f"{dataset.root}: no scenes with samples")
-    chosen = np.unique(np.linspace(0, len(scenes) - 1, min(len(scenes), _MOST_ROWS)).round().astype(int))
+    chosen = np.unique(np.linspace(0, len(scenes) - 1, min(len(scenes), _MAX_ROWS)).round().astype(int))
     rows = [_row(dataset, scenes[i], source) for i in chosen]
     width = max(row.shape[1] for row in rows)
     padded = [np.pad(row, ((0, _GAP_PX), (0, width - row.shape[1]), (0, 0)), constant_values=24) for row in rows]
@@ -45,7 +45,7 @@ def _row(dataset: Dataset, scene: Scene, source: str) -> ByteArray:
     for title in ("appearance", "occupancy"):
         canvas = BEVCanvas(bev.grid, _BEV_SCALE)
         getattr(canvas, title)(bev)
-        canvas.ego()
+        canvas.ego(frame.rig.ego_vehicle)
         maps.append(canvas.picture)
     height = max(cameras.shape[0], *(picture.shape[0] for picture in maps))
     parts = [
@@ -55,7 +55,7 @@ def _row(dataset: Dataset, scene: Scene, source: str) -> ByteArray:
 
 
 def _panel(image: ByteArray, title: str) -> ByteArray:
-    """A picture at the width of the sheet's columns, with its name."""
+    """Return an image at the column width of the sheet, with a title."""
     height = max(round(image.shape[0] * _PANEL_PX / image.shape[1]), 16)
     how = cv2.INTER_AREA if image.shape[1] > _PANEL_PX else cv2.INTER_CUBIC
     panel = np.asarray(cv2.resize(image, (_PANEL_PX, height), interpolation=how), np.uint8)

@@ -1,4 +1,4 @@
-"""The ego's ground grid drawn into the cameras' pictures, so that a wrong frame convention is seen at once."""
+"""Check of a rig: the ground grid of the ego frame drawn into the camera images, to reveal wrong conventions."""
 
 from __future__ import annotations
 
@@ -8,28 +8,28 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
-from appocc.camera import Camera, CameraRig
+from appocc.camera import Camera
 from appocc.checks import ByteArray, FloatArray
 from appocc.errors import DataError
 from appocc.frame import Frame
 from appocc.visualization.canvas import GREEN, RED, YELLOW, Colour, mosaic, put_text
-from appocc.visualization.predictions import camera_picture, rows_of_cameras
+from appocc.visualization.predictions import camera_image, camera_rows
 
 STEP_M, REACH_M = 5, 40
 _GRID, _HORIZON = (120, 190, 235), YELLOW
 _HEIGHT_PX, _FAR_M = 320, 1e6
-# Labels closer than this (columns, rows) cannot be read.
+# Minimum distance of labels (columns, rows).
 _APART_PX = (60, 15)
 
 
-class Pose(NamedTuple):
-    """How a camera stands, for people.
+class CameraAngles(NamedTuple):
+    """Orientation and height of a camera.
 
     Attributes:
-        yaw_deg: where it looks; 0 ahead, 90 to the left.
-        pitch_deg: how far down.
+        yaw_deg: 0 forward, 90 to the left.
+        pitch_deg: positive downward.
         roll_deg: clockwise, seen from behind.
-        height_m: of its centre above the ground.
+        height_m: height of the optical centre above the ground.
     """
 
     yaw_deg: float
@@ -38,8 +38,8 @@ class Pose(NamedTuple):
     height_m: float
 
 
-def pose_of(camera: Camera) -> Pose:
-    """Yaw, pitch, roll and height of a camera, as in a rig's file."""
+def camera_angles(camera: Camera) -> CameraAngles:
+    """Return yaw, pitch, roll and height of a camera, as in a rig file."""
     right, _, ahead = camera.ego_from_cam[:3, :3].T
     yaw = np.arctan2(ahead[1], ahead[0])
     pitch = np.arcsin(np.clip(-ahead[2], -1, 1))
@@ -47,21 +47,21 @@ def pose_of(camera: Camera) -> Pose:
     level_down = np.cross(ahead, level_right)
     roll = np.arctan2(right @ level_down, right @ level_right)
     yaw_deg, pitch_deg, roll_deg = np.degrees([yaw, pitch, roll]).tolist()
-    return Pose(yaw_deg, pitch_deg, roll_deg, float(camera.ego_from_cam[2, 3]))
+    return CameraAngles(yaw_deg, pitch_deg, roll_deg, float(camera.ego_from_cam[2, 3]))
 
 
 def rig_sheet(frame: Frame) -> ByteArray:
-    """(H, W, 3) RGB: all images of a frame, as the cameras look around the car, with the ground grid.
+    """Return all images of a frame with the ground grid, (H, W, 3) RGB, arranged as the cameras around the car.
 
-    Lines every 5 m as far as 40 m; the x axis is red, the y axis green, the horizon yellow.
+    Grid lines every 5 m up to 40 m; the x axis is red, the y axis green, the horizon yellow.
 
     Raises:
         DataError: if the frame has no images.
     """
-    rig = CameraRig(tuple(camera for camera in frame.rig if camera.channel in frame.images))
+    rig = frame.rig.select(frame.images)
     if not len(rig):
         raise DataError(f"{frame.token}: expected images, got none")
-    rows = rows_of_cameras(rig)
+    rows = camera_rows(rig)
     panels = [[_panel(frame.images[camera.channel], camera) for camera in row] for row in rows]
     wide = max(panel.shape[1] for row in panels for panel in row)
     columns = max(len(row) for row in panels)
@@ -74,7 +74,7 @@ def rig_sheet(frame: Frame) -> ByteArray:
 
 
 def _panel(image: ByteArray, camera: Camera) -> ByteArray:
-    picture = camera_picture(image, "", _HEIGHT_PX)
+    picture = camera_image(image, "", _HEIGHT_PX)
     small = camera.resized(picture.shape[1], picture.shape[0])
     for at in range(-REACH_M, REACH_M + 1, STEP_M):
         if at:
@@ -84,39 +84,39 @@ def _panel(image: ByteArray, camera: Camera) -> ByteArray:
     _line(picture, small, _along(0, across=True), GREEN, 2)
     _line(picture, small, _horizon(small), _HORIZON)
     _label(picture, small)
-    pose = pose_of(camera)
+    pose = camera_angles(camera)
     title = f"{camera.channel}: yaw {pose.yaw_deg:+.0f}, pitch {pose.pitch_deg:+.1f}, roll {pose.roll_deg:+.1f} deg"
     put_text(picture, f"{title}, {pose.height_m:.2f} m above ground", (6, picture.shape[0] - 8), scale=0.45)
     return picture
 
 
 def _along(at_m: float, across: bool) -> FloatArray:
-    """(P, 3) points on the ground, ego frame: the line y = at, or, `across`, the line x = at."""
+    """Return points (P, 3) on the ground, ego frame: the line y = at, or if `across` the line x = at."""
     way = np.arange(-REACH_M, REACH_M + 1e-9, 0.25)
     same, zero = np.full(len(way), float(at_m)), np.zeros(len(way))
     return np.stack([same, way, zero] if across else [way, same, zero], axis=1)
 
 
 def _horizon(camera: Camera) -> FloatArray:
-    """(P, 3) level points so far away that they lie where the ground ends."""
+    """Return points (P, 3) at the height of a camera and so far away that they are on the horizon."""
     angle = np.linspace(-np.pi, np.pi, 721)
     level = np.stack([np.cos(angle), np.sin(angle), np.zeros(len(angle))], axis=1)
     return np.asarray(level * _FAR_M + camera.ego_from_cam[:3, 3])
 
 
 def _line(picture: ByteArray, camera: Camera, points_ego: FloatArray, colour: Colour, width: int = 1) -> None:
-    """Draw a straight chain of points (P, 3), as far as it lies before the camera and near the picture."""
+    """Draw a straight line of points (P, 3), where it is in front of the camera and near the image."""
     uv, depth = camera.project_ego(points_ego)
     drawn = (depth > 0.1) & (np.abs(np.nan_to_num(uv, nan=1e9)) < 1e4).all(axis=1)
     ends = np.flatnonzero(np.diff(np.concatenate([[False], drawn, [False]]).astype(int))).reshape(-1, 2)
     for start, stop in ends:
-        # In sixteenths of a pixel, else lines that are nearly level become stairs.
+        # In sixteenths of a pixel, otherwise nearly horizontal lines are stepped.
         (u0, v0), (u1, v1) = np.round(uv[[start, stop - 1]] * 16).astype(int).tolist()
         cv2.line(picture, (u0, v0), (u1, v1), colour, width, cv2.LINE_AA, shift=4)
 
 
 def _crossings() -> Iterator[tuple[FloatArray, str]]:
-    """Places (3,) to label: along the axes first, then where lines cross, near ones first."""
+    """Yield points (3,) to label and their texts: along the axes first, then grid crossings, nearest first."""
     steps = [sign * at for at in range(STEP_M, REACH_M + 1, STEP_M) for sign in (1, -1)]
     for at in steps:
         yield np.array([at, 0.0, 0.0]), f"x {at:+d}"
@@ -127,7 +127,7 @@ def _crossings() -> Iterator[tuple[FloatArray, str]]:
 
 
 def _label(picture: ByteArray, camera: Camera) -> None:
-    """Write distances where they can be read; a label too close to an earlier one is left out."""
+    """Write distances at grid points; a label too close to an earlier one is omitted."""
     taken: list[FloatArray] = []
     for place, text in _crossings():
         uv, depth = camera.project_ego(place[None])

@@ -1,1 +1,1 @@
-"""Commands in simulated scenes with their true vehicle and places, made without any code of `grounding`."""
+"""Generated commands in simulated scenes, with referent and goal region; without any code of `grounding`."""

@@ -1,4 +1,4 @@
-"""What the road layer of a true map says: where our lane runs, how wide a road is, where its kerbs are.
+"""Road geometry from the road layer of a true map: our lane, widths, kerbs.
 
 Ego frame; `road` is (X, Y), the known road cells of a grid.
 """
@@ -10,43 +10,43 @@ from typing import NamedTuple
 import numpy as np
 
 from appocc.checks import BoolArray, FloatArray
-from appocc.ego_vehicle import EGO_LENGTH_M, EGO_REAR_M, EGO_WIDTH_M
+from appocc.ego_vehicle import EgoVehicle
 from appocc.grid import BEVGrid
 
-EGO_CENTRE_M = EGO_LENGTH_M / 2 - EGO_REAR_M
-# Ahead, from where to where kerbs tell where a lane runs, and how far it may go on; how near they must keep to a
-# parabola, and along how much of the way one of them and both together do.
+EGO = EgoVehicle()
+# Range ahead in which kerbs define the lane, and its largest extension; tolerance of the kerbs from a parabola, and
+# the share of the range that one of them and both together must cover.
 LANE_X_M, KERB_OFF_M, KERB_SHARE, BOTH_SHARES = (2.0, 28.0, 39.0), 0.35, 0.65, 1.0
-# Slopes and bends (1/m) that are tried; a straight line is taken where a bend fits only a little better.
+# Candidate slopes and curvatures (1/m); a straight line is preferred if a curve fits only slightly better.
 SLOPES, BENDS = np.linspace(-0.1, 0.1, 21), np.linspace(-0.005, 0.005, 11)
 BEND_COST = 15.0
-# A longer piece without any kerb along it is a crossing, where our lane ends.
+# A longer stretch without a kerb is a crossing, where our lane ends.
 KERB_GAP_M = 3.0
-# Across a road: sections this far around must agree, and no other roadway may lie this near behind the kerb.
+# Cross-sections within this distance must agree, and no other roadway may be this close behind the kerb.
 SECTIONS_M, SECTIONS_AGREE_M, OTHER_ROAD_M = (-3.0, -1.5, 0.0, 1.5, 3.0), 1.5, 8.0
 ROAD_WIDTHS_M, FAR_M, STEP_M = (6.0, 24.0), 30.0, 0.2
-# As far as a road is followed to see whether it is a street, and how much longer than wide that is.
+# Distance to follow a road when testing for a street, and the least ratio of length to width.
 LONG_M, LONGER = 25.0, 1.2
 
 
 class Lane(NamedTuple):
-    """Our lane ahead: y = bend[0] + bend[1] x + bend[2] x^2, as far as a kerb runs along it."""
+    """Our lane ahead: y = bend[0] + bend[1] x + bend[2] x^2, as far as there is a kerb."""
 
     bend: FloatArray
     far_m: float
 
     def y(self, x_m: FloatArray | float) -> FloatArray:
-        """How far left it lies at places ahead."""
+        """Return the lateral position at places ahead."""
         x = np.asarray(x_m)
         return np.asarray(self.bend[0] + (self.bend[1] + self.bend[2] * x) * x)
 
     def yaw_rad(self, x_m: float) -> float:
-        """Its direction at a place, beyond its end that of the end."""
+        """Return the direction at a place; beyond the end, that of the end."""
         return float(np.arctan(self.bend[1] + 2 * self.bend[2] * np.clip(x_m, 0.0, self.far_m)))
 
 
 def own_path(grid: BEVGrid, road: BoolArray) -> Lane | None:
-    """Our lane ahead, parallel to the kerbs; None where they do not tell."""
+    """Return our lane ahead, parallel to the kerbs; None without clear kerbs."""
     first, last = (int(grid.cell_of([x, 0.0])[0]) for x in (LANE_X_M[0], LANE_X_M[2]))
     middle = int(grid.cell_of([0.0, 0.0])[1])
     x = grid.centre_of(np.stack([np.arange(first, last), np.zeros(last - first)], axis=-1))[:, 0]
@@ -54,7 +54,7 @@ def own_path(grid: BEVGrid, road: BoolArray) -> Lane | None:
     slope, bend = (each.ravel()[:, None] for each in np.meshgrid(SLOPES, BENDS))
     near = []
     for sign, rows in ((1, road[first:last, middle:]), (-1, road[first:last, middle::-1])):
-        kerb = np.where(rows.all(axis=1), 1e3, np.argmin(rows, axis=1) * grid.cell_m)  # far where there is none
+        kerb = np.where(rows.all(axis=1), 1e3, np.argmin(rows, axis=1) * grid.cell_m)  # far if there is none
         flat = sign * kerb - slope * x - bend * x**2
         off_m = np.abs(flat - np.median(flat[:, tried], axis=1, keepdims=True))
         near.append(np.maximum(1 - off_m / KERB_OFF_M, 0.0))
@@ -66,16 +66,16 @@ def own_path(grid: BEVGrid, road: BoolArray) -> Lane | None:
     along = x[(near[0][best] > 0) | (near[1][best] > 0)]
     end = int(np.argmax(np.append(np.diff(along) > KERB_GAP_M, True)))
     b, c = float(slope[best, 0]), float(bend[best, 0])
-    lane = Lane(np.array([-b * EGO_CENTRE_M - c * EGO_CENTRE_M**2, b, c]), float(along[end]))
+    lane = Lane(np.array([-b * EGO.centre_m - c * EGO.centre_m**2, b, c]), float(along[end]))
     x = x[x <= lane.far_m]
-    for aside in (EGO_WIDTH_M / 2, -EGO_WIDTH_M / 2):
+    for aside in (EGO.width_m / 2, -EGO.width_m / 2):
         if not _on(grid, road, np.stack([x, lane.y(x) + aside], axis=-1))[0].all():
             return None
     return lane
 
 
 def is_street(grid: BEVGrid, road: BoolArray, at_m: FloatArray, yaw_rad: float) -> bool:
-    """Whether the road at a place is longer along a direction than it is wide, as that of a car park is not."""
+    """Return whether the road at a place is longer along a direction than wide, unlike a car park."""
     runs = []
     for turn in np.arange(4) * np.pi / 2:
         on, inside = _ray(grid, road, at_m, yaw_rad + turn, LONG_M)
@@ -85,7 +85,7 @@ def is_street(grid: BEVGrid, road: BoolArray, at_m: FloatArray, yaw_rad: float) 
 
 
 def kerbs(grid: BEVGrid, road: BoolArray, at_m: FloatArray, yaw_rad: float) -> tuple[float, float] | None:
-    """How far to the left (+) and right (-) of a pose its road ends; None where it has no two clear kerbs."""
+    """Return the distances of the kerbs to the left (+) and right (-) of a pose; None without two clear kerbs."""
     ends = []
     for side in (1, -1):
         found = []
@@ -105,8 +105,8 @@ def kerbs(grid: BEVGrid, road: BoolArray, at_m: FloatArray, yaw_rad: float) -> t
 
 
 def to_kerb(grid: BEVGrid, road: BoolArray, side: int) -> tuple[FloatArray, FloatArray]:
-    """How far from each cell (X, Y) the road ends on a side (1 left, -1 right), metres, and at which y."""
-    ordered = road[:, ::-side]  # what is nearer to the kerb comes first
+    """Return the distance (X, Y) of the kerb on a side (1 left, -1 right) from each cell, in metres, and its y."""
+    ordered = road[:, ::-side]  # cells nearer to the kerb come first
     columns = np.arange(road.shape[1])
     last_off = np.maximum.accumulate(np.where(ordered, -1, columns), axis=1)
     away_m = np.asarray((columns - last_off - 0.5) * grid.cell_m, dtype=np.float64)[:, ::-side]
@@ -116,13 +116,13 @@ def to_kerb(grid: BEVGrid, road: BoolArray, side: int) -> tuple[FloatArray, Floa
 def _ray(
     grid: BEVGrid, road: BoolArray, at_m: FloatArray, yaw_rad: float, far_m: float
 ) -> tuple[BoolArray, BoolArray]:
-    """(K,) whether points on a ray are road, and whether they are on the map."""
+    """Return whether (K,) points on a ray are road, and whether they are on the map."""
     steps = np.arange(0.0, far_m, STEP_M)[:, None]
     return _on(grid, road, at_m + steps * np.array([np.cos(yaw_rad), np.sin(yaw_rad)]))
 
 
 def _on(grid: BEVGrid, road: BoolArray, xy_m: FloatArray) -> tuple[BoolArray, BoolArray]:
-    """(K,) whether points (K, 2) are road, and whether they are on the map."""
+    """Return whether (K,) points (K, 2) are road, and whether they are on the map."""
     cells = grid.cell_of(xy_m)
     inside = grid.contains(cells)
     i, j = np.where(inside[:, None], cells, 0).T

@@ -1,4 +1,4 @@
-"""What people call a vehicle, which others that could mean, and commands in words of many kinds."""
+"""Descriptions of vehicles, their ambiguity, and the wording of commands."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from benchmarks.grounding_truth.moments import Moment, Vehicle
+from benchmarks.grounding_truth.key_frames import TrueFrame, Vehicle
 from benchmarks.grounding_truth.places import Ask
-from benchmarks.grounding_truth.roads import EGO_CENTRE_M
+from benchmarks.grounding_truth.roads import EGO
 
-# Noun of a body, and the words that everybody would agree with.
+# Noun of a body, and undisputed words for it.
 CALLED = {
     "sedan": ("car", ("car", "car", "sedan")),
     "hatchback": ("car", ("car", "car", "hatchback")),
@@ -25,7 +25,7 @@ CALLED = {
     "bus": ("bus", ("bus",)),
     "motorcycle": ("motorcycle", ("motorcycle", "motorbike")),
 }
-# Bodies that somebody might call so; from above, without heights, more of them look alike.
+# Bodies that some would call by a noun; from above, without heights, more of them look similar.
 COULD_BE = {
     "car": frozenset({"sedan", "hatchback", "estate", "suv", "minivan", "van", "pickup"}),
     "van": frozenset({"van", "minivan", "suv", "box_truck"}),
@@ -35,7 +35,7 @@ COULD_BE = {
     "vehicle": frozenset(CALLED),
 }
 ALIKE_FROM_ABOVE = COULD_BE["car"] | COULD_BE["van"] | COULD_BE["truck"]
-# Paints that one takes for the other, in some light.
+# Paints that can be confused in some light.
 _CONFUSED = (
     *(("white", "silver"), ("white", "grey"), ("silver", "grey"), ("grey", "black"), ("grey", "blue")),
     *(("grey", "brown"), ("grey", "green"), ("black", "blue"), ("black", "brown"), ("black", "green")),
@@ -45,31 +45,31 @@ _CONFUSED = (
 )
 CONFUSED = frozenset({*_CONFUSED, *((b, a) for a, b in _CONFUSED)})
 PAINTS = tuple(sorted({paint for pair in _CONFUSED for paint in pair}))
-# Fewer cells of the map show no colour to rely on.
+# With fewer cells in the map, the colour is unreliable.
 LEAST_CELLS = 10
-# Ahead for certain, and behind for certain; beside our path this far is a side.
+# Certainly ahead, certainly behind; least offset from our path for a side.
 AHEAD_M, AHEAD_DEG, BEHIND_M, SIDE_M = 6.0, 25.0, -4.0, 2.0
-# Ordinals and superlatives need this much between one and the next; ordinals count along our own road.
+# Least separation for ordinals and superlatives; ordinals count along our own road.
 STEP_M, STEP_SHARE, ROAD_M = 2.0, 0.1, 12.0
 IN_LANE_M, OUT_OF_LANE_M = 0.9, 2.3
 MOVES_MPS = 1.5
-# Wordings that are tried before a vehicle counts as one that cannot be told apart.
+# Wordings to try before a vehicle counts as indistinguishable.
 DRAWS = 80
 ORDINALS = {"first": 1, "second": 2, "third": 3}
 ORDERS = (*ORDINALS, "nearest", "farthest", "last", "leftmost", "rightmost")
 
 
 class Description(NamedTuple):
-    """What is said of a vehicle; None where nothing is.
+    """Description of a vehicle; None for properties that are not mentioned.
 
     Attributes:
         noun: car, van, truck, bus, motorcycle, vehicle.
         paint: colour word.
-        side: left or right of our way.
+        side: left or right of our path.
         state: parked or moving.
         order: one of ORDERS.
-        lane: whether it is said to be in our lane.
-        ahead: whether it is said to be ahead.
+        lane: whether "in our lane" is mentioned.
+        ahead: whether "ahead" is mentioned.
     """
 
     noun: str
@@ -81,11 +81,11 @@ class Description(NamedTuple):
     ahead: bool = False
 
 
-# Whom it means ----------------------------------------------------------------------------------------------------
+# Referents --------------------------------------------------------------------------------------------------------
 
 
-def surely(moment: Moment, said: Description, v: Vehicle) -> bool:
-    """Whether everybody would agree that a vehicle ahead is such a one, its place in an order left out."""
+def certainly_fits(moment: TrueFrame, said: Description, v: Vehicle) -> bool:
+    """Return whether a vehicle ahead fits the description without doubt, apart from its rank in an order."""
     aside = moment.sideways_m(v)
     return (
         v.visible
@@ -94,14 +94,14 @@ def surely(moment: Moment, said: Description, v: Vehicle) -> bool:
         and said.noun in (CALLED[v.body][0], "vehicle")
         and (said.paint is None or (v.paint == said.paint and v.cells >= LEAST_CELLS))
         and (said.side is None or min(_sides_m(moment, said, v)) >= SIDE_M)
-        and (said.state is None or (v.parked and v.stands if said.state == "parked" else v.speed_mps > MOVES_MPS))
+        and (said.state is None or (v.parked and v.stationary if said.state == "parked" else v.speed_mps > MOVES_MPS))
         and (not said.lane or (moment.has_lane_to(v.xy_m[0]) and abs(aside) < IN_LANE_M and moment.is_along(v)))
         and (not said.ahead or abs(_bearing_deg(v)) < AHEAD_DEG)
     )
 
 
-def perhaps(moment: Moment, said: Description, v: Vehicle, blobs: bool, anywhere: bool = False) -> bool:
-    """Whether somebody might mean a vehicle, seen or hidden; ahead of us, or `anywhere`."""
+def may_fit(moment: TrueFrame, said: Description, v: Vehicle, blobs: bool, anywhere: bool = False) -> bool:
+    """Return whether the description might mean a vehicle, visible or occluded; ahead of us, or `anywhere`."""
     aside = moment.sideways_m(v)
     bodies = ALIKE_FROM_ABOVE if blobs and said.noun in ("car", "van", "truck") else COULD_BE[said.noun]
     return (
@@ -115,23 +115,23 @@ def perhaps(moment: Moment, said: Description, v: Vehicle, blobs: bool, anywhere
     )
 
 
-def _sides_m(moment: Moment, said: Description, v: Vehicle) -> tuple[float, float]:
-    """How far to the side that is said a vehicle lies, of our way and of our heading: not all mean the same."""
+def _sides_m(moment: TrueFrame, said: Description, v: Vehicle) -> tuple[float, float]:
+    """Return the offsets of a vehicle to the mentioned side, of our path and of our heading: usage differs."""
     sign = 1 if said.side == "left" else -1
     return sign * moment.sideways_m(v), sign * float(v.xy_m[1])
 
 
-def meant(moment: Moment, said: Description, blobs: bool) -> Vehicle | None:
-    """The one vehicle that a description can mean, None where it is not clear beyond doubt."""
-    might = [v for v in moment.vehicles if perhaps(moment, said, v, blobs)]
+def sole_referent(moment: TrueFrame, said: Description, blobs: bool) -> Vehicle | None:
+    """Return the only vehicle that a description can mean, None if it is not beyond doubt."""
+    might = [v for v in moment.vehicles if may_fit(moment, said, v, blobs)]
     if said.order is None:
-        return might[0] if len(might) == 1 and surely(moment, said, might[0]) else None
+        return might[0] if len(might) == 1 and certainly_fits(moment, said, might[0]) else None
     number = ORDINALS.get(said.order, 1)
     if said.order == "nearest":
-        might = [v for v in moment.vehicles if perhaps(moment, said, v, blobs, anywhere=True)]
+        might = [v for v in moment.vehicles if may_fit(moment, said, v, blobs, anywhere=True)]
     might.sort(key=lambda v: _place(said.order, v))
     counted, after = might[:number], might[number : number + 1]
-    if len(might) < max(number, 2) or not all(surely(moment, said, v) for v in counted):
+    if len(might) < max(number, 2) or not all(certainly_fits(moment, said, v) for v in counted):
         return None
     if said.order in ("farthest", "last") and not all(v.on_map for v in might):
         return None
@@ -148,20 +148,20 @@ def meant(moment: Moment, said: Description, blobs: bool) -> Vehicle | None:
 
 
 def _place(order: str | None, v: Vehicle) -> float:
-    """What an order sorts by, the first one lowest."""
+    """Return the sorting key of an order; the first vehicle has the lowest."""
     sign = -1 if order in ("farthest", "last", "leftmost") else 1
     if order in ("nearest", "farthest"):
         return sign * v.distance_m
-    return sign * float(v.xy_m[1] if order in ("leftmost", "rightmost") else v.xy_m[0] - EGO_CENTRE_M)
+    return sign * float(v.xy_m[1] if order in ("leftmost", "rightmost") else v.xy_m[0] - EGO.centre_m)
 
 
 def _bearing_deg(v: Vehicle) -> float:
-    """Where it is to our eyes, left positive."""
-    return float(np.degrees(np.arctan2(v.xy_m[1], v.xy_m[0] - EGO_CENTRE_M)))
+    """Return the bearing of a vehicle from the ego, left positive."""
+    return float(np.degrees(np.arctan2(v.xy_m[1], v.xy_m[0] - EGO.centre_m)))
 
 
-def describe(moment: Moment, v: Vehicle, blobs: bool, random: np.random.Generator) -> Description | None:
-    """Words that mean this vehicle and no other, None where none were found."""
+def describe(moment: TrueFrame, v: Vehicle, blobs: bool, random: np.random.Generator) -> Description | None:
+    """Return a description that means only this vehicle, None if none is found."""
     aside = moment.sideways_m(v)
     for _ in range(DRAWS):
         draw = random.random(6)
@@ -176,7 +176,7 @@ def describe(moment: Moment, v: Vehicle, blobs: bool, random: np.random.Generato
             draw[4] < 0.3 and not order,
         )
         said = said._replace(ahead=draw[5] > 0.8 and not said.side and not said.lane)
-        if meant(moment, said, blobs) is v and not (said.lane and said.side):
+        if sole_referent(moment, said, blobs) is v and not (said.lane and said.side):
             return said
     return None
 
@@ -228,8 +228,8 @@ _NUMBERS = {2: "two", 3: "three", 4: "four", 5: "five", 10: "ten", 15: "fifteen"
 
 
 def phrase(said: Description, body: str, random: np.random.Generator, article: str = "the", number: int = 1) -> str:
-    """A description in words; of a body that is known, also by its own name."""
-    # Who counts suvs does not count cars: only without an order the name of a body may stand for its noun.
+    """Return a description in words; a known body may be called by its own name."""
+    # Ordinals over SUVs and over cars differ: only without an order may the name of a body replace its noun.
     own_name = body in CALLED and said.noun != "vehicle" and not said.order
     heads = CALLED[body][1] if own_name else (said.noun,)
     order = _pick(_ORDER_WORDS.get(said.order, (said.order,)), random) if said.order else ""
@@ -258,13 +258,13 @@ def command(
     random: np.random.Generator,
     definite: bool = False,
 ) -> str:
-    """A sentence that asks for a relation to vehicles (descriptions with bodies), `definite`: by no "a" of them."""
+    """Return a command with a relation to vehicles (descriptions with bodies); `definite`: no article "a"."""
     if relation == "none":
         return _polite(_to_nothing(ask, random), random)
     objects = [phrase(said, body, random) for said, body in names]
     if relation == "between" and len(names) == 2 and names[0][0] == names[1][0]:
         bodies = {body for _, body in names}
-        # Two of different bodies are called by what both are.
+        # Two vehicles of different bodies are called by their common noun.
         objects = [phrase(names[0][0], bodies.pop() if len(bodies) == 1 else "", random, number=2)]
     if len(names) == 1 and random.random() < 0.1:
         do = _to_object(relation, ask, "it", random)

@@ -1,1 +1,1 @@
-"""Goal selection: the cell where the ego's footprint fulfils a command."""
+"""Goal selection: the goal pose at which the ego footprint fulfils a command, and the route to it."""

@@ -1,116 +1,117 @@
-"""What a command wishes for that names no vehicle: our lane, the road's edge, a branch, where we are."""
+"""Goal candidates without a reference vehicle: the ego lane, the next lane, the road edge and the present pose."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from appocc.checks import FloatArray, IntArray
-from appocc.ego_vehicle import EGO_WIDTH_M
 from appocc.geometry import wrap_angle
-from grounding.goal.search import Wish
+from grounding.goal.candidates import CandidateSet, DistanceRange
 from grounding.road.free_space import TAKEN
-from grounding.road.road_map import Road
+from grounding.road.lane_model import LANE_M
+from grounding.road.road_map import RoadMap
 
-# In our lane means so far aside at most; spread of the dislike.
-_IN_LANE_M, _ASIDE_M = 1.6, 0.6
-# Lanes are so wide, give or take; ours is changed so many metres ahead: least, wanted, most.
-LANE_M, _LANE_SLACK_M, CHANGE_M, _CHANGE_SPREAD_M = 3.5, 1.2, (8.0, 15.0, 25.0), 6.0
-# Dislike of a place beyond what stands in the lane.
+# Greatest lateral offset in the ego lane, and standard deviation of its cost.
+_IN_LANE_M, _LATERAL_M = 1.6, 0.6
+# Tolerance of the next lane's offset; distance of a lane change and standard deviation of its cost.
+_LANE_SLACK_M, CHANGE_M, _CHANGE_SPREAD_M = 1.2, DistanceRange(8.0, 15.0, 25.0), 6.0
+# Cost of candidates beyond an obstacle in the lane.
 _BEYOND = 3.0
-# At the road's edge the ego's side stands so near to it, give or take, and no farther than so much.
-_EDGE_M, _EDGE_SPREAD_M, _AT_EDGE_M = 0.3, 0.5, 1.5
-# Dislike of standing in a junction, where the road's axis is not sure.
-_JUNCTION, _PLAIN = 4.0, 0.75
-# Dislike of the edge of a road across ours, and of going on where our lane has ended.
-_OTHER_ROAD, _OTHER_WAY = 6.0, 1.0
+# Gap to the road edge: preferred, standard deviation of its cost, and greatest.
+_EDGE_M, _EDGE_SPREAD_M, _MAX_EDGE_M = 0.3, 0.5, 1.5
+# Cost of a junction, where the confidence of the road axis is below the second value.
+_JUNCTION, _CONFIDENT = 4.0, 0.75
+# Costs of the edge of a crossing road, and of another road beyond the end of the ego lane.
+_CROSSING_ROAD, _OTHER_ROAD = 6.0, 1.0
 
 
-def in_lane(road: Road, metres: tuple[float, float, float], words: str, spread_m: float = 4.0) -> list[Wish]:
-    """Our own lane, at least, wanted and at most so many metres ahead."""
-    return [_along(road, 0.0, _IN_LANE_M, metres, spread_m, words)]
+def propose_in_lane(road: RoadMap, ahead: DistanceRange, words: str) -> list[CandidateSet]:
+    """Propose candidates in the ego lane, some distance ahead."""
+    return [_along_lane(road, 0.0, _IN_LANE_M, ahead, 4.0, words)]
 
 
-def lane_beside(road: Road, side: str | None) -> list[Wish]:
-    """The lane to the left or right of ours (None: either), some way ahead."""
+def propose_next_lane(road: RoadMap, side: str | None) -> list[CandidateSet]:
+    """Propose candidates in the lane to the left or right of the ego lane (None: either)."""
     sides = [(name, sign) for name, sign in (("left", 1.0), ("right", -1.0)) if side in (name, None)]
     return [
-        _along(road, sign * LANE_M, _LANE_SLACK_M, CHANGE_M, _CHANGE_SPREAD_M, f"one lane to the {name}")
+        _along_lane(road, sign * LANE_M, _LANE_SLACK_M, CHANGE_M, _CHANGE_SPREAD_M, f"one lane to the {name}")
         for name, sign in sides
     ]
 
 
-def _along(
-    road: Road, aside_m: float, slack_m: float, metres: tuple[float, float, float], spread_m: float, words: str
-) -> Wish:
-    """Places so far beside our course, some metres ahead on it."""
-    along, aside = road.own.coordinates
-    least, wanted, most = metres
-    region = (along >= least) & (along <= min(most, road.own.end_m)) & (np.abs(aside - aside_m) <= slack_m)
+def _along_lane(
+    road: RoadMap, offset_m: float, slack_m: float, ahead: DistanceRange, spread_m: float, words: str
+) -> CandidateSet:
+    """Return candidates at a lateral offset from the ego lane, some distance ahead."""
+    along, lateral = road.along_m, road.lateral_m
+    last_m = min(ahead.most_m, road.ego_lane.end_m)
+    region = (along >= ahead.least_m) & (along <= last_m) & (np.abs(lateral - offset_m) <= slack_m)
     cells = np.argwhere(region)
-    cost = ((along[region] - wanted) / spread_m) ** 2 + ((aside[region] - aside_m) / _ASIDE_M) ** 2
-    # One stays behind what stands in the lane.
-    blocks = (along > 0) & (np.abs(aside - aside_m) < EGO_WIDTH_M / 2) & ((road.footing.inner & TAKEN) > 0)
-    cost += _BEYOND * (along[region] > np.min(along[blocks], initial=np.inf))
-    return Wish(words, cells, cost, road.headings(cells, road.own.heading_rad(along[region])), along[region], "ahead")
+    cost = ((along[region] - ahead.preferred_m) / spread_m) ** 2 + ((lateral[region] - offset_m) / _LATERAL_M) ** 2
+    # The ego stays behind obstacles in the lane.
+    in_lane = (along > 0) & (np.abs(lateral - offset_m) < road.ego.width_m / 2)
+    blocked = in_lane & ((road.free_space.cell_flags & TAKEN) > 0)
+    cost += _BEYOND * (along[region] > np.min(along[blocked], initial=np.inf))
+    heading = road.blend_headings(cells, road.ego_lane.heading_rad(along[region]))
+    return CandidateSet(words, cells, cost, heading, along[region], "ahead")
 
 
-def further_on(road: Road, metres: tuple[float, float, float], words: str) -> list[Wish]:
-    """On any road, so many metres of way from us, the less turned the better: for where our own lane ends."""
-    least, wanted, most = metres
-    region = (road.ways.length_m >= least) & (road.ways.length_m <= most)
-    cells, way = np.argwhere(region), road.ways.length_m[region]
-    heading = road.direction_rad[region]
-    bearing = np.arctan2(*(road.grid.centre_of(cells) - road.own.middle_m).T[::-1])
-    cost = ((way - wanted) / 4.0) ** 2 + 2.0 * (2 - np.cos(heading) - np.cos(bearing))
-    cost += junction(road, cells) + (road.off_lane(cells, heading) / 1.5) ** 2
-    return [Wish(words, cells, cost + _OTHER_WAY, heading)]
+def propose_on_any_road(road: RoadMap, ahead: DistanceRange, words: str) -> list[CandidateSet]:
+    """Propose candidates at a path length on any road, where the ego lane ends; less turning is better."""
+    length = road.paths.length_m
+    region = (length >= ahead.least_m) & (length <= ahead.most_m)
+    cells, heading = np.argwhere(region), road.direction_rad[region]
+    bearing = np.arctan2(*(road.grid.centre_of(cells) - road.ego_lane.origin_m).T[::-1])
+    cost = ((length[region] - ahead.preferred_m) / 4.0) ** 2 + 2.0 * (2 - np.cos(heading) - np.cos(bearing))
+    cost += junction_cost(road, cells) + (road.half_road_offset_m(cells, heading) / 1.5) ** 2
+    return [CandidateSet(words, cells, cost + _OTHER_ROAD, heading)]
 
 
-def at_edge(road: Road, side: str, metres: tuple[float, float, float]) -> list[Wish]:
-    """The road's edge on a side, ahead."""
+def propose_at_edge(road: RoadMap, side: str, ahead: DistanceRange) -> list[CandidateSet]:
+    """Propose candidates at the road edge on one side, some distance ahead."""
     sign = 1.0 if side == "left" else -1.0
-    along, aside = road.own.coordinates
-    least, wanted, most = metres
-    region = road.road & (along >= least) & (along <= min(most, road.own.end_m)) & (sign * aside >= -1.0)
-    region &= np.abs(aside) <= 16.0
+    along, lateral = road.along_m, road.lateral_m
+    last_m = min(ahead.most_m, road.ego_lane.end_m)
+    region = road.drivable & (along >= ahead.least_m) & (along <= last_m) & (sign * lateral >= -1.0)
+    region &= np.abs(lateral) <= 16.0
     cells = np.argwhere(region)
-    ours = road.own.heading_rad(along[region])
-    heading = road.headings(cells, ours, weight=0.05)
-    side_m = road.to_edge(cells, heading + sign * np.pi / 2, most_m=3.0) - EGO_WIDTH_M / 2
-    ahead = along[region] - wanted
+    lane_rad = road.ego_lane.heading_rad(along[region])
+    heading = road.blend_headings(cells, lane_rad, weight=0.05)
+    to_edge_m = road.edge_distance_m(cells, heading + sign * np.pi / 2, max_distance_m=3.0)
+    side_m = to_edge_m - road.ego.width_m / 2
+    off_m = along[region] - ahead.preferred_m
     cost = np.minimum(((side_m - _EDGE_M) / _EDGE_SPREAD_M) ** 2, 16.0)
-    cost += np.where(ahead < 0, ahead / 3.0, ahead / 12.0) ** 2
-    cost += junction(road, cells) + _OTHER_ROAD * np.sin(heading - ours) ** 2
-    near = side_m < _AT_EDGE_M
+    cost += np.where(off_m < 0, off_m / 3.0, off_m / 12.0) ** 2
+    cost += junction_cost(road, cells) + _CROSSING_ROAD * np.sin(heading - lane_rad) ** 2
     words = f"at the {side} edge of the road"
-    return [Wish(words, cells[near], cost[near], heading[near], along[region][near], "ahead")]
+    return [CandidateSet(words, cells, cost, heading, along[region], "ahead").subset(side_m < _MAX_EDGE_M)]
 
 
-def here(road: Road) -> list[Wish]:
-    """Where we are, or as near as may be."""
-    cells = road.grid.cell_of(road.own.middle_m) + np.argwhere(np.ones((21, 21))) - 10
+def propose_here(road: RoadMap) -> list[CandidateSet]:
+    """Propose candidates at or near the present pose."""
+    cells = road.grid.cell_of(road.ego_lane.origin_m) + np.argwhere(np.ones((21, 21))) - 10
     cells = cells[road.grid.contains(cells)]
-    far = np.linalg.norm(road.grid.centre_of(cells) - road.own.middle_m, axis=1)
-    heading = np.zeros(len(cells))
-    return [Wish("where we are", cells, (far / 1.0) ** 2, heading)]
+    distance_m = np.linalg.norm(road.grid.centre_of(cells) - road.ego_lane.origin_m, axis=1)
+    return [CandidateSet("where we are", cells, (distance_m / 1.0) ** 2, np.zeros(len(cells)))]
 
 
-def turned_around(road: Road) -> list[Wish]:
-    """The opposite lane of our road, heading back."""
-    along, aside = road.own.coordinates
-    start = road.grid.cell_of(road.own.middle_m)[None]
+def propose_turned_around(road: RoadMap) -> list[CandidateSet]:
+    """Propose candidates in the opposite lane, heading back."""
+    along, lateral = road.along_m, road.lateral_m
+    start = road.grid.cell_of(road.ego_lane.origin_m)[None]
     start = np.clip(start, 0, np.array(road.grid.shape) - 1)
-    left_m, right_m = (float(road.to_edge(start, np.array([turn]))[0]) for turn in (np.pi / 2, -np.pi / 2))
-    # The opposite lane mirrors ours at the middle of the road.
-    over_m = max(road.keeps * (left_m - right_m), LANE_M)
-    wanted = road.keeps * over_m
-    region = (along >= -8.0) & (along <= min(25.0, road.own.end_m)) & (np.abs(aside - wanted) <= 2.5)
+    left_m, right_m = (float(road.edge_distance_m(start, np.array([turn]))[0]) for turn in (np.pi / 2, -np.pi / 2))
+    # The opposite lane mirrors the ego lane at the middle of the road.
+    offset_m = road.traffic_side * max(road.traffic_side * (left_m - right_m), LANE_M)
+    region = (along >= -8.0) & (along <= min(25.0, road.ego_lane.end_m)) & (np.abs(lateral - offset_m) <= 2.5)
     cells = np.argwhere(region)
-    cost = ((along[region] - 3.0) / 6.0) ** 2 + ((aside[region] - wanted) / 0.8) ** 2
-    heading = wrap_angle(road.headings(cells, road.own.heading_rad(along[region])) + np.pi)
-    return [Wish("in the opposite lane, turned around", cells, cost, heading, along[region], "ahead")]
+    cost = ((along[region] - 3.0) / 6.0) ** 2 + ((lateral[region] - offset_m) / 0.8) ** 2
+    ahead_rad = road.blend_headings(cells, road.ego_lane.heading_rad(along[region]))
+    heading = wrap_angle(ahead_rad + np.pi)
+    return [CandidateSet("in the opposite lane, turned around", cells, cost, heading, along[region], "ahead")]
 
 
-def junction(road: Road, cells: IntArray) -> FloatArray:
-    """Dislike (N,) of cells (N, 2) in a junction."""
-    return np.asarray(_JUNCTION * np.maximum(_PLAIN - road.sure[tuple(cells.T)], 0.0) / _PLAIN)
+def junction_cost(road: RoadMap, cells: IntArray) -> FloatArray:
+    """Return the cost (N,) of cells (N, 2) in a junction."""
+    missing = np.maximum(_CONFIDENT - road.axis_confidence[tuple(cells.T)], 0.0)
+    return np.asarray(_JUNCTION * missing / _CONFIDENT)

@@ -1,4 +1,4 @@
-"""Where the ego should stand: from a command, the vehicle it is measured from and the road to one free cell."""
+"""Plan the goal of a command: from the query, its reference vehicle and the road map to one goal pose and a route."""
 
 from __future__ import annotations
 
@@ -9,33 +9,37 @@ from functools import cached_property
 import numpy as np
 
 from appocc.checks import BoolArray, FloatArray
-from appocc.ego_vehicle import EGO_LENGTH_M, EGO_WIDTH_M
+from appocc.ego_vehicle import EgoVehicle
 from appocc.geometry import footprints
-from grounding.goal.candidates import place_beside, wanted
-from grounding.goal.search import Field, Place
+from appocc.motion_state import MOVING_MPS
+from grounding.goal.candidates import GoalCandidate
+from grounding.goal.proposals import propose_candidates, propose_relation
+from grounding.goal.search import CandidateSearch
 from grounding.query import Query
-from grounding.referent.scene import Scene
-from grounding.road.road_map import Road
+from grounding.referent.scene import SceneModel
+from grounding.road.road_map import RoadMap
 from grounding.scene_object import SceneObject
 
-_MOVING_MPS = 1.0
-# A place that is nearer than this to the best one is told as that.
+# A goal closer than this to the ideal candidate is not reported as moved.
 _MOVED_M = 0.6
+# A goal within this lateral offset of the ego lane is reported as behind the ego, if it is.
+_IN_LANE_M = 1.5
 _RUNNERS_UP = 3
-_LEAST_SCORE = 1e-6
+_MIN_SCORE = 1e-6
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Target:
-    """The place for the middle of the ego's footprint (4.6 m x 1.9 m).
+    """Goal pose of the centre of the ego footprint.
 
     Attributes:
         cell: (i, j) index of the grid.
         ego_m: (2,) centre of that cell, ego frame.
-        world_m: (2,) the same in the world.
-        heading_rad: heading in the world.
-        heading_ego_rad: heading relative to the ego's present one.
-        score: 0..1, one where nothing moved it from the best place.
+        world_m: (2,) centre of that cell, world frame.
+        heading_rad: heading, world frame.
+        heading_ego_rad: heading relative to the present one.
+        score: 0..1, one for the ideal candidate.
+        ego: size of the ego vehicle.
     """
 
     cell: tuple[int, int]
@@ -44,23 +48,24 @@ class Target:
     heading_rad: float
     heading_ego_rad: float
     score: float
+    ego: EgoVehicle
 
     def footprint(self) -> FloatArray:
-        """Corners (4, 2) of the ego at the target, in the present ego frame."""
-        return footprints(self.ego_m, self.heading_ego_rad, [EGO_LENGTH_M, EGO_WIDTH_M])
+        """Corners (4, 2) of the ego at the goal pose, present ego frame."""
+        return footprints(self.ego_m, self.heading_ego_rad, [self.ego.length_m, self.ego.width_m])
 
 
-@dataclass(frozen=True)
-class Plan:
-    """A target with the reasons for it, or without one the reason why there is none.
+@dataclass(frozen=True, eq=False)
+class GoalPlan:
+    """A goal pose with reasons for it, or the reasons why there is none.
 
     Attributes:
-        target: the place, None where nothing fits.
-        reasons: sentences that say why.
-        route: (K, 2) way to the target, ego frame; None without one.
-        runners_up: other good places, each at least a car's length from the target and from each other.
-        nearest: where nothing fits, the nearest place at which the ego could stand.
-        weighed: all places with their costs, None where there was nothing to weigh.
+        target: the goal pose, None if no candidate is valid.
+        reasons: sentences.
+        route: (K, 2) route to the target, ego frame; None without one.
+        runners_up: further goal poses, at least an ego length from the target and from each other.
+        nearest: if no candidate is valid, the nearest valid pose.
+        search: all candidates with their costs, None if there were none to search.
     """
 
     target: Target | None
@@ -68,106 +73,111 @@ class Plan:
     route: FloatArray | None = None
     runners_up: tuple[Target, ...] = ()
     nearest: Target | None = None
-    weighed: Field | None = None
+    search: CandidateSearch | None = None
 
     @cached_property
-    def field(self) -> FloatArray | None:
-        """(X, Y) cost of all places that would do, infinity elsewhere; None where there was nothing to weigh."""
-        return None if self.weighed is None else self.weighed.picture()
+    def cost_field(self) -> FloatArray | None:
+        """(X, Y) cost of all valid cells, infinity elsewhere; None if there was nothing to search."""
+        return None if self.search is None else self.search.cost_field()
 
 
-def plan(
+def plan_goal(
     query: Query,
-    scene: Scene,
-    road: Road,
+    scene: SceneModel,
+    road: RoadMap,
     item: SceneObject | None = None,
     partner: SceneObject | None = None,
     forbidden: Sequence[tuple[str, SceneObject]] = (),
-) -> Plan:
-    """The place that a command asks for.
+) -> GoalPlan:
+    """Return the goal that a command asks for.
 
     Args:
         query: the command.
-        scene: where it is given.
-        road: the road of that scene.
-        item: the vehicle that the relation is measured from, None where the command names none.
-        partner: the second one of 'between'.
-        forbidden: relations to vehicles in which the place may not be.
+        scene: the scene of the command.
+        road: the road map of that scene.
+        item: reference vehicle of the relation, None if the command names none.
+        partner: second vehicle of "between".
+        forbidden: relations to vehicles that the goal must not have.
     """
-    wishes, reasons = wanted(query, road, item, partner)
-    if item is not None and item.speed_mps is not None and item.speed_mps > _MOVING_MPS:
+    proposed, reasons = propose_candidates(query, road, item, partner)
+    if item is not None and item.speed_mps is not None and item.speed_mps > MOVING_MPS:
         reasons = [*reasons, f"it moves at {item.speed_mps:.0f} m/s: the place is measured from where it is now"]
-    if wishes is None:
-        return Plan(None, tuple(reasons))
-    fields = Field(wishes, scene, road, [one for one in (item, partner) if one], _excluded(forbidden, road))
-    best = fields.best(1 + _RUNNERS_UP)
+    if proposed is None:
+        return GoalPlan(None, tuple(reasons))
+    candidate_sets = [each.with_detour_cost(road) for each in proposed]
+    references = [one for one in (item, partner) if one]
+    search = CandidateSearch(candidate_sets, scene, road, references, _excluded_cells(forbidden, road))
+    best = search.find_best(1 + _RUNNERS_UP)
     if not best:
-        return _nothing(fields, item, reasons)
-    target, *others = (_target(place, scene, road) for place in best)
-    route = road.ways.route(target.cell, road.own.middle_m, target.heading_ego_rad)
-    return Plan(target, (*reasons, *_why(fields, best[0])), route, tuple(others), None, fields)
+        return _plan_without_target(search, item, reasons)
+    target, *others = (_to_target(candidate, scene, road) for candidate in best)
+    route = road.paths.route_to(target.cell, road.ego_lane.origin_m, target.heading_ego_rad)
+    return GoalPlan(target, (*reasons, *_explain_target(search, best[0])), route, tuple(others), None, search)
 
 
-def _excluded(forbidden: Sequence[tuple[str, SceneObject]], road: Road) -> BoolArray | None:
-    """Cells (X, Y) in a relation to a vehicle that the command rules out."""
+def _excluded_cells(forbidden: Sequence[tuple[str, SceneObject]], road: RoadMap) -> BoolArray | None:
+    """Return the cells (X, Y) in forbidden relations, None without any."""
     if not forbidden:
         return None
     excluded = np.zeros(road.grid.shape, np.bool_)
     for relation, item in forbidden:
-        for wish in place_beside(relation, Query("", "stop"), road, item)[0]:
-            excluded[tuple(wish.cells.T)] = True
+        for candidates in propose_relation(relation, Query("", "stop"), road, item)[0]:
+            excluded[tuple(candidates.cells.T)] = True
     return excluded
 
 
-def _target(place: Place, scene: Scene, road: Road, score: float | None = None) -> Target:
-    at = road.grid.centre_of(place.cell)
+def _to_target(candidate: GoalCandidate, scene: SceneModel, road: RoadMap, score: float | None = None) -> Target:
+    """Return a candidate as goal pose; by default its score is a Gaussian of its cost."""
+    centre = road.grid.centre_of(candidate.cell)
     return Target(
-        place.cell,
-        at,
-        scene.world_xy(at),
-        scene.world_heading(place.heading_rad),
-        place.heading_rad,
-        max(float(np.exp(-place.cost / 2)), _LEAST_SCORE) if score is None else score,
+        cell=candidate.cell,
+        ego_m=centre,
+        world_m=scene.world_xy(centre),
+        heading_rad=scene.world_heading(candidate.heading_rad),
+        heading_ego_rad=candidate.heading_rad,
+        score=max(float(np.exp(-candidate.cost / 2)), _MIN_SCORE) if score is None else score,
+        ego=road.ego,
     )
 
 
-def _why(fields: Field, place: Place) -> list[str]:
-    """The gap, the way, and the constraints that moved the place from better ones."""
-    road = fields.road
-    way_m = float(road.ways.length_m[place.cell])
-    reasons = [f"the place is {fields.told(place)}"]
-    ideal = fields.ideal(place.wish)
+def _explain_target(search: CandidateSearch, chosen: GoalCandidate) -> list[str]:
+    """Return the gap, the path length, and the constraints that ruled out better candidates, in words."""
+    road = search.road
+    path_m = float(road.paths.length_m[chosen.cell])
+    reasons = [f"the place is {chosen.describe()}"]
+    ideal = search.unconstrained_best(chosen.candidates)
     if ideal is not None:
-        moved = float(np.linalg.norm(np.subtract(ideal.cell, place.cell)) * road.grid.cell_m)
+        moved = float(np.linalg.norm(np.subtract(ideal.cell, chosen.cell)) * road.grid.cell_m)
         if moved > _MOVED_M:
-            reasons.append(f"moved {moved:.1f} m from the best place, which {fields.wrong(ideal)}")
-    # The same place in words may be wished for with more than one heading.
-    other_wishes = [wish for wish in fields.wishes if wish.words != place.wish.words]
-    others = [other for wish in other_wishes if (other := fields.ideal(wish))]
-    better = min(others, key=lambda other: other.cost, default=place)
-    if better.cost < place.cost - 1e-9:
-        reasons.append(f"{better.wish.words} would be better, but the best place there {fields.wrong(better)}")
-    along, aside = (float(values[place.cell]) for values in road.own.coordinates)
-    if along < -_MOVED_M and abs(aside) < 1.5:
+            reasons.append(f"moved {moved:.1f} m from the best place, which {search.explain_violation(ideal)}")
+    # Sets with the same words differ only in their headings.
+    other_sets = [each for each in search.candidate_sets if each.words != chosen.candidates.words]
+    others = [other for each in other_sets if (other := search.unconstrained_best(each))]
+    better = min(others, key=lambda other: other.cost, default=chosen)
+    if better.cost < chosen.cost - 1e-9:
+        violation = search.explain_violation(better)
+        reasons.append(f"{better.candidates.words} would be better, but the best place there {violation}")
+    along, lateral = float(road.along_m[chosen.cell]), float(road.lateral_m[chosen.cell])
+    if along < -_MOVED_M and abs(lateral) < _IN_LANE_M:
         reasons.append(f"that is {-along:.1f} m behind where we are now")
-    return [*reasons, f"the way there is {way_m:.0f} m over free road"]
+    return [*reasons, f"the way there is {path_m:.0f} m over free road"]
 
 
-def _nothing(fields: Field, about: SceneObject | None, reasons: Sequence[str]) -> Plan:
-    """Which constraint leaves no place, and the nearest place that would do."""
-    road = fields.road
-    if not len(road.ways.cells):
-        return Plan(None, (*reasons, "no free road around us is known"), weighed=fields)
-    best, why = fields.why_none()
+def _plan_without_target(search: CandidateSearch, item: SceneObject | None, reasons: Sequence[str]) -> GoalPlan:
+    """Return the plan if no candidate is valid: the violated constraint, and the nearest valid pose."""
+    road = search.road
+    if not len(road.paths.cells):
+        return GoalPlan(None, (*reasons, "no free road around us is known"), search=search)
+    best, why = search.explain_failure()
     reasons = [*reasons, *why]
-    if not why or (best is None and about is None):
-        return Plan(None, tuple(reasons), weighed=fields)
-    middle = road.grid.centre_of(best.cell) if best else about.centre_m if about else road.own.middle_m
-    near = fields.nearest(middle)
+    if not why or (best is None and item is None):
+        return GoalPlan(None, tuple(reasons), search=search)
+    centre = road.grid.centre_of(best.cell) if best else item.centre_m if item else road.ego_lane.origin_m
+    near = search.find_nearest(centre)
     if near is None:
-        return Plan(None, tuple(reasons), weighed=fields)
-    nearest = _target(near, fields.scene, road, score=_LEAST_SCORE)
-    away, (x, y) = float(np.hypot(*(nearest.ego_m - middle))), nearest.ego_m
+        return GoalPlan(None, tuple(reasons), search=search)
+    nearest = _to_target(near, search.scene, road, score=_MIN_SCORE)
+    away, (x, y) = float(np.hypot(*(nearest.ego_m - centre))), nearest.ego_m
     where = "there" if best else "it"
     reasons.append(f"the nearest place that would do is {away:.1f} m from {where}, at ({x:.1f}, {y:.1f}) m")
-    return Plan(None, tuple(reasons), nearest=nearest, weighed=fields)
+    return GoalPlan(None, tuple(reasons), nearest=nearest, search=search)

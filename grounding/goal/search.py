@@ -1,226 +1,170 @@
-"""Preference over cells, and the search for the best cell that nothing forbids; why a cell is forbidden, in words."""
+"""Search the goal candidates of a command for the best valid ones, and explain why a candidate is invalid."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from appocc.checks import BoolArray, FloatArray, IntArray
-from appocc.ego_vehicle import EGO_LENGTH_M
-from grounding.referent.scene import Scene
-from grounding.road.free_space import MARGIN_M, OFF_MAP, OFF_ROAD, TAKEN, UNKNOWN, whole_steps
-from grounding.road.road_map import Road
+from grounding.goal.candidates import CandidateSet, GoalCandidate
+from grounding.referent.scene import SceneModel
+from grounding.road.free_space import MARGIN_M, OFF_MAP, OFF_ROAD, TAKEN, UNKNOWN, round_heading
+from grounding.road.road_map import RoadMap
 from grounding.scene_object import SceneObject
 
-# Further flags of a place, beside those of its footing.
-UNREACHED, EXCLUDED = 16, 32
-# Cells are tried in order of cost, so many at once.
+# Flags in addition to those of the free space.
+UNREACHABLE, EXCLUDED = 16, 32
+# Candidates are checked in order of cost, this many at a time.
 _CHUNK = 96
-# A way round costs one for so many metres more than the straight line.
-_DETOUR_M = 25.0
-# Other places are told that cost no more than this beyond the best.
-_AS_GOOD = 6.0
-# Where nothing fits, so many places of a wish are looked at; one of which several things are wrong comes far behind.
-_MOST_LOOKED_AT, _SEVERAL = 1500, 50.0
+# Runners-up may cost this much more than the best candidate.
+_MAX_EXTRA_COST = 6.0
+# To explain a failure: candidates checked per set, and the extra cost of more than one violation.
+_MAX_CHECKED, _SEVERAL = 1500, 50.0
+# A vehicle farther than this from the footprint does not explain why a candidate is taken.
+_MAX_TAKER_GAP_M = 1.0
 
 
-@dataclass(frozen=True)
-class Wish:
-    """One way to satisfy a command: N cells, how much each is disliked, and the heading there.
-
-    Attributes:
-        words: for people, without the vehicle: "behind it".
-        cells: (N, 2).
-        cost: (N,) zero for the very best place.
-        heading_rad: (N,) ego frame.
-        gap_m: (N,) distance to be told, None where there is none.
-        measured: how that is measured: "bumper to bumper".
-    """
-
-    words: str
-    cells: IntArray
-    cost: FloatArray
-    heading_rad: FloatArray
-    gap_m: FloatArray | None = None
-    measured: str = ""
-
-
-@dataclass(frozen=True)
-class Place:
-    """A cell of one of the wishes."""
-
-    wish: Wish
-    index: int
-
-    @property
-    def cell(self) -> tuple[int, int]:
-        """Its place on the grid."""
-        i, j = self.wish.cells[self.index].tolist()
-        return i, j
-
-    @property
-    def heading_rad(self) -> float:
-        """Heading there, ego frame."""
-        return float(self.wish.heading_rad[self.index])
-
-    @property
-    def cost(self) -> float:
-        """How much it is disliked."""
-        return float(self.wish.cost[self.index])
-
-
-class Field:
-    """All wishes of a command over one road."""
+class CandidateSearch:
+    """Search over the candidate sets of one command on one road map."""
 
     def __init__(
         self,
-        wishes: Sequence[Wish],
-        scene: Scene,
-        road: Road,
-        about: Sequence[SceneObject] = (),
+        candidate_sets: Sequence[CandidateSet],
+        scene: SceneModel,
+        road: RoadMap,
+        references: Sequence[SceneObject] = (),
         excluded: BoolArray | None = None,
     ) -> None:
-        """Wishes, best first where they are alike.
+        """Set up the search.
 
         Args:
-            wishes: ways to satisfy the command.
-            scene: names the vehicles.
-            road: says where the ego may stand.
-            about: the vehicles that the command is about.
-            excluded: (X, Y) cells that it rules out.
+            candidate_sets: ways to satisfy the command, with rounded headings; at equal cost the first wins.
+            scene: gives the vehicles their colour names.
+            road: validates poses.
+            references: the vehicles of the command.
+            excluded: (X, Y) cells that the command rules out.
         """
-        self.scene, self.road, self._about, self._excluded = scene, road, about, excluded
-        self.wishes = [self._prepared(wish) for wish in wishes if len(wish.cells)]
-        self._hoped = [wish.words for wish in wishes]
-
-    def _prepared(self, wish: Wish) -> Wish:
-        """With headings that places can have, and the dislike of ways round."""
-        length = self.road.ways.length_m[wish.cells[:, 0], wish.cells[:, 1]]
-        straight = np.linalg.norm(self.road.grid.centre_of(wish.cells) - self.road.own.middle_m, axis=1)
-        round_m = np.where(np.isfinite(length), length - 1.1 * straight, 0.0)
-        cost = wish.cost + np.maximum(round_m, 0.0) / _DETOUR_M
-        return Wish(wish.words, wish.cells, cost, whole_steps(wish.heading_rad), wish.gap_m, wish.measured)
+        self.candidate_sets = [each for each in candidate_sets if len(each.cells)]
+        self.scene, self.road, self._references, self._excluded = scene, road, references, excluded
+        self._words = [each.words for each in candidate_sets]
 
     @cached_property
-    def _number(self) -> IntArray:
-        """(M,) wish of each cell of all wishes."""
-        return np.repeat(np.arange(len(self.wishes)), [len(wish.cells) for wish in self.wishes])
+    def _set_index(self) -> IntArray:
+        """(M,) index of the set of each candidate."""
+        return np.repeat(np.arange(len(self.candidate_sets)), [len(each.cells) for each in self.candidate_sets])
 
     @cached_property
     def _all(self) -> tuple[IntArray, FloatArray, FloatArray, IntArray]:
-        """Cells (M, 2), costs and headings (M,) of all wishes, and the number of each in its own."""
-        if not self.wishes:
+        """Cells (M, 2), costs (M,) and headings (M,) of all candidates, and their indices (M,) in their sets."""
+        if not self.candidate_sets:
             return np.zeros((0, 2), np.int64), np.zeros(0), np.zeros(0), np.zeros(0, np.int64)
-        parts = [(wish.cells, wish.cost, wish.heading_rad, np.arange(len(wish.cells))) for wish in self.wishes]
-        cells, costs, headings, own = (np.concatenate(column) for column in zip(*parts, strict=True))
-        return cells, costs, headings, own
+        parts = [
+            (each.cells, each.cost, each.heading_rad, np.arange(len(each.cells))) for each in self.candidate_sets
+        ]
+        cells, costs, headings, indices = (np.concatenate(column) for column in zip(*parts, strict=True))
+        return cells, costs, headings, indices
 
     def flags(self, cells: IntArray, heading_rad: FloatArray) -> IntArray:
-        """(N,) what forbids places, the boxes' margin left out."""
-        flags = self.road.footing.flags(cells, heading_rad)
+        """Return the violations (N,) of poses, without the margin to boxes."""
+        flags = self.road.free_space.flags(cells, heading_rad)
         i, j = cells.T
-        flags |= UNREACHED * ~np.isfinite(self.road.ways.length_m[i, j])
+        flags |= UNREACHABLE * ~np.isfinite(self.road.paths.length_m[i, j])
         if self._excluded is not None:
             flags |= EXCLUDED * self._excluded[i, j]
         return flags
 
-    def best(self, count: int = 1) -> list[Place]:
-        """Places that nothing forbids, best first, each at least a car's length from those before it."""
-        cells, costs, headings, own = self._all
-        reached = np.flatnonzero(np.isfinite(self.road.ways.length_m[cells[:, 0], cells[:, 1]]))
-        order = reached[np.argsort(costs[reached], kind="stable")]
-        found: list[Place] = []
+    def find_best(self, count: int = 1) -> list[GoalCandidate]:
+        """Return valid candidates, best first, each at least an ego length from those before it."""
+        cells, costs, headings, indices = self._all
+        reachable = np.flatnonzero(np.isfinite(self.road.paths.length_m[cells[:, 0], cells[:, 1]]))
+        order = reachable[np.argsort(costs[reachable], kind="stable")]
+        found: list[GoalCandidate] = []
         while len(order) and len(found) < count:
             chunk, order = order[:_CHUNK], order[_CHUNK:]
             chunk = chunk[self.flags(cells[chunk], headings[chunk]) == 0]
             while len(chunk) and len(found) < count:
                 one, chunk = int(chunk[0]), chunk[1:]
-                middle = self.road.grid.centre_of(cells[one])
-                if self.road.footing.nearest(middle, float(headings[one]))[1] >= MARGIN_M:
-                    found.append(Place(self.wishes[self._number[one]], int(own[one])))
+                centre = self.road.grid.centre_of(cells[one])
+                if self.road.free_space.nearest_object(centre, float(headings[one]))[1] >= MARGIN_M:
+                    found.append(GoalCandidate(self.candidate_sets[self._set_index[one]], int(indices[one])))
                     chunk, order = (
-                        rest[self._apart(cells[rest], cells[one]) & (costs[rest] <= found[0].cost + _AS_GOOD)]
+                        rest[
+                            self._is_apart(cells[rest], cells[one]) & (costs[rest] <= found[0].cost + _MAX_EXTRA_COST)
+                        ]
                         for rest in (chunk, order)
                     )
         return found
 
-    def _apart(self, cells: IntArray, other: IntArray) -> BoolArray:
-        """(N,) which cells are at least a car's length from another."""
-        return np.asarray(np.linalg.norm(cells - other, axis=1) * self.road.grid.cell_m >= EGO_LENGTH_M)
+    def _is_apart(self, cells: IntArray, other: IntArray) -> BoolArray:
+        """(N,) whether cells are at least an ego length from another."""
+        distance_m = np.linalg.norm(cells - other, axis=1) * self.road.grid.cell_m
+        return np.asarray(distance_m >= self.road.ego.length_m)
 
-    def ideal(self, wish: Wish | None = None) -> Place | None:
-        """The best place of a wish, or of all, if nothing were forbidden; None where there is none on the map."""
-        wishes = self.wishes if wish is None else [wish]
-        places = [Place(one, int(np.argmin(one.cost))) for one in wishes]
-        return min(places, key=lambda place: place.cost, default=None)
+    def unconstrained_best(self, candidates: CandidateSet | None = None) -> GoalCandidate | None:
+        """Return the cheapest candidate of a set, or of all, valid or not; None without candidates."""
+        sets = self.candidate_sets if candidates is None else [candidates]
+        best = [GoalCandidate(each, int(np.argmin(each.cost))) for each in sets]
+        return min(best, key=lambda candidate: candidate.cost, default=None)
 
-    def picture(self) -> FloatArray:
-        """(X, Y) cost of the allowed cells, infinity elsewhere; boxes' margins are left to the map's cells."""
+    def cost_field(self) -> FloatArray:
+        """Return the cost (X, Y) of valid cells, infinity elsewhere; the margin to boxes is not applied."""
         field = np.full(self.road.grid.shape, np.inf)
         cells, costs, headings, _ = self._all
-        fine = self.flags(cells, headings) == 0
-        np.minimum.at(field, tuple(cells[fine].T), costs[fine])
+        valid = self.flags(cells, headings) == 0
+        np.minimum.at(field, tuple(cells[valid].T), costs[valid])
         return field
 
-    def nearest(self, middle_m: FloatArray) -> Place | None:
-        """The place nearest to a point (2,), ego frame, at which the ego could stand at all."""
-        cells = np.stack(np.unravel_index(self.road.ways.cells, self.road.grid.shape), axis=-1)
-        far = np.linalg.norm(self.road.grid.centre_of(cells) - middle_m, axis=1)
-        heading = whole_steps(self.road.direction_rad[cells[:, 0], cells[:, 1]])
-        anywhere = Wish("", cells, far, heading)
-        search = Field([], self.scene, self.road, (), self._excluded)
-        search.wishes = [anywhere]
-        return next(iter(search.best()), None)
+    def find_nearest(self, centre_m: FloatArray) -> GoalCandidate | None:
+        """Return the valid pose nearest to a point (2,), ego frame, whatever the command asks for."""
+        cells = np.stack(np.unravel_index(self.road.paths.cells, self.road.grid.shape), axis=-1)
+        distance_m = np.linalg.norm(self.road.grid.centre_of(cells) - centre_m, axis=1)
+        heading = round_heading(self.road.direction_rad[cells[:, 0], cells[:, 1]])
+        anywhere = CandidateSet("", cells, distance_m, heading)
+        search = CandidateSearch([anywhere], self.scene, self.road, excluded=self._excluded)
+        return next(iter(search.find_best()), None)
 
-    def told(self, place: Place) -> str:
-        """A place in words, with its gap."""
-        wish = place.wish
-        if wish.gap_m is None:
-            return wish.words
-        gap = float(wish.gap_m[place.index])
-        return f"{wish.words}, {-gap:.1f} m back" if gap < 0 else f"{wish.words}, {gap:.1f} m {wish.measured}"
+    def explain_failure(self) -> tuple[GoalCandidate | None, list[str]]:
+        """Return the best invalid candidate and its violation in words; None if no candidate is on the map.
 
-    def why_none(self) -> tuple[Place | None, list[str]]:
-        """The best place but for one thing, and that in words; without one where no wish has a cell on the map.
-
-        A place of which one thing is wrong comes before one of which several are.
+        Candidates with one violation come before those with several.
         """
-        best: tuple[float, Place, int] | None = None
-        for wish in self.wishes:
-            few = np.argsort(wish.cost, kind="stable")[:_MOST_LOOKED_AT]
-            flags = self.flags(wish.cells[few], wish.heading_rad[few])
-            # What keeps the ego out also keeps it from getting there: that is told only where it stands alone.
-            flags = np.where(flags & ~UNREACHED, flags & ~UNREACHED, flags)
+        best: tuple[float, GoalCandidate, int] | None = None
+        for each in self.candidate_sets:
+            few = np.argsort(each.cost, kind="stable")[:_MAX_CHECKED]
+            flags = self.flags(each.cells[few], each.heading_rad[few])
+            # Other violations imply that the cell is unreachable, which is reported only on its own.
+            flags = np.where(flags & ~UNREACHABLE, flags & ~UNREACHABLE, flags)
             several = np.array([flag.bit_count() for flag in flags.tolist()]) > 1
-            price = wish.cost[few] + _SEVERAL * several
+            price = each.cost[few] + _SEVERAL * several
             one = int(np.argmin(price))
             if best is None or price[one] < best[0]:
-                best = float(price[one]), Place(wish, int(few[one])), int(flags[one])
+                best = float(price[one]), GoalCandidate(each, int(few[one])), int(flags[one])
         if best is None:
-            return None, [f"no place {words} lies on the map" for words in self._hoped[:1]]
-        words = best[1].wish.words
-        return best[1], [f"no place {words} is free: the best one {self.wrong(best[1], best[2])}"]
+            return None, [f"no place {words} lies on the map" for words in self._words[:1]]
+        _, candidate, violation = best
+        words = candidate.candidates.words
+        return candidate, [f"no place {words} is free: the best one {self.explain_violation(candidate, violation)}"]
 
-    def wrong(self, place: Place, flags: int | None = None) -> str:
-        """What is wrong with a place, in words."""
+    def explain_violation(self, candidate: GoalCandidate, flags: int | None = None) -> str:
+        """Return why a candidate is invalid, as the end of a sentence."""
         if flags is None:
-            flags = int(self.flags(np.array([place.cell]), np.array([place.heading_rad]))[0])
+            flags = int(self.flags(np.array([candidate.cell]), np.array([candidate.heading_rad]))[0])
         if flags & OFF_MAP:
             return "leaves the map"
         if flags & TAKEN or not flags:
-            return self._taken_by(*self.road.footing.nearest(self.road.grid.centre_of(place.cell), place.heading_rad))
+            centre = self.road.grid.centre_of(candidate.cell)
+            return self._explain_taken(*self.road.free_space.nearest_object(centre, candidate.heading_rad))
         if flags & OFF_ROAD:
             return "leaves the road"
         if flags & UNKNOWN:
             return "lies where the map knows nothing"
         return "is ruled out by the command" if flags & EXCLUDED else "cannot be reached over free road"
 
-    def _taken_by(self, item: SceneObject | None, gap_m: float) -> str:
-        if item is None or gap_m > 1.0:
+    def _explain_taken(self, item: SceneObject | None, gap_m: float) -> str:
+        if item is None or gap_m > _MAX_TAKER_GAP_M:
             return "is taken by a vehicle of the map"
-        if any(one.id == item.id for one in self._about):
+        if any(one.id == item.id for one in self._references):
             return "comes too close to the vehicle itself"
-        return f"is taken by the {self.scene.colour_name(item) or ''} {item.noun}".replace("  ", " ")
+        return f"is taken by the {self.scene.colour_name(item) or ''} {item.class_name}".replace("  ", " ")

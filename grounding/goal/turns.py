@@ -1,86 +1,101 @@
-"""Roads that branch off: which one a turn means, and the place on it."""
+"""Goal candidates on side roads: which side road a turn refers to, and the cells on it."""
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 from scipy import ndimage
 
 from appocc.checks import FloatArray, IntArray
 from appocc.geometry import wrap_angle
-from grounding.goal.ego_lane import junction
-from grounding.goal.search import Wish
-from grounding.road.road_map import Road
+from grounding.goal.beside_vehicle import Proposal
+from grounding.goal.candidates import CandidateSet
+from grounding.goal.ego_lane import junction_cost
+from grounding.road.road_map import RoadMap
 
-# A branch leaves by so much, has so many cells, so far beside our lane, and the place is so far into it.
+# A side road differs from the ego lane by an angle in this range.
 _TURNED_RAD = (np.radians(45), np.radians(135))
-_BRANCH_CELLS, _BESIDE_M, _BRANCH_M = 40, 2.5, 8.0
-# Who turns does not go back more than this.
-_BACK_M = 2.0
-# A lane that turns so far over so many metres leads into another road.
+# Least number of cells of a side road, least lateral offset from the ego lane, and distance of the goal into it.
+_MIN_CELLS, _MIN_LATERAL_M, _INTO_M = 40, 2.5, 8.0
+# Side roads that need more reversing than this are left out.
+_MAX_BACK_M = 2.0
+# A lane that turns by this angle within this distance leads into another road.
 _CORNER_RAD, _CORNER_M = np.radians(45), 14.0
-# So sure the road's axis is on a branch, and not in the junction before it.
-_SURE = 0.5
+# The confidence of the road axis is above this on a side road, and below it in the junction.
+_CONFIDENT = 0.5
 
 
-def branch(road: Road, side: str, past_m: float | None = None, how: str = "at") -> tuple[list[Wish], list[str]]:
-    """On the first road that branches off to a side.
+class _SideRoad(NamedTuple):
+    """The entrance of a side road: its label, along-track distance and path length."""
 
-    With `past_m`, metres along our lane, the one past that (`how`: "past"), before it or the nearest "at" it.
+    label: int
+    along_m: float
+    path_m: float
+
+
+def propose_side_road(road: RoadMap, side: str, reference_m: float | None = None, relation: str = "at") -> Proposal:
+    """Propose candidates on the first side road to the left or right.
+
+    Args:
+        road: the road map.
+        side: left or right.
+        reference_m: along-track distance of a reference vehicle; the side road is chosen relative to it.
+        relation: "past" or "before" the reference, or nearest to it ("at").
     """
     sign = 1.0 if side == "left" else -1.0
-    ahead = road.own.straight_from_corner(_CORNER_RAD, _CORNER_M)
-    i, j = np.unravel_index(road.ways.cells, road.grid.shape)
-    along, aside = (values[i, j] for values in ahead.coordinates)
+    ahead = road.ego_lane.straighten_at_corner(_CORNER_RAD, _CORNER_M)
+    all_along, all_lateral = (
+        (road.along_m, road.lateral_m) if ahead is road.ego_lane else ahead.cell_coordinates(road.grid)
+    )
+    i, j = np.unravel_index(road.paths.cells, road.grid.shape)
+    along, lateral = all_along[i, j], all_lateral[i, j]
     turned = wrap_angle(road.direction_rad[i, j] - ahead.heading_rad(along)) * sign
-    leaves = (turned > _TURNED_RAD[0]) & (turned < _TURNED_RAD[1]) & (road.sure[i, j] > _SURE) & (along > 0)
-    leaves &= sign * aside > _BESIDE_M
+    leaves = (turned > _TURNED_RAD[0]) & (turned < _TURNED_RAD[1])
+    leaves &= (road.axis_confidence[i, j] > _CONFIDENT) & (along > 0) & (sign * lateral > _MIN_LATERAL_M)
     mask = np.zeros(road.grid.shape, np.bool_)
     mask[i[leaves], j[leaves]] = True
     label, _ = ndimage.label(mask, np.ones((3, 3)))
-    entrances = _entrances(road, label[i, j].astype(np.int64), ahead.coordinates[0])
-    if not entrances:
+    side_roads = _find_side_roads(road, label[i, j].astype(np.int64), all_along)
+    if not side_roads:
         return [], [f"the map shows no road that branches off to the {side}"]
-    number, entrance_m, way_m = _choice(entrances, past_m, how)
-    if number is None:
-        where = "past" if how == "past" else "before"
+    chosen = _choose(side_roads, reference_m, relation)
+    if chosen is None:
+        where = "past" if relation == "past" else "before"
         return [], [f"the map shows no road that branches off to the {side} {where} it"]
-    cells = np.argwhere(label == number)
+    cells = np.argwhere(label == chosen.label)
     heading = road.direction_rad[cells[:, 0], cells[:, 1]]
-    length = road.ways.length_m[cells[:, 0], cells[:, 1]]
-    cost = ((length - way_m - _BRANCH_M) / 4.0) ** 2 + (road.off_lane(cells, heading) / 1.2) ** 2
-    cost += junction(road, cells)
-    reasons = [f"the road to the {side} branches off {entrance_m:.0f} m ahead"]
-    return [Wish(f"on the road to the {side}", cells, cost, heading)], reasons
+    length = road.paths.length_m[cells[:, 0], cells[:, 1]]
+    cost = ((length - chosen.path_m - _INTO_M) / 4.0) ** 2 + (road.half_road_offset_m(cells, heading) / 1.2) ** 2
+    cost += junction_cost(road, cells)
+    reasons = [f"the road to the {side} branches off {chosen.along_m:.0f} m ahead"]
+    return [CandidateSet(f"on the road to the {side}", cells, cost, heading)], reasons
 
 
-def _entrances(road: Road, number: IntArray, along_of: FloatArray) -> list[tuple[int, float, float]]:
-    """Number, metres along our lane and way of each branch's nearest cell, in the order in which we come past.
-
-    Branches to which one would have to go back first are left out.
+def _find_side_roads(road: RoadMap, label: IntArray, all_along_m: FloatArray) -> list[_SideRoad]:
+    """Return the side roads that need no reversing, in the order in which we pass them.
 
     Args:
-        road: the road.
-        number: (N,) of the branch of each cell that can be reached, 0 for none.
-        along_of: (X, Y) metres along our lane.
+        road: the road map.
+        label: (N,) label of the side road of each reachable cell, 0 for none.
+        all_along_m: (X, Y) along-track distance.
     """
-    way = road.ways.length_m.ravel()[road.ways.cells]
-    order = np.argsort(way, kind="stable")
-    branches, first, count = np.unique(number[order], return_index=True, return_counts=True)
+    length = road.paths.length_m.ravel()[road.paths.cells]
+    order = np.argsort(length, kind="stable")
+    labels, first, count = np.unique(label[order], return_index=True, return_counts=True)
     found = []
-    for one, at in zip(branches, first, strict=True):
-        if one == 0 or count[branches == one] < _BRANCH_CELLS:
+    for one, at in zip(labels, first, strict=True):
+        if one == 0 or count[labels == one] < _MIN_CELLS:
             continue
-        i, j = np.unravel_index(int(road.ways.cells[order[at]]), road.grid.shape)
-        if along_of[tuple(road.ways.chain((int(i), int(j))).T)].min() > -_BACK_M:
-            found.append((int(one), float(along_of[i, j]), float(way[order[at]])))
-    return sorted(found, key=lambda one: one[1])
+        i, j = np.unravel_index(int(road.paths.cells[order[at]]), road.grid.shape)
+        if all_along_m[tuple(road.paths.cells_to((int(i), int(j))).T)].min() > -_MAX_BACK_M:
+            found.append(_SideRoad(int(one), float(all_along_m[i, j]), float(length[order[at]])))
+    return sorted(found, key=lambda one: one.along_m)
 
 
-def _choice(
-    entrances: list[tuple[int, float, float]], past_m: float | None, how: str
-) -> tuple[int | None, float, float]:
-    """The branch that is meant."""
-    if past_m is None:
-        return entrances[0]
-    fit = [one for one in entrances if how == "at" or (one[1] > past_m) == (how == "past")]
-    return min(fit, key=lambda one: abs(one[1] - past_m)) if fit else (None, 0.0, 0.0)
+def _choose(side_roads: list[_SideRoad], reference_m: float | None, relation: str) -> _SideRoad | None:
+    """Return the side road that the command refers to, None if there is none."""
+    if reference_m is None:
+        return side_roads[0]
+    fits = [one for one in side_roads if relation == "at" or (one.along_m > reference_m) == (relation == "past")]
+    return min(fits, key=lambda one: abs(one.along_m - reference_m), default=None)

@@ -1,1 +1,27 @@
-"""Language: from the words of a command to a typed query."""
+"""Language: from the words of a command to a typed query.
+
+Example:
+    reading = parse("park behind the silver car")
+    reading.query.action, reading.query.relation  # "park", "behind"
+"""
+
+from grounding.language.ambiguity import MAX_READINGS
+from grounding.language.lexicon import Lexicon, default_lexicon, read_lexicon
+from grounding.language.parser import ParseProblem, Reading, parse, parse_all, underline
+from grounding.language.tokenizer import MAX_CHARACTERS, Token
+from grounding.language.word_categories import WordCategory
+
+__all__ = [
+    "MAX_CHARACTERS",
+    "MAX_READINGS",
+    "Lexicon",
+    "ParseProblem",
+    "Reading",
+    "Token",
+    "WordCategory",
+    "default_lexicon",
+    "parse",
+    "parse_all",
+    "read_lexicon",
+    "underline",
+]

@@ -1,170 +1,182 @@
-"""What a verb commands together with what stands beside it."""
+"""Action classification: the action of a command frame from its verb class and arguments."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from grounding.language.command_frames import Deed
-from grounding.language.noun_phrases import Phrase
-from grounding.language.word_categories import ACTIONS
+from grounding.language.command_frames import CommandFrame
+from grounding.language.noun_phrases import NounPhrase
+from grounding.language.verb_rules import LETTING
+from grounding.vocabulary import ACTIONS
 
 _LANE_CHANGING = ("go", "drive", "move", "get", "pull", "take", "turn", "change_lane", "approach", "overtake")
-# What one turns into or takes: "turn into the driveway", "take the exit".
-_ENTERED = ("driveway", "parking_lot", "entrance", "road", "turn", "exit", "corner", "intersection", "roundabout")
+# Places that a turn enters: "turn into the driveway", "take the exit".
+_ENTERABLE = ("driveway", "parking_lot", "entrance", "road", "turn", "exit", "corner", "intersection", "roundabout")
 _LOTS = ("driveway", "parking_lot", "entrance")
-_ROUND = ("corner", "roundabout")
-_KEPT_FREE = ("distance", "space", "room", "gap", "berth", "wide berth", "clearance", "leeway")
+_CORNERS = ("corner", "roundabout")
+# Heads of landmarks for a gap: "keep your distance".
+_GAP_WORDS = ("distance", "space", "room", "gap", "berth", "wide berth", "clearance", "leeway")
 _LANES = ("lane", "bus_lane", "bike_lane")
-_BESIDE = ("behind", "in_front_of", "next_to")
-# Relations that say nothing about where a vehicle ends beside another.
-_LOOSE = ("in", "into", "along", "on", "with", "of", "for", "object")
-_SIGNALS = ("honk", "flash", "beep", "toot", "hoot", "sound", "blow", "signal", "tap", "press", "use", "hit")
-_LETTING = ("let", "allow", "permit", "letting", "allowing")
+# Relations of a goal directly at a vehicle.
+_BESIDE_TARGET = ("behind", "in_front_of", "next_to")
+# Relations that do not place the goal relative to a vehicle.
+_NO_GOAL_RELATION = ("in", "into", "along", "on", "with", "of", "for", "object")
+# Verbs of horn and lights; their relation does not place the goal.
+_SIGNAL_VERBS = ("honk", "flash", "beep", "toot", "hoot", "sound", "blow", "signal", "tap", "press", "use", "hit")
 
 
-def settle(deed: Deed) -> str | None:
-    """The action of a deed, None where it has nothing to do with driving; mends its relation and direction."""
-    action = _lane_change(deed)
+def classify_action(frame: CommandFrame) -> str | None:
+    """Return the action of a frame, None if it is not about driving; normalise its relation and direction."""
+    action = _classify_lane_change(frame)
     if action is None:
-        action = _plain(deed) if deed.meaning in ACTIONS else _FAMILIES.get(deed.meaning, _nothing)(deed)
-    if action in ("park", "pull_over") and deed.relation == "toward":
-        deed.relation = "near"
-    passing = action == "overtake" and deed.relation in ("near", "toward", "left_of", "right_of")
-    awaited = action in ("give_way", "wait") and deed.direct
-    if action == "slow_down" and deed.away:
-        deed.relation = "none"
-    if deed.relation in _LOOSE or action == "avoid" or passing or awaited:
-        deed.relation = "none"
+        classify = _classify_plain if frame.verb_class in ACTIONS else _LIGHT_VERBS.get(frame.verb_class, _no_action)
+        action = classify(frame)
+    if action in ("park", "pull_over") and frame.relation == "toward":
+        frame.relation = "near"
+    passing = action == "overtake" and frame.relation in ("near", "toward", "left_of", "right_of")
+    awaited = action in ("give_way", "wait") and frame.target_is_object
+    if action == "slow_down" and frame.moves_away:
+        frame.relation = "none"
+    if frame.relation in _NO_GOAL_RELATION or action == "avoid" or passing or awaited:
+        frame.relation = "none"
     return action
 
 
-def _nothing(deed: Deed) -> str | None:
-    return None
+def _no_action(frame: CommandFrame) -> None:
+    """Classify a verb that is not about driving."""
 
 
-def _lane_change(deed: Deed) -> str | None:
-    """A lane that is named makes many verbs a change of lanes; None where none is."""
-    pulls_in = deed.meaning == "park" and deed.word.endswith(("in", "into", "in to"))
-    if deed.lane or deed.names(*_LANES):
-        if deed.meaning not in _LANE_CHANGING and not pulls_in:
+def _classify_lane_change(frame: CommandFrame) -> str | None:
+    """Return change_lane for verbs of motion with a lane, else None."""
+    pulls_in = frame.verb_class == "park" and frame.verb.endswith(("in", "into", "in to"))
+    if frame.lane or frame.has_landmark(*_LANES):
+        if frame.verb_class not in _LANE_CHANGING and not pulls_in:
             return None
-        side = (deed.lane or "").removesuffix("_lane")
+        side = (frame.lane or "").removesuffix("_lane")
         if side in ("left", "right"):
-            deed.direction = deed.direction or side
+            frame.direction = frame.direction or side
         return "change_lane"
-    theirs = [word for word in deed.target.qualifiers if word.endswith("_lane")] if deed.target is not None else []
-    beside = deed.relation in _BESIDE and (pulls_in or deed.meaning in ("get", "move"))
-    return "change_lane" if beside and theirs and theirs != ["own_lane"] else None
+    target = frame.target
+    target_lanes = [word for word in target.qualifiers if word.endswith("_lane")] if target is not None else []
+    moves_beside = frame.relation in _BESIDE_TARGET and (pulls_in or frame.verb_class in ("get", "move"))
+    return "change_lane" if moves_beside and target_lanes and target_lanes != ["own_lane"] else None
 
 
-# ---------------------------------------------------------------- verbs that mean one action
+# ---------------------------------------------------------------- verbs with an action of their own
 
 
-def _plain(deed: Deed) -> str | None:
-    if deed.word.split()[0] in _SIGNALS:
-        deed.relation = "none"
-    return _PLAIN.get(deed.meaning, _as_said)(deed)
+def _classify_plain(frame: CommandFrame) -> str | None:
+    """Classify a verb with an action of its own."""
+    if frame.verb.split()[0] in _SIGNAL_VERBS:
+        frame.relation = "none"
+    return _ACTION_VERBS.get(frame.verb_class, _keep_class)(frame)
 
 
-def _as_said(deed: Deed) -> str | None:
-    return deed.meaning
+def _keep_class(frame: CommandFrame) -> str | None:
+    """Return the verb class, which is the action."""
+    return frame.verb_class
 
 
-def _odd(thing: Phrase | None) -> bool:
-    """Whether a thing has nothing to do with driving, as far as is known."""
-    return thing is not None and (thing.kind == "part" or not thing.known)
+def _is_off_topic(thing: NounPhrase | None) -> bool:
+    """Return whether a thing is a part or unknown to the lexicon, and thus not about driving."""
+    return thing is not None and (thing.kind == "part" or not thing.in_lexicon)
 
 
-def _park(deed: Deed) -> str:
-    """Pulling into a parking lot enters it."""
-    enters = deed.word.startswith("pull") and deed.relation not in _BESIDE and deed.names(*_LOTS, "road")
-    return "turn" if enters else "park"
+def _classify_park(frame: CommandFrame) -> str:
+    """Classify "park"; "pull into the parking lot" is a turn."""
+    pulls_in = frame.verb.startswith("pull") and frame.relation not in _BESIDE_TARGET
+    return "turn" if pulls_in and frame.has_landmark(*_LOTS, "road") else "park"
 
 
-def _stop_or_pass(deed: Deed) -> str | None:
-    """Not "stop the music", "pass the salt"."""
-    if deed.word.startswith("get off") and deed.names("entrance"):
+def _classify_stop_or_pass(frame: CommandFrame) -> str | None:
+    """Classify "stop" and "overtake"; "stop the music" and "pass the salt" are not driving commands."""
+    if frame.verb.startswith("get off") and frame.has_landmark("entrance"):
         return "turn"
-    strict = deed.word.split()[0] in ("stop", "pass", "pick", "drop", "roll", "put", "set", "draw")
-    return None if strict and deed.target is None and _odd(deed.object) else deed.meaning
+    strict = frame.verb.split()[0] in ("stop", "pass", "pick", "drop", "roll", "put", "set", "draw")
+    return None if strict and frame.target is None and _is_off_topic(frame.direct_object) else frame.verb_class
 
 
-def _turn(deed: Deed) -> str | None:
-    if deed.round and deed.target is not None and (deed.direction in (None, "around") or deed.word[:4] != "turn"):
-        deed.direction = None if deed.direction == "around" else deed.direction
+def _classify_turn(frame: CommandFrame) -> str | None:
+    """Classify "turn"; around or back to a vehicle it is an overtake or an approach."""
+    free = frame.direction in (None, "around") or frame.verb[:4] != "turn"
+    if frame.goes_around and frame.target is not None and free:
+        frame.direction = None if frame.direction == "around" else frame.direction
         return "overtake"  # "go left around the van"
-    if "back" in deed.word and deed.target is not None:
-        deed.direction = None
+    if "back" in frame.verb and frame.target is not None:
+        frame.direction = None
         return "approach"
-    thing = deed.object
-    elsewhere = thing is not None and thing.kind != "region" and thing.noun not in _ENTERED
-    odd = any(relation in ("on", "along") and _odd(one) for relation, one in deed.marks)  # "turn on the radio"
-    return None if deed.direction is None and (elsewhere or odd) else "turn"
+    thing = frame.direct_object
+    elsewhere = thing is not None and thing.kind != "region" and thing.noun not in _ENTERABLE
+    # "Turn on the radio."
+    off_topic = any(relation in ("on", "along") and _is_off_topic(one) for relation, one in frame.landmarks)
+    return None if frame.direction is None and (elsewhere or off_topic) else "turn"
 
 
-def _slow_down(deed: Deed) -> str:
-    """Driving slowly past the bus passes it."""
-    word = deed.word.split()[0]
-    if word in ("inch", "creep", "crawl") and deed.target is not None and deed.relation != "past":
+def _classify_slow_down(frame: CommandFrame) -> str:
+    """Classify "slow down"; "drive slowly past the bus" is a drive past."""
+    word = frame.verb.split()[0]
+    if word in ("inch", "creep", "crawl") and frame.target is not None and frame.relation != "past":
         return "approach"
     drives = word in ("drive", "go", "pass", "continue", "proceed", "move", "inch", "creep", "crawl")
-    if drives and deed.target is not None and (deed.round or deed.relation == "past"):
-        return "overtake" if deed.round else "drive_past"
+    if drives and frame.target is not None and (frame.goes_around or frame.relation == "past"):
+        return "overtake" if frame.goes_around else "drive_past"
     return "slow_down"
 
 
-def _go_on(deed: Deed) -> str:
-    """On: behind another vehicle, past it, or until beside it."""
-    if deed.spot or (deed.there and deed.word.startswith(("reverse", "back"))):
+def _classify_other(frame: CommandFrame) -> str:
+    """Classify "continue" and "reverse" by their place: behind a vehicle, past it or next to it."""
+    if frame.has_spot or (frame.refers_to_place and frame.verb.startswith(("reverse", "back"))):
         return "park"
-    if deed.target is None:
+    if frame.target is None:
         return "other"
-    if deed.word.startswith(("reverse", "back")):
-        return "park" if deed.relation == "between" else "other" if deed.relation == "none" else "approach"
+    if frame.verb.startswith(("reverse", "back")):
+        return "park" if frame.relation == "between" else "other" if frame.relation == "none" else "approach"
     beside = dict.fromkeys(("next_to", "in_front_of", "near"), "approach")
-    return ({"behind": "follow", "past": "drive_past"} | beside).get(deed.relation, "other")
+    return ({"behind": "follow", "past": "drive_past"} | beside).get(frame.relation, "other")
 
 
-def _follow(deed: Deed) -> str | None:
-    """Not "follow me on the net"; "follow the road" is to go on."""
-    if deed.target is None and deed.marks:
-        if all(_odd(thing) for _, thing in deed.marks):
+def _classify_follow(frame: CommandFrame) -> str | None:
+    """Classify "follow"; "follow the road" is other, "follow me on the net" not a driving command."""
+    if frame.target is None and frame.landmarks:
+        if all(_is_off_topic(thing) for _, thing in frame.landmarks):
             return None
-        if deed.object is not None and deed.object.kind == "region":
+        if frame.direct_object is not None and frame.direct_object.kind == "region":
             return "other"
     return "follow"
 
 
-def _give_way(deed: Deed) -> str | None:
-    nobody = deed.target is None and deed.object is None and deed.waits_for is None
-    return None if nobody and deed.word in _LETTING else "give_way"
+def _classify_give_way(frame: CommandFrame) -> str | None:
+    """Classify "give way"; "let" needs an object."""
+    alone = frame.target is None and frame.direct_object is None and frame.event_subject is None
+    return None if alone and frame.verb in LETTING else "give_way"
 
 
-_PLAIN: Mapping[str, Callable[[Deed], str | None]] = {
-    "park": _park,
-    "stop": _stop_or_pass,
-    "overtake": _stop_or_pass,
-    "turn": _turn,
-    "slow_down": _slow_down,
-    "other": _go_on,
-    "follow": _follow,
-    "give_way": _give_way,
+_ACTION_VERBS: Mapping[str, Callable[[CommandFrame], str | None]] = {
+    "park": _classify_park,
+    "stop": _classify_stop_or_pass,
+    "overtake": _classify_stop_or_pass,
+    "turn": _classify_turn,
+    "slow_down": _classify_slow_down,
+    "other": _classify_other,
+    "follow": _classify_follow,
+    "give_way": _classify_give_way,
 }
 
 
 # ---------------------------------------------------------------- light verbs
 
 
-def _motion(deed: Deed) -> str | None:
-    """Go, drive, move, get, pull."""
-    verb, relation = deed.meaning, deed.relation
+def _classify_motion(frame: CommandFrame) -> str | None:
+    """Classify go, drive, move, get and pull."""
+    verb, relation = frame.verb_class, frame.relation
     sideways = verb in ("get", "move", "pull")
-    solid = deed.target is not None or any(thing.kind in ("thing", "person") for _, thing in deed.marks)
-    corner = deed.names(*_ROUND) or any(thing.head == "block" for _, thing in deed.marks)
-    if deed.round and (solid or corner):
-        deed.relation = "none"
-        return "turn" if deed.target is None and corner else "overtake"
-    if deed.direction in ("left", "right") and (deed.target is None or relation not in (*_BESIDE, "toward", "past")):
+    solid = frame.target is not None or any(thing.kind in ("thing", "person") for _, thing in frame.landmarks)
+    corner = frame.has_landmark(*_CORNERS) or any(thing.head == "block" for _, thing in frame.landmarks)
+    if frame.goes_around and (solid or corner):
+        frame.relation = "none"
+        return "turn" if frame.target is None and corner else "overtake"
+    steers = frame.target is None or relation not in (*_BESIDE_TARGET, "toward", "past")
+    if frame.direction in ("left", "right") and steers:
         return "turn" if verb in ("go", "drive") else "change_lane"
     if relation == "past":
         return "overtake" if verb == "get" else "drive_past"
@@ -172,101 +184,106 @@ def _motion(deed: Deed) -> str | None:
         return "change_lane" if sideways else "follow"
     if relation == "between" and sideways and verb != "get":
         return "change_lane"
-    if not deed.there and any(said in ("into", "in") and thing.noun in _LOTS for said, thing in deed.marks):
+    enters = any(where in ("into", "in") and thing.noun in _LOTS for where, thing in frame.landmarks)
+    if enters and not frame.refers_to_place:
         return "turn"
-    return _motion_without(deed) if deed.target is None else _motion_to(deed)
+    return _classify_motion_without_target(frame) if frame.target is None else _classify_motion_to_target(frame)
 
 
-def _motion_to(deed: Deed) -> str | None:
-    """To a vehicle; "move the car" is no driving command."""
-    verb, relation = deed.meaning, deed.relation
-    if deed.direct and relation == "none":
+def _classify_motion_to_target(frame: CommandFrame) -> str | None:
+    """Classify motion to a vehicle; "move the car" is not a driving command."""
+    verb, relation = frame.verb_class, frame.relation
+    if frame.target_is_object and relation == "none":
         return None
-    if deed.away:
-        deed.relation = "none"
+    if frame.moves_away:
+        frame.relation = "none"
         return "avoid"
-    if deed.spot:
+    if frame.has_spot:
         return "park"
     if verb == "pull" and relation != "in_front_of":
         return "stop"
     return "follow" if relation == "behind" and verb == "drive" else "approach"
 
 
-def _motion_without(deed: Deed) -> str | None:
-    """Without a vehicle: to a thing, or on."""
-    verb = deed.meaning
-    named = [relation for relation, _ in deed.marks if relation != "object"]
-    if deed.spot:
+def _classify_motion_without_target(frame: CommandFrame) -> str | None:
+    """Classify motion to a thing or onward."""
+    verb = frame.verb_class
+    named = [relation for relation, _ in frame.landmarks if relation != "object"]
+    if frame.has_spot:
         return "park"
-    if (deed.object is not None and not named) or (
-        deed.marks and all(thing.kind == "part" for _, thing in deed.marks)
-    ):
+    only_parts = bool(frame.landmarks) and all(thing.kind == "part" for _, thing in frame.landmarks)
+    if (frame.direct_object is not None and not named) or only_parts:
         return None
-    if verb == "pull" and deed.direction != "straight":
-        return "pull_over" if deed.side or deed.direction else "stop" if named or deed.there else None
-    if deed.there or any(relation not in _LOOSE for relation in named):
+    if verb == "pull" and frame.direction != "straight":
+        return "pull_over" if frame.side or frame.direction else "stop" if named or frame.refers_to_place else None
+    if frame.refers_to_place or any(relation not in _NO_GOAL_RELATION for relation in named):
         return "approach"
-    told = named or deed.distances or deed.direction or deed.side or deed.optional
-    return "other" if told or verb in ("go", "drive", "move") else None
+    specified = named or frame.distances or frame.direction or frame.side or frame.goal_qualifiers
+    return "other" if specified or verb in ("go", "drive", "move") else None
 
 
-def _stay(deed: Deed) -> str | None:
-    """Stay, keep, hold."""
-    between = deed.relation == "between" and deed.distances  # "keep 5 metres between us and the bus"
-    gap = deed.distances and deed.target is not None and deed.relation in ("none", "toward")
-    if deed.away or between or gap or _leaves_room(deed):
+def _classify_stay(frame: CommandFrame) -> str | None:
+    """Classify stay, keep and hold."""
+    between = frame.relation == "between" and frame.distances  # "keep 5 metres between us and the bus"
+    gap = frame.distances and frame.target is not None and frame.relation in ("none", "toward")
+    if frame.moves_away or between or gap or _leaves_room(frame):
         return "avoid"
-    if deed.relation in ("behind", "same_as", "next_to", "near") and deed.target is not None:
+    if frame.relation in ("behind", "same_as", "next_to", "near") and frame.target is not None:
         return "follow"
-    word = deed.word.split()[0]
-    if word.startswith(("hold", "be")) and not (deed.lane or deed.target):
+    word = frame.verb.split()[0]
+    if word.startswith(("hold", "be")) and not (frame.lane or frame.target):
         return None
-    told = deed.lane or deed.side or deed.direction or deed.marks or deed.target or deed.optional
-    return "other" if told else "wait" if word.startswith(("stay", "remain")) else None
+    steers = frame.lane or frame.side or frame.direction
+    specified = steers or frame.landmarks or frame.target or frame.goal_qualifiers
+    return "other" if specified else "wait" if word.startswith(("stay", "remain")) else None
 
 
-def _leaves_room(deed: Deed) -> bool:
-    return any(thing.head in _KEPT_FREE for _, thing in deed.marks)
+def _leaves_room(frame: CommandFrame) -> bool:
+    """Return whether a landmark is a gap: "keep your distance", "leave some room"."""
+    return any(thing.head in _GAP_WORDS for _, thing in frame.landmarks)
 
 
-def _take(deed: Deed) -> str | None:
-    """Take, make, find, use and their like: their object decides."""
-    thing, word = deed.object, deed.word.split()[0]
-    searches = word.startswith(("find", "look", "search")) and deed.names("parking_lot")
-    if deed.spot or deed.there or searches:
+def _classify_take(frame: CommandFrame) -> str | None:
+    """Classify take, make, find and use by their object."""
+    thing, word = frame.direct_object, frame.verb.split()[0]
+    searches = word.startswith(("find", "look", "search")) and frame.has_landmark("parking_lot")
+    if frame.has_spot or frame.refers_to_place or searches:
         return "park"
     if word.startswith("pick") and thing is not None and thing.kind == "person":
         return "stop"
-    deed.direction, deed.side = deed.direction or deed.side, None
-    entered = thing is not None and thing.noun in _ENTERED and (thing.noun == "turn" or word not in ("make", "do"))
-    return "turn" if deed.direction or entered else None
+    frame.direction, frame.side = frame.direction or frame.side, None
+    entered = thing is not None and thing.noun in _ENTERABLE and (thing.noun == "turn" or word not in ("make", "do"))
+    return "turn" if frame.direction or entered else None
 
 
-def _bring(deed: Deed) -> str | None:
-    named = any(relation != "object" for relation, _ in deed.marks)
-    if deed.relation == "past":
+def _classify_bring(frame: CommandFrame) -> str | None:
+    """Classify bring: "bring me to the van", "take us home"."""
+    named = any(relation != "object" for relation, _ in frame.landmarks)
+    if frame.relation == "past":
         return "drive_past"
-    told = named or deed.there or "home" in deed.word or (deed.target is not None and not deed.direct)
-    return "approach" if told else None
+    to_target = frame.target is not None and not frame.target_is_object
+    return "approach" if named or frame.refers_to_place or "home" in frame.verb or to_target else None
 
 
-def _leave(deed: Deed) -> str | None:
-    if _leaves_room(deed) or deed.distances:
+def _classify_leave(frame: CommandFrame) -> str | None:
+    """Classify leave: "leave some room", "leave the parking lot"."""
+    if _leaves_room(frame) or frame.distances:
         return "avoid"
-    return "other" if deed.spot or deed.names("road", "parking_lot", "lane", "driveway") else None
+    return "other" if frame.has_spot or frame.has_landmark("road", "parking_lot", "lane", "driveway") else None
 
 
-def _give(deed: Deed) -> str | None:
-    if any(thing.head in _SIGNALS for _, thing in deed.marks):
+def _classify_give(frame: CommandFrame) -> str | None:
+    """Classify give: "give it a honk", "give the bus room to merge"."""
+    if any(thing.head in _SIGNAL_VERBS for _, thing in frame.landmarks):
         return "other"  # "give it a honk"
-    return "give_way" if deed.event else "avoid" if _leaves_room(deed) else None
+    return "give_way" if frame.event else "avoid" if _leaves_room(frame) else None
 
 
-_FAMILIES: Mapping[str, Callable[[Deed], str | None]] = {
-    **dict.fromkeys(("go", "drive", "move", "get", "pull"), _motion),
-    "stay": _stay,
-    "take": _take,
-    "bring": _bring,
-    "leave": _leave,
-    "give": _give,
+_LIGHT_VERBS: Mapping[str, Callable[[CommandFrame], str | None]] = {
+    **dict.fromkeys(("go", "drive", "move", "get", "pull"), _classify_motion),
+    "stay": _classify_stay,
+    "take": _classify_take,
+    "bring": _classify_bring,
+    "leave": _classify_leave,
+    "give": _classify_give,
 }

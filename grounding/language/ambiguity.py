@@ -1,4 +1,4 @@
-"""Other ways to understand a query: what a side or a landmark is said of, and what a bike is."""
+"""Ambiguity: other readings of a query, by the attachment of sides and landmarks and by the meaning of "bike"."""
 
 from __future__ import annotations
 
@@ -6,68 +6,70 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from grounding.query import Landmark, Query
+from grounding.query import LandmarkRole, Query
 
-MOST = 6
-_GOALS = ("park", "stop", "pull_over")
-# How often each is meant, against the reading it is an alternative to.
+MAX_READINGS = 6
+_STOPPING_ACTIONS = ("park", "stop", "pull_over")
+# Prior of each alternative, relative to the reading that it changes.
 _SIDE_OF_GOAL, _AHEAD_OF_VEHICLE, _AHEAD_OF_GOAL = 0.25, 0.3, 0.15
 _LANDMARK_ELSEWHERE, _BICYCLE = 0.3, 0.4
 
 
-def alternatives(query: Query, late: Sequence[str]) -> list[tuple[Query, float]]:
-    """The query with 0 and its alternatives with their log priors, best first.
+def list_alternatives(query: Query, postmodifiers: Sequence[str]) -> list[tuple[Query, float]]:
+    """Return the query with score 0 and its alternatives with their log priors, best first.
 
-    `late` holds the qualifiers that were said after the noun: "behind the van on the left" may mean the left of the
-    road.
+    `postmodifiers` are the qualifiers after the noun: the left side in "behind the van on the left" may be that of
+    the road.
     """
     found = [(query, 0.0)]
-    ways: list[tuple[Callable[[Query], Query | None], float]] = [
-        (lambda one: _side_of_goal(one, late), _SIDE_OF_GOAL),
-        (_landmark_elsewhere, _LANDMARK_ELSEWHERE),
-        (_bicycle, _BICYCLE),
-        (_ahead_of_vehicle, _AHEAD_OF_VEHICLE),
-        (lambda one: _ahead_of_goal(one, late), _AHEAD_OF_GOAL),
+    rules: list[tuple[Callable[[Query], Query | None], float]] = [
+        (lambda one: _move_side_to_goal(one, postmodifiers), _SIDE_OF_GOAL),
+        (_move_landmark, _LANDMARK_ELSEWHERE),
+        (_read_bike_as_bicycle, _BICYCLE),
+        (_move_ahead_to_vehicle, _AHEAD_OF_VEHICLE),
+        (lambda one: _move_ahead_to_goal(one, postmodifiers), _AHEAD_OF_GOAL),
     ]
-    for way, share in ways:
-        changed = [(other, score) for one, score in found if (other := way(one)) is not None]
-        found += [(other, score + math.log(share)) for other, score in changed]
-    return sorted(found, key=lambda pair: -pair[1])[:MOST]
+    for rule, prior in rules:
+        changed = [(other, score) for one, score in found if (other := rule(one)) is not None]
+        found += [(other, score + math.log(prior)) for other, score in changed]
+    return sorted(found, key=lambda pair: -pair[1])[:MAX_READINGS]
 
 
-def _side_of_goal(query: Query, late: Sequence[str]) -> Query | None:
+def _move_side_to_goal(query: Query, postmodifiers: Sequence[str]) -> Query | None:
+    """Attach the side of the vehicle to the goal: "park behind the van on the left"."""
     referent = query.referent
-    if referent is None or query.action not in _GOALS or query.relation == "none" or query.goal_side:
+    if referent is None or query.action not in _STOPPING_ACTIONS or query.relation == "none" or query.goal_side:
         return None
     for side in ("left", "right"):
         word = f"{side}_side"
-        if word in referent.qualifiers and word in late:
+        if word in referent.qualifiers and word in postmodifiers:
             kept = tuple(one for one in referent.qualifiers if one != word)
             return replace(query, goal_side=side, referent=replace(referent, qualifiers=kept))
     return None
 
 
-def _landmark_elsewhere(query: Query) -> Query | None:
-    """The thing beside the vehicle is beside the goal, or the other way round."""
+def _move_landmark(query: Query) -> Query | None:
+    """Attach a landmark of the vehicle to the goal, or one of the goal to the vehicle."""
     if query.referent is None or query.landmark != "referent":
         return None
-    others = {"referent": "goal", "goal": "referent"}
-    for i, mark in enumerate(query.secondary):
-        if mark.of in others and mark.relation not in ("between", "into", "in"):
-            moved = Landmark(mark.noun, mark.relation, others[mark.of], mark.colour, mark.qualifiers)
+    opposite: dict[LandmarkRole, LandmarkRole] = {"referent": "goal", "goal": "referent"}
+    for i, landmark in enumerate(query.secondary):
+        if landmark.of in opposite and landmark.relation not in ("between", "into", "in"):
+            moved = replace(landmark, of=opposite[landmark.of])
             return replace(query, secondary=(*query.secondary[:i], moved, *query.secondary[i + 1 :]))
     return None
 
 
-def _bicycle(query: Query) -> Query | None:
+def _read_bike_as_bicycle(query: Query) -> Query | None:
+    """Read "bike" as a bicycle and not as a motorcycle."""
     referent = query.referent
     if referent is None or referent.noun != "motorcycle" or referent.head not in ("bike", "bikes"):
         return None
     return replace(query, referent=replace(referent, noun="bicycle"))
 
 
-def _ahead_of_vehicle(query: Query) -> Query | None:
-    """In "park up ahead behind the van" the van is ahead."""
+def _move_ahead_to_vehicle(query: Query) -> Query | None:
+    """Attach "ahead" to the vehicle: "park up ahead behind the van"."""
     referent = query.referent
     if referent is None or "ahead" not in referent.qualifiers_optional:
         return None
@@ -76,10 +78,11 @@ def _ahead_of_vehicle(query: Query) -> Query | None:
     return replace(query, referent=replace(referent, qualifiers=qualifiers, qualifiers_optional=kept))
 
 
-def _ahead_of_goal(query: Query, late: Sequence[str]) -> Query | None:
-    """In "park behind the van in front of us" the place is in front of us."""
+def _move_ahead_to_goal(query: Query, postmodifiers: Sequence[str]) -> Query | None:
+    """Attach "ahead" to the goal: "park behind the van in front of us"."""
     referent = query.referent
-    if referent is None or query.relation == "none" or "ahead" not in referent.qualifiers or "ahead" not in late:
+    after_noun = "ahead" in postmodifiers
+    if referent is None or query.relation == "none" or "ahead" not in referent.qualifiers or not after_noun:
         return None
     kept = tuple(word for word in referent.qualifiers if word != "ahead")
     optional = (*referent.qualifiers_optional, "ahead")

@@ -1,57 +1,59 @@
-"""What is said of a vehicle after it was named: "behind the silver one, the hatchback", "that car, the blue one"."""
+"""Appositions: noun phrases that refine an earlier one: "behind the silver one, the hatchback"."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-from grounding.language.noun_phrases import Phrase
+from grounding.language.discourse_state import DiscourseState
+from grounding.language.mentions import refine
+from grounding.language.noun_phrases import VEHICLE_KINDS, NounPhrase
 from grounding.language.tokenizer import Token
-from grounding.language.word_categories import Kind
+from grounding.language.word_categories import WordCategory
 
-if TYPE_CHECKING:
-    from grounding.language.attachment import Telling
-
-_VEHICLES = ("vehicle", "traffic")
+_PREDICATES = (WordCategory.VERB, WordCategory.BE, WordCategory.AUX)
 
 
-def tells_more(told: Telling, phrase: Phrase) -> bool:
-    """Whether a noun phrase without a verb or relation before it tells more of what was named just before."""
-    finished = not any(isinstance(part, Token) and part.kind in (Kind.VERB, Kind.BE, Kind.AUX) for part in told.rest)
+def attach_apposition(state: DiscourseState, phrase: NounPhrase) -> bool:
+    """Attach a noun phrase without verb and relation to the one before; return whether it is an apposition."""
+    no_predicate = not any(isinstance(part, Token) and part.category in _PREDICATES for part in state.remaining)
     if phrase.kind == "vehicle":
-        return finished and _names(told, phrase)
-    if phrase.kind != "one" or told.clause.new:
+        return no_predicate and _name_one(state, phrase)
+    if phrase.kind != "one" or state.clause.starts_sentence:
         return False
-    before = told.before
+    before = state.previous_frame
     if before is None:
-        last = told.story.mentions[-1][0] if told.story.mentions else None
-        if not finished or told.third is not None or last is None or last.kind not in _VEHICLES:
+        last = state.discourse.mentions[-1][0] if state.discourse.mentions else None
+        if not no_predicate or state.other_subject is not None or last is None or last.kind not in VEHICLE_KINDS:
             return False
-        told.refine(last, phrase)  # "that is my car, the blue one"
+        refine(state, last, phrase)  # "that is my car, the blue one"
         return True
-    if before.target is not None and finished:
-        told.refine(before.target, phrase)
+    if before.target is not None and no_predicate:
+        refine(state, before.target, phrase)
         return True
-    if before.target is None and before.object is not None and told.next_kind == "relation":
-        told.noun = before.object  # "take the exit, the one behind the bus"
+    if before.target is None and before.direct_object is not None and state.next_kind == "relation":
+        state.open_phrase = before.direct_object  # "take the exit, the one behind the bus"
         return True
     return False
 
 
-def _names(told: Telling, phrase: Phrase) -> bool:
-    """Whether the "one" that was said just before gets its noun."""
-    named = [other for other, _ in told.story.mentions]
-    first = phrase.start == told.clause.tokens[0].start
-    if not first or not named or named[-1].kind != "one" or any(other.kind in _VEHICLES for other in named):
+def _name_one(state: DiscourseState, phrase: NounPhrase) -> bool:
+    """Give a noun to the "one" mentioned last; return whether it had none."""
+    mentioned = [other for other, _ in state.discourse.mentions]
+    first = phrase.start == state.clause.tokens[0].start
+    if not first or not mentioned or mentioned[-1].kind != "one":
         return False
-    phrase.refine_into(named[-1])
-    told.noun = named[-1]
+    if any(one.kind in VEHICLE_KINDS for one in mentioned):
+        return False
+    phrase.merge_into(mentioned[-1])
+    state.open_phrase = mentioned[-1]
     return True
 
 
-def is_the_other(told: Telling, phrase: Phrase) -> bool:
-    """Whether "one" takes the noun of what was ruled out: "it is not the red car, it is the blue one"."""
-    said = [(other, role) for other, role in told.story.mentions if other.kind in _VEHICLES]
-    if not said or said[-1][1] not in ("excluded", "denied"):
+def name_contrast(state: DiscourseState, phrase: NounPhrase) -> bool:
+    """Give "one" the noun of an excluded vehicle; return whether a vehicle is excluded.
+
+    Example: "it is not the red car, it is the blue one".
+    """
+    vehicles = [(other, role) for other, role in state.discourse.mentions if other.kind in VEHICLE_KINDS]
+    if not vehicles or vehicles[-1][1] not in ("excluded", "denied"):
         return False
-    phrase.become(said[-1][0])
+    phrase.take_noun(vehicles[-1][0])
     return True

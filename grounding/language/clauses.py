@@ -1,92 +1,139 @@
-"""Tagged tokens -> clauses: where one ends, and what links it to those around it."""
+"""Clauses: split tagged tokens at connectives and marks."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from grounding.language.tagger import DETERMINERS, HEADS, MODIFIERS
 from grounding.language.tokenizer import Token
-from grounding.language.word_categories import Kind
+from grounding.language.word_categories import DETERMINERS, HEADS, MODIFIERS, WordCategory
 
-_LOOK_AHEAD = 30
-_JOINTS = {Kind.AND: "and", Kind.OR: "or", Kind.BUT: "but"}
-_SAID_BEFORE_VERB = frozenset((Kind.AUX, Kind.EGO, Kind.BE, Kind.NOT, Kind.HERE, Kind.SUB))
-_NOUN_PHRASE = DETERMINERS | MODIFIERS | HEADS | {Kind.NUMBER, Kind.UNKNOWN, Kind.PRONOUN}
-_AFTER_NOUN = frozenset(
-    (Kind.SIDE, Kind.WHERE, Kind.LANE, Kind.RELATION, Kind.OF, Kind.HERE, Kind.DISTANCE, Kind.AWAY)
+# Connectives that set the time of the main clause.
+TEMPORAL = ("when", "after", "before", "until")
+_LOOKAHEAD = 30
+_COORDINATORS = {WordCategory.AND: "and", WordCategory.OR: "or", WordCategory.BUT: "but"}
+_BEFORE_VERB = frozenset(
+    (WordCategory.AUX, WordCategory.EGO, WordCategory.BE, WordCategory.NOT, WordCategory.HERE, WordCategory.SUB)
 )
-_PREDICATE = frozenset((Kind.BE, Kind.AUX, Kind.NOT))
-# What a conjunction is where only a noun follows: "after the van".
+_NOUN_PHRASE = DETERMINERS | MODIFIERS | HEADS | {WordCategory.NUMBER, WordCategory.UNKNOWN, WordCategory.PRONOUN}
+_AFTER_NOUN = frozenset(
+    (
+        WordCategory.SIDE,
+        WordCategory.WHERE,
+        WordCategory.LANE,
+        WordCategory.RELATION,
+        WordCategory.OF,
+        WordCategory.HERE,
+        WordCategory.DISTANCE,
+        WordCategory.AWAY,
+    )
+)
+_PREDICATE = frozenset((WordCategory.BE, WordCategory.AUX, WordCategory.NOT))
+_CLAUSE_STARTS = frozenset(
+    (
+        WordCategory.VERB,
+        WordCategory.NONDRIVE,
+        WordCategory.MEANWHILE,
+        WordCategory.EXISTS,
+        WordCategory.SUB,
+        WordCategory.THEN,
+        WordCategory.QUESTION,
+    )
+)
+# Categories after a conjunction that introduces a clause.
+_AFTER_CONJUNCTION = frozenset(
+    (
+        WordCategory.EGO,
+        WordCategory.EXISTS,
+        WordCategory.VERB,
+        WordCategory.NONDRIVE,
+        WordCategory.AUX,
+        WordCategory.SUB,
+    )
+)
+# Categories after which a verb belongs to the subordinate clause.
+_BEFORE_SUBORDINATE_VERB = frozenset(
+    (
+        WordCategory.AUX,
+        WordCategory.BE,
+        WordCategory.TO,
+        WordCategory.NOT,
+        WordCategory.EGO,
+        WordCategory.SUB,
+        WordCategory.WHICH,
+    )
+)
+# Relation of a conjunction that only a noun follows: "after the van".
 _AS_RELATION = {"after": "past", "before": "before", "until": "at", "when": "at", "while": "near"}
 
 
 @dataclass(frozen=True)
 class Clause:
-    """Part of a sentence with one predicate at most.
+    """Part of a sentence with at most one predicate.
 
     Attributes:
-        link: '' for the first of a sentence or one after a comma; and, or, but, then; when, after, before, until,
-            while, if, because, so; correct after what takes back something said ("no, ...").
-        tokens: without what divides it from others.
-        new: whether a new sentence begins with it.
+        connective: '' at the start of a sentence and after a comma; and, or, but, then; when, after, before, until,
+            while, if, because, so; main for a main clause without a comma before it; correct for a self-repair
+            ("no, ...").
+        tokens: tokens of the clause, without its connective and the marks around it.
+        starts_sentence: whether the clause is the first of a sentence.
     """
 
-    link: str
+    connective: str
     tokens: tuple[Token, ...]
-    new: bool = False
+    starts_sentence: bool = False
 
 
-def split(tokens: Sequence[Token]) -> list[Clause]:
-    """The clauses of tagged tokens, in order; none is empty."""
+def split_clauses(tokens: Sequence[Token]) -> list[Clause]:
+    """Return the clauses of tagged tokens in order; no clause is empty."""
     clauses: list[Clause] = []
     current: list[Token] = []
-    link, new = "", True
+    connective, starts_sentence = "", True
 
     def close() -> None:
-        nonlocal current, new
+        nonlocal current, starts_sentence
         if current:
-            clauses.append(Clause(link, tuple(current), new))
-            new = False
+            clauses.append(Clause(connective, tuple(current), starts_sentence))
+            starts_sentence = False
         current = []
 
     for i, token in enumerate(tokens):
-        rest = tokens[i + 1 : i + _LOOK_AHEAD]
-        if token.kind is Kind.BREAK:
-            waits = link == "correct" and not current  # "no! the blue one"
+        rest = tokens[i + 1 : i + _LOOKAHEAD]
+        if token.category is WordCategory.BREAK:
+            repairs = connective == "correct" and not current  # "no! the blue one"
             close()
-            link, new = "correct" if waits else "", True
-        elif token.kind is Kind.CORRECT:
+            connective, starts_sentence = "correct" if repairs else "", True
+        elif token.category is WordCategory.CORRECT:
             close()
-            link = "correct"
-        elif link == "correct" and token.kind is Kind.COMMA and not current:
+            connective = "correct"
+        elif connective == "correct" and token.category is WordCategory.COMMA and not current:
             continue
-        elif token.kind is Kind.COMMA:
+        elif token.category is WordCategory.COMMA:
             close()
-            # "When it leaves, ..." ends what hangs on "when"; "so that, ..." does not.
-            link = "" if clauses and clauses[-1].tokens else link
-        elif token.kind is Kind.THEN:
+            # A comma ends the clause of "when it leaves, ..."; "so that, ..." keeps its connective.
+            connective = "" if clauses and clauses[-1].tokens else connective
+        elif token.category is WordCategory.THEN:
             close()
-            link = "then"
-        elif token.kind in _JOINTS:
-            if _begins_clause(rest) and not _between_us(current):
+            connective = "then"
+        elif token.category in _COORDINATORS:
+            if _begins_clause(rest) and not _ends_with_between_ego(current):
                 close()
-                link = _JOINTS[token.kind]
+                connective = _COORDINATORS[token.category]
             elif current:
                 current.append(token)
-        elif token.kind is Kind.SUB:
-            if _is_clause(token, rest, link):
+        elif token.category is WordCategory.SUB:
+            if _has_predicate(token, rest):
                 close()
-                link = token.value
+                connective = token.value
             else:
-                current.append(token.of_kind(Kind.RELATION, _AS_RELATION.get(token.value, "same_as")))
-        elif token.kind is Kind.VERB and token.text.endswith(" after") and _subject_end(rest) is not None:
-            current.append(token.of_kind(Kind.VERB, "go"))  # "go after the car has passed"
+                current.append(token.with_category(WordCategory.RELATION, _AS_RELATION.get(token.value, "same_as")))
+        elif token.category is WordCategory.VERB and token.text.endswith(" after") and _subject_end(rest) is not None:
+            current.append(token.with_category(WordCategory.VERB, "go"))  # "go after the car has passed"
             close()
-            link = "after"
-        elif _starts_main(link, current, token, rest):
+            connective = "after"
+        elif _starts_main(connective, current, token, rest):
             close()
-            link = "main"
+            connective = "main"
             current.append(token)
         else:
             current.append(token)
@@ -94,76 +141,71 @@ def split(tokens: Sequence[Token]) -> list[Clause]:
     return clauses
 
 
-def _between_us(current: Sequence[Token]) -> bool:
-    """Whether "and" joins the other end of a gap: "until the gap between us and the van is bigger"."""
-    return [token.kind for token in current[-2:]] == [Kind.BETWEEN, Kind.EGO]
+def _ends_with_between_ego(current: Sequence[Token]) -> bool:
+    """Return whether "and" continues "between us": "until the gap between us and the van is bigger"."""
+    return [token.category for token in current[-2:]] == [WordCategory.BETWEEN, WordCategory.EGO]
 
 
 def _begins_clause(rest: Sequence[Token]) -> bool:
-    """Whether a verb or a new subject follows "and"."""
+    """Return whether a verb or a new subject follows "and"."""
     for i, token in enumerate(rest):
-        if token.kind in (Kind.VERB, Kind.NONDRIVE, Kind.MEANWHILE, Kind.EXISTS, Kind.SUB, Kind.THEN, Kind.QUESTION):
-            return not (token.kind is Kind.VERB and token.form == "past")
-        if token.kind not in _SAID_BEFORE_VERB:
+        if token.category in _CLAUSE_STARTS:
+            return not (token.category is WordCategory.VERB and token.form == "past")
+        if token.category not in _BEFORE_VERB:
             return _subject_end(rest[i:]) is not None
     return False
 
 
 def _subject_end(tokens: Sequence[Token]) -> int | None:
-    """Where the predicate of a noun phrase begins, None if the tokens are no noun phrase with one."""
-    if not tokens or tokens[0].kind not in _NOUN_PHRASE:
+    """Return where the predicate of a subject begins, None if the tokens are not a subject with a predicate."""
+    if not tokens or tokens[0].category not in _NOUN_PHRASE:
         return None
     relative = False
     for i, token in enumerate(tokens):
-        if token.kind in _NOUN_PHRASE | _AFTER_NOUN:
+        if token.category in _NOUN_PHRASE | _AFTER_NOUN:
             continue
-        if token.kind is Kind.WHICH:
+        if token.category is WordCategory.WHICH:
             relative = True
-        elif token.kind is Kind.VERB and relative:
+        elif token.category is WordCategory.VERB and relative:
             relative = False
-        elif token.kind in _PREDICATE:
+        elif token.category in _PREDICATE:
             if not relative:
                 return i
-        elif token.kind is Kind.VERB:
-            plural = tokens[i - 1].form == "plural"
-            if (
-                token.form == "s"
-                or (token.form == "past" and token.event not in ("", "stop"))
-                or (plural and not token.form)
-            ):
+        elif token.category is WordCategory.VERB:
+            past = token.form == "past" and token.event not in ("", "stop")
+            plural = tokens[i - 1].form == "plural" and not token.form
+            if token.form == "s" or past or plural:
                 return i
-            if token.form != "ing" and token.form != "past":
+            if token.form not in ("ing", "past"):
                 return None
-        elif token.kind is not Kind.TO:
+        elif token.category is not WordCategory.TO:
             return None
     return None
 
 
-def _is_clause(token: Token, rest: Sequence[Token], link: str) -> bool:
-    """Whether a conjunction has a predicate of its own to follow."""
-    first = next((other.kind for other in rest), Kind.BREAK)
+def _has_predicate(token: Token, rest: Sequence[Token]) -> bool:
+    """Return whether a predicate follows a conjunction."""
+    first = next((other.category for other in rest), WordCategory.BREAK)
     if token.value in ("so", "because", "if"):
-        return token.value != "so" or first not in (Kind.EXTRA, Kind.UNKNOWN)
-    if first in (Kind.ANY, Kind.THE) and len(rest) > 1 and rest[1].kind is Kind.VERB:
+        return token.value != "so" or first not in (WordCategory.EXTRA, WordCategory.UNKNOWN)
+    if first in (WordCategory.ANY, WordCategory.THE) and len(rest) > 1 and rest[1].category is WordCategory.VERB:
         return True  # "after a u-turn"
-    if first in (Kind.EGO, Kind.EXISTS, Kind.VERB, Kind.NONDRIVE, Kind.AUX, Kind.SUB):
-        return True
-    return _subject_end(rest) is not None
+    return first in _AFTER_CONJUNCTION or _subject_end(rest) is not None
 
 
-def _starts_main(link: str, current: Sequence[Token], token: Token, rest: Sequence[Token]) -> bool:
-    """Whether the main clause begins without a comma: "when the bus leaves | turn left"."""
-    if link not in ("when", "after", "before", "until", "while", "if", "because"):
+def _starts_main(connective: str, current: Sequence[Token], token: Token, rest: Sequence[Token]) -> bool:
+    """Return whether the main clause begins without a comma: "when the bus leaves | turn left"."""
+    if connective not in ("when", "after", "before", "until", "while", "if", "because"):
         return False
     end = _subject_end(current)
-    if token.kind is Kind.EGO:
-        return end is not None and any(other.kind is Kind.VERB for other in current[end:])
-    if token.kind not in (Kind.VERB, Kind.MEANWHILE) or token.form:
+    if token.category is WordCategory.EGO:
+        return end is not None and any(other.category is WordCategory.VERB for other in current[end:])
+    if token.category not in (WordCategory.VERB, WordCategory.MEANWHILE) or token.form:
         return False
-    if any(other.kind is Kind.EXISTS for other in current) and current[-1].kind in _NOUN_PHRASE:
+    if any(other.category is WordCategory.EXISTS for other in current) and current[-1].category in _NOUN_PHRASE:
         return True  # "if there is no traffic | overtake"
-    last = current[-1].kind if current else Kind.SUB
-    if last in (Kind.AUX, Kind.BE, Kind.TO, Kind.NOT, Kind.EGO, Kind.SUB, Kind.WHICH):
+    last = current[-1].category if current else WordCategory.SUB
+    if last in _BEFORE_SUBORDINATE_VERB:
         return False
-    done = end is not None and len(current) > end
-    return done or (current[0].kind in _NOUN_PHRASE and current[-1].form != "plural")
+    has_predicate = end is not None and len(current) > end
+    return has_predicate or (current[0].category in _NOUN_PHRASE and current[-1].form != "plural")

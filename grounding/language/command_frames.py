@@ -1,90 +1,92 @@
-"""What a text tells: deeds that may be commanded, things mentioned, things ruled out."""
+"""Command frames (a verb with its arguments) and the discourse that holds all frames of a text."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from grounding.language.noun_phrases import Phrase
+from grounding.language.noun_phrases import NounPhrase
 
 
-@dataclass(eq=False)
-class Deed:
-    """One verb that may be commanded, and what stands beside it.
+@dataclass(eq=False, kw_only=True)
+class CommandFrame:
+    """One verb that may be commanded, with its arguments.
 
     Attributes:
-        meaning: an action, or a family of light verbs that what stands beside it decides.
-        word: the verb as said.
-        link: of its clause, as in `Clause`; "to" in a purpose ("slow down to let it pass").
+        verb_class: an action, or a family of light verbs whose action depends on the arguments.
+        verb: the verb as written, after spelling correction.
+        connective: connective of its clause, see `Clause`; "to" for a purpose ("slow down to let it pass").
         start: first character in the normalised sentence.
-        negated: "don't".
-        forbidden: what may not be its object: "don't overtake the van".
-        aside: tells when ("when you turn"), and commands nothing.
-        target: the vehicle (or whoever) it is about, None for none.
-        relation: to the target, 'none' where nothing is said.
-        direct: whether the target is the verb's object, without a relation.
-        inverse: the last of `marks` stands in this relation to the target ("by the sign in front of the bus").
-        marks: other things with their relation ("object" for the verb's object), in order.
-        direction: left, right, straight, around.
+        negated: whether "don't" precedes the verb.
+        forbidden_target: target of a negated frame: "don't overtake the van".
+        is_temporal: whether the frame gives a time and no command: "when you turn".
+        target: the vehicle or person that the frame is about, None if there is none.
+        relation: relation of the goal to the target, 'none' if none is named.
+        target_is_object: whether the target is the verb's object, without a relation.
+        inverse_relation: relation of the last landmark to the target ("by the sign in front of the bus").
+        landmarks: other things with their relation ("object" for the verb's object), in order.
+        direction: left, right, straight or around.
         side: left or right side of the road for the goal.
-        lane: lane for the goal.
-        optional: places said before the target.
-        distances: metres, each with what it is: gap, way, along (surely the way), descriptor.
-        there: "there", for a place said before.
-        round: "around".
-        away: "away".
-        event: what is awaited.
-        waits_for: whose event it is, where that is not the target.
+        lane: lane of the goal.
+        goal_qualifiers: places named before the target.
+        distances: metres, each with its kind: gap (to the target), travel, travel_or_gap (depends on the action) or
+            descriptor (distance of the target from the ego).
+        refers_to_place: whether "there" refers to a place named earlier.
+        goes_around: whether "around" follows the verb.
+        moves_away: whether "away" or "from" follows the verb.
+        event: the trigger that the command waits for.
+        event_subject: subject of the event, if it is not the target.
     """
 
-    meaning: str = ""
-    word: str = ""
-    link: str = ""
+    verb_class: str = ""
+    verb: str = ""
+    connective: str = ""
     start: int = 0
     negated: bool = False
-    forbidden: Phrase | None = None
-    aside: bool = False
-    target: Phrase | None = None
+    forbidden_target: NounPhrase | None = None
+    is_temporal: bool = False
+    target: NounPhrase | None = None
     relation: str = "none"
-    direct: bool = False
-    inverse: str | None = None
-    marks: list[tuple[str, Phrase]] = field(default_factory=list)
+    target_is_object: bool = False
+    inverse_relation: str | None = None
+    landmarks: list[tuple[str, NounPhrase]] = field(default_factory=list)
     direction: str | None = None
     side: str | None = None
     lane: str | None = None
-    optional: list[str] = field(default_factory=list)
+    goal_qualifiers: list[str] = field(default_factory=list)
     distances: list[tuple[float, str]] = field(default_factory=list)
-    there: bool = False
-    round: bool = False
-    away: bool = False
+    refers_to_place: bool = False
+    goes_around: bool = False
+    moves_away: bool = False
     event: str | None = None
-    waits_for: Phrase | None = None
+    event_subject: NounPhrase | None = None
 
     @property
-    def object(self) -> Phrase | None:
-        """What the verb takes without a relation, if that is no vehicle."""
-        return next((thing for relation, thing in self.marks if relation == "object"), None)
+    def direct_object(self) -> NounPhrase | None:
+        """The verb's object, if it is not the target."""
+        return next((thing for relation, thing in self.landmarks if relation == "object"), None)
 
-    def names(self, *nouns: str) -> bool:
-        """Whether one of these things stands beside it."""
-        return any(thing.noun in nouns for _, thing in self.marks)
+    def has_landmark(self, *nouns: str) -> bool:
+        """Return whether a landmark has one of these nouns."""
+        return any(thing.noun in nouns for _, thing in self.landmarks)
 
     @property
-    def spot(self) -> bool:
-        """Whether a parking spot stands beside it."""
-        return any(thing.kind == "spot" for _, thing in self.marks)
+    def has_spot(self) -> bool:
+        """Whether a landmark is a parking spot."""
+        return any(thing.kind == "spot" for _, thing in self.landmarks)
 
 
 @dataclass(eq=False)
-class Story:
-    """What a whole text tells.
+class Discourse:
+    """Everything that a text states.
 
     Attributes:
-        deeds: in order.
-        mentions: every noun phrase in order with its role: target (of a deed), said (of which something is stated),
-            event (what is awaited is its doing), landmark, excluded.
-        excluded: relation (None: it may not be the referent itself) and what is ruled out.
+        frames: command frames in order.
+        mentions: every noun phrase in order with its role: target (of a frame), stated (subject of a statement),
+            event (subject of an awaited event), landmark, excluded, denied ("it is not the red car").
+        excluded: excluded noun phrases, each with the relation that the goal may not have to it; with None, the
+            referent may not be one.
     """
 
-    deeds: list[Deed] = field(default_factory=list)
-    mentions: list[tuple[Phrase, str]] = field(default_factory=list)
-    excluded: list[tuple[str | None, Phrase]] = field(default_factory=list)
+    frames: list[CommandFrame] = field(default_factory=list)
+    mentions: list[tuple[NounPhrase, str]] = field(default_factory=list)
+    excluded: list[tuple[str | None, NounPhrase]] = field(default_factory=list)

@@ -1,73 +1,83 @@
-"""What pronouns and "one" stand for, and which phrases mean the same vehicle."""
+"""Coreference: antecedents of pronouns and "one", and noun phrases that may refer to the same vehicle."""
 
 from __future__ import annotations
 
-from grounding.language.command_frames import Story
-from grounding.language.noun_phrases import Phrase
+from grounding.language.command_frames import Discourse
+from grounding.language.noun_phrases import NounPhrase
 
 _ORDERED = ("first", "second", "third", "fourth", "next", "last", "nearest", "farthest", "leftmost", "rightmost")
 _SIDES = ("left_side", "right_side", "opposite_side", "left_lane", "right_lane")
-# What "there are two trucks ahead" says of "the red one", too.
+# Qualifiers that "one" inherits: in "there are two trucks ahead, follow the red one" the red truck is ahead.
 _INHERITED = ("ahead", "behind_ego", "own_lane", *_SIDES, "parked", "moving", "stopped")
-_WORDS = ("pronoun", "one")
-_SEVERAL = ("them", "they", "they're")
+_ANAPHORS = ("pronoun", "one")
+_PLURAL_PRONOUNS = ("them", "they", "they're")
 
 
-def antecedent(story: Story, phrase: Phrase) -> Phrase | None:
-    """The last thing named before a phrase that it may stand for: a vehicle if there is one."""
-    at = next(i for i, (other, _) in enumerate(story.mentions) if other is phrase)
-    before = [(other, role) for other, role in story.mentions[:at] if other.kind not in (*_WORDS, "part")]
-    if phrase.head in _SEVERAL and any(other.kind == "person" for other, _ in before):
+def find_antecedent(discourse: Discourse, phrase: NounPhrase) -> NounPhrase | None:
+    """Return the most recent noun phrase that an anaphor may refer to, vehicles first; None if there is none."""
+    at = next(i for i, (other, _) in enumerate(discourse.mentions) if other is phrase)
+    before = [(other, role) for other, role in discourse.mentions[:at] if other.kind not in (*_ANAPHORS, "part")]
+    if phrase.head in _PLURAL_PRONOUNS and any(other.kind == "person" for other, _ in before):
         # "That man wants to cross behind the bus, let them": one bus is not "them".
         before = [(other, role) for other, role in before if other.kind != "vehicle" or other.number != 1]
     for kinds in (("vehicle",), ("person",), ("traffic", "thing", "spot", "region")):
-        for roles in (("said", "target", "event", "excluded"), ("denied",), ("landmark",)):
+        for roles in (("stated", "target", "event", "excluded"), ("denied",), ("landmark",)):
             for other, role in reversed(before):
                 if other.kind in kinds and role in roles:
                     return other
     return None
 
 
-def resolved(story: Story, phrase: Phrase) -> Phrase | None:
-    """The phrase itself, or what a pronoun or "one" stands for with what is said of both; None for nobody."""
-    if phrase.kind not in _WORDS:
+def resolve_anaphor(discourse: Discourse, phrase: NounPhrase) -> NounPhrase | None:
+    """Return the antecedent with the qualifiers of both; the phrase itself if it is not an anaphor.
+
+    None if a pronoun or "one" has no antecedent.
+    """
+    if phrase.kind not in _ANAPHORS:
         return phrase
-    before = antecedent(story, phrase)
-    if before is None:
+    antecedent = find_antecedent(discourse, phrase)
+    if antecedent is None:
         return None
-    role = next(role for other, role in story.mentions if other is before)
-    found = Phrase(before.kind, before.noun, before.head, phrase.start, number=phrase.number)
-    found.definite, found.late, found.known = phrase.definite, list(phrase.late), before.known
-    found.links, found.excluded = [*before.links, *phrase.links], phrase.excluded
-    found.extra = [*before.extra, *phrase.extra]
-    found.in_line = before.in_line or phrase.in_line
+    role = next(role for other, role in discourse.mentions if other is antecedent)
+    resolved = NounPhrase(
+        kind=antecedent.kind,
+        noun=antecedent.noun,
+        head=antecedent.head,
+        start=phrase.start,
+        number=phrase.number,
+    )
+    resolved.definite, resolved.postmodifiers = phrase.definite, list(phrase.postmodifiers)
+    resolved.in_lexicon = antecedent.in_lexicon
+    resolved.related, resolved.excluded = [*antecedent.related, *phrase.related], phrase.excluded
+    resolved.extra = [*antecedent.extra, *phrase.extra]
+    resolved.in_line = antecedent.in_line or phrase.in_line
     if phrase.kind == "pronoun":
-        found.colour, found.qualifiers = before.colour, list(before.qualifiers)
+        resolved.colour, resolved.qualifiers = antecedent.colour, list(antecedent.qualifiers)
     else:
         inherits = phrase.qualifiers and role not in ("excluded", "denied")
-        found.colour = phrase.colour or (before.colour if inherits else None)
-        found.qualifiers = [word for word in before.qualifiers if word in _INHERITED and role == "said"]
-    found.qualifiers += [word for word in phrase.qualifiers if word not in found.qualifiers]
-    return found
+        resolved.colour = phrase.colour or (antecedent.colour if inherits else None)
+        resolved.qualifiers = [word for word in antecedent.qualifiers if word in _INHERITED and role == "stated"]
+    resolved.qualifiers += [word for word in phrase.qualifiers if word not in resolved.qualifiers]
+    return resolved
 
 
-def qualify_antecedents(story: Story) -> None:
-    """What is said of a pronoun is said of what it stands for: "go around it, it is parked"."""
-    for phrase, role in story.mentions:
-        if phrase.kind == "pronoun" and role == "said" and phrase.qualifiers:
-            before = antecedent(story, phrase)
-            if before is not None and before.kind == "vehicle":
-                before.qualifiers += [word for word in phrase.qualifiers if word not in before.qualifiers]
+def qualify_antecedents(discourse: Discourse) -> None:
+    """Add the qualifiers of pronouns to their antecedents: "go around it, it is parked"."""
+    for phrase, role in discourse.mentions:
+        if phrase.kind == "pronoun" and role == "stated" and phrase.qualifiers:
+            antecedent = find_antecedent(discourse, phrase)
+            if antecedent is not None and antecedent.kind == "vehicle":
+                antecedent.qualifiers += [word for word in phrase.qualifiers if word not in antecedent.qualifiers]
 
 
-def same(phrase: Phrase, other: Phrase) -> bool:
-    """Whether two phrases may mean one vehicle: same noun, nothing that differs."""
+def may_corefer(phrase: NounPhrase, other: NounPhrase) -> bool:
+    """Return whether two noun phrases may refer to one vehicle: the same noun, no contradiction."""
     if other.noun != phrase.noun or other.kind != phrase.kind or not (phrase.definite or other.definite):
         return False
     if phrase.colour and other.colour and phrase.colour != other.colour:
         return False
     for words in (_ORDERED, _SIDES):
-        own, its = ({word for word in one.qualifiers if word in words} for one in (phrase, other))
-        if own and own != its and (its or words is _ORDERED):
+        own, others = ({word for word in one.qualifiers if word in words} for one in (phrase, other))
+        if own and own != others and (others or words is _ORDERED):
             return False
     return True

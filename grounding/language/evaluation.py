@@ -1,4 +1,4 @@
-"""How many labelled commands are read right, by the scoring rules of the labelled files."""
+"""Scores of the parser on labelled commands, by the scoring rules of the labelled files."""
 
 from __future__ import annotations
 
@@ -6,31 +6,35 @@ import json
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
 from appocc.errors import DataError
 from appocc.files import read_text
 
-# What must be right for the headline figure; the others are judged one by one.
-CORE = ("status", "action", "relation", "noun", "colour", "qualifiers", "direction")
-FIELDS = (*CORE, "actions", "goal_side", "landmark", "trigger", "distance", "number", "secondary", "excluded")
-_SETS = ("qualifiers", "secondary", "excluded")
-_DISTANCE_M = 0.05
-# The lenient figure takes these for the same.
-_LENIENT = {"near": "next_to", "toward": "near", "at": "near"}
-_MOST_CHARACTERS = 100_000
-_WORD = (str, type(None))
-_KEYS: dict[str, tuple[type, ...]] = {
+# Fields of the headline figure ("core parse right"); all fields are also scored on their own.
+CORE_FIELDS = ("status", "action", "relation", "noun", "colour", "qualifiers", "direction")
+FIELDS = (
+    *CORE_FIELDS,
+    *("actions", "goal_side", "landmark", "trigger", "distance", "number", "secondary", "excluded"),
+)
+_SET_FIELDS = ("qualifiers", "secondary", "excluded")
+_DISTANCE_TOLERANCE_M = 0.05
+# Relations that the lenient figure identifies: near = next_to, toward = near = at.
+_LENIENT_RELATIONS = {"near": "next_to", "toward": "near", "at": "near"}
+_MAX_CHARACTERS = 100_000
+_OPTIONAL_STR = (str, type(None))
+_TYPES: dict[str, tuple[type, ...]] = {
     "command": (str,),
     "status": (str,),
     "relation": (str,),
     "distance_m": (int, float, type(None)),
     "referent": (dict, type(None)),
-    **dict.fromkeys(("action", "direction", "goal_side", "landmark", "trigger", "distance_of"), _WORD),
+    **dict.fromkeys(("action", "direction", "goal_side", "landmark", "trigger", "distance_of"), _OPTIONAL_STR),
     **dict.fromkeys(("action_alt", "actions", "relation_alt", "secondary", "excluded"), (list,)),
 }
-_EMPTY: dict[str, Any] = {
+_DEFAULTS: dict[str, Any] = {
     "relation": "none",
     "action_alt": [],
     "actions": [],
@@ -40,111 +44,112 @@ _EMPTY: dict[str, Any] = {
 }
 
 
-@dataclass(frozen=True)
-class Judged:
-    """One command, and what of its query is right.
+@dataclass(frozen=True, eq=False)
+class ScoredCommand:
+    """The scores of one command.
 
     Attributes:
-        record: as labelled.
-        got: the query as `Query.to_dict` writes it.
-        right: field -> whether it is right.
-        lenient: whether the core is right where toward, near and at are taken for next to.
-        counts: qualifiers, secondary, excluded -> numbers of those labelled and read, only labelled, only read.
+        label: the labelled record.
+        parsed: the parsed query as `Query.to_dict` writes it.
+        correct: field -> whether the parsed value is right.
+        lenient: whether the core fields are right with the relations next_to, near, toward and at identified.
+        counts: qualifiers, secondary, excluded -> number of values in both, only in the label, only in the query.
     """
 
-    record: dict[str, Any]
-    got: dict[str, Any]
-    right: dict[str, bool]
+    label: dict[str, Any]
+    parsed: dict[str, Any]
+    correct: dict[str, bool]
     lenient: bool
     counts: dict[str, tuple[int, int, int]]
 
     @property
-    def core(self) -> bool:
-        """Whether everything is right that counts for the headline figure."""
-        return all(self.right[field] for field in CORE)
+    def core_correct(self) -> bool:
+        """Whether all core fields are right."""
+        return all(self.correct[field] for field in CORE_FIELDS)
 
-    def wrong(self) -> list[tuple[str, Any, Any]]:
-        """Fields that differ, as labelled and as read."""
-        return [
-            (field, _value(self.record, field), _value(self.got, field)) for field in FIELDS if not self.right[field]
-        ]
+    def errors(self) -> list[tuple[str, Any, Any]]:
+        """Return (field, labelled value, parsed value) of all fields that differ."""
+        wrong = (field for field in FIELDS if not self.correct[field])
+        return [(field, _value(self.label, field), _value(self.parsed, field)) for field in wrong]
 
 
-@dataclass(frozen=True)
-class Result:
-    """How a set of commands was read, one by one in their order."""
+@dataclass(frozen=True, eq=False)
+class ParseScores:
+    """The scores of a set of commands, in the order of the labels."""
 
-    judged: Sequence[Judged]
+    commands: Sequence[ScoredCommand]
 
     def as_json(self) -> dict[str, Any]:
-        """All figures; shares of 1, None where there was nothing to be counted."""
-        cores = [one.core for one in self.judged]
-        commands = [one for one in self.judged if one.record["status"] == "ok"]
-        others = [one for one in self.judged if one.record["status"] != "ok"]
-        fields = {field: _share([one.right[field] for one in self.judged]) for field in FIELDS}
+        """Return all figures; shares are in 0..1, None if there is nothing to count."""
+        core = [one.core_correct for one in self.commands]
+        accepted = [one for one in self.commands if one.label["status"] == "ok"]
+        rejected = [one for one in self.commands if one.label["status"] != "ok"]
+        fields = {field: _share([one.correct[field] for one in self.commands]) for field in FIELDS}
         return {
-            "records": len(self.judged),
-            "core_parse_right": _share(cores),
-            "wilson": list(wilson(sum(cores), len(cores))),
-            "lenient": _share([one.lenient for one in self.judged]),
-            "per_field": fields | {field: self._f1(field) for field in _SETS},
-            "false_rejects": _share([not one.right["status"] for one in commands]),
-            "reject_recall": _share([one.right["status"] for one in others]),
+            "records": len(self.commands),
+            "core_parse_right": _share(core),
+            "wilson": list(wilson_interval(sum(core), len(core))),
+            "lenient": _share([one.lenient for one in self.commands]),
+            "per_field": fields | {field: self._f1(field) for field in _SET_FIELDS},
+            "false_rejects": _share([not one.correct["status"] for one in accepted]),
+            "reject_recall": _share([one.correct["status"] for one in rejected]),
             "by_category": self._by_category(),
         }
 
     def _f1(self, field: str) -> float | None:
-        both, missed, added = (sum(one.counts[field][i] for one in self.judged) for i in range(3))
+        """Return the micro-averaged F1 score of a set field."""
+        both, missed, added = (sum(one.counts[field][i] for one in self.commands) for i in range(3))
         return 2 * both / (2 * both + missed + added) if both + missed + added else None
 
     def _by_category(self) -> dict[str, dict[str, int]]:
         groups: dict[str, list[bool]] = {}
-        for one in self.judged:
-            groups.setdefault(str(one.record.get("category") or "none"), []).append(one.core)
+        for one in self.commands:
+            groups.setdefault(str(one.label.get("category") or "none"), []).append(one.core_correct)
         return {name: {"records": len(group), "right": sum(group)} for name, group in groups.items()}
 
 
-def evaluate(records: Iterable[dict[str, Any]], parse: Callable[[str], dict[str, Any]]) -> Result:
-    """Judge what `parse` makes of the commands: text -> fields as `Query.to_dict` writes them."""
-    return Result([judge(record, parse(record["command"])) for record in records])
+def score_parser(labels: Iterable[dict[str, Any]], parse: Callable[[str], dict[str, Any]]) -> ParseScores:
+    """Score `parse` (text -> fields as `Query.to_dict` writes them) on labelled commands."""
+    return ParseScores([score_command(label, parse(label["command"])) for label in labels])
 
 
-def judge(record: dict[str, Any], got: dict[str, Any]) -> Judged:
-    """Compare a query, as `Query.to_dict` writes it, with a label; the label's alternatives count as right."""
-    gold, own = record["referent"] or {}, got["referent"] or {}
-    optional = set(gold.get("qualifiers_optional", ()))
-    pairs = {
-        "qualifiers": [{*one.get("qualifiers", ())} - optional for one in (gold, own)],
-        "secondary": [_landmarks(one["secondary"]) for one in (record, got)],
-        "excluded": [_exclusions(one["excluded"]) for one in (record, got)],
+def score_command(label: dict[str, Any], parsed: dict[str, Any]) -> ScoredCommand:
+    """Compare a query, as `Query.to_dict` writes it, with a label; alternatives in the label count as right."""
+    expected, got = label["referent"] or {}, parsed["referent"] or {}
+    optional = set(expected.get("qualifiers_optional", ()))
+    sets = {
+        "qualifiers": [{*one.get("qualifiers", ())} - optional for one in (expected, got)],
+        "secondary": [_landmarks(one["secondary"]) for one in (label, parsed)],
+        "excluded": [_exclusions(one["excluded"]) for one in (label, parsed)],
     }
-    plain = ("status", "actions", "direction", "goal_side", "landmark", "trigger")
-    right = {field: bool(record[field] == got[field]) for field in plain}
-    right |= {field: labelled == read for field, (labelled, read) in pairs.items()}
-    right["action"] = got["action"] in (record["action"], *record["action_alt"])
-    relations = [record["relation"], *record["relation_alt"]]
-    right["relation"] = got["relation"] in relations
-    right["noun"] = own.get("noun") in (gold.get("noun"), *gold.get("noun_alt", ())) and bool(gold) == bool(own)
-    right["colour"] = gold.get("colour") == own.get("colour")
-    right["number"] = (gold.get("number") == 2) == (own.get("number") == 2)
-    right["distance"] = _same_distance(record, got)
-    counts = {field: (len(a & b), len(a - b), len(b - a)) for field, (a, b) in pairs.items()}
-    loosely = _loose(got["relation"]) in map(_loose, relations)
-    lenient = loosely and all(right[field] for field in CORE if field != "relation")
-    return Judged(record, got, right, lenient, counts)
+    exact = ("status", "actions", "direction", "goal_side", "landmark", "trigger")
+    correct = {field: bool(label[field] == parsed[field]) for field in exact}
+    correct |= {field: labelled == read for field, (labelled, read) in sets.items()}
+    correct["action"] = parsed["action"] in (label["action"], *label["action_alt"])
+    relations = [label["relation"], *label["relation_alt"]]
+    correct["relation"] = parsed["relation"] in relations
+    nouns = (expected.get("noun"), *expected.get("noun_alt", ()))
+    correct["noun"] = got.get("noun") in nouns and bool(expected) == bool(got)
+    correct["colour"] = expected.get("colour") == got.get("colour")
+    correct["number"] = (expected.get("number") == 2) == (got.get("number") == 2)
+    correct["distance"] = _same_distance(label, parsed)
+    counts = {field: (len(a & b), len(a - b), len(b - a)) for field, (a, b) in sets.items()}
+    lenient_relation = _lenient_relation(parsed["relation"]) in map(_lenient_relation, relations)
+    lenient = lenient_relation and all(correct[field] for field in CORE_FIELDS if field != "relation")
+    return ScoredCommand(label, parsed, correct, lenient, counts)
 
 
-def _loose(relation: str) -> str:
-    relation = _LENIENT.get(relation, relation)
-    return _LENIENT.get(relation, relation)
+def _lenient_relation(relation: str) -> str:
+    relation = _LENIENT_RELATIONS.get(relation, relation)
+    return _LENIENT_RELATIONS.get(relation, relation)
 
 
-def _same_distance(record: dict[str, Any], got: dict[str, Any]) -> bool:
-    labelled, read = record["distance_m"], got["distance_m"]
-    if labelled is None or read is None:
-        return labelled is read
-    near = abs(labelled - read) <= _DISTANCE_M
-    return near and bool(record["distance_of"] == got["distance_of"])
+def _same_distance(label: dict[str, Any], parsed: dict[str, Any]) -> bool:
+    expected_m, got_m = label["distance_m"], parsed["distance_m"]
+    if expected_m is None or got_m is None:
+        return expected_m is got_m
+    close = abs(expected_m - got_m) <= _DISTANCE_TOLERANCE_M
+    return close and bool(label["distance_of"] == parsed["distance_of"])
 
 
 def _landmarks(items: Iterable[dict[str, Any]]) -> set[tuple[Any, ...]]:
@@ -170,8 +175,8 @@ def _share(values: Sequence[bool]) -> float | None:
     return sum(values) / len(values) if values else None
 
 
-def wilson(right: int, total: int) -> tuple[float, float]:
-    """The 95 % interval of a share by Wilson's score; (0, 1) of nothing."""
+def wilson_interval(right: int, total: int) -> tuple[float, float]:
+    """Return the 95 % Wilson score interval of a share; (0, 1) for a total of 0."""
     if total == 0:
         return 0.0, 1.0
     z = 1.959964
@@ -181,14 +186,14 @@ def wilson(right: int, total: int) -> tuple[float, float]:
     return max(0.0, middle - half), min(1.0, middle + half)
 
 
-def read_labelled(path: Path) -> list[dict[str, Any]]:
-    """The records of a JSONL file of labelled commands, one object a line; keys that are left out are empty.
+def read_labelled_commands(path: str | PathLike[str]) -> list[dict[str, Any]]:
+    """Return the records of a JSONL file of labelled commands, one object a line; omitted keys are empty.
 
     Raises:
-        DataError: if the file cannot be read, or a line of it is no record, with its number.
+        DataError: if the file cannot be read or a line is invalid; the message holds the line number.
     """
     records = []
-    for number, line in enumerate(read_text(path).splitlines(), start=1):
+    for number, line in enumerate(read_text(Path(path)).splitlines(), start=1):
         if line.strip():
             try:
                 records.append(_record(line))
@@ -200,16 +205,16 @@ def read_labelled(path: Path) -> list[dict[str, Any]]:
 
 
 def _record(line: str) -> dict[str, Any]:
-    if len(line) > _MOST_CHARACTERS:
-        raise ValueError(f"expected at most {_MOST_CHARACTERS} characters a line, got {len(line)}")
+    if len(line) > _MAX_CHARACTERS:
+        raise ValueError(f"expected at most {_MAX_CHARACTERS} characters a line, got {len(line)}")
     try:
         record = json.loads(line)
     except json.JSONDecodeError as error:
         raise ValueError(f"no valid JSON ({error.msg} at column {error.colno})") from error
     if not isinstance(record, dict):
         raise TypeError(f"expected a JSON object, got {type(record).__name__}")
-    record = {**dict.fromkeys(_KEYS), **_EMPTY, **record}
-    for key, types in _KEYS.items():
+    record = {**dict.fromkeys(_TYPES), **_DEFAULTS, **record}
+    for key, types in _TYPES.items():
         value = record[key]
         if not isinstance(value, types) or isinstance(value, bool):
             wanted = " or ".join("null" if one is type(None) else one.__name__ for one in types)

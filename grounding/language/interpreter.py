@@ -1,58 +1,82 @@
-"""Clauses -> story: read from left to right, part by part."""
+"""Interpreter: reads clauses from left to right, chunk by chunk, into a discourse."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 
-from grounding.language import spatial_rules, verb_rules
-from grounding.language.attachment import Telling
+from grounding.language.attachment import attach_phrase, discard_leading_place
 from grounding.language.clauses import Clause
-from grounding.language.command_frames import Story
-from grounding.language.noun_phrases import Phrase, parts
+from grounding.language.command_frames import Discourse
+from grounding.language.discourse_state import DiscourseState
+from grounding.language.function_word_rules import (
+    handle_auxiliary,
+    handle_exception,
+    handle_existential,
+    handle_infinitive,
+    handle_negation,
+    handle_particle,
+    handle_question,
+    handle_relative_pronoun,
+    handle_there,
+    handle_unknown,
+)
+from grounding.language.mentions import attach_distance
+from grounding.language.noun_phrases import NounPhrase, chunk
+from grounding.language.spatial_rules import (
+    handle_away,
+    handle_between,
+    handle_distance,
+    handle_ego_place,
+    handle_lane,
+    handle_of,
+    handle_relation,
+    handle_side,
+)
 from grounding.language.tokenizer import Token
-from grounding.language.word_categories import Kind
+from grounding.language.verb_rules import handle_direction, handle_meanwhile, handle_other_verb, handle_verb
+from grounding.language.word_categories import WordCategory
 
-_HANDLERS: Mapping[Kind, Callable[[Telling, Token], None]] = {
-    Kind.VERB: verb_rules.verb,
-    Kind.NONDRIVE: verb_rules.other_verb,
-    Kind.MEANWHILE: verb_rules.meanwhile,
-    Kind.DIRECTION: verb_rules.turned,
-    Kind.RELATION: spatial_rules.relation,
-    Kind.BETWEEN: spatial_rules.between,
-    Kind.OF: spatial_rules.of,
-    Kind.SIDE: spatial_rules.side,
-    Kind.WHERE: spatial_rules.where,
-    Kind.LANE: spatial_rules.lane,
-    Kind.DISTANCE: spatial_rules.distance,
-    Kind.AWAY: spatial_rules.away,
-    Kind.NOT: spatial_rules.negation,
-    Kind.EXCEPT: spatial_rules.exception,
-    Kind.WHICH: spatial_rules.which,
-    Kind.BE: spatial_rules.helper,
-    Kind.AUX: spatial_rules.helper,
-    Kind.EXISTS: spatial_rules.exists,
-    Kind.QUESTION: spatial_rules.question,
-    Kind.THERE: spatial_rules.there,
-    Kind.TO: spatial_rules.purpose,
-    Kind.OUT: spatial_rules.out,
-    Kind.UNKNOWN: spatial_rules.unknown,
+_HANDLERS: Mapping[WordCategory, Callable[[DiscourseState, Token], None]] = {
+    WordCategory.VERB: handle_verb,
+    WordCategory.NONDRIVE: handle_other_verb,
+    WordCategory.MEANWHILE: handle_meanwhile,
+    WordCategory.DIRECTION: handle_direction,
+    WordCategory.RELATION: handle_relation,
+    WordCategory.BETWEEN: handle_between,
+    WordCategory.OF: handle_of,
+    WordCategory.SIDE: handle_side,
+    WordCategory.WHERE: handle_ego_place,
+    WordCategory.LANE: handle_lane,
+    WordCategory.DISTANCE: handle_distance,
+    WordCategory.AWAY: handle_away,
+    WordCategory.NOT: handle_negation,
+    WordCategory.EXCEPT: handle_exception,
+    WordCategory.WHICH: handle_relative_pronoun,
+    WordCategory.BE: handle_auxiliary,
+    WordCategory.AUX: handle_auxiliary,
+    WordCategory.EXISTS: handle_existential,
+    WordCategory.QUESTION: handle_question,
+    WordCategory.THERE: handle_there,
+    WordCategory.TO: handle_infinitive,
+    WordCategory.OUT: handle_particle,
+    WordCategory.UNKNOWN: handle_unknown,
 }
 
 
-def tell(clauses: Sequence[Clause]) -> Story:
-    """The story of the clauses of a text."""
-    told = Telling()
+def interpret(clauses: Sequence[Clause]) -> Discourse:
+    """Return the discourse of the clauses of a text."""
+    state = DiscourseState()
     for clause in clauses:
-        told.before, told.deed, told.clause = told.deed or told.before, None, clause
-        told.clear()
-        if clause.new:
-            told.forget_place()
-        told.rest = list(parts(clause.tokens))
-        while told.rest:
-            part = told.rest.pop(0)
-            if isinstance(part, Phrase):
-                told.phrase(part)
-            elif handler := _HANDLERS.get(part.kind):
-                handler(told, part)
-        told.spend_gap("way")
-    return told.story
+        state.previous_frame, state.frame, state.clause = state.frame or state.previous_frame, None, clause
+        state.clear()
+        if clause.starts_sentence:
+            discard_leading_place(state)
+        state.remaining = list(chunk(clause.tokens))
+        while state.remaining:
+            part = state.remaining.pop(0)
+            if isinstance(part, NounPhrase):
+                attach_phrase(state, part)
+            elif handler := _HANDLERS.get(part.category):
+                handler(state, part)
+        attach_distance(state, "travel_or_gap")
+    return state.discourse

@@ -1,99 +1,96 @@
-"""The words of driving commands: phrases read from text files, what each is to the grammar and what it stands for."""
+"""Lexicon of driving commands: phrases read from text files, each with its grammatical category and meaning."""
 
 from __future__ import annotations
 
 import re
 from dataclasses import dataclass, field
 from functools import cache
+from os import PathLike
 from pathlib import Path
-from typing import get_args
 
 from appocc.errors import DataError
 from appocc.files import read_text
+from grounding.language.phrase_patterns import WORD, LexicalEntry, PhrasePattern
 from grounding.language.word_categories import (
+    CORRECTION_TARGETS,
     INFLECTED,
     LIGHT_VERBS,
-    MENDED,
     NOUNS,
-    VALUES,
-    WORD,
-    Entry,
-    Kind,
-    Pattern,
-    State,
+    SECTION_VALUES,
+    WordCategory,
 )
+from grounding.vocabulary import STATES, TRIGGERS
 
-__all__ = ["Kind", "Lexicon", "default_lexicon", "phrases", "read_lexicon"]
-
-DEFAULT = Path(__file__).parent / "data" / "lexicon.txt"
-STATES: tuple[str, ...] = (*get_args(State), "own_lane")
-EVENTS = ("pass", "leave", "turn", "stop", "merge", "clear", "other")
-_WRITTEN = {kind.value: kind for kind in Kind if kind not in (Kind.COMMA, Kind.BREAK, Kind.DISTANCE, Kind.UNKNOWN)}
-_MOST_BYTES = 1_000_000
-_HEAD = re.compile(r"\[([a-z]+)([^\]\[|]*)((?:\|[^\]\[]*)?)\]")
+DEFAULT_PATH = Path(__file__).parent / "data" / "lexicon.txt"
+_NO_SECTIONS = (WordCategory.COMMA, WordCategory.BREAK, WordCategory.DISTANCE, WordCategory.UNKNOWN)
+_SECTIONS = {category.value: category for category in WordCategory if category not in _NO_SECTIONS}
+_VERB_STATES = (*STATES, "own_lane")
+_MAX_BYTES = 1_000_000
+_HEADING = re.compile(r"\[([a-z]+)([^\]\[|]*)((?:\|[^\]\[]*)?)\]")
 
 
 @dataclass
 class Lexicon:
-    """Phrases by their first word, and all their words.
+    """Phrase patterns, indexed by their first words.
 
     Attributes:
-        patterns: in the order in which they were read; the last wins where two are as long.
-        by_word: the same by the words they may begin with.
-        forms: of inflected words: s, ing, past, plural.
-        words: every word; 0 where no slip is mended to it, 1 where one is, 2 for what is named most.
-        irregular: forms of verbs and plurals that no rule makes.
+        patterns: in file order; of two matches of equal length the later pattern wins.
+        by_word: first word -> patterns that may begin with it.
+        forms: inflected word -> form: s, ing, past or plural.
+        words: word -> priority as a spelling correction: 0 never, 1 possible, 2 preferred.
+        irregular: word -> its irregular forms.
     """
 
-    patterns: list[Pattern] = field(default_factory=list)
-    by_word: dict[str, list[Pattern]] = field(default_factory=dict)
+    patterns: list[PhrasePattern] = field(default_factory=list)
+    by_word: dict[str, list[PhrasePattern]] = field(default_factory=dict)
     forms: dict[str, str] = field(default_factory=dict)
     words: dict[str, int] = field(default_factory=dict)
     irregular: dict[str, tuple[str, ...]] = field(default_factory=dict)
 
-    def longest(self, words: tuple[str, ...], start: int) -> tuple[int, Entry] | None:
-        """One past the longest phrase that begins at `start`, and what it is; None where none does."""
-        best: tuple[int, Entry] | None = None
+    def longest_match(self, words: tuple[str, ...], start: int) -> tuple[int, LexicalEntry] | None:
+        """Return the end (exclusive) and the entry of the longest phrase from `start`, None if none matches."""
+        best: tuple[int, LexicalEntry] | None = None
         for pattern in self.by_word.get(words[start], ()):
-            end = pattern.end(words, start)
+            end = pattern.match_end(words, start)
             if end > start and (best is None or end >= best[0]):
-                best = end, _both(best[1], pattern.entry) if best and best[0] == end else pattern.entry
+                best = end, _merged(best[1], pattern.entry) if best and best[0] == end else pattern.entry
         return best
 
-    def add(self, line: str, entry: Entry) -> None:
-        """Add the phrases of a line; they are indexed here, and taken apart when they are first tried."""
+    def add(self, line: str, entry: LexicalEntry) -> None:
+        """Index the patterns of a line; a pattern is parsed when it is first matched."""
         for text in filter(None, map(str.strip, line.split(";"))):
-            pattern = Pattern(text, entry, self.inflected)
+            pattern = PhrasePattern(text, entry, self.inflect)
             self.patterns.append(pattern)
             for word in re.split(r"[\[\]|_ ]+", text):
                 self.words.setdefault(word, 0)
             first, *rest = text.split()
-            for word in re.split(r"[\[\]|_]+", rest[-1]) if rest and entry.kind in NOUNS else ():
-                self.words.setdefault(self.inflected(word, entry.kind)[1], 0)
-            alone = first.isalnum() and all(part[0] == "[" for part in rest)
-            mended = alone and entry.kind in MENDED and entry.value not in LIGHT_VERBS
-            often = mended * (2 if entry.kind in (Kind.NOUN, Kind.COLOUR) else 1)
-            for word in self._beginnings(text, entry.kind):
+            for word in re.split(r"[\[\]|_]+", rest[-1]) if rest and entry.category in NOUNS else ():
+                self.words.setdefault(self.inflect(word, entry.category)[1], 0)
+            single_word = first.isalnum() and all(part[0] == "[" for part in rest)
+            target = single_word and entry.category in CORRECTION_TARGETS and entry.value not in LIGHT_VERBS
+            priority = target * (2 if entry.category in (WordCategory.NOUN, WordCategory.COLOUR) else 1)
+            for word in self._first_words(text, entry.category):
                 self.by_word.setdefault(word, []).append(pattern)
-                self.words[word] = max(self.words.get(word, 0), often)
+                self.words[word] = max(self.words.get(word, 0), priority)
 
-    def _beginnings(self, text: str, kind: Kind) -> set[str]:
-        """All words that the phrases of a pattern begin with."""
+    def _first_words(self, text: str, category: WordCategory) -> set[str]:
+        """Return all words that the phrases of a pattern may begin with."""
         words: set[str] = set()
         for part in text.split():
             for choice in part.strip("[]").split("|"):
                 first, *more = choice.split("_")
-                words.update(self.inflected(first, kind) if kind is Kind.VERB or not more else (first,))
+                inflects = category is WordCategory.VERB or not more
+                words.update(self.inflect(first, category) if inflects else (first,))
             if part[0] != "[":
                 break
         return words
 
-    def inflected(self, word: str, kind: Kind) -> tuple[str, ...]:
-        """The word itself, and its other forms if it is a verb or a noun; they are remembered in `forms`."""
-        if kind not in INFLECTED:
+    def inflect(self, word: str, category: WordCategory) -> tuple[str, ...]:
+        """Return the word and, for verbs and nouns, its other forms; new forms are added to `forms`."""
+        if category not in INFLECTED:
             return (word,)
-        forms = self.irregular.get(word) or _regular(word)
-        if kind is not Kind.VERB:
+        forms = self.irregular.get(word) or _regular_forms(word)
+        if category is not WordCategory.VERB:
             self.forms.setdefault(forms[1], "plural")
             return forms[:2]
         for form, name in zip(forms[1:], ("s", "ing", "past", "past"), strict=False):
@@ -102,17 +99,17 @@ class Lexicon:
         return forms
 
 
-def _both(before: Entry, entry: Entry) -> Entry:
-    """One entry of two of the same phrase: the later, but a verb keeps what it commands ("get out")."""
-    if before.kind is entry.kind is Kind.VERB and "none" in (before.value, entry.value):
+def _merged(before: LexicalEntry, entry: LexicalEntry) -> LexicalEntry:
+    """Return the later of two entries of a phrase; a verb keeps its action ("get out")."""
+    if before.category is entry.category is WordCategory.VERB and "none" in (before.value, entry.value):
         value = before.value if entry.value == "none" else entry.value
-        return Entry(Kind.VERB, value, entry.state or before.state, entry.event or before.event)
+        return LexicalEntry(WordCategory.VERB, value, entry.state or before.state, entry.event or before.event)
     return entry
 
 
 @cache
-def _regular(word: str) -> tuple[str, ...]:
-    """A verb with -s, -ing, -ed; the second is a noun's plural, too."""
+def _regular_forms(word: str) -> tuple[str, ...]:
+    """Return a word with -s, -ing and -ed; the second is also the plural of a noun."""
     before, last = word[-2:-1], word[-1:]
     if last == "y" and before not in "aeiou":
         return word, word[:-1] + "ies", word + "ing", word[:-1] + "ied"
@@ -124,29 +121,29 @@ def _regular(word: str) -> tuple[str, ...]:
     return word, plural, stem + "ing", stem + "ed"
 
 
-def read_lexicon(path: Path, base: Lexicon | None = None) -> Lexicon:
-    """The phrases of a file, added to those of the package (or of `base`), which stays as it is.
+def read_lexicon(path: str | PathLike[str], base: Lexicon | None = None) -> Lexicon:
+    """Return a copy of `base` (default: the package's lexicon) with the phrases of a file added.
 
     Raises:
-        DataError: if the file or a line of it cannot be read, with its number.
+        DataError: if the file cannot be read or a line is invalid; the message holds the line number.
     """
     lexicon = _copy(base or default_lexicon())
-    _read_into(lexicon, path, careful=True)
+    _add_file(lexicon, Path(path), validate=True)
     return lexicon
 
 
 @cache
 def default_lexicon() -> Lexicon:
-    """The phrases of the package."""
+    """Return the package's lexicon, read once per process."""
     lexicon = Lexicon()
-    _read_into(lexicon, DEFAULT)
+    _add_file(lexicon, DEFAULT_PATH)
     return lexicon
 
 
-def phrases() -> dict[tuple[str, ...], tuple[Kind, str]]:
-    """Every phrase of the package, word by word, with its kind and value."""
+def default_phrases() -> dict[tuple[str, ...], tuple[WordCategory, str]]:
+    """Return every phrase of the package's lexicon as a tuple of words, with its category and value."""
     return {
-        phrase: (pattern.entry.kind, pattern.entry.value)
+        phrase: (pattern.entry.category, pattern.entry.value)
         for pattern in default_lexicon().patterns
         for phrase in pattern.phrases()
     }
@@ -157,55 +154,55 @@ def _copy(base: Lexicon) -> Lexicon:
     return Lexicon(list(base.patterns), by_word, dict(base.forms), dict(base.words), dict(base.irregular))
 
 
-def _read_into(lexicon: Lexicon, path: Path, careful: bool = False) -> None:
-    """Add the phrases of a file; `careful`: each is taken apart at once, so that mistakes are told."""
-    lines = read_text(path, _MOST_BYTES).splitlines()
-    section: Entry | None = None
+def _add_file(lexicon: Lexicon, path: Path, validate: bool = False) -> None:
+    """Add the phrases of a file; with `validate`, parse each pattern now so that errors name their line."""
+    lines = read_text(path, _MAX_BYTES).splitlines()
+    section: LexicalEntry | None = None
     in_forms = False
     for number, line in enumerate(lines, start=1):
         text = line.strip().casefold().replace("-", " ")
         if not text or text.startswith("#"):
             continue
         try:
-            if head := _HEAD.fullmatch(text):
-                in_forms = head[0] == "[forms]"
-                section = None if in_forms else _entry(head)
+            if heading := _HEADING.fullmatch(text):
+                in_forms = heading[0] == "[forms]"
+                section = None if in_forms else _section_entry(heading)
             elif in_forms:
-                lexicon.irregular[text.split()[0]] = _forms(text)
+                lexicon.irregular[text.split()[0]] = _irregular_forms(text)
             elif section is None:
                 raise ValueError(f"expected a section such as [noun car] first, got '{text[:60]}'")
             else:
                 before = len(lexicon.patterns)
                 lexicon.add(text, section)
-                for pattern in lexicon.patterns[before:] if careful else ():
+                for pattern in lexicon.patterns[before:] if validate else ():
                     pattern.parts()
         except ValueError as error:
             raise DataError(f"{path}: line {number}: {error}") from error
 
 
-def _forms(text: str) -> tuple[str, ...]:
+def _irregular_forms(text: str) -> tuple[str, ...]:
     forms = tuple(text.split())
     if not 2 <= len(forms) <= 6 or not all(WORD.fullmatch(word) for word in forms):
         raise ValueError(f"expected a word and its forms (-s, -ing, -ed), got '{text[:60]}'")
     return forms
 
 
-def _entry(head: re.Match[str]) -> Entry:
-    """What the head of a section says of its phrases."""
-    if head[1] not in _WRITTEN:
-        raise ValueError(f"expected a section of one of {', '.join(_WRITTEN)}, got '{head[0]}'")
-    kind, value = _WRITTEN[head[1]], head[2].strip()
-    allowed = VALUES.get(kind)
+def _section_entry(heading: re.Match[str]) -> LexicalEntry:
+    """Return the entry that the phrases of a section share."""
+    if heading[1] not in _SECTIONS:
+        raise ValueError(f"expected a section of one of {', '.join(_SECTIONS)}, got '{heading[0]}'")
+    category, value = _SECTIONS[heading[1]], heading[2].strip()
+    allowed = SECTION_VALUES.get(category)
     if allowed and value.split(" ")[0] not in allowed:
-        raise ValueError(f"expected [{kind.value}] to be one of {', '.join(allowed)}, got '{value}'")
-    if kind in (Kind.NUMBER, Kind.UNIT) and not re.fullmatch(r"\d{1,6}(\.\d{1,6})?", value):
-        raise ValueError(f"expected a plain number, got '{head[0]}'")
-    more = {}
-    for item in filter(None, (part.strip() for part in head[3].split("|"))):
-        key, _, what = item.partition("=")
-        if what not in {"is": STATES, "event": EVENTS}.get(key, ()):
+        raise ValueError(f"expected [{category.value}] to be one of {', '.join(allowed)}, got '{value}'")
+    if category in (WordCategory.NUMBER, WordCategory.UNIT) and not re.fullmatch(r"\d{1,6}(\.\d{1,6})?", value):
+        raise ValueError(f"expected a plain number, got '{heading[0]}'")
+    options = {}
+    for item in filter(None, (part.strip() for part in heading[3].split("|"))):
+        key, _, choice = item.partition("=")
+        if choice not in {"is": _VERB_STATES, "event": TRIGGERS}.get(key, ()):
             raise ValueError(
-                f"expected is=STATE ({', '.join(STATES)}) or event=EVENT ({', '.join(EVENTS)}), got '{item}'"
+                f"expected is=STATE ({', '.join(_VERB_STATES)}) or event=EVENT ({', '.join(TRIGGERS)}), got '{item}'"
             )
-        more[key] = what
-    return Entry(kind, value, more.get("is", ""), more.get("event", ""))
+        options[key] = choice
+    return LexicalEntry(category, value, options.get("is", ""), options.get("event", ""))

@@ -1,8 +1,7 @@
-"""A language model beside the grammar, for those who have one: it must answer with the same query, or is not heard.
+"""Parser that asks a language model first and falls back to the grammar; off by default.
 
-Off unless asked for. It speaks the chat protocol that most servers share (POST of messages, an answer in
-`choices[0].message.content`); the sentence is all that leaves the machine. What comes back is checked value by value;
-if it does not come in time, or is no query, the grammar's reading stands.
+Protocol: chat completions (POST of messages, the answer in `choices[0].message.content`). Only the sentence leaves
+the machine. The answer is validated value by value; the grammar's readings are used if it is late or invalid.
 """
 
 from __future__ import annotations
@@ -20,11 +19,12 @@ from urllib.parse import urlsplit
 from urllib.request import Request, urlopen
 
 from appocc.errors import DataError
-from grounding.language.parser import Reading, readings
-from grounding.language.word_categories import Action, Relation
-from grounding.query_schema import Noun, Placing, Qualifier, choices, query_of
+from grounding.language.parser import Reading, parse_all
+from grounding.query import Placement
+from grounding.query_schema import Noun, Qualifier, choices, query_from_json
+from grounding.vocabulary import Action, Relation
 
-_MOST_BYTES, _MOST_TOLD = 100_000, 200
+_MAX_BYTES, _MAX_ERROR_CHARACTERS = 100_000, 200
 _TASK = f"""You read what a passenger tells a self-driving car and answer with one JSON object and nothing else.
 status: "ok", or "reject" if it is no driving command (then nothing else).
 action: the action that takes the vehicle referred to, else the main one: {choices(Action)}.
@@ -33,64 +33,64 @@ relation: where the car ends relative to the landmark: {choices(Relation)}.
 landmark: "referent", "secondary" (the first of them) or null. goal_side: side of the road for the goal, or null.
 referent: the vehicle, or null: noun ({choices(Noun)}), head (the word used), colour (as said, grey for gray),
 qualifiers ({choices(Qualifier)}), number (2 for "the two cars").
-secondary: further things: noun, relation (also {choices(Placing)}), of ("goal", "referent", or "inverse"), colour,
+secondary: further things: noun, relation (also {choices(Placement)}), of ("goal", "referent", or "inverse"), colour,
 qualifiers. trigger: pass, leave, turn, stop, merge, clear, other or null. distance_m and distance_of ("referent": gap
 to it, "ego": way to go, "descriptor": it is that far away), or null.
 excluded: what is ruled out: relation (null: no such vehicle is meant), noun, colour, qualifiers."""
 
 
 @dataclass(frozen=True)
-class Endpoint:
-    """Where a language model answers.
+class ChatEndpoint:
+    """Chat-completions endpoint of a language model.
 
     Attributes:
-        url: of its chat completions, http or https.
-        model: its name.
-        key: sent as a bearer token, None where none is needed.
-        timeout_s: how long an answer may take in all.
-        read: how sentences are read beside it.
+        url: address of the chat completions, http or https.
+        model: model name.
+        key: bearer token, None if the endpoint needs none.
+        timeout_s: time limit of an answer in seconds, for connection and transfer together.
+        fallback: parser whose readings follow the model's, and replace it if it fails.
     """
 
     url: str
     model: str
     key: str | None = None
     timeout_s: float = 5.0
-    read: Callable[[str], tuple[Reading, ...]] = readings
+    fallback: Callable[[str], tuple[Reading, ...]] = parse_all
 
     def __post_init__(self) -> None:
         """Check the address.
 
         Raises:
-            DataError: if it is not one of http or https.
+            DataError: if the address is not a valid http or https address.
         """
         try:
             parts = urlsplit(self.url)
             good = parts.scheme in ("http", "https") and bool(parts.hostname) and parts.port != 0
-        except ValueError:  # half an IPv6 address, a port that is none
+        except ValueError:  # incomplete IPv6 address, invalid port
             good = False
         if not good:
             raise DataError(
                 f"language model: expected an address that begins with http:// or https://, got {self.url}"
             )
 
-    def readings(self, text: str) -> tuple[Reading, ...]:
-        """The model's reading before those of the grammar; if it fails, those of the grammar with a note why."""
-        own = self.read(text)
+    def parse_all(self, text: str) -> tuple[Reading, ...]:
+        """Return the model's reading and those of the grammar; if the model fails, the grammar's with a note."""
+        own = self.fallback(text)
         try:
-            query = query_of(text, json.loads(_within(self.timeout_s, partial(self._asked, text))))
+            query = query_from_json(text, json.loads(_run_with_timeout(self.timeout_s, partial(self._request, text))))
         except (DataError, ValueError, OSError, HTTPException, RecursionError) as error:
-            note = f"the language model was not heard: {str(error)[:_MOST_TOLD]}"
+            note = f"the language model was not used: {str(error)[:_MAX_ERROR_CHARACTERS]}"
             return tuple(replace(one, notes=(*one.notes, note)) for one in own)
         if query.action is None:
             return own
         return (Reading(query, 0.0, own[0].tokens, ("read by the language model",)), *own)
 
-    def _asked(self, text: str) -> str:
-        """What the model answers to a sentence.
+    def _request(self, text: str) -> str:
+        """Return the model's answer to a sentence.
 
         Raises:
-            OSError: if the endpoint is not there or too slow.
-            DataError: if the answer is not of the protocol.
+            OSError: if the endpoint cannot be reached or is too slow.
+            DataError: if the answer does not follow the protocol.
         """
         messages = [{"role": "system", "content": _TASK}, {"role": "user", "content": text}]
         body = {"model": self.model, "messages": messages, "temperature": 0}
@@ -98,26 +98,26 @@ class Endpoint:
         request = Request(self.url, json.dumps(body).encode(), headers)
         try:
             with urlopen(request, timeout=self.timeout_s) as answer:
-                return _content(json.loads(answer.read(_MOST_BYTES)))
+                return _content(json.loads(answer.read(_MAX_BYTES)))
         except HTTPError as error:
-            error.close()  # it holds the connection
+            error.close()  # the error holds the connection
             raise
 
 
-def _within(seconds: float, job: Callable[[], str]) -> str:
-    """What a job returns or raises; one that takes longer is left to itself, and ends with the process at the latest.
+def _run_with_timeout(seconds: float, job: Callable[[], str]) -> str:
+    """Return or raise the result of a job; a job that takes longer continues in a daemon thread.
 
-    A limit for each read is none for all: a server may send a byte a second.
+    A timeout per read does not bound the total time: a server may send one byte a second.
 
     Raises:
-        TimeoutError: if it takes longer.
+        TimeoutError: if the job takes longer.
     """
     answer: Future[str] = Future()
 
     def work() -> None:
         try:
             answer.set_result(job())
-        except Exception as error:  # whatever it is, it is raised where the answer is waited for
+        except Exception as error:  # raised again in the waiting thread
             answer.set_exception(error)
 
     Thread(target=work, daemon=True).start()
@@ -128,10 +128,10 @@ def _within(seconds: float, job: Callable[[], str]) -> str:
 
 
 def _content(answer: Any) -> str:
-    """The text of an answer.
+    """Return the JSON text of an answer.
 
     Raises:
-        DataError: if there is none.
+        DataError: if the answer has no text.
     """
     try:
         content = answer["choices"][0]["message"]["content"]
@@ -139,5 +139,5 @@ def _content(answer: Any) -> str:
         raise DataError("expected an answer with choices[0].message.content") from error
     if not isinstance(content, str):
         raise DataError(f"expected a text as the answer, got {type(content).__name__}")
-    # Some put their JSON between fences.
+    # Some models put their JSON in a code fence.
     return content[content.find("{") : content.rfind("}") + 1]

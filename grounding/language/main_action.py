@@ -1,164 +1,180 @@
-"""Which deeds are commanded, which of them counts, and which vehicle it is about."""
+"""Main action: commanded actions of a discourse, the one that counts, and the vehicle that it is about."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from grounding.language.action_rules import settle
-from grounding.language.command_frames import Deed, Story
-from grounding.language.coreference import resolved
-from grounding.language.noun_phrases import Phrase
+from grounding.language.action_rules import classify_action
+from grounding.language.command_frames import CommandFrame, Discourse
+from grounding.language.coreference import resolve_anaphor
+from grounding.language.noun_phrases import NounPhrase
 
-# Clauses that stand beside the main one: "so that ...", "while passing ...".
-BESIDE = ("so", "while")
-_ENDS = ("park", "stop", "pull_over", "turn")
+# Connectives of purpose clauses and of simultaneous actions: "so that ...", "while passing ...".
+SIDE_CONNECTIVES = ("so", "while")
+_FINAL_ACTIONS = ("park", "stop", "pull_over", "turn")
 
 
-@dataclass(frozen=True)
-class Act:
-    """A deed that is commanded.
+@dataclass(frozen=True, eq=False)
+class Intent:
+    """A commanded frame.
 
     Attributes:
-        deed: the deed.
-        action: what it commands.
-        target: the vehicle (or person) that it is about, pronouns resolved; None for none.
-        anaphora: whether a pronoun or "one" names the target.
+        frame: the command frame.
+        action: its action.
+        target: its vehicle or person with anaphors resolved, None if there is none.
+        anaphora: whether the target is named by a pronoun or "one".
     """
 
-    deed: Deed
+    frame: CommandFrame
     action: str
-    target: Phrase | None
+    target: NounPhrase | None
     anaphora: bool = False
 
 
-@dataclass(frozen=True)
-class Choice:
-    """The act that counts, and the vehicle (or person) that the command is about."""
+@dataclass(frozen=True, eq=False)
+class MainIntent:
+    """The intent that counts, and the vehicle or person that the command refers to."""
 
-    act: Act
-    referent: Phrase | None
+    intent: Intent
+    referent: NounPhrase | None
     anaphora: bool = False
 
 
-def acts_of(story: Story) -> list[Act]:
-    """The commanded deeds in order; those that only tell when are among them, marked `aside`."""
-    for deed in story.deeds:
-        if deed.negated and deed.waits_for is not None:
-            # "Don't go until it has passed" is to wait; "don't turn until it has" is to turn then.
-            going = deed.meaning in ("go", "drive", "move", "other")
-            deed.negated, deed.meaning = False, "wait" if going else deed.meaning
-            if deed.forbidden is not None and deed.target is None:
-                deed.target = deed.forbidden
-                story.excluded = [(said, phrase) for said, phrase in story.excluded if phrase is not deed.target]
-    _join_purposes(story)
-    settled = [(deed, settle(deed)) for deed in story.deeds if not deed.negated]
-    # What a deed is about that is no driving is only mentioned: "fetch my bag from that van".
-    idle = [deed.target for deed, action in settled if action is None]
-    story.mentions = [(phrase, "said" if phrase in idle else role) for phrase, role in story.mentions]
-    return [_act(story, deed, action) for deed, action in settled if action]
+def find_intents(discourse: Discourse) -> list[Intent]:
+    """Return the commanded frames in order, temporal ones ("when you turn") included."""
+    for frame in discourse.frames:
+        if frame.negated and frame.event_subject is not None:
+            # "Don't go until it has passed" is a wait; "don't turn until it has passed" is a later turn.
+            going = frame.verb_class in ("go", "drive", "move", "other")
+            frame.negated, frame.verb_class = False, "wait" if going else frame.verb_class
+            if frame.forbidden_target is not None and frame.target is None:
+                frame.target = frame.forbidden_target
+                excluded = discourse.excluded
+                discourse.excluded = [(relation, one) for relation, one in excluded if one is not frame.target]
+    _join_purposes(discourse)
+    classified = [(frame, classify_action(frame)) for frame in discourse.frames if not frame.negated]
+    # Targets of other actions than driving are only mentioned: "fetch my bag from that van".
+    idle = [frame.target for frame, action in classified if action is None]
+    discourse.mentions = [(phrase, "stated" if phrase in idle else role) for phrase, role in discourse.mentions]
+    return [_intent(discourse, frame, action) for frame, action in classified if action]
 
 
-def _join_purposes(story: Story) -> None:
-    """Where a place is taken for something else, that counts: "use the gap to change lanes"."""
-    for deed, purpose in zip(story.deeds[:-1], story.deeds[1:], strict=True):
-        aim = settle(purpose) if purpose.link == "to" and deed.meaning == "take" and deed.spot else None
-        if aim is None or deed.negated:
+def _join_purposes(discourse: Discourse) -> None:
+    """Move the place of a "take" frame to its purpose: "use the gap to change lanes"."""
+    for frame, purpose in zip(discourse.frames[:-1], discourse.frames[1:], strict=True):
+        takes_place = purpose.connective == "to" and frame.verb_class == "take" and frame.has_spot
+        action = classify_action(purpose) if takes_place else None
+        if action is None or frame.negated:
             continue
-        if aim != "park":
-            story.deeds.remove(deed)
-        if purpose.target is None and not purpose.there:
-            purpose.target, purpose.relation, purpose.inverse = deed.target, deed.relation, deed.inverse
-            purpose.marks = [(said, thing) for said, thing in deed.marks if thing.kind != "spot"] + purpose.marks
+        if action != "park":
+            discourse.frames.remove(frame)
+        if purpose.target is None and not purpose.refers_to_place:
+            purpose.target, purpose.relation = frame.target, frame.relation
+            purpose.inverse_relation = frame.inverse_relation
+            kept = [(relation, thing) for relation, thing in frame.landmarks if thing.kind != "spot"]
+            purpose.landmarks = kept + purpose.landmarks
 
 
-def _act(story: Story, deed: Deed, action: str) -> Act:
-    target = deed.target
+def _intent(discourse: Discourse, frame: CommandFrame, action: str) -> Intent:
+    target = frame.target
     if target is None:
-        return Act(deed, action, None)
-    other = next((thing for relation, thing in deed.marks if relation == deed.relation == "between"), None)
+        return Intent(frame, action, None)
+    other = next((thing for relation, thing in frame.landmarks if relation == frame.relation == "between"), None)
     if target.kind == "one" and other is not None and other.kind == "vehicle":
-        target.become(other)  # "between the second and third car"
+        target.take_noun(other)  # "between the second and third car"
         target.colour = target.colour or other.colour
     anaphora = target.kind in ("pronoun", "one")
-    return Act(deed, action, resolved(story, target), anaphora)
+    return Intent(frame, action, resolve_anaphor(discourse, target), anaphora)
 
 
-def choose(story: Story, told: Sequence[Act]) -> Choice:
-    """The act that takes the vehicle, the last one if several do; else that of an awaited vehicle; else the last."""
-    acts, asides = [act for act in told if not act.deed.aside], [act for act in told if act.deed.aside]
-    main = [act for act in acts if act.deed.link not in BESIDE]
+def select_main_intent(discourse: Discourse, intents: Sequence[Intent]) -> MainIntent:
+    """Return the last intent that takes the vehicle; else the one that waits for the vehicle; else the last one."""
+    commands = [one for one in intents if not one.frame.is_temporal]
+    temporal = [one for one in intents if one.frame.is_temporal]
+    main = [one for one in commands if one.frame.connective not in SIDE_CONNECTIVES]
     for kind in ("vehicle", "traffic", "person"):
-        if takers := [act for act in main if _of_kind(act.target, kind)]:
-            act = _counting(takers, main)
-            return Choice(act, _of_kind(act.target, kind), act.anaphora)
-        for act in acts:
-            if act.deed.link in BESIDE and (referent := _of_kind(act.target, kind)):
-                earlier = [one for one in main if one.deed.start < act.deed.start] or [*main, act]
-                return Choice(earlier[-1], referent, act.anaphora)
-        for act in main:
-            waited = resolved(story, act.deed.waits_for) if act.deed.waits_for else None
-            if waited is not None and waited.kind == kind:
-                return Choice(_ends_there(act, waited, main) or act, waited)
-        for act in asides:
-            if referent := _of_kind(act.target, kind):
-                return Choice(_last(main or acts), referent)
-        if kind == "vehicle" and (said := _told(story)):
-            return Choice(_last(main or acts), said)
-    for act in main:
-        if act.deed.object is not None and act.deed.object.kind == "person":
-            return Choice(act, act.deed.object)  # "pick up the woman"
-    return Choice(_last(main or acts), None)
+        if found := _main_of_kind(discourse, kind, main, commands):
+            return found
+        for intent in temporal:
+            if referent := _referent_of_kind(intent.target, kind):
+                return MainIntent(_last(main or commands), referent)
+        if kind == "vehicle" and (stated := _stated_vehicle(discourse)):
+            return MainIntent(_last(main or commands), stated)
+    for intent in main:
+        if intent.frame.direct_object is not None and intent.frame.direct_object.kind == "person":
+            return MainIntent(intent, intent.frame.direct_object)  # "pick up the woman"
+    return MainIntent(_last(main or commands), None)
 
 
-def _of_kind(phrase: Phrase | None, kind: str) -> Phrase | None:
-    """The phrase if it is of this kind, else the vehicle by which it is told: "the man behind the bus"."""
+def _main_of_kind(
+    discourse: Discourse, kind: str, main: Sequence[Intent], commands: Sequence[Intent]
+) -> MainIntent | None:
+    """Return the main intent whose target, purpose or awaited event has a referent of this kind."""
+    if takers := [one for one in main if _referent_of_kind(one.target, kind)]:
+        intent = _last_taker(takers, main)
+        return MainIntent(intent, _referent_of_kind(intent.target, kind), intent.anaphora)
+    for intent in commands:
+        if intent.frame.connective in SIDE_CONNECTIVES and (referent := _referent_of_kind(intent.target, kind)):
+            earlier = [one for one in main if one.frame.start < intent.frame.start] or [*main, intent]
+            return MainIntent(earlier[-1], referent, intent.anaphora)
+    for intent in main:
+        subject = intent.frame.event_subject
+        awaited = resolve_anaphor(discourse, subject) if subject else None
+        if awaited is not None and awaited.kind == kind:
+            return MainIntent(_final_intent(intent, awaited, main) or intent, awaited)
+    return None
+
+
+def _referent_of_kind(phrase: NounPhrase | None, kind: str) -> NounPhrase | None:
+    """Return the noun phrase if it is of this kind, else the vehicle that defines it: "the man behind the bus"."""
     if phrase is None:
         return None
     if phrase.kind == kind:
-        # "To beat the traffic" is about nobody, "the oncoming traffic" about some vehicle.
+        # "To beat the traffic" refers to no vehicle, "the oncoming traffic" to some vehicle.
         return phrase if kind != "traffic" or phrase.qualifiers else None
-    return next((other for _, other in phrase.links if kind == other.kind == "vehicle"), None)
+    return next((other for _, other in phrase.related if kind == other.kind == "vehicle"), None)
 
 
-def _counting(takers: Sequence[Act], acts: Sequence[Act]) -> Act:
-    """The last of the acts that take the vehicle, with two exceptions."""
+def _last_taker(takers: Sequence[Intent], intents: Sequence[Intent]) -> Intent:
+    """Return the last intent that takes the vehicle, or the one that completes it."""
     last = takers[-1]
-    if last.action in ("approach", "other") and (end := _ends_there(last, last.deed.target, acts)):
-        return replace(end, target=last.target, anaphora=last.anaphora)
-    later = [act for act in acts if act.deed.start > last.deed.start and act.action in _ENDS]
-    if last.action == "other" and last.deed.relation in ("at", "past", "before") and later:
-        # "Continue until you see the van, then stop" is to stop there.
-        end = later[-1]
-        end.deed.target, end.deed.relation = last.deed.target, last.deed.relation
-        return replace(end, target=last.target, anaphora=last.anaphora)
-    # "Follow it and keep a distance" is to follow.
-    follows = [act for act in takers[:-1] if act.action == "follow"]
-    keeps = last.action == "avoid" and last.deed.word.split()[0] in ("keep", "maintain", "leave", "stay", "have")
+    if last.action in ("approach", "other") and (final := _final_intent(last, last.frame.target, intents)):
+        return replace(final, target=last.target, anaphora=last.anaphora)
+    later = [one for one in intents if one.frame.start > last.frame.start and one.action in _FINAL_ACTIONS]
+    if last.action == "other" and last.frame.relation in ("at", "past", "before") and later:
+        # "Continue until you see the van, then stop" is a stop at the van.
+        final = later[-1]
+        final.frame.target, final.frame.relation = last.frame.target, last.frame.relation
+        return replace(final, target=last.target, anaphora=last.anaphora)
+    # "Follow it and keep a distance" is a follow.
+    follows = [one for one in takers[:-1] if one.action == "follow"]
+    keeps = last.action == "avoid" and last.frame.verb.split()[0] in ("keep", "maintain", "leave", "stay", "have")
     return follows[-1] if follows and keeps else last
 
 
-def _ends_there(act: Act, target: Phrase | None, acts: Sequence[Act]) -> Act | None:
-    """The later act that ends where this one's vehicle is: "wait until it leaves and park there"."""
-    later = [one for one in acts if one.deed.start > act.deed.start and one.deed.there and one.target is None]
+def _final_intent(intent: Intent, target: NounPhrase | None, intents: Sequence[Intent]) -> Intent | None:
+    """Return the later intent that ends at the vehicle of this intent: "wait until it leaves and park there"."""
+    start = intent.frame.start
+    later = [one for one in intents if one.frame.start > start and one.frame.refers_to_place and one.target is None]
     if not later or target is None:
         return None
-    deed = later[-1].deed
-    loose = act.deed.target is None or act.deed.relation in ("toward", "none")
-    deed.target, deed.relation = target, "at" if loose else act.deed.relation
+    frame = later[-1].frame
+    loose = intent.frame.target is None or intent.frame.relation in ("toward", "none")
+    frame.target, frame.relation = target, "at" if loose else intent.frame.relation
     return replace(later[-1], target=target)
 
 
-def _last(acts: Sequence[Act]) -> Act:
-    """The last act, one that says more than to go on if there is one."""
-    return ([act for act in acts if act.action != "other"] or list(acts))[-1]
+def _last(intents: Sequence[Intent]) -> Intent:
+    """Return the last intent with an action other than "other", else the last one."""
+    return ([one for one in intents if one.action != "other"] or list(intents))[-1]
 
 
-def _told(story: Story) -> Phrase | None:
-    """The vehicle of a statement, else one that a thing or a person is told by."""
-    for wanted in ("said", "landmark"):
+def _stated_vehicle(discourse: Discourse) -> NounPhrase | None:
+    """Return the vehicle of the last statement, else the last one that defines a thing or a person."""
+    for wanted in ("stated", "landmark"):
         for kind in ("vehicle", "traffic"):
-            for phrase, role in reversed(story.mentions):
+            for phrase, role in reversed(discourse.mentions):
                 if phrase.kind == kind and role == wanted and (kind == "vehicle" or phrase.qualifiers):
                     return phrase
     return None

@@ -1,4 +1,4 @@
-"""Tokens of a clause -> parts: noun phrases, each with what is said of it before its noun, and single words."""
+"""Chunker: groups the tokens of a clause into noun phrases; the other tokens stay single."""
 
 from __future__ import annotations
 
@@ -7,44 +7,74 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 from grounding.language.tokenizer import Token
-from grounding.language.word_categories import Kind
+from grounding.language.word_categories import NOUNS, WordCategory
 
-# One letter a kind; all others, which stand alone, are dots.
+# Letter of each category in a noun phrase; all other categories are dots.
 _LETTERS = (
-    {Kind.THE: "d", Kind.ANY: "d", Kind.POSSESSIVE: "d", Kind.NUMBER: "n", Kind.UNKNOWN: "u", Kind.MAKE: "k"}
-    | dict.fromkeys((Kind.COLOUR, Kind.SHADE, Kind.ORDINAL, Kind.SUPERLATIVE, Kind.STATE, Kind.SIZE, Kind.EXTRA), "m")
+    {
+        WordCategory.THE: "d",
+        WordCategory.ANY: "d",
+        WordCategory.POSSESSIVE: "d",
+        WordCategory.NUMBER: "n",
+        WordCategory.UNKNOWN: "u",
+        WordCategory.MAKE: "k",
+    }
     | dict.fromkeys(
-        (Kind.NOUN, Kind.MODEL, Kind.PERSON, Kind.THING, Kind.REGION, Kind.SPOT, Kind.PART, Kind.ONE), "h"
+        (
+            WordCategory.COLOUR,
+            WordCategory.SHADE,
+            WordCategory.ORDINAL,
+            WordCategory.SUPERLATIVE,
+            WordCategory.STATE,
+            WordCategory.SIZE,
+            WordCategory.EXTRA,
+        ),
+        "m",
     )
-    | {Kind.PRONOUN: "p", Kind.EGO: "e", Kind.RELATION: "r"}
+    | dict.fromkeys(
+        (
+            WordCategory.NOUN,
+            WordCategory.MODEL,
+            WordCategory.PERSON,
+            WordCategory.THING,
+            WordCategory.REGION,
+            WordCategory.SPOT,
+            WordCategory.PART,
+            WordCategory.ONE,
+        ),
+        "h",
+    )
+    | {WordCategory.PRONOUN: "p", WordCategory.EGO: "e", WordCategory.RELATION: "r"}
 )
-# A noun phrase: with an article ("the red one", "the big bakery", "the second"), or without ("parked black cars").
+# Noun phrases with an article ("the red one", "the big bakery", "the second") and without ("parked black cars").
 _PHRASE = re.compile(r"d+[mukn]+h*|d+h+|[mkn]*[hk]+|m+|n+|p|e|(?<=r)u+")
-_ANYBODY = ("everyone", "everybody", "someone", "somebody", "anyone", "anybody", "people")
-_EXTRA = (Kind.EXTRA, Kind.UNKNOWN, Kind.POSSESSIVE, Kind.MAKE)
-_QUALIFIERS = (Kind.ORDINAL, Kind.SUPERLATIVE, Kind.STATE, Kind.SIZE)
+_INDEFINITE_PRONOUNS = ("everyone", "everybody", "someone", "somebody", "anyone", "anybody", "people")
+_EXTRA = (WordCategory.EXTRA, WordCategory.UNKNOWN, WordCategory.POSSESSIVE, WordCategory.MAKE)
+_QUALIFIERS = (WordCategory.ORDINAL, WordCategory.SUPERLATIVE, WordCategory.STATE, WordCategory.SIZE)
+# Kinds of noun phrases for vehicles and for places.
+VEHICLE_KINDS = ("vehicle", "traffic")
+PLACE_KINDS = ("spot", "region")
 
 
-@dataclass(eq=False)
-class Phrase:
-    """A noun phrase while a sentence is read; what follows it is added.
+@dataclass(eq=False, kw_only=True)
+class NounPhrase:
+    """A noun phrase; the interpreter adds the words that qualify it later in the sentence.
 
     Attributes:
-        kind: vehicle, traffic, person, thing, region, spot, part; one (stands for a noun said before), pronoun, ego;
-            adjective (no noun at all).
-        noun: what the word stands for, '' for what has none.
-        head: the word itself.
+        kind: vehicle, traffic, person, thing, region, spot, part; one (stands for an earlier noun), pronoun, ego;
+            adjective (no noun).
+        noun: meaning of the head, '' for a word without meaning of its own.
+        head: head word as written.
         start: first character in the normalised sentence.
         colour: as in `Referent`.
         qualifiers: as in `Referent`, in order.
-        optional: likewise.
-        number: of things, 0 where a plural leaves it open.
-        definite: "the", "that" and not "a".
-        extra: what no map can show.
-        excluded: colour and qualifiers that it may not have.
-        links: what stands in a relation to it.
-        late: qualifiers said after the noun.
-        known: whether the lexicon has its noun.
+        number: number of objects, 0 for a plural without a number.
+        definite: whether the determiner is definite ("the", "that").
+        extra: attributes that the map cannot show.
+        excluded: colours and qualifiers that it may not have.
+        related: further noun phrases, each with the relation of this one to it.
+        postmodifiers: the qualifiers that follow the noun.
+        in_lexicon: whether the lexicon holds its noun.
         in_line: as in `Referent`.
     """
 
@@ -54,111 +84,114 @@ class Phrase:
     start: int = 0
     colour: str | None = None
     qualifiers: list[str] = field(default_factory=list)
-    optional: list[str] = field(default_factory=list)
     number: int = 1
     definite: bool = True
     extra: list[str] = field(default_factory=list)
     excluded: list[tuple[str | None, tuple[str, ...]]] = field(default_factory=list)
-    links: list[tuple[str, Phrase]] = field(default_factory=list)
-    late: list[str] = field(default_factory=list)
-    known: bool = True
+    related: list[tuple[str, NounPhrase]] = field(default_factory=list)
+    postmodifiers: list[str] = field(default_factory=list)
+    in_lexicon: bool = True
     in_line: bool = False
 
-    def qualify(self, value: str) -> None:
-        """Add what is said after the noun; "the second from the left" is counted from there."""
-        counted = any(word in ("first", "second", "third", "fourth", "next", "last") for word in self.qualifiers)
+    def add_qualifier(self, value: str) -> None:
+        """Add a qualifier that follows the noun; "from the left" after an ordinal is the start of counting."""
+        ordinal = any(word in ("first", "second", "third", "fourth", "next", "last") for word in self.qualifiers)
         if value in ("from_left", "from_right"):
-            value = value.removeprefix("from_") + ("most" if counted else "_side")
+            value = value.removeprefix("from_") + ("most" if ordinal else "_side")
         if value not in self.qualifiers:
             self.qualifiers.append(value)
-            self.late.append(value)
+            self.postmodifiers.append(value)
 
-    def become(self, other: Phrase) -> None:
-        """Take the noun of another phrase."""
+    def take_noun(self, other: NounPhrase) -> None:
+        """Take kind, noun and head of another noun phrase."""
         self.kind, self.noun, self.head = other.kind, other.noun, other.head
 
-    def refine_into(self, one: Phrase) -> None:
-        """Give a phrase without a noun this noun, and what is said of it."""
-        one.become(self)
-        one.colour = one.colour or self.colour
+    def merge_into(self, other: NounPhrase) -> None:
+        """Give a noun phrase without a noun this noun, colour and qualifiers."""
+        other.take_noun(self)
+        other.colour = other.colour or self.colour
         for value in self.qualifiers:
-            one.qualify(value)
+            other.add_qualifier(value)
 
 
-Part = Phrase | Token
+Chunk = NounPhrase | Token
 
 
-def parts(tokens: Sequence[Token]) -> Iterator[Part]:
-    """The parts of a clause in order; every token is in one."""
-    letters = "".join(_LETTERS.get(token.kind, ".") for token in tokens)
+def chunk(tokens: Sequence[Token]) -> Iterator[Chunk]:
+    """Yield the chunks of a clause in order; every token is in exactly one."""
+    letters = "".join(_LETTERS.get(token.category, ".") for token in tokens)
     at = 0
     for match in _PHRASE.finditer(letters):
         yield from tokens[at : match.start()]
-        middle = _second(tokens, match.start(), match.end())
-        yield _phrase(tokens[match.start() : middle])
+        middle = _second_start(tokens, match.start(), match.end())
+        yield _noun_phrase(tokens[match.start() : middle])
         if middle < match.end():
-            yield _phrase(tokens[middle : match.end()])
+            yield _noun_phrase(tokens[middle : match.end()])
         at = match.end()
     yield from tokens[at:]
 
 
-def _second(tokens: Sequence[Token], start: int, end: int) -> int:
-    """Where a second noun phrase begins, as in "give the truck room", "the bus everyone takes"; else the end."""
+def _second_start(tokens: Sequence[Token], start: int, end: int) -> int:
+    """Return where a second noun phrase begins ("give the truck room", "the bus everyone takes"); `end` if none."""
     for i in range(start + 1, end):
-        if tokens[i].text in _ANYBODY and tokens[i - 1].kind is Kind.NOUN:
+        if tokens[i].text in _INDEFINITE_PRONOUNS and tokens[i - 1].category is WordCategory.NOUN:
             return i
     verb, last = tokens[start - 1] if start else tokens[start], tokens[end - 1]
-    given = verb.kind is Kind.VERB and verb.value in ("give", "leave", "give_way") and last.kind is Kind.SPOT
-    owner = tokens[end - 2].kind in (Kind.NOUN, Kind.PERSON) if end - start > 1 else False
-    return end - 1 if given and owner else end
+    takes_two = verb.category is WordCategory.VERB and verb.value in ("give", "leave", "give_way")
+    recipient = end - start > 1 and tokens[end - 2].category in (WordCategory.NOUN, WordCategory.PERSON)
+    return end - 1 if takes_two and last.category is WordCategory.SPOT and recipient else end
 
 
-def _phrase(tokens: Sequence[Token]) -> Phrase:
+def _noun_phrase(tokens: Sequence[Token]) -> NounPhrase:
+    """Return the noun phrase of a group of tokens."""
     phrase = _head(tokens)
     phrase.start = tokens[0].start
     for token in tokens:
-        if token.kind in (Kind.THE, Kind.ANY):
-            phrase.definite = token.kind is Kind.THE
-        elif token.kind is Kind.COLOUR and phrase.colour is None:
-            shades = [other.value for other in tokens if other.kind is Kind.SHADE]
+        if token.category in (WordCategory.THE, WordCategory.ANY):
+            phrase.definite = token.category is WordCategory.THE
+        elif token.category is WordCategory.COLOUR and phrase.colour is None:
+            shades = [other.value for other in tokens if other.category is WordCategory.SHADE]
             phrase.colour = " ".join([*shades[:1], token.value])
-        elif token.kind in _QUALIFIERS:
+        elif token.category in _QUALIFIERS:
             phrase.qualifiers += [value for value in token.value.split() if value not in phrase.qualifiers]
-        elif token.kind is Kind.NUMBER:
+        elif token.category is WordCategory.NUMBER:
             phrase.number = 2 if token.value == "2" else int(token.value == "1")
-        elif token.kind in _EXTRA and token.meant not in (phrase.head, "my", "our", "your"):
-            phrase.extra.append(token.meant)
+        elif token.category in _EXTRA and token.corrected not in (phrase.head, "my", "our", "your"):
+            phrase.extra.append(token.corrected)
     if phrase.colour is None:
-        phrase.colour = next((token.value for token in tokens if token.kind is Kind.SHADE), None)
+        phrase.colour = next((token.value for token in tokens if token.category is WordCategory.SHADE), None)
     return phrase
 
 
-def _head(tokens: Sequence[Token]) -> Phrase:
-    """The phrase with its noun only."""
+def _head(tokens: Sequence[Token]) -> NounPhrase:
+    """Return the noun phrase with kind, noun, head and number, without its modifiers."""
     last = tokens[-1]
-    owners = [token for token in tokens if token.kind is Kind.NOUN]
-    if last.kind is Kind.PART and owners:
-        last = owners[-1]  # "the van's blinker", "the car door": what is said of it is said of the vehicle
-    plural = int(last.form != "plural")
-    if last.kind is Kind.NOUN:
+    owners = [token for token in tokens if token.category is WordCategory.NOUN]
+    if last.category is WordCategory.PART and owners:
+        last = owners[-1]  # "the van's blinker", "the car door": qualifiers belong to the vehicle
+    number = int(last.form != "plural")
+    if last.category is WordCategory.UNKNOWN:
+        unknown = [token.corrected for token in tokens if token.category is WordCategory.UNKNOWN]
+        return NounPhrase(kind="thing", noun="_".join(unknown), head=last.text, in_lexicon=False)
+    if last.category in (WordCategory.PRONOUN, WordCategory.EGO):
+        return NounPhrase(kind=last.category.value, head=last.text)
+    if last.category is WordCategory.NOUN:
         kind = "traffic" if last.value == "traffic" else "vehicle"
-        head = last.text.removesuffix("'s")
-        return Phrase(kind, "vehicle" if kind == "traffic" else last.value, head, number=plural)
-    if last.kind in (Kind.MAKE, Kind.MODEL):
-        return Phrase("vehicle", last.value or "car", last.text, number=plural)
-    if last.kind is Kind.PERSON:
-        return Phrase("person", "person", last.text, number=plural)
-    if last.kind in (Kind.THING, Kind.REGION):
-        return Phrase(last.kind.value, last.value or last.meant.replace(" ", "_"), last.text, number=plural)
-    if last.kind in (Kind.SPOT, Kind.PART):
-        noun = "parking_spot" if last.kind is Kind.SPOT else last.meant.replace(" ", "_")
-        return Phrase(last.kind.value, noun, last.text, number=plural)
-    if last.kind is Kind.UNKNOWN:
-        unknown = [token.meant for token in tokens if token.kind is Kind.UNKNOWN]
-        return Phrase("thing", "_".join(unknown), last.text, known=False)
-    if last.kind is Kind.PRONOUN:
-        return Phrase("pronoun", head=last.text)
-    if last.kind is Kind.EGO:
-        return Phrase("ego", head=last.text)
-    named = last.kind is Kind.ONE or tokens[0].kind in (Kind.THE, Kind.ANY)
-    return Phrase("one" if named else "adjective", head=last.text, number=plural)
+        noun = "vehicle" if kind == "traffic" else last.value
+        return NounPhrase(kind=kind, noun=noun, head=last.text.removesuffix("'s"), number=number)
+    if last.category in (WordCategory.MAKE, WordCategory.MODEL):
+        return NounPhrase(kind="vehicle", noun=last.value or "car", head=last.text, number=number)
+    if last.category in NOUNS:
+        return NounPhrase(kind=last.category.value, noun=_noun(last), head=last.text, number=number)
+    has_noun = last.category is WordCategory.ONE or tokens[0].category in (WordCategory.THE, WordCategory.ANY)
+    return NounPhrase(kind="one" if has_noun else "adjective", head=last.text, number=number)
+
+
+def _noun(head: Token) -> str:
+    """Return the meaning of a noun other than a vehicle's."""
+    if head.category is WordCategory.PERSON:
+        return "person"
+    if head.category is WordCategory.SPOT:
+        return "parking_spot"
+    value = head.value if head.category in (WordCategory.THING, WordCategory.REGION) else ""
+    return value or head.corrected.replace(" ", "_")

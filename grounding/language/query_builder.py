@@ -1,20 +1,33 @@
-"""A story -> one query: where the vehicle ends, and everything else that labelled commands tell."""
+"""Query builder: one typed query from a discourse."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
-from grounding.language.action_rules import settle
-from grounding.language.command_frames import Deed, Story
-from grounding.language.coreference import antecedent, qualify_antecedents, resolved, same
-from grounding.language.main_action import BESIDE, Act, Choice, acts_of, choose
-from grounding.language.noun_phrases import Phrase
-from grounding.language.word_categories import RELATIONS
-from grounding.query import Exclusion, Landmark, Query, Referent
+from grounding.language.action_rules import classify_action
+from grounding.language.command_frames import CommandFrame, Discourse
+from grounding.language.coreference import find_antecedent, may_corefer, qualify_antecedents, resolve_anaphor
+from grounding.language.main_action import SIDE_CONNECTIVES, Intent, MainIntent, find_intents, select_main_intent
+from grounding.language.noun_phrases import NounPhrase
+from grounding.query import (
+    Anchor,
+    Direction,
+    DistanceRole,
+    Exclusion,
+    Landmark,
+    LandmarkRelation,
+    LandmarkRole,
+    Query,
+    Referent,
+    Side,
+)
+from grounding.vocabulary import RELATIONS, Action, Relation, Trigger
 
-_UNTOLD = ("with", "of", "for", "object")
+# Relations without a place.
+_NOT_SPATIAL = ("with", "of", "for", "object")
+# Endings of plurals -> of singulars, the first match counts.
 _PLURALS: tuple[tuple[str, str], ...] = (
     ("people", "person"),
     ("men", "man"),
@@ -22,168 +35,191 @@ _PLURALS: tuple[tuple[str, str], ...] = (
     ("ies", "y"),
     ("sses", "ss"),
     ("ches", "ch"),
+    ("s", ""),
 )
-_PLURALS += (("s", ""),)
 
 
-class Merged(NamedTuple):
-    """A query, without an action where nothing is commanded, and what is said of its referent after the noun."""
+class BuiltQuery(NamedTuple):
+    """A query (without an action if nothing is commanded) and its referent's qualifiers after the noun."""
 
     query: Query
-    late: tuple[str, ...] = ()
+    postmodifiers: tuple[str, ...] = ()
 
 
-def merge(text: str, story: Story) -> Merged:
-    """The query of a story."""
-    qualify_antecedents(story)
-    told = acts_of(story)
-    acts = [act for act in told if not act.deed.aside]
-    if not acts:
-        return Merged(_forbidden(text, story, tuple(_exclusions(story))))
-    choice = choose(story, told)
-    deed = choice.act.deed
-    if deed.target is not None and deed.target.kind == "pronoun":
-        meant = antecedent(story, deed.target)  # "don't overtake it, stay behind it"
-        story.excluded = [(said, phrase) for said, phrase in story.excluded if said or phrase is not meant]
-    excluded = tuple(_exclusions(story))
-    relation, referent = _relation(story, acts, choice)
-    secondary = tuple(_landmarks(acts, choice.act, referent))
-    measured = "secondary" if deed.inverse is not None else "referent" if referent is not None else None
-    goal = next((mark for mark in secondary if mark.of == "goal" and mark.relation in RELATIONS), None)
-    if referent is None and goal is not None:
-        relation, measured = goal.relation, "secondary"
-    in_order = (choice.act, *acts, *told)
-    distance_m, distance_of = _distance(in_order)
+def build_query(text: str, discourse: Discourse) -> BuiltQuery:
+    """Return the query of a discourse, without an action if nothing is commanded."""
+    qualify_antecedents(discourse)
+    intents = find_intents(discourse)
+    commands = [intent for intent in intents if not intent.frame.is_temporal]
+    if not commands:
+        return BuiltQuery(_build_prohibition(text, discourse, tuple(_exclusions(discourse))))
+    main = select_main_intent(discourse, intents)
+    frame = main.intent.frame
+    if frame.target is not None and frame.target.kind == "pronoun":
+        antecedent = find_antecedent(discourse, frame.target)  # "don't overtake it, stay behind it"
+        discourse.excluded = [(where, one) for where, one in discourse.excluded if where or one is not antecedent]
+    excluded = tuple(_exclusions(discourse))
+    relation, referent = _goal_relation(discourse, commands, main)
+    secondary = tuple(_landmarks(commands, main.intent, referent))
+    landmark: Anchor | None = (
+        "secondary" if frame.inverse_relation is not None else "referent" if referent is not None else None
+    )
+    at_goal = next((one for one in secondary if one.of == "goal" and one.relation in RELATIONS), None)
+    if referent is None and at_goal is not None:
+        relation, landmark = at_goal.relation, "secondary"
+    by_priority = (main.intent, *commands, *intents)
+    distance_m, distance_of = _distance(by_priority)
+    side = next((intent.frame.side for intent in by_priority if intent.frame.side), None)
+    trigger = next((intent.frame.event for intent in by_priority if intent.frame.event), None)
     query = Query(
         command=text,
-        action=choice.act.action,
-        actions=tuple(_actions(acts)),
-        relation=relation,
-        landmark=measured,
-        referent=_referent(story, referent, deed, choice.anaphora, relation) if referent is not None else None,
+        action=cast(Action, main.intent.action),
+        actions=cast(tuple[Action, ...], tuple(_actions(commands))),
+        relation=cast(Relation, relation),
+        landmark=landmark,
+        referent=_referent(discourse, referent, frame, main.anaphora, relation) if referent is not None else None,
         secondary=secondary,
-        direction=_direction([*acts, *told], choice.act),
-        goal_side=next((act.deed.side for act in in_order if act.deed.side), None),
-        trigger=next((act.deed.event for act in in_order if act.deed.event), None),
+        direction=cast(Direction | None, _direction([*commands, *intents], main.intent)),
+        goal_side=cast(Side | None, side),
+        trigger=cast(Trigger | None, trigger),
         distance_m=distance_m,
         distance_of=distance_of,
-        excluded=(*excluded, *_own_exclusions(referent)),
+        excluded=(*excluded, *_referent_exclusions(referent)),
     )
-    return Merged(query, tuple(referent.late) if referent is not None else ())
+    return BuiltQuery(query, tuple(referent.postmodifiers) if referent is not None else ())
 
 
-def _forbidden(text: str, story: Story, excluded: tuple[Exclusion, ...]) -> Query:
-    """The query where something is only ruled out: "don't park behind the bus", "don't move"."""
-    actions = [action for deed in story.deeds if deed.negated and (action := settle(deed))]
+def _build_prohibition(text: str, discourse: Discourse, excluded: tuple[Exclusion, ...]) -> Query:
+    """Return the query of a text with prohibitions only: "don't park behind the bus", "don't move"."""
+    actions = [action for frame in discourse.frames if frame.negated and (action := classify_action(frame))]
     if not actions:
-        return Query(text)
-    placed = any(one.relation for one in excluded)
-    action = "wait" if actions[-1] == "other" else actions[-1] if placed else "other"
-    let = next((deed for deed in reversed(story.deeds) if deed.target is not None), None)  # "don't let it merge"
-    referent = None if let is None or let.target is None else resolved(story, let.target)
-    if let is None or referent is None or referent.kind not in ("vehicle", "person"):
-        return Query(text, action, (action,), excluded=excluded)
-    named = _referent(story, referent, let, let.target is not referent)
-    return Query(text, action, (action,), landmark="referent", referent=named, trigger=let.event, excluded=excluded)
+        return Query(command=text)
+    excludes_place = any(one.relation for one in excluded)
+    action = cast(Action, "wait" if actions[-1] == "other" else actions[-1] if excludes_place else "other")
+    # "Don't let it merge" has a target.
+    frame = next((one for one in reversed(discourse.frames) if one.target is not None), None)
+    phrase = None if frame is None or frame.target is None else resolve_anaphor(discourse, frame.target)
+    if frame is None or phrase is None or phrase.kind not in ("vehicle", "person"):
+        return Query(command=text, action=action, actions=(action,), excluded=excluded)
+    referent = _referent(discourse, phrase, frame, frame.target is not phrase)
+    return Query(
+        command=text,
+        action=action,
+        actions=(action,),
+        landmark="referent",
+        referent=referent,
+        trigger=cast(Trigger | None, frame.event),
+        excluded=excluded,
+    )
 
 
-def _relation(story: Story, acts: Sequence[Act], choice: Choice) -> tuple[str, Phrase | None]:
-    """Where the vehicle ends, and the referent, which a place that was told may bring along."""
-    act, deed, referent = choice.act, choice.act.deed, choice.referent
-    if deed.target is not None:
-        led_by_person = deed.direct and act.target is not None and act.target.kind == "person"
-        return ("none" if led_by_person else deed.relation), referent
-    if deed.object is not None and deed.object.kind in ("spot", "region"):  # "take it"
-        for relation, other in deed.object.links:
+def _goal_relation(
+    discourse: Discourse, intents: Sequence[Intent], main: MainIntent
+) -> tuple[str, NounPhrase | None]:
+    """Return the relation of the goal and the referent, which may come from a place named earlier."""
+    intent, frame, referent = main.intent, main.intent.frame, main.referent
+    if frame.target is not None:
+        person = frame.target_is_object and intent.target is not None and intent.target.kind == "person"
+        return ("none" if person else frame.relation), referent
+    if frame.direct_object is not None and frame.direct_object.kind in ("spot", "region"):  # "take it"
+        for relation, other in frame.direct_object.related:
             if other.kind == "vehicle":
                 return relation, referent or other
-    for beside in acts:
-        if beside.deed.link in BESIDE and referent is not None and beside.target is referent:
-            return beside.deed.relation, referent
-    if deed.there:
-        for relation, other in _told_places(story):
+    for side in intents:
+        if side.frame.connective in SIDE_CONNECTIVES and referent is not None and side.target is referent:
+            return side.frame.relation, referent
+    if frame.refers_to_place:
+        for relation, other in _places_by_vehicle(discourse):
             return relation, referent or other
-        if referent is not None and act.action in ("park", "stop", "pull_over", "approach"):
+        if referent is not None and intent.action in ("park", "stop", "pull_over", "approach"):
             return "at", referent
-    return (deed.relation if referent is not None else "none"), referent
+    return (frame.relation if referent is not None else "none"), referent
 
 
-def _told_places(story: Story) -> Iterator[tuple[str, Phrase]]:
-    """Spots that were told by a vehicle, the last first: "there is a spot behind the van. park there"."""
-    for phrase, _ in reversed(story.mentions):
+def _places_by_vehicle(discourse: Discourse) -> Iterator[tuple[str, NounPhrase]]:
+    """Yield places defined by a vehicle, the last first: "there is a spot behind the van. park there"."""
+    for phrase, _ in reversed(discourse.mentions):
         if phrase.kind in ("spot", "region"):
-            yield from ((relation, other) for relation, other in phrase.links if other.kind == "vehicle")
+            yield from ((relation, other) for relation, other in phrase.related if other.kind == "vehicle")
 
 
-def _landmarks(acts: Sequence[Act], primary: Act, referent: Phrase | None) -> Iterator[Landmark]:
-    for act in (primary, *(act for act in acts if act is not primary and act.deed is not primary.deed)):
-        last = len(act.deed.marks) - 1
-        for i, (said, thing) in enumerate(act.deed.marks):
-            entered = said == "along" or (said == "object" and act.action == "turn")
-            relation = "into" if entered else said
-            if act.deed.inverse and i == last:
-                yield _landmark(thing, act.deed.inverse, "inverse")
-            elif relation not in _UNTOLD and _told(thing):
+def _landmarks(intents: Sequence[Intent], main: Intent, referent: NounPhrase | None) -> Iterator[Landmark]:
+    """Yield the landmarks of all frames (those of the main intent first), of a person and of the referent."""
+    others = (intent for intent in intents if intent is not main and intent.frame is not main.frame)
+    for intent in (main, *others):
+        last = len(intent.frame.landmarks) - 1
+        for i, (written, thing) in enumerate(intent.frame.landmarks):
+            entered = written == "along" or (written == "object" and intent.action == "turn")
+            relation = "into" if entered else written
+            if intent.frame.inverse_relation and i == last:
+                yield _landmark(thing, intent.frame.inverse_relation, "inverse")
+            elif relation not in _NOT_SPATIAL and _is_landmark(thing):
                 yield _landmark(thing, relation, "goal")
-        if act.action == "other" and act.deed.lane:
-            yield Landmark("lane", "in", "goal", None, (act.deed.lane,))
-    person = primary.target
+        if intent.action == "other" and intent.frame.lane:
+            yield Landmark("lane", "in", qualifiers=(intent.frame.lane,))
+    person = main.target
     if person is not None and person.kind == "person" and person is not referent:
-        for relation, other in person.links:  # "the pedestrians behind it"
+        for relation, other in person.related:  # "the pedestrians behind it"
             if other is referent or other.kind == "pronoun":
                 yield _landmark(person, relation, "inverse")
-    for relation, thing in referent.links if referent is not None else ():
-        if thing is not referent and relation not in _UNTOLD and _told(thing):
+    for relation, thing in referent.related if referent is not None else ():
+        if thing is not referent and relation not in _NOT_SPATIAL and _is_landmark(thing):
             yield _landmark(thing, relation, "referent")
 
 
-def _told(thing: Phrase) -> bool:
+def _is_landmark(thing: NounPhrase) -> bool:
+    """Return whether a noun phrase names a thing that a query may hold."""
     return bool(thing.noun) and thing.kind in ("vehicle", "thing", "person", "region") and thing.noun != "side"
 
 
-def _landmark(thing: Phrase, relation: str, of: str) -> Landmark:
-    return Landmark(_name(thing), relation, of, thing.colour, tuple(thing.qualifiers))
+def _landmark(thing: NounPhrase, relation: str, of: LandmarkRole) -> Landmark:
+    relation = cast(LandmarkRelation, relation)
+    return Landmark(_noun(thing), relation, of, colour=thing.colour, qualifiers=tuple(thing.qualifiers))
 
 
-def _name(phrase: Phrase) -> str:
-    """The noun of a vehicle; of other things the word as said, in the singular: street, though it is a road."""
+def _noun(phrase: NounPhrase) -> str:
+    """Return the noun of a vehicle; for other things the written word in the singular (street, not road)."""
     if phrase.kind == "vehicle":
         return phrase.noun
     word = phrase.head
     if phrase.number != 1:
         word = next((word.removesuffix(many) + one for many, one in _PLURALS if word.endswith(many)), word)
-    said = word.replace(" ", "_")
-    return phrase.noun if phrase.noun.endswith(said) else said
+    written = word.replace(" ", "_")
+    return phrase.noun if phrase.noun.endswith(written) else written
 
 
-def _actions(acts: Sequence[Act]) -> Iterator[str]:
-    """All actions in order; one told twice in a row counts once."""
+def _actions(intents: Sequence[Intent]) -> Iterator[str]:
+    """Yield all actions in order, consecutive repetitions once."""
     last = ""
-    for act in sorted(acts, key=lambda act: act.deed.start):
-        if act.action != last:
-            yield act.action
-        last = act.action
+    for intent in sorted(intents, key=lambda intent: intent.frame.start):
+        if intent.action != last:
+            yield intent.action
+        last = intent.action
 
 
-def _direction(acts: Sequence[Act], primary: Act) -> str | None:
-    """The steering that is told: that of the primary act first, and a turn before "straight"."""
-    told = [primary.deed.direction, *(act.deed.direction for act in reversed(acts))]
-    return next((one for one in told if one not in (None, "straight")), next(filter(None, told), None))
+def _direction(intents: Sequence[Intent], main: Intent) -> str | None:
+    """Return the steering direction: the main intent's first, a turn before "straight"."""
+    directions = [main.frame.direction, *(intent.frame.direction for intent in reversed(intents))]
+    turns = (one for one in directions if one not in (None, "straight"))
+    return next(turns, next(filter(None, directions), None))
 
 
-def _distance(acts: Sequence[Act]) -> tuple[float | None, str | None]:
-    for act in acts:
-        for metres, said in act.deed.distances:
-            gap = said == "gap" or (said == "way" and act.action in ("follow", "avoid"))
-            return metres, "descriptor" if said == "descriptor" else "referent" if gap else "ego"
+def _distance(intents: Sequence[Intent]) -> tuple[float | None, DistanceRole | None]:
+    """Return the first distance in metres and its reference, as in `Query`."""
+    for intent in intents:
+        for metres, kind in intent.frame.distances:
+            gap = kind == "gap" or (kind == "travel_or_gap" and intent.action in ("follow", "avoid"))
+            return metres, "descriptor" if kind == "descriptor" else "referent" if gap else "ego"
     return None, None
 
 
-def _referent(story: Story, phrase: Phrase, deed: Deed, anaphora: bool, relation: str = "none") -> Referent:
-    """The referent with what is said of it elsewhere."""
+def _referent(
+    discourse: Discourse, phrase: NounPhrase, frame: CommandFrame, anaphora: bool, relation: str = "none"
+) -> Referent:
+    """Return the referent with colour, qualifiers and attributes of all coreferent noun phrases."""
     whole = replace(phrase, qualifiers=list(phrase.qualifiers), extra=list(phrase.extra))
-    for other, role in story.mentions:
-        if other is not phrase and role in ("said", "event") and same(phrase, other):
+    for other, role in discourse.mentions:
+        if other is not phrase and role in ("stated", "event") and may_corefer(phrase, other):
             whole.qualifiers += [word for word in other.qualifiers if word not in whole.qualifiers]
             whole.colour = whole.colour or other.colour
             whole.extra += other.extra
@@ -193,7 +229,7 @@ def _referent(story: Story, phrase: Phrase, deed: Deed, anaphora: bool, relation
         head=whole.head,
         colour=whole.colour,
         qualifiers=tuple(whole.qualifiers),
-        qualifiers_optional=tuple(word for word in deed.optional if word not in whole.qualifiers),
+        qualifiers_optional=tuple(word for word in frame.goal_qualifiers if word not in whole.qualifiers),
         number=2 if pair else 1,
         anaphora=anaphora,
         extra=tuple(dict.fromkeys(whole.extra)),
@@ -202,18 +238,20 @@ def _referent(story: Story, phrase: Phrase, deed: Deed, anaphora: bool, relation
     )
 
 
-def _exclusions(story: Story) -> Iterator[Exclusion]:
-    for relation, phrase in story.excluded:
-        found = resolved(story, phrase) or phrase
-        target = next((other for other, role in story.mentions if role == "target" and other.kind == "vehicle"), None)
-        noun = _name(found) if found.noun else target.noun if target is not None else ""
+def _exclusions(discourse: Discourse) -> Iterator[Exclusion]:
+    """Yield the exclusions of a discourse; one without a noun has the noun of the target."""
+    for relation, phrase in discourse.excluded:
+        found = resolve_anaphor(discourse, phrase) or phrase
+        vehicles = (other for other, role in discourse.mentions if role == "target" and other.kind == "vehicle")
+        target = next(vehicles, None)
+        noun = _noun(found) if found.noun else target.noun if target is not None else ""
         if noun and phrase.kind != "part":
             qualifiers = tuple(phrase.qualifiers or found.qualifiers)
-            yield Exclusion(relation, noun, phrase.colour or found.colour, qualifiers)
+            yield Exclusion(cast(LandmarkRelation | None, relation), noun, phrase.colour or found.colour, qualifiers)
 
 
-def _own_exclusions(referent: Phrase | None) -> Iterator[Exclusion]:
-    """What is denied of the referent: "that is not red"."""
+def _referent_exclusions(referent: NounPhrase | None) -> Iterator[Exclusion]:
+    """Yield the exclusions that negate an attribute of the referent: "that is not red"."""
     if referent is not None:
         for colour, qualifiers in referent.excluded:
             yield Exclusion(None, referent.noun, colour, qualifiers)

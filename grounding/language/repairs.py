@@ -1,78 +1,75 @@
-"""What takes back something said before: "no, the blue one", "sorry, in front of it", "I mean right"."""
+"""Self-repairs: "no, the blue one", "sorry, in front of it", "I mean right"."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from grounding.language.command_frames import CommandFrame
+from grounding.language.discourse_state import DiscourseState
+from grounding.language.mentions import add_mention, attach_distance
+from grounding.language.noun_phrases import NounPhrase
 
-from grounding.language.command_frames import Deed
-from grounding.language.noun_phrases import Phrase
-
-if TYPE_CHECKING:
-    from grounding.language.attachment import Telling
-
-_NAMED = ("vehicle", "person", "one", "traffic", "adjective")
+_TARGET_KINDS = ("vehicle", "person", "one", "traffic", "adjective")
 
 
-def instead(told: Telling, phrase: Phrase) -> bool:
-    """Whether a noun phrase takes the place of what the last deed was about."""
-    deed = told.before
-    if deed is None:
+def replace_target(state: DiscourseState, phrase: NounPhrase) -> bool:
+    """Replace the target of the last frame by a noun phrase; return whether it was replaced."""
+    frame = state.previous_frame
+    if frame is None:
         return False
-    relation, before = told.relation, deed.target
+    relation, before = state.open_relation, frame.target
     if relation is not None and phrase.kind == "pronoun" and before is not None:
-        deed.relation, told.relation = relation, None  # "in front of it"
+        frame.relation, state.open_relation = relation, None  # "in front of it"
         return True
-    if phrase.kind not in _NAMED or (before is None and relation is None):
+    if phrase.kind not in _TARGET_KINDS or (before is None and relation is None):
         return False
     if relation is not None or before is None:
-        deed.relation = relation or deed.relation
+        frame.relation = relation or frame.relation
     if phrase.kind == "adjective":
         phrase.kind = "one"
     if before is not None:
-        _drop(told, before, phrase)
-    deed.target, deed.inverse = phrase, None
-    told.mention(phrase, "target")
-    told.spend_gap("gap")
+        _discard(state, before, phrase)
+    frame.target, frame.inverse_relation = phrase, None
+    add_mention(state, phrase, "target")
+    attach_distance(state, "gap")
     return True
 
 
-def _drop(told: Telling, before: Phrase, phrase: Phrase) -> None:
-    """What is not meant after all; if it is of the same kind, it may not be taken."""
-    mentions = told.story.mentions
+def _discard(state: DiscourseState, before: NounPhrase, phrase: NounPhrase) -> None:
+    """Discard a repaired target; exclude it as the referent if the new one may have the same noun."""
+    mentions = state.discourse.mentions
     mentions[:] = [(other, "excluded" if other is before else role) for other, role in mentions]
     if before.noun and phrase.noun in ("", before.noun) and (before.colour or before.qualifiers):
-        told.story.excluded.append((None, before))
+        state.discourse.excluded.append((None, before))
     elif before.kind in ("one", "adjective") and not before.noun:
         before.kind = "adjective"
 
 
-def cancel(told: Telling, deed: Deed) -> None:
-    """A new deed takes the place of the last one: "no, follow the bus"."""
-    before = told.before
-    if before is not None and before in told.story.deeds and not deed.negated:
-        told.story.deeds.remove(before)
+def replace_frame(state: DiscourseState, frame: CommandFrame) -> None:
+    """Remove the last frame, which a new one repairs: "no, follow the bus"."""
+    before = state.previous_frame
+    if before is not None and before in state.discourse.frames and not frame.negated:
+        state.discourse.frames.remove(before)
 
 
-def steer(told: Telling, direction: str) -> bool:
-    """Whether a direction takes the place of the last one: "I mean right"."""
-    deed = told.before
-    if deed is None or deed.direction is None:
+def replace_direction(state: DiscourseState, direction: str) -> bool:
+    """Replace the direction of the last frame ("I mean right"); return whether it had one."""
+    frame = state.previous_frame
+    if frame is None or frame.direction is None:
         return False
-    deed.direction = direction
+    frame.direction = direction
     return True
 
 
-def move(told: Telling, value: str) -> bool:
-    """Whether a side takes the place of the last one that was named, of the vehicle or of the road."""
-    deed = told.before
-    if deed is None:
+def replace_side(state: DiscourseState, side: str) -> bool:
+    """Replace the last side, of the target or of the road; return whether there was one."""
+    frame = state.previous_frame
+    if frame is None:
         return False
-    words = deed.target.qualifiers if deed.target is not None else []
-    for i, word in enumerate(words):
-        if word in ("left_side", "right_side"):
-            words[i] = value
+    qualifiers = frame.target.qualifiers if frame.target is not None else []
+    for i, qualifier in enumerate(qualifiers):
+        if qualifier in ("left_side", "right_side"):
+            qualifiers[i] = side
             return True
-    if deed.side is None:
+    if frame.side is None:
         return False
-    deed.side = value.removesuffix("_side")
+    frame.side = side.removesuffix("_side")
     return True

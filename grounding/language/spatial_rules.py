@@ -1,21 +1,22 @@
-"""Small words in a clause: relations, sides, lanes, distances, negations and what joins them."""
+"""Rules for spatial words: relations, sides, places relative to the ego, lanes and distances."""
 
 from __future__ import annotations
 
-from grounding.language import repairs
-from grounding.language.attachment import Telling
-from grounding.language.noun_phrases import Phrase
+from grounding.language.discourse_state import DiscourseState
+from grounding.language.mentions import attach_distance
+from grounding.language.noun_phrases import NounPhrase
+from grounding.language.relation_attachment import attach_target
+from grounding.language.repairs import replace_side
 from grounding.language.tokenizer import Token
 from grounding.language.verb_rules import AWAITING
-from grounding.language.word_categories import Kind
+from grounding.language.word_categories import WordCategory
 
-# Of two relations in a row the later counts ("over by", "up to behind"), unless it is one of these.
+# Of two consecutive relations the later counts ("over by", "up to behind"), unless it is weak.
 _WEAK = ("at", "toward", "in", "into", "along", "on", "with", "of")
-# Who does this goes away from "in front of us".
-_GOING = ("leaving", "turning", "turning_left", "turning_right", "passing")
+# States of a vehicle that moves away from "in front of us".
+_DEPARTING = ("leaving", "turning", "turning_left", "turning_right", "passing")
 _STEERING = ("turn", "change_lane", "go", "drive", "move", "overtake")
-_ITS = ("its", "his", "her", "their", "in its", "in his", "in her", "in their", "into its", "to its", "at its")
-# Said of the next one in our lane: "in front of us"; "up ahead" may be any.
+# Ends of phrases for the next vehicle in our lane ("in front of us"); "up ahead" may be any vehicle.
 _IN_LINE = (
     "of us",
     "of me",
@@ -28,230 +29,163 @@ _IN_LINE = (
     "my tail",
     "before us",
 )
-# What may still come between a distance and what it is of.
-_MORE = ("relation", "between", "away", "where")
+# Kinds of words between a distance and its reference.
+_BEFORE_REFERENCE = ("relation", "between", "away", "where")
 
 
-def relation(told: Telling, token: Token) -> None:
-    """Behind, next to and their like: open until their noun comes."""
-    following = told.rest[0] if told.rest else None
+def handle_relation(state: DiscourseState, token: Token) -> None:
+    """Open a relation ("behind", "next to") until its noun phrase follows."""
+    following = state.remaining[0] if state.remaining else None
     if token.text == "by" and isinstance(following, Token) and following.form == "ing":
-        told.noun = None  # "by moving over"
+        state.open_phrase = None  # "by moving over"
         return
-    deed = told.deed
-    if deed is not None:
-        deed.away = deed.away or token.text.startswith(("away", "from"))
-        deed.round = deed.round or (token.text in ("around", "round") and deed.target is None)
-    if told.relation is None or told.relation in _WEAK or token.value not in _WEAK:
-        told.relation = token.value
-    if not isinstance(following, Phrase):
-        _without_noun(told, token)
+    frame = state.frame
+    if frame is not None:
+        frame.moves_away = frame.moves_away or token.text.startswith(("away", "from"))
+        frame.goes_around = frame.goes_around or (token.text in ("around", "round") and frame.target is None)
+    if state.open_relation is None or state.open_relation in _WEAK or token.value not in _WEAK:
+        state.open_relation = token.value
+    if not isinstance(following, NounPhrase):
+        _handle_without_noun(state, token)
 
 
-def _without_noun(told: Telling, token: Token) -> None:
-    """A relation that no noun follows."""
-    deed = told.deed
-    if told.negative and told.next_kind == "" and _ruled_out(told, token.value):
+def _handle_without_noun(state: DiscourseState, token: Token) -> None:
+    """Apply a relation that no noun phrase follows."""
+    frame = state.frame
+    if state.negated and state.next_kind == "" and _exclude_place(state, token.value):
         return
-    if token.value in ("left_of", "right_of") and told.host.target is not None:
-        told.host.relation = token.value  # "on its left"
-    if told.next_kind in ("relation", "distance", "between", "except"):
+    if token.value in ("left_of", "right_of") and state.host_frame.target is not None:
+        state.host_frame.relation = token.value  # "on its left"
+    if state.next_kind in ("relation", "distance", "between", "except"):
         return
-    if deed is not None and deed.meaning in AWAITING and deed.target is not None and deed.event is None:
+    if frame is not None and frame.verb_class in AWAITING and frame.target is not None and frame.event is None:
         if token.value in ("in", "into", "near", "on", "past") or token.text == "through":
-            deed.event = "merge" if token.value == "in" else "pass"  # "let it in", "let it by"
-    elif token.value == "past" and deed is not None and deed.relation == "none":
-        deed.relation = "past"
-    beside = token.value in ("behind", "next_to", "opposite") and token.text != "next"
-    beside = beside or (token.text in ("around", "round") and told.next_kind == "")
-    if beside and deed is not None and deed.target is None and told.relation and _vehicle_before(told):
-        told.aim(token.value, Phrase("pronoun", head="it", start=token.start))  # "that is his bus, pull alongside"
-    if told.next_kind != "lane":
-        told.relation = None
+            frame.event = "merge" if token.value == "in" else "pass"  # "let it in", "let it by"
+    elif token.value == "past" and frame is not None and frame.relation == "none":
+        frame.relation = "past"
+    elliptic = token.value in ("behind", "next_to", "opposite") and token.text != "next"
+    elliptic = elliptic or (token.text in ("around", "round") and state.next_kind == "")
+    no_target = frame is not None and frame.target is None
+    if elliptic and no_target and state.open_relation and _has_vehicle(state):
+        # "That is his bus, pull alongside".
+        attach_target(state, token.value, NounPhrase(kind="pronoun", head="it", start=token.start))
+    if state.next_kind != "lane":
+        state.open_relation = None
 
 
-def _ruled_out(told: Telling, relation: str) -> bool:
-    """Whether a place beside what was named is ruled out: "behind the van, not in front"."""
-    target = told.host.target
+def _exclude_place(state: DiscourseState, relation: str) -> bool:
+    """Exclude a relation to the target ("behind the van, not in front"); return whether there is a target."""
+    target = state.host_frame.target
     if target is None:
         return False
-    told.story.excluded.append((relation, target))
-    told.negative, told.relation = False, None
+    state.discourse.excluded.append((relation, target))
+    state.negated, state.open_relation = False, None
     return True
 
 
-def _vehicle_before(told: Telling) -> bool:
-    return any(phrase.kind == "vehicle" for phrase, _ in told.story.mentions)
+def _has_vehicle(state: DiscourseState) -> bool:
+    return any(phrase.kind == "vehicle" for phrase, _ in state.discourse.mentions)
 
 
-def between(told: Telling, token: Token) -> None:
-    """Between: its first noun is the target, its second a landmark."""
-    if told.next_kind == "ego" and told.gap_m is not None:
-        told.spend_gap("gap")  # "leave 2 metres between us and the van"
-    told.relation = "between"
+def handle_between(state: DiscourseState, token: Token) -> None:
+    """Open "between": its first noun phrase is the target, the second a landmark."""
+    if state.next_kind == "ego" and state.open_distance_m is not None:
+        attach_distance(state, "gap")  # "leave 2 metres between us and the van"
+    state.open_relation = "between"
 
 
-def of(told: Telling, token: Token) -> None:
-    """Of: joins two nouns."""
-    told.relation = told.relation if told.noun is None else "of"
+def handle_of(state: DiscourseState, token: Token) -> None:
+    """Open "of" if a noun phrase precedes it."""
+    state.open_relation = state.open_relation if state.open_phrase is None else "of"
 
 
-def side(told: Telling, token: Token) -> None:
-    """On the left: of the vehicle just named; else of the goal, or where to steer."""
-    noun = told.noun
-    deed = told.deed
-    passed = deed is not None and (deed.meaning == "overtake" or deed.round or deed.relation == "past")
-    if noun is not None and noun.kind == "pronoun" and passed:
-        told.noun = None  # "pass it on the left"
+def handle_side(state: DiscourseState, token: Token) -> None:
+    """Add a side ("on the left") to the last vehicle, to the goal, or as a steering direction."""
+    noun = state.open_phrase
+    frame = state.frame
+    passes = frame is not None and (frame.verb_class == "overtake" or frame.goes_around or frame.relation == "past")
+    if noun is not None and noun.kind == "pronoun" and passes:
+        state.open_phrase = None  # "pass it on the left"
     value = token.value.removesuffix("_side").removeprefix("from_")
-    at = told.clause.tokens.index(token)
-    if at and told.clause.tokens[at - 1].form == "own" and told.host.target is noun and value != "opposite":
-        told.host.relation = f"{value}_of"  # "to the white car's left side"
+    at = state.clause.tokens.index(token)
+    possessive = at > 0 and state.clause.tokens[at - 1].form == "own"
+    if possessive and state.host_frame.target is noun and value != "opposite":
+        state.host_frame.relation = f"{value}_of"  # "to the white car's left side"
         return
-    if told.correcting and told.deed is None and noun is None and repairs.move(told, token.value):
+    if state.is_repair and state.frame is None and noun is None and replace_side(state, token.value):
         return
-    if _qualifies(told, token) or value == "opposite":
+    if _qualify_open_phrase(state, token) or value == "opposite":
         return
-    if told.deed is None and told.third is not None:
+    if state.frame is None and state.other_subject is not None:
         return
-    deed = told.deed or (told.leading if told.clause.new else told.host)
-    if deed.meaning in _STEERING:
-        deed.direction = deed.direction or value
+    frame = state.frame or (state.leading_frame if state.clause.starts_sentence else state.host_frame)
+    if frame.verb_class in _STEERING:
+        frame.direction = frame.direction or value
     else:
-        deed.side = value
+        frame.side = value
 
 
-def where(told: Telling, token: Token) -> None:
-    """Ahead, behind us, in our lane: of the vehicle just named; else said of the place."""
-    if told.negative and "front" in token.text and _ruled_out(told, "in_front_of"):
+def handle_ego_place(state: DiscourseState, token: Token) -> None:
+    """Add a place relative to the ego ("ahead", "behind us") to the last vehicle or to the goal."""
+    if state.negated and "front" in token.text and _exclude_place(state, "in_front_of"):
         return
-    if token.value == "beside_ego" or _qualifies(told, token):
+    if token.value == "beside_ego" or _qualify_open_phrase(state, token):
         return
-    told.spend_gap("way")
-    if token.value not in told.host.optional:
-        told.host.optional.append(token.value)
+    attach_distance(state, "travel_or_gap")
+    if token.value not in state.host_frame.goal_qualifiers:
+        state.host_frame.goal_qualifiers.append(token.value)
 
 
-def _qualifies(told: Telling, token: Token) -> bool:
-    """Whether a place says where the last named thing is; it does if that is a vehicle or a person."""
-    noun = told.noun
-    if told.happened or (
-        token.kind is Kind.WHERE and noun is not None and noun.late[-1:] and noun.late[-1] in _GOING
-    ):
+def _qualify_open_phrase(state: DiscourseState, token: Token) -> bool:
+    """Add a place to the open noun phrase if it is a vehicle or a person; return whether the place is used up."""
+    noun = state.open_phrase
+    departing = noun is not None and any(word in _DEPARTING for word in noun.postmodifiers[-1:])
+    if state.event_stated or (departing and token.category is WordCategory.WHERE):
         return True
     if noun is None or noun.kind in ("thing", "region", "spot", "part"):
         return noun is not None and noun.kind == "thing"
-    told.spend_gap("descriptor")
-    noun.qualify(token.value)
+    attach_distance(state, "descriptor")
+    noun.add_qualifier(token.value)
     noun.in_line = noun.in_line or token.text.endswith(_IN_LINE)
     return True
 
 
-def lane(told: Telling, token: Token) -> None:
-    """A lane: of the vehicle just named; else where to go."""
-    if told.next_kind == "of" and token.value in ("left_lane", "right_lane"):
-        told.rest.pop(0)  # "the lane to the left of the bus"
-        told.relation = token.value.replace("lane", "of")
-        told.host.marks.append(("in", Phrase("region", "lane", "lane")))
-    elif told.deed is None and told.third is None and told.next_kind in ("be", "aux"):
-        told.subject = told.noun = Phrase("region", "lane", "lane")  # "the left lane is closed"
+def handle_lane(state: DiscourseState, token: Token) -> None:
+    """Add a lane to the last vehicle or to the goal."""
+    lane = NounPhrase(kind="region", noun="lane", head="lane")
+    if state.next_kind == "of" and token.value in ("left_lane", "right_lane"):
+        state.remaining.pop(0)  # "the lane to the left of the bus"
+        state.open_relation = token.value.replace("lane", "of")
+        state.host_frame.landmarks.append(("in", lane))
+    elif state.frame is None and state.other_subject is None and state.next_kind in ("be", "aux"):
+        state.subject = state.open_phrase = lane  # "the left lane is closed"
     else:
-        if not _qualifies(told, token):
-            told.host.lane = token.value
-        told.relation = None
+        if not _qualify_open_phrase(state, token):
+            state.host_frame.lane = token.value
+        state.open_relation = None
 
 
-def distance(told: Telling, token: Token) -> None:
-    """Metres: before a relation the gap, alone the way to go, after a noun how far that is."""
-    told.gap_m = float(token.value)
-    more = told.next_kind in _MORE
-    if told.next_kind == "here" or (told.deed is None and told.subject is not None):
-        told.spend_gap("descriptor")  # "the van 20 metres up the road"
-    elif told.relation and not (told.rest and isinstance(told.rest[0], Phrase)):
-        said, told.relation = told.relation, None
-        if said == "of" or (said == "at" and told.noun is not None):
-            told.spend_gap("gap")  # "at a distance of 5 metres"
-        elif said == "near" and told.next_kind in ("of", "relation"):
-            told.relation = said  # "within 5 metres of the van"
-            told.rest.pop(0)
-        elif not more:
-            told.spend_gap("along")  # "in 20 metres"
-    elif told.noun is not None and not more:
-        told.spend_gap("gap")
+def handle_distance(state: DiscourseState, token: Token) -> None:
+    """Open a distance: a gap before a relation, a travel distance alone, a descriptor after a noun."""
+    state.open_distance_m = float(token.value)
+    continues = state.next_kind in _BEFORE_REFERENCE
+    noun_follows = bool(state.remaining) and isinstance(state.remaining[0], NounPhrase)
+    if state.next_kind == "here" or (state.frame is None and state.subject is not None):
+        attach_distance(state, "descriptor")  # "the van 20 metres up the road"
+    elif state.open_relation and not noun_follows:
+        relation, state.open_relation = state.open_relation, None
+        if relation == "of" or (relation == "at" and state.open_phrase is not None):
+            attach_distance(state, "gap")  # "at a distance of 5 metres"
+        elif relation == "near" and state.next_kind in ("of", "relation"):
+            state.open_relation = relation  # "within 5 metres of the van"
+            state.remaining.pop(0)
+        elif not continues:
+            attach_distance(state, "travel")  # "in 20 metres"
+    elif state.open_phrase is not None and not continues:
+        attach_distance(state, "gap")
 
 
-def away(told: Telling, token: Token) -> None:
-    """Away, after a distance: "the car 20 metres away"."""
-    if told.noun is not None:
-        told.spend_gap("descriptor")
-
-
-def negation(told: Telling, token: Token) -> None:
-    """Not; what follows "without" is left out."""
-    told.negative = token.text != "without"
-    if told.stating or not told.negative:
-        told.idle = told.happened = True  # "there is no room to pass"
-
-
-def exception(told: Telling, token: Token) -> None:
-    """Except, instead of."""
-    told.negative = True
-    told.noun = told.noun or Phrase("")
-
-
-def which(told: Telling, token: Token) -> None:
-    """That is, who has: what follows is said of the noun before."""
-    if told.noun is None and not told.clause.new and told.story.mentions:
-        told.noun = told.story.mentions[-1][0]  # "the white car, which is parked"
-    if told.noun is not None:
-        told.within = True
-        told.helped = token.text.split()[-1] if " " in token.text else token.text if "'s" in token.text else ""
-        told.subject = told.noun
-        if token.value == "ego":  # "the van we passed"
-            told.subject, told.happened = "ego", True
-
-
-def helper(told: Telling, token: Token) -> None:
-    """Is, may: the verb to come is the subject's."""
-    told.helped = token.text
-
-
-def exists(told: Telling, token: Token) -> None:
-    """There is: a statement."""
-    told.subject, told.deed, told.stating = None, None, True
-    lead = told.leading
-    told.place = [*([f"{lead.side}_side"] if lead.side else []), *lead.optional]  # "on the left there is a van"
-    lead.side, lead.optional = None, []
-
-
-def question(told: Telling, token: Token) -> None:
-    """What begins a question commands nothing."""
-    told.idle = True
-
-
-def there(told: Telling, token: Token) -> None:
-    """There, its spot: a place told before."""
-    if token.text.startswith(("where", "is", "that")):  # "that is where I want to stop"
-        told.clear()
-    if token.text.startswith(_ITS):
-        told.aim("at", Phrase("pronoun", head=token.text, start=token.start))
-        told.host.marks.append(("in", Phrase("spot", "parking_spot")))
-    elif told.noun is None:
-        told.host.there = True
-
-
-def purpose(told: Telling, token: Token) -> None:
-    """To, before a verb."""
-    told.purpose = True
-
-
-def out(told: Telling, token: Token) -> None:
-    """Out, first: what is let happen."""
-    deed = told.deed
-    if deed is not None and deed.meaning in AWAITING and deed.target is not None and deed.event is None:
-        deed.event = "leave" if token.text == "out" else "pass"
-
-
-def unknown(told: Telling, token: Token) -> None:
-    """What "not" denies may be a word that is not known."""
-    told.negative = False
+def handle_away(state: DiscourseState, token: Token) -> None:
+    """Attach a distance to the noun phrase before it: "the car 20 metres away"."""
+    if state.open_phrase is not None:
+        attach_distance(state, "descriptor")

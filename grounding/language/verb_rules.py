@@ -1,197 +1,213 @@
-"""Verbs in a clause: what is commanded, what another vehicle does, what is awaited."""
+"""Rules for verbs: a command, a statement about another vehicle, or an event that the command waits for."""
 
 from __future__ import annotations
 
-from grounding.language import repairs
-from grounding.language.attachment import TEMPORAL, VEHICLES, Telling
-from grounding.language.command_frames import Deed
-from grounding.language.noun_phrases import Phrase
+from grounding.language.clauses import TEMPORAL
+from grounding.language.command_frames import CommandFrame
+from grounding.language.discourse_state import DiscourseState
+from grounding.language.noun_phrases import VEHICLE_KINDS, NounPhrase
+from grounding.language.repairs import replace_direction, replace_frame
 from grounding.language.tokenizer import Token
-from grounding.language.word_categories import Kind
+from grounding.language.word_categories import WordCategory
 
-# Verbs whose object does something in turn: "let it pass", "wait for it to turn".
+# Verb classes whose object does something in turn: "let it pass", "wait for it to turn".
 AWAITING = ("give_way", "wait")
-_LETTING = ("let", "allow", "permit", "letting", "allowing")
+LETTING = ("let", "allow", "permit", "letting", "allowing")
 _DRIVEN = ("moving", "passing")
 _DIRECTIONS = ("left", "right", "straight", "around")
 
 
-def verb(told: Telling, token: Token) -> None:
-    """A verb begins a deed, or says what somebody else does."""
-    told.relation = None
-    purpose, told.purpose = told.purpose, False
-    if token.meant.startswith("using"):
-        told.noun = None  # "overtake it using the left lane"
-    if _awaited(told, token, purpose):
+def handle_verb(state: DiscourseState, token: Token) -> None:
+    """Start a command frame, or add an event or state of another vehicle."""
+    state.open_relation = None
+    infinitive, state.infinitive = state.infinitive, False
+    if token.corrected.startswith("using"):
+        state.open_phrase = None  # "overtake it using the left lane"
+    if _completes_awaited_event(state, token, infinitive):
         return
-    third = told.third
-    if purpose and told.helped and third is not None and third.kind == "pronoun":
-        told.subject, told.helped = None, ""  # "it would be nice to park here"
-    wished = token.form == "past" and told.clause.link == "if" and told.subject == "ego"  # "if you parked here"
+    subject = state.other_subject
+    if infinitive and state.auxiliary and subject is not None and subject.kind == "pronoun":
+        state.subject, state.auxiliary = None, ""  # "it would be nice to park here"
+    conditional = state.clause.connective == "if" and state.subject == "ego"  # "if you parked here"
+    command_form = token.form in ("", "ing") or (conditional and token.form == "past")
     # "It hit my bike" commands nothing; "don't hit it" does.
-    harm = token.value == "danger" and not told.negative
-    may_command = not harm and (token.form in ("", "ing") or wished) and token.value != "none" and not told.idle
-    if may_command and (_going_on(told) if token.form == "ing" else _base(told)):
-        begin(told, token, "to" if purpose and told.deed is not None else told.clause.link)
+    harm = token.value == "danger" and not state.negated
+    may_command = command_form and not harm and token.value != "none" and not state.off_topic
+    if may_command and (_is_participle_command(state) if token.form == "ing" else _is_base_command(state)):
+        start_frame(state, token, "to" if infinitive and state.frame is not None else state.clause.connective)
     else:
-        _say(told, token)
-    told.helped = ""
+        _add_statement(state, token)
+    state.auxiliary = ""
 
 
-def _awaited(told: Telling, token: Token, purpose: bool) -> bool:
-    """Whether the verb is what the object of another is to do: "let it pass"."""
-    deed = told.deed
-    awaits = deed is not None and (deed.meaning in AWAITING or (deed.meaning == "give" and purpose))
-    if deed is None or not awaits or deed.target is None or (told.within and (token.form or told.helped)):
+def _completes_awaited_event(state: DiscourseState, token: Token, infinitive: bool) -> bool:
+    """Set the event of a frame that waits for its object ("let it pass"); return whether the verb is that event."""
+    frame = state.frame
+    awaits = frame is not None and (frame.verb_class in AWAITING or (frame.verb_class == "give" and infinitive))
+    if frame is None or not awaits or frame.target is None:
         return False
-    bare = not token.form and not told.helped
-    finished = token.form not in ("", "s") and not told.helped
-    if finished or (not purpose and (deed.event or (bare and deed.word not in _LETTING))):
+    if state.in_relative_clause and (token.form or state.auxiliary):
         return False
-    deed.event = token.event or "other"
-    told.happened = True
+    bare = not token.form and not state.auxiliary
+    finished = token.form not in ("", "s") and not state.auxiliary
+    if finished or (not infinitive and (frame.event or (bare and frame.verb not in LETTING))):
+        return False
+    frame.event = token.event or "other"
+    state.event_stated = True
     return True
 
 
-def _base(told: Telling) -> bool:
-    """Whether a verb in its base form is a command."""
-    subject = told.third or told.noun
+def _is_base_command(state: DiscourseState) -> bool:
+    """Return whether a verb in its base form is a command."""
+    subject = state.other_subject or state.open_phrase
     singular = subject is None or subject.number == 1
-    if told.within and told.subject != "ego":
+    if state.in_relative_clause and state.subject != "ego":
         # "The car that is parked | turn left".
-        return not told.helped and told.noun is not None and singular
-    if told.third is not None:
-        hanging = told.clause.link in (*TEMPORAL, "if", "because", "while")
-        return not told.helped and not hanging and singular
-    if told.helped and told.subject is None and told.noun is not None and told.noun.kind == "vehicle":
+        return not state.auxiliary and state.open_phrase is not None and singular
+    if state.other_subject is not None:
+        subordinate = state.clause.connective in (*TEMPORAL, "if", "because", "while")
+        return not state.auxiliary and not subordinate and singular
+    noun = state.open_phrase
+    if state.auxiliary and state.subject is None and noun is not None and noun.kind == "vehicle":
         return False  # "where the van is about to leave"
-    return not told.within
+    return not state.in_relative_clause
 
 
-def _going_on(told: Telling) -> bool:
-    """Whether a verb in -ing is a command: "we are turning", "before turning", "continue following the bus"."""
-    if told.subject == "ego":
-        return bool(told.helped) and not told.within
-    if told.third is not None or told.within:
+def _is_participle_command(state: DiscourseState) -> bool:
+    """Return whether a verb in -ing is a command: "we are turning", "before turning", "continue following it"."""
+    if state.subject == "ego":
+        return bool(state.auxiliary) and not state.in_relative_clause
+    if state.other_subject is not None or state.in_relative_clause:
         return False
-    return told.noun is None or told.negative or (told.deed is not None and told.deed.meaning == "other")
+    continues = state.frame is not None and state.frame.verb_class == "other"
+    return state.open_phrase is None or state.negated or continues
 
 
-def begin(told: Telling, token: Token, link: str) -> None:
-    """A new deed."""
-    meaning, *carried = token.value.split()
-    # What may not be hit is to be avoided, and "don't hit it" says no less.
-    danger = meaning == "danger"
-    deed = Deed("avoid" if danger else meaning, token.meant, link, token.start, told.negative and not danger)
-    # "When you turn", "after turning" tell when, and command nothing; "before turning" does.
-    finite = told.subject == "ego" and not token.form
-    deed.aside = link in TEMPORAL and (finite or (token.form == "ing" and link != "before"))
-    for value in carried:
-        if value in _DIRECTIONS:
-            deed.direction = value
-        else:
-            deed.relation = value
-    _take_over(told.leading, deed)
-    for phrase, event in told.awaited:
-        deed.event, deed.waits_for = event, phrase
-    if told.correcting and told.deed is None:
-        repairs.cancel(told, deed)
-    told.deed, told.leading, told.awaited = deed, Deed(), []
-    told.story.deeds.append(deed)
-    told.noun, told.subject = None, None
-    told.negative = told.within = told.happened = False
-
-
-def _take_over(lead: Deed, deed: Deed) -> None:
-    """What was said before the first verb."""
-    deed.target, deed.marks, deed.side, deed.lane = lead.target, lead.marks, lead.side, lead.lane
-    deed.optional, deed.distances, deed.there = lead.optional, lead.distances, lead.there
-    if lead.relation != "none":
-        deed.relation = lead.relation
-
-
-def _say(told: Telling, token: Token) -> None:
-    """What a verb says of another vehicle: an event that is awaited, or its state."""
-    subject = told.third if not told.within else None
-    finite = (
-        bool(told.helped) or token.form in ("s", "") or (token.form == "past" and token.event not in ("", "stop"))
+def start_frame(state: DiscourseState, token: Token, connective: str) -> None:
+    """Start a command frame with the arguments that precede its verb."""
+    verb_class, *implied = token.value.split()
+    # "Don't hit it" means the same as "avoid it".
+    danger = verb_class == "danger"
+    frame = CommandFrame(
+        verb_class="avoid" if danger else verb_class,
+        verb=token.corrected,
+        connective=connective,
+        start=token.start,
+        negated=state.negated and not danger,
     )
-    host = subject if subject is not None and finite else told.noun or subject
+    # "When you turn" and "after turning" give a time; "before turning" is a command.
+    finite = state.subject == "ego" and not token.form
+    participle = token.form == "ing" and connective != "before"
+    frame.is_temporal = connective in TEMPORAL and (finite or participle)
+    for value in implied:
+        if value in _DIRECTIONS:
+            frame.direction = value
+        else:
+            frame.relation = value
+    _move_arguments(state.leading_frame, frame)
+    for phrase, event in state.pending_events:
+        frame.event, frame.event_subject = event, phrase
+    if state.is_repair and state.frame is None:
+        replace_frame(state, frame)
+    state.frame, state.leading_frame, state.pending_events = frame, CommandFrame(), []
+    state.discourse.frames.append(frame)
+    state.open_phrase, state.subject = None, None
+    state.negated = state.in_relative_clause = state.event_stated = False
+
+
+def _move_arguments(leading: CommandFrame, frame: CommandFrame) -> None:
+    """Move the arguments before the verb to its frame."""
+    frame.target, frame.landmarks = leading.target, leading.landmarks
+    frame.side, frame.lane = leading.side, leading.lane
+    frame.goal_qualifiers, frame.distances = leading.goal_qualifiers, leading.distances
+    frame.refers_to_place = leading.refers_to_place
+    if leading.relation != "none":
+        frame.relation = leading.relation
+
+
+def _add_statement(state: DiscourseState, token: Token) -> None:
+    """Add an event or a state of another vehicle."""
+    subject = state.other_subject if not state.in_relative_clause else None
+    finite_past = token.form == "past" and token.event not in ("", "stop")
+    finite = bool(state.auxiliary) or token.form in ("s", "") or finite_past
+    host = subject if subject is not None and finite else state.open_phrase or subject
     if host is None:
         return
-    if subject is not None and finite and told.clause.link in (*TEMPORAL, "so"):
-        if not told.happened:
-            _await(told, subject, token.event or "other")
-    elif told.negative:
-        if token.state and (told.helped or told.within):
+    if subject is not None and finite and state.clause.connective in (*TEMPORAL, "so"):
+        if not state.event_stated:
+            _await_event(state, subject, token.event or "other")
+    elif state.negated:
+        if token.state and (state.auxiliary or state.in_relative_clause):
             host.excluded.append((None, (token.state,)))
-        told.negative = False
-    elif not told.happened:
-        if token.state and host.kind not in ("thing", "region", "spot") and not _passing_by(told, token, host):
-            host.qualify(token.state)
-        told.noun = host
+        state.negated = False
+    elif not state.event_stated:
+        if token.state and host.kind not in ("thing", "region", "spot") and not _is_transient(state, token, host):
+            host.add_qualifier(token.state)
+        state.open_phrase = host
 
 
-def _passing_by(told: Telling, token: Token, host: Phrase) -> bool:
-    """Whether the verb tells no lasting state: "where the van came from", "he is driving badly"."""
-    if told.used == "at" and token.form == "past":
+def _is_transient(state: DiscourseState, token: Token, host: NounPhrase) -> bool:
+    """Return whether the verb describes no lasting state: "where the van came from", "he is driving badly"."""
+    if state.last_relation == "at" and token.form == "past":
         return token.state not in ("parked", "stopped")
-    if token.form == "past" and told.helped in ("is", "are", "was", "were", "being") and token.state in _DRIVEN:
+    passive = token.form == "past" and state.auxiliary in ("is", "are", "was", "were", "being")
+    if passive and token.state in _DRIVEN:
         return True  # "it is driven by my uncle"
-    if token.state == "turning" and told.next_kind in ("part", "thing", "spot", "relation"):
+    if token.state == "turning" and state.next_kind in ("part", "thing", "spot", "relation"):
         return True  # "it turned its lights on"
     if not token.form and token.state in ("parked", "stopped", "passing"):
         return True  # "it wants to park"
     if token.state != "moving":
         return False
     vague = token.value == "go" or host.kind == "pronoun"
-    whence = token.meant.endswith(" from") and told.next_kind != "side"
-    return vague or whence or token.form == "past"
+    origin = token.corrected.endswith(" from") and state.next_kind != "side"
+    return vague or origin or token.form == "past"
 
 
-def _await(told: Telling, subject: Phrase, event: str) -> None:
-    """An event that the last deed waits for, or the next."""
-    told.happened = True
-    told.noun = None
-    event = event if subject.kind in (*VEHICLES, "person", "one", "pronoun") or event == "clear" else "other"
-    deed = told.before if not told.clause.new else None
-    if deed is not None and deed.event is None:
-        deed.event, deed.waits_for = event, subject
+def _await_event(state: DiscourseState, subject: NounPhrase, event: str) -> None:
+    """Add an event that the last frame waits for, or else the next frame."""
+    state.event_stated = True
+    state.open_phrase = None
+    event = event if subject.kind in (*VEHICLE_KINDS, "person", "one", "pronoun") or event == "clear" else "other"
+    frame = state.previous_frame if not state.clause.starts_sentence else None
+    if frame is not None and frame.event is None:
+        frame.event, frame.event_subject = event, subject
     else:
-        told.awaited.append((subject, event))
+        state.pending_events.append((subject, event))
 
 
-def other_verb(told: Telling, token: Token) -> None:
-    """A verb of anything but driving: nothing after it is commanded."""
-    if (told.purpose and told.deed is not None) or told.third is not None or told.within:
-        told.purpose, told.happened = False, True
+def handle_other_verb(state: DiscourseState, token: Token) -> None:
+    """Mark the rest of the clause as off topic or as the manner of an event."""
+    has_subject = state.other_subject is not None or state.in_relative_clause
+    if (state.infinitive and state.frame is not None) or has_subject:
+        state.infinitive, state.event_stated = False, True
     else:
-        told.idle, told.deed, told.noun, told.subject = True, None, None, None
+        state.off_topic, state.frame, state.open_phrase, state.subject = True, None, None, None
 
 
-def meanwhile(told: Telling, token: Token) -> None:
-    """While passing: stands beside the main verb as a deed of its own."""
-    begin(told, token, "while")
+def handle_meanwhile(state: DiscourseState, token: Token) -> None:
+    """Start a frame for an action at the same time: "while passing"."""
+    start_frame(state, token, "while")
 
 
-def turned(told: Telling, token: Token) -> None:
-    """Left, right, straight: of a turning vehicle, of a deed, or a deed of its own ("turn left, then right")."""
-    host, deed, before = told.noun, told.deed, told.before
-    if told.negative:  # "not left", "instead of right"
-        told.negative, told.noun = False, told.noun if told.noun is not None and told.noun.kind else None
-        return
-    if host is not None and host.kind == "vehicle" and host.late[-1:] in (["turning"], ["moving"]):
+def handle_direction(state: DiscourseState, token: Token) -> None:
+    """Add a direction to a turning vehicle or a frame, or start a frame: "turn left, then right"."""
+    host, frame, before = state.open_phrase, state.frame, state.previous_frame
+    if state.negated:  # "not left", "instead of right"
+        state.negated = False
+        state.open_phrase = host if host is not None and host.kind else None
+    elif host is not None and host.kind == "vehicle" and host.postmodifiers[-1:] in (["turning"], ["moving"]):
         if token.value in ("left", "right"):
-            host.qualifiers[host.qualifiers.index(host.late[-1])] = f"turning_{token.value}"
-    elif told.happened:
+            host.qualifiers[host.qualifiers.index(host.postmodifiers[-1])] = f"turning_{token.value}"
+    elif state.event_stated:
         return
-    elif deed is None:
-        if told.correcting and repairs.steer(told, token.value):
+    elif frame is None:
+        if state.is_repair and replace_direction(state, token.value):
             return
-        if told.clause.link in ("then", "and") and before is not None and before.direction:
-            said = token.text, token.meant, token.start, token.end
-            begin(told, Token(Kind.VERB, f"turn {token.value}", *said), told.clause.link)
-    elif deed.meaning in ("park", "stop", "pull_over") and token.value != "straight":
-        deed.side = deed.side or token.value
-    elif deed.direction in (None, "straight"):
-        deed.direction = token.value
+        if state.clause.connective in ("then", "and") and before is not None and before.direction:
+            turn = token.with_category(WordCategory.VERB, f"turn {token.value}")
+            start_frame(state, turn, state.clause.connective)
+    elif frame.verb_class in ("park", "stop", "pull_over") and token.value != "straight":
+        frame.side = frame.side or token.value
+    elif frame.direction in (None, "straight"):
+        frame.direction = token.value

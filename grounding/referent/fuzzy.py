@@ -1,4 +1,4 @@
-"""Soft truth: 0..1 instead of yes and no; what is unknown is half open."""
+"""Fuzzy membership: degrees of truth from 0 to 1; unknown = 0.5."""
 
 from __future__ import annotations
 
@@ -9,21 +9,21 @@ from appocc.checks import FloatArray
 UNKNOWN = 0.5
 
 
-def rises(value: FloatArray, middle: float, step: float) -> FloatArray:
-    """0..1 of values of any shape, a half at `middle`, almost all of it within three steps; NaN of NaN."""
-    return np.asarray(1 / (1 + np.exp(-np.clip((value - middle) / step, -50, 50))))
+def rising(value: FloatArray, midpoint: float, scale: float) -> FloatArray:
+    """Return a sigmoid of values of any shape: 0.5 at `midpoint`, 0.95 three scales above it; NaN for NaN."""
+    return np.asarray(1 / (1 + np.exp(-np.clip((value - midpoint) / scale, -50, 50))))
 
 
-def falls(value: FloatArray, middle: float, step: float) -> FloatArray:
-    """The same the other way round: 1 of low values."""
-    return rises(-value, -middle, step)
+def falling(value: FloatArray, midpoint: float, scale: float) -> FloatArray:
+    """Return the mirrored sigmoid: 1 for low values, 0 for high ones."""
+    return rising(-value, -midpoint, scale)
 
 
-def bell(value: FloatArray, spread: float) -> FloatArray:
-    """1 at 0, and less to both sides; NaN of NaN."""
-    return np.asarray(np.exp(-0.5 * np.square(value / spread)))
+def gaussian(value: FloatArray, sigma: float) -> FloatArray:
+    """Return a Gaussian membership with its peak of 1 at 0; NaN for NaN."""
+    return np.asarray(np.exp(-0.5 * np.square(value / sigma)))
 
 
-def half_open(fit: FloatArray) -> FloatArray:
-    """The same with a half where it is NaN, because a value that it depends on is unknown."""
-    return np.where(np.isnan(fit), UNKNOWN, fit)
+def fill_unknown(membership: FloatArray) -> FloatArray:
+    """Replace NaN, the membership of unknown values, by 0.5."""
+    return np.where(np.isnan(membership), UNKNOWN, membership)

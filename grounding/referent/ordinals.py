@@ -1,4 +1,4 @@
-"""First, second, last, nearest, leftmost, the one in front of us: the probability of each thing to be that one."""
+"""Ordinals, superlatives and the lead vehicle: the probability of each object to be the one in that position."""
 
 from __future__ import annotations
 
@@ -8,96 +8,108 @@ import numpy as np
 
 from appocc.checks import FloatArray
 from grounding.query import Referent
-from grounding.referent.fuzzy import rises
-from grounding.referent.object_table import Crowd
-from grounding.referent.predicates import own_lane
-from grounding.scene_object import EGO_CENTRE_M
+from grounding.referent.fuzzy import rising
+from grounding.referent.object_table import ObjectTable
+from grounding.referent.predicates import in_own_lane
 
-# From here on a vehicle is before us rather than beside us.
+# From this x on an object is ahead of the ego rather than next to it.
 _AHEAD_M = 3.0
 
-# How surely "the car in front of us" is the one right before us in our lane; it may be any one ahead.
-_LEADS = 0.85
-# What may be said beside it without telling another place.
-_NO_PLACE = frozenset(("ahead", "behind_ego", "moving", "stopped", "braking", "large", "small"))
+# Probability that "the car in front of us" means the lead vehicle of the ego lane and not any vehicle ahead.
+_LEAD_PROBABILITY = 0.85
+# Qualifiers that combine with "in front of us" without naming another position.
+_NON_POSITIONAL = frozenset(("ahead", "behind_ego", "moving", "stopped", "braking", "large", "small"))
 
 ORDINALS: Mapping[str, int] = {"first": 1, "next": 1, "second": 2, "third": 3, "fourth": 4}
-# What a superlative sorts by, smallest first, and over which difference two vehicles are hard to tell apart.
-SORTING: Mapping[str, tuple[Callable[[Crowd], FloatArray], float]] = {
-    "nearest": (lambda crowd: crowd.distance_m, 0.3),
-    "farthest": (lambda crowd: -crowd.distance_m, 0.3),
-    "leftmost": (lambda crowd: -crowd.xy_m[:, 1], 0.2),
-    "rightmost": (lambda crowd: crowd.xy_m[:, 1], 0.2),
-    "largest": (lambda crowd: -crowd.size_m[:, 0] * crowd.size_m[:, 1], 0.5),
-    "smallest": (lambda crowd: crowd.size_m[:, 0] * crowd.size_m[:, 1], 0.5),
-    "first": (lambda crowd: _way_ahead_m(crowd), 0.3),
-    "last": (lambda crowd: -_way_ahead_m(crowd), 0.3),
+# Sort key of each superlative, smallest first, and the scale of differences that are hard to tell.
+SORT_KEYS: Mapping[str, tuple[Callable[[ObjectTable], FloatArray], float]] = {
+    "nearest": (lambda table: table.distance_m, 0.3),
+    "farthest": (lambda table: -table.distance_m, 0.3),
+    "leftmost": (lambda table: -table.xy_m[:, 1], 0.2),
+    "rightmost": (lambda table: table.xy_m[:, 1], 0.2),
+    "largest": (lambda table: -table.size_m[:, 0] * table.size_m[:, 1], 0.5),
+    "smallest": (lambda table: table.size_m[:, 0] * table.size_m[:, 1], 0.5),
+    "first": (lambda table: _distance_ahead_m(table), 0.3),
+    "last": (lambda table: -_distance_ahead_m(table), 0.3),
 }
 
 
-def _way_ahead_m(crowd: Crowd) -> FloatArray:
-    """(N,) how far ahead they are, half along our lane and half as we see it, should the lane be another."""
-    return (crowd.along_m + crowd.xy_m[:, 0]) / 2
+def _distance_ahead_m(table: ObjectTable) -> FloatArray:
+    """Return the distance ahead (N,): the mean of arc length and x, because the estimated lane may be wrong."""
+    return (table.along_m + table.xy_m[:, 0]) / 2
 
 
-def counting_words(qualifiers: tuple[str, ...]) -> list[str]:
-    """Those that count."""
-    return [word for word in qualifiers if word in ORDINALS or word in SORTING]
+def find_ordinals(qualifiers: tuple[str, ...]) -> list[str]:
+    """Return the ordinals and superlatives among qualifiers."""
+    return [word for word in qualifiers if word in ORDINALS or word in SORT_KEYS]
 
 
-def counted(qualifiers: tuple[str, ...], crowd: Crowd, likely: FloatArray) -> FloatArray:
-    """(N,) probabilities to be the one that is counted to, given those to be one that counts (N,)."""
+def ordinal_probability(qualifiers: tuple[str, ...], table: ObjectTable, membership: FloatArray) -> FloatArray:
+    """Return the probability (N,) of each object to be in the position that the qualifiers name.
+
+    Args:
+        qualifiers: qualifiers of a referent; without an ordinal or superlative `membership` is returned.
+        table: objects.
+        membership: (N,) probability of each object to be one of those that are counted.
+    """
     ordinals = [word for word in qualifiers if word in ORDINALS or word == "last"]
-    superlatives = [word for word in qualifiers if word in SORTING and word not in (*ordinals, "first")]
+    superlatives = [word for word in qualifiers if word in SORT_KEYS and word not in (*ordinals, "first")]
     if not ordinals and not superlatives:
-        return likely
+        return membership
     number = next((ORDINALS[word] for word in ordinals if word in ORDINALS), 1)
     sorting = (superlatives or (["last"] if "last" in ordinals else ["first"]))[0]
     if not superlatives and "behind_ego" not in qualifiers:
-        # Plain ordinals count along the way ahead; what is beside or behind the ego is no part of the count.
-        likely = likely * rises(crowd.xy_m[:, 0], _AHEAD_M, 0.5) * (crowd.xy_m[:, 0] > EGO_CENTRE_M)
-    key, step = SORTING[sorting]
+        # Plain ordinals count along the road ahead and skip objects next to and behind the ego.
+        membership = membership * rising(table.xy_m[:, 0], _AHEAD_M, 0.5) * (table.xy_m[:, 0] > table.ego.centre_m)
+    key, scale = SORT_KEYS[sorting]
     # The last from the left is the first from the right.
-    keys = key(crowd) * (-1 if superlatives and "last" in ordinals else 1)
-    return likely * _exactly(number - 1, _before(keys, likely, step))
+    keys = key(table) * (-1 if superlatives and "last" in ordinals else 1)
+    return membership * _poisson_binomial(number - 1, _precedence_probability(keys, membership, scale))
 
 
-def leads(referent: Referent) -> int:
-    """1 for "the car in front of us", -1 for the one behind us, 0 with another place told or several meant."""
-    words, several = {*referent.qualifiers}, referent.number != 1 or _plural(referent.head)
-    if several or not referent.in_line or not referent.definite or not words <= _NO_PLACE:
+def lead_side(referent: Referent) -> int:
+    """Return 1 for "the car in front of us", -1 for "the car behind us", 0 for another position or several cars."""
+    qualifiers = {*referent.qualifiers}
+    several = referent.number != 1 or _is_plural(referent.head)
+    if several or not referent.in_line or not referent.definite or not qualifiers <= _NON_POSITIONAL:
         return 0
-    return ("ahead" in words) - ("behind_ego" in words)
+    return ("ahead" in qualifiers) - ("behind_ego" in qualifiers)
 
 
-def _plural(head: str) -> bool:
+def _is_plural(head: str) -> bool:
     return head.endswith("s") and not head.endswith(("ss", "bus"))
 
 
-def leading(side: int, crowd: Crowd, likely: FloatArray) -> FloatArray:
-    """(N,) probabilities to be the one before us (1) or behind us (-1), given those to fit what else is said (N,).
+def lead_probability(side: int, table: ObjectTable, membership: FloatArray) -> FloatArray:
+    """Return the probability (N,) of each object to be the lead vehicle, or the one that follows the ego.
 
-    The nearest one in our lane is; where none is in our lane, the nearest one.
+    This is the nearest one in the ego lane; if the lane is empty, the nearest one.
+
+    Args:
+        side: 1 for the lead vehicle, -1 for the following one.
+        table: objects.
+        membership: (N,) probability of each object to match the other words.
     """
-    keys = side * _way_ahead_m(crowd)
-    in_lane = likely * own_lane(crowd)
-    first = in_lane * _exactly(0, _before(keys, in_lane, SORTING["first"][1]))
-    nearest = likely * _exactly(0, _before(keys, likely, SORTING["first"][1]))
-    return np.asarray(_LEADS * (first + (1 - in_lane).prod() * nearest) + (1 - _LEADS) * likely)
+    keys = side * _distance_ahead_m(table)
+    in_lane = membership * in_own_lane(table)
+    first = in_lane * _poisson_binomial(0, _precedence_probability(keys, in_lane, SORT_KEYS["first"][1]))
+    nearest = membership * _poisson_binomial(0, _precedence_probability(keys, membership, SORT_KEYS["first"][1]))
+    lead = first + (1 - in_lane).prod() * nearest
+    return np.asarray(_LEAD_PROBABILITY * lead + (1 - _LEAD_PROBABILITY) * membership)
 
 
-def _before(keys: FloatArray, likely: FloatArray, step: float) -> FloatArray:
-    """(N, N) probability of every other one (column) to be one that counts and to come before each (row)."""
-    ahead = likely / (1 + np.exp(np.clip((keys - keys[:, None]) / step, -50, 50)))
-    np.fill_diagonal(ahead, 0.0)
-    return np.asarray(ahead)
+def _precedence_probability(keys: FloatArray, membership: FloatArray, scale: float) -> FloatArray:
+    """Return the probability (N, N) that another object (column) is counted and precedes each one (row)."""
+    precedes = membership / (1 + np.exp(np.clip((keys - keys[:, None]) / scale, -50, 50)))
+    np.fill_diagonal(precedes, 0.0)
+    return np.asarray(precedes)
 
 
-def _exactly(count: int, probabilities: FloatArray) -> FloatArray:
-    """(N,) probability that exactly `count` of independent events happen, whose probabilities are a row each.
+def _poisson_binomial(count: int, probabilities: FloatArray) -> FloatArray:
+    """Return the probability (N,) that exactly `count` of the independent events of each row happen.
 
-    With odds o = p / (1 - p) it is the product of all 1 - p, times the sum over all ways to choose `count` of the o;
-    Newton's identities make those sums of sums of powers.
+    With odds o = p / (1 - p) this is the product of all 1 - p times the elementary symmetric polynomial of degree
+    `count` of the odds, which Newton's identities compute from power sums.
     """
     odds = probabilities / (1 - probabilities)
     powers = [(odds**k).sum(axis=1) for k in range(1, count + 1)]

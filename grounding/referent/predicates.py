@@ -1,4 +1,4 @@
-"""Soft predicates: how well things fit what is said of them, 0..1; what is unknown stays half open."""
+"""Fuzzy predicates: membership 0..1 of every object in each word of a referent; 0.5 where a value is unknown."""
 
 from __future__ import annotations
 
@@ -8,217 +8,225 @@ import numpy as np
 
 from appocc.checks import FloatArray
 from appocc.colours import fit
-from grounding.language.word_categories import COLOURS
 from grounding.query import Exclusion, Landmark, Referent
-from grounding.referent.class_fit import of_noun
-from grounding.referent.fuzzy import UNKNOWN, bell, falls, half_open, rises
-from grounding.referent.object_table import Crowd
-from grounding.referent.scene import NEUTRAL, Scene
+from grounding.referent.class_fit import fit_noun
+from grounding.referent.fuzzy import UNKNOWN, falling, fill_unknown, gaussian, rising
+from grounding.referent.object_table import ObjectTable
+from grounding.referent.scene import NEUTRAL_LIGHT, SceneModel
 from grounding.road.lane_model import LANE_M
+from grounding.vocabulary import COLOURS
 
-# How many of ten vehicles people call so; the rest share the rest. What has no known colour fits as well as chance.
-_COMMON_PAINT = {"white": 0.35, "black": 0.3, "grey": 0.3, "silver": 0.3, "dark": 0.4, "light": 0.4}
-_RARE_PAINT = 0.045
-# From above a motorcycle is rather its rider's colour than its own.
-_RIDDEN, _RIDDEN_M = 0.25, 2.6
+# Share of vehicles that people call by each colour: the fit of a vehicle of unknown colour.
+_COLOUR_FREQUENCY = {"white": 0.35, "black": 0.3, "grey": 0.3, "silver": 0.3, "dark": 0.4, "light": 0.4}
+_RARE_COLOUR_FREQUENCY = 0.045
+# From above a motorcycle shows its rider's colour more than its own. Shorter objects count as ridden.
+_LEAST_RIDDEN_FIT, _RIDDEN_LENGTH_M = 0.25, 2.6
+# Vehicles of a class are large above these lengths, and small below those.
 _LARGE_M = {"car": 4.75, "van": 5.6, "truck": 6.5, "bus": 11.5, "motorcycle": 2.2}
 _SMALL_M = {"car": 4.25, "van": 5.0, "truck": 5.9, "bus": 8.0, "motorcycle": 2.0}
-# Within these a vehicle drives straight on.
-_STRAIGHT_RADPS, _STRAIGHT_RAD = 0.12, 0.2
+# A vehicle within these drives straight.
+_STRAIGHT_YAW_RATE_RADPS, _STRAIGHT_SLANT_RAD = 0.12, 0.2
 
 
-def standing(crowd: Crowd) -> FloatArray:
-    """(N,) whether they stand."""
-    return half_open(falls(crowd.speed_mps, 0.6, 0.12))
+def is_standing(table: ObjectTable) -> FloatArray:
+    """Return the degree (N,) to which objects are standing."""
+    return fill_unknown(falling(table.speed_mps, 0.6, 0.12))
 
 
-def facing(crowd: Crowd) -> FloatArray:
-    """(N,) whether their fronts point against our direction of travel."""
-    return np.where(crowd.front_known, rises(np.abs(crowd.turn_rad), 2.1, 0.1), UNKNOWN)
+def is_facing_ego(table: ObjectTable) -> FloatArray:
+    """Return the degree (N,) to which objects head against the ego's direction of travel."""
+    return np.where(table.front_known, rising(np.abs(table.relative_heading_rad), 2.1, 0.1), UNKNOWN)
 
 
-def ahead(crowd: Crowd) -> FloatArray:
-    """(N,) whether they are before us rather than beside us, best in our own lane."""
-    x, y = crowd.xy_m.T
-    before = rises(x, 4.0, 0.6) * rises(x - 0.6 * np.abs(y), 0.0, 1.5)
-    return before * (0.75 + 0.25 * bell(crowd.sideways_m, LANE_M))
+def is_ahead(table: ObjectTable) -> FloatArray:
+    """Return the degree (N,) to which objects are ahead of the ego and not next to it; highest in the ego lane."""
+    x, y = table.xy_m.T
+    before = rising(x, 4.0, 0.6) * rising(x - 0.6 * np.abs(y), 0.0, 1.5)
+    return before * (0.75 + 0.25 * gaussian(table.lateral_m, LANE_M))
 
 
-def _behind_ego(crowd: Crowd) -> FloatArray:
-    x, y = crowd.xy_m.T
-    return rises(-x, 1.0, 0.6) * falls(x - np.abs(y), 1.0, 1.5)
+def _is_behind_ego(table: ObjectTable) -> FloatArray:
+    """Return the degree (N,) to which objects are behind the ego."""
+    x, y = table.xy_m.T
+    return rising(-x, 1.0, 0.6) * falling(x - np.abs(y), 1.0, 1.5)
 
 
-def own_lane(crowd: Crowd) -> FloatArray:
-    """(N,) whether they are in our lane."""
-    return falls(np.abs(crowd.sideways_m), LANE_M / 2, 0.25)
+def in_own_lane(table: ObjectTable) -> FloatArray:
+    """Return the degree (N,) to which objects are in the ego lane."""
+    return falling(np.abs(table.lateral_m), LANE_M / 2, 0.25)
 
 
-def _on_side(sign: int) -> Callable[[Crowd], FloatArray]:
-    """To the left (1) or right (-1) as we see it; on a bend better also of our lane."""
+def _make_side_predicate(sign: int) -> Callable[[ObjectTable], FloatArray]:
+    """Make the predicate "on the left" (1) or "on the right" (-1) of the ego; higher on that side of its lane."""
 
-    def fits_side(crowd: Crowd) -> FloatArray:
-        of_lane = rises(sign * crowd.sideways_m, 1.0, 0.35)
-        return rises(sign * crowd.xy_m[:, 1], 1.0, 0.35) * (0.6 + 0.4 * of_lane)
+    def fits_side(table: ObjectTable) -> FloatArray:
+        lane_side = rising(sign * table.lateral_m, 1.0, 0.35)
+        return rising(sign * table.xy_m[:, 1], 1.0, 0.35) * (0.6 + 0.4 * lane_side)
 
     return fits_side
 
 
-def _opposite_side(crowd: Crowd) -> FloatArray:
-    """Where the traffic comes towards us, or what heads against us there."""
-    sign = 1 if crowd.lanes.oncoming_left else -1
-    highest = crowd.lanes.highest if sign > 0 else -crowd.lanes.lowest
-    beyond = rises(sign * crowd.sideways_m, LANE_M * (highest + 0.5), 0.4)
-    return beyond * (0.6 + 0.4 * facing(crowd))
+def _is_on_opposite_side(table: ObjectTable) -> FloatArray:
+    """Return the degree (N,) to which objects are on the side of oncoming traffic, best if they face the ego."""
+    sign = 1 if table.lanes.oncoming_left else -1
+    highest = table.lanes.highest if sign > 0 else -table.lanes.lowest
+    beyond = rising(sign * table.lateral_m, LANE_M * (highest + 0.5), 0.4)
+    return beyond * (0.6 + 0.4 * is_facing_ego(table))
 
 
-def _lane(crowd: Crowd, lane: int) -> FloatArray:
-    return falls(np.abs(crowd.sideways_m - lane * LANE_M), LANE_M / 2, 0.3)
+def _is_in_lane(table: ObjectTable, lane: int) -> FloatArray:
+    """Return the degree (N,) to which objects are in a lane, numbered from the ego lane (0) to the left."""
+    return falling(np.abs(table.lateral_m - lane * LANE_M), LANE_M / 2, 0.3)
 
 
-def _side_lane(sign: int) -> Callable[[Crowd], FloatArray]:
-    """The lane to our left (1) or right (-1); where there is none, ours is that lane."""
+def _make_lane_predicate(sign: int) -> Callable[[ObjectTable], FloatArray]:
+    """Make the predicate "in the left lane" (1) or "in the right lane" (-1); the ego lane may be that lane."""
 
-    def fits_lane(crowd: Crowd) -> FloatArray:
-        outermost = crowd.lanes.highest if sign > 0 else -crowd.lanes.lowest
-        result = np.maximum(0.6 * _lane(crowd, sign), 0.3 * _lane(crowd, 2 * sign))
+    def fits_lane(table: ObjectTable) -> FloatArray:
+        outermost = table.lanes.highest if sign > 0 else -table.lanes.lowest
+        result = np.maximum(0.6 * _is_in_lane(table, sign), 0.3 * _is_in_lane(table, 2 * sign))
         for lane in range(1, outermost + 1):
-            result = np.maximum(result, (1.0 if lane in (1, outermost) else 0.8) * _lane(crowd, sign * lane))
-        return np.maximum(result, (0.3 if outermost else 0.6) * own_lane(crowd))
+            result = np.maximum(result, (1.0 if lane in (1, outermost) else 0.8) * _is_in_lane(table, sign * lane))
+        return np.maximum(result, (0.3 if outermost else 0.6) * in_own_lane(table))
 
     return fits_lane
 
 
-def _middle_lane(crowd: Crowd) -> FloatArray:
-    middle = (crowd.lanes.lowest + crowd.lanes.highest) / 2
-    return bell(crowd.sideways_m / LANE_M - middle, 0.5)
+def _is_in_middle_lane(table: ObjectTable) -> FloatArray:
+    middle = (table.lanes.lowest + table.lanes.highest) / 2
+    return gaussian(table.lateral_m / LANE_M - middle, 0.5)
 
 
-def _other_lane(crowd: Crowd) -> FloatArray:
-    return (1 - own_lane(crowd)) * falls(np.abs(crowd.sideways_m), 2.6 * LANE_M, 0.6)
+def _is_in_other_lane(table: ObjectTable) -> FloatArray:
+    return (1 - in_own_lane(table)) * falling(np.abs(table.lateral_m), 2.6 * LANE_M, 0.6)
 
 
-def _moving(crowd: Crowd) -> FloatArray:
-    return 1 - standing(crowd)
+def _is_moving(table: ObjectTable) -> FloatArray:
+    return 1 - is_standing(table)
 
 
-def _parked(crowd: Crowd) -> FloatArray:
-    """Standing, and rather at the side of the road than in a lane in front of us."""
-    return standing(crowd) * (1 - 0.4 * own_lane(crowd))
+def _is_parked(table: ObjectTable) -> FloatArray:
+    """Return the degree (N,) to which objects are parked: standing, and less likely so in the ego lane."""
+    return is_standing(table) * (1 - 0.4 * in_own_lane(table))
 
 
-def _stopped(crowd: Crowd) -> FloatArray:
-    """Standing, or about to."""
-    slowing = rises(-crowd.acceleration_mps2, 1.0, 0.2) * falls(crowd.speed_mps, 3.0, 0.4)
-    slow = half_open(falls(crowd.speed_mps, 1.0, 0.35))
+def _is_stopped(table: ObjectTable) -> FloatArray:
+    """Return the degree (N,) to which objects stand or decelerate at low speed."""
+    slowing = rising(-table.acceleration_mps2, 1.0, 0.2) * falling(table.speed_mps, 3.0, 0.4)
+    slow = fill_unknown(falling(table.speed_mps, 1.0, 0.35))
     return np.maximum(slow, 0.7 * np.nan_to_num(slowing))
 
 
-def _oncoming(crowd: Crowd) -> FloatArray:
-    return facing(crowd) * (0.1 + 0.9 * _moving(crowd))
+def _is_oncoming(table: ObjectTable) -> FloatArray:
+    return is_facing_ego(table) * (0.1 + 0.9 * _is_moving(table))
 
 
-def _turning(sign: int) -> Callable[[Crowd], FloatArray]:
-    """To the left (1), to the right (-1), to either side (0): by its yaw rate, else by its slant to the road."""
+def _make_turn_predicate(sign: int) -> Callable[[ObjectTable], FloatArray]:
+    """Make the predicate "turning" left (1), right (-1) or either way (0): by yaw rate, else by slant to the road."""
 
-    def fits_turn(crowd: Crowd) -> FloatArray:
-        rate, slant = crowd.yaw_rate_radps, np.sin(crowd.turn_rad) * np.sign(np.cos(crowd.turn_rad))
+    def fits_turn(table: ObjectTable) -> FloatArray:
+        rate, heading = table.yaw_rate_radps, table.relative_heading_rad
+        slant = np.sin(heading) * np.sign(np.cos(heading))
         rate, slant = (np.abs(rate), np.abs(slant)) if sign == 0 else (sign * rate, sign * slant)
-        by_rate = rises(rate, _STRAIGHT_RADPS, 0.04)
-        by_slant = np.where(crowd.front_known, 0.15 + 0.6 * rises(slant, _STRAIGHT_RAD, 0.06), UNKNOWN)
-        # One that waits before a turn stands at a slant.
-        moves = np.maximum(_moving(crowd), 0.5 * rises(np.abs(slant), 2 * _STRAIGHT_RAD, 0.1))
-        return np.where(np.isnan(rate), by_slant, by_rate) * moves
+        by_rate = rising(rate, _STRAIGHT_YAW_RATE_RADPS, 0.04)
+        by_slant = np.where(table.front_known, 0.15 + 0.6 * rising(slant, _STRAIGHT_SLANT_RAD, 0.06), UNKNOWN)
+        # A vehicle that waits to turn stands at a slant.
+        turning = np.maximum(_is_moving(table), 0.5 * rising(np.abs(slant), 2 * _STRAIGHT_SLANT_RAD, 0.1))
+        return np.where(np.isnan(rate), by_slant, by_rate) * turning
 
     return fits_turn
 
 
-def _leaving(crowd: Crowd) -> FloatArray:
-    """Starting from the side of the road: slow, at a slant or gaining speed; who stands there may be about to."""
-    slow = half_open(rises(crowd.speed_mps, 0.3, 0.1) * falls(crowd.speed_mps, 4.0, 0.5))
+def _is_leaving(table: ObjectTable) -> FloatArray:
+    """Return the degree (N,) to which objects pull out from the roadside.
+
+    They are slow, and at a slant or accelerating; the degree is low for standing objects.
+    """
+    slow = fill_unknown(rising(table.speed_mps, 0.3, 0.1) * falling(table.speed_mps, 4.0, 0.5))
     starts = np.maximum(
-        rises(np.abs(np.sin(crowd.turn_rad)), 0.12, 0.04), np.nan_to_num(crowd.acceleration_mps2) > 0.4
+        rising(np.abs(np.sin(table.relative_heading_rad)), 0.12, 0.04), np.nan_to_num(table.acceleration_mps2) > 0.4
     )
-    return (1 - 0.6 * own_lane(crowd)) * np.maximum(slow * (0.5 + 0.5 * starts), 0.3 * standing(crowd))
+    return (1 - 0.6 * in_own_lane(table)) * np.maximum(slow * (0.5 + 0.5 * starts), 0.3 * is_standing(table))
 
 
-def _passing(crowd: Crowd) -> FloatArray:
-    """Moving beside us or just before us, in another lane, the way we go."""
-    beside = bell(np.maximum(np.abs(crowd.along_m - 5) - 12, 0), 6.0)
-    return _moving(crowd) * beside * (1 - 0.8 * own_lane(crowd)) * (1 - 0.6 * facing(crowd))
+def _is_passing(table: ObjectTable) -> FloatArray:
+    """Return the degree (N,) to which objects pass the ego: moving next to it or just ahead, in another lane."""
+    alongside = gaussian(np.maximum(np.abs(table.along_m - 5) - 12, 0), 6.0)
+    return _is_moving(table) * alongside * (1 - 0.8 * in_own_lane(table)) * (1 - 0.6 * is_facing_ego(table))
 
 
-def _braking(crowd: Crowd) -> FloatArray:
-    return half_open(rises(-crowd.acceleration_mps2, 0.8, 0.2)) * (0.4 + 0.6 * _moving(crowd))
+def _is_braking(table: ObjectTable) -> FloatArray:
+    return fill_unknown(rising(-table.acceleration_mps2, 0.8, 0.2)) * (0.4 + 0.6 * _is_moving(table))
 
 
-QUALIFIERS: Mapping[str, Callable[[Crowd], FloatArray]] = {
-    "left_side": _on_side(1),
-    "right_side": _on_side(-1),
-    "opposite_side": _opposite_side,
-    "own_lane": own_lane,
-    "left_lane": _side_lane(1),
-    "right_lane": _side_lane(-1),
-    "middle_lane": _middle_lane,
-    "other_lane": _other_lane,
-    "ahead": ahead,
-    "behind_ego": _behind_ego,
-    "parked": _parked,
-    "stopped": _stopped,
-    "moving": _moving,
-    "oncoming": _oncoming,
-    "turning": _turning(0),
-    "turning_left": _turning(1),
-    "turning_right": _turning(-1),
-    "leaving": _leaving,
-    "passing": _passing,
-    "braking": _braking,
+QUALIFIERS: Mapping[str, Callable[[ObjectTable], FloatArray]] = {
+    "left_side": _make_side_predicate(1),
+    "right_side": _make_side_predicate(-1),
+    "opposite_side": _is_on_opposite_side,
+    "own_lane": in_own_lane,
+    "left_lane": _make_lane_predicate(1),
+    "right_lane": _make_lane_predicate(-1),
+    "middle_lane": _is_in_middle_lane,
+    "other_lane": _is_in_other_lane,
+    "ahead": is_ahead,
+    "behind_ego": _is_behind_ego,
+    "parked": _is_parked,
+    "stopped": _is_stopped,
+    "moving": _is_moving,
+    "oncoming": _is_oncoming,
+    "turning": _make_turn_predicate(0),
+    "turning_left": _make_turn_predicate(1),
+    "turning_right": _make_turn_predicate(-1),
+    "leaving": _is_leaving,
+    "passing": _is_passing,
+    "braking": _is_braking,
 }
 
 
-def of_size(qualifier: str, noun: str, crowd: Crowd) -> FloatArray:
-    """(N,) whether they are large or small, as things go that the noun names."""
-    length = crowd.size_m[:, 0]
+def fit_size(qualifier: str, noun: str, table: ObjectTable) -> FloatArray:
+    """Return the degree (N,) to which objects are "large" or "small" for the class that a noun names."""
+    length = table.size_m[:, 0]
     if qualifier == "large":
-        return rises(length, _LARGE_M.get(noun, 5.4), 0.3)
-    return falls(length, _SMALL_M.get(noun, 4.5), 0.2)
+        return rising(length, _LARGE_M.get(noun, 5.4), 0.3)
+    return falling(length, _SMALL_M.get(noun, 4.5), 0.2)
 
 
-def of_colour(colour: str, scene: Scene) -> FloatArray:
-    """(N,) whether they have a colour; what has no known one fits as well as chance, half where none is known.
+def fit_colour(colour: str, scene: SceneModel) -> FloatArray:
+    """Return the membership (N,) of objects in a colour.
 
-    A word that stands for no colour tells nothing.
+    An object of unknown colour gets the frequency of the colour, or 0.5 if no object has a known colour. A word that
+    names no colour gives 0.5 for all.
     """
-    crowd = scene.crowd
+    table = scene.table
     known = np.isfinite(scene.paint_rgb).all(axis=1)
     if not known.any():
-        return np.full(len(crowd), UNKNOWN)
-    result = np.full(len(crowd), _COMMON_PAINT.get(colour.split()[-1], _RARE_PAINT))
+        return np.full(len(table), UNKNOWN)
+    result = np.full(len(table), _COLOUR_FREQUENCY.get(colour.split()[-1], _RARE_COLOUR_FREQUENCY))
     try:
         term = " ".join(COLOURS.get(word, word) for word in colour.split())
-        result[known] = fit(term, scene.paint_rgb[known], NEUTRAL)
+        result[known] = fit(term, scene.paint_rgb[known], NEUTRAL_LIGHT)
     except ValueError:
-        return np.full(len(crowd), UNKNOWN)
-    ridden = np.array([kind in ("motorcycle", "bicycle") for kind in crowd.kind], np.bool_)
-    ridden |= crowd.size_m[:, 0] < _RIDDEN_M
-    return np.where(ridden, _RIDDEN + (1 - _RIDDEN) * result, result)
+        return np.full(len(table), UNKNOWN)
+    ridden = np.array([name in ("motorcycle", "bicycle") for name in table.class_names], np.bool_)
+    ridden |= table.size_m[:, 0] < _RIDDEN_LENGTH_M
+    return np.where(ridden, _LEAST_RIDDEN_FIT + (1 - _LEAST_RIDDEN_FIT) * result, result)
 
 
-def described(part: Landmark | Exclusion) -> Referent:
-    """A further thing that a command names, as one that could be meant."""
+def to_referent(part: Landmark | Exclusion) -> Referent:
+    """Turn a landmark or an exclusion into a referent, to score it as one."""
     return Referent(part.noun, part.noun.replace("_", " "), part.colour, part.qualifiers)
 
 
-def fits(referent: Referent, scene: Scene) -> dict[str, FloatArray]:
-    """Every predicate of a referent but its ordinals and superlatives, and how well each thing (N,) fits it."""
-    crowd = scene.crowd
-    result = {referent.head: of_noun(referent.noun, referent.head, crowd)}
+def fit_words(referent: Referent, scene: SceneModel) -> dict[str, FloatArray]:
+    """Return the membership (N,) of objects in each word of a referent except its ordinals and superlatives."""
+    table = scene.table
+    result = {referent.head: fit_noun(referent.noun, referent.head, table)}
     if referent.colour:
-        result[referent.colour] = of_colour(referent.colour, scene)
+        result[referent.colour] = fit_colour(referent.colour, scene)
     for qualifier in referent.qualifiers:
         word = qualifier.replace("_", " ")
         if qualifier in QUALIFIERS:
-            result[word] = QUALIFIERS[qualifier](crowd)
+            result[word] = QUALIFIERS[qualifier](table)
         elif qualifier in ("large", "small"):
-            result[word] = of_size(qualifier, referent.noun, crowd)
+            result[word] = fit_size(qualifier, referent.noun, table)
     return result

@@ -1,4 +1,4 @@
-"""What is not said and yet likely: where people speak of vehicles, and which ones an action is about."""
+"""Priors over referents: salience by position and visibility, and plausibility for the commanded action."""
 
 from __future__ import annotations
 
@@ -6,118 +6,125 @@ import numpy as np
 
 from appocc.checks import BoolArray, FloatArray
 from grounding.query import Query, Referent
-from grounding.referent.fuzzy import bell, rises
-from grounding.referent.object_table import Crowd
-from grounding.referent.ordinals import counting_words
-from grounding.referent.predicates import ahead, facing, own_lane, standing
-from grounding.scene_object import EGO_CENTRE_M
+from grounding.referent.fuzzy import gaussian, rising
+from grounding.referent.object_table import ObjectTable
+from grounding.referent.ordinals import find_ordinals
+from grounding.referent.predicates import in_own_lane, is_ahead, is_facing_ego, is_standing
 
-# A vehicle behind the ego counts a fifth, less where they are counted; one beside the picture a bit less.
-_BEHIND, _BEHIND_COUNTS, _ASIDE = 0.2, 0.15, 0.8
-# One that others hide is hardly spoken of; in a row on our path it is, by some, and it is counted.
-_HIDDEN, _HIDDEN_IN_ROW, _HIDDEN_COUNTS, _ROW_M = 0.2, 0.6, 0.85, 4.5
-_CORNER, _ENOUGH = 0.1, 0.7
-_HOUSES, _HOUSE_M = 0.6, 15.0
-# Beyond this, metres beside our path, is another street.
+# Weight of an object behind the ego, also when objects are counted, and of one outside the forward field of view.
+_BEHIND, _BEHIND_COUNTED, _OUT_OF_VIEW = 0.2, 0.15, 0.8
+# Weight of an occluded object; in a queue on the ego path it is higher, and higher still when objects are counted.
+_OCCLUDED, _OCCLUDED_IN_QUEUE, _OCCLUDED_COUNTED, _QUEUE_M = 0.2, 0.6, 0.85, 4.5
+# Visible share at which an object starts to be noticed, and at which it is noticed for certain.
+_LEAST_VISIBLE, _FULLY_NOTICED = 0.1, 0.7
+# Buildings likely occlude objects behind this much off-road ground.
+_BUILDING_OCCLUSION, _BUILDING_M = 0.6, 15.0
+# Objects at a larger lateral offset belong to another street.
 _OTHER_STREET_M, _OTHER_STREET = 16.0, 0.4
-# Few speak of what lies farther ahead or aside than this; the fall beyond it is slow.
-_NEAR_M, _FALL_M = 10.0, 45.0
-_SIDEWAYS_M, _SIDEWAYS_FALL_M = 6.0, 16.0
-# Where any will do, the near one does.
-_ANY_M = 15.0
-# The least that a hint leaves of a vehicle.
-_LEAST = 0.3
-_SOON_S, _WALKS_MPS = (0.0, 2.0, 4.0), 1.2
+# Salience falls beyond these distances along and across the lane, with these scales.
+_NEAR_M, _NEAR_SCALE_M = 10.0, 45.0
+_LATERAL_M, _LATERAL_SCALE_M = 6.0, 16.0
+# Distance scale of an indefinite referent: of "any car" the nearest is preferred.
+_INDEFINITE_SCALE_M = 15.0
+# Least plausibility of an object for an action.
+_LEAST_PLAUSIBILITY = 0.3
+# Prediction times for crossing the ego path, and the speed of people who stand.
+_PREDICTION_TIMES_S, _WALKING_MPS = (0.0, 2.0, 4.0), 1.2
 
 
-def membership(referent: Referent, crowd: Crowd) -> FloatArray:
-    """(N,) 0..1: how likely a thing counts where things are counted: not behind us, hidden, or in another street."""
-    aside = np.abs(crowd.sideways_m)
-    hidden = _HIDDEN_COUNTS * _in_row(crowd)
-    result = hidden + (1 - hidden) * _seen(crowd)
-    if not {"leftmost", "rightmost", "farthest"} & {*referent.qualifiers}:
-        result = result * (1 - (1 - _OTHER_STREET) * rises(aside, _OTHER_STREET_M, 2.0))
-    if not _behind_is_meant(referent):
-        result = result * np.where(_is_behind(crowd), _BEHIND_COUNTS, 1.0)
-    return result
+def counting_prior(referent: Referent, table: ObjectTable) -> FloatArray:
+    """Return the probability (N,) that each object is counted by ordinals.
 
-
-def place(query: Query, referent: Referent, crowd: Crowd) -> FloatArray:
-    """(N,) logarithms: a mild liking for what is seen, near, near our path and to the front."""
-    behind = _behind_is_meant(referent)
-    away = np.abs(crowd.along_m) if behind else np.maximum(crowd.along_m, 0)
-    in_row = _HIDDEN_IN_ROW * np.ones(len(crowd))
-    if {"ahead", "own_lane"} & {*referent.qualifiers} or query.action in ("follow", "overtake"):
-        # Of a queue in our lane the first one is "the car ahead".
-        in_row = in_row * (1 - own_lane(crowd) / 2)
-    hidden = _HIDDEN + (in_row - _HIDDEN) * _in_row(crowd)
-    result = np.log(hidden + (1 - hidden) * _seen(crowd))
-    result = result - (np.maximum(np.abs(crowd.sideways_m) - _SIDEWAYS_M, 0) / _SIDEWAYS_FALL_M) ** 2 / 2
-    if not {"farthest", "last"} & set(referent.qualifiers):
-        result = result - (np.maximum(away - _NEAR_M, 0) / _FALL_M) ** 2 - away / 200
-    if not behind:
-        # Where things are counted, those behind us count less already.
-        if not counting_words(referent.qualifiers):
-            result = result + np.where(_is_behind(crowd), np.log(_BEHIND), 0.0)
-        x, y = crowd.xy_m.T
-        seen = rises(x + 2 - np.abs(y), 0.0, 1.5)
-        result = result + np.log(_ASIDE + (1 - _ASIDE) * seen)
-    if not referent.definite:
-        result = result - crowd.distance_m / _ANY_M
-    return result
-
-
-def _is_behind(crowd: Crowd) -> BoolArray:
-    return np.asarray(crowd.xy_m[:, 0] < EGO_CENTRE_M - 2.5)
-
-
-def _seen(crowd: Crowd) -> FloatArray:
-    """(N,) whether a driver notices them: a corner is not enough, and not all has to be seen.
-
-    Beside roads stand houses: what lies across much ground that is no road is likely hidden.
+    It is low behind the ego, when occluded, and in another street.
     """
-    past_houses = 1 - _HOUSES * rises(crowd.off_road_m, _HOUSE_M, 1.5)
-    return np.asarray(((crowd.visible - _CORNER) / (_ENOUGH - _CORNER)).clip(0, 1)) * past_houses
+    offset = np.abs(table.lateral_m)
+    occluded = _OCCLUDED_COUNTED * _in_queue(table)
+    result = occluded + (1 - occluded) * _noticed(table)
+    if not {"leftmost", "rightmost", "farthest"} & {*referent.qualifiers}:
+        result = result * (1 - (1 - _OTHER_STREET) * rising(offset, _OTHER_STREET_M, 2.0))
+    if not _includes_behind(referent):
+        result = result * np.where(_is_behind(table), _BEHIND_COUNTED, 1.0)
+    return result
 
 
-def _in_row(crowd: Crowd) -> FloatArray:
-    """(N,) whether they stand in line on our path or right beside it."""
-    return bell(np.maximum(np.abs(crowd.sideways_m) - _ROW_M, 0), 1.5)
+def log_salience(query: Query, referent: Referent, table: ObjectTable) -> FloatArray:
+    """Return the log salience (N,): visible objects near the ego, near its path and in front of it are preferred."""
+    behind = _includes_behind(referent)
+    distance = np.abs(table.along_m) if behind else np.maximum(table.along_m, 0)
+    in_queue = _OCCLUDED_IN_QUEUE * np.ones(len(table))
+    if {"ahead", "own_lane"} & {*referent.qualifiers} or query.action in ("follow", "overtake"):
+        # In a queue in the ego lane "the car ahead" is the first one.
+        in_queue = in_queue * (1 - in_own_lane(table) / 2)
+    occluded = _OCCLUDED + (in_queue - _OCCLUDED) * _in_queue(table)
+    result = np.log(occluded + (1 - occluded) * _noticed(table))
+    result = result - (np.maximum(np.abs(table.lateral_m) - _LATERAL_M, 0) / _LATERAL_SCALE_M) ** 2 / 2
+    if not {"farthest", "last"} & set(referent.qualifiers):
+        result = result - (np.maximum(distance - _NEAR_M, 0) / _NEAR_SCALE_M) ** 2 - distance / 200
+    if not behind:
+        # Counting down-weights objects behind the ego already.
+        if not find_ordinals(referent.qualifiers):
+            result = result + np.where(_is_behind(table), np.log(_BEHIND), 0.0)
+        x, y = table.xy_m.T
+        in_view = rising(x + 2 - np.abs(y), 0.0, 1.5)
+        result = result + np.log(_OUT_OF_VIEW + (1 - _OUT_OF_VIEW) * in_view)
+    if not referent.definite:
+        result = result - table.distance_m / _INDEFINITE_SCALE_M
+    return result
 
 
-def _behind_is_meant(referent: Referent) -> bool:
+def _is_behind(table: ObjectTable) -> BoolArray:
+    return np.asarray(table.xy_m[:, 0] < table.ego.centre_m - 2.5)
+
+
+def _noticed(table: ObjectTable) -> FloatArray:
+    """Return the degree (N,) to which the driver notices objects, by their visible share.
+
+    Objects behind much off-road ground are likely occluded by buildings, which no map shows.
+    """
+    past_buildings = 1 - _BUILDING_OCCLUSION * rising(table.off_road_sight_m, _BUILDING_M, 1.5)
+    share = (table.visible_share - _LEAST_VISIBLE) / (_FULLY_NOTICED - _LEAST_VISIBLE)
+    return np.asarray(share.clip(0, 1)) * past_buildings
+
+
+def _in_queue(table: ObjectTable) -> FloatArray:
+    """Return the degree (N,) to which objects are in a queue on the ego path or directly next to it."""
+    return gaussian(np.maximum(np.abs(table.lateral_m) - _QUEUE_M, 0), 1.5)
+
+
+def _includes_behind(referent: Referent) -> bool:
     return bool({"behind_ego", "passing"} & {*referent.qualifiers, *referent.qualifiers_optional})
 
 
-def of_action(query: Query, crowd: Crowd) -> FloatArray:
-    """(N,) logarithms: how well things suit what is to be done, mild beside what is said of them."""
-    stands = standing(crowd)
-    fit = np.ones(len(crowd))
+def log_action_prior(query: Query, table: ObjectTable) -> FloatArray:
+    """Return the log plausibility (N,) of objects for the commanded action; mild compared with the words."""
+    standing = is_standing(table)
+    fit = np.ones(len(table))
     if query.action == "follow":
-        waits = 0.25 + 0.55 * own_lane(crowd)
-        fit = (1 - stands + stands * waits) * (1 - 0.8 * facing(crowd)) * (0.4 + 0.6 * (crowd.along_m > 0))
-        fit = fit * (0.6 + 0.4 * bell(crowd.sideways_m, 4.0))
+        waiting = 0.25 + 0.55 * in_own_lane(table)
+        fit = (1 - standing + standing * waiting) * (1 - 0.8 * is_facing_ego(table))
+        fit = fit * (0.4 + 0.6 * (table.along_m > 0))
+        fit = fit * (0.6 + 0.4 * gaussian(table.lateral_m, 4.0))
     elif query.action == "overtake":
-        fit = (0.15 + 0.85 * own_lane(crowd)) * ahead(crowd) * (1 - 0.8 * facing(crowd))
+        fit = (0.15 + 0.85 * in_own_lane(table)) * is_ahead(table) * (1 - 0.8 * is_facing_ego(table))
     elif query.action in ("give_way", "wait") and query.trigger != "leave":
-        # People who are let pass stand at the kerb; vehicles move.
-        fit = _crosses(crowd) * (1 - 0.7 * stands * crowd.vehicle)
+        # Pedestrians who get the right of way may wait at the kerb; vehicles move.
+        fit = _crosses_ego_path(table) * (1 - 0.7 * standing * table.is_vehicle)
     elif query.action in ("avoid", "slow_down"):
-        fit = np.maximum(_crosses(crowd), bell(crowd.sideways_m, 4.0)) * (crowd.along_m > 0)
+        fit = np.maximum(_crosses_ego_path(table), gaussian(table.lateral_m, 4.0)) * (table.along_m > 0)
     elif query.action in ("park", "pull_over"):
-        fit = 0.15 + 0.85 * stands
+        fit = 0.15 + 0.85 * standing
     elif query.action == "stop" and query.relation not in ("none", "at", "toward"):
-        fit = 0.5 + 0.5 * stands
+        fit = 0.5 + 0.5 * standing
     if query.trigger in ("pass", "turn", "merge") and query.action not in ("give_way", "wait"):
-        fit = fit * (1 - 0.85 * stands)
-    return np.asarray(np.log(_LEAST + (1 - _LEAST) * fit))
+        fit = fit * (1 - 0.85 * standing)
+    return np.asarray(np.log(_LEAST_PLAUSIBILITY + (1 - _LEAST_PLAUSIBILITY) * fit))
 
 
-def _crosses(crowd: Crowd) -> FloatArray:
-    """(N,) whether things come into our way within seconds; what drives before us is in nobody's way."""
-    speed = np.maximum(np.nan_to_num(crowd.speed_mps, nan=1.0), np.where(crowd.vehicle, 0.0, _WALKS_MPS))
-    lateral = speed * np.sin(crowd.turn_rad)
-    nearest = np.min([np.abs(crowd.sideways_m + lateral * seconds) for seconds in _SOON_S], axis=0)
-    leads = bell(crowd.sideways_m, 2.0) * np.cos(crowd.turn_rad).clip(0) * (crowd.along_m > 0)
-    across = 0.5 + 0.5 * np.abs(np.sin(crowd.turn_rad))
-    return np.asarray(across * (0.3 + 0.7 * bell(np.maximum(nearest - 3, 0), 3.0)) * (1 - 0.7 * leads))
+def _crosses_ego_path(table: ObjectTable) -> FloatArray:
+    """Return the degree (N,) to which objects cross the ego path within seconds; a lead vehicle does not."""
+    speed = np.maximum(np.nan_to_num(table.speed_mps, nan=1.0), np.where(table.is_vehicle, 0.0, _WALKING_MPS))
+    lateral = speed * np.sin(table.relative_heading_rad)
+    nearest_m = np.min([np.abs(table.lateral_m + lateral * seconds) for seconds in _PREDICTION_TIMES_S], axis=0)
+    leading = gaussian(table.lateral_m, 2.0) * np.cos(table.relative_heading_rad).clip(0) * (table.along_m > 0)
+    across = 0.5 + 0.5 * np.abs(np.sin(table.relative_heading_rad))
+    return np.asarray(across * (0.3 + 0.7 * gaussian(np.maximum(nearest_m - 3, 0), 3.0)) * (1 - 0.7 * leading))

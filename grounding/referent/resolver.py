@@ -1,43 +1,46 @@
-"""Which vehicle a query means, and honesty about ties and about what is not there."""
+"""Referent resolution: find the vehicle that a query means, with ambiguity handling and near misses."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
-from grounding.query import Landmark, Query, Referent
-from grounding.referent.clarification import ask, tell_apart
-from grounding.referent.class_fit import KNOWN, PEOPLE, VEHICLES
-from grounding.referent.fuzzy import bell
-from grounding.referent.ordinals import counting_words
-from grounding.referent.predicates import described
-from grounding.referent.scene import Scene
-from grounding.referent.scoring import Weighed, unknown_things, weigh
-from grounding.referent.spatial_relations import gaps, room_between
+from grounding.query import Landmark, LandmarkRelation, Query, Referent
+from grounding.referent.clarification import compose_question, describe_differences
+from grounding.referent.class_fit import KNOWN_NOUNS, PERSON_NOUNS, VEHICLE_NOUNS
+from grounding.referent.fuzzy import gaussian
+from grounding.referent.ordinals import find_ordinals
+from grounding.referent.predicates import to_referent
+from grounding.referent.scene import SceneModel
+from grounding.referent.scoring import ReferentScores, note_unmapped, score_objects
+from grounding.referent.spatial_relations import fit_between, footprint_gap_m
 from grounding.scene_object import SceneObject
 
-# Two whose scores differ by less are a tie.
-_MARGIN = np.log(2.0)
-# Below this no vehicle is the one counted to: there are too few.
-_LEAST_CHANCE = 0.05
-# What a word leaves of a vehicle that it does not fit, and of one that it hardly fits.
-_LACKING, _DOUBTFUL = 0.12, 0.35
-# Two that are meant together stand together; what is left of them where no car fits between.
-_TOGETHER_M, _NO_ROOM, _MOST_PAIRS = 10.0, 0.1, 40
+MAX_CANDIDATES = 6
+# Candidates whose log scores differ by less than this are a tie.
+_TIE_MARGIN = np.log(2.0)
+# Least probability of the object that an ordinal counts to.
+_LEAST_ORDINAL_PROBABILITY = 0.05
+# Below the first no object fits a word; below the second the best object fits it doubtfully.
+_LACKING_FIT, _DOUBTFUL_FIT = 0.12, 0.35
+# The two of a pair are this close; factor for pairs between which no car fits.
+_PAIR_SIGMA_M, _NO_ROOM, _MAX_PAIRS = 10.0, 0.1, 40
+
+ResolutionStatus = Literal["ok", "ambiguous", "not_found"]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Candidate:
-    """A vehicle that may be meant.
+    """A vehicle that a query may mean.
 
     Attributes:
         item: the vehicle.
-        fits: each thing said of it, and how well it fits, 0..1.
-        score: logarithm of how well it fits all in all, its place in the count included.
-        partner: the other vehicle, where two are meant.
+        fits: membership 0..1 in each word.
+        score: log score, ordinals and priors included.
+        partner: the second vehicle of a pair, else None.
     """
 
     item: SceneObject
@@ -48,17 +51,17 @@ class Candidate:
 
 @dataclass(frozen=True)
 class Resolution:
-    """Which vehicle is meant.
+    """The result of referent resolution.
 
     Attributes:
-        status: ok, ambiguous or not_found; ok without candidates where no vehicle is named.
-        candidates: best first; those that tie where it is ambiguous, near misses where none fits.
-        reasons: sentences that say why.
-        question: the one question that would decide, where it is ambiguous.
-        differences: of each tied candidate, what it has and the others do not.
+        status: "ok" without candidates if the query names no vehicle.
+        candidates: best first; the tied ones if ambiguous, near misses if not found.
+        reasons: sentences that explain the result.
+        question: clarification question if ambiguous, else ''.
+        differences: description of each tied candidate by what distinguishes it.
     """
 
-    status: str
+    status: ResolutionStatus
     candidates: tuple[Candidate, ...]
     reasons: tuple[str, ...]
     question: str = ""
@@ -66,64 +69,64 @@ class Resolution:
 
 
 class _Choice(NamedTuple):
-    """A thing, or two of them, by their numbers; `partner` is -1 where one is meant."""
+    """An object or a pair, by rows of the object table; `partner` is -1 for a single object."""
 
     row: int
     partner: int
     score: float
 
 
-def resolve(query: Query, scene: Scene, limit: int = 6) -> Resolution:
-    """The vehicle that a query means."""
-    asked = _as_sought(query)
-    referent = asked.referent
+def resolve(query: Query, scene: SceneModel, limit: int = MAX_CANDIDATES) -> Resolution:
+    """Resolve the referent of a query, with at most `limit` candidates."""
+    sought = _normalise(query)
+    referent = sought.referent
     if referent is None:
-        return Resolution("ok", (), unknown_things(asked))
-    if absent := _absent(referent, scene):
-        return Resolution("not_found", (), (absent,))
-    weighed = weigh(asked, referent, scene)
-    matching = int(weighed.matches.sum())
-    choices = _choices(asked, referent, scene, weighed) if matching else []
+        return Resolution("ok", (), note_unmapped(sought))
+    if absence := _explain_absence(referent, scene):
+        return Resolution("not_found", (), (absence,))
+    scores = score_objects(sought, referent, scene)
+    num_matches = int(scores.matches.sum())
+    choices = _rank_choices(sought, referent, scene, scores) if num_matches else []
     if not choices:
-        return _nothing(asked, referent, scene, weighed, limit)
-    if counting_words(referent.qualifiers) and weighed.chance[choices[0].row] < _LEAST_CHANCE:
-        return Resolution(
-            "not_found",
-            _candidates(choices[:limit], scene, weighed),
-            (_too_few(referent, matching), *weighed.notes),
-        )
-    tied = [choice for choice in choices if choice.score > choices[0].score - _MARGIN]
+        return _not_found(sought, referent, scene, scores, limit)
+    if find_ordinals(referent.qualifiers) and scores.probability[choices[0].row] < _LEAST_ORDINAL_PROBABILITY:
+        too_few = _explain_too_few(referent, num_matches)
+        return Resolution("not_found", _candidates(choices[:limit], scene, scores), (too_few, *scores.notes))
+    tied = [choice for choice in choices if choice.score > choices[0].score - _TIE_MARGIN]
     if len(tied) > 1 and referent.definite:
-        return _ambiguous(referent, _candidates(tied[:limit], scene, weighed), len(tied), scene, weighed)
-    candidates = _candidates(choices[:limit], scene, weighed)
-    return Resolution("ok", candidates, (*_why(referent, matching, candidates[0], scene), *weighed.notes))
+        return _ambiguous(referent, _candidates(tied[:limit], scene, scores), len(tied), scene, scores)
+    candidates = _candidates(choices[:limit], scene, scores)
+    reasons = _explain_choice(referent, num_matches, candidates[0], scene)
+    return Resolution("ok", candidates, (*reasons, *scores.notes))
 
 
-def forbidden(query: Query, scene: Scene) -> tuple[tuple[str, SceneObject], ...]:
-    """Where a place may not be: relations, and the vehicles that they are to."""
-    found: list[tuple[str, SceneObject]] = []
+def resolve_exclusions(query: Query, scene: SceneModel) -> tuple[tuple[LandmarkRelation, SceneObject], ...]:
+    """Return the excluded goals of a query: relations and the vehicles that they refer to."""
+    excluded: list[tuple[LandmarkRelation, SceneObject]] = []
     for part in query.excluded:
-        if part.relation is not None and part.noun in KNOWN and len(scene.crowd):
-            weighed = weigh(Query(""), described(part), scene)
-            meant = weighed.matches & (weighed.chance >= weighed.chance.max() / 3)
-            found += [(part.relation, scene.crowd.items[i]) for i in np.flatnonzero(meant).tolist()]
-    return tuple(found)
+        if part.relation is not None and part.noun in KNOWN_NOUNS and len(scene.table):
+            scores = score_objects(Query(""), to_referent(part), scene)
+            meant = scores.matches & (scores.probability >= scores.probability.max() / 3)
+            excluded += [(part.relation, scene.table.items[i]) for i in np.flatnonzero(meant).tolist()]
+    return tuple(excluded)
 
 
-def _as_sought(query: Query) -> Query:
-    """The query with the thing to look for as its referent; riders and drivers are part of their vehicles."""
+def _normalise(query: Query) -> Query:
+    """Return the query with the object to search for as its referent; riders and drivers merge with their vehicle."""
     referent, secondary = query.referent, query.secondary
     if referent is None:
-        named = [part for part in secondary if part.of == "goal" and part.noun in KNOWN][:1]
-        return replace(query, referent=described(named[0]), secondary=_without(named, secondary)) if named else query
+        goals = [part for part in secondary if part.of == "goal" and part.noun in KNOWN_NOUNS][:1]
+        return (
+            replace(query, referent=to_referent(goals[0]), secondary=_without(goals, secondary)) if goals else query
+        )
     inside = [part for part in secondary if part.relation in ("on", "in")]
-    if referent.noun in PEOPLE:
-        ridden = [part for part in inside if part.of == "referent" and part.noun in VEHICLES][:1]
+    if referent.noun in PERSON_NOUNS:
+        ridden = [part for part in inside if part.of == "referent" and part.noun in VEHICLE_NOUNS][:1]
         if ridden:
-            part = ridden[0]
-            vehicle = replace(referent, noun=part.noun, head=described(part).head, colour=part.colour)
+            named = to_referent(ridden[0])
+            vehicle = replace(referent, noun=named.noun, head=named.head, colour=named.colour)
             return replace(query, referent=vehicle, secondary=_without(ridden, secondary))
-    riders = [part for part in inside if part.of == "inverse" and part.noun in PEOPLE]
+    riders = [part for part in inside if part.of == "inverse" and part.noun in PERSON_NOUNS]
     return replace(query, secondary=_without(riders, secondary))
 
 
@@ -131,53 +134,58 @@ def _without(some: Sequence[Landmark], landmarks: tuple[Landmark, ...]) -> tuple
     return tuple(part for part in landmarks if part not in some)
 
 
-def _absent(referent: Referent, scene: Scene) -> str:
-    """Why nothing of the kind can be found in a scene at all; empty if something might."""
-    if referent.noun in PEOPLE:
-        return "" if "person" in scene.crowd.kind else "only vehicles are known here, and no people"
+def _explain_absence(referent: Referent, scene: SceneModel) -> str:
+    """Return why a scene cannot hold the referent at all; '' if it can."""
+    if referent.noun in PERSON_NOUNS:
+        return "" if "person" in scene.table.class_names else "only vehicles are known here, and no people"
     if not scene.objects and not (referent.noun == "bicycle" and scene.others):
         return "no vehicle is known here" if scene.bev is None else "the map shows no vehicle"
     return ""
 
 
-def _choices(query: Query, referent: Referent, scene: Scene, weighed: Weighed) -> list[_Choice]:
-    """Things or pairs of them that the words fit, best first."""
+def _rank_choices(query: Query, referent: Referent, scene: SceneModel, scores: ReferentScores) -> list[_Choice]:
+    """Return the matching objects or pairs, best first."""
     named = [part for part in query.secondary if part.relation == "between" and part.of == "goal"]
-    between = [part for part in named if part.noun in KNOWN]
+    between = [part for part in named if part.noun in KNOWN_NOUNS]
     if referent.number != 2 and (query.relation != "between" or (named and not between)):
-        rows = np.flatnonzero(weighed.matches)
-        order = rows[np.argsort(-weighed.score[rows], kind="stable")].tolist()
-        return [_Choice(i, -1, float(weighed.score[i])) for i in order]
-    return _pairs(query, between, scene, weighed)
+        rows = np.flatnonzero(scores.matches)
+        order = rows[np.argsort(-scores.log_score[rows], kind="stable")].tolist()
+        return [_Choice(i, -1, float(scores.log_score[i])) for i in order]
+    return _rank_pairs(query, between, scene, scores)
 
 
-def _pairs(query: Query, between: Sequence[Landmark], scene: Scene, weighed: Weighed) -> list[_Choice]:
-    """Two things each, best first: those that a query asks for, and those that it names as the other ones."""
-    crowd = scene.crowd
-    other = weigh(Query(""), described(between[0]), scene) if between else weighed
-    rows = np.flatnonzero(weighed.matches | other.matches)
-    fit = room_between(crowd, rows) if query.relation == "between" else bell(gaps(crowd, rows)[rows], _TOGETHER_M)
-    score = weighed.score[rows, None] + other.score[rows] + np.log(_NO_ROOM + (1 - _NO_ROOM) * fit)
-    possible = weighed.matches[rows, None] & other.matches[rows] & ~np.eye(len(rows), dtype=np.bool_)
+def _rank_pairs(
+    query: Query, between: Sequence[Landmark], scene: SceneModel, scores: ReferentScores
+) -> list[_Choice]:
+    """Return pairs of objects, best first: the referent and the other end of "between", or two referents."""
+    table = scene.table
+    other = score_objects(Query(""), to_referent(between[0]), scene) if between else scores
+    rows = np.flatnonzero(scores.matches | other.matches)
+    if query.relation == "between":
+        fit = fit_between(table, rows)
+    else:
+        fit = gaussian(footprint_gap_m(table, rows)[rows], _PAIR_SIGMA_M)
+    score = scores.log_score[rows, None] + other.log_score[rows] + np.log(_NO_ROOM + (1 - _NO_ROOM) * fit)
+    possible = scores.matches[rows, None] & other.matches[rows] & ~np.eye(len(rows), dtype=np.bool_)
     if not between:
         possible = np.triu(possible)
     first, second = np.nonzero(possible)
-    best = np.argsort(-score[first, second], kind="stable")[:_MOST_PAIRS]
+    best = np.argsort(-score[first, second], kind="stable")[:_MAX_PAIRS]
     first, second = first[best], second[best]
     value, first, second = score[first, second], rows[first], rows[second]
     if not between:
-        # Of two alike the better one leads.
-        swap = weighed.score[first] < weighed.score[second]
+        # The better one of two referents comes first.
+        swap = scores.log_score[first] < scores.log_score[second]
         first, second = np.where(swap, second, first), np.where(swap, first, second)
     return [_Choice(*each) for each in zip(first.tolist(), second.tolist(), value.tolist(), strict=True)]
 
 
-def _candidates(choices: Sequence[_Choice], scene: Scene, weighed: Weighed) -> tuple[Candidate, ...]:
-    items = scene.crowd.items
+def _candidates(choices: Sequence[_Choice], scene: SceneModel, scores: ReferentScores) -> tuple[Candidate, ...]:
+    items = scene.table.items
     return tuple(
         Candidate(
             items[choice.row],
-            {word: float(fit[choice.row]) for word, fit in weighed.said.items()},
+            {word: float(fit[choice.row]) for word, fit in scores.word_fits.items()},
             choice.score,
             items[choice.partner] if choice.partner >= 0 else None,
         )
@@ -186,53 +194,53 @@ def _candidates(choices: Sequence[_Choice], scene: Scene, weighed: Weighed) -> t
 
 
 def _ambiguous(
-    referent: Referent, candidates: tuple[Candidate, ...], count: int, scene: Scene, weighed: Weighed
+    referent: Referent, candidates: tuple[Candidate, ...], num_tied: int, scene: SceneModel, scores: ReferentScores
 ) -> Resolution:
-    what = "people" if referent.noun in PEOPLE else "pairs" if candidates[0].partner else "vehicles"
+    plural = "people" if referent.noun in PERSON_NOUNS else "pairs" if candidates[0].partner else "vehicles"
     groups = [(one.item,) if one.partner is None else (one.item, one.partner) for one in candidates]
-    differences = tell_apart(groups, scene)
-    reason = f"{count} {what} fit '{referent.phrase()}' about equally well"
-    return Resolution("ambiguous", candidates, (reason, *weighed.notes), ask(differences), differences)
+    differences = describe_differences(groups, scene)
+    reason = f"{num_tied} {plural} fit '{referent.phrase()}' about equally well"
+    return Resolution("ambiguous", candidates, (reason, *scores.notes), compose_question(differences), differences)
 
 
-def _nothing(query: Query, referent: Referent, scene: Scene, weighed: Weighed, limit: int) -> Resolution:
-    """Nothing fits: the nearest misses, and what of the words no vehicle allows for."""
-    said = np.stack(list(weighed.said.values()))
+def _not_found(query: Query, referent: Referent, scene: SceneModel, scores: ReferentScores, limit: int) -> Resolution:
+    """Return the near misses, and the words that no object fits."""
+    word_fits = np.stack(list(scores.word_fits.values()))
     reasons = [f"nothing here fits '{referent.phrase()}'"]
-    if weighed.matches.any():
-        reasons = [_no_pair(query, referent, scene, weighed)]
-    lacking = [word for word, fit in weighed.said.items() if float(fit.max()) < _LACKING]
-    reasons += [f"none of the {len(scene.crowd)} here is '{word}'" for word in lacking]
-    # The mean keeps an order among things that miss by one word and those that miss by all.
-    order = np.lexsort((scene.crowd.distance_m, -said.mean(axis=0).round(1)))[: limit // 2]
-    product = np.log(said.prod(axis=0) + 1e-9)
+    if scores.matches.any():
+        reasons = [_explain_no_pair(query, referent, scores)]
+    lacking = [word for word, fit in scores.word_fits.items() if float(fit.max()) < _LACKING_FIT]
+    reasons += [f"none of the {len(scene.table)} here is '{word}'" for word in lacking]
+    # The mean ranks objects that miss one word before objects that miss all.
+    order = np.lexsort((scene.table.distance_m, -word_fits.mean(axis=0).round(1)))[: limit // 2]
+    product = np.log(word_fits.prod(axis=0) + 1e-9)
     misses = [_Choice(i, -1, float(product[i])) for i in order.tolist()]
-    return Resolution("not_found", _candidates(misses, scene, weighed), (*reasons, *weighed.notes))
+    return Resolution("not_found", _candidates(misses, scene, scores), (*reasons, *scores.notes))
 
 
-def _no_pair(query: Query, referent: Referent, scene: Scene, weighed: Weighed) -> str:
-    """Why there are no two vehicles, though there is one."""
-    named = [part for part in query.secondary if part.relation == "between" and part.noun in KNOWN]
+def _explain_no_pair(query: Query, referent: Referent, scores: ReferentScores) -> str:
+    """Explain why no pair was found though single objects match."""
+    named = [part for part in query.secondary if part.relation == "between" and part.noun in KNOWN_NOUNS]
     if named:
-        return f"nothing here fits '{described(named[0]).phrase()}', to be between it and '{referent.phrase()}'"
-    return f"only {int(weighed.matches.sum())} here fits '{referent.phrase()}', and two are asked for"
+        return f"nothing here fits '{to_referent(named[0]).phrase()}', to be between it and '{referent.phrase()}'"
+    return f"only {int(scores.matches.sum())} here fits '{referent.phrase()}', and two are asked for"
 
 
-def _too_few(referent: Referent, matching: int) -> str:
-    words = counting_words(referent.qualifiers)
-    return f"no vehicle is the '{' '.join(words)}' one: {matching} fit the rest of '{referent.phrase()}'"
+def _explain_too_few(referent: Referent, num_matches: int) -> str:
+    words = find_ordinals(referent.qualifiers)
+    return f"no vehicle is the '{' '.join(words)}' one: {num_matches} fit the rest of '{referent.phrase()}'"
 
 
-def _why(referent: Referent, matching: int, best: Candidate, scene: Scene) -> list[str]:
-    """What was counted, in words, and what speaks against it."""
-    one, several = ("person", "people") if referent.noun in PEOPLE else ("vehicle", "vehicles")
-    reasons = [f"it fits '{referent.phrase()}' best of {matching} {several}"]
-    if matching == 1:
+def _explain_choice(referent: Referent, num_matches: int, best: Candidate, scene: SceneModel) -> list[str]:
+    """Explain why the best candidate was chosen, and whether its colour is doubtful."""
+    one, several = ("person", "people") if referent.noun in PERSON_NOUNS else ("vehicle", "vehicles")
+    reasons = [f"it fits '{referent.phrase()}' best of {num_matches} {several}"]
+    if num_matches == 1:
         reasons = [f"it is the only {one} that fits '{referent.phrase()}'"]
     elif not referent.definite:
-        reasons = [f"any of {matching} {several} would do: the one that fits best and lies near was taken"]
+        reasons = [f"any of {num_matches} {several} would do: the one that fits best and lies near was taken"]
     if referent.colour and best.item.rgb is None:
         reasons.append(f"its colour is not known: '{referent.colour}' could not be checked")
-    elif referent.colour and best.fits[referent.colour] < _DOUBTFUL:
+    elif referent.colour and best.fits[referent.colour] < _DOUBTFUL_FIT:
         reasons.append(f"its colour looks {scene.colour_name(best.item)} rather than {referent.colour}")
     return reasons

@@ -1,4 +1,4 @@
-"""What stands around the ego: vehicles with place, size, heading and the colour that the map says."""
+"""Scene model: a map and the objects on it, built from annotated boxes, tracks or the map alone."""
 
 from __future__ import annotations
 
@@ -10,249 +10,271 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from appocc.bevmap import VEHICLE, BEVMap
-from appocc.boxes import Boxes, is_vehicle
-from appocc.checks import FloatArray, check_transform
-from appocc.colours import Exposure, gains_of, linear_from_srgb, name, names
+from appocc.boxes import Boxes, is_person_or_bicycle, is_vehicle
+from appocc.checks import FloatArray, check_transform, frozen
+from appocc.colours import Exposure, gains_of, name, names
+from appocc.ego_vehicle import EgoVehicle
 from appocc.geometry import apply, inverse, wrap_angle, yaw_of
-from grounding.referent.object_table import Crowd, crowd_of
-from grounding.road.lane_model import LANE_M, Lanes
-from grounding.road.road_map import Road
+from appocc.motion_state import MOVING_MPS
+from appocc.srgb import encode_srgb, linear_from_srgb
+from grounding.referent.object_table import ObjectTable
+from grounding.road.lane_model import LANE_M, LaneModel
+from grounding.road.road_map import RoadMap
 from grounding.road.visibility import unseen_sides
-from grounding.scene_object import EGO_CENTRE_M, SceneObject
-from tracking.instances.instances import Blobs, find_blobs
+from grounding.scene_object import SceneObject
+from tracking.instances.instances import Instances, find_instances
 from tracking.tracks import Track
 
-__all__ = ["EGO_CENTRE_M", "Scene", "SceneObject", "scene_of", "scene_of_tracks"]
+__all__ = ["SceneModel", "SceneObject", "scene_from_boxes", "scene_from_map", "scene_from_tracks"]
 
-# People and bicycles are no vehicles of the map, but commands name them.
-_OTHERS = ("human.", "pedestrian", "person", "bicycle", "vehicle.bicycle", "cyclist")
-# Without a map vehicles count up to this distance.
-_FARTHEST_M = 100.0
-# Light that needs no factors; what varnish mirrors, and how light strays, is as usual.
-NEUTRAL = Exposure(np.ones(3))
-# A track that certainly does not move, and is slower than this, stands.
-_STANDS_MPS = 1.0
-# Vehicles that stand in one row head the same way: so near along the row, and parallel within this angle.
+# Range of objects where there is no map.
+_MAX_RANGE_M = 100.0
+# White light of unit gain, with default specular reflection and spread.
+NEUTRAL_LIGHT = Exposure(np.ones(3))
+# Vehicles in a row share their heading: length of a row to either side, and largest angle between its vehicles.
 _ROW_M, _PARALLEL_RAD = 20.0, 0.26
 
 
-@dataclass(frozen=True)
-class Scene:
-    """A map and the vehicles on it.
+@dataclass(frozen=True, eq=False)
+class SceneModel:
+    """The map and the objects of one moment, in the ego frame.
 
     Attributes:
-        bev: the colour map of the moment; None where vehicles are known without one.
-        objects: vehicles whose centre lies on the grid.
+        bev: colour map; None if only objects are known.
+        objects: vehicles within the grid.
         world_from_ego: (4, 4) pose of the ego.
-        others: people and bicycles; a map shows none.
+        others: people and bicycles, which maps do not show.
+        ego: size of the ego vehicle.
     """
 
     bev: BEVMap | None
     objects: tuple[SceneObject, ...]
     world_from_ego: FloatArray
     others: tuple[SceneObject, ...] = ()
+    ego: EgoVehicle = EgoVehicle()
 
     def __post_init__(self) -> None:
-        """Check the pose.
+        """Check the pose and keep a read-only copy of it.
 
         Raises:
-            ShapeError: if it is no rigid transform.
+            ShapeError: if `world_from_ego` is not a rigid transform.
         """
         check_transform("world_from_ego", self.world_from_ego)
+        pose = self.world_from_ego.copy()
+        frozen(pose)
+        object.__setattr__(self, "world_from_ego", pose)
 
     @cached_property
-    def crowd(self) -> Crowd:
-        """Vehicles, people and bicycles as arrays, in this order."""
-        return crowd_of((*self.objects, *self.others), len(self.objects), self.bev, self.road)
+    def table(self) -> ObjectTable:
+        """Vehicles, then people and bicycles, as arrays."""
+        return ObjectTable.from_objects(
+            (*self.objects, *self.others), len(self.objects), self.bev, self.road, self.ego
+        )
 
     @cached_property
-    def road(self) -> Road | None:
-        """What the map says about driving, made once; None without a map."""
-        return None if self.bev is None else Road.of(self.bev, self.objects)
+    def road(self) -> RoadMap | None:
+        """Road model of the map; None without a map."""
+        return None if self.bev is None else RoadMap.from_map(self.bev, self.objects, self.ego)
 
     @cached_property
     def unseen_sides(self) -> tuple[str, ...]:
-        """The sides of the ego that no camera sees, such as "behind us"."""
-        return () if self.bev is None else tuple(unseen_sides(self.bev))
+        """Sides of the ego that no camera sees, such as "behind us"."""
+        return () if self.bev is None else tuple(unseen_sides(self.bev, self.ego))
 
     @property
-    def lanes(self) -> Lanes:
-        """The course of the road."""
-        return self.crowd.lanes
+    def lanes(self) -> LaneModel:
+        """Lane model of the road."""
+        return self.table.lanes
 
     @cached_property
     def paint_rgb(self) -> FloatArray:
-        """(N, 3) sRGB of all things of the crowd in neutral light, may be above 255; NaN where unknown.
+        """(N, 3) sRGB of the objects of the table under neutral light, may exceed 255; NaN where unknown.
 
-        Shade, sun and lamps are told by the road of the map beside each. Without a map colours stay as they are.
+        Illumination is estimated from the road next to each object. Without a map colours are not corrected.
         """
-        rgb = self.crowd.rgb
+        rgb = self.table.rgb
         known = np.flatnonzero(np.isfinite(rgb).all(axis=1))
         if self.bev is None or not len(known):
             return rgb
-        gains = gains_of(self.bev, rgb[known], self.crowd.corners_m[known])
+        gains = gains_of(self.bev, rgb[known], self.table.corners_m[known])
         neutral = np.full_like(rgb, np.nan)
-        neutral[known] = _srgb(linear_from_srgb(rgb[known]) * gains)
+        neutral[known] = 255 * encode_srgb(linear_from_srgb(rgb[known]) * gains)
         return neutral
 
     def colour_name(self, item: SceneObject) -> str | None:
-        """The likeliest colour word of a vehicle, None where its colour is unknown."""
+        """Return the most probable colour word of an object; None if its colour is unknown."""
         if item.rgb is None:
             return None
-        return self._names.get(id(item)) or name(item.rgb, NEUTRAL)
+        return self._colour_names.get(item) or name(item.rgb, NEUTRAL_LIGHT)
 
     @cached_property
-    def _names(self) -> dict[int, str]:
-        """Colour words by the identity of the object: of all at once they are as fast as of one."""
-        return dict(zip(map(id, self.crowd.items), names(self.paint_rgb, NEUTRAL), strict=True))
+    def _colour_names(self) -> dict[SceneObject, str]:
+        """Colour words of all objects; naming them together takes as long as naming one."""
+        return dict(zip(self.table.items, names(self.paint_rgb, NEUTRAL_LIGHT), strict=True))
 
     def world_xy(self, xy_m: ArrayLike) -> FloatArray:
-        """A point (2,) on the ego's ground plane, in the world."""
+        """Transform a point (2,) on the ground plane from the ego frame to the world frame."""
         return apply(self.world_from_ego, np.append(np.asarray(xy_m, dtype=np.float64), 0.0))[:2]
 
     def world_heading(self, heading_ego_rad: float) -> float:
-        """A heading in the ego frame, in the world."""
+        """Transform a heading from the ego frame to the world frame."""
         cos, sin = np.cos(heading_ego_rad), np.sin(heading_ego_rad)
         turn = np.array([[cos, -sin, 0], [sin, cos, 0], [0, 0, 1]])
         return float(yaw_of(self.world_from_ego[:3, :3] @ turn))
 
 
-def scene_of(bev: BEVMap | None, boxes_ego: Boxes | None, world_from_ego: FloatArray) -> Scene:
-    """The scene of annotated boxes in the ego frame, or, where they are None, of the map's own vehicle blobs."""
-    if boxes_ego is None:
-        return _scene(bev, [] if bev is None else _from_blobs(find_blobs(bev)), world_from_ego)
-    return _scene(bev, _from_boxes(bev, boxes_ego), world_from_ego)
+def scene_from_map(bev: BEVMap, world_from_ego: FloatArray, ego: EgoVehicle = EgoVehicle()) -> SceneModel:
+    """Build the scene of a map and its own vehicle instances."""
+    return _build_scene(bev, _from_instances(find_instances(bev)), world_from_ego, ego)
 
 
-def scene_of_tracks(
+def scene_from_boxes(
+    bev: BEVMap | None, boxes_ego: Boxes, world_from_ego: FloatArray, ego: EgoVehicle = EgoVehicle()
+) -> SceneModel:
+    """Build the scene of annotated boxes in the ego frame, with colours from the map."""
+    return _build_scene(bev, _from_boxes(bev, boxes_ego), world_from_ego, ego)
+
+
+def scene_from_tracks(
     bev: BEVMap | None,
     tracks: Iterable[Track],
     world_from_ego: FloatArray,
     before: Iterable[Track] | None = None,
     seconds: float = 0.5,
-) -> Scene:
-    """The scene of tracks, with their motion; of `before`, the tracks so many seconds ago, also with its changes.
+    ego: EgoVehicle = EgoVehicle(),
+) -> SceneModel:
+    """Build the scene of tracks in the world frame.
 
-    A front that motion has not told is taken from the vehicles that stand in the same row, where those agree.
+    The unknown front of a vehicle is taken from the vehicles in the same row, if these agree.
+
+    Args:
+        bev: map; None without one.
+        tracks: tracks of the moment.
+        world_from_ego: (4, 4) pose of the ego.
+        before: earlier tracks, from which yaw rates and accelerations are computed; None without them.
+        seconds: time since `before`.
+        ego: size of the ego vehicle.
     """
     earlier = None if before is None else {track.id: track for track in before}
     ego_from_world = inverse(world_from_ego)
     items = [_from_track(track, ego_from_world, earlier, seconds) for track in tracks]
-    scene = _scene(bev, items, world_from_ego)
-    return replace(scene, objects=_fronts_of_rows(scene.objects))
+    scene = _build_scene(bev, items, world_from_ego, ego)
+    return replace(scene, objects=_with_row_headings(scene.objects))
 
 
-def _srgb(linear: FloatArray) -> FloatArray:
-    """SRGB values of linear light (IEC 61966-2-1), 255 of 1."""
-    return 255 * np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
+def _build_scene(
+    bev: BEVMap | None, items: Sequence[SceneObject], world_from_ego: FloatArray, ego: EgoVehicle
+) -> SceneModel:
+    """Build a scene of the objects in range, vehicles separate from people and bicycles."""
+    inside = [item for item in items if _is_in_range(bev, item, ego) and not _is_ego(item, ego)]
+    vehicles = tuple(item for item in inside if not is_person_or_bicycle(item.category))
+    others = tuple(item for item in inside if is_person_or_bicycle(item.category))
+    return SceneModel(bev, vehicles, world_from_ego, others, ego)
 
 
-def _scene(bev: BEVMap | None, items: Sequence[SceneObject], world_from_ego: FloatArray) -> Scene:
-    """Those within reach, vehicles apart from the others."""
-    inside = [item for item in items if _within(bev, item) and not _is_ego(item)]
-    vehicles = tuple(item for item in inside if not item.category.startswith(_OTHERS))
-    others = tuple(item for item in inside if item.category.startswith(_OTHERS))
-    return Scene(bev, vehicles, world_from_ego, others)
-
-
-def _within(bev: BEVMap | None, item: SceneObject) -> bool:
-    """Whether a thing is near enough, on the map where there is one; what no camera sees is not known to be there."""
+def _is_in_range(bev: BEVMap | None, item: SceneObject, ego: EgoVehicle) -> bool:
+    """Return whether an object is on a cell of the map that a camera sees; without a map, whether it is in range."""
     if bev is None:
-        return item.distance_m <= _FARTHEST_M
+        return item.distance_m(ego) <= _MAX_RANGE_M
     cell = bev.grid.cell_of(item.centre_m)
     return bool(bev.grid.contains(cell)) and not bev.unseen[tuple(cell)]
 
 
-def _is_ego(item: SceneObject) -> bool:
-    """Whether a vehicle of a predicted map is the ego itself."""
-    return bool(item.covers(np.array([EGO_CENTRE_M, 0.0])))
+def _is_ego(item: SceneObject, ego: EgoVehicle) -> bool:
+    """Return whether an instance of a predicted map is the ego itself."""
+    return bool(item.covers(np.array([ego.centre_m, 0.0])))
 
 
 def _from_boxes(bev: BEVMap | None, boxes: Boxes) -> list[SceneObject]:
-    """Annotated vehicles, people and bicycles, with colours from the map and never from an annotation."""
+    """Convert annotated vehicles, people and bicycles; colours come from the map only."""
     centres, colours = np.zeros((0, 2)), np.zeros((0, 3))
     if bev is not None:
         known = bev.on[VEHICLE] & bev.appearance_valid
         centres, colours = bev.grid.centres()[known], np.moveaxis(bev.appearance, 0, -1)[known].astype(np.float64)
     objects = []
     for i, category in enumerate(boxes.category):
-        if not (is_vehicle(category) or category.startswith(_OTHERS)):
+        if not (is_vehicle(category) or is_person_or_bicycle(category)):
             continue
         width, length, height = (float(size) for size in boxes.size_wlh_m[i])
         velocity = boxes.velocity_mps[i]
         bare = SceneObject(
-            boxes.instance[i],
-            category,
-            boxes.centre_m[i, :2].copy(),
-            float(boxes.yaw_rad[i]),
-            True,
-            length,
-            width,
-            height,
-            velocity.copy() if np.isfinite(velocity).all() else None,
+            id=boxes.instance[i],
+            category=category,
+            centre_m=boxes.centre_m[i, :2],
+            yaw_rad=float(boxes.yaw_rad[i]),
+            front_known=True,
+            length_m=length,
+            width_m=width,
+            height_m=height,
+            velocity_mps=velocity if np.isfinite(velocity).all() else None,
         )
         own = colours[bare.covers(centres)] if is_vehicle(category) else colours[:0]
         objects.append(replace(bare, rgb=np.median(own, axis=0)) if len(own) else bare)
     return objects
 
 
-def _from_blobs(blobs: Blobs) -> list[SceneObject]:
-    """The map's own vehicles: no class, no speed, and a front that is not known."""
+def _from_instances(instances: Instances) -> list[SceneObject]:
+    """Convert the instances of a map; their class, speed and front are unknown."""
     return [
         SceneObject(
-            f"blob {i}",
-            "",
-            blobs.centroid_m[i].copy(),
-            float(blobs.yaw_rad[i]),
-            False,
-            float(blobs.length_m[i]),
-            float(blobs.width_m[i]),
-            rgb=blobs.rgb[i].copy() if np.isfinite(blobs.rgb[i]).all() else None,
+            id=f"blob {i}",
+            category="",
+            centre_m=instances.centroid_m[i],
+            yaw_rad=float(instances.yaw_rad[i]),
+            front_known=False,
+            length_m=float(instances.length_m[i]),
+            width_m=float(instances.width_m[i]),
+            rgb=instances.rgb[i] if np.isfinite(instances.rgb[i]).all() else None,
         )
-        for i in range(len(blobs))
+        for i in range(len(instances))
     ]
 
 
 def _from_track(
     track: Track, ego_from_world: FloatArray, earlier: dict[int, Track] | None, seconds: float
 ) -> SceneObject:
+    """Convert a track to the ego frame; an earlier state of it gives its yaw rate and acceleration."""
     rotation = ego_from_world[:2, :2]
     velocity: FloatArray | None = rotation @ track.velocity_world_mps
     yaw = float(wrap_angle(track.yaw_world_rad + yaw_of(ego_from_world[:3, :3])))
     if track.moving and not track.heading_known:
-        yaw = _forward(yaw, rotation @ track.velocity_world_mps)
+        yaw = _align_with_motion(yaw, rotation @ track.velocity_world_mps)
     previous = None if earlier is None else earlier.get(track.id)
     if not track.moving:
-        # What was seen only once may move at any speed.
-        unsure = track.speed_mps > _STANDS_MPS or (earlier is not None and previous is None)
-        velocity = None if unsure else np.zeros(2)
+        # The speed of a track that was detected only once is unknown.
+        uncertain = track.speed_mps > MOVING_MPS or (earlier is not None and previous is None)
+        velocity = None if uncertain else np.zeros(2)
     return SceneObject(
-        f"track {track.id}",
-        "" if track.kind == "vehicle" else track.kind,
-        apply(ego_from_world, track.position_world_m)[:2],
-        yaw,
-        track.heading_known or track.moving,
-        track.length_m,
-        track.width_m,
-        track.height_m if np.isfinite(track.height_m) else None,
-        velocity,
-        track.rgb.copy() if np.isfinite(track.rgb).all() else None,
-        None if previous is None else float(wrap_angle(track.yaw_world_rad - previous.yaw_world_rad)) / seconds,
-        None if previous is None else (track.speed_mps - previous.speed_mps) / seconds,
+        id=f"track {track.id}",
+        category="" if track.kind == "vehicle" else track.kind,
+        centre_m=apply(ego_from_world, track.position_world_m)[:2],
+        yaw_rad=yaw,
+        front_known=track.heading_known or track.moving,
+        length_m=track.length_m,
+        width_m=track.width_m,
+        height_m=track.height_m if np.isfinite(track.height_m) else None,
+        velocity_mps=velocity,
+        rgb=track.rgb if np.isfinite(track.rgb).all() else None,
+        yaw_rate_radps=None if previous is None else _turned_rad(previous, track) / seconds,
+        acceleration_mps2=None if previous is None else (track.speed_mps - previous.speed_mps) / seconds,
     )
 
 
-def _forward(yaw_rad: float, velocity_mps: FloatArray) -> float:
-    """The end of an axis that points where a vehicle goes."""
-    goes_on = np.cos(yaw_rad) * velocity_mps[0] + np.sin(yaw_rad) * velocity_mps[1] >= 0
-    return yaw_rad if goes_on else float(wrap_angle(yaw_rad + np.pi))
+def _turned_rad(previous: Track, track: Track) -> float:
+    return float(wrap_angle(track.yaw_world_rad - previous.yaw_world_rad))
 
 
-def _fronts_of_rows(objects: Sequence[SceneObject]) -> tuple[SceneObject, ...]:
-    """Vehicles with the fronts that others in their rows tell."""
+def _align_with_motion(yaw_rad: float, velocity_mps: FloatArray) -> float:
+    """Return the direction of an axis that points along the velocity."""
+    forward = np.cos(yaw_rad) * velocity_mps[0] + np.sin(yaw_rad) * velocity_mps[1] >= 0
+    return yaw_rad if forward else float(wrap_angle(yaw_rad + np.pi))
+
+
+def _with_row_headings(objects: Sequence[SceneObject]) -> tuple[SceneObject, ...]:
+    """Set the unknown headings of vehicles to those of the vehicles in the same row."""
     known = [item for item in objects if item.front_known]
     xy, yaw = np.array([item.centre_m for item in known]).reshape(-1, 2), np.array([item.yaw_rad for item in known])
-    told = list(objects)
+    result = list(objects)
     for i, item in enumerate(objects):
         if item.front_known:
             continue
@@ -263,5 +285,5 @@ def _fronts_of_rows(objects: Sequence[SceneObject]) -> tuple[SceneObject, ...]:
         same, opposite = turn < _PARALLEL_RAD, turn > np.pi - _PARALLEL_RAD
         if same.any() != opposite.any():
             heading = item.yaw_rad if same.any() else float(wrap_angle(item.yaw_rad + np.pi))
-            told[i] = replace(item, yaw_rad=heading, front_known=True)
-    return tuple(told)
+            result[i] = replace(item, yaw_rad=heading, front_known=True)
+    return tuple(result)

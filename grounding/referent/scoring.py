@@ -1,4 +1,4 @@
-"""Everything that a query says, and what it leaves unsaid, weighed for all things on the street at once."""
+"""Referent scoring: combine words, ordinals and priors into one score for every object."""
 
 from __future__ import annotations
 
@@ -8,121 +8,147 @@ from dataclasses import dataclass
 import numpy as np
 
 from appocc.checks import BoolArray, FloatArray
-from appocc.ego_vehicle import EGO_LENGTH_M
 from grounding.query import Exclusion, Landmark, Query, Referent
-from grounding.referent.class_fit import KNOWN
-from grounding.referent.ordinals import ORDINALS, counted, counting_words, leading, leads
-from grounding.referent.predicates import QUALIFIERS, described, fits
-from grounding.referent.priors import membership, of_action, place
-from grounding.referent.scene import Scene
-from grounding.referent.spatial_relations import related
+from grounding.referent.class_fit import KNOWN_NOUNS
+from grounding.referent.object_table import ObjectTable
+from grounding.referent.ordinals import ORDINALS, find_ordinals, lead_probability, lead_side, ordinal_probability
+from grounding.referent.predicates import QUALIFIERS, fit_words, to_referent
+from grounding.referent.priors import counting_prior, log_action_prior, log_salience
+from grounding.referent.scene import SceneModel
+from grounding.referent.spatial_relations import fit_relation
 
-# A thing is one of those meant if it fits every word at least so well, and all of them together.
-_LEAST_WORD, _LEAST_ALL = 0.12, 0.06
-# What fits so well counts in full where things are counted; yet nothing fits for certain.
-_PLAINLY, _MOST_CERTAIN = 0.6, 0.95
-# Light and people's words differ: among things that have the colour it tells less than the fit says. What fits it
-# less than the least does not have it; above that a doubtful colour rules nothing out that all other words fit.
-_COLOUR_WEIGHT, _LEAST_COLOUR, _DOUBTFUL_COLOUR = 0.7, 0.05, 0.2
-# What an exclusion leaves of a vehicle, and how much a qualifier weighs that may belong to the place.
-_EXCLUDED, _OPTIONAL = 0.03, 0.3
-# Less likely things are no landmarks.
-_LEAST_LANDMARK = 0.05
-# A descriptor of distance is right to within a quarter.
-_DISTANCE_SPREAD = 0.25
-_NOWHERE = 1e-9
+# Least membership of a match in each word, and of the product of all words.
+_LEAST_WORD_FIT, _LEAST_TOTAL_FIT = 0.12, 0.06
+# Membership from which on an object counts fully when objects are counted, and the upper limit of any probability.
+_FULL_COUNT_FIT, _MAX_PROBABILITY = 0.6, 0.95
+# Colours are less reliable than other words: their weight (exponent) among matches, and the least fit of a match.
+# An object of a doubtful colour still matches if all other words fit.
+_COLOUR_WEIGHT, _LEAST_COLOUR_FIT, _DOUBTFUL_COLOUR_FIT = 0.7, 0.05, 0.2
+# Membership of an excluded object, and weight of a qualifier that may describe the goal instead.
+_EXCLUDED_FIT, _OPTIONAL_WEIGHT = 0.03, 0.3
+# Objects with a lower probability are no landmarks.
+_LEAST_LANDMARK_PROBABILITY = 0.05
+# Standard deviation of the logarithm of a stated distance: about a quarter.
+_LOG_DISTANCE_STD = 0.25
+_TINY = 1e-9
 
 
-@dataclass(frozen=True)
-class Weighed:
-    """What is said of N things.
+@dataclass(frozen=True, eq=False)
+class ReferentScores:
+    """Scores of N objects as one referent.
 
     Attributes:
-        said: fits (N,) of each word.
-        matches: (N,) whether a thing is one of those that the words fit.
-        chance: (N,) probability to be the one, its place in the count included.
-        score: (N,) logarithms of it, likings for places and actions included.
-        notes: what could not be weighed.
+        word_fits: membership (N,) in each word.
+        matches: (N,) whether an object matches the words.
+        probability: (N,) probability to be the referent by words and ordinals.
+        log_score: (N,) its logarithm, priors over positions and actions included.
+        notes: parts of the query that the scores leave out.
     """
 
-    said: Mapping[str, FloatArray]
+    word_fits: Mapping[str, FloatArray]
     matches: BoolArray
-    chance: FloatArray
-    score: FloatArray
+    probability: FloatArray
+    log_score: FloatArray
     notes: tuple[str, ...]
 
 
-def weigh(query: Query, referent: Referent, scene: Scene) -> Weighed:
-    """The things of a scene as a query's referent, its words multiplied."""
-    crowd = scene.crowd
-    said = fits(referent, scene)
-    for part in query.secondary:
-        if part.of != "goal" and part.noun in KNOWN:
-            said |= _beside(part, scene)
-    if query.distance_of == "descriptor" and query.distance_m:
-        said[f"{query.distance_m:g} m away"] = _so_far_away(query.distance_m, scene)
-    for exclusion in query.excluded:
-        if exclusion.relation is None and exclusion.noun in KNOWN:
-            ruled_out = described(exclusion)
-            said[f"not {ruled_out.phrase()}"] = 1 - (1 - _EXCLUDED) * _product(fits(ruled_out, scene))
-    others = {word: fit for word, fit in said.items() if word != referent.colour}
-    plain, colour = _product(others), np.ones(len(crowd))
-    matches = np.min(list(others.values()), axis=0) >= _LEAST_WORD
+def score_objects(query: Query, referent: Referent, scene: SceneModel) -> ReferentScores:
+    """Score all objects of a scene as a query's referent."""
+    table = scene.table
+    word_fits = _fit_all_words(query, referent, scene)
+    others = {word: fit for word, fit in word_fits.items() if word != referent.colour}
+    plain, colour = _product(others), np.ones(len(table))
+    matches = np.min(list(others.values()), axis=0) >= _LEAST_WORD_FIT
     if referent.colour:
-        colour = said[referent.colour]
-        matches &= colour >= _LEAST_COLOUR
-    matches &= plain * np.maximum(colour, _DOUBTFUL_COLOUR) >= _LEAST_ALL
-    likely = np.where(matches, np.minimum(plain * colour**_COLOUR_WEIGHT, _MOST_CERTAIN), 0.0)
-    if counting_words(referent.qualifiers):
-        # What fits best is such a thing, if only by the words of the one who speaks.
-        member = membership(referent, crowd)
-        plainly, best = (np.max(fit * member, where=matches, initial=_LEAST_ALL) for fit in (plain, colour))
-        counts = np.minimum(plain / min(plainly, _PLAINLY), 1.0) * np.minimum(colour / best, 1.0) ** _COLOUR_WEIGHT
-        likely = np.where(matches, np.minimum(counts, _MOST_CERTAIN), 0.0) * member
-    chance = counted(referent.qualifiers, crowd, likely)
-    if referent.number == 2 and chance is not likely:
-        following = tuple(word for word in referent.qualifiers if word not in ORDINALS)
-        chance = chance + counted(("second", *following), crowd, likely)
-    if side := leads(referent):
-        chance = leading(side, crowd, likely)
-    score = np.log(chance + _NOWHERE) + place(query, referent, crowd) + of_action(query, crowd)
+        colour = word_fits[referent.colour]
+        matches &= colour >= _LEAST_COLOUR_FIT
+    matches &= plain * np.maximum(colour, _DOUBTFUL_COLOUR_FIT) >= _LEAST_TOTAL_FIT
+    probability = _position_probability(referent, table, matches, plain, colour)
+    log_score = np.log(probability + _TINY) + log_salience(query, referent, table) + log_action_prior(query, table)
     for word in referent.qualifiers_optional:
         if word in QUALIFIERS:
-            score = score + _OPTIONAL * np.log(np.maximum(QUALIFIERS[word](crowd), 0.05))
-    unseen = tuple(f"no map shows '{word}': it was left out" for word in referent.extra)
-    return Weighed(said, matches, chance, score, (*unseen, *unknown_things(query)))
+            log_score = log_score + _OPTIONAL_WEIGHT * np.log(np.maximum(QUALIFIERS[word](table), 0.05))
+    invisible = tuple(f"no map shows '{word}': it was left out" for word in referent.extra)
+    return ReferentScores(word_fits, matches, probability, log_score, (*invisible, *note_unmapped(query)))
 
 
-def unknown_things(query: Query) -> tuple[str, ...]:
-    """What a command names beside vehicles and people, in words: no map holds it."""
+def note_unmapped(query: Query) -> tuple[str, ...]:
+    """Return a sentence for each thing in a query that no map holds, such as a tree."""
     parts: list[Landmark | Exclusion] = [part for part in query.secondary if part.of != "goal"]
-    names = dict.fromkeys(part.noun.replace("_", " ") for part in (*parts, *query.excluded) if part.noun not in KNOWN)
+    names = dict.fromkeys(
+        part.noun.replace("_", " ") for part in (*parts, *query.excluded) if part.noun not in KNOWN_NOUNS
+    )
     return tuple(f"the map holds no {name}: it was left out" for name in names)
 
 
-def _product(said: Mapping[str, FloatArray]) -> FloatArray:
-    return np.asarray(np.prod(list(said.values()), axis=0))
+def _fit_all_words(query: Query, referent: Referent, scene: SceneModel) -> dict[str, FloatArray]:
+    """Return the membership (N,) in the words of a referent, its landmarks, its distance and the exclusions."""
+    word_fits = fit_words(referent, scene)
+    for part in query.secondary:
+        if part.of != "goal" and part.noun in KNOWN_NOUNS:
+            word_fits |= _fit_landmark(part, scene)
+    if query.distance_of == "descriptor" and query.distance_m:
+        word_fits[f"{query.distance_m:g} m away"] = _fit_distance(query.distance_m, scene)
+    for exclusion in query.excluded:
+        if exclusion.relation is None and exclusion.noun in KNOWN_NOUNS:
+            excluded = to_referent(exclusion)
+            word_fits[f"not {excluded.phrase()}"] = 1 - (1 - _EXCLUDED_FIT) * _product(fit_words(excluded, scene))
+    return word_fits
 
 
-def _beside(part: Landmark, scene: Scene) -> dict[str, FloatArray]:
-    """How well things stand to the best other one that a command names ("the van in front of the truck")."""
-    crowd, landmark = scene.crowd, described(part)
-    likely = np.minimum(_product(fits(landmark, scene)), _MOST_CERTAIN) * membership(landmark, crowd)
-    likely = counted(landmark.qualifiers, crowd, likely)
-    chosen = np.flatnonzero(likely >= _LEAST_LANDMARK)
+def _position_probability(
+    referent: Referent, table: ObjectTable, matches: BoolArray, plain: FloatArray, colour: FloatArray
+) -> FloatArray:
+    """Return the probability (N,) of matches to be the referent, by ordinals or as the lead vehicle.
+
+    Args:
+        referent: names the position.
+        table: objects.
+        matches: (N,) objects that match the words.
+        plain: (N,) product of all words but the colour.
+        colour: (N,) membership in the colour.
+    """
+    membership = np.where(matches, np.minimum(plain * colour**_COLOUR_WEIGHT, _MAX_PROBABILITY), 0.0)
+    if find_ordinals(referent.qualifiers):
+        # The best match counts fully, even if it fits only the speaker's notion of the noun.
+        prior = counting_prior(referent, table)
+        best_plain, best_colour = (
+            np.max(fit * prior, where=matches, initial=_LEAST_TOTAL_FIT) for fit in (plain, colour)
+        )
+        relative = np.minimum(plain / min(best_plain, _FULL_COUNT_FIT), 1.0)
+        relative = relative * np.minimum(colour / best_colour, 1.0) ** _COLOUR_WEIGHT
+        membership = np.where(matches, np.minimum(relative, _MAX_PROBABILITY), 0.0) * prior
+    probability = ordinal_probability(referent.qualifiers, table, membership)
+    if referent.number == 2 and probability is not membership:
+        next_one = tuple(word for word in referent.qualifiers if word not in ORDINALS)
+        probability = probability + ordinal_probability(("second", *next_one), table, membership)
+    side = lead_side(referent)
+    return lead_probability(side, table, membership) if side else probability
+
+
+def _product(word_fits: Mapping[str, FloatArray]) -> FloatArray:
+    return np.asarray(np.prod(list(word_fits.values()), axis=0))
+
+
+def _fit_landmark(part: Landmark, scene: SceneModel) -> dict[str, FloatArray]:
+    """Return the membership (N,) in a relation to the best landmark: "in front of the truck"."""
+    table, landmark = scene.table, to_referent(part)
+    membership = np.minimum(_product(fit_words(landmark, scene)), _MAX_PROBABILITY) * counting_prior(landmark, table)
+    probability = ordinal_probability(landmark.qualifiers, table, membership)
+    chosen = np.flatnonzero(probability >= _LEAST_LANDMARK_PROBABILITY)
     words, relation = landmark.phrase(), part.relation.replace("_", " ")
     if part.of == "inverse":
-        stands = related(part.relation, crowd, np.arange(len(crowd)))[chosen].T
+        fit = fit_relation(part.relation, table, np.arange(len(table)))[chosen].T
         words = f"the {words} {relation} it"
     else:
-        stands = related(part.relation, crowd, chosen)
+        fit = fit_relation(part.relation, table, chosen)
         words = f"{relation} the {words}"
-    return {words: np.max(stands * likely[chosen], axis=1, initial=0.0)}
+    return {words: np.max(fit * probability[chosen], axis=1, initial=0.0)}
 
 
-def _so_far_away(distance_m: float, scene: Scene) -> FloatArray:
-    """From middle to middle, or from our bumper to its, whichever suits better."""
-    crowd = scene.crowd
-    between = crowd.distance_m - (EGO_LENGTH_M + crowd.size_m[:, 0]) / 2
-    off = [np.abs(np.log(np.maximum(away, 0.1) / distance_m)) for away in (crowd.distance_m, between)]
-    return np.asarray(np.exp(-0.5 * (np.min(off, axis=0) / _DISTANCE_SPREAD) ** 2))
+def _fit_distance(distance_m: float, scene: SceneModel) -> FloatArray:
+    """Return the membership (N,) in a distance, between centres or bumpers, whichever fits better."""
+    table = scene.table
+    between_m = table.distance_m - (table.ego.length_m + table.size_m[:, 0]) / 2
+    off = [np.abs(np.log(np.maximum(away, 0.1) / distance_m)) for away in (table.distance_m, between_m)]
+    return np.asarray(np.exp(-0.5 * (np.min(off, axis=0) / _LOG_DISTANCE_STD) ** 2))

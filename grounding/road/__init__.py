@@ -1,1 +1,1 @@
-"""The road around the ego: free space, lanes, their direction, and routes; it knows no language."""
+"""Road geometry around the ego: free space, road axis, lanes and shortest paths. It depends on no language."""

@@ -1,4 +1,4 @@
-"""Where the ego's whole footprint may stand: every cell under it on known, free road, and a margin to vehicles."""
+"""Free space: at which poses the ego footprint covers only known, free road cells, with a margin to vehicles."""
 
 from __future__ import annotations
 
@@ -10,96 +10,99 @@ import numpy as np
 
 from appocc.bevmap import ROAD, VEHICLE, BEVMap
 from appocc.checks import BoolArray, FloatArray, IntArray
-from appocc.ego_vehicle import EGO_LENGTH_M, EGO_WIDTH_M, body_cells
+from appocc.ego_vehicle import EgoVehicle
 from appocc.grid import BEVGrid
 from grounding.scene_object import SceneObject
 
-# What forbids a cell under the footprint; flags, so that several can hold.
+# Flags for what makes a pose invalid; several can hold at once.
 OFF_MAP, UNKNOWN, OFF_ROAD, TAKEN = 1, 2, 4, 8
-# Free space around the footprint to cells and boxes of vehicles.
+# Margin of the footprint to vehicle cells and boxes.
 MARGIN_M = 0.3
-# Headings of places are whole multiples of this, so that the cells under a footprint are known beforehand.
+# Headings are whole multiples of this, so that the cells under a footprint can be tabulated.
 _STEP_RAD = np.pi / 90
-# A centre that lies on the rim of the footprint, give or take rounding, lies under it.
-_RIM_M = 1e-6
-_HALF_M = np.array([EGO_LENGTH_M, EGO_WIDTH_M]) / 2
+# Tolerance for cell centres on the border of the footprint.
+_BORDER_M = 1e-6
 
 
-def whole_steps(heading_rad: FloatArray) -> FloatArray:
-    """The nearest headings that a place can have."""
+def round_heading(heading_rad: FloatArray) -> FloatArray:
+    """Round headings to whole multiples of the heading step."""
     return np.asarray(np.round(heading_rad / _STEP_RAD) * _STEP_RAD)
 
 
-@dataclass(frozen=True)
-class Footing:
-    """What lies in the cells of a map.
+@dataclass(frozen=True, eq=False)
+class FreeSpace:
+    """Which cells of a map the ego footprint may cover.
 
     Attributes:
         grid: cells.
-        forbids: (X + 2R, Y + 2R) uint8 flags of each cell, with a rim of R cells OFF_MAP all around.
+        ego: size of the ego vehicle.
+        padded_flags: (X + 2R, Y + 2R) uint8 flags of the cells, with a border of R cells OFF_MAP on all sides.
         objects: vehicles.
     """
 
     grid: BEVGrid
-    forbids: np.ndarray[tuple[int, int], np.dtype[np.uint8]]
+    ego: EgoVehicle
+    padded_flags: np.ndarray[tuple[int, int], np.dtype[np.uint8]]
     objects: tuple[SceneObject, ...]
 
     @classmethod
-    def of(cls, bev: BEVMap, objects: Sequence[SceneObject]) -> Footing:
-        """The cells of a map and the vehicles on it."""
-        # No camera sees below the ego, but it stands on road that it may stand on.
-        below = bev.unseen & body_cells(bev.grid)
+    def from_map(cls, bev: BEVMap, objects: Sequence[SceneObject], ego: EgoVehicle) -> FreeSpace:
+        """Return the free space of a map and the vehicles on it."""
+        # No camera sees the cells below the ego; they count as known road.
+        below = bev.unseen & ego.body_cells(bev.grid)
         known = (bev.occupancy_valid[ROAD] & bev.occupancy_valid[VEHICLE]) | below
-        taken = bev.on[VEHICLE] | covered(bev.grid, objects)
-        inner = UNKNOWN * ~known + OFF_ROAD * (known & ~bev.on[ROAD] & ~below) + TAKEN * taken
-        rim = _reach(bev.grid.cell_m)
-        return cls(bev.grid, np.pad(inner.astype(np.uint8), rim, constant_values=OFF_MAP), tuple(objects))
+        taken = bev.on[VEHICLE] | cover_cells(bev.grid, objects)
+        flags = UNKNOWN * ~known + OFF_ROAD * (known & ~bev.on[ROAD] & ~below) + TAKEN * taken
+        border = _reach(bev.grid.cell_m, ego)
+        padded = np.pad(flags.astype(np.uint8), border, constant_values=OFF_MAP)
+        return cls(bev.grid, ego, padded, tuple(objects))
 
     @property
-    def inner(self) -> np.ndarray[tuple[int, int], np.dtype[np.uint8]]:
-        """(X, Y) flags of the map's own cells."""
-        rim = _reach(self.grid.cell_m)
-        return self.forbids[rim:-rim, rim:-rim]
+    def cell_flags(self) -> np.ndarray[tuple[int, int], np.dtype[np.uint8]]:
+        """(X, Y) flags of the cells of the map."""
+        border = _reach(self.grid.cell_m, self.ego)
+        return self.padded_flags[border:-border, border:-border]
 
     def flags(self, cells: IntArray, heading_rad: FloatArray) -> IntArray:
-        """What forbids the ego's middle in cells (N, 2) of the map at headings (N,) in whole steps: flags (N,).
+        """Return flags (N,) of ego poses with the centre in cells (N, 2) and rounded headings (N,).
 
         A cell is under the footprint if its centre is. For TAKEN the footprint is grown by the margin.
         """
-        rim, width = _reach(self.grid.cell_m), self.forbids.shape[1]
-        foot, grown = _offsets(self.grid.cell_m, width)
-        turn = np.round(heading_rad / _STEP_RAD).astype(np.int64) % len(foot)
-        at = (cells[:, 0] + rim) * width + cells[:, 1] + rim
-        flat = self.forbids.ravel()
-        under = [np.bitwise_or.reduce(flat[at[:, None] + offsets[turn]], axis=1) for offsets in (foot, grown)]
+        border, width = _reach(self.grid.cell_m, self.ego), self.padded_flags.shape[1]
+        footprint, grown = _footprint_offsets(self.grid.cell_m, width, self.ego)
+        turn = np.round(heading_rad / _STEP_RAD).astype(np.int64) % len(footprint)
+        at = (cells[:, 0] + border) * width + cells[:, 1] + border
+        flat = self.padded_flags.ravel()
+        under = [np.bitwise_or.reduce(flat[at[:, None] + offsets[turn]], axis=1) for offsets in (footprint, grown)]
         flags = (under[0] | (under[1] & TAKEN)).astype(np.int64)
-        return np.asarray(flags | OFF_MAP * self._over_the_rim(cells, heading_rad))
+        return np.asarray(flags | OFF_MAP * self._leaves_map(cells, heading_rad))
 
-    def _over_the_rim(self, cells: IntArray, heading_rad: FloatArray) -> BoolArray:
-        """Whether a corner of the footprint leaves the map, if only by part of a cell."""
+    def _leaves_map(self, cells: IntArray, heading_rad: FloatArray) -> BoolArray:
+        """(N,) whether a corner of the footprint is outside the map, even by part of a cell."""
         cos, sin = np.abs(np.cos(heading_rad)), np.abs(np.sin(heading_rad))
-        half = np.stack([_HALF_M[0] * cos + _HALF_M[1] * sin, _HALF_M[0] * sin + _HALF_M[1] * cos], axis=-1)
+        length, width = _half_size_m(self.ego)
+        half = np.stack([length * cos + width * sin, length * sin + width * cos], axis=-1)
         low = (cells + 0.5) * self.grid.cell_m - half
         return np.asarray(((low < 0) | (low + 2 * half > np.array(self.grid.shape) * self.grid.cell_m)).any(axis=1))
 
-    def nearest(self, middle_m: FloatArray, heading_rad: float) -> tuple[SceneObject | None, float]:
-        """The vehicle whose box is nearest to the ego at a place (2,), None without any, and the gap in metres."""
+    def nearest_object(self, centre_m: FloatArray, heading_rad: float) -> tuple[SceneObject | None, float]:
+        """Return the vehicle nearest to the ego at a pose, None without vehicles, and the gap in metres."""
         if not self.objects:
             return None, np.inf
-        gaps = _gaps(*self._boxes, middle_m, np.asarray(heading_rad))
+        gaps = _box_gaps_m(*self._boxes, _half_size_m(self.ego), centre_m, np.asarray(heading_rad))
         least = int(np.argmin(gaps))
         return self.objects[least], float(gaps[least])
 
     @cached_property
     def _boxes(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Middles (K, 2), headings (K,) and half lengths and widths (K, 2) of all vehicles."""
-        middles = np.array([item.centre_m for item in self.objects])
+        """Centres (K, 2), headings (K,) and half sizes (K, 2) of all vehicles."""
+        centres = np.array([item.centre_m for item in self.objects])
         halves = np.array([[item.length_m, item.width_m] for item in self.objects]) / 2
-        return middles, np.array([item.yaw_rad for item in self.objects]), halves
+        return centres, np.array([item.yaw_rad for item in self.objects]), halves
 
 
-def covered(grid: BEVGrid, objects: Sequence[SceneObject]) -> BoolArray:
-    """(X, Y) whether a cell's centre lies in the box of a vehicle."""
+def cover_cells(grid: BEVGrid, objects: Sequence[SceneObject]) -> BoolArray:
+    """Return which cells (X, Y) have their centre inside the box of a vehicle."""
     cover = np.zeros(grid.shape, np.bool_)
     for item in objects:
         corners = grid.cell_of(item.footprint())
@@ -110,24 +113,30 @@ def covered(grid: BEVGrid, objects: Sequence[SceneObject]) -> BoolArray:
     return cover
 
 
-def gap_m(item: SceneObject, middle_m: FloatArray, heading_rad: FloatArray) -> FloatArray:
-    """Metres (...) between a vehicle and the ego at middles (..., 2) and headings (...), negative where they overlap.
+def gap_m(item: SceneObject, ego: EgoVehicle, centre_m: FloatArray, heading_rad: FloatArray) -> FloatArray:
+    """Return the gap (...) between a vehicle and the ego at centres (..., 2) and headings (...), metres.
 
-    The widest gap that a line between the two can be laid through; corner to corner they are a little farther apart.
+    It is the widest gap along the normals of both boxes (separating axes), negative where they overlap. Corner to
+    corner, the true distance is slightly larger.
     """
     half = np.array([item.length_m, item.width_m]) / 2
-    return _gaps(item.centre_m, np.asarray(item.yaw_rad), half, middle_m, heading_rad)
+    return _box_gaps_m(item.centre_m, np.asarray(item.yaw_rad), half, _half_size_m(ego), centre_m, heading_rad)
 
 
-def _gaps(
-    centre_m: FloatArray, yaw_rad: FloatArray, half_m: FloatArray, middle_m: FloatArray, heading_rad: FloatArray
+def _box_gaps_m(
+    centre_m: FloatArray,
+    yaw_rad: FloatArray,
+    half_m: FloatArray,
+    ego_half_m: FloatArray,
+    ego_centre_m: FloatArray,
+    ego_heading_rad: FloatArray,
 ) -> FloatArray:
-    """Gaps between boxes and the ego along the four directions of their sides, of which the widest counts."""
-    offset = middle_m - centre_m
-    turned = heading_rad - yaw_rad
+    """Return the widest gap between boxes and the ego along the four normals of their sides."""
+    offset = ego_centre_m - centre_m
+    turned = ego_heading_rad - yaw_rad
     cos, sin = np.abs(np.cos(turned)), np.abs(np.sin(turned))
     gaps = []
-    for angle, own, other in ((yaw_rad, half_m, _HALF_M), (heading_rad, _HALF_M, half_m)):
+    for angle, own, other in ((yaw_rad, half_m, ego_half_m), (ego_heading_rad, ego_half_m, half_m)):
         ux, uy = np.cos(angle), np.sin(angle)
         along = np.abs(offset[..., 0] * ux + offset[..., 1] * uy)
         across = np.abs(offset[..., 1] * ux - offset[..., 0] * uy)
@@ -136,18 +145,23 @@ def _gaps(
     return np.asarray(np.maximum(np.maximum(gaps[0], gaps[1]), np.maximum(gaps[2], gaps[3])))
 
 
-def _reach(cell_m: float) -> int:
-    """Cells from the middle of the ego that its grown footprint can cover."""
-    return int(np.hypot(*(_HALF_M + MARGIN_M)) / cell_m) + 1
+def _half_size_m(ego: EgoVehicle) -> FloatArray:
+    """(2,) half of length and width."""
+    return np.array([ego.length_m, ego.width_m]) / 2
+
+
+def _reach(cell_m: float, ego: EgoVehicle) -> int:
+    """Return how many cells from its centre the grown footprint can reach."""
+    return int(np.hypot(*(_half_size_m(ego) + MARGIN_M)) / cell_m) + 1
 
 
 @cache
-def _offsets(cell_m: float, width: int) -> tuple[IntArray, IntArray]:
-    """Cells under the ego, itself and grown, (90, M) each, a row for each step of half a turn.
+def _footprint_offsets(cell_m: float, width: int, ego: EgoVehicle) -> tuple[IntArray, IntArray]:
+    """Return the cells under the footprint and under the grown one, (90, M) each, one row per step of half a turn.
 
-    Numbers from the middle cell on, in arrays that are `width` cells wide; rows are filled up with the middle cell.
+    Cells are flat offsets from the centre cell in arrays `width` cells wide; rows are padded with the centre cell.
     """
-    reach = _reach(cell_m)
+    reach = _reach(cell_m, ego)
     cells = np.stack(np.meshgrid(*[np.arange(-reach, reach + 1)] * 2, indexing="ij"), axis=-1).reshape(-1, 2)
     steps = np.arange(round(np.pi / _STEP_RAD)) * _STEP_RAD
     unit = np.exp(1j * steps)[:, None]
@@ -155,7 +169,7 @@ def _offsets(cell_m: float, width: int) -> tuple[IntArray, IntArray]:
     across = cells[:, 1] * unit.real - cells[:, 0] * unit.imag
     tables = []
     for margin_m in (0.0, MARGIN_M):
-        half = (_HALF_M + margin_m + _RIM_M) / cell_m
+        half = (_half_size_m(ego) + margin_m + _BORDER_M) / cell_m
         under = (np.abs(along) <= half[0]) & (np.abs(across) <= half[1])
         table = np.zeros((len(steps), int(under.sum(axis=1).max())), np.int64)
         for row, inside in zip(table, under, strict=True):

@@ -1,90 +1,161 @@
-"""The road about the ego: which way it runs, how far along and beside it a place lies, and which lanes are ours."""
+"""Lane geometry: the centreline of the ego lane, positions relative to it, and the lanes to both sides."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
+import cv2
 import numpy as np
 
 from appocc.bevmap import ROAD, BEVMap
 from appocc.checks import BoolArray, FloatArray, IntArray
-from grounding.scene_object import EGO_CENTRE_M
-
-if TYPE_CHECKING:
-    from grounding.road.road_map import Road
+from appocc.ego_vehicle import EgoVehicle
+from appocc.grid import BEVGrid
 
 LANE_M = 3.5
-# Our lane is known as a line of points a metre apart, this far behind and ahead of the ego.
+# Spacing of the points of a centreline.
+POINT_M = 1.0
+# Extent of the ego lane's centreline behind and ahead of the ego origin.
 _BACK_M, _AHEAD_M = 40.0, 90.0
-# Without a map: beyond these distances along the ego's heading a bend is not carried on.
-_BENDS_FROM_M, _BENDS_TO_M = -25.0, 45.0
-# Courses that are weighed against each other: direction of the road at the ego, and its change for each metre.
+# Without a map, curvature applies only between these distances along the ego heading.
+_CURVED_FROM_M, _CURVED_TO_M = -25.0, 45.0
+# Hypotheses for the road without a map: its direction at the ego and its curvature, with priors on both.
 _SLANTS_RAD = np.linspace(-0.2, 0.2, 11)
-_BENDS_PER_M = np.linspace(-0.018, 0.018, 13)
-_USUAL_SLANT_RAD, _USUAL_BEND_PER_M = 0.035, 0.004
-# A vehicle that stands along the road is parallel to it within this angle; crossing ones tell nothing.
-_PARALLEL_RAD, _BESIDE_ROAD_M = 0.08, 6.0
-_ON_LANE = 0.6
-_MOST_LANES, _MOST_VOTES_LANES = 3, 7
+_CURVATURES_PER_M = np.linspace(-0.018, 0.018, 13)
+_SLANT_SPREAD_RAD, _CURVATURE_SPREAD_PER_M = 0.035, 0.004
+# Spreads for vehicles that support a hypothesis: angle to the road, and lateral offset from it.
+_PARALLEL_RAD, _LATERAL_SPREAD_M = 0.08, 6.0
+# Least share of road cells in a lane of the map.
+_MIN_ROAD_SHARE = 0.6
+_MAX_LANES, _MAX_VOTING_LANES = 3, 7
 
 
-@dataclass(frozen=True)
-class Lanes:
-    """Our lane and those beside it, in the ego frame.
+@dataclass(frozen=True, eq=False)
+class Centreline:
+    """Centreline of a lane in the direction of travel, ego frame.
 
     Attributes:
-        line_m: (K, 2) points a metre apart on the middle of our lane, in the direction of travel.
-        start_m: way along it from the level of the ego's origin to the first point, negative.
-        lowest: number of the rightmost lane of our direction; ours is 0, those to the left are positive.
-        highest: number of the leftmost one.
-        oncoming_left: whether oncoming traffic keeps to our left.
+        points_m: (K, 2) points one metre apart; at least two.
+        start_m: along-track distance of the first point, zero or negative.
+        at_road_end: whether the road ends at the last point, rather than the map or the search range.
     """
 
-    line_m: FloatArray
+    points_m: FloatArray
     start_m: float
+    at_road_end: bool = False
+
+    @property
+    def origin_m(self) -> FloatArray:
+        """(2,) point at along-track distance zero."""
+        return np.asarray(self.points_m[round(-self.start_m / POINT_M)])
+
+    @property
+    def end_m(self) -> float:
+        """Along-track distance of the last point."""
+        return self.start_m + (len(self.points_m) - 1) * POINT_M
+
+    @cached_property
+    def tangents(self) -> FloatArray:
+        """(K, 2) unit tangents."""
+        step = np.gradient(self.points_m, axis=0)
+        return np.asarray(step / np.linalg.norm(step, axis=1, keepdims=True))
+
+    def _nearest(self, xy_m: FloatArray) -> IntArray:
+        """(...) indices of the points nearest to positions (..., 2)."""
+        squared = ((xy_m[..., None, :] - self.points_m) ** 2).sum(axis=-1)
+        return np.asarray(squared.argmin(axis=-1), dtype=np.int64)
+
+    def project(self, xy_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return along-track distance and lateral offset (left is positive), (...) each, of positions (..., 2)."""
+        nearest = self._nearest(xy_m)
+        offset, tangent = xy_m - self.points_m[nearest], self.tangents[nearest]
+        x, y, tx, ty = offset[..., 0], offset[..., 1], tangent[..., 0], tangent[..., 1]
+        return self.start_m + nearest * POINT_M + x * tx + y * ty, y * tx - x * ty
+
+    def direction_rad(self, xy_m: FloatArray) -> FloatArray:
+        """Return the direction of travel (...) at the points nearest to positions (..., 2)."""
+        tangent = self.tangents[self._nearest(xy_m)]
+        return np.asarray(np.arctan2(tangent[..., 1], tangent[..., 0]))
+
+    def heading_rad(self, along_m: FloatArray) -> FloatArray:
+        """Return the direction of travel (...) at along-track distances (...)."""
+        nearest = np.clip(np.rint((along_m - self.start_m) / POINT_M), 0, len(self.points_m) - 1).astype(np.int64)
+        return np.asarray(np.arctan2(self.tangents[nearest, 1], self.tangents[nearest, 0]))
+
+    def offset_points(self, along_m: FloatArray, lateral_m: float) -> FloatArray:
+        """Return points (N, 2) at along-track distances (N,) and one lateral offset."""
+        nearest = np.rint(along_m - self.start_m).astype(np.int64)
+        left = self.tangents[nearest][:, ::-1] * [-1.0, 1.0]
+        return np.asarray(self.points_m[nearest] + lateral_m * left)
+
+    def cell_coordinates(self, grid: BEVGrid) -> tuple[FloatArray, FloatArray]:
+        """Return along-track distance and lateral offset of all cells, (X, Y) each, by the nearest point."""
+        cells = grid.cell_of(self.points_m)
+        inside = np.flatnonzero(grid.contains(cells))
+        i, j = cells[inside].T
+        off = np.ones(grid.shape, np.uint8)
+        number = np.zeros(grid.shape, np.int64)
+        off[i, j], number[i, j] = 0, inside
+        _, label = cv2.distanceTransformWithLabels(off, cv2.DIST_L2, cv2.DIST_MASK_3, labelType=cv2.DIST_LABEL_PIXEL)
+        point = np.zeros(int(label.max()) + 1, np.int64)
+        point[label[off == 0]] = number[off == 0]
+        nearest = point[label]
+        x, y = (grid.centre_of(np.arange(size)[:, None])[:, axis] for axis, size in enumerate(grid.shape))
+        tx, ty = self.tangents.T
+        px, py = self.points_m.T
+        before = self.start_m + np.arange(len(px)) * POINT_M - px * tx - py * ty
+        along = before[nearest] + x[:, None] * tx[nearest] + y * ty[nearest]
+        lateral = (py * tx - px * ty)[nearest]
+        return along, y * tx[nearest] - x[:, None] * ty[nearest] - lateral
+
+    def straighten_at_corner(self, corner_rad: float, within_m: float) -> Centreline:
+        """Return the line straight on from its first corner: where it turns by that angle within that distance."""
+        heading = np.unwrap(np.arctan2(self.tangents[:, 1], self.tangents[:, 0]))
+        window = round(within_m / POINT_M)
+        corners = np.flatnonzero(np.abs(heading[window:] - heading[:-window]) > corner_rad)
+        if not len(corners):
+            return self
+        at = max(int(corners[0]), 1)
+        beyond = np.arange(1, len(self.points_m) - at)[:, None] * POINT_M * self.tangents[at]
+        return Centreline(np.concatenate([self.points_m[: at + 1], self.points_m[at] + beyond]), self.start_m)
+
+
+@dataclass(frozen=True, eq=False)
+class LaneModel:
+    """The ego lane and the lanes to both sides, ego frame.
+
+    Attributes:
+        centreline: of the ego lane; along-track distance counts from the ego origin.
+        lowest: number of the rightmost lane in our direction; the ego lane is 0, lanes to its left are positive.
+        highest: number of the leftmost lane in our direction.
+        oncoming_left: whether oncoming traffic is on our left.
+    """
+
+    centreline: Centreline
     lowest: int = 0
     highest: int = 0
     oncoming_left: bool = True
 
-    @cached_property
-    def _tangents(self) -> FloatArray:
-        step = np.gradient(self.line_m, axis=0)
-        return np.asarray(step / np.linalg.norm(step, axis=1, keepdims=True))
-
-    def _nearest(self, xy_m: FloatArray) -> IntArray:
-        """(N,) numbers of the points of the line nearest to places (N, 2)."""
-        return np.asarray(((xy_m[:, None] - self.line_m) ** 2).sum(axis=2).argmin(axis=1), dtype=np.int64)
-
     def direction_rad(self, xy_m: FloatArray) -> FloatArray:
-        """(N,) our direction of travel at the level of places (N, 2)."""
-        x, y = self._tangents[self._nearest(xy_m)].T
-        return np.asarray(np.arctan2(y, x))
+        """Return our direction of travel (...) along the road at positions (..., 2)."""
+        return self.centreline.direction_rad(xy_m)
 
-    def along_and_sideways(self, xy_m: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Metres along our lane from the ego's origin (N,), and to its left (N,), of places (N, 2)."""
-        nearest = self._nearest(xy_m)
-        (x, y), (tx, ty) = (xy_m - self.line_m[nearest]).T, self._tangents[nearest].T
-        return self.start_m + nearest + x * tx + y * ty, y * tx - x * ty
-
-    def beside(self, along_m: FloatArray, sideways_m: float) -> FloatArray:
-        """(N, 2) places some metres to the left of our lane at ways along it (N,)."""
-        at = np.rint(along_m - self.start_m).astype(np.int64)
-        left = self._tangents[at][:, ::-1] * [-1.0, 1.0]
-        return np.asarray(self.line_m[at] + sideways_m * left)
+    def project(self, xy_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return along-track distance and lateral offset (left is positive), (...) each, of positions (..., 2)."""
+        return self.centreline.project(xy_m)
 
 
-@dataclass(frozen=True)
-class Traffic:
-    """What vehicles tell of the road, N of them in the ego frame.
+@dataclass(frozen=True, eq=False)
+class TrafficState:
+    """Poses and motion of N vehicles, ego frame.
 
     Attributes:
-        xy_m: (N, 2) places.
-        yaw_rad: (N,) directions of their long axes.
-        front_known: (N,) whether that is where they head.
-        moving: (N,) whether they certainly move.
-        standing: (N,) whether they certainly stand.
+        xy_m: (N, 2) centres.
+        yaw_rad: (N,) directions of the long axes.
+        front_known: (N,) whether `yaw_rad` is the heading.
+        moving: (N,) whether the vehicle certainly moves.
+        standing: (N,) whether the vehicle certainly stands.
     """
 
     xy_m: FloatArray
@@ -94,96 +165,122 @@ class Traffic:
     standing: BoolArray
 
 
-def lanes_of(traffic: Traffic, bev: BEVMap | None, road: Road | None) -> Lanes:
-    """The lanes that a map and its road show, or, where there is no map, the vehicles."""
-    if road is None:
-        course = Lanes(_line(*_course(traffic)), -_BACK_M)
-    else:
-        course = Lanes(*_lengthened(road.own.points_m, road.own.start_m + EGO_CENTRE_M))
-    along, sideways = course.along_and_sideways(traffic.xy_m)
-    turn = np.cos(traffic.yaw_rad - course.direction_rad(traffic.xy_m))
-    with_us, facing = (traffic.front_known & (sign * turn > 0.9) for sign in (1, -1))
-    lane = sideways / LANE_M
-    # Most countries drive on the right; what heads towards us, above all if it moves, tells where it is not so.
-    votes = np.clip(lane, -2, 2) * np.where(traffic.moving, 2, 1) * (facing & (np.abs(lane) < _MOST_VOTES_LANES))
-    oncoming_left = bool(votes.sum() > -0.5) if road is None else road.keeps > 0
+def lanes_from_vehicles(traffic: TrafficState) -> LaneModel:
+    """Estimate the lanes from vehicles alone, without a map."""
+    centreline = _arc_centreline(*_fit_arc(traffic))
+    lateral = centreline.project(traffic.xy_m)[1]
+    lane = lateral / LANE_M
+    # Most countries drive on the right; oncoming vehicles, moving ones above all, are evidence for the left.
+    votes = np.clip(lane, -2, 2) * np.where(traffic.moving, 2, 1)
+    votes = votes * (_split_by_direction(centreline, traffic)[1] & (np.abs(lane) < _MAX_VOTING_LANES))
+    return _count_lanes(centreline, traffic, {}, bool(votes.sum() > -0.5))
+
+
+def lanes_from_map(
+    traffic: TrafficState, bev: BEVMap, ego_lane: Centreline, oncoming_left: bool, ego: EgoVehicle
+) -> LaneModel:
+    """Estimate the lanes from a map and the vehicles on it.
+
+    Args:
+        traffic: vehicles on the map.
+        bev: the map.
+        ego_lane: centreline of the ego lane; along-track distance counts from the ego's centre.
+        oncoming_left: whether oncoming traffic is on our left.
+        ego: size of the ego vehicle.
+    """
+    centreline = _extend(ego_lane.points_m, ego_lane.start_m + ego.centre_m)
+    return _count_lanes(centreline, traffic, _lanes_on_road(centreline, bev), oncoming_left)
+
+
+def _split_by_direction(centreline: Centreline, traffic: TrafficState) -> tuple[BoolArray, BoolArray]:
+    """Return which vehicles (N,) head in our direction, and which (N,) against it."""
+    turn = np.cos(traffic.yaw_rad - centreline.direction_rad(traffic.xy_m))
+    return traffic.front_known & (turn > 0.9), traffic.front_known & (-turn > 0.9)
+
+
+def _count_lanes(
+    centreline: Centreline, traffic: TrafficState, on_road: dict[int, bool], oncoming_left: bool
+) -> LaneModel:
+    """Number the lanes in our direction by the vehicles in them and by the map, if `on_road` is not empty."""
+    along, lateral = centreline.project(traffic.xy_m)
+    with_us, facing = _split_by_direction(centreline, traffic)
     near = (along > -15) & (along < 45)
     chosen = (near & with_us & traffic.moving, near & facing & traffic.moving, near & traffic.standing)
-    driven, oncoming, parked = (np.round(lane[each]).astype(int) for each in chosen)
-    mapped = _mapped_lanes(course, bev)
-    right = _own_lanes(-1, mapped, -driven, -oncoming, -parked)
-    left = _own_lanes(1, mapped, driven, oncoming, parked)
-    if mapped and not len(oncoming):
-        # Nobody tells where the other direction begins: it has half of the lanes, if nobody drives there with us.
+    driven, oncoming, parked = (np.round(lateral[each] / LANE_M).astype(int) for each in chosen)
+    right = _lanes_to_side(-1, on_road, -driven, -oncoming, -parked)
+    left = _lanes_to_side(1, on_road, driven, oncoming, parked)
+    if on_road and not len(oncoming):
+        # Without oncoming vehicles, half of the lanes belong to the other direction, unless they are driven our way.
         half = (left + right + 2) // 2 - 1
         if oncoming_left:
             left = max(half - right, *driven[driven <= left].tolist(), 0)
         else:
             right = max(half - left, *(-driven[-driven <= right]).tolist(), 0)
-    return Lanes(course.line_m, course.start_m, -right, left, oncoming_left)
+    return LaneModel(centreline, -right, left, oncoming_left)
 
 
-def _lengthened(points_m: FloatArray, start_m: float) -> tuple[FloatArray, float]:
-    """A line of points a metre apart, straight on at both ends as far as is needed, and where it begins then."""
+def _extend(points_m: FloatArray, start_m: float) -> Centreline:
+    """Extend points one metre apart straight on at both ends, to the extent of the ego lane's centreline."""
     back = max(round(_BACK_M + start_m), 0)
     ahead = max(round(_AHEAD_M - start_m) - len(points_m), 0)
     first, last = points_m[1] - points_m[0], points_m[-1] - points_m[-2]
     before = points_m[0] - np.arange(back, 0, -1)[:, None] * first
     after = points_m[-1] + np.arange(1, ahead + 1)[:, None] * last
-    return np.concatenate([before, points_m, after]), start_m - back
+    return Centreline(np.concatenate([before, points_m, after]), start_m - back)
 
 
-def _course(traffic: Traffic) -> tuple[float, float]:
-    """Slant and bend of the road: the mean over all courses, each weighed by how many vehicles stand along it."""
-    slant, bend = (grid.ravel() for grid in np.meshgrid(_SLANTS_RAD, _BENDS_PER_M))
-    score = -0.5 * (slant / _USUAL_SLANT_RAD) ** 2 - 0.5 * (bend / _USUAL_BEND_PER_M) ** 2
+def _fit_arc(traffic: TrafficState) -> tuple[float, float]:
+    """Return slant and curvature of the road: the mean over all hypotheses, weighted by parallel vehicles."""
+    slant, curvature = (grid.ravel() for grid in np.meshgrid(_SLANTS_RAD, _CURVATURES_PER_M))
+    score = -0.5 * (slant / _SLANT_SPREAD_RAD) ** 2 - 0.5 * (curvature / _CURVATURE_SPREAD_PER_M) ** 2
     x, y = traffic.xy_m[:, 0], traffic.xy_m[:, 1]
-    near = (x > _BENDS_FROM_M) & (x < 70)
+    near = (x > _CURVED_FROM_M) & (x < 70)
     x, y, yaw, weight = x[near], y[near], traffic.yaw_rad[near], np.where(traffic.moving, 2.0, 1.0)[near]
-    beside = np.exp(-0.5 * ((y - _aside(slant[:, None], bend[:, None], x)) / _BESIDE_ROAD_M) ** 2)
-    angle = slant[:, None] + bend[:, None] * np.clip(x, _BENDS_FROM_M, _BENDS_TO_M)
+    lateral = y - _arc_offset_m(slant[:, None], curvature[:, None], x)
+    on_road = np.exp(-0.5 * (lateral / _LATERAL_SPREAD_M) ** 2)
+    angle = slant[:, None] + curvature[:, None] * np.clip(x, _CURVED_FROM_M, _CURVED_TO_M)
     off = np.sin(yaw - angle) / _PARALLEL_RAD
-    score += (weight * beside * np.exp(-0.5 * off**2)).sum(axis=1)
+    score += (weight * on_road * np.exp(-0.5 * off**2)).sum(axis=1)
     share = np.exp(score - score.max())
     share /= share.sum()
-    return float(share @ slant), float(share @ bend)
+    return float(share @ slant), float(share @ curvature)
 
 
-def _aside(slant_rad: FloatArray | float, bend_per_m: FloatArray | float, x_m: FloatArray) -> FloatArray:
-    """How far to the left of the ego's origin our lane is, ahead of it by some metres."""
-    bent = np.clip(x_m, _BENDS_FROM_M, _BENDS_TO_M)
-    return np.asarray(slant_rad * x_m + bend_per_m * bent * (x_m - bent / 2))
+def _arc_offset_m(slant_rad: FloatArray | float, curvature_per_m: FloatArray | float, x_m: FloatArray) -> FloatArray:
+    """Return how far the ego lane is to the left of the ego's x axis at distances ahead."""
+    curved = np.clip(x_m, _CURVED_FROM_M, _CURVED_TO_M)
+    return np.asarray(slant_rad * x_m + curvature_per_m * curved * (x_m - curved / 2))
 
 
-def _line(slant_rad: float, bend_per_m: float) -> FloatArray:
-    """The line of a course: points a metre of way apart."""
-    way = np.arange(-_BACK_M, _AHEAD_M)
-    angle = slant_rad + bend_per_m * np.clip(way, _BENDS_FROM_M, _BENDS_TO_M)
+def _arc_centreline(slant_rad: float, curvature_per_m: float) -> Centreline:
+    """Return the centreline of a road with a slant and a curvature."""
+    along = np.arange(-_BACK_M, _AHEAD_M)
+    angle = slant_rad + curvature_per_m * np.clip(along, _CURVED_FROM_M, _CURVED_TO_M)
     step = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     line = np.cumsum(step, axis=0) - step
-    return np.asarray(line - line[round(_BACK_M)])
+    return Centreline(np.asarray(line - line[round(_BACK_M)]), -_BACK_M)
 
 
-def _mapped_lanes(course: Lanes, bev: BEVMap | None) -> dict[int, bool]:
-    """Whether the map has road at lanes to both sides of ours; empty without a map."""
-    if bev is None:
-        return {}
+def _lanes_on_road(centreline: Centreline, bev: BEVMap) -> dict[int, bool]:
+    """Return which lanes to both sides of the ego lane are road on the map."""
     found = {}
-    for lane in range(-_MOST_LANES, _MOST_LANES + 1):
-        cells = bev.grid.cell_of(course.beside(np.arange(2.0, 26.0, 2.0), lane * LANE_M))
+    for lane in range(-_MAX_LANES, _MAX_LANES + 1):
+        cells = bev.grid.cell_of(centreline.offset_points(np.arange(2.0, 26.0, 2.0), lane * LANE_M))
         i, j = cells[bev.grid.contains(cells)].T
         known = bev.occupancy_valid[ROAD][i, j]
-        found[lane] = bool(known.any() and bev.on[ROAD][i, j][known].mean() > _ON_LANE)
+        found[lane] = bool(known.any() and bev.on[ROAD][i, j][known].mean() > _MIN_ROAD_SHARE)
     return found
 
 
-def _own_lanes(side: int, mapped: dict[int, bool], driven: IntArray, oncoming: IntArray, parked: IntArray) -> int:
-    """How many lanes of our direction lie to a side (1 left, -1 right) of ours; lanes are counted to that side."""
+def _lanes_to_side(
+    side: int, on_road: dict[int, bool], driven: IntArray, oncoming: IntArray, parked: IntArray
+) -> int:
+    """Count lanes in our direction on one side (1 left, -1 right) of the ego lane; lane numbers grow to that side."""
     count = 0
-    for lane in range(1, _MOST_LANES + 1):
-        if lane in oncoming or (mapped and not mapped[side * lane]):
+    for lane in range(1, _MAX_LANES + 1):
+        if lane in oncoming or (on_road and not on_road[side * lane]):
             break
-        if lane in driven or (mapped and lane not in parked):
+        if lane in driven or (on_road and lane not in parked):
             count = lane
         elif lane in parked:
             break

@@ -1,9 +1,9 @@
-"""The road around the ego, once for a scene: where it may stand, where it can get to, and which way the road runs."""
+"""The road map of a scene: free space, shortest paths, direction of travel and the ego lane."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import cv2
@@ -12,213 +12,243 @@ from scipy import ndimage
 
 from appocc.bevmap import LANE, BEVMap
 from appocc.checks import BoolArray, FloatArray, IntArray
-from appocc.ego_vehicle import EGO_WIDTH_M
+from appocc.ego_vehicle import EgoVehicle
 from appocc.geometry import wrap_angle
 from appocc.grid import BEVGrid
-from grounding.road.centreline import Course, Tracer
-from grounding.road.free_space import OFF_ROAD, TAKEN, UNKNOWN, Footing
-from grounding.road.orientation import SHORTEST_M, axes
-from grounding.road.routing import Ways, ways_from
-from grounding.scene_object import EGO_CENTRE_M, SceneObject
+from appocc.motion_state import MOVING_MPS
+from grounding.road.free_space import OFF_ROAD, TAKEN, UNKNOWN, FreeSpace
+from grounding.road.lane_model import Centreline
+from grounding.road.orientation import MIN_VEHICLE_LENGTH_M, estimate_axes
+from grounding.road.routing import ShortestPaths, find_shortest_paths
+from grounding.road.tracing import CentrelineTracer
+from grounding.scene_object import SceneObject
 
-# The ego's own middle may lie on a cell that is not free, on a kerb that a network misplaced for example.
-_START_M = 6.0
-# A predicted map has holes in the road that are none; ways lead over so many cells of them.
+# Paths start at the free cell nearest to the ego's centre, which may itself be on a misplaced kerb.
+_MAX_START_M = 6.0
+# Holes of up to this many cells in the road of a predicted map are filled.
 _HOLE_CELLS = 6
-# Over so many steps a way shows its direction. It crosses the road's axis, goes back, and the axis is still the same
-# one, by the cosines of the angles between them.
+# Path direction is measured over this many steps. Thresholds on cosines: of path and axis, below which the path
+# crosses the axis; of path and ego heading, below minus which it drives back; of two axes of the same road.
 _STEPS = 8
 _CROSSING, _BACKWARD, _STEADY = 0.6, 0.5, 0.5
-# The direction of travel is what most ways say over some metres.
-_AROUND_M = 2.5
-_WIDEST_M = 16.0
-# One that comes towards us says as much of the side on which one drives as so many that stand.
+# The direction of travel is a majority vote of paths in a neighbourhood of this size.
+_SMOOTHING_M = 2.5
+_MAX_EDGE_M, _MAX_HALF_M = 16.0, 12.0
+# Votes of a moving oncoming vehicle for the side of traffic; a standing one has one vote.
 _MOVING_VOTES = 3.0
-# A road as narrow as this is driven in its middle.
+# A narrower road is driven in its middle.
 _ONE_LANE_M = 5.5
-# A metre on the narrowest way, and one out of our own lane, count for so much more when ways are compared.
+# Extra cost of a metre in the narrowest passage, and outside the ego lane.
 _NARROW, _WIDE_M, _OFF_LANE, _LANE_M = 0.8, 1.6, 0.3, 3.0
-# A road is our own up to so far beside our lane, where it runs on with it (cosine of the angle between both).
-_BESIDE_M, _PARALLEL = 12.0, 0.7
-_EGO = np.array([EGO_CENTRE_M, 0.0])
+# Positions up to this lateral offset belong to the road of the ego lane if its direction agrees (cosine).
+_SAME_ROAD_M, _PARALLEL = 12.0, 0.7
 
 
-@dataclass(frozen=True)
-class Road:
-    """What a map says about driving; arrays (X, Y) of its grid, ego frame.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class RoadMap:
+    """Road geometry of a map; arrays (X, Y) of its grid, ego frame.
 
     Attributes:
         grid: cells.
-        footing: where the ego's footprint may stand.
-        tracer: lays lines along lanes; it holds the axis of the road everywhere.
-        direction_rad: direction of travel of one who came the best way from the ego; behind the ego, its own.
-        sure: 0..1, how well edges, markings and vehicles agree on the road's axis; low in junctions.
-        road: what is road, vehicles on it or not; small holes of predicted maps are filled.
-        ways: best ways from the ego.
-        own: the line on which the ego's own lane goes on; metres along count from the ego's middle.
-        keeps: 1 where one drives on the right, -1 on the left.
+        ego: size of the ego vehicle.
+        free_space: poses at which the ego footprint is valid.
+        tracer: traces centrelines; holds the road axis of all cells.
+        direction_rad: direction of travel along the shortest path from the ego; behind the ego, towards it.
+        axis_confidence: 0..1, agreement of edges, markings and vehicles on the road axis; low in junctions.
+        drivable: road cells, with or without vehicles; small holes of predicted maps are filled.
+        paths: shortest paths from the ego.
+        ego_lane: centreline of the ego lane; along-track distance counts from the ego's centre.
+        along_m: along-track distance of all cells, by the ego lane.
+        lateral_m: lateral offset of all cells from the ego lane; left is positive.
+        traffic_side: 1 for right-hand traffic, -1 for left-hand traffic.
     """
 
     grid: BEVGrid
-    footing: Footing
-    tracer: Tracer
+    ego: EgoVehicle
+    free_space: FreeSpace
+    tracer: CentrelineTracer
     direction_rad: FloatArray
-    sure: FloatArray
-    road: BoolArray
-    ways: Ways
-    own: Course
-    keeps: int
+    axis_confidence: FloatArray
+    drivable: BoolArray
+    paths: ShortestPaths
+    ego_lane: Centreline
+    along_m: FloatArray
+    lateral_m: FloatArray
+    traffic_side: int
 
     @classmethod
-    def of(cls, bev: BEVMap, objects: Sequence[SceneObject]) -> Road:
-        """The road of a map with vehicles on it."""
-        grid, footing = bev.grid, Footing.of(bev, objects)
-        inner = footing.inner
-        road = (inner & (OFF_ROAD | UNKNOWN)) == 0
+    def from_map(cls, bev: BEVMap, objects: Sequence[SceneObject], ego: EgoVehicle) -> RoadMap:
+        """Return the road map of a map and the vehicles on it."""
+        grid, free_space = bev.grid, FreeSpace.from_map(bev, objects, ego)
+        flags = free_space.cell_flags
+        drivable = (flags & (OFF_ROAD | UNKNOWN)) == 0
         if not ((bev.occupancy == 0) | (bev.occupancy == 1)).all():
-            road = _without_holes(road)
-        axis, sure = axes(grid, road, (inner & UNKNOWN) == 0, bev.on[LANE], objects)
-        tracer = Tracer(grid, axis, sure, _clearance(grid, road), _clearance(grid, ~bev.on[LANE]))
-        own = tracer.course(_EGO, 0.0)
-        clearance = _clearance(grid, road & ((inner & TAKEN) == 0))
-        free = clearance > EGO_WIDTH_M / 2
-        dislike = _NARROW * np.clip((_WIDE_M - clearance) / _WIDE_M, 0.0, 1.0)
-        dislike += _OFF_LANE * (np.abs(own.coordinates[1]) > _LANE_M / 2)
-        ways = ways_from(grid, free, dislike, _start(grid, free))
-        made = cls(grid, footing, tracer, _directions(ways, axis), sure, road, ways, own, 1)
-        return replace(made, keeps=made._side_of_traffic())
+            drivable = _fill_holes(drivable)
+        axis, confidence = estimate_axes(grid, drivable, (flags & UNKNOWN) == 0, bev.on[LANE], objects)
+        edge_m, marking_m = _distance_m(grid, drivable), _distance_m(grid, ~bev.on[LANE])
+        tracer = CentrelineTracer(grid, ego.width_m, axis, confidence, edge_m, marking_m)
+        ego_centre = np.array([ego.centre_m, 0.0])
+        ego_lane = tracer.trace(ego_centre, 0.0)
+        along_m, lateral_m = ego_lane.cell_coordinates(grid)
+        clearance = _distance_m(grid, drivable & ((flags & TAKEN) == 0))
+        free = clearance > ego.width_m / 2
+        extra_cost = _NARROW * np.clip((_WIDE_M - clearance) / _WIDE_M, 0.0, 1.0)
+        extra_cost += _OFF_LANE * (np.abs(lateral_m) > _LANE_M / 2)
+        paths = find_shortest_paths(grid, free, extra_cost, _start_cell(grid, free, ego_centre))
+        return cls(
+            grid=grid,
+            ego=ego,
+            free_space=free_space,
+            tracer=tracer,
+            direction_rad=_travel_directions(paths, axis),
+            axis_confidence=confidence,
+            drivable=drivable,
+            paths=paths,
+            ego_lane=ego_lane,
+            along_m=along_m,
+            lateral_m=lateral_m,
+            traffic_side=_traffic_side(objects, ego_lane),
+        )
 
-    def to_edge(self, cells: IntArray, angle_rad: FloatArray, most_m: float = _WIDEST_M) -> FloatArray:
-        """Metres (N,) from cells (N, 2) in directions (N,) to where the road ends; vehicles do not end it."""
-        steps = np.arange(1, int(most_m / self.grid.cell_m * 2) + 1) / 2
+    def edge_distance_m(
+        self, cells: IntArray, angle_rad: FloatArray, max_distance_m: float = _MAX_EDGE_M
+    ) -> FloatArray:
+        """Return distances (N,) from cells (N, 2) in directions (N,) to the road edge; vehicles are not edges."""
+        steps = np.arange(1, int(max_distance_m / self.grid.cell_m * 2) + 1) / 2
         unit = np.exp(1j * angle_rad)[:, None]
         i = np.rint(cells[:, :1] + steps * unit.real).astype(np.int64)
         j = np.rint(cells[:, 1:] + steps * unit.imag).astype(np.int64)
         x, y = self.grid.shape
         on = (i >= 0) & (i < x) & (j >= 0) & (j < y)
-        on &= self.road[np.clip(i, 0, x - 1), np.clip(j, 0, y - 1)]
-        on &= self.road[cells[:, 0], cells[:, 1]][:, None]
+        on &= self.drivable[np.clip(i, 0, x - 1), np.clip(j, 0, y - 1)]
+        on &= self.drivable[cells[:, 0], cells[:, 1]][:, None]
         return np.asarray(np.logical_and.accumulate(on, axis=1).sum(axis=1) * self.grid.cell_m / 2)
 
-    def headings(self, cells: IntArray, like_rad: FloatArray, weight: float = 0.5) -> FloatArray:
-        """Headings (N,) in cells (N, 2) along the road, as sure as it is, and like others (N,) by a weight."""
+    def blend_headings(self, cells: IntArray, preferred_rad: FloatArray, weight: float = 0.5) -> FloatArray:
+        """Return headings (N,) in cells (N, 2) between the road axis, by its confidence, and preferred ones (N,)."""
         i, j = cells.T
-        both = self.sure[i, j] * np.exp(2j * self.tracer.axis_rad[i, j]) + weight * np.exp(2j * like_rad)
-        return np.asarray(wrap_angle(like_rad + wrap_angle(np.angle(both) - 2 * like_rad) / 2))
+        axis, confidence = self.tracer.axis_rad[i, j], self.axis_confidence[i, j]
+        both = confidence * np.exp(2j * axis) + weight * np.exp(2j * preferred_rad)
+        return np.asarray(wrap_angle(preferred_rad + wrap_angle(np.angle(both) - 2 * preferred_rad) / 2))
 
-    def off_lane(self, cells: IntArray, heading_rad: FloatArray) -> FloatArray:
-        """Metres (N,) of cells (N, 2) from the middle of the half of the road that is ours at headings (N,)."""
-        left, right = (self.to_edge(cells, heading_rad + turn, most_m=12.0) for turn in (np.pi / 2, -np.pi / 2))
-        wanted = np.where(left + right > _ONE_LANE_M, np.clip((left + right) / 4, 1.7, 4.0), (left + right) / 2)
-        return (right if self.keeps > 0 else left) - wanted
+    def half_road_offset_m(self, cells: IntArray, heading_rad: FloatArray) -> FloatArray:
+        """Return offsets (N,) of cells (N, 2) from the middle of our half of the road at headings (N,)."""
+        left, right = (
+            self.edge_distance_m(cells, heading_rad + turn, max_distance_m=_MAX_HALF_M)
+            for turn in (np.pi / 2, -np.pi / 2)
+        )
+        from_edge = np.where(left + right > _ONE_LANE_M, np.clip((left + right) / 4, 1.7, 4.0), (left + right) / 2)
+        return (right if self.traffic_side > 0 else left) - from_edge
 
-    def _side_of_traffic(self) -> int:
-        """1 for the right, -1 for the left: the right unless one or several that face us plainly keep to it."""
-        votes = 0.0
-        for item in self.footing.objects:
-            along, aside = self.own.place_of(item.centre_m)
-            told = item.front_known and item.length_m >= SHORTEST_M
-            if told and 0 < along < self.own.end_m and 2 < abs(aside) < 12:
-                faces_us = np.cos(item.yaw_rad - self.own.heading_rad(np.array(along))) < -0.8
-                votes += np.sign(aside) * faces_us * (_MOVING_VOTES if (item.speed_mps or 0.0) > 1 else 1.0)
-        return -1 if votes <= -_MOVING_VOTES else 1
-
-    def nearest(self, xy_m: FloatArray) -> tuple[int, int]:
-        """The cell that can be reached nearest to a point (2,); the point's own where none can be."""
-        return self._nearest_of(self._reached, xy_m)
+    def nearest_reachable(self, xy_m: FloatArray) -> tuple[int, int]:
+        """Return the reachable cell nearest to a point (2,), or the cell of the point if none is reachable."""
+        return self._nearest_of(self._reachable, xy_m)
 
     @cached_property
-    def _reached(self) -> IntArray:
-        return np.stack(np.unravel_index(self.ways.cells, self.grid.shape), axis=-1)
+    def _reachable(self) -> IntArray:
+        return np.stack(np.unravel_index(self.paths.cells, self.grid.shape), axis=-1)
 
     @cached_property
-    def _on_road(self) -> IntArray:
-        return np.argwhere(self.road)
+    def _drivable_cells(self) -> IntArray:
+        return np.argwhere(self.drivable)
 
     def _nearest_of(self, cells: IntArray, xy_m: FloatArray) -> tuple[int, int]:
         at = np.clip(self.grid.cell_of(xy_m), 0, np.array(self.grid.shape) - 1)
         best = cells[np.argmin(((cells - at) ** 2).sum(axis=1))] if len(cells) else at
         return int(best[0]), int(best[1])
 
-    def on_road(self, xy_m: FloatArray) -> tuple[int, int]:
-        """The cell of the road nearest to a point (2,); the point's own where there is no road."""
-        return self._nearest_of(self._on_road, xy_m)
+    def nearest_drivable(self, xy_m: FloatArray) -> tuple[int, int]:
+        """Return the road cell nearest to a point (2,), or the cell of the point if there is no road."""
+        return self._nearest_of(self._drivable_cells, xy_m)
 
     def direction_at(self, xy_m: FloatArray) -> float:
-        """Our direction of travel along the road's axis at a point (2,), radians."""
+        """Return our direction of travel along the road axis at a point (2,), radians."""
         i, j = np.clip(self.grid.cell_of(xy_m), 0, np.array(self.grid.shape) - 1).tolist()
         axis_rad = float(self.tracer.axis_rad[i, j])
-        along, aside = self.own.place_of(xy_m)
-        if self.own.start_m < along < self.own.end_m and abs(aside) < _BESIDE_M:
-            # Round what blocks a road one comes back to it from beyond: beside our lane, that tells the direction.
-            ours_rad = float(self.own.heading_rad(np.array(along)))
-            if abs(np.cos(axis_rad - ours_rad)) > _PARALLEL:
-                return agreeing(axis_rad, ours_rad)
-        return agreeing(axis_rad, self.direction_rad[self.nearest(xy_m)])
+        along, lateral = self.ego_lane.project(xy_m)
+        if self.ego_lane.start_m < along < self.ego_lane.end_m and abs(lateral) < _SAME_ROAD_M:
+            # A path around an obstacle comes back to it from beyond, so the ego lane decides near itself.
+            lane_rad = float(self.ego_lane.heading_rad(along))
+            if abs(np.cos(axis_rad - lane_rad)) > _PARALLEL:
+                return align_axis(axis_rad, lane_rad)
+        return align_axis(axis_rad, self.direction_rad[self.nearest_reachable(xy_m)])
 
 
-def agreeing(axis_rad: float, with_rad: float) -> float:
-    """The one of both directions of an axis that is nearer to another direction."""
+def _traffic_side(objects: Sequence[SceneObject], ego_lane: Centreline) -> int:
+    """Return the side of traffic: right (1), or left (-1) if oncoming vehicles are on our right."""
+    votes = 0.0
+    for item in objects:
+        along, lateral = ego_lane.project(item.centre_m)
+        has_front = item.front_known and item.length_m >= MIN_VEHICLE_LENGTH_M
+        if has_front and 0 < along < ego_lane.end_m and 2 < abs(lateral) < 12:
+            oncoming = np.cos(item.yaw_rad - ego_lane.heading_rad(along)) < -0.8
+            moving = (item.speed_mps or 0.0) > MOVING_MPS
+            votes += float(np.sign(lateral) * oncoming * (_MOVING_VOTES if moving else 1.0))
+    return -1 if votes <= -_MOVING_VOTES else 1
+
+
+def align_axis(axis_rad: float, reference_rad: float) -> float:
+    """Return the direction of an axis that is closer to a reference direction."""
     turned = float(wrap_angle(axis_rad))
-    return turned if np.cos(turned - with_rad) >= 0 else float(wrap_angle(turned + np.pi))
+    return turned if np.cos(turned - reference_rad) >= 0 else float(wrap_angle(turned + np.pi))
 
 
-def _without_holes(road: BoolArray) -> BoolArray:
-    """Road with small holes filled."""
-    label, count = ndimage.label(~road)
+def _fill_holes(drivable: BoolArray) -> BoolArray:
+    """Fill small holes in the road."""
+    label, count = ndimage.label(~drivable)
     size = np.bincount(label.ravel(), minlength=count + 1)
-    return np.asarray(road | (size <= _HOLE_CELLS)[label])
+    return np.asarray(drivable | (size <= _HOLE_CELLS)[label])
 
 
-def _clearance(grid: BEVGrid, open_: BoolArray) -> FloatArray:
-    """Distance (X, Y) from cells to the nearest that is not open or not on the map, metres."""
-    far = cv2.distanceTransform(np.pad(open_.astype(np.uint8), 1), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+def _distance_m(grid: BEVGrid, mask: BoolArray) -> FloatArray:
+    """Return the distance (X, Y) from each cell to the nearest one outside a mask or off the map."""
+    far = cv2.distanceTransform(np.pad(mask.astype(np.uint8), 1), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
     return far[1:-1, 1:-1].astype(np.float64) * grid.cell_m
 
 
-def _start(grid: BEVGrid, free: BoolArray) -> tuple[int, int] | None:
-    """The free cell nearest to the ego's middle, None where none is near."""
+def _start_cell(grid: BEVGrid, free: BoolArray, ego_centre_m: FloatArray) -> tuple[int, int] | None:
+    """Return the free cell nearest to the ego's centre, None if there is none nearby."""
     cells = np.argwhere(free)
-    far = np.hypot(*(grid.centre_of(cells) - _EGO).T)
-    if not len(cells) or far.min() > _START_M:
+    far = np.hypot(*(grid.centre_of(cells) - ego_centre_m).T)
+    if not len(cells) or far.min() > _MAX_START_M:
         return None
     i, j = cells[np.argmin(far)].tolist()
     return i, j
 
 
-def _directions(ways: Ways, axis: FloatArray) -> FloatArray:
-    """Direction of travel (X, Y): of both along the axis the one in which the best way comes along.
+def _travel_directions(paths: ShortestPaths, axis: FloatArray) -> FloatArray:
+    """Return the direction of travel (X, Y): the direction of the axis along which the shortest path arrives.
 
-    Ways that go back from the ego are reversed: the ego would come from there. Where a way crosses the axis, as when
-    it changes lanes, the direction goes on from some steps before.
+    Paths that drive back from the ego are reversed: traffic arrives at the ego along them. Where a path crosses the
+    axis, as in a lane change, the direction of some steps before is kept.
     """
-    back = ways.before(_STEPS)
-    direction = np.asarray(wrap_angle(axis)).copy()  # in the ego's own heading where no way leads
-    unit = np.exp(1j * axis.ravel()[ways.cells])
-    xy = ways.grid.centre_of(np.stack(np.unravel_index(ways.cells, axis.shape), axis=-1))
-    way = (xy - xy[back]) @ [1, 1j]
-    way /= np.maximum(np.abs(way), 1e-9)
-    along, with_before = (unit * np.conj(way)).real, (unit * np.conj(unit[back])).real
-    ranks = _ranks(back)
-    comes = np.ones(len(back), np.bool_)  # and is not gone back from
+    back = paths.ancestors(_STEPS)
+    direction = np.asarray(wrap_angle(axis)).copy()  # cells without a path keep the ego heading
+    unit = np.exp(1j * axis.ravel()[paths.cells])
+    xy = paths.grid.centre_of(np.stack(np.unravel_index(paths.cells, axis.shape), axis=-1))
+    step = (xy - xy[back]) @ [1, 1j]
+    step /= np.maximum(np.abs(step), 1e-9)
+    along, with_before = (unit * np.conj(step)).real, (unit * np.conj(unit[back])).real
+    ranks = _group_by_rank(back)
+    forward = np.ones(len(back), np.bool_)
     sign = np.where(unit.real >= 0, 1.0, -1.0)
     for rank, cells in enumerate(ranks[1:]):
-        ahead = way[cells].real > -_BACKWARD if rank == 0 else comes[back[cells]]
-        comes[cells] = ahead | (xy[cells, 0] > xy[ranks[0][0], 0])
-        onward = np.sign(along[cells]) * np.where(comes[cells], 1.0, -1.0)
+        ahead = step[cells].real > -_BACKWARD if rank == 0 else forward[back[cells]]
+        forward[cells] = ahead | (xy[cells, 0] > xy[ranks[0][0], 0])
+        arriving = np.sign(along[cells]) * np.where(forward[cells], 1.0, -1.0)
         crosses = (np.abs(along[cells]) < _CROSSING) & (np.abs(with_before[cells]) > _STEADY)
-        sign[cells] = np.where(crosses, np.sign(with_before[cells]) * sign[back[cells]], onward)
-    # Round a vehicle one comes back into the corner before it: the neighbourhood knows better.
+        sign[cells] = np.where(crosses, np.sign(with_before[cells]) * sign[back[cells]], arriving)
+    # A path around a vehicle drives back into the corner behind it; the neighbourhood outvotes it.
     votes = np.zeros((*axis.shape, 2), np.float32)
-    votes.reshape(-1, 2)[ways.cells] = np.stack([unit.real * sign, unit.imag * sign], axis=-1)
-    around = cv2.GaussianBlur(votes, (0, 0), _AROUND_M / ways.grid.cell_m).reshape(-1, 2)[ways.cells]
-    agrees = around[:, 0] * unit.real + around[:, 1] * unit.imag >= 0
-    direction.ravel()[ways.cells] = np.angle(np.where(agrees, unit, -unit))
+    votes.reshape(-1, 2)[paths.cells] = np.stack([unit.real * sign, unit.imag * sign], axis=-1)
+    mean = cv2.GaussianBlur(votes, (0, 0), _SMOOTHING_M / paths.grid.cell_m).reshape(-1, 2)[paths.cells]
+    agrees = mean[:, 0] * unit.real + mean[:, 1] * unit.imag >= 0
+    direction.ravel()[paths.cells] = np.angle(np.where(agrees, unit, -unit))
     return direction
 
 
-def _ranks(back: IntArray) -> list[IntArray]:
-    """Which cells are none, one, two, ... leaps back from the start."""
+def _group_by_rank(back: IntArray) -> list[IntArray]:
+    """Return the indices of cells that are none, one, two, ... leaps away from the start."""
     rank = (back != np.arange(len(back))).astype(np.int64)
     while (rank[back] > 0).any():
         rank, back = rank + rank[back], back[back]

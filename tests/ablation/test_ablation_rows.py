@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 from made_study import made_config
 
-from appocc.ablation.rows import BOTH, COLOUR, OCCUPANCY, Row, chosen_rows, study_rows
+from appocc.ablation.rows import BOTH, COLOUR, OCCUPANCY, StudyRow, chosen_rows, study_rows
 from appocc.errors import DataError
 from appocc.models.registry import COLOURINGS, DEFAULT, NETWORKS
 
@@ -16,12 +16,12 @@ def test_every_network_has_its_rows_in_both_settings() -> None:
     }
     for name, network in NETWORKS.items():
         wanted = {OCCUPANCY, BOTH} if network.appearance else {OCCUPANCY}
-        assert {row.answers for row in ROWS if row.network == name} == wanted
-    assert {row.answers for row in ROWS if not row.learns} == {COLOUR}
+        assert {row.outputs for row in ROWS if row.network == name} == wanted
+    assert {row.outputs for row in ROWS if not row.learns} == {COLOUR}
     assert len({row.name for row in ROWS}) == len(ROWS)
 
 
-def test_the_first_seed_of_all_comes_before_the_second_of_any() -> None:
+def test_the_first_seed_of_all_rows_precedes_the_second() -> None:
     seeds = [row.seed for row in ROWS if row.seed is not None]
     assert seeds == sorted(seeds)
     assert {row.network for row in ROWS if row.seed in (6, 7)} == {DEFAULT}
@@ -29,13 +29,13 @@ def test_the_first_seed_of_all_comes_before_the_second_of_any() -> None:
     assert len(study_rows(0, 1)) == len(ROWS) - 2 * 4
 
 
-def test_a_row_changes_nothing_but_what_it_says() -> None:
+def test_a_row_changes_its_own_keys_only() -> None:
     base = made_config(network="paper", setting=360, appearance=True)
-    row = Row("lss", "180", OCCUPANCY, 7)
+    row = StudyRow("lss", "180", OCCUPANCY, 7)
     config = row.config(base)
     assert (config.network, config.setting, config.appearance, config.train.seed) == ("lss", "180", False, 7)
     assert base.differences(config) == ["network", "setting", "appearance", "train.seed"]
-    assert Row("appocc", "360", BOTH, 0).config(base).differences(base) == ["network"]
+    assert StudyRow("appocc", "360", BOTH, 0).config(base).differences(base) == ["network"]
 
 
 def test_rows_are_chosen_by_a_part_of_their_name() -> None:
@@ -48,6 +48,6 @@ def test_rows_are_chosen_by_a_part_of_their_name() -> None:
 
 
 @pytest.mark.parametrize(("pattern", "said"), [("(", "regular expression"), ("lsss", "of appocc-360-occupancy-s5, ")])
-def test_a_choice_of_nothing_is_told(pattern: str, said: str) -> None:
+def test_a_pattern_without_match_is_refused(pattern: str, said: str) -> None:
     with pytest.raises(DataError, match=said):
         chosen_rows(ROWS, pattern)

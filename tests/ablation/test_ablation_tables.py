@@ -10,23 +10,23 @@ import pytest
 from made_study import made_config
 from tiny_dataset import TinyDataset
 
-from appocc.ablation.judging import ColouringMaker, plain
-from appocc.ablation.page import page
-from appocc.ablation.published import APPEARANCE_L1, DIFFERENCES, TABLES
-from appocc.ablation.rows import BOTH, COLOUR, OCCUPANCY, Row
-from appocc.ablation.run import drawn_scenes
-from appocc.ablation.study import Outcome
+from appocc.ablation.paper_results import APPEARANCE_L1, DIFFERENCES, TABLES
+from appocc.ablation.report import render_report
+from appocc.ablation.row_evaluation import ColouringPredictor, json_value
+from appocc.ablation.rows import BOTH, COLOUR, OCCUPANCY, StudyRow
+from appocc.ablation.run import draw_scenes
+from appocc.ablation.study import RowOutcome
 from appocc.ablation.tables import appearance_table, differences, iou_table, spread, study_json
 from appocc.errors import DataError
 from appocc.frame import Frame
 from appocc.models.ipm import ipm
-from appocc.models.model_spec import SETTINGS
+from appocc.models.model_spec import MODEL_SPECS
 from appocc.nuscenes import Dataset
 
 TEST = {"root": "sim", "against": "exact", "scenes": 3, "samples": 12}
 
 
-def outcome(row: Row, road: float | None, l1: float | None = None, at: float | None = None) -> Outcome:
+def outcome(row: StudyRow, road: float | None, l1: float | None = None, at: float | None = None) -> RowOutcome:
     """A done row; its vehicles are 0.1 worse than its roads, and it has no lanes."""
     iou = {"road": road, "vehicle": None if road is None else road - 0.1, "lane": None}
     evaluation: dict[str, Any] = {
@@ -38,20 +38,20 @@ def outcome(row: Row, road: float | None, l1: float | None = None, at: float | N
         "appearance_known": None if l1 is None else 0.75,
         "vehicles": {"ciede2000_median": l1},
     }
-    return Outcome(row, "done", {"steps": 5, "best_step": 5, "seconds": 90.0, "evaluation": evaluation})
+    return RowOutcome(row, "done", {"steps": 5, "best_step": 5, "seconds": 90.0, "evaluation": evaluation})
 
 
 OUTCOMES = [
-    outcome(Row("appocc", "360", OCCUPANCY, 0), 0.5, at=0.6),
-    outcome(Row("appocc", "360", BOTH, 0), 0.6, 30.0, at=0.5),
-    outcome(Row("lss", "360", OCCUPANCY, 0), 0.4),
-    outcome(Row("ipm", "360", COLOUR, None), None, 50.0),
-    Outcome(Row("paper", "360", BOTH, 0), "failed", {"reason": "no | number"}),
-    Outcome(Row("paper", "180", BOTH, 0), "begun", {"steps": 3}),
-    Outcome(Row("neat", "180", OCCUPANCY, 0), "not run", {}),
-    outcome(Row("appocc", "360", OCCUPANCY, 1), 0.56, at=0.6),
-    outcome(Row("appocc", "360", BOTH, 1), 0.54, 32.0, at=0.7),
-    outcome(Row("appocc", "360", OCCUPANCY, 2), 0.53, at=0.6),
+    outcome(StudyRow("appocc", "360", OCCUPANCY, 0), 0.5, at=0.6),
+    outcome(StudyRow("appocc", "360", BOTH, 0), 0.6, 30.0, at=0.5),
+    outcome(StudyRow("lss", "360", OCCUPANCY, 0), 0.4),
+    outcome(StudyRow("ipm", "360", COLOUR, None), None, 50.0),
+    RowOutcome(StudyRow("paper", "360", BOTH, 0), "failed", {"reason": "no | number"}),
+    RowOutcome(StudyRow("paper", "180", BOTH, 0), "begun", {"steps": 3}),
+    RowOutcome(StudyRow("neat", "180", OCCUPANCY, 0), "not run", {}),
+    outcome(StudyRow("appocc", "360", OCCUPANCY, 1), 0.56, at=0.6),
+    outcome(StudyRow("appocc", "360", BOTH, 1), 0.54, 32.0, at=0.7),
+    outcome(StudyRow("appocc", "360", OCCUPANCY, 2), 0.53, at=0.6),
 ]
 
 
@@ -62,7 +62,7 @@ def test_the_papers_differences_are_those_of_its_tables() -> None:
     assert (TABLES.keys(), APPEARANCE_L1["360"]) == (DIFFERENCES.keys(), 3.046)
 
 
-def test_figures_of_seeds_come_together() -> None:
+def test_results_are_grouped_by_seed() -> None:
     first, second, third = iou_table(OUTCOMES, "360")
     assert (first["network"], first["answers"], first["seeds"]) == ("appocc", OCCUPANCY, [0, 1, 2])
     assert first["iou"]["road"] == {
@@ -85,10 +85,13 @@ def test_differences_are_of_pairs_with_one_seed() -> None:
     assert found["iou_at_threshold"]["road"]["values"] == pytest.approx([-0.1, 0.1])
     assert found["iou"]["lane"]["mean"] is None
     assert differences(OUTCOMES, "180") == []
-    assert differences([OUTCOMES[2], outcome(Row("lss", "360", BOTH, 0), 0.4)], "360")[0]["iou_at_threshold"] is None
+    assert (
+        differences([OUTCOMES[2], outcome(StudyRow("lss", "360", BOTH, 0), 0.4)], "360")[0]["iou_at_threshold"]
+        is None
+    )
 
 
-def test_colours_are_told_of_those_who_answer_them() -> None:
+def test_colour_errors_of_networks_with_appearance() -> None:
     ours, floor = appearance_table(OUTCOMES, "360")
     assert (ours["network"], ours["appearance_l1"]["mean"], ours["ciede2000_median"]["mean"]) == ("appocc", 31, 31)
     assert (floor["network"], floor["seeds"], floor["appearance_known"]["mean"]) == ("ipm", [None], 0.75)
@@ -103,8 +106,8 @@ def test_for_machines_everything_is_json() -> None:
     assert value["published"]["360"]["differences"]["lane"] == 0.0676
 
 
-def test_the_page_tells_everything() -> None:
-    text = page(made_config(), TEST, OUTCOMES)
+def test_the_report_has_all_tables() -> None:
+    text = render_report(made_config(), TEST, OUTCOMES)
     flat = " ".join(text.split())
     assert "12 steps of 4 samples" in flat
     assert "| *published: NEAT* |  |  | *58.10* | *76.30* | *-* |" in text
@@ -123,51 +126,53 @@ def test_the_page_tells_everything() -> None:
         assert len({line.count("|") for line in part.splitlines()}) == 1
 
 
-def test_the_page_says_minutes_and_who_learns_what() -> None:
-    text = " ".join(page(made_config(train__steps=None, train__minutes=7.5, train__accumulate=2), TEST, []).split())
+def test_the_report_names_budget_and_auxiliary_losses() -> None:
+    text = " ".join(
+        render_report(made_config(train__steps=None, train__minutes=7.5, train__accumulate=2), TEST, []).split()
+    )
     assert "7.5 minutes of steps of 8 samples" in text
-    assert "learn from depth and kind" in text
+    assert "learn from depth and pixel classes" in text
     assert "All rows have a result" in text
     assert "the best of the run on `none`." in text
     held_out = made_config(data={"train": "sim", "held_out": 4})
     assert "the best of the run on the last 4 samples of each of its scenes." in " ".join(
-        page(held_out, TEST, []).split()
+        render_report(held_out, TEST, []).split()
     )
-    assert "learn from depth" not in page(made_config(losses__depth=0, losses__kind=0), TEST, [])
+    assert "learn from depth" not in render_report(made_config(losses__depth=0, losses__kind=0), TEST, [])
 
 
-def test_a_spread_leaves_out_what_is_not_there() -> None:
+def test_mean_and_deviation_ignore_missing_values() -> None:
     assert spread([1.0, None, 3.0]) == {"mean": 2.0, "deviation": pytest.approx(2**0.5), "values": [1.0, None, 3.0]}
 
 
-def test_no_number_becomes_null() -> None:
-    assert plain({"a": [float("nan"), (1.0, float("inf"))], 2: "x"}) == {"a": [None, [1.0, None]], "2": "x"}
+def test_non_finite_numbers_become_null() -> None:
+    assert json_value({"a": [float("nan"), (1.0, float("inf"))], 2: "x"}) == {"a": [None, [1.0, None]], "2": "x"}
 
 
-def test_a_colouring_says_colours_where_it_sees_and_nothing_of_occupancy(tiny: TinyDataset) -> None:
+def test_a_colouring_method_colours_visible_cells_without_occupancy(tiny: TinyDataset) -> None:
     dataset = Dataset(tiny.root)
     frame = dataset.frame(dataset.samples(dataset.scenes[0])[0])
-    bev, seen = ColouringMaker(ipm, SETTINGS["360"])(frame)
-    assert bev.grid == SETTINGS["360"].grid
+    bev, seen = ColouringPredictor(ipm, MODEL_SPECS["360"])(frame)
+    assert bev.grid == MODEL_SPECS["360"].grid
     assert not bev.occupancy_valid.any()
     assert np.array_equal(bev.appearance_valid, seen)
     assert 0 < seen.sum() < seen.size
     assert np.abs(bev.appearance[:, seen].mean(axis=1) - [160, 80, 40]).max() <= 2
-    ahead, _ = ColouringMaker(ipm, SETTINGS["180"])(frame)
-    assert ahead.grid == SETTINGS["180"].grid
+    ahead, _ = ColouringPredictor(ipm, MODEL_SPECS["180"])(frame)
+    assert ahead.grid == MODEL_SPECS["180"].grid
     front = Frame(frame.token, 0, frame.world_from_ego, frame.rig, {"CAM_FRONT": frame.images["CAM_FRONT"]})
-    fewer, _ = ColouringMaker(ipm, SETTINGS["360"])(front)
+    fewer, _ = ColouringPredictor(ipm, MODEL_SPECS["360"])(front)
     assert 0 < fewer.appearance_valid.sum() < seen.sum()
-    with pytest.raises(DataError, match="expected a picture of CAM_FRONT_LEFT"):
-        ColouringMaker(ipm, SETTINGS["180"])(Frame(frame.token, 0, frame.world_from_ego, frame.rig, {}))
+    with pytest.raises(DataError, match="expected an image of CAM_FRONT_LEFT"):
+        ColouringPredictor(ipm, MODEL_SPECS["180"])(Frame(frame.token, 0, frame.world_from_ego, frame.rig, {}))
 
 
-def test_scenes_are_drawn_once_and_kept_in_order(tiny: TinyDataset) -> None:
+def test_scenes_are_selected_reproducibly_and_in_order(tiny: TinyDataset) -> None:
     scene = Dataset(tiny.root).scenes[0]
     many = [replace(scene, name=f"{i:02}") for i in range(40)]
-    assert drawn_scenes(many, None) == drawn_scenes(many, 99) == tuple(many)
-    names = [each.name for each in drawn_scenes(many, 12)]
+    assert draw_scenes(many, None) == draw_scenes(many, 99) == tuple(many)
+    names = [each.name for each in draw_scenes(many, 12)]
     assert names == sorted(set(names))
-    assert names == [each.name for each in drawn_scenes(many, 12)]
+    assert names == [each.name for each in draw_scenes(many, 12)]
     # Towns come in turn: every second scene would be of one town.
     assert {int(name) % 2 for name in names} == {0, 1}

@@ -13,7 +13,7 @@ from typer.testing import CliRunner, Result
 
 from appocc.errors import AppoccError
 from appocc.grid import BEVGrid
-from appocc.training.checkpoint import states
+from appocc.training.checkpoint import list_checkpoints
 from cli.main import app
 
 TESTS = Path(__file__).parents[1]
@@ -22,7 +22,7 @@ data: {train: tiny, val: tiny}
 train: {steps: 4, batch: 4, lr: 0.02, ema: 0.5, threads: 1}
 evaluate: {every_steps: 5, norm_batches: 3}
 """
-# The command with the tiny network of the study's own tests.
+# The command with the tiny network of the tests of the study.
 TINY = f"""
 import sys
 sys.path[:0] = [{str(TESTS.parent)!r}, {str(TESTS)!r}, {str(TESTS / "ablation")!r}]
@@ -40,20 +40,20 @@ def run(*arguments: str) -> Result:
 
 @pytest.fixture
 def folder(tmp_path: Path, tiny: TinyDataset, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The current folder: a configuration, and `tiny` with truth, on which tiny networks are trained and judged."""
+    """The current folder with a configuration, and `tiny` with truth, for training and evaluating tiny networks."""
     monkeypatch.syspath_prepend(str(TESTS / "ablation"))
     from made_study import made_predictor, tiny_train, with_truth
 
     monkeypatch.setattr("appocc.ablation.run.run_training", tiny_train)
     monkeypatch.setattr("appocc.ablation.run.load_predictor", made_predictor)
-    monkeypatch.setattr("appocc.training.loop.draw_curves", lambda lines, path: None)
+    monkeypatch.setattr("appocc.training.loop.plot_curves", lambda lines, path: None)
     monkeypatch.chdir(tmp_path)
     with_truth(tiny)
     (tmp_path / "first.yaml").write_text(TEXT)
     return tmp_path
 
 
-def test_a_study_and_the_same_again(folder: Path) -> None:
+def test_a_repeated_study_keeps_its_results(folder: Path) -> None:
     words = ["first.yaml", "train.lr=0.01", "--test", "tiny", "--only", "^appocc", "--seeds", "2", "--json"]
     result = run(*words)
     assert result.exit_code == 0, result.output
@@ -73,13 +73,13 @@ def test_a_study_and_the_same_again(folder: Path) -> None:
     assert len(again.stderr.strip().splitlines()) == 1
 
 
-def test_without_time_nothing_is_run_and_nothing_is_wrong(folder: Path) -> None:
+def test_a_budget_of_zero_runs_nothing_and_succeeds(folder: Path) -> None:
     result = run("first.yaml", "--test", "tiny", "--budget-minutes", "0", "--out", "out", "--seeds", "1")
     assert (result.exit_code, result.stdout) == (0, "")
     assert result.stderr.strip() == "out/ablation.md: 0 of 14 rows done"
 
 
-def test_a_row_that_learns_nothing_is_judged_by_what_it_really_answers(folder: Path, tiny: TinyDataset) -> None:
+def test_a_row_without_training_is_evaluated_on_its_actual_output(folder: Path, tiny: TinyDataset) -> None:
     from made_study import with_truth
 
     with_truth(tiny, BEVGrid.surround())
@@ -88,13 +88,13 @@ def test_a_row_that_learns_nothing_is_judged_by_what_it_really_answers(folder: P
     value = json.loads(result.stdout)
     for setting in ("360", "180"):
         (row,) = value["appearance"][setting]
-        # Colours of the truth are drawn, so none is right; half of the cells are out of sight.
+        # Colours of the truth are random, so none is right; half of the cells are unseen.
         assert 60 < row["appearance_l1"]["mean"] < 110
         assert 0.1 < row["appearance_known"]["mean"] < 0.9
         assert value["iou"][setting] == []
 
 
-def test_divergence_ends_with_one_and_the_other_rows(folder: Path) -> None:
+def test_a_diverged_row_gives_exit_code_1_and_the_others_run(folder: Path) -> None:
     words = [
         "losses.classes=[1e300, 1, 1]",
         "train.warmup=0",
@@ -128,7 +128,7 @@ def test_divergence_ends_with_one_and_the_other_rows(folder: Path) -> None:
         (["first.yaml", "--out", "first.yaml"], "first.yaml"),
     ],
 )
-def test_bad_input_is_told_and_leaves_nothing(folder: Path, arguments: list[str], said: str) -> None:
+def test_bad_input_is_reported_and_writes_nothing(folder: Path, arguments: list[str], said: str) -> None:
     before = sorted(folder.rglob("*"))
     result = run("--test", "tiny", *arguments)
     assert isinstance(result.exception, AppoccError)
@@ -139,7 +139,7 @@ def test_bad_input_is_told_and_leaves_nothing(folder: Path, arguments: list[str]
     assert sorted(folder.rglob("*")) == before
 
 
-def test_another_study_in_the_same_folder_is_refused(folder: Path) -> None:
+def test_a_different_study_in_the_same_folder_is_rejected(folder: Path) -> None:
     words = ["--test", "tiny", "--only", "appocc-360-both-s0"]
     assert run("first.yaml", *words).exit_code == 0
     result = run("first.yaml", "train.steps=5", *words)
@@ -147,7 +147,7 @@ def test_another_study_in_the_same_folder_is_refused(folder: Path) -> None:
 
 
 @pytest.mark.parametrize("sent", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.slow)])
-def test_interrupted_it_says_how_to_go_on(folder: Path, sent: signal.Signals) -> None:
+def test_an_interruption_says_how_to_resume(folder: Path, sent: signal.Signals) -> None:
     words = ["ablate", "first.yaml", "train.steps=4000", "evaluate.every_steps=100000", "save.every_steps=20"]
     command = [sys.executable, "-c", TINY, *words, "--test", "tiny", "--out", "out"]
     process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
@@ -159,14 +159,14 @@ def test_interrupted_it_says_how_to_go_on(folder: Path, sent: signal.Signals) ->
     process.send_signal(sent)
     said = process.communicate(timeout=120)[1]
     assert process.returncode == 128 + sent
-    assert said.strip() == "stopped; the same command goes on"
-    assert states(folder / "out" / "appocc-360-occupancy-s0")
+    assert said.strip() == "stopped; the same command resumes"
+    assert list_checkpoints(folder / "out" / "appocc-360-occupancy-s0")
     assert '"begun"' in (folder / "out" / "ablation.json").read_text()
 
 
 @pytest.mark.slow
 @pytest.mark.long
-def test_real_networks_from_pictures_to_tables(
+def test_real_networks_from_images_to_tables(
     tmp_path: Path, simulated_root: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)

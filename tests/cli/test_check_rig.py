@@ -38,7 +38,7 @@ def test_images_with_a_rig(tmp_path: Path) -> None:
     assert read_image(tmp_path / "rig.png").shape == (320, 880, 3)
 
 
-def test_what_is_not_there(tiny: TinyDataset, tmp_path: Path) -> None:
+def test_missing_inputs(tiny: TinyDataset, tmp_path: Path) -> None:
     for words, reason in (((tiny.root, "--frame", 3), "frames 0..2, not 3"), ((tmp_path / "x",), "no such folder")):
         result = run(*words, "--out", tmp_path / "rig.png")
         assert isinstance(result.exception, AppoccError)

@@ -22,7 +22,7 @@ def twin(tmp_path: Path) -> PandaTwin:
 def command(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *words: object
 ) -> tuple[int, str, str]:
-    """Exit code, stdout and stderr of `appocc WORDS`."""
+    """Return exit code, stdout and stderr of `appocc WORDS`."""
     monkeypatch.setattr(sys, "argv", ["appocc", *map(str, words)])
     with pytest.raises(SystemExit) as ended:
         run()
@@ -49,7 +49,7 @@ def test_json(twin: PandaTwin, monkeypatch: pytest.MonkeyPatch, capsys: pytest.C
 
 
 def refused(code: int, stdout: str, stderr: str) -> str:
-    """The one line that says why; nothing else was said, and no traceback."""
+    """Return the error message; it is the only line of output."""
     assert code == 2
     assert stdout == ""
     lines = [line for line in stderr.splitlines() if line.strip()]
@@ -110,7 +110,7 @@ def test_help_has_an_example(monkeypatch: pytest.MonkeyPatch, capsys: pytest.Cap
     assert "--trust-pickles" in stdout
 
 
-def test_pickles_are_read_when_they_are_trusted(
+def test_pickles_are_read_only_if_trusted(
     twin: PandaTwin, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     pytest.importorskip("pandas")
@@ -135,7 +135,7 @@ def test_an_interrupted_conversion_leaves_nothing(
     assert sorted(path.name for path in twin.root.iterdir()) == ["panda", "panda_lidar"]
 
 
-def test_as_a_process_of_its_own(twin: PandaTwin) -> None:
+def test_in_a_separate_process(twin: PandaTwin) -> None:
     repository = Path(__file__).parents[2]
     words = [
         sys.executable,
@@ -157,7 +157,7 @@ def test_as_a_process_of_its_own(twin: PandaTwin) -> None:
 
 @pytest.mark.realdata
 def test_the_recorded_street(panda_root: Path) -> None:
-    """Which the fixture converted."""
+    """The recording converted by the fixture."""
     dataset = Dataset(panda_root)
     egos = np.stack([dataset.world_from_ego(sample)[:3, 3] for sample in dataset.samples(dataset.scenes[0])])
     assert np.linalg.norm(np.diff(egos, axis=0), axis=1).sum() == pytest.approx(21.7, abs=0.8)

@@ -12,10 +12,10 @@ from appocc.demo import dataset
 from appocc.errors import DataError
 from appocc.files import read_image, read_json
 from appocc.simulation.recording import VERSION
-from cli.demo import COMMANDS, FRAME
+from cli.demo_pipeline import COMMANDS, FRAME
 from cli.main import app
 
-SMALL = dataset.Settings(samples=7)
+SMALL = dataset.DemoSettings(samples=7)
 PICTURES = ("ground-1.png", "ground-2.png", "ground-3.png")
 
 
@@ -28,11 +28,11 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Result]:
     """A demo of seven key frames, in a folder with a space in its name."""
     out = tmp_path_factory.mktemp("cli") / "my demo"
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(dataset, "Settings", lambda: SMALL)
+        patch.setattr(dataset, "DemoSettings", lambda: SMALL)
         return out, run("demo", "--out", str(out), "--json")
 
 
-def test_it_leaves_pictures_and_says_what_they_show(made: tuple[Path, Result]) -> None:
+def test_the_demo_writes_pictures_and_explains_them(made: tuple[Path, Result]) -> None:
     out, result = made
     assert result.exit_code == 0, result.output
     text = (out / "README.txt").read_text()
@@ -52,7 +52,7 @@ def test_the_video_has_every_key_frame(made: tuple[Path, Result]) -> None:
     assert frames == SMALL.samples
 
 
-def test_json_tells_the_outcome_and_nothing_else(made: tuple[Path, Result]) -> None:
+def test_json_is_the_only_output_on_stdout(made: tuple[Path, Result]) -> None:
     out, result = made
     value = json.loads(result.stdout)
     assert value["folder"] == str(out)
@@ -63,7 +63,7 @@ def test_json_tells_the_outcome_and_nothing_else(made: tuple[Path, Result]) -> N
     assert {answer["status"] for answer in value["ground"]} <= {"ok", "ambiguous", "not_found"}
 
 
-def test_on_the_true_map_the_silver_car_is_found(made: tuple[Path, Result]) -> None:
+def test_the_silver_car_is_found_on_the_exact_map(made: tuple[Path, Result]) -> None:
     asked = ["--scene", dataset.SCENE, "--frame", str(FRAME), "--bev", dataset.SOURCE, "--json"]
     value = json.loads(run("ground", COMMANDS[0], str(made[0] / "dataset"), *asked).stdout)
     paint = {row["instance_token"]: row["name"] for row in read_json(made[0] / "dataset" / VERSION / "paint.json")}
@@ -71,12 +71,12 @@ def test_on_the_true_map_the_silver_car_is_found(made: tuple[Path, Result]) -> N
     assert paint[value["referent"]["id"]] == "silver"
 
 
-def test_on_the_true_maps_the_vehicles_are_followed(made: tuple[Path, Result]) -> None:
+def test_vehicles_are_tracked_on_the_exact_maps(made: tuple[Path, Result]) -> None:
     result = run("track", str(made[0] / "dataset"), "--scene", dataset.SCENE, "--bev", dataset.SOURCE, "--json")
     assert json.loads(result.stdout)["metrics"]["MOTA"] > 0.8
 
 
-def test_the_commands_it_names_work(
+def test_the_suggested_commands_work(
     made: tuple[Path, Result], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -85,14 +85,14 @@ def test_the_commands_it_names_work(
     assert len(commands) == 10
     for command in commands:
         result = run(*command[1:])
-        # What stands on a predicted map, nobody can promise.
+        # On a predicted map the vehicle may be missing.
         allowed = (0, 3) if command[1] == "ground" and "predicted" in command else (0,)
         assert result.exit_code in allowed, (command, result.output)
     assert (tmp_path / "true.png").is_file()
     assert (tmp_path / "town.png").is_file()
 
 
-def test_a_folder_of_others_is_refused(tmp_path: Path) -> None:
+def test_a_foreign_folder_is_rejected(tmp_path: Path) -> None:
     (tmp_path / "thesis.tex").write_text("precious")
     result = run("demo", "--out", str(tmp_path))
     assert isinstance(result.exception, DataError)

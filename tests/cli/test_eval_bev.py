@@ -19,7 +19,7 @@ THRESHOLDS = {"road": 0.3, "vehicle": 0.4, "lane": 0.5}
 
 
 def map_of(i: int, shift: int = 0, probability: float = 1.0, thresholds: bool = False) -> BEVMap:
-    """The tiny dataset's car, seen from sample i and moved by cells, on a road that fills the right half."""
+    """Return a map of the tiny dataset's car at sample i, shifted by cells, on a road in the right half."""
     offset = np.abs(GRID.centres() - [10.0 - 2.5 * i + shift * GRID.cell_m, 0.0])
     car = (offset[..., 0] < 2.3) & (offset[..., 1] < 0.95)
     occupancy = np.zeros((3, *GRID.shape), np.float32)
@@ -32,7 +32,7 @@ def map_of(i: int, shift: int = 0, probability: float = 1.0, thresholds: bool = 
 
 @pytest.fixture
 def street(tiny: TinyDataset) -> TinyDataset:
-    """The tiny dataset with true maps and, moved by 2 cells, those of a model that is not sure of itself."""
+    """The tiny dataset with true maps and with those of a low-confidence model, shifted by 2 cells."""
     seen = GRID.centres()[..., 0] > 2
     for i in range(3):
         map_of(i).save(bev_path(tiny.root, "groundtruth", token("sample", i)))
@@ -51,7 +51,7 @@ def answer(root: Path, source: str, *more: str) -> dict[str, Any]:
     return value
 
 
-def test_the_truth_itself_is_right(street: TinyDataset) -> None:
+def test_the_truth_scores_perfectly(street: TinyDataset) -> None:
     value = answer(street.root, "groundtruth")
     assert value["against"] == "groundtruth"
     assert value["iou"] == {"road": 1.0, "vehicle": 1.0, "lane": None}
@@ -65,16 +65,16 @@ def test_the_truth_itself_is_right(street: TinyDataset) -> None:
     assert value["confidence"]["iou"]["road"] is None  # one scene
 
 
-def test_a_model_is_judged_at_half_and_at_its_thresholds(street: TinyDataset) -> None:
+def test_a_prediction_is_evaluated_at_half_and_at_its_thresholds(street: TinyDataset) -> None:
     value = answer(street.root, "model")
     assert value["iou"] == {"road": 0.0, "vehicle": 0.0, "lane": None}
     assert value["thresholds"] == THRESHOLDS
     assert value["iou_at_threshold"]["road"] == 1
-    # Cars are 11 or 12 cells long, of which 2 are off at either end.
+    # Cars are 11 or 12 cells long; 2 cells at each end are wrong.
     assert value["iou_at_threshold"]["vehicle"] == pytest.approx(10 / 14, abs=0.04)
     assert value["vehicles"]["detected_share"] == 1
     assert value["vehicles"]["cells_found"] == pytest.approx(10 / 12, abs=0.03)
-    # A sixth of the true car is road-coloured in the map; and so many cells behind it are car-coloured.
+    # A sixth of the true car is road-coloured in the map; the same number of cells behind it is car-coloured.
     assert value["vehicles"]["appearance_l1"] == pytest.approx(150 / 6, abs=3)
     assert value["appearance_l1_by_class"]["vehicle"] == pytest.approx(150 / 6, abs=3)
     assert value["vehicles"]["ciede2000_median"] > 3
@@ -85,7 +85,7 @@ def test_a_model_is_judged_at_half_and_at_its_thresholds(street: TinyDataset) ->
     )
 
 
-def test_setting_and_range_cut_cells_away(street: TinyDataset) -> None:
+def test_setting_and_range_restrict_the_cells(street: TinyDataset) -> None:
     for i in range(3):
         true = map_of(i)
         wrong = true.occupancy.copy()
@@ -101,7 +101,7 @@ def test_setting_and_range_cut_cells_away(street: TinyDataset) -> None:
     assert near["vehicles"]["count"] == 2  # the first, 7.7 m away, has no cell in range
 
 
-def test_for_people_tables_go_to_stderr(street: TinyDataset) -> None:
+def test_tables_go_to_stderr(street: TinyDataset) -> None:
     result = run(street.root, "model", "--scene", "scene-tiny")
     assert result.exit_code == 0
     assert result.stdout == ""
@@ -110,7 +110,7 @@ def test_for_people_tables_go_to_stderr(street: TinyDataset) -> None:
     assert "unseen" in result.stderr
 
 
-def test_maps_that_are_missing_are_told_in_one_line(street: TinyDataset) -> None:
+def test_missing_maps_are_reported_in_one_line(street: TinyDataset) -> None:
     bev_path(street.root, "model", token("sample", 1)).unlink()
     result = run(street.root, "model")
     assert isinstance(result.exception, DataError)
@@ -121,12 +121,12 @@ def test_maps_that_are_missing_are_told_in_one_line(street: TinyDataset) -> None
     assert "3 of 3 samples have no BEV map" in str(result.exception)
 
 
-def test_maps_of_two_models_are_refused(street: TinyDataset) -> None:
+def test_maps_of_two_models_are_rejected(street: TinyDataset) -> None:
     map_of(2).save(bev_path(street.root, "model", token("sample", 2)))
     assert "expected maps of one model" in str(run(street.root, "model").exception)
 
 
-def test_simulated_truth_tells_weather_and_instances(simulated_root: Path) -> None:
+def test_simulated_truth_has_weather_and_instances(simulated_root: Path) -> None:
     value = answer(simulated_root, "groundtruth", "--against", "exact")
     assert value["iou"]["vehicle"] > 0.99
     assert value["iou"]["road"] > 0.98

@@ -1,4 +1,4 @@
-"""Bad input through the command line: one line that says why, exit code 2, nothing on stdout, nothing written."""
+"""Bad input on the command line: one error line, exit code 2, nothing on stdout, nothing written."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from tiny_dataset import TinyDataset, token
 
 REPOSITORY = Path(__file__).parents[2]
 BOX = '{"translation": [100, NaN, 1], "size": [2, 4, 1], "rotation": [1, 0, 0, 0], "detection_name": "car"}'
-# Files of detections and tracks that lie in the dataset's root.
+# Files of detections and tracks in the dataset's root.
 FILES = {
     "good.txt": "1,-1,10,20,30,60,0.9\n",
     "short.txt": "1,-1,10,20,30,60,0.9\n2,-1,10,2",
@@ -75,7 +75,7 @@ CASES = [
 
 
 @pytest.mark.parametrize(("words", "reason"), CASES, ids=[" ".join(words)[:75] for words, _ in CASES])
-def test_bad_input_is_told_in_one_line(
+def test_bad_input_is_reported_in_one_line(
     tiny: TinyDataset,
     words: list[str],
     reason: str,
@@ -95,7 +95,7 @@ def test_bad_input_is_told_in_one_line(
     assert sorted(tiny.root.rglob("*")) == before
 
 
-def test_so_does_a_process_of_its_own(tiny: TinyDataset) -> None:
+def test_bad_input_in_a_separate_process(tiny: TinyDataset) -> None:
     command = [sys.executable, "-m", "cli.main", "doctor", str(tiny.root / "none")]
     done = subprocess.run(command, cwd=REPOSITORY, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout) == (2, "")

@@ -14,7 +14,7 @@ from appocc.bevmap import ROAD, VEHICLE, BEVMap, bev_path
 from appocc.errors import DataError, NotFoundError
 from appocc.files import read_image
 from appocc.grid import BEVGrid
-from cli.ground import _asked
+from cli.ground import _typed_lines
 from cli.main import app
 from tracking.io.writers import write_nuscenes
 from tracking.tracks import Track
@@ -97,21 +97,21 @@ def test_another_source_of_maps(street: Path) -> None:
     assert json.loads(result.stdout)["referent"]["id"] == token("car")
 
 
-def test_what_a_model_does_not_see_is_not_answered_from_annotations(street: Path) -> None:
+def test_a_predicted_map_is_not_completed_from_annotations(street: Path) -> None:
     result = run(street, "stop behind the car", "--bev", "empty", "--json")
     assert result.exit_code == 3
     value = json.loads(result.stdout)
     assert (value["candidates"], value["reasons"]) == ([], ["the map shows no vehicle"])
 
 
-def test_a_missing_map_says_how_it_is_made(street: Path) -> None:
+def test_a_missing_map_names_the_command_that_makes_it(street: Path) -> None:
     (street / "bev" / "groundtruth" / f"{token('sample', 0)}.npz").unlink()
     result = run(street, "stop behind the car")
     assert isinstance(result.exception, DataError)
     assert f"appocc groundtruth {street}" in str(result.exception)
 
 
-def test_bad_input_names_the_place(street: Path) -> None:
+def test_bad_input_names_file_frame_or_scene(street: Path) -> None:
     missing = run(street, "stop behind the car", "--bev", "nowhere")
     assert isinstance(missing.exception, DataError)
     assert "nowhere" in str(missing.exception)
@@ -128,10 +128,10 @@ def test_a_picture_that_cannot_be_written_leaves_nothing(street: Path, tmp_path:
     assert list(tmp_path.glob("*nonsense*")) == []
 
 
-# Other scenes -----------------------------------------------------------------------------------------------------
+# Other sources of scenes ------------------------------------------------------------------------------------------
 
 
-def ask(*words: object, typed: str | None = None) -> Result:
+def run_ground(*words: object, typed: str | None = None) -> Result:
     return CliRunner().invoke(app, ["ground", *map(str, words)], input=typed)
 
 
@@ -139,8 +139,8 @@ KEY_FRAME = ("--scene", "scene-tiny", "--frame", "0")
 
 
 def test_a_saved_map_alone(street: Path, tmp_path: Path) -> None:
-    """Its vehicles are its blobs, the world is the ego frame, and a picture has no camera."""
-    result = ask(
+    """The vehicles are the map's instances, the world frame is the ego frame, and the picture has no camera panel."""
+    result = run_ground(
         *("stop behind the car", "--map", bev_path(street, "other", token("sample", 0)), "--json"),
         *("--picture", tmp_path / "g.png"),
     )
@@ -152,10 +152,19 @@ def test_a_saved_map_alone(street: Path, tmp_path: Path) -> None:
 
 def test_vehicles_from_tracks(street: Path, tmp_path: Path) -> None:
     track = Track(
-        7, np.array([100.0, 215.0, 0.0]), np.zeros(2), np.pi / 2, True, 4.4, 1.8, np.array([20.0, 30, 200]), 0.9, True
+        id=7,
+        position_world_m=np.array([100.0, 215.0, 0.0]),
+        velocity_world_mps=np.zeros(2),
+        yaw_world_rad=np.pi / 2,
+        heading_known=True,
+        length_m=4.4,
+        width_m=1.8,
+        rgb=np.array([20.0, 30, 200]),
+        score=0.9,
+        seen=True,
     )
     write_nuscenes(tmp_path / "t.json", [token("sample", 0)], [(track,)], ("camera",))
-    result = ask(
+    result = run_ground(
         "stop behind the blue car", street, *KEY_FRAME, "--bev", "empty", "--tracks", tmp_path / "t.json", "--json"
     )
     assert result.exit_code == 0, result.output
@@ -167,7 +176,7 @@ def test_vehicles_from_tracks(street: Path, tmp_path: Path) -> None:
 
 def test_several_commands_from_a_file(street: Path, tmp_path: Path) -> None:
     (tmp_path / "all.txt").write_text("stop behind the white car\n\n  tell me a joke\nfollow the bus\n")
-    result = ask(street, *KEY_FRAME, "--commands", tmp_path / "all.txt", "--json")
+    result = run_ground(street, *KEY_FRAME, "--commands", tmp_path / "all.txt", "--json")
     assert result.exit_code == 3
     read, values = json.JSONDecoder(), []
     left = result.stdout.strip()
@@ -178,18 +187,18 @@ def test_several_commands_from_a_file(street: Path, tmp_path: Path) -> None:
     assert values == ["ok", "not_a_command", "not_found"]
 
 
-def test_asking_again_and_again(street: Path) -> None:
-    result = ask(street, *KEY_FRAME, "-i", typed="stop behind the white car\ntell me a joke\n\nstop\n")
+def test_interactive_commands(street: Path) -> None:
+    result = run_ground(street, *KEY_FRAME, "-i", typed="stop behind the white car\ntell me a joke\n\nstop\n")
     assert result.exit_code == 2
     assert result.stderr.count("> ") == 3
     assert "ok: stop behind the white car" in result.stderr
     assert "not a command: tell me a joke" in result.stderr
     assert "ok: stop\n" not in result.stderr
-    assert ask(street, *KEY_FRAME, "-i", typed="").exit_code == 0
+    assert run_ground(street, *KEY_FRAME, "-i", typed="").exit_code == 0
 
 
-def test_an_explanation_names_words_scores_and_places(street: Path) -> None:
-    result = ask("stop behind the white car", street, *KEY_FRAME, "--explain")
+def test_explain_prints_categories_query_and_scores(street: Path) -> None:
+    result = run_ground("stop behind the white car", street, *KEY_FRAME, "--explain")
     assert "[stop: verb]" in result.stderr
     assert "[behind: relation]" in result.stderr
     assert "action stop" in result.stderr
@@ -197,21 +206,21 @@ def test_an_explanation_names_words_scores_and_places(street: Path) -> None:
     assert "white 1.00" in result.stderr
 
 
-def test_a_lexicon_of_ones_own(street: Path, tmp_path: Path) -> None:
+def test_a_custom_lexicon(street: Path, tmp_path: Path) -> None:
     (tmp_path / "own.txt").write_text("[noun car]\nschnauferl\n")
-    assert ask("stop behind the schnauferl", street, *KEY_FRAME).exit_code == 3
-    result = ask("stop behind the schnauferl", street, *KEY_FRAME, "--lexicon", tmp_path / "own.txt")
+    assert run_ground("stop behind the schnauferl", street, *KEY_FRAME).exit_code == 3
+    result = run_ground("stop behind the schnauferl", street, *KEY_FRAME, "--lexicon", tmp_path / "own.txt")
     assert result.exit_code == 0, result.output
     (tmp_path / "own.txt").write_text("nonsense\n")
-    damaged = ask("stop", street, *KEY_FRAME, "--lexicon", tmp_path / "own.txt")
+    damaged = run_ground("stop", street, *KEY_FRAME, "--lexicon", tmp_path / "own.txt")
     assert isinstance(damaged.exception, DataError)
     assert "own.txt" in str(damaged.exception)
 
 
-def test_a_language_model_that_is_not_there_is_told_and_not_needed(street: Path) -> None:
-    result = ask("stop behind the white car", street, *KEY_FRAME, "--llm", "http://127.0.0.1:9/")
+def test_an_unreachable_language_model_is_reported_and_not_needed(street: Path) -> None:
+    result = run_ground("stop behind the white car", street, *KEY_FRAME, "--llm", "http://127.0.0.1:9/")
     assert result.exit_code == 0
-    assert "the language model was not heard" in result.stderr
+    assert "the language model was not used" in result.stderr
 
 
 @pytest.mark.parametrize(
@@ -221,6 +230,8 @@ def test_a_language_model_that_is_not_there_is_told_and_not_needed(street: Path)
         (("stop", "{root}", "-i"), "got TEXT and --interactive"),
         (("stop",), "expected one of ROOT and --map, got none"),
         (("stop", "{root}", "--map", "m.npz"), "got ROOT and --map"),
+        (("stop", "-i", "--map", "m.npz"), "got ROOT and --map; with --commands or --interactive, ROOT is the only"),
+        (("-i", *KEY_FRAME), "expected one of ROOT and --map, got none; with --commands or --interactive, ROOT is"),
         (("stop", "{root}"), "ROOT needs --scene and --frame"),
         (("stop", "--map", "m.npz", "--frame", "0"), "--map goes without --scene, --frame and --tracks"),
         (("stop", "--map", "{root}/nothing.npz"), "nothing.npz"),
@@ -230,8 +241,8 @@ def test_a_language_model_that_is_not_there_is_told_and_not_needed(street: Path)
         (("stop", "{root}", *KEY_FRAME, "--llm", "file:///etc/passwd"), "begins with http:// or https://"),
     ],
 )
-def test_what_does_not_go_together(street: Path, words: tuple[str, ...], reason: str) -> None:
-    result = ask(*(word.format(root=street) for word in words))
+def test_arguments_that_exclude_each_other(street: Path, words: tuple[str, ...], reason: str) -> None:
+    result = run_ground(*(word.format(root=street) for word in words))
     assert isinstance(result.exception, DataError), result.output
     assert reason in str(result.exception)
 
@@ -241,18 +252,18 @@ def test_what_does_not_go_together(street: Path, words: tuple[str, ...], reason:
 )
 def test_files_without_commands(street: Path, tmp_path: Path, content: bytes, reason: str) -> None:
     (tmp_path / "all.txt").write_bytes(content)
-    result = ask(street, *KEY_FRAME, "--commands", tmp_path / "all.txt")
+    result = run_ground(street, *KEY_FRAME, "--commands", tmp_path / "all.txt")
     assert isinstance(result.exception, DataError)
     assert reason in str(result.exception)
 
 
-def test_standard_input_that_is_closed_or_no_text(street: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_standard_input_that_is_closed_or_not_text(street: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     words = ["ground", str(street), "-i", *KEY_FRAME]
     result = CliRunner().invoke(app, words, input=b"\xff\xfe\n")
     assert isinstance(result.exception, DataError), result.output
     monkeypatch.setattr("sys.stdin", None)
     with pytest.raises(DataError, match="standard input is closed"):
-        list(_asked())
+        list(_typed_lines())
 
 
 def test_help_shows_an_example() -> None:
@@ -261,9 +272,9 @@ def test_help_shows_an_example() -> None:
     assert "Example" in result.output
 
 
-def test_nothing_is_taken_from_what_no_camera_sees_unless_asked_for(street: Path) -> None:
+def test_nothing_is_taken_from_what_no_camera_sees_unless_typed_lines_for(street: Path) -> None:
     bev = BEVMap.load(bev_path(street, "groundtruth", token("sample", 0)))
-    behind = bev.grid.centres()[..., 0] < 3.0  # all that a rear camera sees
+    behind = bev.grid.centres()[..., 0] < 3.0  # the view of a rear camera
     meta = {"thresholds": {"road": 0.5, "vehicle": 0.5, "lane": 0.5}}
     blind = replace(bev, occupancy_valid=bev.occupancy_valid & behind, appearance_valid=behind, meta=meta)
     blind.save(bev_path(street, "predicted", token("sample", 0)))

@@ -14,7 +14,7 @@ from cli.main import run
 def command(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *words: object
 ) -> tuple[int, str, str]:
-    """Exit code, stdout and stderr of `appocc groundtruth WORDS` with one process."""
+    """Return exit code, stdout and stderr of `appocc groundtruth WORDS` with one process."""
     monkeypatch.setattr(sys, "argv", ["appocc", "groundtruth", *map(str, words), "--workers", "1"])
     with pytest.raises(SystemExit) as ended:
         run()
@@ -23,7 +23,7 @@ def command(
 
 
 def refused(code: int, stdout: str, stderr: str) -> str:
-    """The one line that says why; nothing else was said, and no traceback."""
+    """Return the error message; it is the only line of output."""
     assert code == 2
     assert stdout == ""
     lines = [line for line in stderr.splitlines() if line.strip()]
@@ -65,13 +65,13 @@ def test_json_and_out(
     assert sorted(tiny_root.rglob("*")) == before  # the dataset is only read
 
 
-def test_a_scene_without_key_frames_is_left_out_with_a_line(
+def test_a_scene_without_key_frames_is_skipped_with_a_message(
     tiny: TinyDataset, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     tiny.tables["scene"].append({**tiny.tables["scene"][0], "token": "other", "name": "empty"})
     code, _, stderr = command(monkeypatch, capsys, tiny.write())
     assert code == 0
-    assert "left out: scene 'empty', which has no key frames" in stderr
+    assert "skipped: scene 'empty' has no key frames" in stderr
 
 
 def test_paint_and_scene(
@@ -104,12 +104,16 @@ def test_damaged_files(
     assert all(not file.name.startswith(".") for file in left)
 
 
-def test_no_dataset(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_missing_dataset(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert "no such folder" in refused(*command(monkeypatch, capsys, tmp_path / "none"))
     assert "no nuScenes-schema dataset" in refused(*command(monkeypatch, capsys, tmp_path))
 
 
-def test_no_such_scene(tiny_root: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_unknown_scene(
+    tiny_root: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     line = refused(*command(monkeypatch, capsys, tiny_root, "--scene", "scene-0061"))
     assert "no scene 'scene-0061'; it has scene-tiny" in line
     assert not (tiny_root / "bev").exists()

@@ -15,8 +15,8 @@ from appocc.errors import AppoccError, DataError
 from appocc.files import write_image
 from appocc.inference import loading
 from appocc.inference.predictor import Predictor, Weights
-from appocc.models.base import BEVModel, Output
-from appocc.models.model_spec import SETTINGS
+from appocc.models.base import BEVModel, ModelOutput
+from appocc.models.model_spec import MODEL_SPECS
 from cli.main import app
 
 RIG = """
@@ -37,16 +37,16 @@ class _Plan:
 
 
 class _Model(BEVModel):
-    """Says nothing but the mean colour."""
+    """A network that outputs only the mean colour."""
 
-    setting = SETTINGS["360"]
+    spec = MODEL_SPECS["360"]
 
     def plan(self, rigs: object) -> _Plan:
         return _Plan()
 
-    def forward(self, images: Tensor, plan: object) -> Output:
+    def forward(self, images: Tensor, plan: object) -> ModelOutput:
         colour = images.mean(dim=(1, 3, 4))[:, :, None, None].expand(1, 3, 200, 200)
-        return Output(torch.zeros(1, 3, 200, 200) - 1, colour, None)
+        return ModelOutput(torch.zeros(1, 3, 200, 200) - 1, colour, None)
 
 
 @pytest.fixture(autouse=True)
@@ -91,7 +91,7 @@ def test_a_folder_of_images_with_a_dead_camera(tmp_path: Path) -> None:
     assert (tmp_path / "out" / "pictures" / "a.png").is_file()
 
 
-def test_what_cannot_be_done_is_told_in_one_line(tiny: TinyDataset, tmp_path: Path) -> None:
+def test_bad_input_is_reported_in_one_line_of_infer(tiny: TinyDataset, tmp_path: Path) -> None:
     cases = [
         ((tiny.root,), "no weights come with this version"),
         ((tmp_path, "--weights", "w"), "no nuScenes-schema dataset"),

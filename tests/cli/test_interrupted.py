@@ -1,4 +1,4 @@
-"""Ctrl-C and SIGTERM end a command with one line that says how to go on."""
+"""Ctrl-C and SIGTERM end a command with one line that names the command to resume it."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ main.run()
 
 
 @pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM])
-def test_a_line_says_how_to_go_on(sent: signal.Signals) -> None:
-    # What a shell starts in the background ignores Ctrl-C, and so does all that it starts.
+def test_interruption_prints_the_resuming_command(sent: signal.Signals) -> None:
+    # Background jobs of a shell ignore Ctrl-C, and their children inherit that.
     signal.signal(signal.SIGINT, signal.default_int_handler)
     command = [sys.executable, "-c", WAITING, "wait", "a b"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
@@ -31,12 +31,12 @@ def test_a_line_says_how_to_go_on(sent: signal.Signals) -> None:
         assert process.stdout.readline() == "begun\n"
         process.send_signal(sent)
         said = process.communicate(timeout=60)[1]
-    assert said == "interrupted; to go on: appocc wait 'a b'\n"
+    assert said == "interrupted; to resume: appocc wait 'a b'\n"
     assert process.returncode == 128 + sent
 
 
-def test_a_training_goes_on_with_resume(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def interrupted(config: object, folder: object, resume: bool, watcher: object) -> None:
+def test_an_interrupted_training_names_resume(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupted(config: object, folder: object, resume: bool, monitor: object) -> None:
         os.kill(os.getpid(), signal.SIGTERM)
 
     monkeypatch.setattr("appocc.training.session.run_training", interrupted)
@@ -47,6 +47,6 @@ def test_a_training_goes_on_with_resume(tmp_path: Path, monkeypatch: pytest.Monk
         monkeypatch.setattr(sys, "argv", ["appocc", *words])
         with pytest.raises(Interrupted) as ended:
             main.app()
-        assert str(ended.value) == f"interrupted; to go on: appocc {' '.join([*words, *more])}"
+        assert str(ended.value) == f"interrupted; to resume: appocc {' '.join([*words, *more])}"
         out.mkdir(exist_ok=True)
-        (out / "config.yaml").touch()  # as a run has it that has begun
+        (out / "config.yaml").touch()  # a run that has started has this file

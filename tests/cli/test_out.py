@@ -1,4 +1,4 @@
-"""Where commands write: a name that is empty is none."""
+"""An empty name is not accepted as the output of a command."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from cli.main import app
     ],
     ids=lambda words: words[0],
 )
-def test_an_empty_name_is_not_the_working_folder(
+def test_an_empty_out_is_rejected(
     tiny: TinyDataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: list[str]
 ) -> None:
     (tmp_path / "here").mkdir()

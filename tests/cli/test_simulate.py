@@ -46,6 +46,17 @@ def rig(tmp_path_factory: pytest.TempPathFactory) -> str:
     return str(path)
 
 
+def test_a_system_without_file_locks_ends_with_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("appocc.temporary.fcntl", None)
+    done = run_command(["simulate", str(tmp_path / "new" / "out"), "--scenes", "1"], capsys, monkeypatch)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.count("\n") == 1
+    assert "expected a Unix system with file locks (fcntl)" in done.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_a_rig_of_ones_own_full_maps_and_no_lidar(tmp_path: Path, rig: str) -> None:
     out = tmp_path / "out"
     options = ["--rig", rig, "--no-lidar", "--full-maps", "--weather", "wet", "--town", TEST_TOWNS[0]]
@@ -68,7 +79,7 @@ def test_a_rig_of_ones_own_full_maps_and_no_lidar(tmp_path: Path, rig: str) -> N
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "message"),
     [
         (["--town", "atlantis"], "atlantis"),
         (["--weather", "hail"], "hail"),
@@ -77,30 +88,30 @@ def test_a_rig_of_ones_own_full_maps_and_no_lidar(tmp_path: Path, rig: str) -> N
         (["--sheet", f"{__file__}/sheet.png"], "below a file"),
         (["--town", TRAIN_TOWNS[0], "--town", TRAIN_TOWNS[0]], "different names"),
         (["--town", __file__], "expected an OpenDRIVE"),
-        (["--seconds", "599", "--town", TRAIN_TOWNS[0]], "nobody drives"),
+        (["--seconds", "599", "--town", TRAIN_TOWNS[0]], "no vehicle drives"),
     ],
 )
 def test_bad_input_is_told_and_leaves_nothing(
     tmp_path: Path,
     arguments: list[str],
-    said: str,
+    message: str,
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     done = run_command(["simulate", str(tmp_path / "out"), "--scenes", "1", *arguments], capsys, monkeypatch)
     assert done.returncode == 2
-    assert said in done.stderr
+    assert message in done.stderr
     assert "Traceback" not in done.stderr
     assert len(done.stderr.strip().splitlines()) == 1
     assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize(
-    ("out", "arguments", "said"),
+    ("out", "arguments", "message"),
     [
         (".", [], "working folder"),
-        ("out.png", ["--sheet", "out.png"], "the sheet's own file"),
-        ("new/folder/out", ["--seconds", "599"], "nobody drives"),
+        ("out.png", ["--sheet", "out.png"], "a file name for the sheet"),
+        ("new/folder/out", ["--seconds", "599"], "no vehicle drives"),
         ("new/" + "x" * 250, [], "too long"),
     ],
 )
@@ -108,14 +119,14 @@ def test_a_folder_that_cannot_be_is_told_before_the_work(
     tmp_path: Path,
     out: str,
     arguments: list[str],
-    said: str,
+    message: str,
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.chdir(tmp_path)
     done = run_command(["simulate", out, "--scenes", "1", *arguments], capsys, monkeypatch)
     assert done.returncode == 2
-    assert said in done.stderr
+    assert message in done.stderr
     assert len(done.stderr.strip().splitlines()) == 1
     assert list(tmp_path.iterdir()) == []
 
@@ -149,7 +160,7 @@ def test_neither_workers_nor_kill_9_change_a_byte(tmp_path: Path, rig: str) -> N
     process.wait()
     assert not out.exists()
     done = subprocess.run(command(str(out), *options, "--workers", "2"), check=True, capture_output=True, text=True)
-    assert "going on after" in done.stderr
+    assert "resuming after" in done.stderr
     assert digests(out) == digests(tmp_path / "one")
     assert [path.name for path in sorted(tmp_path.iterdir())] == ["one", "two"]
 

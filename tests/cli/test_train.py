@@ -13,7 +13,7 @@ from typer.testing import CliRunner, Result
 
 from appocc.errors import AppoccError
 from appocc.temporary import locked
-from appocc.training.checkpoint import states
+from appocc.training.checkpoint import list_checkpoints
 from cli.main import app
 
 REPOSITORY = Path(__file__).parents[2]
@@ -22,13 +22,13 @@ data: {train: none, val: none}
 train: {steps: 12, batch: 4, lr: 0.02, ema: 0.5, threads: 1}
 evaluate: {every_steps: 5, norm_batches: 3}
 """
-# The command with the tiny network and samples of the loop's own tests.
+# The command with the tiny network and samples of the tests of the training loop.
 TINY = f"""
 import sys
 sys.path[:0] = [{str(REPOSITORY)!r}, {str(REPOSITORY / "tests" / "training")!r}]
 from appocc.training import session
-from made_training import made_parts
-session.prepared = lambda config, world, watcher: made_parts(config, world)
+from made_training import made_setup
+session.prepare_training = lambda config, processes, monitor: made_setup(config, processes)
 from cli.main import run
 run()
 """
@@ -41,9 +41,11 @@ def run(*arguments: str) -> Result:
 @pytest.fixture
 def tiny_parts(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.syspath_prepend(str(REPOSITORY / "tests" / "training"))
-    from made_training import made_parts
+    from made_training import made_setup
 
-    monkeypatch.setattr("appocc.training.session.prepared", lambda config, world, watcher: made_parts(config, world))
+    monkeypatch.setattr(
+        "appocc.training.session.prepare_training", lambda config, processes, monitor: made_setup(config, processes)
+    )
 
 
 @pytest.fixture
@@ -53,7 +55,7 @@ def config(tmp_path: Path) -> Path:
     return path
 
 
-def test_a_run_and_the_same_again(
+def test_a_run_and_its_repetition(
     tmp_path: Path, config: Path, tiny_parts: None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -76,7 +78,7 @@ def test_a_run_and_the_same_again(
     [
         (["none.yaml"], "none.yaml: cannot be read"),
         (["first.yaml", "train.lr=high"], "train.lr: expected a valid number"),
-        (["first.yaml", "--resume"], "no run to go on with"),
+        (["first.yaml", "--resume"], "no run to resume"),
         (["first.yaml", "--out", "first.yaml"], "expected a new or empty folder, got a file"),
         (["first.yaml", "--out", "."], "expected a new or empty folder, got one with first.yaml"),
         (["first.yaml", "network=resnet"], "no network 'resnet'"),
@@ -86,7 +88,7 @@ def test_a_run_and_the_same_again(
         (["first.yaml", "train.device=cuda"], "torch finds no GPU"),
     ],
 )
-def test_bad_input_is_told_and_leaves_nothing(
+def test_bad_input_is_reported_and_writes_nothing(
     tmp_path: Path, config: Path, tiny: TinyDataset, monkeypatch: pytest.MonkeyPatch, arguments: list[str], said: str
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -102,9 +104,7 @@ def test_bad_input_is_told_and_leaves_nothing(
     assert sorted(tmp_path.rglob("*")) == before
 
 
-def test_an_empty_folder_is_taken_and_one_run_at_a_time_works_in_it(
-    tmp_path: Path, config: Path, tiny_parts: None
-) -> None:
+def test_an_empty_folder_is_accepted_and_locked_by_its_run(tmp_path: Path, config: Path, tiny_parts: None) -> None:
     out = tmp_path / "run"
     out.mkdir()
     with locked(out / ".lock", out):
@@ -119,9 +119,9 @@ def test_an_empty_folder_is_taken_and_one_run_at_a_time_works_in_it(
     assert run(str(config), "--out", str(out), "--resume").exit_code == 0
 
 
-def test_divergence_ends_with_one(tmp_path: Path, config: Path) -> None:
-    poisoned = TINY.replace("world)\n", "world, poison=Poison(7, float('nan')))\n")
-    poisoned = poisoned.replace("import made_parts", "import Poison, made_parts")
+def test_divergence_gives_exit_code_1(tmp_path: Path, config: Path) -> None:
+    poisoned = TINY.replace("processes)\n", "processes, poison=Poison(7, float('nan')))\n")
+    poisoned = poisoned.replace("import made_setup", "import Poison, made_setup")
     command = [sys.executable, "-c", poisoned, "train", str(config), "--out", "run"]
     done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=tmp_path)
     assert done.returncode == 1
@@ -140,7 +140,7 @@ def test_divergence_ends_with_one(tmp_path: Path, config: Path) -> None:
     ],
     ids=["ctrl-c", "terminated", "killed"],
 )
-def test_interrupted_anywhere_it_goes_on(tmp_path: Path, config: Path, sent: signal.Signals, code: int) -> None:
+def test_a_run_interrupted_anywhere_resumes(tmp_path: Path, config: Path, sent: signal.Signals, code: int) -> None:
     words = ["train", str(config), "train.steps=4000", "evaluate.every_steps=100000", "save.every_steps=20"]
     command = [sys.executable, "-c", TINY, *words, "--out", str(tmp_path / "run")]
     process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
@@ -154,6 +154,6 @@ def test_interrupted_anywhere_it_goes_on(tmp_path: Path, config: Path, sent: sig
     assert process.returncode == code
     if sent != signal.SIGKILL:
         assert len(said.strip().splitlines()) == 1
-        assert "goes on with --resume" in said
-    reached = states(tmp_path / "run")[0].name
+        assert "use --resume to continue" in said
+    reached = list_checkpoints(tmp_path / "run")[0].name
     assert 20 <= int(reached[6:14]) < 4000

@@ -9,12 +9,12 @@ from typer.testing import CliRunner, Result
 
 from appocc.errors import DataError
 from appocc.grid import BEVGrid
-from appocc.models.model_spec import Setting
+from appocc.models.model_spec import ModelSpec
 from appocc.models.registry import build
 from appocc.models.weights import save_weights
 from cli.main import app
 
-TINY = Setting("own", ("CAM_A",), BEVGrid(0.0, 8.0, -4.0, 4.0, 0.5), 96, 64)
+TINY = ModelSpec("own", ("CAM_A",), BEVGrid(0.0, 8.0, -4.0, 4.0, 0.5), 96, 64)
 FIGURES = {"samples": 9, "iou": {"road": 0.5}, "iou_at_threshold": {"road": 0.61, "vehicle": None}}
 
 
@@ -37,7 +37,7 @@ def written(tmp_path: Path) -> Path:
     return path
 
 
-def test_weights_are_shipped_with_what_they_can_do(written: Path, tmp_path: Path) -> None:
+def test_shipped_weights_have_their_figures(written: Path, tmp_path: Path) -> None:
     (tmp_path / "eval.json").write_text(json.dumps(FIGURES))
     out = tmp_path / "out.safetensors"
     commands = ["--command", "appocc simulate X", "--command", "appocc train Y"]
@@ -59,7 +59,7 @@ def test_weights_are_shipped_with_what_they_can_do(written: Path, tmp_path: Path
     assert value["thresholds"] == [0.4, 0.3, 0.2]
 
 
-def test_weights_without_a_training_are_shown_too(written: Path, tmp_path: Path) -> None:
+def test_weights_without_a_run_can_be_shown(written: Path, tmp_path: Path) -> None:
     plain = tmp_path / "plain.safetensors"
     save_weights(plain, build("lss", TINY), {"network": "lss"})
     result = run("show", str(plain))
@@ -82,12 +82,12 @@ def test_figures_must_be_an_evaluation(written: Path, tmp_path: Path, text: str,
     out = tmp_path / "out.safetensors"
     result = run("ship", str(written), "--figures", str(tmp_path / "eval.json"), "--out", str(out))
     assert isinstance(result.exception, DataError)
-    assert "expected the answer of 'appocc eval bev --json'" in str(result.exception)
+    assert "expected the output of 'appocc eval bev --json'" in str(result.exception)
     assert reason in str(result.exception)
     assert not out.exists()
 
 
-def test_weights_are_shipped_under_no_other_ending(written: Path, tmp_path: Path) -> None:
+def test_other_suffixes_are_rejected(written: Path, tmp_path: Path) -> None:
     result = run("ship", str(written), "--out", str(tmp_path / "out.onnx"))
     assert isinstance(result.exception, DataError)
     assert "expected a name that ends in .safetensors" in str(result.exception)
@@ -105,16 +105,16 @@ def test_weights_are_shipped_under_no_other_ending(written: Path, tmp_path: Path
         ("figures", "[" * 100_000, "figures: expected a valid dictionary"),
     ],
 )
-def test_a_card_that_cannot_be_true_is_told(tmp_path: Path, entry: str, text: str, reason: str) -> None:
+def test_an_invalid_card_is_reported(tmp_path: Path, entry: str, text: str, reason: str) -> None:
     path = tmp_path / "odd.safetensors"
     save_weights(path, build("lss", TINY), {"network": "lss", entry: text})
     result = run("show", str(path))
     assert isinstance(result.exception, DataError)
-    assert str(result.exception).startswith(f"{path}: the card cannot be true (")
+    assert str(result.exception).startswith(f"{path}: invalid model card (")
     assert reason in str(result.exception)
 
 
-def test_a_card_is_shown_as_far_as_it_goes(tmp_path: Path) -> None:
+def test_an_incomplete_card_is_shown(tmp_path: Path) -> None:
     path = tmp_path / "short.safetensors"
     card = {"training": "null", "step": "3", "bytes": "no", "thresholds": '["0.1", 0.2, 0.3]'}
     figures = {"samples": 2, "iou": {"lane": 0.2, "road": 0.5}}

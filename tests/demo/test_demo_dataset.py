@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from appocc.bevmap import load_map
-from appocc.demo.dataset import SCENE, SOURCE, Settings, write_dataset
+from appocc.demo.dataset import SCENE, SOURCE, DemoSettings, record_demo
 from appocc.demo.pictures import overview
 from appocc.nuscenes import Dataset
 from appocc.nuscenes.validate import validate
@@ -24,13 +24,13 @@ def dataset(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
     """Two key frames."""
     root = tmp_path_factory.mktemp("demo") / "dataset"
     steps: list[float] = []
-    write_dataset(root, Settings(samples=2), steps.append)
+    record_demo(root, DemoSettings(samples=2), steps.append)
     assert steps == [1, 1]
     return Dataset(root)
 
 
 def test_the_demo_is_the_same_every_time(dataset: Dataset, tmp_path: Path) -> None:
-    write_dataset(tmp_path, Settings(samples=2), lambda _: None)
+    record_demo(tmp_path, DemoSettings(samples=2), lambda _: None)
     assert digests(tmp_path) == digests(dataset.root)
 
 

@@ -27,12 +27,12 @@ def test_a_new_folder_is_made(tmp_path: Path) -> None:
     assert [path.name for path in (tmp_path / "deep").iterdir()] == ["out"]
 
 
-def test_an_empty_folder_is_taken(tmp_path: Path) -> None:
+def test_an_empty_folder_is_accepted(tmp_path: Path) -> None:
     make(tmp_path, "a.png")
     assert files(tmp_path) == {"a.png", MANIFEST}
 
 
-def test_a_demo_is_remade_and_what_others_put_there_stays(tmp_path: Path) -> None:
+def test_a_demo_is_replaced_and_other_files_are_kept(tmp_path: Path) -> None:
     out = tmp_path / "out"
     make(out, "a.png", "dataset/old.json", text="old")
     (out / "dataset" / "mine.txt").write_text("mine")
@@ -43,7 +43,7 @@ def test_a_demo_is_remade_and_what_others_put_there_stays(tmp_path: Path) -> Non
     assert set(json.loads((out / MANIFEST).read_text())["files"]) == {"a.png", "dataset/b.json"}
 
 
-def test_what_is_no_demo_is_refused_and_untouched(tmp_path: Path) -> None:
+def test_other_folders_are_refused_and_not_touched(tmp_path: Path) -> None:
     (tmp_path / "thesis.tex").write_text("precious")
     with pytest.raises(DataError, match=r"is no demo of ours.*--out"):
         make(tmp_path, "a.png")

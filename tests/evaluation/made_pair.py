@@ -1,4 +1,4 @@
-"""Small made-up maps to compare."""
+"""Small predicted-up maps to compare."""
 
 from __future__ import annotations
 

@@ -3,12 +3,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from appocc.evaluation.bootstrap import interval, median_of_drawn
+from appocc.evaluation.bootstrap import confidence_interval, resampled_median
 
 
-def test_a_range_is_the_same_every_time_and_holds_the_figure() -> None:
+def test_an_interval_is_reproducible_and_contains_the_mean() -> None:
     values = np.arange(20.0)
-    first, again = (interval(20, lambda weights: float(weights @ values / weights.sum())) for _ in range(2))
+    first, again = (
+        confidence_interval(20, lambda weights: float(weights @ values / weights.sum())) for _ in range(2)
+    )
     assert first is not None
     assert first == again
     assert first[0] < values.mean() < first[1]
@@ -16,17 +18,17 @@ def test_a_range_is_the_same_every_time_and_holds_the_figure() -> None:
     assert first[1] - first[0] == pytest.approx(2 * 1.96 * 1.29, rel=0.15)
 
 
-def test_no_range_of_one_scene_or_of_nothing() -> None:
-    assert interval(1, lambda weights: 1.0) is None
-    assert interval(5, lambda weights: float("nan")) is None
+def test_no_interval_for_one_scene_or_no_values() -> None:
+    assert confidence_interval(1, lambda weights: 1.0) is None
+    assert confidence_interval(5, lambda weights: float("nan")) is None
 
 
-def test_scenes_that_agree_leave_no_doubt() -> None:
-    assert interval(4, lambda weights: float(weights @ np.ones(4) / 4)) == (1.0, 1.0)
+def test_equal_scenes_have_an_interval_of_zero_width() -> None:
+    assert confidence_interval(4, lambda weights: float(weights @ np.ones(4) / 4)) == (1.0, 1.0)
 
 
 def test_values_count_as_often_as_their_scene() -> None:
     values, scene = np.array([1.0, 2.0, 9.0]), np.array([0, 0, 1])
-    assert median_of_drawn(values, scene, np.array([2, 0])) == 1.5
-    assert median_of_drawn(values, scene, np.array([1, 5])) == 9
-    assert np.isnan(median_of_drawn(values, scene, np.array([0, 0])))
+    assert resampled_median(values, scene, np.array([2, 0])) == 1.5
+    assert resampled_median(values, scene, np.array([1, 5])) == 9
+    assert np.isnan(resampled_median(values, scene, np.array([0, 0])))

@@ -14,20 +14,20 @@ EVERYWHERE = np.ones(GRID.shape, np.bool_)
 CARS = {VEHICLE: np.s_[30:34, 19:21]}
 
 
-def test_a_vehicle_is_found_by_its_own_cells() -> None:
-    truth, made = bev(CARS, rgb=(200, 30, 30)), bev({VEHICLE: np.s_[31:40, 10:30]}, 0.6, rgb=(200, 30, 30))
+def test_a_vehicle_is_scored_by_its_own_cells() -> None:
+    truth, predicted = bev(CARS, rgb=(200, 30, 30)), bev({VEHICLE: np.s_[31:40, 10:30]}, 0.6, rgb=(200, 30, 30))
     vehicles = true_vehicles(truth, None, None)
-    (score,) = score_vehicles(made, truth, vehicles, EVERYWHERE, 0.5, {})
-    assert score.found == 0.75
+    (score,) = score_vehicles(predicted, truth, vehicles, EVERYWHERE, 0.5, {})
+    assert score.cell_recall == 0.75
     assert score.detected
     assert score.distance_m == pytest.approx(12.0)
-    assert (score.l1, score.delta_e) == (0, 0)
-    (missed,) = score_vehicles(made, truth, vehicles, EVERYWHERE, 0.7, {})
-    assert missed.found == 0
+    assert (score.colour_l1, score.delta_e) == (0, 0)
+    (missed,) = score_vehicles(predicted, truth, vehicles, EVERYWHERE, 0.7, {})
+    assert missed.cell_recall == 0
     assert not missed.detected
 
 
-def test_simulated_truth_knows_touching_vehicles_apart() -> None:
+def test_simulated_truth_separates_touching_vehicles() -> None:
     truth = bev(CARS, meta={"instances": ["a", "b", "c"]})
     owner = np.full(GRID.shape, -1, np.int64)
     owner[30:32, 19:21], owner[32:34, 19:21] = 2, 0
@@ -38,17 +38,17 @@ def test_simulated_truth_knows_touching_vehicles_apart() -> None:
     assert len(score_vehicles(truth, truth, true_vehicles(truth, None, None), EVERYWHERE, 0.5, {})) == 1
 
 
-def test_annotated_boxes_tell_vehicles_apart() -> None:
+def test_annotated_boxes_separate_vehicles() -> None:
     truth = bev(CARS)
     boxes = Boxes(
-        np.array([[11.0, 0.0, 0.8], [13.0, 0.0, 0.8], [12.0, 0.0, 0.8]]),
-        np.full((3, 3), 2.0),
-        np.broadcast_to(np.eye(3), (3, 3, 3)).copy(),
-        ("vehicle.car", "vehicle.truck", "human.pedestrian.adult"),
-        ("a", "b", "walker"),
-        ("1", "2", "3"),
-        np.zeros((3, 2)),
-        np.zeros(3, np.int64),
+        centre_m=np.array([[11.0, 0.0, 0.8], [13.0, 0.0, 0.8], [12.0, 0.0, 0.8]]),
+        size_wlh_m=np.full((3, 3), 2.0),
+        rotation=np.broadcast_to(np.eye(3), (3, 3, 3)).copy(),
+        category=("vehicle.car", "vehicle.truck", "human.pedestrian.adult"),
+        instance=("a", "b", "walker"),
+        token=("1", "2", "3"),
+        velocity_mps=np.zeros((3, 2)),
+        lidar_points=np.zeros(3, np.int64),
     )
     vehicles = true_vehicles(truth, None, boxes)
     assert [vehicles.owner[30, 19], vehicles.owner[33, 20], vehicles.owner[0, 0]] == [0, 1, -1]

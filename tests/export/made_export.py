@@ -8,16 +8,16 @@ import torch
 from torch import nn
 
 from appocc.camera import CameraRig
-from appocc.export.parity import made_inputs
+from appocc.export.parity import synthetic_inputs
 from appocc.grid import BEVGrid
 from appocc.models.base import BEVModel
-from appocc.models.input_images import fitted_camera
-from appocc.models.model_spec import Setting
+from appocc.models.input_images import fit_camera
+from appocc.models.model_spec import ModelSpec
 from appocc.models.registry import build
 from appocc.models.weights import save_weights
 from appocc.rigs import read_rig
 
-SMALL = Setting("small", ("CAM_FRONT", "CAM_BACK"), BEVGrid(-8.0, 8.0, -8.0, 8.0, 0.5), 96, 64)
+SMALL = ModelSpec("small", ("CAM_FRONT", "CAM_BACK"), BEVGrid(-8.0, 8.0, -8.0, 8.0, 0.5), 96, 64)
 THRESHOLDS = "[0.5, 0.4, 0.3]"
 # Three cameras, of which one is named as no setting names it; sizes and shapes differ.
 RIG = """
@@ -29,17 +29,17 @@ cameras:
 SIZES_PX = {"CAM_FRONT": (192, 108), "CAM_BACK": (160, 120), "CAM_SIDE": (96, 64)}
 
 
-def network(name: str, setting: Setting = SMALL) -> BEVModel:
+def network(name: str, spec: ModelSpec = SMALL) -> BEVModel:
     """A network with weights that let every part, and every picture, matter."""
     torch.manual_seed(4)
-    model = build(name, setting)
+    model = build(name, spec)
     for norm in (part for part in model.modules() if isinstance(part, nn.BatchNorm2d)):
         nn.init.uniform_(norm.weight, 0.5, 1.5)  # some start at zero, and their blocks would do nothing
         nn.init.uniform_(norm.bias, -0.2, 0.2)
         norm.momentum = None
-    rig = fitted_rig(setting)
-    shape = (1, len(rig), 3, setting.height_px, setting.width_px)
-    inputs = [torch.from_numpy(images) for seed in (1, 2) for images in made_inputs(shape, seed).values()]
+    rig = fitted_rig(spec)
+    shape = (1, len(rig), 3, spec.height_px, spec.width_px)
+    inputs = [torch.from_numpy(images) for seed in (1, 2) for images in synthetic_inputs(shape, seed).values()]
     with torch.no_grad():
         # Statistics of such pictures as are asked about: rounding is not blown up by what never came before.
         model.train()(torch.cat(inputs), model.plan([rig] * len(inputs)))
@@ -64,13 +64,13 @@ def _ends(model: BEVModel) -> list[nn.Conv2d | nn.Linear]:
     return found
 
 
-def fitted_rig(setting: Setting = SMALL) -> CameraRig:
+def fitted_rig(spec: ModelSpec = SMALL) -> CameraRig:
     """The shipped rig's cameras of a setting, as its pictures are fitted."""
     rig = read_rig("paper")
-    return CameraRig(tuple(fitted_camera(rig[channel], setting) for channel in setting.channels))
+    return CameraRig(tuple(fit_camera(rig[channel], spec) for channel in spec.channels))
 
 
-def weights_file(path: Path, name: str, setting: Setting = SMALL) -> Path:
+def weights_file(path: Path, name: str, spec: ModelSpec = SMALL) -> Path:
     """Weights of `network` on disk."""
-    save_weights(path, network(name, setting), {"network": name, "thresholds": THRESHOLDS})
+    save_weights(path, network(name, spec), {"network": name, "thresholds": THRESHOLDS})
     return path

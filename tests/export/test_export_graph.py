@@ -12,12 +12,12 @@ from made_export import SMALL, THRESHOLDS, fitted_rig, network
 from tolerances import assert_rounded
 
 from appocc.camera import Camera, CameraRig
-from appocc.export.card import card_of, text_of
-from appocc.export.graph import Graph, answers
-from appocc.models.input_images import fitted
-from appocc.models.model_spec import SETTINGS
+from appocc.export.card import card_text, make_card
+from appocc.export.graph import ExportGraph, named_outputs
+from appocc.models.input_images import fit_image
+from appocc.models.model_spec import MODEL_SPECS
 from appocc.models.registry import NETWORKS
-from appocc.models.rounding import terms_of
+from appocc.models.rounding import count_terms
 from appocc.rigs import read_rig
 
 
@@ -26,16 +26,16 @@ def test_the_graph_answers_as_the_network(name: str) -> None:
     model, rig = network(name), fitted_rig()
     images = torch.rand(1, len(rig), 3, SMALL.height_px, SMALL.width_px)
     plan = model.plan([rig])
-    graph = Graph(model, rig)
+    graph = ExportGraph(model, rig)
     with torch.inference_mode():
         output = model(images, plan)
-        expected, found = answers(output.occupancy, output.appearance), graph(images)
+        expected, found = named_outputs(output.occupancy, output.appearance), graph(images)
     assert found.keys() == expected.keys()
     assert ("appearance" in found) == NETWORKS[name].appearance
     assert torch.equal(graph.seen, plan.seen[0])
     assert expected["occupancy"].std(dim=(2, 3)).min() > 0.02  # else anything would pass
     for key, value in expected.items():
-        assert_rounded(found[key], value, terms_of(model), size=1.0)  # answers are 0..1
+        assert_rounded(found[key], value, count_terms(model), size=1.0)  # answers are 0..1
 
 
 def test_pictures_fitted_by_the_card_are_those_of_the_network() -> None:
@@ -44,13 +44,13 @@ def test_pictures_fitted_by_the_card_are_those_of_the_network() -> None:
     small = Camera("CAM_SMALL", 200, 150, np.array([[150.0, 0, 99], [0, 150, 80], [0, 0, 1]]), front.ego_from_cam)
     same = read_rig("paper")["CAM_BACK"]
     rig = CameraRig((front, odd, small, same))
-    setting = SETTINGS["360"]
+    spec = MODEL_SPECS["360"]
     told = {"network": "lss", "thresholds": THRESHOLDS, "appearance": "false"}
-    card = json.loads(text_of(card_of(told, {}, setting, rig, "mixed", ("numpy",))))
+    card = json.loads(card_text(make_card(told, {}, spec, rig, "mixed", ("numpy",))))
     draw = np.random.default_rng(0)
     for camera, entry in zip(rig, card["cameras"], strict=True):
         image = draw.integers(0, 255, (camera.height_px, camera.width_px, 3), np.uint8)
-        expected, fit = fitted(image, camera, setting)
+        expected, fit = fit_image(image, camera, spec)
         whole = cv2.resize(image, entry["resize_px"], interpolation=getattr(cv2, entry["interpolation"]))
         left, top, width, height = entry["crop_px"]
         assert np.array_equal(whole[top : top + height, left : left + width], expected), camera.channel

@@ -11,9 +11,9 @@ import torch
 from numpy.typing import NDArray
 
 from appocc.checks import Float32Array
-from appocc.export.parity import THREADS, Parity, compare, limit_of, made_inputs
-from appocc.export.runtimes import Answers, Run
-from appocc.models.model_spec import SETTINGS
+from appocc.export.parity import THREADS, Parity, measure_parity, parity_limit, synthetic_inputs
+from appocc.export.runtimes import Outputs, Runner
+from appocc.models.model_spec import MODEL_SPECS
 from appocc.models.registry import NETWORKS, build
 
 LIMIT = 1e-4
@@ -21,7 +21,7 @@ SHAPE = (1, 2, 3, 20, 40)
 Twist = Callable[[dict[str, NDArray[Any]], int, int], None]
 
 
-def network(images: Float32Array) -> Answers:
+def network(images: Float32Array) -> Outputs:
     mean = images.mean(axis=(1, 3, 4), dtype=np.float32)
     return {"occupancy": mean, "seen": np.array([[True, False]])}
 
@@ -29,10 +29,10 @@ def network(images: Float32Array) -> Answers:
 def judged(twist: Twist) -> Parity:
     """Compare the network with itself, its answers twisted by number of threads and count of runs."""
 
-    def open_file(threads: int) -> Run:
+    def open_file(threads: int) -> Runner:
         count = 0
 
-        def run(images: Float32Array) -> Answers:
+        def run(images: Float32Array) -> Outputs:
             nonlocal count
             count += 1
             told = {name: value.copy() for name, value in network(images).items()}
@@ -41,7 +41,7 @@ def judged(twist: Twist) -> Parity:
 
         return run
 
-    return compare(network, open_file, made_inputs(SHAPE), LIMIT, 3, lambda _: None)
+    return measure_parity(network, open_file, synthetic_inputs(SHAPE), LIMIT, 3, lambda _: None)
 
 
 def test_the_same_answers_hold() -> None:
@@ -100,16 +100,16 @@ def test_what_differs_is_found_out(twist: Twist) -> None:
 @pytest.mark.parametrize("name", NETWORKS)
 def test_the_limit_grows_with_a_networks_sums_and_is_far_below_what_is_seen(name: str) -> None:
     with torch.device("meta"):
-        model = build(name, SETTINGS["360"])
-    assert 3e-5 < limit_of(model) < 3e-4
-    assert limit_of(model.double()) == limit_of(model)  # files compute in float32 whatever the network does
+        model = build(name, MODEL_SPECS["360"])
+    assert 3e-5 < parity_limit(model) < 3e-4
+    assert parity_limit(model.double()) == parity_limit(model)  # files compute in float32 whatever the network does
 
 
 def test_made_inputs_are_pictures_and_the_same_each_time() -> None:
-    made = made_inputs(SHAPE)
+    made = synthetic_inputs(SHAPE)
     for name, images in made.items():
         assert images.shape == SHAPE, name
         assert images.dtype == np.float32
         assert 0 <= images.min() <= images.max() <= 1
-        assert np.array_equal(images, made_inputs(SHAPE)[name])
+        assert np.array_equal(images, synthetic_inputs(SHAPE)[name])
     assert made["noise"].std() > 0.2

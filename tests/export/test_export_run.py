@@ -19,12 +19,12 @@ from appocc.camera import CameraRig
 from appocc.errors import AppoccError, DataError
 from appocc.export import run as export_run
 from appocc.export.convert import write_openvino
-from appocc.export.parity import ParityError, limit_of
-from appocc.export.run import Source, export
+from appocc.export.parity import ParityError, parity_limit
+from appocc.export.run import ExportSource, export
 from appocc.files import write_image
 from appocc.frame import Frame
 from appocc.inference.loading import load_predictor
-from appocc.models.model_spec import SETTINGS
+from appocc.models.model_spec import MODEL_SPECS
 from appocc.models.registry import NETWORKS
 from appocc.models.weights import load_model
 from appocc.rigs import read_rig
@@ -153,7 +153,7 @@ def test_the_guides_lines_answer_as_the_network(by_rig: Made, monkeypatch: pytes
     exec(compile(code, GUIDE.name, "exec"), names)
     frame = Frame("frame", 0, np.eye(4), read_rig("rig.yaml"), images)
     bev, seen = load_predictor(by_rig.folder / "w.safetensors", torch.device("cpu"))(frame)
-    limit = limit_of(load_model(by_rig.folder / "w.safetensors")[0])
+    limit = parity_limit(load_model(by_rig.folder / "w.safetensors")[0])
     assert np.abs(names["occupancy"][0] - bev.occupancy).max() <= limit
     assert np.abs(names["appearance"][0] * 255 - bev.appearance).max() <= 0.51
     assert np.array_equal(names["seen"], seen)
@@ -170,7 +170,7 @@ def test_a_file_that_answers_differently_is_not_left(
     last = next(each for each in other.graph.initializer if each.name.endswith("heads.answer.weight"))
     last.CopyFrom(onnx.numpy_helper.from_array(onnx.numpy_helper.to_array(last) * np.float32(1.02), last.name))
     monkeypatch.setattr(export_run, "to_onnx", lambda *_: other)
-    rig = Source(read_rig(str(by_rig.folder / "rig.yaml")), "rig")
+    rig = ExportSource(read_rig(str(by_rig.folder / "rig.yaml")), "rig")
     for ending in ("onnx", "xml"):
         with pytest.raises(
             ParityError, match=r"not written: .* by occupancy 0\.0\d+, appearance 0\.0\d+, seen 0,"
@@ -207,7 +207,7 @@ def test_what_cannot_be_done_is_told_in_one_line(tiny: TinyDataset, tmp_path: Pa
     cases = [
         (("--weights", weights, "--out", tmp_path / "m.pt"), "expected a name that ends in .onnx or .xml"),
         (("--weights", weights, *onnx_out, "--format", "openvino"), "expected a name that ends in .xml"),
-        (("--weights", "ipm", *onnx_out), "learns nothing and has no weights"),
+        (("--weights", "ipm", *onnx_out), "this network has no weights"),
         (("--weights", tmp_path / "no.safetensors", *onnx_out), "no such file of weights"),
         (("--weights", weights, *onnx_out, "--rig", tmp_path / "none.yaml"), "no rig of this name"),
         (("--weights", weights, *onnx_out, "--scene", "s"), "expected ROOT with --scene"),
@@ -215,7 +215,7 @@ def test_what_cannot_be_done_is_told_in_one_line(tiny: TinyDataset, tmp_path: Pa
         (("--weights", weights, *onnx_out, "--rig", ""), "no rig of this name"),
         (("--weights", weights, *onnx_out, tiny.root, "--rig", "paper"), "expected either ROOT or --rig"),
         (("--weights", weights, *onnx_out, tiny.root, "--scene", "x"), "no scene 'x'"),
-        (("--weights", weights, *onnx_out, "--rig", tmp_path / "side.yaml"), "no camera rig"),
+        (("--weights", weights, *onnx_out, "--rig", tmp_path / "side.yaml"), "invalid camera rig"),
         (("--weights", weights, "--out", weights / "m.onnx"), "cannot be written"),
     ]
     before = sorted(tmp_path.rglob("*"))
@@ -231,10 +231,10 @@ def test_what_cannot_be_done_is_told_in_one_line(tiny: TinyDataset, tmp_path: Pa
 
 @pytest.mark.slow
 @pytest.mark.long
-@pytest.mark.parametrize(("name", "setting"), [("appocc", "360"), *((name, "180") for name in NETWORKS)])
-def test_every_network_in_both_forms_at_full_size(name: str, setting: str, tmp_path: Path) -> None:
-    weights = weights_file(tmp_path / "w.safetensors", name, SETTINGS[setting])
-    rig = Source(CameraRig(tuple(read_rig("paper"))), "paper")
+@pytest.mark.parametrize(("name", "spec"), [("appocc", "360"), *((name, "180") for name in NETWORKS)])
+def test_every_network_in_both_forms_at_full_size(name: str, spec: str, tmp_path: Path) -> None:
+    weights = weights_file(tmp_path / "w.safetensors", name, MODEL_SPECS[spec])
+    rig = ExportSource(CameraRig(tuple(read_rig("paper"))), "paper")
     for out in ("a.onnx", "a.xml"):
         done = export(weights, rig, tmp_path / out, 1)
         assert done.parity.holds

@@ -4,13 +4,12 @@ import json
 from dataclasses import replace
 
 import pytest
-from street import BLACK, BLUE, RED, WHITE, Street
+from street import BLACK, BLUE, EGO, RED, WHITE, Street
 
 from appocc.errors import AppoccError
 from grounding.answer import Answer
 from grounding.grounder import Grounder
-from grounding.language.parser import read
-from grounding.scene_object import EGO_CENTRE_M
+from grounding.language import parse
 
 STREET = Street().car("w1", 12, -3, WHITE).car("w2", 20, 3, WHITE).car("b", 26, -3, BLUE).car("k", 8, 3, None)
 GROUNDER = STREET.grounder()
@@ -52,7 +51,7 @@ def test_every_text_has_an_answer(text: str, status: str, code: int) -> None:
     assert answer.status.replace("_", " ") in answer.text()
 
 
-def test_the_answer_for_machines() -> None:
+def test_the_answer_as_json() -> None:
     value = ground("stop behind the blue car").to_dict()
     assert set(value["target"]) == {"cell", "ego_m", "world_m", "heading_rad", "heading_ego_rad", "score"}
     assert value["target"]["heading_ego_rad"] == 0
@@ -63,7 +62,7 @@ def test_the_answer_for_machines() -> None:
     assert value["candidates"][0] == value["referent"]
 
 
-def test_what_tells_ambiguous_candidates_apart() -> None:
+def test_ambiguous_candidates_have_distinctive_values() -> None:
     value = ground("stop behind the white car").to_dict()
     assert value["referent"] is None
     first, second, _ = value["candidates"]  # the third is the one of unknown colour
@@ -74,39 +73,39 @@ def test_what_tells_ambiguous_candidates_apart() -> None:
     assert "white car 11 m away, ahead right, standing" in text
 
 
-def test_an_unknown_colour_is_said_and_not_guessed() -> None:
+def test_an_unknown_colour_of_a_candidate_is_stated() -> None:
     value = ground("stop behind the nearest car on the left").to_dict()
     assert value["candidates"][0]["colour"] is None
     assert value["candidates"][0]["rgb"] is None
     assert "car of unknown colour" in value["reasons"][0]
 
 
-def test_things_the_map_does_not_hold_are_told() -> None:
+def test_things_that_the_map_does_not_hold_are_reported() -> None:
     answer = ground("park behind the blue car next to the lamp post")
     assert answer.status == "ok"
     assert any("lamp post" in reason for reason in answer.reasons)
 
 
-def test_a_place_by_a_thing_that_is_not_there_is_no_guess() -> None:
+def test_a_goal_next_to_an_unmapped_thing_is_not_guessed() -> None:
     answer = ground("park next to the lamp post")
     assert "'next to' is measured from a lamp post, which the map does not hold" in answer.reasons
     assert answer.plan.nearest is not None
     assert "nearest place that would do: cell" in answer.text()
 
 
-def test_a_caret_under_the_words_that_are_not_understood() -> None:
+def test_a_caret_marks_the_words_that_are_not_understood() -> None:
     lines = ground("please make me a sandwich").text().splitlines()
     assert lines[2].strip() == "^" * len(lines[2].strip())
     assert lines[1].index("make") == lines[2].index("^")
 
 
-def test_words_that_no_map_shows_are_told() -> None:
+def test_words_that_no_map_shows_are_reported() -> None:
     answer = ground("follow the shiny blue car")
     assert answer.status == "ok"
     assert any("'shiny'" in reason for reason in answer.reasons)
 
 
-def test_a_question_comes_with_ambiguity() -> None:
+def test_an_ambiguous_command_has_a_question() -> None:
     value = ground("stop behind the white car").to_dict()
     assert value["status"] == "ambiguous"
     assert value["question"].endswith("?")
@@ -115,32 +114,33 @@ def test_a_question_comes_with_ambiguity() -> None:
     assert value["question"] in ground("stop behind the white car").text()
 
 
-def test_the_way_leads_from_the_ego_to_the_place() -> None:
+def test_the_route_leads_from_the_ego_to_the_target() -> None:
     value = ground("stop behind the blue car").to_dict()
-    assert value["route"][0] == pytest.approx([EGO_CENTRE_M, 0.0], abs=0.5)
+    assert value["route"][0] == pytest.approx([EGO.centre_m, 0.0], abs=0.5)
     assert value["route"][-1] == pytest.approx(value["target"]["ego_m"], abs=0.3)
 
 
-def test_a_grounder_without_a_scene_says_so() -> None:
+def test_a_grounder_without_a_scene_raises() -> None:
     with pytest.raises(AppoccError, match="expected a scene to be set"):
         Grounder().ground("stop")
 
 
-def test_a_reading_that_the_scene_refutes_stands_back() -> None:
-    """Who reads sentences offers a bus, which is not there, and a car."""
-    bus, car = (read(f"stop behind the blue {noun}") for noun in ("bus", "car"))
-    grounder = Grounder(lambda _: (bus, replace(car, score=-3.0)))
+def test_a_reading_that_the_scene_refutes_ranks_lower(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The parser offers a bus, which is not in the scene, and a car."""
+    bus, car = (parse(f"stop behind the blue {noun}") for noun in ("bus", "car"))
+    monkeypatch.setattr("grounding.grounder.parse_all", lambda *_: (bus, replace(car, score=-3.0)))
+    grounder = Grounder()
     grounder.set_scene(STREET.bev(), STREET.boxes())
     assert grounder.ground("stop behind the blue one").query.referent == car.query.referent
 
 
-def test_numbers_of_the_list_are_those_of_the_candidates() -> None:
+def test_listed_numbers_are_those_of_the_candidates() -> None:
     street = Street().car("a", 12, -3, RED).car("b", 20, -3, BLACK)
     text = ground("stop behind the first car", street).text()
     assert "  2. black car" in text
 
 
-def test_where_any_vehicle_will_do_one_with_a_free_place_is_taken() -> None:
+def test_an_indefinite_referent_is_chosen_by_its_goal() -> None:
     street = Street().car("nearest", 12, -5, RED).car("in its place", 6.5, -5, BLACK).car("free", 24, -5, RED)
     answer = ground("park behind a red car", street)
     assert answer.status == "ok"

@@ -13,8 +13,8 @@ from appocc.boxes import Boxes
 from appocc.geometry import footprints
 from appocc.rasterise import polygon_cover
 from benchmarks.grounding_cases import Asked, judge, main, noisy_map, summary, table, violations
-from benchmarks.grounding_truth.making import OF_MANY, SUITS, Case, Made, make_cases
-from benchmarks.grounding_truth.moments import Moment, Town, Vehicle
+from benchmarks.grounding_truth.case_generation import OF_MANY, SUITS, Case, GeneratedCases, make_cases
+from benchmarks.grounding_truth.key_frames import Town, TrueFrame, Vehicle
 from benchmarks.grounding_truth.sentences import CALLED, Description
 
 pytest_plugins = ["town_fixtures"]
@@ -24,7 +24,7 @@ TURNS = np.radians(np.arange(-10, 11, 5))
 # Cases ------------------------------------------------------------------------------------------------------------
 
 
-def test_cases_of_every_kind_and_relation_are_made(made: Made) -> None:
+def test_cases_of_every_kind_and_relation_are_made(made: GeneratedCases) -> None:
     groups = {
         kind: {case.group for case in made.cases if case.kind == kind} for kind in ("one", "ambiguous", "absent")
     }
@@ -36,7 +36,7 @@ def test_cases_of_every_kind_and_relation_are_made(made: Made) -> None:
     assert len({case.sentence for case in made.cases}) > 0.8 * len(made.cases)
 
 
-def test_the_best_place_lies_in_its_region_and_is_free(made: Made, town: Town) -> None:
+def test_the_best_place_lies_in_its_region_and_is_free(made: GeneratedCases, town: Town) -> None:
     """Judged by the exact cover of the footprint's polygon, which the regions do not use."""
     ones = [case for case in made.cases if case.kind == "one"]
     assert len(ones) > 40
@@ -47,11 +47,11 @@ def test_the_best_place_lies_in_its_region_and_is_free(made: Made, town: Town) -
         corners = [
             footprints(case.region.best_m, yaw + turn, [4.6, 1.9]) for yaw in case.region.yaws_rad for turn in TURNS
         ]
-        taken = [polygon_cover(moment.bev.grid, one)[moment.taken].max(initial=0.0) for one in corners]
+        taken = [polygon_cover(moment.bev.grid, one)[moment.occupied].max(initial=0.0) for one in corners]
         assert min(taken) == 0.0
 
 
-def test_whom_a_case_means_is_the_only_one(made: Made, town: Town) -> None:
+def test_whom_a_case_means_is_the_only_one(made: GeneratedCases, town: Town) -> None:
     """By brute force over true attributes, margins left out."""
     for case in made.cases:
         everybody = town.moment(case.token).vehicles
@@ -108,7 +108,7 @@ def test_from_a_map_alone_nothing_is_said_of_speeds_and_kinds_that_look_alike(to
 # Judging ----------------------------------------------------------------------------------------------------------
 
 
-def answer(case: Case, moment: Moment, **changed: object) -> Asked:
+def answer(case: Case, moment: TrueFrame, **changed: object) -> Asked:
     """What a product that is always right answers."""
     found = tuple((v.instance, v.xy_m) for v in case.vehicles)
     if case.region is None:
@@ -118,7 +118,7 @@ def answer(case: Case, moment: Moment, **changed: object) -> Asked:
     return right._replace(**changed)  # type: ignore[arg-type]
 
 
-def test_right_answers_are_right_and_wrong_ones_wrong(made: Made, town: Town) -> None:
+def test_right_answers_are_right_and_wrong_ones_wrong(made: GeneratedCases, town: Town) -> None:
     judged = []
     for case in made.cases:
         moment = town.moment(case.token)
@@ -145,7 +145,7 @@ def test_right_answers_are_right_and_wrong_ones_wrong(made: Made, town: Town) ->
     assert lines[0] == f"ambiguous: {count} of {count} declared"
 
 
-def test_it_is_told_who_was_asked_about(made: Made, town: Town) -> None:
+def test_it_is_told_who_was_asked_about(made: GeneratedCases, town: Town) -> None:
     case = next(case for case in made.cases if case.kind == "one" and case.vehicles)
     bev, asked = town.moment(case.token).bev, Asked("ambiguous", "")
     right, wrong = (
@@ -158,7 +158,7 @@ def test_it_is_told_who_was_asked_about(made: Made, town: Town) -> None:
     assert "asked back though there is one answer: 2, about the right vehicle 1" in lines
 
 
-def test_violations_are_counted_cell_by_cell(moments: list[Moment]) -> None:
+def test_violations_are_counted_cell_by_cell(moments: list[TrueFrame]) -> None:
     bev = moments[0].bev
     free = Asked("ok", "", (0, 0), np.array([5.0, 0.0]))
     assert violations(free, bev) == (0, 0)
@@ -170,7 +170,7 @@ def test_violations_are_counted_cell_by_cell(moments: list[Moment]) -> None:
     assert violations(Asked("not_found", ""), bev) == (0, 0)
 
 
-def test_a_noisy_map_shows_the_street_otherwise(moments: list[Moment]) -> None:
+def test_a_noisy_map_shows_the_street_otherwise(moments: list[TrueFrame]) -> None:
     exact = moments[0].bev
     shown = [noisy_map(moments[0], np.random.default_rng(seed)) for seed in (0, 0, 1)]
     np.testing.assert_array_equal(shown[0].occupancy, shown[1].occupancy)
@@ -192,5 +192,5 @@ def test_the_command_tells_all(town_root: Path, tmp_path: Path, capsys: pytest.C
     assert str(tmp_path) in capsys.readouterr().err
 
 
-def test_boxes_of_an_empty_frame_are_none(moments: list[Moment]) -> None:
+def test_boxes_of_an_empty_frame_are_none(moments: list[TrueFrame]) -> None:
     assert len(moments[2].boxes) == len(Boxes.empty())

@@ -11,17 +11,17 @@ from tiny_dataset import TinyDataset
 
 from appocc.errors import DataError
 from appocc.geometry import wrap_angle
-from benchmarks.grounding_truth.moments import Moment, Town
+from benchmarks.grounding_truth.key_frames import Town, TrueFrame
 from benchmarks.grounding_truth.places import Ask
 from benchmarks.grounding_truth.regions import frame_yaw, region
-from benchmarks.grounding_truth.sentences import Description, command, describe, meant
+from benchmarks.grounding_truth.sentences import Description, command, describe, sole_referent
 
 pytest_plugins = ["town_fixtures"]
 
 # What is there ----------------------------------------------------------------------------------------------------
 
 
-def test_a_moment_is_what_was_written(moments: list[Moment]) -> None:
+def test_a_moment_is_what_was_written(moments: list[TrueFrame]) -> None:
     first, second, empty = moments
     red, mover = vehicle(first, "red"), vehicle(first, "mover")
     assert (red.body, red.paint, red.parked, red.visible, red.on_map) == ("sedan", "red", True, True, True)
@@ -29,14 +29,14 @@ def test_a_moment_is_what_was_written(moments: list[Moment]) -> None:
     assert (red.length_m, red.width_m, red.yaw_rad) == pytest.approx((4.4, 1.8, 0.0), abs=1e-6)
     assert mover.speed_mps == pytest.approx(4.0)
     assert not mover.parked
-    assert not mover.stands
+    assert not mover.stationary
     assert red.cells == np.count_nonzero(first.owner == 0) > 40
     assert not vehicle(second, "hidden").visible
     assert first.boxes.velocity_mps[3] == pytest.approx([4.0, 0.0])
     assert empty.vehicles == ()
 
 
-def test_our_lane_runs_along_the_kerbs(moments: list[Moment]) -> None:
+def test_our_lane_runs_along_the_kerbs(moments: list[TrueFrame]) -> None:
     lane = moments[0].path
     assert lane is not None
     assert lane.bend == pytest.approx([0.0, 0.0, 0.0])
@@ -83,13 +83,15 @@ def test_what_is_not_simulated_is_told(lacking: str, tiny: TinyDataset) -> None:
         ("follow", "mover", Ask("follow", blobs=True), (34 - 2.2 - 6.0 - 2.3, 0.0)),
     ],
 )
-def test_the_best_place(moments: list[Moment], relation: str, name: str, ask: Ask, best: tuple[float, float]) -> None:
+def test_the_best_place(
+    moments: list[TrueFrame], relation: str, name: str, ask: Ask, best: tuple[float, float]
+) -> None:
     found = region(relation, moments[0], [vehicle(moments[0], name)], ask)
     assert found is not None
     assert found.best_m == pytest.approx(best, abs=0.41)
 
 
-def test_the_best_place_beyond_a_slow_one_between_two_and_of_none(moments: list[Moment]) -> None:
+def test_the_best_place_beyond_a_slow_one_between_two_and_of_none(moments: list[TrueFrame]) -> None:
     first, second, empty = moments
     gone = region("overtake", second, [vehicle(second, "slow")], Ask("overtake"))
     gap = region("between", first, [vehicle(first, "red"), vehicle(first, "blue")], Ask("park"))
@@ -108,7 +110,7 @@ def test_the_best_place_beyond_a_slow_one_between_two_and_of_none(moments: list[
     assert region("between", first, [vehicle(first, "red"), vehicle(first, "facing")], Ask("park")) is None
 
 
-def test_near_and_at_are_all_around(moments: list[Moment]) -> None:
+def test_near_and_at_are_all_around(moments: list[TrueFrame]) -> None:
     red = vehicle(moments[0], "red")
     around, at = (region(name, moments[0], [red], Ask("stop")) for name in ("near", "at"))
     assert around is not None
@@ -121,7 +123,7 @@ def test_near_and_at_are_all_around(moments: list[Moment]) -> None:
     assert places[:, 1].max() > 1
 
 
-def test_what_faces_us_in_our_way_is_seen_from_us_and_doubt_leaves_it_out(moments: list[Moment]) -> None:
+def test_what_faces_us_in_our_way_is_seen_from_us_and_doubt_leaves_it_out(moments: list[TrueFrame]) -> None:
     facing = vehicle(moments[0], "facing")
     assert frame_yaw(moments[0], facing, blobs=False) == pytest.approx(facing.yaw_rad)
     assert np.cos(frame_yaw(moments[0], facing, blobs=True) or np.pi) == pytest.approx(1.0)
@@ -132,24 +134,24 @@ def test_what_faces_us_in_our_way_is_seen_from_us_and_doubt_leaves_it_out(moment
         assert found is None or wrap_angle(found) == pytest.approx(0.0, abs=1e-6)
 
 
-def test_who_counts_and_who_is_told_apart(moments: list[Moment]) -> None:
+def test_who_counts_and_who_is_told_apart(moments: list[TrueFrame]) -> None:
     first, second, _ = moments
-    assert meant(first, Description("car", "red"), False) == vehicle(first, "red")
-    assert meant(first, Description("van"), False) is None, "an suv may be called one"
-    assert meant(first, Description("van", side="right"), False) == vehicle(first, "blue")
-    assert meant(first, Description("car"), False) is None
-    assert meant(first, Description("vehicle", order="second", side="right"), False) == vehicle(first, "blue")
-    assert meant(first, Description("vehicle", order="third", side="right"), False) is None
-    assert meant(second, Description("car", "white"), False) is None
-    assert meant(second, Description("car", "white", side="left"), False) == vehicle(second, "two")
-    assert meant(second, Description("car", order="nearest"), False) is None, "not by two metres"
+    assert sole_referent(first, Description("car", "red"), False) == vehicle(first, "red")
+    assert sole_referent(first, Description("van"), False) is None, "an suv may be called one"
+    assert sole_referent(first, Description("van", side="right"), False) == vehicle(first, "blue")
+    assert sole_referent(first, Description("car"), False) is None
+    assert sole_referent(first, Description("vehicle", order="second", side="right"), False) == vehicle(first, "blue")
+    assert sole_referent(first, Description("vehicle", order="third", side="right"), False) is None
+    assert sole_referent(second, Description("car", "white"), False) is None
+    assert sole_referent(second, Description("car", "white", side="left"), False) == vehicle(second, "two")
+    assert sole_referent(second, Description("car", order="nearest"), False) is None, "not by two metres"
     said = describe(second, vehicle(second, "slow"), False, np.random.default_rng(0))
     assert said is not None
-    assert meant(second, said, False) == vehicle(second, "slow")
+    assert sole_referent(second, said, False) == vehicle(second, "slow")
     assert describe(second, vehicle(second, "hidden"), False, np.random.default_rng(0)) is None
 
 
-def test_parking_along_the_kerb_is_right_where_our_lane_runs_along_it_too(moments: list[Moment]) -> None:
+def test_parking_along_the_kerb_is_right_where_our_lane_runs_along_it_too(moments: list[TrueFrame]) -> None:
     empty = moments[2]
     lane = empty.path
     assert lane is not None
@@ -162,7 +164,7 @@ def test_parking_along_the_kerb_is_right_where_our_lane_runs_along_it_too(moment
     assert (columns.min(), columns.max()) == pytest.approx((-7.0, -5.8), abs=0.21)
 
 
-def test_one_stops_in_no_lane_while_changing_it(moments: list[Moment]) -> None:
+def test_one_stops_in_no_lane_while_changing_it(moments: list[TrueFrame]) -> None:
     empty = moments[2]
     lane = empty.path
     assert lane is not None
@@ -172,7 +174,7 @@ def test_one_stops_in_no_lane_while_changing_it(moments: list[Moment]) -> None:
         assert (region("none", changing, [], Ask("stop", said_m=12.0)) is not None) == ours
 
 
-def test_a_vehicle_in_our_lane_is_followed_in_it(moments: list[Moment]) -> None:
+def test_a_vehicle_in_our_lane_is_followed_in_it(moments: list[TrueFrame]) -> None:
     mover = vehicle(moments[0], "mover")._replace(xy_m=np.array([34.0, 0.9]))
     found = region("follow", replace(moments[0], vehicles=(mover,)), [mover], Ask("follow"))
     assert found is not None
@@ -180,7 +182,7 @@ def test_a_vehicle_in_our_lane_is_followed_in_it(moments: list[Moment]) -> None:
     assert (behind[:, 1].min(), behind[:, 1].max()) == pytest.approx((-1.3, 2.2), abs=0.41)
 
 
-def test_one_follows_right_behind_it_and_not_behind_another(moments: list[Moment]) -> None:
+def test_one_follows_right_behind_it_and_not_behind_another(moments: list[TrueFrame]) -> None:
     mover = vehicle(moments[0], "mover")
     between = mover._replace(instance="between", xy_m=np.array([22.0, 0.5]))
     assert region("follow", replace(moments[0], vehicles=(mover, between)), [mover], Ask("follow")) is None

@@ -165,7 +165,12 @@ def _annotation(solid: Solid) -> Annotation:
     low, high = np.array(solid.low), np.array(solid.high)
     length, width, height = high - low
     pose = WORLD_FROM_STREET @ transform(np.eye(3), (low + high) / 2)
-    return Annotation(solid.name, solid.category, pose, (float(width), float(length), float(height)))
+    return Annotation(
+        instance=solid.name,
+        category=solid.category,
+        world_from_box=pose,
+        size_wlh_m=(float(width), float(length), float(height)),
+    )
 
 
 def _add_picture(writer: Writer, plan: Plan, sample: str, channel: str, mount: str, time_s: float) -> None:
@@ -176,7 +181,15 @@ def _add_picture(writer: Writer, plan: Plan, sample: str, channel: str, mount: s
     path.parent.mkdir(parents=True, exist_ok=True)
     assert cv2.imwrite(str(path), picture[..., ::-1])
     pose = WORLD_FROM_STREET @ street_from_ego(stamp_s)
-    writer.add_file(sample, channel, mount, pose, _us(stamp_s), name, (view.width_px, view.height_px))
+    writer.add_file(
+        sample=sample,
+        channel=channel,
+        calibration=mount,
+        world_from_ego=pose,
+        timestamp_us=_us(stamp_s),
+        filename=name,
+        size_px=(view.width_px, view.height_px),
+    )
 
 
 def _add_scan(writer: Writer, plan: Plan, sample: str, mount: str, time_s: float, key: bool) -> None:

@@ -9,10 +9,10 @@ from tempfile import TemporaryDirectory
 from appocc.checks import FloatArray
 from appocc.groundtruth.colouring import ColouredPoints
 from appocc.groundtruth.store import PointStore
-from appocc.groundtruth.surface import ExposureGains, Surface, build_surface
+from appocc.groundtruth.surface import ExposureGains, GroundSurface, build_surface
 
 
-def surface_of(sweeps: Sequence[ColouredPoints], origin_m: FloatArray, gains: ExposureGains) -> Surface:
+def surface_of(sweeps: Sequence[ColouredPoints], origin_m: FloatArray, gains: ExposureGains) -> GroundSurface:
     with TemporaryDirectory() as folder:
         store = PointStore(Path(folder))
         for points in sweeps:

@@ -39,7 +39,7 @@ from appocc.groundtruth.colouring import (
     colour_at,
     colour_sweep,
 )
-from appocc.groundtruth.inputs import SweepInput, View, gather
+from appocc.groundtruth.inputs import PosedImage, SweepInput, gather_inputs
 from appocc.nuscenes.lidar import write_lidar
 from appocc.nuscenes.point_labels import PointLabels
 
@@ -55,23 +55,30 @@ def box(solid: Solid) -> Boxes:
     size = (high - low)[None, [1, 0, 2]]
     nan, minus = np.full((1, 2), np.nan), np.full(1, -1)
     return Boxes(
-        pose[None, :3, 3].copy(), size, pose[None, :3, :3].copy(), ("vehicle.car",), ("a",), ("a",), nan, minus
+        centre_m=pose[None, :3, 3].copy(),
+        size_wlh_m=size,
+        rotation=pose[None, :3, :3].copy(),
+        category=("vehicle.car",),
+        instance=("a",),
+        token=("a",),
+        velocity_mps=nan,
+        lidar_points=minus,
     )
 
 
-def view(folder: Path, name: str, solids: list[Solid], boxes: Boxes, channel: str = "CAM_FRONT") -> View:
+def view(folder: Path, name: str, solids: list[Solid], boxes: Boxes, channel: str = "CAM_FRONT") -> PosedImage:
     """A photograph of solids from the ego's place, at a time when `boxes` were there."""
     model = camera(channel)
     path = folder / f"{name}.png"
     picture = photograph(model, EGO @ model.ego_from_cam, solids)
     assert cv2.imwrite(str(path), picture[..., ::-1])
-    return View(path, model, WORLD_FROM_STREET @ EGO @ model.ego_from_cam, boxes, 0)
+    return PosedImage(path, model, WORLD_FROM_STREET @ EGO @ model.ego_from_cam, boxes, 0)
 
 
 def sweep(
     folder: Path,
     street_points: FloatArray,
-    *rounds: tuple[View, ...],
+    *rounds: tuple[PosedImage, ...],
     boxes: Boxes = NOBODY,
     lidar_height_m: float = 1.84,
     labels: PointLabels | None = None,
@@ -97,7 +104,7 @@ def on_ground(*xy: tuple[float, float]) -> FloatArray:
     return np.array([(x, y, 0.0) for x, y in xy])
 
 
-def test_colours_are_taken_between_pixels() -> None:
+def test_colours_are_interpolated_between_pixels() -> None:
     rows, columns = np.mgrid[:20, :30]
     image = np.stack([columns * 8, rows * 10, np.full_like(rows, 7)], axis=-1).astype(np.uint8)
     places = np.array([[10.25, 5.5], [3.0, 4.0], [28.9, 18.1], [-0.4, -0.4], [29.4, 19.4]])
@@ -105,7 +112,7 @@ def test_colours_are_taken_between_pixels() -> None:
     assert_rounded(colour_at(image, places), expected, 4)
 
 
-def test_points_take_the_colour_of_what_is_there(tmp_path: Path) -> None:
+def test_points_take_the_colour_of_the_surface(tmp_path: Path) -> None:
     rng = np.random.default_rng(1)
     xy = rng.uniform([5.0, -8.0], [20.0, 8.0], (400, 2))
     points, street = coloured(sweep(tmp_path, np.pad(xy, ((0, 0), (0, 1))), (view(tmp_path, "a", [], NOBODY),)))
@@ -204,7 +211,7 @@ def test_points_in_boxes_are_removed(tmp_path: Path) -> None:
 def test_points_in_boxes_are_removed_at_their_own_time(tmp_path: Path) -> None:
     """A car drives past between two samples; a sweep between them finds it where no sample has it."""
     dataset = make(tmp_path, Plan(lambda t: [car(6 + 12 * t, 3, BLUE, "blue")], sweeps_s=(0.25,), with_lidar=()))
-    inputs = gather(dataset, dataset.scenes[0])
+    inputs = gather_inputs(dataset, dataset.scenes[0])
     assert len(inputs.sweeps) == 1
     points = colour_sweep(
         inputs.sweeps[0], np.zeros(3), tuple(sorted(dataset.data(dataset.samples(dataset.scenes[0])[0])))
@@ -215,7 +222,7 @@ def test_points_in_boxes_are_removed_at_their_own_time(tmp_path: Path) -> None:
     assert not (points.rgb[points.camera != NO_CAMERA] == BLUE).all(axis=1).any()
 
 
-def test_points_without_a_place_and_those_of_the_ego_are_left_out(tmp_path: Path) -> None:
+def test_points_that_are_not_finite_or_on_the_ego_are_ignored(tmp_path: Path) -> None:
     nan = np.array([[np.nan, 0, 0], [10, np.nan, 0], [np.inf, 0, 0]])
     own = np.array([[0.9 + 1.7, -1.0, 1.0], [0.9, -1.0, 1.8]])
     far = on_ground((70, 0))
@@ -225,7 +232,7 @@ def test_points_without_a_place_and_those_of_the_ego_are_left_out(tmp_path: Path
     assert points.camera.tolist() == [0]
 
 
-def test_labels_say_what_ground_it_is(tmp_path: Path) -> None:
+def test_labels_define_the_ground_class(tmp_path: Path) -> None:
     labels = tmp_path / "labels.bin"
     labels.write_bytes(bytes([7, 8, 9]))
     is_road, is_lane = np.isin(np.arange(256), [7, 8]), np.arange(256) == 8
@@ -252,7 +259,7 @@ def test_labels_that_do_not_fit_the_points(tmp_path: Path) -> None:
         coloured(sweep(tmp_path, on_ground((8, -1)), (), labels=names))
 
 
-def test_an_image_of_another_size_than_its_table_says(tmp_path: Path) -> None:
+def test_an_image_of_another_size_than_in_its_table(tmp_path: Path) -> None:
     small = view(tmp_path, "small", [], NOBODY)
     assert cv2.imwrite(str(small.path), np.zeros((90, 160, 3), np.uint8))
     with pytest.raises(DataError, match=r"small\.png: expected 320x180 pixels, as its table says, got 160x90"):

@@ -6,28 +6,30 @@ from tolerances import assert_rounded
 from appocc.checks import BoolArray, Float32Array, FloatArray
 from appocc.geometry import apply, quaternion_from_yaw, transform
 from appocc.grid import BEVGrid
-from appocc.groundtruth.compose import Settings, ground_colours
-from appocc.groundtruth.surface import Surface
+from appocc.groundtruth.compose import GroundTruthSettings, ground_colours
+from appocc.groundtruth.surface import GroundSurface
 
 GRID = BEVGrid(-4.0, 4.0, -4.0, 4.0, 0.4)
 HERE = transform(quaternion_from_yaw(1.0), [100.0, 200.0, 5.0])
 
 
-def surface(cells: list[tuple[int, int]], rgb: list[tuple[float, float, float]], coloured: bool = True) -> Surface:
+def surface(
+    cells: list[tuple[int, int]], rgb: list[tuple[float, float, float]], coloured: bool = True
+) -> GroundSurface:
     """One fine cell in the middle of each grid cell."""
     xy = GRID.centre_of(np.array(cells).reshape(-1, 2))
     n = len(xy)
     nothing = np.zeros(n, np.float32)
     world = apply(HERE, np.pad(xy, ((0, 0), (0, 1))))
     colours = np.array(rgb, np.float32).reshape(-1, 3)
-    return Surface(world, colours, np.full(n, coloured), np.zeros(n, np.bool_), nothing, nothing)
+    return GroundSurface(world, colours, np.full(n, coloured), np.zeros(n, np.bool_), nothing, nothing)
 
 
-def colours(found: Surface) -> tuple[Float32Array, BoolArray]:
+def colours(found: GroundSurface) -> tuple[Float32Array, BoolArray]:
     return ground_colours(GRID, HERE, found)
 
 
-def test_cells_have_the_mean_of_what_lies_in_them() -> None:
+def test_cells_are_the_mean_of_their_fine_cells() -> None:
     found, known = colours(surface([(3, 4), (3, 4), (10, 12)], [(10, 20, 30), (20, 40, 60), (5, 6, 7)]))
     assert np.argwhere(known).tolist() == [[3, 4], [10, 12]]
     assert found[3, 4].tolist() == [15, 30, 45]
@@ -39,13 +41,13 @@ def test_where_nothing_was_seen_nothing_is_known() -> None:
         assert not colours(nothing)[1].any()
 
 
-def block(hole: FloatArray) -> Surface:
+def block(hole: FloatArray) -> GroundSurface:
     """Cells 2..17 in both directions, each of the colour (its column, 100, 0), but for those in a hole."""
     cells = [(i, j) for i in range(2, 18) for j in range(2, 18) if not hole[i, j]]
     return surface(cells, [(float(j), 100.0, 0.0) for _, j in cells])
 
 
-def test_small_holes_are_filled_with_what_surrounds_them() -> None:
+def test_small_holes_are_filled_from_their_neighbours() -> None:
     hole = np.zeros(GRID.shape)
     hole[5, 5] = hole[9, 8:10] = hole[12:14, 12:14] = 1
     found, known = colours(block(hole))
@@ -78,8 +80,8 @@ def test_large_holes_stay_unknown() -> None:
     assert known[2:18, 2:18].sum() < 16 * 16 - 16
 
 
-def test_settings_tell_runs_apart() -> None:
-    plain = Settings(BEVGrid.surround(), "robust").as_meta()
-    assert plain == Settings(BEVGrid.surround(), "robust").as_meta()
-    assert plain != Settings(BEVGrid.front(), "robust").as_meta()
-    assert plain != Settings(BEVGrid.surround(), "mode").as_meta()
+def test_settings_identify_runs() -> None:
+    plain = GroundTruthSettings(BEVGrid.surround(), "robust").as_meta()
+    assert plain == GroundTruthSettings(BEVGrid.surround(), "robust").as_meta()
+    assert plain != GroundTruthSettings(BEVGrid.front(), "robust").as_meta()
+    assert plain != GroundTruthSettings(BEVGrid.surround(), "mode").as_meta()

@@ -9,7 +9,7 @@ from tolerances import assert_rounded
 
 from appocc.boxes import Boxes
 from appocc.geometry import apply, inverse
-from appocc.groundtruth.inputs import gather
+from appocc.groundtruth.inputs import gather_inputs
 from appocc.nuscenes import Dataset
 
 
@@ -25,7 +25,7 @@ def centres(boxes_world: Boxes) -> list[float]:
 
 def test_sweeps_have_the_boxes_of_their_own_time(tmp_path: Path) -> None:
     dataset = make(tmp_path, Plan(street, samples=3, with_lidar=(0, 1, 2), sweeps_s=(0.1, 0.4, 0.75)))
-    inputs = gather(dataset, dataset.scenes[0])
+    inputs = gather_inputs(dataset, dataset.scenes[0])
     assert [centres(sweep.boxes_world) for sweep in inputs.sweeps] == [
         [6.0, 15.0, -10.0],
         [6.8, 15.0, -10.0],  # at 0.1 s; what is annotated on one side only stays
@@ -39,7 +39,7 @@ def test_sweeps_have_the_boxes_of_their_own_time(tmp_path: Path) -> None:
 def test_images_have_the_boxes_of_their_key_frame(tmp_path: Path) -> None:
     """They are stamped earlier than the sweep, but the LiDAR passed the car when they were taken."""
     dataset = make(tmp_path, Plan(street, samples=2, camera_delay_s=-0.1))
-    inputs = gather(dataset, dataset.scenes[0])
+    inputs = gather_inputs(dataset, dataset.scenes[0])
     assert [centres(view.boxes_world) for view in inputs.samples[1].views] == [[10.0, 15.0]] * 4
     assert [centres(view.boxes_world) for view in inputs.samples[0].views] == [[6.0, 15.0, -10.0]] * 4
     assert [centres(view.boxes_world) for view in inputs.sweeps[1].rounds[0]] == [[10.0, 15.0]] * 4
@@ -47,17 +47,17 @@ def test_images_have_the_boxes_of_their_key_frame(tmp_path: Path) -> None:
 
 def test_motion_is_carried_on_by_one_interval_at_most(tmp_path: Path) -> None:
     dataset = make(tmp_path, Plan(street, samples=2, sweeps_s=(9.0,)))
-    assert centres(gather(dataset, dataset.scenes[0]).sweeps[-1].boxes_world) == [14.0, 15.0]
+    assert centres(gather_inputs(dataset, dataset.scenes[0]).sweeps[-1].boxes_world) == [14.0, 15.0]
 
 
 def test_a_single_sample_needs_no_interpolation(tmp_path: Path) -> None:
     dataset = make(tmp_path, Plan(street, samples=1, with_lidar=(0,), sweeps_s=(0.3,)))
-    assert centres(gather(dataset, dataset.scenes[0]).sweeps[-1].boxes_world) == [6.0, 15.0, -10.0]
+    assert centres(gather_inputs(dataset, dataset.scenes[0]).sweeps[-1].boxes_world) == [6.0, 15.0, -10.0]
 
 
 def test_rounds_go_by_time(tmp_path: Path) -> None:
     dataset = make(tmp_path, Plan(street, samples=5, with_lidar=(0, 3), cameras=("CAM_BACK", "CAM_FRONT")))
-    first, later = gather(dataset, dataset.scenes[0]).sweeps
+    first, later = gather_inputs(dataset, dataset.scenes[0]).sweeps
     for sweep, nearest in ((first, [0, 1, 2]), (later, [3, 2, 4])):
         assert [[(v.timestamp_us - START_US) // STEP_US for v in views] for views in sweep.rounds] == [
             [k, k] for k in nearest
@@ -67,11 +67,11 @@ def test_rounds_go_by_time(tmp_path: Path) -> None:
 
 def test_cameras_without_enough_images_leave_rounds_short(tmp_path: Path) -> None:
     dataset = make(tmp_path, Plan(street, samples=2))
-    assert [len(views) for views in gather(dataset, dataset.scenes[0]).sweeps[0].rounds] == [4, 4, 0]
+    assert [len(views) for views in gather_inputs(dataset, dataset.scenes[0]).sweeps[0].rounds] == [4, 4, 0]
 
 
 def test_a_hand_made_dataset(tiny: TinyDataset) -> None:
-    inputs = gather(Dataset(tiny.root), Dataset(tiny.root).scenes[0])
+    inputs = gather_inputs(Dataset(tiny.root), Dataset(tiny.root).scenes[0])
     assert inputs.annotated
     assert [sample.timestamp_us - TINY_START_US for sample in inputs.samples] == [0, 500_000, 1_000_000]
     assert len(inputs.sweeps) == 4
@@ -83,14 +83,14 @@ def test_a_hand_made_dataset(tiny: TinyDataset) -> None:
 
 def test_a_test_set_has_no_annotations(tiny: TinyDataset) -> None:
     tiny.tables["sample_annotation"], tiny.tables["instance"] = [], []
-    inputs = gather(Dataset(tiny.write()), Dataset(tiny.root).scenes[0])
+    inputs = gather_inputs(Dataset(tiny.write()), Dataset(tiny.root).scenes[0])
     assert not inputs.annotated
     assert all(len(sample.boxes_world) == 0 for sample in inputs.samples)
 
 
 def test_samples_without_lidar(tmp_path: Path) -> None:
     dataset = make(tmp_path, Plan(street, with_lidar=(1,)))
-    first, second = gather(dataset, dataset.scenes[0]).samples
+    first, second = gather_inputs(dataset, dataset.scenes[0]).samples
     assert first.lidar is None
     assert second.lidar is not None
     assert second.lidar[0].is_file()

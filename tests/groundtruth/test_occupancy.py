@@ -15,19 +15,20 @@ from appocc.grid import BEVGrid
 from appocc.groundtruth.colouring import LANE as LANE_LABEL
 from appocc.groundtruth.colouring import OTHER, UNLABELLED, ColouredPoints
 from appocc.groundtruth.colouring import ROAD as ROAD_LABEL
-from appocc.groundtruth.compose import Settings, compose, vehicles_near
-from appocc.groundtruth.inputs import gather
-from appocc.groundtruth.occupancy import RoadSources, lane_layer, road_layer, vehicle_owner
-from appocc.groundtruth.painting import bodies_of, paint_scene
-from appocc.groundtruth.surface import ExposureGains, Surface
+from appocc.groundtruth.compose import GroundTruthSettings, compose_map, vehicles_near
+from appocc.groundtruth.inputs import gather_inputs
+from appocc.groundtruth.occupancy import RoadSources, lane_layer, road_layer
+from appocc.groundtruth.painting import bodywork_by_box, robust_colours
+from appocc.groundtruth.surface import ExposureGains, GroundSurface
 from appocc.nuscenes.maps import MaskWindow, VectorMap
+from appocc.rasterise import vehicle_owner
 
 GRID = BEVGrid(-8.0, 8.0, -8.0, 8.0, 0.4)
 HERE = transform(quaternion_from_yaw(np.pi / 2), [100.0, 200.0, 5.0])  # ego x = world y, ego y = -world x
 EVEN = ExposureGains(np.ones((1, 3)))
 
 
-def surface(*rows: tuple[float, float, int]) -> Surface:
+def surface(*rows: tuple[float, float, int]) -> GroundSurface:
     """A surface of points (ego x, y, label), each the middle of a fine cell."""
     table = np.array(rows, dtype=np.float64).reshape(-1, 3)
     world = apply(HERE, np.column_stack([table[:, :2], np.zeros(len(table))]))
@@ -82,7 +83,14 @@ def boxes(*rows: tuple[float, float, float, float, float]) -> Boxes:
     names = tuple(map(str, range(n)))
     nan, minus = np.full((n, 2), np.nan), np.full(n, -1)
     return Boxes(
-        np.column_stack([table[:, :2], np.full(n, 0.7)]), size, turns, ("vehicle.car",) * n, names, names, nan, minus
+        centre_m=np.column_stack([table[:, :2], np.full(n, 0.7)]),
+        size_wlh_m=size,
+        rotation=turns,
+        category=("vehicle.car",) * n,
+        instance=names,
+        token=names,
+        velocity_mps=nan,
+        lidar_points=minus,
     )
 
 
@@ -97,7 +105,7 @@ def test_a_cell_belongs_to_a_vehicle_that_covers_half_of_it() -> None:
 
 
 @pytest.mark.parametrize("shift", [0.0, 0.4, 1.2, 2.0, 2.8, -3.6])
-def test_half_a_cell_is_half_wherever_the_box_stands(shift: float) -> None:
+def test_half_a_cell_is_half_at_any_position(shift: float) -> None:
     for angle in (0.0, np.pi / 2, np.pi):
         owner = vehicle_owner(GRID, boxes((shift, shift, 4.0, 2.0, angle)))
         assert (owner == 0).sum() == 60  # 10 x 5 cells and a half to each side, or 10 and a half by 6
@@ -120,7 +128,7 @@ def test_no_vehicles() -> None:
 # Road ---------------------------------------------------------------------------------------------------------------
 
 
-def test_the_vector_map_comes_first() -> None:
+def test_the_vector_map_has_priority() -> None:
     road = road_layer(GRID, HERE, RoadSources(VECTOR, mask(False), surface(*cell(30, 30, *[OTHER] * 16)), LABELS))
     assert road.source == "map_expansion"
     assert road.valid.all()
@@ -130,7 +138,7 @@ def test_the_vector_map_comes_first() -> None:
     assert np.array_equal(road.on, expected)
 
 
-def test_the_mask_comes_second() -> None:
+def test_the_mask_is_used_without_a_vector_map() -> None:
     road = road_layer(GRID, HERE, RoadSources(None, mask(), surface(*cell(3, 3, *[ROAD_LABEL] * 16)), LABELS))
     assert road.source == "mask"
     expected = np.zeros(GRID.shape, np.bool_)
@@ -153,12 +161,12 @@ def test_beyond_the_mask_nothing_is_known() -> None:
     assert road.on.sum() == road.valid.sum() == 6 * 6 - 4
 
 
-def test_a_derived_mask_says_so() -> None:
+def test_a_derived_mask_is_named_as_source() -> None:
     derived = MaskWindow(np.zeros((400, 400), np.uint8), (80.0, 180.0), None, "made from LiDAR")
     assert road_layer(GRID, HERE, RoadSources(None, derived, NOTHING, NO_LABELS)).source == "mask (made from LiDAR)"
 
 
-def test_labels_come_third() -> None:
+def test_labels_are_used_without_maps() -> None:
     rows = cell(3, 4, *[ROAD_LABEL] * 5, *[OTHER] * 5) + cell(5, 6, *[ROAD_LABEL] * 4, *[OTHER] * 5)
     rows += cell(7, 8, ROAD_LABEL, ROAD_LABEL) + cell(9, 10, LANE_LABEL, LANE_LABEL, LANE_LABEL, OTHER)
     rows += cell(11, 12, *[UNLABELLED] * 16)
@@ -222,13 +230,13 @@ def test_each_class_walks_the_chain_by_itself() -> None:
 def composed(root: Path, plan: Plan, sources: RoadSources | None = None) -> BEVMap:
     """The map of the first sample of a made dataset, with a ground of nothing."""
     dataset = make(root, plan)
-    inputs = gather(dataset, dataset.scenes[0])
+    inputs = gather_inputs(dataset, dataset.scenes[0])
     where = sources or RoadSources(None, None, NOTHING, NO_LABELS)
-    settings = Settings(BEVGrid(-12.0, 12.0, -12.0, 12.0, 0.4), "robust")
+    settings = GroundTruthSettings(BEVGrid(-12.0, 12.0, -12.0, 12.0, 0.4), "robust")
     sample = inputs.samples[0]
     wanted = vehicles_near(sample, settings.grid)
-    painted = paint_scene([sample], [bodies_of(sample, wanted, {})])[0] if inputs.annotated else None
-    return compose(sample, where, painted, settings)
+    painted = robust_colours([sample], [bodywork_by_box(sample, wanted, {})])[0] if inputs.annotated else None
+    return compose_map(sample, where, painted, settings)
 
 
 def street(t: float) -> list[Solid]:

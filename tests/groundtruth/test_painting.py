@@ -14,19 +14,19 @@ from appocc.colours import lab_from_rgb
 from appocc.errors import DataError
 from appocc.files import read_image, write_image
 from appocc.geometry import apply, inverse, transform
-from appocc.groundtruth.bodywork import Bodywork
-from appocc.groundtruth.inputs import SampleInput, View, gather
+from appocc.groundtruth.bodywork import BodyworkSamples
+from appocc.groundtruth.inputs import PosedImage, SampleInput, gather_inputs
 from appocc.groundtruth.painting import (
+    BoxColours,
     BoxPixels,
-    Paint,
-    Painted,
-    bodies_of,
+    PaintMethod,
+    bodywork_by_box,
     box_pixels,
-    paint_mode,
-    paint_mode_of,
-    paint_scene,
+    histogram_mode,
+    mode_colours,
+    robust_colours,
 )
-from appocc.groundtruth.visibility import DepthPicture
+from appocc.groundtruth.visibility import DepthImage
 
 BOTH = pytest.mark.parametrize("paint_name", ["mode", "robust"])
 
@@ -46,17 +46,17 @@ def test_mode_is_the_fullest_of_25_bins_of_length_10() -> None:
     # Green: bins begin at multiples of ten: 19 and 20 lie apart. Blue: 250..255 belong to the last bin, 240..249.
     green = [19, 20, 21, 29, 10, 18, 30, 31, 99]
     blue = [255, 250, 241, 249, 239, 238, 237, 0, 0]
-    assert paint_mode(pixels(np.column_stack([red, green, blue]))).tolist() == [45, 15, 245]
+    assert histogram_mode(pixels(np.column_stack([red, green, blue]))).tolist() == [45, 15, 245]
 
 
 def test_mode_takes_each_channel_for_itself() -> None:
     rgb = [(205, 5, 5)] * 4 + [(5, 105, 5)] * 4 + [(205, 105, 5)] * 1
-    assert paint_mode(pixels(rgb)).tolist() == [205, 105, 5]
+    assert histogram_mode(pixels(rgb)).tolist() == [205, 105, 5]
 
 
 @pytest.mark.parametrize("value", [0, 9, 10, 99, 128, 239, 240, 250, 255])
 def test_mode_of_one_colour_is_its_bin(value: int) -> None:
-    assert paint_mode(pixels([(value,) * 3] * 20)).tolist() == [min(value // 10, 24) * 10 + 5] * 3
+    assert histogram_mode(pixels([(value,) * 3] * 20)).tolist() == [min(value // 10, 24) * 10 + 5] * 3
 
 
 # In pictures --------------------------------------------------------------------------------------------------------
@@ -70,24 +70,35 @@ def boxes(*solids: Solid) -> Boxes:
     turns = np.tile(np.eye(3), (n, 1, 1))
     category = tuple(solid.category for solid in solids)
     nan, minus = np.full((n, 2), np.nan), np.full(n, -1)
-    return Boxes((low + high) / 2, (high - low)[:, [1, 0, 2]], turns, category, names, names, nan, minus)
-
-
-def seen(every: list[Solid], annotated: list[Solid], channel: str = "CAM_FRONT") -> tuple[ByteArray, View]:
-    """A photograph of a street and the view that belongs to it."""
-    model = camera(channel)
-    pose = street_from_ego(0) @ model.ego_from_cam
-    return photograph(model, pose, every), View(Path("unused"), model, pose, boxes(*annotated), 0)
-
-
-def painted_of(sample: SampleInput, wanted: BoolArray, how: Paint) -> Painted:
-    """A sample by itself."""
-    return (
-        paint_mode_of(sample, wanted) if how == "mode" else paint_scene([sample], [bodies_of(sample, wanted, {})])[0]
+    return Boxes(
+        centre_m=(low + high) / 2,
+        size_wlh_m=(high - low)[:, [1, 0, 2]],
+        rotation=turns,
+        category=category,
+        instance=names,
+        token=names,
+        velocity_mps=nan,
+        lidar_points=minus,
     )
 
 
-def sample_of(folder: Path, pictures: list[tuple[ByteArray, View]], every: Boxes) -> SampleInput:
+def seen(every: list[Solid], annotated: list[Solid], channel: str = "CAM_FRONT") -> tuple[ByteArray, PosedImage]:
+    """A photograph of a street and the view that belongs to it."""
+    model = camera(channel)
+    pose = street_from_ego(0) @ model.ego_from_cam
+    return photograph(model, pose, every), PosedImage(Path("unused"), model, pose, boxes(*annotated), 0)
+
+
+def painted_of(sample: SampleInput, wanted: BoolArray, how: PaintMethod) -> BoxColours:
+    """A sample by itself."""
+    return (
+        mode_colours(sample, wanted)
+        if how == "mode"
+        else robust_colours([sample], [bodywork_by_box(sample, wanted, {})])[0]
+    )
+
+
+def sample_of(folder: Path, pictures: list[tuple[ByteArray, PosedImage]], every: Boxes) -> SampleInput:
     """A sample without a sweep, its pictures in a folder."""
     views = []
     for image, view in pictures:
@@ -97,7 +108,7 @@ def sample_of(folder: Path, pictures: list[tuple[ByteArray, View]], every: Boxes
     return SampleInput("t", 0, np.eye(4), every, tuple(views), None)
 
 
-def paint(folder: Path, every: list[Solid], annotated: list[Solid], how: Paint) -> Painted:
+def paint(folder: Path, every: list[Solid], annotated: list[Solid], how: PaintMethod) -> BoxColours:
     sample = sample_of(folder, [seen(every, annotated)], boxes(*annotated))
     return painted_of(sample, np.ones(len(annotated), np.bool_), how)
 
@@ -107,7 +118,7 @@ def within_bin(rgb: ByteArray, expected: tuple[int, int, int]) -> bool:
 
 
 @BOTH
-def test_cars_are_painted_in_their_own_colour(tmp_path: Path, paint_name: Paint) -> None:
+def test_cars_are_painted_in_their_own_colour(tmp_path: Path, paint_name: PaintMethod) -> None:
     street = [car(10, 2, RED, "a"), car(12, -4, BLUE, "b")]
     colours, known = paint(tmp_path, street, street, paint_name)
     assert known.all()
@@ -116,7 +127,7 @@ def test_cars_are_painted_in_their_own_colour(tmp_path: Path, paint_name: Paint)
 
 
 @BOTH
-def test_a_car_behind_another_is_painted_from_its_visible_part(tmp_path: Path, paint_name: Paint) -> None:
+def test_a_car_behind_another_is_painted_from_its_visible_part(tmp_path: Path, paint_name: PaintMethod) -> None:
     # The blue one covers all but a strip of the red one.
     red, blue = car(16, -2.2, RED, "red"), car(9, -0.7, BLUE, "blue")
     image, view = seen([red, blue], [red, blue])
@@ -131,7 +142,7 @@ def test_a_car_behind_another_is_painted_from_its_visible_part(tmp_path: Path, p
 
 
 @BOTH
-def test_a_car_that_another_covers_is_unknown(tmp_path: Path, paint_name: Paint) -> None:
+def test_a_car_that_another_covers_is_unknown(tmp_path: Path, paint_name: PaintMethod) -> None:
     red, blue = car(16, -1, RED, "red"), Solid((6, -3, 0), (8, 1, 2.5), BLUE, "vehicle.truck", "blue")
     colours, known = paint(tmp_path, [red, blue], [red, blue], paint_name)
     assert known.tolist() == [False, True]
@@ -139,20 +150,20 @@ def test_a_car_that_another_covers_is_unknown(tmp_path: Path, paint_name: Paint)
 
 
 @BOTH
-def test_cars_that_no_camera_sees_are_unknown(tmp_path: Path, paint_name: Paint) -> None:
+def test_cars_that_no_camera_sees_are_unknown(tmp_path: Path, paint_name: PaintMethod) -> None:
     behind, aside, tiny = car(-10, 0, RED, "a"), car(3, 9, RED, "b"), car(150, 0, RED, "c")
     _, known = paint(tmp_path, [behind, aside, tiny], [behind, aside, tiny], paint_name)
     assert known.tolist() == [False, False, False]
 
 
 @BOTH
-def test_without_images_all_are_unknown(paint_name: Paint) -> None:
+def test_without_images_all_are_unknown(paint_name: PaintMethod) -> None:
     sample = SampleInput("t", 0, np.eye(4), boxes(*[car(10, 2, RED, name) for name in "abc"]), (), None)
     assert painted_of(sample, np.ones(3, np.bool_), paint_name).known.tolist() == [False] * 3
 
 
 @BOTH
-def test_only_the_wanted_are_painted(tmp_path: Path, paint_name: Paint) -> None:
+def test_only_the_wanted_are_painted(tmp_path: Path, paint_name: PaintMethod) -> None:
     street = [car(10, 2, RED, "a"), car(12, -4, BLUE, "b")]
     sample = sample_of(tmp_path, [seen(street, street)], boxes(*street))
     assert painted_of(sample, np.array([False, True]), paint_name).known.tolist() == [False, True]
@@ -163,12 +174,12 @@ def test_cameras_colours_are_evened_out(tmp_path: Path) -> None:
     sample = sample_of(tmp_path, [seen(street, street)], boxes(*street))
     every = np.ones(1, np.bool_)
     for gains, expected in (({"CAM_FRONT": np.array([1.1, 1.0, 0.9])}, [132, 120, 108]), ({}, [120, 120, 120])):
-        (painted,) = paint_scene([sample], [bodies_of(sample, every, gains)])
+        (painted,) = robust_colours([sample], [bodywork_by_box(sample, every, gains)])
         assert painted.rgb[0].tolist() == expected
 
 
 @BOTH
-def test_all_views_count_together(tmp_path: Path, paint_name: Paint) -> None:
+def test_all_views_count_together(tmp_path: Path, paint_name: PaintMethod) -> None:
     """Left and front camera each see an end of the car; the colour is that of the end that is seen more of."""
     street = [car(4.5, 3.2, RED, "a")]
     pictures = [seen(street, street), seen(street, street, "CAM_LEFT")]
@@ -180,13 +191,13 @@ def test_all_views_count_together(tmp_path: Path, paint_name: Paint) -> None:
     assert within_bin(colours[0], RED)
 
 
-def test_what_lidar_sees_before_a_car_hides_it() -> None:
+def test_lidar_points_in_front_of_a_car_occlude_it() -> None:
     """A wall that nobody annotated covers the car's lower half."""
     red, wall = car(14, -1, RED, "a"), Solid((10, -4, 0), (10.2, 2, 1.0), GREEN)
     image, view = seen([red, wall], [red])
     y, z = np.meshgrid(np.linspace(-4, 2, 200), np.linspace(0.02, 1.0, 50))
     on_wall = np.stack([np.full(y.size, 10.0), y.ravel(), z.ravel()], axis=1)
-    depth = DepthPicture(apply(inverse(view.world_from_cam), on_wall), view.camera)
+    depth = DepthImage(apply(inverse(view.world_from_cam), on_wall), view.camera)
     without = box_pixels(image, view, view.boxes_world, 0, None)
     with_depth = box_pixels(image, view, view.boxes_world, 0, depth)
     assert (without.rgb == GREEN).all(axis=1).sum() > 50
@@ -194,10 +205,10 @@ def test_what_lidar_sees_before_a_car_hides_it() -> None:
     assert len(with_depth.rgb) > 50
 
 
-def swept(view: View, solids: list[Solid]) -> DepthPicture:
+def swept(view: PosedImage, solids: list[Solid]) -> DepthImage:
     """What a fine LiDAR sees of a street, as a camera's depth picture."""
     points, _ = scan(np.array([0.9, -1.0, 1.84]), solids, beams(np.linspace(-30, 8, 300), 2000))
-    return DepthPicture(apply(inverse(view.world_from_cam), points), view.camera)
+    return DepthImage(apply(inverse(view.world_from_cam), points), view.camera)
 
 
 def test_a_car_is_seen_past_the_corner_of_a_box_that_is_too_large() -> None:
@@ -211,7 +222,7 @@ def test_a_car_is_seen_past_the_corner_of_a_box_that_is_too_large() -> None:
     assert (found.rgb == RED).all(axis=1).mean() > 0.95
 
 
-def test_what_lidar_sees_beyond_a_box_is_no_part_of_the_car() -> None:
+def test_pixels_with_lidar_depth_beyond_a_box_are_not_the_car() -> None:
     """The box is much too wide; beside the car the LiDAR sees the wall behind it."""
     red, wall = car(12, -1, RED, "a"), Solid((30, -20, 0), (31, 20, 8), GREEN)
     wide = Solid((10, -4, 0), (14, 2, 1.5), RED, "vehicle.car", "a")
@@ -247,14 +258,14 @@ def test_a_turned_and_tilted_box_is_hit_where_it_is() -> None:
     """Pixels of a box in a picture in which only that box is white: all of them, and none beside it."""
     pose = transform(np.array([0.95, 0.05, 0.1, 0.3]), [12.0, 1.0, 1.0])
     box = Boxes(
-        pose[None, :3, 3].copy(),
-        np.array([[2.0, 4.5, 1.6]]),
-        pose[None, :3, :3].copy(),
-        ("vehicle.car",),
-        ("a",),
-        ("a",),
-        np.full((1, 2), np.nan),
-        np.full(1, -1),
+        centre_m=pose[None, :3, 3].copy(),
+        size_wlh_m=np.array([[2.0, 4.5, 1.6]]),
+        rotation=pose[None, :3, :3].copy(),
+        category=("vehicle.car",),
+        instance=("a",),
+        token=("a",),
+        velocity_mps=np.full((1, 2), np.nan),
+        lidar_points=np.full(1, -1),
     )
     model = camera(width=960, height=540)
     cam_from_street = inverse(street_from_ego(0) @ model.ego_from_cam)
@@ -268,7 +279,7 @@ def test_a_turned_and_tilted_box_is_hit_where_it_is() -> None:
         ]
     ).reshape(540, 960)
     image = np.where(inside > -1.0, 255, 0).astype(np.uint8)[..., None].repeat(3, axis=2)
-    view = View(Path("unused"), model, inverse(cam_from_street), box, 0)
+    view = PosedImage(Path("unused"), model, inverse(cam_from_street), box, 0)
     found = box_pixels(image, view, box, 0, None)
     assert len(found.rgb) > 1000
     assert (found.rgb == 255).all()
@@ -278,14 +289,14 @@ def test_a_turned_and_tilted_box_is_hit_where_it_is() -> None:
 
 
 @BOTH
-def test_an_oncoming_car_is_painted_where_the_pictures_show_it(tmp_path: Path, paint_name: Paint) -> None:
+def test_an_oncoming_car_is_painted_where_the_images_show_it(tmp_path: Path, paint_name: PaintMethod) -> None:
     """They are stamped 0.1 s, or 2 m, before the sweep; a green wall stands behind the car."""
     wall = Solid((19.0, -6.0, 0.0), (20.0, 8.0, 5.0), GREEN)
     plan = Plan(
         lambda t: [car(14 - 20 * t, 2, RED, "a"), wall], samples=2, cameras=("CAM_FRONT",), camera_delay_s=-0.1
     )
     dataset = make(tmp_path, plan)
-    sample = gather(dataset, dataset.scenes[0]).samples[0]
+    sample = gather_inputs(dataset, dataset.scenes[0]).samples[0]
     colours, known = painted_of(sample, np.ones(1, np.bool_), paint_name)
     assert known[0]
     assert within_bin(colours[0], RED)
@@ -295,18 +306,18 @@ def test_an_oncoming_car_is_painted_where_the_pictures_show_it(tmp_path: Path, p
 
 
 @BOTH
-def test_a_sample_without_lidar_is_painted_by_boxes_alone(tmp_path: Path, paint_name: Paint) -> None:
+def test_a_sample_without_lidar_is_painted_by_boxes_alone(tmp_path: Path, paint_name: PaintMethod) -> None:
     dataset = make(tmp_path, Plan(lambda t: [car(10, 2, BLUE, "a")], samples=1, with_lidar=()))
-    sample = gather(dataset, dataset.scenes[0]).samples[0]
+    sample = gather_inputs(dataset, dataset.scenes[0]).samples[0]
     colours, known = painted_of(sample, np.ones(1, np.bool_), paint_name)
     assert known[0]
     assert within_bin(colours[0], BLUE)
 
 
 @BOTH
-def test_a_damaged_image(tmp_path: Path, paint_name: Paint) -> None:
+def test_a_damaged_image(tmp_path: Path, paint_name: PaintMethod) -> None:
     dataset = make(tmp_path, Plan(lambda t: [], samples=1))
-    sample = gather(dataset, dataset.scenes[0]).samples[0]
+    sample = gather_inputs(dataset, dataset.scenes[0]).samples[0]
     sample.views[0].path.write_bytes(b"no image")
     with pytest.raises(DataError, match=r"CAM_BACK.*\.png: not a readable image"):
         painted_of(sample, np.zeros(0, np.bool_), paint_name)
@@ -315,19 +326,19 @@ def test_a_damaged_image(tmp_path: Path, paint_name: Paint) -> None:
 # Over a scene -------------------------------------------------------------------------------------------------------
 
 
-def shown(rgb: tuple[int, int, int], area_px: float) -> list[Bodywork]:
+def shown(rgb: tuple[int, int, int], area_px: float) -> list[BodyworkSamples]:
     """A picture that shows bodywork of one colour."""
     colours = np.array([rgb] * 20, np.uint8)
-    return [Bodywork(colours, lab_from_rgb(colours), area_px, True)]
+    return [BodyworkSamples(colours, lab_from_rgb(colours), area_px, True)]
 
 
-def over_time(*samples: dict[str, list[Bodywork]]) -> list[dict[str, list[int] | None]]:
+def over_time(*samples: dict[str, list[BodyworkSamples]]) -> list[dict[str, list[int] | None]]:
     """The colours of some objects, by name and sample; None where it is unknown."""
     inputs = []
     for objects in samples:
         every = boxes(*(car(10 * i, 0, RED, name) for i, name in enumerate(objects)))
         inputs.append(SampleInput("t", 0, np.eye(4), every, (), None))
-    painted = paint_scene(inputs, [list(objects.values()) for objects in samples])
+    painted = robust_colours(inputs, [list(objects.values()) for objects in samples])
     return [
         {name: rgb.tolist() if known else None for name, rgb, known in zip(objects, *own, strict=True)}
         for objects, own in zip(samples, painted, strict=True)
@@ -354,5 +365,5 @@ def test_an_object_that_is_never_seen_stays_unknown() -> None:
 
 
 def test_without_boxes_there_is_nothing_to_paint() -> None:
-    (painted,) = paint_scene([SampleInput("t", 0, np.eye(4), boxes(), (), None)], [[]])
+    (painted,) = robust_colours([SampleInput("t", 0, np.eye(4), boxes(), (), None)], [[]])
     assert painted.rgb.shape == (0, 3)

@@ -28,11 +28,11 @@ from appocc.errors import DataError
 from appocc.files import read_image
 from appocc.geometry import apply
 from appocc.grid import BEVGrid
-from appocc.groundtruth.compose import Settings
-from appocc.groundtruth.pipeline import Summary, generate
+from appocc.groundtruth.compose import GroundTruthSettings
+from appocc.groundtruth.pipeline import GenerationSummary, generate
 from appocc.nuscenes import Dataset
 
-SETTINGS = Settings(BEVGrid(-16.0, 16.0, -16.0, 16.0, 0.4), "robust")
+SETTINGS = GroundTruthSettings(BEVGrid(-16.0, 16.0, -16.0, 16.0, 0.4), "robust")
 
 
 def street(t: float) -> list[Solid]:
@@ -55,7 +55,7 @@ def dataset(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
     return make(tmp_path_factory.mktemp("street"), PLAN)
 
 
-def run(dataset: Dataset, out: Path, workers: int = 1, settings: Settings = SETTINGS) -> Summary:
+def run(dataset: Dataset, out: Path, workers: int = 1, settings: GroundTruthSettings = SETTINGS) -> GenerationSummary:
     return generate(dataset, dataset.scenes, out, settings, workers, lambda _: None)
 
 
@@ -63,7 +63,7 @@ def run(dataset: Dataset, out: Path, workers: int = 1, settings: Settings = SETT
 def made(dataset: Dataset, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Its maps."""
     out = tmp_path_factory.mktemp("maps")
-    assert run(dataset, out) == Summary(3, 0, out / "bev" / "groundtruth", {})
+    assert run(dataset, out) == GenerationSummary(3, 0, out / "bev" / "groundtruth", {})
     return out
 
 
@@ -80,7 +80,7 @@ def maps(dataset: Dataset, out: Path) -> list[BEVMap]:
 # What is in the maps ------------------------------------------------------------------------------------------------
 
 
-def test_a_map_and_a_picture_a_sample(dataset: Dataset, made: Path) -> None:
+def test_a_map_and_a_preview_per_sample(dataset: Dataset, made: Path) -> None:
     tokens = [sample.token for sample in dataset.samples(dataset.scenes[0])]
     files = {f"bev/groundtruth/{t}.{kind}" for t in tokens for kind in ("npz", "png")}
     assert set(digests(made)) == {*files, "bev/groundtruth/inputs.jsonl"}
@@ -146,7 +146,7 @@ def test_the_same_bytes_again_and_with_more_workers(dataset: Dataset, made: Path
     assert digests(tmp_path / "two") == expected
 
 
-def test_a_run_goes_on_where_it_was(dataset: Dataset, made: Path, tmp_path: Path) -> None:
+def test_a_run_resumes(dataset: Dataset, made: Path, tmp_path: Path) -> None:
     run(dataset, tmp_path)
     expected = digests(tmp_path)
     first, second, third = (bev_path(tmp_path, "groundtruth", s.token) for s in dataset.samples(dataset.scenes[0]))
@@ -159,7 +159,7 @@ def test_a_run_goes_on_where_it_was(dataset: Dataset, made: Path, tmp_path: Path
     assert digests(tmp_path) == expected == digests(made)
 
 
-def test_maps_are_made_anew_when_what_they_are_made_of_changed(tiny: TinyDataset, tmp_path: Path) -> None:
+def test_maps_are_replaced_when_their_inputs_changed(tiny: TinyDataset, tmp_path: Path) -> None:
     def anew() -> tuple[int, dict[str, int]]:
         summary = run(Dataset(tiny.root), tmp_path)
         return summary.made, summary.stale
@@ -182,7 +182,7 @@ def test_maps_are_made_anew_when_what_they_are_made_of_changed(tiny: TinyDataset
 def test_other_settings_are_another_run(dataset: Dataset, tmp_path: Path) -> None:
     run(dataset, tmp_path)
     before = digests(tmp_path)
-    other = Settings(SETTINGS.grid, "mode")
+    other = GroundTruthSettings(SETTINGS.grid, "mode")
     assert run(dataset, tmp_path, settings=other)[:2] == (3, 0)
     assert digests(tmp_path) != before
     assert maps(dataset, tmp_path)[0].meta["settings"]["paint"] == "mode"
@@ -229,7 +229,7 @@ def test_a_failure_in_the_middle_leaves_whole_files_only(
     # A folder lies where the last map should go: the worker that makes it fails.
     blocked = bev_path(out, "groundtruth", dataset.samples(dataset.scenes[0])[2].token)
     blocked.mkdir(parents=True)
-    with pytest.raises(DataError, match=rf"{blocked.name}: cannot be written \(it is no plain file\)"):
+    with pytest.raises(DataError, match=rf"{blocked.name}: cannot be written \(not a plain file\)"):
         run(dataset, out, workers)
     blocked.rmdir()
     blocked.with_suffix(".png").unlink()  # the picture comes first, so that a map is never without one

@@ -12,7 +12,7 @@ from appocc.bevmap import LANE, ROAD, VEHICLE, BEVMap, bev_path
 from appocc.checks import FloatArray
 from appocc.frame import Frame
 from appocc.grid import BEVGrid
-from appocc.groundtruth.compose import Settings
+from appocc.groundtruth.compose import GroundTruthSettings
 from appocc.groundtruth.pipeline import generate
 from appocc.nuscenes import Dataset
 from appocc.nuscenes.writer import token_of
@@ -76,10 +76,12 @@ def test_pandaset_vehicles_have_the_colours_that_people_read(panda_root: Path) -
     assert np.median(errors) < 9
 
 
-def test_nuscenes_as_it_lies_there(data_root: Path, tmp_path: Path) -> None:
+def test_nuscenes_as_downloaded(data_root: Path, tmp_path: Path) -> None:
     dataset = Dataset(data_root / "nuscenes_real")
     before = sorted(path.name for path in dataset.root.rglob("*"))
-    summary = generate(dataset, dataset.scenes, tmp_path, Settings(BEVGrid.surround(), "robust"), 1, lambda _: None)
+    summary = generate(
+        dataset, dataset.scenes, tmp_path, GroundTruthSettings(BEVGrid.surround(), "robust"), 1, lambda _: None
+    )
     assert summary.made == 2
     for scene in dataset.scenes:
         (sample,) = dataset.samples(scene)

@@ -10,7 +10,7 @@ from tolerances import assert_rounded
 from appocc.checks import FloatArray
 from appocc.groundtruth import store
 from appocc.groundtruth.colouring import LANE, NO_CAMERA, OTHER, ROAD, UNLABELLED, ColouredPoints
-from appocc.groundtruth.surface import ExposureGains, Surface, exposure_gains
+from appocc.groundtruth.surface import ExposureGains, GroundSurface, exposure_gains
 
 ORIGIN = np.array([1000.0, -2000.0, 5.0])
 EVEN = ExposureGains(np.ones((4, 3)))
@@ -60,7 +60,7 @@ def test_gains_go_no_further_than_their_bound() -> None:
     assert_rounded(factors, [[1.2] * 3, [1 / 1.2] * 3], 20_000)
 
 
-def test_gains_want_enough_points_and_colours_that_say_something() -> None:
+def test_gains_need_enough_points_of_unsaturated_colours() -> None:
     exposure = np.array([[1.1] * 3, [1.0] * 3])
     assert (exposure_gains([seen_by([(0, 1)], exposure, 29)], 2).factors == 1).all()
     assert (exposure_gains([seen_by([(0, 1)], exposure, 200)], 2).factors != 1).all()
@@ -108,7 +108,7 @@ def test_surface_evens_out_the_cameras() -> None:
     assert bright.rgb.tolist() == [[255, 255, 255]]
 
 
-def test_what_hangs_over_the_road_is_no_ground() -> None:
+def test_overhanging_objects_are_not_ground() -> None:
     rng = np.random.default_rng(3)
     xy = rng.uniform(0, 4, (4000, 2))
     road = points(np.column_stack([xy, rng.normal(0, 0.02, 4000)]), (90, 90, 90))
@@ -154,7 +154,7 @@ def test_points_that_no_camera_saw_have_no_colour() -> None:
     assert surface.rgb[order[1]].tolist() == [50, 60, 70]
 
 
-def labels(*ground: int) -> Surface:
+def labels(*ground: int) -> GroundSurface:
     """The surface of one fine cell with these labels."""
     return surface_of([points([[0.05, 0.05, 0]] * len(ground), (9, 9, 9), 0, list(ground))], ORIGIN, EVEN)
 
@@ -185,12 +185,12 @@ def test_strips_make_no_difference(monkeypatch: pytest.MonkeyPatch) -> None:
     for cells in (10_000, 4, 7):
         monkeypatch.setattr(store, "_STRIP_CELLS", cells)
         found.append(surface_of(sweeps, ORIGIN, EVEN))
-    for part in range(len(Surface._fields)):
+    for part in range(len(GroundSurface._fields)):
         assert np.array_equal(found[0][part], found[1][part])
         assert np.array_equal(found[0][part], found[2][part])
 
 
-def test_a_surface_of_nothing() -> None:
+def test_an_empty_surface() -> None:
     for sweeps in ([], [points(np.zeros((0, 3)), (0, 0, 0))]):
         surface = surface_of(sweeps, ORIGIN, EVEN)
         assert [len(part) for part in surface] == [0] * 6

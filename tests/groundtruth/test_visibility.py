@@ -10,7 +10,7 @@ from appocc.boxes import Boxes
 from appocc.camera import Camera
 from appocc.checks import BoolArray, FloatArray
 from appocc.geometry import apply, inverse, quaternion_from_rotation, quaternion_from_yaw, transform
-from appocc.groundtruth.visibility import DepthPicture, box_entry, hidden_by_boxes, image_rectangle
+from appocc.groundtruth.visibility import DepthImage, image_rectangle, occluded_by_boxes, ray_box_entry
 
 LIDAR = np.array([0.9, 0.0, 1.84])
 # Elevations of nuScenes' 32 beams, and of 64 beams as PandaSet's: dense about the horizon, sparse below.
@@ -35,13 +35,13 @@ def hidden(view: Camera, sweep: FloatArray, points: FloatArray) -> tuple[BoolArr
     uv, depth = view.project(apply(cam_from_ego, points))
     seen = view.sees(uv, depth)
     result = np.zeros(len(points), dtype=np.bool_)
-    result[seen] = DepthPicture(apply(cam_from_ego, sweep), view).hides(uv[seen], depth[seen])
+    result[seen] = DepthImage(apply(cam_from_ego, sweep), view).occludes(uv[seen], depth[seen])
     return result, seen
 
 
-def test_a_depth_picture_tells_how_far_the_sweep_saw() -> None:
+def test_a_depth_image_has_the_depth_of_the_sweep() -> None:
     view = camera()
-    picture = DepthPicture(np.array([[0.0, 0.0, 8.0], [0.0, 0.0, 20.0]]), view)
+    picture = DepthImage(np.array([[0.0, 0.0, 8.0], [0.0, 0.0, 20.0]]), view)
     assert_rounded(picture.depth_m(np.array([[800.0, 450.0]])), [8.0], 3, dtype=torch.float32)
     assert picture.depth_m(np.array([[100.0, 450.0], [800.0, 100.0]])).tolist() == [np.inf, np.inf]
 
@@ -51,14 +51,14 @@ def boxes(*rows: tuple[float, float, float, float, float, float, float]) -> Boxe
     n, table = len(rows), np.array(rows, dtype=np.float64).reshape(-1, 7)
     poses = [transform(quaternion_from_yaw(float(row[6])), row[:3]) for row in table]
     return Boxes(
-        table[:, :3].copy(),
-        table[:, [4, 3, 5]].copy(),
-        np.array([pose[:3, :3] for pose in poses]).reshape(-1, 3, 3),
-        ("vehicle.car",) * n,
-        tuple(map(str, range(n))),
-        tuple(map(str, range(n))),
-        np.full((n, 2), np.nan),
-        np.full(n, -1),
+        centre_m=table[:, :3].copy(),
+        size_wlh_m=table[:, [4, 3, 5]].copy(),
+        rotation=np.array([pose[:3, :3] for pose in poses]).reshape(-1, 3, 3),
+        category=("vehicle.car",) * n,
+        instance=tuple(map(str, range(n))),
+        token=tuple(map(str, range(n))),
+        velocity_mps=np.full((n, 2), np.nan),
+        lidar_points=np.full(n, -1),
     )
 
 
@@ -75,7 +75,7 @@ def test_the_ground_hides_none_of_itself(elevations: FloatArray, pitch_deg: floa
 
 
 @BEAMS
-def test_a_wall_hides_what_is_behind_it_and_not_what_is_before_it(elevations: FloatArray) -> None:
+def test_a_wall_occludes_points_behind_it_only(elevations: FloatArray) -> None:
     wall = Solid((12.0, -4.0, 0.0), (12.3, 4.0, 3.0), (0, 0, 0))
     sweep, which = scan(LIDAR, [wall], beams(elevations, 1080))
     assert (which == 0).sum() > 300
@@ -98,7 +98,7 @@ def test_a_wall_hides_what_is_behind_it_and_not_what_is_before_it(elevations: Fl
 
 
 @BEAMS
-def test_between_two_rings_the_ground_hides_what_lies_below_it(elevations: FloatArray) -> None:
+def test_ground_between_two_rings_occludes_points_below_it(elevations: FloatArray) -> None:
     sweep, _ = scan(LIDAR, [], beams(elevations, 1080))
     below = np.random.default_rng(4).uniform([10, -4, -0.3], [25, 4, -0.3], (20_000, 3))
     is_hidden, seen = hidden(camera(), sweep, below)
@@ -142,7 +142,7 @@ def test_box_entry_is_that_of_small_steps() -> None:
     for origin in rng.uniform(-6, 6, (40, 3)):
         rays = pose[:3, 3] + rng.normal(size=(20, 3)) * 1.5 - origin
         rays = rays / np.linalg.norm(rays, axis=1, keepdims=True)
-        entry = box_entry(origin, rays, pose, half)
+        entry = ray_box_entry(origin, rays, pose, half)
         places = apply(inverse(pose), origin + rays[:, None] * steps[None, :, None])
         inside = np.asarray((np.abs(places) <= half).all(axis=2))
         for one, row in zip(entry, inside, strict=True):
@@ -158,12 +158,12 @@ def test_box_entry_is_that_of_small_steps() -> None:
 def test_box_entry_at_the_edges_of_the_method() -> None:
     half, here = np.array([1.0, 1.0, 1.0]), np.eye(4)
     ahead, back = np.array([[1.0, 0, 0]]), np.array([[-1.0, 0, 0]])
-    assert box_entry(np.array([-5.0, 0, 0]), ahead, here, half)[0] == 4
-    assert box_entry(np.array([-5.0, 0, 0]), back, here, half)[0] == np.inf  # behind
-    assert box_entry(np.array([0.5, 0, 0]), ahead, here, half)[0] == 0  # begins inside
-    assert box_entry(np.array([-5.0, 1.5, 0]), ahead, here, half)[0] == np.inf  # runs beside it
-    assert box_entry(np.array([-5.0, 1.0, 0]), ahead, here, half)[0] == 4  # runs along its side
-    assert box_entry(np.array([-5.0, 0, 0]), 2 * ahead, here, half)[0] == 2  # in units of the ray
+    assert ray_box_entry(np.array([-5.0, 0, 0]), ahead, here, half)[0] == 4
+    assert ray_box_entry(np.array([-5.0, 0, 0]), back, here, half)[0] == np.inf  # behind
+    assert ray_box_entry(np.array([0.5, 0, 0]), ahead, here, half)[0] == 0  # begins inside
+    assert ray_box_entry(np.array([-5.0, 1.5, 0]), ahead, here, half)[0] == np.inf  # runs beside it
+    assert ray_box_entry(np.array([-5.0, 1.0, 0]), ahead, here, half)[0] == 4  # runs along its side
+    assert ray_box_entry(np.array([-5.0, 0, 0]), 2 * ahead, here, half)[0] == 2  # in units of the ray
 
 
 def hidden_behind(
@@ -172,7 +172,7 @@ def hidden_behind(
     view = camera()
     places = np.array(points)
     uv, _ = view.project_ego(places)
-    return [bool(one) for one in hidden_by_boxes(places, uv, view, view.ego_from_cam, boxes(*rows))]
+    return [bool(one) for one in occluded_by_boxes(places, uv, view, view.ego_from_cam, boxes(*rows))]
 
 
 def test_hidden_by_boxes() -> None:

@@ -13,13 +13,13 @@ from appocc.bevmap import LANE, ROAD, VEHICLE
 from appocc.camera import CameraRig
 from appocc.grid import BEVGrid
 from appocc.inference.predictor import Predictor, Weights
-from appocc.models.base import BEVModel, Output
-from appocc.models.model_spec import Setting
+from appocc.models.base import BEVModel, ModelOutput
+from appocc.models.model_spec import ModelSpec
 
 GRID = BEVGrid(-16.0, 16.0, -16.0, 16.0, 0.4)
 CHANNELS = ("CAM_FRONT_LEFT", "CAM_FRONT", "CAM_FRONT_RIGHT", "CAM_BACK")
-AROUND = Setting("360", CHANNELS, GRID, 16, 8)
-AHEAD = Setting("180", CHANNELS[:3], BEVGrid(0.0, 16.0, -16.0, 16.0, 0.4), 16, 8)
+AROUND = ModelSpec("360", CHANNELS, GRID, 16, 8)
+AHEAD = ModelSpec("180", CHANNELS[:3], BEVGrid(0.0, 16.0, -16.0, 16.0, 0.4), 16, 8)
 # Probabilities that lie on either side of the thresholds below.
 LOW, HIGH = 0.45, 0.8
 
@@ -39,27 +39,27 @@ class MadePlan(NamedTuple):
 class MadeModel(BEVModel):
     """Says that there is road to the right, a lane mark at the left and a car 10 m ahead; all in the mean colour."""
 
-    def __init__(self, setting: Setting = AROUND, colour: bool = True) -> None:
+    def __init__(self, spec: ModelSpec = AROUND, colour: bool = True) -> None:
         super().__init__()
-        self.setting = setting
+        self.spec = spec
         self.rigs: list[CameraRig] = []
         self._colour = colour
 
     def plan(self, rigs: Sequence[CameraRig]) -> MadePlan:
         self.rigs += rigs
-        centres = self.setting.grid.centres()
+        centres = self.spec.grid.centres()
         ahead = [np.stack([camera.ego_from_cam[:2, 2] for camera in rig]) for rig in rigs]
         return MadePlan(torch.from_numpy(np.stack([(centres @ axes.T > 0).any(axis=-1) for axes in ahead])))
 
-    def forward(self, images: Tensor, plan: MadePlan) -> Output:  # type: ignore[override]
-        assert images.shape == (1, len(self.rigs[-1]), 3, self.setting.height_px, self.setting.width_px)
-        x, y = (torch.from_numpy(axis) for axis in np.moveaxis(self.setting.grid.centres(), -1, 0))
+    def forward(self, images: Tensor, plan: MadePlan) -> ModelOutput:  # type: ignore[override]
+        assert images.shape == (1, len(self.rigs[-1]), 3, self.spec.height_px, self.spec.width_px)
+        x, y = (torch.from_numpy(axis) for axis in np.moveaxis(self.spec.grid.centres(), -1, 0))
         on = torch.zeros(1, 3, *x.shape)
         on[0, ROAD, y < 0] = HIGH
         on[0, LANE, y > 15] = LOW
         on[0, VEHICLE, (x - 10).abs().lt(2.3) & y.abs().lt(1)] = LOW
         mean = images.mean(dim=(1, 3, 4))[:, :, None, None]
-        return Output(torch.logit(on, 1e-4), mean.expand(1, 3, *x.shape) if self._colour else None, None)
+        return ModelOutput(torch.logit(on, 1e-4), mean.expand(1, 3, *x.shape) if self._colour else None, None)
 
 
 def predictor(model: MadeModel | None = None, digest: str = "d1") -> Predictor:

@@ -13,24 +13,24 @@ from torch import Tensor
 
 from appocc.bevmap import ROAD, BEVMap, bev_path
 from appocc.errors import DataError
-from appocc.inference.inputs import Moment, dataset_moments
+from appocc.inference.inputs import InferenceInput, dataset_inputs
 from appocc.inference.predictor import Predictor
-from appocc.models.base import Output
-from appocc.models.model_spec import SETTINGS
+from appocc.models.base import ModelOutput
+from appocc.models.model_spec import MODEL_SPECS
 from appocc.nuscenes import Dataset
 from benchmarks import missing_cameras
 from benchmarks.missing_cameras import as_json, choices, evenly, main, measure, score, table
 
-SIX = SETTINGS["360"].channels
+SIX = MODEL_SPECS["360"].channels
 
 
 class WhatIsSeen(MadeModel):
     """Says that there is road wherever a camera looks, and nothing else."""
 
-    def forward(self, images: Tensor, plan: MadePlan) -> Output:  # type: ignore[override]
+    def forward(self, images: Tensor, plan: MadePlan) -> ModelOutput:  # type: ignore[override]
         on = torch.zeros(1, 3, *GRID.shape)
         on[:, ROAD] = HIGH * plan.seen
-        return Output(torch.logit(on, 1e-4), None, None)
+        return ModelOutput(torch.logit(on, 1e-4), None, None)
 
 
 @pytest.fixture
@@ -45,9 +45,9 @@ def street(tiny: TinyDataset) -> Path:
     return tiny.root
 
 
-def moments_of(root: Path) -> list[Moment]:
+def inputs_of(root: Path) -> list[InferenceInput]:
     dataset = Dataset(root)
-    return dataset_moments(dataset, dataset.scenes)
+    return dataset_inputs(dataset, dataset.scenes)
 
 
 def test_choices_of_living_cameras_are_fixed_and_few() -> None:
@@ -61,13 +61,13 @@ def test_choices_of_living_cameras_are_fixed_and_few() -> None:
 
 
 def test_frames_are_taken_from_all_over() -> None:
-    moments = [Moment(str(i), str(i), lambda: pytest.fail("read too early"), dict) for i in range(9)]
-    assert [moment.token for moment in evenly(moments, 3)] == ["0", "4", "8"]
-    assert evenly(moments, 20) == moments
+    inputs = [InferenceInput(str(i), str(i), lambda: pytest.fail("read too early"), dict) for i in range(9)]
+    assert [each.token for each in evenly(inputs, 3)] == ["0", "4", "8"]
+    assert evenly(inputs, 20) == inputs
 
 
 def test_with_a_camera_gone_only_what_the_other_sees_is_right(street: Path) -> None:
-    rows = as_json(measure(predictor(WhatIsSeen()), street, "exact", moments_of(street)))
+    rows = as_json(measure(predictor(WhatIsSeen()), street, "exact", inputs_of(street)))
     assert [(row["alive"], row["choices"]) for row in rows] == [(2, 1), (1, 2)]
     assert rows[0]["seen_share"] == 1
     assert rows[0]["iou"]["all"]["road"] == {"mean": 1, "worst": 1}
@@ -85,10 +85,10 @@ def test_with_a_camera_gone_only_what_the_other_sees_is_right(street: Path) -> N
 
 def test_a_choice_is_judged_at_the_thresholds_of_the_weights(street: Path) -> None:
     made = predictor(WhatIsSeen())
-    assert score(made, street, "exact", moments_of(street), ("CAM_FRONT",)).iou["seen"]["road"] == 1
+    assert score(made, street, "exact", inputs_of(street), ("CAM_FRONT",)).iou["seen"]["road"] == 1
     high = {"road": 0.9, "vehicle": 0.5, "lane": 0.5}
     object.__setattr__(made.weights, "thresholds", high)
-    assert score(made, street, "exact", moments_of(street), ("CAM_FRONT",)).iou["seen"]["road"] == 0
+    assert score(made, street, "exact", inputs_of(street), ("CAM_FRONT",)).iou["seen"]["road"] == 0
 
 
 def without_truth(root: Path) -> None:
@@ -106,16 +106,16 @@ def without_picture(root: Path) -> None:
 def test_what_is_missing_is_told(street: Path, spoilt: Callable[[Path], None], said: str) -> None:
     spoilt(street)
     with pytest.raises(DataError, match=said):
-        measure(predictor(), street, "exact", moments_of(street))
+        measure(predictor(), street, "exact", inputs_of(street))
 
 
 def test_weights_must_fit_the_truth_and_the_rig(street: Path) -> None:
     with pytest.raises(DataError, match="truth on the grid of the weights"):
-        measure(predictor(MadeModel(AHEAD)), street, "exact", moments_of(street))
+        measure(predictor(MadeModel(AHEAD)), street, "exact", inputs_of(street))
     other = MadeModel(AHEAD)
-    other.setting = type(AHEAD)("180", ("CAM_ROOF",), AHEAD.grid, 16, 8)
+    other.spec = type(AHEAD)("180", ("CAM_ROOF",), AHEAD.grid, 16, 8)
     with pytest.raises(DataError, match="expected cameras CAM_ROOF"):
-        measure(predictor(other), street, "exact", moments_of(street))
+        measure(predictor(other), street, "exact", inputs_of(street))
 
 
 def test_as_a_command(street: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:

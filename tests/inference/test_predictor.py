@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,12 +11,13 @@ from tiny_dataset import TinyDataset
 
 from appocc.bevmap import VEHICLE
 from appocc.camera import Camera, CameraRig
+from appocc.ego_vehicle import EgoVehicle
 from appocc.errors import DataError
 from appocc.frame import Frame
 from appocc.inference import loading
 from appocc.inference.loading import load_predictor
-from appocc.inference.predictor import cameras_of
-from appocc.models.model_spec import SETTINGS
+from appocc.inference.predictor import select_cameras
+from appocc.models.model_spec import MODEL_SPECS
 from appocc.models.registry import build
 from appocc.models.rounding import rounding
 from appocc.models.weights import save_weights
@@ -46,7 +48,7 @@ def test_a_map_says_what_the_network_said(tiny: TinyDataset) -> None:
     assert bev.meta["cameras"] == ["CAM_FRONT", "CAM_BACK"]
 
 
-def test_a_dead_camera_is_no_part_of_the_rig(tiny: TinyDataset) -> None:
+def test_a_missing_camera_is_not_part_of_the_rig(tiny: TinyDataset) -> None:
     whole = frame_of(tiny)
     alive = {"CAM_FRONT": whole.images["CAM_FRONT"]}
     model = MadeModel()
@@ -62,7 +64,7 @@ def test_a_dead_camera_is_no_part_of_the_rig(tiny: TinyDataset) -> None:
     assert guessed.occupancy_valid.all()
     assert guessed.appearance_valid.all()
     assert (guessed.on & ~seen).any()
-    with pytest.raises(DataError, match="expected a picture of CAM_FRONT_LEFT"):
+    with pytest.raises(DataError, match="expected an image of CAM_FRONT_LEFT"):
         predictor()(Frame(whole.token, 0, whole.world_from_ego, whole.rig, {}))
 
 
@@ -76,6 +78,9 @@ def test_a_plan_is_made_once_for_a_rig(tiny: TinyDataset) -> None:
     fewer = {"CAM_BACK": frame.images["CAM_BACK"]}
     answer(Frame(frame.token, 0, frame.world_from_ego, frame.rig, fewer))
     assert [one.channels for one in model.rigs] == [("CAM_FRONT", "CAM_BACK"), ("CAM_BACK",)]
+    bus = replace(frame.rig, ego_vehicle=EgoVehicle(length_m=12.0))
+    answer(replace(frame, rig=bus))
+    assert [one.ego_vehicle for one in model.rigs] == [EgoVehicle(), EgoVehicle(), bus.ego_vehicle]
 
 
 def test_a_network_for_occupancy_alone_knows_no_colour(tiny: TinyDataset) -> None:
@@ -93,21 +98,21 @@ def test_an_answer_that_is_no_number_is_refused(tiny: TinyDataset, monkeypatch: 
 
 def test_cameras_of_other_names_are_used_where_all_is_seen() -> None:
     odd = rig("CAM_LEFT", "CAM_BACK", "CAM_FRONT")
-    assert [camera.channel for camera in cameras_of(AROUND, odd)] == ["CAM_FRONT", "CAM_BACK", "CAM_LEFT"]
-    assert [camera.channel for camera in cameras_of(AHEAD, odd)] == ["CAM_FRONT"]
-    assert [camera.channel for camera in cameras_of(AROUND, rig(*CHANNELS[::-1]))] == list(CHANNELS)
+    assert [camera.channel for camera in select_cameras(AROUND, odd)] == ["CAM_FRONT", "CAM_BACK", "CAM_LEFT"]
+    assert [camera.channel for camera in select_cameras(AHEAD, odd)] == ["CAM_FRONT"]
+    assert [camera.channel for camera in select_cameras(AROUND, rig(*CHANNELS[::-1]))] == list(CHANNELS)
 
 
 def test_weights_from_a_file(tiny: TinyDataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     torch.manual_seed(1)
     path, thresholds = tmp_path / "w.safetensors", "[0.4, 0.3, 0.2]"
-    save_weights(path, build("appocc", SETTINGS["180"]), {"network": "appocc", "thresholds": thresholds})
+    save_weights(path, build("appocc", MODEL_SPECS["180"]), {"network": "appocc", "thresholds": thresholds})
     loaded = load_predictor(path, torch.device("cpu"))
     assert loaded.weights.thresholds == {"road": 0.4, "vehicle": 0.3, "lane": 0.2}
     assert loaded.weights.name == "appocc (w.safetensors)"
     frame = frame_of(tiny)
     (bev, seen), (again, _) = loaded(frame), load_predictor(path, torch.device("cpu"))(frame)
-    assert bev.grid == SETTINGS["180"].grid
+    assert bev.grid == MODEL_SPECS["180"].grid
     assert seen.shape == (100, 200)
     assert 0 < seen.sum() < seen.size
     assert (bev.occupancy == again.occupancy).all()

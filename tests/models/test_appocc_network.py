@@ -14,16 +14,16 @@ from appocc.camera import Camera, CameraRig
 from appocc.checks import FloatArray
 from appocc.errors import ShapeError
 from appocc.grid import BEVGrid
-from appocc.models.fused import fused
+from appocc.models.batch_norm_folding import fold_batch_norms
 from appocc.models.heads import PRIORS, GridHeads
-from appocc.models.model_spec import SETTINGS, Setting
-from appocc.models.network import AppoccNet, doubled, paint_of
-from appocc.models.rounding import terms_of
+from appocc.models.model_spec import MODEL_SPECS, ModelSpec
+from appocc.models.network import AppoccNet, mean_colours, upsample_twice
+from appocc.models.rounding import count_terms
 from appocc.models.view_transform.sampling import HEIGHTS_M
 from appocc.rigs import read_rig
 
-AHEAD = Setting("ahead", SETTINGS["180"].channels, BEVGrid(0.0, 19.2, -9.6, 9.6, 0.8), 176, 64)
-TINY = Setting("tiny", read_rig("paper").channels, BEVGrid(-9.6, 9.6, -9.6, 9.6, 0.8), 176, 64)
+AHEAD = ModelSpec("ahead", MODEL_SPECS["180"].channels, BEVGrid(0.0, 19.2, -9.6, 9.6, 0.8), 176, 64)
+TINY = ModelSpec("tiny", read_rig("paper").channels, BEVGrid(-9.6, 9.6, -9.6, 9.6, 0.8), 176, 64)
 GREY, RED = 0.45, (0.9, 0.1, 0.2)
 STEPS = 28
 
@@ -43,18 +43,18 @@ def pictures(batch: int, cameras: int) -> Tensor:
 
 @pytest.mark.parametrize("name", ["360", "180"])
 def test_shapes_and_where_it_starts_in_both_settings(name: str) -> None:
-    setting = SETTINGS[name]
-    rig = CameraRig(tuple(read_rig("paper")[channel] for channel in setting.channels))
-    model = AppoccNet(setting, kinds=7).eval()
+    spec = MODEL_SPECS[name]
+    rig = CameraRig(tuple(read_rig("paper")[channel] for channel in spec.channels))
+    model = AppoccNet(spec, num_classes=7).eval()
     with torch.inference_mode():
         plan = model.plan([rig])
         output = model(torch.rand(1, len(rig), 3, 128, 352), plan)
-    assert output.occupancy.shape == (1, 3, *setting.grid.shape)
+    assert output.occupancy.shape == (1, 3, *spec.grid.shape)
     assert output.appearance is not None
-    assert output.appearance.shape == (1, 3, *setting.grid.shape)
+    assert output.appearance.shape == (1, 3, *spec.grid.shape)
     assert 0 <= output.appearance.min() <= output.appearance.max() <= 1
     assert output.views is None
-    assert plan.seen.shape == (1, *setting.grid.shape)
+    assert plan.seen.shape == (1, *spec.grid.shape)
     shares = torch.sigmoid(output.occupancy).mean(dim=(0, 2, 3))
     assert shares.tolist() == pytest.approx(PRIORS, rel=0.3)
     assert 1e6 < sum(weights.numel() for weights in model.parameters()) < 8e6
@@ -62,7 +62,7 @@ def test_shapes_and_where_it_starts_in_both_settings(name: str) -> None:
 
 def test_view_heads_speak_in_training_only_and_may_be_absent() -> None:
     rigs = [tiny_rig("CAM_FRONT", "CAM_BACK"), tiny_rig("CAM_BACK")]
-    model = network(kinds=7).train()
+    model = network(num_classes=7).train()
     views = model(pictures(2, 2), model.plan(rigs)).views
     assert views is not None
     assert views.depth.shape == (2, 2, 41, 8, 22)
@@ -91,8 +91,8 @@ def test_rigs_of_a_batch_do_not_touch_each_other_and_padding_is_not_looked_at() 
         together = model(images, model.plan(rigs))
         alone = [model(images[i : i + 1, : len(rig)], model.plan([rig])) for i, rig in enumerate(rigs)]
     for i, each in enumerate(alone):
-        assert_rounded(together.occupancy[i : i + 1], each.occupancy, terms_of(model))
-        assert_rounded(together.appearance[i : i + 1], each.appearance, terms_of(model))
+        assert_rounded(together.occupancy[i : i + 1], each.occupancy, count_terms(model))
+        assert_rounded(together.appearance[i : i + 1], each.appearance, count_terms(model))
 
 
 def test_order_of_cameras_does_not_matter() -> None:
@@ -103,7 +103,7 @@ def test_order_of_cameras_does_not_matter() -> None:
     with torch.inference_mode():
         one = model(images, model.plan([rig])).occupancy
         other = model(images.flip(1), model.plan([turned])).occupancy
-    assert_rounded(one, other, terms_of(model))
+    assert_rounded(one, other, count_terms(model))
 
 
 def test_a_rig_without_cameras_still_gets_an_answer() -> None:
@@ -131,14 +131,14 @@ def test_export_and_fused_paths_answer_the_same() -> None:
     images = pictures(1, 2)
     with torch.inference_mode():
         expected = model(images, plan).occupancy
-        assert_rounded(model(images, plan.for_export()).occupancy, expected, terms_of(model))
-        assert_rounded(fused(model)(images, plan).occupancy, expected, terms_of(model))
+        assert_rounded(model(images, plan.for_export()).occupancy, expected, count_terms(model))
+        assert_rounded(fold_batch_norms(model)(images, plan).occupancy, expected, count_terms(model))
     assert any(isinstance(part, torch.nn.BatchNorm2d) for part in model.modules())
 
 
 def test_doubling_keeps_places() -> None:
     coarse = torch.arange(5.0).expand(1, 1, 3, 5) * 2  # value = place of output j of a stride-2 convolution
-    fine = doubled(coarse, torch.zeros(1, 1, 5, 9))
+    fine = upsample_twice(coarse, torch.zeros(1, 1, 5, 9))
     assert_rounded(fine[0, 0, 0], torch.arange(9.0), 4)
     assert fine.shape == (1, 1, 5, 9)
 
@@ -146,7 +146,7 @@ def test_doubling_keeps_places() -> None:
 def test_a_cell_listens_to_the_pixels_that_show_its_ground() -> None:
     """Gradient centroids of what is pulled, in the picture, lie where the cell's centre is projected."""
     rig = CameraRig((read_rig("paper")["CAM_FRONT"],))
-    model = AppoccNet(SETTINGS["360"]).eval()
+    model = AppoccNet(MODEL_SPECS["360"]).eval()
     plan = model.plan([rig])
     heard: list[Tensor] = []
     model.trunk.register_forward_pre_hook(lambda _, inputs: heard.append(inputs[2]))
@@ -160,13 +160,13 @@ def test_a_cell_listens_to_the_pixels_that_show_its_ground() -> None:
         weight[weight < 1e-3 * weight.max()] = 0  # squeeze-excite listens to the whole picture, a little
         rows, columns = torch.meshgrid(torch.arange(128.0), torch.arange(352.0), indexing="ij")
         centroid = [float((axis * weight).sum() / weight.sum()) for axis in (columns, rows)]
-        centre = np.append(SETTINGS["360"].grid.centre_of(cell), 0.0)[None]
+        centre = np.append(MODEL_SPECS["360"].grid.centre_of(cell), 0.0)[None]
         assert rig["CAM_FRONT"].project_ego(centre)[0][0] == pytest.approx(centroid, abs=2.5)
 
 
 def test_paint_is_the_mean_around_the_pixel_that_a_feature_looks_at() -> None:
     picture = torch.arange(18.0).expand(1, 3, 10, 18) / 18
-    paint = paint_of(picture)
+    paint = mean_colours(picture)
     assert paint.shape == (1, 4, 3, 5)
     assert_rounded(paint[0, 0, 1, 1:4], torch.tensor([4.0, 8.0, 12.0]) / 18, 64)
     assert (paint[:, 3] == 1).all()

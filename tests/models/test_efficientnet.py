@@ -4,7 +4,7 @@ from tolerances import assert_rounded
 
 from appocc.errors import ShapeError
 from appocc.models.efficientnet import EfficientNetB0, column_centres_px
-from appocc.models.rounding import terms_of
+from appocc.models.rounding import count_terms
 
 
 @pytest.fixture
@@ -46,7 +46,7 @@ def test_a_cut_encoder_has_no_dead_weights_and_takes_the_whole_ones_weights(imag
     missing, unexpected = cut.load_state_dict(whole.state_dict(), strict=False)
     assert not missing
     assert all(name.startswith(("features.4", "features.5", "features.6", "features.7")) for name in unexpected)
-    assert_rounded(cut(images)[8], whole(images)[8], terms_of(cut))
+    assert_rounded(cut(images)[8], whole(images)[8], count_terms(cut))
     cut(images)[8].square().sum().backward()
     assert all(each.grad is not None for each in cut.parameters())
 
@@ -58,8 +58,8 @@ def test_a_column_looks_at_the_centroid_of_its_gradient(stride: int, column: int
     wide = torch.rand(2, 3, 64, 336).requires_grad_()
     features = encoder(wide)[stride]
     (gradient,) = torch.autograd.grad(features[..., column].square().sum(), wide)
-    pull = gradient.abs().sum(dim=(0, 1, 2))
-    centroid = (pull * torch.arange(336)).sum() / pull.sum()
+    sample_features = gradient.abs().sum(dim=(0, 1, 2))
+    centroid = (sample_features * torch.arange(336)).sum() / sample_features.sum()
     expected = column_centres_px(stride, column + 1)[column]
     assert expected == 160
     # A stem that were padded on the right only would lie 1 px off at the first stride and 15 px at the last.

@@ -5,11 +5,11 @@ from tolerances import assert_rounded
 from appocc.camera import CameraRig
 from appocc.grid import BEVGrid
 from appocc.models.lss import LiftSplatShoot
-from appocc.models.model_spec import Setting
-from appocc.models.rounding import terms_of
+from appocc.models.model_spec import ModelSpec
+from appocc.models.rounding import count_terms
 from appocc.rigs import read_rig
 
-SMALL = Setting("small", ("CAM_FRONT", "CAM_BACK"), BEVGrid(0, 16, -12, 12, 0.8), 96, 64)
+SMALL = ModelSpec("small", ("CAM_FRONT", "CAM_BACK"), BEVGrid(0, 16, -12, 12, 0.8), 96, 64)
 
 
 @pytest.fixture(scope="module")
@@ -30,7 +30,7 @@ def test_it_answers_occupancy_alone(network: LiftSplatShoot) -> None:
     assert output.occupancy.shape == (2, 3, 20, 30)
     assert output.appearance is None
     assert output.views is None
-    assert_rounded(output.occupancy[1], alone.occupancy[0], terms_of(network))
+    assert_rounded(output.occupancy[1], alone.occupancy[0], count_terms(network))
 
 
 def test_it_has_as_many_weights_as_the_original_less_the_dead_ones(network: LiftSplatShoot) -> None:

@@ -6,12 +6,12 @@ from appocc.camera import CameraRig
 from appocc.errors import ShapeError
 from appocc.grid import BEVGrid
 from appocc.models import neat
-from appocc.models.model_spec import SETTINGS, Setting
+from appocc.models.model_spec import MODEL_SPECS, ModelSpec
 from appocc.models.neat import AttentionField
-from appocc.models.rounding import terms_of
+from appocc.models.rounding import count_terms
 from appocc.rigs import read_rig
 
-SMALL = Setting("small", ("CAM_FRONT", "CAM_FRONT_LEFT", "CAM_FRONT_RIGHT"), BEVGrid(0, 10, -12, 12, 1.0), 64, 32)
+SMALL = ModelSpec("small", ("CAM_FRONT", "CAM_FRONT_LEFT", "CAM_FRONT_RIGHT"), BEVGrid(0, 10, -12, 12, 1.0), 64, 32)
 WHOLE = read_rig("paper")
 RIG = CameraRig(tuple(WHOLE[each].resized(64, 32) for each in SMALL.channels))
 IMAGES = torch.rand(2, 4, 3, 32, 64, generator=torch.Generator().manual_seed(2))
@@ -39,7 +39,7 @@ def test_every_cell_is_answered_however_many_are_asked_at_once(
     assert whole.shape == (2, 3, 10, 24)
     assert whole[0, 0].std() > 0
     monkeypatch.setattr(neat, "_CHUNK", 37)
-    assert_rounded(answer(network, IMAGES, RIG, RIG), whole, terms_of(network))
+    assert_rounded(answer(network, IMAGES, RIG, RIG), whole, count_terms(network))
 
 
 def test_rigs_of_a_batch_may_differ_and_dead_cameras_take_no_attention(network: AttentionField) -> None:
@@ -47,8 +47,8 @@ def test_rigs_of_a_batch_may_differ_and_dead_cameras_take_no_attention(network: 
     images[1, 1:] = torch.nan
     front = CameraRig(RIG.cameras[:1])
     together = answer(network, images, RIG, front)
-    assert_rounded(together[1:], answer(network, images[1:, :1], front), terms_of(network))
-    assert_rounded(together[:1], answer(network, images[:1], RIG), terms_of(network))
+    assert_rounded(together[1:], answer(network, images[1:, :1], front), count_terms(network))
+    assert_rounded(together[:1], answer(network, images[:1], RIG), count_terms(network))
     assert answer(network, images[:1], CameraRig(())).isfinite().all()
 
 
@@ -56,7 +56,7 @@ def test_the_order_of_cameras_does_not_matter(network: AttentionField) -> None:
     order = [2, 0, 1]
     turned = CameraRig(tuple(RIG.cameras[i] for i in order))
     assert_rounded(
-        answer(network, IMAGES[:1, order], turned), answer(network, IMAGES[:1, :3], RIG), terms_of(network)
+        answer(network, IMAGES[:1, order], turned), answer(network, IMAGES[:1, :3], RIG), count_terms(network)
     )
 
 
@@ -94,14 +94,14 @@ def test_in_training_all_cells_reach_all_weights(monkeypatch: pytest.MonkeyPatch
 
 @pytest.mark.parametrize("name", ["360", "180"])
 def test_both_settings_can_be_planned(name: str) -> None:
-    setting = SETTINGS[name]
-    plan = AttentionField(setting).plan([CameraRig(tuple(WHOLE[each] for each in setting.channels))])
-    assert plan.rays.shape == (1, len(setting.channels), 8, 22, 6)
-    assert plan.seen.shape == (1, *setting.grid.shape)
+    spec = MODEL_SPECS[name]
+    plan = AttentionField(spec).plan([CameraRig(tuple(WHOLE[each] for each in spec.channels))])
+    assert plan.rays.shape == (1, len(spec.channels), 8, 22, 6)
+    assert plan.seen.shape == (1, *spec.grid.shape)
 
 
 def test_pictures_of_another_size_are_refused(network: AttentionField) -> None:
-    with pytest.raises(ShapeError, match="expected a picture of 64x32, got 352x128"):
+    with pytest.raises(ShapeError, match="expected an image of 64x32, got 352x128"):
         network.plan([WHOLE])
     with pytest.raises(ShapeError, match="got none"):
         network.plan([])

@@ -8,18 +8,18 @@ import torch
 from appocc.camera import CameraRig
 from appocc.errors import NotFoundError, ShapeError
 from appocc.grid import BEVGrid
-from appocc.models.model_spec import Setting
+from appocc.models.model_spec import ModelSpec
 from appocc.models.registry import COLOURINGS, DEFAULT, NETWORKS, build
 from appocc.rigs import read_rig
 
 RIG = CameraRig(tuple(camera.resized(128, 64) for camera in read_rig("paper") if "FRONT" in camera.channel))
-SETTING = Setting("tiny", RIG.channels, BEVGrid(0.0, 19.2, -9.6, 9.6, 1.2), 128, 64)
+SETTING = ModelSpec("tiny", RIG.channels, BEVGrid(0.0, 19.2, -9.6, 9.6, 1.2), 128, 64)
 
 
 @pytest.mark.parametrize("name", NETWORKS)
 def test_every_network_answers(name: str) -> None:
     model = build(name, SETTING).eval()
-    assert model.setting is SETTING
+    assert model.spec is SETTING
     plan = model.plan([RIG, CameraRig(RIG.cameras[:2])])
     with torch.inference_mode():
         output = model(torch.rand(2, 3, 3, 64, 128), plan)
@@ -35,7 +35,7 @@ def test_every_network_answers(name: str) -> None:
 def test_appearance_can_be_left_out_and_view_heads_put_in(name: str) -> None:
     whole, bare = (build(name, SETTING, appearance=appearance) for appearance in (True, False))
     assert sum(p.numel() for p in bare.parameters()) < sum(p.numel() for p in whole.parameters())
-    model = build(name, SETTING, kinds=9).train()
+    model = build(name, SETTING, num_classes=9).train()
     views = model(torch.rand(1, 3, 3, 64, 128), model.plan([RIG])).views
     assert views is not None
     assert views.kind is not None
@@ -48,7 +48,7 @@ def test_names() -> None:
     with pytest.raises(NotFoundError, match="no network 'ipm'; there are appocc, paper, lss, neat"):
         build("ipm", SETTING)
     with pytest.raises(ShapeError, match="expected 0 or more classes, got -1"):
-        build(DEFAULT, SETTING, kinds=-1)
+        build(DEFAULT, SETTING, num_classes=-1)
 
 
 def test_all_networks_agree_on_what_is_seen() -> None:

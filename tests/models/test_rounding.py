@@ -4,7 +4,7 @@ import torch
 from tolerances import assert_rounded
 from torch import nn
 
-from appocc.models.rounding import rounding, terms_of
+from appocc.models.rounding import count_terms, rounding
 
 
 def test_two_orders_of_a_sum_differ_by_rounding_and_a_lost_term_by_more() -> None:
@@ -22,7 +22,7 @@ def test_coarser_types_and_longer_sums_round_more() -> None:
 
 
 def test_terms_are_the_weights_of_an_output_layer_by_layer() -> None:
-    assert terms_of(nn.Sequential(nn.Conv2d(3, 8, 3), nn.BatchNorm2d(8), nn.Conv2d(8, 8, 5, groups=8))) == 27 + 25
+    assert count_terms(nn.Sequential(nn.Conv2d(3, 8, 3), nn.BatchNorm2d(8), nn.Conv2d(8, 8, 5, groups=8))) == 27 + 25
 
 
 def test_nothing_hides_behind_what_is_no_number() -> None:

@@ -12,11 +12,11 @@ from safetensors.torch import save_file
 from appocc.errors import DataError, NotFoundError
 from appocc.grid import BEVGrid
 from appocc.models.base import BEVModel
-from appocc.models.model_spec import SETTINGS, Setting
+from appocc.models.model_spec import MODEL_SPECS, ModelSpec
 from appocc.models.registry import build
-from appocc.models.weights import begin_with, load_model, save_weights, thresholds_of
+from appocc.models.weights import load_model, load_weights_into, read_thresholds, save_weights
 
-TINY = Setting("own", ("CAM_A", "CAM_B"), BEVGrid(0.0, 8.0, -4.0, 4.0, 0.5), 96, 64)
+TINY = ModelSpec("own", ("CAM_A", "CAM_B"), BEVGrid(0.0, 8.0, -4.0, 4.0, 0.5), 96, 64)
 CARD = {"network": "neat", "data": "a few towns"}
 
 
@@ -34,10 +34,10 @@ def written(tmp_path: Path) -> Path:
 
 def test_weights_and_card_come_back(written: Path) -> None:
     model, card = load_model(written)
-    assert model.setting == TINY
+    assert model.spec == TINY
     assert not model.training
     assert card["data"] == "a few towns"
-    assert thresholds_of(card) == (0.5, 0.5, 0.5)
+    assert read_thresholds(card) == (0.5, 0.5, 0.5)
     for key, tensor in network().state_dict().items():
         assert torch.equal(model.state_dict()[key], tensor)
 
@@ -45,11 +45,11 @@ def test_weights_and_card_come_back(written: Path) -> None:
 def test_heads_for_training_are_left_out_and_appearance_is_found_out(tmp_path: Path) -> None:
     path = tmp_path / "w.safetensors"
     for appearance in (True, False):
-        model = network("appocc", appearance=appearance, kinds=5)
+        model = network("appocc", appearance=appearance, num_classes=5)
         save_weights(path, model, {"network": "appocc", "thresholds": "[0.4, 0.3, 0.2]"}, half=True)
         loaded, card = load_model(path)
         assert card["appearance"] == json.dumps(appearance)
-        assert thresholds_of(card) == (0.4, 0.3, 0.2)
+        assert read_thresholds(card) == (0.4, 0.3, 0.2)
         assert loaded.state_dict().keys() < model.state_dict().keys()
         for key, tensor in loaded.state_dict().items():
             assert tensor.dtype == model.state_dict()[key].dtype
@@ -76,8 +76,8 @@ def test_random_numbers_of_the_caller_go_on(tmp_path: Path) -> None:
 
 
 def test_a_setting_of_the_paper_comes_back(tmp_path: Path) -> None:
-    save_weights(tmp_path / "w.safetensors", build("neat", SETTINGS["180"]), CARD)
-    assert load_model(tmp_path / "w.safetensors")[0].setting == SETTINGS["180"]
+    save_weights(tmp_path / "w.safetensors", build("neat", MODEL_SPECS["180"]), CARD)
+    assert load_model(tmp_path / "w.safetensors")[0].spec == MODEL_SPECS["180"]
 
 
 def test_what_cannot_be_saved(tmp_path: Path) -> None:
@@ -124,10 +124,10 @@ def test_foreign_files(tmp_path: Path) -> None:
         ({"version": "2"}, "expected weights of version 1, got 2"),
         ({"network": "other"}, "no network 'other'"),
         ({"network": "appocc"}, "weights of "),
-        ({"appearance": "maybe"}, "the card cannot be true"),
+        ({"appearance": "maybe"}, "invalid model card"),
         ({"thresholds": "[0.5, 0.5]"}, "three thresholds"),
         ({"thresholds": "[0.5, 0.5, 2]"}, "thresholds of 0 .. 1"),
-        ({"view": "[]"}, "the card cannot be true"),
+        ({"view": "[]"}, "invalid model card"),
         (
             {"view": json.dumps({"channels": ["CAM_A"], "grid": [0, 1e6, 0, 1e6, 0.5], "size_px": [96, 64]})},
             "a grid of",
@@ -149,7 +149,7 @@ def test_cards_that_cannot_be_true(written: Path, changed: dict[str, str | None]
 
 def test_the_card_of_a_setting_of_the_paper_with_other_cameras(tmp_path: Path) -> None:
     path = tmp_path / "w.safetensors"
-    save_weights(path, build("neat", SETTINGS["180"]), CARD)
+    save_weights(path, build("neat", MODEL_SPECS["180"]), CARD)
     model, card = load_model(path)
     for key, value in (("view", card["view"].replace("CAM_FRONT_LEFT", "CAM_BACK")), ("setting", "360")):
         save_file(model.state_dict(), path, {"card": json.dumps({**card, key: value})})
@@ -177,30 +177,30 @@ def test_a_training_begins_with_weights(tmp_path: Path) -> None:
     path = tmp_path / "w.safetensors"
     save_weights(path, network("appocc"), {"network": "appocc"})
     torch.manual_seed(2)
-    model = build("appocc", TINY, kinds=3)
+    model = build("appocc", TINY, num_classes=3)
     before, given = (
         {key: value.clone() for key, value in model.state_dict().items()},
         load_model(path)[0].state_dict(),
     )
-    begin_with(model, path)
+    load_weights_into(model, path)
     assert given.keys() < before.keys()
     for key, value in model.state_dict().items():
         assert torch.equal(value, given.get(key, before[key])), key
 
 
 @pytest.mark.parametrize(
-    "other", [network("lss"), network("appocc", appearance=False), build("appocc", SETTINGS["180"])]
+    "other", [network("lss"), network("appocc", appearance=False), build("appocc", MODEL_SPECS["180"])]
 )
 def test_weights_of_another_network_are_refused(tmp_path: Path, other: BEVModel) -> None:
     path = tmp_path / "w.safetensors"
     save_weights(path, network("appocc"), {"network": "appocc"})
     with pytest.raises(DataError, match="expected weights of the network to train, got those of appocc, own degrees"):
-        begin_with(other, path)
+        load_weights_into(other, path)
 
 
 @pytest.mark.parametrize("name", ["appocc", "paper", "lss", "neat"])
 def test_what_was_trained_with_heads_for_training_can_be_kept(tmp_path: Path, name: str) -> None:
     path = tmp_path / "w.safetensors"
-    model = network(name, appearance=name in ("appocc", "paper"), kinds=4)
+    model = network(name, appearance=name in ("appocc", "paper"), num_classes=4)
     save_weights(path, model, {"network": name})
     assert load_model(path)[0].state_dict().keys() <= model.state_dict().keys()

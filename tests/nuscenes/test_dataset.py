@@ -39,7 +39,7 @@ def test_a_dataset_without_scenes(tiny: TinyDataset) -> None:
         Dataset(tiny.write()).scene("x")
 
 
-def test_samples_come_in_order_of_time_whatever_the_order_of_rows(tiny: TinyDataset) -> None:
+def test_samples_are_in_order_of_time_for_any_order_of_rows(tiny: TinyDataset) -> None:
     tiny.tables["sample"].reverse()
     dataset, scene, samples = opened(tiny)
     assert [sample.timestamp_us - START_US for sample in samples] == [0, 500_000, 1_000_000]
@@ -192,7 +192,7 @@ def test_the_pose_of_a_sample_is_that_of_its_lidar(tiny: TinyDataset) -> None:
     np.testing.assert_allclose(apply(world_from_ego, np.array([1.0, 0, 0])), [100, 203.5, 0])
 
 
-def test_without_a_file_at_its_time_the_pose_lies_between_its_neighbours(tiny: TinyDataset) -> None:
+def test_without_a_file_at_its_time_the_pose_is_interpolated(tiny: TinyDataset) -> None:
     tiny.tables["sample_data"] = [r for r in tiny.tables["sample_data"] if "LIDAR" not in r["token"]]
     dataset, _, samples = opened(tiny)
     for sample, y in zip(samples, (200.0, 202.5, 205.0), strict=True):
@@ -245,7 +245,7 @@ def test_a_box_of_unknown_category_is_refused(tiny: TinyDataset) -> None:
         dataset.boxes_world(samples[0])
 
 
-def test_a_frame_holds_what_was_seen_at_one_moment(tiny: TinyDataset) -> None:
+def test_a_frame_has_all_images_of_one_time(tiny: TinyDataset) -> None:
     dataset, _, samples = opened(tiny)
     frame = dataset.frame(samples[1])
     assert (frame.token, frame.timestamp_us) == (samples[1].token, START_US + 500_000)

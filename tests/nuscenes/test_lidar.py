@@ -47,7 +47,7 @@ def test_points_that_are_all_no_numbers(tmp_path: Path) -> None:
 def test_labels_are_one_byte_a_point(tmp_path: Path) -> None:
     (tmp_path / "a.bin").write_bytes(bytes([24, 17]))
     assert read_labels(tmp_path / "a.bin", 2).tolist() == [24, 17]
-    with pytest.raises(DataError, match=r"a\.bin: expected 3 labels, one a point, got 2"):
+    with pytest.raises(DataError, match=r"a\.bin: expected 3 labels, one per point, got 2"):
         read_labels(tmp_path / "a.bin", 3)
     with pytest.raises(DataError, match=r"none\.bin: cannot be read"):
         read_labels(tmp_path / "none.bin", 2)

@@ -71,7 +71,7 @@ def test_a_grey_value_may_mean_unknown(tiny: TinyDataset) -> None:
     assert drivable.tolist() == [False, True]
 
 
-def test_a_window_says_the_same_as_the_whole(tiny: TinyDataset) -> None:
+def test_a_window_equals_the_whole_mask(tiny: TinyDataset) -> None:
     grey = np.random.default_rng(1).choice(np.array([0, 255], np.uint8), (300, 400))
     dataset = with_mask(tiny, grey, origin_m=[-10.0, 5.0])
     scene = dataset.scenes[0]
@@ -290,6 +290,6 @@ def test_towns_without_a_name_or_with_a_wrong_one(tiny: TinyDataset, location: s
         assert vector_map(dataset, dataset.scenes[0]) is None
 
 
-def test_a_map_picture_in_colour_is_no_mask(tiny: TinyDataset) -> None:
+def test_a_colour_map_image_is_not_a_mask(tiny: TinyDataset) -> None:
     dataset = with_mask(tiny, np.full((50, 50, 3), 255, np.uint8))
     assert mask_window(dataset, dataset.scenes[0], *EVERYWHERE) is None

@@ -62,7 +62,7 @@ def test_lidarseg_knows_roads_and_no_markings(tiny: TinyDataset) -> None:
     assert found(tiny, 1) is None  # sweeps between key frames have none
 
 
-def test_a_recording_s_own_labels_come_first(tiny: TinyDataset) -> None:
+def test_labels_of_the_recording_have_priority(tiny: TinyDataset) -> None:
     lidarseg(tiny)
     own(tiny)
     labels = found(tiny)
@@ -73,7 +73,7 @@ def test_a_recording_s_own_labels_come_first(tiny: TinyDataset) -> None:
     assert np.flatnonzero(labels.is_lane).tolist() == [8, 9]  # other markings, such as zebras, are road and no lane
 
 
-def test_labels_that_do_not_tell_the_road_are_no_source(tiny: TinyDataset) -> None:
+def test_label_sets_without_road_are_no_source(tiny: TinyDataset) -> None:
     lidarseg(tiny)
     own(tiny, {3: "Vegetation"})
     labels = found(tiny)
@@ -90,7 +90,7 @@ def test_categories_without_an_index_are_no_labels(tiny: TinyDataset) -> None:
     assert found(tiny) is None
 
 
-def test_labels_beyond_a_byte_are_left_out(tiny: TinyDataset) -> None:
+def test_labels_beyond_a_byte_are_ignored(tiny: TinyDataset) -> None:
     own(tiny, {7: "Road", 300: "Road", -1: "Road"})
     labels = found(tiny)
     assert labels is not None

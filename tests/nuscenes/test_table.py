@@ -13,21 +13,21 @@ from hypothesis import strategies as st
 
 from appocc.errors import DataError, NotFoundError
 from appocc.nuscenes import table as table_module
-from appocc.nuscenes.schema import Field
-from appocc.nuscenes.table import Groups, Table, at_rows, empty_table, read_table
+from appocc.nuscenes.schema import FieldSpec
+from appocc.nuscenes.table import RowGroups, Table, empty_table, read_table, take_rows
 
 FIELDS = (
-    Field("token", "token"),
-    Field("time", "time"),
-    Field("note", "text", required=False),
-    Field("name", "name", required=False),
-    Field("parts", "tokens", required=False),
-    Field("key", "bool"),
-    Field("place", "vector", width=3),
-    Field("count", "int", required=False, unknown=-1),
-    Field("other", "any", required=False),
-    Field("title", "name"),
-    Field("mode", "name", required=False, choices=("", "one", "two")),
+    FieldSpec("token", "token"),
+    FieldSpec("time", "time"),
+    FieldSpec("note", "text", required=False),
+    FieldSpec("name", "name", required=False),
+    FieldSpec("parts", "tokens", required=False),
+    FieldSpec("key", "bool"),
+    FieldSpec("place", "vector", width=3),
+    FieldSpec("count", "int", required=False, unknown=-1),
+    FieldSpec("other", "any", required=False),
+    FieldSpec("title", "name"),
+    FieldSpec("mode", "name", required=False, choices=("", "one", "two")),
 )
 
 
@@ -66,7 +66,7 @@ def test_null_means_not_known(tmp_path: Path) -> None:
     assert np.isnan(t.array("place")[0, 1])
 
 
-def test_times_with_a_fraction_are_cut_to_whole_microseconds(tmp_path: Path) -> None:
+def test_fractions_of_microseconds_are_truncated(tmp_path: Path) -> None:
     t = read(tmp_path, [record(0), record(1, time=1557858039302414.8)])
     assert t.array("time").tolist() == [0, 1557858039302414]
     assert t.cut == ("time",)
@@ -225,7 +225,7 @@ def test_an_empty_table_has_no_rows_and_finds_none(tmp_path: Path) -> None:
 
 
 def test_groups_keep_the_order_of_rows() -> None:
-    groups = Groups(np.array([b"x", b"yy", b"x", b"z", b"x"]))
+    groups = RowGroups(np.array([b"x", b"yy", b"x", b"z", b"x"]))
     assert groups.rows("x").tolist() == [0, 2, 4]
     assert groups.rows("yy").tolist() == [1]
     assert groups.rows("q").tolist() == []
@@ -234,11 +234,11 @@ def test_groups_keep_the_order_of_rows() -> None:
 
 @given(st.lists(st.sampled_from(["", "a", "b", "cc"])))
 def test_groups_part_all_rows(values: list[str]) -> None:
-    groups = Groups(np.array([value.encode() for value in values], dtype=np.bytes_))
+    groups = RowGroups(np.array([value.encode() for value in values], dtype=np.bytes_))
     for value in ("", "a", "b", "cc", "d"):
         assert groups.rows(value).tolist() == [i for i, one in enumerate(values) if one == value]
 
 
 def test_values_at_rows() -> None:
-    assert at_rows(np.array([5, 6]), np.array([1, -1, 0])).tolist() == [6, -1, 5]
-    assert at_rows(np.array([], dtype=np.int64), np.array([-1, -1])).tolist() == [-1, -1]
+    assert take_rows(np.array([5, 6]), np.array([1, -1, 0])).tolist() == [6, -1, 5]
+    assert take_rows(np.array([], dtype=np.int64), np.array([-1, -1])).tolist() == [-1, -1]

@@ -48,7 +48,7 @@ def test_roots_without_a_dataset_or_with_several(tiny: TinyDataset, tmp_path: Pa
         find_version(tiny.root, None)
 
 
-def test_tables_are_read_once_and_only_when_asked_for(tiny_root: Path) -> None:
+def test_tables_are_read_once_and_on_demand(tiny_root: Path) -> None:
     tables = Tables(tiny_root)
     (tiny_root / "v1.0-tiny" / "sample_annotation.json").write_text("damaged")
     assert tables["sample"] is tables["sample"]

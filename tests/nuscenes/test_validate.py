@@ -19,7 +19,7 @@ from appocc.nuscenes.validate import validate
 
 
 @pytest.mark.parametrize("images", [True, False])
-def test_a_whole_dataset_has_no_findings(tiny: TinyDataset, images: bool) -> None:
+def test_a_valid_dataset_has_no_problems(tiny: TinyDataset, images: bool) -> None:
     assert found(tiny, images) == []
 
 
@@ -75,7 +75,7 @@ def test_a_dataset_without_rows(tiny: TinyDataset) -> None:
     assert_only(found(tiny), *expected)
 
 
-def test_tokens_that_come_twice_or_are_empty(tiny: TinyDataset) -> None:
+def test_repeated_and_empty_tokens(tiny: TinyDataset) -> None:
     tiny.tables["attribute"].append({**tiny.tables["attribute"][0]})
     tiny.tables["visibility"].append({"token": "", "level": "x"})
     assert_only(
@@ -160,11 +160,11 @@ def test_a_chain_in_pieces(tiny: TinyDataset) -> None:
 
 def test_time_that_runs_backwards(tiny: TinyDataset) -> None:
     tiny.tables["sample_data"][1]["timestamp"] = START_US + 600_000
-    reason = f"its next {token('CAM_FRONT', 490_000)} lies 110000 us before it"
+    reason = f"its next {token('CAM_FRONT', 490_000)} is 110000 us earlier"
     assert_only(found(tiny), ("sample_data", token("CAM_FRONT", 240_000), "time runs backwards", reason))
 
 
-def test_time_that_stands_still(tiny: TinyDataset) -> None:
+def test_times_that_do_not_increase(tiny: TinyDataset) -> None:
     tiny.tables["sample"][1]["timestamp"] = START_US
     kinds = {(p.table, p.kind) for p in found(tiny)}
     assert kinds == {("sample", "time runs backwards"), ("sample_annotation", "time runs backwards")}
@@ -209,7 +209,7 @@ def test_counts_that_the_tables_do_not_state(tiny: TinyDataset) -> None:
     assert found(tiny) == []
 
 
-def test_samples_without_files_and_files_that_come_twice(tiny: TinyDataset) -> None:
+def test_samples_without_files_and_repeated_files(tiny: TinyDataset) -> None:
     data = tiny.tables["sample_data"]
     for row in data[3::4]:
         row["sample_token"] = token("sample", 1)
@@ -231,7 +231,7 @@ def test_a_lidar_that_some_samples_lack_is_a_note(tiny: TinyDataset) -> None:
     assert problems[0].severity == "note"
 
 
-def test_names_that_come_twice(tiny: TinyDataset) -> None:
+def test_repeated_scene_names(tiny: TinyDataset) -> None:
     tiny.tables["scene"].append({**tiny.tables["scene"][0], "token": "other", "nbr_samples": 0})
     repeated = [p for p in found(tiny) if p.kind == "repeated name"]
     assert_only(repeated, ("scene", "other", "repeated name", "another scene is called 'scene-tiny'"))

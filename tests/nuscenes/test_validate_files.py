@@ -102,7 +102,7 @@ def test_files_of_other_sensors_only_have_to_be_there(tiny: TinyDataset) -> None
 def test_masks_that_are_cut_off(tiny: TinyDataset) -> None:
     path = tiny.root / "maps/drivable.png"
     path.write_bytes(path.read_bytes()[:-10])
-    assert_only(found(tiny), ("map", token("map"), "unreadable mask", "no PNG picture, or truncated"))
+    assert_only(found(tiny), ("map", token("map"), "unreadable mask", "no PNG image, or truncated"))
 
 
 def test_point_labels(tiny: TinyDataset) -> None:
@@ -123,7 +123,7 @@ def test_point_labels(tiny: TinyDataset) -> None:
     )
 
 
-def test_labels_of_a_lidar_file_that_is_missing_are_not_judged(tiny: TinyDataset) -> None:
+def test_labels_of_a_missing_lidar_file_are_not_checked(tiny: TinyDataset) -> None:
     tiny.tables["lidarseg"] = [{"token": "a", "sample_data_token": LIDAR, "filename": "lidarseg/a.bin"}]
     (tiny.root / "lidarseg").mkdir()
     (tiny.root / "lidarseg/a.bin").write_bytes(bytes(9))
@@ -145,13 +145,13 @@ def test_a_sweep_that_only_begins_without_finite_points(tiny: TinyDataset) -> No
     assert [p.kind for p in found(tiny)] == ["bad LiDAR points"]
 
 
-def test_pictures_with_padding_after_their_end_are_whole(tiny: TinyDataset) -> None:
+def test_images_with_trailing_padding_are_valid(tiny: TinyDataset) -> None:
     with (tiny.root / tiny.row("sample_data", FRONT)["filename"]).open("ab") as file:
         file.write(bytes(500))
     assert found(tiny, images=True) == found(tiny, images=False) == []
 
 
-def test_a_picture_cut_off_but_for_its_end_mark(tiny: TinyDataset) -> None:
+def test_a_truncated_image_with_an_end_marker(tiny: TinyDataset) -> None:
     path = tiny.root / tiny.row("sample_data", FRONT)["filename"]
     noise = np.random.default_rng(1).integers(0, 255, (20, 32, 3), np.uint8)
     data = cv2.imencode(".jpg", noise)[1].tobytes()

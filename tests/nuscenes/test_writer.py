@@ -20,7 +20,13 @@ INTRINSIC = np.array([[100.0, 0, 50], [0, 100, 30], [0, 0, 1]])
 
 
 def box(name: str, x: float = 0.0, category: str = "vehicle.car", **more: Any) -> Annotation:
-    return Annotation(name, category, transform(np.eye(3), [x, 0.0, 0.0]), (1.8, 4.5, 1.5), **more)
+    return Annotation(
+        instance=name,
+        category=category,
+        world_from_box=transform(np.eye(3), [x, 0.0, 0.0]),
+        size_wlh_m=(1.8, 4.5, 1.5),
+        **more,
+    )
 
 
 def filled(root: Path) -> Writer:
@@ -35,7 +41,13 @@ def filled(root: Path) -> Writer:
             time_us = 1_000_000 * k
             writer.add("sample", samples[k], timestamp=time_us, scene_token=scene)
             writer.add_file(
-                samples[k], "CAM_FRONT", mounts[0], POSE, time_us - 10, f"samples/{name}{k}.jpg", (100, 60)
+                sample=samples[k],
+                channel="CAM_FRONT",
+                calibration=mounts[0],
+                world_from_ego=POSE,
+                timestamp_us=time_us - 10,
+                filename=f"samples/{name}{k}.jpg",
+                size_px=(100, 60),
             )
             writer.add_file(samples[k], "LIDAR_TOP", mounts[1], POSE, time_us, f"samples/{name}{k}.pcd.bin")
             writer.add_annotation(scene, samples[k], box("car", float(k), attribute="vehicle.moving", lidar_points=k))
@@ -164,7 +176,7 @@ def test_the_same_bytes_from_the_same_names(root: Path, tmp_path: Path) -> None:
         assert (tmp_path / path).read_bytes() == (root / path).read_bytes()
 
 
-def test_tables_beside_the_thirteen(tmp_path: Path) -> None:
+def test_additional_tables(tmp_path: Path) -> None:
     writer = Writer(tmp_path, "v1.0-test")
     writer.add_extra("lidarseg", "t", sample_data_token="d", filename="lidarseg/x.bin")
     writer.save()
@@ -183,7 +195,7 @@ def test_pose_fields() -> None:
     np.testing.assert_allclose(fields["rotation"], quaternion_from_yaw(0.5))
 
 
-def test_what_the_writer_refuses(tmp_path: Path) -> None:
+def test_invalid_rows_are_refused(tmp_path: Path) -> None:
     writer = Writer(tmp_path, "v1.0-test")
     with pytest.raises(ShapeError, match="scene x: expected at least one sample, got none"):
         writer.add_scene("x", "", "log", [])
@@ -200,7 +212,7 @@ def test_tables_that_cannot_be_written(tmp_path: Path) -> None:
 # Folders that are whole or not there --------------------------------------------------------------------------------
 
 
-def test_a_folder_appears_when_it_is_whole(tmp_path: Path) -> None:
+def test_a_folder_appears_when_it_is_complete(tmp_path: Path) -> None:
     out = tmp_path / "new" / "out"
     with whole_folder(out) as folder:
         (folder / "a").write_text("1")
@@ -235,7 +247,7 @@ def test_an_empty_folder_may_be_there(tmp_path: Path) -> None:
     assert (tmp_path / "out" / "a").exists()
 
 
-def test_what_is_there_is_never_overwritten(tmp_path: Path) -> None:
+def test_existing_folders_are_never_overwritten(tmp_path: Path) -> None:
     (tmp_path / "folder").mkdir()
     (tmp_path / "folder" / "mine").touch()
     (tmp_path / "file").touch()

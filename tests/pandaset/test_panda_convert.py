@@ -107,7 +107,7 @@ def test_every_image_has_its_own_time_and_pose(dataset: Dataset) -> None:
             assert np.abs(pose - world_from_cam(name, 2 * k)).max() < 1e-5
 
 
-def test_the_ego_lies_on_the_road(dataset: Dataset) -> None:
+def test_the_ego_origin_is_on_the_road(dataset: Dataset) -> None:
     """NuScenes' ego is PandaSet's lowered by 0.40 m along its own z; x and y stay."""
     for k, sample in enumerate(dataset.samples(dataset.scenes[0])[:2]):
         expected = world_from_ego(0.2 * k)
@@ -154,7 +154,7 @@ def test_a_moving_box_moves_along_its_heading(dataset: Dataset) -> None:
     assert math.atan2(motion[1], motion[0]) == pytest.approx(first[2], abs=1e-6)
 
 
-def test_twins_are_dropped_where_their_sibling_is_in_the_frame(dataset: Dataset) -> None:
+def test_duplicates_are_dropped_if_their_sibling_is_in_the_frame(dataset: Dataset) -> None:
     assert set(track_boxes(dataset, 0)) == {"car", "mover", "walker", "cycle"}
 
 
@@ -263,7 +263,7 @@ def test_without_road_and_class_names(tmp_path: Path) -> None:
     assert point_labels(dataset, data) is None
 
 
-def test_a_camera_without_images_is_left_out(tmp_path: Path) -> None:
+def test_a_camera_without_images_is_skipped(tmp_path: Path) -> None:
     twin = PandaTwin(tmp_path)
     for frame in twin.data["frames"]:
         del frame["cameras"]["back_camera"]
@@ -288,7 +288,7 @@ def test_several_recordings_make_one_dataset(twin: PandaTwin, tmp_path: Path) ->
     assert len(labels) == len({row["index"] for row in labels}) == 6
 
 
-def test_images_must_be_whole(tmp_path: Path) -> None:
+def test_truncated_images_are_refused(tmp_path: Path) -> None:
     """A JPEG that OpenCV would fill with grey is refused, and nothing is left behind."""
     twin = PandaTwin(tmp_path)
     path = twin.source / "002" / "camera" / "left_camera" / "02.jpg"

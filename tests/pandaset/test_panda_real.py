@@ -77,7 +77,7 @@ def test_real_ego_poses(panda_root: Path, frames: list[dict[str, Any]]) -> None:
         assert difference[:3, :3].max() < (1e-4 if exact else 0.01)
 
 
-def test_real_road_lies_at_the_height_of_the_ego(panda_root: Path) -> None:
+def test_real_road_is_at_the_height_of_the_ego(panda_root: Path) -> None:
     dataset = Dataset(panda_root)
     for sample in dataset.samples(dataset.scenes[0])[::13]:
         data = dataset.data(sample)["LIDAR_TOP"]
@@ -140,9 +140,9 @@ def test_real_plain_and_pickled_forms_give_the_same(data_root: Path, tmp_path: P
     source, lidar = data_root / "pandaset_002", data_root / "pandaset_002_lidar"
     roots = []
     for name, recording in (("plain", read_plain(source, lidar)), ("pickled", read_pickles(source / "002", lidar))):
-        both = tuple(moment for moment in recording.moments if moment.index in (0, 20, 40, 60, 78))
+        both = tuple(frame for frame in recording.frames if frame.index in (0, 20, 40, 60, 78))
         writer = Writer(tmp_path / name, "v1.0-pandaset")
-        convert(replace(recording, moments=both, road=None, source=""), writer, lambda _: None)
+        convert(replace(recording, frames=both, road=None, source=""), writer, lambda _: None)
         writer.save()
         roots.append(tmp_path / name)
     _same_tables(roots[0] / "v1.0-pandaset", roots[1] / "v1.0-pandaset", atol=2e-5)

@@ -24,15 +24,15 @@ def twin(tmp_path: Path) -> PandaTwin:
     return PandaTwin(tmp_path)
 
 
-def test_both_forms_say_the_same(twin: PandaTwin) -> None:
+def test_both_formats_give_the_same_recording(twin: PandaTwin) -> None:
     """The published yaw is the heading of the width axis, dimensions.x the width, points lie in the world."""
     plain, published = read_plain(twin.source, twin.lidar), read_pickles(twin.publish() / "002", None)
     assert published.name == plain.name == "002"
     assert published.label_names == plain.label_names
     for channel, intrinsic in plain.intrinsics.items():
         np.testing.assert_allclose(published.intrinsics[channel], intrinsic)
-    assert [m.index for m in published.moments] == [m.index for m in plain.moments]
-    for ours, theirs in zip(plain.moments, published.moments, strict=True):
+    assert [m.index for m in published.frames] == [m.index for m in plain.frames]
+    for ours, theirs in zip(plain.frames, published.frames, strict=True):
         assert theirs.time_s == ours.time_s
         np.testing.assert_allclose(theirs.world_from_ego, ours.world_from_ego, atol=1e-6)
         assert theirs.images.keys() == ours.images.keys()
@@ -77,14 +77,14 @@ def test_sweeps_that_lie_apart(twin: PandaTwin, below: str) -> None:
     sequence, apart = twin.publish() / "002", twin.root / "apart"
     (apart / below).mkdir(parents=True)
     (sequence / "lidar" / "02.pkl.gz").rename(apart / below / "02.pkl.gz")
-    found = [moment.read_sweep is not None for moment in read_pickles(sequence, apart).moments]
+    found = [frame.read_sweep is not None for frame in read_pickles(sequence, apart).frames]
     assert found == [False, True, False]
 
 
 def test_labels_may_be_missing(twin: PandaTwin) -> None:
     sequence = twin.publish() / "002"
     (sequence / "annotations/semseg/00.pkl.gz").unlink()
-    first = read_pickles(sequence, None).moments[0]
+    first = read_pickles(sequence, None).frames[0]
     assert first.read_sweep is not None
     assert first.read_sweep().labels is None
 
@@ -145,7 +145,7 @@ BAD: dict[str, tuple[Callable[[Path], object], str]] = {
     ),
     "labels too few": (
         lambda s: retable(s / "annotations/semseg/02.pkl.gz", lambda t: t.iloc[:-1]),
-        r"semseg/02\.pkl\.gz: expected 365 labels, one a point, got 364",
+        r"semseg/02\.pkl\.gz: expected 365 labels, one per point, got 364",
     ),
 }
 

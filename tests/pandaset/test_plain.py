@@ -62,7 +62,7 @@ BAD: dict[str, tuple[Change, str]] = {
     ),
     "time before 1970": (lambda d: d["frames"][2].update(t_lidar=-5), r"expected seconds since 1970, got -5"),
     "number infinite": (lambda d: d["frames"][2].update(i=float("inf")), r"OverflowError"),
-    "time back": (lambda d: d["frames"][4].update(t_lidar=1.0), r"times do not rise"),
+    "time back": (lambda d: d["frames"][4].update(t_lidar=1.0), r"times of the frames do not increase"),
     "no camera time": (lambda d: front(d).pop("t"), r"'t'"),
     "camera time NaN": (
         lambda d: front(d).update(t=float("inf")),
@@ -131,7 +131,7 @@ def reshaped(twin: PandaTwin, **parts: np.typing.NDArray[Any]) -> None:
 
 BAD_FILES: dict[str, tuple[Callable[[PandaTwin], object], str]] = {
     "json": (lambda t: spoil(t.source / "frames.json", b'{"frames": ['), r"frames\.json: no valid JSON"),
-    "json list": (lambda t: spoil(t.source / "frames.json", b"[]"), r"frames\.json: not the plain twin"),
+    "json list": (lambda t: spoil(t.source / "frames.json", b"[]"), r"frames\.json: not a plain copy"),
     "image gone": (
         lambda t: (t.source / "002/camera/left_camera/02.jpg").unlink(),
         r"left_camera/02\.jpg: cannot be read",
@@ -188,17 +188,17 @@ def test_bad_files(twin: PandaTwin, name: str) -> None:
     assert sorted(path.name for path in twin.root.iterdir()) == ["panda", "panda_lidar"]
 
 
-def test_frames_without_images_are_left_out(twin: PandaTwin) -> None:
+def test_frames_without_images_are_skipped(twin: PandaTwin) -> None:
     recording = read_plain(twin.source, twin.lidar)
-    assert [moment.index for moment in recording.moments] == [0, 2, 4]
-    assert [moment.read_sweep is not None for moment in recording.moments] == [True, True, False]
+    assert [frame.index for frame in recording.frames] == [0, 2, 4]
+    assert [frame.read_sweep is not None for frame in recording.frames] == [True, True, False]
     assert recording.source == "made by hand"
-    np.testing.assert_allclose(recording.moments[1].world_from_ego, world_from_ego(0.2), atol=2e-6)
+    np.testing.assert_allclose(recording.frames[1].world_from_ego, world_from_ego(0.2), atol=2e-6)
 
 
 def test_rounded_poses_become_rigid(twin: PandaTwin) -> None:
-    for moment in read_plain(twin.source, None).moments:
-        for pose in (moment.world_from_ego, *(image.world_from_cam for image in moment.images.values())):
+    for frame in read_plain(twin.source, None).frames:
+        for pose in (frame.world_from_ego, *(image.world_from_cam for image in frame.images.values())):
             assert np.abs(pose[:3, :3] @ pose[:3, :3].T - np.eye(3)).max() < 1e-12
 
 

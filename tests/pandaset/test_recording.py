@@ -11,37 +11,54 @@ from appocc.boxes import is_vehicle
 from appocc.errors import DataError, ShapeError
 from appocc.nuscenes.writer import CATEGORIES
 from appocc.pandaset.classes import attribute_of, category_of
-from appocc.pandaset.recording import Cuboid, Image, Moment, Recording, RoadRaster, Sweep, without_twins
+from appocc.pandaset.recording import (
+    Cuboid,
+    LidarSweep,
+    PandaFrame,
+    PandaImage,
+    Recording,
+    RoadRaster,
+    drop_duplicate_cuboids,
+)
 
 
 def cuboid(track: str, sensor: int = -1, sibling: str | None = None) -> Cuboid:
-    return Cuboid(track, "Car", np.zeros(3), np.array([4.0, 2.0, 1.5]), 0.0, None, sensor, sibling)
+    return Cuboid(
+        track=track,
+        label="Car",
+        centre_world_m=np.zeros(3),
+        size_lwh_m=np.array([4.0, 2.0, 1.5]),
+        yaw_world_rad=0.0,
+        motion=None,
+        sensor=sensor,
+        sibling=sibling,
+    )
 
 
-def test_twins_go_only_where_their_sibling_is() -> None:
+def test_duplicates_are_dropped_only_with_their_sibling() -> None:
     alone, main, twin = cuboid("a"), cuboid("b", 0, "c"), cuboid("c", 1, "b")
     orphan, unpaired = cuboid("d", 1, "gone"), cuboid("e", 1, None)
-    kept = without_twins((alone, twin, main, orphan, unpaired))
+    kept = drop_duplicate_cuboids((alone, twin, main, orphan, unpaired))
     assert [c.track for c in kept] == ["a", "b", "d", "e"]
 
 
-def moment(index: int, time_s: float) -> Moment:
-    image = Image(Path("a.jpg"), time_s, np.eye(4))
-    return Moment(index, time_s, np.eye(4), {"CAM_FRONT": image}, (), None)
+def frame(index: int, time_s: float) -> PandaFrame:
+    image = PandaImage(Path("a.jpg"), time_s, np.eye(4))
+    return PandaFrame(index, time_s, np.eye(4), {"CAM_FRONT": image}, (), None)
 
 
-def recording(*moments: Moment) -> Recording:
-    return Recording("x", moments, {"CAM_FRONT": np.eye(3)}, {7: "Road"}, None, "")
+def recording(*frames: PandaFrame) -> Recording:
+    return Recording("x", frames, {"CAM_FRONT": np.eye(3)}, {7: "Road"}, None, "")
 
 
-def test_what_a_recording_must_be() -> None:
-    good = recording(moment(0, 1.0), moment(1, 1.1))
-    assert len(good.moments) == 2
+def test_invalid_recordings_are_refused() -> None:
+    good = recording(frame(0, 1.0), frame(1, 1.1))
+    assert len(good.frames) == 2
     with pytest.raises(DataError, match="sequence x: no frames"):
         recording()
     for times in ((1.0, 1.0), (1.1, 1.0)):
-        with pytest.raises(DataError, match="the frames' times do not rise"):
-            recording(*(moment(i, t) for i, t in enumerate(times)))
+        with pytest.raises(DataError, match="the times of the frames do not increase"):
+            recording(*(frame(i, t) for i, t in enumerate(times)))
     with pytest.raises(DataError, match="CAM_FRONT has images but no intrinsic matrix"):
         replace(good, intrinsics={})
     with pytest.raises(ShapeError, match="CAM_FRONT intrinsic"):
@@ -52,15 +69,15 @@ def test_what_a_recording_must_be() -> None:
         replace(good, label_names={7: "Rode"})
 
 
-def test_what_its_parts_must_be() -> None:
+def test_invalid_parts_are_refused() -> None:
     with pytest.raises(ShapeError, match=r"a\.jpg world_from_cam"):
-        Image(Path("x/a.jpg"), 0.0, np.zeros((4, 4)))
+        PandaImage(Path("x/a.jpg"), 0.0, np.zeros((4, 4)))
     with pytest.raises(ShapeError, match=r"a\.jpg time"):
-        Image(Path("x/a.jpg"), np.nan, np.eye(4))
+        PandaImage(Path("x/a.jpg"), np.nan, np.eye(4))
     with pytest.raises(ShapeError, match="frame 3 world_from_ego"):
-        Moment(3, 0.0, np.zeros((4, 4)), {}, (), None)
+        PandaFrame(3, 0.0, np.zeros((4, 4)), {}, (), None)
     with pytest.raises(ShapeError, match="frame 3 time"):
-        Moment(3, np.inf, np.eye(4), {}, (), None)
+        PandaFrame(3, np.inf, np.eye(4), {}, (), None)
     for name, change in (
         ("centre", {"centre_world_m": np.zeros(2)}),
         ("size", {"size_lwh_m": np.array([1.0, np.nan, 1])}),
@@ -71,9 +88,9 @@ def test_what_its_parts_must_be() -> None:
             replace(cuboid("a"), **change)
 
 
-def test_what_a_sweep_must_be() -> None:
+def test_invalid_sweeps_are_refused() -> None:
     points, bytes_ = np.zeros((3, 3)), np.zeros(3, np.uint8)
-    assert Sweep(points, bytes_, None).labels is None
+    assert LidarSweep(points, bytes_, None).labels is None
     for wrong in (
         (points[:2], bytes_, bytes_),
         (points, bytes_[:2], None),
@@ -82,7 +99,7 @@ def test_what_a_sweep_must_be() -> None:
         (points[:0], bytes_[:0], None),
     ):
         with pytest.raises(ShapeError, match="expected"):
-            Sweep(*wrong)
+            LidarSweep(*wrong)
 
 
 @pytest.mark.parametrize(
@@ -94,7 +111,7 @@ def test_what_a_sweep_must_be() -> None:
         *(({"cell_m": size}, "resolution: expected") for size in (0.25, 0.04, 0.0, -0.2, float("nan"), 1e9, 10.1)),
     ],
 )
-def test_what_a_road_raster_must_be(change: dict[str, Any], message: str) -> None:
+def test_invalid_road_rasters_are_refused(change: dict[str, Any], message: str) -> None:
     good = RoadRaster(np.zeros((2, 3), np.uint8), (0.0, 0.0), 0.2)
     assert good.scale == 2
     with pytest.raises(ShapeError, match=message):

@@ -47,7 +47,7 @@ def network(tmp_path: Path) -> RoadNetwork:
     return read_network(file)
 
 
-def test_lanes_are_told_apart(network: RoadNetwork) -> None:
+def test_lane_kinds(network: RoadNetwork) -> None:
     kinds = {name: lane.kind for name, lane in network.lanes.items()}
     assert kinds == {
         "a_0": "parking",
@@ -63,7 +63,7 @@ def test_lanes_are_told_apart(network: RoadNetwork) -> None:
     }
 
 
-def test_heights_are_left_out(network: RoadNetwork) -> None:
+def test_heights_are_ignored(network: RoadNetwork) -> None:
     lane = network.lane("a_1")
     np.testing.assert_array_equal(lane.centre_m, [[0, 2], [25, 2], [50, 2]])
     assert (lane.width_m, lane.speed_mps, lane.index, lane.edge) == (3.2, 8.3, 1, "a")
@@ -92,7 +92,7 @@ def test_junctions_and_connections(network: RoadNetwork) -> None:
     np.testing.assert_array_equal(network.offset_m, [5, -2])
 
 
-def test_packed_networks_are_read(tmp_path: Path, network: RoadNetwork) -> None:
+def test_compressed_networks_are_read(tmp_path: Path, network: RoadNetwork) -> None:
     file = tmp_path / "tiny.net.xml.gz"
     file.write_bytes(gzip.compress(_NET.encode()))
     assert sorted(read_network(file).lanes) == sorted(network.lanes)
@@ -116,7 +116,7 @@ def test_an_unknown_lane_is_named(network: RoadNetwork) -> None:
         (_NET.replace("0.00,0.00,100.00,20.00", "0"), "convBoundary"),
     ],
 )
-def test_bad_networks_get_one_line(tmp_path: Path, text: str, reason: str) -> None:
+def test_invalid_networks_give_one_line(tmp_path: Path, text: str, reason: str) -> None:
     file = tmp_path / "bad.net.xml"
     file.write_text(text, encoding="utf-8")
     with pytest.raises(DataError, match=reason) as caught:

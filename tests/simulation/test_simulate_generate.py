@@ -14,30 +14,34 @@ from appocc.files import read_json, write_bytes, write_json
 from appocc.nuscenes.writer import Writer, token_of
 from appocc.rigs import read_rig
 from appocc.simulation import generate
-from appocc.simulation.generate import Settings, finished_scenes, simulate, unfinished
-from appocc.simulation.recording import Recipe
+from appocc.simulation.generate import DatasetSettings, count_finished_scenes, simulate, unfinished_folder
+from appocc.simulation.recording import RecordingSettings
 from appocc.simulation.scenario import Scenario
 from appocc.simulation.sources import TownSource
 
 Contents = dict[str, bytes]
 
 
-def settings_of(scenes: int = 3, seed: int = 0) -> Settings:
-    recipe = Recipe(4, 2.0, read_rig("paper"))
-    return Settings(scenes, (TownSource("one"), TownSource("two")), ("clear", "wet"), seed, recipe)
+def settings_of(scenes: int = 3, seed: int = 0) -> DatasetSettings:
+    recording = RecordingSettings(4, 2.0, read_rig("paper"))
+    return DatasetSettings(scenes, (TownSource("one"), TownSource("two")), ("clear", "wet"), seed, recording)
 
 
 @pytest.fixture
 def recorded(monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """Scenes are a small file a frame instead of being rendered; returns the names of those recorded."""
+    """Write a small file per frame instead of rendering; return the names of the recorded scenes."""
     names: list[str] = []
 
     def record(
-        scenario: Scenario, place: SimpleNamespace, recipe: Recipe, writer: Writer, advance: Callable[[float], None]
+        scenario: Scenario,
+        place: SimpleNamespace,
+        recording: RecordingSettings,
+        writer: Writer,
+        advance: Callable[[float], None],
     ) -> None:
         names.append(scenario.name)
         samples = []
-        for number in range(recipe.frames):
+        for number in range(recording.frames):
             token = token_of(scenario.name, number)
             write_bytes(writer.root / "samples" / f"{token}.bin", f"{scenario}".encode())
             scene = token_of("scene", scenario.name)
@@ -53,7 +57,7 @@ def recorded(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
     monkeypatch.setattr(generate, "record_scene", record)
     monkeypatch.setattr(generate, "write_map", write_map)
-    monkeypatch.setattr(generate, "build_place", lambda source, folder: SimpleNamespace(town=source.name))
+    monkeypatch.setattr(generate, "build_town_simulation", lambda source, folder: SimpleNamespace(town=source.name))
     monkeypatch.setattr(TownSource, "load", lambda self, folder: (None, straight_traffic()))
     return names
 
@@ -90,7 +94,7 @@ def test_the_same_seed_gives_the_same_bytes_and_another_does_not(tmp_path: Path)
 
 
 @pytest.mark.parametrize("error", [KeyboardInterrupt(), SystemExit(143), OSError(errno.ENOSPC, "No space left")])
-def test_an_interrupted_run_goes_on_and_ends_as_if_it_had_not_been(
+def test_an_interrupted_run_resumes_with_the_same_result(
     tmp_path: Path, recorded: list[str], error: BaseException
 ) -> None:
     simulate(tmp_path / "whole", settings_of(), 1, no_advance)
@@ -99,8 +103,8 @@ def test_an_interrupted_run_goes_on_and_ends_as_if_it_had_not_been(
     with pytest.raises(expected):
         simulate(out, settings_of(), 1, interrupted_after(6, error))
     assert not out.exists()
-    assert finished_scenes(out) == 1
-    assert not list(unfinished(out).rglob("*.part"))
+    assert count_finished_scenes(out) == 1
+    assert not list(unfinished_folder(out).rglob("*.part"))
     recorded.clear()
     done: list[float] = []
     made = simulate(out, settings_of(), 1, done.append)
@@ -108,17 +112,17 @@ def test_an_interrupted_run_goes_on_and_ends_as_if_it_had_not_been(
     assert sum(done) == 12
     assert len(recorded) == 2
     assert contents(out) == contents(tmp_path / "whole")
-    assert not unfinished(out).exists()
+    assert not unfinished_folder(out).exists()
 
 
 @pytest.mark.usefixtures("recorded")
-def test_nothing_stays_of_a_run_that_finished_no_scene(tmp_path: Path) -> None:
+def test_a_run_without_a_finished_scene_leaves_nothing(tmp_path: Path) -> None:
     with pytest.raises(KeyboardInterrupt):
         simulate(tmp_path / "out", settings_of(), 1, interrupted_after(2, KeyboardInterrupt()))
     assert not list(tmp_path.iterdir())
 
 
-def test_a_run_killed_while_files_are_joined_goes_on(
+def test_a_run_killed_while_files_are_merged_resumes(
     tmp_path: Path, recorded: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     simulate(tmp_path / "whole", settings_of(), 1, no_advance)
@@ -153,17 +157,17 @@ def test_a_folder_that_holds_something_else_is_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("recorded")
-def test_what_another_run_left_is_not_mixed_with_this_one(tmp_path: Path) -> None:
+def test_scenes_of_another_run_are_not_mixed_in(tmp_path: Path) -> None:
     out = tmp_path / "out"
     with pytest.raises(KeyboardInterrupt):
         simulate(out, settings_of(), 1, interrupted_after(6, KeyboardInterrupt()))
     with pytest.raises(DataError, match="other settings"):
         simulate(out, settings_of(seed=5), 1, no_advance)
-    assert finished_scenes(out) == 1
+    assert count_finished_scenes(out) == 1
 
 
 @pytest.mark.usefixtures("recorded")
-def test_what_differs_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_differing_settings_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     simulate(tmp_path / "out", settings_of(), 1, no_advance)
     with pytest.raises(DataError, match=r"other settings \(scenes, seed\)"):
         simulate(tmp_path / "out", settings_of(scenes=4, seed=5), 1, no_advance)
@@ -175,31 +179,31 @@ def test_what_differs_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
 
 
 @pytest.mark.usefixtures("recorded")
-def test_what_was_killed_before_its_first_scene_binds_nobody(tmp_path: Path) -> None:
+def test_a_run_killed_before_its_first_scene_does_not_fix_the_settings(tmp_path: Path) -> None:
     out = tmp_path / "out"
-    write_bytes(unfinished(out) / "scenes" / "scene-0000.part" / "half.bin", b"half")
-    write_bytes(unfinished(out) / "towns" / "one.plan.json", b"{}")
-    write_bytes(unfinished(out) / "shared" / "maps" / "one.json", b"of another town")
-    write_json(unfinished(out) / "simulation.json", {"seed": 5})
+    write_bytes(unfinished_folder(out) / "scenes" / "scene-0000.part" / "half.bin", b"half")
+    write_bytes(unfinished_folder(out) / "towns" / "one.plan.json", b"{}")
+    write_bytes(unfinished_folder(out) / "shared" / "maps" / "one.json", b"of another town")
+    write_json(unfinished_folder(out) / "simulation.json", {"seed": 5})
     assert simulate(out, settings_of(), 1, no_advance) == (12, 12)
     assert {path.name: read_json(path) for path in (out / "maps").iterdir()} == {"one.json": "one", "two.json": "two"}
 
 
 @pytest.mark.usefixtures("recorded")
-def test_files_that_were_half_written_when_it_was_killed_do_not_stay(tmp_path: Path) -> None:
+def test_partial_files_of_a_killed_run_are_removed(tmp_path: Path) -> None:
     simulate(tmp_path / "whole", settings_of(), 1, no_advance)
     out = tmp_path / "out"
     with pytest.raises(KeyboardInterrupt):
         simulate(out, settings_of(), 1, interrupted_after(6, KeyboardInterrupt()))
-    write_bytes(unfinished(out) / "dataset" / "v1.0-simulation" / ".scene-x1y2.json", b"[")
-    write_bytes(unfinished(out) / "shared" / "maps" / ".one-x1y2.json", b"[")
-    told: list[str] = []
-    simulate(out, settings_of(), 1, no_advance, told.append)
+    write_bytes(unfinished_folder(out) / "dataset" / "v1.0-simulation" / ".scene-x1y2.json", b"[")
+    write_bytes(unfinished_folder(out) / "shared" / "maps" / ".one-x1y2.json", b"[")
+    lines: list[str] = []
+    simulate(out, settings_of(), 1, no_advance, lines.append)
     assert contents(out) == contents(tmp_path / "whole")
-    assert told == [f"{out}: going on after 1 of 3 scenes"]
-    write_bytes(unfinished(out) / "lock", b"")  # killed at the very end
+    assert lines == [f"{out}: resuming after 1 of 3 scenes"]
+    write_bytes(unfinished_folder(out) / "lock", b"")  # killed at the very end
     simulate(out, settings_of(), 1, no_advance)
-    assert not unfinished(out).exists()
+    assert not unfinished_folder(out).exists()
 
 
 @pytest.mark.usefixtures("recorded")
@@ -215,15 +219,15 @@ def test_a_link_is_followed_and_stays(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("recorded")
-def test_folders_made_for_a_run_that_fails_go_with_it(tmp_path: Path) -> None:
+def test_folders_created_for_a_failed_run_are_removed(tmp_path: Path) -> None:
     with pytest.raises(KeyboardInterrupt):
         simulate(tmp_path / "a" / "b" / "out", settings_of(), 1, interrupted_after(2, KeyboardInterrupt()))
     assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.usefixtures("recorded")
-def test_two_runs_do_not_make_one_dataset_at_once(tmp_path: Path) -> None:
-    work = unfinished(tmp_path / "out")
+def test_two_runs_cannot_write_one_dataset(tmp_path: Path) -> None:
+    work = unfinished_folder(tmp_path / "out")
     work.mkdir()
     with (work / "lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
@@ -232,7 +236,7 @@ def test_two_runs_do_not_make_one_dataset_at_once(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("recorded")
-def test_towns_are_taken_in_turn_and_settings_are_kept(tmp_path: Path) -> None:
+def test_towns_are_used_in_turn_and_settings_are_stored(tmp_path: Path) -> None:
     simulate(tmp_path / "out", settings_of(4), 1, no_advance)
     kept = read_json(tmp_path / "out" / "simulation.json")
     assert kept["scenes"] == 4

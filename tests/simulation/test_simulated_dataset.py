@@ -1,4 +1,4 @@
-"""What `appocc simulate` wrote, read back through the loader: do its parts agree with each other?"""
+"""Consistency of a dataset of `appocc simulate`, read through the loader."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from appocc.nuscenes import Dataset
 from appocc.nuscenes.point_labels import point_labels
 from appocc.nuscenes.records import Sample
 from appocc.nuscenes.validate import validate
+from appocc.nuscenes.view_targets import load_view_targets
 from appocc.simulation.builtin import TEST_TOWNS, TRAIN_TOWNS
-from appocc.simulation.truth.auxiliary import load_views
 
 
 @pytest.fixture(scope="module")
@@ -29,14 +29,14 @@ def samples(dataset: Dataset) -> list[Sample]:
     return [dataset.samples(scene)[0] for scene in dataset.scenes]
 
 
-def test_all_eight_towns_are_there_and_sound(dataset: Dataset) -> None:
+def test_all_eight_towns_are_present_and_valid(dataset: Dataset) -> None:
     assert {dataset.location(scene) for scene in dataset.scenes} == {*TRAIN_TOWNS, *TEST_TOWNS}
     assert len(TRAIN_TOWNS) == 6
     assert len(TEST_TOWNS) == 2
     assert not validate(dataset, images=True)
 
 
-def test_the_devkit_opens_it(dataset: Dataset) -> None:
+def test_the_devkit_reads_it(dataset: Dataset) -> None:
     nuscenes = pytest.importorskip("nuscenes", reason="nuscenes-devkit is not installed")
     kit = nuscenes.NuScenes("v1.0-simulation", str(dataset.root), verbose=False)
     assert len(kit.scene) == 8
@@ -102,7 +102,7 @@ def test_every_object_has_its_true_paint(dataset: Dataset) -> None:
 
 
 def test_vehicles_show_their_paint_from_above(dataset: Dataset, samples: list[Sample]) -> None:
-    """By daylight the roof of a white car is lighter than that of a black one."""
+    """By day the roof of a white car is lighter than that of a black one."""
     paints = dataset.tables["paint"]
     tokens = [token.decode() for token in paints.array("instance_token")]
     brightness = dict(zip(tokens, np.asarray(paints["rgb"]).mean(axis=1), strict=True))
@@ -138,7 +138,7 @@ def test_lidar_points_on_the_road_are_where_the_map_has_road(dataset: Dataset, s
         assert (said[low] == road[low]).mean() > 0.93
 
 
-def test_lines_lie_on_the_road(dataset: Dataset, samples: list[Sample]) -> None:
+def test_lane_markings_are_on_the_road(dataset: Dataset, samples: list[Sample]) -> None:
     for sample in samples:
         bev = load_map(dataset.root, "exact", sample.token)
         lane, road = bev.occupancy[LANE] > 0.5, bev.occupancy[ROAD] > 0.5
@@ -147,7 +147,7 @@ def test_lines_lie_on_the_road(dataset: Dataset, samples: list[Sample]) -> None:
 
 
 def test_views_are_an_eighth_of_the_pictures(dataset: Dataset, samples: list[Sample]) -> None:
-    views = load_views(dataset.root / "views" / f"{samples[0].token}.npz")
+    views = load_view_targets(dataset.root / "views" / f"{samples[0].token}.npz")
     assert set(views) == set(dataset.frame(samples[0]).images)
     for view in views.values():
         assert view.kind.shape == (16, 44)

@@ -1,4 +1,4 @@
-"""Towns as files, and those that come with the suite."""
+"""Town files, and the built-in towns."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from appocc.simulation.plan import TownPlan
 from appocc.simulation.scenario import draw_scenario
 from appocc.simulation.sources import TownSource
 from appocc.simulation.town_files import STYLES, load_town, save_town
-from appocc.simulation.town_generation.make import make_town
+from appocc.simulation.town_generation.make import generate_town
 from appocc.simulation.traffic import Light, TrafficLog
 
 _ALL = (*TRAIN_TOWNS, *TEST_TOWNS)
@@ -28,12 +28,12 @@ _BLOCKED = """
 import sys
 sys.modules["sumo"] = sys.modules["libsumo"] = None
 from appocc.simulation.builtin import load_builtin
-from appocc.simulation.town_generation.make import make_town
+from appocc.simulation.town_generation.make import generate_town
 plan, log = load_builtin("aldermoor")
 print(plan.name, len(log.actors) > 100)
 from pathlib import Path
 try:
-    make_town(1, Path("nowhere"))
+    generate_town(1, Path("nowhere"))
 except Exception as error:
     print(type(error).__name__, error)
 """
@@ -45,7 +45,7 @@ def _town(name: str) -> tuple[TownPlan, TrafficLog]:
 
 
 def _of_kind(log: TrafficLog, *kinds: str) -> BoolArray:
-    """Who of these kinds drives or walks."""
+    """Return which actors of these kinds move."""
     parked = (log.lights & int(Light.PARKED)).any(axis=0)
     return np.array([actor.kind in kinds for actor in log.actors]) & ~parked
 
@@ -69,7 +69,7 @@ projParameter="!"/><edge id="a" from="i" to="j"><lane id="a_0" index="0" {lane}/
 
 
 @pytest.mark.parametrize(
-    ("size", "lane", "said"),
+    ("size", "lane", "message"),
     [
         (90, 'speed="8" length="90" shape="0,2"', "expected two points.*got 1 points"),
         (90, 'speed="8" width="0" length="90" shape="0,2 90,2"', "width 0 m"),
@@ -78,37 +78,35 @@ projParameter="!"/><edge id="a" from="i" to="j"><lane id="a_0" index="0" {lane}/
         (90, 'speed="8" length="90" shape="0,2 x,2"', "no SUMO network"),
     ],
 )
-def test_a_network_that_cannot_be_a_town_is_refused_by_its_own_name(
-    tmp_path: Path, size: int, lane: str, said: str
-) -> None:
+def test_an_unsuitable_network_is_refused_by_its_own_name(tmp_path: Path, size: int, lane: str, message: str) -> None:
     source = tmp_path / "odd.net.xml"
     source.write_text(_EDGE.format(size=size, lane=lane))
-    with pytest.raises(DataError, match=said) as caught:
-        make_town(source, tmp_path / "out")
+    with pytest.raises(DataError, match=message) as caught:
+        generate_town(source, tmp_path / "out")
     assert str(caught.value).startswith(f"{source}: ")
     assert not (tmp_path / "out").exists()
 
 
-def test_a_piece_of_a_network_on_which_sumo_would_crash_is_a_town_without_drivers(tmp_path: Path) -> None:
+def test_a_fragment_of_a_network_gives_a_town_without_drivers(tmp_path: Path) -> None:
     pytest.importorskip("libsumo", reason="SUMO is not installed")
     source = tmp_path / "piece.net.xml"
     source.write_text(_EDGE.format(size=90, lane='speed="8" length="90" shape="0,2 90,2"'))
-    make_town(source, tmp_path / "out")
+    generate_town(source, tmp_path / "out")
     _, log = load_town(tmp_path / "out", "piece")
     assert not _of_kind(log, "car", "van", "truck", "bus", "motorcycle", "bicycle").any()
 
 
-def test_what_sumo_says_becomes_the_error(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+def test_errors_of_sumo_are_reported(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     pytest.importorskip("libsumo", reason="SUMO is not installed")
     whole = gzip.decompress((TOWNS_FOLDER / "aldermoor.net.xml.gz").read_bytes())
     source = tmp_path / "odd.net.xml"
     source.write_bytes(whole.replace(b'linkIndex="1"', b'linkIndex="9999"'))
     with pytest.raises(DataError, match=r"odd\.net\.xml: SUMO cannot run on it \(.*9999"):
-        make_town(source, tmp_path / "out")
+        generate_town(source, tmp_path / "out")
     assert capfd.readouterr().err == ""
 
 
-def test_a_town_is_prepared_when_the_last_of_its_files_is_there(tmp_path: Path) -> None:
+def test_a_town_is_prepared_once_its_last_file_exists(tmp_path: Path) -> None:
     source = TownSource("made", 3)
     (tmp_path / "made.traffic.npz").write_bytes(b"")  # killed between two files
     assert not source.is_prepared(tmp_path)
@@ -118,25 +116,31 @@ def test_a_town_is_prepared_when_the_last_of_its_files_is_there(tmp_path: Path) 
 
 
 @pytest.mark.parametrize(("seconds", "hz"), [(0.0, 1.0), (1.0, 2.0), (1.0, 7.3), (9.5, 2.0), (120.0, 2.0)])
-def test_an_ego_stands_in_a_fifth_of_its_frames_at_most(seconds: float, hz: float) -> None:
+def test_the_ego_is_stationary_in_a_fifth_of_its_frames_at_most(seconds: float, hz: float) -> None:
     for number in range(40):
         log = _town(_ALL[number % len(_ALL)])[1]
-        scenario = draw_scenario(number, "town", log, seconds, ("clear",), 0, hz)
-        frames = [log.at(scenario.start_s + k / hz) for k in range(round(seconds * hz) + 1)]
-        speeds = [np.hypot(*moment.velocity_mps[moment.index == scenario.ego][0]) for moment in frames]
+        scenario = draw_scenario(number, "town", log, seconds, ("clear",), seed=0, hz=hz)
+        frames = [log.state_at(scenario.start_s + k / hz) for k in range(round(seconds * hz) + 1)]
+        speeds = [np.hypot(*state.velocity_mps[state.index == scenario.ego][0]) for state in frames]
         assert np.mean(np.array(speeds) < 0.5) <= 0.2
 
 
-def test_in_traffic_without_anybody_there_is_no_scene() -> None:
+def test_empty_traffic_has_no_scenario() -> None:
     nobody = np.zeros((9, 0), np.float32)
     log = TrafficLog(
-        0.2, (), np.zeros((9, 0, 2), np.float32), nobody, nobody.astype(np.uint8), (), nobody.astype(np.uint8)
+        step_s=0.2,
+        actors=(),
+        xy_m=np.zeros((9, 0, 2), np.float32),
+        yaw_rad=nobody,
+        lights=nobody.astype(np.uint8),
+        signal_links=(),
+        signals=nobody.astype(np.uint8),
     )
-    with pytest.raises(DataError, match="nobody drives"):
+    with pytest.raises(DataError, match="no vehicle drives"):
         draw_scenario(0, "town", log, 1.0, ("clear",), 0)
 
 
-def test_an_unknown_town_is_told_what_there_is() -> None:
+def test_an_unknown_town_gives_the_known_ones() -> None:
     with pytest.raises(NotFoundError, match=r"no built-in town 'paris'; there are aldermoor.*isenford"):
         load_builtin("paris")
 
@@ -150,7 +154,7 @@ def test_towns_differ_in_streets_and_look() -> None:
 
 
 @pytest.mark.parametrize("name", _ALL)
-def test_vehicles_move_as_vehicles_do(name: str) -> None:
+def test_vehicle_motion_is_plausible(name: str) -> None:
     _, log = _town(name)
     cars = _of_kind(log, "car", "van", "truck", "bus")
     assert np.count_nonzero(cars) > 50
@@ -193,7 +197,7 @@ def test_streets_are_busy_and_people_walk(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", _ALL)
-def test_no_two_are_in_one_place(name: str) -> None:
+def test_no_two_actors_overlap(name: str) -> None:
     _, log = _town(name)
     size = np.array([actor.size_lwh_m[:2] for actor in log.actors])
     moving = np.flatnonzero(~(log.lights & int(Light.PARKED)).any(axis=0))
@@ -211,7 +215,7 @@ def test_no_two_are_in_one_place(name: str) -> None:
                 assert max(room) > -0.32, (log.actors[a].name, log.actors[b].name, time)
 
 
-def test_parked_cars_stand_in_parking_lanes_and_bays() -> None:
+def test_parked_cars_are_in_parking_lanes_and_bays() -> None:
     for name in _ALL:
         plan, log = _town(name)
         lanes = [lane for edge in plan.network.edges for lane in edge.lanes if lane.kind == "parking"]
@@ -223,7 +227,7 @@ def test_parked_cars_stand_in_parking_lanes_and_bays() -> None:
         assert np.ptp(log.xy_m[:, parked], axis=0).max() == 0
 
 
-def test_a_town_survives_its_files(tmp_path: Path) -> None:
+def test_towns_are_saved_and_loaded(tmp_path: Path) -> None:
     plan, log = _town("aldermoor")
     for folder in ("a", "b"):
         save_town(tmp_path / folder, replace(plan, name="x"), log, b"<!-- now -->\n<net>\n</net>")
@@ -249,7 +253,7 @@ def test_a_town_survives_its_files(tmp_path: Path) -> None:
         ({"car_parks": 7}, "no plan of a town"),
     ],
 )
-def test_bad_plans_get_one_line(tmp_path: Path, change: dict[str, object], reason: str) -> None:
+def test_invalid_plans_give_one_line(tmp_path: Path, change: dict[str, object], reason: str) -> None:
     file = tmp_path / "x.plan.json"
     file.write_text(json.dumps({"seed": 1, "style": "old", "car_parks": [], **change}), encoding="utf-8")
     with pytest.raises(DataError, match=reason) as caught:

@@ -1,4 +1,4 @@
-"""Recorded traffic: asked at any time, saved, and read again."""
+"""Recorded traffic: interpolated, saved and loaded."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from appocc.simulation.traffic_files import load_traffic, save_traffic
 
 
 def _log(steps: int = 40) -> TrafficLog:
-    """One that drives a curve, one that comes late and leaves early, one that is parked, one that walks."""
+    """A car in a curve, one that arrives late and leaves early, a parked one, and a pedestrian."""
     rng = np.random.default_rng(3)
     t = np.arange(steps) * 0.2
     xy = np.full((steps, 4, 2), np.nan, np.float32)
@@ -34,52 +34,68 @@ def _log(steps: int = 40) -> TrafficLog:
         Actor("pedestrian_0", "pedestrian", "adult", (0.5, 0.6, 1.8)),
     )
     letters = rng.choice(np.frombuffer(b"ryGg", np.uint8), (steps, 3)).astype(np.uint8)
-    return TrafficLog(0.2, actors, xy, yaw, lights, ("j/0", "j/1", "k/0"), letters)
+    return TrafficLog(
+        step_s=0.2,
+        actors=actors,
+        xy_m=xy,
+        yaw_rad=yaw,
+        lights=lights,
+        signal_links=("j/0", "j/1", "k/0"),
+        signals=letters,
+    )
 
 
-def test_a_step_is_given_as_it_was_recorded() -> None:
+def test_a_recorded_step_is_returned_unchanged() -> None:
     log = _log()
-    moment = log.at(2.0)
-    np.testing.assert_array_equal(moment.index, [0, 1, 2, 3])
-    np.testing.assert_allclose(moment.xy_m, log.xy_m[10], atol=1e-4)
-    np.testing.assert_allclose(moment.velocity_mps[0], [8, -3], atol=1e-2)
-    np.testing.assert_array_equal(moment.signals, log.signals[10])
-    assert moment.lights[2] == Light.PARKED
+    state = log.state_at(2.0)
+    np.testing.assert_array_equal(state.index, [0, 1, 2, 3])
+    np.testing.assert_allclose(state.xy_m, log.xy_m[10], atol=1e-4)
+    np.testing.assert_allclose(state.velocity_mps[0], [8, -3], atol=1e-2)
+    np.testing.assert_array_equal(state.signals, log.signals[10])
+    assert state.lights[2] == Light.PARKED
 
 
-def test_between_two_steps_headings_turn_the_short_way_round() -> None:
+def test_headings_are_interpolated_along_the_shorter_arc() -> None:
     log = _log()
     step = int(np.flatnonzero(np.abs(np.diff(log.yaw_rad[:, 0])) > 3)[0])  # from +pi to -pi
-    yaw = log.at((step + 0.25) * 0.2).yaw_rad[0]
+    yaw = log.state_at((step + 0.25) * 0.2).yaw_rad[0]
     expected = log.yaw_rad[step, 0] + 0.25 * 0.02
     np.testing.assert_allclose(np.cos(yaw - expected), 1.0, atol=1e-7)
 
 
-def test_who_is_absent_at_either_step_is_left_out() -> None:
+def test_actors_absent_at_either_step_are_left_out() -> None:
     log = _log()
-    assert 1 not in log.at(0.9).index  # comes at step 5
-    assert 1 in log.at(1.0).index
-    assert 1 not in log.at(5.9).index
+    assert 1 not in log.state_at(0.9).index  # comes at step 5
+    assert 1 in log.state_at(1.0).index
+    assert 1 not in log.state_at(5.9).index
 
 
 @pytest.mark.parametrize("time_s", [-0.1, 8.0, float("nan")])
 def test_times_outside_are_refused(time_s: float) -> None:
     with pytest.raises(ShapeError, match="expected a time within"):
-        _log().at(time_s)
+        _log().state_at(time_s)
 
 
-def test_the_last_moment_can_be_asked_for() -> None:
+def test_the_state_at_the_last_step() -> None:
     log = _log()
-    np.testing.assert_allclose(log.at(log.duration_s).xy_m[0], log.xy_m[-1, 0], atol=1e-3)
+    np.testing.assert_allclose(log.state_at(log.duration_s).xy_m[0], log.xy_m[-1, 0], atol=1e-3)
 
 
-def test_arrays_must_fit() -> None:
+def test_array_shapes_are_checked() -> None:
     log = _log()
     with pytest.raises(ShapeError, match="yaw_rad"):
-        TrafficLog(0.2, log.actors, log.xy_m, log.yaw_rad[:, :2], log.lights, log.signal_links, log.signals)
+        TrafficLog(
+            step_s=0.2,
+            actors=log.actors,
+            xy_m=log.xy_m,
+            yaw_rad=log.yaw_rad[:, :2],
+            lights=log.lights,
+            signal_links=log.signal_links,
+            signals=log.signals,
+        )
 
 
-def test_a_log_survives_its_file(tmp_path: Path) -> None:
+def test_logs_are_saved_and_loaded(tmp_path: Path) -> None:
     log, file = _log(), tmp_path / "a.traffic.npz"
     save_traffic(file, log)
     again = load_traffic(file)
@@ -101,23 +117,37 @@ def test_the_same_log_gives_the_same_bytes(tmp_path: Path) -> None:
 def test_a_log_of_parked_cars_only(tmp_path: Path) -> None:
     log = _log()
     parked = TrafficLog(
-        0.2, log.actors[2:3], log.xy_m[:, 2:3], log.yaw_rad[:, 2:3], log.lights[:, 2:3], (), log.signals[:, :0]
+        step_s=0.2,
+        actors=log.actors[2:3],
+        xy_m=log.xy_m[:, 2:3],
+        yaw_rad=log.yaw_rad[:, 2:3],
+        lights=log.lights[:, 2:3],
+        signal_links=(),
+        signals=log.signals[:, :0],
     )
     save_traffic(tmp_path / "p.npz", parked)
     np.testing.assert_allclose(load_traffic(tmp_path / "p.npz").xy_m, parked.xy_m, atol=0.0051)
 
 
-def test_who_comes_back_cannot_be_saved(tmp_path: Path) -> None:
+def test_an_actor_that_reappears_cannot_be_saved(tmp_path: Path) -> None:
     log = _log()
     xy = log.xy_m.copy()
     xy[15, 1] = np.nan
-    broken = TrafficLog(0.2, log.actors, xy, log.yaw_rad, log.lights, log.signal_links, log.signals)
+    broken = TrafficLog(
+        step_s=0.2,
+        actors=log.actors,
+        xy_m=xy,
+        yaw_rad=log.yaw_rad,
+        lights=log.lights,
+        signal_links=log.signal_links,
+        signals=log.signals,
+    )
     with pytest.raises(DataError, match="bus_0"):
         save_traffic(tmp_path / "b.npz", broken)
     assert not list(tmp_path.iterdir())
 
 
-def test_damaged_files_get_one_line(tmp_path: Path) -> None:
+def test_damaged_files_give_one_line(tmp_path: Path) -> None:
     file = tmp_path / "a.npz"
     save_traffic(file, _log())
     good = file.read_bytes()
@@ -134,7 +164,7 @@ def test_damaged_files_get_one_line(tmp_path: Path) -> None:
         load_traffic(tmp_path / "none.npz")
 
 
-def test_parts_that_do_not_fit_together_are_refused(tmp_path: Path) -> None:
+def test_inconsistent_parts_are_refused(tmp_path: Path) -> None:
     file = tmp_path / "a.npz"
     save_traffic(file, _log())
     with np.load(file) as archive:

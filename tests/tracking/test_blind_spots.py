@@ -8,8 +8,9 @@ import numpy as np
 from made_map import RED, Car, map_of, pose
 
 from appocc.bevmap import BEVMap
-from tracking.instances.instances import find_blobs
-from tracking.tracker import MAPS, Tracker
+from tracking.instances.instances import find_instances
+from tracking.presets import MAPS
+from tracking.tracker import Tracker
 from tracking.tracks import Track
 
 STEP_S = 0.5
@@ -26,7 +27,7 @@ def follow(maps: list[BEVMap]) -> list[list[Track]]:
     """Tracks after each map, half a second apart."""
     tracker = Tracker(MAPS)
     return [
-        list(tracker.update(find_blobs(bev).as_detections(), round(i * STEP_S * 1e6), pose()))
+        list(tracker.update(find_instances(bev).as_detections(), round(i * STEP_S * 1e6), pose()))
         for i, bev in enumerate(maps)
     ]
 

@@ -6,7 +6,7 @@ import pytest
 from benchmarks.colour_ablation import HEAD, Step, Trial, judged, made_scene, without_colour, wrongly_coloured
 from benchmarks.encounters import MIX, encounters
 from tracking.evaluation.clear_id_hota import Metrics
-from tracking.tracker import MAPS
+from tracking.presets import MAPS
 
 
 @pytest.fixture(scope="module")
@@ -56,7 +56,7 @@ def scores(ids: int) -> Metrics:
     return made.__class__(**{**made.__dict__, "IDS": ids})
 
 
-def test_a_row_tells_how_much_and_how_surely() -> None:
+def test_benchmark_rows_show_effect_and_confidence() -> None:
     one, two = scores(1), scores(2)
     row = dict(zip(HEAD, Trial("exact", [one] * 12, [two] * 12).row(), strict=True))
     assert row["IDS with / without"] == "12 / 24"

@@ -11,7 +11,7 @@ from appocc.geometry import apply, inverse
 from benchmarks.colour_ablation import Scene, judged, made_scene, without_colour
 from benchmarks.colour_picture import SEED, Loss, draw, losses, main, places_of_labels, tracks_of, ways_of
 from benchmarks.encounters import encounters
-from tracking.tracker import MAPS
+from tracking.presets import MAPS
 
 
 @pytest.fixture(scope="module")
@@ -33,7 +33,7 @@ def test_as_many_switches_are_marked_as_the_benchmark_counts(scene: Scene) -> No
     assert marked[1] < marked[0]
 
 
-def test_only_who_is_demanded_has_tracks(scene: Scene) -> None:
+def test_only_required_vehicles_have_tracks(scene: Scene) -> None:
     tracks = tracks_of(scene[:10], MAPS)
     for k, step in enumerate(scene[:10]):
         there = {number for number, ids in tracks.items() if ids[k] > 0}

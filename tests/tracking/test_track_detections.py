@@ -13,8 +13,9 @@ from appocc.errors import AppoccError, DataError
 from appocc.nuscenes import Dataset
 from cli.main import app
 from tracking.detections import Detections
-from tracking.evaluation.evaluate import Question, score_files
-from tracking.io.nuscenes_detections import RANGE_M, track_detections
+from tracking.evaluation.evaluate import EvaluationOptions, evaluate_files
+from tracking.io.nuscenes_detections import RANGE_M
+from tracking.pipeline import track_detections
 
 SIZES = {
     "car": [1.9, 4.6, 1.6],
@@ -38,7 +39,7 @@ def box(kind: str, x: float, y: float, score: float = 0.9) -> dict[str, Any]:
 
 
 def street() -> dict[str, list[dict[str, Any]]]:
-    """What the tiny dataset shows, a trailer that nobody annotated, and things that nobody tracks."""
+    """Boxes of the tiny dataset's objects, of a trailer without annotation, and of untracked classes."""
     return {
         token("sample", i): [
             box("car", 100, 210),
@@ -91,7 +92,7 @@ def test_classes_sizes_and_sensors_are_the_detectors(tiny: TinyDataset, tmp_path
         np.testing.assert_allclose([entry["rotation"] for entry in moment], [[HALF, 0, 0, HALF]] * 3, atol=1e-3)
         assert all(entry["heading_known"] and entry["rgb"] is None for entry in moment)
     # Its own annotations judge every class.
-    metrics = score_files(tiny.root, tmp_path / "out" / "tracking.json", Question("pedestrian")).metrics
+    metrics = evaluate_files(tiny.root, tmp_path / "out" / "tracking.json", EvaluationOptions("pedestrian")).metrics
     assert (metrics.GT, metrics.FN, metrics.FP) == (2, 0, 1)
 
 
@@ -114,7 +115,7 @@ def test_a_file_that_does_not_say_what_it_was_made_from(tiny: TinyDataset, tmp_p
 
 
 class Silent:
-    """A tracker that tells of nothing and keeps what it was given."""
+    """A tracker that returns no tracks and records its input."""
 
     def __init__(self) -> None:
         self.given: list[tuple[Detections, int]] = []
@@ -124,11 +125,11 @@ class Silent:
         return ()
 
 
-def test_what_the_tracker_gets(tiny: TinyDataset, tmp_path: Path) -> None:
+def test_detections_passed_to_the_tracker(tiny: TinyDataset, tmp_path: Path) -> None:
     dataset, tracker = Dataset(tiny.root), Silent()
     steps: list[int] = []
     path = write(tmp_path / "r.json", street())
-    track_detections(dataset, dataset.scenes[0], path, tracker, steps.append)
+    track_detections(dataset, dataset.scenes[0], path, tracker=tracker, advance=steps.append)
     assert steps == [1, 1, 1]
     seen, time_us = tracker.given[1]
     assert time_us == dataset.samples(dataset.scenes[0])[1].timestamp_us
@@ -176,13 +177,13 @@ def test_damaged_files(tiny: TinyDataset, tmp_path: Path, results: Any, reason: 
         ((), "expected one of --bev, --detections, --kitti and --mot, got none"),
     ],
 )
-def test_words_that_do_not_go_together(tiny: TinyDataset, words: tuple[str, ...], complaint: str) -> None:
+def test_invalid_option_combinations(tiny: TinyDataset, words: tuple[str, ...], complaint: str) -> None:
     error = run(tiny.root, *words).exception
     assert isinstance(error, AppoccError)
     assert complaint in str(error)
     assert "\n" not in str(error)
 
 
-def test_what_detections_need(tmp_path: Path) -> None:
+def test_options_required_by_detections(tmp_path: Path) -> None:
     error = CliRunner().invoke(app, ["track", "--detections", "f"]).exception
     assert str(error) == "track: --detections needs ROOT and --scene, got no ROOT and --scene"

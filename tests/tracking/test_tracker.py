@@ -9,9 +9,10 @@ from made_map import BLUE, RED, Car, map_of, pose
 from appocc.checks import FloatArray
 from appocc.errors import DataError, ShapeError
 from appocc.geometry import apply, inverse, yaw_of
-from tracking.instances.instances import find_blobs
-from tracking.track_table import LifeConfig
-from tracking.tracker import MAPS, Tracker, TrackerConfig
+from tracking.instances.instances import find_instances
+from tracking.presets import MAPS
+from tracking.track_table import LifecycleConfig
+from tracking.tracker import Tracker, TrackerConfig
 from tracking.tracks import Track
 
 START_US = 1_600_000_000_000_000
@@ -42,7 +43,7 @@ def follow(
     result = []
     for t in times_s:
         here = ego(t)
-        blobs = find_blobs(map_of(seen_from(here, (path(t) for path in paths)), probability))
+        blobs = find_instances(map_of(seen_from(here, (path(t) for path in paths)), probability))
         result.append(tuple(tracker.update(blobs.as_detections(), START_US + round(t * 1e6), here)))
     return result
 
@@ -77,7 +78,7 @@ def test_a_moving_car_is_followed_at_irregular_times_from_a_moving_turning_ego()
     assert last.score > 0.99
 
 
-def test_a_parked_car_stands_still_in_the_world_while_the_ego_drives_by() -> None:
+def test_a_parked_car_is_stationary_while_the_ego_drives_by() -> None:
     result = follow([lambda _: Car(20, 4, 0.3)], every(0.2, 3), lambda t: pose(6 * t, 0, 0.1 * t))
     assert {track.id for moment in result for track in moment} == {1}
     for track in result[-1]:
@@ -96,7 +97,7 @@ def test_the_ground_height_follows_the_ego() -> None:
 
 
 @pytest.mark.parametrize("speed_mps", [6.0, -6.0])
-def test_motion_tells_front_from_rear(speed_mps: float) -> None:
+def test_motion_distinguishes_front_and_rear(speed_mps: float) -> None:
     result = follow([lambda t: Car(10 + speed_mps * t, 3)], every(0.2, 2))
     assert not result[0][0].heading_known
     last = result[-1][0]
@@ -139,7 +140,7 @@ def test_the_same_input_gives_the_same_tracks() -> None:
 
 
 def test_two_cars_that_merge_for_a_moment_keep_their_ids() -> None:
-    """A van halts close behind another: one blob, that looks like one lorry, hides both for a second."""
+    """A van stops close behind another: both merge into one truck-shaped instance for a second."""
     van = Car(0, 3, length_m=5.0, width_m=2.5)
     paths: list[Path] = [
         lambda _: van._replace(x_m=20.0),
@@ -158,18 +159,18 @@ def gap(start_s: float, end_s: float) -> Path:
     return lambda t: None if start_s <= t < end_s else Car(10, 3)
 
 
-def test_a_sure_blob_makes_a_track_at_once_and_others_when_seen_for_a_while() -> None:
+def test_high_confidence_confirms_immediately_low_confidence_after_a_while() -> None:
     times = every(0.1, 0.5)
     assert [len(moment) for moment in follow([gap(9, 9)], times)] == [1] * 6
     assert [len(moment) for moment in follow([gap(9, 9)], times, probability=0.7)] == [0, 0, 1, 1, 1, 1]
 
 
-def test_an_unsure_blob_that_comes_and_goes_never_makes_a_track() -> None:
+def test_a_flickering_low_confidence_instance_never_makes_a_track() -> None:
     flicker: Path = lambda t: Car(10, 3) if round(t * 10) % 3 == 0 else None  # noqa: E731
     assert all(not moment for moment in follow([flicker], every(0.1, 3), probability=0.7))
 
 
-def test_a_track_coasts_briefly_then_falls_silent_then_comes_back_under_its_id() -> None:
+def test_a_track_coasts_then_is_hidden_then_returns_under_its_id() -> None:
     result = follow([gap(1.0, 2.0)], every(0.1, 3))
     told = [[(track.id, track.seen) for track in moment] for moment in result]
     assert told[9] == [(1, True)]
@@ -178,23 +179,23 @@ def test_a_track_coasts_briefly_then_falls_silent_then_comes_back_under_its_id()
     assert told[20] == [(1, True)]
 
 
-def test_who_stands_is_remembered_while_hidden_but_not_for_ever() -> None:
+def test_stationary_tracks_are_remembered_for_a_limited_time() -> None:
     assert ids(follow([gap(1.0, 20.0)], every(0.5, 21))[-1]) == [1]
     assert ids(follow([gap(1.0, 35.0)], every(0.5, 36))[-1]) == [2]
 
 
-def test_who_stood_and_drove_on_while_hidden_is_new() -> None:
+def test_a_car_that_drove_on_while_hidden_is_new() -> None:
     def waits(t: float) -> Car | None:
         return Car(10, 3) if t < 1.2 else Car(22, 3) if t > 6 else None
 
     assert ids(follow([waits], every(0.5, 8))[-1]) == [2]
 
 
-def test_a_break_of_the_recording_ends_all_tracks() -> None:
+def test_a_long_break_deletes_all_tracks() -> None:
     assert ids(follow([lambda _: Car(10, 3)], [*every(0.5, 2), 3600.0])[-1]) == [2]
 
 
-def test_who_turns_a_corner_keeps_its_id() -> None:
+def test_a_car_that_turns_a_corner_keeps_its_id() -> None:
     """A quarter of a circle of 6 m radius at 6 m/s, seen twice a second."""
 
     def turning(t: float) -> Car:
@@ -206,12 +207,12 @@ def test_who_turns_a_corner_keeps_its_id() -> None:
     assert {name for moment in follow([turning], every(0.5, 5)) for name in ids(moment)} == {1}
 
 
-def test_life_is_counted_in_seconds_not_frames() -> None:
+def test_the_life_cycle_is_in_seconds_not_frames() -> None:
     for step in (0.1, 0.5):
         assert ids(follow([gap(1.0, 2.5)], every(step, 3))[-1]) == [1]
 
 
-def test_who_enters_where_another_left_is_new() -> None:
+def test_a_car_that_enters_where_another_left_is_new() -> None:
     def passing(t: float) -> Car | None:
         return Car(32 + 10 * t, 3) if t < 1 else Car(37 - 10 * (t - 1.6), 3) if t >= 1.6 else None
 
@@ -221,7 +222,7 @@ def test_who_enters_where_another_left_is_new() -> None:
 
 
 def test_the_life_cycle_can_be_set() -> None:
-    config = TrackerConfig(life=LifeConfig(coast_s=1.0, coast_m=5.0))
+    config = TrackerConfig(lifecycle=LifecycleConfig(coast_s=1.0, coast_std_m=5.0))
     assert [ids(moment) for moment in follow([gap(1.0, 2.0)], every(0.2, 2), config=config)] == [[1]] * 11
 
 
@@ -239,7 +240,7 @@ def test_a_car_that_is_only_ever_seen_cut_off_has_a_size() -> None:
 
 
 def test_time_must_move_forward() -> None:
-    tracker, blobs = Tracker(), find_blobs(map_of([])).as_detections()
+    tracker, blobs = Tracker(), find_instances(map_of([])).as_detections()
     tracker.update(blobs, START_US, pose())
     with pytest.raises(DataError, match=f"expected a time after {START_US} us, got {START_US} us"):
         tracker.update(blobs, START_US, pose())
@@ -247,7 +248,7 @@ def test_time_must_move_forward() -> None:
 
 def test_the_pose_must_be_rigid() -> None:
     with pytest.raises(ShapeError, match="world_from_ego"):
-        Tracker().update(find_blobs(map_of([])).as_detections(), START_US, np.eye(4) * 2)
+        Tracker().update(find_instances(map_of([])).as_detections(), START_US, np.eye(4) * 2)
 
 
 @pytest.mark.parametrize(

@@ -13,10 +13,11 @@ from numpy.typing import ArrayLike
 
 from appocc.checks import FloatArray
 from appocc.errors import AppoccError, DataError, ShapeError
-from tracking.detections import Around, Detections, boxes_as_detections, probability_of
+from tracking.detections import CircularView, Detections, probability_from_log_odds
 from tracking.filtering.kalman import MotionConfig
-from tracking.track_table import Followed, LifeConfig, sightings_of
-from tracking.tracker import MAPS, Tracker, TrackerConfig
+from tracking.presets import MAPS
+from tracking.track_table import LifecycleConfig, TrackTable, detections_in_world
+from tracking.tracker import Tracker, TrackerConfig
 from tracking.tracks import Track
 
 STEP_US = 100_000
@@ -36,7 +37,7 @@ def seen(
     kinds = (kind,) * n if isinstance(kind, str) else tuple(kind)
     sure = np.broadcast_to(np.asarray(log_odds, dtype=np.float64), n).copy()
     size = np.broadcast_to(np.asarray(size_m, dtype=np.float64), (n, 3)).copy()
-    return boxes_as_detections(np.pad(xy, ((0, 0), (0, 1))), np.full(n, yaw_rad), size, sure, kinds, Around())
+    return Detections.from_boxes(np.pad(xy, ((0, 0), (0, 1))), np.full(n, yaw_rad), size, sure, kinds, CircularView())
 
 
 def follow(
@@ -84,8 +85,8 @@ def test_detections_with_values_that_cannot_be(name: str, value: Any, complaint:
         Detections(**(values | {name: np.array(value)}))
 
 
-def test_what_may_be_unknown() -> None:
-    # Needs the change of tracking.track_table.Followed.see that an unknown height stays unknown.
+def test_unknown_values_are_allowed() -> None:
+    # An unknown height stays unknown in the track table.
     result = follow(lambda _: seen([[10, 0]], size_m=(1.8, 4.5, NAN)), 3)
     assert ids(result) == [[1]] * 3
     assert np.isnan(result[-1][0].height_m)
@@ -107,7 +108,7 @@ def test_tiny_and_huge_sizes(size_m: tuple[float, float, float]) -> None:
 
 
 @pytest.mark.parametrize("size_m", [(0.7, 0.5, 1.8), (0.5, 0.5, 1.8)])
-def test_who_is_wider_than_long_looks_where_the_detector_says(size_m: tuple[float, float, float]) -> None:
+def test_heading_of_a_detection_wider_than_long(size_m: tuple[float, float, float]) -> None:
     # Needs the change of tracking.track_table._axis that the size's sign must not turn the axis.
     result = follow(lambda _: seen([[10, 0]], size_m=size_m, kind="pedestrian", yaw_rad=1.0), 10)
     assert result[-1][0].yaw_world_rad == pytest.approx(1.0)
@@ -117,7 +118,7 @@ def test_who_is_wider_than_long_looks_where_the_detector_says(size_m: tuple[floa
 # Twins ------------------------------------------------------------------------------------------------------------
 
 
-def test_a_vehicle_that_is_told_of_twice_is_one() -> None:
+def test_duplicate_detections_are_suppressed() -> None:
     # Needs the change of tracking.tracker that only distinct detections are taken.
     result = follow(lambda i: seen([[10 + i, 0]] * 2), 20)
     assert ids(result) == [[1]] * 20
@@ -137,34 +138,34 @@ def test_a_twin_that_comes_and_goes_leaves_no_trace() -> None:
 
 def test_the_surer_of_two_stays_and_of_equals_the_first() -> None:
     places = np.array([[0, 0], [0.5, 0], [20, 0], [20, 0], [20, 0], [40, 0]])
-    assert seen(places, log_odds=[1, 2, 3, 3, 3, 0]).distinct().tolist() == [False, True, True, False, False, True]
+    assert seen(places, log_odds=[1, 2, 3, 3, 3, 0]).nms_mask().tolist() == [False, True, True, False, False, True]
 
 
 def test_a_chain_is_thinned_not_swallowed() -> None:
     """The last is a twin of the middle one alone, which is left out itself."""
-    assert seen([[0.0, 0], [0.8, 0], [1.6, 0]], log_odds=[3, 2, 1]).distinct().tolist() == [True, False, True]
+    assert seen([[0.0, 0], [0.8, 0], [1.6, 0]], log_odds=[3, 2, 1]).nms_mask().tolist() == [True, False, True]
 
 
 def test_half_a_width_of_the_narrower_decides() -> None:
     size = np.array([[2, 5, 1], [1, 5, 1]], dtype=np.float64)
     for apart, expected in ((0.49, [True, False]), (0.51, [True, True])):
         two = seen([[0, 0], [apart, 0]])
-        two = boxes_as_detections(two.ground_m, two.yaw_rad, size, two.log_odds, two.kind, two.view)
-        assert two.distinct().tolist() == expected
+        two = Detections.from_boxes(two.ground_m, two.yaw_rad, size, two.log_odds, two.kind, two.view)
+        assert two.nms_mask().tolist() == expected
 
 
 def test_others_are_no_twins() -> None:
-    assert seen([[0, 0], [0, 0]], kind=["car", "truck"]).distinct().all()
-    assert seen([[0, 0], [0, 2.0]]).distinct().all()
-    assert seen([[0, 0], [0.3, 0]], size_m=(0.5, 0.5, 1.7)).distinct().all()
-    assert seen([]).distinct().shape == (0,)
+    assert seen([[0, 0], [0, 0]], kind=["car", "truck"]).nms_mask().all()
+    assert seen([[0, 0], [0, 2.0]]).nms_mask().all()
+    assert seen([[0, 0], [0.3, 0]], size_m=(0.5, 0.5, 1.7)).nms_mask().all()
+    assert seen([]).nms_mask().shape == (0,)
 
 
 # Time -------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("wrong_us", [5 * STEP_US, 5 * STEP_US - 1, 0, -1])
-def test_time_that_stands_or_goes_back_is_refused_and_does_no_harm(wrong_us: int) -> None:
+def test_non_increasing_time_is_rejected_without_side_effects(wrong_us: int) -> None:
     tracker = Tracker()
     before = follow(lambda i: seen([[10 + i, 0]]), 5, tracker=tracker)
     with pytest.raises(DataError, match=rf"tracker: expected a time after 500000 us, got {wrong_us} us"):
@@ -186,7 +187,7 @@ def test_nothing_to_be_seen_for_long() -> None:
 
 @pytest.mark.parametrize("hours", [1, 24 * 365 * 1000])
 @pytest.mark.parametrize("step_m", [0.0, 1.0])
-def test_after_hours_nobody_is_known(hours: int, step_m: float) -> None:
+def test_tracks_are_forgotten_after_hours(hours: int, step_m: float) -> None:
     # Needs the change of tracking.tracker that tracks do not outlive a long gap between two frames.
     tracker = Tracker()
     follow(lambda i: seen([[10 + step_m * i, 0]]), 10, tracker=tracker)
@@ -215,7 +216,7 @@ def test_a_microsecond_between_frames() -> None:
 
 
 def test_an_ego_that_is_elsewhere_at_once() -> None:
-    """From one frame to the next 1 km away: who was followed is forgotten, who is seen there is new."""
+    """The ego jumps by 1 km between two frames: old tracks are forgotten, detections start new ones."""
     tracker = Tracker()
     places = [pose(), pose(), pose(1000, 0, 1.0), pose(1000, 0, 1.0), *[pose()] * 2]
     result = [
@@ -310,7 +311,7 @@ def random_frame(random: np.random.Generator) -> tuple[Detections, FloatArray]:
 
 
 @pytest.mark.parametrize("config", [None, MAPS])
-def test_whatever_comes_the_tracker_refuses_it_or_tells_what_can_be(config: TrackerConfig | None) -> None:
+def test_random_input_is_rejected_or_tracked(config: TrackerConfig | None) -> None:
     random = np.random.default_rng(2)
     tracker, time_us, told = Tracker(config), 0, 0
     for _ in range(300):
@@ -333,11 +334,11 @@ def test_whatever_comes_the_tracker_refuses_it_or_tells_what_can_be(config: Trac
 
 def test_a_score_is_the_mean_of_what_was_seen_and_some_doubt() -> None:
     (track,) = Tracker().update(seen([[0, 0]], log_odds=3.0), STEP_US, pose())
-    assert track.score == pytest.approx(probability_of((3.0 - 4 * 2.0) / (1 + 4)))
+    assert track.score == pytest.approx(probability_from_log_odds((3.0 - 4 * 2.0) / (1 + 4)))
 
 
 @pytest.mark.parametrize(("log_odds", "again"), [(3.0, 1), (-1.0, 2)])
-def test_who_is_rather_no_vehicle_is_not_remembered_once_lost(log_odds: float, again: int) -> None:
+def test_unlikely_vehicles_are_deleted_once_lost(log_odds: float, again: int) -> None:
     def at(i: int) -> Detections:
         return seen([[10, 0]], log_odds=log_odds) if i < 10 else seen([[10, 0]] if i == 35 else [])
 
@@ -347,51 +348,54 @@ def test_who_is_rather_no_vehicle_is_not_remembered_once_lost(log_odds: float, a
 def test_a_break_longer_than_anything_is_remembered_ends_all_tracks() -> None:
     parked = seen([[10, 0]])
     for seconds, number in ((2.9, 1), (3.1, 2)):
-        tracker = Tracker(TrackerConfig(life=LifeConfig(forget_resting_s=3.0)))
+        tracker = Tracker(TrackerConfig(lifecycle=LifecycleConfig(forget_stationary_s=3.0)))
         follow(lambda _: parked, 20, tracker=tracker)
         (track,) = tracker.update(parked, 20 * STEP_US + round(seconds * 1e6), pose())
         assert track.id == number
 
 
-def test_who_stands_goes_no_way_while_it_is_hidden() -> None:
-    followed = Followed(LifeConfig())
+def test_stationary_tracks_keep_their_position_while_hidden() -> None:
+    followed = TrackTable(LifecycleConfig())
     for i in range(20):
-        sight = sightings_of(seen([[0.05 * i, 0]]), pose(), np.zeros(1, np.int64), MotionConfig())
+        sight = detections_in_world(seen([[0.05 * i, 0]]), pose(), np.zeros(1, np.int64), MotionConfig())
         if i == 0:
             followed.add(sight, np.ones(1, np.int64), np.zeros(1, np.int64))
             continue
         followed.predict(0.1)
-        followed.see(np.zeros(1, np.int64), sight, np.zeros(1, np.int64), sight.noise_m2, np.zeros(1))
-    assert followed.rests.all()
+        followed.update(np.zeros(1, np.int64), sight, np.zeros(1, np.int64), sight.noise_m2, np.zeros(1))
+    assert followed.stationary.all()
     for _ in range(3):
         followed.predict(1.0)
-    np.testing.assert_allclose(followed.expected().way_m[0], [0.5, 0], atol=0.1)
+    np.testing.assert_allclose(followed.features().displacement_m[0], [0.5, 0], atol=0.1)
 
 
 def test_a_vehicle_that_is_cut_off_for_long_keeps_its_size() -> None:
     def at(i: int) -> Detections:
         short = seen([[10, 0]], size_m=(1.8, 2.0, 1.5))
-        return seen([[10, 0]]) if i < 5 else replace(short, cut=np.ones(1, np.bool_))
+        return seen([[10, 0]]) if i < 5 else replace(short, truncated=np.ones(1, np.bool_))
 
     assert follow(at, 30)[-1][0].length_m == pytest.approx(CAR_M[1])
 
 
 def test_little_seen_of_a_colour_says_little_of_the_next_one() -> None:
-    """Variance about a median: of one sighting three times what is expected of each, of many hardly more."""
-    config = LifeConfig()
-    followed = Followed(config)
+    """Variance about a median: three times that of a detection for one detection, hardly more for many."""
+    config = LifecycleConfig()
+    followed = TrackTable(config)
     coloured = replace(seen([[0, 0]]), lab=np.array([[50.0, 40.0, 10.0]]), rgb=np.full((1, 3), 100.0))
-    both = [sightings_of(each, pose(), np.zeros(1, np.int64), MotionConfig()) for each in (coloured, seen([[9, 0]]))]
+    both = [
+        detections_in_world(each, pose(), np.zeros(1, np.int64), MotionConfig())
+        for each in (coloured, seen([[9, 0]]))
+    ]
     for number, sight in enumerate(both):
         followed.add(sight, np.array([number]), np.zeros(1, np.int64))
-    expected, share = np.square(config.lab), config.lab_sightings / (config.lab_sightings + 1)
-    np.testing.assert_allclose(followed.expected().lab_variance, [3 * share * expected, 3 * expected])
+    expected, share = np.square(config.lab_std), config.lab_prior_weight / (config.lab_prior_weight + 1)
+    np.testing.assert_allclose(followed.features().lab_variance, [3 * share * expected, 3 * expected])
 
 
 def test_a_vehicle_without_a_colour_is_not_found_again_far_astray() -> None:
-    """However cheap that is made: without a colour nothing tells that it is the same one."""
+    """At any cost: without a colour there is no evidence for the same vehicle."""
     rule = TrackerConfig()
-    tracker = Tracker(replace(rule, strayed=replace(rule.strayed, cost_most=1000.0)))
+    tracker = Tracker(replace(rule, drifted=replace(rule.drifted, max_cost=1000.0)))
 
     def at(i: int) -> Detections:
         return seen([[1.0 * i, 0]] if i < 20 else [] if i < 40 else [[1.0 * i, 9]])

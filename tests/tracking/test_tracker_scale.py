@@ -9,7 +9,8 @@ import pytest
 
 from benchmarks import tracking_speed
 from benchmarks.tracking_speed import Moment, Traffic
-from tracking.association.costs import AssociationConfig, near
+from tracking.association.costs import AssociationConfig
+from tracking.neighbours import find_neighbours
 from tracking.tracker import Tracker
 
 NOW = np.eye(4)
@@ -48,58 +49,58 @@ def test_false_detections_do_not_mix_the_ids_of_500_vehicles() -> None:
     assert len(set.union(*ids.values())) == sum(len(own) for own in ids.values())
 
 
-def test_the_state_holds_no_more_than_those_alive() -> None:
+def test_state_size_is_bounded_by_the_number_of_tracks() -> None:
     """Hundreds of vehicles and false ones come and go; in the end there are as many tracks as in the beginning."""
     tracker, alive, last_id = Tracker(), [], 0
     for moment in moments(20, 400):
         tracks = tracker.update(moment.detections, moment.timestamp_us, NOW)
-        alive.append(len(tracker._alive))
+        alive.append(len(tracker._table))
         last_id = max([last_id, *tracks.id.tolist()])
     assert last_id > 400
     assert max(alive[200:]) <= max(alive[:200]) + 10 < 120
-    state = tracker._alive
-    arrays = [*vars(state).values(), *vars(state.motions).values(), *vars(state._memory).values()]
+    state = tracker._table
+    arrays = [*vars(state).values(), *vars(state.filters).values(), *vars(state._medians).values()]
     sizes = {len(state) in array.shape for array in arrays if isinstance(array, np.ndarray)}
     assert sizes == {True}
     assert max(array.size for array in arrays if isinstance(array, np.ndarray)) <= len(state) * 11 * 9
     assert len(tracker._kinds) == 1
 
 
-def test_who_left_for_good_is_forgotten() -> None:
+def test_tracks_that_left_are_forgotten() -> None:
     tracker = Tracker()
     for moment in moments(50, 5):
         tracker.update(moment.detections, moment.timestamp_us, NOW)
     nobody = moment.detections.select(np.zeros(0, np.int64))
     for step in range(1, 14):
         tracks = tracker.update(nobody, moment.timestamp_us + step * 3_000_000, NOW)
-    assert (len(tracks), len(tracker._alive)) == (0, 0)
+    assert (len(tracks), len(tracker._table)) == (0, 0)
 
 
 @pytest.mark.parametrize("count", [20, 80])  # few, and more
 @pytest.mark.parametrize("reach_m", [0.5, 5.0, 500.0])
-def test_pairs_near_each_other_are_all_pairs_near_each_other(reach_m: float, count: int) -> None:
+def test_all_neighbours_are_found(reach_m: float, count: int) -> None:
     dice = np.random.default_rng(3)
     one, other = dice.uniform(-50, 50, (count, 2)), dice.uniform(-50, 50, (90, 2))
     reaches_m = reach_m * dice.uniform(0.5, 1, count)
-    rows, columns = near(one, other, reaches_m)
+    rows, columns = find_neighbours(one, other, reaches_m)
     apart_m = np.hypot(*np.moveaxis(one[:, None] - other, -1, 0))
     assert (np.diff(rows) >= 0).all()
     found = sorted(zip(rows.tolist(), columns.tolist(), strict=True))
     assert found == [tuple(pair) for pair in np.argwhere(apart_m <= reaches_m[:, None]).tolist()]
 
 
-def test_nothing_is_near_nobody() -> None:
+def test_no_points_have_no_neighbours() -> None:
     nobody, some = np.zeros((0, 2)), np.ones((3, 2))
-    assert [len(each) for each in near(nobody, some, np.zeros(0))] == [0, 0]
-    assert [len(each) for each in near(some, nobody, np.ones(3))] == [0, 0]
+    assert [len(each) for each in find_neighbours(nobody, some, np.zeros(0))] == [0, 0]
+    assert [len(each) for each in find_neighbours(some, nobody, np.ones(3))] == [0, 0]
 
 
 def test_the_reach_of_a_track_grows_with_the_time_unseen() -> None:
-    config = AssociationConfig(gate_m=2.0, gate_mps=10.0, gate_most_m=6.0)
-    assert config.reach_m(np.array([0.0, 0.1, 0.3, 9.0])).tolist() == [2.0, 3.0, 5.0, 6.0]
+    config = AssociationConfig(min_gate_m=2.0, gate_speed_mps=10.0, max_gate_m=6.0)
+    assert config.gate_radius_m(np.array([0.0, 0.1, 0.3, 9.0])).tolist() == [2.0, 3.0, 5.0, 6.0]
 
 
-def test_the_traffic_is_as_it_is_said_to_be() -> None:
+def test_traffic_matches_its_specification() -> None:
     seen = moments(50, 200)
     shares = np.array([[(m.truth < 0).sum() / 50, (m.truth >= 0).sum() / 50] for m in seen])
     np.testing.assert_allclose(shares.mean(axis=0), [0.05, 0.95], atol=0.01)

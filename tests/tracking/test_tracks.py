@@ -1,47 +1,50 @@
 from __future__ import annotations
 
 import numpy as np
+from made_tracks import track
 
-from tracking.tracks import Memory, Tracks
+from tracking.detections import CircularView, Detections
+from tracking.filtering.running_median import RunningMedian
+from tracking.tracks import Tracks
 
 ONE = np.zeros(1, np.int64)
 
 
-def remembering(sightings: int, rows: list[list[float]]) -> Memory:
-    memory = Memory(sightings, len(rows[0]))
-    memory.add(np.array(rows[:1]))
+def remembering(sightings: int, rows: list[list[float]]) -> RunningMedian:
+    medians = RunningMedian(sightings, len(rows[0]))
+    medians.add(np.array(rows[:1]))
     for row in rows[1:]:
-        memory.remember(ONE, np.array([row]))
-    return memory
+        medians.update(ONE, np.array([row]))
+    return medians
 
 
-def test_the_median_forgets_outliers_and_what_is_long_ago() -> None:
-    memory = remembering(3, [[1.0], [9.0], [1.2]])
-    np.testing.assert_allclose(memory.median, [[1.2]])
-    memory.remember(ONE, np.array([[8.0]]))
-    np.testing.assert_allclose(memory.median, [[8.0]])
+def test_the_median_ignores_outliers_and_old_values() -> None:
+    medians = remembering(3, [[1.0], [9.0], [1.2]])
+    np.testing.assert_allclose(medians.median, [[1.2]])
+    medians.update(ONE, np.array([[8.0]]))
+    np.testing.assert_allclose(medians.median, [[8.0]])
 
 
 def test_unknown_values_do_not_count() -> None:
-    memory = remembering(5, [[1.0, np.nan, np.nan], [3.0, 5.0, np.nan]])
-    np.testing.assert_allclose(memory.median, [[2.0, 5.0, np.nan]])
-    np.testing.assert_allclose(memory.known, [[2, 1, 0]])
-    np.testing.assert_allclose(memory.spread, [[2.0, 0.0, 0.0]])
+    medians = remembering(5, [[1.0, np.nan, np.nan], [3.0, 5.0, np.nan]])
+    np.testing.assert_allclose(medians.median, [[2.0, 5.0, np.nan]])
+    np.testing.assert_allclose(medians.known, [[2, 1, 0]])
+    np.testing.assert_allclose(medians.squared_deviation, [[2.0, 0.0, 0.0]])
 
 
 def test_a_value_that_was_never_seen_stays_unknown() -> None:
-    memory = remembering(3, [[np.nan, 1.0], [np.nan, 2.0]])
-    np.testing.assert_allclose(memory.median, [[np.nan, 1.5]])
-    np.testing.assert_allclose(memory.spread, [[0.0, 0.5]])
+    medians = remembering(3, [[np.nan, 1.0], [np.nan, 2.0]])
+    np.testing.assert_allclose(medians.median, [[np.nan, 1.5]])
+    np.testing.assert_allclose(medians.squared_deviation, [[0.0, 0.5]])
 
 
-def test_each_vehicle_has_its_own_memory() -> None:
-    memory = remembering(3, [[1.0]])
-    memory.add(np.array([[5.0], [7.0]]))
-    memory.remember(np.array([1]), np.array([[6.0]]))
-    np.testing.assert_allclose(memory.median[:, 0], [1.0, 5.5, 7.0])
-    memory.keep(np.array([False, True, True]))
-    np.testing.assert_allclose(memory.median[:, 0], [5.5, 7.0])
+def test_each_track_has_its_own_median() -> None:
+    medians = remembering(3, [[1.0]])
+    medians.add(np.array([[5.0], [7.0]]))
+    medians.update(np.array([1]), np.array([[6.0]]))
+    np.testing.assert_allclose(medians.median[:, 0], [1.0, 5.5, 7.0])
+    medians.keep(np.array([False, True, True]))
+    np.testing.assert_allclose(medians.median[:, 0], [5.5, 7.0])
 
 
 def test_tracks_are_a_sequence_of_tracks() -> None:
@@ -62,3 +65,15 @@ def test_tracks_are_a_sequence_of_tracks() -> None:
     assert (len(tracks), one.id, one.kind, one.speed_mps, one.seen, one.detection) == (2, 3, "car", 5.0, True, 5)
     assert (one.width_m, one.length_m, one.moving, one.heading_known) == (1.8, 4.5, True, True)
     assert (other.seen, other.detection, other.height_m, other.score) == (False, None, 3.2, 0.4)
+
+
+def test_constructors_copy_the_arrays_of_the_caller() -> None:
+    given = np.array([1.0, 2.0, 3.0])
+    one = track(position_world_m=given)
+    ground_m, ones = np.zeros((2, 3)), np.ones((2, 3))
+    found = Detections.from_boxes(ground_m, np.zeros(2), ones, np.zeros(2), ("car",) * 2, CircularView())
+    given[0] = ground_m[0, 0] = 9.0
+    assert (one.position_world_m[0], found.ground_m[0, 0]) == (1.0, 0.0)
+    assert not one.position_world_m.flags.writeable
+    assert not found.ground_m.flags.writeable
+    assert hash(one) != hash(track())

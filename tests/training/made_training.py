@@ -13,16 +13,16 @@ from torch import Tensor, nn
 
 from appocc.camera import CameraRig
 from appocc.grid import BEVGrid
-from appocc.models.base import DEPTH_BINS, BEVModel, Output, ViewOutput
-from appocc.models.model_spec import Setting
+from appocc.models.base import DEPTH_BINS, BEVModel, ImageOutput, ModelOutput
+from appocc.models.model_spec import ModelSpec
 from appocc.training.batch import Batch, Truth
 from appocc.training.config import Config
 from appocc.training.loop import train
-from appocc.training.process_group import World, joined
-from appocc.training.run import Parts, Watcher
+from appocc.training.process_group import ProcessGroup, join_process_group
+from appocc.training.run import TrainingMonitor, TrainingSetup
 from appocc.training.run_folder import RunFolder
 
-SETTING = Setting("tiny", ("CAM_FRONT",), BEVGrid(0.0, 3.2, -1.6, 1.6), width_px=64, height_px=64)
+SETTING = ModelSpec("tiny", ("CAM_FRONT",), BEVGrid(0.0, 3.2, -1.6, 1.6), width_px=64, height_px=64)
 KINDS = 4
 
 
@@ -41,7 +41,7 @@ class TinyModel(BEVModel):
 
     def __init__(self, appearance: bool = True) -> None:
         super().__init__()
-        self.setting, self.appearance = SETTING, appearance
+        self.spec, self.appearance = SETTING, appearance
         stem = nn.Conv2d(3, 8, 3, padding=1, bias=False)
         self.trunk = nn.Sequential(stem, nn.BatchNorm2d(8), nn.ReLU(), nn.AvgPool2d(8), nn.Dropout(0.1))
         self.heads = nn.Conv2d(8, 6 if appearance else 3, 1)
@@ -50,13 +50,13 @@ class TinyModel(BEVModel):
     def plan(self, rigs: Sequence[CameraRig]) -> TinyPlan:
         return TinyPlan(torch.ones(len(rigs), *SETTING.grid.shape, dtype=torch.bool))
 
-    def forward(self, images: Tensor, plan: Any) -> Output:
+    def forward(self, images: Tensor, plan: Any) -> ModelOutput:
         assert images.flatten(0, 1).is_contiguous(memory_format=torch.channels_last)
         features = self.trunk(images[:, 0])
         answer, views = self.heads(features), self.views(features)[:, None]
         colour = answer[:, 3:].sigmoid() if self.appearance else None
-        told = ViewOutput(views[:, :, :DEPTH_BINS], views[:, :, DEPTH_BINS:]) if self.training else None
-        return Output(answer[:, :3], colour, told)
+        told = ImageOutput(views[:, :, :DEPTH_BINS], views[:, :, DEPTH_BINS:]) if self.training else None
+        return ModelOutput(answer[:, :3], colour, told)
 
 
 class Poison(NamedTuple):
@@ -70,22 +70,22 @@ class TinySamples:
     """Pictures of noise over squares of plain colour; the red ones are road, green vehicles, blue lanes."""
 
     def __init__(
-        self, count: int = 24, size: int = 4, rank: int = 0, world: int = 1, poison: Poison | None = None
+        self, count: int = 24, size: int = 4, rank: int = 0, world_size: int = 1, poison: Poison | None = None
     ) -> None:
-        self.count, self.size, self.rank, self.world, self.poison = count, size, rank, world, poison
+        self.count, self.size, self.rank, self.world_size, self.poison = count, size, rank, world_size, poison
         self.asked: list[int] = []
 
     def batches(self, start: int = 0, threads: int = 1) -> Iterator[Batch]:
         number = start
         while True:
             self.asked.append(number)
-            first = (number * self.world + self.rank) * self.size
+            first = (number * self.world_size + self.rank) * self.size
             batch = self.batch([(first + k) % self.count for k in range(self.size)], seed=number)
             yield self._poisoned(batch) if self.poison and number >= self.poison.first else batch
             number += 1
 
-    def in_order(self, most: int | None = None, threads: int = 1) -> Iterator[Batch]:
-        own = list(range(min(self.count, most or self.count)))[self.rank :: self.world]
+    def in_order(self, limit: int | None = None, threads: int = 1) -> Iterator[Batch]:
+        own = list(range(min(self.count, limit or self.count)))[self.rank :: self.world_size]
         for first in range(0, len(own), self.size):
             yield self.batch(own[first : first + self.size], seed=0)
 
@@ -133,23 +133,23 @@ def made_config(**more: Any) -> Config:
     return Config.model_validate(values)
 
 
-def made_parts(config: Config, world: World | None = None, poison: Poison | None = None) -> Parts:
+def made_setup(config: Config, processes: ProcessGroup | None = None, poison: Poison | None = None) -> TrainingSetup:
     torch.manual_seed(config.train.seed)
-    rank, size = (world.rank, world.size) if world else (0, 1)
-    samples = TinySamples(size=config.train.batch, rank=rank, world=size, poison=poison)
+    rank, size = (processes.rank, processes.size) if processes else (0, 1)
+    samples = TinySamples(size=config.train.batch, rank=rank, world_size=size, poison=poison)
     val = TinySamples(10, config.train.batch, rank, size)
-    return Parts(TinyModel(config.appearance), samples, val, save)
+    return TrainingSetup(TinyModel(config.appearance), samples, val, save)
 
 
 def run(
     folder: Path,
     config: Config,
-    watcher: Watcher | None = None,
+    monitor: TrainingMonitor | None = None,
     resume: bool = False,
     poison: Poison | None = None,
-) -> Parts:
+) -> TrainingSetup:
     """Train in a folder."""
-    with joined("cpu") as world:
-        parts = made_parts(config, world, poison)
-        train(parts, config, RunFolder(folder), world, watcher or Watcher(), resume)
-    return parts
+    with join_process_group("cpu") as processes:
+        setup = made_setup(config, processes, poison)
+        train(setup, config, RunFolder(folder), processes, monitor or TrainingMonitor(), resume)
+    return setup

@@ -16,42 +16,42 @@ from appocc.checks import FloatArray, check_transform
 from appocc.errors import ShapeError
 from appocc.geometry import apply, inverse, quaternion_from_yaw, transform
 from appocc.grid import BEVGrid
-from appocc.models.model_spec import SETTINGS
+from appocc.models.model_spec import MODEL_SPECS
 from appocc.rigs import read_rig
-from appocc.training.augment import Augmentation, augmented, mirrored, reframed, relit
-from appocc.training.reading import ARRAYS, Sample, cropped
+from appocc.training.augment import Augmentation, augment, jitter_colours, mirror_sample, reframe
+from appocc.training.reading import ARRAYS, PackedSample, crop
 
 WIDTH, HEIGHT = 352, 128
-GRID, FRONT = BEVGrid.surround(), SETTINGS["180"].grid
+GRID, FRONT = BEVGrid.surround(), MODEL_SPECS["180"].grid
 RIG = tuple(read_rig("paper"))
 TERMS = 4 * 16  # of four poses and matrices of intrinsics, one after the other
 # Where each camera of the rig looks, degrees; a mark 14 m away in that direction is seen.
 YAW_DEG = (55, 0, -55, 110, 180, -110)
 
 
-def blank(grid: BEVGrid = GRID) -> Sample:
+def blank(grid: BEVGrid = GRID) -> PackedSample:
     n, (x, y) = len(RIG), grid.shape
-    return Sample(
-        np.zeros((n, HEIGHT, WIDTH, 3), np.uint8),
-        np.stack([camera.intrinsic for camera in RIG]),
-        np.stack([camera.ego_from_cam for camera in RIG]),
-        np.ones(n, np.bool_),
-        np.zeros((x, y), np.uint8),
-        np.full((x, y), 15, np.uint8),
-        np.zeros((3, x, y), np.uint8),
-        np.zeros((n, HEIGHT // 8, WIDTH // 8), np.float16),
-        np.full((n, HEIGHT // 8, WIDTH // 8), 255, np.uint8),
-        grid,
-        tuple(camera.channel for camera in RIG),
+    return PackedSample(
+        images=np.zeros((n, HEIGHT, WIDTH, 3), np.uint8),
+        intrinsic=np.stack([camera.intrinsic for camera in RIG]),
+        ego_from_cam=np.stack([camera.ego_from_cam for camera in RIG]),
+        alive=np.ones(n, np.bool_),
+        occupancy=np.zeros((x, y), np.uint8),
+        known=np.full((x, y), 15, np.uint8),
+        appearance=np.zeros((3, x, y), np.uint8),
+        depth_m=np.zeros((n, HEIGHT // 8, WIDTH // 8), np.float16),
+        kind=np.full((n, HEIGHT // 8, WIDTH // 8), 255, np.uint8),
+        grid=grid,
+        channels=tuple(camera.channel for camera in RIG),
     )
 
 
-def camera_of(sample: Sample, n: int) -> Camera:
+def camera_of(sample: PackedSample, n: int) -> Camera:
     k, pose = sample.intrinsic[n].copy(), sample.ego_from_cam[n].copy()
     return Camera("CAM", WIDTH, HEIGHT, k, pose)
 
 
-def marked() -> Sample:
+def marked() -> PackedSample:
     """A white mark on the ground before each camera: in its picture, its depth and the map (3 x 3 vehicle cells)."""
     sample = blank()
     for n, yaw in enumerate(np.radians(YAW_DEG)):
@@ -66,12 +66,12 @@ def marked() -> Sample:
     return sample
 
 
-def marks_px(sample: Sample, n: int) -> FloatArray:
+def marks_px(sample: PackedSample, n: int) -> FloatArray:
     rows, columns = np.nonzero(sample.images[n, :, :, 0] > 127)
     return np.array([columns.mean(), rows.mean()])
 
 
-def vehicle_places(sample: Sample) -> list[FloatArray]:
+def vehicle_places(sample: PackedSample) -> list[FloatArray]:
     """Middles of the marks in the map, metres."""
     count, label = cv2.connectedComponents((sample.occupancy == 2).astype(np.uint8), connectivity=8)
     centres = sample.grid.centres()
@@ -84,9 +84,9 @@ def frame(yaw_rad: float, x_m: float, y_m: float) -> FloatArray:
 
 @settings(max_examples=25)
 @given(yaw_rad=st.floats(-np.pi, np.pi), x_m=st.floats(-6, 6), y_m=st.floats(-6, 6), mirror=st.booleans())
-def test_pictures_and_map_agree_in_any_frame(yaw_rad: float, x_m: float, y_m: float, mirror: bool) -> None:
-    sample = mirrored(marked()) if mirror else marked()
-    sample = reframed(sample, frame(yaw_rad, x_m, y_m), GRID)
+def test_images_and_map_agree_in_any_frame(yaw_rad: float, x_m: float, y_m: float, mirror: bool) -> None:
+    sample = mirror_sample(marked()) if mirror else marked()
+    sample = reframe(sample, frame(yaw_rad, x_m, y_m), GRID)
     places = vehicle_places(sample)
     assert len(places) == len(RIG)
     for n in range(len(RIG)):
@@ -106,7 +106,7 @@ def test_pictures_and_map_agree_in_any_frame(yaw_rad: float, x_m: float, y_m: fl
 @given(yaw_rad=st.floats(-np.pi, np.pi), x_m=st.floats(-6, 6), y_m=st.floats(-6, 6), mirror=st.booleans())
 def test_a_ground_point_keeps_its_pixel_exactly(yaw_rad: float, x_m: float, y_m: float, mirror: bool) -> None:
     before, point = blank(), np.array([[9.0, 2.5, 0.0]])
-    after = reframed(mirrored(before) if mirror else before, frame(yaw_rad, x_m, y_m), GRID)
+    after = reframe(mirror_sample(before) if mirror else before, frame(yaw_rad, x_m, y_m), GRID)
     moved = apply(frame(yaw_rad, x_m, y_m), point * [1, -1, 1] if mirror else point)
     uv, depth = camera_of(before, 1).project_ego(point)
     uv_after, depth_after = camera_of(after, 1).project_ego(moved)
@@ -116,7 +116,7 @@ def test_a_ground_point_keeps_its_pixel_exactly(yaw_rad: float, x_m: float, y_m:
     assert_rounded(depth_after, depth, TERMS, 20.0)
 
 
-def coded(grid: BEVGrid = GRID) -> Sample:
+def coded(grid: BEVGrid = GRID) -> PackedSample:
     """A map in which each cell's colour is its number, and its classes follow from it."""
     sample, (x, y) = blank(grid), grid.shape
     i, j = np.indices((x, y))
@@ -126,9 +126,9 @@ def coded(grid: BEVGrid = GRID) -> Sample:
 
 
 @pytest.mark.parametrize("target", [GRID, FRONT])
-def test_every_cell_takes_what_lies_at_its_centre_and_outside_is_unknown(target: BEVGrid) -> None:
+def test_cells_are_resampled_at_their_centre_and_unknown_outside(target: BEVGrid) -> None:
     new_from_ego = frame(0.7, 3.0, -2.0)
-    before, after = coded(), reframed(coded(), new_from_ego, target)
+    before, after = coded(), reframe(coded(), new_from_ego, target)
     assert after.grid == target
     assert after.occupancy.shape == target.shape
     centres = np.concatenate([target.centres(), np.zeros((*target.shape, 1))], axis=-1)
@@ -143,9 +143,9 @@ def test_every_cell_takes_what_lies_at_its_centre_and_outside_is_unknown(target:
 
 def test_a_turn_by_a_quarter_and_a_whole_shift_lose_nothing() -> None:
     before = coded()
-    after = reframed(before, frame(np.pi / 2, 0, 0), GRID)
+    after = reframe(before, frame(np.pi / 2, 0, 0), GRID)
     np.testing.assert_array_equal(after.occupancy, np.rot90(before.occupancy))
-    moved = reframed(before, frame(0, 0.8, -0.4), GRID)
+    moved = reframe(before, frame(0, 0.8, -0.4), GRID)
     np.testing.assert_array_equal(moved.occupancy[2:, :-1], before.occupancy[:-2, 1:])
     assert not moved.known[:2].any()
     assert not moved.known[:, -1].any()
@@ -153,11 +153,11 @@ def test_a_turn_by_a_quarter_and_a_whole_shift_lose_nothing() -> None:
 
 def test_mirroring_twice_is_nothing_and_needs_a_grid_that_is_even() -> None:
     sample = marked()
-    twice = mirrored(mirrored(sample))
+    twice = mirror_sample(mirror_sample(sample))
     for name in ARRAYS:
         assert_rounded(getattr(twice, name), getattr(sample, name), TERMS)
     with pytest.raises(ShapeError, match=r"got y -4\.\.8 m"):
-        mirrored(blank(BEVGrid(-8, 8, -4, 8)))
+        mirror_sample(blank(BEVGrid(-8, 8, -4, 8)))
 
 
 def test_a_skewed_pixel_is_mirrored_too() -> None:
@@ -165,18 +165,18 @@ def test_a_skewed_pixel_is_mirrored_too() -> None:
     sample.intrinsic[:, 0, 1] = 3.0
     point = np.array([[12.0, 1.0, 0.4]])
     uv, _ = camera_of(sample, 1).project_ego(point)
-    uv_after, _ = camera_of(mirrored(sample), 1).project_ego(point * [1, -1, 1])
+    uv_after, _ = camera_of(mirror_sample(sample), 1).project_ego(point * [1, -1, 1])
     assert_rounded(uv_after[0], [WIDTH - 1 - uv[0, 0], uv[0, 1]], TERMS, WIDTH)
 
 
 # Light ------------------------------------------------------------------------------------------------------------
 
 
-def test_light_changes_pictures_and_map_alike() -> None:
+def test_colour_jitter_changes_images_and_map_alike() -> None:
     rng, sample = np.random.default_rng(0), blank()
     sample.appearance[:] = rng.integers(0, 256, sample.appearance.shape)
     sample.images[0, :, :200] = np.moveaxis(sample.appearance, 0, 2)[:128]
-    after = relit(sample, 1.1, 0.8, 1.3)
+    after = jitter_colours(sample, 1.1, 0.8, 1.3)
     np.testing.assert_array_equal(after.images[0, :, :200], np.moveaxis(after.appearance, 0, 2)[:128])
     np.testing.assert_array_equal(after.occupancy, sample.occupancy)
     assert sample.images[0].max() == 255  # itself untouched
@@ -197,70 +197,80 @@ def test_golden_colours(
 ) -> None:
     sample = blank()
     sample.images[:] = colour
-    np.testing.assert_array_equal(relit(sample, *light).images[2, 64, 100], expected)
+    np.testing.assert_array_equal(jitter_colours(sample, *light).images[2, 64, 100], expected)
 
 
 def test_unknown_colours_stay_black() -> None:
     sample = blank()
     sample.known[:100] = 7
-    after = relit(sample, 1.0, 0.5, 1.0)
+    after = jitter_colours(sample, 1.0, 0.5, 1.0)
     assert not after.appearance[:, :100].any()
     assert (after.appearance[:, 100:] == 64).all()
 
 
 # All together -----------------------------------------------------------------------------------------------------
 
-STRONG = Augmentation(np.pi, 4.0, 0.5, 0.2, 0.2, 0.2, 2, 0.02, 0.1)
+STRONG = Augmentation(
+    yaw_rad=np.pi,
+    shift_m=4.0,
+    mirror=0.5,
+    brightness=0.2,
+    contrast=0.2,
+    saturation=0.2,
+    cameras_dropped=2,
+    extrinsic_rad=0.02,
+    extrinsic_m=0.1,
+)
 
 
 def rng(seed: int) -> np.random.Generator:
     return np.random.default_rng(seed)
 
 
-def equal(one: Sample, other: Sample, names: tuple[str, ...] = ARRAYS) -> bool:
+def equal(one: PackedSample, other: PackedSample, names: tuple[str, ...] = ARRAYS) -> bool:
     return all(np.array_equal(getattr(one, name), getattr(other, name)) for name in names)
 
 
 def test_no_strength_changes_nothing_but_crops() -> None:
     sample = coded()
-    assert equal(augmented(sample, Augmentation(), GRID, rng(0)), sample)
-    front = augmented(sample, Augmentation(), FRONT, rng(0))
-    assert equal(front, cropped(sample, FRONT))
+    assert equal(augment(sample, Augmentation(), GRID, rng(0)), sample)
+    front = augment(sample, Augmentation(), FRONT, rng(0))
+    assert equal(front, crop(sample, FRONT))
     np.testing.assert_array_equal(front.occupancy, sample.occupancy[100:])
 
 
-def test_the_same_generator_gives_the_same_and_the_packed_sample_is_not_written_to() -> None:
+def test_augmentation_is_reproducible_and_does_not_modify_its_input() -> None:
     sample, untouched = marked(), marked()
     for name in ARRAYS:
         getattr(sample, name).flags.writeable = False
-    first = augmented(sample, STRONG, GRID, rng(5))
-    assert equal(first, augmented(sample, STRONG, GRID, rng(5)))
-    assert not equal(first, augmented(sample, STRONG, GRID, rng(6)))
+    first = augment(sample, STRONG, GRID, rng(5))
+    assert equal(first, augment(sample, STRONG, GRID, rng(5)))
+    assert not equal(first, augment(sample, STRONG, GRID, rng(6)))
     assert equal(sample, untouched)
 
 
 def test_switching_one_change_on_leaves_the_others_as_they_were() -> None:
     sample = marked()
-    everything = augmented(sample, STRONG, GRID, rng(3))
-    calm = augmented(sample, replace(STRONG, brightness=0, contrast=0, saturation=0), GRID, rng(3))
+    everything = augment(sample, STRONG, GRID, rng(3))
+    calm = augment(sample, replace(STRONG, brightness=0, contrast=0, saturation=0), GRID, rng(3))
     assert equal(everything, calm, ("intrinsic", "ego_from_cam", "alive", "occupancy", "known", "depth_m", "kind"))
-    stiff = augmented(sample, replace(STRONG, yaw_rad=0, shift_m=0, extrinsic_rad=0, extrinsic_m=0), GRID, rng(3))
+    stiff = augment(sample, replace(STRONG, yaw_rad=0, shift_m=0, extrinsic_rad=0, extrinsic_m=0), GRID, rng(3))
     assert equal(everything, stiff, ("images", "alive", "intrinsic"))
 
 
-def test_up_to_so_many_cameras_are_dropped_and_one_stays() -> None:
-    counts = [int(augmented(blank(), Augmentation(cameras_dropped=2), GRID, rng(i)).alive.sum()) for i in range(20)]
+def test_cameras_are_dropped_up_to_the_limit_and_one_remains() -> None:
+    counts = [int(augment(blank(), Augmentation(cameras_dropped=2), GRID, rng(i)).alive.sum()) for i in range(20)]
     assert {*counts} == {4, 5, 6}
     lonely = blank()
     lonely.alive[1:] = False
     for i in range(10):
-        assert augmented(lonely, Augmentation(cameras_dropped=5), GRID, rng(i)).alive.tolist() == [True] + [False] * 5
+        assert augment(lonely, Augmentation(cameras_dropped=5), GRID, rng(i)).alive.tolist() == [True] + [False] * 5
 
 
 def test_strengths_are_bounds_and_are_used() -> None:
     turns, moves = [], []
     for i in range(20):
-        after = augmented(blank(), Augmentation(extrinsic_rad=0.03, extrinsic_m=0.2), GRID, rng(i))
+        after = augment(blank(), Augmentation(extrinsic_rad=0.03, extrinsic_m=0.2), GRID, rng(i))
         for n, camera in enumerate(RIG):
             check_transform("pose", after.ego_from_cam[n])
             change = inverse(camera.ego_from_cam) @ after.ego_from_cam[n]
@@ -270,7 +280,7 @@ def test_strengths_are_bounds_and_are_used() -> None:
     assert 0.18 < max(moves) <= 0.2 + 1e-6
     yaws = []
     for i in range(40):
-        after = augmented(blank(), Augmentation(yaw_rad=0.5, shift_m=3), GRID, rng(i))
+        after = augment(blank(), Augmentation(yaw_rad=0.5, shift_m=3), GRID, rng(i))
         new_from_ego = after.ego_from_cam[1] @ inverse(RIG[1].ego_from_cam)
         yaws.append(np.arctan2(new_from_ego[1, 0], new_from_ego[0, 0]))
         assert np.abs(new_from_ego[:2, 3]).max() <= 3
@@ -278,5 +288,5 @@ def test_strengths_are_bounds_and_are_used() -> None:
     assert -0.5 <= min(yaws) < -0.4
     assert 0.4 < max(yaws) <= 0.5
     sample = marked()
-    flipped = [not equal(augmented(sample, Augmentation(mirror=0.5), GRID, rng(i)), sample) for i in range(40)]
+    flipped = [not equal(augment(sample, Augmentation(mirror=0.5), GRID, rng(i)), sample) for i in range(40)]
     assert 10 < sum(flipped) < 30

@@ -24,7 +24,7 @@ def path(tmp_path: Path) -> Path:
     return path
 
 
-def test_a_file_says_what_differs_from_the_defaults(path: Path) -> None:
+def test_a_file_overrides_the_defaults(path: Path) -> None:
     config = read_config(path)
     assert (config.train.lr, config.train.steps, config.train.batch) == (1e-3, 10, 8)
     assert config.setting == "360"
@@ -67,7 +67,7 @@ def test_overrides_replace_and_add(path: Path) -> None:
         (["data=null"], "data: expected a valid dictionary"),
     ],
 )
-def test_what_is_wrong_is_told_in_one_line_with_file_and_key(path: Path, words: list[str], said: str) -> None:
+def test_errors_are_one_line_with_file_and_key(path: Path, words: list[str], said: str) -> None:
     if words[0].startswith("network.size"):
         words = ["network=appocc", *words]
     with pytest.raises(DataError) as caught:
@@ -84,11 +84,11 @@ def test_what_is_wrong_is_told_in_one_line_with_file_and_key(path: Path, words: 
         ("- 1", "expected keys such as data and train, got list"),
         ("", "got NoneType"),
         ("data: {train: a, val: b}", "train: expected a value, got none"),
-        ("data: {train: a, train: b}", "'train' stands twice"),
+        ("data: {train: a, train: b}", "'train' occurs twice"),
         ("data: 2020-99-99", "no valid YAML"),
     ],
 )
-def test_damaged_files_are_told(tmp_path: Path, text: str, said: str) -> None:
+def test_damaged_files_are_refused(tmp_path: Path, text: str, said: str) -> None:
     path = tmp_path / "bad.yaml"
     path.write_text(text)
     with pytest.raises(DataError, match=r"bad\.yaml") as caught:
@@ -97,12 +97,12 @@ def test_damaged_files_are_told(tmp_path: Path, text: str, said: str) -> None:
     assert "\n" not in str(caught.value)
 
 
-def test_a_missing_file_is_told(tmp_path: Path) -> None:
+def test_a_missing_file_is_refused(tmp_path: Path) -> None:
     with pytest.raises(DataError, match=r"none.yaml: cannot be read"):
         read_config(tmp_path / "none.yaml")
 
 
-def test_what_is_written_is_read_as_the_same(path: Path, tmp_path: Path) -> None:
+def test_a_configuration_survives_writing_and_reading(path: Path, tmp_path: Path) -> None:
     config = read_config(path, ["losses.pos_weight=[1, 2.5, 3]", "train.threads=2"])
     (tmp_path / "again.yaml").write_text(config.as_yaml())
     assert read_config(tmp_path / "again.yaml") == config
@@ -126,7 +126,7 @@ def test_there_are_shipped_files() -> None:
     assert {path.stem for path in CONFIGS.glob("*.yaml")} == {*config_names()}
 
 
-def test_an_existing_file_goes_before_a_shipped_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_existing_file_has_priority_over_a_shipped_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     Path("small").mkdir()
     assert config_path(Path("small")) == FOLDER / "small.yaml"

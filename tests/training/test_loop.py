@@ -10,46 +10,46 @@ from pathlib import Path
 
 import pytest
 import torch
-from made_training import SETTING, Poison, TinyModel, TinySamples, made_config, made_parts, run, save
+from made_training import SETTING, Poison, TinyModel, TinySamples, made_config, made_setup, run, save
 from safetensors import safe_open
 from tolerances import assert_rounded
 from torch import nn
 
 from appocc.errors import DataError
 from appocc.files import read_image
-from appocc.models.base import BEVModel, Output
+from appocc.models.base import BEVModel, ModelOutput
 from appocc.models.rounding import rounding
-from appocc.training.checkpoint import Progress
-from appocc.training.curves import draw_curves
-from appocc.training.loop import _estimate_norms, _optimizer, train
-from appocc.training.losses import losses
-from appocc.training.metrics import Tally
-from appocc.training.prefetcher import _ahead, feed
-from appocc.training.process_group import World, joined
-from appocc.training.run import Parts, Run, StoppedError, TrainingError, Watcher
+from appocc.training.checkpoint import TrainingProgress
+from appocc.training.curves import plot_curves
+from appocc.training.loop import _optimizer, _reestimate_batch_norm, train
+from appocc.training.losses import compute_losses
+from appocc.training.metrics import MetricAccumulator
+from appocc.training.prefetcher import _prefetch_in_thread, prefetch
+from appocc.training.process_group import ProcessGroup, join_process_group
+from appocc.training.run import StoppedError, TrainingError, TrainingMonitor, TrainingRun, TrainingSetup
 from appocc.training.run_folder import RunFolder
 from appocc.training.schedule import Budget, ema_decay, learning_rate
 
-HERE = World(0, 1, torch.device("cpu"))
+HERE = ProcessGroup(0, 1, torch.device("cpu"))
 
 
 def lines(folder: Path, kind: str) -> list[dict[str, object]]:
-    return [line for line in RunFolder(folder).lines() if line["kind"] == kind]
+    return [line for line in RunFolder(folder).read_metrics() if line["kind"] == kind]
 
 
 def test_it_learns_and_leaves_a_run_folder(tmp_path: Path) -> None:
     folder = tmp_path / "run"
     told: list[str] = []
     shown: list[tuple[float, str]] = []
-    watcher = Watcher(lambda share, text: shown.append((share, text)), told.append)
-    run(folder, made_config(train__steps=40, evaluate__every_steps=20, losses__colour=4.0), watcher)
+    monitor = TrainingMonitor(lambda share, text: shown.append((share, text)), told.append)
+    run(folder, made_config(train__steps=40, evaluate__every_steps=20, losses__colour=4.0), monitor)
     names = {"config.yaml", "environment.json", "metrics.jsonl", "curves.png", "best.safetensors"}
     assert {path.name for path in folder.iterdir()} == {
         *names,
         "state-00000036.safetensors",
         "state-00000040.safetensors",
     }
-    val = RunFolder(folder).lines()[-1]
+    val = RunFolder(folder).read_metrics()[-1]
     assert val["kind"] == "val"
     assert val["mean_iou"] > 0.8
     assert val["colour_l1"] < 45
@@ -73,8 +73,8 @@ def test_micro_batches_of_a_step_give_the_gradient_of_their_mean() -> None:
         model.zero_grad()
         for batch in parts:
             images = batch.images.flatten(0, 1).contiguous(memory_format=torch.channels_last)[:, None]
-            output: Output = model(images, model.plan(batch.rigs))
-            total = losses(output, batch.truth, config.losses).total(config.losses)
+            output: ModelOutput = model(images, model.plan(batch.rigs))
+            total = compute_losses(output, batch.truth, config.losses).total(config.losses)
             torch.autograd.backward(total / len(parts))
         grad = model.heads.weight.grad
         assert grad is not None
@@ -84,14 +84,14 @@ def test_micro_batches_of_a_step_give_the_gradient_of_their_mean() -> None:
 
 def test_accumulation_asks_for_as_many_batches(tmp_path: Path) -> None:
     config = made_config(train__steps=3, train__accumulate=2, evaluate__norm_batches=0)
-    with joined("cpu") as world:
-        parts = made_parts(config)
-        train(parts, config, RunFolder(tmp_path / "run"), world, Watcher())
-    assert isinstance(parts.train, TinySamples)
-    assert parts.train.asked[:6] == list(range(6))
+    with join_process_group("cpu") as processes:
+        setup = made_setup(config)
+        train(setup, config, RunFolder(tmp_path / "run"), processes, TrainingMonitor())
+    assert isinstance(setup.train, TinySamples)
+    assert setup.train.asked[:6] == list(range(6))
 
 
-def test_norms_and_biases_are_not_made_smaller() -> None:
+def test_no_weight_decay_on_norms_and_biases() -> None:
     model = TinyModel()
     decayed, free = _optimizer(model, made_config(train__weight_decay=0.3)).param_groups
     assert (decayed["weight_decay"], free["weight_decay"]) == (0.3, 0.0)
@@ -101,26 +101,26 @@ def test_norms_and_biases_are_not_made_smaller() -> None:
     assert len(decayed["params"]) == 3
 
 
-def test_statistics_belong_to_the_averaged_weights(tmp_path: Path) -> None:
+def test_batch_norm_statistics_are_of_the_ema_weights(tmp_path: Path) -> None:
     config = made_config(evaluate__norm_batches=2)
-    parts = made_parts(config)
-    model = parts.model.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+    setup = made_setup(config)
+    model = setup.model.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
     average = copy.deepcopy(model).eval()
     nn.init.constant_(average.trunk[0].weight, 0.05)
-    at = Run(
-        config,
-        parts,
-        HERE,
-        RunFolder(tmp_path),
-        Watcher(),
-        model,
-        average,
-        _optimizer(model, config),
-        Budget(1, None),
+    at = TrainingRun(
+        config=config,
+        setup=setup,
+        processes=HERE,
+        folder=RunFolder(tmp_path),
+        monitor=TrainingMonitor(),
+        model=model,
+        ema_model=average,
+        optimizer=_optimizer(model, config),
+        budget=Budget(1, None),
     )
-    _estimate_norms(at)
+    _reestimate_batch_norm(at)
     features = [
-        average.trunk[0](batch.images[:, 0]) for batch, _ in zip(parts.train.batches(), range(2), strict=False)
+        average.trunk[0](batch.images[:, 0]) for batch, _ in zip(setup.train.batches(), range(2), strict=False)
     ]
     expected = torch.stack([each.mean((0, 2, 3)) for each in features]).mean(0)
     assert_rounded(average.trunk[1].running_mean, expected, 4 * SETTING.width_px * SETTING.height_px)
@@ -129,7 +129,7 @@ def test_statistics_belong_to_the_averaged_weights(tmp_path: Path) -> None:
     assert not model.trunk[1].running_mean.any()
 
 
-def test_the_best_weights_are_the_averaged_ones_at_the_best_evaluation(tmp_path: Path) -> None:
+def test_the_best_weights_are_the_ema_weights_of_the_best_evaluation(tmp_path: Path) -> None:
     kept: list[dict[str, str]] = []
 
     def keep(path: Path, model: BEVModel, card: dict[str, str]) -> None:
@@ -137,10 +137,14 @@ def test_the_best_weights_are_the_averaged_ones_at_the_best_evaluation(tmp_path:
         kept.append(card)
 
     config = made_config(train__steps=20)
-    parts = made_parts(config)
-    with joined("cpu") as world:
+    setup = made_setup(config)
+    with join_process_group("cpu") as processes:
         progress = train(
-            Parts(parts.model, parts.train, parts.val, keep), config, RunFolder(tmp_path / "run"), world, Watcher()
+            TrainingSetup(setup.model, setup.train, setup.val, keep),
+            config,
+            RunFolder(tmp_path / "run"),
+            processes,
+            TrainingMonitor(),
         )
     val = lines(tmp_path / "run", "val")
     best = max(val, key=lambda line: float(str(line["mean_iou"])))
@@ -158,8 +162,8 @@ def test_occupancy_alone_has_no_colour(tmp_path: Path) -> None:
 
 
 def test_bf16_keeps_float32_weights(tmp_path: Path) -> None:
-    parts = run(tmp_path / "run", made_config(train__precision="bf16", train__steps=5))
-    assert {each.dtype for each in parts.model.parameters()} == {torch.float32}
+    setup = run(tmp_path / "run", made_config(train__precision="bf16", train__steps=5))
+    assert {each.dtype for each in setup.model.parameters()} == {torch.float32}
     assert math.isfinite(float(str(lines(tmp_path / "run", "val")[-1]["mean_iou"])))
 
 
@@ -174,7 +178,7 @@ def test_a_budget_of_time_ends_and_anneals(tmp_path: Path, monkeypatch: pytest.M
     assert [line["step"] for line in lines(tmp_path / "run", "val")] == [last["step"]]
 
 
-def test_no_numbers_stop_it_before_the_weights_are_touched(tmp_path: Path) -> None:
+def test_nan_stops_the_training_before_the_weights_change(tmp_path: Path) -> None:
     with pytest.raises(TrainingError, match=r"step 1: expected finite .* road nan") as caught:
         run(tmp_path / "run", made_config(), poison=Poison(0, math.nan))
     assert caught.value.exit_code == 1
@@ -190,51 +194,51 @@ def test_no_numbers_stop_it_before_the_weights_are_touched(tmp_path: Path) -> No
 def test_divergence_keeps_the_last_good_weights(tmp_path: Path, factor: float, reason: str) -> None:
     folder = tmp_path / "run"
     config = made_config(train__steps=20)
-    with pytest.raises(TrainingError, match=rf"^{reason}.*best.safetensors stays\)$"):
+    with pytest.raises(TrainingError, match=rf"^{reason}.*best.safetensors is kept\)$"):
         run(folder, config, poison=Poison(12, factor))
     assert [line["step"] for line in lines(folder, "val")] == [5, 10]
     with safe_open(folder / "best.safetensors", framework="pt") as file:
         assert all(file.get_tensor(name).isfinite().all() for name in file.keys())  # noqa: SIM118
 
 
-def test_no_validation_samples_are_told(tmp_path: Path) -> None:
+def test_missing_validation_samples_are_an_error(tmp_path: Path) -> None:
     config = made_config(train__steps=2)
-    parts = made_parts(config)
-    with joined("cpu") as world, pytest.raises(DataError, match="expected samples, got none"):
+    setup = made_setup(config)
+    with join_process_group("cpu") as processes, pytest.raises(DataError, match="expected samples, got none"):
         train(
-            Parts(parts.model, parts.train, TinySamples(0), save),
+            TrainingSetup(setup.model, setup.train, TinySamples(0), save),
             config,
             RunFolder(tmp_path / "run"),
-            world,
-            Watcher(),
+            processes,
+            TrainingMonitor(),
         )
 
 
 def test_an_evaluation_can_be_stopped(tmp_path: Path) -> None:
-    watcher = Watcher()
-    watcher.step = lambda share, text: setattr(watcher, "stop", text.startswith("step 5,"))
+    monitor = TrainingMonitor()
+    monitor.on_step = lambda share, text: setattr(monitor, "stop_requested", text.startswith("step 5,"))
     with pytest.raises(StoppedError, match="after step 5"):
-        run(tmp_path / "run", made_config(), watcher)
+        run(tmp_path / "run", made_config(), monitor)
     assert (tmp_path / "run" / "state-00000005.safetensors").is_file()
 
 
-def test_no_wish_to_stop_is_lost(tmp_path: Path) -> None:
+def test_no_stop_request_is_lost(tmp_path: Path) -> None:
     """A signal may come while the processes tell each other whether there was one."""
-    watcher = Watcher()
+    monitor = TrainingMonitor()
 
-    class Interrupted(World):
+    class Interrupted(ProcessGroup):
         def mean(self, values: torch.Tensor) -> torch.Tensor:
-            watcher.stop = True
+            monitor.stop_requested = True
             return values
 
     config = made_config()
     with pytest.raises(StoppedError, match="after step 1;"):
         train(
-            made_parts(config), config, RunFolder(tmp_path / "run"), Interrupted(0, 1, torch.device("cpu")), watcher
+            made_setup(config), config, RunFolder(tmp_path / "run"), Interrupted(0, 1, torch.device("cpu")), monitor
         )
 
 
-def test_the_rate_goes_up_and_down() -> None:
+def test_the_learning_rate_rises_and_falls() -> None:
     rates = [learning_rate(share, 1.0, 0.2) for share in (0.0, 0.1, 0.2, 0.6, 1.0)]
     assert rates == pytest.approx([0.04, 0.52, 1.0, 0.50005, 1e-4])
     assert learning_rate(0.0, 2.0, 0.0) == 2.0
@@ -246,7 +250,7 @@ def test_shares_of_budgets() -> None:
     assert Budget(None, 60.0).share(5, 90.0) == 1.0
 
 
-def test_the_average_forgets_its_start_quickly() -> None:
+def test_ema_decay_is_lower_at_first() -> None:
     assert ema_decay(1, 0.999) == pytest.approx(2 / 11)
     assert ema_decay(10**6, 0.999) == 0.999
 
@@ -263,11 +267,11 @@ def test_iou_at_half_and_at_the_best_threshold_by_hand() -> None:
     truth.occupancy[:, 2] = 0  # no lane at all
     truth.occupancy_valid[:, 1, :, 3] = False
     probability = torch.tensor([0.9, 0.305, 0.2, 0.8]).expand(1, 3, 1, 4)
-    output = Output(torch.logit(probability), torch.full((1, 3, 1, 4), 0.1), None)
-    tally = Tally(torch.device("cpu"))
-    terms = losses(output, truth, made_config().losses)
-    tally.add(output, truth, terms, terms.total(made_config().losses))
-    found = tally.validation()
+    output = ModelOutput(torch.logit(probability), torch.full((1, 3, 1, 4), 0.1), None)
+    metrics = MetricAccumulator(torch.device("cpu"))
+    terms = compute_losses(output, truth, made_config().losses)
+    metrics.update(output, truth, terms, terms.total(made_config().losses))
+    found = metrics.compute()
     assert found.iou == pytest.approx({"road": 1 / 3, "vehicle": 1 / 2, "lane": math.nan}, nan_ok=True)
     assert found.best_iou == pytest.approx({"road": 2 / 3, "vehicle": 1.0, "lane": math.nan}, nan_ok=True)
     assert 0.2 < found.thresholds["vehicle"] <= 0.305
@@ -278,34 +282,34 @@ def test_iou_at_half_and_at_the_best_threshold_by_hand() -> None:
     assert_rounded(found.losses["total"], terms.total(made_config().losses), len(terms.names()))
 
 
-def test_an_error_ahead_of_time_is_raised_where_it_is_asked_for() -> None:
+def test_a_prefetch_error_is_raised_at_its_item() -> None:
     samples = TinySamples()
 
     def failing() -> object:
-        with feed(samples.batches(), TinyModel(), HERE.device, 2) as batches:
+        with prefetch(samples.batches(), TinyModel(), HERE.device, 2) as batches:
             yield from batches
         raise DataError("damaged")
 
-    ahead = _ahead(failing())  # type: ignore[arg-type]
+    ahead = _prefetch_in_thread(failing())  # type: ignore[arg-type]
     assert [next(ahead).batch.number[0] for _ in range(2)] == [0, 4]
     with pytest.raises(DataError, match="damaged"):
         next(ahead)
 
 
-def test_what_is_ahead_can_be_left(tmp_path: Path) -> None:
-    with feed(TinySamples().batches(), TinyModel(), HERE.device) as batches:
-        ahead = _ahead(batches)
+def test_prefetching_can_be_closed(tmp_path: Path) -> None:
+    with prefetch(TinySamples().batches(), TinyModel(), HERE.device) as batches:
+        ahead = _prefetch_in_thread(batches)
         assert next(ahead).plan.seen.shape == (1 * 4, *SETTING.grid.shape)
         ahead.close()
 
 
-def test_curves_of_nothing_are_drawn(tmp_path: Path) -> None:
-    draw_curves([], tmp_path / "c.png")
+def test_empty_curves_are_plotted(tmp_path: Path) -> None:
+    plot_curves([], tmp_path / "c.png")
     assert read_image(tmp_path / "c.png").ndim == 3
 
 
 def test_progress_is_json() -> None:
-    assert json.loads(json.dumps(vars(Progress()))) == vars(Progress())
+    assert json.loads(json.dumps(vars(TrainingProgress()))) == vars(TrainingProgress())
 
 
 TWO = """
@@ -324,7 +328,7 @@ def test_two_processes_train_as_one(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "torch.distributed.run", "--nproc-per-node", "2", "--standalone"]
     done = subprocess.run([*command, str(script)], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-    val = RunFolder(folder).lines()[-1]
+    val = RunFolder(folder).read_metrics()[-1]
     assert val["samples"] == 10  # each sample once, whichever process it fell to
     assert (folder / "best.safetensors").is_file()
     assert [path.name for path in folder.glob("state-*")]

@@ -6,10 +6,10 @@ import torch
 from tolerances import assert_rounded
 from torch import Tensor
 
-from appocc.models.base import DEPTH_BINS, Output, ViewOutput
+from appocc.models.base import DEPTH_BINS, ImageOutput, ModelOutput
 from appocc.training.batch import Truth
 from appocc.training.config import LossConfig
-from appocc.training.losses import colour_loss, depth_bin, depth_loss, kind_loss, losses, occupancy_loss
+from appocc.training.losses import colour_loss, compute_losses, depth_bin, depth_loss, kind_loss, occupancy_loss
 
 TERMS = 2 * DEPTH_BINS  # of a softmax, the longest sum in the losses of so few cells
 
@@ -27,7 +27,7 @@ def truth(**parts: Tensor) -> Truth:
     return Truth(**(values | parts))
 
 
-def test_cross_entropy_weighs_what_is_on_and_leaves_out_what_is_unknown() -> None:
+def test_cross_entropy_weights_occupied_cells_and_ignores_unknown_cells() -> None:
     occupancy = torch.zeros(1, 3, 2, 2)
     occupancy[0, 1, 0, 0] = 1
     known = torch.ones(1, 3, 2, 2, dtype=torch.bool)
@@ -41,7 +41,7 @@ def test_cross_entropy_weighs_what_is_on_and_leaves_out_what_is_unknown() -> Non
     assert_rounded(found, [math.log(2), vehicle, math.log(2)], TERMS)
 
 
-def test_focal_loss_looks_away_from_what_is_right() -> None:
+def test_focal_loss_down_weights_easy_cells() -> None:
     occupancy = torch.zeros(1, 3, 2, 2)
     occupancy[0, 0] = 1
     logits = torch.full((1, 3, 2, 2), math.log(3))
@@ -65,7 +65,7 @@ def test_colour_counts_on_known_cells_of_the_classes_and_more_on_vehicles() -> N
     assert_rounded(found, (1 * 0.1 + 3 * 0.5) / 4, TERMS)
 
 
-def test_a_class_that_is_not_known_to_be_there_has_no_colour() -> None:
+def test_cells_of_unknown_class_have_no_colour_loss() -> None:
     none_known = torch.zeros(1, 3, 2, 2, dtype=torch.bool)
     found = colour_loss(
         torch.ones(1, 3, 2, 2), truth(occupancy=torch.ones(1, 3, 2, 2), occupancy_valid=none_known), 4
@@ -78,7 +78,7 @@ def test_depth_bins() -> None:
     assert depth_bin(depths).tolist() == [-1, -1, 0, 0, 0, 1, 40, -1, -1]
 
 
-def test_depth_is_judged_where_it_is_known() -> None:
+def test_depth_loss_uses_known_depths_only() -> None:
     logits = torch.zeros(1, 1, DEPTH_BINS, 2, 2)
     logits[0, 0, 6, 0, 0] = math.log(60)  # 10.5 m: 60 of 100
     logits[0, 0, 0, 1, 1] = 50.0  # unknown there
@@ -86,7 +86,7 @@ def test_depth_is_judged_where_it_is_known() -> None:
     assert_rounded(depth_loss(logits, depth), -math.log(0.6), TERMS)
 
 
-def test_coarser_answers_are_judged_by_what_stands_in_front() -> None:
+def test_coarser_outputs_are_compared_with_the_nearest_depth() -> None:
     depth = torch.tensor([[[[0.0, 20.2, 3.0, 0.0], [10.4, math.inf, 0.0, math.inf]]]])  # 2 squares of 2x2
     kind = torch.tensor([[[[7, 1, 2, -1], [5, 0, 0, 0]]]])
     logits = torch.zeros(1, 1, DEPTH_BINS, 1, 2)
@@ -107,14 +107,14 @@ def test_a_kind_is_known_where_no_depth_is() -> None:
 def test_nothing_known_is_no_loss_and_has_a_gradient() -> None:
     logits = torch.zeros(1, 3, 2, 2, requires_grad=True)
     colour = torch.zeros(1, 3, 2, 2, requires_grad=True)
-    views = ViewOutput(
+    views = ImageOutput(
         torch.zeros(1, 1, DEPTH_BINS, 2, 2, requires_grad=True), torch.zeros(1, 1, 5, 2, 2, requires_grad=True)
     )
     nothing = truth(
         occupancy_valid=torch.zeros(1, 3, 2, 2, dtype=torch.bool),
         appearance_valid=torch.zeros(1, 2, 2, dtype=torch.bool),
     )
-    terms = losses(Output(logits, colour, views), nothing, LossConfig())
+    terms = compute_losses(ModelOutput(logits, colour, views), nothing, LossConfig())
     assert terms.names() == ("road", "vehicle", "lane", "colour", "depth", "kind")
     total = terms.total(LossConfig())
     assert float(total.detach()) == 0
@@ -122,13 +122,13 @@ def test_nothing_known_is_no_loss_and_has_a_gradient() -> None:
     assert all(part.grad is not None and not part.grad.any() for part in (logits, colour, *views) if part is not None)
 
 
-def test_the_total_is_weighted_and_lacks_what_the_network_does_not_answer() -> None:
-    terms = losses(Output(torch.zeros(1, 3, 2, 2), None, None), truth(), LossConfig(classes=(1, 2, 0)))
+def test_the_total_is_weighted_and_skips_missing_outputs() -> None:
+    terms = compute_losses(ModelOutput(torch.zeros(1, 3, 2, 2), None, None), truth(), LossConfig(classes=(1, 2, 0)))
     assert terms.names() == ("road", "vehicle", "lane")
     assert_rounded(terms.total(LossConfig(classes=(1, 2, 0))), 3 * math.log(2), TERMS)
 
 
-def test_half_precision_answers_are_judged_in_full() -> None:
+def test_losses_of_half_precision_outputs_are_float32() -> None:
     logits = torch.full((1, 3, 2, 2), 0.25, dtype=torch.bfloat16)
     found = occupancy_loss(logits, truth(), LossConfig())
     assert found.dtype == torch.float32

@@ -7,15 +7,15 @@ from pathlib import Path
 
 import pytest
 
-from appocc.demo.dataset import Settings, write_dataset
+from appocc.demo.dataset import DemoSettings, record_demo
 from appocc.errors import DataError
 from appocc.inference.loading import load_predictor
 from appocc.training.config import Config, read_config
 from appocc.training.configs import config_names, config_path
-from appocc.training.run import Watcher
+from appocc.training.run import TrainingMonitor
 from appocc.training.run_folder import RunFolder
 from appocc.training.session import run_training
-from appocc.training.shipping import described
+from appocc.training.shipping import describe_weights
 
 pytestmark = pytest.mark.slow
 REPOSITORY = Path(__file__).parents[2]
@@ -25,7 +25,7 @@ REPOSITORY = Path(__file__).parents[2]
 def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Three key frames of a simulated drive."""
     folder = tmp_path_factory.mktemp("session") / "drive"
-    write_dataset(folder, Settings(samples=3), lambda _: None)
+    record_demo(folder, DemoSettings(samples=3), lambda _: None)
     return folder
 
 
@@ -40,23 +40,25 @@ def config(root: Path, tmp_path: Path, held_out: int, init: Path | None = None) 
     )
 
 
-def test_a_drive_is_packed_trained_on_and_judged_by_its_end(root: Path, tmp_path: Path) -> None:
+def test_train_on_a_drive_and_validate_on_its_end(root: Path, tmp_path: Path) -> None:
     said: list[str] = []
     folder = RunFolder(tmp_path / "run")
-    summary = run_training(config(root, tmp_path, 1), folder, resume=False, watcher=Watcher(say=said.append))
+    summary = run_training(
+        config(root, tmp_path, 1), folder, resume=False, monitor=TrainingMonitor(on_message=said.append)
+    )
     assert summary["steps"] == 2
     assert set(summary["best"]["best_iou"]) == {"road", "vehicle", "lane"}
     assert load_predictor(folder.best).weights.thresholds.keys() == {"road", "vehicle", "lane"}
     assert len(list((tmp_path / "packs").iterdir())) == 1
     # With these weights another training begins.
     run_training(
-        config(root, tmp_path, 1, folder.best), RunFolder(tmp_path / "more"), resume=False, watcher=Watcher()
+        config(root, tmp_path, 1, folder.best), RunFolder(tmp_path / "more"), resume=False, monitor=TrainingMonitor()
     )
 
 
-def test_something_must_be_left_to_train_on(root: Path, tmp_path: Path) -> None:
+def test_held_out_samples_must_leave_training_samples(root: Path, tmp_path: Path) -> None:
     with pytest.raises(DataError, match="held_out leaves nothing to train on"):
-        run_training(config(root, tmp_path, 3), RunFolder(tmp_path / "run"), resume=False, watcher=Watcher())
+        run_training(config(root, tmp_path, 3), RunFolder(tmp_path / "run"), resume=False, monitor=TrainingMonitor())
 
 
 @pytest.mark.parametrize("name", config_names())
@@ -70,7 +72,7 @@ def test_every_shipped_config_trains(root: Path, tmp_path: Path, name: str) -> N
     ]
     short = ["train.minutes=null", "train.steps=1", "train.batch=1", "train.threads=1", "train.precision=fp32"]
     told = read_config(config_path(Path(name)), [*data, *short, "data.workers=1", "evaluate.norm_batches=1"])
-    assert run_training(told, RunFolder(tmp_path / "run"), resume=False, watcher=Watcher())["steps"] == 1
+    assert run_training(told, RunFolder(tmp_path / "run"), resume=False, monitor=TrainingMonitor())["steps"] == 1
 
 
 @pytest.mark.long
@@ -89,7 +91,7 @@ def test_the_script_makes_weights_from_nothing(tmp_path: Path) -> None:
             command, cwd=tmp_path, env=os.environ | told, capture_output=True, text=True, check=False
         )
         assert done.returncode == 0, done.stderr
-    card = described(tmp_path / "made" / "small" / "appocc.safetensors")
+    card = describe_weights(tmp_path / "made" / "small" / "appocc.safetensors")
     assert card["figures"]["samples"] == 7
     assert "configs/release.sh small" in card["commands"][0]
 

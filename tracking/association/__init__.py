@@ -1,1 +1,1 @@
-"""Data association: costs, the matching cascade, and the likelihood of colours."""
+"""Data association: costs, the matching cascade, and the colour likelihood."""

@@ -1,46 +1,59 @@
-"""Rounds in which tracks take sightings: each leaves fewer of both to the next."""
+"""Matching cascade: stages that match tracks to detections, each with what earlier stages left unmatched."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from appocc.checks import BoolArray
-from tracking.association.costs import NONE, AssociationConfig, Pairs, Predicted, Seen, matched, near, possible
+from tracking.association.costs import (
+    NO_PAIRS,
+    AssociationConfig,
+    CandidatePairs,
+    DetectionFeatures,
+    TrackFeatures,
+    gate_pairs,
+    solve_assignment,
+)
+from tracking.neighbours import find_neighbours
 
 
-class Rounds:
-    """Who of N tracks takes which of M sightings of one moment.
+class MatchingCascade:
+    """State of the cascade for N tracks and M detections of one frame.
 
     Attributes:
-        free: (N,) which tracks took nothing yet.
-        left: (M,) which sightings no track took yet.
-        takes: (N,) number of the sighting that a track took, if it is not free ...
-        noise_m2: (N, 2, 2) ... and how well its place is known,
-        turn_rad: (N,) and by how much the track turned on the way; 0 if it went straight on.
+        unmatched_tracks: (N,) tracks without a detection.
+        unmatched_detections: (M,) detections without a track.
+        detection: (N,) index of the matched detection; valid where the track is matched.
+        noise_m2: (N, 2, 2) covariance of that detection's position.
+        turn_rad: (N,) turn of the track since its last detection; 0 for straight motion.
     """
 
-    def __init__(self, tracks: Predicted, seen: Seen) -> None:
-        """Begin with none taken."""
-        self._tracks, self._seen = tracks, seen
-        n, m = len(tracks.xy_m), len(seen.xy_m)
-        self.free, self.left = np.ones(n, np.bool_), np.ones(m, np.bool_)
-        self.takes, self.noise_m2, self.turn_rad = np.zeros(n, np.int64), np.zeros((n, 2, 2)), np.zeros(n)
+    def __init__(self, tracks: TrackFeatures, detections: DetectionFeatures) -> None:
+        """Start with nothing matched."""
+        self._tracks, self._detections = tracks, detections
+        n, m = len(tracks.xy_m), len(detections.xy_m)
+        self.unmatched_tracks, self.unmatched_detections = np.ones(n, np.bool_), np.ones(m, np.bool_)
+        self.detection, self.noise_m2, self.turn_rad = np.zeros(n, np.int64), np.zeros((n, 2, 2)), np.zeros(n)
 
-    def pairs(self, tracks: BoolArray, sights: BoolArray, rule: AssociationConfig) -> Pairs:
-        """Those that a rule allows of some tracks (N,) and sightings (M,) still free; colours do not count."""
-        (rows,), (columns,) = (tracks & self.free).nonzero(), (sights & self.left).nonzero()
+    def candidates(self, tracks: BoolArray, detections: BoolArray, config: AssociationConfig) -> CandidatePairs:
+        """Return the gated pairs of unmatched tracks and detections in masks (N,), (M,); without colour costs."""
+        (rows,) = (tracks & self.unmatched_tracks).nonzero()
+        (columns,) = (detections & self.unmatched_detections).nonzero()
         if not (len(rows) and len(columns)):
-            return NONE
-        reach_m = rule.reach_m(self._tracks.unseen_s[rows])
-        one, other = near(self._tracks.xy_m.take(rows, axis=0), self._seen.xy_m.take(columns, axis=0), reach_m)
-        return possible(self._tracks, self._seen, rows[one], columns[other], rule) if len(one) else NONE
+            return NO_PAIRS
+        radius_m = config.gate_radius_m(self._tracks.unseen_s[rows])
+        track_xy_m, detection_xy_m = self._tracks.xy_m.take(rows, axis=0), self._detections.xy_m.take(columns, axis=0)
+        i, j = find_neighbours(track_xy_m, detection_xy_m, radius_m)
+        return gate_pairs(self._tracks, self._detections, rows[i], columns[j], config) if len(i) else NO_PAIRS
 
-    def take(self, pairs: Pairs, tracks: BoolArray, sights: BoolArray) -> None:
-        """Of some tracks (N,) and sightings (M,) still free those that go together best take each other."""
-        may = (tracks & self.free)[pairs.rows] & (sights & self.left)[pairs.columns]
-        if not may.any():
+    def match(self, pairs: CandidatePairs, tracks: BoolArray, detections: BoolArray) -> None:
+        """Match unmatched tracks and detections in masks (N,), (M,) at the minimum total cost."""
+        allowed = (tracks & self.unmatched_tracks)[pairs.rows] & (detections & self.unmatched_detections)[
+            pairs.columns
+        ]
+        if not allowed.any():
             return
-        best = matched(pairs._replace(cost=np.where(may, pairs.cost, np.inf)))
-        self.free[best.rows] = self.left[best.columns] = False
-        self.takes[best.rows], self.turn_rad[best.rows] = best.columns, best.turn_rad
+        best = solve_assignment(pairs._replace(cost=np.where(allowed, pairs.cost, np.inf)))
+        self.unmatched_tracks[best.rows] = self.unmatched_detections[best.columns] = False
+        self.detection[best.rows], self.turn_rad[best.rows] = best.columns, best.turn_rad
         self.noise_m2[best.rows] = best.noise_m2

@@ -1,53 +1,53 @@
-"""What colours say about who is who, and how far they can be trusted: learnt while tracking."""
+"""Colour likelihood ratio as an association cost; the outlier rate of colours is learnt online."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from tracking.association.costs import Pairs
+from tracking.association.costs import CandidatePairs
 
-# What is believed at first weighs as much as so many pairs; what was seen longer ago than about so many is forgotten.
-_AT_FIRST, _REMEMBERED = 4.0, 500.0
-# A pair that costs less than this is the same vehicle, whatever its colours.
-_SURE = -3.0
+# Weight of the initial outlier rate in pairs, and the number of pairs after which old ones are forgotten.
+_PRIOR_WEIGHT, _MEMORY = 4.0, 500.0
+# Below this cost without colours, a pair is certainly the same vehicle.
+_CERTAIN_COST = -3.0
 
 
-class ColourTrust:
-    """Weighs colours, and learns how often those of a recording are wrong.
+class ColourLikelihood:
+    """Adds colour costs to pairs and estimates how often a colour is an outlier.
 
-    In good light they hardly ever are, in predicted maps now and then.
+    Outliers are rare in daylight and common in predicted maps.
     """
 
-    def __init__(self, doubt: float) -> None:
-        """How likely a colour is seen wrongly, before more is known; 1 leaves colours out."""
-        self._at_first = doubt
-        self._wrong = 0.0
+    def __init__(self, outlier_rate: float) -> None:
+        """Start with an outlier rate, 0..1; 1 disables colours."""
+        self._prior = outlier_rate
+        self._outliers = 0.0
         self._pairs = 0.0
 
     @property
-    def doubt(self) -> float:
-        """How likely a colour is seen wrongly, as far as is known."""
-        return (self._at_first * _AT_FIRST + self._wrong) / (_AT_FIRST + self._pairs)
+    def outlier_rate(self) -> float:
+        """Estimated probability that a colour is an outlier."""
+        return (self._prior * _PRIOR_WEIGHT + self._outliers) / (_PRIOR_WEIGHT + self._pairs)
 
-    def learn(self, pairs: Pairs) -> None:
-        """Look at the colours of pairs that have no other choice and go well together, colours aside.
+    def update(self, pairs: CandidatePairs) -> None:
+        """Update the outlier rate from unambiguous pairs: one candidate each, and certain without colours.
 
-        Each counts as wrong by the probability that it is (one step of expectation maximisation).
+        Each pair counts with its probability of being an outlier (one step of expectation maximisation).
         """
-        if self._at_first == 1:
+        if self._prior == 1:
             return
-        alone = (np.bincount(pairs.rows)[pairs.rows] == 1) & (np.bincount(pairs.columns)[pairs.columns] == 1)
-        alike = pairs.alike[alone & (pairs.cost < _SURE) & np.isfinite(pairs.alike)]
-        doubt = self.doubt
-        wrong = doubt / (doubt + (1 - doubt) * alike)
-        kept = _REMEMBERED / (_REMEMBERED + len(alike))
-        self._wrong = kept * (self._wrong + float(wrong.sum()))
-        self._pairs = kept * (self._pairs + len(alike))
+        single = (np.bincount(pairs.rows)[pairs.rows] == 1) & (np.bincount(pairs.columns)[pairs.columns] == 1)
+        ratio = pairs.colour_ratio[single & (pairs.cost < _CERTAIN_COST) & np.isfinite(pairs.colour_ratio)]
+        rate = self.outlier_rate
+        outlier = rate / (rate + (1 - rate) * ratio)
+        decay = _MEMORY / (_MEMORY + len(ratio))
+        self._outliers = decay * (self._outliers + float(outlier.sum()))
+        self._pairs = decay * (self._pairs + len(ratio))
 
-    def weighed(self, pairs: Pairs) -> Pairs:
-        """Pairs with what their colours cost: less if they agree better than those of any two, nothing if unknown."""
-        if self._at_first == 1 or not len(pairs.rows):
+    def add_cost(self, pairs: CandidatePairs) -> CandidatePairs:
+        """Return the pairs with colour costs added: negative for similar colours, zero for unknown ones."""
+        if self._prior == 1 or not len(pairs.rows):
             return pairs
-        doubt = self.doubt
-        cost = -2 * np.log((1 - doubt) * pairs.alike + doubt)
+        rate = self.outlier_rate
+        cost = -2 * np.log((1 - rate) * pairs.colour_ratio + rate)
         return pairs._replace(cost=pairs.cost + np.where(np.isfinite(cost), cost, 0.0))

@@ -1,1 +1,1 @@
-"""Evaluation of tracks: CLEAR, identity, HOTA and AMOTA."""
+"""Evaluation of tracks: CLEAR, identity, HOTA and AMOTA metrics."""

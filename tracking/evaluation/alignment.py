@@ -1,4 +1,4 @@
-"""Which truth goes with which tracks: frames of two files, or of a file and the annotations of a dataset."""
+"""Alignment of ground truth and tracks: frames of two files, or of a file and the annotations of a dataset."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ import numpy as np
 from appocc.checks import FloatArray
 from appocc.errors import DataError
 from appocc.nuscenes import Dataset, Sample
-from tracking.io.readers import Entries, Format, TrackFile, read_tracks
+from tracking.io.readers import FrameEntries, TrackFile, TrackFormat, read_track_file
 
-# The classes of nuScenes' tracking benchmark; other categories keep their names.
+# Categories to classes of nuScenes' tracking benchmark; other categories keep their names.
 _CLASSES = {
     "vehicle.bicycle": "bicycle",
     "vehicle.bus.bendy": "bus",
@@ -27,76 +27,76 @@ _CLASSES = {
     "vehicle.trailer": "trailer",
     "vehicle.truck": "truck",
 }
-# Without times key frames count as evenly spaced.
+# Key frames without times are evenly spaced.
 _STEP_US = 500_000
 
 
-@dataclass(frozen=True)
-class PairedFrame:
-    """Truth and tracks of one frame.
+@dataclass(frozen=True, eq=False)
+class AlignedFrame:
+    """Ground truth and tracks of one frame.
 
     Attributes:
         truth: objects.
         tracks: tracks.
-        scene: name of the scene; ids of different scenes have nothing to do with each other.
-        time_us: its time; in files without times, as if there were two frames a second.
-        ego_xy_m: (2,) where the ego is, in the frame of the entries; None if nobody knows.
+        scene: name of the scene; ids are unique within a scene.
+        time_us: time of the frame; two frames per second in files without times.
+        ego_xy_m: (2,) position of the ego in the frame of the entries; None if unknown.
     """
 
-    truth: Entries
-    tracks: Entries
+    truth: FrameEntries
+    tracks: FrameEntries
     scene: str
     time_us: int
     ego_xy_m: FloatArray | None
 
 
-@dataclass(frozen=True)
-class Pairing:
-    """All frames to be judged, scene by scene in order of time.
+@dataclass(frozen=True, eq=False)
+class AlignedFiles:
+    """Frames to be evaluated, scene by scene in temporal order.
 
     Attributes:
-        format: of the files.
-        frames: those with truth; in text also those with tracks alone.
-        annotated: whether the truth is that of a dataset.
-        without_truth: number of samples in the file of tracks that the truth does not have.
+        format: format of the files.
+        frames: frames with ground truth; in text files also those with tracks only.
+        annotated: whether the ground truth is that of a dataset.
+        without_truth: number of samples in the file of tracks without ground truth.
     """
 
-    format: Format
-    frames: tuple[PairedFrame, ...]
+    format: TrackFormat
+    frames: tuple[AlignedFrame, ...]
     annotated: bool
     without_truth: int
 
 
-def pair(truth: Path, tracks: Path, version: str | None = None) -> Pairing:
-    """Read truth (a file, or the root of a dataset) and a file of tracks, and bring them together.
+def align_files(truth: Path, tracks: Path, version: str | None = None) -> AlignedFiles:
+    """Read ground truth (a file, or the root of a dataset) and a file of tracks, and align their frames.
 
     Raises:
-        DataError: if one is damaged, they are in different formats, or tracks lack a sample of the truth.
+        DataError: if one is damaged, the formats differ, or the tracks lack a sample of the ground truth.
     """
-    given = read_tracks(tracks)
+    given = read_track_file(tracks)
     if truth.is_dir():
         return _with_dataset(Dataset(truth, version), given)
-    wanted = read_tracks(truth)
+    wanted = read_track_file(truth)
     if wanted.format is None or not wanted.frames:
         raise DataError(f"{truth}: expected objects, got an empty file")
     if given.format not in (None, wanted.format):
         raise DataError(f"{tracks}: expected {wanted.format}, as {truth} is, got {given.format}")
-    if wanted.format is Format.nuscenes:
+    if wanted.format is TrackFormat.nuscenes:
         _check_complete(given, wanted.frames)
         keys: list[str | int] = list(wanted.frames)
     else:
         keys = sorted({*wanted.frames, *given.frames})
-    # A KITTI file is in the coordinates of its camera.
-    ego = np.zeros(2) if wanted.format is Format.kitti else None
+    # KITTI files are in camera coordinates.
+    ego = np.zeros(2) if wanted.format is TrackFormat.kitti else None
     frames = tuple(
-        PairedFrame(_at(wanted, key), _at(given, key), "", number * _STEP_US, ego) for number, key in enumerate(keys)
+        AlignedFrame(_at(wanted, key), _at(given, key), "", number * _STEP_US, ego) for number, key in enumerate(keys)
     )
-    return Pairing(wanted.format, frames, False, len(set(given.frames) - set(keys)))
+    return AlignedFiles(wanted.format, frames, False, len(set(given.frames) - set(keys)))
 
 
-def _at(file: TrackFile, key: str | int) -> Entries:
-    """The entries of a frame; none if the file does not have it."""
-    return file.frames[key] if key in file.frames else Entries.empty()
+def _at(file: TrackFile, key: str | int) -> FrameEntries:
+    """Return the entries of a frame; none if the file lacks it."""
+    return file.frames[key] if key in file.frames else FrameEntries.empty()
 
 
 def _check_complete(tracks: TrackFile, samples: Iterable[str | int]) -> None:
@@ -108,12 +108,12 @@ def _check_complete(tracks: TrackFile, samples: Iterable[str | int]) -> None:
         )
 
 
-def _with_dataset(dataset: Dataset, tracks: TrackFile) -> Pairing:
-    """The annotated scenes of which the file has a sample; it must have all of theirs."""
-    if tracks.format is not Format.nuscenes:
+def _with_dataset(dataset: Dataset, tracks: TrackFile) -> AlignedFiles:
+    """Align with the annotated scenes that share a sample with the file; it must have all samples of them."""
+    if tracks.format is not TrackFormat.nuscenes:
         got = tracks.format or "an empty file"
-        raise DataError(f"{tracks.path}: expected {Format.nuscenes}, as {dataset.root} is a dataset, got {got}")
-    frames: list[PairedFrame] = []
+        raise DataError(f"{tracks.path}: expected {TrackFormat.nuscenes}, as {dataset.root} is a dataset, got {got}")
+    frames: list[AlignedFrame] = []
     for scene in dataset.scenes:
         samples = dataset.samples(scene)
         if not any(sample.token in tracks.frames for sample in samples) or not dataset.annotated(scene):
@@ -122,16 +122,16 @@ def _with_dataset(dataset: Dataset, tracks: TrackFile) -> Pairing:
         frames += [_annotated(dataset, sample, _at(tracks, sample.token), scene.name) for sample in samples]
     if not frames:
         raise DataError(f"{tracks.path}: expected samples of an annotated scene of {dataset.root}, got none")
-    return Pairing(tracks.format, tuple(frames), True, len(tracks.frames) - len(frames))
+    return AlignedFiles(tracks.format, tuple(frames), True, len(tracks.frames) - len(frames))
 
 
-def _annotated(dataset: Dataset, sample: Sample, tracks: Entries, scene: str) -> PairedFrame:
-    """A key frame with the dataset's boxes; those without LiDAR and RADAR points need not be found."""
+def _annotated(dataset: Dataset, sample: Sample, tracks: FrameEntries, scene: str) -> AlignedFrame:
+    """Return a key frame with the dataset's boxes; those without LiDAR and RADAR points are not required."""
     boxes = dataset.boxes_world(sample)
     table = dataset.tables["sample_annotation"]
     radar = table.array("num_radar_pts")[dataset.tables.annotations_by_sample.rows(sample.token)]
     n = len(boxes)
-    truth = Entries(
+    truth = FrameEntries(
         boxes.instance,
         tuple(_CLASSES.get(name, name) for name in boxes.category),
         boxes.centre_m[:, :2].copy(),
@@ -139,4 +139,4 @@ def _annotated(dataset: Dataset, sample: Sample, tracks: Entries, scene: str) ->
         np.full(n, np.nan),
         (boxes.lidar_points != 0) | (radar > 0),
     )
-    return PairedFrame(truth, tracks, scene, sample.timestamp_us, dataset.world_from_ego(sample)[:2, 3])
+    return AlignedFrame(truth, tracks, scene, sample.timestamp_us, dataset.world_from_ego(sample)[:2, 3])

@@ -1,14 +1,14 @@
-"""How good tracks are: CLEAR (MOTA, MOTP), identity (IDF1) and HOTA, on the ground plane or in images.
+"""Tracking metrics CLEAR (MOTA, MOTP), identity (IDF1) and HOTA, on the ground plane or in images.
 
-Definitions, since names alone do not settle them:
+Definitions:
 
-- Pairs: a track can answer for an object within the gate: GATE_M between the centres in bird's-eye view, strictly;
-  in images, boxes that overlap by half or more (`BY_OVERLAP`, where the distance is 1 - IoU).
-- Ignored objects: every frame is matched against *all* ground truth first; tracks that fall to an ignored object are
-  then dropped with it, and so are unmatched tracks that the protocol does not judge (beyond the range).
-- CLEAR: a pair of an earlier frame is kept while it is possible; the rest is matched with the most pairs, then the
-  least distance (motmetrics). A switch is counted when an object's track differs from the last one it had, at any
-  distance in time. MOTP is the mean distance of pairs: smaller is better. FRAG counts how often an object passes from
+- Gate: a track can match an object if their centres are closer than GATE_M in bird's-eye view, or if their image
+  boxes have an IoU of 0.5 or more (`IOU_RULE`, where the distance is 1 - IoU).
+- Ignored objects: every frame is first matched against *all* ground truth; tracks matched to an ignored object are
+  then removed with it, and so are unmatched tracks that the protocol does not penalise (beyond the range).
+- CLEAR: pairs of earlier frames are kept while they are within the gate; the rest is matched with the most pairs,
+  then the smallest distance (motmetrics). A switch is counted if an object's track differs from its last one, at any
+  distance in time. MOTP is the mean distance of pairs: smaller is better. FRAG counts how often an object goes from
   tracked to missed and is tracked again later.
 - HOTA: similarity 1 - distance / gate on the ground, IoU in images; mean over thresholds 0.05 .. 0.95 (TrackEval).
 
@@ -33,105 +33,105 @@ _NO_PAIR = 1e6
 
 
 @dataclass(frozen=True)
-class Rule:
-    """How distances are judged, in whatever unit they are.
+class MatchingRule:
+    """Matching rule for distances of one unit.
 
     Attributes:
-        gate: a track can answer for an object that is nearer than this.
-        zero: the distance from which on the two have nothing in common, for HOTA.
+        gate: distance below which a track can match an object.
+        zero: distance at which the similarity of HOTA is zero.
     """
 
     gate: float
     zero: float
 
 
-# The distance is 1 - IoU; half of it is just within the gate.
-BY_OVERLAP = Rule(float(np.nextafter(0.5, 1.0)), 1.0)
+# The distance is 1 - IoU; an IoU of 0.5 is inside the gate.
+IOU_RULE = MatchingRule(float(np.nextafter(0.5, 1.0)), 1.0)
 
 
-def by_centre(gate_m: float = GATE_M) -> Rule:
-    """The rule for distances between centres in metres."""
-    return Rule(gate_m, gate_m)
+def centre_distance_rule(gate_m: float = GATE_M) -> MatchingRule:
+    """Return the rule for distances between centres in metres."""
+    return MatchingRule(gate_m, gate_m)
 
 
-@dataclass(frozen=True)
-class Compared:
-    """Objects and tracks of one frame, by how far they are from each other.
+@dataclass(frozen=True, eq=False)
+class DistanceFrame:
+    """Objects and tracks of one frame with their distances.
 
     Attributes:
-        truth_ids: (N,) whole numbers, one per object, the same over time.
-        demanded: (N,) whether an object must be found; the others are ignored.
-        track_ids: (M,) whole numbers.
-        judged: (M,) whether a track that matches nothing is a false positive.
-        distance: (N, M) in the unit of the rule.
+        truth_ids: (N,) integers, one per object, constant over time.
+        required: (N,) whether an object must be tracked; the others are ignored.
+        track_ids: (M,) integers.
+        penalised: (M,) whether the track is a false positive if unmatched.
+        distance: (N, M) distances in the unit of the rule.
     """
 
     truth_ids: IntArray
-    demanded: BoolArray
+    required: BoolArray
     track_ids: IntArray
-    judged: BoolArray
+    penalised: BoolArray
     distance: FloatArray
 
     def __post_init__(self) -> None:
         """Check shapes.
 
         Raises:
-            ShapeError: if one does not fit or a distance is not finite.
+            ShapeError: if a shape differs or a distance is not finite.
         """
         n, m = len(self.truth_ids), len(self.track_ids)
-        check_shape("compared demanded", self.demanded, (n,))
-        check_shape("compared judged", self.judged, (m,))
-        check_shape("compared distance", self.distance, (n, m))
-        check_finite("compared distance", self.distance)
+        check_shape("frame required", self.required, (n,))
+        check_shape("frame penalised", self.penalised, (m,))
+        check_shape("frame distance", self.distance, (n, m))
+        check_finite("frame distance", self.distance)
 
-    def only(self, tracks: BoolArray) -> Compared:
-        """The same with only the tracks of a mask (M,)."""
-        chosen = self.track_ids[tracks], self.judged[tracks], self.distance[:, tracks]
-        return Compared(self.truth_ids, self.demanded, *chosen)
+    def select_tracks(self, tracks: BoolArray) -> DistanceFrame:
+        """Return the frame with the tracks of a mask (M,)."""
+        chosen = self.track_ids[tracks], self.penalised[tracks], self.distance[:, tracks]
+        return DistanceFrame(self.truth_ids, self.required, *chosen)
 
 
-@dataclass(frozen=True)
-class Moment:
+@dataclass(frozen=True, eq=False)
+class EvaluationFrame:
     """Ground truth and tracks of one key frame, on one ground plane.
 
     Attributes:
-        truth_ids: (N,) whole numbers, one per object, the same over time.
+        truth_ids: (N,) integers, one per object, constant over time.
         truth_xy_m: (N, 2) box centres.
-        demanded: (N,) whether an object must be found; the others are ignored.
-        track_ids: (M,) whole numbers.
+        required: (N,) whether an object must be tracked; the others are ignored.
+        track_ids: (M,) integers.
         track_xy_m: (M, 2) track positions.
-        judged: (M,) whether a track that matches nothing is a false positive.
+        penalised: (M,) whether the track is a false positive if unmatched.
     """
 
     truth_ids: IntArray
     truth_xy_m: FloatArray
-    demanded: BoolArray
+    required: BoolArray
     track_ids: IntArray
     track_xy_m: FloatArray
-    judged: BoolArray
+    penalised: BoolArray
 
     def __post_init__(self) -> None:
         """Check shapes.
 
         Raises:
-            ShapeError: if one does not fit.
+            ShapeError: if a shape differs or a position is not finite.
         """
-        check_shape("moment truth_xy_m", self.truth_xy_m, (len(self.truth_ids), 2))
-        check_shape("moment demanded", self.demanded, (len(self.truth_ids),))
-        check_shape("moment track_xy_m", self.track_xy_m, (len(self.track_ids), 2))
-        check_shape("moment judged", self.judged, (len(self.track_ids),))
-        check_finite("moment truth_xy_m", self.truth_xy_m)
-        check_finite("moment track_xy_m", self.track_xy_m)
+        check_shape("frame truth_xy_m", self.truth_xy_m, (len(self.truth_ids), 2))
+        check_shape("frame required", self.required, (len(self.truth_ids),))
+        check_shape("frame track_xy_m", self.track_xy_m, (len(self.track_ids), 2))
+        check_shape("frame penalised", self.penalised, (len(self.track_ids),))
+        check_finite("frame truth_xy_m", self.truth_xy_m)
+        check_finite("frame track_xy_m", self.track_xy_m)
 
-    def compared(self) -> Compared:
-        """The same by distances between centres in metres."""
+    def with_distances(self) -> DistanceFrame:
+        """Return the frame with distances between centres in metres."""
         distance = cdist(self.truth_xy_m, self.track_xy_m)
-        return Compared(self.truth_ids, self.demanded, self.track_ids, self.judged, distance)
+        return DistanceFrame(self.truth_ids, self.required, self.track_ids, self.penalised, distance)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Metrics:
-    """Scores of a sequence; shares in 0..1, MOTP a distance, NaN where nothing was there to be measured."""
+    """Scores of a sequence; fractions are 0..1, MOTP is a distance, and undefined values are NaN."""
 
     MOTA: float
     MOTP: float
@@ -152,32 +152,32 @@ class Metrics:
     ML: int
 
     def as_json(self) -> dict[str, float | int | None]:
-        """The scores by name; None instead of NaN, which JSON does not know."""
+        """Return the scores by name, with None for NaN, which JSON lacks."""
         return {name: None if value != value else value for name, value in asdict(self).items()}
 
 
-@dataclass(frozen=True)
-class _Frame:
-    """What is left of a moment to be judged: objects and tracks numbered from 0, and their distances (N, M)."""
+@dataclass(frozen=True, eq=False)
+class _IndexedFrame:
+    """Required objects and remaining tracks of a frame, numbered from 0, with their distances (N, M)."""
 
     truth: IntArray
     track: IntArray
     distance: FloatArray
 
 
-def evaluate(moments: Sequence[Moment], gate_m: float = GATE_M) -> Metrics:
-    """Score one sequence of key frames in order of time, or several one after another that share no ids."""
-    return evaluate_compared([moment.compared() for moment in moments], by_centre(gate_m))
+def evaluate(frames: Sequence[EvaluationFrame], gate_m: float = GATE_M) -> Metrics:
+    """Score a sequence of key frames in temporal order, or several in a row that share no ids."""
+    return evaluate_distances([frame.with_distances() for frame in frames], centre_distance_rule(gate_m))
 
 
-def evaluate_compared(compared: Sequence[Compared], rule: Rule) -> Metrics:
-    """The same for distances of any unit."""
-    frames, objects, tracks = _judged_only(compared, rule)
-    clear = _clear(frames, objects, rule)
-    both = _together(frames, objects, tracks)
-    idtp = _identity_matches(frames, both, rule)
-    truths, outputs = int(both.truths.sum()), int(both.outputs.sum())
-    deta, assa, hota = _hota(frames, both, rule)
+def evaluate_distances(frames: Sequence[DistanceFrame], rule: MatchingRule) -> Metrics:
+    """Score a sequence of frames with distances of any unit, see `evaluate`."""
+    kept, objects, tracks = _drop_ignored(frames, rule)
+    clear = _clear(kept, objects, rule)
+    counts = _count_frames(kept, objects, tracks)
+    idtp = _identity_matches(kept, counts, rule)
+    truths, outputs = int(counts.truths.sum()), int(counts.outputs.sum())
+    deta, assa, hota = _hota(kept, counts, rule)
     missed, false = truths - clear.matches, outputs - clear.matches
     return Metrics(
         MOTA=_share(truths - missed - false - clear.switches, truths),
@@ -204,34 +204,34 @@ def _share(part: float, whole: float) -> float:
     return part / whole if whole else float("nan")
 
 
-# Who is judged ----------------------------------------------------------------------------------------------------
+# Ignored objects --------------------------------------------------------------------------------------------------
 
 
-def _pairs(distance: FloatArray, rule: Rule) -> tuple[IntArray, IntArray]:
-    """Rows and columns of the assignment with the most pairs within the gate, then the least distance."""
+def _pairs(distance: FloatArray, rule: MatchingRule) -> tuple[IntArray, IntArray]:
+    """Return rows and columns of the assignment with the most pairs within the gate, then the smallest distance."""
     possible = distance < rule.gate
     rows, columns = linear_sum_assignment(np.where(possible, distance, _NO_PAIR))
     keep = possible[rows, columns]
     return rows[keep], columns[keep]
 
 
-def _judged_only(compared: Sequence[Compared], rule: Rule) -> tuple[list[_Frame], int, int]:
-    """The frames without what the protocol ignores, and the number of objects and of tracks in them."""
+def _drop_ignored(frames: Sequence[DistanceFrame], rule: MatchingRule) -> tuple[list[_IndexedFrame], int, int]:
+    """Return the frames without what the protocol ignores, and their numbers of objects and tracks."""
     kept = []
-    for one in compared:
+    for one in frames:
         rows, columns = _pairs(one.distance, rule)
-        stays = one.judged.copy()
-        stays[columns] = one.demanded[rows]
-        kept.append((one.truth_ids[one.demanded], one.track_ids[stays], one.distance[one.demanded][:, stays]))
+        keep = one.penalised.copy()
+        keep[columns] = one.required[rows]
+        kept.append((one.truth_ids[one.required], one.track_ids[keep], one.distance[one.required][:, keep]))
     return _numbered(kept)
 
 
-def _numbered(kept: Sequence[tuple[IntArray, IntArray, FloatArray]]) -> tuple[list[_Frame], int, int]:
-    """Frames of truth ids, track ids and distances, with the ids numbered from 0; how many there are of either."""
+def _numbered(kept: Sequence[tuple[IntArray, IntArray, FloatArray]]) -> tuple[list[_IndexedFrame], int, int]:
+    """Number the ids of frames (truth ids, track ids, distances) from 0; return the frames and the numbers of ids."""
     objects = np.unique(np.concatenate([truth for truth, _, _ in kept] or [np.zeros(0, np.int64)]))
     tracks = np.unique(np.concatenate([track for _, track, _ in kept] or [np.zeros(0, np.int64)]))
     frames = [
-        _Frame(np.searchsorted(objects, truth), np.searchsorted(tracks, track), distance)
+        _IndexedFrame(np.searchsorted(objects, truth), np.searchsorted(tracks, track), distance)
         for truth, track, distance in kept
     ]
     return frames, len(objects), len(tracks)
@@ -241,60 +241,60 @@ def _numbered(kept: Sequence[tuple[IntArray, IntArray, FloatArray]]) -> tuple[li
 
 
 @dataclass
-class Clear:
+class ClearCounts:
     """Counts of the CLEAR matching.
 
     Attributes:
-        matches: pairs of an object and a track, switches among them.
-        switches: pairs in which the object had another track before.
-        distance: sum over the pairs.
-        hits: for each object (by its row among all ids) whether it was matched, frame by frame.
-        steady: for each frame the columns of the tracks whose pairs are no switches.
+        matches: number of pairs, including switches.
+        switches: number of pairs whose object had another track before.
+        distance: sum of the distances of all pairs.
+        hits: for each object (by its index among all ids), whether it is matched in each of its frames.
+        non_switches: for each frame, the columns of the tracks in pairs that are not switches.
     """
 
     matches: int = 0
     switches: int = 0
     distance: float = 0.0
     hits: defaultdict[int, list[bool]] = field(default_factory=lambda: defaultdict(list))
-    steady: list[list[int]] = field(default_factory=list)
+    non_switches: list[list[int]] = field(default_factory=list)
 
     @property
     def fragments(self) -> int:
-        """How often objects are lost and tracked again."""
+        """Number of times that objects are lost and tracked again."""
         return sum(_fragments(hits) for hits in self.hits.values())
 
     @property
     def mostly_tracked(self) -> int:
-        """Objects matched in at least 80 % of their frames."""
+        """Number of objects matched in at least 80 % of their frames."""
         return sum(10 * sum(hits) >= 8 * len(hits) for hits in self.hits.values())
 
     @property
     def mostly_lost(self) -> int:
-        """Objects matched in less than 20 % of their frames."""
+        """Number of objects matched in less than 20 % of their frames."""
         return sum(10 * sum(hits) < 2 * len(hits) for hits in self.hits.values())
 
 
-def clear_counts(compared: Sequence[Compared], rule: Rule) -> Clear:
-    """The CLEAR matching alone, of frames in which everything is demanded and judged."""
-    frames, objects, _ = _numbered([(one.truth_ids, one.track_ids, one.distance) for one in compared])
-    return _clear(frames, objects, rule)
+def clear_counts(frames: Sequence[DistanceFrame], rule: MatchingRule) -> ClearCounts:
+    """Return the CLEAR counts of frames in which all objects are required and all tracks penalised."""
+    indexed, objects, _ = _numbered([(one.truth_ids, one.track_ids, one.distance) for one in frames])
+    return _clear(indexed, objects, rule)
 
 
-def _clear(frames: Sequence[_Frame], objects: int, rule: Rule) -> Clear:
-    """Match frame by frame, holding on to earlier pairs, and count."""
-    counts = Clear()
+def _clear(frames: Sequence[_IndexedFrame], objects: int, rule: MatchingRule) -> ClearCounts:
+    """Match frame by frame, keeping earlier pairs, and count."""
+    counts = ClearCounts()
     last = np.full(objects, -1)
     for frame in frames:
         distance = frame.distance.copy()
         pairs = _kept_pairs(frame, last, rule)
-        counts.steady.append([j for _, j in pairs])
+        counts.non_switches.append([j for _, j in pairs])
         distance[[i for i, _ in pairs]] = np.inf
         distance[:, [j for _, j in pairs]] = np.inf
         for i, j in zip(*(side.tolist() for side in _pairs(distance, rule)), strict=True):
             truth, track = frame.truth[i], frame.track[j]
             switched = last[truth] not in (-1, track)
             counts.switches += int(switched)
-            counts.steady[-1] += [] if switched else [j]
+            counts.non_switches[-1] += [] if switched else [j]
             last[truth] = track
             pairs.append((i, j))
         counts.distance += sum(float(frame.distance[i, j]) for i, j in pairs)
@@ -305,8 +305,8 @@ def _clear(frames: Sequence[_Frame], objects: int, rule: Rule) -> Clear:
     return counts
 
 
-def _kept_pairs(frame: _Frame, last: IntArray, rule: Rule) -> list[tuple[int, int]]:
-    """Rows and columns of objects that are still within the gate of the track they had last."""
+def _kept_pairs(frame: _IndexedFrame, last: IntArray, rule: MatchingRule) -> list[tuple[int, int]]:
+    """Return rows and columns of objects that are still within the gate of their last track."""
     pairs: list[tuple[int, int]] = []
     taken: set[int] = set()
     for i, truth in enumerate(frame.truth):
@@ -318,7 +318,7 @@ def _kept_pairs(frame: _Frame, last: IntArray, rule: Rule) -> list[tuple[int, in
 
 
 def _fragments(hits: Sequence[bool]) -> int:
-    """How often a run of matches ends and another one follows."""
+    """Return how often a run of matches ends and another one follows."""
     starts = sum(hit and not before for before, hit in zip([False, *hits], hits, strict=False))
     return max(starts - 1, 0)
 
@@ -326,37 +326,37 @@ def _fragments(hits: Sequence[bool]) -> int:
 # Identity and HOTA ------------------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class _Together:
-    """How often each object (N,) and each track (M,) is there at all."""
+@dataclass(frozen=True, eq=False)
+class _FrameCounts:
+    """Number of frames of each object (N,) and each track (M,)."""
 
     truths: FloatArray
     outputs: FloatArray
 
 
-def _together(frames: Sequence[_Frame], objects: int, tracks: int) -> _Together:
+def _count_frames(frames: Sequence[_IndexedFrame], objects: int, tracks: int) -> _FrameCounts:
     truths, outputs = np.zeros(objects), np.zeros(tracks)
     for frame in frames:
         truths[frame.truth] += 1
         outputs[frame.track] += 1
-    return _Together(truths, outputs)
+    return _FrameCounts(truths, outputs)
 
 
-def _identity_matches(frames: Sequence[_Frame], both: _Together, rule: Rule) -> int:
-    """Frames in which an object is near the one track that is given to it for the whole sequence."""
-    near = np.zeros((len(both.truths), len(both.outputs)))
+def _identity_matches(frames: Sequence[_IndexedFrame], counts: _FrameCounts, rule: MatchingRule) -> int:
+    """Return the number of matched frames under the best one-to-one assignment of objects and tracks (IDTP)."""
+    near = np.zeros((len(counts.truths), len(counts.outputs)))
     for frame in frames:
         near[np.ix_(frame.truth, frame.track)] += frame.distance < rule.gate
     rows, columns = linear_sum_assignment(near, maximize=True)
     return int(near[rows, columns].sum())
 
 
-def _hota(frames: Sequence[_Frame], both: _Together, rule: Rule) -> tuple[float, float, float]:
-    """DetA, AssA and HOTA, each the mean over the thresholds (Luiten et al., IJCV 2021)."""
-    if not both.truths.size:
+def _hota(frames: Sequence[_IndexedFrame], counts: _FrameCounts, rule: MatchingRule) -> tuple[float, float, float]:
+    """Return DetA, AssA and HOTA, each the mean over the thresholds (Luiten et al., IJCV 2021)."""
+    if not counts.truths.size:
         return float("nan"), float("nan"), float("nan")
     similar = [np.clip(1 - frame.distance / rule.zero, 0, 1) for frame in frames]
-    alignment = _alignment(frames, similar, both)
+    alignment = _alignment(frames, similar, counts)
     matches = np.zeros((len(_HOTA_THRESHOLDS), *alignment.shape))
     for frame, similarity in zip(frames, similar, strict=True):
         place = np.ix_(frame.truth, frame.track)
@@ -364,16 +364,16 @@ def _hota(frames: Sequence[_Frame], both: _Together, rule: Rule) -> tuple[float,
         good = similarity[rows, columns] >= _HOTA_THRESHOLDS[:, None] - np.finfo(np.float64).eps
         matches[:, frame.truth[rows], frame.track[columns]] += good
     found = matches.sum(axis=(1, 2))
-    det = found / (both.truths.sum() + both.outputs.sum() - found)
-    share = matches / np.maximum(both.truths[:, None] + both.outputs - matches, 1)
+    det = found / (counts.truths.sum() + counts.outputs.sum() - found)
+    share = matches / np.maximum(counts.truths[:, None] + counts.outputs - matches, 1)
     ass = (matches * share).sum(axis=(1, 2)) / np.maximum(found, 1)
     return float(det.mean()), float(ass.mean()), float(np.sqrt(det * ass).mean())
 
 
-def _alignment(frames: Sequence[_Frame], similar: Sequence[FloatArray], both: _Together) -> FloatArray:
-    """(N, M) how well each object and track go together over the whole sequence, before any matching."""
-    potential = np.zeros((len(both.truths), len(both.outputs)))
+def _alignment(frames: Sequence[_IndexedFrame], similar: Sequence[FloatArray], counts: _FrameCounts) -> FloatArray:
+    """Return the global alignment score (N, M) of each object and track over the whole sequence."""
+    potential = np.zeros((len(counts.truths), len(counts.outputs)))
     for frame, similarity in zip(frames, similar, strict=True):
         either = similarity.sum(axis=0) + similarity.sum(axis=1)[:, None] - similarity
         potential[np.ix_(frame.truth, frame.track)] += similarity / np.maximum(either, np.finfo(np.float64).tiny)
-    return np.asarray(potential / (both.truths[:, None] + both.outputs - potential))
+    return np.asarray(potential / (counts.truths[:, None] + counts.outputs - potential))

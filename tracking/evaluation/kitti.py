@@ -1,11 +1,11 @@
-"""How good tracks of cars are by the rules of KITTI, judged by the distance of centres on the ground plane.
+"""KITTI's evaluation rules for tracks of cars, with distances between centres on the ground plane.
 
-- Cars and vans are objects; demanded are cars that are wholly in the picture (truncation 0) and not hidden
-  (occlusion 2 at most). A track on one that is not demanded is neither right nor wrong.
-- An unmatched track is not judged if its rectangle is 25 px high or less, or more than half of it lies in one region
-  whose objects were not marked.
-- All sequences are scored as one: their counts add up.
-- A cut drops whole tracks: those whose mean score is below it. The best cut is the one with the largest MOTA.
+- Cars and vans are objects; required are cars that are completely inside the image (truncation 0) and not largely
+  occluded (occlusion up to 2). Tracks matched to other objects are ignored.
+- Unmatched tracks are not penalised if their image box is up to 25 px high, or if more than half of it is in one
+  DontCare region.
+- All sequences are scored as one.
+- A cut removes whole tracks: those whose mean score is below it. The best cut has the maximum MOTA.
 """
 
 from __future__ import annotations
@@ -17,42 +17,50 @@ import numpy as np
 
 from appocc.checks import FloatArray, IntArray
 from appocc.errors import DataError
-from tracking.evaluation.clear_id_hota import Compared, Metrics, Moment, by_centre, evaluate_compared
-from tracking.image_boxes import judged
+from tracking.evaluation.clear_id_hota import (
+    DistanceFrame,
+    EvaluationFrame,
+    Metrics,
+    centre_distance_rule,
+    evaluate_distances,
+)
+from tracking.image_boxes import kitti_penalised
 from tracking.io.kitti import KittiLabels, KittiSequence
 from tracking.io.kitti_results import KittiResult
 
-OBJECTS, DEMANDED, KIND = ("Car", "Van"), "Car", "car"
-MOST_OCCLUSION = 2
+OBJECTS, REQUIRED, KIND = ("Car", "Van"), "Car", "car"
+MAX_OCCLUSION = 2
 COARSE_CUTS, REFINEMENTS = 10, 3
 
 Results = Sequence[Sequence[KittiResult]]
 
 
-@dataclass(frozen=True)
-class Trial:
-    """Tracks of sequences beside the truth.
+@dataclass(frozen=True, eq=False)
+class KittiEvaluation:
+    """Tracks and ground truth of all sequences.
 
     Attributes:
-        compared: all frames, one sequence after another; tracks are numbered from 0, objects too.
-        mean_scores: (M,) of each track, over its frames.
+        frames: all frames, one sequence after another; tracks and objects are numbered from 0.
+        mean_scores: (M,) mean score of each track over its frames.
     """
 
-    compared: tuple[Compared, ...]
+    frames: tuple[DistanceFrame, ...]
     mean_scores: FloatArray
 
     def metrics(self, cut: float = -np.inf) -> Metrics:
-        """Scores of the tracks whose mean score is `cut` or more."""
+        """Return the metrics of tracks whose mean score is at least `cut`."""
         keep = self.mean_scores >= cut
-        return evaluate_compared([frame.only(keep[frame.track_ids]) for frame in self.compared], by_centre())
+        return evaluate_distances(
+            [frame.select_tracks(keep[frame.track_ids]) for frame in self.frames], centre_distance_rule()
+        )
 
     def best_cut(self) -> float:
-        """The cut with the largest MOTA that is found; minus infinity without tracks or demanded cars.
+        """Search the cut with the maximum MOTA; minus infinity without tracks or required cars.
 
-        Ten of the tracks' mean scores are tried, evenly by rank, then thrice those around the best in steps of a
-        fourth.
+        Ten mean scores, evenly spaced by rank, are tried first, then three times those around the best one, with a
+        quarter of the step.
         """
-        if not self.mean_scores.size or not any(frame.demanded.any() for frame in self.compared):
+        if not self.mean_scores.size or not any(frame.required.any() for frame in self.frames):
             return -np.inf
         scores = np.unique(self.mean_scores).tolist()
         mota: dict[int, float] = {}
@@ -66,8 +74,33 @@ class Trial:
         return float(scores[best])
 
 
-def trial_of(outcomes: Sequence[tuple[KittiSequence, Results]]) -> Trial:
-    """What the results of sequences are judged by; only cars among them.
+@dataclass(frozen=True)
+class KittiScores:
+    """Scores of KITTI sequences.
+
+    Attributes:
+        metrics: metrics of all tracks.
+        at_best_cut: metrics at the best cut.
+        best_cut: minimum mean score of the tracks with the best MOTA.
+    """
+
+    metrics: Metrics
+    at_best_cut: Metrics
+    best_cut: float
+
+
+def score_sequences(outcomes: Sequence[tuple[KittiSequence, Results]]) -> KittiScores | None:
+    """Score the results of the sequences with labels; None if no sequence has labels."""
+    labelled = [(sequence, results) for sequence, results in outcomes if sequence.labels is not None]
+    if not labelled:
+        return None
+    evaluation = prepare_evaluation(labelled)
+    cut = evaluation.best_cut()
+    return KittiScores(evaluation.metrics(), evaluation.metrics(cut), cut)
+
+
+def prepare_evaluation(outcomes: Sequence[tuple[KittiSequence, Results]]) -> KittiEvaluation:
+    """Combine the results of sequences with their labels; only cars are evaluated.
 
     Raises:
         DataError: if a sequence has no labels.
@@ -75,7 +108,7 @@ def trial_of(outcomes: Sequence[tuple[KittiSequence, Results]]) -> Trial:
     objects: dict[tuple[int, int], int] = {}
     tracks: dict[tuple[int, int], int] = {}
     scores: dict[int, list[float]] = {}
-    compared = []
+    frames = []
     for number, (sequence, results) in enumerate(outcomes):
         if sequence.labels is None:
             raise DataError(f"sequence {sequence.name}: expected labels to judge tracks by, got none")
@@ -86,27 +119,27 @@ def trial_of(outcomes: Sequence[tuple[KittiSequence, Results]]) -> Trial:
                 scores.setdefault(track_id, []).append(car.score)
             chosen = np.flatnonzero(np.isin(labels.types, OBJECTS))
             truth_ids = [objects.setdefault((number, id_), len(objects)) for id_ in labels.ids[chosen].tolist()]
-            compared.append(_compared(labels, chosen, truth_ids, cars, track_ids))
-    return Trial(tuple(compared), np.array([np.mean(scores[i]) for i in range(len(scores))]))
+            frames.append(_distance_frame(labels, chosen, truth_ids, cars, track_ids))
+    return KittiEvaluation(tuple(frames), np.array([np.mean(scores[i]) for i in range(len(scores))]))
 
 
-def _compared(
+def _distance_frame(
     labels: KittiLabels,
     chosen: IntArray,
     truth_ids: Sequence[int],
     cars: Sequence[KittiResult],
     track_ids: Sequence[int],
-) -> Compared:
-    """One frame: the chosen labels, numbered anew, and the tracks."""
-    whole = (labels.occluded <= MOST_OCCLUSION) & (labels.truncated == 0)
-    demanded = whole & np.array([name == DEMANDED for name in labels.types], dtype=np.bool_)
-    rectangles = np.array([car.image_box_px for car in cars]).reshape(-1, 4)
-    moment = Moment(
-        np.array(truth_ids, dtype=np.int64),
-        labels.ground_m[chosen, :2],
-        demanded[chosen],
-        np.array(track_ids, dtype=np.int64),
-        np.array([car.ground_m[:2] for car in cars]).reshape(-1, 2),
-        judged(rectangles, labels.dont_care_px),
+) -> DistanceFrame:
+    """Return a frame with the chosen labels and the tracks, under their new ids."""
+    visible = (labels.occluded <= MAX_OCCLUSION) & (labels.truncated == 0)
+    required = visible & np.array([name == REQUIRED for name in labels.types], dtype=np.bool_)
+    image_boxes_px = np.array([car.image_box_px for car in cars]).reshape(-1, 4)
+    frame = EvaluationFrame(
+        truth_ids=np.array(truth_ids, dtype=np.int64),
+        truth_xy_m=labels.ground_m[chosen, :2],
+        required=required[chosen],
+        track_ids=np.array(track_ids, dtype=np.int64),
+        track_xy_m=np.array([car.ground_m[:2] for car in cars]).reshape(-1, 2),
+        penalised=kitti_penalised(image_boxes_px, labels.dont_care_px),
     )
-    return moment.compared()
+    return frame.with_distances()

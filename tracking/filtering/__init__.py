@@ -1,1 +1,1 @@
-"""State estimation: Kalman filters, and offline smoothing."""
+"""State estimation: Kalman filters, running medians, and offline smoothing."""

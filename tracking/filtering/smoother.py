@@ -1,8 +1,8 @@
-"""Tracks in hindsight, for who labels data: whole paths are smoothed, gaps filled, and false ends left out.
+"""Offline (Rauch-Tung-Striebel) smoothing of tracks, for labelling: paths are smoothed and gaps are filled.
 
-The tracker's own states are what a Kalman filter says at each sighting. The backward pass of Rauch, Tung and Striebel
-over those states, with the filter's own model of motion, is what all sightings together say. To filter the tracker's
-places a second time would say less: their errors are no longer independent.
+The states of the tracker are the forward pass of a Kalman filter. The smoother runs the backward pass over these
+states with the same motion model, so that each state uses all detections. Filtering the tracker's positions a second
+time would be wrong: their errors are correlated.
 """
 
 from __future__ import annotations
@@ -18,62 +18,53 @@ from scipy.ndimage import gaussian_filter1d
 from appocc.checks import BoolArray, FloatArray, IntArray
 from appocc.errors import ShapeError
 from appocc.geometry import wrap_angle
-from tracking.filtering.kalman import MotionConfig, Motions, spread
-from tracking.tracks import Track, check_times
+from tracking.filtering.kalman import KalmanFilters, MotionConfig, oriented_covariance
+from tracking.tracks import Track, check_times, group_by_track
 
 ComplexArray = NDArray[np.complex128]
-# Headings and heights are averaged over the way in steps of this share of `way_m`.
+# Step along the path for averages of headings and heights, as a fraction of `window_m`.
 _STEP = 0.25
-# A sighting whose axis is farther off counts for next to nothing.
-_OUTLIER_RAD, _NEXT_TO_NOTHING = np.radians(15.0), 1e-6
+# Headings that differ by more from the local mean get a negligible weight.
+_OUTLIER_RAD, _NEGLIGIBLE_WEIGHT = np.radians(15.0), 1e-6
 
 
 @dataclass(frozen=True)
 class SmoothingConfig:
-    """How tracks are smoothed.
+    """Configuration of the smoother.
 
     Attributes:
-        gap_s: a longer span without a sighting is not filled; at two key frames a second, one that misses is.
-        way_m: headings and heights are means over so much of the way (standard deviation), however long it takes: a
-            vehicle that stands has one of either.
-        fast_mps: from this speed on the heading is the direction of motion.
-        motion: that of the tracker that made the tracks.
+        max_gap_s: longer gaps without a detection are not filled; the default fills one missed key frame at 2 Hz.
+        window_m: standard deviation of the average of headings and heights along the path; a stationary vehicle has
+            one heading and one height.
+        heading_from_motion_mps: speed above which the heading is the direction of motion.
+        motion: motion model of the tracker that produced the tracks.
     """
 
-    gap_s: float = 1.1
-    way_m: float = 1.0
-    fast_mps: float = 3.0
+    max_gap_s: float = 1.1
+    window_m: float = 1.0
+    heading_from_motion_mps: float = 3.0
     motion: MotionConfig = field(default_factory=MotionConfig)
-
-
-def paths_of(tracks: Sequence[Sequence[Track]]) -> dict[int, list[tuple[int, Track]]]:
-    """Each vehicle by its id, in order of ids: the numbers of the moments that tell of it, and what they tell."""
-    paths: dict[int, list[tuple[int, Track]]] = {}
-    for moment, told in enumerate(tracks):
-        for track in told:
-            paths.setdefault(track.id, []).append((moment, track))
-    return dict(sorted(paths.items()))
 
 
 def smooth(
     times_us: Sequence[int], tracks: Sequence[Sequence[Track]], config: SmoothingConfig | None = None
 ) -> tuple[tuple[Track, ...], ...]:
-    """The tracks of T moments as all moments together show them; ids stay.
+    """Smooth the tracks of T frames; ids do not change.
 
-    A vehicle is told of from its first to its last sighting, but for gaps longer than `gap_s`; predictions beyond the
-    last are left out, for nothing confirms them. Its size and colour are medians over its sightings, its score is the
-    last one, which all sightings have gone into, and its front is where it was found to be in the end.
+    A track is kept from its first to its last detection, except for gaps longer than `max_gap_s`; predictions after
+    the last detection are dropped. Size and colour are medians over all detections; score and front are the final
+    ones.
 
     Args:
-        times_us: T times, rising.
-        tracks: T sequences of a tracker's tracks.
-        config: by default for a tracker with the default motion.
+        times_us: T increasing times.
+        tracks: T sequences of tracks.
+        config: by default, for a tracker with the default motion model.
 
     Returns:
-        T tuples of tracks in order of id.
+        T tuples of tracks, ordered by id.
 
     Raises:
-        ShapeError: if there are not as many times as moments, or time does not move forward.
+        ShapeError: if the numbers of times and frames differ, or time does not increase.
     """
     config = config or SmoothingConfig()
     check_times("smoothing", times_us, tracks)
@@ -81,150 +72,153 @@ def smooth(
     times_s = np.asarray(since_us * 1e-6)
     if (np.diff(times_s) <= 0).any():
         raise ShapeError("smoothing: expected times that rise")
-    told: list[list[Track]] = [[] for _ in tracks]
-    for path in paths_of(tracks).values():
-        seen = [(moment, track) for moment, track in path if track.seen]
-        if seen:
-            first, last = seen[0][0], seen[-1][0]
-            rows = np.array([moment - first for moment, _ in seen])
-            vehicle = _Vehicle(times_s[first : last + 1], rows, tuple(track for _, track in seen))
-            for row, track in _smoothed(vehicle, config):
-                told[first + row].append(track)
-    return tuple(map(tuple, told))
+    result: list[list[Track]] = [[] for _ in tracks]
+    for path in group_by_track(tracks).values():
+        detected = [(frame, track) for frame, track in path if track.seen]
+        if detected:
+            first, last = detected[0][0], detected[-1][0]
+            rows = np.array([frame - first for frame, _ in detected])
+            one = _TrackPath(times_s[first : last + 1], rows, tuple(track for _, track in detected))
+            for row, track in _smooth_path(one, config):
+                result[first + row].append(track)
+    return tuple(map(tuple, result))
 
 
-class _Vehicle(NamedTuple):
-    """One vehicle from its first to its last sighting.
+class _TrackPath(NamedTuple):
+    """States of one track from its first to its last detection.
 
     Attributes:
-        times_s: (N,) times of all moments.
-        rows: (S,) at which of them it was seen, the first and the last among them.
-        sights: S tracks.
+        times_s: (N,) times of all frames.
+        rows: (S,) frames with a detection, including the first and the last one.
+        states: S track states.
     """
 
     times_s: FloatArray
     rows: IntArray
-    sights: tuple[Track, ...]
+    states: tuple[Track, ...]
 
-    def all(self, name: str) -> FloatArray:
-        """(S, ...) an attribute of the sightings."""
-        return np.array([getattr(track, name) for track in self.sights], dtype=np.float64)
+    def values(self, name: str) -> FloatArray:
+        """Return an attribute of the states (S, ...)."""
+        return np.array([getattr(track, name) for track in self.states], dtype=np.float64)
 
     def median(self, name: str) -> FloatArray:
-        """Median of an attribute over the sightings that show it; NaN if none does."""
-        values = self.all(name)
+        """Return the median of an attribute over its known values; NaN if there are none."""
+        values = self.values(name)
         known = values[np.isfinite(values.reshape(len(values), -1)).all(axis=1)]
         return np.asarray(np.median(known, axis=0) if len(known) else np.full(values.shape[1:], np.nan))
 
     @property
     def latest(self) -> IntArray:
-        """(N,) number of the latest sighting at each moment."""
+        """(N,) index of the latest state at each frame."""
         return np.searchsorted(self.rows, np.arange(len(self.times_s)), side="right") - 1
 
 
-def _smoothed(vehicle: _Vehicle, config: SmoothingConfig) -> Iterator[tuple[int, Track]]:
-    """Its moments, counted from its first sighting, but for those in long gaps."""
-    times_s, rows, sights = vehicle
-    states = _states(vehicle, config.motion)
-    moves = states.moves()
-    yaw_rad, ground_m = _headings_and_heights(vehicle, states.mean[:, 2:], moves, config)
-    rgb, length_m, width_m, height_m = map(vehicle.median, ("rgb", "length_m", "width_m", "height_m"))
+def _smooth_path(path: _TrackPath, config: SmoothingConfig) -> Iterator[tuple[int, Track]]:
+    """Yield the smoothed tracks with their frames, counted from the first detection, except in long gaps."""
+    times_s, rows, states = path
+    smoothed = _smooth_states(path, config.motion)
+    moving = smoothed.is_moving()
+    yaw_rad, ground_m = _headings_and_heights(path, smoothed.mean[:, 2:], moving, config)
+    rgb, length_m, width_m, height_m = map(path.median, ("rgb", "length_m", "width_m", "height_m"))
     gap_s = np.append(np.diff(times_s[rows]), 0.0)
-    for row, number in enumerate(vehicle.latest.tolist()):
-        here = bool(rows[number] == row)
-        if not here and gap_s[number] > config.gap_s:
+    for row, index in enumerate(path.latest.tolist()):
+        seen = bool(rows[index] == row)
+        if not seen and gap_s[index] > config.max_gap_s:
             continue
         yield (
             row,
             Track(
-                id=sights[number].id,
-                position_world_m=np.append(states.mean[row, :2], ground_m[row]),
-                velocity_world_mps=states.mean[row, 2:].copy(),
+                id=states[index].id,
+                position_world_m=np.append(smoothed.mean[row, :2], ground_m[row]),
+                velocity_world_mps=smoothed.mean[row, 2:],
                 yaw_world_rad=float(yaw_rad[row]),
-                heading_known=sights[-1].heading_known,
+                heading_known=states[-1].heading_known,
                 length_m=float(length_m),
                 width_m=float(width_m),
-                rgb=rgb.copy(),
-                score=sights[-1].score,
-                seen=here,
+                rgb=rgb,
+                score=states[-1].score,
+                seen=seen,
                 height_m=float(height_m),
-                kind=sights[number].kind,
-                detection=sights[number].detection if here else None,
-                moving=bool(moves[row]),
+                kind=states[index].kind,
+                detection=states[index].detection if seen else None,
+                moving=bool(moving[row]),
             ),
         )
 
 
-def _states(vehicle: _Vehicle, config: MotionConfig) -> Motions:
-    """Places and velocities at the N moments.
+def _smooth_states(path: _TrackPath, config: MotionConfig) -> KalmanFilters:
+    """Smooth positions and velocities at the N frames.
 
-    How uncertain the tracker's states are does not depend on what was seen, only on when: a filter beside it finds it
-    out anew.
+    The covariances of the forward pass depend on the times of the detections, not on their values: a second filter
+    reproduces them.
     """
-    from filterpy.kalman import KalmanFilter  # takes a second, and few need it
+    from filterpy.kalman import KalmanFilter  # slow import, only needed here
 
-    times_s, rows, _ = vehicle
-    latest = vehicle.latest
-    yaw = vehicle.all("yaw_world_rad")[latest]
-    place, velocity = vehicle.all("position_world_m")[latest, :2], vehicle.all("velocity_world_mps")[latest]
-    origin = np.append(place[0], [0.0, 0.0])
-    told = np.hstack([place + (times_s - times_s[rows[latest]])[:, None] * velocity, velocity]) - origin
+    times_s, rows, _ = path
+    latest = path.latest
+    yaw = path.values("yaw_world_rad")[latest]
+    position, velocity = path.values("position_world_m")[latest, :2], path.values("velocity_world_mps")[latest]
+    origin = np.append(position[0], [0.0, 0.0])
+    extrapolated = position + (times_s - times_s[rows[latest]])[:, None] * velocity
+    forward = np.hstack([extrapolated, velocity]) - origin
 
     step_s = np.diff(times_s, prepend=times_s[0])
-    moved = np.eye(4) + step_s[:, None, None] * np.eye(4, k=2)
+    transitions = np.eye(4) + step_s[:, None, None] * np.eye(4, k=2)
     walk = np.array([[step_s**3 / 3, step_s**2 / 2], [step_s**2 / 2, step_s]])
-    push = spread(np.append(yaw[:1], yaw[:-1]), config.push_m2ps3, config.swerve_m2ps3)
-    pushed = np.einsum("ijn,nkl->nikjl", walk, push).reshape(-1, 4, 4)
-    noise_m2 = spread(yaw, config.along_m**2, config.across_m**2)
+    previous_yaw = np.append(yaw[:1], yaw[:-1])
+    psd = oriented_covariance(previous_yaw, config.along_accel_psd_m2ps3, config.across_accel_psd_m2ps3)
+    process_noise = np.einsum("ijn,nkl->nikjl", walk, psd).reshape(-1, 4, 4)
+    noise_m2 = oriented_covariance(yaw, config.along_std_m**2, config.across_std_m**2)
 
-    begun = Motions(config)
-    begun.add(told[:1, :2], yaw[:1], noise_m2[:1])
+    initial = KalmanFilters(config)
+    initial.add(forward[:1, :2], yaw[:1], noise_m2[:1])
     kalman = KalmanFilter(dim_x=4, dim_z=2)
-    kalman.x, kalman.P, kalman.H = begun.mean[0], begun.cov[0], np.eye(2, 4)
-    later = set(rows[1:].tolist())
-    shown = [place if row in later else None for row, place in enumerate(told[:, :2])]
-    _, cov, _, _ = kalman.batch_filter(shown, Fs=moved, Qs=pushed, Rs=noise_m2)
-    result = Motions(config)
-    result.mean, result.cov, _, _ = kalman.rts_smoother(told, cov, moved, pushed)
+    kalman.x, kalman.P, kalman.H = initial.mean[0], initial.cov[0], np.eye(2, 4)
+    updated = set(rows[1:].tolist())
+    measured = [xy if row in updated else None for row, xy in enumerate(forward[:, :2])]
+    _, cov, _, _ = kalman.batch_filter(measured, Fs=transitions, Qs=process_noise, Rs=noise_m2)
+    result = KalmanFilters(config)
+    result.mean, result.cov, _, _ = kalman.rts_smoother(forward, cov, transitions, process_noise)
     result.mean += origin
     return result
 
 
 def _headings_and_heights(
-    vehicle: _Vehicle, velocity_mps: FloatArray, moves: BoolArray, config: SmoothingConfig
+    path: _TrackPath, velocity_mps: FloatArray, moving: BoolArray, config: SmoothingConfig
 ) -> tuple[FloatArray, FloatArray]:
-    """Headings (N,) in [-pi, pi) and heights of the ground (N,), given velocities (N, 2) and whether it moves (N,).
+    """Return headings (N,) in [-pi, pi) and ground heights (N,), given velocities (N, 2) and moving flags (N,).
 
-    They are means over the way, not over time: a vehicle turns and climbs only as it drives.
+    They are averaged over the path, not over time: headings and heights only change while a vehicle moves.
     """
-    times_s, rows, sights = vehicle
+    times_s, rows, states = path
     speed_mps = np.hypot(*velocity_mps.T)
     yaw = np.full(len(times_s), np.nan)
-    yaw[rows] = vehicle.all("yaw_world_rad")
-    axis = np.where(speed_mps >= config.fast_mps, np.arctan2(velocity_mps[:, 1], velocity_mps[:, 0]), yaw)
+    yaw[rows] = path.values("yaw_world_rad")
+    is_fast = speed_mps >= config.heading_from_motion_mps
+    axis = np.where(is_fast, np.arctan2(velocity_mps[:, 1], velocity_mps[:, 0]), yaw)
     known = np.flatnonzero(np.isfinite(axis))
-    # Nothing counts across six standard deviations of the way.
-    way_m = np.minimum(np.diff(times_s) * (speed_mps * moves)[1:], 6 * config.way_m)
-    step = (np.append(0.0, np.cumsum(way_m)) / (_STEP * config.way_m)).astype(np.int64)
+    # Six standard deviations separate two parts of the path completely.
+    step_m = np.minimum(np.diff(times_s) * (speed_mps * moving)[1:], 6 * config.window_m)
+    step = (np.append(0.0, np.cumsum(step_m)) / (_STEP * config.window_m)).astype(np.int64)
 
     twice = np.exp(2j * axis[known])
     mean = _mean_axis(twice, step[known], np.ones(len(known)))
-    near = np.abs(np.sin(axis[known] - mean)) < np.sin(_OUTLIER_RAD)
-    mean = np.unwrap(_mean_axis(twice, step[known], np.where(near, 1.0, _NEXT_TO_NOTHING)), period=np.pi)
+    inlier = np.abs(np.sin(axis[known] - mean)) < np.sin(_OUTLIER_RAD)
+    mean = np.unwrap(_mean_axis(twice, step[known], np.where(inlier, 1.0, _NEGLIGIBLE_WEIGHT)), period=np.pi)
     smoothed = np.interp(times_s, times_s[known], mean)
-    if np.cos(smoothed[-1] - sights[-1].yaw_world_rad) < 0:
+    if np.cos(smoothed[-1] - states[-1].yaw_world_rad) < 0:
         smoothed += np.pi
 
-    heights = vehicle.all("position_world_m")[:, 2]
-    mean = _sums(heights, step[rows]) / _sums(np.ones(len(rows)), step[rows])
+    heights = path.values("position_world_m")[:, 2]
+    mean = _local_sums(heights, step[rows]) / _local_sums(np.ones(len(rows)), step[rows])
     return wrap_angle(smoothed), np.interp(times_s, times_s[rows], mean)
 
 
 def _mean_axis(twice: ComplexArray, step: IntArray, weight: FloatArray) -> FloatArray:
-    """(S,) angles of the local means of unit numbers of twice the angle (S,)."""
-    return np.asarray(np.arctan2(_sums(twice.imag * weight, step), _sums(twice.real * weight, step)) / 2)
+    """(S,) local mean angles of unit numbers at twice the angle (S,)."""
+    return np.asarray(np.arctan2(_local_sums(twice.imag * weight, step), _local_sums(twice.real * weight, step)) / 2)
 
 
-def _sums(values: FloatArray, step: IntArray) -> FloatArray:
-    """(S,) sums of values, weighted by how near they are along the way, which is given in steps from 0, rising."""
+def _local_sums(values: FloatArray, step: IntArray) -> FloatArray:
+    """(S,) sums of values with Gaussian weights along the path; `step` (S,) are ascending positions from 0."""
     return np.asarray(gaussian_filter1d(np.bincount(step, values), 1 / _STEP, mode="constant")[step])

@@ -1,1 +1,1 @@
-"""Vehicle instances from bird's-eye-view maps."""
+"""Vehicle instances of bird's-eye-view maps."""

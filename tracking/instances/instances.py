@@ -1,4 +1,4 @@
-"""Vehicle blobs of one colour bird's-eye view: what stands together, where, how big, which way, which colour."""
+"""Vehicle instances of a bird's-eye-view map: connected components with position, size, heading and colour."""
 
 from __future__ import annotations
 
@@ -11,21 +11,21 @@ from appocc.bevmap import VEHICLE, BEVMap
 from appocc.checks import BoolArray, FloatArray, IntArray, check_finite, check_shape, frozen
 from appocc.colours import lab_from_rgb
 from appocc.grid import BEVGrid
-from tracking.association.paint import robust_lab
-from tracking.detections import Detections, View, log_odds_of
-from tracking.instances.oriented_boxes import shapes_of
+from tracking.detections import Detections, FieldOfView, log_odds_from_probability
+from tracking.instances.oriented_boxes import fit_oriented_boxes
+from tracking.instances.robust_colour import robust_lab
 from tracking.instances.touching import split_touching
-from tracking.instances.watershed import above_peaks, split_at_valleys
+from tracking.instances.watershed import split_by_watershed, suppress_below_peak
 
 
 @dataclass(frozen=True)
-class BlobConfig:
-    """When cells of the vehicle layer make a blob.
+class InstanceConfig:
+    """Configuration of the instance segmentation.
 
     Attributes:
-        min_area_m2: smaller blobs are dropped as specks; a narrow motorcycle covers about 0.6 m2.
-        peak_share: of connected cells, those below this share of the highest probability among them are no vehicle.
-        split: whether blobs that do not look like one vehicle are cut.
+        min_area_m2: minimum area of an instance; a narrow motorcycle covers about 0.6 m2.
+        peak_share: minimum probability of a cell, as a fraction of the peak of its connected component.
+        split: whether components that are not shaped like one vehicle are split.
     """
 
     min_area_m2: float = 0.4
@@ -34,23 +34,23 @@ class BlobConfig:
 
 
 @dataclass(frozen=True, eq=False)
-class GridView(View):
-    """A view of the cells of a grid in the ego frame.
+class GridView(FieldOfView):
+    """Field of view of a grid in the ego frame.
 
     Attributes:
-        grid: extent of the view.
-        known: (X, Y) cells in which a vehicle would be detected, the others are blind spots; None: all.
+        grid: extent of the field of view.
+        known: (X, Y) cells in which vehicles can be detected, the others are blind spots; None for all.
     """
 
     grid: BEVGrid
     known: BoolArray | None = None
 
     def sees(self, xy_ego_m: FloatArray) -> BoolArray:
-        """See `View`."""
+        """See `FieldOfView`."""
         return self.grid.contains(self.grid.cell_of(xy_ego_m))
 
     def blind(self, xy_ego_m: FloatArray) -> BoolArray:
-        """See `View`."""
+        """See `FieldOfView`."""
         if self.known is None:
             return super().blind(xy_ego_m)
         cells = self.grid.cell_of(xy_ego_m)
@@ -59,22 +59,22 @@ class GridView(View):
         return np.asarray(inside & ~self.known[i, j])
 
 
-@dataclass(frozen=True)
-class Blobs:
-    """N vehicle blobs in the ego frame, metres and radians.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Instances:
+    """N vehicle instances in the ego frame, metres and radians.
 
     Attributes:
-        centroid_m: (N, 2) centres of mass of their cells.
-        yaw_rad: (N,) direction of the long axis in [-pi/2, pi/2): front and rear cannot be told apart.
-        length_m: (N,) extent along the long axis, of the uniform rectangle with the same second moments.
-        width_m: (N,) the same across it.
+        centroid_m: (N, 2) centroids of the cells.
+        yaw_rad: (N,) direction of the long axis in [-pi/2, pi/2); front and rear are not distinguished.
+        length_m: (N,) length of the uniform rectangle with the same second moments.
+        width_m: (N,) width of that rectangle.
         area_m2: (N,) covered area.
-        rgb: (N, 3) mean sRGB 0..255 over the cells whose colour is known, NaN where there is none.
-        lab: (N, 3) robust CIELAB of the same cells (see `association.paint.robust_lab`), NaN where there is none.
+        rgb: (N, 3) mean sRGB, 0..255, over cells of known colour; NaN if there are none.
+        lab: (N, 3) robust CIELAB over the same cells, see `robust_lab`; NaN if there are none.
         confidence: (N,) mean vehicle probability.
-        touches_border: (N,) whether a cell is on the rim of the grid or next to a cell of which nothing is known, so
-            that the vehicle may be cut off.
-        view: where blobs can be detected.
+        touches_border: (N,) whether a cell is at the border of the grid or next to an unknown cell: the vehicle may
+            be truncated.
+        view: field of view.
     """
 
     centroid_m: FloatArray
@@ -89,103 +89,113 @@ class Blobs:
     view: GridView
 
     def __post_init__(self) -> None:
-        """Check shapes.
+        """Check boxes.
 
         Raises:
-            ShapeError: if one does not fit, or a number that must be known is not.
+            ShapeError: if a shape differs, or a required number is not finite.
         """
         n = len(self.centroid_m)
         widths = {"centroid_m": (2,), "rgb": (3,), "lab": (3,)}
         for name in _ARRAYS:
             array = getattr(self, name)
-            check_shape(f"blobs {name}", array, (n, *widths.get(name, ())))
+            check_shape(f"instances {name}", array, (n, *widths.get(name, ())))
             if name not in ("rgb", "lab"):
-                check_finite(f"blobs {name}", array)
-            frozen(array)
+                check_finite(f"instances {name}", array)
+            copy = array.copy()
+            frozen(copy)
+            object.__setattr__(self, name, copy)
 
     def __len__(self) -> int:
-        """Number of blobs."""
+        """Number of instances."""
         return len(self.area_m2)
 
-    def select(self, keep: BoolArray | IntArray) -> Blobs:
-        """The blobs of a mask (N,) or of indices."""
+    def select(self, keep: BoolArray | IntArray) -> Instances:
+        """Return the instances of a mask (N,) or of indices."""
         return replace(self, **{name: getattr(self, name)[keep] for name in _ARRAYS})
 
     def as_detections(self) -> Detections:
-        """The blobs as the tracker takes them: on the ego's ground plane, all of kind "vehicle", headings unknown."""
+        """Return the instances as detections on the ground plane, of category "vehicle", with unknown front."""
         n = len(self)
         return Detections(
             ground_m=np.pad(self.centroid_m, ((0, 0), (0, 1))),
             yaw_rad=self.yaw_rad,
             heading_known=np.zeros(n, np.bool_),
             size_m=np.stack([self.width_m, self.length_m, np.full(n, np.nan)], axis=1),
-            log_odds=log_odds_of(self.confidence),
+            log_odds=log_odds_from_probability(self.confidence),
             kind=("vehicle",) * n,
             rgb=self.rgb,
             lab=self.lab,
-            cut=self.touches_border,
+            truncated=self.touches_border,
             view=self.view,
         )
 
 
-_ARRAYS = tuple(field.name for field in fields(Blobs) if field.name != "view")
+_ARRAYS = tuple(field.name for field in fields(Instances) if field.name != "view")
 
 
-def find_blobs(bev: BEVMap, config: BlobConfig | None = None) -> Blobs:
-    """The vehicle blobs of a map: connected cells (by their sides) of the vehicle layer, cut where vehicles touch."""
-    return measure_blobs(bev, *label_blobs(bev, config or BlobConfig()))
+def find_instances(bev: BEVMap, config: InstanceConfig | None = None) -> Instances:
+    """Return the vehicle instances of a map: 4-connected components, split where vehicles touch."""
+    return measure_instances(bev, *label_instances(bev, config or InstanceConfig()))
 
 
-def label_blobs(bev: BEVMap, config: BlobConfig) -> tuple[IntArray, int]:
-    """Blob 1..N of each cell (X, Y) of a map, 0 outside blobs, and N."""
+def label_instances(bev: BEVMap, config: InstanceConfig) -> tuple[IntArray, int]:
+    """Label the cells (X, Y) of a map with instances 1..N, 0 for background; return the labels and N."""
     found, count = ndimage.label(bev.on[VEHICLE])
     labels = found.astype(np.int64)
     probability = bev.occupancy[VEHICLE]
-    count = above_peaks(labels, count, probability, config.peak_share)
+    count = suppress_below_peak(labels, count, probability, config.peak_share)
     if config.split:
-        count = split_at_valleys(labels, count, probability, bev.grid.cell_m)
+        count = split_by_watershed(labels, count, probability, bev.grid.cell_m)
         count = split_touching(labels, count, bev)
     size = np.bincount(labels.ravel(), minlength=count + 1)[1:]
     return labels, _renumber(labels, size * bev.grid.cell_m**2 >= config.min_area_m2)
 
 
 def _renumber(labels: IntArray, keep: BoolArray) -> int:
-    """Number those of the blobs 1..N to be kept (N,) anew, in place, and drop the others; how many they are."""
+    """Keep the labels 1..N of a mask (N,), renumber them in place, and return their number."""
     if not keep.all():
         labels[:] = np.append(0, np.where(keep, np.cumsum(keep), 0))[labels]
     return int(keep.sum())
 
 
-def measure_blobs(bev: BEVMap, labels: IntArray, count: int) -> Blobs:
-    """Blobs 1..count of a label image (X, Y), each of at least one cell."""
+def measure_instances(bev: BEVMap, labels: IntArray, count: int) -> Instances:
+    """Measure the instances 1..count of a label image (X, Y), each of at least one cell."""
     flat = labels.ravel()
     cells = np.flatnonzero(flat)
     member = flat[cells] - 1
     places = np.stack(np.divmod(cells, labels.shape[1]), axis=1)
-    shapes = shapes_of(bev.grid.centre_of(places), member, count, bev.grid.cell_m)
-    known = bev.occupancy_valid[VEHICLE]
-    rim = ((places == 0) | (places == np.array(labels.shape) - 1)).any(axis=1)
+    boxes = fit_oriented_boxes(bev.grid.centre_of(places), member, count, bev.grid.cell_m)
+    known, probability = bev.occupancy_valid[VEHICLE], bev.occupancy[VEHICLE].ravel()[cells]
+    border = ((places == 0) | (places == np.array(labels.shape) - 1)).any(axis=1)
     if not known.all():
-        rim |= ndimage.binary_dilation(~known)[tuple(places.T)]
+        border |= ndimage.binary_dilation(~known)[tuple(places.T)]
     rgb, lab = _colours(bev, flat, cells, member, count)
-    return Blobs(
-        shapes.centroid_m,
-        shapes.yaw_rad,
-        shapes.length_m,
-        shapes.width_m,
-        shapes.area_m2,
-        rgb,
-        lab,
-        np.bincount(member, bev.occupancy[VEHICLE].ravel()[cells], count) / np.bincount(member, minlength=count),
-        np.bincount(member, rim, count) > 0,
-        GridView(bev.grid, None if known.all() else known),
+    return Instances(
+        centroid_m=boxes.centroid_m,
+        yaw_rad=boxes.yaw_rad,
+        length_m=boxes.length_m,
+        width_m=boxes.width_m,
+        area_m2=boxes.area_m2,
+        rgb=rgb,
+        lab=lab,
+        confidence=np.bincount(member, probability, count) / np.bincount(member, minlength=count),
+        touches_border=np.bincount(member, border, count) > 0,
+        view=GridView(bev.grid, None if known.all() else known),
     )
 
 
 def _colours(
     bev: BEVMap, flat: IntArray, cells: IntArray, member: IntArray, count: int
 ) -> tuple[FloatArray, FloatArray]:
-    """Mean sRGB and robust CIELAB (N, 3) of `count` blobs: flat labels, the C cells of blobs in them, and whose."""
+    """Return mean sRGB and robust CIELAB (N, 3) of `count` instances.
+
+    Args:
+        bev: the map.
+        flat: flat label image.
+        cells: (C,) indices of labelled cells in it.
+        member: (C,) instance of each cell, 0..count - 1.
+        count: number of instances.
+    """
     known = bev.appearance_valid.ravel()[cells]
     cells, member = cells[known], member[known]
     seen = bev.appearance.reshape(3, -1)[:, cells]
@@ -195,6 +205,6 @@ def _colours(
         mean = sums / size
     inside = np.ones(len(cells), np.bool_)
     for step in (1, -1, bev.grid.shape[1], -bev.grid.shape[1]):
-        # What lies beyond the grid is not looked at: a cell on its rim has a neighbour less.
+        # Indices are clipped at the ends of the grid, so that its border cells lack a neighbour.
         inside &= flat.take(cells + step, mode="clip") == member + 1
     return mean, robust_lab(lab_from_rgb(seen.T), inside, member, count)

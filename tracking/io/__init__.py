@@ -1,1 +1,1 @@
-"""Files of detections and tracks: nuScenes, KITTI and MOTChallenge."""
+"""Files of detections and tracks: nuScenes, KITTI and MOTChallenge formats."""

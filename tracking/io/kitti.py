@@ -1,21 +1,21 @@
-"""KITTI tracking sequences: a detector's boxes, poses and labels from a folder, moment by moment for the tracker.
+"""KITTI tracking sequences: detections, poses and labels of each frame, from a folder.
 
-The folder holds, for each sequence NNNN:
+The folder contains, for each sequence NNNN:
 
 - `detection_*/NNNN.txt` (one such folder): rows `frame,type,x1,y1,x2,y2,score,h,w,l,x,y,z,ry,alpha`; type 1 is a
-  pedestrian, 2 a car, 3 a cyclist. If all scores of the folder lie in 0..1 they are taken as probabilities, else as
+  pedestrian, 2 a car, 3 a cyclist. If all scores of the folder are in 0..1, they are probabilities, otherwise
   log-odds.
 - `calib/NNNN.txt`: the row `P2:` with the 3x4 projection of the left colour camera.
 - `pose/NNNN.txt`: a row of 12 numbers for each frame of the sequence, the upper 3x4 of world_from_camera.
-- `label/NNNN.txt`, if there is truth: KITTI's label rows.
+- `label/NNNN.txt`, optional ground truth: KITTI's label rows.
 
-KITTI's camera looks along z, x right and y down. The ego frame here is the same camera turned: x ahead, y left, z up,
-the origin in the camera; the world is turned alike.
+KITTI's camera frame has x right, y down and z ahead. The ego frame is the rotated camera frame: x ahead, y left, z
+up, with its origin at the camera; the world frame is rotated in the same way.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -33,13 +33,12 @@ from appocc.checks import (
 )
 from appocc.errors import DataError, ShapeError
 from appocc.geometry import transform, wrap_angle
-from tracking.detections import Detections, TakesDetections, View, boxes_as_detections, lead, log_odds_of
-from tracking.io.text_tables import lines, numbers, whole
-from tracking.tracks import Track
+from tracking.detections import Detections, FieldOfView, log_odds_from_probability
+from tracking.io.text_tables import parse_integer, parse_numbers, read_rows
 
 EGO_FROM_CAM = transform([[0, 0, 1], [-1, 0, 0], [0, -1, 0]], [0, 0, 0])
 FRAME_US = 100_000
-# No file says it; the pictures of a few drives are some pixels smaller.
+# The files do not contain the image size; a few drives have slightly smaller images.
 WIDTH_PX, HEIGHT_PX = 1242, 375
 KINDS = {1: "pedestrian", 2: "car", 3: "bicycle"}
 _NEAREST_M, _HALF_CAR_M = 2.0, 1.5
@@ -47,9 +46,9 @@ _DETECTION = ("frame", "type", "x1", "y1", "x2", "y2", "score", "h", "w", "l", "
 _LABEL = ("frame", "id", "type", "truncated", "occluded", "alpha", *_DETECTION[2:6], *_DETECTION[7:14])
 
 
-@dataclass(frozen=True)
-class KittiView(View):
-    """What a detector of the camera can find: vehicles ahead that are wholly within the picture's width.
+@dataclass(frozen=True, eq=False)
+class KittiView(FieldOfView):
+    """Field of view of the camera: vehicles ahead that are completely within the image width.
 
     Attributes:
         projection: (3, 4) pixels from camera coordinates.
@@ -58,9 +57,9 @@ class KittiView(View):
     projection: FloatArray
 
     def sees(self, xy_ego_m: FloatArray) -> BoolArray:
-        """See `tracking.detections.View`."""
+        """See `FieldOfView`."""
         ahead = np.maximum(xy_ego_m[:, 0], _NEAREST_M)
-        # To the left and to the right; the height does not tell where in the width a place is.
+        # Left and right side of a car; the column in the image does not depend on the height.
         sides = -xy_ego_m[:, 1, None] + np.array([-_HALF_CAR_M, _HALF_CAR_M])
         p = self.projection
         depth = (p[2, 2] * ahead + p[2, 3])[:, None]
@@ -69,20 +68,20 @@ class KittiView(View):
         return np.asarray(within & (xy_ego_m[:, 0] > _NEAREST_M))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class KittiLabels:
-    """The truth of one frame: N objects, and regions of the picture in which objects were not marked.
+    """Ground truth of one frame: N objects and K DontCare regions.
 
     Attributes:
-        ids: (N,) whole numbers, the same over time.
-        types: N names as KITTI has them, such as Car and Van.
-        truncated: (N,) 0: wholly in the picture.
-        occluded: (N,) 0 visible, 1 partly, 2 largely hidden, 3 unknown.
+        ids: (N,) integers, constant over time.
+        types: N type names of KITTI, such as Car and Van.
+        truncated: (N,) 0 if completely inside the image.
+        occluded: (N,) 0 visible, 1 partly occluded, 2 largely occluded, 3 unknown.
         ground_m: (N, 3) bottom centres, ego frame.
         yaw_rad: (N,) headings, ego frame.
         size_m: (N, 3) width, length, height.
         image_boxes_px: (N, 4) left, top, right, bottom.
-        dont_care_px: (K, 4) the regions, alike.
+        dont_care_px: (K, 4) DontCare regions: left, top, right, bottom.
     """
 
     ids: IntArray
@@ -96,15 +95,15 @@ class KittiLabels:
     dont_care_px: FloatArray
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class KittiFrame:
-    """One frame.
+    """Detections and ego pose of one frame.
 
     Attributes:
-        detections: N boxes of the detector.
-        image_boxes_px: (N, 4) left, top, right, bottom of the same in the picture.
-        timestamp_us: its time, 10 frames a second.
-        world_from_ego: (4, 4) pose.
+        detections: N detections.
+        image_boxes_px: (N, 4) their image boxes: left, top, right, bottom.
+        timestamp_us: time at 10 frames per second.
+        world_from_ego: (4, 4) ego pose.
     """
 
     detections: Detections
@@ -116,23 +115,25 @@ class KittiFrame:
         """Check shapes.
 
         Raises:
-            ShapeError: if one does not fit.
+            ShapeError: if a shape differs or the pose is not a rigid transform.
         """
         check_shape("frame image_boxes_px", self.image_boxes_px, (len(self.detections), 4))
         check_transform("frame world_from_ego", self.world_from_ego)
-        frozen(self.image_boxes_px)
-        frozen(self.world_from_ego)
+        for name in ("image_boxes_px", "world_from_ego"):
+            copy = getattr(self, name).copy()
+            frozen(copy)
+            object.__setattr__(self, name, copy)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class KittiSequence:
-    """One sequence.
+    """A KITTI tracking sequence.
 
     Attributes:
-        name: such as 0003.
+        name: name, such as 0003.
         frames: T frames.
         projection: (3, 4) pixels from camera coordinates.
-        labels: the truth of the T frames; None where there is none.
+        labels: ground truth of the T frames; None if there is none.
     """
 
     name: str
@@ -141,19 +142,12 @@ class KittiSequence:
     labels: tuple[KittiLabels, ...] | None
 
 
-def track_sequence(
-    sequence: KittiSequence, tracker: TakesDetections, advance: Callable[[int], None] = lambda _: None
-) -> tuple[tuple[Track, ...], ...]:
-    """Lead a fresh tracker through a sequence; the tracks of each frame. `advance` as in `lead`."""
-    return lead(tracker, sequence.frames, advance)
-
-
 def read_sequences(root: Path) -> tuple[KittiSequence, ...]:
-    """All sequences that have a file of detections, by name.
+    """Read all sequences with a detection file, ordered by name.
 
     Raises:
-        DataError: if there are none, or not one folder of detections, or a file is missing, damaged or does not fit
-            the others.
+        DataError: if there are none, there is not exactly one detection folder, or a file is missing, damaged or
+            inconsistent with the others.
     """
     folders = [path for path in sorted(root.glob("detection_*")) if path.is_dir()]
     if len(folders) != 1:
@@ -166,12 +160,12 @@ def read_sequences(root: Path) -> tuple[KittiSequence, ...]:
     scores = np.concatenate([table[:, 6] for table in rows.values()])
     if ((scores >= 0) & (scores <= 1)).all():
         for table in rows.values():
-            table[:, 6] = log_odds_of(table[:, 6])
+            table[:, 6] = log_odds_from_probability(table[:, 6])
     return tuple(_sequence(root, path, rows[path.stem]) for path in paths)
 
 
 def _sequence(root: Path, path: Path, rows: FloatArray) -> KittiSequence:
-    """The sequence of a file of detections, which are rows (R, 15) with scores in log-odds."""
+    """Return the sequence of a detection file, given its rows (R, 15) with scores in log-odds."""
     poses_path, label_path = root / "pose" / path.name, root / "label" / path.name
     poses = _poses(poses_path)
     last = int(rows[:, 0].max(initial=-1))
@@ -186,32 +180,32 @@ def _sequence(root: Path, path: Path, rows: FloatArray) -> KittiSequence:
 
 
 def _frame(number: int, rows: FloatArray, world_from_ego: FloatArray, view: KittiView) -> KittiFrame:
-    detections = boxes_as_detections(
-        rows[:, 10:13] @ EGO_FROM_CAM[:3, :3].T,
-        ego_yaw(rows[:, 13]),
-        rows[:, [8, 9, 7]],
-        rows[:, 6].copy(),
-        tuple(KINDS[int(kind)] for kind in rows[:, 1]),
-        view,
+    detections = Detections.from_boxes(
+        ground_m=rows[:, 10:13] @ EGO_FROM_CAM[:3, :3].T,
+        yaw_rad=convert_yaw(rows[:, 13]),
+        size_m=rows[:, [8, 9, 7]],
+        log_odds=rows[:, 6],
+        kind=tuple(KINDS[int(kind)] for kind in rows[:, 1]),
+        view=view,
     )
     return KittiFrame(detections, rows[:, 2:6], number * FRAME_US, world_from_ego)
 
 
-def ego_yaw(rotation_y_rad: FloatArray) -> FloatArray:
-    """Headings in the ego frame, [-pi, pi), of KITTI's turns about the camera's y axis; it is its own inverse."""
+def convert_yaw(rotation_y_rad: FloatArray) -> FloatArray:
+    """Convert KITTI's rotations about the camera's y axis to headings in the ego frame, [-pi, pi), or back."""
     return wrap_angle(-rotation_y_rad - np.pi / 2)
 
 
 # Files ------------------------------------------------------------------------------------------------------------
 
 
-def _counted(place: str, columns: list[str], names: Sequence[str]) -> list[str]:
+def _check_columns(place: str, columns: list[str], names: Sequence[str]) -> list[str]:
     if len(columns) != len(names):
         raise DataError(f"{place}: expected {len(names)} columns ({' '.join(names)}), got {len(columns)}")
     return columns
 
 
-def _sized(place: str, h_w_l: Sequence[float]) -> None:
+def _check_size(place: str, h_w_l: Sequence[float]) -> None:
     if min(h_w_l) <= 0:
         raise DataError(f"{place}: expected positive h, w and l, got {min(h_w_l):g} m")
     if max(h_w_l) > LARGEST_M:
@@ -219,25 +213,25 @@ def _sized(place: str, h_w_l: Sequence[float]) -> None:
 
 
 def _detections(path: Path) -> FloatArray:
-    """(R, 15) rows."""
+    """Return the detection rows (R, 15) of a file."""
     rows = []
-    for place, columns in lines(path, ","):
-        row = numbers(place, _counted(place, columns, _DETECTION))
-        whole(place, "frame", row[0], 0)
+    for place, columns in read_rows(path, ","):
+        row = parse_numbers(place, _check_columns(place, columns, _DETECTION))
+        parse_integer(place, "frame", row[0], 0)
         if row[1] not in KINDS:
             raise DataError(f"{place}: expected type 1, 2 or 3, got {row[1]:g}")
-        _sized(place, row[7:10])
+        _check_size(place, row[7:10])
         rows.append(row)
     return np.array(rows, dtype=np.float64).reshape(-1, len(_DETECTION))
 
 
 def _poses(path: Path) -> list[FloatArray]:
-    """world_from_ego (4, 4) of each line."""
+    """Return world_from_ego (4, 4) of each line."""
     poses = []
-    for place, columns in lines(path):
+    for place, columns in read_rows(path):
         if len(columns) != 12:
             raise DataError(f"{place}: expected 12 numbers, got {len(columns)}")
-        pose = np.vstack([np.array(numbers(place, columns)).reshape(3, 4), [0, 0, 0, 1]])
+        pose = np.vstack([np.array(parse_numbers(place, columns)).reshape(3, 4), [0, 0, 0, 1]])
         try:
             check_transform(place, pose)
         except ShapeError as error:
@@ -249,13 +243,13 @@ def _poses(path: Path) -> list[FloatArray]:
 
 
 def _projection(path: Path) -> FloatArray:
-    """P2 (3, 4)."""
-    for place, columns in lines(path):
+    """Return the projection P2 (3, 4)."""
+    for place, columns in read_rows(path):
         if columns[0].rstrip(":") != "P2":
             continue
         if len(columns) != 13:
             raise DataError(f"{place}: expected 12 numbers after P2, got {len(columns) - 1}")
-        projection = np.array(numbers(place, columns[1:])).reshape(3, 4)
+        projection = np.array(parse_numbers(place, columns[1:])).reshape(3, 4)
         try:
             check_intrinsic(place, projection[:, :3])
         except ShapeError as error:
@@ -265,39 +259,39 @@ def _projection(path: Path) -> FloatArray:
 
 
 def _labels(path: Path, count: int) -> tuple[KittiLabels, ...]:
-    """The truth of the first `count` frames."""
+    """Return the labels of the first `count` frames."""
     frames: list[list[tuple[str, list[float]]]] = [[] for _ in range(count)]
     taken: set[tuple[int, int]] = set()
-    for place, columns in lines(path):
-        name = _counted(place, columns, _LABEL).pop(2)
-        row = numbers(place, columns)
-        frame = whole(place, "frame", row[0], 0)
+    for place, columns in read_rows(path):
+        name = _check_columns(place, columns, _LABEL).pop(2)
+        row = parse_numbers(place, columns)
+        frame = parse_integer(place, "frame", row[0], 0)
         if name != "DontCare":
-            key = frame, whole(place, "id", row[1], 0)
+            key = frame, parse_integer(place, "id", row[1], 0)
             if key in taken:
                 raise DataError(f"{place}: expected one label of object {key[1]} in frame {frame}, got two")
             taken.add(key)
             for state, number in zip(("truncated", "occluded"), row[2:4], strict=True):
-                whole(place, state, number, -1)
-            _sized(place, row[9:12])
+                parse_integer(place, state, number, -1)
+            _check_size(place, row[9:12])
         if frame < count:
             frames[frame].append((name, row))
-    return tuple(_labels_of(rows) for rows in frames)
+    return tuple(_frame_labels(rows) for rows in frames)
 
 
-def _labels_of(rows: Sequence[tuple[str, list[float]]]) -> KittiLabels:
+def _frame_labels(rows: Sequence[tuple[str, list[float]]]) -> KittiLabels:
     objects = [(name, row) for name, row in rows if name != "DontCare"]
     table = np.array([row for _, row in objects]).reshape(-1, len(_LABEL) - 1)
     regions = np.array([row[5:9] for name, row in rows if name == "DontCare"]).reshape(-1, 4)
     ids, truncated, occluded = table[:, [1, 2, 3]].T.astype(np.int64)
     return KittiLabels(
-        ids,
-        tuple(name for name, _ in objects),
-        truncated,
-        occluded,
-        table[:, 12:15] @ EGO_FROM_CAM[:3, :3].T,
-        ego_yaw(table[:, 15]),
-        table[:, [10, 11, 9]],
-        table[:, 5:9],
-        regions,
+        ids=ids,
+        types=tuple(name for name, _ in objects),
+        truncated=truncated,
+        occluded=occluded,
+        ground_m=table[:, 12:15] @ EGO_FROM_CAM[:3, :3].T,
+        yaw_rad=convert_yaw(table[:, 15]),
+        size_m=table[:, [10, 11, 9]],
+        image_boxes_px=table[:, 5:9],
+        dont_care_px=regions,
     )

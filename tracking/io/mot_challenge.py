@@ -1,91 +1,51 @@
-"""MOTChallenge text: a detector's boxes in for the tracker, tracks out.
+"""MOTChallenge text: detections of people in, tracks out.
 
-Lines of detections are `frame,-1,left,top,width,height,conf[,x,y,z]`, boxes in pixels. The second column may hold
-anything; x, y and z are where the feet stand, in metres, or -1,-1,-1 in all lines if that is not known.
+Detections are lines `frame,-1,left,top,width,height,conf[,x,y,z]` with boxes in pixels. The second column is ignored;
+x, y and z are foot points in metres, or -1,-1,-1 in all lines if unknown.
 
-- Where places are known, they are followed.
-- Otherwise the middles of the boxes' lower edges are, x to the right and y up, in units in which the median box of
-  the file is 1.7 m high: metres, roughly, as far as people are equally far away.
+- Known foot points are tracked on the ground.
+- Otherwise the bottom centres of the boxes are tracked, x to the right and y up, scaled so that the median box of the
+  file is 1.7 m high: roughly metres if all people are equally far away.
 
-Confidences have no common scale. If all of a file lie in 0..1 they are taken as probabilities. Otherwise only their
-order counts: with r the share of the file's confidences below one (equal ones count half), its log-odds are those of
-r, and 1 more: the middle one is right in three of four cases. So are all if all are the same, -1 for example.
+Confidences have no common scale. If all of a file are in 0..1, they are taken as probabilities. Otherwise only their
+order is used: if r is the fraction of lower confidences in the file (ties count half), the log-odds are those of r
+plus 1, which gives the median detection a precision of three in four. This includes files with equal confidences.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from scipy.stats import rankdata
 
 from appocc.checks import FloatArray, IntArray, check_shape, frozen
 from appocc.errors import DataError, ShapeError
 from appocc.files import write_bytes
-from tracking.association.costs import AssociationConfig
-from tracking.detections import Around, Detections, log_odds_of
-from tracking.filtering.kalman import MotionConfig
-from tracking.io.text_tables import lines, numbers, whole
-from tracking.track_table import LifeConfig
-from tracking.tracker import TrackerConfig
+from tracking.detections import CircularView, Detections, log_odds_from_probability
+from tracking.io.text_tables import parse_integer, parse_numbers, read_rows
 from tracking.tracks import Track
 
 KIND, PERSON_M = "pedestrian", 1.7
-# Of a person's height; so large is the place that one stands on.
+# Width and length of a person's footprint as a fraction of the height.
 _FOOTPRINT = 0.3
-# Log-odds of the detection in the middle of a file, where confidences tell the order alone: right in 3 of 4 cases.
-_MIDDLE = 1.0
-MOST_FRAMES, LEAST_FPS, MOST_FPS = 1_000_000, 0.01, 1000.0
-_LEAST_COLUMNS, _ALL_COLUMNS = 7, 10
+# Log-odds of a file's median confidence where only the order of confidences is known: a precision of 3 in 4.
+_MEDIAN_LOG_ODDS = 1.0
+# A tracker of people forgets them after this time without a detection.
+FORGET_S = 1.0
+MAX_FRAMES, MIN_FPS, MAX_FPS = 1_000_000, 0.01, 1000.0
+_MIN_COLUMNS, _ALL_COLUMNS = 7, 10
 
 
-def _people(off_m: float, gate_m: float) -> TrackerConfig:
-    """For people, whose places are off by so much (standard deviation).
-
-    They go to any side, whatever is known of headings. They stand close, so that a track must not wait long to be
-    found again, nor be told of where nobody is seen; the heights of boxes tell who is nearer.
-    """
-    near = AssociationConfig(
-        gate_m=gate_m,
-        gate_mps=4.0,
-        gate_most_m=2.0,
-        heading_cap=0.0,
-        size=0.2,
-        size_cap=9.0,
-        cost_most=50.0,
-    )
-    motion = MotionConfig(
-        speed_mps=1.0, drift_mps=1.0, push_m2ps3=0.1, swerve_m2ps3=0.1, along_m=off_m, across_m=off_m
-    )
-    life = LifeConfig(
-        sure=2.2,
-        confirm_s=0.15,
-        coast_s=0.12,
-        lost_s=1.0,
-        forget_s=1.0,
-        forget_resting_s=1.0,
-        rest_mps=0,
-        motion=motion,
-    )
-    return TrackerConfig(
-        begin=0.5, life=life, association=near, again=replace(near, gate_squared=15.0), colour_doubt=1.0
-    )
-
-
-# Where feet stand in the picture is seen better than how far away that is on the ground.
-PEOPLE_IN_PICTURES, PEOPLE_ON_GROUND = _people(0.1, 0.4), _people(0.2, 0.8)
-
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class MotFrame:
-    """One frame.
+    """Detections of one frame.
 
     Attributes:
-        number: as in the file.
-        detections: N boxes.
-        boxes_px: (N, 4) left, top, width, height of the same.
+        number: frame number in the file.
+        detections: N detections.
+        boxes_px: (N, 4) left, top, width, height of their boxes.
         timestamp_us: time since frame 0.
     """
 
@@ -98,81 +58,78 @@ class MotFrame:
         """Check shapes.
 
         Raises:
-            ShapeError: if one does not fit.
+            ShapeError: if a shape differs.
         """
         check_shape("frame boxes_px", self.boxes_px, (len(self.detections), 4))
-        frozen(self.boxes_px)
+        boxes_px = self.boxes_px.copy()
+        frozen(boxes_px)
+        object.__setattr__(self, "boxes_px", boxes_px)
 
     @property
     def world_from_ego(self) -> FloatArray:
-        """(4, 4) identity: places are told in a frame that stands still."""
+        """(4, 4) identity: the camera is assumed to be static."""
         return np.eye(4)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class MotSequence:
-    """The frames of a file, from the first with detections to the last.
+    """Frames of a file, from the first to the last one with detections.
 
     Attributes:
-        frames: T, in order of time; empty ones in which a tracker remembers nobody are left out.
-        px_per_m: pixels of a metre in the picture; None where places on the ground are followed.
+        frames: T frames in temporal order; frames without detections are dropped after `FORGET_S`.
+        px_per_m: pixels per metre in the image; None if foot points on the ground are known.
     """
 
     frames: tuple[MotFrame, ...]
     px_per_m: float | None
 
-    @property
-    def config(self) -> TrackerConfig:
-        """What a tracker of them needs."""
-        return PEOPLE_ON_GROUND if self.px_per_m is None else PEOPLE_IN_PICTURES
-
 
 # Reading ----------------------------------------------------------------------------------------------------------
 
 
-def read_boxes(path: Path, fps: float) -> MotSequence:
-    """The detections of a file, filmed with so many frames a second.
+def read_mot_detections(path: Path, fps: float) -> MotSequence:
+    """Read the detections of a file, given its frame rate.
 
     Raises:
-        DataError: if it cannot be read, is damaged or empty, or the frame rate is none.
+        DataError: if the file cannot be read, is damaged or empty, or the frame rate is invalid.
     """
-    if not LEAST_FPS <= fps <= MOST_FPS:
-        raise DataError(f"expected {LEAST_FPS:g} .. {MOST_FPS:g} frames a second, got {fps:g}")
-    rows, placed = _rows(path)
+    if not MIN_FPS <= fps <= MAX_FPS:
+        raise DataError(f"expected {MIN_FPS:g} .. {MAX_FPS:g} frames a second, got {fps:g}")
+    rows, on_ground = _rows(path)
     if not len(rows):
         raise DataError(f"{path}: expected detections, got an empty file")
     first, last = int(rows[:, 0].min()), int(rows[:, 0].max())
-    if last - first >= MOST_FRAMES:
-        raise DataError(f"{path}: expected up to {MOST_FRAMES} frames, got {first} to {last}")
-    px_per_m = None if placed else float(np.median(rows[:, 5])) / PERSON_M
+    if last - first >= MAX_FRAMES:
+        raise DataError(f"{path}: expected up to {MAX_FRAMES} frames, got {first} to {last}")
+    px_per_m = None if on_ground else float(np.median(rows[:, 5])) / PERSON_M
     rows = rows[np.argsort(rows[:, 0], kind="stable")]
     rows[:, 6] = _log_odds(rows[:, 6])
-    seen = _frames_near(rows[:, 0].astype(np.int64), fps)
-    parts = np.split(rows, np.searchsorted(rows[:, 0], seen[1:]))
+    kept = _kept_frames(rows[:, 0].astype(np.int64), fps)
+    parts = np.split(rows, np.searchsorted(rows[:, 0], kept[1:]))
     try:
-        frames = (_frame(int(number), part, fps, px_per_m) for number, part in zip(seen, parts, strict=True))
+        frames = (_frame(int(number), part, fps, px_per_m) for number, part in zip(kept, parts, strict=True))
         return MotSequence(tuple(frames), px_per_m)
     except ShapeError as error:
         raise DataError(f"{path}: {error}") from error
 
 
-def _frames_near(numbers: IntArray, fps: float) -> IntArray:
-    """Numbers of the frames with detections, and of those after them until nobody is remembered any more."""
-    seen = np.unique(numbers)
-    # With the frame itself, and the first in which all are forgotten.
-    remembered = int(np.ceil(PEOPLE_IN_PICTURES.life.forget_resting_s * fps)) + 2
-    left = np.diff(seen, append=seen[-1] + 1).clip(max=remembered)
-    after = np.arange(left.sum()) - np.repeat(np.cumsum(left) - left, left)
-    return np.asarray(np.repeat(seen, left) + after)
+def _kept_frames(frame_numbers: IntArray, fps: float) -> IntArray:
+    """Return the numbers of frames with detections, and of those after them until all tracks are forgotten."""
+    detected = np.unique(frame_numbers)
+    # Includes the frame itself, and the first one in which all tracks are forgotten.
+    most = int(np.ceil(FORGET_S * fps)) + 2
+    count = np.diff(detected, append=detected[-1] + 1).clip(max=most)
+    after = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+    return np.asarray(np.repeat(detected, count) + after)
 
 
 def _rows(path: Path) -> tuple[FloatArray, bool]:
-    """(R, 10) rows, x, y and z NaN where unknown, and whether they are known."""
+    """Return rows (R, 10), with NaN for unknown x, y and z, and whether these are known."""
     rows: list[list[float]] = []
     known: bool | None = None
-    for place, columns in lines(path, ",", _LEAST_COLUMNS):
-        row = numbers(place, columns[:_ALL_COLUMNS])
-        whole(place, "frame", row[0], 0)
+    for place, columns in read_rows(path, ",", _MIN_COLUMNS):
+        row = parse_numbers(place, columns[:_ALL_COLUMNS])
+        parse_integer(place, "frame", row[0], 0)
         if min(row[4:6]) <= 0:
             raise DataError(f"{place}: expected a positive width and height, got {row[4]:g} x {row[5]:g}")
         has = len(row) == _ALL_COLUMNS and row[7:] != [-1, -1, -1]
@@ -180,15 +137,17 @@ def _rows(path: Path) -> tuple[FloatArray, bool]:
             wanted = "a place x,y,z" if known else "no place x,y,z"
             raise DataError(f"{place}: expected {wanted}, as in the lines before, got {'one' if has else 'none'}")
         known = has
-        rows.append(row if has else [*row[:_LEAST_COLUMNS], *[np.nan] * 3])
+        rows.append(row if has else [*row[:_MIN_COLUMNS], *[np.nan] * 3])
     return np.array(rows).reshape(-1, _ALL_COLUMNS), bool(known)
 
 
 def _log_odds(confidence: FloatArray) -> FloatArray:
-    """(R,) log-odds of the confidences of a file."""
+    """Return log-odds (R,) from the confidences of a file."""
+    from scipy.stats import rankdata  # slow import, only needed here
+
     if np.ptp(confidence) > 0 and confidence.min() >= 0 and confidence.max() <= 1:
-        return log_odds_of(confidence)
-    return log_odds_of((rankdata(confidence) - 0.5) / len(confidence)) + _MIDDLE
+        return log_odds_from_probability(confidence)
+    return log_odds_from_probability((rankdata(confidence) - 0.5) / len(confidence)) + _MEDIAN_LOG_ODDS
 
 
 def _frame(number: int, rows: FloatArray, fps: float, px_per_m: float | None) -> MotFrame:
@@ -199,51 +158,60 @@ def _frame(number: int, rows: FloatArray, fps: float, px_per_m: float | None) ->
         ground = np.column_stack([_foot_px(boxes) * [1.0, -1.0] / px_per_m, np.zeros(n)])
         height = boxes[:, 3] / px_per_m
     unknown, no = np.full((n, 3), np.nan), np.zeros(n, dtype=np.bool_)
-    size = np.column_stack([_FOOTPRINT * height, _FOOTPRINT * height, height])
-    log_odds, kind = rows[:, 6].copy(), (KIND,) * n
-    detections = Detections(ground, np.zeros(n), no, size, log_odds, kind, unknown, unknown, no, Around())
+    detections = Detections(
+        ground_m=ground,
+        yaw_rad=np.zeros(n),
+        heading_known=no,
+        size_m=np.column_stack([_FOOTPRINT * height, _FOOTPRINT * height, height]),
+        log_odds=rows[:, 6],
+        kind=(KIND,) * n,
+        rgb=unknown,
+        lab=unknown,
+        truncated=no,
+        view=CircularView(),
+    )
     return MotFrame(number, detections, boxes, round(number * 1e6 / fps))
 
 
 def _foot_px(boxes_px: FloatArray) -> FloatArray:
-    """(N, 2) column and row of the middles of the lower edges of boxes (N, 4)."""
+    """Return the bottom centres (N, 2), column and row, of boxes (N, 4)."""
     return boxes_px[:, :2] + boxes_px[:, 2:] * [0.5, 1.0]
 
 
 # Writing ----------------------------------------------------------------------------------------------------------
 
 
-def write_boxes(path: Path, sequence: MotSequence, tracks: Sequence[Sequence[Track]]) -> None:
+def write_mot_tracks(path: Path, sequence: MotSequence, tracks: Sequence[Sequence[Track]]) -> None:
     """Write rows `frame,id,left,top,width,height,conf,x,y,z`, pixels and metres; conf is the score, 0..1.
 
-    Where a track was seen its box is the detection's. Where its place is predicted its last box is moved there in the
-    picture, or stays, if places on the ground are followed; those are x, y and z, which else are -1. A track that no
-    frame up to now showed has no box and is left out.
+    The box of a detected track is that of the detection. The last box of a predicted track is moved with it in the
+    image, or kept if foot points on the ground are tracked. These are x, y and z, which otherwise are -1. Tracks
+    without any detection so far have no box and are not written.
 
     Args:
         path: file to write.
         sequence: T frames.
-        tracks: T tuples of tracks, as `tracking.detections.lead` returns them.
+        tracks: T tuples of tracks, one per frame.
 
     Raises:
         DataError: if the file cannot be written.
     """
     last_px: dict[int, FloatArray] = {}
     rows = []
-    for frame, moment in zip(sequence.frames, tracks, strict=True):
-        for track in moment:
+    for frame, states in zip(sequence.frames, tracks, strict=True):
+        for track in states:
             box = _box_px(frame, track, last_px.get(track.id), sequence.px_per_m)
             if box is None:
                 continue
             last_px[track.id] = box
-            place = "-1,-1,-1" if sequence.px_per_m else ",".join(f"{x:.3f}" for x in track.position_world_m)
-            measures = ",".join(f"{pixels:.2f}" for pixels in box)
-            rows.append(f"{frame.number},{track.id},{measures},{track.score:.4f},{place}\n")
+            position = "-1,-1,-1" if sequence.px_per_m else ",".join(f"{x:.3f}" for x in track.position_world_m)
+            box_columns = ",".join(f"{pixels:.2f}" for pixels in box)
+            rows.append(f"{frame.number},{track.id},{box_columns},{track.score:.4f},{position}\n")
     write_bytes(path, "".join(rows).encode())
 
 
 def _box_px(frame: MotFrame, track: Track, last_px: FloatArray | None, px_per_m: float | None) -> FloatArray | None:
-    """(4,) left, top, width, height of a track; None if it was never seen."""
+    """Return the box (4,) of a track: left, top, width, height; None if it was never detected."""
     if track.detection is not None:
         return np.asarray(frame.boxes_px[track.detection])
     if last_px is None or px_per_m is None:

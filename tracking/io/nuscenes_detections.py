@@ -1,15 +1,14 @@
-"""Boxes of nuScenes detectors as detections: from result files of the benchmark, and from scenes in one JSON file.
+"""nuScenes detections: result files of the detection benchmark, and scenes with boxes in one JSON file.
 
-Either has boxes in the global frame; detections are in the ego frame of their key frame. The benchmark's classes are
-the detections' kinds, its scores their probabilities, and what is farther than the range of the class (50 m for all
-vehicles but two-wheelers) counts as out of view.
+Both have boxes in the global frame; detections are in the ego frame of their key frame. The benchmark's classes are
+categories, its scores are probabilities, and the field of view is a range around the ego (50 m, the benchmark's range
+for all vehicles except two-wheelers).
 """
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -21,13 +20,10 @@ from appocc.errors import DataError, ShapeError
 from appocc.files import read_json
 from appocc.geometry import apply, inverse, quaternion_from_yaw, rotation_from_quaternion, yaw_of
 from appocc.jsonparts import JsonPart, first_problem
-from appocc.nuscenes import Dataset, Scene
-from tracking.detections import Around, Detections, TakesDetections, boxes_as_detections, log_odds_of
-from tracking.pipeline import SceneTracks, key_frames, track_samples
-from tracking.tracker import Tracker
+from tracking.detections import CircularView, Detections, log_odds_from_probability
 
 RANGE_M = 50.0
-# The classes of the tracking benchmark; that of detections has some more.
+# Classes of the tracking benchmark; the detection benchmark has more.
 TRACKED = frozenset({"bicycle", "bus", "car", "motorcycle", "pedestrian", "trailer", "truck"})
 
 _Vector = Annotated[list[float], Field(min_length=3, max_length=3)]
@@ -84,15 +80,15 @@ class _KeyFrame(JsonPart):
 _SCENES = TypeAdapter(dict[str, list[_KeyFrame]])
 
 
-@dataclass(frozen=True)
-class Objects:
+@dataclass(frozen=True, eq=False)
+class AnnotatedObjects:
     """N annotated objects of one key frame, in the world frame.
 
     Attributes:
-        ids: (N,) whole numbers, the same over time.
+        ids: (N,) integers, constant over time.
         kind: N categories.
         centre_m: (N, 3) box centres.
-        points: (N,) LiDAR points inside.
+        points: (N,) number of LiDAR points inside.
     """
 
     ids: IntArray
@@ -101,17 +97,17 @@ class Objects:
     points: IntArray
 
 
-@dataclass(frozen=True)
-class DetectedScene:
-    """T key frames with a detector's boxes and the truth.
+@dataclass(frozen=True, eq=False)
+class SceneDetections:
+    """T key frames of a scene with detections and ground truth.
 
     Attributes:
-        name: of the scene.
-        tokens: T samples.
-        timestamps_us: (T,) rising.
-        world_from_ego: (T, 4, 4) poses.
-        detections: T.
-        truth: T.
+        name: name of the scene.
+        tokens: T sample tokens.
+        timestamps_us: (T,) increasing times.
+        world_from_ego: (T, 4, 4) ego poses.
+        detections: detections of each key frame.
+        truth: annotated objects of each key frame.
     """
 
     name: str
@@ -119,105 +115,110 @@ class DetectedScene:
     timestamps_us: IntArray
     world_from_ego: FloatArray
     detections: tuple[Detections, ...]
-    truth: tuple[Objects, ...]
+    truth: tuple[AnnotatedObjects, ...]
 
     def __post_init__(self) -> None:
-        """Freeze the arrays."""
-        frozen(self.timestamps_us)
-        frozen(self.world_from_ego)
+        """Copy the arrays and make them read-only."""
+        for name in ("timestamps_us", "world_from_ego"):
+            copy = getattr(self, name).copy()
+            frozen(copy)
+            object.__setattr__(self, name, copy)
+
+
+@dataclass(frozen=True, eq=False)
+class DetectionResults:
+    """Content of a file of detection results.
+
+    Attributes:
+        path: path of the file.
+        content: its JSON value; samples are validated when they are read.
+    """
+
+    path: Path
+    content: Any = field(repr=False)
+
+    @classmethod
+    def load(cls, path: Path) -> DetectionResults:
+        """Read a file.
+
+        Raises:
+            DataError: if the file is missing or is no JSON.
+        """
+        return cls(path, read_json(path))
+
+    @property
+    def sensors(self) -> tuple[str, ...]:
+        """Sensors that the detector uses, such as camera and lidar, from the file's `meta`; empty if unknown."""
+        meta = self.content.get("meta")
+        used = [name for name, value in meta.items() if value is True] if isinstance(meta, dict) else []
+        return tuple(name.removeprefix("use_") for name in used if name.startswith("use_"))
+
+    def detections(
+        self, sample_tokens: Sequence[str], world_from_ego: FloatArray, range_m: float = RANGE_M
+    ) -> tuple[Detections, ...]:
+        """Return the detections of T samples, given their poses (T, 4, 4); other samples are not validated.
+
+        Raises:
+            DataError: if the file is damaged or lacks a sample.
+        """
+        try:
+            results = _Results.model_validate(self.content).results
+            detections = []
+            for token, pose in zip(sample_tokens, world_from_ego, strict=True):
+                if token not in results:
+                    raise DataError(f"{self.path}: expected boxes, or an empty list, for sample {token}, got nothing")
+                boxes = _SampleResults.model_validate({"results": {token: results[token]}}).results[token]
+                detections.append(_sample_detections(self.path, token, boxes, pose, range_m))
+        except ValidationError as error:
+            raise DataError(
+                f"{self.path}: expected detection results of nuScenes ({first_problem(error)})"
+            ) from error
+        return tuple(detections)
 
 
 def read_detections(
     path: Path, sample_tokens: Sequence[str], world_from_ego: FloatArray, range_m: float = RANGE_M
 ) -> tuple[Detections, ...]:
-    """Detections of T samples from a file of detection results.
+    """Read the detections of T samples from a file of detection results.
 
     Args:
-        path: the file.
-        sample_tokens: T of its samples.
-        world_from_ego: (T, 4, 4) their poses.
-        range_m: how far the detector sees; boxes beyond it are kept.
+        path: path of the file.
+        sample_tokens: T sample tokens.
+        world_from_ego: (T, 4, 4) ego poses.
+        range_m: range of the detector; boxes beyond it are kept.
 
     Raises:
         DataError: if the file is missing or damaged or lacks a sample.
     """
-    return _detections(path, read_json(path), sample_tokens, world_from_ego, range_m)
+    return DetectionResults.load(path).detections(sample_tokens, world_from_ego, range_m)
 
 
-def _detections(
-    path: Path, content: Any, sample_tokens: Sequence[str], world_from_ego: FloatArray, range_m: float
-) -> tuple[Detections, ...]:
-    """As `read_detections`, of the file's content; samples that were not asked for are not looked at."""
+def _sample_detections(
+    path: Path, token: str, boxes: Sequence[_ResultBox], pose: FloatArray, range_m: float
+) -> Detections:
     try:
-        results = _Results.model_validate(content).results
-        detections = []
-        for token, pose in zip(sample_tokens, world_from_ego, strict=True):
-            if token not in results:
-                raise DataError(f"{path}: expected boxes, or an empty list, for sample {token}, got nothing")
-            boxes = _SampleResults.model_validate({"results": {token: results[token]}}).results[token]
-            detections.append(_of_sample(path, token, boxes, pose, range_m))
-    except ValidationError as error:
-        raise DataError(f"{path}: expected detection results of nuScenes ({first_problem(error)})") from error
-    return tuple(detections)
-
-
-def _of_sample(path: Path, token: str, boxes: Sequence[_ResultBox], pose: FloatArray, range_m: float) -> Detections:
-    try:
-        return _in_ego(
-            pose,
-            np.array([box.translation for box in boxes]).reshape(-1, 3),
-            rotation_from_quaternion(np.array([box.rotation for box in boxes]).reshape(-1, 4)),
-            np.array([box.size for box in boxes]).reshape(-1, 3),
-            np.array([box.detection_score for box in boxes]),
-            tuple(box.detection_name for box in boxes),
-            range_m,
+        return _to_ego(
+            world_from_ego=pose,
+            centre_m=np.array([box.translation for box in boxes]).reshape(-1, 3),
+            rotation=rotation_from_quaternion(np.array([box.rotation for box in boxes]).reshape(-1, 4)),
+            size_m=np.array([box.size for box in boxes]).reshape(-1, 3),
+            probability=np.array([box.detection_score for box in boxes]),
+            kind=tuple(box.detection_name for box in boxes),
+            range_m=range_m,
         )
     except ShapeError as error:
         raise DataError(f"{path}: sample {token}: {error}") from error
 
 
-def track_detections(
-    dataset: Dataset,
-    scene: Scene,
-    path: Path,
-    tracker: TakesDetections | None = None,
-    advance: Callable[[int], None] = lambda _: None,
-) -> tuple[SceneTracks, dict[str, int]]:
-    """Follow the objects of a scene through a file of detection results.
+def read_scene_file(path: Path, detector: str, range_m: float = RANGE_M) -> tuple[SceneDetections, ...]:
+    """Read scenes with the boxes of one of the file's detectors.
 
-    `advance` is called with the number of key frames done.
-
-    Returns:
-        The tracks, and of how many boxes were left out because their class is none of TRACKED.
+    For each scene, the file has a list of key frames with token, timestamp (microseconds), ego2global (4x4), gt (a
+    list of id, name, xyz, num_lidar_pts) and det (for each detector, a list of name, score, xyz, wlh, yaw); positions
+    are in the global frame.
 
     Raises:
-        DataError: if the scene has no key frames or two at one time, or the file is missing or damaged or lacks one.
-    """
-    samples, poses = key_frames(dataset, scene)
-    content = read_json(path)
-    seen = _detections(path, content, [sample.token for sample in samples], poses, RANGE_M)
-    others = Counter(kind for each in seen for kind in each.kind if kind not in TRACKED)
-    tracked = (each.select(np.array([kind in TRACKED for kind in each.kind], dtype=np.bool_)) for each in seen)
-    tracks = track_samples(samples, poses, tracked, tracker or Tracker(), advance)
-    return SceneTracks(scene.name, str(path), samples, poses, tracks, _sensors(content)), dict(sorted(others.items()))
-
-
-def _sensors(content: Any) -> tuple[str, ...]:
-    """What the file says that its boxes were made from, such as camera and lidar; nothing if it does not."""
-    meta = content.get("meta")
-    used = [name for name, value in meta.items() if value is True] if isinstance(meta, dict) else []
-    return tuple(name.removeprefix("use_") for name in used if name.startswith("use_"))
-
-
-def read_scenes(path: Path, detector: str, range_m: float = RANGE_M) -> tuple[DetectedScene, ...]:
-    """Scenes with the boxes of one of the file's detectors.
-
-    The file has for each scene a list of key frames, each with token, timestamp (microseconds), ego2global (4x4), gt
-    (a list of id, name, xyz, num_lidar_pts) and det (for each detector a list of name, score, xyz, wlh, yaw); places
-    in the global frame.
-
-    Raises:
-        DataError: if the file is missing or damaged, has no such detector, or times do not rise.
+        DataError: if the file is missing or damaged, lacks the detector, or times do not increase.
     """
     try:
         scenes = _SCENES.validate_python(read_json(path))
@@ -226,7 +227,7 @@ def read_scenes(path: Path, detector: str, range_m: float = RANGE_M) -> tuple[De
     return tuple(_scene(path, name, frames, detector, range_m) for name, frames in scenes.items())
 
 
-def _scene(path: Path, name: str, frames: Sequence[_KeyFrame], detector: str, range_m: float) -> DetectedScene:
+def _scene(path: Path, name: str, frames: Sequence[_KeyFrame], detector: str, range_m: float) -> SceneDetections:
     times_us = np.array([frame.timestamp for frame in frames], dtype=np.int64)
     if (np.diff(times_us) <= 0).any():
         raise DataError(f"{path}: scene {name}: expected rising timestamps, got {times_us.tolist()}")
@@ -240,25 +241,25 @@ def _scene(path: Path, name: str, frames: Sequence[_KeyFrame], detector: str, ra
         try:
             check_transform("ego2global", pose)
             detections.append(
-                _in_ego(
-                    pose,
-                    np.array([box.xyz for box in boxes]).reshape(-1, 3),
-                    rotation_from_quaternion(quaternion_from_yaw([box.yaw for box in boxes])),
-                    np.array([box.wlh for box in boxes]).reshape(-1, 3),
-                    np.array([box.score for box in boxes]),
-                    tuple(box.name for box in boxes),
-                    range_m,
+                _to_ego(
+                    world_from_ego=pose,
+                    centre_m=np.array([box.xyz for box in boxes]).reshape(-1, 3),
+                    rotation=rotation_from_quaternion(quaternion_from_yaw([box.yaw for box in boxes])),
+                    size_m=np.array([box.wlh for box in boxes]).reshape(-1, 3),
+                    probability=np.array([box.score for box in boxes]),
+                    kind=tuple(box.name for box in boxes),
+                    range_m=range_m,
                 )
             )
         except ShapeError as error:
             raise DataError(f"{path}: {name}: {frame.token}: {error}") from error
     truth = tuple(_objects(frame.gt) for frame in frames)
     tokens = tuple(frame.token for frame in frames)
-    return DetectedScene(name, tokens, times_us, poses, tuple(detections), truth)
+    return SceneDetections(name, tokens, times_us, poses, tuple(detections), truth)
 
 
-def _objects(objects: Sequence[_SceneObject]) -> Objects:
-    return Objects(
+def _objects(objects: Sequence[_SceneObject]) -> AnnotatedObjects:
+    return AnnotatedObjects(
         np.array([one.id for one in objects], dtype=np.int64),
         tuple(one.name for one in objects),
         np.array([one.xyz for one in objects]).reshape(-1, 3),
@@ -266,7 +267,7 @@ def _objects(objects: Sequence[_SceneObject]) -> Objects:
     )
 
 
-def _in_ego(
+def _to_ego(
     world_from_ego: FloatArray,
     centre_m: FloatArray,
     rotation: FloatArray,
@@ -275,9 +276,15 @@ def _in_ego(
     kind: tuple[str, ...],
     range_m: float,
 ) -> Detections:
-    """Detections of N boxes with centres (N, 3) and rotations (N, 3, 3) in the world, and sizes w, l, h (N, 3)."""
+    """Return detections of N world boxes: centres (N, 3), rotations (N, 3, 3), and sizes w, l, h (N, 3)."""
     ego_from_world = inverse(world_from_ego)
-    turn = ego_from_world[:3, :3] @ rotation
-    below = size_m[:, 2:] / 2 * np.array([0.0, 0.0, 1.0])
-    ground_m = apply(ego_from_world, centre_m) - below
-    return boxes_as_detections(ground_m, yaw_of(turn), size_m, log_odds_of(probability), kind, Around(range_m))
+    rotation_ego = ego_from_world[:3, :3] @ rotation
+    half_height = size_m[:, 2:] / 2 * np.array([0.0, 0.0, 1.0])
+    return Detections.from_boxes(
+        ground_m=apply(ego_from_world, centre_m) - half_height,
+        yaw_rad=yaw_of(rotation_ego),
+        size_m=size_m,
+        log_odds=log_odds_from_probability(probability),
+        kind=kind,
+        view=CircularView(range_m),
+    )

@@ -1,4 +1,4 @@
-"""Tracks of one key frame from a file of nuScenes tracking results, one's own or anybody's."""
+"""Tracks of one key frame from a file of nuScenes tracking results."""
 
 from __future__ import annotations
 
@@ -12,17 +12,16 @@ from appocc.errors import DataError, ShapeError
 from appocc.files import read_json
 from appocc.geometry import rotation_from_quaternion, yaw_of
 from appocc.jsonparts import JsonPart, first_problem
+from appocc.motion_state import MOVING_MPS
 from tracking.tracks import Track
 
 _Three = Annotated[list[float], Field(min_length=3, max_length=3)]
 _Four = Annotated[list[float], Field(min_length=4, max_length=4)]
 _Two = Annotated[list[float], Field(min_length=2, max_length=2)]
-# Faster than this a vehicle moves, and its heading is where it goes.
-_MOVING_MPS = 1.0
 
 
 class _Box(JsonPart):
-    """A track; the last three are those that `tracking.io.writers` adds."""
+    """A track; the last three keys are those that `tracking.io.writers` adds."""
 
     translation: _Three
     size: _Three
@@ -40,11 +39,11 @@ class _Results(JsonPart):
     results: dict[str, list[_Box]]
 
 
-def read_moment(path: Path, sample_token: str) -> tuple[Track, ...]:
-    """The tracks of a key frame; ids that are no numbers are counted from 1.
+def read_key_frame(path: Path, sample_token: str) -> tuple[Track, ...]:
+    """Read the tracks of a key frame; ids that are not numbers are replaced by indices from 1.
 
     Raises:
-        DataError: if the file cannot be read, is damaged, or has no such key frame.
+        DataError: if the file cannot be read, is damaged, or lacks the key frame.
     """
     try:
         results = _Results.model_validate(read_json(path)).results
@@ -62,21 +61,21 @@ def _track(number: int, box: _Box) -> Track:
     width_m, length_m, height_m = box.size
     x, y, z = box.translation
     velocity = np.array(box.velocity)
-    moving = bool(np.hypot(*velocity) > _MOVING_MPS)
+    moving = bool(np.hypot(*velocity) > MOVING_MPS)
     name = str(box.tracking_id)
     return Track(
-        int(name) if name.isascii() and name.isdigit() else number,
-        np.array([x, y, z - height_m / 2]),
-        velocity,
-        float(yaw_of(rotation_from_quaternion(box.rotation))),
-        # Detectors of others give headings that they mean; our own say when they do not know the front.
-        box.heading_known is not False,
-        length_m,
-        width_m,
-        np.array(box.rgb or [np.nan] * 3),
-        box.tracking_score,
-        box.seen,
-        height_m,
-        box.tracking_name,
+        id=int(name) if name.isascii() and name.isdigit() else number,
+        position_world_m=np.array([x, y, z - height_m / 2]),
+        velocity_world_mps=velocity,
+        yaw_world_rad=float(yaw_of(rotation_from_quaternion(box.rotation))),
+        # Without the key, as in files of other trackers, headings distinguish front and rear.
+        heading_known=box.heading_known is not False,
+        length_m=length_m,
+        width_m=width_m,
+        rgb=np.array(box.rgb or [np.nan] * 3),
+        score=box.tracking_score,
+        seen=box.seen,
+        height_m=height_m,
+        kind=box.tracking_name,
         moving=moving,
     )

@@ -1,14 +1,13 @@
-"""Anybody's tracks and truth from files: nuScenes tracking JSON, MOTChallenge text and KITTI tracking text.
+"""Readers of tracks and ground truth: nuScenes tracking JSON, MOTChallenge text and KITTI tracking text.
 
-The format is told from the content: JSON begins with a brace, MOTChallenge has commas, KITTI has blanks.
+The format is detected from the content: JSON starts with a brace, MOTChallenge has commas, KITTI has spaces.
 
-- nuScenes: `results` by sample token, a list of translation, tracking_id, tracking_name and, if known,
-  tracking_score. Places are x and y of the global frame.
-- MOTChallenge: `frame,id,left,top,width,height,conf,...`; boxes in the image. In truth a conf of 0 means that the
-  object is ignored; what follows conf is not looked at.
-- KITTI: `frame id type truncated occluded alpha left top right bottom h w l x y z ry [score]`. Places are x and z of
-  the camera. In truth, objects that are cut by the image (truncated > 0) or whose occlusion is unknown (> 2) are
-  ignored.
+- nuScenes: `results` by sample token, a list of translation, tracking_id, tracking_name and an optional
+  tracking_score. Positions are x and y of the global frame.
+- MOTChallenge: `frame,id,left,top,width,height,conf,...`; boxes in the image. In ground truth, objects with conf 0
+  are ignored. Columns after conf are not read.
+- KITTI: `frame id type truncated occluded alpha left top right bottom h w l x y z ry [score]`. Positions are x and z
+  of the camera. In ground truth, truncated objects (> 0) and those of unknown occlusion (> 2) are ignored.
 """
 
 from __future__ import annotations
@@ -26,31 +25,31 @@ from appocc.checks import FARTHEST_M, BoolArray, FloatArray
 from appocc.errors import DataError
 from appocc.files import open_plain, read_json
 from appocc.jsonparts import JsonPart, first_problem
-from tracking.io.text_tables import lines, numbers, whole
+from tracking.io.text_tables import parse_integer, parse_numbers, read_rows
 
 _KITTI_COLUMNS, _MOT_COLUMNS = 17, 7
 DONT_CARE = "DontCare"
 
 
-class Format(StrEnum):
-    """What a file of tracks is written in."""
+class TrackFormat(StrEnum):
+    """Format of a file of tracks."""
 
     nuscenes = "nuScenes JSON"
     mot = "MOTChallenge text"
     kitti = "KITTI text"
 
 
-@dataclass(frozen=True)
-class Entries:
+@dataclass(frozen=True, eq=False)
+class FrameEntries:
     """N objects or tracks of one frame.
 
     Attributes:
-        ids: N names, the same over time.
+        ids: N ids, constant over time.
         kind: N categories; '' in MOTChallenge, which has none.
         xy_m: (N, 2) centres on the ground; NaN in MOTChallenge.
         box_px: (N, 4) left, top, right, bottom in the image; NaN in nuScenes.
-        score: (N,) NaN where there is none.
-        demanded: (N,) whether, in truth, the object must be found.
+        score: (N,) scores; NaN if there is none.
+        required: (N,) whether an object of the ground truth must be tracked; the others are ignored.
     """
 
     ids: tuple[str, ...]
@@ -58,41 +57,41 @@ class Entries:
     xy_m: FloatArray
     box_px: FloatArray
     score: FloatArray
-    demanded: BoolArray
+    required: BoolArray
 
     @classmethod
-    def empty(cls) -> Entries:
-        """None at all."""
+    def empty(cls) -> FrameEntries:
+        """Return no entries."""
         return _entries([])
 
     def __len__(self) -> int:
-        """Number of them."""
+        """Number of entries."""
         return len(self.ids)
 
-    def select(self, keep: BoolArray) -> Entries:
-        """Those of a mask (N,)."""
+    def select(self, keep: BoolArray) -> FrameEntries:
+        """Return the entries of a mask (N,)."""
         index = np.flatnonzero(keep)
         names = tuple(self.ids[i] for i in index), tuple(self.kind[i] for i in index)
-        return Entries(*names, self.xy_m[index], self.box_px[index], self.score[index], self.demanded[index])
+        return FrameEntries(*names, self.xy_m[index], self.box_px[index], self.score[index], self.required[index])
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class TrackFile:
-    """The content of a file.
+    """Content of a file of tracks.
 
     Attributes:
-        path: where it is from.
-        format: what it is written in; None if it is empty.
-        frames: entries by sample token (in the order of the file) or by frame number (in order of time).
+        path: path of the file.
+        format: format of the file; None if it is empty.
+        frames: entries by sample token (in the order of the file) or by frame number (ascending).
     """
 
     path: Path
-    format: Format | None
-    frames: Mapping[str | int, Entries]
+    format: TrackFormat | None
+    frames: Mapping[str | int, FrameEntries]
 
 
 class _Entry(NamedTuple):
-    """One object or track, as `Entries`; `place` names it in errors."""
+    """One object or track, see `FrameEntries`; `place` is its location for error messages."""
 
     place: str
     id: str
@@ -100,44 +99,44 @@ class _Entry(NamedTuple):
     xy_m: tuple[float, float] = (float("nan"), float("nan"))
     box_px: tuple[float, float, float, float] = (float("nan"),) * 4
     score: float = float("nan")
-    demanded: bool = True
+    required: bool = True
 
 
-def read_tracks(path: Path) -> TrackFile:
-    """Read a file of tracks or of truth in any of the formats.
+def read_track_file(path: Path) -> TrackFile:
+    """Read a file of tracks or ground truth in any of the formats.
 
     Raises:
-        DataError: if it cannot be read or is damaged, or an id is there twice in a frame.
+        DataError: if the file cannot be read or is damaged, or a frame has an id twice.
     """
     with open_plain(path) as file:
         start = file.read(4096).lstrip()
     if not start:
         return TrackFile(path, None, {})
     if start[:1] in b"{[":
-        return TrackFile(path, Format.nuscenes, _read_nuscenes(path))
+        return TrackFile(path, TrackFormat.nuscenes, _read_nuscenes(path))
     if b"," in start.partition(b"\n")[0]:
-        return TrackFile(path, Format.mot, _by_frame(_mot_entries(path)))
-    return TrackFile(path, Format.kitti, _by_frame(_kitti_entries(path)))
+        return TrackFile(path, TrackFormat.mot, _by_frame(_mot_entries(path)))
+    return TrackFile(path, TrackFormat.kitti, _by_frame(_kitti_entries(path)))
 
 
-def _entries(rows: Sequence[_Entry]) -> Entries:
-    """The entries of one frame.
+def _entries(rows: Sequence[_Entry]) -> FrameEntries:
+    """Return the entries of one frame.
 
     Raises:
-        DataError: if an id is there twice.
+        DataError: if an id occurs twice.
     """
     seen: set[str] = set()
     for row in rows:
         if row.id in seen and row.kind != DONT_CARE:
             raise DataError(f"{row.place}: expected each id once in a frame, got {row.id!r} twice")
         seen.add(row.id)
-    return Entries(
+    return FrameEntries(
         tuple(row.id for row in rows),
         tuple(row.kind for row in rows),
         np.array([row.xy_m for row in rows], dtype=np.float64).reshape(-1, 2),
         np.array([row.box_px for row in rows], dtype=np.float64).reshape(-1, 4),
         np.array([row.score for row in rows], dtype=np.float64),
-        np.array([row.demanded for row in rows], dtype=np.bool_),
+        np.array([row.required for row in rows], dtype=np.bool_),
     )
 
 
@@ -155,27 +154,27 @@ class _Results(JsonPart):
     results: dict[str, list[_Box]]
 
 
-def _read_nuscenes(path: Path) -> dict[str | int, Entries]:
+def _read_nuscenes(path: Path) -> dict[str | int, FrameEntries]:
     try:
         results = _Results.model_validate(read_json(path)).results
     except ValidationError as error:
         raise DataError(f"{path}: expected tracking results of nuScenes ({first_problem(error)})") from error
-    return {token: _entries([_of_box(path, token, box) for box in boxes]) for token, boxes in results.items()}
+    return {token: _entries([_box_entry(path, token, box) for box in boxes]) for token, boxes in results.items()}
 
 
-def _of_box(path: Path, token: str, box: _Box) -> _Entry:
+def _box_entry(path: Path, token: str, box: _Box) -> _Entry:
     x, y, _ = box.translation
     place = f"{path}: sample {token}"
     if max(abs(x), abs(y)) > FARTHEST_M:
         raise DataError(f"{place}: expected places up to {FARTHEST_M:.0e} m, got {x:g}, {y:g}")
     score = float("nan") if box.tracking_score is None else box.tracking_score
-    return _Entry(place, str(box.tracking_id), box.tracking_name, xy_m=(x, y), score=score)
+    return _Entry(place=place, id=str(box.tracking_id), kind=box.tracking_name, xy_m=(x, y), score=score)
 
 
 # Text -------------------------------------------------------------------------------------------------------------
 
 
-def _by_frame(numbered: Iterator[tuple[int, _Entry]]) -> dict[str | int, Entries]:
+def _by_frame(numbered: Iterator[tuple[int, _Entry]]) -> dict[str | int, FrameEntries]:
     frames: dict[int, list[_Entry]] = {}
     for frame, entry in numbered:
         frames.setdefault(frame, []).append(entry)
@@ -183,28 +182,35 @@ def _by_frame(numbered: Iterator[tuple[int, _Entry]]) -> dict[str | int, Entries
 
 
 def _mot_entries(path: Path) -> Iterator[tuple[int, _Entry]]:
-    for place, columns in lines(path, ",", _MOT_COLUMNS):
-        frame, name, left, top, width, height, conf = numbers(place, columns[:_MOT_COLUMNS])
+    for place, columns in read_rows(path, ",", _MOT_COLUMNS):
+        frame, name, left, top, width, height, conf = parse_numbers(place, columns[:_MOT_COLUMNS])
         if min(width, height) <= 0:
             raise DataError(f"{place}: expected a positive width and height, got {width:g} x {height:g}")
         box_px = (left, top, left + width, top + height)
-        entry = _Entry(place, str(whole(place, "id", name)), "", box_px=box_px, score=conf, demanded=conf != 0)
-        yield whole(place, "frame", frame), entry
+        entry = _Entry(
+            place=place,
+            id=str(parse_integer(place, "id", name)),
+            kind="",
+            box_px=box_px,
+            score=conf,
+            required=conf != 0,
+        )
+        yield parse_integer(place, "frame", frame), entry
 
 
 def _kitti_entries(path: Path) -> Iterator[tuple[int, _Entry]]:
-    for place, columns in lines(path, None, _KITTI_COLUMNS):
-        frame, name, cut, occluded, _, left, top, right, bottom, *_, x, _, z, _ = numbers(
+    for place, columns in read_rows(path, None, _KITTI_COLUMNS):
+        frame, name, cut, occluded, _, left, top, right, bottom, *_, x, _, z, _ = parse_numbers(
             place, columns[:2] + columns[3:_KITTI_COLUMNS]
         )
-        score = numbers(place, columns[_KITTI_COLUMNS:][:1])
+        score = parse_numbers(place, columns[_KITTI_COLUMNS:][:1])
         entry = _Entry(
-            place,
-            str(whole(place, "id", name)),
-            columns[2],
+            place=place,
+            id=str(parse_integer(place, "id", name)),
+            kind=columns[2],
             xy_m=(x, z),
             box_px=(left, top, right, bottom),
             score=score[0] if score else float("nan"),
-            demanded=cut <= 0 and occluded <= 2,
+            required=cut <= 0 and occluded <= 2,
         )
-        yield whole(place, "frame", frame), entry
+        yield parse_integer(place, "frame", frame), entry

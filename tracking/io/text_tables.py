@@ -1,4 +1,4 @@
-"""Text files of rows: their lines, columns and numbers; every error names the file and the line."""
+"""Text tables: rows, columns and numbers; errors name the file and the line."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ from appocc.checks import FARTHEST_M
 from appocc.errors import DataError
 from appocc.files import MOST_TEXT_BYTES, read_file
 
-_MOST_TOLD = 40
+_MAX_QUOTED = 40
 
 
-def lines(path: Path, separator: str | None = None, least: int = 1) -> Iterator[tuple[str, list[str]]]:
-    """The lines of a file that are not empty: what to call them in an error, and their columns.
+def read_rows(path: Path, separator: str | None = None, least: int = 1) -> Iterator[tuple[str, list[str]]]:
+    """Yield the non-empty lines of a file: their location for error messages, and their columns.
 
     Args:
-        path: the file.
-        separator: what stands between columns; None for blanks.
-        least: number of columns that each line must have; it may have more.
+        path: path of the file.
+        separator: separator of columns; None for whitespace.
+        least: minimum number of columns.
 
     Raises:
         DataError: if the file cannot be read or a line has fewer columns.
@@ -33,26 +33,26 @@ def lines(path: Path, separator: str | None = None, least: int = 1) -> Iterator[
         yield place, columns
 
 
-def numbers(place: str, columns: Sequence[str]) -> list[float]:
-    """The numbers of columns; no measure of a street or a picture is above FARTHEST_M.
+def parse_numbers(place: str, columns: Sequence[str]) -> list[float]:
+    """Parse the numbers of columns, up to FARTHEST_M, the largest plausible measure.
 
     Raises:
-        DataError: if one is no number, not finite, or larger.
+        DataError: if one is not a number, not finite, or larger.
     """
     result = []
     for column in columns:
         try:
             number = float(column)
         except ValueError as error:
-            raise DataError(f"{place}: expected numbers, got {column.strip()[:_MOST_TOLD]!r}") from error
+            raise DataError(f"{place}: expected numbers, got {column.strip()[:_MAX_QUOTED]!r}") from error
         if not abs(number) <= FARTHEST_M:
             raise DataError(f"{place}: expected finite numbers up to {FARTHEST_M:.0e}, got {number:g}")
         result.append(number)
     return result
 
 
-def whole(place: str, name: str, number: float, least: int | None = None) -> int:
-    """A whole number, not below the least.
+def parse_integer(place: str, name: str, number: float, least: int | None = None) -> int:
+    """Return a number as an integer, not below `least`.
 
     Raises:
         DataError: if it has a fraction or is less.

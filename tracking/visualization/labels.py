@@ -1,4 +1,4 @@
-"""Labels that keep clear of each other: a chip of a vehicle's mean colour and a short text."""
+"""Placement of non-overlapping labels: a colour chip and a short text."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from appocc.visualization.canvas import BLACK, UNKNOWN_COLOUR, Colour, put_text
 _SCALE, _HEIGHT_PX, _CHIP_PX = 0.4, 13, 11
 
 
-class Labels:
-    """Places labels on one picture, each where no earlier one stands; draw the important ones first."""
+class LabelPlacer:
+    """Places labels on an image without overlaps; draw important labels first."""
 
     def __init__(self, picture: ByteArray, avoid: FloatArray | None = None) -> None:
-        """Start on a picture (H, W, 3); rectangles (K, 4), left, top, right, bottom, are only written on at need."""
+        """Start with an image (H, W, 3) and rectangles to avoid (K, 4): left, top, right, bottom."""
         self._picture = picture
         self._avoid = np.zeros((0, 4)) if avoid is None else avoid
         self._taken = np.zeros((0, 4))
 
     def put(self, at: tuple[int, int], text: str, ink: Colour, chip: FloatArray, away_px: int) -> bool:
-        """Write a label beside pixel (column, row): right, left, above or below, `away_px` off.
+        """Draw a label right, left, above or below a pixel (column, row), at a distance of `away_px`.
 
-        Returns whether there was room; where there is none, nothing is drawn.
+        Returns whether there was room; without room, nothing is drawn.
         """
         (wide, _), _ = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, _SCALE, 1)
         wide += _CHIP_PX + 4
@@ -41,7 +41,7 @@ class Labels:
         box = min(free, key=lambda box: _overlap(box, self._avoid))
         left, top = int(box[0]), int(box[1])
         self._taken = np.vstack([self._taken, box])
-        put_chip(self._picture, (left, top + 1), chip)
+        draw_colour_chip(self._picture, (left, top + 1), chip)
         put_text(self._picture, text, (left + _CHIP_PX + 3, top + _HEIGHT_PX - 2), ink, _SCALE)
         return True
 
@@ -51,13 +51,13 @@ class Labels:
 
 
 def _overlap(box: FloatArray, others: FloatArray) -> int:
-    """How many of the rectangles (K, 4) a rectangle (4,) overlaps."""
+    """Return the number of rectangles (K, 4) that overlap a rectangle (4,)."""
     apart = (others[:, :2] >= box[2:]) | (others[:, 2:] <= box[:2])
     return int((~apart.any(axis=1)).sum())
 
 
-def put_chip(picture: ByteArray, corner: tuple[int, int], rgb: FloatArray, side_px: int = _CHIP_PX) -> None:
-    """Draw a square of a colour (3,), its upper left corner at (column, row); crossed out if unknown."""
+def draw_colour_chip(picture: ByteArray, corner: tuple[int, int], rgb: FloatArray, side_px: int = _CHIP_PX) -> None:
+    """Draw a square of a colour (3,) with its upper left corner at (column, row); crossed out if unknown."""
     known = bool(np.isfinite(rgb).all())
     red, green, blue = (int(v) for v in (rgb if known else np.array(UNKNOWN_COLOUR)))
     opposite = (corner[0] + side_px - 1, corner[1] + side_px - 1)

@@ -1,4 +1,4 @@
-"""A video of tracks: the cameras as they look around the car, a list of the tracks, and the bird's-eye view."""
+"""Track video: the cameras as they are mounted around the car, a list of tracks, and the bird's-eye view."""
 
 from __future__ import annotations
 
@@ -11,16 +11,15 @@ import cv2
 import numpy as np
 
 from appocc.bevmap import BEVMap, load_map
-from appocc.camera import CameraRig
 from appocc.checks import ByteArray, FloatArray
 from appocc.errors import DataError
 from appocc.files import whole_file
 from appocc.frame import Frame
 from appocc.nuscenes import Dataset
-from appocc.visualization.predictions import rows_of_cameras
+from appocc.visualization.predictions import camera_rows
 from tracking.pipeline import SceneTracks
 from tracking.tracks import Track
-from tracking.visualization.panels import bev_panel, camera_panel, list_panel
+from tracking.visualization.panels import draw_bev_panel, draw_camera_panel, draw_list_panel
 
 _CAMERAS_PX = 1440
 TRAIL_S = 4.0
@@ -29,14 +28,14 @@ TRAIL_S = 4.0
 def write_video(
     dataset: Dataset, result: SceneTracks, path: Path, advance: Callable[[int], None] = lambda _: None
 ) -> None:
-    """Write a VP8 video (.webm, plays in browsers) of the key frames at their own pace, whole or not at all.
+    """Write a VP8 video (.webm, for browsers) of the key frames in real time, atomically.
 
-    `advance` is called with the number of key frames done.
+    `advance` is called with 1 after each key frame.
 
     Raises:
-        DataError: if the name does not end in .webm, a map or image is missing, or the video cannot be written.
+        DataError: if the path does not end in .webm, a map or image is missing, or the video cannot be written.
     """
-    check_name(path)
+    check_video_path(path)
     with whole_file(path) as temporary:
         writer: cv2.VideoWriter | None = None
         try:
@@ -50,14 +49,14 @@ def write_video(
             if writer is not None:
                 writer.release()
                 _number_track(temporary)
-        # OpenCV does not say when a picture could not be encoded or, on a full disk, written.
+        # OpenCV does not report pictures that it failed to encode or to write to a full disk.
         written = _pictures_in(temporary)
         if written != len(result.samples):
             raise DataError(f"{path}: only {written} of {len(result.samples)} pictures were written: disk full?")
 
 
-def check_name(path: Path) -> None:
-    """Check the name of a video, before any work is done for it.
+def check_video_path(path: Path) -> None:
+    """Check the path of a video.
 
     Raises:
         DataError: if it does not end in .webm.
@@ -68,7 +67,7 @@ def check_name(path: Path) -> None:
 
 @contextmanager
 def _without_stderr() -> Iterator[None]:
-    """Keep away what a C library writes to file descriptor 2."""
+    """Suppress output of C libraries to file descriptor 2."""
     kept, nothing = os.dup(2), os.open(os.devnull, os.O_WRONLY)
     os.dup2(nothing, 2)
     try:
@@ -80,15 +79,15 @@ def _without_stderr() -> Iterator[None]:
 
 
 def _open(path: Path, picture: ByteArray, rate_hz: float) -> cv2.VideoWriter:
-    """A VP8 writer for pictures like this one."""
+    """Open a VP8 writer for pictures of this size."""
     size = (picture.shape[1], picture.shape[0])
-    # OpenCV complains of the tag it was given and then writes proper VP8.
+    # OpenCV warns about the codec tag but writes valid VP8.
     with _without_stderr():
         return cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"VP80"), rate_hz, size)
 
 
 def _number_track(path: Path) -> None:
-    """Replace the number that FFmpeg draws for the track: the same tracks make the same bytes."""
+    """Replace FFmpeg's random track number, so that equal tracks give equal bytes."""
     with path.open("r+b") as file:
         head = file.read(4096)
         _, found, rest = head.partition(b"\x73\xc5\x88")  # TrackUID of eight bytes
@@ -98,7 +97,7 @@ def _number_track(path: Path) -> None:
 
 
 def _pictures_in(path: Path) -> int:
-    """How many pictures a video holds, by reading it."""
+    """Return the number of pictures in a video, by reading it."""
     count = 0
     with _without_stderr():
         reader = cv2.VideoCapture(str(path))
@@ -109,26 +108,26 @@ def _pictures_in(path: Path) -> int:
 
 
 def _rate_hz(result: SceneTracks) -> float:
-    """Key frames a second (1 where there is only one)."""
+    """Return the key frames per second; 1 for a single key frame."""
     steps = np.diff([sample.timestamp_us for sample in result.samples])
     return float(np.clip(1e6 / np.median(steps), 1, 60)) if len(steps) else 1.0
 
 
 def draw_frame(result: SceneTracks, number: int, frame: Frame, bev: BEVMap) -> ByteArray:
-    """The picture (H, W, 3) RGB of key frame `number`, even in height and width."""
+    """Draw key frame `number` as RGB (H, W, 3) with even height and width."""
     tracks, pose = result.tracks[number], result.world_from_ego[number]
-    right = bev_panel(bev, tracks, trails(result, number), pose)
+    right = draw_bev_panel(bev, tracks, collect_trails(result, number), pose, frame.rig.ego_vehicle)
     if frame.images:
         left = _camera_panels(frame, tracks, pose)
         height = max(right.shape[0], left.shape[0])
-        rest = list_panel(tracks, pose, (_CAMERAS_PX, height - left.shape[0]))
+        rest = draw_list_panel(tracks, pose, (_CAMERAS_PX, height - left.shape[0]))
         right = np.pad(right, ((0, height - right.shape[0]), (0, 0), (0, 0)))
         right = np.hstack([np.vstack([left, rest]), right])
     return np.ascontiguousarray(right[: right.shape[0] // 2 * 2, : right.shape[1] // 2 * 2])
 
 
-def trails(result: SceneTracks, number: int) -> dict[int, FloatArray]:
-    """(K, 3) world places of each track that is there at key frame `number`, over the last TRAIL_S seconds."""
+def collect_trails(result: SceneTracks, number: int) -> dict[int, FloatArray]:
+    """Return the world positions (K, 3) of each track of key frame `number` over the last TRAIL_S seconds."""
     now_us = result.samples[number].timestamp_us
     places: dict[int, list[FloatArray]] = {track.id: [] for track in result.tracks[number]}
     for sample, tracks in zip(result.samples[: number + 1], result.tracks[: number + 1], strict=True):
@@ -138,19 +137,19 @@ def trails(result: SceneTracks, number: int) -> dict[int, FloatArray]:
     return {name: np.stack(path) for name, path in places.items()}
 
 
-# Cameras as they look around the car ------------------------------------------------------------------------------
+# Camera panels ----------------------------------------------------------------------------------------------------
 
 
 def _camera_panels(frame: Frame, tracks: tuple[Track, ...], world_from_ego: FloatArray) -> ByteArray:
-    """All cameras that have a picture, in rows of one width."""
-    seeing = CameraRig(tuple(camera for camera in frame.rig if camera.channel in frame.images))
-    rows = rows_of_cameras(seeing)
+    """Draw all cameras with an image, in rows of equal width."""
+    seeing = frame.rig.select(frame.images)
+    rows = camera_rows(seeing)
     width = _CAMERAS_PX // max(len(row) for row in rows)
     height = max(round(width * camera.height_px / camera.width_px) for camera in seeing)
     picture: ByteArray = np.zeros((height * len(rows), _CAMERAS_PX, 3), np.uint8)
     for r, row in enumerate(rows):
         for c, camera in enumerate(row):
             size = (width, round(width * camera.height_px / camera.width_px))
-            panel = camera_panel(frame.images[camera.channel], camera, tracks, world_from_ego, size)
+            panel = draw_camera_panel(frame.images[camera.channel], camera, tracks, world_from_ego, size)
             picture[r * height : r * height + size[1], c * width : (c + 1) * width] = panel
     return picture

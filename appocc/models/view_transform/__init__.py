@@ -1,1 +1,1 @@
-"""View transforms: from features of the cameras to the grid."""
+"""View transforms: from image features to grid features."""

@@ -1,7 +1,7 @@
-"""The planned pull: each cell of the grid reads the features of the cameras that see it, at a few heights.
+"""BEV sampling: each grid cell samples the features of the cameras that see it, at a few heights.
 
-After Harley et al., "Simple-BEV: What Really Matters for Multi-Sensor BEV Perception?", ICRA 2023: depth is not
-learnt but left to the trunk. Where each cell reads is worked out once for a rig; a network then sums rows of a table.
+After Harley et al., "Simple-BEV: What Really Matters for Multi-Sensor BEV Perception?", ICRA 2023: no depth is
+predicted. The sampling positions are computed once per rig; a network then sums weighted rows of features.
 """
 
 from __future__ import annotations
@@ -27,18 +27,18 @@ from appocc.grid import BEVGrid
 
 HEIGHTS_M = (0.0, 0.6, 1.3)
 _NEAREST_M = 0.1
-# Plans of rigs that come again and again: a car's own, at the two strides of a network, and a few to compare.
+# Number of cached plans: a rig at the two strides of a network, and a few more.
 _KEPT_PLANS = 8
-# Entries of a bag that one camera sees: the corners of bilinear reading. Most cells are seen by one.
+# Rows per bag for one camera: the four corners of bilinear sampling. Most cells are seen by one camera.
 _FEW = 4
 
 
-class Table(NamedTuple):
-    """Sums of weighted rows: bag b is the sum of `weights` times the `rows`, from offsets[b] to offsets[b + 1].
+class RowSums(NamedTuple):
+    """A sparse matrix: bag b is the weighted sum of the `rows` from offsets[b] to offsets[b + 1].
 
     Attributes:
-        rows: (E,) int32 numbers of rows.
-        offsets: (bags,) int32, where each bag begins.
+        rows: (E,) int32 row indices.
+        offsets: (bags,) int32, first entry of each bag.
         weights: (E,) float32.
     """
 
@@ -46,24 +46,24 @@ class Table(NamedTuple):
     offsets: Tensor
     weights: Tensor
 
-    def to(self, device: torch.device) -> Table:
-        """The same on a device."""
-        return Table(*(each.to(device, non_blocking=True) for each in self))
+    def to(self, device: torch.device) -> RowSums:
+        """Return a copy on a device."""
+        return RowSums(*(each.to(device, non_blocking=True) for each in self))
 
-    def sum_of(self, values: Tensor) -> Tensor:
-        """(bags, C) of rows (R, C)."""
+    def apply(self, values: Tensor) -> Tensor:
+        """Return the sums (bags, C) of rows (R, C)."""
         return functional.embedding_bag(self.rows, values, self.offsets, per_sample_weights=self.weights, mode="sum")
 
 
-class Slots(NamedTuple):
-    """The sums of a table without gaps: a few entries of every bag, and the others of those bags that have more.
+class PaddedRowSums(NamedTuple):
+    """Dense form of `RowSums` for export: a fixed number of entries per bag, and the rest of the longer bags.
 
     Attributes:
-        rows: (_FEW, bags) int64, entries too many are row 0 with weight 0.
+        rows: (_FEW, bags) int64 row indices, padded by row 0 with weight 0.
         weights: (_FEW, bags, 1).
-        more_rows: (S, bags with more) int64.
-        more_weights: (S, bags with more, 1).
-        place: (bags,) int64, 1 + the number of a bag among those with more; 0 of the others.
+        more_rows: (S, longer bags) int64, further entries of the longer bags.
+        more_weights: (S, longer bags, 1).
+        place: (bags,) int64, 1 + index among the longer bags; 0 for the other bags.
     """
 
     rows: Tensor
@@ -72,126 +72,126 @@ class Slots(NamedTuple):
     more_weights: Tensor
     place: Tensor
 
-    def to(self, device: torch.device) -> Slots:
-        """The same on a device."""
-        return Slots(*(each.to(device) for each in self))
+    def to(self, device: torch.device) -> PaddedRowSums:
+        """Return a copy on a device."""
+        return PaddedRowSums(*(each.to(device) for each in self))
 
-    def sum_of(self, values: Tensor) -> Tensor:
-        """(bags, C) of rows (R, C)."""
-        few, more = _gathered(values, self.rows, self.weights), _gathered(values, self.more_rows, self.more_weights)
+    def apply(self, values: Tensor) -> Tensor:
+        """Return the sums (bags, C) of rows (R, C)."""
+        few, more = _gather(values, self.rows, self.weights), _gather(values, self.more_rows, self.more_weights)
         return few + torch.cat([few.new_zeros(1, few.shape[1]), more]).index_select(0, self.place)
 
 
-def _gathered(values: Tensor, rows: Tensor, weights: Tensor) -> Tensor:
+def _gather(values: Tensor, rows: Tensor, weights: Tensor) -> Tensor:
     total = values.new_zeros(rows.shape[1], values.shape[1])
     for row, weight in zip(rows, weights, strict=True):
         total = total + values.index_select(0, row) * weight
     return total
 
 
-@dataclass(frozen=True)
-class PullPlan:
-    """Where the cells of a batch read; rows are the places (camera, row, column) of the features of all its cameras.
+@dataclass(frozen=True, eq=False)
+class SamplingPlan:
+    """Sampling plan of a batch; rows are the features (camera, row, column) of all its cameras.
 
     Attributes:
-        read: a bag for every (sample, cell, height) with its rows: bilinear, mean over the cameras that see it.
-        spread: the same the other way round, a bag for every row: how gradients go back.
-        count: (B, 1, X, Y) float32, how many cameras see a cell's centre on the ground.
-        cameras: of each sample.
-        heights: of a cell.
-        slots: the same as `read` by gathers and sums alone, for export.
+        read: a bag for every (sample, cell, height): bilinear sampling, mean over the cameras that see it.
+        spread: transpose of `read`, a bag for every row, for gradients.
+        count: (B, 1, X, Y) float32, number of cameras that see the centre of a cell on the ground.
+        cameras: number of cameras of each sample.
+        heights: number of heights of a cell.
+        slots: `read` as gathers and sums, for export.
     """
 
-    read: Table
-    spread: Table
+    read: RowSums
+    spread: RowSums
     count: Tensor
     cameras: tuple[int, ...]
     heights: int
-    slots: Slots | None = None
+    slots: PaddedRowSums | None = None
 
     @property
     def seen(self) -> Tensor:
-        """(B, X, Y) bool, cells whose ground a camera sees."""
+        """(B, X, Y) bool, cells whose centre on the ground a camera sees."""
         return self.count[:, 0] > 0
 
-    def to(self, device: torch.device) -> PullPlan:
-        """The same on a device."""
+    def to(self, device: torch.device) -> SamplingPlan:
+        """Return a copy on a device."""
         slots = None if self.slots is None else self.slots.to(device)
         count = self.count.to(device, non_blocking=True)
         return replace(self, read=self.read.to(device), spread=self.spread.to(device), count=count, slots=slots)
 
-    def for_export(self) -> PullPlan:
-        """The plan with `slots`."""
+    def for_export(self) -> SamplingPlan:
+        """Return the plan with `slots`."""
         ends = torch.cat([self.read.offsets[1:], self.read.offsets.new_tensor([len(self.read.rows)])])
         length = (ends - self.read.offsets).long()
         more = length > _FEW
-        # Without a camera there is not even a row 0 to stand in.
+        # Without a camera there is no row 0 for padding.
         slot = torch.arange(max(int(length.max()), _FEW) if len(self.read.rows) else 0)[:, None]  # S 1
         used = slot < length
         entry = torch.where(used, self.read.offsets + slot, 0)
         rows = torch.where(used, self.read.rows[entry].long(), 0)
         weights = torch.where(used, self.read.weights[entry], 0.0)[..., None]
         place = torch.where(more, more.cumsum(0), 0)
-        slots = Slots(rows[:_FEW], weights[:_FEW], rows[_FEW:, more], weights[_FEW:, more], place)
+        slots = PaddedRowSums(rows[:_FEW], weights[:_FEW], rows[_FEW:, more], weights[_FEW:, more], place)
         return replace(self, slots=slots)
 
 
-class _Pull(torch.autograd.Function):
-    """Sums of rows whose gradient is a sum of rows too: 20 times faster than embedding_bag's own on a CPU."""
+class _SampleFeatures(torch.autograd.Function):
+    """Row sums with a gradient by row sums: 20 times faster than that of embedding_bag on a CPU."""
 
     @staticmethod
-    def forward(ctx: Any, rows: Tensor, read: Table, spread: Table) -> Tensor:
-        """(bags, C) of rows (R, C)."""
+    def forward(ctx: Any, rows: Tensor, read: RowSums, spread: RowSums) -> Tensor:
+        """Return the sums (bags, C) of rows (R, C)."""
         ctx.spread = spread
-        return read.sum_of(rows)
+        return read.apply(rows)
 
     @staticmethod
     def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor, None, None]:
-        """(R, C) of (bags, C)."""
-        return ctx.spread.sum_of(gradients[0].contiguous()), None, None
+        """Return gradients (R, C) of gradients (bags, C)."""
+        return ctx.spread.apply(gradients[0].contiguous()), None, None
 
 
-def pull(features: Tensor, plan: PullPlan) -> Tensor:
-    """What the cells read of features.
+def sample_features(features: Tensor, plan: SamplingPlan) -> Tensor:
+    """Sample image features at the grid cells.
 
     Args:
         features: (V, h, w, C) of all cameras of the batch, sample after sample.
-        plan: made for features of this size.
+        plan: sampling plan for features of this size.
 
     Returns:
-        (B, heights * C, X, Y) float32, in memory as channels last; 0 where no camera sees a place.
+        (B, heights * C, X, Y) float32, in channels-last memory; 0 where no camera sees a point.
 
     Raises:
-        ShapeError: if the features are not those the plan was made for.
+        ShapeError: if the plan was made for other features.
     """
     rows = features.flatten(0, 2).float()  # R C
     if len(rows) != len(plan.spread.offsets):
         raise ShapeError(f"features: expected {len(plan.spread.offsets)} places, as planned, got {len(rows)}")
     if plan.slots is not None:
-        bags = plan.slots.sum_of(rows)
+        bags = plan.slots.apply(rows)
     elif rows.requires_grad:
-        bags = _Pull.apply(rows, plan.read, plan.spread)  # type: ignore[no-untyped-call]
+        bags = _SampleFeatures.apply(rows, plan.read, plan.spread)  # type: ignore[no-untyped-call]
     else:
-        bags = plan.read.sum_of(rows)
+        bags = plan.read.apply(rows)
     batch, _, x, y = plan.count.shape
     return bags.reshape(batch, x, y, plan.heights * rows.shape[1]).permute(0, 3, 1, 2)
 
 
-def plan_pull(
+def plan_sampling(
     rigs: Sequence[CameraRig], grid: BEVGrid, heights_m: Sequence[float], h: int, w: int, stride: int
-) -> PullPlan:
-    """The plan of a batch.
+) -> SamplingPlan:
+    """Return the sampling plan of a batch.
 
     Args:
-        rigs: of each sample, cameras of the pictures as the network is given them.
-        grid: whose cells read.
-        heights_m: above the ground at which a cell's centre reads, ego frame.
-        h: rows of the features.
-        w: columns of them.
-        stride: pixels between features; feature i looks at pixel i * stride.
+        rigs: rig of each sample, for the images after `fit_image`.
+        grid: cells that sample.
+        heights_m: heights of the sampling points above the cell centres, ego frame.
+        h: height of the features.
+        w: width of the features.
+        stride: pixels between features; feature i is centred on pixel i * stride.
 
     Raises:
-        ShapeError: if there is no rig or no height, or a camera's picture does not make features of this size.
+        ShapeError: if there is no rig or no height, or the image of a camera has features of another size.
     """
     if not rigs or not heights_m:
         raise ShapeError(f"plan: expected rigs and heights, got {len(rigs)} and {len(heights_m)}")
@@ -200,88 +200,90 @@ def plan_pull(
         if wanted != (h, w):
             raise ShapeError(f"{camera.channel}: expected features of {wanted} at stride {stride}, got {(h, w)}")
     heights = tuple(map(float, heights_m))
-    plans = [_plan_of_rig(_key(rig), grid, heights, h, w, stride) for rig in rigs]
+    plans = [_plan_rig(_key(rig), grid, heights, h, w, stride) for rig in rigs]
     rows = [len(plan.spread.offsets) for plan in plans]
     bags = [len(plan.read.offsets) for plan in plans]
-    return PullPlan(
-        _joined([plan.read for plan in plans], rows),
-        _joined([plan.spread for plan in plans], bags),
+    return SamplingPlan(
+        _concatenate([plan.read for plan in plans], rows),
+        _concatenate([plan.spread for plan in plans], bags),
         torch.cat([plan.count for plan in plans]),
         tuple(map(len, rigs)),
         len(heights),
     )
 
 
-def _joined(tables: list[Table], rows: list[int]) -> Table:
-    """Tables one after another; `rows` are those that each speaks of."""
+def _concatenate(tables: list[RowSums], rows: list[int]) -> RowSums:
+    """Concatenate row sums; `rows` is the number of rows of each."""
     if len(tables) == 1:
         return tables[0]
     row_starts = accumulate(rows[:-1], initial=0)
     starts = accumulate((len(table.rows) for table in tables[:-1]), initial=0)
-    return Table(
+    return RowSums(
         torch.cat([table.rows + start for table, start in zip(tables, row_starts, strict=True)]),
         torch.cat([table.offsets + start for table, start in zip(tables, starts, strict=True)]),
         torch.cat([table.weights for table in tables]),
     )
 
 
-class _Lens(NamedTuple):
-    """What of a camera matters to a plan, in a form that can be compared."""
+class _Projection(NamedTuple):
+    """Image size and projection of a camera, as a hashable value."""
 
     width_px: int
     height_px: int
     pixel_from_ego: bytes
 
 
-def _key(rig: CameraRig) -> tuple[_Lens, ...]:
-    return tuple(_Lens(each.width_px, each.height_px, _pixel_from_ego(each).tobytes()) for each in rig)
+def _key(rig: CameraRig) -> tuple[_Projection, ...]:
+    return tuple(_Projection(each.width_px, each.height_px, _pixel_from_ego(each).tobytes()) for each in rig)
 
 
 def _pixel_from_ego(camera: Camera) -> NDArray[np.float64]:
-    """(3, 4) matrix from ego metres to (u * depth, v * depth, depth)."""
+    """Return the (3, 4) projection from ego metres to (u * depth, v * depth, depth)."""
     return np.asarray(camera.intrinsic @ inverse(camera.ego_from_cam)[:3])
 
 
 @lru_cache(maxsize=_KEPT_PLANS)
-def _plan_of_rig(
-    lenses: tuple[_Lens, ...], grid: BEVGrid, heights_m: tuple[float, ...], h: int, w: int, stride: int
-) -> PullPlan:
-    """The plan of one sample; its tensors are shared between those who ask, nobody writes into them."""
-    bags, rows = grid.shape[0] * grid.shape[1] * len(heights_m), len(lenses) * h * w
-    views = [_seen_by(lens, grid, heights_m) for lens in lenses] or [
+def _plan_rig(
+    projections: tuple[_Projection, ...], grid: BEVGrid, heights_m: tuple[float, ...], h: int, w: int, stride: int
+) -> SamplingPlan:
+    """Return the plan of one sample; its tensors are cached and must not be written."""
+    bags, rows = grid.shape[0] * grid.shape[1] * len(heights_m), len(projections) * h * w
+    views = [_visible_points(projection, grid, heights_m) for projection in projections] or [
         (np.zeros(0, np.int64), np.zeros((2, 0), np.float32))
     ]
     bag = np.concatenate([bag for bag, _ in views])
     count = np.bincount(bag, minlength=bags)
     places = np.concatenate([uv_px for _, uv_px in views], axis=1)
-    corner, share = _corners(np.divide(places, stride, dtype=np.float32), h, w)
+    corner, share = _bilinear_corners(np.divide(places, stride, dtype=np.float32), h, w)
     corner += np.repeat(np.arange(len(views)) * h * w, [len(bag) for bag, _ in views])[:, None]
-    order = np.argsort(bag, kind="stable")  # a merge of sorted runs, one a camera
+    order = np.argsort(bag, kind="stable")  # a merge of one sorted run per camera
     index = corner.take(order, axis=0).ravel()
     weights = (share / count[bag][:, None].astype(np.float32)).take(order, axis=0).ravel()
     offsets = np.concatenate([[0], np.cumsum(4 * count)]).astype(np.int32)
     back = sparse.csr_matrix((weights, index, offsets), shape=(bags, rows)).tocsc()
     on_ground = count.reshape(*grid.shape, -1)[..., np.argmin(np.abs(heights_m))]
-    return PullPlan(
-        _table(index, offsets, weights),
-        _table(back.indices, back.indptr, back.data),
+    return SamplingPlan(
+        _row_sums(index, offsets, weights),
+        _row_sums(back.indices, back.indptr, back.data),
         torch.from_numpy(on_ground.astype(np.float32))[None, None],
-        (len(lenses),),
+        (len(projections),),
         len(heights_m),
     )
 
 
-def _table(index: NDArray[Any], offsets: NDArray[Any], weights: NDArray[Any]) -> Table:
-    return Table(
+def _row_sums(index: NDArray[Any], offsets: NDArray[Any], weights: NDArray[Any]) -> RowSums:
+    return RowSums(
         torch.from_numpy(index.astype(np.int32)),
         torch.from_numpy(offsets[:-1].astype(np.int32)),
         torch.from_numpy(weights.astype(np.float32)),
     )
 
 
-def _seen_by(lens: _Lens, grid: BEVGrid, heights_m: tuple[float, ...]) -> tuple[NDArray[np.int64], Float32Array]:
-    """Bags (n,) = (cell, height) whose place a camera sees, and the pixels (2, n) at which it does."""
-    matrix = np.frombuffer(lens.pixel_from_ego).reshape(3, 4)
+def _visible_points(
+    projection: _Projection, grid: BEVGrid, heights_m: tuple[float, ...]
+) -> tuple[NDArray[np.int64], Float32Array]:
+    """Return the bags (n,), (cell, height) flat, whose points a camera sees, and their pixels (2, n)."""
+    matrix = np.frombuffer(projection.pixel_from_ego).reshape(3, 4)
     x_m, y_m = (grid.centre_of(np.stack([np.arange(n)] * 2, axis=-1))[:, i] for i, n in enumerate(grid.shape))
     along, across, up = (
         matrix[:, :1] * x_m,
@@ -289,16 +291,16 @@ def _seen_by(lens: _Lens, grid: BEVGrid, heights_m: tuple[float, ...]) -> tuple[
         matrix[:, 2:3] * np.array(heights_m) + matrix[:, 3:],
     )
     u, v, depth = ((a[:, None, None] + b[:, None] + c).ravel() for a, b, c in zip(along, across, up, strict=True))
-    # Compared before the division, which few places are worth.
+    # Tested before the division, because most points are outside the image.
     inside = depth > _NEAREST_M
-    for side, size in ((u, lens.width_px), (v, lens.height_px)):
+    for side, size in ((u, projection.width_px), (v, projection.height_px)):
         inside &= (side >= -0.5 * depth) & (side < (size - 0.5) * depth)
     bag = np.flatnonzero(inside)
     return bag, (np.stack([u[bag], v[bag]]) / depth[bag]).astype(np.float32)
 
 
-def _corners(uv: Float32Array, h: int, w: int) -> tuple[NDArray[np.int32], Float32Array]:
-    """Rows (n, 4) and weights (n, 4) of bilinear reading at feature coordinates (2, n); edges reach outward."""
+def _bilinear_corners(uv: Float32Array, h: int, w: int) -> tuple[NDArray[np.int32], Float32Array]:
+    """Return rows (n, 4) and weights (n, 4) of bilinear sampling at feature coordinates (2, n), clamped to edges."""
     u, v = np.clip(uv[0], 0, w - 1), np.clip(uv[1], 0, h - 1)
     left, top = np.minimum(u.astype(np.int32), max(w - 2, 0)), np.minimum(v.astype(np.int32), max(h - 2, 0))
     du, dv = u - left, v - top

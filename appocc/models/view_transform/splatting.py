@@ -1,7 +1,7 @@
-"""Lift and splat by plan: which cell each point of the cameras' frusta falls into, worked out once for a rig.
+"""Lift and splat: the cell of every frustum point is precomputed once per rig.
 
-Philion and Fidler, "Lift, Splat, Shoot", ECCV 2020; Huang and Huang, "BEVPoolv2", 2022 (no frustum of features is
-ever made: a cell is a weighted sum of context vectors, the weights are depth probabilities).
+Philion and Fidler, "Lift, Splat, Shoot", ECCV 2020; Huang and Huang, "BEVPoolv2", 2022 (a cell is a sum of context
+vectors weighted by depth probabilities, without an explicit frustum of features).
 """
 
 from __future__ import annotations
@@ -17,38 +17,37 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from appocc.camera import Camera, CameraRig
+from appocc.camera import CameraRig
 from appocc.checks import BoolArray, FloatArray, IntArray, frozen
-from appocc.ego_vehicle import body_cells
 from appocc.errors import ShapeError
 from appocc.geometry import apply, inverse
 from appocc.grid import BEVGrid
 from appocc.models.base import DEPTH_BINS, DEPTH_STEP_M, FIRST_DEPTH_M
 from appocc.models.efficientnet import column_centres_px
 
-# Points above or below say nothing of the street (LSS's z bounds).
+# Points outside these heights are dropped (the z bounds of LSS).
 HEIGHTS_M = (-10.0, 10.0)
-# A cell counts as seen if a camera sees a corner of it at one of these heights.
+# A cell is visible if a camera sees a corner of it at one of these heights.
 SEEN_HEIGHTS_M = (0.0, 0.75, 1.5)
-# Rigs whose plan is kept; a plan of six cameras takes 1 MB, bilinear 4 MB.
+# Number of cached plans; a plan of six cameras takes 1 MB, bilinear 4 MB.
 _RIGS_KEPT = 32
 
 
-@dataclass(frozen=True)
-class SplatPlan:
-    """For every cell of a batch's grids, the points that fall into it.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SplattingPlan:
+    """Splatting plan of a batch: the frustum points in every cell.
 
-    P points, sorted by cell; V pictures: those of the first sample's cameras, then of the next; features are h x w.
+    P points, sorted by cell; V images: the cameras of the first sample, then of the next; features are h x w.
 
     Attributes:
-        pixel: (P,) int64 place in the features (V, h, w), flat.
-        depth: (P,) int64 place in the depth probabilities (V, DEPTH_BINS, h, w), flat.
-        weight: (P,) float32 share of the point that the cell gets; 1 where a point goes to one cell only.
-        cell: (P,) int64 place in the grids (B, X, Y), flat.
+        pixel: (P,) int64 flat index into the features (V, h, w).
+        depth: (P,) int64 flat index into the depth probabilities (V, DEPTH_BINS, h, w).
+        weight: (P,) float32 share of the point in the cell; 1 if a point is in one cell only.
+        cell: (P,) int64 flat index into the grids (B, X, Y).
         offsets: (B*X*Y + 1,) int64 first point of each cell.
         seen: (B, X, Y) bool, cells that a camera of the rig can see.
-        cameras: how many each rig has; V in all.
-        export: use operations that exporters translate rightly, at some cost.
+        cameras: number of cameras of each rig; the sum is V.
+        export: use only operations that exporters support; slower.
     """
 
     pixel: Tensor
@@ -61,7 +60,7 @@ class SplatPlan:
     export: bool = False
 
     def to(self, device: torch.device) -> Self:
-        """The same on a device."""
+        """Return the plan on a device."""
         return replace(
             self,
             pixel=self.pixel.to(device),
@@ -73,29 +72,31 @@ class SplatPlan:
         )
 
     def for_export(self) -> Self:
-        """The plan with which a network uses only operations that exporters translate rightly; slower."""
+        """Return the plan for export: the network then uses only operations that exporters support; slower."""
         return replace(self, export=True)
 
 
-def plan_splat(
+def plan_splatting(
     rigs: Sequence[CameraRig], grid: BEVGrid, h: int, w: int, stride: int, bilinear: bool = False
-) -> SplatPlan:
-    """The plan of a batch of rigs, in float64; equal rigs are worked out once.
+) -> SplattingPlan:
+    """Return the splatting plan of a batch of rigs, computed in float64; plans of equal rigs are cached.
 
     Args:
-        rigs: of each sample; they may have different cameras, and different numbers of them.
-        grid: where points go.
+        rigs: rig of each sample; cameras and their number may differ.
+        grid: cells that the points are summed in.
         h: height of the features.
         w: width of the features.
-        stride: of the features in the pictures, whose size is that of the rigs' cameras.
-        bilinear: share a point among the four nearest cell centres, instead of one cell taking it whole.
+        stride: pixels between features, in images of the size of the cameras.
+        bilinear: distribute a point over the four nearest cell centres instead of one cell.
 
     Raises:
-        ShapeError: if a camera's pictures do not give features of this size, or there are no rigs.
+        ShapeError: if the image of a camera has features of another size, or there are no rigs.
     """
     if not rigs:
         raise ShapeError("plan: expected rigs, got none")
-    parts = [_points_of_rig(_key(rig, h, w, stride), grid, h, w, stride, bilinear) for rig in rigs]
+    for rig in rigs:
+        _check_sizes(rig, h, w, stride)
+    parts = [_rig_points(rig, grid, h, w, stride, bilinear) for rig in rigs]
     cells = grid.shape[0] * grid.shape[1]
     cameras = tuple(map(len, rigs))
     before = [h * w * count for count in accumulate(cameras[:-1], initial=0)]
@@ -103,7 +104,7 @@ def plan_splat(
     pixel = np.concatenate([part.pixel + start for part, start in zip(parts, before, strict=True)])
     depth = np.concatenate([part.depth + start * DEPTH_BINS for part, start in zip(parts, before, strict=True)])
     offsets = np.concatenate([[0], np.bincount(cell, minlength=len(rigs) * cells).cumsum()])
-    return SplatPlan(
+    return SplattingPlan(
         pixel=torch.from_numpy(pixel),
         depth=torch.from_numpy(depth),
         weight=torch.from_numpy(np.concatenate([part.weight for part in parts]).astype(np.float32)),
@@ -114,31 +115,31 @@ def plan_splat(
     )
 
 
-def pool(context: Tensor, depth: Tensor, plan: SplatPlan) -> Tensor:
-    """Sum what falls into each cell: context times probability of its depth (paper, section III).
+def splat(context: Tensor, depth: Tensor, plan: SplattingPlan) -> Tensor:
+    """Sum context times depth probability over the points in each cell (paper, section III).
 
-    Summed in float32 at least: hundreds of points fall into a cell near the car.
+    Sums are at least float32: cells near the car have hundreds of points.
 
     Args:
-        context: (V, h, w, C) features of the rigs' pictures, or (B*N, h, w, C) of N pictures for every rig; those
-            beyond a rig's cameras are not looked at.
+        context: (V, h, w, C) features of the images, or (B*N, h, w, C) of N images per rig; images beyond the cameras
+            of a rig are ignored.
         depth: (V, DEPTH_BINS, h, w) probabilities, or (B*N, DEPTH_BINS, h, w).
-        plan: where they go.
+        plan: splatting plan of these images.
 
     Returns:
         (B, C, X, Y), in channels-last memory.
 
     Raises:
-        ShapeError: if these are not the pictures of the plan.
+        ShapeError: if the plan was made for other images.
     """
     batch, x, y = plan.seen.shape
     channels = context.shape[-1]
     dtype = torch.promote_types(context.dtype, torch.float32)
-    features = _of_rigs(context, plan.cameras).to(dtype).reshape(-1, channels)  # V*h*w C
-    probability = _of_rigs(depth, plan.cameras).to(dtype).reshape(-1)  # V*D*h*w
+    features = _pack(context, plan.cameras).to(dtype).reshape(-1, channels)  # V*h*w C
+    probability = _pack(depth, plan.cameras).to(dtype).reshape(-1)  # V*D*h*w
     share = probability[plan.depth] * plan.weight.to(dtype)  # P
     if plan.export:
-        # index_add and index_put lose duplicates in exported graphs, embedding_bag turns to garbage there.
+        # In exported graphs, index_add and index_put lose duplicates, and embedding_bag is wrong.
         points = features[plan.pixel] * share[:, None]  # P C
         start = torch.zeros(batch * x * y, channels, dtype=dtype, device=context.device)
         cells = start.scatter_add(0, plan.cell[:, None].expand_as(points), points)
@@ -149,46 +150,46 @@ def pool(context: Tensor, depth: Tensor, plan: SplatPlan) -> Tensor:
     return cells.view(batch, x, y, channels).permute(0, 3, 1, 2)
 
 
-def _of_rigs(per_picture: Tensor, cameras: tuple[int, ...]) -> Tensor:
-    """Pictures (V, ...) as they are, or those of (B*N, ...) that rigs have cameras for."""
-    if len(per_picture) == sum(cameras):
-        return per_picture
-    given = len(per_picture) // len(cameras)
-    if len(per_picture) % len(cameras) or given < max(cameras):
+def _pack(per_image: Tensor, cameras: tuple[int, ...]) -> Tensor:
+    """Return features (V, ...) unchanged, or those of (B*N, ...) that belong to a camera."""
+    if len(per_image) == sum(cameras):
+        return per_image
+    given = len(per_image) // len(cameras)
+    if len(per_image) % len(cameras) or given < max(cameras):
         raise ShapeError(
-            f"pictures: expected {sum(cameras)}, or {len(cameras)} x at least {max(cameras)}, got {len(per_picture)}"
+            f"images: expected {sum(cameras)}, or {len(cameras)} x at least {max(cameras)}, got {len(per_image)}"
         )
-    return pictures_of_rigs(per_picture.reshape(len(cameras), given, *per_picture.shape[1:]), cameras)
+    return pack_cameras(per_image.reshape(len(cameras), given, *per_image.shape[1:]), cameras)
 
 
-def pictures_of_rigs(per_camera: Tensor, cameras: Sequence[int]) -> Tensor:
-    """(B, N, ...) -> (V, ...): what stands in for cameras that a rig does not have is left out.
+def pack_cameras(per_camera: Tensor, cameras: Sequence[int]) -> Tensor:
+    """Pack (B, N, ...) into (V, ...): drop the padding for cameras that a rig does not have.
 
     Raises:
-        ShapeError: if there are fewer pictures than cameras.
+        ShapeError: if there are fewer images than cameras.
     """
     if len(per_camera) != len(cameras) or per_camera.shape[1] < max(cameras):
         raise ShapeError(
-            f"pictures: expected {len(cameras)} x at least {max(cameras)}, got {tuple(per_camera.shape[:2])}"
+            f"images: expected {len(cameras)} x at least {max(cameras)}, got {tuple(per_camera.shape[:2])}"
         )
     if min(cameras) == per_camera.shape[1]:
         return per_camera.flatten(0, 1)
     return torch.cat([sample[:count] for sample, count in zip(per_camera, cameras, strict=True)])
 
 
-def by_camera(pictures: Tensor, cameras: Sequence[int], count: int) -> Tensor:
-    """(V, ...) -> (B, count, ...): the way back, zeros where a rig has no camera."""
+def unpack_cameras(packed: Tensor, cameras: Sequence[int], count: int) -> Tensor:
+    """Unpack (V, ...) into (B, count, ...): inverse of `pack_cameras`, zeros where a rig has no camera."""
     if min(cameras) == count:
-        return pictures.reshape(len(cameras), count, *pictures.shape[1:])
-    parts = torch.split(pictures, list(cameras))
-    pad = [0, 0] * (pictures.ndim - 1)
+        return packed.reshape(len(cameras), count, *packed.shape[1:])
+    parts = torch.split(packed, list(cameras))
+    pad = [0, 0] * (packed.ndim - 1)
     return torch.stack([functional.pad(part, [*pad, 0, count - len(part)]) for part in parts])
 
 
-def cells_seen(rig: CameraRig, grid: BEVGrid) -> BoolArray:
-    """(X, Y), whether a camera has a corner of the cell in its picture, on the ground or up to a car's height above.
+def visible_cells(rig: CameraRig, grid: BEVGrid) -> BoolArray:
+    """Return (X, Y) bool: cells with a corner in the image of a camera, on the ground or up to the height of a car.
 
-    By geometry alone: other things may hide a cell. The cells below the ego's own body are not seen.
+    Occlusion is ignored. Cells below the body of the ego vehicle are not visible.
     """
     x, y = grid.shape
     x_m, y_m = grid.x_min_m + grid.cell_m * np.arange(x + 1), grid.y_min_m + grid.cell_m * np.arange(y + 1)
@@ -201,15 +202,15 @@ def cells_seen(rig: CameraRig, grid: BEVGrid) -> BoolArray:
                 row[0] * x_m[:, None] + (row[1] * y_m + start)
                 for row, start in zip(pixel_from_ego, at_origin, strict=True)
             )
-            # As `Camera.sees`, without a division at every cell.
+            # As `Camera.sees`, without a division for every cell.
             inside = (u >= -0.5 * depth) & (u < (camera.width_px - 0.5) * depth) & (depth > 0.1)
             corner |= inside & (v >= -0.5 * depth) & (v < (camera.height_px - 0.5) * depth)
     seen = corner[:-1, :-1] | corner[1:, :-1] | corner[:-1, 1:] | corner[1:, 1:]
-    return seen & ~body_cells(grid)
+    return seen & ~rig.ego_vehicle.body_cells(grid)
 
 
-class _RigPoints(NamedTuple):
-    """One rig's part of a plan, as in `SplatPlan` with B = 1; read-only."""
+class _RigPlan(NamedTuple):
+    """Plan of one rig, as in `SplattingPlan` with B = 1; read-only."""
 
     pixel: IntArray
     depth: IntArray
@@ -218,55 +219,21 @@ class _RigPoints(NamedTuple):
     seen: BoolArray
 
 
-class _CameraKey(NamedTuple):
-    """A camera as a value that can be looked up."""
-
-    channel: str
-    width_px: int
-    height_px: int
-    intrinsic: bytes
-    ego_from_cam: bytes
-
-
-def _key(rig: CameraRig, h: int, w: int, stride: int) -> tuple[_CameraKey, ...]:
+def _check_sizes(rig: CameraRig, h: int, w: int, stride: int) -> None:
     for camera in rig:
         size = (-(-camera.height_px // stride), -(-camera.width_px // stride))
         if size != (h, w):
             raise ShapeError(
-                f"plan, {camera.channel}: expected a picture with {w}x{h} features at stride {stride}, "
+                f"plan, {camera.channel}: expected an image with {w}x{h} features at stride {stride}, "
                 f"got {camera.width_px}x{camera.height_px} pixels"
             )
-    return tuple(
-        _CameraKey(
-            camera.channel,
-            camera.width_px,
-            camera.height_px,
-            camera.intrinsic.astype(np.float64).tobytes(),
-            camera.ego_from_cam.astype(np.float64).tobytes(),
-        )
-        for camera in rig
-    )
 
 
 @lru_cache(_RIGS_KEPT)
-def _points_of_rig(
-    key: tuple[_CameraKey, ...], grid: BEVGrid, h: int, w: int, stride: int, bilinear: bool
-) -> _RigPoints:
-    rig = CameraRig(
-        tuple(
-            Camera(
-                each.channel,
-                each.width_px,
-                each.height_px,
-                np.frombuffer(each.intrinsic).reshape(3, 3),
-                np.frombuffer(each.ego_from_cam).reshape(4, 4),
-            )
-            for each in key
-        )
-    )
+def _rig_points(rig: CameraRig, grid: BEVGrid, h: int, w: int, stride: int, bilinear: bool) -> _RigPlan:
     points = frustum_points(rig, h, w, stride)  # N D h w 3
     camera, bin_, row, column = np.indices(points.shape[:-1]).reshape(4, -1)
-    cell, weight = _shared(points.reshape(-1, 3), grid, bilinear)  # K N*D*h*w 2, K N*D*h*w
+    cell, weight = _splat_cells(points.reshape(-1, 3), grid, bilinear)  # K N*D*h*w 2, K N*D*h*w
     kept = grid.contains(cell) & (weight > 0)
     source = np.nonzero(kept)[1]
     flat = cell[kept][:, 0] * grid.shape[1] + cell[kept][:, 1]
@@ -274,14 +241,14 @@ def _points_of_rig(
     source = source[order]
     pixel = (camera * h + row) * w + column
     depth = ((camera * DEPTH_BINS + bin_) * h + row) * w + column
-    found = _RigPoints(pixel[source], depth[source], weight[kept][order], flat[order], cells_seen(rig, grid))
+    found = _RigPlan(pixel[source], depth[source], weight[kept][order], flat[order], visible_cells(rig, grid))
     for array in found:
         frozen(array)
     return found
 
 
 def frustum_points(rig: CameraRig, h: int, w: int, stride: int) -> FloatArray:
-    """(N, DEPTH_BINS, h, w, 3) points in the ego frame, metres, that features look at, one for each depth."""
+    """Return (N, DEPTH_BINS, h, w, 3) frustum points in the ego frame, metres: one per feature and depth."""
     u, v = column_centres_px(stride, w), column_centres_px(stride, h)
     rays = np.stack([*np.meshgrid(u, v), np.ones((h, w))], axis=-1)  # h w 3
     depth_m = FIRST_DEPTH_M + DEPTH_STEP_M * np.arange(DEPTH_BINS)
@@ -292,8 +259,8 @@ def frustum_points(rig: CameraRig, h: int, w: int, stride: int) -> FloatArray:
     return points
 
 
-def _shared(points_m: FloatArray, grid: BEVGrid, bilinear: bool) -> tuple[IntArray, FloatArray]:
-    """Cells (K, P, 2) that points (P, 3) go to and their shares (K, P); K is 4 if bilinear, else 1."""
+def _splat_cells(points_m: FloatArray, grid: BEVGrid, bilinear: bool) -> tuple[IntArray, FloatArray]:
+    """Return the cells (K, P, 2) of points (P, 3) and their shares (K, P); K is 4 if bilinear, else 1."""
     inside = (points_m[:, 2] >= HEIGHTS_M[0]) & (points_m[:, 2] < HEIGHTS_M[1])
     if not bilinear:
         return grid.cell_of(points_m[:, :2])[None], inside[None].astype(np.float64)

@@ -1,1 +1,1 @@
-"""Vehicles, riders and walkers: their shapes, paints, and one mesh of all of them at a moment."""
+"""Vehicles, riders and pedestrians: body shapes, paints, and the assembly of one mesh per traffic state."""

@@ -1,4 +1,4 @@
-"""Paints as on real streets: which colours, how often, and how they spread."""
+"""Vehicle paints and clothing colours as on real streets: colour shares and their spread."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from appocc.simulation.actors.materials import Colour
 from appocc.simulation.traffic import Actor
 
 # sRGB of typical paints of a colour word: (weight, centre, spread along the brightness, spread of the hue).
-_Typical = tuple[float, Colour, float, float]
-_PAINTS: dict[str, tuple[_Typical, ...]] = {
+_TypicalPaint = tuple[float, Colour, float, float]
+_PAINTS: dict[str, tuple[_TypicalPaint, ...]] = {
     "white": ((3.0, (236, 237, 236), 5.0, 1.5), (1.0, (226, 225, 219), 5.0, 2.0)),
     "black": ((2.0, (20, 21, 23), 5.0, 1.5), (1.0, (34, 35, 39), 5.0, 2.0)),
     "grey": ((2.0, (94, 97, 101), 10.0, 2.0), (1.0, (74, 77, 82), 7.0, 2.5), (0.6, (112, 113, 112), 8.0, 2.0)),
@@ -57,12 +57,12 @@ _SHARES = {
 }
 
 
-# A town's buses belong to one fleet, but for some guests.
+# Most buses of a town belong to one fleet.
 _FLEET_SHARE = 0.85
 
 
 @dataclass(frozen=True)
-class Paint:
+class ActorPaint:
     """The colour of an actor.
 
     Attributes:
@@ -77,11 +77,11 @@ class Paint:
 COLOUR_WORDS = tuple(_PAINTS)
 
 
-def paint_of(actor: Actor, seed: int) -> Paint:
-    """The paint of a vehicle, or of a walker's jacket; it follows from the seed, the kind and the name alone.
+def draw_paint(actor: Actor, seed: int) -> ActorPaint:
+    """Draw the paint of a vehicle or of a pedestrian's jacket; it depends on seed, kind and name only.
 
     Raises:
-        NotFoundError: if there are no paints for its kind.
+        NotFoundError: if the kind has no paints.
     """
     if actor.kind not in _SHARES:
         raise NotFoundError(f"{actor.name}: there is no kind '{actor.kind}', only {', '.join(_SHARES)}")
@@ -89,21 +89,21 @@ def paint_of(actor: Actor, seed: int) -> Paint:
     if actor.kind == "bus" and rng.random() < _FLEET_SHARE:
         rng = np.random.default_rng([seed, *b"fleet"])
     shares = _SHARES[actor.kind]
-    name = _drawn(rng, list(shares), list(shares.values()))
-    return Paint(_around(rng, _PAINTS[name]), name)
+    name = _draw_word(rng, list(shares), list(shares.values()))
+    return ActorPaint(_vary(rng, _PAINTS[name]), name)
 
 
-def paints_of(actors: Sequence[Actor], seed: int) -> tuple[Paint, ...]:
-    """The paints of a log's actors, in their order."""
-    return tuple(paint_of(actor, seed) for actor in actors)
+def draw_paints(actors: Sequence[Actor], seed: int) -> tuple[ActorPaint, ...]:
+    """Draw the paints of a log's actors, in their order."""
+    return tuple(draw_paint(actor, seed) for actor in actors)
 
 
-def _drawn(rng: np.random.Generator, words: list[str], shares: list[float]) -> str:
+def _draw_word(rng: np.random.Generator, words: list[str], shares: list[float]) -> str:
     return words[int(np.searchsorted(np.cumsum(shares) / np.sum(shares), rng.random(), side="right"))]
 
 
-def _around(rng: np.random.Generator, typical: tuple[_Typical, ...]) -> Colour:
-    """A colour near one of some typical paints: metallic flakes and age change its brightness more than its hue."""
+def _vary(rng: np.random.Generator, typical: tuple[_TypicalPaint, ...]) -> Colour:
+    """Draw a colour near one of several typical paints: metallic flakes and age change brightness more than hue."""
     weights = np.array([weight for weight, *_ in typical])
     pick = int(np.searchsorted(np.cumsum(weights) / weights.sum(), rng.random(), side="right"))
     _, centre, spread, hue_spread = typical[pick]

@@ -1,11 +1,11 @@
-"""Walkers, and the parts riders are made of."""
+"""Pedestrians, and the body parts of riders."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from appocc.simulation.actors.materials import JACKET, TRIM, Colour, Look, cloth, skin
+from appocc.simulation.actors.materials import JACKET, TRIM, Colour, Finish, cloth, skin
 from appocc.simulation.actors.modelling import Modeller, Size
 
 SKINS = (skin(206, 160, 132), skin(146, 100, 76), skin(94, 62, 46))
@@ -14,35 +14,35 @@ _SHOES = (cloth(30, 28, 27), cloth(196, 194, 188), cloth(84, 56, 38))
 _HAIR = (cloth(92, 66, 42), cloth(24, 20, 18), cloth(34, 26, 22))
 _BAG: Colour = (70, 76, 62)
 _SIDES = (7, 5, 3)
-# How far each leg is ahead in the four phases of a step; the arms go the other way.
+# How far each leg is ahead in the four phases of a step; the arms swing the other way.
 _SWING = (1.0, 0.25, -1.0, -0.25)
 
 
-def limb(
+def add_limb(
     model: Modeller,
     points_m: ArrayLike,
     radii_m: ArrayLike,
-    look: Look,
+    finish: Finish,
     sides: int,
     flat: tuple[float, float] = (1.0, 1.0),
     closed: bool = True,
 ) -> None:
-    """Add a part of level rings around points (N, 3), stretched by `flat` along x and y."""
+    """Add a limb of horizontal rings around points (N, 3), scaled by `flat` along x and y."""
     points = np.asarray(points_m, np.float64)
     turn = np.arange(sides + 1) * (2 * np.pi / sides)
-    # A circle of few corners is drawn a little larger, so that limbs look alike at all levels of detail.
+    # A circle of few corners is slightly larger, so that limbs look alike at all levels of detail.
     grown = ((7 * np.sin(2 * np.pi / 7)) / (sides * np.sin(2 * np.pi / sides))) ** 0.25
     circle = grown * np.stack([flat[0] * np.cos(turn), flat[1] * np.sin(turn), np.zeros(sides + 1)], axis=1)
     rings = points[:, None] + np.asarray(radii_m)[:, None, None] * circle
     middle = points.mean(axis=0)
-    model.sheet(rings, look, middle, mirror=False)
+    model.add_sheet(rings, finish, middle, mirror=False)
     if closed:
         for ring in (rings[0, :-1], rings[-1, :-1]):
-            model.fan(ring, look, middle, None, mirror=False)
+            model.add_fan(ring, finish, middle, None, mirror=False)
 
 
-def walker(child: bool, variant: int, detail: int, pose: int) -> Modeller:
-    """Somebody on foot in one phase of a step; the jacket takes the actor's paint."""
+def model_pedestrian(child: bool, variant: int, detail: int, pose: int) -> Modeller:
+    """Model a pedestrian in one phase of a step; the jacket takes the actor's paint."""
     size: Size = (0.50, 0.42, 1.20) if child else (0.75, 0.60, 1.75)
     model = Modeller(size)
     h, sides, swing = size[2], _SIDES[detail], _SWING[pose]
@@ -50,15 +50,15 @@ def walker(child: bool, variant: int, detail: int, pose: int) -> Modeller:
     shoulder_z, hip_z = h * (1 - head - 0.045), h * 0.50
     wide = h * 0.105
     for side, ahead in ((1.0, swing), (-1.0, -swing)):
-        _leg(model, h, hip_z, side, ahead, variant, detail)
+        _leg(model, h, hip_z, side, ahead, variant=variant, detail=detail)
         _arm(model, (wide * 1.25, shoulder_z, size), side, -ahead, SKINS[variant], detail)
     torso = [(0.0, 0.0, hip_z - 0.035 * h), (0.0, 0.0, 0.60 * h), (0.01, 0.0, shoulder_z - 0.05 * h)]
     torso.append((0.0, 0.0, shoulder_z + 0.012 * h))
-    limb(model, torso, [wide * k for k in (1.08, 0.92, 1.10, 0.50)], JACKET, max(sides, 4), (0.72, 1.0))
+    add_limb(model, torso, [wide * k for k in (1.08, 0.92, 1.10, 0.50)], JACKET, max(sides, 4), (0.72, 1.0))
     _head(model, h, head, variant, detail)
     if variant == 1 and detail < 2:
         back = [-0.19 * h, -0.075 * h, 0.55 * h], [-0.065 * h, 0.075 * h, shoulder_z - 0.01 * h]
-        model.box(*back, cloth(*_BAG), skip="")
+        model.add_box(*back, cloth(*_BAG), skip="")
     return model
 
 
@@ -70,15 +70,15 @@ def _leg(model: Modeller, h: float, hip_z: float, side: float, ahead: float, var
     radii = (0.046 * h, 0.041 * h, 0.03 * h)
     sides = _SIDES[detail]
     if detail == 2:
-        limb(model, [hip, ankle], radii[::2], _TROUSERS[variant], sides, closed=False)
+        add_limb(model, [hip, ankle], radii[::2], _TROUSERS[variant], sides, closed=False)
     else:
-        limb(model, [hip, knee, ankle], radii, _TROUSERS[variant], sides - 1, closed=False)
+        add_limb(model, [hip, knee, ankle], radii, _TROUSERS[variant], sides - 1, closed=False)
     foot = [step - 0.045 * h, y - 0.028 * h, 0.6 * lift], [step + 0.105 * h, y + 0.028 * h, 0.055 * h + lift]
-    model.box(*foot, _SHOES[variant], skip=("", "b", "bfr")[detail])
+    model.add_box(*foot, _SHOES[variant], skip=("", "b", "bfr")[detail])
 
 
 def _arm(
-    model: Modeller, frame: tuple[float, float, Size], side: float, ahead: float, hand: Look, detail: int
+    model: Modeller, frame: tuple[float, float, Size], side: float, ahead: float, hand: Finish, detail: int
 ) -> None:
     y, shoulder_z, (_, width, h) = frame
     swing = 0.13 * h * ahead
@@ -88,13 +88,13 @@ def _arm(
     wrist = (swing + 0.02 * h, side * outer, 0.49 * h + 0.03 * h * abs(ahead))
     sides = max(_SIDES[detail] - 2, 3)
     if detail == 2:
-        limb(model, [shoulder, wrist], [0.036 * h, 0.026 * h], JACKET, 3, closed=False)
+        add_limb(model, [shoulder, wrist], [0.036 * h, 0.026 * h], JACKET, 3, closed=False)
         return
-    limb(model, [shoulder, elbow, wrist], [0.031 * h, 0.031 * h, 0.024 * h], JACKET, sides, closed=detail == 0)
+    add_limb(model, [shoulder, elbow, wrist], [0.031 * h, 0.031 * h, 0.024 * h], JACKET, sides, closed=detail == 0)
     if detail:
         return
     end = (wrist[0] + 0.015 * h, wrist[1], wrist[2] - 0.055 * h)
-    limb(model, [wrist, end], [0.024 * h, 0.018 * h], hand, sides)
+    add_limb(model, [wrist, end], [0.024 * h, 0.018 * h], hand, sides)
 
 
 def _head(model: Modeller, h: float, head: float, variant: int, detail: int) -> None:
@@ -102,18 +102,18 @@ def _head(model: Modeller, h: float, head: float, variant: int, detail: int) -> 
     z = low + (high - low) * np.array([-0.15, 0.22, 0.55, 0.85, 1.0])
     radii = (high - low) * np.array([0.27, 0.34, 0.40, 0.33, 0.10])
     x = 0.012 * h
-    look = SKINS[variant]
+    finish = SKINS[variant]
     if detail == 2:
-        limb(model, [(x, 0.0, z[0]), (x, 0.0, h)], [radii[1], radii[3]], look, 4)
+        add_limb(model, [(x, 0.0, z[0]), (x, 0.0, h)], [radii[1], radii[3]], finish, 4)
         return
     points = np.stack([np.full(5, x), np.zeros(5), z], axis=1)
     sides = _SIDES[detail]
-    limb(model, points[:3], radii[:3], look, sides, (1.08, 0.9))
-    limb(model, points[2:] - [0.008 * h, 0.0, 0.0], radii[2:] * 1.05, _HAIR[variant], sides, (1.08, 0.92))
+    add_limb(model, points[:3], radii[:3], finish, sides, (1.08, 0.9))
+    add_limb(model, points[2:] - [0.008 * h, 0.0, 0.0], radii[2:] * 1.05, _HAIR[variant], sides, (1.08, 0.92))
 
 
-def helmet(model: Modeller, centre_m: ArrayLike, radius_m: float, look: Look, sides: int, full: bool) -> None:
-    """Add a helmet; a full one covers the face and has a visor."""
+def add_helmet(model: Modeller, centre_m: ArrayLike, radius_m: float, finish: Finish, sides: int, full: bool) -> None:
+    """Add a helmet; a full-face helmet has a visor."""
     centre = np.asarray(centre_m, np.float64)
     heights, radii = np.array([-0.95, -0.4, 0.3, 0.8, 1.0]), np.array([0.62, 0.95, 1.0, 0.66, 0.15])
     if not full:
@@ -121,9 +121,9 @@ def helmet(model: Modeller, centre_m: ArrayLike, radius_m: float, look: Look, si
     elif sides < 5:
         heights, radii = heights[[0, 2, 3]], radii[[0, 2, 3]]
     points = centre + radius_m * heights[:, None] * [0.0, 0.0, 1.0]
-    limb(model, points, radius_m * radii, look, sides, (1.12, 0.92))
+    add_limb(model, points, radius_m * radii, finish, sides, (1.12, 0.92))
     if full and sides > 4:
         x = centre[0] + 1.13 * radius_m
         across = ((-0.1, 0.42), (0.0, 0.0), (0.1, 0.42))
         pane = [[[x - back * radius_m, centre[1] + y, centre[2] + z] for z in (-0.05, 0.05)] for y, back in across]
-        model.sheet(pane, TRIM, centre, mirror=False)
+        model.add_sheet(pane, TRIM, centre, mirror=False)

@@ -1,4 +1,4 @@
-"""The ground of a town: areas, markings and colours from a street network."""
+"""The ground of a town: surface classes, markings and colours from a road network."""
 
 from appocc.simulation.ground.building import build_ground
 

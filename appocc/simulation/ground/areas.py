@@ -1,4 +1,4 @@
-"""Where cars drive and park: areas of the street network and of car parks, as labels."""
+"""Road, parking and pavement areas of the road network and the car parks, drawn as labels."""
 
 from __future__ import annotations
 
@@ -16,22 +16,22 @@ from appocc.simulation.surface import CELL_M, ROAD_SURFACES, Surface, surface_ta
 BAY_M = (5.0, 2.5)
 MARGIN_M = 60.0
 _BAY_LINE_M = 0.1
-# Shoulders and verges are no road: they become pavement by their distance.
+# Shoulders and verges are not road: draw_surroundings makes them pavement by distance.
 _SURFACE: dict[LaneKind, Surface] = {
     "walking": Surface.PAVEMENT,
     "driving": Surface.ROAD,
     "parking": Surface.PARKING,
     "cycling": Surface.CYCLE_PATH,
 }
-# Gaps between lanes up to this are road, and so are islands up to this area.
+# Gaps between lanes up to this width become road, and so do islands up to this area.
 _CLOSE_M = 1.1
 _SLIVER_M2 = 3.0
-# Strips overlap their neighbours by this, so that no cell centre falls between them.
+# Strips overlap their neighbours by this, so that no cell centre is left between them.
 _OVERLAP_M = 0.01
 
 
-def canvas_of(plan: TownPlan) -> Canvas:
-    """An empty canvas of labels around the streets and car parks of a town."""
+def empty_canvas(plan: TownPlan) -> Canvas:
+    """Return an empty label canvas around the streets and car parks of a town."""
     places = [plan.network.low_m, plan.network.high_m, *(c.outline_m for c in plan.car_parks)]
     points = np.concatenate([np.atleast_2d(place) for place in places])
     low = np.floor((points.min(axis=0) - MARGIN_M) / CELL_M).astype(np.int64)
@@ -41,40 +41,40 @@ def canvas_of(plan: TownPlan) -> Canvas:
 
 
 def draw_streets(canvas: Canvas, network: RoadNetwork) -> None:
-    """Lanes of the streets, ways over the junctions and the junctions themselves; pavements of their own, too."""
+    """Draw the lanes of the streets, the junctions, their inner lanes, and separate pavements."""
     for kind, surface in _SURFACE.items():
         lanes = [lane for edge in network.edges if has_cars(edge) for lane in edge.lanes if lane.kind == kind]
         canvas.fill((lane_areas(lane) for lane in lanes), surface)
     inside = (lane for lane in network.inner_lanes if lane.kind in ROADWAY)
     canvas.fill((lane_areas(lane) for lane in inside), Surface.ROAD)
-    # Where only pavements or verges meet there is no road.
+    # Where only pavements or verges meet, there is no road.
     met = {name for e in network.edges if has_cars(e) for name in (e.from_junction, e.to_junction)}
     crossings = (j.outline_m for j in network.junctions if j.name in met and len(j.outline_m) > 2)
     canvas.fill((outline for outline in crossings if _mean_width_m(outline) > _CLOSE_M), Surface.ROAD)
-    _close(canvas.raster[:, :, 0])
+    _close_gaps(canvas.raster[:, :, 0])
 
 
 def _mean_width_m(outline_m: FloatArray) -> float:
-    """Area by length: of an outline where two streets merely meet it is small, and it may reach across a median."""
+    """Return area divided by length: small where two streets merely meet; such an outline may cross a median."""
     x, y = outline_m.T
     area = 0.5 * abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1)))
     return area / max(float(np.hypot(*(outline_m[:, None] - outline_m[None]).T).max()), _CLOSE_M)
 
 
 def has_cars(edge: Edge) -> bool:
-    """Whether cars drive along an edge."""
+    """Return whether cars drive along an edge."""
     return any(lane.kind == "driving" for lane in edge.lanes)
 
 
 def lane_areas(lane: Lane) -> FloatArray:
-    """(K, 4, 2) areas that together are the lane."""
+    """Return (K, 4, 2) areas that together cover the lane."""
     half = lane.width_m / 2 + _OVERLAP_M
     return strip(clean(lane.centre_m), half, -half)
 
 
 def draw_car_park(canvas: Canvas, car_park: CarPark) -> None:
-    """A car park with the lines between its bays; where it meets the street the street stays."""
-    rows, columns = _box(canvas, car_park.outline_m)
+    """Draw a car park with the lines between its bays; existing street surfaces are kept."""
+    rows, columns = _cells_around(canvas, car_park.outline_m)
     part = canvas.raster[rows, columns, 0]
     before = part.copy()
     canvas.fill([car_park.outline_m], Surface.PARKING)
@@ -84,7 +84,7 @@ def draw_car_park(canvas: Canvas, car_park: CarPark) -> None:
 
 
 def bay_lines(car_park: CarPark) -> list[FloatArray]:
-    """Areas (4, 2) of the lines on both long sides of each bay; neighbours share theirs."""
+    """Return the areas (4, 2) of the lines on both long sides of each bay; neighbours share theirs."""
     corners = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]]) * [BAY_M[0], _BAY_LINE_M]
     lines = []
     for x, y, yaw in car_park.bays:
@@ -95,28 +95,30 @@ def bay_lines(car_park: CarPark) -> list[FloatArray]:
 
 
 def road_mask(label: ByteArray) -> ByteArray:
-    """(H, W) uint8, 1 where cars may drive."""
+    """Return (H, W) uint8, 1 where cars may drive."""
     return np.asarray(cv2.LUT(label, surface_table(ROAD_SURFACES).astype(np.uint8)), dtype=np.uint8)
 
 
-def disc(radius_m: float) -> ByteArray:
-    """Kernel of morphology."""
+def disc_kernel(radius_m: float) -> ByteArray:
+    """Return an elliptical morphology kernel."""
     size = 2 * round(radius_m / CELL_M) + 1
     return np.asarray(cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size)), dtype=np.uint8)
 
 
-def _close(label: ByteArray) -> None:
-    """Make gaps between lanes and tiny islands road."""
+def _close_gaps(label: ByteArray) -> None:
+    """Close gaps between lanes and tiny islands: they become road."""
     road = road_mask(label)
-    closed = np.asarray(cv2.morphologyEx(road, cv2.MORPH_CLOSE, disc(_CLOSE_M / 2)), dtype=np.uint8)
+    closed = np.asarray(cv2.morphologyEx(road, cv2.MORPH_CLOSE, disc_kernel(_CLOSE_M / 2)), dtype=np.uint8)
     label[(closed > 0) & (road == 0)] = Surface.ROAD
-    for rows, columns, island in islands(closed, 2, 0.0, _SLIVER_M2):
+    for rows, columns, island in find_islands(closed, 2, 0.0, _SLIVER_M2):
         part = label[rows, columns]
         part[island & (part < Surface.ROAD)] = Surface.ROAD
 
 
-def islands(road: ByteArray, coarse: int, least_m2: float, most_m2: float) -> list[tuple[slice, slice, BoolArray]]:
-    """Pieces of ground that roads enclose, by area: rows, columns and which cells there; found in coarse cells."""
+def find_islands(
+    road: ByteArray, coarse: int, least_m2: float, most_m2: float
+) -> list[tuple[slice, slice, BoolArray]]:
+    """Find ground enclosed by roads within an area range, in coarse cells: rows, columns and a mask of each."""
     small = cv2.resize(road, None, fx=1 / coarse, fy=1 / coarse, interpolation=cv2.INTER_NEAREST)
     _, number, stats, _ = cv2.connectedComponentsWithStats(1 - small, connectivity=4)
     cell_m2 = (coarse * CELL_M) ** 2
@@ -134,8 +136,8 @@ def islands(road: ByteArray, coarse: int, least_m2: float, most_m2: float) -> li
     return found
 
 
-def _box(canvas: Canvas, points_m: FloatArray) -> tuple[slice, slice]:
-    """Rows and columns of the canvas around some points."""
+def _cells_around(canvas: Canvas, points_m: FloatArray) -> tuple[slice, slice]:
+    """Return rows and columns of the canvas around the points."""
     cells = (points_m - canvas.low_m) / CELL_M
     low = np.maximum(np.floor(cells.min(axis=0)).astype(np.int64) - 1, 0)
     high = np.ceil(cells.max(axis=0)).astype(np.int64) + 2

@@ -1,4 +1,4 @@
-"""What is painted across the lanes and on them at junctions: stop lines, zebras, arrows."""
+"""Markings across lanes and at junctions: stop lines, zebra crossings, arrows."""
 
 from __future__ import annotations
 
@@ -9,76 +9,80 @@ import numpy as np
 
 from appocc.checks import FloatArray
 from appocc.polylines import directions_at, length_m, points_at
-from appocc.simulation.ground.road_segments import STOP_WIDTH_M, ZEBRA_GAP_M, ZEBRA_M, Stretch
+from appocc.simulation.ground.road_segments import STOP_WIDTH_M, ZEBRA_GAP_M, ZEBRA_M, RoadSegment
 from appocc.simulation.network import Connection, Lane
 
 STRIPE_M = 0.5
-# Arrows: from the stop line to the tips of the last and the one before.
+# Distance from the stop line to the tips of the last arrow and of the one before.
 _ARROWS_M = (3.0, 22.0)
 _ARROW_LONG_M = 5.0
-# Half outlines in metres, tip ahead at (0, 0); x to the right, y ahead.
+# Half outlines in metres, tip at (0, 0); x to the right, y ahead.
 _SHAFT = 0.09
 
 
-def stop_lines(stretches: Sequence[Stretch]) -> list[FloatArray]:
-    """Outlines (4, 2) of the stop lines, each across the lanes for cars that arrive at a junction."""
+def stop_lines(segments: Sequence[RoadSegment]) -> list[FloatArray]:
+    """Return the outlines (4, 2) of the stop lines, each across the car lanes that arrive at a junction."""
     lines = []
-    for stretch in stretches:
-        driving = [k for k, lane in enumerate(stretch.lanes) if lane.kind == "driving"]
-        if not stretch.end.has_stop or not driving or length_m(stretch.left_m) < 8.0:
+    for segment in segments:
+        driving = [k for k, lane in enumerate(segment.lanes) if lane.kind == "driving"]
+        if not segment.end.has_stop or not driving or length_m(segment.left_m) < 8.0:
             continue
-        offsets = _offsets(stretch)
-        near, far = -stretch.end.stop_m, -stretch.end.stop_m - STOP_WIDTH_M
-        lines.append(_across(stretch, True, (near, far), (offsets[driving[-1]][0] + 0.15, offsets[driving[0]][1])))
+        offsets = _offsets(segment)
+        near, far = -segment.end.stop_m, -segment.end.stop_m - STOP_WIDTH_M
+        lines.append(
+            _rectangle_at(segment, True, (near, far), (offsets[driving[-1]][0] + 0.15, offsets[driving[0]][1]))
+        )
     return lines
 
 
-def zebras(stretches: Sequence[Stretch]) -> list[FloatArray]:
-    """Outlines (4, 2) of the stripes of all zebras; the stripes lie along the street."""
+def zebras(segments: Sequence[RoadSegment]) -> list[FloatArray]:
+    """Return the outlines (4, 2) of the stripes of all zebra crossings; the stripes run along the street."""
     stripes = []
-    for stretch in stretches:
-        for at_end, end in ((False, stretch.start), (True, stretch.end)):
+    for segment in segments:
+        for at_end, end in ((False, segment.start), (True, segment.end)):
             if not end.zebra:
                 continue
             sign = -1.0 if at_end else 1.0
             reach = (sign * ZEBRA_GAP_M, sign * (ZEBRA_GAP_M + ZEBRA_M))
-            for left in np.arange(STRIPE_M / 2, stretch.width_m - STRIPE_M * 0.9, 2 * STRIPE_M):
-                stripes.append(_across(stretch, at_end, reach, (left, left + STRIPE_M)))
+            for left in np.arange(STRIPE_M / 2, segment.width_m - STRIPE_M * 0.9, 2 * STRIPE_M):
+                stripes.append(_rectangle_at(segment, at_end, reach, (left, left + STRIPE_M)))
     return stripes
 
 
-def _offsets(stretch: Stretch) -> list[tuple[float, float]]:
-    """Way to the right of the left border at which each lane, from right to left, begins and ends."""
-    widths = np.array([lane.width_m for lane in stretch.lanes])
+def _offsets(segment: RoadSegment) -> list[tuple[float, float]]:
+    """Return start and end of each lane, from right to left, as distances to the right of the left border."""
+    widths = np.array([lane.width_m for lane in segment.lanes])
     begins = np.cumsum(widths[::-1])[::-1] - widths
     return [(float(b), float(b + w)) for b, w in zip(begins, widths, strict=True)]
 
 
-def _across(stretch: Stretch, at_end: bool, ahead_m: tuple[float, float], right_m: tuple[float, float]) -> FloatArray:
-    """(4, 2) rectangle at an end of a street: from where it meets the junction ahead, from its left border right."""
-    point, heading = stretch.section(at_end)
+def _rectangle_at(
+    segment: RoadSegment, at_end: bool, ahead_m: tuple[float, float], right_m: tuple[float, float]
+) -> FloatArray:
+    """Return a (4, 2) rectangle at an end of a segment, from its cross-section ahead and from its left border."""
+    point, heading = segment.section(at_end)
     right = np.array([heading[1], -heading[0]])
     corners = [(0, 0), (0, 1), (1, 1), (1, 0)]
     return np.stack([point + heading * ahead_m[i] + right * right_m[j] for i, j in corners])
 
 
-def arrows(stretches: Sequence[Stretch], connections: Sequence[Connection]) -> list[FloatArray]:
-    """Outlines of the arrows before signalled junctions."""
+def arrows(segments: Sequence[RoadSegment], connections: Sequence[Connection]) -> list[FloatArray]:
+    """Return the outlines of the arrows at signalled junctions."""
     ways: dict[str, set[str]] = defaultdict(set)
     for link in connections:
         ways[link.from_lane].add({"R": "r", "L": "l"}.get(link.direction, link.direction))
     areas = []
-    for stretch in stretches:
-        if stretch.end.signal and len(stretch.driving) > 1:
-            for lane in stretch.driving:
-                areas += _lane_arrows(stretch, lane, ways[lane.name] - {"t"})
+    for segment in segments:
+        if segment.end.signal and len(segment.driving) > 1:
+            for lane in segment.driving:
+                areas += _lane_arrows(segment, lane, ways[lane.name] - {"t"})
     return areas
 
 
-def _lane_arrows(stretch: Stretch, lane: Lane, directions: set[str]) -> list[FloatArray]:
-    point, heading = stretch.section(True)
+def _lane_arrows(segment: RoadSegment, lane: Lane, directions: set[str]) -> list[FloatArray]:
+    point, heading = segment.section(True)
     length = length_m(lane.centre_m)
-    stop = length - stretch.end.stop_m - STOP_WIDTH_M - float((lane.centre_m[-1] - point) @ heading)
+    stop = length - segment.end.stop_m - STOP_WIDTH_M - float((lane.centre_m[-1] - point) @ heading)
     areas = []
     for back in _ARROWS_M:
         tip = stop - back
@@ -87,12 +91,12 @@ def _lane_arrows(stretch: Stretch, lane: Lane, directions: set[str]) -> list[Flo
         place = np.array([tip - _ARROW_LONG_M])
         origin, ahead = points_at(lane.centre_m, place)[0], directions_at(lane.centre_m, place)[0]
         frame = np.stack([[ahead[1], -ahead[0]], ahead])
-        areas += [area @ frame + origin for area in arrow(directions)]
+        areas += [area @ frame + origin for area in arrow_areas(directions)]
     return areas
 
 
-def arrow(directions: set[str]) -> list[FloatArray]:
-    """Areas of an arrow for some of s, l, r: x to the right, y ahead, from (0, 0) to (0, 5)."""
+def arrow_areas(directions: set[str]) -> list[FloatArray]:
+    """Return the areas of an arrow for any of s, l, r: x to the right, y ahead, from (0, 0) to (0, 5)."""
     areas = []
     bend = 3.1 if "s" in directions else 4.1
     if "s" in directions:

@@ -1,4 +1,4 @@
-"""Polygons into rasters of 0.1 m: a cell belongs to a polygon when its centre lies inside."""
+"""Fill polygons in rasters of 0.1 m: a cell belongs to a polygon if its centre is inside."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from appocc.simulation.surface import CELL_M
 Int32Array = NDArray[np.int32]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Canvas:
     """A raster (H, W, C) uint8 whose cell (0, 0) has its lower corner at `low_m` (2,), town frame.
 
-    OpenCV's polygons include every cell their outline touches, which makes a line of 0.15 m twice as wide; here a
+    OpenCV's polygons include every cell their outline touches, which doubles the width of a line of 0.15 m; here a
     line has its true area.
     """
 
@@ -31,7 +31,7 @@ class Canvas:
         self._draw(list(areas_m), value, channel, False)
 
     def add(self, areas_m: Iterable[FloatArray], value: int, channel: int = 0) -> None:
-        """Add to the cells inside areas (P, 2), or stacks (K, P, 2), town frame; the sum stays within a byte."""
+        """Add to the cells inside areas (P, 2), or stacks (K, P, 2), town frame; the sum is clipped to 0..255."""
         self._draw(list(areas_m), value, channel, True)
 
     def _draw(self, areas_m: Sequence[FloatArray], value: int, channel: int, adding: bool) -> None:
@@ -40,14 +40,14 @@ class Canvas:
         sizes = np.repeat([a.shape[-2] for a in areas_m], [a.shape[0] if a.ndim == 3 else 1 for a in areas_m])
         starts = np.concatenate([[0], np.cumsum(sizes)]).astype(np.int32)
         points = ((np.concatenate([a.reshape(-1, 2) for a in areas_m]) - self.low_m) / CELL_M).astype(np.float32)
-        _fill(self.raster, channel, points, starts, int(value), adding)  # a `Surface` would be compiled apart
+        _fill(self.raster, channel, points, starts, int(value), adding)  # a `Surface` would compile another variant
 
 
 @numba.njit(cache=True, nogil=True)
 def _fill(
     raster: ByteArray, channel: int, points: Float32Array, starts: Int32Array, value: int, adding: bool
 ) -> None:
-    """Fill polygons by winding number, row by row, through the cells' centres."""
+    """Fill polygons by winding number, row by row, through the centres of the cells."""
     height, width = raster.shape[:2]
     for polygon in range(len(starts) - 1):
         first, last = starts[polygon], starts[polygon + 1]

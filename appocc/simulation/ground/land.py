@@ -1,4 +1,4 @@
-"""The land between the streets: lots along them, and open ground beyond."""
+"""Land between the streets: lots along them, open ground elsewhere."""
 
 from __future__ import annotations
 
@@ -11,68 +11,68 @@ import numpy as np
 from appocc.checks import FloatArray
 from appocc.polylines import directions_at, length_m, points_at, shifted
 from appocc.simulation.ground.filling import Canvas
-from appocc.simulation.ground.looks import Look
+from appocc.simulation.ground.land_styles import LandStyle
 from appocc.simulation.ground.noise import value_noise
-from appocc.simulation.ground.road_segments import Stretch
+from appocc.simulation.ground.road_segments import RoadSegment
 from appocc.simulation.surface import Surface
 
-# The noise that decides where earth shows is made in cells of this many of the canvas's.
+# The noise that places bare earth has cells of this many canvas cells.
 _NOISE_CELLS = 4
 _DRIVE_M = (2.6, 3.4)
 _SHADES = 9
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Lot:
     """Ground that belongs to one house.
 
     Attributes:
         outline_m: (4, 2) street side first, town frame.
-        surface: what it is.
-        shade: how much lighter it is than others.
-        drive_m: (4, 2) outline of a paved drive, (0, 2) if there is none.
+        surface: surface class.
+        shade: brightness offset from other lots.
+        driveway_m: (4, 2) outline of a paved driveway, (0, 2) if there is none.
     """
 
     outline_m: FloatArray
     surface: Surface
     shade: int
-    drive_m: FloatArray
+    driveway_m: FloatArray
 
 
-def lots_of(stretches: Sequence[Stretch], look: Look, seed: int) -> list[Lot]:
-    """Lots to the right of all streets; those that are drawn later cover the backs of those before."""
+def lay_lots(segments: Sequence[RoadSegment], land_style: LandStyle, seed: int) -> list[Lot]:
+    """Draw lots to the right of all segments; later lots cover the backs of earlier ones."""
     random = np.random.default_rng([seed, 56])
     lots = []
-    for stretch in stretches:
-        outer = stretch.lanes[0]
+    for segment in segments:
+        outer = segment.lanes[0]
         kerb = shifted(outer.centre_m, -outer.width_m / 2)
-        if stretch.driving and stretch.start.junction | stretch.end.junction:
-            lots += _lots_along(kerb, look, random)
+        if segment.driving and segment.start.junction | segment.end.junction:
+            lots += _lots_along(kerb, land_style, random)
     return lots
 
 
-def _lots_along(kerb_m: FloatArray, look: Look, random: np.random.Generator) -> list[Lot]:
+def _lots_along(kerb_m: FloatArray, land_style: LandStyle, random: np.random.Generator) -> list[Lot]:
     length = length_m(kerb_m)
     lots = []
     start = float(random.uniform(0.0, 6.0))
-    while start + look.lot_wide_m[0] < length:
-        end = min(start + float(random.uniform(*look.lot_wide_m)), length)
-        deep = float(random.uniform(*look.lot_deep_m))
-        kinds, shares = zip(*look.lot_surfaces, strict=True)
+    while start + land_style.lot_width_m[0] < length:
+        end = min(start + float(random.uniform(*land_style.lot_width_m)), length)
+        deep = float(random.uniform(*land_style.lot_depth_m))
+        kinds, shares = zip(*land_style.lot_surfaces, strict=True)
         surface = kinds[int(np.searchsorted(np.cumsum(shares), random.random() * sum(shares)))]
         drive = np.zeros((0, 2))
         wide = float(random.uniform(*_DRIVE_M))
-        if surface == Surface.GRASS and random.random() < look.drives and end - start > 2 * wide:
+        if surface == Surface.GRASS and random.random() < land_style.driveway_share and end - start > 2 * wide:
             begin = float(random.uniform(start + 0.5, end - wide - 0.5))
-            drive = _behind(kerb_m, begin, begin + wide, float(random.uniform(0.3, 0.6)) * deep)
+            drive = _area_behind(kerb_m, begin, begin + wide, float(random.uniform(0.3, 0.6)) * deep)
         shade = int(random.integers(-_SHADES, _SHADES + 1))
-        lots.append(Lot(_behind(kerb_m, start, end, deep), surface, shade, drive))
+        lots.append(Lot(_area_behind(kerb_m, start, end, deep), surface, shade, drive))
         start = end
     return lots
 
 
-def _behind(kerb_m: FloatArray, start_m: float, end_m: float, deep_m: float) -> FloatArray:
-    """(4, 2) area to the right of a kerb, from one way along it to another."""
+def _area_behind(kerb_m: FloatArray, start_m: float, end_m: float, deep_m: float) -> FloatArray:
+    """Return a (4, 2) area to the right of a kerb, between two distances along it."""
     along = np.array([start_m, end_m])
     heading = directions_at(kerb_m, np.full(2, (start_m + end_m) / 2))
     front = points_at(kerb_m, along)
@@ -80,15 +80,18 @@ def _behind(kerb_m: FloatArray, start_m: float, end_m: float, deep_m: float) -> 
     return np.concatenate([front, back[::-1]])
 
 
-def draw_land(canvas: Canvas, lots: Sequence[Lot], look: Look, seed: int) -> None:
-    """Open ground everywhere, then the lots; streets are drawn over both."""
+def draw_land(canvas: Canvas, lots: Sequence[Lot], land_style: LandStyle, seed: int) -> None:
+    """Draw open ground everywhere, then the lots; streets are drawn on top."""
     label = canvas.raster[:, :, 0]
     rows, columns = (size // _NOISE_CELLS + 2 for size in label.shape)
-    bare = value_noise(np.random.default_rng([seed, 52]), (rows, columns), (28, 12, 4), (1.0, 0.6, 0.3)) > look.earth
+    bare = (
+        value_noise(np.random.default_rng([seed, 52]), (rows, columns), (28, 12, 4), (1.0, 0.6, 0.3))
+        > land_style.earth_threshold
+    )
     coarse = np.where(bare, np.uint8(Surface.EARTH), np.uint8(Surface.GRASS))
     size = (columns * _NOISE_CELLS, rows * _NOISE_CELLS)
     label[:] = cv2.resize(coarse, size, interpolation=cv2.INTER_NEAREST)[: label.shape[0], : label.shape[1]]
     for lot in lots:
         canvas.fill([lot.outline_m], lot.surface)
-        if len(lot.drive_m):
-            canvas.fill([lot.drive_m], Surface.YARD)
+        if len(lot.driveway_m):
+            canvas.fill([lot.driveway_m], Surface.YARD)

@@ -1,4 +1,4 @@
-"""Painted lines along the streets: SUMO's networks hold none, so they follow from the lanes."""
+"""Painted lines along the streets, derived from the lanes: SUMO networks hold none."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from scipy.spatial import cKDTree
 
 from appocc.checks import FloatArray, IntArray
 from appocc.polylines import clean, cut, dashes, directions_at, length_m, points_at, shifted
-from appocc.simulation.ground.road_segments import Stretch
+from appocc.simulation.ground.road_segments import RoadSegment
 from appocc.simulation.surface import Surface
 
 LINE_WIDTH_M = 0.15
 DASH_M, DASH_GAP_M = 3.0, 5.0
-# The last way before a junction, where lanes must not be changed.
+# Length of the solid line before a junction, where lane changes are prohibited.
 SOLID_M = 20.0
-# Between the two lines of a double one, middle to middle; from a lane's edge to the middle of its edge line.
+# Spacing of the two lines of a double line, and distance from a lane's edge to its edge line, centre to centre.
 DOUBLE_M, EDGE_M = 0.30, 0.20
-# Two directions belong to one carriageway when their borders are at most this far apart.
+# Two directions share a carriageway if their borders are at most this far apart.
 _TOGETHER_M = 0.9
 _SAMPLE_M = 0.5
 _NEIGHBOURS = 10
@@ -27,14 +27,14 @@ _SHORTEST_M = 1.0
 _NEAR_END_M = 30.0
 
 
-@dataclass(frozen=True)
-class Line:
-    """A painted line; a dash is a line of its own.
+@dataclass(frozen=True, eq=False)
+class MarkingLine:
+    """A painted line; each dash is a separate line.
 
     Attributes:
-        points_m: (N, 2) its middle.
+        points_m: (N, 2) its centre line.
         surface: LINE_WHITE or LINE_YELLOW.
-        between: whether it parts the two directions of a street.
+        between: whether it separates the two directions of a street.
     """
 
     points_m: FloatArray
@@ -43,13 +43,13 @@ class Line:
 
 
 @dataclass(frozen=True)
-class Habits:
-    """How a town paints its streets.
+class MarkingStyle:
+    """Marking style of a town.
 
     Attributes:
-        centre: colour between the directions.
-        double_on_small: whether streets of two lanes have a double line too, not dashes.
-        small_edges: whether streets of two lanes have edge lines.
+        centre: colour of the lines between the directions.
+        double_on_small: whether two-lane streets have a double centre line instead of dashes.
+        small_edges: whether two-lane streets have edge lines.
     """
 
     centre: Surface
@@ -57,75 +57,77 @@ class Habits:
     small_edges: bool
 
     @classmethod
-    def of(cls, seed: int) -> Habits:
-        """The habits of a town by its seed."""
+    def draw(cls, seed: int) -> MarkingStyle:
+        """Draw the marking style of a town by its seed."""
         draw = np.random.default_rng([seed, 51]).random(3)
         return cls(Surface.LINE_YELLOW if draw[0] < 0.6 else Surface.LINE_WHITE, draw[1] < 0.25, draw[2] < 0.3)
 
 
-def lines_of(stretches: Sequence[Stretch], habits: Habits) -> list[Line]:
-    """All lines along the streets."""
+def marking_lines(segments: Sequence[RoadSegment], style: MarkingStyle) -> list[MarkingLine]:
+    """Return all lines along the streets."""
     lines = []
-    for stretch in stretches:
-        lines += _between_lanes(stretch)
-        lines += _right_edge(stretch, habits)
-    return lines + _left_borders(stretches, habits)
+    for segment in segments:
+        lines += _between_lanes(segment)
+        lines += _right_edge(segment, style)
+    return lines + _left_borders(segments, style)
 
 
-def _between_lanes(stretch: Stretch) -> list[Line]:
+def _between_lanes(segment: RoadSegment) -> list[MarkingLine]:
     lines = []
-    for right, left in zip(stretch.lanes, stretch.lanes[1:], strict=False):
+    for right, left in zip(segment.lanes, segment.lanes[1:], strict=False):
         if "driving" not in (right.kind, left.kind):
             continue
         border = shifted(right.centre_m, right.width_m / 2)
         if right.kind == left.kind:
-            lines += _white(lane_line(border, stretch))
+            lines += _white_lines(lane_line(border, segment))
         else:
-            lines += _white([_trimmed(border, stretch, stretch.start.clear_leaving_m, stretch.end.clear_arriving_m)])
+            lines += _white_lines(
+                [_trim(border, segment, segment.start.clear_leaving_m, segment.end.clear_arriving_m)]
+            )
     return lines
 
 
-def lane_line(border_m: FloatArray, stretch: Stretch) -> list[FloatArray]:
-    """Dashes, and before a junction a solid line, along a border between lanes of one direction."""
-    line = _trimmed(border_m, stretch, stretch.start.clear_leaving_m, stretch.end.clear_arriving_m)
+def lane_line(border_m: FloatArray, segment: RoadSegment) -> list[FloatArray]:
+    """Return the dashes, and the solid part before a junction, along a border between lanes of one direction."""
+    line = _trim(border_m, segment, segment.start.clear_leaving_m, segment.end.clear_arriving_m)
     if len(line) < 2:
         return []
-    solid = SOLID_M if stretch.end.junction else 0.0
+    solid = SOLID_M if segment.end.junction else 0.0
     length = length_m(line)
     broken = cut(line, 0.0, length - solid)
     pieces = dashes(broken, DASH_M, DASH_GAP_M) if len(broken) else []
     return [*pieces, cut(line, length - solid, length)] if solid else pieces
 
 
-def _right_edge(stretch: Stretch, habits: Habits) -> list[Line]:
-    """The line along the right edge, where neither parked cars nor bicycles stand beside."""
-    outer = stretch.lanes[0]
-    if outer.kind != "driving" or not (stretch.arterial or habits.small_edges):
+def _right_edge(segment: RoadSegment, style: MarkingStyle) -> list[MarkingLine]:
+    """Return the right edge line; lanes next to parked cars or bicycles have none."""
+    outer = segment.lanes[0]
+    if outer.kind != "driving" or not (segment.arterial or style.small_edges):
         return []
     line = shifted(outer.centre_m, EDGE_M - outer.width_m / 2)
-    return _white([_trimmed(line, stretch, stretch.start.clear_leaving_m, stretch.end.clear_arriving_m)])
+    return _white_lines([_trim(line, segment, segment.start.clear_leaving_m, segment.end.clear_arriving_m)])
 
 
-def _left_borders(stretches: Sequence[Stretch], habits: Habits) -> list[Line]:
-    """Lines between the directions; where a median parts them, or there is one direction only, along the edge."""
-    borders = [clean(stretch.left_m) for stretch in stretches]
+def _left_borders(segments: Sequence[RoadSegment], style: MarkingStyle) -> list[MarkingLine]:
+    """Return the lines between the directions, and the left edge lines of medians and one-way streets."""
+    borders = [clean(segment.left_m) for segment in segments]
     along = [np.arange(_SAMPLE_M / 2, max(length_m(b), _SAMPLE_M), _SAMPLE_M) for b in borders]
-    partners = _partners(borders, along)
-    lines: list[Line] = []
-    for number, stretch in enumerate(stretches):
-        if stretch.lanes[-1].kind != "driving":
+    partners = _adjacent_borders(borders, along)
+    lines: list[MarkingLine] = []
+    for number, segment in enumerate(segments):
+        if segment.lanes[-1].kind != "driving":
             continue
         for start, end, other in _runs(partners[number], along[number], length_m(borders[number])):
             piece = cut(borders[number], start, end)
             if other < 0:
-                lines += _left_edge(piece, stretch, habits)
+                lines += _left_edge(piece, segment, style)
             elif number < other:
-                lines += _divider(_halfway(piece, borders[other]), stretch, stretches[other], habits)
+                lines += _divider(_move_halfway(piece, borders[other]), segment, segments[other], style)
     return lines
 
 
-def _partners(borders: Sequence[FloatArray], along_m: Sequence[FloatArray]) -> list[IntArray]:
-    """For ways along each border, the number of the border of the other direction close by; -1 if there is none."""
+def _adjacent_borders(borders: Sequence[FloatArray], along_m: Sequence[FloatArray]) -> list[IntArray]:
+    """Return, per sample along each border, the index of the adjacent opposite border; -1 if there is none."""
     points = np.concatenate([points_at(b, s) for b, s in zip(borders, along_m, strict=True)])
     headings = np.concatenate([directions_at(b, s) for b, s in zip(borders, along_m, strict=True)])
     counts = [len(s) for s in along_m]
@@ -140,7 +142,7 @@ def _partners(borders: Sequence[FloatArray], along_m: Sequence[FloatArray]) -> l
 
 
 def _runs(partner: IntArray, along_m: FloatArray, length: float) -> list[tuple[float, float, int]]:
-    """Stretches of way with the same partner; the ends reach the ends of the border."""
+    """Return runs of samples with the same partner; the first and the last reach the ends of the border."""
     changes = np.flatnonzero(np.diff(partner)) + 1
     bounds = [0.0, *(along_m[changes] - _SAMPLE_M / 2), length]
     partners = partner[[0, *changes]]
@@ -151,61 +153,63 @@ def _runs(partner: IntArray, along_m: FloatArray, length: float) -> list[tuple[f
     ]
 
 
-def _halfway(line_m: FloatArray, other_m: FloatArray) -> FloatArray:
-    """The line moved halfway towards another that runs close beside it."""
+def _move_halfway(line_m: FloatArray, other_m: FloatArray) -> FloatArray:
+    """Move a line halfway towards a parallel one nearby."""
     if len(line_m) < 2:
         return line_m
     fine = points_at(other_m, np.arange(0.0, length_m(other_m) + 0.05, 0.1))
     return np.asarray((line_m + fine[cKDTree(fine).query(line_m)[1]]) / 2)
 
 
-def _divider(middle_m: FloatArray, stretch: Stretch, other: Stretch, habits: Habits) -> list[Line]:
-    """The line between two directions: double on main streets, else dashed."""
-    start_m = max(stretch.start.clear_leaving_m, other.end.clear_arriving_m)
-    line = _trimmed(middle_m, stretch, start_m, max(stretch.end.clear_arriving_m, other.start.clear_leaving_m))
+def _divider(
+    middle_m: FloatArray, segment: RoadSegment, other: RoadSegment, style: MarkingStyle
+) -> list[MarkingLine]:
+    """Return the line between two directions: double on main streets, else dashed."""
+    start_m = max(segment.start.clear_leaving_m, other.end.clear_arriving_m)
+    line = _trim(middle_m, segment, start_m, max(segment.end.clear_arriving_m, other.start.clear_leaving_m))
     if len(line) < 2:
         return []
-    if stretch.arterial or other.arterial or habits.double_on_small:
+    if segment.arterial or other.arterial or style.double_on_small:
         pieces = [shifted(line, DOUBLE_M / 2), shifted(line, -DOUBLE_M / 2)]
     else:
-        pieces = _dashed_between_junctions(line, stretch)
-    return [Line(piece, habits.centre, True) for piece in pieces if len(piece) > 1]
+        pieces = _dashed_between_junctions(line, segment)
+    return [MarkingLine(piece, style.centre, True) for piece in pieces if len(piece) > 1]
 
 
-def _dashed_between_junctions(line_m: FloatArray, stretch: Stretch) -> list[FloatArray]:
-    """Dashes, and close to junctions a solid line."""
+def _dashed_between_junctions(line_m: FloatArray, segment: RoadSegment) -> list[FloatArray]:
+    """Return dashes with a solid part near the junctions."""
     length = length_m(line_m)
-    first = SOLID_M / 2 if stretch.start.junction and length > 3 * SOLID_M else 0.0
-    last = SOLID_M / 2 if stretch.end.junction and length > 3 * SOLID_M else 0.0
+    first = SOLID_M / 2 if segment.start.junction and length > 3 * SOLID_M else 0.0
+    last = SOLID_M / 2 if segment.end.junction and length > 3 * SOLID_M else 0.0
     broken = cut(line_m, first, length - last)
     pieces = [cut(line_m, 0.0, first), *dashes(broken, DASH_M, DASH_GAP_M), cut(line_m, length - last, length)]
     return [piece for piece in pieces if len(piece) > 1]
 
 
-def _left_edge(border_m: FloatArray, stretch: Stretch, habits: Habits) -> list[Line]:
-    if not stretch.arterial or len(border_m) < 2:
+def _left_edge(border_m: FloatArray, segment: RoadSegment, style: MarkingStyle) -> list[MarkingLine]:
+    if not segment.arterial or len(border_m) < 2:
         return []
     line = shifted(border_m, -EDGE_M)
-    line = _trimmed(line, stretch, stretch.start.clear_leaving_m, stretch.end.clear_arriving_m)
-    return [Line(line, habits.centre, False)] if len(line) > 1 else []
+    line = _trim(line, segment, segment.start.clear_leaving_m, segment.end.clear_arriving_m)
+    return [MarkingLine(line, style.centre, False)] if len(line) > 1 else []
 
 
-def _white(lines_m: Iterable[FloatArray]) -> list[Line]:
-    return [Line(line, Surface.LINE_WHITE, False) for line in lines_m if len(line) > 1]
+def _white_lines(lines_m: Iterable[FloatArray]) -> list[MarkingLine]:
+    return [MarkingLine(line, Surface.LINE_WHITE, False) for line in lines_m if len(line) > 1]
 
 
-def _trimmed(line_m: FloatArray, stretch: Stretch, start_m: float, end_m: float) -> FloatArray:
-    """The line without what lies nearer to the junctions than `start_m` and `end_m`, measured along the street."""
+def _trim(line_m: FloatArray, segment: RoadSegment, start_m: float, end_m: float) -> FloatArray:
+    """Cut off the parts of a line closer to the junctions than `start_m` and `end_m`, measured along the street."""
     if len(line_m) < 2:
         return line_m
     first, last = 0.0, length_m(line_m)
-    # Of a piece from the middle of a street, which lies far from its ends, nothing is cut.
-    if stretch.start.junction:
-        point, heading = stretch.section(False)
+    # Nothing is cut from a piece in the middle of a street, far from its ends.
+    if segment.start.junction:
+        point, heading = segment.section(False)
         first = start_m - float((line_m[0] - point) @ heading)
         first = first if np.hypot(*(line_m[0] - point)) < _NEAR_END_M else 0.0
-    if stretch.end.junction:
-        point, heading = stretch.section(True)
+    if segment.end.junction:
+        point, heading = segment.section(True)
         short = end_m + float((line_m[-1] - point) @ heading)
         last -= short if np.hypot(*(line_m[-1] - point)) < _NEAR_END_M else 0.0
     return cut(line_m, max(first, 0.0), min(last, length_m(line_m)))

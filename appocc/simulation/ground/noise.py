@@ -1,4 +1,4 @@
-"""Smooth noise: random values on lattices of several sizes, added up; tiles that repeat without a seam."""
+"""Value noise: random lattices of several sizes, summed; seamlessly tileable variants."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from appocc.checks import Float32Array
 def value_noise(
     random: np.random.Generator, shape: tuple[int, int], grains: tuple[int, ...], weights: tuple[float, ...]
 ) -> Float32Array:
-    """(H, W) float32 noise of mean about 0 and deviation about 1.
+    """Return (H, W) float32 noise with a mean of about 0 and a standard deviation of about 1.
 
     Args:
-        random: what it is drawn from.
+        random: random generator.
         shape: rows and columns.
-        grains: cells between the lattice's points, one for each layer.
-        weights: of the layers.
+        grains: lattice spacing in cells, one per octave.
+        weights: weight of each octave.
     """
     height, width = shape
     total = np.zeros(shape, np.float32)
@@ -28,12 +28,14 @@ def value_noise(
     return np.asarray(total / total.std())
 
 
-def tile(random: np.random.Generator, size: int, grains: tuple[int, ...], weights: tuple[float, ...]) -> Float32Array:
-    """(size, size) float32 noise that goes on evenly where copies of it meet."""
+def tileable_noise(
+    random: np.random.Generator, size: int, grains: tuple[int, ...], weights: tuple[float, ...]
+) -> Float32Array:
+    """Return (size, size) float32 noise that tiles without a seam."""
     rim = size // 8
     noise = value_noise(random, (size + rim, size + rim), grains, weights)
     share = np.linspace(0, 1, rim, endpoint=False, dtype=np.float32)
-    # The rim beyond the tile is mixed into its beginning; the weights keep the deviation even.
+    # The rim beyond the tile is blended into its beginning; the weights preserve the variance.
     for _ in range(2):
         mixed = noise[:rim] * np.sqrt(share)[:, None] + noise[size:] * np.sqrt(1 - share)[:, None]
         noise = np.concatenate([mixed, noise[rim:size]]).T

@@ -1,4 +1,4 @@
-"""Outlines of areas in a raster, as areas without holes."""
+"""Trace the outlines of raster areas as polygons without holes."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from appocc.simulation.surface import CELL_M
 _SIMPLE_CELLS = 0.6
 
 
-def outlines_of(mask: ByteArray, low_m: FloatArray) -> tuple[FloatArray, ...]:
-    """Outlines (N, 2), town frame, of a mask (H, W) uint8 of 0 and 1; no area has a hole.
+def trace_outlines(mask: ByteArray, low_m: FloatArray) -> tuple[FloatArray, ...]:
+    """Return the outlines (N, 2), town frame, of a mask (H, W) uint8 of 0 and 1; no area has a hole.
 
-    The mask is cut along rows that go through every hole, so that each hole lies at the rim of an area.
+    The mask is cut along rows through every hole, so that each hole touches the border of an area.
     """
     rows = _rows_through_holes(mask)
     found = []
@@ -23,13 +23,13 @@ def outlines_of(mask: ByteArray, low_m: FloatArray) -> tuple[FloatArray, ...]:
         contours, _ = cv2.findContours(mask[low:high], cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
         for contour in contours:
             if len(contour) > 2:
-                cells = _widened(contour[:, 0].astype(np.float64)) + np.array([0.5, low + 0.5])
+                cells = _widen(contour[:, 0].astype(np.float64)) + np.array([0.5, low + 0.5])
                 found.append(cells * CELL_M + low_m)
     return tuple(found)
 
 
 def _rows_through_holes(mask: ByteArray) -> list[int]:
-    """The fewest rows so that each hole has cells on both sides of one, or begins at one."""
+    """Return the smallest set of rows such that each hole has cells on both sides of one, or begins at one."""
     contours, family = cv2.findContours(mask, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_SIMPLE)
     holes = [] if family is None else [c for c, f in zip(contours, family[0], strict=True) if f[3] >= 0]
     spans = sorted((int(hole[:, 0, 1].max()) - 1, int(hole[:, 0, 1].min()) + 1) for hole in holes)
@@ -40,9 +40,9 @@ def _rows_through_holes(mask: ByteArray) -> list[int]:
     return rows
 
 
-def _widened(contour: FloatArray) -> FloatArray:
-    """A contour through the centres of the outermost cells, moved out to their rim and made simple."""
+def _widen(contour: FloatArray) -> FloatArray:
+    """Move a contour from the centres of the outermost cells to their outer edges, and simplify it."""
     around = np.concatenate([contour[-1:], contour, contour[:1]])
-    # OpenCV goes around counter-clockwise in its own axes (y down), so outside lies to the left in ours.
+    # OpenCV's contours run counter-clockwise with y down, so the outside is to the left here.
     out = (contour + normals(around)[1:-1] * 0.5).astype(np.float32)
     return np.asarray(cv2.approxPolyDP(out[:, None], _SIMPLE_CELLS, True)[:, 0], dtype=np.float64)

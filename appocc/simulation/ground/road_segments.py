@@ -1,4 +1,4 @@
-"""Where lines may be painted: one direction of a street from junction to junction, and what lies at its ends."""
+"""Road segments: one direction of a street from junction to junction, with its ends and lanes."""
 
 from __future__ import annotations
 
@@ -12,24 +12,24 @@ from appocc.checks import FloatArray
 from appocc.polylines import clean, length_m, shifted
 from appocc.simulation.network import Edge, Lane, LaneKind, RoadNetwork
 
-# From the junction's outline: gap, zebra, gap, stop line.
+# From the junction's outline: gap, zebra crossing, gap, stop line.
 ZEBRA_GAP_M, ZEBRA_M, STOP_GAP_M, STOP_WIDTH_M = 0.6, 3.6, 1.0, 0.4
 _LONG_ENOUGH_M = 24.0
 _FAST_MPS = 15.0
 _MOST_BACK_M = 6.0
-# Kinds of lanes that make up the carriageway.
+# Lane kinds of the carriageway.
 ROADWAY: tuple[LaneKind, ...] = ("driving", "parking", "cycling")
 
 
 @dataclass(frozen=True)
-class End:
-    """What lies at one end of a stretch.
+class SegmentEnd:
+    """One end of a road segment.
 
     Attributes:
-        junction: whether lines end here; where two streets merely meet they go on.
-        signal: whether lights control the traffic.
-        zebra: whether people cross here.
-        yields: whether the traffic that arrives has to give way.
+        junction: whether lines end here; they continue where two streets merely meet.
+        signal: whether traffic lights control it.
+        zebra: whether it has a pedestrian crossing.
+        yields: whether arriving traffic has to give way.
     """
 
     junction: bool = False
@@ -39,93 +39,93 @@ class End:
 
     @property
     def stop_m(self) -> float:
-        """Way from the end to the near side of the stop line."""
+        """Distance from the end to the near side of the stop line."""
         return ZEBRA_GAP_M + ZEBRA_M + STOP_GAP_M if self.zebra else ZEBRA_GAP_M
 
     @property
     def has_stop(self) -> bool:
-        """Whether a stop line is painted for the traffic that arrives."""
+        """Whether arriving traffic has a stop line."""
         return self.signal or self.yields
 
     @property
     def clear_arriving_m(self) -> float:
-        """Way before the end in which no lines between lanes are painted for the traffic that arrives."""
+        """Distance before the end without lane lines for arriving traffic."""
         return self.stop_m + STOP_WIDTH_M if self.has_stop else 0.5 if self.junction else 0.0
 
     @property
     def clear_leaving_m(self) -> float:
-        """The same for the traffic that leaves the junction."""
+        """Distance after the junction without lane lines for leaving traffic."""
         return ZEBRA_GAP_M + ZEBRA_M + 0.5 if self.zebra else 0.5 if self.junction else 0.0
 
 
-@dataclass(frozen=True)
-class Stretch:
+@dataclass(frozen=True, eq=False, kw_only=True)
+class RoadSegment:
     """One direction of a street.
 
     Attributes:
         lanes: from right to left, only those with a centre line.
         left_m: (N, 2) left border of the leftmost lane, in the direction of travel.
-        start: what lies at its beginning.
-        end: what lies at its end.
-        street: the same for both directions of a street.
-        start_back_m: way from the left border's beginning to where the street's first lane leaves the junction.
-        end_back_m: way from where the first lane meets the junction to the left border's end.
+        start: its first end.
+        end: its last end.
+        street: name shared by both directions of a street.
+        start_back_m: distance from the start of the left border to where the shortest lane leaves the junction.
+        end_back_m: distance from where the shortest lane meets the junction to the end of the left border.
     """
 
     lanes: tuple[Lane, ...]
     left_m: FloatArray
-    start: End
-    end: End
+    start: SegmentEnd
+    end: SegmentEnd
     street: str
     start_back_m: float = 0.0
     end_back_m: float = 0.0
 
     @property
     def width_m(self) -> float:
-        """Width of all lanes."""
+        """Total width of the lanes."""
         return sum(lane.width_m for lane in self.lanes)
 
     @property
     def driving(self) -> tuple[Lane, ...]:
-        """The lanes for cars, from right to left."""
+        """The car lanes, from right to left."""
         return tuple(lane for lane in self.lanes if lane.kind == "driving")
 
     @property
     def arterial(self) -> bool:
-        """Whether it is a main street: two or more lanes, or fast."""
+        """Whether it is a main street: two or more car lanes, or fast."""
         return len(self.driving) > 1 or any(lane.speed_mps > _FAST_MPS for lane in self.driving)
 
     def section(self, at_end: bool) -> tuple[FloatArray, FloatArray]:
-        """Point (2,) on the left border and direction of travel (2,) where the street meets the junction."""
+        """Return the left border point (2,) and the direction of travel (2,) where the segment meets a junction."""
         line = self.left_m if at_end else self.left_m[::-1]
         step = line[-1] - line[-2]
         out = step / np.hypot(*step)
         return line[-1] - out * (self.end_back_m if at_end else self.start_back_m), out if at_end else -out
 
 
-def stretches_of(network: RoadNetwork) -> list[Stretch]:
-    """All streets of a network, those short pieces between two of them that are junctions in name only included."""
+def find_road_segments(network: RoadNetwork) -> list[RoadSegment]:
+    """Return the segments of a network, including the short pieces inside junctions without crossing traffic."""
     ends = _junction_ends(network)
     found = [
-        _stretch(
+        _segment(
             edge.lanes,
             replace(ends[edge.from_junction], yields=False),
-            _arriving(network, edge, ends),
-            street_of(edge),
+            _arriving_end(network, edge, ends),
+            street_name(edge),
         )
         for edge in network.edges
     ]
-    whole = _facing({s.lanes[0].edge: s for s in found if s is not None}, network)
-    passages = [_stretch(lanes, End(), End(), street) for lanes, street in _passages(network, ends)]
+    whole = _align({s.lanes[0].edge: s for s in found if s is not None}, network)
+    passages = [_segment(lanes, SegmentEnd(), SegmentEnd(), street) for lanes, street in _passages(network, ends)]
     return [*whole, *(passage for passage in passages if passage is not None)]
 
 
-def street_of(edge: Edge) -> str:
-    """Name of a street, the same for both of its directions."""
+def street_name(edge: Edge) -> str:
+    """Return the name of a street, shared by both of its directions."""
     return " ".join(sorted((edge.from_junction, edge.to_junction)))
 
 
-def _stretch(lanes: Sequence[Lane], start: End, end: End, street: str) -> Stretch | None:
+def _segment(lanes: Sequence[Lane], start: SegmentEnd, end: SegmentEnd, street: str) -> RoadSegment | None:
     lined = [replace(lane, centre_m=clean(lane.centre_m)) for lane in lanes if lane.kind in ROADWAY]
     lined = [lane for lane in lined if length_m(lane.centre_m) > 0]
     if all(lane.kind != "driving" for lane in lined):
@@ -133,33 +133,41 @@ def _stretch(lanes: Sequence[Lane], start: End, end: End, street: str) -> Stretc
     left = shifted(lined[-1].centre_m, lined[-1].width_m / 2)
     if length_m(left) < _LONG_ENOUGH_M:
         start, end = replace(start, zebra=False), replace(end, zebra=False)
-    return Stretch(tuple(lined), left, start, end, street, _back(lined, left, False), _back(lined, left, True))
+    return RoadSegment(
+        lanes=tuple(lined),
+        left_m=left,
+        start=start,
+        end=end,
+        street=street,
+        start_back_m=_setback(lined, left, False),
+        end_back_m=_setback(lined, left, True),
+    )
 
 
-def _back(lanes: Sequence[Lane], left_m: FloatArray, at_end: bool) -> float:
-    """By how much the lane that reaches least far stays behind the left border, at one end."""
+def _setback(lanes: Sequence[Lane], left_m: FloatArray, at_end: bool) -> float:
+    """Return how far the shortest lane stays behind the left border, at one end."""
     line = left_m if at_end else left_m[::-1]
     step = line[-2] - line[-1]
     ends = np.stack([lane.centre_m[-1 if at_end else 0] for lane in lanes])
     return min(max(0.0, float(((ends - line[-1]) @ (step / np.hypot(*step))).max())), _MOST_BACK_M)
 
 
-def _facing(stretches: Mapping[str, Stretch], network: RoadNetwork) -> list[Stretch]:
-    """Both directions of a street end at the same cross-section of it, so that zebras go straight across."""
+def _align(segments: Mapping[str, RoadSegment], network: RoadNetwork) -> list[RoadSegment]:
+    """Align both directions of a street at the same cross-sections, so that zebras are perpendicular to it."""
     edges = {edge.name: edge for edge in network.edges}
-    joined = []
-    for name, stretch in stretches.items():
+    aligned = []
+    for name, segment in segments.items():
         back = network.opposite(edges[name])
-        other = stretches.get(back.name) if back is not None else None
-        if other is not None and np.hypot(*(other.left_m[0] - stretch.left_m[-1])) < _MOST_BACK_M:
-            stretch = replace(stretch, end_back_m=max(stretch.end_back_m, other.start_back_m))
-        if other is not None and np.hypot(*(other.left_m[-1] - stretch.left_m[0])) < _MOST_BACK_M:
-            stretch = replace(stretch, start_back_m=max(stretch.start_back_m, other.end_back_m))
-        joined.append(stretch)
-    return joined
+        other = segments.get(back.name) if back is not None else None
+        if other is not None and np.hypot(*(other.left_m[0] - segment.left_m[-1])) < _MOST_BACK_M:
+            segment = replace(segment, end_back_m=max(segment.end_back_m, other.start_back_m))
+        if other is not None and np.hypot(*(other.left_m[-1] - segment.left_m[0])) < _MOST_BACK_M:
+            segment = replace(segment, start_back_m=max(segment.start_back_m, other.end_back_m))
+        aligned.append(segment)
+    return aligned
 
 
-def _junction_ends(network: RoadNetwork) -> dict[str, End]:
+def _junction_ends(network: RoadNetwork) -> dict[str, SegmentEnd]:
     ways: Mapping[str, set[tuple[str, str]]] = defaultdict(set)
     signalled = set()
     to_junction = {edge.name: edge.to_junction for edge in network.edges}
@@ -175,12 +183,12 @@ def _junction_ends(network: RoadNetwork) -> dict[str, End]:
         pairs = ways.get(name, set())
         branches = len(pairs) > len({a for a, _ in pairs}) or len(pairs) > len({b for _, b in pairs})
         signal = name in signalled
-        ends[name] = End(branches or signal, signal, signal and branches)
+        ends[name] = SegmentEnd(branches or signal, signal, signal and branches)
     return ends
 
 
-def _arriving(network: RoadNetwork, edge: Edge, ends: Mapping[str, End]) -> End:
-    """The end of an edge; it yields where others have priority or where, among equals, no way goes straight on."""
+def _arriving_end(network: RoadNetwork, edge: Edge, ends: Mapping[str, SegmentEnd]) -> SegmentEnd:
+    """Return the end of an edge; it yields to edges of higher priority, or if it has no way straight on."""
     end = ends[edge.to_junction]
     if not end.junction or end.signal:
         return end
@@ -193,8 +201,8 @@ def _arriving(network: RoadNetwork, edge: Edge, ends: Mapping[str, End]) -> End:
     return replace(end, yields=edge.priority < best or not (ahead or not links))
 
 
-def _passages(network: RoadNetwork, ends: Mapping[str, End]) -> list[tuple[list[Lane], str]]:
-    """Lanes inside junctions through which every street has one way only, by edge, and the street they continue."""
+def _passages(network: RoadNetwork, ends: Mapping[str, SegmentEnd]) -> list[tuple[list[Lane], str]]:
+    """Return the lanes inside junctions without crossing traffic, by edge, and the street they continue."""
     edge_of = {edge.name: edge for edge in network.edges}
     inner = {lane.name: lane for lane in network.inner_lanes}
     groups: dict[str, dict[str, Lane]] = defaultdict(dict)
@@ -203,5 +211,5 @@ def _passages(network: RoadNetwork, ends: Mapping[str, End]) -> list[tuple[list[
         before = edge_of.get(link.from_lane.rpartition("_")[0])
         if before and link.via in inner and link.direction != "t" and not ends[before.to_junction].junction:
             groups[inner[link.via].edge][link.via] = inner[link.via]
-            street[inner[link.via].edge] = street_of(before)
+            street[inner[link.via].edge] = street_name(before)
     return [(sorted(lanes.values(), key=lambda lane: lane.index), street[name]) for name, lanes in groups.items()]

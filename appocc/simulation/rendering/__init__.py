@@ -1,1 +1,1 @@
-"""From a town, its actors and the weather to pictures, LiDAR and views from above."""
+"""Rendering of a town with its actors in a weather: camera images, LiDAR sweeps and bird's-eye views."""

@@ -1,4 +1,4 @@
-"""How the kernels are compiled, and when what was compiled is out of date."""
+"""Compilation of the numba kernels, and invalidation of their cache."""
 
 from __future__ import annotations
 
@@ -8,38 +8,38 @@ from typing import Any, TypeVar
 
 import numba
 
-# Reordering and reciprocals are welcome; infinite distances must stay what they are.
+# Reordering and reciprocals are allowed; infinite distances must stay infinite.
 _OPTIONS: dict[str, Any] = {
     "nogil": True,
     "fastmath": {"reassoc", "contract", "arcp", "nsz", "afn"},
     "error_model": "numpy",
-    "no_cfunc_wrapper": True,  # leaving it out shortens the first run
+    "no_cfunc_wrapper": True,  # saves time in the first run
 }
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
 
 def kernel(function: _Function) -> _Function:
     """Compile a function over many elements."""
-    return _kept(function, {})
+    return _compile_cached(function, {})
 
 
-def outer(function: _Function) -> _Function:
-    """Compile a function over many elements that makes no arrays, without counting references to those it is given.
+def array_free_kernel(function: _Function) -> _Function:
+    """Compile a function over many elements that allocates no arrays, without reference counting.
 
-    Small functions that pass tuples of arrays on would spend two thirds of their time on the counts.
+    Otherwise, small functions that pass on tuples of arrays spend two thirds of their time on reference counting.
     """
-    return _kept(function, {"_nrt": False})
+    return _compile_cached(function, {"_nrt": False})
 
 
-def inner(function: _Function) -> _Function:
-    """Compile a function that others call for each element: it makes no arrays, and becomes a part of its callers."""
+def inlined(function: _Function) -> _Function:
+    """Compile a function that kernels call per element: it allocates no arrays and is inlined."""
     options: dict[str, Any] = {**_OPTIONS, "_nrt": False, "forceinline": True}
     compiled: _Function = numba.njit(**options)(function)
     return compiled
 
 
 def _stamp() -> tuple[float, int]:
-    """When any module of this package was last changed, and their size."""
+    """Return the latest modification time of this package's modules, and their total size."""
     files = [path.stat() for path in Path(__file__).parent.glob("*.py")]
     return max(file.st_mtime for file in files), sum(file.st_size for file in files)
 
@@ -47,11 +47,11 @@ def _stamp() -> tuple[float, int]:
 _STAMP = _stamp()
 
 
-def _kept(function: _Function, more: dict[str, Any]) -> _Function:
-    """Compile, and make the copy on disk depend on the whole package: numba looks at the function's own module only.
+def _compile_cached(function: _Function, more: dict[str, Any]) -> _Function:
+    """Compile a function and make its cache depend on the whole package, not only on the function's own module.
 
-    A kernel with old versions of the small functions of other modules inside would read beyond its arrays. Numba
-    compares the version before it unpickles an index: one that names modules which are gone is never unpickled.
+    A kernel with outdated inlined functions of other modules would read beyond its arrays. Numba compares the version
+    before it unpickles an index, so an index that refers to removed modules is never unpickled.
     """
     options: dict[str, Any] = {**_OPTIONS, **more, "cache": True}
     compiled: Any = numba.njit(**options)(function)

@@ -1,8 +1,12 @@
-"""Embree, sixteen rays at a time.
+"""Ray tracing by Embree in packets of sixteen rays.
 
-The package embreex brings Embree's library with it, but hands it one ray after the other. Rays of neighbouring pixels
-take nearly the same way through the search tree; in packets they are traced three to four times as fast. So the
-library is called directly; where it cannot be found, `scene_of` gives back a scene traced by embreex.
+The package embreex ships Embree's library, but traces single rays. Rays of neighbouring pixels take nearly the same
+path through the search tree; in packets they are traced three to four times as fast. Therefore the library is called
+directly; where it is not found, `build_scene` returns a scene traced by embreex.
+
+Embree intersects packets and single rays with different instructions. The two agree up to rounding of float32, except
+for rare rays along the edges of faces (some 20 in a million), which hit another face or none. Hence a dataset of the
+fallback has other bytes than one traced in packets: the same seed gives the same bytes within either way of tracing.
 """
 
 from __future__ import annotations
@@ -24,9 +28,9 @@ from numpy.typing import NDArray
 
 from appocc.checks import BoolArray, Float32Array, IntArray
 from appocc.simulation.mesh import Mesh
-from appocc.simulation.rendering.compiled import inner, outer
+from appocc.simulation.rendering.compiled import array_free_kernel, inlined
 
-# Numbers from Embree 4's headers.
+# Constants from the headers of Embree 4.
 _TRIANGLES, _INDEX, _VERTEX, _FLOAT3, _UINT3, _COHERENT = 0, 0, 1, 0x9003, 0x5003, 1 << 16
 _PACKET = 16
 _Pointer, _Int, _Size = ctypes.c_void_p, ctypes.c_int, ctypes.c_size_t
@@ -46,29 +50,29 @@ _FUNCTIONS: dict[str, tuple[Any, list[Any]]] = {
 }
 
 
-class Scene(Protocol):
-    """Triangles that rays can be traced against."""
+class RayScene(Protocol):
+    """Triangles that rays are traced against."""
 
     def nearest(
         self, origins: Float32Array, directions: Float32Array, distance_m: Float32Array
     ) -> tuple[NDArray[np.int32], Float32Array]:
-        """Face (N,), -1 for none, and (N, 2) barycentric weights that rays meet within a distance, which shrinks."""
+        """Return face (N,) or -1, and (N, 2) barycentric weights of the first hits; updates `distance_m`."""
         ...
 
     def blocked(self, origins: Float32Array, directions: Float32Array) -> BoolArray:
-        """(N,) whether rays meet anything."""
+        """Return (N,) whether rays hit anything."""
         ...
 
 
-def scene_of(mesh: Mesh) -> Scene | None:
-    """A mesh to be traced; None of an empty one."""
+def build_scene(mesh: Mesh) -> RayScene | None:
+    """Build the scene of a mesh; None if the mesh is empty."""
     if not len(mesh.faces):
         return None
-    return PacketScene(mesh) if _library() else PlainScene(mesh)
+    return PacketScene(mesh) if _library() else SingleRayScene(mesh)
 
 
-class PlainScene:
-    """Traced by embreex, ray by ray."""
+class SingleRayScene:
+    """A scene traced by embreex with single rays."""
 
     def __init__(self, mesh: Mesh) -> None:
         """Build the search tree."""
@@ -78,20 +82,20 @@ class PlainScene:
     def nearest(
         self, origins: Float32Array, directions: Float32Array, distance_m: Float32Array
     ) -> tuple[NDArray[np.int32], Float32Array]:
-        """See `Scene.nearest`."""
-        # Embree overwrites the limits it is given.
+        """See `RayScene.nearest`."""
+        # Embree overwrites the limits passed to it.
         found = self._scene.run(origins, directions, dists=distance_m.copy(), query="INTERSECT", output=1)
         met = found["primID"] >= 0
         distance_m[met] = found["tfar"][met]
         return found["primID"], np.stack([found["u"], found["v"]], axis=1)
 
     def blocked(self, origins: Float32Array, directions: Float32Array) -> BoolArray:
-        """See `Scene.blocked`."""
+        """See `RayScene.blocked`."""
         return np.asarray(self._scene.run(origins, directions, query="OCCLUDED") == 0)
 
 
 class PacketScene:
-    """Traced by Embree's own interface."""
+    """A scene traced through Embree's C interface in packets."""
 
     def __init__(self, mesh: Mesh) -> None:
         """Build the search tree."""
@@ -116,7 +120,7 @@ class PacketScene:
     def nearest(
         self, origins: Float32Array, directions: Float32Array, distance_m: Float32Array
     ) -> tuple[NDArray[np.int32], Float32Array]:
-        """See `Scene.nearest`."""
+        """See `RayScene.nearest`."""
         face, uv, packet = np.empty(len(origins), np.int32), np.zeros((len(origins), 2), np.float32), _Packet()
         addresses = packet.addresses(self._intersect, self._scene)
         _nearest(
@@ -125,7 +129,7 @@ class PacketScene:
         return face, uv
 
     def blocked(self, origins: Float32Array, directions: Float32Array) -> BoolArray:
-        """See `Scene.blocked`."""
+        """See `RayScene.blocked`."""
         blocked, packet = np.empty(len(origins), np.bool_), _Packet()
         addresses = packet.addresses(self._occluded, self._scene)
         _blocked(addresses, packet.rays, packet.valid, origins, directions, blocked)
@@ -134,7 +138,7 @@ class PacketScene:
 
 @lru_cache(maxsize=1)
 def _library() -> tuple[Any, int] | None:
-    """Embree's library and a device of it; None where it is not found or not as expected."""
+    """Load Embree's library and create a device; None if it is missing or not of the expected version."""
     folder = Path(str(embreex.__file__)).parent
     files = [*folder.parent.glob("embreex.libs/*embree4*"), *folder.glob(".dylibs/*embree4*")]
     try:
@@ -144,7 +148,7 @@ def _library() -> tuple[Any, int] | None:
             function.restype, function.argtypes = result, arguments
     except (OSError, AttributeError, IndexError):
         return None
-    device = library.rtcNewDevice(b"threads=1")  # one process a core: its scenes are built on that core
+    device = library.rtcNewDevice(b"threads=1")  # one process per core: each builds its scenes on its own core
     version = library.rtcGetDeviceProperty(device, 0) if device else 0
     return (library, device) if 40000 <= version < 50000 else None
 
@@ -154,7 +158,7 @@ def _address(function: Any) -> int:
 
 
 def _call(typing: Any, function: Any, valid: Any, scene: Any, rays: Any, arguments: Any) -> Any:
-    """Call a C function at an address with four pointers, from compiled code."""
+    """Call a C function by address with four pointers, from compiled code."""
     signature = types.void(*(types.intp,) * 5)
 
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
@@ -171,29 +175,29 @@ _call_c: Any = intrinsic(_call)
 
 
 class _Packet:
-    """Rays with hits (22 fields of sixteen), which lanes count, and arguments; each on a border of 64 bytes."""
+    """Buffers of a packet: rays with hits (22 fields of sixteen), active lanes, arguments; 64-byte aligned."""
 
     def __init__(self) -> None:
         self.rays, self.lanes, arguments = (_aligned(size) for size in (22 * _PACKET, _PACKET, 16))
         arguments.view(np.int32)[:2] = _COHERENT, -1  # all features
         self.whole, self.valid, self._arguments = self.rays.view(np.int32), self.lanes.view(np.int32), arguments
-        # A ray's fields: origin, nearest, direction, time, farthest, mask, number, flags.
+        # Fields of a ray: origin, nearest, direction, time, farthest, mask, number, flags.
         self.whole[9 * _PACKET : 10 * _PACKET] = -1
 
     def addresses(self, function: int, scene: int) -> IntArray:
-        """(5,) of the function and its arguments."""
+        """Return (5,) addresses of the function and its arguments."""
         data = (self.lanes.ctypes.data, scene, self.rays.ctypes.data, self._arguments.ctypes.data)
         return np.array([function, *data], np.int64)
 
 
 def _aligned(count: int) -> Float32Array:
-    """(count,) float32 zeros that begin on a border of 64 bytes."""
+    """Return (count,) float32 zeros, aligned to 64 bytes."""
     space = np.zeros(count + 16, np.float32)
     first = -space.ctypes.data % 64 // 4
     return space[first : first + count]
 
 
-@inner
+@inlined
 def _fill(
     rays: Float32Array,
     valid: NDArray[np.int32],
@@ -202,7 +206,7 @@ def _fill(
     start: int,
     count: int,
 ) -> None:
-    """Enter a packet's origins and directions; lanes beyond `count` repeat the last ray and do not count."""
+    """Write origins and directions into a packet; lanes beyond `count` repeat the last ray and are inactive."""
     for lane in range(_PACKET):
         i = start + min(lane, count - 1)
         valid[lane] = -1 if lane < count else 0
@@ -211,7 +215,7 @@ def _fill(
             rays[(4 + k) * _PACKET + lane] = directions[i, k]
 
 
-@outer
+@array_free_kernel
 def _nearest(
     addresses: IntArray,
     rays: Float32Array,
@@ -228,7 +232,7 @@ def _nearest(
         _fill(rays, valid, origins, directions, start, count)
         for lane in range(_PACKET):
             rays[8 * _PACKET + lane] = distance[start + min(lane, count - 1)]
-            whole[18 * _PACKET + lane] = -1  # geometry met
+            whole[18 * _PACKET + lane] = -1  # geometry that was hit
         _call_c(addresses[0], addresses[1], addresses[2], addresses[3], addresses[4])
         for lane in range(count):
             i = start + lane
@@ -238,7 +242,7 @@ def _nearest(
                 uv[i, 0], uv[i, 1] = rays[15 * _PACKET + lane], rays[16 * _PACKET + lane]
 
 
-@outer
+@array_free_kernel
 def _blocked(
     addresses: IntArray,
     rays: Float32Array,

@@ -1,4 +1,4 @@
-"""A spinning LiDAR with 32 beams, as nuScenes' car carries it: points, intensity, ring, and what each point is on."""
+"""A spinning LiDAR with 32 beams as in nuScenes: points, intensity, ring, category and actor of each point."""
 
 from __future__ import annotations
 
@@ -15,38 +15,38 @@ from appocc.simulation.rendering.tracing import ACTOR, GROUND, SKY, TOWN, Hits, 
 from appocc.simulation.surface import CELL_M, ROAD_SURFACES, Ground, Surface
 from appocc.simulation.town import Town
 
-# nuScenes: x to the right, y forward; above the roof.
+# nuScenes: x to the right, y forward; mounted above the roof.
 EGO_FROM_LIDAR = transform(np.array([[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]]), [0.94, 0.0, 1.84])
 BEAMS_RAD = np.radians(np.linspace(-30.67, 10.67, 32))
-# Nearer than this it hears its own pulse.
+# Closer returns are suppressed.
 _NEAREST_M = 1.0
-# A surface of 10 % that faces the sensor is found up to here in half of all shots.
+# Range at which a surface of 10 % reflectance that faces the sensor returns half of all shots.
 _REACH_M = 70.0
 _OF_NOISE_M = 0.02
-# Share of infrared light that comes back from a white surface of a material.
+# Infrared reflectance of a white surface of a material.
 _REFLECTANCE = np.full(len(Material), 0.5, np.float32)
-_REFLECTANCE[[Material.FOLIAGE, Material.HEDGE]] = 1.3  # leaves are bright in the infrared
+_REFLECTANCE[[Material.FOLIAGE, Material.HEDGE]] = 1.3  # foliage is bright in the infrared
 _REFLECTANCE[[Material.GLASS, Material.WINDOW, Material.SHOPFRONT]] = 0.12
 _REFLECTANCE[[Material.RUBBER, Material.TRIM]] = 0.35
 _REFLECTANCE[[Material.CLOTH, Material.SKIN]] = 0.7
-# Made to send light back to where it came from, whatever their tint: brighter than any white wall.
+# Retro-reflectors, independent of their tint: brighter than any white wall.
 _RETRO = np.zeros(len(Material), np.float32)
 _RETRO[[Material.SIGN, Material.PLATE, Material.HEAD_LAMP, Material.TAIL_LAMP]] = 2.2, 1.6, 0.9, 1.2
-# Smooth surfaces throw most of the light on, away from the sensor, unless they face it.
+# Smooth surfaces reflect most of the light away from the sensor unless they face it.
 _SMOOTH = np.zeros(len(Material), np.bool_)
 _SMOOTH[[Material.PAINT, Material.GLASS, Material.WINDOW, Material.SHOPFRONT, Material.CHROME]] = True
 _MARKINGS = tuple(s for s in Surface if s >= Surface.ZEBRA)
 _OUTSIDE = Surface.GRASS
 
 
-@dataclass(frozen=True)
-class Sweep:
-    """P points of one turn, by column (clockwise from behind) and within it from the lowest beam up.
+@dataclass(frozen=True, eq=False)
+class LidarSweep:
+    """P points of one revolution, by column (clockwise from behind), and within a column from the lowest beam up.
 
     Attributes:
         points: (P, 5) float32 x, y, z in metres, intensity 0..255, ring 0 (lowest) .. 31; LiDAR frame.
-        category: (P,) uint8 position in nuScenes' `CATEGORIES` of what was hit (nuScenes-lidarseg).
-        actor: (P,) int32 number of the actor that was hit, -1 for none.
+        category: (P,) uint8 index in nuScenes' `CATEGORIES` (nuScenes-lidarseg).
+        actor: (P,) int32 index of the actor that was hit, -1 for none.
     """
 
     points: Float32Array
@@ -59,7 +59,7 @@ class Sweep:
             frozen(array)
 
 
-def sweep(
+def simulate_sweep(
     tracer: Tracer,
     town: Town,
     actors_mesh: Mesh,
@@ -68,18 +68,18 @@ def sweep(
     random: np.random.Generator | None,
     columns: int = 1080,
     range_m: float = 90.0,
-) -> Sweep:
-    """One turn of the LiDAR, all at one moment.
+) -> LidarSweep:
+    """Simulate one revolution of the LiDAR, without motion during it.
 
     Args:
-        tracer: the town with `actors_mesh` set, the ego left out.
-        town: whose ground and solids are hit.
-        actors_mesh: faces of all actors; the tag is the actor's number.
+        tracer: tracer of the town with `actors_mesh` set, without the ego.
+        town: ground and static scenery.
+        actors_mesh: faces of all actors; the tag is the index of the actor.
         actor_category: (A,) category of each actor of the log, see `truth.objects.category_indices`.
         town_from_ego: (4, 4) pose.
-        random: of noise and lost points; None for exact points, none of them lost.
-        columns: shots of each beam in a turn.
-        range_m: nothing is found beyond.
+        random: random generator of noise and dropouts; None for exact points without dropouts.
+        columns: shots of each beam per revolution.
+        range_m: maximum range.
     """
     beams, ring = _directions(columns)
     town_from_lidar = town_from_ego @ EGO_FROM_LIDAR
@@ -89,7 +89,7 @@ def sweep(
     keep = np.flatnonzero((hits.source != SKY) & (hits.distance_m >= _NEAREST_M) & (hits.distance_m <= range_m))
     hits = Hits(hits.distance_m[keep], hits.source[keep], hits.face[keep], hits.uv[keep])
     towards, beams, ring = towards[keep], beams[keep], ring[keep]
-    surface = _Surface.of(hits, start[keep] + towards * hits.distance_m[:, None], towards, town, actors_mesh)
+    surface = _HitSurfaces.look_up(hits, start[keep] + towards * hits.distance_m[:, None], towards, town, actors_mesh)
     distance = hits.distance_m.astype(np.float64)
     intensity = surface.intensity()
     if random is not None:
@@ -105,11 +105,11 @@ def sweep(
     category = surface.category
     hit_actor = surface.actor >= 0
     category[hit_actor] = actor_category[surface.actor[hit_actor]]
-    return Sweep(points[found].astype(np.float32), category[found], surface.actor[found])
+    return LidarSweep(points[found].astype(np.float32), category[found], surface.actor[found])
 
 
 def _directions(columns: int) -> tuple[FloatArray, FloatArray]:
-    """Unit directions (columns * 32, 3) in the LiDAR frame and their rings."""
+    """Return unit directions (columns * 32, 3) in the LiDAR frame and their rings."""
     turn = -np.pi / 2 - 2 * np.pi * np.arange(columns) / columns
     across, up = np.cos(BEAMS_RAD), np.sin(BEAMS_RAD)
     beams = np.stack(
@@ -123,17 +123,19 @@ def _directions(columns: int) -> tuple[FloatArray, FloatArray]:
     return beams.reshape(-1, 3), np.tile(np.arange(float(len(up))), columns)
 
 
-@dataclass(frozen=True)
-class _Surface:
-    """What points lie on: share of light sent back, whether mirrors of light, category, actor, all (P,)."""
+@dataclass(frozen=True, eq=False)
+class _HitSurfaces:
+    """Surfaces hit by the rays: reflected share, category and actor, all (P,)."""
 
     back: FloatArray
     category: ByteArray
     actor: NDArray[np.int32]
 
     @classmethod
-    def of(cls, hits: Hits, place: Float32Array, towards: Float32Array, town: Town, actors_mesh: Mesh) -> _Surface:
-        """The surfaces at hits, at places (P, 3) in the town, met along directions (P, 3)."""
+    def look_up(
+        cls, hits: Hits, place: Float32Array, towards: Float32Array, town: Town, actors_mesh: Mesh
+    ) -> _HitSurfaces:
+        """Look up the surfaces at hits, at points (P, 3) in the town, hit along directions (P, 3)."""
         count = len(place)
         back, facing = np.empty(count), np.empty(count)
         category, actor = np.empty(count, np.uint8), np.full(count, -1, np.int32)
@@ -147,21 +149,21 @@ class _Surface:
             category[on] = _CATEGORY_OF_MATERIAL[mesh.material[face]]
             if source == ACTOR:
                 actor[on] = mesh.tag[face]
-        # Rough ground sends light back even at a glance.
+        # Rough ground also reflects at grazing angles.
         return cls(back * (0.35 + 0.65 * np.clip(facing, 0, 1)), category, actor)
 
     def intensity(self) -> FloatArray:
-        """(P,) on nuScenes' scale: up to about 100 for matt surfaces, up to 255 for what is made to shine back."""
+        """Return (P,) intensity on nuScenes' scale: about 100 at most for matt surfaces, 255 for retro-reflectors."""
         return np.asarray(np.clip(100 * self.back, 0, 255))
 
 
 def _lightness(rgb: NDArray[np.uint8]) -> FloatArray:
-    """Linear brightness 0..1 of sRGB colours (N, 3)."""
+    """Return linear brightness 0..1 of sRGB colours (N, 3)."""
     return np.asarray((rgb.astype(np.float64) / 255) ** 2.2 @ [0.3, 0.5, 0.2])
 
 
 def _ground(ground: Ground, place: Float32Array) -> tuple[FloatArray, ByteArray]:
-    """Share of light sent back and category of places (N, 3) on the ground."""
+    """Return reflected share and category of points (N, 3) on the ground."""
     cell = np.floor((place[:, :2] - ground.low_m) / CELL_M).astype(np.int64)
     inside = ((cell >= 0) & (cell < ground.label.shape[::-1])).all(axis=1)
     label = np.full(len(place), _OUTSIDE, np.uint8)
@@ -175,7 +177,7 @@ def _ground(ground: Ground, place: Float32Array) -> tuple[FloatArray, ByteArray]
 def _mesh_back(
     mesh: Mesh, face: NDArray[np.int32], towards: Float32Array, facing: FloatArray, on: NDArray[np.bool_]
 ) -> FloatArray:
-    """Share of light sent back by faces (N,) met along directions (N, 3); their cosines go into `facing[on]`."""
+    """Return the reflected share of faces (N,) hit along directions (N, 3); write their cosines into `facing[on]`."""
     a, b, c = (mesh.vertices_m[mesh.faces[face, k]] for k in range(3))
     normal = np.cross(b - a, c - a)
     length = np.linalg.norm(normal, axis=1)
@@ -189,7 +191,7 @@ def _mesh_back(
 
 
 def _table(fill: str, **named: tuple[int, ...]) -> ByteArray:
-    """(256,) uint8 positions in `CATEGORIES`."""
+    """Return (256,) uint8 indices in `CATEGORIES`."""
     table = np.full(256, CATEGORIES.index(fill), np.uint8)
     for name, entries in named.items():
         table[list(entries)] = CATEGORIES.index(name.replace("__", "."))

@@ -1,4 +1,4 @@
-"""Where light comes from: sun and sky of a weather, open sky over each place, street lamps, lamps of vehicles."""
+"""Light sources: sun and sky of a weather, sky visibility in the town, street lamps, vehicle lamps."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from appocc.simulation.rendering.tracing import Tracer
 from appocc.simulation.rendering.weather import Weather
 from appocc.simulation.surface import Ground
 from appocc.simulation.town import Town
-from appocc.simulation.traffic import Light as Shown
+from appocc.simulation.traffic import Light
 
 OPEN_CELL_M, LAMP_CELL_M, NEAR_CELL_M = 2.0, 1.0, 0.25
 NEAR_CELLS = 640
@@ -28,30 +28,30 @@ _PROBES = 20
 
 
 class Lighting(NamedTuple):
-    """All light of a moment as kernels take it; radiance such that a white sheet in it shows its value.
+    """Light of a scene in the form the kernels take; a white surface has the value of its irradiance.
 
     Attributes:
         sun_to: (3,) unit direction to the sun.
-        sun: (3,) light on a sheet that faces the sun.
-        up: (3,) light of the open sky on a sheet that lies.
-        bounce: (3,) light that comes back from the ground.
-        sky: map of the sky, see `sky_at`.
+        sun: (3,) irradiance of a surface that faces the sun.
+        up: (3,) irradiance of a horizontal surface by the open sky.
+        bounce: (3,) light reflected by the ground.
+        sky: sky map, see `sky_at`.
         horizon: (3,) colour of the haze.
-        haze_per_m: share of light that a metre takes away.
+        haze_per_m: extinction per metre.
         wetness: 0..1.
-        lamps: strength of lamps, 0 with all off.
-        white: radiance that looks white in the picture; lamps are set against it.
-        low_x: corner of `open` and `lamp`, metres.
-        low_y: the same.
-        open: (Y, X) float32 share of the sky that is open; cells of OPEN_CELL_M.
+        lamps: strength of lamps, 0 if all are off.
+        white: radiance that appears white in the image; lamps are scaled by it.
+        low_x: lower corner of `open` and `lamp`, metres.
+        low_y: lower corner of `open` and `lamp`, metres.
+        open: (Y, X) float32 visible share of the sky; cells of OPEN_CELL_M.
         lamp: (Y, X) float32 light of the street lamps on the ground; cells of LAMP_CELL_M.
-        near_x: corner of `near`.
-        near_y: the same.
-        near: (NEAR_CELLS, NEAR_CELLS, 3) float32 around the ego: open share under vehicles, light of head lamps,
+        near_x: lower corner of `near`, metres.
+        near_y: lower corner of `near`, metres.
+        near: (NEAR_CELLS, NEAR_CELLS, 3) float32 around the ego: sky visibility under vehicles, light of head lamps,
             red light of tail lamps; cells of NEAR_CELL_M.
         ego_from_town: (3, 4) float32.
-        ego_box: (4,) float32 length, width, height of the ego and x of its centre in the ego frame; all 0: no ego.
-        noise: the noise tile.
+        ego_box: (4,) float32 length, width, height of the ego, x of its centre in the ego frame; zeros without ego.
+        noise: noise tile.
     """
 
     sun_to: Float32Array
@@ -76,13 +76,13 @@ class Lighting(NamedTuple):
     noise: Float32Array
 
 
-@dataclass(frozen=True)
-class Ego:
-    """The vehicle that carries the cameras: it casts a shadow and light, but its mesh is not there.
+@dataclass(frozen=True, eq=False)
+class EgoBody:
+    """The vehicle that carries the cameras: it casts shadow and light, but has no mesh.
 
     Attributes:
-        town_from_ego: (4, 4) pose of its frame (rear axle, on the ground).
-        size_lwh_m: its box.
+        town_from_ego: (4, 4) pose of the ego frame (rear axle, on the ground).
+        size_lwh_m: length, width, height of its box.
         lights: `traffic.Light` bits.
     """
 
@@ -92,13 +92,13 @@ class Ego:
 
     @property
     def centre_x_m(self) -> float:
-        """Where the middle of the box lies ahead of the rear axle: a fifth of the length overhangs behind."""
+        """Distance of the box centre ahead of the rear axle: a fifth of the length overhangs behind it."""
         return 0.3 * self.size_lwh_m[0]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Sky:
-    """Sky and sun of a weather, made once for all its moments."""
+    """Sky and sun of a weather, computed once per weather."""
 
     weather: Weather
     radiance: Float32Array
@@ -107,16 +107,16 @@ class Sky:
     sun_to: Float32Array
 
     @staticmethod
-    def of(weather: Weather, tile: Float32Array) -> Sky:
-        """Draw the sky of a weather."""
+    def build(weather: Weather, tile: Float32Array) -> Sky:
+        """Build the sky of a weather."""
         radiance, toward = sky_map(weather, tile), sun_direction(weather)
         up = mean_light(radiance)
         ground = up + np.asarray(weather.sun, np.float32) * max(float(toward[2]), 0.0)
         return Sky(weather, radiance, up, (0.16 * ground).astype(np.float32), toward)
 
 
-@dataclass(frozen=True)
-class Standing:
+@dataclass(frozen=True, eq=False)
+class TownLight:
     """Light that depends on the town alone: see `Lighting.open` and `Lighting.lamp`."""
 
     low_m: FloatArray
@@ -124,27 +124,27 @@ class Standing:
     lamp: Float32Array
 
     @staticmethod
-    def of(town: Town, tracer: Tracer) -> Standing:
-        """Measure a town's open sky and add up its street lamps."""
+    def compute(town: Town, tracer: Tracer) -> TownLight:
+        """Compute the sky visibility and the light of the street lamps of a town."""
         extent = np.array(town.ground.label.shape[::-1]) * 0.1
-        return Standing(town.ground.low_m, _open_sky(town.ground, extent, tracer), _lamp_light(town, extent))
+        return TownLight(town.ground.low_m, _open_sky(town.ground, extent, tracer), _lamp_light(town, extent))
 
 
 def _open_sky(ground: Ground, extent_m: FloatArray, tracer: Tracer) -> Float32Array:
-    """Share of rays upward, weighted by their height, that leave the town from each cell's centre."""
+    """Return the share of upward rays, cosine-weighted, that leave the town from the centre of each cell."""
     columns, rows = np.ceil(extent_m / OPEN_CELL_M).astype(int)
     x = ground.low_m[0] + (np.arange(columns) + 0.5) * OPEN_CELL_M
     y = ground.low_m[1] + (np.arange(rows) + 0.5) * OPEN_CELL_M
     origins = np.stack([*(a.ravel() for a in np.meshgrid(x, y)), np.full(rows * columns, 0.3)], 1).astype(np.float32)
     free = np.zeros(len(origins), np.float32)
     for probe in range(_PROBES):
-        # Directions spread by the golden angle, as many as a white sheet would weigh them.
+        # Golden-angle spiral with cosine-weighted directions.
         around, height = probe * 2.39996, math.sqrt(1 - (probe + 0.5) / _PROBES)
         flat = math.sqrt(1 - height * height)
         toward = np.array([flat * math.cos(around), flat * math.sin(around), height], np.float32)
         free += ~tracer.blocked(origins, np.tile(toward, (len(origins), 1)))
     share = (free / _PROBES).reshape(rows, columns)
-    # Inside buildings there is no sky; walls take that of the ground before them.
+    # There is no sky inside buildings; walls use the value of the ground before them.
     share = np.where(share == 0, cv2.dilate(share, np.ones((3, 3), np.uint8)), share)
     return np.asarray(cv2.GaussianBlur(share, (0, 0), 0.8), np.float32)
 
@@ -166,41 +166,43 @@ def _lamp_light(town: Town, extent_m: FloatArray) -> Float32Array:
     return light
 
 
-def near_light(actors: Mesh, shown: ByteArray, ego: Ego | None, lamps: float, middle_m: FloatArray) -> Float32Array:
-    """Shade below actors and the light of their lamps around a place (2,): see `Lighting.near`.
+def near_light(
+    actors: Mesh, actor_lights: ByteArray, ego: EgoBody | None, lamps: float, middle_m: FloatArray
+) -> Float32Array:
+    """Compute shade under actors and the light of their lamps around a point (2,): see `Lighting.near`.
 
     Args:
         actors: mesh of the actors.
-        shown: (A,) `traffic.Light` bits by number of the actor.
-        ego: the vehicle without a mesh; it shines, but does not darken the ground below it, of which maps tell.
-        lamps: strength of lamps, 0 with all off.
-        middle_m: (2,) middle of the map.
+        actor_lights: (A,) `traffic.Light` bits by index of the actor.
+        ego: the vehicle without a mesh; it emits light, but does not darken the ground below it, which BEV maps show.
+        lamps: strength of lamps, 0 if all are off.
+        middle_m: (2,) centre of the map.
     """
     corner = near_corner(middle_m)
     low = np.zeros((NEAR_CELLS, NEAR_CELLS), np.float32)
-    _splat(actors.vertices_m, actors.faces, corner.astype(np.float32), low)
+    _mark_low_parts(actors.vertices_m, actors.faces, corner.astype(np.float32), low)
     near = np.zeros((NEAR_CELLS, NEAR_CELLS, 3), np.float32)
-    # Right below a vehicle nearly all sky is gone, half a metre beside it some.
+    # Most of the sky is hidden right below a vehicle, and some of it half a metre from it.
     near[..., 0] = 1 - 0.62 * cv2.blur(low, (3, 3)) - 0.34 * cv2.blur(cv2.blur(low, (7, 7)), (5, 5))
     if lamps > 0:
-        beams = _beams(actors, shown, ego)
-        _shine(near, corner.astype(np.float32), beams)
+        beams = _beams(actors, actor_lights, ego)
+        _add_beams(near, corner.astype(np.float32), beams)
     return near
 
 
 def near_corner(middle_m: FloatArray) -> FloatArray:
-    """(2,) lower corner of the near map, on whole cells so that shades do not swim."""
+    """Return the (2,) lower corner of the near map, aligned to whole cells so that shades do not flicker."""
     return np.round(np.asarray(middle_m) / NEAR_CELL_M) * NEAR_CELL_M - NEAR_CELLS // 2 * NEAR_CELL_M
 
 
-def _beams(actors: Mesh, shown: ByteArray, ego: Ego | None) -> Float32Array:
-    """(B, 6) place and direction on the ground, head light and tail light of each actor with lamps."""
+def _beams(actors: Mesh, actor_lights: ByteArray, ego: EgoBody | None) -> Float32Array:
+    """Return (B, 6) position and direction on the ground, head and tail lamp strength of each actor with lamps."""
     found = []
     for material, channel in ((Material.HEAD_LAMP, 4), (Material.TAIL_LAMP, 5)):
         faces = np.flatnonzero(actors.material == material)
         tag = actors.tag[faces]
-        faces, tag = faces[(tag >= 0) & (tag < len(shown))], tag[(tag >= 0) & (tag < len(shown))]
-        faces, tag = faces[(shown[tag] & Shown.PARKED) == 0], tag[(shown[tag] & Shown.PARKED) == 0]
+        faces, tag = faces[(tag >= 0) & (tag < len(actor_lights))], tag[(tag >= 0) & (tag < len(actor_lights))]
+        faces, tag = faces[(actor_lights[tag] & Light.PARKED) == 0], tag[(actor_lights[tag] & Light.PARKED) == 0]
         places = actors.vertices_m[actors.faces[faces]].mean(1)[:, :2]
         normals = actors.normals[actors.faces[faces]].mean(1)[:, :2]
         for number in np.unique(tag):
@@ -208,24 +210,26 @@ def _beams(actors: Mesh, shown: ByteArray, ego: Ego | None) -> Float32Array:
             beam = np.zeros(6)
             beam[:2], beam[2:4] = places[own].mean(0), normals[own].mean(0)
             beam[2:4] /= max(float(np.hypot(*beam[2:4])), 1e-6)
-            beam[channel] = 1.0 if channel == 4 or not shown[number] & Shown.BRAKE else 2.5
+            beam[channel] = 1.0 if channel == 4 or not actor_lights[number] & Light.BRAKE else 2.5
             found.append(beam)
-    if ego is not None:  # its head lamps are computed exactly, see `shading`
+    if ego is not None:  # its head lamps are computed exactly, see `illumination`
         ahead, middle = ego.town_from_ego[:2, 0], ego.town_from_ego[:2, 3]
         half = ego.size_lwh_m[0] / 2
-        brake = 2.5 if ego.lights & Shown.BRAKE else 1.0
+        brake = 2.5 if ego.lights & Light.BRAKE else 1.0
         found.append(np.array([*(middle + ahead * (ego.centre_x_m - half)), *-ahead, 0.0, brake]))
     return np.array(found, np.float32).reshape(-1, 6)
 
 
-def narrowed(target_from_source: FloatArray) -> Float32Array:
-    """(3, 4) float32 of the inverse of a pose."""
+def inverse_pose(target_from_source: FloatArray) -> Float32Array:
+    """Return (3, 4) float32 of the inverse of a pose."""
     return np.ascontiguousarray(inverse(target_from_source)[:3], np.float32)
 
 
 @kernel
-def _splat(vertices: Float32Array, faces: NDArray[np.int32], corner: Float32Array, low: Float32Array) -> None:
-    """Mark the cells below what hangs lower than a metre over the ground."""
+def _mark_low_parts(
+    vertices: Float32Array, faces: NDArray[np.int32], corner: Float32Array, low: Float32Array
+) -> None:
+    """Mark the cells below parts that are less than a metre above the ground."""
     for face in range(len(faces)):
         a, b, c = vertices[faces[face, 0]], vertices[faces[face, 1]], vertices[faces[face, 2]]
         if min(a[2], b[2], c[2]) > 0.9 or max(abs(a[0] - corner[0] - 80), abs(a[1] - corner[1] - 80)) > 85:
@@ -243,8 +247,8 @@ def _splat(vertices: Float32Array, faces: NDArray[np.int32], corner: Float32Arra
 
 
 @kernel
-def _shine(near: Float32Array, corner: Float32Array, beams: Float32Array) -> None:
-    """Add the light of lamps (see `_beams`) on the ground: a low beam ahead, a red glow behind."""
+def _add_beams(near: Float32Array, corner: Float32Array, beams: Float32Array) -> None:
+    """Add the light of lamps (see `_beams`) on the ground: low beams ahead, a red glow behind."""
     cells = int(30.0 / 0.25)
     for beam in range(len(beams)):
         column, row = int((beams[beam, 0] - corner[0]) * 4.0), int((beams[beam, 1] - corner[1]) * 4.0)

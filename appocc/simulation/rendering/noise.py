@@ -1,19 +1,19 @@
-"""A tile of smooth random numbers from which clouds, wear and leaves are drawn."""
+"""A periodic noise tile for clouds, wear and leaves, and integer hashes."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from appocc.checks import Float32Array
-from appocc.simulation.rendering.compiled import inner
+from appocc.simulation.rendering.compiled import inlined
 
 TILE = 256
 
 
 def noise_tile(seed: int) -> Float32Array:
-    """(TILE, TILE) float32, periodic, all scales (1/f), every value of 0..1 equally often.
+    """Return (TILE, TILE) float32 noise: periodic, 1/f spectrum, uniformly distributed in 0..1.
 
-    Even shares make thresholds mean what they say: clouds where the noise exceeds 0.7 cover 30 % of the sky.
+    Uniform values make thresholds shares: clouds where the noise exceeds 0.7 cover 30 % of the sky.
     """
     rng = np.random.default_rng(seed)
     frequency = np.hypot(np.fft.fftfreq(TILE)[:, None], np.fft.rfftfreq(TILE)[None])
@@ -25,9 +25,9 @@ def noise_tile(seed: int) -> Float32Array:
     return rank.reshape(TILE, TILE)
 
 
-@inner
+@inlined
 def noise(tile: Float32Array, x: float, y: float) -> float:
-    """The tile's value at (x, y) in cells of the tile, between cells straight."""
+    """Interpolate the tile bilinearly at (x, y) in cells of the tile."""
     left, low = np.floor(x), np.floor(y)
     column, row = int(left) & (TILE - 1), int(low) & (TILE - 1)
     right, high = (column + 1) & (TILE - 1), (row + 1) & (TILE - 1)
@@ -38,9 +38,9 @@ def noise(tile: Float32Array, x: float, y: float) -> float:
     return value
 
 
-@inner
-def hashed(a: int, b: int) -> float:
-    """A number in 0..1 that belongs to two whole numbers; not constants, for each of which it would be compiled."""
+@inlined
+def hash_unit(a: int, b: int) -> float:
+    """Hash two integers to 0..1; do not pass constants: each would compile another variant."""
     h = np.uint32(a) * np.uint32(0x9E3779B1) ^ np.uint32(b) * np.uint32(0x85EBCA77)
     h = np.uint32(h ^ (h >> np.uint32(15))) * np.uint32(0x2C1B3C6D)
     h = np.uint32(h ^ (h >> np.uint32(12))) * np.uint32(0x297A2D39)

@@ -1,4 +1,4 @@
-"""Rays of cameras, and what their centres hit, by pixel."""
+"""Camera rays, and per-pixel labels of their hits."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from numpy.typing import NDArray
 
 from appocc.camera import Camera
 from appocc.checks import ByteArray, Float32Array, FloatArray
+from appocc.nuscenes.view_targets import ViewClass
 from appocc.simulation.rendering.compiled import kernel
 from appocc.simulation.rendering.scene_buffers import Triangles
 from appocc.simulation.rendering.texture import Texture, label_at
 from appocc.simulation.rendering.tracing import ACTOR, GROUND, SKY
-from appocc.simulation.rendering.views import ViewClass
 from appocc.simulation.surface import LANE_SURFACES, ROAD_SURFACES, Surface
 
-# Kind of the ground by `Surface`.
+# `ViewClass` of the ground by `Surface`.
 GROUND_KINDS: ByteArray = np.array(
     [
         ViewClass.LANE_MARKING
@@ -33,7 +33,7 @@ GROUND_KINDS: ByteArray = np.array(
 
 
 def ray_matrix(camera: Camera, town_from_ego: FloatArray) -> tuple[Float32Array, Float32Array]:
-    """(3, 3) float32 from (u, v, 1) to a direction in the town frame with one metre of depth, and the place (3,)."""
+    """Return (3, 3) float32 from (u, v, 1) to a town-frame direction of one metre of depth, and the position (3,)."""
     town_from_cam = town_from_ego @ camera.ego_from_cam
     matrix = town_from_cam[:3, :3] @ np.linalg.inv(camera.intrinsic)
     return matrix.astype(np.float32), town_from_cam[:3, 3].astype(np.float32)
@@ -48,7 +48,7 @@ def camera_rays(
     matrix: Float32Array,
     place: Float32Array,
 ) -> tuple[Float32Array, Float32Array]:
-    """Origins and unit directions (N, 3) of pixels (N,), row * width + column, shifted by parts of a pixel."""
+    """Return origins and unit directions (N, 3) of pixels (N,), row * width + column, with a subpixel shift."""
     origins = np.empty((len(pixels), 3), np.float32)
     directions = np.empty((len(pixels), 3), np.float32)
     for i in range(len(pixels)):
@@ -64,7 +64,7 @@ def camera_rays(
 
 
 @kernel
-def name_pixels(
+def label_pixels(
     distance: Float32Array,
     source: ByteArray,
     face: NDArray[np.int32],
@@ -78,7 +78,7 @@ def name_pixels(
     actor: NDArray[np.int32],
     kind: ByteArray,
 ) -> None:
-    """Enter depth along `ahead` (3,), number of the actor and kind of what N rays met (`face` of `Triangles`)."""
+    """Write depth along `ahead` (3,), index of the actor and class of N hits (`face` of `Triangles`)."""
     for i in range(len(distance)):
         actor[i] = -1
         if source[i] == SKY:

@@ -1,4 +1,4 @@
-"""Where one ray a pixel is not enough, and the rays that wet streets mirror."""
+"""Adaptive antialiasing, and reflections on wet streets."""
 
 from __future__ import annotations
 
@@ -9,33 +9,35 @@ from numpy.typing import NDArray
 
 from appocc.checks import BoolArray, ByteArray, Float32Array
 from appocc.simulation.rendering.compiled import kernel
-from appocc.simulation.rendering.noise import hashed, noise
+from appocc.simulation.rendering.noise import hash_unit, noise
 from appocc.simulation.rendering.texture import Texture, label_at
 from appocc.simulation.rendering.tracing import GROUND, SKY
 from appocc.simulation.surface import Surface
 
 _KERB, _GRASS, _EARTH = int(Surface.KERB), int(Surface.GRASS), int(Surface.EARTH)
-# Steps of the picture's value (0..1, after the tone curve about) that an eye would see as a jagged edge.
+# Steps in image value (0..1, approximately after the tone curve) that are visible as jagged edges.
 _STEP, _GROUND_STEP = 0.07, 0.18
-# Wet streets mirror so far; beyond, the sky's light alone.
+# Range of reflections on wet streets; only the sky's light is reflected beyond it.
 _MIRROR_M = 90.0
-# Where the noise has puddles; how much of Fresnel's share a film on asphalt mirrors; what is not worth a ray.
+# Noise threshold of puddles; share of Fresnel reflection of a water film on asphalt; smallest share worth a ray.
 _PUDDLES_FROM, _FILM, _FAINT = 0.91, 0.14, 0.01
 
 
 @kernel
-def jagged(linear: Float32Array, gain: float, source: ByteArray, lit: BoolArray, width_px: int) -> NDArray[np.int32]:
-    """Pixels (M,), row by row, that differ from a neighbour so much that their centre alone does not stand for them.
+def find_jagged_pixels(
+    linear: Float32Array, gain: float, source: ByteArray, lit: BoolArray, width_px: int
+) -> NDArray[np.int32]:
+    """Return pixels (M,), row by row, that differ so much from a neighbour that they need more rays.
 
-    The ground's texture is filtered when it is looked up, so on the ground only shadows' edges count, and in the sky
-    nothing does.
+    The ground texture is filtered at lookup, so on the ground only edges of shadows count, and in the sky nothing
+    does.
 
     Args:
-        linear: (N, 3) light of the pixels' centres, row by row.
+        linear: (N, 3) radiance at the pixel centres, row by row.
         gain: exposure.
-        source: (N,) what the centres met.
-        lit: (N,) whether the sun shines on it.
-        width_px: pixels in a row.
+        source: (N,) source of the hit at each centre.
+        lit: (N,) whether the hit is sunlit.
+        width_px: pixels per row.
     """
     count = len(linear)
     value = np.empty(count, np.float32)
@@ -57,10 +59,12 @@ def jagged(linear: Float32Array, gain: float, source: ByteArray, lit: BoolArray,
 
 
 @kernel
-def mixed_in(linear: Float32Array, pixels: NDArray[np.int32], more: Float32Array, rays: int, limit: float) -> None:
-    """Replace pixels' light by the mean of their centre's and of `rays` more rays each, (rays * M, 3).
+def blend_extra_rays(
+    linear: Float32Array, pixels: NDArray[np.int32], more: Float32Array, rays: int, limit: float
+) -> None:
+    """Replace the radiance of pixels by the mean of their centre ray and `rays` extra rays each, (rays * M, 3).
 
-    Light above `limit` counts as that: a white picture element is white, and its edges smooth.
+    Radiance is clipped to `limit`, so that edges of overexposed areas are smooth.
     """
     count = len(pixels)
     for i in range(count):
@@ -72,7 +76,7 @@ def mixed_in(linear: Float32Array, pixels: NDArray[np.int32], more: Float32Array
 
 
 @kernel
-def off_wet_ground(
+def reflect_wet_ground(
     distance: Float32Array,
     source: ByteArray,
     origins: Float32Array,
@@ -81,10 +85,10 @@ def off_wet_ground(
     tile: Float32Array,
     wetness: float,
 ) -> tuple[NDArray[np.int32], Float32Array, Float32Array, Float32Array]:
-    """Which of N hits mirror (M,), how much (M,), and the mirrored rays' origins and directions (M, 3).
+    """Return reflecting hits (M,), their reflectivity (M,), and origins and directions (M, 3) of reflected rays.
 
-    A few puddles stand where the noise is high, most of them along kerbs; elsewhere a film of water over rough
-    asphalt mirrors little, and blurs what it mirrors. Where it mirrors next to nothing there is no ray.
+    Puddles are where the noise is high, most of them along kerbs; elsewhere a film of water over rough asphalt
+    reflects little, and blurred. Hits with negligible reflectivity are skipped.
     """
     numbers, shares = np.empty(len(distance), np.int32), np.empty(len(distance), np.float32)
     starts, ways = np.empty((len(distance), 3), np.float32), np.empty((len(distance), 3), np.float32)
@@ -96,7 +100,7 @@ def off_wet_ground(
         label = label_at(texture, x, y)
         if label in (-1, _GRASS, _EARTH):
             continue
-        # Two scales: pools of a few metres, and streets with more and with fewer of them.
+        # Two scales: puddles of a few metres, and areas with more and with fewer of them.
         pool = 0.6 * noise(tile, x * 9.0, y * 9.0) + 0.4 * noise(tile, x * 1.1, y * 1.1)
         smooth = min(max((pool + (0.14 if label == _KERB else 0.0) - _PUDDLES_FROM) * 16.0, 0.0), 1.0)
         away = 1 - min(-directions[i, 2], 1.0)
@@ -104,8 +108,8 @@ def off_wet_ground(
         share = wetness * fresnel * (_FILM + (0.6 - _FILM) * smooth)
         if share < _FAINT:
             continue
-        # Where there is only a film, each grain tilts the mirror: images stretch downward and blur.
-        rough = (1 - smooth) * (0.055 + 0.035 * hashed(int(x * 300.0), int(y * 300.0)))
+        # On a water film, each grain tilts the reflection: images stretch downward and blur.
+        rough = (1 - smooth) * (0.055 + 0.035 * hash_unit(int(x * 300.0), int(y * 300.0)))
         dx, dy, dz = directions[i, 0], directions[i, 1], -directions[i, 2] + rough
         scale = 1 / math.sqrt(dx * dx + dy * dy + dz * dz)
         numbers[count], shares[count] = i, share
@@ -116,10 +120,10 @@ def off_wet_ground(
 
 
 @kernel
-def mirrored_in(
+def blend_reflections(
     radiance: Float32Array, numbers: NDArray[np.int32], shares: Float32Array, image: Float32Array
 ) -> None:
-    """Mix the light (M, 3) of mirrored rays into that of hits."""
+    """Blend the radiance (M, 3) of reflected rays into that of hits."""
     for i in range(len(numbers)):
         for k in range(3):
             own = radiance[numbers[i], k]

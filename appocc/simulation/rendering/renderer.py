@@ -1,4 +1,4 @@
-"""Draws what the cameras of a vehicle see of a town at a moment."""
+"""Render what the cameras of a vehicle see in a town."""
 
 from __future__ import annotations
 
@@ -9,83 +9,98 @@ from numpy.typing import NDArray
 
 from appocc.camera import Camera, CameraRig
 from appocc.checks import BoolArray, ByteArray, Float32Array, FloatArray
-from appocc.simulation.mesh import Material, Mesh, joined
+from appocc.simulation.mesh import Material, Mesh, join_meshes
 from appocc.simulation.rendering import camera_response
 from appocc.simulation.rendering.compiled import kernel
-from appocc.simulation.rendering.lighting import Ego, Lighting, Sky, Standing, narrowed, near_corner, near_light
+from appocc.simulation.rendering.lighting import (
+    EgoBody,
+    Lighting,
+    Sky,
+    TownLight,
+    inverse_pose,
+    near_corner,
+    near_light,
+)
 from appocc.simulation.rendering.noise import noise_tile
-from appocc.simulation.rendering.profile import Profile
-from appocc.simulation.rendering.rays import GROUND_KINDS, camera_rays, name_pixels, ray_matrix
-from appocc.simulation.rendering.refining import jagged, mirrored_in, mixed_in, off_wet_ground
-from appocc.simulation.rendering.scene_buffers import Stage
+from appocc.simulation.rendering.profile import RenderProfile
+from appocc.simulation.rendering.rays import GROUND_KINDS, camera_rays, label_pixels, ray_matrix
+from appocc.simulation.rendering.refining import (
+    blend_extra_rays,
+    blend_reflections,
+    find_jagged_pixels,
+    reflect_wet_ground,
+)
+from appocc.simulation.rendering.scene_buffers import SceneBuffers
 from appocc.simulation.rendering.shading import shade
-from appocc.simulation.rendering.sunlight import toward_sun
-from appocc.simulation.rendering.texture import textured
+from appocc.simulation.rendering.sunlight import find_sunlit
+from appocc.simulation.rendering.texture import build_texture
 from appocc.simulation.rendering.tracing import ACTOR, Hits, Tracer
-from appocc.simulation.rendering.views import View
+from appocc.simulation.rendering.views import CameraView
 from appocc.simulation.rendering.weather import WEATHERS, Weather
 from appocc.simulation.town import Town
 
 _CHUNK = 1 << 17
-# Three more rays where a pixel's centre does not tell enough; with the centre they turn in a circle.
+# Three extra rays for pixels with edges; together with the centre they form a rotated pattern.
 _SHIFTS_PX = ((0.36, 0.10), (-0.27, 0.26), (-0.09, -0.36))
 
 
 class Renderer:
-    """Renders one town; `set_moment` puts actors, lamps and weather into it."""
+    """Renders one town; `set_scene` sets actors, lamps and weather."""
 
     def __init__(self, town: Town) -> None:
         """Prepare everything that depends on the town alone."""
         self.tracer = Tracer(town.solid)
-        self._stage = Stage(town.solid)
-        self._texture = textured(town.ground)
+        self._buffers = SceneBuffers(town.solid)
+        self._texture = build_texture(town.ground)
         self._noise = noise_tile(town.plan.seed)
-        self._standing = Standing.of(town, self.tracer)
-        self._shown, self._signals = np.zeros(0, np.uint8), np.zeros(0, np.uint8)
-        self._sky = Sky.of(WEATHERS["clear"], self._noise)
-        self.profile = Profile()
-        self.set_moment(joined([]), self._shown, self._signals, WEATHERS["clear"], None)
+        self._town_light = TownLight.compute(town, self.tracer)
+        self._actor_lights, self._signals = np.zeros(0, np.uint8), np.zeros(0, np.uint8)
+        self._sky = Sky.build(WEATHERS["clear"], self._noise)
+        self.profile = RenderProfile()
+        self.set_scene(join_meshes([]), self._actor_lights, self._signals, WEATHERS["clear"], None)
 
-    def set_moment(
-        self, actors: Mesh, lights: ByteArray, signals: ByteArray, weather: Weather, ego: Ego | None
+    def set_scene(
+        self, actors: Mesh, lights: ByteArray, signals: ByteArray, weather: Weather, ego: EgoBody | None
     ) -> None:
-        """Set what the next pictures show.
+        """Set the scene of the next images.
 
         Args:
-            actors: all actors but the ego, town frame; tag is an actor's number.
-            lights: (A,) `traffic.Light` bits by number of the actor.
+            actors: all actors except the ego, town frame; the tag is the index of the actor.
+            lights: (A,) `traffic.Light` bits by index of the actor.
             signals: (S,) letters of the traffic lights as ASCII, in the order of `signal_links`.
-            weather: light and air.
+            weather: light and atmosphere.
             ego: the vehicle that carries the cameras, None if there is none.
         """
-        with self.profile.stage("moment"):
+        with self.profile.stage("scene"):
             self.tracer.set_actors(actors)
-            self._stage.set_actors(actors)
-            self._shown, self._signals = np.array(lights, np.uint8), np.array(signals, np.uint8)
+            self._buffers.set_actors(actors)
+            self._actor_lights, self._signals = np.array(lights, np.uint8), np.array(signals, np.uint8)
             if weather != self._sky.weather:
-                self._sky = Sky.of(weather, self._noise)
-            middle = ego.town_from_ego[:2, 3] if ego else _middle(actors)
-            self._light = self._lighting(near_light(actors, self._shown, ego, weather.lamps, middle), middle, ego)
+                self._sky = Sky.build(weather, self._noise)
+            middle = ego.town_from_ego[:2, 3] if ego else _centre_of(actors)
+            self._light = self._lighting(
+                near_light(actors, self._actor_lights, ego, weather.lamps, middle), middle, ego
+            )
 
     @property
     def gains(self) -> Float32Array:
-        """(3,) exposure and white balance of the weather, for `camera_response.develop`."""
-        return camera_response.exposure(self._sky.weather, self._sky.up)
+        """(3,) exposure and white balance of the weather, for `camera_response.tone_map`."""
+        return camera_response.exposure_gains(self._sky.weather, self._sky.up)
 
-    def views(self, rig: CameraRig, town_from_ego: FloatArray, rng: np.random.Generator) -> Mapping[str, View]:
-        """Pictures and maps of a rig by channel; noise comes from `rng`."""
-        return {camera.channel: self._view(camera, town_from_ego, rng) for camera in rig}
+    def views(self, rig: CameraRig, town_from_ego: FloatArray, rng: np.random.Generator) -> Mapping[str, CameraView]:
+        """Render images and pixel maps of a rig by channel; `rng` generates the noise."""
+        return {camera.channel: self._render_view(camera, town_from_ego, rng) for camera in rig}
 
     def radiance(
         self, origins: Float32Array, directions: Float32Array, spread_rad: float, see_through_leaves: bool = False
     ) -> Float32Array:
-        """Light (N, 3) float32 linear, without haze, that comes back along unit rays (N, 3), town frame.
+        """Return the radiance (N, 3) float32 linear, without haze, along unit rays (N, 3), town frame.
 
         Args:
-            origins: (N, 3) float32 where the rays begin.
+            origins: (N, 3) float32 start of the rays.
             directions: (N, 3) float32 unit.
-            spread_rad: width of a pixel at a distance of one metre.
-            see_through_leaves: whether to look through foliage.
+            spread_rad: angular width of a pixel.
+            see_through_leaves: whether to skip foliage.
         """
         origins = np.require(origins, np.float32, ["C", "W"])
         directions = np.require(directions, np.float32, ["C", "W"])
@@ -93,13 +108,13 @@ class Renderer:
         clear = self._light._replace(haze_per_m=0.0)
         for start in range(0, len(origins), _CHUNK):
             rows = slice(start, start + _CHUNK)
-            hits = self._met(origins[rows], directions[rows])
+            hits = self._trace(origins[rows], directions[rows])
             if see_through_leaves:
                 hits = self._behind_leaves(origins[rows], directions[rows], hits)
             self._shade(hits, origins[rows], directions[rows], spread_rad, clear, result[rows])
         return result
 
-    def _view(self, camera: Camera, town_from_ego: FloatArray, rng: np.random.Generator) -> View:
+    def _render_view(self, camera: Camera, town_from_ego: FloatArray, rng: np.random.Generator) -> CameraView:
         shape = (camera.height_px, camera.width_px)
         linear, depth = np.empty((shape[0] * shape[1], 3), np.float32), np.empty(shape[0] * shape[1], np.float32)
         actor, kind = np.empty(len(depth), np.int32), np.empty(len(depth), np.uint8)
@@ -110,20 +125,20 @@ class Renderer:
             rows = slice(start, min(start + rows_at_once, len(depth)))
             pixels = np.arange(rows.start, rows.stop, dtype=np.int32)
             origins, directions = camera_rays(pixels, camera.width_px, 0.0, 0.0, matrix, place)
-            hits = self._met(origins, directions)
+            hits = self._trace(origins, directions)
             with self.profile.stage("maps"):
-                name_pixels(
-                    hits.distance_m, hits.source, hits.face, origins, directions, ahead, self._stage.triangles,
+                label_pixels(
+                    hits.distance_m, hits.source, hits.face, origins, directions, ahead, self._buffers.triangles,
                     self._texture, GROUND_KINDS, depth[rows], actor[rows], kind[rows],
                 )  # fmt: skip
-            lit = self._shade(hits, origins, directions, self._spread(camera), self._light, linear[rows])
-            self._refine(camera, matrix, place, linear[rows], hits.source, lit, start)
-        with self.profile.stage("lens"):
+            lit = self._shade(hits, origins, directions, self._pixel_angle(camera), self._light, linear[rows])
+            self._antialias(camera, matrix, place, linear[rows], hits.source, lit=lit, first_pixel=start)
+        with self.profile.stage("response"):
             glow = 0.05 if self._sky.weather.lamps > 0 else 0.0
-            image = camera_response.photograph(linear.reshape(*shape, 3), self.gains, glow, rng)
-        return View(image, depth.reshape(shape), actor.reshape(shape), kind.reshape(shape))
+            image = camera_response.apply_response(linear.reshape(*shape, 3), self.gains, glow, rng)
+        return CameraView(image, depth.reshape(shape), actor.reshape(shape), kind.reshape(shape))
 
-    def _refine(
+    def _antialias(
         self,
         camera: Camera,
         matrix: Float32Array,
@@ -133,10 +148,10 @@ class Renderer:
         lit: BoolArray,
         first_pixel: int,
     ) -> None:
-        """Smooth the edges in some rows of a picture by more rays there."""
+        """Antialias the edges in some rows of an image by extra rays."""
         with self.profile.stage("refine"):
             gain = float(self.gains.mean())
-            pixels = jagged(linear, gain, source, lit, camera.width_px)
+            pixels = find_jagged_pixels(linear, gain, source, lit, camera.width_px)
         self.profile.count["refined"] += len(pixels)
         self.profile.count["pixels"] += len(linear)
         if not len(pixels):
@@ -148,31 +163,31 @@ class Renderer:
         more = np.empty((len(origins), 3), np.float32)
         for start in range(0, len(origins), _CHUNK):
             rows = slice(start, start + _CHUNK)
-            hits = self._met(origins[rows], directions[rows])
-            self._shade(hits, origins[rows], directions[rows], self._spread(camera), self._light, more[rows])
-        mixed_in(linear, pixels, more, len(_SHIFTS_PX), 4.0 / gain)
+            hits = self._trace(origins[rows], directions[rows])
+            self._shade(hits, origins[rows], directions[rows], self._pixel_angle(camera), self._light, more[rows])
+        blend_extra_rays(linear, pixels, more, len(_SHIFTS_PX), 4.0 / gain)
 
     @staticmethod
-    def _spread(camera: Camera) -> float:
+    def _pixel_angle(camera: Camera) -> float:
         return 1.0 / float(camera.intrinsic[0, 0])
 
-    def _met(self, origins: Float32Array, directions: Float32Array) -> Hits:
-        """What rays meet; faces are numbered as in the stage's triangles."""
+    def _trace(self, origins: Float32Array, directions: Float32Array) -> Hits:
+        """Trace rays; faces are numbered as in the scene buffers."""
         with self.profile.stage("trace"):
             hits = self.tracer.nearest(origins, directions)
-            _number(hits.source, hits.face, self._stage.town_faces)
+            _offset_faces(hits.source, hits.face, self._buffers.town_faces)
         return hits
 
     def _behind_leaves(self, origins: Float32Array, directions: Float32Array, hits: Hits) -> Hits:
-        """The same hits, but of rays that end in leaves what lies behind them."""
+        """Replace hits on foliage by the hits behind it."""
         for _ in range(12):
             leaves = np.flatnonzero(
-                (hits.face >= 0) & (self._stage.triangles.material[hits.face] == Material.FOLIAGE)
+                (hits.face >= 0) & (self._buffers.triangles.material[hits.face] == Material.FOLIAGE)
             )
             if not len(leaves):
                 break
             passed = hits.distance_m[leaves] + np.float32(0.02)
-            further = self._met(
+            further = self._trace(
                 origins[leaves] + passed[:, None] * directions[leaves], np.ascontiguousarray(directions[leaves])
             )
             hits.distance_m[leaves] = further.distance_m + passed
@@ -188,12 +203,12 @@ class Renderer:
         light: Lighting,
         radiance: Float32Array,
     ) -> BoolArray:
-        """Enter the light (N, 3) that comes back along rays; returns (N,) whether the sun shines on what they met."""
-        lit = self._sunny(hits, origins, directions, light)
-        self._light_back(hits, origins, directions, lit, spread_rad, light, radiance)
+        """Write the radiance (N, 3) along rays; return (N,) whether their hits are sunlit."""
+        lit = self._find_sunlit(hits, origins, directions, light)
+        self._shade_hits(hits, origins, directions, lit, spread_rad, light=light, radiance=radiance)
         if light.wetness > 0:
             with self.profile.stage("wet"):
-                numbers, shares, starts, ways = off_wet_ground(
+                numbers, shares, starts, ways = reflect_wet_ground(
                     hits.distance_m,
                     hits.source,
                     origins,
@@ -202,26 +217,28 @@ class Renderer:
                     self._noise,
                     float(light.wetness),
                 )
-            image, seen = np.empty((len(numbers), 3), np.float32), self._met(starts, ways)
-            self._light_back(seen, starts, ways, self._sunny(seen, starts, ways, light), 0.02, light, image)
-            mirrored_in(radiance, numbers, shares, image)
+            image, seen = np.empty((len(numbers), 3), np.float32), self._trace(starts, ways)
+            self._shade_hits(
+                seen, starts, ways, self._find_sunlit(seen, starts, ways, light), 0.02, light=light, radiance=image
+            )
+            blend_reflections(radiance, numbers, shares, image)
         return lit
 
-    def _sunny(self, hits: Hits, origins: Float32Array, directions: Float32Array, light: Lighting) -> BoolArray:
-        """(N,) whether the sun shines on what rays met."""
+    def _find_sunlit(self, hits: Hits, origins: Float32Array, directions: Float32Array, light: Lighting) -> BoolArray:
+        """Return (N,) whether the hits of rays are sunlit."""
         with self.profile.stage("shadow"):
             lit = np.zeros(len(origins), np.bool_)
             if light.sun.any():
                 numbers, starts = np.empty(len(lit), np.int32), np.empty((len(lit), 3), np.float32)
-                count = toward_sun(
-                    hits.distance_m, hits.source, hits.face, hits.uv, origins, directions, self._stage.triangles,
+                count = find_sunlit(
+                    hits.distance_m, hits.source, hits.face, hits.uv, origins, directions, self._buffers.triangles,
                     light, numbers, starts,
                 )  # fmt: skip
                 self.profile.count["shadow"] += count
                 lit[numbers[:count]] = ~self.tracer.blocked(starts[:count], np.tile(light.sun_to, (count, 1)))
         return lit
 
-    def _light_back(
+    def _shade_hits(
         self,
         hits: Hits,
         origins: Float32Array,
@@ -235,45 +252,45 @@ class Renderer:
             self.profile.count["shaded"] += len(lit)
             shade(
                 hits.distance_m, hits.source, hits.face, hits.uv, origins, directions, lit, spread_rad,
-                self._stage.triangles, self._texture, light, self._shown, self._signals, radiance,
+                self._buffers.triangles, self._texture, light, self._actor_lights, self._signals, radiance,
             )  # fmt: skip
 
-    def _lighting(self, near: Float32Array, middle_m: FloatArray, ego: Ego | None) -> Lighting:
-        weather, standing, corner = self._sky.weather, self._standing, near_corner(middle_m)
+    def _lighting(self, near: Float32Array, middle_m: FloatArray, ego: EgoBody | None) -> Lighting:
+        weather, town_light, corner = self._sky.weather, self._town_light, near_corner(middle_m)
         box = (*ego.size_lwh_m, ego.centre_x_m) if ego else (0.0, 0.0, 0.0, 0.0)
         return Lighting(
-            self._sky.sun_to,
-            np.array(weather.sun, np.float32),
-            self._sky.up,
-            self._sky.bounce,
-            self._sky.radiance,
-            np.array(weather.horizon, np.float32),
-            float(weather.haze_per_m),
-            float(weather.wetness),
-            float(weather.lamps),
-            float(1 / self.gains.mean()),
-            float(standing.low_m[0]),
-            float(standing.low_m[1]),
-            standing.open,
-            standing.lamp,
-            float(corner[0]),
-            float(corner[1]),
-            near,
-            narrowed(ego.town_from_ego if ego else np.eye(4)),
-            np.array(box, np.float32),
-            self._noise,
+            sun_to=self._sky.sun_to,
+            sun=np.array(weather.sun, np.float32),
+            up=self._sky.up,
+            bounce=self._sky.bounce,
+            sky=self._sky.radiance,
+            horizon=np.array(weather.horizon, np.float32),
+            haze_per_m=float(weather.haze_per_m),
+            wetness=float(weather.wetness),
+            lamps=float(weather.lamps),
+            white=float(1 / self.gains.mean()),
+            low_x=float(town_light.low_m[0]),
+            low_y=float(town_light.low_m[1]),
+            open=town_light.open,
+            lamp=town_light.lamp,
+            near_x=float(corner[0]),
+            near_y=float(corner[1]),
+            near=near,
+            ego_from_town=inverse_pose(ego.town_from_ego if ego else np.eye(4)),
+            ego_box=np.array(box, np.float32),
+            noise=self._noise,
         )
 
 
-def _middle(actors: Mesh) -> FloatArray:
-    """(2,) middle of all actors."""
+def _centre_of(actors: Mesh) -> FloatArray:
+    """Return the (2,) centre of all actors."""
     places = actors.vertices_m[:, :2].astype(np.float64)
     return np.asarray(places.mean(0)) if len(places) else np.zeros(2)
 
 
 @kernel
-def _number(source: ByteArray, face: NDArray[np.int32], town_faces: int) -> None:
-    """Count the actors' faces on from the town's."""
+def _offset_faces(source: ByteArray, face: NDArray[np.int32], town_faces: int) -> None:
+    """Offset the actors' faces by the number of town faces."""
     for i in range(len(source)):
         if source[i] == ACTOR:
             face[i] += town_faces

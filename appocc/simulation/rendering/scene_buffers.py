@@ -1,4 +1,4 @@
-"""Town and actors as one set of triangles, as kernels take them."""
+"""Town and actors in one set of triangle buffers for the kernels."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from appocc.checks import ByteArray, Float32Array
+from appocc.nuscenes.view_targets import ViewClass
 from appocc.simulation.mesh import Material, Mesh
-from appocc.simulation.rendering.compiled import inner
-from appocc.simulation.rendering.views import ViewClass
+from appocc.simulation.rendering.compiled import inlined
 
 _KINDS = {
     ViewClass.BUILDING: (
@@ -29,7 +29,7 @@ _KINDS = {
 
 
 class Triangles(NamedTuple):
-    """The town's triangles, and after them the actors' of the moment; arrays as in `Mesh`.
+    """The town's triangles, followed by those of the actors; arrays as in `Mesh`.
 
     Attributes:
         normals: (V, 3) float32.
@@ -50,9 +50,9 @@ class Triangles(NamedTuple):
     kind: ByteArray
 
 
-@inner
+@inlined
 def normal_at(triangles: Triangles, face: int, u: float, v: float) -> tuple[float, float, float]:
-    """Unit normal between a face's vertices."""
+    """Interpolate the unit normal between the vertices of a face."""
     a, b, c = triangles.faces[face]
     one, two, three = triangles.normals[a], triangles.normals[b], triangles.normals[c]
     w = 1 - u - v
@@ -63,26 +63,26 @@ def normal_at(triangles: Triangles, face: int, u: float, v: float) -> tuple[floa
     return x * scale, y * scale, z * scale
 
 
-class Stage:
-    """Keeps the town's triangles at the front of arrays that have room for the actors behind them."""
+class SceneBuffers:
+    """Buffers with the town's triangles at the front and room for the actors behind them."""
 
     def __init__(self, solid: Mesh) -> None:
         """Copy the town's triangles."""
         self.town_vertices, self.town_faces = len(solid.normals), len(solid.faces)
         self.triangles = _arrays(self.town_vertices, self.town_faces)
-        self._put(solid, 0, 0, _static_kinds(solid))
+        self._write(solid, 0, 0, _static_kinds(solid))
 
     def set_actors(self, actors: Mesh) -> None:
-        """Put the actors of a moment behind the town's triangles, in place of those that were there."""
+        """Replace the actors behind the town's triangles."""
         vertices, faces = self.town_vertices + len(actors.normals), self.town_faces + len(actors.faces)
         if vertices > len(self.triangles.normals) or faces > len(self.triangles.faces):
             old, self.triangles = self.triangles, _arrays(vertices * 5 // 4, faces * 5 // 4)
             array: Any
             for name, array in self.triangles._asdict().items():
                 array[: len(getattr(old, name))] = getattr(old, name)
-        self._put(actors, self.town_vertices, self.town_faces, _actor_kinds(actors))
+        self._write(actors, self.town_vertices, self.town_faces, _actor_kinds(actors))
 
-    def _put(self, mesh: Mesh, vertex: int, face: int, kinds: ByteArray) -> None:
+    def _write(self, mesh: Mesh, vertex: int, face: int, kinds: ByteArray) -> None:
         rows, own = slice(vertex, vertex + len(mesh.normals)), slice(face, face + len(mesh.faces))
         self.triangles.normals[rows] = mesh.normals
         self.triangles.uv[rows] = mesh.uv
@@ -95,13 +95,13 @@ class Stage:
 
 def _arrays(vertices: int, faces: int) -> Triangles:
     return Triangles(
-        np.empty((vertices, 3), np.float32),
-        np.empty((vertices, 2), np.float32),
-        np.empty((faces, 3), np.int32),
-        np.empty(faces, np.uint8),
-        np.empty((faces, 3), np.uint8),
-        np.empty(faces, np.int32),
-        np.empty(faces, np.uint8),
+        normals=np.empty((vertices, 3), np.float32),
+        uv=np.empty((vertices, 2), np.float32),
+        faces=np.empty((faces, 3), np.int32),
+        material=np.empty(faces, np.uint8),
+        tint=np.empty((faces, 3), np.uint8),
+        tag=np.empty(faces, np.int32),
+        kind=np.empty(faces, np.uint8),
     )
 
 
@@ -110,13 +110,13 @@ def _static_kinds(mesh: Mesh) -> ByteArray:
     for kind, materials in _KINDS.items():
         table[list(materials)] = kind
     kinds = table[mesh.material]
-    # What has a number is part of a building (awnings, rails, metal halls), or the lamp of a signal.
+    # Faces with a tag are parts of a building (awnings, rails, metal walls), or lamps of signals.
     kinds[(mesh.material != Material.SIGNAL) & (mesh.tag >= 0)] = ViewClass.BUILDING
     return kinds
 
 
 def _actor_kinds(mesh: Mesh) -> ByteArray:
-    """What has panes is a vehicle, what else has tyres a two-wheeler with its rider, and the rest are people."""
+    """Classify actors by material: glass marks a vehicle, rubber without glass a two-wheeler, neither a person."""
     count = int(mesh.tag.max(initial=-1)) + 2
     panes = np.bincount(mesh.tag[mesh.material == Material.GLASS] + 1, minlength=count) > 0
     tyres = np.bincount(mesh.tag[mesh.material == Material.RUBBER] + 1, minlength=count) > 0

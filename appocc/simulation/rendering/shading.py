@@ -1,4 +1,4 @@
-"""What light comes back from where rays end: one kernel over all of them."""
+"""Shading of the hits of rays, in one kernel."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from appocc.checks import BoolArray, ByteArray, Float32Array
-from appocc.simulation.rendering.compiled import inner, outer
+from appocc.simulation.rendering.compiled import array_free_kernel, inlined
 from appocc.simulation.rendering.illumination import light_on
 from appocc.simulation.rendering.lighting import Lighting
 from appocc.simulation.rendering.materials import (
@@ -27,9 +27,9 @@ from appocc.simulation.rendering.materials import (
     TAIL_LAMP,
     TRIM,
     WINDOW,
-    pane,
-    pattern,
+    material_pattern,
     shop_pane,
+    window_pane,
 )  # fmt: skip
 from appocc.simulation.rendering.noise import noise
 from appocc.simulation.rendering.scene_buffers import Triangles, normal_at
@@ -41,11 +41,11 @@ from appocc.simulation.traffic import Light
 _BRAKE, _LEFT, _RIGHT, _PARKED = (int(bit) for bit in (Light.BRAKE, Light.LEFT, Light.RIGHT, Light.PARKED))
 
 
-@inner
-def _ground(
+@inlined
+def _ground_colour(
     texture: Texture, tile: Float32Array, x: float, y: float, dx: float, dy: float, dz: float, pixel_m: float
 ) -> tuple[float, float, float]:
-    """Colour of the ground under a pixel: texels along its long, slanting footprint, at the scale of its width."""
+    """Return the colour of the ground under a pixel: several texture taps along the pixel's elongated footprint."""
     steep = max(-dz, 0.004)
     long = pixel_m / steep
     taps = min(max(int(long / max(pixel_m, 0.05) + 0.5), 1), 5)
@@ -56,7 +56,7 @@ def _ground(
     for tap in range(taps):
         share = (tap + 0.5) / taps
         step = (share - 0.5) * long * flat
-        # Some taps from the finer level and some from the coarser one: as good as a blend of both.
+        # Taps alternate between the finer and the coarser level, which approximates a blend of both.
         p, q, s = colour_at(texture, x + dx * step, y + dy * step, int(level + share))
         r, g, b = r + p, g + q, b + s
     grain = 1.0
@@ -66,11 +66,16 @@ def _ground(
     return r * grain, g * grain, b * grain
 
 
-@inner
-def _glow(
-    material: int, tag: int, tint: tuple[float, float, float], light: Lighting, shown: ByteArray, signals: ByteArray
+@inlined
+def _emission(
+    material: int,
+    tag: int,
+    tint: tuple[float, float, float],
+    light: Lighting,
+    actor_lights: ByteArray,
+    signals: ByteArray,
 ) -> tuple[float, float, float]:
-    """Light that a lamp gives off by itself."""
+    """Return the light a lamp emits."""
     white = light.white
     burning = 1.0 if light.lamps > 0 else 0.0
     if material == STREET_LAMP:
@@ -78,7 +83,7 @@ def _glow(
         return on, 0.82 * on, 0.55 * on
     if material == SIGNAL:
         return _signal(tag, signals, white)
-    bits = shown[tag] if 0 <= tag < len(shown) else _PARKED
+    bits = actor_lights[tag] if 0 <= tag < len(actor_lights) else _PARKED
     if material == HEAD_LAMP and not bits & _PARKED:
         on = 3.5 * white * burning
         return on, 0.96 * on, 0.86 * on
@@ -91,9 +96,9 @@ def _glow(
     return 0.0, 0.0, 0.0
 
 
-@inner
+@inlined
 def _signal(tag: int, signals: ByteArray, white: float) -> tuple[float, float, float]:
-    """Light of a traffic light's lamp; letters are SUMO's: r, y, g, G, u (red and yellow), s, o (yellow), O (off)."""
+    """Return the light of a traffic light's lamp; SUMO letters r, y, g, G, u (red, yellow), s, o, O (off)."""
     link, colour = tag // 3, tag % 3
     if tag < 0 or link >= len(signals):
         return 0.0, 0.0, 0.0
@@ -107,9 +112,9 @@ def _signal(tag: int, signals: ByteArray, white: float) -> tuple[float, float, f
     return 0.0, 0.0, 0.0
 
 
-@inner
-def _mirrored(light: Lighting, x: float, y: float, z: float) -> tuple[float, float, float]:
-    """What a smooth surface would mirror in a unit direction: the sky over a row of houses over the street."""
+@inlined
+def _environment(light: Lighting, x: float, y: float, z: float) -> tuple[float, float, float]:
+    """Return the environment reflected in a unit direction: the sky above a row of houses above the street."""
     low = 0.06 + 0.12 * noise(light.noise, x * 40.0 + 7.0, y * 40.0)
     r, g, b = sky_at(light.sky, x, y, z)
     if z < low + 0.04:
@@ -121,12 +126,12 @@ def _mirrored(light: Lighting, x: float, y: float, z: float) -> tuple[float, flo
     return r, g, b
 
 
-@inner
-def _surface(
+@inlined
+def _shade_face(
     f: int, u: float, v: float, place: tuple[float, float, float], way: tuple[float, float, float], pixel_m: float,
-    lit: bool, triangles: Triangles, texture: Texture, light: Lighting, shown: ByteArray, signals: ByteArray,
+    lit: bool, triangles: Triangles, texture: Texture, light: Lighting, actor_lights: ByteArray, signals: ByteArray,
 ) -> tuple[float, float, float]:  # fmt: skip
-    """Light that comes back from a place on a face, seen along `way`."""
+    """Return the radiance of a point on a face, seen along `way`."""
     x, y, z = place
     material, tint = triangles.material[f], triangles.tint[f]
     r, g, b = texture.linear[tint[0]], texture.linear[tint[1]], texture.linear[tint[2]]
@@ -136,7 +141,7 @@ def _surface(
     s = w * triangles.uv[one, 0] + u * triangles.uv[two, 0] + v * triangles.uv[three, 0]
     t = w * triangles.uv[one, 1] + u * triangles.uv[two, 1] + v * triangles.uv[three, 1]
     if material in (FOLIAGE, HEDGE):
-        # Leaves point everywhere: the crown's own normal is only where most of them look.
+        # Leaves point in all directions: the normal of the crown is only their mean.
         ruffle = 1.0 if pixel_m < 0.5 else 0.5
         nx += ruffle * (noise(light.noise, y * 23.0 + z * 11.0, z * 23.0) - 0.5)
         ny += ruffle * (noise(light.noise, x * 23.0 - z * 13.0, z * 23.0 + 77.0) - 0.5)
@@ -153,20 +158,20 @@ def _surface(
         sun = max(sun, 0.0) if lit else 0.0
     mirror, inside = 0.0, 0.0
     if material == WINDOW:
-        r, g, b, mirror, inside = pane(s, t, one, (r, g, b), light.lamps)
+        r, g, b, mirror, inside = window_pane(s, t, one, (r, g, b), light.lamps)
     elif material == SHOPFRONT:
         r, g, b, mirror, inside = shop_pane(s, t, triangles.tag[f], (r, g, b), light.lamps)
     else:
-        factor = pattern(material, s, t, x, y, z, pixel_m, light.noise)
+        factor = material_pattern(material, s, t, x, y, z, pixel_m, light.noise)
         r, g, b = r * factor, g * factor, b * factor
     er, eg, eb = light_on(light, x, y, z, nx, ny, nz, sun)
     r, g, b = r * er + inside, g * eg + 0.70 * inside, b * eb + 0.40 * inside
     if material >= STREET_LAMP:
-        p, q, k = _glow(material, triangles.tag[f], (r, g, b), light, shown, signals)
+        p, q, k = _emission(material, triangles.tag[f], (r, g, b), light, actor_lights, signals)
         r, g, b = r + p, g + q, b + k
-    coat, sharp = _coat(material, mirror)
+    coat, sharp = _reflectivity(material, mirror)
     if coat > 0:
-        p, q, k = _gloss(light, way, nx, ny, nz, facing, z, lit, coat, sharp)
+        p, q, k = _reflection(light, way, nx, ny, nz, facing, z, lit, coat, sharp)
         if material == CHROME:
             r, g, b = 0.35 * r + 0.7 * p, 0.35 * g + 0.7 * q, 0.35 * b + 0.7 * k
         else:
@@ -174,9 +179,9 @@ def _surface(
     return r, g, b
 
 
-@inner
-def _coat(material: int, mirror: float) -> tuple[float, float]:
-    """How much of what is before it a surface mirrors, looked at straight; and how sharp the sun's highlight is."""
+@inlined
+def _reflectivity(material: int, mirror: float) -> tuple[float, float]:
+    """Return the reflectivity of a surface at normal incidence, and the sharpness of the sun's highlight."""
     if mirror > 0:
         return 0.13 * mirror, 600.0
     if material == PAINT:
@@ -192,16 +197,16 @@ def _coat(material: int, mirror: float) -> tuple[float, float]:
     return 0.0, 1.0
 
 
-@inner
-def _gloss(
+@inlined
+def _reflection(
     light: Lighting, way: tuple[float, float, float], nx: float, ny: float, nz: float, facing: float, z: float,
     lit: bool, coat: float, sharp: float,
 ) -> tuple[float, float, float]:  # fmt: skip
-    """Sky, surroundings and sun in a smooth surface (Schlick's Fresnel)."""
+    """Return the reflection of sky, surroundings and sun in a smooth surface (Schlick's Fresnel)."""
     mx, my, mz = way[0] + 2 * facing * nx, way[1] + 2 * facing * ny, way[2] + 2 * facing * nz
     away = 1 - min(facing, 1.0)
     share = coat + (1 - coat) * away * away * away * away * away * 0.85
-    r, g, b = _mirrored(light, mx, my, mz)
+    r, g, b = _environment(light, mx, my, mz)
     if lit:
         toward = mx * light.sun_to[0] + my * light.sun_to[1] + mz * light.sun_to[2]
         if toward > 0.8:
@@ -210,7 +215,7 @@ def _gloss(
     return r * share, g * share, b * share
 
 
-@outer
+@array_free_kernel
 def shade(
     distance: Float32Array,
     source: ByteArray,
@@ -223,13 +228,13 @@ def shade(
     triangles: Triangles,
     texture: Texture,
     light: Lighting,
-    shown: ByteArray,
+    actor_lights: ByteArray,
     signals: ByteArray,
     radiance: Float32Array,
 ) -> None:
-    """Enter the light (N, 3) that comes back along N rays."""
+    """Write the radiance (N, 3) along N rays."""
     for i in range(len(distance)):
-        # One type everywhere: each helper is compiled once.
+        # One type everywhere: each helper is compiled only once.
         dx, dy, dz = np.float64(directions[i, 0]), np.float64(directions[i, 1]), np.float64(directions[i, 2])
         if source[i] == SKY:
             r, g, b = sky_at(light.sky, dx, dy, dz)
@@ -240,15 +245,15 @@ def shade(
         t = np.float64(distance[i])
         x, y, z = origins[i, 0] + t * dx, origins[i, 1] + t * dy, origins[i, 2] + t * dz
         if source[i] == GROUND:
-            r, g, b = _ground(texture, light.noise, x, y, dx, dy, dz, t * spread_rad)
+            r, g, b = _ground_colour(texture, light.noise, x, y, dx, dy, dz, t * spread_rad)
             sun = np.float64(light.sun_to[2]) if lit[i] else 0.0
             p, q, s = light_on(light, x, y, 0.0, 0.0, 0.0, 1.0, sun)
             wet = 1 - 0.45 * light.wetness
             r, g, b = r * p * wet, g * q * wet, b * s * wet
         else:
-            r, g, b = _surface(
+            r, g, b = _shade_face(
                 face[i], uv[i, 0], uv[i, 1], (x, y, z), (dx, dy, dz), t * spread_rad, lit[i], triangles, texture,
-                light, shown, signals,
+                light, actor_lights, signals,
             )  # fmt: skip
         haze = 1 - math.exp(-light.haze_per_m * t)
         radiance[i, 0] = r + (light.horizon[0] - r) * haze

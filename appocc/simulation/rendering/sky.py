@@ -1,4 +1,4 @@
-"""The sky of a weather as a map of the upper half of all directions."""
+"""The sky of a weather as a map of the upper hemisphere."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from appocc.checks import Float32Array
-from appocc.simulation.rendering.compiled import inner, kernel
+from appocc.simulation.rendering.compiled import inlined, kernel
 from appocc.simulation.rendering.noise import noise
 from appocc.simulation.rendering.weather import Weather
 
@@ -16,33 +16,33 @@ SIZE = 384
 
 
 def sun_direction(weather: Weather) -> Float32Array:
-    """(3,) float32 unit direction to the sun, town frame."""
+    """Return (3,) float32 unit direction to the sun, town frame."""
     high = math.cos(weather.sun_elevation_rad)
     x, y = high * math.cos(weather.sun_azimuth_rad), high * math.sin(weather.sun_azimuth_rad)
     return np.array([x, y, math.sin(weather.sun_elevation_rad)], np.float32)
 
 
 def sky_map(weather: Weather, tile: Float32Array) -> Float32Array:
-    """(SIZE, SIZE, 3) float32 radiance of the sky, the sun's disc left out; see `sky_at`."""
+    """Return (SIZE, SIZE, 3) float32 radiance of the sky without the sun's disc; see `sky_at`."""
     colours = np.array([weather.zenith, weather.horizon, weather.sun], np.float32)
-    drift = weather.sun_azimuth_rad * 100.0  # other clouds on other days
-    return _drawn(sun_direction(weather), colours, weather.cloudiness, drift, tile)
+    drift = weather.sun_azimuth_rad * 100.0  # different clouds for each direction of the sun
+    return _render_sky(sun_direction(weather), colours, weather.cloudiness, drift, tile)
 
 
 def mean_light(sky: Float32Array) -> Float32Array:
-    """(3,) float32: how a white sheet that lies on the ground looks in the light of the sky alone."""
+    """Return (3,) float32 irradiance of a horizontal white surface by the sky alone."""
     step = (np.arange(SIZE) + 0.5) / SIZE * 2 - 1
     u, v = np.meshgrid(step, step)
     x, y = (u + v) / 2, (u - v) / 2
     up = 1 - np.abs(x) - np.abs(y)
-    # The solid angle of a texel goes with 1 / length^3 of its point on the octahedron, the light with its height.
+    # The solid angle of a texel is proportional to 1 / length^3 of its octahedron point, the light to its height.
     weight = (up / (x * x + y * y + up * up) ** 2)[..., None]
     return np.asarray((sky * weight).sum((0, 1)) / weight.sum(), np.float32)
 
 
-@inner
+@inlined
 def sky_at(sky: Float32Array, x: float, y: float, z: float) -> tuple[float, float, float]:
-    """Radiance of the sky in a unit direction; below the horizon that of the horizon."""
+    """Interpolate the radiance of the sky in a unit direction; below the horizon it is that of the horizon."""
     z = max(z, 0.0)
     scale = 1.0 / (abs(x) + abs(y) + z + 1e-9)
     u = ((x + y) * scale + 1) * (SIZE / 2) - 0.5
@@ -61,7 +61,7 @@ def sky_at(sky: Float32Array, x: float, y: float, z: float) -> tuple[float, floa
 
 
 @kernel
-def _drawn(
+def _render_sky(
     sun: Float32Array, colours: Float32Array, cloudiness: float, drift: float, tile: Float32Array
 ) -> Float32Array:
     sky = np.empty((SIZE, SIZE, 3), np.float32)
@@ -75,7 +75,7 @@ def _drawn(
             toward = max(x * sun[0] + y * sun[1] + z * sun[2], 0.0)
             low = math.exp(-4.0 * z)
             glow = 0.10 * toward**4 + 0.25 * toward**64
-            # Clouds lie on a plane above the town; near the horizon they crowd together.
+            # Clouds are on a plane above the town; towards the horizon they get denser.
             far = 60.0 / (z + 0.18)
             thick = noise(tile, x * far + drift, y * far + 17)
             fine = noise(tile, x * far * 4, y * far * 4 + 40)

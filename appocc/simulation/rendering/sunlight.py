@@ -1,4 +1,4 @@
-"""Which places face the sun, and which of them lie in the shadow of the ego."""
+"""Sunlit candidates: hits that face the sun outside the shadow of the ego."""
 
 from __future__ import annotations
 
@@ -6,15 +6,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from appocc.checks import ByteArray, Float32Array
-from appocc.simulation.rendering.compiled import inner, outer
+from appocc.simulation.rendering.compiled import array_free_kernel, inlined
 from appocc.simulation.rendering.lighting import Lighting
 from appocc.simulation.rendering.materials import FOLIAGE
 from appocc.simulation.rendering.scene_buffers import Triangles, normal_at
 from appocc.simulation.rendering.tracing import ACTOR, GROUND, SKY
 
 
-@outer
-def toward_sun(
+@array_free_kernel
+def find_sunlit(
     distance: Float32Array,
     source: ByteArray,
     face: NDArray[np.int32],
@@ -26,9 +26,9 @@ def toward_sun(
     numbers: NDArray[np.int32],
     starts: Float32Array,
 ) -> int:
-    """Which of N hits face the sun and do not stand in the ego's shadow; returns how many, M.
+    """Find the hits that face the sun and are outside the ego's shadow; return their number M.
 
-    Enters their numbers into the front of `numbers` (N,), and where rays to the sun begin into that of `starts`
+    Writes their indices to the front of `numbers` (N,), and the origins of rays to the sun to the front of `starts`
     (N, 3).
     """
     count = 0
@@ -44,7 +44,7 @@ def toward_sun(
             if facing > 0:
                 x, y, z = -x, -y, -z
             material = triangles.material[face[i]]
-            # Low-poly curves and crowns would shade themselves in patches.
+            # Offsets against self-shadowing of low-poly curves and crowns.
             off += 0.25 if material == FOLIAGE else 0.02 if source[i] == ACTOR else 0.006
         if x * light.sun_to[0] + y * light.sun_to[1] + z * light.sun_to[2] <= 0:
             continue
@@ -59,9 +59,9 @@ def toward_sun(
     return count
 
 
-@inner
+@inlined
 def _behind_ego(light: Lighting, x: float, y: float, z: float) -> bool:
-    """Whether the ego's body or cabin stands between a place and the sun."""
+    """Return whether the ego's body or cabin is between a point and the sun."""
     pose, sun = light.ego_from_town, light.sun_to
     a = pose[0, 0] * x + pose[0, 1] * y + pose[0, 2] * z + pose[0, 3] - light.ego_box[3]
     b = pose[1, 0] * x + pose[1, 1] * y + pose[1, 2] * z + pose[1, 3]
@@ -72,17 +72,17 @@ def _behind_ego(light: Lighting, x: float, y: float, z: float) -> bool:
     db = pose[1, 0] * sun[0] + pose[1, 1] * sun[1] + pose[1, 2] * sun[2]
     dc = pose[2, 0] * sun[0] + pose[2, 1] * sun[1] + pose[2, 2] * sun[2]
     half_l, half_w, high = light.ego_box[0] / 2, light.ego_box[1] / 2, light.ego_box[2]
-    body = _crosses(a, da, b, db, c, dc, -half_l, half_l, half_w, 0.22, 0.6 * high)
-    return body or _crosses(a, da, b, db, c, dc, -0.8 * half_l, 0.35 * half_l, 0.85 * half_w, 0.5 * high, high)
+    body = _hits_box(a, da, b, db, c, dc, -half_l, half_l, half_w, 0.22, 0.6 * high)
+    return body or _hits_box(a, da, b, db, c, dc, -0.8 * half_l, 0.35 * half_l, 0.85 * half_w, 0.5 * high, high)
 
 
-@inner
-def _crosses(
+@inlined
+def _hits_box(
     a: float, da: float, b: float, db: float, c: float, dc: float,
     back: float, front: float, side: float, low: float, high: float,
 ) -> bool:  # fmt: skip
-    """Whether a line from (a, b, c) along (da, db, dc) meets a box, ahead of its start."""
-    da, db, dc = _kept_off_zero(da), _kept_off_zero(db), _kept_off_zero(dc)
+    """Return whether a ray from (a, b, c) along (da, db, dc) hits a box."""
+    da, db, dc = _avoid_zero(da), _avoid_zero(db), _avoid_zero(dc)
     t1, t2 = (back - a) / da, (front - a) / da
     t3, t4 = (-side - b) / db, (side - b) / db
     t5, t6 = (low - c) / dc, (high - c) / dc
@@ -91,6 +91,6 @@ def _crosses(
     return bool(leaves > max(enters, 0.0))
 
 
-@inner
-def _kept_off_zero(value: float) -> float:
+@inlined
+def _avoid_zero(value: float) -> float:
     return value if abs(value) > 1e-6 else 1e-6

@@ -1,4 +1,4 @@
-"""The ground's colours at all scales: a pyramid of halved pictures, and lookups in it."""
+"""The ground texture as a mipmap pyramid, and lookups in it."""
 
 from __future__ import annotations
 
@@ -8,23 +8,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from appocc.checks import ByteArray, Float32Array
-from appocc.colours import linear_from_srgb
-from appocc.simulation.rendering.compiled import inner, kernel
+from appocc.simulation.rendering.compiled import inlined, kernel
 from appocc.simulation.surface import CELL_M, Ground
+from appocc.srgb import encode_srgb, linear_from_srgb
 
 _LEVELS = 9
 LINEAR: Float32Array = linear_from_srgb(np.arange(256)).astype(np.float32)
 
 
 class Texture(NamedTuple):
-    """A ground as kernels take it.
+    """Ground texture in the form the kernels take.
 
     Attributes:
         low_x: lower corner, metres.
         low_y: lower corner, metres.
         label: (H, W) uint8 `Surface`.
         colour: (H, W, 3) uint8 sRGB, level 0.
-        halved: (N, 3) uint8 the texels of all further levels, one after the other.
+        halved: (N, 3) uint8 texels of all coarser levels, one after the other.
         level: (L, 3) int64 first texel (of level 1 and above), rows and columns of each level.
         linear: (256,) float32 linear value of an sRGB byte.
     """
@@ -38,51 +38,49 @@ class Texture(NamedTuple):
     linear: Float32Array
 
 
-def textured(ground: Ground) -> Texture:
-    """Build the pyramid of a ground; level 0 stays where it is."""
-    pictures, shapes, start = [], [(0, *ground.label.shape)], 0
-    picture = ground.colour
-    while len(shapes) < _LEVELS and min(picture.shape[:2]) >= 8:
-        picture = _halved(picture, LINEAR, _encoding())
-        picture.flags.writeable = False  # one signature of the kernel
-        shapes.append((start, *picture.shape[:2]))
-        start += picture.shape[0] * picture.shape[1]
-        pictures.append(picture.reshape(-1, 3))
+def build_texture(ground: Ground) -> Texture:
+    """Build the mipmap pyramid of a ground; level 0 is not copied."""
+    images, shapes, start = [], [(0, *ground.label.shape)], 0
+    image = ground.colour
+    while len(shapes) < _LEVELS and min(image.shape[:2]) >= 8:
+        image = _halve(image, LINEAR, _encoding())
+        image.flags.writeable = False  # a single kernel signature
+        shapes.append((start, *image.shape[:2]))
+        start += image.shape[0] * image.shape[1]
+        images.append(image.reshape(-1, 3))
     return Texture(
-        float(ground.low_m[0]),
-        float(ground.low_m[1]),
-        ground.label,
-        ground.colour,
-        np.concatenate(pictures) if pictures else np.zeros((1, 3), np.uint8),
-        np.array(shapes, np.int64),
-        LINEAR,
+        low_x=float(ground.low_m[0]),
+        low_y=float(ground.low_m[1]),
+        label=ground.label,
+        colour=ground.colour,
+        halved=np.concatenate(images) if images else np.zeros((1, 3), np.uint8),
+        level=np.array(shapes, np.int64),
+        linear=LINEAR,
     )
 
 
 def _encoding() -> ByteArray:
-    """(4096,) uint8 sRGB byte by linear value * 4095."""
-    value = np.arange(4096) / 4095
-    curve = np.where(value <= 0.0031308, value * 12.92, 1.055 * value ** (1 / 2.4) - 0.055)
-    return np.asarray(np.rint(curve * 255), np.uint8)
+    """Return (4096,) uint8 sRGB byte by linear value * 4095."""
+    return np.asarray(np.rint(encode_srgb(np.arange(4096) / 4095) * 255), np.uint8)
 
 
 @kernel
-def _halved(picture: ByteArray, linear: Float32Array, encoding: ByteArray) -> ByteArray:
-    """Means of 2x2 in linear light: else white lines on asphalt would grow dark with distance."""
-    rows, columns = picture.shape[0] // 2, picture.shape[1] // 2
+def _halve(image: ByteArray, linear: Float32Array, encoding: ByteArray) -> ByteArray:
+    """Average 2x2 texels in linear light; otherwise white lines on asphalt would darken with distance."""
+    rows, columns = image.shape[0] // 2, image.shape[1] // 2
     half = np.empty((rows, columns, 3), np.uint8)
     for row in range(rows):
         for column in range(columns):
             for k in range(3):
-                upper = linear[picture[2 * row, 2 * column, k]] + linear[picture[2 * row, 2 * column + 1, k]]
-                lower = linear[picture[2 * row + 1, 2 * column, k]] + linear[picture[2 * row + 1, 2 * column + 1, k]]
+                upper = linear[image[2 * row, 2 * column, k]] + linear[image[2 * row, 2 * column + 1, k]]
+                lower = linear[image[2 * row + 1, 2 * column, k]] + linear[image[2 * row + 1, 2 * column + 1, k]]
                 half[row, column, k] = encoding[int((upper + lower) * np.float32(1023.75) + np.float32(0.5))]
     return half
 
 
-@inner
+@inlined
 def label_at(texture: Texture, x: float, y: float) -> int:
-    """The `Surface` at a place, -1 beyond the ground's edge."""
+    """Return the `Surface` at a point, -1 beyond the ground's edge."""
     row = int(np.floor((y - texture.low_y) / CELL_M))
     column = int(np.floor((x - texture.low_x) / CELL_M))
     if 0 <= row < texture.label.shape[0] and 0 <= column < texture.label.shape[1]:
@@ -90,9 +88,9 @@ def label_at(texture: Texture, x: float, y: float) -> int:
     return -1
 
 
-@inner
+@inlined
 def colour_at(texture: Texture, x: float, y: float, level: int) -> tuple[float, float, float]:
-    """Linear colour at a place, between the texels of a level straight; a dull green beyond the ground's edge."""
+    """Interpolate the linear colour at a point bilinearly in a level; a dull green beyond the ground's edge."""
     level = min(max(level, 0), len(texture.level) - 1)
     start, rows, columns = texture.level[level]
     cell = CELL_M * (1 << level)

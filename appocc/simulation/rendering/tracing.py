@@ -1,4 +1,4 @@
-"""Rays against the town, its actors and the ground plane (Embree)."""
+"""Trace rays against town, actors and the ground plane (Embree)."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from numpy.typing import NDArray
 from appocc.checks import BoolArray, ByteArray, Float32Array
 from appocc.simulation.mesh import Mesh
 from appocc.simulation.rendering.compiled import kernel
-from appocc.simulation.rendering.embree import Scene, scene_of
+from appocc.simulation.rendering.embree import RayScene, build_scene
 
 SKY, GROUND, TOWN, ACTOR = range(4)
 _FAR_M = np.float32(1e30)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Hits:
-    """What N rays met first.
+    """First hits of N rays.
 
     Attributes:
-        distance_m: (N,) float32 along the ray; infinite where it meets the sky.
+        distance_m: (N,) float32 along the ray; infinite for the sky.
         source: (N,) uint8: SKY, GROUND (the plane z = 0), TOWN or ACTOR.
         face: (N,) int32 face of the mesh of TOWN or ACTOR, else -1.
         uv: (N, 2) float32 barycentric weights of the face's second and third vertex.
@@ -34,31 +34,31 @@ class Hits:
 
 
 class Tracer:
-    """Traces rays in the town frame; the actors' mesh is replaced for every moment, the town's stays."""
+    """Traces rays in the town frame; the actors' mesh is replaced for every scene, the town's is permanent."""
 
     def __init__(self, solid: Mesh) -> None:
-        """Build the search tree of what stands in the town."""
-        self._solid = scene_of(solid)
-        self._actors: Scene | None = None
+        """Build the search tree of the static scenery."""
+        self._solid = build_scene(solid)
+        self._actors: RayScene | None = None
 
     def set_actors(self, actors: Mesh) -> None:
-        """Put other actors into the town."""
-        self._actors = scene_of(actors)
+        """Replace the actors."""
+        self._actors = build_scene(actors)
 
     def nearest(self, origins: Float32Array, directions: Float32Array) -> Hits:
-        """What rays from (N, 3) along unit (N, 3) meet first; float32, town frame."""
-        distance, source = _plane(origins, directions)
+        """Return the first hits of rays from (N, 3) along unit (N, 3); float32, town frame."""
+        distance, source = _trace_plane(origins, directions)
         face = np.full(len(distance), -1, np.int32)
         uv = np.zeros((len(distance), 2), np.float32)
         for number, scene in ((TOWN, self._solid), (ACTOR, self._actors)):
             if scene is not None:
-                # Each shortens the distance within which the next is looked for.
-                _take(*scene.nearest(origins, directions, distance), number, source, face, uv)
+                # Each scene limits the distance for the next one.
+                _merge_hits(*scene.nearest(origins, directions, distance), number, source, face, uv)
         distance[source == SKY] = np.inf
         return Hits(distance, source, face, uv)
 
     def blocked(self, origins: Float32Array, directions: Float32Array) -> BoolArray:
-        """Whether rays from (N, 3) along unit (N, 3) meet the town or an actor (the ground does not count)."""
+        """Return whether rays from (N, 3) along unit (N, 3) hit the town or an actor (the ground does not count)."""
         blocked = np.zeros(len(origins), np.bool_)
         for scene in (self._solid, self._actors):
             if scene is not None:
@@ -67,8 +67,8 @@ class Tracer:
 
 
 @kernel
-def _plane(origins: Float32Array, directions: Float32Array) -> tuple[Float32Array, ByteArray]:
-    """Distance to the plane z = 0 and GROUND, or far away and SKY."""
+def _trace_plane(origins: Float32Array, directions: Float32Array) -> tuple[Float32Array, ByteArray]:
+    """Return the distance to the plane z = 0 and GROUND, or a large distance and SKY."""
     count = len(origins)
     distance, source = np.empty(count, np.float32), np.empty(count, np.uint8)
     for i in range(count):
@@ -80,7 +80,7 @@ def _plane(origins: Float32Array, directions: Float32Array) -> tuple[Float32Arra
 
 
 @kernel
-def _take(
+def _merge_hits(
     found: NDArray[np.int32],
     weights: Float32Array,
     number: int,
@@ -88,7 +88,7 @@ def _take(
     face: NDArray[np.int32],
     uv: Float32Array,
 ) -> None:
-    """Where a scene was met, it was nearer than all before: enter it."""
+    """Write the hits of a scene, which are nearer than all earlier ones."""
     for i in range(len(found)):
         if found[i] >= 0:
             source[i], face[i] = number, found[i]

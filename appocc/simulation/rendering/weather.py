@@ -1,4 +1,4 @@
-"""Weathers: where the sun stands, what the sky looks like, how wet the street is."""
+"""Weathers: position of the sun, sky, haze and wetness."""
 
 from __future__ import annotations
 
@@ -13,23 +13,23 @@ from appocc.errors import NotFoundError
 Colour = tuple[float, float, float]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Weather:
-    """Light and air of a scene; colours are linear RGB, strengths such that a white sheet in that light shows them.
+    """Light and atmosphere of a scene; linear RGB, scaled such that a white surface has the value of its irradiance.
 
     Attributes:
         name: one of `WEATHERS`.
         sun_azimuth_rad: direction to the sun in the town frame, counter-clockwise from +x.
-        sun_elevation_rad: above the horizon.
-        sun: light of the sun on a sheet that faces it; zero where it does not get through.
+        sun_elevation_rad: elevation above the horizon.
+        sun: irradiance of a surface that faces the sun; zero if clouds hide it.
         zenith: radiance of the sky overhead.
         horizon: radiance of the sky and of the haze at the horizon.
         cloudiness: share of the sky under clouds.
-        haze_per_m: share of the light that a metre of air takes away.
+        haze_per_m: extinction per metre.
         wetness: 0 dry .. 1 puddles.
-        lamps: strength of street lamps, vehicles' lamps and lit windows beside the light of the day; 0 with all off.
-        white: gains of the cameras' white balance.
-        exposure_stops: brighter (+) or darker (-) than the cameras would choose.
+        lamps: strength of street lamps, vehicle lamps and lit windows; 0 if all are off.
+        white: white-balance gains of the cameras.
+        exposure_stops: exposure compensation: brighter (+) or darker (-).
     """
 
     name: str
@@ -49,9 +49,9 @@ class Weather:
 _SUN_AZIMUTH_RAD = 3.9
 _SKIES = (
     Weather(
-        "clear",
-        _SUN_AZIMUTH_RAD,
-        0.80,
+        name="clear",
+        sun_azimuth_rad=_SUN_AZIMUTH_RAD,
+        sun_elevation_rad=0.80,
         sun=(3.0, 2.85, 2.6),
         zenith=(0.18, 0.36, 0.80),
         horizon=(0.66, 0.80, 0.98),
@@ -59,9 +59,9 @@ _SKIES = (
         haze_per_m=0.0008,
     ),
     Weather(
-        "overcast",
-        _SUN_AZIMUTH_RAD,
-        0.9,
+        name="overcast",
+        sun_azimuth_rad=_SUN_AZIMUTH_RAD,
+        sun_elevation_rad=0.9,
         sun=(0.0, 0.0, 0.0),
         zenith=(0.82, 0.86, 0.92),
         horizon=(0.68, 0.72, 0.78),
@@ -70,9 +70,9 @@ _SKIES = (
         exposure_stops=0.35,
     ),
     Weather(
-        "low_sun",
-        _SUN_AZIMUTH_RAD,
-        0.19,
+        name="low_sun",
+        sun_azimuth_rad=_SUN_AZIMUTH_RAD,
+        sun_elevation_rad=0.19,
         sun=(2.7, 1.80, 1.0),
         zenith=(0.22, 0.34, 0.60),
         horizon=(0.85, 0.66, 0.48),
@@ -82,9 +82,9 @@ _SKIES = (
         exposure_stops=0.15,
     ),
     Weather(
-        "dusk",
-        _SUN_AZIMUTH_RAD,
-        -0.05,
+        name="dusk",
+        sun_azimuth_rad=_SUN_AZIMUTH_RAD,
+        sun_elevation_rad=-0.05,
         sun=(0.0, 0.0, 0.0),
         zenith=(0.055, 0.085, 0.19),
         horizon=(0.24, 0.17, 0.17),
@@ -94,9 +94,9 @@ _SKIES = (
         exposure_stops=-0.9,
     ),
     Weather(
-        "night",
-        _SUN_AZIMUTH_RAD,
-        -0.6,
+        name="night",
+        sun_azimuth_rad=_SUN_AZIMUTH_RAD,
+        sun_elevation_rad=-0.6,
         sun=(0.0, 0.0, 0.0),
         zenith=(0.009, 0.011, 0.017),
         horizon=(0.034, 0.027, 0.024),
@@ -107,9 +107,9 @@ _SKIES = (
         exposure_stops=-1.1,
     ),
     Weather(
-        "wet",
-        _SUN_AZIMUTH_RAD,
-        0.7,
+        name="wet",
+        sun_azimuth_rad=_SUN_AZIMUTH_RAD,
+        sun_elevation_rad=0.7,
         sun=(0.0, 0.0, 0.0),
         zenith=(0.48, 0.52, 0.58),
         horizon=(0.42, 0.45, 0.49),
@@ -123,11 +123,11 @@ _SKIES = (
 WEATHERS: Mapping[str, Weather] = MappingProxyType({weather.name: weather for weather in _SKIES})
 
 
-def drawn(name: str, rng: np.random.Generator) -> Weather:
-    """A weather of that name with another direction of the sun, haze and strength.
+def draw_weather(name: str, rng: np.random.Generator) -> Weather:
+    """Return a weather by name with a random direction of the sun, haze and strength.
 
     Raises:
-        NotFoundError: if there is no such weather.
+        NotFoundError: if the weather is unknown.
     """
     if name not in WEATHERS:
         raise NotFoundError(f"there is no weather '{name}'; there are {', '.join(WEATHERS)}")

@@ -1,4 +1,4 @@
-"""All that stands in a town: houses, trees, lamps, signals and street furniture."""
+"""Static scenery of a town: buildings, trees, street lamps, traffic lights and street furniture."""
 
 from appocc.simulation.scenery.build import build_scenery
 

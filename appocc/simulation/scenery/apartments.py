@@ -1,4 +1,4 @@
-"""Blocks of flats and offices: flat roofs, large windows, balconies, glass at the ground."""
+"""Apartment and office buildings: flat roofs, large windows, balconies, glazed ground floors."""
 
 from __future__ import annotations
 
@@ -10,23 +10,25 @@ from appocc.simulation.mesh import Material
 from appocc.simulation.scenery import palette
 from appocc.simulation.scenery.builder import UNIT_UV, Builder
 from appocc.simulation.scenery.facade import (
-    Look,
-    balconies,
-    columns,
-    rectangles,
-    shop_floor,
+    FacadeStyle,
+    add_balconies,
+    add_shop_floor,
+    add_window_wall,
+    place_door,
+    upright_quads,
+    window_columns,
     window_rows,
-    windows_wall,
-    with_door,
 )
-from appocc.simulation.scenery.palette import pick
+from appocc.simulation.scenery.palette import pick_tint
 from appocc.simulation.scenery.plots import Plot
-from appocc.simulation.scenery.roofs import flat, rooftop
-from appocc.simulation.scenery.spans import SIDES, Span, plain_side
+from appocc.simulation.scenery.roofs import add_flat_roof, add_roof_equipment
+from appocc.simulation.scenery.spans import SIDES, BuildingPart, add_plain_side
 
 
-def apartment_house(builder: Builder, plot: Plot, tag: int, rng: np.random.Generator, highest: int = 12) -> None:
-    """Add a block of flats, or offices, of at most some storeys."""
+def add_apartment_building(
+    builder: Builder, plot: Plot, tag: int, rng: np.random.Generator, highest: int = 12
+) -> None:
+    """Add an apartment or office building with at most `highest` storeys."""
     office = rng.random() < (0.35 if plot.arterial else 0.12)
     wall = (Material.CONCRETE, Material.PLASTER, Material.BRICK, Material.PLAIN)[
         int(rng.choice(4, p=(0.2, 0.4, 0.2, 0.2)))
@@ -42,11 +44,11 @@ def apartment_house(builder: Builder, plot: Plot, tag: int, rng: np.random.Gener
         if plot.arterial
         else rng.choice((3, 4, 5, 6))
     )
-    look = Look(
+    style = FacadeStyle(
         wall=wall,
-        wall_tint=pick(rng, tints),
-        trim=pick(rng, palette.CONCRETES),
-        frame=pick(rng, palette.DARK_FRAMES),
+        wall_tint=pick_tint(rng, tints),
+        trim=pick_tint(rng, palette.CONCRETES),
+        window_frame=pick_tint(rng, palette.DARK_FRAMES),
         door=(58, 60, 64),
         bay_m=float(rng.uniform(2.3, 2.8) if office else rng.uniform(3.3, 4.3)),
         window_m=(2.1, 2.1) if office else (float(rng.uniform(1.7, 2.7)), float(rng.uniform(1.5, 2.2))),
@@ -58,62 +60,70 @@ def apartment_house(builder: Builder, plot: Plot, tag: int, rng: np.random.Gener
         sills=False,
         tag=tag,
     )
-    _apartments(builder, plot, look, office, rng)
+    _build_apartments(builder, plot, style, office, rng)
 
 
-def _apartments(builder: Builder, plot: Plot, look: Look, office: bool, rng: np.random.Generator) -> None:
-    set_back = look.storeys >= 4 and rng.random() < 0.45
+def _build_apartments(
+    builder: Builder, plot: Plot, style: FacadeStyle, office: bool, rng: np.random.Generator
+) -> None:
+    set_back = style.storeys >= 4 and rng.random() < 0.45
     top_floor = 3.0 if set_back else 0.0
-    main = Span(plot.place, 0.0, plot.width_m, 0.0, plot.depth_m, look.eaves_m)
-    place, length = main.side("front")
-    s = columns(length, look)
+    main = BuildingPart(plot.frame, 0.0, plot.width_m, 0.0, plot.depth_m, style.eaves_m)
+    frame, length = main.side("front")
+    s = window_columns(length, style)
     detailed = not plot.backland
     if detailed and rng.random() < (0.85 if plot.arterial or office else 0.4):
-        shop_floor(builder, place, length, look, pick(rng, palette.DARK_FRAMES), None, stall=False)
-        upper = window_rows(look.floors_m(1), look, len(s))
-        windows_wall(builder, place, length, (look.ground_m, look.eaves_m), s, upper, look, True)
+        add_shop_floor(builder, frame, length, style, pick_tint(rng, palette.DARK_FRAMES), None, stall=False)
+        upper = window_rows(style.floors_m(1), style, len(s))
+        add_window_wall(builder, frame, length, (style.ground_m, style.eaves_m), s, upper, style=style, detailed=True)
     else:
-        z = window_rows(look.floors_m(), look, len(s))
-        doors = with_door(z, len(s) // 2, 2.6) if len(s) else None
-        windows_wall(builder, place, length, (0.0, look.eaves_m), s, z, look, detailed, doors)
+        z = window_rows(style.floors_m(), style, len(s))
+        doors = place_door(z, len(s) // 2, 2.6) if len(s) else None
+        add_window_wall(
+            builder, frame, length, (0.0, style.eaves_m), s, z, style=style, detailed=detailed, doors=doors
+        )
     for name, closed in (("right", not plot.open_right), ("left", not plot.open_left), ("back", False)):
-        plain_side(builder, main, name, look, closed)
+        add_plain_side(builder, main, name, style, closed)
     if detailed and not office and len(s) > 1 and rng.random() < 0.75:
         every = s[int(rng.integers(2)) :: 2]
-        balconies(builder, place, every, look.floors_m(1), pick(rng, palette.METALS + palette.PANELS), look)
+        add_balconies(
+            builder, frame, every, style.floors_m(1), pick_tint(rng, palette.METALS + palette.PANELS), style
+        )
     if detailed and not office and rng.random() < 0.4:
-        _accent(builder, main, look, rng)
-    flat(builder, main, float(rng.uniform(0.5, 1.1)), look, palette.LEAD)
+        _add_stair_tower(builder, main, style, rng)
+    add_flat_roof(builder, main, float(rng.uniform(0.5, 1.1)), style, palette.LEAD)
     if set_back:
-        top = replace(look, wall=Material.PLAIN, wall_tint=pick(rng, palette.PANELS), storeys=look.storeys + 1)
-        pent = Span(plot.place, 1.8, plot.width_m - 1.8, 2.0, plot.depth_m - 1.5, look.eaves_m + top_floor)
-        _raised(builder, pent, look.eaves_m, top)
-        flat(builder, pent, 0.2, top, palette.LEAD)
-        rooftop(builder, pent, top, rng)
+        top = replace(style, wall=Material.PLAIN, wall_tint=pick_tint(rng, palette.PANELS), storeys=style.storeys + 1)
+        pent = BuildingPart(plot.frame, 1.8, plot.width_m - 1.8, 2.0, plot.depth_m - 1.5, style.eaves_m + top_floor)
+        _add_storey_walls(builder, pent, style.eaves_m, top)
+        add_flat_roof(builder, pent, 0.2, top, palette.LEAD)
+        add_roof_equipment(builder, pent, top, rng)
     else:
-        rooftop(builder, main, look, rng)
+        add_roof_equipment(builder, main, style, rng)
 
 
-def _accent(builder: Builder, main: Span, look: Look, rng: np.random.Generator) -> None:
-    """A stair tower of another colour that stands a little out of the front and above the roof."""
-    place, length = main.side("front")
+def _add_stair_tower(builder: Builder, main: BuildingPart, style: FacadeStyle, rng: np.random.Generator) -> None:
+    """Add a stair tower of another colour, slightly in front of the facade and above the roof."""
+    frame, length = main.side("front")
     width = 2.4
     s = 0.4 if rng.random() < 0.5 else length - width - 0.4
-    other = replace(look, wall=Material.PLAIN, wall_tint=pick(rng, palette.PANELS))
-    top = look.eaves_m + 1.6
+    other = replace(style, wall=Material.PLAIN, wall_tint=pick_tint(rng, palette.PANELS))
+    top = style.eaves_m + 1.6
     high = [s + width, 2.5, top]
-    builder.boxes(place, [s, -0.25, look.ground_m], high, other.wall, other.wall_tint, look.tag, "lrfbdt")
-    floors = look.floors_m(1)
+    builder.add_boxes(
+        frame, [s, -0.25, style.ground_m], high, other.wall, other.wall_tint, tag=style.tag, sides="lrfbdt"
+    )
+    floors = style.floors_m(1)
     panes = np.stack(
         [np.full_like(floors, s + 0.5), np.full_like(floors, s + width - 0.5), floors + 0.3, floors + 2.6], axis=1
     )
-    builder.quads(place, rectangles(panes, -0.28), Material.WINDOW, look.frame, look.tag, UNIT_UV)
+    builder.add_quads(frame, upright_quads(panes, -0.28), Material.WINDOW, style.window_frame, style.tag, UNIT_UV)
 
 
-def _raised(builder: Builder, span: Span, z_m: float, look: Look) -> None:
-    """Walls of a storey on a roof."""
+def _add_storey_walls(builder: Builder, span: BuildingPart, z_m: float, style: FacadeStyle) -> None:
+    """Add the walls of a storey on a roof."""
     for name in SIDES:
-        place, length = span.side(name)
-        s = columns(length, look, 0.8)
-        z = window_rows(np.array([z_m]), look, len(s))
-        windows_wall(builder, place, length, (z_m, span.eaves_m), s, z, look, False)
+        frame, length = span.side(name)
+        s = window_columns(length, style, 0.8)
+        z = window_rows(np.array([z_m]), style, len(s))
+        add_window_wall(builder, frame, length, (z_m, span.eaves_m), s, z, style=style, detailed=False)

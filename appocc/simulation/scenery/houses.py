@@ -1,4 +1,4 @@
-"""Buildings on their plots, by style."""
+"""Place buildings on their plots, by style."""
 
 from __future__ import annotations
 
@@ -6,17 +6,22 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from appocc.simulation.scenery.apartments import apartment_house
+from appocc.simulation.scenery.apartments import add_apartment_building
 from appocc.simulation.scenery.builder import Builder
-from appocc.simulation.scenery.detached import detached_house
-from appocc.simulation.scenery.industrial import works
+from appocc.simulation.scenery.detached import add_detached_house
+from appocc.simulation.scenery.industrial import add_industrial_building
 from appocc.simulation.scenery.plots import Plot
-from appocc.simulation.scenery.terraces import town_house
+from appocc.simulation.scenery.terraces import add_town_house
 
 
 def build_houses(builder: Builder, plots: Sequence[Plot], style: str, rng: np.random.Generator) -> None:
-    """Add a building to every plot that has one; its faces are tagged with its number."""
-    makers = {"old": town_house, "modern": apartment_house, "suburb": detached_house, "industrial": works}
+    """Add a building to every plot that has one; its faces are tagged with its index."""
+    makers = {
+        "old": add_town_house,
+        "modern": add_apartment_building,
+        "suburb": add_detached_house,
+        "industrial": add_industrial_building,
+    }
     for tag, plot in enumerate(plots):
-        # Plots without a building draw their numbers too: else all that follow would look different.
+        # Empty plots draw their random numbers, too, so that the other buildings do not depend on them.
         makers[style](builder if plot.built else Builder(), plot, tag, rng)

@@ -1,4 +1,4 @@
-"""Colours of walls, roofs and leaves, as they are seen in European and American streets (sRGB)."""
+"""Colours of walls, roofs and leaves as in European and American streets (sRGB)."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ PANELS: tuple[Tint, ...] = (
     (120, 126, 130),
     (146, 112, 98),
 )
-HALLS: tuple[Tint, ...] = (
+INDUSTRIAL_WALLS: tuple[Tint, ...] = (
     (168, 174, 178),
     (196, 196, 190),
     (142, 150, 156),
@@ -114,8 +114,8 @@ CONCRETE: Tint = (164, 162, 158)
 GRAVEL: Tint = (128, 124, 118)
 
 
-def pick(rng: np.random.Generator, tints: Sequence[Tint]) -> Tint:
-    """One of some colours, a little lighter or darker."""
+def pick_tint(rng: np.random.Generator, tints: Sequence[Tint]) -> Tint:
+    """Return one of the colours at random, slightly lighter or darker."""
     tint = tints[int(rng.integers(len(tints)))]
     shade = float(rng.uniform(0.93, 1.06))
     red, green, blue = (min(255, round(c * shade)) for c in tint)

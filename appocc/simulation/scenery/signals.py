@@ -1,4 +1,4 @@
-"""Traffic lights: one head for every link of a signal, towards those who come."""
+"""Traffic lights: one head for every link of a signal, facing the approach."""
 
 from __future__ import annotations
 
@@ -8,26 +8,26 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from appocc.checks import FloatArray
-from appocc.simulation.mesh import Material, Mesh, joined
+from appocc.simulation.mesh import Material, Mesh, join_meshes
 from appocc.simulation.network import Connection, Edge, RoadNetwork
-from appocc.simulation.scenery.builder import Builder, Tint, copies, stem
-from appocc.simulation.scenery.furniture import ORIGIN, plate, ring
+from appocc.simulation.scenery.builder import Builder, Tint, instance_mesh, tapered_rod
+from appocc.simulation.scenery.furniture import ORIGIN, regular_polygon, sign_plate
 from appocc.simulation.scenery.roadside import kerb_offset
 from appocc.simulation.scenery.site import Site, lanes_across
 
 _BEHIND_KERB_M = 0.75
 _HEAD_M = 2.35  # lower edge of a head on a pole
-_ARM_M = 5.5  # lower edge of a head over the street
-_ASIDE_M = 0.42  # between heads side by side
-_ARM_FROM = 3  # driving lanes in both directions, from which heads hang over the street
+_ARM_M = 5.5  # lower edge of a head above the street
+_ASIDE_M = 0.42  # spacing of adjacent heads
+_ARM_FROM = 3  # driving lanes in both directions from which heads hang above the street
 _COLOURS: tuple[Tint, ...] = ((214, 40, 36), (232, 168, 36), (44, 180, 96))
 _BLACK: Tint = (30, 32, 33)
 _GREY: Tint = (96, 100, 102)
 
 
-@dataclass(frozen=True)
-class Head:
-    """A head of three lamps: middle of its lower edge (3,), direction it looks to (2,), number of its link."""
+@dataclass(frozen=True, eq=False)
+class SignalHead:
+    """A signal head of three lamps: middle of its lower edge (3,), facing direction (2,), index of its link."""
 
     xyz_m: FloatArray
     towards: FloatArray
@@ -35,7 +35,7 @@ class Head:
 
 
 def signal_names(network: RoadNetwork) -> tuple[str, ...]:
-    """Names `light/link` of all links of the town's traffic lights, sorted as texts.
+    """Return the names `light/link` of all links of the town's traffic lights, sorted as text.
 
     A SIGNAL face's tag is 3 * (index in this list) + 0, 1, 2 for red, yellow, green.
     """
@@ -43,7 +43,7 @@ def signal_names(network: RoadNetwork) -> tuple[str, ...]:
 
 
 def build_signals(site: Site, network: RoadNetwork) -> tuple[list[Mesh], FloatArray]:
-    """Poles, arms and heads of all traffic lights, and the places of the poles (P, 2)."""
+    """Build poles, arms and heads of all traffic lights, and return the positions of the poles (P, 2)."""
     number = {name: index for index, name in enumerate(signal_names(network))}
     edges = {edge.name: edge for edge in network.edges}
     approaches: dict[tuple[str, str], list[Connection]] = {}
@@ -51,103 +51,107 @@ def build_signals(site: Site, network: RoadNetwork) -> tuple[list[Mesh], FloatAr
         if connection.signal:
             key = network.lane(connection.from_lane).edge, connection.signal
             approaches.setdefault(key, []).append(connection)
-    heads: list[Head] = []
+    heads: list[SignalHead] = []
     poles: list[tuple[FloatArray, float]] = []
     arms: list[tuple[FloatArray, FloatArray]] = []
     for (edge_name, _), connections in approaches.items():
-        _approach(site, network, edges[edge_name], connections, number, heads, poles, arms)
+        _build_approach(site, network, edges[edge_name], connections, number, heads, poles=poles, arms=arms)
     return [*_heads(heads), *_poles(poles), *_arms(arms)], np.array([xy for xy, _ in poles]).reshape(-1, 2)
 
 
-def _approach(
+def _build_approach(
     site: Site,
     network: RoadNetwork,
     edge: Edge,
     connections: list[Connection],
     number: Mapping[str, int],
-    heads: list[Head],
+    heads: list[SignalHead],
     poles: list[tuple[FloatArray, float]],
     arms: list[tuple[FloatArray, FloatArray]],
 ) -> None:
-    """Heads, poles and the arm of one approach."""
+    """Add heads, poles and the arm of one approach."""
     outer = next(lane for lane in edge.lanes if lane.kind != "walking")
-    end, heading = _end(outer.centre_m, -1)
-    # From left to right as the driver sees the links; one head for each name.
+    end, heading = _line_end(outer.centre_m, -1)
+    # From left to right as the driver sees the links; one head per name.
     order = {"t": 0, "l": 1, "L": 2, "s": 3, "R": 4, "r": 5}
     links = sorted(connections, key=lambda c: (order.get(c.direction, 3), -network.lane(c.from_lane).index, c.link))
     links = list({f"{c.signal}/{c.link}": c for c in links}.values())
     right = np.array([heading[1], -heading[0]])
     over = lanes_across(network, edge) >= _ARM_FROM
     on_pole = [c for c in links if c.direction not in ("l", "L", "t")][-1:] or links[-1:] if over else links
-    pole = _beside(site, end, heading, (len(on_pole) - 1) / 2 * _ASIDE_M)
+    pole = _kerb_position(site, end, heading, (len(on_pole) - 1) / 2 * _ASIDE_M)
     for k, connection in enumerate(on_pole):
         aside = (k - (len(on_pole) - 1) / 2) * _ASIDE_M
         base = pole + aside * right - 0.12 * heading
-        heads.append(Head(np.array([*base, _HEAD_M]), -heading, number[f"{connection.signal}/{connection.link}"]))
+        heads.append(
+            SignalHead(np.array([*base, _HEAD_M]), -heading, number[f"{connection.signal}/{connection.link}"])
+        )
     if over:
-        tips = _over_lanes(network, links, pole, heading, number, heads)
+        tips = _hang_over_lanes(network, links, pole, heading, number, heads)
         arms.append((pole, tips))
     poles.append((pole, _ARM_M + 1.0 if over else _HEAD_M + 1.1))
-    _far_side(site, network, [c for c in links if c.direction == "s"], number, heads, poles)
+    _repeat_beyond_junction(site, network, [c for c in links if c.direction == "s"], number, heads, poles)
 
 
-def _over_lanes(
+def _hang_over_lanes(
     network: RoadNetwork,
     links: list[Connection],
     pole: FloatArray,
     heading: FloatArray,
     number: Mapping[str, int],
-    heads: list[Head],
+    heads: list[SignalHead],
 ) -> FloatArray:
-    """Hang a head for each link over its lane, side by side where a lane has several; returns the arm's end (2,)."""
+    """Hang a head for each link above its lane, adjacent if a lane has several; return the end of the arm (2,)."""
     left = np.array([-heading[1], heading[0]])
     lanes = [c.from_lane for c in links]
     farthest = 0.0
     for k, connection in enumerate(links):
         same = [i for i, lane in enumerate(lanes) if lane == connection.from_lane]
-        middle = _end(network.lane(connection.from_lane).centre_m, -1)[0]
+        middle = _line_end(network.lane(connection.from_lane).centre_m, -1)[0]
         reach = float((middle - pole) @ left) - (same.index(k) - (len(same) - 1) / 2) * (_ASIDE_M + 0.08)
         farthest = max(farthest, reach)
         base = pole + reach * left - 0.12 * heading
-        heads.append(Head(np.array([*base, _ARM_M]), -heading, number[f"{connection.signal}/{connection.link}"]))
+        heads.append(
+            SignalHead(np.array([*base, _ARM_M]), -heading, number[f"{connection.signal}/{connection.link}"])
+        )
     return np.asarray(pole + (farthest + 0.3) * left)
 
 
-def _far_side(
+def _repeat_beyond_junction(
     site: Site,
     network: RoadNetwork,
     straight: list[Connection],
     number: Mapping[str, int],
-    heads: list[Head],
+    heads: list[SignalHead],
     poles: list[tuple[FloatArray, float]],
 ) -> None:
-    """Repeat the head of those who go straight on beyond the junction, for who waits at the line."""
+    """Repeat the head of straight-on traffic beyond the junction, for drivers at the stop line."""
     if not straight:
         return
     connection = min(straight, key=lambda c: network.lane(c.to_lane).index)
     edge = next(e for e in network.edges if e.name == network.lane(connection.to_lane).edge)
     outer = next(lane for lane in edge.lanes if lane.kind != "walking")
-    start, heading = _end(outer.centre_m, 0)
-    pole = _beside(site, start + 1.2 * heading, heading)
+    start, heading = _line_end(outer.centre_m, 0)
+    pole = _kerb_position(site, start + 1.2 * heading, heading)
     base = pole - 0.12 * heading
-    heads.append(Head(np.array([*base, _HEAD_M]), -heading, number[f"{connection.signal}/{connection.link}"]))
+    heads.append(SignalHead(np.array([*base, _HEAD_M]), -heading, number[f"{connection.signal}/{connection.link}"]))
     poles.append((pole, _HEAD_M + 1.1))
 
 
-def _end(line_m: FloatArray, which: int) -> tuple[FloatArray, FloatArray]:
-    """The first (0) or last (-1) point of a line and the unit direction there."""
+def _line_end(line_m: FloatArray, which: int) -> tuple[FloatArray, FloatArray]:
+    """Return the first (0) or last (-1) point of a line and the unit direction there."""
     a, b = (line_m[0], line_m[1]) if which == 0 else (line_m[-2], line_m[-1])
     return np.asarray(line_m[which]), (b - a) / max(float(np.linalg.norm(b - a)), 1e-9)
 
 
-def _beside(site: Site, xy_m: FloatArray, heading: FloatArray, half_m: float = 0.0) -> FloatArray:
-    """The nearest ground behind the kerb to the right of a point of the road, moved along the street if need be.
+def _kerb_position(site: Site, xy_m: FloatArray, heading: FloatArray, half_m: float = 0.0) -> FloatArray:
+    """Return the nearest ground behind the kerb to the right of a road point, moved along the street if necessary.
 
     Args:
-        site: ground.
-        xy_m: (2,) on the road.
+        site: ground raster.
+        xy_m: (2,) point on the road.
         heading: (2,) unit direction of travel.
-        half_m: from the pole to the outer heads beside it: all of them keep off the road.
+        half_m: distance from the pole to the outer heads: all of them stay off the road.
     """
     right = np.array([heading[1], -heading[0]])
     back = _BEHIND_KERB_M + half_m
@@ -155,45 +159,45 @@ def _beside(site: Site, xy_m: FloatArray, heading: FloatArray, half_m: float = 0
         start = xy_m + along * heading
         offset = kerb_offset(site, start[None], right[None], back + half_m + 0.3)[0]
         pole = start + (offset + back) * right
-        # Where the kerb bends round a corner the way across the street is not the shortest to the road.
-        if np.isfinite(offset) and site.metres_at(pole[None], site.to_road_m)[0] > half_m + 0.4:
+        # Where the kerb bends around a corner, the distance across the street is not the shortest one to the road.
+        if np.isfinite(offset) and site.distance_at(pole[None], site.to_road_m)[0] > half_m + 0.4:
             return np.asarray(pole)
     return np.asarray(xy_m + 14.0 * right)
 
 
-def _heads(heads: list[Head]) -> list[Mesh]:
-    """Housings with three lamps each, tagged."""
+def _heads(heads: list[SignalHead]) -> list[Mesh]:
+    """Return housings with three tagged lamps each."""
     if not heads:
         return []
     template = _head()
     at = np.stack([head.xyz_m for head in heads])
     yaw = np.array([np.arctan2(head.towards[1], head.towards[0]) + np.pi / 2 for head in heads])
-    mesh = copies(template, at, yaw, np.ones((len(heads), 3)))
+    mesh = instance_mesh(template, at, yaw, np.ones((len(heads), 3)))
     first = np.repeat(3 * np.array([head.link for head in heads]), len(template.faces))
     return [replace(mesh, tag=np.where(mesh.tag >= 0, mesh.tag + first, -1).astype(np.int32))]
 
 
 def _head() -> Mesh:
-    """One head that looks to -y, its lower edge at the origin; the lamps' tags are 0, 1, 2."""
+    """Return one head that faces -y, its lower edge at the origin; the lamps' tags are 0, 1, 2."""
     builder = Builder()
-    builder.boxes(ORIGIN, [-0.16, -0.12, 0.0], [0.16, 0.08, 0.98], Material.TRIM, _BLACK, sides="lrfbdt")
-    builder.boxes(ORIGIN, [-0.23, 0.0, -0.07], [0.23, 0.02, 1.05], Material.TRIM, _BLACK, sides="lrfbdt")
+    builder.add_boxes(ORIGIN, [-0.16, -0.12, 0.0], [0.16, 0.08, 0.98], Material.TRIM, _BLACK, sides="lrfbdt")
+    builder.add_boxes(ORIGIN, [-0.23, 0.0, -0.07], [0.23, 0.02, 1.05], Material.TRIM, _BLACK, sides="lrfbdt")
     parts = []
     for lamp, tint in enumerate(_COLOURS):
         z = 0.81 - 0.32 * lamp
-        disc = plate(ring(10, 0.12), z, tint, -0.13, Material.SIGNAL, back=False)
+        disc = sign_plate(regular_polygon(10, 0.12), z, tint, -0.13, Material.SIGNAL, back=False)
         parts.append(replace(disc, tag=np.full(len(disc.faces), lamp, np.int32)))
         angle = np.linspace(-0.15, np.pi + 0.15, 5)
         x, up = 0.135 * np.cos(angle), z + 0.135 * np.sin(angle)
-        for i in range(4):  # the visor, from outside and from inside
+        for i in range(4):  # the visor, outside and inside
             near = [
                 [x[i], -0.12, up[i]],
                 [x[i + 1], -0.12, up[i + 1]],
                 [x[i + 1], -0.3, up[i + 1]],
                 [x[i], -0.3, up[i]],
             ]
-            builder.quads(ORIGIN, [near[::-1], near], Material.TRIM, _BLACK)
-    return joined([builder.mesh(), *parts])
+            builder.add_quads(ORIGIN, [near[::-1], near], Material.TRIM, _BLACK)
+    return join_meshes([builder.mesh(), *parts])
 
 
 def _poles(poles: list[tuple[FloatArray, float]]) -> list[Mesh]:
@@ -201,15 +205,15 @@ def _poles(poles: list[tuple[FloatArray, float]]) -> list[Mesh]:
     for xy, height in poles:
         thick = (0.12, 0.09) if height > 5 else (0.07, 0.06)
         ends = np.array([*xy, 0.0]), np.array([*xy, height])
-        meshes.append(stem(*ends, thick, 8, Material.METAL, _GREY, capped=True))
+        meshes.append(tapered_rod(*ends, thick, 8, Material.METAL, _GREY, capped=True))
     return meshes
 
 
 def _arms(arms: list[tuple[FloatArray, FloatArray]]) -> list[Mesh]:
-    """Arms from the poles over the lanes."""
+    """Return the arms from the poles above the lanes."""
     height = _ARM_M + 0.6
     return [
-        stem(
+        tapered_rod(
             np.array([*pole, height]),
             np.array([*tip, height + 0.25]),
             (0.08, 0.05),

@@ -1,11 +1,11 @@
-"""Make the built-in towns again, byte for byte: `python -m appocc.simulation.town_generation.builtin`."""
+"""Regenerate the built-in towns, byte for byte: `python -m appocc.simulation.town_generation.builtin`."""
 
 from __future__ import annotations
 
 from appocc.simulation.builtin import TOWNS_FOLDER
-from appocc.simulation.town_generation.make import make_town
+from appocc.simulation.town_generation.make import generate_town
 
-# Name, seed of the layout, look of the houses.
+# Name, layout seed, architectural style.
 _TOWNS = (
     ("aldermoor", 12, "old"),
     ("brackwater", 21, "industrial"),
@@ -18,15 +18,15 @@ _TOWNS = (
 )
 
 
-def make_all() -> None:
+def generate_all() -> None:
     """Write the files of all built-in towns.
 
     Raises:
         AppoccError: if SUMO is missing.
     """
     for name, seed, style in _TOWNS:
-        make_town(seed, TOWNS_FOLDER, name, style)
+        generate_town(seed, TOWNS_FOLDER, name, style)
 
 
 if __name__ == "__main__":
-    make_all()
+    generate_all()

@@ -1,4 +1,4 @@
-"""Where the carriageway is, as a raster: what lies beside it is found from there."""
+"""The carriageway as a raster of distances, used to place things next to it."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ _CELL_M, _MARGIN_M = 0.25, 30.0
 _SUBPIXEL = 4
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Carriageway:
-    """A raster of a town in cells of 0.25 m.
+    """Distances from the carriageway of a town in cells of 0.25 m.
 
     Attributes:
         low_m: (2,) its lower corner.
@@ -26,22 +26,22 @@ class Carriageway:
     low_m: FloatArray
     outside_m: Float32Array
 
-    def beyond(self, points_m: FloatArray) -> FloatArray:
-        """Distance (N,) of points (N, 2) from the carriageway."""
+    def distance_m(self, points_m: FloatArray) -> FloatArray:
+        """Return the distance (N,) of points (N, 2) from the carriageway."""
         cell = ((points_m - self.low_m) / _CELL_M).astype(np.int64)
         height, width = self.outside_m.shape
         x, y = np.clip(cell[:, 0], 0, width - 1), np.clip(cell[:, 1], 0, height - 1)
         return np.asarray(self.outside_m[y, x], dtype=np.float64)
 
     def contours(self, distance_m: float) -> list[FloatArray]:
-        """Closed lines (N, 2) at a distance from the carriageway, around blocks and around the town."""
+        """Return closed lines (N, 2) at a distance from the carriageway, around blocks and around the town."""
         mask = (self.outside_m <= distance_m).astype(np.uint8)
         lines, _ = cv2.findContours(mask, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
         return [line[:, 0].astype(np.float64) * _CELL_M + self.low_m + _CELL_M / 2 for line in lines]
 
 
 def draw_carriageway(network: RoadNetwork) -> Carriageway:
-    """The carriageway of a network: all lanes but pavements, and the junctions between them."""
+    """Draw the carriageway of a network: all lanes except pavements, and the junctions between them."""
     low = network.low_m - _MARGIN_M
     width, height = (int(v) for v in np.ceil((network.high_m + _MARGIN_M - low) / _CELL_M))
     image: ByteArray = np.ones((height, width), np.uint8)
@@ -55,7 +55,7 @@ def draw_carriageway(network: RoadNetwork) -> Carriageway:
 
 
 def lane_pieces(lane: Lane) -> list[FloatArray]:
-    """Outlines (4, 2) of a lane's pieces between the points of its centre line."""
+    """Return the outlines (4, 2) of a lane between consecutive points of its centre line."""
     line = lane.centre_m
     if len(line) < 2:
         return []
@@ -65,7 +65,7 @@ def lane_pieces(lane: Lane) -> list[FloatArray]:
 
 
 def normals(line_m: FloatArray) -> FloatArray:
-    """(N, 2) unit vectors to the left of a line (N, 2) at its points."""
+    """Return (N, 2) unit normals to the left of a line (N, 2) at its points."""
     step = np.gradient(line_m, axis=0)
     step /= np.maximum(np.hypot(*step.T), 1e-9)[:, None]
     return np.stack([-step[:, 1], step[:, 0]], axis=1)

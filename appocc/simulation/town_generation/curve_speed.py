@@ -1,4 +1,4 @@
-"""How fast one drives round the bends of a street; SUMO itself slows down for junctions only."""
+"""Speed limits in curves; SUMO slows down for junctions only."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ _SLOWEST_MPS = 2.5
 _SMOOTH_CELLS = 1.2
 
 
-def bend_speeds(network: RoadNetwork) -> dict[str, FloatArray]:
-    """Lanes whose bends are slower than their limit: the speed every two metres, braking included."""
+def curve_speeds(network: RoadNetwork) -> dict[str, FloatArray]:
+    """Return, for lanes with slow curves, the speed every two metres, including braking distances."""
     found = {}
     for name, lane in network.lanes.items():
         if lane.kind == "driving" and len(lane.centre_m) > 2:

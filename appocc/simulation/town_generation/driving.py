@@ -1,4 +1,4 @@
-"""Traffic simulated by SUMO: where every vehicle's front bumper is, ten times a second."""
+"""Run SUMO and record the front bumper of every vehicle ten times a second."""
 
 from __future__ import annotations
 
@@ -12,33 +12,33 @@ import numpy as np
 from appocc.checks import ByteArray, FloatArray
 from appocc.errors import DataError
 from appocc.simulation.network import RoadNetwork
-from appocc.simulation.town_generation.bodies import Body
-from appocc.simulation.town_generation.curve_speed import bend_speeds
-from appocc.simulation.town_generation.tools import said, simulator
+from appocc.simulation.town_generation.bodies import BodyType
+from appocc.simulation.town_generation.curve_speed import curve_speeds
+from appocc.simulation.town_generation.tools import captured_errors, load_sumo
 
 STEP_S = 0.1
 _LOOK_STEPS = 2
-_FILL_S = 60.0  # vehicles set out during this time
+_FILL_S = 60.0  # vehicles depart within this time
 
 
 @dataclass(frozen=True)
 class Driver:
-    """A vehicle and the edges it drives along."""
+    """A vehicle and the edges of its route."""
 
     name: str
-    body: Body
+    body: BodyType
     size_lwh_m: tuple[float, float, float]
     route: list[str]
 
 
-@dataclass(frozen=True)
-class Drive:
-    """T steps of A vehicles.
+@dataclass(frozen=True, eq=False)
+class DriveRecord:
+    """T steps of A driven vehicles.
 
     Attributes:
-        front_m: (T, A, 2) middle of the front bumper; NaN while not there.
-        yaw_rad: (T, A) SUMO's own heading.
-        lamps: (T, A) SUMO's bits: 1 right, 2 left indicator, 8 brake.
+        front_m: (T, A, 2) middle of the front bumper; NaN while absent.
+        yaw_rad: (T, A) heading from SUMO.
+        lamps: (T, A) SUMO's signal bits: 1 right, 2 left indicator, 8 brake.
         links: names `light/link`.
         letters: (T, S) state of each link.
     """
@@ -50,38 +50,40 @@ class Drive:
     letters: ByteArray
 
 
-def drive(path: Path, network: RoadNetwork, drivers: list[Driver], times_s: tuple[float, float], seed: int) -> Drive:
-    """Let the drivers drive, and record what they do once the town has filled up.
+def simulate_driving(
+    path: Path, network: RoadNetwork, drivers: list[Driver], times_s: tuple[float, float], seed: int
+) -> DriveRecord:
+    """Simulate the drivers, and record them after a warm-up.
 
     Args:
-        path: SUMO's file of the network.
-        network: what it holds.
-        drivers: who drives.
-        times_s: how long the town fills up, and how long is recorded after that.
-        seed: of what drivers do by chance.
+        path: network file of SUMO.
+        network: its network.
+        drivers: vehicles and routes.
+        times_s: duration of the warm-up and of the recording.
+        seed: random seed of SUMO.
 
     Raises:
         AppoccError: if SUMO is missing.
-        DataError: if it cannot run on this network.
+        DataError: if SUMO cannot run on this network.
     """
-    sumo = simulator()
-    if not drivers:  # SUMO can crash on what is no more than a piece of a network
+    sumo = load_sumo()
+    if not drivers:  # SUMO can crash on networks that are mere fragments
         count = round(times_s[1] / STEP_S) + 1
         nowhere, dark = np.zeros((count, 0, 2)), np.zeros((count, 0), np.uint8)
-        return Drive(nowhere, nowhere[..., 0], dark, (), dark)
+        return DriveRecord(nowhere, nowhere[..., 0], dark, (), dark)
     with tempfile.TemporaryDirectory() as folder:
         routes = Path(folder) / "town.rou.xml"
         routes.write_text(_route_file(drivers), encoding="utf-8")
         options = ["--step-length", str(STEP_S), "--lateral-resolution", "0.8", "--seed", str(seed % 2**31)]
-        # Who blocks a street for long is taken away rather than moved through the air.
+        # Vehicles that block a street for long are removed rather than teleported.
         options += ["--time-to-teleport", "40", "--time-to-teleport.remove", "true", "--ignore-route-errors", "true"]
         options += ["--no-step-log", "true", "--no-warnings", "true", "--collision.action", "none"]
         options += ["--collision.check-junctions", "false"]
         try:
-            with said() as errors:
+            with captured_errors() as errors:
                 sumo.start(["sumo", "-n", str(path), "-r", str(routes), *options])
             steps = (round(times_s[0] / STEP_S), round(times_s[1] / STEP_S) + 1)
-            return _record(sumo, drivers, bend_speeds(network), steps)
+            return _record(sumo, drivers, curve_speeds(network), steps)
         except (sumo.TraCIException, sumo.FatalTraCIError, RuntimeError) as error:
             reason = next(iter(errors), " ".join(str(error).split()))
             raise DataError(f"{path}: SUMO cannot run on it ({reason})") from error
@@ -89,7 +91,9 @@ def drive(path: Path, network: RoadNetwork, drivers: list[Driver], times_s: tupl
             sumo.close()
 
 
-def _record(sumo: ModuleType, drivers: list[Driver], bends: dict[str, FloatArray], steps: tuple[int, int]) -> Drive:
+def _record(
+    sumo: ModuleType, drivers: list[Driver], limits: dict[str, FloatArray], steps: tuple[int, int]
+) -> DriveRecord:
     number = {driver.name: k for k, driver in enumerate(drivers)}
     most = {driver.name: driver.body.speed_mps for driver in drivers}
     front = np.full((steps[1], len(drivers), 2), np.nan)
@@ -103,7 +107,7 @@ def _record(sumo: ModuleType, drivers: list[Driver], bends: dict[str, FloatArray
         sumo.simulation.step()
         present = sumo.vehicle.getIDList()
         if step % _LOOK_STEPS == 0:
-            _slow_down(sumo, present, most, bends)
+            _slow_down(sumo, present, most, limits)
         t = step - steps[0]
         if t < 0:
             continue
@@ -114,21 +118,21 @@ def _record(sumo: ModuleType, drivers: list[Driver], bends: dict[str, FloatArray
             lamps[t, k] = sumo.vehicle.getSignals(name) & 11
         states = "".join(lights.getRedYellowGreenState(n) for n in names)
         letters[t] = np.frombuffer(states.encode("ascii"), np.uint8)
-    front[np.abs(front) > 1e6] = np.nan  # SUMO's mark of a place that it does not know
-    return Drive(front, yaw, lamps, links, letters)
+    front[np.abs(front) > 1e6] = np.nan  # SUMO's value for unknown positions
+    return DriveRecord(front, yaw, lamps, links, letters)
 
 
 def _slow_down(
-    sumo: ModuleType, present: tuple[str, ...], most: dict[str, float], bends: dict[str, FloatArray]
+    sumo: ModuleType, present: tuple[str, ...], most: dict[str, float], limits: dict[str, FloatArray]
 ) -> None:
-    """Nobody drives faster than the bend allows in which it is."""
+    """Limit the speed of each vehicle in a curve."""
     for name in present:
         lane = sumo.vehicle.getLaneID(name)
         speed = most[name]
-        if lane in bends:
+        if lane in limits:
             share = sumo.vehicle.getLanePosition(name) / sumo.lane.getLength(lane)
-            last = len(bends[lane]) - 1
-            speed = min(speed, float(bends[lane][min(int(share * last + 1.0), last)]))
+            last = len(limits[lane]) - 1
+            speed = min(speed, float(limits[lane][min(int(share * last + 1.0), last)]))
         if speed != sumo.vehicle.getMaxSpeed(name):
             sumo.vehicle.setMaxSpeed(name, speed)
 

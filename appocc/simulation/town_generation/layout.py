@@ -1,4 +1,4 @@
-"""The streets of an invented town: a jittered grid with arterials, curves, a roundabout, odd corners."""
+"""Street layout of a generated town: a jittered grid with arterials, curves, a roundabout, diagonal streets."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ _DROPPED = 0.15
 _RING_M = 15.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Crossing:
-    """A place where streets meet: position (2,), SUMO's type of junction, and the radius of its corners."""
+    """A crossing: position (2,), SUMO's junction type, and the radius of its corners."""
 
     name: str
     xy_m: FloatArray
@@ -27,17 +27,17 @@ class Crossing:
     radius_m: float = 6.5
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Street:
     """A street between two crossings.
 
     Attributes:
-        name: unique.
-        start: name of the crossing it begins at.
-        end: and of the one it ends at.
-        line_m: (N, 2) its middle from start to end.
-        lanes: driving lanes ahead and back; 0 back in a one-way street.
-        parking: whether cars park at the kerb on the right and on the left.
+        name: unique name.
+        start: name of the first crossing.
+        end: name of the last crossing.
+        line_m: (N, 2) centre line from start to end.
+        lanes: driving lanes in both directions; one-way streets have 0 in the opposite direction.
+        parking: whether cars park along the right and the left kerb.
         lane_m: width of a driving lane.
         speed_mps: speed limit.
         priority: higher has right of way.
@@ -63,14 +63,14 @@ class Layout:
 
 
 def draw_layout(seed: int, lines: int = _LINES) -> Layout:
-    """The streets of a town of (lines - 1) x (lines - 1) blocks; the same seed gives the same town."""
+    """Draw the streets of a town of (lines - 1) x (lines - 1) blocks; the same seed gives the same layout."""
     rng = np.random.default_rng([seed, 1])
     places = _places(rng, lines)
     arterials = _arterials(rng, lines)
-    pairs = _thinned(rng, _grid_pairs(lines), arterials)
+    pairs = _remove_streets(rng, _grid_pairs(lines), arterials)
     pairs += _diagonals(rng, pairs, arterials, lines)
     arms = _arms(pairs)
-    ring = _ring_place(rng, arms, arterials)
+    ring = _draw_roundabout(rng, arms, arterials)
     headings = _headings(rng, places, arms, arterials)
     chains = _chains(pairs, arms, arterials)
     streets = [_street(rng, chain, places, headings, arterials, ring) for chain in chains]
@@ -79,7 +79,7 @@ def draw_layout(seed: int, lines: int = _LINES) -> Layout:
     if ring is not None:
         corners, arcs = _roundabout(places[ring], ring, streets)
         crossings, streets = crossings + corners, streets + arcs
-    return Layout(tuple(crossings), tuple(_one_ways(rng, streets)))
+    return Layout(tuple(crossings), tuple(_draw_one_ways(rng, streets)))
 
 
 def _name(cell: Cell) -> str:
@@ -94,7 +94,7 @@ def _places(rng: np.random.Generator, lines: int) -> dict[Cell, FloatArray]:
 
 
 def _arterials(rng: np.random.Generator, lines: int) -> tuple[int, int]:
-    """Which column and which row are arterials; -1 for none."""
+    """Draw the arterial column and row; -1 for none."""
     column, row = (int(rng.integers(1, lines - 1)) for _ in range(2))
     only = rng.uniform()
     return (-1 if only < 0.2 else column), (-1 if only > 0.85 else row)
@@ -127,10 +127,10 @@ def _connected(pairs: list[tuple[Cell, Cell]], count: int) -> bool:
     return len(seen) == count
 
 
-def _thinned(
+def _remove_streets(
     rng: np.random.Generator, pairs: list[tuple[Cell, Cell]], arterials: tuple[int, int]
 ) -> list[tuple[Cell, Cell]]:
-    """Some streets are left out; all places stay connected, and no street winds along more than two blocks."""
+    """Remove some streets; all places stay connected, and no street winds along more than two blocks."""
     count, wanted = len(_arms(pairs)), round(len(pairs) * (1 - _DROPPED))
     for pair in [pairs[k] for k in rng.permutation(len(pairs))]:
         rest = [p for p in pairs if p != pair]
@@ -149,7 +149,7 @@ def _thinned(
 def _diagonals(
     rng: np.random.Generator, pairs: list[tuple[Cell, Cell]], arterials: tuple[int, int], lines: int
 ) -> list[tuple[Cell, Cell]]:
-    """Up to two streets across a block, which make skewed junctions, some with five arms."""
+    """Draw up to two diagonal streets across a block; they create skewed and five-arm junctions."""
     arms, found = _arms(pairs), list[tuple[Cell, Cell]]()
     used: set[Cell] = set()
     for _ in range(int(rng.integers(1, 3)) if lines > 3 else 0):
@@ -162,8 +162,10 @@ def _diagonals(
     return found
 
 
-def _ring_place(rng: np.random.Generator, arms: dict[Cell, list[Cell]], arterials: tuple[int, int]) -> Cell | None:
-    """Where a roundabout is, in two towns of three."""
+def _draw_roundabout(
+    rng: np.random.Generator, arms: dict[Cell, list[Cell]], arterials: tuple[int, int]
+) -> Cell | None:
+    """Draw the cell of the roundabout; about two thirds of the towns have one."""
     fit = [c for c in sorted(arms) if c[0] != arterials[0] and c[1] != arterials[1] and 3 <= len(arms[c]) <= 4]
     fit = [c for c in fit if all(abs(c[0] - n[0]) + abs(c[1] - n[1]) == 1 for n in arms[c])]
     return fit[int(rng.integers(len(fit)))] if fit and rng.uniform() < 0.7 else None
@@ -176,7 +178,7 @@ def _unit(vector: FloatArray) -> FloatArray:
 def _headings(
     rng: np.random.Generator, places: dict[Cell, FloatArray], arms: dict[Cell, list[Cell]], arterials: tuple[int, int]
 ) -> dict[tuple[Cell, Cell], FloatArray]:
-    """The direction in which each street leaves each place: streets that go on beyond it do so without a kink."""
+    """Return the direction in which each street leaves each place; through streets have no kink."""
     found: dict[tuple[Cell, Cell], FloatArray] = {}
     for cell in sorted(arms):
         for other in arms[cell]:
@@ -195,7 +197,7 @@ def _headings(
 def _chains(
     pairs: list[tuple[Cell, Cell]], arms: dict[Cell, list[Cell]], arterials: tuple[int, int]
 ) -> list[list[Cell]]:
-    """Streets as lists of places: they go on through places with two arms."""
+    """Return streets as lists of places: they continue through places with two arms."""
     left = {frozenset(pair) for pair in pairs}
     chains = []
     for start in [c for c in sorted(arms) if len(arms[c]) > 2]:
@@ -211,7 +213,7 @@ def _chains(
 
 
 def _curve(start: FloatArray, out: FloatArray, end: FloatArray, back: FloatArray) -> FloatArray:
-    """(N, 2) a cubic Bezier curve that leaves the start along `out` and the end along `back`; a point every 3 m."""
+    """Return (N, 2) of a cubic Bezier curve with end tangents `out` and `back`, a point every 3 m."""
     length = float(np.hypot(*(end - start)))
     t = np.linspace(0, 1, max(int(length / 3), 4))[:, None]
     a, b = start + out * length / 3, end + back * length / 3
@@ -237,7 +239,8 @@ def _street(
         names[0] = f"r{_name(chain[1])}"
     if chain[-1] == ring:
         names[1] = f"r{_name(chain[-2])}"
-    street = Street(f"s{_name(chain[0])}{_name(chain[1])}", names[0], names[1], np.concatenate(pieces))
+    name = f"s{_name(chain[0])}{_name(chain[1])}"
+    street = Street(name=name, start=names[0], end=names[1], line_m=np.concatenate(pieces))
     if _is_arterial(chain[0], chain[1], arterials):
         return replace(street, lanes=(2, 2), lane_m=3.3, speed_mps=13.9, priority=9)
     parking = rng.uniform(size=2) < 0.72
@@ -260,7 +263,7 @@ def _kinds(rng: np.random.Generator, arms: dict[Cell, list[Cell]], arterials: tu
 
 
 def _roundabout(centre: FloatArray, ring: Cell, streets: list[Street]) -> tuple[list[Crossing], list[Street]]:
-    """The corners of a roundabout where its arms arrive, and its arcs, anticlockwise."""
+    """Return the crossings of a roundabout where its arms arrive, and its arcs, counter-clockwise."""
     ends = [(s.start, s.line_m[0]) for s in streets] + [(s.end, s.line_m[-1]) for s in streets]
     corners = [(n, xy) for n, xy in ends if n.startswith("r") and abs(np.hypot(*(xy - centre)) - _RING_M) < 0.01]
     corners.sort(key=lambda corner: float(np.arctan2(*(corner[1] - centre)[::-1])))
@@ -269,12 +272,15 @@ def _roundabout(centre: FloatArray, ring: Cell, streets: list[Street]) -> tuple[
         first, last = (float(np.arctan2(*(xy - centre)[::-1])) for xy in (a_xy, b_xy))
         angle = np.linspace(first, first + (last - first) % (2 * np.pi), 16)
         line = centre + _RING_M * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-        arcs.append(Street(f"o{_name(ring)}{a}", a, b, line, (1, 0), lane_m=4.6, speed_mps=6.5, priority=8))
+        name = f"o{_name(ring)}{a}"
+        arcs.append(
+            Street(name=name, start=a, end=b, line_m=line, lanes=(1, 0), lane_m=4.6, speed_mps=6.5, priority=8)
+        )
     return [Crossing(name, xy, "priority", 5.0) for name, xy in corners], arcs
 
 
-def _one_ways(rng: np.random.Generator, streets: list[Street]) -> list[Street]:
-    """Some narrow streets become one-way, as long as every street can still be reached from every other."""
+def _draw_one_ways(rng: np.random.Generator, streets: list[Street]) -> list[Street]:
+    """Turn some narrow streets into one-way streets while every street stays reachable from every other."""
     wanted = int(rng.integers(2, 5))
     for k in rng.permutation(len(streets)):
         street = streets[k]
@@ -282,18 +288,18 @@ def _one_ways(rng: np.random.Generator, streets: list[Street]) -> list[Street]:
             continue
         single = replace(street, lanes=(1, 0), lane_m=3.5, parking=(True, bool(rng.uniform() < 0.8)))
         trial = [single if s is street else s for s in streets]
-        if _strong(trial):
+        if _is_strongly_connected(trial):
             streets, wanted = trial, wanted - 1
     return streets
 
 
-def _strong(streets: list[Street]) -> bool:
-    """Whether one can drive from every street to every other, never turning back on the spot."""
+def _is_strongly_connected(streets: list[Street]) -> bool:
+    """Return whether every street is reachable from every other without U-turns."""
     ways = [(s.start, s.end, s.name) for s in streets] + [(s.end, s.start, s.name) for s in streets if s.lanes[1]]
-    return all(_reached(list(range(len(ways))), ways, step) == len(ways) for step in (1, -1))
+    return all(_count_reached(list(range(len(ways))), ways, step) == len(ways) for step in (1, -1))
 
 
-def _reached(_: list[int], ways: list[tuple[str, str, str]], step: int) -> int:
+def _count_reached(_: list[int], ways: list[tuple[str, str, str]], step: int) -> int:
     leaving: dict[str, list[int]] = defaultdict(list)
     for k, way in enumerate(ways):
         leaving[way[0] if step == 1 else way[1]].append(k)

@@ -1,4 +1,4 @@
-"""A new town from a seed, an OpenDRIVE map or a SUMO network."""
+"""Generate a town from a seed, an OpenDRIVE map or a SUMO network."""
 
 from __future__ import annotations
 
@@ -18,26 +18,26 @@ from appocc.simulation.town_generation.carriageway import draw_carriageway
 from appocc.simulation.town_generation.layout import draw_layout
 from appocc.simulation.town_generation.opendrive import import_opendrive
 from appocc.simulation.town_generation.streets import write_network
-from appocc.simulation.town_generation.traffic import make_traffic
+from appocc.simulation.town_generation.traffic import generate_traffic
 
 _LARGEST_M = 3000.0  # the ground is a raster of the whole town
 
 
-def make_town(source: Path | int, folder: Path, name: str = "", style: str = "") -> str:
-    """Make a town and its traffic, and write its three files.
+def generate_town(source: Path | int, folder: Path, name: str = "", style: str = "") -> str:
+    """Generate a town and its traffic, and write its three files.
 
     Args:
-        source: an OpenDRIVE map (.xodr), a SUMO network (.net.xml, .net.xml.gz), or the seed of an invented town.
-        folder: where the files go.
-        name: of the town; else the file's stem, or `town_SEED`.
-        style: see `TownPlan.style`; else drawn by the name.
+        source: an OpenDRIVE map (.xodr), a SUMO network (.net.xml, .net.xml.gz), or a seed.
+        folder: output folder.
+        name: name of the town; by default the file's stem, or `town_SEED`.
+        style: see `TownPlan.style`; by default drawn by name.
 
     Returns:
         The town's name.
 
     Raises:
         AppoccError: if SUMO is missing.
-        DataError: if the source cannot be read, is no road network, or a file cannot be written.
+        DataError: if the source cannot be read, is not a road network, or a file cannot be written.
     """
     name = name or (f"town_{source}" if isinstance(source, int) else source.name.split(".")[0])
     seed = source if isinstance(source, int) else zlib.crc32(name.encode())
@@ -51,16 +51,16 @@ def make_town(source: Path | int, folder: Path, name: str = "", style: str = "")
             rng = np.random.default_rng([seed, 3])
             parks = draw_car_parks(network, draw_carriageway(network), rng) if isinstance(source, int) else ()
             plan = TownPlan(name, seed, style, network, parks)
-            log = make_traffic(file, plan)
+            log = generate_traffic(file, plan)
         except DataError as error:
-            # What is wrong with the scratch file is wrong with its source.
+            # An error in the scratch file is an error in its source.
             raise DataError(str(error).replace(str(file), str(source))) from error
         save_town(folder, plan, log, file.read_bytes())
     return name
 
 
 def _check(file: Path, network: RoadNetwork) -> None:
-    """Refuse what SUMO or the scenery would break on."""
+    """Refuse networks that SUMO or the scenery cannot handle."""
     size_m = float((network.high_m - network.low_m).max())
     if not size_m <= _LARGEST_M:
         raise DataError(f"{file}: expected a map of at most {_LARGEST_M:g} m across, got {size_m:g} m")

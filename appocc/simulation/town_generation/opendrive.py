@@ -1,4 +1,4 @@
-"""Road networks of OpenDRIVE maps, such as CARLA's towns."""
+"""Import road networks from OpenDRIVE maps, such as CARLA's towns."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from appocc.simulation.town_generation.streets import SHAPES, SIGNALS, TURNS
 from appocc.simulation.town_generation.tools import netconvert
 
 _RESOLUTION_M = "0.5"
-# netconvert would let cars drive along these, as it does not know that they are part of the roadside.
+# netconvert opens these lanes to cars by default; they are part of the roadside.
 _CLOSED = ("parking", "shoulder", "sidewalk", "border", "median", "none", "restricted")
 
 
 def import_opendrive(source: Path, path: Path) -> None:
-    """Make a SUMO network (.net.xml) of an OpenDRIVE map; parking lanes, shoulders and pavements are kept.
+    """Convert an OpenDRIVE map to a SUMO network (.net.xml); parking lanes, shoulders and pavements are kept.
 
     Raises:
         AppoccError: if SUMO is missing.
-        DataError: if the file cannot be read or is no OpenDRIVE map; the message holds netconvert's reason.
+        DataError: if the file cannot be read or is not an OpenDRIVE map; the message holds netconvert's reason.
     """
     if not source.is_file():
         raise DataError(f"{source}: cannot be read (no such file)")
@@ -30,6 +30,6 @@ def import_opendrive(source: Path, path: Path) -> None:
         lanes = ["--opendrive.import-all-lanes", "true", "--opendrive.curve-resolution", _RESOLUTION_M]
         options = ["--type-files", str(types), "--no-turnarounds.except-deadend", "true"]
         file = ["--opendrive-files", str(source), "-o", str(path)]
-        # Early CARLA maps hold no signals: large junctions get them.
+        # Early CARLA maps have no signals: large junctions get them.
         options += ["--tls.guess", "true", "--tls.guess.threshold", "40"]
         netconvert(source, [*file, *lanes, *options, *SIGNALS, *SHAPES, *TURNS])

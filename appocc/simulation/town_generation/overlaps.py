@@ -1,4 +1,4 @@
-"""Two bodies at one place: found, and the fewest taken out."""
+"""Find overlapping bodies, and remove as few actors as possible."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ MOST_M2 = 0.04
 
 
 def without_overlaps(actors: list[Actor], xy_m: FloatArray, yaw_rad: FloatArray, parked: BoolArray) -> BoolArray:
-    """Which of A actors may stay so that no two overlap by more than 0.04 m2 at any step.
+    """Return which of A actors to keep so that no two overlap by more than 0.04 m2 at any step.
 
-    Parked ones go first, then those that overlap with the most others, then those that are there for the least time.
+    Parked actors are removed first, then those with the most overlaps, then those present for the shortest time.
 
     Args:
-        actors: the actors.
-        xy_m: (T, A, 2) centres; NaN while not there.
+        actors: static properties of the actors.
+        xy_m: (T, A, 2) centres; NaN while absent.
         yaw_rad: (T, A) headings.
-        parked: (A,) who never moves.
+        parked: (A,) whether an actor never moves.
     """
     pairs = overlapping(actors, xy_m, yaw_rad, parked)
     there = np.isfinite(xy_m[..., 0]).sum(axis=0)
@@ -43,7 +43,7 @@ def _rank(actor: Actor, parked: bool) -> int:
 def overlapping(
     actors: list[Actor], xy_m: FloatArray, yaw_rad: FloatArray, parked: BoolArray
 ) -> set[tuple[int, int]]:
-    """Pairs of actors that overlap by more than 0.04 m2 at some step; see `without_overlaps`."""
+    """Return pairs of actors that overlap by more than 0.04 m2 at some step; see `without_overlaps`."""
     size = np.array([actor.size_lwh_m[:2] for actor in actors]).reshape(-1, 2)
     reach = np.asarray(np.hypot(*size.T) / 2, dtype=np.float32)
     boxes = footprints(xy_m, yaw_rad, size).astype(np.float32)

@@ -1,4 +1,4 @@
-"""A layout as SUMO's plain XML, and the network that netconvert makes of it."""
+"""Write a layout as SUMO's plain XML and convert it with netconvert."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from appocc.simulation.town_generation.layout import Layout, Street
 from appocc.simulation.town_generation.tools import netconvert
 
 PARKING_M = 2.3
-# Short cycles keep fewer cars standing; turns are slow so that nobody swings round.
+# Short cycles keep queues short; turns are slow, so that vehicles do not swing round.
 SIGNALS = ["--tls.cycle.time", "40", "--tls.yellow.time", "3"]
 SHAPES = ["--junctions.corner-detail", "8", "--junctions.internal-link-detail", "12"]
 TURNS = ["--junctions.limit-turn-speed", "2.2", "--junctions.limit-turn-speed.min-angle", "10"]
 
 
 def write_network(layout: Layout, path: Path) -> None:
-    """Make a SUMO network (.net.xml) of a layout.
+    """Convert a layout to a SUMO network (.net.xml).
 
     Raises:
         AppoccError: if SUMO is missing.
@@ -51,7 +51,7 @@ def _edges(layout: Layout) -> str:
 
 
 def _edge(street: Street, name: str, ends: tuple[str, str], line_m: FloatArray, driving: int) -> str:
-    """One direction; lane 0 is the rightmost, and in a one-way street cars may park on the left, too."""
+    """Return one direction as XML; lane 0 is the rightmost, and one-way streets may have parking on the left, too."""
     back = name.startswith("-")
     one_way = street.lanes[1] == 0
     park = f'disallow="all" width="{PARKING_M}"'

@@ -1,4 +1,4 @@
-"""SUMO's tools, which only the making of new towns needs."""
+"""SUMO's tools; only the generation of new towns needs them."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from types import ModuleType
 
 from appocc.errors import AppoccError, DataError
 
-_MISSING = "making a town needs SUMO: pip install 'appocc[sumo]'"
+_MISSING = "generating a town needs SUMO: pip install 'appocc[sumo]'"
 
 
-def simulator() -> ModuleType:
-    """The module libsumo.
+def load_sumo() -> ModuleType:
+    """Return the module libsumo.
 
     Raises:
         AppoccError: if it is not installed.
@@ -30,8 +30,8 @@ def simulator() -> ModuleType:
 
 
 @contextmanager
-def said() -> Iterator[list[str]]:
-    """Keep from stderr what a library writes there; at the end, the list holds the errors that it told of."""
+def captured_errors() -> Iterator[list[str]]:
+    """Capture what a library writes to stderr; at the end, the list holds its error lines."""
     errors: list[str] = []
     sys.stderr.flush()
     kept = os.dup(2)
@@ -52,7 +52,7 @@ def _errors(text: str) -> list[str]:
 
 
 def netconvert(source: Path, arguments: list[str]) -> None:
-    """Run SUMO's netconvert; `source` is the file that is to blame when it fails.
+    """Run SUMO's netconvert; `source` is the file named in the error message.
 
     Raises:
         AppoccError: if it is not installed.

@@ -1,4 +1,4 @@
-"""People on the pavements: they walk around blocks, beside the carriageway."""
+"""Pedestrians who walk on the pavements around blocks."""
 
 from __future__ import annotations
 
@@ -6,21 +6,22 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
 from appocc.checks import FloatArray
+from appocc.polylines import arc_m
 from appocc.simulation.town_generation.bodies import ADULT, CHILD, draw_size
 from appocc.simulation.town_generation.carriageway import Carriageway
 from appocc.simulation.traffic import Actor
 
 _SHORTEST_M = 90.0
 _SMOOTH_CELLS = 5.0  # of the raster
-# Those who walk one way keep to one side of the pavement.
+# Pedestrians of one direction keep to one side of the pavement.
 _SIDES_M = (1.15, 1.85)
 
 
 def draw_walkers(
     carriageway: Carriageway, count: int, times_s: FloatArray, rng: np.random.Generator
 ) -> tuple[list[Actor], FloatArray, FloatArray]:
-    """People, their places (T, count, 2) and headings (T, count) at times (T,)."""
-    loops = [[_ring(line) for line in carriageway.contours(side)] for side in _SIDES_M]
+    """Draw pedestrians, their positions (T, count, 2) and headings (T, count) at times (T,)."""
+    loops = [[_loop(line) for line in carriageway.contours(side)] for side in _SIDES_M]
     loops = [[ring for ring in rings if ring[-1, 2] > _SHORTEST_M] for rings in loops]
     actors: list[Actor] = []
     places, headings = np.zeros((len(times_s), count, 2)), np.zeros((len(times_s), count))
@@ -37,22 +38,21 @@ def draw_walkers(
     return actors, places, headings
 
 
-def _ring(line_m: FloatArray) -> FloatArray:
-    """A closed line as (N + 1, 3): x, y, and the length up to there; the steps of the raster are smoothed away."""
+def _loop(line_m: FloatArray) -> FloatArray:
+    """Return a closed line as (N + 1, 3): x, y and arc length; the raster steps are smoothed."""
     smooth = np.stack([gaussian_filter1d(line_m[:, axis], _SMOOTH_CELLS, mode="wrap") for axis in (0, 1)], axis=1)
     closed = np.concatenate([smooth, smooth[:1]])
-    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(closed, axis=0).T))])
-    return np.concatenate([closed, along[:, None]], axis=1)
+    return np.concatenate([closed, arc_m(closed)[:, None]], axis=1)
 
 
 def _walk(ring: FloatArray, start_m: float, speed_mps: float, times_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Places (T, 2) and headings (T,); people turn a little before and after a corner."""
+    """Return positions (T, 2) and headings (T,); pedestrians turn gradually around corners."""
     at = start_m + speed_mps * times_s
     way = float(np.copysign(0.6, speed_mps))
-    before, here, ahead = (_at(ring, at + shift) for shift in (-way, 0.0, way))
+    before, here, ahead = (_interpolate(ring, at + shift) for shift in (-way, 0.0, way))
     return here, np.arctan2(*(ahead - before).T[::-1])
 
 
-def _at(ring: FloatArray, along_m: FloatArray) -> FloatArray:
+def _interpolate(ring: FloatArray, along_m: FloatArray) -> FloatArray:
     wrapped = np.mod(along_m, ring[-1, 2])
     return np.stack([np.interp(wrapped, ring[:, 2], ring[:, axis]) for axis in (0, 1)], axis=1)

@@ -1,1 +1,1 @@
-"""What is true of a moment: layers from above, boxes, what is visible, depth and class of every pixel."""
+"""Exact ground truth of a frame: BEV layers, boxes, visibility, depth and class of every pixel."""

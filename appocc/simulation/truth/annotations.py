@@ -1,4 +1,4 @@
-"""The actors of a moment as nuScenes' annotations."""
+"""nuScenes annotations of the actors in a frame."""
 
 from __future__ import annotations
 
@@ -8,23 +8,23 @@ from appocc.checks import FloatArray, IntArray
 from appocc.geometry import transform
 from appocc.nuscenes.writer import Annotation
 from appocc.simulation.traffic import Light
-from appocc.simulation.truth.objects import Objects, category_of
+from appocc.simulation.truth.objects import ActorBoxes, category_of
 from appocc.simulation.truth.visibility import visibility_token
 
-# Slower than this, a vehicle in the road has stopped.
+# A vehicle in traffic below this speed counts as stopped.
 _STOPPED_MPS = 0.3
 
 
 def annotate(
-    objects: Objects, world_from_town: FloatArray, lidar_points: IntArray, seen_share: FloatArray
+    objects: ActorBoxes, world_from_town: FloatArray, lidar_points: IntArray, seen_share: FloatArray
 ) -> list[Annotation]:
-    """One annotation an object, in their order; the name of the actor is the instance.
+    """Create one annotation per object, in their order; the name of the actor is the instance.
 
     Args:
-        objects: N actors around the ego, the ego left out (`objects_near` with nuScenes-like 80 m).
-        world_from_town: (4, 4) where the town lies in the world of the dataset.
-        lidar_points: (N,) LiDAR points on each, -1 where unknown.
-        seen_share: (N,) share of its pixels in all cameras that is seen, see `visibility.seen_shares`.
+        objects: N actors around the ego, without the ego (`objects_near` with nuScenes-like 80 m).
+        world_from_town: (4, 4) pose of the town in the world frame of the dataset.
+        lidar_points: (N,) LiDAR points on each, -1 if unknown.
+        seen_share: (N,) visible share of its pixels in all cameras, see `visibility.visible_shares`.
     """
     rows = []
     for i, actor in enumerate(objects.actors):
@@ -33,20 +33,20 @@ def annotate(
         length, width, height = actor.size_lwh_m
         rows.append(
             Annotation(
-                actor.name,
-                category_of(actor),
-                world_from_town @ town_from_box,
-                (width, length, height),
-                attribute_of(actor.kind, int(objects.lights[i]), float(np.hypot(*objects.velocity_mps[i]))),
-                int(lidar_points[i]),
-                visibility_token(float(seen_share[i])),
+                instance=actor.name,
+                category=category_of(actor),
+                world_from_box=world_from_town @ town_from_box,
+                size_wlh_m=(width, length, height),
+                attribute=attribute_of(actor.kind, int(objects.lights[i]), float(np.hypot(*objects.velocity_mps[i]))),
+                lidar_points=int(lidar_points[i]),
+                visibility=visibility_token(float(seen_share[i])),
             )
         )
     return rows
 
 
 def attribute_of(kind: str, lights: int, speed_mps: float) -> str:
-    """The attribute in nuScenes of an actor; empty for people, as `ATTRIBUTES` has none for them."""
+    """Return the nuScenes attribute of an actor; empty for people, as `ATTRIBUTES` has none for them."""
     parked = bool(lights & Light.PARKED)
     if kind == "pedestrian":
         return ""

@@ -1,4 +1,4 @@
-"""Exact layers road, vehicle and lane on a grid around the ego, amodal: nothing hides what is true."""
+"""Exact BEV layers road, vehicle and lane on a grid around the ego; amodal: nothing is occluded."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from appocc.geometry import inverse
 from appocc.grid import BEVGrid
 from appocc.rasterise import LANE_SHARE, ROAD_SHARE, ROUNDING, VEHICLE_SHARE, polygon_owner
 from appocc.simulation.surface import CELL_M, LANE_SURFACES, ROAD_SURFACES, Ground, surface_table
-from appocc.simulation.truth.objects import Objects
+from appocc.simulation.truth.objects import ActorBoxes
 
 _FINE = 12
 _FLAGS = surface_table(ROAD_SURFACES).astype(np.uint8) + 2 * surface_table(LANE_SURFACES).astype(np.uint8)
 
 
-@dataclass(frozen=True)
-class Occupancy:
-    """What is true of every cell of a grid.
+@dataclass(frozen=True, eq=False)
+class ExactOccupancy:
+    """Exact occupancy of a grid.
 
     Attributes:
         occupancy: (3, X, Y) float32, 0 or 1: road, vehicle, lane.
-        valid: (3, X, Y) bool; road and lane are unknown where a cell reaches beyond the town's ground.
-        vehicle: (X, Y) int32 number of the actor that covers the cell, -1 for none.
+        valid: (3, X, Y) bool; road and lane are unknown where a cell extends beyond the town's ground.
+        vehicle: (X, Y) int32 index of the actor that covers the cell, -1 for none.
     """
 
     occupancy: Float32Array
@@ -41,14 +41,14 @@ class Occupancy:
             frozen(array)
 
 
-def occupancy(ground: Ground, grid: BEVGrid, town_from_ego: FloatArray, objects: Objects) -> Occupancy:
-    """The layers of a moment.
+def exact_occupancy(ground: Ground, grid: BEVGrid, town_from_ego: FloatArray, objects: ActorBoxes) -> ExactOccupancy:
+    """Compute the layers of a frame.
 
     Args:
         ground: labels of the town's ground.
         grid: cells in the ego frame.
-        town_from_ego: (4, 4) pose; the ego stands upright on z = 0.
-        objects: actors around the ego, the ego left out; those of the class vehicle count.
+        town_from_ego: (4, 4) pose; the ego is upright on z = 0.
+        objects: actors around the ego, without the ego; those of the class vehicle count.
     """
     road, lane, known = ground_shares(ground, grid, town_from_ego)
     vehicle = vehicle_cells(grid, town_from_ego, objects)
@@ -57,24 +57,24 @@ def occupancy(ground: Ground, grid: BEVGrid, town_from_ego: FloatArray, objects:
     layers[LANE] = (lane >= LANE_SHARE - ROUNDING) & known
     layers[VEHICLE] = vehicle >= 0
     valid[[ROAD, LANE]] = known
-    return Occupancy(layers, valid, vehicle)
+    return ExactOccupancy(layers, valid, vehicle)
 
 
 def ground_shares(
     ground: Ground, grid: BEVGrid, town_from_ego: FloatArray, fine: int = _FINE
 ) -> tuple[FloatArray, FloatArray, BoolArray]:
-    """Shares of road and of lane markings in each cell, both (X, Y), and whether all of it lies on the ground.
+    """Return the shares of road and lane markings in each cell, both (X, Y), and whether all of it is on the ground.
 
     Args:
         ground: labels of the town's ground.
         grid: cells in the ego frame.
         town_from_ego: (4, 4) pose.
-        fine: looks along each side of a cell that holds more than one thing.
+        fine: samples along each side of a cell with mixed labels.
     """
     turn = town_from_ego[:2, :2]
     corner = turn @ np.array([grid.x_min_m, grid.y_min_m]) + town_from_ego[:2, 3] - ground.low_m
     cell = np.ascontiguousarray(turn * (grid.cell_m / CELL_M))
-    # A coarse look must not step over a line: more than one look a label.
+    # Coarse samples must not skip a line: they are denser than the labels.
     coarse = max(math.ceil(grid.cell_m / CELL_M) + 1, 2)
     return _shares(ground.label, _FLAGS, corner / CELL_M, cell, *grid.shape, coarse, max(fine, coarse))
 
@@ -83,7 +83,7 @@ def ground_shares(
 def _shares(
     label: ByteArray, flags: ByteArray, corner: FloatArray, cell: FloatArray, x: int, y: int, coarse: int, fine: int
 ) -> tuple[FloatArray, FloatArray, BoolArray]:
-    """Shares of flags 1 and 2 in cells; `corner` (2,) and `cell` (2, 2; a column an axis) in units of labels."""
+    """Return shares of flags 1 and 2 in cells; `corner` (2,), `cell` (2, 2; a column an axis) in units of labels."""
     road, lane = np.zeros((x, y), np.float64), np.zeros((x, y), np.float64)
     known = np.ones((x, y), np.bool_)
     for i in range(x):
@@ -101,7 +101,7 @@ def _shares(
 def _count(
     label: ByteArray, flags: ByteArray, corner: FloatArray, cell: FloatArray, i: int, j: int, samples: int
 ) -> tuple[int, int, bool]:
-    """How many of samples x samples points of a cell have flag 1 and flag 2, and whether all lie on the ground."""
+    """Count the samples x samples points of a cell with flag 1 and flag 2, and whether all are on the ground."""
     high, wide = label.shape
     on_road, on_lane, inside = 0, 0, True
     for k in range(samples):
@@ -119,8 +119,8 @@ def _count(
     return on_road, on_lane, inside
 
 
-def vehicle_cells(grid: BEVGrid, town_from_ego: FloatArray, objects: Objects) -> NDArray[np.int32]:
-    """(X, Y) int32 number of the vehicle that covers at least half of a cell, the one that covers most; -1 none."""
+def vehicle_cells(grid: BEVGrid, town_from_ego: FloatArray, objects: ActorBoxes) -> NDArray[np.int32]:
+    """Return (X, Y) int32 index of the vehicle that covers most, and at least half, of a cell; -1 for none."""
     ego_from_town = inverse(town_from_ego)
     vehicles = objects.select(objects.are_vehicles())
     outlines = vehicles.footprints() @ ego_from_town[:2, :2].T + ego_from_town[:2, 3]

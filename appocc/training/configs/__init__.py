@@ -1,4 +1,4 @@
-"""The training configurations that come with the package: `appocc train small` reads `small.yaml` of this folder."""
+"""Shipped training configurations: `appocc train small` reads `small.yaml` of this folder."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ FOLDER = Path(__file__).parent
 
 
 def config_names() -> tuple[str, ...]:
-    """Names of the shipped configurations."""
+    """Return the names of the shipped configurations."""
     return tuple(sorted(path.stem for path in FOLDER.glob("*.yaml")))
 
 
 def config_path(name_or_path: Path) -> Path:
-    """The file of a configuration: an existing file as it is, else the shipped configuration of this name.
+    """Return the file of a configuration: an existing file, otherwise the shipped configuration of this name.
 
     Raises:
         DataError: if it is neither.

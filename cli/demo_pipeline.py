@@ -1,0 +1,107 @@
+"""The demo's pipeline: simulate, predict, evaluate, track, ground and draw one short drive."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from appocc.bevmap import load_map
+from appocc.demo.dataset import SCENE, SOURCE, DemoSettings, record_demo
+from appocc.demo.explain import explanation
+from appocc.demo.pictures import overview
+from appocc.evaluation.bev import EvaluationConfig, evaluate
+from appocc.files import write_bytes, write_image
+from appocc.inference.inputs import dataset_inputs
+from appocc.inference.loading import load_predictor
+from appocc.inference.run import InferenceRun
+from appocc.nuscenes import Dataset, Scene
+from cli.infer import execute, places_of
+from grounding.grounder import Grounder
+from grounding.pipeline import set_key_frame
+from grounding.visualization import draw_answer
+from tracking.evaluation.scene import score_scene, write_metrics
+from tracking.pipeline import SceneTracks, track_scene, tracks_folder, write_tracks
+from tracking.visualization.video import draw_frame, write_video
+
+COMMANDS = ("park behind the nearest silver car", "stop behind the nearest car ahead", "stop next to the nearest car")
+FRAME, PREDICTED = 6, "predicted"
+
+# Shows the progress of a named step with a number of parts; the block gets a function that advances it.
+Progress = Callable[[str, int | None], AbstractContextManager[Callable[[float], None]]]
+
+
+def run_demo(folder: Path, out: Path, progress: Progress) -> dict[str, Any]:
+    """Write all files of the demo.
+
+    Args:
+        folder: written to; the caller renames it to `out` when everything is complete.
+        out: the final name of the folder, for the text that explains the files.
+        progress: shows the progress of the steps.
+
+    Returns:
+        The outcome, JSON values only: scores of the maps and tracks, answers to the commands.
+
+    Raises:
+        DataError: if a file cannot be written.
+    """
+    root, settings = folder / "dataset", DemoSettings()
+    with progress("drive", settings.samples) as advance:
+        record_demo(root, settings, advance)
+    dataset = Dataset(root)
+    scene = dataset.scene(SCENE)
+    _predict(dataset, scene)
+    judged = evaluate(dataset, [scene], EvaluationConfig(PREDICTED, SOURCE, False, None), lambda _: None).as_json()
+    tracks, scores = _track(dataset, scene, folder, progress)
+    answers = _ground(dataset, scene, folder)
+    _draw(dataset, scene, folder, tracks)
+    text = explanation(out, settings.samples, FRAME, judged, scores, answers)
+    write_bytes(folder / "README.txt", text.encode())
+    return {"scene": SCENE, "bev": judged, "tracks": tracks.count, **scores, "ground": answers}
+
+
+def _predict(dataset: Dataset, scene: Scene) -> None:
+    """Predict the maps of a scene with the shipped weights."""
+    execute(InferenceRun(dataset_inputs(dataset, [scene]), load_predictor(None), dataset.root / "bev" / PREDICTED))
+
+
+def _track(dataset: Dataset, scene: Scene, folder: Path, progress: Progress) -> tuple[SceneTracks, dict[str, Any]]:
+    """Track the vehicles of the predicted maps; write tracks, scores and a video."""
+    tracks = track_scene(dataset, scene, PREDICTED)
+    scores = score_scene(dataset, tracks) or {}
+    results = tracks_folder(dataset.root, PREDICTED, scene.name)
+    write_tracks(results, tracks)
+    write_metrics(results / "metrics.json", tracks, scores)
+    with progress("video", len(tracks.samples)) as advance:
+        write_video(dataset, tracks, folder / "tracks.webm", advance)
+    return tracks, {name: value.as_json() for name, value in scores.items()}
+
+
+def _ground(dataset: Dataset, scene: Scene, folder: Path) -> list[dict[str, Any]]:
+    """Ground the commands on a predicted map, draw the answers, and measure the error against the exact map."""
+    sample = dataset.samples(scene)[FRAME]
+    predicted, exact = Grounder(), Grounder()
+    frame = set_key_frame(predicted, dataset, sample, PREDICTED)
+    set_key_frame(exact, dataset, sample, SOURCE, images=False)
+    answers = []
+    for number, command in enumerate(COMMANDS, start=1):
+        answer, true = predicted.ground(command), exact.ground(command)
+        name = f"ground-{number}.png"
+        write_image(folder / name, draw_answer(answer, frame))
+        apart_m = None
+        if answer.target and true.target:
+            apart_m = float(np.hypot(*(answer.target.ego_m - true.target.ego_m)))
+        answers.append({"picture": name, **answer.to_dict(), "text": answer.text(), "apart_m": apart_m})
+    return answers
+
+
+def _draw(dataset: Dataset, scene: Scene, folder: Path, tracks: SceneTracks) -> None:
+    """Draw one key frame: its cameras and maps, and its tracks."""
+    sample = dataset.samples(scene)[FRAME]
+    frame = dataset.frame(sample)
+    predicted, exact = (load_map(dataset.root, source, sample.token) for source in (PREDICTED, SOURCE))
+    write_image(folder / "bev.png", overview(frame, predicted, exact, places_of(predicted)))
+    write_image(folder / "tracks.png", draw_frame(tracks, FRAME, frame, predicted))

@@ -1,0 +1,170 @@
+"""Propose goal candidates for a command: choose the relation, lane, road edge or side road that it asks for."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from grounding.goal import ego_lane
+from grounding.goal.beside_vehicle import PARKING, Proposal, propose_beside, propose_in_line, propose_near
+from grounding.goal.candidates import CandidateSet, DistanceRange
+from grounding.goal.lane_relative import propose_between, propose_on_our_way, propose_opposite
+from grounding.goal.reference_frames import ReferenceVehicle
+from grounding.goal.turns import propose_side_road
+from grounding.query import Query
+from grounding.road.road_map import RoadMap
+from grounding.scene_object import SceneObject
+
+# Relation that an action implies.
+_RELATION_OF = {
+    "follow": "behind",
+    "change_lane": "behind",
+    "approach": "toward",
+    "overtake": "past",
+    "drive_past": "past",
+    "park": "near",
+    "stop": "near",
+    "pull_over": "near",
+    "other": "near",
+}
+# Distance ahead in the ego lane to stop, go on and slow down, and along the road edge.
+_STOP_M, _ON_M = DistanceRange(0.0, 8.0, 25.0), DistanceRange(12.0, 20.0, 34.0)
+_SLOW_M, _EDGE_M = DistanceRange(3.0, 10.0, 25.0), DistanceRange(4.0, 5.0, 30.0)
+_SHORT_OF_M = 5.0
+# A vehicle whose side is this close to the centreline is in our way.
+_IN_OUR_WAY_M = 1.5
+# Least lateral offset of candidates on one side of the ego lane.
+_MIN_SIDE_M = 0.2
+
+# Candidate sets are None if the command asks for no place.
+OptionalProposal = tuple[list[CandidateSet] | None, list[str]]
+
+
+def propose_candidates(
+    query: Query, road: RoadMap, item: SceneObject | None, partner: SceneObject | None
+) -> OptionalProposal:
+    """Return the candidate sets of a command, best first, and the frame of reference in words."""
+    if query.action is None:
+        return None, ["this is no driving command"]
+    if item is None:
+        found, reasons = _propose_alone(query, road)
+        if query.relation != "none" and found is not None:
+            word = query.relation.replace("_", " ")
+            reasons = [f"there is no vehicle to measure '{word}' from: the place is chosen without it", *reasons]
+        return found, reasons
+    found, reasons = _propose_with(query, road, item, partner)
+    if found is not None and query.goal_side and query.relation != "opposite":
+        sign = 1.0 if query.goal_side == "left" else -1.0
+        found = [_keep_side(each, road, sign) for each in found]
+        reasons.append(f"only places on our {query.goal_side} count")
+    if query.distance_m is not None and query.distance_of == "ego":
+        reasons.append(f"the {query.distance_m:.0f} m to go are not held: the vehicle says where")
+    return found, reasons
+
+
+def propose_relation(relation: str, query: Query, road: RoadMap, item: SceneObject) -> Proposal:
+    """Return the candidate sets of a relation to a vehicle."""
+    if relation in ("behind", "in_front_of", "same_as"):
+        return propose_in_line("behind" if relation == "same_as" else relation, query, item, road)
+    if relation in ("next_to", "left_of", "right_of"):
+        return propose_beside(relation, query, item, road)
+    if relation in ("before", "past"):
+        return propose_on_our_way(relation, query, item, road)
+    if relation == "opposite":
+        return propose_opposite(query, item, road)
+    return propose_near(relation if relation in ("toward", "at") else "near", query, item, road)
+
+
+def _propose_with(query: Query, road: RoadMap, item: SceneObject, partner: SceneObject | None) -> OptionalProposal:
+    """Return the candidate sets of a command with a reference vehicle."""
+    action, relation = query.action or "stop", query.relation
+    if relation == "between":
+        if partner is None:
+            return None, ["'between' needs two vehicles, and only one is known"]
+        return propose_between(item, partner, road)
+    if action == "turn" and query.direction in ("left", "right") and relation not in ("none", "same_as"):
+        along_m, _ = ReferenceVehicle(item, road, 0.0).lane_position
+        how = relation if relation in ("past", "before") else "at"
+        return propose_side_road(road, query.direction, along_m, how)
+    if query.direction == "around":
+        return _propose_alone(query, road)
+    if relation == "none":
+        if action in ("wait", "give_way", "turn") or (action == "other" and query.direction):
+            return _propose_alone(query, road)
+        if action in ("slow_down", "avoid"):
+            return _propose_short_of(road, item)
+        return propose_relation(_RELATION_OF[action], query, road, item)
+    return propose_relation(relation, query, road, item)
+
+
+def _propose_short_of(road: RoadMap, item: SceneObject) -> Proposal:
+    """Return candidates in the ego lane short of a vehicle that is in our way."""
+    reference = ReferenceVehicle(item, road, 0.0)
+    along, lateral = reference.lane_position
+    half_length = reference.half_extent_m(reference.travel_rad)
+    half_width = reference.half_extent_m(reference.travel_rad + np.pi / 2)
+    if not reference.beside_ego_lane or along < 0 or abs(lateral) - half_width > _IN_OUR_WAY_M:
+        return ego_lane.propose_in_lane(road, _SLOW_M, "in our lane"), ["it is not in our way"]
+    most = along - half_length - road.ego.length_m / 2 - 1.0
+    preferred = max(most - _SHORT_OF_M + 1.0, 0.0)
+    words = f"in our lane, {_SHORT_OF_M:.0f} m short of it"
+    return ego_lane.propose_in_lane(road, DistanceRange(min(0.0, most), preferred, max(most, 0.4)), words), []
+
+
+def _propose_alone(query: Query, road: RoadMap) -> OptionalProposal:
+    """Return the candidate sets of a command without a reference vehicle."""
+    action, side = query.action, query.goal_side
+    turn = query.direction in ("left", "right") and (action in ("turn", "other") or "turn" in query.actions)
+    if turn and query.direction and action not in ("change_lane", "follow", "overtake"):
+        return propose_side_road(road, query.direction)
+    if query.direction == "around":
+        return ego_lane.propose_turned_around(road), []
+    if action == "change_lane":
+        asked = query.direction or side
+        reasons = [] if asked else ["no side is named: either lane will do"]
+        return ego_lane.propose_next_lane(road, asked), [*reasons, *_note_lane_end(road, ego_lane.CHANGE_M.least_m)]
+    if action in PARKING or (action == "stop" and side):
+        ahead = _distance_ahead(query, _EDGE_M)
+        found = ego_lane.propose_at_edge(road, side or "right", ahead)
+        return [*found, *_propose_beyond_lane_end(road, ahead)], _note_lane_end(road, ahead.preferred_m)
+    ranges = {"stop": _STOP_M, "slow_down": _SLOW_M, "avoid": _SLOW_M}
+    if action in ("turn", "other") and query.direction == "straight":
+        ranges[action] = _ON_M
+    if action in ranges:
+        ahead = _distance_ahead(query, ranges[action])
+        found = ego_lane.propose_in_lane(road, ahead, "in our lane")
+        return [*found, *_propose_beyond_lane_end(road, ahead)], _note_lane_end(road, ahead.preferred_m)
+    if action in ("wait", "give_way"):
+        return ego_lane.propose_here(road), []
+    if action == "turn":
+        return None, ["the command does not say which way to turn"]
+    if action == "other":
+        return None, ["the command names no place to go to"]
+    return None, [f"the command names no vehicle to {(action or '').replace('_', ' ')}"]
+
+
+def _distance_ahead(query: Query, default: DistanceRange) -> DistanceRange:
+    """Return the distance ahead that the command gives, or the default."""
+    if query.distance_m is None or query.distance_of == "descriptor":
+        return default
+    off = 1 + query.distance_m / 10
+    return DistanceRange(query.distance_m - off, query.distance_m, query.distance_m + off)
+
+
+def _propose_beyond_lane_end(road: RoadMap, ahead: DistanceRange) -> Sequence[CandidateSet]:
+    """Return candidates on another road if the ego lane ends before the preferred distance."""
+    if not _note_lane_end(road, ahead.preferred_m):
+        return ()
+    return ego_lane.propose_on_any_road(road, ahead, "beyond the end of our lane")
+
+
+def _note_lane_end(road: RoadMap, before_m: float) -> list[str]:
+    """Return a note if the ego lane ends before a distance."""
+    end_m = road.ego_lane.end_m
+    return [f"our lane ends {max(end_m, 0.0):.0f} m ahead"] if end_m < before_m + 1.0 else []
+
+
+def _keep_side(candidates: CandidateSet, road: RoadMap, sign: float) -> CandidateSet:
+    """Return the candidates left (1) or right (-1) of the ego lane's centreline."""
+    return candidates.subset(sign * road.lateral_m[tuple(candidates.cells.T)] > _MIN_SIDE_M)

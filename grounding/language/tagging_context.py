@@ -1,0 +1,38 @@
+"""Context of a token: categories of its neighbours, and the word groups that the tagging rules share."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from grounding.language.tokenizer import Token
+from grounding.language.word_categories import DETERMINERS, HEADS, MODIFIERS, WordCategory
+
+# Words inside a noun phrase, words that begin one, words before a command, words that end a clause.
+PHRASE_WORDS = MODIFIERS | HEADS | {WordCategory.UNKNOWN, WordCategory.NUMBER}
+PHRASE_STARTS = DETERMINERS | PHRASE_WORDS | {WordCategory.THAT}
+COMMAND_STARTS = frozenset(
+    (WordCategory.EGO, WordCategory.BREAK, WordCategory.COMMA, WordCategory.THEN, WordCategory.AND)
+)
+CLAUSE_ENDS = frozenset((WordCategory.BREAK, WordCategory.THEN))
+TURNS = ("turn left", "turn right", "turn around")
+
+
+def category_at(tokens: Sequence[Token], i: int) -> WordCategory:
+    """Return the category of a token, BREAK beyond the ends."""
+    return tokens[i].category if -len(tokens) <= i < len(tokens) else WordCategory.BREAK
+
+
+def clause_start(tokens: Sequence[Token]) -> int:
+    """Return the index of the first token of the current clause."""
+    ends = [i for i, token in enumerate(tokens) if token.category in CLAUSE_ENDS | {WordCategory.COMMA}]
+    return ends[-1] + 1 if ends else 0
+
+
+def is_adjective(before: Sequence[Token], verb: Token, after: Sequence[Token]) -> bool:
+    """Return whether a verb form modifies a noun: "parked black car", "the moving van"."""
+    if verb.form not in ("ing", "past") or not verb.state or category_at(after, 0) not in MODIFIERS | HEADS:
+        return False
+    return verb.form == "past" or category_at(before, -1) in DETERMINERS | MODIFIERS | {
+        WordCategory.RELATION,
+        WordCategory.THAT,
+    }

@@ -1,0 +1,178 @@
+"""Tagging rules for verbs: verbs used as nouns and adjectives, and other words used as verbs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from grounding.language.tagging_context import (
+    CLAUSE_ENDS,
+    COMMAND_STARTS,
+    PHRASE_STARTS,
+    PHRASE_WORDS,
+    TURNS,
+    category_at,
+    is_adjective,
+)
+from grounding.language.tokenizer import Token
+from grounding.language.word_categories import DETERMINERS, HEADS, MODIFIERS, WordCategory
+
+# Verbs used as nouns: "the next turn", "at that stop".
+_NOUNS_OF_VERBS = {
+    "park": "park",
+    "stop": "stop",
+    "turn": "turn",
+    "pass": "pass",
+    "drive": "driveway",
+    "exit": "exit",
+}
+# Nouns used as verbs: "shadow that van".
+_VERBS_OF_NOUNS = {"shadow": "follow", "mirror": "follow", "dodge": "avoid", "block": "danger", "track": "follow"}
+# "Right" is an adverb before these relations: "go right behind it".
+_GO_RIGHT, _RIGHT_BEFORE = ("go right", "drive right", "head right"), ("behind", "in_front_of", "next_to", "near")
+# Categories before "passed" used as a relation.
+_BEFORE_PASSED = (
+    WordCategory.VERB,
+    WordCategory.DIRECTION,
+    WordCategory.COMMA,
+    WordCategory.SIDE,
+    WordCategory.HERE,
+)
+# Categories that precede and follow "parking" used as a verb.
+_BEFORE_PARKING = (
+    WordCategory.BREAK,
+    WordCategory.BE,
+    WordCategory.AUX,
+    WordCategory.EGO,
+    WordCategory.COMMA,
+    WordCategory.NOT,
+    WordCategory.AND,
+    WordCategory.SUB,
+)
+_AFTER_PARKING = (
+    WordCategory.RELATION,
+    WordCategory.SIDE,
+    WordCategory.BETWEEN,
+    WordCategory.HERE,
+    WordCategory.WHERE,
+    WordCategory.THERE,
+    WordCategory.DISTANCE,
+    WordCategory.SUB,
+)
+
+
+def tag_verb(before: Sequence[Token], token: Token, after: Sequence[Token]) -> Token:
+    """Tag verbs that are nouns, states or fillers in context, and shorten phrasal verbs."""
+    last = category_at(before, -1)
+    if last in CLAUSE_ENDS and after and after[0].text in ("is", "was"):
+        return token.with_category(WordCategory.THING, token.text)  # "park is closed"
+    if is_adjective(before, token, after) and last not in HEADS:
+        return token.with_category(WordCategory.STATE, token.state)
+    if token.value == "turn" and token.form and category_at(after, 0) is WordCategory.COLOUR:
+        return replace(token, value="none", state="", event="other")  # "until the light turns green"
+    onward = token.text in ("go", "come") and last not in (WordCategory.NOT, WordCategory.EGO)
+    if onward and category_at(after, 0) is WordCategory.VERB and not after[0].form:
+        return token.with_category(WordCategory.FILLER)  # "go park there"
+    if token.text == "lets" and last in CLAUSE_ENDS | {WordCategory.COMMA}:
+        return token.with_category(WordCategory.FILLER)  # "lets park here"
+    if token.value in TURNS and after and after[0].text.startswith("lane"):
+        # "take the left lane"
+        return token.with_category(WordCategory.VERB, token.value.replace("turn", "change_lane"))
+    if token.corrected in ("pull in", "move in") and after and after[0].text in ("front of", "back of"):
+        return token.with_category(WordCategory.VERB, token.corrected.split()[0])
+    relation = after[0].value if category_at(after, 0) is WordCategory.RELATION else ""
+    if token.corrected in _GO_RIGHT and relation in _RIGHT_BEFORE:
+        return token.with_category(WordCategory.VERB, token.corrected.split()[0])  # "go right behind it"
+    if token.form == "ing" and last in DETERMINERS and category_at(after, 0) in HEADS | {WordCategory.COLOUR}:
+        return token.with_category(WordCategory.EXTRA)
+    named = last in DETERMINERS or (last in MODIFIERS and category_at(before, -2) in DETERMINERS)
+    if named and not token.form and token.value not in TURNS and " " not in token.text:
+        return token.with_category(WordCategory.THING, _NOUNS_OF_VERBS.get(token.value, token.text))
+    if token.text == "passed" and last in _BEFORE_PASSED and category_at(after, 0) in PHRASE_STARTS:
+        return token.with_category(WordCategory.RELATION, "past")  # "turn left passed the van"
+    return token
+
+
+def tag_nondrive(before: Sequence[Token], token: Token, after: Sequence[Token]) -> Token:
+    """Tag a verb that is not about driving after a determiner as an unknown noun."""
+    named = category_at(before, -1) in DETERMINERS | MODIFIERS
+    return token.with_category(WordCategory.UNKNOWN) if named and " " not in token.text else token
+
+
+def tag_noun(before: Sequence[Token], token: Token, after: Sequence[Token]) -> Token:
+    """Tag "pick up" as a verb where it takes an object: "pick up my friend"."""
+    named = category_at(before, -1) in DETERMINERS | MODIFIERS | {WordCategory.RELATION, WordCategory.THAT}
+    # Written as one word it is a truck, unless it takes an object: "pickup that girl".
+    verb = token.text == "pick up" or (token.text == "pickup" and category_at(after, 0) in PHRASE_STARTS)
+    return token.with_category(WordCategory.VERB, "stop") if verb and not named else token
+
+
+def tag_region(before: Sequence[Token], token: Token, after: Sequence[Token]) -> Token:
+    """Tag a region as a verb: "would you mind parking beside"."""
+    if _is_verb(before, token, after):
+        return token.with_category(WordCategory.VERB, _VERBS_OF_NOUNS[token.text])
+    if token.text == "blocks" and category_at(before, -1) in HEADS:
+        return replace(token, category=WordCategory.VERB, value="none", form="s")  # "that van blocks the road"
+    if token.text == "exit" and category_at(before, -1) in COMMAND_STARTS | {WordCategory.AUX, WordCategory.TO}:
+        return token.with_category(WordCategory.VERB, "turn")
+    verb = token.text == "parking" and category_at(after, 0) in _AFTER_PARKING
+    verb = verb or (token.text == "parking" and category_at(before, -1) is WordCategory.SUB)
+    if verb and category_at(before, -1) in _BEFORE_PARKING:
+        return replace(token, category=WordCategory.VERB, value="park", form="ing", state="parked", event="stop")
+    return token
+
+
+def tag_thing(before: Sequence[Token], token: Token, after: Sequence[Token]) -> Token:
+    """Tag a thing as a verb: "the man crossing the street"."""
+    if _is_verb(before, token, after):
+        return token.with_category(WordCategory.VERB, _VERBS_OF_NOUNS[token.text])
+    walks = token.text == "crossing" and category_at(before, -1) in HEADS - {WordCategory.THING} | {
+        WordCategory.BE,
+        WordCategory.WHICH,
+        WordCategory.PRONOUN,
+    }
+    return replace(token, category=WordCategory.VERB, value="none", form="ing", event="pass") if walks else token
+
+
+def tag_relation(before: Sequence[Token], token: Token, after: Sequence[Token]) -> Token:
+    """Tag the verb in "I like that car"."""
+    verb = token.text == "like" and category_at(before, -1) is WordCategory.EGO
+    return token.with_category(WordCategory.NONDRIVE) if verb else token
+
+
+def tag_extra(before: Sequence[Token], token: Token, after: Sequence[Token]) -> Token:
+    """Tag "slow" at the start of a clause as a verb: "slow, there is a bus"."""
+    alone = (
+        token.text == "slow" and category_at(before, -1) in CLAUSE_ENDS and category_at(after, 0) not in PHRASE_WORDS
+    )
+    return token.with_category(WordCategory.VERB, "slow_down") if alone else token
+
+
+def tag_aux(before: Sequence[Token], token: Token, after: Sequence[Token]) -> Token:
+    """Tag the verb in "we are going to the house"."""
+    if not (token.text.endswith("going to") and category_at(after, 0) in PHRASE_STARTS):
+        return token
+    if category_at(before, -1) in COMMAND_STARTS:
+        return token.with_category(WordCategory.VERB, "approach toward")
+    return token.with_category(WordCategory.FILLER)
+
+
+def tag_be(before: Sequence[Token], token: Token, after: Sequence[Token]) -> Token:
+    """Tag "be" as a verb of motion in "we need to be behind that truck"."""
+    places = (WordCategory.LANE, WordCategory.RELATION, WordCategory.SIDE, WordCategory.THERE)
+    commanded = category_at(before, -2) in COMMAND_STARTS
+    commanded = commanded and category_at(before, -1) in (WordCategory.AUX, WordCategory.TO)
+    motion = token.text == "be" and commanded and category_at(after, 0) in places
+    return token.with_category(WordCategory.VERB, "get") if motion else token
+
+
+def tag_out(before: Sequence[Token], token: Token, after: Sequence[Token]) -> Token:
+    """Tag "let me out" as a verb where the ego is commanded."""
+    ours = " " in token.text and category_at(before, -1) in COMMAND_STARTS | {WordCategory.AUX}
+    return token.with_category(WordCategory.VERB, "other") if ours else token
+
+
+def _is_verb(before: Sequence[Token], token: Token, after: Sequence[Token]) -> bool:
+    """Return whether a noun is the verb of a command: "shadow that van"."""
+    commanded = category_at(before, -1) in COMMAND_STARTS | {WordCategory.AUX, WordCategory.TO, WordCategory.NOT}
+    return token.text in _VERBS_OF_NOUNS and commanded and category_at(after, 0) in PHRASE_STARTS

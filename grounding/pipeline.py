@@ -1,0 +1,61 @@
+"""Scenes for a grounder from files: a key frame of a dataset, or one saved map."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from appocc.bevmap import BEVMap, is_truth, load_map
+from appocc.frame import Frame
+from appocc.nuscenes import Dataset, Sample
+from grounding.grounder import Grounder
+from tracking.io.nuscenes_tracks import read_key_frame
+
+
+def set_key_frame(
+    grounder: Grounder,
+    dataset: Dataset,
+    sample: Sample,
+    source: str,
+    *,
+    tracks: Path | None = None,
+    images: bool = True,
+) -> Frame:
+    """Set a key frame of a dataset as the scene of a grounder.
+
+    The vehicles are the given tracks; without tracks, the annotated boxes on a true map and the map's own instances
+    on a predicted one: a prediction is never completed from annotations.
+
+    Args:
+        grounder: its scene is replaced.
+        dataset: with maps of `source`.
+        sample: the key frame.
+        source: source of the map, as in `appocc.bevmap.bev_path`.
+        tracks: nuScenes tracking results that contain the key frame.
+        images: whether the returned frame has its images.
+
+    Returns:
+        The key frame: cameras, ego pose, annotated boxes.
+
+    Raises:
+        DataError: if a file is missing or damaged.
+    """
+    frame = dataset.frame(sample, images=images)
+    bev = load_map(dataset.root, source, sample.token)
+    if tracks is not None:
+        grounder.set_scene(bev, read_key_frame(tracks, sample.token), frame.world_from_ego)
+    else:
+        grounder.set_scene(bev, frame.boxes_ego if is_truth(source) else None, frame.world_from_ego)
+    return frame
+
+
+def set_saved_map(grounder: Grounder, path: Path) -> None:
+    """Set a saved map (.npz) and its own vehicle instances as the scene of a grounder.
+
+    Args:
+        grounder: its scene is replaced; the world frame is the ego frame.
+        path: the map.
+
+    Raises:
+        DataError: if the file is missing or damaged.
+    """
+    grounder.set_scene(BEVMap.load(path))

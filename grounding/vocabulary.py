@@ -1,0 +1,76 @@
+"""Values of a query that language, referents and goals share: actions, relations, states, triggers and colours."""
+
+from __future__ import annotations
+
+from typing import Literal, get_args
+
+Action = Literal[
+    "park",
+    "stop",
+    "pull_over",
+    "follow",
+    "approach",
+    "overtake",
+    "drive_past",
+    "turn",
+    "change_lane",
+    "wait",
+    "slow_down",
+    "give_way",
+    "avoid",
+    "other",
+]
+Relation = Literal[
+    "none",
+    "behind",
+    "in_front_of",
+    "next_to",
+    "near",
+    "left_of",
+    "right_of",
+    "opposite",
+    "between",
+    "past",
+    "before",
+    "at",
+    "toward",
+    "same_as",
+]
+# Motion states of a vehicle, as qualifiers.
+State = Literal[
+    "parked",
+    "stopped",
+    "moving",
+    "oncoming",
+    "turning",
+    "turning_left",
+    "turning_right",
+    "leaving",
+    "passing",
+    "braking",
+]
+# Events of another vehicle that a command waits for.
+Trigger = Literal["pass", "leave", "turn", "stop", "merge", "clear", "other"]
+ACTIONS: tuple[str, ...] = get_args(Action)
+RELATIONS: tuple[str, ...] = get_args(Relation)[1:]  # without "none"
+STATES: tuple[str, ...] = get_args(State)
+TRIGGERS: tuple[str, ...] = get_args(Trigger)
+# Colour word -> basic colour.
+COLOURS: dict[str, str] = {
+    **{
+        word: word
+        for word in ("black", "grey", "silver", "white", "red", "orange", "brown", "yellow", "green", "blue")
+    },
+    **{word: word for word in ("purple", "pink", "beige", "tan", "maroon", "navy", "turquoise", "gold", "violet")},
+    **{
+        "crimson": "red",
+        "scarlet": "red",
+        "ruby": "red",
+        "burgundy": "maroon",
+        "magenta": "pink",
+        "lavender": "purple",
+    },
+    **{"olive": "green", "lime": "green", "emerald": "green", "khaki": "tan", "mustard": "yellow", "bronze": "brown"},
+    **{"copper": "brown", "chocolate": "brown", "charcoal": "grey", "cream": "beige", "champagne": "beige"},
+    **{"ivory": "white", "teal": "turquoise", "cyan": "turquoise", "lilac": "violet", "indigo": "violet"},
+}

@@ -1,0 +1,69 @@
+from __future__ import annotations
+
+import numpy as np
+from street import BLACK, SILVER, WHITE, Street
+
+from grounding.referent.clarification import compose_question, describe_differences
+from grounding.referent.scene import SceneModel
+
+
+def words(scene: SceneModel, *names: str) -> tuple[str, ...]:
+    by_name = {item.id: item for item in scene.table.items}
+    return describe_differences([(by_name[name],) for name in names], scene)
+
+
+def test_candidates_that_differ_only_by_side() -> None:
+    scene = Street().car("a", 12, 3, WHITE).car("b", 20, -5, WHITE).scene()
+    told = words(scene, "a", "b")
+    assert told == ("the white car on the left, 11 m ahead", "the one on the right, 19 m ahead")
+    assert compose_question(told) == "the white car on the left, 11 m ahead, or the one on the right, 19 m ahead?"
+
+
+def test_only_distinctive_traits_are_named() -> None:
+    scene = Street().car("a", 10, -5, WHITE).car("b", 16, -5, BLACK).scene()
+    assert words(scene, "a", "b") == ("the white car, 10 m ahead", "the black car, 16 m ahead")
+
+
+def test_a_colour_that_may_be_the_same_is_not_distinctive() -> None:
+    scene = Street().car("a", 10, -5, SILVER).car("b", 16, -5, None).scene()
+    assert words(scene, "a", "b")[1] == "the one, 16 m ahead"
+
+
+def test_classes_motion_and_lanes() -> None:
+    street = Street().car("van", 10, -5, size_wlh_m=(2.0, 6.0, 2.6), category="vehicle.truck")
+    street.car("moving", 16, -5, speed_mps=5).car("standing", 22, -5).car("own", 25, -1.6)
+    scene = street.car("facing", 30, -5, yaw_rad=np.pi, speed_mps=5).scene()
+    assert words(scene, "van", "moving")[0].startswith("the white truck, ")
+    assert words(scene, "moving", "standing") == (
+        "the white car, moving, 16 m ahead",
+        "the one, standing, 21 m ahead",
+    )
+    assert words(scene, "moving", "facing")[1] == "the one, coming towards us, 29 m ahead"
+    assert words(scene, "own", "standing")[0] == "the white car in our lane, 24 m ahead"
+
+
+def test_behind_us() -> None:
+    scene = Street().car("a", 12, 0, WHITE).car("b", -12, 0, WHITE).scene()
+    assert words(scene, "a", "b") == ("the white car, 11 m ahead", "the one behind us, 13 m")
+
+
+def test_equal_distances_are_shown_with_one_decimal() -> None:
+    scene = Street().car("a", 12.0, -5, WHITE).car("b", 12.3, -5, WHITE).scene()
+    assert words(scene, "a", "b") == ("the white car, 11.8 m ahead", "the one, 12.1 m ahead")
+
+
+def test_a_question_names_at_most_four() -> None:
+    street = Street()
+    for i in range(6):
+        street.car(str(i), 8 + 5 * i, -5, WHITE)
+    told = words(street.scene(), *"012345")
+    assert len(told) == 6
+    assert compose_question(told) == f"{told[0]}; {told[1]}; {told[2]}; {told[3]}; or another one?"
+
+
+def test_pairs_are_described_by_both_vehicles() -> None:
+    scene = Street().car("a", 8, -5, WHITE).car("b", 18, -5, BLACK).car("c", 28, -5, WHITE).scene()
+    a, b, c = scene.objects
+    told = describe_differences([(a, b), (b, c)], scene)
+    assert told[0] == "the white car, 8 m ahead, and the black car, 17 m ahead"
+    assert compose_question(told) == f"{told[0]}; or {told[1]}?"

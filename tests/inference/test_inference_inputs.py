@@ -1,0 +1,94 @@
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tiny_dataset import HEIGHT_PX, WIDTH_PX, TinyDataset, token
+
+from appocc.camera import Camera, CameraRig
+from appocc.ego_vehicle import EgoVehicle
+from appocc.errors import DataError
+from appocc.files import write_image
+from appocc.inference.inputs import dataset_inputs, folder_inputs
+from appocc.nuscenes import Dataset
+
+RIG = CameraRig(
+    tuple(Camera(name, 16, 8, np.diag([10.0, 10, 1]), np.eye(4)) for name in ("CAM_FRONT", "CAM_BACK", "CAM_LEFT"))
+)
+GREY = np.full((8, 16, 3), 90, np.uint8)
+
+
+def test_the_samples_of_a_dataset(tiny: TinyDataset) -> None:
+    dataset = Dataset(tiny.root)
+    inputs = dataset_inputs(dataset, dataset.scenes)
+    assert [each.token for each in inputs] == [token("sample", i) for i in range(3)]
+    assert inputs[1].title == "scene-tiny-0001"
+    frame, missing = inputs[1].read()
+    assert dict(missing) == {}
+    assert frame.images["CAM_BACK"].shape == (HEIGHT_PX, WIDTH_PX, 3)
+    # 10 ms before the sample the ego stood 5 cm farther back.
+    assert frame.rig["CAM_FRONT"].ego_from_cam[0, 3] == pytest.approx(1.45)
+    with pytest.raises(DataError, match="no key frames"):
+        dataset_inputs(dataset, [])
+
+
+def test_missing_damaged_and_black_images_are_dead_cameras(tiny: TinyDataset) -> None:
+    dataset = Dataset(tiny.root)
+    first, second = dataset.samples(dataset.scenes[0])[:2]
+    path = dataset.path(dataset.data(first)["CAM_BACK"])
+    path.unlink()
+    broken = dataset.path(dataset.data(second)["CAM_FRONT"])
+    broken.write_bytes(broken.read_bytes()[:-3])
+    write_image(dataset.path(dataset.data(second)["CAM_BACK"]), np.zeros((HEIGHT_PX, WIDTH_PX, 3), np.uint8))
+    inputs = dataset_inputs(dataset, dataset.scenes)
+    frame, missing = inputs[0].read()
+    assert set(frame.images) == {"CAM_FRONT"}
+    assert str(path) in missing["CAM_BACK"]
+    frame, missing = inputs[1].read()
+    assert not frame.images
+    assert "truncated" in missing["CAM_FRONT"]
+    assert "is black" in missing["CAM_BACK"]
+
+
+def test_a_folder_of_images(tmp_path: Path) -> None:
+    write_image(tmp_path / "CAM_FRONT.png", GREY)
+    write_image(tmp_path / "CAM_BACK.JPG", GREY)
+    write_image(tmp_path / "holiday.png", GREY)
+    (each,) = folder_inputs(tmp_path, RIG)
+    assert each.token == tmp_path.name
+    frame, missing = each.read()
+    assert set(frame.images) == {"CAM_FRONT", "CAM_BACK"}
+    assert dict(missing) == {"CAM_LEFT": "no image"}
+
+
+def test_a_larger_vehicle_is_another_calibration(tmp_path: Path) -> None:
+    write_image(tmp_path / "CAM_FRONT.png", GREY)
+    bus = replace(RIG, ego_vehicle=EgoVehicle(length_m=12.0))
+    same, other = (folder_inputs(tmp_path, rig)[0].parts() for rig in (replace(RIG), bus))
+    assert same == folder_inputs(tmp_path, RIG)[0].parts()
+    assert (same["pictures"], same["calibration"] == other["calibration"]) == (other["pictures"], False)
+
+
+def test_a_folder_of_frames_in_order_of_their_names(tmp_path: Path) -> None:
+    for name in ("0002", "0001", "empty"):
+        (tmp_path / name).mkdir()
+    for name in ("0001", "0002"):
+        write_image(tmp_path / name / "CAM_LEFT.png", GREY)
+    inputs = folder_inputs(tmp_path, RIG)
+    assert [each.token for each in inputs] == ["0001", "0002"]
+    assert set(inputs[0].read().frame.images) == {"CAM_LEFT"}
+
+
+def test_folders_that_do_not_fit(tmp_path: Path) -> None:
+    with pytest.raises(DataError, match="no such folder"):
+        folder_inputs(tmp_path / "none", RIG)
+    with pytest.raises(DataError, match=r"expected images named by the cameras of the rig \(CAM_FRONT.jpg"):
+        folder_inputs(tmp_path, RIG)
+    write_image(tmp_path / "CAM_FRONT.png", GREY[:4])
+    with pytest.raises(DataError, match="expected 16x8 pixels, as its rig says, got 16x4"):
+        folder_inputs(tmp_path, RIG)[0].read()
+    write_image(tmp_path / "CAM_FRONT.jpg", GREY)
+    with pytest.raises(DataError, match="expected one image of CAM_FRONT"):
+        folder_inputs(tmp_path, RIG)

@@ -1,0 +1,193 @@
+from __future__ import annotations
+
+import hashlib
+import os
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from made_model import AHEAD, MadeModel, predictor
+from tiny_dataset import TinyDataset, token
+
+from appocc.bevmap import LANE, VEHICLE, BEVMap, load_map
+from appocc.checks import FloatArray
+from appocc.errors import DataError
+from appocc.files import read_image, write_image, zip_arrays
+from appocc.inference.inputs import InferenceInput, dataset_inputs
+from appocc.inference.predictor import Predictor
+from appocc.inference.run import InferenceRun, InferenceSummary
+from appocc.nuscenes import Dataset
+from appocc.visualization.predictions import camera_rows, prediction_figure
+
+ALL = [token("sample", i) for i in range(3)]
+
+
+def vehicle_centres(bev: BEVMap) -> FloatArray:
+    """The mean of all vehicle cells."""
+    return np.asarray(bev.grid.centres()[bev.on[VEHICLE]].mean(axis=0, keepdims=True))
+
+
+def inputs_of(tiny: TinyDataset) -> list[InferenceInput]:
+    dataset = Dataset(tiny.root)
+    return dataset_inputs(dataset, dataset.scenes)
+
+
+def run(tiny: TinyDataset, out: Path, model: Predictor | None = None) -> InferenceSummary:
+    run = InferenceRun(inputs_of(tiny), model or predictor(), out)
+    for result in run:
+        if result is not None:
+            write_image(result.picture, prediction_figure(result.frame, result.bev, vehicle_centres(result.bev)))
+    return run.summary
+
+
+def digests(folder: Path) -> dict[str, str]:
+    return {path.name: hashlib.md5(path.read_bytes()).hexdigest() for path in folder.rglob("*") if path.is_file()}
+
+
+def test_maps_are_a_source_and_say_what_is_seen(tiny: TinyDataset) -> None:
+    out = tiny.root / "bev" / "mine"
+    assert run(tiny, out)[:2] == (3, 0)
+    assert [load_map(tiny.root, source, ALL[0]).meta["token"] for source in ("mine", f"{out}/")] == ALL[:1] * 2
+    with zip_arrays((out / f"{ALL[1]}.npz").read_bytes()) as data:
+        assert data["seen"].all()
+        assert data["occupancy"].dtype == np.float16
+    assert sorted(path.name for path in (out / "pictures").iterdir()) == [f"scene-tiny-000{i}.png" for i in range(3)]
+    assert read_image(out / "pictures" / "scene-tiny-0002.png").std() > 10
+
+
+def test_the_same_again_and_resumed_is_the_same_to_the_byte(tiny: TinyDataset, tmp_path: Path) -> None:
+    run(tiny, tmp_path / "a")
+    before = digests(tmp_path / "a")
+    (tmp_path / "a" / f"{ALL[0]}.npz").write_bytes(b"half")
+    (tmp_path / "a" / "pictures" / "scene-tiny-0001.png").unlink()
+    assert run(tiny, tmp_path / "a")[:2] == (2, 1)
+    assert digests(tmp_path / "a") == before
+    run(tiny, tmp_path / "b")
+    assert digests(tmp_path / "b") == before
+
+
+@pytest.mark.parametrize("meta", ["[1]", '{"weights": 3}', '{"thresholds": {"road": 7}}'])
+def test_a_map_that_says_what_cannot_be_is_made_anew(tiny: TinyDataset, tmp_path: Path, meta: str) -> None:
+    run(tiny, tmp_path)
+    before, path = digests(tmp_path), tmp_path / f"{ALL[0]}.npz"
+    with np.load(path) as data:
+        arrays = dict(data)
+    np.savez(path, **{**arrays, "meta": np.array(meta)})
+    assert run(tiny, tmp_path)[:2] == (1, 2)
+    assert digests(tmp_path) == before
+
+
+def test_other_weights_or_settings_make_new_maps(tiny: TinyDataset, tmp_path: Path) -> None:
+    run(tiny, tmp_path)
+    assert run(tiny, tmp_path, predictor(digest="d2"))[:2] == (3, 0)
+    assert run(tiny, tmp_path, predictor(MadeModel(AHEAD), "d2"))[:2] == (3, 0)
+    assert BEVMap.load(tmp_path / f"{ALL[0]}.npz").grid == AHEAD.grid
+
+
+def test_missing_cameras_are_counted_with_their_first_reason(tiny: TinyDataset, tmp_path: Path) -> None:
+    dataset = Dataset(tiny.root)
+    gone = [dataset.path(dataset.data(dataset.sample(name))["CAM_BACK"]) for name in ALL[1:]]
+    for path in gone:
+        path.unlink()
+    missing = run(tiny, tmp_path).missing
+    assert list(missing) == ["CAM_BACK"]
+    times, why = missing["CAM_BACK"]
+    assert times == 2
+    assert str(gone[0]) in why
+    assert [BEVMap.load(tmp_path / f"{name}.npz").meta["cameras"] for name in ALL] == [
+        ["CAM_FRONT", "CAM_BACK"],
+        ["CAM_FRONT"],
+        ["CAM_FRONT"],
+    ]
+
+
+def test_nothing_half_made_is_left(tiny: TinyDataset, tmp_path: Path) -> None:
+    for _ in InferenceRun(inputs_of(tiny), predictor(), tmp_path / "out"):
+        break  # no picture could be written
+    assert list(tmp_path.glob("out/**/*.*")) == []
+
+
+def test_a_map_is_decided_by_its_thresholds(tiny: TinyDataset) -> None:
+    bev, _ = predictor()(inputs_of(tiny)[0].read().frame)
+    assert bev.on[VEHICLE].any()  # 0.45 against 0.4
+    assert not bev.on[LANE].any()  # 0.45 against 0.5
+    plain = BEVMap(bev.grid, bev.occupancy, bev.occupancy_valid, bev.appearance, bev.appearance_valid)
+    assert not plain.on[VEHICLE].any()
+
+
+@pytest.mark.parametrize("spec", [None, AHEAD])
+def test_the_figure_has_cameras_left_and_both_maps_right(tiny: TinyDataset, spec: object) -> None:
+    frame = inputs_of(tiny)[0].read().frame
+    bev = predictor(MadeModel(AHEAD) if spec else None)(frame).bev
+    picture = prediction_figure(frame, bev, vehicle_centres(bev))
+    bare = prediction_figure(frame, bev, np.zeros((0, 2)))
+    high, wide = (side * 4 for side in bev.grid.shape)
+    assert picture.shape[0] == (2 * high + 8 if spec else high)
+    left = picture.shape[1] - (wide if spec else 2 * wide + 8) - 8
+    image = picture[picture.shape[0] // 4, left // 4]
+    assert np.abs(image.astype(int) - [160, 80, 40]).max() <= 3
+    # The label stands 3 m to the side of the car, 10 m ahead, in both maps and nowhere else.
+    changed = np.argwhere((picture != bare).any(axis=-1))
+    assert len(changed)
+    rows = changed[changed[:, 0] < high, 0]
+    assert rows.mean() == pytest.approx((16 - 10) * 10, abs=6)
+    assert changed[:, 1].min() > left
+
+
+def test_cameras_stand_as_they_look(tiny: TinyDataset) -> None:
+    frame = inputs_of(tiny)[0].read().frame
+    assert [[camera.channel for camera in row] for row in camera_rows(frame.rig)] == [["CAM_FRONT"], ["CAM_BACK"]]
+
+
+def _anew(tiny: TinyDataset, out: Path) -> tuple[int, int, dict[str, int]]:
+    summary = run(tiny, out)
+    return summary.made, summary.kept, summary.stale
+
+
+def test_a_map_is_made_anew_when_its_pictures_or_cameras_changed(tiny: TinyDataset, tmp_path: Path) -> None:
+    dataset = Dataset(tiny.root)
+    path = dataset.path(dataset.data(dataset.sample(ALL[1]))["CAM_BACK"])
+    picture = path.read_bytes()
+    path.unlink()
+    assert _anew(tiny, tmp_path) == (3, 0, {})
+    path.write_bytes(picture)
+    assert _anew(tiny, tmp_path) == (1, 2, {"pictures changed": 1})
+    assert BEVMap.load(tmp_path / f"{ALL[1]}.npz").meta["cameras"] == ["CAM_FRONT", "CAM_BACK"]
+    tiny.tables["calibrated_sensor"][0]["translation"][2] += 0.1
+    tiny.write()
+    os.utime(path, ns=(1, 1))
+    assert _anew(tiny, tmp_path)[2] == {"calibration changed": 2, "calibration and pictures changed": 1}
+    assert _anew(tiny, tmp_path) == (0, 3, {})
+
+
+def test_maps_without_a_record_are_made_anew_once(tiny: TinyDataset, tmp_path: Path) -> None:
+    run(tiny, tmp_path)
+    before, record = digests(tmp_path), tmp_path / "inputs.jsonl"
+    record.write_bytes(record.read_bytes().split(b"\n")[0] + b'\n["half')
+    assert _anew(tiny, tmp_path) == (2, 1, {"what they were made from is not recorded": 2})
+    assert digests(tmp_path) == before
+    assert _anew(tiny, tmp_path) == (0, 3, {})
+
+
+def test_neither_maps_nor_the_record_depend_on_where_the_dataset_lies(tiny: TinyDataset, tmp_path: Path) -> None:
+    run(tiny, tmp_path / "a")
+    tiny.root = tiny.root.rename(tmp_path / "elsewhere")
+    assert _anew(tiny, tmp_path / "a") == (0, 3, {})
+
+
+def test_a_truth_is_not_replaced(tiny: TinyDataset, tmp_path: Path) -> None:
+    run(tiny, tmp_path / "mine")
+    for name in ("groundtruth", "exact"):
+        (tmp_path / f"link-to-{name}").symlink_to(tmp_path / name)
+        for out in (tmp_path / name, tmp_path / f"link-to-{name}"):
+            with pytest.raises(DataError, match="maps in a folder of this name count as the truth"):
+                run(tiny, out)
+    path = tmp_path / "mine" / f"{ALL[0]}.npz"
+    bev = BEVMap.load(path)
+    for meta in ({"source": "simulated"}, {"sources": {"road": "map"}}):
+        replace(bev, meta=meta).save(path)
+        before = digests(tmp_path)
+        with pytest.raises(DataError, match=f"{ALL[0]}.npz: expected a predicted map or none, got a truth"):
+            run(tiny, tmp_path / "mine")
+        assert digests(tmp_path) == before

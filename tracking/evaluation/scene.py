@@ -1,0 +1,100 @@
+"""Scores of a scene's tracks against the annotations of its dataset."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from appocc.boxes import Boxes, is_person_or_bicycle
+from appocc.checks import FloatArray
+from appocc.files import write_json
+from appocc.nuscenes import Dataset
+from tracking.evaluation.clear_id_hota import GATE_M, EvaluationFrame, Metrics, evaluate
+from tracking.pipeline import SceneTracks, write_tracks
+from tracking.tracks import Track
+
+RANGE_M = 40.0
+# Minimum extent of a moving object's centres over the scene; annotations of parked objects jitter by less.
+MOVING_SPAN_M = 2.0
+
+
+def score_scene(dataset: Dataset, result: SceneTracks) -> dict[str, Metrics] | None:
+    """Return metrics of all, moving and parked vehicles; None if the scene has no annotations.
+
+    Annotated vehicles whose centres are within RANGE_M of the ego on the ground are required. Others are ignored,
+    also parked vehicles in the metrics of moving ones and vice versa, and so are unmatched tracks beyond the range.
+    """
+    if not dataset.annotated(dataset.scene(result.scene)):
+        return None
+    truths = [dataset.boxes_world(sample).vehicles() for sample in result.samples]
+    moving = moving_instances(truths)
+    kinds = {"metrics": None, "metrics_moving": True, "metrics_parked": False}
+    vehicles = replace(result, tracks=tuple(tuple(filter(_is_vehicle, states)) for states in result.tracks))
+    return {name: evaluate(_evaluation_frames(vehicles, truths, moving, kind)) for name, kind in kinds.items()}
+
+
+def _is_vehicle(track: Track) -> bool:
+    """Return whether a track is compared with annotated vehicles."""
+    return not is_person_or_bicycle(track.kind)
+
+
+def moving_instances(truths: Sequence[Boxes]) -> set[str]:
+    """Return the instances whose centres span more than MOVING_SPAN_M in the world plane over the given frames."""
+    positions: dict[str, list[FloatArray]] = {}
+    for boxes in truths:
+        for instance, centre in zip(boxes.instance, boxes.centre_m, strict=True):
+            positions.setdefault(instance, []).append(centre[:2])
+    return {name for name, path in positions.items() if np.hypot(*np.ptp(path, axis=0)) > MOVING_SPAN_M}
+
+
+def _evaluation_frames(
+    result: SceneTracks, truths: Sequence[Boxes], moving: set[str], kind: bool | None
+) -> list[EvaluationFrame]:
+    """Return ground truth and tracks of each key frame, in world x and y; `kind` selects moving or parked objects."""
+    names = sorted({instance for boxes in truths for instance in boxes.instance})
+    number = {name: i for i, name in enumerate(names)}
+    frames = []
+    for pose, boxes, tracks in zip(result.world_from_ego, truths, result.tracks, strict=True):
+        ego_xy_m = pose[:2, 3]
+        track_xy_m = np.array([track.position_world_m[:2] for track in tracks]).reshape(-1, 2)
+        selected = np.array([kind is None or (name in moving) == kind for name in boxes.instance], dtype=np.bool_)
+        frames.append(
+            EvaluationFrame(
+                truth_ids=np.array([number[name] for name in boxes.instance], dtype=np.int64),
+                truth_xy_m=boxes.centre_m[:, :2].copy(),
+                required=selected & (np.linalg.norm(boxes.centre_m[:, :2] - ego_xy_m, axis=1) <= RANGE_M),
+                track_ids=np.array([track.id for track in tracks], dtype=np.int64),
+                track_xy_m=track_xy_m,
+                penalised=np.linalg.norm(track_xy_m - ego_xy_m, axis=1) <= RANGE_M,
+            )
+        )
+    return frames
+
+
+def write_scored_tracks(folder: Path, result: SceneTracks, metrics: dict[str, Metrics] | None) -> list[Path]:
+    """Write the tracks, see `write_tracks`, and metrics.json if there are metrics; return the paths.
+
+    Raises:
+        DataError: if a file cannot be written.
+    """
+    paths = write_tracks(folder, result)
+    if metrics is not None:
+        paths.append(folder / "metrics.json")
+        write_metrics(paths[-1], result, metrics)
+    return paths
+
+
+def write_metrics(path: Path, result: SceneTracks, metrics: dict[str, Metrics]) -> None:
+    """Write the scores with their protocol.
+
+    Raises:
+        DataError: if the file cannot be written.
+    """
+    protocol: dict[str, Any] = {"range_m": RANGE_M, "gate_m": GATE_M, "moving_span_m": MOVING_SPAN_M}
+    scores = {name: value.as_json() for name, value in metrics.items()}
+    source = "bev" if result.sensors is None else "detections"
+    write_json(path, {"scene": result.scene, source: result.source, "protocol": protocol, **scores})
