@@ -47,6 +47,10 @@ def ground(
         Path | None,
         typer.Option("--tracks", help="Take the vehicles from nuScenes tracking results, such as those of `track`."),
     ] = None,
+    rig: Annotated[
+        str | None,
+        typer.Option("--rig", help="Rig (name or YAML file) with the size of the ego vehicle; default: 4.6 x 1.9 m."),
+    ] = None,
     map_file: Annotated[
         Path | None, typer.Option("--map", help="One saved map (.npz), instead of ROOT, --scene and --frame.")
     ] = None,
@@ -86,6 +90,8 @@ def ground(
 
     Example: appocc ground "stop behind the nearest white car" DATA --scene 002 --frame 10 --picture g.png
     """
+    from appocc.ego_vehicle import EgoVehicle
+    from appocc.rigs import read_rig
     from grounding import Grounder, GrounderConfig
     from grounding.pipeline import set_saved_map
 
@@ -96,7 +102,9 @@ def ground(
     _check_one(("ROOT", root), ("--map", map_file), hint=_ONLY_ROOT if several else "")
     if picture is not None and text is None:
         raise DataError("--picture goes only with TEXT")
-    grounder = Grounder(lexicon=lexicon, llm=_endpoint(llm), config=GrounderConfig(trust_unseen=trust_unseen))
+    ego = read_rig(rig).ego_vehicle if rig is not None else EgoVehicle()
+    config = GrounderConfig(trust_unseen=trust_unseen)
+    grounder = Grounder(lexicon=lexicon, llm=_endpoint(llm), config=config, ego=ego)
     key_frame = None
     if root is not None:
         if scene is None or frame is None:

@@ -14,6 +14,7 @@ from appocc.bevmap import ROAD, VEHICLE, BEVMap, bev_path
 from appocc.errors import DataError, NotFoundError
 from appocc.files import read_image
 from appocc.grid import BEVGrid
+from appocc.rigs import FOLDER
 from cli.ground import _typed_lines
 from cli.main import app
 from tracking.io.writers import write_nuscenes
@@ -57,6 +58,16 @@ def test_ok(street: Path) -> None:
     assert value["target"]["heading_rad"] == pytest.approx(np.pi / 2, abs=1e-3)
     assert value["referent"]["id"] == token("car")
     assert "ok: stop behind the white car" in result.stderr
+
+
+def test_the_size_of_the_ego_vehicle_comes_from_a_rig(street: Path, tmp_path: Path) -> None:
+    rig = tmp_path / "small.yaml"
+    paper = (FOLDER / "paper.yaml").read_text()
+    rig.write_text(f"{paper}ego_vehicle: {{length_m: 2.5, width_m: 1.5, rear_overhang_m: 0.4}}\n")
+    value = json.loads(run(street, "stop behind the white car", "--json", "--rig", str(rig)).stdout)
+    # The rear bumper is at 7.7 m, the gap 2 m, half the ego 1.25 m.
+    assert value["target"]["ego_m"] == pytest.approx([4.45, 0.0], abs=0.41)
+    assert isinstance(run(street, "stop", "--rig", "no-such-rig").exception, NotFoundError)
 
 
 @pytest.mark.parametrize(
