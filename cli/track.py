@@ -78,17 +78,18 @@ def track_scene_command(
 
     Example: appocc track scene DATA --scene 002 --bev groundtruth --video tracks.webm
     """
-    _run_maps(
-        root,
-        scene,
-        bev,
-        smooth=smooth,
-        out=out,
-        video=video,
-        trust_unseen=trust_unseen,
-        version=version,
-        as_json=as_json,
-    )
+    from appocc.nuscenes import Dataset
+    from tracking.pipeline import track_scene, tracks_folder
+    from tracking.visualization.video import check_video_path
+
+    if video is not None:
+        check_video_path(video)
+    dataset = Dataset(root, version)
+    wanted = dataset.scene(scene)
+    folder = out or tracks_folder(root, bev, wanted.name)
+    with progress("tracking", len(dataset.samples(wanted))) as advance:
+        result = track_scene(dataset, wanted, bev, trust_unseen=trust_unseen, smoothing=smooth, advance=advance)
+    _report_scene(dataset, result, {"bev": bev}, folder, video, as_json)
 
 
 @app.command("detections")
@@ -110,7 +111,15 @@ def track_detections_command(
 
     Example: appocc track detections DATA results_nusc.json --scene scene-0103
     """
-    _run_detections(root, scene, file, smooth=smooth, out=out, version=version, as_json=as_json)
+    from appocc.nuscenes import Dataset
+    from tracking.pipeline import track_detections, tracks_folder
+
+    dataset = Dataset(root, version)
+    wanted = dataset.scene(scene)
+    folder = out or tracks_folder(root, file.stem, wanted.name)
+    with progress("tracking", len(dataset.samples(wanted))) as advance:
+        result, skipped = track_detections(dataset, wanted, file, smoothing=smooth, advance=advance)
+    _report_scene(dataset, result, {"detections": str(file), "left_out": skipped}, folder, None, as_json)
 
 
 @app.command("kitti")
@@ -128,7 +137,31 @@ def track_kitti_command(
 
     Example: appocc track kitti KITTI --out results
     """
-    _run_kitti(folder, smooth, out or folder / "tracks", as_json)
+    from tracking.evaluation.kitti import score_sequences
+    from tracking.io.kitti import read_sequences
+    from tracking.pipeline import count_tracks, track_kitti, write_kitti_tracks
+
+    sequences = read_sequences(folder)
+    with progress("tracking", sum(len(sequence.frames) for sequence in sequences)) as advance:
+        outcomes = track_kitti(sequences, smooth, advance)
+    files = write_kitti_tracks(out or folder / "tracks", outcomes)
+    say(f"{sum(count_tracks(one.tracks) for one in outcomes)} vehicles in {len(sequences)} sequences")
+    scores = score_sequences([(one.sequence, one.results) for one in outcomes])
+    if scores is not None:
+        _show("tracks", {"all": scores.metrics, "cut": scores.at_best_cut})
+        say(f"cut: tracks whose mean score is {scores.best_cut:.4f} or more, for the best MOTA")
+    else:
+        say("no labels: nothing to be scored against")
+    _say_files(files)
+    if as_json:
+        emit(
+            {
+                "sequences": [sequence.name for sequence in sequences],
+                "files": [str(path) for path in files],
+                "metrics": scores.metrics.as_json() if scores else None,
+                "metrics_at_best_cut": {**scores.at_best_cut.as_json(), "cut": scores.best_cut} if scores else None,
+            }
+        )
 
 
 @app.command("mot")
@@ -144,7 +177,21 @@ def track_mot_command(
 
     Example: appocc track mot det.txt --fps 25 --out results
     """
-    _run_mot(file, fps, out or file.parent / "tracks", as_json)
+    from tracking.io.mot_challenge import read_mot_detections, write_mot_tracks
+    from tracking.pipeline import count_tracks, people_path, track_people
+
+    path = people_path(file, out or file.parent / "tracks")
+    sequence = read_mot_detections(file, fps)
+    frames = len(sequence.frames)
+    with progress("tracking", frames) as advance:
+        tracks = track_people(sequence, advance)
+    write_mot_tracks(path, sequence, tracks)
+    count = count_tracks(tracks)
+    where = "on the ground" if sequence.px_per_m is None else "in the picture"
+    if as_json:
+        emit({"detections": str(file), "frames": frames, "followed": where, "tracks": count, "files": [str(path)]})
+    say(f"{count} people in {frames} frames, followed {where}")
+    _say_files([path])
 
 
 # Older form -------------------------------------------------------------------------------------------------------
@@ -192,9 +239,9 @@ def track_older_form(
     elif mot is not None and fps is not None:
         track_mot_command(mot, fps, out, as_json)
     elif root is not None and scene is not None and detections is not None:
-        _run_detections(root, scene, detections, smooth=smooth, out=out, version=version, as_json=as_json)
+        track_detections_command(root, detections, scene, smooth=smooth, out=out, version=version, as_json=as_json)
     elif root is not None and scene is not None and bev is not None:
-        _run_maps(
+        track_scene_command(
             root,
             scene,
             bev,
@@ -232,54 +279,7 @@ def _listed(names: Iterable[str]) -> str:
     return f"{', '.join(most)} and {last}" if most else last
 
 
-# Running ----------------------------------------------------------------------------------------------------------
-
-
-def _run_maps(
-    root: Path,
-    scene: str,
-    bev: str,
-    *,
-    smooth: bool,
-    out: Path | None,
-    video: Path | None,
-    trust_unseen: bool,
-    version: str | None,
-    as_json: bool,
-) -> None:
-    from appocc.nuscenes import Dataset
-    from tracking.pipeline import track_scene, tracks_folder
-    from tracking.visualization.video import check_video_path
-
-    if video is not None:
-        check_video_path(video)
-    dataset = Dataset(root, version)
-    wanted = dataset.scene(scene)
-    folder = out or tracks_folder(root, bev, wanted.name)
-    with progress("tracking", len(dataset.samples(wanted))) as advance:
-        result = track_scene(dataset, wanted, bev, trust_unseen=trust_unseen, smoothing=smooth, advance=advance)
-    _report_scene(dataset, result, {"bev": bev}, folder, video, as_json)
-
-
-def _run_detections(
-    root: Path,
-    scene: str,
-    file: Path,
-    *,
-    smooth: bool,
-    out: Path | None,
-    version: str | None,
-    as_json: bool,
-) -> None:
-    from appocc.nuscenes import Dataset
-    from tracking.pipeline import track_detections, tracks_folder
-
-    dataset = Dataset(root, version)
-    wanted = dataset.scene(scene)
-    folder = out or tracks_folder(root, file.stem, wanted.name)
-    with progress("tracking", len(dataset.samples(wanted))) as advance:
-        result, skipped = track_detections(dataset, wanted, file, smoothing=smooth, advance=advance)
-    _report_scene(dataset, result, {"detections": str(file), "left_out": skipped}, folder, None, as_json)
+# Output -----------------------------------------------------------------------------------------------------------
 
 
 def _report_scene(
@@ -315,52 +315,6 @@ def _report_scene(
     else:
         _show("vehicles", {titles[name]: metrics for name, metrics in scores.items()})
     _say_files(files)
-
-
-def _run_kitti(root: Path, smooth: bool, folder: Path, as_json: bool) -> None:
-    from tracking.evaluation.kitti import score_sequences
-    from tracking.io.kitti import read_sequences
-    from tracking.pipeline import count_tracks, track_kitti, write_kitti_tracks
-
-    sequences = read_sequences(root)
-    with progress("tracking", sum(len(sequence.frames) for sequence in sequences)) as advance:
-        outcomes = track_kitti(sequences, smooth, advance)
-    files = write_kitti_tracks(folder, outcomes)
-    say(f"{sum(count_tracks(one.tracks) for one in outcomes)} vehicles in {len(sequences)} sequences")
-    scores = score_sequences([(one.sequence, one.results) for one in outcomes])
-    if scores is not None:
-        _show("tracks", {"all": scores.metrics, "cut": scores.at_best_cut})
-        say(f"cut: tracks whose mean score is {scores.best_cut:.4f} or more, for the best MOTA")
-    else:
-        say("no labels: nothing to be scored against")
-    _say_files(files)
-    if as_json:
-        emit(
-            {
-                "sequences": [sequence.name for sequence in sequences],
-                "files": [str(path) for path in files],
-                "metrics": scores.metrics.as_json() if scores else None,
-                "metrics_at_best_cut": {**scores.at_best_cut.as_json(), "cut": scores.best_cut} if scores else None,
-            }
-        )
-
-
-def _run_mot(file: Path, fps: float, folder: Path, as_json: bool) -> None:
-    from tracking.io.mot_challenge import read_mot_detections, write_mot_tracks
-    from tracking.pipeline import count_tracks, people_path, track_people
-
-    path = people_path(file, folder)
-    sequence = read_mot_detections(file, fps)
-    frames = len(sequence.frames)
-    with progress("tracking", frames) as advance:
-        tracks = track_people(sequence, advance)
-    write_mot_tracks(path, sequence, tracks)
-    count = count_tracks(tracks)
-    where = "on the ground" if sequence.px_per_m is None else "in the picture"
-    if as_json:
-        emit({"detections": str(file), "frames": frames, "followed": where, "tracks": count, "files": [str(path)]})
-    say(f"{count} people in {frames} frames, followed {where}")
-    _say_files([path])
 
 
 # Printing ---------------------------------------------------------------------------------------------------------

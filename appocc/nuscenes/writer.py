@@ -59,9 +59,9 @@ VISIBILITIES = (("1", "v0-40"), ("2", "v40-60"), ("3", "v60-80"), ("4", "v80-100
 
 def token_of(*names: object) -> str:
     """Return a 32-digit token, a hash of names: the same input gives the same tables."""
-    return hashlib.md5(
-        "/".join(str(name) for name in names).encode(errors="surrogatepass"), usedforsecurity=False
-    ).hexdigest()
+    # Slashes inside names are escaped, so that ("a/b", "c") and ("a", "b/c") differ.
+    key = "/".join(str(name).replace("%", "%25").replace("/", "%2F") for name in names)
+    return hashlib.md5(key.encode(errors="surrogatepass"), usedforsecurity=False).hexdigest()
 
 
 def pose_fields(target_from_source: FloatArray) -> Row:

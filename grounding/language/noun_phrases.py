@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 from grounding.language.tokenizer import Token
-from grounding.language.word_categories import NOUNS, WordCategory
+from grounding.language.word_categories import MODIFIERS, NOUNS, WordCategory
 
 # Letter of each category in a noun phrase; all other categories are dots.
 _LETTERS = (
@@ -19,18 +19,7 @@ _LETTERS = (
         WordCategory.UNKNOWN: "u",
         WordCategory.MAKE: "k",
     }
-    | dict.fromkeys(
-        (
-            WordCategory.COLOUR,
-            WordCategory.SHADE,
-            WordCategory.ORDINAL,
-            WordCategory.SUPERLATIVE,
-            WordCategory.STATE,
-            WordCategory.SIZE,
-            WordCategory.EXTRA,
-        ),
-        "m",
-    )
+    | dict.fromkeys(MODIFIERS - {WordCategory.MAKE}, "m")
     | dict.fromkeys(
         (
             WordCategory.NOUN,

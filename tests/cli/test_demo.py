@@ -12,6 +12,7 @@ from appocc.demo import dataset
 from appocc.errors import DataError
 from appocc.files import read_image, read_json
 from appocc.simulation.recording import VERSION
+from cli import demo_pipeline
 from cli.demo_pipeline import COMMANDS, FRAME
 from cli.main import app
 
@@ -28,7 +29,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Result]:
     """A demo of seven key frames, in a folder with a space in its name."""
     out = tmp_path_factory.mktemp("cli") / "my demo"
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(dataset, "DemoSettings", lambda: SMALL)
+        patch.setattr(demo_pipeline, "DemoSettings", lambda: SMALL)
         return out, run("demo", "--out", str(out), "--json")
 
 

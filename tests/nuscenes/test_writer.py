@@ -264,3 +264,7 @@ def test_a_folder_below_a_file(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     with pytest.raises(DataError, match="cannot be written"), whole_folder(tmp_path / "file" / "out"):
         pass
+
+
+def test_tokens_of_names_with_slashes_differ() -> None:
+    assert len({token_of("a/b", "c"), token_of("a", "b/c"), token_of("a", "b", "c"), token_of("a%2Fb", "c")}) == 4
