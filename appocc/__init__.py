@@ -5,9 +5,9 @@ The names of `__all__` are imported on first use, so that `import appocc` stays 
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from appocc.lazy import lazy_exports
 from appocc.version import __version__ as __version__
 
 if TYPE_CHECKING:
@@ -61,16 +61,5 @@ _MODULES = {
     "write_image": "appocc.files",
 }
 
-
-def __getattr__(name: str) -> Any:
-    """Import a name of `__all__` from its module."""
-    if name not in _MODULES:
-        raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
-    value = getattr(import_module(_MODULES[name]), name)
-    globals()[name] = value
-    return value
-
-
-def __dir__() -> list[str]:
-    """Return the names of the module, including those not imported yet."""
-    return sorted({*globals(), *__all__})
+if not TYPE_CHECKING:
+    __getattr__, __dir__ = lazy_exports(__name__, _MODULES)

@@ -15,8 +15,9 @@ Names are imported on first use, so that `grounding.language` starts without the
 
 from __future__ import annotations
 
-from importlib import import_module
 from typing import TYPE_CHECKING
+
+from appocc.lazy import lazy_exports
 
 if TYPE_CHECKING:
     from grounding.answer import Answer
@@ -35,13 +36,4 @@ _MODULES = {
 }
 
 if not TYPE_CHECKING:
-
-    def __getattr__(name: str) -> object:
-        """Import an exported name on first use."""
-        if name not in _MODULES:
-            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-        return getattr(import_module(_MODULES[name]), name)
-
-    def __dir__() -> list[str]:
-        """Return the exported names and those of the module."""
-        return sorted({*globals(), *__all__})
+    __getattr__, __dir__ = lazy_exports(__name__, _MODULES)

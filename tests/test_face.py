@@ -1,4 +1,4 @@
-"""The public names of the package."""
+"""The public names of the packages."""
 
 from __future__ import annotations
 
@@ -6,32 +6,38 @@ import ast
 import subprocess
 import sys
 from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 import pytest
 
 import appocc
+import grounding
+import tracking
 
 
-def test_every_public_name_can_be_imported() -> None:
-    for name in appocc.__all__:
-        assert getattr(appocc, name).__name__ == name
-        assert name in dir(appocc)
+@pytest.mark.parametrize("package", [appocc, grounding, tracking])
+def test_every_public_name_can_be_imported(package: ModuleType) -> None:
+    for name in package.__all__:
+        assert getattr(package, name) is not None
+        assert name in dir(package)
 
 
-def test_type_checkers_see_the_same_names_in_the_same_modules() -> None:
-    tree = ast.parse(Path(appocc.__file__).read_text())
-    (block,) = (node for node in tree.body if isinstance(node, ast.If))
+@pytest.mark.parametrize("package", [appocc, grounding])
+def test_type_checkers_see_the_same_names_in_the_same_modules(package: ModuleType) -> None:
+    tree = ast.parse(Path(str(package.__file__)).read_text())
+    block = next(node for node in tree.body if isinstance(node, ast.If))
     imported = {
         alias.name: node.module for node in block.body if isinstance(node, ast.ImportFrom) for alias in node.names
     }
-    assert imported == appocc._MODULES
-    assert sorted(imported) == sorted(appocc.__all__)
+    assert imported == package._MODULES
+    assert sorted(imported) == sorted(package.__all__)
 
 
 def test_an_unknown_name_is_an_attribute_error() -> None:
+    unknown = "Nothing"
     with pytest.raises(AttributeError, match="module 'appocc' has no attribute 'Nothing'"):
-        appocc.Nothing  # noqa: B018
+        getattr(appocc, unknown)
     with pytest.raises(ImportError):
         exec("from appocc import Nothing")
 
