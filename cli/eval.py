@@ -14,7 +14,7 @@ from cli.eval_tracks import tracks
 app = typer.Typer(name="eval", help="Evaluate results against the truth.", no_args_is_help=True)
 
 
-class Truth(StrEnum):
+class TruthSource(StrEnum):
     """The truth to compare with."""
 
     exact = "exact"
@@ -35,7 +35,7 @@ def bev(
         str, typer.Option("--bev", help="Source of the maps: ROOT/bev/SOURCE, or a folder with a slash in its name.")
     ],
     against: Annotated[
-        Truth | None, typer.Option(help="The truth; default: exact if ROOT has it, else groundtruth.")
+        TruthSource | None, typer.Option(help="The truth; default: exact if ROOT has it, else groundtruth.")
     ] = None,
     setting: Annotated[GridSetting, typer.Option(help="360: all cells; 180: cells ahead.")] = GridSetting.all_around,
     range_m: Annotated[
@@ -57,7 +57,7 @@ def bev(
     dataset = Dataset(root, version)
     scenes = [dataset.scene(scene)] if scene else list(dataset.scenes)
     if against is None:
-        against = Truth.exact if bev_folder(root, "exact").is_dir() else Truth.groundtruth
+        against = TruthSource.exact if bev_folder(root, "exact").is_dir() else TruthSource.groundtruth
     question = EvaluationConfig(source, against.value, setting is GridSetting.ahead, range_m)
     with progress("comparing", sum(len(dataset.samples(one)) for one in scenes)) as advance:
         answer = evaluate(dataset, scenes, question, advance).as_json()

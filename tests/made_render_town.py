@@ -11,7 +11,7 @@ from appocc.simulation.mesh import Material, Mesh, join_meshes
 from appocc.simulation.network import RoadNetwork
 from appocc.simulation.plan import TownPlan
 from appocc.simulation.surface import Ground, Surface
-from appocc.simulation.town import Town, VectorMap
+from appocc.simulation.town import Town, TownMap
 
 WALL_Y_M = 10.0
 LAMP_M = (30.0, -6.0, 6.0)
@@ -95,7 +95,7 @@ def town(*more: Mesh) -> Town:
         Ground(np.array([0.0, -20.0]), label, colours[label]),
         solid,
         np.array([LAMP_M]),
-        VectorMap((), (), (), ()),
+        TownMap((), (), (), ()),
     )
 
 

@@ -16,7 +16,7 @@ from appocc.simulation.network import RoadNetwork
 from appocc.simulation.plan import TownPlan
 from appocc.simulation.rendering.tracing import Tracer
 from appocc.simulation.surface import Ground, Surface
-from appocc.simulation.town import Town, VectorMap
+from appocc.simulation.town import Town, TownMap
 from appocc.simulation.traffic import Actor, TrafficState
 
 # Ground from (-50, -50) to (50, 50); the road's centre line is y = 0, 8 m wide; a white line along y = 0.
@@ -81,9 +81,7 @@ def made_town(solid: Mesh) -> Town:
     network = RoadNetwork(
         edges=(), inner_lanes=(), junctions=(), connections=(), low_m=nowhere, high_m=nowhere, offset_m=nowhere
     )
-    return Town(
-        TownPlan("made", 0, "old", network), made_ground(), solid, np.zeros((0, 3)), VectorMap((), (), (), ())
-    )
+    return Town(TownPlan("made", 0, "old", network), made_ground(), solid, np.zeros((0, 3)), TownMap((), (), (), ()))
 
 
 def made_street(

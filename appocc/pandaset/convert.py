@@ -16,7 +16,7 @@ from appocc.nuscenes.dataset import LIDAR
 from appocc.nuscenes.lidar import write_lidar
 from appocc.nuscenes.writer import CATEGORIES, Annotation, Writer, token_of
 from appocc.pandaset.classes import attribute_of, category_of
-from appocc.pandaset.recording import Cuboid, LidarSweep, PandaFrame, Recording, RoadRaster, drop_duplicate_cuboids
+from appocc.pandaset.recording import Cuboid, PandaFrame, PandaSweep, Recording, RoadRaster, drop_duplicate_cuboids
 
 VERSION = "v1.0-pandaset"
 # PandaSet's ego origin is 0.40 m above the road (median of its road points), nuScenes' ego origin is on the road.
@@ -138,7 +138,7 @@ def _add_sweep(
     return apply(frame.world_from_ego, sweep.points_ego_m)
 
 
-def _add_labels(recording: Recording, sweep: LidarSweep, data_token: str, writer: Writer) -> None:
+def _add_labels(recording: Recording, sweep: PandaSweep, data_token: str, writer: Writer) -> None:
     """Write the labels of a sweep as nuScenes-lidarseg and as PandaSet's classes, which include lane markings."""
     if sweep.labels is None or not recording.label_names:
         return

@@ -19,7 +19,7 @@ from appocc.checks import FloatArray
 from appocc.errors import AppoccError, DataError
 from appocc.files import read_file, read_json
 from appocc.geometry import apply, inverse, transform
-from appocc.pandaset.recording import CHANNELS, Cuboid, LidarSweep, PandaFrame, PandaImage, Recording
+from appocc.pandaset.recording import CHANNELS, Cuboid, PandaFrame, PandaImage, PandaSweep, Recording
 
 # PandaSet's LiDAR pose has x to the right and y forward; its ego here has x forward and y left.
 _LIDAR_FROM_EGO = np.array([[0.0, -1, 0, 0], [1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
@@ -106,7 +106,7 @@ def _cuboid(row: dict[str, Any]) -> Cuboid:
     )
 
 
-def _sweep(points: Path, labels: Path, world_from_ego: FloatArray) -> LidarSweep:
+def _sweep(points: Path, labels: Path, world_from_ego: FloatArray) -> PandaSweep:
     """Read the rows of the spinning LiDAR from a point table, transformed from the world frame to the ego frame.
 
     Raises:
@@ -124,7 +124,7 @@ def _sweep(points: Path, labels: Path, world_from_ego: FloatArray) -> LidarSweep
     if classes is not None and len(classes) != len(spinning):
         raise DataError(f"{labels}: expected {len(spinning)} labels, one per point, got {len(classes)}")
     labels_of_points = None if classes is None else classes[spinning].astype(np.uint8)
-    return LidarSweep(apply(inverse(world_from_ego), xyz), intensity, labels_of_points)
+    return PandaSweep(apply(inverse(world_from_ego), xyz), intensity, labels_of_points)
 
 
 def _unpickled(path: Path) -> Any:

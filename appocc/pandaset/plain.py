@@ -13,7 +13,7 @@ from appocc.checks import FloatArray, check_finite, check_numbers, check_transfo
 from appocc.errors import AppoccError, DataError
 from appocc.files import inside, read_file, read_json, zip_arrays
 from appocc.geometry import nearest_rigid
-from appocc.pandaset.recording import CHANNELS, Cuboid, LidarSweep, PandaFrame, PandaImage, Recording, RoadRaster
+from appocc.pandaset.recording import CHANNELS, Cuboid, PandaFrame, PandaImage, PandaSweep, Recording, RoadRaster
 
 
 def read_plain(source: Path, lidar: Path | None) -> Recording:
@@ -52,7 +52,7 @@ def _frame(source: Path, frame: dict[str, Any], lidar: Path | None) -> PandaFram
     )
 
 
-def _sweep_of(frame: dict[str, Any], lidar: Path | None) -> Callable[[], LidarSweep] | None:
+def _sweep_of(frame: dict[str, Any], lidar: Path | None) -> Callable[[], PandaSweep] | None:
     """Return the reader of the sweep of a frame; its `lidar_npz` may name another folder but no other file."""
     stated, name = frame["lidar_npz"], f"{int(frame['i']):02d}.npz"
     if stated is not None and PurePosixPath(stated).name != name:
@@ -81,13 +81,13 @@ def _cuboid(box: dict[str, Any]) -> Cuboid:
     )
 
 
-def _sweep(path: Path) -> LidarSweep:
+def _sweep(path: Path) -> PandaSweep:
     """Read the points of one npz file, centimetres in the ego frame."""
     packed = read_file(path)
     try:
         with zip_arrays(packed) as data:
             check_numbers("points", data["xyz_cm_ego"])
-            return LidarSweep(data["xyz_cm_ego"].astype(np.float64) / 100, data["intensity"], data["semseg"])
+            return PandaSweep(data["xyz_cm_ego"].astype(np.float64) / 100, data["intensity"], data["semseg"])
     except Exception as error:  # damage surfaces as nearly any error of zipfile, zlib and numpy
         raise DataError(f"{path}: damaged sweep ({error})") from error
 

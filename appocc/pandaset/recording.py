@@ -91,7 +91,7 @@ class Cuboid:
 
 
 @dataclass(frozen=True, eq=False)
-class LidarSweep:
+class PandaSweep:
     """Points of the spinning LiDAR: (N, 3) metres in the ego frame, (N,) intensity 0..255, (N,) class labels."""
 
     points_ego_m: FloatArray
@@ -123,7 +123,7 @@ class PandaFrame:
     world_from_ego: FloatArray
     images: dict[str, PandaImage]
     cuboids: tuple[Cuboid, ...]
-    read_sweep: Callable[[], LidarSweep] | None
+    read_sweep: Callable[[], PandaSweep] | None
 
     def __post_init__(self) -> None:
         """Check time and pose.

@@ -11,7 +11,7 @@ from appocc.simulation.surface import Ground
 
 
 @dataclass(frozen=True, eq=False)
-class VectorMap:
+class TownMap:
     """Lines and areas of the street map, (N, 2) each, town frame.
 
     Attributes:
@@ -45,4 +45,4 @@ class Town:
     ground: Ground
     solid: Mesh
     lamps_m: FloatArray
-    map: VectorMap
+    map: TownMap

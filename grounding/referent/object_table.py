@@ -14,7 +14,7 @@ from appocc.checks import BoolArray, FloatArray
 from appocc.ego_vehicle import EgoVehicle
 from appocc.geometry import footprints, wrap_angle
 from appocc.motion_state import MOVING_MPS, STANDING_MPS
-from grounding.road.lane_model import LaneModel, TrafficState, lanes_from_map, lanes_from_vehicles
+from grounding.road.lane_model import LaneModel, LaneTraffic, lanes_from_map, lanes_from_vehicles
 from grounding.scene_object import SceneObject
 from tracking.vehicle_classes import HEIGHT_M
 
@@ -91,7 +91,7 @@ class ObjectTable:
         speed = np.nan_to_num(np.hypot(*velocity_mps.T), nan=0.7)
         moving, standing = speed > MOVING_MPS, speed < STANDING_MPS
         first = slice(num_vehicles)
-        traffic = TrafficState(xy_m[first], yaw_rad[first], front_known[first], moving[first], standing[first])
+        traffic = LaneTraffic(xy_m[first], yaw_rad[first], front_known[first], moving[first], standing[first])
         if bev is None or road is None:
             lanes = lanes_from_vehicles(traffic)
         else:

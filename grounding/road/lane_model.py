@@ -147,7 +147,7 @@ class LaneModel:
 
 
 @dataclass(frozen=True, eq=False)
-class TrafficState:
+class LaneTraffic:
     """Poses and motion of N vehicles, ego frame.
 
     Attributes:
@@ -165,7 +165,7 @@ class TrafficState:
     standing: BoolArray
 
 
-def lanes_from_vehicles(traffic: TrafficState) -> LaneModel:
+def lanes_from_vehicles(traffic: LaneTraffic) -> LaneModel:
     """Estimate the lanes from vehicles alone, without a map."""
     centreline = _arc_centreline(*_fit_arc(traffic))
     lateral = centreline.project(traffic.xy_m)[1]
@@ -177,7 +177,7 @@ def lanes_from_vehicles(traffic: TrafficState) -> LaneModel:
 
 
 def lanes_from_map(
-    traffic: TrafficState, bev: BEVMap, ego_lane: Centreline, oncoming_left: bool, ego: EgoVehicle
+    traffic: LaneTraffic, bev: BEVMap, ego_lane: Centreline, oncoming_left: bool, ego: EgoVehicle
 ) -> LaneModel:
     """Estimate the lanes from a map and the vehicles on it.
 
@@ -192,14 +192,14 @@ def lanes_from_map(
     return _count_lanes(centreline, traffic, _lanes_on_road(centreline, bev), oncoming_left)
 
 
-def _split_by_direction(centreline: Centreline, traffic: TrafficState) -> tuple[BoolArray, BoolArray]:
+def _split_by_direction(centreline: Centreline, traffic: LaneTraffic) -> tuple[BoolArray, BoolArray]:
     """Return which vehicles (N,) head in our direction, and which (N,) against it."""
     turn = np.cos(traffic.yaw_rad - centreline.direction_rad(traffic.xy_m))
     return traffic.front_known & (turn > 0.9), traffic.front_known & (-turn > 0.9)
 
 
 def _count_lanes(
-    centreline: Centreline, traffic: TrafficState, on_road: dict[int, bool], oncoming_left: bool
+    centreline: Centreline, traffic: LaneTraffic, on_road: dict[int, bool], oncoming_left: bool
 ) -> LaneModel:
     """Number the lanes in our direction by the vehicles in them and by the map, if `on_road` is not empty."""
     along, lateral = centreline.project(traffic.xy_m)
@@ -229,7 +229,7 @@ def _extend(points_m: FloatArray, start_m: float) -> Centreline:
     return Centreline(np.concatenate([before, points_m, after]), start_m - back)
 
 
-def _fit_arc(traffic: TrafficState) -> tuple[float, float]:
+def _fit_arc(traffic: LaneTraffic) -> tuple[float, float]:
     """Return slant and curvature of the road: the mean over all hypotheses, weighted by parallel vehicles."""
     slant, curvature = (grid.ravel() for grid in np.meshgrid(_SLANTS_RAD, _CURVATURES_PER_M))
     score = -0.5 * (slant / _SLANT_SPREAD_RAD) ** 2 - 0.5 * (curvature / _CURVATURE_SPREAD_PER_M) ** 2

@@ -13,9 +13,9 @@ from appocc.nuscenes.writer import CATEGORIES
 from appocc.pandaset.classes import attribute_of, category_of
 from appocc.pandaset.recording import (
     Cuboid,
-    LidarSweep,
     PandaFrame,
     PandaImage,
+    PandaSweep,
     Recording,
     RoadRaster,
     drop_duplicate_cuboids,
@@ -90,7 +90,7 @@ def test_invalid_parts_are_refused() -> None:
 
 def test_invalid_sweeps_are_refused() -> None:
     points, bytes_ = np.zeros((3, 3)), np.zeros(3, np.uint8)
-    assert LidarSweep(points, bytes_, None).labels is None
+    assert PandaSweep(points, bytes_, None).labels is None
     for wrong in (
         (points[:2], bytes_, bytes_),
         (points, bytes_[:2], None),
@@ -99,7 +99,7 @@ def test_invalid_sweeps_are_refused() -> None:
         (points[:0], bytes_[:0], None),
     ):
         with pytest.raises(ShapeError, match="expected"):
-            LidarSweep(*wrong)
+            PandaSweep(*wrong)
 
 
 @pytest.mark.parametrize(

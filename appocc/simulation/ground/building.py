@@ -18,10 +18,10 @@ from appocc.simulation.ground.road_segments import RoadSegment, find_road_segmen
 from appocc.simulation.ground.surroundings import draw_kerb, draw_surroundings
 from appocc.simulation.plan import TownPlan
 from appocc.simulation.surface import Ground, Surface
-from appocc.simulation.town import VectorMap
+from appocc.simulation.town import TownMap
 
 
-def build_ground(plan: TownPlan) -> tuple[Ground, VectorMap]:
+def build_ground(plan: TownPlan) -> tuple[Ground, TownMap]:
     """Draw the ground of a town and its vector map; the same plan gives the same bytes.
 
     Raises:
@@ -44,7 +44,7 @@ def build_ground(plan: TownPlan) -> tuple[Ground, VectorMap]:
     stops = stop_lines(segments)
     _draw_markings(canvas, plan, segments, lines, stops)
     colour = colour_ground(canvas, plan, segments, lots)
-    vector_map = VectorMap(
+    vector_map = TownMap(
         tuple(line.points_m for line in lines if not line.between),
         tuple(line.points_m for line in lines if line.between),
         tuple(stops),

@@ -7,17 +7,17 @@ from street import EGO, Street
 from appocc.bevmap import LANE, ROAD
 from appocc.checks import FloatArray
 from appocc.motion_state import MOVING_MPS, STANDING_MPS
-from grounding.road.lane_model import LANE_M, LaneModel, TrafficState, lanes_from_map, lanes_from_vehicles
+from grounding.road.lane_model import LANE_M, LaneModel, LaneTraffic, lanes_from_map, lanes_from_vehicles
 from grounding.road.road_map import RoadMap
 
 BENDS = [0.0, 0.004, -0.006, 0.012]
 
 
-def traffic(*rows: tuple[float, float, float, float]) -> TrafficState:
+def traffic(*rows: tuple[float, float, float, float]) -> LaneTraffic:
     """Vehicles from rows of x, y, heading in degrees and speed."""
     values = np.array(rows, dtype=np.float64).reshape(-1, 4)
     known = np.ones(len(values), np.bool_)
-    return TrafficState(
+    return LaneTraffic(
         values[:, :2], np.radians(values[:, 2]), known, values[:, 3] > MOVING_MPS, values[:, 3] < STANDING_MPS
     )
 

@@ -13,7 +13,7 @@ from appocc.simulation.ground import build_ground
 from appocc.simulation.network import Connection, Edge, Junction, Lane, RoadNetwork
 from appocc.simulation.plan import CarPark, TownPlan
 from appocc.simulation.surface import CELL_M, LANE_SURFACES, ROAD_SURFACES, Ground, Surface, surface_table
-from appocc.simulation.town import VectorMap
+from appocc.simulation.town import TownMap
 
 LANE_M = 3.2
 LINES = (Surface.LINE_WHITE, Surface.LINE_YELLOW)
@@ -93,12 +93,12 @@ PLAN = TownPlan("Cross", 2, "old", make_network(), (CAR_PARK,))
 
 
 @pytest.fixture(scope="module")
-def built() -> tuple[Ground, VectorMap]:
+def built() -> tuple[Ground, TownMap]:
     return build_ground(PLAN)
 
 
 @pytest.fixture(scope="module")
-def ground(built: tuple[Ground, VectorMap]) -> Ground:
+def ground(built: tuple[Ground, TownMap]) -> Ground:
     return built[0]
 
 
@@ -208,7 +208,7 @@ def test_car_park_has_lines_between_its_bays(ground: Ground) -> None:
     np.testing.assert_allclose(columns[[0, -1]], [43.7, 63.7], atol=0.15)
 
 
-def test_lines_of_the_map_are_the_painted_lines(built: tuple[Ground, VectorMap]) -> None:
+def test_lines_of_the_map_are_the_painted_lines(built: tuple[Ground, TownMap]) -> None:
     ground, vector_map = built
     assert vector_map.lane_dividers
     assert vector_map.road_dividers
@@ -223,14 +223,14 @@ def test_lines_of_the_map_are_the_painted_lines(built: tuple[Ground, VectorMap])
     assert iou(drawn.T >= 0.5, surface_table(LINES)[ground.label]) > 0.95
 
 
-def test_stop_lines_of_the_map_are_the_painted_ones(built: tuple[Ground, VectorMap]) -> None:
+def test_stop_lines_of_the_map_are_the_painted_ones(built: tuple[Ground, TownMap]) -> None:
     ground, vector_map = built
     grid = grid_of(ground)
     drawn = sum(polygon_cover(grid, outline) for outline in vector_map.stop_lines)
     assert iou(np.asarray(drawn).T >= 0.5, ground.label == Surface.STOP_LINE) > 0.9
 
 
-def test_drivable_area_of_the_map_is_the_road(built: tuple[Ground, VectorMap]) -> None:
+def test_drivable_area_of_the_map_is_the_road(built: tuple[Ground, TownMap]) -> None:
     ground, vector_map = built
     grid = grid_of(ground)
     drawn = sum(polygon_cover(grid, outline) for outline in vector_map.drivable)
@@ -243,7 +243,7 @@ def grid_of(ground: Ground) -> BEVGrid:
     return BEVGrid(float(x), float(x + width * CELL_M), float(y), float(y + height * CELL_M), CELL_M)
 
 
-def test_same_plan_gives_same_bytes_and_another_seed_another_look(built: tuple[Ground, VectorMap]) -> None:
+def test_same_plan_gives_same_bytes_and_another_seed_another_look(built: tuple[Ground, TownMap]) -> None:
     again, vector_map = build_ground(PLAN)
     assert again.label.tobytes() == built[0].label.tobytes()
     assert again.colour.tobytes() == built[0].colour.tobytes()
