@@ -13,6 +13,7 @@ from appocc.checks import ByteArray, FloatArray
 from appocc.errors import ShapeError
 from appocc.geometry import inverse, quaternion_from_yaw, transform
 from appocc.grid import BEVGrid
+from appocc.training.camera_style import apply_style, apply_tone, draw_style
 from appocc.training.reading import APPEARANCE_BIT, PackedSample, crop
 
 # Weights of the sRGB channels in grey (Rec. 601).
@@ -30,6 +31,7 @@ class Augmentation:
         brightness: largest relative change of brightness, at most 1.
         contrast: largest relative change of the distance from middle grey.
         saturation: largest relative change of the distance from the grey of each colour.
+        camera_style: share of samples with the look of another camera system (`training.camera_style`).
         cameras_dropped: largest number of dropped cameras; one always remains.
         extrinsic_rad: largest rotation error of each camera, about any axis.
         extrinsic_m: largest translation error of each camera, in any direction.
@@ -41,6 +43,7 @@ class Augmentation:
     brightness: float = 0.0
     contrast: float = 0.0
     saturation: float = 0.0
+    camera_style: float = 0.0
     cameras_dropped: int = 0
     extrinsic_rad: float = 0.0
     extrinsic_m: float = 0.0
@@ -58,13 +61,15 @@ def augment(sample: PackedSample, ranges: Augmentation, grid: BEVGrid, rng: Gene
             rotated samples; cells from outside the sample's grid are unknown.
         rng: new random generator of this sample.
     """
-    frames, mirrors, light, drops, poses = rng.spawn(5)
+    frames, mirrors, light, drops, poses, styles = rng.spawn(6)
     mirror = bool(mirrors.random() < ranges.mirror)
     new_from_ego = _sample_frame(ranges, frames)
     sample = mirror_sample(sample) if mirror else sample
     sample = reframe(sample, new_from_ego, grid) if new_from_ego is not None else crop(sample, grid)
     if ranges.brightness or ranges.contrast or ranges.saturation:
         sample = jitter_colours(sample, *_sample_colour_jitter(ranges, light))
+    if styles.random() < ranges.camera_style:
+        sample = _restyle(sample, styles)
     if ranges.cameras_dropped:
         sample = _drop_cameras(sample, ranges.cameras_dropped, drops)
     if ranges.extrinsic_rad or ranges.extrinsic_m:
@@ -170,6 +175,14 @@ def jitter_colours(sample: PackedSample, brightness: float, contrast: float, sat
 def _apply_colour_matrix(rgb: ByteArray, change: FloatArray) -> ByteArray:
     """Apply an affine colour transform (3, 4) to colours (H, W, 3); round and clip to 0..255."""
     return np.asarray(cv2.transform(np.ascontiguousarray(rgb), change), np.uint8)
+
+
+def _restyle(sample: PackedSample, rng: Generator) -> PackedSample:
+    """Draw a camera style for the images; its tone applies to the map too, as in `jitter_colours`."""
+    style = draw_style(rng)
+    known = (sample.known >> APPEARANCE_BIT & 1).astype(bool)
+    appearance = np.moveaxis(apply_tone(np.moveaxis(sample.appearance, 0, 2), style), 2, 0)
+    return sample._replace(images=apply_style(sample.images, style, rng), appearance=appearance * known)
 
 
 # Cameras ----------------------------------------------------------------------------------------------------------

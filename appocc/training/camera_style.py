@@ -1,9 +1,8 @@
-"""Camera style randomisation: the look of another camera, lens, processing and weather, for pictures and colours.
+"""Camera style randomisation: gives images the look of another camera system.
 
-What of a simulator keeps a network from real streets is its look more than its geometry (Acuna, Philion and Fidler,
-"Towards Optimal Strategies for Training Self-Driving Perception Models in Simulation", NeurIPS 2021), so the look
-is drawn widely: tone and white balance for the whole rig; sharpness, noise, compression, vignetting and dirt for
-the pictures.
+Tone and white balance are shared by the rig and apply to colours of the map too; sharpness, noise, compression,
+vignetting and dirt apply to images only. On domain gaps between simulation and real driving: Acuna, Philion and
+Fidler, "Towards Optimal Strategies for Training Self-Driving Perception Models in Simulation", NeurIPS 2021.
 """
 
 from __future__ import annotations
@@ -48,7 +47,7 @@ class CameraStyle:
 
 
 def draw_style(rng: Generator) -> CameraStyle:
-    """Draw a style: each effect at random, with a random strength."""
+    """Draw a style: random effects of random strengths."""
     tone = _draw_tone(rng)
     on = rng.random(7) < _SHARE
     strength = rng.random(7)
@@ -67,7 +66,7 @@ def draw_style(rng: Generator) -> CameraStyle:
 
 
 def _draw_tone(rng: Generator) -> ByteArray:
-    """(3, 256) curves: gamma, an S-curve about middle grey, lifted blacks, and a gain for each channel."""
+    """Return curves (3, 256): gamma, an S-curve about middle grey, lifted blacks, and a gain for each channel."""
     gamma = np.exp(rng.uniform(-0.5, 0.5))
     bend = rng.uniform(-0.3, 0.6)
     black = rng.uniform(0, 0.08) * (rng.random() < _SHARE)
@@ -77,13 +76,13 @@ def _draw_tone(rng: Generator) -> ByteArray:
     return np.asarray(np.rint(np.clip((black + (1 - black) * curve) * gains, 0, 1) * 255), np.uint8)
 
 
-def toned(rgb: ByteArray, style: CameraStyle) -> ByteArray:
-    """Colours (..., 3) by the style's tone curves."""
+def apply_tone(rgb: ByteArray, style: CameraStyle) -> ByteArray:
+    """Return colours (..., 3) with the tone of a style."""
     return np.stack([style.tone[channel][rgb[..., channel]] for channel in range(3)], axis=-1)
 
 
-def styled(images: ByteArray, style: CameraStyle, rng: Generator) -> ByteArray:
-    """Pictures as another camera takes them.
+def apply_style(images: ByteArray, style: CameraStyle, rng: Generator) -> ByteArray:
+    """Return images as another camera system takes them.
 
     Args:
         images: (N, H, W, 3) uint8 sRGB; not written to.
@@ -93,58 +92,58 @@ def styled(images: ByteArray, style: CameraStyle, rng: Generator) -> ByteArray:
     Returns:
         (N, H, W, 3) uint8.
     """
-    return np.stack([_styled(image, style, rng) for image in toned(images, style)])
+    return np.stack([_style_image(image, style, rng) for image in apply_tone(images, style)])
 
 
-def _styled(image: ByteArray, style: CameraStyle, rng: Generator) -> ByteArray:
-    """One picture, in the order in which a camera's optics, sensor and processing act."""
+def _style_image(image: ByteArray, style: CameraStyle, rng: Generator) -> ByteArray:
+    """Style one image, in the order in which a camera's optics, sensor and processing act."""
     values = image.astype(np.float32)
     if style.dirt:
-        values = _with_dirt(values, style.dirt, rng)
+        values = _add_dirt(values, style.dirt, rng)
     if style.vignette:
         values *= _vignette(values.shape[:2], style.vignette)[..., None]
     if style.blur_px:
-        values = _blurred(values, style.blur_px)
+        values = _blur(values, style.blur_px)
     if style.noise:  # shot noise grows with the root of the light, over a floor
         values += rng.standard_normal(values.shape, np.float32) * style.noise * np.sqrt(0.1 + 0.9 * values / 255)
     if style.sharpening:
-        values += style.sharpening * (values - _blurred(values, 1.5))
+        values += style.sharpening * (values - _blur(values, 1.5))
     result = np.asarray(np.rint(np.clip(values, 0, 255)), np.uint8)
     if style.median:
         result = np.asarray(cv2.medianBlur(result, 3), np.uint8)
     if style.local_contrast:
-        result = _equalised(result, style.local_contrast)
+        result = _equalise(result, style.local_contrast)
     if style.jpeg_quality:
         ok, data = cv2.imencode(".jpg", result, [cv2.IMWRITE_JPEG_QUALITY, style.jpeg_quality])
         result = np.asarray(cv2.imdecode(data, cv2.IMREAD_COLOR), np.uint8) if ok else result
     return result
 
 
-def _blurred(values: Float32Array, deviation_px: float) -> Float32Array:
+def _blur(values: Float32Array, deviation_px: float) -> Float32Array:
     return np.asarray(cv2.GaussianBlur(values, (0, 0), deviation_px), np.float32)
 
 
-def _with_dirt(values: Float32Array, spots: int, rng: Generator) -> Float32Array:
-    """A picture through a lens with spots of dirt or rain: inside of them it is blurred and drawn to grey."""
+def _add_dirt(values: Float32Array, spots: int, rng: Generator) -> Float32Array:
+    """Add spots of dirt or rain on the lens: blurred and greyed areas."""
     high, wide = values.shape[:2]
     mask = np.zeros((high, wide), np.float32)
     for _ in range(spots):
         centre = (int(rng.integers(wide)), int(rng.integers(high)))
         radius = int(rng.integers(max(2, high // 24), max(3, high // 5)))
         cv2.circle(mask, centre, radius, float(rng.uniform(0.4, 1.0)), -1)
-    mask = _blurred(mask, max(1.0, high / 64))[..., None]
-    veil = 0.7 * _blurred(values, high / 20) + 0.3 * 110
+    mask = _blur(mask, max(1.0, high / 64))[..., None]
+    veil = 0.7 * _blur(values, high / 20) + 0.3 * 110
     return np.asarray(values * (1 - mask) + veil * mask, np.float32)
 
 
 def _vignette(shape: tuple[int, ...], loss: float) -> Float32Array:
-    """(H, W) share of light that arrives: 1 in the middle, 1 - loss in the corners."""
+    """Return the transmitted share of light (H, W): 1 in the middle, 1 - loss in the corners."""
     y, x = (np.linspace(-1, 1, n, dtype=np.float32) for n in shape)
     return np.asarray(1 - loss * (y[:, None] ** 2 + x**2) / 2, np.float32)
 
 
-def _equalised(image: ByteArray, clip: float) -> ByteArray:
-    """Local contrast: adaptive histogram equalisation of the lightness (CLAHE)."""
+def _equalise(image: ByteArray, clip: float) -> ByteArray:
+    """Raise the local contrast: adaptive histogram equalisation of the lightness (CLAHE)."""
     lab = cv2.cvtColor(image, cv2.COLOR_RGB2LAB)
     lab[..., 0] = cv2.createCLAHE(clip, (4, 8)).apply(lab[..., 0])
     return np.asarray(cv2.cvtColor(lab, cv2.COLOR_LAB2RGB), np.uint8)

@@ -127,6 +127,7 @@ class AugmentConfig(_Section):
         brightness: largest relative change of brightness, of images and map alike.
         contrast: largest relative change of contrast.
         saturation: largest relative change of saturation.
+        camera_style: share of samples with the look of another camera: tone, sharpness, noise, compression, dirt.
         cameras_dropped: largest number of dropped cameras.
         extrinsic_deg: largest rotation error of the camera extrinsics.
         extrinsic_m: largest translation error of the camera extrinsics.
@@ -138,6 +139,7 @@ class AugmentConfig(_Section):
     brightness: Share = 0.2
     contrast: Share = 0.2
     saturation: Share = 0.2
+    camera_style: Share = 0.0
     cameras_dropped: Annotated[int, Field(ge=0, le=5)] = 0
     extrinsic_deg: Annotated[float, Field(ge=0, le=10)] = 0.0
     extrinsic_m: Annotated[float, Field(ge=0, le=1)] = 0.0

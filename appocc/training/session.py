@@ -148,6 +148,7 @@ def _augmentation(config: AugmentConfig) -> Augmentation:
         brightness=config.brightness,
         contrast=config.contrast,
         saturation=config.saturation,
+        camera_style=config.camera_style,
         cameras_dropped=config.cameras_dropped,
         extrinsic_rad=math.radians(config.extrinsic_deg),
         extrinsic_m=config.extrinsic_m,

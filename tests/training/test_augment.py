@@ -290,3 +290,24 @@ def test_strengths_are_bounds_and_are_used() -> None:
     sample = marked()
     flipped = [not equal(augment(sample, Augmentation(mirror=0.5), GRID, rng(i)), sample) for i in range(40)]
     assert 10 < sum(flipped) < 30
+
+
+def test_a_camera_style_restyles_images_and_tone_and_leaves_geometry() -> None:
+    sample = marked()
+    sample = sample._replace(images=sample.images // 2 + 60, appearance=np.full_like(sample.appearance, 90))
+    sample.known[:50] = 0
+    plain = augment(sample, Augmentation(), GRID, np.random.default_rng(5))
+    other = augment(sample, Augmentation(camera_style=1.0), GRID, np.random.default_rng(5))
+    assert not np.array_equal(plain.images, other.images)
+    assert np.array_equal(plain.occupancy, other.occupancy)
+    assert np.array_equal(plain.ego_from_cam, other.ego_from_cam)
+    assert not other.appearance[:, :50].any()
+    # One tone for all cells.
+    assert len(np.unique(other.appearance[:, 50:].reshape(3, -1), axis=1).T) == 1
+    share = [
+        not np.array_equal(
+            augment(sample, Augmentation(camera_style=0.5), GRID, np.random.default_rng(seed)).images, sample.images
+        )
+        for seed in range(24)
+    ]
+    assert 6 < sum(share) < 18

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from appocc.training.camera_style import CameraStyle, draw_style, styled, toned
+from appocc.training.camera_style import CameraStyle, apply_style, apply_tone, draw_style
 
 PLAIN = np.tile(np.arange(256, dtype=np.uint8), (3, 1))
 
@@ -19,14 +19,14 @@ def pictures() -> np.ndarray[tuple[int, ...], np.dtype[np.uint8]]:
 
 
 def test_a_plain_style_changes_nothing() -> None:
-    assert np.array_equal(styled(pictures(), CameraStyle(PLAIN), np.random.default_rng(0)), pictures())
+    assert np.array_equal(apply_style(pictures(), CameraStyle(PLAIN), np.random.default_rng(0)), pictures())
 
 
 def test_the_same_seed_draws_the_same_style_and_pictures() -> None:
     first, second = (
-        styled(pictures(), draw_style(np.random.default_rng(seed)), np.random.default_rng(7)) for seed in (3, 3)
+        apply_style(pictures(), draw_style(np.random.default_rng(seed)), np.random.default_rng(7)) for seed in (3, 3)
     )
-    other = styled(pictures(), draw_style(np.random.default_rng(4)), np.random.default_rng(7))
+    other = apply_style(pictures(), draw_style(np.random.default_rng(4)), np.random.default_rng(7))
     assert np.array_equal(first, second)
     assert not np.array_equal(first, other)
 
@@ -34,7 +34,7 @@ def test_the_same_seed_draws_the_same_style_and_pictures() -> None:
 @pytest.mark.parametrize("seed", range(30))
 def test_every_style_gives_pictures_with_something_in_them(seed: int) -> None:
     images = pictures()
-    result = styled(images, draw_style(np.random.default_rng(seed)), np.random.default_rng(seed))
+    result = apply_style(images, draw_style(np.random.default_rng(seed)), np.random.default_rng(seed))
     assert result.shape == images.shape
     assert result.dtype == np.uint8
     assert np.array_equal(images, pictures())
@@ -53,24 +53,24 @@ def test_edges(style: CameraStyle, sharper: bool) -> None:
     def edge(images: np.ndarray[tuple[int, ...], np.dtype[np.uint8]]) -> int:
         return int(np.abs(np.diff(images[0, 16, 28:36, 0].astype(int))).max())
 
-    result = styled(pictures(), style, np.random.default_rng(0))
+    result = apply_style(pictures(), style, np.random.default_rng(0))
     assert (edge(result) > edge(pictures())) is sharper
 
 
 def test_cameras_share_the_tone_and_not_the_noise() -> None:
     style = CameraStyle(PLAIN, noise=8.0)
-    first, second = styled(pictures(), style, np.random.default_rng(0)).astype(float)
+    first, second = apply_style(pictures(), style, np.random.default_rng(0)).astype(float)
     assert np.abs(first - second).mean() > 3
     assert abs(first.mean() - second.mean()) < 1
 
 
 def test_the_tone_applies_to_colours_of_any_shape() -> None:
     darker = CameraStyle(np.asarray(PLAIN // 2, np.uint8))
-    assert toned(np.full((3, 5, 3), 100, np.uint8), darker).tolist() == np.full((3, 5, 3), 50).tolist()
+    assert apply_tone(np.full((3, 5, 3), 100, np.uint8), darker).tolist() == np.full((3, 5, 3), 50).tolist()
 
 
 def test_a_vignette_darkens_corners_only() -> None:
     flat = np.full((1, 32, 64, 3), 200, np.uint8)
-    (result,) = styled(flat, CameraStyle(PLAIN, vignette=0.5), np.random.default_rng(0))
+    (result,) = apply_style(flat, CameraStyle(PLAIN, vignette=0.5), np.random.default_rng(0))
     assert result[16, 32, 0] >= 198
     assert result[0, 0, 0] == 100
