@@ -178,7 +178,7 @@ def test_ctrl_c_keeps_finished_scenes_and_says_so(tmp_path: Path, rig: str) -> N
     process.send_signal(signal.SIGINT)
     said = process.communicate(timeout=300)[1]
     assert process.returncode not in (0, 1)
-    assert "go" in said
+    assert "interrupted; to resume" in said
     assert "kept in" in said
     assert "Traceback" not in said
     assert not list(tmp_path.glob(".out.unfinished/scenes/*.part"))
