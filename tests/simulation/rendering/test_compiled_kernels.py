@@ -23,7 +23,7 @@ def loaded(path: Path) -> ModuleType:
 
 
 def test_an_index_that_refers_to_removed_modules_is_replaced(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path / "cache"))
     from appocc.simulation.rendering.compiled import kernel
 
     path = tmp_path / "small.py"
