@@ -1,1 +1,1 @@
-"""The `appocc` command: one thin file a command, no logic of its own."""
+"""The `appocc` command: one thin module per sub-command."""

@@ -1,1 +1,1 @@
-"""Training: packed data, losses, a loop that one reads from top to bottom, run folders."""
+"""Training: packed datasets, augmentation, losses, the training loop and run folders."""
