@@ -135,7 +135,7 @@ def measure(
 ) -> tuple[float, list[tuple[str, Metrics]]]:
     """Return the cut, and the scores of all sequences together and of each."""
     outcomes: list[tuple[KittiSequence, Results]] = [
-        (one, kitti_results(one, told)) for one, told in zip(sequences, tracks, strict=True)
+        (one, kitti_results(one, track)) for one, track in zip(sequences, tracks, strict=True)
     ]
     trial = prepare_evaluation(outcomes)
     cut = trial.best_cut() if cut is None else cut

@@ -156,18 +156,18 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--frames", type=int, default=32, help="number of frames, spread evenly over ROOT (32)")
     parser.add_argument("--against", default="exact", help="source of the truth (exact)")
     parser.add_argument("--json", action="store_true", help="print JSON; shares are 0..1")
-    told = parser.parse_args(arguments)
-    if told.frames < 1:
-        parser.error(f"--frames: expected 1 or more, got {told.frames}")
+    options = parser.parse_args(arguments)
+    if options.frames < 1:
+        parser.error(f"--frames: expected 1 or more, got {options.frames}")
     try:
-        dataset, predictor = Dataset(told.root), load_predictor(told.weights)
-        inputs = evenly(dataset_inputs(dataset, dataset.scenes), told.frames)
-        rows = as_json(measure(predictor, told.root, told.against, inputs))
+        dataset, predictor = Dataset(options.root), load_predictor(options.weights)
+        inputs = evenly(dataset_inputs(dataset, dataset.scenes), options.frames)
+        rows = as_json(measure(predictor, options.root, options.against, inputs))
     except AppoccError as error:
         parser.exit(error.exit_code, f"error: {error}\n")
-    if told.json:
+    if options.json:
         thresholds = dict(predictor.weights.thresholds)
-        about = {"root": str(told.root), "frames": len(inputs), "weights": predictor.weights.as_meta()}
+        about = {"root": str(options.root), "frames": len(inputs), "weights": predictor.weights.as_meta()}
         print(json.dumps({**about, "thresholds": thresholds, "rows": rows}, indent=2))
     else:
         Console(width=140).print(table(rows))

@@ -121,17 +121,22 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("file", type=Path)
     parser.add_argument("--detector", default="centerpoint", help="name of the detector (centerpoint)")
     parser.add_argument("--json", action="store_true", help="print JSON; shares are 0..1")
-    told = parser.parse_args(arguments)
+    options = parser.parse_args(arguments)
     try:
-        scenes = read_scene_file(told.file, told.detector)
+        scenes = read_scene_file(options.file, options.detector)
         rows = {"appocc": measure(scenes, False), "plain filter": measure(scenes, True)}
     except AppoccError as error:
         parser.exit(error.exit_code, f"error: {error}\n")
     names = [scene.name for scene in scenes]
-    if (*names, told.detector) == MEASURED:
+    if (*names, options.detector) == MEASURED:
         rows |= {f"{name} (measured before)": figures for name, figures in OTHERS.items()}
-    if told.json:
-        about: dict[str, Any] = {"file": str(told.file), "detector": told.detector, "scenes": names, "kind": KIND}
+    if options.json:
+        about: dict[str, Any] = {
+            "file": str(options.file),
+            "detector": options.detector,
+            "scenes": names,
+            "kind": KIND,
+        }
         print(json.dumps({**about, "rows": rows}, indent=2))
     else:
         Console(width=140).print(table(rows))

@@ -190,15 +190,15 @@ def measure(folder: Path) -> list[Outcome]:
     Raises:
         DataError: if a file cannot be read or a track is missing.
     """
-    told = folder / "talk2car_commands.json"
-    records = read_json(told)
+    path = folder / "talk2car_commands.json"
+    records = read_json(path)
     keys = {"command", "scene", "track", "t_best"}
     if not isinstance(records, list) or not all(isinstance(one, dict) for one in records):
-        raise DataError(f"{told}: expected a list of records, got {type(records).__name__}")
+        raise DataError(f"{path}: expected a list of records, got {type(records).__name__}")
     records = [one for one in records if one.get("track")]
     lacking = [one for one in records if not keys <= one.keys()]
     if lacking:
-        raise DataError(f"{told}: expected {', '.join(sorted(keys))} in each record, got {sorted(lacking[0])}")
+        raise DataError(f"{path}: expected {', '.join(sorted(keys))} in each record, got {sorted(lacking[0])}")
     recordings = {name: Recording(folder / f"{name}.npz") for name in sorted({one["scene"] for one in records})}
     outcomes = []
     for one in records:
@@ -229,12 +229,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path)
     parser.add_argument("--json", action="store_true", help="print JSON")
-    told = parser.parse_args(arguments)
+    options = parser.parse_args(arguments)
     try:
-        outcomes = measure(told.folder)
+        outcomes = measure(options.folder)
     except AppoccError as error:
         parser.exit(error.exit_code, f"error: {error}\n")
-    if told.json:
+    if options.json:
         counts = Counter(one.outcome for one in outcomes)
         lacked = Counter(one.lacked for one in outcomes if one.lacked)
         print(json.dumps({"counts": counts, "lacked": lacked, "commands": [vars(one) for one in outcomes]}, indent=2))

@@ -1,4 +1,4 @@
-"""What the environment has and lacks, told from package metadata and the system's own words."""
+"""What the environment has and lacks, as found in package metadata and the system."""
 
 from __future__ import annotations
 

@@ -45,7 +45,7 @@ def test_shipped_weights_have_their_figures(written: Path, tmp_path: Path) -> No
     assert result.exit_code == 0, result.output
     assert out.stat().st_size < 0.6 * written.stat().st_size
     text = run("show", str(out)).stderr
-    for told in (
+    for line in (
         "appocc, own degrees, occupancy and appearance; 2.3 million parameters",
         "thresholds: road 0.40, vehicle 0.30, lane 0.20",
         "training: 20 steps of 4 samples, seed 3",
@@ -53,7 +53,7 @@ def test_shipped_weights_have_their_figures(written: Path, tmp_path: Path) -> No
         "unseen places (9 samples): IoU road 61.0, vehicle 0.0 percent",
         "made by: appocc simulate X\nmade by: appocc train Y",
     ):
-        assert told in text
+        assert line in text
     value = json.loads(run("show", str(out), "--json").stdout)
     assert value["figures"] == FIGURES
     assert value["thresholds"] == [0.4, 0.3, 0.2]

@@ -19,7 +19,7 @@ FINE = 40
 
 
 def sampled(polygon: FloatArray) -> FloatArray:
-    """The cover by 40 x 40 places a cell, told in or out by other code."""
+    """The cover by 40 x 40 places a cell, classified by other code."""
     x, y = GRID.shape
     step = GRID.cell_m / FINE
     xs = GRID.x_min_m + (np.arange(x * FINE) + 0.5) * step

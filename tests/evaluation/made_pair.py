@@ -32,6 +32,6 @@ def bev(
 
 def without(map_: BEVMap, cells: tuple[slice, slice]) -> BEVMap:
     """The same map with some cells not known, neither what is there nor which colour."""
-    valid, told = map_.occupancy_valid.copy(), map_.appearance_valid.copy()
-    valid[(slice(None), *cells)], told[cells] = False, False
-    return BEVMap(map_.grid, map_.occupancy, valid, map_.appearance, told, map_.meta)
+    valid, coloured = map_.occupancy_valid.copy(), map_.appearance_valid.copy()
+    valid[(slice(None), *cells)], coloured[cells] = False, False
+    return BEVMap(map_.grid, map_.occupancy, valid, map_.appearance, coloured, map_.meta)

@@ -45,8 +45,8 @@ def test_pictures_fitted_by_the_card_are_those_of_the_network() -> None:
     same = read_rig("paper")["CAM_BACK"]
     rig = CameraRig((front, odd, small, same))
     spec = MODEL_SPECS["360"]
-    told = {"network": "lss", "thresholds": THRESHOLDS, "appearance": "false"}
-    card = json.loads(card_text(make_card(told, {}, spec, rig, "mixed", ("numpy",))))
+    values = {"network": "lss", "thresholds": THRESHOLDS, "appearance": "false"}
+    card = json.loads(card_text(make_card(values, {}, spec, rig, "mixed", ("numpy",))))
     draw = np.random.default_rng(0)
     for camera, entry in zip(rig, card["cameras"], strict=True):
         image = draw.integers(0, 255, (camera.height_px, camera.width_px, 3), np.uint8)

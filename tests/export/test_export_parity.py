@@ -35,9 +35,9 @@ def judged(twist: Twist) -> Parity:
         def run(images: Float32Array) -> Outputs:
             nonlocal count
             count += 1
-            told = {name: value.copy() for name, value in network(images).items()}
-            twist(told, threads, count)
-            return told
+            answers = {name: value.copy() for name, value in network(images).items()}
+            twist(answers, threads, count)
+            return answers
 
         return run
 
@@ -45,7 +45,7 @@ def judged(twist: Twist) -> Parity:
 
 
 def test_the_same_answers_hold() -> None:
-    parity = judged(lambda told, threads, count: None)
+    parity = judged(lambda answers, threads, count: None)
     assert parity.holds
     assert parity.largest == {"occupancy": 0, "seen": 0}
     assert parity.between_runs == 0
@@ -57,36 +57,36 @@ def test_the_same_answers_hold() -> None:
 
 
 def test_how_far_is_told_and_the_limit_is_kept() -> None:
-    def slightly(told: dict[str, NDArray[Any]], threads: int, count: int) -> None:
-        told["occupancy"] += np.float32(LIMIT / 2)
+    def slightly(answers: dict[str, NDArray[Any]], threads: int, count: int) -> None:
+        answers["occupancy"] += np.float32(LIMIT / 2)
 
     parity = judged(slightly)
     assert parity.holds
     assert parity.largest["occupancy"] == pytest.approx(LIMIT / 2, rel=0.01)
 
 
-def _once(told: dict[str, NDArray[Any]], threads: int, count: int) -> None:
-    told["occupancy"] += np.float32(2 * LIMIT if count == 9 else 0)
+def _once(answers: dict[str, NDArray[Any]], threads: int, count: int) -> None:
+    answers["occupancy"] += np.float32(2 * LIMIT if count == 9 else 0)
 
 
-def _at_four_threads(told: dict[str, NDArray[Any]], threads: int, count: int) -> None:
-    told["occupancy"][0, 1] += np.float32(2 * LIMIT if threads == THREADS[-1] else 0)
+def _at_four_threads(answers: dict[str, NDArray[Any]], threads: int, count: int) -> None:
+    answers["occupancy"][0, 1] += np.float32(2 * LIMIT if threads == THREADS[-1] else 0)
 
 
-def _not_a_number(told: dict[str, NDArray[Any]], threads: int, count: int) -> None:
-    told["occupancy"][0, 0] = np.nan
+def _not_a_number(answers: dict[str, NDArray[Any]], threads: int, count: int) -> None:
+    answers["occupancy"][0, 0] = np.nan
 
 
-def _missing(told: dict[str, NDArray[Any]], threads: int, count: int) -> None:
-    del told["seen"]
+def _missing(answers: dict[str, NDArray[Any]], threads: int, count: int) -> None:
+    del answers["seen"]
 
 
-def _other_shape(told: dict[str, NDArray[Any]], threads: int, count: int) -> None:
-    told["occupancy"] = told["occupancy"][:, :1]
+def _other_shape(answers: dict[str, NDArray[Any]], threads: int, count: int) -> None:
+    answers["occupancy"] = answers["occupancy"][:, :1]
 
 
-def _seen_elsewhere(told: dict[str, NDArray[Any]], threads: int, count: int) -> None:
-    told["seen"] = ~told["seen"]
+def _seen_elsewhere(answers: dict[str, NDArray[Any]], threads: int, count: int) -> None:
+    answers["seen"] = ~answers["seen"]
 
 
 @pytest.mark.parametrize("twist", [_once, _at_four_threads, _not_a_number, _missing, _other_shape, _seen_elsewhere])

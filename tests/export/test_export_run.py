@@ -43,7 +43,7 @@ class Made(NamedTuple):
     result: Result
 
     @property
-    def told(self) -> Any:
+    def report(self) -> Any:
         return json.loads(self.result.stdout)
 
 
@@ -84,7 +84,7 @@ def test_an_onnx_file_stands_alone(by_rig: Made) -> None:
         "seen": ([32, 32], "tensor(bool)"),
     }
     card = json.loads(session.get_modelmeta().custom_metadata_map["card"])
-    assert card == by_rig.told["card"]
+    assert card == by_rig.report["card"]
     assert (card["network"], card["setting"], card["classes"]) == ("appocc", "small", ["road", "vehicle", "lane"])
     assert list(card["thresholds"].values()) == json.loads(THRESHOLDS)
     assert [camera["channel"] for camera in card["cameras"]] == ["CAM_FRONT", "CAM_BACK", "CAM_SIDE"]
@@ -105,24 +105,24 @@ def test_a_file_says_nothing_of_the_machine_that_made_it(by_rig: Made) -> None:
 
 def test_the_check_is_told(by_rig: Made, by_dataset: Made) -> None:
     for made, outputs in ((by_rig, 3), (by_dataset, 2)):
-        parity = made.told["parity"]
+        parity = made.report["parity"]
         assert len(parity["largest_difference"]) == outputs
         assert all(value <= parity["limit"] < 3e-4 for value in parity["largest_difference"].values())
         assert (parity["runs"], parity["threads"]) == (1, [1, 2, 4])
         assert "largest difference: occupancy" in made.result.stderr
-    assert by_rig.told["parity"]["inputs"] == ["noise", "patches", "grey"]
-    assert len(by_dataset.told["parity"]["inputs"]) == 6  # and three frames of the dataset
+    assert by_rig.report["parity"]["inputs"] == ["noise", "patches", "grey"]
+    assert len(by_dataset.report["parity"]["inputs"]) == 6  # and three frames of the dataset
 
 
 def test_openvinos_files_stand_together(by_dataset: Made) -> None:
     assert by_dataset.result.exit_code == 0, by_dataset.result.stderr
     folder = by_dataset.folder / "deep"
     files = [str(folder / f"model.{ending}") for ending in ("xml", "bin", "json")]
-    assert by_dataset.told["files"] == files
+    assert by_dataset.report["files"] == files
     assert sorted(map(str, folder.iterdir())) == sorted(files)
     model = openvino.Core().read_model(files[0])
     card = json.loads(Path(files[2]).read_text())
-    assert json.loads(model.get_rt_info("card").value) == card == by_dataset.told["card"]
+    assert json.loads(model.get_rt_info("card").value) == card == by_dataset.report["card"]
     assert card["rig"] == "scene-tiny of tiny"
     compiled = openvino.compile_model(model, "CPU", {"INFERENCE_PRECISION_HINT": "f32"})
     found = compiled({"images": np.full(card["input"]["shape"], 0.5, np.float32)})
@@ -174,9 +174,9 @@ def test_a_file_that_answers_differently_is_not_left(
     for ending in ("onnx", "xml"):
         with pytest.raises(
             ParityError, match=r"not written: .* by occupancy 0\.0\d+, appearance 0\.0\d+, seen 0,"
-        ) as told:
+        ) as report:
             export(by_rig.folder / "w.safetensors", rig, tmp_path / "new" / f"model.{ending}", 1)
-        assert told.value.exit_code == 1
+        assert report.value.exit_code == 1
     assert list(tmp_path.iterdir()) == []
 
 

@@ -42,13 +42,13 @@ def test_smoothing_drops_predictions_after_the_last_detection(tmp_path: Path) ->
     root = made_kitti(tmp_path / "kitti", FRAMES)
     found = next((root / "detection_made").iterdir())
     found.write_text("".join(line + "\n" for line in found.read_text().splitlines()[:-2]))
-    told = {}
+    lines = {}
     for name, words in (("online", ()), ("smoothed", ("--smooth",))):
         result = run("--kitti", root, "--out", tmp_path / name, "--json", *words)
         assert result.exit_code == 0, result.output
-        told[name] = Path(json.loads(result.stdout)["files"][0]).read_text().splitlines()
-    assert told["online"][-1].split()[0] == str(FRAMES - 1)
-    assert told["smoothed"][-1].split()[0] == str(FRAMES - 3)
+        lines[name] = Path(json.loads(result.stdout)["files"][0]).read_text().splitlines()
+    assert lines["online"][-1].split()[0] == str(FRAMES - 1)
+    assert lines["smoothed"][-1].split()[0] == str(FRAMES - 3)
 
 
 def test_without_labels_metrics_are_null(tmp_path: Path) -> None:

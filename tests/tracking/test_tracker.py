@@ -172,11 +172,11 @@ def test_a_flickering_low_confidence_instance_never_makes_a_track() -> None:
 
 def test_a_track_coasts_then_is_hidden_then_returns_under_its_id() -> None:
     result = follow([gap(1.0, 2.0)], every(0.1, 3))
-    told = [[(track.id, track.seen) for track in moment] for moment in result]
-    assert told[9] == [(1, True)]
-    assert told[10:13] == [[(1, False)]] * 3
-    assert told[13:20] == [[]] * 7
-    assert told[20] == [(1, True)]
+    reported = [[(track.id, track.seen) for track in moment] for moment in result]
+    assert reported[9] == [(1, True)]
+    assert reported[10:13] == [[(1, False)]] * 3
+    assert reported[13:20] == [[]] * 7
+    assert reported[20] == [(1, True)]
 
 
 def test_stationary_tracks_are_remembered_for_a_limited_time() -> None:

@@ -222,10 +222,10 @@ def test_an_ego_that_is_elsewhere_at_once() -> None:
     result = [
         tuple(tracker.update(seen([[10, 0], [20, 5]]), (i + 1) * STEP_US, here)) for i, here in enumerate(places)
     ]
-    told = [{track.id for track in moment if track.seen} for moment in result]
-    assert told[:4] == [{1, 2}, {1, 2}, {3, 4}, {3, 4}]
-    assert told[4] == told[5]
-    assert not told[4] & {3, 4}  # the first ones, found again within a second, or new ones
+    reported = [{track.id for track in moment if track.seen} for moment in result]
+    assert reported[:4] == [{1, 2}, {1, 2}, {3, 4}, {3, 4}]
+    assert reported[4] == reported[5]
+    assert not reported[4] & {3, 4}  # the first ones, found again within a second, or new ones
     long_after = [tuple(tracker.update(seen([[10, 0]]), (100 + i) * STEP_US, pose(5000))) for i in range(2)]
     assert min(min(each) for each in ids(long_after)) > 4
 
@@ -313,7 +313,7 @@ def random_frame(random: np.random.Generator) -> tuple[Detections, FloatArray]:
 @pytest.mark.parametrize("config", [None, MAPS])
 def test_random_input_is_rejected_or_tracked(config: TrackerConfig | None) -> None:
     random = np.random.default_rng(2)
-    tracker, time_us, told = Tracker(config), 0, 0
+    tracker, time_us, reported = Tracker(config), 0, 0
     for _ in range(300):
         time_us += int(random.choice([1, 1000, 100_000, 10_000_000, 0]))
         detections, here = random_frame(random)
@@ -321,12 +321,12 @@ def test_random_input_is_rejected_or_tracked(config: TrackerConfig | None) -> No
             tracks = tracker.update(detections, time_us, here)
         except AppoccError:
             continue
-        told += len(tracks)
+        reported += len(tracks)
         for track in tracks:
             assert np.isfinite(track.position_world_m).all()
             assert np.isfinite(track.velocity_world_mps).all()
             assert 0 <= track.score <= 1
-    assert told > 300
+    assert reported > 300
 
 
 # What is remembered -----------------------------------------------------------------------------------------------

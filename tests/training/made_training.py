@@ -55,8 +55,8 @@ class TinyModel(BEVModel):
         features = self.trunk(images[:, 0])
         answer, views = self.heads(features), self.views(features)[:, None]
         colour = answer[:, 3:].sigmoid() if self.appearance else None
-        told = ImageOutput(views[:, :, :DEPTH_BINS], views[:, :, DEPTH_BINS:]) if self.training else None
-        return ModelOutput(answer[:, :3], colour, told)
+        image_output = ImageOutput(views[:, :, :DEPTH_BINS], views[:, :, DEPTH_BINS:]) if self.training else None
+        return ModelOutput(answer[:, :3], colour, image_output)
 
 
 class Poison(NamedTuple):

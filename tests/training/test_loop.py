@@ -39,9 +39,9 @@ def lines(folder: Path, kind: str) -> list[dict[str, object]]:
 
 def test_it_learns_and_leaves_a_run_folder(tmp_path: Path) -> None:
     folder = tmp_path / "run"
-    told: list[str] = []
+    messages: list[str] = []
     shown: list[tuple[float, str]] = []
-    monitor = TrainingMonitor(lambda share, text: shown.append((share, text)), told.append)
+    monitor = TrainingMonitor(lambda share, text: shown.append((share, text)), messages.append)
     run(folder, made_config(train__steps=40, evaluate__every_steps=20, losses__colour=4.0), monitor)
     names = {"config.yaml", "environment.json", "metrics.jsonl", "curves.png", "best.safetensors"}
     assert {path.name for path in folder.iterdir()} == {
@@ -60,7 +60,7 @@ def test_it_learns_and_leaves_a_run_folder(tmp_path: Path) -> None:
     assert read_image(folder / "curves.png").std() > 10
     assert [share for share, _ in shown] == [k / 40 for k in range(1, 41)]
     assert "samples/s" in shown[0][1]
-    assert len(told) == 2
+    assert len(messages) == 2
 
 
 def test_micro_batches_of_a_step_give_the_gradient_of_their_mean() -> None:

@@ -58,43 +58,43 @@ def test_a_packed_dataset_has_images_cameras_and_truth(root: Path, tmp_path: Pat
 
 
 def test_an_existing_packed_dataset_is_reused(root: Path, tmp_path: Path) -> None:
-    out, done, told = tmp_path / "pack", [0.0], list[str]()
-    first = pack_dataset(root, "exact", SETTING, out, lambda more: done.append(more), told.append)
+    out, done, messages = tmp_path / "pack", [0.0], list[str]()
+    first = pack_dataset(root, "exact", SETTING, out, lambda more: done.append(more), messages.append)
     before = (out / "images.npy").stat()
-    again = pack_dataset(root, "exact", SETTING, out, lambda more: done.append(more), told.append)
+    again = pack_dataset(root, "exact", SETTING, out, lambda more: done.append(more), messages.append)
     assert (out / "images.npy").stat().st_mtime_ns == before.st_mtime_ns
     assert (out / "images.npy").stat().st_ino == before.st_ino
     assert sum(done) == 6
-    assert told == []
+    assert messages == []
     assert (again.tokens, again.setting, again.grid) == (first.tokens, SETTING, GRID)
 
 
 def test_an_outdated_packed_dataset_is_replaced_with_a_message(root: Path, tmp_path: Path) -> None:
-    out, told = tmp_path / "pack", list[str]()
+    out, messages = tmp_path / "pack", list[str]()
     packed(root, out)
     made_map(9).save(bev_path(root, "exact", TOKENS[1]))
-    found = pack_dataset(root, "exact", SETTING, out, on_message=told.append)
+    found = pack_dataset(root, "exact", SETTING, out, on_message=messages.append)
     np.testing.assert_array_equal(found.sample(1).appearance, made_map(9).appearance)
     small = replace(SETTING, width_px=16, height_px=8)
-    assert pack_dataset(root, "exact", small, out, on_message=told.append).sample(0).images.shape == (2, 8, 16, 3)
+    assert pack_dataset(root, "exact", small, out, on_message=messages.append).sample(0).images.shape == (2, 8, 16, 3)
     (out / "known.npy").write_bytes(b"x")
-    pack_dataset(root, "exact", small, out, on_message=told.append)
-    assert [line.split(",")[0] for line in told] == [f"{out}: packing again"] * 3
-    assert "its maps changed" in told[0]
-    assert "setting changed" in told[1]
-    assert "damaged" in told[2]
+    pack_dataset(root, "exact", small, out, on_message=messages.append)
+    assert [line.split(",")[0] for line in messages] == [f"{out}: packing again"] * 3
+    assert "its maps changed" in messages[0]
+    assert "setting changed" in messages[1]
+    assert "damaged" in messages[2]
     assert sorted(path.name for path in tmp_path.iterdir()) == ["pack", "tiny"]
 
 
 def test_changed_images_or_calibration_are_packed_again(tiny: TinyDataset, root: Path, tmp_path: Path) -> None:
-    out, told = tmp_path / "pack", list[str]()
+    out, messages = tmp_path / "pack", list[str]()
     packed(root, out)
     os.utime(next((root / "samples" / "CAM_BACK").iterdir()), ns=(1, 1))
-    pack_dataset(root, "exact", SETTING, out, on_message=told.append)
+    pack_dataset(root, "exact", SETTING, out, on_message=messages.append)
     tiny.tables["calibrated_sensor"][0]["translation"][2] += 0.1
     tiny.write()
-    pack_dataset(root, "exact", SETTING, out, on_message=told.append)
-    assert [line.split(", ", 1)[1] for line in told] == ["its sensor files changed", "its calibration changed"]
+    pack_dataset(root, "exact", SETTING, out, on_message=messages.append)
+    assert [line.split(", ", 1)[1] for line in messages] == ["its sensor files changed", "its calibration changed"]
 
 
 def test_other_folders_are_not_overwritten(root: Path, tmp_path: Path) -> None:

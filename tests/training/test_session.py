@@ -71,8 +71,8 @@ def test_every_shipped_config_trains(root: Path, tmp_path: Path, name: str) -> N
         f"data.packs={tmp_path}/packs",
     ]
     short = ["train.minutes=null", "train.steps=1", "train.batch=1", "train.threads=1", "train.precision=fp32"]
-    told = read_config(config_path(Path(name)), [*data, *short, "data.workers=1", "evaluate.norm_batches=1"])
-    assert run_training(told, RunFolder(tmp_path / "run"), resume=False, monitor=TrainingMonitor())["steps"] == 1
+    config = read_config(config_path(Path(name)), [*data, *short, "data.workers=1", "evaluate.norm_batches=1"])
+    assert run_training(config, RunFolder(tmp_path / "run"), resume=False, monitor=TrainingMonitor())["steps"] == 1
 
 
 @pytest.mark.long
@@ -84,11 +84,11 @@ def test_the_script_makes_weights_from_nothing(tmp_path: Path) -> None:
     short = (
         "train.minutes=null train.steps=1 train.batch=1 train.threads=1 evaluate.norm_batches=1 evaluate.samples=2"
     )
-    told = {"PATH": f"{programs}:{os.environ['PATH']}", "SCENES": "1 1 1", "OVERRIDES": short}
+    environment = {"PATH": f"{programs}:{os.environ['PATH']}", "SCENES": "1 1 1", "OVERRIDES": short}
     command = [str(REPOSITORY / "configs" / "release.sh"), "small", "made"]
     for _ in range(2):  # the second time, all is there
         done = subprocess.run(
-            command, cwd=tmp_path, env=os.environ | told, capture_output=True, text=True, check=False
+            command, cwd=tmp_path, env=os.environ | environment, capture_output=True, text=True, check=False
         )
         assert done.returncode == 0, done.stderr
     card = describe_weights(tmp_path / "made" / "small" / "appocc.safetensors")

@@ -14,9 +14,9 @@ def words(scene: SceneModel, *names: str) -> tuple[str, ...]:
 
 def test_candidates_that_differ_only_by_side() -> None:
     scene = Street().car("a", 12, 3, WHITE).car("b", 20, -5, WHITE).scene()
-    told = words(scene, "a", "b")
-    assert told == ("the white car on the left, 11 m ahead", "the one on the right, 19 m ahead")
-    assert compose_question(told) == "the white car on the left, 11 m ahead, or the one on the right, 19 m ahead?"
+    texts = words(scene, "a", "b")
+    assert texts == ("the white car on the left, 11 m ahead", "the one on the right, 19 m ahead")
+    assert compose_question(texts) == "the white car on the left, 11 m ahead, or the one on the right, 19 m ahead?"
 
 
 def test_only_distinctive_traits_are_named() -> None:
@@ -56,14 +56,14 @@ def test_a_question_names_at_most_four() -> None:
     street = Street()
     for i in range(6):
         street.car(str(i), 8 + 5 * i, -5, WHITE)
-    told = words(street.scene(), *"012345")
-    assert len(told) == 6
-    assert compose_question(told) == f"{told[0]}; {told[1]}; {told[2]}; {told[3]}; or another one?"
+    texts = words(street.scene(), *"012345")
+    assert len(texts) == 6
+    assert compose_question(texts) == f"{texts[0]}; {texts[1]}; {texts[2]}; {texts[3]}; or another one?"
 
 
 def test_pairs_are_described_by_both_vehicles() -> None:
     scene = Street().car("a", 8, -5, WHITE).car("b", 18, -5, BLACK).car("c", 28, -5, WHITE).scene()
     a, b, c = scene.objects
-    told = describe_differences([(a, b), (b, c)], scene)
-    assert told[0] == "the white car, 8 m ahead, and the black car, 17 m ahead"
-    assert compose_question(told) == f"{told[0]}; or {told[1]}?"
+    texts = describe_differences([(a, b), (b, c)], scene)
+    assert texts[0] == "the white car, 8 m ahead, and the black car, 17 m ahead"
+    assert compose_question(texts) == f"{texts[0]}; or {texts[1]}?"

@@ -108,8 +108,8 @@ def test_nothing_found() -> None:
     result = evaluate_amota([scored(t, {1: (0, 0)}, {7: (9, 9)}, {7: 1.0}) for t in range(3)])
     assert (result.AMOTA, result.AMOTP) == (0, 2)
     assert result.best is not None
-    told = result.best.as_json()
-    assert (told["MOTA"], told["FN"], told["ML"], told["IDS"]) == (0, 3, 1, None)
+    metrics = result.best.as_json()
+    assert (metrics["MOTA"], metrics["FN"], metrics["ML"], metrics["IDS"]) == (0, 3, 1, None)
 
 
 def test_scores_are_checked() -> None:

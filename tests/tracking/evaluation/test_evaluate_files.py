@@ -105,9 +105,9 @@ def test_amota_needs_scores(tmp_path: Path) -> None:
     assert answer.as_json()["metrics"]["AMOTA"] is None
     assert answer.protocol["samples_without_truth"] == 1
     scored = results(tmp_path / "s.json", {"a": [box("1", 0, 1, 0.5)], "b": []})
-    told = evaluate_files(truth, scored, EvaluationOptions()).as_json()["metrics"]
-    assert (told["AMOTA"], told["AMOTP"], told["MOTP"]) == (1.0, 1.0, 1.0)
-    assert (told["at_best_MOTA"]["threshold"], told["at_best_MOTA"]["TP"]) == (0.5, 1)
+    metrics = evaluate_files(truth, scored, EvaluationOptions()).as_json()["metrics"]
+    assert (metrics["AMOTA"], metrics["AMOTP"], metrics["MOTP"]) == (1.0, 1.0, 1.0)
+    assert (metrics["at_best_MOTA"]["threshold"], metrics["at_best_MOTA"]["TP"]) == (0.5, 1)
 
 
 def test_motchallenge_by_overlap(tmp_path: Path) -> None:
@@ -278,11 +278,11 @@ def test_the_command_for_machines(tiny: TinyDataset, tmp_path: Path) -> None:
     found = tracks_of(tiny, tmp_path / "t.json")
     done = run("--gt", tiny.root, "--tracks", found, "--kind", "car", "--json")
     assert done.exit_code == 0, done.output
-    told = json.loads(done.stdout)
-    assert set(told) == {"metrics", "protocol"}
-    assert (told["metrics"]["MOTA"], told["metrics"]["HOTA"], told["metrics"]["AMOTA"]) == (1, 1, 1)
-    assert told["protocol"]["kind"] == "car"
-    assert told["protocol"]["gate_m"] == 2
+    metrics = json.loads(done.stdout)
+    assert set(metrics) == {"metrics", "protocol"}
+    assert (metrics["metrics"]["MOTA"], metrics["metrics"]["HOTA"], metrics["metrics"]["AMOTA"]) == (1, 1, 1)
+    assert metrics["protocol"]["kind"] == "car"
+    assert metrics["protocol"]["gate_m"] == 2
 
 
 def test_the_command_for_people(tmp_path: Path) -> None:

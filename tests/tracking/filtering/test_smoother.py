@@ -61,15 +61,15 @@ def followed(
     times_us: Sequence[int], places_m: FloatArray, yaw_rad: ArrayLike, unseen: set[int]
 ) -> list[list[Track]]:
     """Tracks of one vehicle detected at positions (T, 2) with headings, except in some frames."""
-    tracker, told = Tracker(), []
+    tracker, frames = Tracker(), []
     yaw = np.broadcast_to(yaw_rad, len(times_us))
     for i, (time_us, place) in enumerate(zip(times_us, places_m, strict=True)):
         n = int(i not in unseen)
         boxes = np.append(place, 1.0)[None][:n], np.full(n, yaw[i]), np.array([[1.8, 4.5, 1.5]])[:n], np.full(n, 3.0)
-        told.append(
+        frames.append(
             list(tracker.update(Detections.from_boxes(*boxes, ("car",) * n, CircularView()), time_us, np.eye(4)))
         )
-    return told
+    return frames
 
 
 def seen_by_hand(times_us: Sequence[int], places_m: FloatArray, yaw_rad: float, unseen: set[int]) -> FloatArray:
