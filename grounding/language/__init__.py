@@ -6,10 +6,10 @@ Example:
 """
 
 from grounding.language.ambiguity import MAX_READINGS
-from grounding.language.lexicon import Lexicon, default_lexicon, read_lexicon
 from grounding.language.parser import ParseProblem, Reading, parse, parse_all, underline
-from grounding.language.tokenizer import MAX_CHARACTERS, Token
-from grounding.language.word_categories import WordCategory
+from grounding.language.syntax.lexicon import Lexicon, default_lexicon, read_lexicon
+from grounding.language.syntax.tokenizer import MAX_CHARACTERS, Token
+from grounding.language.syntax.word_categories import WordCategory
 
 __all__ = [
     "MAX_CHARACTERS",

@@ -6,14 +6,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from grounding.language.ambiguity import list_alternatives
-from grounding.language.clauses import split_clauses
-from grounding.language.interpreter import interpret
-from grounding.language.lexicon import Lexicon
-from grounding.language.query_builder import BuiltQuery, build_query
-from grounding.language.spelling import suggest_word
-from grounding.language.tagger import tag
-from grounding.language.tokenizer import MAX_CHARACTERS, Token, normalise, tokenise
-from grounding.language.word_categories import WordCategory
+from grounding.language.semantics.interpreter import interpret
+from grounding.language.semantics.query_builder import BuiltQuery, build_query
+from grounding.language.syntax.clauses import split_clauses
+from grounding.language.syntax.lexicon import Lexicon
+from grounding.language.syntax.spelling import suggest_word
+from grounding.language.syntax.tagger import tag
+from grounding.language.syntax.tokenizer import MAX_CHARACTERS, Token, normalise, tokenise
+from grounding.language.syntax.word_categories import WordCategory
 from grounding.query import Query
 
 _EXAMPLE = "park behind the silver car"

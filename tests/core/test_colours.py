@@ -153,8 +153,8 @@ def test_shades_and_synonyms() -> None:
 
 
 def test_every_colour_word_of_the_lexicon_has_a_fit() -> None:
-    from grounding.language.lexicon import default_phrases
-    from grounding.language.word_categories import WordCategory
+    from grounding.language.syntax.lexicon import default_phrases
+    from grounding.language.syntax.word_categories import WordCategory
     from grounding.vocabulary import COLOURS
 
     for phrase, (kind, value) in default_phrases().items():

@@ -15,8 +15,8 @@ import grounding
 from appocc.bevmap import BEVMap
 from appocc.errors import DataError
 from grounding import Answer, Grounder, GrounderConfig, Query, Target
-from grounding.language.lexicon import read_lexicon
 from grounding.language.llm import ChatEndpoint
+from grounding.language.syntax.lexicon import read_lexicon
 
 LEXICON = "[noun car]\nwagonette\n"
 

@@ -6,9 +6,9 @@ import pytest
 
 from appocc.errors import DataError
 from grounding.language import parse
-from grounding.language.lexicon import Lexicon, default_lexicon, default_phrases, read_lexicon
-from grounding.language.phrase_patterns import LexicalEntry
-from grounding.language.word_categories import WordCategory
+from grounding.language.syntax.lexicon import Lexicon, default_lexicon, default_phrases, read_lexicon
+from grounding.language.syntax.phrase_patterns import LexicalEntry
+from grounding.language.syntax.word_categories import WordCategory
 
 
 def test_all_patterns_of_the_package_are_valid() -> None:

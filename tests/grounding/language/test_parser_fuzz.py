@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from grounding.language import MAX_CHARACTERS, MAX_READINGS, Reading, parse_all, underline
-from grounding.language.lexicon import default_lexicon
-from grounding.language.tokenizer import normalise
+from grounding.language.syntax.lexicon import default_lexicon
+from grounding.language.syntax.tokenizer import normalise
 
 WORDS = sorted(word for word in default_lexicon().words if word)
 NASTY = (

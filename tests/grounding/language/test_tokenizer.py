@@ -7,12 +7,12 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from grounding.language import spelling, tokenizer
-from grounding.language.lexicon import default_phrases
-from grounding.language.spelling import suggest_word
-from grounding.language.tagger import tag
-from grounding.language.tokenizer import normalise, tokenise
-from grounding.language.word_categories import WordCategory
+from grounding.language.syntax import spelling, tokenizer
+from grounding.language.syntax.lexicon import default_phrases
+from grounding.language.syntax.spelling import suggest_word
+from grounding.language.syntax.tagger import tag
+from grounding.language.syntax.tokenizer import normalise, tokenise
+from grounding.language.syntax.word_categories import WordCategory
 
 
 def categories_and_values(text: str) -> list[tuple[str, str]]:
@@ -140,7 +140,7 @@ def test_any_text_has_tokens_in_order(text: str) -> None:
 @example(["a" * 1990])
 @example(["ab" * 10] * 99)
 def test_time_grows_with_the_length_of_a_sentence(words: list[str]) -> None:
-    text = normalise("park behind the " + " ".join(words))[: tokenizer.MAX_CHARACTERS]
+    text = normalise("park behind the " + " ".join(words))[: tokenizer.MAX_CHARACTERS].rstrip()
     written = 0
 
     def counted(word: str) -> Iterator[str]:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import product
 
-from grounding.language.word_categories import WordCategory
+from grounding.language.syntax.word_categories import WordCategory
 
 WORD = re.compile(
     r"\d+x\d+|\d+(?:st|nd|rd|th)\b|\d+(?:\.\d+)?|[a-z]{1,3}\d{1,3}\b|[^\W\d_]+(?:'[^\W\d_]+)*|'s\b|[.;!?,&]"

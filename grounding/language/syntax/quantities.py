@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from grounding.language.tokenizer import Token
-from grounding.language.word_categories import WordCategory
+from grounding.language.syntax.tokenizer import Token
+from grounding.language.syntax.word_categories import WordCategory
 
 
 def merge_quantities(tokens: Sequence[Token]) -> list[Token]:

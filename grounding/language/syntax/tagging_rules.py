@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from grounding.language.tagging_context import (
+from grounding.language.syntax.tagging_context import (
     CLAUSE_ENDS,
     PHRASE_STARTS,
     PHRASE_WORDS,
@@ -13,8 +13,8 @@ from grounding.language.tagging_context import (
     clause_start,
     is_adjective,
 )
-from grounding.language.tokenizer import Token
-from grounding.language.word_categories import DETERMINERS, HEADS, MODIFIERS, WordCategory
+from grounding.language.syntax.tokenizer import Token
+from grounding.language.syntax.word_categories import DETERMINERS, HEADS, MODIFIERS, WordCategory
 
 # Categories that follow a verb without an object.
 _AFTER_VERB = frozenset(

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from grounding.language.action_rules import classify_action
-from grounding.language.command_frames import CommandFrame, Discourse
-from grounding.language.coreference import resolve_anaphor
-from grounding.language.noun_phrases import NounPhrase
+from grounding.language.semantics.action_rules import classify_action
+from grounding.language.semantics.command_frames import CommandFrame, Discourse
+from grounding.language.semantics.coreference import resolve_anaphor
+from grounding.language.syntax.noun_phrases import NounPhrase
 
 # Connectives of purpose clauses and of simultaneous actions: "so that ...", "while passing ...".
 SIDE_CONNECTIVES = ("so", "while")

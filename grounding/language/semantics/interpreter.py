@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 
-from grounding.language.attachment import attach_phrase, discard_leading_place
-from grounding.language.clauses import Clause
-from grounding.language.command_frames import Discourse
-from grounding.language.discourse_state import DiscourseState
-from grounding.language.function_word_rules import (
+from grounding.language.semantics.attachment import attach_phrase, discard_leading_place
+from grounding.language.semantics.command_frames import Discourse
+from grounding.language.semantics.discourse_state import DiscourseState
+from grounding.language.semantics.function_word_rules import (
     handle_auxiliary,
     handle_exception,
     handle_existential,
@@ -20,9 +19,8 @@ from grounding.language.function_word_rules import (
     handle_there,
     handle_unknown,
 )
-from grounding.language.mentions import attach_distance
-from grounding.language.noun_phrases import NounPhrase, chunk
-from grounding.language.spatial_rules import (
+from grounding.language.semantics.mentions import attach_distance
+from grounding.language.semantics.spatial_rules import (
     handle_away,
     handle_between,
     handle_distance,
@@ -32,9 +30,11 @@ from grounding.language.spatial_rules import (
     handle_relation,
     handle_side,
 )
-from grounding.language.tokenizer import Token
-from grounding.language.verb_rules import handle_direction, handle_meanwhile, handle_other_verb, handle_verb
-from grounding.language.word_categories import WordCategory
+from grounding.language.semantics.verb_rules import handle_direction, handle_meanwhile, handle_other_verb, handle_verb
+from grounding.language.syntax.clauses import Clause
+from grounding.language.syntax.noun_phrases import NounPhrase, chunk
+from grounding.language.syntax.tokenizer import Token
+from grounding.language.syntax.word_categories import WordCategory
 
 _HANDLERS: Mapping[WordCategory, Callable[[DiscourseState, Token], None]] = {
     WordCategory.VERB: handle_verb,

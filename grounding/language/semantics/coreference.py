@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from grounding.language.command_frames import Discourse
-from grounding.language.noun_phrases import NounPhrase
+from grounding.language.semantics.command_frames import Discourse
+from grounding.language.syntax.noun_phrases import NounPhrase
 
 _ORDERED = ("first", "second", "third", "fourth", "next", "last", "nearest", "farthest", "leftmost", "rightmost")
 _SIDES = ("left_side", "right_side", "opposite_side", "left_lane", "right_lane")

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from grounding.language.appositions import attach_apposition, name_contrast
-from grounding.language.clauses import TEMPORAL
-from grounding.language.command_frames import CommandFrame
-from grounding.language.discourse_state import DiscourseState
-from grounding.language.mentions import add_mention, attach_distance, exclude, refine
-from grounding.language.noun_phrases import PLACE_KINDS, VEHICLE_KINDS, NounPhrase
-from grounding.language.relation_attachment import TARGET_KINDS, attach_related, attach_target
-from grounding.language.repairs import replace_target
+from grounding.language.semantics.appositions import attach_apposition, name_contrast
+from grounding.language.semantics.command_frames import CommandFrame
+from grounding.language.semantics.discourse_state import DiscourseState
+from grounding.language.semantics.mentions import add_mention, attach_distance, exclude, refine
+from grounding.language.semantics.relation_attachment import TARGET_KINDS, attach_related, attach_target
+from grounding.language.semantics.repairs import replace_target
+from grounding.language.syntax.clauses import TEMPORAL
+from grounding.language.syntax.noun_phrases import PLACE_KINDS, VEHICLE_KINDS, NounPhrase
 
 _EGO_WITH_VERB = ("i'm", "im", "we're", "you're")
 # Verbs whose object is a thing even if it is a person: "pick up my friend next to the car".

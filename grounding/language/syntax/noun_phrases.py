@@ -6,8 +6,8 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
-from grounding.language.tokenizer import Token
-from grounding.language.word_categories import MODIFIERS, NOUNS, WordCategory
+from grounding.language.syntax.tokenizer import Token
+from grounding.language.syntax.word_categories import MODIFIERS, NOUNS, WordCategory
 
 # Letter of each category in a noun phrase; all other categories are dots.
 _LETTERS = (

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from grounding.language.command_frames import CommandFrame
-from grounding.language.noun_phrases import NounPhrase
-from grounding.language.verb_rules import LETTING
+from grounding.language.semantics.command_frames import CommandFrame
+from grounding.language.semantics.verb_rules import LETTING
+from grounding.language.syntax.noun_phrases import NounPhrase
 from grounding.vocabulary import ACTIONS
 
 _LANE_CHANGING = ("go", "drive", "move", "get", "pull", "take", "turn", "change_lane", "approach", "overtake")

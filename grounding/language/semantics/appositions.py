@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from grounding.language.discourse_state import DiscourseState
-from grounding.language.mentions import refine
-from grounding.language.noun_phrases import VEHICLE_KINDS, NounPhrase
-from grounding.language.tokenizer import Token
-from grounding.language.word_categories import WordCategory
+from grounding.language.semantics.discourse_state import DiscourseState
+from grounding.language.semantics.mentions import refine
+from grounding.language.syntax.noun_phrases import VEHICLE_KINDS, NounPhrase
+from grounding.language.syntax.tokenizer import Token
+from grounding.language.syntax.word_categories import WordCategory
 
 _PREDICATES = (WordCategory.VERB, WordCategory.BE, WordCategory.AUX)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from grounding.language.noun_phrases import NounPhrase
+from grounding.language.syntax.noun_phrases import NounPhrase
 
 
 @dataclass(eq=False, kw_only=True)

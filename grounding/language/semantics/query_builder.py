@@ -6,11 +6,22 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple, cast
 
-from grounding.language.action_rules import classify_action
-from grounding.language.command_frames import CommandFrame, Discourse
-from grounding.language.coreference import find_antecedent, may_corefer, qualify_antecedents, resolve_anaphor
-from grounding.language.main_action import SIDE_CONNECTIVES, Intent, MainIntent, find_intents, select_main_intent
-from grounding.language.noun_phrases import NounPhrase
+from grounding.language.semantics.action_rules import classify_action
+from grounding.language.semantics.command_frames import CommandFrame, Discourse
+from grounding.language.semantics.coreference import (
+    find_antecedent,
+    may_corefer,
+    qualify_antecedents,
+    resolve_anaphor,
+)
+from grounding.language.semantics.main_action import (
+    SIDE_CONNECTIVES,
+    Intent,
+    MainIntent,
+    find_intents,
+    select_main_intent,
+)
+from grounding.language.syntax.noun_phrases import NounPhrase
 from grounding.query import (
     Anchor,
     Direction,

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from grounding.language.clauses import TEMPORAL
-from grounding.language.command_frames import CommandFrame
-from grounding.language.discourse_state import DiscourseState
-from grounding.language.noun_phrases import VEHICLE_KINDS, NounPhrase
-from grounding.language.repairs import replace_direction, replace_frame
-from grounding.language.tokenizer import Token
-from grounding.language.word_categories import WordCategory
+from grounding.language.semantics.command_frames import CommandFrame
+from grounding.language.semantics.discourse_state import DiscourseState
+from grounding.language.semantics.repairs import replace_direction, replace_frame
+from grounding.language.syntax.clauses import TEMPORAL
+from grounding.language.syntax.noun_phrases import VEHICLE_KINDS, NounPhrase
+from grounding.language.syntax.tokenizer import Token
+from grounding.language.syntax.word_categories import WordCategory
 
 # Verb classes whose object does something in turn: "let it pass", "wait for it to turn".
 AWAITING = ("give_way", "wait")

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
-from grounding.language.quantities import merge_quantities
-from grounding.language.tagging_context import category_at
-from grounding.language.tagging_rules import (
+from grounding.language.syntax.quantities import merge_quantities
+from grounding.language.syntax.tagging_context import category_at
+from grounding.language.syntax.tagging_rules import (
     drop,
     tag_correct,
     tag_determiner,
@@ -28,7 +28,7 @@ from grounding.language.tagging_rules import (
     tag_then,
     tag_to,
 )
-from grounding.language.tagging_verbs import (
+from grounding.language.syntax.tagging_verbs import (
     tag_aux,
     tag_be,
     tag_extra,
@@ -40,8 +40,8 @@ from grounding.language.tagging_verbs import (
     tag_thing,
     tag_verb,
 )
-from grounding.language.tokenizer import Token
-from grounding.language.word_categories import DETERMINERS, WordCategory
+from grounding.language.syntax.tokenizer import Token
+from grounding.language.syntax.word_categories import DETERMINERS, WordCategory
 
 _AFTER_CONNECTIVE = frozenset((WordCategory.THEN, WordCategory.AND, WordCategory.EXCEPT))
 

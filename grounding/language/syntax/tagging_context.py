@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from grounding.language.tokenizer import Token
-from grounding.language.word_categories import DETERMINERS, HEADS, MODIFIERS, WordCategory
+from grounding.language.syntax.tokenizer import Token
+from grounding.language.syntax.word_categories import DETERMINERS, HEADS, MODIFIERS, WordCategory
 
 # Words inside a noun phrase, words that begin one, words before a command, words that end a clause.
 PHRASE_WORDS = MODIFIERS | HEADS | {WordCategory.UNKNOWN, WordCategory.NUMBER}

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from grounding.language.tagging_context import (
+from grounding.language.syntax.tagging_context import (
     CLAUSE_ENDS,
     COMMAND_STARTS,
     PHRASE_STARTS,
@@ -14,8 +14,8 @@ from grounding.language.tagging_context import (
     category_at,
     is_adjective,
 )
-from grounding.language.tokenizer import Token
-from grounding.language.word_categories import DETERMINERS, HEADS, MODIFIERS, WordCategory
+from grounding.language.syntax.tokenizer import Token
+from grounding.language.syntax.word_categories import DETERMINERS, HEADS, MODIFIERS, WordCategory
 
 # Verbs used as nouns: "the next turn", "at that stop".
 _NOUNS_OF_VERBS = {

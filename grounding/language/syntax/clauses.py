@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from grounding.language.tokenizer import Token
-from grounding.language.word_categories import DETERMINERS, HEADS, MODIFIERS, WordCategory
+from grounding.language.syntax.tokenizer import Token
+from grounding.language.syntax.word_categories import DETERMINERS, HEADS, MODIFIERS, WordCategory
 
 # Connectives that set the time of the main clause.
 TEMPORAL = ("when", "after", "before", "until")

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from grounding.language.command_frames import CommandFrame
-from grounding.language.discourse_state import DiscourseState
-from grounding.language.mentions import add_mention, attach_distance
-from grounding.language.noun_phrases import NounPhrase
+from grounding.language.semantics.command_frames import CommandFrame
+from grounding.language.semantics.discourse_state import DiscourseState
+from grounding.language.semantics.mentions import add_mention, attach_distance
+from grounding.language.syntax.noun_phrases import NounPhrase
 
 _TARGET_KINDS = ("vehicle", "person", "one", "traffic", "adjective")
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from grounding.language.clauses import Clause
-from grounding.language.command_frames import CommandFrame, Discourse
-from grounding.language.noun_phrases import Chunk, NounPhrase
+from grounding.language.semantics.command_frames import CommandFrame, Discourse
+from grounding.language.syntax.clauses import Clause
+from grounding.language.syntax.noun_phrases import Chunk, NounPhrase
 
 
 @dataclass(eq=False, kw_only=True)

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from grounding.language.discourse_state import DiscourseState
-from grounding.language.noun_phrases import NounPhrase
-from grounding.language.relation_attachment import attach_target
-from grounding.language.tokenizer import Token
-from grounding.language.verb_rules import AWAITING
+from grounding.language.semantics.discourse_state import DiscourseState
+from grounding.language.semantics.relation_attachment import attach_target
+from grounding.language.semantics.verb_rules import AWAITING
+from grounding.language.syntax.noun_phrases import NounPhrase
+from grounding.language.syntax.tokenizer import Token
 
 _POSSESSIVE = ("its", "his", "her", "their", "in its", "in his", "in her", "in their", "into its", "to its", "at its")
 

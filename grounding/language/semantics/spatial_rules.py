@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from grounding.language.discourse_state import DiscourseState
-from grounding.language.mentions import attach_distance
-from grounding.language.noun_phrases import NounPhrase
-from grounding.language.relation_attachment import attach_target
-from grounding.language.repairs import replace_side
-from grounding.language.tokenizer import Token
-from grounding.language.verb_rules import AWAITING
-from grounding.language.word_categories import WordCategory
+from grounding.language.semantics.discourse_state import DiscourseState
+from grounding.language.semantics.mentions import attach_distance
+from grounding.language.semantics.relation_attachment import attach_target
+from grounding.language.semantics.repairs import replace_side
+from grounding.language.semantics.verb_rules import AWAITING
+from grounding.language.syntax.noun_phrases import NounPhrase
+from grounding.language.syntax.tokenizer import Token
+from grounding.language.syntax.word_categories import WordCategory
 
 # Of two consecutive relations the later counts ("over by", "up to behind"), unless it is weak.
 _WEAK = ("at", "toward", "in", "into", "along", "on", "with", "of")

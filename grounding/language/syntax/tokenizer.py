@@ -6,10 +6,10 @@ import re
 import unicodedata
 from dataclasses import dataclass, replace
 
-from grounding.language.lexicon import Lexicon, default_lexicon
-from grounding.language.phrase_patterns import WORD, LexicalEntry
-from grounding.language.spelling import correct_spelling
-from grounding.language.word_categories import NOUNS, WordCategory
+from grounding.language.syntax.lexicon import Lexicon, default_lexicon
+from grounding.language.syntax.phrase_patterns import WORD, LexicalEntry
+from grounding.language.syntax.spelling import correct_spelling
+from grounding.language.syntax.word_categories import NOUNS, WordCategory
 
 MAX_CHARACTERS = 2000
 _NUMBER = re.compile(r"\d{1,9}(?:\.\d{1,9})?")

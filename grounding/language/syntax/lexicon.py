@@ -10,8 +10,8 @@ from pathlib import Path
 
 from appocc.errors import DataError
 from appocc.files import read_text
-from grounding.language.phrase_patterns import WORD, LexicalEntry, PhrasePattern
-from grounding.language.word_categories import (
+from grounding.language.syntax.phrase_patterns import WORD, LexicalEntry, PhrasePattern
+from grounding.language.syntax.word_categories import (
     CORRECTION_TARGETS,
     INFLECTED,
     LIGHT_VERBS,

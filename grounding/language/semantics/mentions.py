@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from grounding.language.discourse_state import DiscourseState
-from grounding.language.noun_phrases import NounPhrase
+from grounding.language.semantics.discourse_state import DiscourseState
+from grounding.language.syntax.noun_phrases import NounPhrase
 
 
 def add_mention(state: DiscourseState, phrase: NounPhrase, role: str) -> None:

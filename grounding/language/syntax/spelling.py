@@ -5,8 +5,8 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterator
 
-from grounding.language.lexicon import Lexicon, default_lexicon
-from grounding.language.word_categories import WordCategory
+from grounding.language.syntax.lexicon import Lexicon, default_lexicon
+from grounding.language.syntax.word_categories import WordCategory
 
 # Shorter words are not corrected: one edit turns car into cat and van into can. Longer words are not tried: the work
 # grows with the square of the length, and no word of the lexicon is as long.

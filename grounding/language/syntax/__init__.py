@@ -1,0 +1,1 @@
+"""Syntax of a command: words and their categories, noun phrases and clauses."""
