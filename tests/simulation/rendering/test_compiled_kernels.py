@@ -23,6 +23,8 @@ def loaded(path: Path) -> ModuleType:
 
 
 def test_an_index_that_refers_to_removed_modules_is_replaced(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    # Numba reads the variable at its import, and again when a variable of its own has changed.
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "cache"))
     monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path / "cache"))
     from appocc.simulation.rendering.compiled import kernel
 
