@@ -23,8 +23,8 @@ from cli.infer import execute, places_of
 from grounding.grounder import Grounder
 from grounding.pipeline import set_key_frame
 from grounding.visualization import draw_answer
-from tracking.evaluation.scene import score_scene, write_metrics
-from tracking.pipeline import SceneTracks, track_scene, tracks_folder, write_tracks
+from tracking.evaluation.scene import score_scene, write_scored_tracks
+from tracking.pipeline import SceneTracks, track_scene, tracks_folder
 from tracking.visualization.video import draw_frame, write_video
 
 COMMANDS = ("park behind the nearest silver car", "stop behind the nearest car ahead", "stop next to the nearest car")
@@ -71,13 +71,11 @@ def _predict(dataset: Dataset, scene: Scene) -> None:
 def _track(dataset: Dataset, scene: Scene, folder: Path, progress: Progress) -> tuple[SceneTracks, dict[str, Any]]:
     """Track the vehicles of the predicted maps; write tracks, scores and a video."""
     tracks = track_scene(dataset, scene, PREDICTED)
-    scores = score_scene(dataset, tracks) or {}
-    results = tracks_folder(dataset.root, PREDICTED, scene.name)
-    write_tracks(results, tracks)
-    write_metrics(results / "metrics.json", tracks, scores)
+    scores = score_scene(dataset, tracks)
+    write_scored_tracks(tracks_folder(dataset.root, PREDICTED, scene.name), tracks, scores)
     with progress("video", len(tracks.samples)) as advance:
         write_video(dataset, tracks, folder / "tracks.webm", advance)
-    return tracks, {name: value.as_json() for name, value in scores.items()}
+    return tracks, {name: value.as_json() for name, value in (scores or {}).items()}
 
 
 def _ground(dataset: Dataset, scene: Scene, folder: Path) -> list[dict[str, Any]]:
