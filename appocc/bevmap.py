@@ -16,6 +16,7 @@ from appocc.checks import BoolArray, ByteArray, Float32Array, check_dtype, check
 from appocc.errors import DataError, ShapeError
 from appocc.files import plain_name, read_file, whole_file, zip_arrays
 from appocc.grid import BEVGrid
+from appocc.objects import BEVObjects
 from appocc.typing import PathLike
 
 CLASSES = ("road", "vehicle", "lane")
@@ -33,7 +34,9 @@ class BEVMap:
             cell.
         appearance: (3, X, Y) uint8 sRGB, seen from above.
         appearance_valid: (X, Y) bool: False where the colour is unknown.
-        meta: source of each part, token, time, `thresholds` of predictions; JSON values only.
+        meta: source of each part, token, time, `thresholds` of predictions, `object_threshold` of their objects; JSON
+            values only.
+        objects: predicted objects; None if the source of the map predicts none.
     """
 
     grid: BEVGrid
@@ -42,6 +45,7 @@ class BEVMap:
     appearance: ByteArray
     appearance_valid: BoolArray
     meta: Mapping[str, Any] = field(default_factory=dict)
+    objects: BEVObjects | None = None
 
     def __post_init__(self) -> None:
         """Check shapes, types and the range of the probabilities.
@@ -83,6 +87,18 @@ class BEVMap:
             raise DataError(f"thresholds of a map: expected a share for each of {', '.join(CLASSES)}, got {kept}")
         return {name: float(kept[name]) for name in CLASSES}
 
+    @property
+    def object_threshold(self) -> float:
+        """Lowest score of a detected object, chosen on validation data; 0.5 if meta has none.
+
+        Raises:
+            DataError: if it is not a number in [0, 1].
+        """
+        kept = self.meta.get("object_threshold", 0.5)
+        if not (isinstance(kept, int | float) and 0 <= kept <= 1):
+            raise DataError(f"object_threshold of a map: expected a share, got {kept}")
+        return float(kept)
+
     @cached_property
     def on(self) -> BoolArray:
         """(3, X, Y) bool: known cells of road, vehicle, lane, by the map's thresholds or 0.5.
@@ -101,6 +117,25 @@ class BEVMap:
             return np.zeros(self.grid.shape, np.bool_)
         return np.asarray(~self.occupancy_valid.any(axis=0))
 
+    @cached_property
+    def known_objects(self) -> BEVObjects | None:
+        """Objects whose centre is in a known vehicle cell, or beyond the grid next to one; None as `objects`."""
+        if self.objects is None:
+            return None
+        cells = self.grid.cell_of(self.objects.centre_m[:, :2])
+        i, j = np.clip(cells, 0, np.array(self.grid.shape) - 1).T
+        return self.objects.select(self.occupancy_valid[VEHICLE][i, j])
+
+    @cached_property
+    def detected_objects(self) -> BEVObjects | None:
+        """Known objects with a score of `object_threshold` or more; None as `objects`.
+
+        Raises:
+            DataError: as `object_threshold`.
+        """
+        known = self.known_objects
+        return None if known is None else known.select(known.score >= self.object_threshold)
+
     def with_guesses(self) -> BEVMap:
         """Return a prediction with all cells valid, including those that no camera sees; other maps unchanged.
 
@@ -114,11 +149,16 @@ class BEVMap:
     def save(self, path: PathLike, more: Mapping[str, NDArray[np.generic]] | None = None) -> None:
         """Write the map to `path` (.npz, compressed, atomic; the same map gives the same bytes).
 
-        `more` arrays are stored next to those of the map; `load` ignores them.
+        Objects are stored with `instance`, the object of each vehicle cell. `more` arrays are stored next to those of
+        the map; `load` ignores them.
 
         Raises:
             DataError: if it cannot be written.
         """
+        extra: dict[str, NDArray[np.generic]] = {}
+        if self.objects is not None:
+            owner = self.objects.vehicle_owner(self.grid)
+            extra = {**self.objects.as_arrays(), "instance": owner.astype(np.int16)}
         certain = bool(((self.occupancy == 0) | (self.occupancy == 1)).all())
         with whole_file(path) as temporary, temporary.open("wb") as handle:
             np.savez_compressed(
@@ -129,7 +169,7 @@ class BEVMap:
                 appearance_valid=self.appearance_valid,
                 grid=self.grid.as_array(),
                 meta=np.array(json.dumps(dict(self.meta), sort_keys=True)),
-                **(more or {}),  # type: ignore[arg-type]
+                **{**extra, **(more or {})},  # type: ignore[arg-type]
             )
 
     @classmethod
@@ -151,8 +191,9 @@ class BEVMap:
                     data["appearance"],
                     data["appearance_valid"],
                     json.loads(str(data["meta"])) if "meta" in data else {},
+                    BEVObjects.from_arrays(data),
                 )
-                made.thresholds  # noqa: B018 - checked here, where the file's name is known
+                made.thresholds, made.object_threshold  # noqa: B018 - checked here, where the file's name is known
                 return made
         except KeyError as error:
             raise DataError(f"{path}: no BEV map, {error.args[0]}") from error

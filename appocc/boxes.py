@@ -29,7 +29,8 @@ _CORNERS = np.array(
 LARGEST_M = 1000.0
 # Lyft, KITTI and nuScenes' tasks use plain names; nuScenes' annotations use dotted ones.
 _PLAIN_VEHICLES = frozenset(
-    {"car", "van", "truck", "trailer", "bus", "other_vehicle", "emergency_vehicle", "motorcycle"}
+    {"car", "van", "truck", "trailer", "bus", "construction_vehicle", "other_vehicle", "emergency_vehicle"}
+    | {"motorcycle"}
 )
 _PEOPLE_AND_BICYCLES = ("human.", "pedestrian", "person", "bicycle", "vehicle.bicycle", "cyclist")
 

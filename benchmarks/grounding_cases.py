@@ -8,10 +8,10 @@ place and speed, with clear margins to all other vehicles, and the cells of admi
 without any code of `grounding` (`benchmarks.grounding_truth`). In 15 % of the cases two or more vehicles fit and the
 sentence does not decide between them; in 5 % there is no such vehicle.
 
-- --bev: source of the maps; with `exact` the true boxes are given too, with any other source only the map. --noisy:
-  exact maps with the noise of `benchmarks.colour_ablation`, only the map. A map alone has no fronts, speeds and
-  heights: sentences then do not mention parked or moving, car, van and truck are distinguished by other words, and
-  "behind" is along our own direction.
+- --bev: source of the maps; with `exact` the true boxes are given too, with any other source only the map and its
+  objects. --noisy: exact maps with the noise of `benchmarks.colour_ablation`, only the map. A map without objects has
+  no fronts, speeds and heights: sentences then do not mention parked or moving, car, van and truck are distinguished
+  by other words, and "behind" is along our own direction.
 - vehicle: the referent is right (without boxes: within 2 m), or none if none is named. place: the target is in the
   region and heads along the lane. off: distance of the target from the best goal of the region, in metres, if the
   vehicle is right. asked, none: the answer is a clarification question, or "not found". error: an exception.
@@ -327,6 +327,12 @@ def picture(verdict: Verdict, moment: TrueFrame, bev: BEVMap) -> ByteArray:
     return np.ascontiguousarray(np.vstack([band, canvas.picture]))
 
 
+def _has_objects(town: Town, source: str) -> bool:
+    """Return whether the maps of a source have objects, by the first one."""
+    first = town.dataset.samples(town.dataset.scenes[0])[0]
+    return load_map(town.dataset.root, source, first.token).objects is not None
+
+
 def main(words: Sequence[str] | None = None) -> None:
     """Run the benchmark and print its tables."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -343,7 +349,7 @@ def main(words: Sequence[str] | None = None) -> None:
         town = Town(given.root)
         with Progress(console=Console(stderr=True)) as progress:
             task = progress.add_task("making cases", total=given.cases)
-            blobs = given.noisy or given.bev != "exact"
+            blobs = given.noisy or (given.bev != "exact" and not _has_objects(town, given.bev))
             made = make_cases(town, given.cases, given.seed, blobs, lambda n: progress.update(task, completed=n))
             asking = verdicts(town, made.cases, given.bev, given.noisy, given.seed, given.pictures)
             judged = list(progress.track(asking, total=len(made.cases), description="asking"))

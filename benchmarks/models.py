@@ -2,7 +2,8 @@
 
     OMP_NUM_THREADS=2 python -m benchmarks.models [--runs 9] [--setting 360] [--no-compile]
 
-With the extra `export`, the formats of `appocc export` are timed too. Weights are random: time does not depend on
+`appocc, all parts` has depth, a memory of an earlier frame, and objects. With the extra `export`, the formats of
+`appocc export` are timed too. Weights are random: time does not depend on
 them. Images are in memory, and the plan of a rig is computed once, as in a vehicle. The speed of bf16 depends on the
 machine (AMX or AVX512-BF16; emulated and slow elsewhere): its capabilities are printed.
 """
@@ -26,17 +27,20 @@ from torch import Tensor
 from torch.utils.flop_counter import FlopCounterMode
 
 from appocc.camera import CameraRig
+from appocc.checks import Float32Array
 from appocc.errors import AppoccError
 from appocc.export.convert import to_onnx, write_onnx, write_openvino
-from appocc.export.graph import ExportGraph
+from appocc.export.graph import ELAPSED, IMAGES, MEMORY, PAST_FROM_NOW, ExportGraph, input_shapes
 from appocc.export.runtimes import Runner, open_onnx, open_openvino
 from appocc.models.base import BEVModel, ViewTransformPlan
 from appocc.models.batch_norm_folding import fold_batch_norms
-from appocc.models.model_spec import MODEL_SPECS, ModelSpec
+from appocc.models.memory import Past
+from appocc.models.model_spec import MODEL_SPECS, ModelSpec, Parts
 from appocc.models.registry import build
 from appocc.rigs import read_rig
 
 _FLAGS = ("avx2", "avx512f", "avx512_bf16", "amx_bf16", "amx_int8", "asimd", "bf16")
+ALL_PARTS = Parts(depth=True, memory=True, objects=True)
 Forward = Callable[[Tensor, ViewTransformPlan], object]
 
 
@@ -69,52 +73,69 @@ class Way(NamedTuple):
         return torch.autocast("cpu", torch.bfloat16) if self.bf16 else nullcontext()
 
 
-def ways(spec: ModelSpec, compiled: bool) -> list[Way]:
+def ways(spec: ModelSpec, rig: CameraRig, compiled: bool) -> list[Way]:
     """Return all networks and modes to time, the reference first."""
     torch.manual_seed(0)
-    lss, paper, ours = (build(name, spec).eval() for name in ("lss", "paper", "appocc"))
-    last = fold_batch_norms(ours).to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+    found = [Way(name, "float32, eager", model := build(name, spec).eval(), model) for name in ("lss", "paper")]
+    for name, parts in (("appocc", Parts()), ("appocc, all parts", ALL_PARTS)):
+        model = build("appocc", spec, parts=parts).eval()
+        past = _past(spec) if parts.memory else None
+        found += torch_ways(name, model, past, compiled) + exported_ways(name, model, past, rig)
+    return found
+
+
+def torch_ways(name: str, model: BEVModel, past: Past | None, compiled: bool) -> list[Way]:
+    """Return a network in torch, as it is and optimised."""
+    last = fold_batch_norms(model).to(memory_format=torch.channels_last)  # type: ignore[call-overload]
     found = [
-        Way("lss", "float32, eager", lss, lss),
-        Way("paper", "float32, eager", paper, paper),
-        Way("appocc", "float32, eager", ours, ours),
-        Way("appocc", "float32, eager, channels last, folded", ours, last),
-        Way("appocc", "bf16, eager, channels last, folded", ours, last, bf16=True),
+        Way(name, "float32, eager", model, _with(model, past)),
+        Way(name, "float32, eager, channels last, folded", model, _with(last, past)),
+        Way(name, "bf16, eager, channels last, folded", model, _with(last, past), bf16=True),
     ]
     if compiled:
         from torch._inductor import config
 
         config.freezing = True
         found += [
-            Way("appocc", "float32, compiled", ours, _compiled(last)),
-            Way("appocc", "bf16, compiled", ours, _compiled(last), bf16=True),
+            Way(name, "float32, compiled", model, _with(torch.compile(last), past)),
+            Way(name, "bf16, compiled", model, _with(torch.compile(last), past), bf16=True),
         ]
     return found
 
 
-def _compiled(model: BEVModel) -> Forward:
-    forward: Forward = torch.compile(model)
-    return forward
-
-
-def exported_ways(model: BEVModel, rig: CameraRig, shape: tuple[int, ...]) -> list[Way]:
+def exported_ways(name: str, model: BEVModel, past: Past | None, rig: CameraRig) -> list[Way]:
     """Return the exported formats of a network; empty without the extra."""
     threads = torch.get_num_threads()
-    with tempfile.TemporaryDirectory() as name:
-        onnx, xml, values = (Path(name) / f"model.{ending}" for ending in ("onnx", "xml", "bin"))
+    with tempfile.TemporaryDirectory() as folder:
+        onnx, xml, values = (Path(folder) / f"model.{ending}" for ending in ("onnx", "xml", "bin"))
         try:
-            proto = to_onnx(ExportGraph(model, rig), shape, "")
+            proto = to_onnx(ExportGraph(model, rig), "")
             write_onnx(proto, onnx)
             write_openvino(proto, "", xml, values)
             runs = {"ONNX": open_onnx(onnx, threads), "OpenVINO": open_openvino(xml, values, threads)}
         except AppoccError as error:
             print(error)
             return []
-    return [Way("appocc", f"float32, exported, {name}", model, _of_arrays(run)) for name, run in runs.items()]
+    return [Way(name, f"float32, exported, {how}", model, _of_arrays(run, past)) for how, run in runs.items()]
 
 
-def _of_arrays(run: Runner) -> Forward:
-    return lambda images, plan: run(images.numpy())
+def _past(spec: ModelSpec) -> Past:
+    """Return a memory of half a second and 1.5 m ago."""
+    memory = torch.rand(input_shapes(spec, ALL_PARTS, 0)[MEMORY])
+    motion = torch.tensor([[[[1.0, 0.0, 1.5], [0.0, 1.0, 0.0]]]])
+    return Past(memory, motion, torch.tensor([[0.5]]), torch.ones(1, 1))
+
+
+def _with(model: Callable[..., object], past: Past | None) -> Forward:
+    return lambda images, plan: model(images, plan, past)
+
+
+def _of_arrays(run: Runner, past: Past | None) -> Forward:
+    inputs: dict[str, Float32Array] = {}
+    if past is not None and past.state is not None:
+        memory, motion, elapsed = past.state, past.past_from_now[0], past.elapsed_s[0]
+        inputs = {MEMORY: memory.numpy(), PAST_FROM_NOW: motion.numpy(), ELAPSED: elapsed.numpy()}
+    return lambda images, plan: run({IMAGES: images.numpy(), **inputs})
 
 
 def giga_macs(way: Way, images: Tensor, plan: ViewTransformPlan) -> float:
@@ -131,9 +152,7 @@ def measure(spec: ModelSpec, runs: int, compiled: bool) -> Table:
     working: list[tuple[Way, ViewTransformPlan]] = []
     failed: list[tuple[Way, str]] = []
     table = Table("network", "how", "median ms", "of lss", "times faster", "parameters", "GMAC")
-    candidates = ways(spec, compiled)
-    ours = next(way.model for way in candidates if way.name == "appocc")
-    candidates += exported_ways(ours, rig, tuple(images.shape))
+    candidates = ways(spec, rig, compiled)
     with torch.inference_mode():
         for way in candidates:
             plan = way.model.plan([rig])
@@ -180,7 +199,7 @@ def main() -> None:
         torch.set_num_threads(int(os.environ["OMP_NUM_THREADS"]))
     console = Console(width=140)
     console.print(machine())
-    console.print(measure(MODEL_SPECS[arguments.spec], arguments.runs, not arguments.no_compile))
+    console.print(measure(MODEL_SPECS[arguments.setting], arguments.runs, not arguments.no_compile))
 
 
 if __name__ == "__main__":

@@ -19,7 +19,7 @@ from appocc.inference.inputs import dataset_inputs
 from appocc.inference.loading import load_predictor
 from appocc.inference.run import InferenceRun
 from appocc.nuscenes import Dataset, Scene
-from cli.infer import execute, places_of
+from cli.infer import execute, vehicle_marks
 from grounding.grounder import Grounder
 from grounding.pipeline import set_key_frame
 from grounding.visualization import draw_answer
@@ -101,5 +101,5 @@ def _draw(dataset: Dataset, scene: Scene, folder: Path, tracks: SceneTracks) -> 
     sample = dataset.samples(scene)[FRAME]
     frame = dataset.frame(sample)
     predicted, exact = (load_map(dataset.root, source, sample.token) for source in (PREDICTED, SOURCE))
-    write_image(folder / "bev.png", overview(frame, predicted, exact, places_of(predicted)))
+    write_image(folder / "bev.png", overview(frame, predicted, exact, vehicle_marks(predicted)))
     write_image(folder / "tracks.png", draw_frame(tracks, FRAME, frame, predicted))

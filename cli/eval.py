@@ -1,4 +1,4 @@
-"""`appocc eval`: evaluation of maps (`bev`), tracks (`tracks`) and parsed commands (`parses`)."""
+"""`appocc eval`: evaluation of maps (`bev`), detections, tracks and parsed commands (`parses`)."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from cli.common import JsonOption, RootArgument, VersionOption, emit, progress, say
+from cli.eval_detections import detections
 from cli.eval_parses import parses
 from cli.eval_tracks import tracks
 
@@ -66,6 +67,7 @@ def bev(
     _show(answer)
 
 
+app.command()(detections)
 app.command()(tracks)
 app.command()(parses)
 
@@ -81,6 +83,8 @@ def _show(answer: dict[str, Any]) -> None:
     console.width = max(console.width, 150)  # a narrow terminal wraps lines instead of dropping numbers
     console.print(_cell_table(answer))
     console.print(_vehicle_table(answer))
+    if answer["calibration"] is not None:
+        console.print(_calibration_table(answer["calibration"]))
 
 
 def _cell_table(answer: dict[str, Any]) -> Any:
@@ -129,6 +133,25 @@ def _vehicle_table(answer: dict[str, Any]) -> Any:
             row(name, part["vehicles"])
     for name, part in answer["by_visibility"].items():
         row(f"visibility {name}", part)
+    return table
+
+
+def _calibration_table(classes: dict[str, Any]) -> Any:
+    """Return the observed share of each class by predicted probability, with the share of the cells in brackets."""
+    from rich.table import Table
+
+    table = Table("probability %", title="observed %, in brackets % of the valid cells", title_justify="left")
+    for name in classes:
+        table.add_column(name, justify="right")
+    totals = [max(sum(row["cells"] for row in part["table"]), 1) for part in classes.values()]
+    for rows in zip(*(part["table"] for part in classes.values()), strict=True):
+        share = [
+            f"{_number(100 * r['observed_share'])} ({100 * r['cells'] / n:4.1f})"
+            for r, n in zip(rows, totals, strict=True)
+        ]
+        table.add_row(f"{100 * rows[0]['from']:.0f}-{100 * rows[0]['to']:.0f}", *share)
+    table.add_section()
+    table.add_row("calibration error", *(_number(100 * part["ece"]) for part in classes.values()))
     return table
 
 

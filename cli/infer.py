@@ -11,9 +11,9 @@ from cli.common import JsonOption, VersionOption, emit, out_path, progress, say,
 
 if TYPE_CHECKING:
     from appocc.bevmap import BEVMap
-    from appocc.checks import FloatArray
     from appocc.inference.inputs import InferenceInput
     from appocc.inference.run import InferenceRun, InferenceSummary
+    from appocc.visualization.vehicle_marks import VehicleMarks
 
 SourceArgument = Annotated[
     Path,
@@ -34,6 +34,10 @@ def infer(
     scene: Annotated[str | None, typer.Option("--scene", help="Only this scene of ROOT.")] = None,
     weights: Annotated[Path | None, typer.Option(help="Weights file; default: the shipped weights.")] = None,
     rig: RigOption = None,
+    detections: Annotated[
+        Path | None,
+        typer.Option("--detections", help="Also write the objects of all key frames as nuScenes detection results."),
+    ] = None,
     version: VersionOption = None,
     as_json: JsonOption = False,
 ) -> None:
@@ -48,20 +52,23 @@ def infer(
     from appocc.inference.loading import load_predictor
     from appocc.inference.run import PICTURES, InferenceRun
 
-    run = InferenceRun(inputs_of(source, rig, scene, version), load_predictor(weights), out)
+    run = InferenceRun(inputs_of(source, rig, scene, version), load_predictor(weights), out, detections)
     start = time.monotonic()
     summary = execute(run)
     seconds = time.monotonic() - start
     if as_json:
         dead = {channel: {"frames": times, "reason": why} for channel, (times, why) in summary.missing.items()}
         counts = {"made": summary.made, "kept": summary.kept, "seconds": seconds, "left_out": dead}
-        emit({"folder": str(out), "pictures": str(out / PICTURES), **counts, "stale": summary.stale})
+        files = {} if detections is None else {"detections": str(detections)}
+        emit({"folder": str(out), "pictures": str(out / PICTURES), **files, **counts, "stale": summary.stale})
     say_stale(summary.stale)
     if summary.missing:
         cameras = (f"{channel} in {times} frames ({why})" for channel, (times, why) in summary.missing.items())
         say(f"left out: {'; '.join(cameras)}")
     rate = f", {summary.made / seconds * 60:.0f} a minute" if summary.made else ""
     say(f"{out}: {summary.made} maps made{rate}, {summary.kept} kept; pictures in {out / PICTURES}")
+    if detections is not None:
+        say(f"{detections}: detections of {summary.made + summary.kept} key frames")
 
 
 def inputs_of(source: Path, rig: str | None, scene: str | None, version: str | None) -> list[InferenceInput]:
@@ -100,13 +107,20 @@ def execute(run: InferenceRun) -> InferenceSummary:
     with progress("prediction", len(run)) as advance:
         for result in run:
             if result is not None:
-                write_image(result.picture, prediction_figure(result.frame, result.bev, places_of(result.bev)))
+                write_image(result.picture, prediction_figure(result.frame, result.bev, vehicle_marks(result.bev)))
             advance(1)
     return run.summary
 
 
-def places_of(bev: BEVMap) -> FloatArray:
-    """Return the centroids of a map's vehicle instances, as tracking extracts them."""
+def vehicle_marks(bev: BEVMap) -> VehicleMarks:
+    """Return the vehicles of a map to draw: its objects, else its vehicle instances as tracking extracts them."""
+    import numpy as np
+
+    from appocc.visualization.vehicle_marks import VehicleMarks
     from tracking.instances.instances import find_instances
 
-    return find_instances(bev).centroid_m
+    if bev.detected_objects is not None:
+        return VehicleMarks.of_objects(bev.detected_objects)
+    found = find_instances(bev)
+    size = np.stack([found.length_m, found.width_m], axis=1)
+    return VehicleMarks(found.centroid_m, found.yaw_rad, size, np.zeros(len(found), np.bool_), found.rgb)

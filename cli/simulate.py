@@ -38,6 +38,7 @@ def simulate(
     ] = None,
     lidar: Annotated[bool, typer.Option(help="Record LiDAR sweeps.")] = True,
     full_maps: Annotated[bool, typer.Option(help="Store depth and class of every pixel, not only per 8x8.")] = False,
+    vary: Annotated[bool, typer.Option(help="Vary cameras, traffic, paints and look, for training sets.")] = False,
     sheet: Annotated[Path | None, typer.Option(help="Also write a contact sheet (.png).")] = None,
     as_json: JsonOption = False,
 ) -> None:
@@ -67,7 +68,7 @@ def simulate(
     unknown = [name for name in weather or () if name not in WEATHER_SHARES]
     if unknown:
         raise NotFoundError(f"weather: expected {', '.join(WEATHER_SHARES)}, got '{unknown[0]}'")
-    recording = RecordingSettings(max(1, round(seconds * hz)), hz, read_rig(rig), lidar, full_maps)
+    recording = RecordingSettings(max(1, round(seconds * hz)), hz, read_rig(rig), lidar, full_maps, vary)
     towns = town_sources(split.value, town or ())
     settings = DatasetSettings(scenes, towns, tuple(dict.fromkeys(weather or WEATHER_SHARES)), seed, recording)
     if sheet is not None:

@@ -72,7 +72,7 @@ def track_scene_command(
     version: VersionOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Track the vehicles of a scene through its bird's-eye-view maps.
+    """Track a scene through its bird's-eye-view maps: their objects, or vehicle blobs of maps without objects.
 
     Writes nuScenes JSON, MOTChallenge text, CSV tables and, with annotations, the scores.
 
@@ -291,6 +291,7 @@ def _report_scene(
     as_json: bool,
 ) -> None:
     """Score and write the tracks of a scene, and print what was done; `source` are the keys of the input."""
+    from appocc.boxes import is_person_or_bicycle
     from tracking.evaluation.scene import score_scene, write_scored_tracks
     from tracking.visualization.video import write_video
 
@@ -305,7 +306,8 @@ def _report_scene(
         metrics = {name: scores[name].as_json() if scores else None for name in titles}
         paths = [str(path) for path in files]
         emit({"scene": result.scene, **source, "tracks": result.count, "files": paths, **metrics})
-    kind = "vehicles" if "bev" in source else "objects"
+    people = any(is_person_or_bicycle(track.kind) for states in result.tracks for track in states)
+    kind = "vehicles" if "bev" in source and not people else "objects"
     say(f"scene {result.scene}: {result.count} {kind} in {len(result.samples)} key frames")
     if source.get("left_out"):
         counts = ", ".join(f"{name} ({count})" for name, count in source["left_out"].items())

@@ -7,18 +7,19 @@ config=${1:-}
 # Told before hours of rendering.
 [ -f "$config" ] || { echo "error: expected CONFIG [FOLDER], got '${1:-}', which is no file" >&2; exit 2; }
 folder=${2:-runs}
-scenes=${SCENES:-"480 36 64"} # of train, val, test: 7 frames each, two seconds apart
+scenes=${SCENES:-"1000 1400 60 64"} # of train, varied, val, test: 5 frames each, half a second apart
 run=$folder/$(basename "$config" .yaml)
-read -r train val test <<<"$scenes"
+read -r train varied val test <<<"$scenes"
 
-render() { # name scenes split seed
-  appocc simulate "$folder/sets/$1" --scenes "$2" --split "$3" --seed "$4" --seconds 14 --hz 0.5 --no-lidar
+render() { # name scenes split seed [option]
+  appocc simulate "$folder/sets/$1" --scenes "$2" --split "$3" --seed "$4" --seconds 2.5 --hz 2 --no-lidar "${@:5}"
 }
-render train "$train" train 1
+render train "$train" train 101
+render varied "$varied" train 202 --vary
 render val "$val" train 7001
 render test "$test" test 9001
 
-values=(data.train="$folder/sets/train" data.val="$folder/sets/val" data.packs="$folder/packs" ${OVERRIDES:-})
+values=(data.train="[$folder/sets/train, $folder/sets/varied]" data.val="$folder/sets/val" data.packs="$folder/packs" ${OVERRIDES:-})
 if [ -d "$run" ]; then values+=(--resume); fi
 appocc train "$config" "${values[@]}" --out "$run"
 appocc infer "$folder/sets/test" --weights "$run/best.safetensors" --out "$folder/sets/test/bev/predicted"

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from appocc.boxes import is_person_or_bicycle
 from appocc.checks import FloatArray
 from appocc.ego_vehicle import EgoVehicle
 from appocc.motion_state import STANDING_MPS
@@ -28,7 +29,9 @@ def describe_side(item: SceneObject, ego: EgoVehicle) -> str:
 def describe_object(item: SceneObject, scene: SceneModel) -> str:
     """Describe an object by colour, class, distance, side and motion, and whether it faces the ego."""
     colour = scene.colour_name(item)
-    named = f"{colour} {item.class_name}" if colour else f"{item.class_name} of unknown colour"
+    named = f"{colour} {item.class_name}" if colour else item.class_name
+    if colour is None and not is_person_or_bicycle(item.category):
+        named = f"{named} of unknown colour"
     parts = [f"{named} {item.distance_m(scene.ego):.0f} m away", describe_side(item, scene.ego)]
     if item.speed_mps is not None:
         parts.append("standing" if item.speed_mps < STANDING_MPS else f"moving at {item.speed_mps:.0f} m/s")

@@ -97,7 +97,8 @@ class Grounder:
 
         Args:
             bev: map in the ego frame.
-            vehicles: tracks in the world frame or boxes in the ego frame; None: vehicle instances of the map.
+            vehicles: tracks in the world frame or boxes in the ego frame; None: objects of the map, or its vehicle
+                instances if it has none.
             world_from_ego: (4, 4) pose of the ego; None: the world frame is the ego frame.
 
         Returns:

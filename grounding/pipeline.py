@@ -22,8 +22,8 @@ def set_key_frame(
 ) -> Frame:
     """Set a key frame of a dataset as the scene of a grounder.
 
-    The vehicles are the given tracks; without tracks, the annotated boxes on a true map and the map's own instances
-    on a predicted one: a prediction is never completed from annotations.
+    The vehicles are the given tracks; without tracks, the annotated boxes on a true map and the map's own objects or
+    instances on a predicted one: a prediction is never completed from annotations.
 
     Args:
         grounder: its scene is replaced.
@@ -49,7 +49,7 @@ def set_key_frame(
 
 
 def set_saved_map(grounder: Grounder, path: Path) -> None:
-    """Set a saved map (.npz) and its own vehicle instances as the scene of a grounder.
+    """Set a saved map (.npz) and its own objects or vehicle instances as the scene of a grounder.
 
     Args:
         grounder: its scene is replaced; the world frame is the ego frame.

@@ -26,7 +26,7 @@ class SceneObject:
     """A vehicle, a bicycle or a person in the ego frame. Two objects are equal only if they are the same one.
 
     Attributes:
-        id: instance token of an annotation, "track N" or "blob N".
+        id: instance token of an annotation, "track N", "object N" or "blob N".
         category: nuScenes category or tracking class; '' where only the shape is known.
         centre_m: (2,) centre of the footprint.
         yaw_rad: direction of the long axis; the heading where the front is known.
@@ -35,7 +35,7 @@ class SceneObject:
         width_m: size across the heading.
         height_m: None where unknown.
         velocity_mps: (2,) over ground along the ego's axes; None where unknown.
-        rgb: (3,) sRGB 0..255, median of its cells in the map; None where unknown.
+        rgb: (3,) sRGB 0..255, median of its cells in the map, or predicted paint; None where unknown.
         yaw_rate_radps: positive to the left; None where unknown.
         acceleration_mps2: along the heading; None where unknown.
     """

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
@@ -16,17 +16,19 @@ from appocc.checks import FloatArray
 from appocc.errors import DataError
 from appocc.files import plain_name
 from appocc.nuscenes import Dataset, Sample, Scene
+from appocc.objects import BEVObjects
 from tracking.detections import Detections
 from tracking.filtering.kalman import MotionConfig
 from tracking.filtering.smoother import SmoothingConfig, smooth
-from tracking.instances.instances import InstanceConfig, find_instances
+from tracking.instances.instances import InstanceConfig
+from tracking.instances.object_detections import find_detections, vote_classes
 from tracking.io.kitti import KittiSequence
 from tracking.io.kitti_results import KittiResult, kitti_results, write_kitti_results
 from tracking.io.mot_challenge import MotSequence
 from tracking.io.nuscenes_detections import TRACKED, DetectionResults
 from tracking.io.track_summaries import summarise_tracks, write_summaries
 from tracking.io.writers import write_csv, write_mot, write_nuscenes
-from tracking.presets import MAPS, PEOPLE_IN_IMAGE, PEOPLE_ON_GROUND
+from tracking.presets import MAPS, OBJECTS, PEOPLE_IN_IMAGE, PEOPLE_ON_GROUND
 from tracking.tracker import Tracker, TrackerConfig
 from tracking.tracks import Track
 
@@ -170,13 +172,13 @@ def track_scene(
     smoothing: bool = False,
     advance: Callable[[int], None] = _ignore,
 ) -> SceneTracks:
-    """Track the vehicles of a scene through its maps.
+    """Track the objects of a scene's maps, or the vehicle instances of maps without objects.
 
     Args:
         dataset: dataset of the scene.
         scene: scene to track.
         source: source of the maps, see `load_map`.
-        tracker: new tracker; by default with the configuration MAPS.
+        tracker: new tracker; by default with the configuration OBJECTS if the first map has objects, else MAPS.
         instance_config: configuration of the instance segmentation.
         trust_unseen: also use predictions in cells that no camera sees, see `BEVMap.with_guesses`.
         smoothing: smooth the tracks offline.
@@ -185,12 +187,21 @@ def track_scene(
     Raises:
         DataError: if the scene has no key frames or two with the same time, or a map is missing or damaged.
     """
-    tracker = tracker or Tracker(MAPS)
     samples, poses = read_key_frames(dataset, scene)
-    maps = (load_map(dataset.root, source, sample.token) for sample in samples)
-    found = (find_instances(bev.with_guesses() if trust_unseen else bev, instance_config) for bev in maps)
-    tracks = track_samples(samples, poses, (each.as_detections() for each in found), tracker, advance)
-    result = SceneTracks(scene.name, source, samples, poses, tracks)
+    if tracker is None:
+        first = load_map(dataset.root, source, samples[0].token)
+        tracker = Tracker(MAPS if first.objects is None else OBJECTS)
+    objects: list[BEVObjects | None] = []
+
+    def read_detections() -> Iterator[Detections]:
+        for sample in samples:
+            bev = load_map(dataset.root, source, sample.token)
+            bev = bev.with_guesses() if trust_unseen else bev
+            objects.append(bev.known_objects)
+            yield find_detections(bev, instance_config)
+
+    tracks = track_samples(samples, poses, read_detections(), tracker, advance)
+    result = SceneTracks(scene.name, source, samples, poses, vote_classes(tracks, objects))
     return result.smoothed(tracker.config.lifecycle.motion) if smoothing else result
 
 

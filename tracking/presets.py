@@ -1,4 +1,4 @@
-"""Tracker configurations for vehicle instances of bird's-eye-view maps and for people."""
+"""Tracker configurations for instances and objects of bird's-eye-view maps, and for people."""
 
 from __future__ import annotations
 
@@ -22,6 +22,9 @@ MAPS = TrackerConfig(
     association=AssociationConfig(min_gate_m=2.5, gate_speed_mps=40.0, max_gate_m=20.0),
     rematch=replace(REMATCH_STAGE, gate_speed_mps=12.0, max_gate_m=8.0),
 )
+
+# Scores of objects are calibrated: sure ones are reported at once, likely ones after two hits, others start no track.
+OBJECTS = replace(MAPS, init_threshold=1.0, lifecycle=replace(MAPS.lifecycle, confirm_log_odds=2.0))
 
 
 def _people(position_std_m: float, min_gate_m: float) -> TrackerConfig:

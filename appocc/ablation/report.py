@@ -42,9 +42,10 @@ def _introduction(base: Config, test: Mapping[str, Any], done: str) -> str:
     data = base.data
     val = f"`{data.val}`" if data.val is not None else f"the last {data.held_out} samples of each of its scenes"
     views = " Networks with auxiliary image heads (`appocc`, `paper`) also learn from depth and pixel classes."
+    roots = ", ".join(data.train_roots)
     trained = (
         f"All networks were trained with the same budget: {budget} of {samples} sample{'s' * (samples > 1)}, from "
-        f"scratch, on `{data.train}`, learning rate {train.lr:g}, the same losses. The weights are the best of the "
+        f"scratch, on `{roots}`, learning rate {train.lr:g}, the same losses. The weights are the best of the "
         f"run on {val}.{views if base.losses.depth or base.losses.kind else ''}"
     )
     evaluated = (

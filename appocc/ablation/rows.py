@@ -22,17 +22,24 @@ class StudyRow(NamedTuple):
         setting: 360 or 180.
         outputs: OCCUPANCY, BOTH (with appearance) or COLOUR.
         seed: training seed; None without learning.
+        parts: optional parts of the network.
     """
 
     network: str
     setting: str
     outputs: str
     seed: int | None
+    parts: tuple[str, ...] = ()
+
+    @property
+    def label(self) -> str:
+        """Name of the network with its parts, such as appocc+depth."""
+        return "+".join((self.network, *self.parts))
 
     @property
     def name(self) -> str:
         """Name of the row and of its folder."""
-        words = (self.network, self.setting, self.outputs, *(() if self.seed is None else (f"s{self.seed}",)))
+        words = (self.label, self.setting, self.outputs, *(() if self.seed is None else (f"s{self.seed}",)))
         return "-".join(words)
 
     @property
@@ -44,7 +51,7 @@ class StudyRow(NamedTuple):
         """Return the training configuration of the row: `base` with the values of the row."""
         train = base.train if self.seed is None else base.train.model_copy(update={"seed": self.seed})
         own = {"network": self.network, "setting": self.setting, "appearance": self.outputs == BOTH, "train": train}
-        return base.model_copy(update=own)
+        return base.model_copy(update={**own, "parts": self.parts})
 
 
 # Networks with one seed, after the default network; NEAT is the paper's baseline in the 180 degree setting.
@@ -61,6 +68,9 @@ _OTHERS = (
     ("neat", "360", OCCUPANCY),
 )
 
+# Parts of the default network, one after the other.
+_PARTS = (("depth",), ("depth", "memory"), ("depth", "objects"), ("depth", "memory", "objects"))
+
 
 def study_rows(first_seed: int, seeds: int) -> tuple[StudyRow, ...]:
     """Return all rows: every network with the first seed, then the default network with the other seeds.
@@ -69,7 +79,10 @@ def study_rows(first_seed: int, seeds: int) -> tuple[StudyRow, ...]:
     """
     default = [("appocc", setting, answers) for setting in ("360", "180") for answers in (OCCUPANCY, BOTH)]
     rows = [StudyRow(*parts, None if parts[0] in COLOURINGS else first_seed) for parts in (*default, *_OTHERS)]
-    rows += [StudyRow(*parts, first_seed + number) for number in range(1, seeds) for parts in default]
+    rows += [StudyRow("appocc", "360", BOTH, first_seed, parts) for parts in _PARTS]
+    for seed in range(first_seed + 1, first_seed + seeds):
+        rows += [StudyRow(*parts, seed) for parts in default]
+        rows += [StudyRow("appocc", "360", BOTH, seed, parts) for parts in _PARTS]
     return tuple(rows)
 
 

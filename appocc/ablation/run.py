@@ -35,7 +35,7 @@ def build_study(config: Config, test: Dataset, scenes: int | None, seeds: int, o
     """
     if config.init is not None:
         raise DataError(f"ablate: expected init null, got {config.init!r}; all rows are trained from scratch")
-    for root in (config.data.train, config.data.val):
+    for root in (*config.data.train_roots, config.data.val):
         if root is not None and not Path(root).is_dir():
             raise DataError(f"{root}: no such folder")
     if config.train.threads is not None:

@@ -21,7 +21,7 @@ _REPEATED = (*IOUS, "thresholds", "appearance_l1", "appearance_l1_by_class", "ap
 def study_json(base: Config, test: Mapping[str, Any], outcomes: Sequence[RowOutcome]) -> Figures:
     """Return the results of all rows, shares 0..1; without times, so that the same rows give the same bytes."""
     config = base.model_dump(mode="json")
-    own = {"network", "setting", "appearance"}
+    own = {"network", "parts", "setting", "appearance"}
     settings = list(TABLES)
     return {
         "training": {name: value for name, value in config.items() if name not in own},
@@ -69,11 +69,11 @@ def differences(outcomes: Sequence[RowOutcome], setting: str) -> list[Figures]:
     """Return table III: IoU with appearance minus IoU of occupancy alone, seed by seed."""
     found = []
     done = {each.row: each for each in outcomes if each.state == "done" and each.row.setting == setting}
-    for network in dict.fromkeys(row.network for row in done):
+    for network in dict.fromkeys(row.label for row in done):
         pairs = [
             (row.seed, each, done[alone])
             for row, each in done.items()
-            if row.network == network and row.outputs == BOTH
+            if row.label == network and row.outputs == BOTH
             for alone in [row._replace(outputs=OCCUPANCY)]
             if alone in done
         ]
@@ -100,7 +100,7 @@ def _groups(outcomes: Sequence[RowOutcome], setting: str) -> list[tuple[Figures,
     groups: dict[tuple[str, str], list[RowOutcome]] = {}
     for each in outcomes:
         if each.state == "done" and each.row.setting == setting:
-            groups.setdefault((each.row.network, each.row.outputs), []).append(each)
+            groups.setdefault((each.row.label, each.row.outputs), []).append(each)
     return [
         ({"network": network, "answers": answers, "seeds": [each.row.seed for each in done]}, done)
         for (network, answers), done in groups.items()
@@ -127,7 +127,7 @@ def _minus(a: float | None, b: float | None) -> float | None:
 def _row(outcome: RowOutcome) -> Figures:
     """Return the state and main metrics of a row."""
     row, result = outcome.row, outcome.result
-    values: Figures = {"name": row.name, "network": row.network, "setting": row.setting, "answers": row.outputs}
+    values: Figures = {"name": row.name, "network": row.label, "setting": row.setting, "answers": row.outputs}
     values |= {"seed": row.seed, "state": outcome.state}
     values |= {key: result[key] for key in ("steps", "best_step", "reason") if key in result}
     if outcome.state == "done":

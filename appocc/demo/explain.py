@@ -20,10 +20,10 @@ real street.
 What each file shows
 --------------------
 bev.png      Above, the six camera images of key frame {frame}, as one looks out of the car. Below, the same moment
-             from above, ahead is up and left is left: what the network makes of the images, and under it the
-             truth. On the left the colour of each cell of 0.4 m, on the right what is there (road grey, line
-             markings yellow, vehicles blue). The green outline is the car itself; the numbers are metres ahead of
-             (+) or behind (-) its rear axle.
+             from above, ahead is up and left is left: on the left what the network makes of the images, on the right
+             the truth. First the colour of each cell of 0.4 m, the fainter the less sure the network is, with each
+             vehicle in its colour; then what is there (road grey, line markings yellow, vehicles blue). The green
+             outline is the car itself; the numbers are metres ahead of (+) or behind (-) its rear axle.
 tracks.webm  The vehicles of the predicted maps followed through all {samples} key frames: the cameras with the
              tracks drawn in, and the map with each vehicle's number, distance, trail and colour. Plays in any
              browser.

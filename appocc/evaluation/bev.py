@@ -5,12 +5,13 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import reduce
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from appocc.bevmap import CLASSES, VEHICLE
-from appocc.checks import FloatArray, IntArray, check_distance
+from appocc.checks import BoolArray, FloatArray, IntArray, check_distance
 from appocc.errors import DataError
 from appocc.evaluation.bootstrap import DRAWS, LEVEL, confidence_interval, resampled_median
 from appocc.evaluation.cells import (
@@ -25,12 +26,18 @@ from appocc.evaluation.cells import (
     ratio,
     threshold_rows,
 )
-from appocc.evaluation.pairs import check_maps_exist, read_map_pair
+from appocc.evaluation.pairs import MapPair, check_maps_exist, read_map_pair
 from appocc.evaluation.vehicles import VehicleScore, score_vehicles, true_vehicles, visibility_levels
 from appocc.geometry import inverse
 from appocc.nuscenes.dataset import Dataset
 from appocc.nuscenes.records import Sample, Scene
 from appocc.nuscenes.simulated import weather_of
+from appocc.probability_calibration import (
+    ProbabilityHistogram,
+    calibration_error,
+    histogram_of,
+    reliability_table,
+)
 
 
 @dataclass(frozen=True)
@@ -66,6 +73,7 @@ class SceneScores(NamedTuple):
         weather: weather of a simulated scene; empty for recorded scenes.
         samples: number of samples.
         counts: cell counts.
+        probabilities: histogram of the probabilities of road, vehicle, lane.
         vehicles: scores of all vehicles of all samples.
     """
 
@@ -73,6 +81,7 @@ class SceneScores(NamedTuple):
     weather: str
     samples: int
     counts: CellCounts
+    probabilities: tuple[ProbabilityHistogram, ...]
     vehicles: Sequence[VehicleScore]
 
 
@@ -112,6 +121,7 @@ class Evaluation:
             "by_sight": {name: groups[name] for name in ("seen", "unseen")} if sighted else None,
             "by_weather": {name: self._weather(name) for name in weathers},
             "by_visibility": {level: _vehicles(s for s in vehicles if s.visibility == level) for level in levels},
+            "calibration": self._calibration(),
             "confidence": self._confidence(),
         }
 
@@ -131,6 +141,17 @@ class Evaluation:
         chosen = [scene for scene in self.scenes if scene.weather == name]
         vehicles = _vehicles(score for scene in chosen for score in scene.vehicles)
         return {"samples": sum(s.samples for s in chosen), **self._cells(chosen, "all"), "vehicles": vehicles}
+
+    def _calibration(self) -> dict[str, Any] | None:
+        """Return error and reliability table of each class; None if all probabilities are 0 or 1."""
+        none = (ProbabilityHistogram.zeros(),) * len(CLASSES)
+        sums = reduce(_added, (scene.probabilities for scene in self.scenes), none)
+        if all(histogram.certain for histogram in sums):
+            return None
+        return {
+            name: {"ece": calibration_error(histogram), "table": reliability_table(histogram)}
+            for name, histogram in zip(CLASSES, sums, strict=True)
+        }
 
     def _confidence(self) -> dict[str, Any]:
         """Return the confidence intervals of the main metrics."""
@@ -193,6 +214,7 @@ def _score_scene(
 ) -> SceneScores:
     thresholds = threshold_rows(kept)
     counts, vehicles = CellCounts.zeros(len(thresholds)), []
+    probabilities = (ProbabilityHistogram.zeros(),) * len(CLASSES)
     samples = dataset.samples(scene)
     annotated = dataset.annotated(scene)
     for sample in samples:
@@ -203,12 +225,26 @@ def _score_scene(
         within = np.linalg.norm(grid.centres(), axis=-1) <= (config.range_m or np.inf)
         masks = cell_group_masks(grid, within, pair.seen)
         counts = counts.plus(count_cells(pair.predicted, pair.truth, masks, thresholds))
+        probabilities = _added(probabilities, _histograms(pair, within))
         boxes = _boxes(dataset, sample) if pair.instance is None and annotated else None
         true = true_vehicles(pair.truth, pair.instance, boxes)
         levels = visibility_levels(dataset, sample)
         vehicles += score_vehicles(pair.predicted, pair.truth, true, within, float(thresholds[-1, VEHICLE]), levels)
         advance(1)
-    return SceneScores(scene.name, weather_of(scene), len(samples), counts, vehicles)
+    return SceneScores(scene.name, weather_of(scene), len(samples), counts, probabilities, vehicles)
+
+
+def _histograms(pair: MapPair, within: BoolArray) -> tuple[ProbabilityHistogram, ...]:
+    """Return the histogram of each class over the cells of a mask (X, Y) that are valid in both maps."""
+    valid = pair.predicted.occupancy_valid & pair.truth.occupancy_valid & within
+    on = pair.truth.occupancy >= 0.5
+    return tuple(histogram_of(pair.predicted.occupancy[c][valid[c]], on[c][valid[c]]) for c in range(len(CLASSES)))
+
+
+def _added(
+    one: tuple[ProbabilityHistogram, ...], other: tuple[ProbabilityHistogram, ...]
+) -> tuple[ProbabilityHistogram, ...]:
+    return tuple(a.plus(b) for a, b in zip(one, other, strict=True))
 
 
 def _boxes(dataset: Dataset, sample: Sample) -> Any:

@@ -9,13 +9,45 @@ from typing import Any
 
 from appocc.bevmap import CLASSES
 from appocc.camera import Camera, CameraRig
-from appocc.export.graph import APPEARANCE, INPUT, OCCUPANCY, SEEN
+from appocc.export.graph import (
+    APPEARANCE,
+    ELAPSED,
+    IMAGES,
+    MEMORY,
+    NEXT_MEMORY,
+    OBJECT_BOX,
+    OBJECT_CENTRE,
+    OCCUPANCY,
+    PAST_FROM_NOW,
+    SEEN,
+    input_shapes,
+)
+from appocc.models.base import VELOCITY_UNIT_MPS
 from appocc.models.input_images import fit_camera
-from appocc.models.model_spec import ModelSpec
+from appocc.models.model_spec import ModelSpec, Parts
 from appocc.models.weights import read_thresholds
+from appocc.objects import KINDS
 
 ENTRY = "card"
 VERSION = "1"
+BOX_CHANNELS = (
+    "x of the centre from the centre of the cell, cells",
+    "y of the centre from the centre of the cell, cells",
+    "z of the centre, metres",
+    "logarithm of the width in metres",
+    "logarithm of the length in metres",
+    "logarithm of the height in metres",
+    "sine of the heading, not normalised",
+    "cosine of the heading, not normalised",
+    f"velocity along x, {VELOCITY_UNIT_MPS:g} m/s",
+    f"velocity along y, {VELOCITY_UNIT_MPS:g} m/s",
+)
+_INPUT_MEANINGS = {
+    IMAGES: "pictures of the cameras in their order; sRGB, red first, 0..1",
+    MEMORY: f"{NEXT_MEMORY} of the frame before; zeros for the first frame of a drive",
+    PAST_FROM_NOW: "ego motion on the ground: rotation, and translation in metres, of points now to the frame before",
+    ELAPSED: "seconds since the frame before",
+}
 
 
 def make_card(
@@ -37,24 +69,21 @@ def make_card(
         packages: packages whose versions are recorded.
     """
     grid = spec.grid
-    cells = [1, 3, *grid.shape]
-    outputs = {OCCUPANCY: {"shape": cells, "type": "float32", "says": "probabilities of the classes"}}
-    if json.loads(weights_card["appearance"]):
-        outputs[APPEARANCE] = {"shape": cells, "type": "float32", "says": "sRGB colours, red first, 0..1"}
-    outputs[SEEN] = {"shape": list(grid.shape), "type": "bool", "says": "cells that a camera sees, by geometry"}
+    parts = Parts.of(json.loads(weights_card.get("parts", "[]")))
+    inputs = {
+        name: {"name": name, "shape": list(shape), "type": "float32", "says": _INPUT_MEANINGS[name]}
+        for name, shape in input_shapes(spec, parts, len(rig)).items()
+    }
+    images = inputs.pop(IMAGES)
     return {
         "version": VERSION,
         "network": weights_card["network"],
         "setting": spec.name,
         "classes": list(CLASSES),
         "thresholds": dict(zip(CLASSES, read_thresholds(weights_card), strict=True)),
-        "input": {
-            "name": INPUT,
-            "shape": [1, len(rig), 3, spec.height_px, spec.width_px],
-            "type": "float32",
-            "says": "pictures of the cameras in their order; sRGB, red first, 0..1",
-        },
-        "outputs": outputs,
+        "input": images,
+        **({"memory_inputs": inputs} if inputs else {}),
+        "outputs": _outputs(spec, parts, bool(json.loads(weights_card["appearance"]))),
         "grid": {
             "x_min_m": grid.x_min_m,
             "x_max_m": grid.x_max_m,
@@ -68,6 +97,28 @@ def make_card(
         "weights": {**weights, "card": dict(weights_card)},
         "versions": {name: metadata.version(name) for name in ("appocc", "torch", *packages)},
     }
+
+
+def _outputs(spec: ModelSpec, parts: Parts, appearance: bool) -> dict[str, Any]:
+    """Return shape, type and meaning of the outputs by name."""
+    half = spec.grid.halved()
+    cells = [1, 3, *spec.grid.shape]
+    outputs: dict[str, Any] = {OCCUPANCY: {"shape": cells, "type": "float32", "says": "probabilities of the classes"}}
+    if appearance:
+        outputs[APPEARANCE] = {"shape": cells, "type": "float32", "says": "sRGB colours, red first, 0..1"}
+    if parts.objects:
+        for name, channels, meaning in (
+            (OBJECT_CENTRE, KINDS, "probabilities of object centres"),
+            (OBJECT_BOX, BOX_CHANNELS, "box of the object whose centre is in the cell"),
+        ):
+            shape = [1, len(channels), *half.shape]
+            about = {"channels": list(channels), "cell_m": half.cell_m}
+            outputs[name] = {"shape": shape, "type": "float32", "says": meaning, **about}
+    if parts.memory:
+        shape = list(input_shapes(spec, parts, 0)[MEMORY])
+        outputs[NEXT_MEMORY] = {"shape": shape, "type": "float32", "says": f"{MEMORY} for the next frame"}
+    outputs[SEEN] = {"shape": list(spec.grid.shape), "type": "bool", "says": "cells that a camera sees, by geometry"}
+    return outputs
 
 
 def _camera(camera: Camera, spec: ModelSpec) -> dict[str, Any]:

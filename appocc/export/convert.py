@@ -15,18 +15,17 @@ import torch
 from appocc.errors import AppoccError
 from appocc.export.card import ENTRY
 from appocc.export.extras import import_package
-from appocc.export.graph import APPEARANCE, INPUT, OCCUPANCY, SEEN, ExportGraph
+from appocc.export.graph import SEEN, ExportGraph
 
 # The newest opset that the exporter writes directly; runtimes of the last three years support it.
 OPSET = 20
 
 
-def to_onnx(graph: ExportGraph, shape: tuple[int, ...], card: str) -> Any:
+def to_onnx(graph: ExportGraph, card: str) -> Any:
     """Convert a graph to an ONNX model; the same graph gives the same bytes.
 
     Args:
         graph: network with a rig.
-        shape: shape of its images, (1, N, 3, H, W).
         card: model card for the metadata.
 
     Raises:
@@ -34,16 +33,14 @@ def to_onnx(graph: ExportGraph, shape: tuple[int, ...], card: str) -> Any:
     """
     onnx = import_package("onnx")
     import_package("onnxscript")
-    names = [OCCUPANCY, APPEARANCE]
-    images = torch.zeros(shape)
+    inputs = tuple(map(torch.zeros, graph.shapes.values()))
     try:
         with _quiet_export(), torch.no_grad():
-            count = len(graph(images))
             program = torch.onnx.export(
                 graph,
-                (images,),
-                input_names=[INPUT],
-                output_names=names[:count],
+                inputs,
+                input_names=list(graph.shapes),
+                output_names=list(graph(*inputs)),
                 opset_version=OPSET,
                 dynamo=True,
                 external_data=False,

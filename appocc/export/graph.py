@@ -1,4 +1,4 @@
-"""Export graph: a network and one rig as a single function from images to probabilities."""
+"""Export graph: a network and one rig as a single function from images, and memory, to outputs by name."""
 
 from __future__ import annotations
 
@@ -6,15 +6,30 @@ import torch
 from torch import Tensor, nn
 
 from appocc.camera import CameraRig
-from appocc.models.base import BEVModel
+from appocc.models.base import BEVModel, ModelOutput, ObjectOutput, ViewTransformPlan
 from appocc.models.batch_norm_folding import fold_batch_norms
+from appocc.models.lean_trunk import LeanTrunk
+from appocc.models.memory import Past
+from appocc.models.model_spec import ModelSpec, Parts
 
-INPUT = "images"
+IMAGES, MEMORY, PAST_FROM_NOW, ELAPSED = "images", "memory", "past_from_now", "elapsed_s"
 OCCUPANCY, APPEARANCE, SEEN = "occupancy", "appearance", "seen"
+OBJECT_CENTRE, OBJECT_BOX = "object_centre", "object_box"
+# ONNX does not allow an output with the name of an input.
+NEXT_MEMORY = "next_memory"
+
+
+def input_shapes(spec: ModelSpec, parts: Parts, cameras: int) -> dict[str, tuple[int, ...]]:
+    """Return the shapes of the inputs by name: images, and the memory of a network that has one."""
+    shapes: dict[str, tuple[int, ...]] = {IMAGES: (1, cameras, 3, spec.height_px, spec.width_px)}
+    if parts.memory:
+        memory = (1, LeanTrunk.memory_channels, *spec.grid.halved().shape)
+        shapes |= {MEMORY: memory, PAST_FROM_NOW: (1, 2, 3), ELAPSED: (1,)}
+    return shapes
 
 
 class ExportGraph(nn.Module):
-    """Outputs by name of images (1, N, 3, H, W) of a rig; everything that depends on the rig is a constant.
+    """Outputs by name of the images of a rig, and of the memory; everything that depends on the rig is a constant.
 
     Batch norms are folded, and only operations are used that every runtime supports.
     """
@@ -29,15 +44,36 @@ class ExportGraph(nn.Module):
         self.model = fold_batch_norms(model)
         self.plan = model.plan([rig]).for_export()
         self.seen = self.plan.seen[0]
+        self.shapes = input_shapes(model.spec, model.parts, len(rig))
         self.eval()
 
-    def forward(self, images: Tensor) -> dict[str, Tensor]:
-        """Return probabilities (1, 3, X, Y), and colours (1, 3, X, Y) 0..1 if the network predicts appearance."""
-        occupancy, appearance, _ = self.model(images, self.plan)
-        return named_outputs(occupancy, appearance)
+    def forward(self, *inputs: Tensor) -> dict[str, Tensor]:
+        """Return the outputs by name, from inputs in the order of `input_shapes`."""
+        return run_network(self.model, self.plan, dict(zip(self.shapes, inputs, strict=True)))
 
 
-def named_outputs(occupancy: Tensor, appearance: Tensor | None) -> dict[str, Tensor]:
-    """Return the outputs of an exported network by name, from logits and colours."""
-    outputs = {OCCUPANCY: torch.sigmoid(occupancy.float())}
-    return outputs if appearance is None else {**outputs, APPEARANCE: appearance.float()}
+def run_network(model: BEVModel, plan: ViewTransformPlan, inputs: dict[str, Tensor]) -> dict[str, Tensor]:
+    """Return the outputs of a network by name, from inputs by name; without a memory the frame is a first one."""
+    past = None
+    if MEMORY in inputs:
+        elapsed = inputs[ELAPSED][None]
+        past = Past(inputs[MEMORY], inputs[PAST_FROM_NOW][None], elapsed, torch.ones_like(elapsed))
+    return named_outputs(model(inputs[IMAGES], plan, past))
+
+
+def named_outputs(output: ModelOutput) -> dict[str, Tensor]:
+    """Return the outputs of an exported network by name: logits as probabilities, boxes as one array."""
+    outputs = {OCCUPANCY: torch.sigmoid(output.occupancy.float())}
+    if output.appearance is not None:
+        outputs[APPEARANCE] = output.appearance.float()
+    if output.objects is not None:
+        outputs[OBJECT_CENTRE] = torch.sigmoid(output.objects.centre)
+        outputs[OBJECT_BOX] = _boxes(output.objects)
+    if output.memory is not None:
+        outputs[NEXT_MEMORY] = output.memory.float()
+    return outputs
+
+
+def _boxes(objects: ObjectOutput) -> Tensor:
+    """Return (B, 10, X/2, Y/2); `card.BOX_CHANNELS` names the channels."""
+    return torch.cat([objects.offset, objects.height, objects.size, objects.heading, objects.velocity], dim=1)

@@ -10,29 +10,26 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from appocc.camera import CameraRig
-from appocc.checks import Float32Array
 from appocc.errors import DataError
 from appocc.export.card import card_text, make_card
+from appocc.export.clips import FRAMES, frame_clips, synthetic_clips
 from appocc.export.convert import to_onnx, write_onnx, write_openvino
 from appocc.export.extras import import_package
-from appocc.export.graph import ExportGraph
-from appocc.export.parity import Parity, ParityError, measure_parity, parity_limit, synthetic_inputs, torch_runner
+from appocc.export.graph import ExportGraph, input_shapes
+from appocc.export.parity import Parity, ParityError, measure_parity, parity_limit, torch_runner
 from appocc.export.runtimes import Runner, open_onnx, open_openvino
 from appocc.files import digest_of, whole_file
 from appocc.frame import Frame
 from appocc.inference.inputs import InferenceInput
 from appocc.inference.loading import weights_file
 from appocc.inference.predictor import select_cameras
-from appocc.models.input_images import fit_camera, fit_image
-from appocc.models.model_spec import ModelSpec
+from appocc.models.input_images import fit_camera
 from appocc.models.registry import COLOURINGS
 from appocc.models.weights import load_model
 from appocc.typing import PathLike
 
 _ONNX, _OPENVINO = ".onnx", ".xml"
 _PACKAGES = {_ONNX: ("onnx", "onnxscript", "onnxruntime"), _OPENVINO: ("onnx", "onnxscript", "openvino")}
-# Number of real frames that the file is verified with.
-_MOST_FRAMES = 3
 
 
 class ExportSource(NamedTuple):
@@ -41,12 +38,20 @@ class ExportSource(NamedTuple):
     Attributes:
         rig: all its cameras.
         name: name of the rig, for the card.
-        frames: frames of the rig, for verification.
+        inputs: key frames of a drive with the rig, for verification; a few are read.
     """
 
     rig: CameraRig
     name: str
-    frames: Sequence[Frame] = ()
+    inputs: Sequence[InferenceInput] = ()
+
+    def frames(self, consecutive: bool) -> list[Frame]:
+        """Read a few frames: consecutive ones from the middle of the drive, or evenly spaced ones."""
+        last = len(self.inputs) - 1
+        first = max(0, last // 2 - 1)
+        spaced = {round(i) for i in np.linspace(0, last, FRAMES)}
+        picked = range(first, first + FRAMES) if consecutive else sorted(spaced)
+        return [self.inputs[i].read().frame for i in picked if 0 <= i <= last]
 
 
 class Exported(NamedTuple):
@@ -64,10 +69,8 @@ class Exported(NamedTuple):
 
 
 def source_from_inputs(inputs: Sequence[InferenceInput], name: str) -> ExportSource:
-    """Return the rig of the first input, and a few frames evenly spaced over the inputs."""
-    picked = sorted({round(i) for i in np.linspace(0, len(inputs) - 1, _MOST_FRAMES)})
-    frames = [inputs[i].read().frame for i in picked]
-    return ExportSource(frames[0].rig, name, frames)
+    """Return the rig of the first of the key frames of a drive."""
+    return ExportSource(inputs[0].read().frame.rig, name, inputs)
 
 
 def export(
@@ -106,18 +109,20 @@ def export(
     if not len(cameras):
         raise DataError(f"rig {source.name}: expected a camera of {', '.join(spec.channels)}, got none")
     fit = cameras.with_cameras(fit_camera(camera, spec) for camera in cameras)
-    shape = (1, len(fit), 3, spec.height_px, spec.width_px)
+    shapes = input_shapes(spec, model.parts, len(fit))
     identity = {"file": path.name, "sha256": digest_of(path)}
     card = make_card(weights_card, identity, spec, cameras, source.name, _PACKAGES[ending])
-    inputs = {**synthetic_inputs(shape), **_frame_inputs(source.frames, cameras, spec)}
+    frames = source.frames(consecutive=model.parts.memory)
+    clips = {**synthetic_clips(shapes), **frame_clips(frames, cameras, spec, shapes)}
+    limit = parity_limit(model, max(map(len, clips.values())))
     with ExitStack() as kept:
         # First, so that an unwritable path fails at once.
         places = [kept.enter_context(whole_file(file)) for file in _files(out)]
-        proto = to_onnx(ExportGraph(model, fit), shape, card_text(card))
+        proto = to_onnx(ExportGraph(model, fit), card_text(card))
         advance(1)
         open_file = _written(proto, card_text(card), places)
         advance(1)
-        parity = measure_parity(torch_runner(model, fit), open_file, inputs, parity_limit(model), runs, advance)
+        parity = measure_parity(torch_runner(model, fit), open_file, clips, limit, runs, advance)
         if not parity.holds:
             far = ", ".join(f"{name} {value:.2g}" for name, value in parity.largest.items())
             raise ParityError(
@@ -142,14 +147,3 @@ def _written(proto: Any, card: str, places: Sequence[Path]) -> Callable[[int], R
     write_openvino(proto, card, first, values)
     card_file.write_text(card + "\n", encoding="utf-8")
     return lambda threads: open_openvino(first, values, threads)
-
-
-def _frame_inputs(frames: Sequence[Frame], rig: CameraRig, spec: ModelSpec) -> dict[str, Float32Array]:
-    """Return network inputs (1, N, 3, H, W) of the frames in which every camera works, by name."""
-    found = {}
-    for frame in frames:
-        if all(camera.channel in frame.images for camera in rig):
-            pairs = [fit_image(frame.images[c.channel], frame.rig[c.channel], spec) for c in rig]
-            stacked = np.stack([image for image, _ in pairs]).transpose(0, 3, 1, 2)[None]
-            found[f"frame {frame.token}"] = np.ascontiguousarray(stacked, np.float32) / np.float32(255)
-    return found

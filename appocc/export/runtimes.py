@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 
 from appocc.checks import Float32Array
 from appocc.export.extras import import_package
-from appocc.export.graph import INPUT
 
+# Arrays by name.
+Inputs = Mapping[str, Float32Array]
 Outputs = Mapping[str, NDArray[Any]]
-Runner = Callable[[Float32Array], Outputs]
+Runner = Callable[[Inputs], Outputs]
 
 
 def open_onnx(path: Path, threads: int) -> Runner:
@@ -32,8 +33,8 @@ def open_onnx(path: Path, threads: int) -> Runner:
     session = onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
     names = [output.name for output in session.get_outputs()]
 
-    def run(images: Float32Array) -> Outputs:
-        return dict(zip(names, session.run(names, {INPUT: images}), strict=True))
+    def run(inputs: Inputs) -> Outputs:
+        return dict(zip(names, session.run(names, dict(inputs)), strict=True))
 
     return run
 
@@ -48,10 +49,11 @@ def open_openvino(xml: Path, weights: Path, threads: int) -> Runner:
     core = openvino.Core()
     how = {"INFERENCE_PRECISION_HINT": "f32", "INFERENCE_NUM_THREADS": threads, "NUM_STREAMS": 1}
     compiled = core.compile_model(core.read_model(str(xml), str(weights)), "CPU", how)
-    names = [output.any_name for output in compiled.outputs]
+    # Merged operations leave an output several names.
+    names = [name for output in compiled.outputs for name in output.names]
 
-    def run(images: Float32Array) -> Outputs:
-        found = compiled({INPUT: images})
+    def run(inputs: Inputs) -> Outputs:
+        found = compiled(dict(inputs))
         return {name: np.array(found[name]) for name in names}
 
     return run

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from appocc.camera import Camera, CameraRig
-from appocc.checks import ByteArray
+from appocc.checks import ByteArray, FloatArray
 from appocc.ego_vehicle import EgoVehicle
 from appocc.errors import DataError
 from appocc.files import plain_name, read_image
@@ -46,12 +46,16 @@ class InferenceInput(NamedTuple):
         title: file name of its picture, without the ending.
         read: reads the frame; called late, because a long recording does not fit into memory.
         parts: digests of the inputs of the map, by name.
+        pose: returns the (4, 4) pose world_from_ego; None for images without poses.
+        drive: drive that the frame belongs to; its frames follow each other in the order of time. '' for one alone.
     """
 
     token: str
     title: str
     read: Callable[[], LoadedFrame]
     parts: Callable[[], Parts]
+    pose: Callable[[], FloatArray] | None = None
+    drive: str = ""
 
 
 def dataset_inputs(dataset: Dataset, scenes: Sequence[Scene]) -> list[InferenceInput]:
@@ -65,7 +69,8 @@ def dataset_inputs(dataset: Dataset, scenes: Sequence[Scene]) -> list[InferenceI
         name = plain_name(dataset.root, scene.name)
         for number, sample in enumerate(dataset.samples(scene)):
             read, parts = partial(_read_sample, dataset, sample), partial(sample_parts, dataset, sample)
-            inputs.append(InferenceInput(plain_name(dataset.root, sample.token), f"{name}-{number:04d}", read, parts))
+            token, title = plain_name(dataset.root, sample.token), f"{name}-{number:04d}"
+            inputs.append(InferenceInput(token, title, read, parts, partial(dataset.world_from_ego, sample), name))
     if not inputs:
         raise DataError(f"{dataset.root}: no key frames")
     return inputs

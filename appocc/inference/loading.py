@@ -39,4 +39,6 @@ def load_predictor(weights: PathLike | None = None, device: torch.device | None 
     digest = digest_of(path)
     chosen = device or torch.device("cuda" if torch.cuda.is_available() else "cpu")
     thresholds = dict(zip(CLASSES, read_thresholds(card), strict=True))
-    return Predictor(fold_batch_norms(model), Weights(f"{card['network']} ({path.name})", digest, thresholds), chosen)
+    name, least_score = f"{card['network']} ({path.name})", float(card.get("object_threshold", 0.5))
+    identity = Weights(name, digest, thresholds, least_score)
+    return Predictor(fold_batch_norms(model), identity, chosen)

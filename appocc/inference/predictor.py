@@ -12,12 +12,14 @@ from torch import Tensor
 
 from appocc.bevmap import CLASSES, BEVMap
 from appocc.camera import Camera, CameraRig
-from appocc.checks import BoolArray
+from appocc.checks import BoolArray, FloatArray
 from appocc.errors import DataError
 from appocc.frame import Frame
 from appocc.models.base import BEVModel, ViewTransformPlan
 from appocc.models.input_images import fit_image, select_channels
+from appocc.models.memory import Past, ground_motion, is_linked
 from appocc.models.model_spec import ModelSpec
+from appocc.models.object_decoding import decode_objects, paint_objects
 
 
 @dataclass(frozen=True)
@@ -28,11 +30,13 @@ class Weights:
         name: name for display.
         digest: SHA-256 of the file; maps from the same weights need not be predicted again.
         thresholds: decision threshold of each class, chosen on validation data.
+        object_threshold: lowest score of an object, chosen on validation data.
     """
 
     name: str
     digest: str
     thresholds: Mapping[str, float]
+    object_threshold: float = 0.5
 
     def as_meta(self) -> dict[str, str]:
         """Return the entry for the meta of a map."""
@@ -51,8 +55,21 @@ class Prediction(NamedTuple):
     seen: BoolArray
 
 
+class _Memory(NamedTuple):
+    """Memory of a network after a frame."""
+
+    state: Tensor
+    world_from_ego: FloatArray
+    timestamp_us: int
+
+
 class Predictor:
-    """Predict the map of one frame at a time; the view-transform plan is reused while the rig stays the same."""
+    """Predict the maps of a drive, one frame at a time.
+
+    For a network with memory, pass the frames in order of time and call `reset` before another drive. A break in time
+    or a jump of the pose resets the memory. The view-transform plan is reused while the
+    rig stays the same.
+    """
 
     def __init__(self, model: BEVModel, weights: Weights, device: torch.device) -> None:
         """Move a network to the device and set evaluation mode."""
@@ -60,6 +77,16 @@ class Predictor:
         self.weights = weights
         self._device = device
         self._cached_plan: tuple[CameraRig, ViewTransformPlan] | None = None
+        self._memory: _Memory | None = None
+
+    @property
+    def has_memory(self) -> bool:
+        """Whether a map depends on the frames before."""
+        return self.model.parts.memory
+
+    def reset(self) -> None:
+        """Forget all frames: the next frame is the first of a drive."""
+        self._memory = None
 
     def __call__(self, frame: Frame) -> Prediction:
         """Predict the map of a frame from its images.
@@ -71,8 +98,9 @@ class Predictor:
         stacked, rig = stack_images(frame, spec)
         plan = self._plan(rig)
         images = stacked.to(self._device).float()[None] / 255
+        past = self._past(frame)
         with torch.inference_mode():
-            output = self.model(images, plan)
+            output = self.model(images, plan, past)
             occupancy = output.occupancy[0].float().sigmoid().cpu().numpy()
             colour = None if output.appearance is None else output.appearance[0].float().cpu().numpy()
         seen = plan.seen[0].cpu().numpy()
@@ -80,10 +108,28 @@ class Predictor:
         rgb = np.zeros((3, *shape)) if colour is None else colour.clip(0, 1) * 255
         if not np.isfinite(occupancy).all() or not np.isfinite(rgb).all():
             raise DataError(f"{frame.token}: the model output is not finite; are its weights ({self.weights.name})?")
+        if output.memory is not None:
+            self._memory = _Memory(output.memory, frame.world_from_ego, frame.timestamp_us)
+        objects = None
+        if output.objects is not None:
+            objects = decode_objects(output.objects, spec.grid, seen, moving=past is not None)
+            if colour is not None:
+                objects = paint_objects(objects, spec.grid, occupancy, rgb, seen)
         known, coloured = np.broadcast_to(seen, (3, *shape)).copy(), seen & (colour is not None)
         meta = self._meta(frame, list(rig.channels))
-        bev = BEVMap(spec.grid, occupancy, known, rgb.round().astype(np.uint8), coloured, meta)
+        bev = BEVMap(spec.grid, occupancy, known, rgb.round().astype(np.uint8), coloured, meta, objects)
         return Prediction(bev, seen)
+
+    def _past(self, frame: Frame) -> Past | None:
+        """Return the link to the frame before; None if there is none in reach."""
+        if self._memory is None:
+            return None
+        state, before, time_us = self._memory
+        motion, elapsed_s = ground_motion(before, frame.world_from_ego), (frame.timestamp_us - time_us) / 1e6
+        if not is_linked(motion, elapsed_s):
+            return None
+        numbers = torch.from_numpy(motion).float()[None, None], torch.tensor([[elapsed_s]]), torch.ones(1, 1)
+        return Past(state, *numbers).to(self._device)
 
     def _plan(self, rig: CameraRig) -> ViewTransformPlan:
         if self._cached_plan is None or self._cached_plan[0] != rig:
@@ -95,6 +141,7 @@ class Predictor:
             "source": "predicted",
             "weights": self.weights.as_meta(),
             "thresholds": {name: float(self.weights.thresholds[name]) for name in CLASSES},
+            **({"object_threshold": self.weights.object_threshold} if self.model.parts.objects else {}),
             "setting": self.model.spec.name,
             "cameras": channels,
             "token": frame.token,

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from functools import partial
+from itertools import groupby
 from pathlib import Path
 from typing import NamedTuple
 
@@ -13,7 +14,8 @@ from appocc.errors import DataError
 from appocc.frame import Frame
 from appocc.inference.inputs import InferenceInput
 from appocc.inference.predictor import Predictor
-from appocc.provenance import Record, add_record
+from appocc.nuscenes.detection_results import ResultBox, result_boxes, write_results
+from appocc.provenance import Record, add_record, digest
 from appocc.typing import PathLike
 
 PICTURES = "pictures"
@@ -57,13 +59,28 @@ class InferenceRun:
     always has its picture; an input without one is predicted again.
     """
 
-    def __init__(self, inputs: Sequence[InferenceInput], predictor: Predictor, out: PathLike) -> None:
+    def __init__(
+        self,
+        inputs: Sequence[InferenceInput],
+        predictor: Predictor,
+        out: PathLike,
+        detections: PathLike | None = None,
+    ) -> None:
         """Prepare a run.
 
+        Args:
+            inputs: what to predict.
+            predictor: network with its weights.
+            out: folder of the maps.
+            detections: file for the objects of all inputs as nuScenes' detection results, written at the end.
+
         Raises:
-            DataError: if `out` is a folder of ground truth.
+            DataError: if `out` is a folder of ground truth, or inputs without poses cannot have detections.
         """
         self._inputs, self._predictor, self._out = inputs, predictor, Path(out)
+        self._detections = None if detections is None else Path(detections)
+        if self._detections is not None and any(each.pose is None for each in inputs):
+            raise DataError(f"{detections}: detections need ego poses: expected a dataset, got a folder of images")
         if is_truth(str(self._out.resolve())):
             raise DataError(f"{out}: maps in a folder of this name count as the truth; name another one")
         self._made = self._kept = 0
@@ -78,28 +95,61 @@ class InferenceRun:
         """Predict the inputs in order.
 
         Raises:
-            DataError: if an image has another size than its rig says, a frame has no working camera, or `out` cannot
-                be written or holds ground truth.
+            DataError: if an image has another size than its rig says, a frame has no working camera, `out` cannot be
+                written or holds ground truth, or the weights predict no objects and detections are asked for.
         """
         record = Record(self._out)
+        for _, drive in groupby(enumerate(self._inputs), key=lambda pair: pair[1].drive or pair[0]):
+            yield from self._predict_drive([each for _, each in drive], record)
+        record.tidy()
+        if self._detections is not None:
+            write_results(self._detections, {each.token: self._boxes(each) for each in self._inputs})
+
+    def _predict_drive(self, inputs: Sequence[InferenceInput], record: Record) -> Iterator[InferenceResult | None]:
+        """Predict the frames of a drive; with memory, a map is made of all frames up to its own."""
         why_stale = partial(_why_stale, predictor=self._predictor)
-        for each in self._inputs:
+        self._predictor.reset()
+        earlier = ""
+        unread: list[InferenceInput] = []  # with kept maps, which the memory does not have yet
+        for each in inputs:
             path, picture = self._out / f"{each.token}.npz", self._out / PICTURES / f"{each.title}.png"
-            parts = each.parts()
+            own = each.parts()
+            parts = {**own, "earlier frames": earlier} if earlier else own
+            if self._predictor.has_memory:
+                earlier = digest([earlier, sorted(own.items())])
             reason = record.why_remake(path, picture, parts, why_stale)
             if reason is None:
                 self._kept += 1
+                unread.append(each)
                 yield None
                 continue
             self._stale.update([reason] if reason else [])
+            for before in unread if self._predictor.has_memory else ():
+                self._predictor(before.read().frame)
+            unread.clear()
             frame, missing = each.read()
             self._count_missing(missing.items())
             bev, seen = self._predictor(frame)
+            self._check_objects(bev)
             yield InferenceResult(frame, bev, picture)
             bev.save(path, {"seen": seen})
             add_record(self._out, each.token, parts)
             self._made += 1
-        record.tidy()
+
+    def _check_objects(self, bev: BEVMap) -> None:
+        if self._detections is not None and bev.objects is None:
+            name = self._predictor.weights.name
+            raise DataError(
+                f"{self._detections}: the weights '{name}' predict no objects to be written as detections"
+            )
+
+    def _boxes(self, each: InferenceInput) -> list[ResultBox]:
+        """Return the boxes of an input from its written map, which may be a kept one."""
+        bev = BEVMap.load(self._out / f"{each.token}.npz")
+        self._check_objects(bev)
+        if bev.known_objects is None or each.pose is None:
+            return []
+        return result_boxes(bev.known_objects, each.pose())
 
     def _count_missing(self, missing: Iterable[tuple[str, str]]) -> None:
         for channel, reason in missing:

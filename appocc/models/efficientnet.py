@@ -17,6 +17,7 @@ from torch import Tensor, nn
 
 from appocc.checks import FloatArray
 from appocc.errors import ShapeError
+from appocc.models.depthwise import DepthwiseConv2d
 
 IMAGENET_MEAN = (0.485, 0.456, 0.406)
 IMAGENET_STD = (0.229, 0.224, 0.225)
@@ -129,7 +130,9 @@ def _convolutions(last_stage: int) -> Iterator[tuple[int, int]]:
 def _conv_norm(
     channels_in: int, channels_out: int, kernel: int, stride: int = 1, groups: int = 1, act: bool = True
 ) -> nn.Sequential:
-    conv = nn.Conv2d(channels_in, channels_out, kernel, stride, padding=(kernel - 1) // 2, groups=groups, bias=False)
+    conv: nn.Module = DepthwiseConv2d(channels_in, kernel, stride)
+    if groups == 1:
+        conv = nn.Conv2d(channels_in, channels_out, kernel, stride, padding=(kernel - 1) // 2, bias=False)
     # With the usual momentum of 0.01 the statistics are not converged after a few hundred steps.
     layers: list[nn.Module] = [conv, nn.BatchNorm2d(channels_out, momentum=0.1)]
     return nn.Sequential(*layers, *([nn.SiLU(inplace=True)] if act else []))

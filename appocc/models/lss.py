@@ -19,6 +19,7 @@ from appocc.camera import CameraRig
 from appocc.errors import ShapeError
 from appocc.models.base import DEPTH_BINS, BEVModel, ImageOutput, ModelOutput, ViewTransformPlan
 from appocc.models.efficientnet import EfficientNetB0
+from appocc.models.memory import Past
 from appocc.models.model_spec import ModelSpec
 from appocc.models.resnet import BEVTrunk, concat_upscaled, conv_norm_relu
 from appocc.models.view_transform.splatting import SplattingPlan, pack_cameras, plan_splatting, splat, unpack_cameras
@@ -125,7 +126,7 @@ class LiftSplatShoot(SplatModel):
         joined: Tensor = self.neck(concat_upscaled(features[16], features[32]))
         return joined
 
-    def forward(self, images: Tensor, plan: ViewTransformPlan) -> ModelOutput:
+    def forward(self, images: Tensor, plan: ViewTransformPlan, past: Past | None = None) -> ModelOutput:
         """Predict occupancy, no appearance."""
         grid, views = self.lift_and_splat(images, plan)
         return ModelOutput(self.trunk(grid), None, views)

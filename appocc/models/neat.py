@@ -31,6 +31,7 @@ from appocc.checks import Float32Array
 from appocc.errors import ShapeError
 from appocc.models.base import BEVModel, ModelOutput, ViewTransformPlan
 from appocc.models.efficientnet import EfficientNetB0, column_centres_px
+from appocc.models.memory import Past
 from appocc.models.model_spec import ModelSpec
 from appocc.models.view_transform.splatting import pack_cameras, unpack_cameras, visible_cells
 
@@ -113,7 +114,7 @@ class AttentionField(BEVModel):
             cameras=cameras,
         )
 
-    def forward(self, images: Tensor, plan: ViewTransformPlan) -> ModelOutput:
+    def forward(self, images: Tensor, plan: ViewTransformPlan, past: Past | None = None) -> ModelOutput:
         """Predict the occupancy of every cell, no appearance."""
         if not isinstance(plan, AttentionFieldPlan):
             raise ShapeError(f"plan: expected one of this network, got {type(plan).__name__}")

@@ -14,6 +14,7 @@ from appocc.errors import ShapeError
 from appocc.models.base import ModelOutput, ViewTransformPlan
 from appocc.models.efficientnet import EfficientNetB0
 from appocc.models.lss import CONTEXT_CHANNELS, STRIDE, Lift, SplatModel
+from appocc.models.memory import Past
 from appocc.models.model_spec import ModelSpec
 from appocc.models.resnet import BEVTrunk
 
@@ -50,7 +51,7 @@ class PaperNet(SplatModel):
         features: Tensor = self.encoder(images)[STRIDE]
         return features
 
-    def forward(self, images: Tensor, plan: ViewTransformPlan) -> ModelOutput:
+    def forward(self, images: Tensor, plan: ViewTransformPlan, past: Past | None = None) -> ModelOutput:
         """Predict occupancy and appearance; a sigmoid keeps colours in 0..1."""
         grid, views = self.lift_and_splat(images, plan)
         colours = None if self.appearance is None else torch.sigmoid(self.appearance(grid))

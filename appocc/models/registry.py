@@ -14,7 +14,7 @@ from appocc.grid import BEVGrid
 from appocc.models.base import BEVModel
 from appocc.models.ipm import ipm
 from appocc.models.lss import LiftSplatShoot
-from appocc.models.model_spec import ModelSpec
+from appocc.models.model_spec import ModelSpec, Parts
 from appocc.models.neat import AttentionField
 from appocc.models.network import AppoccNet
 from appocc.models.paper import PaperNet
@@ -22,15 +22,15 @@ from appocc.models.paper import PaperNet
 DEFAULT = "appocc"
 
 
-def _paper(spec: ModelSpec, appearance: bool, num_classes: int) -> BEVModel:
+def _paper(spec: ModelSpec, appearance: bool, num_classes: int, parts: Parts) -> BEVModel:
     return PaperNet(spec, appearance=appearance, num_classes=num_classes)
 
 
-def _lss(spec: ModelSpec, appearance: bool, num_classes: int) -> BEVModel:
+def _lss(spec: ModelSpec, appearance: bool, num_classes: int, parts: Parts) -> BEVModel:
     return LiftSplatShoot(spec)
 
 
-def _neat(spec: ModelSpec, appearance: bool, num_classes: int) -> BEVModel:
+def _neat(spec: ModelSpec, appearance: bool, num_classes: int, parts: Parts) -> BEVModel:
     return AttentionField(spec)
 
 
@@ -46,17 +46,19 @@ class Network(NamedTuple):
     """Registry entry of a network.
 
     Attributes:
-        make: (spec, appearance, num_classes) -> network with random weights.
+        make: (spec, appearance, num_classes, parts) -> network with random weights.
         appearance: whether the network can predict appearance.
+        parts: parts that the network can have.
     """
 
-    make: Callable[[ModelSpec, bool, int], BEVModel]
+    make: Callable[[ModelSpec, bool, int, Parts], BEVModel]
     appearance: bool
+    parts: Parts = Parts()
 
 
 NETWORKS: Mapping[str, Network] = MappingProxyType(
     {
-        "appocc": Network(AppoccNet, True),
+        "appocc": Network(AppoccNet, True, Parts(depth=True, memory=True, objects=True)),
         "paper": Network(_paper, True),
         "lss": Network(_lss, False),
         "neat": Network(_neat, False),
@@ -66,7 +68,9 @@ NETWORKS: Mapping[str, Network] = MappingProxyType(
 COLOURINGS: Mapping[str, Colouring] = MappingProxyType({"ipm": ipm})
 
 
-def build(name: str, spec: ModelSpec, *, appearance: bool = True, num_classes: int = 0) -> BEVModel:
+def build(
+    name: str, spec: ModelSpec, *, appearance: bool = True, num_classes: int = 0, parts: Parts | None = None
+) -> BEVModel:
     """Build a network with random weights from torch's global generator.
 
     Args:
@@ -74,13 +78,18 @@ def build(name: str, spec: ModelSpec, *, appearance: bool = True, num_classes: i
         spec: cameras, grid and image size.
         appearance: predict appearance too; ignored by networks that predict occupancy only.
         num_classes: number of classes of the image heads for training; 0 for no image heads.
+        parts: optional parts; None for none.
 
     Raises:
-        NotFoundError: if there is no network of this name.
+        NotFoundError: if there is no network of this name, or it cannot have one of the parts.
         ShapeError: if `num_classes` is negative.
     """
     if name not in NETWORKS:
         raise NotFoundError(f"no network '{name}'; there are {', '.join(NETWORKS)}")
     if num_classes < 0:
         raise ShapeError(f"num_classes: expected 0 or more classes, got {num_classes}")
-    return NETWORKS[name].make(spec, appearance, num_classes)
+    wanted, possible = parts or Parts(), NETWORKS[name].parts
+    for part in wanted.names:
+        if part not in possible.names:
+            raise NotFoundError(f"network {name}: has no part '{part}'")
+    return NETWORKS[name].make(spec, appearance, num_classes, wanted)

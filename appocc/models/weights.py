@@ -15,7 +15,7 @@ from appocc.errors import AppoccError, DataError
 from appocc.files import write_bytes
 from appocc.grid import BEVGrid
 from appocc.models.base import BEVModel
-from appocc.models.model_spec import MODEL_SPECS, ModelSpec
+from appocc.models.model_spec import MODEL_SPECS, ModelSpec, Parts
 from appocc.models.registry import NETWORKS, build
 from appocc.typing import PathLike
 
@@ -38,7 +38,7 @@ def save_weights(path: PathLike, model: BEVModel, card: Card, half: bool = False
         path: file name that ends in .safetensors.
         model: network made by `build`.
         card: model card; `network` is the name of the network. `thresholds` (JSON, one per class) are 0.5 by default.
-            `setting`, `view` (JSON: cameras, grid, size), `appearance` and `version` are set here.
+            `setting`, `view` (JSON: cameras, grid, size), `appearance`, `parts` and `version` are set here.
         half: write matrices as float16, half the size; statistics and biases keep their type.
 
     Raises:
@@ -48,7 +48,7 @@ def save_weights(path: PathLike, model: BEVModel, card: Card, half: bool = False
     """
     state = model.state_dict()
     name = card.get("network", "")
-    appearance, wanted = _inference_weights(name, model.spec, state)
+    appearance, wanted = _inference_weights(name, model.spec, model.parts, state)
     tensors = {key: _packed(state[key], half) for key in sorted(wanted)}
     for key, tensor in tensors.items():
         if not torch.isfinite(tensor).all():
@@ -59,6 +59,7 @@ def save_weights(path: PathLike, model: BEVModel, card: Card, half: bool = False
         "setting": model.spec.name,
         "view": _view_json(model.spec),
         "appearance": json.dumps(appearance),
+        "parts": json.dumps(model.parts.names),
         "version": VERSION,
     }
     read_thresholds(full)
@@ -77,7 +78,8 @@ def load_model(path: PathLike) -> tuple[BEVModel, dict[str, str]]:
         if card["version"] != VERSION:
             raise ValueError(f"expected weights of version {VERSION}, got {card['version']}")
         spec = _parse_spec(card["setting"], card["view"])
-        model = _bare(card["network"], spec, bool(json.loads(card["appearance"])))
+        parts = Parts.of(json.loads(card.get("parts", "[]")))  # older weights have none
+        model = _bare(card["network"], spec, bool(json.loads(card["appearance"])), parts)
         read_thresholds(card)
     except KeyError as error:
         raise DataError(f"{path}: not weights of this project, the card lacks {error}") from error
@@ -97,16 +99,33 @@ def load_model(path: PathLike) -> tuple[BEVModel, dict[str, str]]:
 def load_weights_into(model: BEVModel, path: PathLike) -> None:
     """Load the weights of a file into a network; heads for training only are unchanged.
 
+    The file may have fewer optional parts than the network: layers of new parts are unchanged, and new inputs of a
+    layer start with weight 0.
+
     Raises:
         DataError: as `load_model`, or if the weights belong to another network.
     """
     other, card = load_model(path)
     given, own = other.state_dict(), model.state_dict()
-    alike = all(_shape(own.get(key)) == tuple(tensor.shape) for key, tensor in given.items())
-    if type(other) is not type(model) or other.spec != model.spec or not alike:
+    fewer = set(other.parts.names) <= set(model.parts.names)
+    fitted = {key: _widened(tensor, own.get(key)) for key, tensor in given.items()}
+    if type(other) is not type(model) or other.spec != model.spec or not fewer or None in fitted.values():
         kind = f"{card['network']}, {card['setting']} degrees, appearance {card['appearance']}"
         raise DataError(f"{path}: expected weights of the network to train, got those of {kind}")
-    model.load_state_dict(own | given)
+    model.load_state_dict(own | fitted)
+
+
+def _widened(tensor: Tensor, like: Tensor | None) -> Tensor | None:
+    """Return a tensor with zeros for the further inputs (axis 1) of another; None if it differs otherwise."""
+    if like is None or tensor.shape == like.shape:
+        return None if like is None else tensor
+    if tensor.ndim < 2 or tensor.shape[:1] + tensor.shape[2:] != like.shape[:1] + like.shape[2:]:
+        return None
+    if tensor.shape[1] > like.shape[1]:
+        return None
+    wide = torch.zeros_like(like)
+    wide[:, : tensor.shape[1]] = tensor
+    return wide
 
 
 def read_thresholds(card: Card) -> tuple[float, float, float]:
@@ -143,19 +162,21 @@ def _read(path: PathLike) -> tuple[dict[str, str], dict[str, Tensor]]:
     return card, state
 
 
-def _inference_weights(name: str, spec: ModelSpec, state: Mapping[str, Tensor]) -> tuple[bool, list[str]]:
+def _inference_weights(
+    name: str, spec: ModelSpec, parts: Parts, state: Mapping[str, Tensor]
+) -> tuple[bool, list[str]]:
     """Return whether weights are of a network with appearance, and the names of the weights for inference."""
     for appearance in (True, False):
-        bare = _bare(name, spec, appearance).state_dict()
+        bare = _bare(name, spec, appearance, parts).state_dict()
         if all(_shape(tensor) == _shape(state.get(key)) for key, tensor in bare.items()):
             return appearance and NETWORKS[name].appearance, list(bare)
     raise DataError(f"weights: expected those of the network '{name}', got others")
 
 
-def _bare(name: str, spec: ModelSpec, appearance: bool) -> BEVModel:
+def _bare(name: str, spec: ModelSpec, appearance: bool, parts: Parts) -> BEVModel:
     """Build a network without heads for training; the caller's random state is unchanged."""
     with torch.random.fork_rng(devices=[]):
-        return build(name, spec, appearance=appearance)
+        return build(name, spec, appearance=appearance, parts=parts)
 
 
 def _packed(tensor: Tensor, half: bool) -> Tensor:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -42,6 +42,8 @@ from appocc.simulation.truth.auxiliary import reduce_view
 from appocc.simulation.truth.objects import ActorBoxes, category_indices, count_lidar_points, objects_near
 from appocc.simulation.truth.occupancy import exact_occupancy
 from appocc.simulation.truth.visibility import visible_shares
+from appocc.simulation.variation.scene import SceneVariation, draw_variation
+from appocc.simulation.variation.traffic import vary_traffic
 
 VERSION, SOURCE = "v1.0-simulation", "exact"
 _START_US, _SCENE_US = 1_700_000_000_000_000, 3_600_000_000
@@ -61,6 +63,7 @@ class RecordingSettings:
         rig: cameras.
         lidar: whether every sample has a LiDAR sweep.
         full_maps: whether depth, class and actor of every pixel are stored, in addition to those of 8x8 blocks.
+        vary: whether cameras, traffic, paints, materials and light vary, see `draw_variation` and `vary_traffic`.
     """
 
     frames: int
@@ -68,6 +71,7 @@ class RecordingSettings:
     rig: CameraRig
     lidar: bool = True
     full_maps: bool = False
+    vary: bool = False
 
     def as_json(self) -> dict[str, Any]:
         """Return JSON values that identify the settings."""
@@ -85,6 +89,7 @@ class RecordingSettings:
             "lidar": self.lidar,
             "full_maps": self.full_maps,
             "rig": cameras,
+            **({"vary": True} if self.vary else {}),
         }
 
 
@@ -105,6 +110,10 @@ class TownSimulation:
     renderer: Renderer
     signal_column: IntArray
     category: ByteArray
+
+    def with_log(self, log: TrafficLog) -> TownSimulation:
+        """Return the same town with other traffic under the same signals."""
+        return replace(self, log=log, category=category_indices(log.actors))
 
 
 @lru_cache(maxsize=1)
@@ -151,19 +160,30 @@ class _Recorder:
     def __init__(
         self, scenario: Scenario, simulation: TownSimulation, recording: RecordingSettings, writer: Writer
     ) -> None:
+        if recording.vary:
+            seconds = (recording.frames - 1) / recording.hz
+            simulation = simulation.with_log(vary_traffic(simulation.log, simulation.town, scenario, seconds))
         self._scenario, self._simulation, self._recording, self._writer = scenario, simulation, recording, writer
         self._scene = token_of("scene", scenario.name)
         seed = np.random.SeedSequence([*scenario.random_seed, 1]).generate_state(1)
-        self._paints: tuple[ActorPaint, ...] = draw_paints(simulation.log.actors, int(seed[0]))
-        self._weather = draw_weather(scenario.weather, np.random.default_rng([*scenario.random_seed, 2]))
+        self._variation = self._draw_variation()
+        self._paints: tuple[ActorPaint, ...] = draw_paints(
+            simulation.log.actors, int(seed[0]), self._variation.rare_paints
+        )
         self._world_from_town = transform(np.eye(3), [*(-simulation.town.ground.low_m), 0.0])
         self._calibration = {
             camera.channel: writer.add_sensor(scenario.name, camera.channel, camera.ego_from_cam, camera.intrinsic)
-            for camera in recording.rig
+            for camera in self._variation.rig
         }
         if recording.lidar:
             self._calibration[LIDAR] = writer.add_sensor(scenario.name, LIDAR, EGO_FROM_LIDAR)
         self._painted: set[str] = set()
+        simulation.renderer.set_look(self._variation.look)
+
+    def _draw_variation(self) -> SceneVariation:
+        seed, rig = self._scenario.random_seed, self._recording.rig
+        weather = draw_weather(self._scenario.weather, np.random.default_rng([*seed, 2]))
+        return draw_variation(rig, weather, [*seed, 4]) if self._recording.vary else SceneVariation(rig, weather)
 
     def add_sample(self, number: int) -> str:
         """Record frame `number`; return the sample's token."""
@@ -190,11 +210,11 @@ class _Recorder:
         lights[state.index] = state.lights
         letters = np.append(state.signals, np.uint8(ord("O")))  # lamps without a column are off
         ego = EgoBody(pose, simulation.log.actors[self._scenario.ego].size_lwh_m)
-        simulation.renderer.set_scene(mesh, lights, letters[simulation.signal_column], self._weather, ego)
+        simulation.renderer.set_scene(mesh, lights, letters[simulation.signal_column], self._variation.weather, ego)
 
     def _add_views(self, sample: str, timestamp: int, pose: FloatArray, random: np.random.Generator) -> None:
         """Write the images of a sample, all taken at the time of the sample, and their pixel maps."""
-        views = self._simulation.renderer.views(self._recording.rig, pose, random)
+        views = self._simulation.renderer.views(self._variation.rig, pose, random)
         for channel, view in views.items():
             filename = f"samples/{channel}/{self._scenario.name}__{channel}__{timestamp}.jpg"
             write_image(self._writer.root / filename, view.image)
@@ -244,7 +264,7 @@ class _Recorder:
         return count_lidar_points(found.actor, objects.number)
 
     def _add_boxes(self, sample: str, pose: FloatArray, mesh: Mesh, objects: ActorBoxes, points: IntArray) -> None:
-        seen = visible_shares(self._simulation.renderer.tracer, mesh, objects.number, self._recording.rig, pose)
+        seen = visible_shares(self._simulation.renderer.tracer, mesh, objects.number, self._variation.rig, pose)
         boxes = annotate(objects, self._world_from_town, points, seen)
         for box, number, velocity in zip(boxes, objects.number, objects.velocity_mps, strict=True):
             self._writer.add_annotation(self._scene, sample, box, velocity_mps=velocity)

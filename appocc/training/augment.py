@@ -14,6 +14,7 @@ from appocc.errors import ShapeError
 from appocc.geometry import inverse, quaternion_from_yaw, transform
 from appocc.grid import BEVGrid
 from appocc.training.camera_style import apply_style, apply_tone, draw_style
+from appocc.training.packed_objects import mirror_objects, move_objects, repaint_objects
 from appocc.training.reading import APPEARANCE_BIT, PackedSample, crop
 
 # Weights of the sRGB channels in grey (Rec. 601).
@@ -112,6 +113,9 @@ def mirror_sample(sample: PackedSample) -> PackedSample:
         appearance=sample.appearance[:, :, ::-1],
         depth_m=sample.depth_m[:, :, ::-1],
         kind=sample.kind[:, :, ::-1],
+        world_from_ego=mirror_y @ sample.world_from_ego @ mirror_y,
+        objects=mirror_objects(sample.objects),
+        owner=sample.owner[:, ::-1],
     )
 
 
@@ -139,6 +143,9 @@ def reframe(sample: PackedSample, new_from_ego: FloatArray, grid: BEVGrid) -> Pa
         occupancy=np.take(sample.occupancy.ravel(), place) * inside,
         known=np.take(sample.known.ravel(), place) * inside,
         appearance=np.take(sample.appearance.reshape(3, high * wide), place, axis=1) * inside,
+        world_from_ego=sample.world_from_ego @ ego_from_new,
+        objects=move_objects(sample.objects, new_from_ego),
+        owner=np.take(sample.owner.ravel(), place) * inside,
         grid=grid,
     )
 
@@ -159,7 +166,8 @@ def _sample_colour_jitter(ranges: Augmentation, rng: Generator) -> tuple[float, 
 def jitter_colours(sample: PackedSample, brightness: float, contrast: float, saturation: float) -> PackedSample:
     """Scale brightness, then contrast about middle grey, then saturation about the grey of each colour.
 
-    Images and map change alike: the map has the colours of the images, and a network cannot infer the jitter.
+    Images, map and paint of the objects change alike: the map has the colours of the images, and a network cannot
+    infer the jitter.
     """
     # Three affine transforms in a row: colour -> matrix @ colour + offset.
     matrix = saturation * np.eye(3) + (1 - saturation) * np.tile(_GREY, (3, 1))
@@ -169,7 +177,8 @@ def jitter_colours(sample: PackedSample, brightness: float, contrast: float, sat
     images = _apply_colour_matrix(sample.images.reshape(n * high, wide, 3), change).reshape(n, high, wide, 3)
     appearance = _apply_colour_matrix(np.moveaxis(sample.appearance, 0, 2), change)
     known = (sample.known >> APPEARANCE_BIT & 1).astype(bool)
-    return sample._replace(images=images, appearance=np.moveaxis(appearance, 2, 0) * known)
+    objects = repaint_objects(sample.objects, lambda rgb: _apply_colour_matrix(rgb, change))
+    return sample._replace(images=images, appearance=np.moveaxis(appearance, 2, 0) * known, objects=objects)
 
 
 def _apply_colour_matrix(rgb: ByteArray, change: FloatArray) -> ByteArray:
@@ -178,11 +187,13 @@ def _apply_colour_matrix(rgb: ByteArray, change: FloatArray) -> ByteArray:
 
 
 def _restyle(sample: PackedSample, rng: Generator) -> PackedSample:
-    """Draw a camera style for the images; its tone applies to the map too, as in `jitter_colours`."""
+    """Draw a camera style for the images; its tone applies to map and paint too, as in `jitter_colours`."""
     style = draw_style(rng)
     known = (sample.known >> APPEARANCE_BIT & 1).astype(bool)
     appearance = np.moveaxis(apply_tone(np.moveaxis(sample.appearance, 0, 2), style), 2, 0)
-    return sample._replace(images=apply_style(sample.images, style, rng), appearance=appearance * known)
+    objects = repaint_objects(sample.objects, lambda rgb: apply_tone(rgb, style))
+    images = apply_style(sample.images, style, rng)
+    return sample._replace(images=images, appearance=appearance * known, objects=objects)
 
 
 # Cameras ----------------------------------------------------------------------------------------------------------

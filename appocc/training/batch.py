@@ -1,4 +1,4 @@
-"""Batches of training samples: images, camera rigs and ground truth."""
+"""Batches of training samples or clips: images, camera rigs and ground truth."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import NamedTuple
 from torch import Tensor
 
 from appocc.camera import CameraRig
+from appocc.models.memory import Past
 
 
 class Truth(NamedTuple):
@@ -20,6 +21,8 @@ class Truth(NamedTuple):
         depth_m: (B, N, h, w) depth along the optical axis at 1/8 of the image size; infinite in the sky, 0 where
             unknown.
         kind: (B, N, h, w) int64 `ViewClass`, -1 where unknown.
+        objects: (B, K, 13) objects, as packed by `packed_objects`; rows of NaN after the last one of a sample.
+        owner: (B, X, Y) int64, 1 + index of the vehicle that covers the cell, 0 for none.
     """
 
     occupancy: Tensor
@@ -28,6 +31,8 @@ class Truth(NamedTuple):
     appearance_valid: Tensor
     depth_m: Tensor
     kind: Tensor
+    objects: Tensor
+    owner: Tensor
 
 
 class Batch(NamedTuple):
@@ -38,9 +43,11 @@ class Batch(NamedTuple):
         rigs: camera rig of each sample, in the order of its images.
         truth: ground truth.
         number: index of each sample in its packed dataset.
+        past: links of the frames of clips, which are then time-major; None for single frames.
     """
 
     images: Tensor
     rigs: tuple[CameraRig, ...]
     truth: Truth
     number: tuple[int, ...]
+    past: Past | None = None

@@ -1,4 +1,4 @@
-"""Batch loader: augmented batches of packed samples, reproducible from the seed and loaded in background threads."""
+"""Batch loader: augmented batches of samples or clips, reproducible from the seed, loaded in background threads."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from functools import lru_cache
-from itertools import count
+from itertools import count, groupby, pairwise
 from typing import TypeVar
 
 import numpy as np
@@ -15,6 +15,7 @@ import torch
 from appocc.camera import Camera, CameraRig
 from appocc.checks import IntArray
 from appocc.errors import DataError
+from appocc.models.memory import Past, ground_motion, is_linked
 from appocc.models.model_spec import ModelSpec
 from appocc.training.augment import Augmentation, augment
 from appocc.training.batch import Batch, Truth
@@ -30,10 +31,11 @@ Item = TypeVar("Item")
 class BatchLoader:
     """Batches of one or several packed datasets of the same setting.
 
-    All samples are shuffled in every epoch; epochs are concatenated to one endless sequence, so that every batch is
-    full. Sample k of this sequence and its augmentation depend on the seed and k only: batch `step` of process
-    `rank` holds the samples k = (step * world_size + rank) * batch_size + 0, 1, ... A step is one forward pass, also
-    with gradient accumulation.
+    A clip is a number of consecutive samples of a scene, 1 for single samples. All clips are shuffled in every epoch;
+    epochs are concatenated to one endless sequence, so that every batch is full. Clip k of this sequence and its
+    augmentation, the same for all its samples, depend on the seed and k only: batch `step` of process `rank` holds
+    the clips k = (step * world_size + rank) * clips + 0, 1, ... A step is one forward pass, also with gradient
+    accumulation.
     """
 
     def __init__(
@@ -44,11 +46,13 @@ class BatchLoader:
         augmentation: Augmentation = NO_AUGMENTATION,
         rank: int = 0,
         world_size: int = 1,
+        clip: int = 1,
     ) -> None:
-        """Load batches of packed datasets.
+        """Load batches of packed datasets; the batch size is a number of samples, a multiple of those of a clip.
 
         Raises:
-            DataError: if there are no samples, or the settings of the datasets differ.
+            DataError: if there are no samples, the settings of the datasets differ, or a batch does not hold whole
+                clips.
         """
         self._datasets = tuple(datasets)
         self._ends = np.cumsum([len(dataset) for dataset in datasets])
@@ -61,6 +65,12 @@ class BatchLoader:
         if batch_size < 1 or not 0 <= rank < world_size:
             got = f"got {batch_size}, {rank}, {world_size}"
             raise DataError(f"expected a batch size of 1 or more and rank < world size, {got}")
+        if clip < 1 or batch_size % clip:
+            raise DataError(f"expected a batch size that is a multiple of the clip, got {batch_size} and {clip}")
+        self._clips, self._clip = batch_size // clip, clip
+        self._windows = [
+            window for dataset, first in self._starts() for window in _windows(dataset.scenes, first, clip)
+        ]
         self._size, self._seed, self._augmentation = batch_size, seed, augmentation
         self._rank, self._world_size = rank, world_size
         self._cameras = max(len(dataset.channels) for dataset in datasets)
@@ -72,9 +82,8 @@ class BatchLoader:
 
     def batch(self, step: int) -> Batch:
         """Return the batch of a step."""
-        first = (step * self._world_size + self._rank) * self._size
-        numbers, samples = zip(*(self._augmented(k) for k in range(first, first + self._size)), strict=True)
-        return collate(samples, numbers, self._cameras)
+        first = (step * self._world_size + self._rank) * self._clips
+        return self._collate([self._augmented(k) for k in range(first, first + self._clips)])
 
     def batches(self, start: int = 0, threads: int = 1) -> Iterator[Batch]:
         """Yield batches from a step on, without end; `threads` load ahead, 0 loads on request."""
@@ -87,29 +96,98 @@ class BatchLoader:
             limit: number of samples over all processes, the first ones; None: all.
             threads: as in `batches`.
         """
-        own = range(len(self) if limit is None else min(limit, len(self)))[self._rank :: self._world_size]
-        return _in_background(
-            self._not_augmented, (own[i : i + self._size] for i in range(0, len(own), self._size)), threads
-        )
+        total = len(self) if limit is None else min(limit, len(self))
+        clips = [
+            clip for dataset, first in self._starts() for clip in _clips(dataset.scenes, first, self._clip, total)
+        ]
+        own = clips[self._rank :: self._world_size]
+        return _in_background(self._not_augmented, _groups(own, self._clips), threads)
 
-    def _not_augmented(self, numbers: Sequence[int]) -> Batch:
-        samples = [crop(self._packed_sample(number), self.setting.grid) for number in numbers]
-        return collate(samples, numbers, self._cameras)
+    def _not_augmented(self, clips: Sequence[Sequence[int]]) -> Batch:
+        grid = self.setting.grid
+        return self._collate([[(n, crop(self._packed_sample(n), grid)) for n in clip] for clip in clips])
 
-    def _augmented(self, k: int) -> tuple[int, PackedSample]:
-        """Return index and augmented sample at position k of the endless sequence."""
-        epoch, position = divmod(k, len(self))
-        number = int(self._order(epoch)[position])
-        rng = np.random.default_rng([self._seed, _AUGMENT, k])
-        return number, augment(self._packed_sample(number), self._augmentation, self.setting.grid, rng)
+    def _augmented(self, k: int) -> list[tuple[int, PackedSample]]:
+        """Return index and augmented sample of each sample of clip k of the endless sequence."""
+        epoch, position = divmod(k, len(self._windows))
+        window = self._windows[int(self._order(epoch)[position])]
+        return [
+            (
+                number,
+                augment(
+                    self._packed_sample(number),
+                    self._augmentation,
+                    self.setting.grid,
+                    np.random.default_rng([self._seed, _AUGMENT, k]),
+                ),
+            )
+            for number in window
+        ]
+
+    def _collate(self, clips: Sequence[Sequence[tuple[int, PackedSample]]]) -> Batch:
+        """Collate clips of the same length, time-major."""
+        numbers, samples = zip(*(clip[t] for t in range(len(clips[0])) for clip in clips), strict=True)
+        batch = collate(samples, numbers, self._cameras)
+        return batch if self._clip == 1 else batch._replace(past=link_frames(clips))
+
+    def _starts(self) -> Iterator[tuple[PackedDataset, int]]:
+        """Yield each dataset and the index of its first sample."""
+        return zip(self._datasets, [0, *self._ends[:-1].tolist()], strict=True)
 
     def _permutation(self, epoch: int) -> IntArray:
-        """Return the order of the samples in an epoch."""
-        return np.random.default_rng([self._seed, _ORDER, epoch]).permutation(len(self))
+        """Return the order of the clips in an epoch."""
+        return np.random.default_rng([self._seed, _ORDER, epoch]).permutation(len(self._windows))
 
     def _packed_sample(self, number: int) -> PackedSample:
         i = int(np.searchsorted(self._ends, number, "right"))
         return self._datasets[i].sample(number - int(self._ends[i]) + len(self._datasets[i]))
+
+
+def _scene_ranges(scenes: Sequence[str], first: int) -> Iterator[range]:
+    """Yield the indices of the samples of each scene, given the scene of each sample and the first index."""
+    for _, group in groupby(range(len(scenes)), key=scenes.__getitem__):
+        own = list(group)
+        yield range(first + own[0], first + own[-1] + 1)
+
+
+def _windows(scenes: Sequence[str], first: int, length: int) -> Iterator[tuple[int, ...]]:
+    """Yield all windows of consecutive samples of a scene; a shorter scene repeats its first sample."""
+    for own in _scene_ranges(scenes, first):
+        for end in range(min(own.start + length, own.stop), own.stop + 1):
+            yield tuple(max(number, own.start) for number in range(end - length, end))
+
+
+def _clips(scenes: Sequence[str], first: int, length: int, total: int) -> Iterator[tuple[int, ...]]:
+    """Yield the samples below index `total` once, in consecutive clips of at most `length` samples of a scene."""
+    for own in _scene_ranges(scenes, first):
+        for start in range(own.start, min(own.stop, total), length):
+            yield tuple(range(start, min(start + length, own.stop, total)))
+
+
+def _groups(clips: Sequence[tuple[int, ...]], most: int) -> Iterator[list[tuple[int, ...]]]:
+    """Yield consecutive clips of the same length in groups of at most `most`."""
+    for _, group in groupby(clips, key=len):
+        alike = list(group)
+        yield from (alike[i : i + most] for i in range(0, len(alike), most))
+
+
+def link_frames(clips: Sequence[Sequence[tuple[int, PackedSample]]]) -> Past:
+    """Return the links of the samples of clips of the same length to those before them."""
+    samples = [[sample for _, sample in clip] for clip in clips]
+    motion = np.zeros((len(samples[0]), len(samples), 2, 3), np.float32)
+    elapsed_s, linked = (np.zeros(motion.shape[:2], np.float32) for _ in range(2))
+    for b, clip in enumerate(samples):
+        for t, (before, now) in enumerate(pairwise(clip), start=1):
+            motion[t, b], elapsed_s[t, b] = (
+                ground_motion(before.world_from_ego, now.world_from_ego),
+                _seconds(before, now),
+            )
+            linked[t, b] = is_linked(motion[t, b], float(elapsed_s[t, b]))
+    return Past(None, *(torch.from_numpy(each) for each in (motion, elapsed_s, linked)))
+
+
+def _seconds(before: PackedSample, now: PackedSample) -> float:
+    return float(now.time_us - before.time_us) / 1e6
 
 
 def _in_background(job: Callable[[Item], Batch], items: Iterable[Item], threads: int) -> Iterator[Batch]:
@@ -153,6 +231,8 @@ def collate(samples: Sequence[PackedSample], numbers: Sequence[int], cameras: in
     occupancy = np.stack([sample.occupancy >> bits & 1 for sample in samples])
     known = np.stack([sample.known for sample in samples])
     appearance = np.stack([sample.appearance for sample in samples])
+    objects = np.stack([sample.objects for sample in samples])
+    most = max(1, int(np.isfinite(objects[..., 0]).sum(axis=1).max()))
     truth = Truth(
         torch.from_numpy(occupancy.astype(np.float32)),
         torch.from_numpy((known[:, None] >> bits & 1).astype(np.bool_)),
@@ -160,6 +240,8 @@ def collate(samples: Sequence[PackedSample], numbers: Sequence[int], cameras: in
         torch.from_numpy((known >> APPEARANCE_BIT & 1).astype(np.bool_)),
         torch.from_numpy(depth),
         torch.from_numpy(kind),
+        torch.from_numpy(objects[:, :most]),
+        torch.from_numpy(np.stack([sample.owner for sample in samples]).astype(np.int64)),
     )
     rigs = tuple(_camera_rig(sample) for sample in samples)
     return Batch(torch.from_numpy(images).permute(0, 1, 4, 2, 3), rigs, truth, tuple(numbers))

@@ -31,20 +31,35 @@ class DataConfig(_Section):
     """Training and validation data.
 
     Attributes:
-        train: root of the training dataset in the nuScenes schema.
+        train: root of the training dataset in the nuScenes schema, or a list of roots.
         val: root of the validation dataset, for choosing thresholds and the best checkpoint; or
         held_out: number of samples at the end of each scene of `train` for validation instead of training.
         source: source of the true maps, as in `bev/SOURCE`.
         packs: folder of the packed datasets.
         workers: threads (or processes while packing) that read ahead.
+        clip: consecutive samples of a scene that are trained together; more than 1 trains the memory.
     """
 
-    train: str
+    train: str | tuple[str, ...]
     val: str | None = None
     held_out: Annotated[int, Field(ge=0)] = 0
     source: str = "exact"
     packs: str = "runs/packs"
     workers: Annotated[int, Field(ge=0, le=256)] = 1
+    clip: Annotated[int, Field(ge=1, le=64)] = 1
+
+    @field_validator("train", mode="before")
+    @classmethod
+    def _one_or_several(cls, value: object) -> object:
+        roots = [value] if isinstance(value, str) else value
+        if not isinstance(roots, list | tuple) or not roots or not all(isinstance(root, str) for root in roots):
+            raise ValueError(f"expected a folder or a list of folders, got {repr(value)[:_MAX_SHOWN]}")
+        return value
+
+    @property
+    def train_roots(self) -> tuple[str, ...]:
+        """Roots of the training datasets."""
+        return (self.train,) if isinstance(self.train, str) else self.train
 
     @model_validator(mode="after")
     def _one_validation(self) -> DataConfig:
@@ -66,7 +81,7 @@ class TrainConfig(_Section):
         clip: maximum gradient norm.
         ema: decay of the exponential moving average of the weights.
         warmup: share of the budget until `lr` is reached.
-        precision: precision of the forward pass.
+        precision: precision of the forward pass; auto: bf16 where the processor is made for it, else fp32.
         threads: CPU threads of torch; None: torch's default.
         seed: random seed.
         device: auto uses a GPU if there is one.
@@ -81,7 +96,7 @@ class TrainConfig(_Section):
     clip: Positive = 5.0
     ema: Annotated[float, Field(ge=0, lt=1)] = 0.998
     warmup: Share = 0.1
-    precision: Literal["fp32", "bf16"] = "fp32"
+    precision: Literal["auto", "fp32", "bf16"] = "auto"
     threads: Annotated[int, Field(ge=1, le=1024)] | None = None
     seed: Annotated[int, Field(ge=0, lt=2**31)] = 0
     device: Literal["auto", "cpu", "cuda"] = "auto"
@@ -105,6 +120,9 @@ class LossConfig(_Section):
         vehicles: weight of vehicle cells in the colour loss.
         depth: weight of the auxiliary depth loss.
         kind: weight of the auxiliary pixel-class loss.
+        centre: weight of the object centres.
+        box: weight of the boxes of objects.
+        paint: weight of the paint of vehicles.
     """
 
     occupancy: Literal["bce", "focal"] = "bce"
@@ -115,6 +133,9 @@ class LossConfig(_Section):
     vehicles: NotNegative = 4.0
     depth: NotNegative = 0.1
     kind: NotNegative = 0.1
+    centre: NotNegative = 0.2
+    box: NotNegative = 0.2
+    paint: NotNegative = 0.5
 
 
 class AugmentConfig(_Section):
@@ -180,6 +201,7 @@ class Config(_Section):
         network: name in the registry of networks.
         setting: cameras and grid, 360 or 180.
         appearance: predict appearance as well as occupancy.
+        parts: optional parts of the network: depth, memory, objects.
         init: file of initial weights for the same network and setting; `packaged`: the shipped weights; None: train
             from scratch.
         data: training and validation data.
@@ -193,6 +215,7 @@ class Config(_Section):
     network: str = "appocc"
     setting: Literal["360", "180"] = "360"
     appearance: bool = True
+    parts: tuple[Literal["depth", "memory", "objects"], ...] = ()
     init: str | None = None
     data: DataConfig
     train: TrainConfig
@@ -206,6 +229,16 @@ class Config(_Section):
     def _number_or_text(cls, value: object) -> object:
         # YAML reads an unquoted 360 as a number.
         return str(value) if type(value) is int else value
+
+    @model_validator(mode="after")
+    def _whole_clips(self) -> Config:
+        if self.train.batch % self.data.clip:
+            raise ValueError(
+                f"train.batch: expected a multiple of data.clip={self.data.clip}, got {self.train.batch}"
+            )
+        if "memory" in self.parts and self.data.clip < 2:
+            raise ValueError("data.clip: expected 2 or more, which train the part memory, got 1")
+        return self
 
     def as_yaml(self) -> str:
         """Return the configuration as YAML; `read_config` restores it."""
@@ -266,7 +299,7 @@ def _error_message(path: Path, error: ValidationError, replaced: dict[str, str])
         return f"{place}: {key}: expected a value, got none"
     message = first["msg"].removeprefix("Value error, ").replace("Input should be", "expected")
     got = "" if first["type"] == "value_error" else f", got {repr(first['input'])[:_MAX_SHOWN]}"
-    return f"{place}: {key}: {message}{got}"
+    return ": ".join(filter(None, (place, key, message))) + got
 
 
 def _names(keys: Sequence[str]) -> list[str]:

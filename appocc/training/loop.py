@@ -17,6 +17,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn.parallel import DistributedDataParallel
 
+from appocc.environment import has_bfloat16, keep_freed_memory
 from appocc.errors import DataError
 from appocc.models.base import BEVModel, ModelOutput
 from appocc.training.checkpoint import TrainingProgress, list_checkpoints, load_checkpoint, save_checkpoint
@@ -32,6 +33,8 @@ from appocc.training.schedule import Budget, ema_decay, learning_rate
 from appocc.training.step_metrics import fetch_due, fetch_metrics, log_step
 
 _PLOT_EVERY_S = 60.0
+# A threshold of 0 has no logit.
+_LEAST_SCORE = 1e-3
 
 
 def train(
@@ -80,6 +83,7 @@ def _set_up(
     """Prepare the first step; on resume, load the latest readable checkpoint."""
     if config.train.threads is not None:
         torch.set_num_threads(config.train.threads)
+    keep_freed_memory()
     folder.check(config, resume)
     model = setup.model.to(processes.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
     seconds = None if config.train.minutes is None else 60 * config.train.minutes
@@ -148,8 +152,8 @@ def _train_step(run: TrainingRun, model: nn.Module, batches: Iterator[PreparedBa
         # Gradients are exchanged once per step, in the last micro-batch.
         with model.no_sync() if isinstance(model, DistributedDataParallel) and not last else nullcontext():
             with _autocast(run):
-                output: ModelOutput = model(batch.images, plan)
-            terms = compute_losses(output, batch.truth, run.config.losses)
+                output: ModelOutput = model(batch.images, plan, batch.past)
+            terms = compute_losses(output, batch.truth, run.config.losses, run.model.spec.grid)
             total = terms.total(run.config.losses)
             torch.autograd.backward(total / config.accumulate)
         values.append(torch.stack([*(getattr(terms, name) for name in terms.names()), total]).detach())
@@ -187,7 +191,9 @@ def _micro_batch_seed(run: TrainingRun, micro: int) -> int:
 
 def _autocast(run: TrainingRun) -> torch.autocast:
     """Return the context of the configured precision."""
-    return torch.autocast(run.processes.device.type, torch.bfloat16, enabled=run.config.train.precision == "bf16")
+    device, precision = run.processes.device.type, run.config.train.precision
+    enabled = precision == "bf16" or (precision == "auto" and has_bfloat16(device))
+    return torch.autocast(device, torch.bfloat16, enabled=enabled)
 
 
 def _update_ema(run: TrainingRun) -> None:
@@ -214,14 +220,17 @@ def _evaluate(run: TrainingRun) -> None:
     if not run.processes.is_main:
         return
     if better:
-        run.setup.save(run.folder.best, run.ema_model, _model_card(run, found))
+        calibrated = run.ema_model.calibrated(list(found.calibration.values()), found.object_calibration)
+        card = _model_card(run, found, calibrated is not None)
+        run.setup.save(run.folder.best, calibrated or run.ema_model, card)
     run.folder.append_metrics({"kind": "val", "step": progress.step, **found.as_json(), "evaluation_s": seconds})
     if run.share >= 1 or time.monotonic() - run.plotted_at > _PLOT_EVERY_S:
         plot_curves(run.folder.read_metrics(), run.folder.curves)
         run.plotted_at = time.monotonic()
     shown = ", ".join(f"{name} {100 * value:.1f}" for name, value in found.best_iou.items())
     colour = "" if found.colour_l1 is None else f"; colour L1 {found.colour_l1:.1f}"
-    run.monitor.on_message(f"step {progress.step}: IoU {shown}{colour}{' (best so far)' if better else ''}")
+    boxes = "" if found.vehicle_f1 is None else f"; F1 of vehicles {100 * found.vehicle_f1:.1f}"
+    run.monitor.on_message(f"step {progress.step}: IoU {shown}{boxes}{colour}{' (best so far)' if better else ''}")
 
 
 @torch.no_grad()
@@ -248,7 +257,7 @@ def _reestimate_batch_norm(run: TrainingRun) -> None:
         for batch, plan, _ in batches:
             _raise_if_stopped(run)
             with _autocast(run):
-                run.ema_model(batch.images, plan)
+                run.ema_model(batch.images, plan, batch.past)
     for norm, momentum in zip(norms, momenta, strict=True):
         for statistic in (norm.running_mean, norm.running_var):
             if statistic is not None:
@@ -260,14 +269,14 @@ def _reestimate_batch_norm(run: TrainingRun) -> None:
 @torch.no_grad()
 def validate(run: TrainingRun) -> ValidationMetrics:
     """Return the metrics of the EMA weights on the validation set, over all processes."""
-    config, metrics = run.config, MetricAccumulator(run.processes.device)
+    config, metrics = run.config, MetricAccumulator(run.processes.device, run.model.spec.grid)
     stream = run.setup.val.in_order(config.evaluate.samples, config.data.workers)
     with prefetch(stream, run.ema_model, run.processes.device) as batches:
         for batch, plan, _ in batches:
             _raise_if_stopped(run)
             with _autocast(run):
-                output: ModelOutput = run.ema_model(batch.images, plan)
-            terms = compute_losses(output, batch.truth, config.losses)
+                output: ModelOutput = run.ema_model(batch.images, plan, batch.past)
+            terms = compute_losses(output, batch.truth, config.losses, run.model.spec.grid)
             metrics.update(output, batch.truth, terms, terms.total(config.losses))
     return metrics.all_reduced().compute()
 
@@ -283,13 +292,19 @@ def _raise_if_stopped(run: TrainingRun) -> None:
         raise StoppedError(f"stopped at step {run.progress.step}; use --resume to continue {run.folder.path}")
 
 
-def _model_card(run: TrainingRun, found: ValidationMetrics) -> dict[str, str]:
-    """Return the model card; all values but the network name are JSON.
+def _model_card(run: TrainingRun, found: ValidationMetrics, calibrated: bool) -> dict[str, str]:
+    """Return the model card of the weights, calibrated or not; all values but the network name are JSON.
 
     It holds no times: the same training writes the same file.
     """
+    thresholds, least_score = dict(found.thresholds), found.object_threshold
+    if calibrated and found.object_calibration is not None and least_score is not None:
+        least_score = found.object_calibration.of(max(least_score, _LEAST_SCORE))
+    if calibrated:
+        thresholds = {name: found.calibration[name].of(value) for name, value in thresholds.items()}
     values = {
-        "thresholds": list(found.thresholds.values()),
+        "thresholds": [round(value, 4) for value in thresholds.values()],
+        **({} if least_score is None else {"object_threshold": round(least_score, 4)}),
         "validation": found.as_json(),
         "step": run.progress.step,
         "training": run.config.model_dump(mode="json"),

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import torch
 from torch import Tensor
 from torch.nn import functional
 
 from appocc.bevmap import CLASSES, VEHICLE
+from appocc.grid import BEVGrid
 from appocc.models.base import DEPTH_BINS, DEPTH_STEP_M, FIRST_DEPTH_M, ModelOutput
 from appocc.training.batch import Truth
 from appocc.training.config import LossConfig
+from appocc.training.object_losses import box_loss, centre_loss, object_targets, paint_loss
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,6 +27,9 @@ class LossTerms:
         colour: L1 of sRGB 0..1 on cells of road, vehicle and lane, mean over channels and (weighted) cells.
         depth: cross-entropy of the depth bins, mean over feature pixels of known depth.
         kind: cross-entropy of the pixel classes.
+        centre: focal loss of object centres.
+        box: L1 of offset, height, size, heading and velocity of objects.
+        paint: L1 of the mean colour of each vehicle, sRGB 0..1.
     """
 
     road: Tensor
@@ -33,6 +38,9 @@ class LossTerms:
     colour: Tensor | None = None
     depth: Tensor | None = None
     kind: Tensor | None = None
+    centre: Tensor | None = None
+    box: Tensor | None = None
+    paint: Tensor | None = None
 
     def total(self, config: LossConfig) -> Tensor:
         """Return the weighted sum; terms of weight 0 are included, so that every parameter has a gradient."""
@@ -45,8 +53,8 @@ class LossTerms:
         return tuple(field.name for field in fields(self) if getattr(self, field.name) is not None)
 
 
-def compute_losses(output: ModelOutput, truth: Truth, config: LossConfig) -> LossTerms:
-    """Return all loss terms of a batch, in float32 for any precision of the network."""
+def compute_losses(output: ModelOutput, truth: Truth, config: LossConfig, grid: BEVGrid) -> LossTerms:
+    """Return all loss terms of a batch on a grid, in float32 for any precision of the network."""
     road, vehicle, lane = occupancy_loss(output.occupancy, truth, config)
     colour = colour_loss(output.appearance, truth, config.vehicles) if output.appearance is not None else None
     depth = kind = None
@@ -54,7 +62,13 @@ def compute_losses(output: ModelOutput, truth: Truth, config: LossConfig) -> Los
         depth = depth_loss(output.views.depth, truth.depth_m)
     if output.views is not None and output.views.kind is not None:
         kind = kind_loss(output.views.kind, truth.kind, truth.depth_m)
-    return LossTerms(road, vehicle, lane, colour, depth, kind)
+    terms = LossTerms(road, vehicle, lane, colour, depth, kind)
+    if output.objects is None:
+        return terms
+    targets = object_targets(truth.objects, grid.halved())
+    paint = None if output.appearance is None else paint_loss(output.appearance, truth)
+    centre, box = centre_loss(output.objects.centre, targets), box_loss(output.objects, targets)
+    return replace(terms, centre=centre, box=box, paint=paint)
 
 
 def occupancy_loss(logits: Tensor, truth: Truth, config: LossConfig) -> Tensor:

@@ -33,7 +33,7 @@ from appocc.temporary import locked, made_folder
 from appocc.training.reading import ARRAYS, PackedSample, array_layout, read_sample, sample_files
 from appocc.workers import in_order, worker_pool
 
-VERSION = 3
+VERSION = 4
 _INDEX = "pack.json"
 
 

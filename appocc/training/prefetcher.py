@@ -1,4 +1,4 @@
-"""Prefetcher: batches with their view-transform plans on the device; on a GPU a thread prepares them ahead."""
+"""Prefetcher: batches with their view-transform plans on the device, made ahead by a thread where one is free."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
+from appocc.environment import cores
 from appocc.models.base import BEVModel, ViewTransformPlan
 from appocc.training.batch import Batch, Truth
 
@@ -37,13 +38,14 @@ class PreparedBatch(NamedTuple):
 def prefetch(
     batches: Iterator[Batch], model: BEVModel, device: torch.device, count: int | None = None
 ) -> Iterator[Iterator[PreparedBatch]]:
-    """Prepare the (first `count`) batches for a network; on a GPU in a thread, while the network computes.
+    """Prepare the (first `count`) batches for a network; in a thread, while the network computes on other cores.
 
-    On a CPU a thread would only take time from the network.
+    If the network uses all cores, a thread would only take time from it.
     """
     prepared = (_prepare(batch, model, device) for batch in islice(batches, count))
     try:
-        with closing(_prefetch_in_thread(prepared) if device.type == "cuda" else prepared) as ready:
+        free = device.type == "cuda" or torch.get_num_threads() < cores()
+        with closing(_prefetch_in_thread(prepared) if free else prepared) as ready:
             yield ready
     finally:
         close = getattr(batches, "close", None)
@@ -60,7 +62,8 @@ def _prepare(batch: Batch, model: BEVModel, device: torch.device) -> PreparedBat
     images = batch.images.flatten(0, 1).contiguous(memory_format=torch.channels_last)  # B*N 3 H W
     images = _to_device(images, device).view(*count, *images.shape[1:])
     truth = Truth(*(_to_device(part, device) for part in batch.truth))
-    return PreparedBatch(batch._replace(images=images, truth=truth), plan, plan_s)
+    past = None if batch.past is None else batch.past.to(device)
+    return PreparedBatch(batch._replace(images=images, truth=truth, past=past), plan, plan_s)
 
 
 def _to_device(tensor: Tensor, device: torch.device) -> Tensor:

@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from appocc.bevmap import BEVMap, bev_path, load_map
+from appocc.boxes import Boxes
 from appocc.camera import Camera
-from appocc.checks import BoolArray, ByteArray, FloatArray
+from appocc.checks import BoolArray, ByteArray, Float32Array, FloatArray, IntArray
 from appocc.errors import AppoccError, DataError
 from appocc.files import read_image
 from appocc.geometry import apply, inverse
@@ -23,6 +24,7 @@ from appocc.nuscenes.dataset import LIDAR, Dataset
 from appocc.nuscenes.lidar import read_lidar
 from appocc.nuscenes.records import Sample
 from appocc.nuscenes.view_targets import BLOCK_PX, ViewTargets, load_view_targets, view_targets_path
+from appocc.training.packed_objects import COLUMNS, MAX_OBJECTS, pack_objects
 
 UNKNOWN_KIND = 255
 APPEARANCE_BIT = 3
@@ -43,6 +45,12 @@ class PackedSample(NamedTuple):
         appearance: (3, X, Y) uint8 sRGB.
         depth_m: (N, h, w) float16 depth at 1/8 of the image size; infinite in the sky, 0 where unknown.
         kind: (N, h, w) uint8 `ViewClass`, 255 where unknown.
+        world_from_ego: (4, 4) float64 ego pose.
+        time_us: () int64 timestamp, microseconds.
+        objects: (MAX_OBJECTS, 13) float32 annotated objects in the ego frame: kind (index into `KINDS`), centre x, y,
+            z, width, length, height, yaw, velocity x, y (NaN if unknown), paint as sRGB 0..255 (NaN if unknown);
+            rows of NaN after the last object.
+        owner: (X, Y) uint8, 1 + index of the vehicle that covers the cell, 0 for none.
         grid: grid of the ground truth; may be larger than the grid of the setting.
         channels: names of the N cameras.
     """
@@ -56,6 +64,10 @@ class PackedSample(NamedTuple):
     appearance: ByteArray
     depth_m: Depths
     kind: ByteArray
+    world_from_ego: FloatArray
+    time_us: IntArray
+    objects: Float32Array
+    owner: ByteArray
     grid: BEVGrid
     channels: tuple[str, ...]
 
@@ -75,6 +87,7 @@ def crop(sample: PackedSample, grid: BEVGrid) -> PackedSample:
         occupancy=sample.occupancy[cells],
         known=sample.known[cells],
         appearance=sample.appearance[:, *cells],
+        owner=sample.owner[cells],
         grid=grid,
     )
 
@@ -112,6 +125,10 @@ def array_layout(samples: int, cameras: int, setting: ModelSpec, grid: BEVGrid) 
         "appearance": ((s, 3, x, y), np.uint8),
         "depth_m": ((s, n, h, w), np.float16),
         "kind": ((s, n, h, w), np.uint8),
+        "world_from_ego": ((s, 4, 4), np.float64),
+        "time_us": ((s,), np.int64),
+        "objects": ((s, MAX_OBJECTS, COLUMNS), np.float32),
+        "owner": ((s, x, y), np.uint8),
     }
 
 
@@ -120,7 +137,7 @@ def _view_size(image: ModelSpec | Camera) -> tuple[int, int]:
     return -(-image.height_px // BLOCK_PX), -(-image.width_px // BLOCK_PX)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class SampleFiles:
     """Files and cameras of one sample.
 
@@ -129,12 +146,18 @@ class SampleFiles:
         channels: cameras of the packed dataset.
         images: by channel, path of the image and camera in the ego frame at the time of the sample.
         lidar: path of the LiDAR sweep and `ego_from_lidar` at that time; None without LiDAR.
+        world_from_ego: (4, 4) ego pose.
+        time_us: timestamp, microseconds.
+        boxes_ego: annotated boxes in the ego frame; None if the scene is not annotated.
     """
 
     token: str
     channels: tuple[str, ...]
     images: Mapping[str, tuple[Path, Camera]]
     lidar: tuple[Path, FloatArray] | None
+    world_from_ego: FloatArray
+    time_us: int
+    boxes_ego: Boxes | None
 
 
 def sample_files(dataset: Dataset, sample: Sample, channels: tuple[str, ...]) -> SampleFiles:
@@ -143,17 +166,26 @@ def sample_files(dataset: Dataset, sample: Sample, channels: tuple[str, ...]) ->
     Raises:
         DataError: if the sample has none of these cameras.
     """
-    files, rig = dataset.data(sample), dataset.frame(sample, images=False).rig
+    files, frame = dataset.data(sample), dataset.frame(sample, images=False)
+    rig = frame.rig
     images = {name: (dataset.path(files[name]), rig[name]) for name in channels if name in rig.channels}
     if not images:
         found = f"expected one of {', '.join(channels)}, got {', '.join(rig.channels) or 'no camera'}"
         raise DataError(f"{dataset.root}: sample {sample.token}: {found}")
-    lidar = files.get(LIDAR)
-    if lidar is None:
-        return SampleFiles(sample.token, channels, images, None)
-    ego_from_world = inverse(dataset.world_from_ego(sample))
-    ego_from_lidar = ego_from_world @ dataset.world_from_ego_at(lidar) @ dataset.ego_from_sensor(lidar)
-    return SampleFiles(sample.token, channels, images, (dataset.path(lidar), ego_from_lidar))
+    lidar, sweep = files.get(LIDAR), None
+    if lidar is not None:
+        ego_from_world = inverse(frame.world_from_ego)
+        ego_from_lidar = ego_from_world @ dataset.world_from_ego_at(lidar) @ dataset.ego_from_sensor(lidar)
+        sweep = dataset.path(lidar), ego_from_lidar
+    return SampleFiles(
+        token=sample.token,
+        channels=channels,
+        images=images,
+        lidar=sweep,
+        world_from_ego=frame.world_from_ego,
+        time_us=frame.timestamp_us,
+        boxes_ego=frame.boxes_ego,
+    )
 
 
 def read_sample(files: SampleFiles, root: Path, source: str, setting: ModelSpec, grid: BEVGrid) -> PackedSample:
@@ -189,6 +221,11 @@ def read_sample(files: SampleFiles, root: Path, source: str, setting: ModelSpec,
     sample.occupancy[:] = ((bev.occupancy >= 0.5) * bits).sum(axis=0)
     sample.known[:] = (bev.occupancy_valid * bits).sum(axis=0) + (bev.appearance_valid << APPEARANCE_BIT)
     sample.appearance[:] = bev.appearance
+    sample.world_from_ego[:], sample.time_us[...] = files.world_from_ego, files.time_us
+    sample.objects[:] = np.nan
+    if files.boxes_ego is not None:
+        objects, owner = pack_objects(files.boxes_ego, bev)
+        sample.objects[: len(objects)], sample.owner[:] = objects, owner
     return sample
 
 

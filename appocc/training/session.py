@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
+from collections.abc import Sequence
 from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,7 @@ from appocc.bevmap import CLASSES
 from appocc.environment import memory
 from appocc.errors import DataError
 from appocc.models import registry
-from appocc.models.model_spec import MODEL_SPECS, ModelSpec
+from appocc.models.model_spec import MODEL_SPECS, ModelSpec, Parts
 from appocc.models.weights import PACKAGED, load_weights_into, save_weights
 from appocc.nuscenes.view_targets import ViewClass
 from appocc.training.augment import Augmentation
@@ -55,21 +56,25 @@ def prepare_training(config: Config, processes: ProcessGroup, monitor: TrainingM
     # The initial weights depend on the seed only, in every process.
     torch.manual_seed(config.train.seed)
     kinds = len(ViewClass) if config.losses.kind or config.losses.depth else 0  # of the auxiliary heads
-    model = registry.build(config.network, setting, appearance=config.appearance, num_classes=kinds)
+    model = registry.build(
+        config.network, setting, appearance=config.appearance, num_classes=kinds, parts=Parts.of(config.parts)
+    )
     if config.init is not None:
         load_weights_into(model, PACKAGED if config.init == "packaged" else Path(config.init))
-    train_data = _packed_dataset(config.data.train, config, processes, monitor)
+    train_data = [_packed_dataset(root, config, processes, monitor) for root in config.data.train_roots]
     if config.data.val is None:
-        train_data, val_data = train_data.split(config.data.held_out)
-        if not len(train_data):
-            raise DataError(f"{config.data.train}: data.held_out leaves nothing to train on: no scene is longer")
+        parts = [each.split(config.data.held_out) for each in train_data]
+        train_data, val_data = [first for first, _ in parts if len(first)], [last for _, last in parts]
+        if not train_data:
+            roots = ", ".join(config.data.train_roots)
+            raise DataError(f"{roots}: data.held_out leaves nothing to train on: no scene is longer")
     else:
-        val_data = _packed_dataset(config.data.val, config, processes, monitor)
+        val_data = [_packed_dataset(config.data.val, config, processes, monitor)]
     check_classes(train_data, config)
-    batch, seed = config.train.batch, config.train.seed
+    batch, seed, clip = config.train.batch, config.train.seed, config.data.clip
     rank, size = processes.rank, processes.size
-    train_loader = BatchLoader([train_data], batch, seed, _augmentation(config.augment), rank, size)
-    val_loader = BatchLoader([val_data], batch, seed, rank=rank, world_size=size)
+    train_loader = BatchLoader(train_data, batch, seed, _augmentation(config.augment), rank, size, clip)
+    val_loader = BatchLoader(val_data, batch, seed, rank=rank, world_size=size, clip=clip)
     return TrainingSetup(model, train_loader, val_loader, save_weights)
 
 
@@ -88,23 +93,22 @@ def _check_memory(batch: int, setting: ModelSpec) -> None:
         raise DataError(f"train.batch={batch}: expected at most {total // sample_bytes:,} samples ({needed})")
 
 
-def check_classes(packed: PackedDataset, config: Config) -> None:
+def check_classes(packed: Sequence[PackedDataset], config: Config) -> None:
     """Check that every class with a loss weight occurs in the training data.
 
     Raises:
         DataError: if a class has no cells.
     """
     missing = [number for number, weight in enumerate(config.losses.classes) if weight]
-    for number in range(len(packed)):
-        sample = packed.sample(number)
+    for sample in (each.sample(number) for each in packed for number in range(len(each))):
         occupied = sample.occupancy & sample.known
         missing = [k for k in missing if not (occupied >> k & 1).any()]
         if not missing:
             return
-    names = ", ".join(CLASSES[k] for k in missing)
+    names, roots = ", ".join(CLASSES[k] for k in missing), ", ".join(config.data.train_roots)
     raise DataError(
-        f"{config.data.train}: expected cells of every class in bev/{config.data.source}, got none of {names} in "
-        f"{len(packed)} samples; a weight of 0 in losses.classes ignores a class"
+        f"{roots}: expected cells of every class in bev/{config.data.source}, got none of {names} in "
+        f"{sum(map(len, packed))} samples; a weight of 0 in losses.classes ignores a class"
     )
 
 

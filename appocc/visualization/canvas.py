@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,8 +19,8 @@ WHITE, BLACK, GREEN, YELLOW, RED = (255, 255, 255), (0, 0, 0), (60, 200, 90), (2
 UNKNOWN_COLOUR, HATCH_COLOUR = (58, 62, 72), (92, 98, 112)
 _HATCH_PX, _HATCH_LINE_PX = 12, 2
 UNKNOWN_LEGEND = "hatched: unknown"
-# Opacity of the colour of a pale cell.
-_PALE = 0.25
+# Background of predicted colours, which are the fainter the less sure the network is that the cell is of any class.
+_NOTHING_COLOUR = (38, 41, 48)
 _CLASS_COLOURS = {ROAD: (112, 112, 118), LANE: (245, 205, 70), VEHICLE: (70, 130, 240)}
 
 
@@ -69,12 +67,13 @@ class BEVCanvas:
     def appearance(self, bev: BEVMap) -> None:
         """Draw the appearance of a map; unknown cells stay hatched.
 
-        Networks learn the colours of road, vehicles and lanes only: other cells of predictions are drawn pale.
+        Networks learn the colours of road, vehicles and lanes only. The opacity of a predicted cell is the square of
+        its largest class probability: half as probable is four times as faint.
         """
         colours = np.moveaxis(bev.appearance, 0, -1)
         if bev.thresholds is not None:
-            pale = np.asarray(_PALE * colours + (1 - _PALE) * np.array(UNKNOWN_COLOUR), np.uint8)
-            colours = np.where(np.asarray(bev.on.any(axis=0))[..., None], colours, pale)
+            opacity = bev.occupancy.max(axis=0)[..., None] ** 2
+            colours = np.asarray(opacity * colours + (1 - opacity) * np.array(_NOTHING_COLOUR), np.uint8)
         self.cells(colours, bev.appearance_valid)
 
     def occupancy(self, bev: BEVMap) -> None:
@@ -89,6 +88,10 @@ class BEVCanvas:
         """Draw a polyline through points (N, 2) in the ego frame."""
         points = [self.pixel(xy_m).reshape(-1, 1, 2)]
         cv2.polylines(self.picture, points, closed, colour, width, cv2.LINE_AA)
+
+    def polygon(self, xy_m: ArrayLike, colour: Colour) -> None:
+        """Fill a polygon with corners (N, 2) in the ego frame."""
+        cv2.fillPoly(self.picture, [self.pixel(xy_m).reshape(-1, 1, 2)], colour, cv2.LINE_AA)
 
     def dot(self, xy_m: ArrayLike, colour: Colour, radius: int = 3) -> None:
         """Draw a filled dot at a point (2,) in the ego frame."""
@@ -118,15 +121,17 @@ def put_text(
 ) -> None:
     """Write outlined text with its lower left corner (or centre) at pixel (column, row), shifted into the image.
 
-    OpenCV's fonts are ASCII only: other characters become question marks.
+    The outline is black, that of black text white. OpenCV's fonts are ASCII only: other characters become question
+    marks.
     """
     text = "".join(c if c.isascii() and c.isprintable() else "?" for c in text)
     (width, height), _ = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, scale, 1)
     column, row = (at[0] - width // 2, at[1] + height // 2) if centred else at
     column = min(max(column, 2), max(picture.shape[1] - width - 2, 2))
     row = min(max(row, height + 2), picture.shape[0] - 3)
+    edge = WHITE if colour == BLACK else BLACK
     # The outline is the text shifted by a pixel: with a thicker stroke, OpenCV 5 spaces letters wider.
-    for right, down, ink in ((-1, 0, BLACK), (1, 0, BLACK), (0, -1, BLACK), (0, 1, BLACK), (0, 0, colour)):
+    for right, down, ink in ((-1, 0, edge), (1, 0, edge), (0, -1, edge), (0, 1, edge), (0, 0, colour)):
         at = (column + right, row + down)
         cv2.putText(picture, text, at, cv2.FONT_HERSHEY_SIMPLEX, scale, ink, 1, cv2.LINE_AA)
 
@@ -181,14 +186,6 @@ def _in_front(a: FloatArray, b: FloatArray, near_m: float = 0.2) -> FloatArray |
         share = 0.0 if this[2] > near_m else (near_m - this[2]) / (other[2] - this[2])
         ends.append(this + share * (other - this))
     return np.stack(ends)
-
-
-def mosaic(pictures: Sequence[ByteArray], columns: int) -> ByteArray:
-    """Arrange images of one size in rows of `columns`; empty tiles are black."""
-    blank = np.zeros_like(pictures[0])
-    padded = [*pictures, *[blank] * (-len(pictures) % columns)]
-    rows = [np.hstack(padded[i : i + columns]) for i in range(0, len(padded), columns)]
-    return np.ascontiguousarray(np.vstack(rows))
 
 
 def preview(bev: BEVMap, ego: EgoVehicle, scale: int = 4) -> ByteArray:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import cv2
 import numpy as np
 
 from appocc.bevmap import load_map
@@ -10,11 +9,10 @@ from appocc.checks import ByteArray
 from appocc.errors import DataError
 from appocc.nuscenes.dataset import Dataset
 from appocc.nuscenes.records import Scene
-from appocc.visualization.canvas import BEVCanvas, mosaic, put_text
+from appocc.visualization.cameras import camera_sheet
+from appocc.visualization.canvas import BEVCanvas, put_text
 
-# Cameras as they look out of the car: front row above, rear row below.
-_LOOKING_OUT = ("CAM_FRONT_LEFT", "CAM_FRONT", "CAM_FRONT_RIGHT", "CAM_BACK_LEFT", "CAM_BACK", "CAM_BACK_RIGHT")
-_PANEL_PX, _BEV_SCALE, _MAX_ROWS, _GAP_PX = 550, 2, 24, 8
+_CAMERAS_PX, _BEV_SCALE, _MAX_ROWS, _GAP_PX = 1650, 2, 24, 8
 
 
 def contact_sheet(dataset: Dataset, source: str) -> ByteArray:
@@ -37,8 +35,7 @@ def _row(dataset: Dataset, scene: Scene, source: str) -> ByteArray:
     samples = dataset.samples(scene)
     sample = samples[len(samples) // 2]
     frame = dataset.frame(sample)
-    order = [name for name in _LOOKING_OUT if name in frame.images] or sorted(frame.images)
-    cameras = mosaic([_panel(frame.images[name], name) for name in order], 3)
+    cameras = camera_sheet(frame.images, frame.rig.select(frame.images), _CAMERAS_PX)
     put_text(cameras, f"{scene.name}: {scene.description}", (6, cameras.shape[0] - 6), scale=0.5)
     bev = load_map(dataset.root, source, sample.token)
     maps = []
@@ -52,12 +49,3 @@ def _row(dataset: Dataset, scene: Scene, source: str) -> ByteArray:
         np.pad(p, ((0, height - p.shape[0]), (0, _GAP_PX), (0, 0)), constant_values=24) for p in (cameras, *maps)
     ]
     return np.hstack(parts)
-
-
-def _panel(image: ByteArray, title: str) -> ByteArray:
-    """Return an image at the column width of the sheet, with a title."""
-    height = max(round(image.shape[0] * _PANEL_PX / image.shape[1]), 16)
-    how = cv2.INTER_AREA if image.shape[1] > _PANEL_PX else cv2.INTER_CUBIC
-    panel = np.asarray(cv2.resize(image, (_PANEL_PX, height), interpolation=how), np.uint8)
-    put_text(panel, title, (6, 16))
-    return panel

@@ -12,8 +12,9 @@ from appocc.camera import Camera
 from appocc.checks import ByteArray, FloatArray
 from appocc.errors import DataError
 from appocc.frame import Frame
-from appocc.visualization.canvas import GREEN, RED, YELLOW, Colour, mosaic, put_text
-from appocc.visualization.predictions import camera_image, camera_rows
+from appocc.visualization.cameras import camera_rows
+from appocc.visualization.canvas import GREEN, RED, YELLOW, Colour, put_text
+from appocc.visualization.layout import resized, side_by_side, stack_centred
 
 STEP_M, REACH_M = 5, 40
 _GRID, _HORIZON = (120, 190, 235), YELLOW
@@ -61,20 +62,12 @@ def rig_sheet(frame: Frame) -> ByteArray:
     rig = frame.rig.select(frame.images)
     if not len(rig):
         raise DataError(f"{frame.token}: expected images, got none")
-    rows = camera_rows(rig)
-    panels = [[_panel(frame.images[camera.channel], camera) for camera in row] for row in rows]
-    wide = max(panel.shape[1] for row in panels for panel in row)
-    columns = max(len(row) for row in panels)
-    blank = np.zeros((_HEIGHT_PX, wide, 3), np.uint8)
-    placed = []
-    for row in panels:
-        placed += [np.pad(panel, ((0, 0), (0, wide - panel.shape[1]), (0, 0))) for panel in row]
-        placed += [blank] * (columns - len(row))
-    return mosaic(placed, columns)
+    rows = [[_panel(frame.images[camera.channel], camera) for camera in row] for row in camera_rows(rig)]
+    return stack_centred([side_by_side(row) for row in rows])
 
 
 def _panel(image: ByteArray, camera: Camera) -> ByteArray:
-    picture = camera_image(image, "", _HEIGHT_PX)
+    picture = resized(image, _HEIGHT_PX / image.shape[0])
     small = camera.resized(picture.shape[1], picture.shape[0])
     for at in range(-REACH_M, REACH_M + 1, STEP_M):
         if at:

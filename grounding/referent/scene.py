@@ -16,6 +16,7 @@ from appocc.colours import Exposure, gains_of, name, names
 from appocc.ego_vehicle import EgoVehicle
 from appocc.geometry import apply, inverse, wrap_angle, yaw_of
 from appocc.motion_state import MOVING_MPS
+from appocc.objects import BEVObjects
 from appocc.srgb import encode_srgb, linear_from_srgb
 from grounding.referent.object_table import ObjectTable
 from grounding.road.lane_model import LANE_M, LaneModel
@@ -27,6 +28,8 @@ from tracking.tracks import Track
 
 __all__ = ["SceneModel", "SceneObject", "scene_from_boxes", "scene_from_map", "scene_from_tracks"]
 
+# Lowest speed of a predicted object that counts as known.
+_LEAST_SPEED_MPS = 2.0
 # Range of objects where there is no map.
 _MAX_RANGE_M = 100.0
 # White light of unit gain, with default specular reflection and spread.
@@ -43,7 +46,7 @@ class SceneModel:
         bev: colour map; None if only objects are known.
         objects: vehicles within the grid.
         world_from_ego: (4, 4) pose of the ego.
-        others: people and bicycles, which maps do not show.
+        others: people and bicycles, which the cells of maps do not show.
         ego: size of the ego vehicle.
     """
 
@@ -124,8 +127,10 @@ class SceneModel:
 
 
 def scene_from_map(bev: BEVMap, world_from_ego: FloatArray, ego: EgoVehicle = EgoVehicle()) -> SceneModel:
-    """Build the scene of a map and its own vehicle instances."""
-    return _build_scene(bev, _from_instances(find_instances(bev)), world_from_ego, ego)
+    """Build the scene of a map and its own detected objects, or vehicle instances if it has no objects."""
+    objects = bev.detected_objects
+    items = _from_instances(find_instances(bev)) if objects is None else _from_objects(objects)
+    return _build_scene(bev, items, world_from_ego, ego)
 
 
 def scene_from_boxes(
@@ -227,6 +232,30 @@ def _from_instances(instances: Instances) -> list[SceneObject]:
             rgb=instances.rgb[i] if np.isfinite(instances.rgb[i]).all() else None,
         )
         for i in range(len(instances))
+    ]
+
+
+def _from_objects(objects: BEVObjects) -> list[SceneObject]:
+    """Convert the objects of a map; people and bicycles have no paint.
+
+    The class car includes vans (nuScenes), so that its size decides. Low speeds are within the error of predictions:
+    they are unknown.
+    """
+    moving = np.hypot(*objects.velocity_mps.T) >= _LEAST_SPEED_MPS  # False if unknown
+    return [
+        SceneObject(
+            id=f"object {i}",
+            category="" if objects.kind[i] == "car" else objects.kind[i],
+            centre_m=objects.centre_m[i, :2],
+            yaw_rad=float(objects.yaw_rad[i]),
+            front_known=True,
+            length_m=float(objects.size_wlh_m[i, 1]),
+            width_m=float(objects.size_wlh_m[i, 0]),
+            height_m=float(objects.size_wlh_m[i, 2]),
+            velocity_mps=objects.velocity_mps[i] if moving[i] else None,
+            rgb=objects.rgb[i] if vehicle and np.isfinite(objects.rgb[i]).all() else None,
+        )
+        for i, vehicle in enumerate(objects.are_vehicles.tolist())
     ]
 
 

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -83,6 +84,27 @@ def test_a_prediction_is_evaluated_at_half_and_at_its_thresholds(street: TinyDat
     assert (
         value["by_sight"]["seen"]["iou_at_threshold"] == value["iou_at_threshold_seen"] == value["iou_at_threshold"]
     )
+
+
+def test_a_prediction_has_a_reliability_table_over_valid_cells(street: TinyDataset) -> None:
+    for i in range(3):
+        made = map_of(i, 2, 0.45, True)
+        valid = np.broadcast_to(GRID.centres()[..., 0] > 0, made.occupancy_valid.shape).copy()
+        replace(made, occupancy_valid=valid).save(bev_path(street.root, "model", token("sample", i)))
+    value = answer(street.root, "model")["calibration"]
+    assert set(value) == {"road", "vehicle", "lane"}
+    road = {round(row["from"], 1): row for row in value["road"]["table"] if row["cells"]}
+    # Half of the valid cells are road, all of these at 0.45, the others at 0.
+    assert {low: row["cells"] for low, row in road.items()} == {0.0: 3 * 40 * 40, 0.4: 3 * 40 * 40}
+    assert road[0.4]["mean_probability"] == pytest.approx(0.45, abs=1e-3)
+    assert (road[0.0]["observed_share"], road[0.4]["observed_share"]) == (0, 1)
+    assert value["road"]["ece"] == pytest.approx(0.55 / 2, abs=1e-3)
+    assert value["lane"]["ece"] == 0
+    near = answer(street.root, "model", "--range", "6")["calibration"]
+    assert sum(row["cells"] for row in near["road"]["table"]) < 3 * 80 * 40
+    assert answer(street.root, "groundtruth")["calibration"] is None
+    assert "calibration error" in run(street.root, "model").stderr
+    assert "calibration error" not in run(street.root, "groundtruth").stderr
 
 
 def test_setting_and_range_restrict_the_cells(street: TinyDataset) -> None:

@@ -16,6 +16,7 @@ from appocc.files import write_image
 from appocc.inference import loading
 from appocc.inference.predictor import Predictor, Weights
 from appocc.models.base import BEVModel, ModelOutput
+from appocc.models.memory import Past
 from appocc.models.model_spec import MODEL_SPECS
 from cli.main import app
 
@@ -44,7 +45,7 @@ class _Model(BEVModel):
     def plan(self, rigs: object) -> _Plan:
         return _Plan()
 
-    def forward(self, images: Tensor, plan: object) -> ModelOutput:
+    def forward(self, images: Tensor, plan: object, past: Past | None = None) -> ModelOutput:
         colour = images.mean(dim=(1, 3, 4))[:, :, None, None].expand(1, 3, 200, 200)
         return ModelOutput(torch.zeros(1, 3, 200, 200) - 1, colour, None)
 
@@ -89,6 +90,21 @@ def test_a_folder_of_images_with_a_dead_camera(tmp_path: Path) -> None:
     assert bev.meta["cameras"] == ["CAM_FRONT"]
     assert (bev.appearance == 90).all()
     assert (tmp_path / "out" / "pictures" / "a.png").is_file()
+
+
+def test_detections_need_weights_with_objects_and_a_dataset(tiny: TinyDataset, tmp_path: Path) -> None:
+    (tmp_path / "rig.yaml").write_text(RIG)
+    write_image(tmp_path / "in" / "CAM_FRONT.png", np.full((36, 64, 3), 90, np.uint8))
+    results = tmp_path / "r.json"
+    cases = [
+        ((tiny.root,), "r.json: the weights 'made' predict no objects to be written as detections"),
+        ((tmp_path / "in", "--rig", tmp_path / "rig.yaml"), "expected a dataset, got a folder of images"),
+    ]
+    for words, reason in cases:
+        result = run(*words, "--weights", "w", "--out", tmp_path / "out", "--detections", results)
+        assert isinstance(result.exception, DataError), words
+        assert reason in str(result.exception)
+    assert not results.exists()
 
 
 def test_bad_input_is_reported_in_one_line_of_infer(tiny: TinyDataset, tmp_path: Path) -> None:

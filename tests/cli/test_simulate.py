@@ -143,8 +143,9 @@ def test_where_compiled_code_cannot_be_kept_a_line_tells_what_to_set(tmp_path: P
 
 
 @pytest.mark.slow
-def test_neither_workers_nor_kill_9_change_a_byte(tmp_path: Path, rig: str) -> None:
-    options = ["--scenes", "4", "--seconds", "2", "--rig", rig, "--split", "test", "--seed", "9"]
+@pytest.mark.parametrize("more", [(), ("--vary",)])
+def test_neither_workers_nor_kill_9_change_a_byte(tmp_path: Path, rig: str, more: tuple[str, ...]) -> None:
+    options = ["--scenes", "4", "--seconds", "2", "--rig", rig, "--split", "test", "--seed", "9", *more]
     subprocess.run(command(str(tmp_path / "one"), *options, "--workers", "1"), check=True, capture_output=True)
     out = tmp_path / "two"
     process = subprocess.Popen(

@@ -1,17 +1,20 @@
 from __future__ import annotations
 
 import hashlib
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 
-from appocc.bevmap import load_map
+from appocc.bevmap import LANE, ROAD, VEHICLE, load_map
+from appocc.boxes import Boxes
 from appocc.demo.dataset import SCENE, SOURCE, DemoSettings, record_demo
 from appocc.demo.pictures import overview
 from appocc.nuscenes import Dataset
 from appocc.nuscenes.validate import validate
+from appocc.visualization.vehicle_marks import VehicleMarks
 
 
 def digests(root: Path) -> dict[str, str]:
@@ -42,16 +45,22 @@ def test_the_dataset_is_healthy(dataset: Dataset) -> None:
     assert (dataset.world_from_ego(dataset.samples(scene)[0])[:2, 3] > 0).all()
 
 
-def test_overview_shows_left_on_the_left(dataset: Dataset) -> None:
+def test_overview_shows_left_on_the_left_and_the_truth_beside_the_prediction(dataset: Dataset) -> None:
     sample = dataset.samples(dataset.scene(SCENE))[0]
     frame, bev = dataset.frame(sample), load_map(dataset.root, SOURCE, sample.token)
-    picture = overview(frame, bev, bev, np.zeros((0, 2)))
+    predicted = replace(bev, appearance=np.zeros_like(bev.appearance), occupancy=np.zeros_like(bev.occupancy))
+    picture = overview(frame, predicted, bev, VehicleMarks.of_boxes(Boxes.empty()))
     reference = cv2.resize(frame.images["CAM_FRONT_LEFT"], (110, 40), interpolation=cv2.INTER_AREA).astype(int)
-    maps = 2 * (800 + 40)
+    maps = 2 * (800 + 26)
     upper = picture[: picture.shape[0] - maps]
     third = cv2.resize(upper[: upper.shape[0] // 2, : upper.shape[1] // 3], (110, 40), interpolation=cv2.INTER_AREA)
     assert np.abs(third.astype(int) - reference).mean() < 8
     i, j = 150, 180  # ahead and to the left, where nothing is written
-    for colour in (picture[-800:, :800], picture[-800 - 840 : -840, :800]):
-        shown = colour[(199 - i) * 4 + 1, (199 - j) * 4 + 1]
-        assert shown.tolist() == bev.appearance[:, i, j].tolist()
+    colours = picture[picture.shape[0] - 826 - 800 : picture.shape[0] - 826]
+    row, column = (199 - i) * 4 + 1, (199 - j) * 4 + 1
+    assert colours[row, column].tolist() == [0, 0, 0]
+    assert colours[row, 808 + column].tolist() == bev.appearance[:, i, j].tolist()
+    classes = picture[-800:]
+    road = np.argwhere(bev.on[ROAD] & ~bev.on[VEHICLE] & ~bev.on[LANE])
+    shown = {tuple(classes[(199 - i) * 4 + 1, 808 + (199 - j) * 4 + 1].tolist()) for i, j in road if i > 160}
+    assert (112, 112, 118) in shown

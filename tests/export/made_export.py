@@ -8,11 +8,13 @@ import torch
 from torch import nn
 
 from appocc.camera import CameraRig
-from appocc.export.parity import synthetic_inputs
+from appocc.export.clips import synthetic_clips
+from appocc.export.graph import IMAGES, input_shapes
 from appocc.grid import BEVGrid
 from appocc.models.base import BEVModel
 from appocc.models.input_images import fit_camera
-from appocc.models.model_spec import ModelSpec
+from appocc.models.memory import Past
+from appocc.models.model_spec import ModelSpec, Parts
 from appocc.models.registry import build
 from appocc.models.weights import save_weights
 from appocc.rigs import read_rig
@@ -29,20 +31,27 @@ cameras:
 SIZES_PX = {"CAM_FRONT": (192, 108), "CAM_BACK": (160, 120), "CAM_SIDE": (96, 64)}
 
 
-def network(name: str, spec: ModelSpec = SMALL) -> BEVModel:
+ALL_PARTS = Parts(depth=True, memory=True, objects=True)
+
+
+def network(name: str, spec: ModelSpec = SMALL, parts: Parts | None = None) -> BEVModel:
     """A network with weights that let every part, and every picture, matter."""
     torch.manual_seed(4)
-    model = build(name, spec)
+    model = build(name, spec, parts=parts)
+    if model.parts.memory:
+        nn.init.normal_(model.get_parameter("trunk.recall.fused.weight"), std=0.1)  # a new one ignores its memory
     for norm in (part for part in model.modules() if isinstance(part, nn.BatchNorm2d)):
         nn.init.uniform_(norm.weight, 0.5, 1.5)  # some start at zero, and their blocks would do nothing
         nn.init.uniform_(norm.bias, -0.2, 0.2)
         norm.momentum = None
     rig = fitted_rig(spec)
-    shape = (1, len(rig), 3, spec.height_px, spec.width_px)
-    inputs = [torch.from_numpy(images) for seed in (1, 2) for images in synthetic_inputs(shape, seed).values()]
+    shapes = input_shapes(spec, Parts(), len(rig))
+    inputs = [torch.from_numpy(clip[0][IMAGES]) for seed in (1, 2) for clip in synthetic_clips(shapes, seed).values()]
+    half = len(inputs) // 2
+    past = Past(None, torch.eye(2, 3).expand(2, half, 2, 3), torch.full((2, half), 0.5), torch.ones(2, half))
     with torch.no_grad():
         # Statistics of such pictures as are asked about: rounding is not blown up by what never came before.
-        model.train()(torch.cat(inputs), model.plan([rig] * len(inputs)))
+        model.train()(torch.cat(inputs), model.plan([rig] * len(inputs)), past)
         ends = _ends(model.eval())
         for end in ends:
             nn.init.normal_(end.weight, std=0.1)
@@ -70,7 +79,7 @@ def fitted_rig(spec: ModelSpec = SMALL) -> CameraRig:
     return CameraRig(tuple(fit_camera(rig[channel], spec) for channel in spec.channels))
 
 
-def weights_file(path: Path, name: str, spec: ModelSpec = SMALL) -> Path:
+def weights_file(path: Path, name: str, spec: ModelSpec = SMALL, parts: Parts | None = None) -> Path:
     """Weights of `network` on disk."""
-    save_weights(path, network(name, spec), {"network": name, "thresholds": THRESHOLDS})
+    save_weights(path, network(name, spec, parts), {"network": name, "thresholds": THRESHOLDS})
     return path

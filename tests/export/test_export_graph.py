@@ -8,34 +8,52 @@ import cv2
 import numpy as np
 import pytest
 import torch
-from made_export import SMALL, THRESHOLDS, fitted_rig, network
+from made_export import ALL_PARTS, THRESHOLDS, fitted_rig, network
 from tolerances import assert_rounded
 
 from appocc.camera import Camera, CameraRig
 from appocc.export.card import card_text, make_card
-from appocc.export.graph import ExportGraph, named_outputs
+from appocc.export.clips import synthetic_clips
+from appocc.export.graph import ExportGraph, named_outputs, run_network
 from appocc.models.input_images import fit_image
-from appocc.models.model_spec import MODEL_SPECS
+from appocc.models.model_spec import MODEL_SPECS, Parts
 from appocc.models.registry import NETWORKS
 from appocc.models.rounding import count_terms
 from appocc.rigs import read_rig
 
 
-@pytest.mark.parametrize("name", NETWORKS)
-def test_the_graph_answers_as_the_network(name: str) -> None:
-    model, rig = network(name), fitted_rig()
-    images = torch.rand(1, len(rig), 3, SMALL.height_px, SMALL.width_px)
+@pytest.mark.parametrize(("name", "parts"), [*((name, Parts()) for name in NETWORKS), ("appocc", ALL_PARTS)])
+def test_the_graph_answers_as_the_network(name: str, parts: Parts) -> None:
+    model, rig = network(name, parts=parts), fitted_rig()
     plan = model.plan([rig])
     graph = ExportGraph(model, rig)
+    inputs = {key: torch.from_numpy(value) for key, value in synthetic_clips(graph.shapes, 3)["noise"][0].items()}
     with torch.inference_mode():
-        output = model(images, plan)
-        expected, found = named_outputs(output.occupancy, output.appearance), graph(images)
+        expected, found = run_network(model, plan, inputs), graph(*(inputs[key] for key in graph.shapes))
     assert found.keys() == expected.keys()
     assert ("appearance" in found) == NETWORKS[name].appearance
+    assert ("object_box" in found) == ("next_memory" in found) == (parts == ALL_PARTS)
     assert torch.equal(graph.seen, plan.seen[0])
     assert expected["occupancy"].std(dim=(2, 3)).min() > 0.02  # else anything would pass
     for key, value in expected.items():
-        assert_rounded(found[key], value, count_terms(model), size=1.0)  # answers are 0..1
+        # Answers are 0..1, but for boxes and memory.
+        assert_rounded(found[key], value, count_terms(model), size=max(1.0, float(value.abs().max())))
+
+
+def test_nothing_as_memory_is_a_first_frame() -> None:
+    model, rig = network("appocc", parts=ALL_PARTS), fitted_rig()
+    graph = ExportGraph(model, rig)
+    clips = synthetic_clips(graph.shapes)
+    (patches, *_), (noise, *_) = clips["patches"], clips["noise"]
+    assert not patches["memory"].any()
+    assert noise["memory"].any()
+    with torch.inference_mode():
+        first = named_outputs(model(torch.from_numpy(patches["images"]), model.plan([rig])))
+        found = graph(*(torch.from_numpy(patches[key]) for key in graph.shapes))
+        other = graph(*(torch.from_numpy({**patches, "memory": noise["memory"]}[key]) for key in graph.shapes))
+    for key, value in first.items():
+        assert_rounded(found[key], value, count_terms(model), size=max(1.0, float(value.abs().max())))
+        assert (found[key] - other[key]).abs().max() > 1e-3, key
 
 
 def test_pictures_fitted_by_the_card_are_those_of_the_network() -> None:

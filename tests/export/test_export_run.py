@@ -11,22 +11,26 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 import torch
-from made_export import RIG, SIZES_PX, THRESHOLDS, weights_file
-from tiny_dataset import TinyDataset
+from made_export import ALL_PARTS, RIG, SIZES_PX, THRESHOLDS, weights_file
+from tiny_dataset import TinyDataset, token
 from typer.testing import CliRunner, Result
 
 from appocc.camera import CameraRig
 from appocc.errors import AppoccError, DataError
 from appocc.export import run as export_run
+from appocc.export.clips import synthetic_clips
 from appocc.export.convert import write_openvino
 from appocc.export.parity import ParityError, parity_limit
-from appocc.export.run import ExportSource, export
+from appocc.export.run import ExportSource, export, source_from_inputs
 from appocc.files import write_image
 from appocc.frame import Frame
+from appocc.inference.inputs import dataset_inputs
 from appocc.inference.loading import load_predictor
-from appocc.models.model_spec import MODEL_SPECS
+from appocc.models.model_spec import MODEL_SPECS, Parts
 from appocc.models.registry import NETWORKS
 from appocc.models.weights import load_model
+from appocc.nuscenes import Dataset
+from appocc.objects import KINDS
 from appocc.rigs import read_rig
 from cli.main import app
 
@@ -71,6 +75,16 @@ def by_dataset(tmp_path_factory: pytest.TempPathFactory) -> Made:
     return Made(folder, run(*words, "--runs", 1, "--format", "openvino", "--json"))
 
 
+@pytest.fixture(scope="module")
+def with_parts(tmp_path_factory: pytest.TempPathFactory) -> Made:
+    """The default network with all parts for a dataset's rig, as ONNX."""
+    folder = tmp_path_factory.mktemp("with_parts")
+    root = TinyDataset(folder / "tiny").root
+    weights = weights_file(folder / "w.safetensors", "appocc", parts=ALL_PARTS)
+    words = (root, "--weights", weights, "--out", folder / "model.onnx", "--runs", 1, "--json")
+    return Made(folder, run(*words))
+
+
 def test_an_onnx_file_stands_alone(by_rig: Made) -> None:
     assert by_rig.result.exit_code == 0, by_rig.result.stderr
     session = onnxruntime.InferenceSession(by_rig.folder / "model.onnx", providers=["CPUExecutionProvider"])
@@ -93,6 +107,44 @@ def test_an_onnx_file_stands_alone(by_rig: Made) -> None:
     assert {name: output["shape"] for name, output in card["outputs"].items()} == {
         name: shape for name, (shape, _) in shapes.items()
     }
+
+
+def test_memory_and_objects_are_inputs_and_outputs(with_parts: Made) -> None:
+    assert with_parts.result.exit_code == 0, with_parts.result.stderr
+    session = onnxruntime.InferenceSession(with_parts.folder / "model.onnx", providers=["CPUExecutionProvider"])
+    card = with_parts.report["card"]
+    inputs = {each.name: each.shape for each in session.get_inputs()}
+    assert inputs == {
+        "images": [1, 2, 3, 64, 96],
+        "memory": [1, 33, 16, 16],
+        "past_from_now": [1, 2, 3],
+        "elapsed_s": [1],
+    }
+    described = {"images": card["input"], **card["memory_inputs"]}
+    assert {name: each["shape"] for name, each in described.items()} == inputs
+    outputs = {each.name: each.shape for each in session.get_outputs()}
+    assert {name: each["shape"] for name, each in card["outputs"].items()} == outputs
+    assert outputs["object_centre"] == [1, len(KINDS), 16, 16]
+    assert outputs["object_box"] == [1, len(card["outputs"]["object_box"]["channels"]), 16, 16]
+    # Every input matters.
+    start = synthetic_clips({name: tuple(shape) for name, shape in inputs.items()})["noise"][0]
+    expected = session.run(["occupancy"], start)[0]
+    for name, values in start.items():
+        other = session.run(["occupancy"], {**start, name: values * np.float32(0.5)})[0]
+        assert np.abs(other - expected).max() > 1e-4, name
+
+
+def test_a_network_with_memory_is_compared_over_consecutive_frames(with_parts: Made, tmp_path: Path) -> None:
+    parity = with_parts.report["parity"]
+    assert parity["frames"] == 3
+    assert parity["inputs"] == ["noise", "patches", "grey", f"frames from {token('sample', 0)}"]
+    out = tmp_path / "model.xml"
+    result = run("--weights", with_parts.folder / "w.safetensors", "--out", out, "--runs", 1, "--json")
+    assert result.exit_code == 0, result.stderr
+    for each in (parity, json.loads(result.stdout)["parity"]):
+        names = ["occupancy", "appearance", "object_centre", "object_box", "next_memory", "seen"]
+        assert list(each["largest_difference"]) == names
+        assert all(value <= each["limit"] < 5e-4 for value in each["largest_difference"].values())
 
 
 def test_a_file_says_nothing_of_the_machine_that_made_it(by_rig: Made) -> None:
@@ -138,6 +190,52 @@ def test_openvinos_files_are_the_same_each_time(by_rig: Made, tmp_path: Path) ->
         assert (tmp_path / f"a.{ending}").read_bytes() == (tmp_path / f"b.{ending}").read_bytes()
 
 
+def guide(*blocks: int, **given: Any) -> dict[str, Any]:
+    """Run some of the guide's blocks of code with names that are given; all names after it."""
+    code = re.findall(r"```python\n(.*?)```", GUIDE.read_text(), flags=re.DOTALL)
+    assert len(code) == 4
+    for block in blocks:
+        assert "appocc" not in code[block]
+        assert "torch" not in code[block]
+        exec(compile(code[block], GUIDE.name, "exec"), given)
+    return given
+
+
+def test_the_guides_lines_follow_a_drive_and_find_its_objects(
+    with_parts: Made, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(with_parts.folder)
+    frames = source_from_inputs(dataset_inputs(data := Dataset("tiny"), data.scenes), "tiny").frames(True)
+    for frame in frames:
+        for name, image in frame.images.items():
+            write_image(Path(frame.token) / f"{name}.png", image)
+    predictor = load_predictor(with_parts.folder / "w.safetensors", torch.device("cpu"))
+    limit = parity_limit(predictor.model, 3)
+    for count in (1, 3):  # without and with a past
+        predictor.reset()
+        for frame in frames[:count]:
+            bev, _ = predictor(frame)
+        drive = [(frame.token, frame.world_from_ego, frame.timestamp_us / 1e6) for frame in frames[:count]]
+        names = guide(0, 2, 3, drive=drive)
+        assert np.abs(names["named"]["occupancy"][0] - bev.occupancy).max() <= limit
+        found, objects = names["objects"], bev.objects
+        assert objects is not None
+        assert len(objects) > 5
+        xy = np.stack([found["x_m"], found["y_m"]], axis=1)
+        for i, kind in enumerate(objects.kind):
+            same = np.array([kind == other for other in found["kind"]])
+            off = np.hypot(*(xy - objects.centre_m[i, :2]).T) + 100 * ~same
+            nearest = int(off.argmin())
+            assert off[nearest] < 1e-3
+            assert found["score"][nearest] == pytest.approx(objects.score[i], abs=limit)
+            assert found["z_m"][nearest] == pytest.approx(objects.centre_m[i, 2], abs=1e-3)
+            np.testing.assert_allclose(found["size_wlh_m"][nearest], objects.size_wlh_m[i], rtol=1e-3)
+            turn = found["yaw_rad"][nearest] - objects.yaw_rad[i]
+            assert np.abs(np.angle(np.exp(1j * turn))) < 1e-2
+            if count > 1:
+                np.testing.assert_allclose(found["velocity_mps"][nearest], objects.velocity_mps[i], atol=0.01)
+
+
 def test_the_guides_lines_answer_as_the_network(by_rig: Made, monkeypatch: pytest.MonkeyPatch) -> None:
     draw = np.random.default_rng(3)
     images = {
@@ -145,12 +243,8 @@ def test_the_guides_lines_answer_as_the_network(by_rig: Made, monkeypatch: pytes
     }
     for name, image in images.items():
         write_image(by_rig.folder / "FRAME" / f"{name}.png", image)
-    (code,) = re.findall(r"```python\n(.*?)```", GUIDE.read_text(), flags=re.DOTALL)
-    assert "appocc" not in code
-    assert "torch" not in code
     monkeypatch.chdir(by_rig.folder)
-    names: dict[str, Any] = {}
-    exec(compile(code, GUIDE.name, "exec"), names)
+    names = guide(0, 1)
     frame = Frame("frame", 0, np.eye(4), read_rig("rig.yaml"), images)
     bev, seen = load_predictor(by_rig.folder / "w.safetensors", torch.device("cpu"))(frame)
     limit = parity_limit(load_model(by_rig.folder / "w.safetensors")[0])
@@ -231,9 +325,17 @@ def test_what_cannot_be_done_is_told_in_one_line(tiny: TinyDataset, tmp_path: Pa
 
 @pytest.mark.slow
 @pytest.mark.long
-@pytest.mark.parametrize(("name", "spec"), [("appocc", "360"), *((name, "180") for name in NETWORKS)])
-def test_every_network_in_both_forms_at_full_size(name: str, spec: str, tmp_path: Path) -> None:
-    weights = weights_file(tmp_path / "w.safetensors", name, MODEL_SPECS[spec])
+@pytest.mark.parametrize(
+    ("name", "spec", "parts"),
+    [
+        ("appocc", "360", Parts()),
+        ("appocc", "360", ALL_PARTS),
+        ("appocc", "180", ALL_PARTS),
+        *((name, "180", Parts()) for name in NETWORKS),
+    ],
+)
+def test_every_network_in_both_forms_at_full_size(name: str, spec: str, parts: Parts, tmp_path: Path) -> None:
+    weights = weights_file(tmp_path / "w.safetensors", name, MODEL_SPECS[spec], parts)
     rig = ExportSource(CameraRig(tuple(read_rig("paper"))), "paper")
     for out in ("a.onnx", "a.xml"):
         done = export(weights, rig, tmp_path / out, 1)

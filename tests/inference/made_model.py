@@ -7,13 +7,15 @@ from typing import NamedTuple, Self
 
 import numpy as np
 import torch
+from tiny_dataset import TinyDataset, token
 from torch import Tensor
 
-from appocc.bevmap import LANE, ROAD, VEHICLE
+from appocc.bevmap import LANE, ROAD, VEHICLE, BEVMap, bev_path
 from appocc.camera import CameraRig
 from appocc.grid import BEVGrid
 from appocc.inference.predictor import Predictor, Weights
 from appocc.models.base import BEVModel, ModelOutput
+from appocc.models.memory import Past
 from appocc.models.model_spec import ModelSpec
 
 GRID = BEVGrid(-16.0, 16.0, -16.0, 16.0, 0.4)
@@ -51,7 +53,9 @@ class MadeModel(BEVModel):
         ahead = [np.stack([camera.ego_from_cam[:2, 2] for camera in rig]) for rig in rigs]
         return MadePlan(torch.from_numpy(np.stack([(centres @ axes.T > 0).any(axis=-1) for axes in ahead])))
 
-    def forward(self, images: Tensor, plan: MadePlan) -> ModelOutput:  # type: ignore[override]
+    def forward(  # type: ignore[override]
+        self, images: Tensor, plan: MadePlan, past: Past | None = None
+    ) -> ModelOutput:
         assert images.shape == (1, len(self.rigs[-1]), 3, self.spec.height_px, self.spec.width_px)
         x, y = (torch.from_numpy(axis) for axis in np.moveaxis(self.spec.grid.centres(), -1, 0))
         on = torch.zeros(1, 3, *x.shape)
@@ -66,3 +70,13 @@ def predictor(model: MadeModel | None = None, digest: str = "d1") -> Predictor:
     """The made model with thresholds that let the car be seen and the lane not."""
     weights = Weights("made", digest, {"road": 0.5, "vehicle": 0.4, "lane": 0.5})
     return Predictor(model or MadeModel(), weights, torch.device("cpu"))
+
+
+def save_road_everywhere(tiny: TinyDataset) -> None:
+    """Save true maps of the tiny dataset with road in every cell."""
+    for i in range(3):
+        on = np.zeros((3, *GRID.shape), np.float32)
+        on[ROAD] = 1
+        known = np.ones((3, *GRID.shape), np.bool_)
+        truth = BEVMap(GRID, on, known, np.zeros((3, *GRID.shape), np.uint8), known[0].copy())
+        truth.save(bev_path(tiny.root, "exact", token("sample", i)))

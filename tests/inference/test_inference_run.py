@@ -1,31 +1,38 @@
 from __future__ import annotations
 
 import hashlib
+import json
 import os
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 from made_model import AHEAD, MadeModel, predictor
+from made_objects import made_object, together
 from tiny_dataset import TinyDataset, token
 
 from appocc.bevmap import LANE, VEHICLE, BEVMap, load_map
-from appocc.checks import FloatArray
 from appocc.errors import DataError
 from appocc.files import read_image, write_image, zip_arrays
+from appocc.frame import Frame
 from appocc.inference.inputs import InferenceInput, dataset_inputs
-from appocc.inference.predictor import Predictor
+from appocc.inference.predictor import Prediction, Predictor
 from appocc.inference.run import InferenceRun, InferenceSummary
 from appocc.nuscenes import Dataset
-from appocc.visualization.predictions import camera_rows, prediction_figure
+from appocc.nuscenes.detection_results import read_boxes
+from appocc.visualization.predictions import prediction_figure
+from appocc.visualization.vehicle_marks import VehicleMarks
 
 ALL = [token("sample", i) for i in range(3)]
 
 
-def vehicle_centres(bev: BEVMap) -> FloatArray:
-    """The mean of all vehicle cells."""
-    return np.asarray(bev.grid.centres()[bev.on[VEHICLE]].mean(axis=0, keepdims=True))
+def vehicle_centres(bev: BEVMap) -> VehicleMarks:
+    """One vehicle at the mean of all vehicle cells."""
+    centre = bev.grid.centres()[bev.on[VEHICLE]].mean(axis=0, keepdims=True)
+    size, paint = np.array([[4.0, 2.0]]), np.array([[250.0, 250.0, 20.0]])
+    return VehicleMarks(centre, np.zeros(1), size, np.zeros(1, np.bool_), paint)
 
 
 def inputs_of(tiny: TinyDataset) -> list[InferenceInput]:
@@ -117,27 +124,71 @@ def test_a_map_is_decided_by_its_thresholds(tiny: TinyDataset) -> None:
 
 
 @pytest.mark.parametrize("spec", [None, AHEAD])
-def test_the_figure_has_cameras_left_and_both_maps_right(tiny: TinyDataset, spec: object) -> None:
+def test_the_figure_has_cameras_above_both_maps(tiny: TinyDataset, spec: object) -> None:
     frame = inputs_of(tiny)[0].read().frame
     bev = predictor(MadeModel(AHEAD) if spec else None)(frame).bev
     picture = prediction_figure(frame, bev, vehicle_centres(bev))
-    bare = prediction_figure(frame, bev, np.zeros((0, 2)))
+    bare = prediction_figure(frame, bev, vehicle_centres(bev).select(np.zeros(0, np.int64)))
     high, wide = (side * 4 for side in bev.grid.shape)
-    assert picture.shape[0] == (2 * high + 8 if spec else high)
-    left = picture.shape[1] - (wide if spec else 2 * wide + 8) - 8
-    image = picture[picture.shape[0] // 4, left // 4]
-    assert np.abs(image.astype(int) - [160, 80, 40]).max() <= 3
-    # The label stands 3 m to the side of the car, 10 m ahead, in both maps and nowhere else.
+    cameras_px = picture.shape[0] - high - 26
+    front = picture[cameras_px // 4, picture.shape[1] // 2]
+    assert np.abs(front.astype(int) - [160, 80, 40]).max() <= 3
+    # The box of the car, 10 m ahead, is in both maps and nowhere else.
     changed = np.argwhere((picture != bare).any(axis=-1))
-    assert len(changed)
-    rows = changed[changed[:, 0] < high, 0]
-    assert rows.mean() == pytest.approx((16 - 10) * 10, abs=6)
-    assert changed[:, 1].min() > left
+    rows = changed[:, 0] - cameras_px - 26
+    assert rows.mean() == pytest.approx((16 - 10) * 10, abs=8)
+    assert rows.min() > 0
+    left, right = (changed[(changed[:, 1] < picture.shape[1] // 2) == side, 1] for side in (True, False))
+    assert len(left) > 20
+    assert right.min() - left.min() == pytest.approx(wide + 8, abs=2)
 
 
-def test_cameras_stand_as_they_look(tiny: TinyDataset) -> None:
-    frame = inputs_of(tiny)[0].read().frame
-    assert [[camera.channel for camera in row] for row in camera_rows(frame.rig)] == [["CAM_FRONT"], ["CAM_BACK"]]
+class ObjectPredictor(Predictor):
+    """The made model with one car ahead, and one where no camera looks."""
+
+    def __call__(self, frame: Frame) -> Prediction:
+        bev, seen = super().__call__(frame)
+        objects = together(made_object("car", 10.0, 0.0, velocity_mps=(2.0, 0.0)), made_object("bus", -10.0, 0.0))
+        return Prediction(replace(bev, objects=objects), seen)
+
+
+def test_objects_of_made_and_kept_maps_are_written_as_detections(tiny: TinyDataset, tmp_path: Path) -> None:
+    made = predictor()
+    seeing = ObjectPredictor(made.model, made.weights, torch.device("cpu"))
+    dataset = Dataset(tiny.root)
+    back = dataset.path(dataset.data(dataset.sample(ALL[2]))["CAM_BACK"])
+    back.unlink()
+    contents = []
+    for expected in ((3, 0), (1, 2)):
+        run = InferenceRun(inputs_of(tiny), seeing, tmp_path / "maps", tmp_path / "results.json")
+        for result in run:
+            if result is not None:
+                write_image(result.picture, np.zeros((4, 4, 3), np.uint8))
+        assert run.summary[:2] == expected
+        contents.append((tmp_path / "results.json").read_bytes())
+        (tmp_path / "maps" / f"{ALL[1]}.npz").unlink()
+    assert contents[0] == contents[1]
+    boxes = read_boxes(tmp_path / "results.json", json.loads(contents[0]), ALL)
+    # Nothing behind where the camera at the back is missing.
+    assert [[box.detection_name for box in own] for own in boxes] == [["car", "bus"]] * 2 + [["car"]]
+    # The ego drives along world +y.
+    np.testing.assert_allclose(boxes[1][0].translation, [100, 212.5, 0.8], atol=1e-9)
+    np.testing.assert_allclose(np.array(boxes[1][0].velocity, np.float64), [0, 2], atol=1e-9)
+    assert [box.attribute_name for box in boxes[0]] == ["vehicle.moving", "vehicle.stopped"]
+
+
+def test_detections_need_objects_and_poses(tiny: TinyDataset, tmp_path: Path) -> None:
+    results = tmp_path / "results.json"
+    with pytest.raises(DataError, match=r"results\.json: the weights 'made' predict no objects"):
+        list(InferenceRun(inputs_of(tiny), predictor(), tmp_path / "maps", results))
+    assert list(tmp_path.glob("maps/**/*.*")) == []
+    run(tiny, tmp_path / "maps")
+    with pytest.raises(DataError, match=r"results\.json: the weights 'made' predict no objects"):
+        list(InferenceRun(inputs_of(tiny), predictor(), tmp_path / "maps", results))
+    without_poses = [each._replace(pose=None) for each in inputs_of(tiny)]
+    with pytest.raises(DataError, match=r"results\.json: detections need ego poses: expected a dataset"):
+        InferenceRun(without_poses, predictor(), tmp_path / "maps", results)
+    assert not results.exists()
 
 
 def _anew(tiny: TinyDataset, out: Path) -> tuple[int, int, dict[str, int]]:

@@ -4,22 +4,23 @@ import json
 from collections.abc import Callable
 from pathlib import Path
 
-import numpy as np
 import pytest
 import torch
-from made_model import AHEAD, GRID, HIGH, MadeModel, MadePlan, predictor
-from tiny_dataset import TinyDataset, token
+from made_model import AHEAD, GRID, HIGH, MadeModel, MadePlan, predictor, save_road_everywhere
+from tiny_dataset import TinyDataset
 from torch import Tensor
 
-from appocc.bevmap import ROAD, BEVMap, bev_path
+from appocc.bevmap import ROAD
 from appocc.errors import DataError
 from appocc.inference.inputs import InferenceInput, dataset_inputs
 from appocc.inference.predictor import Predictor
 from appocc.models.base import ModelOutput
+from appocc.models.memory import Past
 from appocc.models.model_spec import MODEL_SPECS
 from appocc.nuscenes import Dataset
 from benchmarks import missing_cameras
-from benchmarks.missing_cameras import as_json, choices, evenly, main, measure, score, table
+from benchmarks.missing_cameras import as_json, choices, main, measure, score, table
+from benchmarks.predicted_maps import evenly
 
 SIX = MODEL_SPECS["360"].channels
 
@@ -27,7 +28,9 @@ SIX = MODEL_SPECS["360"].channels
 class WhatIsSeen(MadeModel):
     """Says that there is road wherever a camera looks, and nothing else."""
 
-    def forward(self, images: Tensor, plan: MadePlan) -> ModelOutput:  # type: ignore[override]
+    def forward(  # type: ignore[override]
+        self, images: Tensor, plan: MadePlan, past: Past | None = None
+    ) -> ModelOutput:
         on = torch.zeros(1, 3, *GRID.shape)
         on[:, ROAD] = HIGH * plan.seen
         return ModelOutput(torch.logit(on, 1e-4), None, None)
@@ -36,12 +39,7 @@ class WhatIsSeen(MadeModel):
 @pytest.fixture
 def street(tiny: TinyDataset) -> Path:
     """The tiny dataset, which has a camera ahead and one behind, with road everywhere."""
-    for i in range(3):
-        on = np.zeros((3, *GRID.shape), np.float32)
-        on[ROAD] = 1
-        known = np.ones((3, *GRID.shape), np.bool_)
-        truth = BEVMap(GRID, on, known, np.zeros((3, *GRID.shape), np.uint8), known[0].copy())
-        truth.save(bev_path(tiny.root, "exact", token("sample", i)))
+    save_road_everywhere(tiny)
     return tiny.root
 
 
@@ -68,7 +66,8 @@ def test_frames_are_taken_from_all_over() -> None:
 
 def test_with_a_camera_gone_only_what_the_other_sees_is_right(street: Path) -> None:
     rows = as_json(measure(predictor(WhatIsSeen()), street, "exact", inputs_of(street)))
-    assert [(row["alive"], row["choices"]) for row in rows] == [(2, 1), (1, 2)]
+    assert [(row["alive"], row["choices"]) for row in rows] == [(2, 1), (1, 2), (1, 1)]
+    assert rows[2]["of"][0]["alive"] == ("CAM_FRONT",)
     assert rows[0]["seen_share"] == 1
     assert rows[0]["iou"]["all"]["road"] == {"mean": 1, "worst": 1}
     share = rows[1]["seen_share"]
@@ -78,9 +77,29 @@ def test_with_a_camera_gone_only_what_the_other_sees_is_right(street: Path) -> N
         min(one["iou"]["all"]["road"] for one in rows[1]["of"])
     )
     assert rows[1]["iou"]["seen"]["road"] == {"mean": 1, "worst": 1}
+    assert rows[0]["unseen_road"]["guessed"]["mean"] is None  # both cameras see everything
+    assert rows[1]["unseen_road"]["guessed"] == {"mean": 0, "worst": 0}
     # Nothing to compare is no number.
     assert rows[0]["iou"]["all"]["lane"] == {"mean": None, "worst": None}
     assert [cell for column in table(rows).columns for cell in column.cells][:2] == ["2", "1"]
+
+
+def test_a_network_that_guesses_road_where_no_camera_looks_is_found_out(street: Path) -> None:
+    class Sure(WhatIsSeen):
+        """Says that there is road everywhere."""
+
+        def forward(  # type: ignore[override]
+            self, images: Tensor, plan: MadePlan, past: Past | None = None
+        ) -> ModelOutput:
+            output = super().forward(images, plan)
+            road = torch.arange(3)[:, None, None] == ROAD
+            return output._replace(occupancy=torch.where(road, 5.0, output.occupancy))
+
+    both, one, front = as_json(measure(predictor(Sure()), street, "exact", inputs_of(street)))
+    for row in (one, front):
+        assert row["unseen_road"]["guessed"] == {"mean": 1, "worst": 1}
+        assert row["unseen_road"]["kept"] == {"mean": 0, "worst": 0}
+    assert both["unseen_road"]["kept"]["mean"] is None
 
 
 def test_a_choice_is_judged_at_the_thresholds_of_the_weights(street: Path) -> None:
@@ -125,7 +144,7 @@ def test_as_a_command(street: Path, monkeypatch: pytest.MonkeyPatch, capsys: pyt
     monkeypatch.setattr(missing_cameras, "load_predictor", loaded)
     main([str(street), "--frames", "2", "--json"])
     value = json.loads(capsys.readouterr().out)
-    assert (value["frames"], len(value["rows"])) == (2, 2)
+    assert (value["frames"], len(value["rows"])) == (2, 3)
     assert value["thresholds"]["vehicle"] == 0.4
     main([str(street), "--frames", "1"])
     said = capsys.readouterr().out

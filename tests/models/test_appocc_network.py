@@ -16,8 +16,9 @@ from appocc.errors import ShapeError
 from appocc.grid import BEVGrid
 from appocc.models.batch_norm_folding import fold_batch_norms
 from appocc.models.heads import PRIORS, GridHeads
+from appocc.models.lean_trunk import upsample_twice
 from appocc.models.model_spec import MODEL_SPECS, ModelSpec
-from appocc.models.network import AppoccNet, mean_colours, upsample_twice
+from appocc.models.network import AppoccNet, mean_colours
 from appocc.models.rounding import count_terms
 from appocc.models.view_transform.sampling import HEIGHTS_M
 from appocc.rigs import read_rig
@@ -149,7 +150,7 @@ def test_a_cell_listens_to_the_pixels_that_show_its_ground() -> None:
     model = AppoccNet(MODEL_SPECS["360"]).eval()
     plan = model.plan([rig])
     heard: list[Tensor] = []
-    model.trunk.register_forward_pre_hook(lambda _, inputs: heard.append(inputs[2]))
+    model.trunk.register_forward_pre_hook(lambda _, inputs: heard.append(inputs[3]))
     images = torch.rand(1, 1, 3, 128, 352).requires_grad_()
     model(images, plan)
     for cell in ((122, 101), (130, 92), (135, 112)):

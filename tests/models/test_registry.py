@@ -8,7 +8,7 @@ import torch
 from appocc.camera import CameraRig
 from appocc.errors import NotFoundError, ShapeError
 from appocc.grid import BEVGrid
-from appocc.models.model_spec import ModelSpec
+from appocc.models.model_spec import ModelSpec, Parts
 from appocc.models.registry import COLOURINGS, DEFAULT, NETWORKS, build
 from appocc.rigs import read_rig
 
@@ -55,3 +55,39 @@ def test_all_networks_agree_on_what_is_seen() -> None:
     seen = [build(name, SETTING).plan([RIG]).seen for name in NETWORKS]
     assert 0.3 < seen[0].float().mean() < 1
     assert all(torch.equal(each, seen[0]) for each in seen)
+
+
+def test_parts_have_names() -> None:
+    assert Parts.of([]) == Parts()
+    assert Parts.of(["objects", "depth"]) == Parts(depth=True, objects=True)
+    assert Parts.of(["objects", "depth"]).names == ("depth", "objects")
+    with pytest.raises(NotFoundError, match="no part 'wheels' of a network; there are depth, memory, objects"):
+        Parts.of(["depth", "wheels"])
+
+
+@pytest.mark.parametrize("name", NETWORKS)
+def test_networks_have_the_parts_that_they_can_have(name: str) -> None:
+    assert build(name, SETTING).parts == Parts()
+    for part in Parts(True, True, True).names:
+        if part in NETWORKS[name].parts.names:
+            assert build(name, SETTING, parts=Parts.of([part])).parts.names == (part,)
+        else:
+            with pytest.raises(NotFoundError, match=f"network {name}: has no part '{part}'"):
+                build(name, SETTING, parts=Parts.of([part]))
+
+
+@pytest.mark.parametrize(
+    "parts", [Parts(depth=True), Parts(memory=True), Parts(objects=True), Parts(True, True, True)]
+)
+def test_outputs_follow_the_parts(parts: Parts) -> None:
+    model = build(DEFAULT, SETTING, parts=parts).eval()
+    with torch.inference_mode():
+        output = model(torch.rand(2, 3, 3, 64, 128), model.plan([RIG, RIG]))
+    assert output.occupancy.shape == (2, 3, 16, 16)
+    assert (output.memory is not None) == parts.memory
+    assert (output.objects is not None) == parts.objects
+    if output.memory is not None:
+        assert output.memory.shape[0] == 2
+        assert output.memory.shape[2:] == (8, 8)
+    if output.objects is not None:
+        assert [each.shape for each in output.objects] == [(2, n, 8, 8) for n in (6, 2, 1, 3, 2, 2)]

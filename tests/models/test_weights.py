@@ -8,13 +8,19 @@ from pathlib import Path
 import pytest
 import torch
 from safetensors.torch import save_file
+from tolerances import assert_rounded
+from torch import Tensor
 
+from appocc.camera import CameraRig
 from appocc.errors import DataError, NotFoundError
 from appocc.grid import BEVGrid
 from appocc.models.base import BEVModel
-from appocc.models.model_spec import MODEL_SPECS, ModelSpec
+from appocc.models.memory import Past
+from appocc.models.model_spec import MODEL_SPECS, ModelSpec, Parts
 from appocc.models.registry import build
+from appocc.models.rounding import count_terms
 from appocc.models.weights import load_model, load_weights_into, read_thresholds, save_weights
+from appocc.rigs import read_rig
 
 TINY = ModelSpec("own", ("CAM_A", "CAM_B"), BEVGrid(0.0, 8.0, -4.0, 4.0, 0.5), 96, 64)
 CARD = {"network": "neat", "data": "a few towns"}
@@ -138,6 +144,10 @@ def test_foreign_files(tmp_path: Path) -> None:
         ),
         ({"setting": "360"}, "expected the cameras, grid and size of setting 360, got"),
         ({"setting": None}, "the card lacks 'setting'"),
+        ({"parts": '["wheels"]'}, "no part 'wheels' of a network"),
+        ({"parts": '["memory"]'}, "network neat: has no part 'memory'"),
+        ({"parts": "3"}, "invalid model card"),
+        ({"parts": "depth"}, "invalid model card"),
     ],
 )
 def test_cards_that_cannot_be_true(written: Path, changed: dict[str, str | None], reason: str) -> None:
@@ -204,3 +214,103 @@ def test_what_was_trained_with_heads_for_training_can_be_kept(tmp_path: Path, na
     model = network(name, appearance=name in ("appocc", "paper"), num_classes=4)
     save_weights(path, model, {"network": name})
     assert load_model(path)[0].state_dict().keys() <= model.state_dict().keys()
+
+
+# Parts ------------------------------------------------------------------------------------------------------------
+
+RIG = CameraRig(tuple(camera.resized(96, 64) for camera in read_rig("paper")))
+SEEING = ModelSpec("seeing", RIG.channels, BEVGrid(-8.0, 8.0, -8.0, 8.0, 1.0), 96, 64)
+ALL = Parts(depth=True, memory=True, objects=True)
+
+
+def seeing(seed: int, parts: Parts, num_classes: int = 0) -> BEVModel:
+    """A network whose answer depends on what it sees."""
+    torch.manual_seed(seed)
+    model = build("appocc", SEEING, parts=parts, num_classes=num_classes).eval()
+    with torch.no_grad():
+        model.get_parameter("heads.answer.weight").normal_(std=0.3)
+        if parts.memory:
+            model.get_parameter("trunk.recall.fused.weight").normal_(std=0.1)
+    return model
+
+
+def answers(model: BEVModel) -> tuple[Tensor, Tensor]:
+    """Occupancy and colours of a clip of two frames."""
+    motion = torch.eye(2, 3).expand(2, 1, 2, 3).clone()
+    motion[1, 0, 0, 2] = 1.0
+    past = Past(None, motion, torch.full((2, 1), 0.5), torch.tensor([[0.0], [1.0]]))
+    images = torch.rand(2, 6, 3, 64, 96, generator=torch.Generator().manual_seed(5))
+    with torch.inference_mode():
+        output = model.eval()(images, model.plan([RIG, RIG]), past)
+    assert output.appearance is not None
+    return output.occupancy, output.appearance
+
+
+def saved(path: Path, parts: Parts, seed: int = 1) -> BEVModel:
+    model = seeing(seed, parts)
+    save_weights(path, model, {"network": "appocc"})
+    return model
+
+
+@pytest.mark.parametrize("parts", [Parts(), Parts(depth=True), Parts(memory=True, objects=True), ALL])
+def test_parts_come_back(tmp_path: Path, parts: Parts) -> None:
+    path = tmp_path / "w.safetensors"
+    model = seeing(1, parts, num_classes=4)
+    save_weights(path, model, {"network": "appocc"})
+    loaded, card = load_model(path)
+    assert loaded.parts == parts
+    assert json.loads(card["parts"]) == list(parts.names)
+    left_out = model.state_dict().keys() - loaded.state_dict().keys()
+    assert left_out
+    assert all(key.startswith("views.") for key in left_out)  # the part depth is no head for training
+    for found, expected in zip(answers(loaded), answers(model), strict=True):
+        assert torch.equal(found, expected)
+
+
+def test_cards_without_parts_are_of_a_network_without_them(tmp_path: Path) -> None:
+    path = tmp_path / "w.safetensors"
+    saved(path, Parts())
+    model, card = load_model(path)
+    older = {key: value for key, value in card.items() if key != "parts"}
+    save_file(model.state_dict(), path, {"card": json.dumps(older)})
+    assert load_model(path)[0].parts == Parts()
+    saved(path, ALL)
+    model, card = load_model(path)
+    save_file(model.state_dict(), path, {"card": json.dumps({**card, "parts": "[]"})})
+    assert_refused(path, "weights of ")
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        (Parts(), Parts(memory=True, objects=True)),
+        (Parts(), ALL),
+        (Parts(), Parts(depth=True)),
+        (Parts(depth=True), ALL),
+        (Parts(memory=True), ALL),
+        (ALL, ALL),
+    ],
+)
+def test_a_network_with_more_parts_begins_with_the_same_answers(tmp_path: Path, old: Parts, new: Parts) -> None:
+    path = tmp_path / "w.safetensors"
+    given = saved(path, old)
+    torch.manual_seed(2)
+    model = build("appocc", SEEING, parts=new, num_classes=4)
+    before = answers(model)[0]
+    load_weights_into(model, path)
+    (occupancy, colours), (expected, expected_colours) = answers(model), answers(given)
+    assert (before - expected).abs().max() > 0.1
+    assert_rounded(occupancy, expected, count_terms(model))
+    if old.depth == new.depth:  # depths choose among the colours
+        assert_rounded(colours, expected_colours, count_terms(model))
+
+
+@pytest.mark.parametrize("new", [Parts(), Parts(depth=True, memory=True), Parts(objects=True)])
+def test_weights_of_a_network_with_more_parts_are_refused(tmp_path: Path, new: Parts) -> None:
+    path = tmp_path / "w.safetensors"
+    saved(path, ALL)
+    model = seeing(2, new)
+    before = {key: value.clone() for key, value in model.state_dict().items()}
+    with pytest.raises(DataError, match="expected weights of the network to train, got those of appocc"):
+        load_weights_into(model, path)
+    assert all(torch.equal(value, before[key]) for key, value in model.state_dict().items())

@@ -22,8 +22,8 @@ from appocc.simulation.sources import TownSource
 Contents = dict[str, bytes]
 
 
-def settings_of(scenes: int = 3, seed: int = 0) -> DatasetSettings:
-    recording = RecordingSettings(4, 2.0, read_rig("paper"))
+def settings_of(scenes: int = 3, seed: int = 0, vary: bool = False) -> DatasetSettings:
+    recording = RecordingSettings(4, 2.0, read_rig("paper"), vary=vary)
     return DatasetSettings(scenes, (TownSource("one"), TownSource("two")), ("clear", "wet"), seed, recording)
 
 
@@ -173,6 +173,8 @@ def test_differing_settings_are_named(tmp_path: Path, monkeypatch: pytest.Monkey
         simulate(tmp_path / "out", settings_of(scenes=4, seed=5), 1, no_advance)
     with pytest.raises(KeyboardInterrupt):
         simulate(tmp_path / "more", settings_of(), 1, interrupted_after(6, KeyboardInterrupt()))
+    with pytest.raises(DataError, match=r"other settings \(vary\)"):
+        simulate(tmp_path / "out", settings_of(vary=True), 1, no_advance)
     monkeypatch.setattr(generate, "__version__", "99.0")
     with pytest.raises(DataError, match=r"other settings \(appocc\)"):  # scenes of two versions are not mixed
         simulate(tmp_path / "more", settings_of(), 1, no_advance)

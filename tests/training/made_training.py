@@ -14,10 +14,12 @@ from torch import Tensor, nn
 from appocc.camera import CameraRig
 from appocc.grid import BEVGrid
 from appocc.models.base import DEPTH_BINS, BEVModel, ImageOutput, ModelOutput
+from appocc.models.memory import Past
 from appocc.models.model_spec import ModelSpec
 from appocc.training.batch import Batch, Truth
 from appocc.training.config import Config
 from appocc.training.loop import train
+from appocc.training.packed_objects import COLUMNS
 from appocc.training.process_group import ProcessGroup, join_process_group
 from appocc.training.run import TrainingMonitor, TrainingSetup
 from appocc.training.run_folder import RunFolder
@@ -50,7 +52,7 @@ class TinyModel(BEVModel):
     def plan(self, rigs: Sequence[CameraRig]) -> TinyPlan:
         return TinyPlan(torch.ones(len(rigs), *SETTING.grid.shape, dtype=torch.bool))
 
-    def forward(self, images: Tensor, plan: Any) -> ModelOutput:
+    def forward(self, images: Tensor, plan: Any, past: Past | None = None) -> ModelOutput:
         assert images.flatten(0, 1).is_contiguous(memory_format=torch.channels_last)
         features = self.trunk(images[:, 0])
         answer, views = self.heads(features), self.views(features)[:, None]
@@ -101,6 +103,8 @@ class TinySamples:
             torch.ones(squares[:, 0].shape, dtype=torch.bool),
             4 + 40 * squares[:, :1],
             (squares[:, :1] * KINDS).long(),
+            torch.full((len(numbers), 1, COLUMNS), torch.nan),
+            torch.zeros(squares[:, 0].shape, dtype=torch.int64),
         )
         rig = CameraRig(())
         return Batch(images[:, None], (rig,) * len(numbers), truth, tuple(numbers))
@@ -120,7 +124,7 @@ def made_config(**more: Any) -> Config:
     """Twelve steps with two evaluations; keys with dots as `train__lr`."""
     values: dict[str, Any] = {
         "data": {"train": "none", "val": "none"},
-        "train": {"steps": 12, "batch": 4, "lr": 0.02, "ema": 0.5, "threads": 1},
+        "train": {"steps": 12, "batch": 4, "lr": 0.02, "ema": 0.5, "threads": 1, "precision": "fp32"},
         "evaluate": {"every_steps": 5, "norm_batches": 3},
         "save": {"every_steps": 4},
     }

@@ -19,6 +19,7 @@ from appocc.grid import BEVGrid
 from appocc.models.model_spec import MODEL_SPECS
 from appocc.rigs import read_rig
 from appocc.training.augment import Augmentation, augment, jitter_colours, mirror_sample, reframe
+from appocc.training.packed_objects import COLUMNS, MAX_OBJECTS
 from appocc.training.reading import ARRAYS, PackedSample, crop
 
 WIDTH, HEIGHT = 352, 128
@@ -41,6 +42,10 @@ def blank(grid: BEVGrid = GRID) -> PackedSample:
         appearance=np.zeros((3, x, y), np.uint8),
         depth_m=np.zeros((n, HEIGHT // 8, WIDTH // 8), np.float16),
         kind=np.full((n, HEIGHT // 8, WIDTH // 8), 255, np.uint8),
+        world_from_ego=np.eye(4),
+        time_us=np.array(0),
+        objects=np.full((MAX_OBJECTS, COLUMNS), np.nan, np.float32),
+        owner=np.zeros((x, y), np.uint8),
         grid=grid,
         channels=tuple(camera.channel for camera in RIG),
     )
@@ -228,7 +233,8 @@ def rng(seed: int) -> np.random.Generator:
 
 
 def equal(one: PackedSample, other: PackedSample, names: tuple[str, ...] = ARRAYS) -> bool:
-    return all(np.array_equal(getattr(one, name), getattr(other, name)) for name in names)
+    pairs = ((getattr(one, name), getattr(other, name)) for name in names)
+    return all(np.array_equal(a, b, equal_nan=a.dtype.kind == "f") for a, b in pairs)
 
 
 def test_no_strength_changes_nothing_but_crops() -> None:

@@ -28,6 +28,7 @@ def test_a_file_overrides_the_defaults(path: Path) -> None:
     config = read_config(path)
     assert (config.train.lr, config.train.steps, config.train.batch) == (1e-3, 10, 8)
     assert config.setting == "360"
+    assert (config.data.train_roots, config.parts, config.data.clip) == (("a",), (), 1)
 
 
 def test_overrides_replace_and_add(path: Path) -> None:
@@ -52,7 +53,7 @@ def test_overrides_replace_and_add(path: Path) -> None:
         (["train.accumulate=1000000000"], "train.accumulate: expected less than or equal to 65536"),
         (["train.threads=100000"], "train.threads: expected less than or equal to 1024, got 100000"),
         (["train.lr=.nan"], "train.lr: expected a finite number"),
-        (["train.precision=fp8"], "train.precision: expected 'fp32' or 'bf16', got 'fp8'"),
+        (["train.precision=fp8"], "train.precision: expected 'auto', 'fp32' or 'bf16', got 'fp8'"),
         (["setting=270"], "setting: expected '360' or '180', got '270'"),
         (["losses.classes=[1, 2]"], "losses.classes"),
         (["train.minutes=5"], "either steps or minutes"),
@@ -65,6 +66,15 @@ def test_overrides_replace_and_add(path: Path) -> None:
         (["train.lr=[1"], "no valid YAML value"),
         (["network=!!python/object/apply:os.getcwd []"], "no valid YAML value"),
         (["data=null"], "data: expected a valid dictionary"),
+        (["data.train=[]"], "data.train: expected a folder or a list of folders, got []"),
+        (["data.train=[a, 5]"], "data.train: expected a folder or a list of folders, got ['a', 5]"),
+        (["data.train=5"], "data.train=5: data.train: expected a folder or a list of folders, got 5"),
+        (["data.clip=0"], "data.clip: expected greater than or equal to 1, got 0"),
+        (["data.clip=65"], "data.clip: expected less than or equal to 64, got 65"),
+        (["data.clip=3"], "c.yaml: train.batch: expected a multiple of data.clip=3, got 8"),
+        (["parts=[memory]"], "c.yaml: data.clip: expected 2 or more, which train the part memory, got 1"),
+        (["parts=[depth, wheels]"], "parts.1: expected 'depth', 'memory' or 'objects', got 'wheels'"),
+        (["parts=depth"], "parts: expected a valid tuple, got 'depth'"),
     ],
 )
 def test_errors_are_one_line_with_file_and_key(path: Path, words: list[str], said: str) -> None:
@@ -103,7 +113,9 @@ def test_a_missing_file_is_refused(tmp_path: Path) -> None:
 
 
 def test_a_configuration_survives_writing_and_reading(path: Path, tmp_path: Path) -> None:
-    config = read_config(path, ["losses.pos_weight=[1, 2.5, 3]", "train.threads=2"])
+    words = ["losses.pos_weight=[1, 2.5, 3]", "train.threads=2", "data.train=[a, c]", "parts=[memory]", "data.clip=4"]
+    config = read_config(path, words)
+    assert (config.data.train_roots, config.parts, config.data.clip) == (("a", "c"), ("memory",), 4)
     (tmp_path / "again.yaml").write_text(config.as_yaml())
     assert read_config(tmp_path / "again.yaml") == config
 

@@ -74,7 +74,7 @@ def test_micro_batches_of_a_step_give_the_gradient_of_their_mean() -> None:
         for batch in parts:
             images = batch.images.flatten(0, 1).contiguous(memory_format=torch.channels_last)[:, None]
             output: ModelOutput = model(images, model.plan(batch.rigs))
-            total = compute_losses(output, batch.truth, config.losses).total(config.losses)
+            total = compute_losses(output, batch.truth, config.losses, SETTING.grid).total(config.losses)
             torch.autograd.backward(total / len(parts))
         grad = model.heads.weight.grad
         assert grad is not None
@@ -268,8 +268,8 @@ def test_iou_at_half_and_at_the_best_threshold_by_hand() -> None:
     truth.occupancy_valid[:, 1, :, 3] = False
     probability = torch.tensor([0.9, 0.305, 0.2, 0.8]).expand(1, 3, 1, 4)
     output = ModelOutput(torch.logit(probability), torch.full((1, 3, 1, 4), 0.1), None)
-    metrics = MetricAccumulator(torch.device("cpu"))
-    terms = compute_losses(output, truth, made_config().losses)
+    metrics = MetricAccumulator(torch.device("cpu"), SETTING.grid)
+    terms = compute_losses(output, truth, made_config().losses, SETTING.grid)
     metrics.update(output, truth, terms, terms.total(made_config().losses))
     found = metrics.compute()
     assert found.iou == pytest.approx({"road": 1 / 3, "vehicle": 1 / 2, "lane": math.nan}, nan_ok=True)

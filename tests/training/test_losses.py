@@ -6,11 +6,14 @@ import torch
 from tolerances import assert_rounded
 from torch import Tensor
 
+from appocc.grid import BEVGrid
 from appocc.models.base import DEPTH_BINS, ImageOutput, ModelOutput
 from appocc.training.batch import Truth
 from appocc.training.config import LossConfig
 from appocc.training.losses import colour_loss, compute_losses, depth_bin, depth_loss, kind_loss, occupancy_loss
+from appocc.training.packed_objects import COLUMNS
 
+GRID = BEVGrid(-0.4, 0.4, -0.4, 0.4, 0.4)
 TERMS = 2 * DEPTH_BINS  # of a softmax, the longest sum in the losses of so few cells
 
 
@@ -23,6 +26,8 @@ def truth(**parts: Tensor) -> Truth:
         "appearance_valid": torch.ones(1, 2, 2, dtype=torch.bool),
         "depth_m": torch.zeros(1, 1, 2, 2),
         "kind": torch.full((1, 1, 2, 2), -1),
+        "objects": torch.full((1, 1, COLUMNS), torch.nan),
+        "owner": torch.zeros(1, 2, 2, dtype=torch.int64),
     }
     return Truth(**(values | parts))
 
@@ -114,7 +119,7 @@ def test_nothing_known_is_no_loss_and_has_a_gradient() -> None:
         occupancy_valid=torch.zeros(1, 3, 2, 2, dtype=torch.bool),
         appearance_valid=torch.zeros(1, 2, 2, dtype=torch.bool),
     )
-    terms = compute_losses(ModelOutput(logits, colour, views), nothing, LossConfig())
+    terms = compute_losses(ModelOutput(logits, colour, views), nothing, LossConfig(), GRID)
     assert terms.names() == ("road", "vehicle", "lane", "colour", "depth", "kind")
     total = terms.total(LossConfig())
     assert float(total.detach()) == 0
@@ -123,7 +128,9 @@ def test_nothing_known_is_no_loss_and_has_a_gradient() -> None:
 
 
 def test_the_total_is_weighted_and_skips_missing_outputs() -> None:
-    terms = compute_losses(ModelOutput(torch.zeros(1, 3, 2, 2), None, None), truth(), LossConfig(classes=(1, 2, 0)))
+    terms = compute_losses(
+        ModelOutput(torch.zeros(1, 3, 2, 2), None, None), truth(), LossConfig(classes=(1, 2, 0)), GRID
+    )
     assert terms.names() == ("road", "vehicle", "lane")
     assert_rounded(terms.total(LossConfig(classes=(1, 2, 0))), 3 * math.log(2), TERMS)
 

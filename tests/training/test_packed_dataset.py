@@ -13,17 +13,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 from made_packed import GRID, SETTING, TOKENS, made_map, with_maps
-from tiny_dataset import START_US, TinyDataset, token
+from tiny_dataset import START_US, STEP_US, TinyDataset, token
+from tolerances import assert_rounded
 
-from appocc.bevmap import bev_path
+from appocc.bevmap import VEHICLE, bev_path
 from appocc.errors import DataError
 from appocc.grid import BEVGrid
 from appocc.models.input_images import fit_image
 from appocc.models.model_spec import ModelSpec
 from appocc.nuscenes import Dataset
 from appocc.nuscenes.view_targets import ViewTargets, save_view_targets, view_targets_path
+from appocc.objects import KINDS
 from appocc.temporary import locked
 from appocc.training.packed_dataset import PackedDataset, pack_dataset
+from appocc.training.packed_objects import RGB
 from appocc.training.reading import crop
 
 
@@ -55,6 +58,38 @@ def test_a_packed_dataset_has_images_cameras_and_truth(root: Path, tmp_path: Pat
         np.testing.assert_array_equal(sample.known >> 3, bev.appearance_valid)
         np.testing.assert_array_equal(sample.appearance, bev.appearance)
     assert all(isinstance(array, np.memmap) and not array.flags.writeable for array in found.arrays.values())
+
+
+def test_a_packed_sample_has_its_pose_its_time_and_its_objects(root: Path, tmp_path: Path) -> None:
+    found = packed(root, tmp_path / "pack")
+    dataset = Dataset(root)
+    for number, name in enumerate(TOKENS):
+        sample, frame, bev = found.sample(number), dataset.frame(dataset.sample(name)), made_map(number)
+        np.testing.assert_array_equal(sample.world_from_ego, frame.world_from_ego)
+        assert sample.time_us == START_US + number * STEP_US
+        # The ego comes nearer to a parked car, and passes a pedestrian; the map reaches 8 m.
+        car, walker = [KINDS.index("car"), 10 - 2.5 * number, 0], [KINDS.index("pedestrian"), 5 - 2.0 * number, 5]
+        expected = [[walker], [walker, car], [car]][number]
+        assert_rounded(sample.objects[: len(expected), :3], expected, 8)
+        assert np.isnan(sample.objects[len(expected) :]).all()
+        cars = [i for i, each in enumerate(expected) if each is car]
+        assert set(np.unique(sample.owner)) == {0, *(i + 1 for i in cars)}
+        for i in cars:
+            own = sample.owner == i + 1
+            near = GRID.centre_of(np.argwhere(own)) - sample.objects[i, 1:3]
+            assert (np.abs(near) <= [2.3, 0.95]).all()
+            assert (bev.occupancy[VEHICLE] * bev.occupancy_valid[VEHICLE])[own].all()
+            known = bev.appearance[:, own & bev.appearance_valid]
+            assert_rounded(sample.objects[i, RGB], np.median(known, axis=1))
+
+
+def test_a_scene_without_annotations_has_no_objects(tiny: TinyDataset, tmp_path: Path) -> None:
+    tiny.tables["sample_annotation"], tiny.tables["instance"] = [], []
+    tiny.write()
+    sample = packed(with_maps(tiny), tmp_path / "pack").sample(1)
+    assert np.isnan(sample.objects).all()
+    assert not sample.owner.any()
+    assert sample.time_us == START_US + STEP_US
 
 
 def test_an_existing_packed_dataset_is_reused(root: Path, tmp_path: Path) -> None:

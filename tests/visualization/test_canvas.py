@@ -85,10 +85,12 @@ def test_unknown_cells_stay_hatched_unlike_a_dark_street() -> None:
     assert (canvas.picture == hatch_pattern).all()
 
 
-def test_where_a_network_says_nothing_is_its_colours_are_pale() -> None:
+def test_predicted_colours_are_as_faint_as_the_network_is_unsure() -> None:
     red = np.zeros((3, 8, 8), np.uint8)
     red[0] = 250
-    true = replace(empty_map(road=(0, 0)), appearance=red, appearance_valid=np.ones((8, 8), np.bool_))
+    occupancy = np.zeros((3, 8, 8), np.float32)
+    occupancy[ROAD, 7], occupancy[LANE, 6], occupancy[VEHICLE, 5] = 1.0, 0.8, 0.4
+    true = BEVMap(GRID, occupancy, np.ones((3, 8, 8), np.bool_), red, np.ones((8, 8), np.bool_))
     made = replace(true, meta={"thresholds": {"road": 0.5, "vehicle": 0.5, "lane": 0.5}})
     pictures = []
     for bev in (true, made):
@@ -96,10 +98,21 @@ def test_where_a_network_says_nothing_is_its_colours_are_pale() -> None:
         canvas.appearance(bev)
         pictures.append(canvas.picture)
     assert (pictures[0] == (250, 0, 0)).all()
-    assert pictures[1][7, 7].tolist() == [250, 0, 0]
-    others = np.delete(pictures[1].reshape(-1, 3), 63, axis=0)
-    assert (np.abs(others - np.array(d.UNKNOWN_COLOUR)) < np.abs(others - [250, 0, 0])).all()
-    assert (others[:, 0] > d.UNKNOWN_COLOUR[0]).all()
+    rows = pictures[1].astype(int)
+    assert (rows == rows[:, :1]).all()
+    certain, likely, unlikely, nothing = rows[:4, 0]
+    assert certain.tolist() == [250, 0, 0]
+    assert len(np.unique(rows[3:], axis=None)) == 3  # one colour, without red
+    shares = [(cell - nothing)[0] / (certain - nothing)[0] for cell in (likely, unlikely)]
+    assert shares == pytest.approx([0.64, 0.16], abs=0.01)
+
+
+def test_a_polygon_is_filled() -> None:
+    canvas = d.BEVCanvas(BEVGrid.surround(), scale=4)
+    canvas.polygon([[4, 2], [-4, 2], [-4, -2], [4, -2]], d.RED)
+    red = np.argwhere((canvas.picture == d.RED).all(axis=2))
+    assert len(red) == pytest.approx(80 * 40, rel=0.05)
+    assert red.mean(axis=0) == pytest.approx([400, 400], abs=1)
 
 
 def test_lines_and_dots_are_drawn_where_they_are() -> None:
@@ -177,15 +190,6 @@ def test_a_box_that_reaches_behind_the_camera_is_cut_there() -> None:
     picture = np.zeros((120, 160, 3), np.uint8)
     assert d.draw_box(picture, _camera(), _corners(1.0, y=1.5), d.GREEN)
     assert picture.any()
-
-
-def test_a_mosaic_fills_its_last_row_with_black() -> None:
-    tiles = [np.full((2, 3, 3), value, np.uint8) for value in (1, 2, 3)]
-    picture = d.mosaic(tiles, columns=2)
-    assert picture.shape == (4, 6, 3)
-    assert (picture[0, 0, 0], picture[0, 5, 0]) == (1, 2)
-    assert picture[3, 0, 0] == 3
-    assert not picture[2:, 3:].any()
 
 
 def test_a_preview_shows_appearance_beside_occupancy() -> None:

@@ -55,9 +55,9 @@ def test_cameras_stand_as_they_look_out_of_the_car() -> None:
     picture = sheet_of(level("CAM_BACK", 180), level("CAM_FRONT", 0), level("CAM_FRONT_LEFT", 60))
     assert picture.shape == (640, 1280, 3)
     red = pixels(picture, RED)
-    # Front left has no x axis in sight; front and back have theirs in the middle of their panels.
+    # Front left has no x axis in sight; front and back have theirs in the middle of their panels, back below both.
     assert set((red // [320, 640]).astype(int).sum(axis=1)[(red[:, 0] < 320)].tolist()) == {1}
-    assert red[red[:, 0] > 320, 1].mean() == pytest.approx(319.5, abs=1.5)
+    assert red[red[:, 0] > 320, 1].mean() == pytest.approx(320 + 319.5, abs=1.5)
 
 
 def test_a_wrong_convention_is_told() -> None:

@@ -20,6 +20,7 @@ from appocc.errors import DataError, ShapeError
 from appocc.files import read_json
 from appocc.geometry import apply, inverse, quaternion_from_yaw, rotation_from_quaternion, yaw_of
 from appocc.jsonparts import JsonPart, first_problem
+from appocc.nuscenes.detection_results import ResultBox, read_boxes
 from tracking.detections import CircularView, Detections, log_odds_from_probability
 
 RANGE_M = 50.0
@@ -27,27 +28,8 @@ RANGE_M = 50.0
 TRACKED = frozenset({"bicycle", "bus", "car", "motorcycle", "pedestrian", "trailer", "truck"})
 
 _Vector = Annotated[list[float], Field(min_length=3, max_length=3)]
-_Quaternion = Annotated[list[float], Field(min_length=4, max_length=4)]
 _Share = Annotated[float, Field(ge=0, le=1)]
 _Row = Annotated[list[float], Field(min_length=4, max_length=4)]
-
-
-class _ResultBox(JsonPart):
-    """A box of the benchmark's detection results."""
-
-    translation: _Vector
-    size: _Vector
-    rotation: _Quaternion
-    detection_name: str
-    detection_score: _Share
-
-
-class _Results(JsonPart):
-    results: dict[str, Any]
-
-
-class _SampleResults(JsonPart):
-    results: dict[str, list[_ResultBox]]
 
 
 class _SceneBox(JsonPart):
@@ -161,19 +143,11 @@ class DetectionResults:
         Raises:
             DataError: if the file is damaged or lacks a sample.
         """
-        try:
-            results = _Results.model_validate(self.content).results
-            detections = []
-            for token, pose in zip(sample_tokens, world_from_ego, strict=True):
-                if token not in results:
-                    raise DataError(f"{self.path}: expected boxes, or an empty list, for sample {token}, got nothing")
-                boxes = _SampleResults.model_validate({"results": {token: results[token]}}).results[token]
-                detections.append(_sample_detections(self.path, token, boxes, pose, range_m))
-        except ValidationError as error:
-            raise DataError(
-                f"{self.path}: expected detection results of nuScenes ({first_problem(error)})"
-            ) from error
-        return tuple(detections)
+        boxes = read_boxes(self.path, self.content, sample_tokens)
+        return tuple(
+            _sample_detections(self.path, token, own, pose, range_m)
+            for token, own, pose in zip(sample_tokens, boxes, world_from_ego, strict=True)
+        )
 
 
 def read_detections(
@@ -194,7 +168,7 @@ def read_detections(
 
 
 def _sample_detections(
-    path: Path, token: str, boxes: Sequence[_ResultBox], pose: FloatArray, range_m: float
+    path: Path, token: str, boxes: Sequence[ResultBox], pose: FloatArray, range_m: float
 ) -> Detections:
     try:
         return _to_ego(

@@ -14,9 +14,9 @@ from appocc.checks import ByteArray, FloatArray
 from appocc.ego_vehicle import EgoVehicle
 from appocc.geometry import apply, footprints, inverse
 from appocc.visualization.canvas import UNKNOWN_LEGEND, WHITE, BEVCanvas, Colour, draw_box, put_text
+from appocc.visualization.labels import LabelPlacer, draw_colour_chip
 from tracking.tracks import Track
 from tracking.vehicle_classes import HEIGHT_M, class_from_size
-from tracking.visualization.labels import LabelPlacer, draw_colour_chip
 
 LIST_ROW_PX, LIST_COLUMN_PX = 22, 240
 
@@ -35,9 +35,9 @@ def footprint_world(track: Track) -> FloatArray:
 
 
 def corners_world(track: Track) -> FloatArray:
-    """Return the corners (8, 3), ordered as in `Boxes.corners`; the height is that of the class."""
+    """Return the corners (8, 3), ordered as in `Boxes.corners`; an unknown height is that of the class."""
     low = footprint_world(track)
-    height = HEIGHT_M[class_from_size(track.length_m, track.width_m)]
+    height = track.height_m if np.isfinite(track.height_m) else HEIGHT_M.get(_class_of(track), HEIGHT_M["car"])
     return np.concatenate([low, low + np.array([0.0, 0.0, height])])
 
 
@@ -115,7 +115,11 @@ def draw_list_panel(tracks: Sequence[Track], world_from_ego: FloatArray, size_px
     for i, (track, place) in enumerate(zip(ordered, positions_ego_m(ordered, world_from_ego), strict=True)):
         left, top = i // rows * LIST_COLUMN_PX + 8, i % rows * LIST_ROW_PX
         draw_colour_chip(picture, (left, top + 4), track.rgb, 14)
-        name = class_from_size(track.length_m, track.width_m)
-        text = f"{track.id}: {name} {place[0]:.1f}m, {track.speed_mps:.1f}m/s"
+        text = f"{track.id}: {_class_of(track)} {place[0]:.1f}m, {track.speed_mps:.1f}m/s"
         put_text(picture, text, (left + 20, top + 16), track_colour(track.id), 0.45)
     return picture
+
+
+def _class_of(track: Track) -> str:
+    """Return the category of a track, or the class by its size if the category is "vehicle"."""
+    return class_from_size(track.length_m, track.width_m) if track.kind == "vehicle" else track.kind

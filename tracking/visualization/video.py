@@ -16,7 +16,7 @@ from appocc.errors import DataError
 from appocc.files import whole_file
 from appocc.frame import Frame
 from appocc.nuscenes import Dataset
-from appocc.visualization.predictions import camera_rows
+from appocc.visualization.cameras import camera_rows
 from tracking.pipeline import SceneTracks
 from tracking.tracks import Track
 from tracking.visualization.panels import draw_bev_panel, draw_camera_panel, draw_list_panel

@@ -1,7 +1,8 @@
 """BEV sampling: each grid cell samples the features of the cameras that see it, at a few heights.
 
-After Harley et al., "Simple-BEV: What Really Matters for Multi-Sensor BEV Perception?", ICRA 2023: no depth is
-predicted. The sampling positions are computed once per rig; a network then sums weighted rows of features.
+After Harley et al., "Simple-BEV: What Really Matters for Multi-Sensor BEV Perception?", ICRA 2023. The sampling
+positions are computed once per rig; a network then sums weighted rows of features. A predicted depth distribution is
+sampled in the same way, at the depth of each point (compare DFA3D, Li et al., ICCV 2023).
 """
 
 from __future__ import annotations
@@ -24,13 +25,12 @@ from appocc.checks import Float32Array
 from appocc.errors import ShapeError
 from appocc.geometry import inverse
 from appocc.grid import BEVGrid
+from appocc.models.base import DEPTH_BINS, DEPTH_STEP_M, FIRST_DEPTH_M
 
 HEIGHTS_M = (0.0, 0.6, 1.3)
 _NEAREST_M = 0.1
 # Number of cached plans: a rig at the two strides of a network, and a few more.
 _KEPT_PLANS = 8
-# Rows per bag for one camera: the four corners of bilinear sampling. Most cells are seen by one camera.
-_FEW = 4
 
 
 class RowSums(NamedTuple):
@@ -59,8 +59,8 @@ class PaddedRowSums(NamedTuple):
     """Dense form of `RowSums` for export: a fixed number of entries per bag, and the rest of the longer bags.
 
     Attributes:
-        rows: (_FEW, bags) int64 row indices, padded by row 0 with weight 0.
-        weights: (_FEW, bags, 1).
+        rows: (corners, bags) int64 row indices, padded by row 0 with weight 0.
+        weights: (corners, bags, 1).
         more_rows: (S, longer bags) int64, further entries of the longer bags.
         more_weights: (S, longer bags, 1).
         place: (bags,) int64, 1 + index among the longer bags; 0 for the other bags.
@@ -99,6 +99,7 @@ class SamplingPlan:
         count: (B, 1, X, Y) float32, number of cameras that see the centre of a cell on the ground.
         cameras: number of cameras of each sample.
         heights: number of heights of a cell.
+        corners: number of rows of one point in one camera.
         slots: `read` as gathers and sums, for export.
     """
 
@@ -107,6 +108,7 @@ class SamplingPlan:
     count: Tensor
     cameras: tuple[int, ...]
     heights: int
+    corners: int
     slots: PaddedRowSums | None = None
 
     @property
@@ -124,15 +126,16 @@ class SamplingPlan:
         """Return the plan with `slots`."""
         ends = torch.cat([self.read.offsets[1:], self.read.offsets.new_tensor([len(self.read.rows)])])
         length = (ends - self.read.offsets).long()
-        more = length > _FEW
+        few = self.corners
+        more = length > few
         # Without a camera there is no row 0 for padding.
-        slot = torch.arange(max(int(length.max()), _FEW) if len(self.read.rows) else 0)[:, None]  # S 1
+        slot = torch.arange(max(int(length.max()), few) if len(self.read.rows) else 0)[:, None]  # S 1
         used = slot < length
         entry = torch.where(used, self.read.offsets + slot, 0)
         rows = torch.where(used, self.read.rows[entry].long(), 0)
         weights = torch.where(used, self.read.weights[entry], 0.0)[..., None]
         place = torch.where(more, more.cumsum(0), 0)
-        slots = PaddedRowSums(rows[:_FEW], weights[:_FEW], rows[_FEW:, more], weights[_FEW:, more], place)
+        slots = PaddedRowSums(rows[:few], weights[:few], rows[few:, more], weights[few:, more], place)
         return replace(self, slots=slots)
 
 
@@ -177,8 +180,31 @@ def sample_features(features: Tensor, plan: SamplingPlan) -> Tensor:
     return bags.reshape(batch, x, y, plan.heights * rows.shape[1]).permute(0, 3, 1, 2)
 
 
+def sample_depth(logits: Tensor, plan: SamplingPlan) -> Tensor:
+    """Sample predicted depth distributions at the depths of the sampling points.
+
+    Args:
+        logits: (V, DEPTH_BINS, h, w) logits of depth bins.
+        plan: sampling plan of depths.
+
+    Returns:
+        (B, heights * 2, X, Y) float32: for each point the probability that the surface in its pixel is at its depth,
+        and that it is not nearer; 0 where no camera sees the point.
+    """
+    at = logits.float().softmax(dim=1)  # V D h w
+    not_nearer = at.flip(1).cumsum(1).flip(1)
+    both = torch.stack([at, not_nearer], dim=-1).permute(0, 2, 3, 1, 4)  # V h w D 2
+    return sample_features(both.flatten(2, 3), plan)
+
+
 def plan_sampling(
-    rigs: Sequence[CameraRig], grid: BEVGrid, heights_m: Sequence[float], h: int, w: int, stride: int
+    rigs: Sequence[CameraRig],
+    grid: BEVGrid,
+    heights_m: Sequence[float],
+    h: int,
+    w: int,
+    stride: int,
+    depths: bool = False,
 ) -> SamplingPlan:
     """Return the sampling plan of a batch.
 
@@ -189,6 +215,8 @@ def plan_sampling(
         h: height of the features.
         w: width of the features.
         stride: pixels between features; feature i is centred on pixel i * stride.
+        depths: plan for features (V, h, w * DEPTH_BINS, C): each point reads the depth bins next to its own depth,
+            clamped to the first and last.
 
     Raises:
         ShapeError: if there is no rig or no height, or the image of a camera has features of another size.
@@ -200,7 +228,7 @@ def plan_sampling(
         if wanted != (h, w):
             raise ShapeError(f"{camera.channel}: expected features of {wanted} at stride {stride}, got {(h, w)}")
     heights = tuple(map(float, heights_m))
-    plans = [_plan_rig(_key(rig), grid, heights, h, w, stride) for rig in rigs]
+    plans = [_plan_rig(_key(rig), grid, heights, h, w, stride, depths) for rig in rigs]
     rows = [len(plan.spread.offsets) for plan in plans]
     bags = [len(plan.read.offsets) for plan in plans]
     return SamplingPlan(
@@ -209,6 +237,7 @@ def plan_sampling(
         torch.cat([plan.count for plan in plans]),
         tuple(map(len, rigs)),
         len(heights),
+        plans[0].corners,
     )
 
 
@@ -244,22 +273,31 @@ def _pixel_from_ego(camera: Camera) -> NDArray[np.float64]:
 
 @lru_cache(maxsize=_KEPT_PLANS)
 def _plan_rig(
-    projections: tuple[_Projection, ...], grid: BEVGrid, heights_m: tuple[float, ...], h: int, w: int, stride: int
+    projections: tuple[_Projection, ...],
+    grid: BEVGrid,
+    heights_m: tuple[float, ...],
+    h: int,
+    w: int,
+    stride: int,
+    depths: bool,
 ) -> SamplingPlan:
     """Return the plan of one sample; its tensors are cached and must not be written."""
-    bags, rows = grid.shape[0] * grid.shape[1] * len(heights_m), len(projections) * h * w
+    bags = grid.shape[0] * grid.shape[1] * len(heights_m)
+    rows = len(projections) * h * w * (DEPTH_BINS if depths else 1)
     views = [_visible_points(projection, grid, heights_m) for projection in projections] or [
-        (np.zeros(0, np.int64), np.zeros((2, 0), np.float32))
+        (np.zeros(0, np.int64), np.zeros((3, 0), np.float32))
     ]
     bag = np.concatenate([bag for bag, _ in views])
     count = np.bincount(bag, minlength=bags)
-    places = np.concatenate([uv_px for _, uv_px in views], axis=1)
-    corner, share = _bilinear_corners(np.divide(places, stride, dtype=np.float32), h, w)
+    places = np.concatenate([uvd for _, uvd in views], axis=1)
+    corner, share = _bilinear_corners(np.divide(places[:2], stride, dtype=np.float32), h, w)
     corner += np.repeat(np.arange(len(views)) * h * w, [len(bag) for bag, _ in views])[:, None]
+    if depths:
+        corner, share = _depth_corners(corner, share, places[2])
     order = np.argsort(bag, kind="stable")  # a merge of one sorted run per camera
     index = corner.take(order, axis=0).ravel()
     weights = (share / count[bag][:, None].astype(np.float32)).take(order, axis=0).ravel()
-    offsets = np.concatenate([[0], np.cumsum(4 * count)]).astype(np.int32)
+    offsets = np.concatenate([[0], np.cumsum(corner.shape[1] * count)]).astype(np.int32)
     back = sparse.csr_matrix((weights, index, offsets), shape=(bags, rows)).tocsc()
     on_ground = count.reshape(*grid.shape, -1)[..., np.argmin(np.abs(heights_m))]
     return SamplingPlan(
@@ -268,6 +306,7 @@ def _plan_rig(
         torch.from_numpy(on_ground.astype(np.float32))[None, None],
         (len(projections),),
         len(heights_m),
+        corner.shape[1],
     )
 
 
@@ -282,7 +321,7 @@ def _row_sums(index: NDArray[Any], offsets: NDArray[Any], weights: NDArray[Any])
 def _visible_points(
     projection: _Projection, grid: BEVGrid, heights_m: tuple[float, ...]
 ) -> tuple[NDArray[np.int64], Float32Array]:
-    """Return the bags (n,), (cell, height) flat, whose points a camera sees, and their pixels (2, n)."""
+    """Return the bags (n,), (cell, height) flat, whose points a camera sees, and their pixels and depths (3, n)."""
     matrix = np.frombuffer(projection.pixel_from_ego).reshape(3, 4)
     x_m, y_m = (grid.centre_of(np.stack([np.arange(n)] * 2, axis=-1))[:, i] for i, n in enumerate(grid.shape))
     along, across, up = (
@@ -296,7 +335,8 @@ def _visible_points(
     for side, size in ((u, projection.width_px), (v, projection.height_px)):
         inside &= (side >= -0.5 * depth) & (side < (size - 0.5) * depth)
     bag = np.flatnonzero(inside)
-    return bag, (np.stack([u[bag], v[bag]]) / depth[bag]).astype(np.float32)
+    far = depth[bag]
+    return bag, np.stack([u[bag] / far, v[bag] / far, far]).astype(np.float32)
 
 
 def _bilinear_corners(uv: Float32Array, h: int, w: int) -> tuple[NDArray[np.int32], Float32Array]:
@@ -309,3 +349,14 @@ def _bilinear_corners(uv: Float32Array, h: int, w: int) -> tuple[NDArray[np.int3
     corner = np.stack([first, first + right, first + below, first + below + right], axis=-1)
     share = np.stack([(1 - du) * (1 - dv), du * (1 - dv), (1 - du) * dv, du * dv], axis=-1)
     return corner, share.astype(np.float32)
+
+
+def _depth_corners(
+    corner: NDArray[np.int32], share: Float32Array, depth_m: Float32Array
+) -> tuple[NDArray[np.int32], Float32Array]:
+    """Return rows (n, 8) and weights (n, 8) of depth bins, of bilinear rows and weights (n, 4) and depths (n,)."""
+    bins = np.clip((depth_m - FIRST_DEPTH_M) / DEPTH_STEP_M, 0, DEPTH_BINS - 1)
+    low = np.minimum(bins.astype(np.int32), DEPTH_BINS - 2)
+    part = (bins - low).astype(np.float32)[:, None]
+    first = corner * DEPTH_BINS + low[:, None]
+    return np.concatenate([first, first + 1], axis=1), np.concatenate([share * (1 - part), share * part], axis=1)

@@ -77,15 +77,26 @@ class ActorPaint:
 COLOUR_WORDS = tuple(_PAINTS)
 
 
-def draw_paint(actor: Actor, seed: int) -> ActorPaint:
+def draw_paint(actor: Actor, seed: int, rare: float = 0.0) -> ActorPaint:
     """Draw the paint of a vehicle or of a pedestrian's jacket; it depends on seed, kind and name only.
+
+    Args:
+        actor: the vehicle or pedestrian.
+        seed: random seed.
+        rare: share of the vehicles whose colour word is drawn uniformly instead of by the shares of real streets.
 
     Raises:
         NotFoundError: if the kind has no paints.
     """
     if actor.kind not in _SHARES:
         raise NotFoundError(f"{actor.name}: there is no kind '{actor.kind}', only {', '.join(_SHARES)}")
-    rng = np.random.default_rng([seed, zlib.crc32(actor.name.encode())])
+    own = [seed, zlib.crc32(actor.name.encode())]
+    if rare > 0 and actor.kind != "pedestrian":
+        rng = np.random.default_rng([*own, *b"rare"])
+        if rng.random() < rare:
+            name = COLOUR_WORDS[int(rng.integers(len(COLOUR_WORDS)))]
+            return ActorPaint(_vary(rng, _PAINTS[name]), name)
+    rng = np.random.default_rng(own)
     if actor.kind == "bus" and rng.random() < _FLEET_SHARE:
         rng = np.random.default_rng([seed, *b"fleet"])
     shares = _SHARES[actor.kind]
@@ -93,9 +104,9 @@ def draw_paint(actor: Actor, seed: int) -> ActorPaint:
     return ActorPaint(_vary(rng, _PAINTS[name]), name)
 
 
-def draw_paints(actors: Sequence[Actor], seed: int) -> tuple[ActorPaint, ...]:
-    """Draw the paints of a log's actors, in their order."""
-    return tuple(draw_paint(actor, seed) for actor in actors)
+def draw_paints(actors: Sequence[Actor], seed: int, rare: float = 0.0) -> tuple[ActorPaint, ...]:
+    """Draw the paints of a log's actors, in their order, see `draw_paint`."""
+    return tuple(draw_paint(actor, seed, rare) for actor in actors)
 
 
 def _draw_word(rng: np.random.Generator, words: list[str], shares: list[float]) -> str:

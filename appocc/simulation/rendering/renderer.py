@@ -21,6 +21,7 @@ from appocc.simulation.rendering.lighting import (
     near_corner,
     near_light,
 )
+from appocc.simulation.rendering.look import Look
 from appocc.simulation.rendering.noise import noise_tile
 from appocc.simulation.rendering.profile import RenderProfile
 from appocc.simulation.rendering.rays import GROUND_KINDS, camera_rays, label_pixels, ray_matrix
@@ -49,6 +50,8 @@ class Renderer:
 
     def __init__(self, town: Town) -> None:
         """Prepare everything that depends on the town alone."""
+        self._town = town
+        self._look: Look | None = None
         self.tracer = Tracer(town.solid)
         self._buffers = SceneBuffers(town.solid)
         self._texture = build_texture(town.ground)
@@ -58,6 +61,22 @@ class Renderer:
         self._sky = Sky.build(WEATHERS["clear"], self._noise)
         self.profile = RenderProfile()
         self.set_scene(join_meshes([]), self._actor_lights, self._signals, WEATHERS["clear"], None)
+
+    def set_look(self, look: Look | None) -> None:
+        """Set the materials of the town for the next scenes; None is as built."""
+        if look is self._look:
+            return
+        if look is not None:
+            self.set_look(None)  # frees the colours of the former look
+        with self.profile.stage("look"):
+            ground, tint = self._town.ground, self._town.solid.tint
+            if look is not None:
+                ground = look.recolour_ground(ground, self._noise)
+                kind = self._buffers.triangles.kind[: self._buffers.town_faces]
+                tint = look.recolour_scenery(self._town.solid, kind)
+            self._texture = build_texture(ground)
+            self._buffers.set_town_tints(tint)
+        self._look = look
 
     def set_scene(
         self, actors: Mesh, lights: ByteArray, signals: ByteArray, weather: Weather, ego: EgoBody | None

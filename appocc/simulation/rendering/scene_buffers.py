@@ -82,6 +82,10 @@ class SceneBuffers:
                 array[: len(getattr(old, name))] = getattr(old, name)
         self._write(actors, self.town_vertices, self.town_faces, _actor_kinds(actors))
 
+    def set_town_tints(self, tint: ByteArray) -> None:
+        """Replace the tints (F, 3) uint8 of the town's triangles."""
+        self.triangles.tint[: self.town_faces] = tint
+
     def _write(self, mesh: Mesh, vertex: int, face: int, kinds: ByteArray) -> None:
         rows, own = slice(vertex, vertex + len(mesh.normals)), slice(face, face + len(mesh.faces))
         self.triangles.normals[rows] = mesh.normals

@@ -70,3 +70,13 @@ def test_a_paint_follows_from_seed_and_name_alone() -> None:
 def test_a_kind_without_paints_is_refused() -> None:
     with pytest.raises(NotFoundError, match="no kind 'tram'"):
         draw_paint(Actor("x", "tram", "bus", (30.0, 2.6, 3.5)), 0)
+
+
+def test_rare_paints_are_drawn_uniformly_for_a_share_of_the_vehicles() -> None:
+    cars, people = fleet("car", 6000), fleet("pedestrian", 200)
+    plain, mixed, rare = (draw_paints(cars, 3, share) for share in (0.0, 0.4, 1.0))
+    counts = Counter(paint.name for paint in rare)
+    assert set(counts) == set(COLOUR_WORDS)
+    assert max(counts.values()) < 1.25 * min(counts.values())
+    assert np.mean([a == b for a, b in zip(plain, mixed, strict=True)]) == pytest.approx(0.6, abs=0.02)
+    assert draw_paints(people, 3, 1.0) == draw_paints(people, 3)

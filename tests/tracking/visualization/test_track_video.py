@@ -14,10 +14,11 @@ from appocc.camera import Camera, CameraRig
 from appocc.checks import ByteArray, FloatArray
 from appocc.ego_vehicle import EgoVehicle
 from appocc.errors import DataError
-from appocc.visualization.predictions import camera_rows
+from appocc.objects import KINDS
+from appocc.visualization.cameras import camera_rows
+from appocc.visualization.labels import LabelPlacer, draw_colour_chip
 from tracking.pipeline import SceneTracks, track_scene
 from tracking.tracks import Track
-from tracking.visualization.labels import LabelPlacer, draw_colour_chip
 from tracking.visualization.panels import (
     corners_world,
     draw_bev_panel,
@@ -62,6 +63,14 @@ def test_corners_surround_the_track_front_first() -> None:
     np.testing.assert_allclose(footprint.mean(axis=0), [10, 20, 0], atol=1e-9)
     corners = corners_world(at(10, 20))
     np.testing.assert_allclose(corners[4:] - corners[:4], np.tile([0, 0, 1.6], (4, 1)))
+
+
+def test_what_is_known_of_an_object_is_not_guessed_from_its_size() -> None:
+    person = track(kind="pedestrian", length_m=0.6, width_m=0.6, height_m=1.9)
+    np.testing.assert_allclose(np.ptp(corners_world(person)[:, 2]), 1.9)
+    np.testing.assert_allclose(np.ptp(corners_world(track(kind="pedestrian", length_m=0.6, width_m=0.6))[:, 2]), 1.6)
+    panels = [draw_list_panel([track(kind=kind, length_m=2.0, width_m=0.8)], pose(), (480, 44)) for kind in KINDS]
+    assert len({panel.tobytes() for panel in panels}) == len(KINDS)
 
 
 def test_cameras_are_arranged_as_they_look() -> None:

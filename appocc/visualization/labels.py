@@ -1,4 +1,4 @@
-"""Placement of non-overlapping labels: a colour chip and a short text."""
+"""Placement of non-overlapping labels: a short text, with or without a colour chip."""
 
 from __future__ import annotations
 
@@ -20,13 +20,15 @@ class LabelPlacer:
         self._avoid = np.zeros((0, 4)) if avoid is None else avoid
         self._taken = np.zeros((0, 4))
 
-    def put(self, at: tuple[int, int], text: str, ink: Colour, chip: FloatArray, away_px: int) -> bool:
+    def put(self, at: tuple[int, int], text: str, ink: Colour, chip: FloatArray | None, away_px: int) -> bool:
         """Draw a label right, left, above or below a pixel (column, row), at a distance of `away_px`.
 
-        Returns whether there was room; without room, nothing is drawn.
+        `chip` is a colour (3,) to show before the text; None: only the text, on a darkened ground. Returns whether
+        there was room; without room, nothing is drawn.
         """
         (wide, _), _ = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, _SCALE, 1)
-        wide += _CHIP_PX + 4
+        before = 1 if chip is None else _CHIP_PX + 3
+        wide += before + 1
         half = _HEIGHT_PX // 2
         corners = [
             (at[0] + away_px, at[1] - half),
@@ -41,8 +43,12 @@ class LabelPlacer:
         box = min(free, key=lambda box: _overlap(box, self._avoid))
         left, top = int(box[0]), int(box[1])
         self._taken = np.vstack([self._taken, box])
-        draw_colour_chip(self._picture, (left, top + 1), chip)
-        put_text(self._picture, text, (left + _CHIP_PX + 3, top + _HEIGHT_PX - 2), ink, _SCALE)
+        if chip is None:
+            behind = self._picture[top : top + _HEIGHT_PX, left : left + wide]
+            behind[:] = behind // 3
+        else:
+            draw_colour_chip(self._picture, (left, top + 1), chip)
+        put_text(self._picture, text, (left + before, top + _HEIGHT_PX - 2), ink, _SCALE)
         return True
 
     def _inside(self, box: FloatArray) -> bool:

@@ -1,0 +1,73 @@
+"""Memory of earlier frames: features of the grid, moved by the ego motion to the present.
+
+Compare BEVDet4D (Huang and Huang, 2022) and FIERY (Hu et al., ICCV 2021).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import torch
+from torch import Tensor
+from torch.nn import functional
+
+from appocc.checks import FloatArray
+from appocc.geometry import inverse
+from appocc.grid import BEVGrid
+from appocc.typing import Transform
+
+
+class Past(NamedTuple):
+    """Links of T frames of each of B clips to the frames before them.
+
+    Attributes:
+        state: (B, C, X', Y') memory before the first frame; None: nothing is remembered.
+        past_from_now: (T, B, 2, 3) ego motion on the ground: position in the frame before, metres.
+        elapsed_s: (T, B) seconds since the frame before.
+        linked: (T, B) 1 where the frame before belongs to the same drive, else 0: nothing is remembered.
+    """
+
+    state: Tensor | None
+    past_from_now: Tensor
+    elapsed_s: Tensor
+    linked: Tensor
+
+    def to(self, device: torch.device) -> Past:
+        """Return a copy on a device."""
+        return Past(*(None if each is None else each.to(device, non_blocking=True) for each in self))  # type: ignore[arg-type]
+
+
+# Longer gaps and faster motion between frames are breaks of the recording or jumps of the pose.
+_MAX_GAP_S, _MAX_SPEED_MPS = 3.0, 70.0
+
+
+def ground_motion(world_from_past: Transform, world_from_now: Transform) -> FloatArray:
+    """Return (2, 3) past_from_now on the ground, of two ego poses (4, 4)."""
+    past_from_now = inverse(world_from_past) @ world_from_now
+    return np.asarray(past_from_now[:2, [0, 1, 3]])
+
+
+def is_linked(past_from_now: FloatArray, elapsed_s: float) -> bool:
+    """Return whether the memory of the frame before can be used: no break in time, no jump of the pose."""
+    if not 0 < elapsed_s <= _MAX_GAP_S:
+        return False
+    return bool(np.hypot(*past_from_now[:, 2]) <= _MAX_SPEED_MPS * elapsed_s)
+
+
+def warp(state: Tensor, past_from_now: Tensor, grid: BEVGrid) -> Tensor:
+    """Move features of an earlier frame to the present; 0 where the earlier grid does not reach.
+
+    Args:
+        state: (B, C, X, Y) features on the grid in the ego frame of the earlier time.
+        past_from_now: (B, 2, 3) ego motion on the ground.
+        grid: the grid.
+    """
+    now = torch.from_numpy(grid.centres()).to(state)  # X Y 2
+    then = now @ past_from_now[:, None, :, :2].transpose(-1, -2).to(state) + past_from_now[:, None, None, :, 2].to(
+        state
+    )
+    low = state.new_tensor([grid.x_min_m, grid.y_min_m])
+    size = state.new_tensor([grid.x_max_m - grid.x_min_m, grid.y_max_m - grid.y_min_m])
+    at = (2 * (then - low) / size - 1).flip(-1)  # grid_sample expects the last axis first
+    return functional.grid_sample(state, at, mode="bilinear", padding_mode="zeros", align_corners=False)

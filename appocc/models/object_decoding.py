@@ -1,0 +1,94 @@
+"""Decoding of object heads: peaks of the centre heatmaps become boxes with the paint of their cells."""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+from torch.nn import functional
+
+from appocc.bevmap import VEHICLE
+from appocc.checks import BoolArray, Float32Array, FloatArray, IntArray
+from appocc.grid import BEVGrid
+from appocc.models.base import VELOCITY_UNIT_MPS, ObjectOutput
+from appocc.objects import KINDS, PEOPLE, BEVObjects
+
+# Peaks below this probability, and all but the highest ones, are no objects.
+LEAST_SCORE, MOST_PEAKS = 0.05, 200
+# Two vehicles are duplicates if their centres are closer than half the smaller width, and at least this distance.
+_DUPLICATE_M = 1.0
+# Sizes of boxes are kept in this range.
+_SMALLEST_M, _LARGEST_M = 0.2, 30.0
+
+
+def decode_objects(output: ObjectOutput, grid: BEVGrid, seen: BoolArray, moving: bool) -> BEVObjects:
+    """Return the objects of one map, the best first, without paint.
+
+    Args:
+        output: head outputs of a batch of one.
+        grid: grid of the map; the heads have cells of twice the size.
+        seen: (X, Y) cells that a camera sees; centres elsewhere are guesses and left out.
+        moving: whether earlier frames were known: velocities are unknown without them.
+    """
+    half, kind, cell, score = _peaks(output, grid)
+    maps = (output.offset, output.height, output.size, output.heading, output.velocity)
+    values = (
+        torch.cat([each[0].float() for each in maps]).cpu().numpy()[:, cell[:, 0], cell[:, 1]].T.astype(np.float64)
+    )
+    xy = half.centre_of(cell) + values[:, :2] * half.cell_m
+    size = np.exp(np.clip(values[:, 3:6], np.log(_SMALLEST_M), np.log(_LARGEST_M)))
+    at = grid.cell_of(xy)
+    keep = grid.contains(at)
+    keep[keep] = seen[tuple(at[keep].T)]
+    keep &= _is_first(xy, size[:, 0], kind, keep)
+    return BEVObjects(
+        centre_m=np.column_stack([xy, values[:, 2]])[keep],
+        size_wlh_m=size[keep],
+        yaw_rad=np.arctan2(values[:, 6], values[:, 7])[keep],
+        velocity_mps=values[keep, 8:10] * (VELOCITY_UNIT_MPS if moving else np.nan),
+        kind=tuple(KINDS[i] for i in kind[keep]),
+        rgb=np.full((int(keep.sum()), 3), np.nan),
+        score=score[keep],
+    )
+
+
+def _peaks(output: ObjectOutput, grid: BEVGrid) -> tuple[BEVGrid, IntArray, IntArray, FloatArray]:
+    """Return the heads' grid, and kind, cell (K, 2) and probability of the highest peaks, the best first."""
+    probability = output.centre[:1].float().sigmoid()
+    peak = functional.max_pool2d(probability, 3, 1, 1) == probability
+    found = torch.where(peak, probability, 0.0)[0].cpu().numpy()
+    order = np.argsort(-found, axis=None, kind="stable")[:MOST_PEAKS]
+    order = order[found.ravel()[order] >= LEAST_SCORE]
+    kind, x, y = np.unravel_index(order, found.shape)
+    return grid.halved(), np.asarray(kind), np.stack([x, y], axis=1), found.ravel()[order].astype(np.float64)
+
+
+def _is_first(xy: FloatArray, width_m: FloatArray, kind: IntArray, among: BoolArray) -> BoolArray:
+    """(K,) objects that no better one duplicates, the best first; people and cyclists only duplicate their kind."""
+    group = np.array([i if name in PEOPLE else -1 for i, name in enumerate(KINDS)])[kind]
+    first = among.copy()
+    for i in range(1, len(xy)):
+        near = np.hypot(*(xy[:i] - xy[i]).T)
+        reach = np.maximum(np.minimum(width_m[:i], width_m[i]) / 2, _DUPLICATE_M * (group[i] < 0))
+        first[i] &= not (first[:i] & (group[:i] == group[i]) & (near < reach)).any()
+    return first
+
+
+def paint_objects(
+    objects: BEVObjects, grid: BEVGrid, occupancy: Float32Array, rgb: FloatArray, seen: BoolArray
+) -> BEVObjects:
+    """Return vehicles with their paint: the mean colour of their seen cells, weighted by vehicle probability.
+
+    Args:
+        objects: objects of a map.
+        grid: grid of the map.
+        occupancy: (3, X, Y) probabilities.
+        rgb: (3, X, Y) predicted colours, 0..255.
+        seen: (X, Y) cells that a camera sees.
+    """
+    owner = objects.vehicle_owner(grid)
+    inside = (owner >= 0) & seen
+    member, weight = owner[inside], occupancy[VEHICLE][inside].astype(np.float64) + 1e-6
+    total = np.bincount(member, weight, len(objects))
+    with np.errstate(invalid="ignore"):
+        paint = np.stack([np.bincount(member, weight * channel[inside], len(objects)) / total for channel in rgb], 1)
+    return objects.painted(paint)

@@ -1,0 +1,102 @@
+"""`appocc eval detections`: evaluate detected objects by nuScenes' detection metric."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from cli.common import JsonOption, RootArgument, VersionOption, emit, progress, say
+
+
+def detections(
+    root: RootArgument,
+    file: Annotated[Path | None, typer.Option("--detections", help="nuScenes detection results.")] = None,
+    source: Annotated[
+        str | None, typer.Option("--bev", help="Source of maps with objects, instead of --detections.")
+    ] = None,
+    range_m: Annotated[
+        float | None,
+        typer.Option("--range", min=0.1, help="Upper limit of the ranges of 40 and 50 m by class, in metres."),
+    ] = None,
+    scene: Annotated[str | None, typer.Option(help="Only this scene.")] = None,
+    version: VersionOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Evaluate detected objects: nuScenes' mAP, errors and NDS; vehicles' F1, headings and paints.
+
+    Paints are compared with the true maps: exact if ROOT has them, else groundtruth.
+
+    Example: appocc eval detections ROOT --detections results.json
+    """
+    from appocc.errors import DataError
+    from appocc.evaluation.detections.evaluate import (
+        DetectionEvaluationConfig,
+        evaluate_detections,
+        true_map_source,
+    )
+    from appocc.nuscenes import Dataset
+
+    if (file is None) == (source is None):
+        raise DataError(f"expected either --detections or --bev, got {'neither' if file is None else 'both'}")
+    dataset = Dataset(root, version)
+    scenes = [dataset.scene(scene)] if scene else list(dataset.scenes)
+    config = DetectionEvaluationConfig(file or str(source), true_map_source(root), range_m)
+    with progress("comparing", sum(len(dataset.samples(one)) for one in scenes)) as advance:
+        answer = evaluate_detections(dataset, scenes, config, advance).as_json()
+    if as_json:
+        emit(answer)
+    _show(answer)
+
+
+_ERRORS = ("ATE", "ASE", "AOE", "AVE", "AAE")
+
+
+def _show(answer: dict[str, Any]) -> None:
+    """Print the figures as tables to stderr."""
+    from rich.console import Console
+
+    within = f", within {answer['range_m']:g} m" if answer["range_m"] else ""
+    say(f"{answer['source']}: {answer['samples']} samples of {answer['scenes']} scenes{within}")
+    console = Console(stderr=True)
+    console.width = max(console.width, 120)  # a narrow terminal wraps lines instead of dropping numbers
+    console.print(_class_table(answer))
+    console.print(_vehicle_table(answer["vehicles"]))
+    say(f"NDS {_number(100 * answer['NDS'])}; vehicles: scores from {_number(answer['vehicles']['score'], 3)}")
+
+
+def _class_table(answer: dict[str, Any]) -> Any:
+    from rich.table import Table
+
+    table = Table("class")
+    gates = next((list(one["AP_at_m"]) for one in answer["by_class"].values()), list[str]())
+    for head in ("count", "AP %", *(f"at {gate} m" for gate in gates), *_ERRORS):
+        table.add_column(head, justify="right")
+    for kind, one in answer["by_class"].items():
+        shares = [_number(100 * value) for value in (one["AP"], *one["AP_at_m"].values())]
+        table.add_row(kind, str(one["count"]), *shares, *(_number(one[name], 2) for name in _ERRORS))
+    means = [_number(answer[f"m{name}"], 2) for name in _ERRORS]
+    table.add_row("mean", "", _number(100 * answer["mAP"]), *[""] * len(gates), *means)
+    return table
+
+
+def _vehicle_table(vehicles: dict[str, Any]) -> Any:
+    from rich.table import Table
+
+    table = Table("vehicles")
+    counts, shares = ("vehicles", "found", "false"), ("precision", "recall", "F1", "heading_within_20_deg")
+    for head in ("true", "found", "false", "precision %", "recall %", "F1 %", "heading %", "CIEDE2000", "word %"):
+        table.add_column(head, justify="right")
+    for name, one in vehicles.items():
+        if name == "score":
+            continue
+        numbers = [str(one[key]) for key in counts] + [_number(100 * one[key]) for key in shares]
+        paint = [_number(one["ciede2000_median"]), _number(100 * one["colour_word_right"])]
+        table.add_row(name.replace("_", " "), *numbers, *paint)
+    return table
+
+
+def _number(value: float, digits: int = 1) -> str:
+    """Format a number; a dash stands for NaN, nothing measured."""
+    return f"{value:.{digits}f}" if value == value else "-"
