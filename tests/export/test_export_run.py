@@ -134,17 +134,25 @@ def test_memory_and_objects_are_inputs_and_outputs(with_parts: Made) -> None:
         assert np.abs(other - expected).max() > 1e-4, name
 
 
-def test_a_network_with_memory_is_compared_over_consecutive_frames(with_parts: Made, tmp_path: Path) -> None:
+def assert_parts_agree(parity: dict[str, Any]) -> None:
+    names = ["occupancy", "appearance", "object_centre", "object_box", "next_memory", "seen"]
+    assert list(parity["largest_difference"]) == names
+    assert all(value <= parity["limit"] < 5e-4 for value in parity["largest_difference"].values())
+
+
+def test_a_network_with_memory_is_compared_over_consecutive_frames(with_parts: Made) -> None:
     parity = with_parts.report["parity"]
     assert parity["frames"] == 3
     assert parity["inputs"] == ["noise", "patches", "grey", f"frames from {token('sample', 0)}"]
+    assert_parts_agree(parity)
+
+
+@pytest.mark.openvino
+def test_openvino_agrees_on_memory_and_objects(with_parts: Made, tmp_path: Path) -> None:
     out = tmp_path / "model.xml"
     result = run("--weights", with_parts.folder / "w.safetensors", "--out", out, "--runs", 1, "--json")
     assert result.exit_code == 0, result.stderr
-    for each in (parity, json.loads(result.stdout)["parity"]):
-        names = ["occupancy", "appearance", "object_centre", "object_box", "next_memory", "seen"]
-        assert list(each["largest_difference"]) == names
-        assert all(value <= each["limit"] < 5e-4 for value in each["largest_difference"].values())
+    assert_parts_agree(json.loads(result.stdout)["parity"])
 
 
 def test_a_file_says_nothing_of_the_machine_that_made_it(by_rig: Made) -> None:
@@ -155,6 +163,7 @@ def test_a_file_says_nothing_of_the_machine_that_made_it(by_rig: Made) -> None:
     assert not any(node.doc_string or node.metadata_props for node in model.graph.node)
 
 
+@pytest.mark.openvino
 def test_the_check_is_told(by_rig: Made, by_dataset: Made) -> None:
     for made, outputs in ((by_rig, 3), (by_dataset, 2)):
         parity = made.report["parity"]
@@ -166,6 +175,7 @@ def test_the_check_is_told(by_rig: Made, by_dataset: Made) -> None:
     assert len(by_dataset.report["parity"]["inputs"]) == 6  # and three frames of the dataset
 
 
+@pytest.mark.openvino
 def test_openvinos_files_stand_together(by_dataset: Made) -> None:
     assert by_dataset.result.exit_code == 0, by_dataset.result.stderr
     folder = by_dataset.folder / "deep"
@@ -257,6 +267,7 @@ def test_the_guides_lines_answer_as_the_network(by_rig: Made, monkeypatch: pytes
     assert bev.occupancy.std(axis=(1, 2)).min() > 0.02  # else anything would pass
 
 
+@pytest.mark.openvino
 def test_a_file_that_answers_differently_is_not_left(
     by_rig: Made, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
