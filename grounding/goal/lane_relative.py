@@ -54,7 +54,7 @@ def propose_on_our_way(relation: str, query: Query, item: SceneObject, road: Roa
         leave = _LEAVE_LANE if query.action == "drive_past" else SECOND
         lanes = [("in our lane", lane_lateral, 0.0), ("in line with it", lateral, leave)]
         if query.action in PARKING:
-            lanes = [("in line with it", lateral, 0.0), ("in our lane", lane_lateral, SECOND)]
+            lanes = [("in line with it", lateral, 0.0), ("in our lane", lane_lateral, 2 * SECOND)]
     if query.action == "overtake":
         next_lane = np.abs(lateral) - LANE_M
         lanes = [("in line with it", lateral, 0.0), ("one lane beside it", next_lane, SECOND)]

@@ -21,7 +21,7 @@ _BUCKET, _MOST_COST, _ENTRIES = 0.25, 200.0, 6
 # Radii of connecting curves relative to that of full lock: wider ones are more comfortable.
 _RADII = (4.0, 2.0, 1.0)
 # States around a goal: distance, and how many are tried.
-_AROUND_M, _TRIED = 9.0, 300
+_AROUND_M, _TRIED = 9.0, 1000
 _STEP_M = 0.4
 # States that one curve may replace.
 _SHORTCUT = 24
