@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from grounding.language.ambiguity import list_alternatives
+from grounding.language.semantics.contrasts import resolve_contrasts
 from grounding.language.semantics.interpreter import interpret
 from grounding.language.semantics.query_builder import BuiltQuery, build_query
 from grounding.language.syntax.clauses import split_clauses
@@ -85,7 +86,7 @@ def underline(text: str, problem: ParseProblem) -> str:
 
 
 def _build(text: str, tokens: Sequence[Token]) -> BuiltQuery:
-    return build_query(text, interpret(split_clauses(tag(tokens))))
+    return build_query(text, interpret(split_clauses(resolve_contrasts(tag(tokens)))))
 
 
 def _find_problem(normalised: str, tokens: Sequence[Token], lexicon: Lexicon | None) -> ParseProblem:

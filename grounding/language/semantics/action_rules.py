@@ -269,6 +269,8 @@ def _classify_leave(frame: CommandFrame) -> str | None:
     """Classify leave: "leave some room", "leave the parking lot"."""
     if _leaves_room(frame) or frame.distances:
         return "avoid"
+    if frame.has_landmark(*_LANES):
+        return "change_lane"
     return "other" if frame.has_spot or frame.has_landmark("road", "parking_lot", "lane", "driveway") else None
 
 

@@ -4,24 +4,44 @@ from __future__ import annotations
 
 from grounding.language.semantics.command_frames import Discourse
 from grounding.language.syntax.noun_phrases import NounPhrase
+from grounding.query import Referent
 
 _ORDERED = ("first", "second", "third", "fourth", "next", "last", "nearest", "farthest", "leftmost", "rightmost")
 _SIDES = ("left_side", "right_side", "opposite_side", "left_lane", "right_lane")
 # Qualifiers that "one" inherits: in "there are two trucks ahead, follow the red one" the red truck is ahead.
 _INHERITED = ("ahead", "behind_ego", "own_lane", *_SIDES, "parked", "moving", "stopped")
+# Index of the mention that a word refers to.
+_ORDER_OF_MENTION = {"former": 0, "latter": -1}
 _ANAPHORS = ("pronoun", "one")
 _PLURAL_PRONOUNS = ("them", "they", "they're")
+
+
+def phrase_of(referent: Referent) -> NounPhrase:
+    """Return the noun phrase of a vehicle or person that was named before the text."""
+    return NounPhrase(
+        kind="person" if referent.noun == "person" else "vehicle",
+        noun=referent.noun,
+        head=referent.head,
+        colour=referent.colour,
+        qualifiers=list(referent.qualifiers),
+        in_line=referent.in_line,
+    )
 
 
 def find_antecedent(discourse: Discourse, phrase: NounPhrase) -> NounPhrase | None:
     """Return the most recent noun phrase that an anaphor may refer to, vehicles first; None if there is none."""
     at = next(i for i, (other, _) in enumerate(discourse.mentions) if other is phrase)
     before = [(other, role) for other, role in discourse.mentions[:at] if other.kind not in (*_ANAPHORS, "part")]
+    for word, place in _ORDER_OF_MENTION.items():
+        if word in phrase.qualifiers:  # "of the bus and the van, ... the latter"
+            phrase.qualifiers.remove(word)
+            vehicles = [(other, role) for other, role in before if other.kind == "vehicle"]
+            before = vehicles[place : place + 1 or None]
     if phrase.head in _PLURAL_PRONOUNS and any(other.kind == "person" for other, _ in before):
         # "That man wants to cross behind the bus, let them": one bus is not "them".
         before = [(other, role) for other, role in before if other.kind != "vehicle" or other.number != 1]
     for kinds in (("vehicle",), ("person",), ("traffic", "thing", "spot", "region")):
-        for roles in (("stated", "target", "event", "excluded"), ("denied",), ("landmark",)):
+        for roles in (("stated", "target", "event", "excluded"), ("denied",), ("landmark",), ("context",)):
             for other, role in reversed(before):
                 if other.kind in kinds and role in roles:
                     return other

@@ -18,7 +18,7 @@ class DiscourseState:
         frame: command frame of this clause, None before its verb.
         previous_frame: last frame of the earlier clauses.
         leading_frame: arguments before their verb: "on the left, behind the bus, park".
-        pending_events: subjects and events named before the frame that waits for them.
+        pending_events: subjects, events and connectives named before the frame that waits for them.
         clause: current clause.
         remaining: chunks of the clause that are not read yet.
         open_phrase: noun phrase that the next words may qualify.
@@ -40,7 +40,7 @@ class DiscourseState:
     frame: CommandFrame | None = None
     previous_frame: CommandFrame | None = None
     leading_frame: CommandFrame = field(default_factory=CommandFrame)
-    pending_events: list[tuple[NounPhrase, str]] = field(default_factory=list)
+    pending_events: list[tuple[NounPhrase, str, str]] = field(default_factory=list)
     clause: Clause = field(default_factory=lambda: Clause("", ()))
     remaining: list[Chunk] = field(default_factory=list)
     open_phrase: NounPhrase | None = None

@@ -12,6 +12,8 @@ from grounding.language.syntax.noun_phrases import NounPhrase
 
 # Connectives of purpose clauses and of simultaneous actions: "so that ...", "while passing ...".
 SIDE_CONNECTIVES = ("so", "while")
+# "Don't turn until it has passed" is a turn; "don't turn after it has passed" is none.
+_ENDING_NEGATION = ("until", "before")
 _FINAL_ACTIONS = ("park", "stop", "pull_over", "turn")
 
 
@@ -44,7 +46,7 @@ class MainIntent:
 def find_intents(discourse: Discourse) -> list[Intent]:
     """Return the commanded frames in order, temporal ones ("when you turn") included."""
     for frame in discourse.frames:
-        if frame.negated and frame.event_subject is not None:
+        if frame.negated and frame.event_subject is not None and frame.event_connective in _ENDING_NEGATION:
             # "Don't go until it has passed" is a wait; "don't turn until it has passed" is a later turn.
             going = frame.verb_class in ("go", "drive", "move", "other")
             frame.negated, frame.verb_class = False, "wait" if going else frame.verb_class

@@ -116,6 +116,9 @@ def handle_side(state: DiscourseState, token: Token) -> None:
         return
     if _qualify_open_phrase(state, token) or value == "opposite":
         return
+    if state.negated:
+        value = "right" if value == "left" else "left"  # "pull over, but not on the left"
+        state.negated = False
     if state.frame is None and state.other_subject is not None:
         return
     frame = state.frame or (state.leading_frame if state.clause.starts_sentence else state.host_frame)
@@ -145,6 +148,10 @@ def _qualify_open_phrase(state: DiscourseState, token: Token) -> bool:
     if noun is None or noun.kind in ("thing", "region", "spot", "part"):
         return noun is not None and noun.kind == "thing"
     attach_distance(state, "descriptor")
+    if state.negated:
+        noun.excluded.append((None, (token.value,)))  # "the truck which isn't on the right"
+        state.negated = False
+        return True
     noun.add_qualifier(token.value)
     noun.in_line = noun.in_line or token.text.endswith(_IN_LINE)
     return True

@@ -43,7 +43,7 @@ from grounding.language.syntax.tagging_verbs import (
 from grounding.language.syntax.tokenizer import Token
 from grounding.language.syntax.word_categories import DETERMINERS, WordCategory
 
-_AFTER_CONNECTIVE = frozenset((WordCategory.THEN, WordCategory.AND, WordCategory.EXCEPT))
+_AFTER_CONNECTIVE = frozenset((WordCategory.THEN, WordCategory.AND, WordCategory.EXCEPT, WordCategory.ORDINAL))
 
 
 class _Compound(NamedTuple):
