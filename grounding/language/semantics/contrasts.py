@@ -1,9 +1,9 @@
 """Contrasts and self-repairs: rewrite "not X, Y" and "X, no, Y" to forms without a reparandum.
 
 The tagged tokens of a text become a string with one letter for each category. Regular expressions over these
-letters are the grammar of contrasts. Each rule replaces the tokens of its match; the first rule that matches is applied
-until none does. The terms are those of Shriberg (1994), "Preliminaries to a Theory of Speech Disfluencies": the *repair* replaces the
-*reparandum* before the *editing term* ("no", "i mean").
+letters are the grammar of contrasts. Each rule replaces the tokens of its match; the first rule that matches is
+applied until none does. The terms are those of Shriberg (1994), "Preliminaries to a Theory of Speech Disfluencies":
+the *repair* replaces the *reparandum* before the *editing term* ("no", "i mean").
 """
 
 from __future__ import annotations
@@ -255,11 +255,21 @@ def _contrast_patterns(verb: str, separator: str) -> list[re.Pattern[str]]:
 
 
 _REPAIR = rf"x?r+{_WHOLE_NOUN}|{_WHOLE_NOUN}|r|[swlt]|x|m+"
+
+
+def _drop_direction(tokens: list[Token], match: re.Match[str]) -> list[Token] | None:
+    """Drop "not right" after "turn left"."""
+    rejected = tokens[match.end() - 1].value
+    before = [word for token in tokens[: match.start()] for word in token.value.split() if word in _SIDES]
+    return [] if before and before[-1] != rejected else None
+
+
 # In order of precedence.
 _RULES: tuple[tuple[re.Pattern[str], _Rewrite], ...] = (
     (re.compile(r"vv"), _negate_ended),
     (re.compile(r"(?P<before>d*)(?P<not>M|(?<=d)N)(?P<modifier>m+)(?P<noun>[ho]+)"), _negate_modifier),
     (re.compile(rf"(?P<chosen>r),?N(?P<rejected>r),?(?P<noun>{_NOUN})"), _share_noun),
+    (re.compile(rf",?[NE]t{_END[:-1]}|S|r)"), _drop_direction),
     (re.compile(r"(?P<relation>r)(?P<not>N)(?P<noun>[mn]*h)"), _negate_place),
     *((pattern, _contrast) for pattern in _contrast_patterns("", "(?:,?B|,?[,.C]+)")),
     *((pattern, _contrast) for pattern in _contrast_patterns("v", ",?B")),

@@ -28,15 +28,21 @@ def phrase_of(referent: Referent) -> NounPhrase:
     )
 
 
+def name_by_order(discourse: Discourse, phrase: NounPhrase) -> None:
+    """Give "the former" or "the latter" the noun and the qualifiers of the vehicle in that place."""
+    vehicles = [other for other, _ in discourse.mentions if other.kind == "vehicle"]
+    for word, place in _ORDER_OF_MENTION.items():
+        if word in phrase.qualifiers and vehicles:
+            meant = vehicles[place]
+            phrase.take_noun(meant)
+            phrase.colour = phrase.colour or meant.colour
+            phrase.qualifiers = [*(one for one in phrase.qualifiers if one != word), *meant.qualifiers]
+
+
 def find_antecedent(discourse: Discourse, phrase: NounPhrase) -> NounPhrase | None:
     """Return the most recent noun phrase that an anaphor may refer to, vehicles first; None if there is none."""
     at = next(i for i, (other, _) in enumerate(discourse.mentions) if other is phrase)
     before = [(other, role) for other, role in discourse.mentions[:at] if other.kind not in (*_ANAPHORS, "part")]
-    for word, place in _ORDER_OF_MENTION.items():
-        if word in phrase.qualifiers:  # "of the bus and the van, ... the latter"
-            phrase.qualifiers.remove(word)
-            vehicles = [(other, role) for other, role in before if other.kind == "vehicle"]
-            before = vehicles[place : place + 1 or None]
     if phrase.head in _PLURAL_PRONOUNS and any(other.kind == "person" for other, _ in before):
         # "That man wants to cross behind the bus, let them": one bus is not "them".
         before = [(other, role) for other, role in before if other.kind != "vehicle" or other.number != 1]

@@ -27,6 +27,7 @@ class DiscourseState:
         last_relation: relation of the last noun phrase.
         auxiliary: "is", "may": auxiliary of the subject's verb, '' if there is none.
         negated: whether a negation waits for the words that it negates.
+        negated_predicate: whether the next words belong to the last exclusion: "that is not parked on the left".
         in_relative_clause: after "that is".
         event_stated: whether the event is read; the rest of the clause is its manner.
         off_topic: whether the rest of the clause is not about driving.
@@ -49,6 +50,7 @@ class DiscourseState:
     last_relation: str | None = None
     auxiliary: str = ""
     negated: bool = False
+    negated_predicate: bool = False
     in_relative_clause: bool = False
     event_stated: bool = False
     off_topic: bool = False
@@ -61,7 +63,7 @@ class DiscourseState:
         """Close all open arguments and flags, as at the start of a clause."""
         self.open_phrase = self.subject = self.open_relation = self.last_relation = None
         self.auxiliary = ""
-        self.negated = self.in_relative_clause = self.event_stated = False
+        self.negated = self.negated_predicate = self.in_relative_clause = self.event_stated = False
         self.off_topic = self.existential = self.infinitive = False
         self.open_distance_m = None
         self.fronted_qualifiers = []

@@ -142,6 +142,7 @@ def _add_statement(state: DiscourseState, token: Token) -> None:
     elif state.negated:
         if token.state and (state.auxiliary or state.in_relative_clause):
             host.excluded.append((None, (token.state,)))
+            state.open_phrase, state.negated_predicate = host, True
         state.negated = False
     elif not state.event_stated:
         if token.state and host.kind not in ("thing", "region", "spot") and not _is_transient(state, token, host):
@@ -207,8 +208,8 @@ def handle_direction(state: DiscourseState, token: Token) -> None:
     elif host is not None and host.kind == "vehicle" and host.postmodifiers[-1:] in (["turning"], ["moving"]):
         if token.value in ("left", "right"):
             host.qualifiers[host.qualifiers.index(host.postmodifiers[-1])] = f"turning_{token.value}"
-    elif state.event_stated:
-        return
+    elif state.event_stated or state.in_relative_clause:
+        return  # "the van that is indicating left"
     elif frame is None:
         if state.is_repair and replace_direction(state, token.value):
             return

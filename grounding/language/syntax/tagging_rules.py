@@ -205,6 +205,12 @@ def tag_correct(before: Sequence[Token], token: Token, after: Sequence[Token]) -
     return token.with_category(WordCategory.EXCEPT) if dropped and category_at(after, 0) in PHRASE_STARTS else token
 
 
+def tag_except(before: Sequence[Token], token: Token, after: Sequence[Token]) -> Token:
+    """Tag "skip" after a determiner as a thing."""
+    named = category_at(before, -1) in DETERMINERS | MODIFIERS and " " not in token.text
+    return token.with_category(WordCategory.THING, "container") if named else token
+
+
 def tag_not(before: Sequence[Token], token: Token, after: Sequence[Token]) -> Token:
     """Tag a "no" on its own as the start of a self-repair."""
     ends = category_at(after, 0) in (WordCategory.COMMA, WordCategory.BREAK, WordCategory.CORRECT)
