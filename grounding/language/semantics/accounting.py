@@ -83,13 +83,23 @@ def account_for(tokens: Sequence[Token], build: Callable[[Sequence[Token]], obje
     # A word is not dropped if the same is said, and used, elsewhere.
     dropped = [i for i in unused if (tokens[i].category, tokens[i].value) not in meanings]
     starts = {token.start for token in used if token.category is WordCategory.VERB}
-    clauses = [part.tokens for part in split_clauses(tokens)]
-    # Statements are context; what has no predicate completes the command.
-    stated = [part for part in clauses if any(token.category in _PREDICATES for token in part)]
-    context = [part for part in stated if not any(token.start in starts for token in part)]
-    commanding = {token.start for part in clauses if part not in context for token in part}
+    commanding = _commanding_starts(tokens, {token.start for token in used if token.category is WordCategory.VERB})
     doubtful = [i for i in dropped if tokens[i].start in commanding and _is_doubtful(tokens, i)]
     return Account(*(tuple(dict.fromkeys(tokens[i].text for i in part)) for part in (dropped, doubtful)))
+
+
+def _commanding_starts(tokens: Sequence[Token], verbs: set[int]) -> set[int]:
+    """Return the starts of all tokens in clauses with a used verb, and in those without a predicate after them.
+
+    Statements and topics are context: "there is a van ahead", "of the bus and the van".
+    """
+    starts: set[int] = set()
+    for clause in split_clauses(tokens):
+        commands = any(token.start in verbs for token in clause.tokens)
+        completes = bool(starts) and not any(token.category in _PREDICATES for token in clause.tokens)
+        if commands or completes:
+            starts |= {token.start for token in clause.tokens}
+    return starts
 
 
 def _is_content(token: Token) -> bool:
