@@ -10,11 +10,12 @@ from grounding.language.semantics.interpreter import interpret
 from grounding.language.semantics.query_builder import BuiltQuery, build_query
 from grounding.language.syntax.clauses import split_clauses
 from grounding.language.syntax.lexicon import Lexicon
+from grounding.language.syntax.noun_phrases import NounPhrase
 from grounding.language.syntax.spelling import suggest_word
 from grounding.language.syntax.tagger import tag
 from grounding.language.syntax.tokenizer import MAX_CHARACTERS, Token, normalise, tokenise
 from grounding.language.syntax.word_categories import WordCategory
-from grounding.query import Query
+from grounding.query import Query, Referent
 
 _EXAMPLE = "park behind the silver car"
 _ACTIONS = "park, stop, follow, overtake, turn and their like"
@@ -60,17 +61,20 @@ def parse(text: str, lexicon: Lexicon | None = None) -> Reading:
     return parse_all(text, lexicon)[0]
 
 
-def parse_all(text: str, lexicon: Lexicon | None = None) -> tuple[Reading, ...]:
+def parse_all(
+    text: str, lexicon: Lexicon | None = None, antecedent: Referent | None = None
+) -> tuple[Reading, ...]:
     """Return all readings of a sentence, best first: between 1 and `MAX_READINGS`; any text is accepted.
 
-    Without a `lexicon`, the package's own is used.
+    Without a `lexicon`, the package's own is used. `antecedent` is the vehicle that the conversation is about: a pronoun
+    or "one" that the sentence does not resolve refers to it.
     """
     if len(text) > MAX_CHARACTERS:
         too_long = ParseProblem(f"expected at most {MAX_CHARACTERS} characters, got {len(text)}")
         return (Reading(Query(command=text[:MAX_CHARACTERS]), problem=too_long),)
     normalised = normalise(text)
     tokens = tuple(tokenise(normalised, lexicon))
-    query, postmodifiers = _build(text, tokens)
+    query, postmodifiers = _build(text, tokens, antecedent)
     notes = tuple(_notes(tokens))
     if query.action is None:
         return (Reading(query, 0.0, tokens, notes, _find_problem(normalised, tokens, lexicon)),)
@@ -84,8 +88,20 @@ def underline(text: str, problem: ParseProblem) -> str:
     return f"  {normalise(text)}\n  {' ' * problem.start}{'^' * (problem.end - problem.start)}"
 
 
-def _build(text: str, tokens: Sequence[Token]) -> BuiltQuery:
-    return build_query(text, interpret(split_clauses(tag(tokens))))
+def _build(text: str, tokens: Sequence[Token], antecedent: Referent | None = None) -> BuiltQuery:
+    context = None if antecedent is None else _noun_phrase(antecedent)
+    return build_query(text, interpret(split_clauses(tag(tokens)), context))
+
+
+def _noun_phrase(referent: Referent) -> NounPhrase:
+    """Return the noun phrase of a referent."""
+    return NounPhrase(
+        kind="person" if referent.noun == "person" else "vehicle",
+        noun=referent.noun,
+        head=referent.head,
+        colour=referent.colour,
+        qualifiers=list(referent.qualifiers),
+    )
 
 
 def _find_problem(normalised: str, tokens: Sequence[Token], lexicon: Lexicon | None) -> ParseProblem:

@@ -21,7 +21,7 @@ def find_antecedent(discourse: Discourse, phrase: NounPhrase) -> NounPhrase | No
         # "That man wants to cross behind the bus, let them": one bus is not "them".
         before = [(other, role) for other, role in before if other.kind != "vehicle" or other.number != 1]
     for kinds in (("vehicle",), ("person",), ("traffic", "thing", "spot", "region")):
-        for roles in (("stated", "target", "event", "excluded"), ("denied",), ("landmark",)):
+        for roles in (("stated", "target", "event", "excluded"), ("denied",), ("landmark",), ("context",)):
             for other, role in reversed(before):
                 if other.kind in kinds and role in roles:
                     return other

@@ -63,9 +63,15 @@ _HANDLERS: Mapping[WordCategory, Callable[[DiscourseState, Token], None]] = {
 }
 
 
-def interpret(clauses: Sequence[Clause]) -> Discourse:
-    """Return the discourse of the clauses of a text."""
+def interpret(clauses: Sequence[Clause], antecedent: NounPhrase | None = None) -> Discourse:
+    """Return the discourse of the clauses of a text.
+
+    `antecedent` is what an earlier sentence of the conversation is about: pronouns and "one" without an antecedent in
+    the text refer to it.
+    """
     state = DiscourseState()
+    if antecedent is not None:
+        state.discourse.mentions.append((antecedent, "context"))
     for clause in clauses:
         state.previous_frame, state.frame, state.clause = state.frame or state.previous_frame, None, clause
         state.clear()
