@@ -47,6 +47,8 @@ class Reading:
         tokens: tokens of the sentence.
         notes: spelling corrections and ignored words, one sentence each.
         problem: why the sentence is not a command, None if it is one.
+        steps: the commanded steps in order, at least one; `query` is the primary one of them.
+        dropped: content words that no part of the reading uses, in order.
     """
 
     query: Query
@@ -54,6 +56,12 @@ class Reading:
     tokens: tuple[Token, ...] = ()
     notes: tuple[str, ...] = ()
     problem: ParseProblem | None = None
+    steps: tuple[Query, ...] = ()
+    dropped: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Take the query as the only step if none are given."""
+        object.__setattr__(self, "steps", self.steps or (self.query,))
 
 
 def parse(text: str, lexicon: Lexicon | None = None) -> Reading:
