@@ -65,6 +65,10 @@ class Reading:
     doubt: str = ""
     unresolved: str = ""
 
+    def __post_init__(self) -> None:
+        """Take the query as the only step if none are given."""
+        object.__setattr__(self, "steps", self.steps or (self.query,))
+
 
 def parse(text: str, lexicon: Lexicon | None = None, antecedent: Referent | None = None) -> Reading:
     """Return the best reading of a sentence; any text is accepted."""

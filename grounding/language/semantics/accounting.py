@@ -82,7 +82,6 @@ def account_for(tokens: Sequence[Token], build: Callable[[Sequence[Token]], obje
     meanings = {(token.category, token.value) for token in used}
     # A word is not dropped if the same is said, and used, elsewhere.
     dropped = [i for i in unused if (tokens[i].category, tokens[i].value) not in meanings]
-    starts = {token.start for token in used if token.category is WordCategory.VERB}
     commanding = _commanding_starts(tokens, {token.start for token in used if token.category is WordCategory.VERB})
     doubtful = [i for i in dropped if tokens[i].start in commanding and _is_doubtful(tokens, i)]
     return Account(*(tuple(dict.fromkeys(tokens[i].text for i in part)) for part in (dropped, doubtful)))
