@@ -24,8 +24,7 @@ class CellCounts(NamedTuple):
     Attributes:
         overlap: (T, G, 3, 2) intersection and union in cells, by threshold, group (`GROUPS`) and class.
         colour: (G, 4, 2) sum of |RGB| (0..255, mean of the channels) and number of cells: all, road, vehicle, lane.
-        squared: (G, 2) sum of squared RGB errors (0..255, mean of the channels) and number of cells, over cells of any
-            class.
+        squared: (G, 2) sum of squared RGB errors (0..255, mean of the channels) and number of cells of any class.
         known: (2,) cells of known colour in the truth, and those of them with known colour in the map.
     """
 
