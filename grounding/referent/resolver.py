@@ -9,8 +9,9 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from grounding.query import Landmark, LandmarkRelation, Query, Referent
-from grounding.referent.clarification import compose_question, describe_differences
+from grounding.referent.clarification import compose_question, describe_differences, describe_one
 from grounding.referent.class_fit import KNOWN_NOUNS, PERSON_NOUNS, VEHICLE_NOUNS
+from grounding.referent.doubts import question_about
 from grounding.referent.fuzzy import gaussian
 from grounding.referent.ordinals import find_ordinals
 from grounding.referent.predicates import to_referent
@@ -94,8 +95,14 @@ def resolve(query: Query, scene: SceneModel, limit: int = MAX_CANDIDATES) -> Res
         return Resolution("not_found", _candidates(choices[:limit], scene, scores), (too_few, *scores.notes))
     tied = [choice for choice in choices if choice.score > choices[0].score - _TIE_MARGIN]
     if len(tied) > 1 and referent.definite:
-        return _ambiguous(referent, _candidates(tied[:limit], scene, scores), len(tied), scene, scores)
+        listed = _without_chains(tied)
+        return _ambiguous(referent, _candidates(listed[:limit], scene, scores), len(tied), scene, scores)
     candidates = _candidates(choices[:limit], scene, scores)
+    question = question_about(sought, referent, choices[0].row, candidates[0].fits, scene)
+    if question:
+        return Resolution(
+            "ambiguous", candidates[:1], scores.notes, question, (describe_one(candidates[0].item, scene),)
+        )
     reasons = _explain_choice(referent, num_matches, candidates[0], scene)
     return Resolution("ok", candidates, (*reasons, *scores.notes))
 
@@ -197,10 +204,30 @@ def _ambiguous(
     referent: Referent, candidates: tuple[Candidate, ...], num_tied: int, scene: SceneModel, scores: ReferentScores
 ) -> Resolution:
     plural = "people" if referent.noun in PERSON_NOUNS else "pairs" if candidates[0].partner else "vehicles"
-    groups = [(one.item,) if one.partner is None else (one.item, one.partner) for one in candidates]
-    differences = describe_differences(groups, scene)
+    differences = describe_differences(_groups_that_differ(candidates), scene)
     reason = f"{num_tied} {plural} fit '{referent.phrase()}' about equally well"
     return Resolution("ambiguous", candidates, (reason, *scores.notes), compose_question(differences), differences)
+
+
+def _groups_that_differ(candidates: Sequence[Candidate]) -> Sequence[tuple[SceneObject, ...]]:
+    """Return the vehicles of each candidate; of pairs with one vehicle in common, only the other one."""
+    groups = [(one.item,) if one.partner is None else (one.item, one.partner) for one in candidates]
+    common = [item for item in groups[0] if all(item in group for group in groups)]
+    if len(groups) > 1 and len(common) == 1 and len(groups[0]) > 1:
+        return [tuple(item for item in group if item is not common[0]) for group in groups]
+    return groups
+
+
+def _without_chains(tied: Sequence[_Choice]) -> list[_Choice]:
+    """Return tied choices; of pairs without a vehicle in common to all, each vehicle stands in one pair only."""
+    common = set.intersection(*({one.row, one.partner} for one in tied))
+    if tied[0].partner < 0 or common:
+        return list(tied)
+    kept: list[_Choice] = []
+    for one in tied:
+        if not any({one.row, one.partner} & {other.row, other.partner} for other in kept):
+            kept.append(one)
+    return kept if len(kept) > 1 else list(tied)
 
 
 def _not_found(query: Query, referent: Referent, scene: SceneModel, scores: ReferentScores, limit: int) -> Resolution:
@@ -235,6 +262,9 @@ def _explain_choice(referent: Referent, num_matches: int, best: Candidate, scene
     """Explain why the best candidate was chosen, and whether its colour is doubtful."""
     one, several = ("person", "people") if referent.noun in PERSON_NOUNS else ("vehicle", "vehicles")
     reasons = [f"it fits '{referent.phrase()}' best of {num_matches} {several}"]
+    if ordinals := find_ordinals(referent.qualifiers):
+        rest = replace(referent, qualifiers=tuple(word for word in referent.qualifiers if word not in ordinals))
+        reasons = [f"it is the {' '.join(ordinals)} of {num_matches} {several} that fit '{rest.phrase()}'"]
     if num_matches == 1:
         reasons = [f"it is the only {one} that fits '{referent.phrase()}'"]
     elif not referent.definite:
