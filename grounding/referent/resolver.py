@@ -100,9 +100,9 @@ def resolve(query: Query, scene: SceneModel, limit: int = MAX_CANDIDATES) -> Res
     candidates = _candidates(choices[:limit], scene, scores)
     question = question_about(sought, referent, choices[0].row, candidates[0].fits, scene)
     if question:
-        return Resolution(
-            "ambiguous", candidates[:1], scores.notes, question, (describe_one(candidates[0].item, scene),)
-        )
+        described = describe_one(candidates[0].item, scene)
+        reason = f"what fits '{referent.phrase()}' best is {described}"
+        return Resolution("ambiguous", candidates[:1], (reason, *scores.notes), question, (described,))
     reasons = _explain_choice(referent, num_matches, candidates[0], scene)
     return Resolution("ok", candidates, (*reasons, *scores.notes))
 
@@ -210,11 +210,11 @@ def _ambiguous(
 
 
 def _groups_that_differ(candidates: Sequence[Candidate]) -> Sequence[tuple[SceneObject, ...]]:
-    """Return the vehicles of each candidate; of pairs with one vehicle in common, only the other one."""
+    """Return the vehicles of each candidate; of pairs whose first vehicle is the same, only the second."""
     groups = [(one.item,) if one.partner is None else (one.item, one.partner) for one in candidates]
-    common = [item for item in groups[0] if all(item in group for group in groups)]
-    if len(groups) > 1 and len(common) == 1 and len(groups[0]) > 1:
-        return [tuple(item for item in group if item is not common[0]) for group in groups]
+    for at in (0, 1) if len(groups[0]) > 1 else ():
+        if all(group[at] is groups[0][at] for group in groups):
+            return [(group[1 - at],) for group in groups]
     return groups
 
 
