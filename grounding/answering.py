@@ -22,6 +22,8 @@ from grounding.scene_object import SceneObject
 
 # Log scores of readings without a referent and without a goal: these rank below all others.
 _NO_REFERENT_SCORE, _NO_GOAL_SCORE = -200.0, -100.0
+# Least score of a goal that is acted upon.
+_LEAST_SCORE = 0.1
 # Candidates of an indefinite referent ("a red car") for which goals are compared.
 _MAX_GOAL_CANDIDATES = 4
 
@@ -105,9 +107,7 @@ def answer_steps(
 
     def choose(number: int) -> Answer:
         chosen = replace(requests[shown], chosen=candidate_at(about, number))
-        return answer_steps(
-            [*requests[:shown], chosen, *requests[shown + 1 :]], scene, primary=primary, limit=limit
-        )
+        return answer_steps([*requests[:shown], chosen, *requests[shown + 1 :]], scene, primary=primary, limit=limit)
 
     return replace(
         about,
@@ -139,6 +139,16 @@ def answer_step(request: Request, scene: SceneModel, limit: int = MAX_CANDIDATES
     reading, road = request.reading, scene.road
     if road is None:
         raise AppoccError("grounder: expected a scene with a map, got one without")
+    if reading.doubt and request.chosen is None and request.held is None:
+        return Answer(
+            status="ambiguous",
+            reading=reading,
+            scene=scene,
+            question=reading.doubt,
+            reasons=reading.notes,
+            dropped=reading.dropped,
+            score=reading.score,
+        )
     resolution = _resolve(request, scene, limit)
     reasons = (*resolution.reasons, *reading.notes)
     make = partial(Answer, reading=reading, scene=scene, candidates=resolution.candidates, dropped=reading.dropped)
@@ -170,9 +180,7 @@ def without(scene: SceneModel, ids: frozenset[str]) -> SceneModel:
     """Return the scene without some objects, for resolving only: goals are planned with all objects."""
     if not ids:
         return scene
-    objects, others = (
-        tuple(item for item in items if item.id not in ids) for items in (scene.objects, scene.others)
-    )
+    objects, others = (tuple(item for item in items if item.id not in ids) for items in (scene.objects, scene.others))
     return replace(scene, objects=objects, others=others)
 
 
@@ -207,9 +215,20 @@ def _plan(
         landmark = query.secondary[0].noun.replace("_", " ")
         reason = f"'{query.relation.replace('_', ' ')}' is measured from a {landmark}, which the map does not hold"
         return GoalPlan(None, (reason,), nearest=goal_plan.target)
+    if not request.shifts:
+        return _accept(goal_plan)
     for shift in request.shifts:
         goal_plan = shift_goal(goal_plan, shift, scene, road, item)
     return goal_plan
+
+
+def _accept(goal_plan: GoalPlan) -> GoalPlan:
+    """Return a plan without its goal if the score is too low: the best free place is not what was asked for."""
+    target = goal_plan.target
+    if target is None or target.score >= _LEAST_SCORE:
+        return goal_plan
+    reason = f"the best free place fits the command badly: its score is {target.score:.2f}, {_LEAST_SCORE} is needed"
+    return GoalPlan(None, (*goal_plan.reasons, reason), nearest=target, search=goal_plan.search)
 
 
 def _log_score(candidate: Candidate | None, goal_plan: GoalPlan) -> float:

@@ -102,7 +102,9 @@ class Grounder:
         """
         tracks = None if vehicles is None or isinstance(vehicles, Boxes) else vehicles
         if tracks is not None and world_from_ego is None:
-            raise AppoccError("set_scene: expected world_from_ego with tracks, which are in the world frame, got none")
+            raise AppoccError(
+                "set_scene: expected world_from_ego with tracks, which are in the world frame, got none"
+            )
         pose = np.eye(4) if world_from_ego is None else world_from_ego
         bev = bev.with_guesses() if self.config.trust_unseen else bev
         if vehicles is None:

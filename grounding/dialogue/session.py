@@ -222,7 +222,8 @@ class Session:
         state = self._state
         if answer.status == "ok":
             steps = tuple(
-                replace(step, chosen=done.referent) for step, done in zip(steps, answer.steps or (answer,), strict=False)
+                replace(step, chosen=done.referent)
+                for step, done in zip(steps, answer.steps or (answer,), strict=False)
             )
             state = replace(state, plan=steps, goal=answer, question=None, request=steps[-1])
             if answer.referent is not None and answer.query.referent is not None:
@@ -256,8 +257,10 @@ class Session:
         """Take the only candidate of the open question, or the nearest place if that was offered."""
         question, request = self._state.question, self._last_request()
         if question is not None and request is not None:
-            return self._choose(question.candidates[0], request, text) if len(question.candidates) == 1 else (
-                self._ask_again(text)
+            return (
+                self._choose(question.candidates[0], request, text)
+                if len(question.candidates) == 1
+                else (self._ask_again(text))
             )
         return self._keep(text)
 
@@ -406,7 +409,9 @@ class Session:
         """Drop the goal and the question."""
         had = self._state.plan or self._state.question
         self._state = replace(self._state, plan=(), goal=None, question=None)
-        return self._inform(text, "the command is dropped: no goal is set" if had else "no command to drop: no goal is set")
+        return self._inform(
+            text, "the command is dropped: no goal is set" if had else "no command to drop: no goal is set"
+        )
 
     def _keep(self, text: str) -> Answer:
         """Acknowledge a sentence that changes nothing."""
@@ -540,4 +545,3 @@ def _relaxed(request: Request) -> Request:
         return request
     query = replace(request.query, referent=replace(referent, qualifiers=(), in_line=False))
     return replace(request, reading=replace(request.reading, query=query, steps=(query,)))
-

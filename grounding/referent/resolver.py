@@ -82,7 +82,9 @@ def resolve(query: Query, scene: SceneModel, limit: int = MAX_CANDIDATES) -> Res
     sought = _normalise(query)
     referent = sought.referent
     if referent is None:
-        return Resolution("ok", (), note_unmapped(sought))
+        return (
+            _ask_antecedent(sought, scene, limit) if query.unresolved else Resolution("ok", (), note_unmapped(sought))
+        )
     if absence := _explain_absence(referent, scene):
         return Resolution("not_found", (), (absence,))
     scores = score_objects(sought, referent, scene)
@@ -105,6 +107,22 @@ def resolve(query: Query, scene: SceneModel, limit: int = MAX_CANDIDATES) -> Res
         return Resolution("ambiguous", candidates[:1], (reason, *scores.notes), question, (described,))
     reasons = _explain_choice(referent, num_matches, candidates[0], scene)
     return Resolution("ok", candidates, (*reasons, *scores.notes))
+
+
+def _ask_antecedent(query: Query, scene: SceneModel, limit: int) -> Resolution:
+    """Return the question which vehicle a pronoun refers to, with the most salient ones as candidates."""
+    any_vehicle = Referent("vehicle", query.unresolved)
+    reason = f"'{query.unresolved}' refers to nothing that was named"
+    scores = score_objects(query, any_vehicle, scene) if scene.objects else None
+    choices = _rank_choices(query, any_vehicle, scene, scores)[:limit] if scores and scores.matches.any() else []
+    if scores is None or not choices:
+        return Resolution("not_found", (), (reason,))
+    candidates = _candidates(choices, scene, scores)
+    if len(candidates) == 1:
+        described = describe_one(candidates[0].item, scene)
+        return Resolution("ambiguous", candidates, (reason,), f"do you mean {described}?", (described,))
+    differences = describe_differences([(one.item,) for one in candidates], scene)
+    return Resolution("ambiguous", candidates, (reason,), compose_question(differences), differences)
 
 
 def resolve_exclusions(query: Query, scene: SceneModel) -> tuple[tuple[LandmarkRelation, SceneObject], ...]:
