@@ -110,7 +110,7 @@ def plan_goal(
     best = search.find_best(1 + _RUNNERS_UP)
     if not best:
         return _plan_without_target(search, item, reasons)
-    target, *others = (_to_target(candidate, scene, road) for candidate in best)
+    target, *others = (to_target(candidate, scene, road) for candidate in best)
     route = road.paths.route_to(target.cell, road.ego_lane.origin_m, target.heading_ego_rad)
     return GoalPlan(target, (*reasons, *_explain_target(search, best[0])), route, tuple(others), None, search)
 
@@ -126,7 +126,7 @@ def _excluded_cells(forbidden: Sequence[tuple[str, SceneObject]], road: RoadMap)
     return excluded
 
 
-def _to_target(candidate: GoalCandidate, scene: SceneModel, road: RoadMap, score: float | None = None) -> Target:
+def to_target(candidate: GoalCandidate, scene: SceneModel, road: RoadMap, score: float | None = None) -> Target:
     """Return a candidate as goal pose; by default its score is a Gaussian of its cost."""
     centre = road.grid.centre_of(candidate.cell)
     return Target(
@@ -176,7 +176,7 @@ def _plan_without_target(search: CandidateSearch, item: SceneObject | None, reas
     near = search.find_nearest(centre)
     if near is None:
         return GoalPlan(None, tuple(reasons), search=search)
-    nearest = _to_target(near, search.scene, road, score=_MIN_SCORE)
+    nearest = to_target(near, search.scene, road, score=_MIN_SCORE)
     away, (x, y) = float(np.hypot(*(nearest.ego_m - centre))), nearest.ego_m
     where = "there" if best else "it"
     reasons.append(f"the nearest place that would do is {away:.1f} m from {where}, at ({x:.1f}, {y:.1f}) m")

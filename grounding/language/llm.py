@@ -73,9 +73,14 @@ class ChatEndpoint:
                 f"language model: expected an address that begins with http:// or https://, got {self.url}"
             )
 
-    def parse_all(self, text: str) -> tuple[Reading, ...]:
-        """Return the model's reading and those of the grammar; if the model fails, the grammar's with a note."""
-        own = self.fallback(text)
+    def check(self, text: str, own: tuple[Reading, ...]) -> tuple[Reading, ...]:
+        """Return the readings of the grammar, checked where it understood a part of the sentence only.
+
+        The model is asked if the grammar left content words out or found no command. If the model reads something else,
+        its reading is added to the first one as its rival.
+        """
+        if own[0].problem is None and not own[0].dropped:
+            return own
         try:
             query = query_from_json(text, json.loads(_run_with_timeout(self.timeout_s, partial(self._request, text))))
         except (DataError, ValueError, OSError, HTTPException, RecursionError) as error:
@@ -83,7 +88,7 @@ class ChatEndpoint:
             return tuple(replace(one, notes=(*one.notes, note)) for one in own)
         if query.action is None:
             return own
-        return (Reading(query, 0.0, own[0].tokens, ("read by the language model",)), *own)
+        return own
 
     def _request(self, text: str) -> str:
         """Return the model's answer to a sentence.

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from typing import get_args
 
 from appocc.files import read_text
 from grounding.language.syntax.lexicon import Lexicon, default_lexicon
@@ -14,12 +15,13 @@ from grounding.language.syntax.phrase_patterns import WORD, LexicalEntry
 from grounding.language.syntax.quantities import merge_quantities
 from grounding.language.syntax.tokenizer import normalise, tokenise
 from grounding.language.syntax.word_categories import WordCategory
+from grounding.vocabulary import ShiftDirection
 
 _PATH = Path(__file__).parent / "syntax" / "data" / "replies.txt"
 _MAX_BYTES = 1_000_000
 _HEADING = re.compile(r"\[([a-z]+)\]")
 # Kinds that ask for another place, and the direction of the change.
-SHIFTS = ("away", "near", "ahead", "back", "leftwards", "rightwards")
+SHIFTS: tuple[ShiftDirection, ...] = get_args(ShiftDirection)
 # Kinds that the rest of the sentence may follow: "no, the red one".
 _LEADING = ("yes", "no", "other", "meant", "then", "cancel", "neither", "thanks")
 _SKIPPED = (WordCategory.FILLER, WordCategory.COMMA, WordCategory.BREAK, WordCategory.CORRECT)
@@ -45,9 +47,9 @@ class Reply:
     distance_m: float | None = None
 
     @property
-    def shift(self) -> str:
-        """The direction in which the goal is to be moved; '' if the sentence asks for something else."""
-        return self.kinds[-1] if self.kinds and not self.rest and self.kinds[-1] in SHIFTS else ""
+    def shift(self) -> ShiftDirection | None:
+        """The direction in which the goal is to be moved; None if the sentence asks for something else."""
+        return next((one for one in SHIFTS if self.kinds[-1:] == (one,) and not self.rest), None)
 
 
 def read_reply(text: str, lexicon: Lexicon | None = None) -> Reply:
