@@ -22,8 +22,6 @@ from grounding.scene_object import SceneObject
 
 # Log scores of readings without a referent and without a goal: these rank below all others.
 _NO_REFERENT_SCORE, _NO_GOAL_SCORE = -200.0, -100.0
-# Least score of a goal that is acted upon.
-_LEAST_SCORE = 0.1
 # Candidates of an indefinite referent ("a red car") for which goals are compared.
 _MAX_GOAL_CANDIDATES = 4
 
@@ -167,8 +165,9 @@ def answer_step(request: Request, scene: SceneModel, limit: int = MAX_CANDIDATES
     ]
     referent, goal_plan = max(planned, key=lambda pair: _log_score(*pair))
     return make(
-        status="ok" if goal_plan.target else "not_found",
+        status="ok" if goal_plan.target else "ambiguous" if goal_plan.question else "not_found",
         plan=goal_plan,
+        question=goal_plan.question,
         referent=referent,
         reasons=(*_explain_referent(reading, referent, scene), *reasons, *goal_plan.reasons),
         score=reading.score + _log_score(referent, goal_plan),
@@ -215,20 +214,9 @@ def _plan(
         landmark = query.secondary[0].noun.replace("_", " ")
         reason = f"'{query.relation.replace('_', ' ')}' is measured from a {landmark}, which the map does not hold"
         return GoalPlan(None, (reason,), nearest=goal_plan.target)
-    if not request.shifts:
-        return _accept(goal_plan)
     for shift in request.shifts:
         goal_plan = shift_goal(goal_plan, shift, scene, road, item)
     return goal_plan
-
-
-def _accept(goal_plan: GoalPlan) -> GoalPlan:
-    """Return a plan without its goal if the score is too low: the best free place is not what was asked for."""
-    target = goal_plan.target
-    if target is None or target.score >= _LEAST_SCORE:
-        return goal_plan
-    reason = f"the best free place fits the command badly: its score is {target.score:.2f}, {_LEAST_SCORE} is needed"
-    return GoalPlan(None, (*goal_plan.reasons, reason), nearest=target, search=goal_plan.search)
 
 
 def _log_score(candidate: Candidate | None, goal_plan: GoalPlan) -> float:
