@@ -20,8 +20,8 @@ from grounding.scene_object import SceneObject
 
 # Ids of objects that are numbered anew on each map.
 _UNSTABLE_IDS = ("object ", "blob ")
-# Without an id: largest distance from the predicted place, time between maps, and distance that a difference of colour or
-# of length weighs.
+# Without an id: largest distance from the predicted place, time between maps, and distance that a difference of
+# colour or of length weighs.
 _MAX_APART_M, _BETWEEN_S, _COLOUR_M, _LENGTH_M = 4.0, 0.5, 3.0, 1.0
 # A step is done this close to its place; a vehicle has left this far from its place, and turned by this angle.
 _DONE_M, _DONE_RAD, _LEFT_M, _TURNED_RAD = 1.5, np.radians(30), 4.0, np.radians(45)
@@ -53,9 +53,7 @@ def relocate(candidate: Candidate, before: SceneModel, scene: SceneModel) -> Can
     return replace(candidate, item=item, partner=partner)
 
 
-def follow_plan(
-    requests: Sequence[Request], goal: Answer, before: SceneModel, scene: SceneModel
-) -> FollowedPlan:
+def follow_plan(requests: Sequence[Request], goal: Answer, before: SceneModel, scene: SceneModel) -> FollowedPlan:
     """Return the steps of a plan that are left in a new scene.
 
     Args:
@@ -107,7 +105,11 @@ def _done(step: Request, answered: Answer, before: SceneModel, scene: SceneModel
     if event is not None and step.chosen is not None:
         now = relocate(step.chosen, before, scene)
         first = step.sighting or Sighting.of(step.chosen.item, before)
-        return f"what was awaited has come: {event}" if has_happened(event, first, now.item if now else None, scene) else ""
+        return (
+            f"what was awaited has come: {event}"
+            if has_happened(event, first, now.item if now else None, scene)
+            else ""
+        )
     if step.query.action in _LASTING_ACTIONS or answered.target is None:
         return ""
     place = apply(inverse(scene.world_from_ego), np.append(answered.target.world_m, 0.0))[:2]

@@ -69,13 +69,11 @@ def parse(text: str, lexicon: Lexicon | None = None) -> Reading:
     return parse_all(text, lexicon)[0]
 
 
-def parse_all(
-    text: str, lexicon: Lexicon | None = None, antecedent: Referent | None = None
-) -> tuple[Reading, ...]:
+def parse_all(text: str, lexicon: Lexicon | None = None, antecedent: Referent | None = None) -> tuple[Reading, ...]:
     """Return all readings of a sentence, best first: between 1 and `MAX_READINGS`; any text is accepted.
 
-    Without a `lexicon`, the package's own is used. `antecedent` is the vehicle that the conversation is about: a pronoun
-    or "one" that the sentence does not resolve refers to it.
+    Without a `lexicon`, the package's own is used. `antecedent` is the vehicle that the conversation is about: a
+    pronoun or "one" that the sentence does not resolve refers to it.
     """
     if len(text) > MAX_CHARACTERS:
         too_long = ParseProblem(f"expected at most {MAX_CHARACTERS} characters, got {len(text)}")

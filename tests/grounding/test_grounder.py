@@ -68,9 +68,10 @@ def test_the_lexicon_holds_beside_a_language_model(tmp_path: Path) -> None:
     # Nothing answers at this port.
     grounder = Grounder(lexicon=tmp_path / "words.txt", llm=ChatEndpoint("http://127.0.0.1:9", "m", timeout_s=2.0))
     grounder.set_scene(street.bev(), street.boxes())
-    answer = grounder.ground("park behind the wagonette")
-    assert answer.status == "ok"
-    assert any("language model" in reason for reason in answer.reasons)
+    assert grounder.ground("park behind the wagonette").status == "ok"
+    answer = grounder.ground("glorp behind the wagonette")
+    assert answer.status == "not_a_command"
+    assert any("language model was not used" in reason for reason in answer.reasons)
 
 
 def test_the_number_of_candidates_is_set() -> None:
