@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from grounding.language.ambiguity import list_alternatives
+from grounding.language.semantics.accounting import account_for
+from grounding.language.semantics.contrasts import resolve_contrasts
 from grounding.language.semantics.interpreter import interpret
 from grounding.language.semantics.query_builder import BuiltQuery, build_query
 from grounding.language.syntax.clauses import split_clauses
 from grounding.language.syntax.lexicon import Lexicon
-from grounding.language.syntax.noun_phrases import NounPhrase
 from grounding.language.syntax.spelling import suggest_word
 from grounding.language.syntax.tagger import tag
 from grounding.language.syntax.tokenizer import MAX_CHARACTERS, Token, normalise, tokenise
@@ -47,8 +48,11 @@ class Reading:
         tokens: tokens of the sentence.
         notes: spelling corrections and ignored words, one sentence each.
         problem: why the sentence is not a command, None if it is one.
-        steps: the commanded steps in order, at least one; `query` is the primary one of them.
-        dropped: content words that no part of the reading uses, in order.
+        steps: the commanded steps in order, each a query of its own; one of them is the query's.
+        dropped: content words that the reading does not use, in order.
+        doubt: question to ask before the reading is acted upon; '' if there is none. It names a pronoun without
+            antecedent, or dropped words without which the place may be the wrong one.
+        unresolved: the pronoun or "one" without antecedent; '' if there is none.
     """
 
     query: Query
@@ -58,33 +62,79 @@ class Reading:
     problem: ParseProblem | None = None
     steps: tuple[Query, ...] = ()
     dropped: tuple[str, ...] = ()
+    doubt: str = ""
+    unresolved: str = ""
 
     def __post_init__(self) -> None:
         """Take the query as the only step if none are given."""
         object.__setattr__(self, "steps", self.steps or (self.query,))
 
 
-def parse(text: str, lexicon: Lexicon | None = None) -> Reading:
+def parse(text: str, lexicon: Lexicon | None = None, antecedent: Referent | None = None) -> Reading:
     """Return the best reading of a sentence; any text is accepted."""
-    return parse_all(text, lexicon)[0]
+    return parse_all(text, lexicon, antecedent)[0]
 
 
 def parse_all(text: str, lexicon: Lexicon | None = None, antecedent: Referent | None = None) -> tuple[Reading, ...]:
     """Return all readings of a sentence, best first: between 1 and `MAX_READINGS`; any text is accepted.
 
-    Without a `lexicon`, the package's own is used. `antecedent` is the vehicle that the conversation is about: a
-    pronoun or "one" that the sentence does not resolve refers to it.
+    Args:
+        text: the sentence.
+        lexicon: None: the package's own.
+        antecedent: what a pronoun or "one" refers to if the sentence does not name it, such as the referent of the
+            command before.
     """
     if len(text) > MAX_CHARACTERS:
         too_long = ParseProblem(f"expected at most {MAX_CHARACTERS} characters, got {len(text)}")
         return (Reading(Query(command=text[:MAX_CHARACTERS]), problem=too_long),)
     normalised = normalise(text)
     tokens = tuple(tokenise(normalised, lexicon))
-    query, postmodifiers = _build(text, tokens, antecedent)
+    tagged = resolve_contrasts(tag(tokens))
+
+    def build(some: Sequence[Token]) -> BuiltQuery:
+        return build_query(text, interpret(split_clauses(some), antecedent))
+
+    built = build(tagged)
+    query = built.query
     notes = tuple(_notes(tokens))
     if query.action is None:
         return (Reading(query, 0.0, tokens, notes, _find_problem(normalised, tokens, lexicon)),)
-    return tuple(Reading(one, score, tokens, notes) for one, score in list_alternatives(query, postmodifiers))
+    account = account_for(tagged, build)
+    doubt = _compose_doubt(built.unresolved, account.doubtful)
+    return tuple(
+        Reading(
+            one,
+            score,
+            tokens,
+            notes,
+            steps=_steps_of(one, built),
+            dropped=account.dropped,
+            doubt=doubt,
+            unresolved=built.unresolved,
+        )
+        for one, score in list_alternatives(query, built.postmodifiers)
+    )
+
+
+def _steps_of(query: Query, built: BuiltQuery) -> tuple[Query, ...]:
+    """Return the steps of a reading: the main one changes as its query does."""
+    if len(built.steps) == 1:
+        return (query,)
+    main = built.steps[built.main_step]
+    changed = {
+        name: getattr(query, name)
+        for name in ("referent", "secondary", "goal_side")
+        if getattr(query, name) != getattr(built.query, name)
+    }
+    return (*built.steps[: built.main_step], replace(main, **changed), *built.steps[built.main_step + 1 :])
+
+
+def _compose_doubt(unresolved: str, doubtful: Sequence[str]) -> str:
+    """Return the question about a pronoun or about dropped words, '' without either."""
+    if unresolved:
+        return f"which vehicle is '{unresolved}'?"
+    words = ", ".join(f"'{word}'" for word in doubtful)
+    return f"{words} was not understood: could you say it in other words?" if words else ""
 
 
 def underline(text: str, problem: ParseProblem) -> str:
@@ -94,20 +144,8 @@ def underline(text: str, problem: ParseProblem) -> str:
     return f"  {normalise(text)}\n  {' ' * problem.start}{'^' * (problem.end - problem.start)}"
 
 
-def _build(text: str, tokens: Sequence[Token], antecedent: Referent | None = None) -> BuiltQuery:
-    context = None if antecedent is None else _noun_phrase(antecedent)
-    return build_query(text, interpret(split_clauses(tag(tokens)), context))
-
-
-def _noun_phrase(referent: Referent) -> NounPhrase:
-    """Return the noun phrase of a referent."""
-    return NounPhrase(
-        kind="person" if referent.noun == "person" else "vehicle",
-        noun=referent.noun,
-        head=referent.head,
-        colour=referent.colour,
-        qualifiers=list(referent.qualifiers),
-    )
+def _build(text: str, tokens: Sequence[Token]) -> BuiltQuery:
+    return build_query(text, interpret(split_clauses(resolve_contrasts(tag(tokens)))))
 
 
 def _find_problem(normalised: str, tokens: Sequence[Token], lexicon: Lexicon | None) -> ParseProblem:

@@ -22,10 +22,10 @@ LEXICON = "[noun car]\nwagonette\n"
 
 
 def test_the_face_of_the_package() -> None:
-    assert sorted(grounding.__all__) == ["Answer", "Grounder", "GrounderConfig", "Query", "Target"]
+    assert sorted(grounding.__all__) == ["Answer", "Grounder", "GrounderConfig", "Query", "Session", "Target"]
     assert set(grounding.__all__) <= set(dir(grounding))
-    with pytest.raises(AttributeError, match="has no attribute 'Session'"):
-        getattr(grounding, "Session")  # noqa: B009 - not in the type
+    with pytest.raises(AttributeError, match="has no attribute 'Sessions'"):
+        getattr(grounding, "Sessions")  # noqa: B009 - not in the type
 
 
 def test_an_answer_by_the_face() -> None:
