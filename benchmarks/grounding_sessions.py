@@ -2,10 +2,11 @@
 
     python -m benchmarks.grounding_sessions [FILE ...] [--unread] [--errors]
 
-Without a FILE, the project's own conversations (`benchmarks/grounding_truth/conversations.yaml`); its header describes the
-format, and `--unread` selects the half that was kept unread during development. A FILE with one JSON record a line has
-`scene` (vehicles with id, class, colour, x_m, y_m, heading_deg, speed_mps) and `turns`, each with `say` and `expect`:
-status, referent and relation, with alternatives in status_alt, referent_alt and relation_alt.
+Without a FILE, the project's own conversations (`benchmarks/grounding_truth/conversations.yaml`); its header
+describes the format, `--unread` selects the half that was kept unread during development, `--seen` the other one. A
+FILE with one JSON record a line has `scene` (vehicles with id, class, colour, x_m, y_m, heading_deg, speed_mps) and
+`turns`, each with `say` and `expect`: status, referent and relation, with alternatives in status_alt, referent_alt
+and relation_alt.
 
 A conversation is right if every turn is. Places are judged by plain geometry on the made scene.
 """
@@ -252,7 +253,7 @@ def _is_at(relation: str, vehicle: Vehicle, place_m: np.ndarray) -> bool:
         "near": float(np.linalg.norm(offset)) < 14,
         "past": place_m[0] - vehicle.x_m > least - 0.6,
     }
-    return tests[relation]
+    return bool(tests[relation])
 
 
 def judge_strangers(turn: Mapping[str, Any], answer: Answer, last: Answer | None) -> str:
@@ -261,7 +262,7 @@ def judge_strangers(turn: Mapping[str, Any], answer: Answer, last: Answer | None
     statuses = {expected["status"], *expected.get("status_alt", [])}
     if answer.status not in statuses:
         return f"status {answer.status}"
-    if answer.status != "ok":
+    if answer.status != "ok" or expected["status"] != "ok":
         return ""
     wrong = []
     referent = answer.referent.item.id if answer.referent else None

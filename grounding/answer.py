@@ -40,6 +40,7 @@ class Answer:
         steps: answers to the steps of the command in order, each planned from where the one before ends.
         dropped: content words of the command that the reading does not use.
         confidence: estimated probability that referent and goal are what is meant, 0..1.
+        alternatives: answers to different readings, if the question asks for the reading and not for a vehicle.
         chooser: makes the answer with another candidate; None if there is nothing to choose.
     """
 
@@ -55,6 +56,7 @@ class Answer:
     steps: tuple[Answer, ...] = ()
     dropped: tuple[str, ...] = ()
     confidence: float = 0.0
+    alternatives: tuple[Answer, ...] = ()
     chooser: Callable[[int], Answer] | None = field(default=None, repr=False)
 
     @property

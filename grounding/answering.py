@@ -128,6 +128,52 @@ def candidate_at(answer: Answer, number: int) -> Candidate:
     return answer.candidates[number - 1]
 
 
+def reconcile(answer: Answer, rival: Answer) -> Answer:
+    """Return an answer that another reading of the sentence confirms, else the question which of the two is meant."""
+    if _means_the_same(answer, rival):
+        return replace(answer, reasons=(*answer.reasons, "the language model reads the same"))
+    options = tuple(one for one in (answer, rival) if one.status != "not_a_command")
+    phrases = " or ".join(f"'{describe_command(one)}'" for one in options)
+
+    def choose(number: int) -> Answer:
+        if not 1 <= number <= len(options):
+            raise AppoccError(f"expected the number of a reading, 1 to {len(options)}, got {number}")
+        return options[number - 1]
+
+    return Answer(
+        status="ambiguous",
+        reading=options[0].reading,
+        scene=answer.scene,
+        reasons=("the grammar and the language model read the sentence differently",),
+        question=f"do you mean {phrases}?",
+        alternatives=options,
+        dropped=answer.dropped,
+        chooser=choose,
+    )
+
+
+def describe_command(answer: Answer) -> str:
+    """Return the command of an answer in words: "park behind the red car 12 m away, ahead right"."""
+    query = answer.query
+    relation = "" if query.relation == "none" else query.relation
+    side = f"on the {query.goal_side}" if query.goal_side else query.direction or ""
+    named = "" if query.referent is None else f"the {query.referent.phrase()}"
+    if answer.referent is not None:
+        named = f"the {describe_object(answer.referent.item, answer.scene)}"
+    words = ((query.action or "drive"), relation, named, side)
+    return " ".join(word.replace("_", " ") for word in words if word)
+
+
+def _means_the_same(answer: Answer, other: Answer) -> bool:
+    """Return whether two answers have the same action, relation, side and vehicle."""
+    if (answer.query.action, answer.query.relation) != (other.query.action, other.query.relation):
+        return False
+    if (answer.query.goal_side, answer.query.direction) != (other.query.goal_side, other.query.direction):
+        return False
+    ids = [one.referent.item.id if one.referent else None for one in (answer, other)]
+    return answer.status == other.status and ids[0] == ids[1]
+
+
 def answer_step(request: Request, scene: SceneModel, limit: int = MAX_CANDIDATES) -> Answer:
     """Answer one step: resolve its referent and plan its goal.
 

@@ -13,9 +13,9 @@ from appocc.bevmap import BEVMap
 from appocc.boxes import Boxes
 from appocc.checks import FloatArray
 from appocc.ego_vehicle import EgoVehicle
-from appocc.errors import AppoccError
+from appocc.errors import AppoccError, DataError
 from grounding.answer import Answer
-from grounding.answering import answer_reading
+from grounding.answering import answer_reading, reconcile
 from grounding.dialogue.session import Session
 from grounding.language import Lexicon, Reading, parse_all, read_lexicon
 from grounding.query import Referent
@@ -64,7 +64,7 @@ class Grounder:
 
         Args:
             lexicon: words to parse with, or a file of words to add to those of the package.
-            llm: language model that reads commands first; the parser's readings follow.
+            llm: language model that is asked where the grammar left content words out or found no command.
             config: settings.
             ego: size of the ego vehicle.
 
@@ -124,7 +124,8 @@ class Grounder:
         Raises:
             AppoccError: if no scene is set.
         """
-        return self.best_answer(self.read(text))
+        readings = self.read(text)
+        return self.check(text, readings[0], self.best_answer(readings))
 
     def session(self) -> Session:
         """Begin a conversation about the scene, in which sentences refer to what was said before."""
@@ -132,8 +133,7 @@ class Grounder:
 
     def read(self, text: str, antecedent: Referent | None = None) -> tuple[Reading, ...]:
         """Return the readings of a sentence, best first; pronouns may refer to the antecedent."""
-        readings = parse_all(text, self.lexicon, antecedent)
-        return readings if self._llm is None else self._llm.check(text, readings)
+        return parse_all(text, self.lexicon, antecedent)
 
     def best_answer(self, readings: Sequence[Reading]) -> Answer:
         """Answer the readings of a sentence in the scene and return the best answer.
@@ -155,3 +155,25 @@ class Grounder:
         if not scene.unseen_sides:
             return best
         return replace(best, reasons=(*best.reasons, unseen_reason(scene.unseen_sides)))
+
+    def check(self, text: str, reading: Reading, answer: Answer) -> Answer:
+        """Compare an answer with the language model's reading, where the grammar understood only a part.
+
+        Args:
+            text: the sentence.
+            reading: the grammar's reading of it.
+            answer: the answer to that reading.
+
+        Returns:
+            The answer if there is no model, the grammar used every content word, or the model reads the same; else
+            the question which reading is meant, with `alternatives`.
+        """
+        if self._llm is None or (reading.problem is None and not reading.dropped):
+            return answer
+        try:
+            other = self._llm.read(text)
+        except DataError as error:
+            return replace(answer, reasons=(*answer.reasons, str(error)))
+        if other.problem and reading.problem:
+            return answer
+        return reconcile(answer, self.best_answer((other,)))

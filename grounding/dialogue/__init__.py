@@ -1,1 +1,1 @@
-"""A conversation: sentences that answer, correct or continue what was said before, and plans that follow the scene."""
+"""A conversation: sentences that answer or correct what was said before, and plans that follow the scene."""

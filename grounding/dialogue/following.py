@@ -20,8 +20,8 @@ from grounding.scene_object import SceneObject
 
 # Ids of objects that are numbered anew on each map.
 _UNSTABLE_IDS = ("object ", "blob ")
-# Without an id: largest distance from the predicted place, time between maps, and distance that a difference of colour or
-# of length weighs.
+# Without an id: largest distance from the predicted place, time between maps, and distance that a difference of
+# colour or of length weighs.
 _MAX_APART_M, _BETWEEN_S, _COLOUR_M, _LENGTH_M = 4.0, 0.5, 3.0, 1.0
 # A step is done this close to its place; a vehicle has left this far from its place, and turned by this angle.
 _DONE_M, _DONE_RAD, _LEFT_M, _TURNED_RAD = 1.5, np.radians(30), 4.0, np.radians(45)

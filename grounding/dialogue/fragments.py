@@ -1,4 +1,4 @@
-"""Fragments: sentences without a verb of their own, completed by the command before ("in front of it", "the red one")."""
+"""Fragments: sentences without a verb, completed by the command before ("in front of it", "the red one")."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from grounding.language import Reading, Token, WordCategory
+from grounding.language.replies import with_superlatives
 from grounding.query import Query, Referent
 
 # The reader of sentences: text and antecedent to readings, best first.
@@ -33,12 +34,17 @@ _VERBS = {
 # Actions of a verb that names none of its own: "go in front of it" keeps the action before.
 _LIGHT_ACTIONS = ("other", "approach", "drive_past")
 _PLACE_ACTIONS = ("park", "stop", "pull_over", "wait")
-_VERB_CATEGORIES = (WordCategory.VERB, WordCategory.NONDRIVE, WordCategory.QUESTION, WordCategory.MEANWHILE)
+_VERB_CATEGORIES = (WordCategory.VERB, WordCategory.NONDRIVE, WordCategory.MEANWHILE)
 
 
 def has_verb(reading: Reading) -> bool:
-    """Return whether a sentence has a verb or is a question."""
-    return any(token.category in _VERB_CATEGORIES for token in reading.tokens)
+    """Return whether a sentence has a verb in its base form ("stop", not "the parked one") or is a question."""
+    categories = [token.category for token in reading.tokens if not token.form]
+    return any(category in _VERB_CATEGORIES for category in categories) or _is_question(reading)
+
+
+def _is_question(reading: Reading) -> bool:
+    return any(token.category is WordCategory.QUESTION for token in reading.tokens)
 
 
 def names_pronoun(reading: Reading) -> bool:
@@ -62,6 +68,7 @@ def read_description(text: str, antecedent: Referent | None, read: Reader) -> Re
     Returns:
         A reading whose query has the vehicle as its referent; None if the fragment describes none.
     """
+    text = with_superlatives(text)
     for phrase in _PHRASES:
         reading = read(phrase.format(text), antecedent)[0]
         referent = reading.query.referent
@@ -89,7 +96,7 @@ def complete(text: str, base: Query, antecedent: Referent | None, read: Reader) 
 
 
 def keep_action(reading: Reading, base: Query | None) -> Reading:
-    """Return a reading with the action of the command before if its own verb is light: "go in front of it instead"."""
+    """Return a reading with the action of the command before if its own verb is light: "go in front of it"."""
     query = reading.query
     if base is None or base.action not in _PLACE_ACTIONS or query.action not in _LIGHT_ACTIONS:
         return reading

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from appocc.bevmap import BEVMap
@@ -12,16 +12,23 @@ from appocc.checks import FloatArray
 from appocc.errors import AppoccError
 from grounding.answer import Answer
 from grounding.answering import Request, answer_steps, candidate_at, requests_of, without
-from grounding.describe import describe_object
+from grounding.dialogue.descriptions import (
+    find_fitting,
+    is_plainly_definite,
+    with_description,
+    without_qualifiers,
+)
 from grounding.dialogue.following import follow_plan, relocate
 from grounding.dialogue.fragments import complete, has_verb, keep_action, names_pronoun, read_description
+from grounding.dialogue.memory import Memory
+from grounding.dialogue.telling import ask, describe_goal, said
 from grounding.goal.shift import Shift
 from grounding.language import Reading
 from grounding.language.replies import Reply, read_reply
 from grounding.query import Query, Referent
-from grounding.referent.clarification import compose_question, describe_differences
 from grounding.referent.resolver import Candidate, resolve
 from grounding.referent.scene import SceneModel
+from grounding.vocabulary import Action
 from tracking.tracks import Track
 
 if TYPE_CHECKING:
@@ -29,29 +36,6 @@ if TYPE_CHECKING:
 
 # Distance of "a bit".
 _BIT_M = 2.0
-
-
-@dataclass(frozen=True, kw_only=True)
-class _State:
-    """What a conversation remembers.
-
-    Attributes:
-        plan: steps in force, in order; empty without a goal.
-        goal: answer whose goal is in force; None without one.
-        request: last step that was asked for, in force or not.
-        focus: last referent, and its description.
-        question: answer whose question is open; None without one.
-        offered: candidates of the last question.
-        rejected: ids of the candidates that were refused since the last command.
-    """
-
-    plan: tuple[Request, ...] = ()
-    goal: Answer | None = None
-    request: Request | None = None
-    focus: tuple[Candidate, Referent] | None = None
-    question: Answer | None = None
-    offered: tuple[Candidate, ...] = ()
-    rejected: frozenset[str] = frozenset()
 
 
 class Session:
@@ -67,7 +51,7 @@ class Session:
     def __init__(self, grounder: Grounder) -> None:
         """Begin a conversation about the scene of a grounder."""
         self._grounder = grounder
-        self._state = _State()
+        self._state = Memory()
 
     @property
     def goal(self) -> Answer | None:
@@ -99,8 +83,9 @@ class Session:
             AppoccError: if there is no such candidate.
         """
         state = self._state
-        about = state.question or state.goal
-        request = self._last_request()
+        if state.question is not None and state.question.alternatives:
+            return replace(self._take_reading(state.question.choose(number)), chooser=self.choose)
+        about, request = state.question or state.goal, self._last_request()
         if about is None or request is None:
             raise AppoccError("session: expected a question before a choice")
         return replace(self._choose(candidate_at(about, number), request), chooser=self.choose)
@@ -113,8 +98,8 @@ class Session:
     ) -> Answer | None:
         """Set the scene of the next moment and plan anew; arguments as in `Grounder.set_scene`.
 
-        A referent keeps its id; on maps without ids it is the nearest vehicle that looks the same. Steps that are done
-        are left out.
+        A referent keeps its id; on maps without ids it is the nearest vehicle that looks the same. Steps that are
+        done are left out.
 
         Returns:
             The answer of the plan in force: "not_found" if its referent is lost; None without a plan.
@@ -130,7 +115,7 @@ class Session:
             state = replace(state, focus=(found or state.focus[0], state.focus[1]))
         if state.question is not None:
             kept = [found for one in state.question.candidates if (found := relocate(one, before, scene))]
-            asked = self._ask(kept, state.question.reading, scene) if kept else None
+            asked = ask(kept, state.question.reading, scene) if kept else None
             state = replace(state, question=asked, offered=tuple(kept))
         self._state = state
         if not state.plan or state.goal is None:
@@ -143,11 +128,11 @@ class Session:
         )
         return answer
 
-    # What a sentence does --------------------------------------------------------------------------------------------
+    # What a sentence does -------------------------------------------------------------------------------------------
 
     def _answer(self, text: str, reply: Reply) -> Answer:
         """Answer a sentence that is split into replies and the rest."""
-        if reply.number is not None:
+        if reply.number is not None and (not reply.rest or self._state.question is not None):
             return self._answer_number(text, reply.number)
         if reply.shift:
             distance_m = _BIT_M if reply.distance_m is None else reply.distance_m
@@ -166,26 +151,26 @@ class Session:
             }
             act = acts.get(reply.kinds[-1]) if reply.kinds else None
             return act(text) if act else self._command(text, text)
-        if "cancel" in reply.kinds and (left := self._drop_steps(text, reply.rest)):
-            return left
         reading = self._read(reply.rest)
+        if "cancel" in reply.kinds and not has_verb(reading) and reading.query.action:
+            return self._drop_steps(text, reading.query.action)
         if has_verb(reading):
-            return self._command(text, reply.rest, then="then" in reply.kinds)
+            return self._command(text, reply.rest, then="then" in reply.kinds, agreed="yes" in reply.kinds)
         if "then" in reply.kinds and not reading.problem:
             return self._command(text, reply.rest, then=True)
         return self._answer_fragment(text, reply) or self._command(text, text if reading.problem else reply.rest)
 
-    def _command(self, text: str, words: str, then: bool = False) -> Answer:
-        """Answer a command; `then`: as a further step of the plan in force."""
+    def _command(self, text: str, words: str, then: bool = False, agreed: bool = False) -> Answer:
+        """Answer a command; `then`: as a further step of the plan in force; `agreed`: with the first candidate."""
         state, scene = self._state, self._scene
         readings = self._grounder.read(words, self._antecedent())
         if readings[0].problem:
-            return self._not_understood(text, readings[0])
+            return self._not_understood(text, readings[0], words)
         base = self._last_request()
-        readings = tuple(keep_action(_said(one, text), base.query if base else None) for one in readings)
+        readings = tuple(keep_action(said(one, text), base.query if base else None) for one in readings)
         first = readings[0]
         if names_pronoun(first):
-            if state.question is not None and len(state.question.candidates) > 1:
+            if state.question is not None and len(state.question.candidates) > 1 and not agreed:
                 return self._ask_again(text)
             if (meant := self._meant()) is not None:
                 chosen = tuple(replace(one, chosen=meant) for one in requests_of(first))
@@ -194,11 +179,14 @@ class Session:
             state.question is not None
             and first.query.referent is not None
             and first.query.referent.anaphora
-            and (fitting := self._fitting(first, state.question.candidates))
+            and (fitting := find_fitting(first, state.question.candidates, self._scene))
         ):
             return self._narrow(fitting, Request(reading=first))
-        answer = self._grounder.best_answer(readings)
-        if answer.status == "ambiguous" and state.focus and not state.question and _is_definite(first):
+        answer = self._grounder.check(words, first, self._grounder.best_answer(readings))
+        if answer.alternatives:
+            self._state = replace(state, question=answer, offered=(), request=Request(reading=answer.reading))
+            return answer
+        if answer.status == "ambiguous" and state.focus and not state.question and is_plainly_definite(first):
             # "The van" is the one that the conversation is about.
             again = [one for one in answer.candidates if one.item.id == state.focus[0].item.id]
             if again:
@@ -228,18 +216,20 @@ class Session:
             state = replace(state, plan=steps, goal=answer, question=None, request=steps[-1])
             if answer.referent is not None and answer.query.referent is not None:
                 state = replace(state, focus=(answer.referent, answer.query.referent))
-        elif answer.candidates:
+        elif answer.candidates or answer.alternatives:
             state = replace(state, question=answer, offered=answer.candidates)
         else:
             state = replace(state, question=None)
         self._state = state
         return answer
 
-    # Answers to questions ------------------------------------------------------------------------------------------
+    # Answers to questions -------------------------------------------------------------------------------------------
 
     def _answer_number(self, text: str, number: int) -> Answer:
         about = self._state.question or self._state.goal
         request = self._last_request()
+        if about is not None and 1 <= number <= len(about.alternatives):
+            return self._take_reading(about.alternatives[number - 1])
         if about is None or request is None or not 1 <= number <= len(about.candidates):
             return self._ask_again(text)
         return self._choose(about.candidates[number - 1], request, text)
@@ -248,21 +238,25 @@ class Session:
         """Take a candidate as the referent of a step and plan anew."""
         state, chosen = self._state, replace(request, chosen=candidate)
         if text is not None:
-            chosen = replace(chosen, reading=_said(chosen.reading, text))
+            chosen = replace(chosen, reading=said(chosen.reading, text))
         steps = (*state.plan[:-1], chosen) if state.plan and state.plan[-1] is request else (chosen,)
         self._state = replace(state, request=chosen)
         return self._settle(steps, answer_steps(steps, self._scene, limit=self._grounder.config.max_candidates))
 
+    def _take_reading(self, answer: Answer) -> Answer:
+        """Take one of several readings of a sentence."""
+        return self._take(requests_of(answer.reading), self._scene, answer=answer)
+
     def _confirm(self, text: str) -> Answer:
         """Take the only candidate of the open question, or the nearest place if that was offered."""
         question, request = self._state.question, self._last_request()
-        if question is not None and request is not None:
-            return (
-                self._choose(question.candidates[0], request, text)
-                if len(question.candidates) == 1
-                else (self._ask_again(text))
-            )
-        return self._keep(text)
+        if question is None or request is None:
+            return self._keep(text)
+        if len(question.alternatives) == 1:
+            return self._take_reading(question.alternatives[0])
+        if len(question.candidates) == 1:
+            return self._choose(question.candidates[0], request, text)
+        return self._ask_again(text)
 
     def _refuse(self, text: str) -> Answer:
         """Drop the open question; without one, take another candidate than the one in force."""
@@ -281,11 +275,11 @@ class Session:
             refused = {request.chosen.item.id}
         rejected = state.rejected | refused
         self._state = replace(state, rejected=rejected, question=None)
-        request = replace(request, chosen=None, shifts=(), reading=_said(request.reading, text))
+        request = replace(request, chosen=None, shifts=(), reading=said(request.reading, text))
         left = [one for one in state.offered if one.item.id not in rejected]
         if len(state.offered) > 1 and left:
             return self._narrow(left, request)
-        for wanted in (request, _relaxed(request)):
+        for wanted in (request, without_qualifiers(request)):
             found = resolve(wanted.query, without(self._scene, rejected))
             if found.status == "ok" and found.candidates:
                 return self._choose(found.candidates[0], wanted)
@@ -305,23 +299,9 @@ class Session:
         if len(candidates) == 1:
             return self._choose(candidates[0], request)
         self._state = replace(self._state, request=request)
-        return self._settle((request,), self._ask(candidates, request.reading, self._scene))
+        return self._settle((request,), ask(candidates, request.reading, self._scene))
 
-    def _ask(self, candidates: Sequence[Candidate], reading: Reading, scene: SceneModel) -> Answer:
-        """Return the question which of several candidates is meant."""
-        groups = [(one.item,) if one.partner is None else (one.item, one.partner) for one in candidates]
-        differences = describe_differences(groups, scene)
-        question = compose_question(differences) if len(groups) > 1 else f"do you mean {differences[0]}?"
-        return Answer(
-            status="ambiguous",
-            reading=reading,
-            scene=scene,
-            candidates=tuple(candidates),
-            reasons=(f"{len(candidates)} are left",) if len(candidates) > 1 else (),
-            question=question,
-        )
-
-    # Fragments -----------------------------------------------------------------------------------------------------
+    # Fragments ------------------------------------------------------------------------------------------------------
 
     def _answer_fragment(self, text: str, reply: Reply) -> Answer | None:
         """Answer a sentence without a verb: a description, or another relation; None if it is neither."""
@@ -333,11 +313,11 @@ class Session:
         base = request.query
         reading = complete(reply.rest, base, self._antecedent(), self._grounder.read)
         if reading is not None and not (reading.query.relation == "none" and base.referent is not None):
-            return self._modify(_said(reading, text), request)
+            return self._modify(said(reading, text), request)
         if answer := self._answer_description(text, reply, None):
             return answer
         if reading is not None:
-            return self._modify(_said(reading, text), request)
+            return self._modify(said(reading, text), request)
         return self._ask_again(text) if state.question is not None else None
 
     def _answer_description(self, text: str, reply: Reply, question: Answer | None) -> Answer | None:
@@ -346,8 +326,8 @@ class Session:
         reading = read_description(reply.rest, self._antecedent(), self._grounder.read)
         if request is None or reading is None:
             return None
-        described = _described(request, reading, text)
-        if question is not None and (fitting := self._fitting(reading, question.candidates)):
+        described = with_description(request, reading, text)
+        if question is not None and (fitting := find_fitting(reading, question.candidates, self._scene)):
             return self._narrow(fitting, described)
         rejected = frozenset[str]()
         if "no" in reply.kinds and request.chosen is not None and question is None:
@@ -358,16 +338,6 @@ class Session:
         if found.status == "ambiguous":
             return self._narrow(found.candidates, described)
         return self._take((described,), self._scene) if question is None else None
-
-    def _fitting(self, reading: Reading, candidates: Sequence[Candidate]) -> list[Candidate]:
-        """Return the candidates that a description fits; all are left if it fits all equally."""
-        ids = {one.item.id for one in candidates}
-        scene = without(self._scene, frozenset({one.id for one in self._scene.table.items} - ids))
-        query = replace(Query(""), referent=reading.query.referent, excluded=reading.query.excluded)
-        query = replace(query, secondary=reading.query.secondary)
-        found = resolve(query, scene)
-        kept = {one.item.id for one in found.candidates[: 1 if found.status == "ok" else None]}
-        return [one for one in candidates if one.item.id in kept] if found.status != "not_found" else []
 
     def _modify(self, reading: Reading, request: Request) -> Answer:
         """Plan a command that changes the relation, the side or the distance of the last one."""
@@ -382,7 +352,7 @@ class Session:
         plan = self._state.plan
         return self._take((*plan[:-1], *steps) if plan and plan[-1] is request else steps, self._scene)
 
-    # What changes or tells the goal ----------------------------------------------------------------------------------
+    # What changes or tells the goal ---------------------------------------------------------------------------------
 
     def _shift(self, text: str, shift: Shift) -> Answer:
         """Move the goal in force."""
@@ -390,20 +360,22 @@ class Session:
         if not state.plan or state.goal is None:
             return self._ask_again(text)
         last = state.plan[-1]
-        moved = replace(last, shifts=(*last.shifts, shift), reading=_said(last.reading, text))
+        moved = replace(last, shifts=(*last.shifts, shift), reading=said(last.reading, text))
         steps = (*state.plan[:-1], moved)
         answer = answer_steps(steps, self._scene, limit=self._grounder.config.max_candidates)
         if answer.status != "ok":
             return replace(answer, reasons=(*answer.reasons, "the goal stays where it was"))
         return self._settle(steps, answer)
 
-    def _drop_steps(self, text: str, words: str) -> Answer | None:
-        """Drop the steps of an action ("never mind the overtaking"); None if the plan has no other step."""
-        state, dropped = self._state, self._read(words).query.action
-        left = tuple(step for step in state.plan if step.query.action != dropped)
-        if dropped is None or not left or len(left) == len(state.plan):
-            return None
-        return self._take(tuple(replace(one, reading=_said(one.reading, text)) for one in left), self._scene)
+    def _drop_steps(self, text: str, action: Action) -> Answer:
+        """Drop the steps of an action: "never mind the overtaking"."""
+        state = self._state
+        left = tuple(step for step in state.plan if step.query.action != action)
+        if not left:
+            return self._cancel(text)
+        if len(left) == len(state.plan):
+            return self._inform(text, f"the plan has no step '{action}': it stays as it is")
+        return self._take(tuple(replace(one, reading=said(one.reading, text)) for one in left), self._scene)
 
     def _cancel(self, text: str) -> Answer:
         """Drop the goal and the question."""
@@ -419,7 +391,7 @@ class Session:
             return self._ask_again(text)
         if self._state.goal is None:
             return self._not_understood(text, self._read(text))
-        return self._inform(text, "the goal stays as it is")
+        return replace(self._not_understood(text, self._read(text)), reasons=("the goal stays as it is",))
 
     def _tell_goal(self, text: str) -> Answer:
         """Tell the goal in force."""
@@ -442,31 +414,35 @@ class Session:
         if question is None:
             return self._tell_goal(text) if self._state.goal else self._not_understood(text, self._read(text))
         status = "ambiguous" if question.question else question.status
-        return replace(question, status=status, reading=_said(question.reading, text))
+        return replace(question, status=status, reading=said(question.reading, text))
 
     def _inform(self, text: str, *reasons: str) -> Answer:
         """Return an answer in words; its goal is the one in force."""
         goal, question = self._state.goal, self._state.question
         if goal is None:
-            said = Reading(Query(text), tokens=self._read(text).tokens)
+            sentence = Reading(Query(text), tokens=self._read(text).tokens)
             asked = question.question if question else ""
-            return Answer(status="ok", reading=said, scene=self._scene, reasons=reasons, question=asked)
-        return replace(goal, reading=_said(goal.reading, text), reasons=reasons)
+            return Answer(status="ok", reading=sentence, scene=self._scene, reasons=reasons, question=asked)
+        return replace(goal, reading=said(goal.reading, text), reasons=reasons)
 
-    def _not_understood(self, text: str, reading: Reading) -> Answer:
-        """Return that a sentence is no command; an open question stays open."""
+    def _not_understood(self, text: str, reading: Reading, words: str = "") -> Answer:
+        """Return that a sentence is no command; an open question stays open. A language model may read `words`."""
         reasons = (reading.problem.message, *reading.notes) if reading.problem else reading.notes
         problem = reading if reading.problem else self._grounder.read(text, None)[0]
         question = self._state.question
-        return Answer(
+        answer = Answer(
             status="not_a_command",
             reading=problem,
             scene=self._scene,
             reasons=reasons,
             question=question.question if question else "",
         )
+        checked = self._grounder.check(words, reading, answer) if words else answer
+        if checked.alternatives:
+            self._state = replace(self._state, question=checked, request=Request(reading=checked.reading))
+        return checked
 
-    # Context ---------------------------------------------------------------------------------------------------------
+    # Context --------------------------------------------------------------------------------------------------------
 
     @property
     def _scene(self) -> SceneModel:
@@ -495,53 +471,6 @@ class Session:
     def _meant(self) -> Candidate | None:
         """Return the vehicle that a pronoun refers to."""
         state = self._state
-        if state.question is not None and len(state.question.candidates) == 1:
+        if state.question is not None:
             return state.question.candidates[0]
         return state.focus[0] if state.focus else None
-
-
-def describe_goal(goal: Answer) -> tuple[str, ...]:
-    """Return sentences that tell the goal of an answer: each step with its action, relation and vehicle."""
-    told = []
-    for number, step in enumerate(goal.steps or (goal,), start=1):
-        relation = "" if step.query.relation == "none" else f" {step.query.relation.replace('_', ' ')}"
-        words = f"{(step.query.action or 'drive').replace('_', ' ')}{relation}"
-        if step.referent is not None:
-            words = f"{words} the {describe_object(step.referent.item, goal.scene)}"
-        place = "" if step.target is None else f": at ({step.target.ego_m[0]:.1f}, {step.target.ego_m[1]:.1f}) m"
-        told.append(f"step {number}: {words}{place}" if len(goal.steps) > 1 else f"{words}{place}")
-    return tuple(told)
-
-
-def _said(reading: Reading, text: str) -> Reading:
-    """Return a reading as that of another sentence."""
-    query = replace(reading.query, command=text)
-    steps = tuple(query if one == reading.query else one for one in reading.steps)
-    return replace(reading, query=query, steps=steps)
-
-
-def _is_definite(reading: Reading) -> bool:
-    """Return whether a command names its vehicle by a plain definite noun phrase: "the van"."""
-    referent = reading.query.referent
-    return referent is not None and referent.definite and not (referent.qualifiers or referent.colour)
-
-
-def _described(request: Request, reading: Reading, text: str) -> Request:
-    """Return a step with another referent."""
-    query = replace(
-        request.query,
-        command=text,
-        referent=reading.query.referent,
-        excluded=(*request.query.excluded, *reading.query.excluded),
-        landmark=request.query.landmark or "referent",
-    )
-    return Request(reading=replace(request.reading, query=query, steps=(query,)), shifts=request.shifts)
-
-
-def _relaxed(request: Request) -> Request:
-    """Return a step whose referent has no qualifiers: "the nearest white car" becomes "the white car"."""
-    referent = request.query.referent
-    if referent is None:
-        return request
-    query = replace(request.query, referent=replace(referent, qualifiers=(), in_line=False))
-    return replace(request, reading=replace(request.reading, query=query, steps=(query,)))

@@ -1,4 +1,4 @@
-"""Replies: what a passenger says in a conversation besides commands, such as "no, the other one" and "a bit further"."""
+"""Replies: what a passenger says in a conversation besides commands: "no, the other one", "a bit further"."""
 
 from __future__ import annotations
 
@@ -22,6 +22,11 @@ _MAX_BYTES = 1_000_000
 _HEADING = re.compile(r"\[([a-z]+)\]")
 # Kinds that ask for another place, and the direction of the change.
 SHIFTS: tuple[ShiftDirection, ...] = get_args(ShiftDirection)
+# Kinds that are words of a description and no replies: comparatives, by the superlative that they are among
+# candidates.
+_COMPARATIVES = ("nearest", "farthest", "largest", "smallest")
+_WORD_KINDS = ("skip", "tail", *_COMPARATIVES)
+_ORDINALS = ("first", "second", "third", "fourth")
 # Kinds that the rest of the sentence may follow: "no, the red one".
 _LEADING = ("yes", "no", "other", "meant", "then", "cancel", "neither", "thanks")
 _SKIPPED = (WordCategory.FILLER, WordCategory.COMMA, WordCategory.BREAK, WordCategory.CORRECT)
@@ -34,10 +39,11 @@ class Reply:
     """A sentence of a conversation, split into what it does and the words that remain.
 
     Attributes:
-        kinds: sections of the file of replies that its beginning matches, in order; the last one matches the whole rest of
-            the sentence if `rest` is empty.
+        kinds: sections of the file of replies that its beginning matches, in order; the last one matches the whole
+            rest of the sentence if `rest` is empty.
         rest: the remaining words, such as a command or a noun phrase.
-        number: the number, if the sentence is only that ("2", "number two").
+        number: the number, if the sentence is only that ("2", "number two"), or an ordinal ("the second one", which
+            is also the rest).
         distance_m: how far to move the goal; None if no distance is named.
     """
 
@@ -61,12 +67,25 @@ def read_reply(text: str, lexicon: Lexicon | None = None) -> Reply:
     if number is not None:
         return Reply(number=number)
     kinds, rest = _split(words, lexicon)
+    if (number := _ordinal(rest, lexicon)) is not None:
+        return Reply(kinds, " ".join(rest), number)
     if rest:
         distance_m, others = _without_distance(rest, lexicon)
         more, left = _split(others, lexicon)
         if distance_m is not None and not left and more and more[-1] in SHIFTS:
             return Reply((*kinds, *more), "", None, distance_m)
     return Reply(kinds, " ".join(rest))
+
+
+def with_superlatives(text: str) -> str:
+    """Return a description with comparatives as superlatives: the closer of some candidates is the nearest."""
+    words, found, start = tuple(WORD.findall(normalise(text))), list[str](), 0
+    while start < len(words):
+        matches = [(_replies(kind).longest_match(words, start), kind) for kind in _COMPARATIVES]
+        end, word = max(((match[0], kind) for match, kind in matches if match), default=(start + 1, words[start]))
+        found.append(word)
+        start = end
+    return " ".join(found)
 
 
 def _split(words: tuple[str, ...], lexicon: Lexicon) -> tuple[tuple[str, ...], tuple[str, ...]]:
@@ -86,7 +105,7 @@ def _split(words: tuple[str, ...], lexicon: Lexicon) -> tuple[tuple[str, ...], t
 def _longest_match(words: tuple[str, ...], start: int) -> tuple[int, str]:
     """Return the end and the kind of the longest reply from a word on; the kind is '' if there is none."""
     matched = _replies().longest_match(words, start)
-    return (matched[0], matched[1].value) if matched and matched[1].value not in ("skip", "tail") else (start, "")
+    return (matched[0], matched[1].value) if matched else (start, "")
 
 
 def _skip(words: tuple[str, ...], start: int, lexicon: Lexicon) -> int:
@@ -130,13 +149,24 @@ def _number(words: Sequence[str], lexicon: Lexicon) -> int | None:
     return None if named or list(words) not in (["one"], ["number", "one"], ["option", "one"]) else 1
 
 
+def _ordinal(words: Sequence[str], lexicon: Lexicon) -> int | None:
+    """Return the number of an ordinal that a phrase consists of; None if it says more."""
+    tokens = tokenise(" ".join(words), lexicon)
+    named = [token for token in tokens if token.category is WordCategory.ORDINAL and token.value in _ORDINALS]
+    others = [token for token in tokens if token not in named]
+    allowed = (WordCategory.THE, WordCategory.ONE)
+    if len(named) != 1 or not all(token.category in allowed for token in others):
+        return None
+    return 1 + _ORDINALS.index(named[0].value)
+
+
 @cache
 def _replies(only: str = "") -> Lexicon:
-    """Return the patterns of the file of replies, or of one kind, each with its kind as value."""
+    """Return the patterns of all replies, or of one kind of words, each with its kind as value."""
     lexicon, kind = Lexicon(), ""
     for line in read_text(_PATH, _MAX_BYTES).splitlines():
         if heading := _HEADING.fullmatch(line):
             kind = heading[1]
-        elif line and not line.startswith("#") and kind.startswith(only):
+        elif line and not line.startswith("#") and (kind == only if only else kind not in _WORD_KINDS):
             lexicon.add(line, LexicalEntry(WordCategory.FILLER, kind))
     return lexicon
