@@ -68,7 +68,7 @@ def shift_goal(
     if moved_m < _LEAST_SHARE * shift.distance_m:
         return GoalPlan(None, (f"there is no room {shift.words}",), nearest=target)
     reason = f"moved {moved_m:.1f} m as asked ({shift.words})"
-    return replace(goal_plan, target=moved.target, route=moved.route, reasons=(*goal_plan.reasons, reason))
+    return replace(goal_plan, target=moved.target, way=moved.way, reasons=(*goal_plan.reasons, reason))
 
 
 def hold_goal(pose: HeldPose, scene: SceneModel, road: RoadMap) -> GoalPlan | None:
