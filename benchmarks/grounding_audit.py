@@ -62,9 +62,7 @@ _BACK = r"behind (us|me)|\bback(wards)?\b|revers|\brear\b|just passed|we passed"
 _ROUND = r"turn\w* (\w+ ){0,3}(a)?round|u-?\s?turn|other way|spin|opposite direction|go back|head back"
 _OTHER_SIDE = r"opposite|across|other side|oncoming|\bleft\b|wrong side|far side"
 _JUNCTION = r"junction|intersection|crossing|crosswalk|zebra|corner|\blights?\b|roundabout|stop (sign|line)"
-FAULTS = (
-    *("behind us", "wrong side", "beside moving", "score", "junction", "turns", "backwards", "unreachable"),
-)
+FAULTS = (*("behind us", "wrong side", "beside moving", "score", "junction", "turns", "backwards", "unreachable"),)
 MOST_PICTURES = 60
 
 
@@ -226,9 +224,7 @@ def place_of(answer: Answer, moment: TrueFrame) -> Place | None:
         for v in moment.vehicles
         if item.id == v.instance or np.hypot(*(item.centre_m - v.xy_m)) < 1.5
     ]
-    return Place(
-        target.ego_m, target.heading_ego_rad, target.world_m, target.heading_rad, target.score, tuple(names)
-    )
+    return Place(target.ego_m, target.heading_ego_rad, target.world_m, target.heading_rad, target.score, tuple(names))
 
 
 def audit(
@@ -268,7 +264,12 @@ def table(audited: Sequence[Audited]) -> Table:
     columns = [[one for one in audited if one.question.origin in (origin, "")] for origin in origins]
     columns.append(list(audited))
     made.add_row("sentences", *(str(len(rows)) for rows in columns))
-    names = (("answered", "ok"), ("asked back", "ambiguous"), ("refused", "not_found"), ("no command", "not_a_command"))
+    names = (
+        ("answered", "ok"),
+        ("asked back", "ambiguous"),
+        ("refused", "not_found"),
+        ("no command", "not_a_command"),
+    )
     for words, status in names:
         made.add_row(f"{words} %", *(_share([one.status == status for one in rows]) for rows in columns))
     found = [[one for one in rows if one.status == "ok"] for rows in columns]

@@ -151,10 +151,11 @@ def plan_goal(
     best, way = search.find_reachable(1 + _RUNNERS_UP)
     if not best or way is None:
         return _plan_without_target(search, item, reasons)
-    target, *others = (_to_target(candidate, scene, road) for candidate in best)
+    target, *others = (to_target(candidate, scene, road) for candidate in best)
     reasons = [*reasons, *_explain_target(search, best[0], way)]
     if target.score < _MIN_SCORE_OK:
-        reasons.append("no place comes close to what is asked")
+        fits = f"its score is {target.score:.2f}, {_MIN_SCORE_OK} is needed"
+        reasons.append(f"the best free place fits the command badly: {fits}")
         return GoalPlan(None, tuple(reasons), nearest=target, search=search)
     return GoalPlan(target, tuple(reasons), way, tuple(others), None, search)
 
@@ -199,7 +200,7 @@ def _excluded_cells(forbidden: Sequence[tuple[str, SceneObject]], road: RoadMap)
     return excluded
 
 
-def _to_target(candidate: GoalCandidate, scene: SceneModel, road: RoadMap, score: float | None = None) -> Target:
+def to_target(candidate: GoalCandidate, scene: SceneModel, road: RoadMap, score: float | None = None) -> Target:
     """Return a candidate as goal pose; by default its score is a Gaussian of its cost."""
     centre = road.grid.centre_of(candidate.cell)
     return Target(
@@ -251,7 +252,7 @@ def _plan_without_target(search: CandidateSearch, item: SceneObject | None, reas
     best, violation, why = search.explain_failure()
     reasons = [*reasons, *why]
     if best is not None and (question := _QUESTIONS.get(violation)):
-        there = _to_target(best, search.scene, road)
+        there = to_target(best, search.scene, road)
         return GoalPlan(None, tuple(reasons), nearest=there, search=search, question=question)
     if not why or (best is None and item is None):
         return GoalPlan(None, tuple(reasons), search=search)
@@ -259,7 +260,7 @@ def _plan_without_target(search: CandidateSearch, item: SceneObject | None, reas
     near = search.find_nearest(centre)
     if near is None:
         return GoalPlan(None, tuple(reasons), search=search)
-    nearest = _to_target(near, search.scene, road, score=_MIN_SCORE)
+    nearest = to_target(near, search.scene, road, score=_MIN_SCORE)
     away, (x, y) = float(np.hypot(*(nearest.ego_m - centre))), nearest.ego_m
     where = "there" if best else "it"
     reasons.append(f"the nearest place that would do is {away:.1f} m from {where}, at ({x:.1f}, {y:.1f}) m")

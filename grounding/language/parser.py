@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from grounding.language.ambiguity import list_alternatives
+from grounding.language.semantics.accounting import account_for
+from grounding.language.semantics.contrasts import resolve_contrasts
 from grounding.language.semantics.interpreter import interpret
 from grounding.language.semantics.query_builder import BuiltQuery, build_query
 from grounding.language.syntax.clauses import split_clauses
@@ -14,7 +16,7 @@ from grounding.language.syntax.spelling import suggest_word
 from grounding.language.syntax.tagger import tag
 from grounding.language.syntax.tokenizer import MAX_CHARACTERS, Token, normalise, tokenise
 from grounding.language.syntax.word_categories import WordCategory
-from grounding.query import Query
+from grounding.query import Query, Referent
 
 _EXAMPLE = "park behind the silver car"
 _ACTIONS = "park, stop, follow, overtake, turn and their like"
@@ -46,6 +48,10 @@ class Reading:
         tokens: tokens of the sentence.
         notes: spelling corrections and ignored words, one sentence each.
         problem: why the sentence is not a command, None if it is one.
+        steps: the commanded steps in order, each a query of its own; one of them is the query's.
+        dropped: content words that the reading does not use, in order.
+        doubt: question about dropped words without which the place may be the wrong one, to be asked before the reading
+            is acted upon; '' if there is none.
     """
 
     query: Query
@@ -53,28 +59,77 @@ class Reading:
     tokens: tuple[Token, ...] = ()
     notes: tuple[str, ...] = ()
     problem: ParseProblem | None = None
+    steps: tuple[Query, ...] = ()
+    dropped: tuple[str, ...] = ()
+    doubt: str = ""
+
+    def __post_init__(self) -> None:
+        """Take the query as the only step if none are given."""
+        object.__setattr__(self, "steps", self.steps or (self.query,))
 
 
-def parse(text: str, lexicon: Lexicon | None = None) -> Reading:
+def parse(text: str, lexicon: Lexicon | None = None, antecedent: Referent | None = None) -> Reading:
     """Return the best reading of a sentence; any text is accepted."""
-    return parse_all(text, lexicon)[0]
+    return parse_all(text, lexicon, antecedent)[0]
 
 
-def parse_all(text: str, lexicon: Lexicon | None = None) -> tuple[Reading, ...]:
+def parse_all(text: str, lexicon: Lexicon | None = None, antecedent: Referent | None = None) -> tuple[Reading, ...]:
     """Return all readings of a sentence, best first: between 1 and `MAX_READINGS`; any text is accepted.
 
-    Without a `lexicon`, the package's own is used.
+    Args:
+        text: the sentence.
+        lexicon: None: the package's own.
+        antecedent: what a pronoun or "one" refers to if the sentence does not name it, such as the referent of the
+            command before.
     """
     if len(text) > MAX_CHARACTERS:
         too_long = ParseProblem(f"expected at most {MAX_CHARACTERS} characters, got {len(text)}")
         return (Reading(Query(command=text[:MAX_CHARACTERS]), problem=too_long),)
     normalised = normalise(text)
     tokens = tuple(tokenise(normalised, lexicon))
-    query, postmodifiers = _build(text, tokens)
+    tagged = resolve_contrasts(tag(tokens))
+
+    def build(some: Sequence[Token]) -> BuiltQuery:
+        return build_query(text, interpret(split_clauses(some), antecedent))
+
+    built = build(tagged)
+    query = built.query
     notes = tuple(_notes(tokens))
     if query.action is None:
         return (Reading(query, 0.0, tokens, notes, _find_problem(normalised, tokens, lexicon)),)
-    return tuple(Reading(one, score, tokens, notes) for one, score in list_alternatives(query, postmodifiers))
+    account = account_for(tagged, build)
+    doubt = _compose_doubt(account.doubtful)
+    return tuple(
+        Reading(
+            one,
+            score,
+            tokens,
+            notes,
+            steps=_steps_of(one, built),
+            dropped=account.dropped,
+            doubt=doubt,
+        )
+        for one, score in list_alternatives(query, built.postmodifiers)
+    )
+
+
+def _steps_of(query: Query, built: BuiltQuery) -> tuple[Query, ...]:
+    """Return the steps of a reading: the main one changes as its query does."""
+    if len(built.steps) == 1:
+        return (query,)
+    main = built.steps[built.main_step]
+    changed = {
+        name: getattr(query, name)
+        for name in ("referent", "secondary", "goal_side")
+        if getattr(query, name) != getattr(built.query, name)
+    }
+    return (*built.steps[: built.main_step], replace(main, **changed), *built.steps[built.main_step + 1 :])
+
+
+def _compose_doubt(doubtful: Sequence[str]) -> str:
+    """Return the question about dropped words, '' without any."""
+    words = ", ".join(f"'{word}'" for word in doubtful)
+    return f"{words} was not understood: could you say it in other words?" if words else ""
 
 
 def underline(text: str, problem: ParseProblem) -> str:
@@ -85,7 +140,7 @@ def underline(text: str, problem: ParseProblem) -> str:
 
 
 def _build(text: str, tokens: Sequence[Token]) -> BuiltQuery:
-    return build_query(text, interpret(split_clauses(tag(tokens))))
+    return build_query(text, interpret(split_clauses(resolve_contrasts(tag(tokens)))))
 
 
 def _find_problem(normalised: str, tokens: Sequence[Token], lexicon: Lexicon | None) -> ParseProblem:

@@ -22,7 +22,13 @@ from grounding.language.syntax.word_categories import (
 from grounding.vocabulary import STATES, TRIGGERS
 
 DEFAULT_PATH = Path(__file__).parent / "data" / "lexicon.txt"
-_NO_SECTIONS = (WordCategory.COMMA, WordCategory.BREAK, WordCategory.DISTANCE, WordCategory.UNKNOWN)
+_NO_SECTIONS = (
+    WordCategory.COMMA,
+    WordCategory.BREAK,
+    WordCategory.DISTANCE,
+    WordCategory.BRANCH,
+    WordCategory.UNKNOWN,
+)
 _SECTIONS = {category.value: category for category in WordCategory if category not in _NO_SECTIONS}
 _VERB_STATES = (*STATES, "own_lane")
 _MAX_BYTES = 1_000_000
