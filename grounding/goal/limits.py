@@ -24,6 +24,8 @@ _NEAR_M, _TURNED_RAD = 13.0, np.radians(95)
 # A faster vehicle drives. The cost of standing this near to one; of stopping in a junction; and of heading against the
 # traffic beside a vehicle that stands on the other side.
 DRIVES_MPS, _TRAFFIC_M, _NEAR_TRAFFIC, _IN_JUNCTION, AGAINST_TRAFFIC = 2.0, 2.0, 1.0, 2.0, 2.5
+# Metres backwards beyond those that the command asks for.
+_BACK_MORE_M = 5.0
 # A parked vehicle keeps this clear of a junction.
 _CLEAR_M = 2.0
 # Things at a junction: a command that names one asks for a place there.
@@ -54,14 +56,15 @@ class PlaceLimits:
         oncoming = "left" if traffic_side > 0 else "right"
         asks_side = query.goal_side == oncoming or query.relation in ("opposite", f"{oncoming}_of")
         turns_round = query.direction == "around"
-        referent = query.referent
-        asks_back = turns_round or (referent is not None and "behind_ego" in referent.qualifiers)
+        referent, backs = query.referent, query.manoeuvre == "back"
+        asks_back = turns_round or backs or (referent is not None and "behind_ego" in referent.qualifiers)
         names_junction = any(part.noun in _JUNCTION_NOUNS for part in query.secondary)
         return cls(
             our_side=not (asks_side or turns_round),
             clear_of_junctions=query.action in WAITING_ACTIONS and not names_junction,
             clear_m=_CLEAR_M if query.action in PARKING_ACTIONS else 0.0,
             not_behind=not asks_back,
+            most_back_m=max(MOST_BACK_M, (query.distance_m or 0.0) + _BACK_MORE_M) if backs else MOST_BACK_M,
         )
 
     def flags(self, road: RoadMap, cells: IntArray, heading_rad: FloatArray) -> IntArray:
