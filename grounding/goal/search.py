@@ -129,7 +129,7 @@ class CandidateSearch:
         return [], None
 
     def _without_reversing(self, found: list[GoalCandidate], route: CarRoute) -> tuple[list[GoalCandidate], CarRoute]:
-        """Return the candidates and the way to the first; one that is nearly as good without reversing comes first."""
+        """Return the candidates and the way to the first; one nearly as good that needs no reversing comes first."""
         if route.backwards_m > _REVERSES_M:
             for other in found[1:]:
                 way = self.route_to(other) if other.cost < found[0].cost + _REVERSING else None

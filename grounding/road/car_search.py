@@ -8,7 +8,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from appocc.checks import FloatArray, IntArray
+from appocc.checks import FloatArray
 from grounding.road.reeds_shepp import words_to
 
 # A state is this many cells wide and one of this many headings. Arcs are longer than its diagonal.
@@ -27,8 +27,6 @@ _AROUND_M, _TRIED = 9.0, 1000
 _STEP_M = 0.4
 # States that one curve may replace.
 _SHORTCUT = 24
-# Columns of a state: cost, x, y, heading, metres backwards, gear of the arc to it, its bend, index of the state before.
-_COST, _X, _Y, _YAW, _BACK, _WAY, _BEND, _BEFORE = range(8)
 
 
 class CarModel(NamedTuple):
@@ -116,8 +114,8 @@ def _state(car: CarModel, shape: tuple[int, int, int], x: float, y: float, yaw: 
 def search_poses(car: CarModel, start: FloatArray) -> FloatArray:
     """Return the best pose of each state (I, J, HEADINGS, 8); its cost is infinite where none is reached.
 
-    The columns: cost, x, y, heading, metres backwards, gear (1 or -1) and curvature of the arc that leads there, index
-    of the state before.
+    The columns: cost, x, y, heading, metres backwards, gear (1 or -1) and curvature of the arc that leads there,
+    index of the state before.
 
     Args:
         car: the car and its surroundings.
@@ -227,7 +225,7 @@ def _best_curve(
 
 @numba.njit(cache=True, nogil=True)
 def connect(car: CarModel, reached: FloatArray, goal: FloatArray) -> FloatArray:
-    """Return the states (K, 8) of the cheapest way to a pose, the start first and the pose last; none if there is none.
+    """Return the states (K, 8) of the cheapest way to a pose, from the start to the pose; none if there is no way.
 
     Args:
         car: the car and its surroundings.
@@ -313,7 +311,7 @@ def _length_m(one: FloatArray, two: FloatArray) -> float:
 
 @numba.njit(cache=True, nogil=True)
 def shorten(car: CarModel, states: FloatArray) -> FloatArray:
-    """Return the way along states (K, 8) as poses (N, 4): x, y, heading, gear; curves replace states where they can."""
+    """Return the way along states (K, 8) as poses (N, 4): x, y, heading, gear; curves replace states if they can."""
     cost = _chain_cost(car, states)
     way = np.empty((4 * len(states) + 4, 8))
     way[0], used, at = states[0], 1, 0

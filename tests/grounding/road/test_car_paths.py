@@ -17,9 +17,9 @@ GRID, EGO = BEVGrid(-20.0, 40.0, -20.0, 20.0, 0.4), EgoVehicle()
 X, Y = np.moveaxis(GRID.centres(), -1, 0)
 
 
-def cars_on(free: BoolArray, start: Pose2D = Pose2D(EGO.centre_m, 0.0), most_back_m: float = 10.0) -> CarPaths:
+def cars_on(free: BoolArray, most_back_m: float = 10.0) -> CarPaths:
     clearance = ndimage.distance_transform_edt(np.pad(free, 1))[1:-1, 1:-1] * GRID.cell_m
-    return CarPaths(GRID, EGO, start, clearance, np.zeros(GRID.shape), most_back_m)
+    return CarPaths(GRID, EGO, Pose2D(EGO.centre_m, 0.0), clearance, np.zeros(GRID.shape), most_back_m)
 
 
 def route(cars: CarPaths, x_m: float, y_m: float, heading_rad: float = 0.0) -> CarRoute | None:
@@ -28,7 +28,7 @@ def route(cars: CarPaths, x_m: float, y_m: float, heading_rad: float = 0.0) -> C
 
 
 def check_drivable(made: CarRoute, free: BoolArray) -> None:
-    """The heading follows the way, no bend is tighter than the turning circle, and the footprint stays on free cells."""
+    """The heading follows the way, no bend is tighter than the turning circle, the footprint stays on free cells."""
     ahead = np.stack([np.cos(made.heading_rad), np.sin(made.heading_rad)], axis=-1)
     rear = made.points_m - EGO.centre_m * ahead
     step, turned = np.diff(rear, axis=0), np.diff(made.heading_rad)
