@@ -24,6 +24,8 @@ _PLACING = frozenset(
         WordCategory.SIDE,
         WordCategory.LANE,
         WordCategory.DISTANCE,
+        WordCategory.DIRECTION,
+        WordCategory.BRANCH,
         WordCategory.BETWEEN,
     )
 )
@@ -118,6 +120,9 @@ def _is_doubtful(tokens: Sequence[Token], i: int) -> bool:
         manner = tokens[i].text == "without" or following in (WordCategory.BREAK, WordCategory.PART)  # "not so fast"
         held = following is WordCategory.VERB and any(token.value in _UNTIL for token in tokens[i:])
         return not manner and not held
+    if category is WordCategory.UNKNOWN:  # "far from", "refuse to park"
+        governs = following in (WordCategory.RELATION, WordCategory.VERB)
+        return governs and not tokens[i].text.endswith(("ly", "ing", "ed"))
     if category in MODIFIERS:
         named = next((token.category for token in tokens[i:] if token.category not in MODIFIERS), None)
         return category in _PLACING and named in (WordCategory.NOUN, WordCategory.ONE)
