@@ -76,6 +76,11 @@ def resolve_contrasts(tokens: Sequence[Token]) -> list[Token]:
     return current
 
 
+def has_partial_repair(tokens: Sequence[Token]) -> bool:
+    """Return whether a text repairs a part of a command, not a whole one: "no, the bus"."""
+    return bool(re.search(r"[^.,C][,.]*C[,.C]*[^evNT.,C]", "".join(map(_letter, tokens))))
+
+
 def _letter(token: Token) -> str:
     """Return the letter of a token; "M" for a negation of the next word alone ("non"), "F" for "far from"."""
     if token.category is WordCategory.NOT and token.value:
@@ -181,7 +186,8 @@ def _complete(chosen: Sequence[Token], model: Sequence[Token]) -> list[Token]:
             completed += heads
         else:
             completed.append(token)
-    return completed
+    adjective = not any(_letter(token) in "hop" for token in chosen) and _letter(chosen[0]) in "dm"
+    return [*completed, *heads] if adjective else completed  # "the first van, or rather the second"
 
 
 # ---------------------------------------------------------------- self-repair
@@ -263,7 +269,9 @@ def _names_another(reparandum: Sequence[Token], repair: Sequence[Token]) -> bool
 def _contrast_patterns(verb: str, separator: str) -> list[re.Pattern[str]]:
     """Return the patterns of a contrast between noun phrases and of one between places."""
     return [
-        re.compile(rf"(?P<not>[NE])(?P<verb>{verb})(?P<rejected>{part}){separator},?(?P<chosen>{part}){_END}")
+        re.compile(
+            rf"(?P<not>[NE])(?P<verb>{verb})(?P<rejected>{part})(?:W?ea)?{separator},?(?P<chosen>{part}){_END}"
+        )
         for part in (_WHOLE_NOUN, _PLACE)
     ]
 
