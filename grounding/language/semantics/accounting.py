@@ -98,8 +98,8 @@ def account_for(
 def _commanding_starts(tokens: Sequence[Token], verbs: set[int]) -> set[int]:
     """Return the starts of all tokens in clauses with a used verb, and in those without a predicate after them.
 
-    Statements and topics are context: "there is a van ahead", "of the bus and the van"; but the colour that a statement
-    gives to a vehicle counts.
+    Statements and topics are context: "there is a van ahead", "of the bus and the van"; but the colour that a
+    statement gives to a vehicle counts.
     """
     starts: set[int] = set()
     begun = False
