@@ -37,7 +37,7 @@ from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
 
-from appocc.bevmap import is_truth, load_map
+from appocc.bevmap import load_map
 from appocc.checks import FloatArray
 from appocc.errors import AppoccError
 from appocc.files import write_image
@@ -62,9 +62,7 @@ _BACK = r"behind (us|me)|\bback(wards)?\b|revers|\brear\b|just passed|we passed"
 _ROUND = r"turn\w* (\w+ ){0,3}(a)?round|u-?\s?turn|other way|spin|opposite direction|go back|head back"
 _OTHER_SIDE = r"opposite|across|other side|oncoming|\bleft\b|wrong side|far side"
 _JUNCTION = r"junction|intersection|crossing|crosswalk|zebra|corner|\blights?\b|roundabout|stop (sign|line)"
-FAULTS = (
-    *("behind us", "wrong side", "beside moving", "score", "junction", "turns", "backwards", "unreachable"),
-)
+FAULTS = (*("behind us", "wrong side", "beside moving", "score", "junction", "turns", "backwards", "unreachable"),)
 MOST_PICTURES = 60
 
 
@@ -227,9 +225,7 @@ def place_of(answer: Answer, moment: TrueFrame) -> Place | None:
         for v in moment.vehicles
         if item.id == v.instance or np.hypot(*(item.centre_m - v.xy_m)) < 1.5
     ]
-    return Place(
-        target.ego_m, target.heading_ego_rad, target.world_m, target.heading_rad, target.score, tuple(names)
-    )
+    return Place(target.ego_m, target.heading_ego_rad, target.world_m, target.heading_rad, target.score, tuple(names))
 
 
 def audit(
@@ -244,8 +240,8 @@ def audit(
         name = str(town.dataset.location(scenes[token]))
         auditor = Auditor(moment, streets.setdefault(name, Streets(name)) if name not in streets else streets[name])
         grounder = Grounder()
-        bev = moment.bev if is_truth(source) else load_map(town.dataset.root, source, token)
-        grounder.set_scene(bev, moment.boxes if is_truth(source) else None, moment.world_from_ego)
+        bev = load_map(town.dataset.root, source, token)
+        grounder.set_scene(bev, moment.boxes if bev.is_truth else None, moment.world_from_ego)
         for question in (one for one in questions if one.token == token):
             answer = grounder.ground(question.sentence)
             place = place_of(answer, moment)
@@ -269,7 +265,12 @@ def table(audited: Sequence[Audited]) -> Table:
     columns = [[one for one in audited if one.question.origin in (origin, "")] for origin in origins]
     columns.append(list(audited))
     made.add_row("sentences", *(str(len(rows)) for rows in columns))
-    names = (("answered", "ok"), ("asked back", "ambiguous"), ("refused", "not_found"), ("no command", "not_a_command"))
+    names = (
+        ("answered", "ok"),
+        ("asked back", "ambiguous"),
+        ("refused", "not_found"),
+        ("no command", "not_a_command"),
+    )
     for words, status in names:
         made.add_row(f"{words} %", *(_share([one.status == status for one in rows]) for rows in columns))
     found = [[one for one in rows if one.status == "ok"] for rows in columns]

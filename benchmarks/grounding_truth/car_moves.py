@@ -64,7 +64,9 @@ def reached_poses(free: BoolArray, cell_m: float, low_m: FloatArray, ego: EgoVeh
 
 
 @numba.njit(cache=True)
-def _fits(free: BoolArray, cell_m: float, low_m: FloatArray, body: FloatArray, x: float, y: float, yaw: float) -> bool:
+def _fits(
+    free: BoolArray, cell_m: float, low_m: FloatArray, body: FloatArray, x: float, y: float, yaw: float
+) -> bool:
     cos, sin = np.cos(yaw), np.sin(yaw)
     for k in range(len(body)):
         i = int(np.floor((x + body[k, 0] * cos - body[k, 1] * sin - low_m[0]) / cell_m))

@@ -97,7 +97,9 @@ class CarPaths:
     @cached_property
     def _reached(self) -> FloatArray:
         """(I, J, HEADINGS, 9) the best pose of the rear axle in each state, see `search_poses`."""
-        return search_poses(self._model, self._rear_axle(self.start.xy_m[None], np.array([self.start.heading_rad]))[0])
+        return search_poses(
+            self._model, self._rear_axle(self.start.xy_m[None], np.array([self.start.heading_rad]))[0]
+        )
 
     def _rear_axle(self, xy_m: FloatArray, heading_rad: FloatArray) -> FloatArray:
         """Return poses (N, 3) of the rear axle for poses of the centre."""
