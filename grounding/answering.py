@@ -232,6 +232,16 @@ def answer_step(request: Request, scene: SceneModel, limit: int = MAX_CANDIDATES
     reading, road = request.reading, scene.road
     if road is None:
         raise AppoccError("grounder: expected a scene with a map, got one without")
+    if reading.doubt and request.chosen is None and request.held is None:
+        return Answer(
+            status="ambiguous",
+            reading=reading,
+            scene=scene,
+            question=reading.doubt,
+            reasons=reading.notes,
+            dropped=reading.dropped,
+            score=reading.score,
+        )
     resolution = _resolve(request, scene, limit)
     reasons = (*resolution.reasons, *reading.notes, *_tell_dropped(reading))
     make = partial(Answer, reading=reading, scene=scene, candidates=resolution.candidates, dropped=reading.dropped)
@@ -250,8 +260,9 @@ def answer_step(request: Request, scene: SceneModel, limit: int = MAX_CANDIDATES
     ]
     referent, goal_plan = max(planned, key=lambda pair: _log_score(*pair))
     return make(
-        status="ok" if goal_plan.target else "not_found",
+        status="ok" if goal_plan.target else "ambiguous" if goal_plan.question else "not_found",
         plan=goal_plan,
+        question=goal_plan.question,
         referent=referent,
         reasons=(*_explain_referent(reading, referent, scene), *reasons, *goal_plan.reasons),
         score=reading.score + _log_score(referent, goal_plan),

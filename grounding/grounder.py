@@ -35,10 +35,12 @@ class GrounderConfig:
     Attributes:
         trust_unseen: whether to use a network's guesses for cells that no camera sees.
         max_candidates: most candidates in an answer.
+        left_hand_traffic: whether traffic drives on the left; None: as oncoming vehicles do, else on the right.
     """
 
     trust_unseen: bool = False
     max_candidates: int = MAX_CANDIDATES
+    left_hand_traffic: bool | None = None
 
 
 class Grounder:
@@ -108,11 +110,12 @@ class Grounder:
         pose = np.eye(4) if world_from_ego is None else world_from_ego
         bev = bev.with_guesses() if self.config.trust_unseen else bev
         if vehicles is None:
-            self._scene = scene_from_map(bev, pose, self._ego)
+            scene = scene_from_map(bev, pose, self._ego)
         elif isinstance(vehicles, Boxes):
-            self._scene = scene_from_boxes(bev, vehicles, pose, self._ego)
+            scene = scene_from_boxes(bev, vehicles, pose, self._ego)
         else:
-            self._scene = scene_from_tracks(bev, vehicles, pose, ego=self._ego)
+            scene = scene_from_tracks(bev, vehicles, pose, ego=self._ego)
+        self._scene = replace(scene, left_hand_traffic=self.config.left_hand_traffic)
         return self._scene
 
     def ground(self, text: str) -> Answer:

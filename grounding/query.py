@@ -158,6 +158,7 @@ class Query:
         excluded: excluded objects.
         count: of a turn, the branch on that side, from 1 ("the third left"); of a lane change, the number of lanes;
             None if none is named (the first branch, one lane).
+        unresolved: the pronoun or "one" that stands for the referent and has no antecedent; '' if there is none.
     """
 
     command: str
@@ -175,6 +176,7 @@ class Query:
     distance_of: DistanceRole | None = None
     excluded: tuple[Exclusion, ...] = ()
     count: int | None = None
+    unresolved: str = ""
 
     def to_dict(self) -> dict[str, Any]:
         """Return the query with all keys of labelled command files; alternatives, set by annotators, are empty."""

@@ -68,7 +68,7 @@ def shift_goal(
     if moved_m < _LEAST_SHARE * shift.distance_m:
         return GoalPlan(None, (f"there is no room {shift.words}",), nearest=target)
     reason = f"moved {moved_m:.1f} m as asked ({shift.words})"
-    return replace(goal_plan, target=moved.target, route=moved.route, reasons=(*goal_plan.reasons, reason))
+    return replace(goal_plan, target=moved.target, way=moved.way, reasons=(*goal_plan.reasons, reason))
 
 
 def hold_goal(pose: HeldPose, scene: SceneModel, road: RoadMap) -> GoalPlan | None:
@@ -95,12 +95,10 @@ def _plan_near(
     near = off_m <= _TOLERANCE_M
     candidates = CandidateSet(words, cells[near], off_m[near] ** 2, np.full(int(near.sum()), heading_rad))
     search = CandidateSearch([candidates.with_detour_cost(road)], scene, road, [item] if item else [])
-    found = next(iter(search.find_best(1)), None)
-    if found is None:
-        return GoalPlan(None, tuple(search.explain_failure()[1]), search=search)
-    target = to_target(found, scene, road)
-    route = road.paths.route_to(target.cell, road.ego_lane.origin_m, target.heading_ego_rad)
-    return GoalPlan(target, (f"the place is {words}",), route, search=search)
+    found, way = search.find_reachable(1)
+    if not found or way is None:
+        return GoalPlan(None, tuple(search.explain_failure()[-1]), search=search)
+    return GoalPlan(to_target(found[0], scene, road), (f"the place is {words}",), way, search=search)
 
 
 def _direction(direction: ShiftDirection, target: Target, item: SceneObject | None) -> FloatArray:

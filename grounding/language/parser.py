@@ -50,9 +50,8 @@ class Reading:
         problem: why the sentence is not a command, None if it is one.
         steps: the commanded steps in order, each a query of its own; one of them is the query's.
         dropped: content words that the reading does not use, in order.
-        doubt: question to ask before the reading is acted upon; '' if there is none. It names a pronoun without
-            antecedent, or dropped words without which the place may be the wrong one.
-        unresolved: the pronoun or "one" without antecedent; '' if there is none.
+        doubt: question about dropped words without which the place may be the wrong one, to be asked before the reading
+            is acted upon; '' if there is none.
     """
 
     query: Query
@@ -63,7 +62,6 @@ class Reading:
     steps: tuple[Query, ...] = ()
     dropped: tuple[str, ...] = ()
     doubt: str = ""
-    unresolved: str = ""
 
     def __post_init__(self) -> None:
         """Take the query as the only step if none are given."""
@@ -100,7 +98,7 @@ def parse_all(text: str, lexicon: Lexicon | None = None, antecedent: Referent | 
     if query.action is None:
         return (Reading(query, 0.0, tokens, notes, _find_problem(normalised, tokens, lexicon)),)
     account = account_for(tagged, build)
-    doubt = _compose_doubt(built.unresolved, account.doubtful)
+    doubt = _compose_doubt(account.doubtful)
     return tuple(
         Reading(
             one,
@@ -110,7 +108,6 @@ def parse_all(text: str, lexicon: Lexicon | None = None, antecedent: Referent | 
             steps=_steps_of(one, built),
             dropped=account.dropped,
             doubt=doubt,
-            unresolved=built.unresolved,
         )
         for one, score in list_alternatives(query, built.postmodifiers)
     )
@@ -129,10 +126,8 @@ def _steps_of(query: Query, built: BuiltQuery) -> tuple[Query, ...]:
     return (*built.steps[: built.main_step], replace(main, **changed), *built.steps[built.main_step + 1 :])
 
 
-def _compose_doubt(unresolved: str, doubtful: Sequence[str]) -> str:
-    """Return the question about a pronoun or about dropped words, '' without either."""
-    if unresolved:
-        return f"which vehicle is '{unresolved}'?"
+def _compose_doubt(doubtful: Sequence[str]) -> str:
+    """Return the question about dropped words, '' without any."""
     words = ", ".join(f"'{word}'" for word in doubtful)
     return f"{words} was not understood: could you say it in other words?" if words else ""
 

@@ -63,7 +63,7 @@ def _room_m(car: CarModel, x: float, y: float) -> float:
     u, v = a - i, b - j
     low = car.clearance[i, j] * (1 - v) + car.clearance[i, j + 1] * v
     high = car.clearance[i + 1, j] * (1 - v) + car.clearance[i + 1, j + 1] * v
-    return low * (1 - u) + high * u
+    return float(low * (1 - u) + high * u)
 
 
 @numba.njit(cache=True, nogil=True)
@@ -80,7 +80,7 @@ def _extra(car: CarModel, x: float, y: float) -> float:
     i, j = int((x - car.low_m[0]) / car.cell_m + 0.5), int((y - car.low_m[1]) / car.cell_m + 0.5)
     if i < 0 or j < 0 or i >= car.extra.shape[0] or j >= car.extra.shape[1]:
         return 0.0
-    return car.extra[i, j]
+    return float(car.extra[i, j])
 
 
 @numba.njit(cache=True, nogil=True)
@@ -297,7 +297,7 @@ def _length_m(one: FloatArray, two: FloatArray) -> float:
     bend = two[6]
     if abs(bend) < 1e-9:
         return float(np.hypot(two[1] - one[1], two[2] - one[2]))
-    return abs((two[3] - one[3]) / bend)
+    return float(abs((two[3] - one[3]) / bend))
 
 
 @numba.njit(cache=True, nogil=True)

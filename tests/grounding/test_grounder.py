@@ -97,5 +97,5 @@ def test_guesses_are_trusted_if_set() -> None:
     for trust in (False, True):
         grounder = Grounder(config=GrounderConfig(trust_unseen=trust))
         grounder.set_scene(predicted)
-        statuses.append(grounder.ground("park behind the red car").status)
+        statuses.append(grounder.ground("park behind the red car behind us").status)
     assert statuses == ["not_found", "ok"]

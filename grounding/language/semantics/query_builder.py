@@ -60,14 +60,12 @@ class BuiltQuery(NamedTuple):
         postmodifiers: qualifiers of its referent after the noun.
         steps: the commanded steps in order, one query each; the query alone if it is the only step.
         main_step: index of the step that the query is about.
-        unresolved: pronoun or "one" of a step without antecedent, '' if there is none.
     """
 
     query: Query
     postmodifiers: tuple[str, ...] = ()
     steps: tuple[Query, ...] = ()
     main_step: int = 0
-    unresolved: str = ""
 
 
 def build_query(text: str, discourse: Discourse) -> BuiltQuery:
@@ -91,7 +89,7 @@ def build_query(text: str, discourse: Discourse) -> BuiltQuery:
     query = query_of(main, commands, intents)
     steps, main_step = plan_steps(discourse, commands, main, query, query_of)
     postmodifiers = tuple(main.referent.postmodifiers) if main.referent is not None else ()
-    return BuiltQuery(query, postmodifiers, steps, main_step, _unresolved(commands))
+    return BuiltQuery(query, postmodifiers, steps, main_step)
 
 
 def _query(
@@ -130,6 +128,7 @@ def _query(
         distance_m=distance_m,
         distance_of=distance_of,
         excluded=(*excluded, *_referent_exclusions(referent)),
+        unresolved=_unresolved(main.intent) if referent is None else "",
         count=next((count for intent in by_priority if (count := _count(intent)) is not None), None),
     )
 
@@ -142,17 +141,15 @@ def _count(intent: Intent) -> int | None:
     return next((ORDINALS[word] for thing in branches for word in thing.qualifiers if word in ORDINALS), None)
 
 
-def _unresolved(commands: Sequence[Intent]) -> str:
-    """Return the pronoun or "one" of a command that no antecedent explains, '' if there is none.
+def _unresolved(intent: Intent) -> str:
+    """Return the pronoun or "one" of an intent that no antecedent explains, '' if there is none.
 
     The object of parking and stopping is the ego: "park it".
     """
-    for intent in commands:
-        target = intent.frame.target
-        own = intent.frame.target_is_object and intent.action in ("park", "stop", "pull_over")
-        if intent.anaphora and intent.target is None and target is not None and not own:
-            return target.head
-    return ""
+    target = intent.frame.target
+    own = intent.frame.target_is_object and intent.action in ("park", "stop", "pull_over")
+    missing = intent.anaphora and intent.target is None and target is not None and not own
+    return target.head if missing and target is not None else ""
 
 
 def _build_prohibition(text: str, discourse: Discourse, excluded: tuple[Exclusion, ...]) -> Query:
