@@ -15,7 +15,7 @@ from grounding.describe import describe_object
 from grounding.goal.planner import GoalPlan, plan_goal
 from grounding.goal.shift import HeldPose, Shift, hold_goal, shift_goal
 from grounding.language import Reading
-from grounding.query import Query
+from grounding.query import Query, Referent
 from grounding.referent.resolver import MAX_CANDIDATES, Candidate, Resolution, resolve, resolve_exclusions
 from grounding.referent.scene import SceneModel
 from grounding.road.road_map import RoadMap
@@ -74,10 +74,51 @@ def requests_of(reading: Reading) -> tuple[Request, ...]:
 
 
 def answer_reading(reading: Reading, scene: SceneModel, limit: int = MAX_CANDIDATES) -> Answer:
-    """Answer one reading of a command; with several steps, the answer is that of its primary query."""
+    """Answer one reading of a command; with several steps, the answer is that of its primary query.
+
+    A reading in doubt is a question; its answer, if there is no pronoun in it, is the only alternative.
+    """
     requests = requests_of(reading)
     primary = next((i for i, one in enumerate(requests) if one.query == reading.query), len(requests) - 1)
-    return answer_steps(requests, scene, primary=primary, limit=limit)
+    if reading.unresolved:
+        anything = replace(reading.query, referent=Referent("vehicle", "vehicle", definite=False))
+        meant = resolve(anything, scene, limit).candidates
+        return _ask(reading, scene, requests[primary], candidates=meant, limit=limit)
+    answer = answer_steps(requests, scene, primary=primary, limit=limit)
+    if not reading.doubt:
+        return answer
+    return _ask(reading, scene, requests[primary], alternatives=(answer,), limit=limit)
+
+
+def _ask(
+    reading: Reading,
+    scene: SceneModel,
+    request: Request,
+    *,
+    candidates: tuple[Candidate, ...] = (),
+    alternatives: tuple[Answer, ...] = (),
+    limit: int = MAX_CANDIDATES,
+) -> Answer:
+    """Return the question about a reading that is in doubt."""
+
+    def choose(number: int) -> Answer:
+        if alternatives:
+            return alternative_at(asked, number)
+        return answer_steps([replace(request, chosen=candidate_at(asked, number))], scene, limit=limit)
+
+    asked = Answer(
+        status="ambiguous",
+        reading=reading,
+        scene=scene,
+        candidates=candidates,
+        reasons=reading.notes,
+        question=reading.doubt,
+        score=reading.score + (alternatives[0].score if alternatives else _NO_REFERENT_SCORE),
+        alternatives=alternatives,
+        dropped=reading.dropped,
+        chooser=choose,
+    )
+    return asked
 
 
 def answer_steps(
@@ -118,6 +159,17 @@ def answer_steps(
     )
 
 
+def alternative_at(answer: Answer, number: int) -> Answer:
+    """Return an alternative of an answer by its number, from 1.
+
+    Raises:
+        AppoccError: if there is no such alternative.
+    """
+    if not 1 <= number <= len(answer.alternatives):
+        raise AppoccError(f"expected the number of a reading, 1 to {len(answer.alternatives)}, got {number}")
+    return answer.alternatives[number - 1]
+
+
 def candidate_at(answer: Answer, number: int) -> Candidate:
     """Return a candidate of an answer by its number, from 1.
 
@@ -131,17 +183,14 @@ def candidate_at(answer: Answer, number: int) -> Candidate:
 
 def reconcile(answer: Answer, rival: Answer) -> Answer:
     """Return an answer that another reading of the sentence confirms, else the question which of the two is meant."""
+    answer, *_ = answer.alternatives or (answer,)
+    rival, *_ = rival.alternatives or (rival,)
     if _means_the_same(answer, rival):
         return replace(answer, reasons=(*answer.reasons, "the language model reads the same"))
     options = tuple(one for one in (answer, rival) if one.status != "not_a_command")
     phrases = " or ".join(f"'{describe_command(one)}'" for one in options)
 
-    def choose(number: int) -> Answer:
-        if not 1 <= number <= len(options):
-            raise AppoccError(f"expected the number of a reading, 1 to {len(options)}, got {number}")
-        return options[number - 1]
-
-    return Answer(
+    asked = Answer(
         status="ambiguous",
         reading=options[0].reading,
         scene=answer.scene,
@@ -149,8 +198,8 @@ def reconcile(answer: Answer, rival: Answer) -> Answer:
         question=f"do you mean {phrases}?",
         alternatives=options,
         dropped=answer.dropped,
-        chooser=choose,
     )
+    return replace(asked, chooser=partial(alternative_at, asked))
 
 
 def describe_command(answer: Answer) -> str:
@@ -195,7 +244,7 @@ def answer_step(request: Request, scene: SceneModel, limit: int = MAX_CANDIDATES
             score=reading.score,
         )
     resolution = _resolve(request, scene, limit)
-    reasons = (*resolution.reasons, *reading.notes)
+    reasons = (*resolution.reasons, *reading.notes, *_tell_dropped(reading))
     make = partial(Answer, reading=reading, scene=scene, candidates=resolution.candidates, dropped=reading.dropped)
     if resolution.status != "ok":
         score = resolution.candidates[0].score if resolution.status == "ambiguous" else _NO_REFERENT_SCORE
@@ -279,6 +328,12 @@ def _confidence(
     if plan.target is None:
         return 0.0
     return confidence_of(gather_evidence(reading, candidate, resolution.candidates, plan.target.score, scene))
+
+
+def _tell_dropped(reading: Reading) -> tuple[str, ...]:
+    """Return the sentence about the words that were left out, unless a note tells them."""
+    words = [f"'{word}'" for word in reading.dropped if not any(f"'{word}'" in note for note in reading.notes)]
+    return (f"left out: {', '.join(words)}",) if words else ()
 
 
 def _explain_referent(reading: Reading, candidate: Candidate | None, scene: SceneModel) -> tuple[str, ...]:

@@ -32,8 +32,10 @@ def street(tiny: TinyDataset) -> Path:
     occupancy[VEHICLE][car] = 1
     appearance = np.where(car, 240, 90).astype(np.uint8)[None].repeat(3, axis=0)
     valid = np.ones((3, *grid.shape), np.bool_)
+    true = {"sources": {"vehicle": "cuboids"}}
     for source in ("groundtruth", "other"):
-        bev = BEVMap(grid, occupancy.copy(), valid.copy(), appearance.copy(), valid[0].copy())
+        meta = true if source == "groundtruth" else {}
+        bev = BEVMap(grid, occupancy.copy(), valid.copy(), appearance.copy(), valid[0].copy(), meta)
         bev.save(bev_path(tiny.root, source, token("sample", 0)))
     occupancy[VEHICLE] = 0
     empty = BEVMap(grid, occupancy, valid, appearance, valid[0].copy())
@@ -119,7 +121,9 @@ def test_a_missing_map_names_the_command_that_makes_it(street: Path) -> None:
     (street / "bev" / "groundtruth" / f"{token('sample', 0)}.npz").unlink()
     result = run(street, "stop behind the car")
     assert isinstance(result.exception, DataError)
-    assert f"appocc groundtruth {street}" in str(result.exception)
+    assert f"there are maps of source empty and other; make it with: appocc groundtruth {street}" in str(
+        result.exception
+    )
 
 
 def test_bad_input_names_file_frame_or_scene(street: Path) -> None:
