@@ -22,6 +22,7 @@ from grounding.road.car_paths import CarRoute
 from grounding.road.pose import Pose2D
 from grounding.road.road_map import RoadMap
 from grounding.scene_object import SceneObject
+from grounding.vocabulary import Action
 
 # A goal closer than this to the ideal candidate is not reported as moved.
 _MOVED_M = 0.6
@@ -80,6 +81,7 @@ class GoalPlan:
         nearest: if no candidate is valid, the nearest valid pose.
         search: all candidates with their costs, None if there were none to search.
         question: what to ask before going to `nearest`; '' where there is nothing to ask.
+        instead: action that the question proposes; None if it is about `nearest`.
     """
 
     target: Target | None
@@ -89,6 +91,7 @@ class GoalPlan:
     nearest: Target | None = None
     search: CandidateSearch | None = None
     question: str = ""
+    instead: Action | None = None
 
     @property
     def route(self) -> FloatArray | None:
@@ -145,7 +148,7 @@ def plan_goal(
         return GoalPlan(None, tuple(reasons), nearest=target, search=search)
     if target.score >= _MIN_SCORE_OK and _drives_away(query, item):
         question = f"it drives at {item.speed_mps:.0f} m/s: shall we follow it?" if item and item.speed_mps else ""
-        return GoalPlan(None, tuple(reasons), nearest=target, search=search, question=question)
+        return GoalPlan(None, tuple(reasons), nearest=target, search=search, question=question, instead="follow")
     return GoalPlan(target, tuple(reasons), way, tuple(others), None, search)
 
 

@@ -68,7 +68,11 @@ class CandidateSearch:
 
     @cached_property
     def _cars(self) -> CarPaths:
-        return self.road.cars if self._limits.most_back_m == MOST_BACK_M else self.road.cars_with(self._limits.most_back_m)
+        return (
+            self.road.cars
+            if self._limits.most_back_m == MOST_BACK_M
+            else self.road.cars_with(self._limits.most_back_m)
+        )
 
     @cached_property
     def _set_index(self) -> IntArray:
