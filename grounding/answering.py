@@ -15,6 +15,8 @@ from grounding.goal.planner import GoalPlan, plan_goal
 from grounding.goal.shift import HeldPose, Shift, hold_goal, shift_goal
 from grounding.language import Reading
 from grounding.query import Query
+from grounding.referent.clarification import describe_one
+from grounding.referent.ordinals import find_ordinals
 from grounding.referent.resolver import MAX_CANDIDATES, Candidate, Resolution, resolve, resolve_exclusions
 from grounding.referent.scene import SceneModel
 from grounding.road.pose import Pose2D
@@ -25,6 +27,8 @@ from grounding.scene_object import SceneObject
 _NO_REFERENT_SCORE, _NO_GOAL_SCORE = -200.0, -100.0
 # Candidates of an indefinite referent ("a red car") for which goals are compared.
 _MAX_GOAL_CANDIDATES = 4
+# Other candidates of a definite referent that are tried if there is no place at the best one.
+_MAX_OTHERS = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,6 +85,7 @@ def answer_reading(reading: Reading, scene: SceneModel, limit: int = MAX_CANDIDA
     requests = requests_of(reading)
     primary = next((i for i, one in enumerate(requests) if one.query == reading.query), len(requests) - 1)
     answer = answer_steps(requests, scene, primary=primary, limit=limit)
+    answer = replace(answer, reading=replace(answer.reading, steps=reading.steps))
     if not reading.doubt or reading.unresolved:
         return answer
     asked = Answer(
@@ -256,12 +261,18 @@ def answer_step(
         for referent in _goal_candidates(request, resolution)
     ]
     referent, goal_plan = max(planned, key=lambda pair: _log_score(*pair))
-    if goal_plan.question:  # about this vehicle only
+    question = goal_plan.question
+    if question:  # about this vehicle only
         make = partial(make, candidates=(referent,) if referent else ())
+    elif goal_plan.target is None and (
+        others := _others_with_room(request, resolution, scene, road, exclusions, start)
+    ):
+        make = partial(make, candidates=others)
+        question = f"there is no place at that one: do you mean {describe_one(others[0].item, scene)}?"
     return make(
-        status="ok" if goal_plan.target else "ambiguous" if goal_plan.question else "not_found",
+        status="ok" if goal_plan.target else "ambiguous" if question else "not_found",
         plan=goal_plan,
-        question=goal_plan.question,
+        question=question,
         referent=referent,
         reasons=(*_explain_referent(reading, referent, scene), *reasons, *goal_plan.reasons),
         score=reading.score + _log_score(referent, goal_plan),
@@ -312,6 +323,22 @@ def _plan(
     for shift in request.shifts:
         goal_plan = shift_goal(goal_plan, shift, scene, road, item)
     return goal_plan
+
+
+def _others_with_room(
+    request: Request,
+    resolution: Resolution,
+    scene: SceneModel,
+    road: RoadMap,
+    exclusions: Sequence[tuple[str, SceneObject]],
+    start: Pose2D | None,
+) -> tuple[Candidate, ...]:
+    """Return the next candidates of a definite referent ("the blue car") at which the command has a place."""
+    named = request.query.referent
+    if named is None or not named.definite or request.chosen is not None or find_ordinals(named.qualifiers):
+        return ()
+    others = resolution.candidates[1 : 1 + _MAX_OTHERS]
+    return tuple(one for one in others if _plan(request, scene, road, one, exclusions, start).target is not None)
 
 
 def _log_score(candidate: Candidate | None, goal_plan: GoalPlan) -> float:

@@ -288,6 +288,8 @@ class Session:
         if state.question is None and request.chosen is not None:
             refused = {request.chosen.item.id}
         rejected = state.rejected | refused
+        if rejected >= {one.item.id for one in state.offered}:
+            rejected = frozenset(refused)  # after all were refused, the others are meant again
         self._state = replace(state, rejected=rejected, question=None)
         request = replace(request, chosen=None, shifts=(), reading=said(request.reading, text))
         left = [one for one in state.offered if one.item.id not in rejected]
