@@ -10,6 +10,7 @@ from functools import partial
 from appocc.checks import FloatArray
 from appocc.errors import AppoccError
 from grounding.answer import Answer
+from grounding.confidence import confidence_of, gather_evidence
 from grounding.describe import describe_object
 from grounding.goal.planner import GoalPlan, plan_goal
 from grounding.goal.shift import HeldPose, Shift, hold_goal, shift_goal
@@ -276,7 +277,7 @@ def answer_step(
         referent=referent,
         reasons=(*_explain_referent(reading, referent, scene), *reasons, *goal_plan.reasons),
         score=reading.score + _log_score(referent, goal_plan),
-        confidence=_confidence(referent, resolution, goal_plan),
+        confidence=_confidence(reading, referent, resolution, goal_plan, scene),
     )
 
 
@@ -347,14 +348,13 @@ def _log_score(candidate: Candidate | None, goal_plan: GoalPlan) -> float:
     return score + (math.log(goal_plan.target.score) if goal_plan.target else _NO_GOAL_SCORE)
 
 
-def _confidence(candidate: Candidate | None, resolution: Resolution, goal_plan: GoalPlan) -> float:
-    """Return the share of the referent among the candidates, times the score of the goal."""
-    if goal_plan.target is None:
+def _confidence(
+    reading: Reading, candidate: Candidate | None, resolution: Resolution, plan: GoalPlan, scene: SceneModel
+) -> float:
+    """Return the probability that referent and goal are right, 0 without a goal."""
+    if plan.target is None:
         return 0.0
-    share = 1.0
-    if candidate is not None:
-        share = 1.0 / sum(math.exp(min(one.score - candidate.score, 0.0)) for one in resolution.candidates)
-    return share * math.sqrt(goal_plan.target.score)
+    return confidence_of(gather_evidence(reading, candidate, resolution.candidates, plan.target.score, scene))
 
 
 def _tell_dropped(reading: Reading) -> tuple[str, ...]:

@@ -70,6 +70,9 @@ def tag_verb(before: Sequence[Token], token: Token, after: Sequence[Token]) -> T
         return token.with_category(WordCategory.STATE, token.state)
     if token.value == "turn" and token.form and category_at(after, 0) is WordCategory.COLOUR:
         return replace(token, value="none", state="", event="other")  # "until the light turns green"
+    interjection = last in CLAUSE_ENDS and category_at(after, 0) is WordCategory.COMMA
+    if token.value == "wait" and interjection and category_at(after, 1) in (WordCategory.NOT, WordCategory.CORRECT):
+        return token.with_category(WordCategory.FILLER)  # "wait, don't stop"
     onward = token.text in ("go", "come") and last not in (WordCategory.NOT, WordCategory.EGO)
     if onward and category_at(after, 0) is WordCategory.VERB and not after[0].form:
         return token.with_category(WordCategory.FILLER)  # "go park there"
