@@ -36,7 +36,7 @@ from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
 
-from appocc.bevmap import is_truth, load_map
+from appocc.bevmap import load_map
 from appocc.checks import FloatArray
 from appocc.errors import AppoccError
 from appocc.files import write_image
@@ -241,8 +241,8 @@ def audit(
         name = str(town.dataset.location(scenes[token]))
         auditor = Auditor(moment, streets.setdefault(name, Streets(name)) if name not in streets else streets[name])
         grounder = Grounder()
-        bev = moment.bev if is_truth(source) else load_map(town.dataset.root, source, token)
-        grounder.set_scene(bev, moment.boxes if is_truth(source) else None, moment.world_from_ego)
+        bev = load_map(town.dataset.root, source, token)
+        grounder.set_scene(bev, moment.boxes if bev.is_truth else None, moment.world_from_ego)
         for question in (one for one in questions if one.token == token):
             answer = grounder.ground(question.sentence)
             place = place_of(answer, moment)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from grounding.language.ambiguity import list_alternatives
 from grounding.language.semantics.accounting import account_for
-from grounding.language.semantics.contrasts import resolve_contrasts
+from grounding.language.semantics.contrasts import has_partial_repair, resolve_contrasts
 from grounding.language.semantics.interpreter import interpret
 from grounding.language.semantics.query_builder import BuiltQuery, build_query
 from grounding.language.syntax.clauses import split_clauses
@@ -87,7 +87,8 @@ def parse_all(text: str, lexicon: Lexicon | None = None, antecedent: Referent | 
         return (Reading(Query(command=text[:MAX_CHARACTERS]), problem=too_long),)
     normalised = normalise(text)
     tokens = tuple(tokenise(normalised, lexicon))
-    tagged = resolve_contrasts(tag(tokens))
+    written = tag(tokens)
+    tagged = resolve_contrasts(written)
 
     def build(some: Sequence[Token]) -> BuiltQuery:
         return build_query(text, interpret(split_clauses(some), antecedent))
@@ -97,7 +98,7 @@ def parse_all(text: str, lexicon: Lexicon | None = None, antecedent: Referent | 
     notes = tuple(_notes(tokens))
     if query.action is None:
         return (Reading(query, 0.0, tokens, notes, _find_problem(normalised, tokens, lexicon)),)
-    account = account_for(tagged, build)
+    account = account_for(tagged, build, has_partial_repair(written))
     doubt = _compose_doubt(account.doubtful)
     return tuple(
         Reading(
