@@ -28,7 +28,7 @@ _LEVEL_M, _LEVEL_SPREAD_M, _EDGE_M, _EDGE_SPREAD_M = 2.0, 2.5, 0.3, 0.6
 _ACROSS_M, _WIDTH_AT_M, _WIDTH_QUANTILE = 18.0, np.arange(-8.0, 8.1, 2.0), 0.25
 # Greatest offset from the line between two vehicles.
 _MIDDLE_M = 1.5
-# Greatest lateral offset of a vehicle in the ego lane, and costs of leaving the ego lane to drive past a vehicle and of
+# Greatest lateral offset of a vehicle in the ego lane; costs of leaving it to drive past a vehicle, and of
 # parking in it.
 _IN_LANE_M, _LEAVE_LANE, _PARK_IN_LANE = 1.5, 12.0, 4.0
 
