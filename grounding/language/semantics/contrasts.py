@@ -127,6 +127,12 @@ def _negate_modifier(tokens: list[Token], match: re.Match[str]) -> list[Token]:
     return [*before, *noun, replace(which, text="that is"), *negation, *modifier]
 
 
+def _end_negation(tokens: list[Token], match: re.Match[str]) -> list[Token] | None:
+    """Rewrite "don't stop until you are past the bus" to "stop past the bus"."""
+    verb, relation = tokens[match.start() + 1 :][:2]
+    return [verb, relation] if relation.text.startswith(("until", "till")) else None
+
+
 def _negate_place(tokens: list[Token], match: re.Match[str]) -> list[Token]:
     """Rewrite "near no truck" and "near anything but a truck" to ", not near a truck"."""
     relation, negation, noun = (_span(tokens, match, group) for group in ("relation", "not", "noun"))
@@ -292,6 +298,7 @@ _RULES: tuple[tuple[re.Pattern[str], _Rewrite], ...] = (
     (re.compile(r"(?P<before>d*)(?P<not>M|(?<=d)N)(?P<modifier>m+)(?P<noun>[ho]+)"), _negate_modifier),
     (re.compile(rf"(?P<chosen>r),?N(?P<rejected>r),?(?P<noun>{_NOUN})"), _share_noun),
     (re.compile(rf",?[NE]t{_END[:-1]}|S|r)"), _drop_direction),
+    (re.compile(r"Nvr"), _end_negation),
     (re.compile(rf"(?P<far>F)(?P<noun>{_WHOLE_NOUN})"), _negate_nearness),
     (re.compile(r"(?P<relation>r)(?P<not>N)(?P<noun>[mn]*h)"), _negate_place),
     (re.compile(rf"(?P<relation>r)(?P<not>E)(?P<noun>{_NOUN})"), _negate_place),
