@@ -10,12 +10,13 @@ from functools import partial
 from appocc.checks import FloatArray
 from appocc.errors import AppoccError
 from grounding.answer import Answer
-from grounding.confidence import confidence_of, gather_evidence
+from grounding.confidence import confidence_of, gather_evidence, is_worth_acting
 from grounding.describe import describe_object
 from grounding.goal.planner import GoalPlan, plan_goal
 from grounding.goal.shift import HeldPose, Shift, hold_goal, shift_goal
 from grounding.language import Reading
-from grounding.query import Query, Referent
+from grounding.query import Query
+from grounding.referent.clarification import describe_one
 from grounding.referent.resolver import MAX_CANDIDATES, Candidate, Resolution, resolve, resolve_exclusions
 from grounding.referent.scene import SceneModel
 from grounding.road.road_map import RoadMap
@@ -76,49 +77,27 @@ def requests_of(reading: Reading) -> tuple[Request, ...]:
 def answer_reading(reading: Reading, scene: SceneModel, limit: int = MAX_CANDIDATES) -> Answer:
     """Answer one reading of a command; with several steps, the answer is that of its primary query.
 
-    A reading in doubt is a question; its answer, if there is no pronoun in it, is the only alternative.
+    A reading in doubt is a question; the answer without the doubt is its only alternative.
     """
-    requests = requests_of(reading)
+    requests = requests_of(replace(reading, doubt=""))
     primary = next((i for i, one in enumerate(requests) if one.query == reading.query), len(requests) - 1)
-    if reading.unresolved:
-        anything = replace(reading.query, referent=Referent("vehicle", "vehicle", definite=False))
-        meant = resolve(anything, scene, limit).candidates
-        return _ask(reading, scene, requests[primary], candidates=meant, limit=limit)
     answer = answer_steps(requests, scene, primary=primary, limit=limit)
-    if not reading.doubt:
-        return answer
-    return _ask(reading, scene, requests[primary], alternatives=(answer,), limit=limit)
+    return _ask(reading, scene, answer) if reading.doubt else answer
 
 
-def _ask(
-    reading: Reading,
-    scene: SceneModel,
-    request: Request,
-    *,
-    candidates: tuple[Candidate, ...] = (),
-    alternatives: tuple[Answer, ...] = (),
-    limit: int = MAX_CANDIDATES,
-) -> Answer:
+def _ask(reading: Reading, scene: SceneModel, answer: Answer) -> Answer:
     """Return the question about a reading that is in doubt."""
-
-    def choose(number: int) -> Answer:
-        if alternatives:
-            return alternative_at(asked, number)
-        return answer_steps([replace(request, chosen=candidate_at(asked, number))], scene, limit=limit)
-
     asked = Answer(
         status="ambiguous",
         reading=reading,
         scene=scene,
-        candidates=candidates,
         reasons=reading.notes,
         question=reading.doubt,
-        score=reading.score + (alternatives[0].score if alternatives else _NO_REFERENT_SCORE),
-        alternatives=alternatives,
+        score=answer.score,
+        alternatives=(answer,),
         dropped=reading.dropped,
-        chooser=choose,
     )
-    return asked
+    return replace(asked, chooser=lambda number: alternative_at(asked, number))
 
 
 def answer_steps(
@@ -260,6 +239,9 @@ def answer_step(request: Request, scene: SceneModel, limit: int = MAX_CANDIDATES
         for referent in _goal_candidates(request, resolution)
     ]
     referent, goal_plan = max(planned, key=lambda pair: _log_score(*pair))
+    confidence = _confidence(reading, referent, resolution, goal_plan, scene)
+    if goal_plan.target and referent and request.chosen is None and not is_worth_acting(confidence):
+        goal_plan = replace(goal_plan, target=None, question=f"do you mean {describe_one(referent.item, scene)}?")
     return make(
         status="ok" if goal_plan.target else "ambiguous" if goal_plan.question else "not_found",
         plan=goal_plan,
@@ -267,7 +249,7 @@ def answer_step(request: Request, scene: SceneModel, limit: int = MAX_CANDIDATES
         referent=referent,
         reasons=(*_explain_referent(reading, referent, scene), *reasons, *goal_plan.reasons),
         score=reading.score + _log_score(referent, goal_plan),
-        confidence=_confidence(reading, referent, resolution, goal_plan, scene),
+        confidence=confidence,
     )
 
 

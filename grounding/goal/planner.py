@@ -134,7 +134,9 @@ def plan_goal(
         road = scene.road_from(start)
     limits = PlaceLimits.of(query, road.traffic_side)
     if item is not None and _drives_away(query, item):
-        return GoalPlan(None, (f"it drives at {item.speed_mps:.0f} m/s, so that no place beside it stays",), question=_FOLLOW)
+        return GoalPlan(
+            None, (f"it drives at {item.speed_mps:.0f} m/s, so that no place beside it stays",), question=_FOLLOW
+        )
     proposed, reasons = propose_candidates(query, road, item, partner)
     if item is not None and item.speed_mps is not None and item.speed_mps > MOVING_MPS:
         reasons = [*reasons, f"it moves at {item.speed_mps:.0f} m/s: the place is measured from where it is now"]
