@@ -50,7 +50,7 @@ class Reading:
         problem: why the sentence is not a command, None if it is one.
         steps: the commanded steps in order, each a query of its own; one of them is the query's.
         dropped: content words that the reading does not use, in order.
-        doubt: question about dropped words without which the place may be the wrong one, to be asked before the reading
+        doubt: question about dropped words without which the place may be the wrong one, asked before the reading
             is acted upon; '' if there is none.
     """
 
