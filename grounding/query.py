@@ -156,6 +156,9 @@ class Query:
         distance_m: None if none is named.
         distance_of: meaning of the distance; None without one.
         excluded: excluded objects.
+        count: of a turn, the branch on that side, from 1 ("the third left"); of a lane change, the number of lanes;
+            None if none is named (the first branch, one lane).
+        unresolved: the pronoun or "one" that stands for the referent and has no antecedent; '' if there is none.
     """
 
     command: str
@@ -172,6 +175,8 @@ class Query:
     distance_m: float | None = None
     distance_of: DistanceRole | None = None
     excluded: tuple[Exclusion, ...] = ()
+    count: int | None = None
+    unresolved: str = ""
 
     def to_dict(self) -> dict[str, Any]:
         """Return the query with all keys of labelled command files; alternatives, set by annotators, are empty."""
@@ -193,4 +198,5 @@ class Query:
             "distance_of": self.distance_of,
             "excluded": [exclusion.to_dict() for exclusion in self.excluded],
             "note": None,
+            **({} if self.count is None else {"count": self.count}),
         }

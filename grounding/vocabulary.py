@@ -51,6 +51,8 @@ State = Literal[
 ]
 # Events of another vehicle that a command waits for.
 Trigger = Literal["pass", "leave", "turn", "stop", "merge", "clear", "other"]
+# Changes of a place; "away" and "near" are relative to the vehicle that it is measured from.
+ShiftDirection = Literal["away", "near", "ahead", "back", "leftwards", "rightwards"]
 ACTIONS: tuple[str, ...] = get_args(Action)
 RELATIONS: tuple[str, ...] = get_args(Relation)[1:]  # without "none"
 STATES: tuple[str, ...] = get_args(State)

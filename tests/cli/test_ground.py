@@ -229,8 +229,10 @@ def test_a_custom_lexicon(street: Path, tmp_path: Path) -> None:
 
 
 def test_an_unreachable_language_model_is_reported_and_not_needed(street: Path) -> None:
-    result = run_ground("stop behind the white car", street, *KEY_FRAME, "--llm", "http://127.0.0.1:9/")
-    assert result.exit_code == 0
+    url = "http://127.0.0.1:9/"
+    assert run_ground("stop behind the white car", street, *KEY_FRAME, "--llm", url).exit_code == 0
+    result = run_ground("glorp behind the white car", street, *KEY_FRAME, "--llm", url)
+    assert result.exit_code == 2
     assert "the language model was not used" in result.stderr
 
 

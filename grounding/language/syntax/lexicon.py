@@ -20,7 +20,13 @@ from grounding.language.syntax.word_categories import (
 from grounding.vocabulary import STATES, TRIGGERS
 
 DEFAULT_PATH = Path(__file__).parent / "data" / "lexicon.txt"
-_NO_SECTIONS = (WordCategory.COMMA, WordCategory.BREAK, WordCategory.DISTANCE, WordCategory.UNKNOWN)
+_NO_SECTIONS = (
+    WordCategory.COMMA,
+    WordCategory.BREAK,
+    WordCategory.DISTANCE,
+    WordCategory.BRANCH,
+    WordCategory.UNKNOWN,
+)
 _SECTIONS = {category.value: category for category in WordCategory if category not in _NO_SECTIONS}
 # Categories whose value is a number: a count, metres, and the cost (nats) of leaving a hesitation out.
 _NUMERIC = (WordCategory.NUMBER, WordCategory.UNIT, WordCategory.HESITATION)

@@ -13,6 +13,7 @@ from grounding.language.syntax.tagging_rules import (
     tag_determiner,
     tag_direction,
     tag_ego,
+    tag_except,
     tag_exists,
     tag_joint,
     tag_not,
@@ -45,7 +46,7 @@ from grounding.language.syntax.word_categories import DETERMINERS, WordCategory
 
 # Words without a part in the sentence.
 _DROPPED = (WordCategory.FILLER, WordCategory.GREETING)
-_AFTER_CONNECTIVE = frozenset((WordCategory.THEN, WordCategory.AND, WordCategory.EXCEPT))
+_AFTER_CONNECTIVE = frozenset((WordCategory.THEN, WordCategory.AND, WordCategory.EXCEPT, WordCategory.ORDINAL))
 
 
 class _Compound(NamedTuple):
@@ -134,6 +135,7 @@ _RULES: dict[WordCategory, _Rule] = {
     WordCategory.EGO: tag_ego,
     WordCategory.CORRECT: tag_correct,
     WordCategory.NOT: tag_not,
+    WordCategory.EXCEPT: tag_except,
 }
 
 

@@ -86,7 +86,8 @@ def tag_verb(before: Sequence[Token], token: Token, after: Sequence[Token]) -> T
     if token.form == "ing" and last in DETERMINERS and category_at(after, 0) in HEADS | {WordCategory.COLOUR}:
         return token.with_category(WordCategory.EXTRA)
     named = last in DETERMINERS or (last in MODIFIERS and category_at(before, -2) in DETERMINERS)
-    if named and not token.form and token.value not in TURNS and " " not in token.text:
+    noun_form = not token.form or (token.form == "ing" and token.value == "turn")  # "the second turning"
+    if named and noun_form and token.value not in TURNS and " " not in token.text:
         return token.with_category(WordCategory.THING, _NOUNS_OF_VERBS.get(token.value, token.text))
     if token.text == "passed" and last in _BEFORE_PASSED and category_at(after, 0) in PHRASE_STARTS:
         return token.with_category(WordCategory.RELATION, "past")  # "turn left passed the van"
@@ -117,7 +118,8 @@ def tag_region(before: Sequence[Token], token: Token, after: Sequence[Token]) ->
         return token.with_category(WordCategory.VERB, "turn")
     verb = token.text == "parking" and category_at(after, 0) in _AFTER_PARKING
     verb = verb or (token.text == "parking" and category_at(before, -1) is WordCategory.SUB)
-    if verb and category_at(before, -1) in _BEFORE_PARKING:
+    ended = category_at(before, -1) is WordCategory.VERB and before[-1].value in ("avoid", "stop")  # "avoid parking"
+    if verb and (ended or category_at(before, -1) in _BEFORE_PARKING):
         return replace(token, category=WordCategory.VERB, value="park", form="ing", state="parked", event="stop")
     return token
 

@@ -72,6 +72,7 @@ class WordCategory(StrEnum):
     COMMA = "comma"
     BREAK = "break"  # end of a sentence
     DISTANCE = "distance"
+    BRANCH = "branch"  # ordinal of a branch: "the second left"
     UNKNOWN = "unknown"
 
 
