@@ -13,6 +13,7 @@ from grounding.language.semantics.contrasts import resolve_contrasts
 from grounding.language.semantics.interpreter import interpret
 from grounding.language.semantics.query_builder import BuiltQuery, build_query
 from grounding.language.syntax.clauses import split_clauses
+from grounding.language.syntax.fragments import complete_fragment
 from grounding.language.syntax.lexicon import Lexicon, default_lexicon
 from grounding.language.syntax.tagger import tag
 from grounding.language.syntax.tokenizer import MAX_CHARACTERS, Token, Tokenised, normalise, tokenise_all
@@ -21,6 +22,8 @@ from grounding.query import Query, Referent
 
 # Most ways to read the words of a sentence, and how much less likely (nats) than the best one they may be.
 _MAX_WAYS, _MAX_LOSS = 6, 4.0
+# Characters read in all ways together, which bounds the time of long texts.
+_MAX_CHARACTERS_READ = 2000
 
 
 @dataclass(frozen=True)
@@ -77,16 +80,17 @@ def parse_all(text: str, lexicon: Lexicon | None = None, antecedent: Referent | 
         too_long = ParseProblem(f"expected at most {MAX_CHARACTERS} characters, got {len(text)}")
         return (Reading(Query(command=text[:MAX_CHARACTERS]), problem=too_long),)
     normalised, words = normalise(text), lexicon or default_lexicon()
-    first, *others = [_Analysis(text, way, antecedent) for way in tokenise_all(normalised, words, _MAX_WAYS)]
-    likely = [first, *(one for one in others if one.way.cost <= first.way.cost + _MAX_LOSS)]
+    most = max(1, min(_MAX_WAYS, _MAX_CHARACTERS_READ // (len(normalised) + 1)))
+    ways = tokenise_all(normalised, words, most)
+    likely = [_Analysis(text, way, antecedent) for way in ways if way.cost <= ways[0].cost + _MAX_LOSS]
     commands = [one for one in likely if one.built.query.action is not None]
     if not commands:
 
         def is_command(other: str) -> bool:
             return _Analysis(text, tokenise_all(other, words, 1)[0], antecedent).built.query.action is not None
 
-        problem = find_problem(normalised, first.way.tokens, words, is_command)
-        return (first.reading(first.built.query, 0.0, problem),)
+        problem = find_problem(normalised, ways[0].tokens, words, is_command)
+        return (likely[0].reading(likely[0].built.query, 0.0, problem),)
     return _best_readings(commands)
 
 
@@ -104,7 +108,7 @@ class _Analysis:
         self.built = self._build(self._tagged)
 
     def _build(self, tagged: Sequence[Token]) -> BuiltQuery:
-        return build_query(self._text, interpret(split_clauses(tagged), self._antecedent))
+        return build_query(self._text, interpret(split_clauses(complete_fragment(tagged)), self._antecedent))
 
     @cached_property
     def _account(self) -> Account:

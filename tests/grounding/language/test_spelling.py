@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 from asking import parse_summary
 
-from grounding.language import parse, parse_all, read_lexicon
+from grounding.language import CommandError, parse, parse_all, read_lexicon
 from grounding.language.syntax.lexicon import default_lexicon
 from grounding.language.syntax.spelling import SpellingCandidates, suggest_word
 from grounding.language.syntax.tokenizer import MAX_CHARACTERS, tokenise, tokenise_all
@@ -180,3 +181,31 @@ def test_readings_are_ordered_by_cost() -> None:
 )
 def test_long_texts_are_read(text: str) -> None:
     assert len(tokenise(text.strip())) >= 1
+
+
+FRAGMENTS = {
+    "right": "turn none right",
+    "left please": "turn none left",
+    "beside the blue car": "park next_to [car blue]",
+    "opposite the red estate, if you would": "park opposite [car red]",
+    "after that truck pls": "park past [truck]",
+    "between the two vans": "park between [van]",
+    "any gap on the left is fine": "park none",
+    "a space near the bus would be great": "park near [bus]",
+}
+
+
+@pytest.mark.parametrize("text", FRAGMENTS)
+def test_fragments_are_commands(text: str) -> None:
+    assert parse_summary(text).removesuffix(" left" if "gap" in text else "") == FRAGMENTS[text]
+
+
+@pytest.mark.parametrize("text", ["the blue van", "the one on the left", "two", "it is next to the van", "straight"])
+def test_other_phrases_are_no_commands(text: str) -> None:
+    assert parse(text).query.action is None
+
+
+@pytest.mark.parametrize("command", [None, b"park", 3, ["park"]])
+def test_a_command_is_text(command: Any) -> None:
+    with pytest.raises(CommandError, match="expected a command as text"):
+        parse(command)
