@@ -11,12 +11,11 @@ out. The truth is the plan of the town, the exact map and the true boxes, withou
 Faults of an answer `ok`; a share is of all answers `ok`:
 
 - behind us: the goal is more than 8 m behind us, unasked.
-- wrong side: it heads against all lanes at its place, unasked. beside a vehicle there: of these, the vehicle meant
-  stands against its lane's direction of ours too, on that side.
-- beside moving: to park or stop, within 8 m of the vehicle meant, which drives faster than 2 m/s; or to park, stop or
-  wait, within 1 m of any that does.
+- wrong side: it heads against all lanes at its place, unasked. Who names a vehicle that stands there asks for that
+  side: such answers are no fault, and told in a row of their own.
+- beside moving: to park or stop, within 8 m of the vehicle meant, which drives faster than 2 m/s.
 - score: below 0.1.
-- junction: to park, stop or wait, the footprint is in a junction or on a crossing, unasked.
+- junction: to park or wait, the centre is in a junction, or the footprint on a crossing, unasked.
 - turns: it is less than 12 m away and heads more than 100 degrees from us, unasked.
 - backwards: a car gets there, but with more than 10 m backwards, unasked.
 - unreachable: no car gets there, with 30 m backwards.
@@ -38,7 +37,7 @@ from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
 
-from appocc.bevmap import is_truth, load_map
+from appocc.bevmap import load_map
 from appocc.checks import FloatArray
 from appocc.errors import AppoccError
 from appocc.files import write_image
@@ -55,9 +54,9 @@ from grounding.grounder import Grounder
 from grounding.visualization import draw_answer
 
 SENTENCES = Path(__file__).parents[1] / "tests" / "grounding" / "language" / "commands.jsonl"
-BEHIND_M, DRIVES_MPS, MEANT_M, BESIDE_M, LEAST_SCORE = 8.0, 2.0, 8.0, 1.0, 0.1
+BEHIND_M, DRIVES_MPS, BESIDE_M, LEAST_SCORE = 8.0, 2.0, 8.0, 0.1
 TURNED_RAD, WITHIN_M, BACK_M, FAR_BACK_M = np.radians(100), 12.0, 10.0, 30.0
-STANDS = ("park", "stop", "pull_over", "wait", "give_way")
+STOPS, WAITS = ("park", "stop", "pull_over"), ("park", "pull_over", "wait")
 # Words that ask for a place that is otherwise a fault.
 _BACK = r"behind (us|me)|\bback(wards)?\b|revers|\brear\b|just passed|we passed"
 _ROUND = r"turn\w* (\w+ ){0,3}(a)?round|u-?\s?turn|other way|spin|opposite direction|go back|head back"
@@ -159,14 +158,15 @@ class Auditor:
             for name, words in (("back", _BACK), ("round", _ROUND), ("side", _OTHER_SIDE), ("junction", _JUNCTION))
         }
         asked["side"] |= asked["round"]
-        stands = question.action in STANDS
         meant = [v for v in self._moment.vehicles if v.instance in place.names]
+        against = self._streets.way(place.world_m, place.world_yaw_rad) < 0 and not asked["side"]
+        beside = against and any(self._faces(place, v) for v in meant)
         found = [
             ("behind us", place.xy_m[0] < EGO.centre_m - BEHIND_M and not (asked["back"] or asked["round"])),
-            ("wrong side", self._streets.way(place.world_m, place.world_yaw_rad) < 0 and not asked["side"]),
-            ("beside moving", stands and self._is_beside_moving(place, meant, question.action)),
+            ("wrong side", against and not beside),
+            ("beside moving", question.action in STOPS and self._is_beside_moving(place, meant)),
             ("score", place.score < LEAST_SCORE),
-            ("junction", stands and self._is_in_junction(place) and not asked["junction"]),
+            ("junction", question.action in WAITS and self._is_in_junction(place) and not asked["junction"]),
             ("turns", self._turns(place) and not asked["round"]),
         ]
         back_m = self.reached().least_back_m(place.xy_m, place.yaw_rad)
@@ -174,17 +174,13 @@ class Auditor:
             ("backwards", BACK_M < back_m < np.inf and not asked["back"]),
             ("unreachable", not np.isfinite(back_m)),
         ]
-        faults = tuple(name for name, holds in found if holds)
-        return faults, "wrong side" in faults and any(self._faces(place, v) for v in meant)
+        return tuple(name for name, holds in found if holds), beside
 
-    def _is_beside_moving(self, place: Place, meant: Sequence[Vehicle], action: str) -> bool:
-        for v in (v for v in self._moment.vehicles if v.speed_mps > DRIVES_MPS):
-            measured = v in meant and action not in ("wait", "give_way")
-            grown = 2 * (MEANT_M if measured else BESIDE_M)
-            own = footprints(place.xy_m, place.yaw_rad, [EGO.length_m + grown, EGO.width_m + grown])
-            if _overlap(own, footprints(v.xy_m, v.yaw_rad, [v.length_m, v.width_m])):
-                return True
-        return False
+    @staticmethod
+    def _is_beside_moving(place: Place, meant: Sequence[Vehicle]) -> bool:
+        own = footprints(place.xy_m, place.yaw_rad, [EGO.length_m + 2 * BESIDE_M, EGO.width_m + 2 * BESIDE_M])
+        boxes = [footprints(v.xy_m, v.yaw_rad, [v.length_m, v.width_m]) for v in meant if v.speed_mps > DRIVES_MPS]
+        return any(_overlap(own, box) for box in boxes)
 
     def _is_in_junction(self, place: Place) -> bool:
         along, across = np.meshgrid(np.linspace(-0.5, 0.5, 7) * EGO.length_m, np.linspace(-0.5, 0.5, 3) * EGO.width_m)
@@ -243,8 +239,8 @@ def audit(
         name = str(town.dataset.location(scenes[token]))
         auditor = Auditor(moment, streets.setdefault(name, Streets(name)) if name not in streets else streets[name])
         grounder = Grounder()
-        bev = moment.bev if is_truth(source) else load_map(town.dataset.root, source, token)
-        grounder.set_scene(bev, moment.boxes if is_truth(source) else None, moment.world_from_ego)
+        bev = load_map(town.dataset.root, source, token)
+        grounder.set_scene(bev, moment.boxes if bev.is_truth else None, moment.world_from_ego)
         for question in (one for one in questions if one.token == token):
             answer = grounder.ground(question.sentence)
             place = place_of(answer, moment)

@@ -134,6 +134,7 @@ class Traffic:
             kind=("vehicle",) * len(yaw_rad),
             rgb=np.concatenate([self.rgb[who], dice.uniform(0, 255, (false, 3))]),
             lab=lab,
+            velocity_mps=np.full((len(yaw_rad), 2), np.nan),
             truncated=np.zeros(len(yaw_rad), np.bool_),
             view=self._view,
         )

@@ -10,13 +10,17 @@ from functools import partial
 from appocc.checks import FloatArray
 from appocc.errors import AppoccError
 from grounding.answer import Answer
+from grounding.confidence import confidence_of, gather_evidence
 from grounding.describe import describe_object
 from grounding.goal.planner import GoalPlan, plan_goal
 from grounding.goal.shift import HeldPose, Shift, hold_goal, shift_goal
 from grounding.language import Reading
 from grounding.query import Query
+from grounding.referent.clarification import describe_one
+from grounding.referent.ordinals import find_ordinals
 from grounding.referent.resolver import MAX_CANDIDATES, Candidate, Resolution, resolve, resolve_exclusions
 from grounding.referent.scene import SceneModel
+from grounding.road.pose import Pose2D
 from grounding.road.road_map import RoadMap
 from grounding.scene_object import SceneObject
 
@@ -24,6 +28,8 @@ from grounding.scene_object import SceneObject
 _NO_REFERENT_SCORE, _NO_GOAL_SCORE = -200.0, -100.0
 # Candidates of an indefinite referent ("a red car") for which goals are compared.
 _MAX_GOAL_CANDIDATES = 4
+# Other candidates of a definite referent that are tried if there is no place at the best one.
+_MAX_OTHERS = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,10 +79,27 @@ def requests_of(reading: Reading) -> tuple[Request, ...]:
 
 
 def answer_reading(reading: Reading, scene: SceneModel, limit: int = MAX_CANDIDATES) -> Answer:
-    """Answer one reading of a command; with several steps, the answer is that of its primary query."""
+    """Answer one reading of a command; with several steps, the answer is that of its primary query.
+
+    A reading in doubt is a question, whose only alternative is the answer all the same.
+    """
     requests = requests_of(reading)
     primary = next((i for i, one in enumerate(requests) if one.query == reading.query), len(requests) - 1)
-    return answer_steps(requests, scene, primary=primary, limit=limit)
+    answer = answer_steps(requests, scene, primary=primary, limit=limit)
+    answer = replace(answer, reading=replace(answer.reading, steps=reading.steps))
+    if not reading.doubt or reading.unresolved:
+        return answer
+    asked = Answer(
+        status="ambiguous",
+        reading=reading,
+        scene=scene,
+        reasons=(*reading.notes, *_tell_dropped(reading)),
+        question=reading.doubt,
+        score=answer.score,
+        alternatives=(answer,),
+        dropped=reading.dropped,
+    )
+    return replace(asked, chooser=partial(alternative_at, asked))
 
 
 def answer_steps(
@@ -93,9 +116,11 @@ def answer_steps(
     Returns:
         The answer to the primary step with all steps, or that to the first step that fails.
     """
-    steps = list[Answer]()
+    steps, start = list[Answer](), None
     for request in requests:
-        steps.append(answer_step(request, scene, limit=limit))
+        steps.append(answer_step(request, scene, limit=limit, start=start))
+        if (target := steps[-1].target) is not None:
+            start = Pose2D(*target.ego_m.tolist(), target.heading_ego_rad)
     failed = next((i for i, step in enumerate(steps) if step.status != "ok"), None)
     shown = (primary % len(steps)) if failed is None else failed
     about = steps[shown]
@@ -104,7 +129,7 @@ def answer_steps(
         reasons = (f"step {failed + 1} of {len(steps)} ('{steps[failed].query.action}') fails", *reasons)
 
     def choose(number: int) -> Answer:
-        chosen = replace(requests[shown], chosen=candidate_at(about, number))
+        chosen = with_choice(requests[shown], about, number)
         return answer_steps([*requests[:shown], chosen, *requests[shown + 1 :]], scene, primary=primary, limit=limit)
 
     return replace(
@@ -115,6 +140,38 @@ def answer_steps(
         confidence=min(step.confidence for step in steps),
         chooser=choose,
     )
+
+
+def with_choice(request: Request, answer: Answer, number: int) -> Request:
+    """Return a step with a candidate of its answer as the referent; if the answer proposes a place, with that place.
+
+    Raises:
+        AppoccError: if there is no such candidate.
+    """
+    if answer.plan.question and number == 1:
+        return accept_proposal(request, answer)
+    return replace(request, chosen=candidate_at(answer, number))
+
+
+def accept_proposal(request: Request, answer: Answer) -> Request:
+    """Return a step as the question of its plan proposes: at the nearest place, or with another action."""
+    plan, chosen = answer.plan, request.chosen or answer.referent
+    if plan.instead is not None:
+        query = replace(request.query, action=plan.instead, actions=(plan.instead,), relation="none")
+        return Request(reading=replace(request.reading, query=query, steps=(query,)), chosen=chosen)
+    held = None if plan.nearest is None else HeldPose(plan.nearest.world_m, plan.nearest.heading_rad)
+    return replace(request, chosen=chosen, held=held)
+
+
+def alternative_at(answer: Answer, number: int) -> Answer:
+    """Return an alternative of an answer by its number, from 1.
+
+    Raises:
+        AppoccError: if there is no such alternative.
+    """
+    if not 1 <= number <= len(answer.alternatives):
+        raise AppoccError(f"expected the number of a reading, 1 to {len(answer.alternatives)}, got {number}")
+    return answer.alternatives[number - 1]
 
 
 def candidate_at(answer: Answer, number: int) -> Candidate:
@@ -130,17 +187,14 @@ def candidate_at(answer: Answer, number: int) -> Candidate:
 
 def reconcile(answer: Answer, rival: Answer) -> Answer:
     """Return an answer that another reading of the sentence confirms, else the question which of the two is meant."""
+    answer, *_ = answer.alternatives or (answer,)
+    rival, *_ = rival.alternatives or (rival,)
     if _means_the_same(answer, rival):
         return replace(answer, reasons=(*answer.reasons, "the language model reads the same"))
     options = tuple(one for one in (answer, rival) if one.status != "not_a_command")
     phrases = " or ".join(f"'{describe_command(one)}'" for one in options)
 
-    def choose(number: int) -> Answer:
-        if not 1 <= number <= len(options):
-            raise AppoccError(f"expected the number of a reading, 1 to {len(options)}, got {number}")
-        return options[number - 1]
-
-    return Answer(
+    asked = Answer(
         status="ambiguous",
         reading=options[0].reading,
         scene=answer.scene,
@@ -148,8 +202,8 @@ def reconcile(answer: Answer, rival: Answer) -> Answer:
         question=f"do you mean {phrases}?",
         alternatives=options,
         dropped=answer.dropped,
-        chooser=choose,
     )
+    return replace(asked, chooser=partial(alternative_at, asked))
 
 
 def describe_command(answer: Answer) -> str:
@@ -174,27 +228,25 @@ def _means_the_same(answer: Answer, other: Answer) -> bool:
     return answer.status == other.status and ids[0] == ids[1]
 
 
-def answer_step(request: Request, scene: SceneModel, limit: int = MAX_CANDIDATES) -> Answer:
+def answer_step(
+    request: Request, scene: SceneModel, limit: int = MAX_CANDIDATES, start: Pose2D | None = None
+) -> Answer:
     """Answer one step: resolve its referent and plan its goal.
+
+    Args:
+        request: the step.
+        scene: the scene of the command.
+        limit: largest number of candidates.
+        start: pose of the ego when the step begins; None: where it is now.
 
     Raises:
         AppoccError: if the scene has no map.
     """
-    reading, road = request.reading, scene.road
+    reading, road = request.reading, scene.road if start is None else scene.road_from(start)
     if road is None:
         raise AppoccError("grounder: expected a scene with a map, got one without")
-    if reading.doubt and request.chosen is None and request.held is None:
-        return Answer(
-            status="ambiguous",
-            reading=reading,
-            scene=scene,
-            question=reading.doubt,
-            reasons=reading.notes,
-            dropped=reading.dropped,
-            score=reading.score,
-        )
     resolution = _resolve(request, scene, limit)
-    reasons = (*resolution.reasons, *reading.notes)
+    reasons = (*resolution.reasons, *reading.notes, *_tell_dropped(reading))
     make = partial(Answer, reading=reading, scene=scene, candidates=resolution.candidates, dropped=reading.dropped)
     if resolution.status != "ok":
         score = resolution.candidates[0].score if resolution.status == "ambiguous" else _NO_REFERENT_SCORE
@@ -206,18 +258,26 @@ def answer_step(request: Request, scene: SceneModel, limit: int = MAX_CANDIDATES
         )
     exclusions = resolve_exclusions(request.query, scene)
     planned = [
-        (referent, _plan(request, scene, road, referent, exclusions))
+        (referent, _plan(request, scene, road, referent, exclusions, start))
         for referent in _goal_candidates(request, resolution)
     ]
     referent, goal_plan = max(planned, key=lambda pair: _log_score(*pair))
+    question = goal_plan.question
+    if question:  # about this vehicle only
+        make = partial(make, candidates=(referent,) if referent else ())
+    elif goal_plan.target is None and (
+        others := _others_with_room(request, resolution, scene, road, exclusions, start)
+    ):
+        make = partial(make, candidates=others)
+        question = f"there is no place at that one: do you mean {describe_one(others[0].item, scene)}?"
     return make(
-        status="ok" if goal_plan.target else "ambiguous" if goal_plan.question else "not_found",
+        status="ok" if goal_plan.target else "ambiguous" if question else "not_found",
         plan=goal_plan,
-        question=goal_plan.question,
+        question=question,
         referent=referent,
         reasons=(*_explain_referent(reading, referent, scene), *reasons, *goal_plan.reasons),
         score=reading.score + _log_score(referent, goal_plan),
-        confidence=_confidence(referent, resolution, goal_plan),
+        confidence=_confidence(reading, referent, resolution, goal_plan, scene),
     )
 
 
@@ -248,13 +308,14 @@ def _plan(
     road: RoadMap,
     candidate: Candidate | None,
     exclusions: Sequence[tuple[str, SceneObject]],
+    start: Pose2D | None,
 ) -> GoalPlan:
     query = request.query
     item, partner = (candidate.item, candidate.partner) if candidate else (None, None)
     goal_plan = None if request.held is None else hold_goal(request.held, scene, road)
     if goal_plan is not None:
         return goal_plan
-    goal_plan = plan_goal(query, scene, road, item, partner, exclusions)
+    goal_plan = plan_goal(query, scene, road, item, partner, exclusions, start)
     if item is None and query.landmark == "secondary":
         # The map does not hold the landmark: report the goal as the nearest free place and not as the answer.
         landmark = query.secondary[0].noun.replace("_", " ")
@@ -265,20 +326,41 @@ def _plan(
     return goal_plan
 
 
+def _others_with_room(
+    request: Request,
+    resolution: Resolution,
+    scene: SceneModel,
+    road: RoadMap,
+    exclusions: Sequence[tuple[str, SceneObject]],
+    start: Pose2D | None,
+) -> tuple[Candidate, ...]:
+    """Return the next candidates of a definite referent ("the blue car") at which the command has a place."""
+    named = request.query.referent
+    if named is None or not named.definite or request.chosen is not None or find_ordinals(named.qualifiers):
+        return ()
+    others = resolution.candidates[1 : 1 + _MAX_OTHERS]
+    return tuple(one for one in others if _plan(request, scene, road, one, exclusions, start).target is not None)
+
+
 def _log_score(candidate: Candidate | None, goal_plan: GoalPlan) -> float:
     """Return the log score of a referent together with its goal."""
     score = candidate.score if candidate else 0.0
     return score + (math.log(goal_plan.target.score) if goal_plan.target else _NO_GOAL_SCORE)
 
 
-def _confidence(candidate: Candidate | None, resolution: Resolution, goal_plan: GoalPlan) -> float:
-    """Return the share of the referent among the candidates, times the score of the goal."""
-    if goal_plan.target is None:
+def _confidence(
+    reading: Reading, candidate: Candidate | None, resolution: Resolution, plan: GoalPlan, scene: SceneModel
+) -> float:
+    """Return the probability that referent and goal are right, 0 without a goal."""
+    if plan.target is None:
         return 0.0
-    share = 1.0
-    if candidate is not None:
-        share = 1.0 / sum(math.exp(min(one.score - candidate.score, 0.0)) for one in resolution.candidates)
-    return share * math.sqrt(goal_plan.target.score)
+    return confidence_of(gather_evidence(reading, candidate, resolution.candidates, plan.target.score, scene))
+
+
+def _tell_dropped(reading: Reading) -> tuple[str, ...]:
+    """Return the sentence about the words that were left out, unless a note tells them."""
+    words = [f"'{word}'" for word in reading.dropped if not any(f"'{word}'" in note for note in reading.notes)]
+    return (f"left out: {', '.join(words)}",) if words else ()
 
 
 def _explain_referent(reading: Reading, candidate: Candidate | None, scene: SceneModel) -> tuple[str, ...]:

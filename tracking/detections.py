@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
-from typing import Protocol
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from appocc.boxes import LARGEST_M
 from appocc.checks import BoolArray, FloatArray, IntArray, check_finite, check_place, check_shape, frozen
+from appocc.colours import lab_from_rgb
 from appocc.errors import ShapeError
 from tracking.neighbours import find_neighbours
+
+if TYPE_CHECKING:
+    from appocc.bevmap import BEVMap
 
 # Probabilities are clipped to these log-odds, because 0 and 1 have no finite ones.
 MAX_LOG_ODDS = 12.0
@@ -60,6 +66,7 @@ class Detections:
         kind: N categories; tracks only take detections of their own category.
         rgb: (N, 3) mean sRGB, 0..255; NaN if unknown.
         lab: (N, 3) robust CIELAB of the paint, used for association; NaN if unknown.
+        velocity_mps: (N, 2) measured velocities over ground, in the axes of the ego; NaN if unknown.
         truncated: (N,) whether the vehicle extends beyond the field of view.
         view: field of view of the detector.
     """
@@ -72,6 +79,7 @@ class Detections:
     kind: tuple[str, ...]
     rgb: FloatArray
     lab: FloatArray
+    velocity_mps: FloatArray
     truncated: BoolArray
     view: FieldOfView
 
@@ -83,49 +91,75 @@ class Detections:
                 or a size is not positive.
         """
         n = len(self.ground_m)
-        widths = {"ground_m": (3,), "size_m": (3,), "rgb": (3,), "lab": (3,)}
-        for name in _ARRAYS:
-            check_shape(f"detections {name}", getattr(self, name), (n, *widths.get(name, ())))
-            copy = getattr(self, name).copy()
-            frozen(copy)
-            object.__setattr__(self, name, copy)
+        for name, (width, kind) in _ARRAYS.items():
+            # A copy of the caller's array, or of his list.
+            array = _as_array(name, getattr(self, name), width, kind)
+            check_shape(f"detections {name}", array, (n, *width))
+            frozen(array)
+            object.__setattr__(self, name, array)
         check_place("detections ground_m", self.ground_m)
         for name in ("yaw_rad", "log_odds"):
             check_finite(f"detections {name}", getattr(self, name))
         check_finite("detections width and length", self.size_m[:, :2])
         _check_values(self)
+        object.__setattr__(self, "kind", tuple(self.kind))
         if len(self.kind) != n:
             raise ShapeError(f"detections kind: expected {n} names, got {len(self.kind)}")
 
     @classmethod
     def from_boxes(
         cls,
-        ground_m: FloatArray,
-        yaw_rad: FloatArray,
-        size_m: FloatArray,
-        log_odds: FloatArray,
-        kind: tuple[str, ...],
-        view: FieldOfView,
+        ground_m: ArrayLike,
+        yaw_rad: ArrayLike,
+        size_m: ArrayLike,
+        log_odds: ArrayLike,
+        kind: str | Sequence[str],
+        view: FieldOfView | None = None,
+        *,
+        rgb: ArrayLike | None = None,
+        velocity_mps: ArrayLike | None = None,
     ) -> Detections:
-        """Return detections from a box detector: known headings, no colours; arrays as in `Detections`.
+        """Return detections from a box detector with known headings; arrays or lists as in `Detections`.
+
+        Args:
+            ground_m: (N, 3) points on the ground below the centres, or (N, 2) on flat ground.
+            yaw_rad: (N,) headings.
+            size_m: (N, 3) width, length, height.
+            log_odds: (N,) log-odds of being a vehicle, see `log_odds_from_probability`.
+            kind: N categories, or one for all.
+            view: field of view of the detector; by default unlimited.
+            rgb: (N, 3) mean sRGB, 0..255, NaN where unknown; by default unknown.
+            velocity_mps: (N, 2) velocities, NaN where unknown; by default unknown.
 
         Raises:
             ShapeError: as in `Detections`.
         """
-        n = len(ground_m)
-        yes, no_colour = np.ones(n, dtype=np.bool_), np.full((n, 3), np.nan)
+        ground = _as_array("ground_m", ground_m, (3,), np.float64)
+        n = len(ground)
+        if ground.shape == (n, 2):
+            ground = np.pad(ground, ((0, 0), (0, 1)))
+        colours = np.full((n, 3), np.nan) if rgb is None else _as_array("rgb", rgb, (3,), np.float64)
+        check_shape("detections rgb", colours, (n, 3))
         return cls(
-            ground_m=ground_m,
-            yaw_rad=yaw_rad,
-            heading_known=yes,
-            size_m=size_m,
-            log_odds=log_odds,
-            kind=kind,
-            rgb=no_colour,
-            lab=no_colour,
-            truncated=~yes,
-            view=view,
+            ground_m=ground,
+            yaw_rad=_as_array("yaw_rad", yaw_rad, (), np.float64),
+            heading_known=np.ones(n, np.bool_),
+            size_m=_as_array("size_m", size_m, (3,), np.float64),
+            log_odds=_as_array("log_odds", log_odds, (), np.float64),
+            kind=(kind,) * n if isinstance(kind, str) else tuple(kind),
+            rgb=colours,
+            lab=lab_from_rgb(colours) if rgb is not None else colours,
+            velocity_mps=np.full((n, 2), np.nan) if velocity_mps is None else np.asarray(velocity_mps, np.float64),
+            truncated=np.zeros(n, np.bool_),
+            view=view or CircularView(),
         )
+
+    @classmethod
+    def from_bev(cls, bev: BEVMap) -> Detections:
+        """Return the detections of a map: all known objects, or the vehicle instances of a map without objects."""
+        from tracking.instances.object_detections import find_detections  # it imports this module
+
+        return find_detections(bev)
 
     def __len__(self) -> int:
         """Number of detections."""
@@ -137,27 +171,44 @@ class Detections:
         chosen = {name: getattr(self, name)[indices] for name in _ARRAYS}
         return replace(self, **chosen, kind=tuple(self.kind[i] for i in indices))
 
-    def nms_mask(self) -> BoolArray:
-        """(N,) detections that survive non-maximum suppression.
+    def duplicates(self) -> tuple[IntArray, IntArray]:
+        """Return pairs of detections of one object: better (K,) and worse (K,), best pairs first.
 
-        Two detections of one category are duplicates if their centres are closer than half the smaller width. The one
-        with the higher log-odds is kept; of equal ones, the first.
+        Two detections are duplicates if their centres are closer than half the smaller width. The one with the higher
+        log-odds is better; of equal ones, the first.
         """
-        keep = np.ones(len(self), dtype=np.bool_)
         half_m = np.minimum(self.size_m[:, 0] / 2, _MAX_DUPLICATE_RADIUS_M)
         one, other = find_neighbours(self.ground_m[:, :2], self.ground_m[:, :2], half_m)
         if len(one) == len(self):  # no neighbours but itself
-            return keep
+            return one[:0], other[:0]
         rank = np.empty(len(self), dtype=np.int64)
         rank[np.argsort(-self.log_odds, kind="stable")] = np.arange(len(self))
         offset = self.ground_m[one, :2] - self.ground_m[other, :2]
         close = (rank[one] < rank[other]) & (np.hypot(offset[:, 0], offset[:, 1]) <= half_m[other])
         one, other = one[close], other[close]
         order = np.argsort(rank[one], kind="stable")
-        for better, worse in zip(one[order].tolist(), other[order].tolist(), strict=True):
-            if keep[better] and self.kind[better] == self.kind[worse]:
-                keep[worse] = False
-        return keep
+        return one[order], other[order]
+
+    def resolve_duplicates(self) -> tuple[BoolArray, FloatArray]:
+        """Resolve several detections of one object.
+
+        Of duplicates of one category, the worse is suppressed. An object is of one category only: its detection of
+        another category lowers the odds of this one by the probability of being wrong, and most those of the less
+        likely category.
+
+        Returns:
+            (N,) detections that are kept, and (N,) log-odds of being an object of the category.
+        """
+        log_odds, kept = self.log_odds.copy(), np.ones(len(self), dtype=np.bool_)
+        for better, worse in zip(*(side.tolist() for side in self.duplicates()), strict=True):
+            if not (kept[better] and kept[worse]):
+                continue
+            if self.kind[better] == self.kind[worse]:
+                kept[worse] = False
+            else:
+                log_odds[better] -= np.logaddexp(0.0, self.log_odds[worse])
+                log_odds[worse] -= np.logaddexp(0.0, self.log_odds[better])
+        return kept, log_odds
 
     def find_containing(self, xy_m: FloatArray) -> tuple[IntArray, IntArray]:
         """Find the detections whose boxes contain points (P, 2) of the ego frame.
@@ -174,7 +225,31 @@ class Detections:
         return points[inside], boxes[inside]
 
 
-_ARRAYS = tuple(field.name for field in fields(Detections) if field.name not in ("kind", "view"))
+# Arrays of `Detections`: shape of an entry, and type.
+_ARRAYS: dict[str, tuple[tuple[int, ...], type[np.generic]]] = {
+    "ground_m": ((3,), np.float64),
+    "yaw_rad": ((), np.float64),
+    "heading_known": ((), np.bool_),
+    "size_m": ((3,), np.float64),
+    "log_odds": ((), np.float64),
+    "rgb": ((3,), np.float64),
+    "lab": ((3,), np.float64),
+    "velocity_mps": ((2,), np.float64),
+    "truncated": ((), np.bool_),
+}
+
+
+def _as_array(name: str, values: ArrayLike, width: tuple[int, ...], kind: type[np.generic]) -> NDArray[Any]:
+    """Return a copy of values as an array; an empty list becomes an array of no entries of shape `width`.
+
+    Raises:
+        ShapeError: if they are no numbers.
+    """
+    try:
+        array = np.array(values, dtype=kind)
+    except (TypeError, ValueError) as error:
+        raise ShapeError(f"detections {name}: expected an array of numbers ({error})") from error
+    return array.reshape(0, *width) if array.shape == (0,) else array
 
 
 def _check_values(detections: Detections) -> None:
@@ -186,7 +261,7 @@ def _check_values(detections: Detections) -> None:
         raise ShapeError(f"detections: expected sizes up to {LARGEST_M:g} m, got {np.nanmax(size_m):g} m")
     if (certainty > _MAX_GIVEN_LOG_ODDS).any():
         raise ShapeError(f"detections log_odds: expected {_MAX_GIVEN_LOG_ODDS:.0e} at most, got {certainty.max():g}")
-    for name in ("rgb", "lab"):
+    for name in ("rgb", "lab", "velocity_mps"):
         if np.isinf(getattr(detections, name)).any():
             raise ShapeError(f"detections {name}: expected finite numbers, or NaN where unknown, got infinity")
 

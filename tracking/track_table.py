@@ -11,6 +11,7 @@ from appocc.checks import BoolArray, FloatArray, IntArray
 from appocc.geometry import apply, wrap_angle
 from tracking.association.costs import DetectionFeatures, TrackFeatures
 from tracking.association.paint import paint_density
+from tracking.class_models import ClassTable
 from tracking.detections import Detections, probability_from_log_odds
 from tracking.filtering.kalman import KalmanFilters, MotionConfig, oriented_covariance
 from tracking.filtering.running_median import RunningMedian
@@ -22,6 +23,12 @@ _LAB_STD_WEIGHT = 10.0
 _MEDIAN_VARIANCE = 2.0
 # Columns of the attributes of a detection.
 _SIZE, _RGB, _LAB = slice(0, 3), slice(3, 6), slice(6, 9)
+# Number of detections after which a track's velocity is known.
+_STEADY_DETECTIONS = 5
+# Frame interval of a recording before its second frame.
+_FIRST_STEP_S = 0.1
+# Standard deviation of a detection's velocity, with which its track starts.
+_VELOCITY_STD_MPS = 1.5
 # Minimum heading weight, of square shapes.
 _MIN_AXIS_WEIGHT = 0.01
 
@@ -42,12 +49,13 @@ class LifecycleConfig:
         heading_smoothing_s: time constant of the heading.
         front_from_motion_mps: speed above which the motion determines front and rear.
         median_window: number of detections in the medians of size and colour.
-        prior_log_odds: prior log-odds of a track being a vehicle.
-        prior_weight: weight of the prior in detections.
+        correlation_s: detections of a track closer in time repeat each other's errors: at a frame interval t each
+            counts as 1 - exp(-t / correlation_s) independent ones.
+        memory_s: time constant after which earlier detections are forgotten in the score.
         lab_std: prior standard deviations of lightness and the two colour axes between a detection and its track;
             illumination mostly changes the first.
         lab_prior_weight: weight of that prior in detections.
-        motion: motion and measurement model.
+        motion: motion and measurement model of categories without one of their own.
     """
 
     confirm_log_odds: float = -np.inf
@@ -61,8 +69,8 @@ class LifecycleConfig:
     heading_smoothing_s: float = 0.3
     front_from_motion_mps: float = 1.0
     median_window: int = 11
-    prior_log_odds: float = -2.0
-    prior_weight: float = 4.0
+    correlation_s: float = 0.25
+    memory_s: float = 1.0
     lab_std: tuple[float, float, float] = (10.0, 5.0, 5.0)
     lab_prior_weight: float = 4.0
     motion: MotionConfig = field(default_factory=MotionConfig)
@@ -76,9 +84,12 @@ class WorldDetections(NamedTuple):
         yaw_world_rad: (M,) headings.
         heading_known: (M,) whether the heading distinguishes front and rear.
         values: (M, 9) width, length, height, sRGB and CIELAB colour.
-        noise_m2: (M, 2, 2) covariances of the positions.
+        noise_m2: (M, 2, 2) configured covariances of the positions, for association.
+        surplus_noise_m2: (M, 2, 2) what they exceed the learnt covariances by.
+        velocity_world_mps: (M, 2) measured velocities; NaN where unknown.
         axis: (M, 2) unit vectors at twice the heading, weighted by how elongated the shape is.
-        log_odds: (M,) log-odds of being a vehicle.
+        log_odds: (M,) log-odds of being a vehicle, for thresholds.
+        evidence: (M,) the same for the score, lower if the object is also detected as another category.
         truncated: (M,) whether a part may be missing.
         kind: (M,) category indices.
     """
@@ -88,8 +99,11 @@ class WorldDetections(NamedTuple):
     heading_known: BoolArray
     values: FloatArray
     noise_m2: FloatArray
+    surplus_noise_m2: FloatArray
+    velocity_world_mps: FloatArray
     axis: FloatArray
     log_odds: FloatArray
+    evidence: FloatArray
     truncated: BoolArray
     kind: IntArray
 
@@ -111,23 +125,25 @@ class WorldDetections(NamedTuple):
         )
 
 
-def detections_in_world(
-    detections: Detections, world_from_ego: FloatArray, kind: IntArray, config: MotionConfig
-) -> WorldDetections:
-    """Transform detections to the world frame; `kind` (M,) are their category indices."""
-    x, y = world_from_ego[:2, :2] @ np.array([np.cos(detections.yaw_rad), np.sin(detections.yaw_rad)])
+def detections_in_world(detections: Detections, world_from_ego: FloatArray, classes: ClassTable) -> WorldDetections:
+    """Transform detections to the world frame, with the measurement noise of their classes."""
+    kind = classes.numbers(detections.kind)
+    model, rotation = classes.parameters(kind), world_from_ego[:2, :2]
+    x, y = rotation @ np.array([np.cos(detections.yaw_rad), np.sin(detections.yaw_rad)])
     yaw_rad = np.arctan2(y, x)
-    truncated_m2 = config.truncated_std_m**2 * detections.truncated.astype(np.float64)
+    noise_m2 = oriented_covariance(yaw_rad, model.along_std_m**2, model.across_std_m**2)
+    truncated_m2 = (model.truncated_std_m * detections.truncated) ** 2
     return WorldDetections(
         position_world_m=apply(world_from_ego, detections.ground_m),
         yaw_world_rad=yaw_rad,
         heading_known=detections.heading_known,
         values=np.concatenate([detections.size_m, detections.rgb, detections.lab], axis=1),
-        noise_m2=oriented_covariance(
-            yaw_rad, config.along_std_m**2 + truncated_m2, config.across_std_m**2 + truncated_m2
-        ),
+        noise_m2=noise_m2 + truncated_m2[:, None, None] * np.eye(2),
+        surplus_noise_m2=(1 - classes.noise_factor(kind))[:, None, None] * noise_m2,
+        velocity_world_mps=detections.velocity_mps @ rotation.T,
         axis=_weighted_axis(yaw_rad, detections.size_m),
         log_odds=detections.log_odds,
+        evidence=detections.log_odds,
         truncated=detections.truncated,
         kind=kind,
     )
@@ -157,12 +173,13 @@ class TrackTable:
         filters: N Kalman filters.
     """
 
-    def __init__(self, config: LifecycleConfig) -> None:
+    def __init__(self, config: LifecycleConfig, classes: ClassTable) -> None:
         """Start with no tracks."""
-        self._config = config
-        self.filters = KalmanFilters(config.motion)
+        self._config, self._classes = config, classes
+        self._step_s = _FIRST_STEP_S
+        self.filters = KalmanFilters()
         self._medians = RunningMedian(config.median_window, 9)
-        self._set_tables(np.zeros((3, 0), np.int64), np.zeros((4, 0), np.bool_), np.zeros((10, 0)))
+        self._set_tables(np.zeros((3, 0), np.int64), np.zeros((4, 0), np.bool_), np.zeros((11, 0)))
 
     def _set_tables(self, integers: IntArray, flags: BoolArray, floats: FloatArray) -> None:
         """Replace the state by tables (..., N): few arrays grow and shrink faster than many.
@@ -173,7 +190,8 @@ class TrackTable:
         self.id, self.kind, self.detection = integers
         self.confirmed, self.lost, self.stationary, self._moving = flags
         self.yaw_rad, self.unseen_s, self._moved_s, self._tracked_s, self._ground_m = floats[:5]
-        self._log_odds_sum, self._front_votes, self.missed_s, self._axis = floats[5], floats[6], floats[7], floats[8:]
+        self._log_odds_sum, self._evidence, self._front_votes, self.missed_s = floats[5:9]
+        self._axis = floats[9:]
 
     def __len__(self) -> int:
         """Number of tracks."""
@@ -186,10 +204,13 @@ class TrackTable:
 
     @property
     def log_odds(self) -> FloatArray:
-        """(N,) log-odds of being a vehicle: mean over all detections and the prior."""
-        weight = self._config.prior_weight
-        total = self._log_odds_sum + self._config.prior_log_odds * weight
-        return np.asarray(total / (self._medians.count + weight))
+        """(N,) log-odds of being an object of the category: weighted mean over the detections and the prior.
+
+        Later detections count more: the weights decay with `memory_s`.
+        """
+        model = self._classes.parameters(self.kind)
+        total = self._log_odds_sum + model.prior_log_odds * model.prior_weight
+        return np.asarray(total / (self._evidence + model.prior_weight))
 
     @property
     def expired(self) -> BoolArray:
@@ -218,9 +239,12 @@ class TrackTable:
 
     def predict(self, seconds: float) -> None:
         """Predict all tracks by a time step; they are unmatched until `update`."""
+        self._step_s = seconds
         self.lost[:] = self.unseen_s > self._config.lost_s
         moving_s = np.where(self.stationary & (self.unseen_s > 0), 0.0, seconds)
-        self.filters.predict(moving_s, self.yaw_rad)
+        model = self._classes.parameters(self.kind)
+        psd = oriented_covariance(self.yaw_rad, model.along_accel_psd_m2ps3, model.across_accel_psd_m2ps3)
+        self.filters.predict(moving_s, psd)
         self._moved_s += moving_s
         self.unseen_s += seconds
         self.missed_s += seconds
@@ -233,6 +257,7 @@ class TrackTable:
     def features(self) -> TrackFeatures:
         """Return the predicted features for association."""
         median, mean, cov = self._medians.median, self.filters.mean, self.filters.cov
+        model = self._classes.parameters(self.kind)
         return TrackFeatures(
             xy_m=mean[:, :2],
             cov_m2=cov[:, :2, :2],
@@ -243,6 +268,8 @@ class TrackTable:
             kind=self.kind,
             unseen_s=self.unseen_s,
             displacement_m=mean[:, 2:] * self._moved_s[:, None],
+            gate_scale=model.gate_scale,
+            heading_weight=model.heading_weight,
         )
 
     def _lab_variance(self) -> FloatArray:
@@ -274,12 +301,13 @@ class TrackTable:
         (turns,) = turn_rad.nonzero()
         if len(turns):
             self.filters.turn(rows[turns], turn_rad[turns], self._moved_s[rows[turns]])
-        self.filters.update(rows, found.position_world_m[:, :2], noise_m2)
+        self._learn_noise(rows, found, turn_rad)
+        self.filters.update(rows, found.position_world_m[:, :2], noise_m2 - found.surplus_noise_m2)
         seconds = self.unseen_s[rows]
         self._tracked_s[rows] += seconds
         self.unseen_s[rows] = self._moved_s[rows] = self.missed_s[rows] = 0.0
         self.detection[rows] = detection
-        self._log_odds_sum[rows] += found.log_odds
+        self._add_evidence(rows, found.evidence)
         self._ground_m[rows] = found.position_world_m[:, 2]
         # A truncated vehicle is at least as large as its visible part.
         values = found.values
@@ -292,19 +320,42 @@ class TrackTable:
         self._update_heading(rows, found, seconds)
         self._confirm(rows, found.log_odds)
 
+    def _learn_noise(self, rows: IntArray, found: WorldDetections, turn_rad: FloatArray) -> None:
+        """Learn the measurement noise from tracks with a known velocity that went straight on."""
+        steady = (self._medians.count[rows] >= _STEADY_DETECTIONS) & (self.unseen_s[rows] <= 2 * self._step_s)
+        (use,) = (steady & (turn_rad == 0) & ~found.truncated).nonzero()
+        mean, cov = self.filters.mean[rows[use]], self.filters.cov[rows[use]]
+        self._classes.learn_noise(
+            found.kind[use],
+            found.position_world_m[use, :2] - mean[:, :2],
+            cov[:, :2, :2],
+            (found.noise_m2 - found.surplus_noise_m2)[use],
+        )
+
     def add(self, found: WorldDetections, ids: IntArray, detection: IntArray) -> None:
         """Add a track for each of M detections, with ids and detection indices (M,)."""
         n, m = len(self), len(ids)
         if not m:
             return
-        self.filters.add(found.position_world_m[:, :2], found.yaw_world_rad, found.noise_m2)
+        self._add_filters(found)
         self._medians.add(found.values)
         self._set_tables(*(np.concatenate([t, np.zeros((len(t), m), t.dtype)], axis=1) for t in self._tables))
         self.id[n:], self.kind[n:], self.detection[n:] = ids, found.kind, detection
         self.yaw_rad[n:], self._axis[:, n:] = found.yaw_world_rad, found.axis.T
         self._front_votes[n:] = found.heading_known
-        self._ground_m[n:], self._log_odds_sum[n:] = found.position_world_m[:, 2], found.log_odds
+        self._ground_m[n:] = found.position_world_m[:, 2]
+        self._add_evidence(np.arange(n, n + m), found.evidence)
         self._confirm(np.arange(n, n + m), found.log_odds)
+
+    def _add_filters(self, found: WorldDetections) -> None:
+        model, velocity = self._classes.parameters(found.kind), found.velocity_world_mps
+        speed_m2ps2 = oriented_covariance(
+            found.yaw_world_rad, model.along_speed_std_mps**2, model.across_speed_std_mps**2
+        )
+        measured = np.isfinite(velocity).all(axis=1)
+        speed_m2ps2[measured] = _VELOCITY_STD_MPS**2 * np.eye(2)
+        velocity = np.where(measured[:, None], velocity, 0.0)
+        self.filters.add(found.position_world_m[:, :2], found.noise_m2 - found.surplus_noise_m2, velocity, speed_m2ps2)
 
     def keep(self, mask: BoolArray) -> None:
         """Keep the tracks of a mask (N,)."""
@@ -313,6 +364,13 @@ class TrackTable:
         self.filters.keep(mask)
         self._medians.keep(mask)
         self._set_tables(*(table.compress(mask, axis=1) for table in self._tables))
+
+    def _add_evidence(self, rows: IntArray, log_odds: FloatArray) -> None:
+        """Add the log-odds (M,) of detections to the scores of tracks (M,)."""
+        config = self._config
+        keep, weight = np.exp(-self._step_s / config.memory_s), -np.expm1(-self._step_s / config.correlation_s)
+        self._log_odds_sum[rows] = keep * self._log_odds_sum[rows] + weight * log_odds
+        self._evidence[rows] = keep * self._evidence[rows] + weight
 
     def _confirm(self, rows: IntArray, log_odds: FloatArray) -> None:
         confirmed = (log_odds >= self._config.confirm_log_odds) | (self._tracked_s[rows] >= self._config.confirm_s)
@@ -332,8 +390,9 @@ class TrackTable:
         # Motion counts as one vote at least; the votes now refer to the end chosen as front.
         self._front_votes[rows] = np.maximum(np.abs(votes), drives)
 
-    def tracks(self, mask: BoolArray, kinds: tuple[str, ...]) -> Tracks:
-        """Return the tracks of a mask (N,); `kinds` are the names of the categories."""
+    def tracks(self, mask: BoolArray) -> Tracks:
+        """Return the tracks of a mask (N,)."""
+        kinds = self._classes.names
         (rows,) = mask.nonzero()
         median, mean = self._medians.median.take(rows, axis=0), self.filters.mean.take(rows, axis=0)
         return Tracks(

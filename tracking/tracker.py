@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from numbers import Integral
 
 import numpy as np
 
@@ -11,11 +13,14 @@ from appocc.errors import DataError
 from tracking.association.cascade import MatchingCascade
 from tracking.association.colour_likelihood import ColourLikelihood
 from tracking.association.costs import AssociationConfig
+from tracking.class_models import CLASS_MODELS, ClassModel, ClassTable
 from tracking.detections import Detections
 from tracking.track_table import LifecycleConfig, TrackTable, WorldDetections, detections_in_world
 from tracking.tracks import Tracks
 
 REMATCH_STAGE = AssociationConfig(gate_speed_mps=20.0, gate_chi2=30.0, max_gate_m=12.0, max_cost=15.0)
+# A detection at the place of a track is the same vehicle, whatever colour it has now.
+SAME_PLACE_STAGE = AssociationConfig(min_gate_m=1.0, gate_chi2=0.0, gate_speed_mps=0.0, max_gate_m=1.0, max_cost=15.0)
 LOST_STAGE = AssociationConfig(min_gate_m=1.0, gate_chi2=12.0, max_gate_m=40.0, max_cost=3.0)
 # At such distances only a rare colour identifies a vehicle, whose heading may have changed.
 DRIFTED_STAGE = AssociationConfig(
@@ -36,6 +41,7 @@ class TrackerConfig:
         rematch: current tracks, high detections; wider gates, for faster motion than predicted.
         lost: lost tracks, high detections.
         drifted: last stage, established tracks that left their predicted path; high detections with a known colour.
+        classes: models of categories; others have the motion model of the life cycle.
         colour_outlier_rate: initial probability that a colour is wrong; 1 disables colours.
     """
 
@@ -47,7 +53,8 @@ class TrackerConfig:
     rematch: AssociationConfig = REMATCH_STAGE
     lost: AssociationConfig = LOST_STAGE
     drifted: AssociationConfig = DRIFTED_STAGE
-    colour_outlier_rate: float = 0.02
+    classes: Mapping[str, ClassModel] = field(default_factory=lambda: CLASS_MODELS)
+    colour_outlier_rate: float = 0.5
 
 
 class Tracker:
@@ -64,8 +71,8 @@ class Tracker:
     def __init__(self, config: TrackerConfig | None = None) -> None:
         """Start with no tracks."""
         self.config = config or TrackerConfig()
-        self._table = TrackTable(self.config.lifecycle)
-        self._kinds: dict[str, int] = {}
+        self._classes = ClassTable(self.config.classes, ClassModel(motion=self.config.lifecycle.motion))
+        self._table = TrackTable(self.config.lifecycle, self._classes)
         self._time_us: int | None = None
         self._last_id = 0
         self._colours = ColourLikelihood(self.config.colour_outlier_rate)
@@ -79,15 +86,14 @@ class Tracker:
             world_from_ego: (4, 4) ego pose.
 
         Raises:
-            DataError: if time does not increase.
+            DataError: if the time is no integer or does not increase.
             ShapeError: if the pose is not a rigid transform.
         """
         check_transform("world_from_ego", world_from_ego)
         seconds = self._predict(timestamp_us)
-        kinds = np.array([self._kinds.setdefault(name, len(self._kinds)) for name in detections.kind], dtype=np.int64)
-        found = detections_in_world(detections, world_from_ego, kinds, self.config.lifecycle.motion)
-        # Duplicates of a detection are never matched.
-        found = found._replace(log_odds=np.where(detections.nms_mask(), found.log_odds, -np.inf))
+        found = detections_in_world(detections, world_from_ego, self._classes)
+        kept, evidence = detections.resolve_duplicates()
+        found = found._replace(log_odds=np.where(kept, found.log_odds, -np.inf), evidence=evidence)
         unmatched = self._associate(found)
         table = self._table
         # In the ego frame; the inverse of a rotation is its transpose.
@@ -102,21 +108,24 @@ class Tracker:
         (hidden,) = (table.confirmed & (table.detection < 0) & ~table.lost).nonzero()
         covered, covering = detections.find_containing(xy_ego_m.compress(keep, axis=0).take(hidden, axis=0))
         new = unmatched & (found.log_odds >= self.config.init_threshold)
-        new[covering] = False
+        own = table.kind[hidden[covered]] == found.kind[covering]
+        new[covering[own]] = False
         self._start_tracks(new.nonzero()[0], found)
         reported = table.reportable
-        reported[hidden[covered]] = True
-        return table.tracks(reported, tuple(self._kinds))
+        reported[hidden[covered[own]]] = True
+        return table.tracks(reported)
 
     def _predict(self, timestamp_us: int) -> float:
         """Predict all tracks to a new time; return the time step in seconds."""
+        if not isinstance(timestamp_us, Integral):
+            raise DataError(f"tracker: expected an integer time in microseconds, got {timestamp_us!r}")
         seconds = 0.0
         if self._time_us is not None:
             if timestamp_us <= self._time_us:
                 raise DataError(f"tracker: expected a time after {self._time_us} us, got {timestamp_us} us")
             seconds = (timestamp_us - self._time_us) * 1e-6
             if seconds > self.config.lifecycle.forget_stationary_s:
-                self._table = TrackTable(self.config.lifecycle)
+                self._table = TrackTable(self.config.lifecycle, self._classes)
             self._table.predict(seconds)
         self._time_us = timestamp_us
         return seconds
@@ -138,10 +147,13 @@ class Tracker:
             coloured = high & np.isfinite(features.lab[:, 0]) & (config.colour_outlier_rate < 1)
             for tracks, candidates, stage in (
                 (current, high, config.rematch),
+                (current, high, SAME_PLACE_STAGE),
                 (table.lost, high, config.lost),
                 (table.established, coloured, config.drifted),
             ):
-                pairs = self._colours.add_cost(cascade.candidates(tracks, candidates, stage))
+                pairs = cascade.candidates(tracks, candidates, stage)
+                if stage is not SAME_PLACE_STAGE:
+                    pairs = self._colours.add_cost(pairs)
                 cascade.match(pairs, tracks, candidates)
         (rows,) = (~cascade.unmatched_tracks).nonzero()
         columns = cascade.detection[rows]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
-from grounding.language import Reading, Token, WordCategory
+from grounding.language import Reading, WordCategory
 from grounding.language.replies import with_superlatives
 from grounding.query import Query, Referent
 
@@ -72,9 +72,9 @@ def read_description(text: str, antecedent: Referent | None, read: Reader) -> Re
     for phrase in _PHRASES:
         reading = read(phrase.format(text), antecedent)[0]
         referent = reading.query.referent
-        if reading.problem or referent is None or reading.query.relation != "none":
+        if referent is None or reading.query.relation != "none" or not _is_understood(reading):
             continue
-        if not _unknown(reading) and not _is_bare(referent, reading):
+        if not _is_bare(referent, reading):
             return reading
     return None
 
@@ -89,7 +89,7 @@ def complete(text: str, base: Query, antecedent: Referent | None, read: Reader) 
         reading = read(f"{verb} {text}", antecedent)[0]
         query = reading.query
         placed = query.relation != "none" or query.goal_side or query.direction or query.distance_m is not None
-        if reading.problem is None and placed and not _unknown(reading):
+        if placed and _is_understood(reading):
             query = replace(query, action=base.action, actions=(base.action,) if base.action else ())
             return replace(reading, query=query, steps=(query,))
     return None
@@ -106,8 +106,9 @@ def keep_action(reading: Reading, base: Query | None) -> Reading:
     return replace(reading, query=kept, steps=(kept,))
 
 
-def _unknown(reading: Reading) -> list[Token]:
-    return [token for token in reading.tokens if token.category is WordCategory.UNKNOWN]
+def _is_understood(reading: Reading) -> bool:
+    """Return whether a reading is a command that uses all its words."""
+    return not (reading.problem or reading.dropped or reading.doubt)
 
 
 def _is_bare(referent: Referent, reading: Reading) -> bool:

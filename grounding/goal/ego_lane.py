@@ -88,6 +88,12 @@ def propose_at_edge(road: RoadMap, side: str, ahead: DistanceRange) -> list[Cand
     return [CandidateSet(words, cells, cost, heading, along[region], "ahead").subset(side_m < _MAX_EDGE_M)]
 
 
+def propose_back(road: RoadMap, distance_m: float) -> list[CandidateSet]:
+    """Propose candidates straight behind us, to which the ego drives backwards."""
+    off = 1 + distance_m / 10
+    return [_along_lane(road, 0.0, _IN_LANE_M, DistanceRange(-distance_m - off, -distance_m, -0.4), 1.0, "behind us")]
+
+
 def propose_here(road: RoadMap) -> list[CandidateSet]:
     """Propose candidates at or near the present pose."""
     cells = road.grid.cell_of(road.ego_lane.origin_m) + np.argwhere(np.ones((21, 21))) - 10

@@ -13,7 +13,15 @@ from appocc.ego_vehicle import EgoVehicle
 from appocc.geometry import footprints, wrap_angle
 from appocc.motion_state import MOVING_MPS
 from grounding.goal.candidates import CandidateSet, GoalCandidate
-from grounding.goal.limits import BEHIND_US, OTHER_SIDE, PlaceLimits
+from grounding.goal.limits import (
+    AGAINST_TRAFFIC,
+    BEHIND_US,
+    DRIVES_MPS,
+    OTHER_SIDE,
+    TURNED,
+    PlaceLimits,
+    standing_cost,
+)
 from grounding.goal.proposals import propose_candidates, propose_relation
 from grounding.goal.search import CandidateSearch
 from grounding.query import Query
@@ -22,6 +30,7 @@ from grounding.road.car_paths import CarRoute
 from grounding.road.pose import Pose2D
 from grounding.road.road_map import RoadMap
 from grounding.scene_object import SceneObject
+from grounding.vocabulary import Action
 
 # A goal closer than this to the ideal candidate is not reported as moved.
 _MOVED_M = 0.6
@@ -31,14 +40,15 @@ _RUNNERS_UP = 3
 # A way that turns by more is a turn in the road; reversing less than this is not worth a word.
 _TURN_ROUND_RAD, _LITTLE_M = np.radians(150), 0.5
 # Where only one limit stands against the best place, that is asked.
+_FOLLOW = "it does not stand still: shall we follow it?"
 _QUESTIONS = {
     BEHIND_US: "there is no such place ahead of us: shall we go back to the one behind us?",
+    TURNED: "it stands on the other side of the road: shall we turn round here?",
     OTHER_SIDE: "that is on the side of oncoming traffic: shall we go there all the same?",
 }
 _MIN_SCORE = 1e-6
-# No answer below this score. A vehicle faster than this drives; beside it nobody parks or stops.
-_MIN_SCORE_OK, _DRIVES_MPS = 0.1, 2.0
-_RELATIVE_ACTIONS = ("park", "pull_over", "stop")
+# No answer below this score.
+_MIN_SCORE_OK = 0.1
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -80,6 +90,7 @@ class GoalPlan:
         nearest: if no candidate is valid, the nearest valid pose.
         search: all candidates with their costs, None if there were none to search.
         question: what to ask before going to `nearest`; '' where there is nothing to ask.
+        instead: action that the question proposes; None if it is about `nearest`.
     """
 
     target: Target | None
@@ -89,6 +100,7 @@ class GoalPlan:
     nearest: Target | None = None
     search: CandidateSearch | None = None
     question: str = ""
+    instead: Action | None = None
 
     @property
     def route(self) -> FloatArray | None:
@@ -124,14 +136,20 @@ def plan_goal(
     if start is not None:
         road = scene.road_from(start)
     limits = PlaceLimits.of(query, road.traffic_side)
+    if item is not None and _drives_away(query, item):
+        reason = f"it drives at {item.speed_mps:.0f} m/s, so that no place beside it stays"
+        return GoalPlan(None, (reason,), question=_FOLLOW, instead="follow")
     proposed, reasons = propose_candidates(query, road, item, partner)
     if item is not None and item.speed_mps is not None and item.speed_mps > MOVING_MPS:
         reasons = [*reasons, f"it moves at {item.speed_mps:.0f} m/s: the place is measured from where it is now"]
     if proposed is None:
         return GoalPlan(None, tuple(reasons))
-    if item is not None and limits.our_side:
-        proposed = [turned for each in proposed for turned in _with_traffic(each, road)]
-    candidate_sets = [each.with_detour_cost(road) for each in proposed]
+    if item is not None and limits.our_side and _is_on_other_side(item, road):
+        # Who names a vehicle there asks for a place there: with the traffic of that side if we can turn, else against.
+        if (item.speed_mps or 0.0) < DRIVES_MPS:
+            proposed = [turned for each in proposed for turned in _with_traffic(each, road)]
+        limits = replace(limits, our_side=False)
+    candidate_sets = [_with_costs(each, query, road) for each in proposed]
     references = [one for one in (item, partner) if one]
     search = CandidateSearch(candidate_sets, scene, road, references, _excluded_cells(forbidden, road), limits)
     best, way = search.find_reachable(1 + _RUNNERS_UP)
@@ -143,17 +161,13 @@ def plan_goal(
         fits = f"its score is {target.score:.2f}, {_MIN_SCORE_OK} is needed"
         reasons.append(f"the best free place fits the command badly: {fits}")
         return GoalPlan(None, tuple(reasons), nearest=target, search=search)
-    if target.score >= _MIN_SCORE_OK and _drives_away(query, item):
-        question = f"it drives at {item.speed_mps:.0f} m/s: shall we follow it?" if item and item.speed_mps else ""
-        return GoalPlan(None, tuple(reasons), nearest=target, search=search, question=question)
     return GoalPlan(target, tuple(reasons), way, tuple(others), None, search)
 
 
-def _drives_away(query: Query, item: SceneObject | None) -> bool:
+def _drives_away(query: Query, item: SceneObject) -> bool:
     """Return whether a place to stand is asked for beside a vehicle that drives on."""
-    measured = query.relation != "none" or query.action in _RELATIVE_ACTIONS
-    drives = item is not None and item.speed_mps is not None and item.speed_mps > _DRIVES_MPS
-    return drives and measured and query.action in _RELATIVE_ACTIONS and query.trigger is None
+    stands = query.action in ("park", "pull_over", "stop") and query.relation != "same_as"
+    return stands and query.trigger is None and (item.speed_mps or 0.0) > DRIVES_MPS
 
 
 def _with_traffic(candidates: CandidateSet, road: RoadMap) -> list[CandidateSet]:
@@ -162,7 +176,21 @@ def _with_traffic(candidates: CandidateSet, road: RoadMap) -> list[CandidateSet]
     if not against.any():
         return [candidates]
     heading = np.where(against, wrap_angle(candidates.heading_rad + np.pi), candidates.heading_rad)
-    return [replace(candidates, heading_rad=heading)]
+    here = candidates.subset(against)
+    facing = replace(here, words=f"{here.words}, facing the traffic", cost=here.cost + AGAINST_TRAFFIC)
+    return [replace(candidates, heading_rad=heading), facing]
+
+
+def _is_on_other_side(item: SceneObject, road: RoadMap) -> bool:
+    """Return whether a vehicle is on the side of oncoming traffic."""
+    cell = np.array([road.nearest_drivable(item.centre_m)])
+    return bool(road.is_oncoming_side(cell, np.array([road.direction_at(item.centre_m)]))[0])
+
+
+def _with_costs(candidates: CandidateSet, query: Query, road: RoadMap) -> CandidateSet:
+    """Return candidates with the costs of the way to them and of standing there."""
+    found = candidates.with_detour_cost(road)
+    return replace(found, cost=found.cost + standing_cost(query, road, found.cells, found.heading_rad))
 
 
 def _excluded_cells(forbidden: Sequence[tuple[str, SceneObject]], road: RoadMap) -> BoolArray | None:

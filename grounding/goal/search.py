@@ -10,7 +10,7 @@ import numpy as np
 from appocc.checks import BoolArray, FloatArray, IntArray
 from appocc.geometry import wrap_angle
 from grounding.goal.candidates import CandidateSet, GoalCandidate
-from grounding.goal.limits import BEHIND_US, JUNCTION, OTHER_SIDE, PlaceLimits
+from grounding.goal.limits import BEHIND_US, JUNCTION, NO_LIMITS, OTHER_SIDE, TURNED, PlaceLimits
 from grounding.referent.scene import SceneModel
 from grounding.road.car_paths import MOST_BACK_M, CarPaths, CarRoute
 from grounding.road.free_space import MARGIN_M, OFF_MAP, OFF_ROAD, TAKEN, UNKNOWN, round_heading
@@ -26,6 +26,7 @@ _WORDS = {
     OTHER_SIDE: "is on the side of oncoming traffic",
     JUNCTION: "is in a junction",
     BEHIND_US: "is behind us",
+    TURNED: "needs us to turn round here",
     UNREACHABLE: "cannot be reached as a car drives, with its turning circle and little reversing",
 }
 # Runners-up may cost this much more than the best candidate.
@@ -48,7 +49,7 @@ class CandidateSearch:
         road: RoadMap,
         references: Sequence[SceneObject] = (),
         excluded: BoolArray | None = None,
-        limits: PlaceLimits = PlaceLimits(our_side=False, not_behind=False),
+        limits: PlaceLimits = NO_LIMITS,
     ) -> None:
         """Set up the search.
 
@@ -68,7 +69,11 @@ class CandidateSearch:
 
     @cached_property
     def _cars(self) -> CarPaths:
-        return self.road.cars if self._limits.most_back_m == MOST_BACK_M else self.road.cars_with(self._limits.most_back_m)
+        return (
+            self.road.cars
+            if self._limits.most_back_m == MOST_BACK_M
+            else self.road.cars_with(self._limits.most_back_m)
+        )
 
     @cached_property
     def _set_index(self) -> IntArray:

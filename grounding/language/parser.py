@@ -9,7 +9,7 @@ from functools import cached_property
 from grounding.language.ambiguity import MAX_READINGS, list_alternatives
 from grounding.language.problems import CommandError, ParseProblem, find_problem
 from grounding.language.semantics.accounting import Account, account_for
-from grounding.language.semantics.contrasts import resolve_contrasts
+from grounding.language.semantics.contrasts import has_partial_repair, resolve_contrasts
 from grounding.language.semantics.interpreter import interpret
 from grounding.language.semantics.query_builder import BuiltQuery, build_query
 from grounding.language.syntax.clauses import split_clauses
@@ -104,7 +104,8 @@ class _Analysis:
 
     def __init__(self, text: str, way: Tokenised, antecedent: Referent | None) -> None:
         self._text, self._antecedent, self.way = text, antecedent, way
-        self._tagged = resolve_contrasts(tag(way.tokens))
+        self._written = tag(way.tokens)
+        self._tagged = resolve_contrasts(self._written)
         self.built = self._build(self._tagged)
 
     def _build(self, tagged: Sequence[Token]) -> BuiltQuery:
@@ -112,7 +113,7 @@ class _Analysis:
 
     @cached_property
     def _account(self) -> Account:
-        return account_for(self._tagged, self._build)
+        return account_for(self._tagged, self._build, has_partial_repair(self._written))
 
     def reading(self, query: Query, score: float, problem: ParseProblem | None = None) -> Reading:
         """Return the reading with a query of this analysis."""

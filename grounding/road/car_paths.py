@@ -21,6 +21,8 @@ from grounding.road.pose import Pose2D
 
 # Greatest distance backwards unless the command asks for more.
 MOST_BACK_M = 10.0
+# A goal in the start's own cell, turned by less than this, is where the ego is.
+_STAYS_RAD = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,6 +129,12 @@ class CarPaths:
 
     def route_to(self, cell: tuple[int, int], heading_rad: float) -> CarRoute | None:
         """Return the way to a cell at a heading; None if a car does not get there."""
+        centre = self.grid.centre_of(np.array(cell))
+        turned = (heading_rad - self.start.heading_rad + np.pi) % (2 * np.pi) - np.pi
+        if np.abs(centre - self.start.xy_m).max() < self.grid.cell_m and abs(turned) < _STAYS_RAD:
+            # It stays where it is: the goal is the nearest cell.
+            points, heading = np.stack([self.start.xy_m, centre]), np.full(2, self.start.heading_rad)
+            return CarRoute(points, heading, np.zeros(2, np.bool_))
         goal = self._rear_axle(self.grid.centre_of(np.array([cell])), np.array([heading_rad]))[0]
         states = connect(self._model, self._reached, goal)
         if not len(states):

@@ -15,13 +15,13 @@ from grounding.road.reeds_shepp import words_to
 STATE_CELLS, HEADINGS = 2, 40
 _ARC_M = 1.2
 # Cost of a metre backwards, of a change of gear, and of a metre at full lock, beyond its length.
-_BACKWARDS, _GEAR, _LOCK = 1.5, 3.0, 0.1
+_BACKWARDS, _GEAR, _LOCK = 1.5, 5.0, 0.1
 # Queue of the search: width of a bucket, greatest cost, and entries per state.
 _BUCKET, _MOST_COST, _ENTRIES = 0.25, 200.0, 6
 # Radii of connecting curves relative to that of full lock: wider ones are more comfortable.
 _RADII = (4.0, 2.0, 1.0)
 # States around a goal: distance, and how many are tried.
-_AROUND_M, _TRIED = 9.0, 300
+_AROUND_M, _TRIED = 9.0, 1000
 _STEP_M = 0.4
 # States that one curve may replace.
 _SHORTCUT = 24

@@ -26,3 +26,25 @@ def cells_to_edge(drivable: BoolArray, cells: IntArray, angle_rad: FloatArray, m
             count += 1
         found[n] = count / 2
     return found
+
+
+@numba.njit(cache=True, nogil=True)
+def cells_to_marking(
+    marking: BoolArray, cells: IntArray, angle_rad: FloatArray, wanted: FloatArray, reach: float
+) -> FloatArray:
+    """Return how far the marking nearest to a wanted distance (N,) is from cells (N, 2) in directions (N,), in cells.
+
+    Where no marking lies within `reach` of the wanted distance, that itself is returned.
+    """
+    found = wanted.copy()
+    for n in range(len(cells)):
+        least = reach
+        di, dj = np.cos(angle_rad[n]), np.sin(angle_rad[n])
+        far = wanted[n] - reach
+        while far <= wanted[n] + reach:
+            i, j = int(np.rint(cells[n, 0] + far * di)), int(np.rint(cells[n, 1] + far * dj))
+            on_map = 0 <= i < marking.shape[0] and 0 <= j < marking.shape[1]
+            if on_map and marking[i, j] and abs(far - wanted[n]) < least:
+                least, found[n] = abs(far - wanted[n]), far
+            far += 0.5
+    return found

@@ -17,7 +17,7 @@ from appocc.geometry import wrap_angle
 from appocc.grid import BEVGrid
 from appocc.motion_state import MOVING_MPS
 from grounding.road.car_paths import MOST_BACK_M, CarPaths
-from grounding.road.edges import cells_to_edge
+from grounding.road.edges import cells_to_edge, cells_to_marking
 from grounding.road.free_space import OFF_ROAD, TAKEN, UNKNOWN, FreeSpace
 from grounding.road.junctions import find_junctions
 from grounding.road.lane_model import Centreline
@@ -44,8 +44,8 @@ _MAX_EDGE_M, _MAX_HALF_M = 16.0, 12.0
 _MOVING_VOTES = 3.0
 # A narrower road is driven in its middle.
 _ONE_LANE_M = 5.5
-# A place this far beyond the middle of the road is on the other side.
-_MIDDLE_M = 0.5
+# A place this far beyond the middle of the road is on the other side. A marking this near to half of the width is it.
+_MIDDLE_M, _MARKED_M = 0.4, 1.5
 # Extra cost of a metre in the narrowest passage, and outside the ego lane.
 _NARROW, _WIDE_M, _OFF_LANE, _LANE_M = 0.8, 1.6, 0.3, 3.0
 # Positions up to this lateral offset belong to the road of the ego lane if its direction agrees (cosine).
@@ -166,13 +166,17 @@ class RoadMap:
     def is_oncoming_side(self, cells: IntArray, heading_rad: FloatArray) -> BoolArray:
         """(N,) whether cells (N, 2) belong to oncoming traffic of headings (N,): beyond the middle of a wide road.
 
-        A junction has no sides, nor has a road whose two edges are not both near.
+        The middle is a marking near half of the width, else that half. A junction has no sides, nor has a road whose
+        near edge is far away.
         """
-        left, right = (self.edge_distance_m(cells, heading_rad + turn) for turn in (np.pi / 2, -np.pi / 2))
-        near_side, far_side = (right, left) if self.traffic_side > 0 else (left, right)
-        beyond_m = (near_side - far_side) / 2
+        turned = heading_rad + np.pi / 2
+        left, right = (self.edge_distance_m(cells, angle) for angle in (turned, turned - np.pi))
+        half, cell_m = (left - right) / 2, self.grid.cell_m
+        marking = self.tracer.marking_m < cell_m / 2
+        middle_m = cells_to_marking(marking, cells, turned, half / cell_m, _MARKED_M / cell_m) * cell_m
+        near_side = right if self.traffic_side > 0 else left
         has_sides = (left + right > _ONE_LANE_M) & (near_side < _MAX_EDGE_M) & ~self.junctions[tuple(cells.T)]
-        return np.asarray(has_sides & (beyond_m > _MIDDLE_M))
+        return np.asarray(has_sides & (self.traffic_side * middle_m < -_MIDDLE_M))
 
     def edge_distance_m(
         self, cells: IntArray, angle_rad: FloatArray, max_distance_m: float = _MAX_EDGE_M

@@ -10,7 +10,7 @@ from made_detections import CAR_M, STEP_US, follow, ids, seen
 from made_map import pose
 
 from tracking.detections import Detections, probability_from_log_odds
-from tracking.filtering.kalman import MotionConfig
+from tracking.class_models import ClassModel, ClassTable
 from tracking.track_table import LifecycleConfig, TrackTable, detections_in_world
 from tracking.tracker import Tracker, TrackerConfig
 
@@ -104,9 +104,10 @@ def test_a_break_longer_than_anything_is_remembered_ends_all_tracks() -> None:
 
 
 def test_stationary_tracks_keep_their_position_while_hidden() -> None:
-    followed = TrackTable(LifecycleConfig())
+    classes = ClassTable({}, ClassModel())
+    followed = TrackTable(LifecycleConfig(), classes)
     for i in range(20):
-        sight = detections_in_world(seen([[0.05 * i, 0]]), pose(), np.zeros(1, np.int64), MotionConfig())
+        sight = detections_in_world(seen([[0.05 * i, 0]]), pose(), classes)
         if i == 0:
             followed.add(sight, np.ones(1, np.int64), np.zeros(1, np.int64))
             continue
@@ -129,10 +130,11 @@ def test_a_vehicle_that_is_cut_off_for_long_keeps_its_size() -> None:
 def test_little_seen_of_a_colour_says_little_of_the_next_one() -> None:
     """Variance about a median: three times that of a detection for one detection, hardly more for many."""
     config = LifecycleConfig()
-    followed = TrackTable(config)
+    classes = ClassTable({}, ClassModel())
+    followed = TrackTable(config, classes)
     coloured = replace(seen([[0, 0]]), lab=np.array([[50.0, 40.0, 10.0]]), rgb=np.full((1, 3), 100.0))
     both = [
-        detections_in_world(each, pose(), np.zeros(1, np.int64), MotionConfig())
+        detections_in_world(each, pose(), classes)
         for each in (coloured, seen([[9, 0]]))
     ]
     for number, sight in enumerate(both):

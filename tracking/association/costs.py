@@ -9,7 +9,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from appocc.checks import BoolArray, FloatArray, IntArray
-from tracking.filtering.kalman import arc_offset, determinant_2x2, squared_mahalanobis
+from tracking.filtering.kalman import arc_offset, determinant_2x2, oriented_covariance, squared_mahalanobis
 
 _IDENTITY = np.eye(2)
 # Larger heading changes are treated as heading errors, not as turns.
@@ -69,6 +69,8 @@ class TrackFeatures(NamedTuple):
         kind: (N,) category indices.
         unseen_s: (N,) time since the last detection.
         displacement_m: (N, 2) predicted displacement since the last detection, for straight motion.
+        gate_scale: (N,) factor on gates in metres.
+        heading_weight: (N,) factor on the heading cost; tracks with 0 do not turn along arcs.
     """
 
     xy_m: FloatArray
@@ -80,6 +82,8 @@ class TrackFeatures(NamedTuple):
     kind: IntArray
     unseen_s: FloatArray
     displacement_m: FloatArray
+    gate_scale: FloatArray
+    heading_weight: FloatArray
 
     def select(self, rows: IntArray) -> TrackFeatures:
         """Return the tracks at indices (K,)."""
@@ -165,7 +169,7 @@ def gate_pairs(
     turned = arc_chi2 + _TURN_COST < straight_chi2
     chi2 = np.where(turned, arc_chi2, straight_chi2)
     distance_m = np.where(turned, np.hypot(arc_x, arc_y), np.hypot(x, y))
-    inside = (chi2 <= config.gate_chi2) | (distance_m <= config.min_gate_m)
+    inside = (chi2 <= config.gate_chi2) | (distance_m <= config.min_gate_m * track.gate_scale)
     cost = chi2 + np.log(determinant_2x2(cov)) + _shape_cost(track, detection, config) - config.max_cost
     pairs = CandidatePairs(rows, columns, noise_m2, turn_rad * turned, cost, _colour_ratio(track, detection))
     return pairs.select(inside.nonzero()[0])
@@ -175,17 +179,17 @@ def _turn_angle(track: TrackFeatures, detection: DetectionFeatures) -> FloatArra
     """(P,) heading changes modulo pi; 0 above the maximum turn."""
     turn_rad = detection.yaw_rad - track.yaw_rad
     turn_rad -= np.pi * np.rint(turn_rad / np.pi)
-    return turn_rad * (np.abs(turn_rad) <= _MAX_TURN_RAD)
+    return turn_rad * ((np.abs(turn_rad) <= _MAX_TURN_RAD) & (track.heading_weight > 0))
 
 
 def measurement_noise(track: TrackFeatures, detection: DetectionFeatures) -> FloatArray:
     """Return position covariances (P, 2, 2) of detections, given the track.
 
-    A detection longer than the vehicle is merged with another one, a shorter one is partly missing. The vehicle's
-    position is then uniform over the length difference: variance of its square over 12.
+    A detection longer than the vehicle is merged with another one, a shorter one is partly missing. Along its
+    heading, the vehicle's position is then uniform over the length difference: variance of its square over 12.
     """
     surplus_m = detection.size_m[:, 1] - track.size_m[:, 1]
-    return np.asarray(detection.noise_m2 + (surplus_m**2 / 12)[:, None, None] * _IDENTITY)
+    return detection.noise_m2 + oriented_covariance(detection.yaw_rad, surplus_m**2 / 12, 0.0)
 
 
 def _shape_cost(track: TrackFeatures, detection: DetectionFeatures, config: AssociationConfig) -> FloatArray:
@@ -193,7 +197,7 @@ def _shape_cost(track: TrackFeatures, detection: DetectionFeatures, config: Asso
     cost = np.zeros(len(track.xy_m))
     if config.max_heading_cost:
         turn = np.abs(np.sin(track.yaw_rad - detection.yaw_rad)) / config.heading_std_rad
-        cost += np.minimum(turn**2, config.max_heading_cost)
+        cost += np.minimum(turn**2, config.max_heading_cost) * track.heading_weight
     if config.max_size_cost:
         growth = np.abs(np.log(track.size_m / detection.size_m)).sum(axis=1) / config.size_log_std
         cost += np.minimum(growth**2, config.max_size_cost)

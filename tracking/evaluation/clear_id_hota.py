@@ -210,9 +210,44 @@ def _share(part: float, whole: float) -> float:
 def _pairs(distance: FloatArray, rule: MatchingRule) -> tuple[IntArray, IntArray]:
     """Return rows and columns of the assignment with the most pairs within the gate, then the smallest distance."""
     possible = distance < rule.gate
-    rows, columns = linear_sum_assignment(np.where(possible, distance, _NO_PAIR))
-    keep = possible[rows, columns]
-    return rows[keep], columns[keep]
+    rows, columns = possible.nonzero()
+    if len(set(rows.tolist())) == len(set(columns.tolist())) == len(rows):  # no conflicts
+        return rows, columns
+    rows, columns = np.unique(rows), np.unique(columns)
+    near = np.ix_(rows, columns)
+    i, j = linear_sum_assignment(np.where(possible[near], distance[near], _NO_PAIR))
+    keep = possible[near][i, j]
+    return rows[i[keep]], columns[j[keep]]
+
+
+@dataclass(frozen=True)
+class ErrorCounts:
+    """What MOTA counts.
+
+    Attributes:
+        objects: number of required objects over all frames.
+        outputs: number of tracks over all frames, without ignored ones.
+        matches: number of pairs, including switches.
+        switches: number of identity switches.
+    """
+
+    objects: int
+    outputs: int
+    matches: int
+    switches: int
+
+    @property
+    def errors(self) -> int:
+        """Number of misses, false positives and switches."""
+        return self.objects + self.outputs - 2 * self.matches + self.switches
+
+
+def count_errors(frames: Sequence[DistanceFrame], rule: MatchingRule) -> ErrorCounts:
+    """Count the errors of a sequence of frames, see `evaluate`; faster than all metrics."""
+    kept, objects, _ = _drop_ignored(frames, rule)
+    clear = _clear(kept, objects, rule)
+    truths, outputs = sum(len(one.truth) for one in kept), sum(len(one.track) for one in kept)
+    return ErrorCounts(truths, outputs, clear.matches, clear.switches)
 
 
 def _drop_ignored(frames: Sequence[DistanceFrame], rule: MatchingRule) -> tuple[list[_IndexedFrame], int, int]:
@@ -308,12 +343,13 @@ def _clear(frames: Sequence[_IndexedFrame], objects: int, rule: MatchingRule) ->
 def _kept_pairs(frame: _IndexedFrame, last: IntArray, rule: MatchingRule) -> list[tuple[int, int]]:
     """Return rows and columns of objects that are still within the gate of their last track."""
     pairs: list[tuple[int, int]] = []
-    taken: set[int] = set()
-    for i, truth in enumerate(frame.truth):
-        for j in np.flatnonzero(frame.track == last[truth]).tolist():
-            if j not in taken and frame.distance[i, j] < rule.gate:
-                pairs.append((i, j))
-                taken.add(j)
+    column = {track: j for j, track in enumerate(frame.track.tolist())}
+    for i, track in enumerate(last[frame.truth].tolist()):
+        # An object that comes later finds the column of a track taken, if both had it.
+        j = column.get(track)
+        if j is not None and frame.distance[i, j] < rule.gate:
+            pairs.append((i, j))
+            del column[track]
     return pairs
 
 

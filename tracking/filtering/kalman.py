@@ -60,18 +60,17 @@ class KalmanFilters:
         cov: (N, 4, 4) covariances of the states.
     """
 
-    def __init__(self, config: MotionConfig) -> None:
+    def __init__(self) -> None:
         """Start with no filters."""
-        self._config = config
         self.mean = np.zeros((0, 4))
         self.cov = np.zeros((0, 4, 4))
 
-    def add(self, xy_world_m: FloatArray, yaw_rad: FloatArray, noise_m2: FloatArray) -> None:
-        """Add M filters at positions (M, 2) with covariances (M, 2, 2) and headings (M,)."""
-        config, cov = self._config, np.zeros((len(xy_world_m), 4, 4))
+    def add(self, xy_world_m: FloatArray, noise_m2: FloatArray, velocity_mps: FloatArray, cov_m2ps2: FloatArray) -> None:
+        """Add M filters at positions (M, 2) and velocities (M, 2) with covariances (M, 2, 2) of both."""
+        cov = np.zeros((len(xy_world_m), 4, 4))
         cov[:, :2, :2] = noise_m2
-        cov[:, 2:, 2:] = oriented_covariance(yaw_rad, config.along_speed_std_mps**2, config.across_speed_std_mps**2)
-        mean = np.concatenate([xy_world_m, np.zeros((len(xy_world_m), 2))], axis=1)
+        cov[:, 2:, 2:] = cov_m2ps2
+        mean = np.concatenate([xy_world_m, velocity_mps], axis=1)
         self.mean = np.concatenate([self.mean, mean])
         self.cov = np.concatenate([self.cov, cov])
 
@@ -79,14 +78,12 @@ class KalmanFilters:
         """Keep the filters of a mask (N,)."""
         self.mean, self.cov = self.mean.compress(mask, axis=0), self.cov.compress(mask, axis=0)
 
-    def predict(self, seconds: FloatArray, yaw_rad: FloatArray) -> None:
-        """Predict over time steps (N,), with process noise oriented along headings (N,)."""
-        config = self._config
+    def predict(self, seconds: FloatArray, psd_m2ps3: FloatArray) -> None:
+        """Predict over time steps (N,), with spectral densities (N, 2, 2) of the white-noise acceleration."""
         # Numpy is fastest with the longest axis last.
         mean, cov = self.mean.T, self.cov.transpose(1, 2, 0).copy()
         mean[:2] += seconds * mean[2:]
-        psd = oriented_covariance(yaw_rad, config.along_accel_psd_m2ps3, config.across_accel_psd_m2ps3)
-        noise = seconds * psd.transpose(1, 2, 0)
+        noise = seconds * psd_m2ps3.transpose(1, 2, 0)
         position, cross, velocity = cov[:2, :2], cov[:2, 2:], cov[2:, 2:]
         new_cross = cross + seconds * (velocity + noise / 2)
         position += seconds * (cross + new_cross.transpose(1, 0, 2) - seconds / 6 * noise)

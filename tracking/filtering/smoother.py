@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 from scipy.ndimage import gaussian_filter1d
 
 from appocc.checks import BoolArray, FloatArray, IntArray
@@ -170,14 +171,13 @@ def _smooth_states(path: _TrackPath, config: MotionConfig) -> KalmanFilters:
     process_noise = np.einsum("ijn,nkl->nikjl", walk, psd).reshape(-1, 4, 4)
     noise_m2 = oriented_covariance(yaw, config.along_std_m**2, config.across_std_m**2)
 
-    initial = KalmanFilters(config)
-    initial.add(forward[:1, :2], yaw[:1], noise_m2[:1])
+    speed_m2ps2 = oriented_covariance(yaw[:1], config.along_speed_std_mps**2, config.across_speed_std_mps**2)
     kalman = KalmanFilter(dim_x=4, dim_z=2)
-    kalman.x, kalman.P, kalman.H = initial.mean[0], initial.cov[0], np.eye(2, 4)
+    kalman.x, kalman.P, kalman.H = np.zeros(4), block_diag(noise_m2[0], speed_m2ps2[0]), np.eye(2, 4)
     updated = set(rows[1:].tolist())
     measured = [xy if row in updated else None for row, xy in enumerate(forward[:, :2])]
     _, cov, _, _ = kalman.batch_filter(measured, Fs=transitions, Qs=process_noise, Rs=noise_m2)
-    result = KalmanFilters(config)
+    result = KalmanFilters()
     result.mean, result.cov, _, _ = kalman.rts_smoother(forward, cov, transitions, process_noise)
     result.mean += origin
     return result

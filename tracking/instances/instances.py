@@ -125,6 +125,7 @@ class Instances:
             kind=("vehicle",) * n,
             rgb=self.rgb,
             lab=self.lab,
+            velocity_mps=np.full((n, 2), np.nan),
             truncated=self.touches_border,
             view=self.view,
         )

@@ -47,6 +47,7 @@ def _from_objects(bev: BEVMap, objects: BEVObjects) -> Detections:
         ),
         rgb=objects.rgb,
         lab=lab_from_rgb(objects.rgb),
+        velocity_mps=objects.velocity_mps,
         truncated=np.asarray(cut.reshape(-1, 4).any(axis=1)),
         view=view,
     )

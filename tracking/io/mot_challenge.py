@@ -167,6 +167,7 @@ def _frame(number: int, rows: FloatArray, fps: float, px_per_m: float | None) ->
         kind=(KIND,) * n,
         rgb=unknown,
         lab=unknown,
+        velocity_mps=unknown[:, :2],
         truncated=no,
         view=CircularView(),
     )

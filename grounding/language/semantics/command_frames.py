@@ -37,6 +37,7 @@ class CommandFrame:
         event_subject: subject of the event, if it is not the target.
         event_connective: connective of the event's clause.
         count: as in `Query`.
+        manoeuvre: as in `Query`.
     """
 
     verb_class: str = ""
@@ -63,6 +64,7 @@ class CommandFrame:
     event_subject: NounPhrase | None = None
     event_connective: str = ""
     count: int | None = None
+    manoeuvre: str | None = None
 
     @property
     def direct_object(self) -> NounPhrase | None:

@@ -66,7 +66,7 @@ def resolve_contrasts(tokens: Sequence[Token]) -> list[Token]:
     A repair whose reparandum is not found stays as it is.
     """
     current = list(tokens)
-    if not any(_letter(token) in "NECBM" or _is_ending(token) for token in current):
+    if not any(_letter(token) in "NECBMF" or _is_ending(token) for token in current):
         return current
     for _ in range(_MAX_REWRITES):
         rewritten = _rewrite_once(current)
@@ -76,9 +76,16 @@ def resolve_contrasts(tokens: Sequence[Token]) -> list[Token]:
     return current
 
 
+def has_partial_repair(tokens: Sequence[Token]) -> bool:
+    """Return whether a text repairs a part of a command, not a whole one: "no, the bus"."""
+    return bool(re.search(r"[^.,C][,.]*C[,.C]*[^evNT.,C]", "".join(map(_letter, tokens))))
+
+
 def _letter(token: Token) -> str:
-    """Return the letter of a token; "M" for a negation of the next word alone ("non")."""
-    return "M" if token.value == "attribute" else _LETTERS.get(token.category, "z")
+    """Return the letter of a token; "M" for a negation of the next word alone ("non"), "F" for "far from"."""
+    if token.category is WordCategory.NOT and token.value:
+        return {"attribute": "M", "far": "F"}[token.value]
+    return _LETTERS.get(token.category, "z")
 
 
 def _rewrite_once(tokens: list[Token]) -> list[Token] | None:
@@ -120,10 +127,28 @@ def _negate_modifier(tokens: list[Token], match: re.Match[str]) -> list[Token]:
     return [*before, *noun, replace(which, text="that is"), *negation, *modifier]
 
 
+def _end_negation(tokens: list[Token], match: re.Match[str]) -> list[Token] | None:
+    """Rewrite "don't stop until you are past the bus" to "stop past the bus"."""
+    verb, relation = tokens[match.start() + 1 :][:2]
+    return [verb, relation] if relation.text.startswith(("until", "till")) else None
+
+
 def _negate_place(tokens: list[Token], match: re.Match[str]) -> list[Token]:
-    """Rewrite "near no truck" to ", not near a truck"."""
+    """Rewrite "near no truck" and "near anything but a truck" to ", not near a truck"."""
     relation, negation, noun = (_span(tokens, match, group) for group in ("relation", "not", "noun"))
-    return [_comma(relation[0]), *negation, *relation, *noun]
+    named = [_vehicle(token) if token.category is WordCategory.ONE else token for token in noun]
+    return [_comma(relation[0]), negation[0].with_category(WordCategory.NOT), *relation, *named]
+
+
+def _vehicle(token: Token) -> Token:
+    return replace(token.with_category(WordCategory.NOUN, "vehicle"), text="vehicle", written="vehicle")
+
+
+def _negate_nearness(tokens: list[Token], match: re.Match[str]) -> list[Token]:
+    """Rewrite "far from the bus" to ", not near the bus"."""
+    far, noun = _span(tokens, match, "far"), _span(tokens, match, "noun")
+    near = far[0].with_category(WordCategory.RELATION, "near")
+    return [_comma(far[0]), far[0].with_category(WordCategory.NOT), near, *noun]
 
 
 # ---------------------------------------------------------------- contrast
@@ -167,7 +192,8 @@ def _complete(chosen: Sequence[Token], model: Sequence[Token]) -> list[Token]:
             completed += heads
         else:
             completed.append(token)
-    return completed
+    adjective = not any(_letter(token) in "hop" for token in chosen) and _letter(chosen[0]) in "dm"
+    return [*completed, *heads] if adjective else completed  # "the first van, or rather the second"
 
 
 # ---------------------------------------------------------------- self-repair
@@ -249,7 +275,9 @@ def _names_another(reparandum: Sequence[Token], repair: Sequence[Token]) -> bool
 def _contrast_patterns(verb: str, separator: str) -> list[re.Pattern[str]]:
     """Return the patterns of a contrast between noun phrases and of one between places."""
     return [
-        re.compile(rf"(?P<not>[NE])(?P<verb>{verb})(?P<rejected>{part}){separator},?(?P<chosen>{part}){_END}")
+        re.compile(
+            rf"(?P<not>[NE])(?P<verb>{verb})(?P<rejected>{part})(?:W?ea)?{separator},?(?P<chosen>{part}){_END}"
+        )
         for part in (_WHOLE_NOUN, _PLACE)
     ]
 
@@ -270,8 +298,12 @@ _RULES: tuple[tuple[re.Pattern[str], _Rewrite], ...] = (
     (re.compile(r"(?P<before>d*)(?P<not>M|(?<=d)N)(?P<modifier>m+)(?P<noun>[ho]+)"), _negate_modifier),
     (re.compile(rf"(?P<chosen>r),?N(?P<rejected>r),?(?P<noun>{_NOUN})"), _share_noun),
     (re.compile(rf",?[NE]t{_END[:-1]}|S|r)"), _drop_direction),
+    (re.compile(r"Nvr"), _end_negation),
+    (re.compile(rf"(?P<far>F)(?P<noun>{_WHOLE_NOUN})"), _negate_nearness),
     (re.compile(r"(?P<relation>r)(?P<not>N)(?P<noun>[mn]*h)"), _negate_place),
+    (re.compile(rf"(?P<relation>r)(?P<not>E)(?P<noun>{_NOUN})"), _negate_place),
     *((pattern, _contrast) for pattern in _contrast_patterns("", "(?:,?B|,?[,.C]+)")),
     *((pattern, _contrast) for pattern in _contrast_patterns("v", ",?B")),
     (re.compile(rf"(?P<before>[^.]*[^.,C])[,.]*C[,C]*(?P<repair>{_REPAIR}){_END}"), _repair),
+    (re.compile(r"(?P<before>[^.]*[^.,C])[,.]*C[,C]*(?P<repair>[swlt])(?=r)"), _repair),
 )

@@ -36,7 +36,7 @@ from grounding.query import (
     Referent,
     Side,
 )
-from grounding.vocabulary import RELATIONS, Action, Relation, Trigger
+from grounding.vocabulary import RELATIONS, Action, Manoeuvre, Relation, Trigger
 
 # Relations without a place.
 _NOT_SPATIAL = ("with", "of", "for", "object")
@@ -128,6 +128,7 @@ def _query(
         distance_m=distance_m,
         distance_of=distance_of,
         excluded=(*excluded, *_referent_exclusions(referent)),
+        manoeuvre=cast(Manoeuvre | None, next(filter(None, (one.frame.manoeuvre for one in by_priority)), None)),
         unresolved=_unresolved(main.intent) if referent is None else "",
         count=next((count for intent in by_priority if (count := _count(intent)) is not None), None),
     )

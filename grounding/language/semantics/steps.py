@@ -48,6 +48,9 @@ def _step(discourse: Discourse, intent: Intent, main: MainIntent, query_of: Quer
     """Return the query of one intent alone."""
     if intent.frame is main.intent.frame:
         return query_of(main, [main.intent], [main.intent])
+    if intent.action in _HOLDING and intent.target is None and intent.frame.event_subject is not None:
+        awaited = resolve_anaphor(discourse, intent.frame.event_subject)  # "wait until the bus leaves, then ..."
+        intent = replace(intent, target=awaited)
     target = intent.target if intent.target is not None and intent.target.kind in ("vehicle", "person") else None
     return query_of(MainIntent(intent, target, intent.anaphora), [intent], [intent])
 

@@ -9,6 +9,7 @@ from grounding.language.syntax.clauses import TEMPORAL
 from grounding.language.syntax.noun_phrases import VEHICLE_KINDS, NounPhrase
 from grounding.language.syntax.tokenizer import Token
 from grounding.language.syntax.word_categories import WordCategory
+from grounding.vocabulary import MANOEUVRES
 
 # Verb classes whose object does something in turn: "let it pass", "wait for it to turn".
 AWAITING = ("give_way", "wait")
@@ -105,6 +106,8 @@ def start_frame(state: DiscourseState, token: Token, connective: str) -> None:
             frame.direction = value
         elif value in ORDINALS:
             frame.count = ORDINALS[value]  # "second left, please"
+        elif value in MANOEUVRES:
+            frame.manoeuvre = value
         else:
             frame.relation = value
     _move_arguments(state.leading_frame, frame)

@@ -78,7 +78,8 @@ class Decoder:
 
     def _edges(self, written: Sequence[str], i: int) -> Iterator[tuple[int, tuple[str, ...], float]]:
         """Yield the edges from a written word: end, words, cost."""
-        for words, cost in self._spelling.of(written[i]).items():
+        number = len(written) == 1 and written[0].isdigit()  # an answer, and no way to write "to"
+        for words, cost in self._spelling.of(written[i]).items() if not number else [((written[i],), 0.0)]:
             yield i + 1, words, cost
         if i + 1 < len(written):
             for words, cost in self._spelling.of_pair(written[i], written[i + 1]).items():

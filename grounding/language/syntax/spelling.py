@@ -12,8 +12,9 @@ from rapidfuzz.process import extract, extractOne
 from grounding.language.syntax.lexicon import Lexicon
 from grounding.language.syntax.word_model import common_words, homophones
 
-# Costs: of one wrong letter, of a homophone, of a missing apostrophe, of a missing and of an extra blank.
-EDIT, HOMOPHONE, APOSTROPHE, MISSING_BLANK, EXTRA_BLANK = 7.0, 5.0, 1.5, 10.0, 3.0
+# Costs: of one wrong letter, a homophone, another way to write a word, a missing apostrophe, a missing and an extra
+# blank.
+EDIT, HOMOPHONE, RESPELLED, APOSTROPHE, MISSING_BLANK, EXTRA_BLANK = 7.0, 5.0, 3.0, 1.5, 10.0, 3.0
 # Extra costs of a correction of a word of the lexicon, and of another English word.
 KNOWN_WORD, REAL_WORD = 4.0, 8.0
 # How much likelier a swap of letters and a neighbouring key are than other edits.
@@ -75,7 +76,7 @@ class SpellingCandidates:
             found[words] = min(cost, found.get(words, cost))
 
         for meant in self._lexicon.respelled.get(word, ()):
-            offer(tuple(meant.split()), APOSTROPHE)
+            offer(tuple(meant.split()), RESPELLED)
         for meant in homophones().get(word, ()):
             if not self._same_meaning(word, meant):
                 offer((meant,), HOMOPHONE)

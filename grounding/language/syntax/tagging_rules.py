@@ -199,6 +199,9 @@ def tag_ego(before: Sequence[Token], token: Token, after: Sequence[Token]) -> To
 
 def tag_correct(before: Sequence[Token], token: Token, after: Sequence[Token]) -> Token:
     """Tag "never mind the bus" as an exclusion, "there is actually no space" as a negation."""
+    begins = bool(before) and category_at(before, -1) in CLAUSE_ENDS | {WordCategory.COMMA}
+    if token.text == "actually" and not begins:
+        return token.with_category(WordCategory.FILLER)
     if token.text.endswith(" no") and category_at(after, 0) in PHRASE_WORDS:
         return token.with_category(WordCategory.NOT)
     dropped = token.text in ("never mind", "nevermind", "cancel that", "forget that", "scratch that")

@@ -70,9 +70,14 @@ def tag_verb(before: Sequence[Token], token: Token, after: Sequence[Token]) -> T
         return token.with_category(WordCategory.STATE, token.state)
     if token.value == "turn" and token.form and category_at(after, 0) is WordCategory.COLOUR:
         return replace(token, value="none", state="", event="other")  # "until the light turns green"
+    interjection = last in CLAUSE_ENDS and category_at(after, 0) is WordCategory.COMMA
+    if token.value == "wait" and interjection and category_at(after, 1) in (WordCategory.NOT, WordCategory.CORRECT):
+        return token.with_category(WordCategory.FILLER)  # "wait, don't stop"
     onward = token.text in ("go", "come") and last not in (WordCategory.NOT, WordCategory.EGO)
     if onward and category_at(after, 0) is WordCategory.VERB and not after[0].form:
         return token.with_category(WordCategory.FILLER)  # "go park there"
+    if token.text == "go" and [one.category for one in after[:2]] == [WordCategory.AND, WordCategory.VERB]:
+        return token.with_category(WordCategory.FILLER)  # "go and park there"
     if token.text == "lets" and last in CLAUSE_ENDS | {WordCategory.COMMA}:
         return token.with_category(WordCategory.FILLER)  # "lets park here"
     if token.value in TURNS and after and after[0].text.startswith("lane"):
@@ -85,7 +90,9 @@ def tag_verb(before: Sequence[Token], token: Token, after: Sequence[Token]) -> T
         return token.with_category(WordCategory.VERB, token.text.split()[0])  # "go right behind it"
     if token.form == "ing" and last in DETERMINERS and category_at(after, 0) in HEADS | {WordCategory.COLOUR}:
         return token.with_category(WordCategory.EXTRA)
-    named = last in DETERMINERS or (last in MODIFIERS and category_at(before, -2) in DETERMINERS)
+    own = bool(before) and before[-1].form == "own" and category_at(after, 0) not in HEADS  # "the van's tail"
+    named = last in DETERMINERS or (own and last is not WordCategory.WHICH)
+    named = named or (last in MODIFIERS and category_at(before, -2) in DETERMINERS)
     noun_form = not token.form or (token.form == "ing" and token.value == "turn")  # "the second turning"
     if named and noun_form and token.value not in TURNS and " " not in token.text:
         return token.with_category(WordCategory.THING, _NOUNS_OF_VERBS.get(token.value, token.text))
@@ -152,6 +159,10 @@ def tag_extra(before: Sequence[Token], token: Token, after: Sequence[Token]) -> 
 
 def tag_aux(before: Sequence[Token], token: Token, after: Sequence[Token]) -> Token:
     """Tag the verb in "we are going to the house"."""
+    wanted = [one for one in after if one.category not in DETERMINERS | MODIFIERS | {WordCategory.THAT}][:1]
+    ego = category_at(before, -1) is WordCategory.EGO or token.text.startswith(("i'd", "we'd", "i would", "we would"))
+    if ego and category_at(wanted, 0) is WordCategory.SPOT and category_at(after, 0) is not WordCategory.VERB:
+        return token.with_category(WordCategory.VERB, "take")  # "I want that space"
     if not (token.text.endswith("going to") and category_at(after, 0) in PHRASE_STARTS):
         return token
     if category_at(before, -1) in COMMAND_STARTS:

@@ -148,6 +148,8 @@ def _entry_without_match(word: str, lexicon: Lexicon) -> LexicalEntry:
         return owner[1]
     if word in _MARKS:
         return LexicalEntry(_MARKS[word])
+    if word.endswith("n't"):
+        return LexicalEntry(WordCategory.NOT)
     if _NUMBER.fullmatch(word):
         return LexicalEntry(WordCategory.NUMBER, word)
     return LexicalEntry(WordCategory.POSSESSIVE if word.endswith("'s") else WordCategory.UNKNOWN)

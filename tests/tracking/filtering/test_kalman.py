@@ -15,9 +15,17 @@ def noise(sigma_m: float = 0.3) -> FloatArray:
     return np.eye(2)[None] * sigma_m**2
 
 
+def initial_speed(yaw_rad: FloatArray) -> FloatArray:
+    return oriented_covariance(yaw_rad, CONFIG.along_speed_std_mps**2, CONFIG.across_speed_std_mps**2)
+
+
+def process_noise(yaw_rad: FloatArray) -> FloatArray:
+    return oriented_covariance(yaw_rad, CONFIG.along_accel_psd_m2ps3, CONFIG.across_accel_psd_m2ps3)
+
+
 def begun(yaw_rad: float = 0.0, sigma_m: float = 0.3) -> KalmanFilters:
-    filters = KalmanFilters(CONFIG)
-    filters.add(np.zeros((1, 2)), np.array([yaw_rad]), noise(sigma_m))
+    filters = KalmanFilters()
+    filters.add(np.zeros((1, 2)), noise(sigma_m), np.zeros((1, 2)), initial_speed(np.array([yaw_rad])))
     return filters
 
 
@@ -27,7 +35,7 @@ def followed(steps_s: list[float], velocity_mps: FloatArray) -> tuple[KalmanFilt
     filters, passed = begun(float(yaw)), 0.0
     for step in steps_s:
         passed += step
-        filters.predict(np.array([step]), np.array([yaw]))
+        filters.predict(np.array([step]), process_noise(np.array([yaw])))
         filters.update(ONE, (velocity_mps * passed)[None], noise())
     return filters, passed
 
@@ -43,16 +51,16 @@ def test_velocity_is_found_at_irregular_steps() -> None:
 def test_a_prediction_goes_on_at_the_same_velocity_and_grows_uncertain() -> None:
     filters, passed = followed([0.2] * 10, np.array([5.0, 0.0]))
     sure = filters.position_std_m()[0]
-    filters.predict(np.ones(1), np.zeros(1))
+    filters.predict(np.ones(1), process_noise(np.zeros(1)))
     np.testing.assert_allclose(filters.mean[0, :2], [5.0 * (passed + 1.0), 0.0], atol=0.3)
     assert filters.position_std_m()[0] > 2 * sure
 
 
 def test_one_long_step_is_as_uncertain_as_many_short_ones() -> None:
     one, many = begun(0.7), begun(0.7)
-    one.predict(np.ones(1), np.array([0.7]))
+    one.predict(np.ones(1), process_noise(np.array([0.7])))
     for _ in range(10):
-        many.predict(np.array([0.1]), np.array([0.7]))
+        many.predict(np.array([0.1]), process_noise(np.array([0.7])))
     np.testing.assert_allclose(one.cov, many.cov, atol=1e-12)
 
 
@@ -64,7 +72,7 @@ def test_a_stationary_vehicle_does_not_move() -> None:
 
 def test_a_vehicle_may_go_where_it_points_but_hardly_sideways() -> None:
     filters = begun(np.pi / 2)
-    filters.predict(np.array([0.5]), np.array([np.pi / 2]))
+    filters.predict(np.array([0.5]), process_noise(np.array([np.pi / 2])))
     x, y = np.sqrt(np.diagonal(filters.cov[0, :2, :2]))
     assert y == pytest.approx(np.hypot(0.3, 0.5 * CONFIG.along_speed_std_mps), rel=0.01)
     assert x == pytest.approx(np.hypot(0.3, 0.5 * CONFIG.across_speed_std_mps), rel=0.05)
@@ -83,8 +91,8 @@ def test_each_filter_is_filterpys() -> None:
     random = np.random.default_rng(4)
     n, yaw = 20, random.uniform(-np.pi, np.pi, 20)
     places, cov = random.normal(0, 20, (n, 2)), oriented_covariance(yaw, 0.09, 0.04)
-    filters, singles = KalmanFilters(CONFIG), []
-    filters.add(places, yaw, cov)
+    filters, singles = KalmanFilters(), []
+    filters.add(places, cov, np.zeros((n, 2)), initial_speed(yaw))
     for i in range(n):
         single = KalmanFilter(dim_x=4, dim_z=2)
         single.x = np.append(places[i], [0.0, 0.0])
@@ -92,13 +100,13 @@ def test_each_filter_is_filterpys() -> None:
         single.P = np.zeros((4, 4))
         single.P[:2, :2], single.P[2:, 2:] = (
             cov[i],
-            oriented_covariance(yaw[i : i + 1], CONFIG.along_speed_std_mps**2, CONFIG.across_speed_std_mps**2)[0],
+            initial_speed(yaw[i : i + 1])[0],
         )
         singles.append(single)
     for _ in range(30):
         seconds = float(random.uniform(0.02, 0.8))
-        filters.predict(np.full(len(yaw), seconds), yaw)
-        push = oriented_covariance(yaw, CONFIG.along_accel_psd_m2ps3, CONFIG.across_accel_psd_m2ps3)
+        push = process_noise(yaw)
+        filters.predict(np.full(len(yaw), seconds), push)
         for i, single in enumerate(singles):
             single.F = np.eye(4) + seconds * np.eye(4, k=2)
             parts = [
@@ -117,8 +125,8 @@ def test_each_filter_is_filterpys() -> None:
 
 
 def test_keep_selects_filters() -> None:
-    filters = KalmanFilters(CONFIG)
-    filters.add(np.arange(6.0).reshape(3, 2), np.zeros(3), np.repeat(noise(), 3, axis=0))
+    filters, every = KalmanFilters(), np.repeat(noise(), 3, axis=0)
+    filters.add(np.arange(6.0).reshape(3, 2), every, np.zeros((3, 2)), every)
     filters.keep(np.array([True, False, True]))
     assert filters.mean[:, :2].tolist() == [[0, 1], [4, 5]]
     assert len(filters.cov) == 2
@@ -155,7 +163,7 @@ def test_covariance_rotates_with_the_turn() -> None:
     """After a quarter turn the speed is unknown along the new heading, and so is the place at the arc's end."""
     filters = begun()
     filters.mean[0, 2:] = [5.0, 0.0]
-    filters.predict(np.array([0.5]), np.zeros(1))
+    filters.predict(np.array([0.5]), process_noise(np.zeros(1)))
     filters.turn(ONE, np.array([np.pi / 2]), np.array([0.5]))
     np.testing.assert_allclose(filters.mean[0], [2.5 * 2 / np.pi, 2.5 * 2 / np.pi, 0, 5], atol=1e-9)
     along, across = filters.cov[0, 3, 3], filters.cov[0, 2, 2]

@@ -1,0 +1,151 @@
+"""Class models: how the objects of each category move, and how far their detections may lie from a prediction."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import astuple, dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from appocc.checks import FloatArray, IntArray
+from tracking.filtering.kalman import MotionConfig, invert_2x2
+
+# Weight of the configured measurement noise in detections, and the number of detections after which earlier ones are
+# forgotten.
+_NOISE_PRIOR, _NOISE_MEMORY = 20.0, 1000.0
+# Limits of the learnt factor on the variances of the noise.
+_MIN_NOISE, _MAX_NOISE = 0.05, 4.0
+# Squared innovations count up to this many variances: larger ones are wrong matches.
+_MAX_INNOVATION_CHI2 = 9.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class ClassModel:
+    """Model of a category.
+
+    Attributes:
+        motion: motion and measurement model.
+        gate_scale: factor on the gates in metres of all association stages.
+        heading_weight: factor on the heading cost; 0 for objects whose heading says little about where they go, which
+            also do not turn along arcs.
+        prior_log_odds: prior log-odds that a track is an object of the category.
+        prior_weight: weight of that prior, in independent detections. Detectors report the rarer classes more often
+            beside an object of another class than on one of their own.
+    """
+
+    motion: MotionConfig = field(default_factory=MotionConfig)
+    gate_scale: float = 1.0
+    heading_weight: float = 1.0
+    prior_log_odds: float = -2.0
+    prior_weight: float = 2.0
+
+
+_TWO_WHEELER = ClassModel(
+    motion=MotionConfig(
+        along_speed_std_mps=5.0,
+        across_speed_std_mps=1.0,
+        along_accel_psd_m2ps3=0.5,
+        across_accel_psd_m2ps3=0.2,
+        along_std_m=0.2,
+        across_std_m=0.15,
+    ),
+    gate_scale=0.8,
+    heading_weight=0.3,
+)
+
+# Models of nuScenes' and KITTI's classes. Other categories are vehicles: the default.
+CLASS_MODELS: Mapping[str, ClassModel] = {
+    "car": ClassModel(prior_weight=0.8),
+    "pedestrian": ClassModel(
+        motion=MotionConfig(
+            along_speed_std_mps=1.2,
+            across_speed_std_mps=1.2,
+            along_accel_psd_m2ps3=0.2,
+            across_accel_psd_m2ps3=0.2,
+            along_std_m=0.15,
+            across_std_m=0.15,
+        ),
+        gate_scale=0.5,
+        heading_weight=0.0,
+        prior_weight=0.8,
+    ),
+    "bicycle": _TWO_WHEELER,
+    "motorcycle": _TWO_WHEELER,
+}
+
+
+class ClassParameters(NamedTuple):
+    """Models of N objects as arrays (N,); the names are those of `MotionConfig` and `ClassModel`."""
+
+    along_speed_std_mps: FloatArray
+    across_speed_std_mps: FloatArray
+    along_accel_psd_m2ps3: FloatArray
+    across_accel_psd_m2ps3: FloatArray
+    along_std_m: FloatArray
+    across_std_m: FloatArray
+    truncated_std_m: FloatArray
+    gate_scale: FloatArray
+    heading_weight: FloatArray
+    prior_log_odds: FloatArray
+    prior_weight: FloatArray
+
+
+class ClassTable:
+    """Categories seen so far, numbered from 0, with their models and the noise learnt for them."""
+
+    def __init__(self, models: Mapping[str, ClassModel], default: ClassModel) -> None:
+        """Start with no categories; those without a model get the default one."""
+        self._models, self._default = models, default
+        self._numbers: dict[str, int] = {}
+        self._table = np.zeros((len(ClassParameters._fields), 0))
+        # Sum of squared noise in units of the configured variance, and number of detections, by category.
+        self._noise = np.zeros((2, 0))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names by number."""
+        return tuple(self._numbers)
+
+    def numbers(self, kinds: Iterable[str]) -> IntArray:
+        """Return the numbers (N,) of N categories; new ones get the next."""
+        known = len(self._numbers)
+        result = np.array([self._numbers.setdefault(kind, len(self._numbers)) for kind in kinds], dtype=np.int64)
+        for kind in self.names[known:]:
+            model = self._models.get(kind, self._default)
+            self._table = np.column_stack([self._table, [*astuple(model.motion), *astuple(model)[1:]]])
+            self._noise = np.column_stack([self._noise, [_NOISE_PRIOR, _NOISE_PRIOR]])
+        return result
+
+    def parameters(self, kind: IntArray) -> ClassParameters:
+        """Return the parameters of objects with category numbers (N,)."""
+        return ClassParameters._make(self._table.take(kind, axis=1))
+
+    def noise_factor(self, kind: IntArray) -> FloatArray:
+        """Return the learnt factors (N,) on the variances of the positions of detections, for categories (N,)."""
+        total, count = self._noise.take(kind, axis=1)
+        return np.clip(total / count, _MIN_NOISE, _MAX_NOISE)
+
+    def learn_noise(self, kind: IntArray, innovation_m: FloatArray, cov_m2: FloatArray, noise_m2: FloatArray) -> None:
+        """Learn the measurement noise from innovations: one step of expectation maximisation.
+
+        The expected squared noise of a detection, given its innovation, is e' S^-1 R S^-1 e + tr(R - R S^-1 R) in
+        units of R (Shumway and Stoffer 1982, eq. 14), with S = P + R.
+
+        Args:
+            kind: (N,) category numbers.
+            innovation_m: (N, 2) differences between detections and predictions.
+            cov_m2: (N, 2, 2) covariances P of the predictions.
+            noise_m2: (N, 2, 2) covariances R of the detections, with the current factor.
+        """
+        if not len(kind):
+            return
+        precision = invert_2x2(cov_m2 + noise_m2)
+        weighted = (precision @ innovation_m[..., None])[..., 0]
+        chi2 = (weighted * innovation_m).sum(axis=1)
+        share = np.minimum(1.0, _MAX_INNOVATION_CHI2 / np.maximum(chi2, _MAX_INNOVATION_CHI2))
+        explained = (weighted[:, None] @ noise_m2 @ weighted[..., None])[:, 0, 0] * share
+        squared = (explained + 2 - (precision * noise_m2).sum(axis=(1, 2))) / 2 * self.noise_factor(kind)
+        n = self._noise.shape[1]
+        self._noise += [np.bincount(kind, squared, n), np.bincount(kind, minlength=n)]
+        self._noise *= _NOISE_MEMORY / np.maximum(self._noise[1], _NOISE_MEMORY)
