@@ -120,7 +120,7 @@ def answer_steps(
     for request in requests:
         steps.append(answer_step(request, scene, limit=limit, start=start))
         if (target := steps[-1].target) is not None:
-            start = Pose2D(*target.ego_m.tolist(), target.heading_ego_rad)
+            start = Pose2D(float(target.ego_m[0]), float(target.ego_m[1]), target.heading_ego_rad)
     failed = next((i for i, step in enumerate(steps) if step.status != "ok"), None)
     shown = (primary % len(steps)) if failed is None else failed
     about = steps[shown]
