@@ -87,7 +87,7 @@ def answer_reading(reading: Reading, scene: SceneModel, limit: int = MAX_CANDIDA
     primary = next((i for i, one in enumerate(requests) if one.query == reading.query), len(requests) - 1)
     answer = answer_steps(requests, scene, primary=primary, limit=limit)
     answer = replace(answer, reading=replace(answer.reading, steps=reading.steps))
-    if not reading.doubt or reading.unresolved:
+    if not reading.doubt:
         return answer
     asked = Answer(
         status="ambiguous",
@@ -120,7 +120,7 @@ def answer_steps(
     for request in requests:
         steps.append(answer_step(request, scene, limit=limit, start=start))
         if (target := steps[-1].target) is not None:
-            start = Pose2D(*target.ego_m.tolist(), target.heading_ego_rad)
+            start = Pose2D(float(target.ego_m[0]), float(target.ego_m[1]), target.heading_ego_rad)
     failed = next((i for i, step in enumerate(steps) if step.status != "ok"), None)
     shown = (primary % len(steps)) if failed is None else failed
     about = steps[shown]
