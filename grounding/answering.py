@@ -17,8 +17,10 @@ from grounding.goal.shift import HeldPose, Shift, hold_goal, shift_goal
 from grounding.language import Reading
 from grounding.query import Query
 from grounding.referent.clarification import describe_one
+from grounding.referent.ordinals import find_ordinals
 from grounding.referent.resolver import MAX_CANDIDATES, Candidate, Resolution, resolve, resolve_exclusions
 from grounding.referent.scene import SceneModel
+from grounding.road.pose import Pose2D
 from grounding.road.road_map import RoadMap
 from grounding.scene_object import SceneObject
 
@@ -26,6 +28,8 @@ from grounding.scene_object import SceneObject
 _NO_REFERENT_SCORE, _NO_GOAL_SCORE = -200.0, -100.0
 # Candidates of an indefinite referent ("a red car") for which goals are compared.
 _MAX_GOAL_CANDIDATES = 4
+# Other candidates of a definite referent that are tried if there is no place at the best one.
+_MAX_OTHERS = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,27 +81,25 @@ def requests_of(reading: Reading) -> tuple[Request, ...]:
 def answer_reading(reading: Reading, scene: SceneModel, limit: int = MAX_CANDIDATES) -> Answer:
     """Answer one reading of a command; with several steps, the answer is that of its primary query.
 
-    A reading in doubt is a question; the answer without the doubt is its only alternative.
+    A reading in doubt is a question, whose only alternative is the answer all the same.
     """
     requests = requests_of(replace(reading, doubt=""))
     primary = next((i for i, one in enumerate(requests) if one.query == reading.query), len(requests) - 1)
     answer = answer_steps(requests, scene, primary=primary, limit=limit)
-    return _ask(reading, scene, answer) if reading.doubt else answer
-
-
-def _ask(reading: Reading, scene: SceneModel, answer: Answer) -> Answer:
-    """Return the question about a reading that is in doubt."""
+    answer = replace(answer, reading=replace(answer.reading, steps=reading.steps))
+    if not reading.doubt:
+        return answer
     asked = Answer(
         status="ambiguous",
         reading=reading,
         scene=scene,
-        reasons=reading.notes,
+        reasons=(*reading.notes, *_tell_dropped(reading)),
         question=reading.doubt,
         score=answer.score,
         alternatives=(answer,),
         dropped=reading.dropped,
     )
-    return replace(asked, chooser=lambda number: alternative_at(asked, number))
+    return replace(asked, chooser=partial(alternative_at, asked))
 
 
 def answer_steps(
@@ -114,9 +116,11 @@ def answer_steps(
     Returns:
         The answer to the primary step with all steps, or that to the first step that fails.
     """
-    steps = list[Answer]()
+    steps, start = list[Answer](), None
     for request in requests:
-        steps.append(answer_step(request, scene, limit=limit))
+        steps.append(answer_step(request, scene, limit=limit, start=start))
+        if (target := steps[-1].target) is not None:
+            start = Pose2D(*target.ego_m.tolist(), target.heading_ego_rad)
     failed = next((i for i, step in enumerate(steps) if step.status != "ok"), None)
     shown = (primary % len(steps)) if failed is None else failed
     about = steps[shown]
@@ -125,7 +129,7 @@ def answer_steps(
         reasons = (f"step {failed + 1} of {len(steps)} ('{steps[failed].query.action}') fails", *reasons)
 
     def choose(number: int) -> Answer:
-        chosen = replace(requests[shown], chosen=candidate_at(about, number))
+        chosen = with_choice(requests[shown], about, number)
         return answer_steps([*requests[:shown], chosen, *requests[shown + 1 :]], scene, primary=primary, limit=limit)
 
     return replace(
@@ -136,6 +140,27 @@ def answer_steps(
         confidence=min(step.confidence for step in steps),
         chooser=choose,
     )
+
+
+def with_choice(request: Request, answer: Answer, number: int) -> Request:
+    """Return a step with a candidate of its answer as the referent; if the answer proposes a place, with that place.
+
+    Raises:
+        AppoccError: if there is no such candidate.
+    """
+    if answer.plan.question and number == 1:
+        return accept_proposal(request, answer)
+    return replace(request, chosen=candidate_at(answer, number))
+
+
+def accept_proposal(request: Request, answer: Answer) -> Request:
+    """Return a step as the question of its plan proposes: at the nearest place, or with another action."""
+    plan, chosen = answer.plan, request.chosen or answer.referent
+    if plan.instead is not None:
+        query = replace(request.query, action=plan.instead, actions=(plan.instead,), relation="none")
+        return Request(reading=replace(request.reading, query=query, steps=(query,)), chosen=chosen)
+    held = None if plan.nearest is None else HeldPose(plan.nearest.world_m, plan.nearest.heading_rad)
+    return replace(request, chosen=chosen, held=held)
 
 
 def alternative_at(answer: Answer, number: int) -> Answer:
@@ -203,25 +228,23 @@ def _means_the_same(answer: Answer, other: Answer) -> bool:
     return answer.status == other.status and ids[0] == ids[1]
 
 
-def answer_step(request: Request, scene: SceneModel, limit: int = MAX_CANDIDATES) -> Answer:
+def answer_step(
+    request: Request, scene: SceneModel, limit: int = MAX_CANDIDATES, start: Pose2D | None = None
+) -> Answer:
     """Answer one step: resolve its referent and plan its goal.
+
+    Args:
+        request: the step.
+        scene: the scene of the command.
+        limit: largest number of candidates.
+        start: pose of the ego when the step begins; None: where it is now.
 
     Raises:
         AppoccError: if the scene has no map.
     """
-    reading, road = request.reading, scene.road
+    reading, road = request.reading, scene.road if start is None else scene.road_from(start)
     if road is None:
         raise AppoccError("grounder: expected a scene with a map, got one without")
-    if reading.doubt and request.chosen is None and request.held is None:
-        return Answer(
-            status="ambiguous",
-            reading=reading,
-            scene=scene,
-            question=reading.doubt,
-            reasons=reading.notes,
-            dropped=reading.dropped,
-            score=reading.score,
-        )
     resolution = _resolve(request, scene, limit)
     reasons = (*resolution.reasons, *reading.notes, *_tell_dropped(reading))
     make = partial(Answer, reading=reading, scene=scene, candidates=resolution.candidates, dropped=reading.dropped)
@@ -235,17 +258,26 @@ def answer_step(request: Request, scene: SceneModel, limit: int = MAX_CANDIDATES
         )
     exclusions = resolve_exclusions(request.query, scene)
     planned = [
-        (referent, _plan(request, scene, road, referent, exclusions))
+        (referent, _plan(request, scene, road, referent, exclusions, start))
         for referent in _goal_candidates(request, resolution)
     ]
     referent, goal_plan = max(planned, key=lambda pair: _log_score(*pair))
     confidence = _confidence(reading, referent, resolution, goal_plan, scene)
-    if goal_plan.target and referent and request.chosen is None and not is_worth_acting(confidence):
+    settled = request.chosen is not None or referent is None
+    if goal_plan.target and referent and not settled and not is_worth_acting(confidence):
         goal_plan = replace(goal_plan, target=None, question=f"do you mean {describe_one(referent.item, scene)}?")
+    question = goal_plan.question
+    if question:  # about this vehicle only
+        make = partial(make, candidates=(referent,) if referent else ())
+    elif goal_plan.target is None and (
+        others := _others_with_room(request, resolution, scene, road, exclusions, start)
+    ):
+        make = partial(make, candidates=others)
+        question = f"there is no place at that one: do you mean {describe_one(others[0].item, scene)}?"
     return make(
-        status="ok" if goal_plan.target else "ambiguous" if goal_plan.question else "not_found",
+        status="ok" if goal_plan.target else "ambiguous" if question else "not_found",
         plan=goal_plan,
-        question=goal_plan.question,
+        question=question,
         referent=referent,
         reasons=(*_explain_referent(reading, referent, scene), *reasons, *goal_plan.reasons),
         score=reading.score + _log_score(referent, goal_plan),
@@ -280,13 +312,14 @@ def _plan(
     road: RoadMap,
     candidate: Candidate | None,
     exclusions: Sequence[tuple[str, SceneObject]],
+    start: Pose2D | None,
 ) -> GoalPlan:
     query = request.query
     item, partner = (candidate.item, candidate.partner) if candidate else (None, None)
     goal_plan = None if request.held is None else hold_goal(request.held, scene, road)
     if goal_plan is not None:
         return goal_plan
-    goal_plan = plan_goal(query, scene, road, item, partner, exclusions)
+    goal_plan = plan_goal(query, scene, road, item, partner, exclusions, start)
     if item is None and query.landmark == "secondary":
         # The map does not hold the landmark: report the goal as the nearest free place and not as the answer.
         landmark = query.secondary[0].noun.replace("_", " ")
@@ -295,6 +328,22 @@ def _plan(
     for shift in request.shifts:
         goal_plan = shift_goal(goal_plan, shift, scene, road, item)
     return goal_plan
+
+
+def _others_with_room(
+    request: Request,
+    resolution: Resolution,
+    scene: SceneModel,
+    road: RoadMap,
+    exclusions: Sequence[tuple[str, SceneObject]],
+    start: Pose2D | None,
+) -> tuple[Candidate, ...]:
+    """Return the next candidates of a definite referent ("the blue car") at which the command has a place."""
+    named = request.query.referent
+    if named is None or not named.definite or request.chosen is not None or find_ordinals(named.qualifiers):
+        return ()
+    others = resolution.candidates[1 : 1 + _MAX_OTHERS]
+    return tuple(one for one in others if _plan(request, scene, road, one, exclusions, start).target is not None)
 
 
 def _log_score(candidate: Candidate | None, goal_plan: GoalPlan) -> float:

@@ -11,7 +11,7 @@ from appocc.boxes import Boxes
 from appocc.checks import FloatArray
 from appocc.errors import AppoccError
 from grounding.answer import Answer
-from grounding.answering import Request, answer_steps, candidate_at, requests_of, without
+from grounding.answering import Request, accept_proposal, answer_steps, candidate_at, requests_of, without
 from grounding.dialogue.descriptions import (
     find_fitting,
     is_plainly_definite,
@@ -85,7 +85,7 @@ class Session:
         state = self._state
         if state.question is not None and state.question.alternatives:
             return replace(self._take_reading(state.question.choose(number)), chooser=self.choose)
-        about, request = state.question or state.goal, self._last_request()
+        about, request = state.question or state.goal, self._state.request
         if about is None or request is None:
             raise AppoccError("session: expected a question before a choice")
         return replace(self._choose(candidate_at(about, number), request), chooser=self.choose)
@@ -121,7 +121,7 @@ class Session:
         if not state.plan or state.goal is None:
             return None
         plan = follow_plan(state.plan, state.goal, before, scene)
-        answer = plan.lost or answer_steps(plan.requests, scene, limit=self._grounder.config.max_candidates)
+        answer = plan.lost or self._answer_steps(plan.requests)
         answer = replace(answer, reasons=(*plan.reasons, *answer.reasons), chooser=self.choose)
         self._state = replace(
             state, plan=plan.requests, goal=answer if answer.status == "ok" else replace(state.goal, scene=scene)
@@ -166,7 +166,7 @@ class Session:
         readings = self._grounder.read(words, self._antecedent())
         if readings[0].problem:
             return self._not_understood(text, readings[0], words)
-        base = self._last_request()
+        base = self._state.request
         readings = tuple(keep_action(said(one, text), base.query if base else None) for one in readings)
         first = readings[0]
         if names_pronoun(first):
@@ -184,7 +184,7 @@ class Session:
             return self._narrow(fitting, Request(reading=first))
         answer = self._grounder.check(words, first, self._grounder.best_answer(readings))
         if answer.alternatives:
-            self._state = replace(state, question=answer, offered=(), request=Request(reading=answer.reading))
+            self._state = replace(state, question=answer, offered=(), asked=requests_of(answer.reading), at=0)
             return answer
         if answer.status == "ambiguous" and state.focus and not state.question and is_plainly_definite(first):
             # "The van" is the one that the conversation is about.
@@ -198,25 +198,31 @@ class Session:
     ) -> Answer:
         """Make steps the plan in force, or ask; with `then`, after the steps in force."""
         state = self._state
-        limit = self._grounder.config.max_candidates
         steps = (*state.plan, *requests) if then else requests
         if answer is None or then:
-            answer = answer_steps(steps, scene, limit=limit)
-        self._state = replace(state, request=steps[-1], rejected=frozenset())
+            answer = self._answer_steps(steps)
+        self._state = replace(state, rejected=frozenset())
         return self._settle(steps, answer)
+
+    def _answer_steps(self, steps: tuple[Request, ...], primary: int = -1) -> Answer:
+        return answer_steps(steps, self._scene, primary=primary, limit=self._grounder.config.max_candidates)
 
     def _settle(self, steps: tuple[Request, ...], answer: Answer) -> Answer:
         """Remember an answer: the plan in force if it has a goal, else the question."""
         state = self._state
+        about = next((i for i, step in enumerate(answer.steps) if step.status != "ok"), None)
+        if about is None:
+            about = next((i for i, step in enumerate(steps) if step.query == answer.query), len(steps) - 1)
+        state = replace(state, asked=steps, at=about)
         if answer.status == "ok":
             steps = tuple(
                 replace(step, chosen=done.referent)
                 for step, done in zip(steps, answer.steps or (answer,), strict=False)
             )
-            state = replace(state, plan=steps, goal=answer, question=None, request=steps[-1])
+            state = replace(state, plan=steps, goal=answer, question=None, asked=steps)
             if answer.referent is not None and answer.query.referent is not None:
                 state = replace(state, focus=(answer.referent, answer.query.referent))
-        elif answer.candidates or answer.alternatives:
+        elif answer.candidates or answer.alternatives or answer.plan.question:
             state = replace(state, question=answer, offered=answer.candidates)
         else:
             state = replace(state, question=None)
@@ -227,7 +233,7 @@ class Session:
 
     def _answer_number(self, text: str, number: int) -> Answer:
         about = self._state.question or self._state.goal
-        request = self._last_request()
+        request = self._state.request
         if about is not None and 1 <= number <= len(about.alternatives):
             return self._take_reading(about.alternatives[number - 1])
         if about is None or request is None or not 1 <= number <= len(about.candidates):
@@ -239,9 +245,13 @@ class Session:
         state, chosen = self._state, replace(request, chosen=candidate)
         if text is not None:
             chosen = replace(chosen, reading=said(chosen.reading, text))
-        steps = (*state.plan[:-1], chosen) if state.plan and state.plan[-1] is request else (chosen,)
-        self._state = replace(state, request=chosen)
-        return self._settle(steps, answer_steps(steps, self._scene, limit=self._grounder.config.max_candidates))
+        answer = self._answer_steps(state.with_request(chosen), state.at)
+        behind = candidate.item.centre_m[0] < self._scene.ego.centre_m
+        if answer.plan.question and answer.plan.instead is None and behind:
+            # The vehicle behind us was agreed to, so its place is not asked for again.
+            chosen = accept_proposal(chosen, answer)
+            answer = self._answer_steps(state.with_request(chosen), state.at)
+        return self._settle(state.with_request(chosen), answer)
 
     def _take_reading(self, answer: Answer) -> Answer:
         """Take one of several readings of a sentence."""
@@ -249,11 +259,15 @@ class Session:
 
     def _confirm(self, text: str) -> Answer:
         """Take the only candidate of the open question, or the nearest place if that was offered."""
-        question, request = self._state.question, self._last_request()
+        question, request = self._state.question, self._state.request
         if question is None or request is None:
             return self._keep(text)
         if len(question.alternatives) == 1:
             return self._take_reading(question.alternatives[0])
+        if question.plan.question:
+            accepted = accept_proposal(request, question)
+            accepted = replace(accepted, reading=said(accepted.reading, text))
+            return self._take(self._state.with_request(accepted), self._scene)
         if len(question.candidates) == 1:
             return self._choose(question.candidates[0], request, text)
         return self._ask_again(text)
@@ -267,13 +281,15 @@ class Session:
 
     def _take_other(self, text: str) -> Answer:
         """Take the remaining candidate, ask among the remaining ones, or look for another one."""
-        state, request = self._state, self._last_request()
+        state, request = self._state, self._state.request
         if request is None or request.query.referent is None:
             return self._not_understood(text, self._read(text))
         refused = {one.item.id for one in state.question.candidates[:1]} if state.question else set[str]()
         if state.question is None and request.chosen is not None:
             refused = {request.chosen.item.id}
         rejected = state.rejected | refused
+        if rejected >= {one.item.id for one in state.offered}:
+            rejected = frozenset(refused)  # after all were refused, the others are meant again
         self._state = replace(state, rejected=rejected, question=None)
         request = replace(request, chosen=None, shifts=(), reading=said(request.reading, text))
         left = [one for one in state.offered if one.item.id not in rejected]
@@ -292,20 +308,19 @@ class Session:
             scene=self._scene,
             reasons=(f"no other vehicle here fits '{named}'",),
         )
-        return self._settle((request,), answer)
+        return self._settle(state.with_request(request), answer)
 
     def _narrow(self, candidates: Sequence[Candidate], request: Request) -> Answer:
         """Take the only candidate, or ask which one is meant."""
         if len(candidates) == 1:
             return self._choose(candidates[0], request)
-        self._state = replace(self._state, request=request)
-        return self._settle((request,), ask(candidates, request.reading, self._scene))
+        return self._settle(self._state.with_request(request), ask(candidates, request.reading, self._scene))
 
     # Fragments ------------------------------------------------------------------------------------------------------
 
     def _answer_fragment(self, text: str, reply: Reply) -> Answer | None:
         """Answer a sentence without a verb: a description, or another relation; None if it is neither."""
-        state, request = self._state, self._last_request()
+        state, request = self._state, self._state.request
         if request is None:
             return None
         if state.question is not None and (answer := self._answer_description(text, reply, state.question)):
@@ -322,7 +337,7 @@ class Session:
 
     def _answer_description(self, text: str, reply: Reply, question: Answer | None) -> Answer | None:
         """Answer the description of a vehicle: one of the candidates of a question, else any vehicle of the scene."""
-        request = self._last_request()
+        request = self._state.request
         reading = read_description(reply.rest, self._antecedent(), self._grounder.read)
         if request is None or reading is None:
             return None
@@ -337,20 +352,18 @@ class Session:
             return self._choose(found.candidates[0], described)
         if found.status == "ambiguous":
             return self._narrow(found.candidates, described)
-        return self._take((described,), self._scene) if question is None else None
+        return self._take(self._state.with_request(described), self._scene) if question is None else None
 
     def _modify(self, reading: Reading, request: Request) -> Answer:
         """Plan a command that changes the relation, the side or the distance of the last one."""
         base, query = request.query, reading.query
+        modified = Request(reading=reading)
         if query.referent is None and query.landmark is None:
             query = replace(query, referent=base.referent, relation=base.relation, landmark=base.landmark)
-            steps = (Request(reading=replace(reading, query=query, steps=(query,)), chosen=request.chosen),)
+            modified = Request(reading=replace(reading, query=query, steps=(query,)), chosen=request.chosen)
         elif names_pronoun(reading) and (meant := self._meant()) is not None:
-            steps = (Request(reading=reading, chosen=meant),)
-        else:
-            steps = (Request(reading=reading),)
-        plan = self._state.plan
-        return self._take((*plan[:-1], *steps) if plan and plan[-1] is request else steps, self._scene)
+            modified = replace(modified, chosen=meant)
+        return self._take(self._state.with_request(modified), self._scene)
 
     # What changes or tells the goal ---------------------------------------------------------------------------------
 
@@ -362,7 +375,7 @@ class Session:
         last = state.plan[-1]
         moved = replace(last, shifts=(*last.shifts, shift), reading=said(last.reading, text))
         steps = (*state.plan[:-1], moved)
-        answer = answer_steps(steps, self._scene, limit=self._grounder.config.max_candidates)
+        answer = self._answer_steps(steps)
         if answer.status != "ok":
             return replace(answer, reasons=(*answer.reasons, "the goal stays where it was"))
         return self._settle(steps, answer)
@@ -439,7 +452,7 @@ class Session:
         )
         checked = self._grounder.check(words, reading, answer) if words else answer
         if checked.alternatives:
-            self._state = replace(self._state, question=checked, request=Request(reading=checked.reading))
+            self._state = replace(self._state, question=checked, asked=requests_of(checked.reading), at=0)
         return checked
 
     # Context --------------------------------------------------------------------------------------------------------
@@ -458,9 +471,6 @@ class Session:
     def _read(self, words: str) -> Reading:
         return self._grounder.read(words, self._antecedent())[0]
 
-    def _last_request(self) -> Request | None:
-        return self._state.request
-
     def _antecedent(self) -> Referent | None:
         """Return the vehicle that pronouns and "one" refer to: that of the open question, else the last one."""
         state = self._state
@@ -471,6 +481,6 @@ class Session:
     def _meant(self) -> Candidate | None:
         """Return the vehicle that a pronoun refers to."""
         state = self._state
-        if state.question is not None:
+        if state.question is not None and state.question.candidates:
             return state.question.candidates[0]
         return state.focus[0] if state.focus else None

@@ -30,6 +30,7 @@ from grounding.road.car_paths import CarRoute
 from grounding.road.pose import Pose2D
 from grounding.road.road_map import RoadMap
 from grounding.scene_object import SceneObject
+from grounding.vocabulary import Action
 
 # A goal closer than this to the ideal candidate is not reported as moved.
 _MOVED_M = 0.6
@@ -89,6 +90,7 @@ class GoalPlan:
         nearest: if no candidate is valid, the nearest valid pose.
         search: all candidates with their costs, None if there were none to search.
         question: what to ask before going to `nearest`; '' where there is nothing to ask.
+        instead: action that the question proposes; None if it is about `nearest`.
     """
 
     target: Target | None
@@ -98,6 +100,7 @@ class GoalPlan:
     nearest: Target | None = None
     search: CandidateSearch | None = None
     question: str = ""
+    instead: Action | None = None
 
     @property
     def route(self) -> FloatArray | None:
@@ -134,9 +137,8 @@ def plan_goal(
         road = scene.road_from(start)
     limits = PlaceLimits.of(query, road.traffic_side)
     if item is not None and _drives_away(query, item):
-        return GoalPlan(
-            None, (f"it drives at {item.speed_mps:.0f} m/s, so that no place beside it stays",), question=_FOLLOW
-        )
+        reason = f"it drives at {item.speed_mps:.0f} m/s, so that no place beside it stays"
+        return GoalPlan(None, (reason,), question=_FOLLOW, instead="follow")
     proposed, reasons = propose_candidates(query, road, item, partner)
     if item is not None and item.speed_mps is not None and item.speed_mps > MOVING_MPS:
         reasons = [*reasons, f"it moves at {item.speed_mps:.0f} m/s: the place is measured from where it is now"]

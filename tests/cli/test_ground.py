@@ -202,14 +202,28 @@ def test_several_commands_from_a_file(street: Path, tmp_path: Path) -> None:
     assert values == ["ok", "not_a_command", "not_found"]
 
 
-def test_interactive_commands(street: Path) -> None:
-    result = run_ground(street, *KEY_FRAME, "-i", typed="stop behind the white car\ntell me a joke\n\nstop\n")
-    assert result.exit_code == 2
-    assert result.stderr.count("> ") == 3
+def test_a_conversation(street: Path) -> None:
+    typed = "stop behind the white car\n\ntell me a joke\nhelp\na bit further back\nquit\nstop\n"
+    result = run_ground(street, *KEY_FRAME, "-i", "--json", typed=typed)
+    assert result.exit_code == 0, result.output
+    assert result.stderr.count("> ") == 6
     assert "ok: stop behind the white car" in result.stderr
     assert "not a command: tell me a joke" in result.stderr
+    assert "Answer a question:" in result.stderr
+    assert "ok: a bit further back" in result.stderr
     assert "ok: stop\n" not in result.stderr
+    assert result.stdout.count('"steps"') == 3
+
+
+def test_the_exit_code_of_a_conversation_is_that_of_its_last_answer(street: Path) -> None:
+    assert run_ground(street, *KEY_FRAME, "-i", typed="stop behind the white car\ntell me a joke").exit_code == 2
     assert run_ground(street, *KEY_FRAME, "-i", typed="").exit_code == 0
+
+
+def test_the_folder_of_a_picture_is_made(street: Path, tmp_path: Path) -> None:
+    result = run_ground("stop", street, *KEY_FRAME, "--picture", tmp_path / "new" / "folder" / "g.png")
+    assert result.exit_code == 0, result.output
+    assert (tmp_path / "new" / "folder" / "g.png").is_file()
 
 
 def test_explain_prints_categories_query_and_scores(street: Path) -> None:

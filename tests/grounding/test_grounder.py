@@ -13,7 +13,7 @@ from street import RED, WHITE, Street
 
 import grounding
 from appocc.bevmap import BEVMap
-from appocc.errors import DataError
+from appocc.errors import AppoccError, DataError
 from grounding import Answer, Grounder, GrounderConfig, Query, Target
 from grounding.language.llm import ChatEndpoint
 from grounding.language.syntax.lexicon import read_lexicon
@@ -72,6 +72,18 @@ def test_the_lexicon_holds_beside_a_language_model(tmp_path: Path) -> None:
     answer = grounder.ground("glorp behind the wagonette")
     assert answer.status == "not_a_command"
     assert any("language model was not used" in reason for reason in answer.reasons)
+
+
+def test_tracks_need_the_pose_of_the_ego() -> None:
+    with pytest.raises(AppoccError, match="expected world_from_ego with tracks"):
+        Grounder().set_scene(Street().bev(), [])
+
+
+def test_an_answer_fits_a_line() -> None:
+    grounder = Street().car("red", 14, -3, RED).grounder()
+    shown = repr(grounder.ground("park behind the red car"))
+    assert shown.startswith("Answer(status='ok', command='park behind the red car', referent='red', target=(")
+    assert len(repr(grounder.ground("park " * 300))) < 160
 
 
 def test_the_number_of_candidates_is_set() -> None:
