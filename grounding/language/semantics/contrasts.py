@@ -304,6 +304,11 @@ _RULES: tuple[tuple[re.Pattern[str], _Rewrite], ...] = (
     (re.compile(rf"(?P<relation>r)(?P<not>E)(?P<noun>{_NOUN})"), _negate_place),
     *((pattern, _contrast) for pattern in _contrast_patterns("", "(?:,?B|,?[,.C]+)")),
     *((pattern, _contrast) for pattern in _contrast_patterns("v", ",?B")),
+    (
+        # "Don't park next to the bus, try behind the taxi."
+        re.compile(rf"(?P<not>N)(?P<verb>v)(?P<rejected>r{_WHOLE_NOUN}),(?P<chosen>r{_WHOLE_NOUN}){_END}"),
+        _contrast,
+    ),
     (re.compile(rf"(?P<before>[^.]*[^.,C])[,.]*C[,C]*(?P<repair>{_REPAIR}){_END}"), _repair),
     (re.compile(r"(?P<before>[^.]*[^.,C])[,.]*C[,C]*(?P<repair>[swlt])(?=r)"), _repair),
 )

@@ -126,7 +126,7 @@ def _move_arguments(leading: CommandFrame, frame: CommandFrame) -> None:
     frame.target, frame.landmarks = leading.target, leading.landmarks
     frame.side, frame.lane = leading.side, leading.lane
     frame.goal_qualifiers, frame.distances = leading.goal_qualifiers, leading.distances
-    frame.refers_to_place, frame.count = leading.refers_to_place, leading.count
+    frame.refers_to_place, frame.count = leading.refers_to_place, leading.count or frame.count
     if leading.relation != "none":
         frame.relation = leading.relation
 
