@@ -10,7 +10,7 @@ from functools import partial
 from appocc.checks import FloatArray
 from appocc.errors import AppoccError
 from grounding.answer import Answer
-from grounding.confidence import confidence_of, gather_evidence
+from grounding.confidence import confidence_of, gather_evidence, is_worth_acting
 from grounding.describe import describe_object
 from grounding.goal.planner import GoalPlan, plan_goal
 from grounding.goal.shift import HeldPose, Shift, hold_goal, shift_goal
@@ -83,11 +83,11 @@ def answer_reading(reading: Reading, scene: SceneModel, limit: int = MAX_CANDIDA
 
     A reading in doubt is a question, whose only alternative is the answer all the same.
     """
-    requests = requests_of(reading)
+    requests = requests_of(replace(reading, doubt=""))
     primary = next((i for i, one in enumerate(requests) if one.query == reading.query), len(requests) - 1)
     answer = answer_steps(requests, scene, primary=primary, limit=limit)
     answer = replace(answer, reading=replace(answer.reading, steps=reading.steps))
-    if not reading.doubt or reading.unresolved:
+    if not reading.doubt or reading.query.unresolved:
         return answer
     asked = Answer(
         status="ambiguous",
@@ -120,7 +120,7 @@ def answer_steps(
     for request in requests:
         steps.append(answer_step(request, scene, limit=limit, start=start))
         if (target := steps[-1].target) is not None:
-            start = Pose2D(*target.ego_m.tolist(), target.heading_ego_rad)
+            start = Pose2D(float(target.ego_m[0]), float(target.ego_m[1]), target.heading_ego_rad)
     failed = next((i for i, step in enumerate(steps) if step.status != "ok"), None)
     shown = (primary % len(steps)) if failed is None else failed
     about = steps[shown]
@@ -270,6 +270,9 @@ def answer_step(
     ):
         make = partial(make, candidates=others)
         question = f"there is no place at that one: do you mean {describe_one(others[0].item, scene)}?"
+    confidence = _confidence(reading, referent, resolution, goal_plan, scene)
+    if goal_plan.target and referent and request.chosen is None and not is_worth_acting(confidence):
+        goal_plan, question = replace(goal_plan, target=None), f"do you mean {describe_one(referent.item, scene)}?"
     return make(
         status="ok" if goal_plan.target else "ambiguous" if question else "not_found",
         plan=goal_plan,
@@ -277,7 +280,7 @@ def answer_step(
         referent=referent,
         reasons=(*_explain_referent(reading, referent, scene), *reasons, *goal_plan.reasons),
         score=reading.score + _log_score(referent, goal_plan),
-        confidence=_confidence(reading, referent, resolution, goal_plan, scene),
+        confidence=confidence,
     )
 
 

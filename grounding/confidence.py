@@ -17,6 +17,8 @@ from grounding.referent.scene import SceneModel
 
 # Largest log odds of a referent against the other candidates, and least log of a fit and of a score.
 _MAX_MARGIN, _LEAST_LOG = 4.0, -4.0
+# Cost of a wrong goal, in needless questions.
+_WRONG_COST = 2.0
 
 
 class Evidence(NamedTuple):
@@ -38,8 +40,8 @@ class Evidence(NamedTuple):
 
 
 # Fitted: one weight for each number of the evidence, and the log odds without any.
-_WEIGHTS = Evidence(margin=0.3, fit=0.5, goal=0.3, exact=2.5, changed=-0.7)
-_BIAS = 0.5
+_WEIGHTS = Evidence(margin=0.3, fit=1.18, goal=0.87, exact=1.91, changed=-0.5)
+_BIAS = 1.64
 
 
 def gather_evidence(
@@ -71,6 +73,11 @@ def confidence_of(evidence: Evidence) -> float:
     """Return the probability 0..1 that an answer with this evidence is right."""
     odds = _BIAS + sum(weight * value for weight, value in zip(_WEIGHTS, evidence, strict=True))
     return 1 / (1 + math.exp(-odds))
+
+
+def is_worth_acting(confidence: float) -> bool:
+    """Return whether acting costs less than asking: whether a wrong goal is unlikely enough."""
+    return (1 - confidence) * _WRONG_COST <= 1
 
 
 def _log(share: float) -> float:

@@ -355,7 +355,9 @@ class TrackTable:
         measured = np.isfinite(velocity).all(axis=1)
         speed_m2ps2[measured] = _VELOCITY_STD_MPS**2 * np.eye(2)
         velocity = np.where(measured[:, None], velocity, 0.0)
-        self.filters.add(found.position_world_m[:, :2], found.noise_m2 - found.surplus_noise_m2, velocity, speed_m2ps2)
+        self.filters.add(
+            found.position_world_m[:, :2], found.noise_m2 - found.surplus_noise_m2, velocity, speed_m2ps2
+        )
 
     def keep(self, mask: BoolArray) -> None:
         """Keep the tracks of a mask (N,)."""

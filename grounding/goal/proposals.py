@@ -76,7 +76,9 @@ def propose_candidates(
 
 def _explain_refusal(query: Query) -> str:
     """Return why no driver should do what a command says; '' if one may."""
-    onto = any(part.noun in _OFF_ROAD_NOUNS and part.relation in ("on", "onto", "into", "in") for part in query.secondary)
+    onto = any(
+        part.noun in _OFF_ROAD_NOUNS and part.relation in ("on", "onto", "into", "in") for part in query.secondary
+    )
     return _REFUSALS.get("pavement" if onto else query.manoeuvre or "", "")
 
 

@@ -99,9 +99,7 @@ def _find_side_roads(road: RoadMap, label: IntArray, all_along_m: FloatArray) ->
     return sorted(found, key=lambda one: one.along_m)
 
 
-def _choose(
-    side_roads: list[_SideRoad], reference_m: float | None, relation: str, count: int
-) -> _SideRoad | None:
+def _choose(side_roads: list[_SideRoad], reference_m: float | None, relation: str, count: int) -> _SideRoad | None:
     """Return the side road that the command refers to, None if there is none."""
     if reference_m is None:
         return side_roads[count - 1]

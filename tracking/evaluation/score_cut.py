@@ -82,5 +82,7 @@ def best_cut(sequences: Sequence[ScoredSequence], rule: MatchingRule) -> float:
         middle = (low + high) // 2
         best = min((best, middle), key=lambda rank: (at(rank).errors, rank))
         # The more promising half is searched first.
-        spans += sorted([(low, middle), (middle, high)], key=lambda span: -at(span[0]).errors - at(span[1]).errors)[::-1]
+        spans += sorted([(low, middle), (middle, high)], key=lambda span: -at(span[0]).errors - at(span[1]).errors)[
+            ::-1
+        ]
     return float(cuts[best])
