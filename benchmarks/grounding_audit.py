@@ -1,7 +1,7 @@
 """Audit of the places of answers that are `ok`: would a driver go there?
 
-    python -m benchmarks.grounding_audit ROOT [--bev SOURCE] [--sentences FILE ...] [--draws 1] [--cases 1000] [--seed 0]
-                                              [--faults] [--pictures DIR]
+    python -m benchmarks.grounding_audit ROOT [--bev SOURCE] [--sentences FILE ...] [--draws 1] [--cases 1000]
+                                              [--seed 0] [--faults] [--refused] [--pictures DIR [--every]]
 
 ROOT is a simulated dataset of built-in towns. Sentences: the commands of labelled files, each asked in `--draws` key
 frames at random, and `--cases` drawn ones about a vehicle of the frame, whatever is free or ahead. Nothing is left
@@ -27,7 +27,6 @@ import argparse
 import json
 import re
 import zlib
-from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -146,7 +145,10 @@ class Auditor:
         if self._reached is None:
             bev = self._moment.bev
             free = self._moment.ground & ~self._moment.occupied
-            free |= EGO.body_cells(bev.grid)
+            # The ego stands where it stands, and a cell that its body touches is no obstacle.
+            along, across = self._moment.local(np.array([EGO.centre_m, 0.0]), 0.0)
+            grown = bev.grid.cell_m / 2
+            free |= (np.abs(along) <= EGO.length_m / 2 + grown) & (np.abs(across) <= EGO.width_m / 2 + grown)
             low = bev.grid.centre_of(np.zeros(2, np.int64)) - bev.grid.cell_m / 2
             self._reached = reached_poses(free, bev.grid.cell_m, low, EGO, FAR_BACK_M)
         return self._reached

@@ -11,8 +11,8 @@ gives the shares of readings that are
 - refused: no command.
 
 A typo: a random word of three letters or more gets a letter inserted, deleted, replaced, swapped with its neighbour,
-or replaced by a neighbouring key. Vocatives, wake words, fillers and thanks come from lists in two halves; the phrases
-of the half "unseen" were never looked at when words were added to the lexicon.
+or replaced by a neighbouring key. Vocatives, wake words, fillers and thanks come from lists in two halves; words of
+the half "unseen" were not looked at when the lexicon was written.
 """
 
 from __future__ import annotations
@@ -96,8 +96,8 @@ HOMOPHONES = (
         ("strait", "straight"),
     ),
     *(("buss", "bus"), ("won", "one"), ("threw", "through"), ("knot", "not"), ("hour", "our"), ("wear", "where")),
-    *(("in fronts of", "in front of"), ("necks to", "next to"), ("axe", "at"), ("parque", "park"), ("tern", "turn")),
-    *(("meet us", "metres"), ("meters", "metres"), ("sum", "some")),
+    *(("in fronts of", "in front of"), ("necks to", "next to"), ("tern", "turn")),
+    *(("meters", "metres"), ("sum", "some")),
 )
 DIALECTS = (
     *(
@@ -122,7 +122,7 @@ DIALECTS = (
     ),
     *(("toward", "towards"), ("around", "round"), ("neighbor", "neighbour"), ("center", "centre"), ("pickup", "ute")),
     *(("station wagon", "estate"), ("sedan", "saloon"), ("semi", "artic"), ("make a left", "take a left")),
-    *(("pull over", "pull in"), ("trailer", "caravan"), ("motorcycle", "motorbike"), ("while", "whilst")),
+    *(("trailer", "caravan"), ("motorcycle", "motorbike"), ("while", "whilst")),
 )
 # A perturbation: the command and a source of chance -> the perturbed command, None if it does not apply.
 Perturbation = Callable[[str, random.Random], str | None]

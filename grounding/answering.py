@@ -87,7 +87,7 @@ def answer_reading(reading: Reading, scene: SceneModel, limit: int = MAX_CANDIDA
     primary = next((i for i, one in enumerate(requests) if one.query == reading.query), len(requests) - 1)
     answer = answer_steps(requests, scene, primary=primary, limit=limit)
     answer = replace(answer, reading=replace(answer.reading, steps=reading.steps))
-    if not reading.doubt:
+    if not reading.doubt or reading.query.unresolved:
         return answer
     asked = Answer(
         status="ambiguous",
@@ -120,7 +120,7 @@ def answer_steps(
     for request in requests:
         steps.append(answer_step(request, scene, limit=limit, start=start))
         if (target := steps[-1].target) is not None:
-            start = Pose2D(*target.ego_m.tolist(), target.heading_ego_rad)
+            start = Pose2D(float(target.ego_m[0]), float(target.ego_m[1]), target.heading_ego_rad)
     failed = next((i for i, step in enumerate(steps) if step.status != "ok"), None)
     shown = (primary % len(steps)) if failed is None else failed
     about = steps[shown]
@@ -262,10 +262,6 @@ def answer_step(
         for referent in _goal_candidates(request, resolution)
     ]
     referent, goal_plan = max(planned, key=lambda pair: _log_score(*pair))
-    confidence = _confidence(reading, referent, resolution, goal_plan, scene)
-    settled = request.chosen is not None or referent is None
-    if goal_plan.target and referent and not settled and not is_worth_acting(confidence):
-        goal_plan = replace(goal_plan, target=None, question=f"do you mean {describe_one(referent.item, scene)}?")
     question = goal_plan.question
     if question:  # about this vehicle only
         make = partial(make, candidates=(referent,) if referent else ())
@@ -274,6 +270,9 @@ def answer_step(
     ):
         make = partial(make, candidates=others)
         question = f"there is no place at that one: do you mean {describe_one(others[0].item, scene)}?"
+    confidence = _confidence(reading, referent, resolution, goal_plan, scene)
+    if goal_plan.target and referent and request.chosen is None and not is_worth_acting(confidence):
+        goal_plan, question = replace(goal_plan, target=None), f"do you mean {describe_one(referent.item, scene)}?"
     return make(
         status="ok" if goal_plan.target else "ambiguous" if question else "not_found",
         plan=goal_plan,

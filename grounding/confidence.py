@@ -65,8 +65,7 @@ def gather_evidence(
         rivals = sum(math.exp(one.score - referent.score) for one in candidates if one is not referent)
         margin = min(-math.log(rivals), _MAX_MARGIN) if rivals > 0 else _MAX_MARGIN
         fit = _log(min(referent.fits.values(), default=1.0))
-    corrected = [token for token in reading.tokens if token.text != token.corrected]
-    changed = len(corrected) + len(reading.dropped)
+    changed = len(reading.corrections) + len(reading.dropped)
     return Evidence(margin, fit, _log(goal_score), float(scene.table.is_exact), float(changed))
 
 

@@ -6,6 +6,7 @@ World frame of the dataset: its origin is the lower corner of the town's ground.
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -91,7 +92,7 @@ def _strips(lanes: list[Lane], low_m: FloatArray) -> list[_Strip]:
     found = []
     for lane in lanes:
         points = lane.centre_m - low_m
-        for a, b in zip(points[:-1], points[1:], strict=True):
+        for a, b in pairwise(points):
             length = float(np.hypot(*(b - a)))
             if length > 0:
                 found.append(_Strip(a, (b - a) / length, length, lane.width_m / 2, lane.edge))

@@ -261,7 +261,7 @@ class Session:
         """Take the only candidate of the open question, or the nearest place if that was offered."""
         question, request = self._state.question, self._state.request
         if question is None or request is None:
-            return self._keep(text)
+            return self._inform(text, "the goal stays as it is") if self._state.goal else self._keep(text)
         if len(question.alternatives) == 1:
             return self._take_reading(question.alternatives[0])
         if question.plan.question:
@@ -476,7 +476,9 @@ class Session:
         state = self._state
         if state.question is not None and state.question.query.referent is not None:
             return state.question.query.referent
-        return state.focus[1] if state.focus else None
+        if state.focus is not None:
+            return state.focus[1]
+        return state.request.query.referent if state.request else None
 
     def _meant(self) -> Candidate | None:
         """Return the vehicle that a pronoun refers to."""

@@ -28,8 +28,9 @@ _LEVEL_M, _LEVEL_SPREAD_M, _EDGE_M, _EDGE_SPREAD_M = 2.0, 2.5, 0.3, 0.6
 _ACROSS_M, _WIDTH_AT_M, _WIDTH_QUANTILE = 18.0, np.arange(-8.0, 8.1, 2.0), 0.25
 # Greatest offset from the line between two vehicles.
 _MIDDLE_M = 1.5
-# Greatest lateral offset of a vehicle in the ego lane, and cost of leaving the ego lane to drive past a vehicle.
-_IN_LANE_M, _LEAVE_LANE = 1.5, 12.0
+# Greatest lateral offset of a vehicle in the ego lane; costs of leaving it to drive past a vehicle, and of
+# parking in it.
+_IN_LANE_M, _LEAVE_LANE, _PARK_IN_LANE = 1.5, 12.0, 4.0
 
 
 def propose_on_our_way(relation: str, query: Query, item: SceneObject, road: RoadMap) -> Proposal:
@@ -54,7 +55,7 @@ def propose_on_our_way(relation: str, query: Query, item: SceneObject, road: Roa
         leave = _LEAVE_LANE if query.action == "drive_past" else SECOND
         lanes = [("in our lane", lane_lateral, 0.0), ("in line with it", lateral, leave)]
         if query.action in PARKING:
-            lanes = [("in line with it", lateral, 0.0), ("in our lane", lane_lateral, 2 * SECOND)]
+            lanes = [("in line with it", lateral, 0.0), ("in our lane", lane_lateral, _PARK_IN_LANE)]
     if query.action == "overtake":
         next_lane = np.abs(lateral) - LANE_M
         lanes = [("in line with it", lateral, 0.0), ("one lane beside it", next_lane, SECOND)]

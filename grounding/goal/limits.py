@@ -21,8 +21,8 @@ WAITING_ACTIONS, PARKING_ACTIONS = ("park", "pull_over", "wait"), ("park", "pull
 _BEHIND_M = 8.0
 # A goal nearer than this that heads farther away than this angle turns us on the spot.
 _NEAR_M, _TURNED_RAD = 13.0, np.radians(95)
-# A faster vehicle drives. The cost of standing this near to one; of stopping in a junction; and of heading against the
-# traffic beside a vehicle that stands on the other side.
+# A faster vehicle drives. Costs of standing this near to one, of stopping in a junction, and of heading against the
+# traffic beside a vehicle on the other side.
 DRIVES_MPS, _TRAFFIC_M, _NEAR_TRAFFIC, _IN_JUNCTION, AGAINST_TRAFFIC = 2.0, 2.0, 1.0, 2.0, 2.5
 # Metres backwards beyond those that the command asks for.
 _BACK_MORE_M = 5.0
@@ -83,7 +83,7 @@ class PlaceLimits:
 
 
 def standing_cost(query: Query, road: RoadMap, cells: IntArray, heading_rad: FloatArray) -> FloatArray | float:
-    """Return the cost (N,) of standing in a junction or close to traffic, for actions that end with the ego standing."""
+    """Return the cost (N,) of standing in a junction or close to traffic, if the ego stands in the end."""
     if query.action not in (*WAITING_ACTIONS, "stop"):
         return 0.0
     cost = np.where(road.junctions[tuple(cells.T)], _IN_JUNCTION, 0.0)

@@ -145,7 +145,7 @@ def plan_goal(
     if proposed is None:
         return GoalPlan(None, tuple(reasons))
     if item is not None and limits.our_side and _is_on_other_side(item, road):
-        # Who names a vehicle there asks for a place there: with the traffic of that side if we can turn, else against.
+        # Who names a vehicle there asks for a place there: with the traffic if we can turn, else against it.
         if (item.speed_mps or 0.0) < DRIVES_MPS:
             proposed = [turned for each in proposed for turned in _with_traffic(each, road)]
         limits = replace(limits, our_side=False)

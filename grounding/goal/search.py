@@ -35,6 +35,8 @@ _MAX_EXTRA_COST = 6.0
 _MAX_CHECKED, _SEVERAL = 1500, 50.0
 # Goals that no car reaches: this many are tried, each this far from the others or turned by this angle.
 _MOST_TRIED, _SAME_PLACE_M, _SAME_HEADING_RAD = 16, 0.7, 0.2
+# Backing up by more than the first costs the second.
+_REVERSES_M, _REVERSING = 0.5, 0.7
 # A vehicle farther than this from the footprint does not explain why a candidate is taken.
 _MAX_TAKER_GAP_M = 1.0
 
@@ -122,9 +124,18 @@ class CandidateSearch:
                 break
             route = self.route_to(found[0])
             if route is not None:
-                return found, route
+                return self._without_reversing(found, route)
             self._out_of_reach.append((self.road.grid.centre_of(found[0].cell), found[0].heading_rad))
         return [], None
+
+    def _without_reversing(self, found: list[GoalCandidate], route: CarRoute) -> tuple[list[GoalCandidate], CarRoute]:
+        """Return the candidates and the way to the first; one nearly as good that needs no reversing comes first."""
+        if route.backwards_m > _REVERSES_M:
+            for other in found[1:]:
+                way = self.route_to(other) if other.cost < found[0].cost + _REVERSING else None
+                if way is not None and way.backwards_m <= _REVERSES_M:
+                    return [other, *(each for each in found if each is not other)], way
+        return found, route
 
     def find_best(self, count: int = 1) -> list[GoalCandidate]:
         """Return valid candidates, best first, each at least an ego length from those before it."""
@@ -207,7 +218,8 @@ class CandidateSearch:
             return "leaves the map"
         if flags & TAKEN or not flags:
             centre = self.road.grid.centre_of(candidate.cell)
-            return self._explain_taken(*self.road.free_space.nearest_object(centre, candidate.heading_rad))
+            item, gap_m = self.road.free_space.nearest_object(centre, candidate.heading_rad)
+            return "needs more reversing" if not flags and gap_m >= MARGIN_M else self._explain_taken(item, gap_m)
         if flags & OFF_ROAD:
             return "leaves the road"
         if flags & UNKNOWN:

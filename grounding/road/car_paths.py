@@ -16,7 +16,7 @@ from scipy import ndimage
 from appocc.checks import BoolArray, FloatArray, IntArray
 from appocc.ego_vehicle import EgoVehicle
 from appocc.grid import BEVGrid
-from grounding.road.car_search import HEADINGS, STATE_CELLS, CarModel, connect, search_poses, shorten
+from grounding.road.car_search import HEADINGS, OUTSIDE, STATE_CELLS, CarModel, connect, search_poses, shorten
 from grounding.road.pose import Pose2D
 
 # Greatest distance backwards unless the command asks for more.
@@ -94,11 +94,12 @@ class CarPaths:
             disc_m=half,
             radius_m=self.ego.turning_radius_m,
             most_back_m=self.most_back_m,
+            body=np.array([*self.start.xy_m, *self.start.ahead, self.ego.length_m / 2, half]),
         )
 
     @cached_property
     def _reached(self) -> FloatArray:
-        """(I, J, HEADINGS, 9) the best pose of the rear axle in each state, see `search_poses`."""
+        """(I, J, HEADINGS, 8) the best pose of the rear axle in each state, see `search_poses`."""
         return search_poses(
             self._model, self._rear_axle(self.start.xy_m[None], np.array([self.start.heading_rad]))[0]
         )
@@ -121,7 +122,7 @@ class CarPaths:
         """
         rear = self._rear_axle(self.grid.centre_of(cells), heading_rad)
         span = self.grid.cell_m * STATE_CELLS
-        i, j = np.floor((rear[:, :2] - self._model.low_m) / span + 0.5).astype(np.int64).T
+        i, j = np.floor((rear[:, :2] - self._model.low_m) / span + 0.5).astype(np.int64).T + OUTSIDE
         k = np.floor(rear[:, 2] / (2 * np.pi) * HEADINGS + 0.5).astype(np.int64) % HEADINGS
         x, y, _ = self._cost_near.shape
         inside = (i >= 0) & (j >= 0) & (i < x) & (j < y)

@@ -8,11 +8,13 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from appocc.checks import FloatArray, IntArray
+from appocc.checks import FloatArray
 from grounding.road.reeds_shepp import words_to
 
 # A state is this many cells wide and one of this many headings. Arcs are longer than its diagonal.
 STATE_CELLS, HEADINGS = 2, 40
+# States beyond each border of the map: the car may begin there.
+OUTSIDE = 8
 _ARC_M = 1.2
 # Cost of a metre backwards, of a change of gear, and of a metre at full lock, beyond its length.
 _BACKWARDS, _GEAR, _LOCK = 1.5, 5.0, 0.1
@@ -25,8 +27,6 @@ _AROUND_M, _TRIED = 9.0, 1000
 _STEP_M = 0.4
 # States that one curve may replace.
 _SHORTCUT = 24
-# Columns of a state: cost, x, y, heading, metres backwards, gear of the arc to it, its bend, index of the state before.
-_COST, _X, _Y, _YAW, _BACK, _WAY, _BEND, _BEFORE = range(8)
 
 
 class CarModel(NamedTuple):
@@ -41,6 +41,7 @@ class CarModel(NamedTuple):
         disc_m: their radius.
         radius_m: least radius of the rear axle's way.
         most_back_m: greatest distance backwards.
+        body: (6,) where the car stands now: its centre, unit heading, and half of length and width.
     """
 
     clearance: NDArray[np.float32]
@@ -51,6 +52,7 @@ class CarModel(NamedTuple):
     disc_m: float
     radius_m: float
     most_back_m: float
+    body: FloatArray
 
 
 @numba.njit(cache=True, nogil=True)
@@ -70,8 +72,13 @@ def _room_m(car: CarModel, x: float, y: float) -> float:
 def _fits(car: CarModel, x: float, y: float, yaw: float) -> bool:
     cos, sin = np.cos(yaw), np.sin(yaw)
     for along in car.discs_m:
-        if _room_m(car, x + along * cos, y + along * sin) < car.disc_m:
-            return False
+        px, py = x + along * cos, y + along * sin
+        if _room_m(car, px, py) < car.disc_m:
+            # What is below the body now is no obstacle, on the map or not.
+            dx, dy = px - car.body[0], py - car.body[1]
+            ahead, left = dx * car.body[2] + dy * car.body[3], dy * car.body[2] - dx * car.body[3]
+            if abs(ahead) > car.body[4] or abs(left) > car.body[5]:
+                return False
     return True
 
 
@@ -96,7 +103,8 @@ def _advance(x: float, y: float, yaw: float, length: float, bend: float) -> tupl
 def _state(car: CarModel, shape: tuple[int, int, int], x: float, y: float, yaw: float) -> int:
     """Return the index of the state of a pose, -1 off the map."""
     span = car.cell_m * STATE_CELLS
-    i, j = int(np.floor((x - car.low_m[0]) / span + 0.5)), int(np.floor((y - car.low_m[1]) / span + 0.5))
+    i = int(np.floor((x - car.low_m[0]) / span + 0.5)) + OUTSIDE
+    j = int(np.floor((y - car.low_m[1]) / span + 0.5)) + OUTSIDE
     if i < 0 or j < 0 or i >= shape[0] or j >= shape[1]:
         return -1
     return (i * shape[1] + j) * HEADINGS + int(np.floor(yaw / (2 * np.pi) * HEADINGS + 0.5)) % HEADINGS
@@ -106,14 +114,15 @@ def _state(car: CarModel, shape: tuple[int, int, int], x: float, y: float, yaw: 
 def search_poses(car: CarModel, start: FloatArray) -> FloatArray:
     """Return the best pose of each state (I, J, HEADINGS, 8); its cost is infinite where none is reached.
 
-    The columns: cost, x, y, heading, metres backwards, gear (1 or -1) and curvature of the arc that leads there, index
-    of the state before.
+    The columns: cost, x, y, heading, metres backwards, gear (1 or -1) and curvature of the arc that leads there,
+    index of the state before.
 
     Args:
         car: the car and its surroundings.
         start: (3,) pose of the rear axle.
     """
-    shape = (car.clearance.shape[0] // STATE_CELLS + 1, car.clearance.shape[1] // STATE_CELLS + 1, HEADINGS)
+    more = 1 + 2 * OUTSIDE
+    shape = (car.clearance.shape[0] // STATE_CELLS + more, car.clearance.shape[1] // STATE_CELLS + more, HEADINGS)
     size = shape[0] * shape[1] * shape[2]
     states = np.empty((size, 8))
     states[:, 0] = np.inf
@@ -216,7 +225,7 @@ def _best_curve(
 
 @numba.njit(cache=True, nogil=True)
 def connect(car: CarModel, reached: FloatArray, goal: FloatArray) -> FloatArray:
-    """Return the states (K, 8) of the cheapest way to a pose, the start first and the pose last; none if there is none.
+    """Return the states (K, 8) of the cheapest way to a pose, from the start to the pose; none if there is no way.
 
     Args:
         car: the car and its surroundings.
@@ -227,8 +236,8 @@ def connect(car: CarModel, reached: FloatArray, goal: FloatArray) -> FloatArray:
     _, wide, _, _ = reached.shape
     span = car.cell_m * STATE_CELLS
     around = int(_AROUND_M / span)
-    mid_i = int(np.floor((goal[0] - car.low_m[0]) / span + 0.5))
-    mid_j = int(np.floor((goal[1] - car.low_m[1]) / span + 0.5))
+    mid_i = int(np.floor((goal[0] - car.low_m[0]) / span + 0.5)) + OUTSIDE
+    mid_j = int(np.floor((goal[1] - car.low_m[1]) / span + 0.5)) + OUTSIDE
     near, least = [0], [np.inf]
     for i in range(max(mid_i - around, 0), min(mid_i + around + 1, reached.shape[0])):
         for j in range(max(mid_j - around, 0), min(mid_j + around + 1, wide)):
@@ -302,7 +311,7 @@ def _length_m(one: FloatArray, two: FloatArray) -> float:
 
 @numba.njit(cache=True, nogil=True)
 def shorten(car: CarModel, states: FloatArray) -> FloatArray:
-    """Return the way along states (K, 8) as poses (N, 4): x, y, heading, gear; curves replace states where they can."""
+    """Return the way along states (K, 8) as poses (N, 4): x, y, heading, gear; curves replace states if they can."""
     cost = _chain_cost(car, states)
     way = np.empty((4 * len(states) + 4, 8))
     way[0], used, at = states[0], 1, 0

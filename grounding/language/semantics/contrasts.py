@@ -141,7 +141,7 @@ def _negate_place(tokens: list[Token], match: re.Match[str]) -> list[Token]:
 
 
 def _vehicle(token: Token) -> Token:
-    return replace(token.with_category(WordCategory.NOUN, "vehicle"), text="vehicle", corrected="vehicle")
+    return replace(token.with_category(WordCategory.NOUN, "vehicle"), text="vehicle", written="vehicle")
 
 
 def _negate_nearness(tokens: list[Token], match: re.Match[str]) -> list[Token]:
@@ -173,7 +173,7 @@ def _share_noun(tokens: list[Token], match: re.Match[str]) -> list[Token]:
 
 
 def _comma(token: Token) -> Token:
-    return replace(token.with_category(WordCategory.COMMA), text=",", corrected=",")
+    return replace(token.with_category(WordCategory.COMMA), text=",", written=",")
 
 
 def _complete(chosen: Sequence[Token], model: Sequence[Token]) -> list[Token]:

@@ -23,7 +23,7 @@ def handle_verb(state: DiscourseState, token: Token) -> None:
     """Start a command frame, or add an event or state of another vehicle."""
     state.open_relation = None
     infinitive, state.infinitive = state.infinitive, False
-    if token.corrected.startswith("using"):
+    if token.text.startswith("using"):
         state.open_phrase = None  # "overtake it using the left lane"
     if _completes_awaited_event(state, token, infinitive):
         return
@@ -92,7 +92,7 @@ def start_frame(state: DiscourseState, token: Token, connective: str) -> None:
     danger = verb_class == "danger"
     frame = CommandFrame(
         verb_class="avoid" if danger else verb_class,
-        verb=token.corrected,
+        verb=token.text,
         connective=connective,
         start=token.start,
         negated=state.negated and not danger,
@@ -167,7 +167,7 @@ def _is_transient(state: DiscourseState, token: Token, host: NounPhrase) -> bool
     if token.state != "moving":
         return False
     vague = token.value == "go" or host.kind == "pronoun"
-    origin = token.corrected.endswith(" from") and state.next_kind != "side"
+    origin = token.text.endswith(" from") and state.next_kind != "side"
     return vague or origin or token.form == "past"
 
 

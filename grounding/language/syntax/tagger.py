@@ -44,6 +44,8 @@ from grounding.language.syntax.tagging_verbs import (
 from grounding.language.syntax.tokenizer import Token
 from grounding.language.syntax.word_categories import DETERMINERS, WordCategory
 
+# Words without a part in the sentence.
+_DROPPED = (WordCategory.FILLER, WordCategory.GREETING)
 _AFTER_CONNECTIVE = frozenset((WordCategory.THEN, WordCategory.AND, WordCategory.EXCEPT, WordCategory.ORDINAL))
 
 
@@ -68,7 +70,7 @@ class _Compound(NamedTuple):
                 category=self.categories[0],
                 value=self.values[0],
                 text=first,
-                corrected=first,
+                written=first,
                 start=token.start,
                 end=middle,
             ),
@@ -76,7 +78,7 @@ class _Compound(NamedTuple):
                 category=self.categories[1],
                 value=self.values[1],
                 text=second,
-                corrected=second,
+                written=second,
                 start=middle + 1,
                 end=token.end,
                 form=form,
@@ -140,7 +142,7 @@ _RULES: dict[WordCategory, _Rule] = {
 def tag(tokens: Sequence[Token]) -> list[Token]:
     """Return the tokens with their category in context, quantities merged and fillers removed."""
     tagged: list[Token] = []
-    kept = [token for token in merge_quantities(tokens) if token.category is not WordCategory.FILLER]
+    kept = [token for token in merge_quantities(tokens) if token.category not in _DROPPED]
     for i, token in enumerate(kept):
         after = kept[i + 1 : i + 6]
         if (compound := _COMPOUNDS.get(token.text)) is not None and category_at(tagged, -1) in compound.after:

@@ -83,11 +83,11 @@ def tag_verb(before: Sequence[Token], token: Token, after: Sequence[Token]) -> T
     if token.value in TURNS and after and after[0].text.startswith("lane"):
         # "take the left lane"
         return token.with_category(WordCategory.VERB, token.value.replace("turn", "change_lane"))
-    if token.corrected in ("pull in", "move in") and after and after[0].text in ("front of", "back of"):
-        return token.with_category(WordCategory.VERB, token.corrected.split()[0])
+    if token.text in ("pull in", "move in") and after and after[0].text in ("front of", "back of"):
+        return token.with_category(WordCategory.VERB, token.text.split()[0])
     relation = after[0].value if category_at(after, 0) is WordCategory.RELATION else ""
-    if token.corrected in _GO_RIGHT and relation in _RIGHT_BEFORE:
-        return token.with_category(WordCategory.VERB, token.corrected.split()[0])  # "go right behind it"
+    if token.text in _GO_RIGHT and relation in _RIGHT_BEFORE:
+        return token.with_category(WordCategory.VERB, token.text.split()[0])  # "go right behind it"
     if token.form == "ing" and last in DETERMINERS and category_at(after, 0) in HEADS | {WordCategory.COLOUR}:
         return token.with_category(WordCategory.EXTRA)
     own = bool(before) and before[-1].form == "own" and category_at(after, 0) not in HEADS  # "the van's tail"
