@@ -65,7 +65,9 @@ class KalmanFilters:
         self.mean = np.zeros((0, 4))
         self.cov = np.zeros((0, 4, 4))
 
-    def add(self, xy_world_m: FloatArray, noise_m2: FloatArray, velocity_mps: FloatArray, cov_m2ps2: FloatArray) -> None:
+    def add(
+        self, xy_world_m: FloatArray, noise_m2: FloatArray, velocity_mps: FloatArray, cov_m2ps2: FloatArray
+    ) -> None:
         """Add M filters at positions (M, 2) and velocities (M, 2) with covariances (M, 2, 2) of both."""
         cov = np.zeros((len(xy_world_m), 4, 4))
         cov[:, :2, :2] = noise_m2
