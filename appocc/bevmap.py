@@ -172,6 +172,11 @@ class BEVMap:
                 **{**extra, **(more or {})},  # type: ignore[arg-type]
             )
 
+    @property
+    def is_truth(self) -> bool:
+        """Whether the map is simulated or made from all data of a recording, by its meta, and not predicted."""
+        return self.meta.get("source") == "simulated" or "sources" in self.meta
+
     @classmethod
     def load(cls, path: PathLike) -> BEVMap:
         """Read a map written by `save` or by another tool in the same format.
@@ -201,11 +206,6 @@ class BEVMap:
             raise DataError(f"{path}: damaged BEV map ({error})") from error
 
 
-def is_truth(source: str) -> bool:
-    """Return whether a source of maps is ground truth: made from all data of a recording and not predicted."""
-    return Path(source).name in ("exact", "groundtruth")
-
-
 def bev_folder(root: PathLike, source: str) -> Path:
     """Return the folder of a source of maps: `ROOT/bev/SOURCE`; a source with a slash in its name is a folder."""
     return Path(source) if "/" in source else Path(root) / "bev" / source
@@ -224,10 +224,27 @@ def load_map(root: PathLike, source: str, sample_token: str) -> BEVMap:
     """Read the map of a sample.
 
     Raises:
-        DataError: if it is missing (the message names the command that makes it) or damaged.
+        DataError: if it is missing (the message names the sources that there are, and the command that makes the map)
+            or damaged.
     """
     path = bev_path(root, source, sample_token)
     if not path.is_file():
-        how = f"appocc groundtruth {root}" if source == "groundtruth" else f"maps of source '{source}'"
-        raise DataError(f"{path}: no BEV map; make it with: {how}")
+        others = [other for other in map_sources(root) if other != source]
+        there = f"there are maps of source {' and '.join(others)}; " if others else ""
+        raise DataError(f"{path}: no BEV map; {there}{_how_to_make(Path(root), source)}")
     return BEVMap.load(path)
+
+
+def map_sources(root: PathLike) -> list[str]:
+    """Return the sources of maps in a dataset: the folders of `ROOT/bev` with maps, sorted."""
+    folders = Path(root).joinpath("bev").glob("*/")
+    return sorted(folder.name for folder in folders if next(folder.glob("*.npz"), None) is not None)
+
+
+def _how_to_make(root: Path, source: str) -> str:
+    """Return how maps of a source are made."""
+    if source == "exact":
+        return "exact maps come with simulated drives only: appocc simulate"
+    if source == "groundtruth":
+        return f"make it with: appocc groundtruth {root}"
+    return f"make it with: appocc infer {root} --out {bev_folder(root, source)}"

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, fields
 
 from appocc.checks import BoolArray
 from appocc.errors import ShapeError
 from appocc.grid import BEVGrid
+
+# Distance between the axles as a share of the length.
+_WHEELBASE = 0.6
 
 
 @dataclass(frozen=True)
@@ -42,6 +46,13 @@ class EgoVehicle:
     def centre_m(self) -> float:
         """Distance from the rear axle forward to the centre of the body."""
         return self.length_m / 2 - self.rear_overhang_m
+
+    @property
+    def turning_radius_m(self) -> float:
+        """Least radius of the way of the rear axle's centre, from the turning circle of the outer front wheel."""
+        half_circle = self.turning_circle_m / 2
+        wheelbase = min(_WHEELBASE * self.length_m, 0.8 * half_circle)
+        return max(math.sqrt(half_circle**2 - wheelbase**2) - self.width_m / 2, self.width_m / 2)
 
     def body_cells(self, grid: BEVGrid) -> BoolArray:
         """(X, Y) cells of a grid in the ego frame whose centre is below the body."""

@@ -29,8 +29,9 @@ from torch.utils.flop_counter import FlopCounterMode
 from appocc.camera import CameraRig
 from appocc.checks import Float32Array
 from appocc.errors import AppoccError
-from appocc.export.convert import to_onnx, write_onnx, write_openvino
+from appocc.export.convert import to_onnx, to_openvino, write_onnx, write_openvino
 from appocc.export.graph import ELAPSED, IMAGES, MEMORY, PAST_FROM_NOW, ExportGraph, input_shapes
+from appocc.export.quantize import quantize
 from appocc.export.runtimes import Runner, open_onnx, open_openvino
 from appocc.models.base import BEVModel, ViewTransformPlan
 from appocc.models.batch_norm_folding import fold_batch_norms
@@ -106,17 +107,24 @@ def torch_ways(name: str, model: BEVModel, past: Past | None, compiled: bool) ->
 def exported_ways(name: str, model: BEVModel, past: Past | None, rig: CameraRig) -> list[Way]:
     """Return the exported formats of a network; empty without the extra."""
     threads = torch.get_num_threads()
+    graph = ExportGraph(model, rig)
+    random = {each: torch.rand(shape).numpy() for each, shape in graph.shapes.items()}
     with tempfile.TemporaryDirectory() as folder:
         onnx, xml, values = (Path(folder) / f"model.{ending}" for ending in ("onnx", "xml", "bin"))
         try:
-            proto = to_onnx(ExportGraph(model, rig), "")
+            proto = to_onnx(graph, "")
             write_onnx(proto, onnx)
-            write_openvino(proto, "", xml, values)
-            runs = {"ONNX": open_onnx(onnx, threads), "OpenVINO": open_openvino(xml, values, threads)}
+            runs = {"float32, exported, ONNX": open_onnx(onnx, threads)}
+            for how, found in (
+                ("float32, exported, OpenVINO", to_openvino(proto)),
+                ("int8 convolutions, OpenVINO", quantize(to_openvino(proto), [random])),
+            ):
+                write_openvino(found, "", xml, values)
+                runs[how] = open_openvino(xml, values, threads)
         except AppoccError as error:
             print(error)
             return []
-    return [Way(name, f"float32, exported, {how}", model, _of_arrays(run, past)) for how, run in runs.items()]
+    return [Way(name, how, model, _of_arrays(run, past)) for how, run in runs.items()]
 
 
 def _past(spec: ModelSpec) -> Past:

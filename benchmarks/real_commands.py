@@ -157,7 +157,9 @@ def outcome_of(query: Query, scene: SceneModel, meant: str) -> tuple[str, int, i
 
 def lacked_by(command: str, query: Query, scene: SceneModel, meant: str) -> str:
     """Return the reason why the referent is not the answer."""
-    row = next(i for i, item in enumerate(scene.table.items) if item.id == meant)
+    row = next((i for i, item in enumerate(scene.table.items) if item.id == meant), None)
+    if row is None:
+        return "scene"  # neither a vehicle nor a person, or out of range
     named = next(
         (word for word in re.findall("[a-z]+", command.lower().replace("gray", "grey")) if word in WORDS), ""
     )

@@ -11,7 +11,7 @@ import numpy as np
 
 from appocc.bevmap import load_map
 from appocc.demo.dataset import SCENE, SOURCE, DemoSettings, record_demo
-from appocc.demo.explain import explanation
+from appocc.demo.explain import CONVERSATION_PICTURE, explanation
 from appocc.demo.pictures import overview
 from appocc.evaluation.bev import EvaluationConfig, evaluate
 from appocc.files import write_bytes, write_image
@@ -28,6 +28,8 @@ from tracking.pipeline import SceneTracks, track_scene, tracks_folder
 from tracking.visualization.video import draw_frame, write_video
 
 COMMANDS = ("park behind the nearest silver car", "stop behind the nearest car ahead", "stop next to the nearest car")
+# A conversation: a command that fits several cars, the answer to the question, and a change of mind.
+CONVERSATION = ("stop next to the car", "the white one", "a bit further back", "where are you heading?")
 FRAME, PREDICTED = 6, "predicted"
 
 # Shows the progress of a named step with a number of parts; the block gets a function that advances it.
@@ -57,10 +59,11 @@ def run_demo(folder: Path, out: Path, progress: Progress) -> dict[str, Any]:
     judged = evaluate(dataset, [scene], EvaluationConfig(PREDICTED, SOURCE, False, None), lambda _: None).as_json()
     tracks, scores = _track(dataset, scene, folder, progress)
     answers = _ground(dataset, scene, folder)
+    talk = _converse(dataset, scene, folder)
     _draw(dataset, scene, folder, tracks)
-    text = explanation(out, settings.samples, FRAME, judged, scores, answers)
+    text = explanation(out, settings.samples, FRAME, judged, scores, answers, talk)
     write_bytes(folder / "README.txt", text.encode())
-    return {"scene": SCENE, "bev": judged, "tracks": tracks.count, **scores, "ground": answers}
+    return {"scene": SCENE, "bev": judged, "tracks": tracks.count, **scores, "ground": answers, "conversation": talk}
 
 
 def _predict(dataset: Dataset, scene: Scene) -> None:
@@ -94,6 +97,19 @@ def _ground(dataset: Dataset, scene: Scene, folder: Path) -> list[dict[str, Any]
             apart_m = float(np.hypot(*(answer.target.ego_m - true.target.ego_m)))
         answers.append({"picture": name, **answer.to_dict(), "text": answer.text(), "apart_m": apart_m})
     return answers
+
+
+def _converse(dataset: Dataset, scene: Scene, folder: Path) -> list[dict[str, Any]]:
+    """Hold a conversation on the exact map and draw the last goal."""
+    sample = dataset.samples(scene)[FRAME]
+    grounder = Grounder()
+    frame = set_key_frame(grounder, dataset, sample, SOURCE)
+    session = grounder.session()
+    answers = [session.say(sentence) for sentence in CONVERSATION]
+    write_image(folder / CONVERSATION_PICTURE, draw_answer(session.goal or answers[-1], frame))
+    return [
+        {"said": said, **one.to_dict(), "text": one.text()} for said, one in zip(CONVERSATION, answers, strict=True)
+    ]
 
 
 def _draw(dataset: Dataset, scene: Scene, folder: Path, tracks: SceneTracks) -> None:

@@ -94,14 +94,13 @@ def _cell_table(answer: dict[str, Any]) -> Any:
     table = Table("cells")
     heads = [f"IoU {name}" for name in ("road", "vehicle", "lane")]
     heads += [f"at {value:.2f}" for value in kept.values()] if kept else []
-    for head in (*heads, "L1", "L1 road", "L1 vehicle", "L1 lane"):
+    for head in (*heads, "L1", "L1 road", "L1 vehicle", "L1 lane", "PSNR"):
         table.add_column(head, justify="right")
 
     def row(name: str, part: dict[str, Any]) -> None:
         shares = [_number(100 * v) for key in ("iou", "iou_at_threshold") for v in (part[key] or {}).values()]
-        table.add_row(
-            name, *shares, *(_number(v) for v in (part["appearance_l1"], *part["appearance_l1_by_class"].values()))
-        )
+        colours = (part["appearance_l1"], *part["appearance_l1_by_class"].values(), part["appearance_psnr"])
+        table.add_row(name, *shares, *map(_number, colours))
 
     row("all", answer)
     bounds = [*ranges["iou"].values(), *ranges.get("iou_at_threshold", {}).values()]

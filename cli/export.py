@@ -40,6 +40,12 @@ def export(
     scene: Annotated[str | None, typer.Option("--scene", help="Scene of ROOT; default: the first.")] = None,
     weights: Annotated[Path | None, typer.Option(help="Weights file; default: the shipped weights.")] = None,
     runs: Annotated[int, typer.Option(min=1, help="Comparisons with torch per input and number of threads.")] = 4,
+    int8: Annotated[
+        bool,
+        typer.Option(
+            "--int8", help="Convolutions in INT8, calibrated on all scenes of ROOT, or --scene; for OpenVINO."
+        ),
+    ] = False,
     form: Annotated[Format | None, typer.Option("--format", help="Format of FILE; default: by its suffix.")] = None,
     version: VersionOption = None,
     as_json: JsonOption = False,
@@ -49,22 +55,31 @@ def export(
     Example: appocc export --weights F --rig rig.yaml --out model.onnx
     """
     from appocc.errors import DataError
-    from appocc.export.run import export as run
+    from appocc.export.run import export as export_float
+    from appocc.export.run import export_int8
 
     if form is not None and out.suffix.lower() != _ENDINGS[form]:
         raise DataError(f"{out}: expected a name that ends in {_ENDINGS[form]} for {form}")
-    source = _source(root, rig, scene, version)
+    if int8 and root is None:
+        raise DataError("expected ROOT with --int8, whose images it is calibrated on, got none")
+    source = _source(root, rig, scene, version, all_scenes=int8)
     with progress("export", _STEPS) as advance:
-        done = run(weights, source, out, runs, advance)
+        if int8:
+            done = export_int8(weights, source, out, advance)
+        else:
+            done = export_float(weights, source, out, runs, advance)
     if as_json:
-        emit({"files": [str(file) for file in done.files], "parity": done.parity.as_json(), "card": done.card})
+        kind = "agreement" if int8 else "parity"
+        emit({"files": [str(file) for file in done.files], kind: done.check.as_json(), "card": done.card})
     size = sum(file.stat().st_size for file in done.files)
     say(f"{', '.join(map(str, done.files))}: {size / 1e6:.1f} MB, {done.card['network']} for rig {source.name}")
-    say("\n".join(done.parity.lines()))
+    say("\n".join(done.check.lines()))
 
 
-def _source(root: Path | None, rig: str | None, scene: str | None, version: str | None) -> ExportSource:
-    """Return the camera rig to export for.
+def _source(
+    root: Path | None, rig: str | None, scene: str | None, version: str | None, *, all_scenes: bool
+) -> ExportSource:
+    """Return the camera rig to export for, with the frames of one scene or, without `scene`, of all.
 
     Raises:
         DataError: if both a dataset and a rig are given, or the dataset is damaged.
@@ -88,4 +103,5 @@ def _source(root: Path | None, rig: str | None, scene: str | None, version: str 
     if not dataset.scenes:
         raise DataError(f"{root}: expected a scene, got none")
     chosen = dataset.scene(scene) if scene else dataset.scenes[0]
-    return source_from_inputs(dataset_inputs(dataset, [chosen]), f"{chosen.name} of {root.resolve().name}")
+    scenes = dataset.scenes if all_scenes and scene is None else [chosen]
+    return source_from_inputs(dataset_inputs(dataset, scenes), f"{chosen.name} of {root.resolve().name}")

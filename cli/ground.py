@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -15,10 +16,17 @@ from cli.common import JsonOption, TrustUnseenOption, VersionOption, emit, say
 
 if TYPE_CHECKING:
     from appocc.frame import Frame
-    from grounding import Grounder
+    from grounding import Answer, Grounder, Session
     from grounding.language.llm import ChatEndpoint
 
 _MOST_BYTES = 1_000_000
+_QUIT = ("quit", "exit", "bye", "q")
+_HELP = """\
+Say a command: "park behind the white car", "follow the bus", "stop in 20 metres".
+Answer a question: "the one on the left", "the closer one", "2".
+Change the goal: "in front of it instead", "not that one", "a bit further", "closer", "two metres back".
+Go on: "and then turn right". Ask: "where are you heading?", "why?". Drop it: "never mind".
+help shows this text, quit ends the conversation."""
 _ONLY_ROOT = "with --commands or --interactive, ROOT is the only argument"
 
 
@@ -58,7 +66,7 @@ def ground(
         Path | None, typer.Option("--commands", help="File of commands, one per line, instead of TEXT.")
     ] = None,
     interactive: Annotated[
-        bool, typer.Option("--interactive", "-i", help="Prompt for commands until an empty line, instead of TEXT.")
+        bool, typer.Option("--interactive", "-i", help="Hold a conversation, until 'quit', instead of TEXT.")
     ] = False,
     lexicon: Annotated[
         Path | None, typer.Option("--lexicon", help="File of words to add to the built-in lexicon.")
@@ -67,7 +75,8 @@ def ground(
         str | None,
         typer.Option(
             "--llm",
-            help="URL of a language model to ask first (chat completions; $APPOCC_LLM_MODEL, $APPOCC_LLM_KEY).",
+            help="URL of a language model to ask where the grammar leaves words out (chat completions; "
+            "$APPOCC_LLM_MODEL, $APPOCC_LLM_KEY).",
         ),
     ] = None,
     trust_unseen: TrustUnseenOption = False,
@@ -86,14 +95,18 @@ def ground(
 
     On one saved map: --map FILE instead of ROOT, --scene and --frame
 
-    Exit 0: found; 2: not a command; 3: ambiguous, not found, or no free goal. Of several commands, the highest code.
+    Exit 0: found; 2: not a command; 3: ambiguous, not found, or no free goal. Of several commands, the highest code;
+    of a conversation, the last one.
 
     Example: appocc ground "stop behind the nearest white car" DATA --scene 002 --frame 10 --picture g.png
     """
     from appocc.ego_vehicle import EgoVehicle
+    from appocc.files import write_image
     from appocc.rigs import read_rig
+    from appocc.temporary import made_folder
     from grounding import Grounder, GrounderConfig
     from grounding.pipeline import set_saved_map
+    from grounding.visualization import draw_answer
 
     several = commands is not None or interactive
     if several and root is None and text is not None:
@@ -124,9 +137,14 @@ def ground(
             raise DataError("--map goes without --scene, --frame and --tracks")
         set_saved_map(grounder, map_file)
     if text is not None:
-        raise typer.Exit(_answer(grounder, text, key_frame, explain, as_json, picture))
-    texts = _lines(commands) if commands else _typed_lines()
-    raise typer.Exit(max((_answer(grounder, one, key_frame, explain, as_json, None) for one in texts), default=0))
+        answer = grounder.ground(text)
+        if picture is not None:
+            with made_folder(picture.parent):
+                write_image(picture, draw_answer(answer, key_frame, show_costs=explain))
+        raise typer.Exit(_print(answer, explain, as_json))
+    if commands is not None:
+        raise typer.Exit(max(_print(grounder.ground(one), explain, as_json) for one in _lines(commands)))
+    raise typer.Exit(_converse(grounder.session(), explain, as_json))
 
 
 def _check_one(*given: tuple[str, object], hint: str = "") -> None:
@@ -192,36 +210,53 @@ def _lines(path: Path) -> list[str]:
     return found
 
 
+def _converse(session: Session, explain: bool, as_json: bool) -> int:
+    """Hold a conversation with the lines of standard input; return the exit code of the last answer."""
+    code = 0
+    for line in _typed_lines():
+        if line.casefold() in _QUIT:
+            break
+        if line.casefold() in ("help", "?"):
+            say(_HELP)
+        elif line:
+            code = _print(session.say(line), explain, as_json)
+    return code
+
+
 def _typed_lines() -> Iterator[str]:
-    """Prompt for lines until an empty one or the end of input.
+    """Prompt for lines until the end of input, on a terminal with line editing and history.
 
     Raises:
-        DataError: if standard input is closed.
+        DataError: if standard input is closed or is not text.
     """
     if sys.stdin is None:
         raise DataError("--interactive: standard input is closed")
+    on_terminal = sys.stdin.isatty() and sys.stdout.isatty()
+    if on_terminal:
+        with suppress(ImportError):  # not on every platform
+            import readline  # noqa: F401 - gives input() line editing and history
     while True:
-        typer.echo("> ", nl=False, err=True)
         try:
-            line = sys.stdin.readline(_MOST_BYTES)
+            line = input("> ") + "\n" if on_terminal else _read_line()
+        except EOFError:
+            return
         except UnicodeDecodeError as error:
             raise DataError(f"standard input: expected text ({error})") from error
-        if not line.strip():
+        if not line:
             return
         yield line.strip()
 
 
-def _answer(
-    grounder: Grounder, text: str, key_frame: Frame | None, explain: bool, as_json: bool, picture: Path | None
-) -> int:
-    """Print the answer to one command, write its picture, and return its exit code."""
-    from appocc.files import write_image
-    from grounding.explain import explain_answer
-    from grounding.visualization import draw_answer
+def _read_line() -> str:
+    """Prompt on standard error and read a line; '' at the end of input."""
+    typer.echo("> ", nl=False, err=True)
+    return sys.stdin.readline(_MOST_BYTES)
 
-    answer = grounder.ground(text)
-    if picture is not None:
-        write_image(picture, draw_answer(answer, key_frame, show_costs=explain))
+
+def _print(answer: Answer, explain: bool, as_json: bool) -> int:
+    """Print an answer and return its exit code."""
+    from grounding.explain import explain_answer
+
     if as_json:
         emit(answer.to_dict())
     say(answer.text())

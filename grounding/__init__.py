@@ -21,17 +21,19 @@ from appocc.lazy import lazy_exports
 
 if TYPE_CHECKING:
     from grounding.answer import Answer
+    from grounding.dialogue.session import Session
     from grounding.goal.planner import Target
     from grounding.grounder import Grounder, GrounderConfig
     from grounding.query import Query
 
-__all__ = ["Answer", "Grounder", "GrounderConfig", "Query", "Target"]
+__all__ = ["Answer", "Grounder", "GrounderConfig", "Query", "Session", "Target"]
 
 _MODULES = {
     "Answer": "grounding.answer",
     "Grounder": "grounding.grounder",
     "GrounderConfig": "grounding.grounder",
     "Query": "grounding.query",
+    "Session": "grounding.dialogue.session",
     "Target": "grounding.goal.planner",
 }
 

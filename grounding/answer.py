@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
+from appocc.errors import AppoccError
 from appocc.polylines import length_m
 from grounding.describe import candidate_to_dict, describe_object, round_to_mm, target_to_dict
 from grounding.goal.planner import GoalPlan, Target
@@ -17,10 +19,11 @@ AnswerStatus = ResolutionStatus | Literal["not_a_command"]
 
 # Longest part of a command that the text of an answer repeats.
 _MAX_CHARACTERS = 160
+_MAX_SHOWN = 60
 _NO_PLAN = GoalPlan(None, ())
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class Answer:
     """The answer to a command.
 
@@ -34,6 +37,11 @@ class Answer:
         reasons: sentences that explain the answer.
         question: clarification question if the status is "ambiguous", else ''.
         score: log score of reading, referent and goal, comparable between readings.
+        steps: answers to the steps of the command in order, each planned from where the one before ends.
+        dropped: content words of the command that the reading does not use.
+        confidence: estimated probability that referent and goal are what is meant, 0..1.
+        alternatives: answers to different readings, if the question asks for the reading and not for a vehicle.
+        chooser: makes the answer with another candidate; None if there is nothing to choose.
     """
 
     status: AnswerStatus
@@ -45,6 +53,11 @@ class Answer:
     reasons: tuple[str, ...] = ()
     question: str = ""
     score: float = 0.0
+    steps: tuple[Answer, ...] = ()
+    dropped: tuple[str, ...] = ()
+    confidence: float = 0.0
+    alternatives: tuple[Answer, ...] = ()
+    chooser: Callable[[int], Answer] | None = field(default=None, repr=False)
 
     @property
     def query(self) -> Query:
@@ -66,6 +79,34 @@ class Answer:
         """Exit code of the command line: 0 found, 2 not a command, 3 ambiguous or not found."""
         return {"ok": 0, "not_a_command": 2}.get(self.status, 3)
 
+    @property
+    def awaits(self) -> str | None:
+        """The event that ends or starts the action, such as "leave"; None without one."""
+        return self.query.trigger
+
+    def choose(self, number: int) -> Answer:
+        """Return the answer with a candidate as the referent, by its number from 1.
+
+        Raises:
+            AppoccError: if there is no such candidate.
+        """
+        if self.chooser is None:
+            raise AppoccError(f"expected an answer with candidates to choose from, got '{self.status}' without")
+        return self.chooser(number)
+
+    def __repr__(self) -> str:
+        """Return status, command, referent and place in one line."""
+        command = self.query.command
+        shown = command if len(command) <= _MAX_SHOWN else command[:_MAX_SHOWN] + "..."
+        parts = [f"status={self.status!r}", f"command={shown!r}"]
+        if self.referent is not None:
+            parts.append(f"referent={self.referent.item.id!r}")
+        if self.target is not None:
+            parts.append("target=({:.1f}, {:.1f}) m".format(*self.target.ego_m))
+        if self.candidates:
+            parts.append(f"candidates={len(self.candidates)}")
+        return f"Answer({', '.join(parts)})"
+
     def to_dict(self) -> dict[str, Any]:
         """Return the answer as JSON values; angles in radians, lengths in metres."""
         plan = self.plan
@@ -80,7 +121,32 @@ class Answer:
             "candidates": [candidate_to_dict(one, self.scene) for one in self.candidates],
             "question": self.question or None,
             "reasons": list(self.reasons),
+            "steps": [step._step_to_dict() for step in self.steps],
+            "dropped": list(self.dropped),
+            "confidence": round(self.confidence, 3),
         }
+
+    def _step_to_dict(self) -> dict[str, Any]:
+        """Return a step of a plan as JSON values."""
+        return {
+            "action": self.query.action,
+            "relation": self.query.relation,
+            "awaits": self.awaits,
+            "status": self.status,
+            "referent": None if self.referent is None else self.referent.item.id,
+            "target": target_to_dict(self.target) if self.target else None,
+            "route": None if self.plan.route is None else [round_to_mm(point) for point in self.plan.route],
+        }
+
+    def _step_text(self) -> str:
+        """Return a step of a plan in one line."""
+        query = self.query
+        words = [query.action or "drive", *([] if query.relation == "none" else [query.relation])]
+        if self.referent is not None:
+            words.append(f"the {describe_object(self.referent.item, self.scene)}")
+        done = f" until: {self.awaits}" if self.awaits else ""
+        place = f": ({self.target.ego_m[0]:.1f}, {self.target.ego_m[1]:.1f}) m" if self.target else f": {self.status}"
+        return " ".join(words).replace("_", " ") + done + place.replace("_", " ")
 
     def text(self) -> str:
         """Return the answer as lines of English."""
@@ -91,6 +157,8 @@ class Answer:
         if self.target:
             lines.append(f"target: {_describe_pose(self.target)}, score {self.target.score:.2f}")
             lines += [f"way: {length_m(self.plan.route):.0f} m"] if self.plan.route is not None else []
+        if len(self.steps) > 1:
+            lines += [f"step {number}: {step._step_text()}" for number, step in enumerate(self.steps, start=1)]
         lines += [f"- {reason}" for reason in self.reasons]
         if self.plan.nearest:
             lines.append(f"nearest place that would do: {_describe_pose(self.plan.nearest)}")

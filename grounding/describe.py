@@ -29,7 +29,7 @@ def describe_side(item: SceneObject, ego: EgoVehicle) -> str:
 def describe_object(item: SceneObject, scene: SceneModel) -> str:
     """Describe an object by colour, class, distance, side and motion, and whether it faces the ego."""
     colour = scene.colour_name(item)
-    named = f"{colour} {item.class_name}" if colour else item.class_name
+    named = f"{colour} {item.common_name}" if colour else item.common_name
     if colour is None and not is_person_or_bicycle(item.category):
         named = f"{named} of unknown colour"
     parts = [f"{named} {item.distance_m(scene.ego):.0f} m away", describe_side(item, scene.ego)]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from appocc.bevmap import BEVMap, is_truth, load_map
+from appocc.bevmap import BEVMap, load_map
 from appocc.frame import Frame
 from appocc.nuscenes import Dataset, Sample
 from grounding.grounder import Grounder
@@ -22,8 +22,8 @@ def set_key_frame(
 ) -> Frame:
     """Set a key frame of a dataset as the scene of a grounder.
 
-    The vehicles are the given tracks; without tracks, the annotated boxes on a true map and the map's own objects or
-    instances on a predicted one: a prediction is never completed from annotations.
+    The vehicles are the given tracks; without tracks, the annotated boxes on a true map (`BEVMap.is_truth`) and the
+    map's own objects or instances on any other one: a prediction is never completed from annotations.
 
     Args:
         grounder: its scene is replaced.
@@ -44,7 +44,7 @@ def set_key_frame(
     if tracks is not None:
         grounder.set_scene(bev, read_key_frame(tracks, sample.token), frame.world_from_ego)
     else:
-        grounder.set_scene(bev, frame.boxes_ego if is_truth(source) else None, frame.world_from_ego)
+        grounder.set_scene(bev, frame.boxes_ego if bev.is_truth else None, frame.world_from_ego)
     return frame
 
 

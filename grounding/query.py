@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import KW_ONLY, dataclass
 from typing import Any, Literal
 
-from grounding.vocabulary import Action, Relation, Trigger
+from grounding.vocabulary import Action, Manoeuvre, Relation, Trigger
 
 # Relations of landmarks and exclusions, in addition to those of the goal.
 Placement = Literal["in", "into", "on", "until", "around"]
@@ -156,6 +156,10 @@ class Query:
         distance_m: None if none is named.
         distance_of: meaning of the distance; None without one.
         excluded: excluded objects.
+        count: of a turn, the branch on that side, from 1 ("the third left"); of a lane change, the number of lanes;
+            None if none is named (the first branch, one lane).
+        manoeuvre: how to drive, if the verb says more than the action: onward, back, creep, or what is refused.
+        unresolved: the pronoun or "one" that stands for the referent and has no antecedent; '' if there is none.
     """
 
     command: str
@@ -172,6 +176,9 @@ class Query:
     distance_m: float | None = None
     distance_of: DistanceRole | None = None
     excluded: tuple[Exclusion, ...] = ()
+    count: int | None = None
+    manoeuvre: Manoeuvre | None = None
+    unresolved: str = ""
 
     def to_dict(self) -> dict[str, Any]:
         """Return the query with all keys of labelled command files; alternatives, set by annotators, are empty."""
@@ -193,4 +200,6 @@ class Query:
             "distance_of": self.distance_of,
             "excluded": [exclusion.to_dict() for exclusion in self.excluded],
             "note": None,
+            **({} if self.count is None else {"count": self.count}),
+            **({} if self.manoeuvre is None else {"manoeuvre": self.manoeuvre}),
         }

@@ -114,6 +114,7 @@ class _Query(JsonPart):
     distance_m: Annotated[float, Field(ge=0, le=1000)] | None = None
     distance_of: DistanceRole | None = None
     excluded: Annotated[list[_Exclusion], Field(default_factory=list, max_length=_MAX_ITEMS)]
+    count: Annotated[int, Field(ge=1, le=9)] | None = None
 
 
 def query_from_json(command: str, value: Any) -> Query:
@@ -146,6 +147,7 @@ def query_from_json(command: str, value: Any) -> Query:
         distance_m=model.distance_m,
         distance_of=model.distance_of if model.distance_m is not None else None,
         excluded=tuple(Exclusion(**_fields(one)) for one in model.excluded),
+        count=model.count,
     )
 
 

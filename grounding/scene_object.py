@@ -19,6 +19,8 @@ _PLAIN_NOUNS = {
     "pedestrian": "person",
     "": "vehicle",
 }
+# A car is called a van from this height on.
+_VAN_HEIGHT_M = 1.95
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -90,6 +92,12 @@ class SceneObject:
         along, across = offset[..., 0] * cos + offset[..., 1] * sin, offset[..., 1] * cos - offset[..., 0] * sin
         half = np.array([self.length_m, self.width_m]) / 2 + margin_m
         return np.asarray((np.abs(along) <= half[0]) & (np.abs(across) <= half[1]))
+
+    @property
+    def common_name(self) -> str:
+        """The noun that people use: nuScenes has no class for vans, which are tall cars there."""
+        tall = self.height_m is not None and self.height_m >= _VAN_HEIGHT_M
+        return "van" if tall and self.class_name == "car" else self.class_name
 
     @property
     def class_name(self) -> str:

@@ -51,10 +51,15 @@ State = Literal[
 ]
 # Events of another vehicle that a command waits for.
 Trigger = Literal["pass", "leave", "turn", "stop", "merge", "clear", "other"]
+# Changes of a place; "away" and "near" are relative to the vehicle that it is measured from.
+ShiftDirection = Literal["away", "near", "ahead", "back", "leftwards", "rightwards"]
+# Ways to drive that a verb names beyond its action; the last three are refused.
+Manoeuvre = Literal["onward", "back", "creep", "pavement", "red_light", "push"]
 ACTIONS: tuple[str, ...] = get_args(Action)
 RELATIONS: tuple[str, ...] = get_args(Relation)[1:]  # without "none"
 STATES: tuple[str, ...] = get_args(State)
 TRIGGERS: tuple[str, ...] = get_args(Trigger)
+MANOEUVRES: tuple[str, ...] = get_args(Manoeuvre)
 # Colour word -> basic colour.
 COLOURS: dict[str, str] = {
     **{

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from made_map import WHITE, Car, map_of
 from tiny_dataset import TinyDataset
 
@@ -21,5 +23,6 @@ def with_maps(tiny: TinyDataset, source: str = "groundtruth") -> Dataset:
                 boxes.centre_m, boxes.yaw_rad, boxes.size_wlh_m, strict=True
             )
         ]
-        map_of(cars).save(bev_path(tiny.root, source, sample.token))
+        bev = replace(map_of(cars), meta={"sources": {"vehicle": "cuboids"}} if source == "groundtruth" else {})
+        bev.save(bev_path(tiny.root, source, sample.token))
     return dataset

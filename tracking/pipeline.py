@@ -11,7 +11,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from appocc.bevmap import is_truth, load_map
+from appocc.bevmap import load_map
 from appocc.checks import FloatArray
 from appocc.errors import DataError
 from appocc.files import plain_name
@@ -105,6 +105,7 @@ class SceneTracks:
         world_from_ego: (T, 4, 4) ego poses.
         tracks: T tuples of tracks.
         sensors: inputs of the detections: camera, lidar, radar, map or external; None for maps.
+        on_truth: whether the maps are true ones and not predicted.
     """
 
     scene: str
@@ -113,6 +114,7 @@ class SceneTracks:
     world_from_ego: FloatArray
     tracks: tuple[tuple[Track, ...], ...]
     sensors: tuple[str, ...] | None = None
+    on_truth: bool = False
 
     @property
     def times_us(self) -> tuple[int, ...]:
@@ -201,16 +203,19 @@ def track_scene(
         first = load_map(dataset.root, source, samples[0].token)
         tracker = Tracker(MAPS if first.objects is None else OBJECTS)
     objects: list[BEVObjects | None] = []
+    true_maps: list[bool] = []
 
     def read_detections() -> Iterator[Detections]:
         for sample in samples:
             bev = load_map(dataset.root, source, sample.token)
+            true_maps.append(bev.is_truth)
             bev = bev.with_guesses() if trust_unseen else bev
             objects.append(bev.known_objects)
             yield find_detections(bev, instance_config)
 
     tracks = track_samples(samples, poses, read_detections(), tracker, advance)
-    result = SceneTracks(scene.name, source, samples, poses, vote_classes(tracks, objects))
+    voted = vote_classes(tracks, objects)
+    result = SceneTracks(scene.name, source, samples, poses, voted, on_truth=all(true_maps))
     return result.smoothed(tracker.config.lifecycle.motion) if smoothing else result
 
 
@@ -272,7 +277,7 @@ def write_tracks(folder: Path, result: SceneTracks) -> list[Path]:
     paths = [folder / name for name in ("tracking.json", "mot.txt", "tracks.csv", "summary.csv")]
     modalities = result.sensors
     if modalities is None:
-        modalities = ("camera", "lidar", "map", "external") if is_truth(result.source) else ("camera",)
+        modalities = ("camera", "lidar", "map", "external") if result.on_truth else ("camera",)
     write_nuscenes(paths[0], [sample.token for sample in result.samples], result.tracks, modalities)
     write_mot(paths[1], result.tracks)
     write_csv(paths[2], result.times_us, result.tracks)

@@ -9,6 +9,7 @@ from typing import Any
 
 from appocc.demo.dataset import HZ, SCENE, SOURCE, VERSION
 
+CONVERSATION_PICTURE = "conversation.png"
 _TEXT = """\
 appocc demo
 ===========
@@ -31,6 +32,8 @@ tracks.png   Key frame {frame} of it.
 {pictures}
              The vehicle that was meant (red), and the place where the car should stand (cyan), in the map and in
              the camera that sees the vehicle best.
+{conversation_picture}
+             The goal at the end of the conversation below, on the true map.
 dataset/     The recording itself, in the nuScenes schema (images, LiDAR sweeps, boxes, vector map), and under bev/
              the maps: {source} (the truth) and predicted, with a picture of each key frame. It is yours to play
              with; nuscenes-devkit opens it as version {version}.
@@ -41,8 +44,16 @@ maps         {maps}
 tracking     {tracking}
 {answers}
 
-Nothing here looks at the truth, apart from the scores. On the true maps (try --bev {source} below) tracking and
-grounding know what to do: what goes wrong above is the network's share. What it was trained on, and how good it is:
+A conversation (on the true map)
+--------------------------------
+{conversation}
+
+Hold one yourself with the last line of "Try next": "park behind the white car", "the one on the left", "in front of
+it instead", "a bit further", "and then turn right", "where are you heading?", "never mind".
+
+Except for the conversation, nothing here looks at the truth, apart from the scores. On the true maps (try --bev
+{source} below) tracking and grounding know what to do: what goes wrong above is the network's share. What it was
+trained on, and how good it is:
 appocc weights show
 
 The same by hand
@@ -64,6 +75,7 @@ def explanation(
     judged: Mapping[str, Any],
     scores: Mapping[str, Any],
     answers: Sequence[Mapping[str, Any]],
+    conversation: Sequence[Mapping[str, Any]],
 ) -> str:
     """Return the text of README.txt: what the files in `out` show, the results, and what to try next.
 
@@ -75,6 +87,7 @@ def explanation(
         scores: metrics of the tracks.
         answers: answers to the commands, each with `text`, `picture` and `apart_m`, its distance from the answer on
             the true map.
+        conversation: answers of a conversation, each with `said` and `text`.
     """
     root, video = quote(str(out / "dataset")), quote(str(out / "tracks.webm"))
     asked, command = f"--scene {SCENE} --frame {frame}", answers[0]["query"]["command"]
@@ -90,6 +103,7 @@ def explanation(
         f'appocc ground "{command}" {root} {asked} --bev {SOURCE} --picture true.png',
         f"appocc groundtruth {root}",
         "appocc simulate town --scenes 2 --seconds 2 --split test --sheet town.png",
+        f"appocc ground -i {root} {asked} --bev {SOURCE}",
     ]
     return _TEXT.format(
         samples=samples,
@@ -98,6 +112,8 @@ def explanation(
         version=VERSION,
         source=SOURCE,
         pictures="\n".join(f'{one["picture"]} "{one["query"]["command"]}"' for one in answers),
+        conversation_picture=CONVERSATION_PICTURE,
+        conversation="\n".join(_turn(one) for one in conversation),
         maps=_maps(judged),
         tracking="MOTA {MOTA:.2f}, IDF1 {IDF1:.2f}, {IDS} id switches, {GT} annotated places".format(
             **scores["metrics"]
@@ -111,6 +127,11 @@ def explanation(
 def _maps(judged: Mapping[str, Any]) -> str:
     shares = ", ".join(f"{name} {100 * (iou or 0):.0f}" for name, iou in judged["iou_at_threshold"].items())
     return f"IoU {shares} percent; colours off by {judged['appearance_l1']:.0f} of 255"
+
+
+def _turn(turn: Mapping[str, Any]) -> str:
+    text = turn["text"].replace("\n", "\n  ")
+    return f"> {turn['said']}\n  {text}"
 
 
 def _answer(answer: Mapping[str, Any]) -> str:

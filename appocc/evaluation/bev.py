@@ -23,6 +23,7 @@ from appocc.evaluation.cells import (
     count_cells,
     ious,
     l1_by_class,
+    psnr,
     ratio,
     threshold_rows,
 )
@@ -135,6 +136,7 @@ class Evaluation:
             "iou_at_threshold": ious(overlap[1]) if self.thresholds is not None else None,
             "appearance_l1": ratio(*colour[0]),
             "appearance_l1_by_class": l1_by_class(colour),
+            "appearance_psnr": psnr(np.sum([c.squared for c in counts], axis=0)[GROUPS.index(group)]),
         }
 
     def _weather(self, name: str) -> dict[str, Any]:

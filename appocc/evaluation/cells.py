@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import NamedTuple
 
@@ -23,18 +24,21 @@ class CellCounts(NamedTuple):
     Attributes:
         overlap: (T, G, 3, 2) intersection and union in cells, by threshold, group (`GROUPS`) and class.
         colour: (G, 4, 2) sum of |RGB| (0..255, mean of the channels) and number of cells: all, road, vehicle, lane.
+        squared: (G, 2) sum of squared RGB errors (0..255, mean of the channels) and number of cells of any class.
         known: (2,) cells of known colour in the truth, and those of them with known colour in the map.
     """
 
     overlap: FloatArray
     colour: FloatArray
+    squared: FloatArray
     known: FloatArray
 
     @classmethod
     def zeros(cls, thresholds: int) -> CellCounts:
         """Return zero counts for a number of thresholds."""
         groups, classes = len(GROUPS), len(CLASSES)
-        return cls(np.zeros((thresholds, groups, classes, 2)), np.zeros((groups, classes + 1, 2)), np.zeros(2))
+        colour = np.zeros((groups, classes + 1, 2))
+        return cls(np.zeros((thresholds, groups, classes, 2)), colour, np.zeros((groups, 2)), np.zeros(2))
 
     def plus(self, other: CellCounts) -> CellCounts:
         """Return the sum of both counts."""
@@ -77,13 +81,16 @@ def count_cells(predicted: BEVMap, truth: BEVMap, masks: BoolArray, thresholds: 
         for k, cells in enumerate((mine & on & compared, (mine | on) & compared)):
             overlap[t, :, :, k] = flat @ cells.reshape(len(CLASSES), -1).T
     known = predicted.appearance_valid & truth.appearance_valid
-    error = colour_error(predicted, truth)
+    difference = predicted.appearance.astype(np.float64) - truth.appearance
+    error, squares = np.abs(difference).mean(axis=0), (difference**2).mean(axis=0)
     colour = np.zeros((len(masks), len(CLASSES) + 1, 2))
     for c, cells in enumerate((known, *(known & layer & truth.occupancy_valid[i] for i, layer in enumerate(on)))):
         chosen = flat[:, cells.ravel()]
         colour[:, c] = np.stack([chosen @ error[cells], chosen.sum(axis=1)], axis=1)
+    of_a_class = known & (on & truth.occupancy_valid).any(axis=0)
+    squared = np.stack([flat[:, of_a_class.ravel()] @ squares[of_a_class], flat @ of_a_class.ravel()], axis=1)
     totals = np.array([(truth.appearance_valid & masks[0]).sum(), (known & masks[0]).sum()], dtype=np.float64)
-    return CellCounts(overlap, colour, totals)
+    return CellCounts(overlap, colour, squared, totals)
 
 
 def colour_error(predicted: BEVMap, truth: BEVMap) -> FloatArray:
@@ -99,6 +106,12 @@ def ious(overlap: FloatArray) -> dict[str, float]:
 def l1_by_class(colour: FloatArray) -> dict[str, float]:
     """Return the mean colour error by class from sums (4, 2)."""
     return {name: ratio(*colour[i + 1]) for i, name in enumerate(CLASSES)}
+
+
+def psnr(squared: FloatArray) -> float:
+    """Return the peak signal-to-noise ratio in dB from a sum and a number (2,); NaN without cells or error."""
+    error = ratio(*squared)
+    return 10 * math.log10(255**2 / error) if error > 0 else math.nan
 
 
 def ratio(part: float, whole: float) -> float:

@@ -62,16 +62,19 @@ def write_onnx(model: Any, path: Path) -> None:
     path.write_bytes(model.SerializeToString(deterministic=True))
 
 
+def to_openvino(model: Any) -> Any:
+    """Convert an ONNX model to an OpenVINO model in float32."""
+    return import_package("openvino").Core().read_model(model.SerializeToString(deterministic=True))
+
+
 def write_openvino(model: Any, card: str, xml: Path, weights: Path) -> None:
-    """Write an ONNX model as OpenVINO's two files, in float32; the same model gives the same bytes."""
-    openvino = import_package("openvino")
-    found = openvino.Core().read_model(model.SerializeToString(deterministic=True))
+    """Write an OpenVINO model as its two files; the same model gives the same bytes."""
     # OpenVINO names its own operations by a counter of the process: make the names reproducible.
-    for number, part in enumerate(found.get_ordered_ops()):
+    for number, part in enumerate(model.get_ordered_ops()):
         if re.fullmatch(rf"{part.get_type_name()}_\d+", part.get_friendly_name()):
             part.set_friendly_name(f"{part.get_type_name()}_{number}")
-    found.set_rt_info(card, [ENTRY])
-    openvino.serialize(found, str(xml), str(weights))
+    model.set_rt_info(card, [ENTRY])
+    import_package("openvino").serialize(model, str(xml), str(weights))
 
 
 def _remove_metadata(model: Any) -> None:

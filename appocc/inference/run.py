@@ -9,7 +9,7 @@ from itertools import groupby
 from pathlib import Path
 from typing import NamedTuple
 
-from appocc.bevmap import BEVMap, is_truth
+from appocc.bevmap import BEVMap
 from appocc.errors import DataError
 from appocc.frame import Frame
 from appocc.inference.inputs import InferenceInput
@@ -19,6 +19,8 @@ from appocc.provenance import Record, add_record, digest
 from appocc.typing import PathLike
 
 PICTURES = "pictures"
+# Names of folders for true maps.
+_TRUE_FOLDERS = ("exact", "groundtruth")
 
 
 class InferenceResult(NamedTuple):
@@ -81,8 +83,8 @@ class InferenceRun:
         self._detections = None if detections is None else Path(detections)
         if self._detections is not None and any(each.pose is None for each in inputs):
             raise DataError(f"{detections}: detections need ego poses: expected a dataset, got a folder of images")
-        if is_truth(str(self._out.resolve())):
-            raise DataError(f"{out}: maps in a folder of this name count as the truth; name another one")
+        if self._out.resolve().name in _TRUE_FOLDERS:
+            raise DataError(f"{out}: a folder of this name is for true maps; name another one")
         self._made = self._kept = 0
         self._missing: dict[str, tuple[int, str]] = {}
         self._stale: Counter[str] = Counter()

@@ -11,7 +11,7 @@ from appocc.checks import BoolArray, FloatArray, IntArray
 from grounding.road.free_space import round_heading
 from grounding.road.road_map import RoadMap
 
-# A detour of this length, beyond the straight line, costs one.
+# A detour of this length, beyond the straight line, costs one; backwards and turning count more than their length.
 _DETOUR_M = 25.0
 
 
@@ -52,11 +52,11 @@ class CandidateSet:
 
     def with_detour_cost(self, road: RoadMap) -> CandidateSet:
         """Return the candidates with rounded headings and the cost of detours on the way to them."""
-        length = road.paths.length_m[self.cells[:, 0], self.cells[:, 1]]
-        straight = np.linalg.norm(road.grid.centre_of(self.cells) - road.ego_lane.origin_m, axis=1)
-        detour_m = np.where(np.isfinite(length), length - 1.1 * straight, 0.0)
-        cost = self.cost + np.maximum(detour_m, 0.0) / _DETOUR_M
-        return replace(self, cost=cost, heading_rad=round_heading(self.heading_rad))
+        heading = round_heading(self.heading_rad)
+        way = road.cars.cost_to(self.cells, heading)
+        straight = np.linalg.norm(road.grid.centre_of(self.cells) - road.start.xy_m, axis=1)
+        detour_m = np.where(np.isfinite(way), way - 1.2 * straight, 0.0)
+        return replace(self, cost=self.cost + np.maximum(detour_m, 0.0) / _DETOUR_M, heading_rad=heading)
 
 
 @dataclass(frozen=True)

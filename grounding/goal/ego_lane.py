@@ -62,7 +62,8 @@ def propose_on_any_road(road: RoadMap, ahead: DistanceRange, words: str) -> list
     region = (length >= ahead.least_m) & (length <= ahead.most_m)
     cells, heading = np.argwhere(region), road.direction_rad[region]
     bearing = np.arctan2(*(road.grid.centre_of(cells) - road.ego_lane.origin_m).T[::-1])
-    cost = ((length[region] - ahead.preferred_m) / 4.0) ** 2 + 2.0 * (2 - np.cos(heading) - np.cos(bearing))
+    turned, aside = heading - road.start.heading_rad, bearing - road.start.heading_rad
+    cost = ((length[region] - ahead.preferred_m) / 4.0) ** 2 + 2.0 * (2 - np.cos(turned) - np.cos(aside))
     cost += junction_cost(road, cells) + (road.half_road_offset_m(cells, heading) / 1.5) ** 2
     return [CandidateSet(words, cells, cost + _OTHER_ROAD, heading)]
 
@@ -87,12 +88,19 @@ def propose_at_edge(road: RoadMap, side: str, ahead: DistanceRange) -> list[Cand
     return [CandidateSet(words, cells, cost, heading, along[region], "ahead").subset(side_m < _MAX_EDGE_M)]
 
 
+def propose_back(road: RoadMap, distance_m: float) -> list[CandidateSet]:
+    """Propose candidates straight behind us, to which the ego drives backwards."""
+    off = 1 + distance_m / 10
+    return [_along_lane(road, 0.0, _IN_LANE_M, DistanceRange(-distance_m - off, -distance_m, -0.4), 1.0, "behind us")]
+
+
 def propose_here(road: RoadMap) -> list[CandidateSet]:
     """Propose candidates at or near the present pose."""
     cells = road.grid.cell_of(road.ego_lane.origin_m) + np.argwhere(np.ones((21, 21))) - 10
     cells = cells[road.grid.contains(cells)]
     distance_m = np.linalg.norm(road.grid.centre_of(cells) - road.ego_lane.origin_m, axis=1)
-    return [CandidateSet("where we are", cells, (distance_m / 1.0) ** 2, np.zeros(len(cells)))]
+    heading = np.full(len(cells), road.start.heading_rad)
+    return [CandidateSet("where we are", cells, (distance_m / 1.0) ** 2, heading)]
 
 
 def propose_turned_around(road: RoadMap) -> list[CandidateSet]:

@@ -23,13 +23,14 @@ from grounding.road.road_map import RoadMap
 from grounding.scene_object import SceneObject
 
 # Across the road: tolerance along the vehicle, gap of a parked ego to the road edge and spread of its cost.
-_LEVEL_M, _EDGE_M, _EDGE_SPREAD_M = 2.0, 0.3, 0.6
+_LEVEL_M, _LEVEL_SPREAD_M, _EDGE_M, _EDGE_SPREAD_M = 2.0, 2.5, 0.3, 0.6
 # The road width is this quantile of samples before and beyond the vehicle, so that side roads do not widen it.
 _ACROSS_M, _WIDTH_AT_M, _WIDTH_QUANTILE = 18.0, np.arange(-8.0, 8.1, 2.0), 0.25
 # Greatest offset from the line between two vehicles.
 _MIDDLE_M = 1.5
-# Greatest lateral offset of a vehicle in the ego lane, and cost of leaving the ego lane to drive past a vehicle.
-_IN_LANE_M, _LEAVE_LANE = 1.5, 12.0
+# Greatest lateral offset of a vehicle in the ego lane; costs of leaving it to drive past a vehicle, and of
+# parking in it.
+_IN_LANE_M, _LEAVE_LANE, _PARK_IN_LANE = 1.5, 12.0, 4.0
 
 
 def propose_on_our_way(relation: str, query: Query, item: SceneObject, road: RoadMap) -> Proposal:
@@ -54,7 +55,7 @@ def propose_on_our_way(relation: str, query: Query, item: SceneObject, road: Roa
         leave = _LEAVE_LANE if query.action == "drive_past" else SECOND
         lanes = [("in our lane", lane_lateral, 0.0), ("in line with it", lateral, leave)]
         if query.action in PARKING:
-            lanes = [("in line with it", lateral, 0.0), ("in our lane", lane_lateral, SECOND)]
+            lanes = [("in line with it", lateral, 0.0), ("in our lane", lane_lateral, _PARK_IN_LANE)]
     if query.action == "overtake":
         next_lane = np.abs(lateral) - LANE_M
         lanes = [("in line with it", lateral, 0.0), ("one lane beside it", next_lane, SECOND)]
@@ -90,7 +91,7 @@ def propose_opposite(query: Query, item: SceneObject, road: RoadMap) -> Proposal
         lateral = (half_road - np.abs(cell_offset) - road.ego.width_m / 2 - _EDGE_M) / _EDGE_SPREAD_M
     else:
         lateral = (np.abs(cell_offset) - half_road / 2) / 1.5
-    cost = (along / ALONG_M) ** 2 + lateral**2
+    cost = (along / _LEVEL_SPREAD_M) ** 2 + lateral**2
     stands = f"{abs(item_offset):.1f} m {'left' if item_offset > 0 else 'right'} of its middle"
     reason = f"the road is {2 * half_road:.0f} m wide there and the vehicle stands {stands}"
     heading = reference.road_heading_rad

@@ -3,29 +3,52 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from appocc.checks import BoolArray, FloatArray
 from appocc.ego_vehicle import EgoVehicle
-from appocc.geometry import footprints
+from appocc.geometry import footprints, wrap_angle
 from appocc.motion_state import MOVING_MPS
-from grounding.goal.candidates import GoalCandidate
+from grounding.goal.candidates import CandidateSet, GoalCandidate
+from grounding.goal.limits import (
+    AGAINST_TRAFFIC,
+    BEHIND_US,
+    DRIVES_MPS,
+    OTHER_SIDE,
+    TURNED,
+    PlaceLimits,
+    standing_cost,
+)
 from grounding.goal.proposals import propose_candidates, propose_relation
 from grounding.goal.search import CandidateSearch
 from grounding.query import Query
 from grounding.referent.scene import SceneModel
+from grounding.road.car_paths import CarRoute
+from grounding.road.pose import Pose2D
 from grounding.road.road_map import RoadMap
 from grounding.scene_object import SceneObject
+from grounding.vocabulary import Action
 
 # A goal closer than this to the ideal candidate is not reported as moved.
 _MOVED_M = 0.6
 # A goal within this lateral offset of the ego lane is reported as behind the ego, if it is.
 _IN_LANE_M = 1.5
 _RUNNERS_UP = 3
+# A way that turns by more is a turn in the road; reversing less than this is not worth a word.
+_TURN_ROUND_RAD, _LITTLE_M = np.radians(150), 0.5
+# Where only one limit stands against the best place, that is asked.
+_FOLLOW = "it does not stand still: shall we follow it?"
+_QUESTIONS = {
+    BEHIND_US: "there is no such place ahead of us: shall we go back to the one behind us?",
+    TURNED: "it stands on the other side of the road: shall we turn round here?",
+    OTHER_SIDE: "that is on the side of oncoming traffic: shall we go there all the same?",
+}
 _MIN_SCORE = 1e-6
+# No answer below this score.
+_MIN_SCORE_OK = 0.1
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -62,18 +85,27 @@ class GoalPlan:
     Attributes:
         target: the goal pose, None if no candidate is valid.
         reasons: sentences.
-        route: (K, 2) route to the target, ego frame; None without one.
+        way: the way to the target as a car drives it; None without one.
         runners_up: further goal poses, at least an ego length from the target and from each other.
         nearest: if no candidate is valid, the nearest valid pose.
         search: all candidates with their costs, None if there were none to search.
+        question: what to ask before going to `nearest`; '' where there is nothing to ask.
+        instead: action that the question proposes; None if it is about `nearest`.
     """
 
     target: Target | None
     reasons: tuple[str, ...]
-    route: FloatArray | None = None
+    way: CarRoute | None = None
     runners_up: tuple[Target, ...] = ()
     nearest: Target | None = None
     search: CandidateSearch | None = None
+    question: str = ""
+    instead: Action | None = None
+
+    @property
+    def route(self) -> FloatArray | None:
+        """(K, 2) way of the ego's centre to the target, ego frame; None without one."""
+        return None if self.way is None else self.way.points_m
 
     @cached_property
     def cost_field(self) -> FloatArray | None:
@@ -88,6 +120,7 @@ def plan_goal(
     item: SceneObject | None = None,
     partner: SceneObject | None = None,
     forbidden: Sequence[tuple[str, SceneObject]] = (),
+    start: Pose2D | None = None,
 ) -> GoalPlan:
     """Return the goal that a command asks for.
 
@@ -98,21 +131,66 @@ def plan_goal(
         item: reference vehicle of the relation, None if the command names none.
         partner: second vehicle of "between".
         forbidden: relations to vehicles that the goal must not have.
+        start: pose of the ego when it begins; None: where it is now.
     """
+    if start is not None:
+        road = scene.road_from(start)
+    limits = PlaceLimits.of(query, road.traffic_side)
+    if item is not None and _drives_away(query, item):
+        reason = f"it drives at {item.speed_mps:.0f} m/s, so that no place beside it stays"
+        return GoalPlan(None, (reason,), question=_FOLLOW, instead="follow")
     proposed, reasons = propose_candidates(query, road, item, partner)
     if item is not None and item.speed_mps is not None and item.speed_mps > MOVING_MPS:
         reasons = [*reasons, f"it moves at {item.speed_mps:.0f} m/s: the place is measured from where it is now"]
     if proposed is None:
         return GoalPlan(None, tuple(reasons))
-    candidate_sets = [each.with_detour_cost(road) for each in proposed]
+    if item is not None and limits.our_side and _is_on_other_side(item, road):
+        # Who names a vehicle there asks for a place there: with the traffic if we can turn, else against it.
+        if (item.speed_mps or 0.0) < DRIVES_MPS:
+            proposed = [turned for each in proposed for turned in _with_traffic(each, road)]
+        limits = replace(limits, our_side=False)
+    candidate_sets = [_with_costs(each, query, road) for each in proposed]
     references = [one for one in (item, partner) if one]
-    search = CandidateSearch(candidate_sets, scene, road, references, _excluded_cells(forbidden, road))
-    best = search.find_best(1 + _RUNNERS_UP)
-    if not best:
+    search = CandidateSearch(candidate_sets, scene, road, references, _excluded_cells(forbidden, road), limits)
+    best, way = search.find_reachable(1 + _RUNNERS_UP)
+    if not best or way is None:
         return _plan_without_target(search, item, reasons)
-    target, *others = (_to_target(candidate, scene, road) for candidate in best)
-    route = road.paths.route_to(target.cell, road.ego_lane.origin_m, target.heading_ego_rad)
-    return GoalPlan(target, (*reasons, *_explain_target(search, best[0])), route, tuple(others), None, search)
+    target, *others = (to_target(candidate, scene, road) for candidate in best)
+    reasons = [*reasons, *_explain_target(search, best[0], way)]
+    if target.score < _MIN_SCORE_OK:
+        fits = f"its score is {target.score:.2f}, {_MIN_SCORE_OK} is needed"
+        reasons.append(f"the best free place fits the command badly: {fits}")
+        return GoalPlan(None, tuple(reasons), nearest=target, search=search)
+    return GoalPlan(target, tuple(reasons), way, tuple(others), None, search)
+
+
+def _drives_away(query: Query, item: SceneObject) -> bool:
+    """Return whether a place to stand is asked for beside a vehicle that drives on."""
+    stands = query.action in ("park", "pull_over", "stop") and query.relation != "same_as"
+    return stands and query.trigger is None and (item.speed_mps or 0.0) > DRIVES_MPS
+
+
+def _with_traffic(candidates: CandidateSet, road: RoadMap) -> list[CandidateSet]:
+    """Return candidates that head with the traffic of their side of the road."""
+    against = road.is_oncoming_side(candidates.cells, candidates.heading_rad)
+    if not against.any():
+        return [candidates]
+    heading = np.where(against, wrap_angle(candidates.heading_rad + np.pi), candidates.heading_rad)
+    here = candidates.subset(against)
+    facing = replace(here, words=f"{here.words}, facing the traffic", cost=here.cost + AGAINST_TRAFFIC)
+    return [replace(candidates, heading_rad=heading), facing]
+
+
+def _is_on_other_side(item: SceneObject, road: RoadMap) -> bool:
+    """Return whether a vehicle is on the side of oncoming traffic."""
+    cell = np.array([road.nearest_drivable(item.centre_m)])
+    return bool(road.is_oncoming_side(cell, np.array([road.direction_at(item.centre_m)]))[0])
+
+
+def _with_costs(candidates: CandidateSet, query: Query, road: RoadMap) -> CandidateSet:
+    """Return candidates with the costs of the way to them and of standing there."""
+    found = candidates.with_detour_cost(road)
+    return replace(found, cost=found.cost + standing_cost(query, road, found.cells, found.heading_rad))
 
 
 def _excluded_cells(forbidden: Sequence[tuple[str, SceneObject]], road: RoadMap) -> BoolArray | None:
@@ -126,7 +204,7 @@ def _excluded_cells(forbidden: Sequence[tuple[str, SceneObject]], road: RoadMap)
     return excluded
 
 
-def _to_target(candidate: GoalCandidate, scene: SceneModel, road: RoadMap, score: float | None = None) -> Target:
+def to_target(candidate: GoalCandidate, scene: SceneModel, road: RoadMap, score: float | None = None) -> Target:
     """Return a candidate as goal pose; by default its score is a Gaussian of its cost."""
     centre = road.grid.centre_of(candidate.cell)
     return Target(
@@ -140,10 +218,9 @@ def _to_target(candidate: GoalCandidate, scene: SceneModel, road: RoadMap, score
     )
 
 
-def _explain_target(search: CandidateSearch, chosen: GoalCandidate) -> list[str]:
-    """Return the gap, the path length, and the constraints that ruled out better candidates, in words."""
+def _explain_target(search: CandidateSearch, chosen: GoalCandidate, way: CarRoute) -> list[str]:
+    """Return the gap, the way, and the constraints that ruled out better candidates, in words."""
     road = search.road
-    path_m = float(road.paths.length_m[chosen.cell])
     reasons = [f"the place is {chosen.describe()}"]
     ideal = search.unconstrained_best(chosen.candidates)
     if ideal is not None:
@@ -160,7 +237,15 @@ def _explain_target(search: CandidateSearch, chosen: GoalCandidate) -> list[str]
     along, lateral = float(road.along_m[chosen.cell]), float(road.lateral_m[chosen.cell])
     if along < -_MOVED_M and abs(lateral) < _IN_LANE_M:
         reasons.append(f"that is {-along:.1f} m behind where we are now")
-    return [*reasons, f"the way there is {path_m:.0f} m over free road"]
+    return [*reasons, _explain_way(way)]
+
+
+def _explain_way(way: CarRoute) -> str:
+    """Return length and reversing of a way in words."""
+    words = f"the way there is {way.length_m:.0f} m"
+    if way.turned_rad > _TURN_ROUND_RAD:
+        words += ", with a turn in the road"
+    return f"{words}, {way.backwards_m:.0f} m of it backwards" if way.backwards_m > _LITTLE_M else words
 
 
 def _plan_without_target(search: CandidateSearch, item: SceneObject | None, reasons: Sequence[str]) -> GoalPlan:
@@ -168,15 +253,18 @@ def _plan_without_target(search: CandidateSearch, item: SceneObject | None, reas
     road = search.road
     if not len(road.paths.cells):
         return GoalPlan(None, (*reasons, "no free road around us is known"), search=search)
-    best, why = search.explain_failure()
+    best, violation, why = search.explain_failure()
     reasons = [*reasons, *why]
+    if best is not None and (question := _QUESTIONS.get(violation)):
+        there = to_target(best, search.scene, road)
+        return GoalPlan(None, tuple(reasons), nearest=there, search=search, question=question)
     if not why or (best is None and item is None):
         return GoalPlan(None, tuple(reasons), search=search)
     centre = road.grid.centre_of(best.cell) if best else item.centre_m if item else road.ego_lane.origin_m
     near = search.find_nearest(centre)
     if near is None:
         return GoalPlan(None, tuple(reasons), search=search)
-    nearest = _to_target(near, search.scene, road, score=_MIN_SCORE)
+    nearest = to_target(near, search.scene, road, score=_MIN_SCORE)
     away, (x, y) = float(np.hypot(*(nearest.ego_m - centre))), nearest.ego_m
     where = "there" if best else "it"
     reasons.append(f"the nearest place that would do is {away:.1f} m from {where}, at ({x:.1f}, {y:.1f}) m")

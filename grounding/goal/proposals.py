@@ -28,14 +28,23 @@ _RELATION_OF = {
     "pull_over": "near",
     "other": "near",
 }
-# Distance ahead in the ego lane to stop, go on and slow down, and along the road edge.
+# Distance ahead in the ego lane to stop, go on, slow down and creep, along the road edge, and backwards.
 _STOP_M, _ON_M = DistanceRange(0.0, 8.0, 25.0), DistanceRange(12.0, 20.0, 34.0)
 _SLOW_M, _EDGE_M = DistanceRange(3.0, 10.0, 25.0), DistanceRange(4.0, 5.0, 30.0)
+_CREEP_M, _BACK_M = DistanceRange(0.8, 2.5, 6.0), 3.0
 _SHORT_OF_M = 5.0
 # A vehicle whose side is this close to the centreline is in our way.
 _IN_OUR_WAY_M = 1.5
 # Least lateral offset of candidates on one side of the ego lane.
 _MIN_SIDE_M = 0.2
+
+# What no driver should do, by manoeuvre, and things beside the road.
+_REFUSALS = {
+    "pavement": "the pavement is for people on foot: no place on it will do",
+    "red_light": "a red light means stop: it is not to be passed",
+    "push": "another vehicle is not to be touched: we wait behind it or drive around it",
+}
+_OFF_ROAD_NOUNS = ("pavement", "sidewalk", "footpath")
 
 # Candidate sets are None if the command asks for no place.
 OptionalProposal = tuple[list[CandidateSet] | None, list[str]]
@@ -47,6 +56,8 @@ def propose_candidates(
     """Return the candidate sets of a command, best first, and the frame of reference in words."""
     if query.action is None:
         return None, ["this is no driving command"]
+    if refused := _explain_refusal(query):
+        return None, [refused]
     if item is None:
         found, reasons = _propose_alone(query, road)
         if query.relation != "none" and found is not None:
@@ -61,6 +72,14 @@ def propose_candidates(
     if query.distance_m is not None and query.distance_of == "ego":
         reasons.append(f"the {query.distance_m:.0f} m to go are not held: the vehicle says where")
     return found, reasons
+
+
+def _explain_refusal(query: Query) -> str:
+    """Return why no driver should do what a command says; '' if one may."""
+    onto = any(
+        part.noun in _OFF_ROAD_NOUNS and part.relation in ("on", "onto", "into", "in") for part in query.secondary
+    )
+    return _REFUSALS.get("pavement" if onto else query.manoeuvre or "", "")
 
 
 def propose_relation(relation: str, query: Query, road: RoadMap, item: SceneObject) -> Proposal:
@@ -115,9 +134,13 @@ def _propose_short_of(road: RoadMap, item: SceneObject) -> Proposal:
 def _propose_alone(query: Query, road: RoadMap) -> OptionalProposal:
     """Return the candidate sets of a command without a reference vehicle."""
     action, side = query.action, query.goal_side
+    if query.manoeuvre == "back":
+        return ego_lane.propose_back(road, query.distance_m or _BACK_M), []
+    if query.manoeuvre == "creep":
+        return ego_lane.propose_in_lane(road, _distance_ahead(query, _CREEP_M), "in our lane"), []
     turn = query.direction in ("left", "right") and (action in ("turn", "other") or "turn" in query.actions)
     if turn and query.direction and action not in ("change_lane", "follow", "overtake"):
-        return propose_side_road(road, query.direction)
+        return propose_side_road(road, query.direction, count=query.count or 1)
     if query.direction == "around":
         return ego_lane.propose_turned_around(road), []
     if action == "change_lane":
@@ -129,7 +152,7 @@ def _propose_alone(query: Query, road: RoadMap) -> OptionalProposal:
         found = ego_lane.propose_at_edge(road, side or "right", ahead)
         return [*found, *_propose_beyond_lane_end(road, ahead)], _note_lane_end(road, ahead.preferred_m)
     ranges = {"stop": _STOP_M, "slow_down": _SLOW_M, "avoid": _SLOW_M}
-    if action in ("turn", "other") and query.direction == "straight":
+    if action in ("turn", "other") and (query.direction == "straight" or query.manoeuvre == "onward"):
         ranges[action] = _ON_M
     if action in ranges:
         ahead = _distance_ahead(query, ranges[action])

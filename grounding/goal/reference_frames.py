@@ -17,7 +17,7 @@ from grounding.scene_object import SceneObject
 
 # A vehicle at a larger angle to our direction faces us.
 _FACING_RAD = np.radians(120)
-# A vehicle within this lateral distance of the ego's x axis is in or beside our path.
+# A vehicle within this lateral distance of the line straight on is in or beside our path.
 _OUR_PATH_M = 4.5
 # The ego lane passes a vehicle up to this lateral offset.
 _MAX_LATERAL_M = 15.0
@@ -72,7 +72,9 @@ class ReferenceVehicle:
     @cached_property
     def near_our_path(self) -> bool:
         """Whether the vehicle is in or beside our path, straight ahead of or behind the ego."""
-        return abs(float(self.item.centre_m[1])) < _OUR_PATH_M
+        start = self.road.start
+        x, y = self.item.centre_m - start.xy_m
+        return abs(float(y * start.ahead[0] - x * start.ahead[1])) < _OUR_PATH_M
 
     @cached_property
     def is_across(self) -> bool:

@@ -8,8 +8,11 @@ from functools import cached_property
 import numpy as np
 
 from appocc.checks import BoolArray, FloatArray, IntArray
+from appocc.geometry import wrap_angle
 from grounding.goal.candidates import CandidateSet, GoalCandidate
+from grounding.goal.limits import BEHIND_US, JUNCTION, NO_LIMITS, OTHER_SIDE, TURNED, PlaceLimits
 from grounding.referent.scene import SceneModel
+from grounding.road.car_paths import MOST_BACK_M, CarPaths, CarRoute
 from grounding.road.free_space import MARGIN_M, OFF_MAP, OFF_ROAD, TAKEN, UNKNOWN, round_heading
 from grounding.road.road_map import RoadMap
 from grounding.scene_object import SceneObject
@@ -18,10 +21,22 @@ from grounding.scene_object import SceneObject
 UNREACHABLE, EXCLUDED = 16, 32
 # Candidates are checked in order of cost, this many at a time.
 _CHUNK = 96
+_WORDS = {
+    EXCLUDED: "is ruled out by the command",
+    OTHER_SIDE: "is on the side of oncoming traffic",
+    JUNCTION: "is in a junction",
+    BEHIND_US: "is behind us",
+    TURNED: "needs us to turn round here",
+    UNREACHABLE: "cannot be reached as a car drives, with its turning circle and little reversing",
+}
 # Runners-up may cost this much more than the best candidate.
 _MAX_EXTRA_COST = 6.0
 # To explain a failure: candidates checked per set, and the extra cost of more than one violation.
 _MAX_CHECKED, _SEVERAL = 1500, 50.0
+# Goals that no car reaches: this many are tried, each this far from the others or turned by this angle.
+_MOST_TRIED, _SAME_PLACE_M, _SAME_HEADING_RAD = 16, 0.7, 0.2
+# Backing up by more than the first costs the second.
+_REVERSES_M, _REVERSING = 0.5, 0.7
 # A vehicle farther than this from the footprint does not explain why a candidate is taken.
 _MAX_TAKER_GAP_M = 1.0
 
@@ -36,6 +51,7 @@ class CandidateSearch:
         road: RoadMap,
         references: Sequence[SceneObject] = (),
         excluded: BoolArray | None = None,
+        limits: PlaceLimits = NO_LIMITS,
     ) -> None:
         """Set up the search.
 
@@ -45,10 +61,21 @@ class CandidateSearch:
             road: validates poses.
             references: the vehicles of the command.
             excluded: (X, Y) cells that the command rules out.
+            limits: hard limits on the goal.
         """
+        self._limits = limits
+        self._out_of_reach: list[tuple[FloatArray, float]] = []
         self.candidate_sets = [each for each in candidate_sets if len(each.cells)]
         self.scene, self.road, self._references, self._excluded = scene, road, references, excluded
         self._words = [each.words for each in candidate_sets]
+
+    @cached_property
+    def _cars(self) -> CarPaths:
+        return (
+            self.road.cars
+            if self._limits.most_back_m == MOST_BACK_M
+            else self.road.cars_with(self._limits.most_back_m)
+        )
 
     @cached_property
     def _set_index(self) -> IntArray:
@@ -70,15 +97,50 @@ class CandidateSearch:
         """Return the violations (N,) of poses, without the margin to boxes."""
         flags = self.road.free_space.flags(cells, heading_rad)
         i, j = cells.T
-        flags |= UNREACHABLE * ~np.isfinite(self.road.paths.length_m[i, j])
+        flags |= UNREACHABLE * ~self._is_in_reach(cells, heading_rad)
+        flags |= self._limits.flags(self.road, cells, heading_rad)
         if self._excluded is not None:
             flags |= EXCLUDED * self._excluded[i, j]
         return flags
 
+    def _is_in_reach(self, cells: IntArray, heading_rad: FloatArray) -> BoolArray:
+        """(N,) whether a car gets near poses, and they are not among those that it was found not to get to."""
+        reached = np.isfinite(self._cars.cost_to(cells, heading_rad))
+        xy = self.road.grid.centre_of(cells)
+        for centre, heading in self._out_of_reach:
+            near = np.hypot(*(xy - centre).T) < _SAME_PLACE_M
+            reached &= ~(near & (np.abs(wrap_angle(heading_rad - heading)) < _SAME_HEADING_RAD))
+        return np.asarray(reached)
+
+    def route_to(self, candidate: GoalCandidate) -> CarRoute | None:
+        """Return the way to a candidate as a car drives; None if there is none."""
+        return self._cars.route_to(candidate.cell, candidate.heading_rad)
+
+    def find_reachable(self, count: int = 1) -> tuple[list[GoalCandidate], CarRoute | None]:
+        """Return valid candidates as `find_best` does, and the way to the first, which a car can drive."""
+        for _ in range(_MOST_TRIED):
+            found = self.find_best(count)
+            if not found:
+                break
+            route = self.route_to(found[0])
+            if route is not None:
+                return self._without_reversing(found, route)
+            self._out_of_reach.append((self.road.grid.centre_of(found[0].cell), found[0].heading_rad))
+        return [], None
+
+    def _without_reversing(self, found: list[GoalCandidate], route: CarRoute) -> tuple[list[GoalCandidate], CarRoute]:
+        """Return the candidates and the way to the first; one nearly as good that needs no reversing comes first."""
+        if route.backwards_m > _REVERSES_M:
+            for other in found[1:]:
+                way = self.route_to(other) if other.cost < found[0].cost + _REVERSING else None
+                if way is not None and way.backwards_m <= _REVERSES_M:
+                    return [other, *(each for each in found if each is not other)], way
+        return found, route
+
     def find_best(self, count: int = 1) -> list[GoalCandidate]:
         """Return valid candidates, best first, each at least an ego length from those before it."""
         cells, costs, headings, indices = self._all
-        reachable = np.flatnonzero(np.isfinite(self.road.paths.length_m[cells[:, 0], cells[:, 1]]))
+        reachable = np.flatnonzero(np.isfinite(self._cars.cost_to(cells, headings))) if len(cells) else cells[:, 0]
         order = reachable[np.argsort(costs[reachable], kind="stable")]
         found: list[GoalCandidate] = []
         while len(order) and len(found) < count:
@@ -118,15 +180,15 @@ class CandidateSearch:
 
     def find_nearest(self, centre_m: FloatArray) -> GoalCandidate | None:
         """Return the valid pose nearest to a point (2,), ego frame, whatever the command asks for."""
-        cells = np.stack(np.unravel_index(self.road.paths.cells, self.road.grid.shape), axis=-1)
+        cells = np.argwhere(self.road.drivable)
         distance_m = np.linalg.norm(self.road.grid.centre_of(cells) - centre_m, axis=1)
         heading = round_heading(self.road.direction_rad[cells[:, 0], cells[:, 1]])
         anywhere = CandidateSet("", cells, distance_m, heading)
-        search = CandidateSearch([anywhere], self.scene, self.road, excluded=self._excluded)
-        return next(iter(search.find_best()), None)
+        search = CandidateSearch([anywhere], self.scene, self.road, (), self._excluded, self._limits)
+        return next(iter(search.find_reachable()[0]), None)
 
-    def explain_failure(self) -> tuple[GoalCandidate | None, list[str]]:
-        """Return the best invalid candidate and its violation in words; None if no candidate is on the map.
+    def explain_failure(self) -> tuple[GoalCandidate | None, int, list[str]]:
+        """Return the best invalid candidate and its violation, in words too; None if no candidate is on the map.
 
         Candidates with one violation come before those with several.
         """
@@ -142,10 +204,11 @@ class CandidateSearch:
             if best is None or price[one] < best[0]:
                 best = float(price[one]), GoalCandidate(each, int(few[one])), int(flags[one])
         if best is None:
-            return None, [f"no place {words} lies on the map" for words in self._words[:1]]
+            return None, OFF_MAP, [f"no place {words} lies on the map" for words in self._words[:1]]
         _, candidate, violation = best
         words = candidate.candidates.words
-        return candidate, [f"no place {words} is free: the best one {self.explain_violation(candidate, violation)}"]
+        why = f"no place {words} will do: the best one {self.explain_violation(candidate, violation)}"
+        return candidate, violation, [why]
 
     def explain_violation(self, candidate: GoalCandidate, flags: int | None = None) -> str:
         """Return why a candidate is invalid, as the end of a sentence."""
@@ -155,12 +218,16 @@ class CandidateSearch:
             return "leaves the map"
         if flags & TAKEN or not flags:
             centre = self.road.grid.centre_of(candidate.cell)
-            return self._explain_taken(*self.road.free_space.nearest_object(centre, candidate.heading_rad))
+            item, gap_m = self.road.free_space.nearest_object(centre, candidate.heading_rad)
+            return "needs more reversing" if not flags and gap_m >= MARGIN_M else self._explain_taken(item, gap_m)
         if flags & OFF_ROAD:
             return "leaves the road"
         if flags & UNKNOWN:
             return "lies where the map knows nothing"
-        return "is ruled out by the command" if flags & EXCLUDED else "cannot be reached over free road"
+        for flag, words in _WORDS.items():
+            if flags & flag:
+                return words
+        return "cannot be reached over free road"
 
     def _explain_taken(self, item: SceneObject | None, gap_m: float) -> str:
         if item is None or gap_m > _MAX_TAKER_GAP_M:

@@ -34,14 +34,17 @@ class _SideRoad(NamedTuple):
     path_m: float
 
 
-def propose_side_road(road: RoadMap, side: str, reference_m: float | None = None, relation: str = "at") -> Proposal:
-    """Propose candidates on the first side road to the left or right.
+def propose_side_road(
+    road: RoadMap, side: str, reference_m: float | None = None, relation: str = "at", count: int = 1
+) -> Proposal:
+    """Propose candidates on a side road to the left or right.
 
     Args:
         road: the road map.
         side: left or right.
         reference_m: along-track distance of a reference vehicle; the side road is chosen relative to it.
         relation: "past" or "before" the reference, or nearest to it ("at").
+        count: without a reference, the number of the side road on that side, from 1.
     """
     sign = 1.0 if side == "left" else -1.0
     ahead = road.ego_lane.straighten_at_corner(_CORNER_RAD, _CORNER_M)
@@ -59,7 +62,10 @@ def propose_side_road(road: RoadMap, side: str, reference_m: float | None = None
     side_roads = _find_side_roads(road, label[i, j].astype(np.int64), all_along)
     if not side_roads:
         return [], [f"the map shows no road that branches off to the {side}"]
-    chosen = _choose(side_roads, reference_m, relation)
+    if reference_m is None and count > len(side_roads):
+        known = "one road" if len(side_roads) == 1 else f"{len(side_roads)} roads"
+        return [], [f"the map shows only {known} that branch{'es' if len(side_roads) == 1 else ''} off to the {side}"]
+    chosen = _choose(side_roads, reference_m, relation, count)
     if chosen is None:
         where = "past" if relation == "past" else "before"
         return [], [f"the map shows no road that branches off to the {side} {where} it"]
@@ -93,9 +99,9 @@ def _find_side_roads(road: RoadMap, label: IntArray, all_along_m: FloatArray) ->
     return sorted(found, key=lambda one: one.along_m)
 
 
-def _choose(side_roads: list[_SideRoad], reference_m: float | None, relation: str) -> _SideRoad | None:
+def _choose(side_roads: list[_SideRoad], reference_m: float | None, relation: str, count: int) -> _SideRoad | None:
     """Return the side road that the command refers to, None if there is none."""
     if reference_m is None:
-        return side_roads[0]
+        return side_roads[count - 1]
     fits = [one for one in side_roads if relation == "at" or (one.along_m > reference_m) == (relation == "past")]
     return min(fits, key=lambda one: abs(one.along_m - reference_m), default=None)

@@ -6,7 +6,8 @@ Example:
 """
 
 from grounding.language.ambiguity import MAX_READINGS
-from grounding.language.parser import ParseProblem, Reading, parse, parse_all, underline
+from grounding.language.parser import Reading, parse, parse_all
+from grounding.language.problems import CommandError, ParseProblem, underline
 from grounding.language.syntax.lexicon import Lexicon, default_lexicon, read_lexicon
 from grounding.language.syntax.tokenizer import MAX_CHARACTERS, Token
 from grounding.language.syntax.word_categories import WordCategory
@@ -14,6 +15,7 @@ from grounding.language.syntax.word_categories import WordCategory
 __all__ = [
     "MAX_CHARACTERS",
     "MAX_READINGS",
+    "CommandError",
     "Lexicon",
     "ParseProblem",
     "Reading",

@@ -1,7 +1,7 @@
-"""Parser that asks a language model first and falls back to the grammar; off by default.
+"""Second reading of a sentence by a language model; off by default.
 
 Protocol: chat completions (POST of messages, the answer in `choices[0].message.content`). Only the sentence leaves
-the machine. The answer is validated value by value; the grammar's readings are used if it is late or invalid.
+the machine. The answer is validated value by value.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from concurrent.futures import Future
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from http.client import HTTPException
 from threading import Thread
@@ -19,7 +19,8 @@ from urllib.parse import urlsplit
 from urllib.request import Request, urlopen
 
 from appocc.errors import DataError
-from grounding.language.parser import Reading, parse_all
+from grounding.language.parser import Reading
+from grounding.language.problems import ParseProblem
 from grounding.query import Placement
 from grounding.query_schema import Noun, Qualifier, choices, query_from_json
 from grounding.vocabulary import Action, Relation
@@ -48,14 +49,12 @@ class ChatEndpoint:
         model: model name.
         key: bearer token, None if the endpoint needs none.
         timeout_s: time limit of an answer in seconds, for connection and transfer together.
-        fallback: parser whose readings follow the model's, and replace it if it fails.
     """
 
     url: str
     model: str
     key: str | None = None
     timeout_s: float = 5.0
-    fallback: Callable[[str], tuple[Reading, ...]] = parse_all
 
     def __post_init__(self) -> None:
         """Check the address.
@@ -73,17 +72,18 @@ class ChatEndpoint:
                 f"language model: expected an address that begins with http:// or https://, got {self.url}"
             )
 
-    def parse_all(self, text: str) -> tuple[Reading, ...]:
-        """Return the model's reading and those of the grammar; if the model fails, the grammar's with a note."""
-        own = self.fallback(text)
+    def read(self, text: str) -> Reading:
+        """Return the model's reading of a sentence, with a problem if the model takes it for no command.
+
+        Raises:
+            DataError: if the model cannot be reached, is too slow, or its answer is no valid query.
+        """
         try:
             query = query_from_json(text, json.loads(_run_with_timeout(self.timeout_s, partial(self._request, text))))
         except (DataError, ValueError, OSError, HTTPException, RecursionError) as error:
-            note = f"the language model was not used: {str(error)[:_MAX_ERROR_CHARACTERS]}"
-            return tuple(replace(one, notes=(*one.notes, note)) for one in own)
-        if query.action is None:
-            return own
-        return (Reading(query, 0.0, own[0].tokens, ("read by the language model",)), *own)
+            raise DataError(f"the language model was not used: {str(error)[:_MAX_ERROR_CHARACTERS]}") from error
+        problem = None if query.action else ParseProblem("the language model takes it for no driving command")
+        return Reading(query, notes=("read by the language model",), problem=problem)
 
     def _request(self, text: str) -> str:
         """Return the model's answer to a sentence.

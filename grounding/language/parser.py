@@ -3,37 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
-from grounding.language.ambiguity import list_alternatives
+from grounding.language.ambiguity import MAX_READINGS, list_alternatives
+from grounding.language.problems import CommandError, ParseProblem, find_problem
+from grounding.language.semantics.accounting import Account, account_for
+from grounding.language.semantics.contrasts import has_partial_repair, resolve_contrasts
 from grounding.language.semantics.interpreter import interpret
 from grounding.language.semantics.query_builder import BuiltQuery, build_query
 from grounding.language.syntax.clauses import split_clauses
-from grounding.language.syntax.lexicon import Lexicon
-from grounding.language.syntax.spelling import suggest_word
+from grounding.language.syntax.fragments import complete_fragment
+from grounding.language.syntax.lexicon import Lexicon, default_lexicon
 from grounding.language.syntax.tagger import tag
-from grounding.language.syntax.tokenizer import MAX_CHARACTERS, Token, normalise, tokenise
+from grounding.language.syntax.tokenizer import MAX_CHARACTERS, Token, Tokenised, normalise, tokenise_all
 from grounding.language.syntax.word_categories import WordCategory
-from grounding.query import Query
+from grounding.query import Query, Referent
 
-_EXAMPLE = "park behind the silver car"
-_ACTIONS = "park, stop, follow, overtake, turn and their like"
-_FUNCTION_WORDS = (
-    WordCategory.FILLER,
-    WordCategory.BREAK,
-    WordCategory.COMMA,
-    WordCategory.THE,
-    WordCategory.ANY,
-)
-
-
-@dataclass(frozen=True)
-class ParseProblem:
-    """Why a sentence is not a driving command: a message and a span of the normalised sentence (empty if none)."""
-
-    message: str
-    start: int = 0
-    end: int = 0
+# Most ways to read the words of a sentence, and how much less likely (nats) than the best one they may be.
+_MAX_WAYS, _MAX_LOSS = 6, 4.0
+# Characters read in all ways together, which bounds the time of long texts.
+_MAX_CHARACTERS_READ = 2000
 
 
 @dataclass(frozen=True)
@@ -46,6 +36,11 @@ class Reading:
         tokens: tokens of the sentence.
         notes: spelling corrections and ignored words, one sentence each.
         problem: why the sentence is not a command, None if it is one.
+        steps: the commanded steps in order, each a query of its own; one of them is the query's.
+        dropped: content words that the reading does not use, in order.
+        doubt: question about dropped words without which the place may be the wrong one, to be asked before the
+            reading is acted upon; '' if there is none.
+        corrections: words as written and as read, where they differ.
     """
 
     query: Query
@@ -53,79 +48,131 @@ class Reading:
     tokens: tuple[Token, ...] = ()
     notes: tuple[str, ...] = ()
     problem: ParseProblem | None = None
+    steps: tuple[Query, ...] = ()
+    dropped: tuple[str, ...] = ()
+    doubt: str = ""
+    corrections: tuple[tuple[str, str], ...] = ()
+
+    def __post_init__(self) -> None:
+        """Take the query as the only step if none are given."""
+        object.__setattr__(self, "steps", self.steps or (self.query,))
 
 
-def parse(text: str, lexicon: Lexicon | None = None) -> Reading:
+def parse(text: str, lexicon: Lexicon | None = None, antecedent: Referent | None = None) -> Reading:
     """Return the best reading of a sentence; any text is accepted."""
-    return parse_all(text, lexicon)[0]
+    return parse_all(text, lexicon, antecedent)[0]
 
 
-def parse_all(text: str, lexicon: Lexicon | None = None) -> tuple[Reading, ...]:
+def parse_all(text: str, lexicon: Lexicon | None = None, antecedent: Referent | None = None) -> tuple[Reading, ...]:
     """Return all readings of a sentence, best first: between 1 and `MAX_READINGS`; any text is accepted.
 
-    Without a `lexicon`, the package's own is used.
+    Args:
+        text: the sentence.
+        lexicon: None: the package's own.
+        antecedent: what a pronoun or "one" refers to if the sentence does not name it, such as the referent of the
+            command before.
+
+    Raises:
+        CommandError: if the text is no string.
     """
+    check_type(text)
     if len(text) > MAX_CHARACTERS:
         too_long = ParseProblem(f"expected at most {MAX_CHARACTERS} characters, got {len(text)}")
         return (Reading(Query(command=text[:MAX_CHARACTERS]), problem=too_long),)
-    normalised = normalise(text)
-    tokens = tuple(tokenise(normalised, lexicon))
-    query, postmodifiers = _build(text, tokens)
-    notes = tuple(_notes(tokens))
-    if query.action is None:
-        return (Reading(query, 0.0, tokens, notes, _find_problem(normalised, tokens, lexicon)),)
-    return tuple(Reading(one, score, tokens, notes) for one, score in list_alternatives(query, postmodifiers))
+    normalised, words = normalise(text), lexicon or default_lexicon()
+    most = max(1, min(_MAX_WAYS, _MAX_CHARACTERS_READ // (len(normalised) + 1)))
+    ways = tokenise_all(normalised, words, most)
+    likely = [_Analysis(text, way, antecedent) for way in ways if way.cost <= ways[0].cost + _MAX_LOSS]
+    commands = [one for one in likely if one.built.query.action is not None]
+    if not commands:
+
+        def is_command(other: str) -> bool:
+            return _Analysis(text, tokenise_all(other, words, 1)[0], antecedent).built.query.action is not None
+
+        problem = find_problem(normalised, ways[0].tokens, words, is_command)
+        return (likely[0].reading(likely[0].built.query, 0.0, problem),)
+    return _best_readings(commands)
 
 
-def underline(text: str, problem: ParseProblem) -> str:
-    """Return the normalised sentence with carets under the span of a problem, '' for a problem without a span."""
-    if problem.end <= problem.start:
-        return ""
-    return f"  {normalise(text)}\n  {' ' * problem.start}{'^' * (problem.end - problem.start)}"
+def check_type(text: object) -> None:
+    """Check that a command is text.
+
+    Raises:
+        CommandError: if it is not.
+    """
+    if not isinstance(text, str):
+        raise CommandError(f"expected a command as text (str), got {type(text).__name__}")
 
 
-def _build(text: str, tokens: Sequence[Token]) -> BuiltQuery:
-    return build_query(text, interpret(split_clauses(tag(tokens))))
+class _Analysis:
+    """The analysis of one way to read the words of a sentence."""
+
+    def __init__(self, text: str, way: Tokenised, antecedent: Referent | None) -> None:
+        self._text, self._antecedent, self.way = text, antecedent, way
+        self._written = tag(way.tokens)
+        self._tagged = complete_fragment(resolve_contrasts(self._written))
+        self.built = self._build(self._tagged)
+
+    def _build(self, tagged: Sequence[Token]) -> BuiltQuery:
+        return build_query(self._text, interpret(split_clauses(tagged), self._antecedent))
+
+    @cached_property
+    def _account(self) -> Account:
+        return account_for(self._tagged, self._build, has_partial_repair(self._written))
+
+    def reading(self, query: Query, score: float, problem: ParseProblem | None = None) -> Reading:
+        """Return the reading with a query of this analysis."""
+        account = Account() if problem else self._account
+        return Reading(
+            query,
+            score,
+            self.way.tokens,
+            tuple(_notes(self.way)),
+            problem,
+            steps=_steps_of(query, self.built),
+            dropped=account.dropped,
+            doubt=_compose_doubt(account.doubtful),
+            corrections=self.way.corrections,
+        )
 
 
-def _find_problem(normalised: str, tokens: Sequence[Token], lexicon: Lexicon | None) -> ParseProblem:
-    """Return why a sentence is not a driving command."""
-    if not tokens:
-        return ParseProblem("the sentence holds no words")
-    if misspelling := _find_misspelt_verb(normalised, tokens, lexicon):
-        return misspelling
-    if all(token.category in (WordCategory.UNKNOWN, *_FUNCTION_WORDS) for token in tokens):
-        return ParseProblem(f"no word of it is understood: expected a command such as '{_EXAMPLE}'")
-    first = next(token for token in tokens if token.category not in _FUNCTION_WORDS)
-    if first.category is WordCategory.QUESTION:
-        return ParseProblem("a question is no driving command", first.start, first.end)
-    if first.category is WordCategory.NONDRIVE:
-        return ParseProblem(f"'{first.text}' is no driving action: expected {_ACTIONS}", first.start, first.end)
-    return ParseProblem(f"no driving action in it: expected {_ACTIONS}")
+def _best_readings(analyses: Sequence[_Analysis]) -> tuple[Reading, ...]:
+    """Return the likeliest readings of all analyses, one for each query, the best with score 0."""
+    found = [
+        (score - one.way.cost, query, one)
+        for one in analyses
+        for query, score in list_alternatives(one.built.query, one.built.postmodifiers)
+    ]
+    best = max(score for score, _, _ in found)
+    unique: dict[Query, tuple[float, _Analysis]] = {}
+    for score, query, one in sorted(found, key=lambda each: -each[0]):
+        unique.setdefault(query, (score - best, one))
+    return tuple(one.reading(query, score) for query, (score, one) in list(unique.items())[:MAX_READINGS])
 
 
-def _find_misspelt_verb(normalised: str, tokens: Sequence[Token], lexicon: Lexicon | None) -> ParseProblem | None:
-    """Return the problem of a misspelt verb: with the suggested verb the sentence is a command."""
-    for token in [token for token in tokens if token.category is WordCategory.UNKNOWN][:3]:
-        suggestion = suggest_word(token.text, (WordCategory.VERB,), lexicon)
-        corrected = f"{normalised[: token.start]}{suggestion}{normalised[token.end :]}"
-        if suggestion and _build(corrected, tokenise(corrected, lexicon)).query.action:
-            shown = corrected if len(corrected) <= 80 else suggestion
-            message = f"'{token.text}' is not understood: did you mean '{shown}'?"
-            return ParseProblem(message, token.start, token.end)
-    return None
+def _steps_of(query: Query, built: BuiltQuery) -> tuple[Query, ...]:
+    """Return the steps of a reading: the main one changes as its query does."""
+    if len(built.steps) == 1:
+        return (query,)
+    main = built.steps[built.main_step]
+    changed = {
+        name: getattr(query, name)
+        for name in ("referent", "secondary", "goal_side")
+        if getattr(query, name) != getattr(built.query, name)
+    }
+    return (*built.steps[: built.main_step], replace(main, **changed), *built.steps[built.main_step + 1 :])
 
 
-def _notes(tokens: Sequence[Token]) -> list[str]:
+def _compose_doubt(doubtful: Sequence[str]) -> str:
+    """Return the question about dropped words, '' without any."""
+    words = ", ".join(f"'{word}'" for word in doubtful)
+    return f"{words} was not understood: could you say it in other words?" if words else ""
+
+
+def _notes(way: Tokenised) -> list[str]:
     """Return notes on corrected and on ignored words."""
-    corrected = [token for token in tokens if _alphanumeric(token.text) != _alphanumeric(token.corrected)]
-    notes = [f"'{token.text}' was read as '{token.corrected}'" for token in corrected]
-    unknown = [token.text for token in tokens if token.category is WordCategory.UNKNOWN]
+    notes = [f"'{written}' was read as '{read}'" for written, read in way.corrections]
+    unknown = [token.written for token in way.tokens if token.category is WordCategory.UNKNOWN]
     if unknown:
         notes.append("not understood and left out: " + ", ".join(f"'{word}'" for word in unknown[:8]))
     return notes
-
-
-def _alphanumeric(text: str) -> str:
-    """Return the letters and digits of a phrase."""
-    return "".join(character for character in text if character.isalnum())

@@ -37,6 +37,13 @@ def describe_differences(groups: Sequence[CandidateGroup], scene: SceneModel) ->
     return tuple(described)
 
 
+def describe_one(item: SceneObject, scene: SceneModel) -> str:
+    """Describe an object that is asked about on its own: "the green car on the right behind us, 12 m away"."""
+    own = _traits(item, scene)
+    words = _describe(item, scene.ego, own, {"side"} if not own["lane"] else set(), full=True, digits=0)
+    return words.replace(",", " behind us,", 1) if own["behind"] else words
+
+
 def compose_question(differences: Sequence[str]) -> str:
     """Compose the question that asks which of the described candidates is meant."""
     options = [*differences[:_MAX_NAMED], *(["another one"] if len(differences) > _MAX_NAMED else [])]
@@ -55,7 +62,7 @@ def _traits(item: SceneObject, scene: SceneModel) -> dict[str, str]:
         motion = "standing" if item.speed_mps < STANDING_MPS else moves
     return {
         "colour": scene.colour_name(item) or "",
-        "class": item.class_name,
+        "class": item.common_name,
         "behind": "behind us" if x < -_BEHIND_M else "",
         "side": "on the left" if y > _ASIDE_M else "on the right" if y < -_ASIDE_M else "straight on",
         "motion": motion,
@@ -86,7 +93,7 @@ def _describe(
 ) -> str:
     """Describe an object by its distinctive traits; `full`: with colour and class in any case."""
     colour = own["colour"] if full or "colour" in distinctive else ""
-    head = f"the {colour} {item.class_name}" if full or distinctive & {"colour", "class"} else "the one"
+    head = f"the {colour} {item.common_name}" if full or distinctive & {"colour", "class"} else "the one"
     place = " ".join(own[trait] for trait in ("side", "behind", "lane") if trait in distinctive)
     where = "" if "behind" in distinctive else " ahead" if item.centre_m[0] - ego.centre_m > _BEHIND_M else " away"
     parts = [" ".join(f"{head} {place}".split()), *([own["motion"]] if "motion" in distinctive else [])]

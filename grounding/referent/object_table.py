@@ -121,6 +121,11 @@ class ObjectTable:
         """Return the number of objects."""
         return len(self.items)
 
+    @property
+    def is_exact(self) -> bool:
+        """Whether shapes are true ones, not those of a network."""
+        return self.length_std_m <= _BINARY_LENGTH_STD_M
+
     @cached_property
     def class_names(self) -> tuple[str, ...]:
         """Class of each object as a plain noun; "vehicle" where only the shape is known."""

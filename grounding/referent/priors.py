@@ -20,7 +20,7 @@ _LEAST_VISIBLE, _FULLY_NOTICED = 0.1, 0.7
 # Buildings likely occlude objects behind this much off-road ground.
 _BUILDING_OCCLUSION, _BUILDING_M = 0.6, 15.0
 # Objects at a larger lateral offset belong to another street.
-_OTHER_STREET_M, _OTHER_STREET = 16.0, 0.4
+OTHER_STREET_M, _OTHER_STREET = 16.0, 0.4
 # Salience falls beyond these distances along and across the lane, with these scales.
 _NEAR_M, _NEAR_SCALE_M = 10.0, 45.0
 _LATERAL_M, _LATERAL_SCALE_M = 6.0, 16.0
@@ -41,15 +41,15 @@ def counting_prior(referent: Referent, table: ObjectTable) -> FloatArray:
     occluded = _OCCLUDED_COUNTED * _in_queue(table)
     result = occluded + (1 - occluded) * _noticed(table)
     if not {"leftmost", "rightmost", "farthest"} & {*referent.qualifiers}:
-        result = result * (1 - (1 - _OTHER_STREET) * rising(offset, _OTHER_STREET_M, 2.0))
-    if not _includes_behind(referent):
+        result = result * (1 - (1 - _OTHER_STREET) * rising(offset, OTHER_STREET_M, 2.0))
+    if not includes_behind(referent):
         result = result * np.where(_is_behind(table), _BEHIND_COUNTED, 1.0)
     return result
 
 
 def log_salience(query: Query, referent: Referent, table: ObjectTable) -> FloatArray:
     """Return the log salience (N,): visible objects near the ego, near its path and in front of it are preferred."""
-    behind = _includes_behind(referent)
+    behind = includes_behind(referent)
     distance = np.abs(table.along_m) if behind else np.maximum(table.along_m, 0)
     in_queue = _OCCLUDED_IN_QUEUE * np.ones(len(table))
     if {"ahead", "own_lane"} & {*referent.qualifiers} or query.action in ("follow", "overtake"):
@@ -91,7 +91,8 @@ def _in_queue(table: ObjectTable) -> FloatArray:
     return gaussian(np.maximum(np.abs(table.lateral_m) - _QUEUE_M, 0), 1.5)
 
 
-def _includes_behind(referent: Referent) -> bool:
+def includes_behind(referent: Referent) -> bool:
+    """Return whether the words of a referent allow a vehicle behind the ego."""
     return bool({"behind_ego", "passing"} & {*referent.qualifiers, *referent.qualifiers_optional})
 
 

@@ -9,8 +9,9 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from grounding.query import Landmark, LandmarkRelation, Query, Referent
-from grounding.referent.clarification import compose_question, describe_differences
+from grounding.referent.clarification import compose_question, describe_differences, describe_one
 from grounding.referent.class_fit import KNOWN_NOUNS, PERSON_NOUNS, VEHICLE_NOUNS
+from grounding.referent.doubts import question_about
 from grounding.referent.fuzzy import gaussian
 from grounding.referent.ordinals import find_ordinals
 from grounding.referent.predicates import to_referent
@@ -81,7 +82,9 @@ def resolve(query: Query, scene: SceneModel, limit: int = MAX_CANDIDATES) -> Res
     sought = _normalise(query)
     referent = sought.referent
     if referent is None:
-        return Resolution("ok", (), note_unmapped(sought))
+        return (
+            _ask_antecedent(sought, scene, limit) if query.unresolved else Resolution("ok", (), note_unmapped(sought))
+        )
     if absence := _explain_absence(referent, scene):
         return Resolution("not_found", (), (absence,))
     scores = score_objects(sought, referent, scene)
@@ -94,10 +97,32 @@ def resolve(query: Query, scene: SceneModel, limit: int = MAX_CANDIDATES) -> Res
         return Resolution("not_found", _candidates(choices[:limit], scene, scores), (too_few, *scores.notes))
     tied = [choice for choice in choices if choice.score > choices[0].score - _TIE_MARGIN]
     if len(tied) > 1 and referent.definite:
-        return _ambiguous(referent, _candidates(tied[:limit], scene, scores), len(tied), scene, scores)
+        listed = _without_chains(tied)
+        return _ambiguous(referent, _candidates(listed[:limit], scene, scores), len(tied), scene, scores)
     candidates = _candidates(choices[:limit], scene, scores)
+    question = question_about(sought, referent, choices[0].row, candidates[0].fits, scene)
+    if question:
+        described = describe_one(candidates[0].item, scene)
+        reason = f"what fits '{referent.phrase()}' best is {described}"
+        return Resolution("ambiguous", candidates[:1], (reason, *scores.notes), question, (described,))
     reasons = _explain_choice(referent, num_matches, candidates[0], scene)
     return Resolution("ok", candidates, (*reasons, *scores.notes))
+
+
+def _ask_antecedent(query: Query, scene: SceneModel, limit: int) -> Resolution:
+    """Return the question which vehicle a pronoun refers to, with the most salient ones as candidates."""
+    any_vehicle = Referent("vehicle", query.unresolved)
+    reason = f"'{query.unresolved}' refers to nothing that was named"
+    scores = score_objects(query, any_vehicle, scene) if scene.objects else None
+    choices = _rank_choices(query, any_vehicle, scene, scores)[:limit] if scores and scores.matches.any() else []
+    if scores is None or not choices:
+        return Resolution("not_found", (), (reason,))
+    candidates = _candidates(choices, scene, scores)
+    if len(candidates) == 1:
+        described = describe_one(candidates[0].item, scene)
+        return Resolution("ambiguous", candidates, (reason,), f"do you mean {described}?", (described,))
+    differences = describe_differences([(one.item,) for one in candidates], scene)
+    return Resolution("ambiguous", candidates, (reason,), compose_question(differences), differences)
 
 
 def resolve_exclusions(query: Query, scene: SceneModel) -> tuple[tuple[LandmarkRelation, SceneObject], ...]:
@@ -197,10 +222,30 @@ def _ambiguous(
     referent: Referent, candidates: tuple[Candidate, ...], num_tied: int, scene: SceneModel, scores: ReferentScores
 ) -> Resolution:
     plural = "people" if referent.noun in PERSON_NOUNS else "pairs" if candidates[0].partner else "vehicles"
-    groups = [(one.item,) if one.partner is None else (one.item, one.partner) for one in candidates]
-    differences = describe_differences(groups, scene)
+    differences = describe_differences(_groups_that_differ(candidates), scene)
     reason = f"{num_tied} {plural} fit '{referent.phrase()}' about equally well"
     return Resolution("ambiguous", candidates, (reason, *scores.notes), compose_question(differences), differences)
+
+
+def _groups_that_differ(candidates: Sequence[Candidate]) -> Sequence[tuple[SceneObject, ...]]:
+    """Return the vehicles of each candidate; of pairs whose first vehicle is the same, only the second."""
+    groups = [(one.item,) if one.partner is None else (one.item, one.partner) for one in candidates]
+    for at in (0, 1) if len(groups[0]) > 1 else ():
+        if all(group[at] is groups[0][at] for group in groups):
+            return [(group[1 - at],) for group in groups]
+    return groups
+
+
+def _without_chains(tied: Sequence[_Choice]) -> list[_Choice]:
+    """Return tied choices; of pairs without a vehicle in common to all, each vehicle stands in one pair only."""
+    common = set.intersection(*({one.row, one.partner} for one in tied))
+    if tied[0].partner < 0 or common:
+        return list(tied)
+    kept: list[_Choice] = []
+    for one in tied:
+        if not any({one.row, one.partner} & {other.row, other.partner} for other in kept):
+            kept.append(one)
+    return kept if len(kept) > 1 else list(tied)
 
 
 def _not_found(query: Query, referent: Referent, scene: SceneModel, scores: ReferentScores, limit: int) -> Resolution:
@@ -235,6 +280,9 @@ def _explain_choice(referent: Referent, num_matches: int, best: Candidate, scene
     """Explain why the best candidate was chosen, and whether its colour is doubtful."""
     one, several = ("person", "people") if referent.noun in PERSON_NOUNS else ("vehicle", "vehicles")
     reasons = [f"it fits '{referent.phrase()}' best of {num_matches} {several}"]
+    if ordinals := find_ordinals(referent.qualifiers):
+        rest = replace(referent, qualifiers=tuple(word for word in referent.qualifiers if word not in ordinals))
+        reasons = [f"it is the {' '.join(ordinals)} of {num_matches} {several} that fit '{rest.phrase()}'"]
     if num_matches == 1:
         reasons = [f"it is the only {one} that fits '{referent.phrase()}'"]
     elif not referent.definite:

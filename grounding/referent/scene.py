@@ -14,12 +14,14 @@ from appocc.boxes import Boxes, is_person_or_bicycle, is_vehicle
 from appocc.checks import FloatArray, check_transform, frozen
 from appocc.colours import Exposure, gains_of, name, names
 from appocc.ego_vehicle import EgoVehicle
+from appocc.errors import AppoccError
 from appocc.geometry import apply, inverse, wrap_angle, yaw_of
 from appocc.motion_state import MOVING_MPS
 from appocc.objects import BEVObjects
 from appocc.srgb import encode_srgb, linear_from_srgb
 from grounding.referent.object_table import ObjectTable
 from grounding.road.lane_model import LANE_M, LaneModel
+from grounding.road.pose import Pose2D
 from grounding.road.road_map import RoadMap
 from grounding.road.visibility import unseen_sides
 from grounding.scene_object import SceneObject
@@ -48,6 +50,7 @@ class SceneModel:
         world_from_ego: (4, 4) pose of the ego.
         others: people and bicycles, which the cells of maps do not show.
         ego: size of the ego vehicle.
+        left_hand_traffic: whether traffic drives on the left; None: as oncoming vehicles do, else on the right.
     """
 
     bev: BEVMap | None
@@ -55,6 +58,7 @@ class SceneModel:
     world_from_ego: FloatArray
     others: tuple[SceneObject, ...] = ()
     ego: EgoVehicle = EgoVehicle()
+    left_hand_traffic: bool | None = None
 
     def __post_init__(self) -> None:
         """Check the pose and keep a read-only copy of it.
@@ -77,7 +81,17 @@ class SceneModel:
     @cached_property
     def road(self) -> RoadMap | None:
         """Road model of the map; None without a map."""
-        return None if self.bev is None else RoadMap.from_map(self.bev, self.objects, self.ego)
+        return None if self.bev is None else self.road_from(None)
+
+    def road_from(self, start: Pose2D | None) -> RoadMap:
+        """Return the road model as it is from a pose of the ego, None for its present one.
+
+        Raises:
+            AppoccError: without a map.
+        """
+        if self.bev is None:
+            raise AppoccError("scene: expected a map, there are objects only")
+        return RoadMap.from_map(self.bev, self.objects, self.ego, start, self.left_hand_traffic)
 
     @cached_property
     def unseen_sides(self) -> tuple[str, ...]:

@@ -16,15 +16,21 @@ from appocc.ego_vehicle import EgoVehicle
 from appocc.geometry import wrap_angle
 from appocc.grid import BEVGrid
 from appocc.motion_state import MOVING_MPS
+from grounding.road.car_paths import MOST_BACK_M, CarPaths
+from grounding.road.edges import cells_to_edge, cells_to_marking
 from grounding.road.free_space import OFF_ROAD, TAKEN, UNKNOWN, FreeSpace
+from grounding.road.junctions import find_junctions
 from grounding.road.lane_model import Centreline
 from grounding.road.orientation import MIN_VEHICLE_LENGTH_M, estimate_axes
+from grounding.road.pose import Pose2D
 from grounding.road.routing import ShortestPaths, find_shortest_paths
 from grounding.road.tracing import CentrelineTracer
 from grounding.scene_object import SceneObject
 
 # Paths start at the free cell nearest to the ego's centre, which may itself be on a misplaced kerb.
 _MAX_START_M = 6.0
+# The ego stands where it stands: so much around it counts as free.
+_START_MARGIN_M = 0.3
 # Holes of up to this many cells in the road of a predicted map are filled.
 _HOLE_CELLS = 6
 # Path direction is measured over this many steps. Thresholds on cosines: of path and axis, below which the path
@@ -38,6 +44,8 @@ _MAX_EDGE_M, _MAX_HALF_M = 16.0, 12.0
 _MOVING_VOTES = 3.0
 # A narrower road is driven in its middle.
 _ONE_LANE_M = 5.5
+# A place this far beyond the middle of the road is on the other side. A marking this near to half of the width is it.
+_MIDDLE_M, _MARKED_M = 0.4, 1.5
 # Extra cost of a metre in the narrowest passage, and outside the ego lane.
 _NARROW, _WIDE_M, _OFF_LANE, _LANE_M = 0.8, 1.6, 0.3, 3.0
 # Positions up to this lateral offset belong to the road of the ego lane if its direction agrees (cosine).
@@ -51,11 +59,14 @@ class RoadMap:
     Attributes:
         grid: cells.
         ego: size of the ego vehicle.
+        start: pose of the ego.
         free_space: poses at which the ego footprint is valid.
         tracer: traces centrelines; holds the road axis of all cells.
         direction_rad: direction of travel along the shortest path from the ego; behind the ego, towards it.
         axis_confidence: 0..1, agreement of edges, markings and vehicles on the road axis; low in junctions.
         drivable: road cells, with or without vehicles; small holes of predicted maps are filled.
+        clearance_m: distance to the nearest cell that is no free road; cells below the ego count as free.
+        extra_cost: cost of a metre, beyond one: in narrow passages and outside the ego lane.
         paths: shortest paths from the ego.
         ego_lane: centreline of the ego lane; along-track distance counts from the ego's centre.
         along_m: along-track distance of all cells, by the ego lane.
@@ -65,11 +76,14 @@ class RoadMap:
 
     grid: BEVGrid
     ego: EgoVehicle
+    start: Pose2D
     free_space: FreeSpace
     tracer: CentrelineTracer
     direction_rad: FloatArray
     axis_confidence: FloatArray
     drivable: BoolArray
+    clearance_m: FloatArray
+    extra_cost: FloatArray
     paths: ShortestPaths
     ego_lane: Centreline
     along_m: FloatArray
@@ -77,8 +91,24 @@ class RoadMap:
     traffic_side: int
 
     @classmethod
-    def from_map(cls, bev: BEVMap, objects: Sequence[SceneObject], ego: EgoVehicle) -> RoadMap:
-        """Return the road map of a map and the vehicles on it."""
+    def from_map(
+        cls,
+        bev: BEVMap,
+        objects: Sequence[SceneObject],
+        ego: EgoVehicle,
+        start: Pose2D | None = None,
+        left_hand_traffic: bool | None = None,
+    ) -> RoadMap:
+        """Return the road map of a map and the vehicles on it.
+
+        Args:
+            bev: the map.
+            objects: vehicles on it.
+            ego: size of the ego vehicle.
+            start: pose of the ego; None: where it is now.
+            left_hand_traffic: whether traffic drives on the left; None: as oncoming vehicles do, else on the right.
+        """
+        start = start or Pose2D(ego.centre_m, 0.0)
         grid, free_space = bev.grid, FreeSpace.from_map(bev, objects, ego)
         flags = free_space.cell_flags
         drivable = (flags & (OFF_ROAD | UNKNOWN)) == 0
@@ -87,42 +117,73 @@ class RoadMap:
         axis, confidence = estimate_axes(grid, drivable, (flags & UNKNOWN) == 0, bev.on[LANE], objects)
         edge_m, marking_m = _distance_m(grid, drivable), _distance_m(grid, ~bev.on[LANE])
         tracer = CentrelineTracer(grid, ego.width_m, axis, confidence, edge_m, marking_m)
-        ego_centre = np.array([ego.centre_m, 0.0])
-        ego_lane = tracer.trace(ego_centre, 0.0)
+        ego_lane = tracer.trace(start.xy_m, start.heading_rad)
         along_m, lateral_m = ego_lane.cell_coordinates(grid)
         clearance = _distance_m(grid, drivable & ((flags & TAKEN) == 0))
         free = clearance > ego.width_m / 2
         extra_cost = _NARROW * np.clip((_WIDE_M - clearance) / _WIDE_M, 0.0, 1.0)
         extra_cost += _OFF_LANE * (np.abs(lateral_m) > _LANE_M / 2)
-        paths = find_shortest_paths(grid, free, extra_cost, _start_cell(grid, free, ego_centre))
+        paths = find_shortest_paths(grid, free, extra_cost, _start_cell(grid, free, start.xy_m))
+        below = _cells_below(grid, start, ego)
+        side = _traffic_side(objects, ego_lane) if left_hand_traffic is None else -1 if left_hand_traffic else 1
         return cls(
             grid=grid,
             ego=ego,
+            start=start,
             free_space=free_space,
             tracer=tracer,
-            direction_rad=_travel_directions(paths, axis),
+            direction_rad=_travel_directions(paths, axis, start),
             axis_confidence=confidence,
             drivable=drivable,
+            clearance_m=_distance_m(grid, below | (drivable & ((flags & TAKEN) == 0))),
+            extra_cost=extra_cost,
             paths=paths,
             ego_lane=ego_lane,
             along_m=along_m,
             lateral_m=lateral_m,
-            traffic_side=_traffic_side(objects, ego_lane),
+            traffic_side=side,
         )
+
+    @cached_property
+    def cars(self) -> CarPaths:
+        """The poses that the ego reaches as a car drives, at most 10 m of the way backwards."""
+        return self.cars_with(MOST_BACK_M)
+
+    def cars_with(self, most_back_m: float) -> CarPaths:
+        """Return the poses that the ego reaches with at most some metres backwards."""
+        return CarPaths(self.grid, self.ego, self.start, self.clearance_m, self.extra_cost, most_back_m)
+
+    @cached_property
+    def junctions(self) -> BoolArray:
+        """(X, Y) cells in junctions."""
+        return find_junctions(self.grid, self.drivable, self.tracer.edge_m)
+
+    @cached_property
+    def junction_distance_m(self) -> FloatArray:
+        """(X, Y) distance to the nearest cell in a junction; zero there."""
+        return _distance_m(self.grid, ~self.junctions)
+
+    def is_oncoming_side(self, cells: IntArray, heading_rad: FloatArray) -> BoolArray:
+        """(N,) whether cells (N, 2) belong to oncoming traffic of headings (N,): beyond the middle of a wide road.
+
+        The middle is a marking near half of the width, else that half. A junction has no sides, nor has a road whose
+        near edge is far away.
+        """
+        turned = heading_rad + np.pi / 2
+        left, right = (self.edge_distance_m(cells, angle) for angle in (turned, turned - np.pi))
+        half, cell_m = (left - right) / 2, self.grid.cell_m
+        marking = self.tracer.marking_m < cell_m / 2
+        middle_m = cells_to_marking(marking, cells, turned, half / cell_m, _MARKED_M / cell_m) * cell_m
+        near_side = right if self.traffic_side > 0 else left
+        has_sides = (left + right > _ONE_LANE_M) & (near_side < _MAX_EDGE_M) & ~self.junctions[tuple(cells.T)]
+        return np.asarray(has_sides & (self.traffic_side * middle_m < -_MIDDLE_M))
 
     def edge_distance_m(
         self, cells: IntArray, angle_rad: FloatArray, max_distance_m: float = _MAX_EDGE_M
     ) -> FloatArray:
         """Return distances (N,) from cells (N, 2) in directions (N,) to the road edge; vehicles are not edges."""
-        steps = np.arange(1, int(max_distance_m / self.grid.cell_m * 2) + 1) / 2
-        unit = np.exp(1j * angle_rad)[:, None]
-        i = np.rint(cells[:, :1] + steps * unit.real).astype(np.int64)
-        j = np.rint(cells[:, 1:] + steps * unit.imag).astype(np.int64)
-        x, y = self.grid.shape
-        on = (i >= 0) & (i < x) & (j >= 0) & (j < y)
-        on &= self.drivable[np.clip(i, 0, x - 1), np.clip(j, 0, y - 1)]
-        on &= self.drivable[cells[:, 0], cells[:, 1]][:, None]
-        return np.asarray(np.logical_and.accumulate(on, axis=1).sum(axis=1) * self.grid.cell_m / 2)
+        angle = np.broadcast_to(np.asarray(angle_rad, np.float64), len(cells))
+        return cells_to_edge(self.drivable, cells, angle, max_distance_m / self.grid.cell_m) * self.grid.cell_m
 
     def blend_headings(self, cells: IntArray, preferred_rad: FloatArray, weight: float = 0.5) -> FloatArray:
         """Return headings (N,) in cells (N, 2) between the road axis, by its confidence, and preferred ones (N,)."""
@@ -206,6 +267,14 @@ def _distance_m(grid: BEVGrid, mask: BoolArray) -> FloatArray:
     return far[1:-1, 1:-1].astype(np.float64) * grid.cell_m
 
 
+def _cells_below(grid: BEVGrid, start: Pose2D, ego: EgoVehicle) -> BoolArray:
+    """Return the cells (X, Y) below the ego at a pose, and a margin around it."""
+    offset = grid.centres() - start.xy_m
+    along, across = offset @ start.ahead, offset @ [-start.ahead[1], start.ahead[0]]
+    half = np.array([ego.length_m, ego.width_m]) / 2 + _START_MARGIN_M
+    return np.asarray((np.abs(along) <= half[0]) & (np.abs(across) <= half[1]))
+
+
 def _start_cell(grid: BEVGrid, free: BoolArray, ego_centre_m: FloatArray) -> tuple[int, int] | None:
     """Return the free cell nearest to the ego's centre, None if there is none nearby."""
     cells = np.argwhere(free)
@@ -216,25 +285,28 @@ def _start_cell(grid: BEVGrid, free: BoolArray, ego_centre_m: FloatArray) -> tup
     return i, j
 
 
-def _travel_directions(paths: ShortestPaths, axis: FloatArray) -> FloatArray:
+def _travel_directions(paths: ShortestPaths, axis: FloatArray, start: Pose2D) -> FloatArray:
     """Return the direction of travel (X, Y): the direction of the axis along which the shortest path arrives.
 
     Paths that drive back from the ego are reversed: traffic arrives at the ego along them. Where a path crosses the
     axis, as in a lane change, the direction of some steps before is kept.
     """
     back = paths.ancestors(_STEPS)
-    direction = np.asarray(wrap_angle(axis)).copy()  # cells without a path keep the ego heading
-    unit = np.exp(1j * axis.ravel()[paths.cells])
+    ahead = np.exp(-1j * start.heading_rad)  # in axes of the start: x is ahead
+    direction = np.angle(np.exp(1j * axis) * ahead)
+    direction[np.cos(direction) < 0] += np.pi  # cells without a path keep the ego heading
+    unit = np.exp(1j * axis.ravel()[paths.cells]) * ahead
     xy = paths.grid.centre_of(np.stack(np.unravel_index(paths.cells, axis.shape), axis=-1))
-    step = (xy - xy[back]) @ [1, 1j]
+    xy_c = (xy @ [1, 1j]) * ahead
+    step = xy_c - xy_c[back]
     step /= np.maximum(np.abs(step), 1e-9)
     along, with_before = (unit * np.conj(step)).real, (unit * np.conj(unit[back])).real
     ranks = _group_by_rank(back)
     forward = np.ones(len(back), np.bool_)
     sign = np.where(unit.real >= 0, 1.0, -1.0)
     for rank, cells in enumerate(ranks[1:]):
-        ahead = step[cells].real > -_BACKWARD if rank == 0 else forward[back[cells]]
-        forward[cells] = ahead | (xy[cells, 0] > xy[ranks[0][0], 0])
+        onward = step[cells].real > -_BACKWARD if rank == 0 else forward[back[cells]]
+        forward[cells] = onward | (xy_c[cells].real > xy_c[ranks[0][0]].real)
         arriving = np.sign(along[cells]) * np.where(forward[cells], 1.0, -1.0)
         crosses = (np.abs(along[cells]) < _CROSSING) & (np.abs(with_before[cells]) > _STEADY)
         sign[cells] = np.where(crosses, np.sign(with_before[cells]) * sign[back[cells]], arriving)
@@ -244,7 +316,7 @@ def _travel_directions(paths: ShortestPaths, axis: FloatArray) -> FloatArray:
     mean = cv2.GaussianBlur(votes, (0, 0), _SMOOTHING_M / paths.grid.cell_m).reshape(-1, 2)[paths.cells]
     agrees = mean[:, 0] * unit.real + mean[:, 1] * unit.imag >= 0
     direction.ravel()[paths.cells] = np.angle(np.where(agrees, unit, -unit))
-    return direction
+    return np.asarray(wrap_angle(direction + start.heading_rad))
 
 
 def _group_by_rank(back: IntArray) -> list[IntArray]:

@@ -1,23 +1,17 @@
-"""Shortest paths of the ego over free cells, and smooth routes along them."""
+"""Shortest paths of a point over free cells: which roads lead where."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
 from appocc.checks import BoolArray, FloatArray, IntArray
 from appocc.grid import BEVGrid
-from appocc.polylines import arc_m, points_at
 
 _STEPS = ((0, 1), (1, 0), (1, 1), (1, -1))
-# Spacing of route points, and length at both ends that follows the heading there.
-_POINT_M, _LEAD_M = 0.8, 2.4
-# Smoothing: stiffness, weight of fixed points, factor on the weight of points that leave the free cells, and tries.
-_STIFFNESS, _FIXED, _HOLD, _TRIES = 300.0, 1e7, 30.0, 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,57 +47,6 @@ class ShortestPaths:
             at = int(self.previous[at])
             chain.append(at)
         return np.stack(np.unravel_index(self.cells[chain[::-1]], self.grid.shape), axis=-1)
-
-    def route_to(self, cell: tuple[int, int], start_m: FloatArray, heading_rad: float) -> FloatArray:
-        """Return a smooth route (K, 2), ego frame, to a reached cell and a heading.
-
-        The route starts at a point (2,) near the start cell, heading along x. Both headings are kept where there is
-        room.
-        """
-        points = self.grid.centre_of(self.cells_to(cell))
-        if len(points) > 1 and np.hypot(*(points[0] - start_m)) < self.grid.cell_m:
-            points = points[1:]  # the start is in that cell
-        return self._smooth(np.concatenate([start_m[None], points]), heading_rad)
-
-    def _smooth(self, steps: FloatArray, heading_rad: float) -> FloatArray:
-        """Return a smooth line (K, 2) along steps from cell to cell that stays on free cells."""
-        length_m = float(arc_m(steps)[-1])
-        count = int(length_m / _POINT_M) + 2
-        points = points_at(steps, np.linspace(0, length_m, count))
-        fixed = np.zeros(count, np.bool_)
-        fixed[[0, -1]] = True
-        lead = np.arange(0, _LEAD_M, _POINT_M)[:, None]
-        ahead = points[0] + lead * [1.0, 0.0]
-        behind = points[-1] - lead[::-1] * [np.cos(heading_rad), np.sin(heading_rad)]
-        size = len(lead)
-        # Without room, or if the route reverses, its ends turn as the cells do.
-        if count >= 3 * size:
-            if self._is_free(ahead).all() and points[size, 0] > points[0, 0]:
-                points[:size], fixed[:size] = ahead, True
-            if self._is_free(behind).all() and (points[-1] - points[-1 - size]) @ (behind[-1] - behind[0]) > 0:
-                points[-size:], fixed[-size:] = behind, True
-        return self._fit(points, fixed)
-
-    def _fit(self, points: FloatArray, fixed: BoolArray) -> FloatArray:
-        """Return a line through fixed points and near the others (K, 2), closer where it leaves free cells."""
-        weights = np.where(fixed, _FIXED, 1.0)
-        may_leave = ~self._is_free(points)
-        bends = np.diff(np.eye(len(points)), 2, axis=0)
-        for _ in range(_TRIES):
-            line = np.linalg.solve(np.diag(weights) + _STIFFNESS * bends.T @ bends, weights[:, None] * points)
-            stuck = ~self._is_free(line) & ~may_leave
-            if not stuck.any():
-                line[fixed] = points[fixed]
-                return np.asarray(line)
-            weights[stuck] *= _HOLD
-        return points
-
-    def _is_free(self, points: NDArray[np.floating]) -> BoolArray:
-        """(K,) whether points (K, 2) are in free cells."""
-        cells = self.grid.cell_of(points)
-        inside = self.grid.contains(cells)
-        i, j = np.where(inside[:, None], cells, 0).T
-        return np.asarray(inside & self.free[i, j])
 
 
 def find_shortest_paths(

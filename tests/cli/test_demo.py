@@ -13,11 +13,11 @@ from appocc.errors import DataError
 from appocc.files import read_image, read_json
 from appocc.simulation.recording import VERSION
 from cli import demo_pipeline
-from cli.demo_pipeline import COMMANDS, FRAME
+from cli.demo_pipeline import COMMANDS, CONVERSATION, FRAME
 from cli.main import app
 
 SMALL = dataset.DemoSettings(samples=7)
-PICTURES = ("ground-1.png", "ground-2.png", "ground-3.png")
+PICTURES = ("ground-1.png", "ground-2.png", "ground-3.png", "conversation.png")
 
 
 def run(*arguments: str) -> Result:
@@ -64,6 +64,16 @@ def test_json_is_the_only_output_on_stdout(made: tuple[Path, Result]) -> None:
     assert {answer["status"] for answer in value["ground"]} <= {"ok", "ambiguous", "not_found"}
 
 
+def test_the_demo_holds_a_conversation(made: tuple[Path, Result]) -> None:
+    turns = json.loads(made[1].stdout)["conversation"]
+    assert [turn["said"] for turn in turns] == list(CONVERSATION)
+    assert [turn["status"] for turn in turns] == ["ambiguous", "ok", "ok", "ok"]
+    assert len({turn["referent"]["id"] for turn in turns[1:]}) == 1
+    assert turns[3]["target"] == turns[2]["target"] != turns[1]["target"]
+    text = (made[0] / "README.txt").read_text()
+    assert all(f"> {said}" in text for said in CONVERSATION)
+
+
 def test_the_silver_car_is_found_on_the_exact_map(made: tuple[Path, Result]) -> None:
     asked = ["--scene", dataset.SCENE, "--frame", str(FRAME), "--bev", dataset.SOURCE, "--json"]
     value = json.loads(run("ground", COMMANDS[0], str(made[0] / "dataset"), *asked).stdout)
@@ -83,7 +93,7 @@ def test_the_suggested_commands_work(
     monkeypatch.chdir(tmp_path)
     lines = (made[0] / "README.txt").read_text().splitlines()
     commands = [shlex.split(line) for line in lines if line.startswith("appocc ") and not line.endswith("demo")]
-    assert len(commands) == 10
+    assert len(commands) == 11
     for command in commands:
         result = run(*command[1:])
         # On a predicted map the vehicle may be missing.

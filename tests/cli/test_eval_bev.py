@@ -10,7 +10,7 @@ import pytest
 from tiny_dataset import TinyDataset, token
 from typer.testing import CliRunner, Result
 
-from appocc.bevmap import ROAD, VEHICLE, BEVMap, bev_path
+from appocc.bevmap import ROAD, VEHICLE, BEVMap, bev_path, load_map
 from appocc.errors import DataError
 from appocc.grid import BEVGrid
 from cli.main import app
@@ -84,6 +84,17 @@ def test_a_prediction_is_evaluated_at_half_and_at_its_thresholds(street: TinyDat
     assert (
         value["by_sight"]["seen"]["iou_at_threshold"] == value["iou_at_threshold_seen"] == value["iou_at_threshold"]
     )
+
+
+def test_the_psnr_of_colours_that_are_all_ten_off(street: TinyDataset) -> None:
+    assert answer(street.root, "groundtruth")["appearance_psnr"] is None  # no error
+    for i in range(3):
+        made = load_map(street.root, "groundtruth", token("sample", i))
+        off = np.where(made.appearance > 100, made.appearance - 10, made.appearance + 10).astype(np.uint8)
+        replace(made, appearance=off).save(bev_path(street.root, "off", token("sample", i)))
+    value = answer(street.root, "off")
+    assert value["appearance_l1"] == 10
+    assert value["appearance_psnr"] == pytest.approx(20 * np.log10(25.5))
 
 
 def test_a_prediction_has_a_reliability_table_over_valid_cells(street: TinyDataset) -> None:

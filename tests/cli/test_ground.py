@@ -32,8 +32,10 @@ def street(tiny: TinyDataset) -> Path:
     occupancy[VEHICLE][car] = 1
     appearance = np.where(car, 240, 90).astype(np.uint8)[None].repeat(3, axis=0)
     valid = np.ones((3, *grid.shape), np.bool_)
+    true = {"sources": {"vehicle": "cuboids"}}
     for source in ("groundtruth", "other"):
-        bev = BEVMap(grid, occupancy.copy(), valid.copy(), appearance.copy(), valid[0].copy())
+        meta = true if source == "groundtruth" else {}
+        bev = BEVMap(grid, occupancy.copy(), valid.copy(), appearance.copy(), valid[0].copy(), meta)
         bev.save(bev_path(tiny.root, source, token("sample", 0)))
     occupancy[VEHICLE] = 0
     empty = BEVMap(grid, occupancy, valid, appearance, valid[0].copy())
@@ -119,7 +121,9 @@ def test_a_missing_map_names_the_command_that_makes_it(street: Path) -> None:
     (street / "bev" / "groundtruth" / f"{token('sample', 0)}.npz").unlink()
     result = run(street, "stop behind the car")
     assert isinstance(result.exception, DataError)
-    assert f"appocc groundtruth {street}" in str(result.exception)
+    assert f"there are maps of source empty and other; make it with: appocc groundtruth {street}" in str(
+        result.exception
+    )
 
 
 def test_bad_input_names_file_frame_or_scene(street: Path) -> None:
@@ -198,14 +202,28 @@ def test_several_commands_from_a_file(street: Path, tmp_path: Path) -> None:
     assert values == ["ok", "not_a_command", "not_found"]
 
 
-def test_interactive_commands(street: Path) -> None:
-    result = run_ground(street, *KEY_FRAME, "-i", typed="stop behind the white car\ntell me a joke\n\nstop\n")
-    assert result.exit_code == 2
-    assert result.stderr.count("> ") == 3
+def test_a_conversation(street: Path) -> None:
+    typed = "stop behind the white car\n\ntell me a joke\nhelp\na bit further back\nquit\nstop\n"
+    result = run_ground(street, *KEY_FRAME, "-i", "--json", typed=typed)
+    assert result.exit_code == 0, result.output
+    assert result.stderr.count("> ") == 6
     assert "ok: stop behind the white car" in result.stderr
     assert "not a command: tell me a joke" in result.stderr
+    assert "Answer a question:" in result.stderr
+    assert "ok: a bit further back" in result.stderr
     assert "ok: stop\n" not in result.stderr
+    assert result.stdout.count('"steps"') == 3
+
+
+def test_the_exit_code_of_a_conversation_is_that_of_its_last_answer(street: Path) -> None:
+    assert run_ground(street, *KEY_FRAME, "-i", typed="stop behind the white car\ntell me a joke").exit_code == 2
     assert run_ground(street, *KEY_FRAME, "-i", typed="").exit_code == 0
+
+
+def test_the_folder_of_a_picture_is_made(street: Path, tmp_path: Path) -> None:
+    result = run_ground("stop", street, *KEY_FRAME, "--picture", tmp_path / "new" / "folder" / "g.png")
+    assert result.exit_code == 0, result.output
+    assert (tmp_path / "new" / "folder" / "g.png").is_file()
 
 
 def test_explain_prints_categories_query_and_scores(street: Path) -> None:
@@ -229,8 +247,10 @@ def test_a_custom_lexicon(street: Path, tmp_path: Path) -> None:
 
 
 def test_an_unreachable_language_model_is_reported_and_not_needed(street: Path) -> None:
-    result = run_ground("stop behind the white car", street, *KEY_FRAME, "--llm", "http://127.0.0.1:9/")
-    assert result.exit_code == 0
+    url = "http://127.0.0.1:9/"
+    assert run_ground("stop behind the white car", street, *KEY_FRAME, "--llm", url).exit_code == 0
+    result = run_ground("glorp behind the white car", street, *KEY_FRAME, "--llm", url)
+    assert result.exit_code == 2
     assert "the language model was not used" in result.stderr
 
 

@@ -14,7 +14,8 @@ from grounding.language import parse
 STREET = Street().car("w1", 12, -3, WHITE).car("w2", 20, 3, WHITE).car("b", 26, -3, BLUE).car("k", 8, 3, None)
 GROUNDER = STREET.grounder()
 KEYS = {
-    *("status", "query", "target", "route", "runners_up", "nearest", "referent", "candidates", "question", "reasons")
+    *("status", "query", "target", "route", "runners_up", "nearest", "referent", "candidates", "question", "reasons"),
+    *("steps", "dropped", "confidence"),
 }
 
 

@@ -13,7 +13,7 @@ from street import RED, WHITE, Street
 
 import grounding
 from appocc.bevmap import BEVMap
-from appocc.errors import DataError
+from appocc.errors import AppoccError, DataError
 from grounding import Answer, Grounder, GrounderConfig, Query, Target
 from grounding.language.llm import ChatEndpoint
 from grounding.language.syntax.lexicon import read_lexicon
@@ -22,10 +22,10 @@ LEXICON = "[noun car]\nwagonette\n"
 
 
 def test_the_face_of_the_package() -> None:
-    assert sorted(grounding.__all__) == ["Answer", "Grounder", "GrounderConfig", "Query", "Target"]
+    assert sorted(grounding.__all__) == ["Answer", "Grounder", "GrounderConfig", "Query", "Session", "Target"]
     assert set(grounding.__all__) <= set(dir(grounding))
-    with pytest.raises(AttributeError, match="has no attribute 'Session'"):
-        getattr(grounding, "Session")  # noqa: B009 - not in the type
+    with pytest.raises(AttributeError, match="has no attribute 'Sessions'"):
+        getattr(grounding, "Sessions")  # noqa: B009 - not in the type
 
 
 def test_an_answer_by_the_face() -> None:
@@ -68,9 +68,22 @@ def test_the_lexicon_holds_beside_a_language_model(tmp_path: Path) -> None:
     # Nothing answers at this port.
     grounder = Grounder(lexicon=tmp_path / "words.txt", llm=ChatEndpoint("http://127.0.0.1:9", "m", timeout_s=2.0))
     grounder.set_scene(street.bev(), street.boxes())
-    answer = grounder.ground("park behind the wagonette")
-    assert answer.status == "ok"
-    assert any("language model" in reason for reason in answer.reasons)
+    assert grounder.ground("park behind the wagonette").status == "ok"
+    answer = grounder.ground("glorp behind the wagonette")
+    assert answer.status == "not_a_command"
+    assert any("language model was not used" in reason for reason in answer.reasons)
+
+
+def test_tracks_need_the_pose_of_the_ego() -> None:
+    with pytest.raises(AppoccError, match="expected world_from_ego with tracks"):
+        Grounder().set_scene(Street().bev(), [])
+
+
+def test_an_answer_fits_a_line() -> None:
+    grounder = Street().car("red", 14, -3, RED).grounder()
+    shown = repr(grounder.ground("park behind the red car"))
+    assert shown.startswith("Answer(status='ok', command='park behind the red car', referent='red', target=(")
+    assert len(repr(grounder.ground("park " * 300))) < 160
 
 
 def test_the_number_of_candidates_is_set() -> None:
@@ -96,5 +109,5 @@ def test_guesses_are_trusted_if_set() -> None:
     for trust in (False, True):
         grounder = Grounder(config=GrounderConfig(trust_unseen=trust))
         grounder.set_scene(predicted)
-        statuses.append(grounder.ground("park behind the red car").status)
+        statuses.append(grounder.ground("park behind the red car behind us").status)
     assert statuses == ["not_found", "ok"]

@@ -51,6 +51,13 @@ def test_a_made_recording(tmp_path: Path) -> None:
     assert [(one.outcome, one.lacked) for one in measure(tmp_path)] == [("among", "colour"), ("missed", "language")]
 
 
+@pytest.mark.parametrize("category", ["movable_object.trafficcone", "static_object.bicycle_rack"])
+def test_a_referent_that_is_no_vehicle_is_missed(tmp_path: Path, category: str) -> None:
+    record = recorded(tmp_path, category=np.array(["vehicle.car", category]))
+    write_json(tmp_path / "talk2car_commands.json", [{**record, "command": "stop at the cone"}, record])
+    assert [(one.outcome, one.lacked) for one in measure(tmp_path)] == [("missed", "scene"), ("missed", "scene")]
+
+
 @pytest.mark.parametrize(
     ("record", "parts", "message"),
     [

@@ -232,7 +232,7 @@ def test_a_truth_is_not_replaced(tiny: TinyDataset, tmp_path: Path) -> None:
     for name in ("groundtruth", "exact"):
         (tmp_path / f"link-to-{name}").symlink_to(tmp_path / name)
         for out in (tmp_path / name, tmp_path / f"link-to-{name}"):
-            with pytest.raises(DataError, match="maps in a folder of this name count as the truth"):
+            with pytest.raises(DataError, match="a folder of this name is for true maps"):
                 run(tiny, out)
     path = tmp_path / "mine" / f"{ALL[0]}.npz"
     bev = BEVMap.load(path)

@@ -79,7 +79,9 @@ def test_a_missing_map_says_how_to_make_it(tiny: TinyDataset) -> None:
     with pytest.raises(DataError) as caught:
         track_scene(dataset, dataset.scenes[0], "groundtruth")
     assert str(caught.value) == f"{gone}: no BEV map; make it with: appocc groundtruth {tiny.root}"
-    with pytest.raises(DataError, match=r"no BEV map; make it with: maps of source 'other'"):
+    with pytest.raises(
+        DataError, match=r"no BEV map; there are maps of source groundtruth; make it with: appocc infer .*/bev/other"
+    ):
         track_scene(dataset, dataset.scenes[0], "other")
 
 

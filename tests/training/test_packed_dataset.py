@@ -151,7 +151,7 @@ def test_a_damaged_image_leaves_no_files(root: Path, tmp_path: Path, workers: in
 
 def test_a_missing_map_is_named_before_anything_is_made(root: Path, tmp_path: Path) -> None:
     bev_path(root, "exact", TOKENS[2]).unlink()
-    with pytest.raises(DataError, match=r"sample-20+\.npz: no BEV map; make it with: maps of source 'exact'"):
+    with pytest.raises(DataError, match=r"sample-20+\.npz: no BEV map; exact maps come with simulated drives only"):
         packed(root, tmp_path / "pack")
     assert not (tmp_path / "pack").exists()
 

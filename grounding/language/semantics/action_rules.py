@@ -11,7 +11,7 @@ from grounding.vocabulary import ACTIONS
 
 _LANE_CHANGING = ("go", "drive", "move", "get", "pull", "take", "turn", "change_lane", "approach", "overtake")
 # Places that a turn enters: "turn into the driveway", "take the exit".
-_ENTERABLE = ("driveway", "parking_lot", "entrance", "road", "turn", "exit", "corner", "intersection", "roundabout")
+ENTERABLE = ("driveway", "parking_lot", "entrance", "road", "turn", "exit", "corner", "intersection", "roundabout")
 _LOTS = ("driveway", "parking_lot", "entrance")
 _CORNERS = ("corner", "roundabout")
 # Heads of landmarks for a gap: "keep your distance".
@@ -106,7 +106,7 @@ def _classify_turn(frame: CommandFrame) -> str | None:
         frame.direction = None
         return "approach"
     thing = frame.direct_object
-    elsewhere = thing is not None and thing.kind != "region" and thing.noun not in _ENTERABLE
+    elsewhere = thing is not None and thing.kind != "region" and thing.noun not in ENTERABLE
     # "Turn on the radio."
     off_topic = any(relation in ("on", "along") and _is_off_topic(one) for relation, one in frame.landmarks)
     return None if frame.direction is None and (elsewhere or off_topic) else "turn"
@@ -252,7 +252,7 @@ def _classify_take(frame: CommandFrame) -> str | None:
     if word.startswith("pick") and thing is not None and thing.kind == "person":
         return "stop"
     frame.direction, frame.side = frame.direction or frame.side, None
-    entered = thing is not None and thing.noun in _ENTERABLE and (thing.noun == "turn" or word not in ("make", "do"))
+    entered = thing is not None and thing.noun in ENTERABLE and (thing.noun == "turn" or word not in ("make", "do"))
     return "turn" if frame.direction or entered else None
 
 
@@ -269,6 +269,8 @@ def _classify_leave(frame: CommandFrame) -> str | None:
     """Classify leave: "leave some room", "leave the parking lot"."""
     if _leaves_room(frame) or frame.distances:
         return "avoid"
+    if frame.has_landmark(*_LANES):
+        return "change_lane"
     return "other" if frame.has_spot or frame.has_landmark("road", "parking_lot", "lane", "driveway") else None
 
 

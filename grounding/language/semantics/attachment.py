@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from grounding.language.semantics.appositions import attach_apposition, name_contrast
 from grounding.language.semantics.command_frames import CommandFrame
+from grounding.language.semantics.coreference import name_by_order
 from grounding.language.semantics.discourse_state import DiscourseState
 from grounding.language.semantics.mentions import add_mention, attach_distance, exclude, refine
 from grounding.language.semantics.relation_attachment import TARGET_KINDS, attach_related, attach_target
@@ -22,6 +23,7 @@ def attach_phrase(state: DiscourseState, phrase: NounPhrase) -> None:
     if own_car:  # "that is our car"
         noun = phrase.head.split()[-1]
         phrase = NounPhrase(kind="vehicle", noun=noun, head=noun, start=phrase.start)
+    name_by_order(state.discourse, phrase)
     if phrase.kind == "ego":
         _attach_ego(state, phrase)
     elif state.is_repair and state.frame is None and replace_target(state, phrase):

@@ -35,6 +35,9 @@ class CommandFrame:
         moves_away: whether "away" or "from" follows the verb.
         event: the trigger that the command waits for.
         event_subject: subject of the event, if it is not the target.
+        event_connective: connective of the event's clause.
+        count: as in `Query`.
+        manoeuvre: as in `Query`.
     """
 
     verb_class: str = ""
@@ -59,6 +62,9 @@ class CommandFrame:
     moves_away: bool = False
     event: str | None = None
     event_subject: NounPhrase | None = None
+    event_connective: str = ""
+    count: int | None = None
+    manoeuvre: str | None = None
 
     @property
     def direct_object(self) -> NounPhrase | None:
@@ -82,7 +88,8 @@ class Discourse:
     Attributes:
         frames: command frames in order.
         mentions: every noun phrase in order with its role: target (of a frame), stated (subject of a statement),
-            event (subject of an awaited event), landmark, excluded, denied ("it is not the red car").
+            event (subject of an awaited event), landmark, excluded, denied ("it is not the red car"), context (named
+            before the text).
         excluded: excluded noun phrases, each with the relation that the goal may not have to it; with None, the
             referent may not be one.
     """

@@ -4,13 +4,39 @@ from __future__ import annotations
 
 from grounding.language.semantics.command_frames import Discourse
 from grounding.language.syntax.noun_phrases import NounPhrase
+from grounding.query import Referent
 
 _ORDERED = ("first", "second", "third", "fourth", "next", "last", "nearest", "farthest", "leftmost", "rightmost")
 _SIDES = ("left_side", "right_side", "opposite_side", "left_lane", "right_lane")
 # Qualifiers that "one" inherits: in "there are two trucks ahead, follow the red one" the red truck is ahead.
 _INHERITED = ("ahead", "behind_ego", "own_lane", *_SIDES, "parked", "moving", "stopped")
+# Index of the mention that a word refers to.
+_ORDER_OF_MENTION = {"former": 0, "latter": -1}
 _ANAPHORS = ("pronoun", "one")
 _PLURAL_PRONOUNS = ("them", "they", "they're")
+
+
+def phrase_of(referent: Referent) -> NounPhrase:
+    """Return the noun phrase of a vehicle or person that was named before the text."""
+    return NounPhrase(
+        kind="person" if referent.noun == "person" else "vehicle",
+        noun=referent.noun,
+        head=referent.head,
+        colour=referent.colour,
+        qualifiers=list(referent.qualifiers),
+        in_line=referent.in_line,
+    )
+
+
+def name_by_order(discourse: Discourse, phrase: NounPhrase) -> None:
+    """Give "the former" or "the latter" the noun and the qualifiers of the vehicle in that place."""
+    vehicles = [other for other, _ in discourse.mentions if other.kind == "vehicle"]
+    for word, place in _ORDER_OF_MENTION.items():
+        if word in phrase.qualifiers and vehicles:
+            meant = vehicles[place]
+            phrase.take_noun(meant)
+            phrase.colour = phrase.colour or meant.colour
+            phrase.qualifiers = [*(one for one in phrase.qualifiers if one != word), *meant.qualifiers]
 
 
 def find_antecedent(discourse: Discourse, phrase: NounPhrase) -> NounPhrase | None:
@@ -21,7 +47,7 @@ def find_antecedent(discourse: Discourse, phrase: NounPhrase) -> NounPhrase | No
         # "That man wants to cross behind the bus, let them": one bus is not "them".
         before = [(other, role) for other, role in before if other.kind != "vehicle" or other.number != 1]
     for kinds in (("vehicle",), ("person",), ("traffic", "thing", "spot", "region")):
-        for roles in (("stated", "target", "event", "excluded"), ("denied",), ("landmark",)):
+        for roles in (("stated", "target", "event", "excluded"), ("denied",), ("landmark",), ("context",)):
             for other, role in reversed(before):
                 if other.kind in kinds and role in roles:
                     return other

@@ -18,7 +18,7 @@ class DiscourseState:
         frame: command frame of this clause, None before its verb.
         previous_frame: last frame of the earlier clauses.
         leading_frame: arguments before their verb: "on the left, behind the bus, park".
-        pending_events: subjects and events named before the frame that waits for them.
+        pending_events: subjects, events and connectives named before the frame that waits for them.
         clause: current clause.
         remaining: chunks of the clause that are not read yet.
         open_phrase: noun phrase that the next words may qualify.
@@ -27,6 +27,7 @@ class DiscourseState:
         last_relation: relation of the last noun phrase.
         auxiliary: "is", "may": auxiliary of the subject's verb, '' if there is none.
         negated: whether a negation waits for the words that it negates.
+        negated_predicate: whether the next words belong to the last exclusion: "that is not parked on the left".
         in_relative_clause: after "that is".
         event_stated: whether the event is read; the rest of the clause is its manner.
         off_topic: whether the rest of the clause is not about driving.
@@ -40,7 +41,7 @@ class DiscourseState:
     frame: CommandFrame | None = None
     previous_frame: CommandFrame | None = None
     leading_frame: CommandFrame = field(default_factory=CommandFrame)
-    pending_events: list[tuple[NounPhrase, str]] = field(default_factory=list)
+    pending_events: list[tuple[NounPhrase, str, str]] = field(default_factory=list)
     clause: Clause = field(default_factory=lambda: Clause("", ()))
     remaining: list[Chunk] = field(default_factory=list)
     open_phrase: NounPhrase | None = None
@@ -49,6 +50,7 @@ class DiscourseState:
     last_relation: str | None = None
     auxiliary: str = ""
     negated: bool = False
+    negated_predicate: bool = False
     in_relative_clause: bool = False
     event_stated: bool = False
     off_topic: bool = False
@@ -61,7 +63,7 @@ class DiscourseState:
         """Close all open arguments and flags, as at the start of a clause."""
         self.open_phrase = self.subject = self.open_relation = self.last_relation = None
         self.auxiliary = ""
-        self.negated = self.in_relative_clause = self.event_stated = False
+        self.negated = self.negated_predicate = self.in_relative_clause = self.event_stated = False
         self.off_topic = self.existential = self.infinitive = False
         self.open_distance_m = None
         self.fronted_qualifiers = []

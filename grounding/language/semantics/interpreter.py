@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 from grounding.language.semantics.attachment import attach_phrase, discard_leading_place
 from grounding.language.semantics.command_frames import Discourse
+from grounding.language.semantics.coreference import phrase_of
 from grounding.language.semantics.discourse_state import DiscourseState
 from grounding.language.semantics.function_word_rules import (
     handle_auxiliary,
@@ -30,17 +31,25 @@ from grounding.language.semantics.spatial_rules import (
     handle_relation,
     handle_side,
 )
-from grounding.language.semantics.verb_rules import handle_direction, handle_meanwhile, handle_other_verb, handle_verb
+from grounding.language.semantics.verb_rules import (
+    handle_branch,
+    handle_direction,
+    handle_meanwhile,
+    handle_other_verb,
+    handle_verb,
+)
 from grounding.language.syntax.clauses import Clause
 from grounding.language.syntax.noun_phrases import NounPhrase, chunk
 from grounding.language.syntax.tokenizer import Token
 from grounding.language.syntax.word_categories import WordCategory
+from grounding.query import Referent
 
 _HANDLERS: Mapping[WordCategory, Callable[[DiscourseState, Token], None]] = {
     WordCategory.VERB: handle_verb,
     WordCategory.NONDRIVE: handle_other_verb,
     WordCategory.MEANWHILE: handle_meanwhile,
     WordCategory.DIRECTION: handle_direction,
+    WordCategory.BRANCH: handle_branch,
     WordCategory.RELATION: handle_relation,
     WordCategory.BETWEEN: handle_between,
     WordCategory.OF: handle_of,
@@ -63,9 +72,11 @@ _HANDLERS: Mapping[WordCategory, Callable[[DiscourseState, Token], None]] = {
 }
 
 
-def interpret(clauses: Sequence[Clause]) -> Discourse:
-    """Return the discourse of the clauses of a text."""
+def interpret(clauses: Sequence[Clause], antecedent: Referent | None = None) -> Discourse:
+    """Return the discourse of the clauses of a text; pronouns may refer to an antecedent from before the text."""
     state = DiscourseState()
+    if antecedent is not None:
+        state.discourse.mentions.append((phrase_of(antecedent), "context"))
     for clause in clauses:
         state.previous_frame, state.frame, state.clause = state.frame or state.previous_frame, None, clause
         state.clear()

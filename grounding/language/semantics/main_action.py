@@ -12,6 +12,8 @@ from grounding.language.syntax.noun_phrases import NounPhrase
 
 # Connectives of purpose clauses and of simultaneous actions: "so that ...", "while passing ...".
 SIDE_CONNECTIVES = ("so", "while")
+# "Don't turn until it has passed" is a turn; "don't turn after it has passed" is none.
+_ENDING_NEGATION = ("until", "before")
 _FINAL_ACTIONS = ("park", "stop", "pull_over", "turn")
 
 
@@ -44,7 +46,7 @@ class MainIntent:
 def find_intents(discourse: Discourse) -> list[Intent]:
     """Return the commanded frames in order, temporal ones ("when you turn") included."""
     for frame in discourse.frames:
-        if frame.negated and frame.event_subject is not None:
+        if frame.negated and frame.event_subject is not None and frame.event_connective in _ENDING_NEGATION:
             # "Don't go until it has passed" is a wait; "don't turn until it has passed" is a later turn.
             going = frame.verb_class in ("go", "drive", "move", "other")
             frame.negated, frame.verb_class = False, "wait" if going else frame.verb_class
@@ -53,11 +55,27 @@ def find_intents(discourse: Discourse) -> list[Intent]:
                 excluded = discourse.excluded
                 discourse.excluded = [(relation, one) for relation, one in excluded if one is not frame.target]
     _join_purposes(discourse)
+    _join_gaps(discourse)
     classified = [(frame, classify_action(frame)) for frame in discourse.frames if not frame.negated]
     # Targets of other actions than driving are only mentioned: "fetch my bag from that van".
     idle = [frame.target for frame, action in classified if action is None]
     discourse.mentions = [(phrase, "stated" if phrase in idle else role) for phrase, role in discourse.mentions]
     return [_intent(discourse, frame, action) for frame, action in classified if action]
+
+
+def _join_gaps(discourse: Discourse) -> None:
+    """Move a gap to the stop that it is for: "leave two metres to the truck when you stop"."""
+    for frame in discourse.frames:
+        stop = next((one for one in discourse.frames if one.is_temporal and one.verb_class in _FINAL_ACTIONS), None)
+        if stop is None or frame.negated or not frame.distances or frame.target is None:
+            continue
+        if classify_action(frame) in ("avoid", "follow", "other"):
+            stop.is_temporal, stop.connective = False, ""
+            if stop.relation == "none":
+                stop.relation = "behind" if frame.relation in ("none", "between", "toward") else frame.relation
+            stop.target, stop.distances = frame.target, [(metres, "gap") for metres, _ in frame.distances]
+            discourse.frames.remove(frame)
+            return
 
 
 def _join_purposes(discourse: Discourse) -> None:

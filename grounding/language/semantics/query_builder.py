@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple, cast
 
-from grounding.language.semantics.action_rules import classify_action
+from grounding.language.semantics.action_rules import ENTERABLE, classify_action
 from grounding.language.semantics.command_frames import CommandFrame, Discourse
 from grounding.language.semantics.coreference import (
     find_antecedent,
@@ -21,6 +21,8 @@ from grounding.language.semantics.main_action import (
     find_intents,
     select_main_intent,
 )
+from grounding.language.semantics.steps import plan_steps
+from grounding.language.semantics.verb_rules import ORDINALS
 from grounding.language.syntax.noun_phrases import NounPhrase
 from grounding.query import (
     Anchor,
@@ -34,7 +36,7 @@ from grounding.query import (
     Referent,
     Side,
 )
-from grounding.vocabulary import RELATIONS, Action, Relation, Trigger
+from grounding.vocabulary import RELATIONS, Action, Manoeuvre, Relation, Trigger
 
 # Relations without a place.
 _NOT_SPATIAL = ("with", "of", "for", "object")
@@ -51,10 +53,19 @@ _PLURALS: tuple[tuple[str, str], ...] = (
 
 
 class BuiltQuery(NamedTuple):
-    """A query (without an action if nothing is commanded) and its referent's qualifiers after the noun."""
+    """A query (without an action if nothing is commanded) and what belongs to it.
+
+    Attributes:
+        query: the query.
+        postmodifiers: qualifiers of its referent after the noun.
+        steps: the commanded steps in order, one query each; the query alone if it is the only step.
+        main_step: index of the step that the query is about.
+    """
 
     query: Query
     postmodifiers: tuple[str, ...] = ()
+    steps: tuple[Query, ...] = ()
+    main_step: int = 0
 
 
 def build_query(text: str, discourse: Discourse) -> BuiltQuery:
@@ -63,13 +74,34 @@ def build_query(text: str, discourse: Discourse) -> BuiltQuery:
     intents = find_intents(discourse)
     commands = [intent for intent in intents if not intent.frame.is_temporal]
     if not commands:
-        return BuiltQuery(_build_prohibition(text, discourse, tuple(_exclusions(discourse))))
+        query = _build_prohibition(text, discourse, tuple(_exclusions(discourse)))
+        return BuiltQuery(query, steps=(query,))
     main = select_main_intent(discourse, intents)
-    frame = main.intent.frame
-    if frame.target is not None and frame.target.kind == "pronoun":
-        antecedent = find_antecedent(discourse, frame.target)  # "don't overtake it, stay behind it"
+    target = main.intent.frame.target
+    if target is not None and target.kind == "pronoun":
+        antecedent = find_antecedent(discourse, target)  # "don't overtake it, stay behind it"
         discourse.excluded = [(where, one) for where, one in discourse.excluded if where or one is not antecedent]
     excluded = tuple(_exclusions(discourse))
+
+    def query_of(about: MainIntent, stated: Sequence[Intent], every: Sequence[Intent]) -> Query:
+        return _query(text, discourse, about, stated, every, excluded)
+
+    query = query_of(main, commands, intents)
+    steps, main_step = plan_steps(discourse, commands, main, query, query_of)
+    postmodifiers = tuple(main.referent.postmodifiers) if main.referent is not None else ()
+    return BuiltQuery(query, postmodifiers, steps, main_step)
+
+
+def _query(
+    text: str,
+    discourse: Discourse,
+    main: MainIntent,
+    commands: Sequence[Intent],
+    intents: Sequence[Intent],
+    excluded: tuple[Exclusion, ...],
+) -> Query:
+    """Return the query about one intent, with the arguments that other intents add to it."""
+    frame = main.intent.frame
     relation, referent = _goal_relation(discourse, commands, main)
     secondary = tuple(_landmarks(commands, main.intent, referent))
     landmark: Anchor | None = (
@@ -82,7 +114,7 @@ def build_query(text: str, discourse: Discourse) -> BuiltQuery:
     distance_m, distance_of = _distance(by_priority)
     side = next((intent.frame.side for intent in by_priority if intent.frame.side), None)
     trigger = next((intent.frame.event for intent in by_priority if intent.frame.event), None)
-    query = Query(
+    return Query(
         command=text,
         action=cast(Action, main.intent.action),
         actions=cast(tuple[Action, ...], tuple(_actions(commands))),
@@ -96,8 +128,29 @@ def build_query(text: str, discourse: Discourse) -> BuiltQuery:
         distance_m=distance_m,
         distance_of=distance_of,
         excluded=(*excluded, *_referent_exclusions(referent)),
+        manoeuvre=cast(Manoeuvre | None, next(filter(None, (one.frame.manoeuvre for one in by_priority)), None)),
+        unresolved=_unresolved(main.intent) if referent is None else "",
+        count=next((count for intent in by_priority if (count := _count(intent)) is not None), None),
     )
-    return BuiltQuery(query, tuple(referent.postmodifiers) if referent is not None else ())
+
+
+def _count(intent: Intent) -> int | None:
+    """Return which branch a turn takes, or how many lanes a change crosses; None if the text does not say."""
+    if intent.frame.count is not None or intent.action != "turn":
+        return intent.frame.count
+    branches = (thing for _, thing in intent.frame.landmarks if thing.noun in ENTERABLE)
+    return next((ORDINALS[word] for thing in branches for word in thing.qualifiers if word in ORDINALS), None)
+
+
+def _unresolved(intent: Intent) -> str:
+    """Return the pronoun or "one" of an intent that no antecedent explains, '' if there is none.
+
+    The object of parking and stopping is the ego: "park it".
+    """
+    target = intent.frame.target
+    own = intent.frame.target_is_object and intent.action in ("park", "stop", "pull_over")
+    missing = intent.anaphora and intent.target is None and target is not None and not own
+    return target.head if missing and target is not None else ""
 
 
 def _build_prohibition(text: str, discourse: Discourse, excluded: tuple[Exclusion, ...]) -> Query:

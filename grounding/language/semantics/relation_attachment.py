@@ -38,6 +38,8 @@ def attach_related(state: DiscourseState, relation: str, phrase: NounPhrase) -> 
     elif whole is not None and whole.kind in PLACE_KINDS and phrase.kind == "vehicle":
         if whole.noun != "side":  # "the spot of the van"
             attach_target(state, "same_as" if whole.noun == "lane" else "at", phrase)
+    elif whole is not None and whole.kind == "part" and phrase.kind == "vehicle" and _is_last_landmark(frame, whole):
+        attach_target(state, frame.landmarks.pop()[0], phrase)  # "level with the doors of the van"
     elif relation == "with" and phrase.kind == "vehicle" and _follows_landmark(state):
         attach_target(state, relation, phrase)  # "in front of the house with the van"
     elif phrase.kind in TARGET_KINDS and relation not in ("of", "with"):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from grounding.language.semantics.action_rules import ENTERABLE
 from grounding.language.semantics.discourse_state import DiscourseState
 from grounding.language.semantics.mentions import attach_distance
 from grounding.language.semantics.relation_attachment import attach_target
@@ -15,6 +16,7 @@ from grounding.language.syntax.word_categories import WordCategory
 _WEAK = ("at", "toward", "in", "into", "along", "on", "with", "of")
 # States of a vehicle that moves away from "in front of us".
 _DEPARTING = ("leaving", "turning", "turning_left", "turning_right", "passing")
+_STANDING = ("park", "stop", "pull_over")
 _STEERING = ("turn", "change_lane", "go", "drive", "move", "overtake")
 # Ends of phrases for the next vehicle in our lane ("in front of us"); "up ahead" may be any vehicle.
 _IN_LINE = (
@@ -112,10 +114,16 @@ def handle_side(state: DiscourseState, token: Token) -> None:
     if possessive and state.host_frame.target is noun and value != "opposite":
         state.host_frame.relation = f"{value}_of"  # "to the white car's left side"
         return
+    if frame is not None and noun is not None and noun.noun in ENTERABLE and value != "opposite":
+        frame.direction = frame.direction or value  # "the turning on the left"
+        return
     if state.is_repair and state.frame is None and noun is None and replace_side(state, token.value):
         return
     if _qualify_open_phrase(state, token) or value == "opposite":
         return
+    if state.negated:
+        value = "right" if value == "left" else "left"  # "pull over, but not on the left"
+        state.negated = False
     if state.frame is None and state.other_subject is not None:
         return
     frame = state.frame or (state.leading_frame if state.clause.starts_sentence else state.host_frame)
@@ -128,6 +136,11 @@ def handle_side(state: DiscourseState, token: Token) -> None:
 def handle_ego_place(state: DiscourseState, token: Token) -> None:
     """Add a place relative to the ego ("ahead", "behind us") to the last vehicle or to the goal."""
     if state.negated and "front" in token.text and _exclude_place(state, "in_front_of"):
+        return
+    front = token.text == "in front" and state.frame is not None and state.frame.target is None
+    if front and _has_vehicle(state) and state.frame is not None and state.frame.verb_class in _STANDING:
+        # "The second van on the right: park in front".
+        attach_target(state, "in_front_of", NounPhrase(kind="pronoun", head="it", start=token.start))
         return
     if token.value == "beside_ego" or _qualify_open_phrase(state, token):
         return
@@ -145,6 +158,14 @@ def _qualify_open_phrase(state: DiscourseState, token: Token) -> bool:
     if noun is None or noun.kind in ("thing", "region", "spot", "part"):
         return noun is not None and noun.kind == "thing"
     attach_distance(state, "descriptor")
+    if state.negated:
+        noun.excluded.append((None, (token.value,)))  # "the truck which isn't on the right"
+        state.negated = False
+        return True
+    if state.negated_predicate and noun.excluded:
+        colour, qualifiers = noun.excluded[-1]
+        noun.excluded[-1] = colour, (*qualifiers, token.value)
+        return True
     noun.add_qualifier(token.value)
     noun.in_line = noun.in_line or token.text.endswith(_IN_LINE)
     return True

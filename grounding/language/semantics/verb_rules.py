@@ -9,19 +9,21 @@ from grounding.language.syntax.clauses import TEMPORAL
 from grounding.language.syntax.noun_phrases import VEHICLE_KINDS, NounPhrase
 from grounding.language.syntax.tokenizer import Token
 from grounding.language.syntax.word_categories import WordCategory
+from grounding.vocabulary import MANOEUVRES
 
 # Verb classes whose object does something in turn: "let it pass", "wait for it to turn".
 AWAITING = ("give_way", "wait")
 LETTING = ("let", "allow", "permit", "letting", "allowing")
 _DRIVEN = ("moving", "passing")
 _DIRECTIONS = ("left", "right", "straight", "around")
+ORDINALS = {"first": 1, "next": 1, "second": 2, "third": 3, "fourth": 4}
 
 
 def handle_verb(state: DiscourseState, token: Token) -> None:
     """Start a command frame, or add an event or state of another vehicle."""
     state.open_relation = None
     infinitive, state.infinitive = state.infinitive, False
-    if token.corrected.startswith("using"):
+    if token.text.startswith("using"):
         state.open_phrase = None  # "overtake it using the left lane"
     if _completes_awaited_event(state, token, infinitive):
         return
@@ -90,7 +92,7 @@ def start_frame(state: DiscourseState, token: Token, connective: str) -> None:
     danger = verb_class == "danger"
     frame = CommandFrame(
         verb_class="avoid" if danger else verb_class,
-        verb=token.corrected,
+        verb=token.text,
         connective=connective,
         start=token.start,
         negated=state.negated and not danger,
@@ -102,11 +104,15 @@ def start_frame(state: DiscourseState, token: Token, connective: str) -> None:
     for value in implied:
         if value in _DIRECTIONS:
             frame.direction = value
+        elif value in ORDINALS:
+            frame.count = ORDINALS[value]  # "second left, please"
+        elif value in MANOEUVRES:
+            frame.manoeuvre = value
         else:
             frame.relation = value
     _move_arguments(state.leading_frame, frame)
-    for phrase, event in state.pending_events:
-        frame.event, frame.event_subject = event, phrase
+    for phrase, event, connective_of_event in state.pending_events:
+        frame.event, frame.event_subject, frame.event_connective = event, phrase, connective_of_event
     if state.is_repair and state.frame is None:
         replace_frame(state, frame)
     state.frame, state.leading_frame, state.pending_events = frame, CommandFrame(), []
@@ -120,7 +126,7 @@ def _move_arguments(leading: CommandFrame, frame: CommandFrame) -> None:
     frame.target, frame.landmarks = leading.target, leading.landmarks
     frame.side, frame.lane = leading.side, leading.lane
     frame.goal_qualifiers, frame.distances = leading.goal_qualifiers, leading.distances
-    frame.refers_to_place = leading.refers_to_place
+    frame.refers_to_place, frame.count = leading.refers_to_place, leading.count or frame.count
     if leading.relation != "none":
         frame.relation = leading.relation
 
@@ -139,6 +145,7 @@ def _add_statement(state: DiscourseState, token: Token) -> None:
     elif state.negated:
         if token.state and (state.auxiliary or state.in_relative_clause):
             host.excluded.append((None, (token.state,)))
+            state.open_phrase, state.negated_predicate = host, True
         state.negated = False
     elif not state.event_stated:
         if token.state and host.kind not in ("thing", "region", "spot") and not _is_transient(state, token, host):
@@ -160,7 +167,7 @@ def _is_transient(state: DiscourseState, token: Token, host: NounPhrase) -> bool
     if token.state != "moving":
         return False
     vague = token.value == "go" or host.kind == "pronoun"
-    origin = token.corrected.endswith(" from") and state.next_kind != "side"
+    origin = token.text.endswith(" from") and state.next_kind != "side"
     return vague or origin or token.form == "past"
 
 
@@ -171,9 +178,9 @@ def _await_event(state: DiscourseState, subject: NounPhrase, event: str) -> None
     event = event if subject.kind in (*VEHICLE_KINDS, "person", "one", "pronoun") or event == "clear" else "other"
     frame = state.previous_frame if not state.clause.starts_sentence else None
     if frame is not None and frame.event is None:
-        frame.event, frame.event_subject = event, subject
+        frame.event, frame.event_subject, frame.event_connective = event, subject, state.clause.connective
     else:
-        state.pending_events.append((subject, event))
+        state.pending_events.append((subject, event, state.clause.connective))
 
 
 def handle_other_verb(state: DiscourseState, token: Token) -> None:
@@ -190,6 +197,11 @@ def handle_meanwhile(state: DiscourseState, token: Token) -> None:
     start_frame(state, token, "while")
 
 
+def handle_branch(state: DiscourseState, token: Token) -> None:
+    """Set the ordinal of the branch that a frame turns into: "take the second left"."""
+    (state.frame or state.leading_frame).count = ORDINALS.get(token.value)
+
+
 def handle_direction(state: DiscourseState, token: Token) -> None:
     """Add a direction to a turning vehicle or a frame, or start a frame: "turn left, then right"."""
     host, frame, before = state.open_phrase, state.frame, state.previous_frame
@@ -199,8 +211,8 @@ def handle_direction(state: DiscourseState, token: Token) -> None:
     elif host is not None and host.kind == "vehicle" and host.postmodifiers[-1:] in (["turning"], ["moving"]):
         if token.value in ("left", "right"):
             host.qualifiers[host.qualifiers.index(host.postmodifiers[-1])] = f"turning_{token.value}"
-    elif state.event_stated:
-        return
+    elif state.event_stated or state.in_relative_clause:
+        return  # "the van that is indicating left"
     elif frame is None:
         if state.is_repair and replace_direction(state, token.value):
             return

@@ -12,9 +12,7 @@ from appocc.errors import DataError
 from appocc.files import read_text
 from grounding.language.syntax.phrase_patterns import WORD, LexicalEntry, PhrasePattern
 from grounding.language.syntax.word_categories import (
-    CORRECTION_TARGETS,
     INFLECTED,
-    LIGHT_VERBS,
     NOUNS,
     SECTION_VALUES,
     WordCategory,
@@ -22,14 +20,22 @@ from grounding.language.syntax.word_categories import (
 from grounding.vocabulary import STATES, TRIGGERS
 
 DEFAULT_PATH = Path(__file__).parent / "data" / "lexicon.txt"
-_NO_SECTIONS = (WordCategory.COMMA, WordCategory.BREAK, WordCategory.DISTANCE, WordCategory.UNKNOWN)
+_NO_SECTIONS = (
+    WordCategory.COMMA,
+    WordCategory.BREAK,
+    WordCategory.DISTANCE,
+    WordCategory.BRANCH,
+    WordCategory.UNKNOWN,
+)
 _SECTIONS = {category.value: category for category in WordCategory if category not in _NO_SECTIONS}
+# Categories whose value is a number: a count, metres, and the cost (nats) of leaving a hesitation out.
+_NUMERIC = (WordCategory.NUMBER, WordCategory.UNIT, WordCategory.HESITATION)
 _VERB_STATES = (*STATES, "own_lane")
 _MAX_BYTES = 1_000_000
 _HEADING = re.compile(r"\[([a-z]+)([^\]\[|]*)((?:\|[^\]\[]*)?)\]")
 
 
-@dataclass
+@dataclass(eq=False)
 class Lexicon:
     """Phrase patterns, indexed by their first words.
 
@@ -37,15 +43,21 @@ class Lexicon:
         patterns: in file order; of two matches of equal length the later pattern wins.
         by_word: first word -> patterns that may begin with it.
         forms: inflected word -> form: s, ing, past or plural.
-        words: word -> priority as a spelling correction: 0 never, 1 possible, 2 preferred.
+        words: all words, inflected forms included.
+        written: the words as the files write them: regular inflection also makes forms that nobody uses.
         irregular: word -> its irregular forms.
+        respelled: way of writing -> the words that it may stand for.
+        hesitations: first word -> phrases that are no part of a sentence.
     """
 
     patterns: list[PhrasePattern] = field(default_factory=list)
     by_word: dict[str, list[PhrasePattern]] = field(default_factory=dict)
     forms: dict[str, str] = field(default_factory=dict)
-    words: dict[str, int] = field(default_factory=dict)
+    words: set[str] = field(default_factory=set)
+    written: set[str] = field(default_factory=set)
     irregular: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    respelled: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    hesitations: dict[str, list[PhrasePattern]] = field(default_factory=dict)
 
     def longest_match(self, words: tuple[str, ...], start: int) -> tuple[int, LexicalEntry] | None:
         """Return the end (exclusive) and the entry of the longest phrase from `start`, None if none matches."""
@@ -56,22 +68,38 @@ class Lexicon:
                 best = end, _merged(best[1], pattern.entry) if best and best[0] == end else pattern.entry
         return best
 
+    def written_words(self, category: WordCategory) -> list[str]:
+        """Return the words that are phrases of a category on their own, without inflected forms."""
+        texts = (one.text.split() for one in self.patterns if one.entry.category is category)
+        required = ([part for part in text if part[0] != "["] for text in texts)
+        return [parts[0] for parts in required if len(parts) == 1 and parts[0].isalpha()]
+
+    def hesitation(self, words: tuple[str, ...]) -> tuple[int, float]:
+        """Return the end (exclusive) of the longest hesitation that begins the words, and its cost; 0, 0 if none."""
+        found = [(one.match_end(words, 0), float(one.entry.value)) for one in self.hesitations.get(words[0], ())]
+        return max(found, default=(0, 0.0))
+
     def add(self, line: str, entry: LexicalEntry) -> None:
         """Index the patterns of a line; a pattern is parsed when it is first matched."""
         for text in filter(None, map(str.strip, line.split(";"))):
+            if entry.category is WordCategory.RESPELLING:
+                self.respelled[text] = (*self.respelled.get(text, ()), entry.value)
+                continue
             pattern = PhrasePattern(text, entry, self.inflect)
+            if entry.category is WordCategory.HESITATION:
+                for word in self._first_words(text, entry.category):
+                    self.hesitations.setdefault(word, []).append(pattern)
+                continue
             self.patterns.append(pattern)
-            for word in re.split(r"[\[\]|_ ]+", text):
-                self.words.setdefault(word, 0)
-            first, *rest = text.split()
+            written = set(filter(None, re.split(r"[\[\]|_ ]+", text)))
+            self.written |= written
+            rest = text.split()[1:]
             for word in re.split(r"[\[\]|_]+", rest[-1]) if rest and entry.category in NOUNS else ():
-                self.words.setdefault(self.inflect(word, entry.category)[1], 0)
-            single_word = first.isalnum() and all(part[0] == "[" for part in rest)
-            target = single_word and entry.category in CORRECTION_TARGETS and entry.value not in LIGHT_VERBS
-            priority = target * (2 if entry.category in (WordCategory.NOUN, WordCategory.COLOUR) else 1)
-            for word in self._first_words(text, entry.category):
+                self.words.add(self.inflect(word, entry.category)[1])
+            first_words = self._first_words(text, entry.category)
+            for word in first_words:
                 self.by_word.setdefault(word, []).append(pattern)
-                self.words[word] = max(self.words.get(word, 0), priority)
+            self.words |= first_words | written
 
     def _first_words(self, text: str, category: WordCategory) -> set[str]:
         """Return all words that the phrases of a pattern may begin with."""
@@ -151,7 +179,17 @@ def default_phrases() -> dict[tuple[str, ...], tuple[WordCategory, str]]:
 
 def _copy(base: Lexicon) -> Lexicon:
     by_word = {word: list(patterns) for word, patterns in base.by_word.items()}
-    return Lexicon(list(base.patterns), by_word, dict(base.forms), dict(base.words), dict(base.irregular))
+    hesitations = {word: list(patterns) for word, patterns in base.hesitations.items()}
+    return Lexicon(
+        patterns=list(base.patterns),
+        by_word=by_word,
+        forms=dict(base.forms),
+        words=set(base.words),
+        written=set(base.written),
+        irregular=dict(base.irregular),
+        respelled=dict(base.respelled),
+        hesitations=hesitations,
+    )
 
 
 def _add_file(lexicon: Lexicon, path: Path, validate: bool = False) -> None:
@@ -168,7 +206,8 @@ def _add_file(lexicon: Lexicon, path: Path, validate: bool = False) -> None:
                 in_forms = heading[0] == "[forms]"
                 section = None if in_forms else _section_entry(heading)
             elif in_forms:
-                lexicon.irregular[text.split()[0]] = _irregular_forms(text)
+                lexicon.irregular[text.split()[0]] = forms = _irregular_forms(text)
+                lexicon.written.update(forms)
             elif section is None:
                 raise ValueError(f"expected a section such as [noun car] first, got '{text[:60]}'")
             else:
@@ -195,7 +234,7 @@ def _section_entry(heading: re.Match[str]) -> LexicalEntry:
     allowed = SECTION_VALUES.get(category)
     if allowed and value.split(" ")[0] not in allowed:
         raise ValueError(f"expected [{category.value}] to be one of {', '.join(allowed)}, got '{value}'")
-    if category in (WordCategory.NUMBER, WordCategory.UNIT) and not re.fullmatch(r"\d{1,6}(\.\d{1,6})?", value):
+    if category in _NUMERIC and not re.fullmatch(r"\d{1,6}(\.\d{1,6})?", value):
         raise ValueError(f"expected a plain number, got '{heading[0]}'")
     options = {}
     for item in filter(None, (part.strip() for part in heading[3].split("|"))):

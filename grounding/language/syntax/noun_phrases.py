@@ -145,8 +145,8 @@ def _noun_phrase(tokens: Sequence[Token]) -> NounPhrase:
             phrase.qualifiers += [value for value in token.value.split() if value not in phrase.qualifiers]
         elif token.category is WordCategory.NUMBER:
             phrase.number = 2 if token.value == "2" else int(token.value == "1")
-        elif token.category in _EXTRA and token.corrected not in (phrase.head, "my", "our", "your"):
-            phrase.extra.append(token.corrected)
+        elif token.category in _EXTRA and token.text not in (phrase.head, "my", "our", "your"):
+            phrase.extra.append(token.text)
     if phrase.colour is None:
         phrase.colour = next((token.value for token in tokens if token.category is WordCategory.SHADE), None)
     return phrase
@@ -160,7 +160,7 @@ def _head(tokens: Sequence[Token]) -> NounPhrase:
         last = owners[-1]  # "the van's blinker", "the car door": qualifiers belong to the vehicle
     number = int(last.form != "plural")
     if last.category is WordCategory.UNKNOWN:
-        unknown = [token.corrected for token in tokens if token.category is WordCategory.UNKNOWN]
+        unknown = [token.text for token in tokens if token.category is WordCategory.UNKNOWN]
         return NounPhrase(kind="thing", noun="_".join(unknown), head=last.text, in_lexicon=False)
     if last.category in (WordCategory.PRONOUN, WordCategory.EGO):
         return NounPhrase(kind=last.category.value, head=last.text)
@@ -183,4 +183,4 @@ def _noun(head: Token) -> str:
     if head.category is WordCategory.SPOT:
         return "parking_spot"
     value = head.value if head.category in (WordCategory.THING, WordCategory.REGION) else ""
-    return value or head.corrected.replace(" ", "_")
+    return value or head.text.replace(" ", "_")

@@ -51,12 +51,12 @@ def _number_at(tokens: Sequence[Token], i: int) -> float | None:
 
 
 def _distance(tokens: Sequence[Token], metres: float) -> Token:
-    text, corrected = (" ".join(part) for part in zip(*((t.text, t.corrected) for t in tokens), strict=True))
+    text, written = (" ".join(part) for part in zip(*((t.text, t.written) for t in tokens), strict=True))
     return Token(
         category=WordCategory.DISTANCE,
         value=f"{metres:.10g}",
         text=text,
-        corrected=corrected,
+        written=written,
         start=tokens[0].start,
         end=tokens[-1].end,
     )

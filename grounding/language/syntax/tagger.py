@@ -13,6 +13,7 @@ from grounding.language.syntax.tagging_rules import (
     tag_determiner,
     tag_direction,
     tag_ego,
+    tag_except,
     tag_exists,
     tag_joint,
     tag_not,
@@ -43,7 +44,9 @@ from grounding.language.syntax.tagging_verbs import (
 from grounding.language.syntax.tokenizer import Token
 from grounding.language.syntax.word_categories import DETERMINERS, WordCategory
 
-_AFTER_CONNECTIVE = frozenset((WordCategory.THEN, WordCategory.AND, WordCategory.EXCEPT))
+# Words without a part in the sentence.
+_DROPPED = (WordCategory.FILLER, WordCategory.GREETING)
+_AFTER_CONNECTIVE = frozenset((WordCategory.THEN, WordCategory.AND, WordCategory.EXCEPT, WordCategory.ORDINAL))
 
 
 class _Compound(NamedTuple):
@@ -67,7 +70,7 @@ class _Compound(NamedTuple):
                 category=self.categories[0],
                 value=self.values[0],
                 text=first,
-                corrected=first,
+                written=first,
                 start=token.start,
                 end=middle,
             ),
@@ -75,7 +78,7 @@ class _Compound(NamedTuple):
                 category=self.categories[1],
                 value=self.values[1],
                 text=second,
-                corrected=second,
+                written=second,
                 start=middle + 1,
                 end=token.end,
                 form=form,
@@ -132,13 +135,14 @@ _RULES: dict[WordCategory, _Rule] = {
     WordCategory.EGO: tag_ego,
     WordCategory.CORRECT: tag_correct,
     WordCategory.NOT: tag_not,
+    WordCategory.EXCEPT: tag_except,
 }
 
 
 def tag(tokens: Sequence[Token]) -> list[Token]:
     """Return the tokens with their category in context, quantities merged and fillers removed."""
     tagged: list[Token] = []
-    kept = [token for token in merge_quantities(tokens) if token.category is not WordCategory.FILLER]
+    kept = [token for token in merge_quantities(tokens) if token.category not in _DROPPED]
     for i, token in enumerate(kept):
         after = kept[i + 1 : i + 6]
         if (compound := _COMPOUNDS.get(token.text)) is not None and category_at(tagged, -1) in compound.after:

@@ -82,14 +82,14 @@ def tag_person(before: Sequence[Token], token: Token, after: Sequence[Token]) ->
 
 
 def tag_ordinal(before: Sequence[Token], token: Token, after: Sequence[Token]) -> Token:
-    """Tag "next" before a turn as a verb or a filler: "next left, please"."""
+    """Tag an ordinal before a turn as that of a branch, or as a verb with it: "second left, please"."""
     turning = category_at(after, 0) is WordCategory.DIRECTION or (
         category_at(after, 0) is WordCategory.VERB and after[0].value in TURNS
     )
     alone = all(other.category in DETERMINERS for other in before[clause_start(before) :])
     if alone and category_at(after, 0) is WordCategory.DIRECTION and category_at(after, 1) not in HEADS | MODIFIERS:
-        return token.with_category(WordCategory.VERB, "turn")  # "next left, please"
-    return token.with_category(WordCategory.FILLER) if turning else token
+        return token.with_category(WordCategory.VERB, f"turn {token.value}")  # "next left, please"
+    return token.with_category(WordCategory.BRANCH, token.value) if turning else token
 
 
 def tag_direction(before: Sequence[Token], token: Token, after: Sequence[Token]) -> Token:
@@ -199,10 +199,19 @@ def tag_ego(before: Sequence[Token], token: Token, after: Sequence[Token]) -> To
 
 def tag_correct(before: Sequence[Token], token: Token, after: Sequence[Token]) -> Token:
     """Tag "never mind the bus" as an exclusion, "there is actually no space" as a negation."""
+    begins = bool(before) and category_at(before, -1) in CLAUSE_ENDS | {WordCategory.COMMA}
+    if token.text == "actually" and not begins:
+        return token.with_category(WordCategory.FILLER)
     if token.text.endswith(" no") and category_at(after, 0) in PHRASE_WORDS:
         return token.with_category(WordCategory.NOT)
     dropped = token.text in ("never mind", "nevermind", "cancel that", "forget that", "scratch that")
     return token.with_category(WordCategory.EXCEPT) if dropped and category_at(after, 0) in PHRASE_STARTS else token
+
+
+def tag_except(before: Sequence[Token], token: Token, after: Sequence[Token]) -> Token:
+    """Tag "skip" after a determiner as a thing."""
+    named = category_at(before, -1) in DETERMINERS | MODIFIERS and " " not in token.text
+    return token.with_category(WordCategory.THING, "container") if named else token
 
 
 def tag_not(before: Sequence[Token], token: Token, after: Sequence[Token]) -> Token:

@@ -70,23 +70,31 @@ def tag_verb(before: Sequence[Token], token: Token, after: Sequence[Token]) -> T
         return token.with_category(WordCategory.STATE, token.state)
     if token.value == "turn" and token.form and category_at(after, 0) is WordCategory.COLOUR:
         return replace(token, value="none", state="", event="other")  # "until the light turns green"
+    interjection = last in CLAUSE_ENDS and category_at(after, 0) is WordCategory.COMMA
+    if token.value == "wait" and interjection and category_at(after, 1) in (WordCategory.NOT, WordCategory.CORRECT):
+        return token.with_category(WordCategory.FILLER)  # "wait, don't stop"
     onward = token.text in ("go", "come") and last not in (WordCategory.NOT, WordCategory.EGO)
     if onward and category_at(after, 0) is WordCategory.VERB and not after[0].form:
         return token.with_category(WordCategory.FILLER)  # "go park there"
+    if token.text == "go" and [one.category for one in after[:2]] == [WordCategory.AND, WordCategory.VERB]:
+        return token.with_category(WordCategory.FILLER)  # "go and park there"
     if token.text == "lets" and last in CLAUSE_ENDS | {WordCategory.COMMA}:
         return token.with_category(WordCategory.FILLER)  # "lets park here"
     if token.value in TURNS and after and after[0].text.startswith("lane"):
         # "take the left lane"
         return token.with_category(WordCategory.VERB, token.value.replace("turn", "change_lane"))
-    if token.corrected in ("pull in", "move in") and after and after[0].text in ("front of", "back of"):
-        return token.with_category(WordCategory.VERB, token.corrected.split()[0])
+    if token.text in ("pull in", "move in") and after and after[0].text in ("front of", "back of"):
+        return token.with_category(WordCategory.VERB, token.text.split()[0])
     relation = after[0].value if category_at(after, 0) is WordCategory.RELATION else ""
-    if token.corrected in _GO_RIGHT and relation in _RIGHT_BEFORE:
-        return token.with_category(WordCategory.VERB, token.corrected.split()[0])  # "go right behind it"
+    if token.text in _GO_RIGHT and relation in _RIGHT_BEFORE:
+        return token.with_category(WordCategory.VERB, token.text.split()[0])  # "go right behind it"
     if token.form == "ing" and last in DETERMINERS and category_at(after, 0) in HEADS | {WordCategory.COLOUR}:
         return token.with_category(WordCategory.EXTRA)
-    named = last in DETERMINERS or (last in MODIFIERS and category_at(before, -2) in DETERMINERS)
-    if named and not token.form and token.value not in TURNS and " " not in token.text:
+    own = bool(before) and before[-1].form == "own" and category_at(after, 0) not in HEADS  # "the van's tail"
+    named = last in DETERMINERS or (own and last is not WordCategory.WHICH)
+    named = named or (last in MODIFIERS and category_at(before, -2) in DETERMINERS)
+    noun_form = not token.form or (token.form == "ing" and token.value == "turn")  # "the second turning"
+    if named and noun_form and token.value not in TURNS and " " not in token.text:
         return token.with_category(WordCategory.THING, _NOUNS_OF_VERBS.get(token.value, token.text))
     if token.text == "passed" and last in _BEFORE_PASSED and category_at(after, 0) in PHRASE_STARTS:
         return token.with_category(WordCategory.RELATION, "past")  # "turn left passed the van"
@@ -117,7 +125,8 @@ def tag_region(before: Sequence[Token], token: Token, after: Sequence[Token]) ->
         return token.with_category(WordCategory.VERB, "turn")
     verb = token.text == "parking" and category_at(after, 0) in _AFTER_PARKING
     verb = verb or (token.text == "parking" and category_at(before, -1) is WordCategory.SUB)
-    if verb and category_at(before, -1) in _BEFORE_PARKING:
+    ended = category_at(before, -1) is WordCategory.VERB and before[-1].value in ("avoid", "stop")  # "avoid parking"
+    if verb and (ended or category_at(before, -1) in _BEFORE_PARKING):
         return replace(token, category=WordCategory.VERB, value="park", form="ing", state="parked", event="stop")
     return token
 
@@ -150,6 +159,10 @@ def tag_extra(before: Sequence[Token], token: Token, after: Sequence[Token]) -> 
 
 def tag_aux(before: Sequence[Token], token: Token, after: Sequence[Token]) -> Token:
     """Tag the verb in "we are going to the house"."""
+    wanted = [one for one in after if one.category not in DETERMINERS | MODIFIERS | {WordCategory.THAT}][:1]
+    ego = category_at(before, -1) is WordCategory.EGO or token.text.startswith(("i'd", "we'd", "i would", "we would"))
+    if ego and category_at(wanted, 0) is WordCategory.SPOT and category_at(after, 0) is not WordCategory.VERB:
+        return token.with_category(WordCategory.VERB, "take")  # "I want that space"
     if not (token.text.endswith("going to") and category_at(after, 0) in PHRASE_STARTS):
         return token
     if category_at(before, -1) in COMMAND_STARTS:

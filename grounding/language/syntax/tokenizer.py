@@ -1,14 +1,16 @@
-"""Tokenizer: normalise a sentence, split it into words, and match the longest phrases of the lexicon."""
+"""Tokenizer: normalise a sentence, decode its words, and match the longest phrases of the lexicon."""
 
 from __future__ import annotations
 
 import re
 import unicodedata
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import groupby
 
+from grounding.language.syntax.decoder import Decoded, decoder_of
 from grounding.language.syntax.lexicon import Lexicon, default_lexicon
 from grounding.language.syntax.phrase_patterns import WORD, LexicalEntry
-from grounding.language.syntax.spelling import correct_spelling
 from grounding.language.syntax.word_categories import NOUNS, WordCategory
 
 MAX_CHARACTERS = 2000
@@ -23,8 +25,8 @@ class Token:
     Attributes:
         category: grammatical category.
         value: meaning in the lexicon; the number of a NUMBER; metres of a UNIT.
-        text: normalised text.
-        corrected: the text after spelling correction.
+        text: normalised text as it is understood.
+        written: normalised text as it is written, with the words inside that are left out ("in um front of").
         start: first character in the normalised sentence.
         end: one past the last character.
         form: inflection: s, ing or past for a verb, plural for a noun, own for a possessive ("the van's"); else ''.
@@ -35,7 +37,7 @@ class Token:
     category: WordCategory
     value: str
     text: str
-    corrected: str
+    written: str
     start: int
     end: int
     form: str = ""
@@ -58,22 +60,51 @@ def normalise(text: str) -> str:
     return " ".join("".join(c if c.isprintable() else " " for c in folded).split())
 
 
-def tokenise(normalised: str, lexicon: Lexicon | None = None) -> list[Token]:
-    """Return the tokens of a normalised sentence in order; end marks are BREAK, commas are COMMA."""
+@dataclass(frozen=True)
+class Tokenised:
+    """One way to read the words of a sentence.
+
+    Attributes:
+        tokens: in order; end marks are BREAK, commas are COMMA, words left out are FILLER.
+        corrections: words as written and as read, where they differ.
+        cost: minus the log probability, up to a constant.
+    """
+
+    tokens: tuple[Token, ...]
+    corrections: tuple[tuple[str, str], ...]
+    cost: float
+
+
+def tokenise(normalised: str, lexicon: Lexicon | None = None) -> tuple[Token, ...]:
+    """Return the tokens of the likeliest way to read a normalised sentence."""
+    return tokenise_all(normalised, lexicon, most=1)[0].tokens
+
+
+def tokenise_all(normalised: str, lexicon: Lexicon | None = None, most: int = 6) -> list[Tokenised]:
+    """Return the likeliest ways to read a normalised sentence, best first, at least one and at most `most`."""
     lexicon = lexicon or default_lexicon()
     found = list(WORD.finditer(normalised))
-    corrections = {word: correct_spelling(word, lexicon) for word in dict.fromkeys(match.group() for match in found)}
-    words = tuple(corrections[match.group()] for match in found)
-    tokens: list[Token] = []
-    i = 0
+    decoded = decoder_of(lexicon).decode(tuple(match.group() for match in found), most)
+    return [
+        Tokenised(_match_phrases(one, normalised, found, lexicon), _corrections(one, normalised, found), one.cost)
+        for one in decoded
+    ]
+
+
+def _match_phrases(
+    decoded: Decoded, normalised: str, found: Sequence[re.Match[str]], lexicon: Lexicon
+) -> tuple[Token, ...]:
+    words, tokens, i, used = decoded.words, [], 0, 0
     while i < len(words):
         end, entry = lexicon.longest_match(words, i) or (i + 1, _entry_without_match(words[i], lexicon))
-        start, stop = found[i].start(), found[end - 1].end()
+        first, last = decoded.spans[i][0], decoded.spans[end - 1][1]
+        tokens += _left_out(normalised, found[used:first])
+        start, stop = found[first].start(), found[last - 1].end()
         token = Token(
             category=entry.category,
             value=entry.value,
-            text=normalised[start:stop],
-            corrected=" ".join(words[i:end]),
+            text=" ".join(words[i:end]),
+            written=normalised[start:stop],
             start=start,
             end=stop,
             form=_form(words[i:end], entry, lexicon),
@@ -81,8 +112,34 @@ def tokenise(normalised: str, lexicon: Lexicon | None = None) -> list[Token]:
             event=entry.event,
         )
         tokens.append(token)
-        i = end
-    return tokens
+        i, used = end, last
+    return (*tokens, *_left_out(normalised, found[used:]))
+
+
+def _left_out(normalised: str, found: Sequence[re.Match[str]]) -> list[Token]:
+    """Return the tokens of words that are no part of the command."""
+    return [
+        Token(
+            category=WordCategory.FILLER,
+            value="",
+            text=match.group(),
+            written=match.group(),
+            start=match.start(),
+            end=match.end(),
+        )
+        for match in found
+    ]
+
+
+def _corrections(decoded: Decoded, normalised: str, found: Sequence[re.Match[str]]) -> tuple[tuple[str, str], ...]:
+    """Return (written, read) of all words that differ by more than an apostrophe."""
+    corrections = []
+    for (first, last), pairs in groupby(zip(decoded.spans, decoded.words, strict=True), key=lambda pair: pair[0]):
+        written = normalised[found[first].start() : found[last - 1].end()]
+        words = " ".join(word for _, word in pairs)
+        if words.replace("'", "") != written.replace("'", ""):
+            corrections.append((written, words))
+    return tuple(corrections)
 
 
 def _entry_without_match(word: str, lexicon: Lexicon) -> LexicalEntry:
@@ -91,6 +148,8 @@ def _entry_without_match(word: str, lexicon: Lexicon) -> LexicalEntry:
         return owner[1]
     if word in _MARKS:
         return LexicalEntry(_MARKS[word])
+    if word.endswith("n't"):
+        return LexicalEntry(WordCategory.NOT)
     if _NUMBER.fullmatch(word):
         return LexicalEntry(WordCategory.NUMBER, word)
     return LexicalEntry(WordCategory.POSSESSIVE if word.endswith("'s") else WordCategory.UNKNOWN)

@@ -65,10 +65,14 @@ class WordCategory(StrEnum):
     CORRECT = "correct"  # start of a self-repair: "no, I mean"
     QUESTION = "question"  # question word
     FILLER = "filler"
+    GREETING = "greeting"  # a form of address may follow: "hey car"
+    HESITATION = "hesitation"  # no part of the sentence: "you know"
+    RESPELLING = "respelling"  # another way to write the words of its value: "b4"
     # Assigned by the tokenizer only, not sections of lexicon files.
     COMMA = "comma"
     BREAK = "break"  # end of a sentence
     DISTANCE = "distance"
+    BRANCH = "branch"  # ordinal of a branch: "the second left"
     UNKNOWN = "unknown"
 
 
@@ -99,16 +103,6 @@ MODIFIERS = frozenset(
 HEADS = NOUNS | {WordCategory.MAKE, WordCategory.MODEL, WordCategory.ONE}
 # Categories with inflected forms.
 INFLECTED = NOUNS | {WordCategory.VERB}
-# Targets of spelling correction; function words are excluded.
-CORRECTION_TARGETS = (NOUNS - {WordCategory.REGION, WordCategory.PART, WordCategory.SPOT}) | {
-    WordCategory.VERB,
-    WordCategory.COLOUR,
-    WordCategory.ORDINAL,
-    WordCategory.SUPERLATIVE,
-    WordCategory.STATE,
-    WordCategory.SIZE,
-    WordCategory.DIRECTION,
-}
 LIGHT_VERBS = ("go", "drive", "move", "get", "pull", "stay", "take", "bring", "leave", "give")
 # Allowed values of a lexicon section, for categories with a closed list.
 SECTION_VALUES: dict[WordCategory, tuple[str, ...]] = {

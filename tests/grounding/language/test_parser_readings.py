@@ -31,7 +31,7 @@ from grounding.query import Query
         ("let me tell you a story", "no driving action"),
         ("watch a movie", "no driving action"),
         ("follow me on twitter", "no driving action"),
-        ("parj behind the van", "did you mean 'park behind the van'?"),
+        ("pprrk behind the van", "did you mean 'park behind the van'?"),
         ("park behind the car " * 600, f"expected at most {MAX_CHARACTERS} characters, got 12000"),
     ],
 )
@@ -46,12 +46,12 @@ def test_problems_are_one_line(text: str, message: str) -> None:
 
 
 def test_the_misspelt_word_is_underlined() -> None:
-    text = "Parj  behind the van"
+    text = "Pprrk  behind the van"
     problem = parse(text).problem
     assert problem is not None
     sentence, marks = underline(text, problem).splitlines()
     start = marks.index("^")
-    assert sentence[start : start + marks.count("^")] == "parj"
+    assert sentence[start : start + marks.count("^")] == "pprrk"
 
 
 def test_a_problem_of_the_whole_sentence_is_not_underlined() -> None:

@@ -1,18 +1,14 @@
 from __future__ import annotations
 
-from collections.abc import Iterator
 from itertools import pairwise
 
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from grounding.language.syntax import spelling, tokenizer
-from grounding.language.syntax.lexicon import default_phrases
-from grounding.language.syntax.spelling import suggest_word
+from grounding.language.syntax import tokenizer
 from grounding.language.syntax.tagger import tag
 from grounding.language.syntax.tokenizer import normalise, tokenise
-from grounding.language.syntax.word_categories import WordCategory
 
 
 def categories_and_values(text: str) -> list[tuple[str, str]]:
@@ -55,7 +51,7 @@ def test_longest_phrase_wins(text: str, expected: list[tuple[str, str]]) -> None
 
 
 def test_verbs_have_forms_states_and_events() -> None:
-    forms = {token.corrected: token for token in tokenise("turns turning turned turn")}
+    forms = {token.text: token for token in tokenise("turns turning turned turn")}
     assert [forms[word].form for word in ("turns", "turning", "turned", "turn")] == ["s", "ing", "past", ""]
     assert {(token.state, token.event) for token in forms.values()} == {("turning", "turn")}
     (token,) = tokenise("pulling out")
@@ -97,36 +93,13 @@ def test_tokens_keep_their_span() -> None:
         assert text[token.start : token.end] == token.text
 
 
-@pytest.mark.parametrize(
-    ("edit", "expected"),
-    [
-        ("trcuk", "truck"),
-        ("sliver", "silver"),
-        ("whitee", "white"),
-        ("motorcyle", "motorcycle"),
-        ("folow", "follow"),
-        ("rigth", "right"),
-        ("blak", "blak"),
-        ("movie", "movie"),
-        ("lives", "lives"),
-        ("beach", "beach"),
-    ],
-)
-def test_likely_misspellings_of_longer_words_are_corrected(edit: str, expected: str) -> None:
-    (token,) = tokenise(edit)
-    assert (token.text, token.corrected) == (edit, expected)
-
-
-def test_known_words_are_never_corrected() -> None:
-    for word in sorted({word for phrase in default_phrases() for word in phrase}):
-        assert all(
-            token.text == token.corrected for token in tokenise(word) if token.category is not WordCategory.BREAK
-        )
-
-
-def test_the_most_similar_word_is_suggested() -> None:
-    assert suggest_word("trukc", (WordCategory.NOUN,)) == "truck"
-    assert suggest_word("xyzzy", (WordCategory.NOUN,)) is None
+def test_a_token_keeps_the_written_words() -> None:
+    text = normalise("park in um frnt of the van")
+    tokens = tokenise(text)
+    assert [(token.text, token.written) for token in tokens] == [
+        *(("park", "park"), ("in front of", "in um frnt of"), ("the", "the"), ("van", "van"))
+    ]
+    assert all(text[token.start : token.end] == token.written for token in tokens)
 
 
 @settings(max_examples=200)
@@ -134,26 +107,6 @@ def test_the_most_similar_word_is_suggested() -> None:
 def test_any_text_has_tokens_in_order(text: str) -> None:
     tokens = tokenise(normalise(text))
     assert all(a.end <= b.start for a, b in pairwise(tokens))
-
-
-@given(st.lists(st.builds(str.__mul__, st.sampled_from("abcdefgh"), st.integers(1, 1990)), min_size=1, max_size=50))
-@example(["a" * 1990])
-@example(["ab" * 10] * 99)
-def test_time_grows_with_the_length_of_a_sentence(words: list[str]) -> None:
-    text = normalise("park behind the " + " ".join(words))[: tokenizer.MAX_CHARACTERS].rstrip()
-    written = 0
-
-    def counted(word: str) -> Iterator[str]:
-        nonlocal written
-        for edit in single_edits(word):
-            written += len(edit)
-            yield edit
-
-    single_edits = spelling._single_edits
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(spelling, "_single_edits", counted)
-        assert " ".join(token.text for token in tokenise(text)) == text
-    assert written <= 54 * 32 * len(text)
 
 
 def test_a_word_of_maximal_length_is_unknown() -> None:

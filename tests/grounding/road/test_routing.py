@@ -65,42 +65,6 @@ def test_ancestors() -> None:
     assert np.unravel_index(made.cells[made.ancestors(16)[at]], GRID.shape) == (4, 20)
 
 
-def test_a_route_is_smooth_and_ends_in_its_heading() -> None:
-    made = paths(everywhere())
-    start = GRID.centre_of([4, 20])
-    route = made.route_to((30, 32), start, np.pi / 2)
-    assert route[0] == pytest.approx(start)
-    assert route[-1] == pytest.approx(GRID.centre_of([30, 32]))
-    step = np.diff(route, axis=0)
-    heading = np.unwrap(np.arctan2(step[:, 1], step[:, 0]))
-    assert heading[0] == pytest.approx(0, abs=0.01)
-    assert heading[-1] == pytest.approx(np.pi / 2, abs=0.01)
-    assert np.abs(np.diff(heading)).max() < 0.6
-
-
-def test_a_route_keeps_to_free_cells() -> None:
-    free = everywhere()
-    free[18:22, :30] = False
-    made = paths(free)
-    route = made.route_to((36, 10), GRID.centre_of([4, 20]), 0.0)
-    i, j = GRID.cell_of(route).T
-    assert free[i, j].all()
-    assert np.hypot(*np.diff(route, axis=0).T).sum() < made.length_m[36, 10] * 1.05
-
-
-def test_a_route_to_the_start() -> None:
-    start = GRID.centre_of([4, 20]) + 0.1
-    assert paths(everywhere()).route_to((4, 20), start, 0.0) == pytest.approx(np.stack([start, start - 0.1]))
-
-
-def test_a_route_around_a_corner_is_smooth() -> None:
-    free = everywhere()
-    free[18:22, :30] = False
-    route = paths(free).route_to((36, 10), GRID.centre_of([4, 20]), 0.0)
-    step = np.diff(route, axis=0)
-    assert np.abs(np.diff(np.unwrap(np.arctan2(step[:, 1], step[:, 0])))).max() < np.pi / 4
-
-
 @pytest.mark.parametrize("cell", [(14, 20), (34, 20)])
 def test_a_costly_goal_is_reached_from_any_side(cell: tuple[int, int]) -> None:
     extra_cost = np.zeros(GRID.shape)

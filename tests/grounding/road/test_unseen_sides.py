@@ -61,7 +61,9 @@ def test_no_target_and_no_route_in_unseen_cells(text: str) -> None:
 def test_guesses_are_used_on_request() -> None:
     street = Street().car("behind", -12.0, -3.0, RED)
     bev = predicted(street, AHEAD)
-    refused, trusted = (grounder(each).ground("park behind the red car") for each in (bev, bev.with_guesses()))
+    refused, trusted = (
+        grounder(each).ground("park behind the red car behind us") for each in (bev, bev.with_guesses())
+    )
     assert refused.status == "not_found"
     assert refused.reasons[-1].endswith("behind us nothing is seen")
     assert trusted.status == "ok"

@@ -1,0 +1,374 @@
+"""Answer readings of commands in a scene: resolve the referent and plan the goal of each step."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+from appocc.checks import FloatArray
+from appocc.errors import AppoccError
+from grounding.answer import Answer
+from grounding.confidence import confidence_of, gather_evidence, is_worth_acting
+from grounding.describe import describe_object
+from grounding.goal.planner import GoalPlan, plan_goal
+from grounding.goal.shift import HeldPose, Shift, hold_goal, shift_goal
+from grounding.language import Reading
+from grounding.query import Query
+from grounding.referent.clarification import describe_one
+from grounding.referent.ordinals import find_ordinals
+from grounding.referent.resolver import MAX_CANDIDATES, Candidate, Resolution, resolve, resolve_exclusions
+from grounding.referent.scene import SceneModel
+from grounding.road.pose import Pose2D
+from grounding.road.road_map import RoadMap
+from grounding.scene_object import SceneObject
+
+# Log scores of readings without a referent and without a goal: these rank below all others.
+_NO_REFERENT_SCORE, _NO_GOAL_SCORE = -200.0, -100.0
+# Candidates of an indefinite referent ("a red car") for which goals are compared.
+_MAX_GOAL_CANDIDATES = 4
+# Other candidates of a definite referent that are tried if there is no place at the best one.
+_MAX_OTHERS = 2
+
+
+@dataclass(frozen=True, eq=False)
+class Sighting:
+    """Where a vehicle was when a command was given: place (2,) and heading in the world, and whether it was ahead."""
+
+    world_m: FloatArray
+    heading_rad: float
+    ahead: bool
+
+    @classmethod
+    def of(cls, item: SceneObject, scene: SceneModel) -> Sighting:
+        """Return the sighting of an object of a scene."""
+        ahead = bool(item.centre_m[0] > scene.ego.centre_m)
+        return cls(scene.world_xy(item.centre_m), scene.world_heading(item.yaw_rad), ahead)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Request:
+    """One commanded step and what a conversation has settled about it.
+
+    Attributes:
+        reading: reading whose query is this step.
+        chosen: the referent, if it is settled.
+        ruled_out: ids of objects that are not meant.
+        shifts: changes of the place, in order.
+        held: goal of a step without a vehicle that is kept while driving; None if it is planned from the query.
+        sighting: the vehicle when the step was asked for; None before the scene changes.
+    """
+
+    reading: Reading
+    chosen: Candidate | None = None
+    ruled_out: frozenset[str] = frozenset()
+    shifts: tuple[Shift, ...] = ()
+    held: HeldPose | None = None
+    sighting: Sighting | None = None
+
+    @property
+    def query(self) -> Query:
+        """The typed query of the step."""
+        return self.reading.query
+
+
+def requests_of(reading: Reading) -> tuple[Request, ...]:
+    """Return the steps of a reading in order."""
+    return tuple(Request(reading=replace(reading, query=step, steps=(step,))) for step in reading.steps)
+
+
+def answer_reading(reading: Reading, scene: SceneModel, limit: int = MAX_CANDIDATES) -> Answer:
+    """Answer one reading of a command; with several steps, the answer is that of its primary query.
+
+    A reading in doubt is a question, whose only alternative is the answer all the same.
+    """
+    requests = requests_of(replace(reading, doubt=""))
+    primary = next((i for i, one in enumerate(requests) if one.query == reading.query), len(requests) - 1)
+    answer = answer_steps(requests, scene, primary=primary, limit=limit)
+    answer = replace(answer, reading=replace(answer.reading, steps=reading.steps))
+    if not reading.doubt or reading.query.unresolved:
+        return answer
+    asked = Answer(
+        status="ambiguous",
+        reading=reading,
+        scene=scene,
+        reasons=(*reading.notes, *_tell_dropped(reading)),
+        question=reading.doubt,
+        score=answer.score,
+        alternatives=(answer,),
+        dropped=reading.dropped,
+    )
+    return replace(asked, chooser=partial(alternative_at, asked))
+
+
+def answer_steps(
+    requests: Sequence[Request], scene: SceneModel, *, primary: int = -1, limit: int = MAX_CANDIDATES
+) -> Answer:
+    """Answer the steps of a plan in order.
+
+    Args:
+        requests: the steps, at least one.
+        scene: the scene of the command.
+        primary: index of the step that the answer is about.
+        limit: largest number of candidates.
+
+    Returns:
+        The answer to the primary step with all steps, or that to the first step that fails.
+    """
+    steps, start = list[Answer](), None
+    for request in requests:
+        steps.append(answer_step(request, scene, limit=limit, start=start))
+        if (target := steps[-1].target) is not None:
+            start = Pose2D(float(target.ego_m[0]), float(target.ego_m[1]), target.heading_ego_rad)
+    failed = next((i for i, step in enumerate(steps) if step.status != "ok"), None)
+    shown = (primary % len(steps)) if failed is None else failed
+    about = steps[shown]
+    reasons = about.reasons
+    if failed is not None and len(steps) > 1:
+        reasons = (f"step {failed + 1} of {len(steps)} ('{steps[failed].query.action}') fails", *reasons)
+
+    def choose(number: int) -> Answer:
+        chosen = with_choice(requests[shown], about, number)
+        return answer_steps([*requests[:shown], chosen, *requests[shown + 1 :]], scene, primary=primary, limit=limit)
+
+    return replace(
+        about,
+        reasons=reasons,
+        steps=tuple(steps),
+        score=sum(step.score for step in steps) - about.reading.score * (len(steps) - 1),
+        confidence=min(step.confidence for step in steps),
+        chooser=choose,
+    )
+
+
+def with_choice(request: Request, answer: Answer, number: int) -> Request:
+    """Return a step with a candidate of its answer as the referent; if the answer proposes a place, with that place.
+
+    Raises:
+        AppoccError: if there is no such candidate.
+    """
+    if answer.plan.question and number == 1:
+        return accept_proposal(request, answer)
+    return replace(request, chosen=candidate_at(answer, number))
+
+
+def accept_proposal(request: Request, answer: Answer) -> Request:
+    """Return a step as the question of its plan proposes: at the nearest place, or with another action."""
+    plan, chosen = answer.plan, request.chosen or answer.referent
+    if plan.instead is not None:
+        query = replace(request.query, action=plan.instead, actions=(plan.instead,), relation="none")
+        return Request(reading=replace(request.reading, query=query, steps=(query,)), chosen=chosen)
+    held = None if plan.nearest is None else HeldPose(plan.nearest.world_m, plan.nearest.heading_rad)
+    return replace(request, chosen=chosen, held=held)
+
+
+def alternative_at(answer: Answer, number: int) -> Answer:
+    """Return an alternative of an answer by its number, from 1.
+
+    Raises:
+        AppoccError: if there is no such alternative.
+    """
+    if not 1 <= number <= len(answer.alternatives):
+        raise AppoccError(f"expected the number of a reading, 1 to {len(answer.alternatives)}, got {number}")
+    return answer.alternatives[number - 1]
+
+
+def candidate_at(answer: Answer, number: int) -> Candidate:
+    """Return a candidate of an answer by its number, from 1.
+
+    Raises:
+        AppoccError: if there is no such candidate.
+    """
+    if not 1 <= number <= len(answer.candidates):
+        raise AppoccError(f"expected the number of a candidate, 1 to {len(answer.candidates)}, got {number}")
+    return answer.candidates[number - 1]
+
+
+def reconcile(answer: Answer, rival: Answer) -> Answer:
+    """Return an answer that another reading of the sentence confirms, else the question which of the two is meant."""
+    answer, *_ = answer.alternatives or (answer,)
+    rival, *_ = rival.alternatives or (rival,)
+    if _means_the_same(answer, rival):
+        return replace(answer, reasons=(*answer.reasons, "the language model reads the same"))
+    options = tuple(one for one in (answer, rival) if one.status != "not_a_command")
+    phrases = " or ".join(f"'{describe_command(one)}'" for one in options)
+
+    asked = Answer(
+        status="ambiguous",
+        reading=options[0].reading,
+        scene=answer.scene,
+        reasons=("the grammar and the language model read the sentence differently",),
+        question=f"do you mean {phrases}?",
+        alternatives=options,
+        dropped=answer.dropped,
+    )
+    return replace(asked, chooser=partial(alternative_at, asked))
+
+
+def describe_command(answer: Answer) -> str:
+    """Return the command of an answer in words: "park behind the red car 12 m away, ahead right"."""
+    query = answer.query
+    relation = "" if query.relation == "none" else query.relation
+    side = f"on the {query.goal_side}" if query.goal_side else query.direction or ""
+    named = "" if query.referent is None else f"the {query.referent.phrase()}"
+    if answer.referent is not None:
+        named = f"the {describe_object(answer.referent.item, answer.scene)}"
+    words = ((query.action or "drive"), relation, named, side)
+    return " ".join(word.replace("_", " ") for word in words if word)
+
+
+def _means_the_same(answer: Answer, other: Answer) -> bool:
+    """Return whether two answers have the same action, relation, side and vehicle."""
+    if (answer.query.action, answer.query.relation) != (other.query.action, other.query.relation):
+        return False
+    if (answer.query.goal_side, answer.query.direction) != (other.query.goal_side, other.query.direction):
+        return False
+    ids = [one.referent.item.id if one.referent else None for one in (answer, other)]
+    return answer.status == other.status and ids[0] == ids[1]
+
+
+def answer_step(
+    request: Request, scene: SceneModel, limit: int = MAX_CANDIDATES, start: Pose2D | None = None
+) -> Answer:
+    """Answer one step: resolve its referent and plan its goal.
+
+    Args:
+        request: the step.
+        scene: the scene of the command.
+        limit: largest number of candidates.
+        start: pose of the ego when the step begins; None: where it is now.
+
+    Raises:
+        AppoccError: if the scene has no map.
+    """
+    reading, road = request.reading, scene.road if start is None else scene.road_from(start)
+    if road is None:
+        raise AppoccError("grounder: expected a scene with a map, got one without")
+    resolution = _resolve(request, scene, limit)
+    reasons = (*resolution.reasons, *reading.notes, *_tell_dropped(reading))
+    make = partial(Answer, reading=reading, scene=scene, candidates=resolution.candidates, dropped=reading.dropped)
+    if resolution.status != "ok":
+        score = resolution.candidates[0].score if resolution.status == "ambiguous" else _NO_REFERENT_SCORE
+        return make(
+            status=resolution.status,
+            reasons=reasons,
+            question=resolution.question,
+            score=reading.score + score,
+        )
+    exclusions = resolve_exclusions(request.query, scene)
+    planned = [
+        (referent, _plan(request, scene, road, referent, exclusions, start))
+        for referent in _goal_candidates(request, resolution)
+    ]
+    referent, goal_plan = max(planned, key=lambda pair: _log_score(*pair))
+    confidence = _confidence(reading, referent, resolution, goal_plan, scene)
+    settled = request.chosen is not None or referent is None
+    if goal_plan.target and referent and not settled and not is_worth_acting(confidence):
+        goal_plan = replace(goal_plan, target=None, question=f"do you mean {describe_one(referent.item, scene)}?")
+    question = goal_plan.question
+    if question:  # about this vehicle only
+        make = partial(make, candidates=(referent,) if referent else ())
+    elif goal_plan.target is None and (
+        others := _others_with_room(request, resolution, scene, road, exclusions, start)
+    ):
+        make = partial(make, candidates=others)
+        question = f"there is no place at that one: do you mean {describe_one(others[0].item, scene)}?"
+    return make(
+        status="ok" if goal_plan.target else "ambiguous" if question else "not_found",
+        plan=goal_plan,
+        question=question,
+        referent=referent,
+        reasons=(*_explain_referent(reading, referent, scene), *reasons, *goal_plan.reasons),
+        score=reading.score + _log_score(referent, goal_plan),
+        confidence=confidence,
+    )
+
+
+def without(scene: SceneModel, ids: frozenset[str]) -> SceneModel:
+    """Return the scene without some objects, for resolving only: goals are planned with all objects."""
+    if not ids:
+        return scene
+    objects, others = (tuple(item for item in items if item.id not in ids) for items in (scene.objects, scene.others))
+    return replace(scene, objects=objects, others=others)
+
+
+def _resolve(request: Request, scene: SceneModel, limit: int) -> Resolution:
+    """Resolve the referent of a step; a settled one is taken."""
+    if request.chosen is None:
+        return resolve(request.query, without(scene, request.ruled_out), limit)
+    return Resolution("ok", (request.chosen,), ())
+
+
+def _goal_candidates(request: Request, resolution: Resolution) -> Sequence[Candidate | None]:
+    """Return the candidates to plan a goal for; a single None if the command names no vehicle."""
+    named = request.query.referent
+    return resolution.candidates[: 1 if named is None or named.definite else _MAX_GOAL_CANDIDATES] or (None,)
+
+
+def _plan(
+    request: Request,
+    scene: SceneModel,
+    road: RoadMap,
+    candidate: Candidate | None,
+    exclusions: Sequence[tuple[str, SceneObject]],
+    start: Pose2D | None,
+) -> GoalPlan:
+    query = request.query
+    item, partner = (candidate.item, candidate.partner) if candidate else (None, None)
+    goal_plan = None if request.held is None else hold_goal(request.held, scene, road)
+    if goal_plan is not None:
+        return goal_plan
+    goal_plan = plan_goal(query, scene, road, item, partner, exclusions, start)
+    if item is None and query.landmark == "secondary":
+        # The map does not hold the landmark: report the goal as the nearest free place and not as the answer.
+        landmark = query.secondary[0].noun.replace("_", " ")
+        reason = f"'{query.relation.replace('_', ' ')}' is measured from a {landmark}, which the map does not hold"
+        return GoalPlan(None, (reason,), nearest=goal_plan.target)
+    for shift in request.shifts:
+        goal_plan = shift_goal(goal_plan, shift, scene, road, item)
+    return goal_plan
+
+
+def _others_with_room(
+    request: Request,
+    resolution: Resolution,
+    scene: SceneModel,
+    road: RoadMap,
+    exclusions: Sequence[tuple[str, SceneObject]],
+    start: Pose2D | None,
+) -> tuple[Candidate, ...]:
+    """Return the next candidates of a definite referent ("the blue car") at which the command has a place."""
+    named = request.query.referent
+    if named is None or not named.definite or request.chosen is not None or find_ordinals(named.qualifiers):
+        return ()
+    others = resolution.candidates[1 : 1 + _MAX_OTHERS]
+    return tuple(one for one in others if _plan(request, scene, road, one, exclusions, start).target is not None)
+
+
+def _log_score(candidate: Candidate | None, goal_plan: GoalPlan) -> float:
+    """Return the log score of a referent together with its goal."""
+    score = candidate.score if candidate else 0.0
+    return score + (math.log(goal_plan.target.score) if goal_plan.target else _NO_GOAL_SCORE)
+
+
+def _confidence(
+    reading: Reading, candidate: Candidate | None, resolution: Resolution, plan: GoalPlan, scene: SceneModel
+) -> float:
+    """Return the probability that referent and goal are right, 0 without a goal."""
+    if plan.target is None:
+        return 0.0
+    return confidence_of(gather_evidence(reading, candidate, resolution.candidates, plan.target.score, scene))
+
+
+def _tell_dropped(reading: Reading) -> tuple[str, ...]:
+    """Return the sentence about the words that were left out, unless a note tells them."""
+    words = [f"'{word}'" for word in reading.dropped if not any(f"'{word}'" in note for note in reading.notes)]
+    return (f"left out: {', '.join(words)}",) if words else ()
+
+
+def _explain_referent(reading: Reading, candidate: Candidate | None, scene: SceneModel) -> tuple[str, ...]:
+    """Return the sentence that names the referent."""
+    if candidate is None or reading.query.referent is None:
+        return ()
+    return (f"'{reading.query.referent.phrase()}' is the {describe_object(candidate.item, scene)}",)

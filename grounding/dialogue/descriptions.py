@@ -1,0 +1,54 @@
+"""Descriptions of vehicles in a conversation: which candidates they fit, and steps with another description."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from grounding.answering import Request, without
+from grounding.language import Reading
+from grounding.query import Query
+from grounding.referent.resolver import Candidate, resolve
+from grounding.referent.scene import SceneModel
+
+
+def find_fitting(reading: Reading, candidates: Sequence[Candidate], scene: SceneModel) -> list[Candidate]:
+    """Return the candidates that a description fits; all are left if it fits all equally."""
+    ids = {one.item.id for one in candidates}
+    alone = without(scene, frozenset({one.id for one in scene.table.items} - ids))
+    query = replace(Query(""), referent=reading.query.referent, excluded=reading.query.excluded)
+    query = replace(query, secondary=reading.query.secondary)
+    found = resolve(query, alone)
+    kept = {one.item.id for one in found.candidates[: 1 if found.status == "ok" else None]}
+    fitting = [one for one in candidates if one.item.id in kept] if found.status != "not_found" else []
+    colour = reading.query.referent.colour if reading.query.referent else None
+    # Between candidates a colour is a contrast: of a black and a grey car, "the grey one" is not the black one.
+    named = [one for one in fitting if colour and colour in (scene.colour_name(one.item) or "").split()]
+    return named or fitting
+
+
+def is_plainly_definite(reading: Reading) -> bool:
+    """Return whether a command names its vehicle by a plain definite noun phrase: "the van"."""
+    referent = reading.query.referent
+    return referent is not None and referent.definite and not (referent.qualifiers or referent.colour)
+
+
+def with_description(request: Request, reading: Reading, text: str) -> Request:
+    """Return a step with another referent."""
+    query = replace(
+        request.query,
+        command=text,
+        referent=reading.query.referent,
+        excluded=(*request.query.excluded, *reading.query.excluded),
+        landmark=request.query.landmark or "referent",
+    )
+    return Request(reading=replace(request.reading, query=query, steps=(query,)), shifts=request.shifts)
+
+
+def without_qualifiers(request: Request) -> Request:
+    """Return a step whose referent has no qualifiers: "the nearest white car" becomes "the white car"."""
+    referent = request.query.referent
+    if referent is None:
+        return request
+    query = replace(request.query, referent=replace(referent, qualifiers=(), in_line=False))
+    return replace(request, reading=replace(request.reading, query=query, steps=(query,)))

@@ -1,0 +1,118 @@
+"""Fragments: sentences without a verb, completed by the command before ("in front of it", "the red one")."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+from grounding.language import Reading, WordCategory
+from grounding.language.replies import with_superlatives
+from grounding.query import Query, Referent
+
+# The reader of sentences: text and antecedent to readings, best first.
+Reader = Callable[[str, Referent | None], tuple[Reading, ...]]
+
+# Ways to complete a fragment to a command about a vehicle; the first that is understood counts.
+_PHRASES = ("follow {}", "follow the {}", "follow the one {}", "follow the one on the {}", "follow the {} one")
+# Verb of each action, to complete a fragment with a relation or a side.
+_VERBS = {
+    "park": "park",
+    "stop": "stop",
+    "pull_over": "pull over",
+    "follow": "stay",
+    "approach": "go",
+    "overtake": "overtake",
+    "drive_past": "drive",
+    "turn": "turn",
+    "change_lane": "change lanes to the",
+    "wait": "wait",
+    "give_way": "stop",
+    "slow_down": "stop",
+    "avoid": "go",
+    "other": "go",
+}
+# Actions of a verb that names none of its own: "go in front of it" keeps the action before.
+_LIGHT_ACTIONS = ("other", "approach", "drive_past")
+_PLACE_ACTIONS = ("park", "stop", "pull_over", "wait")
+_VERB_CATEGORIES = (WordCategory.VERB, WordCategory.NONDRIVE, WordCategory.MEANWHILE)
+
+
+def has_verb(reading: Reading) -> bool:
+    """Return whether a sentence has a verb in its base form ("stop", not "the parked one") or is a question."""
+    categories = [token.category for token in reading.tokens if not token.form]
+    return any(category in _VERB_CATEGORIES for category in categories) or _is_question(reading)
+
+
+def _is_question(reading: Reading) -> bool:
+    return any(token.category is WordCategory.QUESTION for token in reading.tokens)
+
+
+def names_pronoun(reading: Reading) -> bool:
+    """Return whether the referent is named by a pronoun only, such as "it" or "that one"."""
+    referent = reading.query.referent
+    if referent is None or not referent.anaphora:
+        return False
+    heads = (WordCategory.PRONOUN, WordCategory.ONE, WordCategory.NOUN, WordCategory.ORDINAL, WordCategory.COLOUR)
+    first = next((token for token in reading.tokens if token.category in heads), None)
+    return first is not None and first.category is WordCategory.PRONOUN
+
+
+def read_description(text: str, antecedent: Referent | None, read: Reader) -> Reading | None:
+    """Read a fragment as the description of a vehicle: "the closer one", "on the left", "red".
+
+    Args:
+        text: the fragment.
+        antecedent: what "one" stands for.
+        read: the grammar.
+
+    Returns:
+        A reading whose query has the vehicle as its referent; None if the fragment describes none.
+    """
+    text = with_superlatives(text)
+    for phrase in _PHRASES:
+        reading = read(phrase.format(text), antecedent)[0]
+        referent = reading.query.referent
+        if referent is None or reading.query.relation != "none" or not _is_understood(reading):
+            continue
+        if not _is_bare(referent, reading):
+            return reading
+    return None
+
+
+def complete(text: str, base: Query, antecedent: Referent | None, read: Reader) -> Reading | None:
+    """Read a fragment with the verb of an earlier command: "in front of it" after "park behind the red car".
+
+    Returns:
+        A reading with the action of the earlier command; None if the fragment names no relation, side or distance.
+    """
+    for verb in dict.fromkeys((_VERBS[base.action or "stop"], "stop")):
+        reading = read(f"{verb} {text}", antecedent)[0]
+        query = reading.query
+        placed = query.relation != "none" or query.goal_side or query.direction or query.distance_m is not None
+        if placed and _is_understood(reading):
+            query = replace(query, action=base.action, actions=(base.action,) if base.action else ())
+            return replace(reading, query=query, steps=(query,))
+    return None
+
+
+def keep_action(reading: Reading, base: Query | None) -> Reading:
+    """Return a reading with the action of the command before if its own verb is light: "go in front of it"."""
+    query = reading.query
+    if base is None or base.action not in _PLACE_ACTIONS or query.action not in _LIGHT_ACTIONS:
+        return reading
+    if query.relation in ("none", "past") or not names_pronoun(reading):
+        return reading
+    kept = replace(query, action=base.action, actions=(base.action,))
+    return replace(reading, query=kept, steps=(kept,))
+
+
+def _is_understood(reading: Reading) -> bool:
+    """Return whether a reading is a command that uses all its words."""
+    return not (reading.problem or reading.dropped or reading.doubt)
+
+
+def _is_bare(referent: Referent, reading: Reading) -> bool:
+    """Return whether a referent has no words of its own that distinguish it."""
+    noun = any(token.category in (WordCategory.NOUN, WordCategory.PERSON) for token in reading.tokens)
+    described = referent.colour or referent.qualifiers or referent.extra or reading.query.secondary
+    return not (noun or described or reading.query.excluded)

@@ -1,0 +1,44 @@
+"""What a conversation remembers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from grounding.answer import Answer
+from grounding.answering import Request
+from grounding.query import Referent
+from grounding.referent.resolver import Candidate
+
+
+@dataclass(frozen=True, kw_only=True)
+class Memory:
+    """What a conversation remembers.
+
+    Attributes:
+        plan: steps in force, in order; empty without a goal.
+        goal: answer whose goal is in force; None without one.
+        asked: steps that were asked for last, in force or not.
+        at: index of the step that the last question or answer is about.
+        focus: last referent, and its description.
+        question: answer whose question is open; None without one.
+        offered: candidates of the last question.
+        rejected: ids of the candidates that were refused since the last command.
+    """
+
+    plan: tuple[Request, ...] = ()
+    goal: Answer | None = None
+    asked: tuple[Request, ...] = ()
+    at: int = 0
+    focus: tuple[Candidate, Referent] | None = None
+    question: Answer | None = None
+    offered: tuple[Candidate, ...] = ()
+    rejected: frozenset[str] = frozenset()
+
+    @property
+    def request(self) -> Request | None:
+        """The step that the last question or answer is about; None before the first command."""
+        return self.asked[self.at] if self.asked else None
+
+    def with_request(self, request: Request) -> tuple[Request, ...]:
+        """Return the steps that were asked for last with another one in its place."""
+        return (*self.asked[: self.at], request, *self.asked[self.at + 1 :])

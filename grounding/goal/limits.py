@@ -1,0 +1,97 @@
+"""Hard limits on goals: where a driver would not go unless the command asks for it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from appocc.checks import FloatArray, IntArray
+from appocc.geometry import wrap_angle
+from grounding.query import Query
+from grounding.road.car_paths import MOST_BACK_M
+from grounding.road.free_space import gap_m
+from grounding.road.road_map import RoadMap
+
+# Flags in addition to those of the free space and of the search.
+OTHER_SIDE, JUNCTION, BEHIND_US, TURNED = 64, 128, 256, 512
+# Actions that leave the ego standing, and those of them that leave it alone.
+WAITING_ACTIONS, PARKING_ACTIONS = ("park", "pull_over", "wait"), ("park", "pull_over")
+# A goal farther behind us is one that nobody expects.
+_BEHIND_M = 8.0
+# A goal nearer than this that heads farther away than this angle turns us on the spot.
+_NEAR_M, _TURNED_RAD = 13.0, np.radians(95)
+# A faster vehicle drives. Costs of standing this near to one, of stopping in a junction, and of heading against the
+# traffic beside a vehicle on the other side.
+DRIVES_MPS, _TRAFFIC_M, _NEAR_TRAFFIC, _IN_JUNCTION, AGAINST_TRAFFIC = 2.0, 2.0, 1.0, 2.0, 2.5
+# Metres backwards beyond those that the command asks for.
+_BACK_MORE_M = 5.0
+# A parked vehicle keeps this clear of a junction.
+_CLEAR_M = 2.0
+# Things at a junction: a command that names one asks for a place there.
+_JUNCTION_NOUNS = frozenset({"junction", "intersection", "crossing", "traffic_light", "corner", "roundabout"})
+
+
+@dataclass(frozen=True)
+class PlaceLimits:
+    """What a command does not ask for, and so a goal must not be.
+
+    Attributes:
+        our_side: whether the goal must be on our side of the road.
+        clear_of_junctions: whether it must be outside junctions.
+        clear_m: how far outside.
+        not_behind: whether it must not be far behind us, nor turn us on the spot.
+        most_back_m: greatest distance backwards on the way.
+    """
+
+    our_side: bool = True
+    clear_of_junctions: bool = False
+    clear_m: float = 0.0
+    not_behind: bool = True
+    most_back_m: float = MOST_BACK_M
+
+    @classmethod
+    def of(cls, query: Query, traffic_side: int) -> PlaceLimits:
+        """Return the limits of a command, where traffic drives on the right (1) or left (-1)."""
+        oncoming = "left" if traffic_side > 0 else "right"
+        asks_side = query.goal_side == oncoming or query.relation in ("opposite", f"{oncoming}_of")
+        turns_round = query.direction == "around"
+        referent, backs = query.referent, query.manoeuvre == "back"
+        asks_back = turns_round or backs or (referent is not None and "behind_ego" in referent.qualifiers)
+        names_junction = any(part.noun in _JUNCTION_NOUNS for part in query.secondary)
+        return cls(
+            our_side=not (asks_side or turns_round),
+            clear_of_junctions=query.action in WAITING_ACTIONS and not names_junction,
+            clear_m=_CLEAR_M if query.action in PARKING_ACTIONS else 0.0,
+            not_behind=not asks_back,
+            most_back_m=max(MOST_BACK_M, (query.distance_m or 0.0) + _BACK_MORE_M) if backs else MOST_BACK_M,
+        )
+
+    def flags(self, road: RoadMap, cells: IntArray, heading_rad: FloatArray) -> IntArray:
+        """Return the violations (N,) of poses: cells (N, 2) and headings (N,)."""
+        found = np.zeros(len(cells), np.int64)
+        if self.our_side:
+            found |= OTHER_SIDE * road.is_oncoming_side(cells, heading_rad)
+        if self.clear_of_junctions:
+            found |= JUNCTION * (road.junction_distance_m[tuple(cells.T)] <= self.clear_m)
+        if self.not_behind:
+            offset = road.grid.centre_of(cells) - road.start.xy_m
+            found |= BEHIND_US * (offset @ road.start.ahead < -_BEHIND_M)
+            turned = np.abs(wrap_angle(heading_rad - road.start.heading_rad)) > _TURNED_RAD
+            found |= TURNED * (turned & (np.hypot(*offset.T) < _NEAR_M))
+        return found
+
+
+def standing_cost(query: Query, road: RoadMap, cells: IntArray, heading_rad: FloatArray) -> FloatArray | float:
+    """Return the cost (N,) of standing in a junction or close to traffic, if the ego stands in the end."""
+    if query.action not in (*WAITING_ACTIONS, "stop"):
+        return 0.0
+    cost = np.where(road.junctions[tuple(cells.T)], _IN_JUNCTION, 0.0)
+    for item in road.free_space.objects:
+        if (item.speed_mps or 0.0) > DRIVES_MPS:
+            gap = gap_m(item, road.ego, road.grid.centre_of(cells), heading_rad)
+            cost = np.maximum(cost, _NEAR_TRAFFIC * (gap < _TRAFFIC_M))
+    return cost
+
+
+NO_LIMITS = PlaceLimits(our_side=False, not_behind=False)

@@ -1,0 +1,116 @@
+"""Shift a planned goal ("a bit further back", "two metres closer"), or hold it at its place in the world."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from appocc.checks import FloatArray
+from appocc.geometry import apply, inverse, wrap_angle
+from grounding.goal.candidates import CandidateSet
+from grounding.goal.planner import GoalPlan, Target, to_target
+from grounding.goal.search import CandidateSearch
+from grounding.referent.scene import SceneModel
+from grounding.road.road_map import RoadMap
+from grounding.scene_object import SceneObject
+from grounding.vocabulary import ShiftDirection
+
+_WORDS = {"away": "farther away", "near": "closer", "leftwards": "to the left", "rightwards": "to the right"}
+# A goal is at most this far from the wanted place, and a shift is at least this share of what is asked for.
+_TOLERANCE_M, _LEAST_SHARE = 1.2, 0.4
+
+
+@dataclass(frozen=True, eq=False)
+class HeldPose:
+    """A goal pose in the world frame: place (2,) of the centre of the footprint, and heading."""
+
+    world_m: FloatArray
+    heading_rad: float
+
+
+@dataclass(frozen=True)
+class Shift:
+    """A change of the goal along or across its heading; `away` and `near` are relative to the reference vehicle."""
+
+    direction: ShiftDirection
+    distance_m: float = 2.0
+
+    @property
+    def words(self) -> str:
+        """The shift in words."""
+        return f"{self.distance_m:g} m {_WORDS.get(self.direction, self.direction)}"
+
+
+def shift_goal(
+    goal_plan: GoalPlan, shift: Shift, scene: SceneModel, road: RoadMap, item: SceneObject | None = None
+) -> GoalPlan:
+    """Move the goal of a plan.
+
+    Args:
+        goal_plan: plan with a target; a plan without one is returned as it is.
+        shift: direction and distance.
+        scene: the scene of the command.
+        road: the road map of that scene.
+        item: reference vehicle; without one, "away" is ahead and "near" is back.
+
+    Returns:
+        The plan with the valid pose nearest to the shifted one; without a target if there is none near it.
+    """
+    target = goal_plan.target
+    if target is None:
+        return goal_plan
+    wanted = target.ego_m + shift.distance_m * _direction(shift.direction, target, item)
+    moved = _plan_near(wanted, target.heading_ego_rad, shift.words, scene, road, item)
+    if moved.target is None:
+        return replace(moved, nearest=target)
+    moved_m = float(np.linalg.norm(moved.target.ego_m - target.ego_m))
+    if moved_m < _LEAST_SHARE * shift.distance_m:
+        return GoalPlan(None, (f"there is no room {shift.words}",), nearest=target)
+    reason = f"moved {moved_m:.1f} m as asked ({shift.words})"
+    return replace(goal_plan, target=moved.target, way=moved.way, reasons=(*goal_plan.reasons, reason))
+
+
+def hold_goal(pose: HeldPose, scene: SceneModel, road: RoadMap) -> GoalPlan | None:
+    """Return the plan to the valid pose nearest to one that is held in the world; None if there is none near it."""
+    ego_from_world = inverse(scene.world_from_ego)
+    wanted = apply(ego_from_world, np.append(pose.world_m, 0.0))[:2]
+    heading_rad = float(wrap_angle(pose.heading_rad - scene.world_heading(0.0)))
+    held = _plan_near(wanted, heading_rad, "where it was planned", scene, road)
+    return held if held.target is not None else None
+
+
+def _plan_near(
+    wanted: FloatArray,
+    heading_rad: float,
+    words: str,
+    scene: SceneModel,
+    road: RoadMap,
+    item: SceneObject | None = None,
+) -> GoalPlan:
+    """Return the plan to the valid pose nearest to a point (2,), ego frame."""
+    cells = road.grid.cell_of(wanted) + np.argwhere(np.ones((9, 9))) - 4
+    cells = cells[road.grid.contains(cells)]
+    off_m = np.linalg.norm(road.grid.centre_of(cells) - wanted, axis=1)
+    near = off_m <= _TOLERANCE_M
+    candidates = CandidateSet(words, cells[near], off_m[near] ** 2, np.full(int(near.sum()), heading_rad))
+    search = CandidateSearch([candidates.with_detour_cost(road)], scene, road, [item] if item else [])
+    found, way = search.find_reachable(1)
+    if not found or way is None:
+        return GoalPlan(None, tuple(search.explain_failure()[-1]), search=search)
+    return GoalPlan(to_target(found[0], scene, road), (f"the place is {words}",), way, search=search)
+
+
+def _direction(direction: ShiftDirection, target: Target, item: SceneObject | None) -> FloatArray:
+    """Return the unit vector (2,) of a shift, ego frame."""
+    along = np.array([np.cos(target.heading_ego_rad), np.sin(target.heading_ego_rad)])
+    left = np.array([-along[1], along[0]])
+    if direction in ("leftwards", "rightwards"):
+        return left if direction == "leftwards" else -left
+    if direction in ("ahead", "back") or item is None:
+        return along if direction in ("ahead", "away") else -along
+    offset = target.ego_m - item.centre_m
+    beside = abs(float(offset @ along)) < item.length_m / 2
+    axis = left if beside else along
+    outwards = axis if float(offset @ axis) >= 0 else -axis
+    return np.asarray(outwards if direction == "away" else -outwards)

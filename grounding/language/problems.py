@@ -1,0 +1,85 @@
+"""Problems: why a sentence is not a driving command, and what may be meant."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from appocc.errors import AppoccError
+from grounding.language.syntax.lexicon import Lexicon
+from grounding.language.syntax.spelling import suggest_word
+from grounding.language.syntax.tokenizer import Token, normalise
+from grounding.language.syntax.word_categories import WordCategory
+
+_EXAMPLE = "park behind the silver car"
+_ACTIONS = "park, stop, follow, overtake, turn and their like"
+_FUNCTION_WORDS = (
+    WordCategory.FILLER,
+    WordCategory.GREETING,
+    WordCategory.BREAK,
+    WordCategory.COMMA,
+    WordCategory.THE,
+    WordCategory.ANY,
+)
+# Unknown words that may be misspelt verbs.
+_MAX_MISSPELT = 3
+
+
+class CommandError(AppoccError, TypeError):
+    """A command is no text."""
+
+
+@dataclass(frozen=True)
+class ParseProblem:
+    """Why a sentence is not a driving command: a message and a span of the normalised sentence (empty if none)."""
+
+    message: str
+    start: int = 0
+    end: int = 0
+
+
+def underline(text: str, problem: ParseProblem) -> str:
+    """Return the normalised sentence with carets under the span of a problem, '' for a problem without a span."""
+    if problem.end <= problem.start:
+        return ""
+    return f"  {normalise(text)}\n  {' ' * problem.start}{'^' * (problem.end - problem.start)}"
+
+
+def find_problem(
+    normalised: str, tokens: Sequence[Token], lexicon: Lexicon, is_command: Callable[[str], bool]
+) -> ParseProblem:
+    """Return why a sentence is not a driving command.
+
+    Args:
+        normalised: the normalised sentence.
+        tokens: its tokens.
+        lexicon: verbs to suggest.
+        is_command: whether a normalised sentence is a command.
+    """
+    if not tokens:
+        return ParseProblem("the sentence holds no words")
+    if misspelling := _find_misspelt_verb(normalised, tokens, lexicon, is_command):
+        return misspelling
+    if all(token.category in (WordCategory.UNKNOWN, *_FUNCTION_WORDS) for token in tokens):
+        return ParseProblem(f"no word of it is understood: expected a command such as '{_EXAMPLE}'")
+    first = next(token for token in tokens if token.category not in _FUNCTION_WORDS)
+    if first.category is WordCategory.QUESTION:
+        return ParseProblem("a question is no driving command", first.start, first.end)
+    if first.category is WordCategory.NONDRIVE:
+        return ParseProblem(f"'{first.written}' is no driving action: expected {_ACTIONS}", first.start, first.end)
+    return ParseProblem(f"no driving action in it: expected {_ACTIONS}")
+
+
+def _find_misspelt_verb(
+    normalised: str, tokens: Sequence[Token], lexicon: Lexicon, is_command: Callable[[str], bool]
+) -> ParseProblem | None:
+    """Return the problem of a misspelt verb: with the suggested verb the sentence is a command."""
+    verbs = lexicon.written_words(WordCategory.VERB)
+    for token in [token for token in tokens if token.category is WordCategory.UNKNOWN][:_MAX_MISSPELT]:
+        suggestion = suggest_word(token.text, verbs)
+        corrected = f"{normalised[: token.start]}{suggestion}{normalised[token.end :]}"
+        if suggestion and is_command(corrected):
+            shown = corrected if len(corrected) <= 80 else suggestion
+            message = f"'{token.written}' is not understood: did you mean '{shown}'?"
+            return ParseProblem(message, token.start, token.end)
+    return None

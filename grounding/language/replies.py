@@ -1,0 +1,180 @@
+"""Replies: what a passenger says in a conversation besides commands: "no, the other one", "a bit further"."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import get_args
+
+from appocc.files import read_text
+from grounding.language.parser import check_type
+from grounding.language.syntax.lexicon import Lexicon, default_lexicon
+from grounding.language.syntax.phrase_patterns import WORD, LexicalEntry
+from grounding.language.syntax.quantities import merge_quantities
+from grounding.language.syntax.tokenizer import MAX_CHARACTERS, normalise, tokenise
+from grounding.language.syntax.word_categories import WordCategory
+from grounding.vocabulary import ShiftDirection
+
+_PATH = Path(__file__).parent / "syntax" / "data" / "replies.txt"
+_MAX_BYTES = 1_000_000
+_HEADING = re.compile(r"\[([a-z]+)\]")
+# Kinds that ask for another place, and the direction of the change.
+SHIFTS: tuple[ShiftDirection, ...] = get_args(ShiftDirection)
+# Kinds that are words of a description and no replies: comparatives, by the superlative that they are among
+# candidates.
+_COMPARATIVES = ("nearest", "farthest", "largest", "smallest")
+_WORD_KINDS = ("skip", "tail", *_COMPARATIVES)
+_ORDINALS = ("first", "second", "third", "fourth")
+# Kinds that the rest of the sentence may follow: "no, the red one".
+_LEADING = ("yes", "no", "other", "meant", "then", "cancel", "neither", "thanks")
+_SKIPPED = (WordCategory.FILLER, WordCategory.COMMA, WordCategory.BREAK, WordCategory.CORRECT)
+# A number as the whole answer.
+_NUMBER_WORDS = ("option", "number", "candidate", "the", "one", "no", "please", "car", "vehicle")
+
+
+@dataclass(frozen=True)
+class Reply:
+    """A sentence of a conversation, split into what it does and the words that remain.
+
+    Attributes:
+        kinds: sections of the file of replies that its beginning matches, in order; the last one matches the whole
+            rest of the sentence if `rest` is empty.
+        rest: the remaining words, such as a command or a noun phrase.
+        number: the number, if the sentence is only that ("2", "number two"), or an ordinal ("the second one", which
+            is also the rest).
+        distance_m: how far to move the goal; None if no distance is named.
+    """
+
+    kinds: tuple[str, ...] = ()
+    rest: str = ""
+    number: int | None = None
+    distance_m: float | None = None
+
+    @property
+    def shift(self) -> ShiftDirection | None:
+        """The direction in which the goal is to be moved; None if the sentence asks for something else."""
+        return next((one for one in SHIFTS if self.kinds[-1:] == (one,) and not self.rest), None)
+
+
+def read_reply(text: str, lexicon: Lexicon | None = None) -> Reply:
+    """Split a sentence of a conversation into replies and the words that remain.
+
+    Raises:
+        CommandError: if the text is no string.
+    """
+    check_type(text)
+    if len(text) > MAX_CHARACTERS:
+        return Reply(rest=text)
+    lexicon = lexicon or default_lexicon()
+    normalised = normalise(text)
+    words = tuple(WORD.findall(normalised))
+    number = _number(words, lexicon)
+    if number is not None:
+        return Reply(number=number)
+    kinds, rest = _split(words, lexicon)
+    if (number := _ordinal(rest, lexicon)) is not None:
+        return Reply(kinds, " ".join(rest), number)
+    if rest:
+        distance_m, others = _without_distance(rest, lexicon)
+        more, left = _split(others, lexicon)
+        if distance_m is not None and not left and more and more[-1] in SHIFTS:
+            return Reply((*kinds, *more), "", None, distance_m)
+    return Reply(kinds, " ".join(rest))
+
+
+def with_superlatives(text: str) -> str:
+    """Return a description with comparatives as superlatives: the closer of some candidates is the nearest."""
+    words, found, start = tuple(WORD.findall(normalise(text))), list[str](), 0
+    while start < len(words):
+        matches = [(_replies(kind).longest_match(words, start), kind) for kind in _COMPARATIVES]
+        end, word = max(((match[0], kind) for match, kind in matches if match), default=(start + 1, words[start]))
+        found.append(word)
+        start = end
+    return " ".join(found)
+
+
+def _split(words: tuple[str, ...], lexicon: Lexicon) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return the kinds of reply at the beginning, and the words after them without what closes a sentence."""
+    start, kinds = _skip(words, 0, lexicon), list[str]()
+    while start < len(words):
+        end, kind = _longest_match(words, start)
+        after = _skip(words, end, lexicon) if kind else start
+        whole = after == len(words) or not _without_tail(words[after:])
+        if not kind or not (whole or kind in _LEADING):
+            break
+        kinds.append(kind)
+        start = len(words) if whole else after
+    return tuple(kinds), _without_tail(words[start:])
+
+
+def _longest_match(words: tuple[str, ...], start: int) -> tuple[int, str]:
+    """Return the end and the kind of the longest reply from a word on; the kind is '' if there is none."""
+    matched = _replies().longest_match(words, start)
+    return (matched[0], matched[1].value) if matched else (start, "")
+
+
+def _skip(words: tuple[str, ...], start: int, lexicon: Lexicon) -> int:
+    """Return the next word that is no filler; a filler that is a reply is not skipped."""
+    while start < len(words) and not _longest_match(words, start)[1]:
+        matched = _replies("skip").longest_match(words, start) or lexicon.longest_match(words, start)
+        if words[start] not in ",.;!?" and (matched is None or matched[1].category not in _SKIPPED):
+            break
+        start = matched[0] if matched else start + 1
+    return start
+
+
+def _without_tail(words: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the words without those that only close a sentence: "..., please", "... instead"."""
+    for length in (3, 2, 1):
+        last = words[-length:]
+        if len(last) == length and (last == (".",) or last[0] in ",.;!?" or _is_tail(last)):
+            return _without_tail(words[:-length])
+    return words
+
+
+def _is_tail(words: tuple[str, ...]) -> bool:
+    return any(pattern.match_end(words, 0) == len(words) for pattern in _replies("tail").by_word.get(words[0], ()))
+
+
+def _without_distance(words: tuple[str, ...], lexicon: Lexicon) -> tuple[float | None, tuple[str, ...]]:
+    """Return the distance that some words name, and the other words."""
+    tokens = merge_quantities(tokenise(" ".join(words), lexicon))
+    named = [token for token in tokens if token.category is WordCategory.DISTANCE]
+    others = " ".join(token.text for token in tokens if token.category is not WordCategory.DISTANCE)
+    return (float(named[0].value) if len(named) == 1 else None), tuple(WORD.findall(others))
+
+
+def _number(words: Sequence[str], lexicon: Lexicon) -> int | None:
+    """Return the number that a sentence consists of; None if it says more."""
+    tokens = [token for token in tokenise(" ".join(words), lexicon) if token.text not in ",.;!?"]
+    named = [token for token in tokens if token.category is WordCategory.NUMBER]
+    if len(named) == 1 and all(token in named or token.text in _NUMBER_WORDS for token in tokens):
+        value = float(named[0].value)
+        return int(value) if value.is_integer() else None
+    return None if named or list(words) not in (["one"], ["number", "one"], ["option", "one"]) else 1
+
+
+def _ordinal(words: Sequence[str], lexicon: Lexicon) -> int | None:
+    """Return the number of an ordinal that a phrase consists of; None if it says more."""
+    tokens = tokenise(" ".join(words), lexicon)
+    named = [token for token in tokens if token.category is WordCategory.ORDINAL and token.value in _ORDINALS]
+    others = [token for token in tokens if token not in named]
+    allowed = (WordCategory.THE, WordCategory.ONE)
+    if len(named) != 1 or not all(token.category in allowed for token in others):
+        return None
+    return 1 + _ORDINALS.index(named[0].value)
+
+
+@cache
+def _replies(only: str = "") -> Lexicon:
+    """Return the patterns of all replies, or of one kind of words, each with its kind as value."""
+    lexicon, kind = Lexicon(), ""
+    for line in read_text(_PATH, _MAX_BYTES).splitlines():
+        if heading := _HEADING.fullmatch(line):
+            kind = heading[1]
+        elif line and not line.startswith("#") and (kind == only if only else kind not in _WORD_KINDS):
+            lexicon.add(line, LexicalEntry(WordCategory.FILLER, kind))
+    return lexicon

@@ -1,0 +1,154 @@
+"""Accounting of words: which content words of a command its query does not use, and whether one of them matters.
+
+A word is used if the query changes without it. This test needs no book-keeping in the rules that read the words, and
+it holds for every rule: also a negation or a correction that no rule takes up is found.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+from grounding.language.syntax.clauses import split_clauses
+from grounding.language.syntax.tokenizer import Token
+from grounding.language.syntax.word_categories import LIGHT_VERBS, MODIFIERS, NOUNS, WordCategory
+
+_POLARITY = frozenset((WordCategory.NOT, WordCategory.EXCEPT, WordCategory.CORRECT))
+# Categories whose words place the goal or choose the vehicle.
+_PLACING = frozenset(
+    (
+        WordCategory.NOUN,
+        WordCategory.COLOUR,
+        WordCategory.ORDINAL,
+        WordCategory.SUPERLATIVE,
+        WordCategory.SIDE,
+        WordCategory.LANE,
+        WordCategory.DISTANCE,
+        WordCategory.DIRECTION,
+        WordCategory.BRANCH,
+        WordCategory.BETWEEN,
+    )
+)
+_CONTENT = (
+    _POLARITY
+    | _PLACING
+    | MODIFIERS
+    | NOUNS
+    | {
+        WordCategory.VERB,
+        WordCategory.NONDRIVE,
+        WordCategory.MODEL,
+        WordCategory.RELATION,
+        WordCategory.WHERE,
+        WordCategory.DIRECTION,
+        WordCategory.BRANCH,
+        WordCategory.UNKNOWN,
+    }
+) - {WordCategory.SPOT}
+_PREDICATES = (
+    *(WordCategory.VERB, WordCategory.NONDRIVE, WordCategory.BE, WordCategory.AUX, WordCategory.EXISTS),
+    WordCategory.EGO,
+)
+_CLAUSE_ENDS = (WordCategory.BREAK, WordCategory.COMMA)
+_COMMAND_STARTS = (WordCategory.VERB, WordCategory.NOT, WordCategory.EGO, WordCategory.TO, WordCategory.COMMA)
+_OTHER_NOUNS = NOUNS - {WordCategory.NOUN}
+_WEAK_RELATIONS = ("at", "toward", "in", "into", "along", "on", "with", "for")
+# "Don't turn until it has gone" orders the turn.
+_UNTIL = ("until", "before")
+# Tokens read in all tests of one text, which bounds their time.
+_MAX_TOKENS_READ = 4000
+
+
+class Account(NamedTuple):
+    """Content words that a query does not use.
+
+    Attributes:
+        dropped: the words as written, in order.
+        doubtful: of these, those without which the place may be another one, or the opposite of the one meant.
+    """
+
+    dropped: tuple[str, ...] = ()
+    doubtful: tuple[str, ...] = ()
+
+
+def account_for(
+    tokens: Sequence[Token], build: Callable[[Sequence[Token]], object], repaired: bool = False
+) -> Account:
+    """Return the content words that do not change what is built from the tokens.
+
+    Args:
+        tokens: tagged tokens.
+        build: tokens -> meaning, comparable with ==.
+        repaired: whether the text corrects itself: then no dropped word is mere context.
+    """
+    whole = build(tokens)
+    content = [i for i, token in enumerate(tokens) if _is_content(token)]
+    # Negations first: they are tested in a text of any length.
+    tested = sorted(content, key=lambda i: tokens[i].category not in _POLARITY)[: _MAX_TOKENS_READ // len(tokens)]
+    unused = [i for i in sorted(tested) if build([*tokens[:i], *tokens[i + 1 :]]) == whole]
+    used = [tokens[i] for i in content if i not in unused]
+    meanings = {(token.category, token.value) for token in used}
+    # A word is not dropped if the same is said, and used, elsewhere.
+    dropped = [i for i in unused if (tokens[i].category, tokens[i].value) not in meanings]
+    commanding = _commanding_starts(tokens, {token.start for token in used if token.category is WordCategory.VERB})
+    doubtful = [i for i in dropped if (repaired or tokens[i].start in commanding) and _is_doubtful(tokens, i)]
+    return Account(*(tuple(dict.fromkeys(tokens[i].text for i in part)) for part in (dropped, doubtful)))
+
+
+def _commanding_starts(tokens: Sequence[Token], verbs: set[int]) -> set[int]:
+    """Return the starts of all tokens in clauses with a used verb, and in those without a predicate after them.
+
+    Statements and topics are context: "there is a van ahead", "of the bus and the van"; but the colour that a
+    statement gives to a vehicle counts.
+    """
+    starts: set[int] = set()
+    begun = False
+    for clause in split_clauses(tokens):
+        categories = {token.category for token in clause.tokens}
+        if WordCategory.COLOUR in categories and not categories & _OTHER_NOUNS:
+            last = clause.tokens[-1]  # "it is blue", but not "a blue car"
+            starts |= {last.start} if last.category is WordCategory.COLOUR else set()
+        commands = any(token.start in verbs for token in clause.tokens)
+        completes = begun and not any(token.category in _PREDICATES for token in clause.tokens)
+        begun = begun or commands
+        if commands or completes:
+            starts |= {token.start for token in clause.tokens}
+    return starts
+
+
+def _is_content(token: Token) -> bool:
+    """Return whether a word has a meaning of its own in a command."""
+    if token.category is WordCategory.VERB:
+        return token.value not in LIGHT_VERBS
+    if token.category is WordCategory.RELATION:
+        return token.value not in _WEAK_RELATIONS
+    return token.category in _CONTENT
+
+
+def _is_doubtful(tokens: Sequence[Token], i: int) -> bool:
+    """Return whether a dropped word may change the place, or turn it into its opposite."""
+    category = tokens[i].category
+    before, following = (_category_at(tokens, i + step) for step in (-1, 1))
+    if category is WordCategory.CORRECT:
+        return following not in _COMMAND_STARTS
+    if category in _POLARITY:
+        manner = tokens[i].text == "without" or following in (WordCategory.BREAK, WordCategory.PART)  # "not so fast"
+        held = following is WordCategory.VERB and any(token.value in _UNTIL for token in tokens[i:])
+        return not manner and not held
+    if category is WordCategory.UNKNOWN:  # "far from", "refuse to park"
+        governs = following in (WordCategory.RELATION, WordCategory.VERB)
+        governs = governs or (following is WordCategory.TO and before in _CLAUSE_ENDS)
+        return governs and not tokens[i].text.endswith(("ly", "ing", "ed"))
+    if category is WordCategory.DIRECTION:
+        return before in _CLAUSE_ENDS and following in _CLAUSE_ENDS
+    if category in MODIFIERS:
+        joint = WordCategory.COLOUR in (before, following)  # "the black and yellow taxi"
+        named = next((token.category for token in tokens[i:] if token.category not in MODIFIERS), WordCategory.BREAK)
+        predicate = category is WordCategory.COLOUR and named in _CLAUSE_ENDS
+        return category in _PLACING and not joint and (predicate or named in (WordCategory.NOUN, WordCategory.ONE))
+    # "The tram tracks", "the bus stop": the noun is part of a name.
+    return category in _PLACING and not (category is WordCategory.NOUN and following in NOUNS)
+
+
+def _category_at(tokens: Sequence[Token], i: int) -> WordCategory:
+    return tokens[i].category if 0 <= i < len(tokens) else WordCategory.BREAK

@@ -1,0 +1,101 @@
+"""Steps of a command: one query for each commanded action, in order, and for each event that is awaited before it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+from grounding.language.semantics.command_frames import Discourse
+from grounding.language.semantics.coreference import resolve_anaphor
+from grounding.language.semantics.main_action import SIDE_CONNECTIVES, Intent, MainIntent
+from grounding.query import Query
+
+# Actions that end where the ego stands, and actions that hold until their event.
+_STANDING = ("park", "stop", "pull_over")
+_HOLDING = ("wait", "give_way")
+# Actions that a later step about the same vehicle contains: "drive up to the van and stop behind it".
+_ON_THE_WAY = ("approach", "other")
+# An intent, the intents that add arguments to it, and all intents -> its query.
+QueryOf = Callable[[MainIntent, Sequence[Intent], Sequence[Intent]], Query]
+
+
+def plan_steps(
+    discourse: Discourse, commands: Sequence[Intent], main: MainIntent, query: Query, query_of: QueryOf
+) -> tuple[tuple[Query, ...], int]:
+    """Return the steps of a command in order, and the index of the main one.
+
+    Args:
+        discourse: everything that the text states.
+        commands: commanded intents.
+        main: the intent of the query.
+        query: the query about the main intent, with the arguments of all others.
+        query_of: builds the query of one intent.
+    """
+    ordered = [one for one in commands if one.frame.connective not in SIDE_CONNECTIVES]
+    if not any(one.frame is main.intent.frame for one in ordered):
+        ordered.append(main.intent)
+    ordered.sort(key=lambda one: one.frame.start)
+    steps = [(one.frame is main.intent.frame, _step(discourse, one, main, query_of)) for one in ordered]
+    steps = [pair for i, pair in enumerate(steps) if pair[0] or not _is_contained(pair[1], steps, i)]
+    if len(steps) == 1:
+        steps = [(True, query)]
+    awaited = [_await(discourse, one, ordered, query_of) for one in steps]
+    flat = [pair for group in awaited for pair in group]
+    return tuple(step for _, step in flat), next(i for i, (is_main, _) in enumerate(flat) if is_main)
+
+
+def _step(discourse: Discourse, intent: Intent, main: MainIntent, query_of: QueryOf) -> Query:
+    """Return the query of one intent alone."""
+    if intent.frame is main.intent.frame:
+        return query_of(main, [main.intent], [main.intent])
+    if intent.action in _HOLDING and intent.target is None and intent.frame.event_subject is not None:
+        awaited = resolve_anaphor(discourse, intent.frame.event_subject)  # "wait until the bus leaves, then ..."
+        intent = replace(intent, target=awaited)
+    target = intent.target if intent.target is not None and intent.target.kind in ("vehicle", "person") else None
+    return query_of(MainIntent(intent, target, intent.anaphora), [intent], [intent])
+
+
+def _is_contained(step: Query, steps: Sequence[tuple[bool, Query]], at: int) -> bool:
+    """Return whether a step adds nothing to the steps beside it."""
+    later = [other for _, other in steps[at + 1 :]]
+    bare = step.referent is None and not (step.secondary or step.direction or step.goal_side or step.distance_m)
+    if step.action in _ON_THE_WAY and later:
+        return bare or _same_vehicle(step, later[0])
+    return bare and step.action in _STANDING and any(other.action in _STANDING for _, other in steps[:at])
+
+
+def _same_vehicle(one: Query, other: Query) -> bool:
+    """Return whether two steps are about the same vehicle, by their words."""
+    if one.referent is None or other.referent is None:
+        return False
+    return replace(one.referent, anaphora=other.referent.anaphora) == other.referent
+
+
+def _await(
+    discourse: Discourse, pair: tuple[bool, Query], commands: Sequence[Intent], query_of: QueryOf
+) -> list[tuple[bool, Query]]:
+    """Return a step after the wait for its event, if it has one: "after the bus leaves, turn left"."""
+    is_main, step = pair
+    if step.trigger is None or step.action in _HOLDING:
+        return [pair]
+    intent = next((one for one in commands if one.frame.event == step.trigger), None)
+    subject = intent.frame.event_subject if intent is not None else None
+    awaited = resolve_anaphor(discourse, subject) if subject is not None else None
+    if intent is None or awaited is None or awaited.kind not in ("vehicle", "person", "traffic"):
+        return [pair]
+    waiting = replace(intent, action="wait", target=awaited)
+    wait = query_of(MainIntent(waiting, awaited), [waiting], [waiting])
+    held = replace(
+        wait,
+        relation="none",
+        secondary=tuple(one for one in wait.secondary if one.of != "goal"),
+        direction=None,
+        goal_side=None,
+        distance_m=None,
+        distance_of=None,
+        count=None,
+    )
+    step = replace(step, trigger=None)
+    if step.relation == "none" and _same_vehicle(step, held):
+        step = replace(step, referent=None, landmark=None)  # the vehicle is only awaited
+    return [(False, held), (is_main, step)]

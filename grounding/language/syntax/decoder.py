@@ -1,0 +1,106 @@
+"""Decoder: the likeliest sequences of words that a written sentence stands for (noisy channel, beam search).
+
+A written word may be misspelt, a homophone, joined with its neighbour or split; asides may be no part of the command.
+All of these are edges of one lattice with a cost each; the word model adds the cost of the words in context.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple
+
+from grounding.language.syntax.asides import Asides
+from grounding.language.syntax.lexicon import Lexicon
+from grounding.language.syntax.spelling import SpellingCandidates
+from grounding.language.syntax.word_model import BOUNDARY, WordModel, symbol
+
+_BEAM = 12
+
+
+@dataclass(frozen=True, slots=True)
+class Decoded:
+    """A sequence of words and the written words that they stand for.
+
+    Attributes:
+        words: words of the command.
+        spans: first and one past the last written word of each.
+        cost: minus the log probability, up to a constant.
+    """
+
+    words: tuple[str, ...]
+    spans: tuple[tuple[int, int], ...]
+    cost: float
+
+
+class _Path(NamedTuple):
+    """A path through the lattice: the last edge, and the path before it."""
+
+    cost: float
+    last: str
+    words: tuple[str, ...] = ()
+    span: tuple[int, int] = (0, 0)
+    before: _Path | None = None
+
+    def decoded(self, cost: float) -> Decoded:
+        """Return the words of the whole path."""
+        edges, path = [], self
+        while path.before is not None:
+            edges.append(path)
+            path = path.before
+        words = tuple(word for edge in reversed(edges) for word in edge.words)
+        return Decoded(words, tuple(edge.span for edge in reversed(edges) for _ in edge.words), cost)
+
+
+class Decoder:
+    """Decode written words with the words of a lexicon."""
+
+    def __init__(self, lexicon: Lexicon) -> None:
+        """Build the word model and the index of spelling candidates."""
+        self._model, self._spelling = WordModel(lexicon), SpellingCandidates(lexicon)
+        self._asides = Asides(lexicon, self._model)
+
+    def decode(self, written: Sequence[str], most: int) -> list[Decoded]:
+        """Return the likeliest sequences of words, best first, at most `most`; at least one."""
+        paths: list[list[_Path]] = [[] for _ in range(len(written) + 1)]
+        paths[0].append(_Path(0.0, BOUNDARY))
+        for i in range(len(written)):
+            kept = sorted(paths[i], key=lambda path: path.cost)[:_BEAM]
+            for end, words, cost in self._edges(written, i) if kept else ():
+                paths[end] += [self._extended(path, words, cost, (i, end)) for path in kept]
+        ends = [(path.cost + self._end_cost(path.last), path) for path in paths[-1]]
+        best: dict[tuple[str, ...], Decoded] = {}
+        for cost, path in sorted(ends, key=lambda pair: pair[0])[: _BEAM + most]:
+            decoded = path.decoded(cost)
+            best.setdefault(decoded.words, decoded)
+        return list(best.values())[:most]
+
+    def _edges(self, written: Sequence[str], i: int) -> Iterator[tuple[int, tuple[str, ...], float]]:
+        """Yield the edges from a written word: end, words, cost."""
+        number = len(written) == 1 and written[0].isdigit()  # an answer, and no way to write "to"
+        for words, cost in self._spelling.of(written[i]).items() if not number else [((written[i],), 0.0)]:
+            yield i + 1, words, cost
+        if i + 1 < len(written):
+            for words, cost in self._spelling.of_pair(written[i], written[i + 1]).items():
+                yield i + 2, words, cost
+        for end, cost in self._asides.at(written, i):
+            yield end, (), cost
+
+    def _extended(self, path: _Path, words: tuple[str, ...], cost: float, span: tuple[int, int]) -> _Path:
+        """Return the path with one more edge."""
+        total, last = path.cost + cost, path.last
+        for word in words:
+            following = symbol(word)
+            total += self._model.cost(last, following)
+            last = following
+        return _Path(total, last, words, span, path)
+
+    def _end_cost(self, last: str) -> float:
+        return 0.0 if last == BOUNDARY else self._model.cost(last, BOUNDARY)
+
+
+@lru_cache(maxsize=4)
+def decoder_of(lexicon: Lexicon) -> Decoder:
+    """Return the decoder of a lexicon, built once."""
+    return Decoder(lexicon)

@@ -1,0 +1,65 @@
+"""Fragments: a place or a direction without a verb is a command, because it can be nothing else."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from grounding.language.syntax.tokenizer import Token
+from grounding.language.syntax.word_categories import HEADS, WordCategory
+
+# Categories with which a sentence is no fragment.
+_PREDICATES = frozenset(
+    (
+        WordCategory.VERB,
+        WordCategory.NONDRIVE,
+        WordCategory.MEANWHILE,
+        WordCategory.EGO,
+        WordCategory.BE,
+        WordCategory.AUX,
+        WordCategory.EXISTS,
+        WordCategory.QUESTION,
+        WordCategory.CORRECT,
+    )
+)
+# Categories of "is fine", "would be great".
+_PRAISE = (WordCategory.BE, WordCategory.AUX)
+_MARKS = (WordCategory.COMMA, WordCategory.BREAK)
+
+
+def complete_fragment(tagged: Sequence[Token]) -> Sequence[Token]:
+    """Return the tagged tokens of a sentence with the verb that a fragment implies; other sentences as they are.
+
+    Examples: "beside the blue one" and "any gap on the left is fine" imply to park, "right" to turn.
+    """
+    words = [token for token in tagged if token.category not in _MARKS]
+    if not words:
+        return tagged
+    first, *rest = words
+    if first.category is WordCategory.DIRECTION and not rest and first.value != "straight":
+        return [replace(_verb_before(first, f"turn {first.value}"), end=first.end)]
+    if _names_any_spot(words):
+        ends = [i for i, token in enumerate(tagged) if token.category in _PRAISE]
+        return [_verb_before(first, "park"), *tagged[: ends[0] if ends else len(tagged)]]
+    if any(token.category in _PREDICATES for token in words) or not any(token.category in HEADS for token in rest):
+        return tagged
+    place = first.category in (WordCategory.RELATION, WordCategory.BETWEEN) and first.value not in ("with", "for")
+    place = place or (first.category is WordCategory.SUB and first.value in ("after", "before"))
+    return [_verb_before(first, "park"), *tagged] if place else tagged
+
+
+def _names_any_spot(words: Sequence[Token]) -> bool:
+    """Return whether words name any spot and at most call it good: "any gap on the left is fine"."""
+    if words[0].category is not WordCategory.ANY or not any(
+        token.category is WordCategory.SPOT for token in words[1:4]
+    ):
+        return False
+    predicates = [i for i, token in enumerate(words) if token.category in _PREDICATES]
+    praises = all(words[i].category in _PRAISE for i in predicates)
+    return not predicates or (praises and len(words) <= predicates[-1] + 2)
+
+
+def _verb_before(token: Token, value: str) -> Token:
+    """Return the token of an implied verb."""
+    verb = token.with_category(WordCategory.VERB, value)
+    return replace(verb, text=value, written="", end=token.start)

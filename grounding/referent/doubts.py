@@ -1,0 +1,61 @@
+"""Doubts about the best candidate that must be settled before it is acted upon: its place and its colour."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from grounding.query import Query, Referent
+from grounding.referent.clarification import describe_one
+from grounding.referent.class_fit import PERSON_NOUNS
+from grounding.referent.priors import OTHER_STREET_M, includes_behind
+from grounding.referent.scene import SceneModel
+
+# Actions whose goal lies ahead: a vehicle behind us is then meant only if the command says so.
+_FORWARD = ("park", "stop", "pull_over", "follow", "approach", "overtake", "drive_past", "turn", "change_lane")
+# A vehicle is behind us if its centre is this far behind ours; hidden if less of it than this share is visible.
+_BEHIND_M, _HIDDEN_SHARE = 6.0, 0.05
+# Below this a colour does not fit the vehicle that fits best.
+_LEAST_COLOUR_FIT = 0.12
+
+
+def question_about(
+    query: Query, referent: Referent, row: int, word_fits: Mapping[str, float], scene: SceneModel
+) -> str:
+    """Return the question that settles whether an object is meant, '' if there is no doubt.
+
+    Args:
+        query: the command.
+        referent: what is sought.
+        row: the object, by its row of the object table.
+        word_fits: membership of the object in each word.
+        scene: the scene.
+    """
+    if not scene.table.is_vehicle[row] or referent.noun in PERSON_NOUNS:
+        return ""
+    item = scene.table.items[row]
+    if referent.colour and item.rgb is not None and word_fits[referent.colour] < _LEAST_COLOUR_FIT:
+        return f"no {referent.colour} {referent.head} is seen: do you mean {describe_one(item, scene)}?"
+    where = _out_of_sight(query, referent, row, scene)
+    return (
+        f"there is no {referent.head} ahead, only {where}: do you mean {describe_one(item, scene)}?" if where else ""
+    )
+
+
+def _out_of_sight(query: Query, referent: Referent, row: int, scene: SceneModel) -> str:
+    """Return where an object is that a forward action would not expect: behind us, hidden, in another street."""
+    table = scene.table
+    if query.action not in _FORWARD or query.distance_of == "descriptor":
+        return ""
+    if not includes_behind(referent) and float(table.xy_m[row, 0]) < scene.ego.centre_m - _BEHIND_M:
+        return "one behind us"
+    if table.visible_share[row] <= _HIDDEN_SHARE and not _in_our_lane(row, scene):
+        return "one that is hidden from here"
+    beyond = np.abs(table.lateral_m[row]) > OTHER_STREET_M and table.off_road_sight_m[row] > OTHER_STREET_M / 2
+    return "one in another street" if beyond and not referent.qualifiers else ""
+
+
+def _in_our_lane(row: int, scene: SceneModel) -> bool:
+    """Return whether an object is in the queue before us, where one vehicle hides the next."""
+    return bool(abs(scene.table.lateral_m[row]) < scene.ego.width_m)

@@ -1,0 +1,137 @@
+"""A conversation: questions and answers, corrections, further steps."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from street import BLUE, RED, WHITE, Street
+
+from appocc.errors import AppoccError
+from grounding import Grounder
+from grounding.dialogue.session import Session
+
+
+def two_whites() -> Session:
+    street = Street().car("right", 14, -5, WHITE).car("left", 15, 5, WHITE, yaw_rad=np.pi).car("red", 26, -5, RED)
+    return street.grounder().session()
+
+
+def row() -> Session:
+    return Street().car("near", 12, -5, RED).car("blue", 28, -5, BLUE).grounder().session()
+
+
+@pytest.mark.parametrize(
+    ("reply", "referent"),
+    [("the one on the left", "left"), ("the closer one", "right"), ("2", "left"), ("the first", "right")],
+)
+def test_an_answer_chooses_one_of_the_candidates(reply: str, referent: str) -> None:
+    session = two_whites()
+    asked = session.say("stop next to the white car")
+    assert (asked.status, len(asked.candidates)) == ("ambiguous", 2)
+    assert session.question == asked.question
+    answer = session.say(reply)
+    assert answer.status == "ok", answer.text()
+    assert answer.referent is not None
+    assert (answer.referent.item.id, answer.query.relation) == (referent, "next_to")
+    assert session.question == ""
+
+
+def test_an_answer_that_is_not_understood_is_asked_again() -> None:
+    session = two_whites()
+    question = session.say("stop next to the white car").question
+    again = session.say("banana")
+    assert (again.status, again.question) == ("ambiguous", question)
+    assert session.say("7").question == question
+    weather = session.say("what's the weather doing?")
+    assert (weather.status, weather.question) == ("not_a_command", question)
+
+
+def test_the_other_one() -> None:
+    session = two_whites()
+    session.say("stop next to the white car")
+    session.say("1")
+    answer = session.say("no, the other one")
+    assert answer.referent is not None
+    assert answer.referent.item.id == "left"
+    again = session.say("not that one")
+    assert again.referent is not None
+    assert again.referent.item.id == "right"
+
+
+def test_a_choice_by_number_from_the_answer_itself() -> None:
+    session = two_whites()
+    asked = session.say("stop next to the white car")
+    chosen = asked.choose(2)
+    assert chosen.referent is not None
+    assert chosen.referent.item.id == asked.candidates[1].item.id
+    assert session.goal is not None
+    with pytest.raises(AppoccError, match="expected the number of a candidate, 1 to"):
+        session.choose(9)
+
+
+def test_a_choice_without_a_session() -> None:
+    grounder = Street().car("right", 14, -5, WHITE).car("left", 15, 5, WHITE, yaw_rad=np.pi).grounder()
+    answer = grounder.ground("stop next to the white car").choose(1)
+    assert answer.status == "ok"
+    with pytest.raises(AppoccError, match="1 to 2, got 3"):
+        grounder.ground("stop next to the white car").choose(3)
+    with pytest.raises(AppoccError, match="expected an answer with candidates"):
+        grounder.ground("tell me a joke").choose(1)
+
+
+def test_relation_vehicle_and_place_are_changed() -> None:
+    session = row()
+    first = session.say("stop behind the blue car")
+    assert first.target is not None
+    back = session.say("two metres further back")
+    assert back.target is not None
+    assert back.target.ego_m[0] - first.target.ego_m[0] == pytest.approx(-2.0, abs=0.9)
+    front = session.say("in front of it instead")
+    assert front.query.relation == "in_front_of"
+    assert front.referent is not None
+    assert front.referent.item.id == "blue"
+    other = session.say("no, behind the red one")
+    assert other.referent is not None
+    assert (other.referent.item.id, other.query.relation) == ("near", "behind")
+
+
+def test_a_further_step_is_planned_from_where_the_first_ends() -> None:
+    session = row()
+    session.say("stop next to the red car")
+    answer = session.say("and then stop in 8 metres")
+    assert answer.status == "ok", answer.text()
+    first, second = answer.steps
+    assert first.target is not None
+    assert second.target is not None
+    assert second.target.ego_m[0] - first.target.ego_m[0] == pytest.approx(8, abs=1)
+    assert [step["relation"] for step in answer.to_dict()["steps"]] == ["next_to", "none"]
+
+
+def test_questions_leave_the_goal_and_a_cancellation_drops_it() -> None:
+    session = row()
+    goal = session.say("stop behind the blue car").target
+    told = session.say("where are you heading?")
+    assert told.status == "ok"
+    assert told.target is goal
+    assert "blue" in told.text()
+    assert session.say("why?").target is goal
+    assert session.say("thanks, that's great").status == "not_a_command"
+    assert session.goal is not None
+    dropped = session.say("never mind")
+    assert dropped.status == "ok"
+    assert dropped.target is None
+    assert session.goal is None
+    assert session.say("in front of it").referent is not None
+
+
+def test_a_pronoun_without_antecedent_is_asked_and_answered() -> None:
+    session = row()
+    assert session.say("stop next to it").status == "ambiguous"
+    answer = session.say("the blue car")
+    assert answer.referent is not None
+    assert (answer.referent.item.id, answer.query.relation) == ("blue", "next_to")
+
+
+def test_a_session_without_a_scene() -> None:
+    with pytest.raises(AppoccError, match="expected a scene to be set"):
+        Grounder().session().say("stop")

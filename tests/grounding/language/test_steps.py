@@ -1,0 +1,71 @@
+from __future__ import annotations
+
+import pytest
+
+from grounding.language import parse
+from grounding.query import Referent
+
+
+@pytest.mark.parametrize(
+    ("text", "steps"),
+    [
+        ("park behind the van", [("park", "behind", "van")]),
+        ("turn left and stop behind the second van", [("turn", "none", None), ("stop", "behind", "van")]),
+        ("drive up to the van and stop behind it", [("stop", "behind", "van")]),
+        ("after the bus leaves, park in its spot", [("wait", "none", "bus"), ("park", "at", "bus")]),
+        (
+            "overtake the truck and then follow the red car",
+            [("overtake", "none", "truck"), ("follow", "none", "car")],
+        ),
+    ],
+)
+def test_steps_are_in_order(text: str, steps: list[tuple[str, str, str | None]]) -> None:
+    reading = parse(text)
+    found = [(one.action, one.relation, one.referent.noun if one.referent else None) for one in reading.steps]
+    assert found == steps
+
+
+def test_an_awaited_event_is_a_step_that_holds() -> None:
+    wait, turn = parse("turn left after the bus has passed").steps
+    assert (wait.action, wait.trigger, turn.action, turn.trigger) == ("wait", "pass", "turn", None)
+
+
+@pytest.mark.parametrize(
+    ("text", "count"),
+    [
+        ("take the third left", 3),
+        ("turn right at the second junction", 2),
+        ("second left please", 2),
+        ("turn left", None),
+    ],
+)
+def test_branches_are_counted(text: str, count: int | None) -> None:
+    assert parse(text).query.count == count
+
+
+def test_words_without_use_are_told() -> None:
+    assert parse("stop by the tall hedge").dropped == ("tall",)
+    assert parse("park behind the red car").dropped == ()
+
+
+@pytest.mark.parametrize("text", ["park behind the green car, green truck", "park wherever there is no bus"])
+def test_a_dropped_word_that_changes_the_place_is_in_doubt(text: str) -> None:
+    assert parse(text).doubt
+
+
+def test_a_manner_is_no_doubt() -> None:
+    assert parse("stop next to the van without blocking the driveway").doubt == ""
+
+
+def test_a_pronoun_needs_an_antecedent() -> None:
+    assert parse("stop next to it").query.unresolved == "it"
+    meant = parse("stop next to it", antecedent=Referent("van", "van", "red")).query
+    assert meant.unresolved == ""
+    assert meant.referent is not None
+    assert (meant.referent.noun, meant.referent.colour) == ("van", "red")
+    assert parse("park it").query.unresolved == ""
+
+
+def test_a_negated_turn_is_no_turn_after_an_event() -> None:
+    assert parse("don't turn left after the bus passes").query.action != "turn"
+    assert parse("don't turn left until the bus has passed").query.action == "turn"

@@ -1,0 +1,38 @@
+from __future__ import annotations
+
+from street import RED, WHITE, Street
+
+from grounding.query import Query, Referent
+from grounding.referent.resolver import Resolution, resolve
+from grounding.referent.scene import SceneModel
+
+
+def ask(scene: SceneModel, action: str = "park", qualifiers: tuple[str, ...] = ()) -> Resolution:
+    query = Query(
+        "", action, relation="behind", landmark="referent", referent=Referent("car", "car", "red", qualifiers)
+    )
+    return resolve(query, scene)
+
+
+def test_a_vehicle_behind_us_is_asked_about() -> None:
+    scene = Street().car("behind", -14, -3, RED).scene()
+    found = ask(scene)
+    assert found.status == "ambiguous"
+    assert found.question.startswith("there is no car ahead, only one behind us: do you mean the red car")
+    assert [one.item.id for one in found.candidates] == ["behind"]
+    assert ask(scene, qualifiers=("behind_ego",)).status == "ok"
+
+
+def test_a_vehicle_ahead_is_taken() -> None:
+    scene = Street().car("behind", -14, -3, RED).car("ahead", 14, -4, RED).scene()
+    found = ask(scene)
+    assert (found.status, found.candidates[0].item.id) == ("ok", "ahead")
+
+
+def test_an_unresolved_pronoun_is_asked_about() -> None:
+    scene = Street().car("a", 10, -4, RED).car("b", 20, -4, WHITE).scene()
+    found = resolve(Query("", "stop", relation="next_to", unresolved="it"), scene)
+    assert found.status == "ambiguous"
+    assert {one.item.id for one in found.candidates} == {"a", "b"}
+    one = resolve(Query("", "stop", relation="next_to", unresolved="it"), Street().car("a", 10, -4, RED).scene())
+    assert (one.status, len(one.candidates)) == ("ambiguous", 1)
