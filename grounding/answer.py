@@ -141,7 +141,7 @@ class Answer:
     def _step_text(self) -> str:
         """Return a step of a plan in one line."""
         query = self.query
-        words = [query.action or "drive", *([] if query.relation == "none" else [query.relation])]
+        words: list[str] = [query.action or "drive", *([] if query.relation == "none" else [query.relation])]
         if self.referent is not None:
             words.append(f"the {describe_object(self.referent.item, self.scene)}")
         done = f" until: {self.awaits}" if self.awaits else ""
