@@ -5,9 +5,10 @@ from street import RED, WHITE, Street
 from grounding.query import Query, Referent
 from grounding.referent.resolver import Resolution, resolve
 from grounding.referent.scene import SceneModel
+from grounding.vocabulary import Action
 
 
-def ask(scene: SceneModel, action: str = "park", qualifiers: tuple[str, ...] = ()) -> Resolution:
+def ask(scene: SceneModel, action: Action = "park", qualifiers: tuple[str, ...] = ()) -> Resolution:
     query = Query(
         "", action, relation="behind", landmark="referent", referent=Referent("car", "car", "red", qualifiers)
     )
