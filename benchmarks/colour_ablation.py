@@ -10,6 +10,8 @@ dataset, from its exact maps or those of a source, also without the vehicles of 
 - exact: unchanged maps. noisy: one vehicle in ten is missed; places, headings and sizes are noisy; 1.5 false vehicles
   per map; probabilities vary; the light of the scene changes from map to map; every fifth vehicle is in shadow;
   colours are grainy. wrong: exact, but each vehicle has the colour of another one, a different one in each frame.
+  exact, noise: exact, with Gaussian noise in L*, a* and b* of each sighting. Exact colours are an upper bound: each
+  vehicle has the same colour at every sighting.
 - with, without: `Tracker(MAPS)`, and the same tracker without its colour term; both get the same blobs.
 - Ground truth: visible vehicles within 40 m of the ego; the gate is 2 m; a switch counts after a gap of any length.
 - fewer: reduction of switches by colour, in percent, with its 95 % bootstrap interval over scenes; p: probability of
@@ -49,6 +51,8 @@ from tracking.tracker import Tracker, TrackerConfig
 RANGE_M, LEAST_M2, HIDDEN = 40.0, 0.4, "v0-40"
 GRID, GREY = BEVGrid.surround(), 90.0
 DRAWS = 10_000
+# Standard deviations of lightness and the two colour axes between sightings.
+LAB_NOISE = ((3, 2, 2), (6, 4, 4), (15, 8, 8))
 
 
 class Step(NamedTuple):
@@ -196,6 +200,18 @@ def wrongly_coloured(scene: Scene, random: np.random.Generator) -> Scene:
     return steps
 
 
+def noisily_coloured(scene: Scene, lab_std: Sequence[float], random: np.random.Generator) -> Scene:
+    """Return the scene with Gaussian noise of standard deviations (3,) in the CIELAB colour of each sighting."""
+    return [
+        step._replace(
+            detections=replace(
+                step.detections, lab=step.detections.lab + random.normal(0, lab_std, (len(step.detections), 3))
+            )
+        )
+        for step in scene
+    ]
+
+
 # Figures ----------------------------------------------------------------------------------------------------------
 
 
@@ -217,7 +233,8 @@ class Trial(NamedTuple):
         chance = (1 + np.count_nonzero(flipped >= gain.sum())) / (1 + DRAWS)
         with_, without = ids.sum(axis=0)
         pairs = [f"{_mean(self.with_colour, name):.1f} / {_mean(self.without, name):.1f}" for name in SHARES]
-        fewer = f"{float(_fewer(ids.sum(axis=0))):.0f} ({low:.0f} to {high:.0f})"
+        # Without switches there is nothing to reduce.
+        fewer = f"{float(_fewer(ids.sum(axis=0))):.0f} ({low:.0f} to {high:.0f})" if without else "-"
         return [self.name, f"{with_} / {without}", fewer, f"{chance:.4f}", *pairs]
 
 
@@ -227,7 +244,8 @@ HEAD = ("maps", "IDS with / without", "fewer %", "p", *(f"{name} %" for name in 
 
 def _fewer(ids: IntArray) -> FloatArray:
     """Return the reduction (...,) of switches in percent, from counts (..., 2) with and without colour."""
-    return np.asarray(100 * (1 - ids[..., 0] / np.maximum(ids[..., 1], 1)))
+    with_, without = ids[..., 0], ids[..., 1]
+    return np.asarray(np.where(without > 0, 100 * (1 - with_ / np.maximum(without, 1)), 0.0))
 
 
 def _mean(scores: list[Metrics], name: str) -> float:
@@ -254,6 +272,10 @@ def made_trials(scenes: int, done: Callable[[], None]) -> list[Trial]:
         trial("exact", exact, done),
         trial("noisy", (made_scene(seed, noisy=True) for seed in range(scenes)), done),
         trial("wrong", (wrongly_coloured(scene, random) for scene in exact), done),
+        *(
+            trial(f"exact, noise {std}", (noisily_coloured(scene, std, random) for scene in exact), done)
+            for std in LAB_NOISE
+        ),
     ]
 
 
@@ -265,7 +287,7 @@ def main(words: Sequence[str] | None = None) -> None:
     parser.add_argument("--bev", default="exact")
     given = parser.parse_args(words)
     with Progress(console=Console(stderr=True)) as progress:
-        task = progress.add_task("scenes", total=None if given.root else 3 * given.scenes)
+        task = progress.add_task("scenes", total=None if given.root else (3 + len(LAB_NOISE)) * given.scenes)
         done = partial(progress.advance, task)
         if given.root:
             trials = [trial(given.bev, read_scenes(given.root, given.bev), done)]

@@ -5,10 +5,11 @@
 All frames, every second and every fourth; figures are means over the choice of the first frame. Evaluated as in
 `appocc track`: annotated vehicles within 40 m of the ego, gate 2 m, in the remaining frames.
 
-Ground-truth maps paint each annotated vehicle in one colour for the whole scene: a tracker would read the identity off
-it. Therefore the vehicles get the colour estimated from the images of the sample alone:
+Ground-truth maps paint each annotated vehicle in one colour for the whole scene: it gives the identity away.
+Therefore the vehicles get the colour estimated from the images of the sample alone:
 
-- robust: the robust colour of the sample. mode: the paper's histogram mode. none: the tracker without its colour term.
+- robust: the robust colour of the sample; mode: the paper's histogram mode; none: the tracker without its colour
+  term.
 - scene: the colour of the whole scene, as the maps have it; an upper bound that no recording offers.
 """
 

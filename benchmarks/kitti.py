@@ -4,7 +4,8 @@
 
 ROOT is a folder with labels, in the layout of `tracking.io.kitti`. Both trackers get the same detections and poses.
 Tracks whose mean score is below a cut are dropped; each tracker has its own cut, the one with the highest MOTA over
-all sequences, or for ours the given one. Rows of single sequences use the same cut. "smoothed" is the offline
+all sequences, or for ours the given one. Rows of single sequences use the same cut. At the causal cut, single rows
+are dropped by their own score, by what is known at that frame. "smoothed" is the offline
 smoothing of the tracker's tracks (`tracking.filtering.smoother`); the other rows are online.
 
 The baseline filters positions on the ground with constant velocity and isotropic noise, assigns by the least sum of
@@ -31,7 +32,7 @@ from appocc.errors import AppoccError
 from appocc.geometry import apply, wrap_angle, yaw_of
 from tracking.detections import Detections, probability_from_log_odds
 from tracking.evaluation.clear_id_hota import Metrics
-from tracking.evaluation.kitti import Results, prepare_evaluation
+from tracking.evaluation.kitti import CAUSAL_CANDIDATES, KittiEvaluation, Results, prepare_evaluation
 from tracking.filtering.smoother import smooth
 from tracking.io.kitti import KittiSequence, read_sequences
 from tracking.io.kitti_results import kitti_results
@@ -130,17 +131,33 @@ def follow(sequences: Sequence[KittiSequence], make: Callable[[], OnlineTracker]
     return [track_sequence(one, make()) for one in progress(sequences, "tracking", console=bar, transient=True)]
 
 
+@dataclass(frozen=True)
+class Row:
+    """Scores of a tracker: name of the sequence, or all; at the track cut and at the causal cut."""
+
+    sequence: str
+    tracks: Metrics
+    rows: Metrics
+
+
 def measure(
     sequences: Sequence[KittiSequence], tracks: Sequence[Tracked], cut: float | None
-) -> tuple[float, list[tuple[str, Metrics]]]:
-    """Return the cut, and the scores of all sequences together and of each."""
+) -> tuple[tuple[float, float], list[Row]]:
+    """Return the track cut and the causal cut, and the scores of all sequences together and of each."""
     outcomes: list[tuple[KittiSequence, Results]] = [
         (one, kitti_results(one, track)) for one, track in zip(sequences, tracks, strict=True)
     ]
-    trial = prepare_evaluation(outcomes)
-    cut = trial.best_cut() if cut is None else cut
-    alone = [(one.name, prepare_evaluation([(one, results)]).metrics(cut)) for one, results in outcomes]
-    return cut, [("all", trial.metrics(cut)), *alone]
+    rows = prepare_evaluation(outcomes)
+    cut = rows.by_track().best_cut() if cut is None else cut
+    causal = rows.best_cut(CAUSAL_CANDIDATES)
+    parts = [("all", rows)] + [
+        (one.name, KittiEvaluation((own,))) for one, own in zip(sequences, rows.sequences, strict=True)
+    ]
+    return (cut, causal), [Row(name, part.by_track().metrics(cut), part.metrics(causal)) for name, part in parts]
+
+
+def _shares(tracks: Metrics, rows: Metrics) -> tuple[float, ...]:
+    return tracks.MOTA, tracks.IDF1, tracks.HOTA, rows.MOTA, rows.IDF1
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -159,15 +176,19 @@ def main(arguments: Sequence[str] | None = None) -> None:
         }
     except AppoccError as error:
         sys.exit(f"error: {error}")
-    table = Table("tracker", "sequence", "cut", "MOTA", "IDF1", "IDS", "FRAG", "HOTA", "FP", "FN", "GT")
+    table = Table(
+        *("tracker", "sequence", "cut", "MOTA", "IDF1", "IDS", "FRAG", "HOTA", "FP", "FN", "GT"),
+        *("causal cut", "MOTA", "IDF1"),
+    )
     for number in range(len(sequences) + 1):
-        for tracker, (cut, scores) in rows.items():
-            name, m = scores[number]
-            shares = [f"{100 * share:.1f}" if share == share else "-" for share in (m.MOTA, m.IDF1, m.HOTA)]
+        for tracker, ((cut, causal), scores) in rows.items():
+            m, now = scores[number].tracks, scores[number].rows
+            shares = [f"{100 * share:.1f}" if share == share else "-" for share in _shares(m, now)]
             counts = [str(count) for count in (m.FP, m.FN, m.GT)]
-            table.add_row(tracker, name, f"{cut:.4f}", *shares[:2], str(m.IDS), str(m.FRAG), shares[2], *counts)
+            name, counts = scores[number].sequence, [str(m.IDS), str(m.FRAG), shares[2], *counts]
+            table.add_row(tracker, name, f"{cut:.4f}", *shares[:2], *counts, f"{causal:.4f}", *shares[3:])
     console = Console()
-    console.width = max(console.width, 100)
+    console.width = max(console.width, 130)
     console.print(table)
 
 

@@ -29,7 +29,7 @@ from tracking.visualization.video import draw_frame, write_video
 
 COMMANDS = ("park behind the nearest silver car", "stop behind the nearest car ahead", "stop next to the nearest car")
 # A conversation: a command that fits several cars, the answer to the question, and a change of mind.
-CONVERSATION = ("stop next to the car", "the closest one", "behind it instead", "where are you heading?")
+CONVERSATION = ("stop next to the car", "the white one", "a bit further back", "where are you heading?")
 FRAME, PREDICTED = 6, "predicted"
 
 # Shows the progress of a named step with a number of parts; the block gets a function that advances it.
@@ -107,7 +107,9 @@ def _converse(dataset: Dataset, scene: Scene, folder: Path) -> list[dict[str, An
     session = grounder.session()
     answers = [session.say(sentence) for sentence in CONVERSATION]
     write_image(folder / CONVERSATION_PICTURE, draw_answer(session.goal or answers[-1], frame))
-    return [{"said": said, **one.to_dict(), "text": one.text()} for said, one in zip(CONVERSATION, answers, strict=True)]
+    return [
+        {"said": said, **one.to_dict(), "text": one.text()} for said, one in zip(CONVERSATION, answers, strict=True)
+    ]
 
 
 def _draw(dataset: Dataset, scene: Scene, folder: Path, tracks: SceneTracks) -> None:

@@ -15,10 +15,17 @@ if TYPE_CHECKING:
 
 def tracks(
     truth: Annotated[
-        Path, typer.Option("--gt", help="Ground truth: a file in the format of the tracks, or a dataset root.")
+        Path,
+        typer.Option(
+            "--gt", help="Ground truth: a file in the format of the tracks, a folder of them, or a dataset root."
+        ),
     ],
     found: Annotated[
-        Path, typer.Option("--tracks", help="nuScenes tracking JSON, MOTChallenge text or KITTI tracking text.")
+        Path,
+        typer.Option(
+            "--tracks",
+            help="nuScenes tracking JSON, MOTChallenge or KITTI text, or a folder of them, which is pooled.",
+        ),
     ],
     range_m: Annotated[
         float | None,
@@ -33,6 +40,9 @@ def tracks(
     kind: Annotated[
         str | None, typer.Option(help="Only this category, such as car; 'vehicle': all vehicles but bicycles.")
     ] = None,
+    min_score: Annotated[
+        float | None, typer.Option(help="Only rows of tracks with at least this score, in the unit of the file.")
+    ] = None,
     version: VersionOption = None,
     as_json: JsonOption = False,
 ) -> None:
@@ -42,7 +52,7 @@ def tracks(
     """
     from tracking.evaluation.evaluate import EvaluationOptions, evaluate_files
 
-    report = evaluate_files(truth, found, EvaluationOptions(kind, range_m, gate_m), version)
+    report = evaluate_files(truth, found, EvaluationOptions(kind, range_m, gate_m, min_score), version)
     if as_json:
         emit(report.as_json())
     _show(report)

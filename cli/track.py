@@ -15,6 +15,7 @@ from cli.common import JsonOption, RootArgument, TrustUnseenOption, VersionOptio
 if TYPE_CHECKING:
     from appocc.nuscenes import Dataset
     from tracking.evaluation.clear_id_hota import Metrics
+    from tracking.evaluation.kitti import KittiScores
     from tracking.pipeline import SceneTracks
 
 # Hidden sub-command for the form without sub-commands.
@@ -53,7 +54,18 @@ SmoothOption = Annotated[
     bool,
     typer.Option("--smooth", help="Offline smoothing: smooth paths, fill gaps, drop predictions after the last hit."),
 ]
+MinScoreOption = Annotated[
+    float,
+    typer.Option(
+        "--min-score",
+        min=0.0,
+        max=1.0,
+        help="Write a track only in frames in which its score, a probability, is at least this.",
+    ),
+]
 VideoOption = Annotated[Path | None, typer.Option("--video", help="Also write a video of the tracks (.webm).")]
+# Detectors for KITTI report many boxes of low scores; nuScenes' benchmark wants all of them.
+_KITTI_MIN_SCORE, _ALL = 0.5, 0.0
 _BEV_HELP = "Source of the maps: ROOT/bev/SOURCE, or a folder with a slash in its name."
 
 
@@ -63,6 +75,7 @@ def track_scene_command(
     scene: SceneOption,
     bev: Annotated[str, typer.Option("--bev", help=_BEV_HELP)],
     smooth: SmoothOption = False,
+    min_score: MinScoreOption = _ALL,
     out: Annotated[
         Path | None,
         typer.Option("--out", parser=out_path, help="Output folder; by default ROOT/tracks/SOURCE/SCENE."),
@@ -89,7 +102,7 @@ def track_scene_command(
     folder = out or tracks_folder(root, bev, wanted.name)
     with progress("tracking", len(dataset.samples(wanted))) as advance:
         result = track_scene(dataset, wanted, bev, trust_unseen=trust_unseen, smoothing=smooth, advance=advance)
-    _report_scene(dataset, result, {"bev": bev}, folder, video, as_json)
+    _report_scene(dataset, result.with_scores(min_score), {"bev": bev}, folder, video, as_json)
 
 
 @app.command("detections")
@@ -98,6 +111,7 @@ def track_detections_command(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="nuScenes detection results for the scene.")],
     scene: SceneOption,
     smooth: SmoothOption = False,
+    min_score: MinScoreOption = _ALL,
     out: Annotated[
         Path | None,
         typer.Option("--out", parser=out_path, help="Output folder; by default ROOT/tracks/FILE/SCENE."),
@@ -119,13 +133,15 @@ def track_detections_command(
     folder = out or tracks_folder(root, file.stem, wanted.name)
     with progress("tracking", len(dataset.samples(wanted))) as advance:
         result, skipped = track_detections(dataset, wanted, file, smoothing=smooth, advance=advance)
-    _report_scene(dataset, result, {"detections": str(file), "left_out": skipped}, folder, None, as_json)
+    source = {"detections": str(file), "left_out": skipped}
+    _report_scene(dataset, result.with_scores(min_score), source, folder, None, as_json)
 
 
 @app.command("kitti")
 def track_kitti_command(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of KITTI sequences with detections.")],
     smooth: SmoothOption = False,
+    min_score: MinScoreOption = _KITTI_MIN_SCORE,
     out: Annotated[
         Path | None, typer.Option("--out", parser=out_path, help="Output folder; by default DIR/tracks.")
     ] = None,
@@ -139,35 +155,45 @@ def track_kitti_command(
     """
     from tracking.evaluation.kitti import score_sequences
     from tracking.io.kitti import read_sequences
+    from tracking.io.kitti_results import kitti_score
     from tracking.pipeline import count_tracks, track_kitti, write_kitti_tracks
 
     sequences = read_sequences(folder)
     with progress("tracking", sum(len(sequence.frames) for sequence in sequences)) as advance:
         outcomes = track_kitti(sequences, smooth, advance)
-    files = write_kitti_tracks(out or folder / "tracks", outcomes)
-    say(f"{sum(count_tracks(one.tracks) for one in outcomes)} vehicles in {len(sequences)} sequences")
-    scores = score_sequences([(one.sequence, one.results) for one in outcomes])
-    if scores is not None:
-        _show("tracks", {"all": scores.metrics, "cut": scores.at_best_cut})
-        say(f"cut: tracks whose mean score is {scores.best_cut:.4f} or more, for the best MOTA")
-    else:
+    files = write_kitti_tracks(out or folder / "tracks", outcomes, min_score)
+    say(f"{sum(count_tracks(one.tracks) for one in outcomes)} objects in {len(sequences)} sequences")
+    scores = score_sequences([(one.sequence, one.results) for one in outcomes], kitti_score(min_score))
+    for kind, own in scores.items():
+        _show(kind, {"written": own.metrics, "track cut": own.at_best_cut, "causal cut": own.at_causal_cut})
+        say(f"track cut: mean score from {own.best_cut:.4f}; causal cut: score so far from {own.causal_cut:.4f}")
+    if not scores:
         say("no labels: nothing to be scored against")
     _say_files(files)
     if as_json:
-        emit(
-            {
-                "sequences": [sequence.name for sequence in sequences],
-                "files": [str(path) for path in files],
-                "metrics": scores.metrics.as_json() if scores else None,
-                "metrics_at_best_cut": {**scores.at_best_cut.as_json(), "cut": scores.best_cut} if scores else None,
-            }
-        )
+        classes = {kind: _kitti_json(own) for kind, own in scores.items()}
+        cars = classes.get("car") or dict.fromkeys(_KITTI_KEYS)
+        names = [sequence.name for sequence in sequences]
+        emit({"sequences": names, "files": [str(path) for path in files], **cars, "classes": classes})
+
+
+_KITTI_KEYS = ("metrics", "metrics_at_best_cut", "metrics_at_causal_cut")
+
+
+def _kitti_json(scores: KittiScores) -> dict[str, Any]:
+    """Return the scores of a class of KITTI sequences."""
+    return {
+        "metrics": scores.metrics.as_json(),
+        "metrics_at_best_cut": {**scores.at_best_cut.as_json(), "cut": scores.best_cut},
+        "metrics_at_causal_cut": {**scores.at_causal_cut.as_json(), "cut": scores.causal_cut},
+    }
 
 
 @app.command("mot")
 def track_mot_command(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="MOTChallenge detections of people.")],
     fps: Annotated[float, typer.Option("--fps", help="Frame rate of the recording.")],
+    min_score: MinScoreOption = _ALL,
     out: Annotated[
         Path | None, typer.Option("--out", parser=out_path, help="Output folder; by default tracks next to FILE.")
     ] = None,
@@ -178,13 +204,13 @@ def track_mot_command(
     Example: appocc track mot det.txt --fps 25 --out results
     """
     from tracking.io.mot_challenge import read_mot_detections, write_mot_tracks
-    from tracking.pipeline import count_tracks, people_path, track_people
+    from tracking.pipeline import count_tracks, people_path, select_scores, track_people
 
     path = people_path(file, out or file.parent / "tracks")
     sequence = read_mot_detections(file, fps)
     frames = len(sequence.frames)
     with progress("tracking", frames) as advance:
-        tracks = track_people(sequence, advance)
+        tracks = select_scores(track_people(sequence, advance), min_score)
     write_mot_tracks(path, sequence, tracks)
     count = count_tracks(tracks)
     where = "on the ground" if sequence.px_per_m is None else "in the picture"
@@ -198,10 +224,10 @@ def track_mot_command(
 
 # The inputs of the older form, the options that each requires, and those that it allows.
 _INPUTS = {
-    "--bev": (("ROOT", "--scene"), ("--version", "--smooth", "--out", "--video", "--trust-unseen")),
-    "--detections": (("ROOT", "--scene"), ("--version", "--smooth", "--out")),
-    "--kitti": ((), ("--smooth", "--out")),
-    "--mot": (("--fps",), ("--out",)),
+    "--bev": (("ROOT", "--scene"), ("--version", "--smooth", "--min-score", "--out", "--video", "--trust-unseen")),
+    "--detections": (("ROOT", "--scene"), ("--version", "--smooth", "--min-score", "--out")),
+    "--kitti": ((), ("--smooth", "--min-score", "--out")),
+    "--mot": (("--fps",), ("--min-score", "--out")),
 }
 
 
@@ -219,6 +245,9 @@ def track_older_form(
     mot: Annotated[Path | None, typer.Option("--mot", help="MOTChallenge detections of people.")] = None,
     fps: Annotated[float | None, typer.Option("--fps", help="Frame rate of the --mot file.")] = None,
     smooth: SmoothOption = False,
+    min_score: Annotated[
+        float | None, typer.Option("--min-score", min=0.0, max=1.0, help="As in the sub-commands.")
+    ] = None,
     out: Annotated[
         Path | None, typer.Option("--out", parser=out_path, help="Output folder; defaults as in the sub-commands.")
     ] = None,
@@ -230,22 +259,31 @@ def track_older_form(
     """Track with one of --bev, --detections, --kitti and --mot: the older form of the sub-commands."""
     values = {
         **{"ROOT": root, "--scene": scene, "--bev": bev, "--detections": detections, "--kitti": kitti, "--mot": mot},
-        **{"--fps": fps, "--smooth": smooth or None, "--out": out, "--video": video, "--version": version},
+        **{
+            "--fps": fps,
+            "--smooth": smooth or None,
+            "--min-score": min_score,
+            "--out": out,
+            "--video": video,
+            "--version": version,
+        },
         "--trust-unseen": trust_unseen or None,
     }
     _check_combination({name for name, value in values.items() if value is not None})
+    score = _ALL if min_score is None else min_score
     if kitti is not None:
-        track_kitti_command(kitti, smooth, out, as_json)
+        track_kitti_command(kitti, smooth, _KITTI_MIN_SCORE if min_score is None else min_score, out, as_json)
     elif mot is not None and fps is not None:
-        track_mot_command(mot, fps, out, as_json)
+        track_mot_command(mot, fps, score, out, as_json)
     elif root is not None and scene is not None and detections is not None:
-        track_detections_command(root, detections, scene, smooth=smooth, out=out, version=version, as_json=as_json)
+        track_detections_command(root, detections, scene, smooth, score, out, version, as_json)
     elif root is not None and scene is not None and bev is not None:
         track_scene_command(
             root,
             scene,
             bev,
             smooth=smooth,
+            min_score=score,
             out=out,
             video=video,
             trust_unseen=trust_unseen,

@@ -138,6 +138,16 @@ class Answer:
             "route": None if self.plan.route is None else [round_to_mm(point) for point in self.plan.route],
         }
 
+    def _step_text(self) -> str:
+        """Return a step of a plan in one line."""
+        query = self.query
+        words: list[str] = [query.action or "drive", *([] if query.relation == "none" else [query.relation])]
+        if self.referent is not None:
+            words.append(f"the {describe_object(self.referent.item, self.scene)}")
+        done = f" until: {self.awaits}" if self.awaits else ""
+        place = f": ({self.target.ego_m[0]:.1f}, {self.target.ego_m[1]:.1f}) m" if self.target else f": {self.status}"
+        return " ".join(words).replace("_", " ") + done + place.replace("_", " ")
+
     def text(self) -> str:
         """Return the answer as lines of English."""
         command = "".join(c if c.isprintable() else " " for c in self.query.command[:_MAX_CHARACTERS])
@@ -147,6 +157,8 @@ class Answer:
         if self.target:
             lines.append(f"target: {_describe_pose(self.target)}, score {self.target.score:.2f}")
             lines += [f"way: {length_m(self.plan.route):.0f} m"] if self.plan.route is not None else []
+        if len(self.steps) > 1:
+            lines += [f"step {number}: {step._step_text()}" for number, step in enumerate(self.steps, start=1)]
         lines += [f"- {reason}" for reason in self.reasons]
         if self.plan.nearest:
             lines.append(f"nearest place that would do: {_describe_pose(self.plan.nearest)}")

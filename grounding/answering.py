@@ -262,6 +262,10 @@ def answer_step(
         for referent in _goal_candidates(request, resolution)
     ]
     referent, goal_plan = max(planned, key=lambda pair: _log_score(*pair))
+    confidence = _confidence(reading, referent, resolution, goal_plan, scene)
+    settled = request.chosen is not None or referent is None
+    if goal_plan.target and referent and not settled and not is_worth_acting(confidence):
+        goal_plan = replace(goal_plan, target=None, question=f"do you mean {describe_one(referent.item, scene)}?")
     question = goal_plan.question
     if question:  # about this vehicle only
         make = partial(make, candidates=(referent,) if referent else ())
@@ -270,9 +274,6 @@ def answer_step(
     ):
         make = partial(make, candidates=others)
         question = f"there is no place at that one: do you mean {describe_one(others[0].item, scene)}?"
-    confidence = _confidence(reading, referent, resolution, goal_plan, scene)
-    if goal_plan.target and referent and request.chosen is None and not is_worth_acting(confidence):
-        goal_plan, question = replace(goal_plan, target=None), f"do you mean {describe_one(referent.item, scene)}?"
     return make(
         status="ok" if goal_plan.target else "ambiguous" if question else "not_found",
         plan=goal_plan,

@@ -13,7 +13,7 @@ from tracking.filtering.kalman import MotionConfig, invert_2x2
 
 # Weight of the configured measurement noise in detections, and the number of detections after which earlier ones are
 # forgotten.
-_NOISE_PRIOR, _NOISE_MEMORY = 20.0, 1000.0
+_NOISE_PRIOR, _NOISE_MEMORY = 200.0, 2000.0
 # Limits of the learnt factor on the variances of the noise.
 _MIN_NOISE, _MAX_NOISE = 0.05, 4.0
 # Squared innovations count up to this many variances: larger ones are wrong matches.
@@ -38,7 +38,7 @@ class ClassModel:
     gate_scale: float = 1.0
     heading_weight: float = 1.0
     prior_log_odds: float = -2.0
-    prior_weight: float = 2.0
+    prior_weight: float = 4.0
 
 
 _TWO_WHEELER = ClassModel(
@@ -56,7 +56,7 @@ _TWO_WHEELER = ClassModel(
 
 # Models of nuScenes' and KITTI's classes. Other categories are vehicles: the default.
 CLASS_MODELS: Mapping[str, ClassModel] = {
-    "car": ClassModel(prior_weight=0.8),
+    "car": ClassModel(prior_weight=1.5),
     "pedestrian": ClassModel(
         motion=MotionConfig(
             along_speed_std_mps=1.2,
@@ -68,7 +68,7 @@ CLASS_MODELS: Mapping[str, ClassModel] = {
         ),
         gate_scale=0.5,
         heading_weight=0.0,
-        prior_weight=0.8,
+        prior_weight=1.5,
     ),
     "bicycle": _TWO_WHEELER,
     "motorcycle": _TWO_WHEELER,
@@ -124,7 +124,7 @@ class ClassTable:
     def noise_factor(self, kind: IntArray) -> FloatArray:
         """Return the learnt factors (N,) on the variances of the positions of detections, for categories (N,)."""
         total, count = self._noise.take(kind, axis=1)
-        return np.clip(total / count, _MIN_NOISE, _MAX_NOISE)
+        return np.asarray(np.clip(total / count, _MIN_NOISE, _MAX_NOISE))
 
     def learn_noise(self, kind: IntArray, innovation_m: FloatArray, cov_m2: FloatArray, noise_m2: FloatArray) -> None:
         """Learn the measurement noise from innovations: one step of expectation maximisation.

@@ -23,7 +23,7 @@ from tracking.filtering.smoother import SmoothingConfig, smooth
 from tracking.instances.instances import InstanceConfig
 from tracking.instances.object_detections import find_detections, vote_classes
 from tracking.io.kitti import KittiSequence
-from tracking.io.kitti_results import KittiResult, kitti_results, write_kitti_results
+from tracking.io.kitti_results import KittiResult, kitti_results, kitti_score, write_kitti_results
 from tracking.io.mot_challenge import MotSequence
 from tracking.io.nuscenes_detections import TRACKED, DetectionResults
 from tracking.io.track_summaries import summarise_tracks, write_summaries
@@ -81,6 +81,11 @@ def run_tracker(
     return tuple(tracks)
 
 
+def select_scores(tracks: Iterable[Iterable[Track]], min_score: float) -> tuple[tuple[Track, ...], ...]:
+    """Return the tracks of each frame whose score, by what is known at that time, is at least `min_score`."""
+    return tuple(tuple(track for track in states if track.score >= min_score) for states in tracks)
+
+
 def count_tracks(tracks: Iterable[Iterable[Track]]) -> int:
     """Return the number of different track ids."""
     return len({track.id for states in tracks for track in states})
@@ -119,6 +124,10 @@ class SceneTracks:
     def smoothed(self, motion: MotionConfig) -> SceneTracks:
         """Return the tracks after offline smoothing with the motion model of their tracker."""
         return replace(self, tracks=smooth(self.times_us, self.tracks, SmoothingConfig(motion=motion)))
+
+    def with_scores(self, min_score: float) -> SceneTracks:
+        """Return the tracks with at least a score, see `select_scores`."""
+        return replace(self, tracks=select_scores(self.tracks, min_score))
 
     @property
     def count(self) -> int:
@@ -314,8 +323,8 @@ def track_kitti(
     return outcomes
 
 
-def write_kitti_tracks(folder: Path, outcomes: Iterable[KittiTracks]) -> list[Path]:
-    """Write the results of each sequence to NNNN.txt and return the paths.
+def write_kitti_tracks(folder: Path, outcomes: Iterable[KittiTracks], min_score: float = 0.0) -> list[Path]:
+    """Write the results of each sequence with at least a score, 0..1, to NNNN.txt and return the paths.
 
     Raises:
         DataError: if a file cannot be written.
@@ -323,7 +332,8 @@ def write_kitti_tracks(folder: Path, outcomes: Iterable[KittiTracks]) -> list[Pa
     paths = []
     for outcome in outcomes:
         paths.append(folder / f"{outcome.sequence.name}.txt")
-        write_kitti_results(paths[-1], outcome.results)
+        least = kitti_score(min_score)
+        write_kitti_results(paths[-1], [[one for one in rows if one.score >= least] for rows in outcome.results])
     return paths
 
 

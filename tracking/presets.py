@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+
 from tracking.association.costs import AssociationConfig
 from tracking.filtering.kalman import MotionConfig
 from tracking.io.mot_challenge import FORGET_S
@@ -17,10 +19,12 @@ MAPS = TrackerConfig(
         confirm_s=0.15,
         coast_s=0.35,
         lost_s=2.2,
+        memory_s=np.inf,
         motion=MotionConfig(along_accel_psd_m2ps3=2.0, across_accel_psd_m2ps3=0.2, along_std_m=0.3, across_std_m=0.3),
     ),
-    association=AssociationConfig(min_gate_m=2.5, gate_speed_mps=40.0, max_gate_m=20.0),
+    association=AssociationConfig(min_gate_m=2.5, gate_speed_mps=40.0, max_gate_m=20.0, max_size_cost=9.0),
     rematch=replace(REMATCH_STAGE, gate_speed_mps=12.0, max_gate_m=8.0),
+    classes={},
 )
 
 # Scores of objects are calibrated: sure ones are reported at once, likely ones after two hits, others start no track.
@@ -65,6 +69,7 @@ def _people(position_std_m: float, min_gate_m: float) -> TrackerConfig:
         lifecycle=lifecycle,
         association=association,
         rematch=replace(association, gate_chi2=15.0),
+        classes={},
         colour_outlier_rate=1.0,
     )
 

@@ -23,10 +23,10 @@ _LAB_STD_WEIGHT = 10.0
 _MEDIAN_VARIANCE = 2.0
 # Columns of the attributes of a detection.
 _SIZE, _RGB, _LAB = slice(0, 3), slice(3, 6), slice(6, 9)
+# Frame interval before the second frame: its detections are independent of earlier ones.
+_NO_STEP_S = 1e9
 # Number of detections after which a track's velocity is known.
 _STEADY_DETECTIONS = 5
-# Frame interval of a recording before its second frame.
-_FIRST_STEP_S = 0.1
 # Standard deviation of a detection's velocity, with which its track starts.
 _VELOCITY_STD_MPS = 1.5
 # Minimum heading weight, of square shapes.
@@ -69,7 +69,7 @@ class LifecycleConfig:
     heading_smoothing_s: float = 0.3
     front_from_motion_mps: float = 1.0
     median_window: int = 11
-    correlation_s: float = 0.25
+    correlation_s: float = 0.1
     memory_s: float = 1.0
     lab_std: tuple[float, float, float] = (10.0, 5.0, 5.0)
     lab_prior_weight: float = 4.0
@@ -176,7 +176,7 @@ class TrackTable:
     def __init__(self, config: LifecycleConfig, classes: ClassTable) -> None:
         """Start with no tracks."""
         self._config, self._classes = config, classes
-        self._step_s = _FIRST_STEP_S
+        self._step_s = _NO_STEP_S
         self.filters = KalmanFilters()
         self._medians = RunningMedian(config.median_window, 9)
         self._set_tables(np.zeros((3, 0), np.int64), np.zeros((4, 0), np.bool_), np.zeros((11, 0)))
@@ -239,7 +239,8 @@ class TrackTable:
 
     def predict(self, seconds: float) -> None:
         """Predict all tracks by a time step; they are unmatched until `update`."""
-        self._step_s = seconds
+        # The shortest interval so far is that of the recording: left-out frames change nothing.
+        self._step_s = min(self._step_s, seconds)
         self.lost[:] = self.unseen_s > self._config.lost_s
         moving_s = np.where(self.stationary & (self.unseen_s > 0), 0.0, seconds)
         model = self._classes.parameters(self.kind)
@@ -348,16 +349,14 @@ class TrackTable:
         self._confirm(np.arange(n, n + m), found.log_odds)
 
     def _add_filters(self, found: WorldDetections) -> None:
-        model, velocity = self._classes.parameters(found.kind), found.velocity_world_mps
+        model, measured_mps = self._classes.parameters(found.kind), found.velocity_world_mps
         speed_m2ps2 = oriented_covariance(
             found.yaw_world_rad, model.along_speed_std_mps**2, model.across_speed_std_mps**2
         )
-        measured = np.isfinite(velocity).all(axis=1)
-        speed_m2ps2[measured] = _VELOCITY_STD_MPS**2 * np.eye(2)
-        velocity = np.where(measured[:, None], velocity, 0.0)
-        self.filters.add(
-            found.position_world_m[:, :2], found.noise_m2 - found.surplus_noise_m2, velocity, speed_m2ps2
-        )
+        known = np.isfinite(measured_mps[:, :1])
+        speed_m2ps2 = np.where(known[..., None], _VELOCITY_STD_MPS**2 * np.eye(2), speed_m2ps2)
+        noise_m2 = found.noise_m2 - found.surplus_noise_m2
+        self.filters.add(found.position_world_m[:, :2], noise_m2, np.where(known, measured_mps, 0.0), speed_m2ps2)
 
     def keep(self, mask: BoolArray) -> None:
         """Keep the tracks of a mask (N,)."""

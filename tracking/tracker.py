@@ -54,7 +54,7 @@ class TrackerConfig:
     lost: AssociationConfig = LOST_STAGE
     drifted: AssociationConfig = DRIFTED_STAGE
     classes: Mapping[str, ClassModel] = field(default_factory=lambda: CLASS_MODELS)
-    colour_outlier_rate: float = 0.5
+    colour_outlier_rate: float = 0.1
 
 
 class Tracker:

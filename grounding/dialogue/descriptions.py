@@ -20,7 +20,11 @@ def find_fitting(reading: Reading, candidates: Sequence[Candidate], scene: Scene
     query = replace(query, secondary=reading.query.secondary)
     found = resolve(query, alone)
     kept = {one.item.id for one in found.candidates[: 1 if found.status == "ok" else None]}
-    return [one for one in candidates if one.item.id in kept] if found.status != "not_found" else []
+    fitting = [one for one in candidates if one.item.id in kept] if found.status != "not_found" else []
+    colour = reading.query.referent.colour if reading.query.referent else None
+    # Between candidates a colour is a contrast: of a black and a grey car, "the grey one" is not the black one.
+    named = [one for one in fitting if colour and colour in (scene.colour_name(one.item) or "").split()]
+    return named or fitting
 
 
 def is_plainly_definite(reading: Reading) -> bool:

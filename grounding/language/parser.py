@@ -75,7 +75,7 @@ def parse_all(text: str, lexicon: Lexicon | None = None, antecedent: Referent | 
     Raises:
         CommandError: if the text is no string.
     """
-    _check_type(text)
+    check_type(text)
     if len(text) > MAX_CHARACTERS:
         too_long = ParseProblem(f"expected at most {MAX_CHARACTERS} characters, got {len(text)}")
         return (Reading(Query(command=text[:MAX_CHARACTERS]), problem=too_long),)
@@ -94,7 +94,12 @@ def parse_all(text: str, lexicon: Lexicon | None = None, antecedent: Referent | 
     return _best_readings(commands)
 
 
-def _check_type(text: object) -> None:
+def check_type(text: object) -> None:
+    """Check that a command is text.
+
+    Raises:
+        CommandError: if it is not.
+    """
     if not isinstance(text, str):
         raise CommandError(f"expected a command as text (str), got {type(text).__name__}")
 
@@ -105,11 +110,11 @@ class _Analysis:
     def __init__(self, text: str, way: Tokenised, antecedent: Referent | None) -> None:
         self._text, self._antecedent, self.way = text, antecedent, way
         self._written = tag(way.tokens)
-        self._tagged = resolve_contrasts(self._written)
+        self._tagged = complete_fragment(resolve_contrasts(self._written))
         self.built = self._build(self._tagged)
 
     def _build(self, tagged: Sequence[Token]) -> BuiltQuery:
-        return build_query(self._text, interpret(split_clauses(complete_fragment(tagged)), self._antecedent))
+        return build_query(self._text, interpret(split_clauses(tagged), self._antecedent))
 
     @cached_property
     def _account(self) -> Account:

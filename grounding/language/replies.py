@@ -10,10 +10,11 @@ from pathlib import Path
 from typing import get_args
 
 from appocc.files import read_text
+from grounding.language.parser import check_type
 from grounding.language.syntax.lexicon import Lexicon, default_lexicon
 from grounding.language.syntax.phrase_patterns import WORD, LexicalEntry
 from grounding.language.syntax.quantities import merge_quantities
-from grounding.language.syntax.tokenizer import normalise, tokenise
+from grounding.language.syntax.tokenizer import MAX_CHARACTERS, normalise, tokenise
 from grounding.language.syntax.word_categories import WordCategory
 from grounding.vocabulary import ShiftDirection
 
@@ -59,7 +60,14 @@ class Reply:
 
 
 def read_reply(text: str, lexicon: Lexicon | None = None) -> Reply:
-    """Split a sentence of a conversation into replies and the words that remain."""
+    """Split a sentence of a conversation into replies and the words that remain.
+
+    Raises:
+        CommandError: if the text is no string.
+    """
+    check_type(text)
+    if len(text) > MAX_CHARACTERS:
+        return Reply(rest=text)
     lexicon = lexicon or default_lexicon()
     normalised = normalise(text)
     words = tuple(WORD.findall(normalised))

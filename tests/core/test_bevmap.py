@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from appocc.bevmap import BEVMap, bev_path
+from appocc.bevmap import BEVMap, bev_path, load_map, map_sources
 from appocc.errors import DataError, ShapeError
 from appocc.grid import BEVGrid
 
@@ -152,3 +152,26 @@ def test_where_maps_lie() -> None:
     assert bev_path(Path("/r"), "exact", "t") == Path("/r/bev/exact/t.npz")
     assert bev_path(Path("/r"), "/elsewhere/x", "t") == Path("/elsewhere/x/t.npz")
     assert bev_path(Path("/r"), "out/bev", "t") == Path("out/bev/t.npz")
+
+
+@pytest.mark.parametrize(
+    ("meta", "truth"),
+    [
+        ({"source": "simulated"}, True),
+        ({"sources": {"road": "map"}}, True),
+        ({"source": "predicted", "thresholds": {"road": 0.5, "vehicle": 0.5, "lane": 0.5}}, False),
+        ({}, False),
+    ],
+)
+def test_the_meta_says_whether_a_map_is_true(meta: dict[str, Any], truth: bool) -> None:
+    assert bev(meta=meta).is_truth == truth
+
+
+def test_a_missing_map_names_the_sources_that_there_are(tmp_path: Path) -> None:
+    for source in ("exact", "mine"):
+        bev().save(bev_path(tmp_path, source, "t"))
+    with pytest.raises(DataError, match=r"there are maps of source exact and mine; make it with: appocc groundtruth"):
+        load_map(tmp_path, "groundtruth", "t")
+    with pytest.raises(DataError, match=r"exact maps come with simulated drives only"):
+        load_map(tmp_path, "exact", "other")
+    assert map_sources(tmp_path) == ["exact", "mine"]

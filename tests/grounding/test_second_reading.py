@@ -13,7 +13,7 @@ from grounding import Answer, Grounder
 from grounding.language import Reading, parse
 from grounding.language.llm import ChatEndpoint
 
-PARTLY = "park behind the red car banana"
+PARTLY = "park behind the red car and flibber"
 
 
 @dataclass

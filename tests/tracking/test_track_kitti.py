@@ -22,19 +22,21 @@ def test_all_sequences_are_tracked_written_and_scored(tmp_path: Path) -> None:
     result = run("--kitti", root, "--out", tmp_path / "out", "--json")
     assert result.exit_code == 0, result.output
     answer = json.loads(result.stdout)
-    assert list(answer) == ["sequences", "files", "metrics", "metrics_at_best_cut"]
+    own = ["metrics", "metrics_at_best_cut", "metrics_at_causal_cut"]
+    assert list(answer) == ["sequences", "files", *own, "classes"]
+    assert answer["classes"] == {"car": {name: answer[name] for name in own}}
     assert answer["sequences"] == ["0001", "0007"]
     assert answer["files"] == [str(tmp_path / "out" / f"{name}.txt") for name in ("0001", "0007")]
     metrics, best = answer["metrics"], answer["metrics_at_best_cut"]
     assert (metrics["GT"], metrics["FP"], metrics["IDS"], metrics["MT"]) == (2 * FRAMES, 0, 0, 2)
-    assert best.pop("cut") > 0
-    assert best == metrics
+    assert best["cut"] > -2
+    assert (best["MOTA"], best["FN"], best["FP"]) == (1.0, 0, 0)
     first, second = (Path(name).read_text().splitlines() for name in answer["files"])
     assert first == second
     assert len(first) == FRAMES - metrics["FN"] // 2
     assert first[-1].split()[:5] == [str(FRAMES - 1), "1", "Car", "-1", "-1"]
-    assert "2 vehicles in 2 sequences" in result.stderr
-    assert "cut: tracks whose mean score is" in result.stderr
+    assert "2 objects in 2 sequences" in result.stderr
+    assert "track cut: mean score from" in result.stderr
 
 
 def test_smoothing_drops_predictions_after_the_last_detection(tmp_path: Path) -> None:
@@ -81,14 +83,17 @@ def test_nothing_is_written_if_a_sequence_is_damaged(tmp_path: Path) -> None:
         (("ROOT",), "expected one of --bev, --detections, --kitti and --mot, got none"),
         (("ROOT", "--scene", "one"), "expected one of --bev, --detections, --kitti and --mot, got none"),
         (("--scene", "one", "--bev", "exact"), "--bev needs ROOT and --scene, got no ROOT"),
-        (("ROOT", "--kitti", "KITTI"), "--kitti goes only with --smooth, --out and --json"),
-        (("--kitti", "KITTI", "--scene", "one"), "--kitti goes only with --smooth, --out and --json"),
+        (("ROOT", "--kitti", "KITTI"), "--kitti goes only with --smooth, --min-score, --out and --json"),
+        (("--kitti", "KITTI", "--scene", "one"), "--kitti goes only with --smooth, --min-score, --out and --json"),
         (
             ("--kitti", "KITTI", "--bev", "exact"),
             "expected one of --bev, --detections, --kitti and --mot, got --bev and --kitti",
         ),
-        (("--kitti", "KITTI", "--video", "t.webm"), "--kitti goes only with --smooth, --out and --json"),
-        (("--kitti", "KITTI", "--version", "v1.0-mini"), "--kitti goes only with --smooth, --out and --json"),
+        (("--kitti", "KITTI", "--video", "t.webm"), "--kitti goes only with --smooth, --min-score, --out and --json"),
+        (
+            ("--kitti", "KITTI", "--version", "v1.0-mini"),
+            "--kitti goes only with --smooth, --min-score, --out and --json",
+        ),
     ],
 )
 def test_invalid_combinations_with_kitti(words: tuple[str, ...], complaint: str) -> None:

@@ -9,8 +9,8 @@ import pytest
 from made_detections import CAR_M, STEP_US, follow, ids, seen
 from made_map import pose
 
-from tracking.detections import Detections, probability_from_log_odds
 from tracking.class_models import ClassModel, ClassTable
+from tracking.detections import Detections, probability_from_log_odds
 from tracking.track_table import LifecycleConfig, TrackTable, detections_in_world
 from tracking.tracker import Tracker, TrackerConfig
 
@@ -37,12 +37,23 @@ def test_a_twin_that_comes_and_goes_leaves_no_trace() -> None:
 
 def test_the_surer_of_two_stays_and_of_equals_the_first() -> None:
     places = np.array([[0, 0], [0.5, 0], [20, 0], [20, 0], [20, 0], [40, 0]])
-    assert seen(places, log_odds=[1, 2, 3, 3, 3, 0]).nms_mask().tolist() == [False, True, True, False, False, True]
+    assert seen(places, log_odds=[1, 2, 3, 3, 3, 0]).resolve_duplicates()[0].tolist() == [
+        False,
+        True,
+        True,
+        False,
+        False,
+        True,
+    ]
 
 
 def test_a_chain_is_thinned_not_swallowed() -> None:
     """The last is a twin of the middle one alone, which is left out itself."""
-    assert seen([[0.0, 0], [0.8, 0], [1.6, 0]], log_odds=[3, 2, 1]).nms_mask().tolist() == [True, False, True]
+    assert seen([[0.0, 0], [0.8, 0], [1.6, 0]], log_odds=[3, 2, 1]).resolve_duplicates()[0].tolist() == [
+        True,
+        False,
+        True,
+    ]
 
 
 def test_half_a_width_of_the_narrower_decides() -> None:
@@ -50,14 +61,14 @@ def test_half_a_width_of_the_narrower_decides() -> None:
     for apart, expected in ((0.49, [True, False]), (0.51, [True, True])):
         two = seen([[0, 0], [apart, 0]])
         two = Detections.from_boxes(two.ground_m, two.yaw_rad, size, two.log_odds, two.kind, two.view)
-        assert two.nms_mask().tolist() == expected
+        assert two.resolve_duplicates()[0].tolist() == expected
 
 
 def test_others_are_no_twins() -> None:
-    assert seen([[0, 0], [0, 0]], kind=["car", "truck"]).nms_mask().all()
-    assert seen([[0, 0], [0, 2.0]]).nms_mask().all()
-    assert seen([[0, 0], [0.3, 0]], size_m=(0.5, 0.5, 1.7)).nms_mask().all()
-    assert seen([]).nms_mask().shape == (0,)
+    assert seen([[0, 0], [0, 0]], kind=["car", "truck"]).resolve_duplicates()[0].all()
+    assert seen([[0, 0], [0, 2.0]]).resolve_duplicates()[0].all()
+    assert seen([[0, 0], [0.3, 0]], size_m=(0.5, 0.5, 1.7)).resolve_duplicates()[0].all()
+    assert seen([]).resolve_duplicates()[0].shape == (0,)
 
 
 # Kinds ------------------------------------------------------------------------------------------------------------
@@ -71,11 +82,18 @@ def test_kinds_that_come_later(kind: str) -> None:
 
 
 def test_a_vehicle_of_another_kind_is_another() -> None:
-    """Which begins when the first, which it covers, is given up: a class that flickers does not make two of one."""
-    result = follow(lambda i: seen([[10, 0]], kind="car" if i < 5 or i == 8 else "truck"), 30)
-    assert ids(result[:20]) == [[1]] * 20
-    assert [track.kind for track in result[-1]] == ["truck"]
-    assert ids(result[-5:]) == [[2]] * 5
+    """It begins at once, whatever unseen track of another kind it covers."""
+    result = follow(lambda i: seen([[10, 0]], kind="car" if i < 5 else "truck"), 30)
+    assert ids(result[:5]) == [[1]] * 5
+    assert {track.kind: track.id for track in result[5]}["truck"] == 2
+    assert [(track.id, track.kind) for track in result[-1]] == [(2, "truck")]
+
+
+def test_the_less_likely_of_two_kinds_of_one_object_is_doubted() -> None:
+    both = seen([[0, 0], [0.1, 0], [30, 0]], log_odds=[3.0, 0.0, 1.0], kind=["car", "truck", "truck"])
+    kept, log_odds = both.resolve_duplicates()
+    assert kept.all()
+    assert log_odds.tolist() == pytest.approx([3 - np.log(2), -np.log(1 + np.exp(3)), 1.0])
 
 
 # What is remembered -----------------------------------------------------------------------------------------------
@@ -83,7 +101,7 @@ def test_a_vehicle_of_another_kind_is_another() -> None:
 
 def test_a_score_is_the_mean_of_what_was_seen_and_some_doubt() -> None:
     (track,) = Tracker().update(seen([[0, 0]], log_odds=3.0), STEP_US, pose())
-    assert track.score == pytest.approx(probability_from_log_odds((3.0 - 4 * 2.0) / (1 + 4)))
+    assert track.score == pytest.approx(probability_from_log_odds((3.0 - 1.5 * 2.0) / (1 + 1.5)))
 
 
 @pytest.mark.parametrize(("log_odds", "again"), [(3.0, 1), (-1.0, 2)])

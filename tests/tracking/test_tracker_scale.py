@@ -63,7 +63,7 @@ def test_state_size_is_bounded_by_the_number_of_tracks() -> None:
     sizes = {len(state) in array.shape for array in arrays if isinstance(array, np.ndarray)}
     assert sizes == {True}
     assert max(array.size for array in arrays if isinstance(array, np.ndarray)) <= len(state) * 11 * 9
-    assert len(tracker._kinds) == 1
+    assert len(tracker._classes.names) == 1
 
 
 def test_tracks_that_left_are_forgotten() -> None:

@@ -7,7 +7,7 @@ import numpy as np
 from tracking.association.costs import CandidatePairs
 
 # Weight of the initial outlier rate in pairs, and the number of pairs after which old ones are forgotten.
-_PRIOR_WEIGHT, _MEMORY = 30.0, 500.0
+_PRIOR_WEIGHT, _MEMORY = 10.0, 500.0
 # Below this cost without colours, a pair is certainly the same vehicle.
 _CERTAIN_COST = -3.0
 

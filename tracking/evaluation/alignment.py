@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -70,9 +70,14 @@ class AlignedFiles:
 def align_files(truth: Path, tracks: Path, version: str | None = None) -> AlignedFiles:
     """Read ground truth (a file, or the root of a dataset) and a file of tracks, and align their frames.
 
+    Folders are pooled: a folder of text files with a folder of files of the same names as ground truth, or, with a
+    dataset, all files tracking.json in a folder.
+
     Raises:
         DataError: if one is damaged, the formats differ, or the tracks lack a sample of the ground truth.
     """
+    if tracks.is_dir():
+        return _pooled(truth, tracks, version)
     given = read_track_file(tracks)
     if truth.is_dir():
         return _with_dataset(Dataset(truth, version), given)
@@ -92,6 +97,31 @@ def align_files(truth: Path, tracks: Path, version: str | None = None) -> Aligne
         AlignedFrame(_at(wanted, key), _at(given, key), "", number * _STEP_US, ego) for number, key in enumerate(keys)
     )
     return AlignedFiles(wanted.format, frames, False, len(set(given.frames) - set(keys)))
+
+
+def _pooled(truth: Path, tracks: Path, version: str | None) -> AlignedFiles:
+    """Align the files of two folders by name, or the files tracking.json of a folder with a dataset."""
+    files = sorted(tracks.glob("*.txt"))
+    if files and not truth.is_dir():
+        raise DataError(f"{truth}: expected a folder, as {tracks} is, got a file")
+    pairs = [(truth / path.name, path) for path in files] or [(truth, path) for path in _json_files(tracks)]
+    if not pairs:
+        raise DataError(f"{tracks}: expected files NAME.txt or tracking.json, got none")
+    parts = [align_files(*pair, version) for pair in pairs]
+    formats = {part.format for part in parts}
+    if len(formats) > 1:
+        raise DataError(f"{tracks}: expected files of one format, got {', '.join(sorted(formats))}")
+    # Frames of text files name no scene; those of a dataset do.
+    frames = tuple(
+        replace(frame, scene=frame.scene or path.stem)
+        for part, (_, path) in zip(parts, pairs, strict=True)
+        for frame in part.frames
+    )
+    return AlignedFiles(parts[0].format, frames, parts[0].annotated, sum(part.without_truth for part in parts))
+
+
+def _json_files(folder: Path) -> list[Path]:
+    return sorted(folder.rglob("tracking.json"))
 
 
 def _at(file: TrackFile, key: str | int) -> FrameEntries:

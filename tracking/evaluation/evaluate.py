@@ -1,9 +1,9 @@
-"""Scores of track files against ground truth in the same format, or against the annotations of a dataset.
+"""Scores of track files, or folders of them, against ground truth in the same format or a dataset's annotations.
 
 Rules in addition to the definitions in `tracking.evaluation.clear_id_hota` and `tracking.evaluation.amota`:
 
 - Only the requested category is evaluated. In KITTI's ground truth, its neighbouring category (Van for Car,
-  Person_sitting for Pedestrian) is ignored.
+  Person and Person_sitting for Pedestrian) is ignored.
 - With a range, objects beyond it are ignored, and so are unmatched tracks beyond it. It is measured from the ego (in
   KITTI: from the camera), whose position a nuScenes JSON alone does not contain.
 - Annotations of a dataset without LiDAR and RADAR points are ignored. The default range is that of nuScenes'
@@ -42,7 +42,7 @@ from tracking.io.readers import DONT_CARE, FrameEntries, TrackFormat
 
 _SHORT_RANGE = {"pedestrian", "motorcycle", "bicycle"}
 _NEAR_M, _FAR_M = 40.0, 50.0
-_NEIGHBOURING = {"car": "van", "pedestrian": "person_sitting"}
+_NEIGHBOURING = {"car": ("van",), "pedestrian": ("person", "person_sitting")}
 
 
 @dataclass(frozen=True)
@@ -53,11 +53,13 @@ class EvaluationOptions:
         kind: category; `vehicle` means all vehicles except bicycles, None all categories.
         range_m: maximum distance from the ego; None for no limit, or the benchmark's in a dataset.
         gate_m: distance below which a track can match an object; None for `GATE_M`.
+        min_score: minimum score of the rows of the tracks; None for all.
     """
 
     kind: str | None = None
     range_m: float | None = None
     gate_m: float | None = None
+    min_score: float | None = None
 
     def __post_init__(self) -> None:
         """Check the distances.
@@ -94,7 +96,7 @@ class EvaluationReport:
 def evaluate_files(
     truth: Path, tracks: Path, options: EvaluationOptions, version: str | None = None
 ) -> EvaluationReport:
-    """Evaluate a file of tracks against a file of ground truth, or against a dataset.
+    """Evaluate a file of tracks against a file of ground truth or a dataset; folders are pooled, see `align_files`.
 
     Raises:
         DataError: if a file is damaged, the files are inconsistent, or the options do not apply to them.
@@ -107,8 +109,9 @@ def evaluate_files(
         "frames": len(aligned.frames),
         "samples_without_truth": aligned.without_truth,
         "kind": options.kind,
+        "min_score": options.min_score,
     }
-    frames = [_select_kind(frame, options.kind) for frame in aligned.frames]
+    frames = [_select(frame, options) for frame in aligned.frames]
     if aligned.format is TrackFormat.mot:
         metrics = evaluate_distances(_distance_frames(frames), IOU_RULE)
         return EvaluationReport(metrics, None, {**protocol, "gate_iou": 0.5})
@@ -168,14 +171,21 @@ def _is(kind: str, wanted: str | None) -> bool:
     return wanted.lower() == "vehicle" and is_vehicle(kind)
 
 
-def _select_kind(frame: AlignedFrame, wanted: str | None) -> AlignedFrame:
-    """Select a category; in ground truth, also its neighbouring category and DontCare regions, as not required."""
-    neighbour = _NEIGHBOURING.get((wanted or "").lower())
+def _select(frame: AlignedFrame, options: EvaluationOptions) -> AlignedFrame:
+    """Select a category and a minimum score.
+
+    Neighbouring categories and DontCare regions of the ground truth stay, as not required.
+    """
+    wanted = options.kind
+    similar = _NEIGHBOURING.get((wanted or "").lower(), ())
     selected = np.array([_is(kind, wanted) and kind != DONT_CARE for kind in frame.truth.kind], dtype=np.bool_)
-    ignored = np.array([kind == DONT_CARE or kind.lower() == neighbour for kind in frame.truth.kind], dtype=np.bool_)
+    ignored = np.array([kind == DONT_CARE or kind.lower() in similar for kind in frame.truth.kind], dtype=np.bool_)
     truth = frame.truth
     truth = FrameEntries(truth.ids, truth.kind, truth.xy_m, truth.box_px, truth.score, truth.required & selected)
-    tracks = frame.tracks.select(np.array([_is(kind, wanted) for kind in frame.tracks.kind], dtype=np.bool_))
+    kept = np.array([_is(kind, wanted) for kind in frame.tracks.kind], dtype=np.bool_)
+    if options.min_score is not None:
+        kept &= frame.tracks.score >= options.min_score
+    tracks = frame.tracks.select(kept)
     return AlignedFrame(truth.select(selected | ignored), tracks, frame.scene, frame.time_us, frame.ego_xy_m)
 
 

@@ -7,14 +7,14 @@ Two cuts are in use:
 - of rows: each row is kept or dropped by its own score, by what was known at that time. It is what an online system
   can do.
 
-The search is exact: MOTA at every possible cut is computed, or bounded from above by less than the best one found.
+The search is exact: MOTA at every candidate is computed, or bounded from above by less than the best one found.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import astuple, dataclass
-from functools import lru_cache
+from functools import cache
 
 import numpy as np
 
@@ -49,25 +49,32 @@ def mean_scores(frames: Sequence[DistanceFrame], scores: Sequence[FloatArray]) -
     return tuple(np.split(mean[index], ends[:-1]))
 
 
-def best_cut(sequences: Sequence[ScoredSequence], rule: MatchingRule) -> float:
+def best_cut(sequences: Sequence[ScoredSequence], rule: MatchingRule, candidates: int | None = None) -> float:
     """Return the cut with the best MOTA; of equal ones, the lowest; minus infinity without scores or objects.
 
     Branch and bound over the sorted scores: between two cuts there are at most as many matches as at the lower one
     and at least as many unmatched rows as at the higher one.
+
+    Args:
+        sequences: sequences that share no ids.
+        rule: rule of the matching.
+        candidates: number of scores, evenly spaced by rank, that are tried; None for all.
     """
     own = [np.unique(np.concatenate([*each.scores, np.zeros(0)])) for each in sequences]
     cuts = np.unique(np.concatenate([*own, np.zeros(0)]))
     objects = sum(int(frame.required.sum()) for each in sequences for frame in each.frames)
     if not len(cuts) or not objects:
         return -np.inf
+    if candidates is not None:
+        cuts = cuts[np.unique(np.linspace(0, len(cuts) - 1, candidates).round().astype(np.int64))]
 
-    @lru_cache(maxsize=None)
+    @cache
     def of_sequence(number: int, rank: int) -> ErrorCounts:
         values = own[number]
         minimum = float(values[rank]) if rank < len(values) else np.inf
         return count_errors(sequences[number].cut(minimum), rule)
 
-    @lru_cache(maxsize=None)
+    @cache
     def at(rank: int) -> ErrorCounts:
         parts = [of_sequence(i, int(np.searchsorted(values, cuts[rank]))) for i, values in enumerate(own)]
         return ErrorCounts(*np.sum([astuple(part) for part in parts], axis=0).tolist())

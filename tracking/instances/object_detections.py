@@ -47,7 +47,7 @@ def _from_objects(bev: BEVMap, objects: BEVObjects) -> Detections:
         ),
         rgb=objects.rgb,
         lab=lab_from_rgb(objects.rgb),
-        velocity_mps=objects.velocity_mps,
+        velocity_mps=np.full_like(objects.velocity_mps, np.nan),
         truncated=np.asarray(cut.reshape(-1, 4).any(axis=1)),
         view=view,
     )

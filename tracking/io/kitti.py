@@ -6,8 +6,9 @@ The folder contains, for each sequence NNNN:
   pedestrian, 2 a car, 3 a cyclist. If all scores of the folder are in 0..1, they are probabilities, otherwise
   log-odds.
 - `calib/NNNN.txt`: the row `P2:` with the 3x4 projection of the left colour camera.
-- `pose/NNNN.txt`: a row of 12 numbers for each frame of the sequence, the upper 3x4 of world_from_camera.
-- `label/NNNN.txt`, optional ground truth: KITTI's label rows.
+- `pose/NNNN.txt`: a row of 12 numbers for each frame of the sequence, the upper 3x4 of world_from_camera; or KITTI's
+  own `oxts/NNNN.txt`, see `tracking.io.kitti_oxts`.
+- `label/NNNN.txt` or `label_02/NNNN.txt`, optional ground truth: KITTI's label rows.
 
 KITTI's camera frame has x right, y down and z ahead. The ego frame is the rotated camera frame: x ahead, y left, z
 up, with its origin at the camera; the world frame is rotated in the same way.
@@ -32,11 +33,12 @@ from appocc.checks import (
     frozen,
 )
 from appocc.errors import DataError, ShapeError
-from appocc.geometry import transform, wrap_angle
+from appocc.geometry import wrap_angle
 from tracking.detections import Detections, FieldOfView, log_odds_from_probability
+from tracking.io.kitti_oxts import EGO_FROM_CAM, read_oxts
 from tracking.io.text_tables import parse_integer, parse_numbers, read_rows
 
-EGO_FROM_CAM = transform([[0, 0, 1], [-1, 0, 0], [0, -1, 0]], [0, 0, 0])
+LABEL_FOLDERS = ("label", "label_02")
 FRAME_US = 100_000
 # The files do not contain the image size; a few drives have slightly smaller images.
 WIDTH_PX, HEIGHT_PX = 1242, 375
@@ -166,12 +168,17 @@ def read_sequences(root: Path) -> tuple[KittiSequence, ...]:
 
 def _sequence(root: Path, path: Path, rows: FloatArray) -> KittiSequence:
     """Return the sequence of a detection file, given its rows (R, 15) with scores in log-odds."""
-    poses_path, label_path = root / "pose" / path.name, root / "label" / path.name
-    poses = _poses(poses_path)
+    calib_path = root / "calib" / path.name
+    label_path = next(
+        (own for own in (root / name / path.name for name in LABEL_FOLDERS) if own.exists()),
+        root / "label" / path.name,
+    )
+    pose_path, oxts_path = root / "pose" / path.name, root / "oxts" / path.name
+    poses = read_oxts(oxts_path, calib_path) if oxts_path.exists() and not pose_path.exists() else _poses(pose_path)
     last = int(rows[:, 0].max(initial=-1))
     if last >= len(poses):
         raise DataError(f"{path}: expected frames below {len(poses)}, the number of poses, got {last}")
-    projection = _projection(root / "calib" / path.name)
+    projection = _projection(calib_path)
     view = KittiView(projection)
     frames = tuple(_frame(i, rows[rows[:, 0] == i], poses[i], view) for i in range(len(poses)))
     return KittiSequence(

@@ -13,7 +13,8 @@ from appocc.checks import FloatArray
 from appocc.files import write_bytes
 from appocc.geometry import apply, inverse, wrap_angle
 from tracking.detections import log_odds_from_probability
-from tracking.io.kitti import EGO_FROM_CAM, HEIGHT_PX, WIDTH_PX, KittiFrame, KittiSequence, convert_yaw
+from tracking.io.kitti import HEIGHT_PX, WIDTH_PX, KittiFrame, KittiSequence, convert_yaw
+from tracking.io.kitti_oxts import EGO_FROM_CAM
 from tracking.tracks import Track
 from tracking.vehicle_classes import HEIGHT_M
 
@@ -60,6 +61,11 @@ def kitti_results(sequence: KittiSequence, tracks: Sequence[Sequence[Track]]) ->
     )
 
 
+def kitti_score(probability: float) -> float:
+    """Return the score of a result: the log-odds of a probability."""
+    return float(log_odds_from_probability(np.array(probability))) if probability > 0 else -np.inf
+
+
 def _result(projection: FloatArray, frame: KittiFrame, track: Track) -> KittiResult | None:
     ego_from_world = inverse(frame.world_from_ego)
     ground = apply(ego_from_world, track.position_world_m)
@@ -73,9 +79,14 @@ def _result(projection: FloatArray, frame: KittiFrame, track: Track) -> KittiRes
         image_box = project_box(projection, ground, yaw, size)
     if image_box is None:
         return None
-    score = float(log_odds_from_probability(np.array(track.score)))
     return KittiResult(
-        id=track.id, kind=track.kind, score=score, image_box_px=image_box, ground_m=ground, yaw_rad=yaw, size_m=size
+        id=track.id,
+        kind=track.kind,
+        score=kitti_score(track.score),
+        image_box_px=image_box,
+        ground_m=ground,
+        yaw_rad=yaw,
+        size_m=size,
     )
 
 

@@ -107,3 +107,17 @@ def test_a_vehicle_that_is_gone_has_left() -> None:
     first = replace(Sighting.of(scene.objects[0], scene))
     assert has_happened("leave", first, None, scene)
     assert not has_happened("stop", first, None, scene)
+
+
+def test_an_awaited_event_ends_its_step() -> None:
+    street = Street().car("red", 14, -5, RED).car("blue", 28, -5, BLUE)
+    session = begin(street)
+    answer = session.say("wait until the red car leaves and then park behind the blue car")
+    assert [step["awaits"] for step in answer.to_dict()["steps"]] == ["leave", None]
+    still = session.update(street.bev(), street.boxes(), pose(0.0))
+    assert still is not None
+    assert len(still.steps) == 2
+    later = Street().car("red", 24, 0, RED, speed_mps=6).car("blue", 28, -5, BLUE)
+    gone = session.update(later.bev(), later.boxes(), pose(0.0))
+    assert gone is not None
+    assert [step.query.action for step in gone.steps] == ["park"]

@@ -42,6 +42,8 @@ def predicted(places: list[Spot], variance_m2: FloatArray | None = None, **more:
         "kind": np.zeros(n, np.int64),
         "unseen_s": np.ones(n),
         "displacement_m": np.zeros((n, 2)),
+        "gate_scale": np.ones(n),
+        "heading_weight": np.ones(n),
     }
     return TrackFeatures(**{**given, **more})  # type: ignore[arg-type]
 
@@ -163,9 +165,9 @@ def test_a_rare_colour_pays_for_a_place_farther_off() -> None:
     assert pairs(track, seen(place, lab=labs(RED)), strict) == {0: 0}
 
 
-def test_merged_detections_have_more_position_noise() -> None:
+def test_merged_detections_have_more_position_noise_along_their_heading() -> None:
     noise = measurement_noise(predicted([(0, 0)]), seen([(0, 0)], size_m=np.array([[1.8, 10.5]])))
-    np.testing.assert_allclose(noise[0], np.eye(2) * (0.05 + 36 / 12))
+    np.testing.assert_allclose(noise[0], np.diag([0.05 + 36 / 12, 0.05]))
 
 
 @pytest.mark.parametrize("seed", range(3))

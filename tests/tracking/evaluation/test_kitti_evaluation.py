@@ -138,7 +138,7 @@ def test_sequences_add_up_and_share_no_ids(tmp_path: Path) -> None:
     # And the same track number on both is no merging of two cars.
     same = prepare_evaluation([(one, [perfect(labels) for labels in truth(one)]) for one in sequences])
     assert same.metrics().IDF1 == 1.0
-    assert same.mean_scores.tolist() == [0.5, 0.5]
+    assert {score for each in same.by_track().sequences for row in each.scores for score in row} == {0.5}
 
 
 def with_false_tracks(tmp_path: Path) -> tuple[KittiSequence, Results]:
@@ -149,8 +149,8 @@ def with_false_tracks(tmp_path: Path) -> tuple[KittiSequence, Results]:
 
 
 def test_cut_removes_whole_tracks(tmp_path: Path) -> None:
-    trial = prepare_evaluation([with_false_tracks(tmp_path)])
-    np.testing.assert_allclose(trial.mean_scores, [0.4, 0.3])
+    trial = prepare_evaluation([with_false_tracks(tmp_path)]).by_track()
+    np.testing.assert_allclose(trial.sequences[0].scores, [[0.4, 0.3]] * 3)
     assert (trial.metrics().MOTA, trial.metrics().FP) == (0.0, 3)
     assert trial.best_cut() == pytest.approx(0.4)
     assert trial.metrics(trial.best_cut()).MOTA == 1.0

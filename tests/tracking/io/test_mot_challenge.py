@@ -308,13 +308,19 @@ def test_the_detections_are_not_overwritten(tmp_path: Path) -> None:
     ("words", "complaint"),
     [
         (("--mot", "d"), "--mot needs --fps, got no --fps"),
-        (("--mot", "d", "--fps", "25", "ROOT"), "--mot goes only with --fps, --out and --json, got ROOT"),
-        (("--mot", "d", "--fps", "25", "--scene", "s"), "--mot goes only with --fps, --out and --json, got --scene"),
+        (
+            ("--mot", "d", "--fps", "25", "ROOT"),
+            "--mot goes only with --fps, --min-score, --out and --json, got ROOT",
+        ),
+        (
+            ("--mot", "d", "--fps", "25", "--scene", "s"),
+            "--mot goes only with --fps, --min-score, --out and --json, got --scene",
+        ),
         (("--mot", "d", "--fps", "25", "--bev", "b"), "expected one of --bev, --detections, --kitti and --mot"),
         (("--mot", "d", "--kitti", "k"), "got --kitti and --mot"),
         (
             ("ROOT", "--scene", "s", "--bev", "b", "--fps", "2"),
-            "--bev goes only with ROOT, --scene, --version, --smooth, --out",
+            "--bev goes only with ROOT, --scene, --version, --smooth, --min-score, --out",
         ),
     ],
 )
