@@ -131,7 +131,7 @@ class _Analysis:
             problem,
             steps=_steps_of(query, self.built),
             dropped=account.dropped,
-            doubt=_compose_doubt(account.doubtful),
+            doubt=_compose_doubt([*account.doubtful, *_opposites(self.way.corrections)]),
             corrections=self.way.corrections,
         )
 
@@ -161,6 +161,11 @@ def _steps_of(query: Query, built: BuiltQuery) -> tuple[Query, ...]:
         if getattr(query, name) != getattr(built.query, name)
     }
     return (*built.steps[: built.main_step], replace(main, **changed), *built.steps[built.main_step + 1 :])
+
+
+def _opposites(corrections: Sequence[tuple[str, str]]) -> list[str]:
+    """Return the written words that a correction turned into their opposite: "unparked" read as "parked"."""
+    return [written for written, read in corrections if written in (f"un{read}", f"non{read}", f"in{read}")]
 
 
 def _compose_doubt(doubtful: Sequence[str]) -> str:

@@ -85,7 +85,9 @@ def account_for(
     content = [i for i, token in enumerate(tokens) if _is_content(token)]
     # Negations first: they are tested in a text of any length.
     tested = sorted(content, key=lambda i: tokens[i].category not in _POLARITY)[: _MAX_TOKENS_READ // len(tokens)]
-    unused = [i for i in sorted(tested) if build([*tokens[:i], *tokens[i + 1 :]]) == whole]
+    unused = [
+        i for i in sorted(tested) if not _commands(tokens[i]) and build([*tokens[:i], *tokens[i + 1 :]]) == whole
+    ]
     used = [tokens[i] for i in content if i not in unused]
     meanings = {(token.category, token.value) for token in used}
     # A word is not dropped if the same is said, and used, elsewhere.
@@ -116,6 +118,11 @@ def _commanding_starts(tokens: Sequence[Token], verbs: set[int]) -> set[int]:
     return starts
 
 
+def _commands(token: Token) -> bool:
+    """Return whether a word is a commanding verb; without one, a bare fragment may mean the same."""
+    return token.category is WordCategory.VERB and not token.form and token.value != "none"
+
+
 def _is_content(token: Token) -> bool:
     """Return whether a word has a meaning of its own in a command."""
     if token.category is WordCategory.VERB:
@@ -140,7 +147,8 @@ def _is_doubtful(tokens: Sequence[Token], i: int) -> bool:
         governs = governs or (following is WordCategory.TO and before in _CLAUSE_ENDS)
         return governs and not tokens[i].text.endswith(("ly", "ing", "ed"))
     if category is WordCategory.DIRECTION:
-        return before in _CLAUSE_ENDS and following in _CLAUSE_ENDS
+        joined = before in (*_CLAUSE_ENDS, WordCategory.BE, WordCategory.OR, WordCategory.CORRECT)
+        return joined and following in _CLAUSE_ENDS
     if category in MODIFIERS:
         joint = WordCategory.COLOUR in (before, following)  # "the black and yellow taxi"
         named = next((token.category for token in tokens[i:] if token.category not in MODIFIERS), WordCategory.BREAK)
