@@ -118,7 +118,9 @@ class _Analysis:
 
     @cached_property
     def _account(self) -> Account:
-        return account_for(self._tagged, self._build, has_partial_repair(self._written))
+        # Where words were guessed, no clause is mere context.
+        strict = has_partial_repair(self._written) or bool(self.way.corrections)
+        return account_for(self._tagged, self._build, strict)
 
     def reading(self, query: Query, score: float, problem: ParseProblem | None = None) -> Reading:
         """Return the reading with a query of this analysis."""

@@ -79,7 +79,7 @@ def account_for(
     Args:
         tokens: tagged tokens.
         build: tokens -> meaning, comparable with ==.
-        repaired: whether the text corrects itself: then no dropped word is mere context.
+        repaired: whether the text corrects itself, or was corrected: then no dropped word is mere context.
     """
     whole = build(tokens)
     content = [i for i, token in enumerate(tokens) if _is_content(token)]
@@ -147,7 +147,7 @@ def _is_doubtful(tokens: Sequence[Token], i: int) -> bool:
         governs = governs or (following is WordCategory.TO and before in _CLAUSE_ENDS)
         return governs and not tokens[i].text.endswith(("ly", "ing", "ed"))
     if category is WordCategory.DIRECTION:
-        joined = before in (*_CLAUSE_ENDS, WordCategory.BE, WordCategory.OR, WordCategory.CORRECT)
+        joined = before in (*_CLAUSE_ENDS, WordCategory.BE, WordCategory.QUESTION, WordCategory.OR)
         return joined and following in _CLAUSE_ENDS
     if category in MODIFIERS:
         joint = WordCategory.COLOUR in (before, following)  # "the black and yellow taxi"
