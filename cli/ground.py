@@ -98,7 +98,7 @@ def ground(
     Exit 0: found; 2: not a command; 3: ambiguous, not found, or no free goal. Of several commands, the highest code;
     of a conversation, the last one.
 
-    Example: appocc ground "stop behind the nearest white car" DATA --scene 002 --frame 10 --picture g.png
+    Example: appocc ground "stop behind the nearest parked white car" DATA --scene 002 --frame 10 --picture g.png
     """
     from appocc.ego_vehicle import EgoVehicle
     from appocc.files import write_image
