@@ -25,8 +25,9 @@ from rich.table import Table
 from appocc.bevmap import CLASSES, load_map
 from appocc.camera import CameraRig
 from appocc.export.clips import FRAMES, Clip, frame_clips, run_clip
-from appocc.export.graph import IMAGES, OCCUPANCY, input_shapes
+from appocc.export.graph import IMAGES, input_shapes
 from appocc.export.parity import torch_runner
+from appocc.export.quantize import occupied
 from appocc.export.run import export_int8, source_from_inputs
 from appocc.export.runtimes import Runner, open_openvino
 from appocc.inference.inputs import dataset_inputs
@@ -89,7 +90,6 @@ def main() -> None:
     options = parser.parse_args()
     torch.set_num_threads(1)
     model, card = load_model(weights_file(options.weights))
-    thresholds = np.array(read_thresholds(card))[:, None, None]
     calibration = Dataset(options.calibration)
     source = source_from_inputs(dataset_inputs(calibration, calibration.scenes), "calibration")
     fit = source.rig.with_cameras(fit_camera(camera, model.spec) for camera in used_cameras(model, source.rig))
@@ -100,7 +100,7 @@ def main() -> None:
         for clip, truths in clips_with_truth(options.root, model, options.scenes):
             for name, run in runners.items():
                 for outputs, on in zip(run_clip(run, clip), truths, strict=True):
-                    mine = outputs[OCCUPANCY][0] >= thresholds
+                    mine = occupied(outputs, read_thresholds(card))
                     counts[name] += (mine & on).sum((1, 2)), (mine | on).sum((1, 2))
         times = time_table(model, fit, runners, clip)
     table = Table("network", *(f"IoU {name}" for name in CLASSES), "ms", "times faster")

@@ -156,7 +156,7 @@ def measure_parity(
                     largest[output] = max(largest[output], value)
                 between = max(between, *_differences(earlier.setdefault(name, found), found).values())
             if threads == 1:
-                with _one_thread():
+                with one_thread():
                     start = time.perf_counter()
                     network(first[0])
                     seconds["eager"].append(time.perf_counter() - start)
@@ -197,7 +197,8 @@ def _difference(want: NDArray[Any], got: NDArray[Any] | None) -> float:
 
 
 @contextmanager
-def _one_thread() -> Iterator[None]:
+def one_thread() -> Iterator[None]:
+    """Limit torch to one thread."""
     before = torch.get_num_threads()
     torch.set_num_threads(1)
     try:

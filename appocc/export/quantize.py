@@ -19,9 +19,11 @@ from typing import Any
 import numpy as np
 
 from appocc.bevmap import CLASSES
+from appocc.checks import BoolArray
 from appocc.export.clips import Clip, run_clip
 from appocc.export.extras import import_package
 from appocc.export.graph import MEMORY, NEXT_MEMORY, OCCUPANCY
+from appocc.export.parity import one_thread
 from appocc.export.runtimes import Inputs, Outputs, Runner
 
 # Smallest IoU of the quantized with the float32 predictions, mean over classes.
@@ -109,7 +111,7 @@ def measure_agreement(
 
     Args:
         network: runner of the network.
-        exported: runner of the file, which gets its own memory back.
+        exported: runner of the file with one thread, which gets its own memory back.
         clips: clips of frames.
         thresholds: thresholds of the classes.
         calibrated: number of frames that the quantization was calibrated on.
@@ -119,11 +121,12 @@ def measure_agreement(
     for clip in clips:
         answers = {}
         for name, run in (("eager", network), ("exported", exported)):
-            start = time.perf_counter()
-            answers[name] = run_clip(run, clip)
-            seconds[name].append((time.perf_counter() - start) / len(clip))
+            with one_thread():
+                start = time.perf_counter()
+                answers[name] = run_clip(run, clip)
+                seconds[name].append((time.perf_counter() - start) / len(clip))
         for wanted, found in zip(*answers.values(), strict=True):
-            want, got = _occupied(wanted, thresholds), _occupied(found, thresholds)
+            want, got = occupied(wanted, thresholds), occupied(found, thresholds)
             counts += (want & got).sum((1, 2)), (want | got).sum((1, 2))
             frames += 1
     both, either = counts
@@ -137,5 +140,6 @@ def measure_agreement(
     )
 
 
-def _occupied(outputs: Outputs, thresholds: Sequence[float]) -> Any:
-    return outputs[OCCUPANCY][0] >= np.asarray(thresholds)[:, None, None]
+def occupied(outputs: Outputs, thresholds: Sequence[float]) -> BoolArray:
+    """Return the cells (3, X, Y) of the first sample at or above the thresholds of the classes."""
+    return np.asarray(outputs[OCCUPANCY][0] >= np.asarray(thresholds)[:, None, None])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -102,6 +102,11 @@ class _Job:
         """Return clips of frames."""
         return frame_clips(frames, self.cameras, self.model.spec, self.shapes)
 
+    def read_clips(self, windows: Sequence[Sequence[InferenceInput]]) -> Iterator[Clip]:
+        """Read the clips of runs of consecutive key frames, one run at a time."""
+        for window in windows:
+            yield from self.clips([each.read().frame for each in window]).values()
+
 
 def source_from_inputs(inputs: Sequence[InferenceInput], name: str) -> ExportSource:
     """Return the rig of the first of the key frames."""
@@ -176,19 +181,17 @@ def export_int8(
     if len(windows) < 2:
         raise DataError(f"{source.name}: expected two or more key frames to calibrate INT8, got {len(source.inputs)}")
     job = _prepare(weights, source, out)
-    clips = [list(job.clips([each.read().frame for each in window]).values()) for window in windows]
-    calibration, checked = ([clip for some in clips[first::2] for clip in some] for first in (0, 1))
     network = torch_runner(job.model, job.fit)
     with ExitStack() as kept:
         places = [kept.enter_context(whole_file(file)) for file in _files(out)]
         found = to_openvino(to_onnx(ExportGraph(job.model, job.fit), card_text(job.card)))
         advance(1)
-        inputs = calibration_inputs(network, calibration)
+        inputs = calibration_inputs(network, job.read_clips(windows[::2]))
         advance(1)
         open_file = _written_openvino(quantize(found, inputs), card_text(job.card), places)
         advance(1)
         thresholds = list(job.card["thresholds"].values())
-        agreement = measure_agreement(network, open_file(1), checked, thresholds, len(inputs))
+        agreement = measure_agreement(network, open_file(1), job.read_clips(windows[1::2]), thresholds, len(inputs))
         advance(2)
         if not agreement.holds:
             raise ParityError(f"{out}: not written: {'; '.join(agreement.lines())}")
