@@ -11,7 +11,6 @@ from appocc.errors import ShapeError
 from appocc.geometry import apply, inverse
 from appocc.levelling import ego_from_level
 
-
 BELOW_M = np.array([0.0, 0.0, -0.4])
 
 
