@@ -12,8 +12,10 @@ from scipy.optimize import least_squares
 from appocc.checks import FloatArray, check_shape
 from appocc.geometry import transform
 
+# What stands within this distance stands on the ground that an ego frame is level with.
+GROUND_RANGE_M = 30.0
 # Ground points needed, and how far they must spread along each axis (standard deviation, metres).
-_LEAST_POINTS, _LEAST_SPREAD_M = 20, 3.0
+_LEAST_POINTS, _LEAST_SPREAD_M = 10, 3.0
 # Residuals beyond this count less (Cauchy loss), metres; a steeper plane is no ground, radians.
 _RESIDUAL_M, _MOST_TILT_RAD = 0.1, 0.1
 

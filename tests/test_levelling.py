@@ -58,7 +58,7 @@ def test_points_beside_the_ground_do_not_count() -> None:
     "points_m",
     [
         np.zeros((0, 3)),
-        tilted(ground(count=19), 2, 0),
+        tilted(ground(count=9), 2, 0),
         tilted(ground(), 2, 0) * [1, 0.05, 1],  # a single row of cars says nothing about the roll
         tilted(ground(), 8, 0),  # no road
     ],

@@ -12,7 +12,7 @@ from appocc.boxes import Boxes, is_vehicle
 from appocc.checks import ByteArray, FloatArray
 from appocc.files import read_image, write_bytes, write_image
 from appocc.geometry import apply, interpolate_pose, inverse, mean_pose, quaternion_from_yaw, transform
-from appocc.levelling import ego_from_level
+from appocc.levelling import GROUND_RANGE_M, ego_from_level
 from appocc.nuscenes.dataset import LIDAR
 from appocc.nuscenes.lidar import write_lidar
 from appocc.nuscenes.writer import CATEGORIES, Annotation, Writer, token_of
@@ -23,8 +23,6 @@ VERSION = "v1.0-pandaset"
 # PandaSet's ego origin is 0.40 m above the road (median of its road points), nuScenes' ego origin is on the road.
 # x and y are not changed: the distance of PandaSet's origin from the rear axle is unknown.
 EGO_HEIGHT_M = 0.40
-# Vehicles within this distance stand on the ground that the ego frame is levelled to.
-GROUND_RANGE_M = 30.0
 UNKNOWN_GREY = 127
 # nuScenes' LiDAR frame has x to the right and y forward.
 _OLD_EGO_FROM_LIDAR = transform(np.array([[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]]), [0.0, 0.0, 0.0])
