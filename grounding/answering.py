@@ -83,7 +83,7 @@ def answer_reading(reading: Reading, scene: SceneModel, limit: int = MAX_CANDIDA
 
     A reading in doubt is a question, whose only alternative is the answer all the same.
     """
-    requests = requests_of(replace(reading, doubt=""))
+    requests = requests_of(reading)
     primary = next((i for i, one in enumerate(requests) if one.query == reading.query), len(requests) - 1)
     answer = answer_steps(requests, scene, primary=primary, limit=limit)
     answer = replace(answer, reading=replace(answer.reading, steps=reading.steps))

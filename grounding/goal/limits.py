@@ -8,6 +8,7 @@ import numpy as np
 
 from appocc.checks import FloatArray, IntArray
 from appocc.geometry import wrap_angle
+from appocc.motion_state import DRIVING_MPS
 from grounding.query import Query
 from grounding.road.car_paths import MOST_BACK_M
 from grounding.road.free_space import gap_m
@@ -21,9 +22,9 @@ WAITING_ACTIONS, PARKING_ACTIONS = ("park", "pull_over", "wait"), ("park", "pull
 _BEHIND_M = 8.0
 # A goal nearer than this that heads farther away than this angle turns us on the spot.
 _NEAR_M, _TURNED_RAD = 13.0, np.radians(95)
-# A faster vehicle drives. Costs of standing this near to one, of stopping in a junction, and of heading against the
-# traffic beside a vehicle on the other side.
-DRIVES_MPS, _TRAFFIC_M, _NEAR_TRAFFIC, _IN_JUNCTION, AGAINST_TRAFFIC = 2.0, 2.0, 1.0, 2.0, 2.5
+# Costs of standing this near to a vehicle that drives, of stopping in a junction, and of heading against the traffic
+# beside a vehicle on the other side.
+_TRAFFIC_M, _NEAR_TRAFFIC, _IN_JUNCTION, AGAINST_TRAFFIC = 2.0, 1.0, 2.0, 2.5
 # Metres backwards beyond those that the command asks for.
 _BACK_MORE_M = 5.0
 # A parked vehicle keeps this clear of a junction.
@@ -88,7 +89,7 @@ def standing_cost(query: Query, road: RoadMap, cells: IntArray, heading_rad: Flo
         return 0.0
     cost = np.where(road.junctions[tuple(cells.T)], _IN_JUNCTION, 0.0)
     for item in road.free_space.objects:
-        if (item.speed_mps or 0.0) > DRIVES_MPS:
+        if (item.speed_mps or 0.0) > DRIVING_MPS:
             gap = gap_m(item, road.ego, road.grid.centre_of(cells), heading_rad)
             cost = np.maximum(cost, _NEAR_TRAFFIC * (gap < _TRAFFIC_M))
     return cost

@@ -11,12 +11,11 @@ import numpy as np
 from appocc.checks import BoolArray, FloatArray
 from appocc.ego_vehicle import EgoVehicle
 from appocc.geometry import footprints, wrap_angle
-from appocc.motion_state import MOVING_MPS
+from appocc.motion_state import DRIVING_MPS, MOVING_MPS
 from grounding.goal.candidates import CandidateSet, GoalCandidate
 from grounding.goal.limits import (
     AGAINST_TRAFFIC,
     BEHIND_US,
-    DRIVES_MPS,
     OTHER_SIDE,
     TURNED,
     PlaceLimits,
@@ -146,7 +145,7 @@ def plan_goal(
         return GoalPlan(None, tuple(reasons))
     if item is not None and limits.our_side and _is_on_other_side(item, road):
         # Who names a vehicle there asks for a place there: with the traffic if we can turn, else against it.
-        if (item.speed_mps or 0.0) < DRIVES_MPS:
+        if (item.speed_mps or 0.0) < DRIVING_MPS:
             proposed = [turned for each in proposed for turned in _with_traffic(each, road)]
         limits = replace(limits, our_side=False)
     candidate_sets = [_with_costs(each, query, road) for each in proposed]
@@ -167,7 +166,7 @@ def plan_goal(
 def _drives_away(query: Query, item: SceneObject) -> bool:
     """Return whether a place to stand is asked for beside a vehicle that drives on."""
     stands = query.action in ("park", "pull_over", "stop") and query.relation != "same_as"
-    return stands and query.trigger is None and (item.speed_mps or 0.0) > DRIVES_MPS
+    return stands and query.trigger is None and (item.speed_mps or 0.0) > DRIVING_MPS
 
 
 def _with_traffic(candidates: CandidateSet, road: RoadMap) -> list[CandidateSet]:

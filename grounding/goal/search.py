@@ -12,7 +12,7 @@ from appocc.geometry import wrap_angle
 from grounding.goal.candidates import CandidateSet, GoalCandidate
 from grounding.goal.limits import BEHIND_US, JUNCTION, NO_LIMITS, OTHER_SIDE, TURNED, PlaceLimits
 from grounding.referent.scene import SceneModel
-from grounding.road.car_paths import MOST_BACK_M, CarPaths, CarRoute
+from grounding.road.car_paths import CarPaths, CarRoute
 from grounding.road.free_space import MARGIN_M, OFF_MAP, OFF_ROAD, TAKEN, UNKNOWN, round_heading
 from grounding.road.road_map import RoadMap
 from grounding.scene_object import SceneObject
@@ -71,11 +71,7 @@ class CandidateSearch:
 
     @cached_property
     def _cars(self) -> CarPaths:
-        return (
-            self.road.cars
-            if self._limits.most_back_m == MOST_BACK_M
-            else self.road.cars_with(self._limits.most_back_m)
-        )
+        return self.road.cars_with(self._limits.most_back_m)
 
     @cached_property
     def _set_index(self) -> IntArray:

@@ -29,7 +29,7 @@ from grounding.scene_object import SceneObject
 
 # Paths start at the free cell nearest to the ego's centre, which may itself be on a misplaced kerb.
 _MAX_START_M = 6.0
-# The ego stands where it stands: so much around it counts as free.
+# Cells this near to the footprint of the ego count as free.
 _START_MARGIN_M = 0.3
 # Holes of up to this many cells in the road of a predicted map are filled.
 _HOLE_CELLS = 6
@@ -145,13 +145,13 @@ class RoadMap:
         )
 
     @cached_property
-    def cars(self) -> CarPaths:
-        """The poses that the ego reaches as a car drives, at most 10 m of the way backwards."""
-        return self.cars_with(MOST_BACK_M)
+    def _cars(self) -> dict[float, CarPaths]:
+        return {}
 
-    def cars_with(self, most_back_m: float) -> CarPaths:
-        """Return the poses that the ego reaches with at most some metres backwards."""
-        return CarPaths(self.grid, self.ego, self.start, self.clearance_m, self.extra_cost, most_back_m)
+    def cars_with(self, most_back_m: float = MOST_BACK_M) -> CarPaths:
+        """Return the poses that the ego reaches as a car drives, with at most some metres backwards."""
+        paths = CarPaths(self.grid, self.ego, self.start, self.clearance_m, self.extra_cost, most_back_m)
+        return self._cars.setdefault(most_back_m, paths)
 
     @cached_property
     def junctions(self) -> BoolArray:
