@@ -142,6 +142,9 @@ def plan_goal(
     if item is not None and item.speed_mps is not None and item.speed_mps > MOVING_MPS:
         reasons = [*reasons, f"it moves at {item.speed_mps:.0f} m/s: the place is measured from where it is now"]
     if proposed is None:
+        if item is None and query.landmark == "secondary":
+            plain = replace(query, landmark=None, relation="none", secondary=())
+            return GoalPlan(None, tuple(reasons), nearest=plan_goal(plain, scene, road, start=start).target)
         return GoalPlan(None, tuple(reasons))
     if item is not None and limits.our_side and _is_on_other_side(item, road):
         # Who names a vehicle there asks for a place there: with the traffic if we can turn, else against it.

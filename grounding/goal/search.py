@@ -24,7 +24,7 @@ _CHUNK = 96
 _WORDS = {
     EXCLUDED: "is ruled out by the command",
     OTHER_SIDE: "is on the side of oncoming traffic",
-    JUNCTION: "is in a junction",
+    JUNCTION: "is in a junction or on a crossing",
     BEHIND_US: "is behind us",
     TURNED: "needs us to turn round here",
     UNREACHABLE: "cannot be reached as a car drives, with its turning circle and little reversing",

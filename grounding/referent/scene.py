@@ -20,6 +20,7 @@ from appocc.motion_state import MOVING_MPS
 from appocc.objects import BEVObjects
 from appocc.srgb import encode_srgb, linear_from_srgb
 from grounding.referent.object_table import ObjectTable
+from grounding.road.landmarks import NO_LANDMARKS, Landmarks
 from grounding.road.lane_model import LANE_M, LaneModel
 from grounding.road.pose import Pose2D
 from grounding.road.road_map import RoadMap
@@ -51,6 +52,7 @@ class SceneModel:
         others: people and bicycles, which the cells of maps do not show.
         ego: size of the ego vehicle.
         left_hand_traffic: whether traffic drives on the left; None: as oncoming vehicles do, else on the right.
+        landmarks: crossings, stop lines and the like of a vector map.
     """
 
     bev: BEVMap | None
@@ -59,6 +61,7 @@ class SceneModel:
     others: tuple[SceneObject, ...] = ()
     ego: EgoVehicle = EgoVehicle()
     left_hand_traffic: bool | None = None
+    landmarks: Landmarks = NO_LANDMARKS
 
     def __post_init__(self) -> None:
         """Check the pose and keep a read-only copy of it.
@@ -91,7 +94,7 @@ class SceneModel:
         """
         if self.bev is None:
             raise AppoccError("scene: expected a map, there are objects only")
-        return RoadMap.from_map(self.bev, self.objects, self.ego, start, self.left_hand_traffic)
+        return RoadMap.from_map(self.bev, self.objects, self.ego, start, self.left_hand_traffic, self.landmarks)
 
     @cached_property
     def unseen_sides(self) -> tuple[str, ...]:

@@ -20,6 +20,7 @@ from grounding.road.car_paths import MOST_BACK_M, CarPaths
 from grounding.road.edges import cells_to_edge, cells_to_marking
 from grounding.road.free_space import OFF_ROAD, TAKEN, UNKNOWN, FreeSpace
 from grounding.road.junctions import find_junctions
+from grounding.road.landmarks import NO_LANDMARKS, Landmarks
 from grounding.road.lane_model import Centreline
 from grounding.road.orientation import MIN_VEHICLE_LENGTH_M, estimate_axes
 from grounding.road.pose import Pose2D
@@ -72,6 +73,7 @@ class RoadMap:
         along_m: along-track distance of all cells, by the ego lane.
         lateral_m: lateral offset of all cells from the ego lane; left is positive.
         traffic_side: 1 for right-hand traffic, -1 for left-hand traffic.
+        landmarks: crossings, stop lines and the like, as far as a vector map is known.
     """
 
     grid: BEVGrid
@@ -89,6 +91,7 @@ class RoadMap:
     along_m: FloatArray
     lateral_m: FloatArray
     traffic_side: int
+    landmarks: Landmarks = NO_LANDMARKS
 
     @classmethod
     def from_map(
@@ -98,6 +101,7 @@ class RoadMap:
         ego: EgoVehicle,
         start: Pose2D | None = None,
         left_hand_traffic: bool | None = None,
+        landmarks: Landmarks = NO_LANDMARKS,
     ) -> RoadMap:
         """Return the road map of a map and the vehicles on it.
 
@@ -107,6 +111,7 @@ class RoadMap:
             ego: size of the ego vehicle.
             start: pose of the ego; None: where it is now.
             left_hand_traffic: whether traffic drives on the left; None: as oncoming vehicles do, else on the right.
+            landmarks: of a vector map, ego frame.
         """
         start = start or Pose2D(ego.centre_m, 0.0)
         grid, free_space = bev.grid, FreeSpace.from_map(bev, objects, ego)
@@ -142,6 +147,7 @@ class RoadMap:
             along_m=along_m,
             lateral_m=lateral_m,
             traffic_side=side,
+            landmarks=landmarks,
         )
 
     @cached_property
@@ -155,8 +161,15 @@ class RoadMap:
 
     @cached_property
     def junctions(self) -> BoolArray:
-        """(X, Y) cells in junctions."""
+        """(X, Y) cells in junctions: those of the vector map, else those that the road shows."""
+        if self.landmarks.knows("junction"):
+            return self.landmarks.cells(self.grid, "junction")
         return find_junctions(self.grid, self.drivable, self.tracer.edge_m)
+
+    @cached_property
+    def crossings(self) -> BoolArray:
+        """(X, Y) cells in pedestrian crossings of the vector map."""
+        return self.landmarks.cells(self.grid, "crossing")
 
     @cached_property
     def junction_distance_m(self) -> FloatArray:
