@@ -22,6 +22,7 @@ from grounding.query import Referent
 from grounding.referent.resolver import MAX_CANDIDATES
 from grounding.referent.scene import SceneModel, scene_from_boxes, scene_from_map, scene_from_tracks
 from grounding.road.landmarks import Landmarks
+from grounding.road.style import DEFAULT_STYLE, DrivingStyle
 from grounding.road.visibility import unseen_reason
 from tracking.tracks import Track
 
@@ -38,11 +39,13 @@ class GrounderConfig:
         trust_unseen: whether to use a network's guesses for cells that no camera sees.
         max_candidates: most candidates in an answer.
         left_hand_traffic: whether traffic drives on the left; None: as oncoming vehicles do, else on the right.
+        style: gaps to other vehicles.
     """
 
     trust_unseen: bool = False
     max_candidates: int = MAX_CANDIDATES
     left_hand_traffic: bool | None = None
+    style: DrivingStyle = DEFAULT_STYLE
 
 
 class Grounder:
@@ -124,7 +127,7 @@ class Grounder:
             scene = scene_from_tracks(bev, vehicles, pose, ego=self._ego)
         if self._street_map is not None:
             scene = replace(scene, landmarks=Landmarks.from_map(self._street_map, pose))
-        self._scene = replace(scene, left_hand_traffic=self.config.left_hand_traffic)
+        self._scene = replace(scene, left_hand_traffic=self.config.left_hand_traffic, style=self.config.style)
         return self._scene
 
     def ground(self, text: str) -> Answer:

@@ -26,6 +26,7 @@ from grounding.goal.search import CandidateSearch
 from grounding.query import Query
 from grounding.referent.scene import SceneModel
 from grounding.road.car_paths import CarRoute
+from grounding.road.lane_model import LANE_M
 from grounding.road.pose import Pose2D
 from grounding.road.road_map import RoadMap
 from grounding.scene_object import SceneObject
@@ -36,6 +37,8 @@ _MOVED_M = 0.6
 # A goal within this lateral offset of the ego lane is reported as behind the ego, if it is.
 _IN_LANE_M = 1.5
 _RUNNERS_UP = 3
+# Least cosine between the heading of a vehicle and our direction of travel if it goes our way.
+_SAME_WAY = 0.7
 # A way that turns by more is a turn in the road; reversing less than this is not worth a word.
 _TURN_ROUND_RAD, _LITTLE_M = np.radians(150), 0.5
 # Where only one limit stands against the best place, that is asked.
@@ -136,6 +139,11 @@ def plan_goal(
         road = scene.road_from(start)
     limits = PlaceLimits.of(query, road.traffic_side)
     if item is not None and _drives_away(query, item):
+        if query.action == "stop" and query.relation in ("none", "behind") and _drives_before_us(item, road):
+            following = replace(query, action="follow", relation="none")
+            plan = plan_goal(following, scene, road, item, forbidden=forbidden)
+            reason = f"it drives at {item.speed_mps:.0f} m/s: we follow it until it stands"
+            return replace(plan, reasons=(reason, *plan.reasons))
         reason = f"it drives at {item.speed_mps:.0f} m/s, so that no place beside it stays"
         return GoalPlan(None, (reason,), question=_FOLLOW, instead="follow")
     proposed, reasons = propose_candidates(query, road, item, partner)
@@ -170,6 +178,13 @@ def _drives_away(query: Query, item: SceneObject) -> bool:
     """Return whether a place to stand is asked for beside a vehicle that drives on."""
     stands = query.action in ("park", "pull_over", "stop") and query.relation != "same_as"
     return stands and query.trigger is None and (item.speed_mps or 0.0) > DRIVING_MPS
+
+
+def _drives_before_us(item: SceneObject, road: RoadMap) -> bool:
+    """Return whether a vehicle drives ahead of us in our direction, in our lane or the next."""
+    along, lateral = (float(each) for each in road.ego_lane.project(item.centre_m))
+    ours = np.cos(item.yaw_rad - road.direction_at(item.centre_m)) > _SAME_WAY
+    return bool(item.front_known and ours and along > 0 and abs(lateral) < 1.5 * LANE_M)
 
 
 def _with_traffic(candidates: CandidateSet, road: RoadMap) -> list[CandidateSet]:

@@ -25,6 +25,7 @@ from grounding.road.lane_model import Centreline
 from grounding.road.orientation import MIN_VEHICLE_LENGTH_M, estimate_axes
 from grounding.road.pose import Pose2D
 from grounding.road.routing import ShortestPaths, find_shortest_paths
+from grounding.road.style import DEFAULT_STYLE, DrivingStyle
 from grounding.road.tracing import CentrelineTracer
 from grounding.scene_object import SceneObject
 
@@ -74,6 +75,7 @@ class RoadMap:
         lateral_m: lateral offset of all cells from the ego lane; left is positive.
         traffic_side: 1 for right-hand traffic, -1 for left-hand traffic.
         landmarks: crossings, stop lines and the like, as far as a vector map is known.
+        style: gaps that the ego keeps.
     """
 
     grid: BEVGrid
@@ -92,6 +94,7 @@ class RoadMap:
     lateral_m: FloatArray
     traffic_side: int
     landmarks: Landmarks = NO_LANDMARKS
+    style: DrivingStyle = DEFAULT_STYLE
 
     @classmethod
     def from_map(
@@ -102,6 +105,7 @@ class RoadMap:
         start: Pose2D | None = None,
         left_hand_traffic: bool | None = None,
         landmarks: Landmarks = NO_LANDMARKS,
+        style: DrivingStyle = DEFAULT_STYLE,
     ) -> RoadMap:
         """Return the road map of a map and the vehicles on it.
 
@@ -112,9 +116,10 @@ class RoadMap:
             start: pose of the ego; None: where it is now.
             left_hand_traffic: whether traffic drives on the left; None: as oncoming vehicles do, else on the right.
             landmarks: of a vector map, ego frame.
+            style: gaps that the ego keeps.
         """
         start = start or Pose2D(ego.centre_m, 0.0)
-        grid, free_space = bev.grid, FreeSpace.from_map(bev, objects, ego)
+        grid, free_space = bev.grid, FreeSpace.from_map(bev, objects, ego, style.clearance_m)
         flags = free_space.cell_flags
         drivable = (flags & (OFF_ROAD | UNKNOWN)) == 0
         if not ((bev.occupancy == 0) | (bev.occupancy == 1)).all():
@@ -148,6 +153,7 @@ class RoadMap:
             lateral_m=lateral_m,
             traffic_side=side,
             landmarks=landmarks,
+            style=style,
         )
 
     @cached_property
