@@ -181,7 +181,7 @@ def propose_near(relation: str, query: Query, item: SceneObject, road: RoadMap) 
         best = 0.0 if relation == "at" else named or preferred_m
         cost = ((gap - best) / ALONG_M) ** 2 + off**2 + extra + edge_cost
         if relation == "toward":
-            cost = cost + np.maximum(np.minimum(along, _beyond_m(reference)), 0.0) ** 2
+            cost = cost + np.maximum(_beyond_m(reference), 0.0) ** 2
         found.append(
             reference.candidates_in(
                 region & close, words=words, cost=cost, heading_rad=heading, gap_m=gap, gap_kind="away from it"
