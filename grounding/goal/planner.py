@@ -17,6 +17,7 @@ from grounding.goal.limits import (
     AGAINST_TRAFFIC,
     BEHIND_US,
     OTHER_SIDE,
+    PARKING_ACTIONS,
     TURNED,
     PlaceLimits,
     standing_cost,
@@ -37,6 +38,8 @@ _MOVED_M = 0.6
 # A goal within this lateral offset of the ego lane is reported as behind the ego, if it is.
 _IN_LANE_M = 1.5
 _RUNNERS_UP = 3
+# A parked ego farther than this from the edge of the road stands in the way of others.
+_AT_EDGE_M = 1.6
 # Least cosine between the heading of a vehicle and our direction of travel if it goes our way.
 _SAME_WAY = 0.7
 # A way that turns by more is a turn in the road; reversing less than this is not worth a word.
@@ -166,7 +169,7 @@ def plan_goal(
     if not best or way is None:
         return _plan_without_target(search, item, reasons)
     target, *others = (to_target(candidate, scene, road) for candidate in best)
-    reasons = [*reasons, *_explain_target(search, best[0], way)]
+    reasons = [*reasons, *_explain_target(search, best[0], way), *_explain_second_row(query, best[0], road)]
     if target.score < _MIN_SCORE_OK:
         fits = f"its score is {target.score:.2f}, {_MIN_SCORE_OK} is needed"
         reasons.append(f"the best free place fits the command badly: {fits}")
@@ -255,6 +258,15 @@ def _explain_target(search: CandidateSearch, chosen: GoalCandidate, way: CarRout
     if along < -_MOVED_M and abs(lateral) < _IN_LANE_M:
         reasons.append(f"that is {-along:.1f} m behind where we are now")
     return [*reasons, _explain_way(way)]
+
+
+def _explain_second_row(query: Query, chosen: GoalCandidate, road: RoadMap) -> list[str]:
+    """Return what is to be said of a place to park that is not at the edge of the road."""
+    if query.action not in PARKING_ACTIONS or road.landmarks.cells(road.grid, "car park")[chosen.cell]:
+        return []
+    sides = chosen.heading_rad + np.array([np.pi / 2, -np.pi / 2])
+    away_m = road.edge_distance_m(np.array([chosen.cell, chosen.cell]), sides) - road.ego.width_m / 2
+    return ["it is not at the edge of the road: others have to drive around us"] if away_m.min() > _AT_EDGE_M else []
 
 
 def _explain_way(way: CarRoute) -> str:

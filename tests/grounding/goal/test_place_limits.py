@@ -122,3 +122,11 @@ def test_a_plan_from_another_pose() -> None:
     assert turned.route is not None
     assert turned.route[0] == pytest.approx([10, 3], abs=0.01)
     assert object_named(scene, "car").id == "car"
+
+
+def test_a_place_in_the_second_row_is_told() -> None:
+    parked = Street().car("car", 20, -6.8, RED)
+    told = "others have to drive around us"
+    assert has_reason(plan_in(parked, make_query("park", "left_of")), told)
+    assert not has_reason(plan_in(parked, make_query("park", "behind")), told)
+    assert not has_reason(plan_in(parked, make_query("stop", "left_of")), told)
