@@ -41,7 +41,6 @@ from rich.table import Table
 from appocc.bevmap import load_map
 from appocc.errors import AppoccError
 from appocc.files import write_image
-from appocc.nuscenes.maps import vector_map
 from benchmarks.grounding_truth.faults import FAULTS, Auditor, Place
 from benchmarks.grounding_truth.key_frames import Town, TrueFrame
 from benchmarks.grounding_truth.questions import Question, drawn, labelled
@@ -106,7 +105,7 @@ def audit(
         name = str(town.dataset.location(scenes[token]))
         auditor = Auditor(moment, streets.setdefault(name, Streets(name)) if name not in streets else streets[name])
         grounder = Grounder()
-        grounder.set_street_map(vector_map(town.dataset, scenes[token]))
+        grounder.set_street_map(town.street_map(token))
         bev = load_map(town.dataset.root, source, token)
         grounder.set_scene(bev, moment.boxes if bev.is_truth else None, moment.world_from_ego)
         for question in (one for one in questions if one.token == token):
