@@ -89,7 +89,7 @@ def _propose_along(query: Query, span: Span, past: bool, kind: str, road: RoadMa
 
 def _propose_in_car_park(query: Query, road: RoadMap) -> tuple[list[CandidateSet] | None, list[str]]:
     """Return candidates in the car parks of the map: beside vehicles that stand there, else anywhere in them."""
-    inside = road.landmarks.cells(road.grid, "car park") & road.drivable
+    inside = road.car_parks & road.drivable
     if not inside.any():
         return None, ["no car park is known here"]
     found = []

@@ -178,6 +178,11 @@ class RoadMap:
         return self.landmarks.cells(self.grid, "crossing")
 
     @cached_property
+    def car_parks(self) -> BoolArray:
+        """(X, Y) cells in car parks of the vector map."""
+        return self.landmarks.cells(self.grid, "car park")
+
+    @cached_property
     def junction_distance_m(self) -> FloatArray:
         """(X, Y) distance to the nearest cell in a junction; zero there."""
         return _distance_m(self.grid, ~self.junctions)
