@@ -12,6 +12,7 @@ from appocc.errors import AppoccError
 from grounding.answer import Answer
 from grounding.confidence import confidence_of, gather_evidence, is_worth_acting
 from grounding.describe import describe_object
+from grounding.goal.at_landmark import landmark_of
 from grounding.goal.planner import GoalPlan, plan_goal
 from grounding.goal.shift import HeldPose, Shift, hold_goal, shift_goal
 from grounding.language import Reading
@@ -83,7 +84,7 @@ def answer_reading(reading: Reading, scene: SceneModel, limit: int = MAX_CANDIDA
 
     A reading in doubt is a question, whose only alternative is the answer all the same.
     """
-    requests = requests_of(replace(reading, doubt=""))
+    requests = requests_of(reading)
     primary = next((i for i, one in enumerate(requests) if one.query == reading.query), len(requests) - 1)
     answer = answer_steps(requests, scene, primary=primary, limit=limit)
     answer = replace(answer, reading=replace(answer.reading, steps=reading.steps))
@@ -320,7 +321,7 @@ def _plan(
     if goal_plan is not None:
         return goal_plan
     goal_plan = plan_goal(query, scene, road, item, partner, exclusions, start)
-    if item is None and query.landmark == "secondary":
+    if item is None and query.landmark == "secondary" and landmark_of(query) is None:
         # The map does not hold the landmark: report the goal as the nearest free place and not as the answer.
         landmark = query.secondary[0].noun.replace("_", " ")
         reason = f"'{query.relation.replace('_', ' ')}' is measured from a {landmark}, which the map does not hold"

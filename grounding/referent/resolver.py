@@ -22,7 +22,7 @@ from grounding.scene_object import SceneObject
 
 MAX_CANDIDATES = 6
 # Candidates whose log scores differ by less than this are a tie.
-_TIE_MARGIN = np.log(2.0)
+_TIE_MARGIN = np.log(1.5)
 # Least probability of the object that an ordinal counts to.
 _LEAST_ORDINAL_PROBABILITY = 0.05
 # Below the first no object fits a word; below the second the best object fits it doubtfully.
