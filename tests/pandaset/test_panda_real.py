@@ -83,6 +83,7 @@ def test_real_vehicles_stand_on_level_ground(panda_root: Path) -> None:
     bottoms = []
     for sample in dataset.samples(dataset.scenes[0])[::4]:
         boxes = dataset.frame(sample, images=False).boxes_ego
+        assert boxes is not None
         keep = [is_vehicle(name) for name in boxes.category] & (np.hypot(*boxes.centre_m[:, :2].T) < 30)
         bottoms.append(boxes.centre_m[keep] - np.outer(boxes.size_wlh_m[keep, 2] / 2, [0, 0, 1]))
     x, y, z = np.concatenate(bottoms).T
