@@ -29,7 +29,8 @@ from appocc.errors import AppoccError, DataError
 from benchmarks.kitti import PlainFilter
 from tracking.detections import Detections, probability_from_log_odds
 from tracking.evaluation.amota import ScoredFrame, evaluate_amota, filter_by_score, prepare_frames
-from tracking.evaluation.clear_id_hota import EvaluationFrame, evaluate
+from tracking.evaluation.clear_id_hota import evaluate
+from tracking.evaluation.frames import EvaluationFrame
 from tracking.io.nuscenes_detections import RANGE_M, SceneDetections, read_scene_file
 from tracking.pipeline import OnlineTracker
 from tracking.tracker import Tracker

@@ -3,34 +3,29 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import NamedTuple
 
 import numpy as np
 
 from appocc.checks import BoolArray, FloatArray, IntArray
-from appocc.geometry import apply, wrap_angle
-from tracking.association.costs import DetectionFeatures, TrackFeatures
-from tracking.association.paint import paint_density
+from appocc.geometry import wrap_angle
+from tracking.association.costs import TrackFeatures
 from tracking.class_models import ClassTable
-from tracking.detections import Detections, probability_from_log_odds
+from tracking.detections import probability_from_log_odds
 from tracking.filtering.kalman import KalmanFilters, MotionConfig, oriented_covariance
 from tracking.filtering.running_median import RunningMedian
 from tracking.tracks import Tracks
+from tracking.world_detections import LAB, RGB, SIZE, WorldDetections
 
 # Weight, in detections, of the configured colour spread against the spread over all tracks.
 _LAB_STD_WEIGHT = 10.0
 # Variance of a median relative to that of a mean: pi / 2 for large Gaussian samples, plus an allowance for lighting.
 _MEDIAN_VARIANCE = 2.0
-# Columns of the attributes of a detection.
-_SIZE, _RGB, _LAB = slice(0, 3), slice(3, 6), slice(6, 9)
 # Frame interval before the second frame: its detections are independent of earlier ones.
 _NO_STEP_S = 1e9
 # Number of detections after which a track's velocity is known.
 _STEADY_DETECTIONS = 5
 # Standard deviation of a detection's velocity, with which its track starts.
 _VELOCITY_STD_MPS = 1.5
-# Minimum heading weight, of square shapes.
-_MIN_AXIS_WEIGHT = 0.01
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,87 +69,6 @@ class LifecycleConfig:
     lab_std: tuple[float, float, float] = (10.0, 5.0, 5.0)
     lab_prior_weight: float = 4.0
     motion: MotionConfig = field(default_factory=MotionConfig)
-
-
-class WorldDetections(NamedTuple):
-    """M detections of one frame in the world frame.
-
-    Attributes:
-        position_world_m: (M, 3) points on the ground below the centres.
-        yaw_world_rad: (M,) headings.
-        heading_known: (M,) whether the heading distinguishes front and rear.
-        values: (M, 9) width, length, height, sRGB and CIELAB colour.
-        noise_m2: (M, 2, 2) configured covariances of the positions, for association.
-        surplus_noise_m2: (M, 2, 2) what they exceed the learnt covariances by.
-        velocity_world_mps: (M, 2) measured velocities; NaN where unknown.
-        axis: (M, 2) unit vectors at twice the heading, weighted by how elongated the shape is.
-        log_odds: (M,) log-odds of being a vehicle, for thresholds.
-        evidence: (M,) the same for the score, lower if the object is also detected as another category.
-        truncated: (M,) whether a part may be missing.
-        kind: (M,) category indices.
-    """
-
-    position_world_m: FloatArray
-    yaw_world_rad: FloatArray
-    heading_known: BoolArray
-    values: FloatArray
-    noise_m2: FloatArray
-    surplus_noise_m2: FloatArray
-    velocity_world_mps: FloatArray
-    axis: FloatArray
-    log_odds: FloatArray
-    evidence: FloatArray
-    truncated: BoolArray
-    kind: IntArray
-
-    def select(self, columns: IntArray) -> WorldDetections:
-        """Return the detections at indices (K,)."""
-        return type(self)._make([each.take(columns, axis=0) for each in self])
-
-    def features(self) -> DetectionFeatures:
-        """Return the features for association."""
-        lab = self.values[:, _LAB]
-        return DetectionFeatures(
-            xy_m=self.position_world_m[:, :2],
-            noise_m2=self.noise_m2,
-            yaw_rad=self.yaw_world_rad,
-            size_m=self.values[:, :2],
-            lab=lab,
-            colour_density=paint_density(lab),
-            kind=self.kind,
-        )
-
-
-def detections_in_world(detections: Detections, world_from_ego: FloatArray, classes: ClassTable) -> WorldDetections:
-    """Transform detections to the world frame, with the measurement noise of their classes."""
-    kind = classes.numbers(detections.kind)
-    model, rotation = classes.parameters(kind), world_from_ego[:2, :2]
-    x, y = rotation @ np.array([np.cos(detections.yaw_rad), np.sin(detections.yaw_rad)])
-    yaw_rad = np.arctan2(y, x)
-    noise_m2 = oriented_covariance(yaw_rad, model.along_std_m**2, model.across_std_m**2)
-    truncated_m2 = (model.truncated_std_m * detections.truncated) ** 2
-    return WorldDetections(
-        position_world_m=apply(world_from_ego, detections.ground_m),
-        yaw_world_rad=yaw_rad,
-        heading_known=detections.heading_known,
-        values=np.concatenate([detections.size_m, detections.rgb, detections.lab], axis=1),
-        noise_m2=noise_m2 + truncated_m2[:, None, None] * np.eye(2),
-        surplus_noise_m2=(1 - classes.noise_factor(kind))[:, None, None] * noise_m2,
-        velocity_world_mps=detections.velocity_mps @ rotation.T,
-        axis=_weighted_axis(yaw_rad, detections.size_m),
-        log_odds=detections.log_odds,
-        evidence=detections.log_odds,
-        truncated=detections.truncated,
-        kind=kind,
-    )
-
-
-def _weighted_axis(yaw_rad: FloatArray, size_m: FloatArray) -> FloatArray:
-    """(M, 2) unit vectors at twice the heading (M,), weighted by the elongation of sizes (M, 3)."""
-    width, length, _ = size_m.T
-    weight = np.maximum(np.abs(length - width) / (length + width), _MIN_AXIS_WEIGHT)
-    twice = 2 * yaw_rad
-    return np.asarray((weight * np.array([np.cos(twice), np.sin(twice)])).T)
 
 
 class TrackTable:
@@ -264,7 +178,7 @@ class TrackTable:
             cov_m2=cov[:, :2, :2],
             yaw_rad=self.yaw_rad,
             size_m=median[:, :2],
-            lab=median[:, _LAB],
+            lab=median[:, LAB],
             lab_variance=self._lab_variance(),
             kind=self.kind,
             unseen_s=self.unseen_s,
@@ -279,8 +193,8 @@ class TrackTable:
         This is empirical Bayes: the prior is the variance pooled over all tracks.
         """
         config = self._config
-        deviation = self._medians.squared_deviation[:, _LAB].T.copy()
-        known = self._medians.known[:, _LAB].T.copy()
+        deviation = self._medians.squared_deviation[:, LAB].T.copy()
+        known = self._medians.known[:, LAB].T.copy()
         count = np.maximum(known, 1)
         prior = np.square(config.lab_std) * _LAB_STD_WEIGHT + deviation.sum(axis=1)
         pooled = prior / (_LAB_STD_WEIGHT + (count - 1).sum(axis=1))
@@ -313,8 +227,8 @@ class TrackTable:
         # A truncated vehicle is at least as large as its visible part.
         values = found.values
         if found.truncated.any():
-            known_m = np.where(found.truncated[:, None], self._medians.median[rows, _SIZE], np.nan)
-            values = np.concatenate([np.fmax(values[:, _SIZE], known_m), values[:, _SIZE.stop :]], axis=1)
+            known_m = np.where(found.truncated[:, None], self._medians.median[rows, SIZE], np.nan)
+            values = np.concatenate([np.fmax(values[:, SIZE], known_m), values[:, SIZE.stop :]], axis=1)
         self._medians.update(rows, values)
         self._moving[:] = self.filters.is_moving()
         self.stationary[rows] = self.filters.is_stationary(self._config.stationary_mps)[rows]
@@ -402,8 +316,8 @@ class TrackTable:
             velocity_world_mps=mean[:, 2:],
             yaw_world_rad=self.yaw_rad[rows],
             heading_known=self._front_votes[rows] > 0,
-            size_m=median[:, _SIZE],
-            rgb=median[:, _RGB],
+            size_m=median[:, SIZE],
+            rgb=median[:, RGB],
             score=probability_from_log_odds(self.log_odds[rows]),
             kind=tuple(kinds[index] for index in self.kind[rows].tolist()),
             detection=self.detection[rows],

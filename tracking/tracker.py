@@ -15,8 +15,9 @@ from tracking.association.colour_likelihood import ColourLikelihood
 from tracking.association.costs import AssociationConfig
 from tracking.class_models import CLASS_MODELS, ClassModel, ClassTable
 from tracking.detections import Detections
-from tracking.track_table import LifecycleConfig, TrackTable, WorldDetections, detections_in_world
+from tracking.track_table import LifecycleConfig, TrackTable
 from tracking.tracks import Tracks
+from tracking.world_detections import WorldDetections, detections_in_world
 
 REMATCH_STAGE = AssociationConfig(gate_speed_mps=20.0, gate_chi2=30.0, max_gate_m=12.0, max_cost=15.0)
 # A detection at the place of a track is the same vehicle, whatever colour it has now.

@@ -11,8 +11,9 @@ from made_map import pose
 
 from tracking.class_models import ClassModel, ClassTable
 from tracking.detections import Detections, probability_from_log_odds
-from tracking.track_table import LifecycleConfig, TrackTable, detections_in_world
+from tracking.track_table import LifecycleConfig, TrackTable
 from tracking.tracker import Tracker, TrackerConfig
+from tracking.world_detections import detections_in_world
 
 # Twins ------------------------------------------------------------------------------------------------------------
 

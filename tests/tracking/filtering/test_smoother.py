@@ -12,8 +12,9 @@ from numpy.typing import ArrayLike
 
 from appocc.checks import FloatArray
 from appocc.errors import ShapeError
-from tracking.detections import CircularView, Detections
+from tracking.detections import Detections
 from tracking.evaluation.kitti import prepare_evaluation
+from tracking.field_of_view import CircularView
 from tracking.filtering.kalman import MotionConfig, oriented_covariance
 from tracking.filtering.smoother import SmoothingConfig, smooth
 from tracking.io.kitti import read_sequences
