@@ -81,6 +81,7 @@ class ClassParameters(NamedTuple):
     across_speed_std_mps: FloatArray
     along_accel_psd_m2ps3: FloatArray
     across_accel_psd_m2ps3: FloatArray
+    heading_psd_rad2ps: FloatArray
     along_std_m: FloatArray
     across_std_m: FloatArray
     truncated_std_m: FloatArray

@@ -56,7 +56,7 @@ def _people(position_std_m: float, min_gate_m: float) -> TrackerConfig:
     )
     lifecycle = LifecycleConfig(
         confirm_log_odds=2.2,
-        confirm_s=0.15,
+        confirm_s=0.07,
         coast_s=0.12,
         lost_s=FORGET_S,
         forget_s=FORGET_S,

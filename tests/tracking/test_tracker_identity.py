@@ -105,6 +105,17 @@ def test_a_score_is_the_mean_of_what_was_seen_and_some_doubt() -> None:
     assert track.score == pytest.approx(probability_from_log_odds((3.0 - 1.5 * 2.0) / (1 + 1.5)))
 
 
+def test_misses_lower_the_score_and_do_not_delete_a_sure_track() -> None:
+    tracker = Tracker(TrackerConfig(lifecycle=LifecycleConfig(coast_s=3.0, coast_std_m=np.inf)))
+    result = follow(lambda i: seen([[10, 0]] if i < 20 or i == 40 else []), 41, tracker=tracker)
+    scores = [states[0].score for states in result]
+    assert (np.diff(scores[19:40]) < 0).all()
+    assert scores[19] > 0.85 > 0.5 > scores[39]
+    # It is found again after `lost_s`, as a sure track is.
+    assert scores[40] > scores[39]
+    assert ids(result)[40] == [1]
+
+
 @pytest.mark.parametrize(("log_odds", "again"), [(3.0, 1), (-1.0, 2)])
 def test_unlikely_vehicles_are_deleted_once_lost(log_odds: float, again: int) -> None:
     def at(i: int) -> Detections:
