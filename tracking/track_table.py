@@ -68,7 +68,7 @@ class LifecycleConfig:
     median_window: int = 11
     correlation_s: float = 0.1
     memory_s: float = 1.0
-    miss_log_odds: float = -2.0
+    miss_log_odds: float = -1.0
     lab_std: tuple[float, float, float] = (10.0, 5.0, 5.0)
     lab_prior_weight: float = 4.0
     motion: MotionConfig = field(default_factory=MotionConfig)
