@@ -101,7 +101,7 @@ def test_real_road_is_at_the_height_of_the_ego(panda_root: Path) -> None:
         raw = read_lidar(dataset.path(data))[:, :3]
         ego = apply(dataset.ego_from_sensor(data), raw)
         road = labels.is_road[read_labels(labels.path, len(raw))] & (np.linalg.norm(ego[:, :2], axis=1) < 12)
-        assert abs(np.median(ego[road, 2])) < 0.15  # boxes reach a few centimetres into the ground
+        assert abs(np.median(ego[road, 2])) < 0.25  # the road is crowned: its middle is above the plane
 
 
 def test_real_points_of_cars_lie_in_boxes_of_cars(panda_root: Path) -> None:
