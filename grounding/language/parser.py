@@ -10,7 +10,7 @@ from grounding.language.ambiguity import MAX_READINGS, list_alternatives
 from grounding.language.problems import CommandError, ParseProblem, find_problem
 from grounding.language.semantics.accounting import Account, account_for
 from grounding.language.semantics.contrasts import has_partial_repair, resolve_contrasts
-from grounding.language.semantics.interpreter import interpret
+from grounding.language.semantics.discourse.interpreter import interpret
 from grounding.language.semantics.query_builder import BuiltQuery, build_query
 from grounding.language.syntax.clauses import split_clauses
 from grounding.language.syntax.fragments import complete_fragment

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from grounding.language.semantics.action_rules import classify_action
-from grounding.language.semantics.command_frames import CommandFrame, Discourse
-from grounding.language.semantics.coreference import resolve_anaphor
+from grounding.language.semantics.discourse.command_frames import CommandFrame, Discourse
+from grounding.language.semantics.discourse.coreference import resolve_anaphor
 from grounding.language.syntax.noun_phrases import NounPhrase
 
 # Connectives of purpose clauses and of simultaneous actions: "so that ...", "while passing ...".

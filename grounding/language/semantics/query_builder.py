@@ -6,14 +6,15 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple, cast
 
-from grounding.language.semantics.action_rules import ENTERABLE, classify_action
-from grounding.language.semantics.command_frames import CommandFrame, Discourse
-from grounding.language.semantics.coreference import (
+from grounding.language.semantics.action_rules import classify_action
+from grounding.language.semantics.discourse.command_frames import ENTERABLE, CommandFrame, Discourse
+from grounding.language.semantics.discourse.coreference import (
     find_antecedent,
     may_corefer,
     qualify_antecedents,
     resolve_anaphor,
 )
+from grounding.language.semantics.discourse.verb_rules import ORDINALS
 from grounding.language.semantics.main_action import (
     SIDE_CONNECTIVES,
     Intent,
@@ -22,7 +23,6 @@ from grounding.language.semantics.main_action import (
     select_main_intent,
 )
 from grounding.language.semantics.steps import plan_steps
-from grounding.language.semantics.verb_rules import ORDINALS
 from grounding.language.syntax.noun_phrases import NounPhrase
 from grounding.query import (
     Anchor,

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from grounding.language.semantics.command_frames import CommandFrame
-from grounding.language.semantics.discourse_state import DiscourseState
-from grounding.language.semantics.repairs import replace_direction, replace_frame
+from grounding.language.semantics.discourse.command_frames import CommandFrame
+from grounding.language.semantics.discourse.discourse_state import DiscourseState
+from grounding.language.semantics.discourse.repairs import replace_direction, replace_frame
 from grounding.language.syntax.clauses import TEMPORAL
 from grounding.language.syntax.noun_phrases import VEHICLE_KINDS, NounPhrase
 from grounding.language.syntax.tokenizer import Token

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from grounding.language.semantics.appositions import attach_apposition, name_contrast
-from grounding.language.semantics.command_frames import CommandFrame
-from grounding.language.semantics.coreference import name_by_order
-from grounding.language.semantics.discourse_state import DiscourseState
-from grounding.language.semantics.mentions import add_mention, attach_distance, exclude, refine
-from grounding.language.semantics.relation_attachment import TARGET_KINDS, attach_related, attach_target
-from grounding.language.semantics.repairs import replace_target
+from grounding.language.semantics.discourse.appositions import attach_apposition, name_contrast
+from grounding.language.semantics.discourse.command_frames import CommandFrame
+from grounding.language.semantics.discourse.coreference import name_by_order
+from grounding.language.semantics.discourse.discourse_state import DiscourseState
+from grounding.language.semantics.discourse.mentions import add_mention, attach_distance, exclude, refine
+from grounding.language.semantics.discourse.relation_attachment import TARGET_KINDS, attach_related, attach_target
+from grounding.language.semantics.discourse.repairs import replace_target
 from grounding.language.syntax.clauses import TEMPORAL
 from grounding.language.syntax.noun_phrases import PLACE_KINDS, VEHICLE_KINDS, NounPhrase
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from grounding.language.semantics.command_frames import Discourse
+from grounding.language.semantics.discourse.command_frames import Discourse
 from grounding.language.syntax.noun_phrases import NounPhrase
 from grounding.query import Referent
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from grounding.language.semantics.action_rules import ENTERABLE
-from grounding.language.semantics.discourse_state import DiscourseState
-from grounding.language.semantics.mentions import attach_distance
-from grounding.language.semantics.relation_attachment import attach_target
-from grounding.language.semantics.repairs import replace_side
-from grounding.language.semantics.verb_rules import AWAITING
+from grounding.language.semantics.discourse.command_frames import ENTERABLE
+from grounding.language.semantics.discourse.discourse_state import DiscourseState
+from grounding.language.semantics.discourse.mentions import attach_distance
+from grounding.language.semantics.discourse.relation_attachment import attach_target
+from grounding.language.semantics.discourse.repairs import replace_side
+from grounding.language.semantics.discourse.verb_rules import AWAITING
 from grounding.language.syntax.noun_phrases import NounPhrase
 from grounding.language.syntax.tokenizer import Token
 from grounding.language.syntax.word_categories import WordCategory
