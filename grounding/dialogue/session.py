@@ -11,7 +11,7 @@ from appocc.boxes import Boxes
 from appocc.checks import FloatArray
 from appocc.errors import AppoccError
 from grounding.answer import Answer
-from grounding.answering import Request, accept_proposal, answer_steps, candidate_at, requests_of, without
+from grounding.answering import Request, accept_proposal, answer_steps, pick, requests_of, without
 from grounding.dialogue.descriptions import (
     find_fitting,
     is_plainly_definite,
@@ -88,7 +88,7 @@ class Session:
         about, request = state.question or state.goal, self._state.request
         if about is None or request is None:
             raise AppoccError("session: expected a question before a choice")
-        return replace(self._choose(candidate_at(about, number), request), chooser=self.choose)
+        return replace(self._choose(pick(about.candidates, number, "candidate"), request), chooser=self.choose)
 
     def update(
         self,
