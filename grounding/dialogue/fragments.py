@@ -9,23 +9,16 @@ from grounding.language import Reading, WordCategory
 from grounding.language.replies import with_superlatives
 from grounding.query import Query, Referent
 
-# The reader of sentences: text and antecedent to readings, best first.
-Reader = Callable[[str, Referent | None], tuple[Reading, ...]]
+# The reader of sentences: text, antecedent and verb to readings, best first.
+Reader = Callable[[str, Referent | None, str], tuple[Reading, ...]]
 
 # Ways to complete a fragment to a command about a vehicle; the first that is understood counts.
 _PHRASES = ("follow {}", "follow the {}", "follow the one {}", "follow the one on the {}", "follow the {} one")
-# Verb of each action, to complete a fragment with a relation or a side.
+# Verb class of each action, to complete a fragment with a relation or a side; of the others it is the action.
 _VERBS = {
-    "park": "park",
-    "stop": "stop",
-    "pull_over": "pull over",
     "follow": "stay",
     "approach": "go",
-    "overtake": "overtake",
     "drive_past": "drive",
-    "turn": "turn",
-    "change_lane": "change lanes to the",
-    "wait": "wait",
     "give_way": "stop",
     "slow_down": "stop",
     "avoid": "go",
@@ -70,7 +63,7 @@ def read_description(text: str, antecedent: Referent | None, read: Reader) -> Re
     """
     text = with_superlatives(text)
     for phrase in _PHRASES:
-        reading = read(phrase.format(text), antecedent)[0]
+        reading = read(phrase.format(text), antecedent, "")[0]
         referent = reading.query.referent
         if referent is None or reading.query.relation != "none" or not _is_understood(reading):
             continue
@@ -85,8 +78,9 @@ def complete(text: str, base: Query, antecedent: Referent | None, read: Reader) 
     Returns:
         A reading with the action of the earlier command; None if the fragment names no relation, side or distance.
     """
-    for verb in dict.fromkeys((_VERBS[base.action or "stop"], "stop")):
-        reading = read(f"{verb} {text}", antecedent)[0]
+    action = base.action or "stop"
+    for verb in dict.fromkeys((_VERBS.get(action, action), "stop")):
+        reading = read(text, antecedent, verb)[0]
         query = reading.query
         placed = query.relation != "none" or query.goal_side or query.direction or query.distance_m is not None
         if placed and _is_understood(reading):

@@ -27,15 +27,22 @@ _PRAISE = (WordCategory.BE, WordCategory.AUX)
 _MARKS = (WordCategory.COMMA, WordCategory.BREAK)
 
 
-def complete_fragment(tagged: Sequence[Token]) -> Sequence[Token]:
+def complete_fragment(tagged: Sequence[Token], verb: str = "") -> Sequence[Token]:
     """Return the tagged tokens of a sentence with the verb that a fragment implies; other sentences as they are.
 
     Examples: "beside the blue one" and "any gap on the left is fine" imply to park, "right" to turn.
+
+    Args:
+        tagged: tokens of the sentence.
+        verb: verb class that a fragment has from the command before it; '': it has to imply one itself.
     """
     words = [token for token in tagged if token.category not in _MARKS]
     if not words:
         return tagged
     first, *rest = words
+    if verb:
+        has_verb = any(token.category in _PREDICATES for token in words)
+        return tagged if has_verb else [_verb_before(first, verb), *tagged]
     if first.category is WordCategory.DIRECTION and not rest and first.value != "straight":
         return [replace(_verb_before(first, f"turn {first.value}"), end=first.end)]
     if _names_any_spot(words):
