@@ -140,7 +140,7 @@ class Exclusion:
 
 @dataclass(frozen=True)
 class Query:
-    """The meaning of a command; without an action, of a sentence that is not one.
+    """A parsed sentence. It is a command if it has an action.
 
     Attributes:
         command: the sentence as given.

@@ -1,4 +1,4 @@
-"""Doubts about the best candidate that must be settled before it is acted upon: its place and its colour."""
+"""Doubts about the place and the colour of the best candidate, which are asked about."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from grounding.referent.class_fit import PERSON_NOUNS
 from grounding.referent.priors import OTHER_STREET_M, includes_behind
 from grounding.referent.scene import SceneModel
 
-# Actions whose goal lies ahead: a vehicle behind us is then meant only if the command says so.
+# Actions that go forward. They do not mean a vehicle behind us, unless the command says so.
 _FORWARD = ("park", "stop", "pull_over", "follow", "approach", "overtake", "drive_past", "turn", "change_lane")
 # A vehicle is behind us if its centre is this far behind ours; hidden if less of it than this share is visible.
 _BEHIND_M, _HIDDEN_SHARE = 6.0, 0.05
