@@ -229,6 +229,8 @@ def _classify_stay(frame: CommandFrame) -> str | None:
     if frame.relation in ("behind", "same_as", "next_to", "near") and frame.target is not None:
         return "follow"
     word = frame.verb.split()[0]
+    if word.startswith("hold") and any(relation not in _NO_GOAL_RELATION for relation, _ in frame.landmarks):
+        return "stop"  # "hold at the line"
     if word.startswith(("hold", "be")) and not (frame.lane or frame.target):
         return None
     steers = frame.lane or frame.side or frame.direction

@@ -112,11 +112,13 @@ def _is_ending(token: Token) -> bool:
 
 
 def _negate_ended(tokens: list[Token], match: re.Match[str]) -> list[Token] | None:
-    """Rewrite "avoid parking" to "not parking"."""
-    first, second = tokens[match.start()], tokens[match.end() - 1]
+    """Rewrite "avoid parking" to "not parking", and "stop parking and go" to "not parking, then go"."""
+    (first, second), after = tokens[match.start() :][:2], _span(tokens, match, "after")
     if not _is_ending(first) or second.form != "ing":
         return None
-    return [first.with_category(WordCategory.NOT), replace(second, form="")]
+    if after and _letter(after[-1]) == "A":
+        after[-1] = replace(after[-1].with_category(WordCategory.THEN), text="then")
+    return [first.with_category(WordCategory.NOT), replace(second, form=""), *after]
 
 
 def _negate_modifier(tokens: list[Token], match: re.Match[str]) -> list[Token]:
@@ -294,7 +296,7 @@ def _drop_direction(tokens: list[Token], match: re.Match[str]) -> list[Token] | 
 
 # In order of precedence.
 _RULES: tuple[tuple[re.Pattern[str], _Rewrite], ...] = (
-    (re.compile(r"vv"), _negate_ended),
+    (re.compile(r"vv(?P<after>(?:[^vA,.]*A(?=v))?)"), _negate_ended),
     (re.compile(r"(?P<before>d*)(?P<not>M|(?<=d)N)(?P<modifier>m+)(?P<noun>[ho]+)"), _negate_modifier),
     (re.compile(rf"(?P<chosen>r),?N(?P<rejected>r),?(?P<noun>{_NOUN})"), _share_noun),
     (re.compile(rf",?[NE]t{_END[:-1]}|S|r)"), _drop_direction),

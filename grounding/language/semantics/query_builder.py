@@ -19,6 +19,7 @@ from grounding.language.semantics.main_action import (
     SIDE_CONNECTIVES,
     Intent,
     MainIntent,
+    find_hazard,
     find_intents,
     select_main_intent,
 )
@@ -158,6 +159,10 @@ def _build_prohibition(text: str, discourse: Discourse, excluded: tuple[Exclusio
     actions = [action for frame in discourse.frames if frame.negated and (action := classify_action(frame))]
     if not actions:
         return Query(command=text)
+    hazard = find_hazard(discourse)
+    if hazard is not None and not excluded:  # "don't pull out, there is a motorbike coming"
+        named = _referent(discourse, hazard, discourse.frames[-1], False)
+        return Query(command=text, action="wait", actions=("wait",), landmark="referent", referent=named)
     excludes_place = any(one.relation for one in excluded)
     action = cast(Action, "wait" if actions[-1] == "other" else actions[-1] if excludes_place else "other")
     # "Don't let it merge" has a target.
@@ -217,7 +222,7 @@ def _landmarks(intents: Sequence[Intent], main: Intent, referent: NounPhrase | N
             relation = "into" if entered else written
             if intent.frame.inverse_relation and i == last:
                 yield _landmark(thing, intent.frame.inverse_relation, "inverse")
-            elif relation not in _NOT_SPATIAL and _is_landmark(thing):
+            elif relation not in _NOT_SPATIAL and _is_landmark(thing) and not _is_manner(relation, thing):
                 yield _landmark(thing, relation, "goal")
         if intent.action == "other" and intent.frame.lane:
             yield Landmark("lane", "in", qualifiers=(intent.frame.lane,))
@@ -234,6 +239,11 @@ def _landmarks(intents: Sequence[Intent], main: Intent, referent: NounPhrase | N
 def _is_landmark(thing: NounPhrase) -> bool:
     """Return whether a noun phrase names a thing that a query may hold."""
     return bool(thing.noun) and thing.kind in ("vehicle", "thing", "person", "region") and thing.noun != "side"
+
+
+def _is_manner(relation: str, thing: NounPhrase) -> bool:
+    """Return whether a phrase describes the manner: "like a snail"."""
+    return relation == "same_as" and thing.kind == "thing"
 
 
 def _landmark(thing: NounPhrase, relation: str, of: LandmarkRole) -> Landmark:

@@ -48,6 +48,9 @@ def complete_fragment(tagged: Sequence[Token], verb: str = "") -> Sequence[Token
     if _names_any_spot(words):
         ends = [i for i, token in enumerate(tagged) if token.category in _PRAISE]
         return [_verb_before(first, "park"), *tagged[: ends[0] if ends else len(tagged)]]
+    near = [token.category for token in words[:2]] == [WordCategory.NOT, WordCategory.RELATION]
+    if near and words[0].start == words[1].start:
+        return [_verb_before(first, "avoid"), *words[2:]]  # "not so close to the bus"
     if any(token.category in _PREDICATES for token in words) or not any(token.category in HEADS for token in rest):
         return tagged
     place = first.category in (WordCategory.RELATION, WordCategory.BETWEEN) and first.value not in ("with", "for")

@@ -59,7 +59,8 @@ def tag_that(before: Sequence[Token], token: Token, after: Sequence[Token]) -> T
 def tag_determiner(before: Sequence[Token], token: Token, after: Sequence[Token]) -> Token:
     """Tag a determiner without a noun as a pronoun or a filler."""
     noun_follows = category_at(after, 0) in PHRASE_STARTS | {WordCategory.VERB, WordCategory.DIRECTION}
-    return token if noun_follows else _tag_without_noun(token)
+    named = category_at(after, 0) is WordCategory.EXCEPT and token.text == "the"  # "the skip"
+    return token if noun_follows or named else _tag_without_noun(token)
 
 
 def _tag_without_noun(token: Token) -> Token:

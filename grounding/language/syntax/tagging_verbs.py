@@ -86,6 +86,8 @@ def tag_verb(before: Sequence[Token], token: Token, after: Sequence[Token]) -> T
     if token.text in ("pull in", "move in") and after and after[0].text in ("front of", "back of"):
         return token.with_category(WordCategory.VERB, token.text.split()[0])
     relation = after[0].value if category_at(after, 0) is WordCategory.RELATION else ""
+    if token.value == "avoid" and token.text.endswith(" back") and relation in ("behind", "next_to", "in_front_of"):
+        return token.with_category(WordCategory.VERB, "get")  # "get back behind the van"
     if token.text in _GO_RIGHT and relation in _RIGHT_BEFORE:
         return token.with_category(WordCategory.VERB, token.text.split()[0])  # "go right behind it"
     if token.form == "ing" and last in DETERMINERS and category_at(after, 0) in HEADS | {WordCategory.COLOUR}:

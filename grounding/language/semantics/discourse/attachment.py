@@ -97,6 +97,7 @@ def _attach_negated(state: DiscourseState, phrase: NounPhrase) -> None:
         state.negated = False  # "who has no lights"
         add_mention(state, phrase, "landmark")
     elif place and state.open_relation is None and state.next_kind in ("relation", "between"):
+        state.discourse.mentions.append((phrase, "denied"))
         state.open_phrase = phrase  # "except the place behind the bus"
     else:
         exclude(state, state.open_relation, phrase, "denied")
@@ -166,6 +167,9 @@ def _attach_object(state: DiscourseState, frame: CommandFrame, phrase: NounPhras
     if frame.negated and frame.verb_class not in ("give_way", "wait"):
         frame.forbidden_target = phrase
         exclude(state, None, phrase)
+    elif frame.verb_class == "take" and phrase.kind == "one" and state.next_kind == "relation" and _last_place(state):
+        # "Not the space behind the van, take the one behind the truck".
+        frame.landmarks.append(("object", NounPhrase(kind="spot", noun="parking_spot", head=phrase.head)))
     elif place is not None:  # "take it"
         frame.landmarks.append(("object", place))
     elif phrase.kind in TARGET_KINDS and not (phrase.kind == "person" and frame.verb_class in _PEOPLE_AS_THINGS):

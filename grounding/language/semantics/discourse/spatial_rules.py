@@ -46,7 +46,8 @@ def handle_relation(state: DiscourseState, token: Token) -> None:
         frame.moves_away = frame.moves_away or token.text.startswith(("away", "from"))
         frame.goes_around = frame.goes_around or (token.text in ("around", "round") and frame.target is None)
     if state.open_relation is None or state.open_relation in _WEAK or token.value not in _WEAK:
-        state.open_relation = token.value
+        turns = token.text == "from" and frame is not None and frame.direction is not None
+        state.open_relation = "at" if turns else token.value  # "turn right from the lights"
     if not isinstance(following, NounPhrase):
         _handle_without_noun(state, token)
 
@@ -58,6 +59,8 @@ def _handle_without_noun(state: DiscourseState, token: Token) -> None:
         return
     if token.value in ("left_of", "right_of") and state.host_frame.target is not None:
         state.host_frame.relation = token.value  # "on its left"
+        if state.host_frame.verb_class == "overtake":
+            state.host_frame.direction = token.value.removesuffix("_of")
     if state.next_kind in ("relation", "distance", "between", "except"):
         return
     if frame is not None and frame.verb_class in AWAITING and frame.target is not None and frame.event is None:

@@ -31,6 +31,7 @@ def handle_verb(state: DiscourseState, token: Token) -> None:
     if infinitive and state.auxiliary and subject is not None and subject.kind == "pronoun":
         state.subject, state.auxiliary = None, ""  # "it would be nice to park here"
     conditional = state.clause.connective == "if" and state.subject == "ego"  # "if you parked here"
+    conditional = conditional or state.auxiliary.endswith("rather you")  # "I'd rather you parked here"
     command_form = token.form in ("", "ing") or (conditional and token.form == "past")
     # "It hit my bike" commands nothing; "don't hit it" does.
     harm = token.value == "danger" and not state.negated
