@@ -7,7 +7,7 @@ from dataclasses import replace
 from grounding.answer import Answer
 from grounding.answering import Request, without
 from grounding.dialogue.conversation import Conversation
-from grounding.dialogue.descriptions import find_fitting, with_description
+from grounding.dialogue.descriptions import find_fitting, widen, with_description
 from grounding.dialogue.fragments import complete, names_pronoun, read_description
 from grounding.dialogue.reports import ask_again, cancel, inform
 from grounding.dialogue.telling import said
@@ -23,12 +23,14 @@ def answer_fragment(talk: Conversation, text: str, reply: Reply) -> Answer | Non
     state, request = talk.state, talk.state.request
     if request is None:
         return None
-    if state.question is not None and (answer := _answer_description(talk, text, reply, state.question)):
-        return answer
     base = request.query
     reading = complete(reply.rest, base, talk.antecedent, talk.grounder.read)
-    if reading is not None and not (reading.query.relation == "none" and base.referent is not None):
-        return _modify(talk, said(reading, text), request)
+    placed = reading is not None and reading.query.relation != "none"
+    answers = state.question is not None and not (placed and "no" in reply.kinds)  # "no, behind the lorry" does not
+    if answers and (answer := _answer_description(talk, text, reply, state.question)):
+        return answer
+    if reading is not None and (placed or base.referent is None):
+        return _modify(talk, said(widen(reading, talk.scene), text), request)
     if answer := _answer_description(talk, text, reply, None):
         return answer
     if reading is not None:
@@ -45,6 +47,7 @@ def _answer_description(talk: Conversation, text: str, reply: Reply, question: A
     described = with_description(request, reading, text)
     if question is not None and (fitting := find_fitting(reading, question.candidates, talk.scene)):
         return talk.narrow(fitting, described)
+    described = with_description(request, widen(reading, talk.scene), text)
     rejected = frozenset[str]()
     if "no" in reply.kinds and request.chosen is not None and question is None:
         rejected = frozenset({request.chosen.item.id})
@@ -64,7 +67,9 @@ def _modify(talk: Conversation, reading: Reading, request: Request) -> Answer:
         query = replace(query, referent=base.referent, relation=base.relation, landmark=base.landmark)
         modified = Request(reading=replace(reading, query=query, steps=(query,)), chosen=request.chosen)
     elif names_pronoun(reading) and talk.meant is not None:
-        modified = replace(modified, chosen=talk.meant)
+        if query.relation == "near" and query.distance_m is not None and base.relation != "none":
+            query = replace(query, relation=base.relation)  # "3 metres from it"
+        modified = Request(reading=replace(reading, query=query, steps=(query,)), chosen=talk.meant)
     return talk.take(talk.state.with_request(modified))
 
 

@@ -39,6 +39,21 @@ def confirm(talk: Conversation, text: str) -> Answer:
     return ask_again(talk, text)
 
 
+def take_any(talk: Conversation, text: str) -> Answer:
+    """Take the best candidate of the open question: "whichever is easier"."""
+    question, request = talk.state.question, talk.state.request
+    if question is None or request is None or not question.candidates:
+        return confirm(talk, text)
+    return talk.choose(question.candidates[0], request, text)
+
+
+def go_back(talk: Conversation, text: str) -> Answer:
+    """Put the plan in force that was so before the last one."""
+    if not talk.state.earlier:
+        return inform(talk, text, "no other command was given before")
+    return talk.take([replace(one, reading=said(one.reading, text)) for one in talk.state.earlier[0]])
+
+
 def refuse(talk: Conversation, text: str) -> Answer:
     """Drop the open question; without one, take another candidate than the one in force."""
     if talk.state.question is None:

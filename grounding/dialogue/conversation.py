@@ -19,6 +19,9 @@ from grounding.referent.scene import SceneModel
 if TYPE_CHECKING:
     from grounding.grounder import Grounder
 
+# Plans that a conversation can go back to.
+_MAX_EARLIER = 8
+
 
 class Conversation:
     """What was said so far, with the grounder that answers it."""
@@ -92,7 +95,8 @@ class Conversation:
                 replace(step, chosen=done.referent)
                 for step, done in zip(steps, answer.steps or (answer,), strict=False)
             )
-            state = replace(state, plan=steps, goal=answer, question=None, asked=steps)
+            earlier = (state.plan, *state.earlier)[:_MAX_EARLIER] if state.plan else state.earlier
+            state = replace(state, plan=steps, goal=answer, question=None, asked=steps, earlier=earlier)
             if answer.referent is not None and answer.query.referent is not None:
                 state = replace(state, focus=(answer.referent, answer.query.referent))
         elif answer.candidates or answer.alternatives or answer.plan.question:

@@ -41,13 +41,13 @@ def _is_question(reading: Reading) -> bool:
 
 
 def names_pronoun(reading: Reading) -> bool:
-    """Return whether the referent is named by a pronoun only, such as "it" or "that one"."""
+    """Return whether the referent is named by a pronoun only ("it", "that one"), or left out ("stay behind")."""
     referent = reading.query.referent
     if referent is None or not referent.anaphora:
         return False
     heads = (WordCategory.PRONOUN, WordCategory.ONE, WordCategory.NOUN, WordCategory.ORDINAL, WordCategory.COLOUR)
     first = next((token for token in reading.tokens if token.category in heads), None)
-    return first is not None and first.category is WordCategory.PRONOUN
+    return first is None or first.category is WordCategory.PRONOUN
 
 
 def read_description(text: str, antecedent: Referent | None, read: Reader) -> Reading | None:
@@ -62,6 +62,8 @@ def read_description(text: str, antecedent: Referent | None, read: Reader) -> Re
         A reading whose query has the vehicle as its referent; None if the fragment describes none.
     """
     text = with_superlatives(text)
+    if _begins_with_event(read(text, None, "")[0]):
+        return None
     for phrase in _PHRASES:
         reading = read(phrase.format(text), antecedent, "")[0]
         referent = reading.query.referent
@@ -78,7 +80,7 @@ def complete(text: str, base: Query, antecedent: Referent | None, read: Reader) 
     Returns:
         A reading with the action of the earlier command; None if the fragment names no relation, side or distance.
     """
-    action = base.action or "stop"
+    action, text = base.action or "stop", with_superlatives(text)
     for verb in dict.fromkeys((_VERBS.get(action, action), "stop")):
         reading = read(text, antecedent, verb)[0]
         query = reading.query
@@ -92,12 +94,20 @@ def complete(text: str, base: Query, antecedent: Referent | None, read: Reader) 
 def keep_action(reading: Reading, base: Query | None) -> Reading:
     """Return a reading with the action of the command before if its own verb is light: "go in front of it"."""
     query = reading.query
-    if base is None or base.action not in _PLACE_ACTIONS or query.action not in _LIGHT_ACTIONS:
+    verbs = [token for token in reading.tokens if token.category is WordCategory.VERB]
+    stays = bool(verbs) and verbs[-1].value == "stay"
+    if base is None or base.action not in _PLACE_ACTIONS or not (query.action in _LIGHT_ACTIONS or stays):
         return reading
     if query.relation in ("none", "past") or not names_pronoun(reading):
         return reading
     kept = replace(query, action=base.action, actions=(base.action,))
     return replace(reading, query=kept, steps=(kept,))
+
+
+def _begins_with_event(reading: Reading) -> bool:
+    """Return whether a sentence begins with a verb that describes no vehicle: "took you long enough"."""
+    first = next(iter(reading.tokens), None)
+    return first is not None and first.category is WordCategory.VERB and bool(first.form) and not first.state
 
 
 def _is_understood(reading: Reading) -> bool:

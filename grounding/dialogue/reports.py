@@ -6,10 +6,13 @@ from dataclasses import replace
 
 from grounding.answer import Answer
 from grounding.answering import requests_of
+from grounding.describe import describe_object
 from grounding.dialogue.conversation import Conversation
+from grounding.dialogue.fragments import read_description
 from grounding.dialogue.telling import describe_goal, said
 from grounding.language import Reading
 from grounding.query import Query
+from grounding.referent.resolver import resolve
 
 
 def inform(talk: Conversation, text: str, *reasons: str) -> Answer:
@@ -49,7 +52,7 @@ def ask_again(talk: Conversation, text: str) -> Answer:
 
 def keep(talk: Conversation, text: str) -> Answer:
     """Acknowledge a sentence that changes nothing."""
-    if talk.state.question is not None:
+    if talk.state.question is not None and talk.state.question.question:
         return ask_again(talk, text)
     answer = not_understood(talk, text, talk.read(text))
     return answer if talk.state.goal is None else replace(answer, reasons=("the goal stays as it is",))
@@ -62,6 +65,20 @@ def cancel(talk: Conversation, text: str) -> Answer:
     return inform(
         talk, text, "the command is dropped: no goal is set" if had else "no command to drop: no goal is set"
     )
+
+
+def look_for(talk: Conversation, text: str, words: str) -> Answer:
+    """Answer whether a vehicle is there; the only one that fits is what "it" refers to then."""
+    reading = read_description(words, talk.antecedent, talk.grounder.read)
+    if reading is None or reading.query.referent is None:
+        return not_understood(talk, text, talk.read(text))
+    found = resolve(Query("", referent=reading.query.referent), talk.scene)
+    here = found.candidates if found.status != "not_found" else ()
+    if found.status == "ok" and here:
+        talk.state = replace(talk.state, focus=(here[0], reading.query.referent))
+    if not here:
+        return inform(talk, text, *found.reasons)
+    return inform(talk, text, *(describe_object(one.item, talk.scene) for one in here))
 
 
 def not_understood(talk: Conversation, text: str, reading: Reading, words: str = "") -> Answer:

@@ -13,12 +13,12 @@ from appocc.errors import AppoccError
 from grounding.answer import Answer
 from grounding.answering import Request, pick, requests_of
 from grounding.dialogue.changes import answer_fragment, drop_steps, shift_last
-from grounding.dialogue.choices import choose_number, confirm, refuse, take_other
+from grounding.dialogue.choices import choose_number, confirm, go_back, refuse, take_any, take_other
 from grounding.dialogue.conversation import Conversation
-from grounding.dialogue.descriptions import find_fitting, is_plainly_definite
+from grounding.dialogue.descriptions import find_fitting, is_plainly_definite, widen
 from grounding.dialogue.following import follow_plan, relocate
 from grounding.dialogue.fragments import has_verb, keep_action, names_pronoun
-from grounding.dialogue.reports import ask_again, cancel, keep, not_understood, tell_goal, tell_reasons
+from grounding.dialogue.reports import ask_again, cancel, keep, look_for, not_understood, tell_goal, tell_reasons
 from grounding.dialogue.telling import ask, said
 from grounding.goal.shift import Shift
 from grounding.language.replies import Reply, read_reply
@@ -40,6 +40,8 @@ _ACTS: Mapping[str, Callable[[Conversation, str], Answer]] = {
     "yes": confirm,
     "no": refuse,
     "thanks": keep,
+    "any": take_any,
+    "undo": go_back,
 }
 
 
@@ -141,6 +143,10 @@ def _answer(talk: Conversation, text: str, reply: Reply) -> Answer:
     if not reply.rest:
         act = _ACTS.get(reply.kinds[-1]) if reply.kinds else None
         return act(talk, text) if act else _command(talk, text, text)
+    if reply.kinds[-1:] == ("why",):
+        return tell_reasons(talk, text)
+    if reply.kinds[-1:] == ("seek",):
+        return look_for(talk, text, reply.rest)
     reading = talk.read(reply.rest)
     if "cancel" in reply.kinds and not has_verb(reading) and reading.query.action:
         return drop_steps(talk, text, reading.query.action)
@@ -159,6 +165,7 @@ def _command(talk: Conversation, text: str, words: str, then: bool = False, agre
         return not_understood(talk, text, readings[0], words)
     base = state.request
     readings = tuple(keep_action(said(one, text), base.query if base else None) for one in readings)
+    readings = tuple(widen(one, talk.scene) for one in readings)
     first = readings[0]
     if names_pronoun(first):
         if state.question is not None and len(state.question.candidates) > 1 and not agreed:

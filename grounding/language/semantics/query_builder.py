@@ -131,6 +131,7 @@ def _query(
         excluded=(*excluded, *_referent_exclusions(referent)),
         manoeuvre=cast(Manoeuvre | None, next(filter(None, (one.frame.manoeuvre for one in by_priority)), None)),
         unresolved=_unresolved(main.intent) if referent is None else "",
+        sought=_sought(discourse, main.intent) if referent is None else None,
         count=next((count for intent in by_priority if (count := _count(intent)) is not None), None),
     )
 
@@ -152,6 +153,14 @@ def _unresolved(intent: Intent) -> str:
     own = intent.frame.target_is_object and intent.action in ("park", "stop", "pull_over")
     missing = intent.anaphora and intent.target is None and target is not None and not own
     return target.head if missing and target is not None else ""
+
+
+def _sought(discourse: Discourse, intent: Intent) -> Referent | None:
+    """Return what is said of a "one" that no antecedent explains: of "the red one", a red vehicle."""
+    target = intent.frame.target
+    if not _unresolved(intent) or target is None or not (target.colour or target.qualifiers):
+        return None
+    return replace(_referent(discourse, target, intent.frame, True), noun="vehicle", head="one")
 
 
 def _build_prohibition(text: str, discourse: Discourse, excluded: tuple[Exclusion, ...]) -> Query:
