@@ -62,6 +62,16 @@ def refuse(talk: Conversation, text: str) -> Answer:
     return inform(talk, text, "then nothing is changed: say what to do instead")
 
 
+def take_none(talk: Conversation, text: str) -> Answer:
+    """Look for a vehicle that was not offered: "neither"."""
+    state = talk.state
+    if state.question is None or len(state.question.candidates) < 2:
+        return take_other(talk, text)
+    reason = f"none of these {len(state.question.candidates)} then: which vehicle is meant?"
+    talk.state = replace(state, rejected=state.rejected | {one.item.id for one in state.question.candidates})
+    return replace(ask_again(talk, text), reasons=(reason,))
+
+
 def take_other(talk: Conversation, text: str) -> Answer:
     """Take the remaining candidate, ask among the remaining ones, or look for another one."""
     state, request = talk.state, talk.state.request

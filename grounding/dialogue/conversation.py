@@ -52,7 +52,10 @@ class Conversation:
             return state.question.query.referent
         if state.focus is not None:
             return state.focus[1]
-        return state.request.query.referent if state.request else None
+        if state.request is None:
+            return None
+        excluded = [Referent(one.noun, one.noun, one.colour) for one in state.request.query.excluded]
+        return state.request.query.referent or next(iter(excluded), None)
 
     @property
     def meant(self) -> Candidate | None:

@@ -62,6 +62,13 @@ def with_description(request: Request, reading: Reading, text: str) -> Request:
     return Request(reading=replace(request.reading, query=query, steps=(query,)), shifts=request.shifts)
 
 
+def with_action(request: Request, reading: Reading) -> Request:
+    """Return a step at the same place with the action of another command: "stop there"."""
+    query = replace(request.query, command=reading.query.command, action=reading.query.action)
+    query = replace(query, actions=reading.query.actions)
+    return replace(request, reading=replace(request.reading, query=query, steps=(query,)))
+
+
 def without_qualifiers(request: Request) -> Request:
     """Return a step whose referent has no qualifiers: "the nearest white car" becomes "the white car"."""
     referent = request.query.referent

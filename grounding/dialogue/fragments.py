@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import product
 
 from grounding.language import Reading, WordCategory
 from grounding.language.replies import with_superlatives
@@ -64,8 +65,10 @@ def read_description(text: str, antecedent: Referent | None, read: Reader) -> Re
     text = with_superlatives(text)
     if _begins_with_event(read(text, None, "")[0]):
         return None
-    for phrase in _PHRASES:
-        reading = read(phrase.format(text), antecedent, "")[0]
+    # With the colour of what was spoken of, the same colour would be a word without effect.
+    bare = antecedent and Referent(antecedent.noun, antecedent.head)
+    for meant, phrase in product(dict.fromkeys((antecedent, bare)), _PHRASES):
+        reading = read(phrase.format(text), meant, "")[0]
         referent = reading.query.referent
         if referent is None or reading.query.relation != "none" or not _is_understood(reading):
             continue
@@ -102,6 +105,13 @@ def keep_action(reading: Reading, base: Query | None) -> Reading:
         return reading
     kept = replace(query, action=base.action, actions=(base.action,))
     return replace(reading, query=kept, steps=(kept,))
+
+
+def refers_to_place(reading: Reading) -> bool:
+    """Return whether a command says where by "there" alone: "stop there"."""
+    query = reading.query
+    named = query.referent is not None or query.secondary or query.relation != "none"
+    return not named and any(token.category is WordCategory.THERE for token in reading.tokens)
 
 
 def _begins_with_event(reading: Reading) -> bool:

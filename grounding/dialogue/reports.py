@@ -81,8 +81,19 @@ def look_for(talk: Conversation, text: str, words: str) -> Answer:
     return inform(talk, text, *(describe_object(one.item, talk.scene) for one in here))
 
 
+def notice(talk: Conversation, words: str) -> None:
+    """Remember the only vehicle that fits a sentence without a command ("the van"), for "it" in the next one."""
+    reading = read_description(words, talk.antecedent, talk.grounder.read) if not talk.state.question else None
+    if reading is not None and reading.query.referent is not None:
+        found = resolve(Query("", referent=reading.query.referent), talk.scene)
+        if found.status == "ok" and found.candidates:
+            talk.state = replace(talk.state, focus=(found.candidates[0], reading.query.referent))
+
+
 def not_understood(talk: Conversation, text: str, reading: Reading, words: str = "") -> Answer:
     """Return that a sentence is no command; an open question stays open. A language model may read `words`."""
+    if words:
+        notice(talk, words)
     reasons = (reading.problem.message, *reading.notes) if reading.problem else reading.notes
     problem = reading if reading.problem else talk.grounder.read(text, None)[0]
     question = talk.state.question

@@ -13,14 +13,15 @@ from appocc.errors import AppoccError
 from grounding.answer import Answer
 from grounding.answering import Request, pick, requests_of
 from grounding.dialogue.changes import answer_fragment, drop_steps, shift_last
-from grounding.dialogue.choices import choose_number, confirm, go_back, refuse, take_any, take_other
+from grounding.dialogue.choices import choose_number, confirm, go_back, refuse, take_any, take_none, take_other
 from grounding.dialogue.conversation import Conversation
-from grounding.dialogue.descriptions import find_fitting, is_plainly_definite, widen
+from grounding.dialogue.descriptions import find_fitting, is_plainly_definite, widen, with_action
 from grounding.dialogue.following import follow_plan, relocate
-from grounding.dialogue.fragments import has_verb, keep_action, names_pronoun
+from grounding.dialogue.fragments import has_verb, keep_action, names_pronoun, refers_to_place
 from grounding.dialogue.reports import ask_again, cancel, keep, look_for, not_understood, tell_goal, tell_reasons
 from grounding.dialogue.telling import ask, said
 from grounding.goal.shift import Shift
+from grounding.language import Reading, WordCategory
 from grounding.language.replies import Reply, read_reply
 from tracking.tracks import Track
 
@@ -36,7 +37,7 @@ _ACTS: Mapping[str, Callable[[Conversation, str], Answer]] = {
     "why": tell_reasons,
     "repeat": ask_again,
     "other": take_other,
-    "neither": take_other,
+    "neither": take_none,
     "yes": confirm,
     "no": refuse,
     "thanks": keep,
@@ -183,9 +184,22 @@ def _command(talk: Conversation, text: str, words: str, then: bool = False, agre
     if answer.alternatives:
         talk.state = replace(state, question=answer, offered=(), asked=requests_of(answer.reading), at=0)
         return answer
+    if refers_to_place(first) and state.plan and not then:
+        return talk.take((*state.plan[:-1], with_action(state.plan[-1], first)))
+    if _ends_plan(state.plan, first):
+        return drop_steps(talk, text, state.plan[-1].query.action or "other")
     if answer.status == "ambiguous" and state.focus and not state.question and is_plainly_definite(first):
         # "The van" is the one that the conversation is about.
         again = [one for one in answer.candidates if one.item.id == state.focus[0].item.id]
         if again:
             return talk.take([replace(requests_of(answer.reading)[-1], chosen=again[0])], then)
     return talk.take(requests_of(answer.reading), then, answer)
+
+
+def _ends_plan(plan: Sequence[Request], reading: Reading) -> bool:
+    """Return whether a sentence only forbids what the last step does: "don't overtake it"."""
+    query = reading.query
+    if not plan or query.action != "other" or not query.excluded or query.referent is not None:
+        return False
+    verbs = {token.value for token in reading.tokens if token.category is WordCategory.VERB}
+    return plan[-1].query.action in verbs

@@ -174,6 +174,16 @@ def _share_noun(tokens: list[Token], match: re.Match[str]) -> list[Token]:
     return [*chosen, *noun, _comma(chosen[0]), negation, *rejected, *noun]
 
 
+def _choose_relation(tokens: list[Token], match: re.Match[str]) -> list[Token] | None:
+    """Rewrite "not behind, in front" to "in front of it"."""
+    chosen = tokens[match.start("chosen")]
+    if _letter(chosen) == "w":
+        if "front" not in chosen.text:
+            return None
+        chosen = chosen.with_category(WordCategory.RELATION, "in_front_of")
+    return [chosen, replace(chosen.with_category(WordCategory.PRONOUN), text="it", written="")]
+
+
 def _comma(token: Token) -> Token:
     return replace(token.with_category(WordCategory.COMMA), text=",", written=",")
 
@@ -306,6 +316,7 @@ _RULES: tuple[tuple[re.Pattern[str], _Rewrite], ...] = (
     (re.compile(rf"(?P<relation>r)(?P<not>E)(?P<noun>{_NOUN})"), _negate_place),
     *((pattern, _contrast) for pattern in _contrast_patterns("", "(?:,?B|,?[,.C]+)")),
     *((pattern, _contrast) for pattern in _contrast_patterns("v", ",?B")),
+    (re.compile(rf"N(?P<rejected>r),+(?P<chosen>r|w){_END}"), _choose_relation),
     (
         # "Don't park next to the bus, try behind the taxi."
         re.compile(rf"(?P<not>N)(?P<verb>v)(?P<rejected>r{_WHOLE_NOUN}),(?P<chosen>r{_WHOLE_NOUN}){_END}"),
