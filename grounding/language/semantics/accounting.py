@@ -94,7 +94,15 @@ def account_for(
     dropped = [i for i in unused if (tokens[i].category, tokens[i].value) not in meanings]
     commanding = _commanding_starts(tokens, {token.start for token in used if token.category is WordCategory.VERB})
     doubtful = [i for i in dropped if (repaired or tokens[i].start in commanding) and _is_doubtful(tokens, i)]
+    doubtful += [i for i in range(len(tokens)) if _names_another(tokens, i)]
+    dropped = sorted({*dropped, *doubtful})
     return Account(*(tuple(dict.fromkeys(tokens[i].text for i in part)) for part in (dropped, doubtful)))
+
+
+def _names_another(tokens: Sequence[Token], i: int) -> bool:
+    """Return whether a word tells a vehicle from one named before: "the red car? no, the other one"."""
+    named = any(token.category is WordCategory.NOUN for token in tokens[:i])
+    return tokens[i].value == "other" and named and _category_at(tokens, i + 1) is WordCategory.ONE
 
 
 def _commanding_starts(tokens: Sequence[Token], verbs: set[int]) -> set[int]:
@@ -146,6 +154,9 @@ def _is_doubtful(tokens: Sequence[Token], i: int) -> bool:
         governs = following in (WordCategory.RELATION, WordCategory.VERB)
         governs = governs or (following is WordCategory.TO and before in _CLAUSE_ENDS)
         return governs and not tokens[i].text.endswith(("ly", "ing", "ed"))
+    if category is WordCategory.RELATION:  # "not the van, the car in front of it"
+        contrast = any(token.category in _POLARITY for token in tokens)
+        return contrast and following in (WordCategory.THE, WordCategory.PRONOUN, WordCategory.NOUN, WordCategory.NOT)
     if category is WordCategory.DIRECTION:
         joined = before in (*_CLAUSE_ENDS, WordCategory.BE, WordCategory.QUESTION, WordCategory.OR)
         return joined and following in _CLAUSE_ENDS

@@ -184,6 +184,13 @@ def _choose_relation(tokens: list[Token], match: re.Match[str]) -> list[Token] |
     return [chosen, replace(chosen.with_category(WordCategory.PRONOUN), text="it", written="")]
 
 
+def _choose_direction(tokens: list[Token], match: re.Match[str]) -> list[Token] | None:
+    """Rewrite "don't go left around the van, go right" to "go right around the van"."""
+    rejected, chosen = tokens[match.start("rejected")], tokens[match.start("chosen")]
+    values = [rejected.value, chosen.value]
+    return [chosen, *_span(tokens, match, "place")] if {*values} == {"turn left", "turn right"} else None
+
+
 def _comma(token: Token) -> Token:
     return replace(token.with_category(WordCategory.COMMA), text=",", written=",")
 
@@ -308,7 +315,7 @@ def _drop_direction(tokens: list[Token], match: re.Match[str]) -> list[Token] | 
 _RULES: tuple[tuple[re.Pattern[str], _Rewrite], ...] = (
     (re.compile(r"vv(?P<after>(?:[^vA,.]*A(?=v))?)"), _negate_ended),
     (re.compile(r"(?P<before>d*)(?P<not>M|(?<=d)N)(?P<modifier>m+)(?P<noun>[ho]+)"), _negate_modifier),
-    (re.compile(rf"(?P<chosen>r),?N(?P<rejected>r),?(?P<noun>{_NOUN})"), _share_noun),
+    (re.compile(rf"(?P<chosen>r),?[NE](?P<rejected>r),?(?P<noun>{_NOUN})"), _share_noun),
     (re.compile(rf",?[NE]t{_END[:-1]}|S|r)"), _drop_direction),
     (re.compile(r"Nvr"), _end_negation),
     (re.compile(rf"(?P<far>F)(?P<noun>{_WHOLE_NOUN})"), _negate_nearness),
@@ -317,6 +324,7 @@ _RULES: tuple[tuple[re.Pattern[str], _Rewrite], ...] = (
     *((pattern, _contrast) for pattern in _contrast_patterns("", "(?:,?B|,?[,.C]+)")),
     *((pattern, _contrast) for pattern in _contrast_patterns("v", ",?B")),
     (re.compile(rf"N(?P<rejected>r),+(?P<chosen>r|w){_END}"), _choose_relation),
+    (re.compile(rf"N(?P<rejected>v)(?P<place>r{_WHOLE_NOUN}),(?P<chosen>v){_END}"), _choose_direction),
     (
         # "Don't park next to the bus, try behind the taxi."
         re.compile(rf"(?P<not>N)(?P<verb>v)(?P<rejected>r{_WHOLE_NOUN}),(?P<chosen>r{_WHOLE_NOUN}){_END}"),

@@ -172,7 +172,7 @@ def _build_prohibition(text: str, discourse: Discourse, excluded: tuple[Exclusio
     if hazard is not None and not excluded:  # "don't pull out, there is a motorbike coming"
         named = _referent(discourse, hazard, discourse.frames[-1], False)
         return Query(command=text, action="wait", actions=("wait",), landmark="referent", referent=named)
-    excludes_place = any(one.relation for one in excluded)
+    excludes_place = any(one.relation not in (None, *_NOT_SPATIAL) for one in excluded)
     action = cast(Action, "wait" if actions[-1] == "other" else actions[-1] if excludes_place else "other")
     # "Don't let it merge" has a target.
     frame = next((one for one in reversed(discourse.frames) if one.target is not None), None)
