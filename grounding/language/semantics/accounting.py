@@ -56,7 +56,7 @@ _WEAK_RELATIONS = ("at", "toward", "in", "into", "along", "on", "with", "for")
 # "Don't turn until it has gone" orders the turn.
 _UNTIL = ("until", "before")
 # Tokens read in all tests of one text, which bounds their time.
-_MAX_TOKENS_READ = 4000
+_MAX_TOKENS_READ = 2500
 
 
 class Account(NamedTuple):
