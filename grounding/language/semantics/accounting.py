@@ -29,6 +29,8 @@ _PLACING = frozenset(
         WordCategory.BETWEEN,
     )
 )
+# Of these, where to steer: they count with every verb, also with those that have no meaning of their own.
+_STEERING = (WordCategory.LANE, WordCategory.SIDE)
 _CONTENT = (
     _POLARITY
     | _PLACING
@@ -93,10 +95,21 @@ def account_for(
     # A word is not dropped if the same is said, and used, elsewhere.
     dropped = [i for i in unused if (tokens[i].category, tokens[i].value) not in meanings]
     commanding = _commanding_starts(tokens, {token.start for token in used if token.category is WordCategory.VERB})
-    doubtful = [i for i in dropped if (repaired or tokens[i].start in commanding) and _is_doubtful(tokens, i)]
+    steered = _commanding_starts(tokens, {token.start for token in tokens if _commands(token)})
+    steered = {token.start for token in tokens if token.category in _STEERING and token.start in steered}
+    stated = commanding | steered
+    replaced = _replaced_end(tokens)
+    doubtful = [i for i in dropped if (repaired or tokens[i].start in stated) and _is_doubtful(tokens, i)]
+    doubtful = [i for i in doubtful if i >= replaced or tokens[i].category in _POLARITY]
     doubtful += [i for i in range(len(tokens)) if _names_another(tokens, i)]
     dropped = sorted({*dropped, *doubtful})
     return Account(*(tuple(dict.fromkeys(tokens[i].text for i in part)) for part in (dropped, doubtful)))
+
+
+def _replaced_end(tokens: Sequence[Token]) -> int:
+    """Return where the command begins that replaces the words before it: "follow the bus, no, follow the van"."""
+    ends = [i for i, token in enumerate(tokens) if token.category is WordCategory.CORRECT]
+    return max((i for i in ends if i + 1 < len(tokens) and _commands(tokens[i + 1])), default=0)
 
 
 def _names_another(tokens: Sequence[Token], i: int) -> bool:

@@ -122,6 +122,9 @@ def handle_side(state: DiscourseState, token: Token) -> None:
         return
     if state.is_repair and state.frame is None and noun is None and replace_side(state, token.value):
         return
+    stands = frame is not None and frame.verb_class in _STANDING and frame.target is None and not state.negated
+    if stands and noun is not None and noun.kind == "thing" and value != "opposite":
+        state.open_phrase = None  # "past the crossing on the left"
     if _qualify_open_phrase(state, token) or value == "opposite":
         return
     if state.negated:
