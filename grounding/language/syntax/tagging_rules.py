@@ -41,6 +41,14 @@ _PREDICATES = frozenset(
         WordCategory.MEANWHILE,
     )
 )
+# Categories after a "no" in the middle of a clause that begin a repair.
+_AFTER_REPAIR = (
+    WordCategory.THE,
+    WordCategory.THAT,
+    WordCategory.RELATION,
+    WordCategory.SIDE,
+    WordCategory.DIRECTION,
+)
 
 
 def tag_that(before: Sequence[Token], token: Token, after: Sequence[Token]) -> Token:
@@ -219,7 +227,11 @@ def tag_not(before: Sequence[Token], token: Token, after: Sequence[Token]) -> To
     """Tag a "no" on its own as the start of a self-repair."""
     ends = category_at(after, 0) in (WordCategory.COMMA, WordCategory.BREAK, WordCategory.CORRECT)
     begins = category_at(before, -1) in CLAUSE_ENDS | {WordCategory.COMMA}
-    return token.with_category(WordCategory.CORRECT) if token.text == "no" and begins and ends else token
+    # "The silver car no the white car": a negated noun phrase has no other determiner.
+    another = bool(before) and category_at(after, 0) in _AFTER_REPAIR
+    another = another and category_at(before, -1) in HEADS | {WordCategory.SIDE, WordCategory.DIRECTION}
+    repairs = another or (begins and ends)
+    return token.with_category(WordCategory.CORRECT) if token.text == "no" and repairs else token
 
 
 def tag_then(before: Sequence[Token], token: Token, after: Sequence[Token]) -> Token:
