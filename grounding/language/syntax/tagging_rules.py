@@ -229,7 +229,8 @@ def tag_not(before: Sequence[Token], token: Token, after: Sequence[Token]) -> To
     begins = category_at(before, -1) in CLAUSE_ENDS | {WordCategory.COMMA}
     # "The silver car no the white car": a negated noun phrase has no other determiner.
     another = bool(before) and category_at(after, 0) in _AFTER_REPAIR
-    another = another and category_at(before, -1) in HEADS | {WordCategory.SIDE, WordCategory.DIRECTION}
+    named = HEADS | {WordCategory.SIDE, WordCategory.DIRECTION}
+    another = another and (category_at(before, -1) in named or before[-1].value in TURNS)
     repairs = another or (begins and ends)
     return token.with_category(WordCategory.CORRECT) if token.text == "no" and repairs else token
 
