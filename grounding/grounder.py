@@ -143,9 +143,9 @@ class Grounder:
         """Begin a conversation about the scene, in which sentences refer to what was said before."""
         return Session(self)
 
-    def read(self, text: str, antecedent: Referent | None = None) -> tuple[Reading, ...]:
-        """Return the readings of a sentence, best first; pronouns may refer to the antecedent."""
-        return parse_all(text, self.lexicon, antecedent)
+    def read(self, text: str, antecedent: Referent | None = None, verb: str = "") -> tuple[Reading, ...]:
+        """Return the readings of a sentence, best first; arguments as in `parse_all`."""
+        return parse_all(text, self.lexicon, antecedent, verb)
 
     def best_answer(self, readings: Sequence[Reading]) -> Answer:
         """Answer the readings of a sentence in the scene and return the best answer.

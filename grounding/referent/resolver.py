@@ -111,7 +111,7 @@ def resolve(query: Query, scene: SceneModel, limit: int = MAX_CANDIDATES) -> Res
 
 def _ask_antecedent(query: Query, scene: SceneModel, limit: int) -> Resolution:
     """Return the question which vehicle a pronoun refers to, with the most salient ones as candidates."""
-    any_vehicle = Referent("vehicle", query.unresolved)
+    any_vehicle = query.sought or Referent("vehicle", query.unresolved)
     reason = f"'{query.unresolved}' refers to nothing that was named"
     scores = score_objects(query, any_vehicle, scene) if scene.objects else None
     choices = _rank_choices(query, any_vehicle, scene, scores)[:limit] if scores and scores.matches.any() else []

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from grounding.language.semantics.command_frames import Discourse
-from grounding.language.semantics.coreference import resolve_anaphor
+from grounding.language.semantics.discourse.command_frames import Discourse
+from grounding.language.semantics.discourse.coreference import resolve_anaphor
 from grounding.language.semantics.main_action import SIDE_CONNECTIVES, Intent, MainIntent
 from grounding.query import Query
 
