@@ -162,7 +162,10 @@ def _found(case: Case, answered: Sequence[tuple[str, FloatArray]], by_name: bool
 
 
 def violations(asked: Asked, bev: BEVMap) -> tuple[int, int]:
-    """Count the cells with centres in the target's footprint that are vehicle, and that are not known road."""
+    """Count the cells with centres in the target's footprint that are vehicle, and that are not known road.
+
+    The cells below the ego itself, which no camera sees, count as road: it stands there.
+    """
     if asked.place_m is None:
         return 0, 0
     offset = bev.grid.centres() - asked.place_m
@@ -171,7 +174,8 @@ def violations(asked: Asked, bev: BEVMap) -> tuple[int, int]:
     inside &= np.abs(offset @ [-sin, cos]) <= EGO.width_m / 2
     corners = footprints(asked.place_m, asked.yaw_rad, [EGO.length_m, EGO.width_m])
     off_map = np.count_nonzero(~bev.grid.contains(bev.grid.cell_of(corners)))
-    off_road = np.count_nonzero(inside & ~bev.on[ROAD])
+    below_us = (np.abs(bev.grid.centres() - [EGO.centre_m, 0.0]) <= [EGO.length_m / 2, EGO.width_m / 2]).all(axis=-1)
+    off_road = np.count_nonzero(inside & ~bev.on[ROAD] & ~below_us)
     return int(np.count_nonzero(inside & bev.on[VEHICLE])), int(off_road + off_map)
 
 
