@@ -8,6 +8,7 @@ from torch.nn import functional
 
 from appocc.bevmap import VEHICLE
 from appocc.checks import BoolArray, Float32Array, FloatArray, IntArray
+from appocc.geometry import wrap_angle
 from appocc.grid import BEVGrid
 from appocc.models.base import VELOCITY_UNIT_MPS, ObjectOutput
 from appocc.objects import KINDS, PEOPLE, BEVObjects
@@ -30,10 +31,8 @@ def decode_objects(output: ObjectOutput, grid: BEVGrid, seen: BoolArray, moving:
         moving: whether earlier frames were known: velocities are unknown without them.
     """
     half, kind, cell, score = _peaks(output, grid)
-    maps = (output.offset, output.height, output.size, output.heading, output.velocity)
-    values = (
-        torch.cat([each[0].float() for each in maps]).cpu().numpy()[:, cell[:, 0], cell[:, 1]].T.astype(np.float64)
-    )
+    maps = torch.cat([each[0].float() for each in output[1:]]).cpu().numpy()
+    values = maps[:, cell[:, 0], cell[:, 1]].T.astype(np.float64)
     xy = half.centre_of(cell) + values[:, :2] * half.cell_m
     size = np.exp(np.clip(values[:, 3:6], np.log(_SMALLEST_M), np.log(_LARGEST_M)))
     at = grid.cell_of(xy)
@@ -43,12 +42,19 @@ def decode_objects(output: ObjectOutput, grid: BEVGrid, seen: BoolArray, moving:
     return BEVObjects(
         centre_m=np.column_stack([xy, values[:, 2]])[keep],
         size_wlh_m=size[keep],
-        yaw_rad=np.arctan2(values[:, 6], values[:, 7])[keep],
+        yaw_rad=_headings(values[:, 6:8], values[:, 10:12])[keep],
         velocity_mps=values[keep, 8:10] * (VELOCITY_UNIT_MPS if moving else np.nan),
         kind=tuple(KINDS[i] for i in kind[keep]),
         rgb=np.full((int(keep.sum()), 3), np.nan),
         score=score[keep],
     )
+
+
+def _headings(heading: FloatArray, axis: FloatArray) -> FloatArray:
+    """Return headings (K,) along the axis, in the direction that is nearer to `heading`; sines and cosines (K, 2)."""
+    along = np.arctan2(axis[:, 0], axis[:, 1]) / 2
+    ahead = np.sin(along) * heading[:, 0] + np.cos(along) * heading[:, 1] >= 0
+    return wrap_angle(np.where(ahead, along, along + np.pi))
 
 
 def _peaks(output: ObjectOutput, grid: BEVGrid) -> tuple[BEVGrid, IntArray, IntArray, FloatArray]:

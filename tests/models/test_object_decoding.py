@@ -35,7 +35,7 @@ def perfect_heads(objects: BEVObjects) -> ObjectOutput:
     rows = torch.from_numpy(rows_of(objects)).float()[None]
     targets = object_targets(rows, HALF)
     centre = torch.where(targets.heat == 1, 3.0, torch.logit((0.3 * targets.heat).clamp(min=1e-4)))
-    return ObjectOutput(centre, *torch.split(targets.box.nan_to_num(nan=0.0), [2, 1, 3, 2, 2], dim=1))
+    return ObjectOutput(centre, *torch.split(targets.box.nan_to_num(nan=0.0), [2, 1, 3, 2, 2, 2], dim=1))
 
 
 def decode(output: ObjectOutput, seen: BoolArray = SEEN, moving: bool = True) -> BEVObjects:
@@ -173,7 +173,7 @@ def test_centres_that_lie_outside_are_left_out() -> None:
 
 def quiet_heads() -> ObjectOutput:
     """Head outputs that say nothing; their boxes are those of cars of a metre."""
-    shapes = [len(KINDS), 2, 1, 3, 2, 2]
+    shapes = [len(KINDS), 2, 1, 3, 2, 2, 2]
     output = ObjectOutput(*(torch.zeros(1, n, *HALF.shape) for n in shapes))
     return output._replace(centre=torch.full_like(output.centre, -9.0))
 
@@ -213,6 +213,19 @@ def test_random_and_extreme_heads_give_objects_that_can_be(value: float) -> None
     assert found.size_wlh_m.min() >= 0.2 - 1e-9
     assert found.size_wlh_m.max() <= 30 + 1e-9
     assert GRID.contains(GRID.cell_of(found.centre_m[:, :2])).all()
+
+
+@pytest.mark.parametrize(
+    ("heading_deg", "axis_deg", "expected_deg"), [(100, 30, 30), (130, 30, -150), (-90, 80, -100)]
+)
+def test_the_heading_lies_along_the_axis_in_the_nearer_direction(
+    heading_deg: float, axis_deg: float, expected_deg: float
+) -> None:
+    output = quiet_heads()
+    output.centre[0, 0, 5, 5] = 4.0
+    for name, angle in (("heading", np.radians(heading_deg)), ("axis", np.radians(2 * axis_deg))):
+        getattr(output, name)[0, :, 5, 5] = 0.3 * torch.tensor([np.sin(angle), np.cos(angle)])
+    np.testing.assert_allclose(np.degrees(decode(output).yaw_rad), [expected_deg], atol=1e-4)
 
 
 def test_the_unit_of_velocities() -> None:
