@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import torch
+from scipy.spatial.distance import cdist
 from torch.nn import functional
 
 from appocc.bevmap import VEHICLE
 from appocc.checks import BoolArray, Float32Array, FloatArray, IntArray
+from appocc.colours import lab_from_rgb
 from appocc.geometry import wrap_angle
 from appocc.grid import BEVGrid
 from appocc.models.base import VELOCITY_UNIT_MPS, ObjectOutput
@@ -82,7 +84,9 @@ def _is_first(xy: FloatArray, width_m: FloatArray, kind: IntArray, among: BoolAr
 def paint_objects(
     objects: BEVObjects, grid: BEVGrid, occupancy: Float32Array, rgb: FloatArray, seen: BoolArray
 ) -> BEVObjects:
-    """Return vehicles with their paint: the mean colour of their seen cells, weighted by vehicle probability.
+    """Return vehicles with their paint: the seen cell whose colour is nearest to all others (medoid in CIELAB).
+
+    Cells weigh the square of their vehicle probability. A mean would mix paint, glass and the ground beside.
 
     Args:
         objects: objects of a map.
@@ -92,9 +96,10 @@ def paint_objects(
         seen: (X, Y) cells that a camera sees.
     """
     owner = objects.vehicle_owner(grid)
-    inside = (owner >= 0) & seen
-    member, weight = owner[inside], occupancy[VEHICLE][inside].astype(np.float64) + 1e-6
-    total = np.bincount(member, weight, len(objects))
-    with np.errstate(invalid="ignore"):
-        paint = np.stack([np.bincount(member, weight * channel[inside], len(objects)) / total for channel in rgb], 1)
+    paint = np.full((len(objects), 3), np.nan)
+    for number in np.unique(owner[(owner >= 0) & seen]).tolist():
+        inside = (owner == number) & seen
+        colours, weight = rgb[:, inside].T, occupancy[VEHICLE][inside].astype(np.float64) ** 2
+        lab = lab_from_rgb(colours)
+        paint[number] = colours[(cdist(lab, lab) @ weight).argmin()]
     return objects.painted(paint)

@@ -96,7 +96,7 @@ def test_no_objects_have_no_paint() -> None:
 # Paint ------------------------------------------------------------------------------------------------------------
 
 
-def test_paint_is_the_mean_of_the_seen_cells_by_their_probability() -> None:
+def test_paint_is_the_colour_of_a_seen_cell_by_the_probabilities() -> None:
     car = made_object("car", 4.2, 0.2, size_wlh_m=(2.0, 4.4, 1.5))
     occupancy, rgb = grey_map()
     owner = car.vehicle_owner(GRID) == 0
