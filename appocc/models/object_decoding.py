@@ -17,8 +17,6 @@ from appocc.objects import KINDS, PEOPLE, BEVObjects
 
 # Peaks below this probability, and all but the highest ones, are no objects.
 LEAST_SCORE, MOST_PEAKS = 0.05, 200
-# Two vehicles are duplicates if their centres are closer than half the smaller width, and at least this distance.
-_DUPLICATE_M = 1.0
 # Sizes of boxes are kept in this range.
 _SMALLEST_M, _LARGEST_M = 0.2, 30.0
 
@@ -71,12 +69,16 @@ def _peaks(output: ObjectOutput, grid: BEVGrid) -> tuple[BEVGrid, IntArray, IntA
 
 
 def _is_first(xy: FloatArray, width_m: FloatArray, kind: IntArray, among: BoolArray) -> BoolArray:
-    """(K,) objects that no better one duplicates, the best first; people and cyclists only duplicate their kind."""
+    """(K,) objects that no better one duplicates, the best first.
+
+    Two vehicles are duplicates if their bodies would overlap side by side: their centres are closer than the mean of
+    their widths. People and cyclists are duplicates of their own kind only, closer than half the smaller width.
+    """
     group = np.array([i if name in PEOPLE else -1 for i, name in enumerate(KINDS)])[kind]
     first = among.copy()
     for i in range(1, len(xy)):
         near = np.hypot(*(xy[:i] - xy[i]).T)
-        reach = np.maximum(np.minimum(width_m[:i], width_m[i]) / 2, _DUPLICATE_M * (group[i] < 0))
+        reach = (width_m[:i] + width_m[i]) / 2 if group[i] < 0 else np.minimum(width_m[:i], width_m[i]) / 2
         first[i] &= not (first[:i] & (group[:i] == group[i]) & (near < reach)).any()
     return first
 

@@ -127,9 +127,10 @@ def test_people_have_no_paint_and_take_none_from_a_car() -> None:
     [
         ("car", "truck", 0.3, 1),
         ("car", "motorcycle", 0.9, 1),
-        ("bus", "truck", 1.1, 1),  # less than half a width
+        ("bus", "truck", 1.1, 1),
         ("car", "car", 2.0, 2),
-        ("car", "truck", 2.0, 2),
+        ("car", "truck", 1.9, 1),  # their bodies would overlap
+        ("car", "truck", 2.8, 2),
         ("car", "bicycle", 0.3, 2),
         ("car", "pedestrian", 0.0, 2),
         ("bicycle", "pedestrian", 0.2, 2),
