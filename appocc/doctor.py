@@ -9,12 +9,17 @@ from typing import Any
 
 import numpy as np
 
+from appocc.boxes import is_vehicle
 from appocc.environment import Environment, inspect_environment
-from appocc.nuscenes import Dataset
+from appocc.errors import AppoccError
+from appocc.levelling import GROUND_RANGE_M, ego_from_level
+from appocc.nuscenes import Dataset, Scene
 from appocc.nuscenes.problem import Problem
 from appocc.nuscenes.validate import ProgressBar, no_progress, validate
 
 _EXAMPLES, _FEW_KINDS, _NAMES = 3, 4, 6
+# Scenes, and key frames of each, in which the ground is looked at; more tilt than this moves what cameras see.
+_LOOKED_AT, _TILTED_DEG = 8, 1.0
 
 
 @dataclass(frozen=True)
@@ -44,6 +49,8 @@ class Contents:
         vector_maps: number of map-expansion files.
         lidarseg: number of LiDAR files with labels.
         bev: number of maps of each BEV source.
+        ground_tilt_deg: largest tilt over a few scenes of the ground, on which annotated vehicles stand, in the ego
+            frame; None if too few vehicles are annotated.
     """
 
     root: str
@@ -59,6 +66,7 @@ class Contents:
     vector_maps: int
     lidarseg: int
     bev: dict[str, int]
+    ground_tilt_deg: float | None
 
 
 @dataclass(frozen=True)
@@ -131,7 +139,34 @@ def contents_of(dataset: Dataset) -> Contents:
         vector_maps=len(expansions),
         lidarseg=len(tables["lidarseg"]),
         bev={folder.name: len(list(folder.glob("[!.]*.npz"))) for folder in sources},
+        ground_tilt_deg=_ground_tilt_deg(dataset),
     )
+
+
+def _ground_tilt_deg(dataset: Dataset) -> float | None:
+    tilts = [_scene_tilt_deg(dataset, dataset.scenes[i]) for i in _spread(len(dataset.scenes))]
+    return max((tilt for tilt in tilts if tilt is not None), default=None)
+
+
+def _scene_tilt_deg(dataset: Dataset, scene: Scene) -> float | None:
+    samples, grounds = dataset.samples(scene), [np.empty((0, 3))]
+    try:
+        for i in _spread(len(samples)):
+            boxes = dataset.frame(samples[i], images=False).boxes_ego
+            if boxes is None:
+                continue
+            near = np.hypot(*boxes.centre_m[:, :2].T) < GROUND_RANGE_M
+            near &= np.array([is_vehicle(name) for name in boxes.category], np.bool_)
+            grounds.append(boxes.centre_m[near] - np.outer(boxes.size_wlh_m[near, 2] / 2, [0.0, 0.0, 1.0]))
+    except AppoccError:
+        return None  # the findings say what is wrong
+    level = ego_from_level(np.concatenate(grounds))
+    return None if level is None else float(np.degrees(np.arccos(min(1.0, level[2, 2]))))
+
+
+def _spread(count: int) -> list[int]:
+    """Return a few indices, spread evenly."""
+    return sorted({round(i) for i in np.linspace(0, count - 1, min(count, _LOOKED_AT))})
 
 
 def _channels(dataset: Dataset) -> dict[str, Channel]:
@@ -180,6 +215,10 @@ def _contents_lines(c: Contents) -> Iterator[str]:
     yield f"LiDAR files with point labels: {c.lidarseg:,}"
     bev = ", ".join(f"{source} {count}" for source, count in list(c.bev.items())[:_NAMES])
     yield f"bev: {bev or 'none'}"
+    if c.ground_tilt_deg is not None:
+        yield f"ground under the vehicles: leans by up to {c.ground_tilt_deg:.1f} degrees in the ego frame"
+        if c.ground_tilt_deg > _TILTED_DEG:
+            yield "  predicted maps take the ground for level: level the calibration (docs/conventions.md)"
 
 
 def _problem_lines(problems: tuple[Problem, ...]) -> Iterator[str]:

@@ -2,5 +2,6 @@
 
 from __future__ import annotations
 
-# Below the first a road user stands, above the second it moves; between them its state is uncertain.
-STANDING_MPS, MOVING_MPS = 0.5, 1.0
+# Below the first a road user stands, above the second it moves; between them its state is uncertain. Above the third
+# it drives, and does not creep in a queue.
+STANDING_MPS, MOVING_MPS, DRIVING_MPS = 0.5, 1.0, 2.0

@@ -43,7 +43,8 @@ from appocc.nuscenes import Dataset
 from appocc.rasterise import VEHICLE_SHARE, polygon_owner
 from benchmarks.encounters import Sight, encounters
 from tracking.detections import Detections
-from tracking.evaluation.clear_id_hota import EvaluationFrame, Metrics, evaluate
+from tracking.evaluation.clear_id_hota import Metrics, evaluate
+from tracking.evaluation.frames import EvaluationFrame
 from tracking.instances.instances import find_instances
 from tracking.presets import MAPS
 from tracking.tracker import Tracker, TrackerConfig
@@ -81,7 +82,7 @@ def made_scene(seed: int, noisy: bool) -> Scene:
         places = apply(inverse(sight.world_from_ego), np.pad(sight.xy_m, ((0, 0), (0, 1))))[:, :2]
         inside = GRID.contains(GRID.cell_of(places)) & (np.hypot(*places.T) <= RANGE_M)
         grain = random.normal(0, 12, (3, *GRID.shape)) if noisy else np.zeros((3, *GRID.shape))
-        found = find_instances(_map_of(shown, sight.world_from_ego, grain)).as_detections()
+        found = Detections.from_instances(find_instances(_map_of(shown, sight.world_from_ego, grain)))
         step = Step(
             sight.timestamp_us, sight.world_from_ego, found, sight.number, sight.xy_m.copy(), sight.seen & inside
         )
@@ -165,7 +166,7 @@ def read_scenes(root: Path, source: str) -> Iterator[Scene]:
             xy_m = boxes.centre_m[:, :2].copy()
             shown = np.array([there.get(name, False) for name in boxes.instance], dtype=np.bool_)
             number = np.array([zlib.crc32(name.encode()) for name in boxes.instance], dtype=np.int64)
-            found = find_instances(replace(pair.predicted, occupancy=occupancy)).as_detections()
+            found = Detections.from_instances(find_instances(replace(pair.predicted, occupancy=occupancy)))
             demanded = shown & (np.hypot(*(xy_m - pose[:2, 3]).T) <= RANGE_M)
             steps.append(Step(sample.timestamp_us, pose, found, number, xy_m, demanded))
         yield steps

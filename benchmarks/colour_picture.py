@@ -30,7 +30,7 @@ from appocc.files import whole_file
 from appocc.geometry import apply, inverse, quaternion_from_yaw, transform, yaw_of
 from benchmarks.colour_ablation import GREY, RANGE_M, Scene, judged, made_scene, without_colour
 from benchmarks.encounters import HOUSE_M, Sight, encounters
-from tracking.evaluation.clear_id_hota import GATE_M
+from tracking.evaluation.frames import GATE_M
 from tracking.presets import MAPS
 from tracking.tracker import Tracker, TrackerConfig
 

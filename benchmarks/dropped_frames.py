@@ -41,7 +41,6 @@ from benchmarks.colour_ablation import without_colour
 from tracking.detections import Detections
 from tracking.evaluation.clear_id_hota import Metrics
 from tracking.evaluation.scene import score_scene
-from tracking.instances.object_detections import find_detections
 from tracking.pipeline import SceneTracks, read_key_frames, track_samples
 from tracking.presets import MAPS
 from tracking.tracker import Tracker
@@ -101,7 +100,7 @@ def measured(dataset: Dataset, scene: Scene, source: str) -> list[Trial]:
         DataError: if a map is missing or damaged, or the scene has no annotations.
     """
     samples, poses = read_key_frames(dataset, scene)
-    as_drawn = [find_detections(load_map(dataset.root, source, sample.token)) for sample in samples]
+    as_drawn = [Detections.from_bev(load_map(dataset.root, source, sample.token)) for sample in samples]
     boxes = [dataset.boxes_world(sample) for sample in samples]
     found = {"none": as_drawn, "scene": as_drawn}
     for name, colours in sample_colours(dataset, scene).items():

@@ -19,17 +19,19 @@ Faults of an answer `ok`; a share is of all answers `ok`:
 - turns: it is less than 12 m away and heads more than 100 degrees from us, unasked.
 - backwards: a car gets there, but with more than 10 m backwards, unasked.
 - unreachable: no car gets there, with 30 m backwards.
+
+A drawn sentence is doable if its vehicle suits the action (it stands to be parked at, it is none of the parked ones
+to be followed, it is in a street) and some place in the relation, by the regions of `benchmarks.grounding_cases`, is
+reached by a car and has none of these faults. Where people might disagree about the relation or all places are tight,
+it does not count as doable. Right: the vehicle is the one meant, and the place is among those of the relation.
 """
 
 from __future__ import annotations
 
 import argparse
-import json
-import re
-import zlib
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from rich.console import Console
@@ -37,178 +39,40 @@ from rich.progress import Progress
 from rich.table import Table
 
 from appocc.bevmap import load_map
-from appocc.checks import FloatArray
 from appocc.errors import AppoccError
 from appocc.files import write_image
-from appocc.geometry import footprints, wrap_angle
-from benchmarks.grounding_truth.car_moves import Reached, reached_poses
-from benchmarks.grounding_truth.case_generation import SUITS
-from benchmarks.grounding_truth.key_frames import Town, TrueFrame, Vehicle
-from benchmarks.grounding_truth.places import Ask
-from benchmarks.grounding_truth.roads import EGO
-from benchmarks.grounding_truth.sentences import command, describe
+from benchmarks.grounding_truth.faults import FAULTS, Auditor, Place
+from benchmarks.grounding_truth.key_frames import Town, TrueFrame
+from benchmarks.grounding_truth.questions import Question, drawn, labelled
 from benchmarks.grounding_truth.streets import Streets
 from grounding.answer import Answer
 from grounding.grounder import Grounder
 from grounding.visualization import draw_answer
 
 SENTENCES = Path(__file__).parents[1] / "tests" / "grounding" / "language" / "commands.jsonl"
-BEHIND_M, DRIVES_MPS, BESIDE_M, LEAST_SCORE = 8.0, 2.0, 8.0, 0.1
-TURNED_RAD, WITHIN_M, BACK_M, FAR_BACK_M = np.radians(100), 12.0, 10.0, 30.0
-STOPS, WAITS = ("park", "stop", "pull_over"), ("park", "pull_over", "wait")
-# Words that ask for a place that is otherwise a fault.
-_BACK = r"behind (us|me)|\bback(wards)?\b|revers|\brear\b|just passed|we passed"
-_ROUND = r"turn\w* (\w+ ){0,3}(a)?round|u-?\s?turn|other way|spin|opposite direction|go back|head back"
-_OTHER_SIDE = r"opposite|across|other side|oncoming|\bleft\b|wrong side|far side"
-_JUNCTION = r"junction|intersection|crossing|crosswalk|zebra|corner|\blights?\b|roundabout|stop (sign|line)"
-FAULTS = (*("behind us", "wrong side", "beside moving", "score", "junction", "turns", "backwards", "unreachable"),)
 MOST_PICTURES = 60
 
 
-class Question(NamedTuple):
-    """A sentence to ask in a key frame, with the action that it commands."""
-
-    token: str
-    sentence: str
-    action: str
-    origin: str
-
-
 class Audited(NamedTuple):
-    """An answer and its faults."""
+    """An answer and its faults.
+
+    Attributes:
+        question: the sentence.
+        status: of the answer.
+        doable: whether a person would find the sentence doable.
+        faults: names of faults.
+        beside: whether it is beside a vehicle on the wrong side.
+        right: whether vehicle and place are those that would do; False if the sentence is not doable.
+        words: the reasons, and the question if there is one.
+    """
 
     question: Question
     status: str
+    doable: bool
     faults: tuple[str, ...] = ()
     beside: bool = False
+    right: bool = False
     words: str = ""
-
-
-class Place(NamedTuple):
-    """A goal in the ego frame and the world frame, and the vehicles that it is measured from, by instance."""
-
-    xy_m: FloatArray
-    yaw_rad: float
-    world_m: FloatArray
-    world_yaw_rad: float
-    score: float
-    names: tuple[str, ...]
-
-
-# Sentences --------------------------------------------------------------------------------------------------------
-
-
-def labelled(files: Sequence[Path], tokens: Sequence[str], draws: int, seed: int) -> Iterator[Question]:
-    """Yield the commands of labelled files, each in some frames at random."""
-    for path in files:
-        for number, line in enumerate(path.read_text(encoding="utf-8").splitlines()):
-            row: dict[str, Any] = json.loads(line)
-            if row.get("status") == "ok":
-                random = np.random.default_rng([seed, number, zlib.crc32(path.name.encode())])
-                for at in random.choice(len(tokens), min(draws, len(tokens)), replace=False).tolist():
-                    yield Question(tokens[at], row["command"], str(row["action"]), path.stem)
-
-
-def drawn(town: Town, tokens: Sequence[str], count: int, seed: int) -> Iterator[Question]:
-    """Yield commands about vehicles of key frames, as many in each: any relation, whatever is free or ahead."""
-    pairs = [(relation, action) for suits in SUITS.values() for relation, action in suits if relation != "between"]
-    for number, token in enumerate(tokens):
-        moment = town.moment(token)
-        random = np.random.default_rng([seed, 1, zlib.crc32(token.encode())])
-        near = [v for v in moment.vehicles if v.visible and v.on_map]
-        for _ in range(count * (number + 1) // len(tokens) - count * number // len(tokens)):
-            relation, action = pairs[int(random.integers(len(pairs)))]
-            if relation == "none":
-                ask = Ask(action, 15.0 if action == "stop" else None, "right" if action != "stop" else None)
-                yield Question(token, command(relation, ask, [], random), action, "drawn")
-                continue
-            for i in random.permutation(len(near))[:6].tolist():
-                if said := describe(moment, near[i], False, random):
-                    words = command(relation, Ask(action), [(said, near[i].body)], random)
-                    yield Question(token, words, action, "drawn")
-                    break
-
-
-# Judging ----------------------------------------------------------------------------------------------------------
-
-
-class Auditor:
-    """Judges the places of answers in one key frame."""
-
-    def __init__(self, moment: TrueFrame, streets: Streets) -> None:
-        """Take the truth of a key frame."""
-        self._moment, self._streets = moment, streets
-        self._reached: Reached | None = None
-
-    def reached(self) -> Reached:
-        """Return the poses that a car reaches; computed once."""
-        if self._reached is None:
-            bev = self._moment.bev
-            free = self._moment.ground & ~self._moment.occupied
-            # The ego stands where it stands, and a cell that its body touches is no obstacle.
-            along, across = self._moment.local(np.array([EGO.centre_m, 0.0]), 0.0)
-            grown = bev.grid.cell_m / 2
-            free |= (np.abs(along) <= EGO.length_m / 2 + grown) & (np.abs(across) <= EGO.width_m / 2 + grown)
-            low = bev.grid.centre_of(np.zeros(2, np.int64)) - bev.grid.cell_m / 2
-            self._reached = reached_poses(free, bev.grid.cell_m, low, EGO, FAR_BACK_M)
-        return self._reached
-
-    def faults(self, question: Question, place: Place) -> tuple[tuple[str, ...], bool]:
-        """Return the faults of a place, and whether one on the wrong side is beside a vehicle that stands there."""
-        asked = {
-            name: bool(re.search(words, question.sentence, re.IGNORECASE))
-            for name, words in (("back", _BACK), ("round", _ROUND), ("side", _OTHER_SIDE), ("junction", _JUNCTION))
-        }
-        asked["side"] |= asked["round"]
-        meant = [v for v in self._moment.vehicles if v.instance in place.names]
-        against = self._streets.way(place.world_m, place.world_yaw_rad) < 0 and not asked["side"]
-        beside = against and any(self._faces(place, v) for v in meant)
-        found = [
-            ("behind us", place.xy_m[0] < EGO.centre_m - BEHIND_M and not (asked["back"] or asked["round"])),
-            ("wrong side", against and not beside),
-            ("beside moving", question.action in STOPS and self._is_beside_moving(place, meant)),
-            ("score", place.score < LEAST_SCORE),
-            ("junction", question.action in WAITS and self._is_in_junction(place) and not asked["junction"]),
-            ("turns", self._turns(place) and not asked["round"]),
-        ]
-        back_m = self.reached().least_back_m(place.xy_m, place.yaw_rad)
-        found += [
-            ("backwards", BACK_M < back_m < np.inf and not asked["back"]),
-            ("unreachable", not np.isfinite(back_m)),
-        ]
-        return tuple(name for name, holds in found if holds), beside
-
-    @staticmethod
-    def _is_beside_moving(place: Place, meant: Sequence[Vehicle]) -> bool:
-        own = footprints(place.xy_m, place.yaw_rad, [EGO.length_m + 2 * BESIDE_M, EGO.width_m + 2 * BESIDE_M])
-        boxes = [footprints(v.xy_m, v.yaw_rad, [v.length_m, v.width_m]) for v in meant if v.speed_mps > DRIVES_MPS]
-        return any(_overlap(own, box) for box in boxes)
-
-    def _is_in_junction(self, place: Place) -> bool:
-        along, across = np.meshgrid(np.linspace(-0.5, 0.5, 7) * EGO.length_m, np.linspace(-0.5, 0.5, 3) * EGO.width_m)
-        cos, sin = np.cos(place.world_yaw_rad), np.sin(place.world_yaw_rad)
-        points = place.world_m + np.stack([along * cos - across * sin, along * sin + across * cos], -1).reshape(-1, 2)
-        inside = self._streets.is_in(self._streets.junctions, place.world_m[None])
-        return inside or self._streets.is_in(self._streets.crossings, points)
-
-    @staticmethod
-    def _turns(place: Place) -> bool:
-        away = float(np.hypot(*(place.xy_m - [EGO.centre_m, 0.0])))
-        return away < WITHIN_M and abs(float(wrap_angle(place.yaw_rad))) > TURNED_RAD
-
-    @staticmethod
-    def _faces(place: Place, v: Vehicle) -> bool:
-        return bool(np.cos(v.yaw_rad - place.yaw_rad) < 0)
-
-
-def _overlap(one: FloatArray, other: FloatArray) -> bool:
-    """Return whether two rectangles, corners (4, 2), overlap: no side of either separates them."""
-    for a in (one, other):
-        for side in (a[1] - a[0], a[2] - a[1]):
-            p, q = one @ side, other @ side
-            if p.max() < q.min() or q.max() < p.min():
-                return False
-    return True
 
 
 # Asking -----------------------------------------------------------------------------------------------------------
@@ -241,20 +105,24 @@ def audit(
         name = str(town.dataset.location(scenes[token]))
         auditor = Auditor(moment, streets.setdefault(name, Streets(name)) if name not in streets else streets[name])
         grounder = Grounder()
+        grounder.set_street_map(town.street_map(token))
         bev = load_map(town.dataset.root, source, token)
         grounder.set_scene(bev, moment.boxes if bev.is_truth else None, moment.world_from_ego)
         for question in (one for one in questions if one.token == token):
             answer = grounder.ground(question.sentence)
-            place = place_of(answer, moment)
+            place, would_do = place_of(answer, moment), auditor.doable(question)
+            words = "; ".join([*answer.reasons, answer.question])
             if answer.status != "ok" or place is None:
-                yield Audited(question, answer.status, words="; ".join(answer.reasons))
+                yield Audited(question, answer.status, would_do is not None, words=words)
                 continue
             faults, beside = auditor.faults(question, place)
             if pictures and (faults or every) and number < MOST_PICTURES:
                 title = "_".join(faults).replace(" ", "-") or "ok"
                 write_image(pictures / f"{number:03d}_{title}.png", draw_answer(answer))
                 number += 1
-            yield Audited(question, "ok", faults, beside, "; ".join(answer.reasons))
+            right = would_do is not None and bool(would_do.cells[tuple(bev.grid.cell_of(place.xy_m))])
+            right &= question.instance in (*place.names, "")
+            yield Audited(question, "ok", would_do is not None, faults, beside, right, words)
 
 
 # Telling ----------------------------------------------------------------------------------------------------------
@@ -274,6 +142,11 @@ def table(audited: Sequence[Audited]) -> Table:
     )
     for words, status in names:
         made.add_row(f"{words} %", *(_share([one.status == status for one in rows]) for rows in columns))
+    doable = [[one for one in rows if one.doable] for rows in columns]
+    made.add_section()
+    made.add_row("doable", *(str(len(rows)) for rows in doable))
+    made.add_row("answered %", *(_share([one.status == "ok" for one in rows]) for rows in doable))
+    made.add_row("right of these %", *(_share([o.right for o in rows if o.status == "ok"]) for rows in doable))
     found = [[one for one in rows if one.status == "ok"] for rows in columns]
     made.add_section()
     made.add_row("answers ok", *(str(len(rows)) for rows in found))
@@ -298,7 +171,7 @@ def main(words: Sequence[str] | None = None) -> None:
     parser.add_argument("--cases", type=int, default=1000)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--faults", action="store_true", help="print every answer with a fault")
-    parser.add_argument("--refused", action="store_true", help="print every sentence without a place")
+    parser.add_argument("--refused", action="store_true", help="print every doable sentence without a place")
     parser.add_argument("--pictures", type=Path, help="folder for pictures of answers with a fault")
     parser.add_argument("--every", action="store_true", help="draw answers without a fault too")
     given = parser.parse_args(words)
@@ -316,7 +189,7 @@ def main(words: Sequence[str] | None = None) -> None:
     except AppoccError as error:
         parser.exit(2, f"{error}\n")
     for one in audited:
-        if (given.faults and one.faults) or (given.refused and one.status not in ("ok", "not_a_command")):
+        if (given.faults and one.faults) or (given.refused and one.doable and one.status != "ok"):
             what = ", ".join(one.faults) or one.status
             console.print(
                 f"{one.question.token[:8]} {what}: {one.question.sentence}\n    {one.words}",

@@ -215,6 +215,7 @@ def product_and_map(town: Town, moment: TrueFrame, source: str, noisy: bool, see
     else:
         bev = load_map(town.dataset.root, source, moment.token)
     grounder = Grounder()
+    grounder.set_street_map(town.street_map(moment.token))
     grounder.set_scene(bev, boxes, moment.world_from_ego)
     return grounder, bev
 

@@ -4,8 +4,9 @@
 
 ROOT is a folder with labels, in the layout of `tracking.io.kitti`. Both trackers get the same detections and poses.
 Tracks whose mean score is below a cut are dropped; each tracker has its own cut, the one with the highest MOTA over
-all sequences, or for ours the given one. Rows of single sequences use the same cut. At the causal cut, single rows
-are dropped by their own score, by what is known at that frame. "smoothed" is the offline
+all sequences, or for ours the given one. Rows of single sequences use the same cut. Parameters are chosen on
+one half of the sequences, every second one from the first, and judged on the other; both have been seen. At the
+causal cut, single rows are dropped by their own score, by what is known at that frame. "smoothed" is the offline
 smoothing of the tracker's tracks (`tracking.filtering.smoother`); the other rows are online.
 
 The baseline filters positions on the ground with constant velocity and isotropic noise, assigns by the least sum of
@@ -133,7 +134,7 @@ def follow(sequences: Sequence[KittiSequence], make: Callable[[], OnlineTracker]
 
 @dataclass(frozen=True)
 class Row:
-    """Scores of a tracker: name of the sequence, or all; at the track cut and at the causal cut."""
+    """Scores of a tracker: name of the sequence, all or a half; at the track cut and at the causal cut."""
 
     sequence: str
     tracks: Metrics
@@ -150,7 +151,8 @@ def measure(
     rows = prepare_evaluation(outcomes)
     cut = rows.by_track().best_cut() if cut is None else cut
     causal = rows.best_cut(CAUSAL_CANDIDATES)
-    parts = [("all", rows)] + [
+    halves = (("half to choose", rows.sequences[::2]), ("half to judge", rows.sequences[1::2]))
+    parts = [("all", rows), *((name, KittiEvaluation(half)) for name, half in halves)] + [
         (one.name, KittiEvaluation((own,))) for one, own in zip(sequences, rows.sequences, strict=True)
     ]
     return (cut, causal), [Row(name, part.by_track().metrics(cut), part.metrics(causal)) for name, part in parts]
@@ -180,7 +182,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         *("tracker", "sequence", "cut", "MOTA", "IDF1", "IDS", "FRAG", "HOTA", "FP", "FN", "GT"),
         *("causal cut", "MOTA", "IDF1"),
     )
-    for number in range(len(sequences) + 1):
+    for number in range(len(rows["appocc"][1])):
         for tracker, ((cut, causal), scores) in rows.items():
             m, now = scores[number].tracks, scores[number].rows
             shares = [f"{100 * share:.1f}" if share == share else "-" for share in _shares(m, now)]

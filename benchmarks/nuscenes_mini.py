@@ -29,7 +29,8 @@ from appocc.errors import AppoccError, DataError
 from benchmarks.kitti import PlainFilter
 from tracking.detections import Detections, probability_from_log_odds
 from tracking.evaluation.amota import ScoredFrame, evaluate_amota, filter_by_score, prepare_frames
-from tracking.evaluation.clear_id_hota import EvaluationFrame, evaluate
+from tracking.evaluation.clear_id_hota import evaluate
+from tracking.evaluation.frames import EvaluationFrame
 from tracking.io.nuscenes_detections import RANGE_M, SceneDetections, read_scene_file
 from tracking.pipeline import OnlineTracker
 from tracking.tracker import Tracker
@@ -64,39 +65,42 @@ class _Part:
     next_id: int
 
 
-def _track(tracker: OnlineTracker, scene: SceneDetections, cars_alone: bool, first_id: int) -> _Part:
-    """Track a scene with a new tracker."""
+def _track(tracker: OnlineTracker, scene: SceneDetections, kind: str, alone: bool, first_id: int) -> _Part:
+    """Track a scene with a new tracker, which gets the boxes of all kinds, or those of one alone."""
     moments, next_id = [], first_id
     rows = zip(scene.detections, scene.timestamps_us.tolist(), scene.world_from_ego, scene.truth, strict=True)
     for seen, time_us, pose, truth in rows:
-        given = seen.select(np.array([kind == KIND for kind in seen.kind], np.bool_)) if cars_alone else seen
-        tracks = [track for track in tracker.update(given, time_us, pose) if track.kind == KIND]
-        cars = np.array([kind == KIND for kind in truth.kind], dtype=np.bool_)
+        given = seen.select(np.array([own == kind for own in seen.kind], np.bool_)) if alone else seen
+        tracks = [track for track in tracker.update(given, time_us, pose) if track.kind == kind]
+        chosen = np.array([own == kind for own in truth.kind], dtype=np.bool_)
         ids = np.array([first_id + track.id for track in tracks], dtype=np.int64)
-        objects, places = truth.centre_m[cars, :2], np.array([t.position_world_m[:2] for t in tracks]).reshape(-1, 2)
+        objects, places = (
+            truth.centre_m[chosen, :2],
+            np.array([t.position_world_m[:2] for t in tracks]).reshape(-1, 2),
+        )
         near = [np.hypot(*(xy - pose[:2, 3]).T) < RANGE_M for xy in (objects, places)]
         moment = EvaluationFrame(
-            first_id + truth.ids[cars], objects, near[0] & (truth.points[cars] > 0), ids, places, near[1]
+            first_id + truth.ids[chosen], objects, near[0] & (truth.points[chosen] > 0), ids, places, near[1]
         )
         moments.append(ScoredFrame(time_us, moment, np.array([track.score for track in tracks])))
         next_id = max([next_id, *(ids + 1).tolist(), *(first_id + truth.ids + 1).tolist()])
     return _Part(moments, next_id)
 
 
-def measure(scenes: Sequence[SceneDetections], plain: bool) -> dict[str, float]:
-    """Return the figures of the tracker, or of the plain filter, over all scenes.
+def measure(scenes: Sequence[SceneDetections], plain: bool, kind: str = KIND) -> dict[str, float]:
+    """Return the figures of the tracker, or of the plain filter, for a kind over all scenes.
 
     Raises:
-        DataError: if there are no annotated cars.
+        DataError: if no annotated object is found.
     """
     moments: list[ScoredFrame] = []
     first_id = 0
     for scene in scenes:
-        part = _track(_PlainFilter() if plain else Tracker(), scene, plain, first_id)
+        part = _track(_PlainFilter() if plain else Tracker(), scene, kind, plain, first_id)
         moments, first_id = moments + part.moments, part.next_id
     result = evaluate_amota(moments)
     if result.best is None:
-        raise DataError("expected cars to be found, got none")
+        raise DataError(f"expected objects of kind {kind} to be found, got none")
     best = evaluate(filter_by_score(prepare_frames(moments), result.threshold))
     own = {name: float(getattr(best, name)) for name in FIGURES if not name.startswith("AMOT")}
     return {"AMOTA": result.AMOTA, "AMOTP": result.AMOTP, **own}

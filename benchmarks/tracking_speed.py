@@ -12,7 +12,7 @@ do not count.
 - ms, frames/s, us/vehicle: CPU time of `Tracker.update` alone; median over the frames of a repeat, then over repeats.
 - plain: the same for a baseline: one filterpy `KalmanFilter` of constant velocity per track, assignment by the least
   sum of distances, a gate of 2 m, without colours, headings and sizes.
-- with maps: `find_instances` and `Tracker(MAPS).update` together, on maps of 200 x 200 cells with 50 vehicles.
+- with maps: `Detections.from_bev` and `Tracker(MAPS).update` together, on maps of 200 x 200 cells with 50 vehicles.
 
 With --memory, one tracker follows 50 vehicles that enter and leave; ten times per run, the resident memory of the
 process (Linux) and the number of tracks so far are printed.
@@ -41,7 +41,7 @@ from appocc.checks import BoolArray, FloatArray, IntArray
 from appocc.geometry import apply
 from appocc.grid import BEVGrid
 from tracking.detections import Detections
-from tracking.instances.instances import GridView, find_instances
+from tracking.field_of_view import GridView
 from tracking.presets import MAPS
 from tracking.tracker import Tracker
 
@@ -238,7 +238,7 @@ def seconds_of_maps(frames: int) -> float:
         maps.append(traffic.drawn(grid))
     return seconds_of(
         [
-            lambda i=i, bev=bev: tracker.update(find_instances(bev).as_detections(), i * STEP_US, np.eye(4))  # type: ignore[misc]
+            lambda i=i, bev=bev: tracker.update(Detections.from_bev(bev), i * STEP_US, np.eye(4))  # type: ignore[misc]
             for i, bev in enumerate(maps)
         ]
     )

@@ -25,11 +25,13 @@ if TYPE_CHECKING:
     from grounding.goal.planner import Target
     from grounding.grounder import Grounder, GrounderConfig
     from grounding.query import Query
+    from grounding.road.style import DrivingStyle
 
-__all__ = ["Answer", "Grounder", "GrounderConfig", "Query", "Session", "Target"]
+__all__ = ["Answer", "DrivingStyle", "Grounder", "GrounderConfig", "Query", "Session", "Target"]
 
 _MODULES = {
     "Answer": "grounding.answer",
+    "DrivingStyle": "grounding.road.style",
     "Grounder": "grounding.grounder",
     "GrounderConfig": "grounding.grounder",
     "Query": "grounding.query",

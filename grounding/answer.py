@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 from appocc.errors import AppoccError
 from appocc.polylines import length_m
-from grounding.describe import candidate_to_dict, describe_object, round_to_mm, target_to_dict
+from grounding.describe import candidate_to_dict, describe_object, describe_step, round_to_mm, target_to_dict
 from grounding.goal.planner import GoalPlan, Target
 from grounding.language import ParseProblem, Reading, underline
 from grounding.query import Query
@@ -138,15 +138,11 @@ class Answer:
             "route": None if self.plan.route is None else [round_to_mm(point) for point in self.plan.route],
         }
 
-    def _step_text(self) -> str:
+    def step_text(self) -> str:
         """Return a step of a plan in one line."""
-        query = self.query
-        words: list[str] = [query.action or "drive", *([] if query.relation == "none" else [query.relation])]
-        if self.referent is not None:
-            words.append(f"the {describe_object(self.referent.item, self.scene)}")
         done = f" until: {self.awaits}" if self.awaits else ""
         place = f": ({self.target.ego_m[0]:.1f}, {self.target.ego_m[1]:.1f}) m" if self.target else f": {self.status}"
-        return " ".join(words).replace("_", " ") + done + place.replace("_", " ")
+        return describe_step(self.query, self.referent, self.scene) + (done + place).replace("_", " ")
 
     def text(self) -> str:
         """Return the answer as lines of English."""
@@ -158,7 +154,7 @@ class Answer:
             lines.append(f"target: {_describe_pose(self.target)}, score {self.target.score:.2f}")
             lines += [f"way: {length_m(self.plan.route):.0f} m"] if self.plan.route is not None else []
         if len(self.steps) > 1:
-            lines += [f"step {number}: {step._step_text()}" for number, step in enumerate(self.steps, start=1)]
+            lines += [f"step {number}: {step.step_text()}" for number, step in enumerate(self.steps, start=1)]
         lines += [f"- {reason}" for reason in self.reasons]
         if self.plan.nearest:
             lines.append(f"nearest place that would do: {_describe_pose(self.plan.nearest)}")

@@ -6,12 +6,14 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import TypeVar
 
 from appocc.checks import FloatArray
 from appocc.errors import AppoccError
 from grounding.answer import Answer
 from grounding.confidence import confidence_of, gather_evidence, is_worth_acting
-from grounding.describe import describe_object
+from grounding.describe import describe_object, describe_step
+from grounding.goal.at_landmark import landmark_of
 from grounding.goal.planner import GoalPlan, plan_goal
 from grounding.goal.shift import HeldPose, Shift, hold_goal, shift_goal
 from grounding.language import Reading
@@ -24,6 +26,7 @@ from grounding.road.pose import Pose2D
 from grounding.road.road_map import RoadMap
 from grounding.scene_object import SceneObject
 
+_Option = TypeVar("_Option")
 # Log scores of readings without a referent and without a goal: these rank below all others.
 _NO_REFERENT_SCORE, _NO_GOAL_SCORE = -200.0, -100.0
 # Candidates of an indefinite referent ("a red car") for which goals are compared.
@@ -83,7 +86,7 @@ def answer_reading(reading: Reading, scene: SceneModel, limit: int = MAX_CANDIDA
 
     A reading in doubt is a question, whose only alternative is the answer all the same.
     """
-    requests = requests_of(replace(reading, doubt=""))
+    requests = requests_of(reading)
     primary = next((i for i, one in enumerate(requests) if one.query == reading.query), len(requests) - 1)
     answer = answer_steps(requests, scene, primary=primary, limit=limit)
     answer = replace(answer, reading=replace(answer.reading, steps=reading.steps))
@@ -99,7 +102,7 @@ def answer_reading(reading: Reading, scene: SceneModel, limit: int = MAX_CANDIDA
         alternatives=(answer,),
         dropped=reading.dropped,
     )
-    return replace(asked, chooser=partial(alternative_at, asked))
+    return replace(asked, chooser=partial(pick, asked.alternatives, name="reading"))
 
 
 def answer_steps(
@@ -150,7 +153,7 @@ def with_choice(request: Request, answer: Answer, number: int) -> Request:
     """
     if answer.plan.question and number == 1:
         return accept_proposal(request, answer)
-    return replace(request, chosen=candidate_at(answer, number))
+    return replace(request, chosen=pick(answer.candidates, number, "candidate"))
 
 
 def accept_proposal(request: Request, answer: Answer) -> Request:
@@ -163,26 +166,15 @@ def accept_proposal(request: Request, answer: Answer) -> Request:
     return replace(request, chosen=chosen, held=held)
 
 
-def alternative_at(answer: Answer, number: int) -> Answer:
-    """Return an alternative of an answer by its number, from 1.
+def pick(options: Sequence[_Option], number: int, name: str) -> _Option:
+    """Return an option of an answer by its number, from 1; `name` is what the options are.
 
     Raises:
-        AppoccError: if there is no such alternative.
+        AppoccError: if there is no such option.
     """
-    if not 1 <= number <= len(answer.alternatives):
-        raise AppoccError(f"expected the number of a reading, 1 to {len(answer.alternatives)}, got {number}")
-    return answer.alternatives[number - 1]
-
-
-def candidate_at(answer: Answer, number: int) -> Candidate:
-    """Return a candidate of an answer by its number, from 1.
-
-    Raises:
-        AppoccError: if there is no such candidate.
-    """
-    if not 1 <= number <= len(answer.candidates):
-        raise AppoccError(f"expected the number of a candidate, 1 to {len(answer.candidates)}, got {number}")
-    return answer.candidates[number - 1]
+    if not 1 <= number <= len(options):
+        raise AppoccError(f"expected the number of a {name}, 1 to {len(options)}, got {number}")
+    return options[number - 1]
 
 
 def reconcile(answer: Answer, rival: Answer) -> Answer:
@@ -192,7 +184,7 @@ def reconcile(answer: Answer, rival: Answer) -> Answer:
     if _means_the_same(answer, rival):
         return replace(answer, reasons=(*answer.reasons, "the language model reads the same"))
     options = tuple(one for one in (answer, rival) if one.status != "not_a_command")
-    phrases = " or ".join(f"'{describe_command(one)}'" for one in options)
+    phrases = " or ".join(f"'{describe_step(one.query, one.referent, one.scene)}'" for one in options)
 
     asked = Answer(
         status="ambiguous",
@@ -203,19 +195,7 @@ def reconcile(answer: Answer, rival: Answer) -> Answer:
         alternatives=options,
         dropped=answer.dropped,
     )
-    return replace(asked, chooser=partial(alternative_at, asked))
-
-
-def describe_command(answer: Answer) -> str:
-    """Return the command of an answer in words: "park behind the red car 12 m away, ahead right"."""
-    query = answer.query
-    relation = "" if query.relation == "none" else query.relation
-    side = f"on the {query.goal_side}" if query.goal_side else query.direction or ""
-    named = "" if query.referent is None else f"the {query.referent.phrase()}"
-    if answer.referent is not None:
-        named = f"the {describe_object(answer.referent.item, answer.scene)}"
-    words = ((query.action or "drive"), relation, named, side)
-    return " ".join(word.replace("_", " ") for word in words if word)
+    return replace(asked, chooser=partial(pick, asked.alternatives, name="reading"))
 
 
 def _means_the_same(answer: Answer, other: Answer) -> bool:
@@ -320,7 +300,7 @@ def _plan(
     if goal_plan is not None:
         return goal_plan
     goal_plan = plan_goal(query, scene, road, item, partner, exclusions, start)
-    if item is None and query.landmark == "secondary":
+    if item is None and query.landmark == "secondary" and landmark_of(query) is None:
         # The map does not hold the landmark: report the goal as the nearest free place and not as the answer.
         landmark = query.secondary[0].noun.replace("_", " ")
         reason = f"'{query.relation.replace('_', ' ')}' is measured from a {landmark}, which the map does not hold"

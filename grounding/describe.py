@@ -1,4 +1,4 @@
-"""Objects, candidates and targets as English phrases and as JSON values."""
+"""Objects, steps, candidates and targets as English phrases and as JSON values."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from appocc.checks import FloatArray
 from appocc.ego_vehicle import EgoVehicle
 from appocc.motion_state import STANDING_MPS
 from grounding.goal.planner import Target
+from grounding.query import Query
 from grounding.referent.resolver import Candidate
 from grounding.referent.scene import SceneModel
 from grounding.scene_object import SceneObject
@@ -38,6 +39,17 @@ def describe_object(item: SceneObject, scene: SceneModel) -> str:
     if item.front_known and abs(item.yaw_rad) > _FACING_RAD:
         parts.append("facing us")
     return ", ".join(parts)
+
+
+def describe_step(query: Query, referent: Candidate | None, scene: SceneModel) -> str:
+    """Describe a step by action, relation, vehicle and side: "park behind the red car 12 m away, ahead right"."""
+    relation = "" if query.relation == "none" else query.relation
+    side = f"on the {query.goal_side}" if query.goal_side else query.direction or ""
+    named = "" if query.referent is None else f"the {query.referent.phrase()}"
+    if referent is not None:
+        named = f"the {describe_object(referent.item, scene)}"
+    words = (query.action or "drive", relation, named, side)
+    return " ".join(word.replace("_", " ") for word in words if word)
 
 
 def candidate_to_dict(candidate: Candidate, scene: SceneModel) -> dict[str, Any]:

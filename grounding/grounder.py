@@ -21,10 +21,13 @@ from grounding.language import Lexicon, Reading, parse_all, read_lexicon
 from grounding.query import Referent
 from grounding.referent.resolver import MAX_CANDIDATES
 from grounding.referent.scene import SceneModel, scene_from_boxes, scene_from_map, scene_from_tracks
+from grounding.road.landmarks import Landmarks
+from grounding.road.style import DEFAULT_STYLE, DrivingStyle
 from grounding.road.visibility import unseen_reason
 from tracking.tracks import Track
 
 if TYPE_CHECKING:
+    from appocc.nuscenes.maps import VectorMap
     from grounding.language.llm import ChatEndpoint
 
 
@@ -36,11 +39,13 @@ class GrounderConfig:
         trust_unseen: whether to use a network's guesses for cells that no camera sees.
         max_candidates: most candidates in an answer.
         left_hand_traffic: whether traffic drives on the left; None: as oncoming vehicles do, else on the right.
+        style: gaps to other vehicles.
     """
 
     trust_unseen: bool = False
     max_candidates: int = MAX_CANDIDATES
     left_hand_traffic: bool | None = None
+    style: DrivingStyle = DEFAULT_STYLE
 
 
 class Grounder:
@@ -75,11 +80,16 @@ class Grounder:
         self.lexicon, self.config = words, config or GrounderConfig()
         self._llm, self._ego = llm, ego
         self._scene: SceneModel | None = None
+        self._street_map: VectorMap | None = None
 
     @property
     def scene(self) -> SceneModel | None:
         """The scene that is set; None before `set_scene`."""
         return self._scene
+
+    def set_street_map(self, street_map: VectorMap | None) -> None:
+        """Set the vector map, world frame, from which the scenes that are set next take their landmarks."""
+        self._street_map = street_map
 
     def set_scene(
         self,
@@ -115,7 +125,9 @@ class Grounder:
             scene = scene_from_boxes(bev, vehicles, pose, self._ego)
         else:
             scene = scene_from_tracks(bev, vehicles, pose, ego=self._ego)
-        self._scene = replace(scene, left_hand_traffic=self.config.left_hand_traffic)
+        if self._street_map is not None:
+            scene = replace(scene, landmarks=Landmarks.from_map(self._street_map, pose))
+        self._scene = replace(scene, left_hand_traffic=self.config.left_hand_traffic, style=self.config.style)
         return self._scene
 
     def ground(self, text: str) -> Answer:
@@ -131,9 +143,9 @@ class Grounder:
         """Begin a conversation about the scene, in which sentences refer to what was said before."""
         return Session(self)
 
-    def read(self, text: str, antecedent: Referent | None = None) -> tuple[Reading, ...]:
-        """Return the readings of a sentence, best first; pronouns may refer to the antecedent."""
-        return parse_all(text, self.lexicon, antecedent)
+    def read(self, text: str, antecedent: Referent | None = None, verb: str = "") -> tuple[Reading, ...]:
+        """Return the readings of a sentence, best first; arguments as in `parse_all`."""
+        return parse_all(text, self.lexicon, antecedent, verb)
 
     def best_answer(self, readings: Sequence[Reading]) -> Answer:
         """Answer the readings of a sentence in the scene and return the best answer.
@@ -148,7 +160,9 @@ class Grounder:
         if first.problem:
             reasons = (first.problem.message, *first.notes)
             return Answer(status="not_a_command", reading=first, scene=scene, reasons=reasons)
-        commands = [first, *(reading for reading in others if not reading.problem)]
+        # A sentence that is understood as it stands is not corrected because the scene has no such place.
+        literal = not (first.corrections or first.dropped)
+        commands = [first, *(one for one in others if not (one.problem or (literal and one.corrections)))]
         answers = [answer_reading(reading, scene, self.config.max_candidates) for reading in commands]
         # The readings come best first, and so the first of several equal answers wins.
         best = max(answers, key=lambda answer: answer.score)

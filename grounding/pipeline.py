@@ -7,6 +7,7 @@ from pathlib import Path
 from appocc.bevmap import BEVMap, load_map
 from appocc.frame import Frame
 from appocc.nuscenes import Dataset, Sample
+from appocc.nuscenes.maps import vector_map
 from grounding.grounder import Grounder
 from tracking.io.nuscenes_tracks import read_key_frame
 
@@ -41,6 +42,7 @@ def set_key_frame(
     """
     frame = dataset.frame(sample, images=images)
     bev = load_map(dataset.root, source, sample.token)
+    grounder.set_street_map(vector_map(dataset, dataset.scene(sample.scene_token)))
     if tracks is not None:
         grounder.set_scene(bev, read_key_frame(tracks, sample.token), frame.world_from_ego)
     else:

@@ -140,7 +140,7 @@ class Exclusion:
 
 @dataclass(frozen=True)
 class Query:
-    """The meaning of a command; without an action, of a sentence that is not one.
+    """A parsed sentence. It is a command if it has an action.
 
     Attributes:
         command: the sentence as given.
@@ -160,6 +160,7 @@ class Query:
             None if none is named (the first branch, one lane).
         manoeuvre: how to drive, if the verb says more than the action: onward, back, creep, or what is refused.
         unresolved: the pronoun or "one" that stands for the referent and has no antecedent; '' if there is none.
+        sought: what is said of it ("the red one": a red vehicle); None without a description.
     """
 
     command: str
@@ -179,6 +180,7 @@ class Query:
     count: int | None = None
     manoeuvre: Manoeuvre | None = None
     unresolved: str = ""
+    sought: Referent | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Return the query with all keys of labelled command files; alternatives, set by annotators, are empty."""

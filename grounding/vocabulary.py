@@ -60,6 +60,16 @@ RELATIONS: tuple[str, ...] = get_args(Relation)[1:]  # without "none"
 STATES: tuple[str, ...] = get_args(State)
 TRIGGERS: tuple[str, ...] = get_args(Trigger)
 MANOEUVRES: tuple[str, ...] = get_args(Manoeuvre)
+# Nouns of landmarks that vector maps hold, and their kinds there.
+LANDMARK_KINDS: dict[str, str] = {
+    **dict.fromkeys(("crossing", "zebra_crossing", "pedestrian_crossing", "crosswalk", "zebra"), "crossing"),
+    **dict.fromkeys(("pedestrian_crosswalk", "cross_walk"), "crossing"),
+    **dict.fromkeys(("stop_line", "stopping_line", "white_line"), "stop line"),
+    **dict.fromkeys(("traffic_light", "traffic_signal"), "traffic light"),
+    **dict.fromkeys(("stop_sign",), "stop sign"),
+    **dict.fromkeys(("junction", "intersection", "crossroad", "crossroads", "t_junction", "roundabout"), "junction"),
+    **dict.fromkeys(("car_park", "parking_lot", "parking_area", "parking_garage"), "car park"),
+}
 # Colour word -> basic colour.
 COLOURS: dict[str, str] = {
     **{

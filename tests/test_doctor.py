@@ -204,3 +204,13 @@ def test_recorded_datasets_are_healthy(data_root: Path) -> None:
     contents: Any = report.contents
     assert (contents.scenes, contents.samples, contents.masks, contents.scenes_with_mask) == (2, 2, 4, 2)
     assert len(contents.channels) == 7
+    assert 1.5 < contents.ground_tilt_deg < 2.5  # nuScenes' ego poses are flat, its streets are not
+    assert any("level the calibration" in line for line in report.lines())
+
+
+@pytest.mark.realdata
+def test_a_levelled_recording_is_level(panda_root: Path) -> None:
+    contents = examine(panda_root).contents
+    assert contents is not None
+    assert contents.ground_tilt_deg is not None
+    assert contents.ground_tilt_deg < 0.5

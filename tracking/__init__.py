@@ -2,11 +2,11 @@
 
 Example: track the objects of the maps of a recording, or the vehicle instances of maps without objects.
 
-    from tracking import MAPS, OBJECTS, Tracker, find_detections
+    from tracking import MAPS, OBJECTS, Detections, Tracker
 
     tracker = Tracker(OBJECTS if with_objects else MAPS)
     for bev, timestamp_us, world_from_ego in recording:
-        detections = find_detections(bev)
+        detections = Detections.from_bev(bev)
         for track in tracker.update(detections, timestamp_us, world_from_ego):
             print(track.id, track.position_world_m, track.speed_mps)
 
@@ -15,10 +15,8 @@ Boxes of a detector become detections by `Detections.from_boxes`.
 
 from tracking.detections import Detections
 from tracking.instances.instances import find_instances
-from tracking.instances.object_detections import find_detections
 from tracking.presets import MAPS, OBJECTS
 from tracking.tracker import Tracker, TrackerConfig
 from tracking.tracks import Track, Tracks
 
-__all__ = ["MAPS", "OBJECTS", "Detections", "Track", "Tracker", "TrackerConfig", "Tracks"]
-__all__ += ["find_detections", "find_instances"]
+__all__ = ["MAPS", "OBJECTS", "Detections", "Track", "Tracker", "TrackerConfig", "Tracks", "find_instances"]

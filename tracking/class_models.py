@@ -27,8 +27,7 @@ class ClassModel:
     Attributes:
         motion: motion and measurement model.
         gate_scale: factor on the gates in metres of all association stages.
-        heading_weight: factor on the heading cost; 0 for objects whose heading says little about where they go, which
-            also do not turn along arcs.
+        heading_weight: factor on the heading cost. At 0, headings are ignored, and there are no turns along arcs.
         prior_log_odds: prior log-odds that a track is an object of the category.
         prior_weight: weight of that prior, in independent detections. Detectors report the rarer classes more often
             beside an object of another class than on one of their own.
@@ -82,6 +81,7 @@ class ClassParameters(NamedTuple):
     across_speed_std_mps: FloatArray
     along_accel_psd_m2ps3: FloatArray
     across_accel_psd_m2ps3: FloatArray
+    heading_psd_rad2ps: FloatArray
     along_std_m: FloatArray
     across_std_m: FloatArray
     truncated_std_m: FloatArray

@@ -4,53 +4,30 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from appocc.bevmap import VEHICLE, BEVMap
 from appocc.boxes import LARGEST_M
 from appocc.checks import BoolArray, FloatArray, IntArray, check_finite, check_place, check_shape, frozen
 from appocc.colours import lab_from_rgb
 from appocc.errors import ShapeError
+from appocc.geometry import footprints
+from appocc.objects import BEVObjects
+from tracking.field_of_view import CircularView, FieldOfView, GridView
+from tracking.instances.instances import InstanceConfig, Instances, find_instances
 from tracking.neighbours import find_neighbours
-
-if TYPE_CHECKING:
-    from appocc.bevmap import BEVMap
 
 # Probabilities are clipped to these log-odds, because 0 and 1 have no finite ones.
 MAX_LOG_ODDS = 12.0
 # Limit of given log-odds, such as detector scores, so that sums do not overflow.
 _MAX_GIVEN_LOG_ODDS = 1e9
+# One category for all vehicles: a track keeps its id if the predicted class changes from car to truck.
+_VEHICLE = "vehicle"
 # Maximum radius of duplicate suppression: half the width of the widest vehicle.
 _MAX_DUPLICATE_RADIUS_M = 2.0
-
-
-class FieldOfView(Protocol):
-    """Area in which vehicles can be detected; points (P, 2) are on the ground, ego frame, metres."""
-
-    def sees(self, xy_ego_m: FloatArray) -> BoolArray:
-        """(P,) whether points are in the field of view."""
-        ...
-
-    def blind(self, xy_ego_m: FloatArray) -> BoolArray:
-        """(P,) whether points are in a blind spot of the field of view; there are none by default."""
-        return np.zeros(len(xy_ego_m), np.bool_)
-
-
-@dataclass(frozen=True)
-class CircularView(FieldOfView):
-    """Field of view up to a range around the ego.
-
-    Attributes:
-        range_m: distance on the ground.
-    """
-
-    range_m: float = np.inf
-
-    def sees(self, xy_ego_m: FloatArray) -> BoolArray:
-        """See `FieldOfView`."""
-        return np.asarray(np.hypot(xy_ego_m[:, 0], xy_ego_m[:, 1]) <= self.range_m)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -138,28 +115,46 @@ class Detections:
         n = len(ground)
         if ground.shape == (n, 2):
             ground = np.pad(ground, ((0, 0), (0, 1)))
-        colours = np.full((n, 3), np.nan) if rgb is None else _as_array("rgb", rgb, (3,), np.float64)
+        unknown = np.full((n, 3), np.nan)
+        colours = unknown if rgb is None else _as_array("rgb", rgb, (3,), np.float64)
         check_shape("detections rgb", colours, (n, 3))
+        # `__post_init__` converts them.
+        as_given: dict[str, Any] = {"yaw_rad": yaw_rad, "size_m": size_m, "log_odds": log_odds}
         return cls(
+            **as_given,
             ground_m=ground,
-            yaw_rad=_as_array("yaw_rad", yaw_rad, (), np.float64),
             heading_known=np.ones(n, np.bool_),
-            size_m=_as_array("size_m", size_m, (3,), np.float64),
-            log_odds=_as_array("log_odds", log_odds, (), np.float64),
             kind=(kind,) * n if isinstance(kind, str) else tuple(kind),
             rgb=colours,
-            lab=lab_from_rgb(colours) if rgb is not None else colours,
-            velocity_mps=np.full((n, 2), np.nan) if velocity_mps is None else np.asarray(velocity_mps, np.float64),
+            lab=unknown if rgb is None else lab_from_rgb(colours),
+            velocity_mps=unknown[:, :2] if velocity_mps is None else np.asarray(velocity_mps, np.float64),
             truncated=np.zeros(n, np.bool_),
             view=view or CircularView(),
         )
 
     @classmethod
-    def from_bev(cls, bev: BEVMap) -> Detections:
+    def from_bev(cls, bev: BEVMap, config: InstanceConfig | None = None) -> Detections:
         """Return the detections of a map: all known objects, or the vehicle instances of a map without objects."""
-        from tracking.instances.object_detections import find_detections  # it imports this module
+        objects = bev.known_objects
+        return cls.from_instances(find_instances(bev, config)) if objects is None else _from_objects(bev, objects)
 
-        return find_detections(bev)
+    @classmethod
+    def from_instances(cls, instances: Instances) -> Detections:
+        """Return instances as detections on the ground plane, of category "vehicle", with unknown front."""
+        n = len(instances)
+        return cls(
+            ground_m=np.pad(instances.centroid_m, ((0, 0), (0, 1))),
+            yaw_rad=instances.yaw_rad,
+            heading_known=np.zeros(n, np.bool_),
+            size_m=np.stack([instances.width_m, instances.length_m, np.full(n, np.nan)], axis=1),
+            log_odds=log_odds_from_probability(instances.confidence),
+            kind=(_VEHICLE,) * n,
+            rgb=instances.rgb,
+            lab=instances.lab,
+            velocity_mps=np.full((n, 2), np.nan),
+            truncated=instances.touches_border,
+            view=instances.view,
+        )
 
     def __len__(self) -> int:
         """Number of detections."""
@@ -223,6 +218,34 @@ class Detections:
         cos, sin = np.cos(self.yaw_rad[boxes]), np.sin(self.yaw_rad[boxes])
         inside = (np.abs(x * cos + y * sin) <= half_length) & (np.abs(y * cos - x * sin) <= half_width)
         return points[inside], boxes[inside]
+
+
+def _from_objects(bev: BEVMap, objects: BEVObjects) -> Detections:
+    """Return objects as detections: vehicles of category "vehicle", the others of their kind.
+
+    Log-odds are relative to the map's object threshold, which has 0.
+    """
+    known = bev.occupancy_valid[VEHICLE]
+    view = GridView(bev.grid, None if known.all() else known)
+    outlines = footprints(objects.centre_m[:, :2], objects.yaw_rad, objects.size_wlh_m[:, [1, 0]]).reshape(-1, 2)
+    cut = ~view.sees(outlines) | view.blind(outlines)
+    threshold = log_odds_from_probability(np.array([bev.object_threshold]))
+    half_height_m = objects.size_wlh_m[:, 2:] / 2 * np.array([0.0, 0.0, 1.0])
+    return Detections(
+        ground_m=objects.centre_m - half_height_m,
+        yaw_rad=objects.yaw_rad,
+        heading_known=np.ones(len(objects), np.bool_),
+        size_m=objects.size_wlh_m,
+        log_odds=log_odds_from_probability(objects.score) - threshold,
+        kind=tuple(
+            _VEHICLE if vehicle else kind for kind, vehicle in zip(objects.kind, objects.are_vehicles, strict=True)
+        ),
+        rgb=objects.rgb,
+        lab=lab_from_rgb(objects.rgb),
+        velocity_mps=np.full_like(objects.velocity_mps, np.nan),
+        truncated=np.asarray(cut.reshape(-1, 4).any(axis=1)),
+        view=view,
+    )
 
 
 # Arrays of `Detections`: shape of an entry, and type.

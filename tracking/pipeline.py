@@ -17,11 +17,11 @@ from appocc.errors import DataError
 from appocc.files import plain_name
 from appocc.nuscenes import Dataset, Sample, Scene
 from appocc.objects import BEVObjects
+from tracking.class_votes import vote_classes
 from tracking.detections import Detections
 from tracking.filtering.kalman import MotionConfig
 from tracking.filtering.smoother import SmoothingConfig, smooth
 from tracking.instances.instances import InstanceConfig
-from tracking.instances.object_detections import find_detections, vote_classes
 from tracking.io.kitti import KittiSequence
 from tracking.io.kitti_results import KittiResult, kitti_results, kitti_score, write_kitti_results
 from tracking.io.mot_challenge import MotSequence
@@ -211,7 +211,7 @@ def track_scene(
             true_maps.append(bev.is_truth)
             bev = bev.with_guesses() if trust_unseen else bev
             objects.append(bev.known_objects)
-            yield find_detections(bev, instance_config)
+            yield Detections.from_bev(bev, instance_config)
 
     tracks = track_samples(samples, poses, read_detections(), tracker, advance)
     voted = vote_classes(tracks, objects)

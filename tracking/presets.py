@@ -12,7 +12,8 @@ from tracking.io.mot_challenge import FORGET_S
 from tracking.track_table import LifecycleConfig
 from tracking.tracker import REMATCH_STAGE, TrackerConfig
 
-# Predicted maps flicker, so low-confidence detections need two hits. Centres jump where instances merge or split.
+# Predicted maps flicker, so low-confidence detections need two hits. Centres jump where instances merge or split: the
+# noise across the heading covers turns.
 MAPS = TrackerConfig(
     lifecycle=LifecycleConfig(
         confirm_log_odds=2.2,
@@ -20,7 +21,13 @@ MAPS = TrackerConfig(
         coast_s=0.35,
         lost_s=2.2,
         memory_s=np.inf,
-        motion=MotionConfig(along_accel_psd_m2ps3=2.0, across_accel_psd_m2ps3=0.2, along_std_m=0.3, across_std_m=0.3),
+        motion=MotionConfig(
+            along_accel_psd_m2ps3=2.0,
+            across_accel_psd_m2ps3=0.2,
+            heading_psd_rad2ps=0.0,
+            along_std_m=0.3,
+            across_std_m=0.3,
+        ),
     ),
     association=AssociationConfig(min_gate_m=2.5, gate_speed_mps=40.0, max_gate_m=20.0, max_size_cost=9.0),
     rematch=replace(REMATCH_STAGE, gate_speed_mps=12.0, max_gate_m=8.0),
@@ -56,7 +63,7 @@ def _people(position_std_m: float, min_gate_m: float) -> TrackerConfig:
     )
     lifecycle = LifecycleConfig(
         confirm_log_odds=2.2,
-        confirm_s=0.15,
+        confirm_s=0.07,
         coast_s=0.12,
         lost_s=FORGET_S,
         forget_s=FORGET_S,

@@ -3,34 +3,29 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import NamedTuple
 
 import numpy as np
 
 from appocc.checks import BoolArray, FloatArray, IntArray
-from appocc.geometry import apply, wrap_angle
-from tracking.association.costs import DetectionFeatures, TrackFeatures
-from tracking.association.paint import paint_density
+from appocc.geometry import wrap_angle
+from tracking.association.costs import TrackFeatures
 from tracking.class_models import ClassTable
-from tracking.detections import Detections, probability_from_log_odds
-from tracking.filtering.kalman import KalmanFilters, MotionConfig, oriented_covariance
+from tracking.detections import probability_from_log_odds
+from tracking.filtering.kalman import KalmanFilters, MotionConfig, acceleration_psd, oriented_covariance
 from tracking.filtering.running_median import RunningMedian
 from tracking.tracks import Tracks
+from tracking.world_detections import LAB, RGB, SIZE, WorldDetections
 
 # Weight, in detections, of the configured colour spread against the spread over all tracks.
 _LAB_STD_WEIGHT = 10.0
 # Variance of a median relative to that of a mean: pi / 2 for large Gaussian samples, plus an allowance for lighting.
 _MEDIAN_VARIANCE = 2.0
-# Columns of the attributes of a detection.
-_SIZE, _RGB, _LAB = slice(0, 3), slice(3, 6), slice(6, 9)
 # Frame interval before the second frame: its detections are independent of earlier ones.
 _NO_STEP_S = 1e9
 # Number of detections after which a track's velocity is known.
 _STEADY_DETECTIONS = 5
 # Standard deviation of a detection's velocity, with which its track starts.
 _VELOCITY_STD_MPS = 1.5
-# Minimum heading weight, of square shapes.
-_MIN_AXIS_WEIGHT = 0.01
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,6 +47,8 @@ class LifecycleConfig:
         correlation_s: detections of a track closer in time repeat each other's errors: at a frame interval t each
             counts as 1 - exp(-t / correlation_s) independent ones.
         memory_s: time constant after which earlier detections are forgotten in the score.
+        miss_log_odds: a frame in which a track should be detected and is not counts in the score as a detection of
+            these log-odds.
         lab_std: prior standard deviations of lightness and the two colour axes between a detection and its track;
             illumination mostly changes the first.
         lab_prior_weight: weight of that prior in detections.
@@ -71,90 +68,10 @@ class LifecycleConfig:
     median_window: int = 11
     correlation_s: float = 0.1
     memory_s: float = 1.0
+    miss_log_odds: float = -1.0
     lab_std: tuple[float, float, float] = (10.0, 5.0, 5.0)
     lab_prior_weight: float = 4.0
     motion: MotionConfig = field(default_factory=MotionConfig)
-
-
-class WorldDetections(NamedTuple):
-    """M detections of one frame in the world frame.
-
-    Attributes:
-        position_world_m: (M, 3) points on the ground below the centres.
-        yaw_world_rad: (M,) headings.
-        heading_known: (M,) whether the heading distinguishes front and rear.
-        values: (M, 9) width, length, height, sRGB and CIELAB colour.
-        noise_m2: (M, 2, 2) configured covariances of the positions, for association.
-        surplus_noise_m2: (M, 2, 2) what they exceed the learnt covariances by.
-        velocity_world_mps: (M, 2) measured velocities; NaN where unknown.
-        axis: (M, 2) unit vectors at twice the heading, weighted by how elongated the shape is.
-        log_odds: (M,) log-odds of being a vehicle, for thresholds.
-        evidence: (M,) the same for the score, lower if the object is also detected as another category.
-        truncated: (M,) whether a part may be missing.
-        kind: (M,) category indices.
-    """
-
-    position_world_m: FloatArray
-    yaw_world_rad: FloatArray
-    heading_known: BoolArray
-    values: FloatArray
-    noise_m2: FloatArray
-    surplus_noise_m2: FloatArray
-    velocity_world_mps: FloatArray
-    axis: FloatArray
-    log_odds: FloatArray
-    evidence: FloatArray
-    truncated: BoolArray
-    kind: IntArray
-
-    def select(self, columns: IntArray) -> WorldDetections:
-        """Return the detections at indices (K,)."""
-        return type(self)._make([each.take(columns, axis=0) for each in self])
-
-    def features(self) -> DetectionFeatures:
-        """Return the features for association."""
-        lab = self.values[:, _LAB]
-        return DetectionFeatures(
-            xy_m=self.position_world_m[:, :2],
-            noise_m2=self.noise_m2,
-            yaw_rad=self.yaw_world_rad,
-            size_m=self.values[:, :2],
-            lab=lab,
-            colour_density=paint_density(lab),
-            kind=self.kind,
-        )
-
-
-def detections_in_world(detections: Detections, world_from_ego: FloatArray, classes: ClassTable) -> WorldDetections:
-    """Transform detections to the world frame, with the measurement noise of their classes."""
-    kind = classes.numbers(detections.kind)
-    model, rotation = classes.parameters(kind), world_from_ego[:2, :2]
-    x, y = rotation @ np.array([np.cos(detections.yaw_rad), np.sin(detections.yaw_rad)])
-    yaw_rad = np.arctan2(y, x)
-    noise_m2 = oriented_covariance(yaw_rad, model.along_std_m**2, model.across_std_m**2)
-    truncated_m2 = (model.truncated_std_m * detections.truncated) ** 2
-    return WorldDetections(
-        position_world_m=apply(world_from_ego, detections.ground_m),
-        yaw_world_rad=yaw_rad,
-        heading_known=detections.heading_known,
-        values=np.concatenate([detections.size_m, detections.rgb, detections.lab], axis=1),
-        noise_m2=noise_m2 + truncated_m2[:, None, None] * np.eye(2),
-        surplus_noise_m2=(1 - classes.noise_factor(kind))[:, None, None] * noise_m2,
-        velocity_world_mps=detections.velocity_mps @ rotation.T,
-        axis=_weighted_axis(yaw_rad, detections.size_m),
-        log_odds=detections.log_odds,
-        evidence=detections.log_odds,
-        truncated=detections.truncated,
-        kind=kind,
-    )
-
-
-def _weighted_axis(yaw_rad: FloatArray, size_m: FloatArray) -> FloatArray:
-    """(M, 2) unit vectors at twice the heading (M,), weighted by the elongation of sizes (M, 3)."""
-    width, length, _ = size_m.T
-    weight = np.maximum(np.abs(length - width) / (length + width), _MIN_AXIS_WEIGHT)
-    twice = 2 * yaw_rad
-    return np.asarray((weight * np.array([np.cos(twice), np.sin(twice)])).T)
 
 
 class TrackTable:
@@ -179,7 +96,7 @@ class TrackTable:
         self._step_s = _NO_STEP_S
         self.filters = KalmanFilters()
         self._medians = RunningMedian(config.median_window, 9)
-        self._set_tables(np.zeros((3, 0), np.int64), np.zeros((4, 0), np.bool_), np.zeros((11, 0)))
+        self._set_tables(np.zeros((3, 0), np.int64), np.zeros((4, 0), np.bool_), np.zeros((13, 0)))
 
     def _set_tables(self, integers: IntArray, flags: BoolArray, floats: FloatArray) -> None:
         """Replace the state by tables (..., N): few arrays grow and shrink faster than many.
@@ -190,8 +107,8 @@ class TrackTable:
         self.id, self.kind, self.detection = integers
         self.confirmed, self.lost, self.stationary, self._moving = flags
         self.yaw_rad, self.unseen_s, self._moved_s, self._tracked_s, self._ground_m = floats[:5]
-        self._log_odds_sum, self._evidence, self._front_votes, self.missed_s = floats[5:9]
-        self._axis = floats[9:]
+        self._front_votes, self.missed_s = floats[5:7]
+        self._axis, self._detected, self._with_misses = floats[7:9], floats[9:11], floats[11:]
 
     def __len__(self) -> int:
         """Number of tracks."""
@@ -203,14 +120,22 @@ class TrackTable:
         return np.concatenate([self.filters.mean[:, :2], self._ground_m[:, None]], axis=1)
 
     @property
-    def log_odds(self) -> FloatArray:
-        """(N,) log-odds of being an object of the category: weighted mean over the detections and the prior.
+    def score(self) -> FloatArray:
+        """(N,) probability of being an object of the category, from detections, misses and the prior.
 
-        Later detections count more: the weights decay with `memory_s`.
+        Later frames count more: the weights decay with `memory_s`.
         """
-        model = self._classes.parameters(self.kind)
-        total = self._log_odds_sum + model.prior_log_odds * model.prior_weight
-        return np.asarray(total / (self._evidence + model.prior_weight))
+        return probability_from_log_odds(self._mean_log_odds(self._with_misses))
+
+    @property
+    def log_odds(self) -> FloatArray:
+        """(N,) the same as log-odds, without misses: an occluded object is missed, too, and is remembered."""
+        return self._mean_log_odds(self._detected)
+
+    def _mean_log_odds(self, evidence: FloatArray) -> FloatArray:
+        """(N,) weighted mean of evidence (2, N), its sum and weight, and the prior."""
+        model, (total, weight) = self._classes.parameters(self.kind), evidence
+        return np.asarray((total + model.prior_log_odds * model.prior_weight) / (weight + model.prior_weight))
 
     @property
     def expired(self) -> BoolArray:
@@ -244,16 +169,25 @@ class TrackTable:
         self.lost[:] = self.unseen_s > self._config.lost_s
         moving_s = np.where(self.stationary & (self.unseen_s > 0), 0.0, seconds)
         model = self._classes.parameters(self.kind)
-        psd = oriented_covariance(self.yaw_rad, model.along_accel_psd_m2ps3, model.across_accel_psd_m2ps3)
+        psd = acceleration_psd(
+            self.yaw_rad,
+            self.filters.mean[:, 2:],
+            model.along_accel_psd_m2ps3,
+            model.across_accel_psd_m2ps3,
+            model.heading_psd_rad2ps,
+        )
         self.filters.predict(moving_s, psd)
         self._moved_s += moving_s
         self.unseen_s += seconds
         self.missed_s += seconds
         self.detection[:] = -1
 
-    def discount_misses(self, mask: BoolArray, seconds: float) -> None:
-        """Remove the last time step from the missed time of tracks in a mask (N,)."""
-        self.missed_s[mask] = np.maximum(self.missed_s[mask] - seconds, 0.0)
+    def count_misses(self, blind: BoolArray, seconds: float) -> None:
+        """Count the last time step as a miss of unmatched tracks, except for tracks in blind spots (N,)."""
+        unmatched = self.detection < 0
+        hidden, missed = unmatched & blind, unmatched & ~blind
+        self.missed_s[hidden] = np.maximum(self.missed_s[hidden] - seconds, 0.0)
+        self._add_evidence(self._with_misses, missed.nonzero()[0], self._config.miss_log_odds)
 
     def features(self) -> TrackFeatures:
         """Return the predicted features for association."""
@@ -264,7 +198,7 @@ class TrackTable:
             cov_m2=cov[:, :2, :2],
             yaw_rad=self.yaw_rad,
             size_m=median[:, :2],
-            lab=median[:, _LAB],
+            lab=median[:, LAB],
             lab_variance=self._lab_variance(),
             kind=self.kind,
             unseen_s=self.unseen_s,
@@ -279,8 +213,8 @@ class TrackTable:
         This is empirical Bayes: the prior is the variance pooled over all tracks.
         """
         config = self._config
-        deviation = self._medians.squared_deviation[:, _LAB].T.copy()
-        known = self._medians.known[:, _LAB].T.copy()
+        deviation = self._medians.squared_deviation[:, LAB].T.copy()
+        known = self._medians.known[:, LAB].T.copy()
         count = np.maximum(known, 1)
         prior = np.square(config.lab_std) * _LAB_STD_WEIGHT + deviation.sum(axis=1)
         pooled = prior / (_LAB_STD_WEIGHT + (count - 1).sum(axis=1))
@@ -308,18 +242,17 @@ class TrackTable:
         self._tracked_s[rows] += seconds
         self.unseen_s[rows] = self._moved_s[rows] = self.missed_s[rows] = 0.0
         self.detection[rows] = detection
-        self._add_evidence(rows, found.evidence)
+        self._add_detections(rows, found)
         self._ground_m[rows] = found.position_world_m[:, 2]
         # A truncated vehicle is at least as large as its visible part.
         values = found.values
         if found.truncated.any():
-            known_m = np.where(found.truncated[:, None], self._medians.median[rows, _SIZE], np.nan)
-            values = np.concatenate([np.fmax(values[:, _SIZE], known_m), values[:, _SIZE.stop :]], axis=1)
+            known_m = np.where(found.truncated[:, None], self._medians.median[rows, SIZE], np.nan)
+            values = np.concatenate([np.fmax(values[:, SIZE], known_m), values[:, SIZE.stop :]], axis=1)
         self._medians.update(rows, values)
         self._moving[:] = self.filters.is_moving()
         self.stationary[rows] = self.filters.is_stationary(self._config.stationary_mps)[rows]
         self._update_heading(rows, found, seconds)
-        self._confirm(rows, found.log_odds)
 
     def _learn_noise(self, rows: IntArray, found: WorldDetections, turn_rad: FloatArray) -> None:
         """Learn the measurement noise from tracks with a known velocity that went straight on."""
@@ -345,8 +278,7 @@ class TrackTable:
         self.yaw_rad[n:], self._axis[:, n:] = found.yaw_world_rad, found.axis.T
         self._front_votes[n:] = found.heading_known
         self._ground_m[n:] = found.position_world_m[:, 2]
-        self._add_evidence(np.arange(n, n + m), found.evidence)
-        self._confirm(np.arange(n, n + m), found.log_odds)
+        self._add_detections(np.arange(n, n + m), found)
 
     def _add_filters(self, found: WorldDetections) -> None:
         model, measured_mps = self._classes.parameters(found.kind), found.velocity_world_mps
@@ -366,16 +298,20 @@ class TrackTable:
         self._medians.keep(mask)
         self._set_tables(*(table.compress(mask, axis=1) for table in self._tables))
 
-    def _add_evidence(self, rows: IntArray, log_odds: FloatArray) -> None:
-        """Add the log-odds (M,) of detections to the scores of tracks (M,)."""
+    def _add_detections(self, rows: IntArray, found: WorldDetections) -> None:
+        """Add the evidence of M detections to tracks (M,), and confirm tracks."""
+        for evidence in (self._detected, self._with_misses):
+            self._add_evidence(evidence, rows, found.evidence)
+        confirmed = found.log_odds >= self._config.confirm_log_odds
+        self.confirmed[rows] |= confirmed | (self._tracked_s[rows] >= self._config.confirm_s)
+
+    def _add_evidence(self, evidence: FloatArray, rows: IntArray, log_odds: FloatArray | float) -> None:
+        """Add one frame with log-odds (M,) to the evidence (2, N) of tracks (M,): its sum and its weight."""
         config = self._config
         keep, weight = np.exp(-self._step_s / config.memory_s), -np.expm1(-self._step_s / config.correlation_s)
-        self._log_odds_sum[rows] = keep * self._log_odds_sum[rows] + weight * log_odds
-        self._evidence[rows] = keep * self._evidence[rows] + weight
-
-    def _confirm(self, rows: IntArray, log_odds: FloatArray) -> None:
-        confirmed = (log_odds >= self._config.confirm_log_odds) | (self._tracked_s[rows] >= self._config.confirm_s)
-        self.confirmed[rows] |= confirmed
+        total, count = evidence
+        total[rows] = keep * total[rows] + weight * log_odds
+        count[rows] = keep * count[rows] + weight
 
     def _update_heading(self, rows: IntArray, found: WorldDetections, seconds: FloatArray) -> None:
         """Smooth the axis as a vector at twice its angle, and vote on which end is the front."""
@@ -402,9 +338,9 @@ class TrackTable:
             velocity_world_mps=mean[:, 2:],
             yaw_world_rad=self.yaw_rad[rows],
             heading_known=self._front_votes[rows] > 0,
-            size_m=median[:, _SIZE],
-            rgb=median[:, _RGB],
-            score=probability_from_log_odds(self.log_odds[rows]),
+            size_m=median[:, SIZE],
+            rgb=median[:, RGB],
+            score=self.score[rows],
             kind=tuple(kinds[index] for index in self.kind[rows].tolist()),
             detection=self.detection[rows],
             moving=self._moving[rows],

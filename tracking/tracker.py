@@ -15,8 +15,9 @@ from tracking.association.colour_likelihood import ColourLikelihood
 from tracking.association.costs import AssociationConfig
 from tracking.class_models import CLASS_MODELS, ClassModel, ClassTable
 from tracking.detections import Detections
-from tracking.track_table import LifecycleConfig, TrackTable, WorldDetections, detections_in_world
+from tracking.track_table import LifecycleConfig, TrackTable
 from tracking.tracks import Tracks
+from tracking.world_detections import WorldDetections, detections_in_world
 
 REMATCH_STAGE = AssociationConfig(gate_speed_mps=20.0, gate_chi2=30.0, max_gate_m=12.0, max_cost=15.0)
 # A detection at the place of a track is the same vehicle, whatever colour it has now.
@@ -100,7 +101,7 @@ class Tracker:
         xy_ego_m = (table.position_world_m - world_from_ego[:3, 3]) @ world_from_ego[:3, :2]
         # Unmatched tracks outside the field of view are dropped: a vehicle that enters there is a new one.
         matched = table.detection >= 0
-        table.discount_misses(detections.view.blind(xy_ego_m) & ~matched, seconds)
+        table.count_misses(detections.view.blind(xy_ego_m), seconds)
         keep = ~table.expired & (detections.view.sees(xy_ego_m) | matched)
         table.keep(keep)
         # An unmatched track inside a detection's box belongs to a vehicle that touches the detected one: the track

@@ -15,7 +15,8 @@ class MapExpansion:
     def __init__(self, name: str) -> None:
         """Start an empty map."""
         self._name = name
-        layers = ("node", "line", "polygon", "drivable_area", "lane_divider", "road_divider", "stop_line")
+        areas = ("drivable_area", "stop_line", "road_segment", "ped_crossing", "carpark_area")
+        layers = ("node", "line", "polygon", "lane_divider", "road_divider", *areas)
         self.tables: dict[str, Any] = {"version": "1.3", **{layer: [] for layer in layers}}
 
     def add_drivable(self, outline_m: FloatArray, holes_m: Iterable[FloatArray] = ()) -> None:
@@ -27,9 +28,9 @@ class MapExpansion:
         """Add a painted line (N, 2), world frame, to `lane_divider` or `road_divider`."""
         self._add(layer, line_token=self._add("line", node_tokens=self._nodes(line_m)))
 
-    def add_stop_line(self, outline_m: FloatArray) -> None:
-        """Add the outline (N, 2) of a stop line, world frame."""
-        self._add("stop_line", polygon_token=self._polygon(outline_m, []))
+    def add_area(self, layer: str, outline_m: FloatArray, **fields: Any) -> None:
+        """Add an area with outline (N, 2), world frame, to a layer of single polygons, with further fields."""
+        self._add(layer, polygon_token=self._polygon(outline_m, []), **fields)
 
     def _add(self, layer: str, **fields: Any) -> str:
         rows = self.tables[layer]

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,15 @@ from appocc.nuscenes.records import MapRecord, Scene
 
 PX_PER_M = 10
 _LINE_LAYERS, _STOP_LAYER = ("lane_divider", "road_divider"), "stop_line"
+# Landmarks: kind, layer of polygons, and the field and value that a row needs, if any.
+_LANDMARKS: tuple[tuple[str, str, tuple[str, object] | None], ...] = (
+    ("crossing", "ped_crossing", None),
+    ("stop line", _STOP_LAYER, None),
+    ("traffic light", _STOP_LAYER, ("stop_line_type", "TRAFFIC_LIGHT")),
+    ("stop sign", _STOP_LAYER, ("stop_line_type", "STOP_SIGN")),
+    ("junction", "road_segment", ("is_intersection", True)),
+    ("car park", "carpark_area", None),
+)
 # Outline (K, 2) and holes of a polygon.
 Area = tuple[FloatArray, tuple[FloatArray, ...]]
 
@@ -81,10 +91,13 @@ class VectorMap:
         drivable: polygons as (outline (K, 2), holes) of drivable areas and car parks; None without such a layer.
         markings: polylines (K, 2) of lane dividers, road dividers and outlines of stop lines; None without such
             layers.
+        landmarks: outlines (K, 2) of crossings, stop lines (those at traffic lights and stop signs also under these
+            names), junctions and car parks, by kind; a kind without a layer is missing.
     """
 
     drivable: tuple[Area, ...] | None
     markings: tuple[FloatArray, ...] | None
+    landmarks: Mapping[str, tuple[FloatArray, ...]] = field(default_factory=dict)
 
     def near(self, low_m: FloatArray, high_m: FloatArray) -> VectorMap:
         """Return the elements that overlap the rectangle between two world points (2,)."""
@@ -95,6 +108,7 @@ class VectorMap:
         return VectorMap(
             None if self.drivable is None else tuple(area for area in self.drivable if overlaps(area[0])),
             None if self.markings is None else tuple(line for line in self.markings if overlaps(line)),
+            {kind: tuple(one for one in found if overlaps(one)) for kind, found in self.landmarks.items()},
         )
 
 
@@ -122,7 +136,7 @@ def read_vector_map(path: Path) -> VectorMap:
         nodes = {node["token"]: (float(node["x"]), float(node["y"])) for node in data["node"]}
         lines = {line["token"]: _points(nodes, line["node_tokens"]) for line in data["line"]}
         polygons = {polygon["token"]: _polygon(nodes, polygon) for polygon in data["polygon"]}
-        found = VectorMap(_drivable(data, polygons), _markings(data, lines, polygons))
+        found = VectorMap(_drivable(data, polygons), _markings(data, lines, polygons), _landmarks(data, polygons))
     except (KeyError, TypeError, ValueError, OverflowError, AttributeError) as error:
         raise DataError(f"{path}: no map expansion ({error!r})") from error
     if found.drivable is None and found.markings is None:
@@ -147,6 +161,19 @@ def _markings(
     stops = [polygons[row["polygon_token"]][0] for row in data.get(_STOP_LAYER, [])]
     found += [np.concatenate([outline, outline[:1]]) for outline in stops]
     return tuple(line for line in found if len(line) >= 2)
+
+
+def _landmarks(data: dict[str, Any], polygons: dict[str, Area]) -> dict[str, tuple[FloatArray, ...]]:
+    """Return the landmarks by kind; a kind is known if its layer is there, and its rows have the field."""
+    found = {}
+    for kind, layer, needed in _LANDMARKS:
+        rows = data.get(layer)
+        if rows is None or (needed and rows and not any(needed[0] in row for row in rows)):
+            continue
+        fits = [row for row in rows if needed is None or row.get(needed[0]) == needed[1]]
+        outlines = [polygons[row["polygon_token"]][0] for row in fits]
+        found[kind] = tuple(outline for outline in outlines if len(outline) > 2)
+    return found
 
 
 def _points(nodes: dict[str, tuple[float, float]], tokens: list[str]) -> FloatArray:

@@ -8,10 +8,11 @@ from collections.abc import Callable
 import cv2
 import numpy as np
 
-from appocc.boxes import Boxes
+from appocc.boxes import Boxes, is_vehicle
 from appocc.checks import ByteArray, FloatArray
 from appocc.files import read_image, write_bytes, write_image
 from appocc.geometry import apply, interpolate_pose, inverse, mean_pose, quaternion_from_yaw, transform
+from appocc.levelling import GROUND_RANGE_M, ego_from_level
 from appocc.nuscenes.dataset import LIDAR
 from appocc.nuscenes.lidar import write_lidar
 from appocc.nuscenes.writer import CATEGORIES, Annotation, Writer, token_of
@@ -23,9 +24,8 @@ VERSION = "v1.0-pandaset"
 # x and y are not changed: the distance of PandaSet's origin from the rear axle is unknown.
 EGO_HEIGHT_M = 0.40
 UNKNOWN_GREY = 127
-_OLD_FROM_NEW_EGO = transform(np.eye(3), [0.0, 0.0, -EGO_HEIGHT_M])
 # nuScenes' LiDAR frame has x to the right and y forward.
-_EGO_FROM_LIDAR = transform(np.array([[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]]), [0.0, 0.0, EGO_HEIGHT_M])
+_OLD_EGO_FROM_LIDAR = transform(np.array([[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]]), [0.0, 0.0, 0.0])
 
 
 def convert(recording: Recording, writer: Writer, advance: Callable[[int], None]) -> None:
@@ -38,14 +38,15 @@ def convert(recording: Recording, writer: Writer, advance: Callable[[int], None]
     scene, log = token_of("scene", name), token_of("log", name)
     date = _date(recording.frames[0].time_s)
     writer.add("log", log, logfile=name, vehicle="pandaset", date_captured=date, location="san-francisco")
-    calibration, ego_from_cam = _calibrate(recording, writer)
+    old_from_new = old_from_new_ego(recording)
+    calibration, ego_from_cam = _calibrate(recording, old_from_new, writer)
     samples = []
     for frame in recording.frames:
         sample = token_of("sample", name, frame.index)
         timestamp = _us(frame.time_s)
         samples.append(writer.add("sample", sample, timestamp=timestamp, scene_token=scene, prev="", next=""))
         _add_images(recording, frame, sample, writer, calibration, ego_from_cam)
-        points = _add_sweep(recording, frame, sample, writer, calibration[LIDAR])
+        points = _add_sweep(recording, frame, sample, old_from_new, writer, calibration[LIDAR])
         for box in _annotations(frame, points):
             writer.add_annotation(scene, sample, box)
         advance(1)
@@ -66,19 +67,34 @@ def _date(time_s: float) -> str:
     return str(np.datetime64(int(time_s), "s").astype("datetime64[D]"))
 
 
-def world_from_new_ego(frame: PandaFrame) -> FloatArray:
-    """Return the (4, 4) pose of nuScenes' ego frame (on the road) at the time of the LiDAR."""
-    return frame.world_from_ego @ _OLD_FROM_NEW_EGO
+def old_from_new_ego(recording: Recording) -> FloatArray:
+    """Return the (4, 4) pose of nuScenes' ego frame, on the road and level with it, in PandaSet's.
+
+    PandaSet's LiDAR is mounted with a tilt (2 degrees in sequence 002). The ground is where annotated vehicles stand;
+    with too few of them, it is `EGO_HEIGHT_M` below, without a tilt.
+    """
+    bottoms = []
+    for frame in recording.frames:
+        vehicles = [box for box in frame.cuboids if is_vehicle(category_of(box.label))]
+        centres = np.array([box.centre_world_m for box in vehicles]).reshape(-1, 3)
+        heights = np.array([box.size_lwh_m[2] for box in vehicles])
+        bottoms.append(apply(inverse(frame.world_from_ego), centres - np.outer(heights / 2, [0.0, 0.0, 1.0])))
+    ground = np.concatenate(bottoms)
+    near = np.hypot(ground[:, 0], ground[:, 1]) < GROUND_RANGE_M
+    level = ego_from_level(ground[near])
+    return transform(np.eye(3), [0.0, 0.0, -EGO_HEIGHT_M]) if level is None else level
 
 
-def _calibrate(recording: Recording, writer: Writer) -> tuple[dict[str, str], dict[str, FloatArray]]:
+def _calibrate(
+    recording: Recording, old_from_new: FloatArray, writer: Writer
+) -> tuple[dict[str, str], dict[str, FloatArray]]:
     """Add one calibrated_sensor per sensor; a camera pose is the mean over all images, relative to the ego.
 
     Images are up to 0.1 s earlier than the LiDAR timestamp, so the ego pose is interpolated to their times.
     """
     times = np.array([frame.time_s for frame in recording.frames])
-    poses = np.stack([world_from_new_ego(frame) for frame in recording.frames])
-    tokens = {LIDAR: writer.add_sensor(recording.name, LIDAR, _EGO_FROM_LIDAR)}
+    poses = np.stack([frame.world_from_ego @ old_from_new for frame in recording.frames])
+    tokens = {LIDAR: writer.add_sensor(recording.name, LIDAR, inverse(old_from_new) @ _OLD_EGO_FROM_LIDAR)}
     mounted = {}
     for channel, intrinsic in recording.intrinsics.items():
         images = [m.images[channel] for m in recording.frames if channel in m.images]
@@ -120,20 +136,19 @@ def _add_images(
 
 
 def _add_sweep(
-    recording: Recording, frame: PandaFrame, sample: str, writer: Writer, calibration: str
+    recording: Recording, frame: PandaFrame, sample: str, old_from_new: FloatArray, writer: Writer, calibration: str
 ) -> FloatArray | None:
     """Write sweep and labels of a frame; return the points (N, 3) in the world frame, None without LiDAR."""
     if frame.read_sweep is None:
         return None
     sweep = frame.read_sweep()
-    points_ego = sweep.points_ego_m + np.array([0.0, 0.0, EGO_HEIGHT_M])
-    points_lidar = apply(inverse(_EGO_FROM_LIDAR), points_ego)
+    points_lidar = apply(inverse(_OLD_EGO_FROM_LIDAR), sweep.points_ego_m)
     # PandaSet does not publish the ring index: -1.
     columns = [points_lidar, sweep.intensity[:, None].astype(np.float64), np.full((len(points_lidar), 1), -1.0)]
     timestamp = _us(frame.time_s)
     filename = f"samples/{LIDAR}/{recording.name}__{LIDAR}__{timestamp}.pcd.bin"
     write_lidar(writer.root / filename, np.hstack(columns))
-    token = writer.add_file(sample, LIDAR, calibration, world_from_new_ego(frame), timestamp, filename)
+    token = writer.add_file(sample, LIDAR, calibration, frame.world_from_ego @ old_from_new, timestamp, filename)
     _add_labels(recording, sweep, token, writer)
     return apply(frame.world_from_ego, sweep.points_ego_m)
 

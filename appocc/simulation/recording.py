@@ -322,8 +322,14 @@ def write_map(town: Town, name: str, root: Path) -> None:
     for layer, found in (("lane_divider", lines.lane_dividers), ("road_divider", lines.road_dividers)):
         for line in found:
             made.add_line(layer, line - low)
-    for outline in lines.stop_lines:
-        made.add_stop_line(outline - low)
+    for kind, outlines in (("YIELD", lines.stop_lines), ("TRAFFIC_LIGHT", lines.light_lines)):
+        for outline in outlines:
+            made.add_area("stop_line", outline - low, stop_line_type=kind)
+    for outline in lines.junctions:
+        made.add_area("road_segment", outline - low, is_intersection=True)
+    for layer, outlines in (("ped_crossing", lines.crossings), ("carpark_area", lines.car_parks)):
+        for outline in outlines:
+            made.add_area(layer, outline - low)
     write_json(root / "maps" / "expansion" / f"{name}.json", made.tables, indent=None)
     drivable = surface_table(ROAD_SURFACES)[town.ground.label[::-1]]
     write_image(mask, np.ascontiguousarray(drivable.astype(np.uint8) * 255))

@@ -17,16 +17,22 @@ class TownMap:
     Attributes:
         lane_dividers: painted lines between lanes of one direction and along edges; each dash is a line.
         road_dividers: painted lines between the two directions.
-        stop_lines: outlines of stop lines.
+        stop_lines: outlines of stop lines where traffic gives way.
         drivable: outlines of the drivable area.
-        walkways: outlines of pavements (may be empty).
+        light_lines: outlines of stop lines at traffic lights.
+        crossings: outlines of pedestrian crossings, one for each direction of a street.
+        junctions: outlines of junctions where streets branch.
+        car_parks: outlines of car parks with their driveways.
     """
 
     lane_dividers: tuple[FloatArray, ...]
     road_dividers: tuple[FloatArray, ...]
     stop_lines: tuple[FloatArray, ...]
     drivable: tuple[FloatArray, ...]
-    walkways: tuple[FloatArray, ...] = ()
+    light_lines: tuple[FloatArray, ...] = ()
+    crossings: tuple[FloatArray, ...] = ()
+    junctions: tuple[FloatArray, ...] = ()
+    car_parks: tuple[FloatArray, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,6 +25,7 @@ from appocc.evaluation.vehicles import visibility_levels
 from appocc.files import read_json, zip_arrays
 from appocc.geometry import inverse, wrap_angle
 from appocc.nuscenes import Dataset
+from appocc.nuscenes.maps import VectorMap, vector_map
 from appocc.nuscenes.records import Sample
 from benchmarks.grounding_truth.roads import EGO, Lane, is_street, own_path
 
@@ -230,6 +231,7 @@ class Town:
             DataError: if it is not a dataset, or not simulated.
         """
         self.dataset = Dataset(root)
+        self._street_maps: dict[str, VectorMap | None] = {}
         paths = {name: self.dataset.tables.path(name) for name in ("paint", "sample_annotation", "attribute")}
         if not paths["paint"].is_file():
             raise DataError(f"{paths['paint']}: missing; cases are made of simulated datasets")
@@ -247,6 +249,14 @@ class Town:
     def samples(self) -> list[Sample]:
         """Return all key frames."""
         return [sample for scene in self.dataset.scenes for sample in self.dataset.samples(scene)]
+
+    def street_map(self, token: str) -> VectorMap | None:
+        """Return the vector map of a key frame's town, as the command line gives it to the grounder; None without."""
+        scene = self.dataset.scene(self.dataset.sample(token).scene_token)
+        name = self.dataset.location(scene)
+        if name not in self._street_maps:
+            self._street_maps[name] = vector_map(self.dataset, scene)
+        return self._street_maps[name]
 
     def moment(self, token: str) -> TrueFrame:
         """Return a key frame by its token."""

@@ -27,6 +27,20 @@ def find_fitting(reading: Reading, candidates: Sequence[Candidate], scene: Scene
     return named or fitting
 
 
+def widen(reading: Reading, scene: SceneModel) -> Reading:
+    """Return a reading with any vehicle for "one" if no vehicle of the class spoken of fits: "the grey one"."""
+    referent = reading.query.referent
+    if referent is None or not referent.anaphora or not (referent.colour or referent.qualifiers):
+        return reading
+    if referent.noun == "vehicle" or resolve(reading.query, scene).status == "ok":
+        return reading
+    query = replace(reading.query, referent=replace(referent, noun="vehicle", head="one"))
+    found = resolve(query, scene)
+    if found.status == "not_found" or (len(found.candidates) != 1 and found.status != "ok"):
+        return reading
+    return replace(reading, query=query, steps=(query,))
+
+
 def is_plainly_definite(reading: Reading) -> bool:
     """Return whether a command names its vehicle by a plain definite noun phrase: "the van"."""
     referent = reading.query.referent
@@ -35,14 +49,24 @@ def is_plainly_definite(reading: Reading) -> bool:
 
 def with_description(request: Request, reading: Reading, text: str) -> Request:
     """Return a step with another referent."""
+    colour = reading.query.referent.colour if reading.query.referent else None
+    # "Fine, the black one" after "not the black one".
+    still = tuple(one for one in request.query.excluded if colour is None or one.colour != colour)
     query = replace(
         request.query,
         command=text,
         referent=reading.query.referent,
-        excluded=(*request.query.excluded, *reading.query.excluded),
+        excluded=(*still, *reading.query.excluded),
         landmark=request.query.landmark or "referent",
     )
     return Request(reading=replace(request.reading, query=query, steps=(query,)), shifts=request.shifts)
+
+
+def with_action(request: Request, reading: Reading) -> Request:
+    """Return a step at the same place with the action of another command: "stop there"."""
+    query = replace(request.query, command=reading.query.command, action=reading.query.action)
+    query = replace(query, actions=reading.query.actions)
+    return replace(request, reading=replace(request.reading, query=query, steps=(query,)))
 
 
 def without_qualifiers(request: Request) -> Request:

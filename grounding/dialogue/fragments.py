@@ -4,28 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import product
 
 from grounding.language import Reading, WordCategory
 from grounding.language.replies import with_superlatives
 from grounding.query import Query, Referent
 
-# The reader of sentences: text and antecedent to readings, best first.
-Reader = Callable[[str, Referent | None], tuple[Reading, ...]]
+# The reader of sentences: text, antecedent and verb to readings, best first.
+Reader = Callable[[str, Referent | None, str], tuple[Reading, ...]]
 
 # Ways to complete a fragment to a command about a vehicle; the first that is understood counts.
 _PHRASES = ("follow {}", "follow the {}", "follow the one {}", "follow the one on the {}", "follow the {} one")
-# Verb of each action, to complete a fragment with a relation or a side.
+# Verb class of each action, to complete a fragment with a relation or a side; of the others it is the action.
 _VERBS = {
-    "park": "park",
-    "stop": "stop",
-    "pull_over": "pull over",
     "follow": "stay",
     "approach": "go",
-    "overtake": "overtake",
     "drive_past": "drive",
-    "turn": "turn",
-    "change_lane": "change lanes to the",
-    "wait": "wait",
     "give_way": "stop",
     "slow_down": "stop",
     "avoid": "go",
@@ -48,13 +42,13 @@ def _is_question(reading: Reading) -> bool:
 
 
 def names_pronoun(reading: Reading) -> bool:
-    """Return whether the referent is named by a pronoun only, such as "it" or "that one"."""
+    """Return whether the referent is named by a pronoun only ("it", "that one"), or left out ("stay behind")."""
     referent = reading.query.referent
     if referent is None or not referent.anaphora:
         return False
     heads = (WordCategory.PRONOUN, WordCategory.ONE, WordCategory.NOUN, WordCategory.ORDINAL, WordCategory.COLOUR)
     first = next((token for token in reading.tokens if token.category in heads), None)
-    return first is not None and first.category is WordCategory.PRONOUN
+    return first is None or first.category is WordCategory.PRONOUN
 
 
 def read_description(text: str, antecedent: Referent | None, read: Reader) -> Reading | None:
@@ -69,8 +63,12 @@ def read_description(text: str, antecedent: Referent | None, read: Reader) -> Re
         A reading whose query has the vehicle as its referent; None if the fragment describes none.
     """
     text = with_superlatives(text)
-    for phrase in _PHRASES:
-        reading = read(phrase.format(text), antecedent)[0]
+    if _begins_with_event(read(text, None, "")[0]):
+        return None
+    # With the colour of what was spoken of, the same colour would be a word without effect.
+    bare = antecedent and Referent(antecedent.noun, antecedent.head)
+    for meant, phrase in product(dict.fromkeys((antecedent, bare)), _PHRASES):
+        reading = read(phrase.format(text), meant, "")[0]
         referent = reading.query.referent
         if referent is None or reading.query.relation != "none" or not _is_understood(reading):
             continue
@@ -85,8 +83,9 @@ def complete(text: str, base: Query, antecedent: Referent | None, read: Reader) 
     Returns:
         A reading with the action of the earlier command; None if the fragment names no relation, side or distance.
     """
-    for verb in dict.fromkeys((_VERBS[base.action or "stop"], "stop")):
-        reading = read(f"{verb} {text}", antecedent)[0]
+    action, text = base.action or "stop", with_superlatives(text)
+    for verb in dict.fromkeys((_VERBS.get(action, action), "stop")):
+        reading = read(text, antecedent, verb)[0]
         query = reading.query
         placed = query.relation != "none" or query.goal_side or query.direction or query.distance_m is not None
         if placed and _is_understood(reading):
@@ -98,12 +97,27 @@ def complete(text: str, base: Query, antecedent: Referent | None, read: Reader) 
 def keep_action(reading: Reading, base: Query | None) -> Reading:
     """Return a reading with the action of the command before if its own verb is light: "go in front of it"."""
     query = reading.query
-    if base is None or base.action not in _PLACE_ACTIONS or query.action not in _LIGHT_ACTIONS:
+    verbs = [token for token in reading.tokens if token.category is WordCategory.VERB]
+    stays = bool(verbs) and verbs[-1].value == "stay"
+    if base is None or base.action not in _PLACE_ACTIONS or not (query.action in _LIGHT_ACTIONS or stays):
         return reading
     if query.relation in ("none", "past") or not names_pronoun(reading):
         return reading
     kept = replace(query, action=base.action, actions=(base.action,))
     return replace(reading, query=kept, steps=(kept,))
+
+
+def refers_to_place(reading: Reading) -> bool:
+    """Return whether a command says where by "there" alone: "stop there"."""
+    query = reading.query
+    named = query.referent is not None or query.secondary or query.relation != "none"
+    return not named and any(token.category is WordCategory.THERE for token in reading.tokens)
+
+
+def _begins_with_event(reading: Reading) -> bool:
+    """Return whether a sentence begins with a verb that describes no vehicle: "took you long enough"."""
+    first = next(iter(reading.tokens), None)
+    return first is not None and first.category is WordCategory.VERB and bool(first.form) and not first.state
 
 
 def _is_understood(reading: Reading) -> bool:

@@ -23,6 +23,7 @@ class Memory:
         question: answer whose question is open; None without one.
         offered: candidates of the last question.
         rejected: ids of the candidates that were refused since the last command.
+        earlier: plans that were in force before and had other steps, the last one first.
     """
 
     plan: tuple[Request, ...] = ()
@@ -33,6 +34,7 @@ class Memory:
     question: Answer | None = None
     offered: tuple[Candidate, ...] = ()
     rejected: frozenset[str] = frozenset()
+    earlier: tuple[tuple[Request, ...], ...] = ()
 
     @property
     def request(self) -> Request | None:

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from grounding.answer import Answer
-from grounding.describe import describe_object
 from grounding.language import Reading
 from grounding.referent.clarification import compose_question, describe_differences
 from grounding.referent.resolver import Candidate
@@ -30,15 +29,10 @@ def ask(candidates: Sequence[Candidate], reading: Reading, scene: SceneModel) ->
 
 def describe_goal(goal: Answer) -> tuple[str, ...]:
     """Return sentences that tell the goal of an answer: each step with its action, relation and vehicle."""
-    told = []
-    for number, step in enumerate(goal.steps or (goal,), start=1):
-        relation = "" if step.query.relation == "none" else f" {step.query.relation.replace('_', ' ')}"
-        words = f"{(step.query.action or 'drive').replace('_', ' ')}{relation}"
-        if step.referent is not None:
-            words = f"{words} the {describe_object(step.referent.item, goal.scene)}"
-        place = "" if step.target is None else f": at ({step.target.ego_m[0]:.1f}, {step.target.ego_m[1]:.1f}) m"
-        told.append(f"step {number}: {words}{place}" if len(goal.steps) > 1 else f"{words}{place}")
-    return tuple(told)
+    steps = goal.steps or (goal,)
+    if len(steps) == 1:
+        return (goal.step_text(),)
+    return tuple(f"step {number}: {step.step_text()}" for number, step in enumerate(steps, start=1))
 
 
 def said(reading: Reading, text: str) -> Reading:

@@ -10,13 +10,13 @@ from grounding.goal.candidates import CandidateSet, DistanceRange
 from grounding.goal.reference_frames import ReferenceVehicle
 from grounding.query import Query
 from grounding.road.road_map import RoadMap, align_axis
+from grounding.road.style import DrivingStyle
 from grounding.scene_object import SceneObject
 
 Proposal = tuple[list[CandidateSet], list[str]]
 
-# Preferred gap between bumpers without a distance in the command, by action. Following adds a time gap.
-_GAPS_M = {"park": 1.0, "pull_over": 1.5, "overtake": 6.0, "drive_past": 6.0}
-_GAP_M, _FOLLOW_M, _FOLLOW_S = 2.0, 6.0, 1.5
+# Preferred gap between bumpers of actions that have one of their own; for pulling over beyond that for parking.
+_PASSED_M, _PULLED_OVER_M = 6.0, 0.5
 _PASSING, _MIN_PASSED_M = ("overtake", "drive_past"), 2.0
 # Tolerance beyond the preferred gap (a queue may be in between, except for parking) and below it.
 _FURTHER_M, _FURTHER_PARKED_M, _CLOSER_M = 10.0, 3.0, 3.0
@@ -40,16 +40,25 @@ BUMPERS = "bumper to bumper"
 _SIDE_COSTS = {"near": (0.5, 0.5, 0.0, 0.0), "at": (0.0, 0.0, 0.0, 0.0), "toward": (0.0, 2.0, 1.0, 1.0)}
 
 
-def gap_range(query: Query, item: SceneObject) -> DistanceRange:
+def preferred_gap_m(action: str | None, style: DrivingStyle) -> float:
+    """Return the gap between bumpers for an action without a distance in the command."""
+    if action in _PASSING:
+        return _PASSED_M
+    if action in PARKING:
+        return style.park_gap_m + (_PULLED_OVER_M if action == "pull_over" else 0.0)
+    return style.stop_gap_m
+
+
+def gap_range(query: Query, item: SceneObject, style: DrivingStyle) -> DistanceRange:
     """Return the range of the gap between bumpers."""
     if query.distance_m is not None and query.distance_of == "referent":
         # The distance of the command holds to within a metre and a tenth.
         named, off = query.distance_m, 1 + query.distance_m / 10
         return DistanceRange(max(min(_MIN_GAP_M, named), named - off), named, named + off)
     follows = query.action in ("follow", "change_lane") or query.relation == "same_as"
-    preferred = (
-        _FOLLOW_M + _FOLLOW_S * (item.speed_mps or 0.0) if follows else _GAPS_M.get(query.action or "", _GAP_M)
-    )
+    preferred = preferred_gap_m(query.action, style)
+    if follows:
+        preferred = style.following_m + style.following_s * (item.speed_mps or 0.0)
     # A follower keeps its distance; after passing a vehicle, a small gap is enough.
     least = _MIN_PASSED_M if query.action in _PASSING else max(_MIN_GAP_M, preferred - _CLOSER_M)
     return DistanceRange(least, preferred, preferred + (_FURTHER_PARKED_M if query.action in PARKING else _FURTHER_M))
@@ -63,7 +72,7 @@ def gap_cost(gap_m: FloatArray, preferred_m: float) -> FloatArray:
 
 def propose_in_line(relation: str, query: Query, item: SceneObject, road: RoadMap) -> Proposal:
     """Propose candidates behind or in front of a vehicle, in line with it or along its lane."""
-    gaps = gap_range(query, item)
+    gaps = gap_range(query, item, road.style)
     reference = ReferenceVehicle(item, road, gaps.most_m + item.length_m / 2 + road.ego.length_m)
     word = relation.replace("_", " ")
     front, reasons = reference.front_direction(word)
@@ -73,7 +82,7 @@ def propose_in_line(relation: str, query: Query, item: SceneObject, road: RoadMa
     headings = [reference.aligned_heading_rad]
     if not reference.is_across:
         headings.append(reference.road_heading_rad)
-        if gaps.most_m > _FURTHER_M + _GAP_M:
+        if gaps.most_m > _FURTHER_M + road.style.stop_gap_m:
             along, lateral = _offsets_along_lane(reference, front, sign)
     if query.action == "follow" and item.front_known:
         headings = [np.where(np.cos(one - item.yaw_rad) < 0, wrap_angle(one + np.pi), one) for one in headings]
@@ -116,7 +125,7 @@ def propose_beside(relation: str, query: Query, item: SceneObject, road: RoadMap
     along, left = reference.offsets(forward)
     gaps = DistanceRange(_MIN_SIDE_M, _SIDE_M, _MAX_SIDE_M)
     if query.distance_m is not None and query.distance_of == "referent":
-        gaps = gap_range(query, item)
+        gaps = gap_range(query, item, road.style)
     ego_half = reference.ego_half_extent_m(heading - forward + np.pi / 2)
     gap = np.abs(left) - reference.half_extent_m(forward + np.pi / 2) - ego_half
     overlap_m = reference.half_extent_m(forward) + _LEVEL_M + road.grid.cell_m / 2  # a candidate is a whole cell
@@ -157,7 +166,7 @@ def propose_near(relation: str, query: Query, item: SceneObject, road: RoadMap) 
     half = reference.half_extent_m(forward)
     past_its_end = np.abs(along) - half - reference.ego_half_extent_m(heading - forward) >= 0
     level = (np.abs(along) <= half + _LEVEL_M) & ~past_its_end
-    end_m = _GAPS_M.get(query.action or "", _GAP_M)
+    end_m = preferred_gap_m(query.action, road.style)
     sides = (
         ("short of it", past_its_end & (along < 0), end_m, lateral / 1.2),
         ("beyond it", past_its_end & (along > 0), end_m, lateral / 1.2),
@@ -171,12 +180,20 @@ def propose_near(relation: str, query: Query, item: SceneObject, road: RoadMap) 
         extra = _SIDE_COSTS[relation][number] + (_FARTHER if number == farther else 0.0)
         best = 0.0 if relation == "at" else named or preferred_m
         cost = ((gap - best) / ALONG_M) ** 2 + off**2 + extra + edge_cost
+        if relation == "toward":
+            cost = cost + np.maximum(_beyond_m(reference), 0.0) ** 2
         found.append(
             reference.candidates_in(
                 region & close, words=words, cost=cost, heading_rad=heading, gap_m=gap, gap_kind="away from it"
             )
         )
     return found, []
+
+
+def _beyond_m(reference: ReferenceVehicle) -> FloatArray:
+    """Return how far cells (N,) are beyond the vehicle, as seen from the ego."""
+    sight = reference.item.centre_m - reference.road.start.xy_m
+    return np.asarray((reference.xy_m - reference.item.centre_m) @ (sight / max(float(np.hypot(*sight)), 1e-6)))
 
 
 def _edge_cost(reference: ReferenceVehicle) -> FloatArray:

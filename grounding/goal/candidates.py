@@ -53,7 +53,7 @@ class CandidateSet:
     def with_detour_cost(self, road: RoadMap) -> CandidateSet:
         """Return the candidates with rounded headings and the cost of detours on the way to them."""
         heading = round_heading(self.heading_rad)
-        way = road.cars.cost_to(self.cells, heading)
+        way = road.cars_with().cost_to(self.cells, heading)
         straight = np.linalg.norm(road.grid.centre_of(self.cells) - road.start.xy_m, axis=1)
         detour_m = np.where(np.isfinite(way), way - 1.2 * straight, 0.0)
         return replace(self, cost=self.cost + np.maximum(detour_m, 0.0) / _DETOUR_M, heading_rad=heading)

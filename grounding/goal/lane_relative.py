@@ -35,7 +35,7 @@ _IN_LANE_M, _LEAVE_LANE, _PARK_IN_LANE = 1.5, 12.0, 4.0
 
 def propose_on_our_way(relation: str, query: Query, item: SceneObject, road: RoadMap) -> Proposal:
     """Propose candidates before or past a vehicle on our way: in line with it, in the ego lane or the next one."""
-    gaps = gap_range(query, item)
+    gaps = gap_range(query, item, road.style)
     reference = ReferenceVehicle(item, road, gaps.most_m + item.length_m / 2 + road.ego.length_m)
     sign, words = (-1.0, "short of it on our way") if relation == "before" else (1.0, "beyond it on our way")
     heading = reference.road_heading_rad

@@ -6,12 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from appocc.checks import FloatArray, IntArray
+from appocc.checks import BoolArray, FloatArray, IntArray
 from appocc.geometry import wrap_angle
+from appocc.motion_state import DRIVING_MPS
 from grounding.query import Query
 from grounding.road.car_paths import MOST_BACK_M
 from grounding.road.free_space import gap_m
 from grounding.road.road_map import RoadMap
+from grounding.vocabulary import LANDMARK_KINDS
 
 # Flags in addition to those of the free space and of the search.
 OTHER_SIDE, JUNCTION, BEHIND_US, TURNED = 64, 128, 256, 512
@@ -21,15 +23,15 @@ WAITING_ACTIONS, PARKING_ACTIONS = ("park", "pull_over", "wait"), ("park", "pull
 _BEHIND_M = 8.0
 # A goal nearer than this that heads farther away than this angle turns us on the spot.
 _NEAR_M, _TURNED_RAD = 13.0, np.radians(95)
-# A faster vehicle drives. Costs of standing this near to one, of stopping in a junction, and of heading against the
-# traffic beside a vehicle on the other side.
-DRIVES_MPS, _TRAFFIC_M, _NEAR_TRAFFIC, _IN_JUNCTION, AGAINST_TRAFFIC = 2.0, 2.0, 1.0, 2.0, 2.5
+# Costs of standing this near to a vehicle that drives, of stopping in a junction, and of heading against the traffic
+# beside a vehicle on the other side.
+_TRAFFIC_M, _NEAR_TRAFFIC, _IN_JUNCTION, AGAINST_TRAFFIC = 2.0, 1.0, 2.0, 2.5
 # Metres backwards beyond those that the command asks for.
 _BACK_MORE_M = 5.0
 # A parked vehicle keeps this clear of a junction.
 _CLEAR_M = 2.0
-# Things at a junction: a command that names one asks for a place there.
-_JUNCTION_NOUNS = frozenset({"junction", "intersection", "crossing", "traffic_light", "corner", "roundabout"})
+# Places on the footprint that are tested, as shares of its length and width.
+_FOOTPRINT = np.stack(np.meshgrid(np.linspace(-0.5, 0.5, 7), np.linspace(-0.5, 0.5, 3)), axis=-1).reshape(-1, 2)
 
 
 @dataclass(frozen=True)
@@ -58,9 +60,11 @@ class PlaceLimits:
         turns_round = query.direction == "around"
         referent, backs = query.referent, query.manoeuvre == "back"
         asks_back = turns_round or backs or (referent is not None and "behind_ego" in referent.qualifiers)
-        names_junction = any(part.noun in _JUNCTION_NOUNS for part in query.secondary)
+        named = {"junction" if part.noun == "corner" else LANDMARK_KINDS.get(part.noun) for part in query.secondary}
+        # Who names a vehicle at a junction asks for a place there.
+        names_junction = query.referent is not None and bool(named & {"junction", "crossing", "traffic light"})
         return cls(
-            our_side=not (asks_side or turns_round),
+            our_side=not (asks_side or turns_round or "car park" in named),
             clear_of_junctions=query.action in WAITING_ACTIONS and not names_junction,
             clear_m=_CLEAR_M if query.action in PARKING_ACTIONS else 0.0,
             not_behind=not asks_back,
@@ -73,7 +77,8 @@ class PlaceLimits:
         if self.our_side:
             found |= OTHER_SIDE * road.is_oncoming_side(cells, heading_rad)
         if self.clear_of_junctions:
-            found |= JUNCTION * (road.junction_distance_m[tuple(cells.T)] <= self.clear_m)
+            near = road.junction_distance_m[tuple(cells.T)] <= self.clear_m
+            found |= JUNCTION * (near | _touches(road.crossings, road, cells, heading_rad))
         if self.not_behind:
             offset = road.grid.centre_of(cells) - road.start.xy_m
             found |= BEHIND_US * (offset @ road.start.ahead < -_BEHIND_M)
@@ -82,13 +87,24 @@ class PlaceLimits:
         return found
 
 
+def _touches(area: BoolArray, road: RoadMap, cells: IntArray, heading_rad: FloatArray) -> BoolArray:
+    """Return whether the footprint at poses, cells (N, 2) and headings (N,), touches an area (X, Y)."""
+    if not area.any():
+        return np.zeros(len(cells), np.bool_)
+    along, across = (_FOOTPRINT * [road.ego.length_m, road.ego.width_m] / road.grid.cell_m).T
+    cos, sin = np.cos(heading_rad)[:, None], np.sin(heading_rad)[:, None]
+    points = np.stack([along * cos - across * sin, along * sin + across * cos], axis=-1) + cells[:, None]
+    i, j = np.clip(np.rint(points).astype(np.int64), 0, np.array(area.shape) - 1).transpose(2, 0, 1)
+    return np.asarray(area[i, j].any(axis=1))
+
+
 def standing_cost(query: Query, road: RoadMap, cells: IntArray, heading_rad: FloatArray) -> FloatArray | float:
     """Return the cost (N,) of standing in a junction or close to traffic, if the ego stands in the end."""
     if query.action not in (*WAITING_ACTIONS, "stop"):
         return 0.0
-    cost = np.where(road.junctions[tuple(cells.T)], _IN_JUNCTION, 0.0)
+    cost = np.where((road.junctions | road.crossings)[tuple(cells.T)], _IN_JUNCTION, 0.0)
     for item in road.free_space.objects:
-        if (item.speed_mps or 0.0) > DRIVES_MPS:
+        if (item.speed_mps or 0.0) > DRIVING_MPS:
             gap = gap_m(item, road.ego, road.grid.centre_of(cells), heading_rad)
             cost = np.maximum(cost, _NEAR_TRAFFIC * (gap < _TRAFFIC_M))
     return cost

@@ -11,13 +11,13 @@ import numpy as np
 from appocc.checks import BoolArray, FloatArray
 from appocc.ego_vehicle import EgoVehicle
 from appocc.geometry import footprints, wrap_angle
-from appocc.motion_state import MOVING_MPS
+from appocc.motion_state import DRIVING_MPS, MOVING_MPS
 from grounding.goal.candidates import CandidateSet, GoalCandidate
 from grounding.goal.limits import (
     AGAINST_TRAFFIC,
     BEHIND_US,
-    DRIVES_MPS,
     OTHER_SIDE,
+    PARKING_ACTIONS,
     TURNED,
     PlaceLimits,
     standing_cost,
@@ -27,6 +27,7 @@ from grounding.goal.search import CandidateSearch
 from grounding.query import Query
 from grounding.referent.scene import SceneModel
 from grounding.road.car_paths import CarRoute
+from grounding.road.lane_model import LANE_M
 from grounding.road.pose import Pose2D
 from grounding.road.road_map import RoadMap
 from grounding.scene_object import SceneObject
@@ -37,6 +38,10 @@ _MOVED_M = 0.6
 # A goal within this lateral offset of the ego lane is reported as behind the ego, if it is.
 _IN_LANE_M = 1.5
 _RUNNERS_UP = 3
+# A parked ego farther than this from the edge of the road stands in the way of others.
+_AT_EDGE_M = 1.6
+# Least cosine between the heading of a vehicle and our direction of travel if it goes our way.
+_SAME_WAY = 0.7
 # A way that turns by more is a turn in the road; reversing less than this is not worth a word.
 _TURN_ROUND_RAD, _LITTLE_M = np.radians(150), 0.5
 # Where only one limit stands against the best place, that is asked.
@@ -137,16 +142,24 @@ def plan_goal(
         road = scene.road_from(start)
     limits = PlaceLimits.of(query, road.traffic_side)
     if item is not None and _drives_away(query, item):
+        if query.action == "stop" and query.relation in ("none", "behind") and _drives_before_us(item, road):
+            following = replace(query, action="follow", relation="none")
+            plan = plan_goal(following, scene, road, item, forbidden=forbidden)
+            reason = f"it drives at {item.speed_mps:.0f} m/s: we follow it until it stands"
+            return replace(plan, reasons=(reason, *plan.reasons))
         reason = f"it drives at {item.speed_mps:.0f} m/s, so that no place beside it stays"
         return GoalPlan(None, (reason,), question=_FOLLOW, instead="follow")
     proposed, reasons = propose_candidates(query, road, item, partner)
     if item is not None and item.speed_mps is not None and item.speed_mps > MOVING_MPS:
         reasons = [*reasons, f"it moves at {item.speed_mps:.0f} m/s: the place is measured from where it is now"]
     if proposed is None:
+        if item is None and query.landmark == "secondary":
+            plain = replace(query, landmark=None, relation="none", secondary=())
+            return GoalPlan(None, tuple(reasons), nearest=plan_goal(plain, scene, road, start=start).target)
         return GoalPlan(None, tuple(reasons))
     if item is not None and limits.our_side and _is_on_other_side(item, road):
         # Who names a vehicle there asks for a place there: with the traffic if we can turn, else against it.
-        if (item.speed_mps or 0.0) < DRIVES_MPS:
+        if (item.speed_mps or 0.0) < DRIVING_MPS:
             proposed = [turned for each in proposed for turned in _with_traffic(each, road)]
         limits = replace(limits, our_side=False)
     candidate_sets = [_with_costs(each, query, road) for each in proposed]
@@ -156,7 +169,7 @@ def plan_goal(
     if not best or way is None:
         return _plan_without_target(search, item, reasons)
     target, *others = (to_target(candidate, scene, road) for candidate in best)
-    reasons = [*reasons, *_explain_target(search, best[0], way)]
+    reasons = [*reasons, *_explain_target(search, best[0], way), *_explain_second_row(query, best[0], road)]
     if target.score < _MIN_SCORE_OK:
         fits = f"its score is {target.score:.2f}, {_MIN_SCORE_OK} is needed"
         reasons.append(f"the best free place fits the command badly: {fits}")
@@ -167,7 +180,14 @@ def plan_goal(
 def _drives_away(query: Query, item: SceneObject) -> bool:
     """Return whether a place to stand is asked for beside a vehicle that drives on."""
     stands = query.action in ("park", "pull_over", "stop") and query.relation != "same_as"
-    return stands and query.trigger is None and (item.speed_mps or 0.0) > DRIVES_MPS
+    return stands and query.trigger is None and (item.speed_mps or 0.0) > DRIVING_MPS
+
+
+def _drives_before_us(item: SceneObject, road: RoadMap) -> bool:
+    """Return whether a vehicle drives ahead of us in our direction, in our lane or the next."""
+    along, lateral = (float(each) for each in road.ego_lane.project(item.centre_m))
+    ours = np.cos(item.yaw_rad - road.direction_at(item.centre_m)) > _SAME_WAY
+    return bool(item.front_known and ours and along > 0 and abs(lateral) < 1.5 * LANE_M)
 
 
 def _with_traffic(candidates: CandidateSet, road: RoadMap) -> list[CandidateSet]:
@@ -238,6 +258,15 @@ def _explain_target(search: CandidateSearch, chosen: GoalCandidate, way: CarRout
     if along < -_MOVED_M and abs(lateral) < _IN_LANE_M:
         reasons.append(f"that is {-along:.1f} m behind where we are now")
     return [*reasons, _explain_way(way)]
+
+
+def _explain_second_row(query: Query, chosen: GoalCandidate, road: RoadMap) -> list[str]:
+    """Return what is to be said of a place to park that is not at the edge of the road."""
+    if query.action not in PARKING_ACTIONS or road.car_parks[chosen.cell]:
+        return []
+    sides = chosen.heading_rad + np.array([np.pi / 2, -np.pi / 2])
+    away_m = road.edge_distance_m(np.array([chosen.cell, chosen.cell]), sides) - road.ego.width_m / 2
+    return ["it is not at the edge of the road: others have to drive around us"] if away_m.min() > _AT_EDGE_M else []
 
 
 def _explain_way(way: CarRoute) -> str:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from grounding.goal import ego_lane
+from grounding.goal.at_landmark import landmark_of, propose_at_landmark
 from grounding.goal.beside_vehicle import PARKING, Proposal, propose_beside, propose_in_line, propose_near
 from grounding.goal.candidates import CandidateSet, DistanceRange
 from grounding.goal.lane_relative import propose_between, propose_on_our_way, propose_opposite
@@ -58,6 +59,8 @@ def propose_candidates(
         return None, ["this is no driving command"]
     if refused := _explain_refusal(query):
         return None, [refused]
+    if item is None and (part := landmark_of(query)):
+        return propose_at_landmark(query, part, road)
     if item is None:
         found, reasons = _propose_alone(query, road)
         if query.relation != "none" and found is not None:

@@ -12,8 +12,8 @@ from appocc.geometry import wrap_angle
 from grounding.goal.candidates import CandidateSet, GoalCandidate
 from grounding.goal.limits import BEHIND_US, JUNCTION, NO_LIMITS, OTHER_SIDE, TURNED, PlaceLimits
 from grounding.referent.scene import SceneModel
-from grounding.road.car_paths import MOST_BACK_M, CarPaths, CarRoute
-from grounding.road.free_space import MARGIN_M, OFF_MAP, OFF_ROAD, TAKEN, UNKNOWN, round_heading
+from grounding.road.car_paths import CarPaths, CarRoute
+from grounding.road.free_space import OFF_MAP, OFF_ROAD, TAKEN, UNKNOWN, round_heading
 from grounding.road.road_map import RoadMap
 from grounding.scene_object import SceneObject
 
@@ -24,7 +24,7 @@ _CHUNK = 96
 _WORDS = {
     EXCLUDED: "is ruled out by the command",
     OTHER_SIDE: "is on the side of oncoming traffic",
-    JUNCTION: "is in a junction",
+    JUNCTION: "is in a junction or on a crossing",
     BEHIND_US: "is behind us",
     TURNED: "needs us to turn round here",
     UNREACHABLE: "cannot be reached as a car drives, with its turning circle and little reversing",
@@ -71,11 +71,7 @@ class CandidateSearch:
 
     @cached_property
     def _cars(self) -> CarPaths:
-        return (
-            self.road.cars
-            if self._limits.most_back_m == MOST_BACK_M
-            else self.road.cars_with(self._limits.most_back_m)
-        )
+        return self.road.cars_with(self._limits.most_back_m)
 
     @cached_property
     def _set_index(self) -> IntArray:
@@ -149,7 +145,7 @@ class CandidateSearch:
             while len(chunk) and len(found) < count:
                 one, chunk = int(chunk[0]), chunk[1:]
                 centre = self.road.grid.centre_of(cells[one])
-                if self.road.free_space.nearest_object(centre, float(headings[one]))[1] >= MARGIN_M:
+                if self.road.free_space.is_clear(centre, float(headings[one])):
                     found.append(GoalCandidate(self.candidate_sets[self._set_index[one]], int(indices[one])))
                     chunk, order = (
                         rest[
@@ -219,7 +215,8 @@ class CandidateSearch:
         if flags & TAKEN or not flags:
             centre = self.road.grid.centre_of(candidate.cell)
             item, gap_m = self.road.free_space.nearest_object(centre, candidate.heading_rad)
-            return "needs more reversing" if not flags and gap_m >= MARGIN_M else self._explain_taken(item, gap_m)
+            is_free = not flags and self.road.free_space.is_clear(centre, candidate.heading_rad)
+            return "needs more reversing" if is_free else self._explain_taken(item, gap_m)
         if flags & OFF_ROAD:
             return "leaves the road"
         if flags & UNKNOWN:

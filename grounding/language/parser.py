@@ -10,7 +10,7 @@ from grounding.language.ambiguity import MAX_READINGS, list_alternatives
 from grounding.language.problems import CommandError, ParseProblem, find_problem
 from grounding.language.semantics.accounting import Account, account_for
 from grounding.language.semantics.contrasts import has_partial_repair, resolve_contrasts
-from grounding.language.semantics.interpreter import interpret
+from grounding.language.semantics.discourse.interpreter import interpret
 from grounding.language.semantics.query_builder import BuiltQuery, build_query
 from grounding.language.syntax.clauses import split_clauses
 from grounding.language.syntax.fragments import complete_fragment
@@ -63,7 +63,9 @@ def parse(text: str, lexicon: Lexicon | None = None, antecedent: Referent | None
     return parse_all(text, lexicon, antecedent)[0]
 
 
-def parse_all(text: str, lexicon: Lexicon | None = None, antecedent: Referent | None = None) -> tuple[Reading, ...]:
+def parse_all(
+    text: str, lexicon: Lexicon | None = None, antecedent: Referent | None = None, verb: str = ""
+) -> tuple[Reading, ...]:
     """Return all readings of a sentence, best first: between 1 and `MAX_READINGS`; any text is accepted.
 
     Args:
@@ -71,6 +73,7 @@ def parse_all(text: str, lexicon: Lexicon | None = None, antecedent: Referent | 
         lexicon: None: the package's own.
         antecedent: what a pronoun or "one" refers to if the sentence does not name it, such as the referent of the
             command before.
+        verb: verb class of the command before, which completes a sentence without a verb; '': none.
 
     Raises:
         CommandError: if the text is no string.
@@ -82,12 +85,12 @@ def parse_all(text: str, lexicon: Lexicon | None = None, antecedent: Referent | 
     normalised, words = normalise(text), lexicon or default_lexicon()
     most = max(1, min(_MAX_WAYS, _MAX_CHARACTERS_READ // (len(normalised) + 1)))
     ways = tokenise_all(normalised, words, most)
-    likely = [_Analysis(text, way, antecedent) for way in ways if way.cost <= ways[0].cost + _MAX_LOSS]
+    likely = [_Analysis(text, way, antecedent, verb) for way in ways if way.cost <= ways[0].cost + _MAX_LOSS]
     commands = [one for one in likely if one.built.query.action is not None]
     if not commands:
 
         def is_command(other: str) -> bool:
-            return _Analysis(text, tokenise_all(other, words, 1)[0], antecedent).built.query.action is not None
+            return _Analysis(text, tokenise_all(other, words, 1)[0], antecedent, verb).built.query.action is not None
 
         problem = find_problem(normalised, ways[0].tokens, words, is_command)
         return (likely[0].reading(likely[0].built.query, 0.0, problem),)
@@ -107,10 +110,10 @@ def check_type(text: object) -> None:
 class _Analysis:
     """The analysis of one way to read the words of a sentence."""
 
-    def __init__(self, text: str, way: Tokenised, antecedent: Referent | None) -> None:
+    def __init__(self, text: str, way: Tokenised, antecedent: Referent | None, verb: str) -> None:
         self._text, self._antecedent, self.way = text, antecedent, way
         self._written = tag(way.tokens)
-        self._tagged = complete_fragment(resolve_contrasts(self._written))
+        self._tagged = complete_fragment(resolve_contrasts(self._written), verb)
         self.built = self._build(self._tagged)
 
     def _build(self, tagged: Sequence[Token]) -> BuiltQuery:

@@ -29,8 +29,11 @@ _COMPARATIVES = ("nearest", "farthest", "largest", "smallest")
 _WORD_KINDS = ("skip", "tail", *_COMPARATIVES)
 _ORDINALS = ("first", "second", "third", "fourth")
 # Kinds that the rest of the sentence may follow: "no, the red one".
-_LEADING = ("yes", "no", "other", "meant", "then", "cancel", "neither", "thanks")
+_LEADING = ("yes", "no", "other", "meant", "then", "cancel", "neither", "thanks", "why", "seek")
 _SKIPPED = (WordCategory.FILLER, WordCategory.COMMA, WordCategory.BREAK, WordCategory.CORRECT)
+# Categories of words in an epithet, besides unknown words, and the most words.
+_EPITHETS = (WordCategory.EXTRA, WordCategory.PERSON, WordCategory.THING, WordCategory.SIZE, WordCategory.NOT)
+_MAX_EPITHET = 4
 # A number as the whole answer.
 _NUMBER_WORDS = ("option", "number", "candidate", "the", "one", "no", "please", "car", "vehicle")
 
@@ -119,6 +122,9 @@ def _longest_match(words: tuple[str, ...], start: int) -> tuple[int, str]:
 def _skip(words: tuple[str, ...], start: int, lexicon: Lexicon) -> int:
     """Return the next word that is no filler; a filler that is a reply is not skipped."""
     while start < len(words) and not _longest_match(words, start)[1]:
+        if end := _epithet_end(words, start, lexicon):
+            start = end
+            continue
         matched = _replies("skip").longest_match(words, start) or lexicon.longest_match(words, start)
         if words[start] not in ",.;!?" and (matched is None or matched[1].category not in _SKIPPED):
             break
@@ -126,11 +132,24 @@ def _skip(words: tuple[str, ...], start: int, lexicon: Lexicon) -> int:
     return start
 
 
+def _epithet_end(words: tuple[str, ...], start: int, lexicon: Lexicon) -> int:
+    """Return the end of what the ego is called ("you silly sausage"), which a mark or the end follows; 0 if none."""
+    if words[start] not in ("you", "ya", "ye"):
+        return 0
+    end = start + 1
+    while end < len(words) and end - start <= _MAX_EPITHET and words[end] not in ",.;!?":
+        matched = lexicon.longest_match((words[end],), 0)
+        if matched is not None and matched[1].category not in _EPITHETS:
+            return 0
+        end += 1
+    return end if end > start + 1 else 0
+
+
 def _without_tail(words: tuple[str, ...]) -> tuple[str, ...]:
     """Return the words without those that only close a sentence: "..., please", "... instead"."""
-    for length in (3, 2, 1):
+    for length in (4, 3, 2, 1):
         last = words[-length:]
-        if len(last) == length and (last == (".",) or last[0] in ",.;!?" or _is_tail(last)):
+        if len(last) == length and (_is_tail(last) if last[0] not in ",.;!?" else length == 1):
             return _without_tail(words[:-length])
     return words
 

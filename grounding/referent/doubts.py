@@ -1,4 +1,4 @@
-"""Doubts about the best candidate that must be settled before it is acted upon: its place and its colour."""
+"""Doubts about the place and the colour of the best candidate, which are asked about."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from grounding.referent.class_fit import PERSON_NOUNS
 from grounding.referent.priors import OTHER_STREET_M, includes_behind
 from grounding.referent.scene import SceneModel
 
-# Actions whose goal lies ahead: a vehicle behind us is then meant only if the command says so.
+# Actions that go forward. They do not mean a vehicle behind us, unless the command says so.
 _FORWARD = ("park", "stop", "pull_over", "follow", "approach", "overtake", "drive_past", "turn", "change_lane")
 # A vehicle is behind us if its centre is this far behind ours; hidden if less of it than this share is visible.
 _BEHIND_M, _HIDDEN_SHARE = 6.0, 0.05
-# Below this a colour does not fit the vehicle that fits best.
-_LEAST_COLOUR_FIT = 0.12
+# Below these the colour and the class do not fit the vehicle that fits best.
+_LEAST_COLOUR_FIT, _LEAST_CLASS_FIT = 0.12, 0.25
 
 
 def question_about(
@@ -37,6 +37,9 @@ def question_about(
     item = scene.table.items[row]
     if referent.colour and item.rgb is not None and word_fits[referent.colour] < _LEAST_COLOUR_FIT:
         return f"no {referent.colour} {referent.head} is seen: do you mean {describe_one(item, scene)}?"
+    known = scene.table.class_names[row] != "vehicle" and referent.head in word_fits
+    if known and word_fits[referent.head] < _LEAST_CLASS_FIT:
+        return f"no {referent.head} is seen: do you mean {describe_one(item, scene)}?"
     where = _out_of_sight(query, referent, row, scene)
     return (
         f"there is no {referent.head} ahead, only {where}: do you mean {describe_one(item, scene)}?" if where else ""

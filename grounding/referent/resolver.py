@@ -22,7 +22,7 @@ from grounding.scene_object import SceneObject
 
 MAX_CANDIDATES = 6
 # Candidates whose log scores differ by less than this are a tie.
-_TIE_MARGIN = np.log(2.0)
+_TIE_MARGIN = np.log(1.5)
 # Least probability of the object that an ordinal counts to.
 _LEAST_ORDINAL_PROBABILITY = 0.05
 # Below the first no object fits a word; below the second the best object fits it doubtfully.
@@ -111,7 +111,7 @@ def resolve(query: Query, scene: SceneModel, limit: int = MAX_CANDIDATES) -> Res
 
 def _ask_antecedent(query: Query, scene: SceneModel, limit: int) -> Resolution:
     """Return the question which vehicle a pronoun refers to, with the most salient ones as candidates."""
-    any_vehicle = Referent("vehicle", query.unresolved)
+    any_vehicle = query.sought or Referent("vehicle", query.unresolved)
     reason = f"'{query.unresolved}' refers to nothing that was named"
     scores = score_objects(query, any_vehicle, scene) if scene.objects else None
     choices = _rank_choices(query, any_vehicle, scene, scores)[:limit] if scores and scores.matches.any() else []
@@ -222,30 +222,34 @@ def _ambiguous(
     referent: Referent, candidates: tuple[Candidate, ...], num_tied: int, scene: SceneModel, scores: ReferentScores
 ) -> Resolution:
     plural = "people" if referent.noun in PERSON_NOUNS else "pairs" if candidates[0].partner else "vehicles"
-    differences = describe_differences(_groups_that_differ(candidates), scene)
+    shared = _shared_by_all(candidates)
+    groups = [tuple(item for item in (one.item, one.partner) if item and item is not shared) for one in candidates]
+    differences = describe_differences(groups, scene)
+    question = compose_question(differences)
+    if shared is not None:
+        question = f"{describe_one(shared, scene)}, and which other one: {question}"
     reason = f"{num_tied} {plural} fit '{referent.phrase()}' about equally well"
-    return Resolution("ambiguous", candidates, (reason, *scores.notes), compose_question(differences), differences)
+    return Resolution("ambiguous", candidates, (reason, *scores.notes), question, differences)
 
 
-def _groups_that_differ(candidates: Sequence[Candidate]) -> Sequence[tuple[SceneObject, ...]]:
-    """Return the vehicles of each candidate; of pairs whose first vehicle is the same, only the second."""
-    groups = [(one.item,) if one.partner is None else (one.item, one.partner) for one in candidates]
-    for at in (0, 1) if len(groups[0]) > 1 else ():
-        if all(group[at] is groups[0][at] for group in groups):
-            return [(group[1 - at],) for group in groups]
-    return groups
+def _shared_by_all(candidates: Sequence[Candidate]) -> SceneObject | None:
+    """Return the vehicle that stands in every pair; None if there is none."""
+    for item in (candidates[0].item, candidates[0].partner):
+        if candidates[0].partner is not None and all(item in (one.item, one.partner) for one in candidates):
+            return item
+    return None
 
 
 def _without_chains(tied: Sequence[_Choice]) -> list[_Choice]:
-    """Return tied choices; of pairs without a vehicle in common to all, each vehicle stands in one pair only."""
-    common = set.intersection(*({one.row, one.partner} for one in tied))
-    if tied[0].partner < 0 or common:
+    """Return tied choices; of pairs, those with no vehicle in common, or else those with the same one in common."""
+    if tied[0].partner < 0:
         return list(tied)
-    kept: list[_Choice] = []
+    apart: list[_Choice] = []
     for one in tied:
-        if not any({one.row, one.partner} & {other.row, other.partner} for other in kept):
-            kept.append(one)
-    return kept if len(kept) > 1 else list(tied)
+        if not any({one.row, one.partner} & {other.row, other.partner} for other in apart):
+            apart.append(one)
+    sharing = [[one for one in tied if row in (one.row, one.partner)] for row in (tied[0].row, tied[0].partner)]
+    return apart if len(apart) > 1 else max(sharing, key=len)
 
 
 def _not_found(query: Query, referent: Referent, scene: SceneModel, scores: ReferentScores, limit: int) -> Resolution:

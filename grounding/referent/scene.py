@@ -20,9 +20,11 @@ from appocc.motion_state import MOVING_MPS
 from appocc.objects import BEVObjects
 from appocc.srgb import encode_srgb, linear_from_srgb
 from grounding.referent.object_table import ObjectTable
+from grounding.road.landmarks import NO_LANDMARKS, Landmarks
 from grounding.road.lane_model import LANE_M, LaneModel
 from grounding.road.pose import Pose2D
 from grounding.road.road_map import RoadMap
+from grounding.road.style import DEFAULT_STYLE, DrivingStyle
 from grounding.road.visibility import unseen_sides
 from grounding.scene_object import SceneObject
 from tracking.instances.instances import Instances, find_instances
@@ -51,6 +53,8 @@ class SceneModel:
         others: people and bicycles, which the cells of maps do not show.
         ego: size of the ego vehicle.
         left_hand_traffic: whether traffic drives on the left; None: as oncoming vehicles do, else on the right.
+        landmarks: crossings, stop lines and the like of a vector map.
+        style: gaps that the ego keeps.
     """
 
     bev: BEVMap | None
@@ -59,6 +63,8 @@ class SceneModel:
     others: tuple[SceneObject, ...] = ()
     ego: EgoVehicle = EgoVehicle()
     left_hand_traffic: bool | None = None
+    landmarks: Landmarks = NO_LANDMARKS
+    style: DrivingStyle = DEFAULT_STYLE
 
     def __post_init__(self) -> None:
         """Check the pose and keep a read-only copy of it.
@@ -91,7 +97,9 @@ class SceneModel:
         """
         if self.bev is None:
             raise AppoccError("scene: expected a map, there are objects only")
-        return RoadMap.from_map(self.bev, self.objects, self.ego, start, self.left_hand_traffic)
+        return RoadMap.from_map(
+            self.bev, self.objects, self.ego, start, self.left_hand_traffic, self.landmarks, self.style
+        )
 
     @cached_property
     def unseen_sides(self) -> tuple[str, ...]:

@@ -12,12 +12,11 @@ from appocc.bevmap import ROAD, VEHICLE, BEVMap
 from appocc.checks import BoolArray, FloatArray, IntArray
 from appocc.ego_vehicle import EgoVehicle
 from appocc.grid import BEVGrid
+from grounding.road.style import DEFAULT_STYLE
 from grounding.scene_object import SceneObject
 
 # Flags for what makes a pose invalid; several can hold at once.
 OFF_MAP, UNKNOWN, OFF_ROAD, TAKEN = 1, 2, 4, 8
-# Margin of the footprint to vehicle cells and boxes.
-MARGIN_M = 0.3
 # Headings are whole multiples of this, so that the cells under a footprint can be tabulated.
 _STEP_RAD = np.pi / 90
 # Tolerance for cell centres on the border of the footprint.
@@ -38,29 +37,33 @@ class FreeSpace:
         ego: size of the ego vehicle.
         padded_flags: (X + 2R, Y + 2R) uint8 flags of the cells, with a border of R cells OFF_MAP on all sides.
         objects: vehicles.
+        margin_m: margin of the footprint to vehicle cells and boxes.
     """
 
     grid: BEVGrid
     ego: EgoVehicle
     padded_flags: np.ndarray[tuple[int, int], np.dtype[np.uint8]]
     objects: tuple[SceneObject, ...]
+    margin_m: float
 
     @classmethod
-    def from_map(cls, bev: BEVMap, objects: Sequence[SceneObject], ego: EgoVehicle) -> FreeSpace:
-        """Return the free space of a map and the vehicles on it."""
+    def from_map(
+        cls, bev: BEVMap, objects: Sequence[SceneObject], ego: EgoVehicle, margin_m: float = DEFAULT_STYLE.clearance_m
+    ) -> FreeSpace:
+        """Return the free space of a map and the vehicles on it, to which the ego keeps a margin."""
         # No camera sees the cells below the ego; they count as known road.
         below = bev.unseen & ego.body_cells(bev.grid)
         known = (bev.occupancy_valid[ROAD] & bev.occupancy_valid[VEHICLE]) | below
         taken = bev.on[VEHICLE] | cover_cells(bev.grid, objects)
         flags = UNKNOWN * ~known + OFF_ROAD * (known & ~bev.on[ROAD] & ~below) + TAKEN * taken
-        border = _reach(bev.grid.cell_m, ego)
+        border = _reach(bev.grid.cell_m, ego, margin_m)
         padded = np.pad(flags.astype(np.uint8), border, constant_values=OFF_MAP)
-        return cls(bev.grid, ego, padded, tuple(objects))
+        return cls(bev.grid, ego, padded, tuple(objects), margin_m)
 
     @property
     def cell_flags(self) -> np.ndarray[tuple[int, int], np.dtype[np.uint8]]:
         """(X, Y) flags of the cells of the map."""
-        border = _reach(self.grid.cell_m, self.ego)
+        border = _reach(self.grid.cell_m, self.ego, self.margin_m)
         return self.padded_flags[border:-border, border:-border]
 
     def flags(self, cells: IntArray, heading_rad: FloatArray) -> IntArray:
@@ -68,8 +71,8 @@ class FreeSpace:
 
         A cell is under the footprint if its centre is. For TAKEN the footprint is grown by the margin.
         """
-        border, width = _reach(self.grid.cell_m, self.ego), self.padded_flags.shape[1]
-        footprint, grown = _footprint_offsets(self.grid.cell_m, width, self.ego)
+        border, width = _reach(self.grid.cell_m, self.ego, self.margin_m), self.padded_flags.shape[1]
+        footprint, grown = _footprint_offsets(self.grid.cell_m, width, self.ego, self.margin_m)
         turn = np.round(heading_rad / _STEP_RAD).astype(np.int64) % len(footprint)
         at = (cells[:, 0] + border) * width + cells[:, 1] + border
         flat = self.padded_flags.ravel()
@@ -92,6 +95,10 @@ class FreeSpace:
         gaps = _box_gaps_m(*self._boxes, _half_size_m(self.ego), centre_m, np.asarray(heading_rad))
         least = int(np.argmin(gaps))
         return self.objects[least], float(gaps[least])
+
+    def is_clear(self, centre_m: FloatArray, heading_rad: float) -> bool:
+        """Return whether the ego at a pose keeps the margin to all vehicles."""
+        return self.nearest_object(centre_m, heading_rad)[1] >= self.margin_m
 
     @cached_property
     def _boxes(self) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -150,26 +157,26 @@ def _half_size_m(ego: EgoVehicle) -> FloatArray:
     return np.array([ego.length_m, ego.width_m]) / 2
 
 
-def _reach(cell_m: float, ego: EgoVehicle) -> int:
+def _reach(cell_m: float, ego: EgoVehicle, margin_m: float) -> int:
     """Return how many cells from its centre the grown footprint can reach."""
-    return int(np.hypot(*(_half_size_m(ego) + MARGIN_M)) / cell_m) + 1
+    return int(np.hypot(*(_half_size_m(ego) + margin_m)) / cell_m) + 1
 
 
 @cache
-def _footprint_offsets(cell_m: float, width: int, ego: EgoVehicle) -> tuple[IntArray, IntArray]:
+def _footprint_offsets(cell_m: float, width: int, ego: EgoVehicle, margin_m: float) -> tuple[IntArray, IntArray]:
     """Return the cells under the footprint and under the grown one, (90, M) each, one row per step of half a turn.
 
     Cells are flat offsets from the centre cell in arrays `width` cells wide; rows are padded with the centre cell.
     """
-    reach = _reach(cell_m, ego)
+    reach = _reach(cell_m, ego, margin_m)
     cells = np.stack(np.meshgrid(*[np.arange(-reach, reach + 1)] * 2, indexing="ij"), axis=-1).reshape(-1, 2)
     steps = np.arange(round(np.pi / _STEP_RAD)) * _STEP_RAD
     unit = np.exp(1j * steps)[:, None]
     along = cells[:, 0] * unit.real + cells[:, 1] * unit.imag
     across = cells[:, 1] * unit.real - cells[:, 0] * unit.imag
     tables = []
-    for margin_m in (0.0, MARGIN_M):
-        half = (_half_size_m(ego) + margin_m + _BORDER_M) / cell_m
+    for grown_m in (0.0, margin_m):
+        half = (_half_size_m(ego) + grown_m + _BORDER_M) / cell_m
         under = (np.abs(along) <= half[0]) & (np.abs(across) <= half[1])
         table = np.zeros((len(steps), int(under.sum(axis=1).max())), np.int64)
         for row, inside in zip(table, under, strict=True):

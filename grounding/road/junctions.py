@@ -13,7 +13,7 @@ from appocc.grid import BEVGrid
 # A narrower arm is a driveway. An arm is followed this far beyond the kerbs of the junction.
 _LEAST_ARM_M, _ARM_M = 4.4, 9.0
 # A junction reaches this far beyond the circle that touches its kerbs: the kerbs are rounded.
-_BEYOND_M = 3.5
+_BEYOND_M = 5.0
 _EIGHT = np.ones((3, 3), np.uint8)
 
 

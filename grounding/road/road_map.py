@@ -20,16 +20,18 @@ from grounding.road.car_paths import MOST_BACK_M, CarPaths
 from grounding.road.edges import cells_to_edge, cells_to_marking
 from grounding.road.free_space import OFF_ROAD, TAKEN, UNKNOWN, FreeSpace
 from grounding.road.junctions import find_junctions
+from grounding.road.landmarks import NO_LANDMARKS, Landmarks
 from grounding.road.lane_model import Centreline
 from grounding.road.orientation import MIN_VEHICLE_LENGTH_M, estimate_axes
 from grounding.road.pose import Pose2D
 from grounding.road.routing import ShortestPaths, find_shortest_paths
+from grounding.road.style import DEFAULT_STYLE, DrivingStyle
 from grounding.road.tracing import CentrelineTracer
 from grounding.scene_object import SceneObject
 
 # Paths start at the free cell nearest to the ego's centre, which may itself be on a misplaced kerb.
 _MAX_START_M = 6.0
-# The ego stands where it stands: so much around it counts as free.
+# Cells this near to the footprint of the ego count as free.
 _START_MARGIN_M = 0.3
 # Holes of up to this many cells in the road of a predicted map are filled.
 _HOLE_CELLS = 6
@@ -72,6 +74,8 @@ class RoadMap:
         along_m: along-track distance of all cells, by the ego lane.
         lateral_m: lateral offset of all cells from the ego lane; left is positive.
         traffic_side: 1 for right-hand traffic, -1 for left-hand traffic.
+        landmarks: crossings, stop lines and the like, as far as a vector map is known.
+        style: gaps that the ego keeps.
     """
 
     grid: BEVGrid
@@ -89,6 +93,8 @@ class RoadMap:
     along_m: FloatArray
     lateral_m: FloatArray
     traffic_side: int
+    landmarks: Landmarks = NO_LANDMARKS
+    style: DrivingStyle = DEFAULT_STYLE
 
     @classmethod
     def from_map(
@@ -98,6 +104,8 @@ class RoadMap:
         ego: EgoVehicle,
         start: Pose2D | None = None,
         left_hand_traffic: bool | None = None,
+        landmarks: Landmarks = NO_LANDMARKS,
+        style: DrivingStyle = DEFAULT_STYLE,
     ) -> RoadMap:
         """Return the road map of a map and the vehicles on it.
 
@@ -107,9 +115,11 @@ class RoadMap:
             ego: size of the ego vehicle.
             start: pose of the ego; None: where it is now.
             left_hand_traffic: whether traffic drives on the left; None: as oncoming vehicles do, else on the right.
+            landmarks: of a vector map, ego frame.
+            style: gaps that the ego keeps.
         """
         start = start or Pose2D(ego.centre_m, 0.0)
-        grid, free_space = bev.grid, FreeSpace.from_map(bev, objects, ego)
+        grid, free_space = bev.grid, FreeSpace.from_map(bev, objects, ego, style.clearance_m)
         flags = free_space.cell_flags
         drivable = (flags & (OFF_ROAD | UNKNOWN)) == 0
         if not ((bev.occupancy == 0) | (bev.occupancy == 1)).all():
@@ -142,21 +152,35 @@ class RoadMap:
             along_m=along_m,
             lateral_m=lateral_m,
             traffic_side=side,
+            landmarks=landmarks,
+            style=style,
         )
 
     @cached_property
-    def cars(self) -> CarPaths:
-        """The poses that the ego reaches as a car drives, at most 10 m of the way backwards."""
-        return self.cars_with(MOST_BACK_M)
+    def _cars(self) -> dict[float, CarPaths]:
+        return {}
 
-    def cars_with(self, most_back_m: float) -> CarPaths:
-        """Return the poses that the ego reaches with at most some metres backwards."""
-        return CarPaths(self.grid, self.ego, self.start, self.clearance_m, self.extra_cost, most_back_m)
+    def cars_with(self, most_back_m: float = MOST_BACK_M) -> CarPaths:
+        """Return the poses that the ego reaches as a car drives, with at most some metres backwards."""
+        paths = CarPaths(self.grid, self.ego, self.start, self.clearance_m, self.extra_cost, most_back_m)
+        return self._cars.setdefault(most_back_m, paths)
 
     @cached_property
     def junctions(self) -> BoolArray:
-        """(X, Y) cells in junctions."""
+        """(X, Y) cells in junctions: those of the vector map, else those that the road shows."""
+        if self.landmarks.knows("junction"):
+            return self.landmarks.cells(self.grid, "junction")
         return find_junctions(self.grid, self.drivable, self.tracer.edge_m)
+
+    @cached_property
+    def crossings(self) -> BoolArray:
+        """(X, Y) cells in pedestrian crossings of the vector map."""
+        return self.landmarks.cells(self.grid, "crossing")
+
+    @cached_property
+    def car_parks(self) -> BoolArray:
+        """(X, Y) cells in car parks of the vector map."""
+        return self.landmarks.cells(self.grid, "car park")
 
     @cached_property
     def junction_distance_m(self) -> FloatArray:

@@ -66,7 +66,7 @@ def test_the_answer_as_json() -> None:
 def test_ambiguous_candidates_have_distinctive_values() -> None:
     value = ground("stop behind the white car").to_dict()
     assert value["referent"] is None
-    first, second, _ = value["candidates"]  # the third is the one of unknown colour
+    first, second = value["candidates"]  # the one of unknown colour fits less
     assert {first["side"], second["side"]} == {"ahead right", "ahead left"}
     assert first["distance_m"] != second["distance_m"]
     assert {"car", "white"} <= set(first["fits"])

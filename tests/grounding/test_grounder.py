@@ -22,7 +22,9 @@ LEXICON = "[noun car]\nwagonette\n"
 
 
 def test_the_face_of_the_package() -> None:
-    assert sorted(grounding.__all__) == ["Answer", "Grounder", "GrounderConfig", "Query", "Session", "Target"]
+    assert sorted(grounding.__all__) == [
+        *("Answer", "DrivingStyle", "Grounder", "GrounderConfig", "Query", "Session", "Target")
+    ]
     assert set(grounding.__all__) <= set(dir(grounding))
     with pytest.raises(AttributeError, match="has no attribute 'Sessions'"):
         getattr(grounding, "Sessions")  # noqa: B009 - not in the type

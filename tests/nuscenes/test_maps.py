@@ -203,6 +203,21 @@ def test_a_map_expansion(tmp_path: Path) -> None:
         np.testing.assert_array_equal(got, at(expected))
 
 
+def test_landmarks_of_a_map_expansion(tmp_path: Path) -> None:
+    data = expansion()
+    found = read(tmp_path, data).landmarks
+    assert {kind: len(outlines) for kind, outlines in found.items()} == {"crossing": 1, "stop line": 1, "car park": 1}
+    data["stop_line"].append({"token": "s", "polygon_token": "p1", "stop_line_type": "TRAFFIC_LIGHT"})
+    data["road_segment"] = [
+        {"token": str(number), "polygon_token": "p1", "is_intersection": bool(number)} for number in (0, 1)
+    ]
+    found = read(tmp_path, data).landmarks
+    assert [len(found[kind]) for kind in ("stop line", "traffic light", "stop sign", "junction")] == [2, 1, 0, 1]
+    np.testing.assert_array_equal(found["junction"][0], at("abcd"))
+    far = read(tmp_path, data).near(np.array([5000.0, 5000.0]), np.array([5001.0, 5001.0])).landmarks
+    assert far["junction"] == ()  # the layer is known, with nothing here
+
+
 def test_only_what_is_near(tmp_path: Path) -> None:
     near = read(tmp_path, expansion()).near(np.array([-5.0, -5.0]), np.array([20.0, 20.0]))
     assert near.drivable is not None

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from appocc.boxes import is_vehicle
 from appocc.geometry import apply, inverse, wrap_angle
 from appocc.nuscenes import Dataset
 from appocc.nuscenes.lidar import read_labels, read_lidar
@@ -66,15 +67,29 @@ def test_real_images_are_the_originals(panda_root: Path, data_root: Path, frames
 
 
 def test_real_ego_poses(panda_root: Path, frames: list[dict[str, Any]]) -> None:
-    """0.40 m below PandaSet's; where there is no LiDAR, between the poses of the images."""
+    """0.40 m below PandaSet's, level; where there is no LiDAR, between the poses of the images."""
     dataset = Dataset(panda_root)
     for sample, frame in zip(dataset.samples(dataset.scenes[0]), frames, strict=True):
         expected = np.array(frame["T_world_ego"])
         expected[:3, 3] -= LOWERED_M * expected[:3, 2]
         exact = "LIDAR_TOP" in dataset.data(sample)
         difference = np.abs(dataset.world_from_ego(sample) - expected)
-        assert difference[:3, 3].max() < (1e-4 if exact else 0.05)
-        assert difference[:3, :3].max() < (1e-4 if exact else 0.01)
+        assert difference[:3, 3].max() < (0.05 if exact else 0.1)
+        assert 0.03 < difference[:3, :3].max() < 0.05  # its LiDAR leans to one side by 2 degrees
+
+
+def test_real_vehicles_stand_on_level_ground(panda_root: Path) -> None:
+    dataset = Dataset(panda_root)
+    bottoms = []
+    for sample in dataset.samples(dataset.scenes[0])[::4]:
+        boxes = dataset.frame(sample, images=False).boxes_ego
+        assert boxes is not None
+        keep = [is_vehicle(name) for name in boxes.category] & (np.hypot(*boxes.centre_m[:, :2].T) < 30)
+        bottoms.append(boxes.centre_m[keep] - np.outer(boxes.size_wlh_m[keep, 2] / 2, [0, 0, 1]))
+    x, y, z = np.concatenate(bottoms).T
+    assert np.abs(np.polyfit(x, z, 1)[0]) < np.radians(0.5)
+    assert np.abs(np.polyfit(y, z, 1)[0]) < np.radians(0.3)
+    assert abs(np.median(z)) < 0.1
 
 
 def test_real_road_is_at_the_height_of_the_ego(panda_root: Path) -> None:
@@ -86,7 +101,7 @@ def test_real_road_is_at_the_height_of_the_ego(panda_root: Path) -> None:
         raw = read_lidar(dataset.path(data))[:, :3]
         ego = apply(dataset.ego_from_sensor(data), raw)
         road = labels.is_road[read_labels(labels.path, len(raw))] & (np.linalg.norm(ego[:, :2], axis=1) < 12)
-        assert abs(np.median(ego[road, 2])) < 0.1
+        assert abs(np.median(ego[road, 2])) < 0.25  # the road is crowned: its middle is above the plane
 
 
 def test_real_points_of_cars_lie_in_boxes_of_cars(panda_root: Path) -> None:

@@ -9,7 +9,8 @@ from made_map import pose
 from numpy.typing import ArrayLike
 
 from appocc.checks import FloatArray
-from tracking.detections import CircularView, Detections
+from tracking.detections import Detections
+from tracking.field_of_view import CircularView
 from tracking.tracker import Tracker
 from tracking.tracks import Track
 

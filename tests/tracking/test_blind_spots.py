@@ -8,6 +8,7 @@ import numpy as np
 from made_map import RED, Car, map_of, pose
 
 from appocc.bevmap import BEVMap
+from tracking.detections import Detections
 from tracking.instances.instances import find_instances
 from tracking.presets import MAPS
 from tracking.tracker import Tracker
@@ -27,7 +28,7 @@ def follow(maps: list[BEVMap]) -> list[list[Track]]:
     """Tracks after each map, half a second apart."""
     tracker = Tracker(MAPS)
     return [
-        list(tracker.update(find_instances(bev).as_detections(), round(i * STEP_S * 1e6), pose()))
+        list(tracker.update(Detections.from_instances(find_instances(bev)), round(i * STEP_S * 1e6), pose()))
         for i, bev in enumerate(maps)
     ]
 

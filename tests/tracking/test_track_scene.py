@@ -13,9 +13,10 @@ from appocc.bevmap import bev_path
 from appocc.errors import DataError
 from appocc.geometry import apply, inverse
 from appocc.nuscenes import Dataset
-from tracking.evaluation.clear_id_hota import EvaluationFrame, evaluate
+from tracking.detections import Detections
+from tracking.evaluation.clear_id_hota import evaluate
+from tracking.evaluation.frames import EvaluationFrame
 from tracking.evaluation.scene import moving_instances, score_scene, write_metrics
-from tracking.instances.instances import find_instances
 from tracking.pipeline import track_scene, write_tracks
 from tracking.presets import MAPS
 from tracking.tracker import Tracker
@@ -141,7 +142,7 @@ def test_recorded_traffic_at_two_key_frames_a_second(data_root: Path) -> None:
             Car(place[0], place[1], yaw, tuple(colours[n]), data["size_lwh"][n, 0], data["size_lwh"][n, 1])
             for n, place, yaw in zip(there, places, yaws, strict=True)
         ]
-        tracks = tracker.update(find_instances(map_of(painted)).as_detections(), round(data["t"][k] * 1e6), here)
+        tracks = tracker.update(Detections.from_bev(map_of(painted)), round(data["t"][k] * 1e6), here)
         found = np.array([track.position_world_m for track in tracks]).reshape(-1, 3)
         near = [np.hypot(*apply(inverse(here), xyz)[:, :2].T) <= 40 for xyz in (data["position"][there, k], found)]
         numbers = np.array([track.id for track in tracks], np.int64)

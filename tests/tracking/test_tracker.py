@@ -9,6 +9,7 @@ from made_map import BLUE, RED, Car, map_of, pose
 from appocc.checks import FloatArray
 from appocc.errors import DataError, ShapeError
 from appocc.geometry import apply, inverse, yaw_of
+from tracking.detections import Detections
 from tracking.instances.instances import find_instances
 from tracking.presets import MAPS
 from tracking.track_table import LifecycleConfig
@@ -44,7 +45,7 @@ def follow(
     for t in times_s:
         here = ego(t)
         blobs = find_instances(map_of(seen_from(here, (path(t) for path in paths)), probability))
-        result.append(tuple(tracker.update(blobs.as_detections(), START_US + round(t * 1e6), here)))
+        result.append(tuple(tracker.update(Detections.from_instances(blobs), START_US + round(t * 1e6), here)))
     return result
 
 
@@ -240,7 +241,7 @@ def test_a_car_that_is_only_ever_seen_cut_off_has_a_size() -> None:
 
 
 def test_time_must_move_forward() -> None:
-    tracker, blobs = Tracker(), find_instances(map_of([])).as_detections()
+    tracker, blobs = Tracker(), Detections.from_instances(find_instances(map_of([])))
     tracker.update(blobs, START_US, pose())
     with pytest.raises(DataError, match=f"expected a time after {START_US} us, got {START_US} us"):
         tracker.update(blobs, START_US, pose())
@@ -248,7 +249,7 @@ def test_time_must_move_forward() -> None:
 
 def test_the_pose_must_be_rigid() -> None:
     with pytest.raises(ShapeError, match="world_from_ego"):
-        Tracker().update(find_instances(map_of([])).as_detections(), START_US, np.eye(4) * 2)
+        Tracker().update(Detections.from_instances(find_instances(map_of([]))), START_US, np.eye(4) * 2)
 
 
 @pytest.mark.parametrize(

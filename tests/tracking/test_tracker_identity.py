@@ -11,8 +11,9 @@ from made_map import pose
 
 from tracking.class_models import ClassModel, ClassTable
 from tracking.detections import Detections, probability_from_log_odds
-from tracking.track_table import LifecycleConfig, TrackTable, detections_in_world
+from tracking.track_table import LifecycleConfig, TrackTable
 from tracking.tracker import Tracker, TrackerConfig
+from tracking.world_detections import detections_in_world
 
 # Twins ------------------------------------------------------------------------------------------------------------
 
@@ -102,6 +103,17 @@ def test_the_less_likely_of_two_kinds_of_one_object_is_doubted() -> None:
 def test_a_score_is_the_mean_of_what_was_seen_and_some_doubt() -> None:
     (track,) = Tracker().update(seen([[0, 0]], log_odds=3.0), STEP_US, pose())
     assert track.score == pytest.approx(probability_from_log_odds((3.0 - 1.5 * 2.0) / (1 + 1.5)))
+
+
+def test_misses_lower_the_score_and_do_not_delete_a_sure_track() -> None:
+    tracker = Tracker(TrackerConfig(lifecycle=LifecycleConfig(coast_s=3.0, coast_std_m=np.inf)))
+    result = follow(lambda i: seen([[10, 0]] if i < 20 or i == 40 else []), 41, tracker=tracker)
+    scores = [states[0].score for states in result]
+    assert (np.diff(scores[19:40]) < 0).all()
+    assert scores[19] > 0.85 > 0.5 > scores[39]
+    # It is found again after `lost_s`, as a sure track is.
+    assert scores[40] > scores[39]
+    assert ids(result)[40] == [1]
 
 
 @pytest.mark.parametrize(("log_odds", "again"), [(3.0, 1), (-1.0, 2)])

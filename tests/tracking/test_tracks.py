@@ -3,7 +3,8 @@ from __future__ import annotations
 import numpy as np
 from made_tracks import track
 
-from tracking.detections import CircularView, Detections
+from tracking.detections import Detections
+from tracking.field_of_view import CircularView
 from tracking.filtering.running_median import RunningMedian
 from tracking.tracks import Tracks
 

@@ -31,14 +31,8 @@ from itertools import groupby, pairwise
 import numpy as np
 
 from appocc.checks import BoolArray, FloatArray, IntArray, check_finite, check_shape
-from tracking.evaluation.clear_id_hota import (
-    GATE_M,
-    ClearCounts,
-    DistanceFrame,
-    EvaluationFrame,
-    centre_distance_rule,
-    clear_counts,
-)
+from tracking.evaluation.clear import ClearCounts, clear_counts
+from tracking.evaluation.frames import GATE_M, DistanceFrame, EvaluationFrame, centre_distance_rule
 
 RECALLS = np.linspace(0.1, 1.0, 40).round(12)
 _WORST_MOTP_M, _WORST_FAF, _WORST_S = 2.0, 500.0, 20.0

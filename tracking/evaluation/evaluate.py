@@ -28,15 +28,8 @@ from appocc.checks import BoolArray, FloatArray, IntArray, check_distance
 from appocc.errors import DataError
 from tracking.evaluation.alignment import AlignedFiles, AlignedFrame, align_files
 from tracking.evaluation.amota import AmotaResult, ScoredFrame, evaluate_amota
-from tracking.evaluation.clear_id_hota import (
-    GATE_M,
-    IOU_RULE,
-    DistanceFrame,
-    EvaluationFrame,
-    Metrics,
-    evaluate,
-    evaluate_distances,
-)
+from tracking.evaluation.clear_id_hota import Metrics, evaluate, evaluate_distances
+from tracking.evaluation.frames import GATE_M, IOU_RULE, DistanceFrame, EvaluationFrame
 from tracking.image_boxes import intersection_px2, kitti_penalised
 from tracking.io.readers import DONT_CARE, FrameEntries, TrackFormat
 

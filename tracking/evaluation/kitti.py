@@ -19,13 +19,8 @@ import numpy as np
 
 from appocc.checks import IntArray
 from appocc.errors import DataError
-from tracking.evaluation.clear_id_hota import (
-    DistanceFrame,
-    EvaluationFrame,
-    Metrics,
-    centre_distance_rule,
-    evaluate_distances,
-)
+from tracking.evaluation.clear_id_hota import Metrics, evaluate_distances
+from tracking.evaluation.frames import DistanceFrame, EvaluationFrame, centre_distance_rule
 from tracking.evaluation.score_cut import ScoredSequence, best_cut, mean_scores
 from tracking.image_boxes import kitti_penalised
 from tracking.io.kitti import KittiLabels, KittiSequence

@@ -13,7 +13,8 @@ from appocc.boxes import Boxes, is_person_or_bicycle
 from appocc.checks import FloatArray
 from appocc.files import write_json
 from appocc.nuscenes import Dataset
-from tracking.evaluation.clear_id_hota import GATE_M, EvaluationFrame, Metrics, evaluate
+from tracking.evaluation.clear_id_hota import Metrics, evaluate
+from tracking.evaluation.frames import GATE_M, EvaluationFrame
 from tracking.pipeline import SceneTracks, write_tracks
 from tracking.tracks import Track
 

@@ -19,7 +19,8 @@ from functools import cache
 import numpy as np
 
 from appocc.checks import FloatArray
-from tracking.evaluation.clear_id_hota import DistanceFrame, ErrorCounts, MatchingRule, count_errors
+from tracking.evaluation.clear import ErrorCounts, count_errors
+from tracking.evaluation.frames import DistanceFrame, MatchingRule
 
 
 @dataclass(frozen=True, eq=False)

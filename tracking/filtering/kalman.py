@@ -27,6 +27,8 @@ class MotionConfig:
         across_speed_std_mps: the same across the heading.
         along_accel_psd_m2ps3: spectral density of the white-noise acceleration along the heading.
         across_accel_psd_m2ps3: the same across the heading.
+        heading_psd_rad2ps: spectral density of the random walk of the direction of motion: the faster a vehicle, the
+            less certain is its path in bends.
         along_std_m: standard deviation of a detection's position along the heading.
         across_std_m: the same across the heading.
         truncated_std_m: standard deviation added to both if the detection is truncated.
@@ -36,6 +38,7 @@ class MotionConfig:
     across_speed_std_mps: float = 0.5
     along_accel_psd_m2ps3: float = 1.0
     across_accel_psd_m2ps3: float = 0.1
+    heading_psd_rad2ps: float = 0.005
     along_std_m: float = 0.25
     across_std_m: float = 0.2
     truncated_std_m: float = 0.5
@@ -50,6 +53,21 @@ def oriented_covariance(yaw_rad: FloatArray, along: FloatArray | float, across: 
     result[1, 1] = along + across - xx
     result[0, 1] = result[1, 0] = ahead * sin
     return result.transpose(2, 0, 1)
+
+
+def acceleration_psd(
+    yaw_rad: FloatArray,
+    velocity_mps: FloatArray,
+    along_m2ps3: FloatArray | float,
+    across_m2ps3: FloatArray | float,
+    heading_rad2ps: FloatArray | float,
+) -> FloatArray:
+    """Return spectral densities (N, 2, 2) of the acceleration at headings (N,) and velocities (N, 2).
+
+    A random walk of the direction of motion accelerates across it, in proportion to the speed.
+    """
+    vx, vy = velocity_mps.T
+    return oriented_covariance(yaw_rad, along_m2ps3, across_m2ps3 + heading_rad2ps * (vx * vx + vy * vy))
 
 
 class KalmanFilters:

@@ -19,7 +19,7 @@ from scipy.ndimage import gaussian_filter1d
 from appocc.checks import BoolArray, FloatArray, IntArray
 from appocc.errors import ShapeError
 from appocc.geometry import wrap_angle
-from tracking.filtering.kalman import KalmanFilters, MotionConfig, oriented_covariance
+from tracking.filtering.kalman import KalmanFilters, MotionConfig, acceleration_psd, oriented_covariance
 from tracking.tracks import Track, check_times, group_by_track
 
 ComplexArray = NDArray[np.complex128]
@@ -167,7 +167,9 @@ def _smooth_states(path: _TrackPath, config: MotionConfig) -> KalmanFilters:
     transitions = np.eye(4) + step_s[:, None, None] * np.eye(4, k=2)
     walk = np.array([[step_s**3 / 3, step_s**2 / 2], [step_s**2 / 2, step_s]])
     previous_yaw = np.append(yaw[:1], yaw[:-1])
-    psd = oriented_covariance(previous_yaw, config.along_accel_psd_m2ps3, config.across_accel_psd_m2ps3)
+    previous_velocity = np.concatenate([velocity[:1], velocity[:-1]])
+    along, across = config.along_accel_psd_m2ps3, config.across_accel_psd_m2ps3
+    psd = acceleration_psd(previous_yaw, previous_velocity, along, across, config.heading_psd_rad2ps)
     process_noise = np.einsum("ijn,nkl->nikjl", walk, psd).reshape(-1, 4, 4)
     noise_m2 = oriented_covariance(yaw, config.along_std_m**2, config.across_std_m**2)
 

@@ -10,8 +10,7 @@ from scipy import ndimage
 from appocc.bevmap import VEHICLE, BEVMap
 from appocc.checks import BoolArray, FloatArray, IntArray, check_finite, check_shape, frozen
 from appocc.colours import lab_from_rgb
-from appocc.grid import BEVGrid
-from tracking.detections import Detections, FieldOfView, log_odds_from_probability
+from tracking.field_of_view import GridView
 from tracking.instances.oriented_boxes import fit_oriented_boxes
 from tracking.instances.robust_colour import robust_lab
 from tracking.instances.touching import split_touching
@@ -31,32 +30,6 @@ class InstanceConfig:
     min_area_m2: float = 0.4
     peak_share: float = 0.75
     split: bool = True
-
-
-@dataclass(frozen=True, eq=False)
-class GridView(FieldOfView):
-    """Field of view of a grid in the ego frame.
-
-    Attributes:
-        grid: extent of the field of view.
-        known: (X, Y) cells in which vehicles can be detected, the others are blind spots; None for all.
-    """
-
-    grid: BEVGrid
-    known: BoolArray | None = None
-
-    def sees(self, xy_ego_m: FloatArray) -> BoolArray:
-        """See `FieldOfView`."""
-        return self.grid.contains(self.grid.cell_of(xy_ego_m))
-
-    def blind(self, xy_ego_m: FloatArray) -> BoolArray:
-        """See `FieldOfView`."""
-        if self.known is None:
-            return super().blind(xy_ego_m)
-        cells = self.grid.cell_of(xy_ego_m)
-        inside = self.grid.contains(cells)
-        i, j = np.where(inside[:, None], cells, 0).T
-        return np.asarray(inside & ~self.known[i, j])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -112,23 +85,6 @@ class Instances:
     def select(self, keep: BoolArray | IntArray) -> Instances:
         """Return the instances of a mask (N,) or of indices."""
         return replace(self, **{name: getattr(self, name)[keep] for name in _ARRAYS})
-
-    def as_detections(self) -> Detections:
-        """Return the instances as detections on the ground plane, of category "vehicle", with unknown front."""
-        n = len(self)
-        return Detections(
-            ground_m=np.pad(self.centroid_m, ((0, 0), (0, 1))),
-            yaw_rad=self.yaw_rad,
-            heading_known=np.zeros(n, np.bool_),
-            size_m=np.stack([self.width_m, self.length_m, np.full(n, np.nan)], axis=1),
-            log_odds=log_odds_from_probability(self.confidence),
-            kind=("vehicle",) * n,
-            rgb=self.rgb,
-            lab=self.lab,
-            velocity_mps=np.full((n, 2), np.nan),
-            truncated=self.touches_border,
-            view=self.view,
-        )
 
 
 _ARRAYS = tuple(field.name for field in fields(Instances) if field.name != "view")

@@ -34,7 +34,8 @@ from appocc.checks import (
 )
 from appocc.errors import DataError, ShapeError
 from appocc.geometry import wrap_angle
-from tracking.detections import Detections, FieldOfView, log_odds_from_probability
+from tracking.detections import Detections, log_odds_from_probability
+from tracking.field_of_view import FieldOfView
 from tracking.io.kitti_oxts import EGO_FROM_CAM, read_oxts
 from tracking.io.text_tables import parse_integer, parse_numbers, read_rows
 

@@ -23,7 +23,8 @@ import numpy as np
 from appocc.checks import FloatArray, IntArray, check_shape, frozen
 from appocc.errors import DataError, ShapeError
 from appocc.files import write_bytes
-from tracking.detections import CircularView, Detections, log_odds_from_probability
+from tracking.detections import Detections, log_odds_from_probability
+from tracking.field_of_view import CircularView
 from tracking.io.text_tables import parse_integer, parse_numbers, read_rows
 from tracking.tracks import Track
 

@@ -21,7 +21,8 @@ from appocc.files import read_json
 from appocc.geometry import apply, inverse, quaternion_from_yaw, rotation_from_quaternion, yaw_of
 from appocc.jsonparts import JsonPart, first_problem
 from appocc.nuscenes.detection_results import ResultBox, read_boxes
-from tracking.detections import CircularView, Detections, log_odds_from_probability
+from tracking.detections import Detections, log_odds_from_probability
+from tracking.field_of_view import CircularView
 
 RANGE_M = 50.0
 # Classes of the tracking benchmark; the detection benchmark has more.

@@ -8,13 +8,13 @@ from appocc.checks import FloatArray
 from appocc.polylines import strip
 from appocc.simulation.ground.areas import draw_car_park, draw_streets, empty_canvas, road_mask
 from appocc.simulation.ground.colours import colour_ground
-from appocc.simulation.ground.crossings import arrows, stop_lines, zebras
+from appocc.simulation.ground.crossings import arrows, stop_lines, zebra_areas, zebras
 from appocc.simulation.ground.filling import Canvas
 from appocc.simulation.ground.land import draw_land, lay_lots
 from appocc.simulation.ground.land_styles import find_land_style
 from appocc.simulation.ground.markings import LINE_WIDTH_M, MarkingLine, MarkingStyle, marking_lines
 from appocc.simulation.ground.outlines import trace_outlines
-from appocc.simulation.ground.road_segments import RoadSegment, find_road_segments
+from appocc.simulation.ground.road_segments import RoadSegment, find_road_segments, junction_outlines
 from appocc.simulation.ground.surroundings import draw_kerb, draw_surroundings
 from appocc.simulation.plan import TownPlan
 from appocc.simulation.surface import Ground, Surface
@@ -47,8 +47,12 @@ def build_ground(plan: TownPlan) -> tuple[Ground, TownMap]:
     vector_map = TownMap(
         tuple(line.points_m for line in lines if not line.between),
         tuple(line.points_m for line in lines if line.between),
-        tuple(stops),
+        tuple(stop_lines(segments, signal=False)),
         drivable,
+        tuple(stop_lines(segments, signal=True)),
+        tuple(zebra_areas(segments)),
+        tuple(junction_outlines(plan.network)),
+        tuple(car_park.outline_m for car_park in plan.car_parks),
     )
     return Ground(canvas.low_m, label, colour), vector_map
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -20,10 +20,17 @@ _ARROW_LONG_M = 5.0
 _SHAFT = 0.09
 
 
-def stop_lines(segments: Sequence[RoadSegment]) -> list[FloatArray]:
-    """Return the outlines (4, 2) of the stop lines, each across the car lanes that arrive at a junction."""
+def stop_lines(segments: Sequence[RoadSegment], signal: bool | None = None) -> list[FloatArray]:
+    """Return the outlines (4, 2) of the stop lines, each across the car lanes that arrive at a junction.
+
+    Args:
+        segments: road segments.
+        signal: only those at traffic lights, or only the others; None: all.
+    """
     lines = []
     for segment in segments:
+        if signal is not None and segment.end.signal != signal:
+            continue
         driving = [k for k, lane in enumerate(segment.lanes) if lane.kind == "driving"]
         if not segment.end.has_stop or not driving or length_m(segment.left_m) < 8.0:
             continue
@@ -37,16 +44,28 @@ def stop_lines(segments: Sequence[RoadSegment]) -> list[FloatArray]:
 
 def zebras(segments: Sequence[RoadSegment]) -> list[FloatArray]:
     """Return the outlines (4, 2) of the stripes of all zebra crossings; the stripes run along the street."""
-    stripes = []
+    return [
+        _rectangle_at(segment, at_end, reach, (left, left + STRIPE_M))
+        for segment, at_end, reach in _zebra_ends(segments)
+        for left in np.arange(STRIPE_M / 2, segment.width_m - STRIPE_M * 0.9, 2 * STRIPE_M)
+    ]
+
+
+def zebra_areas(segments: Sequence[RoadSegment]) -> list[FloatArray]:
+    """Return the outlines (4, 2) of all zebra crossings, each over the width of a segment."""
+    return [
+        _rectangle_at(segment, at_end, reach, (0.0, segment.width_m))
+        for segment, at_end, reach in _zebra_ends(segments)
+    ]
+
+
+def _zebra_ends(segments: Sequence[RoadSegment]) -> Iterator[tuple[RoadSegment, bool, tuple[float, float]]]:
+    """Yield the ends of segments with a zebra crossing, and its near and far side ahead of the cross-section."""
     for segment in segments:
         for at_end, end in ((False, segment.start), (True, segment.end)):
-            if not end.zebra:
-                continue
-            sign = -1.0 if at_end else 1.0
-            reach = (sign * ZEBRA_GAP_M, sign * (ZEBRA_GAP_M + ZEBRA_M))
-            for left in np.arange(STRIPE_M / 2, segment.width_m - STRIPE_M * 0.9, 2 * STRIPE_M):
-                stripes.append(_rectangle_at(segment, at_end, reach, (left, left + STRIPE_M)))
-    return stripes
+            if end.zebra:
+                sign = -1.0 if at_end else 1.0
+                yield segment, at_end, (sign * ZEBRA_GAP_M, sign * (ZEBRA_GAP_M + ZEBRA_M))
 
 
 def _offsets(segment: RoadSegment) -> list[tuple[float, float]]:

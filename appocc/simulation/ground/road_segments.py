@@ -120,6 +120,12 @@ def find_road_segments(network: RoadNetwork) -> list[RoadSegment]:
     return [*whole, *(passage for passage in passages if passage is not None)]
 
 
+def junction_outlines(network: RoadNetwork) -> list[FloatArray]:
+    """Return the outlines (N, 2) of the junctions where streets branch or traffic lights stand."""
+    real = {name for name, end in _junction_ends(network).items() if end.junction}
+    return [j.outline_m for j in network.junctions if j.name in real and len(j.outline_m) > 2]
+
+
 def street_name(edge: Edge) -> str:
     """Return the name of a street, shared by both of its directions."""
     return " ".join(sorted((edge.from_junction, edge.to_junction)))

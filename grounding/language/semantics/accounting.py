@@ -29,6 +29,8 @@ _PLACING = frozenset(
         WordCategory.BETWEEN,
     )
 )
+# Of these, where to steer: they count with every verb, also with those that have no meaning of their own.
+_STEERING = (WordCategory.LANE, WordCategory.SIDE)
 _CONTENT = (
     _POLARITY
     | _PLACING
@@ -56,7 +58,7 @@ _WEAK_RELATIONS = ("at", "toward", "in", "into", "along", "on", "with", "for")
 # "Don't turn until it has gone" orders the turn.
 _UNTIL = ("until", "before")
 # Tokens read in all tests of one text, which bounds their time.
-_MAX_TOKENS_READ = 4000
+_MAX_TOKENS_READ = 2500
 
 
 class Account(NamedTuple):
@@ -93,8 +95,27 @@ def account_for(
     # A word is not dropped if the same is said, and used, elsewhere.
     dropped = [i for i in unused if (tokens[i].category, tokens[i].value) not in meanings]
     commanding = _commanding_starts(tokens, {token.start for token in used if token.category is WordCategory.VERB})
-    doubtful = [i for i in dropped if (repaired or tokens[i].start in commanding) and _is_doubtful(tokens, i)]
+    steered = _commanding_starts(tokens, {token.start for token in tokens if _commands(token)})
+    steered = {token.start for token in tokens if token.category in _STEERING and token.start in steered}
+    stated = commanding | steered
+    replaced = _replaced_end(tokens)
+    doubtful = [i for i in dropped if (repaired or tokens[i].start in stated) and _is_doubtful(tokens, i)]
+    doubtful = [i for i in doubtful if i >= replaced or tokens[i].category in _POLARITY]
+    doubtful += [i for i in range(len(tokens)) if _names_another(tokens, i)]
+    dropped = sorted({*dropped, *doubtful})
     return Account(*(tuple(dict.fromkeys(tokens[i].text for i in part)) for part in (dropped, doubtful)))
+
+
+def _replaced_end(tokens: Sequence[Token]) -> int:
+    """Return where the command begins that replaces the words before it: "follow the bus, no, follow the van"."""
+    ends = [i for i, token in enumerate(tokens) if token.category is WordCategory.CORRECT]
+    return max((i for i in ends if i + 1 < len(tokens) and _commands(tokens[i + 1])), default=0)
+
+
+def _names_another(tokens: Sequence[Token], i: int) -> bool:
+    """Return whether a word tells a vehicle from one named before: "the red car? no, the other one"."""
+    named = any(token.category is WordCategory.NOUN for token in tokens[:i])
+    return tokens[i].value == "other" and named and _category_at(tokens, i + 1) is WordCategory.ONE
 
 
 def _commanding_starts(tokens: Sequence[Token], verbs: set[int]) -> set[int]:
@@ -146,6 +167,9 @@ def _is_doubtful(tokens: Sequence[Token], i: int) -> bool:
         governs = following in (WordCategory.RELATION, WordCategory.VERB)
         governs = governs or (following is WordCategory.TO and before in _CLAUSE_ENDS)
         return governs and not tokens[i].text.endswith(("ly", "ing", "ed"))
+    if category is WordCategory.RELATION:  # "not the van, the car in front of it"
+        contrast = any(token.category in _POLARITY for token in tokens)
+        return contrast and following in (WordCategory.THE, WordCategory.PRONOUN, WordCategory.NOUN, WordCategory.NOT)
     if category is WordCategory.DIRECTION:
         joined = before in (*_CLAUSE_ENDS, WordCategory.BE, WordCategory.QUESTION, WordCategory.OR)
         return joined and following in _CLAUSE_ENDS

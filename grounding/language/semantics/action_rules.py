@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from grounding.language.semantics.command_frames import CommandFrame
-from grounding.language.semantics.verb_rules import LETTING
+from grounding.language.semantics.discourse.command_frames import ENTERABLE, CommandFrame
+from grounding.language.semantics.discourse.verb_rules import LETTING
 from grounding.language.syntax.noun_phrases import NounPhrase
 from grounding.vocabulary import ACTIONS
 
 _LANE_CHANGING = ("go", "drive", "move", "get", "pull", "take", "turn", "change_lane", "approach", "overtake")
-# Places that a turn enters: "turn into the driveway", "take the exit".
-ENTERABLE = ("driveway", "parking_lot", "entrance", "road", "turn", "exit", "corner", "intersection", "roundabout")
 _LOTS = ("driveway", "parking_lot", "entrance")
 _CORNERS = ("corner", "roundabout")
 # Heads of landmarks for a gap: "keep your distance".
@@ -231,6 +229,8 @@ def _classify_stay(frame: CommandFrame) -> str | None:
     if frame.relation in ("behind", "same_as", "next_to", "near") and frame.target is not None:
         return "follow"
     word = frame.verb.split()[0]
+    if word.startswith("hold") and any(relation not in _NO_GOAL_RELATION for relation, _ in frame.landmarks):
+        return "stop"  # "hold at the line"
     if word.startswith(("hold", "be")) and not (frame.lane or frame.target):
         return None
     steers = frame.lane or frame.side or frame.direction

@@ -112,11 +112,13 @@ def _is_ending(token: Token) -> bool:
 
 
 def _negate_ended(tokens: list[Token], match: re.Match[str]) -> list[Token] | None:
-    """Rewrite "avoid parking" to "not parking"."""
-    first, second = tokens[match.start()], tokens[match.end() - 1]
+    """Rewrite "avoid parking" to "not parking", and "stop parking and go" to "not parking, then go"."""
+    (first, second), after = tokens[match.start() :][:2], _span(tokens, match, "after")
     if not _is_ending(first) or second.form != "ing":
         return None
-    return [first.with_category(WordCategory.NOT), replace(second, form="")]
+    if after and _letter(after[-1]) == "A":
+        after[-1] = replace(after[-1].with_category(WordCategory.THEN), text="then")
+    return [first.with_category(WordCategory.NOT), replace(second, form=""), *after]
 
 
 def _negate_modifier(tokens: list[Token], match: re.Match[str]) -> list[Token]:
@@ -170,6 +172,23 @@ def _share_noun(tokens: list[Token], match: re.Match[str]) -> list[Token]:
     chosen, rejected, noun = (_span(tokens, match, name) for name in ("chosen", "rejected", "noun"))
     negation = chosen[0].with_category(WordCategory.NOT)
     return [*chosen, *noun, _comma(chosen[0]), negation, *rejected, *noun]
+
+
+def _choose_relation(tokens: list[Token], match: re.Match[str]) -> list[Token] | None:
+    """Rewrite "not behind, in front" to "in front of it"."""
+    chosen = tokens[match.start("chosen")]
+    if _letter(chosen) == "w":
+        if "front" not in chosen.text:
+            return None
+        chosen = chosen.with_category(WordCategory.RELATION, "in_front_of")
+    return [chosen, replace(chosen.with_category(WordCategory.PRONOUN), text="it", written="")]
+
+
+def _choose_direction(tokens: list[Token], match: re.Match[str]) -> list[Token] | None:
+    """Rewrite "don't go left around the van, go right" to "go right around the van"."""
+    rejected, chosen = tokens[match.start("rejected")], tokens[match.start("chosen")]
+    values = [rejected.value, chosen.value]
+    return [chosen, *_span(tokens, match, "place")] if {*values} == {"turn left", "turn right"} else None
 
 
 def _comma(token: Token) -> Token:
@@ -294,9 +313,9 @@ def _drop_direction(tokens: list[Token], match: re.Match[str]) -> list[Token] | 
 
 # In order of precedence.
 _RULES: tuple[tuple[re.Pattern[str], _Rewrite], ...] = (
-    (re.compile(r"vv"), _negate_ended),
+    (re.compile(r"vv(?P<after>(?:[^vA,.]*A(?=v))?)"), _negate_ended),
     (re.compile(r"(?P<before>d*)(?P<not>M|(?<=d)N)(?P<modifier>m+)(?P<noun>[ho]+)"), _negate_modifier),
-    (re.compile(rf"(?P<chosen>r),?N(?P<rejected>r),?(?P<noun>{_NOUN})"), _share_noun),
+    (re.compile(rf"(?P<chosen>r),?[NE](?P<rejected>r),?(?P<noun>{_NOUN})"), _share_noun),
     (re.compile(rf",?[NE]t{_END[:-1]}|S|r)"), _drop_direction),
     (re.compile(r"Nvr"), _end_negation),
     (re.compile(rf"(?P<far>F)(?P<noun>{_WHOLE_NOUN})"), _negate_nearness),
@@ -304,6 +323,8 @@ _RULES: tuple[tuple[re.Pattern[str], _Rewrite], ...] = (
     (re.compile(rf"(?P<relation>r)(?P<not>E)(?P<noun>{_NOUN})"), _negate_place),
     *((pattern, _contrast) for pattern in _contrast_patterns("", "(?:,?B|,?[,.C]+)")),
     *((pattern, _contrast) for pattern in _contrast_patterns("v", ",?B")),
+    (re.compile(rf"N(?P<rejected>r),+(?P<chosen>r|w){_END}"), _choose_relation),
+    (re.compile(rf"N(?P<rejected>v)(?P<place>r{_WHOLE_NOUN}),(?P<chosen>v){_END}"), _choose_direction),
     (
         # "Don't park next to the bus, try behind the taxi."
         re.compile(rf"(?P<not>N)(?P<verb>v)(?P<rejected>r{_WHOLE_NOUN}),(?P<chosen>r{_WHOLE_NOUN}){_END}"),

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from grounding.language.semantics.action_rules import classify_action
-from grounding.language.semantics.command_frames import CommandFrame, Discourse
-from grounding.language.semantics.coreference import resolve_anaphor
+from grounding.language.semantics.discourse.command_frames import CommandFrame, Discourse
+from grounding.language.semantics.discourse.coreference import resolve_anaphor
 from grounding.language.syntax.noun_phrases import NounPhrase
 
 # Connectives of purpose clauses and of simultaneous actions: "so that ...", "while passing ...".
@@ -15,6 +15,8 @@ SIDE_CONNECTIVES = ("so", "while")
 # "Don't turn until it has passed" is a turn; "don't turn after it has passed" is none.
 _ENDING_NEGATION = ("until", "before")
 _FINAL_ACTIONS = ("park", "stop", "pull_over", "turn")
+# Actions for the sake of people who are only mentioned.
+_CAUTIOUS_ACTIONS = ("stop", "slow_down", "wait", "avoid", "give_way")
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,6 +124,9 @@ def select_main_intent(discourse: Discourse, intents: Sequence[Intent]) -> MainI
     for intent in main:
         if intent.frame.direct_object is not None and intent.frame.direct_object.kind == "person":
             return MainIntent(intent, intent.frame.direct_object)  # "pick up the woman"
+    last = _last(main or commands)
+    if last.action in _CAUTIOUS_ACTIONS and not last.frame.landmarks and (person := _stated_person(discourse)):
+        return MainIntent(last, person)  # "slow down, there are children about"
     return MainIntent(_last(main or commands), None)
 
 
@@ -186,6 +191,18 @@ def _final_intent(intent: Intent, target: NounPhrase | None, intents: Sequence[I
 def _last(intents: Sequence[Intent]) -> Intent:
     """Return the last intent with an action other than "other", else the last one."""
     return ([one for one in intents if one.action != "other"] or list(intents))[-1]
+
+
+def find_hazard(discourse: Discourse) -> NounPhrase | None:
+    """Return the vehicle or person of a statement, for a text that only forbids."""
+    stated = (phrase for phrase, role in reversed(discourse.mentions) if role == "stated")
+    return next((phrase for phrase in stated if phrase.kind in ("vehicle", "person")), None)
+
+
+def _stated_person(discourse: Discourse) -> NounPhrase | None:
+    """Return the person or the people stated last."""
+    stated = (phrase for phrase, role in reversed(discourse.mentions) if role in ("stated", "landmark"))
+    return next((phrase for phrase in stated if phrase.kind == "person"), None)
 
 
 def _stated_vehicle(discourse: Discourse) -> NounPhrase | None:

@@ -6,23 +6,24 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple, cast
 
-from grounding.language.semantics.action_rules import ENTERABLE, classify_action
-from grounding.language.semantics.command_frames import CommandFrame, Discourse
-from grounding.language.semantics.coreference import (
+from grounding.language.semantics.action_rules import classify_action
+from grounding.language.semantics.discourse.command_frames import ENTERABLE, CommandFrame, Discourse
+from grounding.language.semantics.discourse.coreference import (
     find_antecedent,
     may_corefer,
     qualify_antecedents,
     resolve_anaphor,
 )
+from grounding.language.semantics.discourse.verb_rules import ORDINALS
 from grounding.language.semantics.main_action import (
     SIDE_CONNECTIVES,
     Intent,
     MainIntent,
+    find_hazard,
     find_intents,
     select_main_intent,
 )
 from grounding.language.semantics.steps import plan_steps
-from grounding.language.semantics.verb_rules import ORDINALS
 from grounding.language.syntax.noun_phrases import NounPhrase
 from grounding.query import (
     Anchor,
@@ -130,6 +131,7 @@ def _query(
         excluded=(*excluded, *_referent_exclusions(referent)),
         manoeuvre=cast(Manoeuvre | None, next(filter(None, (one.frame.manoeuvre for one in by_priority)), None)),
         unresolved=_unresolved(main.intent) if referent is None else "",
+        sought=_sought(discourse, main.intent) if referent is None else None,
         count=next((count for intent in by_priority if (count := _count(intent)) is not None), None),
     )
 
@@ -153,12 +155,24 @@ def _unresolved(intent: Intent) -> str:
     return target.head if missing and target is not None else ""
 
 
+def _sought(discourse: Discourse, intent: Intent) -> Referent | None:
+    """Return what is said of a "one" that no antecedent explains: of "the red one", a red vehicle."""
+    target = intent.frame.target
+    if not _unresolved(intent) or target is None or not (target.colour or target.qualifiers):
+        return None
+    return replace(_referent(discourse, target, intent.frame, True), noun="vehicle", head="one")
+
+
 def _build_prohibition(text: str, discourse: Discourse, excluded: tuple[Exclusion, ...]) -> Query:
     """Return the query of a text with prohibitions only: "don't park behind the bus", "don't move"."""
     actions = [action for frame in discourse.frames if frame.negated and (action := classify_action(frame))]
     if not actions:
         return Query(command=text)
-    excludes_place = any(one.relation for one in excluded)
+    hazard = find_hazard(discourse)
+    if hazard is not None and not excluded:  # "don't pull out, there is a motorbike coming"
+        named = _referent(discourse, hazard, discourse.frames[-1], False)
+        return Query(command=text, action="wait", actions=("wait",), landmark="referent", referent=named)
+    excludes_place = any(one.relation not in (None, *_NOT_SPATIAL) for one in excluded)
     action = cast(Action, "wait" if actions[-1] == "other" else actions[-1] if excludes_place else "other")
     # "Don't let it merge" has a target.
     frame = next((one for one in reversed(discourse.frames) if one.target is not None), None)
@@ -217,7 +231,7 @@ def _landmarks(intents: Sequence[Intent], main: Intent, referent: NounPhrase | N
             relation = "into" if entered else written
             if intent.frame.inverse_relation and i == last:
                 yield _landmark(thing, intent.frame.inverse_relation, "inverse")
-            elif relation not in _NOT_SPATIAL and _is_landmark(thing):
+            elif relation not in _NOT_SPATIAL and _is_landmark(thing) and not _is_manner(relation, thing):
                 yield _landmark(thing, relation, "goal")
         if intent.action == "other" and intent.frame.lane:
             yield Landmark("lane", "in", qualifiers=(intent.frame.lane,))
@@ -234,6 +248,11 @@ def _landmarks(intents: Sequence[Intent], main: Intent, referent: NounPhrase | N
 def _is_landmark(thing: NounPhrase) -> bool:
     """Return whether a noun phrase names a thing that a query may hold."""
     return bool(thing.noun) and thing.kind in ("vehicle", "thing", "person", "region") and thing.noun != "side"
+
+
+def _is_manner(relation: str, thing: NounPhrase) -> bool:
+    """Return whether a phrase describes the manner: "like a snail"."""
+    return relation == "same_as" and thing.kind == "thing"
 
 
 def _landmark(thing: NounPhrase, relation: str, of: LandmarkRole) -> Landmark:

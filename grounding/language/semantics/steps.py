@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from grounding.language.semantics.command_frames import Discourse
-from grounding.language.semantics.coreference import resolve_anaphor
+from grounding.language.semantics.discourse.command_frames import Discourse
+from grounding.language.semantics.discourse.coreference import resolve_anaphor
 from grounding.language.semantics.main_action import SIDE_CONNECTIVES, Intent, MainIntent
 from grounding.query import Query
 
@@ -61,7 +61,12 @@ def _is_contained(step: Query, steps: Sequence[tuple[bool, Query]], at: int) -> 
     bare = step.referent is None and not (step.secondary or step.direction or step.goal_side or step.distance_m)
     if step.action in _ON_THE_WAY and later:
         return bare or _same_vehicle(step, later[0])
-    return bare and step.action in _STANDING and any(other.action in _STANDING for _, other in steps[:at])
+    said_in_full = bool(later) and later[0].action == step.action  # "find a place to park behind the van"
+    return (
+        bare
+        and step.action in _STANDING
+        and (said_in_full or any(other.action in _STANDING for _, other in steps[:at]))
+    )
 
 
 def _same_vehicle(one: Query, other: Query) -> bool:

@@ -27,20 +27,30 @@ _PRAISE = (WordCategory.BE, WordCategory.AUX)
 _MARKS = (WordCategory.COMMA, WordCategory.BREAK)
 
 
-def complete_fragment(tagged: Sequence[Token]) -> Sequence[Token]:
+def complete_fragment(tagged: Sequence[Token], verb: str = "") -> Sequence[Token]:
     """Return the tagged tokens of a sentence with the verb that a fragment implies; other sentences as they are.
 
     Examples: "beside the blue one" and "any gap on the left is fine" imply to park, "right" to turn.
+
+    Args:
+        tagged: tokens of the sentence.
+        verb: verb class that a fragment has from the command before it; '': it has to imply one itself.
     """
     words = [token for token in tagged if token.category not in _MARKS]
     if not words:
         return tagged
     first, *rest = words
+    if verb:
+        has_verb = any(token.category in _PREDICATES for token in words)
+        return tagged if has_verb else [_verb_before(first, verb), *tagged]
     if first.category is WordCategory.DIRECTION and not rest and first.value != "straight":
         return [replace(_verb_before(first, f"turn {first.value}"), end=first.end)]
     if _names_any_spot(words):
         ends = [i for i, token in enumerate(tagged) if token.category in _PRAISE]
         return [_verb_before(first, "park"), *tagged[: ends[0] if ends else len(tagged)]]
+    near = [token.category for token in words[:2]] == [WordCategory.NOT, WordCategory.RELATION]
+    if near and words[0].start == words[1].start:
+        return [_verb_before(first, "avoid"), *words[2:]]  # "not so close to the bus"
     if any(token.category in _PREDICATES for token in words) or not any(token.category in HEADS for token in rest):
         return tagged
     place = first.category in (WordCategory.RELATION, WordCategory.BETWEEN) and first.value not in ("with", "for")

@@ -32,6 +32,8 @@ _SECTIONS = {category.value: category for category in WordCategory if category n
 _NUMERIC = (WordCategory.NUMBER, WordCategory.UNIT, WordCategory.HESITATION)
 _VERB_STATES = (*STATES, "own_lane")
 _MAX_BYTES = 1_000_000
+# Longest phrase in words, and most matches that are kept for the next text.
+_MAX_PHRASE, _MAX_MATCHES = 16, 50_000
 _HEADING = re.compile(r"\[([a-z]+)([^\]\[|]*)((?:\|[^\]\[]*)?)\]")
 
 
@@ -58,13 +60,24 @@ class Lexicon:
     irregular: dict[str, tuple[str, ...]] = field(default_factory=dict)
     respelled: dict[str, tuple[str, ...]] = field(default_factory=dict)
     hesitations: dict[str, list[PhrasePattern]] = field(default_factory=dict)
+    _matches: dict[tuple[str, ...], tuple[int, LexicalEntry] | None] = field(default_factory=dict, repr=False)
 
     def longest_match(self, words: tuple[str, ...], start: int) -> tuple[int, LexicalEntry] | None:
         """Return the end (exclusive) and the entry of the longest phrase from `start`, None if none matches."""
+        following = words[start : start + _MAX_PHRASE]
+        if following not in self._matches:
+            if len(self._matches) > _MAX_MATCHES:
+                self._matches.clear()
+            self._matches[following] = self._match(following)
+        best = self._matches[following]
+        return None if best is None else (start + best[0], best[1])
+
+    def _match(self, words: tuple[str, ...]) -> tuple[int, LexicalEntry] | None:
+        """Return the length and the entry of the longest phrase that begins the words, None if there is none."""
         best: tuple[int, LexicalEntry] | None = None
-        for pattern in self.by_word.get(words[start], ()):
-            end = pattern.match_end(words, start)
-            if end > start and (best is None or end >= best[0]):
+        for pattern in self.by_word.get(words[0], ()):
+            end = pattern.match_end(words, 0)
+            if end > 0 and (best is None or end >= best[0]):
                 best = end, _merged(best[1], pattern.entry) if best and best[0] == end else pattern.entry
         return best
 
@@ -81,6 +94,7 @@ class Lexicon:
 
     def add(self, line: str, entry: LexicalEntry) -> None:
         """Index the patterns of a line; a pattern is parsed when it is first matched."""
+        self._matches.clear()
         for text in filter(None, map(str.strip, line.split(";"))):
             if entry.category is WordCategory.RESPELLING:
                 self.respelled[text] = (*self.respelled.get(text, ()), entry.value)

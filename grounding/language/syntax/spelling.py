@@ -23,6 +23,8 @@ _KEYS = ("qwertyuiop", "asdfghjkl", "zxcvbnm")
 # Longer words are not corrected, and words of this length may hold two wrong letters.
 _MAX_LENGTH, _TWO_EDITS_LENGTH = 30, 6
 _MAX_COMMON, _MIN_JOINED = 3, 5
+# Most words, and pairs of words, whose candidates are kept for the next text.
+_MAX_KEPT = 20_000
 
 
 class SpellingCandidates:
@@ -44,17 +46,25 @@ class SpellingCandidates:
             if "'" in word:
                 self._bare[word.replace("'", "")].append(word)
         self._memo: dict[str, dict[tuple[str, ...], float]] = {}
+        self._pairs: dict[tuple[str, str], dict[tuple[str, ...], float]] = {}
 
     def of(self, word: str) -> Mapping[tuple[str, ...], float]:
         """Return the words that one written word may stand for, itself included, with their costs."""
         if word not in self._memo:
-            if len(self._memo) > 20_000:
+            if len(self._memo) > _MAX_KEPT:
                 self._memo.clear()
             self._memo[word] = self._candidates(word)
         return self._memo[word]
 
     def of_pair(self, first: str, second: str) -> Mapping[tuple[str, ...], float]:
         """Return the single words that two written words may stand for: "bee hind"."""
+        if (first, second) not in self._pairs:
+            if len(self._pairs) > _MAX_KEPT:
+                self._pairs.clear()
+            self._pairs[first, second] = self._pair_candidates(first, second)
+        return self._pairs[first, second]
+
+    def _pair_candidates(self, first: str, second: str) -> dict[tuple[str, ...], float]:
         joined = first + second
         if not joined.isalpha() or not _MIN_JOINED <= len(joined) <= _MAX_LENGTH:
             return {}

@@ -41,6 +41,14 @@ _PREDICATES = frozenset(
         WordCategory.MEANWHILE,
     )
 )
+# Categories after a "no" in the middle of a clause that begin a repair.
+_AFTER_REPAIR = (
+    WordCategory.THE,
+    WordCategory.THAT,
+    WordCategory.RELATION,
+    WordCategory.SIDE,
+    WordCategory.DIRECTION,
+)
 
 
 def tag_that(before: Sequence[Token], token: Token, after: Sequence[Token]) -> Token:
@@ -59,7 +67,8 @@ def tag_that(before: Sequence[Token], token: Token, after: Sequence[Token]) -> T
 def tag_determiner(before: Sequence[Token], token: Token, after: Sequence[Token]) -> Token:
     """Tag a determiner without a noun as a pronoun or a filler."""
     noun_follows = category_at(after, 0) in PHRASE_STARTS | {WordCategory.VERB, WordCategory.DIRECTION}
-    return token if noun_follows else _tag_without_noun(token)
+    named = category_at(after, 0) is WordCategory.EXCEPT and token.text == "the"  # "the skip"
+    return token if noun_follows or named else _tag_without_noun(token)
 
 
 def _tag_without_noun(token: Token) -> Token:
@@ -218,7 +227,12 @@ def tag_not(before: Sequence[Token], token: Token, after: Sequence[Token]) -> To
     """Tag a "no" on its own as the start of a self-repair."""
     ends = category_at(after, 0) in (WordCategory.COMMA, WordCategory.BREAK, WordCategory.CORRECT)
     begins = category_at(before, -1) in CLAUSE_ENDS | {WordCategory.COMMA}
-    return token.with_category(WordCategory.CORRECT) if token.text == "no" and begins and ends else token
+    # "The silver car no the white car": a negated noun phrase has no other determiner.
+    another = bool(before) and category_at(after, 0) in _AFTER_REPAIR
+    named = HEADS | {WordCategory.SIDE, WordCategory.DIRECTION}
+    another = another and (category_at(before, -1) in named or before[-1].value in TURNS)
+    repairs = another or (begins and ends)
+    return token.with_category(WordCategory.CORRECT) if token.text == "no" and repairs else token
 
 
 def tag_then(before: Sequence[Token], token: Token, after: Sequence[Token]) -> Token:

@@ -38,6 +38,8 @@ _BEFORE_PASSED = (
     WordCategory.SIDE,
     WordCategory.HERE,
 )
+# Categories, besides those of a noun phrase, that begin a repair: "wait, right".
+_REPAIRS = {WordCategory.RELATION, WordCategory.DIRECTION, WordCategory.SIDE, WordCategory.NOT}
 # Categories that precede and follow "parking" used as a verb.
 _BEFORE_PARKING = (
     WordCategory.BREAK,
@@ -73,6 +75,9 @@ def tag_verb(before: Sequence[Token], token: Token, after: Sequence[Token]) -> T
     interjection = last in CLAUSE_ENDS and category_at(after, 0) is WordCategory.COMMA
     if token.value == "wait" and interjection and category_at(after, 1) in (WordCategory.NOT, WordCategory.CORRECT):
         return token.with_category(WordCategory.FILLER)  # "wait, don't stop"
+    repairs = last is category_at(after, 0) is WordCategory.COMMA
+    if token.value == "wait" and repairs and category_at(after, 1) in PHRASE_STARTS | _REPAIRS:
+        return token.with_category(WordCategory.CORRECT)  # "behind the red car, wait, the blue one"
     onward = token.text in ("go", "come") and last not in (WordCategory.NOT, WordCategory.EGO)
     if onward and category_at(after, 0) is WordCategory.VERB and not after[0].form:
         return token.with_category(WordCategory.FILLER)  # "go park there"
@@ -86,6 +91,8 @@ def tag_verb(before: Sequence[Token], token: Token, after: Sequence[Token]) -> T
     if token.text in ("pull in", "move in") and after and after[0].text in ("front of", "back of"):
         return token.with_category(WordCategory.VERB, token.text.split()[0])
     relation = after[0].value if category_at(after, 0) is WordCategory.RELATION else ""
+    if token.value == "avoid" and token.text.endswith(" back") and relation in ("behind", "next_to", "in_front_of"):
+        return token.with_category(WordCategory.VERB, "get")  # "get back behind the van"
     if token.text in _GO_RIGHT and relation in _RIGHT_BEFORE:
         return token.with_category(WordCategory.VERB, token.text.split()[0])  # "go right behind it"
     if token.form == "ing" and last in DETERMINERS and category_at(after, 0) in HEADS | {WordCategory.COLOUR}:

@@ -25,13 +25,13 @@ class Token:
     Attributes:
         category: grammatical category.
         value: meaning in the lexicon; the number of a NUMBER; metres of a UNIT.
-        text: normalised text as it is understood.
-        written: normalised text as it is written, with the words inside that are left out ("in um front of").
+        text: the corrected words, without fillers: "in front of".
+        written: the words as written: "in um front of".
         start: first character in the normalised sentence.
         end: one past the last character.
-        form: inflection: s, ing or past for a verb, plural for a noun, own for a possessive ("the van's"); else ''.
-        state: for a verb, the state that it ascribes to another vehicle.
-        event: for a verb, the trigger when a command waits for another vehicle to do it.
+        form: inflection: s, ing or past (verb), plural (noun), own (possessive), or ''.
+        state: state of a vehicle that does this: "parked"; '' for none.
+        event: event of a vehicle that does this: "leave"; '' for none.
     """
 
     category: WordCategory

@@ -5,12 +5,16 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 from functools import cache
+from itertools import pairwise
 from pathlib import Path
 
 from grounding.language.syntax.lexicon import Lexicon
+from grounding.language.syntax.word_categories import NOUNS, WordCategory
 
 BOUNDARY, UNKNOWN, NUMBER = ".", "*", "0"
 _FOLDER = Path(__file__).parent / "data"
+# Categories with phrases of several words in a fixed order.
+_FIXED = NOUNS | {WordCategory.MAKE, WordCategory.MODEL, WordCategory.VERB}
 # Weight of a word that no command of the table contains, in counts.
 _UNSEEN = 0.4
 # A word that is in no table: the cost of being one, and of each letter (nats).
@@ -60,13 +64,14 @@ class WordModel:
 
     def __init__(self, lexicon: Lexicon) -> None:
         """Estimate the model from the package's table of successions and the classes of a lexicon."""
-        self._follow = _successions()
+        counted = _successions()
+        self._follow = _with_phrases(counted, lexicon)
         self._totals = {word: sum(counts.values()) for word, counts in self._follow.items()}
         self._classes = {word: _word_class(word, lexicon) for word in lexicon.words}
         self._class_sizes: dict[str, float] = defaultdict(float)
         self._counts: dict[str, float] = defaultdict(float)
         pairs: dict[str, dict[str, float]] = defaultdict(lambda: defaultdict(float))
-        for word, counts in self._follow.items():
+        for word, counts in counted.items():
             for other, count in counts.items():
                 self._counts[other] += count
                 pairs[self.word_class(word)][self.word_class(other)] += count
@@ -127,6 +132,18 @@ class WordModel:
         if word not in self._classes:
             return 1.0
         return (self._counts[word] + _UNSEEN) / self._class_sizes[name]
+
+
+def _with_phrases(follow: dict[str, dict[str, int]], lexicon: Lexicon) -> dict[str, dict[str, int]]:
+    """Return successions with those inside names and verbs: "land rover" is no misspelt "land over"."""
+    found = dict(follow)
+    for pattern in lexicon.patterns:
+        if pattern.entry.category in _FIXED and " " in pattern.text:
+            parts = [part.strip("[]").replace("_", "|").split("|") for part in pattern.text.split()]
+            for before, after in pairwise(parts):
+                for word in before:
+                    found[word] = dict.fromkeys(after, 1) | found.get(word, {})
+    return found
 
 
 def _word_class(word: str, lexicon: Lexicon) -> str:

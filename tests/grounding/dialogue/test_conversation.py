@@ -135,3 +135,74 @@ def test_a_pronoun_without_antecedent_is_asked_and_answered() -> None:
 def test_a_session_without_a_scene() -> None:
     with pytest.raises(AppoccError, match="expected a scene to be set"):
         Grounder().session().say("stop")
+
+
+def test_any_of_the_candidates_is_the_best_one() -> None:
+    session = two_whites()
+    first = session.say("stop next to the white car").candidates[0]
+    answer = session.say("whichever is easier")
+    assert answer.status == "ok"
+    assert answer.referent is not None
+    assert answer.referent.item.id == first.item.id
+
+
+def test_back_to_the_plan_before() -> None:
+    session = row()
+    session.say("park behind the red car")
+    session.say("in front of it instead")
+    answer = session.say("go back to the first idea")
+    assert (answer.status, answer.query.relation) == ("ok", "behind")
+
+
+def test_a_question_about_a_vehicle_sets_what_it_refers_to() -> None:
+    session = row()
+    assert "blue car" in session.say("is there a blue car?").text()
+    answer = session.say("park behind it")
+    assert answer.referent is not None
+    assert (answer.status, answer.referent.item.id) == ("ok", "blue")
+
+
+def test_a_named_vehicle_is_remembered() -> None:
+    session = row()
+    assert session.say("the blue car").status == "not_a_command"
+    answer = session.say("park behind it")
+    assert answer.referent is not None
+    assert answer.referent.item.id == "blue"
+
+
+def test_what_the_ego_is_called_changes_nothing() -> None:
+    session = two_whites()
+    session.say("stop next to the white car")
+    session.say("1")
+    answer = session.say("not that one you silly sausage, the other one")
+    assert answer.referent is not None
+    assert answer.referent.item.id == "left"
+
+
+def test_a_prohibition_ends_the_step_that_it_forbids() -> None:
+    session = row()
+    session.say("overtake the red car")
+    assert session.goal is not None
+    session.say("don't overtake it")
+    assert session.goal is None
+
+
+def test_a_described_one_is_asked_about_among_those_that_fit() -> None:
+    asked = two_whites().say("stop next to the white one")
+    assert {one.item.id for one in asked.candidates} == {"right", "left"}
+
+
+def test_one_may_be_of_another_class_than_the_last_vehicle() -> None:
+    street = Street().car("white", 14, -5, WHITE).car("blue", 28, -5, BLUE)
+    session = street.grounder().session()
+    session.say("stop next to the white car")
+    answer = session.say("no wait, behind the blue one")
+    assert answer.referent is not None
+    assert (answer.referent.item.id, answer.query.relation) == ("blue", "behind")
+
+
+def test_another_relation_without_a_noun() -> None:
+    session = row()
+    session.say("stop behind the red car")
+    answer = session.say("not behind, in front")
+    assert (answer.status, answer.query.relation) == ("ok", "in_front_of")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from goal_plans import has_reason, make_query, object_named, plan_in, target_of
+from goal_plans import LENGTHWISE_M, has_reason, make_query, object_named, plan_in, target_of
 from street import EGO, RED, Street
 
 from appocc.bevmap import LANE, ROAD
@@ -64,10 +64,21 @@ def test_a_place_far_behind_us_is_asked_about() -> None:
     assert not plan_in(Street().car("car", -14, -6, RED), asked).question
 
 
-@pytest.mark.parametrize(("action", "asks"), [("stop", True), ("park", True), ("approach", False)])
-def test_a_vehicle_that_drives_is_no_place_to_stand(action: str, asks: bool) -> None:
-    made = plan_in(Street().car("car", 25, 0, RED, speed_mps=7), make_query(action, "behind"))
+@pytest.mark.parametrize(
+    ("action", "relation", "asks"),
+    [("stop", "next_to", True), ("park", "behind", True), ("stop", "behind", False), ("approach", "behind", False)],
+)
+def test_a_vehicle_that_drives_is_no_place_to_stand(action: str, relation: str, asks: bool) -> None:
+    made = plan_in(Street().car("car", 25, 0, RED, speed_mps=7), make_query(action, relation))
     assert ("follow" in made.question) == asks
+
+
+def test_to_stop_behind_a_vehicle_that_drives_before_us_is_to_follow_it_until_it_stands() -> None:
+    made = plan_in(Street().car("car", 30, 0, RED, speed_mps=7), make_query("stop", "behind"))
+    assert has_reason(made, "we follow it until it stands")
+    assert target_of(made).ego_m[0] < 30 - LENGTHWISE_M - 10
+    oncoming = Street().car("car", 30, 3, RED, yaw_rad=np.pi, speed_mps=7)
+    assert "follow" in plan_in(oncoming, make_query("stop", "behind")).question
 
 
 @pytest.mark.parametrize(
@@ -111,3 +122,11 @@ def test_a_plan_from_another_pose() -> None:
     assert turned.route is not None
     assert turned.route[0] == pytest.approx([10, 3], abs=0.01)
     assert object_named(scene, "car").id == "car"
+
+
+def test_a_place_in_the_second_row_is_told() -> None:
+    parked = Street().car("car", 20, -6.8, RED)
+    told = "others have to drive around us"
+    assert has_reason(plan_in(parked, make_query("park", "left_of")), told)
+    assert not has_reason(plan_in(parked, make_query("park", "behind")), told)
+    assert not has_reason(plan_in(parked, make_query("stop", "left_of")), told)

@@ -349,3 +349,30 @@ def test_queries_have_the_keys_of_the_labelled_files(data_root: Path) -> None:
     assert set(own) <= set(record)
     assert set(own["referent"]) == set(record["referent"])
     assert own == {key: record[key] for key in own}
+
+
+@pytest.mark.parametrize(
+    ("text", "action", "noun"),
+    [
+        ("slow down, there are people about", "slow_down", "person"),
+        ("not so close to that bus", "avoid", "bus"),
+        ("don't pull out, there is a van coming", "wait", "van"),
+        ("past the land rover and turn left", "turn", "car"),
+        ("kindly overtake this autorickshaw", "overtake", "vehicle"),
+        ("chuck a left after the taxi, guv", "turn", "car"),
+        ("stap ahint the muckle lorry", "stop", "truck"),
+    ],
+)
+def test_other_speakers(text: str, action: str, noun: str) -> None:
+    query = parse(text).query
+    assert query.referent is not None
+    assert (query.action, query.referent.noun) == (action, noun)
+
+
+def test_a_side_to_overtake_on() -> None:
+    assert parse("overtake the bus on its left").query.direction == "left"
+
+
+@pytest.mark.parametrize("text", ["move into the second lane from the left", "go to the other side of the road"])
+def test_a_lane_or_a_side_that_is_not_understood_is_asked_about(text: str) -> None:
+    assert parse(text).doubt

@@ -3,6 +3,7 @@ from __future__ import annotations
 from street import RED, WHITE, Street
 
 from grounding.query import Query, Referent
+from grounding.referent.doubts import question_about
 from grounding.referent.resolver import Resolution, resolve
 from grounding.referent.scene import SceneModel
 from grounding.vocabulary import Action
@@ -37,3 +38,12 @@ def test_an_unresolved_pronoun_is_asked_about() -> None:
     assert {one.item.id for one in found.candidates} == {"a", "b"}
     one = resolve(Query("", "stop", relation="next_to", unresolved="it"), Street().car("a", 10, -4, RED).scene())
     assert (one.status, len(one.candidates)) == ("ambiguous", 1)
+
+
+def test_a_class_that_does_not_fit_is_asked_about() -> None:
+    scene = Street().car("a", 14, -4, RED).scene()
+    scored = {"lorry": 0.2, "red": 1.0}
+    lorry = Referent("truck", "lorry", "red")
+    query = Query("", "park", relation="behind", landmark="referent", referent=lorry)
+    assert question_about(query, lorry, 0, scored, scene).startswith("no lorry is seen: do you mean the red car")
+    assert question_about(query, lorry, 0, scored | {"lorry": 1.0}, scene) == ""

@@ -119,7 +119,9 @@ def test_two_pairs_that_fit_are_ambiguous() -> None:
     found = resolve(between(car("white", number=2)), scene)
     assert found.status == "ambiguous"
     assert "2 pairs fit" in found.reasons[0]
-    assert found.question.count(" and the white car") == 2
+    shared, others = found.question.split(", and which other one: ")
+    assert shared == "the white car on the right, 17 m ahead"
+    assert others == "the white car, 8 m ahead, or the one, 27 m ahead?"
 
 
 def test_a_pair_needs_two_vehicles() -> None:

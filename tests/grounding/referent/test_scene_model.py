@@ -11,7 +11,7 @@ from appocc.boxes import Boxes
 from appocc.errors import ShapeError
 from appocc.grid import BEVGrid
 from grounding.referent.scene import SceneModel, SceneObject, scene_from_boxes, scene_from_tracks
-from tracking.instances.instances import find_instances
+from tracking.detections import Detections
 from tracking.tracker import Tracker
 from tracking.tracks import Track
 
@@ -233,7 +233,7 @@ def test_tracks_of_the_tracker_make_a_scene() -> None:
     tracker = Tracker()
     street = Street().car("a", 12, -4, RED).car("b", 22, 4, WHITE)
     for moment in range(4):
-        tracks = tracker.update(find_instances(street.bev()).as_detections(), 500_000 * moment, WORLD_FROM_EGO)
+        tracks = tracker.update(Detections.from_bev(street.bev()), 500_000 * moment, WORLD_FROM_EGO)
     scene = scene_from_tracks(street.bev(), tracks, WORLD_FROM_EGO)
     assert len(scene.objects) == 2
     assert {item.speed_mps for item in scene.objects} == {0}

@@ -226,7 +226,7 @@ def test_lines_of_the_map_are_the_painted_lines(built: tuple[Ground, TownMap]) -
 def test_stop_lines_of_the_map_are_the_painted_ones(built: tuple[Ground, TownMap]) -> None:
     ground, vector_map = built
     grid = grid_of(ground)
-    drawn = sum(polygon_cover(grid, outline) for outline in vector_map.stop_lines)
+    drawn = sum(polygon_cover(grid, outline) for outline in (*vector_map.stop_lines, *vector_map.light_lines))
     assert iou(np.asarray(drawn).T >= 0.5, ground.label == Surface.STOP_LINE) > 0.9
 
 

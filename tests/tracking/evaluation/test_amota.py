@@ -17,7 +17,8 @@ from tracking.evaluation.amota import (
     filter_by_score,
     prepare_frames,
 )
-from tracking.evaluation.clear_id_hota import EvaluationFrame, evaluate
+from tracking.evaluation.clear_id_hota import evaluate
+from tracking.evaluation.frames import EvaluationFrame
 from tracking.io.nuscenes_detections import read_scene_file
 
 Placed = dict[int, tuple[float, float]]

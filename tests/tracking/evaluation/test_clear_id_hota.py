@@ -7,17 +7,15 @@ import numpy as np
 import pytest
 
 from appocc.errors import ShapeError
-from tracking.evaluation.clear_id_hota import (
+from tracking.evaluation.clear import clear_counts
+from tracking.evaluation.clear_id_hota import Metrics, evaluate, evaluate_distances
+from tracking.evaluation.frames import (
     GATE_M,
     IOU_RULE,
     DistanceFrame,
     EvaluationFrame,
     MatchingRule,
-    Metrics,
     centre_distance_rule,
-    clear_counts,
-    evaluate,
-    evaluate_distances,
 )
 
 Placed = dict[int, tuple[float, float]]

@@ -2,7 +2,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from tracking.evaluation.clear_id_hota import DistanceFrame, centre_distance_rule, evaluate_distances
+from tracking.evaluation.clear_id_hota import evaluate_distances
+from tracking.evaluation.frames import DistanceFrame, centre_distance_rule
 from tracking.evaluation.score_cut import ScoredSequence, best_cut, mean_scores
 
 RULE = centre_distance_rule()

@@ -5,7 +5,7 @@ import pytest
 from filterpy.kalman import KalmanFilter
 
 from appocc.checks import FloatArray
-from tracking.filtering.kalman import KalmanFilters, MotionConfig, arc_offset, oriented_covariance
+from tracking.filtering.kalman import KalmanFilters, MotionConfig, acceleration_psd, arc_offset, oriented_covariance
 
 CONFIG = MotionConfig()
 ONE = np.zeros(1, np.int64)
@@ -54,6 +54,13 @@ def test_a_prediction_goes_on_at_the_same_velocity_and_grows_uncertain() -> None
     filters.predict(np.ones(1), process_noise(np.zeros(1)))
     np.testing.assert_allclose(filters.mean[0, :2], [5.0 * (passed + 1.0), 0.0], atol=0.3)
     assert filters.position_std_m()[0] > 2 * sure
+
+
+def test_the_path_of_a_faster_vehicle_is_less_certain_across_it() -> None:
+    yaw = np.array([0.0, 0.0, np.pi / 2])
+    psd = acceleration_psd(yaw, np.array([[0.0, 0.0], [10.0, 0.0], [0.0, 10.0]]), 1.0, 0.1, 0.01)
+    np.testing.assert_allclose(psd[:2], [np.diag([1.0, 0.1]), np.diag([1.0, 1.1])], atol=1e-12)
+    np.testing.assert_allclose(psd[2], np.diag([1.1, 1.0]), atol=1e-12)
 
 
 def test_one_long_step_is_as_uncertain_as_many_short_ones() -> None:

@@ -12,8 +12,9 @@ from numpy.typing import ArrayLike
 
 from appocc.checks import FloatArray
 from appocc.errors import ShapeError
-from tracking.detections import CircularView, Detections
+from tracking.detections import Detections
 from tracking.evaluation.kitti import prepare_evaluation
+from tracking.field_of_view import CircularView
 from tracking.filtering.kalman import MotionConfig, oriented_covariance
 from tracking.filtering.smoother import SmoothingConfig, smooth
 from tracking.io.kitti import read_sequences
@@ -82,13 +83,16 @@ def seen_by_hand(times_us: Sequence[int], places_m: FloatArray, yaw_rad: float, 
         kalman.R,
         oriented_covariance(yaw, config.along_speed_std_mps**2, config.across_speed_std_mps**2)[0],
     )
-    push = oriented_covariance(yaw, config.along_accel_psd_m2ps3, config.across_accel_psd_m2ps3)[0]
-    steps_s = np.diff(times_us, prepend=times_us[0]) * 1e-6
-    moved = [np.eye(4) + s * np.eye(4, k=2) for s in steps_s]
-    pushed = [np.block([[s**3 / 3 * push, s**2 / 2 * push], [s**2 / 2 * push, s * push]]) for s in steps_s]
-    shown = [None if i in {0, *unseen} else place for i, place in enumerate(places_m)]
-    mean, cov, _, _ = kalman.batch_filter(shown, Fs=moved, Qs=pushed)
-    states: FloatArray = kalman.rts_smoother(mean, cov, moved, pushed)[0]
+    kept = []
+    for i, seconds in enumerate(np.diff(times_us, prepend=times_us[0]) * 1e-6):
+        across = config.across_accel_psd_m2ps3 + config.heading_psd_rad2ps * float(kalman.x[2:] @ kalman.x[2:])
+        push = oriented_covariance(yaw, config.along_accel_psd_m2ps3, across)[0]
+        moved = np.eye(4) + seconds * np.eye(4, k=2)
+        pushed = np.kron([[seconds**3 / 3, seconds**2 / 2], [seconds**2 / 2, seconds]], push)
+        kalman.predict(F=moved, Q=pushed)
+        kalman.update(None if i in {0, *unseen} else places_m[i])
+        kept.append((kalman.x.copy(), kalman.P.copy(), moved, pushed))
+    states: FloatArray = kalman.rts_smoother(*map(np.array, zip(*kept, strict=True)))[0]
     return states
 
 

@@ -11,8 +11,9 @@ from appocc.checks import FloatArray
 from appocc.colours import lab_from_rgb
 from appocc.errors import ShapeError
 from appocc.grid import BEVGrid
+from tracking.detections import Detections
+from tracking.field_of_view import GridView
 from tracking.instances.instances import (
-    GridView,
     InstanceConfig,
     Instances,
     find_instances,
@@ -135,7 +136,7 @@ def test_a_robust_colour_without_known_cells_is_unknown() -> None:
 
 def test_blobs_are_detections() -> None:
     blobs = find_instances(map_of([Car(39.5, 0.0, rgb=None), Car(20.0, 0.0, 0.4, RED)], probability=0.75))
-    seen = blobs.as_detections()
+    seen = Detections.from_instances(blobs)
     np.testing.assert_array_equal(seen.ground_m, np.column_stack([blobs.centroid_m, [0.0, 0.0]]))
     np.testing.assert_array_equal(seen.yaw_rad, blobs.yaw_rad)
     assert seen.heading_known.tolist() == [False, False]
@@ -149,7 +150,7 @@ def test_blobs_are_detections() -> None:
 
 
 def test_no_blobs_are_no_detections() -> None:
-    assert len(find_instances(map_of([])).as_detections()) == 0
+    assert len(Detections.from_instances(find_instances(map_of([])))) == 0
 
 
 def test_a_grid_sees_what_lies_in_its_cells() -> None:
@@ -174,7 +175,7 @@ def test_cover_knows_the_turned_boxes() -> None:
     blobs = find_instances(map_of([Car(10.0, 5.0, np.pi / 4, length_m=6.0)]))
     along = np.array([np.cos(np.pi / 4), np.sin(np.pi / 4)])
     points = np.array([10.0, 5.0]) + np.array([[0, 0], 2.6 * along, -2.6 * along, 3.6 * along, [2.0, -2.0]])
-    covered, by = blobs.as_detections().find_containing(points)
+    covered, by = Detections.from_instances(blobs).find_containing(points)
     assert (sorted(covered.tolist()), by.tolist()) == ([0, 1, 2], [0, 0, 0])
 
 
@@ -356,4 +357,4 @@ def test_any_map_gives_blobs_of_its_vehicle_cells(shape: tuple[int, int]) -> Non
             labels, count = label_instances(bev, InstanceConfig())
             assert np.array_equal(np.unique(labels[labels > 0]), np.arange(1, count + 1))
             assert bev.on[VEHICLE][labels > 0].all()
-            assert len(measure_instances(bev, labels, count).as_detections()) == count
+            assert len(Detections.from_instances(measure_instances(bev, labels, count))) == count

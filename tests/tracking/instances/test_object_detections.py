@@ -17,9 +17,10 @@ from appocc.bevmap import ROAD, VEHICLE, BEVMap, bev_path, load_map
 from appocc.colours import lab_from_rgb
 from appocc.geometry import inverse
 from appocc.objects import BEVObjects
+from tracking.class_votes import vote_classes
+from tracking.detections import Detections
 from tracking.evaluation.scene import score_scene
 from tracking.instances.instances import find_instances
-from tracking.instances.object_detections import find_detections, vote_classes
 from tracking.io.writers import assign_classes
 from tracking.pipeline import track_scene
 from tracking.presets import OBJECTS
@@ -39,7 +40,7 @@ def test_objects_are_detections() -> None:
         made_object("pedestrian", 5.0, -3.0, rgb=(np.nan,) * 3, score=0.5),
         made_object("bicycle", 5.0, 3.0),
     )
-    found = find_detections(bev)
+    found = Detections.from_bev(bev)
     assert found.kind == ("vehicle", "pedestrian", "bicycle")
     np.testing.assert_allclose(found.ground_m[0], [10, 2, 0], atol=1e-12)
     np.testing.assert_allclose(found.size_m[0], [2.4, 7.5, 2.8])
@@ -54,7 +55,7 @@ def test_objects_are_detections() -> None:
 
 def test_the_threshold_of_a_map_has_log_odds_of_zero() -> None:
     bev = with_objects(made_object("car", 10.0, 0.0, score=0.2), meta={"object_threshold": 0.2})
-    np.testing.assert_allclose(find_detections(bev).log_odds, [0], atol=1e-12)
+    np.testing.assert_allclose(Detections.from_bev(bev).log_odds, [0], atol=1e-12)
 
 
 def test_objects_at_a_border_are_truncated_and_unseen_ones_left_out() -> None:
@@ -62,22 +63,22 @@ def test_objects_at_a_border_are_truncated_and_unseen_ones_left_out() -> None:
     valid = np.ones((3, 200, 200), np.bool_)
     valid[:, :100] = False  # nothing is seen behind
     bev = with_objects(*cars, occupancy_valid=valid, meta={"thresholds": THRESHOLDS})
-    found = find_detections(bev)
+    found = Detections.from_bev(bev)
     assert found.ground_m[:, 0].tolist() == [38.5, 10, 1]
     assert found.truncated.tolist() == [True, False, True]
     assert found.view.blind(np.array([[-5.0, 0.0], [5.0, 0.0]])).tolist() == [True, False]
-    guessed = find_detections(bev.with_guesses())
+    guessed = Detections.from_bev(bev.with_guesses())
     assert guessed.truncated.tolist() == [True, False, False, False]
     assert not guessed.view.blind(np.array([[-5.0, 0.0]])).any()
 
 
 def test_a_map_without_objects_has_its_instances() -> None:
     bev = map_of([Car(10, 0), Car(20, 5)])
-    found, instances = find_detections(bev), find_instances(bev).as_detections()
+    found, instances = Detections.from_bev(bev), Detections.from_instances(find_instances(bev))
     np.testing.assert_array_equal(found.ground_m, instances.ground_m)
     assert found.kind == instances.kind
     # A network that detects nothing is believed: there are no blobs then.
-    assert len(find_detections(replace(bev, objects=made_object("car", 1, 1).select(np.zeros(1, np.bool_))))) == 0
+    assert len(Detections.from_bev(replace(bev, objects=made_object("car", 1, 1).select(np.zeros(1, np.bool_))))) == 0
 
 
 def test_a_vehicle_whose_class_flips_keeps_its_track_and_gets_the_class_of_most_scores() -> None:
@@ -85,7 +86,7 @@ def test_a_vehicle_whose_class_flips_keeps_its_track_and_gets_the_class_of_most_
     for k, (kind, score) in enumerate((("car", 0.9), ("truck", 0.5), ("truck", 0.6), ("car", 0.8))):
         person = made_object("pedestrian", 5.0, 4.0)
         bev = with_objects(person, made_object(kind, 10.0 + k, 0.0, score=score))
-        found = find_detections(bev)
+        found = Detections.from_bev(bev)
         tracks.append(tuple(tracker.update(found, k * 500_000, pose())))
         tables.append(bev.known_objects)
     assert [[track.id for track in states] for states in tracks] == [[1, 2]] * 4

@@ -9,7 +9,8 @@ import pytest
 
 from appocc.checks import FloatArray
 from appocc.errors import DataError
-from tracking.detections import CircularView, log_odds_from_probability
+from tracking.detections import log_odds_from_probability
+from tracking.field_of_view import CircularView
 from tracking.io.nuscenes_detections import read_detections, read_scene_file
 
 HALF = 0.5**0.5

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from grounding.language.semantics.appositions import attach_apposition, name_contrast
-from grounding.language.semantics.command_frames import CommandFrame
-from grounding.language.semantics.coreference import name_by_order
-from grounding.language.semantics.discourse_state import DiscourseState
-from grounding.language.semantics.mentions import add_mention, attach_distance, exclude, refine
-from grounding.language.semantics.relation_attachment import TARGET_KINDS, attach_related, attach_target
-from grounding.language.semantics.repairs import replace_target
+from grounding.language.semantics.discourse.appositions import attach_apposition, name_contrast
+from grounding.language.semantics.discourse.command_frames import CommandFrame
+from grounding.language.semantics.discourse.coreference import name_by_order
+from grounding.language.semantics.discourse.discourse_state import DiscourseState
+from grounding.language.semantics.discourse.mentions import add_mention, attach_distance, exclude, refine
+from grounding.language.semantics.discourse.relation_attachment import TARGET_KINDS, attach_related, attach_target
+from grounding.language.semantics.discourse.repairs import replace_target
 from grounding.language.syntax.clauses import TEMPORAL
 from grounding.language.syntax.noun_phrases import PLACE_KINDS, VEHICLE_KINDS, NounPhrase
 
@@ -97,6 +97,7 @@ def _attach_negated(state: DiscourseState, phrase: NounPhrase) -> None:
         state.negated = False  # "who has no lights"
         add_mention(state, phrase, "landmark")
     elif place and state.open_relation is None and state.next_kind in ("relation", "between"):
+        state.discourse.mentions.append((phrase, "denied"))
         state.open_phrase = phrase  # "except the place behind the bus"
     else:
         exclude(state, state.open_relation, phrase, "denied")
@@ -166,6 +167,9 @@ def _attach_object(state: DiscourseState, frame: CommandFrame, phrase: NounPhras
     if frame.negated and frame.verb_class not in ("give_way", "wait"):
         frame.forbidden_target = phrase
         exclude(state, None, phrase)
+    elif frame.verb_class == "take" and phrase.kind == "one" and state.next_kind == "relation" and _last_place(state):
+        # "Not the space behind the van, take the one behind the truck".
+        frame.landmarks.append(("object", NounPhrase(kind="spot", noun="parking_spot", head=phrase.head)))
     elif place is not None:  # "take it"
         frame.landmarks.append(("object", place))
     elif phrase.kind in TARGET_KINDS and not (phrase.kind == "person" and frame.verb_class in _PEOPLE_AS_THINGS):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from grounding.language.semantics.command_frames import CommandFrame, Discourse
+from grounding.language.semantics.discourse.command_frames import CommandFrame, Discourse
 from grounding.language.syntax.clauses import Clause
 from grounding.language.syntax.noun_phrases import Chunk, NounPhrase
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from grounding.language.semantics.command_frames import Discourse
+from grounding.language.semantics.discourse.command_frames import Discourse
 from grounding.language.syntax.noun_phrases import NounPhrase
 from grounding.query import Referent
 
@@ -42,6 +42,8 @@ def name_by_order(discourse: Discourse, phrase: NounPhrase) -> None:
 def find_antecedent(discourse: Discourse, phrase: NounPhrase) -> NounPhrase | None:
     """Return the most recent noun phrase that an anaphor may refer to, vehicles first; None if there is none."""
     at = next(i for i, (other, _) in enumerate(discourse.mentions) if other is phrase)
+    if phrase.kind == "pronoun" and (one := _described_one(discourse, at)) is not None:
+        return one
     before = [(other, role) for other, role in discourse.mentions[:at] if other.kind not in (*_ANAPHORS, "part")]
     if phrase.head in _PLURAL_PRONOUNS and any(other.kind == "person" for other, _ in before):
         # "That man wants to cross behind the bus, let them": one bus is not "them".
@@ -54,6 +56,14 @@ def find_antecedent(discourse: Discourse, phrase: NounPhrase) -> NounPhrase | No
     return None
 
 
+def _described_one(discourse: Discourse, end: int) -> NounPhrase | None:
+    """Return the vehicle of "the last one" if it is the last vehicle that the mentions before an index are about."""
+    about = [other for other, role in discourse.mentions[:end] if role in ("stated", "target")]
+    last = next((other for other in reversed(about) if other.kind in ("vehicle", "person", "one")), None)
+    described = last is not None and last.kind == "one" and (last.colour or last.qualifiers)
+    return resolve_anaphor(discourse, last) if last is not None and described else None
+
+
 def resolve_anaphor(discourse: Discourse, phrase: NounPhrase) -> NounPhrase | None:
     """Return the antecedent with the qualifiers of both; the phrase itself if it is not an anaphor.
 
@@ -64,7 +74,7 @@ def resolve_anaphor(discourse: Discourse, phrase: NounPhrase) -> NounPhrase | No
     antecedent = find_antecedent(discourse, phrase)
     if antecedent is None:
         return None
-    role = next(role for other, role in discourse.mentions if other is antecedent)
+    role = next((role for other, role in discourse.mentions if other is antecedent), "target")
     resolved = NounPhrase(
         kind=antecedent.kind,
         noun=antecedent.noun,

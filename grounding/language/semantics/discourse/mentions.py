@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from grounding.language.semantics.discourse_state import DiscourseState
+from grounding.language.semantics.discourse.discourse_state import DiscourseState
 from grounding.language.syntax.noun_phrases import NounPhrase
 
 

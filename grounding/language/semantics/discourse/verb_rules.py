@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from grounding.language.semantics.command_frames import CommandFrame
-from grounding.language.semantics.discourse_state import DiscourseState
-from grounding.language.semantics.repairs import replace_direction, replace_frame
+from grounding.language.semantics.discourse.command_frames import CommandFrame
+from grounding.language.semantics.discourse.discourse_state import DiscourseState
+from grounding.language.semantics.discourse.repairs import replace_direction, replace_frame
 from grounding.language.syntax.clauses import TEMPORAL
 from grounding.language.syntax.noun_phrases import VEHICLE_KINDS, NounPhrase
 from grounding.language.syntax.tokenizer import Token
@@ -31,6 +31,7 @@ def handle_verb(state: DiscourseState, token: Token) -> None:
     if infinitive and state.auxiliary and subject is not None and subject.kind == "pronoun":
         state.subject, state.auxiliary = None, ""  # "it would be nice to park here"
     conditional = state.clause.connective == "if" and state.subject == "ego"  # "if you parked here"
+    conditional = conditional or state.auxiliary.endswith("rather you")  # "I'd rather you parked here"
     command_form = token.form in ("", "ing") or (conditional and token.form == "past")
     # "It hit my bike" commands nothing; "don't hit it" does.
     harm = token.value == "danger" and not state.negated

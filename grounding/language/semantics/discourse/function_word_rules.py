@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from grounding.language.semantics.discourse_state import DiscourseState
-from grounding.language.semantics.relation_attachment import attach_target
-from grounding.language.semantics.verb_rules import AWAITING
+from grounding.language.semantics.discourse.discourse_state import DiscourseState
+from grounding.language.semantics.discourse.relation_attachment import attach_target
+from grounding.language.semantics.discourse.verb_rules import AWAITING
 from grounding.language.syntax.noun_phrases import NounPhrase
 from grounding.language.syntax.tokenizer import Token
 

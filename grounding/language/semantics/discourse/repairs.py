@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from grounding.language.semantics.command_frames import CommandFrame
-from grounding.language.semantics.discourse_state import DiscourseState
-from grounding.language.semantics.mentions import add_mention, attach_distance
+from grounding.language.semantics.discourse.command_frames import CommandFrame
+from grounding.language.semantics.discourse.discourse_state import DiscourseState
+from grounding.language.semantics.discourse.mentions import add_mention, attach_distance
 from grounding.language.syntax.noun_phrases import NounPhrase
 
 _TARGET_KINDS = ("vehicle", "person", "one", "traffic", "adjective")

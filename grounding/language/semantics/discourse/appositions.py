@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from grounding.language.semantics.discourse_state import DiscourseState
-from grounding.language.semantics.mentions import refine
+from grounding.language.semantics.discourse.discourse_state import DiscourseState
+from grounding.language.semantics.discourse.mentions import refine
 from grounding.language.syntax.noun_phrases import VEHICLE_KINDS, NounPhrase
 from grounding.language.syntax.tokenizer import Token
 from grounding.language.syntax.word_categories import WordCategory

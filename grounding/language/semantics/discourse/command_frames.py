@@ -6,6 +6,9 @@ from dataclasses import dataclass, field
 
 from grounding.language.syntax.noun_phrases import NounPhrase
 
+# Places that a turn enters: "turn into the driveway", "take the exit".
+ENTERABLE = ("driveway", "parking_lot", "entrance", "road", "turn", "exit", "corner", "intersection", "roundabout")
+
 
 @dataclass(eq=False, kw_only=True)
 class CommandFrame:

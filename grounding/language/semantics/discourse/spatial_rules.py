@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from grounding.language.semantics.action_rules import ENTERABLE
-from grounding.language.semantics.discourse_state import DiscourseState
-from grounding.language.semantics.mentions import attach_distance
-from grounding.language.semantics.relation_attachment import attach_target
-from grounding.language.semantics.repairs import replace_side
-from grounding.language.semantics.verb_rules import AWAITING
+from grounding.language.semantics.discourse.command_frames import ENTERABLE
+from grounding.language.semantics.discourse.discourse_state import DiscourseState
+from grounding.language.semantics.discourse.mentions import attach_distance
+from grounding.language.semantics.discourse.relation_attachment import attach_target
+from grounding.language.semantics.discourse.repairs import replace_side
+from grounding.language.semantics.discourse.verb_rules import AWAITING
 from grounding.language.syntax.noun_phrases import NounPhrase
 from grounding.language.syntax.tokenizer import Token
 from grounding.language.syntax.word_categories import WordCategory
@@ -46,7 +46,8 @@ def handle_relation(state: DiscourseState, token: Token) -> None:
         frame.moves_away = frame.moves_away or token.text.startswith(("away", "from"))
         frame.goes_around = frame.goes_around or (token.text in ("around", "round") and frame.target is None)
     if state.open_relation is None or state.open_relation in _WEAK or token.value not in _WEAK:
-        state.open_relation = token.value
+        turns = token.text == "from" and frame is not None and frame.direction is not None
+        state.open_relation = "at" if turns else token.value  # "turn right from the lights"
     if not isinstance(following, NounPhrase):
         _handle_without_noun(state, token)
 
@@ -58,6 +59,8 @@ def _handle_without_noun(state: DiscourseState, token: Token) -> None:
         return
     if token.value in ("left_of", "right_of") and state.host_frame.target is not None:
         state.host_frame.relation = token.value  # "on its left"
+        if state.host_frame.verb_class == "overtake":
+            state.host_frame.direction = token.value.removesuffix("_of")
     if state.next_kind in ("relation", "distance", "between", "except"):
         return
     if frame is not None and frame.verb_class in AWAITING and frame.target is not None and frame.event is None:
@@ -119,6 +122,9 @@ def handle_side(state: DiscourseState, token: Token) -> None:
         return
     if state.is_repair and state.frame is None and noun is None and replace_side(state, token.value):
         return
+    stands = frame is not None and frame.verb_class in _STANDING and frame.target is None and not state.negated
+    if stands and noun is not None and noun.kind == "thing" and value != "opposite":
+        state.open_phrase = None  # "past the crossing on the left"
     if _qualify_open_phrase(state, token) or value == "opposite":
         return
     if state.negated:

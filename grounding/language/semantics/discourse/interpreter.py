@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 
-from grounding.language.semantics.attachment import attach_phrase, discard_leading_place
-from grounding.language.semantics.command_frames import Discourse
-from grounding.language.semantics.coreference import phrase_of
-from grounding.language.semantics.discourse_state import DiscourseState
-from grounding.language.semantics.function_word_rules import (
+from grounding.language.semantics.discourse.attachment import attach_phrase, discard_leading_place
+from grounding.language.semantics.discourse.command_frames import Discourse
+from grounding.language.semantics.discourse.coreference import phrase_of
+from grounding.language.semantics.discourse.discourse_state import DiscourseState
+from grounding.language.semantics.discourse.function_word_rules import (
     handle_auxiliary,
     handle_exception,
     handle_existential,
@@ -20,8 +20,8 @@ from grounding.language.semantics.function_word_rules import (
     handle_there,
     handle_unknown,
 )
-from grounding.language.semantics.mentions import attach_distance
-from grounding.language.semantics.spatial_rules import (
+from grounding.language.semantics.discourse.mentions import attach_distance
+from grounding.language.semantics.discourse.spatial_rules import (
     handle_away,
     handle_between,
     handle_distance,
@@ -31,7 +31,7 @@ from grounding.language.semantics.spatial_rules import (
     handle_relation,
     handle_side,
 )
-from grounding.language.semantics.verb_rules import (
+from grounding.language.semantics.discourse.verb_rules import (
     handle_branch,
     handle_direction,
     handle_meanwhile,

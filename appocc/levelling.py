@@ -1,0 +1,50 @@
+"""Levelling of an ego frame: its z axis along the normal of the ground, as maps and networks expect.
+
+A tilt of two degrees raises or lowers the ground 14 m away by half a metre, and moves what a camera sees there by
+metres.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from appocc.checks import FloatArray, check_shape
+from appocc.geometry import transform
+
+# What stands within this distance stands on the ground that an ego frame is level with.
+GROUND_RANGE_M = 30.0
+# Ground points needed, and how far they must spread along each axis (standard deviation, metres).
+_LEAST_POINTS, _LEAST_SPREAD_M = 10, 3.0
+# Residuals beyond this count less (Cauchy loss), metres; a steeper plane is no ground, radians.
+_RESIDUAL_M, _MOST_TILT_RAD = 0.1, 0.1
+
+
+def ego_from_level(ground_m: FloatArray) -> FloatArray | None:
+    """Return the pose (4, 4) of a level frame on the ground, below the origin; x keeps its heading.
+
+    Args:
+        ground_m: (N, 3) points on the ground in the ego frame, metres, x forward, z up; some may lie beside it.
+
+    Returns:
+        The pose in the ego frame; None if the points are too few or too close together, or do not lie on a plane
+        that can be the ground.
+
+    Raises:
+        ShapeError: if the points have another shape.
+    """
+    check_shape("ground points", ground_m, (None, 3))
+    if len(ground_m) < _LEAST_POINTS or min(ground_m[:, :2].std(axis=0)) < _LEAST_SPREAD_M:
+        return None
+    terms = np.column_stack([ground_m[:, :2], np.ones(len(ground_m))])
+
+    def residuals(plane: FloatArray) -> FloatArray:
+        return np.asarray(terms @ plane - ground_m[:, 2])
+
+    start = [0.0, 0.0, float(np.median(ground_m[:, 2]))]
+    along_x, along_y, height = least_squares(residuals, start, loss="cauchy", f_scale=_RESIDUAL_M).x
+    if np.hypot(along_x, along_y) > _MOST_TILT_RAD:
+        return None
+    up = np.array([-along_x, -along_y, 1.0]) / np.sqrt(1 + along_x**2 + along_y**2)
+    ahead = np.array([1.0, 0.0, along_x]) / np.hypot(1.0, along_x)
+    return transform(np.column_stack([ahead, np.cross(up, ahead), up]), [0.0, 0.0, height])

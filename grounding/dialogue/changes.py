@@ -1,0 +1,98 @@
+"""Replies that change the last command: another vehicle, relation or side, a shifted goal, fewer steps."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from grounding.answer import Answer
+from grounding.answering import Request, without
+from grounding.dialogue.conversation import Conversation
+from grounding.dialogue.descriptions import find_fitting, widen, with_description
+from grounding.dialogue.fragments import complete, names_pronoun, read_description
+from grounding.dialogue.reports import ask_again, cancel, inform
+from grounding.dialogue.telling import said
+from grounding.goal.shift import Shift
+from grounding.language import Reading
+from grounding.language.replies import Reply
+from grounding.referent.resolver import resolve
+from grounding.vocabulary import Action
+
+
+def answer_fragment(talk: Conversation, text: str, reply: Reply) -> Answer | None:
+    """Answer a sentence without a verb: a description, or another relation; None if it is neither."""
+    state, request = talk.state, talk.state.request
+    if request is None:
+        return None
+    base = request.query
+    reading = complete(reply.rest, base, talk.antecedent, talk.grounder.read)
+    placed = reading is not None and reading.query.relation != "none"
+    answers = state.question is not None and not (placed and "no" in reply.kinds)  # "no, behind the lorry" does not
+    if answers and (answer := _answer_description(talk, text, reply, state.question)):
+        return answer
+    if reading is not None and (placed or base.referent is None):
+        return _modify(talk, said(widen(reading, talk.scene), text), request)
+    if answer := _answer_description(talk, text, reply, None):
+        return answer
+    if reading is not None:
+        return _modify(talk, said(reading, text), request)
+    return ask_again(talk, text) if state.question is not None else None
+
+
+def _answer_description(talk: Conversation, text: str, reply: Reply, question: Answer | None) -> Answer | None:
+    """Answer the description of a vehicle: one of the candidates of a question, else any vehicle of the scene."""
+    request = talk.state.request
+    reading = read_description(reply.rest, talk.antecedent, talk.grounder.read)
+    if request is None or reading is None:
+        return None
+    described = with_description(request, reading, text)
+    if question is not None and (fitting := find_fitting(reading, question.candidates, talk.scene)):
+        return talk.narrow(fitting, described)
+    described = with_description(request, widen(reading, talk.scene), text)
+    rejected = frozenset[str]()
+    if "no" in reply.kinds and request.chosen is not None and question is None:
+        rejected = frozenset({request.chosen.item.id})
+    found = resolve(described.query, without(talk.scene, rejected))
+    if found.status == "ok" and found.candidates:
+        return talk.choose(found.candidates[0], described)
+    if found.status == "ambiguous":
+        return talk.narrow(found.candidates, described)
+    return talk.take(talk.state.with_request(described)) if question is None else None
+
+
+def _modify(talk: Conversation, reading: Reading, request: Request) -> Answer:
+    """Plan a command that changes the relation, the side or the distance of the last one."""
+    base, query = request.query, reading.query
+    modified = Request(reading=reading)
+    if query.referent is None and query.landmark is None:
+        query = replace(query, referent=base.referent, relation=base.relation, landmark=base.landmark)
+        modified = Request(reading=replace(reading, query=query, steps=(query,)), chosen=request.chosen)
+    elif names_pronoun(reading) and talk.meant is not None:
+        if query.relation == "near" and query.distance_m is not None and base.relation != "none":
+            query = replace(query, relation=base.relation)  # "3 metres from it"
+        modified = Request(reading=replace(reading, query=query, steps=(query,)), chosen=talk.meant)
+    return talk.take(talk.state.with_request(modified))
+
+
+def shift_last(talk: Conversation, text: str, shift: Shift) -> Answer:
+    """Move the goal in force."""
+    state = talk.state
+    if not state.plan or state.goal is None:
+        return ask_again(talk, text)
+    last = state.plan[-1]
+    moved = replace(last, shifts=(*last.shifts, shift), reading=said(last.reading, text))
+    steps = (*state.plan[:-1], moved)
+    answer = talk.answer_steps(steps)
+    if answer.status != "ok":
+        return replace(answer, reasons=(*answer.reasons, "the goal stays where it was"))
+    return talk.settle(steps, answer)
+
+
+def drop_steps(talk: Conversation, text: str, action: Action) -> Answer:
+    """Drop the steps of an action: "never mind the overtaking"."""
+    plan = talk.state.plan
+    left = tuple(step for step in plan if step.query.action != action)
+    if not left:
+        return cancel(talk, text)
+    if len(left) == len(plan):
+        return inform(talk, text, f"the plan has no step '{action}': it stays as it is")
+    return talk.take(tuple(replace(one, reading=said(one.reading, text)) for one in left))

@@ -1,0 +1,100 @@
+"""Replies that choose: a number, "yes", "no", "the other one"."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from grounding.answer import Answer
+from grounding.answering import accept_proposal, without
+from grounding.dialogue.conversation import Conversation
+from grounding.dialogue.descriptions import without_qualifiers
+from grounding.dialogue.reports import ask_again, inform, keep, not_understood
+from grounding.dialogue.telling import said
+from grounding.referent.resolver import resolve
+
+
+def choose_number(talk: Conversation, text: str, number: int) -> Answer:
+    """Take a candidate, or a reading, by its number."""
+    about, request = talk.state.question or talk.state.goal, talk.state.request
+    if about is not None and 1 <= number <= len(about.alternatives):
+        return talk.take_reading(about.alternatives[number - 1])
+    if about is None or request is None or not 1 <= number <= len(about.candidates):
+        return ask_again(talk, text)
+    return talk.choose(about.candidates[number - 1], request, text)
+
+
+def confirm(talk: Conversation, text: str) -> Answer:
+    """Take the only candidate of the open question, or the nearest place if that was offered."""
+    question, request = talk.state.question, talk.state.request
+    if question is None or request is None:
+        return inform(talk, text, "the goal stays as it is") if talk.state.goal else keep(talk, text)
+    if len(question.alternatives) == 1:
+        return talk.take_reading(question.alternatives[0])
+    if question.plan.question:
+        accepted = accept_proposal(request, question)
+        accepted = replace(accepted, reading=said(accepted.reading, text))
+        return talk.take(talk.state.with_request(accepted))
+    if len(question.candidates) == 1:
+        return talk.choose(question.candidates[0], request, text)
+    return ask_again(talk, text)
+
+
+def take_any(talk: Conversation, text: str) -> Answer:
+    """Take the best candidate of the open question: "whichever is easier"."""
+    question, request = talk.state.question, talk.state.request
+    if question is None or request is None or not question.candidates:
+        return confirm(talk, text)
+    return talk.choose(question.candidates[0], request, text)
+
+
+def go_back(talk: Conversation, text: str) -> Answer:
+    """Put the plan in force that was so before the last one."""
+    if not talk.state.earlier:
+        return inform(talk, text, "no other command was given before")
+    return talk.take([replace(one, reading=said(one.reading, text)) for one in talk.state.earlier[0]])
+
+
+def refuse(talk: Conversation, text: str) -> Answer:
+    """Drop the open question; without one, take another candidate than the one in force."""
+    if talk.state.question is None:
+        return take_other(talk, text)
+    talk.state = replace(talk.state, question=None)
+    return inform(talk, text, "then nothing is changed: say what to do instead")
+
+
+def take_none(talk: Conversation, text: str) -> Answer:
+    """Look for a vehicle that was not offered: "neither"."""
+    state = talk.state
+    if state.question is None or len(state.question.candidates) < 2:
+        return take_other(talk, text)
+    reason = f"none of these {len(state.question.candidates)} then: which vehicle is meant?"
+    talk.state = replace(state, rejected=state.rejected | {one.item.id for one in state.question.candidates})
+    return replace(ask_again(talk, text), reasons=(reason,))
+
+
+def take_other(talk: Conversation, text: str) -> Answer:
+    """Take the remaining candidate, ask among the remaining ones, or look for another one."""
+    state, request = talk.state, talk.state.request
+    if request is None or request.query.referent is None:
+        return not_understood(talk, text, talk.read(text))
+    refused = {one.item.id for one in state.question.candidates[:1]} if state.question else set[str]()
+    if state.question is None and request.chosen is not None:
+        refused = {request.chosen.item.id}
+    rejected = state.rejected | refused
+    if rejected >= {one.item.id for one in state.offered}:
+        rejected = frozenset(refused)  # after all were refused, the others are meant again
+    talk.state = replace(state, rejected=rejected, question=None)
+    request = replace(request, chosen=None, shifts=(), reading=said(request.reading, text))
+    left = [one for one in state.offered if one.item.id not in rejected]
+    if len(state.offered) > 1 and left:
+        return talk.narrow(left, request)
+    for wanted in (request, without_qualifiers(request)):
+        found = resolve(wanted.query, without(talk.scene, rejected))
+        if found.status == "ok" and found.candidates:
+            return talk.choose(found.candidates[0], wanted)
+        if found.status == "ambiguous":
+            return talk.narrow(found.candidates, wanted)
+    named = request.query.referent.phrase() if request.query.referent else "vehicle"
+    reason = f"no other vehicle here fits '{named}'"
+    answer = Answer(status="not_found", reading=request.reading, scene=talk.scene, reasons=(reason,))
+    return talk.settle(talk.state.with_request(request), answer)

@@ -1,0 +1,129 @@
+"""The state of a conversation, and how steps are asked for, settled and put into force."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from appocc.errors import AppoccError
+from grounding.answer import Answer
+from grounding.answering import Request, accept_proposal, answer_steps, requests_of
+from grounding.dialogue.memory import Memory
+from grounding.dialogue.telling import ask, said
+from grounding.language import Reading
+from grounding.query import Referent
+from grounding.referent.resolver import Candidate
+from grounding.referent.scene import SceneModel
+
+if TYPE_CHECKING:
+    from grounding.grounder import Grounder
+
+# Plans that a conversation can go back to.
+_MAX_EARLIER = 8
+
+
+class Conversation:
+    """What was said so far, with the grounder that answers it."""
+
+    def __init__(self, grounder: Grounder) -> None:
+        """Begin without a goal and without a question."""
+        self.grounder = grounder
+        self.state = Memory()
+
+    # What words refer to --------------------------------------------------------------------------------------------
+
+    @property
+    def scene(self) -> SceneModel:
+        """The present scene.
+
+        Raises:
+            AppoccError: if none is set.
+        """
+        if self.grounder.scene is None:
+            raise AppoccError("session: expected a scene to be set before a sentence is said")
+        return self.grounder.scene
+
+    @property
+    def antecedent(self) -> Referent | None:
+        """The vehicle that pronouns and "one" refer to: that of the open question, else the last one."""
+        state = self.state
+        if state.question is not None and state.question.query.referent is not None:
+            return state.question.query.referent
+        if state.focus is not None:
+            return state.focus[1]
+        if state.request is None:
+            return None
+        excluded = [Referent(one.noun, one.noun, one.colour) for one in state.request.query.excluded]
+        return state.request.query.referent or next(iter(excluded), None)
+
+    @property
+    def meant(self) -> Candidate | None:
+        """The vehicle of the scene that a pronoun refers to."""
+        state = self.state
+        if state.question is not None and state.question.candidates:
+            return state.question.candidates[0]
+        return state.focus[0] if state.focus else None
+
+    def read(self, words: str) -> Reading:
+        """Return the best reading of some words."""
+        return self.grounder.read(words, self.antecedent)[0]
+
+    # Steps ----------------------------------------------------------------------------------------------------------
+
+    def answer_steps(self, steps: Sequence[Request], primary: int = -1) -> Answer:
+        """Answer steps in the present scene."""
+        return answer_steps(steps, self.scene, primary=primary, limit=self.grounder.config.max_candidates)
+
+    def take(self, requests: Sequence[Request], then: bool = False, answer: Answer | None = None) -> Answer:
+        """Make steps the plan in force, or ask; with `then`, after the steps in force."""
+        steps = (*self.state.plan, *requests) if then else tuple(requests)
+        if answer is None or then:
+            answer = self.answer_steps(steps)
+        self.state = replace(self.state, rejected=frozenset())
+        return self.settle(steps, answer)
+
+    def take_reading(self, answer: Answer) -> Answer:
+        """Take one of several readings of a sentence."""
+        return self.take(requests_of(answer.reading), answer=answer)
+
+    def settle(self, steps: tuple[Request, ...], answer: Answer) -> Answer:
+        """Remember an answer: the plan in force if it has a goal, else the question."""
+        about = next((i for i, step in enumerate(answer.steps) if step.status != "ok"), None)
+        if about is None:
+            about = next((i for i, step in enumerate(steps) if step.query == answer.query), len(steps) - 1)
+        state = replace(self.state, asked=steps, at=about)
+        if answer.status == "ok":
+            steps = tuple(
+                replace(step, chosen=done.referent)
+                for step, done in zip(steps, answer.steps or (answer,), strict=False)
+            )
+            earlier = (state.plan, *state.earlier)[:_MAX_EARLIER] if state.plan else state.earlier
+            state = replace(state, plan=steps, goal=answer, question=None, asked=steps, earlier=earlier)
+            if answer.referent is not None and answer.query.referent is not None:
+                state = replace(state, focus=(answer.referent, answer.query.referent))
+        elif answer.candidates or answer.alternatives or answer.plan.question:
+            state = replace(state, question=answer, offered=answer.candidates)
+        else:
+            state = replace(state, question=None)
+        self.state = state
+        return answer
+
+    def choose(self, candidate: Candidate, request: Request, text: str | None = None) -> Answer:
+        """Take a candidate as the referent of a step and plan anew."""
+        state, chosen = self.state, replace(request, chosen=candidate)
+        if text is not None:
+            chosen = replace(chosen, reading=said(chosen.reading, text))
+        answer = self.answer_steps(state.with_request(chosen), state.at)
+        behind = candidate.item.centre_m[0] < self.scene.ego.centre_m
+        if answer.plan.question and answer.plan.instead is None and behind:
+            # The vehicle behind us was agreed to, so its place is not asked for again.
+            chosen = accept_proposal(chosen, answer)
+            answer = self.answer_steps(state.with_request(chosen), state.at)
+        return self.settle(state.with_request(chosen), answer)
+
+    def narrow(self, candidates: Sequence[Candidate], request: Request) -> Answer:
+        """Take the only candidate, or ask which one is meant."""
+        if len(candidates) == 1:
+            return self.choose(candidates[0], request)
+        return self.settle(self.state.with_request(request), ask(candidates, request.reading, self.scene))

@@ -1,0 +1,110 @@
+"""Answers in words: the goal stays as it is, or is dropped."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from grounding.answer import Answer
+from grounding.answering import requests_of
+from grounding.describe import describe_object
+from grounding.dialogue.conversation import Conversation
+from grounding.dialogue.fragments import read_description
+from grounding.dialogue.telling import describe_goal, said
+from grounding.language import Reading
+from grounding.query import Query
+from grounding.referent.resolver import resolve
+
+
+def inform(talk: Conversation, text: str, *reasons: str) -> Answer:
+    """Return an answer in words; its goal is the one in force."""
+    goal, question = talk.state.goal, talk.state.question
+    if goal is None:
+        sentence = Reading(Query(text), tokens=talk.read(text).tokens)
+        asked = question.question if question else ""
+        return Answer(status="ok", reading=sentence, scene=talk.scene, reasons=reasons, question=asked)
+    return replace(goal, reading=said(goal.reading, text), reasons=reasons)
+
+
+def tell_goal(talk: Conversation, text: str) -> Answer:
+    """Tell the goal in force."""
+    goal = talk.state.goal
+    if goal is None:
+        return ask_again(talk, text) if talk.state.question else inform(talk, text, "nowhere: no command is set")
+    return inform(talk, text, *describe_goal(goal))
+
+
+def tell_reasons(talk: Conversation, text: str) -> Answer:
+    """Tell the reasons for the goal in force, or for the question."""
+    about = talk.state.question or talk.state.goal
+    if about is None:
+        return inform(talk, text, "no command is set")
+    return inform(talk, text, *(about.reasons or ("it is what the command asks for",)))
+
+
+def ask_again(talk: Conversation, text: str) -> Answer:
+    """Ask the open question again; without one, tell the goal."""
+    question = talk.state.question
+    if question is None:
+        return tell_goal(talk, text) if talk.state.goal else not_understood(talk, text, talk.read(text))
+    status = "ambiguous" if question.question else question.status
+    return replace(question, status=status, reading=said(question.reading, text))
+
+
+def keep(talk: Conversation, text: str) -> Answer:
+    """Acknowledge a sentence that changes nothing."""
+    if talk.state.question is not None and talk.state.question.question:
+        return ask_again(talk, text)
+    answer = not_understood(talk, text, talk.read(text))
+    return answer if talk.state.goal is None else replace(answer, reasons=("the goal stays as it is",))
+
+
+def cancel(talk: Conversation, text: str) -> Answer:
+    """Drop the goal and the question."""
+    had = talk.state.plan or talk.state.question
+    talk.state = replace(talk.state, plan=(), goal=None, question=None)
+    return inform(
+        talk, text, "the command is dropped: no goal is set" if had else "no command to drop: no goal is set"
+    )
+
+
+def look_for(talk: Conversation, text: str, words: str) -> Answer:
+    """Answer whether a vehicle is there; the only one that fits is what "it" refers to then."""
+    reading = read_description(words, talk.antecedent, talk.grounder.read)
+    if reading is None or reading.query.referent is None:
+        return not_understood(talk, text, talk.read(text))
+    found = resolve(Query("", referent=reading.query.referent), talk.scene)
+    here = found.candidates if found.status != "not_found" else ()
+    if found.status == "ok" and here:
+        talk.state = replace(talk.state, focus=(here[0], reading.query.referent))
+    if not here:
+        return inform(talk, text, *found.reasons)
+    return inform(talk, text, *(describe_object(one.item, talk.scene) for one in here))
+
+
+def notice(talk: Conversation, words: str) -> None:
+    """Remember the only vehicle that fits a sentence without a command ("the van"), for "it" in the next one."""
+    reading = read_description(words, talk.antecedent, talk.grounder.read) if not talk.state.question else None
+    if reading is not None and reading.query.referent is not None:
+        found = resolve(Query("", referent=reading.query.referent), talk.scene)
+        if found.status == "ok" and found.candidates:
+            talk.state = replace(talk.state, focus=(found.candidates[0], reading.query.referent))
+
+
+def not_understood(talk: Conversation, text: str, reading: Reading, words: str = "") -> Answer:
+    """Return that a sentence is no command; an open question stays open. A language model may read `words`."""
+    if words:
+        notice(talk, words)
+    reasons = (reading.problem.message, *reading.notes) if reading.problem else reading.notes
+    problem = reading if reading.problem else talk.grounder.read(text, None)[0]
+    question = talk.state.question
+    answer = Answer(
+        status="not_a_command",
+        reading=problem,
+        scene=talk.scene,
+        reasons=reasons,
+        question=question.question if question else "",
+    )
+    checked = talk.grounder.check(words, reading, answer) if words else answer
+    if checked.alternatives:
+        talk.state = replace(talk.state, question=checked, asked=requests_of(checked.reading), at=0)
+    return checked

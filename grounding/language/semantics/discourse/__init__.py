@@ -1,0 +1,1 @@
+"""Discourse: clauses read in order to command frames, mentions and exclusions."""

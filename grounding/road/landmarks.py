@@ -1,0 +1,91 @@
+"""Landmarks of a vector map: where crossings, stop lines, traffic lights, junctions and car parks lie on the road."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from appocc.checks import BoolArray, FloatArray
+from appocc.geometry import apply, inverse
+from appocc.grid import BEVGrid
+from appocc.nuscenes.maps import VectorMap
+from appocc.rasterise import polygon_cover
+from grounding.road.lane_model import Centreline
+
+# Landmarks this far away are taken from a vector map.
+_REACH_M = 80.0
+# An outline crosses a lane where it comes this near to its centreline. Outlines are sampled in these steps.
+_IN_LANE_M, _STEP_M = 1.5, 0.25
+
+
+class Span(NamedTuple):
+    """Where a landmark lies along a lane: along-track distances of its near and its far side."""
+
+    near_m: float
+    far_m: float
+
+
+@dataclass(frozen=True, eq=False)
+class Landmarks:
+    """Landmarks around the ego.
+
+    Attributes:
+        outlines: (K, 2) outlines by kind, ego frame; a kind that the map does not know is missing.
+    """
+
+    outlines: Mapping[str, tuple[FloatArray, ...]] = field(default_factory=dict)
+
+    @classmethod
+    def from_map(cls, vector: VectorMap, world_from_ego: FloatArray) -> Landmarks:
+        """Return the landmarks of a vector map near the ego."""
+        ego_from_world, here = inverse(world_from_ego), world_from_ego[:2, 3]
+        near = vector.near(here - _REACH_M, here + _REACH_M).landmarks
+        return cls(
+            {
+                kind: tuple(apply(ego_from_world, np.pad(one, ((0, 0), (0, 1))))[:, :2] for one in outlines)
+                for kind, outlines in near.items()
+            }
+        )
+
+    def knows(self, kind: str) -> bool:
+        """Return whether the map tells where landmarks of a kind are, or that there is none."""
+        return kind in self.outlines
+
+    def cells(self, grid: BEVGrid, kind: str) -> BoolArray:
+        """Return the cells (X, Y) that are half or more in landmarks of a kind."""
+        found = np.zeros(grid.shape, np.bool_)
+        for outline in self.outlines.get(kind, ()):
+            found |= polygon_cover(grid, outline) >= 0.5
+        return found
+
+    def spans(self, kind: str, lane: Centreline) -> list[Span]:
+        """Return where landmarks of a kind lie along a lane, nearest first; outlines that overlap there are one."""
+        found: list[Span] = []
+        for outline in self.outlines.get(kind, ()):
+            along, lateral = lane.project(_sample(outline))
+            here = (np.abs(lateral) < _IN_LANE_M) & (along > lane.start_m) & (along < lane.end_m + _IN_LANE_M)
+            if here.any():
+                found.append(Span(float(along[here].min()), float(along[here].max())))
+        merged: list[Span] = []
+        for span in sorted(found):
+            if merged and span.near_m <= merged[-1].far_m:
+                before = merged.pop()
+                merged.append(Span(before.near_m, max(before.far_m, span.far_m)))
+            else:
+                merged.append(span)
+        return merged
+
+
+NO_LANDMARKS = Landmarks()
+
+
+def _sample(outline_m: FloatArray) -> FloatArray:
+    """Return points (N, 2) along an outline (K, 2)."""
+    ends = np.roll(outline_m, -1, axis=0)
+    counts = np.ceil(np.hypot(*(ends - outline_m).T) / _STEP_M).astype(np.int64).clip(1)
+    edge = np.repeat(np.arange(len(outline_m)), counts)
+    share = np.concatenate([np.arange(count) / count for count in counts])[:, None]
+    return np.asarray(outline_m[edge] * (1 - share) + ends[edge] * share)
