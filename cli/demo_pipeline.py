@@ -28,8 +28,8 @@ from tracking.pipeline import SceneTracks, track_scene, tracks_folder
 from tracking.visualization.video import draw_frame, write_video
 
 COMMANDS = ("park behind the nearest silver car", "stop behind the nearest car ahead", "stop next to the nearest car")
-# A conversation: a command that fits several cars, the answer to the question, and a change of mind.
-CONVERSATION = ("stop next to the car", "the white one", "a bit further back", "where are you heading?")
+# A conversation: a command that fits several vehicles, the answer to the question, and a change of mind.
+CONVERSATION = ("stop next to the vehicle", "the closer one", "a bit further back", "where are you heading?")
 FRAME, PREDICTED = 6, "predicted"
 
 # Shows the progress of a named step with a number of parts; the block gets a function that advances it.
