@@ -41,6 +41,8 @@ BOX_CHANNELS = (
     "cosine of the heading, not normalised",
     f"velocity along x, {VELOCITY_UNIT_MPS:g} m/s",
     f"velocity along y, {VELOCITY_UNIT_MPS:g} m/s",
+    "sine of twice the heading, not normalised",
+    "cosine of twice the heading, not normalised",
 )
 _INPUT_MEANINGS = {
     IMAGES: "pictures of the cameras in their order; sRGB, red first, 0..1",

@@ -75,5 +75,5 @@ def named_outputs(output: ModelOutput) -> dict[str, Tensor]:
 
 
 def _boxes(objects: ObjectOutput) -> Tensor:
-    """Return (B, 10, X/2, Y/2); `card.BOX_CHANNELS` names the channels."""
-    return torch.cat([objects.offset, objects.height, objects.size, objects.heading, objects.velocity], dim=1)
+    """Return (B, 12, X/2, Y/2); `card.BOX_CHANNELS` names the channels."""
+    return torch.cat(objects[1:], dim=1)

@@ -64,6 +64,7 @@ class ObjectOutput(NamedTuple):
         size: (B, 3, X', Y') logarithms of width, length and height in metres.
         heading: (B, 2, X', Y') sine and cosine of the heading, not normalised.
         velocity: (B, 2, X', Y') velocity over the ground along x and y, in 10 m/s.
+        axis: (B, 2, X', Y') sine and cosine of twice the heading, not normalised: the same for both directions.
     """
 
     centre: Tensor
@@ -72,6 +73,7 @@ class ObjectOutput(NamedTuple):
     size: Tensor
     heading: Tensor
     velocity: Tensor
+    axis: Tensor
 
 
 class ModelOutput(NamedTuple):

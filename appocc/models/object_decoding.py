@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 import torch
+from scipy.spatial.distance import cdist
 from torch.nn import functional
 
 from appocc.bevmap import VEHICLE
 from appocc.checks import BoolArray, Float32Array, FloatArray, IntArray
+from appocc.colours import lab_from_rgb
+from appocc.geometry import wrap_angle
 from appocc.grid import BEVGrid
 from appocc.models.base import VELOCITY_UNIT_MPS, ObjectOutput
 from appocc.objects import KINDS, PEOPLE, BEVObjects
 
 # Peaks below this probability, and all but the highest ones, are no objects.
 LEAST_SCORE, MOST_PEAKS = 0.05, 200
-# Two vehicles are duplicates if their centres are closer than half the smaller width, and at least this distance.
-_DUPLICATE_M = 1.0
 # Sizes of boxes are kept in this range.
 _SMALLEST_M, _LARGEST_M = 0.2, 30.0
 
@@ -30,10 +31,8 @@ def decode_objects(output: ObjectOutput, grid: BEVGrid, seen: BoolArray, moving:
         moving: whether earlier frames were known: velocities are unknown without them.
     """
     half, kind, cell, score = _peaks(output, grid)
-    maps = (output.offset, output.height, output.size, output.heading, output.velocity)
-    values = (
-        torch.cat([each[0].float() for each in maps]).cpu().numpy()[:, cell[:, 0], cell[:, 1]].T.astype(np.float64)
-    )
+    maps = torch.cat([each[0].float() for each in output[1:]]).cpu().numpy()
+    values = maps[:, cell[:, 0], cell[:, 1]].T.astype(np.float64)
     xy = half.centre_of(cell) + values[:, :2] * half.cell_m
     size = np.exp(np.clip(values[:, 3:6], np.log(_SMALLEST_M), np.log(_LARGEST_M)))
     at = grid.cell_of(xy)
@@ -43,12 +42,19 @@ def decode_objects(output: ObjectOutput, grid: BEVGrid, seen: BoolArray, moving:
     return BEVObjects(
         centre_m=np.column_stack([xy, values[:, 2]])[keep],
         size_wlh_m=size[keep],
-        yaw_rad=np.arctan2(values[:, 6], values[:, 7])[keep],
+        yaw_rad=_headings(values[:, 6:8], values[:, 10:12])[keep],
         velocity_mps=values[keep, 8:10] * (VELOCITY_UNIT_MPS if moving else np.nan),
         kind=tuple(KINDS[i] for i in kind[keep]),
         rgb=np.full((int(keep.sum()), 3), np.nan),
         score=score[keep],
     )
+
+
+def _headings(heading: FloatArray, axis: FloatArray) -> FloatArray:
+    """Return headings (K,) along the axis, in the direction that is nearer to `heading`; sines and cosines (K, 2)."""
+    along = np.arctan2(axis[:, 0], axis[:, 1]) / 2
+    ahead = np.sin(along) * heading[:, 0] + np.cos(along) * heading[:, 1] >= 0
+    return wrap_angle(np.where(ahead, along, along + np.pi))
 
 
 def _peaks(output: ObjectOutput, grid: BEVGrid) -> tuple[BEVGrid, IntArray, IntArray, FloatArray]:
@@ -63,12 +69,16 @@ def _peaks(output: ObjectOutput, grid: BEVGrid) -> tuple[BEVGrid, IntArray, IntA
 
 
 def _is_first(xy: FloatArray, width_m: FloatArray, kind: IntArray, among: BoolArray) -> BoolArray:
-    """(K,) objects that no better one duplicates, the best first; people and cyclists only duplicate their kind."""
+    """(K,) objects that no better one duplicates, the best first.
+
+    Two vehicles are duplicates if their bodies would overlap side by side: their centres are closer than the mean of
+    their widths. People and cyclists are duplicates of their own kind only, closer than half the smaller width.
+    """
     group = np.array([i if name in PEOPLE else -1 for i, name in enumerate(KINDS)])[kind]
     first = among.copy()
     for i in range(1, len(xy)):
         near = np.hypot(*(xy[:i] - xy[i]).T)
-        reach = np.maximum(np.minimum(width_m[:i], width_m[i]) / 2, _DUPLICATE_M * (group[i] < 0))
+        reach = (width_m[:i] + width_m[i]) / 2 if group[i] < 0 else np.minimum(width_m[:i], width_m[i]) / 2
         first[i] &= not (first[:i] & (group[:i] == group[i]) & (near < reach)).any()
     return first
 
@@ -76,7 +86,9 @@ def _is_first(xy: FloatArray, width_m: FloatArray, kind: IntArray, among: BoolAr
 def paint_objects(
     objects: BEVObjects, grid: BEVGrid, occupancy: Float32Array, rgb: FloatArray, seen: BoolArray
 ) -> BEVObjects:
-    """Return vehicles with their paint: the mean colour of their seen cells, weighted by vehicle probability.
+    """Return vehicles with their paint: the seen cell whose colour is nearest to all others (medoid in CIELAB).
+
+    Cells weigh the square of their vehicle probability. A mean would mix paint, glass and the ground beside.
 
     Args:
         objects: objects of a map.
@@ -86,9 +98,10 @@ def paint_objects(
         seen: (X, Y) cells that a camera sees.
     """
     owner = objects.vehicle_owner(grid)
-    inside = (owner >= 0) & seen
-    member, weight = owner[inside], occupancy[VEHICLE][inside].astype(np.float64) + 1e-6
-    total = np.bincount(member, weight, len(objects))
-    with np.errstate(invalid="ignore"):
-        paint = np.stack([np.bincount(member, weight * channel[inside], len(objects)) / total for channel in rgb], 1)
+    paint = np.full((len(objects), 3), np.nan)
+    for number in np.unique(owner[(owner >= 0) & seen]).tolist():
+        inside = (owner == number) & seen
+        colours, weight = rgb[:, inside].T, occupancy[VEHICLE][inside].astype(np.float64) ** 2
+        lab = lab_from_rgb(colours)
+        paint[number] = colours[(cdist(lab, lab) @ weight).argmin()]
     return objects.painted(paint)

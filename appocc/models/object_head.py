@@ -15,6 +15,7 @@ from appocc.objects import KINDS
 _PRIOR = 0.01
 # Offset x, y; height of the centre; log width, length, height; sine and cosine of the heading; velocity x, y.
 _SPLIT = [2, 1, 3, 2, 2]
+_AXIS = 2  # sine and cosine of twice the heading
 
 
 class ObjectHead(nn.Module):
@@ -26,11 +27,12 @@ class ObjectHead(nn.Module):
         self.mixed = conv_norm_relu(channels, channels, 3)
         self.centre = nn.Conv2d(channels, len(KINDS), 1)
         self.box = nn.Conv2d(channels, sum(_SPLIT), 1)
+        self.axis = nn.Conv2d(channels, _AXIS, 1)
         nn.init.normal_(self.centre.weight, std=0.01)
         nn.init.constant_(self.centre.bias, -math.log(1 / _PRIOR - 1))  # type: ignore[arg-type]
 
     def forward(self, features: Tensor) -> ObjectOutput:
         """Predict from features (B, C, X', Y')."""
         mixed = self.mixed(features)
-        offset, height, size, heading, velocity = torch.split(self.box(mixed).float(), _SPLIT, dim=1)
-        return ObjectOutput(self.centre(mixed).float(), offset, height, size, heading, velocity)
+        box = torch.split(self.box(mixed).float(), _SPLIT, dim=1)
+        return ObjectOutput(self.centre(mixed).float(), *box, self.axis(mixed).float())

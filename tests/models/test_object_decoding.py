@@ -35,7 +35,7 @@ def perfect_heads(objects: BEVObjects) -> ObjectOutput:
     rows = torch.from_numpy(rows_of(objects)).float()[None]
     targets = object_targets(rows, HALF)
     centre = torch.where(targets.heat == 1, 3.0, torch.logit((0.3 * targets.heat).clamp(min=1e-4)))
-    return ObjectOutput(centre, *torch.split(targets.box.nan_to_num(nan=0.0), [2, 1, 3, 2, 2], dim=1))
+    return ObjectOutput(centre, *torch.split(targets.box.nan_to_num(nan=0.0), [2, 1, 3, 2, 2, 2], dim=1))
 
 
 def decode(output: ObjectOutput, seen: BoolArray = SEEN, moving: bool = True) -> BEVObjects:
@@ -96,7 +96,7 @@ def test_no_objects_have_no_paint() -> None:
 # Paint ------------------------------------------------------------------------------------------------------------
 
 
-def test_paint_is_the_mean_of_the_seen_cells_by_their_probability() -> None:
+def test_paint_is_the_colour_of_a_seen_cell_by_the_probabilities() -> None:
     car = made_object("car", 4.2, 0.2, size_wlh_m=(2.0, 4.4, 1.5))
     occupancy, rgb = grey_map()
     owner = car.vehicle_owner(GRID) == 0
@@ -127,9 +127,10 @@ def test_people_have_no_paint_and_take_none_from_a_car() -> None:
     [
         ("car", "truck", 0.3, 1),
         ("car", "motorcycle", 0.9, 1),
-        ("bus", "truck", 1.1, 1),  # less than half a width
+        ("bus", "truck", 1.1, 1),
         ("car", "car", 2.0, 2),
-        ("car", "truck", 2.0, 2),
+        ("car", "truck", 1.9, 1),  # their bodies would overlap
+        ("car", "truck", 2.8, 2),
         ("car", "bicycle", 0.3, 2),
         ("car", "pedestrian", 0.0, 2),
         ("bicycle", "pedestrian", 0.2, 2),
@@ -173,7 +174,7 @@ def test_centres_that_lie_outside_are_left_out() -> None:
 
 def quiet_heads() -> ObjectOutput:
     """Head outputs that say nothing; their boxes are those of cars of a metre."""
-    shapes = [len(KINDS), 2, 1, 3, 2, 2]
+    shapes = [len(KINDS), 2, 1, 3, 2, 2, 2]
     output = ObjectOutput(*(torch.zeros(1, n, *HALF.shape) for n in shapes))
     return output._replace(centre=torch.full_like(output.centre, -9.0))
 
@@ -213,6 +214,19 @@ def test_random_and_extreme_heads_give_objects_that_can_be(value: float) -> None
     assert found.size_wlh_m.min() >= 0.2 - 1e-9
     assert found.size_wlh_m.max() <= 30 + 1e-9
     assert GRID.contains(GRID.cell_of(found.centre_m[:, :2])).all()
+
+
+@pytest.mark.parametrize(
+    ("heading_deg", "axis_deg", "expected_deg"), [(100, 30, 30), (130, 30, -150), (-90, 80, -100)]
+)
+def test_the_heading_lies_along_the_axis_in_the_nearer_direction(
+    heading_deg: float, axis_deg: float, expected_deg: float
+) -> None:
+    output = quiet_heads()
+    output.centre[0, 0, 5, 5] = 4.0
+    for name, angle in (("heading", np.radians(heading_deg)), ("axis", np.radians(2 * axis_deg))):
+        getattr(output, name)[0, :, 5, 5] = 0.3 * torch.tensor([np.sin(angle), np.cos(angle)])
+    np.testing.assert_allclose(np.degrees(decode(output).yaw_rad), [expected_deg], atol=1e-4)
 
 
 def test_the_unit_of_velocities() -> None:

@@ -23,11 +23,11 @@ from appocc.training.object_losses import ObjectTargets, box_loss, centre_loss, 
 GRID = BEVGrid(-8, 8, -4.8, 4.8, 0.4)
 HALF = GRID.halved()
 CAR, PEDESTRIAN = KINDS.index("car"), KINDS.index("pedestrian")
-PARTS = [2, 1, 3, 2, 2]
+PARTS = [2, 1, 3, 2, 2, 2]
 
 
 def output_of(box: Tensor, centre: Tensor | None = None) -> ObjectOutput:
-    """Head outputs with these box values (B, 10, X', Y')."""
+    """Head outputs with these box values (B, 12, X', Y')."""
     centre = torch.zeros(len(box), len(KINDS), *box.shape[2:]) if centre is None else centre
     return ObjectOutput(centre, *torch.split(box, PARTS, dim=1))
 
@@ -44,7 +44,8 @@ def decoded(targets: ObjectTargets, i: int, j: int) -> dict[str, Any]:
         "z": values[2],
         "wlh": np.exp(values[3:6]),
         "yaw": math.atan2(values[6], values[7]),
-        "velocity": values[8:] * VELOCITY_UNIT_MPS,
+        "velocity": values[8:10] * VELOCITY_UNIT_MPS,
+        "axis": math.atan2(values[10], values[11]),
     }
 
 
@@ -83,6 +84,7 @@ def test_box_targets_decode_to_the_object_from_every_cell_near_it() -> None:
         assert found["z"] == pytest.approx(1.1)
         np.testing.assert_allclose(found["wlh"], [1.9, 4.7, 1.5], rtol=1e-5)
         assert found["yaw"] == pytest.approx(2.5, abs=1e-5)
+        assert found["axis"] == pytest.approx(5.0 - 2 * math.pi, abs=1e-5)
         np.testing.assert_allclose(found["velocity"], [-7.0, 3.0], rtol=1e-5)
 
 
@@ -137,11 +139,18 @@ def test_guesses_beside_a_centre_cost_less_than_far_away() -> None:
     assert centre_loss(base, targets) < centre_loss(near, targets) < centre_loss(far, targets)
 
 
+def test_kinds_other_than_cars_weigh_twice() -> None:
+    car, pedestrian = (object_targets(batch_of([row(kind, 0.4, 0.4)]), HALF) for kind in ("car", "pedestrian"))
+    missed = [-9.0 * targets.heat + 9.0 * (targets.heat - 1) for targets in (car, pedestrian)]
+    losses = [centre_loss(logits, targets) for logits, targets in zip(missed, (car, pedestrian), strict=True)]
+    assert_rounded(losses[1], 2 * losses[0], car.heat.numel(), 40.0)
+
+
 def test_boxes_are_lowest_at_the_truth() -> None:
     targets = object_targets(batch_of([row("car", 2, 1, yaw=1.0, velocity=(5, 0))], [row("bus", 0, 0)]), HALF)
     true = true_boxes(targets)
     assert float(box_loss(output_of(true), targets)) == 0
-    for channel in range(10):
+    for channel in range(12):
         wrong = true.clone()
         wrong[:, channel] += 0.5
         assert_rounded(box_loss(output_of(wrong), targets), 0.5, 64, 16.0)
@@ -155,7 +164,7 @@ def test_boxes_are_lowest_at_the_truth() -> None:
 def test_unknown_velocities_are_ignored() -> None:
     targets = object_targets(batch_of([row("car", 2, 1, velocity=(math.nan, math.nan))]), HALF)
     box = true_boxes(targets)
-    box[:, 8:] = 3.0
+    box[:, 8:10] = 3.0
     box.requires_grad_()
     loss = box_loss(output_of(box), targets)
     torch.autograd.backward(loss)
@@ -210,7 +219,7 @@ def test_paint_of_unknown_colour_or_without_cells_does_not_count() -> None:
 def test_no_objects_at_all_are_finite_and_cost_almost_nothing() -> None:
     objects = batch_of([], [])
     centre = torch.full((2, len(KINDS), *HALF.shape), -9.0, requires_grad=True)
-    box, colour = torch.zeros(2, 10, *HALF.shape, requires_grad=True), torch.zeros(2, 3, *GRID.shape)
+    box, colour = torch.zeros(2, 12, *HALF.shape, requires_grad=True), torch.zeros(2, 3, *GRID.shape)
     logits = torch.zeros(2, 3, *GRID.shape)
     terms = compute_losses(
         ModelOutput(logits, colour, None, output_of(box, centre)), truth(objects), LossConfig(), GRID
@@ -233,7 +242,7 @@ def test_losses_and_gradients_of_samples_with_fewer_objects_are_finite() -> None
     objects = batch_of([row("car", -2, 1), *few, row("bicycle", 7.9, 4.7)], few, [])
     owner = torch.zeros(3, *GRID.shape, dtype=torch.int64)
     owner[1, 5:8] = 1
-    parts = [torch.zeros(3, n, *shape) for n, shape in ((3, GRID.shape), (6, HALF.shape), (10, HALF.shape))]
+    parts = [torch.zeros(3, n, *shape) for n, shape in ((3, GRID.shape), (6, HALF.shape), (12, HALF.shape))]
     colour, centre, box = (part.requires_grad_() for part in parts)
     output = ModelOutput(torch.zeros(3, 3, *GRID.shape), colour, None, output_of(box, centre))
     total = compute_losses(output, truth(objects, owner), LossConfig(), GRID).total(LossConfig())
@@ -253,7 +262,7 @@ def test_weights_of_the_object_losses_count() -> None:
         torch.zeros(1, 3, *GRID.shape),
         torch.zeros(1, 3, *GRID.shape),
         None,
-        output_of(torch.zeros(1, 10, *HALF.shape)),
+        output_of(torch.zeros(1, 12, *HALF.shape)),
     )
     terms = compute_losses(output, truth(objects, owner), LossConfig(), GRID)
     nothing = LossConfig(centre=0, box=0, paint=0)
