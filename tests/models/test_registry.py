@@ -90,4 +90,4 @@ def test_outputs_follow_the_parts(parts: Parts) -> None:
         assert output.memory.shape[0] == 2
         assert output.memory.shape[2:] == (8, 8)
     if output.objects is not None:
-        assert [each.shape for each in output.objects] == [(2, n, 8, 8) for n in (6, 2, 1, 3, 2, 2)]
+        assert [each.shape for each in output.objects] == [(2, n, 8, 8) for n in (6, 2, 1, 3, 2, 2, 2)]
