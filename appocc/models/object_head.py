@@ -34,5 +34,6 @@ class ObjectHead(nn.Module):
     def forward(self, features: Tensor) -> ObjectOutput:
         """Predict from features (B, C, X', Y')."""
         mixed = self.mixed(features)
-        box = torch.split(self.box(mixed).float(), _SPLIT, dim=1)
-        return ObjectOutput(self.centre(mixed).float(), *box, self.axis(mixed).float())
+        offset, height, size, heading, velocity = torch.split(self.box(mixed).float(), _SPLIT, dim=1)
+        centre, axis = self.centre(mixed).float(), self.axis(mixed).float()
+        return ObjectOutput(centre, offset, height, size, heading, velocity, axis)
