@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from asking import parse_summary
 
-from grounding.language import parse
+from grounding.language import parse, parse_all
 
 SENTENCES = {
     # Self-repairs.
@@ -104,3 +104,10 @@ def test_phrases_for_the_next_vehicle_in_our_lane(text: str, in_line: bool) -> N
     referent = parse(text).query.referent
     assert referent is not None
     assert referent.in_line is in_line
+
+
+@pytest.mark.parametrize(
+    "text", ["CJR0MANING0LFT0LEF", "stop behind the car turning left left", "car moving left right"]
+)
+def test_a_second_direction_of_a_turning_vehicle_is_ignored(text: str) -> None:
+    assert parse_all(text)

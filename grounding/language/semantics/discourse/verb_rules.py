@@ -210,7 +210,7 @@ def handle_direction(state: DiscourseState, token: Token) -> None:
         state.negated = False
         state.open_phrase = host if host is not None and host.kind else None
     elif host is not None and host.kind == "vehicle" and host.postmodifiers[-1:] in (["turning"], ["moving"]):
-        if token.value in ("left", "right"):
+        if token.value in ("left", "right") and host.postmodifiers[-1] in host.qualifiers:  # not a second direction
             host.qualifiers[host.qualifiers.index(host.postmodifiers[-1])] = f"turning_{token.value}"
     elif state.event_stated or state.in_relative_clause:
         return  # "the van that is indicating left"
