@@ -12,7 +12,7 @@ import numpy as np
 from appocc.boxes import is_vehicle
 from appocc.environment import Environment, inspect_environment
 from appocc.errors import AppoccError
-from appocc.levelling import GROUND_RANGE_M, ego_from_level
+from appocc.levelling import ego_from_level
 from appocc.nuscenes import Dataset, Scene
 from appocc.nuscenes.problem import Problem
 from appocc.nuscenes.validate import ProgressBar, no_progress, validate
@@ -155,9 +155,8 @@ def _scene_tilt_deg(dataset: Dataset, scene: Scene) -> float | None:
             boxes = dataset.frame(samples[i], images=False).boxes_ego
             if boxes is None:
                 continue
-            near = np.hypot(*boxes.centre_m[:, :2].T) < GROUND_RANGE_M
-            near &= np.array([is_vehicle(name) for name in boxes.category], np.bool_)
-            grounds.append(boxes.centre_m[near] - np.outer(boxes.size_wlh_m[near, 2] / 2, [0.0, 0.0, 1.0]))
+            vehicles = boxes.select(np.flatnonzero([is_vehicle(name) for name in boxes.category]))
+            grounds.append(vehicles.centre_m - np.outer(vehicles.size_wlh_m[:, 2] / 2, [0.0, 0.0, 1.0]))
     except AppoccError:
         return None  # the findings say what is wrong
     level = ego_from_level(np.concatenate(grounds))

@@ -12,8 +12,8 @@ from scipy.optimize import least_squares
 from appocc.checks import FloatArray, check_shape
 from appocc.geometry import transform
 
-# What stands within this distance stands on the ground that an ego frame is level with.
-GROUND_RANGE_M = 30.0
+# Ground beyond this distance may have another slope.
+_RANGE_M = 30.0
 # Ground points needed, and how far they must spread along each axis (standard deviation, metres).
 _LEAST_POINTS, _LEAST_SPREAD_M = 10, 3.0
 # Residuals beyond this count less (Cauchy loss), metres; a steeper plane is no ground, radians.
@@ -24,7 +24,8 @@ def ego_from_level(ground_m: FloatArray) -> FloatArray | None:
     """Return the pose (4, 4) of a level frame on the ground, below the origin; x keeps its heading.
 
     Args:
-        ground_m: (N, 3) points on the ground in the ego frame, metres, x forward, z up; some may lie beside it.
+        ground_m: (N, 3) points on the ground in the ego frame, metres, x forward, z up; those within 30 m
+            are used, and some may lie beside the ground.
 
     Returns:
         The pose in the ego frame; None if the points are too few or too close together, or do not lie on a plane
@@ -34,6 +35,7 @@ def ego_from_level(ground_m: FloatArray) -> FloatArray | None:
         ShapeError: if the points have another shape.
     """
     check_shape("ground points", ground_m, (None, 3))
+    ground_m = ground_m[np.hypot(ground_m[:, 0], ground_m[:, 1]) < _RANGE_M]
     if len(ground_m) < _LEAST_POINTS or min(ground_m[:, :2].std(axis=0)) < _LEAST_SPREAD_M:
         return None
     terms = np.column_stack([ground_m[:, :2], np.ones(len(ground_m))])

@@ -160,7 +160,7 @@ class Query:
             None if none is named (the first branch, one lane).
         manoeuvre: how to drive, if the verb says more than the action: onward, back, creep, or what is refused.
         unresolved: the pronoun or "one" that stands for the referent and has no antecedent; '' if there is none.
-        sought: what is said of it ("the red one": a red vehicle); None without a description.
+        sought: description of the unresolved referent ("the red one": a red vehicle); None without one.
     """
 
     command: str

@@ -12,7 +12,7 @@ from appocc.boxes import Boxes, is_vehicle
 from appocc.checks import ByteArray, FloatArray
 from appocc.files import read_image, write_bytes, write_image
 from appocc.geometry import apply, interpolate_pose, inverse, mean_pose, quaternion_from_yaw, transform
-from appocc.levelling import GROUND_RANGE_M, ego_from_level
+from appocc.levelling import ego_from_level
 from appocc.nuscenes.dataset import LIDAR
 from appocc.nuscenes.lidar import write_lidar
 from appocc.nuscenes.writer import CATEGORIES, Annotation, Writer, token_of
@@ -79,9 +79,7 @@ def old_from_new_ego(recording: Recording) -> FloatArray:
         centres = np.array([box.centre_world_m for box in vehicles]).reshape(-1, 3)
         heights = np.array([box.size_lwh_m[2] for box in vehicles])
         bottoms.append(apply(inverse(frame.world_from_ego), centres - np.outer(heights / 2, [0.0, 0.0, 1.0])))
-    ground = np.concatenate(bottoms)
-    near = np.hypot(ground[:, 0], ground[:, 1]) < GROUND_RANGE_M
-    level = ego_from_level(ground[near])
+    level = ego_from_level(np.concatenate(bottoms))
     return transform(np.eye(3), [0.0, 0.0, -EGO_HEIGHT_M]) if level is None else level
 
 

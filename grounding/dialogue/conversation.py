@@ -24,7 +24,7 @@ _MAX_EARLIER = 8
 
 
 class Conversation:
-    """What was said so far, with the grounder that answers it."""
+    """State of a conversation, and the grounder that answers its sentences."""
 
     def __init__(self, grounder: Grounder) -> None:
         """Begin without a goal and without a question."""
