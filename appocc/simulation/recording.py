@@ -43,6 +43,7 @@ from appocc.simulation.truth.objects import ActorBoxes, category_indices, count_
 from appocc.simulation.truth.occupancy import exact_occupancy
 from appocc.simulation.truth.visibility import visible_shares
 from appocc.simulation.variation.scene import SceneVariation, draw_variation
+from appocc.simulation.variation.slope import lean_scenery
 from appocc.simulation.variation.traffic import vary_traffic
 
 VERSION, SOURCE = "v1.0-simulation", "exact"
@@ -179,6 +180,7 @@ class _Recorder:
             self._calibration[LIDAR] = writer.add_sensor(scenario.name, LIDAR, EGO_FROM_LIDAR)
         self._painted: set[str] = set()
         simulation.renderer.set_look(self._variation.look)
+        simulation.renderer.set_scenery(lean_scenery(simulation.town.solid, self._variation.slope))
 
     def _draw_variation(self) -> SceneVariation:
         seed, rig = self._scenario.random_seed, self._recording.rig

@@ -52,6 +52,7 @@ class Renderer:
         """Prepare everything that depends on the town alone."""
         self._town = town
         self._look: Look | None = None
+        self._scenery = town.solid
         self.tracer = Tracer(town.solid)
         self._buffers = SceneBuffers(town.solid)
         self._texture = build_texture(town.ground)
@@ -77,6 +78,14 @@ class Renderer:
             self._texture = build_texture(ground)
             self._buffers.set_town_tints(tint)
         self._look = look
+
+    def set_scenery(self, solid: Mesh) -> None:
+        """Move the static scenery for the next scenes: a mesh with the faces of the town's."""
+        if solid is self._scenery:
+            return
+        with self.profile.stage("look"):
+            self.tracer.set_solid(solid)
+        self._scenery = solid
 
     def set_scene(
         self, actors: Mesh, lights: ByteArray, signals: ByteArray, weather: Weather, ego: EgoBody | None

@@ -34,12 +34,16 @@ class Hits:
 
 
 class Tracer:
-    """Traces rays in the town frame; the actors' mesh is replaced for every scene, the town's is permanent."""
+    """Traces rays in the town frame; the actors' mesh is replaced for every frame."""
 
     def __init__(self, solid: Mesh) -> None:
         """Build the search tree of the static scenery."""
-        self._solid = build_scene(solid)
+        self.set_solid(solid)
         self._actors: RayScene | None = None
+
+    def set_solid(self, solid: Mesh) -> None:
+        """Replace the static scenery by one with the same faces."""
+        self._solid = build_scene(solid)
 
     def set_actors(self, actors: Mesh) -> None:
         """Replace the actors."""

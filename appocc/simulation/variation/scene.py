@@ -13,6 +13,7 @@ from appocc.simulation.rendering.look import Look
 from appocc.simulation.rendering.weather import Weather
 from appocc.simulation.variation.light import vary_weather
 from appocc.simulation.variation.materials import draw_look
+from appocc.simulation.variation.slope import Slope, draw_slope
 
 # Share of the scenes that keep the rig, the town's materials, and the weather as they are, each on its own.
 _KEPT_RIGS, _KEPT_LOOKS, _KEPT_WEATHERS = 1 / 3, 0.2, 0.2
@@ -28,12 +29,14 @@ class SceneVariation:
         weather: light and atmosphere.
         rare_paints: share of the vehicles whose colour word is drawn uniformly instead of by real-world shares.
         look: materials of the town, None as built.
+        slope: of the ground relative to gravity along x and y of the town.
     """
 
     rig: CameraRig
     weather: Weather
     rare_paints: float = 0.0
     look: Look | None = None
+    slope: Slope = (0.0, 0.0)
 
 
 def draw_variation(rig: CameraRig, weather: Weather, seed: Sequence[int]) -> SceneVariation:
@@ -47,10 +50,11 @@ def draw_variation(rig: CameraRig, weather: Weather, seed: Sequence[int]) -> Sce
     random = np.random.default_rng(seed)
     keep_rig, keep_look, keep_weather = random.random(3) < [_KEPT_RIGS, _KEPT_LOOKS, _KEPT_WEATHERS]
     # Each part has its own stream, so that a change of one leaves the others.
-    rigs, lights, looks = random.spawn(3)
+    rigs, lights, looks, slopes = random.spawn(4)
     return SceneVariation(
         rig=rig if keep_rig else vary_rig(rig, rigs),
         weather=weather if keep_weather else vary_weather(weather, lights),
         rare_paints=_RARE_PAINTS,
         look=None if keep_look else draw_look(looks),
+        slope=draw_slope(slopes),
     )
