@@ -25,6 +25,7 @@ class Frame:
             time of the sample, so that `world_from_ego @ ego_from_cam` is the camera's pose when it took the image.
         images: channel -> (H, W, 3) uint8 RGB, shared with the caller; a camera without an image is missing.
         boxes_ego: annotated boxes in the ego frame; None if the scene is not annotated.
+        ego_from_level: (4, 4) pose of a level frame on the ground (`appocc.levelling`); None: the ego frame is level.
     """
 
     token: str
@@ -33,6 +34,7 @@ class Frame:
     rig: CameraRig
     images: Mapping[str, ByteArray]
     boxes_ego: Boxes | None = None
+    ego_from_level: FloatArray | None = None
 
     def __post_init__(self) -> None:
         """Check pose and images.
@@ -42,6 +44,9 @@ class Frame:
         """
         check_transform("world_from_ego", self.world_from_ego)
         freeze_arrays(self, "world_from_ego")
+        if self.ego_from_level is not None:
+            check_transform("ego_from_level", self.ego_from_level)
+            freeze_arrays(self, "ego_from_level")
         object.__setattr__(self, "images", dict(self.images))
         for channel, image in self.images.items():
             if channel not in self.rig.channels:

@@ -116,11 +116,13 @@ def _line(name: str, parts: Parts) -> str:
 # Of datasets ------------------------------------------------------------------------------------------------------
 
 
-def sample_parts(dataset: Dataset, sample: Sample) -> dict[str, str]:
-    """Inputs of the prediction of a sample."""
+def sample_parts(dataset: Dataset, sample: Sample, level: bool) -> dict[str, str]:
+    """Inputs of the prediction of a sample; with `level`, the LiDAR sweep is one."""
     data = list(dataset.data(sample).values())
     pictures = [each for each in data if each.modality == "camera"]
-    return {"pictures": _files(dataset, pictures), "calibration": _mounting(dataset, data, [sample])}
+    sweeps = [each for each in data if each.channel == LIDAR]
+    found = {"pictures": _files(dataset, pictures), "calibration": _mounting(dataset, data, [sample])}
+    return {**found, "sweep": _files(dataset, sweeps)} if level and sweeps else found
 
 
 def scene_parts(dataset: Dataset, scene: Scene) -> dict[str, str]:

@@ -34,6 +34,10 @@ def infer(
     scene: Annotated[str | None, typer.Option("--scene", help="Only this scene of ROOT.")] = None,
     weights: Annotated[Path | None, typer.Option(help="Weights file; default: the shipped weights.")] = None,
     rig: RigOption = None,
+    level: Annotated[
+        bool,
+        typer.Option(help="Level the cameras with the ground in the LiDAR sweeps of ROOT, where it has any."),
+    ] = True,
     detections: Annotated[
         Path | None,
         typer.Option("--detections", help="Also write the objects of all key frames as nuScenes detection results."),
@@ -43,7 +47,8 @@ def infer(
 ) -> None:
     """Predict BEV maps (occupancy and colour) from camera images, with a picture of each; resumable.
 
-    A camera without a readable image is left out of the rig.
+    A camera without a readable image is left out of the rig. A LiDAR, if there is one, only tells how the ground is
+    tilted; the network sees images.
 
     Example: appocc infer ROOT --scene S --weights F --out ROOT/bev/mine
     """
@@ -52,7 +57,7 @@ def infer(
     from appocc.inference.loading import load_predictor
     from appocc.inference.run import PICTURES, InferenceRun
 
-    run = InferenceRun(inputs_of(source, rig, scene, version), load_predictor(weights), out, detections)
+    run = InferenceRun(inputs_of(source, rig, scene, version, level), load_predictor(weights), out, detections)
     start = time.monotonic()
     summary = execute(run)
     seconds = time.monotonic() - start
@@ -71,7 +76,9 @@ def infer(
         say(f"{detections}: detections of {summary.made + summary.kept} key frames")
 
 
-def inputs_of(source: Path, rig: str | None, scene: str | None, version: str | None) -> list[InferenceInput]:
+def inputs_of(
+    source: Path, rig: str | None, scene: str | None, version: str | None, level: bool = True
+) -> list[InferenceInput]:
     """Return the inference inputs of a dataset, or of a folder of images if a rig is named.
 
     Raises:
@@ -90,7 +97,7 @@ def inputs_of(source: Path, rig: str | None, scene: str | None, version: str | N
         return folder_inputs(source, read_rig(rig))
     dataset = Dataset(source, version)
     scenes = [dataset.scene(scene)] if scene else dataset.scenes
-    inputs = dataset_inputs(dataset, scenes)
+    inputs = dataset_inputs(dataset, scenes, level)
     say_empty(dataset, scenes)
     return inputs
 

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from appocc.checks import FloatArray
 from appocc.errors import ShapeError
 from appocc.geometry import apply, inverse
-from appocc.levelling import ego_from_level
+from appocc.levelling import ego_from_level, is_level, lowest_points
 
 BELOW_M = np.array([0.0, 0.0, -0.4])
 
@@ -70,3 +70,43 @@ def test_without_a_ground_there_is_no_level_frame(points_m: FloatArray) -> None:
 def test_points_have_three_coordinates() -> None:
     with pytest.raises(ShapeError, match="ground points"):
         ego_from_level(np.zeros((30, 2)))
+    with pytest.raises(ShapeError, match="points"):
+        lowest_points(np.zeros((30, 2)))
+
+
+def street() -> FloatArray:
+    """LiDAR points of a street: ground with a hole, a row of cars, a wall, reflections below, and the ego's roof."""
+    rng = np.random.default_rng(5)
+    plane = np.column_stack([rng.uniform(-35, 35, (6000, 2)), rng.normal(0, 0.03, 6000)])
+    plane = plane[np.abs(plane[:, 1] - 5) > 1]  # below the cars
+    cars = np.column_stack([rng.uniform(-30, 30, 1500), rng.uniform(4, 6, 1500), rng.uniform(0.3, 1.6, 1500)])
+    wall = np.column_stack([rng.uniform(-30, 30, 1500), np.full(1500, -9.5), rng.uniform(0, 8, 1500)])
+    below = np.column_stack([rng.uniform(-20, 20, (40, 2)), rng.uniform(-20, -8, 40)])
+    roof = np.column_stack([rng.uniform(-1, 2, (400, 2)), np.full(400, 1.7)])
+    return np.concatenate([plane, cars, wall, below, roof])
+
+
+def test_the_lowest_points_are_one_a_square_metre_and_hold_the_ground() -> None:
+    points = lowest_points(street())
+    cells = np.floor(points[:, :2])
+    assert len(np.unique(cells, axis=0)) == len(points)
+    assert (np.abs(points[:, 2]) < 0.15).mean() > 0.8
+    assert np.hypot(*points[:, :2].T).min() > 2.9
+
+
+@pytest.mark.parametrize(("roll_deg", "pitch_deg"), [(0, 0), (2, 0), (-1, 3), (4, -2)])
+def test_a_lidar_sees_the_tilt_of_the_street(roll_deg: float, pitch_deg: float) -> None:
+    pose = ego_from_level(lowest_points(tilted(street(), roll_deg, pitch_deg) - BELOW_M))
+    assert pose is not None
+    wanted = Rotation.from_euler("xy", [roll_deg, pitch_deg], degrees=True).as_matrix()[:, 2]
+    assert np.degrees(np.arccos(min(1.0, float(pose[:3, 2] @ wanted)))) < 0.2
+    assert pose[2, 3] == pytest.approx(0.4, abs=0.06)
+
+
+def test_what_no_map_shows_is_level() -> None:
+    assert is_level(np.eye(4))
+    for roll_deg, height_m, expected in ((0.1, 0.0, True), (0.4, 0.0, False), (0.0, 0.02, True), (0.0, -0.05, False)):
+        pose = np.eye(4)
+        pose[:3, :3] = Rotation.from_euler("x", roll_deg, degrees=True).as_matrix()
+        pose[2, 3] = height_m
+        assert is_level(pose) is expected

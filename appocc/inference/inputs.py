@@ -16,8 +16,10 @@ from appocc.ego_vehicle import EgoVehicle
 from appocc.errors import DataError
 from appocc.files import plain_name, read_image
 from appocc.frame import Frame
-from appocc.nuscenes.dataset import Dataset
-from appocc.nuscenes.records import Sample, Scene
+from appocc.geometry import apply, inverse
+from appocc.levelling import ego_from_level, is_level, lowest_points
+from appocc.nuscenes.dataset import LIDAR, Dataset
+from appocc.nuscenes.records import Sample, SampleData, Scene
 from appocc.provenance import Parts, digest, sample_parts, state_of
 from appocc.typing import PathLike
 
@@ -58,8 +60,13 @@ class InferenceInput(NamedTuple):
     drive: str = ""
 
 
-def dataset_inputs(dataset: Dataset, scenes: Sequence[Scene]) -> list[InferenceInput]:
+def dataset_inputs(dataset: Dataset, scenes: Sequence[Scene], level: bool = True) -> list[InferenceInput]:
     """Return the key frames of scenes.
+
+    Args:
+        dataset: dataset in the nuScenes schema.
+        scenes: scenes of the dataset.
+        level: whether the frames are levelled with the ground in the LiDAR sweep, where a sample has one.
 
     Raises:
         DataError: if there are none.
@@ -68,7 +75,8 @@ def dataset_inputs(dataset: Dataset, scenes: Sequence[Scene]) -> list[InferenceI
     for scene in scenes:
         name = plain_name(dataset.root, scene.name)
         for number, sample in enumerate(dataset.samples(scene)):
-            read, parts = partial(_read_sample, dataset, sample), partial(sample_parts, dataset, sample)
+            read = partial(_read_sample, dataset, sample, level)
+            parts = partial(sample_parts, dataset, sample, level)
             token, title = plain_name(dataset.root, sample.token), f"{name}-{number:04d}"
             inputs.append(InferenceInput(token, title, read, parts, partial(dataset.world_from_ego, sample), name))
     if not inputs:
@@ -99,12 +107,28 @@ def folder_inputs(folder: PathLike, rig: CameraRig) -> list[InferenceInput]:
     ]
 
 
-def _read_sample(dataset: Dataset, sample: Sample) -> LoadedFrame:
+def _read_sample(dataset: Dataset, sample: Sample, level: bool) -> LoadedFrame:
     frame = dataset.frame(sample, images=False)
     files = dataset.data(sample)
     paths = {camera.channel: dataset.path(files[camera.channel]) for camera in frame.rig}
     images, missing = _read_images(frame.rig, paths)
-    return LoadedFrame(replace(frame, images=images, boxes_ego=None), missing)
+    pose = _ego_from_level(dataset, files[LIDAR], frame.world_from_ego) if level and LIDAR in files else None
+    return LoadedFrame(replace(frame, images=images, boxes_ego=None, ego_from_level=pose), missing)
+
+
+def _ego_from_level(dataset: Dataset, sweep: SampleData, world_from_ego: FloatArray) -> FloatArray | None:
+    """Return the pose of the level frame on the ground that a LiDAR sees; None if it is the ego frame, or unknown.
+
+    Recordings without the files of their LiDAR are usual.
+
+    Raises:
+        DataError: if the file is damaged.
+    """
+    if not dataset.path(sweep).is_file():
+        return None
+    ego_from_lidar = inverse(world_from_ego) @ dataset.world_from_ego_at(sweep) @ dataset.ego_from_sensor(sweep)
+    pose = ego_from_level(lowest_points(apply(ego_from_lidar, dataset.lidar(sweep)[:, :3])))
+    return None if pose is None or is_level(pose) else pose
 
 
 def _read_folder(folder: Path, rig: CameraRig) -> LoadedFrame:

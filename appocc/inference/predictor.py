@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,6 +15,7 @@ from appocc.camera import Camera, CameraRig
 from appocc.checks import BoolArray, FloatArray
 from appocc.errors import DataError
 from appocc.frame import Frame
+from appocc.geometry import apply, inverse
 from appocc.models.base import BEVModel, ViewTransformPlan
 from appocc.models.input_images import fit_image, select_channels
 from appocc.models.memory import Past, ground_motion, is_linked
@@ -67,8 +68,9 @@ class Predictor:
     """Predict the maps of a drive, one frame at a time.
 
     For a network with memory, pass the frames in order of time and call `reset` before another drive. A break in time
-    or a jump of the pose resets the memory. The view-transform plan is reused while the
-    rig stays the same.
+    or a jump of the pose resets the memory. The view-transform plan is reused while the rig stays the same. The
+    network sees the cameras in the level frame of the ground; boxes are returned in the ego frame, which differs from
+    it by a tilt of a few degrees at most, and the cells of the map in that of the ground.
     """
 
     def __init__(self, model: BEVModel, weights: Weights, device: torch.device) -> None:
@@ -96,7 +98,7 @@ class Predictor:
         """
         spec = self.model.spec
         stacked, rig = stack_images(frame, spec)
-        plan = self._plan(rig)
+        plan = self._plan(_levelled(rig, frame.ego_from_level))
         images = stacked.to(self._device).float()[None] / 255
         past = self._past(frame)
         with torch.inference_mode():
@@ -115,6 +117,8 @@ class Predictor:
             objects = decode_objects(output.objects, spec.grid, seen, moving=past is not None)
             if colour is not None:
                 objects = paint_objects(objects, spec.grid, occupancy, rgb, seen)
+            if frame.ego_from_level is not None:
+                objects = replace(objects, centre_m=apply(frame.ego_from_level, objects.centre_m))
         known, coloured = np.broadcast_to(seen, (3, *shape)).copy(), seen & (colour is not None)
         meta = self._meta(frame, list(rig.channels))
         bev = BEVMap(spec.grid, occupancy, known, rgb.round().astype(np.uint8), coloured, meta, objects)
@@ -144,9 +148,18 @@ class Predictor:
             **({"object_threshold": self.weights.object_threshold} if self.model.parts.objects else {}),
             "setting": self.model.spec.name,
             "cameras": channels,
+            **({} if frame.ego_from_level is None else {"ego_from_level": frame.ego_from_level.round(5).tolist()}),
             "token": frame.token,
             "timestamp_us": frame.timestamp_us,
         }
+
+
+def _levelled(rig: CameraRig, ego_from_level: FloatArray | None) -> CameraRig:
+    """Return a rig with the camera poses in the level frame of the ground."""
+    if ego_from_level is None:
+        return rig
+    turn = inverse(ego_from_level)
+    return rig.with_cameras(replace(camera, ego_from_cam=turn @ camera.ego_from_cam) for camera in rig)
 
 
 def stack_images(frame: Frame, spec: ModelSpec) -> tuple[Tensor, CameraRig]:

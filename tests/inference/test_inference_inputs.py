@@ -11,8 +11,10 @@ from appocc.camera import Camera, CameraRig
 from appocc.ego_vehicle import EgoVehicle
 from appocc.errors import DataError
 from appocc.files import write_image
+from appocc.geometry import apply, inverse
 from appocc.inference.inputs import dataset_inputs, folder_inputs
 from appocc.nuscenes import Dataset
+from appocc.nuscenes.lidar import write_lidar
 
 RIG = CameraRig(
     tuple(Camera(name, 16, 8, np.diag([10.0, 10, 1]), np.eye(4)) for name in ("CAM_FRONT", "CAM_BACK", "CAM_LEFT"))
@@ -50,6 +52,42 @@ def test_missing_damaged_and_black_images_are_dead_cameras(tiny: TinyDataset) ->
     assert not frame.images
     assert "truncated" in missing["CAM_FRONT"]
     assert "is black" in missing["CAM_BACK"]
+
+
+def write_ground(dataset: Dataset, number: int, slope: float) -> Path:
+    """Let the LiDAR of a sample see ground that rises to the left; return its file."""
+    sweep = dataset.data(dataset.samples(dataset.scenes[0])[number])["LIDAR_TOP"]
+    x, y = (axis.ravel() for axis in np.meshgrid(np.arange(-25.0, 25.0, 0.5), np.arange(-25.0, 25.0, 0.5)))
+    points = apply(inverse(dataset.ego_from_sensor(sweep)), np.column_stack([x, y, slope * y]))
+    write_lidar(dataset.path(sweep), np.column_stack([points, np.zeros((len(points), 2))]))
+    return dataset.path(sweep)
+
+
+def test_frames_are_level_with_the_ground_that_the_lidar_sees(tiny: TinyDataset) -> None:
+    dataset = Dataset(tiny.root)
+    write_ground(dataset, 0, 0.035)
+    write_ground(dataset, 1, 0.0)
+    tilted, flat, sparse = dataset_inputs(dataset, dataset.scenes)
+    pose = tilted.read().frame.ego_from_level
+    assert pose is not None
+    np.testing.assert_allclose(pose[:3, 2], [0, -0.035, 1], atol=1e-3)
+    assert flat.read().frame.ego_from_level is None
+    assert sparse.read().frame.ego_from_level is None  # three points tell nothing
+
+
+def test_a_changed_sweep_changes_a_map_unless_frames_are_not_levelled(tiny: TinyDataset) -> None:
+    dataset = Dataset(tiny.root)
+    first = {level: dataset_inputs(dataset, dataset.scenes, level)[0] for level in (True, False)}
+    before = {level: each.parts() for level, each in first.items()}
+    path = write_ground(dataset, 0, 0.035)
+    assert first[True].parts() != before[True]
+    assert first[False].parts() == before[False]
+    assert first[False].read().frame.ego_from_level is None
+    path.unlink()
+    assert first[True].read().frame.ego_from_level is None
+    path.write_bytes(b"\0" * 7)
+    with pytest.raises(DataError, match=path.name):
+        first[True].read()
 
 
 def test_a_folder_of_images(tmp_path: Path) -> None:

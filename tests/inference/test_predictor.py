@@ -17,6 +17,7 @@ from appocc.frame import Frame
 from appocc.inference import loading
 from appocc.inference.loading import load_predictor
 from appocc.inference.predictor import select_cameras
+from appocc.levelling import ground_pose
 from appocc.models.model_spec import MODEL_SPECS
 from appocc.models.registry import build
 from appocc.models.rounding import rounding
@@ -46,6 +47,16 @@ def test_a_map_says_what_the_network_said(tiny: TinyDataset) -> None:
     assert bev.meta["thresholds"] == {"road": 0.5, "vehicle": 0.4, "lane": 0.5}
     assert (bev.meta["token"], bev.meta["timestamp_us"]) == (frame.token, frame.timestamp_us)
     assert bev.meta["cameras"] == ["CAM_FRONT", "CAM_BACK"]
+
+
+def test_the_network_sees_the_cameras_in_the_level_frame(tiny: TinyDataset) -> None:
+    frame, model = frame_of(tiny), MadeModel()
+    pose = ground_pose(0.0, 0.035, 0.1)
+    bev, _ = predictor(model)(replace(frame, ego_from_level=pose))
+    for camera in model.rigs[0]:
+        np.testing.assert_allclose(pose @ camera.ego_from_cam, frame.rig[camera.channel].ego_from_cam, atol=1e-9)
+    np.testing.assert_allclose(bev.meta["ego_from_level"], pose, atol=1e-5)
+    assert "ego_from_level" not in predictor()(frame).bev.meta
 
 
 def test_a_missing_camera_is_not_part_of_the_rig(tiny: TinyDataset) -> None:

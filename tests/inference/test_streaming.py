@@ -13,9 +13,13 @@ from tiny_dataset import SPEED_MPS, STEP_US, TinyDataset
 from torch import Tensor
 
 from appocc.bevmap import BEVMap
+from appocc.camera import CameraRig
+from appocc.checks import FloatArray
 from appocc.frame import Frame
+from appocc.geometry import apply
 from appocc.grid import BEVGrid
 from appocc.inference.predictor import Predictor, Weights
+from appocc.levelling import ground_pose
 from appocc.models.base import ModelOutput
 from appocc.models.memory import Past
 from appocc.models.model_spec import ModelSpec, Parts
@@ -162,6 +166,21 @@ def test_the_same_frames_give_the_same_maps_after_a_reset(drive: list[Frame]) ->
     assert not same(alone[0], first[1])  # it remembers
     answer(drive[2])  # and back in time
     assert same(answer(drive[0]).bev, first[0])
+
+
+def test_objects_stand_on_the_ground_that_is_tilted(drive: list[Frame]) -> None:
+    pose = ground_pose(0.05, 0.0, -0.2)
+    tilted = replace(drive[0], rig=posed(drive[0].rig, pose), ego_from_level=pose)
+    level, found = (maps(network(Parts(objects=True)), [frame])[0].objects for frame in (drive[0], tilted))
+    assert level is not None
+    assert found is not None
+    # What the network sees is the same to rounding: few objects can change their order.
+    np.testing.assert_allclose(found.centre_m[:5], apply(pose, level.centre_m)[:5], atol=0.02)
+
+
+def posed(rig: CameraRig, ego_from_level: FloatArray) -> CameraRig:
+    """A rig that is level in a frame that is not."""
+    return rig.with_cameras(replace(each, ego_from_cam=ego_from_level @ each.ego_from_cam) for each in rig)
 
 
 def test_objects_come_with_the_map_and_move_once_there_is_a_past(drive: list[Frame]) -> None:
