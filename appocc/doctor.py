@@ -217,7 +217,7 @@ def _contents_lines(c: Contents) -> Iterator[str]:
     if c.ground_tilt_deg is not None:
         yield f"ground under the vehicles: leans by up to {c.ground_tilt_deg:.1f} degrees in the ego frame"
         if c.ground_tilt_deg > _TILTED_DEG:
-            yield "  predicted maps need level ground: by the LiDAR sweeps, or level the calibration (docs/conventions.md)"
+            yield "  predicted maps need level ground: by a LiDAR, or level the calibration (docs/conventions.md)"
 
 
 def _problem_lines(problems: tuple[Problem, ...]) -> Iterator[str]:
