@@ -18,7 +18,8 @@ POLE = box_mesh((4.0, -6.0, 2.0), (0.1, 0.1, 4.0), material=Material.METAL)
 
 def up(slope: Slope) -> FloatArray:
     """Direction against gravity, seen from ground that rises by the slope along x and y."""
-    return np.asarray([*slope, 1.0] / np.linalg.norm([*slope, 1.0]))
+    direction = np.array([*slope, 1.0])
+    return np.asarray(direction / np.linalg.norm(direction))
 
 
 def leaned(mesh: Mesh) -> FloatArray:
