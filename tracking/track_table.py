@@ -294,9 +294,9 @@ class TrackTable:
 
     def _add_filters(self, found: WorldDetections) -> None:
         model, measured_mps = self._classes.parameters(found.kind), found.velocity_world_mps
-        speed_m2ps2 = oriented_covariance(
-            found.yaw_world_rad, model.along_speed_std_mps**2, model.across_speed_std_mps**2
-        )
+        # The heading of a truncated box says little about the direction of motion.
+        across_mps = np.where(found.truncated, model.along_speed_std_mps, model.across_speed_std_mps)
+        speed_m2ps2 = oriented_covariance(found.yaw_world_rad, model.along_speed_std_mps**2, across_mps**2)
         known = np.isfinite(measured_mps[:, :1])
         speed_m2ps2 = np.where(known[..., None], _VELOCITY_STD_MPS**2 * np.eye(2), speed_m2ps2)
         noise_m2 = found.noise_m2 - found.surplus_noise_m2

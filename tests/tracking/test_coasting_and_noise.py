@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from made_detections import follow, seen
@@ -83,3 +85,16 @@ def test_a_parked_car_is_surer_of_its_place_than_a_driving_one() -> None:
         return float(tracker._table.filters.position_std_m()[0])
 
     assert std_m(0.0) < 0.9 * std_m(8.0)
+
+
+def test_a_truncated_box_begins_a_track_of_unknown_direction() -> None:
+    """Its heading is that of the visible part."""
+
+    def speed_std_mps(truncated: bool) -> list[float]:
+        tracker = Tracker()
+        found = replace(seen([(10, 0)]), truncated=np.array([truncated]))
+        tracker.update(found, 100_000, np.eye(4))
+        return np.sqrt(np.diag(tracker._table.filters.cov[0])[2:]).tolist()
+
+    assert speed_std_mps(False) == pytest.approx([8.0, 0.5])
+    assert speed_std_mps(True) == pytest.approx([8.0, 8.0])
