@@ -11,9 +11,12 @@ import numpy as np
 from appocc.checks import FloatArray, IntArray
 from tracking.filtering.kalman import MotionConfig, invert_2x2
 
-# Weight of the configured measurement noise in detections, and the number of detections after which earlier ones are
-# forgotten.
+# Weight of the configured measurement noise in detections, and the number of detections of a category after which
+# earlier ones are forgotten.
 _NOISE_PRIOR, _NOISE_MEMORY = 200.0, 2000.0
+# Detections of low scores are less accurate: the noise is learnt for each of these intervals of log-odds, beginning
+# from that of the category with a weight in detections.
+_NOISE_EDGES, _NOISE_SHARED = np.array([-1.0, 0.0, 1.0, 2.0, 4.0]), 50.0
 # Limits of the learnt factor on the variances of the noise.
 _MIN_NOISE, _MAX_NOISE = 0.05, 4.0
 # Squared innovations count up to this many variances: larger ones are wrong matches.
@@ -99,8 +102,8 @@ class ClassTable:
         self._models, self._default = models, default
         self._numbers: dict[str, int] = {}
         self._table = np.zeros((len(ClassParameters._fields), 0))
-        # Sum of squared noise in units of the configured variance, and number of detections, by category.
-        self._noise = np.zeros((2, 0))
+        # Sum of squared noise in units of the configured variance, and number of detections, by score and category.
+        self._noise = np.zeros((2, len(_NOISE_EDGES) + 1, 0))
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -114,19 +117,23 @@ class ClassTable:
         for kind in self.names[known:]:
             model = self._models.get(kind, self._default)
             self._table = np.column_stack([self._table, [*astuple(model.motion), *astuple(model)[1:]]])
-            self._noise = np.column_stack([self._noise, [_NOISE_PRIOR, _NOISE_PRIOR]])
+            self._noise = np.pad(self._noise, ((0, 0), (0, 0), (0, 1)))
         return result
 
     def parameters(self, kind: IntArray) -> ClassParameters:
         """Return the parameters of objects with category numbers (N,)."""
         return ClassParameters._make(self._table.take(kind, axis=1))
 
-    def noise_factor(self, kind: IntArray) -> FloatArray:
-        """Return the learnt factors (N,) on the variances of the positions of detections, for categories (N,)."""
-        total, count = self._noise.take(kind, axis=1)
-        return np.asarray(np.clip(total / count, _MIN_NOISE, _MAX_NOISE))
+    def noise_factor(self, kind: IntArray, log_odds: FloatArray) -> FloatArray:
+        """Return the learnt factors (N,) on the variances of positions, for categories and log-odds (N,)."""
+        total, count = self._noise
+        shared = _NOISE_SHARED * (_NOISE_PRIOR + total.sum(axis=0)) / (_NOISE_PRIOR + count.sum(axis=0))
+        factor = ((total + shared) / (count + _NOISE_SHARED))[_NOISE_EDGES.searchsorted(log_odds), kind]
+        return np.asarray(np.clip(factor, _MIN_NOISE, _MAX_NOISE))
 
-    def learn_noise(self, kind: IntArray, innovation_m: FloatArray, cov_m2: FloatArray, noise_m2: FloatArray) -> None:
+    def learn_noise(
+        self, kind: IntArray, log_odds: FloatArray, innovation_m: FloatArray, cov_m2: FloatArray, noise_m2: FloatArray
+    ) -> None:
         """Learn the measurement noise from innovations: one step of expectation maximisation.
 
         The expected squared noise of a detection, given its innovation, is e' S^-1 R S^-1 e + tr(R - R S^-1 R) in
@@ -134,6 +141,7 @@ class ClassTable:
 
         Args:
             kind: (N,) category numbers.
+            log_odds: (N,) log-odds of the detections.
             innovation_m: (N, 2) differences between detections and predictions.
             cov_m2: (N, 2, 2) covariances P of the predictions.
             noise_m2: (N, 2, 2) covariances R of the detections, with the current factor.
@@ -145,7 +153,8 @@ class ClassTable:
         chi2 = (weighted * innovation_m).sum(axis=1)
         share = np.minimum(1.0, _MAX_INNOVATION_CHI2 / np.maximum(chi2, _MAX_INNOVATION_CHI2))
         explained = (weighted[:, None] @ noise_m2 @ weighted[..., None])[:, 0, 0] * share
-        squared = (explained + 2 - (precision * noise_m2).sum(axis=(1, 2))) / 2 * self.noise_factor(kind)
-        n = self._noise.shape[1]
-        self._noise += [np.bincount(kind, squared, n), np.bincount(kind, minlength=n)]
-        self._noise *= _NOISE_MEMORY / np.maximum(self._noise[1], _NOISE_MEMORY)
+        squared = (explained + 2 - (precision * noise_m2).sum(axis=(1, 2))) / 2 * self.noise_factor(kind, log_odds)
+        cell = _NOISE_EDGES.searchsorted(log_odds), kind
+        np.add.at(self._noise[0], cell, squared)
+        np.add.at(self._noise[1], cell, 1.0)
+        self._noise *= _NOISE_MEMORY / np.maximum(self._noise[1].sum(axis=0), _NOISE_MEMORY)

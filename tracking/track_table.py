@@ -37,10 +37,13 @@ class LifecycleConfig:
         confirm_s: otherwise a track is confirmed after this time without a miss.
         coast_s: maximum time an unmatched track is reported at its predicted position.
         coast_std_m: maximum standard deviation of that position.
+        coast_log_odds: minimum score of a track that coasts, as log-odds: it falls with each miss. Tracks of objects
+            that were always sure go on, those of unsure ones end where their detections do.
         lost_s: time without a detection after which a track is lost; only the lost stage can match it again.
         forget_s: time without a detection after which a track is deleted.
         forget_stationary_s: the same for stationary tracks, which may be occluded for long.
         stationary_mps: speed below which a track is stationary; it keeps its position while unmatched.
+        stationary_psd: factor on the spectral density of the acceleration of stationary tracks: most are parked.
         heading_smoothing_s: time constant of the heading.
         front_from_motion_mps: speed above which the motion determines front and rear.
         median_window: number of detections in the medians of size and colour.
@@ -57,12 +60,14 @@ class LifecycleConfig:
 
     confirm_log_odds: float = -np.inf
     confirm_s: float = 0.0
-    coast_s: float = 0.4
-    coast_std_m: float = 0.8
+    coast_s: float = 0.6
+    coast_std_m: float = 1.2
+    coast_log_odds: float = -1.0
     lost_s: float = 1.2
     forget_s: float = 8.0
     forget_stationary_s: float = 30.0
     stationary_mps: float = 1.0
+    stationary_psd: float = 0.2
     heading_smoothing_s: float = 0.3
     front_from_motion_mps: float = 1.0
     median_window: int = 11
@@ -125,7 +130,11 @@ class TrackTable:
 
         Later frames count more: the weights decay with `memory_s`.
         """
-        return probability_from_log_odds(self._mean_log_odds(self._with_misses))
+        return probability_from_log_odds(self._score_log_odds)
+
+    @property
+    def _score_log_odds(self) -> FloatArray:
+        return self._mean_log_odds(self._with_misses)
 
     @property
     def log_odds(self) -> FloatArray:
@@ -157,9 +166,10 @@ class TrackTable:
 
     @property
     def reportable(self) -> BoolArray:
-        """(N,) whether a track is confirmed and matched, or coasting at a well-known position."""
+        """(N,) whether a track is confirmed and matched, or coasts: likely there, at a well-known position."""
         config = self._config
-        coasting = (self.unseen_s <= config.coast_s) & (self.filters.position_std_m() <= config.coast_std_m)
+        likely = self._score_log_odds >= config.coast_log_odds
+        coasting = (self.unseen_s <= config.coast_s) & (self.filters.position_std_m() <= config.coast_std_m) & likely
         return np.asarray(self.confirmed & ((self.unseen_s == 0) | coasting))
 
     def predict(self, seconds: float) -> None:
@@ -169,11 +179,12 @@ class TrackTable:
         self.lost[:] = self.unseen_s > self._config.lost_s
         moving_s = np.where(self.stationary & (self.unseen_s > 0), 0.0, seconds)
         model = self._classes.parameters(self.kind)
+        calm = np.where(self.stationary, self._config.stationary_psd, 1.0)
         psd = acceleration_psd(
             self.yaw_rad,
             self.filters.mean[:, 2:],
-            model.along_accel_psd_m2ps3,
-            model.across_accel_psd_m2ps3,
+            calm * model.along_accel_psd_m2ps3,
+            calm * model.across_accel_psd_m2ps3,
             model.heading_psd_rad2ps,
         )
         self.filters.predict(moving_s, psd)
@@ -261,6 +272,7 @@ class TrackTable:
         mean, cov = self.filters.mean[rows[use]], self.filters.cov[rows[use]]
         self._classes.learn_noise(
             found.kind[use],
+            found.log_odds[use],
             found.position_world_m[use, :2] - mean[:, :2],
             cov[:, :2, :2],
             (found.noise_m2 - found.surplus_noise_m2)[use],
@@ -282,9 +294,9 @@ class TrackTable:
 
     def _add_filters(self, found: WorldDetections) -> None:
         model, measured_mps = self._classes.parameters(found.kind), found.velocity_world_mps
-        speed_m2ps2 = oriented_covariance(
-            found.yaw_world_rad, model.along_speed_std_mps**2, model.across_speed_std_mps**2
-        )
+        # The heading of a truncated box says little about the direction of motion.
+        across_mps = np.where(found.truncated, model.along_speed_std_mps, model.across_speed_std_mps)
+        speed_m2ps2 = oriented_covariance(found.yaw_world_rad, model.along_speed_std_mps**2, across_mps**2)
         known = np.isfinite(measured_mps[:, :1])
         speed_m2ps2 = np.where(known[..., None], _VELOCITY_STD_MPS**2 * np.eye(2), speed_m2ps2)
         noise_m2 = found.noise_m2 - found.surplus_noise_m2

@@ -83,7 +83,7 @@ def detections_in_world(detections: Detections, world_from_ego: FloatArray, clas
         heading_known=detections.heading_known,
         values=np.concatenate([detections.size_m, detections.rgb, detections.lab], axis=1),
         noise_m2=noise_m2 + truncated_m2[:, None, None] * np.eye(2),
-        surplus_noise_m2=(1 - classes.noise_factor(kind))[:, None, None] * noise_m2,
+        surplus_noise_m2=(1 - classes.noise_factor(kind, detections.log_odds))[:, None, None] * noise_m2,
         velocity_world_mps=detections.velocity_mps @ rotation.T,
         axis=_weighted_axis(yaw_rad, detections.size_m),
         log_odds=detections.log_odds,

@@ -1,0 +1,100 @@
+"""Tracks coast where it pays, and detections are as noisy as their scores say."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from made_detections import follow, seen
+
+from tracking.class_models import CLASS_MODELS, ClassModel, ClassTable
+from tracking.detections import Detections
+from tracking.track_table import LifecycleConfig
+from tracking.tracker import Tracker, TrackerConfig
+from tracking.world_detections import detections_in_world
+
+NOWHERE = np.zeros((0, 2))
+
+
+def coasted(log_odds: float) -> int:
+    """Number of frames for which a car is reported that is detected for a second with given log-odds."""
+    moments = follow(lambda i: seen([(10, 0)] if i < 10 else NOWHERE, log_odds=log_odds), 30)
+    return sum(not track.seen for moment in moments[10:] for track in moment)
+
+
+def test_a_sure_track_coasts_and_an_unsure_one_ends_with_its_detections() -> None:
+    assert coasted(4.0) == 6
+    assert coasted(-1.5) == 0
+    assert 0 <= coasted(-0.7) < 6
+
+
+def test_the_score_at_which_a_track_stops_can_be_set() -> None:
+    tracker = Tracker(TrackerConfig(lifecycle=LifecycleConfig(coast_log_odds=-np.inf)))
+    moments = follow(lambda i: seen([(10, 0)] if i < 10 else NOWHERE, log_odds=-1.5), 30, tracker=tracker)
+    assert sum(not track.seen for moment in moments[10:] for track in moment) == 6
+
+
+def learn(table: ClassTable, log_odds: float, std_m: float, frames: int, seed: int = 0) -> None:
+    """Let a table learn from innovations of a known spread, with exact predictions."""
+    dice, kind = np.random.default_rng(seed), table.numbers(["car"])
+    for _ in range(frames):
+        noise_m2 = np.eye(2)[None] * 0.04 * table.noise_factor(kind, np.array([log_odds]))
+        table.learn_noise(
+            kind, np.array([log_odds]), dice.normal(0, std_m, (1, 2)), np.full((1, 2, 2), 1e-9), noise_m2
+        )
+
+
+def test_the_noise_is_learnt_for_each_score() -> None:
+    table = ClassTable(CLASS_MODELS, ClassModel())
+    learn(table, 5.0, 0.1, 1500)
+    learn(table, -2.0, 0.3, 1500)
+    kind = table.numbers(["car", "car"])
+    sure, unsure = table.noise_factor(kind, np.array([5.0, -2.0]))
+    assert sure == pytest.approx(0.1**2 / 0.04, rel=0.25)
+    assert unsure == pytest.approx(0.3**2 / 0.04, rel=0.25)
+
+
+def test_scores_that_were_never_seen_have_the_noise_of_their_category() -> None:
+    table = ClassTable(CLASS_MODELS, ClassModel())
+    learn(table, 5.0, 0.05, 1500)
+    kind = table.numbers(["car", "pedestrian"])
+    other, unknown = table.noise_factor(kind, np.array([-2.0, -2.0]))
+    assert other < 0.5
+    assert unknown == 1.0
+
+
+def test_the_noise_of_unsure_detections_enters_the_covariance() -> None:
+    table = ClassTable(CLASS_MODELS, ClassModel())
+    learn(table, 5.0, 0.05, 1500)
+    learn(table, -2.0, 0.4, 1500)
+    sure, unsure = (detections_in_world(seen([(10, 0)], log_odds=each), np.eye(4), table) for each in (5.0, -2.0))
+    assert np.array_equal(sure.noise_m2, unsure.noise_m2)  # association keeps the configured noise
+    assert sure.surplus_noise_m2[0, 0, 0] > unsure.surplus_noise_m2[0, 0, 0]
+
+
+def test_a_parked_car_is_surer_of_its_place_than_a_driving_one() -> None:
+    """After the same number of detections, its steady state has less process noise."""
+
+    def std_m(speed_mps: float) -> float:
+        def at(i: int) -> Detections:
+            return seen([(-20 + speed_mps * i / 10, 0)])
+
+        tracker = Tracker()
+        follow(at, 30, tracker=tracker)
+        return float(tracker._table.filters.position_std_m()[0])
+
+    assert std_m(0.0) < 0.9 * std_m(8.0)
+
+
+def test_a_truncated_box_begins_a_track_of_unknown_direction() -> None:
+    """Its heading is that of the visible part."""
+
+    def speed_std_mps(truncated: bool) -> list[float]:
+        tracker = Tracker()
+        found = replace(seen([(10, 0)]), truncated=np.array([truncated]))
+        tracker.update(found, 100_000, np.eye(4))
+        return np.sqrt(np.diag(tracker._table.filters.cov[0])[2:]).tolist()
+
+    assert speed_std_mps(False) == pytest.approx([8.0, 0.5])
+    assert speed_std_mps(True) == pytest.approx([8.0, 8.0])
