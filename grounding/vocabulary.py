@@ -53,8 +53,9 @@ State = Literal[
 Trigger = Literal["pass", "leave", "turn", "stop", "merge", "clear", "other"]
 # Changes of a place; "away" and "near" are relative to the vehicle that it is measured from.
 ShiftDirection = Literal["away", "near", "ahead", "back", "leftwards", "rightwards"]
-# Ways to drive that a verb names beyond its action; the last three are refused.
+# Ways to drive that a verb names beyond its action, and those of them that are refused.
 Manoeuvre = Literal["onward", "back", "creep", "pavement", "red_light", "push"]
+REFUSED: tuple[str, ...] = ("pavement", "red_light", "push")
 ACTIONS: tuple[str, ...] = get_args(Action)
 RELATIONS: tuple[str, ...] = get_args(Relation)[1:]  # without "none"
 STATES: tuple[str, ...] = get_args(State)

@@ -37,7 +37,7 @@ from grounding.query import (
     Referent,
     Side,
 )
-from grounding.vocabulary import RELATIONS, Action, Manoeuvre, Relation, Trigger
+from grounding.vocabulary import REFUSED, RELATIONS, Action, Manoeuvre, Relation, Trigger
 
 # Relations without a place.
 _NOT_SPATIAL = ("with", "of", "for", "object")
@@ -129,11 +129,17 @@ def _query(
         distance_m=distance_m,
         distance_of=distance_of,
         excluded=(*excluded, *_referent_exclusions(referent)),
-        manoeuvre=cast(Manoeuvre | None, next(filter(None, (one.frame.manoeuvre for one in by_priority)), None)),
+        manoeuvre=cast(Manoeuvre | None, _manoeuvre(by_priority)),
         unresolved=_unresolved(main.intent) if referent is None else "",
         sought=_sought(discourse, main.intent) if referent is None else None,
         count=next((count for intent in by_priority if (count := _count(intent)) is not None), None),
     )
+
+
+def _manoeuvre(intents: Sequence[Intent]) -> str | None:
+    """Return how to drive: what is refused first ("jump the light, go on")."""
+    named = [one.frame.manoeuvre for one in intents if one.frame.manoeuvre]
+    return next((name for name in named if name in REFUSED), next(iter(named), None))
 
 
 def _count(intent: Intent) -> int | None:

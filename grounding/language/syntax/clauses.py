@@ -126,7 +126,7 @@ def split_clauses(tokens: Sequence[Token]) -> list[Clause]:
                 close()
                 connective = token.value
             else:
-                current.append(token.with_category(WordCategory.RELATION, _AS_RELATION.get(token.value, "same_as")))
+                current.append(_as_relation(token))
         elif token.category is WordCategory.VERB and token.text.endswith(" after") and _subject_end(rest) is not None:
             current.append(token.with_category(WordCategory.VERB, "go"))  # "go after the car has passed"
             close()
@@ -139,6 +139,16 @@ def split_clauses(tokens: Sequence[Token]) -> list[Clause]:
             current.append(token)
     close()
     return clauses
+
+
+def conjunction_as_relation(token: Token, rest: Sequence[Token]) -> Token:
+    """Return a conjunction without a predicate after it as a relation ("after the van"), other tokens as they are."""
+    is_relation = token.category is WordCategory.SUB and token.value in _AS_RELATION
+    return _as_relation(token) if is_relation and not _has_predicate(token, rest[:_LOOKAHEAD]) else token
+
+
+def _as_relation(token: Token) -> Token:
+    return token.with_category(WordCategory.RELATION, _AS_RELATION.get(token.value, "same_as"))
 
 
 def _ends_with_between_ego(current: Sequence[Token]) -> bool:
