@@ -180,7 +180,7 @@ def _classify_motion(frame: CommandFrame) -> str | None:
         return "overtake" if verb == "get" else "drive_past"
     if relation == "same_as":
         return "change_lane" if sideways else "follow"
-    if relation == "between" and sideways and verb != "get":
+    if relation == "between" and sideways and verb != "get" and not frame.has_spot:
         return "change_lane"
     enters = any(where in ("into", "in") and thing.noun in _LOTS for where, thing in frame.landmarks)
     if enters and not frame.refers_to_place:

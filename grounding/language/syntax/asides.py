@@ -18,8 +18,11 @@ _SOUND_COST, _REPEATED = 0.5, 6.0
 # Costs of leaving out a form of address: alone, beside a mark or a filler, after a greeting.
 _ADDRESS, _MARKED_ADDRESS, _GREETED_ADDRESS = 5.0, 2.0, 0.0
 _MAX_ADDRESS, _MAX_HESITATION, _MAX_REPEATED = 3, 5, 2
-# "Um", "errr", "mmm": sounds that speakers draw out.
-_SOUND = re.compile(r"u+[hm]+|e+r+m*|e+h+[mr]*|m+h*m+|h+m+|a+h+m*|o+h+")
+# "Um", "errr", "mmm", "ugh", "pfft": sounds that speakers draw out.
+_SOUND = re.compile(
+    r"u+[hm]+|u+g+h+|e+r+m*|e+h+[mr]*|m+h*m+|h+m+(?:p+h+)?|a+h+m*|a+w+|a+r+g+h*|o+h+|oo+h*|p+f+t*|t+s+k+|p+s+t+"
+    r"|s+h+e+s+h+|g+r+r+|e+k+|whoo+ps|y+ikes"
+)
 _MARKS = frozenset(",.;!?")
 # Categories that need a complement: a name after them is no form of address.
 _NEED_MORE = (

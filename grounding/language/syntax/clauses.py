@@ -73,7 +73,7 @@ class Clause:
 
     Attributes:
         connective: '' at the start of a sentence and after a comma; and, or, but, then; when, after, before, until,
-            while, if, because, so; main for a main clause without a comma before it; correct for a self-repair
+            while, if, because, unless, so; main for a main clause without a comma before it; correct for a self-repair
             ("no, ...").
         tokens: tokens of the clause, without its connective and the marks around it.
         starts_sentence: whether the clause is the first of a sentence.
@@ -196,7 +196,7 @@ def _subject_end(tokens: Sequence[Token]) -> int | None:
 def _has_predicate(token: Token, rest: Sequence[Token]) -> bool:
     """Return whether a predicate follows a conjunction."""
     first = next((other.category for other in rest), WordCategory.BREAK)
-    if token.value in ("so", "because", "if"):
+    if token.value in ("so", "because", "if", "unless"):
         return token.value != "so" or first not in (WordCategory.EXTRA, WordCategory.UNKNOWN)
     if first in (WordCategory.ANY, WordCategory.THE) and len(rest) > 1 and rest[1].category is WordCategory.VERB:
         return True  # "after a u-turn"
@@ -205,7 +205,7 @@ def _has_predicate(token: Token, rest: Sequence[Token]) -> bool:
 
 def _starts_main(connective: str, current: Sequence[Token], token: Token, rest: Sequence[Token]) -> bool:
     """Return whether the main clause begins without a comma: "when the bus leaves | turn left"."""
-    if connective not in ("when", "after", "before", "until", "while", "if", "because"):
+    if connective not in ("when", "after", "before", "until", "while", "if", "because", "unless"):
         return False
     end = _subject_end(current)
     if token.category is WordCategory.EGO:

@@ -49,6 +49,11 @@ _AFTER_REPAIR = (
     WordCategory.SIDE,
     WordCategory.DIRECTION,
 )
+# Units of length that are places after a determiner.
+_PLACES_OF_UNITS = {
+    "yard": (WordCategory.REGION, "parking_lot"),
+    "foot": (WordCategory.REGION, "foot"),
+}
 
 
 def tag_that(before: Sequence[Token], token: Token, after: Sequence[Token]) -> Token:
@@ -57,7 +62,8 @@ def tag_that(before: Sequence[Token], token: Token, after: Sequence[Token]) -> T
     antecedents = HEADS | {WordCategory.WHERE, WordCategory.SIDE, WordCategory.PRONOUN}
     if category_at(before, -1) in antecedents and following in _PREDICATES:
         return token.with_category(WordCategory.WHICH)
-    if following in PHRASE_WORDS or (following is WordCategory.VERB and is_adjective(before, after[0], after[1:])):
+    named = following in PHRASE_WORDS or (bool(after) and after[0].text in _PLACES_OF_UNITS)
+    if named or (following is WordCategory.VERB and is_adjective(before, after[0], after[1:])):
         return token.with_category(WordCategory.THE)
     if following in DETERMINERS:
         return token.with_category(WordCategory.WHICH if category_at(before, -1) in HEADS else WordCategory.FILLER)
@@ -104,6 +110,8 @@ def tag_ordinal(before: Sequence[Token], token: Token, after: Sequence[Token]) -
 def tag_direction(before: Sequence[Token], token: Token, after: Sequence[Token]) -> Token:
     """Tag a direction as a state in "the left car", as a verb in "left at the lights"."""
     following = [other for other in after if other.category not in MODIFIERS][:1]
+    if token.value != "straight" and before and before[-1].text.endswith(" from"):
+        return token.with_category(WordCategory.SIDE, f"{token.value}_side")  # "coming from left"
     first = category_at(before, -1) in CLAUSE_ENDS | {WordCategory.COMMA} and token.value != "straight"
     if first and category_at(after, 0) is WordCategory.RELATION and after[0].value in ("at", "into"):
         return token.with_category(WordCategory.VERB, f"turn {token.value}")  # "left at the lights"
@@ -239,6 +247,13 @@ def tag_then(before: Sequence[Token], token: Token, after: Sequence[Token]) -> T
     """Tag "after that" as a conjunction in "after that van"."""
     named = token.text.endswith(("that", "this")) and category_at(after, 0) in PHRASE_WORDS
     return token.with_category(WordCategory.SUB, "after") if named else token
+
+
+def tag_unit(before: Sequence[Token], token: Token, after: Sequence[Token]) -> Token:
+    """Tag a unit after "the" as a place ("into the yard"), and drop other units without a number."""
+    named = category_at(before, -1) in (WordCategory.THE, WordCategory.POSSESSIVE, WordCategory.THING, WordCategory.NOUN)
+    place = _PLACES_OF_UNITS.get(token.text)
+    return token.with_category(*place) if named and place else token.with_category(WordCategory.FILLER)
 
 
 def drop(before: Sequence[Token], token: Token, after: Sequence[Token]) -> Token:

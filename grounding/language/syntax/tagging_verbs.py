@@ -97,6 +97,8 @@ def tag_verb(before: Sequence[Token], token: Token, after: Sequence[Token]) -> T
         return token.with_category(WordCategory.VERB, token.text.split()[0])  # "go right behind it"
     if token.form == "ing" and last in DETERMINERS and category_at(after, 0) in HEADS | {WordCategory.COLOUR}:
         return token.with_category(WordCategory.EXTRA)
+    if token.form == "ing" and _is_praised(before, after):
+        return token.with_category(WordCategory.THING, token.text)  # "nice driving, thank you"
     own = bool(before) and before[-1].form == "own" and category_at(after, 0) not in HEADS  # "the van's tail"
     named = last in DETERMINERS or (own and last is not WordCategory.WHICH)
     named = named or (last in MODIFIERS and category_at(before, -2) in DETERMINERS)
@@ -106,6 +108,15 @@ def tag_verb(before: Sequence[Token], token: Token, after: Sequence[Token]) -> T
     if token.text == "passed" and last in _BEFORE_PASSED and category_at(after, 0) in PHRASE_STARTS:
         return token.with_category(WordCategory.RELATION, "past")  # "turn left passed the van"
     return token
+
+
+def _is_praised(before: Sequence[Token], after: Sequence[Token]) -> bool:
+    """Return whether the words before a verb in -ing make a noun of it: "lovely overtaking there"."""
+    last = category_at(before, -1)
+    if category_at(before, -2) not in CLAUSE_ENDS | {WordCategory.COMMA, WordCategory.THAT, WordCategory.BE}:
+        return False
+    ends = category_at(after, 0) in CLAUSE_ENDS | {WordCategory.COMMA, WordCategory.THERE, WordCategory.HERE}
+    return last is WordCategory.EXTRA or (last is WordCategory.UNKNOWN and ends)
 
 
 def tag_nondrive(before: Sequence[Token], token: Token, after: Sequence[Token]) -> Token:
@@ -151,7 +162,10 @@ def tag_thing(before: Sequence[Token], token: Token, after: Sequence[Token]) -> 
 
 
 def tag_relation(before: Sequence[Token], token: Token, after: Sequence[Token]) -> Token:
-    """Tag the verb in "I like that car"."""
+    """Tag the verb in "I like that car", and our own rear in "coming from behind"."""
+    origin = token.text == "behind" and bool(before) and before[-1].text.split()[-1] == "from"
+    if origin and category_at(after, 0) not in PHRASE_STARTS | {WordCategory.PRONOUN}:
+        return token.with_category(WordCategory.WHERE, "behind_ego")
     verb = token.text == "like" and category_at(before, -1) is WordCategory.EGO
     return token.with_category(WordCategory.NONDRIVE) if verb else token
 

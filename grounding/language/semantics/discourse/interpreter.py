@@ -80,6 +80,7 @@ def interpret(clauses: Sequence[Clause], antecedent: Referent | None = None) -> 
     for clause in clauses:
         state.previous_frame, state.frame, state.clause = state.frame or state.previous_frame, None, clause
         state.clear()
+        state.off_topic = clause.connective == "unless"
         if clause.starts_sentence:
             discard_leading_place(state)
         state.remaining = list(chunk(clause.tokens))

@@ -117,7 +117,10 @@ def handle_side(state: DiscourseState, token: Token) -> None:
     if possessive and state.host_frame.target is noun and value != "opposite":
         state.host_frame.relation = f"{value}_of"  # "to the white car's left side"
         return
-    if frame is not None and noun is not None and noun.noun in ENTERABLE and value != "opposite":
+    if noun is not None and noun.noun in ENTERABLE and value != "opposite":
+        if frame is None:
+            noun.add_qualifier(token.value)  # "the next road on the left, turn in there"
+            return
         frame.direction = frame.direction or value  # "the turning on the left"
         return
     if state.is_repair and state.frame is None and noun is None and replace_side(state, token.value):
