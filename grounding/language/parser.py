@@ -86,6 +86,8 @@ def parse_all(
     most = max(1, min(_MAX_WAYS, _MAX_CHARACTERS_READ // (len(normalised) + 1)))
     ways = tokenise_all(normalised, words, most)
     likely = [_Analysis(text, way, antecedent, verb) for way in ways if way.cost <= ways[0].cost + _MAX_LOSS]
+    # Words that are all known as they are written are not corrected into a command.
+    likely = likely[:1] if _is_clean(ways[0]) else likely
     commands = [one for one in likely if one.built.query.action is not None]
     if not commands:
 
@@ -95,6 +97,11 @@ def parse_all(
         problem = find_problem(normalised, ways[0].tokens, words, is_command)
         return (likely[0].reading(likely[0].built.query, 0.0, problem),)
     return _best_readings(commands)
+
+
+def _is_clean(way: Tokenised) -> bool:
+    """Return whether a way to read a sentence changes no word, and understands all."""
+    return not way.corrections and all(token.category is not WordCategory.UNKNOWN for token in way.tokens)
 
 
 def check_type(text: object) -> None:

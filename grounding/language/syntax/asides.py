@@ -116,7 +116,8 @@ class Asides:
         """Return the cost of words as a form of address, with `vehicle` also to a vehicle; None if they are none."""
         *others, name = (self._category(words, i) for i in range(len(words)))
         vehicle = vehicle or (starts and set(others) == {WordCategory.UNKNOWN})  # "appo car, ..."
-        if words[-1] in self._lexicon.respelled:  # "u turn"
+        part = name is WordCategory.UNKNOWN and words[-1] in self._lexicon.written  # "thank you so much"
+        if part or words[-1] in self._lexicon.respelled:  # "u turn"
             return None
         fits = name in (WordCategory.UNKNOWN, WordCategory.PERSON) or (vehicle and name is WordCategory.NOUN)
         if not fits or not set(others) <= _BEFORE_NAME or self._lexicon.forms.get(words[-1]) in ("plural", "s"):

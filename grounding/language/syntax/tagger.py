@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from grounding.language.syntax.quantities import merge_quantities
-from grounding.language.syntax.tagging_context import category_at
+from grounding.language.syntax.tagging_context import CLAUSE_ENDS, category_at
 from grounding.language.syntax.tagging_rules import (
     drop,
     tag_correct,
@@ -48,6 +48,7 @@ from grounding.language.syntax.word_categories import DETERMINERS, HEADS, MODIFI
 
 # Words without a part in the sentence.
 _DROPPED = (WordCategory.FILLER, WordCategory.GREETING)
+_PLACES_OF_SUBJECTS = (WordCategory.OUT, WordCategory.WHERE, WordCategory.NOT)
 _AFTER_CONNECTIVE = frozenset((WordCategory.THEN, WordCategory.AND, WordCategory.EXCEPT, WordCategory.ORDINAL))
 
 
@@ -143,8 +144,10 @@ _RULES: dict[WordCategory, _Rule] = {
 
 def _is_contraction(after: Sequence[Token]) -> bool:
     """Return whether "'s" before these tokens is a verb: "that van's gone", but not "the man's parked car"."""
-    verb = category_at(after, 0) is WordCategory.VERB and after[0].form in ("ing", "past")
-    return verb and category_at(after, 1) not in MODIFIERS | HEADS
+    first, second = category_at(after, 0), category_at(after, 1)
+    if first is WordCategory.VERB:
+        return after[0].form in ("ing", "past") and second not in MODIFIERS | HEADS
+    return first in _PLACES_OF_SUBJECTS or (first in MODIFIERS and second in CLAUSE_ENDS | {WordCategory.COMMA})
 
 
 def _split_contraction(token: Token, following: Token) -> tuple[Token, Token]:
@@ -161,7 +164,7 @@ def tag(tokens: Sequence[Token]) -> list[Token]:
     kept = [token for token in merge_quantities(tokens) if token.category not in _DROPPED]
     for i, token in enumerate(kept):
         after = kept[i + 1 : i + 6]
-        if token.form == "own" and _is_contraction(after):
+        if token.form == "own" and token.category in HEADS and _is_contraction(after):
             token, verb = _split_contraction(token, after[0])
             rule = _RULES.get(token.category)
             tagged += [rule(tagged, token, [verb, *after]) if rule else token, verb]

@@ -74,6 +74,7 @@ def tag_determiner(before: Sequence[Token], token: Token, after: Sequence[Token]
     """Tag a determiner without a noun as a pronoun or a filler."""
     noun_follows = category_at(after, 0) in PHRASE_STARTS | {WordCategory.VERB, WordCategory.DIRECTION}
     named = category_at(after, 0) is WordCategory.EXCEPT and token.text == "the"  # "the skip"
+    named = named or (bool(after) and after[0].text in _PLACES_OF_UNITS)
     return token if noun_follows or named else _tag_without_noun(token)
 
 
@@ -239,6 +240,7 @@ def tag_not(before: Sequence[Token], token: Token, after: Sequence[Token]) -> To
     another = bool(before) and category_at(after, 0) in _AFTER_REPAIR
     named = HEADS | {WordCategory.SIDE, WordCategory.DIRECTION}
     another = another and (category_at(before, -1) in named or before[-1].value in TURNS)
+    another = another or (begins and category_at(after, 0) is WordCategory.DIRECTION)  # "turn that way, no left"
     repairs = another or (begins and ends)
     return token.with_category(WordCategory.CORRECT) if token.text == "no" and repairs else token
 

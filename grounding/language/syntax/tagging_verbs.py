@@ -30,6 +30,8 @@ _NOUNS_OF_VERBS = {
 _VERBS_OF_NOUNS = {"shadow": "follow", "mirror": "follow", "dodge": "avoid", "block": "danger", "track": "follow"}
 # "Right" is an adverb before these relations: "go right behind it".
 _GO_RIGHT, _RIGHT_BEFORE = ("go right", "drive right", "head right"), ("behind", "in_front_of", "next_to", "near")
+# Relations before "the line" for which it is a stop line and no queue.
+_BEFORE_LINE = ("at", "toward", "before", "behind")
 # Categories before "passed" used as a relation.
 _BEFORE_PASSED = (
     WordCategory.VERB,
@@ -85,6 +87,8 @@ def tag_verb(before: Sequence[Token], token: Token, after: Sequence[Token]) -> T
         return token.with_category(WordCategory.FILLER)  # "go and park there"
     if token.text == "lets" and last in CLAUSE_ENDS | {WordCategory.COMMA}:
         return token.with_category(WordCategory.FILLER)  # "lets park here"
+    if token.value == "other onward" and token.text.endswith(" on") and category_at(after, 0) is WordCategory.LANE:
+        return token.with_category(WordCategory.VERB, "go")  # "go on the lane in the middle"
     if token.value in TURNS and after and after[0].text.startswith("lane"):
         # "take the left lane"
         return token.with_category(WordCategory.VERB, token.value.replace("turn", "change_lane"))
@@ -137,6 +141,10 @@ def tag_region(before: Sequence[Token], token: Token, after: Sequence[Token]) ->
     """Tag a region as a verb: "would you mind parking beside"."""
     if _is_verb(before, token, after):
         return token.with_category(WordCategory.VERB, _VERBS_OF_NOUNS[token.text])
+    reached = category_at(before, -2) is WordCategory.RELATION and before[-2].value in _BEFORE_LINE
+    reached = reached or (category_at(before, -2) is WordCategory.VERB and before[-2].text.endswith((" to", " at")))
+    if token.text == "line" and reached and category_at(before, -1) is WordCategory.THE and not _is_of(after):
+        return token.with_category(WordCategory.THING, "stop_line")  # "roll up to the line"
     if token.text == "blocks" and category_at(before, -1) in HEADS:
         return replace(token, category=WordCategory.VERB, value="none", form="s")  # "that van blocks the road"
     if token.text == "exit" and category_at(before, -1) in COMMAND_STARTS | {WordCategory.AUX, WordCategory.TO}:
@@ -147,6 +155,10 @@ def tag_region(before: Sequence[Token], token: Token, after: Sequence[Token]) ->
     if verb and (ended or category_at(before, -1) in _BEFORE_PARKING):
         return replace(token, category=WordCategory.VERB, value="park", form="ing", state="parked", event="stop")
     return token
+
+
+def _is_of(after: Sequence[Token]) -> bool:
+    return category_at(after, 0) is WordCategory.OF
 
 
 def tag_thing(before: Sequence[Token], token: Token, after: Sequence[Token]) -> Token:

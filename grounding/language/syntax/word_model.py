@@ -14,7 +14,13 @@ from grounding.language.syntax.word_categories import NOUNS, WordCategory
 BOUNDARY, UNKNOWN, NUMBER = ".", "*", "0"
 _FOLDER = Path(__file__).parent / "data"
 # Categories with phrases of several words in a fixed order.
-_FIXED = NOUNS | {WordCategory.MAKE, WordCategory.MODEL, WordCategory.VERB, WordCategory.RELATION}
+_FIXED = NOUNS | {
+    WordCategory.MAKE,
+    WordCategory.MODEL,
+    WordCategory.VERB,
+    WordCategory.RELATION,
+    WordCategory.FILLER,
+}
 # Weight of a word that no command of the table contains, in counts.
 _UNSEEN = 0.4
 # A word that is in no table: the cost of being one, and of each letter (nats).

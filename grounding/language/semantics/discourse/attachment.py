@@ -178,7 +178,8 @@ def _attach_object(state: DiscourseState, frame: CommandFrame, phrase: NounPhras
         frame.target, frame.target_is_object = phrase, True
         add_mention(state, phrase, "target")
     else:
-        frame.landmarks.append(("object", phrase))
+        reaches = frame.verb.endswith(" to") and phrase.kind == "thing"  # "creep up to the stop line"
+        frame.landmarks.append(("toward" if reaches else "object", phrase))
         add_mention(state, phrase, "landmark")
     attach_distance(state, "gap")
 

@@ -6,7 +6,8 @@ from grounding.language.semantics.discourse.command_frames import ENTERABLE
 from grounding.language.semantics.discourse.coreference import resolve_anaphor
 from grounding.language.semantics.discourse.discourse_state import DiscourseState
 from grounding.language.semantics.discourse.relation_attachment import attach_target
-from grounding.language.semantics.discourse.verb_rules import AWAITING
+from grounding.language.semantics.discourse.verb_rules import AWAITING, await_event
+from grounding.language.syntax.clauses import TEMPORAL
 from grounding.language.syntax.noun_phrases import NounPhrase
 from grounding.language.syntax.tokenizer import Token
 
@@ -90,8 +91,11 @@ def handle_infinitive(state: DiscourseState, token: Token) -> None:
 
 
 def handle_particle(state: DiscourseState, token: Token) -> None:
-    """Set the event of a frame that waits for its target: "let it out", "let it go first"."""
-    frame = state.frame
+    """Set the event of a frame that waits for its target: "let it out", "let it go first", "until it is out"."""
+    frame, subject = state.frame, state.other_subject
+    if subject is not None and state.auxiliary and state.clause.connective in TEMPORAL and not state.event_stated:
+        await_event(state, subject, "clear")
+        return
     if frame is not None and frame.verb_class in AWAITING and frame.target is not None and frame.event is None:
         frame.event = "leave" if token.text == "out" else "pass"
 
