@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import KW_ONLY, dataclass
 from typing import Any, Literal
 
-from grounding.vocabulary import Action, Manoeuvre, Relation, Trigger
+from grounding.vocabulary import Action, Manoeuvre, Pace, Relation, Trigger
 
 # Relations of landmarks and exclusions, in addition to those of the goal.
 Placement = Literal["in", "into", "on", "until", "around"]
@@ -20,6 +20,8 @@ Side = Literal["left", "right"]
 # Meaning of a distance: gap between goal and referent, distance to drive, distance from the ego to the referent.
 DistanceRole = Literal["referent", "ego", "descriptor"]
 
+# What an action without a place asks for.
+_PACES: dict[str, Pace] = {"slow_down": "slower", "wait": "standing"}
 # Phrases of qualifiers that follow the noun.
 _POSTMODIFIERS = {
     "left_side": "on the left",
@@ -158,7 +160,7 @@ class Query:
         excluded: excluded objects.
         count: of a turn, the branch on that side, from 1 ("the third left"); of a lane change, the number of lanes;
             None if none is named (the first branch, one lane).
-        manoeuvre: how to drive, if the verb says more than the action: onward, back, creep, or what is refused.
+        manoeuvre: how to drive, if the verb says more than the action: onward, back, creep, faster, or what is refused.
         unresolved: the pronoun or "one" that stands for the referent and has no antecedent; '' if there is none.
         sought: description of the unresolved referent ("the red one": a red vehicle); None without one.
     """
@@ -182,6 +184,16 @@ class Query:
     unresolved: str = ""
     sought: Referent | None = None
 
+    @property
+    def pace(self) -> Pace | None:
+        """What a command without a place asks for: "slow down", "faster", "wait"; None if it asks for a place."""
+        placed = self.relation != "none" or self.distance_m is not None or self.goal_side or self.direction
+        if placed or self.landmark == "secondary":
+            return None
+        if self.manoeuvre is not None:
+            return "faster" if self.manoeuvre == "faster" else None
+        return _PACES.get(self.action or "")
+
     def to_dict(self) -> dict[str, Any]:
         """Return the query with all keys of labelled command files; alternatives, set by annotators, are empty."""
         return {
@@ -204,4 +216,5 @@ class Query:
             "note": None,
             **({} if self.count is None else {"count": self.count}),
             **({} if self.manoeuvre is None else {"manoeuvre": self.manoeuvre}),
+            **({} if self.pace is None else {"pace": self.pace}),
         }

@@ -31,7 +31,7 @@ from grounding.road.lane_model import LANE_M
 from grounding.road.pose import Pose2D
 from grounding.road.road_map import RoadMap
 from grounding.scene_object import SceneObject
-from grounding.vocabulary import Action
+from grounding.vocabulary import Action, Pace
 
 # A goal closer than this to the ideal candidate is not reported as moved.
 _MOVED_M = 0.6
@@ -50,6 +50,11 @@ _QUESTIONS = {
     BEHIND_US: "there is no such place ahead of us: shall we go back to the one behind us?",
     TURNED: "it stands on the other side of the road: shall we turn round here?",
     OTHER_SIDE: "that is on the side of oncoming traffic: shall we go there all the same?",
+}
+_PACE_REASONS = {
+    "slower": "that asks for less speed and for no place",
+    "faster": "that asks for more speed and for no place",
+    "standing": "that asks to stand where we are, and for no place",
 }
 _MIN_SCORE = 1e-6
 # No answer below this score.
@@ -96,6 +101,7 @@ class GoalPlan:
         search: all candidates with their costs, None if there were none to search.
         question: what to ask before going to `nearest`; '' where there is nothing to ask.
         instead: action that the question proposes; None if it is about `nearest`.
+        pace: what the command asks for instead of a place; None if it asks for a place.
     """
 
     target: Target | None
@@ -106,6 +112,12 @@ class GoalPlan:
     search: CandidateSearch | None = None
     question: str = ""
     instead: Action | None = None
+    pace: Pace | None = None
+
+    @property
+    def score(self) -> float | None:
+        """Score of the goal, 1 for a speed or a state; None if there is neither."""
+        return self.target.score if self.target else 1.0 if self.pace else None
 
     @property
     def route(self) -> FloatArray | None:
@@ -127,7 +139,7 @@ def plan_goal(
     forbidden: Sequence[tuple[str, SceneObject]] = (),
     start: Pose2D | None = None,
 ) -> GoalPlan:
-    """Return the goal that a command asks for.
+    """Return the goal that a command asks for; of a command without a place, the speed or state.
 
     Args:
         query: the command.
@@ -138,6 +150,8 @@ def plan_goal(
         forbidden: relations to vehicles that the goal must not have.
         start: pose of the ego when it begins; None: where it is now.
     """
+    if query.pace is not None:
+        return GoalPlan(None, (_PACE_REASONS[query.pace],), pace=query.pace)
     if start is not None:
         road = scene.road_from(start)
     limits = PlaceLimits.of(query, road.traffic_side)

@@ -42,8 +42,6 @@ AT_CAR = [
     ("park", "opposite", 20, EDGE_M),
     ("stop", "opposite", 20, HALF_ROAD_M / 2),
     ("change_lane", "none", 20 - LENGTHWISE_M - 6.0, -3),
-    ("slow_down", "none", EGO.centre_m + 10, 0),
-    ("wait", "none", EGO.centre_m, 0),
     ("give_way", "none", EGO.centre_m, 0),
     ("wait", "behind", 20 - LENGTHWISE_M - 2.0, -3),
 ]
@@ -62,8 +60,8 @@ ALONE = [
     (make_query("stop", distance_m=20.0, distance_of="ego"), EGO.centre_m + 20, 0, 0),
     (make_query("other", direction="straight"), EGO.centre_m + 20, 0, 0),
     (make_query("turn", direction="straight"), EGO.centre_m + 20, 0, 0),
-    (make_query("slow_down"), EGO.centre_m + 10, 0, 0),
-    (make_query("wait"), EGO.centre_m, 0, 0),
+    (make_query("slow_down", distance_m=10.0, distance_of="ego"), EGO.centre_m + 10, 0, 0),
+    (make_query("give_way"), EGO.centre_m, 0, 0),
     (make_query("park"), 13.8, -EDGE_M, 0),
     (make_query("pull_over"), 13.8, -EDGE_M, 0),
     (make_query("park", goal_side="left"), 14.2, EDGE_M, 0),
@@ -78,6 +76,23 @@ def test_goals_without_a_vehicle(query: Query, x_m: float, y_m: float, heading_r
     target = target_of(plan_in(Street(), query, None))
     assert is_near(target, x_m, y_m), target
     assert np.cos(target.heading_ego_rad - heading_rad) > 0.999
+
+
+@pytest.mark.parametrize("item", [None, "car"])
+@pytest.mark.parametrize(
+    ("query", "pace"),
+    [
+        (make_query("slow_down"), "slower"),
+        (make_query("wait"), "standing"),
+        (make_query("other", manoeuvre="faster"), "faster"),
+    ],
+)
+def test_a_speed_or_a_state_is_no_place(query: Query, pace: str, item: str | None) -> None:
+    made = plan_in(Street().car("car", 20, 0), query, item)
+    assert (made.pace, made.target, made.nearest) == (pace, None, None)
+    placed = plan_in(Street().car("car", 20, 0), replace(query, relation="behind", landmark="referent"), "car")
+    assert placed.pace is None
+    assert placed.target is not None
 
 
 @pytest.mark.parametrize(
