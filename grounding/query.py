@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import KW_ONLY, dataclass, replace
 from typing import Any, Literal
 
 from grounding.vocabulary import Action, Manoeuvre, Pace, Relation, Trigger
@@ -17,6 +17,8 @@ LandmarkRole = Literal["goal", "referent", "inverse"]
 Anchor = Literal["referent", "secondary"]
 Direction = Literal["left", "right", "around", "straight"]
 Side = Literal["left", "right"]
+# Side of the road by its traffic: at our kerb, or the other one.
+RoadSide = Literal["kerb", "opposite"]
 # Meaning of a distance: gap between goal and referent, distance to drive, distance from the ego to the referent.
 DistanceRole = Literal["referent", "ego", "descriptor"]
 
@@ -154,6 +156,7 @@ class Query:
         secondary: landmarks.
         direction: steering that the text commands.
         goal_side: side of the road for the goal; None if none is named.
+        road_side: the same, named by the traffic ("by the kerb", "on the other side of the road"); None if it is not.
         trigger: event of the referent that starts or ends the action.
         distance_m: None if none is named.
         distance_of: meaning of the distance; None without one.
@@ -183,12 +186,20 @@ class Query:
     manoeuvre: Manoeuvre | None = None
     unresolved: str = ""
     sought: Referent | None = None
+    road_side: RoadSide | None = None
+
+    def on_side(self, traffic_side: int) -> Query:
+        """Return the query with its side as left or right, where traffic drives on the right (1) or left (-1)."""
+        if self.road_side is None or self.goal_side is not None:
+            return self
+        right = (self.road_side == "kerb") == (traffic_side > 0)
+        return replace(self, goal_side="right" if right else "left")
 
     @property
     def pace(self) -> Pace | None:
         """What a command without a place asks for: "slow down", "faster", "wait"; None if it asks for a place."""
-        placed = self.relation != "none" or self.distance_m is not None or self.goal_side or self.direction
-        if placed or self.landmark == "secondary":
+        placed = self.relation != "none" or self.distance_m is not None or self.landmark == "secondary"
+        if placed or self.goal_side or self.road_side or self.direction:
             return None
         if self.manoeuvre is not None:
             return "faster" if self.manoeuvre == "faster" else None
@@ -216,5 +227,6 @@ class Query:
             "note": None,
             **({} if self.count is None else {"count": self.count}),
             **({} if self.manoeuvre is None else {"manoeuvre": self.manoeuvre}),
+            **({} if self.road_side is None else {"road_side": self.road_side}),
             **({} if self.pace is None else {"pace": self.pace}),
         }

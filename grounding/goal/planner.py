@@ -154,6 +154,7 @@ def plan_goal(
         return GoalPlan(None, (_PACE_REASONS[query.pace],), pace=query.pace)
     if start is not None:
         road = scene.road_from(start)
+    query = query.on_side(road.traffic_side)
     limits = PlaceLimits.of(query, road.traffic_side)
     if item is not None and _drives_away(query, item):
         if query.action == "stop" and query.relation in ("none", "behind") and _drives_before_us(item, road):
