@@ -46,6 +46,7 @@ _SAME_WAY = 0.7
 _TURN_ROUND_RAD, _LITTLE_M = np.radians(150), 0.5
 # Where only one limit stands against the best place, that is asked.
 _FOLLOW = "it does not stand still: shall we follow it?"
+_LET_PASS = "it comes towards us: shall we let it pass?"
 _QUESTIONS = {
     BEHIND_US: "there is no such place ahead of us: shall we go back to the one behind us?",
     TURNED: "it stands on the other side of the road: shall we turn round here?",
@@ -156,6 +157,9 @@ def plan_goal(
         road = scene.road_from(start)
     query = query.on_side(road.traffic_side)
     limits = PlaceLimits.of(query, road.traffic_side)
+    if item is not None and query.action == "overtake" and _comes_towards_us(item, road):
+        reason = f"it comes towards us at {item.speed_mps:.0f} m/s: there is nothing to overtake"
+        return GoalPlan(None, (reason,), question=_LET_PASS, instead="give_way")
     if item is not None and _drives_away(query, item):
         if query.action == "stop" and query.relation in ("none", "behind") and _drives_before_us(item, road):
             following = replace(query, action="follow", relation="none")
@@ -203,6 +207,13 @@ def _drives_before_us(item: SceneObject, road: RoadMap) -> bool:
     along, lateral = (float(each) for each in road.ego_lane.project(item.centre_m))
     ours = np.cos(item.yaw_rad - road.direction_at(item.centre_m)) > _SAME_WAY
     return bool(item.front_known and ours and along > 0 and abs(lateral) < 1.5 * LANE_M)
+
+
+def _comes_towards_us(item: SceneObject, road: RoadMap) -> bool:
+    """Return whether a vehicle ahead of us drives against our direction."""
+    along, _ = (float(each) for each in road.ego_lane.project(item.centre_m))
+    against = np.cos(item.yaw_rad - road.direction_at(item.centre_m)) < -_SAME_WAY
+    return bool(item.front_known and against and along > 0 and (item.speed_mps or 0.0) > DRIVING_MPS)
 
 
 def _with_traffic(candidates: CandidateSet, road: RoadMap) -> list[CandidateSet]:

@@ -18,6 +18,7 @@ from grounding.language.syntax.lexicon import Lexicon, default_lexicon
 from grounding.language.syntax.tagger import tag
 from grounding.language.syntax.tokenizer import MAX_CHARACTERS, Token, Tokenised, normalise, tokenise_all
 from grounding.language.syntax.word_categories import WordCategory
+from grounding.language.syntax.word_model import common_words, homophones
 from grounding.query import Query, Referent
 
 # Most ways to read the words of a sentence, and how much less likely (nats) than the best one they may be.
@@ -132,6 +133,11 @@ class _Analysis:
         strict = has_partial_repair(self._written) or bool(self.way.corrections)
         return account_for(self._tagged, self._build, strict)
 
+    def _doubt_noun(self) -> str:
+        """Return the question about an English word that was read as the name of a vehicle: "bust"."""
+        guessed = _guessed_name(self.way)
+        return f"'{guessed[0]}' was read as '{guessed[1]}': is that what you mean?" if guessed else ""
+
     def reading(self, query: Query, score: float, problem: ParseProblem | None = None) -> Reading:
         """Return the reading with a query of this analysis."""
         account = Account() if problem else self._account
@@ -143,9 +149,17 @@ class _Analysis:
             problem,
             steps=_steps_of(query, self.built),
             dropped=account.dropped,
-            doubt=_compose_doubt([*account.doubtful, *_opposites(self.way.corrections)]),
+            doubt=_compose_doubt([*account.doubtful, *_opposites(self.way.corrections)]) or self._doubt_noun(),
             corrections=self.way.corrections,
         )
+
+
+def _guessed_name(way: Tokenised) -> tuple[str, str] | None:
+    """Return the first English word, as written and as read, that was read as the name or colour of a vehicle."""
+    names = (WordCategory.NOUN, WordCategory.COLOUR, WordCategory.MAKE, WordCategory.MODEL)
+    read = {token.text for token in way.tokens if token.category in names}
+    guessed = ((old, new) for old, new in way.corrections if new in read and old in common_words())
+    return next((pair for pair in guessed if pair[0] not in homophones()), None)
 
 
 def _best_readings(analyses: Sequence[_Analysis]) -> tuple[Reading, ...]:
