@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import islice
 
 from grounding.language.ambiguity import MAX_READINGS, list_alternatives
 from grounding.language.problems import CommandError, ParseProblem, find_problem
@@ -13,7 +14,7 @@ from grounding.language.semantics.contrasts import has_partial_repair, resolve_c
 from grounding.language.semantics.discourse.interpreter import interpret
 from grounding.language.semantics.query_builder import BuiltQuery, build_query
 from grounding.language.syntax.clauses import split_clauses
-from grounding.language.syntax.fragments import complete_fragment
+from grounding.language.syntax.fragments import complete_fragment, split_run_ons
 from grounding.language.syntax.lexicon import Lexicon, default_lexicon
 from grounding.language.syntax.tagger import tag
 from grounding.language.syntax.tokenizer import MAX_CHARACTERS, Token, Tokenised, normalise, tokenise_all
@@ -23,6 +24,8 @@ from grounding.query import Query, Referent
 
 # Most ways to read the words of a sentence, and how much less likely (nats) than the best one they may be.
 _MAX_WAYS, _MAX_LOSS = 6, 4.0
+# Most ways to read a text as two sentences.
+_MAX_SPLITS = 8
 # Characters read in all ways together, which bounds the time of long texts.
 _MAX_CHARACTERS_READ = 2000
 
@@ -123,9 +126,20 @@ class _Analysis:
         self._written = tag(way.tokens)
         self._tagged = complete_fragment(resolve_contrasts(self._written), verb)
         self.built = self._build(self._tagged)
+        if self.built.query.action is None:
+            self._split_run_ons()
 
     def _build(self, tagged: Sequence[Token]) -> BuiltQuery:
         return build_query(self._text, interpret(split_clauses(tagged), self._antecedent))
+
+    def _split_run_ons(self) -> None:
+        """Take the first reading as two sentences that is a command, if there is one."""
+        for written in islice(split_run_ons(self._written), _MAX_SPLITS):
+            tagged = resolve_contrasts(written)
+            built = self._build(tagged)
+            if built.query.action is not None:
+                self._written, self._tagged, self.built = written, tagged, built
+                return
 
     @cached_property
     def _account(self) -> Account:

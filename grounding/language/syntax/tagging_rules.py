@@ -238,7 +238,7 @@ def tag_not(before: Sequence[Token], token: Token, after: Sequence[Token]) -> To
     begins = category_at(before, -1) in CLAUSE_ENDS | {WordCategory.COMMA}
     # "The silver car no the white car": a negated noun phrase has no other determiner.
     another = bool(before) and category_at(after, 0) in _AFTER_REPAIR
-    named = HEADS | {WordCategory.SIDE, WordCategory.DIRECTION}
+    named = HEADS | {WordCategory.SIDE, WordCategory.DIRECTION, WordCategory.HERE}
     another = another and (category_at(before, -1) in named or before[-1].value in TURNS)
     another = another or (begins and category_at(after, 0) is WordCategory.DIRECTION)  # "turn that way, no left"
     repairs = another or (begins and ends)
