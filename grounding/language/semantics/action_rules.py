@@ -90,8 +90,7 @@ def _classify_stop_or_pass(frame: CommandFrame) -> str | None:
     """Classify "stop" and "overtake"; "stop the music" and "pass the salt" are not driving commands."""
     if frame.verb.startswith("get off") and frame.has_landmark("entrance"):
         return "turn"
-    strict = frame.verb.split()[0] in ("stop", "pass", "pick", "drop", "roll", "put", "set", "draw")
-    return None if strict and frame.target is None and _is_off_topic(frame.direct_object) else frame.verb_class
+    return None if frame.target is None and _is_off_topic(frame.direct_object) else frame.verb_class
 
 
 def _classify_turn(frame: CommandFrame) -> str | None:
@@ -110,8 +109,10 @@ def _classify_turn(frame: CommandFrame) -> str | None:
     return None if frame.direction is None and (elsewhere or off_topic) else "turn"
 
 
-def _classify_slow_down(frame: CommandFrame) -> str:
-    """Classify "slow down"; "drive slowly past the bus" is a drive past."""
+def _classify_slow_down(frame: CommandFrame) -> str | None:
+    """Classify "slow down"; "drive slowly past the bus" is a drive past, "chill the wine" no driving command."""
+    if frame.target is None and _is_off_topic(frame.direct_object):
+        return None
     word = frame.verb.split()[0]
     if word in ("inch", "creep", "crawl") and frame.target is not None and frame.relation != "past":
         return "approach"
@@ -121,8 +122,10 @@ def _classify_slow_down(frame: CommandFrame) -> str:
     return "slow_down"
 
 
-def _classify_other(frame: CommandFrame) -> str:
+def _classify_other(frame: CommandFrame) -> str | None:
     """Classify "continue" and "reverse" by their place: behind a vehicle, past it or next to it."""
+    if frame.manoeuvre == "push" and frame.target is None and frame.direct_object is not None:
+        return None  # "push the button"
     if frame.has_spot or (frame.refers_to_place and frame.verb.startswith(("reverse", "back"))):
         return "park"
     if frame.target is None:
@@ -149,6 +152,11 @@ def _classify_give_way(frame: CommandFrame) -> str | None:
     return None if alone and frame.verb in LETTING else "give_way"
 
 
+def _classify_merge(frame: CommandFrame) -> str | None:
+    """Classify "merge"; "merge the two documents" is not a driving command."""
+    return None if frame.target is None and _is_off_topic(frame.direct_object) else "change_lane"
+
+
 _ACTION_VERBS: Mapping[str, Callable[[CommandFrame], str | None]] = {
     "park": _classify_park,
     "stop": _classify_stop_or_pass,
@@ -158,6 +166,7 @@ _ACTION_VERBS: Mapping[str, Callable[[CommandFrame], str | None]] = {
     "other": _classify_other,
     "follow": _classify_follow,
     "give_way": _classify_give_way,
+    "change_lane": _classify_merge,
 }
 
 
@@ -231,7 +240,8 @@ def _classify_stay(frame: CommandFrame) -> str | None:
     word = frame.verb.split()[0]
     if word.startswith("hold") and any(relation not in _NO_GOAL_RELATION for relation, _ in frame.landmarks):
         return "stop"  # "hold at the line"
-    if word.startswith(("hold", "be")) and not (frame.lane or frame.target):
+    held = frame.target if frame.target is None or frame.target.kind != "person" else None  # "hold the baby"
+    if word.startswith(("hold", "be")) and not (frame.lane or held):
         return None
     steers = frame.lane or frame.side or frame.direction
     specified = steers or frame.landmarks or frame.target or frame.goal_qualifiers

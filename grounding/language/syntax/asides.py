@@ -54,6 +54,8 @@ _AFTER_ADDRESS = frozenset(
         WordCategory.NONDRIVE,
     )
 )
+# Possessives that no form of address begins with.
+_THEIRS = ("your", "his", "her", "its", "their", "the")
 _BEFORE_NAME = frozenset((WordCategory.POSSESSIVE, WordCategory.UNKNOWN, WordCategory.EXTRA))
 
 
@@ -117,7 +119,7 @@ class Asides:
         *others, name = (self._category(words, i) for i in range(len(words)))
         vehicle = vehicle or (starts and set(others) == {WordCategory.UNKNOWN})  # "appo car, ..."
         part = name is WordCategory.UNKNOWN and words[-1] in self._lexicon.written  # "thank you so much"
-        if part or words[-1] in self._lexicon.respelled:  # "u turn"
+        if part or words[-1] in self._lexicon.respelled or words[0] in _THEIRS:  # "u turn", "follow your dreams"
             return None
         fits = name in (WordCategory.UNKNOWN, WordCategory.PERSON) or (vehicle and name is WordCategory.NOUN)
         if not fits or not set(others) <= _BEFORE_NAME or self._lexicon.forms.get(words[-1]) in ("plural", "s"):

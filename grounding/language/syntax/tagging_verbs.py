@@ -101,6 +101,8 @@ def tag_verb(before: Sequence[Token], token: Token, after: Sequence[Token]) -> T
         return token.with_category(WordCategory.VERB, token.text.split()[0])  # "go right behind it"
     if token.form == "ing" and last in DETERMINERS and category_at(after, 0) in HEADS | {WordCategory.COLOUR}:
         return token.with_category(WordCategory.EXTRA)
+    if _is_idle(token, after):
+        return token.with_category(WordCategory.NONDRIVE)  # "stop teasing him", "stay healthy"
     if token.form == "ing" and _is_praised(before, after):
         return token.with_category(WordCategory.THING, token.text)  # "nice driving, thank you"
     own = bool(before) and before[-1].form == "own" and category_at(after, 0) not in HEADS  # "the van's tail"
@@ -112,6 +114,15 @@ def tag_verb(before: Sequence[Token], token: Token, after: Sequence[Token]) -> T
     if token.text == "passed" and last in _BEFORE_PASSED and category_at(after, 0) in PHRASE_STARTS:
         return token.with_category(WordCategory.RELATION, "past")  # "turn left passed the van"
     return token
+
+
+def _is_idle(token: Token, after: Sequence[Token]) -> bool:
+    """Return whether the word after "stop" or "stay" makes them verbs that are not about driving."""
+    word = after[0].text if category_at(after, 0) in (WordCategory.UNKNOWN, WordCategory.EXTRA) else ""
+    if token.text in ("stop", "quit", "keep") and category_at(after, 0) is WordCategory.UNKNOWN:
+        return word.endswith("ing")
+    ends = category_at(after, 1) in CLAUSE_ENDS | {WordCategory.COMMA}
+    return token.text in ("stay", "remain") and ends and word not in ("", "slow", "close")
 
 
 def _is_praised(before: Sequence[Token], after: Sequence[Token]) -> bool:
