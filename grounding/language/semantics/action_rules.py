@@ -188,7 +188,8 @@ def _classify_motion(frame: CommandFrame) -> str | None:
     if relation == "past":
         return "overtake" if verb == "get" else "drive_past"
     if relation == "same_as":
-        return "change_lane" if sideways else "follow"
+        manner = frame.target is not None and frame.target.kind == "person"  # "you drive like my grandmother"
+        return None if manner else "change_lane" if sideways else "follow"
     if relation == "between" and sideways and verb != "get" and not frame.has_spot:
         return "change_lane"
     enters = any(where in ("into", "in") and thing.noun in _LOTS for where, thing in frame.landmarks)
@@ -244,6 +245,9 @@ def _classify_stay(frame: CommandFrame) -> str | None:
     if word.startswith(("hold", "be")) and not (frame.lane or held):
         return None
     steers = frame.lane or frame.side or frame.direction
+    thing = frame.direct_object
+    if word.startswith("keep") and not steers and len(frame.landmarks) == 1 and thing and thing.kind == "thing":
+        return None  # "keep your promises"
     specified = steers or frame.landmarks or frame.target or frame.goal_qualifiers
     return "other" if specified else "wait" if word.startswith(("stay", "remain")) else None
 

@@ -11,12 +11,14 @@ from collections.abc import Iterator, Sequence
 
 from grounding.language.syntax.lexicon import Lexicon
 from grounding.language.syntax.word_categories import DETERMINERS, MODIFIERS, WordCategory
-from grounding.language.syntax.word_model import WordModel
+from grounding.language.syntax.word_model import WordModel, common_words
 
 # Costs of leaving out a sound and a repeated word.
 _SOUND_COST, _REPEATED = 0.5, 6.0
 # Costs of leaving out a form of address: alone, beside a mark or a filler, after a greeting.
 _ADDRESS, _MARKED_ADDRESS, _GREETED_ADDRESS = 5.0, 2.0, 0.0
+# Extra cost of a common English word that nothing sets apart from the command.
+_COMMON_ADDRESS = 6.0
 _MAX_ADDRESS, _MAX_HESITATION, _MAX_REPEATED = 3, 5, 2
 # "Um", "errr", "mmm", "ugh", "pfft": sounds that speakers draw out.
 _SOUND = re.compile(
@@ -110,6 +112,9 @@ class Asides:
                 continue
             marked = beside_filler or (after_mark and (before_mark or i > 0))
             cost += _GREETED_ADDRESS if greeted else _MARKED_ADDRESS if marked else _ADDRESS
+            person = self._category(written, end - 1) is WordCategory.PERSON
+            if not (greeted or marked or i == 0 or person) and written[end - 1] in common_words():
+                cost += _COMMON_ADDRESS  # "stay healthy"
             yield end, cost
             if (after_mark or greeted) and after is WordCategory.COMMA:
                 yield end + 1, cost

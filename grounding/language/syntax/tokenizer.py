@@ -15,9 +15,9 @@ from grounding.language.syntax.word_categories import NOUNS, WordCategory
 
 MAX_CHARACTERS = 2000
 _NUMBER = re.compile(r"\d{1,9}(?:\.\d{1,9})?")
-# Signs of text messages.
-_SIGN_WORDS = {"@": "at", "w/o": "without", "b/w": "between", "w/": "with"}
-_SIGNS = re.compile(r"@|\b(?:w/o|b/w)(?!\w)|\bw/(?!\w)")
+# Signs of text messages, and words without their last letters.
+_SIGN_WORDS = {"@": "at", "w/o": "without", "b/w": "between", "w/": "with", "an'": "and", "o'": "of", "wi'": "with"}
+_SIGNS = re.compile(r"@|\b(?:w/o|b/w|w/|an'|o'|wi')(?!\w)")
 _MARKS = {",": WordCategory.COMMA} | dict.fromkeys(".;!?", WordCategory.BREAK)
 
 
