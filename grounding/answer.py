@@ -151,7 +151,7 @@ class Answer:
     def step_text(self) -> str:
         """Return a step of a plan in one line."""
         done = f" until: {self.awaits}" if self.awaits else ""
-        place = self.pace or self.status
+        place: str = self.pace or self.status
         if self.target:
             place = f"({self.target.ego_m[0]:.1f}, {self.target.ego_m[1]:.1f}) m"
         return f"{describe_step(self.query, self.referent, self.scene)}{done}: {place.replace('_', ' ')}"

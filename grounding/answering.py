@@ -245,7 +245,9 @@ def answer_step(
     confidence = _confidence(reading, referent, resolution, goal_plan, scene)
     settled = request.chosen is not None or referent is None
     if goal_plan.score is not None and referent and not settled and not is_worth_acting(confidence):
-        goal_plan = replace(goal_plan, target=None, pace=None, question=f"do you mean {describe_one(referent.item, scene)}?")
+        goal_plan = replace(
+            goal_plan, target=None, pace=None, question=f"do you mean {describe_one(referent.item, scene)}?"
+        )
     question = goal_plan.question
     if question:  # about this vehicle only
         make = partial(make, candidates=(referent,) if referent else ())

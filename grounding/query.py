@@ -163,7 +163,7 @@ class Query:
         excluded: excluded objects.
         count: of a turn, the branch on that side, from 1 ("the third left"); of a lane change, the number of lanes;
             None if none is named (the first branch, one lane).
-        manoeuvre: how to drive, if the verb says more than the action: onward, back, creep, faster, or what is refused.
+        manoeuvre: how to drive, if the verb says more than the action: onward, back, creep, faster, or a refused one.
         unresolved: the pronoun or "one" that stands for the referent and has no antecedent; '' if there is none.
         sought: description of the unresolved referent ("the red one": a red vehicle); None without one.
     """

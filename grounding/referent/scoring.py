@@ -159,7 +159,7 @@ def _is_on_map(part: Landmark | Exclusion, scene: SceneModel) -> bool:
 def _fit_map_landmark(part: Landmark, scene: SceneModel) -> dict[str, FloatArray]:
     """Return the membership (N,) in being by a landmark of the vector map: "the van at the crossing"."""
     table = scene.table
-    away_m = scene.landmarks.distances_m(LANDMARK_KINDS[part.noun], table.centre_m) - table.size_m[:, 0] / 2
+    away_m = scene.landmarks.distances_m(LANDMARK_KINDS[part.noun], table.xy_m) - table.size_m[:, 0] / 2
     fit = np.exp(-0.5 * (np.maximum(away_m - _AT_M, 0.0) / _AT_SPREAD_M) ** 2)
     return {f"{part.relation} the {part.noun}".replace("_", " "): fit}
 

@@ -73,8 +73,8 @@ class Clause:
 
     Attributes:
         connective: '' at the start of a sentence and after a comma; and, or, but, then; when, after, before, until,
-            while, if, because, unless, so; main for a main clause without a comma before it; correct for a self-repair
-            ("no, ...").
+            while, if, because, unless, so; main for a main clause without a comma before it; correct for a
+            self-repair ("no, ...").
         tokens: tokens of the clause, without its connective and the marks around it.
         starts_sentence: whether the clause is the first of a sentence.
     """

@@ -253,7 +253,12 @@ def tag_then(before: Sequence[Token], token: Token, after: Sequence[Token]) -> T
 
 def tag_unit(before: Sequence[Token], token: Token, after: Sequence[Token]) -> Token:
     """Tag a unit after "the" as a place ("into the yard"), and drop other units without a number."""
-    named = category_at(before, -1) in (WordCategory.THE, WordCategory.POSSESSIVE, WordCategory.THING, WordCategory.NOUN)
+    named = category_at(before, -1) in (
+        WordCategory.THE,
+        WordCategory.POSSESSIVE,
+        WordCategory.THING,
+        WordCategory.NOUN,
+    )
     place = _PLACES_OF_UNITS.get(token.text)
     return token.with_category(*place) if named and place else token.with_category(WordCategory.FILLER)
 

@@ -19,7 +19,7 @@ from goal_plans import (
 from street import BLACK, EGO, HALF_ROAD_M, RED, WHITE, Street
 
 from appocc.bevmap import ROAD
-from grounding.query import Query, Referent
+from grounding.query import Query, Referent, RoadSide
 
 AT_CAR = [
     ("stop", "behind", 20 - LENGTHWISE_M - 2.0, -3),
@@ -110,6 +110,24 @@ def test_commands_without_a_goal_are_explained(query: Query, reason: str) -> Non
     assert made.target is None
     assert made.nearest is None
     assert has_reason(made, reason)
+
+
+def test_an_oncoming_vehicle_is_not_overtaken() -> None:
+    street = Street().car("oncoming", 25, 3, yaw_rad=np.pi, speed_mps=8.0)
+    made = plan_in(street, make_query("overtake"), "oncoming")
+    assert (made.target, made.instead) == (None, "give_way")
+    assert "comes towards us" in made.question
+    for other in (
+        Street().car("oncoming", 25, 3, yaw_rad=np.pi),  # parked
+        Street().car("oncoming", 25, 0, speed_mps=3.0),  # ahead of us
+    ):
+        assert plan_in(other, make_query("overtake"), "oncoming").instead is None
+
+
+@pytest.mark.parametrize(("road_side", "sign"), [("kerb", -1.0), ("opposite", 1.0)])
+def test_the_kerb_and_the_other_side_of_the_road(road_side: RoadSide, sign: float) -> None:
+    made = plan_in(Street(), make_query("park", road_side=road_side), None)
+    assert sign * target_of(made).ego_m[1] == pytest.approx(EDGE_M, abs=1.0)
 
 
 def test_a_relation_without_a_vehicle_is_ignored() -> None:

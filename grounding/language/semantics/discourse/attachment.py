@@ -185,7 +185,7 @@ def _attach_object(state: DiscourseState, frame: CommandFrame, phrase: NounPhras
 
 
 def _name_road(state: DiscourseState, phrase: NounPhrase) -> None:
-    """Give "one" the noun of the road or turning mentioned last, if nothing else was: "not this street, the next one"."""
+    """Give "one" the noun of the road or turning that was mentioned last: "not this street, the next one"."""
     last = state.discourse.mentions[-1][0] if state.discourse.mentions else None
     if last is not None and last.noun in ENTERABLE and last.kind in ("region", "thing"):
         phrase.take_noun(last)

@@ -134,6 +134,8 @@ def _move_arguments(leading: CommandFrame, frame: CommandFrame) -> None:
 
 def _add_statement(state: DiscourseState, token: Token) -> None:
     """Add an event or a state of another vehicle."""
+    if state.clause.connective == "unless":
+        return  # what is not so
     subject = state.other_subject if not state.in_relative_clause else None
     finite_past = token.form == "past" and token.event not in ("", "stop")
     finite = bool(state.auxiliary) or token.form in ("s", "") or finite_past
