@@ -155,7 +155,9 @@ def plan_goal(
         return GoalPlan(None, (_PACE_REASONS[query.pace],), pace=query.pace)
     if start is not None:
         road = scene.road_from(start)
-    query = query.on_side(road.traffic_side)
+    # After a turn in the road its other side is ours.
+    turned = query.road_side == "opposite" and start is not None and np.cos(start.heading_rad) < 0
+    query = query.on_side(-road.traffic_side if turned else road.traffic_side)
     limits = PlaceLimits.of(query, road.traffic_side)
     if item is not None and query.action == "overtake" and _comes_towards_us(item, road):
         reason = f"it comes towards us at {item.speed_mps:.0f} m/s: there is nothing to overtake"

@@ -121,7 +121,6 @@ COMMANDS = {
     # Lanes.
     "Move to the second lane": "change_lane none",
     "Switch to the middle lane": "change_lane none",
-    "Go to the third lane from the right": "change_lane none",
     "Stay in the nearside lane": "other none",
     # Kerb.
     "Stop by the kerb": "stop none",

@@ -118,6 +118,8 @@ def handle_side(state: DiscourseState, token: Token) -> None:
     if possessive and state.host_frame.target is noun and value != "opposite":
         state.host_frame.relation = f"{value}_of"  # "to the white car's left side"
         return
+    if noun is not None and noun.noun == "lane":
+        return  # "the third lane from the right": the map counts no lanes, and so the side is told as left out
     if noun is not None and noun.noun in ENTERABLE and value != "opposite":
         if frame is None:
             noun.add_qualifier(token.value)  # "the next road on the left, turn in there"
@@ -132,7 +134,7 @@ def handle_side(state: DiscourseState, token: Token) -> None:
     if _qualify_open_phrase(state, token):
         return
     if value == "opposite":
-        if state.frame is not None and not state.negated:
+        if state.frame is not None and state.frame.verb_class in (*_STANDING, "take") and not state.negated:
             state.frame.side = state.frame.side or value
         return
     if state.negated:
