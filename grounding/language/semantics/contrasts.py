@@ -48,6 +48,7 @@ _LETTERS = (
         WordCategory.TO: "T",
         WordCategory.THEN: "H",
         WordCategory.HERE: "k",
+        WordCategory.OF: "f",
     }
 )
 # A noun phrase, with the places that follow it, and a place: a preposition with its noun phrase, or a single word.
@@ -297,7 +298,7 @@ def _contrast_patterns(verb: str, separator: str) -> list[re.Pattern[str]]:
     """Return the patterns of a contrast between noun phrases and of one between places."""
     return [
         re.compile(
-            rf"(?P<not>[NE])(?P<verb>{verb})(?P<rejected>{part})(?:W?ea)?{separator},?(?P<chosen>{part}){_END}"
+            rf"(?P<not>[NE])(?P<verb>{verb})(?P<rejected>{part})(?:W?ea)?{separator},?(?:ea)?(?P<chosen>{part}){_END}"
         )
         for part in (_WHOLE_NOUN, _PLACE)
     ]
@@ -312,6 +313,27 @@ def _drop_direction(tokens: list[Token], match: re.Match[str]) -> list[Token] | 
     values = (token.value.replace("_", " ") for token in tokens[: match.start()])
     before = [word for value in values for word in value.split() if word in _SIDES]
     return [] if before and rejected in _SIDES and before[-1] != rejected else None
+
+
+def _relate_side(tokens: list[Token], match: re.Match[str]) -> list[Token] | None:
+    """Rewrite "to the left, not to the right, of" to "left of"."""
+    chosen, rejected = (tokens[match.start(group)].value.removesuffix("_side") for group in ("chosen", "rejected"))
+    if {chosen, rejected} != {*_SIDES}:
+        return None
+    return [tokens[match.start()].with_category(WordCategory.RELATION, f"{chosen}_of")]
+
+
+def _share_head(tokens: list[Token], match: re.Match[str]) -> list[Token]:
+    """Rewrite "the second and not the first truck" to "the second truck, not the first truck"."""
+    chosen, rejected, noun = (_span(tokens, match, name) for name in ("chosen", "rejected", "noun"))
+    negation = chosen[0].with_category(WordCategory.NOT)
+    return [*chosen, *noun, _comma(chosen[0]), negation, *rejected, *noun]
+
+
+def _drop_modifier(tokens: list[Token], match: re.Match[str]) -> list[Token] | None:
+    """Drop "not silver" after "white"."""
+    chosen, rejected = tokens[match.start() - 1], tokens[match.end() - 1]
+    return [] if chosen.category is rejected.category is WordCategory.COLOUR else None
 
 
 def _drop_prohibition(tokens: list[Token], match: re.Match[str]) -> list[Token] | None:
@@ -333,8 +355,11 @@ _RULES: tuple[tuple[re.Pattern[str], _Rewrite], ...] = (
     (re.compile(rf"(?P<chosen>r),?[NE](?P<rejected>r),?(?P<noun>{_NOUN})"), _share_noun),
     (re.compile(rf"[NE](?P<rejected>r),?B,?(?P<chosen>r)(?P<noun>{_NOUN})"), _share_noun),
     (re.compile(rf"r(?P<noun>{_WHOLE_NOUN})[,C]+[NE](?P<same>r)p[,C]+(?P<chosen>r)p"), _correct_place),
+    (re.compile(r"(?P<chosen>[st]),?A?[NE](?P<rejected>[st]),?f"), _relate_side),
+    (re.compile(r"(?<![NEMm])(?P<chosen>d*m+),?[AB]?[NE](?P<rejected>d*m+)(?P<noun>[ho]+)"), _share_head),
     (re.compile(rf",?A?[NE][st]{_END[:-1]}|S|r)"), _drop_direction),
     (re.compile(r"N(?P<verb>v)k?[,.]+(?=v)"), _drop_prohibition),
+    (re.compile(r"(?<=[^NM]m),?Nm(?=[,.ho]|$)"), _drop_modifier),
     (re.compile(r"Nvr"), _end_negation),
     (re.compile(rf"(?P<far>F)(?P<noun>{_WHOLE_NOUN})"), _negate_nearness),
     (re.compile(r"(?P<relation>r)(?P<not>N)(?P<noun>[mn]*h)"), _negate_place),

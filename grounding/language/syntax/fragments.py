@@ -76,6 +76,8 @@ def complete_fragment(tagged: Sequence[Token], verb: str = "") -> Sequence[Token
         return tagged
     place = first.category in (WordCategory.RELATION, WordCategory.BETWEEN) and first.value not in ("with", "for")
     place = place or (first.category is WordCategory.SUB and first.value in ("after", "before"))
+    sided = first.category in (WordCategory.SIDE, WordCategory.WHERE)  # "left side, after the bus"
+    place = place or (sided and any(token.category in (WordCategory.RELATION, WordCategory.SUB) for token in rest))
     return [_verb_before(first, "park"), *tagged] if place else tagged
 
 

@@ -89,6 +89,11 @@ def tag_verb(before: Sequence[Token], token: Token, after: Sequence[Token]) -> T
         return token.with_category(WordCategory.FILLER)  # "lets park here"
     if token.value == "other onward" and token.text.endswith(" on") and category_at(after, 0) is WordCategory.LANE:
         return token.with_category(WordCategory.VERB, "go")  # "go on the lane in the middle"
+    if token.value == "turn around" and token.text.endswith("round") and (head := _head(after)) is not None:
+        if head.category in (WordCategory.NOUN, WordCategory.ONE):
+            return token.with_category(WordCategory.VERB, "overtake")  # "swing round that van"
+        if head.value == "corner":
+            return token.with_category(WordCategory.VERB, "turn")
     if token.value in TURNS and after and after[0].text.startswith("lane"):
         # "take the left lane"
         return token.with_category(WordCategory.VERB, token.value.replace("turn", "change_lane"))
@@ -123,6 +128,15 @@ def _is_idle(token: Token, after: Sequence[Token]) -> bool:
         return word.endswith("ing")
     ends = category_at(after, 1) in CLAUSE_ENDS | {WordCategory.COMMA}
     return token.text in ("stay", "remain") and ends and word not in ("", "slow", "close")
+
+
+def _head(after: Sequence[Token]) -> Token | None:
+    """Return the head of a noun phrase with a determiner that follows; None if none does."""
+    before = DETERMINERS | {WordCategory.THAT}
+    if category_at(after, 0) not in before:
+        return None
+    within = before | MODIFIERS | {WordCategory.VERB}  # "that parked lorry"
+    return next((one for one in after if one.category not in within), None)
 
 
 def _is_praised(before: Sequence[Token], after: Sequence[Token]) -> bool:
