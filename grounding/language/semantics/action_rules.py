@@ -184,7 +184,8 @@ def _classify_motion(frame: CommandFrame) -> str | None:
         return "turn" if frame.target is None and corner else "overtake"
     steers = frame.target is None or relation not in (*_BESIDE_TARGET, "toward", "past")
     if frame.direction in ("left", "right") and steers:
-        return "turn" if verb in ("go", "drive") else "change_lane"
+        enters = any(where == "into" and thing.noun in ENTERABLE for where, thing in frame.landmarks)
+        return "turn" if enters or verb in ("go", "drive") else "change_lane"
     if relation == "past":
         return "overtake" if verb == "get" else "drive_past"
     if relation == "same_as":
