@@ -126,6 +126,8 @@ def _classify_other(frame: CommandFrame) -> str | None:
     """Classify "continue" and "reverse" by their place: behind a vehicle, past it or next to it."""
     if frame.manoeuvre == "push" and frame.target is None and frame.direct_object is not None:
         return None  # "push the button"
+    if frame.verb.endswith(" off") and _is_off_topic(frame.direct_object):
+        return None  # "take off your coat"
     if frame.has_spot or (frame.refers_to_place and frame.verb.startswith(("reverse", "back"))):
         return "park"
     if frame.target is None:
@@ -152,6 +154,12 @@ def _classify_give_way(frame: CommandFrame) -> str | None:
     return None if alone and frame.verb in LETTING else "give_way"
 
 
+def _classify_avoid(frame: CommandFrame) -> str | None:
+    """Classify "avoid" and "watch"; "watch the film" is not a driving command."""
+    watches = frame.verb.startswith("watch") and frame.target is None
+    return None if watches and _is_off_topic(frame.direct_object) else "avoid"
+
+
 def _classify_merge(frame: CommandFrame) -> str | None:
     """Classify "merge"; "merge the two documents" is not a driving command."""
     return None if frame.target is None and _is_off_topic(frame.direct_object) else "change_lane"
@@ -167,6 +175,7 @@ _ACTION_VERBS: Mapping[str, Callable[[CommandFrame], str | None]] = {
     "follow": _classify_follow,
     "give_way": _classify_give_way,
     "change_lane": _classify_merge,
+    "avoid": _classify_avoid,
 }
 
 

@@ -330,10 +330,12 @@ def _share_head(tokens: list[Token], match: re.Match[str]) -> list[Token]:
     return [*chosen, *noun, _comma(chosen[0]), negation, *rejected, *noun]
 
 
-def _drop_modifier(tokens: list[Token], match: re.Match[str]) -> list[Token] | None:
-    """Drop "not silver" after "white"."""
-    chosen, rejected = tokens[match.start() - 1], tokens[match.end() - 1]
-    return [] if chosen.category is rejected.category is WordCategory.COLOUR else None
+def _choose_modifier(tokens: list[Token], match: re.Match[str]) -> list[Token] | None:
+    """Rewrite "white, not silver" to "white", and "silver, no white" to "white"."""
+    at = match.start("not")
+    first, second = tokens[match.start()], tokens[at + 1]
+    colours = first.category is second.category is WordCategory.COLOUR
+    return ([second] if tokens[at].text == "no" else [first]) if colours else None
 
 
 def _drop_prohibition(tokens: list[Token], match: re.Match[str]) -> list[Token] | None:
@@ -359,7 +361,7 @@ _RULES: tuple[tuple[re.Pattern[str], _Rewrite], ...] = (
     (re.compile(r"(?<![NEMm])(?P<chosen>d*m+),?[AB]?[NE](?P<rejected>d*m+)(?P<noun>[ho]+)"), _share_head),
     (re.compile(rf",?A?[NE][st]{_END[:-1]}|S|r)"), _drop_direction),
     (re.compile(r"N(?P<verb>v)k?[,.]+(?=v)"), _drop_prohibition),
-    (re.compile(r"(?<=[^NM]m),?Nm(?=[,.ho]|$)"), _drop_modifier),
+    (re.compile(r"(?<![NM])m,?(?P<not>N)m(?:(?=[,.ho]|$)|,(?=[ho]))"), _choose_modifier),
     (re.compile(r"Nvr"), _end_negation),
     (re.compile(rf"(?P<far>F)(?P<noun>{_WHOLE_NOUN})"), _negate_nearness),
     (re.compile(r"(?P<relation>r)(?P<not>N)(?P<noun>[mn]*h)"), _negate_place),
