@@ -247,7 +247,9 @@ def tag_not(before: Sequence[Token], token: Token, after: Sequence[Token]) -> To
 
 def tag_then(before: Sequence[Token], token: Token, after: Sequence[Token]) -> Token:
     """Tag "after that" as a conjunction in "after that van", and drop "finally" inside a clause."""
-    if token.text in ("finally", "subsequently") and category_at(before, -1) not in CLAUSE_ENDS | {WordCategory.COMMA}:
+    if token.text in ("finally", "subsequently") and category_at(before, -1) not in CLAUSE_ENDS | {
+        WordCategory.COMMA
+    }:
         inside = category_at(after, 0) is WordCategory.VERB and bool(after[0].form)
         return token.with_category(WordCategory.FILLER) if inside else token
     named = token.text.endswith(("that", "this")) and category_at(after, 0) in PHRASE_WORDS
