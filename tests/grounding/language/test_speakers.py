@@ -270,7 +270,7 @@ def test_the_side_of_the_road(text: str, goal_side: str | None, road_side: str |
 
 
 def test_a_side_by_the_traffic_is_left_or_right() -> None:
-    kerb, opposite = (Query("", "park", road_side=side) for side in ("kerb", "opposite"))  # type: ignore[arg-type]
+    kerb, opposite = (Query("", "park", road_side=side) for side in ("kerb", "opposite"))
     assert [kerb.on_side(traffic).goal_side for traffic in (1, -1)] == ["right", "left"]
     assert [opposite.on_side(traffic).goal_side for traffic in (1, -1)] == ["left", "right"]
     assert Query("", "park", goal_side="right", road_side="opposite").on_side(1).goal_side == "right"
