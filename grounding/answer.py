@@ -14,6 +14,7 @@ from grounding.language import ParseProblem, Reading, underline
 from grounding.query import Query
 from grounding.referent.resolver import Candidate, ResolutionStatus
 from grounding.referent.scene import SceneModel
+from grounding.vocabulary import Pace
 
 AnswerStatus = ResolutionStatus | Literal["not_a_command"]
 
@@ -71,8 +72,13 @@ class Answer:
 
     @property
     def target(self) -> Target | None:
-        """The goal pose; None unless the status is "ok"."""
+        """The goal pose; None unless the status is "ok", and for a command without a place."""
         return self.plan.target
+
+    @property
+    def pace(self) -> Pace | None:
+        """What the command asks for instead of a place: slower, faster, standing; None if it asks for a place."""
+        return self.plan.pace
 
     @property
     def exit_code(self) -> int:
@@ -103,6 +109,8 @@ class Answer:
             parts.append(f"referent={self.referent.item.id!r}")
         if self.target is not None:
             parts.append("target=({:.1f}, {:.1f}) m".format(*self.target.ego_m))
+        if self.pace is not None:
+            parts.append(f"pace={self.pace!r}")
         if self.candidates:
             parts.append(f"candidates={len(self.candidates)}")
         return f"Answer({', '.join(parts)})"
@@ -114,6 +122,7 @@ class Answer:
             "status": self.status,
             "query": self.query.to_dict(),
             "target": target_to_dict(plan.target) if plan.target else None,
+            "pace": plan.pace,
             "route": None if plan.route is None else [round_to_mm(point) for point in plan.route],
             "runners_up": [target_to_dict(one) for one in plan.runners_up],
             "nearest": target_to_dict(plan.nearest) if plan.nearest else None,
@@ -135,14 +144,17 @@ class Answer:
             "status": self.status,
             "referent": None if self.referent is None else self.referent.item.id,
             "target": target_to_dict(self.target) if self.target else None,
+            "pace": self.pace,
             "route": None if self.plan.route is None else [round_to_mm(point) for point in self.plan.route],
         }
 
     def step_text(self) -> str:
         """Return a step of a plan in one line."""
         done = f" until: {self.awaits}" if self.awaits else ""
-        place = f": ({self.target.ego_m[0]:.1f}, {self.target.ego_m[1]:.1f}) m" if self.target else f": {self.status}"
-        return describe_step(self.query, self.referent, self.scene) + (done + place).replace("_", " ")
+        place: str = self.pace or self.status
+        if self.target:
+            place = f"({self.target.ego_m[0]:.1f}, {self.target.ego_m[1]:.1f}) m"
+        return f"{describe_step(self.query, self.referent, self.scene)}{done}: {place.replace('_', ' ')}"
 
     def text(self) -> str:
         """Return the answer as lines of English."""
@@ -153,6 +165,7 @@ class Answer:
         if self.target:
             lines.append(f"target: {_describe_pose(self.target)}, score {self.target.score:.2f}")
             lines += [f"way: {length_m(self.plan.route):.0f} m"] if self.plan.route is not None else []
+        lines += [f"pace: {self.pace}"] if self.pace else []
         if len(self.steps) > 1:
             lines += [f"step {number}: {step.step_text()}" for number, step in enumerate(self.steps, start=1)]
         lines += [f"- {reason}" for reason in self.reasons]

@@ -244,18 +244,20 @@ def answer_step(
     referent, goal_plan = max(planned, key=lambda pair: _log_score(*pair))
     confidence = _confidence(reading, referent, resolution, goal_plan, scene)
     settled = request.chosen is not None or referent is None
-    if goal_plan.target and referent and not settled and not is_worth_acting(confidence):
-        goal_plan = replace(goal_plan, target=None, question=f"do you mean {describe_one(referent.item, scene)}?")
+    if goal_plan.score is not None and referent and not settled and not is_worth_acting(confidence):
+        goal_plan = replace(
+            goal_plan, target=None, pace=None, question=f"do you mean {describe_one(referent.item, scene)}?"
+        )
     question = goal_plan.question
     if question:  # about this vehicle only
         make = partial(make, candidates=(referent,) if referent else ())
-    elif goal_plan.target is None and (
+    elif goal_plan.score is None and (
         others := _others_with_room(request, resolution, scene, road, exclusions, start)
     ):
         make = partial(make, candidates=others)
         question = f"there is no place at that one: do you mean {describe_one(others[0].item, scene)}?"
     return make(
-        status="ok" if goal_plan.target else "ambiguous" if question else "not_found",
+        status="ok" if goal_plan.score is not None else "ambiguous" if question else "not_found",
         plan=goal_plan,
         question=question,
         referent=referent,
@@ -329,16 +331,16 @@ def _others_with_room(
 def _log_score(candidate: Candidate | None, goal_plan: GoalPlan) -> float:
     """Return the log score of a referent together with its goal."""
     score = candidate.score if candidate else 0.0
-    return score + (math.log(goal_plan.target.score) if goal_plan.target else _NO_GOAL_SCORE)
+    return score + (_NO_GOAL_SCORE if goal_plan.score is None else math.log(goal_plan.score))
 
 
 def _confidence(
     reading: Reading, candidate: Candidate | None, resolution: Resolution, plan: GoalPlan, scene: SceneModel
 ) -> float:
     """Return the probability that referent and goal are right, 0 without a goal."""
-    if plan.target is None:
+    if plan.score is None:
         return 0.0
-    return confidence_of(gather_evidence(reading, candidate, resolution.candidates, plan.target.score, scene))
+    return confidence_of(gather_evidence(reading, candidate, resolution.candidates, plan.score, scene))
 
 
 def _tell_dropped(reading: Reading) -> tuple[str, ...]:

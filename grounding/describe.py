@@ -44,7 +44,8 @@ def describe_object(item: SceneObject, scene: SceneModel) -> str:
 def describe_step(query: Query, referent: Candidate | None, scene: SceneModel) -> str:
     """Describe a step by action, relation, vehicle and side: "park behind the red car 12 m away, ahead right"."""
     relation = "" if query.relation == "none" else query.relation
-    side = f"on the {query.goal_side}" if query.goal_side else query.direction or ""
+    sides = {"kerb": "at the kerb", "opposite": "on the other side"}
+    side = f"on the {query.goal_side}" if query.goal_side else sides.get(query.road_side or "", query.direction or "")
     named = "" if query.referent is None else f"the {query.referent.phrase()}"
     if referent is not None:
         named = f"the {describe_object(referent.item, scene)}"

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import KW_ONLY, dataclass, replace
 from typing import Any, Literal
 
-from grounding.vocabulary import Action, Manoeuvre, Relation, Trigger
+from grounding.vocabulary import Action, Manoeuvre, Pace, Relation, Trigger
 
 # Relations of landmarks and exclusions, in addition to those of the goal.
 Placement = Literal["in", "into", "on", "until", "around"]
@@ -17,9 +17,13 @@ LandmarkRole = Literal["goal", "referent", "inverse"]
 Anchor = Literal["referent", "secondary"]
 Direction = Literal["left", "right", "around", "straight"]
 Side = Literal["left", "right"]
+# Side of the road by its traffic: at our kerb, or the other one.
+RoadSide = Literal["kerb", "opposite"]
 # Meaning of a distance: gap between goal and referent, distance to drive, distance from the ego to the referent.
 DistanceRole = Literal["referent", "ego", "descriptor"]
 
+# What an action without a place asks for.
+_PACES: dict[str, Pace] = {"slow_down": "slower", "wait": "standing"}
 # Phrases of qualifiers that follow the noun.
 _POSTMODIFIERS = {
     "left_side": "on the left",
@@ -152,13 +156,14 @@ class Query:
         secondary: landmarks.
         direction: steering that the text commands.
         goal_side: side of the road for the goal; None if none is named.
+        road_side: the same, named by the traffic ("by the kerb", "on the other side of the road"); None if it is not.
         trigger: event of the referent that starts or ends the action.
         distance_m: None if none is named.
         distance_of: meaning of the distance; None without one.
         excluded: excluded objects.
         count: of a turn, the branch on that side, from 1 ("the third left"); of a lane change, the number of lanes;
             None if none is named (the first branch, one lane).
-        manoeuvre: how to drive, if the verb says more than the action: onward, back, creep, or what is refused.
+        manoeuvre: how to drive, if the verb says more than the action: onward, back, creep, faster, or a refused one.
         unresolved: the pronoun or "one" that stands for the referent and has no antecedent; '' if there is none.
         sought: description of the unresolved referent ("the red one": a red vehicle); None without one.
     """
@@ -181,6 +186,24 @@ class Query:
     manoeuvre: Manoeuvre | None = None
     unresolved: str = ""
     sought: Referent | None = None
+    road_side: RoadSide | None = None
+
+    def on_side(self, traffic_side: int) -> Query:
+        """Return the query with its side as left or right, where traffic drives on the right (1) or left (-1)."""
+        if self.road_side is None or self.goal_side is not None:
+            return self
+        right = (self.road_side == "kerb") == (traffic_side > 0)
+        return replace(self, goal_side="right" if right else "left")
+
+    @property
+    def pace(self) -> Pace | None:
+        """What a command without a place asks for: "slow down", "faster", "wait"; None if it asks for a place."""
+        placed = self.relation != "none" or self.distance_m is not None or self.landmark == "secondary"
+        if placed or self.goal_side or self.road_side or self.direction:
+            return None
+        if self.manoeuvre is not None:
+            return "faster" if self.manoeuvre == "faster" else None
+        return _PACES.get(self.action or "")
 
     def to_dict(self) -> dict[str, Any]:
         """Return the query with all keys of labelled command files; alternatives, set by annotators, are empty."""
@@ -204,4 +227,6 @@ class Query:
             "note": None,
             **({} if self.count is None else {"count": self.count}),
             **({} if self.manoeuvre is None else {"manoeuvre": self.manoeuvre}),
+            **({} if self.road_side is None else {"road_side": self.road_side}),
+            **({} if self.pace is None else {"pace": self.pace}),
         }

@@ -53,13 +53,16 @@ State = Literal[
 Trigger = Literal["pass", "leave", "turn", "stop", "merge", "clear", "other"]
 # Changes of a place; "away" and "near" are relative to the vehicle that it is measured from.
 ShiftDirection = Literal["away", "near", "ahead", "back", "leftwards", "rightwards"]
-# Ways to drive that a verb names beyond its action; the last three are refused.
-Manoeuvre = Literal["onward", "back", "creep", "pavement", "red_light", "push"]
+# Ways to drive that a verb names beyond its action, and those of them that are refused.
+Manoeuvre = Literal["onward", "back", "creep", "faster", "pavement", "red_light", "push"]
+REFUSED: tuple[str, ...] = ("pavement", "red_light", "push")
 ACTIONS: tuple[str, ...] = get_args(Action)
 RELATIONS: tuple[str, ...] = get_args(Relation)[1:]  # without "none"
 STATES: tuple[str, ...] = get_args(State)
 TRIGGERS: tuple[str, ...] = get_args(Trigger)
 MANOEUVRES: tuple[str, ...] = get_args(Manoeuvre)
+# What a command asks for instead of a place: another speed, or to stand where we are.
+Pace = Literal["slower", "faster", "standing"]
 # Nouns of landmarks that vector maps hold, and their kinds there.
 LANDMARK_KINDS: dict[str, str] = {
     **dict.fromkeys(("crossing", "zebra_crossing", "pedestrian_crossing", "crosswalk", "zebra"), "crossing"),

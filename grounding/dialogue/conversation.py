@@ -81,6 +81,8 @@ class Conversation:
         if answer is None or then:
             answer = self.answer_steps(steps)
         self.state = replace(self.state, rejected=frozenset())
+        if self.state.plan and len(steps) == 1 and answer.pace in ("slower", "faster"):
+            return answer  # another speed on the way to the goal in force
         return self.settle(steps, answer)
 
     def take_reading(self, answer: Answer) -> Answer:

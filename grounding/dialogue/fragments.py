@@ -87,7 +87,8 @@ def complete(text: str, base: Query, antecedent: Referent | None, read: Reader) 
     for verb in dict.fromkeys((_VERBS.get(action, action), "stop")):
         reading = read(text, antecedent, verb)[0]
         query = reading.query
-        placed = query.relation != "none" or query.goal_side or query.direction or query.distance_m is not None
+        sides = query.goal_side or query.road_side or query.direction
+        placed = query.relation != "none" or sides or query.distance_m is not None
         if placed and _is_understood(reading):
             query = replace(query, action=base.action, actions=(base.action,) if base.action else ())
             return replace(reading, query=query, steps=(query,))

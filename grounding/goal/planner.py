@@ -31,7 +31,7 @@ from grounding.road.lane_model import LANE_M
 from grounding.road.pose import Pose2D
 from grounding.road.road_map import RoadMap
 from grounding.scene_object import SceneObject
-from grounding.vocabulary import Action
+from grounding.vocabulary import Action, Pace
 
 # A goal closer than this to the ideal candidate is not reported as moved.
 _MOVED_M = 0.6
@@ -46,10 +46,16 @@ _SAME_WAY = 0.7
 _TURN_ROUND_RAD, _LITTLE_M = np.radians(150), 0.5
 # Where only one limit stands against the best place, that is asked.
 _FOLLOW = "it does not stand still: shall we follow it?"
+_LET_PASS = "it comes towards us: shall we let it pass?"
 _QUESTIONS = {
     BEHIND_US: "there is no such place ahead of us: shall we go back to the one behind us?",
     TURNED: "it stands on the other side of the road: shall we turn round here?",
     OTHER_SIDE: "that is on the side of oncoming traffic: shall we go there all the same?",
+}
+_PACE_REASONS = {
+    "slower": "that asks for less speed and for no place",
+    "faster": "that asks for more speed and for no place",
+    "standing": "that asks to stand where we are, and for no place",
 }
 _MIN_SCORE = 1e-6
 # No answer below this score.
@@ -96,6 +102,7 @@ class GoalPlan:
         search: all candidates with their costs, None if there were none to search.
         question: what to ask before going to `nearest`; '' where there is nothing to ask.
         instead: action that the question proposes; None if it is about `nearest`.
+        pace: what the command asks for instead of a place; None if it asks for a place.
     """
 
     target: Target | None
@@ -106,6 +113,12 @@ class GoalPlan:
     search: CandidateSearch | None = None
     question: str = ""
     instead: Action | None = None
+    pace: Pace | None = None
+
+    @property
+    def score(self) -> float | None:
+        """Score of the goal, 1 for a speed or a state; None if there is neither."""
+        return self.target.score if self.target else 1.0 if self.pace else None
 
     @property
     def route(self) -> FloatArray | None:
@@ -127,7 +140,7 @@ def plan_goal(
     forbidden: Sequence[tuple[str, SceneObject]] = (),
     start: Pose2D | None = None,
 ) -> GoalPlan:
-    """Return the goal that a command asks for.
+    """Return the goal that a command asks for; of a command without a place, the speed or state.
 
     Args:
         query: the command.
@@ -138,9 +151,17 @@ def plan_goal(
         forbidden: relations to vehicles that the goal must not have.
         start: pose of the ego when it begins; None: where it is now.
     """
+    if query.pace is not None:
+        return GoalPlan(None, (_PACE_REASONS[query.pace],), pace=query.pace)
     if start is not None:
         road = scene.road_from(start)
+    # After a turn in the road its other side is ours.
+    turned = query.road_side == "opposite" and start is not None and np.cos(start.heading_rad) < 0
+    query = query.on_side(-road.traffic_side if turned else road.traffic_side)
     limits = PlaceLimits.of(query, road.traffic_side)
+    if item is not None and query.action == "overtake" and _comes_towards_us(item, road):
+        reason = f"it comes towards us at {item.speed_mps:.0f} m/s: there is nothing to overtake"
+        return GoalPlan(None, (reason,), question=_LET_PASS, instead="give_way")
     if item is not None and _drives_away(query, item):
         if query.action == "stop" and query.relation in ("none", "behind") and _drives_before_us(item, road):
             following = replace(query, action="follow", relation="none")
@@ -188,6 +209,13 @@ def _drives_before_us(item: SceneObject, road: RoadMap) -> bool:
     along, lateral = (float(each) for each in road.ego_lane.project(item.centre_m))
     ours = np.cos(item.yaw_rad - road.direction_at(item.centre_m)) > _SAME_WAY
     return bool(item.front_known and ours and along > 0 and abs(lateral) < 1.5 * LANE_M)
+
+
+def _comes_towards_us(item: SceneObject, road: RoadMap) -> bool:
+    """Return whether a vehicle ahead of us drives against our direction."""
+    along, _ = (float(each) for each in road.ego_lane.project(item.centre_m))
+    against = np.cos(item.yaw_rad - road.direction_at(item.centre_m)) < -_SAME_WAY
+    return bool(item.front_known and against and along > 0 and (item.speed_mps or 0.0) > DRIVING_MPS)
 
 
 def _with_traffic(candidates: CandidateSet, road: RoadMap) -> list[CandidateSet]:

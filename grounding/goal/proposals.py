@@ -148,7 +148,9 @@ def _propose_alone(query: Query, road: RoadMap) -> OptionalProposal:
         return ego_lane.propose_turned_around(road), []
     if action == "change_lane":
         asked = query.direction or side
-        reasons = [] if asked else ["no side is named: either lane will do"]
+        counted = any(part.noun == "lane" and "middle_lane" in part.qualifiers for part in query.secondary)
+        unknown = "the map counts no lanes" if counted else "no side is named"
+        reasons = [] if asked else [f"{unknown}: either lane will do"]
         return ego_lane.propose_next_lane(road, asked), [*reasons, *_note_lane_end(road, ego_lane.CHANGE_M.least_m)]
     if action in PARKING or (action == "stop" and side):
         ahead = _distance_ahead(query, _EDGE_M)

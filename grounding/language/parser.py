@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import islice
 
 from grounding.language.ambiguity import MAX_READINGS, list_alternatives
 from grounding.language.problems import CommandError, ParseProblem, find_problem
@@ -13,15 +14,18 @@ from grounding.language.semantics.contrasts import has_partial_repair, resolve_c
 from grounding.language.semantics.discourse.interpreter import interpret
 from grounding.language.semantics.query_builder import BuiltQuery, build_query
 from grounding.language.syntax.clauses import split_clauses
-from grounding.language.syntax.fragments import complete_fragment
+from grounding.language.syntax.fragments import complete_fragment, split_run_ons
 from grounding.language.syntax.lexicon import Lexicon, default_lexicon
 from grounding.language.syntax.tagger import tag
 from grounding.language.syntax.tokenizer import MAX_CHARACTERS, Token, Tokenised, normalise, tokenise_all
 from grounding.language.syntax.word_categories import WordCategory
+from grounding.language.syntax.word_model import common_words, homophones
 from grounding.query import Query, Referent
 
 # Most ways to read the words of a sentence, and how much less likely (nats) than the best one they may be.
 _MAX_WAYS, _MAX_LOSS = 6, 4.0
+# Most ways to read a text as two sentences.
+_MAX_SPLITS = 8
 # Characters read in all ways together, which bounds the time of long texts.
 _MAX_CHARACTERS_READ = 2000
 
@@ -86,6 +90,8 @@ def parse_all(
     most = max(1, min(_MAX_WAYS, _MAX_CHARACTERS_READ // (len(normalised) + 1)))
     ways = tokenise_all(normalised, words, most)
     likely = [_Analysis(text, way, antecedent, verb) for way in ways if way.cost <= ways[0].cost + _MAX_LOSS]
+    # Words that are all known as they are written are not corrected into a command.
+    likely = likely[:1] if _is_clean(ways[0]) else likely
     commands = [one for one in likely if one.built.query.action is not None]
     if not commands:
 
@@ -95,6 +101,11 @@ def parse_all(
         problem = find_problem(normalised, ways[0].tokens, words, is_command)
         return (likely[0].reading(likely[0].built.query, 0.0, problem),)
     return _best_readings(commands)
+
+
+def _is_clean(way: Tokenised) -> bool:
+    """Return whether a way to read a sentence changes no word, and understands all."""
+    return not way.corrections and all(token.category is not WordCategory.UNKNOWN for token in way.tokens)
 
 
 def check_type(text: object) -> None:
@@ -115,15 +126,31 @@ class _Analysis:
         self._written = tag(way.tokens)
         self._tagged = complete_fragment(resolve_contrasts(self._written), verb)
         self.built = self._build(self._tagged)
+        if self.built.query.action is None:
+            self._split_run_ons()
 
     def _build(self, tagged: Sequence[Token]) -> BuiltQuery:
         return build_query(self._text, interpret(split_clauses(tagged), self._antecedent))
+
+    def _split_run_ons(self) -> None:
+        """Take the first reading as two sentences that is a command, if there is one."""
+        for written in islice(split_run_ons(self._written), _MAX_SPLITS):
+            tagged = resolve_contrasts(written)
+            built = self._build(tagged)
+            if built.query.action is not None:
+                self._written, self._tagged, self.built = written, tagged, built
+                return
 
     @cached_property
     def _account(self) -> Account:
         # Where words were guessed, no clause is mere context.
         strict = has_partial_repair(self._written) or bool(self.way.corrections)
         return account_for(self._tagged, self._build, strict)
+
+    def _doubt_noun(self) -> str:
+        """Return the question about an English word that was read as the name of a vehicle: "bust"."""
+        guessed = _guessed_name(self.way)
+        return f"'{guessed[0]}' was read as '{guessed[1]}': is that what you mean?" if guessed else ""
 
     def reading(self, query: Query, score: float, problem: ParseProblem | None = None) -> Reading:
         """Return the reading with a query of this analysis."""
@@ -136,9 +163,17 @@ class _Analysis:
             problem,
             steps=_steps_of(query, self.built),
             dropped=account.dropped,
-            doubt=_compose_doubt([*account.doubtful, *_opposites(self.way.corrections)]),
+            doubt=_compose_doubt([*account.doubtful, *_opposites(self.way.corrections)]) or self._doubt_noun(),
             corrections=self.way.corrections,
         )
+
+
+def _guessed_name(way: Tokenised) -> tuple[str, str] | None:
+    """Return the first English word, as written and as read, that was read as the name or colour of a vehicle."""
+    names = (WordCategory.NOUN, WordCategory.COLOUR, WordCategory.MAKE, WordCategory.MODEL)
+    read = {token.text for token in way.tokens if token.category in names}
+    guessed = ((old, new) for old, new in way.corrections if new in read and old in common_words())
+    return next((pair for pair in guessed if pair[0] not in homophones()), None)
 
 
 def _best_readings(analyses: Sequence[_Analysis]) -> tuple[Reading, ...]:

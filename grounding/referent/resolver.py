@@ -83,7 +83,9 @@ def resolve(query: Query, scene: SceneModel, limit: int = MAX_CANDIDATES) -> Res
     referent = sought.referent
     if referent is None:
         return (
-            _ask_antecedent(sought, scene, limit) if query.unresolved else Resolution("ok", (), note_unmapped(sought))
+            _ask_antecedent(sought, scene, limit)
+            if query.unresolved
+            else Resolution("ok", (), note_unmapped(sought, scene))
         )
     if absence := _explain_absence(referent, scene):
         return Resolution("not_found", (), (absence,))

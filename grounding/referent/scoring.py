@@ -16,6 +16,7 @@ from grounding.referent.predicates import QUALIFIERS, fit_words, to_referent
 from grounding.referent.priors import counting_prior, log_action_prior, log_salience
 from grounding.referent.scene import SceneModel
 from grounding.referent.spatial_relations import fit_relation
+from grounding.vocabulary import LANDMARK_KINDS
 
 # Least membership of a match in each word, and of the product of all words.
 _LEAST_WORD_FIT, _LEAST_TOTAL_FIT = 0.12, 0.06
@@ -28,6 +29,8 @@ _COLOUR_WEIGHT, _LEAST_COLOUR_FIT, _DOUBTFUL_COLOUR_FIT = 0.7, 0.05, 0.2
 _EXCLUDED_FIT, _OPTIONAL_WEIGHT = 0.03, 0.3
 # Objects with a lower probability are no landmarks.
 _LEAST_LANDMARK_PROBABILITY = 0.05
+# A vehicle this near to a landmark of the map is by it; spread of the membership of farther ones.
+_AT_M, _AT_SPREAD_M = 4.0, 4.0
 # Standard deviation of the logarithm of a stated distance: about a quarter.
 _LOG_DISTANCE_STD = 0.25
 _TINY = 1e-9
@@ -69,15 +72,14 @@ def score_objects(query: Query, referent: Referent, scene: SceneModel) -> Refere
         if word in QUALIFIERS:
             log_score = log_score + _OPTIONAL_WEIGHT * np.log(np.maximum(QUALIFIERS[word](table), 0.05))
     invisible = tuple(f"no map shows '{word}': it was left out" for word in referent.extra)
-    return ReferentScores(word_fits, matches, probability, log_score, (*invisible, *note_unmapped(query)))
+    return ReferentScores(word_fits, matches, probability, log_score, (*invisible, *note_unmapped(query, scene)))
 
 
-def note_unmapped(query: Query) -> tuple[str, ...]:
-    """Return a sentence for each thing in a query that no map holds, such as a tree."""
+def note_unmapped(query: Query, scene: SceneModel) -> tuple[str, ...]:
+    """Return a sentence for each thing in a query that the map does not hold, such as a tree."""
     parts: list[Landmark | Exclusion] = [part for part in query.secondary if part.of != "goal"]
-    names = dict.fromkeys(
-        part.noun.replace("_", " ") for part in (*parts, *query.excluded) if part.noun not in KNOWN_NOUNS
-    )
+    unknown = (part for part in (*parts, *query.excluded) if part.noun not in KNOWN_NOUNS)
+    names = dict.fromkeys(part.noun.replace("_", " ") for part in unknown if not _is_on_map(part, scene))
     return tuple(f"the map holds no {name}: it was left out" for name in names)
 
 
@@ -87,6 +89,8 @@ def _fit_all_words(query: Query, referent: Referent, scene: SceneModel) -> dict[
     for part in query.secondary:
         if part.of != "goal" and part.noun in KNOWN_NOUNS:
             word_fits |= _fit_landmark(part, scene)
+        elif _is_on_map(part, scene):
+            word_fits |= _fit_map_landmark(part, scene)
     if query.distance_of == "descriptor" and query.distance_m:
         word_fits[f"{query.distance_m:g} m away"] = _fit_distance(query.distance_m, scene)
     for exclusion in query.excluded:
@@ -144,6 +148,20 @@ def _fit_landmark(part: Landmark, scene: SceneModel) -> dict[str, FloatArray]:
         fit = fit_relation(part.relation, table, chosen)
         words = f"{relation} the {words}"
     return {words: np.max(fit * probability[chosen], axis=1, initial=0.0)}
+
+
+def _is_on_map(part: Landmark | Exclusion, scene: SceneModel) -> bool:
+    """Return whether a part describes the referent by a landmark of which the vector map says where it is."""
+    described = isinstance(part, Landmark) and part.of == "referent"
+    return described and scene.landmarks.knows(LANDMARK_KINDS.get(part.noun, ""))
+
+
+def _fit_map_landmark(part: Landmark, scene: SceneModel) -> dict[str, FloatArray]:
+    """Return the membership (N,) in being by a landmark of the vector map: "the van at the crossing"."""
+    table = scene.table
+    away_m = scene.landmarks.distances_m(LANDMARK_KINDS[part.noun], table.xy_m) - table.size_m[:, 0] / 2
+    fit = np.exp(-0.5 * (np.maximum(away_m - _AT_M, 0.0) / _AT_SPREAD_M) ** 2)
+    return {f"{part.relation} the {part.noun}".replace("_", " "): fit}
 
 
 def _fit_distance(distance_m: float, scene: SceneModel) -> FloatArray:

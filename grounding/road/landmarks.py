@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+import cv2
 import numpy as np
 
 from appocc.checks import BoolArray, FloatArray
@@ -59,6 +60,15 @@ class Landmarks:
         found = np.zeros(grid.shape, np.bool_)
         for outline in self.outlines.get(kind, ()):
             found |= polygon_cover(grid, outline) >= 0.5
+        return found
+
+    def distances_m(self, kind: str, points_m: FloatArray) -> FloatArray:
+        """Return the distance (N,) of points (N, 2), ego frame, to the nearest landmark of a kind; 0 inside it."""
+        found = np.full(len(points_m), np.inf)
+        for outline in self.outlines.get(kind, ()):
+            border = outline.astype(np.float32)[:, None]
+            inward = [cv2.pointPolygonTest(border, (float(x), float(y)), True) for x, y in points_m]
+            found = np.minimum(found, np.maximum(np.negative(inward), 0.0))
         return found
 
     def spans(self, kind: str, lane: Centreline) -> list[Span]:

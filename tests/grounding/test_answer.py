@@ -15,7 +15,7 @@ STREET = Street().car("w1", 12, -3, WHITE).car("w2", 20, 3, WHITE).car("b", 26, 
 GROUNDER = STREET.grounder()
 KEYS = {
     *("status", "query", "target", "route", "runners_up", "nearest", "referent", "candidates", "question", "reasons"),
-    *("steps", "dropped", "confidence"),
+    *("steps", "dropped", "confidence", "pace"),
 }
 
 
@@ -50,6 +50,39 @@ def test_every_text_has_an_answer(text: str, status: str, code: int) -> None:
     assert value["reasons"]
     assert value["query"]["status"] == ("reject" if status == "not_a_command" else "ok")
     assert answer.status.replace("_", " ") in answer.text()
+
+
+@pytest.mark.parametrize(
+    ("text", "pace"),
+    [
+        ("slow down", "slower"),
+        ("you're going too fast", "slower"),
+        ("slow down, there is a blue car", "slower"),
+        ("speed up", "faster"),
+        ("a bit faster please", "faster"),
+        ("step on it", "faster"),
+        ("wait", "standing"),
+        ("hang on a sec", "standing"),
+        ("hold it", "standing"),
+        ("wait until the blue car leaves", "standing"),
+    ],
+)
+def test_a_speed_or_a_state_has_no_cell(text: str, pace: str) -> None:
+    answer = ground(text)
+    assert (answer.status, answer.pace, answer.target) == ("ok", pace, None), answer.text()
+    value = answer.to_dict()
+    assert (value["pace"], value["query"]["pace"], value["steps"][-1]["pace"]) == (pace, pace, pace)
+    assert (value["target"], value["route"]) == (None, None)
+    assert f"pace: {pace}" in answer.text()
+    assert pace in repr(answer)
+
+
+def test_a_step_without_a_place_leaves_the_next_one_where_it_starts() -> None:
+    alone, after = ground("stop behind the blue car"), ground("slow down and then stop behind the blue car")
+    assert alone.target is not None
+    assert [(step.pace, step.target is None) for step in after.steps] == [("slower", True), (None, False)]
+    assert after.target is not None
+    assert after.target.cell == alone.target.cell
 
 
 def test_the_answer_as_json() -> None:

@@ -157,6 +157,8 @@ def _is_doubtful(tokens: Sequence[Token], i: int) -> bool:
     """Return whether a dropped word may change the place, or turn it into its opposite."""
     category = tokens[i].category
     before, following = (_category_at(tokens, i + step) for step in (-1, 1))
+    if tokens[i].value == "other_lane":  # "scoot over into the next lane"
+        return not any(token.value == "change_lane" for token in tokens)
     if category is WordCategory.CORRECT:
         return following not in _COMMAND_STARTS
     if category in _POLARITY:

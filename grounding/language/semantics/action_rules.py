@@ -90,8 +90,7 @@ def _classify_stop_or_pass(frame: CommandFrame) -> str | None:
     """Classify "stop" and "overtake"; "stop the music" and "pass the salt" are not driving commands."""
     if frame.verb.startswith("get off") and frame.has_landmark("entrance"):
         return "turn"
-    strict = frame.verb.split()[0] in ("stop", "pass", "pick", "drop", "roll", "put", "set", "draw")
-    return None if strict and frame.target is None and _is_off_topic(frame.direct_object) else frame.verb_class
+    return None if frame.target is None and _is_off_topic(frame.direct_object) else frame.verb_class
 
 
 def _classify_turn(frame: CommandFrame) -> str | None:
@@ -110,8 +109,10 @@ def _classify_turn(frame: CommandFrame) -> str | None:
     return None if frame.direction is None and (elsewhere or off_topic) else "turn"
 
 
-def _classify_slow_down(frame: CommandFrame) -> str:
-    """Classify "slow down"; "drive slowly past the bus" is a drive past."""
+def _classify_slow_down(frame: CommandFrame) -> str | None:
+    """Classify "slow down"; "drive slowly past the bus" is a drive past, "chill the wine" no driving command."""
+    if frame.target is None and _is_off_topic(frame.direct_object):
+        return None
     word = frame.verb.split()[0]
     if word in ("inch", "creep", "crawl") and frame.target is not None and frame.relation != "past":
         return "approach"
@@ -121,8 +122,12 @@ def _classify_slow_down(frame: CommandFrame) -> str:
     return "slow_down"
 
 
-def _classify_other(frame: CommandFrame) -> str:
+def _classify_other(frame: CommandFrame) -> str | None:
     """Classify "continue" and "reverse" by their place: behind a vehicle, past it or next to it."""
+    if frame.manoeuvre == "push" and frame.target is None and frame.direct_object is not None:
+        return None  # "push the button"
+    if frame.verb.endswith(" off") and _is_off_topic(frame.direct_object):
+        return None  # "take off your coat"
     if frame.has_spot or (frame.refers_to_place and frame.verb.startswith(("reverse", "back"))):
         return "park"
     if frame.target is None:
@@ -149,6 +154,17 @@ def _classify_give_way(frame: CommandFrame) -> str | None:
     return None if alone and frame.verb in LETTING else "give_way"
 
 
+def _classify_avoid(frame: CommandFrame) -> str | None:
+    """Classify "avoid" and "watch"; "watch the film" is not a driving command."""
+    watches = frame.verb.startswith("watch") and frame.target is None
+    return None if watches and _is_off_topic(frame.direct_object) else "avoid"
+
+
+def _classify_merge(frame: CommandFrame) -> str | None:
+    """Classify "merge"; "merge the two documents" is not a driving command."""
+    return None if frame.target is None and _is_off_topic(frame.direct_object) else "change_lane"
+
+
 _ACTION_VERBS: Mapping[str, Callable[[CommandFrame], str | None]] = {
     "park": _classify_park,
     "stop": _classify_stop_or_pass,
@@ -158,6 +174,8 @@ _ACTION_VERBS: Mapping[str, Callable[[CommandFrame], str | None]] = {
     "other": _classify_other,
     "follow": _classify_follow,
     "give_way": _classify_give_way,
+    "change_lane": _classify_merge,
+    "avoid": _classify_avoid,
 }
 
 
@@ -175,12 +193,14 @@ def _classify_motion(frame: CommandFrame) -> str | None:
         return "turn" if frame.target is None and corner else "overtake"
     steers = frame.target is None or relation not in (*_BESIDE_TARGET, "toward", "past")
     if frame.direction in ("left", "right") and steers:
-        return "turn" if verb in ("go", "drive") else "change_lane"
+        enters = any(where == "into" and thing.noun in ENTERABLE for where, thing in frame.landmarks)
+        return "turn" if enters or verb in ("go", "drive") else "change_lane"
     if relation == "past":
         return "overtake" if verb == "get" else "drive_past"
     if relation == "same_as":
-        return "change_lane" if sideways else "follow"
-    if relation == "between" and sideways and verb != "get":
+        manner = frame.target is not None and frame.target.kind == "person"  # "you drive like my grandmother"
+        return None if manner else "change_lane" if sideways else "follow"
+    if relation == "between" and sideways and verb != "get" and not frame.has_spot:
         return "change_lane"
     enters = any(where in ("into", "in") and thing.noun in _LOTS for where, thing in frame.landmarks)
     if enters and not frame.refers_to_place:
@@ -231,9 +251,13 @@ def _classify_stay(frame: CommandFrame) -> str | None:
     word = frame.verb.split()[0]
     if word.startswith("hold") and any(relation not in _NO_GOAL_RELATION for relation, _ in frame.landmarks):
         return "stop"  # "hold at the line"
-    if word.startswith(("hold", "be")) and not (frame.lane or frame.target):
+    held = frame.target if frame.target is None or frame.target.kind != "person" else None  # "hold the baby"
+    if word.startswith(("hold", "be")) and not (frame.lane or held):
         return None
     steers = frame.lane or frame.side or frame.direction
+    thing = frame.direct_object
+    if word.startswith("keep") and not steers and len(frame.landmarks) == 1 and thing and thing.kind == "thing":
+        return None  # "keep your promises"
     specified = steers or frame.landmarks or frame.target or frame.goal_qualifiers
     return "other" if specified else "wait" if word.startswith(("stay", "remain")) else None
 

@@ -12,6 +12,7 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
+from grounding.language.syntax.clauses import conjunction_as_relation
 from grounding.language.syntax.tokenizer import Token
 from grounding.language.syntax.word_categories import MODIFIERS, NOUNS, WordCategory
 
@@ -46,6 +47,8 @@ _LETTERS = (
         WordCategory.SUB: "S",
         WordCategory.TO: "T",
         WordCategory.THEN: "H",
+        WordCategory.HERE: "k",
+        WordCategory.OF: "f",
     }
 )
 # A noun phrase, with the places that follow it, and a place: a preposition with its noun phrase, or a single word.
@@ -65,9 +68,9 @@ def resolve_contrasts(tokens: Sequence[Token]) -> list[Token]:
 
     A repair whose reparandum is not found stays as it is.
     """
-    current = list(tokens)
-    if not any(_letter(token) in "NECBMF" or _is_ending(token) for token in current):
-        return current
+    if not any(_letter(token) in "NECBMF" or _is_ending(token) for token in tokens):
+        return list(tokens)
+    current = [conjunction_as_relation(token, tokens[i + 1 :]) for i, token in enumerate(tokens)]
     for _ in range(_MAX_REWRITES):
         rewritten = _rewrite_once(current)
         if rewritten is None:
@@ -295,7 +298,7 @@ def _contrast_patterns(verb: str, separator: str) -> list[re.Pattern[str]]:
     """Return the patterns of a contrast between noun phrases and of one between places."""
     return [
         re.compile(
-            rf"(?P<not>[NE])(?P<verb>{verb})(?P<rejected>{part})(?:W?ea)?{separator},?(?P<chosen>{part}){_END}"
+            rf"(?P<not>[NE])(?P<verb>{verb})(?P<rejected>{part})(?:W?ea)?{separator},?(?:ea)?(?P<chosen>{part}){_END}"
         )
         for part in (_WHOLE_NOUN, _PLACE)
     ]
@@ -305,10 +308,46 @@ _REPAIR = rf"x?r+{_WHOLE_NOUN}|{_WHOLE_NOUN}|r|[swlt]|x|m+"
 
 
 def _drop_direction(tokens: list[Token], match: re.Match[str]) -> list[Token] | None:
-    """Drop "not right" after "turn left"."""
-    rejected = tokens[match.end() - 1].value
-    before = [word for token in tokens[: match.start()] for word in token.value.split() if word in _SIDES]
-    return [] if before and before[-1] != rejected else None
+    """Drop "not right" after "turn left", and "not on the right" after "on the left"."""
+    rejected = tokens[match.end() - 1].value.removesuffix("_side")
+    values = (token.value.replace("_", " ") for token in tokens[: match.start()])
+    before = [word for value in values for word in value.split() if word in _SIDES]
+    return [] if before and rejected in _SIDES and before[-1] != rejected else None
+
+
+def _relate_side(tokens: list[Token], match: re.Match[str]) -> list[Token] | None:
+    """Rewrite "to the left, not to the right, of" to "left of"."""
+    chosen, rejected = (tokens[match.start(group)].value.removesuffix("_side") for group in ("chosen", "rejected"))
+    if {chosen, rejected} != {*_SIDES}:
+        return None
+    return [tokens[match.start()].with_category(WordCategory.RELATION, f"{chosen}_of")]
+
+
+def _share_head(tokens: list[Token], match: re.Match[str]) -> list[Token]:
+    """Rewrite "the second and not the first truck" to "the second truck, not the first truck"."""
+    chosen, rejected, noun = (_span(tokens, match, name) for name in ("chosen", "rejected", "noun"))
+    negation = chosen[0].with_category(WordCategory.NOT)
+    return [*chosen, *noun, _comma(chosen[0]), negation, *rejected, *noun]
+
+
+def _choose_modifier(tokens: list[Token], match: re.Match[str]) -> list[Token] | None:
+    """Rewrite "white, not silver" to "white", and "silver, no white" to "white"."""
+    at = match.start("not")
+    first, second = tokens[match.start()], tokens[at + 1]
+    colours = first.category is second.category is WordCategory.COLOUR
+    return ([second] if tokens[at].text == "no" else [first]) if colours else None
+
+
+def _drop_prohibition(tokens: list[Token], match: re.Match[str]) -> list[Token] | None:
+    """Drop "don't stop here" before "stop past the car": the second command says where."""
+    values = {tokens[match.start("verb")].value, tokens[match.end()].value}
+    return [] if len(values) == 1 else None
+
+
+def _correct_place(tokens: list[Token], match: re.Match[str]) -> list[Token] | None:
+    """Rewrite "next to the van, not next to it, behind it" to "behind the van"."""
+    first, same = tokens[match.start()], tokens[match.start("same")]
+    return [*_span(tokens, match, "chosen"), *_span(tokens, match, "noun")] if first.value == same.value else None
 
 
 # In order of precedence.
@@ -316,7 +355,13 @@ _RULES: tuple[tuple[re.Pattern[str], _Rewrite], ...] = (
     (re.compile(r"vv(?P<after>(?:[^vA,.]*A(?=v))?)"), _negate_ended),
     (re.compile(r"(?P<before>d*)(?P<not>M|(?<=d)N)(?P<modifier>m+)(?P<noun>[ho]+)"), _negate_modifier),
     (re.compile(rf"(?P<chosen>r),?[NE](?P<rejected>r),?(?P<noun>{_NOUN})"), _share_noun),
-    (re.compile(rf",?[NE]t{_END[:-1]}|S|r)"), _drop_direction),
+    (re.compile(rf"[NE](?P<rejected>r),?B,?(?P<chosen>r)(?P<noun>{_NOUN})"), _share_noun),
+    (re.compile(rf"r(?P<noun>{_WHOLE_NOUN})[,C]+[NE](?P<same>r)p[,C]+(?P<chosen>r)p"), _correct_place),
+    (re.compile(r"(?P<chosen>[st]),?A?[NE](?P<rejected>[st]),?f"), _relate_side),
+    (re.compile(r"(?<![NEMm])(?P<chosen>d*m+),?[AB]?[NE](?P<rejected>d*m+)(?P<noun>[ho]+)"), _share_head),
+    (re.compile(rf",?A?[NE][st]{_END[:-1]}|S|r)"), _drop_direction),
+    (re.compile(r"N(?P<verb>v)k?[,.]+(?=v)"), _drop_prohibition),
+    (re.compile(r"(?<![NM])m,?(?P<not>N)m(?:(?=[,.ho]|$)|,(?=[ho]))"), _choose_modifier),
     (re.compile(r"Nvr"), _end_negation),
     (re.compile(rf"(?P<far>F)(?P<noun>{_WHOLE_NOUN})"), _negate_nearness),
     (re.compile(r"(?P<relation>r)(?P<not>N)(?P<noun>[mn]*h)"), _negate_place),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import NamedTuple, cast
+from typing import NamedTuple, cast, get_args
 
 from grounding.language.semantics.action_rules import classify_action
 from grounding.language.semantics.discourse.command_frames import ENTERABLE, CommandFrame, Discourse
@@ -35,9 +35,10 @@ from grounding.query import (
     LandmarkRole,
     Query,
     Referent,
+    RoadSide,
     Side,
 )
-from grounding.vocabulary import RELATIONS, Action, Manoeuvre, Relation, Trigger
+from grounding.vocabulary import REFUSED, RELATIONS, Action, Manoeuvre, Relation, Trigger
 
 # Relations without a place.
 _NOT_SPATIAL = ("with", "of", "for", "object")
@@ -114,6 +115,7 @@ def _query(
     by_priority = (main.intent, *commands, *intents)
     distance_m, distance_of = _distance(by_priority)
     side = next((intent.frame.side for intent in by_priority if intent.frame.side), None)
+    by_traffic = side in get_args(RoadSide)
     trigger = next((intent.frame.event for intent in by_priority if intent.frame.event), None)
     return Query(
         command=text,
@@ -124,16 +126,23 @@ def _query(
         referent=_referent(discourse, referent, frame, main.anaphora, relation) if referent is not None else None,
         secondary=secondary,
         direction=cast(Direction | None, _direction([*commands, *intents], main.intent)),
-        goal_side=cast(Side | None, side),
+        goal_side=None if by_traffic else cast(Side | None, side),
+        road_side=cast(RoadSide, side) if by_traffic else None,
         trigger=cast(Trigger | None, trigger),
         distance_m=distance_m,
         distance_of=distance_of,
         excluded=(*excluded, *_referent_exclusions(referent)),
-        manoeuvre=cast(Manoeuvre | None, next(filter(None, (one.frame.manoeuvre for one in by_priority)), None)),
+        manoeuvre=cast(Manoeuvre | None, _manoeuvre(by_priority)),
         unresolved=_unresolved(main.intent) if referent is None else "",
         sought=_sought(discourse, main.intent) if referent is None else None,
         count=next((count for intent in by_priority if (count := _count(intent)) is not None), None),
     )
+
+
+def _manoeuvre(intents: Sequence[Intent]) -> str | None:
+    """Return how to drive: what is refused first ("jump the light, go on")."""
+    named = [one.frame.manoeuvre for one in intents if one.frame.manoeuvre]
+    return next((name for name in named if name in REFUSED), next(iter(named), None))
 
 
 def _count(intent: Intent) -> int | None:
@@ -233,8 +242,9 @@ def _landmarks(intents: Sequence[Intent], main: Intent, referent: NounPhrase | N
                 yield _landmark(thing, intent.frame.inverse_relation, "inverse")
             elif relation not in _NOT_SPATIAL and _is_landmark(thing) and not _is_manner(relation, thing):
                 yield _landmark(thing, relation, "goal")
-        if intent.action == "other" and intent.frame.lane:
-            yield Landmark("lane", "in", qualifiers=(intent.frame.lane,))
+        if intent.frame.lane and (intent.action == "other" or intent.frame.lane == "middle_lane"):
+            where: LandmarkRelation = "into" if intent.action == "change_lane" else "in"
+            yield Landmark("lane", where, qualifiers=(intent.frame.lane,))
     person = main.target
     if person is not None and person.kind == "person" and person is not referent:
         for relation, other in person.related:  # "the pedestrians behind it"

@@ -58,7 +58,8 @@ def _step(discourse: Discourse, intent: Intent, main: MainIntent, query_of: Quer
 def _is_contained(step: Query, steps: Sequence[tuple[bool, Query]], at: int) -> bool:
     """Return whether a step adds nothing to the steps beside it."""
     later = [other for _, other in steps[at + 1 :]]
-    bare = step.referent is None and not (step.secondary or step.direction or step.goal_side or step.distance_m)
+    sides = step.direction or step.goal_side or step.road_side
+    bare = step.referent is None and not (step.secondary or sides or step.distance_m)
     if step.action in _ON_THE_WAY and later:
         return bare or _same_vehicle(step, later[0])
     said_in_full = bool(later) and later[0].action == step.action  # "find a place to park behind the van"
@@ -96,6 +97,7 @@ def _await(
         secondary=tuple(one for one in wait.secondary if one.of != "goal"),
         direction=None,
         goal_side=None,
+        road_side=None,
         distance_m=None,
         distance_of=None,
         count=None,

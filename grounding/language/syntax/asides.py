@@ -11,15 +11,20 @@ from collections.abc import Iterator, Sequence
 
 from grounding.language.syntax.lexicon import Lexicon
 from grounding.language.syntax.word_categories import DETERMINERS, MODIFIERS, WordCategory
-from grounding.language.syntax.word_model import WordModel
+from grounding.language.syntax.word_model import WordModel, common_words
 
 # Costs of leaving out a sound and a repeated word.
 _SOUND_COST, _REPEATED = 0.5, 6.0
 # Costs of leaving out a form of address: alone, beside a mark or a filler, after a greeting.
 _ADDRESS, _MARKED_ADDRESS, _GREETED_ADDRESS = 5.0, 2.0, 0.0
+# Extra cost of a common English word that nothing sets apart from the command.
+_COMMON_ADDRESS = 6.0
 _MAX_ADDRESS, _MAX_HESITATION, _MAX_REPEATED = 3, 5, 2
-# "Um", "errr", "mmm": sounds that speakers draw out.
-_SOUND = re.compile(r"u+[hm]+|e+r+m*|e+h+[mr]*|m+h*m+|h+m+|a+h+m*|o+h+")
+# "Um", "errr", "mmm", "ugh", "pfft": sounds that speakers draw out.
+_SOUND = re.compile(
+    r"u+[hm]+|u+g+h+|e+r+m*|e+h+[mr]*|m+h*m+|h+m+(?:p+h+)?|a+h+m*|a+w+|a+r+g+h*|o+h+|oo+h*|p+f+t*|t+s+k+|p+s+t+"
+    r"|s+h+e+s+h+|g+r+r+|e+k+|whoo+ps|y+ikes"
+)
 _MARKS = frozenset(",.;!?")
 # Categories that need a complement: a name after them is no form of address.
 _NEED_MORE = (
@@ -51,6 +56,8 @@ _AFTER_ADDRESS = frozenset(
         WordCategory.NONDRIVE,
     )
 )
+# Possessives that no form of address begins with.
+_THEIRS = ("your", "his", "her", "its", "their", "the")
 _BEFORE_NAME = frozenset((WordCategory.POSSESSIVE, WordCategory.UNKNOWN, WordCategory.EXTRA))
 
 
@@ -105,6 +112,9 @@ class Asides:
                 continue
             marked = beside_filler or (after_mark and (before_mark or i > 0))
             cost += _GREETED_ADDRESS if greeted else _MARKED_ADDRESS if marked else _ADDRESS
+            person = self._category(written, end - 1) is WordCategory.PERSON
+            if not (greeted or marked or i == 0 or person) and written[end - 1] in common_words():
+                cost += _COMMON_ADDRESS  # "stay healthy"
             yield end, cost
             if (after_mark or greeted) and after is WordCategory.COMMA:
                 yield end + 1, cost
@@ -113,7 +123,8 @@ class Asides:
         """Return the cost of words as a form of address, with `vehicle` also to a vehicle; None if they are none."""
         *others, name = (self._category(words, i) for i in range(len(words)))
         vehicle = vehicle or (starts and set(others) == {WordCategory.UNKNOWN})  # "appo car, ..."
-        if words[-1] in self._lexicon.respelled:  # "u turn"
+        part = name is WordCategory.UNKNOWN and words[-1] in self._lexicon.written  # "thank you so much"
+        if part or words[-1] in self._lexicon.respelled or words[0] in _THEIRS:  # "u turn", "follow your dreams"
             return None
         fits = name in (WordCategory.UNKNOWN, WordCategory.PERSON) or (vehicle and name is WordCategory.NOUN)
         if not fits or not set(others) <= _BEFORE_NAME or self._lexicon.forms.get(words[-1]) in ("plural", "s"):

@@ -73,8 +73,8 @@ class Clause:
 
     Attributes:
         connective: '' at the start of a sentence and after a comma; and, or, but, then; when, after, before, until,
-            while, if, because, so; main for a main clause without a comma before it; correct for a self-repair
-            ("no, ...").
+            while, if, because, unless, so; main for a main clause without a comma before it; correct for a
+            self-repair ("no, ...").
         tokens: tokens of the clause, without its connective and the marks around it.
         starts_sentence: whether the clause is the first of a sentence.
     """
@@ -126,7 +126,7 @@ def split_clauses(tokens: Sequence[Token]) -> list[Clause]:
                 close()
                 connective = token.value
             else:
-                current.append(token.with_category(WordCategory.RELATION, _AS_RELATION.get(token.value, "same_as")))
+                current.append(_as_relation(token))
         elif token.category is WordCategory.VERB and token.text.endswith(" after") and _subject_end(rest) is not None:
             current.append(token.with_category(WordCategory.VERB, "go"))  # "go after the car has passed"
             close()
@@ -139,6 +139,16 @@ def split_clauses(tokens: Sequence[Token]) -> list[Clause]:
             current.append(token)
     close()
     return clauses
+
+
+def conjunction_as_relation(token: Token, rest: Sequence[Token]) -> Token:
+    """Return a conjunction without a predicate after it as a relation ("after the van"), other tokens as they are."""
+    is_relation = token.category is WordCategory.SUB and token.value in _AS_RELATION
+    return _as_relation(token) if is_relation and not _has_predicate(token, rest[:_LOOKAHEAD]) else token
+
+
+def _as_relation(token: Token) -> Token:
+    return token.with_category(WordCategory.RELATION, _AS_RELATION.get(token.value, "same_as"))
 
 
 def _ends_with_between_ego(current: Sequence[Token]) -> bool:
@@ -186,7 +196,7 @@ def _subject_end(tokens: Sequence[Token]) -> int | None:
 def _has_predicate(token: Token, rest: Sequence[Token]) -> bool:
     """Return whether a predicate follows a conjunction."""
     first = next((other.category for other in rest), WordCategory.BREAK)
-    if token.value in ("so", "because", "if"):
+    if token.value in ("so", "because", "if", "unless"):
         return token.value != "so" or first not in (WordCategory.EXTRA, WordCategory.UNKNOWN)
     if first in (WordCategory.ANY, WordCategory.THE) and len(rest) > 1 and rest[1].category is WordCategory.VERB:
         return True  # "after a u-turn"
@@ -195,7 +205,7 @@ def _has_predicate(token: Token, rest: Sequence[Token]) -> bool:
 
 def _starts_main(connective: str, current: Sequence[Token], token: Token, rest: Sequence[Token]) -> bool:
     """Return whether the main clause begins without a comma: "when the bus leaves | turn left"."""
-    if connective not in ("when", "after", "before", "until", "while", "if", "because"):
+    if connective not in ("when", "after", "before", "until", "while", "if", "because", "unless"):
         return False
     end = _subject_end(current)
     if token.category is WordCategory.EGO:

@@ -13,10 +13,12 @@ from typing import NamedTuple
 
 from grounding.language.syntax.asides import Asides
 from grounding.language.syntax.lexicon import Lexicon
-from grounding.language.syntax.spelling import SpellingCandidates
+from grounding.language.syntax.spelling import EXTRA_BLANK, SpellingCandidates
 from grounding.language.syntax.word_model import BOUNDARY, WordModel, symbol
 
 _BEAM = 12
+# Most letters of a word that is spelled out.
+_MAX_SPELLED = 5
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,6 +86,9 @@ class Decoder:
         if i + 1 < len(written):
             for words, cost in self._spelling.of_pair(written[i], written[i + 1]).items():
                 yield i + 2, words, cost
+        for end in range(i + 2, _spelled_end(written, i) + 1):
+            if (joined := "".join(written[i:end])) in self._spelling.words:
+                yield end, (joined,), EXTRA_BLANK
         for end, cost in self._asides.at(written, i):
             yield end, (), cost
 
@@ -98,6 +103,14 @@ class Decoder:
 
     def _end_cost(self, last: str) -> float:
         return 0.0 if last == BOUNDARY else self._model.cost(last, BOUNDARY)
+
+
+def _spelled_end(written: Sequence[str], i: int) -> int:
+    """Return the end (exclusive) of the letters of a word that is spelled out: "s u v"."""
+    end = i
+    while end < min(len(written), i + _MAX_SPELLED) and len(written[end]) == 1 and written[end].isalpha():
+        end += 1
+    return end
 
 
 @lru_cache(maxsize=4)

@@ -1,8 +1,12 @@
-"""Fragments: a place or a direction without a verb is a command, because it can be nothing else."""
+"""Fragments and run-on sentences: commands without the verb or the mark that would show them.
+
+A place or a direction without a verb is a command, because it can be nothing else; a verb in its base form after a
+complete statement begins a sentence.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 from grounding.language.syntax.tokenizer import Token
@@ -24,6 +28,23 @@ _PREDICATES = frozenset(
 )
 # Categories of "is fine", "would be great".
 _PRAISE = (WordCategory.BE, WordCategory.AUX)
+# Categories that may end a sentence.
+_ENDS = HEADS | frozenset(
+    (
+        WordCategory.PRONOUN,
+        WordCategory.SIDE,
+        WordCategory.WHERE,
+        WordCategory.HERE,
+        WordCategory.THERE,
+        WordCategory.COLOUR,
+        WordCategory.ORDINAL,
+        WordCategory.STATE,
+        WordCategory.VERB,
+        WordCategory.SUPERLATIVE,
+    )
+)
+# Names of things that may be a vehicle and the verb of the next sentence: "I see the car | park behind it".
+_COMPOUNDS = ("car park", "truck stop", "bus stop")
 _MARKS = (WordCategory.COMMA, WordCategory.BREAK)
 
 
@@ -55,7 +76,31 @@ def complete_fragment(tagged: Sequence[Token], verb: str = "") -> Sequence[Token
         return tagged
     place = first.category in (WordCategory.RELATION, WordCategory.BETWEEN) and first.value not in ("with", "for")
     place = place or (first.category is WordCategory.SUB and first.value in ("after", "before"))
+    sided = first.category in (WordCategory.SIDE, WordCategory.WHERE)  # "left side, after the bus"
+    place = place or (sided and any(token.category in (WordCategory.RELATION, WordCategory.SUB) for token in rest))
     return [_verb_before(first, "park"), *tagged] if place else tagged
+
+
+def split_run_ons(tagged: Sequence[Token]) -> Iterator[list[Token]]:
+    """Yield the tokens with the end of a sentence before each verb that may begin one, the first verb first.
+
+    Example: "there is a van ahead | park behind it". Questions are left whole: "did the van stop".
+    """
+    for i, token in enumerate(tagged):
+        if token.category is WordCategory.QUESTION:
+            return
+        if token.text in _COMPOUNDS and i + 1 < len(tagged) and tagged[i + 1].category is WordCategory.RELATION:
+            noun, verb = token.text.split()
+            vehicle = replace(token.with_category(WordCategory.NOUN, noun), text=noun)
+            first = replace(token.with_category(WordCategory.VERB, verb), text=verb)
+            yield [*tagged[:i], vehicle, _end_before(first), first, *tagged[i + 1 :]]
+        begins = token.category is WordCategory.VERB and not token.form and token.value not in ("none", "danger")
+        if begins and i > 1 and tagged[i - 1].category in _ENDS:
+            yield [*tagged[:i], _end_before(token), *tagged[i:]]
+
+
+def _end_before(token: Token) -> Token:
+    return replace(token.with_category(WordCategory.BREAK), text=".", written="", end=token.start)
 
 
 def _names_any_spot(words: Sequence[Token]) -> bool:

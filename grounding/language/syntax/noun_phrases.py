@@ -38,6 +38,7 @@ _LETTERS = (
 # Noun phrases with an article ("the red one", "the big bakery", "the second") and without ("parked black cars").
 _PHRASE = re.compile(r"d+[mukn]+h*|d+h+|[mkn]*[hk]+|m+|n+|p|e|(?<=r)u+")
 _INDEFINITE_PRONOUNS = ("everyone", "everybody", "someone", "somebody", "anyone", "anybody", "people")
+_PLURALS = ("people", "folks", "police", "cattle")
 _EXTRA = (WordCategory.EXTRA, WordCategory.UNKNOWN, WordCategory.POSSESSIVE, WordCategory.MAKE)
 _QUALIFIERS = (WordCategory.ORDINAL, WordCategory.SUPERLATIVE, WordCategory.STATE, WordCategory.SIZE)
 # Kinds of noun phrases for vehicles and for places.
@@ -158,7 +159,7 @@ def _head(tokens: Sequence[Token]) -> NounPhrase:
     owners = [token for token in tokens if token.category is WordCategory.NOUN]
     if last.category is WordCategory.PART and owners:
         last = owners[-1]  # "the van's blinker", "the car door": qualifiers belong to the vehicle
-    number = int(last.form != "plural")
+    number = int(last.form != "plural" and last.text not in _PLURALS)
     if last.category is WordCategory.UNKNOWN:
         unknown = [token.text for token in tokens if token.category is WordCategory.UNKNOWN]
         return NounPhrase(kind="thing", noun="_".join(unknown), head=last.text, in_lexicon=False)

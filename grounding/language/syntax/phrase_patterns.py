@@ -10,7 +10,8 @@ from itertools import product
 from grounding.language.syntax.word_categories import WordCategory
 
 WORD = re.compile(
-    r"\d+x\d+|\d+(?:st|nd|rd|th)\b|\d+(?:\.\d+)?|[a-z]{1,3}\d{1,3}\b|[^\W\d_]+(?:'[^\W\d_]+)*|'s\b|[.;!?,&]"
+    r"\d+x\d+|\d+(?:st|nd|rd|th)\b|\d+(?:\.\d+)?|[a-z]{1,3}\d{1,3}\b|[^\W\d_]+(?:'[^\W\d_]+)*|'s\b|(?<!\w)'[aeiou][^\W\d_]+"
+    r"|[.;!?,&]"
 )
 _WORD = r"[^\W\d_]+(?:'[^\W\d_]+)*|\d+x\d+|\d+(?:st|nd|rd|th)?|[a-z]{1,3}\d{1,3}"
 _CHOICE = rf"(?:{_WORD})(?:_(?:{_WORD}))*"

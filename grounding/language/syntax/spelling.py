@@ -48,6 +48,11 @@ class SpellingCandidates:
         self._memo: dict[str, dict[tuple[str, ...], float]] = {}
         self._pairs: dict[tuple[str, str], dict[tuple[str, ...], float]] = {}
 
+    @property
+    def words(self) -> set[str]:
+        """The words of the lexicon."""
+        return self._lexicon.words
+
     def of(self, word: str) -> Mapping[tuple[str, ...], float]:
         """Return the words that one written word may stand for, itself included, with their costs."""
         if word not in self._memo:
@@ -92,6 +97,10 @@ class SpellingCandidates:
                 offer((meant,), HOMOPHONE)
         for meant in self._bare.get(word, ()):
             offer((meant,), APOSTROPHE)
+        if word.startswith("'"):  # "'old it": a dropped h, or a quotation mark
+            bare, voiced = word[1:], f"h{word[1:]}"
+            offer((bare,), APOSTROPHE)
+            offer((voiced,), 0.0 if voiced in self._known else RESPELLED + EDIT)
         if not word.replace("'", "").isalpha() or not 2 <= len(word) <= _MAX_LENGTH:
             return found
         real = word in self._known

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 from grounding.language.syntax.quantities import merge_quantities
-from grounding.language.syntax.tagging_context import category_at
+from grounding.language.syntax.tagging_context import CLAUSE_ENDS, category_at
 from grounding.language.syntax.tagging_rules import (
     drop,
     tag_correct,
@@ -28,6 +29,7 @@ from grounding.language.syntax.tagging_rules import (
     tag_that,
     tag_then,
     tag_to,
+    tag_unit,
 )
 from grounding.language.syntax.tagging_verbs import (
     tag_aux,
@@ -42,10 +44,11 @@ from grounding.language.syntax.tagging_verbs import (
     tag_verb,
 )
 from grounding.language.syntax.tokenizer import Token
-from grounding.language.syntax.word_categories import DETERMINERS, WordCategory
+from grounding.language.syntax.word_categories import DETERMINERS, HEADS, MODIFIERS, WordCategory
 
 # Words without a part in the sentence.
 _DROPPED = (WordCategory.FILLER, WordCategory.GREETING)
+_PLACES_OF_SUBJECTS = (WordCategory.OUT, WordCategory.WHERE, WordCategory.NOT)
 _AFTER_CONNECTIVE = frozenset((WordCategory.THEN, WordCategory.AND, WordCategory.EXCEPT, WordCategory.ORDINAL))
 
 
@@ -126,7 +129,7 @@ _RULES: dict[WordCategory, _Rule] = {
     WordCategory.AUX: tag_aux,
     WordCategory.BE: tag_be,
     WordCategory.OUT: tag_out,
-    WordCategory.UNIT: drop,
+    WordCategory.UNIT: tag_unit,
     WordCategory.ABOUT: drop,
     WordCategory.EXTRA: tag_extra,
     WordCategory.THING: tag_thing,
@@ -139,13 +142,33 @@ _RULES: dict[WordCategory, _Rule] = {
 }
 
 
+def _is_contraction(after: Sequence[Token]) -> bool:
+    """Return whether "'s" before these tokens is a verb: "that van's gone", but not "the man's parked car"."""
+    first, second = category_at(after, 0), category_at(after, 1)
+    if first is WordCategory.VERB:
+        return after[0].form in ("ing", "past") and second not in MODIFIERS | HEADS
+    return first in _PLACES_OF_SUBJECTS or (first in MODIFIERS and second in CLAUSE_ENDS | {WordCategory.COMMA})
+
+
+def _split_contraction(token: Token, following: Token) -> tuple[Token, Token]:
+    """Return the noun and the verb of "van's": "has" before an event that is over, else "is"."""
+    finished = following.form == "past" and following.state not in ("parked", "stopped")
+    noun = replace(token, text=token.text.removesuffix("'s"), form="", end=max(token.start, token.end - 2))
+    verb = replace(token.with_category(WordCategory.BE), text="has" if finished else "is", start=noun.end)
+    return noun, verb
+
+
 def tag(tokens: Sequence[Token]) -> list[Token]:
     """Return the tokens with their category in context, quantities merged and fillers removed."""
     tagged: list[Token] = []
     kept = [token for token in merge_quantities(tokens) if token.category not in _DROPPED]
     for i, token in enumerate(kept):
         after = kept[i + 1 : i + 6]
-        if (compound := _COMPOUNDS.get(token.text)) is not None and category_at(tagged, -1) in compound.after:
+        if token.form == "own" and token.category in HEADS and _is_contraction(after):
+            token, verb = _split_contraction(token, after[0])
+            rule = _RULES.get(token.category)
+            tagged += [rule(tagged, token, [verb, *after]) if rule else token, verb]
+        elif (compound := _COMPOUNDS.get(token.text)) is not None and category_at(tagged, -1) in compound.after:
             tagged += compound.split(token)
         elif (rule := _RULES.get(token.category)) is not None:
             tagged.append(rule(tagged, token, after))

@@ -49,6 +49,11 @@ _AFTER_REPAIR = (
     WordCategory.SIDE,
     WordCategory.DIRECTION,
 )
+# Units of length that are places after a determiner.
+_PLACES_OF_UNITS = {
+    "yard": (WordCategory.REGION, "parking_lot"),
+    "foot": (WordCategory.REGION, "foot"),
+}
 
 
 def tag_that(before: Sequence[Token], token: Token, after: Sequence[Token]) -> Token:
@@ -57,7 +62,8 @@ def tag_that(before: Sequence[Token], token: Token, after: Sequence[Token]) -> T
     antecedents = HEADS | {WordCategory.WHERE, WordCategory.SIDE, WordCategory.PRONOUN}
     if category_at(before, -1) in antecedents and following in _PREDICATES:
         return token.with_category(WordCategory.WHICH)
-    if following in PHRASE_WORDS or (following is WordCategory.VERB and is_adjective(before, after[0], after[1:])):
+    named = following in PHRASE_WORDS or (bool(after) and after[0].text in _PLACES_OF_UNITS)
+    if named or (following is WordCategory.VERB and is_adjective(before, after[0], after[1:])):
         return token.with_category(WordCategory.THE)
     if following in DETERMINERS:
         return token.with_category(WordCategory.WHICH if category_at(before, -1) in HEADS else WordCategory.FILLER)
@@ -68,6 +74,7 @@ def tag_determiner(before: Sequence[Token], token: Token, after: Sequence[Token]
     """Tag a determiner without a noun as a pronoun or a filler."""
     noun_follows = category_at(after, 0) in PHRASE_STARTS | {WordCategory.VERB, WordCategory.DIRECTION}
     named = category_at(after, 0) is WordCategory.EXCEPT and token.text == "the"  # "the skip"
+    named = named or (bool(after) and after[0].text in _PLACES_OF_UNITS)
     return token if noun_follows or named else _tag_without_noun(token)
 
 
@@ -104,6 +111,8 @@ def tag_ordinal(before: Sequence[Token], token: Token, after: Sequence[Token]) -
 def tag_direction(before: Sequence[Token], token: Token, after: Sequence[Token]) -> Token:
     """Tag a direction as a state in "the left car", as a verb in "left at the lights"."""
     following = [other for other in after if other.category not in MODIFIERS][:1]
+    if token.value != "straight" and before and before[-1].text.endswith(" from"):
+        return token.with_category(WordCategory.SIDE, f"{token.value}_side")  # "coming from left"
     first = category_at(before, -1) in CLAUSE_ENDS | {WordCategory.COMMA} and token.value != "straight"
     if first and category_at(after, 0) is WordCategory.RELATION and after[0].value in ("at", "into"):
         return token.with_category(WordCategory.VERB, f"turn {token.value}")  # "left at the lights"
@@ -229,16 +238,34 @@ def tag_not(before: Sequence[Token], token: Token, after: Sequence[Token]) -> To
     begins = category_at(before, -1) in CLAUSE_ENDS | {WordCategory.COMMA}
     # "The silver car no the white car": a negated noun phrase has no other determiner.
     another = bool(before) and category_at(after, 0) in _AFTER_REPAIR
-    named = HEADS | {WordCategory.SIDE, WordCategory.DIRECTION}
+    named = HEADS | {WordCategory.SIDE, WordCategory.DIRECTION, WordCategory.HERE}
     another = another and (category_at(before, -1) in named or before[-1].value in TURNS)
+    another = another or (begins and category_at(after, 0) is WordCategory.DIRECTION)  # "turn that way, no left"
     repairs = another or (begins and ends)
     return token.with_category(WordCategory.CORRECT) if token.text == "no" and repairs else token
 
 
 def tag_then(before: Sequence[Token], token: Token, after: Sequence[Token]) -> Token:
-    """Tag "after that" as a conjunction in "after that van"."""
+    """Tag "after that" as a conjunction in "after that van", and drop "finally" inside a clause."""
+    if token.text in ("finally", "subsequently") and category_at(before, -1) not in CLAUSE_ENDS | {
+        WordCategory.COMMA
+    }:
+        inside = category_at(after, 0) is WordCategory.VERB and bool(after[0].form)
+        return token.with_category(WordCategory.FILLER) if inside else token
     named = token.text.endswith(("that", "this")) and category_at(after, 0) in PHRASE_WORDS
     return token.with_category(WordCategory.SUB, "after") if named else token
+
+
+def tag_unit(before: Sequence[Token], token: Token, after: Sequence[Token]) -> Token:
+    """Tag a unit after "the" as a place ("into the yard"), and drop other units without a number."""
+    named = category_at(before, -1) in (
+        WordCategory.THE,
+        WordCategory.POSSESSIVE,
+        WordCategory.THING,
+        WordCategory.NOUN,
+    )
+    place = _PLACES_OF_UNITS.get(token.text)
+    return token.with_category(*place) if named and place else token.with_category(WordCategory.FILLER)
 
 
 def drop(before: Sequence[Token], token: Token, after: Sequence[Token]) -> Token:

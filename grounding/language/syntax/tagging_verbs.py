@@ -30,6 +30,8 @@ _NOUNS_OF_VERBS = {
 _VERBS_OF_NOUNS = {"shadow": "follow", "mirror": "follow", "dodge": "avoid", "block": "danger", "track": "follow"}
 # "Right" is an adverb before these relations: "go right behind it".
 _GO_RIGHT, _RIGHT_BEFORE = ("go right", "drive right", "head right"), ("behind", "in_front_of", "next_to", "near")
+# Relations before "the line" for which it is a stop line and no queue.
+_BEFORE_LINE = ("at", "toward", "before", "behind")
 # Categories before "passed" used as a relation.
 _BEFORE_PASSED = (
     WordCategory.VERB,
@@ -85,6 +87,13 @@ def tag_verb(before: Sequence[Token], token: Token, after: Sequence[Token]) -> T
         return token.with_category(WordCategory.FILLER)  # "go and park there"
     if token.text == "lets" and last in CLAUSE_ENDS | {WordCategory.COMMA}:
         return token.with_category(WordCategory.FILLER)  # "lets park here"
+    if token.value == "other onward" and token.text.endswith(" on") and category_at(after, 0) is WordCategory.LANE:
+        return token.with_category(WordCategory.VERB, "go")  # "go on the lane in the middle"
+    if token.value == "turn around" and token.text.endswith("round") and (head := _head(after)) is not None:
+        if head.category in (WordCategory.NOUN, WordCategory.ONE):
+            return token.with_category(WordCategory.VERB, "overtake")  # "swing round that van"
+        if head.value == "corner":
+            return token.with_category(WordCategory.VERB, "turn")
     if token.value in TURNS and after and after[0].text.startswith("lane"):
         # "take the left lane"
         return token.with_category(WordCategory.VERB, token.value.replace("turn", "change_lane"))
@@ -97,6 +106,10 @@ def tag_verb(before: Sequence[Token], token: Token, after: Sequence[Token]) -> T
         return token.with_category(WordCategory.VERB, token.text.split()[0])  # "go right behind it"
     if token.form == "ing" and last in DETERMINERS and category_at(after, 0) in HEADS | {WordCategory.COLOUR}:
         return token.with_category(WordCategory.EXTRA)
+    if _is_idle(token, after):
+        return token.with_category(WordCategory.NONDRIVE)  # "stop teasing him", "stay healthy"
+    if token.form == "ing" and _is_praised(before, after):
+        return token.with_category(WordCategory.THING, token.text)  # "nice driving, thank you"
     own = bool(before) and before[-1].form == "own" and category_at(after, 0) not in HEADS  # "the van's tail"
     named = last in DETERMINERS or (own and last is not WordCategory.WHICH)
     named = named or (last in MODIFIERS and category_at(before, -2) in DETERMINERS)
@@ -106,6 +119,33 @@ def tag_verb(before: Sequence[Token], token: Token, after: Sequence[Token]) -> T
     if token.text == "passed" and last in _BEFORE_PASSED and category_at(after, 0) in PHRASE_STARTS:
         return token.with_category(WordCategory.RELATION, "past")  # "turn left passed the van"
     return token
+
+
+def _is_idle(token: Token, after: Sequence[Token]) -> bool:
+    """Return whether the word after "stop" or "stay" makes them verbs that are not about driving."""
+    word = after[0].text if category_at(after, 0) in (WordCategory.UNKNOWN, WordCategory.EXTRA) else ""
+    if token.text in ("stop", "quit", "keep") and category_at(after, 0) is WordCategory.UNKNOWN:
+        return word.endswith("ing")
+    ends = category_at(after, 1) in CLAUSE_ENDS | {WordCategory.COMMA}
+    return token.text in ("stay", "remain") and ends and word not in ("", "slow", "close")
+
+
+def _head(after: Sequence[Token]) -> Token | None:
+    """Return the head of a noun phrase with a determiner that follows; None if none does."""
+    before = DETERMINERS | {WordCategory.THAT}
+    if category_at(after, 0) not in before:
+        return None
+    within = before | MODIFIERS | {WordCategory.VERB}  # "that parked lorry"
+    return next((one for one in after if one.category not in within), None)
+
+
+def _is_praised(before: Sequence[Token], after: Sequence[Token]) -> bool:
+    """Return whether the words before a verb in -ing make a noun of it: "lovely overtaking there"."""
+    last = category_at(before, -1)
+    if category_at(before, -2) not in CLAUSE_ENDS | {WordCategory.COMMA, WordCategory.THAT, WordCategory.BE}:
+        return False
+    ends = category_at(after, 0) in CLAUSE_ENDS | {WordCategory.COMMA, WordCategory.THERE, WordCategory.HERE}
+    return last is WordCategory.EXTRA or (last is WordCategory.UNKNOWN and ends)
 
 
 def tag_nondrive(before: Sequence[Token], token: Token, after: Sequence[Token]) -> Token:
@@ -126,6 +166,10 @@ def tag_region(before: Sequence[Token], token: Token, after: Sequence[Token]) ->
     """Tag a region as a verb: "would you mind parking beside"."""
     if _is_verb(before, token, after):
         return token.with_category(WordCategory.VERB, _VERBS_OF_NOUNS[token.text])
+    reached = category_at(before, -2) is WordCategory.RELATION and before[-2].value in _BEFORE_LINE
+    reached = reached or (category_at(before, -2) is WordCategory.VERB and before[-2].text.endswith((" to", " at")))
+    if token.text == "line" and reached and category_at(before, -1) is WordCategory.THE and not _is_of(after):
+        return token.with_category(WordCategory.THING, "stop_line")  # "roll up to the line"
     if token.text == "blocks" and category_at(before, -1) in HEADS:
         return replace(token, category=WordCategory.VERB, value="none", form="s")  # "that van blocks the road"
     if token.text == "exit" and category_at(before, -1) in COMMAND_STARTS | {WordCategory.AUX, WordCategory.TO}:
@@ -136,6 +180,10 @@ def tag_region(before: Sequence[Token], token: Token, after: Sequence[Token]) ->
     if verb and (ended or category_at(before, -1) in _BEFORE_PARKING):
         return replace(token, category=WordCategory.VERB, value="park", form="ing", state="parked", event="stop")
     return token
+
+
+def _is_of(after: Sequence[Token]) -> bool:
+    return category_at(after, 0) is WordCategory.OF
 
 
 def tag_thing(before: Sequence[Token], token: Token, after: Sequence[Token]) -> Token:
@@ -151,7 +199,10 @@ def tag_thing(before: Sequence[Token], token: Token, after: Sequence[Token]) -> 
 
 
 def tag_relation(before: Sequence[Token], token: Token, after: Sequence[Token]) -> Token:
-    """Tag the verb in "I like that car"."""
+    """Tag the verb in "I like that car", and our own rear in "coming from behind"."""
+    origin = token.text == "behind" and bool(before) and before[-1].text.split()[-1] == "from"
+    if origin and category_at(after, 0) not in PHRASE_STARTS | {WordCategory.PRONOUN}:
+        return token.with_category(WordCategory.WHERE, "behind_ego")
     verb = token.text == "like" and category_at(before, -1) is WordCategory.EGO
     return token.with_category(WordCategory.NONDRIVE) if verb else token
 

@@ -15,6 +15,9 @@ from grounding.language.syntax.word_categories import NOUNS, WordCategory
 
 MAX_CHARACTERS = 2000
 _NUMBER = re.compile(r"\d{1,9}(?:\.\d{1,9})?")
+# Signs of text messages, and words without their last letters.
+_SIGN_WORDS = {"@": "at", "w/o": "without", "b/w": "between", "w/": "with", "an'": "and", "o'": "of", "wi'": "with"}
+_SIGNS = re.compile(r"@|\b(?:w/o|b/w|w/|an'|o'|wi')(?!\w)")
 _MARKS = {",": WordCategory.COMMA} | dict.fromkeys(".;!?", WordCategory.BREAK)
 
 
@@ -55,6 +58,7 @@ def normalise(text: str) -> str:
     The normalised text may be longer or shorter than the original.
     """
     folded = unicodedata.normalize("NFKC", text).casefold().replace("’", "'").replace("‘", "'").replace("`", "'")
+    folded = _SIGNS.sub(lambda found: f" {_SIGN_WORDS[found.group()]} ", folded)
     folded = re.sub(r"(?<=\w)[-‐‑](?=\w)", " ", re.sub(r"(?<=\d),(?=\d{3}\b)", "", folded))
     folded = re.sub(r"[–—:()/\"]|(?<=\s)-", " , ", folded)
     return " ".join("".join(c if c.isprintable() else " " for c in folded).split())

@@ -14,7 +14,13 @@ from grounding.language.syntax.word_categories import NOUNS, WordCategory
 BOUNDARY, UNKNOWN, NUMBER = ".", "*", "0"
 _FOLDER = Path(__file__).parent / "data"
 # Categories with phrases of several words in a fixed order.
-_FIXED = NOUNS | {WordCategory.MAKE, WordCategory.MODEL, WordCategory.VERB}
+_FIXED = NOUNS | {
+    WordCategory.MAKE,
+    WordCategory.MODEL,
+    WordCategory.VERB,
+    WordCategory.RELATION,
+    WordCategory.FILLER,
+}
 # Weight of a word that no command of the table contains, in counts.
 _UNSEEN = 0.4
 # A word that is in no table: the cost of being one, and of each letter (nats).
@@ -148,8 +154,8 @@ def _with_phrases(follow: dict[str, dict[str, int]], lexicon: Lexicon) -> dict[s
 
 def _word_class(word: str, lexicon: Lexicon) -> str:
     """Return the category and the form of a word."""
-    match = lexicon.longest_match((word,), 0)
-    if match is None:
-        return word  # only part of phrases
-    form = lexicon.forms.get(word, "")
-    return f"{match[1].category} {form}"
+    match, begun = lexicon.longest_match((word,), 0), lexicon.by_word.get(word)
+    if match is None and not begun:
+        return word  # only inside phrases
+    category = match[1].category if match else begun[0].entry.category if begun else ""
+    return f"{category} {lexicon.forms.get(word, '')}"

@@ -46,6 +46,17 @@ def test_an_answer_that_is_not_understood_is_asked_again() -> None:
     assert (weather.status, weather.question) == ("not_a_command", question)
 
 
+def test_another_speed_keeps_the_goal() -> None:
+    session = row()
+    goal = session.say("stop behind the blue car").target
+    assert goal is not None
+    assert [session.say(text).pace for text in ("a bit faster", "slow down")] == ["faster", "slower"]
+    assert session.goal is not None
+    assert session.goal.target is goal
+    assert session.say("wait").pace == "standing"
+    assert session.goal.pace == "standing"
+
+
 def test_the_other_one() -> None:
     session = two_whites()
     session.say("stop next to the white car")

@@ -128,7 +128,7 @@ def test_the_front_grid() -> None:
     street = Street(BEVGrid.front()).car("car", 20, -3)
     assert is_near(target_of(plan_in(street, make_query("stop", "behind"))), 20 - LENGTHWISE_M - 2.0, -3)
     assert is_near(target_of(plan_in(street, make_query("stop"), None)), EGO.centre_m + 8, 0)
-    here = plan_in(street, make_query("wait"), None)
+    here = plan_in(street, make_query("give_way"), None)
     assert target_of(here).ego_m[0] - EGO.length_m / 2 >= 0
     assert has_reason(here, "leaves the map")
 

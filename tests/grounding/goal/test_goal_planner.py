@@ -19,7 +19,7 @@ from goal_plans import (
 from street import BLACK, EGO, HALF_ROAD_M, RED, WHITE, Street
 
 from appocc.bevmap import ROAD
-from grounding.query import Query, Referent
+from grounding.query import Query, Referent, RoadSide
 
 AT_CAR = [
     ("stop", "behind", 20 - LENGTHWISE_M - 2.0, -3),
@@ -42,8 +42,6 @@ AT_CAR = [
     ("park", "opposite", 20, EDGE_M),
     ("stop", "opposite", 20, HALF_ROAD_M / 2),
     ("change_lane", "none", 20 - LENGTHWISE_M - 6.0, -3),
-    ("slow_down", "none", EGO.centre_m + 10, 0),
-    ("wait", "none", EGO.centre_m, 0),
     ("give_way", "none", EGO.centre_m, 0),
     ("wait", "behind", 20 - LENGTHWISE_M - 2.0, -3),
 ]
@@ -62,8 +60,8 @@ ALONE = [
     (make_query("stop", distance_m=20.0, distance_of="ego"), EGO.centre_m + 20, 0, 0),
     (make_query("other", direction="straight"), EGO.centre_m + 20, 0, 0),
     (make_query("turn", direction="straight"), EGO.centre_m + 20, 0, 0),
-    (make_query("slow_down"), EGO.centre_m + 10, 0, 0),
-    (make_query("wait"), EGO.centre_m, 0, 0),
+    (make_query("slow_down", distance_m=10.0, distance_of="ego"), EGO.centre_m + 10, 0, 0),
+    (make_query("give_way"), EGO.centre_m, 0, 0),
     (make_query("park"), 13.8, -EDGE_M, 0),
     (make_query("pull_over"), 13.8, -EDGE_M, 0),
     (make_query("park", goal_side="left"), 14.2, EDGE_M, 0),
@@ -78,6 +76,23 @@ def test_goals_without_a_vehicle(query: Query, x_m: float, y_m: float, heading_r
     target = target_of(plan_in(Street(), query, None))
     assert is_near(target, x_m, y_m), target
     assert np.cos(target.heading_ego_rad - heading_rad) > 0.999
+
+
+@pytest.mark.parametrize("item", [None, "car"])
+@pytest.mark.parametrize(
+    ("query", "pace"),
+    [
+        (make_query("slow_down"), "slower"),
+        (make_query("wait"), "standing"),
+        (make_query("other", manoeuvre="faster"), "faster"),
+    ],
+)
+def test_a_speed_or_a_state_is_no_place(query: Query, pace: str, item: str | None) -> None:
+    made = plan_in(Street().car("car", 20, 0), query, item)
+    assert (made.pace, made.target, made.nearest) == (pace, None, None)
+    placed = plan_in(Street().car("car", 20, 0), replace(query, relation="behind", landmark="referent"), "car")
+    assert placed.pace is None
+    assert placed.target is not None
 
 
 @pytest.mark.parametrize(
@@ -95,6 +110,24 @@ def test_commands_without_a_goal_are_explained(query: Query, reason: str) -> Non
     assert made.target is None
     assert made.nearest is None
     assert has_reason(made, reason)
+
+
+def test_an_oncoming_vehicle_is_not_overtaken() -> None:
+    street = Street().car("oncoming", 25, 3, yaw_rad=np.pi, speed_mps=8.0)
+    made = plan_in(street, make_query("overtake"), "oncoming")
+    assert (made.target, made.instead) == (None, "give_way")
+    assert "comes towards us" in made.question
+    for other in (
+        Street().car("oncoming", 25, 3, yaw_rad=np.pi),  # parked
+        Street().car("oncoming", 25, 0, speed_mps=3.0),  # ahead of us
+    ):
+        assert plan_in(other, make_query("overtake"), "oncoming").instead is None
+
+
+@pytest.mark.parametrize(("road_side", "sign"), [("kerb", -1.0), ("opposite", 1.0)])
+def test_the_kerb_and_the_other_side_of_the_road(road_side: RoadSide, sign: float) -> None:
+    made = plan_in(Street(), make_query("park", road_side=road_side), None)
+    assert sign * target_of(made).ego_m[1] == pytest.approx(EDGE_M, abs=1.0)
 
 
 def test_a_relation_without_a_vehicle_is_ignored() -> None:

@@ -120,3 +120,16 @@ def test_gaps_are_settings() -> None:
         grounder.set_scene(street.bev(), street.boxes(), WORLD_FROM_EGO)
         places.append(x_of(grounder.ground("stop behind the red car")))
     assert places[0] - places[1] == pytest.approx(2.0, abs=0.5)
+
+
+def test_a_vehicle_by_a_landmark_of_the_map() -> None:
+    street = Street().car("near", 12, -5, RED).car("by", 30, -5, RED)
+    crossing = {"crossing": [area(34, 38)], "junction": []}
+    for text in ("stop behind the car by the crossing", "stop behind the car at the crossing"):
+        answer = ask(text, crossing, street)
+        assert answer.referent is not None, answer.text()
+        assert answer.referent.item.id == "by"
+        assert not any("left out" in reason for reason in answer.reasons)
+    assert ask("stop behind the car by the junction", crossing, street).status != "ok"
+    unknown = ask("stop behind the car by the crossing", None, street)
+    assert any("holds no crossing" in reason for reason in unknown.reasons)

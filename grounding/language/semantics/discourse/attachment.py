@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from grounding.language.semantics.discourse.appositions import attach_apposition, name_contrast
-from grounding.language.semantics.discourse.command_frames import CommandFrame
+from grounding.language.semantics.discourse.command_frames import ENTERABLE, CommandFrame
 from grounding.language.semantics.discourse.coreference import name_by_order
 from grounding.language.semantics.discourse.discourse_state import DiscourseState
 from grounding.language.semantics.discourse.mentions import add_mention, attach_distance, exclude, refine
@@ -164,6 +164,8 @@ def _attach_after_verb(state: DiscourseState, frame: CommandFrame, phrase: NounP
 def _attach_object(state: DiscourseState, frame: CommandFrame, phrase: NounPhrase) -> None:
     """Attach the object of a verb as target, landmark or exclusion."""
     place = _last_place(state) if frame.verb_class == "take" and phrase.kind == "pronoun" else None
+    if frame.verb_class == "take" and phrase.kind == "one":
+        _name_road(state, phrase)
     if frame.negated and frame.verb_class not in ("give_way", "wait"):
         frame.forbidden_target = phrase
         exclude(state, None, phrase)
@@ -176,9 +178,17 @@ def _attach_object(state: DiscourseState, frame: CommandFrame, phrase: NounPhras
         frame.target, frame.target_is_object = phrase, True
         add_mention(state, phrase, "target")
     else:
-        frame.landmarks.append(("object", phrase))
+        reaches = frame.verb.endswith(" to") and phrase.kind == "thing"  # "creep up to the stop line"
+        frame.landmarks.append(("toward" if reaches else "object", phrase))
         add_mention(state, phrase, "landmark")
     attach_distance(state, "gap")
+
+
+def _name_road(state: DiscourseState, phrase: NounPhrase) -> None:
+    """Give "one" the noun of the road or turning that was mentioned last: "not this street, the next one"."""
+    last = state.discourse.mentions[-1][0] if state.discourse.mentions else None
+    if last is not None and last.noun in ENTERABLE and last.kind in ("region", "thing"):
+        phrase.take_noun(last)
 
 
 def _last_place(state: DiscourseState) -> NounPhrase | None:

@@ -28,7 +28,7 @@ class CommandFrame:
         inverse_relation: relation of the last landmark to the target ("by the sign in front of the bus").
         landmarks: other things with their relation ("object" for the verb's object), in order.
         direction: left, right, straight or around.
-        side: left or right side of the road for the goal.
+        side: side of the road for the goal: left, right, kerb (ours) or opposite.
         lane: lane of the goal.
         goal_qualifiers: places named before the target.
         distances: metres, each with its kind: gap (to the target), travel, travel_or_gap (depends on the action) or

@@ -98,11 +98,12 @@ def resolve_anaphor(discourse: Discourse, phrase: NounPhrase) -> NounPhrase | No
 
 
 def qualify_antecedents(discourse: Discourse) -> None:
-    """Add the qualifiers of pronouns to their antecedents: "go around it, it is parked"."""
+    """Add what is said of pronouns to their antecedents: "go around it, it is parked", "it's the red one"."""
     for phrase, role in discourse.mentions:
-        if phrase.kind == "pronoun" and role == "stated" and phrase.qualifiers:
+        if phrase.kind == "pronoun" and role == "stated" and (phrase.qualifiers or phrase.colour):
             antecedent = find_antecedent(discourse, phrase)
             if antecedent is not None and antecedent.kind == "vehicle":
+                antecedent.colour = antecedent.colour or phrase.colour
                 antecedent.qualifiers += [word for word in phrase.qualifiers if word not in antecedent.qualifiers]
 
 

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from grounding.language.semantics.discourse.command_frames import ENTERABLE
+from grounding.language.semantics.discourse.coreference import resolve_anaphor
 from grounding.language.semantics.discourse.discourse_state import DiscourseState
 from grounding.language.semantics.discourse.relation_attachment import attach_target
-from grounding.language.semantics.discourse.verb_rules import AWAITING
+from grounding.language.semantics.discourse.verb_rules import AWAITING, await_event
+from grounding.language.syntax.clauses import TEMPORAL
 from grounding.language.syntax.noun_phrases import NounPhrase
 from grounding.language.syntax.tokenizer import Token
 
+_ENTERING = ("turn", "go", "drive")
 _POSSESSIVE = ("its", "his", "her", "their", "in its", "in his", "in her", "in their", "into its", "to its", "at its")
 
 
@@ -62,8 +66,23 @@ def handle_there(state: DiscourseState, token: Token) -> None:
     if token.text.startswith(_POSSESSIVE):
         attach_target(state, "at", NounPhrase(kind="pronoun", head=token.text, start=token.start))
         state.host_frame.landmarks.append(("in", NounPhrase(kind="spot", noun="parking_spot")))
-    elif state.open_phrase is None:
+    elif state.open_phrase is None and not _enter_named_road(state):
         state.host_frame.refers_to_place = True
+
+
+def _enter_named_road(state: DiscourseState) -> bool:
+    """Turn into the road named before ("the next one on the left, turn in there"); return whether there is one."""
+    frame = state.frame
+    if frame is None or frame.verb_class not in _ENTERING or frame.direction is not None:
+        return False
+    for phrase, role in reversed(state.discourse.mentions):
+        road = resolve_anaphor(state.discourse, phrase)
+        side = next((word for word in phrase.qualifiers if word in ("left_side", "right_side")), None)
+        if role == "stated" and side is not None and road is not None and road.noun in ENTERABLE:
+            frame.direction = side.removesuffix("_side")
+            frame.landmarks.append(("into", road))
+            return True
+    return False
 
 
 def handle_infinitive(state: DiscourseState, token: Token) -> None:
@@ -72,8 +91,11 @@ def handle_infinitive(state: DiscourseState, token: Token) -> None:
 
 
 def handle_particle(state: DiscourseState, token: Token) -> None:
-    """Set the event of a frame that waits for its target: "let it out", "let it go first"."""
-    frame = state.frame
+    """Set the event of a frame that waits for its target: "let it out", "let it go first", "until it is out"."""
+    frame, subject = state.frame, state.other_subject
+    if subject is not None and state.auxiliary and state.clause.connective in TEMPORAL and not state.event_stated:
+        await_event(state, subject, "clear")
+        return
     if frame is not None and frame.verb_class in AWAITING and frame.target is not None and frame.event is None:
         frame.event = "leave" if token.text == "out" else "pass"
 

@@ -26,6 +26,7 @@ from grounding.language.semantics.discourse.spatial_rules import (
     handle_between,
     handle_distance,
     handle_ego_place,
+    handle_here,
     handle_lane,
     handle_of,
     handle_relation,
@@ -55,6 +56,7 @@ _HANDLERS: Mapping[WordCategory, Callable[[DiscourseState, Token], None]] = {
     WordCategory.OF: handle_of,
     WordCategory.SIDE: handle_side,
     WordCategory.WHERE: handle_ego_place,
+    WordCategory.HERE: handle_here,
     WordCategory.LANE: handle_lane,
     WordCategory.DISTANCE: handle_distance,
     WordCategory.AWAY: handle_away,
@@ -80,6 +82,7 @@ def interpret(clauses: Sequence[Clause], antecedent: Referent | None = None) -> 
     for clause in clauses:
         state.previous_frame, state.frame, state.clause = state.frame or state.previous_frame, None, clause
         state.clear()
+        state.off_topic = clause.connective == "unless"
         if clause.starts_sentence:
             discard_leading_place(state)
         state.remaining = list(chunk(clause.tokens))

@@ -51,9 +51,9 @@ def replace_frame(state: DiscourseState, frame: CommandFrame) -> None:
 
 
 def replace_direction(state: DiscourseState, direction: str) -> bool:
-    """Replace the direction of the last frame ("I mean right"); return whether it had one."""
+    """Replace the direction of the last frame ("I mean right"); return whether it had one or needs one."""
     frame = state.previous_frame
-    if frame is None or frame.direction is None:
+    if frame is None or (frame.direction is None and frame.verb_class != "turn"):
         return False
     frame.direction = direction
     return True

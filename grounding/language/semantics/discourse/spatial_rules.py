@@ -8,7 +8,7 @@ from grounding.language.semantics.discourse.mentions import attach_distance
 from grounding.language.semantics.discourse.relation_attachment import attach_target
 from grounding.language.semantics.discourse.repairs import replace_side
 from grounding.language.semantics.discourse.verb_rules import AWAITING
-from grounding.language.syntax.noun_phrases import NounPhrase
+from grounding.language.syntax.noun_phrases import VEHICLE_KINDS, NounPhrase
 from grounding.language.syntax.tokenizer import Token
 from grounding.language.syntax.word_categories import WordCategory
 
@@ -31,6 +31,7 @@ _IN_LINE = (
     "my tail",
     "before us",
 )
+_KERBS = ("kerb", "curb", "roadside", "kerbside", "curbside")
 # Kinds of words between a distance and its reference.
 _BEFORE_REFERENCE = ("relation", "between", "away", "where")
 
@@ -117,7 +118,12 @@ def handle_side(state: DiscourseState, token: Token) -> None:
     if possessive and state.host_frame.target is noun and value != "opposite":
         state.host_frame.relation = f"{value}_of"  # "to the white car's left side"
         return
-    if frame is not None and noun is not None and noun.noun in ENTERABLE and value != "opposite":
+    if noun is not None and noun.noun == "lane":
+        return  # "the third lane from the right": the map counts no lanes, and so the side is told as left out
+    if noun is not None and noun.noun in ENTERABLE and value != "opposite":
+        if frame is None:
+            noun.add_qualifier(token.value)  # "the next road on the left, turn in there"
+            return
         frame.direction = frame.direction or value  # "the turning on the left"
         return
     if state.is_repair and state.frame is None and noun is None and replace_side(state, token.value):
@@ -125,7 +131,11 @@ def handle_side(state: DiscourseState, token: Token) -> None:
     stands = frame is not None and frame.verb_class in _STANDING and frame.target is None and not state.negated
     if stands and noun is not None and noun.kind == "thing" and value != "opposite":
         state.open_phrase = None  # "past the crossing on the left"
-    if _qualify_open_phrase(state, token) or value == "opposite":
+    if _qualify_open_phrase(state, token):
+        return
+    if value == "opposite":
+        if state.frame is not None and state.frame.verb_class in (*_STANDING, "take") and not state.negated:
+            state.frame.side = state.frame.side or value
         return
     if state.negated:
         value = "right" if value == "left" else "left"  # "pull over, but not on the left"
@@ -137,6 +147,14 @@ def handle_side(state: DiscourseState, token: Token) -> None:
         frame.direction = frame.direction or value
     else:
         frame.side = value
+
+
+def handle_here(state: DiscourseState, token: Token) -> None:
+    """Put the goal at our kerb: "stop by the kerb"; other words for here add nothing."""
+    noun, frame = state.open_phrase, state.frame
+    at_kerb = token.text.split()[-1] in _KERBS and (noun is None or noun.kind not in VEHICLE_KINDS)
+    if at_kerb and frame is not None and frame.verb_class in _STANDING and not state.negated:
+        frame.side = frame.side or "kerb"
 
 
 def handle_ego_place(state: DiscourseState, token: Token) -> None:

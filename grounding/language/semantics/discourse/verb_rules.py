@@ -134,6 +134,8 @@ def _move_arguments(leading: CommandFrame, frame: CommandFrame) -> None:
 
 def _add_statement(state: DiscourseState, token: Token) -> None:
     """Add an event or a state of another vehicle."""
+    if state.clause.connective == "unless":
+        return  # what is not so
     subject = state.other_subject if not state.in_relative_clause else None
     finite_past = token.form == "past" and token.event not in ("", "stop")
     finite = bool(state.auxiliary) or token.form in ("s", "") or finite_past
@@ -142,7 +144,7 @@ def _add_statement(state: DiscourseState, token: Token) -> None:
         return
     if subject is not None and finite and state.clause.connective in (*TEMPORAL, "so"):
         if not state.event_stated:
-            _await_event(state, subject, token.event or "other")
+            await_event(state, subject, token.event or "other")
     elif state.negated:
         if token.state and (state.auxiliary or state.in_relative_clause):
             host.excluded.append((None, (token.state,)))
@@ -172,7 +174,7 @@ def _is_transient(state: DiscourseState, token: Token, host: NounPhrase) -> bool
     return vague or origin or token.form == "past"
 
 
-def _await_event(state: DiscourseState, subject: NounPhrase, event: str) -> None:
+def await_event(state: DiscourseState, subject: NounPhrase, event: str) -> None:
     """Add an event that the last frame waits for, or else the next frame."""
     state.event_stated = True
     state.open_phrase = None
