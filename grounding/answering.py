@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import pairwise
 from typing import TypeVar
 
 from appocc.checks import FloatArray
@@ -15,6 +16,7 @@ from grounding.confidence import confidence_of, gather_evidence, is_worth_acting
 from grounding.describe import describe_object, describe_step
 from grounding.goal.at_landmark import landmark_of
 from grounding.goal.planner import GoalPlan, plan_goal
+from grounding.goal.second_best import plan_with_second_best
 from grounding.goal.shift import HeldPose, Shift, hold_goal, shift_goal
 from grounding.language import Reading
 from grounding.query import Query
@@ -120,7 +122,7 @@ def answer_steps(
         The answer to the primary step with all steps, or that to the first step that fails.
     """
     steps, start = list[Answer](), None
-    for request in requests:
+    for request in _turn_beyond(requests, scene):
         steps.append(answer_step(request, scene, limit=limit, start=start))
         if (target := steps[-1].target) is not None:
             start = Pose2D(float(target.ego_m[0]), float(target.ego_m[1]), target.heading_ego_rad)
@@ -143,6 +145,22 @@ def answer_steps(
         confidence=min(step.confidence for step in steps),
         chooser=choose,
     )
+
+
+def _turn_beyond(requests: Sequence[Request], scene: SceneModel) -> Sequence[Request]:
+    """Return steps in which turning around comes beyond the vehicle ahead of us at which the next step ends."""
+    turned = list(requests)
+    for i, (step, following) in enumerate(pairwise(requests)):
+        alone = step.query.direction == "around" and step.query.referent is None
+        if not alone or following.query.referent is None:
+            continue
+        found = _resolve(following, scene, MAX_CANDIDATES)
+        if found.status == "ok" and found.candidates[0].item.centre_m[0] > scene.ego.centre_m:
+            query = replace(step.query, referent=following.query.referent, relation="past", landmark="referent")
+            turned[i] = replace(
+                step, chosen=found.candidates[0], reading=replace(step.reading, query=query, steps=(query,))
+            )
+    return turned
 
 
 def with_choice(request: Request, answer: Answer, number: int) -> Request:
@@ -305,6 +323,7 @@ def _plan(
         landmark = query.secondary[0].noun.replace("_", " ")
         reason = f"'{query.relation.replace('_', ' ')}' is measured from a {landmark}, which the map does not hold"
         return GoalPlan(None, (reason,), nearest=goal_plan.target)
+    goal_plan = plan_with_second_best(query, goal_plan, scene, road, item)
     for shift in request.shifts:
         goal_plan = shift_goal(goal_plan, shift, scene, road, item)
     return goal_plan

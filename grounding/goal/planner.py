@@ -51,6 +51,7 @@ _QUESTIONS = {
     TURNED: "it stands on the other side of the road: shall we turn round here?",
     OTHER_SIDE: "that is on the side of oncoming traffic: shall we go there all the same?",
 }
+NEAREST = "the nearest place that would do"
 _MIN_SCORE = 1e-6
 # No answer below this score.
 _MIN_SCORE_OK = 0.1
@@ -296,5 +297,5 @@ def _plan_without_target(search: CandidateSearch, item: SceneObject | None, reas
     nearest = to_target(near, search.scene, road, score=_MIN_SCORE)
     away, (x, y) = float(np.hypot(*(nearest.ego_m - centre))), nearest.ego_m
     where = "there" if best else "it"
-    reasons.append(f"the nearest place that would do is {away:.1f} m from {where}, at ({x:.1f}, {y:.1f}) m")
+    reasons.append(f"{NEAREST} is {away:.1f} m from {where}, at ({x:.1f}, {y:.1f}) m")
     return GoalPlan(None, tuple(reasons), nearest=nearest, search=search)
