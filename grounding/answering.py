@@ -240,6 +240,7 @@ def answer_step(
     Raises:
         AppoccError: if the scene has no map.
     """
+    request = _with_sought(request, scene)
     reading, road = request.reading, scene.road if start is None else scene.road_from(start)
     if road is None:
         raise AppoccError("grounder: expected a scene with a map, got one without")
@@ -296,6 +297,18 @@ def _resolve(request: Request, scene: SceneModel, limit: int) -> Resolution:
     if request.chosen is None:
         return resolve(request.query, without(scene, request.ruled_out), limit)
     return Resolution("ok", (request.chosen,), ())
+
+
+def _with_sought(request: Request, scene: SceneModel) -> Request:
+    """Return a step about "the red one" that refers to nothing as one about the only red vehicle, if there is one."""
+    query, sought = request.query, request.query.sought
+    if request.chosen or sought is None or not (sought.colour or sought.qualifiers):
+        return request
+    named = replace(query, referent=replace(sought, noun="vehicle", head="one"), unresolved="", sought=None)
+    named = replace(named, landmark=query.landmark or "referent")
+    if resolve(named, scene).status != "ok":
+        return request
+    return replace(request, reading=replace(request.reading, query=named, steps=(named,)))
 
 
 def _goal_candidates(request: Request, resolution: Resolution) -> Sequence[Candidate | None]:

@@ -16,7 +16,7 @@ from grounding.goal.shift import Shift
 from grounding.language import Reading
 from grounding.language.replies import Reply
 from grounding.query import Referent
-from grounding.referent.resolver import resolve
+from grounding.referent.resolver import Candidate, resolve
 from grounding.vocabulary import Action, ShiftDirection
 
 # Distance of "a bit".
@@ -52,6 +52,8 @@ def _answer_description(talk: Conversation, text: str, reply: Reply, question: A
     """Answer the description of a vehicle: one of the candidates of a question, else any vehicle of the scene."""
     request = talk.state.request
     reading = read_description(reply.rest, talk.antecedent, talk.grounder.read)
+    if question is not None and (others := _all_but(talk, reply.rest, question)) and request is not None:
+        return talk.narrow(others, replace(request, reading=said(request.reading, text)))
     if request is None or reading is None:
         return None
     described = with_description(request, reading, text)
@@ -67,6 +69,16 @@ def _answer_description(talk: Conversation, text: str, reply: Reply, question: A
     if found.status == "ambiguous":
         return talk.narrow(found.candidates, described)
     return talk.take(talk.state.with_request(described)) if question is None else None
+
+
+def _all_but(talk: Conversation, words: str, question: Answer) -> list[Candidate]:
+    """Return the candidates of a question that are left of "not the near one"; none for other words."""
+    if not words.startswith("not "):
+        return []
+    reading = read_description(words.removeprefix("not "), talk.antecedent, talk.grounder.read)
+    refused = find_fitting(reading, question.candidates, talk.scene) if reading is not None else []
+    ids = {one.item.id for one in refused}
+    return [one for one in question.candidates if one.item.id not in ids] if refused else []
 
 
 def _modify(talk: Conversation, reading: Reading, request: Request) -> Answer:

@@ -78,6 +78,15 @@ def choose_offered(talk: Conversation, text: str, index: int) -> Answer:
     return talk.choose(offered[index], request, text)
 
 
+def choose_middle(talk: Conversation, text: str) -> Answer:
+    """Take the middle one of an odd number of candidates, along our way."""
+    request, question = talk.state.request, talk.state.question
+    if request is None or question is None or len(question.candidates) % 2 == 0:
+        return ask_again(talk, text)
+    row = sorted(question.candidates, key=lambda one: float(talk.scene.lanes.project(one.item.centre_m[None])[0][0]))
+    return talk.choose(row[len(row) // 2], request, text)
+
+
 def take_next(talk: Conversation, text: str, sign: float) -> Answer:
     """Take the next vehicle of the same kind along our way (sign -1: the one before): "one further"."""
     request, last = talk.state.request, talk.meant

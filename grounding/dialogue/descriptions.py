@@ -26,6 +26,8 @@ def find_fitting(reading: Reading, candidates: Sequence[Candidate], scene: Scene
     colour = reading.query.referent.colour if reading.query.referent else None
     # Between candidates a colour is a contrast: of a black and a grey car, "the grey one" is not the black one.
     named = [one for one in fitting if colour and colour in (scene.colour_name(one.item) or "").split()]
+    if colour and not named and resolve(query, scene).status == "ok":
+        return []  # another vehicle has that colour
     return named or fitting
 
 

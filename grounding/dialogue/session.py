@@ -24,6 +24,7 @@ from grounding.dialogue.changes import (
     shift_more,
 )
 from grounding.dialogue.choices import (
+    choose_middle,
     choose_number,
     choose_offered,
     confirm,
@@ -54,6 +55,7 @@ from grounding.dialogue.telling import ask, said
 from grounding.goal.shift import Shift
 from grounding.language import Reading, WordCategory
 from grounding.language.replies import Reply, read_reply
+from grounding.vocabulary import Action
 from tracking.tracks import Track
 
 if TYPE_CHECKING:
@@ -79,6 +81,7 @@ _ACTS: Mapping[str, Callable[[Conversation, str], Answer]] = {
     "previous": partial(take_next, sign=-1.0),
     "former": partial(choose_offered, index=0),
     "latter": partial(choose_offered, index=-1),
+    "middle": choose_middle,
     "half": partial(scale_distance, factor=0.5),
     "double": partial(scale_distance, factor=2.0),
     "more": partial(shift_more, sign=1.0),
@@ -259,8 +262,8 @@ def _command(
         return answer
     if refers_to_place(first) and state.plan and not then:
         return talk.take((*state.plan[:-1], with_action(state.plan[-1], first)))
-    if _ends_plan(state.plan, first):
-        return drop_steps(talk, text, state.plan[-1].query.action or "other")
+    if forbidden := _forbidden_action(state.plan, first):
+        return drop_steps(talk, text, forbidden)
     if answer.status == "ambiguous" and state.focus and not state.question and is_plainly_definite(first):
         # "The van" is the one that the conversation is about.
         again = [one for one in answer.candidates if one.item.id == state.focus[0].item.id]
@@ -271,10 +274,11 @@ def _command(
     return talk.take(requests_of(answer.reading), then, answer)
 
 
-def _ends_plan(plan: Sequence[Request], reading: Reading) -> bool:
-    """Return whether a sentence only forbids what the last step does: "don't overtake it"."""
+def _forbidden_action(plan: Sequence[Request], reading: Reading) -> Action | None:
+    """Return the action of a step that a sentence only forbids, None for any other: "don't overtake it"."""
     query = reading.query
-    if not plan or query.action != "other" or not query.excluded or query.referent is not None:
-        return False
+    forbids = any(token.category is WordCategory.NOT for token in reading.tokens)
+    if query.action != "other" or query.referent is not None or not forbids:
+        return None
     verbs = {token.value for token in reading.tokens if token.category is WordCategory.VERB}
-    return plan[-1].query.action in verbs
+    return next((step.query.action for step in plan if step.query.action in verbs), None)

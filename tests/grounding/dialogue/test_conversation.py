@@ -300,3 +300,24 @@ def test_turning_around_comes_beyond_the_vehicle_across_the_road() -> None:
     assert answer.target is not None
     assert answer.target.ego_m[0] > 26
     assert len(answer.steps) == 2
+
+
+def test_one_that_only_one_vehicle_fits_needs_no_antecedent() -> None:
+    answer = row().say("stop behind the blue one")
+    assert answer.referent is not None, answer.text()
+    assert answer.referent.item.id == "blue"
+    assert two_whites().say("stop behind the white one").status == "ambiguous"
+
+
+def test_a_refused_candidate_and_the_middle_one() -> None:
+    session = two_whites()
+    session.say("stop next to the white car")
+    answer = session.say("not the near one")
+    assert answer.referent is not None, answer.text()
+    assert answer.referent.item.id == "left"
+    street = Street().car("a", 12, -5, WHITE).car("b", 20, 5, WHITE, yaw_rad=np.pi).car("c", 28, -5, WHITE)
+    session = street.grounder().session()
+    assert len(session.say("stop next to the white car").candidates) == 3
+    answer = session.say("the middle one")
+    assert answer.referent is not None, answer.text()
+    assert answer.referent.item.id == "b"
