@@ -261,6 +261,9 @@ def answer_step(
         for referent in _goal_candidates(request, resolution)
     ]
     referent, goal_plan = max(planned, key=lambda pair: _log_score(*pair))
+    if not request.shifts:
+        item = referent.item if referent else None
+        goal_plan = plan_with_second_best(request.query, goal_plan, scene, road, item)
     confidence = _confidence(reading, referent, resolution, goal_plan, scene)
     settled = request.chosen is not None or referent is None
     if goal_plan.target and referent and not settled and not is_worth_acting(confidence):
@@ -336,7 +339,6 @@ def _plan(
         landmark = query.secondary[0].noun.replace("_", " ")
         reason = f"'{query.relation.replace('_', ' ')}' is measured from a {landmark}, which the map does not hold"
         return GoalPlan(None, (reason,), nearest=goal_plan.target)
-    goal_plan = plan_with_second_best(query, goal_plan, scene, road, item)
     for shift in request.shifts:
         goal_plan = shift_goal(goal_plan, shift, scene, road, item)
     return goal_plan
