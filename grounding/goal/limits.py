@@ -28,6 +28,8 @@ _NEAR_M, _TURNED_RAD = 13.0, np.radians(95)
 _TRAFFIC_M, _NEAR_TRAFFIC, _IN_JUNCTION, AGAINST_TRAFFIC = 2.0, 1.0, 2.0, 2.5
 # Metres backwards beyond those that the command asks for.
 _BACK_MORE_M = 5.0
+# Cost of a metre backwards that the command does not ask for, beyond a little.
+_BACKWARDS, _LITTLE_BACK_M = 0.3, 0.6
 # A parked vehicle keeps this clear of a junction.
 _CLEAR_M = 2.0
 # Places on the footprint that are tested, as shares of its length and width.
@@ -108,6 +110,16 @@ def standing_cost(query: Query, road: RoadMap, cells: IntArray, heading_rad: Flo
             gap = gap_m(item, road.ego, road.grid.centre_of(cells), heading_rad)
             cost = np.maximum(cost, _NEAR_TRAFFIC * (gap < _TRAFFIC_M))
     return cost
+
+
+def reversing_cost(
+    limits: PlaceLimits, road: RoadMap, cells: IntArray, heading_rad: FloatArray
+) -> FloatArray | float:
+    """Return the cost (N,) of driving backwards to poses, unless the command asks for what is behind us."""
+    if not limits.not_behind:
+        return 0.0
+    back_m = road.cars_with().backwards_to(cells, heading_rad)
+    return np.where(np.isfinite(back_m), _BACKWARDS * np.maximum(back_m - _LITTLE_BACK_M, 0.0), 0.0)
 
 
 NO_LIMITS = PlaceLimits(our_side=False, not_behind=False)

@@ -20,6 +20,7 @@ from grounding.goal.limits import (
     PARKING_ACTIONS,
     TURNED,
     PlaceLimits,
+    reversing_cost,
     standing_cost,
 )
 from grounding.goal.proposals import propose_candidates, propose_relation
@@ -163,7 +164,7 @@ def plan_goal(
         if (item.speed_mps or 0.0) < DRIVING_MPS:
             proposed = [turned for each in proposed for turned in _with_traffic(each, road)]
         limits = replace(limits, our_side=False)
-    candidate_sets = [_with_costs(each, query, road) for each in proposed]
+    candidate_sets = [_with_costs(each, query, limits, road) for each in proposed]
     references = [one for one in (item, partner) if one]
     search = CandidateSearch(candidate_sets, scene, road, references, _excluded_cells(forbidden, road), limits)
     best, way = search.find_reachable(1 + _RUNNERS_UP)
@@ -208,10 +209,12 @@ def _is_on_other_side(item: SceneObject, road: RoadMap) -> bool:
     return bool(road.is_oncoming_side(cell, np.array([road.direction_at(item.centre_m)]))[0])
 
 
-def _with_costs(candidates: CandidateSet, query: Query, road: RoadMap) -> CandidateSet:
+def _with_costs(candidates: CandidateSet, query: Query, limits: PlaceLimits, road: RoadMap) -> CandidateSet:
     """Return candidates with the costs of the way to them and of standing there."""
     found = candidates.with_detour_cost(road)
-    return replace(found, cost=found.cost + standing_cost(query, road, found.cells, found.heading_rad))
+    standing = standing_cost(query, road, found.cells, found.heading_rad)
+    reversing = reversing_cost(limits, road, found.cells, found.heading_rad)
+    return replace(found, cost=found.cost + standing + reversing)
 
 
 def _excluded_cells(forbidden: Sequence[tuple[str, SceneObject]], road: RoadMap) -> BoolArray | None:
