@@ -182,7 +182,9 @@ def plan_goal(
 def _drives_away(query: Query, item: SceneObject) -> bool:
     """Return whether a place to stand is asked for beside a vehicle that drives on."""
     stands = query.action in ("park", "pull_over", "stop") and query.relation != "same_as"
-    return stands and query.trigger is None and (item.speed_mps or 0.0) > DRIVING_MPS
+    # Who parks stays longer than one that creeps in a queue.
+    most_mps = MOVING_MPS if query.action in PARKING_ACTIONS else DRIVING_MPS
+    return stands and query.trigger is None and (item.speed_mps or 0.0) > most_mps
 
 
 def _drives_before_us(item: SceneObject, road: RoadMap) -> bool:
