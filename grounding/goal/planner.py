@@ -160,10 +160,12 @@ def plan_goal(
             return GoalPlan(None, tuple(reasons), nearest=plan_goal(plain, scene, road, start=start).target)
         return GoalPlan(None, tuple(reasons))
     if item is not None and limits.our_side and _is_on_other_side(item, road):
-        # Who names a vehicle there asks for a place there: with the traffic if we can turn, else against it.
-        if (item.speed_mps or 0.0) < DRIVING_MPS:
+        # Who names a vehicle that stands there asks for a place there: with the traffic if we can turn.
+        # Before one that drives there we stay on our side, unless we are to go where it goes.
+        drives = (item.speed_mps or 0.0) > DRIVING_MPS
+        if not drives:
             proposed = [turned for each in proposed for turned in _with_traffic(each, road)]
-        limits = replace(limits, our_side=False)
+        limits = replace(limits, our_side=drives and query.action == "approach")
     candidate_sets = [_with_costs(each, query, limits, road) for each in proposed]
     references = [one for one in (item, partner) if one]
     search = CandidateSearch(candidate_sets, scene, road, references, _excluded_cells(forbidden, road), limits)
