@@ -144,12 +144,12 @@ def plan_goal(
         road = scene.road_from(start)
     limits = PlaceLimits.of(query, road.traffic_side)
     if item is not None and _drives_away(query, item):
+        moves = "moves" if item.speed_mps is None else f"drives at {item.speed_mps:.0f} m/s"
         if query.action == "stop" and query.relation in ("none", "behind") and _drives_before_us(item, road):
             following = replace(query, action="follow", relation="none")
             plan = plan_goal(following, scene, road, item, forbidden=forbidden)
-            reason = f"it drives at {item.speed_mps:.0f} m/s: we follow it until it stands"
-            return replace(plan, reasons=(reason, *plan.reasons))
-        reason = f"it drives at {item.speed_mps:.0f} m/s, so that no place beside it stays"
+            return replace(plan, reasons=(f"it {moves}: we follow it until it stands", *plan.reasons))
+        reason = f"it {moves}, so that no place beside it stays"
         return GoalPlan(None, (reason,), question=_FOLLOW, instead="follow")
     proposed, reasons = propose_candidates(query, road, item, partner)
     if item is not None and item.speed_mps is not None and item.speed_mps > MOVING_MPS:
@@ -186,7 +186,8 @@ def _drives_away(query: Query, item: SceneObject) -> bool:
     stands = query.action in ("park", "pull_over", "stop") and query.relation != "same_as"
     # Who parks stays longer than one that creeps in a queue.
     most_mps = MOVING_MPS if query.action in PARKING_ACTIONS else DRIVING_MPS
-    return stands and query.trigger is None and (item.speed_mps or 0.0) > most_mps
+    said = item.speed_mps is None and query.referent is not None and "moving" in query.referent.qualifiers
+    return stands and query.trigger is None and (said or (item.speed_mps or 0.0) > most_mps)
 
 
 def _drives_before_us(item: SceneObject, road: RoadMap) -> bool:
