@@ -53,6 +53,8 @@ _QUESTIONS = {
     OTHER_SIDE: "that is on the side of oncoming traffic: shall we go there all the same?",
 }
 NEAREST = "the nearest place that would do"
+# Relations of a place on the way to a vehicle.
+_TOWARDS = ("none", "toward", "near", "at")
 _MIN_SCORE = 1e-6
 # No answer below this score.
 _MIN_SCORE_OK = 0.1
@@ -165,7 +167,7 @@ def plan_goal(
         drives = (item.speed_mps or 0.0) > DRIVING_MPS
         if not drives:
             proposed = [turned for each in proposed for turned in _with_traffic(each, road)]
-        limits = replace(limits, our_side=drives and query.action == "approach")
+        limits = replace(limits, our_side=drives and query.action == "approach" and query.relation in _TOWARDS)
     candidate_sets = [_with_costs(each, query, limits, road) for each in proposed]
     references = [one for one in (item, partner) if one]
     search = CandidateSearch(candidate_sets, scene, road, references, _excluded_cells(forbidden, road), limits)
