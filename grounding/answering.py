@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import pairwise
 from typing import TypeVar
 
 from appocc.checks import FloatArray
@@ -15,6 +16,7 @@ from grounding.confidence import confidence_of, gather_evidence, is_worth_acting
 from grounding.describe import describe_object, describe_step
 from grounding.goal.at_landmark import landmark_of
 from grounding.goal.planner import GoalPlan, plan_goal
+from grounding.goal.second_best import plan_with_second_best
 from grounding.goal.shift import HeldPose, Shift, hold_goal, shift_goal
 from grounding.language import Reading
 from grounding.query import Query
@@ -120,7 +122,7 @@ def answer_steps(
         The answer to the primary step with all steps, or that to the first step that fails.
     """
     steps, start = list[Answer](), None
-    for request in requests:
+    for request in _turn_beyond(requests, scene):
         steps.append(answer_step(request, scene, limit=limit, start=start))
         if (target := steps[-1].target) is not None:
             start = Pose2D(float(target.ego_m[0]), float(target.ego_m[1]), target.heading_ego_rad)
@@ -143,6 +145,22 @@ def answer_steps(
         confidence=min(step.confidence for step in steps),
         chooser=choose,
     )
+
+
+def _turn_beyond(requests: Sequence[Request], scene: SceneModel) -> Sequence[Request]:
+    """Return steps in which turning around comes beyond the vehicle ahead of us at which the next step ends."""
+    turned = list(requests)
+    for i, (step, following) in enumerate(pairwise(requests)):
+        alone = step.query.direction == "around" and step.query.referent is None
+        if not alone or following.query.referent is None:
+            continue
+        found = _resolve(following, scene, MAX_CANDIDATES)
+        if found.status == "ok" and found.candidates[0].item.centre_m[0] > scene.ego.centre_m:
+            query = replace(step.query, referent=following.query.referent, relation="past", landmark="referent")
+            turned[i] = replace(
+                step, chosen=found.candidates[0], reading=replace(step.reading, query=query, steps=(query,))
+            )
+    return turned
 
 
 def with_choice(request: Request, answer: Answer, number: int) -> Request:
@@ -222,6 +240,7 @@ def answer_step(
     Raises:
         AppoccError: if the scene has no map.
     """
+    request = _with_sought(request, scene)
     reading, road = request.reading, scene.road if start is None else scene.road_from(start)
     if road is None:
         raise AppoccError("grounder: expected a scene with a map, got one without")
@@ -242,6 +261,9 @@ def answer_step(
         for referent in _goal_candidates(request, resolution)
     ]
     referent, goal_plan = max(planned, key=lambda pair: _log_score(*pair))
+    if not request.shifts:
+        item = referent.item if referent else None
+        goal_plan = plan_with_second_best(request.query, goal_plan, scene, road, item)
     confidence = _confidence(reading, referent, resolution, goal_plan, scene)
     settled = request.chosen is not None or referent is None
     if goal_plan.score is not None and referent and not settled and not is_worth_acting(confidence):
@@ -280,6 +302,18 @@ def _resolve(request: Request, scene: SceneModel, limit: int) -> Resolution:
     if request.chosen is None:
         return resolve(request.query, without(scene, request.ruled_out), limit)
     return Resolution("ok", (request.chosen,), ())
+
+
+def _with_sought(request: Request, scene: SceneModel) -> Request:
+    """Return a step about "the red one" that refers to nothing as one about the only red vehicle, if there is one."""
+    query, sought = request.query, request.query.sought
+    if request.chosen or sought is None or not (sought.colour or sought.qualifiers):
+        return request
+    named = replace(query, referent=replace(sought, noun="vehicle", head="one"), unresolved="", sought=None)
+    named = replace(named, landmark=query.landmark or "referent")
+    if resolve(named, scene).status != "ok":
+        return request
+    return replace(request, reading=replace(request.reading, query=named, steps=(named,)))
 
 
 def _goal_candidates(request: Request, resolution: Resolution) -> Sequence[Candidate | None]:

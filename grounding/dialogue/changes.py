@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 from grounding.answer import Answer
@@ -14,8 +15,12 @@ from grounding.dialogue.telling import said
 from grounding.goal.shift import Shift
 from grounding.language import Reading
 from grounding.language.replies import Reply
-from grounding.referent.resolver import resolve
-from grounding.vocabulary import Action
+from grounding.query import Referent
+from grounding.referent.resolver import Candidate, resolve
+from grounding.vocabulary import Action, ShiftDirection
+
+# Distance of "a bit".
+BIT_M = 2.0
 
 
 def answer_fragment(talk: Conversation, text: str, reply: Reply) -> Answer | None:
@@ -24,8 +29,13 @@ def answer_fragment(talk: Conversation, text: str, reply: Reply) -> Answer | Non
     if request is None:
         return None
     base = request.query
-    reading = complete(reply.rest, base, talk.antecedent, talk.grounder.read)
-    placed = reading is not None and reading.query.relation != "none"
+    antecedent = talk.antecedent or (None if base.referent else Referent("vehicle", "one"))
+    reading = complete(reply.rest, base, antecedent, talk.grounder.read)
+    if reading is not None and talk.antecedent is None and names_pronoun(reading):
+        reading = complete(reply.rest, base, None, talk.grounder.read)  # "it" refers to nothing yet
+    placed = reading is not None and (
+        reading.query.relation != "none" or bool(base.direction and reading.query.direction)
+    )
     answers = state.question is not None and not (placed and "no" in reply.kinds)  # "no, behind the lorry" does not
     if answers and (answer := _answer_description(talk, text, reply, state.question)):
         return answer
@@ -42,6 +52,8 @@ def _answer_description(talk: Conversation, text: str, reply: Reply, question: A
     """Answer the description of a vehicle: one of the candidates of a question, else any vehicle of the scene."""
     request = talk.state.request
     reading = read_description(reply.rest, talk.antecedent, talk.grounder.read)
+    if question is not None and (others := _all_but(talk, reply.rest, question)) and request is not None:
+        return talk.narrow(others, replace(request, reading=said(request.reading, text)))
     if request is None or reading is None:
         return None
     described = with_description(request, reading, text)
@@ -57,6 +69,16 @@ def _answer_description(talk: Conversation, text: str, reply: Reply, question: A
     if found.status == "ambiguous":
         return talk.narrow(found.candidates, described)
     return talk.take(talk.state.with_request(described)) if question is None else None
+
+
+def _all_but(talk: Conversation, words: str, question: Answer) -> list[Candidate]:
+    """Return the candidates of a question that are left of "not the near one"; none for other words."""
+    if not words.startswith("not "):
+        return []
+    reading = read_description(words.removeprefix("not "), talk.antecedent, talk.grounder.read)
+    refused = find_fitting(reading, question.candidates, talk.scene) if reading is not None else []
+    ids = {one.item.id for one in refused}
+    return [one for one in question.candidates if one.item.id not in ids] if refused else []
 
 
 def _modify(talk: Conversation, reading: Reading, request: Request) -> Answer:
@@ -85,6 +107,43 @@ def shift_last(talk: Conversation, text: str, shift: Shift) -> Answer:
     if answer.status != "ok":
         return replace(answer, reasons=(*answer.reasons, "the goal stays where it was"))
     return talk.settle(steps, answer)
+
+
+def shift_more(talk: Conversation, text: str, sign: float, distance_m: float = BIT_M) -> Answer:
+    """Enlarge or reduce the distance of the last command: to its vehicle if that was named, else along our way."""
+    request = talk.state.request
+    to_vehicle = request is not None and request.query.distance_of == "referent"
+    direction: ShiftDirection = ("away" if sign > 0 else "near") if to_vehicle else ("ahead" if sign > 0 else "back")
+    return shift_last(talk, text, Shift(direction, distance_m))
+
+
+def change_distance(talk: Conversation, text: str, distance_m: float) -> Answer:
+    """Plan the last command with another distance: "make it 5"."""
+    request = talk.state.request
+    if request is None:
+        return ask_again(talk, text)
+    query = replace(request.query, command=text, distance_m=float(distance_m))
+    if query.distance_of is None:
+        query = replace(query, distance_of="referent" if query.referent else "ego")
+    changed = replace(request, reading=replace(request.reading, query=query, steps=(query,)), shifts=())
+    return talk.take(talk.state.with_request(changed))
+
+
+def scale_distance(talk: Conversation, text: str, factor: float) -> Answer:
+    """Plan the last command with a multiple of its distance: "half that"."""
+    request = talk.state.request
+    if request is None or request.query.distance_m is None:
+        return ask_again(talk, text)
+    return change_distance(talk, text, factor * request.query.distance_m)
+
+
+def replace_step(talk: Conversation, requests: Sequence[Request]) -> Answer | None:
+    """Put a command in the place of the step of the plan that has the same action; None if there is none."""
+    plan = talk.state.plan
+    same = [i for i, step in enumerate(plan) if step.query.action == requests[0].query.action]
+    if len(requests) != 1 or len(plan) < 2 or not same:
+        return None
+    return talk.take((*plan[: same[-1]], requests[0], *plan[same[-1] + 1 :]))
 
 
 def drop_steps(talk: Conversation, text: str, action: Action) -> Answer:

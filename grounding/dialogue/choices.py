@@ -4,13 +4,17 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+
 from grounding.answer import Answer
-from grounding.answering import accept_proposal, without
+from grounding.answering import Request, accept_proposal, without
 from grounding.dialogue.conversation import Conversation
 from grounding.dialogue.descriptions import without_qualifiers
 from grounding.dialogue.reports import ask_again, inform, keep, not_understood
 from grounding.dialogue.telling import said
+from grounding.query import Referent
 from grounding.referent.resolver import resolve
+from grounding.road.lane_model import LANE_M
 
 
 def choose_number(talk: Conversation, text: str, number: int) -> Answer:
@@ -51,7 +55,11 @@ def go_back(talk: Conversation, text: str) -> Answer:
     """Put the plan in force that was so before the last one."""
     if not talk.state.earlier:
         return inform(talk, text, "no other command was given before")
-    return talk.take([replace(one, reading=said(one.reading, text)) for one in talk.state.earlier[0]])
+    before, *earlier = talk.state.earlier
+    answer = talk.take([replace(one, reading=said(one.reading, text)) for one in before])
+    if earlier:  # the next "undo" goes back farther; at the first plan it puts the last one in force again
+        talk.state = replace(talk.state, earlier=tuple(earlier))
+    return answer
 
 
 def refuse(talk: Conversation, text: str) -> Answer:
@@ -60,6 +68,43 @@ def refuse(talk: Conversation, text: str) -> Answer:
         return take_other(talk, text)
     talk.state = replace(talk.state, question=None)
     return inform(talk, text, "then nothing is changed: say what to do instead")
+
+
+def choose_offered(talk: Conversation, text: str, index: int) -> Answer:
+    """Take the first or the last candidate that was offered: "the former", "the latter"."""
+    request, offered = talk.state.request, talk.state.offered
+    if request is None or not offered:
+        return ask_again(talk, text)
+    return talk.choose(offered[index], request, text)
+
+
+def choose_middle(talk: Conversation, text: str) -> Answer:
+    """Take the middle one of an odd number of candidates, along our way."""
+    request, question = talk.state.request, talk.state.question
+    if request is None or question is None or len(question.candidates) % 2 == 0:
+        return ask_again(talk, text)
+    row = sorted(question.candidates, key=lambda one: float(talk.scene.lanes.project(one.item.centre_m[None])[0][0]))
+    return talk.choose(row[len(row) // 2], request, text)
+
+
+def take_next(talk: Conversation, text: str, sign: float) -> Answer:
+    """Take the next vehicle of the same kind along our way (sign -1: the one before): "one further"."""
+    request, last = talk.state.request, talk.meant
+    if request is None or request.query.referent is None or last is None:
+        return take_other(talk, text)
+    sought = Referent(request.query.referent.noun, request.query.referent.head, definite=False)
+    query = replace(request.query, command=text, referent=sought, secondary=())
+    request = Request(reading=replace(request.reading, query=query, steps=(query,)))
+    found = resolve(query, without(talk.scene, frozenset({last.item.id})))
+    places = np.array([one.item.centre_m for one in found.candidates] or np.empty((0, 2)))
+    along, lateral = np.array(talk.scene.lanes.project(places)) - np.array(
+        talk.scene.lanes.project(last.item.centre_m[None])
+    )
+    beyond = np.where((sign * along > 0) & (np.abs(lateral) < LANE_M), sign * along, np.inf)
+    if not np.isfinite(beyond).any():
+        where = "further on" if sign > 0 else "before it"
+        return inform(talk, text, f"no other {sought.head} is {where}")
+    return talk.choose(found.candidates[int(np.argmin(beyond))], request)
 
 
 def take_none(talk: Conversation, text: str) -> Answer:

@@ -50,10 +50,10 @@ class Conversation:
         state = self.state
         if state.question is not None and state.question.query.referent is not None:
             return state.question.query.referent
-        if state.focus is not None:
+        if state.focus is not None and state.topic is None:
             return state.focus[1]
-        if state.request is None:
-            return None
+        if state.request is None or state.topic is not None:
+            return state.topic
         excluded = [Referent(one.noun, one.noun, one.colour) for one in state.request.query.excluded]
         return state.request.query.referent or next(iter(excluded), None)
 
@@ -103,7 +103,7 @@ class Conversation:
             earlier = (state.plan, *state.earlier)[:_MAX_EARLIER] if state.plan else state.earlier
             state = replace(state, plan=steps, goal=answer, question=None, asked=steps, earlier=earlier)
             if answer.referent is not None and answer.query.referent is not None:
-                state = replace(state, focus=(answer.referent, answer.query.referent))
+                state = replace(state, focus=(answer.referent, answer.query.referent), topic=None)
         elif answer.candidates or answer.alternatives or answer.plan.question:
             state = replace(state, question=answer, offered=answer.candidates)
         else:

@@ -15,15 +15,19 @@ from grounding.referent.scene import SceneModel
 def find_fitting(reading: Reading, candidates: Sequence[Candidate], scene: SceneModel) -> list[Candidate]:
     """Return the candidates that a description fits; all are left if it fits all equally."""
     ids = {one.item.id for one in candidates}
-    alone = without(scene, frozenset({one.id for one in scene.table.items} - ids))
     query = replace(Query(""), referent=reading.query.referent, excluded=reading.query.excluded)
     query = replace(query, secondary=reading.query.secondary)
+    # What a vehicle stands next to is no candidate itself.
+    keeps_others = bool(query.secondary)
+    alone = scene if keeps_others else without(scene, frozenset({one.id for one in scene.table.items} - ids))
     found = resolve(query, alone)
     kept = {one.item.id for one in found.candidates[: 1 if found.status == "ok" else None]}
     fitting = [one for one in candidates if one.item.id in kept] if found.status != "not_found" else []
     colour = reading.query.referent.colour if reading.query.referent else None
     # Between candidates a colour is a contrast: of a black and a grey car, "the grey one" is not the black one.
     named = [one for one in fitting if colour and colour in (scene.colour_name(one.item) or "").split()]
+    if colour and not named and resolve(query, scene).status == "ok":
+        return []  # another vehicle has that colour
     return named or fitting
 
 
@@ -57,6 +61,10 @@ def with_description(request: Request, reading: Reading, text: str) -> Request:
         command=text,
         referent=reading.query.referent,
         excluded=(*still, *reading.query.excluded),
+        secondary=(
+            *(part for part in request.query.secondary if part.of != "referent"),
+            *(part for part in reading.query.secondary if part.of == "referent"),
+        ),
         landmark=request.query.landmark or "referent",
     )
     return Request(reading=replace(request.reading, query=query, steps=(query,)), shifts=request.shifts)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import product
@@ -27,6 +28,14 @@ _VERBS = {
 }
 # Actions of a verb that names none of its own: "go in front of it" keeps the action before.
 _LIGHT_ACTIONS = ("other", "approach", "drive_past")
+# "with people standing by it", and relations that are others from the neighbour's side.
+_NEIGHBOUR = re.compile(
+    r"\b(?:with|that has|that's got|which has|who has|having) (?P<neighbour>.+?)"
+    r"(?: (?:standing|parked|sitting|waiting|right|just))*"
+    r" (?P<relation>next to|beside|by|near|close to|behind|in front of|left of|right of|opposite)"
+    r" (?:it|him|her|them)\b"
+)
+_TURNED = {"behind": "in front of", "in front of": "behind", "left of": "right of", "right of": "left of"}
 _PLACE_ACTIONS = ("park", "stop", "pull_over", "wait")
 _VERB_CATEGORIES = (WordCategory.VERB, WordCategory.NONDRIVE, WordCategory.MEANWHILE)
 
@@ -62,7 +71,7 @@ def read_description(text: str, antecedent: Referent | None, read: Reader) -> Re
     Returns:
         A reading whose query has the vehicle as its referent; None if the fragment describes none.
     """
-    text = with_superlatives(text)
+    text = turn_neighbours(with_superlatives(text))
     if _begins_with_event(read(text, None, "")[0]):
         return None
     # With the colour of what was spoken of, the same colour would be a word without effect.
@@ -113,6 +122,15 @@ def refers_to_place(reading: Reading) -> bool:
     query = reading.query
     named = query.referent is not None or query.secondary or query.relation != "none"
     return not named and any(token.category is WordCategory.THERE for token in reading.tokens)
+
+
+def turn_neighbours(text: str) -> str:
+    """Return a description with the relation that it has to its neighbour: "with a bus behind it" is before a bus."""
+    found = _NEIGHBOUR.search(text)
+    if found is None:
+        return text
+    relation = _TURNED.get(found["relation"], found["relation"])
+    return f"{text[: found.start()]} {relation} {found['neighbour']}{text[found.end() :]}".strip()
 
 
 def _begins_with_event(reading: Reading) -> bool:

@@ -20,6 +20,7 @@ class Memory:
         asked: steps that were asked for last, in force or not.
         at: index of the step that the last question or answer is about.
         focus: last referent, and its description.
+        topic: vehicles that were spoken of without one of them being meant.
         question: answer whose question is open; None without one.
         offered: candidates of the last question.
         rejected: ids of the candidates that were refused since the last command.
@@ -31,6 +32,7 @@ class Memory:
     asked: tuple[Request, ...] = ()
     at: int = 0
     focus: tuple[Candidate, Referent] | None = None
+    topic: Referent | None = None
     question: Answer | None = None
     offered: tuple[Candidate, ...] = ()
     rejected: frozenset[str] = frozenset()

@@ -8,7 +8,7 @@ from grounding.answer import Answer
 from grounding.answering import requests_of
 from grounding.describe import describe_object
 from grounding.dialogue.conversation import Conversation
-from grounding.dialogue.fragments import read_description
+from grounding.dialogue.fragments import complete, names_pronoun, read_description
 from grounding.dialogue.telling import describe_goal, said
 from grounding.language import Reading
 from grounding.query import Query
@@ -79,6 +79,41 @@ def look_for(talk: Conversation, text: str, words: str) -> Answer:
     if not here:
         return inform(talk, text, *found.reasons)
     return inform(talk, text, *(describe_object(one.item, talk.scene) for one in here))
+
+
+def tell_vehicle(talk: Conversation, text: str) -> Answer:
+    """Tell what is known of the vehicle that was spoken of last: "what colour is it?"."""
+    if talk.meant is None:
+        return not_understood(talk, text, talk.read(text))
+    return inform(talk, text, f"it is the {describe_object(talk.meant.item, talk.scene)}")
+
+
+def count(talk: Conversation, text: str, words: str) -> Answer:
+    """Tell how many vehicles fit a description; "the one" refers to one of them then."""
+    reading = read_description(words, talk.antecedent, talk.grounder.read)
+    if reading is None or reading.query.referent is None:
+        return not_understood(talk, text, talk.read(text))
+    sought = replace(reading.query.referent, definite=True, number=1)
+    found = resolve(Query("", referent=sought), talk.scene)
+    here = {"ok": found.candidates[:1], "ambiguous": found.candidates}.get(found.status, ())
+    talk.state = replace(talk.state, topic=sought)
+    return inform(talk, text, str(len(here)), *(describe_object(one.item, talk.scene) for one in here))
+
+
+def tell_room(talk: Conversation, text: str, words: str) -> Answer:
+    """Tell whether there is a place; "do it" takes it then: "can we fit behind the red car?"."""
+    base = talk.state.request.query if talk.state.request else Query("", "park")
+    reading = complete(words, base, talk.antecedent, talk.grounder.read)
+    if reading is None:
+        return not_understood(talk, text, talk.read(text))
+    chosen = talk.meant if names_pronoun(reading) else None
+    requests = [replace(one, chosen=chosen) for one in requests_of(said(reading, text))]
+    answer = talk.answer_steps(requests)
+    if answer.status != "ok":
+        return inform(talk, text, "no", *answer.reasons)
+    asked = replace(answer, status="ambiguous", alternatives=(answer,))
+    talk.state = replace(talk.state, question=asked, asked=tuple(requests), at=0)
+    return inform(talk, text, "yes", *answer.reasons)
 
 
 def notice(talk: Conversation, words: str) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 from appocc.bevmap import BEVMap
@@ -12,24 +13,56 @@ from appocc.checks import FloatArray
 from appocc.errors import AppoccError
 from grounding.answer import Answer
 from grounding.answering import Request, pick, requests_of
-from grounding.dialogue.changes import answer_fragment, drop_steps, shift_last
-from grounding.dialogue.choices import choose_number, confirm, go_back, refuse, take_any, take_none, take_other
+from grounding.dialogue.changes import (
+    BIT_M,
+    answer_fragment,
+    change_distance,
+    drop_steps,
+    replace_step,
+    scale_distance,
+    shift_last,
+    shift_more,
+)
+from grounding.dialogue.choices import (
+    choose_middle,
+    choose_number,
+    choose_offered,
+    confirm,
+    go_back,
+    refuse,
+    take_any,
+    take_next,
+    take_none,
+    take_other,
+)
 from grounding.dialogue.conversation import Conversation
 from grounding.dialogue.descriptions import find_fitting, is_plainly_definite, widen, with_action
 from grounding.dialogue.following import follow_plan, relocate
 from grounding.dialogue.fragments import has_verb, keep_action, names_pronoun, refers_to_place
-from grounding.dialogue.reports import ask_again, cancel, keep, look_for, not_understood, tell_goal, tell_reasons
+from grounding.dialogue.reports import (
+    ask_again,
+    cancel,
+    count,
+    keep,
+    look_for,
+    not_understood,
+    tell_goal,
+    tell_reasons,
+    tell_room,
+    tell_vehicle,
+)
 from grounding.dialogue.telling import ask, said
 from grounding.goal.shift import Shift
 from grounding.language import Reading, WordCategory
 from grounding.language.replies import Reply, read_reply
+from grounding.vocabulary import Action
 from tracking.tracks import Track
 
 if TYPE_CHECKING:
     from grounding.grounder import Grounder
 
-# Distance of "a bit".
-_BIT_M = 2.0
+# Distance to another place than the goal.
+_ELSEWHERE_M = 6.0
 # What replies without further words do.
 _ACTS: Mapping[str, Callable[[Conversation, str], Answer]] = {
     "cancel": cancel,
@@ -43,6 +76,23 @@ _ACTS: Mapping[str, Callable[[Conversation, str], Answer]] = {
     "thanks": keep,
     "any": take_any,
     "undo": go_back,
+    "about": tell_vehicle,
+    "following": partial(take_next, sign=1.0),
+    "previous": partial(take_next, sign=-1.0),
+    "former": partial(choose_offered, index=0),
+    "latter": partial(choose_offered, index=-1),
+    "middle": choose_middle,
+    "half": partial(scale_distance, factor=0.5),
+    "double": partial(scale_distance, factor=2.0),
+    "more": partial(shift_more, sign=1.0),
+    "less": partial(shift_more, sign=-1.0),
+    "elsewhere": partial(shift_last, shift=Shift("ahead", _ELSEWHERE_M)),
+}
+# Replies about the words that follow them.
+_ABOUT_WORDS: Mapping[str, Callable[[Conversation, str, str], Answer]] = {
+    "seek": look_for,
+    "count": count,
+    "room": tell_room,
 }
 
 
@@ -136,30 +186,56 @@ class Session:
 
 def _answer(talk: Conversation, text: str, reply: Reply) -> Answer:
     """Answer a sentence that is split into replies and the rest."""
-    if reply.number is not None and (not reply.rest or talk.state.question is not None):
-        return choose_number(talk, text, reply.number)
+    state = talk.state
+    offered = state.question is not None and not state.question.plan.question
+    if reply.number is not None and (not reply.rest or offered):
+        named = state.question is None and state.request is not None and state.request.query.distance_m is not None
+        return (change_distance if named else choose_number)(talk, text, reply.number)
+    if reply.distance_m is not None and reply.kinds[-1] in ("more", "less"):
+        return shift_more(talk, text, 1.0 if reply.kinds[-1] == "more" else -1.0, reply.distance_m)
     if reply.shift:
-        distance_m = _BIT_M if reply.distance_m is None else reply.distance_m
+        distance_m = BIT_M if reply.distance_m is None else reply.distance_m
         return shift_last(talk, text, Shift(reply.shift, distance_m))
     if not reply.rest:
         act = _ACTS.get(reply.kinds[-1]) if reply.kinds else None
         return act(talk, text) if act else _command(talk, text, text)
     if reply.kinds[-1:] == ("why",):
         return tell_reasons(talk, text)
-    if reply.kinds[-1:] == ("seek",):
-        return look_for(talk, text, reply.rest)
+    if about := _ABOUT_WORDS.get(reply.kinds[-1] if reply.kinds else ""):
+        return about(talk, text, reply.rest)
     reading = talk.read(reply.rest)
-    if "cancel" in reply.kinds and not has_verb(reading) and reading.query.action:
+    if "without" in reply.kinds and reading.query.action is None:
+        reading = talk.read(reply.rest.removeprefix("the "))  # "skip the stop"
+    if ("without" in reply.kinds or ("cancel" in reply.kinds and not has_verb(reading))) and reading.query.action:
         return drop_steps(talk, text, reading.query.action)
+    if (
+        "yes" in reply.kinds
+        and reading.query.direction == "around"
+        and state.question
+        and state.question.plan.question
+    ):
+        return confirm(talk, text)
     if has_verb(reading):
-        return _command(talk, text, reply.rest, then="then" in reply.kinds, agreed="yes" in reply.kinds)
+        edits = "no" in reply.kinds or "meant" in reply.kinds
+        return _command(talk, text, reply.rest, "then" in reply.kinds, "yes" in reply.kinds, edits)
     if "then" in reply.kinds and not reading.problem:
         return _command(talk, text, reply.rest, then=True)
     return answer_fragment(talk, text, reply) or _command(talk, text, text if reading.problem else reply.rest)
 
 
-def _command(talk: Conversation, text: str, words: str, then: bool = False, agreed: bool = False) -> Answer:
-    """Answer a command; `then`: as a further step of the plan in force; `agreed`: with the first candidate."""
+def _command(
+    talk: Conversation, text: str, words: str, then: bool = False, agreed: bool = False, edits: bool = False
+) -> Answer:
+    """Answer a command.
+
+    Args:
+        talk: the conversation.
+        text: the sentence.
+        words: the command in it.
+        then: whether it is a further step of the plan in force.
+        agreed: whether it is about the first candidate.
+        edits: whether it corrects the step of the same action.
+    """
     state, grounder = talk.state, talk.grounder
     readings = grounder.read(words, talk.antecedent)
     if readings[0].problem:
@@ -186,20 +262,23 @@ def _command(talk: Conversation, text: str, words: str, then: bool = False, agre
         return answer
     if refers_to_place(first) and state.plan and not then:
         return talk.take((*state.plan[:-1], with_action(state.plan[-1], first)))
-    if _ends_plan(state.plan, first):
-        return drop_steps(talk, text, state.plan[-1].query.action or "other")
+    if forbidden := _forbidden_action(state.plan, first):
+        return drop_steps(talk, text, forbidden)
     if answer.status == "ambiguous" and state.focus and not state.question and is_plainly_definite(first):
         # "The van" is the one that the conversation is about.
         again = [one for one in answer.candidates if one.item.id == state.focus[0].item.id]
         if again:
             return talk.take([replace(requests_of(answer.reading)[-1], chosen=again[0])], then)
+    if edits and not then and (edited := replace_step(talk, requests_of(answer.reading))):
+        return edited
     return talk.take(requests_of(answer.reading), then, answer)
 
 
-def _ends_plan(plan: Sequence[Request], reading: Reading) -> bool:
-    """Return whether a sentence only forbids what the last step does: "don't overtake it"."""
+def _forbidden_action(plan: Sequence[Request], reading: Reading) -> Action | None:
+    """Return the action of a step that a sentence only forbids, None for any other: "don't overtake it"."""
     query = reading.query
-    if not plan or query.action != "other" or not query.excluded or query.referent is not None:
-        return False
+    forbids = any(token.category is WordCategory.NOT for token in reading.tokens)
+    if query.action != "other" or query.referent is not None or not forbids:
+        return None
     verbs = {token.value for token in reading.tokens if token.category is WordCategory.VERB}
-    return plan[-1].query.action in verbs
+    return next((step.query.action for step in plan if step.query.action in verbs), None)

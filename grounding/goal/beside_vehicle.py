@@ -32,6 +32,8 @@ IN_LINE_M = 1.2
 ALONG_M, _CLOSE_M, _CLOSE_SHARE, LATERAL_M = 2.0, 1.0, 0.25, 0.6
 # Costs of a second-best way to satisfy the command, of the farther side, and of the second heading.
 SECOND, _FAR_SIDE, _FARTHER, _SECOND_HEADING = 1.5, 0.8, 0.3, 0.1
+# Cost of parking in the road: only where there is no room at its edge.
+_IN_THE_ROAD = 3.5
 # Gap between a parked ego and the road edge.
 _EDGE_M = 0.3
 PARKING = ("park", "pull_over")
@@ -200,7 +202,7 @@ def _edge_cost(reference: ReferenceVehicle) -> FloatArray:
     """Return the cost (N,) of parking away from the road edge."""
     road = reference.road
     away = road.tracer.edge_m[tuple(reference.cells.T)] - road.ego.width_m / 2 - _EDGE_M
-    return np.asarray(np.minimum(np.maximum(away, 0.0) ** 2, SECOND))
+    return np.asarray(np.minimum(np.maximum(away, 0.0) ** 2, _IN_THE_ROAD))
 
 
 def _name_side(angle_rad: float) -> str:

@@ -103,17 +103,18 @@ def propose_here(road: RoadMap) -> list[CandidateSet]:
     return [CandidateSet("where we are", cells, (distance_m / 1.0) ** 2, heading)]
 
 
-def propose_turned_around(road: RoadMap) -> list[CandidateSet]:
-    """Propose candidates in the opposite lane, heading back."""
+def propose_turned_around(road: RoadMap, ahead_m: float) -> list[CandidateSet]:
+    """Propose candidates in the opposite lane, heading back, best at a distance ahead."""
     along, lateral = road.along_m, road.lateral_m
     start = road.grid.cell_of(road.ego_lane.origin_m)[None]
     start = np.clip(start, 0, np.array(road.grid.shape) - 1)
     left_m, right_m = (float(road.edge_distance_m(start, np.array([turn]))[0]) for turn in (np.pi / 2, -np.pi / 2))
     # The opposite lane mirrors the ego lane at the middle of the road.
     offset_m = road.traffic_side * max(road.traffic_side * (left_m - right_m), LANE_M)
-    region = (along >= -8.0) & (along <= min(25.0, road.ego_lane.end_m)) & (np.abs(lateral - offset_m) <= 2.5)
+    region = (along >= ahead_m - 11.0) & (along <= min(ahead_m + 22.0, road.ego_lane.end_m))
+    region &= np.abs(lateral - offset_m) <= 2.5
     cells = np.argwhere(region)
-    cost = ((along[region] - 3.0) / 6.0) ** 2 + ((lateral[region] - offset_m) / 0.8) ** 2
+    cost = ((along[region] - ahead_m) / 6.0) ** 2 + ((lateral[region] - offset_m) / 0.8) ** 2
     ahead_rad = road.blend_headings(cells, road.ego_lane.heading_rad(along[region]))
     heading = wrap_angle(ahead_rad + np.pi)
     return [CandidateSet("in the opposite lane, turned around", cells, cost, heading, along[region], "ahead")]

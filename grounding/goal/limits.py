@@ -28,6 +28,9 @@ _NEAR_M, _TURNED_RAD = 13.0, np.radians(95)
 _TRAFFIC_M, _NEAR_TRAFFIC, _IN_JUNCTION, AGAINST_TRAFFIC = 2.0, 1.0, 2.0, 2.5
 # Metres backwards beyond those that the command asks for.
 _BACK_MORE_M = 5.0
+# Costs of a metre backwards that the command does not ask for and of changing gear for it, beyond a little, and least
+# cosine of headings with which a place behind us is reached backwards.
+_BACKWARDS, _GEAR, _LITTLE_BACK_M, _SAME_WAY = 0.25, 0.3, 0.3, 0.7
 # A parked vehicle keeps this clear of a junction.
 _CLEAR_M = 2.0
 # Places on the footprint that are tested, as shares of its length and width.
@@ -108,6 +111,19 @@ def standing_cost(query: Query, road: RoadMap, cells: IntArray, heading_rad: Flo
             gap = gap_m(item, road.ego, road.grid.centre_of(cells), heading_rad)
             cost = np.maximum(cost, _NEAR_TRAFFIC * (gap < _TRAFFIC_M))
     return cost
+
+
+def reversing_cost(
+    limits: PlaceLimits, road: RoadMap, cells: IntArray, heading_rad: FloatArray
+) -> FloatArray | float:
+    """Return the cost (N,) of driving backwards to poses, unless the command asks for what is behind us."""
+    if not limits.not_behind:
+        return 0.0
+    back_m = road.cars_with().backwards_to(cells, heading_rad)
+    offset = road.grid.centre_of(cells) - road.start.xy_m
+    same_way = np.cos(heading_rad - road.start.heading_rad) > _SAME_WAY
+    back_m = np.maximum(np.where(np.isfinite(back_m), back_m, 0.0), same_way * -(offset @ road.start.ahead))
+    return np.where(back_m > _LITTLE_BACK_M, _GEAR + _BACKWARDS * back_m, 0.0)
 
 
 NO_LIMITS = PlaceLimits(our_side=False, not_behind=False)

@@ -20,6 +20,7 @@ from grounding.goal.limits import (
     PARKING_ACTIONS,
     TURNED,
     PlaceLimits,
+    reversing_cost,
     standing_cost,
 )
 from grounding.goal.proposals import propose_candidates, propose_relation
@@ -57,6 +58,9 @@ _PACE_REASONS = {
     "faster": "that asks for more speed and for no place",
     "standing": "that asks to stand where we are, and for no place",
 }
+NEAREST = "the nearest place that would do"
+# Relations of a place on the way to a vehicle.
+_TOWARDS = ("none", "toward", "near", "at")
 _MIN_SCORE = 1e-6
 # No answer below this score.
 _MIN_SCORE_OK = 0.1
@@ -163,12 +167,12 @@ def plan_goal(
         reason = f"it comes towards us at {item.speed_mps:.0f} m/s: there is nothing to overtake"
         return GoalPlan(None, (reason,), question=_LET_PASS, instead="give_way")
     if item is not None and _drives_away(query, item):
+        moves = "moves" if item.speed_mps is None else f"drives at {item.speed_mps:.0f} m/s"
         if query.action == "stop" and query.relation in ("none", "behind") and _drives_before_us(item, road):
             following = replace(query, action="follow", relation="none")
             plan = plan_goal(following, scene, road, item, forbidden=forbidden)
-            reason = f"it drives at {item.speed_mps:.0f} m/s: we follow it until it stands"
-            return replace(plan, reasons=(reason, *plan.reasons))
-        reason = f"it drives at {item.speed_mps:.0f} m/s, so that no place beside it stays"
+            return replace(plan, reasons=(f"it {moves}: we follow it until it stands", *plan.reasons))
+        reason = f"it {moves}, so that no place beside it stays"
         return GoalPlan(None, (reason,), question=_FOLLOW, instead="follow")
     proposed, reasons = propose_candidates(query, road, item, partner)
     if item is not None and item.speed_mps is not None and item.speed_mps > MOVING_MPS:
@@ -179,11 +183,13 @@ def plan_goal(
             return GoalPlan(None, tuple(reasons), nearest=plan_goal(plain, scene, road, start=start).target)
         return GoalPlan(None, tuple(reasons))
     if item is not None and limits.our_side and _is_on_other_side(item, road):
-        # Who names a vehicle there asks for a place there: with the traffic if we can turn, else against it.
-        if (item.speed_mps or 0.0) < DRIVING_MPS:
+        # Who names a vehicle that stands there asks for a place there: with the traffic if we can turn.
+        # Before one that drives there we stay on our side, unless we are to go where it goes.
+        drives = (item.speed_mps or 0.0) > DRIVING_MPS
+        if not drives:
             proposed = [turned for each in proposed for turned in _with_traffic(each, road)]
-        limits = replace(limits, our_side=False)
-    candidate_sets = [_with_costs(each, query, road) for each in proposed]
+        limits = replace(limits, our_side=drives and query.action == "approach" and query.relation in _TOWARDS)
+    candidate_sets = [_with_costs(each, query, limits, road) for each in proposed]
     references = [one for one in (item, partner) if one]
     search = CandidateSearch(candidate_sets, scene, road, references, _excluded_cells(forbidden, road), limits)
     best, way = search.find_reachable(1 + _RUNNERS_UP)
@@ -201,7 +207,10 @@ def plan_goal(
 def _drives_away(query: Query, item: SceneObject) -> bool:
     """Return whether a place to stand is asked for beside a vehicle that drives on."""
     stands = query.action in ("park", "pull_over", "stop") and query.relation != "same_as"
-    return stands and query.trigger is None and (item.speed_mps or 0.0) > DRIVING_MPS
+    # Who parks stays longer than one that creeps in a queue.
+    most_mps = MOVING_MPS if query.action in PARKING_ACTIONS else DRIVING_MPS
+    said = item.speed_mps is None and query.referent is not None and "moving" in query.referent.qualifiers
+    return stands and query.trigger is None and (said or (item.speed_mps or 0.0) > most_mps)
 
 
 def _drives_before_us(item: SceneObject, road: RoadMap) -> bool:
@@ -235,10 +244,12 @@ def _is_on_other_side(item: SceneObject, road: RoadMap) -> bool:
     return bool(road.is_oncoming_side(cell, np.array([road.direction_at(item.centre_m)]))[0])
 
 
-def _with_costs(candidates: CandidateSet, query: Query, road: RoadMap) -> CandidateSet:
+def _with_costs(candidates: CandidateSet, query: Query, limits: PlaceLimits, road: RoadMap) -> CandidateSet:
     """Return candidates with the costs of the way to them and of standing there."""
     found = candidates.with_detour_cost(road)
-    return replace(found, cost=found.cost + standing_cost(query, road, found.cells, found.heading_rad))
+    standing = standing_cost(query, road, found.cells, found.heading_rad)
+    reversing = reversing_cost(limits, road, found.cells, found.heading_rad)
+    return replace(found, cost=found.cost + standing + reversing)
 
 
 def _excluded_cells(forbidden: Sequence[tuple[str, SceneObject]], road: RoadMap) -> BoolArray | None:
@@ -324,5 +335,5 @@ def _plan_without_target(search: CandidateSearch, item: SceneObject | None, reas
     nearest = to_target(near, search.scene, road, score=_MIN_SCORE)
     away, (x, y) = float(np.hypot(*(nearest.ego_m - centre))), nearest.ego_m
     where = "there" if best else "it"
-    reasons.append(f"the nearest place that would do is {away:.1f} m from {where}, at ({x:.1f}, {y:.1f}) m")
+    reasons.append(f"{NEAREST} is {away:.1f} m from {where}, at ({x:.1f}, {y:.1f}) m")
     return GoalPlan(None, tuple(reasons), nearest=nearest, search=search)

@@ -34,6 +34,8 @@ _STOP_M, _ON_M = DistanceRange(0.0, 8.0, 25.0), DistanceRange(12.0, 20.0, 34.0)
 _SLOW_M, _EDGE_M = DistanceRange(3.0, 10.0, 25.0), DistanceRange(4.0, 5.0, 30.0)
 _CREEP_M, _BACK_M = DistanceRange(0.8, 2.5, 6.0), 3.0
 _SHORT_OF_M = 5.0
+# Distance ahead to turn round, and beyond the vehicle to which we come back then.
+_TURN_M, _TURN_BEYOND_M = 3.0, 14.0
 # A vehicle whose side is this close to the centreline is in our way.
 _IN_OUR_WAY_M = 1.5
 # Least lateral offset of candidates on one side of the ego lane.
@@ -110,7 +112,8 @@ def _propose_with(query: Query, road: RoadMap, item: SceneObject, partner: Scene
         how = relation if relation in ("past", "before") else "at"
         return propose_side_road(road, query.direction, along_m, how)
     if query.direction == "around":
-        return _propose_alone(query, road)
+        beyond_m = ReferenceVehicle(item, road, 0.0).lane_position[0] + item.length_m / 2 + _TURN_BEYOND_M
+        return ego_lane.propose_turned_around(road, beyond_m if relation == "past" else _TURN_M), []
     if relation == "none":
         if action in ("wait", "give_way", "turn") or (action == "other" and query.direction):
             return _propose_alone(query, road)
@@ -145,7 +148,7 @@ def _propose_alone(query: Query, road: RoadMap) -> OptionalProposal:
     if turn and query.direction and action not in ("change_lane", "follow", "overtake"):
         return propose_side_road(road, query.direction, count=query.count or 1)
     if query.direction == "around":
-        return ego_lane.propose_turned_around(road), []
+        return ego_lane.propose_turned_around(road, _TURN_M), []
     if action == "change_lane":
         asked = query.direction or side
         counted = any(part.noun == "lane" and "middle_lane" in part.qualifiers for part in query.secondary)

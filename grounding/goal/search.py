@@ -37,6 +37,8 @@ _MAX_CHECKED, _SEVERAL = 1500, 50.0
 _MOST_TRIED, _SAME_PLACE_M, _SAME_HEADING_RAD = 16, 0.7, 0.2
 # Backing up by more than the first costs the second.
 _REVERSES_M, _REVERSING = 0.5, 0.7
+# The nearest place that would do is not farther away.
+_NEAREST_M = 20.0
 # A vehicle farther than this from the footprint does not explain why a candidate is taken.
 _MAX_TAKER_GAP_M = 1.0
 
@@ -175,9 +177,10 @@ class CandidateSearch:
         return field
 
     def find_nearest(self, centre_m: FloatArray) -> GoalCandidate | None:
-        """Return the valid pose nearest to a point (2,), ego frame, whatever the command asks for."""
+        """Return the valid pose nearest to a point (2,), ego frame, whatever is asked for; None if far away."""
         cells = np.argwhere(self.road.drivable)
         distance_m = np.linalg.norm(self.road.grid.centre_of(cells) - centre_m, axis=1)
+        cells, distance_m = cells[distance_m < _NEAREST_M], distance_m[distance_m < _NEAREST_M]
         heading = round_heading(self.road.direction_rad[cells[:, 0], cells[:, 1]])
         anywhere = CandidateSet("", cells, distance_m, heading)
         search = CandidateSearch([anywhere], self.scene, self.road, (), self._excluded, self._limits)

@@ -29,11 +29,32 @@ _COMPARATIVES = ("nearest", "farthest", "largest", "smallest")
 _WORD_KINDS = ("skip", "tail", *_COMPARATIVES)
 _ORDINALS = ("first", "second", "third", "fourth")
 # Kinds that the rest of the sentence may follow: "no, the red one".
-_LEADING = ("yes", "no", "other", "meant", "then", "cancel", "neither", "thanks", "why", "seek")
+_LEADING = (
+    *(
+        "yes",
+        "no",
+        "other",
+        "meant",
+        "then",
+        "cancel",
+        "neither",
+        "thanks",
+        "why",
+        "seek",
+        "elsewhere",
+        "pause",
+        "room",
+    ),
+    *("count", "aside", "without"),
+)
+# Kinds that are replies only where a comma and further words follow.
+_BEFORE_COMMA = ("aside",)
 _SKIPPED = (WordCategory.FILLER, WordCategory.COMMA, WordCategory.BREAK, WordCategory.CORRECT)
 # Categories of words in an epithet, besides unknown words, and the most words.
 _EPITHETS = (WordCategory.EXTRA, WordCategory.PERSON, WordCategory.THING, WordCategory.SIZE, WordCategory.NOT)
 _MAX_EPITHET = 4
+# Kinds that a number may follow: "no, 4", "make it 5".
+_BEFORE_NUMBERS = ("yes", "no", "meant", "pause")
 # A number as the whole answer.
 _NUMBER_WORDS = ("option", "number", "candidate", "the", "one", "no", "please", "car", "vehicle")
 
@@ -78,12 +99,14 @@ def read_reply(text: str, lexicon: Lexicon | None = None) -> Reply:
     if number is not None:
         return Reply(number=number)
     kinds, rest = _split(words, lexicon)
+    if kinds and kinds[-1] in _BEFORE_NUMBERS and (number := _number(rest, lexicon)) is not None:
+        return Reply(kinds, "", number)
     if (number := _ordinal(rest, lexicon)) is not None:
         return Reply(kinds, " ".join(rest), number)
     if rest:
         distance_m, others = _without_distance(rest, lexicon)
         more, left = _split(others, lexicon)
-        if distance_m is not None and not left and more and more[-1] in SHIFTS:
+        if distance_m is not None and not left and more and more[-1] in (*SHIFTS, "more", "less"):
             return Reply((*kinds, *more), "", None, distance_m)
     return Reply(kinds, " ".join(rest))
 
@@ -106,6 +129,11 @@ def _split(words: tuple[str, ...], lexicon: Lexicon) -> tuple[tuple[str, ...], t
         end, kind = _longest_match(words, start)
         after = _skip(words, end, lexicon) if kind else start
         whole = after == len(words) or not _without_tail(words[after:])
+        known = lexicon.longest_match(words, start) if kind else None
+        if known is not None and known[0] > end and known[1].category is WordCategory.RELATION:
+            break  # "next to it" does not begin with "next"
+        if kind in _BEFORE_COMMA and (whole or words[end] != ","):
+            break
         if not kind or not (whole or kind in _LEADING):
             break
         kinds.append(kind)

@@ -53,8 +53,9 @@ def _out_of_sight(query: Query, referent: Referent, row: int, scene: SceneModel)
         return ""
     if not includes_behind(referent) and float(table.xy_m[row, 0]) < scene.ego.centre_m - _BEHIND_M:
         return "one behind us"
-    if table.visible_share[row] <= _HIDDEN_SHARE and not _in_our_lane(row, scene):
-        return "one that is hidden from here"
+    described = referent.colour or referent.qualifiers or query.secondary
+    if table.visible_share[row] <= _HIDDEN_SHARE and not (described or _in_our_lane(row, scene)):
+        return "one that is hidden from here"  # who tells its colour knows of it
     beyond = np.abs(table.lateral_m[row]) > OTHER_STREET_M and table.off_road_sight_m[row] > OTHER_STREET_M / 2
     return "one in another street" if beyond and not referent.qualifiers else ""
 

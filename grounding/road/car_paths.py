@@ -115,18 +115,32 @@ class CarPaths:
         cost = self._reached[..., 0]
         return np.asarray(ndimage.minimum_filter(cost, 3, mode=("nearest", "nearest", "wrap")))
 
+    @cached_property
+    def _backwards_near(self) -> FloatArray:
+        """(I, J, HEADINGS) least metres backwards to a pose in a state or one next to it."""
+        back = np.where(np.isfinite(self._reached[..., 0]), self._reached[..., 4], np.inf)
+        return np.asarray(ndimage.minimum_filter(back, 3, mode=("nearest", "nearest", "wrap")))
+
     def cost_to(self, cells: IntArray, heading_rad: FloatArray) -> FloatArray:
         """Return the costs (N,) of ways to poses near cells (N, 2) at headings (N,), infinity where there is none.
 
         A metre forwards costs one or more; backwards, changes of gear and narrow passages cost extra.
         """
+        return self._near(self._cost_near, cells, heading_rad)
+
+    def backwards_to(self, cells: IntArray, heading_rad: FloatArray) -> FloatArray:
+        """Return the metres backwards (N,) on cheap ways to poses near cells (N, 2), infinity where there is none."""
+        return self._near(self._backwards_near, cells, heading_rad)
+
+    def _near(self, values: FloatArray, cells: IntArray, heading_rad: FloatArray) -> FloatArray:
+        """Return the values (N,) of an array (I, J, HEADINGS) at poses; infinity outside."""
         rear = self._rear_axle(self.grid.centre_of(cells), heading_rad)
         span = self.grid.cell_m * STATE_CELLS
         i, j = np.floor((rear[:, :2] - self._model.low_m) / span + 0.5).astype(np.int64).T + OUTSIDE
         k = np.floor(rear[:, 2] / (2 * np.pi) * HEADINGS + 0.5).astype(np.int64) % HEADINGS
-        x, y, _ = self._cost_near.shape
+        x, y, _ = values.shape
         inside = (i >= 0) & (j >= 0) & (i < x) & (j < y)
-        return np.where(inside, self._cost_near[np.where(inside, i, 0), np.where(inside, j, 0), k], np.inf)
+        return np.where(inside, values[np.where(inside, i, 0), np.where(inside, j, 0), k], np.inf)
 
     def route_to(self, cell: tuple[int, int], heading_rad: float) -> CarRoute | None:
         """Return the way to a cell at a heading; None if a car does not get there."""

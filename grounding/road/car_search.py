@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from appocc.checks import FloatArray
-from grounding.road.reeds_shepp import words_to
+from grounding.road.reeds_shepp import words_between
 
 # A state is this many cells wide and one of this many headings. Arcs are longer than its diagonal.
 STATE_CELLS, HEADINGS = 2, 40
@@ -24,6 +24,8 @@ _BUCKET, _MOST_COST, _ENTRIES = 0.25, 200.0, 6
 _RADII = (4.0, 2.0, 1.0)
 # States around a goal: distance, and how many are tried.
 _AROUND_M, _TRIED = 9.0, 1000
+# A way that costs at most this much more than the cheapest will do.
+_CLOSE_ENOUGH = 1.0
 _STEP_M = 0.4
 # States that one curve may replace.
 _SHORTCUT = 24
@@ -176,7 +178,10 @@ def search_poses(car: CarModel, start: FloatArray) -> FloatArray:
 def _curve_cost(
     car: CarModel, pose: FloatArray, word: FloatArray, radius: float, gear: float, most: float
 ) -> tuple[float, float]:
-    """Return the cost of a curve from a pose, infinity if it does not fit or costs more, and metres backwards."""
+    """Return the cost of a curve from a pose, infinity if it does not fit or costs more, and metres backwards.
+
+    It is tested from its end, where room is scarce: most curves that do not fit end too close to something.
+    """
     x, y, yaw = pose[0], pose[1], pose[2]
     cost, back = 0.0, 0.0
     for k in range(3):
@@ -185,19 +190,43 @@ def _curve_cost(
             continue
         way = 1.0 if length > 0 else -1.0
         cost += _GEAR if way != gear else 0.0
+        cost += abs(length) * (1.0 + _LOCK * abs(bend) * car.radius_m + (_BACKWARDS if way < 0 else 0.0))
+        back -= min(length, 0.0)
         gear = way
-        if way < 0:
-            back -= length
+        x, y, yaw = _advance(x, y, yaw, length, bend)
+    if cost > most:
+        return np.inf, 0.0
+    for k in (2, 1, 0):
+        length, bend = word[k] * radius, word[3 + k] / radius
+        if abs(length) < 1e-6:
+            continue
         steps = int(abs(length) / _STEP_M) + 1
         for _ in range(steps):
-            x, y, yaw = _advance(x, y, yaw, length / steps, bend)
             if not _fits(car, x, y, yaw):
                 return np.inf, 0.0
-            rate = 1.0 + _LOCK * abs(bend) * car.radius_m + _extra(car, x, y) + (_BACKWARDS if way < 0 else 0.0)
-            cost += abs(length) / steps * rate
-            if cost > most:
-                return np.inf, 0.0
+            cost += abs(length) / steps * _extra(car, x, y)
+            x, y, yaw = _advance(x, y, yaw, -length / steps, bend)
+        if cost > most:
+            return np.inf, 0.0
     return cost, back
+
+
+@numba.njit(cache=True, nogil=True)
+def _least_curve_cost(car: CarModel, pose: FloatArray, goal: FloatArray, gear: float) -> float:
+    """Return a lower bound of the cost between two poses: that of the cheapest curve if nothing is in the way."""
+    words = words_between(pose, goal, car.radius_m)
+    least = np.inf
+    for n in range(len(words)):
+        cost, now = 0.0, gear
+        for k in range(3):
+            length = words[n, k] * car.radius_m
+            if abs(length) < 1e-6:
+                continue
+            way = 1.0 if length > 0 else -1.0
+            cost += (_GEAR if way != now else 0.0) + abs(length) * (1.0 if way > 0 else 1.0 + _BACKWARDS)
+            now = way
+        least = min(least, cost)
+    return least
 
 
 @numba.njit(cache=True, nogil=True)
@@ -207,12 +236,9 @@ def _best_curve(
     """Return the cost and the curve (7,) from a pose to a goal: word and radius; infinity if none fits."""
     best, chosen = most, np.zeros(7)
     found = False
-    cos, sin = np.cos(pose[2]), np.sin(pose[2])
-    dx, dy = goal[0] - pose[0], goal[1] - pose[1]
-    turn = (goal[2] - pose[2] + np.pi) % (2 * np.pi) - np.pi
     for factor in _RADII:
         radius = factor * car.radius_m
-        words = words_to((dx * cos + dy * sin) / radius, (dy * cos - dx * sin) / radius, turn)
+        words = words_between(pose, goal, radius)
         for n in range(len(words)):
             if np.abs(words[n, :3]).sum() * radius >= best:
                 continue
@@ -225,7 +251,7 @@ def _best_curve(
 
 @numba.njit(cache=True, nogil=True)
 def connect(car: CarModel, reached: FloatArray, goal: FloatArray) -> FloatArray:
-    """Return the states (K, 8) of the cheapest way to a pose, from the start to the pose; none if there is no way.
+    """Return the states (K, 8) of about the cheapest way from the start to a pose; none if there is no way.
 
     Args:
         car: the car and its surroundings.
@@ -249,14 +275,18 @@ def connect(car: CarModel, reached: FloatArray, goal: FloatArray) -> FloatArray:
                 far = np.hypot(states[n, 1] - goal[0], states[n, 2] - goal[1])
                 near.append(n)
                 least.append(states[n, 0] + max(far, turn * car.radius_m))
-    bounds = np.array(least)
-    order = np.argsort(bounds)
     best, last, curve = np.inf, -1, np.zeros(7)
     if not _fits(car, goal[0], goal[1], goal[2]):
         return np.empty((0, 8))
-    for number in range(min(len(order), _TRIED)):
-        bound, n = bounds[order[number]], near[order[number]]
-        if bound >= best or bound == np.inf:
+    few = np.argsort(np.array(least))[:_TRIED]
+    bounds = np.full(len(few), np.inf)
+    for number in range(len(few)):
+        n = near[few[number]]
+        if least[few[number]] < np.inf:
+            bounds[number] = states[n, 0] + _least_curve_cost(car, states[n, 1:4], goal, states[n, 5])
+    for number in np.argsort(bounds):
+        n = near[few[number]]
+        if bounds[number] >= best - _CLOSE_ENOUGH or bounds[number] == np.inf:
             break
         spare = car.most_back_m - states[n, 4]
         cost, found = _best_curve(car, states[n, 1:4], goal, states[n, 5], best - states[n, 0], spare)

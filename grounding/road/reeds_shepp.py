@@ -78,3 +78,12 @@ def words_to(x: float, y: float, turn: float) -> FloatArray:
                     found[count, 4] = 0.0 if word < 2 else -mirror
                     count += 1
     return found[:count]
+
+
+@numba.njit(cache=True, nogil=True)
+def words_between(pose: FloatArray, goal: FloatArray, radius: float) -> FloatArray:
+    """Return the curves (N, 6) from a pose to another in units of the radius."""
+    cos, sin = np.cos(pose[2]), np.sin(pose[2])
+    dx, dy = goal[0] - pose[0], goal[1] - pose[1]
+    turn = (goal[2] - pose[2] + np.pi) % (2 * np.pi) - np.pi
+    return words_to((dx * cos + dy * sin) / radius, (dy * cos - dx * sin) / radius, turn)

@@ -47,7 +47,7 @@ _MOVING_VOTES = 3.0
 # A narrower road is driven in its middle.
 _ONE_LANE_M = 5.5
 # A place this far beyond the middle of the road is on the other side. A marking this near to half of the width is it.
-_MIDDLE_M, _MARKED_M = 0.4, 1.5
+_MIDDLE_M, _MARKED_M = 0.1, 1.5
 # Extra cost of a metre in the narrowest passage, and outside the ego lane.
 _NARROW, _WIDE_M, _OFF_LANE, _LANE_M = 0.8, 1.6, 0.3, 3.0
 # Positions up to this lateral offset belong to the road of the ego lane if its direction agrees (cosine).

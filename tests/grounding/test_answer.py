@@ -180,7 +180,9 @@ def test_an_indefinite_referent_is_chosen_by_its_goal() -> None:
     assert answer.status == "ok"
     assert answer.referent is not None
     assert answer.referent.item.id == "free"
-    assert ground("park behind the nearest red car", street).status == "not_found"
+    tight = ground("park behind the nearest red car", street)
+    assert tight.status == "ambiguous"
+    assert tight.question.startswith("there is no room there")
 
 
 def test_control_characters_do_not_reach_the_terminal() -> None:

@@ -49,6 +49,8 @@ class PhrasePattern:
         self.entry = entry
         self._inflect = inflect
         self._parts: tuple[PatternPart, ...] = ()
+        # Fewest words that match.
+        self._least = sum(part[0] != "[" for part in text.split())
 
     def parts(self) -> tuple[PatternPart, ...]:
         """Return the parts in order; the text is parsed on the first call.
@@ -86,6 +88,8 @@ class PhrasePattern:
 
     def match_end(self, words: tuple[str, ...], start: int) -> int:
         """Return the end (exclusive) of the longest match from `start`; `start` if nothing matches."""
+        if len(words) - start < self._least:
+            return start  # without parsing the text, which most patterns never need
         ends = {start}
         for choices, optional in self.parts():
             after = set(ends) if optional else set()

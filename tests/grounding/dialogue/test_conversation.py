@@ -217,3 +217,118 @@ def test_another_relation_without_a_noun() -> None:
     session.say("stop behind the red car")
     answer = session.say("not behind, in front")
     assert (answer.status, answer.query.relation) == ("ok", "in_front_of")
+
+
+def four_in_a_row() -> Session:
+    """Parked so closely that nobody fits between them."""
+    street = Street().car("a", 11, -5, RED).car("b", 19, -5, BLUE).car("c", 27, -5, WHITE)
+    return street.grounder().session()
+
+
+def test_without_room_to_park_the_nearest_place_is_offered_and_taken() -> None:
+    session = four_in_a_row()
+    asked = session.say("park behind the white car")
+    assert asked.status == "ambiguous"
+    assert asked.plan.nearest is not None
+    assert asked.question.startswith("there is no room there: shall we park")
+    taken = session.say("ok do that")
+    assert taken.target is not None
+    assert np.hypot(*(taken.target.ego_m - asked.plan.nearest.ego_m)) < 1.5
+    assert taken.target.ego_m[1] < -4  # at the edge of the road
+
+
+def test_without_room_to_stop_our_lane_will_do() -> None:
+    answer = four_in_a_row().say("stop behind the white car")
+    assert answer.target is not None
+    assert answer.referent is not None
+    assert answer.referent.item.id == "c"
+    x, y = answer.target.ego_m
+    assert 18 < x < 27 - 4.4
+    assert y > -3
+
+
+def test_one_further_and_one_back() -> None:
+    session = four_in_a_row()
+    session.say("stop next to the red car")
+    for said, car in (("one further", "b"), ("the next one", "c"), ("the one before that", "b")):
+        answer = session.say(said)
+        assert answer.referent is not None, answer.text()
+        assert answer.referent.item.id == car
+    session.say("one further")
+    assert "no other car is further on" in session.say("one further").reasons
+
+
+@pytest.mark.parametrize(
+    ("said", "shift_m"),
+    [
+        ("make it 5", 5.0),
+        ("half that", 5.0),
+        ("no, 7", 3.0),
+        ("three metres more", -3.0),
+        ("not here, a bit later", 2.0),
+    ],
+)
+def test_another_distance(said: str, shift_m: float) -> None:
+    session = Street().car("car", 30, -5, RED).grounder().session()
+    before, after = session.say("stop 10 metres behind the red car").target, session.say(said).target
+    assert before is not None
+    assert after is not None
+    assert after.ego_m[0] - before.ego_m[0] == pytest.approx(shift_m, abs=1.0)
+
+
+def test_a_vehicle_described_by_its_neighbour() -> None:
+    street = Street().car("beside", 14, -5, WHITE).car("alone", 15, 5, WHITE, yaw_rad=np.pi).car("red", 20, -5, RED)
+    session = street.grounder().session()
+    assert session.say("stop next to the white car").status == "ambiguous"
+    answer = session.say("the one with the red car in front of it")
+    assert answer.referent is not None, answer.text()
+    assert answer.referent.item.id == "beside"
+
+
+def test_questions_about_the_scene_change_nothing() -> None:
+    session = two_whites()
+    goal = session.say("stop behind the red car").target
+    assert session.say("how many white cars are there?").reasons[0] == "2"
+    assert "red" in session.say("what colour is it?").reasons[0]
+    assert session.say("is there room in front of it?").reasons[0] == "yes"
+    assert session.goal is not None
+    assert session.goal.target is goal
+    assert session.say("do it").query.relation == "in_front_of"
+
+
+def test_undo_goes_back_step_by_step() -> None:
+    session = row()
+    for said in ("stop behind the red car", "in front of it", "next to it"):
+        session.say(said)
+    assert session.say("undo").query.relation == "in_front_of"
+    assert session.say("undo").query.relation == "behind"
+
+
+def test_turning_around_comes_beyond_the_vehicle_across_the_road() -> None:
+    street = Street().car("blue", 24, 5, BLUE, yaw_rad=np.pi)
+    answer = street.grounder().session().say("turn around and park behind the blue car")
+    assert answer.status == "ok", answer.text()
+    assert answer.target is not None
+    assert answer.target.ego_m[0] > 26
+    assert len(answer.steps) == 2
+
+
+def test_one_that_only_one_vehicle_fits_needs_no_antecedent() -> None:
+    answer = row().say("stop behind the blue one")
+    assert answer.referent is not None, answer.text()
+    assert answer.referent.item.id == "blue"
+    assert two_whites().say("stop behind the white one").status == "ambiguous"
+
+
+def test_a_refused_candidate_and_the_middle_one() -> None:
+    session = two_whites()
+    session.say("stop next to the white car")
+    answer = session.say("not the near one")
+    assert answer.referent is not None, answer.text()
+    assert answer.referent.item.id == "left"
+    street = Street().car("a", 12, -5, WHITE).car("b", 20, 5, WHITE, yaw_rad=np.pi).car("c", 28, -5, WHITE)
+    session = street.grounder().session()
+    assert len(session.say("stop next to the white car").candidates) == 3
+    answer = session.say("the middle one")
+    assert answer.referent is not None, answer.text()
+    assert answer.referent.item.id == "b"

@@ -130,3 +130,17 @@ def test_a_place_in_the_second_row_is_told() -> None:
     assert has_reason(plan_in(parked, make_query("park", "left_of")), told)
     assert not has_reason(plan_in(parked, make_query("park", "behind")), told)
     assert not has_reason(plan_in(parked, make_query("stop", "left_of")), told)
+
+
+def test_driving_back_costs_more_than_a_gap_that_is_short() -> None:
+    """Who is a little too near to follow a vehicle waits instead of driving back."""
+    street = Street().car("lead", 13.5, 0, RED, speed_mps=2.0)
+    target = target_of(plan_in(street, make_query("follow"), "lead"))
+    assert target.ego_m[0] > EGO.centre_m - 0.4
+
+
+def test_one_does_not_park_beside_a_vehicle_that_creeps() -> None:
+    creeping = plan_in(Street().car("car", 14, 0, RED, speed_mps=1.5), make_query("park", "near"), "car")
+    assert creeping.target is None
+    assert "follow it" in creeping.question
+    assert plan_in(Street().car("car", 14, -5, RED), make_query("park", "near"), "car").target is not None

@@ -19,6 +19,11 @@ from grounding.language.replies import _replies, read_reply, with_superlatives
         ("could you leave a bit more space", ("away",), ""),
         ("drop back a little", ("back",), ""),
         ("closer please", ("near",), ""),
+        ("next to it", (), "next to it"),
+        ("wait, the bus", ("aside",), "the bus"),
+        ("wait behind the bus", (), "wait behind the bus"),
+        ("no, not here, a bit further on", ("no", "elsewhere", "ahead"), ""),
+        ("no need to stop", ("without",), "stop"),
         ("thanks, that's great", ("thanks", "thanks"), ""),
         ("actually never mind the overtaking", ("cancel",), "the overtaking"),
         ("park behind the red car", (), "park behind the red car"),
@@ -33,7 +38,15 @@ def test_kinds_and_rest(text: str, kinds: tuple[str, ...], rest: str) -> None:
 
 @pytest.mark.parametrize(
     ("text", "number"),
-    [("2", 2), ("number two", 2), ("the second one", 2), ("first", 1), ("the last one", None), ("2 metres", None)],
+    [
+        ("2", 2),
+        ("number two", 2),
+        ("the second one", 2),
+        ("first", 1),
+        ("the last one", None),
+        ("2 metres", None),
+        ("no, 4", 4),
+    ],
 )
 def test_numbers(text: str, number: int | None) -> None:
     assert read_reply(text).number == number

@@ -1,0 +1,111 @@
+"""Where a command has no room at the place that it names: the next best place, or the question whether it will do."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from grounding.goal import ego_lane
+from grounding.goal.beside_vehicle import PARKING
+from grounding.goal.candidates import CandidateSet, DistanceRange
+from grounding.goal.limits import PlaceLimits
+from grounding.goal.planner import NEAREST, GoalPlan, Target, plan_goal, to_target
+from grounding.goal.reference_frames import ReferenceVehicle
+from grounding.goal.search import CandidateSearch
+from grounding.query import Query
+from grounding.referent.scene import SceneModel
+from grounding.road.road_map import RoadMap
+from grounding.scene_object import SceneObject
+from grounding.vocabulary import Relation
+
+# Relations in line with a vehicle, and actions that stop in our lane where there is no room in line with it.
+_IN_LINE, _STOPPING = ("behind", "in_front_of"), ("stop", "wait")
+# Places to park up to this far from the vehicle are proposed, and other places up to the second.
+_AROUND_M, _NEARBY_M = 22.0, 10.0
+# Along the edge this distance costs one; a place there has this gap to the edge, and at most the second.
+_AWAY_M, _EDGE_M, _MAX_EDGE_M = 3.0, 0.3, 0.9
+
+
+def plan_with_second_best(
+    query: Query, plan: GoalPlan, scene: SceneModel, road: RoadMap, item: SceneObject | None
+) -> GoalPlan:
+    """Return a plan, or if it has neither a place nor a question the next best place.
+
+    To stop in line with a vehicle, our own lane will do, short of it or beyond it. To park, the nearest place at the
+    edge of the road is asked about; otherwise the nearest place of all.
+
+    Args:
+        query: the command.
+        plan: its plan.
+        scene: the scene of the command.
+        road: the road map of that scene.
+        item: reference vehicle of the relation, None if the command names none.
+    """
+    if item is None or plan.target is not None or plan.question or plan.search is None:
+        return plan
+    if query.action in _STOPPING and query.relation in _IN_LINE:
+        stopped = _plan_in_our_lane(query, scene, road, item)
+        if stopped.target is not None:
+            word = query.relation.replace("_", " ")
+            return replace(stopped, reasons=(f"there is no room {word} it in its line", *stopped.reasons))
+    if query.action not in (*PARKING, *_STOPPING):
+        return plan
+    there = _find_edge_place(query, scene, road, item) if query.action in PARKING else None
+    nearest = there or _close_enough(plan.nearest, item)
+    if nearest is None:
+        return plan
+    verb = (query.action or "stop").replace("_", " ")
+    question = f"there is no room there: shall we {verb} {_describe(nearest, item)}?"
+    reasons = (
+        plan.reasons if nearest is plan.nearest else tuple(one for one in plan.reasons if not one.startswith(NEAREST))
+    )
+    return replace(plan, nearest=nearest, question=question, reasons=reasons)
+
+
+def _plan_in_our_lane(query: Query, scene: SceneModel, road: RoadMap, item: SceneObject) -> GoalPlan:
+    """Return the plan to stop in our own lane, at the same end of the vehicle."""
+    reference = ReferenceVehicle(item, road, 0.0)
+    front, _ = reference.front_direction(query.relation)
+    ahead = np.cos(front - reference.travel_rad) > 0
+    relation: Relation = "before" if (query.relation == "behind") == ahead else "past"
+    if not reference.beside_ego_lane:
+        return GoalPlan(None, ())
+    return plan_goal(replace(query, action="stop", relation=relation), scene, road, item)
+
+
+def _find_edge_place(query: Query, scene: SceneModel, road: RoadMap, item: SceneObject) -> Target | None:
+    """Return the place at the edge of the road that is nearest to a vehicle; None if there is none around it."""
+    along, lateral = (float(each) for each in road.ego_lane.project(item.centre_m))
+    limits = PlaceLimits.of(query, road.traffic_side)
+    side = query.goal_side or ("left" if lateral > 0 and not limits.our_side else "right")
+    around = DistanceRange(along - _AROUND_M, along, along + _AROUND_M)
+    places = [_nearest_first(each, side, road, item) for each in ego_lane.propose_at_edge(road, side, around)]
+    found, _ = CandidateSearch(places, scene, road, [item], limits=limits).find_reachable()
+    return to_target(found[0], scene, road) if found else None
+
+
+def _nearest_first(edge: CandidateSet, side: str, road: RoadMap, item: SceneObject) -> CandidateSet:
+    """Return candidates at one edge of the road, those near a vehicle first."""
+    turn = np.pi / 2 if side == "left" else -np.pi / 2
+    gap_m = road.edge_distance_m(edge.cells, edge.heading_rad + turn, 3.0) - road.ego.width_m / 2
+    away_m = np.hypot(*(road.grid.centre_of(edge.cells) - item.centre_m).T)
+    cost = away_m / _AWAY_M + np.maximum(gap_m - _EDGE_M, 0.0) ** 2
+    return replace(edge, cost=cost).subset((away_m < _AROUND_M) & (gap_m < _MAX_EDGE_M)).with_detour_cost(road)
+
+
+def _describe(place: Target, item: SceneObject) -> str:
+    """Return where a place is, measured from a vehicle."""
+    heading = place.heading_ego_rad
+    offset_m = float((place.ego_m - item.centre_m) @ [np.cos(heading), np.sin(heading)])
+    if abs(offset_m) < (item.length_m + place.ego.length_m) / 2:
+        return "beside it"
+    gap_m = abs(offset_m) - (item.length_m + place.ego.length_m) / 2
+    return f"{gap_m:.0f} m {'beyond' if offset_m > 0 else 'short of'} it"
+
+
+def _close_enough(nearest: Target | None, item: SceneObject) -> Target | None:
+    """Return a place if it is near a vehicle."""
+    if nearest is None or np.hypot(*(nearest.ego_m - item.centre_m)) > _NEARBY_M + item.length_m / 2:
+        return None
+    return nearest
