@@ -94,7 +94,7 @@ def test_a_truncated_box_begins_a_track_of_unknown_direction() -> None:
         tracker = Tracker()
         found = replace(seen([(10, 0)]), truncated=np.array([truncated]))
         tracker.update(found, 100_000, np.eye(4))
-        return np.sqrt(np.diag(tracker._table.filters.cov[0])[2:]).tolist()
+        return [float(each) for each in np.sqrt(np.diag(tracker._table.filters.cov[0])[2:])]
 
     assert speed_std_mps(False) == pytest.approx([8.0, 0.5])
     assert speed_std_mps(True) == pytest.approx([8.0, 8.0])
