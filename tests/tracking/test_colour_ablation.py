@@ -67,10 +67,11 @@ def test_benchmark_rows_show_effect_and_confidence() -> None:
 
 
 def test_colour_keeps_identities_and_wrong_colours_do_no_more_harm_than_stated() -> None:
-    """The documentation's bound: colours that are always wrong cost at most half as many switches again as none."""
-    scenes, random = [made_scene(seed, noisy=False) for seed in range(5)], np.random.default_rng(1)
-    wrong = [wrongly_coloured(scene, random) for scene in scenes]
+    """The documentation's bound: colours that are always wrong cost at most a quarter more switches than none."""
+    scenes = [made_scene(seed, noisy=False) for seed in range(5)]
     blind = sum(judged(scene, without_colour(MAPS)).IDS for scene in scenes)
     assert blind > 25
     assert sum(judged(scene, MAPS).IDS for scene in scenes) < 0.6 * blind
-    assert sum(judged(scene, MAPS).IDS for scene in wrong) < 1.5 * blind
+    orders = [np.random.default_rng(seed) for seed in range(1, 4)]
+    wrong = [judged(wrongly_coloured(scene, order), MAPS).IDS for order in orders for scene in scenes]
+    assert sum(wrong) < 1.25 * len(orders) * blind

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
+from appocc.checks import BoolArray, FloatArray, IntArray
 from tracking.association.costs import CandidatePairs
 
+# Outlier rates that are considered, denser towards 0 and 1.
+_RATES = 1 / (1 + np.exp(-np.linspace(-6.0, 6.0, 61)))
 # Weight of the initial outlier rate in pairs, and the number of pairs after which old ones are forgotten.
-_PRIOR_WEIGHT, _MEMORY = 10.0, 500.0
-# Below this cost without colours, a pair is certainly the same vehicle.
-_CERTAIN_COST = -3.0
+_PRIOR_WEIGHT, _MEMORY = 4.0, 500.0
+# Below this cost without colours, a pair is certainly the same vehicle, if no other pair of its track or detection
+# costs less than this much more.
+_CERTAIN_COST, _MARGIN = -3.0, 6.0
 
 
 class ColourLikelihood:
@@ -20,34 +24,49 @@ class ColourLikelihood:
 
     def __init__(self, outlier_rate: float) -> None:
         """Start with an outlier rate, 0..1; 1 disables colours."""
-        self._prior = outlier_rate
-        self._outliers = 0.0
-        self._pairs = 0.0
+        self._enabled = outlier_rate < 1
+        # A beta distribution of the rate.
+        self._log_prior = _PRIOR_WEIGHT * (outlier_rate * np.log(_RATES) + (1 - outlier_rate) * np.log1p(-_RATES))
+        self._log_likelihood = np.zeros_like(_RATES)
+        self._rate = outlier_rate
 
     @property
     def outlier_rate(self) -> float:
         """Estimated probability that a colour is an outlier."""
-        return (self._prior * _PRIOR_WEIGHT + self._outliers) / (_PRIOR_WEIGHT + self._pairs)
+        return self._rate
 
     def update(self, pairs: CandidatePairs) -> None:
-        """Update the outlier rate from unambiguous pairs: one candidate each, and certain without colours.
+        """Update the outlier rate from pairs that are certain without colours and have no rivals.
 
-        Each pair counts with its probability of being an outlier (one step of expectation maximisation).
+        The rate is the mean of its posterior distribution. Colours that turn out wrong lose their weight within few
+        pairs: expectation maximisation, which keeps what it thought of earlier pairs, takes many.
         """
-        if self._prior == 1:
+        if not self._enabled:
             return
-        single = (np.bincount(pairs.rows)[pairs.rows] == 1) & (np.bincount(pairs.columns)[pairs.columns] == 1)
-        ratio = pairs.colour_ratio[single & (pairs.cost < _CERTAIN_COST) & np.isfinite(pairs.colour_ratio)]
-        rate = self.outlier_rate
-        outlier = rate / (rate + (1 - rate) * ratio)
+        certain = (pairs.cost < _CERTAIN_COST) & _unrivalled(pairs.rows, pairs.cost)
+        certain &= _unrivalled(pairs.columns, pairs.cost) & np.isfinite(pairs.colour_ratio)
+        ratio = pairs.colour_ratio[certain]
+        if not len(ratio):
+            return
+        likelihood = _RATES + (1 - _RATES) * ratio[:, None]
         decay = _MEMORY / (_MEMORY + len(ratio))
-        self._outliers = decay * (self._outliers + float(outlier.sum()))
-        self._pairs = decay * (self._pairs + len(ratio))
+        self._log_likelihood = decay * (self._log_likelihood + np.log(likelihood).sum(axis=0))
+        posterior = self._log_prior + self._log_likelihood
+        weight = np.exp(posterior - posterior.max())
+        self._rate = float(weight @ _RATES / weight.sum())
 
     def add_cost(self, pairs: CandidatePairs) -> CandidatePairs:
         """Return the pairs with colour costs added: negative for similar colours, zero for unknown ones."""
-        if self._prior == 1 or not len(pairs.rows):
+        if not self._enabled or not len(pairs.rows):
             return pairs
-        rate = self.outlier_rate
+        rate = self._rate
         cost = -2 * np.log((1 - rate) * pairs.colour_ratio + rate)
         return pairs._replace(cost=pairs.cost + np.where(np.isfinite(cost), cost, 0.0))
+
+
+def _unrivalled(index: IntArray, cost: FloatArray) -> BoolArray:
+    """(P,) whether each pair costs at least the margin less than all others of its track or detection (P,)."""
+    least = np.full(index.max(initial=-1) + 1, np.inf)
+    np.minimum.at(least, index, cost)
+    near = cost < least[index] + _MARGIN
+    return np.asarray(near & (np.bincount(index, near)[index] == 1))

@@ -61,6 +61,21 @@ def test_pairs_that_compete_teach_nothing() -> None:
     assert likelihood.outlier_rate == 0.1
 
 
+def test_a_rival_that_is_much_worse_leaves_a_pair_certain() -> None:
+    tracks, sights = predicted([(0, 0), (1, 0)], lab=labs(RED, RED)), seen([(0, 0)], lab=labs(BLUE))
+    pairs = gate_pairs(tracks, sights, np.arange(2), np.zeros(2, np.int64), AssociationConfig())
+    for rival_cost, learns in ((-7.0, False), (0.0, True)):
+        likelihood = ColourLikelihood(0.1)
+        likelihood.update(pairs._replace(cost=np.array([-8.0, rival_cost])))
+        assert (likelihood.outlier_rate > 0.1) == learns
+
+
+def test_colours_that_are_wrong_lose_their_weight_within_few_pairs() -> None:
+    likelihood = ColourLikelihood(0.1)
+    likelihood.update(alone(RED, BLUE))
+    assert likelihood.outlier_rate > 0.7
+
+
 def test_disabled_colours_stay_disabled() -> None:
     likelihood, pairs = ColourLikelihood(1.0), alone(RED, RED)
     likelihood.update(pairs)
