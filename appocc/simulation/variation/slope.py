@@ -50,7 +50,7 @@ def _depth_in_ground(solid: Mesh, rise: Float32Array) -> Float32Array:
     houses = (solid.tag >= 0) & (solid.material != Material.SIGNAL)  # lamps of signals have tags too
     owner[solid.faces[houses]] = solid.tag[houses, None]
     own = np.flatnonzero(owner >= 0)
-    height = solid.vertices_m[own, :2] @ rise
+    height = (solid.vertices_m[own, :2] * rise).sum(axis=1)  # a matrix product rounds otherwise on other processors
     lowest = np.full(owner.max(initial=-1) + 1, np.inf, np.float32)
     np.minimum.at(lowest, owner[own], height)
     depth = np.zeros(len(owner), np.float32)
