@@ -307,10 +307,9 @@ def _resolve(request: Request, scene: SceneModel, limit: int) -> Resolution:
 def _with_sought(request: Request, scene: SceneModel) -> Request:
     """Return a step about "the red one" that refers to nothing as one about the only red vehicle, if there is one."""
     query, sought = request.query, request.query.sought
-    if request.chosen or sought is None or not (sought.colour or sought.qualifiers):
+    if request.chosen or sought is None:
         return request
-    named = replace(query, referent=replace(sought, noun="vehicle", head="one"), unresolved="", sought=None)
-    named = replace(named, landmark=query.landmark or "referent")
+    named = replace(query, referent=sought, landmark=query.landmark or "referent", unresolved="", sought=None)
     if resolve(named, scene).status != "ok":
         return request
     return replace(request, reading=replace(request.reading, query=named, steps=(named,)))

@@ -16,7 +16,7 @@ from appocc.ego_vehicle import EgoVehicle
 from appocc.errors import DataError
 from appocc.files import plain_name, read_image
 from appocc.frame import Frame
-from appocc.geometry import apply, inverse
+from appocc.geometry import apply
 from appocc.levelling import ego_from_level, is_level, lowest_points
 from appocc.nuscenes.dataset import LIDAR, Dataset
 from appocc.nuscenes.records import Sample, SampleData, Scene
@@ -126,7 +126,7 @@ def _ego_from_level(dataset: Dataset, sweep: SampleData, world_from_ego: FloatAr
     """
     if not dataset.path(sweep).is_file():
         return None
-    ego_from_lidar = inverse(world_from_ego) @ dataset.world_from_ego_at(sweep) @ dataset.ego_from_sensor(sweep)
+    ego_from_lidar = dataset.ego_motion(world_from_ego, sweep) @ dataset.ego_from_sensor(sweep)
     pose = ego_from_level(lowest_points(apply(ego_from_lidar, dataset.lidar(sweep)[:, :3])))
     return None if pose is None or is_level(pose) else pose
 

@@ -168,6 +168,10 @@ class Dataset:
         """Return the (4, 4) ego pose at the time of a sensor file."""
         return self._pose("ego_pose", data.ego_pose_row)
 
+    def ego_motion(self, world_from_ego: FloatArray, data: SampleData) -> FloatArray:
+        """Return the (4, 4) pose of the ego at the time of a sensor file, in the ego frame of another time."""
+        return inverse(world_from_ego) @ self.world_from_ego_at(data)
+
     def ego_from_sensor(self, data: SampleData) -> FloatArray:
         """Return the (4, 4) mounting pose of the sensor of a file."""
         return self._pose("calibrated_sensor", data.calibration_row)
@@ -309,7 +313,7 @@ class Dataset:
             if data.modality != "camera":
                 continue
             camera = self.camera(data)
-            ego_from_cam = inverse(world_from_ego) @ self.world_from_ego_at(data) @ camera.ego_from_cam
+            ego_from_cam = self.ego_motion(world_from_ego, data) @ camera.ego_from_cam
             cameras.append(Camera(channel, camera.width_px, camera.height_px, camera.intrinsic.copy(), ego_from_cam))
             if images:
                 image_arrays[channel] = read_image(self.path(data), (camera.width_px, camera.height_px))

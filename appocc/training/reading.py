@@ -16,7 +16,7 @@ from appocc.camera import Camera
 from appocc.checks import BoolArray, ByteArray, Float32Array, FloatArray, IntArray
 from appocc.errors import AppoccError, DataError
 from appocc.files import read_image
-from appocc.geometry import apply, inverse
+from appocc.geometry import apply
 from appocc.grid import BEVGrid
 from appocc.models.input_images import fit_image
 from appocc.models.model_spec import ModelSpec
@@ -174,8 +174,7 @@ def sample_files(dataset: Dataset, sample: Sample, channels: tuple[str, ...]) ->
         raise DataError(f"{dataset.root}: sample {sample.token}: {found}")
     lidar, sweep = files.get(LIDAR), None
     if lidar is not None:
-        ego_from_world = inverse(frame.world_from_ego)
-        ego_from_lidar = ego_from_world @ dataset.world_from_ego_at(lidar) @ dataset.ego_from_sensor(lidar)
+        ego_from_lidar = dataset.ego_motion(frame.world_from_ego, lidar) @ dataset.ego_from_sensor(lidar)
         sweep = dataset.path(lidar), ego_from_lidar
     return SampleFiles(
         token=sample.token,

@@ -80,7 +80,7 @@ def propose_candidates(
 
 
 def _explain_refusal(query: Query) -> str:
-    """Return why no driver should do what a command says; '' if one may."""
+    """Return why a command is refused; '' if it is not."""
     onto = any(
         part.noun in _OFF_ROAD_NOUNS and part.relation in ("on", "onto", "into", "in") for part in query.secondary
     )

@@ -1,4 +1,4 @@
-"""Replies: what a passenger says in a conversation besides commands: "no, the other one", "a bit further"."""
+"""Replies: turns of a conversation that are no whole commands: "no, the other one", "a bit further"."""
 
 from __future__ import annotations
 

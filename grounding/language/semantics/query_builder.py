@@ -165,7 +165,7 @@ def _unresolved(intent: Intent) -> str:
 
 
 def _sought(discourse: Discourse, intent: Intent) -> Referent | None:
-    """Return what is said of a "one" that no antecedent explains: of "the red one", a red vehicle."""
+    """Return the description of a "one" without antecedent: for "the red one", a red vehicle."""
     target = intent.frame.target
     if not _unresolved(intent) or target is None or not (target.colour or target.qualifiers):
         return None

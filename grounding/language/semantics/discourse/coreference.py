@@ -98,7 +98,7 @@ def resolve_anaphor(discourse: Discourse, phrase: NounPhrase) -> NounPhrase | No
 
 
 def qualify_antecedents(discourse: Discourse) -> None:
-    """Add what is said of pronouns to their antecedents: "go around it, it is parked", "it's the red one"."""
+    """Add the qualifiers and colours of pronouns to their antecedents: "go around it, it is parked"."""
     for phrase, role in discourse.mentions:
         if phrase.kind == "pronoun" and role == "stated" and (phrase.qualifiers or phrase.colour):
             antecedent = find_antecedent(discourse, phrase)
