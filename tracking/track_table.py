@@ -205,11 +205,11 @@ class TrackTable:
         median, mean, cov = self._medians.median, self.filters.mean, self.filters.cov
         model = self._classes.parameters(self.kind)
         return TrackFeatures(
-            xy_m=mean[:, :2],
-            cov_m2=cov[:, :2, :2],
+            xy_m=mean[:, :2].copy(),
+            cov_m2=cov[:, :2, :2].copy(),
             yaw_rad=self.yaw_rad,
-            size_m=median[:, :2],
-            lab=median[:, LAB],
+            size_m=median[:, :2].copy(),
+            lab=median[:, LAB].copy(),
             lab_variance=self._lab_variance(),
             kind=self.kind,
             unseen_s=self.unseen_s,

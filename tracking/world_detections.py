@@ -57,12 +57,12 @@ class WorldDetections(NamedTuple):
 
     def features(self) -> DetectionFeatures:
         """Return the features for association."""
-        lab = self.values[:, LAB]
+        lab = self.values[:, LAB].copy()
         return DetectionFeatures(
-            xy_m=self.position_world_m[:, :2],
+            xy_m=self.position_world_m[:, :2].copy(),
             noise_m2=self.noise_m2,
             yaw_rad=self.yaw_world_rad,
-            size_m=self.values[:, :2],
+            size_m=self.values[:, :2].copy(),
             lab=lab,
             colour_density=paint_density(lab),
             kind=self.kind,

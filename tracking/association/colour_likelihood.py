@@ -6,6 +6,7 @@ import numpy as np
 
 from appocc.checks import BoolArray, FloatArray, IntArray
 from tracking.association.costs import CandidatePairs
+from tracking.compiled import compiled
 
 # Outlier rates that are considered, denser towards 0 and 1.
 _RATES = 1 / (1 + np.exp(-np.linspace(-6.0, 6.0, 61)))
@@ -41,7 +42,7 @@ class ColourLikelihood:
         The rate is the mean of its posterior distribution. Colours that turn out wrong lose their weight within few
         pairs: expectation maximisation, which keeps what it thought of earlier pairs, takes many.
         """
-        if not self._enabled:
+        if not self._enabled or not len(pairs.rows):
             return
         certain = (pairs.cost < _CERTAIN_COST) & _unrivalled(pairs.rows, pairs.cost)
         certain &= _unrivalled(pairs.columns, pairs.cost) & np.isfinite(pairs.colour_ratio)
@@ -64,9 +65,14 @@ class ColourLikelihood:
         return pairs._replace(cost=pairs.cost + np.where(np.isfinite(cost), cost, 0.0))
 
 
+@compiled
 def _unrivalled(index: IntArray, cost: FloatArray) -> BoolArray:
     """(P,) whether each pair costs at least the margin less than all others of its track or detection (P,)."""
-    least = np.full(index.max(initial=-1) + 1, np.inf)
-    np.minimum.at(least, index, cost)
-    near = cost < least[index] + _MARGIN
-    return np.asarray(near & (np.bincount(index, near)[index] == 1))
+    least = np.full((2, index.max() + 1), np.inf)
+    for pair, own in enumerate(index):
+        low, high = min(cost[pair], least[0, own]), max(cost[pair], least[0, own])
+        least[0, own], least[1, own] = low, min(high, least[1, own])
+    result = np.empty(len(index), np.bool_)
+    for pair, own in enumerate(index):
+        result[pair] = cost[pair] == least[0, own] and cost[pair] + _MARGIN <= least[1, own]
+    return result

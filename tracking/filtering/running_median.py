@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from appocc.checks import BoolArray, FloatArray, IntArray
+from tracking.compiled import compiled
 
 
 class RunningMedian:
@@ -20,7 +20,7 @@ class RunningMedian:
 
     def __init__(self, window: int, values: int) -> None:
         """Start with no tracks, for a window of detections and a number of values K."""
-        self._last = np.zeros((window, 0, values))  # sums over the window are fastest in this order
+        self._last = np.zeros((0, values, window))
         self.count = np.zeros(0, dtype=np.int64)
         self.median = np.zeros((0, values))
         self.known = np.zeros((0, values))
@@ -28,9 +28,9 @@ class RunningMedian:
 
     def add(self, values: FloatArray) -> None:
         """Add tracks with the values (M, K) of their first detections; NaN if unknown."""
-        fresh = np.full((len(self._last), *values.shape), np.nan)
-        fresh[0] = values
-        self._last = np.concatenate([self._last, fresh], axis=1)
+        fresh = np.full((*values.shape, self._last.shape[2]), np.nan)
+        fresh[..., 0] = values
+        self._last = np.concatenate([self._last, fresh])
         self.count = np.concatenate([self.count, np.ones(len(values), np.int64)])
         self.median = np.concatenate([self.median, values])
         self.known = np.concatenate([self.known, np.isfinite(values)])
@@ -38,29 +38,44 @@ class RunningMedian:
 
     def keep(self, mask: BoolArray) -> None:
         """Keep the tracks of a mask (N,)."""
-        self._last, self.count = self._last.compress(mask, axis=1), self.count[mask]
-        self.median, self.known, self.squared_deviation = (
-            each.compress(mask, axis=0) for each in (self.median, self.known, self.squared_deviation)
+        self.count = self.count[mask]
+        self._last, self.median, self.known, self.squared_deviation = (
+            each.compress(mask, axis=0) for each in (self._last, self.median, self.known, self.squared_deviation)
         )
 
     def update(self, rows: IntArray, values: FloatArray) -> None:
         """Append values (M, K) of new detections to tracks (M,)."""
-        self._last[self.count[rows] % len(self._last), rows] = values
-        self.count[rows] += 1
-        last = self._last.take(rows, axis=1)
-        is_known = np.isfinite(last)
-        self.known[rows] = known = is_known.sum(axis=0, dtype=np.int32)
-        self.median[rows] = median = _nan_median(last, known)
-        deviation = last - median
-        deviation[~is_known] = 0.0
-        deviation *= deviation
-        self.squared_deviation[rows] = deviation.sum(axis=0)
+        _append(self._last, self.count, self.median, self.known, self.squared_deviation, rows, values)
 
 
-def _nan_median(last: FloatArray, known: NDArray[np.int32]) -> FloatArray:
-    """(M, K) medians over the first axis of (S, M, K), given the number of known values (M, K); NaN if it is 0."""
-    ordered = last.reshape(len(last), -1).T.copy()
-    ordered.sort(axis=1)  # NaN come last
-    first = np.arange(0, ordered.size, len(last)).reshape(known.shape)
-    # With no known value, the second operand is NaN.
-    return np.asarray((ordered.take(first + (known - 1) // 2) + ordered.take(first + known // 2)) / 2)
+@compiled
+def _append(
+    last: FloatArray,
+    count: IntArray,
+    median: FloatArray,
+    known: FloatArray,
+    squared_deviation: FloatArray,
+    rows: IntArray,
+    values: FloatArray,
+) -> None:
+    """See `RunningMedian.update`; all but the last two arguments are changed in place."""
+    window = last.shape[2]
+    ordered = np.empty(window)
+    for m, n in enumerate(rows):
+        slot = count[n] % window
+        count[n] += 1
+        for k in range(values.shape[1]):
+            last[n, k, slot] = values[m, k]
+            size = 0
+            for value in last[n, k]:  # insertion sort
+                if not np.isnan(value):
+                    place = size
+                    while place and ordered[place - 1] > value:
+                        ordered[place] = ordered[place - 1]
+                        place -= 1
+                    ordered[place] = value
+                    size += 1
+            known[n, k], squared_deviation[n, k] = size, 0.0
+            median[n, k] = (ordered[(size - 1) // 2] + ordered[size // 2]) / 2 if size else np.nan
+            for value in ordered[:size]:
+                squared_deviation[n, k] += (value - median[n, k]) ** 2
