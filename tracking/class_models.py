@@ -9,7 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from appocc.checks import FloatArray, IntArray
-from tracking.filtering.kalman import MotionConfig, invert_2x2
+from tracking.compiled import compiled
+from tracking.filtering.kalman import MotionConfig
 
 # Weight of the configured measurement noise in detections, and the number of detections of a category after which
 # earlier ones are forgotten.
@@ -126,10 +127,14 @@ class ClassTable:
 
     def noise_factor(self, kind: IntArray, log_odds: FloatArray) -> FloatArray:
         """Return the learnt factors (N,) on the variances of positions, for categories and log-odds (N,)."""
+        return np.asarray(self._noise_factors()[_NOISE_EDGES.searchsorted(log_odds), kind])
+
+    def _noise_factors(self) -> FloatArray:
+        """The factors by score and category."""
         total, count = self._noise
         shared = _NOISE_SHARED * (_NOISE_PRIOR + total.sum(axis=0)) / (_NOISE_PRIOR + count.sum(axis=0))
-        factor = ((total + shared) / (count + _NOISE_SHARED))[_NOISE_EDGES.searchsorted(log_odds), kind]
-        return np.asarray(np.clip(factor, _MIN_NOISE, _MAX_NOISE))
+        factors = (total + shared) / (count + _NOISE_SHARED)
+        return np.minimum(np.maximum(factors, _MIN_NOISE), _MAX_NOISE)
 
     def learn_noise(
         self, kind: IntArray, log_odds: FloatArray, innovation_m: FloatArray, cov_m2: FloatArray, noise_m2: FloatArray
@@ -146,15 +151,33 @@ class ClassTable:
             cov_m2: (N, 2, 2) covariances P of the predictions.
             noise_m2: (N, 2, 2) covariances R of the detections, with the current factor.
         """
-        if not len(kind):
-            return
-        precision = invert_2x2(cov_m2 + noise_m2)
-        weighted = (precision @ innovation_m[..., None])[..., 0]
-        chi2 = (weighted * innovation_m).sum(axis=1)
-        share = np.minimum(1.0, _MAX_INNOVATION_CHI2 / np.maximum(chi2, _MAX_INNOVATION_CHI2))
-        explained = (weighted[:, None] @ noise_m2 @ weighted[..., None])[:, 0, 0] * share
-        squared = (explained + 2 - (precision * noise_m2).sum(axis=(1, 2))) / 2 * self.noise_factor(kind, log_odds)
-        cell = _NOISE_EDGES.searchsorted(log_odds), kind
-        np.add.at(self._noise[0], cell, squared)
-        np.add.at(self._noise[1], cell, 1.0)
-        self._noise *= _NOISE_MEMORY / np.maximum(self._noise[1].sum(axis=0), _NOISE_MEMORY)
+        if len(kind):
+            level = _NOISE_EDGES.searchsorted(log_odds)
+            _learn(self._noise, self._noise_factors(), kind, level, innovation_m, cov_m2, noise_m2)
+            self._noise *= _NOISE_MEMORY / np.maximum(self._noise[1].sum(axis=0), _NOISE_MEMORY)
+
+
+@compiled
+def _learn(
+    noise: FloatArray,
+    factors: FloatArray,
+    kind: IntArray,
+    level: IntArray,
+    innovation_m: FloatArray,
+    cov_m2: FloatArray,
+    noise_m2: FloatArray,
+) -> None:
+    """Add squared noises in units of the configured variance, and their numbers, to `noise` (2, levels, categories)."""
+    for n in range(len(kind)):
+        (rxx, rxy), (_, ryy) = noise_m2[n]
+        (pxx, pxy), (_, pyy) = cov_m2[n]
+        sxx, sxy, syy = pxx + rxx, pxy + rxy, pyy + ryy
+        determinant = sxx * syy - sxy * sxy
+        x, y = innovation_m[n]
+        weighted_x, weighted_y = (x * syy - y * sxy) / determinant, (y * sxx - x * sxy) / determinant
+        chi2 = weighted_x * x + weighted_y * y
+        explained = weighted_x**2 * rxx + 2 * weighted_x * weighted_y * rxy + weighted_y**2 * ryy
+        explained *= min(1.0, _MAX_INNOVATION_CHI2 / max(chi2, _MAX_INNOVATION_CHI2))
+        trace = (syy * rxx - 2 * sxy * rxy + sxx * ryy) / determinant
+        noise[0, level[n], kind[n]] += (explained + 2 - trace) / 2 * factors[level[n], kind[n]]
+        noise[1, level[n], kind[n]] += 1.0

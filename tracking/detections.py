@@ -269,7 +269,7 @@ def _as_array(name: str, values: ArrayLike, width: tuple[int, ...], kind: type[n
         ShapeError: if they are no numbers.
     """
     try:
-        array = np.array(values, dtype=kind)
+        array = np.array(values, dtype=kind, order="C")
     except (TypeError, ValueError) as error:
         raise ShapeError(f"detections {name}: expected an array of numbers ({error})") from error
     return array.reshape(0, *width) if array.shape == (0,) else array

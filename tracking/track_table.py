@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from appocc.checks import BoolArray, FloatArray, IntArray
-from appocc.geometry import wrap_angle
 from tracking.association.costs import TrackFeatures
 from tracking.class_models import ClassTable
+from tracking.compiled import compiled
 from tracking.detections import probability_from_log_odds
 from tracking.filtering.kalman import KalmanFilters, MotionConfig, acceleration_psd, oriented_covariance
 from tracking.filtering.running_median import RunningMedian
@@ -114,6 +114,7 @@ class TrackTable:
         self.yaw_rad, self.unseen_s, self._moved_s, self._tracked_s, self._ground_m = floats[:5]
         self._front_votes, self.missed_s = floats[5:7]
         self._axis, self._detected, self._with_misses = floats[7:9], floats[9:11], floats[11:]
+        self._models = self._classes.parameters(self.kind)
 
     def __len__(self) -> int:
         """Number of tracks."""
@@ -143,7 +144,7 @@ class TrackTable:
 
     def _mean_log_odds(self, evidence: FloatArray) -> FloatArray:
         """(N,) weighted mean of evidence (2, N), its sum and weight, and the prior."""
-        model, (total, weight) = self._classes.parameters(self.kind), evidence
+        model, (total, weight) = self._models, evidence
         return np.asarray((total + model.prior_log_odds * model.prior_weight) / (weight + model.prior_weight))
 
     @property
@@ -178,7 +179,7 @@ class TrackTable:
         self._step_s = min(self._step_s, seconds)
         self.lost[:] = self.unseen_s > self._config.lost_s
         moving_s = np.where(self.stationary & (self.unseen_s > 0), 0.0, seconds)
-        model = self._classes.parameters(self.kind)
+        model = self._models
         calm = np.where(self.stationary, self._config.stationary_psd, 1.0)
         psd = acceleration_psd(
             self.yaw_rad,
@@ -202,8 +203,7 @@ class TrackTable:
 
     def features(self) -> TrackFeatures:
         """Return the predicted features for association."""
-        median, mean, cov = self._medians.median, self.filters.mean, self.filters.cov
-        model = self._classes.parameters(self.kind)
+        median, mean, cov, model = self._medians.median, self.filters.mean, self.filters.cov, self._models
         return TrackFeatures(
             xy_m=mean[:, :2].copy(),
             cov_m2=cov[:, :2, :2].copy(),
@@ -223,14 +223,9 @@ class TrackTable:
 
         This is empirical Bayes: the prior is the variance pooled over all tracks.
         """
-        config = self._config
-        deviation = self._medians.squared_deviation[:, LAB].T.copy()
-        known = self._medians.known[:, LAB].T.copy()
-        count = np.maximum(known, 1)
-        prior = np.square(config.lab_std) * _LAB_STD_WEIGHT + deviation.sum(axis=1)
-        pooled = prior / (_LAB_STD_WEIGHT + (count - 1).sum(axis=1))
-        variance = (pooled[:, None] * config.lab_prior_weight + deviation) / (config.lab_prior_weight + known)
-        return np.asarray(variance * (1 + _MEDIAN_VARIANCE / count)).T
+        config, medians = self._config, self._medians
+        deviation, known = medians.squared_deviation[:, LAB], medians.known[:, LAB]
+        return _shrunk_variance(deviation.copy(), known.copy(), config.lab_std, config.lab_prior_weight)
 
     def update(
         self, rows: IntArray, found: WorldDetections, detection: IntArray, noise_m2: FloatArray, turn_rad: FloatArray
@@ -285,8 +280,9 @@ class TrackTable:
             return
         self._add_filters(found)
         self._medians.add(found.values)
-        self._set_tables(*(np.concatenate([t, np.zeros((len(t), m), t.dtype)], axis=1) for t in self._tables))
-        self.id[n:], self.kind[n:], self.detection[n:] = ids, found.kind, detection
+        integers, flags, floats = (np.concatenate([t, np.zeros((len(t), m), t.dtype)], axis=1) for t in self._tables)
+        integers[:, n:] = ids, found.kind, detection
+        self._set_tables(integers, flags, floats)
         self.yaw_rad[n:], self._axis[:, n:] = found.yaw_world_rad, found.axis.T
         self._front_votes[n:] = found.heading_known
         self._ground_m[n:] = found.position_world_m[:, 2]
@@ -328,16 +324,19 @@ class TrackTable:
     def _update_heading(self, rows: IntArray, found: WorldDetections, seconds: FloatArray) -> None:
         """Smooth the axis as a vector at twice its angle, and vote on which end is the front."""
         keep = np.exp(-seconds / self._config.heading_smoothing_s)
-        self._axis[:, rows] = axis = keep * self._axis.take(rows, axis=1) + (1 - keep) * found.axis.T
-        yaw = np.arctan2(axis[1], axis[0]) / 2
-        yaw += np.pi * (np.cos(yaw - self.yaw_rad[rows]) < 0)
-        votes = self._front_votes[rows] + found.heading_known * np.cos(found.yaw_world_rad - yaw)
-        vx, vy = self.filters.mean.take(rows, axis=0)[:, 2:].T
-        drives = self._moving[rows] & (np.hypot(vx, vy) >= self._config.front_from_motion_mps)
-        reversed_ = np.where(drives, vx * np.cos(yaw) + vy * np.sin(yaw), votes) < 0
-        self.yaw_rad[rows] = wrap_angle(yaw + np.pi * reversed_)
-        # Motion counts as one vote at least; the votes now refer to the end chosen as front.
-        self._front_votes[rows] = np.maximum(np.abs(votes), drives)
+        drives = self._moving & (self.filters.speed_mps() >= self._config.front_from_motion_mps)
+        _vote(
+            rows,
+            self.yaw_rad,
+            self._axis,
+            self._front_votes,
+            drives,
+            self.filters.mean,
+            keep,
+            found.axis,
+            found.yaw_world_rad,
+            found.heading_known,
+        )
 
     def tracks(self, mask: BoolArray) -> Tracks:
         """Return the tracks of a mask (N,)."""
@@ -357,3 +356,49 @@ class TrackTable:
             detection=self.detection[rows],
             moving=self._moving[rows],
         )
+
+
+@compiled
+def _shrunk_variance(
+    deviation: FloatArray, known: FloatArray, prior_std: tuple[float, float, float], prior_weight: float
+) -> FloatArray:
+    """See `TrackTable._lab_variance`; sums of squared deviations and numbers of values are (N, 3)."""
+    variance = np.empty_like(deviation)
+    for k in range(3):
+        total, count = prior_std[k] ** 2 * _LAB_STD_WEIGHT, _LAB_STD_WEIGHT
+        for n in range(len(deviation)):
+            total += deviation[n, k]
+            count += max(known[n, k], 1.0) - 1
+        for n in range(len(deviation)):
+            own = (total / count * prior_weight + deviation[n, k]) / (prior_weight + known[n, k])
+            variance[n, k] = own * (1 + _MEDIAN_VARIANCE / max(known[n, k], 1.0))
+    return variance
+
+
+@compiled
+def _vote(
+    rows: IntArray,
+    yaw_rad: FloatArray,
+    axis: FloatArray,
+    front_votes: FloatArray,
+    drives: BoolArray,
+    mean: FloatArray,
+    keep: FloatArray,
+    seen_axis: FloatArray,
+    seen_yaw_rad: FloatArray,
+    heading_known: BoolArray,
+) -> None:
+    """See `TrackTable._update_heading`; headings, axes and votes are changed in place."""
+    for m, n in enumerate(rows):
+        for k in range(2):
+            axis[k, n] = keep[m] * axis[k, n] + (1 - keep[m]) * seen_axis[m, k]
+        yaw = np.arctan2(axis[1, n], axis[0, n]) / 2
+        if np.cos(yaw - yaw_rad[n]) < 0:
+            yaw += np.pi
+        votes = front_votes[n] + heading_known[m] * np.cos(seen_yaw_rad[m] - yaw)
+        forward = mean[n, 2] * np.cos(yaw) + mean[n, 3] * np.sin(yaw) if drives[n] else votes
+        if forward < 0:
+            yaw += np.pi
+        yaw_rad[n] = (yaw + np.pi) % (2 * np.pi) - np.pi
+        # Motion counts as one vote at least; the votes now refer to the end chosen as front.
+        front_votes[n] = max(abs(votes), 1.0 * drives[n])

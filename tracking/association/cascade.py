@@ -48,6 +48,8 @@ class MatchingCascade:
 
     def match(self, pairs: CandidatePairs, tracks: BoolArray, detections: BoolArray) -> None:
         """Match unmatched tracks and detections in masks (N,), (M,) at the minimum total cost."""
+        if not len(pairs.rows):
+            return
         allowed = (tracks & self.unmatched_tracks)[pairs.rows] & (detections & self.unmatched_detections)[
             pairs.columns
         ]

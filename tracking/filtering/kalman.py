@@ -66,8 +66,8 @@ def acceleration_psd(
 
     A random walk of the direction of motion accelerates across it, in proportion to the speed.
     """
-    vx, vy = velocity_mps.T
-    return oriented_covariance(yaw_rad, along_m2ps3, across_m2ps3 + heading_rad2ps * (vx * vx + vy * vy))
+    speed_m2ps2 = (velocity_mps * velocity_mps).sum(axis=1)
+    return oriented_covariance(yaw_rad, along_m2ps3, across_m2ps3 + heading_rad2ps * speed_m2ps2)
 
 
 class KalmanFilters:
@@ -115,6 +115,10 @@ class KalmanFilters:
         """Update filters (M,) with measured positions (M, 2) and their covariances (M, 2, 2)."""
         _update(self.mean, self.cov, rows, xy_world_m, noise_m2)
 
+    def speed_mps(self) -> FloatArray:
+        """(N,) speeds."""
+        return np.asarray(np.hypot(self.mean[:, 2], self.mean[:, 3]))
+
     def is_moving(self) -> BoolArray:
         """(N,) whether the velocity differs from zero by at least three standard deviations."""
         vx, vy = self.mean[:, 2:].T
@@ -123,7 +127,7 @@ class KalmanFilters:
     def is_stationary(self, max_mps: float) -> BoolArray:
         """(N,) whether the speed is below a limit, with a standard deviation below twice the limit."""
         speed_std_mps = np.sqrt(self.cov[:, 2, 2] + self.cov[:, 3, 3])
-        return np.asarray((np.hypot(*self.mean[:, 2:].T) < max_mps) & (speed_std_mps < 2 * max_mps))
+        return np.asarray((self.speed_mps() < max_mps) & (speed_std_mps < 2 * max_mps))
 
     def position_std_m(self) -> FloatArray:
         """(N,) standard deviation of the position along its least certain direction."""
