@@ -104,7 +104,7 @@ class ClassTable:
         self._numbers: dict[str, int] = {}
         self._table = np.zeros((len(ClassParameters._fields), 0))
         # Sum of squared noise in units of the configured variance, and number of detections, by score and category.
-        self._noise = np.zeros((2, len(_NOISE_EDGES) + 1, 0))
+        self._set_noise(np.zeros((2, len(_NOISE_EDGES) + 1, 0)))
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -118,7 +118,7 @@ class ClassTable:
         for kind in self.names[known:]:
             model = self._models.get(kind, self._default)
             self._table = np.column_stack([self._table, [*astuple(model.motion), *astuple(model)[1:]]])
-            self._noise = np.pad(self._noise, ((0, 0), (0, 0), (0, 1)))
+            self._set_noise(np.pad(self._noise, ((0, 0), (0, 0), (0, 1))))
         return result
 
     def parameters(self, kind: IntArray) -> ClassParameters:
@@ -127,14 +127,14 @@ class ClassTable:
 
     def noise_factor(self, kind: IntArray, log_odds: FloatArray) -> FloatArray:
         """Return the learnt factors (N,) on the variances of positions, for categories and log-odds (N,)."""
-        return np.asarray(self._noise_factors()[_NOISE_EDGES.searchsorted(log_odds), kind])
+        return np.asarray(self._factors[_NOISE_EDGES.searchsorted(log_odds), kind])
 
-    def _noise_factors(self) -> FloatArray:
-        """The factors by score and category."""
-        total, count = self._noise
+    def _set_noise(self, noise: FloatArray) -> None:
+        """Set the learnt noise, and the factors by score and category that follow from it."""
+        self._noise, (total, count) = noise, noise
         shared = _NOISE_SHARED * (_NOISE_PRIOR + total.sum(axis=0)) / (_NOISE_PRIOR + count.sum(axis=0))
         factors = (total + shared) / (count + _NOISE_SHARED)
-        return np.minimum(np.maximum(factors, _MIN_NOISE), _MAX_NOISE)
+        self._factors = np.minimum(np.maximum(factors, _MIN_NOISE), _MAX_NOISE)
 
     def learn_noise(
         self, kind: IntArray, log_odds: FloatArray, innovation_m: FloatArray, cov_m2: FloatArray, noise_m2: FloatArray
@@ -153,8 +153,8 @@ class ClassTable:
         """
         if len(kind):
             level = _NOISE_EDGES.searchsorted(log_odds)
-            _learn(self._noise, self._noise_factors(), kind, level, innovation_m, cov_m2, noise_m2)
-            self._noise *= _NOISE_MEMORY / np.maximum(self._noise[1].sum(axis=0), _NOISE_MEMORY)
+            _learn(self._noise, self._factors, kind, level, innovation_m, cov_m2, noise_m2)
+            self._set_noise(self._noise * (_NOISE_MEMORY / np.maximum(self._noise[1].sum(axis=0), _NOISE_MEMORY)))
 
 
 @compiled

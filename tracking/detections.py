@@ -213,6 +213,8 @@ class Detections:
         """
         half_m = self.size_m / 2
         boxes, points = find_neighbours(self.ground_m[:, :2], xy_m, np.hypot(half_m[:, 0], half_m[:, 1]))
+        if not len(boxes):
+            return points, boxes
         x, y = (xy_m.take(points, axis=0) - self.ground_m[:, :2].take(boxes, axis=0)).T
         half_width, half_length, _ = half_m.take(boxes, axis=0).T
         cos, sin = np.cos(self.yaw_rad[boxes]), np.sin(self.yaw_rad[boxes])

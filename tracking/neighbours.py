@@ -18,14 +18,13 @@ def find_neighbours(points: FloatArray, others: FloatArray, radius_m: FloatArray
         return np.zeros(0, np.int64), np.zeros(0, np.int64)
     # Sorted by x, only a few others have to be looked at. Copies, because each memory layout is compiled for itself.
     order = others[:, 0].argsort(kind="stable")
-    return _search(points.copy(), others.take(order, axis=0), order, radius_m)
+    rows, columns = _search(points.copy(), others.take(order, axis=0), order, radius_m)
+    return rows, columns
 
 
 @compiled
-def _search(
-    points: FloatArray, others: FloatArray, order: IntArray, radius_m: FloatArray
-) -> tuple[IntArray, IntArray]:
-    """See `find_neighbours`; others (M, 2) are sorted by x, `order` (M,) are their indices."""
+def _search(points: FloatArray, others: FloatArray, order: IntArray, radius_m: FloatArray) -> IntArray:
+    """Return the pairs (2, P) of `find_neighbours`; others (M, 2) are sorted by x, `order` (M,) are their indices."""
     pairs, size = np.empty((2, 2 * len(points) + 8), np.int64), 0
     for n in range(len(points)):
         x, y, radius = points[n, 0], points[n, 1], radius_m[n]
@@ -45,4 +44,4 @@ def _search(
                 pairs[0, size], pairs[1, size] = n, order[low]
                 size += 1
             low += 1
-    return pairs[0, :size].copy(), pairs[1, :size].copy()
+    return pairs[:, :size].copy()

@@ -98,7 +98,7 @@ class TrackTable:
     def __init__(self, config: LifecycleConfig, classes: ClassTable) -> None:
         """Start with no tracks."""
         self._config, self._classes = config, classes
-        self._step_s = _NO_STEP_S
+        self._set_step(_NO_STEP_S)
         self.filters = KalmanFilters()
         self._medians = RunningMedian(config.median_window, 9)
         self._set_tables(np.zeros((3, 0), np.int64), np.zeros((4, 0), np.bool_), np.zeros((13, 0)))
@@ -113,7 +113,8 @@ class TrackTable:
         self.confirmed, self.lost, self.stationary, self._moving = flags
         self.yaw_rad, self.unseen_s, self._moved_s, self._tracked_s, self._ground_m = floats[:5]
         self._front_votes, self.missed_s = floats[5:7]
-        self._axis, self._detected, self._with_misses = floats[7:9], floats[9:11], floats[11:]
+        # Sum and weight of the evidence, without and with misses.
+        self._axis, self._evidence, self._detected, self._with_misses = floats[7:9], floats[9:], floats[9:11], floats[11:]
         self._models = self._classes.parameters(self.kind)
 
     def __len__(self) -> int:
@@ -148,19 +149,6 @@ class TrackTable:
         return np.asarray((total + model.prior_log_odds * model.prior_weight) / (weight + model.prior_weight))
 
     @property
-    def expired(self) -> BoolArray:
-        """(N,) whether a track was missed for too long; an unconfirmed one expires with the first miss.
-
-        Tracks with negative log-odds expire once lost. Time in a blind spot is no miss, but `forget_s` and
-        `forget_stationary_s` apply there too.
-        """
-        config = self._config
-        forget_s = np.where(self.stationary, config.forget_stationary_s, config.forget_s)
-        kept_s = np.where(self.log_odds > 0, forget_s, config.lost_s)
-        missed_too_long = self.missed_s > np.where(self.confirmed, kept_s, 0.0)
-        return np.asarray(missed_too_long | (self.unseen_s > forget_s))
-
-    @property
     def established(self) -> BoolArray:
         """(N,) whether a track is confirmed and has positive log-odds."""
         return np.asarray(self.confirmed & (self.log_odds > 0))
@@ -176,7 +164,7 @@ class TrackTable:
     def predict(self, seconds: float) -> None:
         """Predict all tracks by a time step; they are unmatched until `update`."""
         # The shortest interval so far is that of the recording: left-out frames change nothing.
-        self._step_s = min(self._step_s, seconds)
+        self._set_step(min(self._step_s, seconds))
         self.lost[:] = self.unseen_s > self._config.lost_s
         moving_s = np.where(self.stationary & (self.unseen_s > 0), 0.0, seconds)
         model = self._models
@@ -194,12 +182,27 @@ class TrackTable:
         self.missed_s += seconds
         self.detection[:] = -1
 
-    def count_misses(self, blind: BoolArray, seconds: float) -> None:
-        """Count the last time step as a miss of unmatched tracks, except for tracks in blind spots (N,)."""
-        unmatched = self.detection < 0
-        hidden, missed = unmatched & blind, unmatched & ~blind
-        self.missed_s[hidden] = np.maximum(self.missed_s[hidden] - seconds, 0.0)
-        self._add_evidence(self._with_misses, missed.nonzero()[0], self._config.miss_log_odds)
+    def _set_step(self, seconds: float) -> None:
+        """Set the frame interval: by how much earlier evidence decays, and the weight of a frame."""
+        self._step_s = seconds
+        self._decay = float(np.exp(-seconds / self._config.memory_s))
+        self._weight = float(-np.expm1(-seconds / self._config.correlation_s))
+
+    def count_misses(self, blind: BoolArray, seconds: float) -> BoolArray:
+        """Count the last time step as a miss of unmatched tracks, except for tracks in blind spots (N,).
+
+        Returns:
+            (N,) tracks that expire: missed for too long, or unconfirmed and missed once. Tracks with negative log-odds
+            expire once lost. Time in a blind spot is no miss, but `forget_s` and `forget_stationary_s` apply there
+            too.
+        """
+        config, expired = self._config, np.empty(len(self), np.bool_)
+        flags = self.detection, self.confirmed, self.stationary, blind
+        weights = self._decay, self._weight, config.miss_log_odds
+        limits = config.lost_s, config.forget_s, config.forget_stationary_s
+        times = self.unseen_s, self.missed_s
+        _count_misses(expired, *flags, *times, self._with_misses, self.log_odds, seconds, weights, limits)
+        return expired
 
     def features(self) -> TrackFeatures:
         """Return the predicted features for association."""
@@ -308,18 +311,12 @@ class TrackTable:
 
     def _add_detections(self, rows: IntArray, found: WorldDetections) -> None:
         """Add the evidence of M detections to tracks (M,), and confirm tracks."""
-        for evidence in (self._detected, self._with_misses):
-            self._add_evidence(evidence, rows, found.evidence)
+        evidence = self._decay * self._evidence.take(rows, axis=1)
+        evidence[::2] += self._weight * found.evidence
+        evidence[1::2] += self._weight
+        self._evidence[:, rows] = evidence
         confirmed = found.log_odds >= self._config.confirm_log_odds
         self.confirmed[rows] |= confirmed | (self._tracked_s[rows] >= self._config.confirm_s)
-
-    def _add_evidence(self, evidence: FloatArray, rows: IntArray, log_odds: FloatArray | float) -> None:
-        """Add one frame with log-odds (M,) to the evidence (2, N) of tracks (M,): its sum and its weight."""
-        config = self._config
-        keep, weight = np.exp(-self._step_s / config.memory_s), -np.expm1(-self._step_s / config.correlation_s)
-        total, count = evidence
-        total[rows] = keep * total[rows] + weight * log_odds
-        count[rows] = keep * count[rows] + weight
 
     def _update_heading(self, rows: IntArray, found: WorldDetections, seconds: FloatArray) -> None:
         """Smooth the axis as a vector at twice its angle, and vote on which end is the front."""
@@ -356,6 +353,34 @@ class TrackTable:
             detection=self.detection[rows],
             moving=self._moving[rows],
         )
+
+
+@compiled
+def _count_misses(
+    expired: BoolArray,
+    detection: IntArray,
+    confirmed: BoolArray,
+    stationary: BoolArray,
+    blind: BoolArray,
+    unseen_s: FloatArray,
+    missed_s: FloatArray,
+    evidence: FloatArray,
+    log_odds: FloatArray,
+    seconds: float,
+    weights: tuple[float, float, float],
+    limits: tuple[float, float, float],
+) -> None:
+    """See `TrackTable.count_misses`; `expired`, `missed_s` and `evidence` are changed in place."""
+    (decay, weight, miss_log_odds), (lost_s, forget_s, forget_stationary_s) = weights, limits
+    for n in range(len(expired)):
+        if detection[n] < 0 and blind[n]:
+            missed_s[n] = max(missed_s[n] - seconds, 0.0)
+        elif detection[n] < 0:
+            evidence[0, n] = decay * evidence[0, n] + weight * miss_log_odds
+            evidence[1, n] = decay * evidence[1, n] + weight
+        remembered_s = forget_stationary_s if stationary[n] else forget_s
+        missed_for_s = (remembered_s if log_odds[n] > 0 else lost_s) if confirmed[n] else 0.0
+        expired[n] = missed_s[n] > missed_for_s or unseen_s[n] > remembered_s
 
 
 @compiled

@@ -101,8 +101,8 @@ class Tracker:
         xy_ego_m = (table.position_world_m - world_from_ego[:3, 3]) @ world_from_ego[:3, :2]
         # Unmatched tracks outside the field of view are dropped: a vehicle that enters there is a new one.
         matched = table.detection >= 0
-        table.count_misses(detections.view.blind(xy_ego_m), seconds)
-        keep = ~table.expired & (detections.view.sees(xy_ego_m) | matched)
+        expired = table.count_misses(detections.view.blind(xy_ego_m), seconds)
+        keep = ~expired & (detections.view.sees(xy_ego_m) | matched)
         table.keep(keep)
         # An unmatched track inside a detection's box belongs to a vehicle that touches the detected one: the track
         # is reported, and the detection starts no new track.

@@ -72,7 +72,11 @@ def detections_in_world(detections: Detections, world_from_ego: FloatArray, clas
     """Transform detections to the world frame, with the measurement noise of their classes."""
     kind = classes.numbers(detections.kind)
     model = classes.parameters(kind)
-    position_m, yaw_rad, axis, velocity_mps, noise_m2, surplus_m2 = _transform(
+    n = len(kind)
+    position_m, yaw_rad, velocity_mps, axis = np.empty((n, 3)), np.empty(n), np.empty((n, 2)), np.empty((n, 2))
+    noise_m2, surplus_m2 = np.empty((n, 2, 2)), np.empty((n, 2, 2))
+    _transform(
+        (position_m, yaw_rad, velocity_mps, axis, noise_m2, surplus_m2),
         np.array(world_from_ego, np.float64, order="C"),
         detections.ground_m,
         detections.yaw_rad,
@@ -102,6 +106,7 @@ def detections_in_world(detections: Detections, world_from_ego: FloatArray, clas
 
 @compiled
 def _transform(
+    result: tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray],
     world_from_ego: FloatArray,
     ground_m: FloatArray,
     yaw_rad: FloatArray,
@@ -112,12 +117,10 @@ def _transform(
     across_std_m: FloatArray,
     truncated_std_m: FloatArray,
     noise_factor: FloatArray,
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return positions, headings, axes, velocities, noises and surplus noises, see `WorldDetections`."""
-    n, turn = len(yaw_rad), world_from_ego
-    position_m, yaw, axis, velocity = np.empty((n, 3)), np.empty(n), np.empty((n, 2)), np.empty((n, 2))
-    noise_m2, surplus_m2 = np.empty((n, 2, 2)), np.empty((n, 2, 2))
-    for i in range(n):
+) -> None:
+    """Write positions, headings, velocities, axes, noises and surplus noises to `result`, see `WorldDetections`."""
+    (position_m, yaw, velocity, axis, noise_m2, surplus_m2), turn = result, world_from_ego
+    for i in range(len(yaw)):
         for k in range(3):
             x, y, z = ground_m[i]
             position_m[i, k] = turn[k, 0] * x + turn[k, 1] * y + turn[k, 2] * z + turn[k, 3]
@@ -138,4 +141,3 @@ def _transform(
         if truncated[i]:
             noise[0, 0] += truncated_std_m[i] ** 2
             noise[1, 1] += truncated_std_m[i] ** 2
-    return position_m, yaw, axis, velocity, noise_m2, surplus_m2

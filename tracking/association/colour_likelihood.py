@@ -42,19 +42,9 @@ class ColourLikelihood:
         The rate is the mean of its posterior distribution. Colours that turn out wrong lose their weight within few
         pairs: expectation maximisation, which keeps what it thought of earlier pairs, takes many.
         """
-        if not self._enabled or not len(pairs.rows):
-            return
-        certain = (pairs.cost < _CERTAIN_COST) & _unrivalled(pairs.rows, pairs.cost)
-        certain &= _unrivalled(pairs.columns, pairs.cost) & np.isfinite(pairs.colour_ratio)
-        ratio = pairs.colour_ratio[certain]
-        if not len(ratio):
-            return
-        likelihood = _RATES + (1 - _RATES) * ratio[:, None]
-        decay = _MEMORY / (_MEMORY + len(ratio))
-        self._log_likelihood = decay * (self._log_likelihood + np.log(likelihood).sum(axis=0))
-        posterior = self._log_prior + self._log_likelihood
-        weight = np.exp(posterior - posterior.max())
-        self._rate = float(weight @ _RATES / weight.sum())
+        if self._enabled and len(pairs.rows):
+            arrays = pairs.rows, pairs.columns, pairs.cost, pairs.colour_ratio
+            self._rate = _mean_rate(*arrays, self._log_prior, self._log_likelihood, self._rate)
 
     def add_cost(self, pairs: CandidatePairs) -> CandidatePairs:
         """Return the pairs with colour costs added: negative for similar colours, zero for unknown ones."""
@@ -63,6 +53,30 @@ class ColourLikelihood:
         rate = self._rate
         cost = -2 * np.log((1 - rate) * pairs.colour_ratio + rate)
         return pairs._replace(cost=pairs.cost + np.where(np.isfinite(cost), cost, 0.0))
+
+
+@compiled
+def _mean_rate(
+    rows: IntArray,
+    columns: IntArray,
+    cost: FloatArray,
+    ratio: FloatArray,
+    log_prior: FloatArray,
+    log_likelihood: FloatArray,
+    rate: float,
+) -> float:
+    """Add certain pairs to the likelihood, in place, and return the mean of the posterior; `rate` without such pairs."""
+    certain = (cost < _CERTAIN_COST) & np.isfinite(ratio) & _unrivalled(rows, cost) & _unrivalled(columns, cost)
+    count = certain.sum()
+    if not count:
+        return rate
+    for k in range(len(_RATES)):
+        for pair in range(len(ratio)):
+            if certain[pair]:
+                log_likelihood[k] += np.log(_RATES[k] + (1 - _RATES[k]) * ratio[pair])
+        log_likelihood[k] *= _MEMORY / (_MEMORY + count)
+    weight = np.exp(log_prior + log_likelihood - (log_prior + log_likelihood).max())
+    return float((weight * _RATES).sum() / weight.sum())
 
 
 @compiled

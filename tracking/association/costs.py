@@ -145,30 +145,29 @@ def gate_pairs(
     the negative log-likelihood of the position given the prediction, for straight motion or along an arc, plus the
     capped costs of heading and size.
     """
-    return CandidatePairs._make(
-        _gate(
-            tracks,
-            detections,
-            rows,
-            columns,
-            config.gate_chi2,
-            config.min_gate_m,
-            config.heading_std_rad,
-            config.max_heading_cost,
-            config.size_log_std,
-            config.max_size_cost,
-            config.drift_std_mps,
-            config.max_cost,
-        )
+    n = len(rows)
+    pairs = CandidatePairs(rows.copy(), columns.copy(), np.empty((n, 2, 2)), np.empty(n), np.empty(n), np.empty(n))
+    count = _gate(
+        pairs,
+        tracks,
+        detections,
+        config.gate_chi2,
+        config.min_gate_m,
+        config.heading_std_rad,
+        config.max_heading_cost,
+        config.size_log_std,
+        config.max_size_cost,
+        config.drift_std_mps,
+        config.max_cost,
     )
+    return CandidatePairs._make([each[:count] for each in pairs])
 
 
 @compiled
 def _gate(
+    pairs: CandidatePairs,
     tracks: TrackFeatures,
     detections: DetectionFeatures,
-    rows: IntArray,
-    columns: IntArray,
     gate_chi2: float,
     min_gate_m: float,
     heading_std_rad: float,
@@ -177,14 +176,14 @@ def _gate(
     max_size_cost: float,
     drift_std_mps: float,
     max_cost: float,
-) -> tuple[IntArray, IntArray, FloatArray, FloatArray, FloatArray, FloatArray]:
-    """See `gate_pairs`; returns the fields of `CandidatePairs`."""
-    kept_rows, kept_columns = np.empty_like(rows), np.empty_like(rows)
-    noise_m2, values, size = np.empty((len(rows), 2, 2)), np.empty((3, len(rows))), 0
-    for n, m in zip(rows, columns):  # noqa: B905 - compiled
+) -> int:
+    """See `gate_pairs`; the pairs inside the gates are written to the front of `pairs`, and their number returned."""
+    size = 0
+    for pair in range(len(pairs.rows)):
+        n, m = pairs.rows[pair], pairs.columns[pair]
         if tracks.kind[n] != detections.kind[m]:
             continue
-        yaw_rad, noise = detections.yaw_rad[m], noise_m2[size]
+        yaw_rad, noise = detections.yaw_rad[m], pairs.noise_m2[size]
         cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
         # A detection longer than the vehicle is merged with another one, a shorter one is partly missing. Along its
         # heading, the position is then uniform over the length difference: variance of its square over 12.
@@ -232,12 +231,11 @@ def _gate(
             variance = tracks.lab_variance[n, k]
             colour_chi2 += (tracks.lab[n, k] - detections.lab[m, k]) ** 2 / variance
             colour_variance *= variance
-        kept_rows[size], kept_columns[size] = n, m
-        values[0, size], values[1, size] = turn_rad, cost
-        values[2, size] = np.exp(-colour_chi2 / 2) / np.sqrt(colour_variance) / detections.colour_density[m]
+        density = np.exp(-colour_chi2 / 2) / np.sqrt(colour_variance)
+        pairs.rows[size], pairs.columns[size], pairs.turn_rad[size] = n, m, turn_rad
+        pairs.cost[size], pairs.colour_ratio[size] = cost, density / detections.colour_density[m]
         size += 1
-    turn, cost_of, ratio = values[0, :size].copy(), values[1, :size].copy(), values[2, :size].copy()
-    return kept_rows[:size], kept_columns[:size], noise_m2[:size], turn, cost_of, ratio
+    return size
 
 
 def solve_assignment(pairs: CandidatePairs) -> CandidatePairs:
@@ -246,12 +244,10 @@ def solve_assignment(pairs: CandidatePairs) -> CandidatePairs:
     Connected components of the pair graph are solved separately.
     """
     (useful,) = (pairs.cost < 0).nonzero()
-    if not len(useful):
-        return NO_PAIRS
     rows, columns, cost = pairs.rows[useful], pairs.columns[useful], pairs.cost[useful]
-    row_count, column_count = np.bincount(rows)[rows], np.bincount(columns)[columns]
-    if ((row_count == 1) & (column_count == 1)).all():  # no conflicts
+    if len(set(rows.tolist())) == len(set(columns.tolist())) == len(useful):  # no conflicts
         return pairs.select(useful)
+    row_count, column_count = np.bincount(rows)[rows], np.bincount(columns)[columns]
     component = _components(rows, columns)
     size = np.bincount(component)[component]
     # A component with a single row or a single column takes its cheapest pair.

@@ -20,54 +20,54 @@ class RunningMedian:
 
     def __init__(self, window: int, values: int) -> None:
         """Start with no tracks, for a window of detections and a number of values K."""
-        self._last = np.zeros((0, values, window))
         self.count = np.zeros(0, dtype=np.int64)
-        self.median = np.zeros((0, values))
-        self.known = np.zeros((0, values))
-        self.squared_deviation = np.zeros((0, values))
+        # Median, number of known values, sum of squared deviations, and the values in the window.
+        self._state = np.zeros((0, values, 3 + window))
+
+    @property
+    def median(self) -> FloatArray:
+        """See `RunningMedian`."""
+        return self._state[..., 0]
+
+    @property
+    def known(self) -> FloatArray:
+        """See `RunningMedian`."""
+        return self._state[..., 1]
+
+    @property
+    def squared_deviation(self) -> FloatArray:
+        """See `RunningMedian`."""
+        return self._state[..., 2]
 
     def add(self, values: FloatArray) -> None:
         """Add tracks with the values (M, K) of their first detections; NaN if unknown."""
-        fresh = np.full((*values.shape, self._last.shape[2]), np.nan)
-        fresh[..., 0] = values
-        self._last = np.concatenate([self._last, fresh])
+        fresh = np.full((*values.shape, self._state.shape[2]), np.nan)
+        fresh[..., 0] = fresh[..., 3] = values
+        fresh[..., 1], fresh[..., 2] = np.isfinite(values), 0.0
+        self._state = np.concatenate([self._state, fresh])
         self.count = np.concatenate([self.count, np.ones(len(values), np.int64)])
-        self.median = np.concatenate([self.median, values])
-        self.known = np.concatenate([self.known, np.isfinite(values)])
-        self.squared_deviation = np.concatenate([self.squared_deviation, np.zeros_like(values)])
 
     def keep(self, mask: BoolArray) -> None:
         """Keep the tracks of a mask (N,)."""
-        self.count = self.count[mask]
-        self._last, self.median, self.known, self.squared_deviation = (
-            each.compress(mask, axis=0) for each in (self._last, self.median, self.known, self.squared_deviation)
-        )
+        self.count, self._state = self.count[mask], self._state.compress(mask, axis=0)
 
     def update(self, rows: IntArray, values: FloatArray) -> None:
         """Append values (M, K) of new detections to tracks (M,)."""
-        _append(self._last, self.count, self.median, self.known, self.squared_deviation, rows, values)
+        _append(self._state, self.count, rows, values)
 
 
 @compiled
-def _append(
-    last: FloatArray,
-    count: IntArray,
-    median: FloatArray,
-    known: FloatArray,
-    squared_deviation: FloatArray,
-    rows: IntArray,
-    values: FloatArray,
-) -> None:
-    """See `RunningMedian.update`; all but the last two arguments are changed in place."""
-    window = last.shape[2]
+def _append(state: FloatArray, count: IntArray, rows: IntArray, values: FloatArray) -> None:
+    """See `RunningMedian.update`; states (N, K, 3 + window) and counts (N,) are changed in place."""
+    window = state.shape[2] - 3
     ordered = np.empty(window)
     for m, n in enumerate(rows):
         slot = count[n] % window
         count[n] += 1
         for k in range(values.shape[1]):
-            last[n, k, slot] = values[m, k]
+            state[n, k, 3 + slot] = values[m, k]
             size = 0
-            for value in last[n, k]:  # insertion sort
+            for value in state[n, k, 3:]:  # insertion sort
                 if not np.isnan(value):
                     place = size
                     while place and ordered[place - 1] > value:
@@ -75,7 +75,8 @@ def _append(
                         place -= 1
                     ordered[place] = value
                     size += 1
-            known[n, k], squared_deviation[n, k] = size, 0.0
-            median[n, k] = (ordered[(size - 1) // 2] + ordered[size // 2]) / 2 if size else np.nan
+            median = (ordered[(size - 1) // 2] + ordered[size // 2]) / 2 if size else np.nan
+            squared_deviation = 0.0
             for value in ordered[:size]:
-                squared_deviation[n, k] += (value - median[n, k]) ** 2
+                squared_deviation += (value - median) ** 2
+            state[n, k, 0], state[n, k, 1], state[n, k, 2] = median, size, squared_deviation
