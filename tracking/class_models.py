@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from appocc.checks import FloatArray, IntArray
+from appocc.checks import BoolArray, FloatArray, IntArray
 from tracking.compiled import compiled
 from tracking.filtering.kalman import MotionConfig
 
@@ -137,7 +137,13 @@ class ClassTable:
         self._factors = np.minimum(np.maximum(factors, _MIN_NOISE), _MAX_NOISE)
 
     def learn_noise(
-        self, kind: IntArray, log_odds: FloatArray, innovation_m: FloatArray, cov_m2: FloatArray, noise_m2: FloatArray
+        self,
+        kind: IntArray,
+        log_odds: FloatArray,
+        innovation_m: FloatArray,
+        cov: FloatArray,
+        noise_m2: FloatArray,
+        use: BoolArray,
     ) -> None:
         """Learn the measurement noise from innovations: one step of expectation maximisation.
 
@@ -148,12 +154,13 @@ class ClassTable:
             kind: (N,) category numbers.
             log_odds: (N,) log-odds of the detections.
             innovation_m: (N, 2) differences between detections and predictions.
-            cov_m2: (N, 2, 2) covariances P of the predictions.
+            cov: (N, K, K) covariances of the predictions, first of their positions: P.
             noise_m2: (N, 2, 2) covariances R of the detections, with the current factor.
+            use: (N,) which to learn from.
         """
         if len(kind):
             level = _NOISE_EDGES.searchsorted(log_odds)
-            _learn(self._noise, self._factors, kind, level, innovation_m, cov_m2, noise_m2)
+            _learn(self._noise, self._factors, kind, level, innovation_m, cov, noise_m2, use)
             self._set_noise(self._noise * (_NOISE_MEMORY / np.maximum(self._noise[1].sum(axis=0), _NOISE_MEMORY)))
 
 
@@ -164,14 +171,16 @@ def _learn(
     kind: IntArray,
     level: IntArray,
     innovation_m: FloatArray,
-    cov_m2: FloatArray,
+    cov: FloatArray,
     noise_m2: FloatArray,
+    use: BoolArray,
 ) -> None:
     """Add squared noises in units of the configured variance, and their numbers, to `noise` (2, levels, categories)."""
     for n in range(len(kind)):
-        (rxx, rxy), (_, ryy) = noise_m2[n]
-        (pxx, pxy), (_, pyy) = cov_m2[n]
-        sxx, sxy, syy = pxx + rxx, pxy + rxy, pyy + ryy
+        if not use[n]:
+            continue
+        rxx, rxy, ryy = noise_m2[n, 0, 0], noise_m2[n, 0, 1], noise_m2[n, 1, 1]
+        sxx, sxy, syy = cov[n, 0, 0] + rxx, cov[n, 0, 1] + rxy, cov[n, 1, 1] + ryy
         determinant = sxx * syy - sxy * sxy
         x, y = innovation_m[n]
         weighted_x, weighted_y = (x * syy - y * sxy) / determinant, (y * sxx - x * sxy) / determinant

@@ -9,17 +9,13 @@ import numpy as np
 from appocc.checks import BoolArray, FloatArray, IntArray
 from tracking.association.costs import TrackFeatures
 from tracking.class_models import ClassTable
-from tracking.compiled import compiled
 from tracking.detections import probability_from_log_odds
-from tracking.filtering.kalman import KalmanFilters, MotionConfig, acceleration_psd, oriented_covariance
+from tracking.filtering.kalman import KalmanFilters, MotionConfig, oriented_covariance
 from tracking.filtering.running_median import RunningMedian
+from tracking.track_loops import MatchedDetections, TrackState, advance, count_misses, follow, shrunk_variance
 from tracking.tracks import Tracks
 from tracking.world_detections import LAB, RGB, SIZE, WorldDetections
 
-# Weight, in detections, of the configured colour spread against the spread over all tracks.
-_LAB_STD_WEIGHT = 10.0
-# Variance of a median relative to that of a mean: pi / 2 for large Gaussian samples, plus an allowance for lighting.
-_MEDIAN_VARIANCE = 2.0
 # Frame interval before the second frame: its detections are independent of earlier ones.
 _NO_STEP_S = 1e9
 # Number of detections after which a track's velocity is known.
@@ -80,18 +76,10 @@ class LifecycleConfig:
 
 
 class TrackTable:
-    """State of N tracks, ordered by id.
+    """N tracks, ordered by id.
 
     Attributes:
-        id: (N,) track ids.
-        kind: (N,) category indices.
-        detection: (N,) index of the detection matched in this frame; -1 if none.
-        confirmed: (N,) whether the track is confirmed.
-        lost: (N,) whether the track was lost before this frame.
-        stationary: (N,) whether the track is stationary.
-        yaw_rad: (N,) headings in the world frame.
-        unseen_s: (N,) time since the last detection.
-        missed_s: (N,) the same without the time in blind spots.
+        state: their state, but for
         filters: N Kalman filters.
     """
 
@@ -104,27 +92,19 @@ class TrackTable:
         self._set_tables(np.zeros((3, 0), np.int64), np.zeros((4, 0), np.bool_), np.zeros((13, 0)))
 
     def _set_tables(self, integers: IntArray, flags: BoolArray, floats: FloatArray) -> None:
-        """Replace the state by tables (..., N): few arrays grow and shrink faster than many.
-
-        Each attribute is a view of a row, to be written into, never replaced.
-        """
+        """Replace the state by tables (..., N): few arrays grow and shrink faster than many."""
         self._tables = integers, flags, floats
-        self.id, self.kind, self.detection = integers
-        self.confirmed, self.lost, self.stationary, self._moving = flags
-        self.yaw_rad, self.unseen_s, self._moved_s, self._tracked_s, self._ground_m = floats[:5]
-        self._front_votes, self.missed_s = floats[5:7]
-        # Sum and weight of the evidence, without and with misses.
-        self._axis, self._evidence, self._detected, self._with_misses = floats[7:9], floats[9:], floats[9:11], floats[11:]
-        self._models = self._classes.parameters(self.kind)
+        self.state = TrackState(*integers, *flags, *floats[:7], floats[7:9], floats[9:11], floats[11:])
+        self._models = self._classes.parameters(self.state.kind)
 
     def __len__(self) -> int:
         """Number of tracks."""
-        return len(self.id)
+        return len(self.state.id)
 
     @property
     def position_world_m(self) -> FloatArray:
         """(N, 3) positions on the ground."""
-        return np.concatenate([self.filters.mean[:, :2], self._ground_m[:, None]], axis=1)
+        return np.concatenate([self.filters.mean[:, :2], self.state.ground_m[:, None]], axis=1)
 
     @property
     def score(self) -> FloatArray:
@@ -136,12 +116,12 @@ class TrackTable:
 
     @property
     def _score_log_odds(self) -> FloatArray:
-        return self._mean_log_odds(self._with_misses)
+        return self._mean_log_odds(self.state.with_misses)
 
     @property
     def log_odds(self) -> FloatArray:
         """(N,) the same as log-odds, without misses: an occluded object is missed, too, and is remembered."""
-        return self._mean_log_odds(self._detected)
+        return self._mean_log_odds(self.state.detected)
 
     def _mean_log_odds(self, evidence: FloatArray) -> FloatArray:
         """(N,) weighted mean of evidence (2, N), its sum and weight, and the prior."""
@@ -151,36 +131,24 @@ class TrackTable:
     @property
     def established(self) -> BoolArray:
         """(N,) whether a track is confirmed and has positive log-odds."""
-        return np.asarray(self.confirmed & (self.log_odds > 0))
+        return np.asarray(self.state.confirmed & (self.log_odds > 0))
 
     @property
     def reportable(self) -> BoolArray:
         """(N,) whether a track is confirmed and matched, or coasts: likely there, at a well-known position."""
         config = self._config
         likely = self._score_log_odds >= config.coast_log_odds
-        coasting = (self.unseen_s <= config.coast_s) & (self.filters.position_std_m() <= config.coast_std_m) & likely
-        return np.asarray(self.confirmed & ((self.unseen_s == 0) | coasting))
+        coasting = (self.state.unseen_s <= config.coast_s) & (self.filters.position_std_m() <= config.coast_std_m) & likely
+        return np.asarray(self.state.confirmed & ((self.state.unseen_s == 0) | coasting))
 
     def predict(self, seconds: float) -> None:
         """Predict all tracks by a time step; they are unmatched until `update`."""
         # The shortest interval so far is that of the recording: left-out frames change nothing.
         self._set_step(min(self._step_s, seconds))
-        self.lost[:] = self.unseen_s > self._config.lost_s
-        moving_s = np.where(self.stationary & (self.unseen_s > 0), 0.0, seconds)
-        model = self._models
-        calm = np.where(self.stationary, self._config.stationary_psd, 1.0)
-        psd = acceleration_psd(
-            self.yaw_rad,
-            self.filters.mean[:, 2:],
-            calm * model.along_accel_psd_m2ps3,
-            calm * model.across_accel_psd_m2ps3,
-            model.heading_psd_rad2ps,
-        )
-        self.filters.predict(moving_s, psd)
-        self._moved_s += moving_s
-        self.unseen_s += seconds
-        self.missed_s += seconds
-        self.detection[:] = -1
+        config, moving_s, psd_m2ps3 = self._config, np.empty(len(self)), np.empty((len(self), 2, 2))
+        steps = float(seconds), float(config.lost_s), float(config.stationary_psd)
+        advance(self.state, self._models, self.filters.mean, *steps, moving_s, psd_m2ps3)
+        self.filters.predict(moving_s, psd_m2ps3)
 
     def _set_step(self, seconds: float) -> None:
         """Set the frame interval: by how much earlier evidence decays, and the weight of a frame."""
@@ -196,39 +164,29 @@ class TrackTable:
             expire once lost. Time in a blind spot is no miss, but `forget_s` and `forget_stationary_s` apply there
             too.
         """
-        config, expired = self._config, np.empty(len(self), np.bool_)
-        flags = self.detection, self.confirmed, self.stationary, blind
-        weights = self._decay, self._weight, config.miss_log_odds
-        limits = config.lost_s, config.forget_s, config.forget_stationary_s
-        times = self.unseen_s, self.missed_s
-        _count_misses(expired, *flags, *times, self._with_misses, self.log_odds, seconds, weights, limits)
-        return expired
+        config = self._config
+        limits = config.miss_log_odds, config.lost_s, config.forget_s, config.forget_stationary_s
+        numbers = map(float, (seconds, self._decay, self._weight, *limits))
+        return count_misses(self.state, blind, self.log_odds, *numbers)
 
     def features(self) -> TrackFeatures:
         """Return the predicted features for association."""
         median, mean, cov, model = self._medians.median, self.filters.mean, self.filters.cov, self._models
+        config, state = self._config, self.state
+        colours = (each[:, LAB].copy() for each in (self._medians.squared_deviation, self._medians.known))
         return TrackFeatures(
             xy_m=mean[:, :2].copy(),
             cov_m2=cov[:, :2, :2].copy(),
-            yaw_rad=self.yaw_rad,
+            yaw_rad=state.yaw_rad,
             size_m=median[:, :2].copy(),
             lab=median[:, LAB].copy(),
-            lab_variance=self._lab_variance(),
-            kind=self.kind,
-            unseen_s=self.unseen_s,
-            displacement_m=mean[:, 2:] * self._moved_s[:, None],
+            lab_variance=shrunk_variance(*colours, config.lab_std, float(config.lab_prior_weight)),
+            kind=state.kind,
+            unseen_s=state.unseen_s,
+            displacement_m=mean[:, 2:] * state.moved_s[:, None],
             gate_scale=model.gate_scale,
             heading_weight=model.heading_weight,
         )
-
-    def _lab_variance(self) -> FloatArray:
-        """(N, 3) variance of the next detection's colour about the median, shrunk to that of all tracks.
-
-        This is empirical Bayes: the prior is the variance pooled over all tracks.
-        """
-        config, medians = self._config, self._medians
-        deviation, known = medians.squared_deviation[:, LAB], medians.known[:, LAB]
-        return _shrunk_variance(deviation.copy(), known.copy(), config.lab_std, config.lab_prior_weight)
 
     def update(
         self, rows: IntArray, found: WorldDetections, detection: IntArray, noise_m2: FloatArray, turn_rad: FloatArray
@@ -242,39 +200,31 @@ class TrackTable:
             noise_m2: (M, 2, 2) covariances of the positions.
             turn_rad: (M,) turns since the last detection; 0 for straight motion.
         """
+        state = self.state
         (turns,) = turn_rad.nonzero()
         if len(turns):
-            self.filters.turn(rows[turns], turn_rad[turns], self._moved_s[rows[turns]])
-        self._learn_noise(rows, found, turn_rad)
-        self.filters.update(rows, found.position_world_m[:, :2], noise_m2 - found.surplus_noise_m2)
-        seconds = self.unseen_s[rows]
-        self._tracked_s[rows] += seconds
-        self.unseen_s[rows] = self._moved_s[rows] = self.missed_s[rows] = 0.0
-        self.detection[rows] = detection
-        self._add_detections(rows, found)
-        self._ground_m[rows] = found.position_world_m[:, 2]
+            self.filters.turn(rows[turns], turn_rad[turns], state.moved_s[rows[turns]])
+        xy_m = found.position_world_m[:, :2].copy()
+        # Noise is learnt from tracks with a known velocity that went straight on.
+        steady = (self._medians.count[rows] >= _STEADY_DETECTIONS) & (state.unseen_s[rows] <= 2 * self._step_s)
+        self._classes.learn_noise(
+            found.kind,
+            found.log_odds,
+            xy_m - self.filters.mean.take(rows, axis=0)[:, :2],
+            self.filters.cov.take(rows, axis=0),
+            found.noise_m2 - found.surplus_noise_m2,
+            steady & (turn_rad == 0) & ~found.truncated,
+        )
+        self.filters.update(rows, xy_m, noise_m2 - found.surplus_noise_m2)
         # A truncated vehicle is at least as large as its visible part.
         values = found.values
         if found.truncated.any():
             known_m = np.where(found.truncated[:, None], self._medians.median[rows, SIZE], np.nan)
             values = np.concatenate([np.fmax(values[:, SIZE], known_m), values[:, SIZE.stop :]], axis=1)
         self._medians.update(rows, values)
-        self._moving[:] = self.filters.is_moving()
-        self.stationary[rows] = self.filters.is_stationary(self._config.stationary_mps)[rows]
-        self._update_heading(rows, found, seconds)
-
-    def _learn_noise(self, rows: IntArray, found: WorldDetections, turn_rad: FloatArray) -> None:
-        """Learn the measurement noise from tracks with a known velocity that went straight on."""
-        steady = (self._medians.count[rows] >= _STEADY_DETECTIONS) & (self.unseen_s[rows] <= 2 * self._step_s)
-        (use,) = (steady & (turn_rad == 0) & ~found.truncated).nonzero()
-        mean, cov = self.filters.mean[rows[use]], self.filters.cov[rows[use]]
-        self._classes.learn_noise(
-            found.kind[use],
-            found.log_odds[use],
-            found.position_world_m[use, :2] - mean[:, :2],
-            cov[:, :2, :2],
-            (found.noise_m2 - found.surplus_noise_m2)[use],
-        )
+        state.moving[:] = self.filters.is_moving()
+        state.stationary[rows] = self.filters.is_stationary(self._config.stationary_mps)[rows]
+        self._follow(rows, found, detection)
 
     def add(self, found: WorldDetections, ids: IntArray, detection: IntArray) -> None:
         """Add a track for each of M detections, with ids and detection indices (M,)."""
@@ -286,10 +236,8 @@ class TrackTable:
         integers, flags, floats = (np.concatenate([t, np.zeros((len(t), m), t.dtype)], axis=1) for t in self._tables)
         integers[:, n:] = ids, found.kind, detection
         self._set_tables(integers, flags, floats)
-        self.yaw_rad[n:], self._axis[:, n:] = found.yaw_world_rad, found.axis.T
-        self._front_votes[n:] = found.heading_known
-        self._ground_m[n:] = found.position_world_m[:, 2]
-        self._add_detections(np.arange(n, n + m), found)
+        self.state.yaw_rad[n:], self.state.axis[:, n:] = found.yaw_world_rad, found.axis.T
+        self._follow(np.arange(n, n + m), found, detection)
 
     def _add_filters(self, found: WorldDetections) -> None:
         model, measured_mps = self._classes.parameters(found.kind), found.velocity_world_mps
@@ -309,31 +257,23 @@ class TrackTable:
         self._medians.keep(mask)
         self._set_tables(*(table.compress(mask, axis=1) for table in self._tables))
 
-    def _add_detections(self, rows: IntArray, found: WorldDetections) -> None:
-        """Add the evidence of M detections to tracks (M,), and confirm tracks."""
-        evidence = self._decay * self._evidence.take(rows, axis=1)
-        evidence[::2] += self._weight * found.evidence
-        evidence[1::2] += self._weight
-        self._evidence[:, rows] = evidence
-        confirmed = found.log_odds >= self._config.confirm_log_odds
-        self.confirmed[rows] |= confirmed | (self._tracked_s[rows] >= self._config.confirm_s)
-
-    def _update_heading(self, rows: IntArray, found: WorldDetections, seconds: FloatArray) -> None:
-        """Smooth the axis as a vector at twice its angle, and vote on which end is the front."""
-        keep = np.exp(-seconds / self._config.heading_smoothing_s)
-        drives = self._moving & (self.filters.speed_mps() >= self._config.front_from_motion_mps)
-        _vote(
+    def _follow(self, rows: IntArray, found: WorldDetections, detection: IntArray) -> None:
+        """Update times, evidence and headings of tracks (M,) with M detections and their indices."""
+        config = self._config
+        drives = self.state.moving & (self.filters.speed_mps() >= config.front_from_motion_mps)
+        matched = MatchedDetections(
             rows,
-            self.yaw_rad,
-            self._axis,
-            self._front_votes,
-            drives,
-            self.filters.mean,
-            keep,
-            found.axis,
+            detection,
+            found.position_world_m,
             found.yaw_world_rad,
             found.heading_known,
+            found.axis,
+            found.log_odds,
+            found.evidence,
         )
+        limits = config.confirm_log_odds, config.confirm_s, config.heading_smoothing_s
+        numbers = map(float, (self._decay, self._weight, *limits))
+        follow(self.state, matched, self.filters.mean, drives, *numbers)
 
     def tracks(self, mask: BoolArray) -> Tracks:
         """Return the tracks of a mask (N,)."""
@@ -341,89 +281,15 @@ class TrackTable:
         (rows,) = mask.nonzero()
         median, mean = self._medians.median.take(rows, axis=0), self.filters.mean.take(rows, axis=0)
         return Tracks(
-            id=self.id[rows],
+            id=self.state.id[rows],
             position_world_m=self.position_world_m.take(rows, axis=0),
             velocity_world_mps=mean[:, 2:],
-            yaw_world_rad=self.yaw_rad[rows],
-            heading_known=self._front_votes[rows] > 0,
+            yaw_world_rad=self.state.yaw_rad[rows],
+            heading_known=self.state.front_votes[rows] > 0,
             size_m=median[:, SIZE],
             rgb=median[:, RGB],
             score=self.score[rows],
-            kind=tuple(kinds[index] for index in self.kind[rows].tolist()),
-            detection=self.detection[rows],
-            moving=self._moving[rows],
+            kind=tuple(kinds[index] for index in self.state.kind[rows].tolist()),
+            detection=self.state.detection[rows],
+            moving=self.state.moving[rows],
         )
-
-
-@compiled
-def _count_misses(
-    expired: BoolArray,
-    detection: IntArray,
-    confirmed: BoolArray,
-    stationary: BoolArray,
-    blind: BoolArray,
-    unseen_s: FloatArray,
-    missed_s: FloatArray,
-    evidence: FloatArray,
-    log_odds: FloatArray,
-    seconds: float,
-    weights: tuple[float, float, float],
-    limits: tuple[float, float, float],
-) -> None:
-    """See `TrackTable.count_misses`; `expired`, `missed_s` and `evidence` are changed in place."""
-    (decay, weight, miss_log_odds), (lost_s, forget_s, forget_stationary_s) = weights, limits
-    for n in range(len(expired)):
-        if detection[n] < 0 and blind[n]:
-            missed_s[n] = max(missed_s[n] - seconds, 0.0)
-        elif detection[n] < 0:
-            evidence[0, n] = decay * evidence[0, n] + weight * miss_log_odds
-            evidence[1, n] = decay * evidence[1, n] + weight
-        remembered_s = forget_stationary_s if stationary[n] else forget_s
-        missed_for_s = (remembered_s if log_odds[n] > 0 else lost_s) if confirmed[n] else 0.0
-        expired[n] = missed_s[n] > missed_for_s or unseen_s[n] > remembered_s
-
-
-@compiled
-def _shrunk_variance(
-    deviation: FloatArray, known: FloatArray, prior_std: tuple[float, float, float], prior_weight: float
-) -> FloatArray:
-    """See `TrackTable._lab_variance`; sums of squared deviations and numbers of values are (N, 3)."""
-    variance = np.empty_like(deviation)
-    for k in range(3):
-        total, count = prior_std[k] ** 2 * _LAB_STD_WEIGHT, _LAB_STD_WEIGHT
-        for n in range(len(deviation)):
-            total += deviation[n, k]
-            count += max(known[n, k], 1.0) - 1
-        for n in range(len(deviation)):
-            own = (total / count * prior_weight + deviation[n, k]) / (prior_weight + known[n, k])
-            variance[n, k] = own * (1 + _MEDIAN_VARIANCE / max(known[n, k], 1.0))
-    return variance
-
-
-@compiled
-def _vote(
-    rows: IntArray,
-    yaw_rad: FloatArray,
-    axis: FloatArray,
-    front_votes: FloatArray,
-    drives: BoolArray,
-    mean: FloatArray,
-    keep: FloatArray,
-    seen_axis: FloatArray,
-    seen_yaw_rad: FloatArray,
-    heading_known: BoolArray,
-) -> None:
-    """See `TrackTable._update_heading`; headings, axes and votes are changed in place."""
-    for m, n in enumerate(rows):
-        for k in range(2):
-            axis[k, n] = keep[m] * axis[k, n] + (1 - keep[m]) * seen_axis[m, k]
-        yaw = np.arctan2(axis[1, n], axis[0, n]) / 2
-        if np.cos(yaw - yaw_rad[n]) < 0:
-            yaw += np.pi
-        votes = front_votes[n] + heading_known[m] * np.cos(seen_yaw_rad[m] - yaw)
-        forward = mean[n, 2] * np.cos(yaw) + mean[n, 3] * np.sin(yaw) if drives[n] else votes
-        if forward < 0:
-            yaw += np.pi
-        yaw_rad[n] = (yaw + np.pi) % (2 * np.pi) - np.pi
-        # Motion counts as one vote at least; the votes now refer to the end chosen as front.
-        front_votes[n] = max(abs(votes), 1.0 * drives[n])

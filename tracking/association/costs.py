@@ -144,6 +144,9 @@ def gate_pairs(
     The caller applies the gate radius (`gate_radius_m`). Pairs of different categories are removed. The cost is twice
     the negative log-likelihood of the position given the prediction, for straight motion or along an arc, plus the
     capped costs of heading and size.
+
+    A detection longer than the vehicle is merged with another one, a shorter one is partly missing. Along its heading,
+    the position is then uniform over the length difference: the noise gets the variance of its square over 12.
     """
     n = len(rows)
     pairs = CandidatePairs(rows.copy(), columns.copy(), np.empty((n, 2, 2)), np.empty(n), np.empty(n), np.empty(n))
@@ -185,8 +188,6 @@ def _gate(
             continue
         yaw_rad, noise = detections.yaw_rad[m], pairs.noise_m2[size]
         cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
-        # A detection longer than the vehicle is merged with another one, a shorter one is partly missing. Along its
-        # heading, the position is then uniform over the length difference: variance of its square over 12.
         surplus_m2 = (detections.size_m[m, 1] - tracks.size_m[n, 1]) ** 2 / 12
         noise[:] = detections.noise_m2[m]
         noise[0, 0] += surplus_m2 * cos * cos
