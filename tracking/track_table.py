@@ -86,6 +86,19 @@ class TrackTable:
     def __init__(self, config: LifecycleConfig, classes: ClassTable) -> None:
         """Start with no tracks."""
         self._config, self._classes = config, classes
+        # As floats, because each type is compiled anew.
+        self._calm = float(config.lost_s), float(config.stationary_psd)
+        self._confirmation = (
+            float(config.confirm_log_odds),
+            float(config.confirm_s),
+            float(config.heading_smoothing_s),
+        )
+        self._limits = (
+            float(config.miss_log_odds),
+            float(config.lost_s),
+            float(config.forget_s),
+            float(config.forget_stationary_s),
+        )
         self._set_step(_NO_STEP_S)
         self.filters = KalmanFilters()
         self._medians = RunningMedian(config.median_window, 9)
@@ -145,9 +158,8 @@ class TrackTable:
         """Predict all tracks by a time step; they are unmatched until `update`."""
         # The shortest interval so far is that of the recording: left-out frames change nothing.
         self._set_step(min(self._step_s, seconds))
-        config, moving_s, psd_m2ps3 = self._config, np.empty(len(self)), np.empty((len(self), 2, 2))
-        steps = float(seconds), float(config.lost_s), float(config.stationary_psd)
-        advance(self.state, self._models, self.filters.mean, *steps, moving_s, psd_m2ps3)
+        moving_s, psd_m2ps3 = np.empty(len(self)), np.empty((len(self), 2, 2))
+        advance(self.state, self._models, self.filters.mean, seconds, *self._calm, moving_s, psd_m2ps3)
         self.filters.predict(moving_s, psd_m2ps3)
 
     def _set_step(self, seconds: float) -> None:
@@ -164,10 +176,7 @@ class TrackTable:
             expire once lost. Time in a blind spot is no miss, but `forget_s` and `forget_stationary_s` apply there
             too.
         """
-        config = self._config
-        limits = config.miss_log_odds, config.lost_s, config.forget_s, config.forget_stationary_s
-        numbers = map(float, (seconds, self._decay, self._weight, *limits))
-        return count_misses(self.state, blind, self.log_odds, *numbers)
+        return count_misses(self.state, blind, self.log_odds, seconds, self._decay, self._weight, *self._limits)
 
     def features(self) -> TrackFeatures:
         """Return the predicted features for association."""
@@ -259,8 +268,7 @@ class TrackTable:
 
     def _follow(self, rows: IntArray, found: WorldDetections, detection: IntArray) -> None:
         """Update times, evidence and headings of tracks (M,) with M detections and their indices."""
-        config = self._config
-        drives = self.state.moving & (self.filters.speed_mps() >= config.front_from_motion_mps)
+        drives = self.state.moving & (self.filters.speed_mps() >= self._config.front_from_motion_mps)
         matched = MatchedDetections(
             rows,
             detection,
@@ -271,9 +279,7 @@ class TrackTable:
             found.log_odds,
             found.evidence,
         )
-        limits = config.confirm_log_odds, config.confirm_s, config.heading_smoothing_s
-        numbers = map(float, (self._decay, self._weight, *limits))
-        follow(self.state, matched, self.filters.mean, drives, *numbers)
+        follow(self.state, matched, self.filters.mean, drives, self._decay, self._weight, *self._confirmation)
 
     def tracks(self, mask: BoolArray) -> Tracks:
         """Return the tracks of a mask (N,)."""

@@ -149,7 +149,7 @@ def gate_pairs(
     the position is then uniform over the length difference: the noise gets the variance of its square over 12.
     """
     n = len(rows)
-    pairs = CandidatePairs(rows.copy(), columns.copy(), np.empty((n, 2, 2)), np.empty(n), np.empty(n), np.empty(n))
+    pairs = CandidatePairs(rows.copy(), columns.copy(), np.empty((n, 2, 2)), *np.empty((3, n)))
     count = _gate(
         pairs,
         tracks,

@@ -121,18 +121,37 @@ class KalmanFilters:
 
     def is_moving(self) -> BoolArray:
         """(N,) whether the velocity differs from zero by at least three standard deviations."""
-        vx, vy = self.mean[:, 2:].T
-        return squared_mahalanobis(vx, vy, self.cov[:, 2:, 2:]) > _MOVING_SIGMA**2
+        return _is_moving(self.mean, self.cov)
 
     def is_stationary(self, max_mps: float) -> BoolArray:
         """(N,) whether the speed is below a limit, with a standard deviation below twice the limit."""
-        speed_std_mps = np.sqrt(self.cov[:, 2, 2] + self.cov[:, 3, 3])
-        return np.asarray((self.speed_mps() < max_mps) & (speed_std_mps < 2 * max_mps))
+        variance_m2ps2 = self.cov[:, 2, 2] + self.cov[:, 3, 3]
+        return np.asarray((self.speed_mps() < max_mps) & (variance_m2ps2 < 4 * max_mps**2))
 
     def position_std_m(self) -> FloatArray:
         """(N,) standard deviation of the position along its least certain direction."""
-        xx, yy, xy = self.cov[:, 0, 0], self.cov[:, 1, 1], self.cov[:, 0, 1]
-        return np.asarray(np.sqrt((xx + yy) / 2 + np.hypot((xx - yy) / 2, xy)))
+        return _position_std_m(self.cov)
+
+
+@compiled
+def _is_moving(mean: FloatArray, cov: FloatArray) -> BoolArray:
+    """See `KalmanFilters.is_moving`."""
+    moving = np.empty(len(mean), np.bool_)
+    for n in range(len(mean)):
+        x, y, xx, yy, xy = mean[n, 2], mean[n, 3], cov[n, 2, 2], cov[n, 3, 3], cov[n, 2, 3]
+        chi2 = (x * x * yy - 2 * x * y * xy + y * y * xx) / (xx * yy - xy * xy)
+        moving[n] = chi2 > _MOVING_SIGMA**2
+    return moving
+
+
+@compiled
+def _position_std_m(cov: FloatArray) -> FloatArray:
+    """See `KalmanFilters.position_std_m`."""
+    std_m = np.empty(len(cov))
+    for n in range(len(cov)):
+        xx, yy, xy = cov[n, 0, 0], cov[n, 1, 1], cov[n, 0, 1]
+        std_m[n] = np.sqrt((xx + yy) / 2 + np.hypot((xx - yy) / 2, xy))
+    return std_m
 
 
 @compiled
@@ -208,9 +227,3 @@ def invert_2x2(matrices: FloatArray) -> FloatArray:
 def determinant_2x2(matrices: FloatArray) -> FloatArray:
     """Return the determinants of symmetric matrices (..., 2, 2)."""
     return np.asarray(matrices[..., 0, 0] * matrices[..., 1, 1] - matrices[..., 0, 1] ** 2)
-
-
-def squared_mahalanobis(x: FloatArray, y: FloatArray, cov: FloatArray) -> FloatArray:
-    """Return squared Mahalanobis distances (N,) of offsets (N,), (N,) under covariances (N, 2, 2)."""
-    xx, yy, xy = cov[:, 0, 0], cov[:, 1, 1], cov[:, 0, 1]
-    return np.asarray((x * x * yy - 2 * x * y * xy + y * y * xx) / (xx * yy - xy * xy))
