@@ -139,8 +139,8 @@ def follow(
         seconds = state.unseen_s[n]
         state.tracked_s[n] += seconds
         state.unseen_s[n] = state.missed_s[n] = state.moved_s[n] = 0.0
-        _add_evidence(state.detected[:, n], decay, weight, found.evidence[m])
-        _add_evidence(state.with_misses[:, n], decay, weight, found.evidence[m])
+        _add_evidence(state.detected, n, decay, weight, found.evidence[m])
+        _add_evidence(state.with_misses, n, decay, weight, found.evidence[m])
         if found.log_odds[m] >= confirm_log_odds or state.tracked_s[n] >= confirm_s:
             state.confirmed[n] = True
 
@@ -161,10 +161,10 @@ def follow(
 
 
 @compiled
-def _add_evidence(evidence: FloatArray, decay: float, weight: float, log_odds: float) -> None:
-    """Add one frame to the sum and the weight (2,) of a track's evidence."""
-    evidence[0] = decay * evidence[0] + weight * log_odds
-    evidence[1] = decay * evidence[1] + weight
+def _add_evidence(evidence: FloatArray, track: int, decay: float, weight: float, log_odds: float) -> None:
+    """Add one frame to the sum and the weight of the evidence (2, N) of a track."""
+    evidence[0, track] = decay * evidence[0, track] + weight * log_odds
+    evidence[1, track] = decay * evidence[1, track] + weight
 
 
 @compiled
@@ -179,25 +179,24 @@ def count_misses(
     lost_s: float,
     forget_s: float,
     forget_stationary_s: float,
-) -> BoolArray:
-    """Count a time step as a miss of unmatched tracks, see `TrackTable.count_misses`; return those that expire."""
-    expired = np.empty(len(blind), np.bool_)
+    expired: BoolArray,
+) -> None:
+    """Count a time step as a miss of unmatched tracks, see `TrackTable.count_misses`; `expired` (N,) is written."""
     for n in range(len(blind)):
         if state.detection[n] < 0 and blind[n]:
             state.missed_s[n] = max(state.missed_s[n] - seconds, 0.0)
         elif state.detection[n] < 0:
-            _add_evidence(state.with_misses[:, n], decay, weight, miss_log_odds)
+            _add_evidence(state.with_misses, n, decay, weight, miss_log_odds)
         remembered_s = forget_stationary_s if state.stationary[n] else forget_s
         missed_for_s = (remembered_s if log_odds[n] > 0 else lost_s) if state.confirmed[n] else 0.0
         expired[n] = state.missed_s[n] > missed_for_s or state.unseen_s[n] > remembered_s
-    return expired
 
 
 @compiled
 def shrunk_variance(
-    deviation: FloatArray, known: FloatArray, prior_std: tuple[float, float, float], prior_weight: float
-) -> FloatArray:
-    """Return the variance (N, 3) of the next detection's colour about the median, shrunk to that of all tracks.
+    deviation: FloatArray, known: FloatArray, prior_std: FloatArray, prior_weight: float, variance: FloatArray
+) -> None:
+    """Compute the variance (N, 3) of the next detection's colour about the median, shrunk to that of all tracks.
 
     This is empirical Bayes: the prior is the variance pooled over all tracks.
 
@@ -206,8 +205,8 @@ def shrunk_variance(
         known: (N, 3) numbers of known values.
         prior_std: standard deviations of the prior on the pooled variance.
         prior_weight: weight of the pooled variance, in detections.
+        variance: (N, 3) the result.
     """
-    variance = np.empty_like(deviation)
     for k in range(3):
         total, count = prior_std[k] ** 2 * _LAB_STD_WEIGHT, _LAB_STD_WEIGHT
         for n in range(len(deviation)):
@@ -216,4 +215,3 @@ def shrunk_variance(
         for n in range(len(deviation)):
             own = (total / count * prior_weight + deviation[n, k]) / (prior_weight + known[n, k])
             variance[n, k] = own * (1 + _MEDIAN_VARIANCE / max(known[n, k], 1.0))
-    return variance

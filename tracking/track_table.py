@@ -176,20 +176,24 @@ class TrackTable:
             expire once lost. Time in a blind spot is no miss, but `forget_s` and `forget_stationary_s` apply there
             too.
         """
-        return count_misses(self.state, blind, self.log_odds, seconds, self._decay, self._weight, *self._limits)
+        expired, log_odds = np.empty(len(self), np.bool_), self.log_odds
+        count_misses(self.state, blind, log_odds, seconds, self._decay, self._weight, *self._limits, expired)
+        return expired
 
     def features(self) -> TrackFeatures:
         """Return the predicted features for association."""
         median, mean, cov, model = self._medians.median, self.filters.mean, self.filters.cov, self._models
         config, state = self._config, self.state
-        colours = (each[:, LAB].copy() for each in (self._medians.squared_deviation, self._medians.known))
+        lab_variance = np.empty((len(self), 3))
+        spread = (each[:, LAB].copy() for each in (self._medians.squared_deviation, self._medians.known))
+        shrunk_variance(*spread, np.array(config.lab_std), float(config.lab_prior_weight), lab_variance)
         return TrackFeatures(
             xy_m=mean[:, :2].copy(),
             cov_m2=cov[:, :2, :2].copy(),
             yaw_rad=state.yaw_rad,
             size_m=median[:, :2].copy(),
             lab=median[:, LAB].copy(),
-            lab_variance=shrunk_variance(*colours, config.lab_std, float(config.lab_prior_weight)),
+            lab_variance=lab_variance,
             kind=state.kind,
             unseen_s=state.unseen_s,
             displacement_m=mean[:, 2:] * state.moved_s[:, None],

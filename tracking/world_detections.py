@@ -121,8 +121,8 @@ def _transform(
     """Write positions, headings, velocities, axes, noises and surplus noises to `result`, see `WorldDetections`."""
     (position_m, yaw, velocity, axis, noise_m2, surplus_m2), turn = result, world_from_ego
     for i in range(len(yaw)):
+        x, y, z = ground_m[i, 0], ground_m[i, 1], ground_m[i, 2]
         for k in range(3):
-            x, y, z = ground_m[i]
             position_m[i, k] = turn[k, 0] * x + turn[k, 1] * y + turn[k, 2] * z + turn[k, 3]
         for k in range(2):
             velocity[i, k] = turn[k, 0] * velocity_mps[i, 0] + turn[k, 1] * velocity_mps[i, 1]
@@ -131,13 +131,13 @@ def _transform(
         cos, sin = np.cos(yaw[i]), np.sin(yaw[i])
         width_m, length_m = size_m[i, 0], size_m[i, 1]
         weight = max(abs(length_m - width_m) / (length_m + width_m), _MIN_AXIS_WEIGHT)
-        axis[i] = weight * (cos * cos - sin * sin), weight * 2 * cos * sin
+        axis[i, 0], axis[i, 1] = weight * (cos * cos - sin * sin), weight * 2 * cos * sin
         along_m2, across_m2 = along_std_m[i] ** 2, across_std_m[i] ** 2
-        noise = noise_m2[i]
-        noise[0, 0] = along_m2 * cos * cos + across_m2 * sin * sin
-        noise[1, 1] = along_m2 * sin * sin + across_m2 * cos * cos
-        noise[0, 1] = noise[1, 0] = (along_m2 - across_m2) * cos * sin
-        surplus_m2[i] = (1 - noise_factor[i]) * noise
-        if truncated[i]:
-            noise[0, 0] += truncated_std_m[i] ** 2
-            noise[1, 1] += truncated_std_m[i] ** 2
+        noise_m2[i, 0, 0] = along_m2 * cos * cos + across_m2 * sin * sin
+        noise_m2[i, 1, 1] = along_m2 * sin * sin + across_m2 * cos * cos
+        noise_m2[i, 0, 1] = noise_m2[i, 1, 0] = (along_m2 - across_m2) * cos * sin
+        for j in range(2):
+            for k in range(2):
+                surplus_m2[i, j, k] = (1 - noise_factor[i]) * noise_m2[i, j, k]
+            if truncated[i]:
+                noise_m2[i, j, j] += truncated_std_m[i] ** 2

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from appocc.checks import BoolArray, FloatArray, IntArray
+from appocc.checks import FloatArray, IntArray
 from tracking.association.costs import CandidatePairs
 from tracking.compiled import compiled
 
@@ -44,7 +44,8 @@ class ColourLikelihood:
         """
         if self._enabled and len(pairs.rows):
             arrays = pairs.rows, pairs.columns, pairs.cost, pairs.colour_ratio
-            self._rate = _mean_rate(*arrays, self._log_prior, self._log_likelihood, self._rate)
+            least = np.full((4, 1 + max(pairs.rows.max(), pairs.columns.max())), np.inf)
+            self._rate = _mean_rate(*arrays, least, self._log_prior, self._log_likelihood, self._rate)
 
     def add_cost(self, pairs: CandidatePairs) -> CandidatePairs:
         """Return the pairs with colour costs added: negative for similar colours, zero for unknown ones."""
@@ -61,32 +62,46 @@ def _mean_rate(
     columns: IntArray,
     cost: FloatArray,
     ratio: FloatArray,
+    least: FloatArray,
     log_prior: FloatArray,
     log_likelihood: FloatArray,
     rate: float,
 ) -> float:
-    """Add certain pairs to the likelihood, in place, and return the mean of the posterior; `rate` without such pairs."""
-    certain = (cost < _CERTAIN_COST) & np.isfinite(ratio) & _unrivalled(rows, cost) & _unrivalled(columns, cost)
-    count = certain.sum()
+    """Add certain pairs to the likelihood, in place, and return the mean of the posterior; `rate` without such pairs.
+
+    `least` (4, K) is infinity; lowest and second lowest costs of tracks and of detections are written to it.
+    """
+    for pair in range(len(cost)):
+        _note_least(least, 0, rows[pair], cost[pair])
+        _note_least(least, 2, columns[pair], cost[pair])
+    count = 0
+    for pair in range(len(cost)):
+        n, m = rows[pair], columns[pair]
+        best = cost[pair] == least[0, n] and cost[pair] == least[2, m]
+        unrivalled = best and cost[pair] + _MARGIN <= min(least[1, n], least[3, m])
+        if unrivalled and cost[pair] < _CERTAIN_COST and np.isfinite(ratio[pair]):
+            count += 1
+            for k in range(len(_RATES)):
+                log_likelihood[k] += np.log(_RATES[k] + (1 - _RATES[k]) * ratio[pair])
     if not count:
         return rate
+    highest = -np.inf
     for k in range(len(_RATES)):
-        for pair in range(len(ratio)):
-            if certain[pair]:
-                log_likelihood[k] += np.log(_RATES[k] + (1 - _RATES[k]) * ratio[pair])
         log_likelihood[k] *= _MEMORY / (_MEMORY + count)
-    weight = np.exp(log_prior + log_likelihood - (log_prior + log_likelihood).max())
-    return float((weight * _RATES).sum() / weight.sum())
+        highest = max(highest, log_prior[k] + log_likelihood[k])
+    total, mean = 0.0, 0.0
+    for k in range(len(_RATES)):
+        weight = np.exp(log_prior[k] + log_likelihood[k] - highest)
+        total += weight
+        mean += weight * _RATES[k]
+    return mean / total
 
 
 @compiled
-def _unrivalled(index: IntArray, cost: FloatArray) -> BoolArray:
-    """(P,) whether each pair costs at least the margin less than all others of its track or detection (P,)."""
-    least = np.full((2, index.max() + 1), np.inf)
-    for pair, own in enumerate(index):
-        low, high = min(cost[pair], least[0, own]), max(cost[pair], least[0, own])
-        least[0, own], least[1, own] = low, min(high, least[1, own])
-    result = np.empty(len(index), np.bool_)
-    for pair, own in enumerate(index):
-        result[pair] = cost[pair] == least[0, own] and cost[pair] + _MARGIN <= least[1, own]
-    return result
+def _note_least(least: FloatArray, first: int, index: int, cost: float) -> None:
+    """Write a cost to the lowest and second lowest ones of an index, in two rows from `first` on."""
+    if cost < least[first, index]:
+        least[first + 1, index] = least[first, index]
+        least[first, index] = cost
+    elif cost < least[first + 1, index]:
+        least[first + 1, index] = cost

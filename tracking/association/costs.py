@@ -186,18 +186,16 @@ def _gate(
         n, m = pairs.rows[pair], pairs.columns[pair]
         if tracks.kind[n] != detections.kind[m]:
             continue
-        yaw_rad, noise = detections.yaw_rad[m], pairs.noise_m2[size]
+        yaw_rad = detections.yaw_rad[m]
         cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
         surplus_m2 = (detections.size_m[m, 1] - tracks.size_m[n, 1]) ** 2 / 12
-        noise[:] = detections.noise_m2[m]
-        noise[0, 0] += surplus_m2 * cos * cos
-        noise[1, 1] += surplus_m2 * sin * sin
-        noise[0, 1] += surplus_m2 * cos * sin
-        noise[1, 0] = noise[0, 1]
+        noise_xx = detections.noise_m2[m, 0, 0] + surplus_m2 * cos * cos
+        noise_yy = detections.noise_m2[m, 1, 1] + surplus_m2 * sin * sin
+        noise_xy = detections.noise_m2[m, 0, 1] + surplus_m2 * cos * sin
         drift_m2 = (drift_std_mps * tracks.unseen_s[n]) ** 2
-        xx = tracks.cov_m2[n, 0, 0] + noise[0, 0] + drift_m2
-        yy = tracks.cov_m2[n, 1, 1] + noise[1, 1] + drift_m2
-        xy = tracks.cov_m2[n, 0, 1] + noise[0, 1]
+        xx = tracks.cov_m2[n, 0, 0] + noise_xx + drift_m2
+        yy = tracks.cov_m2[n, 1, 1] + noise_yy + drift_m2
+        xy = tracks.cov_m2[n, 0, 1] + noise_xy
 
         x, y = detections.xy_m[m, 0] - tracks.xy_m[n, 0], detections.xy_m[m, 1] - tracks.xy_m[n, 1]
         determinant = xx * yy - xy * xy
@@ -206,7 +204,7 @@ def _gate(
         turn_rad -= np.pi * np.rint(turn_rad / np.pi)
         if turn_rad != 0 and abs(turn_rad) <= _MAX_TURN_RAD and tracks.heading_weight[n] > 0:
             # To the end of an arc instead of a straight path, see `arc_offset`.
-            way_x, way_y = tracks.displacement_m[n]
+            way_x, way_y = tracks.displacement_m[n, 0], tracks.displacement_m[n, 1]
             chord = np.sin(turn_rad / 2) / (turn_rad / 2)
             ahead, left = chord * np.cos(turn_rad / 2) - 1, chord * np.sin(turn_rad / 2)
             x, y = x - ahead * way_x + left * way_y, y - left * way_x - ahead * way_y
@@ -224,8 +222,9 @@ def _gate(
         heading_chi2 = (np.sin(tracks.yaw_rad[n] - yaw_rad) / heading_std_rad) ** 2
         cost += min(heading_chi2, max_heading_cost) * tracks.heading_weight[n]
         if max_size_cost:
-            growth = np.log(tracks.size_m[n] / detections.size_m[m])
-            cost += min(((abs(growth[0]) + abs(growth[1])) / size_log_std) ** 2, max_size_cost)
+            wider = abs(np.log(tracks.size_m[n, 0] / detections.size_m[m, 0]))
+            longer = abs(np.log(tracks.size_m[n, 1] / detections.size_m[m, 1]))
+            cost += min(((wider + longer) / size_log_std) ** 2, max_size_cost)
         # The track's Gaussian over the density among all vehicles.
         colour_chi2, colour_variance = 0.0, 1.0
         for k in range(3):
@@ -234,6 +233,8 @@ def _gate(
             colour_variance *= variance
         density = np.exp(-colour_chi2 / 2) / np.sqrt(colour_variance)
         pairs.rows[size], pairs.columns[size], pairs.turn_rad[size] = n, m, turn_rad
+        pairs.noise_m2[size, 0, 0], pairs.noise_m2[size, 1, 1] = noise_xx, noise_yy
+        pairs.noise_m2[size, 0, 1] = pairs.noise_m2[size, 1, 0] = noise_xy
         pairs.cost[size], pairs.colour_ratio[size] = cost, density / detections.colour_density[m]
         size += 1
     return size

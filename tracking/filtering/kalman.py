@@ -113,7 +113,7 @@ class KalmanFilters:
 
     def update(self, rows: IntArray, xy_world_m: FloatArray, noise_m2: FloatArray) -> None:
         """Update filters (M,) with measured positions (M, 2) and their covariances (M, 2, 2)."""
-        _update(self.mean, self.cov, rows, xy_world_m, noise_m2)
+        _update(self.mean, self.cov, rows, xy_world_m, noise_m2, np.empty((2, 4)))
 
     def speed_mps(self) -> FloatArray:
         """(N,) speeds."""
@@ -121,7 +121,9 @@ class KalmanFilters:
 
     def is_moving(self) -> BoolArray:
         """(N,) whether the velocity differs from zero by at least three standard deviations."""
-        return _is_moving(self.mean, self.cov)
+        moving = np.empty(len(self.mean), np.bool_)
+        _find_moving(self.mean, self.cov, moving)
+        return moving
 
     def is_stationary(self, max_mps: float) -> BoolArray:
         """(N,) whether the speed is below a limit, with a standard deviation below twice the limit."""
@@ -130,28 +132,17 @@ class KalmanFilters:
 
     def position_std_m(self) -> FloatArray:
         """(N,) standard deviation of the position along its least certain direction."""
-        return _position_std_m(self.cov)
+        xx, yy, xy = self.cov[:, 0, 0], self.cov[:, 1, 1], self.cov[:, 0, 1]
+        return np.asarray(np.sqrt((xx + yy) / 2 + np.hypot((xx - yy) / 2, xy)))
 
 
 @compiled
-def _is_moving(mean: FloatArray, cov: FloatArray) -> BoolArray:
-    """See `KalmanFilters.is_moving`."""
-    moving = np.empty(len(mean), np.bool_)
+def _find_moving(mean: FloatArray, cov: FloatArray, moving: BoolArray) -> None:
+    """See `KalmanFilters.is_moving`; written to `moving` (N,)."""
     for n in range(len(mean)):
         x, y, xx, yy, xy = mean[n, 2], mean[n, 3], cov[n, 2, 2], cov[n, 3, 3], cov[n, 2, 3]
         chi2 = (x * x * yy - 2 * x * y * xy + y * y * xx) / (xx * yy - xy * xy)
         moving[n] = chi2 > _MOVING_SIGMA**2
-    return moving
-
-
-@compiled
-def _position_std_m(cov: FloatArray) -> FloatArray:
-    """See `KalmanFilters.position_std_m`."""
-    std_m = np.empty(len(cov))
-    for n in range(len(cov)):
-        xx, yy, xy = cov[n, 0, 0], cov[n, 1, 1], cov[n, 0, 1]
-        std_m[n] = np.sqrt((xx + yy) / 2 + np.hypot((xx - yy) / 2, xy))
-    return std_m
 
 
 @compiled
@@ -176,14 +167,25 @@ def _predict(mean: FloatArray, cov: FloatArray, seconds: FloatArray, psd_m2ps3: 
 
 
 @compiled
-def _update(mean: FloatArray, cov: FloatArray, rows: IntArray, xy_world_m: FloatArray, noise_m2: FloatArray) -> None:
-    """See `KalmanFilters.update`; states (N, 4) and covariances (N, 4, 4) are changed in place."""
+def _update(
+    mean: FloatArray,
+    cov: FloatArray,
+    rows: IntArray,
+    xy_world_m: FloatArray,
+    noise_m2: FloatArray,
+    seen: FloatArray,
+) -> None:
+    """See `KalmanFilters.update`; states (N, 4) and covariances (N, 4, 4) are changed in place.
+
+    `seen` (2, 4) is room for H P.
+    """
     for k, n in enumerate(rows):
         xx, yy = cov[n, 0, 0] + noise_m2[k, 0, 0], cov[n, 1, 1] + noise_m2[k, 1, 1]
         xy = cov[n, 0, 1] + noise_m2[k, 0, 1]
         determinant = xx * yy - xy * xy
         x, y = xy_world_m[k, 0] - mean[n, 0], xy_world_m[k, 1] - mean[n, 1]
-        seen = cov[n, :2].copy()  # H P
+        for i in range(4):
+            seen[0, i], seen[1, i] = cov[n, 0, i], cov[n, 1, i]
         for i in range(4):
             gain_x = (seen[0, i] * yy - seen[1, i] * xy) / determinant
             gain_y = (seen[1, i] * xx - seen[0, i] * xy) / determinant

@@ -53,21 +53,24 @@ class RunningMedian:
 
     def update(self, rows: IntArray, values: FloatArray) -> None:
         """Append values (M, K) of new detections to tracks (M,)."""
-        _append(self._state, self.count, rows, values)
+        _append(self._state, self.count, rows, values, np.empty(self._state.shape[2]))
 
 
 @compiled
-def _append(state: FloatArray, count: IntArray, rows: IntArray, values: FloatArray) -> None:
-    """See `RunningMedian.update`; states (N, K, 3 + window) and counts (N,) are changed in place."""
+def _append(state: FloatArray, count: IntArray, rows: IntArray, values: FloatArray, ordered: FloatArray) -> None:
+    """See `RunningMedian.update`; states (N, K, 3 + window) and counts (N,) are changed in place.
+
+    `ordered` is room for the values of a window.
+    """
     window = state.shape[2] - 3
-    ordered = np.empty(window)
     for m, n in enumerate(rows):
         slot = count[n] % window
         count[n] += 1
         for k in range(values.shape[1]):
             state[n, k, 3 + slot] = values[m, k]
             size = 0
-            for value in state[n, k, 3:]:  # insertion sort
+            for index in range(window):  # insertion sort
+                value = state[n, k, 3 + index]
                 if not np.isnan(value):
                     place = size
                     while place and ordered[place - 1] > value:
@@ -77,6 +80,6 @@ def _append(state: FloatArray, count: IntArray, rows: IntArray, values: FloatArr
                     size += 1
             median = (ordered[(size - 1) // 2] + ordered[size // 2]) / 2 if size else np.nan
             squared_deviation = 0.0
-            for value in ordered[:size]:
-                squared_deviation += (value - median) ** 2
+            for index in range(size):
+                squared_deviation += (ordered[index] - median) ** 2
             state[n, k, 0], state[n, k, 1], state[n, k, 2] = median, size, squared_deviation
