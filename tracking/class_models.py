@@ -175,7 +175,7 @@ def _learn(
     noise_m2: FloatArray,
     use: BoolArray,
 ) -> None:
-    """Add squared noises in units of the configured variance, and their numbers, to `noise` (2, levels, categories)."""
+    """Add squared noises, in units of the configured variance, and their numbers to `noise` (2, levels, kinds)."""
     for n in range(len(kind)):
         if not use[n]:
             continue

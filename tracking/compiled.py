@@ -1,4 +1,4 @@
-"""Compilation of loops over tracks and detections: a frame has few of both, so that many small array calls are slow."""
+"""Compilation of loops over the few tracks and detections of a frame, for which many small array calls are slow."""
 
 from __future__ import annotations
 
@@ -9,7 +9,13 @@ import numba
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 # Without reference counting, Python's division errors and a wrapper for C, compilation takes less time.
-_OPTIONS: dict[str, Any] = {"cache": True, "nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True, "_nrt": False}
+_OPTIONS: dict[str, Any] = {
+    "cache": True,
+    "nogil": True,
+    "error_model": "numpy",
+    "no_cfunc_wrapper": True,
+    "_nrt": False,
+}
 
 
 def compiled(function: _Function) -> _Function:

@@ -79,8 +79,8 @@ class TrackTable:
     """N tracks, ordered by id.
 
     Attributes:
-        state: their state, but for
-        filters: N Kalman filters.
+        state: times, headings and evidence.
+        filters: N Kalman filters: positions and velocities.
     """
 
     def __init__(self, config: LifecycleConfig, classes: ClassTable) -> None:
@@ -107,7 +107,7 @@ class TrackTable:
     def _set_tables(self, integers: IntArray, flags: BoolArray, floats: FloatArray) -> None:
         """Replace the state by tables (..., N): few arrays grow and shrink faster than many."""
         self._tables = integers, flags, floats
-        self.state = TrackState(*integers, *flags, *floats[:7], floats[7:9], floats[9:11], floats[11:])
+        self.state = TrackState._make([*integers, *flags, *floats[:7], floats[7:9], floats[9:11], floats[11:]])
         self._models = self._classes.parameters(self.state.kind)
 
     def __len__(self) -> int:
@@ -151,7 +151,9 @@ class TrackTable:
         """(N,) whether a track is confirmed and matched, or coasts: likely there, at a well-known position."""
         config = self._config
         likely = self._score_log_odds >= config.coast_log_odds
-        coasting = (self.state.unseen_s <= config.coast_s) & (self.filters.position_std_m() <= config.coast_std_m) & likely
+        coasting = (
+            (self.state.unseen_s <= config.coast_s) & (self.filters.position_std_m() <= config.coast_std_m) & likely
+        )
         return np.asarray(self.state.confirmed & ((self.state.unseen_s == 0) | coasting))
 
     def predict(self, seconds: float) -> None:
@@ -172,9 +174,9 @@ class TrackTable:
         """Count the last time step as a miss of unmatched tracks, except for tracks in blind spots (N,).
 
         Returns:
-            (N,) tracks that expire: missed for too long, or unconfirmed and missed once. Tracks with negative log-odds
-            expire once lost. Time in a blind spot is no miss, but `forget_s` and `forget_stationary_s` apply there
-            too.
+            (N,) tracks that expire: missed for too long, or unconfirmed and missed once. Tracks with negative
+            log-odds expire once lost. Time in a blind spot is no miss, but `forget_s` and `forget_stationary_s` apply
+            there too.
         """
         expired, log_odds = np.empty(len(self), np.bool_), self.log_odds
         count_misses(self.state, blind, log_odds, seconds, self._decay, self._weight, *self._limits, expired)
@@ -185,8 +187,8 @@ class TrackTable:
         median, mean, cov, model = self._medians.median, self.filters.mean, self.filters.cov, self._models
         config, state = self._config, self.state
         lab_variance = np.empty((len(self), 3))
-        spread = (each[:, LAB].copy() for each in (self._medians.squared_deviation, self._medians.known))
-        shrunk_variance(*spread, np.array(config.lab_std), float(config.lab_prior_weight), lab_variance)
+        deviation, known = self._medians.squared_deviation[:, LAB].copy(), self._medians.known[:, LAB].copy()
+        shrunk_variance(deviation, known, np.array(config.lab_std), float(config.lab_prior_weight), lab_variance)
         return TrackFeatures(
             xy_m=mean[:, :2].copy(),
             cov_m2=cov[:, :2, :2].copy(),

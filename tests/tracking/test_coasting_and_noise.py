@@ -40,9 +40,8 @@ def learn(table: ClassTable, log_odds: float, std_m: float, frames: int, seed: i
     dice, kind = np.random.default_rng(seed), table.numbers(["car"])
     for _ in range(frames):
         noise_m2 = np.eye(2)[None] * 0.04 * table.noise_factor(kind, np.array([log_odds]))
-        table.learn_noise(
-            kind, np.array([log_odds]), dice.normal(0, std_m, (1, 2)), np.full((1, 2, 2), 1e-9), noise_m2
-        )
+        innovation_m, cov_m2 = dice.normal(0, std_m, (1, 2)), np.full((1, 2, 2), 1e-9)
+        table.learn_noise(kind, np.array([log_odds]), innovation_m, cov_m2, noise_m2, np.ones(1, np.bool_))
 
 
 def test_the_noise_is_learnt_for_each_score() -> None:

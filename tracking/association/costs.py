@@ -145,8 +145,8 @@ def gate_pairs(
     the negative log-likelihood of the position given the prediction, for straight motion or along an arc, plus the
     capped costs of heading and size.
 
-    A detection longer than the vehicle is merged with another one, a shorter one is partly missing. Along its heading,
-    the position is then uniform over the length difference: the noise gets the variance of its square over 12.
+    A detection longer than the vehicle is merged with another one, a shorter one is partly missing. Along its
+    heading, the position is then uniform over the length difference: variance of its square over 12.
     """
     n = len(rows)
     pairs = CandidatePairs(rows.copy(), columns.copy(), np.empty((n, 2, 2)), *np.empty((3, n)))

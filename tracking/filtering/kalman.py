@@ -214,18 +214,3 @@ def _scaled_rotations(ahead: FloatArray, left: FloatArray) -> FloatArray:
     result[:, 1, 0] = left
     result[:, 0, 1] = -left
     return result
-
-
-def invert_2x2(matrices: FloatArray) -> FloatArray:
-    """Return the inverses of symmetric matrices (..., 2, 2)."""
-    result = np.empty_like(matrices)
-    determinant = determinant_2x2(matrices)
-    result[..., 0, 0] = matrices[..., 1, 1] / determinant
-    result[..., 1, 1] = matrices[..., 0, 0] / determinant
-    result[..., 0, 1] = result[..., 1, 0] = -matrices[..., 0, 1] / determinant
-    return result
-
-
-def determinant_2x2(matrices: FloatArray) -> FloatArray:
-    """Return the determinants of symmetric matrices (..., 2, 2)."""
-    return np.asarray(matrices[..., 0, 0] * matrices[..., 1, 1] - matrices[..., 0, 1] ** 2)
