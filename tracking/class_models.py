@@ -68,6 +68,7 @@ CLASS_MODELS: Mapping[str, ClassModel] = {
             across_accel_psd_m2ps3=0.2,
             along_std_m=0.15,
             across_std_m=0.15,
+            stationary_psd=1.0,  # who stands may walk on
         ),
         gate_scale=0.5,
         heading_weight=0.0,
@@ -89,6 +90,7 @@ class ClassParameters(NamedTuple):
     along_std_m: FloatArray
     across_std_m: FloatArray
     truncated_std_m: FloatArray
+    stationary_psd: FloatArray
     gate_scale: FloatArray
     heading_weight: FloatArray
     prior_log_odds: FloatArray

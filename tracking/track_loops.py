@@ -83,7 +83,6 @@ def advance(
     mean: FloatArray,
     seconds: float,
     lost_s: float,
-    stationary_psd: float,
     moving_s: FloatArray,
     psd_m2ps3: FloatArray,
 ) -> None:
@@ -95,7 +94,7 @@ def advance(
     for n in range(len(mean)):
         state.lost[n] = state.unseen_s[n] > lost_s
         moving_s[n] = 0.0 if state.stationary[n] and state.unseen_s[n] > 0 else seconds
-        calm = stationary_psd if state.stationary[n] else 1.0
+        calm = model.stationary_psd[n] if state.stationary[n] else 1.0
         along = calm * model.along_accel_psd_m2ps3[n]
         across = calm * model.across_accel_psd_m2ps3[n]
         across += model.heading_psd_rad2ps[n] * (mean[n, 2] ** 2 + mean[n, 3] ** 2)

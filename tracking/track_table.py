@@ -39,7 +39,6 @@ class LifecycleConfig:
         forget_s: time without a detection after which a track is deleted.
         forget_stationary_s: the same for stationary tracks, which may be occluded for long.
         stationary_mps: speed below which a track is stationary; it keeps its position while unmatched.
-        stationary_psd: factor on the spectral density of the acceleration of stationary tracks: most are parked.
         heading_smoothing_s: time constant of the heading.
         front_from_motion_mps: speed above which the motion determines front and rear.
         median_window: number of detections in the medians of size and colour.
@@ -63,7 +62,6 @@ class LifecycleConfig:
     forget_s: float = 8.0
     forget_stationary_s: float = 30.0
     stationary_mps: float = 1.0
-    stationary_psd: float = 0.2
     heading_smoothing_s: float = 0.3
     front_from_motion_mps: float = 1.0
     median_window: int = 11
@@ -87,7 +85,6 @@ class TrackTable:
         """Start with no tracks."""
         self._config, self._classes = config, classes
         # As floats, because each type is compiled anew.
-        self._calm = float(config.lost_s), float(config.stationary_psd)
         self._confirmation = (
             float(config.confirm_log_odds),
             float(config.confirm_s),
@@ -161,7 +158,7 @@ class TrackTable:
         # The shortest interval so far is that of the recording: left-out frames change nothing.
         self._set_step(min(self._step_s, seconds))
         moving_s, psd_m2ps3 = np.empty(len(self)), np.empty((len(self), 2, 2))
-        advance(self.state, self._models, self.filters.mean, seconds, *self._calm, moving_s, psd_m2ps3)
+        advance(self.state, self._models, self.filters.mean, seconds, float(self._config.lost_s), moving_s, psd_m2ps3)
         self.filters.predict(moving_s, psd_m2ps3)
 
     def _set_step(self, seconds: float) -> None:

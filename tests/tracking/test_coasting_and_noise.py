@@ -74,16 +74,18 @@ def test_the_noise_of_unsure_detections_enters_the_covariance() -> None:
 
 def test_a_parked_car_is_surer_of_its_place_than_a_driving_one() -> None:
     """After the same number of detections, its steady state has less process noise."""
+    assert std_m("car", 0.0) < 0.9 * std_m("car", 8.0)
 
-    def std_m(speed_mps: float) -> float:
-        def at(i: int) -> Detections:
-            return seen([(-20 + speed_mps * i / 10, 0)])
 
-        tracker = Tracker()
-        follow(at, 30, tracker=tracker)
-        return float(tracker._table.filters.position_std_m()[0])
+def test_who_stands_may_walk_on() -> None:
+    assert std_m("pedestrian", 0.0) == pytest.approx(std_m("pedestrian", 1.5), rel=0.01)
 
-    assert std_m(0.0) < 0.9 * std_m(8.0)
+
+def std_m(kind: str, speed_mps: float) -> float:
+    """Standard deviation of the position of an object after three seconds."""
+    tracker = Tracker()
+    follow(lambda i: seen([(-20 + speed_mps * i / 10, 0)], kind=[kind]), 30, tracker=tracker)
+    return float(tracker._table.filters.position_std_m()[0])
 
 
 def test_a_truncated_box_begins_a_track_of_unknown_direction() -> None:

@@ -32,6 +32,8 @@ class MotionConfig:
         along_std_m: standard deviation of a detection's position along the heading.
         across_std_m: the same across the heading.
         truncated_std_m: standard deviation added to both if the detection is truncated.
+        stationary_psd: factor on the spectral densities of the acceleration while stationary: most vehicles that stand
+            are parked.
     """
 
     along_speed_std_mps: float = 8.0
@@ -42,6 +44,7 @@ class MotionConfig:
     along_std_m: float = 0.25
     across_std_m: float = 0.2
     truncated_std_m: float = 0.5
+    stationary_psd: float = 0.2
 
 
 def oriented_covariance(yaw_rad: FloatArray, along: FloatArray | float, across: FloatArray | float) -> FloatArray:
