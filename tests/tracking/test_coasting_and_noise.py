@@ -9,7 +9,6 @@ import pytest
 from made_detections import follow, seen
 
 from tracking.class_models import CLASS_MODELS, ClassModel, ClassTable
-from tracking.detections import Detections
 from tracking.track_table import LifecycleConfig
 from tracking.tracker import Tracker, TrackerConfig
 from tracking.world_detections import detections_in_world

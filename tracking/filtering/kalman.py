@@ -32,8 +32,8 @@ class MotionConfig:
         along_std_m: standard deviation of a detection's position along the heading.
         across_std_m: the same across the heading.
         truncated_std_m: standard deviation added to both if the detection is truncated.
-        stationary_psd: factor on the spectral densities of the acceleration while stationary: most vehicles that stand
-            are parked.
+        stationary_psd: factor on the spectral densities of the acceleration while stationary: most such vehicles are
+            parked.
     """
 
     along_speed_std_mps: float = 8.0
