@@ -13,6 +13,8 @@ from appocc.checks import FloatArray
 from appocc.ego_vehicle import EgoVehicle
 from appocc.errors import DataError, NotFoundError, ShapeError
 from appocc.geometry import transform
+from appocc.rigs.source_rig import SourceRig as SourceRig
+from appocc.rigs.source_rig import pinhole_source
 from appocc.typing import PathLike
 from appocc.yaml_file import read_yaml
 
@@ -71,6 +73,16 @@ class _RigModel(BaseModel):
 def rig_names() -> tuple[str, ...]:
     """Return the names of the shipped rigs."""
     return tuple(sorted(path.stem for path in FOLDER.glob("*.yaml")))
+
+
+def read_source_rig(name_or_path: PathLike) -> SourceRig:
+    """Read the source cameras and the pinhole cameras of a shipped rig, or of a rig in a YAML file.
+
+    Raises:
+        NotFoundError: if there is neither a shipped rig nor a file of this name.
+        DataError: if the file is damaged or not a valid rig.
+    """
+    return pinhole_source(read_rig(name_or_path))
 
 
 def read_rig(name_or_path: PathLike) -> CameraRig:
