@@ -130,4 +130,4 @@ class DistortedLens:
             xy = 2 * x * y * change + 2 * p1 * x + 2 * p2 * y
             determinant = xx * yy - xy * xy
             step = np.stack([yy * off[:, 0] - xy * off[:, 1], xx * off[:, 1] - xy * off[:, 0]], axis=1)
-            return np.nan_to_num(step / determinant[:, None], nan=0.0, posinf=0.0, neginf=0.0)
+            return np.asarray(np.nan_to_num(step / determinant[:, None], nan=0.0, posinf=0.0, neginf=0.0))

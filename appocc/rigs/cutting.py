@@ -20,7 +20,7 @@ from appocc.rigs.source_rig import View
 
 WIDEST_PINHOLE_DEG = 115.0
 WIDEST_VIEW_DEG = 100.0
-# A wide lens is cut where it sees these elevations: the ground from 4 m on, at a height of 1.5 m, and vehicles nearby.
+# A wide lens is cut where it sees these elevations: the ground from 4 m on, at a height of 1.5 m, and vehicles.
 _SEEN_DEG = (-20.0, -6.0, 8.0)
 _HALF_TURN_DEG = 100.0
 # Extent of a level view above and below the horizon, per width.
@@ -139,7 +139,7 @@ def _view(camera: SourceCamera, channel: str, ego_from_view: FloatArray, around:
             break
         intrinsic = np.array([[focal, 0, -sides.left * focal], [0, focal, -sides.top * focal], [0, 0, 1]])
         pixels = _source_pixels(camera, cam_from_view, intrinsic, size)
-        if camera.sees(pixels.reshape(-1, 2)).all():
+        if camera.sees(pixels.reshape(2, -1).T).all():
             pose = transform(ego_from_view, camera.ego_from_cam[:3, 3])
             return View(Camera(channel, *size, intrinsic, pose), camera.name, pixels.astype(np.float32))
         sides = sides.trimmed(_TRIM)
@@ -195,7 +195,7 @@ def _focal_px(camera: SourceCamera, cam_from_view: FloatArray, sides: _Rectangle
 def _source_pixels(
     camera: SourceCamera, cam_from_view: FloatArray, intrinsic: FloatArray, size_px: tuple[int, int]
 ) -> FloatArray:
-    """Return the source pixels (H, W, 2) of the pixels of a view."""
+    """Return the source pixels (2, H, W) of the pixels of a view."""
     u, v = np.meshgrid(*(np.arange(n, dtype=np.float64) for n in size_px))
     rays = np.stack([u, v, np.ones_like(u)], axis=-1).reshape(-1, 3) @ (cam_from_view @ np.linalg.inv(intrinsic)).T
-    return camera.lens.project(rays).reshape(*u.shape, 2)
+    return np.asarray(camera.lens.project(rays).T.reshape(2, *u.shape))

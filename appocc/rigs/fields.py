@@ -53,13 +53,13 @@ class Fields:
         """Return the file and the path of a key, for messages."""
         return f"{self._file}: {self._at}.{key}" if self._at else f"{self._file}: {key}"
 
-    def inside(self, key: str, known: Collection[str] = (), example: str = "") -> Fields:
+    def inside(self, key: str | int, known: Collection[str] = (), example: str = "") -> Fields:
         """Return the mapping of a key.
 
         Raises:
             DataError: if it is none.
         """
-        return Fields(self[key], self._file, f"{self._at}.{key}" if self._at else key, known, example)
+        return Fields(self[key], self._file, f"{self._at}.{key}" if self._at else str(key), known, example)
 
     def having(self, **more: Any) -> Fields:
         """Return the same mapping with some values added or replaced."""

@@ -14,6 +14,7 @@ from appocc.camera import Camera, CameraRig
 from appocc.checks import ByteArray, Float32Array, check_dtype, check_shape, freeze_arrays
 from appocc.ego_vehicle import EgoVehicle
 from appocc.errors import DataError, NotFoundError
+from appocc.lenses import DistortedLens
 from appocc.rigs.source_camera import SourceCamera
 
 # A picture reduced to whole pixels has this aspect up to half a pixel on its shorter side.
@@ -27,7 +28,7 @@ class View:
     Attributes:
         camera: the pinhole camera.
         source: name of the source camera.
-        places: (H, W, 2) float32, the source pixel (u, v) of each of its pixels; None if the picture itself is a
+        places: (2, H, W) float32, the source pixel u, v of each of its pixels; None if the picture itself is a
             pinhole's.
     """
 
@@ -43,7 +44,7 @@ class View:
         """
         if self.places is not None:
             check_shape(
-                f"{self.camera.channel} places", self.places, (self.camera.height_px, self.camera.width_px, 2)
+                f"{self.camera.channel} places", self.places, (2, self.camera.height_px, self.camera.width_px)
             )
             freeze_arrays(self, "places")
 
@@ -51,7 +52,7 @@ class View:
         """Return the image of the pinhole camera, (H, W, 3) uint8, from that of the source camera."""
         if self.places is None:
             return image
-        cut = cv2.remap(image, np.array(self.places), None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        cut = cv2.remap(image, self.places[0], self.places[1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
         return np.asarray(cut, np.uint8)
 
 
@@ -68,6 +69,18 @@ class SourceRig:
     cameras: tuple[SourceCamera, ...]
     views: tuple[View, ...]
     ego_vehicle: EgoVehicle
+
+    @classmethod
+    def of_pinholes(cls, rig: CameraRig) -> SourceRig:
+        """Return the source rig of pinhole cameras: their pictures are the images, named by channel."""
+        flat = np.zeros(4)
+        cameras = tuple(
+            SourceCamera(
+                c.channel, c.channel, c.width_px, c.height_px, DistortedLens(c.intrinsic, flat), c.ego_from_cam
+            )
+            for c in rig
+        )
+        return cls(cameras, tuple(View(camera, camera.channel) for camera in rig), rig.ego_vehicle)
 
     @property
     def names(self) -> tuple[str, ...]:
