@@ -34,7 +34,7 @@ def read_pose(fields: Fields) -> FloatArray:
     for angle in POSITION_KEYS[1:]:
         if angle in fields:
             raise fields.refusal(angle, f"nothing beside {key}, which has the rotation")
-    pose = _target_from_source(fields, key)
+    pose = read_transform(fields, key)
     if key == "cam_from_ego":
         pose = inverse(pose)
     if _axes(fields, key) == "body":
@@ -80,8 +80,12 @@ def _axes(fields: Fields, key: str) -> str:
     return fields.text("axes", ("optical", "body"), "optical")
 
 
-def _target_from_source(fields: Fields, key: str) -> FloatArray:
-    """Return the (4, 4) transform of a key: a matrix, or a rotation and a translation."""
+def read_transform(fields: Fields, key: str) -> FloatArray:
+    """Return the (4, 4) transform of a key, metres: a matrix, or a rotation and a translation.
+
+    Raises:
+        DataError: if it is invalid.
+    """
     if isinstance(fields[key], dict):
         parts = fields.inside(key, (*_ROTATION_KEYS, "pitch_deg", "roll_deg", "translation_m"))
         return transform(_rotation(parts), _translation(parts, "translation_m"))

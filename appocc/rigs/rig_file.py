@@ -10,15 +10,16 @@ from typing import Any
 
 from appocc.ego_vehicle import EgoVehicle
 from appocc.errors import DataError, ShapeError
+from appocc.rigs.calibration import read_calibration
 from appocc.rigs.cutting import cut_views
 from appocc.rigs.fields import Fields
 from appocc.rigs.optics import OPTICS_KEYS, read_lens
-from appocc.rigs.poses import POSE_KEYS, read_pose
+from appocc.rigs.poses import MATRIX_KEYS, POSE_KEYS, read_pose
 from appocc.rigs.source_camera import SourceCamera
 from appocc.rigs.source_rig import SourceRig
 
 ROLES = ("front", "front_left", "front_right", "left", "right", "back", "back_left", "back_right")
-_CAMERA_KEYS = ("role", "size_px", *OPTICS_KEYS, *POSE_KEYS)
+_CAMERA_KEYS = ("role", "size_px", "calibration", *OPTICS_KEYS, *POSE_KEYS)
 _LEAST_PX, _MOST_PX = 8, 8192
 _NAME = re.compile(r"[^/\\\0]{1,60}")
 _EXAMPLE_CAMERA = "{size_px: [1920, 1080], fov_deg: 70, position_m: [1.7, 0, 1.5], yaw_deg: 0}"
@@ -39,7 +40,7 @@ def read_rig_file(path: Path, values: Any) -> SourceRig:
     if "cameras" not in top:
         raise top.refusal("cameras", "the cameras by name", _EXAMPLE)
     listed = top.inside("cameras", (), _EXAMPLE.removeprefix("cameras: "))
-    cameras = tuple(_camera(listed, name) for name in listed.keys)
+    cameras = tuple(_camera(listed, name, path.parent) for name in listed.keys)
     _check_channels(top, cameras)
     try:
         views = tuple(view for camera in cameras for view in cut_views(camera))
@@ -48,17 +49,31 @@ def read_rig_file(path: Path, values: Any) -> SourceRig:
         raise DataError(f"{path}: {str(error).removeprefix(f'{path}: ')}") from error
 
 
-def _camera(listed: Fields, key: Any) -> SourceCamera:
+def _camera(listed: Fields, key: Any, folder: Path) -> SourceCamera:
     name = str(key)
     if not isinstance(key, str | int) or isinstance(key, bool) or not _NAME.fullmatch(name) or name.startswith("."):
         raise DataError(f"{listed.where}: expected a name that its pictures can have, such as front, got {key!r}")
-    fields = listed.inside(key, _CAMERA_KEYS, _EXAMPLE_CAMERA)
+    fields = _with_calibration(listed.inside(key, _CAMERA_KEYS, _EXAMPLE_CAMERA), folder)
     size = _size_px(fields)
     channel = _channel(fields, name)
     try:
         return SourceCamera(name, channel, *size, read_lens(fields, size), read_pose(fields))
     except ShapeError as error:
         raise DataError(f"{fields.where}: {error}") from error
+
+
+def _with_calibration(fields: Fields, folder: Path) -> Fields:
+    """Return the keys of a camera with those of its calibration file."""
+    if "calibration" not in fields:
+        return fields
+    found = read_calibration(fields, folder)
+    for key in fields.keys:
+        if key in OPTICS_KEYS or (key == "size_px" and key in found):
+            raise fields.refusal(key, "nothing, as the calibration file has it")
+    # A pose in the rig file is meant, whatever the calibration file has.
+    if any(key in fields for key in ("position_m", *MATRIX_KEYS)):
+        found.pop("ego_from_cam", None)
+    return fields.having(**found)
 
 
 def _size_px(fields: Fields) -> tuple[int, int]:
