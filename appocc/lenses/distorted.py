@@ -15,13 +15,38 @@ from numpy.polynomial import Polynomial
 
 from appocc.checks import FloatArray, check_finite, check_intrinsic, freeze_arrays
 from appocc.errors import ShapeError
-from appocc.lenses.rising import RisingFunction, rising_until
+from appocc.lenses.rising import RisingFunction
 
 COUNTS = (4, 5, 8)
 # No such lens sees farther from its axis.
 _WIDEST_RAD = np.radians(88.0)
 _NEWTON_STEPS = 12
 _EXACT = 1e-9
+
+
+class _Radial(RisingFunction):
+    """The distance r g from the axis in the picture, over the focal length, of the distance r of an ideal pinhole."""
+
+    def __init__(self, k: FloatArray) -> None:
+        """Take the coefficients k1, k2, p1, p2, k3, k4, k5, k6."""
+        self._above, self._below = Polynomial([1.0, k[0], k[1], k[4]]), Polynomial([1.0, k[5], k[6], k[7]])
+        super().__init__(float(np.tan(_WIDEST_RAD)))
+
+    def factor(self, r2: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return g and its derivative over r^2, at r^2."""
+        with np.errstate(all="ignore"):
+            top, bottom = self._above(r2), self._below(r2)
+            change = (self._above.deriv()(r2) * bottom - top * self._below.deriv()(r2)) / bottom**2
+            return top / bottom, change
+
+    def value(self, places: FloatArray) -> FloatArray:
+        """Return r g at r."""
+        return np.asarray(places * self.factor(places**2)[0])
+
+    def slope(self, places: FloatArray) -> FloatArray:
+        """Return the derivative of r g over r; -1 where the denominator of g is not positive."""
+        factor, change = self.factor(places**2)
+        return np.where(self._below(places**2) > 0, factor + 2 * places**2 * change, -1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,37 +107,14 @@ class DistortedLens:
         return np.pad(self.coefficients, (0, max(COUNTS) - len(self.coefficients)))
 
     @cached_property
-    def _fraction(self) -> tuple[Polynomial, Polynomial]:
-        """Numerator and denominator of g, in r^2."""
-        k = self._all
-        return Polynomial([1.0, k[0], k[1], k[4]]), Polynomial([1.0, k[5], k[6], k[7]])
-
-    @cached_property
-    def _radial(self) -> RisingFunction:
-        """The distance r g in the picture, over r."""
-
-        def slope(r: FloatArray) -> FloatArray:
-            factor, change = self._factor(r * r)
-            # Where the denominator is not positive, the model has left its range.
-            return np.where(self._fraction[1](r * r) > 0, factor + 2 * r * r * change, -1.0)
-
-        def value(r: FloatArray) -> FloatArray:
-            return np.asarray(r * self._factor(r * r)[0])
-
-        return RisingFunction(value, slope, rising_until(slope, float(np.tan(_WIDEST_RAD))))
-
-    def _factor(self, r2: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return g and its derivative over r^2."""
-        above, below = self._fraction
-        with np.errstate(all="ignore"):
-            top, bottom = above(r2), below(r2)
-            return top / bottom, (above.deriv()(r2) * bottom - top * below.deriv()(r2)) / bottom**2
+    def _radial(self) -> _Radial:
+        return _Radial(self._all)
 
     def _distorted(self, slopes: FloatArray) -> FloatArray:
         (x, y), (p1, p2) = slopes.T, self._all[2:4]
         with np.errstate(all="ignore"):
             r2 = x * x + y * y
-            factor, _ = self._factor(r2)
+            factor, _ = self._radial.factor(r2)
             return np.stack(
                 [
                     x * factor + 2 * p1 * x * y + p2 * (r2 + 2 * x * x),
@@ -124,7 +126,7 @@ class DistortedLens:
     def _newton_step(self, slopes: FloatArray, off: FloatArray) -> FloatArray:
         (x, y), (p1, p2) = slopes.T, self._all[2:4]
         with np.errstate(all="ignore"):
-            factor, change = self._factor(x * x + y * y)
+            factor, change = self._radial.factor(x * x + y * y)
             xx = factor + 2 * x * x * change + 2 * p1 * y + 6 * p2 * x
             yy = factor + 2 * y * y * change + 6 * p1 * y + 2 * p2 * x
             xy = 2 * x * y * change + 2 * p1 * x + 2 * p2 * y

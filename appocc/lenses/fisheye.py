@@ -17,11 +17,46 @@ from numpy.polynomial import Polynomial
 
 from appocc.checks import FloatArray, check_finite, check_intrinsic, check_shape, freeze_arrays
 from appocc.errors import ShapeError
-from appocc.lenses.rising import Inverted, Rising, RisingFunction, rising_until
+from appocc.lenses.rising import Inverted, Rising, RisingFunction
 
 # Across. A lens whose own width is not told is taken to be as wide as its picture, at most this.
 WIDEST_DEG = 200.0
-_FARTHEST_PX = 16384
+_FARTHEST_PX = 8192.0
+
+
+class _AnglePolynomial(RisingFunction):
+    """The distance from the centre as a polynomial of the angle."""
+
+    def __init__(self, coefficients: Sequence[float], wide_deg: float) -> None:
+        """Take c1, c2, ... of the angle's powers."""
+        self._polynomial = Polynomial([0.0, *coefficients])
+        super().__init__(np.radians(wide_deg) / 2)
+
+    def value(self, places: FloatArray) -> FloatArray:
+        """Return the distances at angles (N,)."""
+        return np.asarray(self._polynomial(places))
+
+    def slope(self, places: FloatArray) -> FloatArray:
+        """Return the derivatives at angles (N,)."""
+        return np.asarray(self._polynomial.deriv()(places))
+
+
+class _MirrorAngle(RisingFunction):
+    """The angle of OCamCalib's ray at a distance from the centre."""
+
+    def __init__(self, coefficients: Sequence[float]) -> None:
+        """Take a0, a1, ... of the distance's powers."""
+        self._ahead = -Polynomial(list(coefficients))
+        super().__init__(_FARTHEST_PX)
+
+    def value(self, places: FloatArray) -> FloatArray:
+        """Return the angles at distances (N,)."""
+        return np.asarray(np.arctan2(places, self._ahead(places)))
+
+    def slope(self, places: FloatArray) -> FloatArray:
+        """Return the derivatives at distances (N,)."""
+        ahead = self._ahead(places)
+        return np.asarray((ahead - places * self._ahead.deriv()(places)) / (places**2 + ahead**2))
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,8 +120,8 @@ def kannala_brandt(intrinsic: FloatArray, k: Sequence[float], wide_deg: float = 
     """
     check_intrinsic("intrinsic", intrinsic)
     check_shape("fisheye coefficients", np.asarray(k), (4,))
-    odd = Polynomial([0.0, 1.0, 0.0, k[0], 0.0, k[1], 0.0, k[2], 0.0, k[3]])
-    return FisheyeLens(_angle_profile(odd, wide_deg), np.array(intrinsic[:2, :2]), np.array(intrinsic[:2, 2]))
+    profile = _AnglePolynomial([1.0, 0.0, k[0], 0.0, k[1], 0.0, k[2], 0.0, k[3]], wide_deg)
+    return FisheyeLens(profile, np.array(intrinsic[:2, :2]), np.array(intrinsic[:2, 2]))
 
 
 def polynomial_fisheye(
@@ -103,7 +138,7 @@ def polynomial_fisheye(
     Raises:
         ShapeError: if a value is invalid.
     """
-    profile = _angle_profile(Polynomial([0.0, *coefficients]), wide_deg)
+    profile = _AnglePolynomial(coefficients, wide_deg)
     return FisheyeLens(profile, np.diag([1.0, aspect]), np.asarray(centre_px, np.float64))
 
 
@@ -124,26 +159,8 @@ def ocamcalib(
     Raises:
         ShapeError: if a value is invalid.
     """
-    ahead = -Polynomial(list(polynomial))
     c, d, e = affine
-    if not ahead(0.0) > 0:
-        raise ShapeError(f"fisheye: expected a negative first coefficient a0, got {-ahead(0.0):g}")
-
-    def angle(distance: FloatArray) -> FloatArray:
-        return np.asarray(np.arctan2(distance, ahead(distance)))
-
-    def slope(distance: FloatArray) -> FloatArray:
-        z = ahead(distance)
-        return np.asarray((z - distance * ahead.deriv()(distance)) / (distance**2 + z**2))
-
-    half = np.radians(wide_deg) / 2
-    places = np.arange(1.0 + rising_until(slope, _FARTHEST_PX))
-    most = places[min(int(np.searchsorted(angle(places), half)), len(places) - 1)]
-    profile = Inverted(RisingFunction(angle, slope, float(most)), half)
+    if not polynomial[0] < 0:
+        raise ShapeError(f"fisheye: expected a negative first coefficient a0, got {polynomial[0]:g}")
+    profile = Inverted(_MirrorAngle(polynomial), np.radians(wide_deg) / 2)
     return FisheyeLens(profile, np.array([[1.0, e], [d, c]]), np.asarray(centre_px, np.float64))
-
-
-def _angle_profile(polynomial: Polynomial, wide_deg: float) -> RisingFunction:
-    """Return a polynomial of the angle as far as it rises and the lens sees."""
-    slope = polynomial.deriv()
-    return RisingFunction(polynomial, slope, rising_until(slope, np.radians(wide_deg) / 2))

@@ -2,25 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from abc import ABC, abstractmethod
 from typing import Protocol
 
 import numpy as np
 
 from appocc.checks import FloatArray
 
-Function = Callable[[FloatArray], FloatArray]
 _STEPS = 4096
 _NEWTON_STEPS = 6
 # A pixel on the very rim of a picture rounds to either side of it.
 _RIM = 1 + 1e-12
-
-
-def rising_until(slope: Function, most: float) -> float:
-    """Return how far from 0, at most `most`, a function rises whose slope is given."""
-    places = np.linspace(0.0, most, _STEPS)
-    falls = np.flatnonzero(~(slope(places) > 0))
-    return float(places[max(int(falls[0]) - 1, 0)]) if len(falls) else most
 
 
 class Rising(Protocol):
@@ -40,7 +32,7 @@ class Rising(Protocol):
         ...
 
 
-class RisingFunction:
+class RisingFunction(ABC):
     """A function that rises from 0 on [0, most], with its inverse by a table and Newton's method.
 
     Attributes:
@@ -48,16 +40,26 @@ class RisingFunction:
         largest: its value there.
     """
 
-    def __init__(self, value: Function, slope: Function, most: float) -> None:
-        """Tabulate the function."""
-        self._value, self._slope = value, slope
-        self._places = np.linspace(0.0, most, _STEPS)
-        self._values = value(self._places)
-        self.most, self.largest = most, float(self._values[-1])
+    def __init__(self, most: float) -> None:
+        """Tabulate the function as far as it rises, at most up to `most`."""
+        places = np.linspace(0.0, most, _STEPS)
+        falls = np.flatnonzero(~(self.slope(places) > 0))
+        self.most = float(places[max(int(falls[0]) - 1, 0)]) if len(falls) else most
+        self._places = np.linspace(0.0, self.most, _STEPS)
+        self._values = self.value(self._places)
+        self.largest = float(self._values[-1])
+
+    @abstractmethod
+    def value(self, places: FloatArray) -> FloatArray:
+        """Return the values at places (N,) of its range."""
+
+    @abstractmethod
+    def slope(self, places: FloatArray) -> FloatArray:
+        """Return the derivatives at places (N,), not positive where it does not rise."""
 
     def __call__(self, places: FloatArray) -> FloatArray:
         """Return the values at places (N,); NaN beyond `most`."""
-        return np.where(places <= self.most * _RIM, self._value(np.minimum(places, self.most)), np.nan)
+        return np.where(places <= self.most * _RIM, self.value(np.minimum(places, self.most)), np.nan)
 
     def inverse(self, values: FloatArray) -> FloatArray:
         """Return the places (N,) of values (N,); NaN where there is none."""
@@ -65,8 +67,8 @@ class RisingFunction:
         wanted = np.where(there, values, 0.0)
         places = np.interp(wanted, self._values, self._places)
         for _ in range(_NEWTON_STEPS):
-            slope = self._slope(places)
-            step = (self._value(places) - wanted) / np.where(slope > 0, slope, np.inf)
+            slope = self.slope(places)
+            step = (self.value(places) - wanted) / np.where(slope > 0, slope, np.inf)
             places = np.clip(places - step, 0.0, self.most)
         return np.where(there, places, np.nan)
 
