@@ -67,7 +67,8 @@ COLMAP = """# Camera list with one line of data per camera:
 """
 # The numbers of WoodScape's example file.
 WOODSCAPE = """{"extrinsic": {"quaternion": [0.5941767906169857, -0.5878843193897473, 0.3873184109007999,
--0.3890121040340926], "translation": [3.7484, 0.0, 0.66017]}, "intrinsic": {"aspect_ratio": 1.0, "cx_offset": 3.942, "cy_offset": -3.093,
+-0.3890121040340926], "translation": [3.7484, 0.0, 0.66017]},
+"intrinsic": {"aspect_ratio": 1.0, "cx_offset": 3.942, "cy_offset": -3.093,
 "height": 966.0, "k1": 339.749, "k2": -31.988, "k3": 48.275, "k4": -7.201, "model": "radial_poly", "poly_order": 4,
 "width": 1280.0}, "name": "FV"}"""
 RADTAN = DistortedLens(K, np.array([-0.28, 0.07, 0.0002, 2e-05]))

@@ -8,14 +8,15 @@ import pytest
 from appocc.ego_vehicle import EgoVehicle
 from appocc.errors import DataError, NotFoundError
 from appocc.geometry import inverse
-from appocc.rigs import read_rig, rig_names
+from appocc.rigs import read_rig, read_source_rig, rig_names
+from appocc.rigs.variation import field_of_view_deg
 
 ONE = "cameras:\n  CAM_FRONT:\n    size_px: [64, 32]\n    fov_deg: 90\n    position_m: [1, 0, 1.5]\n    yaw_deg: 0\n"
 MATRIX = ONE.partition("    position_m")[0] + "    ego_from_cam: "
 
 
-@pytest.mark.parametrize("name", rig_names())
-def test_every_shipped_rig_is_the_papers(name: str) -> None:
+@pytest.mark.parametrize("name", ["paper", "paper_full"])
+def test_the_papers_rig_is_shipped_in_two_sizes(name: str) -> None:
     rig = read_rig(name)
     assert len(rig) == 6
     width = {"paper": 352, "paper_full": 1920}[name]
@@ -33,6 +34,17 @@ def test_every_shipped_rig_is_the_papers(name: str) -> None:
         ahead = camera.ego_from_cam[:3, 2]
         np.testing.assert_allclose(ahead, [np.cos(np.radians(yaw)), np.sin(np.radians(yaw)), 0], atol=1e-12)
         np.testing.assert_allclose(camera.ego_from_cam[:3, 1], [0, 0, -1], atol=1e-12)
+
+
+def test_four_fisheyes_are_shipped_and_cut_into_views_like_those_of_the_training() -> None:
+    assert rig_names() == ("fisheye", "paper", "paper_full")
+    rig = read_source_rig("fisheye")
+    assert rig.names == ("front", "left", "back", "right")
+    assert len(rig.rig) == 8
+    for camera in rig.rig:
+        assert 70 < field_of_view_deg(camera) < 110
+        # The network's input needs no more pixels than the view has.
+        assert camera.width_px > 352
 
 
 def test_the_small_rig_is_the_large_one_reduced_and_cut() -> None:
@@ -143,7 +155,7 @@ def test_a_rig_file_gives_the_size_of_the_ego_vehicle(tmp_path: Path) -> None:
 
 
 def test_an_unknown_name_lists_the_known_ones() -> None:
-    with pytest.raises(NotFoundError, match="paper, paper_full"):
+    with pytest.raises(NotFoundError, match="fisheye, paper, paper_full"):
         read_rig("carla")
 
 
