@@ -103,7 +103,7 @@ def _rotation(parts: Fields) -> FloatArray:
     if key == "yaw_deg":
         return _body_rotation(*_angles(parts))
     if key == "rodrigues":
-        turn = parts.numbers(key, [3], "a rotation vector in radians", "[1.2, -1.2, 1.2]")
+        turn = parts.numbers(key, [3], "a rotation vector in radians", "[-1.2, 1.2, -1.2]")
         return np.asarray(Rotation.from_rotvec(turn).as_matrix())
     numbers = parts.numbers(key, [4], "a unit quaternion", "[0.5, -0.5, 0.5, -0.5]")
     if abs(np.linalg.norm(numbers) - 1) > 1e-2:
