@@ -21,8 +21,8 @@ from appocc.rigs.source_rig import View
 
 WIDEST_PINHOLE_DEG = 115.0
 WIDEST_VIEW_DEG = 100.0
-# A wide lens is cut where it sees the ground from 4 m on (at a height of 1.5 m) and the first of these tops that it sees
-# over the least span: a lens that looks down sees less above the horizon.
+# A wide lens is cut where it sees the ground from 4 m on (at a height of 1.5 m) and the first of these tops that it
+# sees over the least span: a lens that looks down sees little above the horizon.
 _GROUND_DEG = (-20.0, -8.0)
 _TOPS_DEG = (8.0, 2.0, -4.0)
 _LEAST_SPAN_DEG = 40.0
