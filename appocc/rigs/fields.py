@@ -97,7 +97,7 @@ class Fields:
             DataError: if it is none.
         """
         value = self._values.get(key, default)
-        if not isinstance(value, str) or (options and value not in options):
+        if not isinstance(value, str) or not value.isprintable() or (options and value not in options):
             raise self.refusal(key, " or ".join(options) or "a text")
         return value
 
