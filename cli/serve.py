@@ -39,7 +39,7 @@ def serve(
 
     from cli.server.app import build_app
     from cli.server.library import Library
-    from cli.server.running import address_of, bound_socket, is_loopback, run_server
+    from cli.server.running import address_of, bound_socket, build_server, is_loopback
 
     library = Library(roots)
     token = None if is_loopback(host) else secrets.token_urlsafe(24)
@@ -50,6 +50,6 @@ def serve(
         say(f"{count} recording{'' if count == 1 else 's'}. Open {address}{f'?token={token}' if token else ''}")
         say("Ctrl-C ends it.")
         try:
-            run_server(app, bound)
+            build_server(app).run(sockets=[bound])
         except Interrupted:  # the usual end
             say("closed")

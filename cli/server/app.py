@@ -157,9 +157,10 @@ class Page:
 
     def listed_jobs(self, request: Request) -> Response:
         """List the jobs with their progress, and the recording that each made."""
-        return JSONResponse(
-            {"jobs": [{**job.as_json(), "recording": self._key(job.root)} for job in self.jobs.listed()]}
-        )
+        jobs = self.jobs.listed()
+        if any(job.state == "done" and self._key(job.root) is None for job in jobs):
+            self._library.refresh()
+        return JSONResponse({"jobs": [{**job.as_json(), "recording": self._key(job.root)} for job in jobs]})
 
     def _key(self, root: Path) -> str | None:
         return next((one.key for one in self._library.recordings() if one.root == root), None)

@@ -59,7 +59,7 @@ def _end(number: int, frame: FrameType | None) -> None:
 
 def frames_of(settings: dict[str, Any]) -> int:
     """Return the number of key frames of a simulated drive."""
-    return max(1, round(settings["seconds"] * HZ))
+    return max(1, round(float(settings["seconds"]) * HZ))
 
 
 def simulate_drive(root: Path, settings: dict[str, Any], report: Report) -> None:

@@ -11,7 +11,6 @@ from appocc.bevmap import BEVMap
 from appocc.boxes import Boxes
 from appocc.camera import Camera
 from appocc.checks import FloatArray
-from appocc.errors import NotFoundError
 from appocc.frame import Frame
 from appocc.geometry import apply, inverse
 from appocc.visualization.cameras import camera_rows
@@ -97,9 +96,9 @@ class Moments:
         ego_from_world = inverse(scene.world_from_ego)
         trails: dict[str, list[list[float]]] = {}
         for k in range(max(place.frame - _TRAIL, 0), place.frame + 1):
-            for key, (x, y, z, _) in _positions(recording, place, source, k).items():
-                xyz = apply(ego_from_world, np.array([x, y, z]))
-                trails.setdefault(key, []).append([round(float(v), 2) for v in xyz[:2]])
+            for key, at in _positions(recording, place, source, k).items():
+                xy = apply(ego_from_world, at[:3])[:2]
+                trails.setdefault(key, []).append([round(float(v), 2) for v in xy])
         tracks = {f"track {one.id}": one for one in source.tracks[place.frame]} if source.tracks else {}
         return [
             _item(item, scene, trails.get(item.id, []), tracks.get(item.id))
@@ -107,42 +106,28 @@ class Moments:
         ]
 
     def path(self, recording: Recording, place: Place, vehicle: str) -> dict[str, Any]:
-        """Return the path of a vehicle around a key frame in the world frame: frames, places, speeds.
-
-        Raises:
-            NotFoundError: if it has none.
-        """
+        """Return the path of a vehicle around a key frame in the world frame: frame, x, y, z, speed; may be empty."""
         source, _ = self.vehicles(recording, place)
         last = len(recording.samples(place.scene))
         points = []
         for k in range(max(place.frame - _PATH, 0), min(place.frame + _PATH + 1, last)):
             at = _positions(recording, place, source, k).get(vehicle)
             if at is not None:
-                points.append([k, *(None if not np.isfinite(v) else round(v, 3) for v in at)])
-        if not points:
-            raise NotFoundError("this vehicle has no track here")
+                points.append([k, *(None if not np.isfinite(v) else round(float(v), 3) for v in at)])
         return {"id": vehicle, "points": points}
 
 
-def _positions(
-    recording: Recording, place: Place, source: SceneVehicles, k: int
-) -> dict[str, tuple[float, float, float, float]]:
-    """Return the place (x, y, z) in the world and the speed of each vehicle of frame `k` by its id."""
+def _positions(recording: Recording, place: Place, source: SceneVehicles, k: int) -> dict[str, FloatArray]:
+    """Return (4,) the place x, y, z in the world and the speed of each vehicle of frame `k`, by its id."""
     if source.kind == "tracks":
-        return {
-            f"track {one.id}": (*(float(v) for v in one.position_world_m), one.speed_mps)  # type: ignore[dict-item]
-            for one in source.tracks[k]
-        }
+        return {f"track {one.id}": np.append(one.position_world_m, one.speed_mps) for one in source.tracks[k]}
     if source.kind == "map":
         return {}
     frame = recording.frame(place.scene, k)
     boxes = frame.boxes_ego or Boxes.empty()
     centres = apply(frame.world_from_ego, boxes.centre_m)
     speeds = np.hypot(*boxes.velocity_mps.T)
-    return {
-        key: (float(x), float(y), float(z), float(speed))
-        for key, (x, y, z), speed in zip(boxes.instance, centres, speeds, strict=True)
-    }
+    return {key: np.append(centre, speed) for key, centre, speed in zip(boxes.instance, centres, speeds, strict=True)}
 
 
 def _item(item: SceneObject, scene: SceneModel, trail: list[list[float]], track: Track | None) -> dict[str, Any]:

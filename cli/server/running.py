@@ -51,8 +51,8 @@ def address_of(host: str, bound: socket.socket) -> str:
     return f"http://{name}:{bound.getsockname()[1]}/"
 
 
-def run_server(app: ASGIApp, bound: socket.socket) -> None:
-    """Serve until a signal ends it; slow and idle connections are dropped, more than a few hundred are refused."""
+def build_server(app: ASGIApp) -> uvicorn.Server:
+    """Return a server that drops idle connections and refuses more than a few hundred of them."""
     config = uvicorn.Config(
         app,
         log_level="error",
@@ -63,4 +63,4 @@ def run_server(app: ASGIApp, bound: socket.socket) -> None:
         timeout_keep_alive=_IDLE_S,
         timeout_graceful_shutdown=_CLOSING_S,
     )
-    uvicorn.Server(config).run(sockets=[bound])
+    return uvicorn.Server(config)

@@ -11,7 +11,7 @@ from pathlib import Path
 from threading import Lock, Thread
 from typing import Literal, NamedTuple
 
-from appocc.errors import AppoccError
+from appocc.errors import AppoccError, DataError
 from appocc.nuscenes import Dataset
 from cli.server.recording import Recording
 from tracking.io.nuscenes_tracks import read_key_frames
@@ -66,10 +66,10 @@ class TrackStore:
 
         A long scene is tracked in the background; meanwhile the vehicles are those of each map alone.
         """
-        file = tracks_folder(recording.root, source, recording.scene(scene).name) / "tracking.json"
-        if not file.is_file() and source == recording.truth() and recording.annotated(scene):
+        file = _tracks_file(recording, scene, source)
+        if file is None and source == recording.truth() and recording.annotated(scene):
             return SceneVehicles("boxes")
-        work = self._started(recording, scene, source, file if file.is_file() else None)
+        work = self._started(recording, scene, source, file)
         try:
             return SceneVehicles("tracks", work.result.result(_PATIENCE_S))
         except NotYet:
@@ -90,6 +90,15 @@ class TrackStore:
             while len(self._work) > _MOST_SCENES:
                 self._work.popitem(last=False)
             return self._work[key]
+
+
+def _tracks_file(recording: Recording, scene: int, source: str) -> Path | None:
+    """Return the tracks that `appocc track` has written for a scene; None without them."""
+    try:
+        file = tracks_folder(recording.root, source, recording.scene(scene).name) / "tracking.json"
+    except DataError:  # the name of the scene is none for a folder
+        return None
+    return file if file.is_file() else None
 
 
 def _run(work: _Work, recording: Recording, scene: int, source: str, file: Path | None) -> None:

@@ -197,6 +197,10 @@ byId("recording").addEventListener("change", (event) => open(event.target.value)
 byId("scene").addEventListener("change", (event) => change({ scene: Number(event.target.value), frame: 0, vehicle: "" }));
 byId("source").addEventListener("change", (event) => change({ source: event.target.value, vehicle: "" }));
 byId("help").addEventListener("click", () => byId("about").showModal());
+// A button that was clicked gives the keys back to the page: space plays, and does not press it again.
+const letGo = () => document.activeElement instanceof HTMLButtonElement && document.activeElement.blur();
+document.addEventListener("click", (event) => event.detail && letGo());
+for (const dialog of document.querySelectorAll("dialog")) dialog.addEventListener("close", () => setTimeout(letGo));
 window.addEventListener("reconnected", () => refresh());
 new ResizeObserver(() => draw()).observe(byId("stage"));
 
