@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import signal
 import socket
@@ -16,6 +17,7 @@ from pathlib import Path
 import pytest
 from in_process import run_command
 from made_recording import write_recording
+from walkthrough import blocks
 
 from appocc.errors import DataError
 from cli.server.running import address_of, bound_socket
@@ -57,6 +59,17 @@ def test_it_serves_until_ctrl_c(tmp_path: Path) -> None:
         assert process.wait(_PATIENCE_S) == 0
         assert process.stderr is not None
         assert process.stderr.read() == "closed\n"
+
+
+def test_the_line_of_the_readme_opens_the_folder_of_the_demo(tmp_path: Path) -> None:
+    write_recording(tmp_path / "appocc-demo" / "dataset", 1)
+    (line,) = blocks("## In the browser")[0].splitlines()
+    assert line.split()[:2] == ["appocc", "serve"]
+    with serving(*(str(tmp_path / name) for name in line.split()[2:])) as (_, address):
+        with urllib.request.urlopen(f"{address}api/recordings", timeout=_PATIENCE_S) as answer:
+            listed = json.load(answer)
+        assert [one["title"] for one in listed["recordings"]] == ["appocc-demo/dataset"]
+        assert listed["drives"] is not None
 
 
 def test_bound_elsewhere_it_needs_the_token(tmp_path: Path) -> None:

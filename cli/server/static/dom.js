@@ -28,11 +28,12 @@ export function chip(rgb) {
   return square;
 }
 
-/** Degrees of a hue that stays the same for a name. */
+/** Degrees of a hue that stays the same for a name: green, blue or violet, as red, amber and cyan have a meaning. */
 export function hue(name) {
   let sum = 0;
   for (const character of name) sum = (sum * 31 + character.codePointAt(0)) % 9973;
-  return (sum * 137.5) % 360;
+  const degrees = (sum * 137.5) % 190;
+  return degrees < 70 ? 90 + degrees : 140 + degrees;
 }
 
 export const metres = (value) => `${Math.abs(value).toFixed(1)} m`;
