@@ -100,8 +100,12 @@ class Moments:
                 xy = apply(ego_from_world, at[:3])[:2]
                 trails.setdefault(key, []).append([round(float(v), 2) for v in xy])
         tracks = {f"track {one.id}": one for one in source.tracks[place.frame]} if source.tracks else {}
+        bottoms_m = {key: float(apply(ego_from_world, one.position_world_m)[2]) for key, one in tracks.items()}
+        if source.kind == "boxes":
+            boxes = recording.frame(place.scene, place.frame).boxes_ego or Boxes.empty()
+            bottoms_m = dict(zip(boxes.instance, _bottoms_m(boxes), strict=True))
         return [
-            _item(item, scene, trails.get(item.id, []), tracks.get(item.id))
+            _item(item, scene, trails.get(item.id, []), tracks.get(item.id), bottoms_m.get(item.id, 0.0))
             for item in (*scene.objects, *scene.others)
         ]
 
@@ -130,13 +134,17 @@ def _positions(recording: Recording, place: Place, source: SceneVehicles, k: int
     return {key: np.append(centre, speed) for key, centre, speed in zip(boxes.instance, centres, speeds, strict=True)}
 
 
-def _item(item: SceneObject, scene: SceneModel, trail: list[list[float]], track: Track | None) -> dict[str, Any]:
+def _bottoms_m(boxes: Boxes) -> list[float]:
+    """Return the height of the lower side of each box."""
+    return [float(z) for z in boxes.centre_m[:, 2] - boxes.size_wlh_m[:, 2] / 2]
+
+
+def _item(
+    item: SceneObject, scene: SceneModel, trail: list[list[float]], track: Track | None, bottom_m: float
+) -> dict[str, Any]:
     height_m = item.height_m or (track.height_m if track is not None else None)
     if height_m is None or not np.isfinite(height_m):
         height_m = HEIGHT_M.get(item.category, HEIGHT_M["car"])
-    bottom_m = 0.0
-    if track is not None:
-        bottom_m = float(apply(inverse(scene.world_from_ego), track.position_world_m)[2])
     return {
         "id": item.id,
         "name": item.common_name,
@@ -167,13 +175,14 @@ def _camera(camera: Camera) -> dict[str, Any]:
 def _boxes(frame: Frame) -> list[dict[str, Any]]:
     """Return the annotated boxes in the ego frame."""
     boxes = frame.boxes_ego or Boxes.empty()
+    bottoms_m = _bottoms_m(boxes)
     return [
         {
             "name": boxes.category[i],
             "xy": [round(float(v), 3) for v in boxes.centre_m[i, :2]],
             "yaw": round(float(boxes.yaw_rad[i]), 4),
             "size": [round(float(boxes.size_wlh_m[i, axis]), 2) for axis in (1, 0, 2)],
-            "bottom": round(float(boxes.centre_m[i, 2] - boxes.size_wlh_m[i, 2] / 2), 2),
+            "bottom": round(bottoms_m[i], 2),
         }
         for i in range(len(boxes))
     ]

@@ -62,7 +62,8 @@ async function read(frame, signal) {
   const key = keyOf(frame);
   const truth = state.layers.has("truth") && truthSource && truthSource !== state.source ? truthSource : null;
   const sheetOf = (source) => (source ? loadSheet(address("/map.png", frame, source), signal).catch(quiet(signal)) : null);
-  const sheets = [sheetOf(state.source), sheetOf(truth)];
+  const sheets = Promise.all([sheetOf(state.source), sheetOf(truth)]);
+  sheets.catch(() => {}); // awaited below, unless something else fails first
   let problem = "";
   let moment;
   try {
@@ -75,7 +76,7 @@ async function read(frame, signal) {
   const channels = Object.keys(moment.cameras);
   const paths = channels.map((channel) => address(`/cameras/${encodeURIComponent(channel)}`, frame, "", { width }));
   const pictures = await Promise.all(paths.map((path) => loadImage(path)));
-  const [sheet, truthSheet] = await Promise.all(sheets);
+  const [sheet, truthSheet] = await sheets;
   if (kept.has(key)) kept.get(key).loaded = true;
   const images = Object.fromEntries(channels.map((channel, n) => [channel, pictures[n]]));
   return { frame, moment, sheet, truth: truthSheet, truthSource: truth, images, problem };

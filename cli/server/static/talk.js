@@ -118,7 +118,9 @@ export class Talk {
       return;
     }
     const asked = turns.at(-1).status === "ambiguous";
-    const choices = candidates.map((one) => make(
+    // "Do you mean ...?" about a single vehicle is answered by yes or no.
+    const offered = replies.length && candidates.length === 1 ? [] : candidates;
+    const choices = offered.map((one) => make(
       "button", { type: "button", className: "choice", onclick: () => this.choose(one) },
       make("b", {}, String(one.number)), chip(one.rgb), make("span", {}, one.words),
     ));
@@ -133,7 +135,10 @@ const STATUS = { not_found: "Not found", not_a_command: "Not understood" };
 function answerOf(turn, last) {
   const parts = [];
   if (turn.question) parts.push(make("p", { className: "question" }, capital(turn.question)));
-  else if (turn.status in STATUS) parts.push(make("p", { className: "question" }, STATUS[turn.status]));
+  else if (turn.status in STATUS) {
+    const noPlace = turn.status === "not_found" && turn.referent;
+    parts.push(make("p", { className: "question" }, noPlace ? "No place for that" : STATUS[turn.status]));
+  }
   if (turn.referent) parts.push(make("p", { className: "referent" }, capital(turn.referent)));
   if (turn.goal) {
     const { ego_m: [x, y], cell, way_m: way } = turn.goal;
