@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections import OrderedDict
 from concurrent.futures import Future
 from concurrent.futures import TimeoutError as NotYet
@@ -47,6 +48,7 @@ class _Work:
 
     frames: int
     done: int = 0
+    began_s: float = field(default_factory=time.monotonic)
     result: Future[Frames] = field(default_factory=Future)
 
     def advance(self, steps: int) -> None:
@@ -71,7 +73,7 @@ class TrackStore:
             return SceneVehicles("boxes")
         work = self._started(recording, scene, source, file)
         try:
-            return SceneVehicles("tracks", work.result.result(_PATIENCE_S))
+            return SceneVehicles("tracks", work.result.result(max(work.began_s + _PATIENCE_S - time.monotonic(), 0)))
         except NotYet:
             return SceneVehicles("map", share=work.done / work.frames)
         except AppoccError as error:

@@ -12,13 +12,10 @@ export class Refused extends Error {
 }
 
 async function request(path, options = {}) {
-  const patience = AbortSignal.timeout(PATIENCE_MS);
-  const signal = options.signal ? AbortSignal.any([options.signal, patience]) : patience;
   let response;
   try {
-    response = await fetch(path, { ...options, signal });
-  } catch (error) {
-    if (options.signal?.aborted) throw error;
+    response = await fetch(path, { ...options, signal: AbortSignal.timeout(PATIENCE_MS) });
+  } catch {
     lost();
     throw new Refused("No answer from appocc serve.", 0);
   }
@@ -33,9 +30,9 @@ async function request(path, options = {}) {
   throw new Refused(reason, response.status);
 }
 
-export const get = async (path, signal) => (await request(path, { signal })).json();
+export const get = async (path) => (await request(path)).json();
 
-export const blob = async (path, signal) => (await request(path, { signal })).blob();
+export const blob = async (path) => (await request(path)).blob();
 
 export const post = async (path, body = {}) => {
   const headers = { "content-type": "application/json" };

@@ -17,7 +17,6 @@ const LAYERS = [
   ["colour", "Colour"], ["road", "Road"], ["lane", "Lane"], ["vehicle", "Vehicle cells"], ["boxes", "Vehicles"],
   ["tracks", "Tracks"], ["annotated", "Annotated boxes"], ["truth", "Truth"],
 ];
-const NO_LAYERS = new Set();
 const TRUTH_LAYERS = ["colour", "road", "lane", "vehicle"];
 
 let recordings = [];
@@ -39,10 +38,15 @@ const board = new JobBoard({ finished: (job) => refresh(job), open: (key) => ope
 
 // What is open ------------------------------------------------------------------------------------------------------
 
-async function refresh(job = null) {
+async function list() {
   const listed = await get("/api/recordings");
   recordings = listed.recordings;
   board.offer(listed.drives);
+}
+
+/** Look for new recordings and maps, such as those of a job. */
+async function refresh(job = null) {
+  await list();
   if (job?.recording === state.recording) {
     forget();
     if (!state.source) change({ source: recording()?.sources[0] ?? "" });
@@ -91,7 +95,21 @@ function toggle(name) {
 
 // A key frame -------------------------------------------------------------------------------------------------------
 
+let [showing, stale] = [false, false];
+
+/** Show the key frame of the state. One is loaded at a time; who drags the slider sees some on the way to the last. */
 async function show() {
+  stale = true;
+  if (showing) return;
+  showing = true;
+  while (stale) {
+    stale = false;
+    await showOnce();
+  }
+  showing = false;
+}
+
+async function showOnce() {
   const [one, wanted] = [recording(), state.frame];
   if (!one || one.error || !scene()?.frames) {
     frame = null;
@@ -102,7 +120,7 @@ async function show() {
   document.body.classList.remove("empty");
   try {
     const loaded = await load(wanted);
-    if (wanted !== state.frame || one !== recording()) return;
+    if (one !== recording()) return;
     hush();
     frame = loaded;
     draw();
@@ -112,7 +130,7 @@ async function show() {
     chosen.follow();
     again();
   } catch (error) {
-    if (error.name !== "AbortError" && error.status !== 0) tell(error.message);
+    if (error.status !== 0) tell(error.message);
   }
 }
 
@@ -201,11 +219,11 @@ byId("help").addEventListener("click", () => byId("about").showModal());
 const letGo = () => document.activeElement instanceof HTMLButtonElement && document.activeElement.blur();
 document.addEventListener("click", (event) => event.detail && letGo());
 for (const dialog of document.querySelectorAll("dialog")) dialog.addEventListener("close", () => setTimeout(letGo));
-window.addEventListener("reconnected", () => refresh());
+window.addEventListener("reconnected", () => refresh().catch(() => {}));
 new ResizeObserver(() => draw()).observe(byId("stage"));
 
 try {
-  await refresh();
+  await list();
   open(state.recording);
   choices();
   await talk.resume();

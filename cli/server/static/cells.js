@@ -10,9 +10,9 @@ const NOTHING = [38, 41, 48];
 const OVER_COLOUR = 0.6;
 
 /** Read the sheet of a map (see `map_sheet` of the server): three pictures below each other. */
-export async function loadSheet(path, signal) {
+export async function loadSheet(path) {
   const options = { colorSpaceConversion: "none", premultiplyAlpha: "none" };
-  const bitmap = await createImageBitmap(await blob(path, signal), options);
+  const bitmap = await createImageBitmap(await blob(path), options);
   const canvas = new OffscreenCanvas(bitmap.width, bitmap.height);
   const context = canvas.getContext("2d", { willReadFrequently: true });
   context.drawImage(bitmap, 0, 0);

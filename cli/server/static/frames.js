@@ -24,7 +24,6 @@ export function setTileWidth(pixels) {
 }
 
 export function forget() {
-  for (const { control } of kept.values()) control.abort();
   kept.clear();
 }
 
@@ -33,59 +32,34 @@ const keyOf = (frame) => [state.recording, state.scene, state.source, frame, wid
 /** A key frame: {moment, sheet, truth, images}; parts that cannot be read are null, with the reason in `problem`. */
 export function load(frame) {
   const key = keyOf(frame);
-  let entry = kept.get(key);
-  if (!entry) {
-    const control = new AbortController();
-    entry = { control, frame, promise: read(frame, control.signal) };
-    entry.promise.catch(() => kept.delete(key));
-  }
+  const loading = kept.get(key) ?? read(frame);
+  loading.catch(() => kept.delete(key));
   kept.delete(key);
-  kept.set(key, entry);
-  while (kept.size > KEPT) {
-    const [oldest, { control }] = kept.entries().next().value;
-    control.abort();
-    kept.delete(oldest);
-  }
-  return entry.promise;
+  kept.set(key, loading);
+  if (kept.size > KEPT) kept.delete(kept.keys().next().value);
+  return loading;
 }
 
-/** Stop loading frames that are far from one: who drags the slider wants only the last. */
-export function only(frame, ahead) {
-  for (const [key, entry] of kept) {
-    if (entry.loaded || (entry.frame >= frame && entry.frame <= frame + ahead)) continue;
-    entry.control.abort();
-    kept.delete(key);
-  }
-}
-
-async function read(frame, signal) {
-  const key = keyOf(frame);
+async function read(frame) {
   const truth = state.layers.has("truth") && truthSource && truthSource !== state.source ? truthSource : null;
-  const sheetOf = (source) => (source ? loadSheet(address("/map.png", frame, source), signal).catch(quiet(signal)) : null);
+  const sheetOf = (source) => (source ? loadSheet(address("/map.png", frame, source)).catch(() => null) : null);
   const sheets = Promise.all([sheetOf(state.source), sheetOf(truth)]);
-  sheets.catch(() => {}); // awaited below, unless something else fails first
   let problem = "";
   let moment;
   try {
-    moment = await get(address("", frame), signal);
+    moment = await get(address("", frame));
   } catch (error) {
     if (error.status !== 400 || !state.source) throw error;
     problem = error.message;
-    moment = await get(address("", frame, ""), signal);
+    moment = await get(address("", frame, ""));
   }
   const channels = Object.keys(moment.cameras);
   const paths = channels.map((channel) => address(`/cameras/${encodeURIComponent(channel)}`, frame, "", { width }));
   const pictures = await Promise.all(paths.map((path) => loadImage(path)));
   const [sheet, truthSheet] = await sheets;
-  if (kept.has(key)) kept.get(key).loaded = true;
   const images = Object.fromEntries(channels.map((channel, n) => [channel, pictures[n]]));
   return { frame, moment, sheet, truth: truthSheet, truthSource: truth, images, problem };
 }
-
-const quiet = (signal) => (error) => {
-  if (signal.aborted) throw error;
-  return null;
-};
 
 async function loadImage(path) {
   const image = new Image();

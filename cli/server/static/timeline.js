@@ -1,7 +1,7 @@
 // The time slider: play, pause, steps, and frames loaded ahead.
 
 import { byId } from "./dom.js";
-import { load, only } from "./frames.js";
+import { load } from "./frames.js";
 import { change, state } from "./state.js";
 
 const AHEAD = 4;
@@ -34,7 +34,6 @@ export class Timeline {
   go(frame) {
     const last = this.count() - 1;
     const wanted = Math.min(Math.max(frame, 0), Math.max(last, 0));
-    only(wanted, AHEAD);
     change({ frame: wanted });
   }
 
