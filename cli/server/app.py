@@ -26,7 +26,7 @@ from cli.server.guard import Guard
 from cli.server.jobs import BusyError, Jobs
 from cli.server.library import Library, describe
 from cli.server.moments import Moments
-from cli.server.pictures import WIDTHS_PX, camera_jpeg, map_sheet
+from cli.server.pictures import WIDTHS_PX, camera_jpeg, map_sheet, read_picture
 from cli.server.recording import Place, Recording
 from cli.server.scene_tracks import TrackStore
 
@@ -84,7 +84,13 @@ class Page:
         if self._library.new_drives is not None:
             towns = [*TEST_TOWNS, *TRAIN_TOWNS]
             drives = {"towns": towns, "weathers": list(WEATHER_SHARES), "most_seconds": _MOST_SECONDS}
-        return JSONResponse({"recordings": [describe(one) for one in self._library.recordings()], "drives": drives})
+        return JSONResponse(
+            {
+                "recordings": [describe(one) for one in self._library.recordings()],
+                "drives": drives,
+                "trainings": list(self._library.trainings()),
+            }
+        )
 
     def moment(self, request: Request) -> Response:
         """Return a key frame as JSON."""
@@ -111,6 +117,13 @@ class Page:
         path = recording.image_path(place.scene, place.frame, request.path_params["channel"])
         made = f"jpeg {width}"
         return self._picture(request, path, made, lambda: camera_jpeg(path, width), "private, max-age=60")
+
+    def curves(self, request: Request) -> Response:
+        """Return the curves of a training (PNG) as it has drawn them last."""
+        path = self._library.trainings().get(request.query_params.get("name", ""))
+        if path is None or not path.is_file():
+            raise NotFoundError("this training has drawn no curves yet")
+        return self._picture(request, path, "png", lambda: read_picture(path), "no-cache")
 
     def _picture(self, request: Request, path: Path, made: str, make: Callable[[], bytes], keep: str) -> Response:
         """Return a picture made of a file, or that the browser's own is still good."""
@@ -262,6 +275,7 @@ def build_app(library: Library, token: str | None = None) -> Starlette:
         Route(f"{at_frame}/path", page.path),
         Route(f"{at_frame}/map.png", page.map),
         Route(f"{at_frame}/cameras/{{channel}}", page.camera),
+        Route("/api/curves", page.curves),
         Route("/api/talk", page.talk, methods=["POST"]),
         Route("/api/talk/{talk}", page.talked),
         Route("/api/jobs", page.listed_jobs),

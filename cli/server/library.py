@@ -14,6 +14,8 @@ from cli.server.recording import Recording
 # Levels of folders below a root that are searched for datasets, and the most folders that are looked at.
 _DEPTH, _MOST_FOLDERS = 3, 2000
 _TABLE = "sample_data.json"
+# A folder of a training has its metrics.
+_METRICS, _CURVES = "metrics.jsonl", "curves.png"
 
 
 class Library:
@@ -31,8 +33,8 @@ class Library:
         for given, root in zip(roots, (root.resolve() for root in roots), strict=True):
             if not root.is_dir():
                 raise DataError(f"{given}: expected a dataset or a folder of datasets, got no such folder")
-            found = list(_datasets(root))
-            if not found and any(root.iterdir()):
+            empty = not any(root.iterdir())
+            if not (empty or any(_datasets(root)) or any(_trainings(root))):
                 raise DataError(
                     f"{given}: no nuScenes-schema dataset in it (expected tables such as v1.0-*/{_TABLE})"
                 )
@@ -44,8 +46,9 @@ class Library:
 
     @property
     def new_drives(self) -> Path | None:
-        """Folder for simulated drives: the first root that is no dataset; None without one."""
-        return next((root for root in self.roots if not _versions(root)), None)
+        """Folder for simulated drives: the first root that is neither a dataset nor a training; None without one."""
+        folders = (root for root in self.roots if not _versions(root) and not (root / _METRICS).is_file())
+        return next(folders, None)
 
     def refresh(self) -> None:
         """Look for new datasets below the roots."""
@@ -62,6 +65,11 @@ class Library:
         """Return the recordings in the order of the roots."""
         with self._lock:
             return list(self._known.values())
+
+    def trainings(self) -> dict[str, Path]:
+        """Return the pictures of the curves of the trainings below the roots, by name; they may not exist yet."""
+        found = [(top, folder) for top in self.roots for folder in _trainings(top)]
+        return {str(Path(top.name) / folder.relative_to(top)): folder / _CURVES for top, folder in found}
 
     def recording(self, key: str) -> Recording:
         """Return a recording by its key.
@@ -102,7 +110,17 @@ def _versions(root: Path) -> list[str]:
 
 
 def _datasets(top: Path) -> Iterator[tuple[Path, str]]:
-    """Yield the datasets at or below a folder, with each version; hidden folders and links are left out."""
+    """Yield the datasets at or below a folder, with each version."""
+    return ((folder, version) for folder in _walk(top) for version in _versions(folder))
+
+
+def _trainings(top: Path) -> Iterator[Path]:
+    """Yield the folders of trainings at or below a folder."""
+    return (folder for folder in _walk(top) if (folder / _METRICS).is_file())
+
+
+def _walk(top: Path) -> Iterator[Path]:
+    """Yield a folder and those below it, but none inside of datasets; hidden folders and links are left out."""
     level, looked = [top], 0
     for _ in range(_DEPTH + 1):
         below: list[Path] = []
@@ -110,9 +128,8 @@ def _datasets(top: Path) -> Iterator[tuple[Path, str]]:
             looked += 1
             if looked > _MOST_FOLDERS:
                 return
-            versions = _versions(folder)
-            yield from ((folder, version) for version in versions)
-            if not versions:
+            yield folder
+            if not _versions(folder):
                 below += _folders(folder)
         level = below
 

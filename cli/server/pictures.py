@@ -51,6 +51,20 @@ def camera_jpeg(path: Path, width_px: int) -> bytes:
     return _encoded(".jpg", np.asarray(image, np.uint8), [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])
 
 
+def read_picture(path: Path) -> bytes:
+    """Return a picture as it is in its file.
+
+    Raises:
+        DataError: if it is missing or not an image.
+    """
+    try:
+        with open_picture(path) as picture:
+            picture.verify()
+    except (OSError, SyntaxError, ValueError) as error:
+        raise DataError(f"{path.name}: not a readable image") from error
+    return read_file(path)
+
+
 def map_sheet(bev: BEVMap) -> bytes:
     """Return a map as one PNG of three pictures (X, Y) below each other, forward up: exact values for the page.
 

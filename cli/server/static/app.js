@@ -10,6 +10,7 @@ import { MapCanvas } from "./map.js";
 import { change, onChange, state } from "./state.js";
 import { Talk } from "./talk.js";
 import { Timeline } from "./timeline.js";
+import { offerTrainings } from "./training.js";
 import { ChosenVehicle } from "./vehicle.js";
 import { View } from "./view.js";
 
@@ -42,6 +43,7 @@ async function list() {
   const listed = await get("/api/recordings");
   recordings = listed.recordings;
   board.offer(listed.drives);
+  offerTrainings(listed.trainings);
 }
 
 /** Look for new recordings and maps, such as those of a job. */

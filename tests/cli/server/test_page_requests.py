@@ -210,6 +210,22 @@ def test_a_damaged_image_is_an_error_without_a_path(damage: bytes, tmp_path: Pat
         assert client.get(f"/api/recordings/{key}/0/0?source=predicted").status_code == 200
 
 
+def test_curves_of_trainings_are_shown_as_they_are_drawn(tmp_path: Path) -> None:
+    run = tmp_path / "runs" / "small"
+    run.mkdir(parents=True)
+    (run / "metrics.jsonl").write_text("")
+    with TestClient(build_app(Library([tmp_path])), base_url="http://localhost") as client:
+        (name,) = client.get("/api/recordings").json()["trainings"]
+        assert name == f"{tmp_path.name}/runs/small"
+        assert client.get("/api/curves", params={"name": name}).status_code == 404
+        cv2.imwrite(str(run / "curves.png"), np.full((4, 4, 3), 90, np.uint8))
+        answer = client.get("/api/curves", params={"name": name})
+        assert answer.content == (run / "curves.png").read_bytes()
+        assert client.get("/api/curves", params={"name": "../../etc"}).status_code == 404
+        (run / "curves.png").write_text("no image")
+        assert client.get("/api/curves", params={"name": name}).status_code == 400
+
+
 # Conversations --------------------------------------------------------------------------------------------------
 
 
