@@ -206,6 +206,7 @@ function note(text) {
 onChange((changed) => {
   if (["recording", "scene", "source", "layers"].some((name) => changed.has(name))) choices();
   if (changed.has("recording") || changed.has("scene")) timeline.toggle(false);
+  if (["recording", "scene", "source"].some((name) => changed.has(name))) note("Loading…");
   if (["recording", "scene", "source", "frame", "layers"].some((name) => changed.has(name))) show();
   if (changed.has("vehicle")) {
     chosen.follow();
