@@ -91,7 +91,7 @@ class Conversations:
             return _answered(talk, f"the {words}", session.choose(numbers[vehicle]))
 
     def move(self, talk: Talk, recording: Recording, place: Place) -> dict[str, Any]:
-        """Follow to another key frame of the scene and plan anew; a talk about another scene stays as it is."""
+        """Follow to another key frame of the scene and replan; a talk about another scene is not changed."""
         with talk.lock:
             if talk.about == (recording.key, place.scene, place.source):
                 self._moved(talk, recording, place)

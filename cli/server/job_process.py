@@ -97,19 +97,15 @@ def predict_maps(root: Path, settings: dict[str, Any], report: Report) -> None:
 
 def _predict(root: Path, report: Report, version: str | None = None) -> None:
     report("note", "predicting maps from the cameras")
-    from appocc.files import write_image
     from appocc.inference.inputs import dataset_inputs
     from appocc.inference.loading import load_predictor
     from appocc.inference.run import InferenceRun
     from appocc.nuscenes import Dataset
-    from appocc.visualization.predictions import prediction_figure
-    from cli.infer import vehicle_marks
+    from cli.infer import write_maps
 
     dataset = Dataset(root, version)
-    for result in InferenceRun(dataset_inputs(dataset, dataset.scenes), load_predictor(None), root / "bev/predicted"):
-        if result is not None:
-            write_image(result.picture, prediction_figure(result.frame, result.bev, vehicle_marks(result.bev)))
-        report("advance", 1)
+    run = InferenceRun(dataset_inputs(dataset, dataset.scenes), load_predictor(None), root / "bev" / "predicted")
+    write_maps(run, lambda steps: report("advance", steps))
 
 
 JOBS: dict[str, Callable[[Path, dict[str, Any], Report], None]] = {
