@@ -103,7 +103,7 @@ class Jobs:
         if job is None:
             raise NotFoundError("there is no such job")
         if job.state == "running":
-            job.state = "stopped"
+            job.state, job.note = "stopped", "stopped; start it again to go on"
             job.process.terminate()
         return job
 
@@ -127,13 +127,13 @@ def _listen(job: Job, connection: Connection) -> None:
                 job.total = value
             elif what == "advance":
                 job.done += value
+            elif job.state != "running":
+                continue  # it was stopped; what it still reports is of no interest
             elif what == "note":
                 job.note = value
-            elif job.state == "running":
+            else:
                 job.state, job.note = ("done", "") if what == "done" else ("failed", str(value))
     job.process.join()
     if job.state == "running":
         job.state, job.note = "failed", "the process was killed (out of memory?)"
-    elif job.state == "stopped":
-        job.note = "stopped; start it again to go on"
     job.ended_s = time.monotonic()

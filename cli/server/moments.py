@@ -38,6 +38,7 @@ class Moments:
 
     def vehicles(self, recording: Recording, place: Place) -> tuple[SceneVehicles, Sequence[Track] | Boxes | None]:
         """Return where the vehicles come from, and those of the key frame as `Grounder.set_scene` takes them."""
+        recording.check_source(place.source)
         found = self._store.vehicles(recording, place.scene, place.source)
         if found.kind == "tracks":
             return found, found.tracks[place.frame]

@@ -133,14 +133,22 @@ class Recording:
         """Return the source of true maps; None without one."""
         return next((name for name in _TRUE if name in self.sources()), None)
 
+    def check_source(self, source: str) -> None:
+        """Check that the recording has maps of a source: only then its name may become part of a path.
+
+        Raises:
+            NotFoundError: if not.
+        """
+        if source not in self.sources():
+            raise NotFoundError(f"{self.title}: no maps of source '{source}'; there are {', '.join(self.sources())}")
+
     def map_path(self, place: Place) -> Path:
         """Return the path of a map, which need not exist.
 
         Raises:
             NotFoundError: if the recording has no such source.
         """
-        if place.source not in self.sources():
-            raise NotFoundError(f"{self.title}: no maps of source '{place.source}'; there are {self.sources()}")
+        self.check_source(place.source)
         return bev_path(self.root, place.source, self.sample(place.scene, place.frame).token)
 
     def bev(self, place: Place) -> BEVMap:

@@ -321,5 +321,11 @@ def test_an_empty_folder_offers_a_drive(tmp_path: Path, page: Page) -> None:
         assert page.locator("dialog select[name=town] option").count() == 8
         page.keyboard.press("Escape")
         assert page.locator("dialog[open]").count() == 0
+        page.click("#new-drive")
+        page.get_by_role("button", name="Start").click()
+        until(page, lambda: "Simulating harrowmere" in (page.text_content("#job") or ""))
+        assert page.evaluate("document.documentElement.scrollWidth <= window.innerWidth"), "the page keeps its width"
+        page.get_by_role("button", name="Stop").click()
+        until(page, lambda: "stopped" in (page.text_content("#job") or ""))
     finally:
         served.stop()

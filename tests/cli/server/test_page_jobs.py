@@ -48,6 +48,7 @@ def test_one_job_runs_at_a_time_and_can_be_stopped(jobs: Jobs, tmp_path: Path) -
         jobs.start("simulate", "another", tmp_path / "other", DRIVE)
     assert jobs.stop(job.number) is job
     assert ended(job).state == "stopped"
+    assert job.note == "stopped; start it again to go on"
     assert not job.process.is_alive()
     assert not (tmp_path / "drive").exists(), "a dataset is complete or not there"
     with pytest.raises(NotFoundError):

@@ -273,6 +273,12 @@ def test_a_vehicle_that_was_not_offered_cannot_be_chosen(client: TestClient, at:
     assert "say it again" in answer.json()["error"]
 
 
+@pytest.mark.parametrize("source", ["", "../..", "/etc", "none"])
+def test_a_conversation_needs_a_source_of_the_recording(source: str, client: TestClient, at: str) -> None:
+    body = {"recording": at.split("/")[3], "source": source, "say": "stop"}
+    assert client.post("/api/talk", json=body).status_code in (400, 404)
+
+
 @pytest.mark.parametrize("text", ["", "   ", "\u202e\x00\x07", "park " * 200])
 def test_what_is_no_sentence_is_refused(text: str, client: TestClient, at: str) -> None:
     body = {"recording": at.split("/")[3], "source": "predicted", "say": text}
@@ -316,6 +322,9 @@ def test_ten_clients_talk_and_look_at_once(client: TestClient, at: str) -> None:
         "/x?source=predicted",
         "/1?source=../../etc",
         "/1?source=/etc",
+        "/1/path?source=../../etc&id=track 1",
+        "/1/path?source=/etc&id=track 1",
+        "/1/path?source=&id=track 1",
         "/1/map.png?source=",
         "/1/map.png?source=..%2F..%2Fexact",
         "/1/cameras/..%2F..%2Fetc%2Fpasswd?width=320",
