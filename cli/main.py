@@ -21,6 +21,7 @@ from cli.export import export
 from cli.ground import ground
 from cli.groundtruth import groundtruth
 from cli.infer import infer
+from cli.serve import serve
 from cli.simulate import simulate
 from cli.track import app as track_app
 from cli.train import train
@@ -46,6 +47,7 @@ app.command()(ablate)
 app.command()(export)
 app.add_typer(track_app)
 app.command()(ground)
+app.command()(serve)
 app.add_typer(eval_app)
 app.add_typer(weights_app)
 
