@@ -22,6 +22,18 @@ RootArgument = Annotated[Path, typer.Argument(metavar="ROOT", help="Dataset root
 VersionOption = Annotated[
     str | None, typer.Option("--version", help="Folder of the tables, such as v1.0-mini; needed if ROOT has several.")
 ]
+SceneOption = Annotated[
+    str | None, typer.Option("--scene", help="Name or token of the scene; default: the only one of ROOT.")
+]
+SourceOption = Annotated[
+    str | None,
+    typer.Option(
+        "--bev",
+        metavar="SOURCE",
+        help="Source of the maps: ROOT/bev/SOURCE, or a folder with a slash in its name; "
+        "default: the only one, else groundtruth.",
+    ),
+]
 TrustUnseenOption = Annotated[
     bool,
     typer.Option(
@@ -30,7 +42,7 @@ TrustUnseenOption = Annotated[
 ]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON, and nothing else, to stdout.")]
 # Error messages quote names and values from input files; longer lines are cut.
-_MAX_CHARACTERS = 2000
+_MAX_CHARACTERS, _MAX_LISTED = 2000, 12
 
 
 class Interrupted(SystemExit):
@@ -96,6 +108,45 @@ def _plain(value: Any) -> Any:
     if isinstance(value, float) and not -1e308 < value < 1e308:
         return None
     return value
+
+
+def choose_scene(dataset: Dataset, name: str | None) -> Scene:
+    """Return the scene with a name or token; without a name the only scene.
+
+    Raises:
+        NotFoundError: if there is no such scene.
+        DataError: if there is no name and several scenes or none.
+    """
+    if name is not None:
+        return dataset.scene(name)
+    if len(dataset.scenes) == 1:
+        return dataset.scenes[0]
+    names = ", ".join(scene.name for scene in dataset.scenes[:_MAX_LISTED])
+    more = f" and {len(dataset.scenes) - _MAX_LISTED} more" if len(dataset.scenes) > _MAX_LISTED else ""
+    raise DataError(f"{dataset.root}: expected --scene, one of {names or 'none'}{more}")
+
+
+def choose_source(root: Path, name: str | None, preferred: Sequence[str] = ("groundtruth",)) -> str:
+    """Return the source of maps with a name; without a name the only one, or the first preferred one that there is.
+
+    A name without maps is returned too: reading a map reports what there is.
+
+    Raises:
+        DataError: if there is no name, and no maps, or several sources but none of the preferred ones.
+    """
+    from appocc.bevmap import map_sources
+
+    if name is not None:
+        return name
+    sources = map_sources(root)
+    chosen = sources if len(sources) == 1 else [each for each in preferred if each in sources]
+    if chosen:
+        return chosen[0]
+    if sources:
+        raise DataError(f"{root}: expected --bev, one of {', '.join(sources)}")
+    raise DataError(
+        f"{root}: no maps in {root / 'bev'}; make them with: appocc infer {root} --out {root}/bev/predicted"
+    )
 
 
 def say_stale(stale: Mapping[str, int]) -> None:

@@ -24,6 +24,7 @@ from cli.infer import infer
 from cli.simulate import simulate
 from cli.track import app as track_app
 from cli.train import train
+from cli.view import view
 from cli.weights import app as weights_app
 
 app = typer.Typer(
@@ -46,6 +47,7 @@ app.command()(ablate)
 app.command()(export)
 app.add_typer(track_app)
 app.command()(ground)
+app.command()(view)
 app.add_typer(eval_app)
 app.add_typer(weights_app)
 
@@ -62,6 +64,7 @@ def run() -> None:
             signal.signal(number, _raise_interrupted)
     # OpenCV prints warnings about damaged images to stderr; our errors report them already.
     os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
+    os.environ.setdefault("RUST_LOG", "off")  # Rerun likewise
     try:
         app()
     except Interrupted as interruption:
