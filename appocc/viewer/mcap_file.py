@@ -196,7 +196,7 @@ class _Topics:
                 id=name,
                 metadata=[self._m.KeyValuePair(key="label", value=boxes.labels[i])],
                 cubes=[self._cube(centre, boxes.rotation[i], size, boxes.rgb[i].tolist())],
-                texts=[self._text([*centre, 0.0, 0.0, size[2] / 2 + _TEXT_M], boxes.labels[i])],
+                texts=[self._text(centre + np.array([0.0, 0.0, size[2] / 2 + _TEXT_M]), boxes.labels[i])],
                 lines=[self._line(trail, boxes.rgb[i].tolist())] if len(trail) > 1 else [],
             )
 
@@ -223,7 +223,7 @@ class _Topics:
             frame_id=WORLD,
             id="goal",
             cubes=[self._cube(goal.centre_m, rotation, goal.size_lwh_m, _CYAN)],
-            texts=[self._text([*goal.centre_m, 0.0, 0.0, 2.0], goal.text)],
+            texts=[self._text(goal.centre_m + np.array([0.0, 0.0, 2.0]), goal.text)],
             arrows=[arrow],
             lines=[self._line(goal.route, _CYAN)] if len(goal.route) > 1 else [],
         )
