@@ -25,7 +25,7 @@ from appocc.visualization.cameras import camera_rows
 # The package, its extra, and what needs it.
 RERUN = ("rerun", "viewer", "a Rerun file")
 _EGO, _GREEN, _CYAN = "world/ego", (60, 200, 90), (60, 220, 255)
-_IMAGE_PLANE_M = 1.5
+_IMAGE_PLANE_M, _ROOM = 1.5, 1 << 17
 # Eyes of the two views, ego frame: behind the car, and above the map.
 _LOOK_AT_M, _BEHIND_M, _ABOVE_M = (8.0, 0.0, 0.0), (-26.0, 0.0, 20.0), (-14.0, 0.0, 62.0)
 # Corners of a picture in the texture of a mesh, and its two triangles.
@@ -46,6 +46,8 @@ def write_rerun(timeline: Timeline, path: Path) -> None:
     """
     rr = import_extra(*RERUN)
     with whole_file(path) as temporary:
+        # Rerun blocks for ever if there is no room for the blueprint.
+        temporary.write_bytes(bytes(_ROOM))
         recording = rr.RecordingStream("appocc", recording_id=f"appocc-{timeline.scene.token}")
         try:
             blueprint = None

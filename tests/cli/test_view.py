@@ -278,9 +278,11 @@ def largest_file(size: int) -> Iterator[None]:
 
 
 @pytest.mark.parametrize("ending", ["rrd", "mcap"])
-def test_a_full_disk_is_reported(street: TinyDataset, tmp_path: Path, ending: str) -> None:
+@pytest.mark.parametrize("share", [0.1, 0.98])
+def test_a_full_disk_is_reported(street: TinyDataset, tmp_path: Path, ending: str, share: float) -> None:
+    assert run(street.root, f"--{ending}", str(tmp_path / f"whole.{ending}")).exit_code == 0
     path = tmp_path / "out" / f"a.{ending}"
-    with largest_file(9000):
+    with largest_file(int(share * (tmp_path / f"whole.{ending}").stat().st_size)):
         done = run(street.root, f"--{ending}", str(path))
     assert isinstance(done.exception, DataError)
     assert "cannot be written" in str(done.exception)
