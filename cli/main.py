@@ -21,6 +21,7 @@ from cli.export import export
 from cli.ground import ground
 from cli.groundtruth import groundtruth
 from cli.infer import infer
+from cli.report.command import report
 from cli.simulate import simulate
 from cli.track import app as track_app
 from cli.train import train
@@ -48,6 +49,7 @@ app.command()(export)
 app.add_typer(track_app)
 app.command()(ground)
 app.command()(view)
+app.command()(report)
 app.add_typer(eval_app)
 app.add_typer(weights_app)
 

@@ -15,36 +15,23 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+from made_street_maps import CAR_RGB, STREET_RGB, write_street_maps
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 from tiny_dataset import HEIGHT_PX, INTRINSIC, START_US, STEP_US, WIDTH_PX, TinyDataset, token
 from typer.testing import CliRunner, Result
 
-from appocc.bevmap import VEHICLE, BEVMap, bev_path
+from appocc.bevmap import bev_path
 from appocc.errors import AppoccError, DataError
-from appocc.grid import BEVGrid
 from cli.main import app
 
 TIMES_US = [START_US + i * STEP_US for i in range(3)]
-# The parked car in the cells ahead of the ego, and a grey street; the rightmost column of cells is unknown.
-CAR_RGB, STREET_RGB = 240, 90
 
 
 @pytest.fixture
 def street(tiny: TinyDataset) -> TinyDataset:
-    """The tiny dataset with maps of its parked car, 10 m ahead of the ego's start; the ego drives 2.5 m a frame."""
-    grid = BEVGrid.surround()
-    for i in range(3):
-        offset = np.abs(grid.centres() - [10.0 - 2.5 * i, 0.0])
-        car = (offset[..., 0] < 2.3) & (offset[..., 1] < 0.95)
-        occupancy = np.zeros((3, *grid.shape), np.float32)
-        occupancy[0], occupancy[VEHICLE][car] = 1, 1
-        appearance = np.where(car, CAR_RGB, STREET_RGB).astype(np.uint8)[None].repeat(3, axis=0)
-        known = np.ones((3, *grid.shape), np.bool_)
-        known[:, :, 0] = False
-        bev = BEVMap(grid, occupancy, known, appearance, known[0].copy())
-        bev.save(bev_path(tiny.root, "groundtruth", token("sample", i)))
-    return tiny
+    """The tiny dataset with ground-truth maps."""
+    return write_street_maps(tiny)
 
 
 def run(root: Path, *more: str) -> Result:
