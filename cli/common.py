@@ -6,8 +6,10 @@ import json
 import os
 import shlex
 import sys
+import traceback
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -16,6 +18,8 @@ import typer
 from appocc.errors import DataError
 
 if TYPE_CHECKING:
+    from rich.console import Console
+
     from appocc.nuscenes import Dataset, Scene
 
 RootArgument = Annotated[Path, typer.Argument(metavar="ROOT", help="Dataset root in the nuScenes schema.")]
@@ -63,16 +67,59 @@ class Interrupted(SystemExit):
         return f"interrupted; to resume: {shlex.join(['appocc', *sys.argv[1:], *self.more])}"
 
 
+@dataclass
+class _Verbosity:
+    """What is printed to stderr: `quiet` errors only, `verbose` also where an error arose."""
+
+    quiet: bool = False
+    verbose: bool = False
+
+
+_verbosity = _Verbosity()
+
+
+def set_verbosity(quiet: bool, verbose: bool) -> None:
+    """Set what is printed to stderr by the commands of this process."""
+    _verbosity.quiet, _verbosity.verbose = quiet, verbose
+
+
+def is_quiet() -> bool:
+    """Return whether only errors are printed to stderr."""
+    return _verbosity.quiet
+
+
+def wide_console(least_width: int) -> Console:
+    """Return a console on stderr for tables, silent if only errors are wanted.
+
+    In a narrow terminal its lines wrap, and no number is cut.
+    """
+    from rich.console import Console
+
+    console = Console(stderr=True, quiet=_verbosity.quiet)
+    console.width = max(console.width, least_width)
+    return console
+
+
 def say(text: str) -> None:
-    """Print lines for people to stderr; control characters in quoted names are escaped."""
+    """Print lines for people to stderr, unless they want errors only."""
+    if not _verbosity.quiet:
+        say_always(text)
+
+
+def say_always(text: str) -> None:
+    """Print lines to stderr; control characters in quoted names are escaped."""
     plain = (c if c.isprintable() or c == "\n" else c.encode("unicode_escape").decode() for c in text)
     typer.echo("".join(plain), err=True)
 
 
 def say_error(reason: object) -> None:
-    """Print the reason for a failure in one line of limited length."""
+    """Print the reason for a failure in one line of limited length; if verbose, first where it arose."""
     line = str(reason)
-    say("error: " + (line if len(line) <= _MAX_CHARACTERS else line[:_MAX_CHARACTERS] + " ...").replace("\n", "\\n"))
+    if _verbosity.verbose and isinstance(reason, BaseException):
+        say_always("".join(traceback.format_exception(reason)).rstrip())
+    say_always(
+        "error: " + (line if len(line) <= _MAX_CHARACTERS else line[:_MAX_CHARACTERS] + " ...").replace("\n", "\\n")
+    )
 
 
 def say_empty(dataset: Dataset, scenes: Iterable[Scene]) -> None:
@@ -181,6 +228,8 @@ def progress(title: str, total: int | None) -> Iterator[Callable[[float], None]]
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     console = Console(stderr=True)
     # In a file or a pipe the bar would only print an empty line.
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
+    with Progress(
+        *columns, console=console, transient=True, disable=_verbosity.quiet or not console.is_terminal
+    ) as bar:
         task = bar.add_task(title, total=total)
         yield lambda steps: bar.advance(task, steps)

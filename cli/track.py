@@ -23,6 +23,7 @@ from cli.common import (
     out_path,
     progress,
     say,
+    wide_console,
 )
 
 if TYPE_CHECKING:
@@ -379,7 +380,6 @@ def _say_files(paths: Iterable[Path]) -> None:
 
 def _show(title: str, scores: Mapping[str, Metrics]) -> None:
     """Print named scores as a table on stderr."""
-    from rich.console import Console
     from rich.table import Table
 
     table = Table(title, "MOTA %", "IDF1 %", "HOTA %", "MOTP m", "IDS", "FRAG", "FP", "FN", "GT")
@@ -387,8 +387,7 @@ def _show(title: str, scores: Mapping[str, Metrics]) -> None:
         shares = [_format_number(100 * share, 1) for share in (m.MOTA, m.IDF1, m.HOTA)]
         counts = [str(count) for count in (m.IDS, m.FRAG, m.FP, m.FN, m.GT)]
         table.add_row(name, *shares, _format_number(m.MOTP, 2), *counts)
-    console = Console(stderr=True)
-    console.width = max(console.width, 80)  # in a narrow terminal lines wrap, but no number is cut
+    console = wide_console(80)
     console.print(table)
 
 
