@@ -11,10 +11,8 @@ from inspect import cleandoc
 from types import NoneType, UnionType
 from typing import Any, Literal, get_args, get_origin
 
-import annotated_types
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
-from pydantic_core import PydanticUndefined
 
 from appocc.training.config import Config
 
@@ -28,13 +26,13 @@ read. Lists of three numbers are for road, vehicle, lane. This page is written b
 `python -m appocc.training.config_page`.
 """
 _NAMES = {int: "integer", float: "number", str: "text", bool: "true or false", NoneType: "null"}
-_BOUNDS = {annotated_types.Ge: ("from", "ge"), annotated_types.Gt: ("above", "gt")}
-_UPPER = {annotated_types.Le: ("to", "le"), annotated_types.Lt: ("below", "lt")}
+# Words for the bounds of pydantic's constraints.
+_BOUNDS = {"ge": "from", "gt": "above", "le": "to", "lt": "below"}
 
 
 def configuration_page() -> str:
     """Return the page as Markdown, a table for each section of the configuration."""
-    sections = [("", Config), *((name, part) for name, part in _parts(Config))]
+    sections: list[tuple[str, type[BaseModel]]] = [("", Config), *_parts(Config)]
     return "\n".join([_INTRODUCTION, *(_section(name, part) for name, part in sections)])
 
 
@@ -65,7 +63,7 @@ def attribute_docs(model: type[BaseModel]) -> dict[str, str]:
 
 
 def _default(field: FieldInfo) -> str:
-    if field.default is PydanticUndefined:
+    if field.is_required():
         return "needed"
     value = field.default
     if isinstance(value, tuple):
@@ -98,9 +96,9 @@ def _limit(constraint: Any) -> str:
     """Return the bounds of a constraint in words."""
     if isinstance(constraint, FieldInfo):
         return " ".join(filter(None, map(_limit, constraint.metadata)))
-    for kind, (word, name) in (_BOUNDS | _UPPER).items():
-        if isinstance(constraint, kind):
-            value = getattr(constraint, name)
+    for name, word in _BOUNDS.items():
+        value = getattr(constraint, name, None)
+        if value is not None:
             return f"{word} {value:,}" if value != 2**31 else f"{word} 2^31"
     return ""
 
