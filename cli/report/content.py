@@ -1,4 +1,4 @@
-"""What a report says, collected from a dataset, its maps, their evaluation and its tracks."""
+"""Contents of a report, collected from a dataset, its maps, their evaluation and its tracks."""
 
 from __future__ import annotations
 

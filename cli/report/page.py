@@ -35,7 +35,7 @@ def write_report(
     """Write a report as one HTML file without outside parts.
 
     Args:
-        content: what it says.
+        content: contents of the report.
         path: the file.
         training: lines of `metrics.jsonl` of the training run; empty for none.
         advance: progress callback, up to `PICTURES` + `WORST` steps.
