@@ -36,9 +36,10 @@ from grounding.dialogue.choices import (
     take_other,
 )
 from grounding.dialogue.conversation import Conversation
-from grounding.dialogue.descriptions import find_fitting, is_plainly_definite, widen, with_action
+from grounding.dialogue.descriptions import find_fitting, is_plainly_definite, widen
 from grounding.dialogue.following import follow_plan, relocate
 from grounding.dialogue.fragments import has_verb, keep_action, names_pronoun, refers_to_place
+from grounding.dialogue.merging import merge_request, names_gap_only
 from grounding.dialogue.reports import (
     ask_again,
     cancel,
@@ -261,7 +262,10 @@ def _command(
         talk.state = replace(state, question=answer, offered=(), asked=requests_of(answer.reading), at=0)
         return answer
     if refers_to_place(first) and state.plan and not then:
-        return talk.take((*state.plan[:-1], with_action(state.plan[-1], first)))
+        return talk.take((*state.plan[:-1], merge_request(state.plan[-1], first.query)))
+    if base is not None and not then and names_gap_only(first.query):  # "leave three metres"
+        gap = replace(first.query, action=None)
+        return talk.take(state.with_request(merge_request(base, gap)))
     if forbidden := _forbidden_action(state.plan, first):
         return drop_steps(talk, text, forbidden)
     if answer.status == "ambiguous" and state.focus and not state.question and is_plainly_definite(first):
