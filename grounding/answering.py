@@ -341,7 +341,8 @@ def _plan(
         reason = f"'{query.relation.replace('_', ' ')}' is measured from a {landmark}, which the map does not hold"
         return GoalPlan(None, (reason,), nearest=goal_plan.target)
     for shift in request.shifts:
-        goal_plan = shift_goal(goal_plan, shift, scene, road, item)
+        named = next((one for one in scene.table.items if one.id == shift.vehicle), item)
+        goal_plan = shift_goal(goal_plan, shift, scene, road, named)
     return goal_plan
 
 

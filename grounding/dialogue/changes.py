@@ -62,9 +62,11 @@ def _answer_description(talk: Conversation, text: str, reply: Reply, question: A
         return talk.narrow(fitting, described)
     described = merge_request(request, said(widen(reading, talk.scene), text).query)
     rejected = frozenset[str]()
-    if "no" in reply.kinds and request.chosen is not None and question is None:
+    if {"no", "other"} & {*reply.kinds} and request.chosen is not None and question is None:
         rejected = frozenset({request.chosen.item.id})
     found = resolve(described.query, without(talk.scene, rejected))
+    if "other" not in reply.kinds and (known := talk.spoken_of(found.candidates)):
+        return talk.choose(known, described)
     if found.status == "ok" and found.candidates:
         return talk.choose(found.candidates[0], described)
     if found.status == "ambiguous":
@@ -103,6 +105,18 @@ def shift_last(talk: Conversation, text: str, shift: Shift) -> Answer:
     if answer.status != "ok":
         return replace(answer, reasons=(*answer.reasons, "the goal stays where it was"))
     return talk.settle(steps, answer)
+
+
+def shift_from_named(talk: Conversation, text: str, direction: ShiftDirection, words: str) -> Answer | None:
+    """Move the goal in force with respect to a vehicle: "closer to the black one"; None if the words name none."""
+    preposition, _, named = words.partition(" ")
+    if preposition not in ("to", "from") or talk.state.goal is None or talk.state.question is not None:
+        return None
+    reading = read_description(named, talk.antecedent, talk.grounder.read)
+    found = resolve(widen(reading, talk.scene).query, talk.scene) if reading else None
+    if found is None or found.status != "ok":
+        return None
+    return shift_last(talk, text, Shift(direction, BIT_M, found.candidates[0].item.id))
 
 
 def shift_more(talk: Conversation, text: str, sign: float, distance_m: float = BIT_M) -> Answer:

@@ -104,8 +104,8 @@ def complete(text: str, base: Query, antecedent: Referent | None, read: Reader) 
         reading = read(phrase.format(part), antecedent, said)[0]
         query = reading.query
         sides = query.goal_side or query.road_side or query.direction
-        placed = query.relation != "none" or sides or query.distance_m is not None
-        if placed and _is_understood(reading):
+        gap = query.distance_m is not None and query.distance_of != "descriptor"
+        if (query.relation != "none" or sides or gap) and _is_understood(reading):
             return _with_query(reading, replace(query, action=None, actions=()))
     return None
 
@@ -165,5 +165,6 @@ def _is_understood(reading: Reading) -> bool:
 def _is_bare(referent: Referent, reading: Reading) -> bool:
     """Return whether a referent has no words of its own that distinguish it."""
     noun = any(token.category in (WordCategory.NOUN, WordCategory.PERSON) for token in reading.tokens)
-    described = referent.colour or referent.qualifiers or referent.extra or reading.query.secondary
-    return not (noun or described or reading.query.excluded)
+    query = reading.query
+    described = referent.colour or referent.qualifiers or referent.extra or query.secondary
+    return not (noun or described or query.excluded or query.distance_of == "descriptor")

@@ -20,6 +20,7 @@ from grounding.dialogue.changes import (
     drop_steps,
     replace_step,
     scale_distance,
+    shift_from_named,
     shift_last,
     shift_more,
 )
@@ -216,12 +217,18 @@ def _answer(talk: Conversation, text: str, reply: Reply) -> Answer:
         and state.question.plan.question
     ):
         return confirm(talk, text)
+    if reply.leading_shift and (answer := shift_from_named(talk, text, reply.leading_shift, reply.rest)):
+        return answer
     if has_verb(reading):
         edits = "no" in reply.kinds or "meant" in reply.kinds
         return _command(talk, text, reply.rest, "then" in reply.kinds, "yes" in reply.kinds, edits)
     if "then" in reply.kinds and not reading.problem:
         return _command(talk, text, reply.rest, then=True)
-    return answer_fragment(talk, text, reply) or _command(talk, text, text if reading.problem else reply.rest)
+    if answer := answer_fragment(talk, text, reply):
+        return answer
+    if reply.leading_shift and reading.problem:
+        return shift_last(talk, text, Shift(reply.leading_shift, BIT_M))
+    return _command(talk, text, text if reading.problem else reply.rest)
 
 
 def _command(

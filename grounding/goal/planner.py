@@ -23,7 +23,7 @@ from grounding.goal.limits import (
     reversing_cost,
     standing_cost,
 )
-from grounding.goal.proposals import propose_candidates, propose_relation
+from grounding.goal.proposals import explain_refusal, propose_candidates, propose_relation
 from grounding.goal.search import CandidateSearch
 from grounding.query import Query
 from grounding.referent.scene import SceneModel
@@ -107,6 +107,7 @@ class GoalPlan:
         question: what to ask before going to `nearest`; '' where there is nothing to ask.
         instead: action that the question proposes; None if it is about `nearest`.
         pace: what the command asks for instead of a place; None if it asks for a place.
+        refused: whether the command asks for what no driver should do.
     """
 
     target: Target | None
@@ -118,6 +119,7 @@ class GoalPlan:
     question: str = ""
     instead: Action | None = None
     pace: Pace | None = None
+    refused: bool = False
 
     @property
     def score(self) -> float | None:
@@ -157,6 +159,8 @@ def plan_goal(
     """
     if query.pace is not None:
         return GoalPlan(None, (_PACE_REASONS[query.pace],), pace=query.pace)
+    if refusal := explain_refusal(query):
+        return GoalPlan(None, (refusal,), refused=True)
     if start is not None:
         road = scene.road_from(start)
     # After a turn in the road its other side is ours.

@@ -85,9 +85,11 @@ def _tag_without_noun(token: Token) -> Token:
 
 
 def tag_possessive(before: Sequence[Token], token: Token, after: Sequence[Token]) -> Token:
-    """Tag "whose" as a relative pronoun, other possessives as determiners."""
+    """Tag "whose" as a relative pronoun, "her" before a verb as a pronoun, other possessives as determiners."""
     if token.text == "whose":
         return token.with_category(WordCategory.WHICH)
+    if token.text == "her" and category_at(after, 0) is WordCategory.VERB and not after[0].form:
+        return token.with_category(WordCategory.PRONOUN)  # "let her cross"
     return tag_determiner(before, token, after)
 
 
