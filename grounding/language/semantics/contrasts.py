@@ -53,7 +53,7 @@ _LETTERS = (
 )
 # A noun phrase, with the places that follow it, and a place: a preposition with its noun phrase, or a single word.
 _NOUN = r"(?:d*[mnu]*[ho]+|d+[mn]+|p)"
-_WHOLE_NOUN = rf"(?:{_NOUN}(?:(?:Wb?)?[swl]+|(?:Wb?)r+{_NOUN})*)"
+_WHOLE_NOUN = rf"(?:{_NOUN}(?:(?:Wb?)?[swlt]+|(?:Wb?)r+{_NOUN})*)"
 _PLACE = rf"(?:r+{_NOUN}(?:Wb?)?[swl]*|[swlt])"
 _END = r"(?=[,.]|$|[AH]|v|T)"
 _MAX_REWRITES = 12
@@ -356,6 +356,7 @@ _RULES: tuple[tuple[re.Pattern[str], _Rewrite], ...] = (
     (re.compile(r"(?P<before>d*)(?P<not>M|(?<=d)N)(?P<modifier>m+)(?P<noun>[ho]+)"), _negate_modifier),
     (re.compile(rf"(?P<chosen>r),?[NE](?P<rejected>r),?(?P<noun>{_NOUN})"), _share_noun),
     (re.compile(rf"[NE](?P<rejected>r),?B,?(?P<chosen>r)(?P<noun>{_NOUN})"), _share_noun),
+    (re.compile(rf"[NE](?P<rejected>r)(?P<noun>{_NOUN}),?[B,]+(?P<chosen>r){_END}"), _share_noun),
     (re.compile(rf"r(?P<noun>{_WHOLE_NOUN})[,C]+[NE](?P<same>r)p[,C]+(?P<chosen>r)p"), _correct_place),
     (re.compile(r"(?P<chosen>[st]),?A?[NE](?P<rejected>[st]),?f"), _relate_side),
     (re.compile(r"(?<![NEMm])(?P<chosen>d*m+),?[AB]?[NE](?P<rejected>d*m+)(?P<noun>[ho]+)"), _share_head),
