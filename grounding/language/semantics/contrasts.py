@@ -55,7 +55,7 @@ _LETTERS = (
 _NOUN = r"(?:d*[mnu]*[ho]+|d+[mn]+|p)"
 _WHOLE_NOUN = rf"(?:{_NOUN}(?:(?:Wb?)?[swlt]+|(?:Wb?)r+{_NOUN})*)"
 _PLACE = rf"(?:r+{_NOUN}(?:Wb?)?[swl]*|[swlt])"
-_END = r"(?=[,.]|$|[AH]|v|T)"
+_END = r"(?=[,.]|$|[AH]|v|T|(?<=[ho])d)"
 _MAX_REWRITES = 12
 _SIDES = ("left", "right")
 

@@ -146,6 +146,12 @@ def tag_shade(before: Sequence[Token], token: Token, after: Sequence[Token]) -> 
     return token.with_category(WordCategory.THING, "traffic_light") if thing else token
 
 
+def tag_superlative(before: Sequence[Token], token: Token, after: Sequence[Token]) -> Token:
+    """Tag "far" as a superlative in "the far van" only."""
+    named = category_at(before, -1) in DETERMINERS and category_at(after, 0) in HEADS | MODIFIERS
+    return token if token.text != "far" or named else token.with_category(WordCategory.UNKNOWN)
+
+
 def tag_one(before: Sequence[Token], token: Token, after: Sequence[Token]) -> Token:
     """Tag "one" before a noun as a number."""
     counts = category_at(after, 0) in HEADS | {WordCategory.COLOUR}
