@@ -39,7 +39,7 @@ def merge_quantities(tokens: Sequence[Token]) -> list[Token]:
 
 
 def _number_at(tokens: Sequence[Token], i: int) -> float | None:
-    """Return the number that a token stands for; "one" is one only before a unit or a number, "couple" before a unit."""
+    """Return the number that a token stands for; "one" and "couple" do before a unit, and "one" before a number."""
     token = tokens[i]
     if token.text == "couple" and i + 1 < len(tokens) and tokens[i + 1].category is WordCategory.UNIT:
         return 2.0

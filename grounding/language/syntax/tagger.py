@@ -49,6 +49,8 @@ from grounding.language.syntax.word_categories import DETERMINERS, HEADS, MODIFI
 
 # Words without a part in the sentence.
 _DROPPED = (WordCategory.FILLER, WordCategory.GREETING)
+# People as whom the ego is addressed, too.
+_ADDRESSEES = ("lad", "lads", "mate", "pal", "dude", "love", "buddy")
 _PLACES_OF_SUBJECTS = (WordCategory.OUT, WordCategory.WHERE, WordCategory.NOT)
 _AFTER_CONNECTIVE = frozenset((WordCategory.THEN, WordCategory.AND, WordCategory.EXCEPT, WordCategory.ORDINAL))
 
@@ -160,10 +162,18 @@ def _split_contraction(token: Token, following: Token) -> tuple[Token, Token]:
     return noun, verb
 
 
+def _as_person(before: Token | None, token: Token) -> Token:
+    """Return a form of address after an article as a person: "there's a lad stepping out"."""
+    named = token.text in _ADDRESSEES and before is not None and before.category is WordCategory.ANY
+    return token.with_category(WordCategory.PERSON, "person") if named else token
+
+
 def tag(tokens: Sequence[Token]) -> list[Token]:
     """Return the tokens with their category in context, quantities merged and fillers removed."""
     tagged: list[Token] = []
-    kept = [token for token in merge_quantities(tokens) if token.category not in _DROPPED]
+    quantities = merge_quantities(tokens)
+    merged = [_as_person(before, token) for before, token in zip([None, *quantities], quantities, strict=False)]
+    kept = [token for token in merged if token.category not in _DROPPED]
     for i, token in enumerate(kept):
         after = kept[i + 1 : i + 6]
         if token.form == "own" and token.category in HEADS and _is_contraction(after):
