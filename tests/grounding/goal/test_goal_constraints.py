@@ -106,7 +106,7 @@ def test_the_distance_of_the_nearest_valid_pose_is_reported() -> None:
     assert made.nearest is not None
     away_m = np.hypot(*(made.nearest.ego_m - [34, 0]))
     assert away_m < 10
-    assert has_reason(made, f"the nearest place that would do is {away_m:.1f} m from it, at (")
+    assert has_reason(made, f"the nearest place that would do is {away_m:.1f} m away from there, at (")
 
 
 def test_cells_excluded_by_the_command() -> None:
