@@ -219,6 +219,8 @@ def _answer(talk: Conversation, text: str, reply: Reply) -> Answer:
         return confirm(talk, text)
     if reply.leading_shift and (answer := shift_from_named(talk, text, reply.leading_shift, reply.rest)):
         return answer
+    if reading.doubt and state.request is not None and (answer := answer_fragment(talk, text, reply)):
+        return answer  # "in front, easier to get out": the verb is that of a reason
     if has_verb(reading):
         edits = "no" in reply.kinds or "meant" in reply.kinds
         return _command(talk, text, reply.rest, "then" in reply.kinds, "yes" in reply.kinds, edits)

@@ -45,7 +45,7 @@ _LEADING = (
         "pause",
         "room",
     ),
-    *("count", "aside", "without"),
+    *("count", "aside", "without", "any"),
 )
 # Kinds that are replies only where a comma and further words follow.
 _BEFORE_COMMA = ("aside",)

@@ -308,8 +308,8 @@ _REPAIR = rf"x?r+{_WHOLE_NOUN}|{_WHOLE_NOUN}|r|[swlt]|x|m+"
 
 
 def _drop_direction(tokens: list[Token], match: re.Match[str]) -> list[Token] | None:
-    """Drop "not right" after "turn left", and "not on the right" after "on the left"."""
-    rejected = tokens[match.end() - 1].value.removesuffix("_side")
+    """Drop "not right" after "turn left", "not on the right" after "on the left", "not the left lane"."""
+    rejected = tokens[match.end() - 1].value.split("_")[0]
     values = (token.value.replace("_", " ") for token in tokens[: match.start()])
     before = [word for value in values for word in value.split() if word in _SIDES]
     return [] if before and rejected in _SIDES and before[-1] != rejected else None
@@ -321,6 +321,14 @@ def _relate_side(tokens: list[Token], match: re.Match[str]) -> list[Token] | Non
     if {chosen, rejected} != {*_SIDES}:
         return None
     return [tokens[match.start()].with_category(WordCategory.RELATION, f"{chosen}_of")]
+
+
+def _name_lane(tokens: list[Token], match: re.Match[str]) -> list[Token] | None:
+    """Rewrite "the left lane, the right one" to "the left lane, the right lane"."""
+    lane, between, side = (_span(tokens, match, group) for group in ("lane", "between", "side"))
+    named = side[0].value.removesuffix("_side")
+    value = f"{named}_lane" if named in _SIDES else ""
+    return [*lane, *between, side[0].with_category(WordCategory.LANE, value)] if value else None
 
 
 def _share_head(tokens: list[Token], match: re.Match[str]) -> list[Token]:
@@ -352,6 +360,7 @@ def _correct_place(tokens: list[Token], match: re.Match[str]) -> list[Token] | N
 
 # In order of precedence.
 _RULES: tuple[tuple[re.Pattern[str], _Rewrite], ...] = (
+    (re.compile(r"(?P<lane>l)(?P<between>[,.CB]+)d*(?P<side>[ms])o"), _name_lane),
     (re.compile(r"vv(?P<after>(?:[^vA,.]*A(?=v))?)"), _negate_ended),
     (re.compile(r"(?P<before>d*)(?P<not>M|(?<=d)N)(?P<modifier>m+)(?P<noun>[ho]+)"), _negate_modifier),
     (re.compile(rf"(?P<chosen>r),?[NE](?P<rejected>r),?(?P<noun>{_NOUN})"), _share_noun),
@@ -360,7 +369,7 @@ _RULES: tuple[tuple[re.Pattern[str], _Rewrite], ...] = (
     (re.compile(rf"r(?P<noun>{_WHOLE_NOUN})[,C]+[NE](?P<same>r)p[,C]+(?P<chosen>r)p"), _correct_place),
     (re.compile(r"(?P<chosen>[st]),?A?[NE](?P<rejected>[st]),?f"), _relate_side),
     (re.compile(r"(?<![NEMm])(?P<chosen>d*m+),?[AB]?[NE](?P<rejected>d*m+)(?P<noun>[ho]+)"), _share_head),
-    (re.compile(rf",?A?[NE][st]{_END[:-1]}|S|r)"), _drop_direction),
+    (re.compile(rf",?A?[NE][stl]{_END[:-1]}|S|r)"), _drop_direction),
     (re.compile(r"N(?P<verb>v)k?[,.]+(?=v)"), _drop_prohibition),
     (re.compile(r"(?<![NM])m,?(?P<not>N)m(?:(?=[,.ho]|$)|,(?=[ho]))"), _choose_modifier),
     (re.compile(r"Nvr"), _end_negation),
