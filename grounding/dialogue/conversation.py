@@ -50,8 +50,8 @@ class Conversation:
     def antecedent(self) -> Referent | None:
         """The vehicle that pronouns and "one" refer to: that of the open question, else the last one."""
         state = self.state
-        if state.question is not None and state.question.query.referent is not None:
-            return state.question.query.referent
+        if state.question is not None and (asked := state.question.query.referent or state.question.query.sought):
+            return asked
         if state.focus is not None and state.topic is None:
             return state.focus[1]
         if state.request is None or state.topic is not None:

@@ -71,6 +71,8 @@ def _vehicle_slots(base: Query, partial: Query) -> dict[str, Any]:
         "excluded": (*still, *partial.excluded),
         "secondary": (*goal, *described),
         "landmark": base.landmark or "referent",
+        "unresolved": "",
+        "sought": None,
     }
 
 

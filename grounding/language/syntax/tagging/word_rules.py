@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from grounding.language.syntax.tagging_context import (
+from grounding.language.syntax.tagging.context import (
     CLAUSE_ENDS,
     PHRASE_STARTS,
     PHRASE_WORDS,

@@ -7,8 +7,20 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from grounding.language.syntax.quantities import merge_quantities
-from grounding.language.syntax.tagging_context import CLAUSE_ENDS, category_at
-from grounding.language.syntax.tagging_rules import (
+from grounding.language.syntax.tagging.context import CLAUSE_ENDS, category_at
+from grounding.language.syntax.tagging.verb_rules import (
+    tag_aux,
+    tag_be,
+    tag_extra,
+    tag_nondrive,
+    tag_noun,
+    tag_out,
+    tag_region,
+    tag_relation,
+    tag_thing,
+    tag_verb,
+)
+from grounding.language.syntax.tagging.word_rules import (
     drop,
     tag_correct,
     tag_determiner,
@@ -31,18 +43,6 @@ from grounding.language.syntax.tagging_rules import (
     tag_then,
     tag_to,
     tag_unit,
-)
-from grounding.language.syntax.tagging_verbs import (
-    tag_aux,
-    tag_be,
-    tag_extra,
-    tag_nondrive,
-    tag_noun,
-    tag_out,
-    tag_region,
-    tag_relation,
-    tag_thing,
-    tag_verb,
 )
 from grounding.language.syntax.tokenizer import Token
 from grounding.language.syntax.word_categories import DETERMINERS, HEADS, MODIFIERS, WordCategory

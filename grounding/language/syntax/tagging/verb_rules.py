@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from grounding.language.syntax.tagging_context import (
+from grounding.language.syntax.tagging.context import (
     CLAUSE_ENDS,
     COMMAND_STARTS,
     PHRASE_STARTS,
