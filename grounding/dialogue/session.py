@@ -219,6 +219,8 @@ def _answer(talk: Conversation, text: str, reply: Reply) -> Answer:
         return confirm(talk, text)
     if reply.leading_shift and (answer := shift_from_named(talk, text, reply.leading_shift, reply.rest)):
         return answer
+    if reply.leading_shift and reading.problem:
+        return answer_fragment(talk, text, reply) or shift_last(talk, text, Shift(reply.leading_shift, BIT_M))
     if reading.doubt and state.request is not None and (answer := answer_fragment(talk, text, reply)):
         return answer  # "in front, easier to get out": the verb is that of a reason
     if has_verb(reading):
@@ -228,8 +230,6 @@ def _answer(talk: Conversation, text: str, reply: Reply) -> Answer:
         return _command(talk, text, reply.rest, then=True)
     if answer := answer_fragment(talk, text, reply):
         return answer
-    if reply.leading_shift and reading.problem:
-        return shift_last(talk, text, Shift(reply.leading_shift, BIT_M))
     return _command(talk, text, text if reading.problem else reply.rest)
 
 
