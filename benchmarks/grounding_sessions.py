@@ -5,8 +5,8 @@
 Without a FILE, the project's own conversations (`benchmarks/grounding_truth/conversations.yaml`); its header
 describes the format, `--unread` selects the half that was kept unread during development, `--seen` the other one. A
 FILE with one JSON record a line has `scene` (vehicles with id, class, colour, x_m, y_m, heading_deg, speed_mps) and
-`turns`, each with `say` and `expect`: status, referent and relation, with alternatives in status_alt, referent_alt
-and relation_alt.
+`turns`, each with `say` and `expect`: status (or "refused", which is "not_found" with `refused`), referent and
+relation, with alternatives in status_alt, referent_alt and relation_alt.
 
 A conversation is right if every turn is. Places are judged by plain geometry on the made scene.
 """
@@ -260,7 +260,8 @@ def judge_strangers(turn: Mapping[str, Any], answer: Answer, last: Answer | None
     """Return what is wrong with an answer to a turn of a file of records; '' if it is right."""
     expected = turn["expect"]
     statuses = {expected["status"], *expected.get("status_alt", [])}
-    if answer.status not in statuses:
+    given = {answer.status, "refused"} if answer.plan.refused else {answer.status}
+    if not given & statuses:
         return f"status {answer.status}"
     if answer.status != "ok" or expected["status"] != "ok":
         return ""

@@ -123,6 +123,7 @@ class Answer:
             "query": self.query.to_dict(),
             "target": target_to_dict(plan.target) if plan.target else None,
             "pace": plan.pace,
+            "refused": plan.refused,
             "route": None if plan.route is None else [round_to_mm(point) for point in plan.route],
             "runners_up": [target_to_dict(one) for one in plan.runners_up],
             "nearest": target_to_dict(plan.nearest) if plan.nearest else None,
@@ -159,7 +160,8 @@ class Answer:
     def text(self) -> str:
         """Return the answer as lines of English."""
         command = "".join(c if c.isprintable() else " " for c in self.query.command[:_MAX_CHARACTERS])
-        lines = [f"{self.status.replace('_', ' ')}: {command}"]
+        status = "refused" if self.plan.refused else self.status.replace("_", " ")
+        lines = [f"{status}: {command}"]
         if self.problem and (marks := underline(self.query.command, self.problem)):
             lines.append(marks)
         if self.target:

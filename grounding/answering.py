@@ -15,7 +15,7 @@ from grounding.answer import Answer
 from grounding.confidence import confidence_of, gather_evidence, is_worth_acting
 from grounding.describe import describe_object, describe_step, with_article
 from grounding.goal.at_landmark import landmark_of
-from grounding.goal.planner import GoalPlan, plan_goal
+from grounding.goal.planner import GoalPlan, plan_place, with_nearest
 from grounding.goal.second_best import plan_with_second_best
 from grounding.goal.shift import HeldPose, Shift, hold_goal, shift_goal
 from grounding.language import Reading
@@ -261,7 +261,9 @@ def answer_step(
         for referent in _goal_candidates(request, resolution)
     ]
     referent, goal_plan = max(planned, key=lambda pair: _log_score(*pair))
-    if not request.shifts:
+    if request.shifts:
+        goal_plan = with_nearest(goal_plan)
+    else:
         item = referent.item if referent else None
         goal_plan = plan_with_second_best(request.query, goal_plan, scene, road, item)
     confidence = _confidence(reading, referent, resolution, goal_plan, scene)
@@ -334,7 +336,7 @@ def _plan(
     goal_plan = None if request.held is None else hold_goal(request.held, scene, road)
     if goal_plan is not None:
         return goal_plan
-    goal_plan = plan_goal(query, scene, road, item, partner, exclusions, start)
+    goal_plan = plan_place(query, scene, road, item, partner, exclusions, start)
     if item is None and query.landmark == "secondary" and landmark_of(query) is None:
         # The map does not hold the landmark: report the goal as the nearest free place and not as the answer.
         landmark = query.secondary[0].noun.replace("_", " ")
@@ -342,7 +344,8 @@ def _plan(
         reason = f"'{relation}' is measured from {one}, which the map does not hold"
         return GoalPlan(None, (reason,), nearest=goal_plan.target)
     for shift in request.shifts:
-        goal_plan = shift_goal(goal_plan, shift, scene, road, item)
+        named = next((one for one in scene.table.items if one.id == shift.vehicle), item)
+        goal_plan = shift_goal(goal_plan, shift, scene, road, named)
     return goal_plan
 
 

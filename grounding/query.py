@@ -144,28 +144,27 @@ class Exclusion:
 
 @dataclass(frozen=True)
 class Query:
-    """A parsed sentence. It is a command if it has an action.
+    """What a sentence commands: who or what, where, and how. Without an action it is no command.
 
     Attributes:
         command: the sentence as given.
-        action: main action; None if the sentence is not a driving command.
-        actions: all commanded actions in order, the main one included.
-        relation: relation of the goal to the landmark.
-        landmark: origin of the relation; None without one.
-        referent: the vehicle; None if none is named.
-        secondary: landmarks.
-        direction: steering that the text commands.
-        goal_side: side of the road for the goal; None if none is named.
-        road_side: the same, named by the traffic ("by the kerb", "on the other side of the road"); None if it is not.
-        trigger: event of the referent that starts or ends the action.
-        distance_m: None if none is named.
-        distance_of: meaning of the distance; None without one.
-        excluded: excluded objects.
-        count: of a turn, the branch on that side, from 1 ("the third left"); of a lane change, the number of lanes;
-            None if none is named (the first branch, one lane).
+        action: main action; None if the sentence is no driving command.
+        actions: all commanded actions in order; the main one is among them.
+        relation: where the goal is, seen from the vehicle or landmark: behind, next to, past.
+        landmark: what the relation is measured from: the referent, or the first of `secondary`; None without one.
+        referent: the vehicle or person that is named; None if none is.
+        secondary: other things that are named, such as a crossing.
+        direction: where to steer.
+        goal_side: side of the road on which the goal is; None if none is named.
+        road_side: the same, named by the traffic: "by the kerb", "on the other side of the road".
+        trigger: what the referent does first: "after the bus leaves"; None without an awaited event.
+        distance_m: distance in metres; None if none is named.
+        distance_of: what the distance is: the gap to the referent, the way to go, or how far away the referent is.
+        excluded: what is not meant: "not the red one", "anywhere except behind the truck".
+        count: which branch to turn into ("the third left" is 3), or how many lanes to change; None if not named.
         manoeuvre: how to drive, if the verb says more than the action: onward, back, creep, faster, or a refused one.
-        unresolved: the pronoun or "one" that stands for the referent and has no antecedent; '' if there is none.
-        sought: description of the unresolved referent ("the red one": a red vehicle); None without one.
+        unresolved: the pronoun or "one" that refers to nothing that was named; '' if there is none.
+        sought: what such a "one" is like: a red vehicle for "the red one"; None without one.
     """
 
     command: str

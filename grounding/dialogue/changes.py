@@ -8,14 +8,15 @@ from dataclasses import replace
 from grounding.answer import Answer
 from grounding.answering import Request, without
 from grounding.dialogue.conversation import Conversation
-from grounding.dialogue.descriptions import find_fitting, widen, with_description
+from grounding.dialogue.descriptions import find_fitting, widen
 from grounding.dialogue.fragments import complete, names_pronoun, read_description
+from grounding.dialogue.merging import merge_request
 from grounding.dialogue.reports import ask_again, cancel, inform
 from grounding.dialogue.telling import said
 from grounding.goal.shift import Shift
 from grounding.language import Reading
 from grounding.language.replies import Reply
-from grounding.query import Referent
+from grounding.query import Query, Referent
 from grounding.referent.resolver import Candidate, resolve
 from grounding.vocabulary import Action, ShiftDirection
 
@@ -56,14 +57,16 @@ def _answer_description(talk: Conversation, text: str, reply: Reply, question: A
         return talk.narrow(others, replace(request, reading=said(request.reading, text)))
     if request is None or reading is None:
         return None
-    described = with_description(request, reading, text)
+    described = merge_request(request, said(reading, text).query)
     if question is not None and (fitting := find_fitting(reading, question.candidates, talk.scene)):
         return talk.narrow(fitting, described)
-    described = with_description(request, widen(reading, talk.scene), text)
+    described = merge_request(request, said(widen(reading, talk.scene), text).query)
     rejected = frozenset[str]()
-    if "no" in reply.kinds and request.chosen is not None and question is None:
+    if {"no", "other"} & {*reply.kinds} and request.chosen is not None and question is None:
         rejected = frozenset({request.chosen.item.id})
     found = resolve(described.query, without(talk.scene, rejected))
+    if "other" not in reply.kinds and (known := talk.spoken_of(found.candidates)):
+        return talk.choose(known, described)
     if found.status == "ok" and found.candidates:
         return talk.choose(found.candidates[0], described)
     if found.status == "ambiguous":
@@ -82,17 +85,12 @@ def _all_but(talk: Conversation, words: str, question: Answer) -> list[Candidate
 
 
 def _modify(talk: Conversation, reading: Reading, request: Request) -> Answer:
-    """Plan a command that changes the relation, the side or the distance of the last one."""
-    base, query = request.query, reading.query
-    modified = Request(reading=reading)
-    if query.referent is None and query.landmark is None:
-        query = replace(query, referent=base.referent, relation=base.relation, landmark=base.landmark)
-        modified = Request(reading=replace(reading, query=query, steps=(query,)), chosen=request.chosen)
-    elif names_pronoun(reading) and talk.meant is not None:
-        if query.relation == "near" and query.distance_m is not None and base.relation != "none":
-            query = replace(query, relation=base.relation)  # "3 metres from it"
-        modified = Request(reading=replace(reading, query=query, steps=(query,)), chosen=talk.meant)
-    return talk.take(talk.state.with_request(modified))
+    """Plan the last command with another relation, side or distance."""
+    changed = merge_request(request, reading.query)
+    if names_pronoun(reading) and talk.meant is not None:
+        changed = replace(changed, chosen=talk.meant)
+    changed = replace(changed, reading=replace(reading, query=changed.query, steps=(changed.query,)))
+    return talk.take(talk.state.with_request(changed))
 
 
 def shift_last(talk: Conversation, text: str, shift: Shift) -> Answer:
@@ -109,6 +107,18 @@ def shift_last(talk: Conversation, text: str, shift: Shift) -> Answer:
     return talk.settle(steps, answer)
 
 
+def shift_from_named(talk: Conversation, text: str, direction: ShiftDirection, words: str) -> Answer | None:
+    """Move the goal in force with respect to a vehicle: "closer to the black one"; None if the words name none."""
+    preposition, _, named = words.partition(" ")
+    if preposition not in ("to", "from") or talk.state.goal is None or talk.state.question is not None:
+        return None
+    reading = read_description(named, talk.antecedent, talk.grounder.read)
+    found = resolve(widen(reading, talk.scene).query, talk.scene) if reading else None
+    if found is None or found.status != "ok":
+        return None
+    return shift_last(talk, text, Shift(direction, BIT_M, found.candidates[0].item.id))
+
+
 def shift_more(talk: Conversation, text: str, sign: float, distance_m: float = BIT_M) -> Answer:
     """Enlarge or reduce the distance of the last command: to its vehicle if that was named, else along our way."""
     request = talk.state.request
@@ -122,11 +132,9 @@ def change_distance(talk: Conversation, text: str, distance_m: float) -> Answer:
     request = talk.state.request
     if request is None:
         return ask_again(talk, text)
-    query = replace(request.query, command=text, distance_m=float(distance_m))
-    if query.distance_of is None:
-        query = replace(query, distance_of="referent" if query.referent else "ego")
-    changed = replace(request, reading=replace(request.reading, query=query, steps=(query,)), shifts=())
-    return talk.take(talk.state.with_request(changed))
+    role = request.query.distance_of or ("referent" if request.query.referent else "ego")
+    partial = Query(text, distance_m=float(distance_m), distance_of=role)
+    return talk.take(talk.state.with_request(merge_request(request, partial)))
 
 
 def scale_distance(talk: Conversation, text: str, factor: float) -> Answer:

@@ -19,6 +19,8 @@ from grounding.referent.scene import SceneModel
 if TYPE_CHECKING:
     from grounding.grounder import Grounder
 
+# Vehicles fit alike if their log scores differ by less, as by their places alone.
+_ALIKE = 2.5
 # Plans that a conversation can go back to.
 _MAX_EARLIER = 8
 
@@ -48,8 +50,8 @@ class Conversation:
     def antecedent(self) -> Referent | None:
         """The vehicle that pronouns and "one" refer to: that of the open question, else the last one."""
         state = self.state
-        if state.question is not None and state.question.query.referent is not None:
-            return state.question.query.referent
+        if state.question is not None and (asked := state.question.query.referent or state.question.query.sought):
+            return asked
         if state.focus is not None and state.topic is None:
             return state.focus[1]
         if state.request is None or state.topic is not None:
@@ -64,6 +66,16 @@ class Conversation:
         if state.question is not None and state.question.candidates:
             return state.question.candidates[0]
         return state.focus[0] if state.focus else None
+
+    def spoken_of(self, candidates: Sequence[Candidate]) -> Candidate | None:
+        """Return the only one of several vehicles that fit alike which an earlier plan was about; None without one.
+
+        A definite description refers to what is known to both: "back to the red one".
+        """
+        alike = [one for one in candidates if one.score > candidates[0].score - _ALIKE]
+        ids = {step.chosen.item.id for plan in self.state.earlier for step in plan if step.chosen is not None}
+        known = [one for one in alike if one.item.id in ids]
+        return known[0] if len(alike) > 1 and len(known) == 1 else None
 
     def read(self, words: str) -> Reading:
         """Return the best reading of some words."""

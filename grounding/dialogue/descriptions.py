@@ -51,32 +51,6 @@ def is_plainly_definite(reading: Reading) -> bool:
     return referent is not None and referent.definite and not (referent.qualifiers or referent.colour)
 
 
-def with_description(request: Request, reading: Reading, text: str) -> Request:
-    """Return a step with another referent."""
-    colour = reading.query.referent.colour if reading.query.referent else None
-    # "Fine, the black one" after "not the black one".
-    still = tuple(one for one in request.query.excluded if colour is None or one.colour != colour)
-    query = replace(
-        request.query,
-        command=text,
-        referent=reading.query.referent,
-        excluded=(*still, *reading.query.excluded),
-        secondary=(
-            *(part for part in request.query.secondary if part.of != "referent"),
-            *(part for part in reading.query.secondary if part.of == "referent"),
-        ),
-        landmark=request.query.landmark or "referent",
-    )
-    return Request(reading=replace(request.reading, query=query, steps=(query,)), shifts=request.shifts)
-
-
-def with_action(request: Request, reading: Reading) -> Request:
-    """Return a step at the same place with the action of another command: "stop there"."""
-    query = replace(request.query, command=reading.query.command, action=reading.query.action)
-    query = replace(query, actions=reading.query.actions)
-    return replace(request, reading=replace(request.reading, query=query, steps=(query,)))
-
-
 def without_qualifiers(request: Request) -> Request:
     """Return a step whose referent has no qualifiers: "the nearest white car" becomes "the white car"."""
     referent = request.query.referent

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from itertools import product
 
@@ -16,6 +16,10 @@ Reader = Callable[[str, Referent | None, str], tuple[Reading, ...]]
 
 # Ways to complete a fragment to a command about a vehicle; the first that is understood counts.
 _PHRASES = ("follow {}", "follow the {}", "follow the one {}", "follow the one on the {}", "follow the {} one")
+# Ways to complete a fragment to a place: "behind" is behind the vehicle that was spoken of.
+_PLACES = ("{}", "{} it", "{} of it")
+# Marks between the parts of a sentence, and words that begin a reason.
+_MARK = re.compile(r"[,.;!?]|\b(?:if|as|because|since|so)\b")
 # Verb class of each action, to complete a fragment with a relation or a side; of the others it is the action.
 _VERBS = {
     "follow": "stay",
@@ -69,20 +73,21 @@ def read_description(text: str, antecedent: Referent | None, read: Reader) -> Re
         read: the grammar.
 
     Returns:
-        A reading whose query has the vehicle as its referent; None if the fragment describes none.
+        A reading whose query is partial: it has the vehicle, and neither an action nor a place; None if the fragment
+        describes none.
     """
     text = turn_neighbours(with_superlatives(text))
     if _begins_with_event(read(text, None, "")[0]):
         return None
     # With the colour of what was spoken of, the same colour would be a word without effect.
     bare = antecedent and Referent(antecedent.noun, antecedent.head)
-    for meant, phrase in product(dict.fromkeys((antecedent, bare)), _PHRASES):
-        reading = read(phrase.format(text), meant, "")[0]
+    for part, meant, phrase in product(_shortened(text), dict.fromkeys((antecedent, bare)), _PHRASES):
+        reading = read(phrase.format(part), meant, "")[0]
         referent = reading.query.referent
         if referent is None or reading.query.relation != "none" or not _is_understood(reading):
             continue
         if not _is_bare(referent, reading):
-            return reading
+            return _with_query(reading, replace(reading.query, action=None, actions=(), landmark=None))
     return None
 
 
@@ -90,18 +95,32 @@ def complete(text: str, base: Query, antecedent: Referent | None, read: Reader) 
     """Read a fragment with the verb of an earlier command: "in front of it" after "park behind the red car".
 
     Returns:
-        A reading with the action of the earlier command; None if the fragment names no relation, side or distance.
+        A reading whose query is partial: it has what the fragment names; None if that is no relation, side or
+        distance.
     """
-    action, text = base.action or "stop", with_superlatives(text)
-    for verb in dict.fromkeys((_VERBS.get(action, action), "stop")):
-        reading = read(text, antecedent, verb)[0]
+    text = with_superlatives(text)
+    verb = _VERBS.get(base.action or "stop", base.action or "stop")
+    for part, phrase, said in product(_shortened(text), _PLACES, dict.fromkeys((verb, "stop"))):
+        reading = read(phrase.format(part), antecedent, said)[0]
         query = reading.query
         sides = query.goal_side or query.road_side or query.direction
-        placed = query.relation != "none" or sides or query.distance_m is not None
-        if placed and _is_understood(reading):
-            query = replace(query, action=base.action, actions=(base.action,) if base.action else ())
-            return replace(reading, query=query, steps=(query,))
+        gap = query.distance_m is not None and query.distance_of != "descriptor"
+        if (query.relation != "none" or sides or gap) and _is_understood(reading):
+            return _with_query(reading, replace(query, action=None, actions=()))
     return None
+
+
+def _shortened(text: str) -> Iterator[str]:
+    """Yield a text, and what is left of it without its last and its first parts: reasons and second thoughts."""
+    parts = [part.strip() for part in _MARK.split(text) if part.strip()]
+    yield text
+    for length in range(len(parts) - 1, 0, -1):
+        yield ", ".join(parts[:length])
+        yield ", ".join(parts[-length:])
+
+
+def _with_query(reading: Reading, query: Query) -> Reading:
+    return replace(reading, query=query, steps=(query,))
 
 
 def keep_action(reading: Reading, base: Query | None) -> Reading:
@@ -113,8 +132,7 @@ def keep_action(reading: Reading, base: Query | None) -> Reading:
         return reading
     if query.relation in ("none", "past") or not names_pronoun(reading):
         return reading
-    kept = replace(query, action=base.action, actions=(base.action,))
-    return replace(reading, query=kept, steps=(kept,))
+    return _with_query(reading, replace(query, action=base.action, actions=(base.action,)))
 
 
 def refers_to_place(reading: Reading) -> bool:
@@ -147,5 +165,6 @@ def _is_understood(reading: Reading) -> bool:
 def _is_bare(referent: Referent, reading: Reading) -> bool:
     """Return whether a referent has no words of its own that distinguish it."""
     noun = any(token.category in (WordCategory.NOUN, WordCategory.PERSON) for token in reading.tokens)
-    described = referent.colour or referent.qualifiers or referent.extra or reading.query.secondary
-    return not (noun or described or reading.query.excluded)
+    query = reading.query
+    described = referent.colour or referent.qualifiers or referent.extra or query.secondary
+    return not (noun or described or query.excluded or query.distance_of == "descriptor")

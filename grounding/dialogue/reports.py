@@ -107,7 +107,8 @@ def tell_room(talk: Conversation, text: str, words: str) -> Answer:
     if reading is None:
         return not_understood(talk, text, talk.read(text))
     chosen = talk.meant if names_pronoun(reading) else None
-    requests = [replace(one, chosen=chosen) for one in requests_of(said(reading, text))]
+    query = replace(said(reading, text).query, action=base.action or "park")
+    requests = [replace(one, chosen=chosen) for one in requests_of(replace(reading, query=query, steps=(query,)))]
     answer = talk.answer_steps(requests)
     if answer.status != "ok":
         return inform(talk, text, "no", *answer.reasons)

@@ -20,6 +20,7 @@ from grounding.dialogue.changes import (
     drop_steps,
     replace_step,
     scale_distance,
+    shift_from_named,
     shift_last,
     shift_more,
 )
@@ -36,9 +37,10 @@ from grounding.dialogue.choices import (
     take_other,
 )
 from grounding.dialogue.conversation import Conversation
-from grounding.dialogue.descriptions import find_fitting, is_plainly_definite, widen, with_action
+from grounding.dialogue.descriptions import find_fitting, is_plainly_definite, widen
 from grounding.dialogue.following import follow_plan, relocate
 from grounding.dialogue.fragments import has_verb, keep_action, names_pronoun, refers_to_place
+from grounding.dialogue.merging import merge_request, names_gap_only
 from grounding.dialogue.reports import (
     ask_again,
     cancel,
@@ -222,12 +224,20 @@ def _answer(talk: Conversation, text: str, reply: Reply) -> Answer:
         and state.question.plan.question
     ):
         return confirm(talk, text)
+    if reply.leading_shift and (answer := shift_from_named(talk, text, reply.leading_shift, reply.rest)):
+        return answer
+    if reply.leading_shift and reading.problem:
+        return answer_fragment(talk, text, reply) or shift_last(talk, text, Shift(reply.leading_shift, BIT_M))
+    if reading.doubt and state.request is not None and (answer := answer_fragment(talk, text, reply)):
+        return answer  # "in front, easier to get out": the verb is that of a reason
     if has_verb(reading):
         edits = "no" in reply.kinds or "meant" in reply.kinds
         return _command(talk, text, reply.rest, "then" in reply.kinds, "yes" in reply.kinds, edits)
     if "then" in reply.kinds and not reading.problem:
         return _command(talk, text, reply.rest, then=True)
-    return answer_fragment(talk, text, reply) or _command(talk, text, text if reading.problem else reply.rest)
+    if answer := answer_fragment(talk, text, reply):
+        return answer
+    return _command(talk, text, text if reading.problem else reply.rest)
 
 
 def _command(
@@ -268,7 +278,10 @@ def _command(
         talk.state = replace(state, question=answer, offered=(), asked=requests_of(answer.reading), at=0)
         return answer
     if refers_to_place(first) and state.plan and not then:
-        return talk.take((*state.plan[:-1], with_action(state.plan[-1], first)))
+        return talk.take((*state.plan[:-1], merge_request(state.plan[-1], first.query)))
+    if base is not None and not then and names_gap_only(first.query):  # "leave three metres"
+        gap = replace(first.query, action=None)
+        return talk.take(state.with_request(merge_request(base, gap)))
     if forbidden := _forbidden_action(state.plan, first):
         return drop_steps(talk, text, forbidden)
     if answer.status == "ambiguous" and state.focus and not state.question and is_plainly_definite(first):

@@ -76,6 +76,8 @@ def propose_in_line(relation: str, query: Query, item: SceneObject, road: RoadMa
     """Propose candidates behind or in front of a vehicle, in line with it or along its lane."""
     gaps = gap_range(query, item, road.style)
     reference = ReferenceVehicle(item, road, gaps.most_m + item.length_m / 2 + road.ego.length_m)
+    if query.action == "follow" and relation == "behind":
+        gaps = _from_here_on(gaps, reference)
     word = relation.replace("_", " ")
     front, reasons = reference.front_direction(word)
     sign = -1.0 if relation == "behind" else 1.0
@@ -101,6 +103,16 @@ def propose_in_line(relation: str, query: Query, item: SceneObject, road: RoadMa
             )
         )
     return found, reasons
+
+
+def _from_here_on(gaps: DistanceRange, reference: ReferenceVehicle) -> DistanceRange:
+    """Return the gaps of a follower; behind a vehicle that drives ahead of us it falls back while both drive."""
+    (along_m, _), item = reference.lane_position, reference.item
+    here_m = along_m - (item.length_m + reference.road.ego.length_m) / 2
+    drives = reference.beside_ego_lane and not (reference.is_standing or reference.faces_us)
+    if not drives or not _MIN_GAP_M < here_m < gaps.preferred_m:
+        return gaps
+    return DistanceRange(min(gaps.least_m, here_m - _CLOSER_M), here_m, gaps.most_m)
 
 
 def _offsets_along_lane(reference: ReferenceVehicle, front: float, sign: float) -> tuple[FloatArray, FloatArray]:

@@ -23,7 +23,7 @@ from grounding.goal.limits import (
     reversing_cost,
     standing_cost,
 )
-from grounding.goal.proposals import propose_candidates, propose_relation
+from grounding.goal.proposals import explain_refusal, propose_candidates, propose_relation
 from grounding.goal.search import CandidateSearch
 from grounding.query import Query
 from grounding.referent.scene import SceneModel
@@ -58,7 +58,6 @@ _PACE_REASONS = {
     "faster": "that asks for more speed and for no place",
     "standing": "that asks to stand where we are, and for no place",
 }
-NEAREST = "the nearest place that would do"
 # Relations of a place on the way to a vehicle.
 _TOWARDS = ("none", "toward", "near", "at")
 _MIN_SCORE = 1e-6
@@ -107,6 +106,9 @@ class GoalPlan:
         question: what to ask before going to `nearest`; '' where there is nothing to ask.
         instead: action that the question proposes; None if it is about `nearest`.
         pace: what the command asks for instead of a place; None if it asks for a place.
+        refused: whether the command asks for what no driver should do.
+        around_m: (2,) point, ego frame, around which `with_nearest` looks for the nearest place; None if there is
+            nothing to look for.
     """
 
     target: Target | None
@@ -118,6 +120,8 @@ class GoalPlan:
     question: str = ""
     instead: Action | None = None
     pace: Pace | None = None
+    refused: bool = False
+    around_m: FloatArray | None = None
 
     @property
     def score(self) -> float | None:
@@ -144,7 +148,37 @@ def plan_goal(
     forbidden: Sequence[tuple[str, SceneObject]] = (),
     start: Pose2D | None = None,
 ) -> GoalPlan:
-    """Return the goal that a command asks for; of a command without a place, the speed or state.
+    """Return the goal that a command asks for, or the nearest place; of a command without a place, speed or state.
+
+    Arguments as for `plan_place`.
+    """
+    return with_nearest(plan_place(query, scene, road, item, partner, forbidden, start))
+
+
+def with_nearest(plan: GoalPlan) -> GoalPlan:
+    """Return a plan without a place with the nearest valid pose, if there is one and none is known."""
+    search, around_m = plan.search, plan.around_m
+    if search is None or around_m is None or plan.nearest is not None or plan.target is not None:
+        return plan
+    near = search.find_nearest(around_m)
+    if near is None:
+        return plan
+    nearest = to_target(near, search.scene, search.road, score=_MIN_SCORE)
+    away, (x, y) = float(np.hypot(*(nearest.ego_m - around_m))), nearest.ego_m
+    reason = f"the nearest place that would do is {away:.1f} m away from there, at ({x:.1f}, {y:.1f}) m"
+    return replace(plan, nearest=nearest, reasons=(*plan.reasons, reason))
+
+
+def plan_place(
+    query: Query,
+    scene: SceneModel,
+    road: RoadMap,
+    item: SceneObject | None = None,
+    partner: SceneObject | None = None,
+    forbidden: Sequence[tuple[str, SceneObject]] = (),
+    start: Pose2D | None = None,
+) -> GoalPlan:
+    """Return the goal that a command asks for; where there is none, `with_nearest` adds the nearest place.
 
     Args:
         query: the command.
@@ -157,6 +191,8 @@ def plan_goal(
     """
     if query.pace is not None:
         return GoalPlan(None, (_PACE_REASONS[query.pace],), pace=query.pace)
+    if refusal := explain_refusal(query):
+        return GoalPlan(None, (refusal,), refused=True)
     if start is not None:
         road = scene.road_from(start)
     # After a turn in the road its other side is ours.
@@ -170,7 +206,7 @@ def plan_goal(
         moves = "moves" if item.speed_mps is None else f"drives at {item.speed_mps:.0f} m/s"
         if query.action == "stop" and query.relation in ("none", "behind") and _drives_before_us(item, road):
             following = replace(query, action="follow", relation="none")
-            plan = plan_goal(following, scene, road, item, forbidden=forbidden)
+            plan = plan_place(following, scene, road, item, forbidden=forbidden)
             return replace(plan, reasons=(f"it {moves}: we follow it until it stands", *plan.reasons))
         reason = f"it {moves}, so that no place beside it stays"
         return GoalPlan(None, (reason,), question=_FOLLOW, instead="follow")
@@ -180,7 +216,7 @@ def plan_goal(
     if proposed is None:
         if item is None and query.landmark == "secondary":
             plain = replace(query, landmark=None, relation="none", secondary=())
-            return GoalPlan(None, tuple(reasons), nearest=plan_goal(plain, scene, road, start=start).target)
+            return GoalPlan(None, tuple(reasons), nearest=plan_place(plain, scene, road, start=start).target)
         return GoalPlan(None, tuple(reasons))
     if item is not None and limits.our_side and _is_on_other_side(item, road):
         # Who names a vehicle that stands there asks for a place there: with the traffic if we can turn.
@@ -317,7 +353,7 @@ def _explain_way(way: CarRoute) -> str:
 
 
 def _plan_without_target(search: CandidateSearch, item: SceneObject | None, reasons: Sequence[str]) -> GoalPlan:
-    """Return the plan if no candidate is valid: the violated constraint, and the nearest valid pose."""
+    """Return the plan if no candidate is valid: the violated constraint."""
     road = search.road
     if not len(road.paths.cells):
         return GoalPlan(None, (*reasons, "no free road around us is known"), search=search)
@@ -329,11 +365,4 @@ def _plan_without_target(search: CandidateSearch, item: SceneObject | None, reas
     if not why or (best is None and item is None):
         return GoalPlan(None, tuple(reasons), search=search)
     centre = road.grid.centre_of(best.cell) if best else item.centre_m if item else road.ego_lane.origin_m
-    near = search.find_nearest(centre)
-    if near is None:
-        return GoalPlan(None, tuple(reasons), search=search)
-    nearest = to_target(near, search.scene, road, score=_MIN_SCORE)
-    away, (x, y) = float(np.hypot(*(nearest.ego_m - centre))), nearest.ego_m
-    where = "there" if best else "it"
-    reasons.append(f"{NEAREST} is {away:.1f} m from {where}, at ({x:.1f}, {y:.1f}) m")
-    return GoalPlan(None, tuple(reasons), nearest=nearest, search=search)
+    return GoalPlan(None, tuple(reasons), search=search, around_m=centre)

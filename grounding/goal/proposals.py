@@ -59,8 +59,6 @@ def propose_candidates(
     """Return the candidate sets of a command, best first, and the frame of reference in words."""
     if query.action is None:
         return None, ["this is no driving command"]
-    if refused := _explain_refusal(query):
-        return None, [refused]
     if item is None and (part := landmark_of(query)):
         return propose_at_landmark(query, part, road)
     if item is None:
@@ -79,7 +77,7 @@ def propose_candidates(
     return found, reasons
 
 
-def _explain_refusal(query: Query) -> str:
+def explain_refusal(query: Query) -> str:
     """Return why a command is refused; '' if it is not."""
     onto = any(
         part.noun in _OFF_ROAD_NOUNS and part.relation in ("on", "onto", "into", "in") for part in query.secondary

@@ -10,7 +10,7 @@ from grounding.goal import ego_lane
 from grounding.goal.beside_vehicle import PARKING
 from grounding.goal.candidates import CandidateSet, DistanceRange
 from grounding.goal.limits import PlaceLimits
-from grounding.goal.planner import NEAREST, GoalPlan, Target, plan_goal, to_target
+from grounding.goal.planner import GoalPlan, Target, plan_place, to_target, with_nearest
 from grounding.goal.reference_frames import ReferenceVehicle
 from grounding.goal.search import CandidateSearch
 from grounding.query import Query
@@ -30,7 +30,7 @@ _AWAY_M, _EDGE_M, _MAX_EDGE_M = 3.0, 0.3, 0.9
 def plan_with_second_best(
     query: Query, plan: GoalPlan, scene: SceneModel, road: RoadMap, item: SceneObject | None
 ) -> GoalPlan:
-    """Return a plan, or if it has neither a place nor a question the next best place.
+    """Return a plan, or if it has neither a place nor a question the next best place or the nearest one.
 
     To stop in line with a vehicle, our own lane will do, short of it or beyond it. To park, the nearest place at the
     edge of the road is asked about; otherwise the nearest place of all.
@@ -43,24 +43,21 @@ def plan_with_second_best(
         item: reference vehicle of the relation, None if the command names none.
     """
     if item is None or plan.target is not None or plan.question or plan.search is None:
-        return plan
+        return with_nearest(plan)
     if query.action in _STOPPING and query.relation in _IN_LINE:
         stopped = _plan_in_our_lane(query, scene, road, item)
         if stopped.target is not None:
             word = query.relation.replace("_", " ")
             return replace(stopped, reasons=(f"there is no room {word} it in its line", *stopped.reasons))
-    if query.action not in (*PARKING, *_STOPPING):
-        return plan
-    there = _find_edge_place(query, scene, road, item) if query.action in PARKING else None
-    nearest = there or _close_enough(plan.nearest, item)
+    nearest = _find_edge_place(query, scene, road, item) if query.action in PARKING else None
+    if nearest is None:
+        plan = with_nearest(plan)
+        nearest = _close_enough(plan.nearest, item) if query.action in (*PARKING, *_STOPPING) else None
     if nearest is None:
         return plan
     verb = (query.action or "stop").replace("_", " ")
     question = f"there is no room there: shall we {verb} {_describe(nearest, item)}?"
-    reasons = (
-        plan.reasons if nearest is plan.nearest else tuple(one for one in plan.reasons if not one.startswith(NEAREST))
-    )
-    return replace(plan, nearest=nearest, question=question, reasons=reasons)
+    return replace(plan, nearest=nearest, question=question)
 
 
 def _plan_in_our_lane(query: Query, scene: SceneModel, road: RoadMap, item: SceneObject) -> GoalPlan:
@@ -71,7 +68,7 @@ def _plan_in_our_lane(query: Query, scene: SceneModel, road: RoadMap, item: Scen
     relation: Relation = "before" if (query.relation == "behind") == ahead else "past"
     if not reference.beside_ego_lane:
         return GoalPlan(None, ())
-    return plan_goal(replace(query, action="stop", relation=relation), scene, road, item)
+    return plan_place(replace(query, action="stop", relation=relation), scene, road, item)
 
 
 def _find_edge_place(query: Query, scene: SceneModel, road: RoadMap, item: SceneObject) -> Target | None:

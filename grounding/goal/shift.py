@@ -31,10 +31,17 @@ class HeldPose:
 
 @dataclass(frozen=True)
 class Shift:
-    """A change of the goal along or across its heading; `away` and `near` are relative to the reference vehicle."""
+    """A change of the goal along or across its heading.
+
+    Attributes:
+        direction: `away` and `near` are relative to a vehicle.
+        distance_m: length of the change.
+        vehicle: id of that vehicle; None: the reference vehicle of the goal.
+    """
 
     direction: ShiftDirection
     distance_m: float = 2.0
+    vehicle: str | None = None
 
     @property
     def words(self) -> str:

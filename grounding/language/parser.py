@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import islice
@@ -10,13 +10,13 @@ from itertools import islice
 from grounding.language.ambiguity import MAX_READINGS, list_alternatives
 from grounding.language.problems import CommandError, ParseProblem, find_problem
 from grounding.language.semantics.accounting import Account, account_for
-from grounding.language.semantics.contrasts import has_partial_repair, resolve_contrasts
+from grounding.language.semantics.contrasts.rules import has_partial_repair, resolve_contrasts
 from grounding.language.semantics.discourse.interpreter import interpret
 from grounding.language.semantics.query_builder import BuiltQuery, build_query
 from grounding.language.syntax.clauses import split_clauses
-from grounding.language.syntax.fragments import complete_fragment, split_run_ons
+from grounding.language.syntax.fragments import complete_fragment, complete_last_sentence, drop_opinion, split_run_ons
 from grounding.language.syntax.lexicon import Lexicon, default_lexicon
-from grounding.language.syntax.tagger import tag
+from grounding.language.syntax.tagging.tagger import tag
 from grounding.language.syntax.tokenizer import MAX_CHARACTERS, Token, Tokenised, normalise, tokenise_all
 from grounding.language.syntax.word_categories import WordCategory
 from grounding.language.syntax.word_model import common_words, homophones
@@ -127,19 +127,24 @@ class _Analysis:
         self._tagged = complete_fragment(resolve_contrasts(self._written), verb)
         self.built = self._build(self._tagged)
         if self.built.query.action is None:
-            self._split_run_ons()
+            self._read_again()
 
     def _build(self, tagged: Sequence[Token]) -> BuiltQuery:
         return build_query(self._text, interpret(split_clauses(tagged), self._antecedent))
 
-    def _split_run_ons(self) -> None:
-        """Take the first reading as two sentences that is a command, if there is one."""
-        for written in islice(split_run_ons(self._written), _MAX_SPLITS):
-            tagged = resolve_contrasts(written)
-            built = self._build(tagged)
-            if built.query.action is not None:
-                self._written, self._tagged, self.built = written, tagged, built
-                return
+    def _read_again(self) -> None:
+        """Take the reading with the fewest unused words of those with other sentences in it that are commands."""
+        whole = (self._written, self._tagged, self.built)
+        best, fewest = whole, len(self._written) + 1
+        for written in islice(_second_readings(self._written), _MAX_SPLITS):
+            self._written, self._tagged = written, resolve_contrasts(written)
+            self.built = self._build(self._tagged)
+            if self.built.query.action is None:
+                continue
+            unused = len(account_for(self._tagged, self._build).dropped)
+            if unused < fewest:
+                best, fewest = (self._written, self._tagged, self.built), unused
+        self._written, self._tagged, self.built = best
 
     @cached_property
     def _account(self) -> Account:
@@ -166,6 +171,12 @@ class _Analysis:
             doubt=_compose_doubt([*account.doubtful, *_opposites(self.way.corrections)]) or self._doubt_noun(),
             corrections=self.way.corrections,
         )
+
+
+def _second_readings(tagged: Sequence[Token]) -> Iterator[list[Token]]:
+    """Yield the tokens of a text that is no command with a sentence begun, completed or left out."""
+    for change in (split_run_ons, complete_last_sentence, drop_opinion):
+        yield from change(tagged)
 
 
 def _guessed_name(way: Tokenised) -> tuple[str, str] | None:

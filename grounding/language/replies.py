@@ -45,10 +45,12 @@ _LEADING = (
         "pause",
         "room",
     ),
-    *("count", "aside", "without"),
+    *("count", "aside", "without", "any"),
 )
 # Kinds that are replies only where a comma and further words follow.
 _BEFORE_COMMA = ("aside",)
+# Preposition before the vehicle that a shift names: "closer to the van". It begins the rest of the reply.
+_TO_VEHICLE = {"near": "to", "away": "from"}
 _SKIPPED = (WordCategory.FILLER, WordCategory.COMMA, WordCategory.BREAK, WordCategory.CORRECT)
 # Categories of words in an epithet, besides unknown words, and the most words.
 _EPITHETS = (WordCategory.EXTRA, WordCategory.PERSON, WordCategory.THING, WordCategory.SIZE, WordCategory.NOT)
@@ -76,6 +78,11 @@ class Reply:
     rest: str = ""
     number: int | None = None
     distance_m: float | None = None
+
+    @property
+    def leading_shift(self) -> ShiftDirection | None:
+        """The direction of a shift that further words follow: "further on, behind it"; None without one."""
+        return next((one for one in SHIFTS if self.kinds[-1:] == (one,) and self.rest), None)
 
     @property
     def shift(self) -> ShiftDirection | None:
@@ -134,9 +141,13 @@ def _split(words: tuple[str, ...], lexicon: Lexicon) -> tuple[tuple[str, ...], t
             break  # "next to it" does not begin with "next"
         if kind in _BEFORE_COMMA and (whole or words[end] != ","):
             break
-        if not kind or not (whole or kind in _LEADING):
+        to_vehicle = bool(kind) and not whole and words[end - 1] == _TO_VEHICLE.get(kind)
+        second_thought = kind in SHIFTS and not whole and words[end] in ",.;"  # "further on, behind it"
+        if not kind or not (whole or to_vehicle or second_thought or kind in _LEADING):
             break
         kinds.append(kind)
+        if to_vehicle:
+            return tuple(kinds), _without_tail(words[end - 1 :])
         start = len(words) if whole else after
     return tuple(kinds), _without_tail(words[start:])
 

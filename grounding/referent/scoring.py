@@ -96,8 +96,16 @@ def _fit_all_words(query: Query, referent: Referent, scene: SceneModel) -> dict[
     for exclusion in query.excluded:
         if exclusion.relation is None and exclusion.noun in KNOWN_NOUNS:
             excluded = to_referent(exclusion)
-            word_fits[f"not {excluded.phrase()}"] = 1 - (1 - _EXCLUDED_FIT) * _product(fit_words(excluded, scene))
+            word_fits[f"not {excluded.phrase()}"] = 1 - (1 - _EXCLUDED_FIT) * _fit_excluded(excluded, scene)
     return word_fits
+
+
+def _fit_excluded(excluded: Referent, scene: SceneModel) -> FloatArray:
+    """Return the membership (N,) in an excluded description; of "not the first one" the first alone is excluded."""
+    if not find_ordinals(excluded.qualifiers):
+        return _product(fit_words(excluded, scene))
+    probability = score_objects(Query(""), excluded, scene).probability
+    return np.asarray(probability / max(float(probability.max(initial=0.0)), _LEAST_TOTAL_FIT))
 
 
 def _position_probability(

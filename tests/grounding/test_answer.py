@@ -15,7 +15,7 @@ STREET = Street().car("w1", 12, -3, WHITE).car("w2", 20, 3, WHITE).car("b", 26, 
 GROUNDER = STREET.grounder()
 KEYS = {
     *("status", "query", "target", "route", "runners_up", "nearest", "referent", "candidates", "question", "reasons"),
-    *("steps", "dropped", "confidence", "pace"),
+    *("steps", "dropped", "confidence", "pace", "refused"),
 }
 
 
@@ -50,6 +50,15 @@ def test_every_text_has_an_answer(text: str, status: str, code: int) -> None:
     assert value["reasons"]
     assert value["query"]["status"] == ("reject" if status == "not_a_command" else "ok")
     assert answer.status.replace("_", " ") in answer.text()
+
+
+@pytest.mark.parametrize("text", ["drive on the pavement", "mount the pavement and stop behind the blue car"])
+def test_what_no_driver_should_do_is_refused_with_the_reason(text: str) -> None:
+    answer = ground(text)
+    assert (answer.status, answer.exit_code, answer.to_dict()["refused"]) == ("not_found", 3, True)
+    assert answer.text().startswith(f"refused: {text}")
+    assert "the pavement is for people on foot" in answer.text()
+    assert not ground("stop behind the pink bus").to_dict()["refused"]
 
 
 @pytest.mark.parametrize(

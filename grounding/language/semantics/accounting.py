@@ -90,6 +90,7 @@ def account_for(
     unused = [
         i for i in sorted(tested) if not _commands(tokens[i]) and build([*tokens[:i], *tokens[i + 1 :]]) == whole
     ]
+    unused = [i for i in unused if not _said_twice(tokens, i, unused, build, whole)]
     used = [tokens[i] for i in content if i not in unused]
     meanings = {(token.category, token.value) for token in used}
     # A word is not dropped if the same is said, and used, elsewhere.
@@ -104,6 +105,14 @@ def account_for(
     doubtful += [i for i in range(len(tokens)) if _names_another(tokens, i)]
     dropped = sorted({*dropped, *doubtful})
     return Account(*(tuple(dict.fromkeys(tokens[i].text for i in part)) for part in (dropped, doubtful)))
+
+
+def _said_twice(
+    tokens: Sequence[Token], i: int, unused: Sequence[int], build: Callable[[Sequence[Token]], object], whole: object
+) -> bool:
+    """Return whether a word changes nothing only because the same is said again: "the red car, the other red one"."""
+    same = {j for j in unused if (tokens[j].category, tokens[j].value) == (tokens[i].category, tokens[i].value)}
+    return len(same) > 1 and build([token for j, token in enumerate(tokens) if j not in same]) != whole
 
 
 def _replaced_end(tokens: Sequence[Token]) -> int:

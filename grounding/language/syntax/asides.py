@@ -98,7 +98,7 @@ class Asides:
         greeted = (self._category(written, i - 2) if after_comma else before) is WordCategory.GREETING
         after_mark = before in (WordCategory.COMMA, WordCategory.BREAK)
         for end in range(i + 1, min(i + _MAX_ADDRESS, len(written)) + 1):
-            if not written[end - 1].isalpha() or end - i == len(written):
+            if not written[end - 1].isalnum() or end - i == len(written):
                 return
             after = self._category(written, end)
             before_mark = after in (WordCategory.COMMA, WordCategory.BREAK)
@@ -127,6 +127,7 @@ class Asides:
         if part or words[-1] in self._lexicon.respelled or words[0] in _THEIRS:  # "u turn", "follow your dreams"
             return None
         fits = name in (WordCategory.UNKNOWN, WordCategory.PERSON) or (vehicle and name is WordCategory.NOUN)
+        fits = fits or (vehicle and name is WordCategory.NUMBER and set(others) == {WordCategory.UNKNOWN})  # "unit 4"
         if not fits or not set(others) <= _BEFORE_NAME or self._lexicon.forms.get(words[-1]) in ("plural", "s"):
             return None
         return sum(self._model.emission(word) for word in words)

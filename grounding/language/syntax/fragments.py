@@ -45,7 +45,14 @@ _ENDS = HEADS | frozenset(
 )
 # Names of things that may be a vehicle and the verb of the next sentence: "I see the car | park behind it".
 _COMPOUNDS = ("car park", "truck stop", "bus stop")
+_NO_PLACES = ("with", "for")
 _MARKS = (WordCategory.COMMA, WordCategory.BREAK)
+# Categories of what a place may be at, and words that praise it.
+_TOPICS = (WordCategory.NOUN, WordCategory.MODEL, WordCategory.SPOT)
+_PRAISES = ("better", "best", "safer", "nicer", "easier", "good", "preferable")
+# Regions that branch off, and categories after a lane that is all a sentence names.
+_BRANCHES = ("road", "turn", "exit", "driveway", "corner")
+_AFTER_LANE = (WordCategory.NOT, WordCategory.EXCEPT)
 
 
 def complete_fragment(tagged: Sequence[Token], verb: str = "") -> Sequence[Token]:
@@ -66,6 +73,10 @@ def complete_fragment(tagged: Sequence[Token], verb: str = "") -> Sequence[Token
         return tagged if has_verb else [_verb_before(first, verb), *tagged]
     if first.category is WordCategory.DIRECTION and not rest and first.value != "straight":
         return [replace(_verb_before(first, f"turn {first.value}"), end=first.end)]
+    if _names_branch(words):
+        return [_verb_before(first, "take"), *tagged]
+    if first.category is WordCategory.LANE and (not rest or rest[0].category in _AFTER_LANE):
+        return [_verb_before(first, "get"), *tagged]
     if _names_any_spot(words):
         ends = [i for i, token in enumerate(tagged) if token.category in _PRAISE]
         return [_verb_before(first, "park"), *tagged[: ends[0] if ends else len(tagged)]]
@@ -74,7 +85,7 @@ def complete_fragment(tagged: Sequence[Token], verb: str = "") -> Sequence[Token
         return [_verb_before(first, "avoid"), *words[2:]]  # "not so close to the bus"
     if any(token.category in _PREDICATES for token in words) or not any(token.category in HEADS for token in rest):
         return tagged
-    place = first.category in (WordCategory.RELATION, WordCategory.BETWEEN) and first.value not in ("with", "for")
+    place = first.category in (WordCategory.RELATION, WordCategory.BETWEEN) and first.value not in _NO_PLACES
     place = place or (first.category is WordCategory.SUB and first.value in ("after", "before"))
     sided = first.category in (WordCategory.SIDE, WordCategory.WHERE)  # "left side, after the bus"
     place = place or (sided and any(token.category in (WordCategory.RELATION, WordCategory.SUB) for token in rest))
@@ -99,8 +110,39 @@ def split_run_ons(tagged: Sequence[Token]) -> Iterator[list[Token]]:
             yield [*tagged[:i], _end_before(token), *tagged[i:]]
 
 
+def complete_last_sentence(tagged: Sequence[Token]) -> Iterator[list[Token]]:
+    """Yield the tokens with a verb before a place at a vehicle named before: "see the grey jeep? | behind that"."""
+    end = max((i for i, token in enumerate(tagged[:-1]) if token.category is WordCategory.BREAK), default=None)
+    if end is None or not any(token.category in _TOPICS for token in tagged[:end]):
+        return
+    place = [token.category for token in tagged[end + 1 : end + 3]]
+    refers = place in ([WordCategory.RELATION, WordCategory.PRONOUN], [WordCategory.RELATION, WordCategory.THAT])
+    if refers or place[:1] == [WordCategory.THERE]:
+        yield [*tagged[: end + 1], _verb_before(tagged[end + 1], "park"), *tagged[end + 1 :]]
+
+
+def drop_opinion(tagged: Sequence[Token]) -> Iterator[list[Token]]:
+    """Yield the tokens without praise of what follows: "it is better when | we park behind the bus"."""
+    for i, token in enumerate(tagged[:-2]):
+        praised = i > 0 and tagged[i - 1].text in _PRAISES and tagged[i + 1].category is WordCategory.EGO
+        if token.category is WordCategory.SUB and praised and any(one.category in _TOPICS for one in tagged[i:]):
+            yield list(tagged[i + 1 :])
+
+
 def _end_before(token: Token) -> Token:
     return replace(token.with_category(WordCategory.BREAK), text=".", written="", end=token.start)
+
+
+def _names_branch(words: Sequence[Token]) -> bool:
+    """Return whether words name a side road by order and side: "the second street left"."""
+    named = [token for token in words if token.category is not WordCategory.THE][:3]
+    order = (WordCategory.ORDINAL, WordCategory.BRANCH)
+    return (
+        len(named) == 3
+        and named[0].category in order
+        and named[1].value in _BRANCHES
+        and named[2].category in (WordCategory.DIRECTION, WordCategory.SIDE)
+    )
 
 
 def _names_any_spot(words: Sequence[Token]) -> bool:

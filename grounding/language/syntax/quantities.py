@@ -39,8 +39,10 @@ def merge_quantities(tokens: Sequence[Token]) -> list[Token]:
 
 
 def _number_at(tokens: Sequence[Token], i: int) -> float | None:
-    """Return the number that a token stands for; "one" is a number only before a unit or another number."""
+    """Return the number that a token stands for; "one" and "couple" do before a unit, and "one" before a number."""
     token = tokens[i]
+    if token.text == "couple" and i + 1 < len(tokens) and tokens[i + 1].category is WordCategory.UNIT:
+        return 2.0
     if token.category is WordCategory.NUMBER:
         return float(token.value)
     after = tokens[i + 1] if i + 1 < len(tokens) else token

@@ -60,6 +60,7 @@ def normalise(text: str) -> str:
     folded = unicodedata.normalize("NFKC", text).casefold().replace("’", "'").replace("‘", "'").replace("`", "'")
     folded = _SIGNS.sub(lambda found: f" {_SIGN_WORDS[found.group()]} ", folded)
     folded = re.sub(r"(?<=\w)[-‐‑](?=\w)", " ", re.sub(r"(?<=\d),(?=\d{3}\b)", "", folded))
+    folded = re.sub(r"\b(km|kilomet(?:er|re)s?|miles?) ?(?:/|an?|per) ?h(?:our|r)?\b", r"\1 per hour", folded)
     folded = re.sub(r"[–—:()/\"]|(?<=\s)-", " , ", folded)
     return " ".join("".join(c if c.isprintable() else " " for c in folded).split())
 

@@ -106,7 +106,7 @@ def test_the_distance_of_the_nearest_valid_pose_is_reported() -> None:
     assert made.nearest is not None
     away_m = np.hypot(*(made.nearest.ego_m - [34, 0]))
     assert away_m < 10
-    assert has_reason(made, f"the nearest place that would do is {away_m:.1f} m from it, at (")
+    assert has_reason(made, f"the nearest place that would do is {away_m:.1f} m away from there, at (")
 
 
 def test_cells_excluded_by_the_command() -> None:
@@ -140,3 +140,9 @@ def test_the_ego_at_and_beyond_the_border_of_the_map() -> None:
     made = plan_in(beyond, make_query("stop", "behind"))
     assert made.target is None
     assert has_reason(made, "no free road around us is known")
+
+
+def test_nobody_is_followed_by_driving_back() -> None:
+    made = plan_in(Street().car("car", 16, 0, speed_mps=12.0), make_query("follow"))
+    assert made.target is not None
+    assert made.target.ego_m[0] > -1.0

@@ -160,8 +160,8 @@ def test_following_keeps_a_time_gap() -> None:
 
 
 def test_a_goal_behind_the_ego_is_reported() -> None:
-    made = plan_in(Street().car("car", 12, 0, speed_mps=6), make_query("follow"))
-    assert has_reason(made, "behind where we are now")
+    query = make_query("stop", "behind", distance_m=12.0, distance_of="referent")
+    assert has_reason(plan_in(Street().car("car", 12, 0), query), "behind where we are now")
 
 
 @pytest.mark.parametrize(

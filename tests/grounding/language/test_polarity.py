@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from grounding.language import Reading, parse
-from grounding.language.semantics.contrasts import resolve_contrasts
-from grounding.language.syntax.tagger import tag
+from grounding.language.semantics.contrasts.rules import resolve_contrasts
+from grounding.language.syntax.tagging.tagger import tag
 from grounding.language.syntax.tokenizer import normalise, tokenise
 from grounding.query import Query
 

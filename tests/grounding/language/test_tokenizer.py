@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from grounding.language.syntax import tokenizer
-from grounding.language.syntax.tagger import tag
+from grounding.language.syntax.tagging.tagger import tag
 from grounding.language.syntax.tokenizer import normalise, tokenise
 
 

@@ -204,6 +204,15 @@ def test_the_better_one_of_a_pair_comes_first() -> None:
     assert (found.candidates[0].item.id, found.candidates[0].partner.id) == ("red", "reddish")
 
 
+@pytest.mark.parametrize(("word", "meant"), [("first", "far"), ("nearest", "far"), ("second", "near")])
+def test_an_excluded_order_excludes_the_vehicle_in_that_place(word: str, meant: str) -> None:
+    scene = Street().car("near", 12, -5, RED).car("far", 28, -5, RED).scene()
+    query = Query("", "park", relation="behind", referent=Referent("car", "car", "red"))
+    excluded = (Exclusion(None, "car", "red", (word,)),)
+    found = resolve(replace(query, excluded=excluded), scene)
+    assert (found.status, found.candidates[0].item.id) == ("ok", meant)
+
+
 def test_an_exclusion_applies_to_all_plausible_vehicles() -> None:
     scene = Street().car("red", 14, -6, RED).car("reddish", 14, 6, REDDISH).car("white", 24, 6, WHITE).scene()
     query = Query("", excluded=(Exclusion("behind", "car", "red"),))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from grounding.language.syntax.tagging_context import (
+from grounding.language.syntax.tagging.context import (
     CLAUSE_ENDS,
     PHRASE_STARTS,
     PHRASE_WORDS,
@@ -85,9 +85,11 @@ def _tag_without_noun(token: Token) -> Token:
 
 
 def tag_possessive(before: Sequence[Token], token: Token, after: Sequence[Token]) -> Token:
-    """Tag "whose" as a relative pronoun, other possessives as determiners."""
+    """Tag "whose" as a relative pronoun, "her" before a verb as a pronoun, other possessives as determiners."""
     if token.text == "whose":
         return token.with_category(WordCategory.WHICH)
+    if token.text == "her" and category_at(after, 0) is WordCategory.VERB and not after[0].form:
+        return token.with_category(WordCategory.PRONOUN)  # "let her cross"
     return tag_determiner(before, token, after)
 
 
@@ -142,6 +144,12 @@ def tag_shade(before: Sequence[Token], token: Token, after: Sequence[Token]) -> 
         WordCategory.RELATION,
     }
     return token.with_category(WordCategory.THING, "traffic_light") if thing else token
+
+
+def tag_superlative(before: Sequence[Token], token: Token, after: Sequence[Token]) -> Token:
+    """Tag "far" as a superlative in "the far van" only."""
+    named = category_at(before, -1) in DETERMINERS and category_at(after, 0) in HEADS | MODIFIERS
+    return token if token.text != "far" or named else token.with_category(WordCategory.UNKNOWN)
 
 
 def tag_one(before: Sequence[Token], token: Token, after: Sequence[Token]) -> Token:

@@ -7,8 +7,20 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from grounding.language.syntax.quantities import merge_quantities
-from grounding.language.syntax.tagging_context import CLAUSE_ENDS, category_at
-from grounding.language.syntax.tagging_rules import (
+from grounding.language.syntax.tagging.context import CLAUSE_ENDS, category_at
+from grounding.language.syntax.tagging.verb_rules import (
+    tag_aux,
+    tag_be,
+    tag_extra,
+    tag_nondrive,
+    tag_noun,
+    tag_out,
+    tag_region,
+    tag_relation,
+    tag_thing,
+    tag_verb,
+)
+from grounding.language.syntax.tagging.word_rules import (
     drop,
     tag_correct,
     tag_determiner,
@@ -26,28 +38,19 @@ from grounding.language.syntax.tagging_rules import (
     tag_question,
     tag_shade,
     tag_side,
+    tag_superlative,
     tag_that,
     tag_then,
     tag_to,
     tag_unit,
-)
-from grounding.language.syntax.tagging_verbs import (
-    tag_aux,
-    tag_be,
-    tag_extra,
-    tag_nondrive,
-    tag_noun,
-    tag_out,
-    tag_region,
-    tag_relation,
-    tag_thing,
-    tag_verb,
 )
 from grounding.language.syntax.tokenizer import Token
 from grounding.language.syntax.word_categories import DETERMINERS, HEADS, MODIFIERS, WordCategory
 
 # Words without a part in the sentence.
 _DROPPED = (WordCategory.FILLER, WordCategory.GREETING)
+# People as whom the ego is addressed, too.
+_ADDRESSEES = ("lad", "lads", "mate", "pal", "dude", "love", "buddy")
 _PLACES_OF_SUBJECTS = (WordCategory.OUT, WordCategory.WHERE, WordCategory.NOT)
 _AFTER_CONNECTIVE = frozenset((WordCategory.THEN, WordCategory.AND, WordCategory.EXCEPT, WordCategory.ORDINAL))
 
@@ -111,6 +114,7 @@ _RULES: dict[WordCategory, _Rule] = {
     WordCategory.DIRECTION: tag_direction,
     WordCategory.SIDE: tag_side,
     WordCategory.ORDINAL: tag_ordinal,
+    WordCategory.SUPERLATIVE: tag_superlative,
     WordCategory.THE: tag_determiner,
     WordCategory.ANY: tag_determiner,
     WordCategory.POSSESSIVE: tag_possessive,
@@ -158,10 +162,18 @@ def _split_contraction(token: Token, following: Token) -> tuple[Token, Token]:
     return noun, verb
 
 
+def _as_person(before: Token | None, token: Token) -> Token:
+    """Return a form of address after an article as a person: "there's a lad stepping out"."""
+    named = token.text in _ADDRESSEES and before is not None and before.category is WordCategory.ANY
+    return token.with_category(WordCategory.PERSON, "person") if named else token
+
+
 def tag(tokens: Sequence[Token]) -> list[Token]:
     """Return the tokens with their category in context, quantities merged and fillers removed."""
     tagged: list[Token] = []
-    kept = [token for token in merge_quantities(tokens) if token.category not in _DROPPED]
+    quantities = merge_quantities(tokens)
+    merged = [_as_person(before, token) for before, token in zip([None, *quantities], quantities, strict=False)]
+    kept = [token for token in merged if token.category not in _DROPPED]
     for i, token in enumerate(kept):
         after = kept[i + 1 : i + 6]
         if token.form == "own" and token.category in HEADS and _is_contraction(after):

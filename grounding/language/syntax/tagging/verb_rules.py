@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from grounding.language.syntax.tagging_context import (
+from grounding.language.syntax.tagging.context import (
     CLAUSE_ENDS,
     COMMAND_STARTS,
     PHRASE_STARTS,
@@ -74,7 +74,7 @@ def tag_verb(before: Sequence[Token], token: Token, after: Sequence[Token]) -> T
         return token.with_category(WordCategory.STATE, token.state)
     if token.value == "turn" and token.form and category_at(after, 0) is WordCategory.COLOUR:
         return replace(token, value="none", state="", event="other")  # "until the light turns green"
-    interjection = last in CLAUSE_ENDS and category_at(after, 0) is WordCategory.COMMA
+    interjection = last in CLAUSE_ENDS and category_at(after, 0) is WordCategory.COMMA and after[0].start == token.end
     if token.value == "wait" and interjection and category_at(after, 1) in (WordCategory.NOT, WordCategory.CORRECT):
         return token.with_category(WordCategory.FILLER)  # "wait, don't stop"
     repairs = last is category_at(after, 0) is WordCategory.COMMA

@@ -1,0 +1,1 @@
+"""Tagging: the category of each token in context."""
