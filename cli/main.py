@@ -13,7 +13,7 @@ from appocc.errors import AppoccError
 from cli.ablate import ablate
 from cli.check_rig import check_rig
 from cli.common import Interrupted, say, say_error
-from cli.convert import convert
+from cli.convert import app as convert_app
 from cli.demo import demo
 from cli.doctor import doctor
 from cli.eval import app as eval_app
@@ -36,7 +36,7 @@ app = typer.Typer(
 
 app.command()(demo)
 app.command()(simulate)
-app.command()(convert)
+app.add_typer(convert_app)
 app.command()(doctor)
 app.command()(groundtruth)
 app.command()(infer)
