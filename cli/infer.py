@@ -19,7 +19,7 @@ SourceArgument = Annotated[
     Path,
     typer.Argument(
         metavar="ROOT|IMAGES",
-        help="Dataset root; or, with --rig, a folder of images named by channel, or of such folders, one per frame.",
+        help="Dataset root; or, with --rig, a folder of images named by camera, or of such folders, one per frame.",
     ),
 ]
 RigOption = Annotated[str | None, typer.Option("--rig", help="Name or YAML file of the camera rig of IMAGES.")]
@@ -88,13 +88,13 @@ def inputs_of(
     from appocc.errors import DataError
     from appocc.inference.inputs import dataset_inputs, folder_inputs
     from appocc.nuscenes import Dataset
-    from appocc.rigs import read_rig
+    from appocc.rigs import read_source_rig
 
     if rig is not None:
         for option, value in (("--scene", scene), ("--version", version)):
             if value is not None:
                 raise DataError(f"expected either {option} of a dataset or --rig of a folder of images, got both")
-        return folder_inputs(source, read_rig(rig))
+        return folder_inputs(source, read_source_rig(rig), say)
     dataset = Dataset(source, version)
     scenes = [dataset.scene(scene)] if scene else dataset.scenes
     inputs = dataset_inputs(dataset, scenes, level)

@@ -57,8 +57,8 @@ def simulate(
     import time
 
     from appocc.environment import cores
-    from appocc.errors import NotFoundError
-    from appocc.rigs import read_rig
+    from appocc.errors import DataError, NotFoundError
+    from appocc.rigs import read_source_rig
     from appocc.simulation.generate import DatasetSettings, count_finished_scenes, unfinished_folder
     from appocc.simulation.generate import simulate as run
     from appocc.simulation.recording import RecordingSettings
@@ -68,7 +68,12 @@ def simulate(
     unknown = [name for name in weather or () if name not in WEATHER_SHARES]
     if unknown:
         raise NotFoundError(f"weather: expected {', '.join(WEATHER_SHARES)}, got '{unknown[0]}'")
-    recording = RecordingSettings(max(1, round(seconds * hz)), hz, read_rig(rig), lidar, full_maps, vary)
+    source = read_source_rig(rig)
+    lenses = None if source.is_pinhole else source
+    if lenses is not None and vary:
+        raise DataError(f"{rig}: expected a rig of pinholes for --vary, got other lenses")
+    frames = max(1, round(seconds * hz))
+    recording = RecordingSettings(frames, hz, source.rig, lidar, full_maps, vary, lenses)
     towns = town_sources(split.value, town or ())
     settings = DatasetSettings(scenes, towns, tuple(dict.fromkeys(weather or WEATHER_SHARES)), seed, recording)
     if sheet is not None:

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, replace
-from functools import partial
+from functools import lru_cache, partial
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from appocc.camera import Camera, CameraRig
+from appocc.camera import Camera
 from appocc.checks import ByteArray, FloatArray
 from appocc.ego_vehicle import EgoVehicle
 from appocc.errors import DataError
@@ -21,6 +21,7 @@ from appocc.levelling import ego_from_level, is_level, lowest_points
 from appocc.nuscenes.dataset import LIDAR, Dataset
 from appocc.nuscenes.records import Sample, SampleData, Scene
 from appocc.provenance import Parts, digest, sample_parts, state_of
+from appocc.rigs import SourceRig
 from appocc.typing import PathLike
 
 _ENDINGS = (".jpg", ".jpeg", ".png")
@@ -33,7 +34,7 @@ class LoadedFrame(NamedTuple):
 
     Attributes:
         frame: key frame; it has no images of missing cameras.
-        missing: channel -> reason, for the missing cameras.
+        missing: channel, or name of source camera -> reason, for the missing cameras.
     """
 
     frame: Frame
@@ -84,11 +85,18 @@ def dataset_inputs(dataset: Dataset, scenes: Sequence[Scene], level: bool = True
     return inputs
 
 
-def folder_inputs(folder: PathLike, rig: CameraRig) -> list[InferenceInput]:
-    """Return a folder that holds an image named by channel for each camera, or its sub-folders that hold such images.
+def folder_inputs(
+    folder: PathLike, rig: SourceRig, tell: Callable[[str], object] = lambda line: None
+) -> list[InferenceInput]:
+    """Return a folder that holds a picture named by camera for each, or its sub-folders that hold such pictures.
+
+    Args:
+        folder: the folder.
+        rig: source cameras of the pictures, which are rectified.
+        tell: called once for each line to tell: which pictures are scaled to the size of their camera.
 
     Raises:
-        DataError: if there is no such image.
+        DataError: if there is no such picture.
     """
     folder = Path(folder)
     if not folder.is_dir():
@@ -98,11 +106,12 @@ def folder_inputs(folder: PathLike, rig: CameraRig) -> list[InferenceInput]:
     if folder in found:
         found = [folder]
     if not found:
-        wanted = ", ".join(f"{channel}.jpg" for channel in rig.channels[:3])
+        wanted = ", ".join(f"{name}.jpg" for name in rig.names[:3])
         raise DataError(f"{folder}: expected images named by the cameras of the rig ({wanted}, ...), got none")
     names = [path.resolve().name for path in found]
+    once = lru_cache(maxsize=None)(tell)
     return [
-        InferenceInput(name, name, partial(_read_folder, path, rig), partial(_folder_parts, path, rig))
+        InferenceInput(name, name, partial(_read_folder, path, rig, once), partial(_folder_parts, path, rig))
         for name, path in zip(names, found, strict=True)
     ]
 
@@ -111,7 +120,9 @@ def _read_sample(dataset: Dataset, sample: Sample, level: bool) -> LoadedFrame:
     frame = dataset.frame(sample, images=False)
     files = dataset.data(sample)
     paths = {camera.channel: dataset.path(files[camera.channel]) for camera in frame.rig}
-    images, missing = _read_images(frame.rig, paths)
+    images, missing = _read_images(paths, frame.rig.channels)
+    for camera in frame.rig.select(images):
+        _check_size(paths[camera.channel], images[camera.channel], camera)
     pose = _ego_from_level(dataset, files[LIDAR], frame.world_from_ego) if level and LIDAR in files else None
     return LoadedFrame(replace(frame, images=images, boxes_ego=None, ego_from_level=pose), missing)
 
@@ -131,29 +142,46 @@ def _ego_from_level(dataset: Dataset, sweep: SampleData, world_from_ego: FloatAr
     return None if pose is None or is_level(pose) else pose
 
 
-def _read_folder(folder: Path, rig: CameraRig) -> LoadedFrame:
-    images, missing = _read_images(rig, _images(folder, rig))
-    return LoadedFrame(Frame(folder.resolve().name, 0, np.eye(4), rig, images), missing)
-
-
-def _folder_parts(folder: Path, rig: CameraRig) -> Parts:
-    """Return digests of the inputs of the map of a folder of images."""
-    cameras = [(c.channel, c.width_px, c.height_px, c.intrinsic.tolist(), c.ego_from_cam.tolist()) for c in rig]
-    files = [(channel, path.name, state_of(path)) for channel, path in _images(folder, rig).items()]
-    # A vehicle of the default size leaves the digest as it was before rigs had a vehicle.
-    vehicle = [] if rig.ego_vehicle == EgoVehicle() else [asdict(rig.ego_vehicle)]
-    return {"pictures": digest(files), "calibration": digest([*cameras, *vehicle])}
-
-
-def _images(folder: Path, rig: CameraRig) -> dict[str, Path]:
-    """Return the image paths of a folder by channel.
+def _read_folder(folder: Path, rig: SourceRig, tell: Callable[[str], object]) -> LoadedFrame:
+    """Read the pictures of a folder and rectify them.
 
     Raises:
-        DataError: if a channel has several images.
+        DataError: if a picture has another aspect than its camera.
+    """
+    paths = _images(folder, rig)
+    pictures, missing = _read_images(paths, rig.names)
+    for name, picture in pictures.items():
+        height, width = picture.shape[:2]
+        try:
+            line = rig.scaling(name, width, height)
+        except DataError as error:
+            raise DataError(f"{paths[name]}: {error}") from error
+        if line is not None:
+            tell(line)
+    return LoadedFrame(Frame(folder.resolve().name, 0, np.eye(4), rig.rig, rig.rectify(pictures)), missing)
+
+
+def _folder_parts(folder: Path, rig: SourceRig) -> Parts:
+    """Return digests of the inputs of the map of a folder of images."""
+    cameras: list[Any] = [
+        (c.channel, c.width_px, c.height_px, c.intrinsic.tolist(), c.ego_from_cam.tolist()) for c in rig.rig
+    ]
+    files = [(name, path.name, state_of(path)) for name, path in _images(folder, rig).items()]
+    # Pinholes and a vehicle of the default size leave the digest as it was before rigs had anything else.
+    lenses = [] if rig.is_pinhole else [rig.as_json()]
+    vehicle = [] if rig.ego_vehicle == EgoVehicle() else [asdict(rig.ego_vehicle)]
+    return {"pictures": digest(files), "calibration": digest([*cameras, *lenses, *vehicle])}
+
+
+def _images(folder: Path, rig: SourceRig) -> dict[str, Path]:
+    """Return the image paths of a folder by name of camera.
+
+    Raises:
+        DataError: if a camera has several images.
     """
     found: dict[str, Path] = {}
     for path in sorted(folder.iterdir()):
-        if path.suffix.lower() in _ENDINGS and path.stem in rig.channels and path.is_file():
+        if path.suffix.lower() in _ENDINGS and path.stem in rig.names and path.is_file():
             if path.stem in found:
                 raise DataError(
                     f"{folder}: expected one image of {path.stem}, got {found[path.stem].name} and {path.name}"
@@ -162,24 +190,23 @@ def _images(folder: Path, rig: CameraRig) -> dict[str, Path]:
     return found
 
 
-def _read_images(rig: CameraRig, paths: Mapping[str, Path]) -> tuple[dict[str, ByteArray], dict[str, str]]:
-    """Read the images of the cameras that work; also return the reason for each that does not, by channel."""
+def _read_images(paths: Mapping[str, Path], names: Iterable[str]) -> tuple[dict[str, ByteArray], dict[str, str]]:
+    """Read the images of the cameras that work; also return the reason for each that does not, by name."""
     images: dict[str, ByteArray] = {}
     missing: dict[str, str] = {}
-    for camera in rig:
-        if camera.channel not in paths:
-            missing[camera.channel] = "no image"
+    for name in names:
+        if name not in paths:
+            missing[name] = "no image"
             continue
         try:
-            image = read_image(paths[camera.channel])
+            image = read_image(paths[name])
         except DataError as error:
-            missing[camera.channel] = str(error)
+            missing[name] = str(error)
             continue
-        _check_size(paths[camera.channel], image, camera)
         if int(image.max()) <= _BLACK:
-            missing[camera.channel] = f"{paths[camera.channel]}: the image is black"
+            missing[name] = f"{paths[name]}: the image is black"
         else:
-            images[camera.channel] = image
+            images[name] = image
     return images, missing
 
 

@@ -1,10 +1,11 @@
-"""The cameras of a vehicle as they are, with any lens, and the pinhole cameras into which their pictures are rectified."""
+"""The cameras of a vehicle with any lenses, and the pinhole cameras into which their pictures are rectified."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import cv2
 import numpy as np
@@ -13,6 +14,8 @@ from appocc.camera import Camera, CameraRig
 from appocc.checks import ByteArray, Float32Array, check_dtype, check_shape, freeze_arrays
 from appocc.ego_vehicle import EgoVehicle
 from appocc.errors import DataError, NotFoundError
+from appocc.lenses import DistortedLens
+from appocc.rigs.source_camera import SourceCamera
 
 # A picture reduced to whole pixels has this aspect up to half a pixel on its shorter side.
 _ASPECT_PX = 1.0
@@ -25,7 +28,7 @@ class View:
     Attributes:
         camera: the pinhole camera.
         source: name of the source camera.
-        places: (H, W, 2) float32, the source pixel (u, v) of each of its pixels; None if the picture itself is a
+        places: (2, H, W) float32, the source pixel u, v of each of its pixels; None if the picture itself is a
             pinhole's.
     """
 
@@ -41,7 +44,7 @@ class View:
         """
         if self.places is not None:
             check_shape(
-                f"{self.camera.channel} places", self.places, (self.camera.height_px, self.camera.width_px, 2)
+                f"{self.camera.channel} places", self.places, (2, self.camera.height_px, self.camera.width_px)
             )
             freeze_arrays(self, "places")
 
@@ -49,28 +52,54 @@ class View:
         """Return the image of the pinhole camera, (H, W, 3) uint8, from that of the source camera."""
         if self.places is None:
             return image
-        cut = cv2.remap(image, np.array(self.places), None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        cut = cv2.remap(image, self.places[0], self.places[1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
         return np.asarray(cut, np.uint8)
 
 
 @dataclass(frozen=True, eq=False)
 class SourceRig:
-    """Source cameras, by the names that a user gives them, and the pinhole rig that everything else works with.
+    """Source cameras, with the names that a user gives them, and the pinhole rig that everything else works with.
 
     Attributes:
-        sizes_px: (width, height) of the picture of each source camera, by name.
+        cameras: the source cameras, with unique names.
         views: the pinhole cameras; those of one source camera follow each other.
         ego_vehicle: dimensions of the vehicle that carries the cameras.
     """
 
-    sizes_px: Mapping[str, tuple[int, int]]
+    cameras: tuple[SourceCamera, ...]
     views: tuple[View, ...]
     ego_vehicle: EgoVehicle
+
+    @classmethod
+    def of_pinholes(cls, rig: CameraRig) -> SourceRig:
+        """Return the source rig of pinhole cameras: their pictures are the images, named by channel."""
+        flat = np.zeros(4)
+        cameras = tuple(
+            SourceCamera(
+                c.channel, c.channel, c.width_px, c.height_px, DistortedLens(c.intrinsic, flat), c.ego_from_cam
+            )
+            for c in rig
+        )
+        return cls(cameras, tuple(View(camera, camera.channel) for camera in rig), rig.ego_vehicle)
 
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the source cameras, in order: the file name of their pictures without the ending."""
-        return tuple(self.sizes_px)
+        return tuple(camera.name for camera in self.cameras)
+
+    @cached_property
+    def sizes_px(self) -> Mapping[str, tuple[int, int]]:
+        """(width, height) of the picture of each source camera, by name."""
+        return {camera.name: (camera.width_px, camera.height_px) for camera in self.cameras}
+
+    @property
+    def is_pinhole(self) -> bool:
+        """Whether all source cameras are pinholes, so that their pictures are the images as they are."""
+        return all(view.places is None for view in self.views)
+
+    def as_json(self) -> dict[str, Any]:
+        """Return JSON values that identify the source cameras."""
+        return {camera.name: camera.as_json() for camera in self.cameras}
 
     @cached_property
     def rig(self) -> CameraRig:
@@ -125,9 +154,3 @@ class SourceRig:
         if name not in self.sizes_px:
             raise NotFoundError(f"rig has no camera '{name}'; it has {', '.join(self.names) or 'none'}")
         return self.sizes_px[name]
-
-
-def pinhole_source(rig: CameraRig) -> SourceRig:
-    """Return the source rig of pinhole cameras: their pictures are the images, named by channel."""
-    sizes = {camera.channel: (camera.width_px, camera.height_px) for camera in rig}
-    return SourceRig(sizes, tuple(View(camera, camera.channel) for camera in rig), rig.ego_vehicle)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -22,6 +22,7 @@ from appocc.nuscenes.lidar import write_lidar
 from appocc.nuscenes.map_writer import MapExpansion
 from appocc.nuscenes.view_targets import ViewTargets, save_view_targets, view_targets_path
 from appocc.nuscenes.writer import Writer, token_of
+from appocc.rigs import SourceRig
 from appocc.simulation.actors.assembling import assemble
 from appocc.simulation.actors.paint import ActorPaint, draw_paints
 from appocc.simulation.build import build_town
@@ -30,6 +31,7 @@ from appocc.simulation.rendering.birdseye import render_birdseye
 from appocc.simulation.rendering.lidar import EGO_FROM_LIDAR, simulate_sweep
 from appocc.simulation.rendering.lighting import EgoBody
 from appocc.simulation.rendering.renderer import Renderer
+from appocc.simulation.rendering.views import CameraView, PixelMaps
 from appocc.simulation.rendering.weather import draw_weather
 from appocc.simulation.scenario import Scenario, describe_scenario
 from appocc.simulation.scenery.signals import signal_names
@@ -47,6 +49,8 @@ from appocc.simulation.variation.slope import lean_scenery
 from appocc.simulation.variation.traffic import vary_traffic
 
 VERSION, SOURCE = "v1.0-simulation", "exact"
+# Pictures as the lenses of a rig take them: RAW/SCENE/FRAME/CAMERA.jpg, for `appocc infer RAW/SCENE --rig`.
+RAW = "raw"
 _START_US, _SCENE_US = 1_700_000_000_000_000, 3_600_000_000
 # Boxes are annotated, and vehicles in the map get instances, within this range of the ego.
 _ANNOTATED_M = 80.0
@@ -65,6 +69,7 @@ class RecordingSettings:
         lidar: whether every sample has a LiDAR sweep.
         full_maps: whether depth, class and actor of every pixel are stored, in addition to those of 8x8 blocks.
         vary: whether cameras, traffic, paints, materials and light vary, see `draw_variation` and `vary_traffic`.
+        source: cameras with other lenses, whose pictures are rectified to the rig and kept; None for pinholes.
     """
 
     frames: int
@@ -73,6 +78,7 @@ class RecordingSettings:
     lidar: bool = True
     full_maps: bool = False
     vary: bool = False
+    source: SourceRig | None = None
 
     def as_json(self) -> dict[str, Any]:
         """Return JSON values that identify the settings."""
@@ -91,6 +97,7 @@ class RecordingSettings:
             "full_maps": self.full_maps,
             "rig": cameras,
             **({"vary": True} if self.vary else {}),
+            **({} if self.source is None else {"lenses": self.source.as_json()}),
         }
 
 
@@ -200,7 +207,7 @@ class _Recorder:
         mesh = assemble(simulation.log.actors, state, self._paints, pose[:2, 3], scenario.ego)
         self._set_scene(state, mesh, pose)
         random = np.random.default_rng([*scenario.random_seed, 3, number])
-        self._add_views(sample, timestamp, pose, random)
+        self._add_views(sample, number, timestamp, pose, random)
         points = self._add_sweep(sample, timestamp, pose, mesh, objects, random)
         self._add_boxes(sample, pose, mesh, objects, points)
         self._add_bev(sample, pose, objects)
@@ -214,19 +221,35 @@ class _Recorder:
         ego = EgoBody(pose, simulation.log.actors[self._scenario.ego].size_lwh_m)
         simulation.renderer.set_scene(mesh, lights, letters[simulation.signal_column], self._variation.weather, ego)
 
-    def _add_views(self, sample: str, timestamp: int, pose: FloatArray, random: np.random.Generator) -> None:
+    def _add_views(
+        self, sample: str, number: int, timestamp: int, pose: FloatArray, random: np.random.Generator
+    ) -> None:
         """Write the images of a sample, all taken at the time of the sample, and their pixel maps."""
-        views = self._simulation.renderer.views(self._variation.rig, pose, random)
-        for channel, view in views.items():
+        images, maps = self._images_and_maps(number, pose, random)
+        for channel, image in images.items():
             filename = f"samples/{channel}/{self._scenario.name}__{channel}__{timestamp}.jpg"
-            write_image(self._writer.root / filename, view.image)
-            size = (view.image.shape[1], view.image.shape[0])
+            write_image(self._writer.root / filename, image)
+            size = (image.shape[1], image.shape[0])
             self._add_file(sample, channel, pose, timestamp, filename, size)
-        small = {channel: reduce_view(view.depth_m, view.kind) for channel, view in views.items()}
+        small = {channel: reduce_view(view.depth_m, view.kind) for channel, view in maps.items()}
         save_view_targets(view_targets_path(self._writer.root, sample), small)
         if self._recording.full_maps:
-            full = {channel: ViewTargets(view.depth_m, view.kind) for channel, view in views.items()}
+            full = {channel: ViewTargets(view.depth_m, view.kind) for channel, view in maps.items()}
             save_view_targets(self._writer.root / "views_full" / f"{sample}.npz", full)
+
+    def _images_and_maps(
+        self, number: int, pose: FloatArray, random: np.random.Generator
+    ) -> tuple[Mapping[str, ByteArray], Mapping[str, CameraView | PixelMaps]]:
+        """Return the images and pixel maps by channel; write the pictures of cameras with other lenses."""
+        renderer, rig, source = self._simulation.renderer, self._variation.rig, self._recording.source
+        if source is None:
+            views = renderer.views(rig, pose, random)
+            return {channel: view.image for channel, view in views.items()}, views
+        pictures = renderer.lens_images(source.cameras, pose, random)
+        folder = self._writer.root / RAW / self._scenario.name / f"{number:04d}"
+        for name, picture in pictures.items():
+            write_image(folder / f"{name}.jpg", picture)
+        return source.rectify(pictures), renderer.maps(rig, pose)
 
     def _add_file(
         self,

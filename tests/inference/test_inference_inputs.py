@@ -15,9 +15,14 @@ from appocc.geometry import apply, inverse
 from appocc.inference.inputs import dataset_inputs, folder_inputs
 from appocc.nuscenes import Dataset
 from appocc.nuscenes.lidar import write_lidar
+from appocc.rigs import SourceRig
 
-RIG = CameraRig(
-    tuple(Camera(name, 16, 8, np.diag([10.0, 10, 1]), np.eye(4)) for name in ("CAM_FRONT", "CAM_BACK", "CAM_LEFT"))
+RIG = SourceRig.of_pinholes(
+    CameraRig(
+        tuple(
+            Camera(name, 16, 8, np.diag([10.0, 10, 1]), np.eye(4)) for name in ("CAM_FRONT", "CAM_BACK", "CAM_LEFT")
+        )
+    )
 )
 GREY = np.full((8, 16, 3), 90, np.uint8)
 

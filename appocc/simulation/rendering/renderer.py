@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
-from appocc.camera import Camera, CameraRig
+from appocc.camera import CameraRig
 from appocc.checks import BoolArray, ByteArray, Float32Array, FloatArray
+from appocc.rigs.source_camera import SourceCamera
 from appocc.simulation.mesh import Material, Mesh, join_meshes
 from appocc.simulation.rendering import camera_response
 from appocc.simulation.rendering.compiled import kernel
@@ -23,8 +24,9 @@ from appocc.simulation.rendering.lighting import (
 )
 from appocc.simulation.rendering.look import Look
 from appocc.simulation.rendering.noise import noise_tile
+from appocc.simulation.rendering.pixel_rays import LensRays, PinholeRays, PixelRays
 from appocc.simulation.rendering.profile import RenderProfile
-from appocc.simulation.rendering.rays import GROUND_KINDS, camera_rays, label_pixels, ray_matrix
+from appocc.simulation.rendering.rays import GROUND_KINDS, label_pixels
 from appocc.simulation.rendering.refining import (
     blend_extra_rays,
     blend_reflections,
@@ -36,7 +38,7 @@ from appocc.simulation.rendering.shading import shade
 from appocc.simulation.rendering.sunlight import find_sunlit
 from appocc.simulation.rendering.texture import build_texture
 from appocc.simulation.rendering.tracing import ACTOR, Hits, Tracer
-from appocc.simulation.rendering.views import CameraView
+from appocc.simulation.rendering.views import CameraView, PixelMaps
 from appocc.simulation.rendering.weather import WEATHERS, Weather
 from appocc.simulation.town import Town
 
@@ -117,7 +119,25 @@ class Renderer:
 
     def views(self, rig: CameraRig, town_from_ego: FloatArray, rng: np.random.Generator) -> Mapping[str, CameraView]:
         """Render images and pixel maps of a rig by channel; `rng` generates the noise."""
-        return {camera.channel: self._render_view(camera, town_from_ego, rng) for camera in rig}
+        return {camera.channel: self._render_view(PinholeRays(camera, town_from_ego), rng) for camera in rig}
+
+    def lens_images(
+        self, cameras: Iterable[SourceCamera], town_from_ego: FloatArray, rng: np.random.Generator
+    ) -> dict[str, ByteArray]:
+        """Render the pictures (H, W, 3) uint8 of cameras with any lenses, by name; black where they see nothing."""
+        return {camera.name: self._render_view(LensRays(camera, town_from_ego), rng).image for camera in cameras}
+
+    def maps(self, rig: CameraRig, town_from_ego: FloatArray) -> dict[str, PixelMaps]:
+        """Return the pixel maps of a rig by channel, without images."""
+        found = {}
+        for camera in rig:
+            pinhole, shape = PinholeRays(camera, town_from_ego), (camera.height_px, camera.width_px)
+            flat = PixelMaps.empty(shape)
+            for rows, pixels in _chunks(pinhole):
+                origins, directions = pinhole.rays(pixels, 0.0, 0.0)
+                self._label(self._trace(origins, directions), origins, directions, pinhole, flat.rows(rows))
+            found[camera.channel] = flat.shaped(shape)
+        return found
 
     def radiance(
         self, origins: Float32Array, directions: Float32Array, spread_rad: float, see_through_leaves: bool = False
@@ -142,39 +162,34 @@ class Renderer:
             self._shade(hits, origins[rows], directions[rows], spread_rad, clear, result[rows])
         return result
 
-    def _render_view(self, camera: Camera, town_from_ego: FloatArray, rng: np.random.Generator) -> CameraView:
+    def _render_view(self, camera: PixelRays, rng: np.random.Generator) -> CameraView:
         shape = (camera.height_px, camera.width_px)
-        linear, depth = np.empty((shape[0] * shape[1], 3), np.float32), np.empty(shape[0] * shape[1], np.float32)
-        actor, kind = np.empty(len(depth), np.int32), np.empty(len(depth), np.uint8)
-        matrix, place = ray_matrix(camera, town_from_ego)
-        ahead = (town_from_ego[:3, :3] @ camera.ego_from_cam[:3, 2]).astype(np.float32)
-        rows_at_once = max(_CHUNK // camera.width_px, 1) * camera.width_px
-        for start in range(0, len(depth), rows_at_once):
-            rows = slice(start, min(start + rows_at_once, len(depth)))
-            pixels = np.arange(rows.start, rows.stop, dtype=np.int32)
-            origins, directions = camera_rays(pixels, camera.width_px, 0.0, 0.0, matrix, place)
+        linear, maps = np.empty((shape[0] * shape[1], 3), np.float32), PixelMaps.empty(shape)
+        for rows, pixels in _chunks(camera):
+            origins, directions = camera.rays(pixels, 0.0, 0.0)
             hits = self._trace(origins, directions)
-            with self.profile.stage("maps"):
-                label_pixels(
-                    hits.distance_m, hits.source, hits.face, origins, directions, ahead, self._buffers.triangles,
-                    self._texture, GROUND_KINDS, depth[rows], actor[rows], kind[rows],
-                )  # fmt: skip
-            lit = self._shade(hits, origins, directions, self._pixel_angle(camera), self._light, linear[rows])
-            self._antialias(camera, matrix, place, linear[rows], hits.source, lit=lit, first_pixel=start)
+            self._label(hits, origins, directions, camera, maps.rows(rows))
+            lit = self._shade(hits, origins, directions, camera.spread_rad, self._light, linear[rows])
+            self._antialias(camera, linear[rows], hits.source, lit=lit, first_pixel=rows.start)
+        if camera.blind is not None:
+            linear[camera.blind] = 0.0
         with self.profile.stage("response"):
             glow = 0.05 if self._sky.weather.lamps > 0 else 0.0
             image = camera_response.apply_response(linear.reshape(*shape, 3), self.gains, glow, rng)
-        return CameraView(image, depth.reshape(shape), actor.reshape(shape), kind.reshape(shape))
+        return CameraView(image, *maps.shaped(shape))
+
+    def _label(
+        self, hits: Hits, origins: Float32Array, directions: Float32Array, camera: PixelRays, maps: PixelMaps
+    ) -> None:
+        """Write the maps of the hits of rays."""
+        with self.profile.stage("maps"):
+            label_pixels(
+                hits.distance_m, hits.source, hits.face, origins, directions, camera.ahead, self._buffers.triangles,
+                self._texture, GROUND_KINDS, *maps,
+            )  # fmt: skip
 
     def _antialias(
-        self,
-        camera: Camera,
-        matrix: Float32Array,
-        place: Float32Array,
-        linear: Float32Array,
-        source: ByteArray,
-        lit: BoolArray,
-        first_pixel: int,
+        self, camera: PixelRays, linear: Float32Array, source: ByteArray, lit: BoolArray, first_pixel: int
     ) -> None:
         """Antialias the edges in some rows of an image by extra rays."""
         with self.profile.stage("refine"):
@@ -184,20 +199,14 @@ class Renderer:
         self.profile.count["pixels"] += len(linear)
         if not len(pixels):
             return
-        parts = [
-            camera_rays(pixels + np.int32(first_pixel), camera.width_px, u, v, matrix, place) for u, v in _SHIFTS_PX
-        ]
+        parts = [camera.rays(pixels + np.int32(first_pixel), u, v) for u, v in _SHIFTS_PX]
         origins, directions = (np.concatenate(part) for part in zip(*parts, strict=True))
         more = np.empty((len(origins), 3), np.float32)
         for start in range(0, len(origins), _CHUNK):
             rows = slice(start, start + _CHUNK)
             hits = self._trace(origins[rows], directions[rows])
-            self._shade(hits, origins[rows], directions[rows], self._pixel_angle(camera), self._light, more[rows])
+            self._shade(hits, origins[rows], directions[rows], camera.spread_rad, self._light, more[rows])
         blend_extra_rays(linear, pixels, more, len(_SHIFTS_PX), 4.0 / gain)
-
-    @staticmethod
-    def _pixel_angle(camera: Camera) -> float:
-        return 1.0 / float(camera.intrinsic[0, 0])
 
     def _trace(self, origins: Float32Array, directions: Float32Array) -> Hits:
         """Trace rays; faces are numbered as in the scene buffers."""
@@ -308,6 +317,14 @@ class Renderer:
             ego_box=np.array(box, np.float32),
             noise=self._noise,
         )
+
+
+def _chunks(camera: PixelRays) -> Iterator[tuple[slice, NDArray[np.int32]]]:
+    """Iterate over the pixels of a camera in whole rows."""
+    total, step = camera.width_px * camera.height_px, max(_CHUNK // camera.width_px, 1) * camera.width_px
+    for start in range(0, total, step):
+        stop = min(start + step, total)
+        yield slice(start, stop), np.arange(start, stop, dtype=np.int32)
 
 
 def _centre_of(actors: Mesh) -> FloatArray:
