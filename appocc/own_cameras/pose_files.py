@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import io
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -46,8 +45,7 @@ def read_trajectory(path: Path, clock: Callable[[int], IntArray]) -> Trajectory:
         raise DataError(f"{path}: no poses")
     if any(line.startswith("$") for _, line in rows[:20]):
         return _of_satellites(path, *read_nmea(path, rows))
-    first = rows[0][1]
-    if any(c.isalpha() and c not in "eE" for c in first):
+    if rows[0][1].lstrip('"')[:1].isalpha():
         return _read_csv(path, text)
     table = [(n, line.replace(",", " ").split()) for n, line in rows]
     width = len(table[0][1])
@@ -81,18 +79,19 @@ def _read_kitti(path: Path, table: Table, clock: Callable[[int], IntArray]) -> T
 
 
 def _read_csv(path: Path, text: str) -> Trajectory:
-    lines = [line for line in text.split("\n") if not line.startswith("#")]
+    lines = ["" if line.startswith("#") else line for line in text.split("\n")]
+    reader = csv.reader(lines, skipinitialspace=True)
     try:
-        rows = [row for row in csv.reader(io.StringIO("\n".join(lines)), skipinitialspace=True) if any(row)]
+        rows = [(reader.line_num, row) for row in reader if any(row)]
     except csv.Error as error:
         raise DataError(f"{path}: no valid CSV ({error})") from error
-    header = [name.strip().lower() for name in rows[0]]
+    header = [name.strip().lower() for name in rows[0][1]]
     names = {{"latitude": "lat", "longitude": "lon"}.get(name, name): i for i, name in enumerate(header)}
     time = next((name for name in _TIMES if name in names), None)
     place = next((key for key in (("x", "y"), ("lat", "lon")) if set(key) <= set(names)), None)
     if time is None or place is None:
         raise DataError(f"{path}: expected columns time, x, y or time, lat, lon, got {', '.join(header)}")
-    table: Table = list(enumerate(rows[1:], start=2))
+    table = rows[1:]
     if not table:
         raise DataError(f"{path}: no poses below the header")
     wanted = [*place, *(n for n in ("z", "qw", "qx", "qy", "qz", "yaw_deg", "yaw_rad") if n in names)]
