@@ -13,7 +13,7 @@ from cli.common import JsonOption, emit, out_path, progress, say
 if TYPE_CHECKING:
     from appocc.own_cameras.convert import Summary
 
-app = typer.Typer(name="convert", help="Convert recordings to the nuScenes schema.", no_args_is_help=True)
+app = typer.Typer(name="convert", help="Convert recordings to the nuScenes schema.")
 
 OutArgument = Annotated[Path, typer.Argument(parser=out_path, metavar="OUT", help="New folder for the dataset.")]
 
@@ -58,8 +58,8 @@ def images(
         Path,
         typer.Argument(
             metavar="SRC",
-            help="Folder with, for each camera of the rig, CAMERA/*.jpg, CAMERA.mp4 or CAMERA_TIME.jpg; or, with "
-            "--mosaic, one video.",
+            help="Folder with, for each camera of the rig, CAMERA/TIME.jpg, TIME/CAMERA.jpg, CAMERA_TIME.jpg or "
+            "CAMERA.mp4; or, with --mosaic, one video.",
         ),
     ],
     out: OutArgument,
@@ -68,7 +68,7 @@ def images(
         Path | None, typer.Option(help="Ego poses: TUM, KITTI, CSV with a header, NMEA or GPX. Default: see --speed.")
     ] = None,
     poses_of: Annotated[
-        str | None, typer.Option(help="Camera whose poses they are. Default: the ego frame.", metavar="CHANNEL")
+        str | None, typer.Option(help="Camera whose poses they are. Default: the ego frame.", metavar="CAMERA")
     ] = None,
     speed: Annotated[
         float | None, typer.Option(help="Without poses: straight ahead at this speed, m/s. Default: standing.")

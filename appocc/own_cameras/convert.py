@@ -51,26 +51,27 @@ class Summary:
         return {**counts, "missing": missing, "left_out": dict(self.left_out), "notes": self.notes}
 
 
-def ego_trajectory(path: Path, streams: Sequence[Stream], rig: SourceRig, channel: str | None) -> Trajectory:
+def ego_trajectory(path: Path, streams: Sequence[Stream], rig: SourceRig, camera: str | None) -> Trajectory:
     """Read the poses of a recording as poses of the ego frame.
 
     Args:
         path: file of poses, see `read_trajectory`; rows without times belong to the pictures of the first stream.
         streams: pictures of the recording.
         rig: the cameras.
-        channel: camera whose poses they are; None: the ego frame's.
+        camera: name of the camera whose poses they are; None: the ego frame's.
 
     Raises:
         DataError: if the file is damaged, or the poses are not upright.
         NotFoundError: if there is no such camera.
     """
     found = read_trajectory(path, streams[0].clock)
-    if channel is None:
+    if camera is None:
         found.check_upright(str(path))
         return found
-    if channel not in rig.rig.channels:
-        raise NotFoundError(f"--poses-of: the rig has no camera '{channel}'; it has {', '.join(rig.rig.channels)}")
-    return found.of_ego(rig.rig[channel].ego_from_cam)
+    for each in rig.cameras:
+        if each.name == camera:
+            return found.of_ego(each.ego_from_cam)
+    raise NotFoundError(f"--poses-of: the rig has no camera '{camera}'; it has {', '.join(rig.names)}")
 
 
 def convert_recording(

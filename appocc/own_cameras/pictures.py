@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import glob
 import heapq
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
@@ -180,8 +181,9 @@ def find_streams(source: Path, cameras: Sequence[str], clock: Clock, mosaic: tup
     """Find the pictures of cameras: a mosaic video, or in a folder for each camera a sub-folder, a video or images.
 
     Args:
-        source: folder with `CAMERA/*.jpg`, `CAMERA.mp4` (also `CAMERA_TIME.mp4`, with the time of its first frame) or
-            `CAMERA_TIME.jpg`; or a video. `CAMERA.txt` may hold the time of each picture or frame, one a line.
+        source: folder with `CAMERA/TIME.jpg`, `TIME/CAMERA.jpg`, `CAMERA_TIME.jpg` or `CAMERA.mp4` (also
+            `CAMERA_TIME.mp4`, with the time of its first frame); or a video. A time may be a frame number.
+            `CAMERA.txt` may hold the time of each picture or frame, one a line.
         cameras: names of the cameras, in the order of a mosaic.
         clock: rate and start of pictures without times.
         mosaic: rows and columns of a video that shows all cameras.
@@ -206,11 +208,9 @@ def find_streams(source: Path, cameras: Sequence[str], clock: Clock, mosaic: tup
 
 def _find_stream(source: Path, camera: str, clock: Clock) -> Stream:
     times = _listed_times(source / f"{camera}.txt", clock)
-    if (source / camera).is_dir():
-        paths = [p for p in (source / camera).iterdir() if p.suffix.lower() in IMAGES and not p.name.startswith(".")]
-        return _image_files(source / camera, camera, paths, clock, times)
-    entries = [p for p in source.iterdir() if p.stem == camera or p.name.startswith(f"{camera}_")]
-    named = [p for p in entries if p.suffix.lower() in VIDEOS and _tail(p, camera) is not None]
+    folder = source / camera if (source / camera).is_dir() else source
+    named = [p for p in source.iterdir() if p.suffix.lower() in VIDEOS and _tail(p, camera) is not None]
+    named = [] if folder != source else sorted(named)
     if len(named) > 1:
         raise DataError(f"{source}: expected one video of {camera}, got {named[0].name} and {named[1].name}")
     if named:
@@ -219,15 +219,27 @@ def _find_stream(source: Path, camera: str, clock: Clock) -> Stream:
         open_video(named[0]).release()
         own = Clock(clock.fps, begin) if begin is not None else clock
         return Video(named[0], (camera,), clock_of=own, times_us=times)
-    paths = [p for p in entries if p.suffix.lower() in IMAGES and _tail(p, camera)]
-    if not paths:
-        expected = f"{camera}/, {camera}.mp4 or {camera}_TIME.jpg"
+    paths = camera_images(source, camera)
+    if not paths and folder == source:
+        expected = f"{camera}/, TIME/{camera}.jpg, {camera}_TIME.jpg or {camera}.mp4"
         raise DataError(f"{source}: no pictures of {camera}: expected {expected}, as its rig names it")
-    return _image_files(source, camera, paths, clock, times)
+    return _image_files(folder, camera, paths, clock, times)
+
+
+def camera_images(source: Path, camera: str) -> list[Path]:
+    """Return the image files of a camera: `CAMERA/*.jpg`, else `CAMERA_TIME.jpg` and `TIME/CAMERA.jpg`."""
+    if (source / camera).is_dir():
+        paths = list((source / camera).iterdir())
+    else:
+        paths = [path for path in source.glob(f"{glob.escape(camera)}_*") if _tail(path, camera)]
+        paths += source.glob(f"*/{glob.escape(camera)}.*")
+    return [path for path in paths if path.suffix.lower() in IMAGES and not path.name.startswith(".")]
 
 
 def _tail(path: Path, camera: str) -> str | None:
     """Return the number after the camera in a name, '' without one; None for a file of another camera."""
+    if path.stem != camera and not path.stem.startswith(f"{camera}_"):
+        return None
     rest = path.stem[len(camera) :].lstrip("_")
     return rest if not rest or rest.replace(".", "", 1).isdigit() else None
 
@@ -236,7 +248,7 @@ def _image_files(
     folder: Path, camera: str, paths: Iterable[Path], clock: Clock, times: tuple[int, ...] | None
 ) -> ImageFiles:
     if times is None:
-        timed = sorted((time_in_name(path, clock.fps, clock.start_us), path) for path in paths)
+        timed = sorted((time_of_picture(path, camera, clock), path) for path in paths)
     else:
         ordered = sorted(paths)
         if len(ordered) != len(times):
@@ -250,6 +262,16 @@ def _image_files(
         if one_us == other_us:
             raise DataError(f"{folder}: {one.name} and {other.name} have the same time, {seconds_text(one_us)}")
     return ImageFiles(camera, tuple(path for _, path in timed), tuple(time_us for time_us, _ in timed))
+
+
+def time_of_picture(path: Path, camera: str, clock: Clock) -> int:
+    """Return the time of the image file of a camera, from its name, or its folder's if it is named by the camera.
+
+    Raises:
+        DataError: as `time_in_name`.
+    """
+    named = path.parent if path.stem == camera else path.with_suffix("")
+    return time_in_name(named, clock.fps, clock.start_us)
 
 
 def _listed_times(path: Path, clock: Clock) -> tuple[int, ...] | None:

@@ -46,17 +46,17 @@ def seconds_to_us(number: str) -> int:
 
 
 def time_in_name(path: Path, fps: float | None, start_us: int = 0) -> int:
-    """Return the time of a file in microseconds, from the number at the end of its name.
+    """Return the time in microseconds that a name ends with.
 
     Args:
-        path: the file; `1700000000.25.jpg`, `CAM_FRONT_1700000000250000.jpg` or `000123.jpg`.
-        fps: rate of files whose names count frames.
+        path: the name, without ending: `1700000000.25`, `CAM_FRONT_1700000000250000` or `000123`.
+        fps: rate of pictures whose names count frames.
         start_us: time of frame 0, if names count frames.
 
     Raises:
         DataError: if there is no number, or it counts frames and no rate is given.
     """
-    found = _NUMBER.search(path.stem)
+    found = _NUMBER.search(path.name)
     if found is None:
         raise DataError(f"{path}: expected a time or a frame number at the end of the name, got none")
     time_us = microseconds(found[1])

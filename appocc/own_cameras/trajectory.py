@@ -87,7 +87,7 @@ class Trajectory:
             tilt = np.degrees(np.arccos(np.clip(up[row], -1, 1)))
             raise DataError(
                 f"{where}: expected poses of the ego frame (z up), got one that is tilted by {tilt:.0f} degrees "
-                f"(pose {row}); are they those of a camera (--poses-of CHANNEL)?"
+                f"(pose {row}); are they those of a camera (--poses-of CAMERA)?"
             )
 
 

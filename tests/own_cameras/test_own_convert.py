@@ -115,7 +115,9 @@ def test_missing_and_damaged_pictures_leave_their_camera_out(drive: Path, rig: S
     assert (summary.samples, summary.images, count) == (5, 7, 3)
     assert "not a readable image" in reason
     dataset = Dataset(drive.parent / "out")
-    assert [(problem.severity, problem.kind) for problem in validate(dataset)] == [("note", "samples without a channel")]
+    assert [(problem.severity, problem.kind) for problem in validate(dataset)] == [
+        ("note", "samples without a channel")
+    ]
     frames = [dataset.frame(sample) for sample in dataset.samples(dataset.scene("mine"))]
     assert [frame.rig.channels for frame in frames[1:3]] == [("CAM_FRONT",), ("CAM_FRONT",)]
 

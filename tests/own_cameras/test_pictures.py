@@ -59,12 +59,22 @@ def test_one_folder_for_all_cameras(tmp_path: Path) -> None:
     assert seen(tmp_path) == EXPECTED
 
 
+def test_a_folder_for_each_time(tmp_path: Path) -> None:
+    write_cameras(tmp_path / "flat", CAMERAS, ["000", "001"], grey)
+    for path in sorted((tmp_path / "flat").glob("*/*.png")):
+        (tmp_path / "drive" / path.stem).mkdir(parents=True, exist_ok=True)
+        path.rename(tmp_path / "drive" / path.stem / f"{path.parent.name}.png")
+    assert seen(tmp_path / "drive", Clock(10.0)) == EXPECTED
+
+
 def test_a_longer_name_is_another_camera(tmp_path: Path) -> None:
     write_cameras(tmp_path, CAMERAS, ["0.0", "0.1"], grey)
     (tmp_path / "CAM_FRONT").rename(tmp_path / "hidden")
     for path in (tmp_path / "hidden").iterdir():
         path.rename(tmp_path / f"CAM_FRONT_LEFT_{path.name}")
-    with pytest.raises(DataError, match=r"no pictures of CAM_FRONT: expected CAM_FRONT/, CAM_FRONT.mp4 or"):
+    with pytest.raises(
+        DataError, match=r"no pictures of CAM_FRONT: expected CAM_FRONT/, TIME/CAM_FRONT.jpg, CAM_FRONT_"
+    ):
         seen(tmp_path)
 
 
