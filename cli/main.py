@@ -21,6 +21,7 @@ from cli.export import export
 from cli.ground import ground
 from cli.groundtruth import groundtruth
 from cli.infer import infer
+from cli.rig import app as rig_app
 from cli.simulate import simulate
 from cli.track import app as track_app
 from cli.train import train
@@ -41,6 +42,7 @@ app.command()(doctor)
 app.command()(groundtruth)
 app.command()(infer)
 app.command("check-rig")(check_rig)
+app.add_typer(rig_app)
 app.command()(train)
 app.command()(ablate)
 app.command()(export)
