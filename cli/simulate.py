@@ -32,7 +32,7 @@ def simulate(
         list[str] | None,
         typer.Option(help="Built-in town, map file (.xodr, .net.xml) or random:SEED; can be repeated."),
     ] = None,
-    rig: Annotated[str, typer.Option(help="Camera rig: name (paper, paper_full) or YAML file.")] = "paper",
+    rig: Annotated[str, typer.Option(help="Camera rig: paper, paper_full, fisheye or a YAML file.")] = "paper",
     weather: Annotated[
         list[str] | None, typer.Option(help="clear, overcast, low_sun, wet, dusk or night; can be repeated.")
     ] = None,

@@ -85,6 +85,16 @@ def test_the_walkthrough_of_a_simulated_town_runs_line_by_line(simulated: Walkth
         assert len(list((simulated.folder / "SIM" / "bev" / source).glob("*.npz"))) == 32
 
 
+def test_the_commands_with_ones_own_cameras_run_in_order(tmp_path: Path) -> None:
+    lines = blocks("## With your own cameras")[0].splitlines()
+    assert [line.split()[1] for line in lines] == ["simulate", "check-rig", "infer"]
+    for line in lines:
+        code, said = run_line(line, tmp_path)
+        assert code == 0, (line, said)
+    assert (tmp_path / "rig.png").read_bytes().startswith(b"\x89PNG")
+    assert len(list((tmp_path / "WIDE" / "maps").glob("*.npz"))) == 1
+
+
 def test_the_grounding_commands_run_in_order(simulated_root: Path, tmp_path: Path) -> None:
     (tmp_path / "SIM").symlink_to(simulated_root)
     lines = blocks("## Ground a command")[0].splitlines()

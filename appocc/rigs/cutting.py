@@ -66,7 +66,7 @@ def _level_views(camera: SourceCamera) -> tuple[View, ...]:
     heading = _heading_rad(camera)
     left, right = (_reach_deg(camera, heading, side) for side in (1, -1))
     if left + right < _LEAST_PX:
-        raise DataError(f"{camera.name}: expected a lens that sees the horizon ahead of it, got one that does not")
+        raise DataError(f"cameras.{camera.name}: expected a view of the horizon ahead, got none")
     count = int(np.ceil((left + right) / WIDEST_VIEW_DEG))
     wide = (left + right) / count
     slope = float(np.tan(np.radians(wide) / 2))
@@ -95,7 +95,7 @@ def _around_picture(camera: SourceCamera) -> _Rectangle:
     rays = camera.lens.unproject(np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2))
     rays = rays[rays[:, 2] > 0]
     if not len(rays):
-        raise DataError(f"{camera.name}: expected a lens that sees something ahead of it, got one that does not")
+        raise DataError(f"cameras.{camera.name}: expected a lens that sees something ahead, got none")
     slopes = np.clip(rays[:, :2] / rays[:, 2:], -_STEEPEST, _STEEPEST)
     return _Rectangle(*slopes.min(axis=0).tolist(), *slopes.max(axis=0).tolist())
 
@@ -143,7 +143,7 @@ def _view(camera: SourceCamera, channel: str, ego_from_view: FloatArray, around:
             pose = transform(ego_from_view, camera.ego_from_cam[:3, 3])
             return View(Camera(channel, *size, intrinsic, pose), camera.name, pixels.astype(np.float32))
         sides = sides.trimmed(_TRIM)
-    raise DataError(f"{camera.name}: expected a lens that sees a view of {_LEAST_PX} pixels, got less")
+    raise DataError(f"cameras.{camera.name}: expected a view of {_LEAST_PX} pixels or more, got less")
 
 
 def _largest_seen(camera: SourceCamera, cam_from_view: FloatArray, around: _Rectangle) -> _Rectangle:

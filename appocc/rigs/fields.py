@@ -46,8 +46,7 @@ class Fields:
         self.keys = list(values)
         unknown = [key for key in values if known and key not in known]
         if unknown:
-            name = self.name(" ".join(str(unknown[0]).split())[:_SHOWN_CHARACTERS])
-            raise DataError(f"{name}: expected a key of {', '.join(known)}, got this one")
+            raise DataError(f"{self.where}: expected the keys {', '.join(known)}, got {_shown(unknown[0])}")
 
     def name(self, key: object) -> str:
         """Return the file and the path of a key, for messages."""
@@ -102,7 +101,9 @@ class Fields:
             raise self.refusal(key, " or ".join(options) or "a text")
         return value
 
-    def number(self, key: str, expected: str, low: float, high: float, default: float | None = None) -> float:
+    def number(
+        self, key: str, expected: str, low: float, high: float, example: float, default: float | None = None
+    ) -> float:
         """Return a number within bounds.
 
         Raises:
@@ -112,7 +113,7 @@ class Fields:
             return default
         value = _number(self._values.get(key))
         if value is None or not low <= value <= high:
-            raise self.refusal(key, f"{expected} from {low:g} to {high:g}")
+            raise self.refusal(key, f"{expected} from {low:g} to {high:g}", f"{example:g}")
         return value
 
     def numbers(self, key: str, counts: Collection[int], expected: str, example: str) -> FloatArray:

@@ -65,22 +65,22 @@ def _fisheye(fields: Fields, size_px: tuple[int, int]) -> FisheyeLens:
     for key in ("aspect", "affine"):
         if key in parts and key not in _MODEL_KEYS[model]:
             raise parts.refusal(key, f"nothing for the model {model}")
-    wide = parts.number("circle_deg", "how wide the lens sees, in degrees,", 10, _WIDEST_FISHEYE_DEG, WIDEST_DEG)
+    wide = parts.number("circle_deg", "how wide the lens sees, in degrees,", 10, _WIDEST_FISHEYE_DEG, 190, WIDEST_DEG)
     if model == "kannala_brandt":
         k = parts.numbers("coefficients", [4], "k1, k2, k3, k4 of cv2.fisheye", "[0.05, -0.01, 0.003, -0.001]")
 
         def reach(half_rad: float) -> float:
             ray = np.array([[np.sin(half_rad), 0.0, np.cos(half_rad)]])
-            return float(kannala_brandt(np.eye(3), k.tolist(), wide).project(ray)[0, 0])
+            return float(kannala_brandt(np.eye(3), k.tolist(), _WIDEST_FISHEYE_DEG).project(ray)[0, 0])
 
-        return kannala_brandt(_intrinsic(fields, size_px, reach, wide), k.tolist(), wide)
+        return kannala_brandt(_intrinsic(fields, size_px, reach, _WIDEST_FISHEYE_DEG), k.tolist(), wide)
     for key in INTRINSIC_KEYS:
         if key in fields:
             raise fields.refusal(key, f"nothing beside fisheye, whose model {model} is in pixels")
     centre = _centre(fields, size_px)
     if model == "polynomial":
         k = parts.numbers("coefficients", (), "c1, c2, ... in pixels per power of the angle", "[340, -32, 48, -7]")
-        return polynomial_fisheye(k.tolist(), centre, parts.number("aspect", "a ratio", 0.5, 2, 1.0), wide)
+        return polynomial_fisheye(k.tolist(), centre, parts.number("aspect", "a ratio", 0.5, 2, 1.0, 1.0), wide)
     k = parts.numbers("coefficients", (), "a0, a1, ... of the direct mapping", "[-200, 0, 1.7e-3, -1.0e-6, 2.0e-9]")
     affine = np.array([1.0, 0.0, 0.0])
     if "affine" in parts:
@@ -110,7 +110,7 @@ def _intrinsic(
         try:
             check_intrinsic(key, intrinsic)
         except ShapeError as error:
-            raise DataError(f"{fields.name(key)}:{str(error).removeprefix(key)[1:]}, such as {_MATRIX}") from error
+            raise DataError(f"{fields.name(key)}{str(error).removeprefix(key)}, such as {_MATRIX}") from error
         return intrinsic
     if key == "focal_px":
         if not isinstance(fields[key], list):
@@ -120,7 +120,7 @@ def _intrinsic(
             raise fields.refusal(key, "focal lengths above 0", "[1000, 1000]")
         fx, fy = focal[0], focal[-1]
     else:
-        wide_deg = fields.number(key, "the horizontal field of view in degrees,", 1, most_deg)
+        wide_deg = fields.number(key, "the horizontal field of view in degrees,", 1, most_deg, 70)
         slope = reach(np.radians(wide_deg) / 2)
         if not slope > 0:
             raise fields.refusal(key, "a field of view that the lens reaches before its distortion folds the picture")

@@ -62,8 +62,8 @@ def _mounted(fields: Fields) -> FloatArray:
 def _angles(fields: Fields) -> tuple[float, float, float]:
     """Return yaw, pitch and roll in degrees; only the yaw must be there."""
     expected = "an angle in degrees"
-    yaw = fields.number("yaw_deg", expected, -360, 360)
-    pitch, roll = (fields.number(key, expected, -360, 360, 0.0) for key in ("pitch_deg", "roll_deg"))
+    yaw = fields.number("yaw_deg", expected, -360, 360, 90)
+    pitch, roll = (fields.number(key, expected, -360, 360, 5, 0.0) for key in ("pitch_deg", "roll_deg"))
     return yaw, pitch, roll
 
 
@@ -94,7 +94,7 @@ def read_transform(fields: Fields, key: str) -> FloatArray:
     try:
         check_transform(key, matrix)
     except ShapeError as error:
-        raise DataError(f"{fields.name(key)}:{str(error).removeprefix(key)}, such as {_WRITTEN}") from error
+        raise DataError(f"{fields.name(key)}{str(error).removeprefix(key)}, such as {_WRITTEN}") from error
     return nearest_rigid(matrix)
 
 
@@ -103,7 +103,7 @@ def _rotation(parts: Fields) -> FloatArray:
     if key == "yaw_deg":
         return _body_rotation(*_angles(parts))
     if key == "rodrigues":
-        turn = parts.numbers(key, [3], "a rotation vector in radians", "[1.2, -1.2, 1.2]")
+        turn = parts.numbers(key, [3], "a rotation vector in radians", "[-1.2, 1.2, -1.2]")
         return np.asarray(Rotation.from_rotvec(turn).as_matrix())
     numbers = parts.numbers(key, [4], "a unit quaternion", "[0.5, -0.5, 0.5, -0.5]")
     if abs(np.linalg.norm(numbers) - 1) > 1e-2:

@@ -102,4 +102,10 @@ def _ego_vehicle(top: Fields) -> EgoVehicle:
         return EgoVehicle()
     names = tuple(each.name for each in dataclass_fields(EgoVehicle))
     fields = top.inside("ego_vehicle", names, "{length_m: 4.6, width_m: 1.9}")
-    return EgoVehicle(**{name: fields.number(name, "metres", 0, 100) for name in names if name in fields})
+    sizes = {
+        name: fields.number(name, "metres", 0, 100, getattr(EgoVehicle, name)) for name in names if name in fields
+    }
+    try:
+        return EgoVehicle(**sizes)
+    except ShapeError as error:
+        raise DataError(f"{fields.where}.{str(error).removeprefix('EgoVehicle: ')}") from error

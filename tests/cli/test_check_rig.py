@@ -38,6 +38,20 @@ def test_images_with_a_rig(tmp_path: Path) -> None:
     assert read_image(tmp_path / "rig.png").shape == (320, 880, 3)
 
 
+def test_a_wide_lens_with_pictures_of_another_size(tmp_path: Path) -> None:
+    (tmp_path / "rig.yaml").write_text(
+        "cameras:\n  nose: {size_px: [320, 240], fov_deg: 190, fisheye: [0, 0, 0, 0], position_m: [3.6, 0, 0.8],"
+        " yaw_deg: 0}\n"
+    )
+    write_image(tmp_path / "nose.png", np.full((480, 640, 3), 90, np.uint8))
+    result = run(tmp_path, "--rig", tmp_path / "rig.yaml", "--out", tmp_path / "rig.png")
+    assert result.exit_code == 0, result.stderr
+    lines = result.stderr.splitlines()
+    assert lines[0] == "nose: expected 320x240 pixels, as its rig says, got 640x480; pictures are scaled"
+    assert [line.partition(":")[0] for line in lines[1:3]] == ["CAM_NOSE_1", "CAM_NOSE_2"]
+    assert read_image(tmp_path / "rig.png").shape[0] == 320
+
+
 def test_missing_inputs(tiny: TinyDataset, tmp_path: Path) -> None:
     for words, reason in (((tiny.root, "--frame", 3), "frames 0..2, not 3"), ((tmp_path / "x",), "no such folder")):
         result = run(*words, "--out", tmp_path / "rig.png")

@@ -9,13 +9,16 @@ import sys
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 from in_process import run_command
 from typer.testing import CliRunner, Result
 
+from appocc.errors import DataError
 from appocc.files import read_image
 from appocc.nuscenes import Dataset
 from appocc.nuscenes.validate import validate
+from appocc.rigs import read_source_rig
 from appocc.simulation.builtin import TEST_TOWNS, TRAIN_TOWNS
 from cli.main import app
 
@@ -23,6 +26,10 @@ RIG = """
 cameras:
   CAM_FRONT: {size_px: [64, 32], fov_deg: 90, position_m: [1.7, 0, 1.5], yaw_deg: 0}
   CAM_BACK: {size_px: [48, 32], fov_deg: 90, position_m: [0, 0, 1.5], yaw_deg: 180}
+"""
+WIDE = """
+cameras:
+  nose: {size_px: [160, 120], fov_deg: 190, fisheye: [0.01, 0, 0, 0], position_m: [3, 0, 1], yaw_deg: 0}
 """
 
 
@@ -76,6 +83,32 @@ def test_a_rig_of_ones_own_full_maps_and_no_lidar(tmp_path: Path, rig: str) -> N
     assert validate(dataset, images=True) == ()
     again = run("simulate", str(out), "--scenes", "1", "--seconds", "1", "--workers", "1", "--json", *options)
     assert json.loads(again.stdout)["made"] == 0
+
+
+def test_other_lenses_keep_their_pictures_beside_the_rectified_ones(tmp_path: Path) -> None:
+    (tmp_path / "rig.yaml").write_text(WIDE)
+    out, options = tmp_path / "out", ["--no-lidar", "--town", TEST_TOWNS[0], "--workers", "1"]
+    sizes = ["--scenes", "1", "--seconds", "0.5", "--rig", str(tmp_path / "rig.yaml")]
+    result = run("simulate", str(out), *sizes, *options)
+    assert result.exit_code == 0, result.output
+    dataset = Dataset(out)
+    assert validate(dataset, images=True) == ()
+    frame = dataset.frame(dataset.samples(dataset.scenes[0])[0])
+    rig = read_source_rig(tmp_path / "rig.yaml")
+    assert set(frame.images) == set(rig.rig.channels) == {"CAM_NOSE_1", "CAM_NOSE_2"}
+    np.testing.assert_allclose(frame.rig["CAM_NOSE_1"].ego_from_cam, rig.rig["CAM_NOSE_1"].ego_from_cam, atol=1e-6)
+    picture = read_image(out / "raw" / "scene-0000" / "0000" / "nose.jpg")
+    assert picture.shape == (120, 160, 3)
+    for channel, image in rig.rectify({"nose": picture}).items():
+        # Both were stored as JPEG, one before it was rectified.
+        assert np.abs(frame.images[channel].astype(int) - image).mean() < 6
+    (tmp_path / "rig.yaml").write_text(WIDE.replace("0.01", "0.02"))
+    other = run("simulate", str(out), *sizes, *options)
+    assert isinstance(other.exception, DataError)
+    assert "other settings (rig, lenses)" in str(other.exception)
+    varied = run("simulate", str(tmp_path / "varied"), *sizes, *options, "--vary")
+    assert isinstance(varied.exception, DataError)
+    assert "expected a rig of pinholes for --vary, got other lenses" in str(varied.exception)
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,7 @@ from appocc.geometry import apply, inverse
 from appocc.inference.inputs import dataset_inputs, folder_inputs
 from appocc.nuscenes import Dataset
 from appocc.nuscenes.lidar import write_lidar
-from appocc.rigs import SourceRig
+from appocc.rigs import SourceRig, read_source_rig
 
 RIG = SourceRig.of_pinholes(
     CameraRig(
@@ -122,6 +122,51 @@ def test_a_folder_of_frames_in_order_of_their_names(tmp_path: Path) -> None:
     inputs = folder_inputs(tmp_path, RIG)
     assert [each.token for each in inputs] == ["0001", "0002"]
     assert set(inputs[0].read().frame.images) == {"CAM_LEFT"}
+
+
+WIDE = """
+cameras:
+  nose: {size_px: [160, 120], fov_deg: 190, fisheye: [0, 0, 0, 0], position_m: [3, 0, 1], yaw_deg: 0, pitch_deg: 20}
+"""
+
+
+def test_pictures_of_a_wide_lens_are_found_by_its_name_and_cut(tmp_path: Path) -> None:
+    (tmp_path / "rig.yaml").write_text(WIDE)
+    write_image(tmp_path / "nose.png", np.full((120, 160, 3), 90, np.uint8))
+    rig = read_source_rig(tmp_path / "rig.yaml")
+    (each,) = folder_inputs(tmp_path, rig)
+    frame, missing = each.read()
+    assert (set(frame.images), dict(missing)) == ({"CAM_NOSE_1", "CAM_NOSE_2"}, {})
+    assert frame.rig == rig.rig
+    (tmp_path / "nose.png").unlink()
+    write_image(tmp_path / "CAM_NOSE_1.png", GREY)
+    with pytest.raises(DataError, match=r"named by the cameras of the rig \(nose.jpg, ...\), got none"):
+        folder_inputs(tmp_path, rig)
+
+
+def test_another_lens_is_another_calibration(tmp_path: Path) -> None:
+    write_image(tmp_path / "nose.png", np.full((120, 160, 3), 90, np.uint8))
+    parts = []
+    for text in (
+        WIDE,
+        WIDE,
+        WIDE.replace("[0, 0, 0, 0]", "[0.01, 0, 0, 0]"),
+        WIDE.replace("pitch_deg: 20", "pitch_deg: 21"),
+    ):
+        (tmp_path / "rig.yaml").write_text(text)
+        parts.append(folder_inputs(tmp_path, read_source_rig(tmp_path / "rig.yaml"))[0].parts()["calibration"])
+    assert parts[0] == parts[1]
+    assert len(set(parts)) == 3
+
+
+def test_pictures_of_another_size_are_told_once_for_all_frames(tmp_path: Path) -> None:
+    for name in ("0001", "0002"):
+        (tmp_path / name).mkdir()
+        write_image(tmp_path / name / "CAM_LEFT.png", np.full((16, 32, 3), 90, np.uint8))
+    told: list[str] = []
+    for each in folder_inputs(tmp_path, RIG, told.append):
+        assert each.read().frame.images["CAM_LEFT"].shape == (8, 16, 3)
+    assert told == ["CAM_LEFT: expected 16x8 pixels, as its rig says, got 32x16; pictures are scaled"]
 
 
 def test_folders_that_do_not_fit(tmp_path: Path) -> None:

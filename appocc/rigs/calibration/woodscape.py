@@ -25,10 +25,10 @@ def camera_keys(values: dict[str, Any], wanted: Wanted) -> dict[str, Any]:
     wanted.refuse_poses()
     lens = Fields(values, wanted.path).inside("intrinsic")
     lens.text("model", ("radial_poly",), "radial_poly")
-    size = [lens.number(key, "pixels", 8, 8192) for key in ("width", "height")]
-    shift = [lens.number(key, "pixels", -8192, 8192, 0.0) for key in ("cx_offset", "cy_offset")]
-    coefficients = [lens.number(f"k{i}", "a coefficient", -1e9, 1e9) for i in range(1, 5)]
-    aspect = lens.number("aspect_ratio", "a ratio", 0.5, 2.0, 1.0)
+    size = [lens.number(key, "pixels", 8, 8192, 1280) for key in ("width", "height")]
+    shift = [lens.number(key, "pixels", -8192, 8192, 3.9, 0.0) for key in ("cx_offset", "cy_offset")]
+    coefficients = [lens.number(f"k{i}", "a coefficient", -1e9, 1e9, 339.7) for i in range(1, 5)]
+    aspect = lens.number("aspect_ratio", "a ratio", 0.5, 2.0, 1.0, 1.0)
     keys: dict[str, Any] = {
         "size_px": size,
         "centre_px": [(n - 1) / 2 + off for n, off in zip(size, shift, strict=True)],

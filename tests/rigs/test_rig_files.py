@@ -8,13 +8,15 @@ import pytest
 from appocc.ego_vehicle import EgoVehicle
 from appocc.errors import DataError, NotFoundError
 from appocc.geometry import inverse
-from appocc.rigs import read_rig, rig_names
+from appocc.rigs import read_rig, read_source_rig, rig_names
+from appocc.rigs.variation import field_of_view_deg
 
 ONE = "cameras:\n  CAM_FRONT:\n    size_px: [64, 32]\n    fov_deg: 90\n    position_m: [1, 0, 1.5]\n    yaw_deg: 0\n"
+MATRIX = ONE.partition("    position_m")[0] + "    ego_from_cam: "
 
 
-@pytest.mark.parametrize("name", rig_names())
-def test_every_shipped_rig_is_the_papers(name: str) -> None:
+@pytest.mark.parametrize("name", ["paper", "paper_full"])
+def test_the_papers_rig_is_shipped_in_two_sizes(name: str) -> None:
     rig = read_rig(name)
     assert len(rig) == 6
     width = {"paper": 352, "paper_full": 1920}[name]
@@ -32,6 +34,17 @@ def test_every_shipped_rig_is_the_papers(name: str) -> None:
         ahead = camera.ego_from_cam[:3, 2]
         np.testing.assert_allclose(ahead, [np.cos(np.radians(yaw)), np.sin(np.radians(yaw)), 0], atol=1e-12)
         np.testing.assert_allclose(camera.ego_from_cam[:3, 1], [0, 0, -1], atol=1e-12)
+
+
+def test_four_fisheyes_are_shipped_and_cut_into_views_like_those_of_the_training() -> None:
+    assert rig_names() == ("fisheye", "paper", "paper_full")
+    rig = read_source_rig("fisheye")
+    assert rig.names == ("front", "left", "back", "right")
+    assert len(rig.rig) == 8
+    for camera in rig.rig:
+        assert 70 < field_of_view_deg(camera) < 110
+        # The network's input needs no more pixels than the view has.
+        assert camera.width_px > 352
 
 
 def test_the_small_rig_is_the_large_one_reduced_and_cut() -> None:
@@ -65,27 +78,59 @@ def test_an_intrinsic_may_be_given(tmp_path: Path) -> None:
         ("[1, 2", "no valid YAML"),
         ("", "the file"),
         ("cameras: {}", "cameras"),
-        ("cameras:\n  ../x: {}", "pattern"),
+        ("cameras:\n  ../x: {}", "cameras: expected a name that its pictures can have, such as front, got '../x'"),
         (ONE.replace("fov_deg: 90", "fov_deg: .nan"), "fov_deg"),
         (ONE.replace("fov_deg: 90", "fov_deg: 190"), "fov_deg"),
-        (ONE.replace("    fov_deg: 90\n", ""), "either fov_deg or intrinsic"),
-        (ONE + "    intrinsic: [[50, 0, 31], [0, 51, 15], [0, 0, 1]]\n", "either fov_deg or intrinsic"),
+        (ONE.replace("    fov_deg: 90\n", ""), "either fov_deg, focal_px or intrinsic, such as fov_deg: 70"),
+        (ONE + "    intrinsic: [[50, 0, 31], [0, 51, 15], [0, 0, 1]]\n", "got fov_deg and intrinsic"),
         (
             ONE.replace("fov_deg: 90", "intrinsic: [[0, 0, 31], [0, 51, 15], [0, 0, 1]]"),
             "positive focal lengths",
         ),
-        (ONE + "    zoom: 3\n", "zoom"),
+        (ONE + "    zoom: 3\n", "cameras.CAM_FRONT: expected the keys role, size_px"),
         (ONE + ONE.removeprefix("cameras:\n"), "'CAM_FRONT' occurs twice"),
         (ONE + "    yaw_deg: 90\n", "'yaw_deg' occurs twice"),
         (ONE.replace("yaw_deg: 0", "yaw_deg: 2020-99-99"), "no valid YAML"),
         (ONE.replace("[64, 32]", f"[{'9' * 5000}, 32]"), "no valid YAML"),
-        (ONE.replace("[64, 32]", "[64, 0]"), "size_px"),
+        (ONE.replace("[64, 32]", "[64, 0]"), "size_px: expected width and height of a picture, 8 to 8192 pixels"),
         (ONE.replace("[64, 32]", "[99999, 32]"), "size_px"),
         (ONE.replace("[1, 0, 1.5]", "[1, .inf, 1.5]"), "position_m"),
+        (ONE.replace("[1, 0, 1.5]", "[1, 0, 1.0e+12]"), "CAM_FRONT: translation: expected at most 1e+09 m"),
         (ONE + "ego_vehicle: 4.6\n", "ego_vehicle"),
-        (ONE + "ego_vehicle: {height_m: 1.5}\n", "ego_vehicle.height_m"),
+        (ONE + "    role: nose\n", "role: expected front or front_left or"),
+        (
+            ONE + ONE.replace("cameras:\n  CAM_", "  ").lower(),
+            "role or name of its own for each camera, got CAM_FRONT and",
+        ),
+        (ONE + "    axes: body\n", "axes: expected nothing, as yaw_deg"),
+        (ONE + "    distortion: [0.1, 0.2]\n", "distortion: expected 4, 5 or 8 coefficients of OpenCV: k1, k2"),
+        (ONE + "    distortion: [0, 0, 0, 0]\n    fisheye: [0, 0, 0, 0]\n", "either distortion or fisheye"),
+        (ONE + "    distortion: [-0.5, 0, 0, 0]\n", "reaches before its distortion folds the picture, got 90"),
+        (ONE + "    fisheye: [0.1]\n", "fisheye.coefficients: expected k1, k2, k3, k4 of cv2.fisheye, such as [0.05"),
+        (ONE + "    fisheye: {model: kb}\n", "fisheye.model: expected kannala_brandt or polynomial or ocamcalib"),
+        (ONE + "    fisheye: {model: polynomial, coefficients: [50]}\n", "fov_deg: expected nothing beside fisheye"),
+        (ONE + "    fisheye: {coefficients: [0, 0, 0, 0], aspect: 1}\n", "aspect: expected nothing for the model"),
+        (ONE + "    ego_from_cam: [[1, 0, 0, 0]]\n", "got position_m and ego_from_cam"),
+        (
+            MATRIX + "[[1, 0, 0, 0]]",
+            "ego_from_cam: expected 3 or 4 rows of 4 numbers, or a rotation and translation_m",
+        ),
+        (MATRIX + "[[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 2, 0]]", "ego_from_cam: expected a rotation matrix"),
+        (MATRIX + "{translation_m: [0, 0, 0]}", "either quaternion_wxyz, quaternion_xyzw, rodrigues or yaw_deg"),
+        (MATRIX + "{quaternion_wxyz: [1, 2, 3, 4], translation_m: [0, 0, 0]}", "expected a unit quaternion"),
+        (MATRIX + "{rodrigues: [0, 0, 1]}", "translation_m: expected three coordinates in metres"),
+        (MATRIX + "{yaw_deg: 3, translation_m: [0, 0, 0]}", "axes: expected optical or body beside the angles"),
+        (
+            MATRIX + "{rodrigues: [0, 0, 1], translation_m: [0, 0, 0]}\n    yaw_deg: 3",
+            "yaw_deg: expected nothing beside",
+        ),
+        (
+            ONE.replace("fov_deg: 90", "fov_deg: 150\n    pitch_deg: -90\n    fisheye: [0, 0, 0, 0]"),
+            "view of the horizon",
+        ),
+        (ONE + "ego_vehicle: {height_m: 1.5}\n", "ego_vehicle: expected the keys length_m"),
         (ONE + "ego_vehicle: {length_m: .nan}\n", "ego_vehicle.length_m"),
-        (ONE + "ego_vehicle: {width_m: 0}\n", "width_m: expected metres above 0"),
+        (ONE + "ego_vehicle: {width_m: 0}\n", "ego_vehicle.width_m: expected metres above 0"),
         (ONE + "ego_vehicle: {rear_overhang_m: 5}\n", "rear_overhang_m: expected less than length_m"),
     ],
 )
@@ -110,7 +155,7 @@ def test_a_rig_file_gives_the_size_of_the_ego_vehicle(tmp_path: Path) -> None:
 
 
 def test_an_unknown_name_lists_the_known_ones() -> None:
-    with pytest.raises(NotFoundError, match="paper, paper_full"):
+    with pytest.raises(NotFoundError, match="fisheye, paper, paper_full"):
         read_rig("carla")
 
 
