@@ -22,6 +22,7 @@ from appocc.own_cameras.moments import Moment, MomentGrouper
 from appocc.own_cameras.pictures import Clock, Picture, camera_images, time_of_picture
 from appocc.own_cameras.trajectory import Motion, Straight
 from appocc.rigs.source_rig import SourceRig
+from appocc.typing import PathLike
 
 
 class LiveFrames:
@@ -131,7 +132,7 @@ class WatchedFolder:
 
     def __init__(
         self,
-        folder: Path,
+        folder: PathLike,
         cameras: Sequence[str],
         clock: Clock | None = None,
         *,
@@ -150,6 +151,7 @@ class WatchedFolder:
         Raises:
             DataError: if there is no such folder.
         """
+        folder = Path(folder)
         if not folder.is_dir():
             raise DataError(f"{folder}: no such folder")
         self._folder, self._cameras, self._clock = folder, tuple(cameras), clock or Clock()

@@ -18,6 +18,7 @@ from appocc.checks import ByteArray, IntArray
 from appocc.errors import DataError
 from appocc.files import read_image, read_text
 from appocc.own_cameras.times import microseconds, seconds_text, seconds_to_us, time_in_name
+from appocc.typing import PathLike
 
 IMAGES = (".jpg", ".jpeg", ".png")
 VIDEOS = (".mp4", ".webm", ".avi", ".mkv", ".mov")
@@ -177,7 +178,9 @@ def _rate(capture: cv2.VideoCapture) -> float:
     return fps if 0.1 <= fps <= 1000 else _FALLBACK_FPS
 
 
-def find_streams(source: Path, cameras: Sequence[str], clock: Clock, mosaic: tuple[int, int] | None) -> list[Stream]:
+def find_streams(
+    source: PathLike, cameras: Sequence[str], clock: Clock | None = None, mosaic: tuple[int, int] | None = None
+) -> list[Stream]:
     """Find the pictures of cameras: a mosaic video, or in a folder for each camera a sub-folder, a video or images.
 
     Args:
@@ -186,11 +189,12 @@ def find_streams(source: Path, cameras: Sequence[str], clock: Clock, mosaic: tup
             `CAMERA.txt` may hold the time of each picture or frame, one a line.
         cameras: names of the cameras, in the order of a mosaic.
         clock: rate and start of pictures without times.
-        mosaic: rows and columns of a video that shows all cameras.
+        mosaic: rows and columns of a video that shows all cameras; None: not one.
 
     Raises:
         DataError: if a camera has no pictures, or times are missing or out of order.
     """
+    source, clock = Path(source), clock or Clock()
     if mosaic is not None:
         rows, columns = mosaic
         if rows * columns < len(cameras):
