@@ -14,7 +14,7 @@ import pytest
 from made_boards import write_boards, write_points
 from made_recording import poses_of
 from typer.testing import CliRunner
-from walkthrough import README, run_line
+from walkthrough import README, blocks, run_line
 
 from appocc.checks import ByteArray
 from appocc.files import read_image
@@ -112,6 +112,15 @@ def test_the_page_has_the_commands_in_order() -> None:
     assert [line.split()[1] for line in commands("2. Calibrate")] == ["rig"]
     assert [line.split()[1] for line in commands("3. Convert")] == ["convert", "doctor", "check-rig"]
     assert [line.split()[1] for line in commands("4. Predict, track, ground")] == ["infer", "track", "ground"]
+
+
+def test_the_readme_has_commands_of_the_page() -> None:
+    on_page = [
+        line for heading in ("2. Calibrate", "3. Convert", "4. Predict, track, ground") for line in commands(heading)
+    ]
+    lines = blocks("## With your own cameras")[1].splitlines()
+    assert [line.split()[1] for line in lines] == ["rig", "convert", "infer", "track"]
+    assert set(lines) <= set(on_page)
 
 
 def test_the_commands_make_a_tracked_recording(walked: Path) -> None:

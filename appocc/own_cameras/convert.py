@@ -55,7 +55,8 @@ def ego_trajectory(path: Path, streams: Sequence[Stream], rig: SourceRig, camera
     """Read the poses of a recording as poses of the ego frame.
 
     Args:
-        path: file of poses, see `read_trajectory`; rows without times belong to the pictures of the first stream.
+        path: file of poses, see `read_trajectory`; rows without times belong to the pictures of `camera`, else
+            of the first.
         streams: pictures of the recording.
         rig: the cameras.
         camera: name of the camera whose poses they are; None: the ego frame's.
@@ -64,7 +65,8 @@ def ego_trajectory(path: Path, streams: Sequence[Stream], rig: SourceRig, camera
         DataError: if the file is damaged, or the poses are not upright.
         NotFoundError: if there is no such camera.
     """
-    found = read_trajectory(path, streams[0].clock)
+    own = next((each for each in streams if camera in each.cameras), streams[0])
+    found = read_trajectory(path, own.clock)
     if camera is None:
         found.check_upright(str(path))
         return found

@@ -68,6 +68,11 @@ class ImageFiles:
     paths: tuple[Path, ...]
     times_us: tuple[int, ...]
 
+    @property
+    def cameras(self) -> tuple[str, ...]:
+        """Name of the camera, as those of a video."""
+        return (self.camera,)
+
     def __iter__(self) -> Iterator[Picture]:
         """Iterate over the pictures; none is read."""
         for path, time_us in zip(self.paths, self.times_us, strict=True):
