@@ -22,7 +22,8 @@ if TYPE_CHECKING:
     from appocc.inference.loading import load_predictor
     from appocc.inference.predictor import Prediction, Predictor
     from appocc.nuscenes import Dataset
-    from appocc.rigs import read_rig
+    from appocc.rigs import read_rig, read_source_rig
+    from appocc.rigs.source_rig import SourceRig
 
 __all__ = [
     "AppoccError",
@@ -36,10 +37,12 @@ __all__ = [
     "Frame",
     "Prediction",
     "Predictor",
+    "SourceRig",
     "load_map",
     "load_predictor",
     "read_image",
     "read_rig",
+    "read_source_rig",
     "write_image",
 ]
 _MODULES = {
@@ -54,10 +57,12 @@ _MODULES = {
     "Frame": "appocc.frame",
     "Prediction": "appocc.inference.predictor",
     "Predictor": "appocc.inference.predictor",
+    "SourceRig": "appocc.rigs.source_rig",
     "load_map": "appocc.bevmap",
     "load_predictor": "appocc.inference.loading",
     "read_image": "appocc.files",
     "read_rig": "appocc.rigs",
+    "read_source_rig": "appocc.rigs",
     "write_image": "appocc.files",
 }
 

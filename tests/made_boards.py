@@ -19,7 +19,7 @@ CORNERS = (9, 6)
 _SQUARE_PX = 40
 
 
-def board_picture(camera: SourceCamera, centre_m: Sequence[float], turn_rad: Sequence[float]) -> ByteArray:
+def board_picture(camera: SourceCamera, centre_m: Sequence[float], turn_rad: FloatArray) -> ByteArray:
     """A picture of a board of 0.1 m squares: where each pixel's ray meets it, at a place before the camera."""
     columns, rows = CORNERS[0] + 1, CORNERS[1] + 1
     cells = np.add.outer(np.arange(rows), np.arange(columns)) % 2

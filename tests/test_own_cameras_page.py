@@ -58,10 +58,10 @@ def webcams(tmp_path_factory: pytest.TempPathFactory) -> Path:
     times, poses = poses_of(folder / "SIM")
     rig = read_source_rig(folder / "true.yaml")
     for number, time_us in enumerate(times):
-        for camera in rig.names:
-            target = folder / "DRIVE" / camera / f"{time_us}.jpg"
+        for name in rig.names:
+            target = folder / "DRIVE" / name / f"{time_us}.jpg"
             target.parent.mkdir(parents=True, exist_ok=True)
-            shutil.copyfile(next(folder.glob(f"SIM/raw/*/{number:04d}/{camera}.jpg")), target)
+            shutil.copyfile(next(folder.glob(f"SIM/raw/*/{number:04d}/{name}.jpg")), target)
     rows = [
         f"{t / 1e6:.6f},{pose[0, 3]:.4f},{pose[1, 3]:.4f},{np.degrees(float(yaw_of(pose))):.4f}"
         for t, pose in zip(times, poses, strict=True)

@@ -7,6 +7,7 @@ are at most `WIDEST_VIEW_DEG` wide, side by side, whatever the tilt of the lens.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -20,8 +21,11 @@ from appocc.rigs.source_rig import View
 
 WIDEST_PINHOLE_DEG = 115.0
 WIDEST_VIEW_DEG = 100.0
-# A wide lens is cut where it sees these elevations: the ground from 4 m on, at a height of 1.5 m, and vehicles.
-_SEEN_DEG = (-20.0, -6.0, 8.0)
+# A wide lens is cut where it sees the ground from 4 m on (at a height of 1.5 m) and the first of these tops that it
+# sees over the least span: a lens that looks down sees little above the horizon.
+_GROUND_DEG = (-20.0, -8.0)
+_TOPS_DEG = (8.0, 2.0, -4.0)
+_LEAST_SPAN_DEG = 40.0
 _HALF_TURN_DEG = 100.0
 # Extent of a level view above and below the horizon, per width.
 _ABOVE, _BELOW = 0.22, 0.42
@@ -64,8 +68,11 @@ def cut_views(camera: SourceCamera) -> tuple[View, ...]:
 
 def _level_views(camera: SourceCamera) -> tuple[View, ...]:
     heading = _heading_rad(camera)
-    left, right = (_reach_deg(camera, heading, side) for side in (1, -1))
-    if left + right < _LEAST_PX:
+    for top in _TOPS_DEG:
+        left, right = (_reach_deg(camera, heading, side, (*_GROUND_DEG, top)) for side in (1, -1))
+        if left + right >= _LEAST_SPAN_DEG:
+            break
+    else:
         raise DataError(f"cameras.{camera.name}: expected a view of the horizon ahead, got none")
     count = int(np.ceil((left + right) / WIDEST_VIEW_DEG))
     wide = (left + right) / count
@@ -108,10 +115,10 @@ def _heading_rad(camera: SourceCamera) -> float:
     return float(np.arctan2(ahead[1], ahead[0]))
 
 
-def _reach_deg(camera: SourceCamera, heading_rad: float, side: int) -> float:
-    """Return how far to a side of the heading, 1 left or -1 right, the lens sees the ground without a gap."""
+def _reach_deg(camera: SourceCamera, heading_rad: float, side: int, seen_deg: Sequence[float]) -> float:
+    """Return how far to a side of the heading, 1 left or -1 right, the lens sees some elevations without a gap."""
     turn = np.arange(0.0, _HALF_TURN_DEG + 0.25, 0.5)
-    yaw, up = np.meshgrid(heading_rad + side * np.radians(turn), np.radians(_SEEN_DEG))
+    yaw, up = np.meshgrid(heading_rad + side * np.radians(turn), np.radians(seen_deg))
     rays = np.stack([np.cos(yaw) * np.cos(up), np.sin(yaw) * np.cos(up), np.sin(up)], axis=-1)
     pixels = camera.lens.project(rays.reshape(-1, 3) @ camera.ego_from_cam[:3, :3])
     gaps = np.flatnonzero(~camera.sees(pixels).reshape(yaw.shape).all(axis=0))

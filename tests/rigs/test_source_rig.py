@@ -77,7 +77,7 @@ def test_a_moderate_lens_becomes_one_pinhole_of_the_same_pose(tmp_path: Path) ->
     assert camera.intrinsic[0, 0] == pytest.approx(source.lens.intrinsic[0, 0], rel=0.01)
 
 
-@pytest.mark.parametrize(("pitch", "roll"), [(0, 0), (20, 0), (30, 5), (60, 0)])
+@pytest.mark.parametrize(("pitch", "roll"), [(0, 0), (20, 0), (30, 5), (60, 0), (66, 0)])
 def test_a_wide_lens_is_cut_into_level_views_side_by_side(tmp_path: Path, pitch: int, roll: int) -> None:
     rig = read_one(tmp_path, FISHEYE, AHEAD, f"pitch_deg: {pitch}", f"roll_deg: {roll}").rig
     edges = []
