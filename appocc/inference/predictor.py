@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
@@ -18,9 +19,9 @@ from appocc.frame import Frame
 from appocc.geometry import apply, inverse
 from appocc.models.base import BEVModel, ViewTransformPlan
 from appocc.models.input_images import fit_image, select_channels
-from appocc.models.memory import Past, ground_motion, is_linked
+from appocc.models.memory import MEMORY_AGE_S, MIN_MEMORY_AGE_S, Past, ground_motion, is_linked
 from appocc.models.model_spec import ModelSpec
-from appocc.models.object_decoding import decode_objects, paint_objects
+from appocc.models.object_decoding import decode_objects, paint_objects, rescore_objects
 
 
 @dataclass(frozen=True)
@@ -63,14 +64,20 @@ class _Memory(NamedTuple):
     world_from_ego: FloatArray
     timestamp_us: int
 
+    def link(self, frame: Frame) -> tuple[FloatArray, float]:
+        """Return the ego motion on the ground, (2, 3) past_from_now, and the seconds from this memory to a frame."""
+        motion = ground_motion(self.world_from_ego, frame.world_from_ego)
+        return motion, (frame.timestamp_us - self.timestamp_us) / 1e6
+
 
 class Predictor:
     """Predict the maps of a drive, one frame at a time.
 
     For a network with memory, pass the frames in order of time and call `reset` before another drive. A break in time
-    or a jump of the pose resets the memory. The view-transform plan is reused while the rig stays the same. The
-    network sees the cameras in the level frame of the ground; boxes are returned in the ego frame, which differs from
-    it by a tilt of a few degrees at most, and the cells of the map in that of the ground.
+    or a jump of the pose resets the memory. A frame uses the memory of about one second ago: with shorter
+    steps the errors of the network would feed themselves. The view-transform plan is reused while the rig stays the
+    same. The network sees the cameras in the level frame of the ground; boxes are returned in the ego frame, which
+    differs from it by a tilt of a few degrees at most, and the cells of the map in that of the ground.
     """
 
     def __init__(self, model: BEVModel, weights: Weights, device: torch.device) -> None:
@@ -79,7 +86,7 @@ class Predictor:
         self.weights = weights
         self._device = device
         self._cached_plan: tuple[CameraRig, ViewTransformPlan] | None = None
-        self._memory: _Memory | None = None
+        self._memories: deque[_Memory] = deque()
 
     @property
     def has_memory(self) -> bool:
@@ -88,7 +95,7 @@ class Predictor:
 
     def reset(self) -> None:
         """Forget all frames: the next frame is the first of a drive."""
-        self._memory = None
+        self._memories.clear()
 
     def __call__(self, frame: Frame) -> Prediction:
         """Predict the map of a frame from its images.
@@ -111,10 +118,11 @@ class Predictor:
         if not np.isfinite(occupancy).all() or not np.isfinite(rgb).all():
             raise DataError(f"{frame.token}: the model output is not finite; are its weights ({self.weights.name})?")
         if output.memory is not None:
-            self._memory = _Memory(output.memory, frame.world_from_ego, frame.timestamp_us)
+            self._memories.append(_Memory(output.memory, frame.world_from_ego, frame.timestamp_us))
         objects = None
         if output.objects is not None:
             objects = decode_objects(output.objects, spec.grid, seen, moving=past is not None)
+            objects = rescore_objects(objects, spec.grid, occupancy)
             if colour is not None:
                 objects = paint_objects(objects, spec.grid, occupancy, rgb, seen)
             if frame.ego_from_level is not None:
@@ -125,15 +133,19 @@ class Predictor:
         return Prediction(bev, seen)
 
     def _past(self, frame: Frame) -> Past | None:
-        """Return the link to the frame before; None if there is none in reach."""
-        if self._memory is None:
+        """Return the link to a frame of a second ago, less at the beginning of a drive; None if there is none."""
+        memories = self._memories
+        if memories and not is_linked(*memories[-1].link(frame)):
+            memories.clear()
+        while len(memories) > 1 and memories[1].link(frame)[1] >= MEMORY_AGE_S:
+            memories.popleft()
+        if not memories:
             return None
-        state, before, time_us = self._memory
-        motion, elapsed_s = ground_motion(before, frame.world_from_ego), (frame.timestamp_us - time_us) / 1e6
-        if not is_linked(motion, elapsed_s):
+        motion, elapsed_s = memories[0].link(frame)
+        if elapsed_s < MIN_MEMORY_AGE_S:
             return None
         numbers = torch.from_numpy(motion).float()[None, None], torch.tensor([[elapsed_s]]), torch.ones(1, 1)
-        return Past(state, *numbers).to(self._device)
+        return Past(memories[0].state, *numbers).to(self._device)
 
     def _plan(self, rig: CameraRig) -> ViewTransformPlan:
         if self._cached_plan is None or self._cached_plan[0] != rig:

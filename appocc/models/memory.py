@@ -38,6 +38,9 @@ class Past(NamedTuple):
         return Past(*(None if each is None else each.to(device, non_blocking=True) for each in self))  # type: ignore[arg-type]
 
 
+# Age of the memory that a frame uses: at least the second, and the first where there is one so old. Clips of the
+# training have 0.5 s between frames; with more steps in the same time a network believes its own errors.
+MEMORY_AGE_S, MIN_MEMORY_AGE_S = 0.9, 0.45
 # Longer gaps and faster motion between frames are breaks of the recording or jumps of the pose.
 _MAX_GAP_S, _MAX_SPEED_MPS = 3.0, 70.0
 

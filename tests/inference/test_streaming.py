@@ -66,18 +66,18 @@ def drive(tiny: TinyDataset) -> list[Frame]:
     ]
 
 
-def test_a_frame_is_linked_to_the_one_before(drive: list[Frame]) -> None:
+def test_a_frame_is_linked_to_one_before_it(drive: list[Frame]) -> None:
     model = Counting()
     answer = predictor(model)
     for frame in drive:
         answer(frame)
-    assert model.seen == [0, 1, 2]
+    assert model.seen == [0, 1, 1]
     assert model.pasts[0] is None
-    for past in model.pasts[1:]:
+    for past, elapsed_s in zip(model.pasts[1:], (0.5, 1.0), strict=True):
         assert past is not None
-        ahead = np.array([[1, 0, SPEED_MPS * STEP_US / 1e6], [0, 1, 0]])
+        ahead = np.array([[1, 0, SPEED_MPS * elapsed_s], [0, 1, 0]])
         np.testing.assert_allclose(past.past_from_now[0, 0], ahead, atol=1e-6)
-        assert past.elapsed_s.tolist() == [[0.5]]
+        assert past.elapsed_s.tolist() == [[elapsed_s]]
         assert past.linked.tolist() == [[1]]
 
 
@@ -108,9 +108,20 @@ def test_breaks_and_jumps_begin_anew(drive: list[Frame], later_s: float, moved_m
     first = drive[0]
     time_us = first.timestamp_us + round(later_s * 1e6)
     moved = replace(first, timestamp_us=time_us, world_from_ego=first.world_from_ego @ pose(moved_m))
-    for frame in (first, moved, replace(moved, timestamp_us=time_us + STEP_US)):
+    for frame in (first, moved, replace(moved, timestamp_us=time_us + 2 * STEP_US)):
         answer(frame)
     assert model.seen == [0, seen, seen + 1]
+
+
+def test_at_high_frame_rates_the_memory_is_one_second_old(drive: list[Frame]) -> None:
+    model = Counting()
+    answer = predictor(model)
+    for number in range(9):
+        answer(replace(drive[0], timestamp_us=drive[0].timestamp_us + number * 200_000))
+    # Frames 0 to 2 are alone: a memory of less than half a second is not used.
+    assert model.seen == [0, 0, 0, 1, 1, 1, 1, 1, 2]
+    ages = [round(past.elapsed_s.item(), 3) for past in model.pasts if past is not None]
+    assert ages == [0.6, 0.8, 1.0, 1.0, 1.0, 1.0]
 
 
 def test_a_network_without_memory_has_no_past(drive: list[Frame]) -> None:
