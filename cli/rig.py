@@ -11,7 +11,7 @@ import typer
 from cli.common import JsonOption, emit, out_path, progress, say
 
 app = typer.Typer(name="rig", help="Calibrate your own cameras.", no_args_is_help=True)
-# Reprojection errors above these, in pixels, are told: a good calibration is far below.
+# Reprojection errors in pixels with a warning; a good calibration is far below.
 _BOARD_PX, _POINT_PX = 1.0, 5.0
 
 
