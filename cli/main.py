@@ -62,8 +62,9 @@ def run() -> None:
     for number, handler in before.items():
         if handler is not signal.SIG_IGN:  # a shell lets its background jobs ignore Ctrl-C
             signal.signal(number, _raise_interrupted)
-    # OpenCV prints warnings about damaged images to stderr; our errors report them already.
+    # OpenCV and its FFmpeg print warnings about damaged images and videos to stderr; our errors report them already.
     os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
+    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
     try:
         app()
     except Interrupted as interruption:

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from in_process import run_command
 from made_recording import write_cameras, write_video
+from walkthrough import run_line
 
 from appocc.nuscenes import Dataset
 
@@ -15,6 +16,7 @@ cameras:
   CAM_FRONT: {size_px: [48, 32], fov_deg: 90, position_m: [1.7, 0, 1.5], yaw_deg: 0}
   CAM_BACK: {size_px: [48, 32], fov_deg: 90, position_m: [0, 0, 1.5], yaw_deg: 180}
 """
+VIDEO_NAMES = ("mp4", "webm", "avi", "mkv", "mov")
 GREY = np.full((32, 48, 3), 90, np.uint8)
 
 
@@ -58,6 +60,12 @@ def test_a_mosaic_video(drive: Path, capsys: pytest.CaptureFixture[str], monkeyp
     assert done.returncode == 0, done.stderr
     assert "standing (--speed, --poses)" in done.stderr
     assert "out: 3 key frames, 6 images of scene all" in done.stderr
+
+
+def test_a_damaged_video_is_one_line_also_of_the_video_library(drive: Path) -> None:
+    (drive / "all.webm").write_bytes(b"no video")
+    ended, said = run_line("appocc convert images all.webm out --rig rig.yaml --mosaic 1x2", drive)
+    assert (ended, said) == (2, f"error: all.webm: cannot be opened as a video (expected {', '.join(VIDEO_NAMES)})\n")
 
 
 @pytest.mark.parametrize(
