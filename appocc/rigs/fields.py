@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Collection, Sequence
 from typing import Any
 
@@ -13,6 +12,8 @@ from appocc.errors import DataError
 from appocc.typing import PathLike
 
 _SHOWN_CHARACTERS = 80
+# Powers of larger numbers overflow; no calibration has any.
+_LARGEST = 1e12
 
 
 class Fields:
@@ -97,7 +98,7 @@ class Fields:
             DataError: if it is none.
         """
         value = self._values.get(key, default)
-        if not isinstance(value, str) or (options and value not in options):
+        if not isinstance(value, str) or not value.isprintable() or (options and value not in options):
             raise self.refusal(key, " or ".join(options) or "a text")
         return value
 
@@ -150,14 +151,14 @@ class Fields:
 
 
 def _number(value: Any) -> float | None:
-    """Return a finite number; YAML reads 1e-3, which has no point, as a text."""
+    """Return a finite number of usual size; YAML reads 1e-3, which has no point, as a text."""
     if isinstance(value, bool) or not isinstance(value, int | float | str):
         return None
     try:
         number = float(value)
     except (ValueError, OverflowError):
         return None
-    return number if math.isfinite(number) else None
+    return number if abs(number) <= _LARGEST else None
 
 
 def _such_as(example: str) -> str:

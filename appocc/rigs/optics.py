@@ -21,6 +21,8 @@ _FISHEYE_KEYS = ("model", "coefficients", "aspect", "affine", "circle_deg")
 _MATRIX = "[[1000, 0, 959.5], [0, 1000, 539.5], [0, 0, 1]]"
 _ONE_FOCAL = "fov_deg: 70, or focal_px: [1000, 1000] with centre_px: [959.5, 539.5]"
 _FISHEYE = "fisheye: {model: kannala_brandt, coefficients: [0.05, -0.01, 0.003, -0.001]}"
+# Numbers of coefficients of a polynomial.
+_POLYNOMIAL = range(1, 17)
 _WIDEST_PINHOLE_DEG, _WIDEST_FISHEYE_DEG = 175.0, 280.0
 
 
@@ -79,9 +81,13 @@ def _fisheye(fields: Fields, size_px: tuple[int, int]) -> FisheyeLens:
             raise fields.refusal(key, f"nothing beside fisheye, whose model {model} is in pixels")
     centre = _centre(fields, size_px)
     if model == "polynomial":
-        k = parts.numbers("coefficients", (), "c1, c2, ... in pixels per power of the angle", "[340, -32, 48, -7]")
+        k = parts.numbers(
+            "coefficients", _POLYNOMIAL, "c1, c2, ... in pixels per power of the angle", "[340, -32, 48, -7]"
+        )
         return polynomial_fisheye(k.tolist(), centre, parts.number("aspect", "a ratio", 0.5, 2, 1.0, 1.0), wide)
-    k = parts.numbers("coefficients", (), "a0, a1, ... of the direct mapping", "[-200, 0, 1.7e-3, -1.0e-6, 2.0e-9]")
+    k = parts.numbers(
+        "coefficients", _POLYNOMIAL, "a0, a1, ... of the direct mapping", "[-200, 0, 1.7e-3, -1.0e-6, 2.0e-9]"
+    )
     affine = np.array([1.0, 0.0, 0.0])
     if "affine" in parts:
         affine = parts.numbers("affine", [3], "c, d, e", "[0.9999, 0.0003, -0.0002]")

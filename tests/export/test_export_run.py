@@ -322,7 +322,10 @@ def test_what_cannot_be_done_is_told_in_one_line(tiny: TinyDataset, tmp_path: Pa
         (("--weights", weights, *onnx_out, "--rig", ""), "no rig of this name"),
         (("--weights", weights, *onnx_out, tiny.root, "--rig", "paper"), "expected either ROOT or --rig"),
         (("--weights", weights, *onnx_out, tiny.root, "--scene", "x"), "no scene 'x'"),
-        (("--weights", weights, *onnx_out, "--rig", tmp_path / "side.yaml"), "invalid camera rig"),
+        (
+            ("--weights", weights, *onnx_out, "--rig", tmp_path / "side.yaml"),
+            "expected either position_m, ego_from_cam or cam_from_ego",
+        ),
         (("--weights", weights, "--out", weights / "m.onnx"), "cannot be written"),
     ]
     before = sorted(tmp_path.rglob("*"))
