@@ -109,7 +109,8 @@ def check_transform(name: str, matrix: NDArray[np.generic]) -> None:
     *turn, last = np.asarray(matrix, dtype=np.float64).tolist()
     x, y, z = (row[:3] for row in turn)
     # Plain arithmetic is faster than numpy for nine numbers.
-    off = max(abs(_dot(p, q) - (p is q)) for p in (x, y, z) for q in (x, y, z))
+    pairs = (x, x, 1), (y, y, 1), (z, z, 1), (x, y, 0), (x, z, 0), (y, z, 0)
+    off = max([abs(_dot(p, q) - product) for p, q, product in pairs])
     if off > 1e-3 or _dot(_cross(x, y), z) < 0:
         raise ShapeError(f"{name}: expected a rotation matrix in the upper left, got one off by {off:.2g}")
     if any(abs(got - want) > 1e-5 for got, want in zip(last, (0, 0, 0, 1), strict=True)):

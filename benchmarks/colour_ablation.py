@@ -1,6 +1,7 @@
 """Ablation of the tracker's colour likelihood: identity switches with and without it, all else equal.
 
     python -m benchmarks.colour_ablation [--scenes 60]
+    python -m benchmarks.colour_ablation --wrong-orders 6 [--scenes 24] [--first 0]
     python -m benchmarks.colour_ablation --root ROOT [--bev SOURCE]
 
 Without --root: synthetic traffic at dense crossings (`benchmarks.encounters`), 20 s at 2 Hz per scene; each frame is
@@ -12,6 +13,7 @@ dataset, from its exact maps or those of a source, also without the vehicles of 
   colours are grainy. wrong: exact, but each vehicle has the colour of another one, a different one in each frame.
   exact, noise: exact, with Gaussian noise in L*, a* and b* of each sighting. Exact colours are an upper bound: each
   vehicle has the same colour at every sighting.
+  With --wrong-orders, only wrong colours, in several random orders.
 - with, without: `Tracker(MAPS)`, and the same tracker without its colour term; both get the same blobs.
 - Ground truth: visible vehicles within 40 m of the ego; the gate is 2 m; a switch counts after a gap of any length.
 - fewer: reduction of switches by colour, in percent, with its 95 % bootstrap interval over scenes; p: probability of
@@ -265,13 +267,29 @@ def trial(name: str, scenes: Iterable[Scene], done: Callable[[], None]) -> Trial
     return result
 
 
-def made_trials(scenes: int, done: Callable[[], None]) -> list[Trial]:
+def wrong_trials(seeds: Sequence[int], orders: int, done: Callable[[], None]) -> list[Trial]:
+    """Run the trials of wrong colours in several orders."""
+    exact = [made_scene(seed, noisy=False) for seed in seeds]
+    return [
+        trial(f"wrong, order {order}", (wrongly_coloured(scene, random) for scene in exact), done)
+        for order, random in ((order, np.random.default_rng(order)) for order in range(1, orders + 1))
+    ]
+
+
+def switches_of(trials: Sequence[Trial]) -> str:
+    """Return the switches of all trials together, with and without colour, in a line."""
+    sides = [[each.with_colour for each in trials], [each.without for each in trials]]
+    with_, without = (sum(one.IDS for scores in side for one in scores) / len(trials) for side in sides)
+    return f"switches, mean of the orders: {with_:.0f} / {without:.0f}, {100 * (with_ / max(without, 1) - 1):+.0f} %"
+
+
+def made_trials(seeds: Sequence[int], done: Callable[[], None]) -> list[Trial]:
     """Run the trials of synthetic scenes."""
-    exact = [made_scene(seed, noisy=False) for seed in range(scenes)]
+    exact = [made_scene(seed, noisy=False) for seed in seeds]
     random = np.random.default_rng(1)
     return [
         trial("exact", exact, done),
-        trial("noisy", (made_scene(seed, noisy=True) for seed in range(scenes)), done),
+        trial("noisy", (made_scene(seed, noisy=True) for seed in seeds), done),
         trial("wrong", (wrongly_coloured(scene, random) for scene in exact), done),
         *(
             trial(f"exact, noise {std}", (noisily_coloured(scene, std, random) for scene in exact), done)
@@ -284,20 +302,28 @@ def main(words: Sequence[str] | None = None) -> None:
     """Run the benchmark and print its table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--scenes", type=int, default=60)
+    parser.add_argument("--first", type=int, default=0, help="number of the first scene")
+    parser.add_argument("--wrong-orders", type=int, default=0, help="number of random orders of wrong colours")
     parser.add_argument("--root", type=Path)
     parser.add_argument("--bev", default="exact")
     given = parser.parse_args(words)
+    rounds, seeds = given.wrong_orders or 3 + len(LAB_NOISE), range(given.first, given.first + given.scenes)
     with Progress(console=Console(stderr=True)) as progress:
-        task = progress.add_task("scenes", total=None if given.root else (3 + len(LAB_NOISE)) * given.scenes)
+        task = progress.add_task("scenes", total=None if given.root else rounds * given.scenes)
         done = partial(progress.advance, task)
         if given.root:
             trials = [trial(given.bev, read_scenes(given.root, given.bev), done)]
+        elif given.wrong_orders:
+            trials = wrong_trials(seeds, given.wrong_orders, done)
         else:
-            trials = made_trials(given.scenes, done)
+            trials = made_trials(seeds, done)
     table = Table(*HEAD)
     for each in trials:
         table.add_row(*each.row())
-    Console(width=120).print(table)
+    console = Console(width=120)
+    console.print(table)
+    if given.wrong_orders:
+        console.print(switches_of(trials), highlight=False)
 
 
 if __name__ == "__main__":

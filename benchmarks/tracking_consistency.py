@@ -22,13 +22,12 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from appocc.checks import FloatArray, IntArray
+from appocc.checks import BoolArray, FloatArray, IntArray
 from appocc.errors import AppoccError, DataError
 from appocc.geometry import apply, inverse
 from benchmarks.made_boxes import make_scene
 from tracking.class_models import ClassModel, ClassTable
 from tracking.evaluation.kitti import MAX_OCCLUSION
-from tracking.filtering.kalman import invert_2x2
 from tracking.io.kitti import KittiSequence, read_sequences
 from tracking.tracker import Tracker
 
@@ -45,12 +44,18 @@ class _Recorder(ClassTable):
         tracker._classes = tracker._table._classes = self
 
     def learn_noise(
-        self, kind: IntArray, log_odds: FloatArray, innovation_m: FloatArray, cov_m2: FloatArray, noise_m2: FloatArray
+        self,
+        kind: IntArray,
+        log_odds: FloatArray,
+        innovation_m: FloatArray,
+        cov: FloatArray,
+        noise_m2: FloatArray,
+        use: BoolArray,
     ) -> None:
         """Remember the NIS, then learn."""
-        weighted = (invert_2x2(cov_m2 + noise_m2) @ innovation_m[..., None])[..., 0]
-        self.nis += (weighted * innovation_m).sum(axis=1).tolist()
-        super().learn_noise(kind, log_odds, innovation_m, cov_m2, noise_m2)
+        weighted = np.linalg.solve(cov[:, :2, :2] + noise_m2, innovation_m[..., None])[..., 0]
+        self.nis += (weighted * innovation_m).sum(axis=1)[use].tolist()
+        super().learn_noise(kind, log_odds, innovation_m, cov, noise_m2, use)
 
 
 def measure_kitti(sequences: Sequence[KittiSequence]) -> tuple[FloatArray, FloatArray]:

@@ -38,7 +38,9 @@ def export(
         str | None, typer.Option("--rig", help="Name or YAML file of a camera rig, instead of ROOT; default: paper.")
     ] = None,
     scene: Annotated[str | None, typer.Option("--scene", help="Scene of ROOT; default: the first.")] = None,
-    weights: Annotated[Path | None, typer.Option(help="Weights file; default: the shipped weights.")] = None,
+    weights: Annotated[
+        Path | None, typer.Option(help="Weights file, or the name of shipped ones: appocc (default) or street.")
+    ] = None,
     runs: Annotated[int, typer.Option(min=1, help="Comparisons with torch per input and number of threads.")] = 4,
     int8: Annotated[
         bool,

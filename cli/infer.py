@@ -32,7 +32,9 @@ def infer(
         typer.Option("--out", parser=out_path, help="Folder for the maps; ROOT/bev/NAME makes them the source NAME."),
     ],
     scene: Annotated[str | None, typer.Option("--scene", help="Only this scene of ROOT.")] = None,
-    weights: Annotated[Path | None, typer.Option(help="Weights file; default: the shipped weights.")] = None,
+    weights: Annotated[
+        Path | None, typer.Option(help="Weights file, or the name of shipped ones: appocc (default) or street.")
+    ] = None,
     rig: RigOption = None,
     level: Annotated[
         bool,

@@ -15,7 +15,8 @@ app = typer.Typer(name="weights", help="Show a weights file, or write one for di
 @app.command()
 def show(
     file: Annotated[
-        Path | None, typer.Argument(metavar="FILE", help="Weights file; default: the shipped weights.")
+        Path | None,
+        typer.Argument(metavar="FILE", help="Weights file, or the name of shipped ones: appocc (default) or street."),
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
@@ -75,7 +76,8 @@ def _lines(card: dict[str, Any]) -> list[str]:
         figures = card["figures"]
         at = figures.get("iou_at_threshold") or figures["iou"]
         lines.append(f"unseen places ({figures['samples']} samples): {_shares(at)}")
-    return [*lines, *(f"made by: {command}" for command in card.get("commands", ()))]
+    lines += [f"made by: {command}" for command in card.get("commands", ())]
+    return [*lines, card["attribution"]] if card.get("attribution") else lines
 
 
 def _shares(iou: dict[str, float | None]) -> str:

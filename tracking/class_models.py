@@ -8,8 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from appocc.checks import FloatArray, IntArray
-from tracking.filtering.kalman import MotionConfig, invert_2x2
+from appocc.checks import BoolArray, FloatArray, IntArray
+from tracking.compiled import compiled
+from tracking.filtering.kalman import MotionConfig
 
 # Weight of the configured measurement noise in detections, and the number of detections of a category after which
 # earlier ones are forgotten.
@@ -67,6 +68,7 @@ CLASS_MODELS: Mapping[str, ClassModel] = {
             across_accel_psd_m2ps3=0.2,
             along_std_m=0.15,
             across_std_m=0.15,
+            stationary_psd=1.0,  # who stands may walk on
         ),
         gate_scale=0.5,
         heading_weight=0.0,
@@ -88,6 +90,7 @@ class ClassParameters(NamedTuple):
     along_std_m: FloatArray
     across_std_m: FloatArray
     truncated_std_m: FloatArray
+    stationary_psd: FloatArray
     gate_scale: FloatArray
     heading_weight: FloatArray
     prior_log_odds: FloatArray
@@ -103,7 +106,7 @@ class ClassTable:
         self._numbers: dict[str, int] = {}
         self._table = np.zeros((len(ClassParameters._fields), 0))
         # Sum of squared noise in units of the configured variance, and number of detections, by score and category.
-        self._noise = np.zeros((2, len(_NOISE_EDGES) + 1, 0))
+        self._set_noise(np.zeros((2, len(_NOISE_EDGES) + 1, 0)))
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -117,7 +120,7 @@ class ClassTable:
         for kind in self.names[known:]:
             model = self._models.get(kind, self._default)
             self._table = np.column_stack([self._table, [*astuple(model.motion), *astuple(model)[1:]]])
-            self._noise = np.pad(self._noise, ((0, 0), (0, 0), (0, 1)))
+            self._set_noise(np.pad(self._noise, ((0, 0), (0, 0), (0, 1))))
         return result
 
     def parameters(self, kind: IntArray) -> ClassParameters:
@@ -126,13 +129,23 @@ class ClassTable:
 
     def noise_factor(self, kind: IntArray, log_odds: FloatArray) -> FloatArray:
         """Return the learnt factors (N,) on the variances of positions, for categories and log-odds (N,)."""
-        total, count = self._noise
+        return np.asarray(self._factors[_NOISE_EDGES.searchsorted(log_odds), kind])
+
+    def _set_noise(self, noise: FloatArray) -> None:
+        """Set the learnt noise, and the factors by score and category that follow from it."""
+        self._noise, (total, count) = noise, noise
         shared = _NOISE_SHARED * (_NOISE_PRIOR + total.sum(axis=0)) / (_NOISE_PRIOR + count.sum(axis=0))
-        factor = ((total + shared) / (count + _NOISE_SHARED))[_NOISE_EDGES.searchsorted(log_odds), kind]
-        return np.asarray(np.clip(factor, _MIN_NOISE, _MAX_NOISE))
+        factors = (total + shared) / (count + _NOISE_SHARED)
+        self._factors = np.minimum(np.maximum(factors, _MIN_NOISE), _MAX_NOISE)
 
     def learn_noise(
-        self, kind: IntArray, log_odds: FloatArray, innovation_m: FloatArray, cov_m2: FloatArray, noise_m2: FloatArray
+        self,
+        kind: IntArray,
+        log_odds: FloatArray,
+        innovation_m: FloatArray,
+        cov: FloatArray,
+        noise_m2: FloatArray,
+        use: BoolArray,
     ) -> None:
         """Learn the measurement noise from innovations: one step of expectation maximisation.
 
@@ -143,18 +156,39 @@ class ClassTable:
             kind: (N,) category numbers.
             log_odds: (N,) log-odds of the detections.
             innovation_m: (N, 2) differences between detections and predictions.
-            cov_m2: (N, 2, 2) covariances P of the predictions.
+            cov: (N, K, K) covariances of the predictions, first of their positions: P.
             noise_m2: (N, 2, 2) covariances R of the detections, with the current factor.
+            use: (N,) which to learn from.
         """
-        if not len(kind):
-            return
-        precision = invert_2x2(cov_m2 + noise_m2)
-        weighted = (precision @ innovation_m[..., None])[..., 0]
-        chi2 = (weighted * innovation_m).sum(axis=1)
-        share = np.minimum(1.0, _MAX_INNOVATION_CHI2 / np.maximum(chi2, _MAX_INNOVATION_CHI2))
-        explained = (weighted[:, None] @ noise_m2 @ weighted[..., None])[:, 0, 0] * share
-        squared = (explained + 2 - (precision * noise_m2).sum(axis=(1, 2))) / 2 * self.noise_factor(kind, log_odds)
-        cell = _NOISE_EDGES.searchsorted(log_odds), kind
-        np.add.at(self._noise[0], cell, squared)
-        np.add.at(self._noise[1], cell, 1.0)
-        self._noise *= _NOISE_MEMORY / np.maximum(self._noise[1].sum(axis=0), _NOISE_MEMORY)
+        if len(kind):
+            level = _NOISE_EDGES.searchsorted(log_odds)
+            _learn(self._noise, self._factors, kind, level, innovation_m, cov, noise_m2, use)
+            self._set_noise(self._noise * (_NOISE_MEMORY / np.maximum(self._noise[1].sum(axis=0), _NOISE_MEMORY)))
+
+
+@compiled
+def _learn(
+    noise: FloatArray,
+    factors: FloatArray,
+    kind: IntArray,
+    level: IntArray,
+    innovation_m: FloatArray,
+    cov: FloatArray,
+    noise_m2: FloatArray,
+    use: BoolArray,
+) -> None:
+    """Add squared noises, in units of the configured variance, and their numbers to `noise` (2, levels, kinds)."""
+    for n in range(len(kind)):
+        if not use[n]:
+            continue
+        rxx, rxy, ryy = noise_m2[n, 0, 0], noise_m2[n, 0, 1], noise_m2[n, 1, 1]
+        sxx, sxy, syy = cov[n, 0, 0] + rxx, cov[n, 0, 1] + rxy, cov[n, 1, 1] + ryy
+        determinant = sxx * syy - sxy * sxy
+        x, y = innovation_m[n]
+        weighted_x, weighted_y = (x * syy - y * sxy) / determinant, (y * sxx - x * sxy) / determinant
+        chi2 = weighted_x * x + weighted_y * y
+        explained = weighted_x**2 * rxx + 2 * weighted_x * weighted_y * rxy + weighted_y**2 * ryy
+        explained *= min(1.0, _MAX_INNOVATION_CHI2 / max(chi2, _MAX_INNOVATION_CHI2))
+        trace = (syy * rxx - 2 * sxy * rxy + sxx * ryy) / determinant
+        noise[0, level[n], kind[n]] += (explained + 2 - trace) / 2 * factors[level[n], kind[n]]
+        noise[1, level[n], kind[n]] += 1.0

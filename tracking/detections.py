@@ -213,6 +213,8 @@ class Detections:
         """
         half_m = self.size_m / 2
         boxes, points = find_neighbours(self.ground_m[:, :2], xy_m, np.hypot(half_m[:, 0], half_m[:, 1]))
+        if not len(boxes):
+            return points, boxes
         x, y = (xy_m.take(points, axis=0) - self.ground_m[:, :2].take(boxes, axis=0)).T
         half_width, half_length, _ = half_m.take(boxes, axis=0).T
         cos, sin = np.cos(self.yaw_rad[boxes]), np.sin(self.yaw_rad[boxes])
@@ -269,7 +271,7 @@ def _as_array(name: str, values: ArrayLike, width: tuple[int, ...], kind: type[n
         ShapeError: if they are no numbers.
     """
     try:
-        array = np.array(values, dtype=kind)
+        array = np.array(values, dtype=kind, order="C")
     except (TypeError, ValueError) as error:
         raise ShapeError(f"detections {name}: expected an array of numbers ({error})") from error
     return array.reshape(0, *width) if array.shape == (0,) else array

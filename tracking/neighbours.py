@@ -3,36 +3,51 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial.distance import cdist
 
 from appocc.checks import FloatArray, IntArray
-
-# Up to this many pairs, computing all distances is fastest.
-_MAX_ALL_PAIRS = 5000
+from tracking.compiled import compiled
 
 
 def find_neighbours(points: FloatArray, others: FloatArray, radius_m: FloatArray) -> tuple[IntArray, IntArray]:
     """Find all pairs of points (N, 2) and others (M, 2) within the radius (N,) of the point.
 
-    Large inputs are sorted by x, searched along x, and then filtered by y. Up to 500 points this is two to three
-    times faster than scipy's `cKDTree`, which also takes only one radius.
-
     Returns:
         (P,), (P,) indices of points, ascending, and of others.
     """
-    if len(points) * len(others) <= _MAX_ALL_PAIRS:
-        inside = cdist(points, others, "sqeuclidean") <= (radius_m * radius_m)[:, None]
-        (flat,) = inside.reshape(-1).nonzero()  # faster than nonzero of a 2D array
-        rows = flat // len(others)
-        return rows, flat - rows * len(others)
+    if not (len(points) and len(others)):
+        return np.zeros(0, np.int64), np.zeros(0, np.int64)
+    # Sorted by x, only a few others have to be looked at. Copies, because each memory layout is compiled for itself.
     order = others[:, 0].argsort(kind="stable")
-    x, y = others[order].T
-    first = x.searchsorted(points[:, 0] - radius_m)
-    count = x.searchsorted(points[:, 0] + radius_m, side="right") - first
-    rows = np.arange(len(points)).repeat(count)
-    sorted_columns = np.arange(len(rows)) + (first + count - count.cumsum()).repeat(count)
-    close_in_y = np.abs(y[sorted_columns] - points[:, 1].repeat(count)) <= radius_m.repeat(count)
-    rows, columns = rows[close_in_y], order[sorted_columns[close_in_y]]
-    offset = others[columns] - points[rows]
-    inside = np.hypot(offset[:, 0], offset[:, 1]) <= radius_m[rows]
-    return rows[inside], columns[inside]
+    given = points.copy(), others.take(order, axis=0), order, radius_m
+    pairs = np.empty((2, 2 * len(points) + 8), np.int64)
+    count = _search(*given, pairs)
+    if count > pairs.shape[1]:
+        pairs = np.empty((2, count), np.int64)
+        _search(*given, pairs)
+    rows, columns = pairs[:, :count]
+    return rows, columns
+
+
+@compiled
+def _search(points: FloatArray, others: FloatArray, order: IntArray, radius_m: FloatArray, pairs: IntArray) -> int:
+    """Write the pairs of `find_neighbours` to `pairs` (2, K) as far as there is room, and return their number.
+
+    The others (M, 2) are sorted by x; `order` (M,) are their indices.
+    """
+    size = 0
+    for n in range(len(points)):
+        x, y, radius = points[n, 0], points[n, 1], radius_m[n]
+        low, high = 0, len(others)
+        while low < high:  # bisection
+            middle = (low + high) // 2
+            if others[middle, 0] < x - radius:
+                low = middle + 1
+            else:
+                high = middle
+        while low < len(others) and others[low, 0] <= x + radius:
+            if (others[low, 0] - x) ** 2 + (others[low, 1] - y) ** 2 <= radius * radius:
+                if size < pairs.shape[1]:
+                    pairs[0, size], pairs[1, size] = n, order[low]
+                size += 1
+            low += 1
+    return size

@@ -21,7 +21,6 @@ MAPS = TrackerConfig(
         coast_s=0.35,
         coast_std_m=0.8,
         coast_log_odds=-np.inf,
-        stationary_psd=1.0,
         lost_s=2.2,
         memory_s=np.inf,
         motion=MotionConfig(
@@ -30,6 +29,7 @@ MAPS = TrackerConfig(
             heading_psd_rad2ps=0.0,
             along_std_m=0.3,
             across_std_m=0.3,
+            stationary_psd=1.0,
         ),
     ),
     association=AssociationConfig(min_gate_m=2.5, gate_speed_mps=40.0, max_gate_m=20.0, max_size_cost=9.0),

@@ -7,19 +7,15 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from appocc.checks import BoolArray, FloatArray, IntArray
-from appocc.geometry import wrap_angle
 from tracking.association.costs import TrackFeatures
 from tracking.class_models import ClassTable
 from tracking.detections import probability_from_log_odds
-from tracking.filtering.kalman import KalmanFilters, MotionConfig, acceleration_psd, oriented_covariance
+from tracking.filtering.kalman import KalmanFilters, MotionConfig, oriented_covariance
 from tracking.filtering.running_median import RunningMedian
+from tracking.track_loops import MatchedDetections, TrackState, advance, count_misses, follow, shrunk_variance
 from tracking.tracks import Tracks
 from tracking.world_detections import LAB, RGB, SIZE, WorldDetections
 
-# Weight, in detections, of the configured colour spread against the spread over all tracks.
-_LAB_STD_WEIGHT = 10.0
-# Variance of a median relative to that of a mean: pi / 2 for large Gaussian samples, plus an allowance for lighting.
-_MEDIAN_VARIANCE = 2.0
 # Frame interval before the second frame: its detections are independent of earlier ones.
 _NO_STEP_S = 1e9
 # Number of detections after which a track's velocity is known.
@@ -43,7 +39,6 @@ class LifecycleConfig:
         forget_s: time without a detection after which a track is deleted.
         forget_stationary_s: the same for stationary tracks, which may be occluded for long.
         stationary_mps: speed below which a track is stationary; it keeps its position while unmatched.
-        stationary_psd: factor on the spectral density of the acceleration of stationary tracks: most are parked.
         heading_smoothing_s: time constant of the heading.
         front_from_motion_mps: speed above which the motion determines front and rear.
         median_window: number of detections in the medians of size and colour.
@@ -67,7 +62,6 @@ class LifecycleConfig:
     forget_s: float = 8.0
     forget_stationary_s: float = 30.0
     stationary_mps: float = 1.0
-    stationary_psd: float = 0.2
     heading_smoothing_s: float = 0.3
     front_from_motion_mps: float = 1.0
     median_window: int = 11
@@ -80,49 +74,47 @@ class LifecycleConfig:
 
 
 class TrackTable:
-    """State of N tracks, ordered by id.
+    """N tracks, ordered by id.
 
     Attributes:
-        id: (N,) track ids.
-        kind: (N,) category indices.
-        detection: (N,) index of the detection matched in this frame; -1 if none.
-        confirmed: (N,) whether the track is confirmed.
-        lost: (N,) whether the track was lost before this frame.
-        stationary: (N,) whether the track is stationary.
-        yaw_rad: (N,) headings in the world frame.
-        unseen_s: (N,) time since the last detection.
-        missed_s: (N,) the same without the time in blind spots.
-        filters: N Kalman filters.
+        state: times, headings and evidence.
+        filters: N Kalman filters: positions and velocities.
     """
 
     def __init__(self, config: LifecycleConfig, classes: ClassTable) -> None:
         """Start with no tracks."""
         self._config, self._classes = config, classes
-        self._step_s = _NO_STEP_S
+        # As floats, because each type is compiled anew.
+        self._confirmation = (
+            float(config.confirm_log_odds),
+            float(config.confirm_s),
+            float(config.heading_smoothing_s),
+        )
+        self._limits = (
+            float(config.miss_log_odds),
+            float(config.lost_s),
+            float(config.forget_s),
+            float(config.forget_stationary_s),
+        )
+        self._set_step(_NO_STEP_S)
         self.filters = KalmanFilters()
         self._medians = RunningMedian(config.median_window, 9)
         self._set_tables(np.zeros((3, 0), np.int64), np.zeros((4, 0), np.bool_), np.zeros((13, 0)))
 
     def _set_tables(self, integers: IntArray, flags: BoolArray, floats: FloatArray) -> None:
-        """Replace the state by tables (..., N): few arrays grow and shrink faster than many.
-
-        Each attribute is a view of a row, to be written into, never replaced.
-        """
+        """Replace the state by tables (..., N): few arrays grow and shrink faster than many."""
         self._tables = integers, flags, floats
-        self.id, self.kind, self.detection = integers
-        self.confirmed, self.lost, self.stationary, self._moving = flags
-        self.yaw_rad, self.unseen_s, self._moved_s, self._tracked_s, self._ground_m = floats[:5]
-        self._front_votes, self.missed_s = floats[5:7]
-        self._axis, self._detected, self._with_misses = floats[7:9], floats[9:11], floats[11:]
+        self.state = TrackState._make([*integers, *flags, *floats[:7], floats[7:9], floats[9:11], floats[11:]])
+        self._models = self._classes.parameters(self.state.kind)
 
     def __len__(self) -> int:
         """Number of tracks."""
-        return len(self.id)
+        return len(self.state.id)
 
     @property
     def position_world_m(self) -> FloatArray:
         """(N, 3) positions on the ground."""
-        return np.concatenate([self.filters.mean[:, :2], self._ground_m[:, None]], axis=1)
+        return np.concatenate([self.filters.mean[:, :2], self.state.ground_m[:, None]], axis=1)
 
     @property
     def score(self) -> FloatArray:
@@ -134,103 +126,79 @@ class TrackTable:
 
     @property
     def _score_log_odds(self) -> FloatArray:
-        return self._mean_log_odds(self._with_misses)
+        return self._mean_log_odds(self.state.with_misses)
 
     @property
     def log_odds(self) -> FloatArray:
         """(N,) the same as log-odds, without misses: an occluded object is missed, too, and is remembered."""
-        return self._mean_log_odds(self._detected)
+        return self._mean_log_odds(self.state.detected)
 
     def _mean_log_odds(self, evidence: FloatArray) -> FloatArray:
         """(N,) weighted mean of evidence (2, N), its sum and weight, and the prior."""
-        model, (total, weight) = self._classes.parameters(self.kind), evidence
+        model, (total, weight) = self._models, evidence
         return np.asarray((total + model.prior_log_odds * model.prior_weight) / (weight + model.prior_weight))
-
-    @property
-    def expired(self) -> BoolArray:
-        """(N,) whether a track was missed for too long; an unconfirmed one expires with the first miss.
-
-        Tracks with negative log-odds expire once lost. Time in a blind spot is no miss, but `forget_s` and
-        `forget_stationary_s` apply there too.
-        """
-        config = self._config
-        forget_s = np.where(self.stationary, config.forget_stationary_s, config.forget_s)
-        kept_s = np.where(self.log_odds > 0, forget_s, config.lost_s)
-        missed_too_long = self.missed_s > np.where(self.confirmed, kept_s, 0.0)
-        return np.asarray(missed_too_long | (self.unseen_s > forget_s))
 
     @property
     def established(self) -> BoolArray:
         """(N,) whether a track is confirmed and has positive log-odds."""
-        return np.asarray(self.confirmed & (self.log_odds > 0))
+        return np.asarray(self.state.confirmed & (self.log_odds > 0))
 
     @property
     def reportable(self) -> BoolArray:
         """(N,) whether a track is confirmed and matched, or coasts: likely there, at a well-known position."""
         config = self._config
         likely = self._score_log_odds >= config.coast_log_odds
-        coasting = (self.unseen_s <= config.coast_s) & (self.filters.position_std_m() <= config.coast_std_m) & likely
-        return np.asarray(self.confirmed & ((self.unseen_s == 0) | coasting))
+        coasting = (
+            (self.state.unseen_s <= config.coast_s) & (self.filters.position_std_m() <= config.coast_std_m) & likely
+        )
+        return np.asarray(self.state.confirmed & ((self.state.unseen_s == 0) | coasting))
 
     def predict(self, seconds: float) -> None:
         """Predict all tracks by a time step; they are unmatched until `update`."""
         # The shortest interval so far is that of the recording: left-out frames change nothing.
-        self._step_s = min(self._step_s, seconds)
-        self.lost[:] = self.unseen_s > self._config.lost_s
-        moving_s = np.where(self.stationary & (self.unseen_s > 0), 0.0, seconds)
-        model = self._classes.parameters(self.kind)
-        calm = np.where(self.stationary, self._config.stationary_psd, 1.0)
-        psd = acceleration_psd(
-            self.yaw_rad,
-            self.filters.mean[:, 2:],
-            calm * model.along_accel_psd_m2ps3,
-            calm * model.across_accel_psd_m2ps3,
-            model.heading_psd_rad2ps,
-        )
-        self.filters.predict(moving_s, psd)
-        self._moved_s += moving_s
-        self.unseen_s += seconds
-        self.missed_s += seconds
-        self.detection[:] = -1
+        self._set_step(min(self._step_s, seconds))
+        moving_s, psd_m2ps3 = np.empty(len(self)), np.empty((len(self), 2, 2))
+        advance(self.state, self._models, self.filters.mean, seconds, float(self._config.lost_s), moving_s, psd_m2ps3)
+        self.filters.predict(moving_s, psd_m2ps3)
 
-    def count_misses(self, blind: BoolArray, seconds: float) -> None:
-        """Count the last time step as a miss of unmatched tracks, except for tracks in blind spots (N,)."""
-        unmatched = self.detection < 0
-        hidden, missed = unmatched & blind, unmatched & ~blind
-        self.missed_s[hidden] = np.maximum(self.missed_s[hidden] - seconds, 0.0)
-        self._add_evidence(self._with_misses, missed.nonzero()[0], self._config.miss_log_odds)
+    def _set_step(self, seconds: float) -> None:
+        """Set the frame interval: by how much earlier evidence decays, and the weight of a frame."""
+        self._step_s = seconds
+        self._decay = float(np.exp(-seconds / self._config.memory_s))
+        self._weight = float(-np.expm1(-seconds / self._config.correlation_s))
+
+    def count_misses(self, blind: BoolArray, seconds: float) -> BoolArray:
+        """Count the last time step as a miss of unmatched tracks, except for tracks in blind spots (N,).
+
+        Returns:
+            (N,) tracks that expire: missed for too long, or unconfirmed and missed once. Tracks with negative
+            log-odds expire once lost. Time in a blind spot is no miss, but `forget_s` and `forget_stationary_s` apply
+            there too.
+        """
+        expired, log_odds = np.empty(len(self), np.bool_), self.log_odds
+        count_misses(self.state, blind, log_odds, seconds, self._decay, self._weight, *self._limits, expired)
+        return expired
 
     def features(self) -> TrackFeatures:
         """Return the predicted features for association."""
-        median, mean, cov = self._medians.median, self.filters.mean, self.filters.cov
-        model = self._classes.parameters(self.kind)
+        median, mean, cov, model = self._medians.median, self.filters.mean, self.filters.cov, self._models
+        config, state = self._config, self.state
+        lab_variance = np.empty((len(self), 3))
+        deviation, known = self._medians.squared_deviation[:, LAB].copy(), self._medians.known[:, LAB].copy()
+        shrunk_variance(deviation, known, np.array(config.lab_std), float(config.lab_prior_weight), lab_variance)
         return TrackFeatures(
-            xy_m=mean[:, :2],
-            cov_m2=cov[:, :2, :2],
-            yaw_rad=self.yaw_rad,
-            size_m=median[:, :2],
-            lab=median[:, LAB],
-            lab_variance=self._lab_variance(),
-            kind=self.kind,
-            unseen_s=self.unseen_s,
-            displacement_m=mean[:, 2:] * self._moved_s[:, None],
+            xy_m=mean[:, :2].copy(),
+            cov_m2=cov[:, :2, :2].copy(),
+            yaw_rad=state.yaw_rad,
+            size_m=median[:, :2].copy(),
+            lab=median[:, LAB].copy(),
+            lab_variance=lab_variance,
+            kind=state.kind,
+            unseen_s=state.unseen_s,
+            displacement_m=mean[:, 2:] * state.moved_s[:, None],
             gate_scale=model.gate_scale,
             heading_weight=model.heading_weight,
         )
-
-    def _lab_variance(self) -> FloatArray:
-        """(N, 3) variance of the next detection's colour about the median, shrunk to that of all tracks.
-
-        This is empirical Bayes: the prior is the variance pooled over all tracks.
-        """
-        config = self._config
-        deviation = self._medians.squared_deviation[:, LAB].T.copy()
-        known = self._medians.known[:, LAB].T.copy()
-        count = np.maximum(known, 1)
-        prior = np.square(config.lab_std) * _LAB_STD_WEIGHT + deviation.sum(axis=1)
-        pooled = prior / (_LAB_STD_WEIGHT + (count - 1).sum(axis=1))
-        variance = (pooled[:, None] * config.lab_prior_weight + deviation) / (config.lab_prior_weight + known)
-        return np.asarray(variance * (1 + _MEDIAN_VARIANCE / count)).T
 
     def update(
         self, rows: IntArray, found: WorldDetections, detection: IntArray, noise_m2: FloatArray, turn_rad: FloatArray
@@ -244,39 +212,31 @@ class TrackTable:
             noise_m2: (M, 2, 2) covariances of the positions.
             turn_rad: (M,) turns since the last detection; 0 for straight motion.
         """
+        state = self.state
         (turns,) = turn_rad.nonzero()
         if len(turns):
-            self.filters.turn(rows[turns], turn_rad[turns], self._moved_s[rows[turns]])
-        self._learn_noise(rows, found, turn_rad)
-        self.filters.update(rows, found.position_world_m[:, :2], noise_m2 - found.surplus_noise_m2)
-        seconds = self.unseen_s[rows]
-        self._tracked_s[rows] += seconds
-        self.unseen_s[rows] = self._moved_s[rows] = self.missed_s[rows] = 0.0
-        self.detection[rows] = detection
-        self._add_detections(rows, found)
-        self._ground_m[rows] = found.position_world_m[:, 2]
+            self.filters.turn(rows[turns], turn_rad[turns], state.moved_s[rows[turns]])
+        xy_m = found.position_world_m[:, :2].copy()
+        # Noise is learnt from tracks with a known velocity that went straight on.
+        steady = (self._medians.count[rows] >= _STEADY_DETECTIONS) & (state.unseen_s[rows] <= 2 * self._step_s)
+        self._classes.learn_noise(
+            found.kind,
+            found.log_odds,
+            xy_m - self.filters.mean.take(rows, axis=0)[:, :2],
+            self.filters.cov.take(rows, axis=0),
+            found.noise_m2 - found.surplus_noise_m2,
+            steady & (turn_rad == 0) & ~found.truncated,
+        )
+        self.filters.update(rows, xy_m, noise_m2 - found.surplus_noise_m2)
         # A truncated vehicle is at least as large as its visible part.
         values = found.values
         if found.truncated.any():
             known_m = np.where(found.truncated[:, None], self._medians.median[rows, SIZE], np.nan)
             values = np.concatenate([np.fmax(values[:, SIZE], known_m), values[:, SIZE.stop :]], axis=1)
         self._medians.update(rows, values)
-        self._moving[:] = self.filters.is_moving()
-        self.stationary[rows] = self.filters.is_stationary(self._config.stationary_mps)[rows]
-        self._update_heading(rows, found, seconds)
-
-    def _learn_noise(self, rows: IntArray, found: WorldDetections, turn_rad: FloatArray) -> None:
-        """Learn the measurement noise from tracks with a known velocity that went straight on."""
-        steady = (self._medians.count[rows] >= _STEADY_DETECTIONS) & (self.unseen_s[rows] <= 2 * self._step_s)
-        (use,) = (steady & (turn_rad == 0) & ~found.truncated).nonzero()
-        mean, cov = self.filters.mean[rows[use]], self.filters.cov[rows[use]]
-        self._classes.learn_noise(
-            found.kind[use],
-            found.log_odds[use],
-            found.position_world_m[use, :2] - mean[:, :2],
-            cov[:, :2, :2],
-            (found.noise_m2 - found.surplus_noise_m2)[use],
-        )
+        state.moving[:] = self.filters.is_moving()
+        state.stationary[rows] = self.filters.is_stationary(self._config.stationary_mps)[rows]
+        self._follow(rows, found, detection)
 
     def add(self, found: WorldDetections, ids: IntArray, detection: IntArray) -> None:
         """Add a track for each of M detections, with ids and detection indices (M,)."""
@@ -285,12 +245,11 @@ class TrackTable:
             return
         self._add_filters(found)
         self._medians.add(found.values)
-        self._set_tables(*(np.concatenate([t, np.zeros((len(t), m), t.dtype)], axis=1) for t in self._tables))
-        self.id[n:], self.kind[n:], self.detection[n:] = ids, found.kind, detection
-        self.yaw_rad[n:], self._axis[:, n:] = found.yaw_world_rad, found.axis.T
-        self._front_votes[n:] = found.heading_known
-        self._ground_m[n:] = found.position_world_m[:, 2]
-        self._add_detections(np.arange(n, n + m), found)
+        integers, flags, floats = (np.concatenate([t, np.zeros((len(t), m), t.dtype)], axis=1) for t in self._tables)
+        integers[:, n:] = ids, found.kind, detection
+        self._set_tables(integers, flags, floats)
+        self.state.yaw_rad[n:], self.state.axis[:, n:] = found.yaw_world_rad, found.axis.T
+        self._follow(np.arange(n, n + m), found, detection)
 
     def _add_filters(self, found: WorldDetections) -> None:
         model, measured_mps = self._classes.parameters(found.kind), found.velocity_world_mps
@@ -310,34 +269,20 @@ class TrackTable:
         self._medians.keep(mask)
         self._set_tables(*(table.compress(mask, axis=1) for table in self._tables))
 
-    def _add_detections(self, rows: IntArray, found: WorldDetections) -> None:
-        """Add the evidence of M detections to tracks (M,), and confirm tracks."""
-        for evidence in (self._detected, self._with_misses):
-            self._add_evidence(evidence, rows, found.evidence)
-        confirmed = found.log_odds >= self._config.confirm_log_odds
-        self.confirmed[rows] |= confirmed | (self._tracked_s[rows] >= self._config.confirm_s)
-
-    def _add_evidence(self, evidence: FloatArray, rows: IntArray, log_odds: FloatArray | float) -> None:
-        """Add one frame with log-odds (M,) to the evidence (2, N) of tracks (M,): its sum and its weight."""
-        config = self._config
-        keep, weight = np.exp(-self._step_s / config.memory_s), -np.expm1(-self._step_s / config.correlation_s)
-        total, count = evidence
-        total[rows] = keep * total[rows] + weight * log_odds
-        count[rows] = keep * count[rows] + weight
-
-    def _update_heading(self, rows: IntArray, found: WorldDetections, seconds: FloatArray) -> None:
-        """Smooth the axis as a vector at twice its angle, and vote on which end is the front."""
-        keep = np.exp(-seconds / self._config.heading_smoothing_s)
-        self._axis[:, rows] = axis = keep * self._axis.take(rows, axis=1) + (1 - keep) * found.axis.T
-        yaw = np.arctan2(axis[1], axis[0]) / 2
-        yaw += np.pi * (np.cos(yaw - self.yaw_rad[rows]) < 0)
-        votes = self._front_votes[rows] + found.heading_known * np.cos(found.yaw_world_rad - yaw)
-        vx, vy = self.filters.mean.take(rows, axis=0)[:, 2:].T
-        drives = self._moving[rows] & (np.hypot(vx, vy) >= self._config.front_from_motion_mps)
-        reversed_ = np.where(drives, vx * np.cos(yaw) + vy * np.sin(yaw), votes) < 0
-        self.yaw_rad[rows] = wrap_angle(yaw + np.pi * reversed_)
-        # Motion counts as one vote at least; the votes now refer to the end chosen as front.
-        self._front_votes[rows] = np.maximum(np.abs(votes), drives)
+    def _follow(self, rows: IntArray, found: WorldDetections, detection: IntArray) -> None:
+        """Update times, evidence and headings of tracks (M,) with M detections and their indices."""
+        drives = self.state.moving & (self.filters.speed_mps() >= self._config.front_from_motion_mps)
+        matched = MatchedDetections(
+            rows,
+            detection,
+            found.position_world_m,
+            found.yaw_world_rad,
+            found.heading_known,
+            found.axis,
+            found.log_odds,
+            found.evidence,
+        )
+        follow(self.state, matched, self.filters.mean, drives, self._decay, self._weight, *self._confirmation)
 
     def tracks(self, mask: BoolArray) -> Tracks:
         """Return the tracks of a mask (N,)."""
@@ -345,15 +290,15 @@ class TrackTable:
         (rows,) = mask.nonzero()
         median, mean = self._medians.median.take(rows, axis=0), self.filters.mean.take(rows, axis=0)
         return Tracks(
-            id=self.id[rows],
+            id=self.state.id[rows],
             position_world_m=self.position_world_m.take(rows, axis=0),
             velocity_world_mps=mean[:, 2:],
-            yaw_world_rad=self.yaw_rad[rows],
-            heading_known=self._front_votes[rows] > 0,
+            yaw_world_rad=self.state.yaw_rad[rows],
+            heading_known=self.state.front_votes[rows] > 0,
             size_m=median[:, SIZE],
             rgb=median[:, RGB],
             score=self.score[rows],
-            kind=tuple(kinds[index] for index in self.kind[rows].tolist()),
-            detection=self.detection[rows],
-            moving=self._moving[rows],
+            kind=tuple(kinds[index] for index in self.state.kind[rows].tolist()),
+            detection=self.state.detection[rows],
+            moving=self.state.moving[rows],
         )

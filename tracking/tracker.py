@@ -100,16 +100,16 @@ class Tracker:
         # In the ego frame; the inverse of a rotation is its transpose.
         xy_ego_m = (table.position_world_m - world_from_ego[:3, 3]) @ world_from_ego[:3, :2]
         # Unmatched tracks outside the field of view are dropped: a vehicle that enters there is a new one.
-        matched = table.detection >= 0
-        table.count_misses(detections.view.blind(xy_ego_m), seconds)
-        keep = ~table.expired & (detections.view.sees(xy_ego_m) | matched)
+        matched = table.state.detection >= 0
+        expired = table.count_misses(detections.view.blind(xy_ego_m), seconds)
+        keep = ~expired & (detections.view.sees(xy_ego_m) | matched)
         table.keep(keep)
         # An unmatched track inside a detection's box belongs to a vehicle that touches the detected one: the track
         # is reported, and the detection starts no new track.
-        (hidden,) = (table.confirmed & (table.detection < 0) & ~table.lost).nonzero()
+        (hidden,) = (table.state.confirmed & (table.state.detection < 0) & ~table.state.lost).nonzero()
         covered, covering = detections.find_containing(xy_ego_m.compress(keep, axis=0).take(hidden, axis=0))
         new = unmatched & (found.log_odds >= self.config.init_threshold)
-        own = table.kind[hidden[covered]] == found.kind[covering]
+        own = table.state.kind[hidden[covered]] == found.kind[covering]
         new[covering[own]] = False
         self._start_tracks(new.nonzero()[0], found)
         reported = table.reportable
@@ -138,18 +138,18 @@ class Tracker:
         high = found.log_odds >= config.high_threshold
         low = ~high & (found.log_odds >= config.low_threshold)
         cascade = MatchingCascade(table.features(), features)
-        current = ~table.lost
+        current = ~table.state.lost
         pairs = cascade.candidates(current, np.ones_like(high), config.association)
         self._colours.update(pairs)
         pairs = self._colours.add_cost(pairs)
         cascade.match(pairs, current, high)
-        cascade.match(pairs, table.confirmed, low)
+        cascade.match(pairs, table.state.confirmed, low)
         if (high & cascade.unmatched_detections).any():
             coloured = high & np.isfinite(features.lab[:, 0]) & (config.colour_outlier_rate < 1)
             for tracks, candidates, stage in (
                 (current, high, config.rematch),
                 (current, high, SAME_PLACE_STAGE),
-                (table.lost, high, config.lost),
+                (table.state.lost, high, config.lost),
                 (table.established, coloured, config.drifted),
             ):
                 pairs = cascade.candidates(tracks, candidates, stage)

@@ -11,23 +11,23 @@ from appocc.errors import DataError
 from appocc.files import digest_of
 from appocc.inference.predictor import Predictor, Weights
 from appocc.models.batch_norm_folding import fold_batch_norms
-from appocc.models.weights import PACKAGED, load_model, read_thresholds
+from appocc.models.weights import PACKAGED, find_weights, load_model, read_thresholds
 from appocc.typing import PathLike
 
 
 def weights_file(weights: PathLike | None) -> Path:
-    """Return the path of a weights file; None: the weights shipped with the package.
+    """Return the path of a weights file, also of shipped ones by their name; None: the default of the package.
 
     Raises:
         DataError: if the package has no weights.
     """
     if weights is None and not PACKAGED.is_file():
         raise DataError("no weights come with this version of appocc; name a file with --weights")
-    return PACKAGED if weights is None else Path(weights)
+    return PACKAGED if weights is None else find_weights(weights)
 
 
 def load_predictor(weights: PathLike | None = None, device: torch.device | None = None) -> Predictor:
-    """Load a predictor from a weights file; None: from the weights shipped with the package.
+    """Load a predictor from a weights file or the name of shipped weights; None: the default of the package.
 
     It runs on the given device, by default on the first GPU or else on the CPU.
 

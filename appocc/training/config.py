@@ -202,8 +202,8 @@ class Config(_Section):
         setting: cameras and grid, 360 or 180.
         appearance: predict appearance as well as occupancy.
         parts: optional parts of the network: depth, memory, objects.
-        init: file of initial weights for the same network and setting; `packaged`: the shipped weights; None: train
-            from scratch.
+        init: file of initial weights for the same network and setting; `packaged`: the shipped weights; `street`: the
+            shipped ones for real streets; None: train from scratch.
         data: training and validation data.
         train: optimization.
         losses: loss weights.

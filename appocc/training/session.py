@@ -17,7 +17,7 @@ from appocc.environment import memory
 from appocc.errors import DataError
 from appocc.models import registry
 from appocc.models.model_spec import MODEL_SPECS, ModelSpec, Parts
-from appocc.models.weights import PACKAGED, load_weights_into, save_weights
+from appocc.models.weights import PACKAGED, find_weights, load_weights_into, save_weights
 from appocc.nuscenes.view_targets import ViewClass
 from appocc.training.augment import Augmentation
 from appocc.training.batch_loader import BatchLoader
@@ -60,7 +60,7 @@ def prepare_training(config: Config, processes: ProcessGroup, monitor: TrainingM
         config.network, setting, appearance=config.appearance, num_classes=kinds, parts=Parts.of(config.parts)
     )
     if config.init is not None:
-        load_weights_into(model, PACKAGED if config.init == "packaged" else Path(config.init))
+        load_weights_into(model, PACKAGED if config.init == "packaged" else find_weights(config.init))
     train_data = [_packed_dataset(root, config, processes, monitor) for root in config.data.train_roots]
     if config.data.val is None:
         parts = [each.split(config.data.held_out) for each in train_data]

@@ -46,6 +46,7 @@ class _ModelCard(JsonPart):
     validation: _Validation | None = None
     figures: _Figures | None = None
     commands: list[str] = Field(default_factory=list)
+    attribution: str | None = None
 
 
 def read_figures(path: Path) -> dict[str, Any]:

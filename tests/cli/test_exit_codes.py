@@ -74,7 +74,7 @@ CASES = [
     (["rig", "fit", "{root}", "--points", "p.csv", "--out", "r.yaml", "--board", "9"], "such as 9x6, got '9'"),
     (
         ["rig", "fit", "{root}", "--points", "{root}/none.csv", "--out", "{root}/r.yaml"],
-        "expected a folder of pictures",
+        "none.csv: cannot be read",
     ),
     (["demo", "--out", "{root}"], "{root}"),
 ]

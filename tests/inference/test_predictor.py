@@ -132,6 +132,15 @@ def test_weights_from_a_file(tiny: TinyDataset, tmp_path: Path, monkeypatch: pyt
     assert load_predictor(None).weights.digest == loaded.weights.digest
 
 
+def test_shipped_weights_are_found_by_name(tiny: TinyDataset) -> None:
+    default, street = load_predictor(), load_predictor("street")
+    assert load_predictor("appocc").weights == default.weights
+    assert street.weights.digest != default.weights.digest
+    assert street.weights.name == "appocc (street.safetensors)"
+    frame = frame_of(tiny)
+    assert not np.array_equal(street(frame).bev.occupancy, default(frame).bev.occupancy)
+
+
 def test_weights_that_are_missing_are_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(DataError, match="no such file"):
         load_predictor(tmp_path / "none.safetensors")

@@ -9,7 +9,6 @@ import pytest
 from made_detections import follow, seen
 
 from tracking.class_models import CLASS_MODELS, ClassModel, ClassTable
-from tracking.detections import Detections
 from tracking.track_table import LifecycleConfig
 from tracking.tracker import Tracker, TrackerConfig
 from tracking.world_detections import detections_in_world
@@ -40,9 +39,8 @@ def learn(table: ClassTable, log_odds: float, std_m: float, frames: int, seed: i
     dice, kind = np.random.default_rng(seed), table.numbers(["car"])
     for _ in range(frames):
         noise_m2 = np.eye(2)[None] * 0.04 * table.noise_factor(kind, np.array([log_odds]))
-        table.learn_noise(
-            kind, np.array([log_odds]), dice.normal(0, std_m, (1, 2)), np.full((1, 2, 2), 1e-9), noise_m2
-        )
+        innovation_m, cov_m2 = dice.normal(0, std_m, (1, 2)), np.full((1, 2, 2), 1e-9)
+        table.learn_noise(kind, np.array([log_odds]), innovation_m, cov_m2, noise_m2, np.ones(1, np.bool_))
 
 
 def test_the_noise_is_learnt_for_each_score() -> None:
@@ -75,16 +73,18 @@ def test_the_noise_of_unsure_detections_enters_the_covariance() -> None:
 
 def test_a_parked_car_is_surer_of_its_place_than_a_driving_one() -> None:
     """After the same number of detections, its steady state has less process noise."""
+    assert std_m("car", 0.0) < 0.9 * std_m("car", 8.0)
 
-    def std_m(speed_mps: float) -> float:
-        def at(i: int) -> Detections:
-            return seen([(-20 + speed_mps * i / 10, 0)])
 
-        tracker = Tracker()
-        follow(at, 30, tracker=tracker)
-        return float(tracker._table.filters.position_std_m()[0])
+def test_who_stands_may_walk_on() -> None:
+    assert std_m("pedestrian", 0.0) == pytest.approx(std_m("pedestrian", 1.5), rel=0.01)
 
-    assert std_m(0.0) < 0.9 * std_m(8.0)
+
+def std_m(kind: str, speed_mps: float) -> float:
+    """Standard deviation of the position of an object after three seconds."""
+    tracker = Tracker()
+    follow(lambda i: seen([(-20 + speed_mps * i / 10, 0)], kind=[kind]), 30, tracker=tracker)
+    return float(tracker._table.filters.position_std_m()[0])
 
 
 def test_a_truncated_box_begins_a_track_of_unknown_direction() -> None:

@@ -3,7 +3,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchmarks.colour_ablation import HEAD, Step, Trial, judged, made_scene, without_colour, wrongly_coloured
+from benchmarks.colour_ablation import (
+    HEAD,
+    Step,
+    Trial,
+    judged,
+    made_scene,
+    switches_of,
+    without_colour,
+    wrongly_coloured,
+)
 from benchmarks.encounters import MIX, encounters
 from tracking.evaluation.clear_id_hota import Metrics
 from tracking.presets import MAPS
@@ -64,6 +73,11 @@ def test_benchmark_rows_show_effect_and_confidence() -> None:
     assert float(row["p"]) < 0.001
     row = dict(zip(HEAD, Trial("exact", [one] * 12, [one] * 12).row(), strict=True))
     assert (row["fewer %"], row["p"]) == ("0 (0 to 0)", "1.0000")
+
+
+def test_the_switches_of_several_orders_are_averaged() -> None:
+    trials = [Trial("one", [scores(6)], [scores(4)]), Trial("two", [scores(4)], [scores(4)])]
+    assert switches_of(trials) == "switches, mean of the orders: 5 / 4, +25 %"
 
 
 def test_colour_keeps_identities_and_wrong_colours_do_no_more_harm_than_stated() -> None:

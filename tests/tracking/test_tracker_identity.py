@@ -143,7 +143,7 @@ def test_stationary_tracks_keep_their_position_while_hidden() -> None:
             continue
         followed.predict(0.1)
         followed.update(np.zeros(1, np.int64), sight, np.zeros(1, np.int64), sight.noise_m2, np.zeros(1))
-    assert followed.stationary.all()
+    assert followed.state.stationary.all()
     for _ in range(3):
         followed.predict(1.0)
     np.testing.assert_allclose(followed.features().displacement_m[0], [0.5, 0], atol=0.1)

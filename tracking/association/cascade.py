@@ -41,13 +41,15 @@ class MatchingCascade:
         (columns,) = (detections & self.unmatched_detections).nonzero()
         if not (len(rows) and len(columns)):
             return NO_PAIRS
-        radius_m = config.gate_radius_m(self._tracks.unseen_s[rows]) * self._tracks.gate_scale[rows]
+        radius_m = (config.gate_radius_m(self._tracks.unseen_s) * self._tracks.gate_scale).take(rows)
         track_xy_m, detection_xy_m = self._tracks.xy_m.take(rows, axis=0), self._detections.xy_m.take(columns, axis=0)
         i, j = find_neighbours(track_xy_m, detection_xy_m, radius_m)
         return gate_pairs(self._tracks, self._detections, rows[i], columns[j], config) if len(i) else NO_PAIRS
 
     def match(self, pairs: CandidatePairs, tracks: BoolArray, detections: BoolArray) -> None:
         """Match unmatched tracks and detections in masks (N,), (M,) at the minimum total cost."""
+        if not len(pairs.rows):
+            return
         allowed = (tracks & self.unmatched_tracks)[pairs.rows] & (detections & self.unmatched_detections)[
             pairs.columns
         ]

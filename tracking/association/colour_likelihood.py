@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from appocc.checks import BoolArray, FloatArray, IntArray
+from appocc.checks import FloatArray, IntArray
 from tracking.association.costs import CandidatePairs
+from tracking.compiled import compiled
 
 # Outlier rates that are considered, denser towards 0 and 1.
 _RATES = 1 / (1 + np.exp(-np.linspace(-6.0, 6.0, 61)))
@@ -41,19 +42,10 @@ class ColourLikelihood:
         The rate is the mean of its posterior distribution. Colours that turn out wrong lose their weight within few
         pairs: expectation maximisation, which keeps what it thought of earlier pairs, takes many.
         """
-        if not self._enabled:
-            return
-        certain = (pairs.cost < _CERTAIN_COST) & _unrivalled(pairs.rows, pairs.cost)
-        certain &= _unrivalled(pairs.columns, pairs.cost) & np.isfinite(pairs.colour_ratio)
-        ratio = pairs.colour_ratio[certain]
-        if not len(ratio):
-            return
-        likelihood = _RATES + (1 - _RATES) * ratio[:, None]
-        decay = _MEMORY / (_MEMORY + len(ratio))
-        self._log_likelihood = decay * (self._log_likelihood + np.log(likelihood).sum(axis=0))
-        posterior = self._log_prior + self._log_likelihood
-        weight = np.exp(posterior - posterior.max())
-        self._rate = float(weight @ _RATES / weight.sum())
+        if self._enabled and len(pairs.rows):
+            arrays = pairs.rows, pairs.columns, pairs.cost, pairs.colour_ratio
+            least = np.full((4, 1 + max(pairs.rows.max(), pairs.columns.max())), np.inf)
+            self._rate = _mean_rate(*arrays, least, self._log_prior, self._log_likelihood, self._rate)
 
     def add_cost(self, pairs: CandidatePairs) -> CandidatePairs:
         """Return the pairs with colour costs added: negative for similar colours, zero for unknown ones."""
@@ -64,9 +56,52 @@ class ColourLikelihood:
         return pairs._replace(cost=pairs.cost + np.where(np.isfinite(cost), cost, 0.0))
 
 
-def _unrivalled(index: IntArray, cost: FloatArray) -> BoolArray:
-    """(P,) whether each pair costs at least the margin less than all others of its track or detection (P,)."""
-    least = np.full(index.max(initial=-1) + 1, np.inf)
-    np.minimum.at(least, index, cost)
-    near = cost < least[index] + _MARGIN
-    return np.asarray(near & (np.bincount(index, near)[index] == 1))
+@compiled
+def _mean_rate(
+    rows: IntArray,
+    columns: IntArray,
+    cost: FloatArray,
+    ratio: FloatArray,
+    least: FloatArray,
+    log_prior: FloatArray,
+    log_likelihood: FloatArray,
+    rate: float,
+) -> float:
+    """Add certain pairs to the likelihood, in place, and return the mean of the posterior; `rate` without such pairs.
+
+    `least` (4, K) is infinity; lowest and second lowest costs of tracks and of detections are written to it.
+    """
+    for pair in range(len(cost)):
+        _note_least(least, 0, rows[pair], cost[pair])
+        _note_least(least, 2, columns[pair], cost[pair])
+    count = 0
+    for pair in range(len(cost)):
+        n, m = rows[pair], columns[pair]
+        best = cost[pair] == least[0, n] and cost[pair] == least[2, m]
+        unrivalled = best and cost[pair] + _MARGIN <= min(least[1, n], least[3, m])
+        if unrivalled and cost[pair] < _CERTAIN_COST and np.isfinite(ratio[pair]):
+            count += 1
+            for k in range(len(_RATES)):
+                log_likelihood[k] += np.log(_RATES[k] + (1 - _RATES[k]) * ratio[pair])
+    if not count:
+        return rate
+    highest = -np.inf
+    for k in range(len(_RATES)):
+        log_likelihood[k] *= _MEMORY / (_MEMORY + count)
+        highest = max(highest, log_prior[k] + log_likelihood[k])
+    total, mean = 0.0, 0.0
+    for k in range(len(_RATES)):
+        weight = np.exp(log_prior[k] + log_likelihood[k] - highest)
+        total += weight
+        mean += weight * _RATES[k]
+    return mean / total
+
+
+@compiled
+def _note_least(least: FloatArray, first: int, index: int, cost: float) -> None:
+    """Write a cost to the lowest and second lowest ones of an index, in two rows from `first` on."""
+    if cost < least[first, index]:
+        least[first + 1, index] = least[first, index]
+        least[first, index] = cost
+    elif cost < least[first + 1, index]:
+        least[first + 1, index] = cost

@@ -9,9 +9,8 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from appocc.checks import BoolArray, FloatArray, IntArray
-from tracking.filtering.kalman import arc_offset, determinant_2x2, oriented_covariance, squared_mahalanobis
+from tracking.compiled import compiled
 
-_IDENTITY = np.eye(2)
 # Larger heading changes are treated as heading errors, not as turns.
 _MAX_TURN_RAD = 1.0
 # Extra cost of the turn hypothesis over straight motion.
@@ -85,10 +84,6 @@ class TrackFeatures(NamedTuple):
     gate_scale: FloatArray
     heading_weight: FloatArray
 
-    def select(self, rows: IntArray) -> TrackFeatures:
-        """Return the tracks at indices (K,)."""
-        return type(self)._make([each.take(rows, axis=0) for each in self])
-
 
 class DetectionFeatures(NamedTuple):
     """Features of M detections in the frame of the tracks.
@@ -110,10 +105,6 @@ class DetectionFeatures(NamedTuple):
     lab: FloatArray
     colour_density: FloatArray
     kind: IntArray
-
-    def select(self, columns: IntArray) -> DetectionFeatures:
-        """Return the detections at indices (K,)."""
-        return type(self)._make([each.take(columns, axis=0) for each in self])
 
 
 class CandidatePairs(NamedTuple):
@@ -153,61 +144,100 @@ def gate_pairs(
     The caller applies the gate radius (`gate_radius_m`). Pairs of different categories are removed. The cost is twice
     the negative log-likelihood of the position given the prediction, for straight motion or along an arc, plus the
     capped costs of heading and size.
-    """
-    same_kind = tracks.kind[rows] == detections.kind[columns]
-    rows, columns = rows[same_kind], columns[same_kind]
-    track, detection = tracks.select(rows), detections.select(columns)
-    noise_m2 = measurement_noise(track, detection)
-    cov = track.cov_m2 + noise_m2
-    if config.drift_std_mps:
-        cov = cov + ((config.drift_std_mps * track.unseen_s) ** 2)[:, None, None] * _IDENTITY
-    turn_rad = _turn_angle(track, detection)
-    (ahead, left), (way_x, way_y) = arc_offset(turn_rad), track.displacement_m.T
-    x, y = (detection.xy_m - track.xy_m).T
-    arc_x, arc_y = x - ahead * way_x + left * way_y, y - left * way_x - ahead * way_y
-    straight_chi2, arc_chi2 = squared_mahalanobis(x, y, cov), squared_mahalanobis(arc_x, arc_y, cov)
-    turned = arc_chi2 + _TURN_COST < straight_chi2
-    chi2 = np.where(turned, arc_chi2, straight_chi2)
-    distance_m = np.where(turned, np.hypot(arc_x, arc_y), np.hypot(x, y))
-    inside = (chi2 <= config.gate_chi2) | (distance_m <= config.min_gate_m * track.gate_scale)
-    cost = chi2 + np.log(determinant_2x2(cov)) + _shape_cost(track, detection, config) - config.max_cost
-    pairs = CandidatePairs(rows, columns, noise_m2, turn_rad * turned, cost, _colour_ratio(track, detection))
-    return pairs.select(inside.nonzero()[0])
-
-
-def _turn_angle(track: TrackFeatures, detection: DetectionFeatures) -> FloatArray:
-    """(P,) heading changes modulo pi; 0 above the maximum turn."""
-    turn_rad = detection.yaw_rad - track.yaw_rad
-    turn_rad -= np.pi * np.rint(turn_rad / np.pi)
-    return turn_rad * ((np.abs(turn_rad) <= _MAX_TURN_RAD) & (track.heading_weight > 0))
-
-
-def measurement_noise(track: TrackFeatures, detection: DetectionFeatures) -> FloatArray:
-    """Return position covariances (P, 2, 2) of detections, given the track.
 
     A detection longer than the vehicle is merged with another one, a shorter one is partly missing. Along its
-    heading, the vehicle's position is then uniform over the length difference: variance of its square over 12.
+    heading, the position is then uniform over the length difference: variance of its square over 12.
     """
-    surplus_m = detection.size_m[:, 1] - track.size_m[:, 1]
-    return detection.noise_m2 + oriented_covariance(detection.yaw_rad, surplus_m**2 / 12, 0.0)
+    n = len(rows)
+    pairs = CandidatePairs(rows.copy(), columns.copy(), np.empty((n, 2, 2)), *np.empty((3, n)))
+    count = _gate(
+        pairs,
+        tracks,
+        detections,
+        config.gate_chi2,
+        config.min_gate_m,
+        config.heading_std_rad,
+        config.max_heading_cost,
+        config.size_log_std,
+        config.max_size_cost,
+        config.drift_std_mps,
+        config.max_cost,
+    )
+    return CandidatePairs._make([each[:count] for each in pairs])
 
 
-def _shape_cost(track: TrackFeatures, detection: DetectionFeatures, config: AssociationConfig) -> FloatArray:
-    """(P,) capped costs of heading and size differences."""
-    cost = np.zeros(len(track.xy_m))
-    if config.max_heading_cost:
-        turn = np.abs(np.sin(track.yaw_rad - detection.yaw_rad)) / config.heading_std_rad
-        cost += np.minimum(turn**2, config.max_heading_cost) * track.heading_weight
-    if config.max_size_cost:
-        growth = np.abs(np.log(track.size_m / detection.size_m)).sum(axis=1) / config.size_log_std
-        cost += np.minimum(growth**2, config.max_size_cost)
-    return cost
+@compiled
+def _gate(
+    pairs: CandidatePairs,
+    tracks: TrackFeatures,
+    detections: DetectionFeatures,
+    gate_chi2: float,
+    min_gate_m: float,
+    heading_std_rad: float,
+    max_heading_cost: float,
+    size_log_std: float,
+    max_size_cost: float,
+    drift_std_mps: float,
+    max_cost: float,
+) -> int:
+    """See `gate_pairs`; the pairs inside the gates are written to the front of `pairs`, and their number returned."""
+    size = 0
+    for pair in range(len(pairs.rows)):
+        n, m = pairs.rows[pair], pairs.columns[pair]
+        if tracks.kind[n] != detections.kind[m]:
+            continue
+        yaw_rad = detections.yaw_rad[m]
+        cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
+        surplus_m2 = (detections.size_m[m, 1] - tracks.size_m[n, 1]) ** 2 / 12
+        noise_xx = detections.noise_m2[m, 0, 0] + surplus_m2 * cos * cos
+        noise_yy = detections.noise_m2[m, 1, 1] + surplus_m2 * sin * sin
+        noise_xy = detections.noise_m2[m, 0, 1] + surplus_m2 * cos * sin
+        drift_m2 = (drift_std_mps * tracks.unseen_s[n]) ** 2
+        xx = tracks.cov_m2[n, 0, 0] + noise_xx + drift_m2
+        yy = tracks.cov_m2[n, 1, 1] + noise_yy + drift_m2
+        xy = tracks.cov_m2[n, 0, 1] + noise_xy
 
+        x, y = detections.xy_m[m, 0] - tracks.xy_m[n, 0], detections.xy_m[m, 1] - tracks.xy_m[n, 1]
+        determinant = xx * yy - xy * xy
+        chi2, distance_m = (x * x * yy - 2 * x * y * xy + y * y * xx) / determinant, np.hypot(x, y)
+        turn_rad = yaw_rad - tracks.yaw_rad[n]
+        turn_rad -= np.pi * np.rint(turn_rad / np.pi)
+        if turn_rad != 0 and abs(turn_rad) <= _MAX_TURN_RAD and tracks.heading_weight[n] > 0:
+            # To the end of an arc instead of a straight path, see `arc_offset`.
+            way_x, way_y = tracks.displacement_m[n, 0], tracks.displacement_m[n, 1]
+            chord = np.sin(turn_rad / 2) / (turn_rad / 2)
+            ahead, left = chord * np.cos(turn_rad / 2) - 1, chord * np.sin(turn_rad / 2)
+            x, y = x - ahead * way_x + left * way_y, y - left * way_x - ahead * way_y
+            arc_chi2 = (x * x * yy - 2 * x * y * xy + y * y * xx) / determinant
+            if arc_chi2 + _TURN_COST < chi2:
+                chi2, distance_m = arc_chi2, np.hypot(x, y)
+            else:
+                turn_rad = 0.0
+        else:
+            turn_rad = 0.0
+        if chi2 > gate_chi2 and distance_m > min_gate_m * tracks.gate_scale[n]:
+            continue
 
-def _colour_ratio(track: TrackFeatures, detection: DetectionFeatures) -> FloatArray:
-    """(P,) likelihood ratio of a detection's colour: the track's Gaussian over the density among all vehicles."""
-    chi2 = ((track.lab - detection.lab) ** 2 / track.lab_variance).sum(axis=1)
-    return np.asarray(np.exp(-chi2 / 2) / np.sqrt(track.lab_variance.prod(axis=1)) / detection.colour_density)
+        cost = chi2 + np.log(determinant) - max_cost
+        heading_chi2 = (np.sin(tracks.yaw_rad[n] - yaw_rad) / heading_std_rad) ** 2
+        cost += min(heading_chi2, max_heading_cost) * tracks.heading_weight[n]
+        if max_size_cost:
+            wider = abs(np.log(tracks.size_m[n, 0] / detections.size_m[m, 0]))
+            longer = abs(np.log(tracks.size_m[n, 1] / detections.size_m[m, 1]))
+            cost += min(((wider + longer) / size_log_std) ** 2, max_size_cost)
+        # The track's Gaussian over the density among all vehicles.
+        colour_chi2, colour_variance = 0.0, 1.0
+        for k in range(3):
+            variance = tracks.lab_variance[n, k]
+            colour_chi2 += (tracks.lab[n, k] - detections.lab[m, k]) ** 2 / variance
+            colour_variance *= variance
+        density = np.exp(-colour_chi2 / 2) / np.sqrt(colour_variance)
+        pairs.rows[size], pairs.columns[size], pairs.turn_rad[size] = n, m, turn_rad
+        pairs.noise_m2[size, 0, 0], pairs.noise_m2[size, 1, 1] = noise_xx, noise_yy
+        pairs.noise_m2[size, 0, 1] = pairs.noise_m2[size, 1, 0] = noise_xy
+        pairs.cost[size], pairs.colour_ratio[size] = cost, density / detections.colour_density[m]
+        size += 1
+    return size
 
 
 def solve_assignment(pairs: CandidatePairs) -> CandidatePairs:
@@ -216,12 +246,10 @@ def solve_assignment(pairs: CandidatePairs) -> CandidatePairs:
     Connected components of the pair graph are solved separately.
     """
     (useful,) = (pairs.cost < 0).nonzero()
-    if not len(useful):
-        return NO_PAIRS
     rows, columns, cost = pairs.rows[useful], pairs.columns[useful], pairs.cost[useful]
-    row_count, column_count = np.bincount(rows)[rows], np.bincount(columns)[columns]
-    if ((row_count == 1) & (column_count == 1)).all():  # no conflicts
+    if len(set(rows.tolist())) == len(set(columns.tolist())) == len(useful):  # no conflicts
         return pairs.select(useful)
+    row_count, column_count = np.bincount(rows)[rows], np.bincount(columns)[columns]
     component = _components(rows, columns)
     size = np.bincount(component)[component]
     # A component with a single row or a single column takes its cheapest pair.

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from appocc.checks import BoolArray, FloatArray, IntArray
+from tracking.compiled import compiled
 
 
 class RunningMedian:
@@ -20,47 +20,66 @@ class RunningMedian:
 
     def __init__(self, window: int, values: int) -> None:
         """Start with no tracks, for a window of detections and a number of values K."""
-        self._last = np.zeros((window, 0, values))  # sums over the window are fastest in this order
         self.count = np.zeros(0, dtype=np.int64)
-        self.median = np.zeros((0, values))
-        self.known = np.zeros((0, values))
-        self.squared_deviation = np.zeros((0, values))
+        # Median, number of known values, sum of squared deviations, and the values in the window.
+        self._state = np.zeros((0, values, 3 + window))
+
+    @property
+    def median(self) -> FloatArray:
+        """See `RunningMedian`."""
+        return self._state[..., 0]
+
+    @property
+    def known(self) -> FloatArray:
+        """See `RunningMedian`."""
+        return self._state[..., 1]
+
+    @property
+    def squared_deviation(self) -> FloatArray:
+        """See `RunningMedian`."""
+        return self._state[..., 2]
 
     def add(self, values: FloatArray) -> None:
         """Add tracks with the values (M, K) of their first detections; NaN if unknown."""
-        fresh = np.full((len(self._last), *values.shape), np.nan)
-        fresh[0] = values
-        self._last = np.concatenate([self._last, fresh], axis=1)
+        fresh = np.full((*values.shape, self._state.shape[2]), np.nan)
+        fresh[..., 0] = fresh[..., 3] = values
+        fresh[..., 1], fresh[..., 2] = np.isfinite(values), 0.0
+        self._state = np.concatenate([self._state, fresh])
         self.count = np.concatenate([self.count, np.ones(len(values), np.int64)])
-        self.median = np.concatenate([self.median, values])
-        self.known = np.concatenate([self.known, np.isfinite(values)])
-        self.squared_deviation = np.concatenate([self.squared_deviation, np.zeros_like(values)])
 
     def keep(self, mask: BoolArray) -> None:
         """Keep the tracks of a mask (N,)."""
-        self._last, self.count = self._last.compress(mask, axis=1), self.count[mask]
-        self.median, self.known, self.squared_deviation = (
-            each.compress(mask, axis=0) for each in (self.median, self.known, self.squared_deviation)
-        )
+        self.count, self._state = self.count[mask], self._state.compress(mask, axis=0)
 
     def update(self, rows: IntArray, values: FloatArray) -> None:
         """Append values (M, K) of new detections to tracks (M,)."""
-        self._last[self.count[rows] % len(self._last), rows] = values
-        self.count[rows] += 1
-        last = self._last.take(rows, axis=1)
-        is_known = np.isfinite(last)
-        self.known[rows] = known = is_known.sum(axis=0, dtype=np.int32)
-        self.median[rows] = median = _nan_median(last, known)
-        deviation = last - median
-        deviation[~is_known] = 0.0
-        deviation *= deviation
-        self.squared_deviation[rows] = deviation.sum(axis=0)
+        _append(self._state, self.count, rows, values, np.empty(self._state.shape[2]))
 
 
-def _nan_median(last: FloatArray, known: NDArray[np.int32]) -> FloatArray:
-    """(M, K) medians over the first axis of (S, M, K), given the number of known values (M, K); NaN if it is 0."""
-    ordered = last.reshape(len(last), -1).T.copy()
-    ordered.sort(axis=1)  # NaN come last
-    first = np.arange(0, ordered.size, len(last)).reshape(known.shape)
-    # With no known value, the second operand is NaN.
-    return np.asarray((ordered.take(first + (known - 1) // 2) + ordered.take(first + known // 2)) / 2)
+@compiled
+def _append(state: FloatArray, count: IntArray, rows: IntArray, values: FloatArray, ordered: FloatArray) -> None:
+    """See `RunningMedian.update`; states (N, K, 3 + window) and counts (N,) are changed in place.
+
+    `ordered` is room for the values of a window.
+    """
+    window = state.shape[2] - 3
+    for m, n in enumerate(rows):
+        slot = count[n] % window
+        count[n] += 1
+        for k in range(values.shape[1]):
+            state[n, k, 3 + slot] = values[m, k]
+            size = 0
+            for index in range(window):  # insertion sort
+                value = state[n, k, 3 + index]
+                if not np.isnan(value):
+                    place = size
+                    while place and ordered[place - 1] > value:
+                        ordered[place] = ordered[place - 1]
+                        place -= 1
+                    ordered[place] = value
+                    size += 1
+            median = (ordered[(size - 1) // 2] + ordered[size // 2]) / 2 if size else np.nan
+            squared_deviation = 0.0
+            for index in range(size):
+                squared_deviation += (ordered[index] - median) ** 2
+            state[n, k, 0], state[n, k, 1], state[n, k, 2] = median, size, squared_deviation

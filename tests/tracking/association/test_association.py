@@ -15,7 +15,6 @@ from tracking.association.costs import (
     DetectionFeatures,
     TrackFeatures,
     gate_pairs,
-    measurement_noise,
     solve_assignment,
 )
 from tracking.association.paint import paint_density
@@ -166,7 +165,8 @@ def test_a_rare_colour_pays_for_a_place_farther_off() -> None:
 
 
 def test_merged_detections_have_more_position_noise_along_their_heading() -> None:
-    noise = measurement_noise(predicted([(0, 0)]), seen([(0, 0)], size_m=np.array([[1.8, 10.5]])))
+    every, merged = np.zeros(1, np.int64), seen([(0, 0)], size_m=np.array([[1.8, 10.5]]))
+    noise = gate_pairs(predicted([(0, 0)]), merged, every, every, CONFIG).noise_m2
     np.testing.assert_allclose(noise[0], np.diag([0.05 + 36 / 12, 0.05]))
 
 

@@ -1,0 +1,216 @@
+"""Compiled loops over the tracks of a table."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from appocc.checks import BoolArray, FloatArray, IntArray
+from tracking.class_models import ClassParameters
+from tracking.compiled import compiled
+
+# Weight, in detections, of the configured colour spread against the spread over all tracks.
+_LAB_STD_WEIGHT = 10.0
+# Variance of a median relative to that of a mean: pi / 2 for large Gaussian samples, plus an allowance for lighting.
+_MEDIAN_VARIANCE = 2.0
+
+
+class TrackState(NamedTuple):
+    """State of N tracks but for their filters and medians; written into, never replaced.
+
+    Attributes:
+        id: (N,) track ids.
+        kind: (N,) category indices.
+        detection: (N,) index of the detection matched in this frame; -1 if none.
+        confirmed: (N,) whether the track is confirmed.
+        lost: (N,) whether the track was lost before this frame.
+        stationary: (N,) whether the track is stationary.
+        moving: (N,) whether the velocity differs from zero.
+        yaw_rad: (N,) headings in the world frame.
+        unseen_s: (N,) time since the last detection.
+        missed_s: (N,) the same without the time in blind spots.
+        moved_s: (N,) the same without the time a stationary track keeps its position.
+        tracked_s: (N,) time from the first to the last detection.
+        ground_m: (N,) heights of the ground.
+        front_votes: (N,) evidence for the end that is taken as front.
+        axis: (2, N) smoothed vectors at twice the heading.
+        detected: (2, N) sum and weight of the evidence of detections.
+        with_misses: (2, N) the same with misses.
+    """
+
+    id: IntArray
+    kind: IntArray
+    detection: IntArray
+    confirmed: BoolArray
+    lost: BoolArray
+    stationary: BoolArray
+    moving: BoolArray
+    yaw_rad: FloatArray
+    unseen_s: FloatArray
+    missed_s: FloatArray
+    moved_s: FloatArray
+    tracked_s: FloatArray
+    ground_m: FloatArray
+    front_votes: FloatArray
+    axis: FloatArray
+    detected: FloatArray
+    with_misses: FloatArray
+
+
+class MatchedDetections(NamedTuple):
+    """M detections and their tracks, see `WorldDetections`.
+
+    Attributes:
+        rows: (M,) track indices.
+        detection: (M,) detection indices.
+    """
+
+    rows: IntArray
+    detection: IntArray
+    position_world_m: FloatArray
+    yaw_world_rad: FloatArray
+    heading_known: BoolArray
+    axis: FloatArray
+    log_odds: FloatArray
+    evidence: FloatArray
+
+
+@compiled
+def advance(
+    state: TrackState,
+    model: ClassParameters,
+    mean: FloatArray,
+    seconds: float,
+    lost_s: float,
+    moving_s: FloatArray,
+    psd_m2ps3: FloatArray,
+) -> None:
+    """Advance the times of tracks with states (N, 4); all are unmatched.
+
+    The times for which they move (N,), and the spectral densities (N, 2, 2) of their acceleration, see
+    `acceleration_psd`, are written to the last arguments.
+    """
+    for n in range(len(mean)):
+        state.lost[n] = state.unseen_s[n] > lost_s
+        moving_s[n] = 0.0 if state.stationary[n] and state.unseen_s[n] > 0 else seconds
+        calm = model.stationary_psd[n] if state.stationary[n] else 1.0
+        along = calm * model.along_accel_psd_m2ps3[n]
+        across = calm * model.across_accel_psd_m2ps3[n]
+        across += model.heading_psd_rad2ps[n] * (mean[n, 2] ** 2 + mean[n, 3] ** 2)
+        cos, sin = np.cos(state.yaw_rad[n]), np.sin(state.yaw_rad[n])
+        psd_m2ps3[n, 0, 0] = across + (along - across) * cos * cos
+        psd_m2ps3[n, 1, 1] = across + (along - across) * sin * sin
+        psd_m2ps3[n, 0, 1] = psd_m2ps3[n, 1, 0] = (along - across) * cos * sin
+        state.moved_s[n] += moving_s[n]
+        state.unseen_s[n] += seconds
+        state.missed_s[n] += seconds
+        state.detection[n] = -1
+
+
+@compiled
+def follow(
+    state: TrackState,
+    found: MatchedDetections,
+    mean: FloatArray,
+    drives: BoolArray,
+    decay: float,
+    weight: float,
+    confirm_log_odds: float,
+    confirm_s: float,
+    heading_smoothing_s: float,
+) -> None:
+    """Update times, evidence, height and heading of the tracks of detections.
+
+    Args:
+        state: changed in place.
+        found: M detections and their tracks.
+        mean: (N, 4) states of the filters.
+        drives: (N,) whether the motion determines front and rear.
+        decay: decay of the evidence from frame to frame.
+        weight: weight of a frame.
+        confirm_log_odds: see `LifecycleConfig`.
+        confirm_s: see `LifecycleConfig`.
+        heading_smoothing_s: see `LifecycleConfig`.
+    """
+    for m, n in enumerate(found.rows):
+        state.detection[n], state.ground_m[n] = found.detection[m], found.position_world_m[m, 2]
+        seconds = state.unseen_s[n]
+        state.tracked_s[n] += seconds
+        state.unseen_s[n] = state.missed_s[n] = state.moved_s[n] = 0.0
+        _add_evidence(state.detected, n, decay, weight, found.evidence[m])
+        _add_evidence(state.with_misses, n, decay, weight, found.evidence[m])
+        if found.log_odds[m] >= confirm_log_odds or state.tracked_s[n] >= confirm_s:
+            state.confirmed[n] = True
+
+        # The axis is smoothed as a vector at twice its angle; then the front is voted on.
+        keep = np.exp(-seconds / heading_smoothing_s)
+        for k in range(2):
+            state.axis[k, n] = keep * state.axis[k, n] + (1 - keep) * found.axis[m, k]
+        yaw = np.arctan2(state.axis[1, n], state.axis[0, n]) / 2
+        if np.cos(yaw - state.yaw_rad[n]) < 0:
+            yaw += np.pi
+        votes = state.front_votes[n] + found.heading_known[m] * np.cos(found.yaw_world_rad[m] - yaw)
+        forward = mean[n, 2] * np.cos(yaw) + mean[n, 3] * np.sin(yaw) if drives[n] else votes
+        if forward < 0:
+            yaw += np.pi
+        state.yaw_rad[n] = (yaw + np.pi) % (2 * np.pi) - np.pi
+        # Motion counts as one vote at least; the votes now refer to the end chosen as front.
+        state.front_votes[n] = max(abs(votes), 1.0 * drives[n])
+
+
+@compiled
+def _add_evidence(evidence: FloatArray, track: int, decay: float, weight: float, log_odds: float) -> None:
+    """Add one frame to the sum and the weight of the evidence (2, N) of a track."""
+    evidence[0, track] = decay * evidence[0, track] + weight * log_odds
+    evidence[1, track] = decay * evidence[1, track] + weight
+
+
+@compiled
+def count_misses(
+    state: TrackState,
+    blind: BoolArray,
+    log_odds: FloatArray,
+    seconds: float,
+    decay: float,
+    weight: float,
+    miss_log_odds: float,
+    lost_s: float,
+    forget_s: float,
+    forget_stationary_s: float,
+    expired: BoolArray,
+) -> None:
+    """Count a time step as a miss of unmatched tracks, see `TrackTable.count_misses`; `expired` (N,) is written."""
+    for n in range(len(blind)):
+        if state.detection[n] < 0 and blind[n]:
+            state.missed_s[n] = max(state.missed_s[n] - seconds, 0.0)
+        elif state.detection[n] < 0:
+            _add_evidence(state.with_misses, n, decay, weight, miss_log_odds)
+        remembered_s = forget_stationary_s if state.stationary[n] else forget_s
+        missed_for_s = (remembered_s if log_odds[n] > 0 else lost_s) if state.confirmed[n] else 0.0
+        expired[n] = state.missed_s[n] > missed_for_s or state.unseen_s[n] > remembered_s
+
+
+@compiled
+def shrunk_variance(
+    deviation: FloatArray, known: FloatArray, prior_std: FloatArray, prior_weight: float, variance: FloatArray
+) -> None:
+    """Compute the variance (N, 3) of the next detection's colour about the median, shrunk to that of all tracks.
+
+    This is empirical Bayes: the prior is the variance pooled over all tracks.
+
+    Args:
+        deviation: (N, 3) sums of squared deviations from the median.
+        known: (N, 3) numbers of known values.
+        prior_std: standard deviations of the prior on the pooled variance.
+        prior_weight: weight of the pooled variance, in detections.
+        variance: (N, 3) the result.
+    """
+    for k in range(3):
+        total, count = prior_std[k] ** 2 * _LAB_STD_WEIGHT, _LAB_STD_WEIGHT
+        for n in range(len(deviation)):
+            total += deviation[n, k]
+            count += max(known[n, k], 1.0) - 1
+        for n in range(len(deviation)):
+            own = (total / count * prior_weight + deviation[n, k]) / (prior_weight + known[n, k])
+            variance[n, k] = own * (1 + _MEDIAN_VARIANCE / max(known[n, k], 1.0))
