@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from shlex import quote
 from typing import Annotated
 
 import typer
@@ -33,3 +34,4 @@ def demo(
         emit({"folder": str(out), **outcome})
     say((out / "README.txt").read_text())
     say(f"Everything is described in {out / 'README.txt'}; start with {out / 'bev.png'}.")
+    say(f"To look around in the browser: appocc serve {quote(str(out))}")

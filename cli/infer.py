@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -110,15 +111,20 @@ def execute(run: InferenceRun) -> InferenceSummary:
     Raises:
         DataError: as the run.
     """
+    with progress("prediction", len(run)) as advance:
+        write_maps(run, advance)
+    return run.summary
+
+
+def write_maps(run: InferenceRun, advance: Callable[[float], None]) -> None:
+    """Execute a run and write a picture of each map; `advance` is called with 1 after each input."""
     from appocc.files import write_image
     from appocc.visualization.predictions import prediction_figure
 
-    with progress("prediction", len(run)) as advance:
-        for result in run:
-            if result is not None:
-                write_image(result.picture, prediction_figure(result.frame, result.bev, vehicle_marks(result.bev)))
-            advance(1)
-    return run.summary
+    for result in run:
+        if result is not None:
+            write_image(result.picture, prediction_figure(result.frame, result.bev, vehicle_marks(result.bev)))
+        advance(1)
 
 
 def vehicle_marks(bev: BEVMap) -> VehicleMarks:

@@ -22,6 +22,7 @@ from cli.ground import ground
 from cli.groundtruth import groundtruth
 from cli.infer import infer
 from cli.rig import app as rig_app
+from cli.serve import serve
 from cli.simulate import simulate
 from cli.track import app as track_app
 from cli.train import train
@@ -48,6 +49,7 @@ app.command()(ablate)
 app.command()(export)
 app.add_typer(track_app)
 app.command()(ground)
+app.command()(serve)
 app.add_typer(eval_app)
 app.add_typer(weights_app)
 

@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 import pytest
 from made_boards import write_boards, write_points
-from made_recording import poses_of
+from made_own_recording import poses_of
 from typer.testing import CliRunner
 from walkthrough import README, blocks, run_line
 

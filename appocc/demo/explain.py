@@ -49,7 +49,8 @@ A conversation (on the true map)
 {conversation}
 
 Hold one yourself with the last line of "Try next": "park behind the white car", "the one on the left", "in front of
-it instead", "a bit further", "and then turn right", "where are you heading?", "never mind".
+it instead", "a bit further", "and then turn right", "where are you heading?", "never mind". The first line opens the
+drive in the browser, where you can also talk to it.
 
 Except for the conversation, nothing here looks at the truth, apart from the scores. On the true maps (try --bev
 {source} below) tracking and grounding know what to do: what goes wrong above is the network's share. What it was
@@ -98,6 +99,7 @@ def explanation(
         f'appocc ground "{command}" {root} {asked} --bev predicted --picture {quote(str(out / "ground-1.png"))}',
     ]
     tries = [
+        f"appocc serve {quote(str(out))}",
         f"appocc doctor {root}",
         f"appocc track scene {root} --scene {SCENE} --bev {SOURCE}",
         f'appocc ground "{command}" {root} {asked} --bev {SOURCE} --picture true.png',

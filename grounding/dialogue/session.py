@@ -55,6 +55,7 @@ from grounding.dialogue.telling import ask, said
 from grounding.goal.shift import Shift
 from grounding.language import Reading, WordCategory
 from grounding.language.replies import Reply, read_reply
+from grounding.referent.resolver import Candidate
 from grounding.vocabulary import Action
 from tracking.tracks import Track
 
@@ -120,6 +121,12 @@ class Session:
         """The open question; '' without one."""
         question = self._talk.state.question
         return question.question if question else ""
+
+    @property
+    def candidates(self) -> tuple[Candidate, ...]:
+        """The vehicles that `choose` numbers from 1: those of the open question, else of the goal in force."""
+        about = self._talk.state.question or self._talk.state.goal
+        return about.candidates if about else ()
 
     def say(self, text: str) -> Answer:
         """Answer a sentence: a command, or a reply to what was said before.

@@ -117,11 +117,13 @@ class SceneModel:
 
         Illumination is estimated from the road next to each object. Without a map colours are not corrected.
         """
-        rgb = self.table.rgb
+        # Not by the table: that needs the road model, which takes far longer than the colours.
+        items = (*self.objects, *self.others)
+        rgb = np.array([np.full(3, np.nan) if item.rgb is None else item.rgb for item in items]).reshape(-1, 3)
         known = np.flatnonzero(np.isfinite(rgb).all(axis=1))
         if self.bev is None or not len(known):
             return rgb
-        gains = gains_of(self.bev, rgb[known], self.table.corners_m[known])
+        gains = gains_of(self.bev, rgb[known], np.stack([items[i].footprint() for i in known]))
         neutral = np.full_like(rgb, np.nan)
         neutral[known] = 255 * encode_srgb(linear_from_srgb(rgb[known]) * gains)
         return neutral
@@ -135,7 +137,7 @@ class SceneModel:
     @cached_property
     def _colour_names(self) -> dict[SceneObject, str]:
         """Colour words of all objects; naming them together takes as long as naming one."""
-        return dict(zip(self.table.items, names(self.paint_rgb, NEUTRAL_LIGHT), strict=True))
+        return dict(zip((*self.objects, *self.others), names(self.paint_rgb, NEUTRAL_LIGHT), strict=True))
 
     def world_xy(self, xy_m: ArrayLike) -> FloatArray:
         """Transform a point (2,) on the ground plane from the ego frame to the world frame."""

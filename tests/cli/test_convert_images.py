@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from in_process import run_command
-from made_recording import write_cameras, write_video
+from made_own_recording import write_cameras, write_video
 from walkthrough import run_line
 
 from appocc.nuscenes import Dataset

@@ -43,6 +43,7 @@ def test_the_demo_writes_pictures_and_explains_them(made: tuple[Path, Result]) -
     for name in ("bev.png", "tracks.png", *PICTURES):
         assert read_image(out / name).std() > 20, "a picture shows something"
     assert text in result.stderr
+    assert result.stderr.splitlines()[-1] == f"To look around in the browser: appocc serve '{out}'"
 
 
 def test_the_video_has_every_key_frame(made: tuple[Path, Result]) -> None:
@@ -93,8 +94,11 @@ def test_the_suggested_commands_work(
     monkeypatch.chdir(tmp_path)
     lines = (made[0] / "README.txt").read_text().splitlines()
     commands = [shlex.split(line) for line in lines if line.startswith("appocc ") and not line.endswith("demo")]
-    assert len(commands) == 11
+    assert len(commands) == 12
+    assert commands.count(["appocc", "serve", str(made[0])]) == 1
     for command in commands:
+        if command[1] == "serve":  # it does not end; tests/cli/test_serve.py
+            continue
         result = run(*command[1:])
         # On a predicted map the vehicle may be missing.
         allowed = (0, 3) if command[1] == "ground" and "predicted" in command else (0,)

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from made_recording import write_cameras, write_video
+from made_own_recording import write_cameras, write_video
 
 from appocc.checks import ByteArray, FloatArray
 from appocc.errors import DataError

@@ -5,7 +5,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from made_recording import write_cameras, write_tum
+from made_own_recording import write_cameras, write_tum
 
 from appocc.checks import ByteArray, FloatArray
 from appocc.errors import DataError, NotFoundError

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from made_recording import write_tum
+from made_own_recording import write_tum
 
 from appocc.checks import FloatArray, IntArray
 from appocc.errors import DataError

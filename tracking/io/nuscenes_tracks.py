@@ -1,7 +1,8 @@
-"""Tracks of one key frame from a file of nuScenes tracking results."""
+"""Tracks of key frames from a file of nuScenes tracking results."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -45,10 +46,19 @@ def read_key_frame(path: Path, sample_token: str) -> tuple[Track, ...]:
     Raises:
         DataError: if the file cannot be read, is damaged, or lacks the key frame.
     """
+    return read_key_frames(path, [sample_token])[0]
+
+
+def read_key_frames(path: Path, sample_tokens: Sequence[str]) -> list[tuple[Track, ...]]:
+    """Read the tracks of several key frames, as `read_key_frame`."""
     try:
         results = _Results.model_validate(read_json(path)).results
     except ValidationError as error:
         raise DataError(f"{path}: expected tracking results of nuScenes ({first_problem(error)})") from error
+    return [_tracks(path, token, results) for token in sample_tokens]
+
+
+def _tracks(path: Path, sample_token: str, results: Mapping[str, Sequence[_Box]]) -> tuple[Track, ...]:
     if sample_token not in results:
         raise DataError(f"{path}: expected tracks of key frame {sample_token}, got none")
     try:

@@ -1,0 +1,80 @@
+"""Answers of a conversation as JSON for the page."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from appocc.checks import FloatArray
+from appocc.polylines import length_m
+from grounding.answer import Answer
+from grounding.describe import describe_object, target_to_dict
+from grounding.goal.planner import Target
+from grounding.referent.resolver import Candidate
+
+
+def turn_as_json(said: str, frame: int, answer: Answer) -> dict[str, Any]:
+    """Return a sentence and its answer in words."""
+    referent = answer.referent
+    return {
+        "said": said,
+        "frame": frame,
+        "status": answer.status,
+        "question": answer.question,
+        "referent": None if referent is None else describe_object(referent.item, answer.scene),
+        "reasons": list(answer.reasons),
+        "steps": [step.step_text() for step in answer.steps] if len(answer.steps) > 1 else [],
+        "dropped": list(answer.dropped),
+        "goal": None if answer.target is None else _goal_words(answer),
+    }
+
+
+def shown_as_json(answer: Answer) -> dict[str, Any]:
+    """Return what an answer shows in map and cameras, in the ego frame of its key frame."""
+    plan, referent = answer.plan, answer.referent
+    partner = None if referent is None or referent.partner is None else referent.partner.id
+    return {
+        "status": answer.status,
+        "referents": [one for one in (referent.item.id if referent else None, partner) if one is not None],
+        "target": _target(answer.target),
+        "nearest": _target(plan.nearest),
+        "runners_up": [_points(one.footprint()) for one in plan.runners_up],
+        "route": None if plan.route is None else _points(plan.route),
+        "steps": [_target(step.target) for step in answer.steps[:-1] if step.target is not None],
+    }
+
+
+def candidates_as_json(candidates: Sequence[Candidate], answer: Answer) -> list[dict[str, Any]]:
+    """Return the vehicles that can be chosen, by number from 1; the referent of the answer is left out."""
+    chosen = None if answer.referent is None else answer.referent.item.id
+    return [
+        {
+            "number": number,
+            "id": one.item.id,
+            "words": describe_object(one.item, answer.scene),
+            "rgb": None if one.item.rgb is None else [round(float(v)) for v in one.item.rgb],
+        }
+        for number, one in enumerate(candidates, start=1)
+        if one.item.id != chosen
+    ]
+
+
+def _goal_words(answer: Answer) -> dict[str, Any]:
+    target = answer.target
+    assert target is not None
+    route = answer.plan.route
+    return {
+        **target_to_dict(target),
+        "way_m": None if route is None else round(length_m(route), 1),
+        "confidence": round(answer.confidence, 2),
+    }
+
+
+def _target(target: Target | None) -> dict[str, Any] | None:
+    if target is None:
+        return None
+    return {**target_to_dict(target), "footprint": _points(target.footprint())}
+
+
+def _points(xy_m: FloatArray) -> list[list[float]]:
+    return [[round(float(v), 3) for v in point] for point in xy_m]

@@ -1,0 +1,82 @@
+// Long work on the server: a new drive, predicted maps; its progress in the header.
+
+import { get, post, tell } from "./api.js";
+import { byId, fill, make } from "./dom.js";
+import { state } from "./state.js";
+
+const EVERY_MS = 700;
+const VERB = { simulate: "Simulating", predict: "Predicting" };
+
+export class JobBoard {
+  /** Show jobs; `finished` gets a job that has ended well, `open` the recording that it made. */
+  constructor({ finished, open }) {
+    [this.finished, this.open, this.running, this.last] = [finished, open, null, null];
+    byId("new-drive").addEventListener("click", () => byId("drive").showModal());
+    byId("drive").addEventListener("close", () => this.#drive());
+    byId("predict").addEventListener("click", () => this.#start(`/api/recordings/${state.recording}/predict`, {}));
+    this.look();
+  }
+
+  /** Offer towns and weathers for a new drive; null: there is no folder for it. */
+  offer(drives) {
+    byId("new-drive").hidden = !drives;
+    const form = byId("drive").querySelector("form");
+    if (!drives || form.elements.town.options.length) return;
+    fill(form.elements.town, drives.towns.map((name) => [name, name]), drives.towns[0]);
+    fill(form.elements.weather, drives.weathers.map((name) => [name, name.replace("_", " ")]), drives.weathers[0]);
+    form.elements.seconds.max = drives.most_seconds;
+  }
+
+  #drive() {
+    const { elements } = byId("drive").querySelector("form");
+    if (byId("drive").returnValue !== "start") return;
+    byId("drive").returnValue = "";
+    const [seconds, seed] = [Number(elements.seconds.value), Number(elements.seed.value)];
+    this.#start("/api/drives", { town: elements.town.value, weather: elements.weather.value, seconds, seed });
+  }
+
+  async #start(path, body) {
+    try {
+      this.#show(await post(path, body));
+      this.look();
+    } catch (error) {
+      tell(error.message);
+    }
+  }
+
+  /** Look at the jobs, and again while one is running. */
+  async look() {
+    let job;
+    try {
+      job = (await get("/api/jobs")).jobs.at(-1);
+    } catch {
+      job = this.last;
+    }
+    const ended = this.last?.state === "running" && job?.state !== "running";
+    this.last = job;
+    if (job && (ended || job.state === "running")) this.#show(job);
+    if (ended && job.state === "done") this.finished(job);
+    clearTimeout(this.timer);
+    if (job?.state === "running") this.timer = setTimeout(() => this.look(), EVERY_MS);
+  }
+
+  #show(job) {
+    const line = byId("job");
+    line.hidden = false;
+    const share = job.total ? job.done / job.total : 0;
+    const close = (text, onclick) => make("button", { type: "button", onclick }, text);
+    if (job.state === "running") {
+      const bar = make("progress", { max: 1, value: share });
+      const left = share > 0.05 ? `, ${Math.ceil((job.seconds / share) * (1 - share))} s left` : "";
+      const words = `${VERB[job.kind] ?? "Working on"} ${job.title}: ${job.note}`;
+      line.replaceChildren(make("span", { title: words }, words), bar, make("span", { className: "share" }, `${Math.floor(100 * share)} %${left}`),
+        close("Stop", () => post(`/api/jobs/${job.number}/stop`).then(() => this.look())));
+    } else if (job.state === "done") {
+      const own = job.recording && job.recording !== state.recording;
+      line.replaceChildren(make("span", {}, `Ready: ${job.title}`),
+        own ? close("Open it", () => { line.hidden = true; this.open(job.recording); }) : "", close("×", () => { line.hidden = true; }));
+    } else {
+      line.replaceChildren(make("span", { className: "failed", title: job.note }, `${job.title}: ${job.note}`), close("×", () => { line.hidden = true; }));
+    }
+  }
+}
