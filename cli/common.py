@@ -6,8 +6,10 @@ import json
 import os
 import shlex
 import sys
+import traceback
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -16,11 +18,25 @@ import typer
 from appocc.errors import DataError
 
 if TYPE_CHECKING:
+    from rich.console import Console
+
     from appocc.nuscenes import Dataset, Scene
 
 RootArgument = Annotated[Path, typer.Argument(metavar="ROOT", help="Dataset root in the nuScenes schema.")]
 VersionOption = Annotated[
     str | None, typer.Option("--version", help="Folder of the tables, such as v1.0-mini; needed if ROOT has several.")
+]
+SceneOption = Annotated[
+    str | None, typer.Option("--scene", help="Name or token of the scene; default: the only one of ROOT.")
+]
+SourceOption = Annotated[
+    str | None,
+    typer.Option(
+        "--bev",
+        metavar="SOURCE",
+        help="Source of the maps: ROOT/bev/SOURCE, or a folder with a slash in its name; "
+        "default: the only one, else groundtruth.",
+    ),
 ]
 TrustUnseenOption = Annotated[
     bool,
@@ -30,7 +46,7 @@ TrustUnseenOption = Annotated[
 ]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON, and nothing else, to stdout.")]
 # Error messages quote names and values from input files; longer lines are cut.
-_MAX_CHARACTERS = 2000
+_MAX_CHARACTERS, _MAX_LISTED = 2000, 12
 
 
 class Interrupted(SystemExit):
@@ -51,16 +67,59 @@ class Interrupted(SystemExit):
         return f"interrupted; to resume: {shlex.join(['appocc', *sys.argv[1:], *self.more])}"
 
 
+@dataclass
+class _Verbosity:
+    """What is printed to stderr: `quiet` errors only, `verbose` also where an error arose."""
+
+    quiet: bool = False
+    verbose: bool = False
+
+
+_verbosity = _Verbosity()
+
+
+def set_verbosity(quiet: bool, verbose: bool) -> None:
+    """Set what is printed to stderr by the commands of this process."""
+    _verbosity.quiet, _verbosity.verbose = quiet, verbose
+
+
+def is_quiet() -> bool:
+    """Return whether only errors are printed to stderr."""
+    return _verbosity.quiet
+
+
+def wide_console(least_width: int) -> Console:
+    """Return a console on stderr for tables, silent if only errors are wanted.
+
+    In a narrow terminal its lines wrap, and no number is cut.
+    """
+    from rich.console import Console
+
+    console = Console(stderr=True, quiet=_verbosity.quiet)
+    console.width = max(console.width, least_width)
+    return console
+
+
 def say(text: str) -> None:
-    """Print lines for people to stderr; control characters in quoted names are escaped."""
+    """Print lines for people to stderr, unless they want errors only."""
+    if not _verbosity.quiet:
+        say_always(text)
+
+
+def say_always(text: str) -> None:
+    """Print lines to stderr; control characters in quoted names are escaped."""
     plain = (c if c.isprintable() or c == "\n" else c.encode("unicode_escape").decode() for c in text)
     typer.echo("".join(plain), err=True)
 
 
 def say_error(reason: object) -> None:
-    """Print the reason for a failure in one line of limited length."""
+    """Print the reason for a failure in one line of limited length; if verbose, first where it arose."""
     line = str(reason)
-    say("error: " + (line if len(line) <= _MAX_CHARACTERS else line[:_MAX_CHARACTERS] + " ...").replace("\n", "\\n"))
+    if _verbosity.verbose and isinstance(reason, BaseException):
+        say_always("".join(traceback.format_exception(reason)).rstrip())
+    say_always(
+        "error: " + (line if len(line) <= _MAX_CHARACTERS else line[:_MAX_CHARACTERS] + " ...").replace("\n", "\\n")
+    )
 
 
 def say_empty(dataset: Dataset, scenes: Iterable[Scene]) -> None:
@@ -98,6 +157,45 @@ def _plain(value: Any) -> Any:
     return value
 
 
+def choose_scene(dataset: Dataset, name: str | None) -> Scene:
+    """Return the scene with a name or token; without a name the only scene.
+
+    Raises:
+        NotFoundError: if there is no such scene.
+        DataError: if there is no name and several scenes or none.
+    """
+    if name is not None:
+        return dataset.scene(name)
+    if len(dataset.scenes) == 1:
+        return dataset.scenes[0]
+    names = ", ".join(scene.name for scene in dataset.scenes[:_MAX_LISTED])
+    more = f" and {len(dataset.scenes) - _MAX_LISTED} more" if len(dataset.scenes) > _MAX_LISTED else ""
+    raise DataError(f"{dataset.root}: expected --scene, one of {names or 'none'}{more}")
+
+
+def choose_source(root: Path, name: str | None, preferred: Sequence[str] = ("groundtruth",)) -> str:
+    """Return the source of maps with a name; without a name the only one, or the first preferred one that there is.
+
+    A name without maps is returned too: reading a map reports what there is.
+
+    Raises:
+        DataError: if there is no name, and no maps, or several sources but none of the preferred ones.
+    """
+    from appocc.bevmap import map_sources
+
+    if name is not None:
+        return name
+    sources = map_sources(root)
+    chosen = sources if len(sources) == 1 else [each for each in preferred if each in sources]
+    if chosen:
+        return chosen[0]
+    if sources:
+        raise DataError(f"{root}: expected --bev, one of {', '.join(sources)}")
+    raise DataError(
+        f"{root}: no maps in {root / 'bev'}; make them with: appocc infer {root} --out {root}/bev/predicted"
+    )
+
+
 def say_stale(stale: Mapping[str, int]) -> None:
     """Print how many existing results were regenerated, by reason."""
     if stale:
@@ -130,6 +228,8 @@ def progress(title: str, total: int | None) -> Iterator[Callable[[float], None]]
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     console = Console(stderr=True)
     # In a file or a pipe the bar would only print an empty line.
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
+    with Progress(
+        *columns, console=console, transient=True, disable=_verbosity.quiet or not console.is_terminal
+    ) as bar:
         task = bar.add_task(title, total=total)
         yield lambda steps: bar.advance(task, steps)

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from cli.common import JsonOption, RootArgument, VersionOption, emit, progress, say
+from cli.common import JsonOption, RootArgument, VersionOption, emit, progress, say, wide_console
 from cli.eval_detections import detections
 from cli.eval_parses import parses
 from cli.eval_tracks import tracks
@@ -74,13 +74,10 @@ app.command()(parses)
 
 def _show(answer: dict[str, Any]) -> None:
     """Print the figures as tables to stderr."""
-    from rich.console import Console
-
     within = f", within {answer['range_m']:g} m" if answer["range_m"] else ""
     counted = f"{answer['samples']} samples of {answer['scenes']} scenes"
     say(f"{answer['source']} against {answer['against']}, setting {answer['setting']}{within}: {counted}")
-    console = Console(stderr=True)
-    console.width = max(console.width, 150)  # a narrow terminal wraps lines instead of dropping numbers
+    console = wide_console(150)
     console.print(_cell_table(answer))
     console.print(_vehicle_table(answer))
     if answer["calibration"] is not None:
@@ -93,7 +90,7 @@ def _cell_table(answer: dict[str, Any]) -> Any:
     kept, ranges = answer["thresholds"], answer["confidence"]
     table = Table("cells")
     heads = [f"IoU {name}" for name in ("road", "vehicle", "lane")]
-    heads += [f"at {value:.2f}" for value in kept.values()] if kept else []
+    heads += [f"{name} at {value:.2f}" for name, value in kept.items()] if kept else []
     for head in (*heads, "L1", "L1 road", "L1 vehicle", "L1 lane", "PSNR"):
         table.add_column(head, justify="right")
 

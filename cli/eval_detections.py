@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from cli.common import JsonOption, RootArgument, VersionOption, emit, progress, say
+from cli.common import JsonOption, RootArgument, VersionOption, emit, progress, say, wide_console
 
 
 def detections(
@@ -55,12 +55,9 @@ _ERRORS = ("ATE", "ASE", "AOE", "AVE", "AAE")
 
 def _show(answer: dict[str, Any]) -> None:
     """Print the figures as tables to stderr."""
-    from rich.console import Console
-
     within = f", within {answer['range_m']:g} m" if answer["range_m"] else ""
     say(f"{answer['source']}: {answer['samples']} samples of {answer['scenes']} scenes{within}")
-    console = Console(stderr=True)
-    console.width = max(console.width, 120)  # a narrow terminal wraps lines instead of dropping numbers
+    console = wide_console(120)
     console.print(_class_table(answer))
     console.print(_vehicle_table(answer["vehicles"]))
     say(f"NDS {_number(100 * answer['NDS'])}; vehicles: scores from {_number(answer['vehicles']['score'], 3)}")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from cli.common import JsonOption, emit, say
+from cli.common import JsonOption, emit, say, wide_console
 
 if TYPE_CHECKING:
     from grounding.language.evaluation import ParseScores
@@ -46,15 +46,13 @@ def _list_errors(result: ParseScores) -> None:
 
 def _show(answer: dict[str, Any]) -> None:
     """Print the figures as tables to stderr."""
-    from rich.console import Console
     from rich.table import Table
 
     low, high = answer["wilson"]
     say(f"{answer['records']} commands, core parse right {_percent(answer['core_parse_right'])} %")
     say(f"95 % interval {_percent(low)}..{_percent(high)}, lenient {_percent(answer['lenient'])} %")
     say(f"false rejects {_percent(answer['false_rejects'])} %, reject recall {_percent(answer['reject_recall'])} %")
-    console = Console(stderr=True)
-    console.width = max(console.width, 100)  # a narrow terminal wraps lines instead of dropping numbers
+    console = wide_console(100)
     fields = Table("field")
     fields.add_column("right %", justify="right")
     for name, share in answer["per_field"].items():

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cli.common import JsonOption, VersionOption, emit, say
+from cli.common import JsonOption, VersionOption, emit, say, wide_console
 
 if TYPE_CHECKING:
     from tracking.evaluation.evaluate import EvaluationReport
@@ -60,7 +60,6 @@ def tracks(
 
 def _show(report: EvaluationReport) -> None:
     """Print the scores as a table on stderr."""
-    from rich.console import Console
     from rich.table import Table
 
     p, m = report.protocol, report.metrics
@@ -82,8 +81,7 @@ def _show(report: EvaluationReport) -> None:
     for name in cells:
         table.add_column(name, justify="right")
     table.add_row(*cells.values())
-    console = Console(stderr=True)
-    console.width = max(console.width, 120)  # in a narrow terminal lines wrap, but no number is cut
+    console = wide_console(120)
     console.print(table)
     best = report.amota.best if report.amota is not None else None
     if report.amota is not None and best is not None:

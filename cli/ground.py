@@ -12,7 +12,17 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from appocc.errors import DataError
-from cli.common import JsonOption, TrustUnseenOption, VersionOption, emit, say
+from cli.common import (
+    JsonOption,
+    SceneOption,
+    SourceOption,
+    TrustUnseenOption,
+    VersionOption,
+    choose_scene,
+    choose_source,
+    emit,
+    say,
+)
 
 if TYPE_CHECKING:
     from appocc.frame import Frame
@@ -45,11 +55,9 @@ def ground(
             metavar="ROOT", help="Dataset root in the nuScenes schema; omit it with --map.", show_default=False
         ),
     ] = None,
-    scene: Annotated[str | None, typer.Option("--scene", help="Name or token of the scene.")] = None,
+    scene: SceneOption = None,
     frame: Annotated[int | None, typer.Option("--frame", help="Number of the key frame, from 0.")] = None,
-    bev: Annotated[
-        str, typer.Option("--bev", help="Source of the maps: ROOT/bev/SOURCE, or a folder with a slash in its name.")
-    ] = "groundtruth",
+    bev: SourceOption = None,
     version: VersionOption = None,
     tracks: Annotated[
         Path | None,
@@ -120,8 +128,6 @@ def ground(
     grounder = Grounder(lexicon=lexicon, llm=_endpoint(llm), config=config, ego=ego)
     key_frame = None
     if root is not None:
-        if scene is None or frame is None:
-            raise DataError("ROOT needs --scene and --frame")
         key_frame = _set_key_frame(
             grounder,
             root,
@@ -172,10 +178,10 @@ def _endpoint(url: str | None) -> ChatEndpoint | None:
 def _set_key_frame(
     grounder: Grounder,
     root: Path,
-    scene: str,
-    frame: int,
+    scene: str | None,
+    frame: int | None,
     *,
-    bev: str,
+    bev: str | None,
     version: str | None,
     tracks: Path | None,
     images: bool,
@@ -183,7 +189,7 @@ def _set_key_frame(
     """Open the dataset and set one of its key frames as the scene.
 
     Raises:
-        DataError: if a file is missing or damaged.
+        DataError: if a file is missing or damaged, or a scene, frame or source must be chosen.
         NotFoundError: if there is no such scene or key frame.
     """
     from appocc.nuscenes import Dataset
@@ -191,8 +197,12 @@ def _set_key_frame(
     from grounding.pipeline import set_key_frame
 
     dataset = Dataset(root, version)
-    sample = sample_at(dataset, dataset.scene(scene), frame)
-    return set_key_frame(grounder, dataset, sample, bev, tracks=tracks, images=images)
+    chosen = choose_scene(dataset, scene)
+    if frame is None:
+        last = len(dataset.samples(chosen)) - 1
+        raise DataError(f"{root}: expected --frame, 0..{last} of scene '{chosen.name}'")
+    sample = sample_at(dataset, chosen, frame)
+    return set_key_frame(grounder, dataset, sample, choose_source(root, bev), tracks=tracks, images=images)
 
 
 def _lines(path: Path) -> list[str]:

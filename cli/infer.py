@@ -11,6 +11,8 @@ import typer
 from cli.common import JsonOption, VersionOption, emit, out_path, progress, say, say_empty, say_stale
 
 if TYPE_CHECKING:
+    import torch
+
     from appocc.bevmap import BEVMap
     from appocc.inference.inputs import InferenceInput
     from appocc.inference.run import InferenceRun, InferenceSummary
@@ -41,6 +43,10 @@ def infer(
         bool,
         typer.Option(help="Level the cameras with the ground in the LiDAR sweeps of ROOT, where it has any."),
     ] = True,
+    pictures: Annotated[bool, typer.Option(help="Also write a picture of each map.")] = True,
+    device: Annotated[
+        str | None, typer.Option("--device", help="cpu, cuda or cuda:N; default: the first GPU, else the CPU.")
+    ] = None,
     detections: Annotated[
         Path | None,
         typer.Option("--detections", help="Also write the objects of all key frames as nuScenes detection results."),
@@ -60,7 +66,8 @@ def infer(
     from appocc.inference.loading import load_predictor
     from appocc.inference.run import PICTURES, InferenceRun
 
-    run = InferenceRun(inputs_of(source, rig, scene, version, level), load_predictor(weights), out, detections)
+    predictor = load_predictor(weights, _device(device))
+    run = InferenceRun(inputs_of(source, rig, scene, version, level), predictor, out, detections, pictures)
     start = time.monotonic()
     summary = execute(run)
     seconds = time.monotonic() - start
@@ -68,15 +75,38 @@ def infer(
         dead = {channel: {"frames": times, "reason": why} for channel, (times, why) in summary.missing.items()}
         counts = {"made": summary.made, "kept": summary.kept, "seconds": seconds, "left_out": dead}
         files = {} if detections is None else {"detections": str(detections)}
-        emit({"folder": str(out), "pictures": str(out / PICTURES), **files, **counts, "stale": summary.stale})
+        drawn = str(out / PICTURES) if pictures else None
+        emit({"folder": str(out), "pictures": drawn, **files, **counts, "stale": summary.stale})
     say_stale(summary.stale)
     if summary.missing:
         cameras = (f"{channel} in {times} frames ({why})" for channel, (times, why) in summary.missing.items())
         say(f"left out: {'; '.join(cameras)}")
     rate = f", {summary.made / seconds * 60:.0f} a minute" if summary.made else ""
-    say(f"{out}: {summary.made} maps made{rate}, {summary.kept} kept; pictures in {out / PICTURES}")
+    shown = f"; pictures in {out / PICTURES}" if pictures else ""
+    say(f"{out}: {summary.made} maps made{rate}, {summary.kept} kept{shown}")
     if detections is not None:
         say(f"{detections}: detections of {summary.made + summary.kept} key frames")
+
+
+def _device(name: str | None) -> torch.device | None:
+    """Return a device by its name; None for the default one.
+
+    Raises:
+        DataError: if there is no such device.
+    """
+    if name is None:
+        return None
+    import torch
+
+    from appocc.errors import DataError
+
+    try:
+        device = torch.device(name)
+        torch.zeros(1, device=device)
+    except (RuntimeError, AssertionError) as error:
+        reason = str(error).splitlines()[0]
+        raise DataError(f"--device: expected cpu, or a GPU that torch can use, got '{name}' ({reason})") from error
+    return device
 
 
 def inputs_of(
@@ -122,7 +152,7 @@ def write_maps(run: InferenceRun, advance: Callable[[float], None]) -> None:
     from appocc.visualization.predictions import prediction_figure
 
     for result in run:
-        if result is not None:
+        if result is not None and result.picture is not None:
             write_image(result.picture, prediction_figure(result.frame, result.bev, vehicle_marks(result.bev)))
         advance(1)
 

@@ -6,13 +6,15 @@ import os
 import signal
 import sys
 from types import FrameType
+from typing import Annotated
 
 import typer
 
 from appocc.errors import AppoccError
+from appocc.version import __version__
 from cli.ablate import ablate
 from cli.check_rig import check_rig
-from cli.common import Interrupted, say, say_error
+from cli.common import Interrupted, say_always, say_error, set_verbosity
 from cli.convert import app as convert_app
 from cli.demo import demo
 from cli.doctor import doctor
@@ -21,20 +23,43 @@ from cli.export import export
 from cli.ground import ground
 from cli.groundtruth import groundtruth
 from cli.infer import infer
+from cli.report.command import report
 from cli.rig import app as rig_app
 from cli.serve import serve
 from cli.simulate import simulate
 from cli.track import app as track_app
 from cli.train import train
+from cli.view import view
 from cli.weights import app as weights_app
 
 app = typer.Typer(
     name="appocc",
-    help="Six cameras to a bird's-eye view of occupancy and colour; vehicle tracks; grounded commands.",
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
 )
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"appocc {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version and exit.")
+    ] = False,
+    quiet: Annotated[
+        bool, typer.Option("-q", "--quiet", help="Print errors only: no results for people, no progress.")
+    ] = False,
+    verbose: Annotated[
+        bool, typer.Option("-v", "--verbose", help="With an error, also print where in the code it arose.")
+    ] = False,
+) -> None:
+    """Six cameras to a bird's-eye view of occupancy and colour; vehicle tracks; grounded commands."""
+    set_verbosity(quiet, verbose)
+
 
 app.command()(demo)
 app.command()(simulate)
@@ -50,6 +75,8 @@ app.command()(export)
 app.add_typer(track_app)
 app.command()(ground)
 app.command()(serve)
+app.command()(view)
+app.command()(report)
 app.add_typer(eval_app)
 app.add_typer(weights_app)
 
@@ -67,10 +94,11 @@ def run() -> None:
     # OpenCV and its FFmpeg print warnings about damaged images and videos to stderr; our errors report them already.
     os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
     os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
+    os.environ.setdefault("RUST_LOG", "off")  # Rerun likewise
     try:
         app()
     except Interrupted as interruption:
-        say(str(interruption))
+        say_always(str(interruption))
         raise
     except AppoccError as error:
         say_error(error)

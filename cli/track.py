@@ -10,7 +10,21 @@ import typer
 from typer.core import TyperGroup
 
 from appocc.errors import AppoccError
-from cli.common import JsonOption, RootArgument, TrustUnseenOption, VersionOption, emit, out_path, progress, say
+from cli.common import (
+    JsonOption,
+    RootArgument,
+    SceneOption,
+    SourceOption,
+    TrustUnseenOption,
+    VersionOption,
+    choose_scene,
+    choose_source,
+    emit,
+    out_path,
+    progress,
+    say,
+    wide_console,
+)
 
 if TYPE_CHECKING:
     from appocc.nuscenes import Dataset
@@ -49,7 +63,6 @@ app = typer.Typer(
     """,
 )
 
-SceneOption = Annotated[str, typer.Option("--scene", help="Name or token of the scene.")]
 SmoothOption = Annotated[
     bool,
     typer.Option("--smooth", help="Offline smoothing: smooth paths, fill gaps, drop predictions after the last hit."),
@@ -72,8 +85,8 @@ _BEV_HELP = "Source of the maps: ROOT/bev/SOURCE, or a folder with a slash in it
 @app.command("scene")
 def track_scene_command(
     root: RootArgument,
-    scene: SceneOption,
-    bev: Annotated[str, typer.Option("--bev", help=_BEV_HELP)],
+    scene: SceneOption = None,
+    bev: SourceOption = None,
     smooth: SmoothOption = False,
     min_score: MinScoreOption = _ALL,
     out: Annotated[
@@ -98,18 +111,18 @@ def track_scene_command(
     if video is not None:
         check_video_path(video)
     dataset = Dataset(root, version)
-    wanted = dataset.scene(scene)
-    folder = out or tracks_folder(root, bev, wanted.name)
+    wanted, source = choose_scene(dataset, scene), choose_source(root, bev)
+    folder = out or tracks_folder(root, source, wanted.name)
     with progress("tracking", len(dataset.samples(wanted))) as advance:
-        result = track_scene(dataset, wanted, bev, trust_unseen=trust_unseen, smoothing=smooth, advance=advance)
-    _report_scene(dataset, result.with_scores(min_score), {"bev": bev}, folder, video, as_json)
+        result = track_scene(dataset, wanted, source, trust_unseen=trust_unseen, smoothing=smooth, advance=advance)
+    _report_scene(dataset, result.with_scores(min_score), {"bev": source}, folder, video, as_json)
 
 
 @app.command("detections")
 def track_detections_command(
     root: RootArgument,
     file: Annotated[Path, typer.Argument(metavar="FILE", help="nuScenes detection results for the scene.")],
-    scene: SceneOption,
+    scene: SceneOption = None,
     smooth: SmoothOption = False,
     min_score: MinScoreOption = _ALL,
     out: Annotated[
@@ -129,7 +142,7 @@ def track_detections_command(
     from tracking.pipeline import track_detections, tracks_folder
 
     dataset = Dataset(root, version)
-    wanted = dataset.scene(scene)
+    wanted = choose_scene(dataset, scene)
     folder = out or tracks_folder(root, file.stem, wanted.name)
     with progress("tracking", len(dataset.samples(wanted))) as advance:
         result, skipped = track_detections(dataset, wanted, file, smoothing=smooth, advance=advance)
@@ -367,7 +380,6 @@ def _say_files(paths: Iterable[Path]) -> None:
 
 def _show(title: str, scores: Mapping[str, Metrics]) -> None:
     """Print named scores as a table on stderr."""
-    from rich.console import Console
     from rich.table import Table
 
     table = Table(title, "MOTA %", "IDF1 %", "HOTA %", "MOTP m", "IDS", "FRAG", "FP", "FN", "GT")
@@ -375,8 +387,7 @@ def _show(title: str, scores: Mapping[str, Metrics]) -> None:
         shares = [_format_number(100 * share, 1) for share in (m.MOTA, m.IDF1, m.HOTA)]
         counts = [str(count) for count in (m.IDS, m.FRAG, m.FP, m.FN, m.GT)]
         table.add_row(name, *shares, _format_number(m.MOTP, 2), *counts)
-    console = Console(stderr=True)
-    console.width = max(console.width, 80)  # in a narrow terminal lines wrap, but no number is cut
+    console = wide_console(80)
     console.print(table)
 
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cli.common import Interrupted, JsonOption, emit, out_path, say
+from cli.common import Interrupted, JsonOption, emit, is_quiet, out_path, say
 
 if TYPE_CHECKING:
     from appocc.training.run import TrainingMonitor
@@ -35,6 +35,8 @@ def train(
     as_json: JsonOption = False,
 ) -> None:
     """Train a network; with torchrun, on several GPUs. Exit 0: done; 1: diverged; 2: bad input; 130: interrupted.
+
+    All keys: docs/configuration.md.
 
     Example: appocc train small data.train=SIM data.val=VAL --out runs/first
     """
@@ -75,7 +77,7 @@ def training_progress() -> Iterator[TrainingMonitor]:
         return
     columns = (BarColumn(20), TaskProgressColumn(), TimeRemainingColumn(), TextColumn("{task.description}"))
     console = Console(stderr=True)
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
+    with Progress(*columns, console=console, transient=True, disable=is_quiet() or not console.is_terminal) as bar:
         task = bar.add_task("preparing", total=1.0)
         yield TrainingMonitor(lambda share, text: bar.update(task, completed=share, description=text), say)
 

@@ -13,7 +13,7 @@ from appocc.checks import FloatArray
 from appocc.errors import AppoccError
 from grounding.answer import Answer
 from grounding.confidence import confidence_of, gather_evidence, is_worth_acting
-from grounding.describe import describe_object, describe_step
+from grounding.describe import describe_object, describe_step, with_article
 from grounding.goal.at_landmark import landmark_of
 from grounding.goal.planner import GoalPlan, plan_goal
 from grounding.goal.second_best import plan_with_second_best
@@ -191,7 +191,7 @@ def pick(options: Sequence[_Option], number: int, name: str) -> _Option:
         AppoccError: if there is no such option.
     """
     if not 1 <= number <= len(options):
-        raise AppoccError(f"expected the number of a {name}, 1 to {len(options)}, got {number}")
+        raise AppoccError(f"expected the number of {with_article(name)}, 1 to {len(options)}, got {number}")
     return options[number - 1]
 
 
@@ -338,7 +338,8 @@ def _plan(
     if item is None and query.landmark == "secondary" and landmark_of(query) is None:
         # The map does not hold the landmark: report the goal as the nearest free place and not as the answer.
         landmark = query.secondary[0].noun.replace("_", " ")
-        reason = f"'{query.relation.replace('_', ' ')}' is measured from a {landmark}, which the map does not hold"
+        relation, one = query.relation.replace("_", " "), with_article(landmark)
+        reason = f"'{relation}' is measured from {one}, which the map does not hold"
         return GoalPlan(None, (reason,), nearest=goal_plan.target)
     for shift in request.shifts:
         goal_plan = shift_goal(goal_plan, shift, scene, road, item)

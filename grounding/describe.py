@@ -19,6 +19,11 @@ from grounding.scene_object import SceneObject
 _AHEAD_M, _ASIDE_M, _FACING_RAD = 3.0, 1.5, np.radians(120)
 
 
+def with_article(noun: str) -> str:
+    """Return a noun with "a" or "an", by its first letter."""
+    return f"{'an' if noun[:1].lower() in ('a', 'e', 'i', 'o') else 'a'} {noun}"
+
+
 def describe_side(item: SceneObject, ego: EgoVehicle) -> str:
     """Return where an object is as seen from the ego, in one or two words."""
     x, y = item.centre_m[0] - ego.centre_m, item.centre_m[1]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import cv2
 import numpy as np
 
@@ -34,6 +36,8 @@ _SCALE = 4
 _CAPTION_PX, _LINE_PX = 204, 22
 # Width of the camera panel, at most, relative to the map panel.
 _MAX_RELATIVE_WIDTH = 1.8
+# Nearest depth and farthest pixels of what is drawn into a camera image.
+_NEAR_M, _FAR_PX = 0.5, 1e5
 _STATUS_COLOUR: dict[str, Colour] = {"ok": (90, 220, 110), "ambiguous": YELLOW}
 
 
@@ -142,10 +146,12 @@ def _draw_camera_panel(answer: Answer, frame: Frame, height: int) -> ByteArray |
     if channel is None:
         channel = "CAM_FRONT" if "CAM_FRONT" in frame.images else next(iter(frame.images))
     camera, picture = _resize(frame.rig[channel], frame.images[channel], height)
+    if answer.target:
+        _draw_footprint(
+            picture, camera, answer.target.footprint(), [_corners(o, frame) for o in answer.scene.objects]
+        )
     for candidate in shown:
         draw_box(picture, camera, _corners(candidate.item, frame), RED if answer.referent else YELLOW, 2)
-    if answer.target:
-        _draw_footprint(picture, camera, answer.target.footprint())
     put_text(picture, channel, (10, 22), WHITE, 0.6)
     if shown and not answer.referent:
         _draw_numbers(picture, camera, answer, frame)
@@ -191,20 +197,31 @@ def _visible_px(camera: Camera, corners: FloatArray) -> float:
     return float(np.prod(uv.max(axis=0) - uv.min(axis=0)))
 
 
-def _draw_footprint(picture: ByteArray, camera: Camera, footprint: FloatArray) -> None:
-    """Blend a footprint on the ground plane into the image if it is completely in front of the camera."""
+def _draw_footprint(
+    picture: ByteArray, camera: Camera, footprint: FloatArray, vehicles: Sequence[FloatArray]
+) -> None:
+    """Blend a footprint on the ground plane into the image if it is completely in front of the camera.
+
+    Vehicles, box corners (8, 3) each in the ego frame, hide the part of it that is behind them.
+    """
     points = np.pad(footprint, ((0, 0), (0, 1)))
     in_cam = apply(inverse(camera.ego_from_cam), points)
-    if float(in_cam[:, 2].min()) < 0.5:
+    if float(in_cam[:, 2].min()) < _NEAR_M:
         return
     uv, _ = camera.project(in_cam)
-    if np.abs(uv).max() > 1e5:
+    if np.abs(uv).max() > _FAR_PX:
         return
-    overlay = picture.copy()
+    before, overlay = picture.copy(), picture.copy()
     outline = np.round(uv).astype(np.int32).reshape(-1, 1, 2)
     cv2.fillPoly(overlay, [outline], CYAN)
     cv2.addWeighted(overlay, 0.45, picture, 0.55, 0, dst=picture)
     cv2.polylines(picture, [outline], True, CYAN, 3, cv2.LINE_AA)
+    hidden = np.zeros(picture.shape[:2], np.uint8)
+    for corners in vehicles:
+        uv, depth = camera.project_ego(corners)
+        if depth.min() > _NEAR_M and depth.mean() < in_cam[:, 2].mean() and np.abs(uv).max() < _FAR_PX:
+            cv2.fillConvexPoly(hidden, cv2.convexHull(np.round(uv).astype(np.int32)), 1)
+    picture[hidden > 0] = before[hidden > 0]
 
 
 def _draw_numbers(picture: ByteArray, camera: Camera, answer: Answer, frame: Frame) -> None:

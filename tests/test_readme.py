@@ -105,6 +105,19 @@ def test_the_grounding_commands_run_in_order(simulated_root: Path, tmp_path: Pat
     assert (tmp_path / "place.png").read_bytes().startswith(b"\x89PNG")
 
 
+def test_the_report_and_the_recordings_are_written(simulated: Walkthrough, tmp_path: Path) -> None:
+    assert simulated.failures() == []
+    (tmp_path / "SIM").symlink_to(simulated.folder / "SIM")
+    lines = blocks("## Show it")[0].splitlines()
+    assert [line.split()[1] for line in lines] == ["report", "view"]
+    for line in lines:
+        code, said = run_line(line, tmp_path)
+        assert code == 0, (line, said)
+    assert "<h2>Worst frames</h2>" in (tmp_path / "report.html").read_text()
+    assert (tmp_path / "scene.rrd").read_bytes().startswith(b"RRF2")
+    assert (tmp_path / "scene.mcap").read_bytes().startswith(b"\x89MCAP")
+
+
 @pytest.mark.slow
 @pytest.mark.long
 def test_the_training_commands_run_in_order(simulated_root: Path, tmp_path: Path) -> None:

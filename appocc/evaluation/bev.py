@@ -66,6 +66,25 @@ class EvaluationConfig:
         check_distance("--range", self.range_m)
 
 
+class FrameScore(NamedTuple):
+    """Score of one sample.
+
+    Attributes:
+        token: token of the sample.
+        number: index of the sample in its scene.
+        iou: IoU by class at the map's thresholds, else at 0.5; NaN where neither map has a cell.
+    """
+
+    token: str
+    number: int
+    iou: Mapping[str, float]
+
+    @property
+    def mean_iou(self) -> float:
+        """Mean IoU of the classes that the frame has; NaN if it has none."""
+        return _mean(self.iou.values())
+
+
 class SceneScores(NamedTuple):
     """Sums over the samples of a scene.
 
@@ -76,6 +95,7 @@ class SceneScores(NamedTuple):
         counts: cell counts.
         probabilities: histogram of the probabilities of road, vehicle, lane.
         vehicles: scores of all vehicles of all samples.
+        frames: score of each sample.
     """
 
     name: str
@@ -84,6 +104,7 @@ class SceneScores(NamedTuple):
     counts: CellCounts
     probabilities: tuple[ProbabilityHistogram, ...]
     vehicles: Sequence[VehicleScore]
+    frames: Sequence[FrameScore]
 
 
 @dataclass(frozen=True)
@@ -215,25 +236,27 @@ def _score_scene(
     advance: Callable[[float], None],
 ) -> SceneScores:
     thresholds = threshold_rows(kept)
-    counts, vehicles = CellCounts.zeros(len(thresholds)), []
+    counts, vehicles, frames = CellCounts.zeros(len(thresholds)), [], []
     probabilities = (ProbabilityHistogram.zeros(),) * len(CLASSES)
     samples = dataset.samples(scene)
     annotated = dataset.annotated(scene)
-    for sample in samples:
+    for number, sample in enumerate(samples):
         pair = read_map_pair(dataset.root, config.source, config.against, sample.token, config.ahead)
         if pair.predicted.thresholds != kept:
             raise DataError(f"{config.source}: expected maps of one model, got other thresholds in {sample.token}")
         grid = pair.truth.grid
         within = np.linalg.norm(grid.centres(), axis=-1) <= (config.range_m or np.inf)
         masks = cell_group_masks(grid, within, pair.seen)
-        counts = counts.plus(count_cells(pair.predicted, pair.truth, masks, thresholds))
+        own = count_cells(pair.predicted, pair.truth, masks, thresholds)
+        counts = counts.plus(own)
+        frames.append(FrameScore(sample.token, number, ious(own.overlap[-1, 0])))
         probabilities = _added(probabilities, _histograms(pair, within))
         boxes = _boxes(dataset, sample) if pair.instance is None and annotated else None
         true = true_vehicles(pair.truth, pair.instance, boxes)
         levels = visibility_levels(dataset, sample)
         vehicles += score_vehicles(pair.predicted, pair.truth, true, within, float(thresholds[-1, VEHICLE]), levels)
         advance(1)
-    return SceneScores(scene.name, weather_of(scene), len(samples), counts, probabilities, vehicles)
+    return SceneScores(scene.name, weather_of(scene), len(samples), counts, probabilities, vehicles, frames)
 
 
 def _histograms(pair: MapPair, within: BoolArray) -> tuple[ProbabilityHistogram, ...]:

@@ -29,12 +29,12 @@ class InferenceResult(NamedTuple):
     Attributes:
         frame: frame that it was predicted from.
         bev: the map.
-        picture: path for a picture of the map.
+        picture: path for a picture of the map; None without pictures.
     """
 
     frame: Frame
     bev: BEVMap
-    picture: Path
+    picture: Path | None
 
 
 class InferenceSummary(NamedTuple):
@@ -67,6 +67,7 @@ class InferenceRun:
         predictor: Predictor,
         out: PathLike,
         detections: PathLike | None = None,
+        pictures: bool = True,
     ) -> None:
         """Prepare a run.
 
@@ -75,11 +76,12 @@ class InferenceRun:
             predictor: network with its weights.
             out: folder of the maps.
             detections: file for the objects of all inputs as nuScenes' detection results, written at the end.
+            pictures: whether maps have pictures; without, an existing map needs none to be kept.
 
         Raises:
             DataError: if `out` is a folder of ground truth, or inputs without poses cannot have detections.
         """
-        self._inputs, self._predictor, self._out = inputs, predictor, Path(out)
+        self._inputs, self._predictor, self._out, self._pictures = inputs, predictor, Path(out), pictures
         self._detections = None if detections is None else Path(detections)
         if self._detections is not None and any(each.pose is None for each in inputs):
             raise DataError(f"{detections}: detections need ego poses: expected a dataset, got a folder of images")
@@ -114,12 +116,13 @@ class InferenceRun:
         earlier = ""
         unread: list[InferenceInput] = []  # with kept maps, which the memory does not have yet
         for each in inputs:
-            path, picture = self._out / f"{each.token}.npz", self._out / PICTURES / f"{each.title}.png"
+            path = self._out / f"{each.token}.npz"
+            picture = self._out / PICTURES / f"{each.title}.jpg" if self._pictures else None
             own = each.parts()
             parts = {**own, "earlier frames": earlier} if earlier else own
             if self._predictor.has_memory:
                 earlier = digest([earlier, sorted(own.items())])
-            reason = record.why_remake(path, picture, parts, why_stale)
+            reason = record.why_remake(path, picture or path, parts, why_stale)
             if reason is None:
                 self._kept += 1
                 unread.append(each)

@@ -136,7 +136,7 @@ def _unpickled(path: Path) -> Any:
     try:
         pandas = importlib.import_module("pandas")
     except ImportError as error:
-        raise DataError("reading pickles needs pandas: pip install 'appocc[pandaset]'") from error
+        raise DataError("reading pickles needs pandas: pip install '.[pandaset]'") from error
     packed = read_file(path)
     try:
         return pandas.read_pickle(io.BytesIO(packed), compression="gzip")

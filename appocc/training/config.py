@@ -32,7 +32,8 @@ class DataConfig(_Section):
 
     Attributes:
         train: root of the training dataset in the nuScenes schema, or a list of roots.
-        val: root of the validation dataset, for choosing thresholds and the best checkpoint; or
+        val: root of the validation dataset, for choosing thresholds and the best checkpoint; this
+            or `held_out`.
         held_out: number of samples at the end of each scene of `train` for validation instead of training.
         source: source of the true maps, as in `bev/SOURCE`.
         packs: folder of the packed datasets.
@@ -72,7 +73,7 @@ class TrainConfig(_Section):
     """Optimization.
 
     Attributes:
-        steps: budget in optimizer steps; or
+        steps: budget in optimizer steps; this or `minutes`.
         minutes: budget in minutes of steps, evaluations not counted; schedules follow the spent share of the budget.
         batch: samples per forward pass and process.
         accumulate: forward passes per step (gradient accumulation).

@@ -272,8 +272,9 @@ def validate(run: TrainingRun) -> ValidationMetrics:
     config, metrics = run.config, MetricAccumulator(run.processes.device, run.model.spec.grid)
     stream = run.setup.val.in_order(config.evaluate.samples, config.data.workers)
     with prefetch(stream, run.ema_model, run.processes.device) as batches:
-        for batch, plan, _ in batches:
+        for number, (batch, plan, _) in enumerate(batches, start=1):
             _raise_if_stopped(run)
+            run.monitor.on_step(run.share, f"step {run.progress.step}: validating, batch {number}")
             with _autocast(run):
                 output: ModelOutput = run.ema_model(batch.images, plan, batch.past)
             terms = compute_losses(output, batch.truth, config.losses, run.model.spec.grid)

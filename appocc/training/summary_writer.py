@@ -18,7 +18,7 @@ def load_summary_writer() -> Any:
     try:
         from torch.utils.tensorboard import SummaryWriter
     except ImportError as error:
-        raise DataError(f"save.tensorboard needs pip install 'appocc[tensorboard]' ({error})") from error
+        raise DataError(f"save.tensorboard needs pip install '.[tensorboard]' ({error})") from error
     return SummaryWriter
 
 

@@ -21,6 +21,7 @@ _HATCH_PX, _HATCH_LINE_PX = 12, 2
 UNKNOWN_LEGEND = "hatched: unknown"
 # Background of predicted colours, which are the fainter the less sure the network is that the cell is of any class.
 _NOTHING_COLOUR = (38, 41, 48)
+_EMPTY = 20
 _CLASS_COLOURS = {ROAD: (112, 112, 118), LANE: (245, 205, 70), VEHICLE: (70, 130, 240)}
 
 
@@ -33,6 +34,27 @@ def hatch_pattern(rows: int, columns: int) -> ByteArray:
     """Return a (rows, columns, 3) hatched image, the pattern of unknown cells."""
     line = np.add.outer(np.arange(rows), np.arange(columns)) % _HATCH_PX < _HATCH_LINE_PX
     return np.where(line[..., None], HATCH_COLOUR, UNKNOWN_COLOUR).astype(np.uint8)
+
+
+def shown_appearance(bev: BEVMap) -> ByteArray:
+    """Return the colours (X, Y, 3) of a map as they are drawn.
+
+    Networks learn the colours of road, vehicles and lanes only. The opacity of a predicted cell is the square of its
+    largest class probability: half as probable is four times as faint.
+    """
+    colours = np.moveaxis(bev.appearance, 0, -1)
+    if bev.thresholds is None:
+        return colours
+    opacity = bev.occupancy.max(axis=0)[..., None] ** 2
+    return np.asarray(opacity * colours + (1 - opacity) * np.array(_NOTHING_COLOUR), np.uint8)
+
+
+def class_colours(bev: BEVMap) -> ByteArray:
+    """Return a colour (X, Y, 3) for the class of each cell: vehicle over lane over road, others nearly black."""
+    colours = np.full((*bev.grid.shape, 3), _EMPTY, np.uint8)
+    for layer in (ROAD, LANE, VEHICLE):
+        colours[bev.on[layer]] = _CLASS_COLOURS[layer]
+    return colours
 
 
 class BEVCanvas:
@@ -65,24 +87,12 @@ class BEVCanvas:
         return picture.repeat(self.scale, axis=0).repeat(self.scale, axis=1)
 
     def appearance(self, bev: BEVMap) -> None:
-        """Draw the appearance of a map; unknown cells stay hatched.
-
-        Networks learn the colours of road, vehicles and lanes only. The opacity of a predicted cell is the square of
-        its largest class probability: half as probable is four times as faint.
-        """
-        colours = np.moveaxis(bev.appearance, 0, -1)
-        if bev.thresholds is not None:
-            opacity = bev.occupancy.max(axis=0)[..., None] ** 2
-            colours = np.asarray(opacity * colours + (1 - opacity) * np.array(_NOTHING_COLOUR), np.uint8)
-        self.cells(colours, bev.appearance_valid)
+        """Draw the appearance of a map, see `shown_appearance`; unknown cells stay hatched."""
+        self.cells(shown_appearance(bev), bev.appearance_valid)
 
     def occupancy(self, bev: BEVMap) -> None:
         """Draw road, lane and vehicle cells in fixed colours, known empty cells in black."""
-        known = bev.occupancy_valid[ROAD]
-        self.cells(np.full((*self.grid.shape, 3), 20, np.uint8), known)
-        for layer in (ROAD, LANE, VEHICLE):
-            colour = np.broadcast_to(np.array(_CLASS_COLOURS[layer], np.uint8), (*self.grid.shape, 3))
-            self.cells(colour, bev.on[layer])
+        self.cells(class_colours(bev), bev.occupancy_valid[ROAD] | bev.on.any(axis=0))
 
     def line(self, xy_m: ArrayLike, colour: Colour, width: int = 1, closed: bool = False) -> None:
         """Draw a polyline through points (N, 2) in the ego frame."""

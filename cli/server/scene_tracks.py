@@ -15,7 +15,7 @@ from typing import Literal, NamedTuple
 from appocc.errors import AppoccError, DataError
 from appocc.nuscenes import Dataset
 from cli.server.recording import Recording
-from tracking.io.nuscenes_tracks import read_key_frames
+from tracking.io.nuscenes_tracks import read_tracks
 from tracking.pipeline import track_scene, tracks_folder
 from tracking.tracks import Track
 
@@ -109,7 +109,7 @@ def _run(work: _Work, recording: Recording, scene: int, source: str, file: Path 
         if file is not None:
             tokens = [sample.token for sample in recording.samples(scene)]
             with suppress(AppoccError):  # tracks of older maps may lack key frames: then they are made anew
-                work.result.set_result(tuple(read_key_frames(file, tokens)))
+                work.result.set_result(read_tracks(file, tokens))
                 return
         # A reader of its own: a long scene must not hold up the pages.
         dataset = Dataset(recording.root, recording.version)

@@ -43,7 +43,7 @@ def counting_prior(referent: Referent, table: ObjectTable) -> FloatArray:
     if not {"leftmost", "rightmost", "farthest"} & {*referent.qualifiers}:
         result = result * (1 - (1 - _OTHER_STREET) * rising(offset, OTHER_STREET_M, 2.0))
     if not includes_behind(referent):
-        result = result * np.where(_is_behind(table), _BEHIND_COUNTED, 1.0)
+        result = result * np.where(is_behind(table), _BEHIND_COUNTED, 1.0)
     return result
 
 
@@ -63,7 +63,7 @@ def log_salience(query: Query, referent: Referent, table: ObjectTable) -> FloatA
     if not behind:
         # Counting down-weights objects behind the ego already.
         if not find_ordinals(referent.qualifiers):
-            result = result + np.where(_is_behind(table), np.log(_BEHIND), 0.0)
+            result = result + np.where(is_behind(table), np.log(_BEHIND), 0.0)
         x, y = table.xy_m.T
         in_view = rising(x + 2 - np.abs(y), 0.0, 1.5)
         result = result + np.log(_OUT_OF_VIEW + (1 - _OUT_OF_VIEW) * in_view)
@@ -72,7 +72,8 @@ def log_salience(query: Query, referent: Referent, table: ObjectTable) -> FloatA
     return result
 
 
-def _is_behind(table: ObjectTable) -> BoolArray:
+def is_behind(table: ObjectTable) -> BoolArray:
+    """Return whether objects (N,) are behind the ego."""
     return np.asarray(table.xy_m[:, 0] < table.ego.centre_m - 2.5)
 
 

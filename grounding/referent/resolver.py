@@ -15,6 +15,7 @@ from grounding.referent.doubts import question_about
 from grounding.referent.fuzzy import gaussian
 from grounding.referent.ordinals import find_ordinals
 from grounding.referent.predicates import to_referent
+from grounding.referent.priors import includes_behind, is_behind
 from grounding.referent.scene import SceneModel
 from grounding.referent.scoring import ReferentScores, note_unmapped, score_objects
 from grounding.referent.spatial_relations import fit_between, footprint_gap_m
@@ -108,6 +109,7 @@ def resolve(query: Query, scene: SceneModel, limit: int = MAX_CANDIDATES) -> Res
         reason = f"what fits '{referent.phrase()}' best is {described}"
         return Resolution("ambiguous", candidates[:1], (reason, *scores.notes), question, (described,))
     reasons = _explain_choice(referent, num_matches, candidates[0], scene)
+    reasons += _explain_nearer_behind(referent, choices[0].row, scores, scene)
     return Resolution("ok", candidates, (*reasons, *scores.notes))
 
 
@@ -280,6 +282,18 @@ def _explain_no_pair(query: Query, referent: Referent, scores: ReferentScores) -
 def _explain_too_few(referent: Referent, num_matches: int) -> str:
     words = find_ordinals(referent.qualifiers)
     return f"no vehicle is the '{' '.join(words)}' one: {num_matches} fit the rest of '{referent.phrase()}'"
+
+
+def _explain_nearer_behind(referent: Referent, chosen: int, scores: ReferentScores, scene: SceneModel) -> list[str]:
+    """Explain why the nearest one is not one behind the ego that is nearer; nothing if there is none."""
+    if "nearest" not in referent.qualifiers or includes_behind(referent):
+        return []
+    distance_m = scene.table.distance_m
+    nearer = scores.matches & is_behind(scene.table) & (distance_m < distance_m[chosen])
+    if not nearer.any():
+        return []
+    metres = float(distance_m[nearer].min())
+    return [f"one {metres:.0f} m away is nearer, but behind us: that is meant only if the command says so"]
 
 
 def _explain_choice(referent: Referent, num_matches: int, best: Candidate, scene: SceneModel) -> list[str]:

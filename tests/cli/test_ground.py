@@ -119,7 +119,7 @@ def test_a_predicted_map_is_not_completed_from_annotations(street: Path) -> None
 
 def test_a_missing_map_names_the_command_that_makes_it(street: Path) -> None:
     (street / "bev" / "groundtruth" / f"{token('sample', 0)}.npz").unlink()
-    result = run(street, "stop behind the car")
+    result = run(street, "stop behind the car", "--bev", "groundtruth")
     assert isinstance(result.exception, DataError)
     assert f"there are maps of source empty and other; make it with: appocc groundtruth {street}" in str(
         result.exception
@@ -263,7 +263,7 @@ def test_an_unreachable_language_model_is_reported_and_not_needed(street: Path) 
         (("stop", "{root}", "--map", "m.npz"), "got ROOT and --map"),
         (("stop", "-i", "--map", "m.npz"), "got ROOT and --map; with --commands or --interactive, ROOT is the only"),
         (("-i", *KEY_FRAME), "expected one of ROOT and --map, got none; with --commands or --interactive, ROOT is"),
-        (("stop", "{root}"), "ROOT needs --scene and --frame"),
+        (("stop", "{root}"), "expected --frame, 0..2 of scene 'scene-tiny'"),
         (("stop", "--map", "m.npz", "--frame", "0"), "--map goes without --scene, --frame and --tracks"),
         (("stop", "--map", "{root}/nothing.npz"), "nothing.npz"),
         (("{root}", "-i", *KEY_FRAME, "--picture", "g.png"), "--picture goes only with TEXT"),

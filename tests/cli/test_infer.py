@@ -52,7 +52,7 @@ class _Model(BEVModel):
 
 @pytest.fixture(autouse=True)
 def _made_weights(monkeypatch: pytest.MonkeyPatch) -> None:
-    def load(weights: Path | None) -> Predictor:
+    def load(weights: Path | None, device: torch.device | None = None) -> Predictor:
         if weights is None:
             raise DataError("no weights come with this version")
         kept = {"road": 0.5, "vehicle": 0.5, "lane": 0.5}
@@ -89,7 +89,7 @@ def test_a_folder_of_images_with_a_dead_camera(tmp_path: Path) -> None:
     bev = BEVMap.load(tmp_path / "out" / "b.npz")
     assert bev.meta["cameras"] == ["CAM_FRONT"]
     assert (bev.appearance == 90).all()
-    assert (tmp_path / "out" / "pictures" / "a.png").is_file()
+    assert (tmp_path / "out" / "pictures" / "a.jpg").is_file()
 
 
 def test_detections_need_weights_with_objects_and_a_dataset(tiny: TinyDataset, tmp_path: Path) -> None:
@@ -124,3 +124,21 @@ def test_bad_input_is_reported_in_one_line_of_infer(tiny: TinyDataset, tmp_path:
         assert reason in str(result.exception)
         assert "\n" not in str(result.exception)
     assert not (tmp_path / "out").exists()
+
+
+def test_without_pictures_only_maps_are_written(tiny: TinyDataset, tmp_path: Path) -> None:
+    words = ["infer", str(tiny.root), "--weights", "w", "--out", str(tmp_path / "out"), "--no-pictures", "--json"]
+    first = CliRunner().invoke(app, words)
+    assert first.exit_code == 0, first.output
+    assert json.loads(first.stdout)["pictures"] is None
+    assert not (tmp_path / "out" / "pictures").exists()
+    again = json.loads(CliRunner().invoke(app, words).stdout)
+    assert (again["made"], again["kept"]) == (0, 3)
+
+
+@pytest.mark.parametrize("device", ["toaster", "cuda:99"])
+def test_an_unknown_device_is_refused(tiny: TinyDataset, tmp_path: Path, device: str) -> None:
+    words = ["infer", str(tiny.root), "--weights", "w", "--out", str(tmp_path / "out"), "--device", device]
+    done = CliRunner().invoke(app, words)
+    assert isinstance(done.exception, DataError)
+    assert f"got '{device}'" in str(done.exception)

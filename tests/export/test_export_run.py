@@ -295,7 +295,7 @@ def test_a_missing_extra_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
             result = run("--weights", weights, "--rig", "paper", "--out", tmp_path / out)
         assert isinstance(result.exception, AppoccError)
         assert result.exception.exit_code == 2
-        assert str(result.exception).startswith(f"exporting needs {name}: pip install 'appocc[export]'")
+        assert str(result.exception).startswith(f"exporting needs {name}: pip install '.[export]'")
     assert list(tmp_path.iterdir()) == [weights]
 
 

@@ -94,4 +94,4 @@ def test_without_nncf_it_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     weights = weights_file(tmp_path / "w.safetensors", "appocc")
     result = run(TinyDataset(tmp_path / "tiny").root, "--weights", weights, "--int8", "--out", tmp_path / "m.xml")
     assert isinstance(result.exception, AppoccError)
-    assert str(result.exception).startswith("exporting needs nncf: pip install 'appocc[export]'")
+    assert str(result.exception).startswith("exporting needs nncf: pip install '.[export]'")

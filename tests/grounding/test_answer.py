@@ -123,6 +123,8 @@ def test_things_that_the_map_does_not_hold_are_reported() -> None:
 def test_a_goal_next_to_an_unmapped_thing_is_not_guessed() -> None:
     answer = ground("park next to the lamp post")
     assert "'next to' is measured from a lamp post, which the map does not hold" in answer.reasons
+    elephant = ground("park next to the elephant")
+    assert "'next to' is measured from an elephant, which the map does not hold" in elephant.reasons
     assert answer.plan.nearest is not None
     assert "nearest place that would do: cell" in answer.text()
 

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from street import BLUE, EGO, WHITE, WORLD_FROM_EGO, Street
@@ -101,3 +103,14 @@ def test_instances_are_drawn_with_a_default_height() -> None:
     answer = STREET.grounder(boxes=False).ground("stop behind the nearest blue vehicle ahead")
     assert answer.status == "ok"
     assert cyan_pixels(draw_answer(answer, moment)[:, 800:]) > 100
+
+
+def test_a_place_behind_a_vehicle_is_hidden_by_it() -> None:
+    street = Street().car("near", 9, 0, WHITE).car("far", 24, 0, BLUE)
+    answer = street.grounder().ground("park in front of the white car")
+    assert answer.target is not None
+    assert answer.target.ego_m[0] > 12
+    seen = frame()
+    hidden = draw_answer(answer, replace(seen, boxes_ego=street.boxes()))[:, 800:]
+    clear = draw_answer(replace(answer, scene=Street().grounder().ground("stop").scene), seen)[:, 800:]
+    assert cyan_pixels(clear) > 3 * cyan_pixels(hidden)

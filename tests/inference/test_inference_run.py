@@ -44,6 +44,7 @@ def run(tiny: TinyDataset, out: Path, model: Predictor | None = None) -> Inferen
     run = InferenceRun(inputs_of(tiny), model or predictor(), out)
     for result in run:
         if result is not None:
+            assert result.picture is not None
             write_image(result.picture, prediction_figure(result.frame, result.bev, vehicle_centres(result.bev)))
     return run.summary
 
@@ -59,15 +60,15 @@ def test_maps_are_a_source_and_say_what_is_seen(tiny: TinyDataset) -> None:
     with zip_arrays((out / f"{ALL[1]}.npz").read_bytes()) as data:
         assert data["seen"].all()
         assert data["occupancy"].dtype == np.float16
-    assert sorted(path.name for path in (out / "pictures").iterdir()) == [f"scene-tiny-000{i}.png" for i in range(3)]
-    assert read_image(out / "pictures" / "scene-tiny-0002.png").std() > 10
+    assert sorted(path.name for path in (out / "pictures").iterdir()) == [f"scene-tiny-000{i}.jpg" for i in range(3)]
+    assert read_image(out / "pictures" / "scene-tiny-0002.jpg").std() > 10
 
 
 def test_the_same_again_and_resumed_is_the_same_to_the_byte(tiny: TinyDataset, tmp_path: Path) -> None:
     run(tiny, tmp_path / "a")
     before = digests(tmp_path / "a")
     (tmp_path / "a" / f"{ALL[0]}.npz").write_bytes(b"half")
-    (tmp_path / "a" / "pictures" / "scene-tiny-0001.png").unlink()
+    (tmp_path / "a" / "pictures" / "scene-tiny-0001.jpg").unlink()
     assert run(tiny, tmp_path / "a")[:2] == (2, 1)
     assert digests(tmp_path / "a") == before
     run(tiny, tmp_path / "b")
@@ -163,6 +164,7 @@ def test_objects_of_made_and_kept_maps_are_written_as_detections(tiny: TinyDatas
         run = InferenceRun(inputs_of(tiny), seeing, tmp_path / "maps", tmp_path / "results.json")
         for result in run:
             if result is not None:
+                assert result.picture is not None
                 write_image(result.picture, np.zeros((4, 4, 3), np.uint8))
         assert run.summary[:2] == expected
         contents.append((tmp_path / "results.json").read_bytes())

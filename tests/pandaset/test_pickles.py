@@ -169,5 +169,5 @@ def test_no_sequence_at_all(tmp_path: Path) -> None:
 def test_pandas_is_named_where_it_is_missing(twin: PandaTwin, monkeypatch: pytest.MonkeyPatch) -> None:
     published = twin.publish()
     monkeypatch.setitem(sys.modules, "pandas", None)
-    with pytest.raises(DataError, match=r"reading pickles needs pandas: pip install 'appocc\[pandaset\]'"):
+    with pytest.raises(DataError, match=r"reading pickles needs pandas: pip install '\.\[pandaset\]'"):
         read_pickles(published / "002", None)

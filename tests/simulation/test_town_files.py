@@ -61,7 +61,7 @@ def test_built_in_towns_need_no_sumo(tmp_path: Path) -> None:
     first, second = done.stdout.splitlines()
     assert first == "aldermoor True"
     assert second.startswith("AppoccError")
-    assert "pip install 'appocc[sumo]'" in second
+    assert "pip install '.[sumo]'" in second
 
 
 _EDGE = """<net version="1.20"><location netOffset="0,0" convBoundary="0,0,{size},9" origBoundary="0,0,9,9"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -41,24 +41,28 @@ class _Results(JsonPart):
 
 
 def read_key_frame(path: Path, sample_token: str) -> tuple[Track, ...]:
-    """Read the tracks of a key frame; ids that are not numbers are replaced by indices from 1.
+    """Read the tracks of a key frame, see `read_tracks`.
 
     Raises:
-        DataError: if the file cannot be read, is damaged, or lacks the key frame.
+        DataError: as `read_tracks`.
     """
-    return read_key_frames(path, [sample_token])[0]
+    return read_tracks(path, [sample_token])[0]
 
 
-def read_key_frames(path: Path, sample_tokens: Sequence[str]) -> list[tuple[Track, ...]]:
-    """Read the tracks of several key frames, as `read_key_frame`."""
+def read_tracks(path: Path, sample_tokens: Sequence[str]) -> tuple[tuple[Track, ...], ...]:
+    """Read the tracks of key frames; ids that are not numbers are replaced by indices from 1 in each.
+
+    Raises:
+        DataError: if the file cannot be read, is damaged, or lacks a key frame.
+    """
     try:
         results = _Results.model_validate(read_json(path)).results
     except ValidationError as error:
         raise DataError(f"{path}: expected tracking results of nuScenes ({first_problem(error)})") from error
-    return [_tracks(path, token, results) for token in sample_tokens]
+    return tuple(_tracks_of(path, results, token) for token in sample_tokens)
 
 
-def _tracks(path: Path, sample_token: str, results: Mapping[str, Sequence[_Box]]) -> tuple[Track, ...]:
+def _tracks_of(path: Path, results: dict[str, list[_Box]], sample_token: str) -> tuple[Track, ...]:
     if sample_token not in results:
         raise DataError(f"{path}: expected tracks of key frame {sample_token}, got none")
     try:

@@ -14,7 +14,7 @@ from types import ModuleType
 
 from appocc.errors import AppoccError, DataError
 
-_MISSING = "generating a town needs SUMO: pip install 'appocc[sumo]'"
+_MISSING = "generating a town needs SUMO: pip install '.[sumo]'"
 
 
 def load_sumo() -> ModuleType:

@@ -87,6 +87,16 @@ def test_equally_far_is_ambiguous() -> None:
     assert best(ask(car(None, "nearest", "left_side"), scene)) == "left"
 
 
+def test_a_nearer_one_behind_us_is_explained() -> None:
+    scene = Street().car("ahead", 14, -3, WHITE).car("behind", -9, 3, WHITE).scene()
+    found = ask(car("white", "nearest"), scene)
+    assert best(found) == "ahead"
+    assert any("is nearer, but behind us" in reason for reason in found.reasons)
+    assert best(ask(car("white", "nearest", "behind_ego"), scene)) == "behind"
+    alone = ask(car("white", "nearest"), Street().car("ahead", 14, -3, WHITE).car("b", -30, 3, WHITE).scene())
+    assert not any("behind us" in reason for reason in alone.reasons)
+
+
 @pytest.mark.parametrize("colour", ["silver", "grey"])
 def test_one_vehicle_that_is_silver_or_grey_is_not_ambiguous(colour: str) -> None:
     scene = Street().car("s", 12, -4, SILVER).car("b", 18, -4, BLACK).scene()

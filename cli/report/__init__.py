@@ -1,0 +1,1 @@
+"""Report of an evaluation as one HTML file: contents, charts, pictures and the page."""

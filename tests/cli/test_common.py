@@ -1,0 +1,43 @@
+"""Which scene and which maps a command takes where none are named."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from tiny_dataset import TinyDataset
+
+from appocc.errors import DataError
+from appocc.nuscenes import Dataset
+from cli.common import choose_scene, choose_source
+
+
+def test_the_only_scene_is_taken(tiny_root: Path) -> None:
+    dataset = Dataset(tiny_root)
+    assert choose_scene(dataset, None).name == choose_scene(dataset, "scene-tiny").name == "scene-tiny"
+
+
+def test_of_several_scenes_one_must_be_named(tiny: TinyDataset) -> None:
+    first = tiny.tables["scene"][0]
+    tiny.tables["scene"] += [{**first, "token": f"{i}", "name": f"scene-{i}"} for i in range(20)]
+    with pytest.raises(DataError, match=r"expected --scene, one of scene-tiny, scene-0, .*, scene-10 and 9 more$"):
+        choose_scene(Dataset(tiny.write()), None)
+
+
+def made_sources(root: Path, *names: str) -> Path:
+    """A root with maps of some sources, empty files."""
+    for name in names:
+        folder = root / "bev" / name
+        folder.mkdir(parents=True)
+        (folder / "a.npz").touch()
+    return root
+
+
+def test_the_only_source_is_taken_else_groundtruth_else_one_must_be_named(tmp_path: Path) -> None:
+    assert choose_source(made_sources(tmp_path / "a", "mine"), None) == "mine"
+    assert choose_source(made_sources(tmp_path / "b", "mine", "groundtruth"), None) == "groundtruth"
+    assert choose_source(tmp_path / "b", "other") == "other"
+    with pytest.raises(DataError, match=r"expected --bev, one of mine, theirs$"):
+        choose_source(made_sources(tmp_path / "c", "theirs", "mine"), None)
+    with pytest.raises(DataError, match=r"no maps in .*make them with: appocc infer"):
+        choose_source(tmp_path, None)
