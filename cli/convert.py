@@ -2,27 +2,28 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
+import re
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from cli.common import JsonOption, emit, out_path, progress, say
 
+if TYPE_CHECKING:
+    from appocc.own_cameras.convert import Summary
 
-class Source(StrEnum):
-    """Source formats."""
+app = typer.Typer(name="convert", help="Convert recordings to the nuScenes schema.")
 
-    pandaset = "pandaset"
+OutArgument = Annotated[Path, typer.Argument(parser=out_path, metavar="OUT", help="New folder for the dataset.")]
 
 
-def convert(
-    source: Annotated[Source, typer.Argument(metavar="SOURCE", help="Format of the recording: pandaset.")],
+@app.command()
+def pandaset(
     src: Annotated[
         Path, typer.Argument(metavar="SRC", help="Folder with frames.json (plain), or a published sequence folder.")
     ],
-    out: Annotated[Path, typer.Argument(parser=out_path, metavar="OUT", help="New folder for the dataset.")],
+    out: OutArgument,
     lidar: Annotated[Path | None, typer.Option(help="Folder of the LiDAR sweeps, if it is a separate one.")] = None,
     trust_pickles: Annotated[
         bool,
@@ -33,7 +34,7 @@ def convert(
     ] = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Convert a recording to the nuScenes schema.
+    """Convert PandaSet.
 
     Example: appocc convert pandaset pandaset_002 OUT --lidar pandaset_002_lidar
     """
@@ -49,3 +50,114 @@ def convert(
     )
     if not summary["sweeps"]:
         say("no LiDAR was converted: name its folder with --lidar")
+
+
+@app.command()
+def images(
+    src: Annotated[
+        Path,
+        typer.Argument(
+            metavar="SRC",
+            help="Folder with, for each camera of the rig, CAMERA/TIME.jpg, TIME/CAMERA.jpg, CAMERA_TIME.jpg or "
+            "CAMERA.mp4; or, with --mosaic, one video.",
+        ),
+    ],
+    out: OutArgument,
+    rig: Annotated[str, typer.Option("--rig", help="Name or YAML file of the camera rig.")],
+    poses: Annotated[
+        Path | None, typer.Option(help="Ego poses: TUM, KITTI, CSV with a header, NMEA or GPX. Default: see --speed.")
+    ] = None,
+    poses_of: Annotated[
+        str | None, typer.Option(help="Camera whose poses they are. Default: the ego frame.", metavar="CAMERA")
+    ] = None,
+    speed: Annotated[
+        float | None, typer.Option(help="Without poses: straight ahead at this speed, m/s. Default: standing.")
+    ] = None,
+    fps: Annotated[
+        float | None,
+        typer.Option(min=0.01, max=1000, help="Rate, for names that count frames, and videos of a known rate."),
+    ] = None,
+    start: Annotated[
+        str | None, typer.Option(help="Time of frame 0 of these names and videos, as in the poses. Default: 0.")
+    ] = None,
+    hz: Annotated[float, typer.Option(min=0.05, max=100, help="Key frames per second.")] = 2.0,
+    tolerance_ms: Annotated[
+        float, typer.Option("--tolerance", min=0, max=1000, help="Most ms between the pictures of a key frame.")
+    ] = 50.0,
+    mosaic: Annotated[
+        str | None,
+        typer.Option(
+            metavar="RxC", help="SRC is a video of all cameras in R rows and C columns, in the rig's order."
+        ),
+    ] = None,
+    scene: Annotated[str | None, typer.Option(help="Name of the scene. Default: that of SRC.")] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Convert pictures or videos of your own cameras: one scene of key frames.
+
+    Times are those in the file names (seconds, or ns, us or ms since 1970), in CAMERA.txt (one a line), of the
+    videos, or from --fps.
+
+    Example: appocc convert images DRIVE OUT --rig rig.yaml --poses poses.txt
+    """
+    from appocc.errors import DataError
+    from appocc.files import plain_name
+    from appocc.own_cameras.convert import convert_recording, ego_trajectory
+    from appocc.own_cameras.pictures import Clock, find_streams
+    from appocc.own_cameras.times import seconds_to_us
+    from appocc.rigs import read_source_rig
+
+    if poses is not None and speed is not None:
+        raise DataError("expected either --poses or --speed, got both")
+    if poses is None and poses_of is not None:
+        raise DataError("--poses-of: expected --poses with it, got none")
+    try:
+        start_us = 0 if start is None else seconds_to_us(start)
+    except ValueError as error:
+        raise DataError(f"--start: {error}") from error
+    cameras = read_source_rig(rig)
+    streams = find_streams(src, cameras.names, Clock(fps, start_us), None if mosaic is None else _layout(mosaic))
+    trajectory = None if poses is None else ego_trajectory(poses, streams, cameras, poses_of)
+    name = plain_name(src, scene or src.resolve().stem)
+    with progress("converting", None) as bar:
+        summary = convert_recording(
+            streams,
+            cameras,
+            trajectory,
+            out,
+            name,
+            speed_mps=speed or 0.0,
+            hz=hz,
+            tolerance_us=round(tolerance_ms * 1e3),
+            advance=bar,
+        )
+    if poses is None:
+        moving = f"straight ahead at {speed:g} m/s" if speed else "standing (--speed, --poses)"
+        summary.notes.append(f"no poses: the ego vehicle is taken for {moving}")
+    if as_json:
+        emit(summary.as_json() | {"folder": str(out)})
+    _say_summary(out, summary)
+
+
+def _layout(text: str) -> tuple[int, int]:
+    """Return the rows and columns of `--mosaic`.
+
+    Raises:
+        DataError: if it is not two numbers with an x between them.
+    """
+    from appocc.errors import DataError
+
+    found = re.fullmatch(r"([1-9]\d?)x([1-9]\d?)", text)
+    if found is None:
+        raise DataError(f"--mosaic: expected ROWSxCOLUMNS, such as 2x3, got '{text}'")
+    return int(found[1]), int(found[2])
+
+
+def _say_summary(out: Path, summary: Summary) -> None:
+    for camera, (count, reason) in summary.missing.items():
+        say(f"{camera}: missing in {count} of {summary.samples} key frames ({reason})")
+    for reason, count in summary.left_out.items():
+        say(f"left out: {count} key frames ({reason})")
+    for note in summary.notes:
+        say(note)
+    say(f"{out}: {summary.samples} key frames, {summary.images} images of scene {summary.scene}")

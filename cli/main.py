@@ -15,7 +15,7 @@ from appocc.version import __version__
 from cli.ablate import ablate
 from cli.check_rig import check_rig
 from cli.common import Interrupted, say_always, say_error, set_verbosity
-from cli.convert import convert
+from cli.convert import app as convert_app
 from cli.demo import demo
 from cli.doctor import doctor
 from cli.eval import app as eval_app
@@ -24,6 +24,7 @@ from cli.ground import ground
 from cli.groundtruth import groundtruth
 from cli.infer import infer
 from cli.report.command import report
+from cli.rig import app as rig_app
 from cli.serve import serve
 from cli.simulate import simulate
 from cli.track import app as track_app
@@ -62,11 +63,12 @@ def options(
 
 app.command()(demo)
 app.command()(simulate)
-app.command()(convert)
+app.add_typer(convert_app)
 app.command()(doctor)
 app.command()(groundtruth)
 app.command()(infer)
 app.command("check-rig")(check_rig)
+app.add_typer(rig_app)
 app.command()(train)
 app.command()(ablate)
 app.command()(export)
@@ -89,8 +91,9 @@ def run() -> None:
     for number, handler in before.items():
         if handler is not signal.SIG_IGN:  # a shell lets its background jobs ignore Ctrl-C
             signal.signal(number, _raise_interrupted)
-    # OpenCV prints warnings about damaged images to stderr; our errors report them already.
+    # OpenCV and its FFmpeg print warnings about damaged images and videos to stderr; our errors report them already.
     os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
+    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
     os.environ.setdefault("RUST_LOG", "off")  # Rerun likewise
     try:
         app()

@@ -104,7 +104,7 @@ def test_wrong_usage(
 
 
 def test_help_has_an_example(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    code, stdout, _ = command(monkeypatch, capsys, "convert", "--help")
+    code, stdout, _ = command(monkeypatch, capsys, "convert", "pandaset", "--help")
     assert code == 0
     assert "appocc convert pandaset" in stdout
     assert "--trust-pickles" in stdout

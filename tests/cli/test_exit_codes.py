@@ -70,6 +70,12 @@ CASES = [
     (["ground", "park", "{root}", "--scene", "scene-tiny", "--frame", "99"], "frames 0..2, not 99"),
     (["ground", "park", "{root}", "--scene", "scene-tiny", "--frame", "-1"], "not -1"),
     (["convert", "pandaset", "{root}", "{root}/out"], "no frames.json"),
+    (["rig", "fit", "{root}/none", "--points", "p.csv", "--out", "{root}/r.yaml"], "{root}/none: no such folder"),
+    (["rig", "fit", "{root}", "--points", "p.csv", "--out", "r.yaml", "--board", "9"], "such as 9x6, got '9'"),
+    (
+        ["rig", "fit", "{root}", "--points", "{root}/none.csv", "--out", "{root}/r.yaml"],
+        "none.csv: cannot be read",
+    ),
     (["demo", "--out", "{root}"], "{root}"),
 ]
 

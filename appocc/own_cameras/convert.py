@@ -1,0 +1,225 @@
+"""Conversion of a recording of one's own cameras to the nuScenes schema: one scene, streamed, written atomically."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from appocc.checks import ByteArray, FloatArray
+from appocc.errors import DataError, NotFoundError
+from appocc.files import read_file, write_bytes, write_image
+from appocc.nuscenes.writer import Writer, token_of, whole_folder
+from appocc.own_cameras.moments import Moment, key_moments, moments_of
+from appocc.own_cameras.pictures import Picture, Stream, in_order_of_time
+from appocc.own_cameras.pose_files import read_trajectory
+from appocc.own_cameras.times import seconds_text
+from appocc.own_cameras.trajectory import Motion, Straight, Trajectory
+from appocc.rigs.source_rig import SourceRig
+
+VERSION = "v1.0-own"
+_JPEG = (".jpg", ".jpeg")
+
+
+@dataclass
+class Summary:
+    """Counts of a conversion.
+
+    Attributes:
+        scene: name of the scene.
+        samples: number of key frames.
+        images: number of images.
+        missing: camera -> in how many key frames it is missing, and the first reason.
+        left_out: reason -> number of key frames that were left out.
+        notes: further lines for people.
+    """
+
+    scene: str
+    samples: int = 0
+    images: int = 0
+    missing: dict[str, tuple[int, str]] = field(default_factory=dict)
+    left_out: Counter[str] = field(default_factory=Counter)
+    notes: list[str] = field(default_factory=list)
+
+    def as_json(self) -> dict[str, Any]:
+        """Return JSON values."""
+        missing = {camera: {"frames": count, "reason": why} for camera, (count, why) in self.missing.items()}
+        counts = {"scene": self.scene, "samples": self.samples, "images": self.images}
+        return {**counts, "missing": missing, "left_out": dict(self.left_out), "notes": self.notes}
+
+
+def ego_trajectory(path: Path, streams: Sequence[Stream], rig: SourceRig, camera: str | None) -> Trajectory:
+    """Read the poses of a recording as poses of the ego frame.
+
+    Args:
+        path: file of poses, see `read_trajectory`; rows without times belong to the pictures of `camera`, else
+            of the first.
+        streams: pictures of the recording.
+        rig: the cameras.
+        camera: name of the camera whose poses they are; None: the ego frame's.
+
+    Raises:
+        DataError: if the file is damaged, or the poses are not upright.
+        NotFoundError: if there is no such camera.
+    """
+    own = next((each for each in streams if camera in each.cameras), streams[0])
+    found = read_trajectory(path, own.clock)
+    if camera is None:
+        found.check_upright(str(path))
+        return found
+    for each in rig.cameras:
+        if each.name == camera:
+            return found.of_ego(each.ego_from_cam)
+    raise NotFoundError(f"--poses-of: the rig has no camera '{camera}'; it has {', '.join(rig.names)}")
+
+
+def convert_recording(
+    streams: Sequence[Stream],
+    rig: SourceRig,
+    trajectory: Trajectory | None,
+    out: Path,
+    name: str,
+    *,
+    speed_mps: float = 0.0,
+    hz: float = 2.0,
+    tolerance_us: int = 50_000,
+    advance: Callable[[int], None] = lambda count: None,
+) -> Summary:
+    """Convert a recording to a new dataset `out`; one key frame is in memory.
+
+    Pictures between key frames are not copied. In a key frame, a camera without a picture within the tolerance, or
+    with a damaged one, is missing.
+
+    Args:
+        streams: pictures of the cameras.
+        rig: the cameras.
+        trajectory: ego poses; None: straight ahead at `speed_mps`.
+        out: new folder.
+        name: name of the scene.
+        speed_mps: speed without a trajectory.
+        hz: key frames per second, if there are as many pictures.
+        tolerance_us: longest time between the first and the last picture of a key frame.
+        advance: progress callback.
+
+    Raises:
+        DataError: if a picture has another aspect than its camera, no key frame has a pose, or `out` cannot be
+            written.
+    """
+    tolerance_us = min(tolerance_us, round(5e5 / hz))
+    moments = key_moments(moments_of(in_order_of_time(streams), rig.names, tolerance_us), hz)
+    with whole_folder(out) as folder:
+        scene = _SceneWriter(Writer(folder, VERSION), rig, name)
+        motion: Motion | None = trajectory
+        first_us = last_us = None
+        for moment in moments:
+            first_us = moment.time_us if first_us is None else first_us
+            last_us = moment.time_us
+            motion = motion or Straight(speed_mps, moment.time_us)
+            scene.add(moment, motion)
+            advance(1)
+        if not scene.samples:
+            raise DataError(_why_empty(name, first_us, last_us, trajectory, scene.summary))
+        scene.save()
+    if trajectory is not None and trajectory.note:
+        scene.summary.notes.append(trajectory.note)
+    return scene.summary
+
+
+def _why_empty(
+    name: str, first_us: int | None, last_us: int | None, trajectory: Trajectory | None, summary: Summary
+) -> str:
+    if first_us is None or last_us is None:
+        return f"{name}: no pictures"
+    if trajectory is not None and summary.left_out["no pose"]:
+        poses = f"{seconds_text(int(trajectory.times_us[0]))} to {seconds_text(int(trajectory.times_us[-1]))}"
+        pictures = f"{seconds_text(first_us)} to {seconds_text(last_us)}"
+        hint = "; tell the time of the first picture with --start" if first_us < 1e14 < trajectory.times_us[0] else ""
+        return f"{name}: the poses do not cover the pictures: poses from {poses}, pictures from {pictures}{hint}"
+    why = next(iter(summary.missing.values()), (0, "no pictures"))[1]
+    return f"{name}: no key frame has a readable picture ({why})"
+
+
+class _SceneWriter:
+    """Writes the key frames of one scene."""
+
+    def __init__(self, writer: Writer, rig: SourceRig, name: str) -> None:
+        self.summary = Summary(name)
+        self.samples: list[str] = []
+        self._writer, self._rig, self._name = writer, rig, name
+        self._calibration = {
+            camera.channel: writer.add_sensor(name, camera.channel, camera.ego_from_cam, camera.intrinsic)
+            for camera in rig.rig
+        }
+
+    def add(self, moment: Moment, motion: Motion) -> None:
+        """Write a key frame; leave it out if its pose is unknown or it has no readable picture."""
+        if motion.at(moment.time_us) is None:
+            self.summary.left_out["no pose"] += 1
+            return
+        sample = token_of("sample", self._name, moment.time_us)
+        written = 0
+        for camera in self._rig.names:
+            picture = moment.pictures.get(camera)
+            pose = None if picture is None else motion.at(picture.time_us)
+            if picture is None or pose is None:
+                self._count_missing(camera, "no picture at this time" if picture is None else "no pose at its time")
+                continue
+            written += self._add_picture(sample, picture, pose)
+        if not written:
+            self.summary.left_out["no readable picture"] += 1
+            return
+        self.summary.images += written
+        self.summary.samples += 1
+        row = {"timestamp": moment.time_us, "scene_token": token_of("scene", self._name), "prev": "", "next": ""}
+        self.samples.append(self._writer.add("sample", sample, **row))
+
+    def save(self) -> None:
+        """Write the tables."""
+        first_us = self._writer.rows["sample"][0]["timestamp"]
+        date = datetime.fromtimestamp(first_us / 1e6, UTC).strftime("%Y-%m-%d")
+        log = token_of("log", self._name)
+        self._writer.add("log", log, logfile=self._name, vehicle="own", date_captured=date, location="unknown")
+        self._writer.add_scene(self._name, f"{self._name}: own cameras", log, self.samples)
+        self._writer.save()
+
+    def _add_picture(self, sample: str, picture: Picture, world_from_ego: FloatArray) -> int:
+        """Write the images that are cut out of a picture; return their number, 0 if it is damaged."""
+        try:
+            image = picture.read()
+        except DataError as error:
+            self._count_missing(picture.camera, str(error))
+            return 0
+        try:
+            scaled = self._rig.scaling(picture.camera, image.shape[1], image.shape[0])
+        except DataError as error:
+            raise DataError(f"{picture.path or picture.camera}: {error}") from error
+        if scaled and scaled not in self.summary.notes:
+            self.summary.notes.append(scaled)
+        views = self._rig.rectify({picture.camera: image})
+        for channel, view in views.items():
+            filename = f"samples/{channel}/{self._name}__{channel}__{picture.time_us}.jpg"
+            self._write(filename, view, picture.path if view is image else None)
+            self._writer.add_file(
+                sample=sample,
+                channel=channel,
+                calibration=self._calibration[channel],
+                world_from_ego=world_from_ego,
+                timestamp_us=picture.time_us,
+                filename=filename,
+                size_px=(view.shape[1], view.shape[0]),
+            )
+        return len(views)
+
+    def _write(self, filename: str, image: ByteArray, source: Path | None) -> None:
+        """Write an image; a JPEG file that is used as it is stays the same bytes."""
+        if source is not None and source.suffix.lower() in _JPEG:
+            write_bytes(self._writer.root / filename, read_file(source))
+        else:
+            write_image(self._writer.root / filename, image)
+
+    def _count_missing(self, camera: str, reason: str) -> None:
+        count, first = self.summary.missing.get(camera, (0, reason))
+        self.summary.missing[camera] = (count + 1, first)
