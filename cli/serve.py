@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from contextlib import suppress
 from pathlib import Path
 from typing import Annotated
 
@@ -49,7 +50,6 @@ def serve(
         count = len(library.recordings())
         say(f"{count} recording{'' if count == 1 else 's'}. Open {address}{f'?token={token}' if token else ''}")
         say("Ctrl-C ends it.")
-        try:
+        with suppress(Interrupted):  # the usual end; a callback of the event loop may swallow it
             build_server(app).run(sockets=[bound])
-        except Interrupted:  # the usual end
-            say("closed")
+        say("closed")

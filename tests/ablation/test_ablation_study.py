@@ -181,7 +181,7 @@ def test_when_the_time_is_up_missing_rows_are_named_and_the_current_one_resumes(
     shared: Path, whole: bytes, tmp_path: Path
 ) -> None:
     study, monitor, steps = made_study(shared, tmp_path / "out"), TrainingMonitor(), []
-    monitor.on_step = lambda share, text: steps.append(text)
+    monitor.on_step = lambda share, text: None if "validating" in text else steps.append(text)
     study.run(ROWS, monitor, lambda: len(steps) > 10)
     assert list(done(study).values()) == ["done", "begun", "not run", "not run", "not run"]
     text = (tmp_path / "out" / REPORT_FILE).read_text()

@@ -43,7 +43,9 @@ def test_fetching_later_changes_neither_metrics_nor_weights(
     assert steps == [10, 20, 30, 33]
     assert shown[0] == "step 1"
     assert shown[6].startswith("step 7, ")
-    assert "samples/s, road" in shown[7]
+    assert shown[7] == "step 7: validating, batch 1"
+    following = next(text for text in shown if text.startswith("step 8"))
+    assert "samples/s, road" in following
 
 
 def test_every_step_counts_in_time_and_samples(tmp_path: Path, deferred: None) -> None:

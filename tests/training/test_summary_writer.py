@@ -21,5 +21,5 @@ def test_the_metrics_are_shown_in_tensorboard(tmp_path: Path) -> None:
 
 def test_missing_tensorboard_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "torch.utils.tensorboard", None)
-    with pytest.raises(DataError, match="pip install 'appocc\\[tensorboard\\]'"):
+    with pytest.raises(DataError, match="pip install '\\.\\[tensorboard\\]'"):
         load_summary_writer()
