@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, TypeVar
 
-import numba
+from appocc.environment import choose_cache_folders
+
+choose_cache_folders(Path(__file__).parent)
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 # Without reference counting, Python's division errors and a wrapper for C, compilation takes less time.
@@ -25,5 +28,7 @@ def compiled(function: _Function) -> _Function:
     Each type, memory layout and writeability is compiled anew: callers pass floats and contiguous arrays. It calls
     compiled functions of its own module only, because the cache depends on that.
     """
+    import numba  # after the choice of its cache folder
+
     result: _Function = numba.njit(**_OPTIONS)(function)
     return result
