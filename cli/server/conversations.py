@@ -135,10 +135,12 @@ def talk_as_json(talk: Talk) -> dict[str, Any]:
     if answer is None or session is None:
         return {**found, "candidates": [], "replies": []}
     asks_yes_or_no = bool(answer.plan.question) or (bool(session.question) and len(session.candidates) == 1)
+    # The candidates of an earlier goal are none for a sentence that finds nothing.
+    offered = () if answer.status == "not_found" and not session.question else session.candidates
     return {
         **found,
         "shown": shown_as_json(answer),
-        "candidates": candidates_as_json(session.candidates, answer),
+        "candidates": candidates_as_json(offered, answer),
         "replies": ["yes", "no"] if asks_yes_or_no else [],
     }
 

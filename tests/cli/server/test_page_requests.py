@@ -242,6 +242,16 @@ def test_an_ambiguous_sentence_asks_and_a_choice_answers(client: TestClient, at:
     assert client.get(f"/api/talk/{asked['talk']}").json() == chosen, "a page that is loaded again gets the same"
 
 
+def test_a_sentence_that_finds_nothing_does_not_offer_the_vehicles_of_the_goal_before(
+    client: TestClient, at: str
+) -> None:
+    first = talk(client, at, say="stop next to the nearest car")
+    assert first["candidates"]
+    lost = talk(client, at, talk=first["talk"], say="turn left at the next junction")
+    assert lost["turns"][-1]["status"] == "not_found"
+    assert lost["candidates"] == []
+
+
 def test_the_goal_follows_the_scene(client: TestClient, at: str) -> None:
     first = talk(client, at, frame=1, say="stop behind the red car")
     later = talk(client, at, frame=3, talk=first["talk"])
