@@ -110,7 +110,7 @@ def exported_ways(name: str, model: BEVModel, past: Past | None, rig: CameraRig)
     graph = ExportGraph(model, rig)
     random = {each: torch.rand(shape).numpy() for each, shape in graph.shapes.items()}
     with tempfile.TemporaryDirectory() as folder:
-        onnx, xml, values = (Path(folder) / f"model.{ending}" for ending in ("onnx", "xml", "bin"))
+        onnx = Path(folder) / "model.onnx"
         try:
             proto = to_onnx(graph, "")
             write_onnx(proto, onnx)
@@ -119,6 +119,8 @@ def exported_ways(name: str, model: BEVModel, past: Past | None, rig: CameraRig)
                 ("float32, exported, OpenVINO", to_openvino(proto)),
                 ("int8 convolutions, OpenVINO", quantize(to_openvino(proto), [random])),
             ):
+                # OpenVINO maps the file of the weights into memory: another model needs files of its own.
+                xml, values = (Path(folder) / f"{len(runs)}.{ending}" for ending in ("xml", "bin"))
                 write_openvino(found, "", xml, values)
                 runs[how] = open_openvino(xml, values, threads)
         except AppoccError as error:
