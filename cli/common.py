@@ -26,6 +26,10 @@ RootArgument = Annotated[Path, typer.Argument(metavar="ROOT", help="Dataset root
 VersionOption = Annotated[
     str | None, typer.Option("--version", help="Folder of the tables, such as v1.0-mini; needed if ROOT has several.")
 ]
+WeightsOption = Annotated[
+    Path | None,
+    typer.Option("--weights", help="Weights file, or the name of shipped ones: appocc (default) or street."),
+]
 SceneOption = Annotated[
     str | None, typer.Option("--scene", help="Name or token of the scene; default: the only one of ROOT.")
 ]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cli.common import JsonOption, VersionOption, emit, out_path, progress, say
+from cli.common import JsonOption, VersionOption, WeightsOption, emit, out_path, progress, say
 
 if TYPE_CHECKING:
     from appocc.export.run import ExportSource
@@ -38,9 +38,7 @@ def export(
         str | None, typer.Option("--rig", help="Name or YAML file of a camera rig, instead of ROOT; default: paper.")
     ] = None,
     scene: Annotated[str | None, typer.Option("--scene", help="Scene of ROOT; default: the first.")] = None,
-    weights: Annotated[
-        Path | None, typer.Option(help="Weights file, or the name of shipped ones: appocc (default) or street.")
-    ] = None,
+    weights: WeightsOption = None,
     runs: Annotated[int, typer.Option(min=1, help="Comparisons with torch per input and number of threads.")] = 4,
     int8: Annotated[
         bool,

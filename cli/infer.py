@@ -8,7 +8,17 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cli.common import JsonOption, VersionOption, emit, out_path, progress, say, say_empty, say_stale
+from cli.common import (
+    JsonOption,
+    VersionOption,
+    WeightsOption,
+    emit,
+    out_path,
+    progress,
+    say,
+    say_empty,
+    say_stale,
+)
 
 if TYPE_CHECKING:
     import torch
@@ -35,9 +45,7 @@ def infer(
         typer.Option("--out", parser=out_path, help="Folder for the maps; ROOT/bev/NAME makes them the source NAME."),
     ],
     scene: Annotated[str | None, typer.Option("--scene", help="Only this scene of ROOT.")] = None,
-    weights: Annotated[
-        Path | None, typer.Option(help="Weights file, or the name of shipped ones: appocc (default) or street.")
-    ] = None,
+    weights: WeightsOption = None,
     rig: RigOption = None,
     level: Annotated[
         bool,

@@ -144,7 +144,7 @@ class Exclusion:
 
 @dataclass(frozen=True)
 class Query:
-    """What a sentence commands: who or what, where, and how. Without an action it is no command.
+    """Parsed command: action, referent, place and manner. A query without an action is no command.
 
     Attributes:
         command: the sentence as given.

@@ -17,7 +17,7 @@ def find_fitting(reading: Reading, candidates: Sequence[Candidate], scene: Scene
     ids = {one.item.id for one in candidates}
     query = replace(Query(""), referent=reading.query.referent, excluded=reading.query.excluded)
     query = replace(query, secondary=reading.query.secondary)
-    # What a vehicle stands next to is no candidate itself.
+    # Landmarks of a description are no candidates, but they must be in the scene.
     keeps_others = bool(query.secondary)
     alone = scene if keeps_others else without(scene, frozenset({one.id for one in scene.table.items} - ids))
     found = resolve(query, alone)

@@ -1,4 +1,4 @@
-"""A conversation about one drive: each sentence is read with what was said before."""
+"""Dialogue session of one drive: each sentence is read in the context of the earlier ones."""
 
 from __future__ import annotations
 
@@ -131,7 +131,7 @@ class Session:
         return about.candidates if about else ()
 
     def say(self, text: str) -> Answer:
-        """Answer a sentence: a command, or a reply to what was said before.
+        """Answer a sentence: a command, or a reply in the conversation.
 
         The status is "ok" if there is a goal. It is also "ok" for an answer in words ("where are you heading?") and
         after a goal is dropped ("never mind").

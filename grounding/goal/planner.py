@@ -336,7 +336,7 @@ def _explain_target(search: CandidateSearch, chosen: GoalCandidate, way: CarRout
 
 
 def _explain_second_row(query: Query, chosen: GoalCandidate, road: RoadMap) -> list[str]:
-    """Return what is to be said of a place to park that is not at the edge of the road."""
+    """Return the warning for a parking place that is not at the edge of the road."""
     if query.action not in PARKING_ACTIONS or road.car_parks[chosen.cell]:
         return []
     sides = chosen.heading_rad + np.array([np.pi / 2, -np.pi / 2])

@@ -1,4 +1,4 @@
-"""What a rig file asks of a calibration file."""
+"""Request of a rig file for one camera of a calibration file."""
 
 from __future__ import annotations
 
