@@ -232,7 +232,15 @@ def read_image(path: PathLike, size_px: tuple[int, int] | None = None) -> ByteAr
     Raises:
         DataError: if it is missing, truncated or not an image, or has another size.
     """
-    data = read_file(path)
+    return decoded_image(path, read_file(path), size_px)
+
+
+def decoded_image(path: PathLike, data: bytes, size_px: tuple[int, int] | None = None) -> ByteArray:
+    """Decode the bytes of an image file as `read_image`; `path` names it in messages.
+
+    Raises:
+        DataError: if it is truncated or not an image, or has another size.
+    """
     if is_jpeg(data) and end_of(data) < 0:
         raise DataError(f"{path}: the image is truncated ({len(data)} bytes)")
     try:

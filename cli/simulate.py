@@ -58,8 +58,9 @@ def simulate(
 
     from appocc.environment import cores
     from appocc.errors import DataError, NotFoundError
+    from appocc.nuscenes.assembly import count_finished_scenes, unfinished_folder
     from appocc.rigs import read_source_rig
-    from appocc.simulation.generate import DatasetSettings, count_finished_scenes, unfinished_folder
+    from appocc.simulation.generate import DatasetSettings
     from appocc.simulation.generate import simulate as run
     from appocc.simulation.recording import RecordingSettings
     from appocc.simulation.scenario import WEATHER_SHARES

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -211,13 +211,6 @@ class Writer:
             category=box.category,
             **({} if velocity_mps is None else {"velocity": velocity_mps.tolist()}),
         )
-
-    def absorb(self, rows: Mapping[str, Sequence[Row]], extra: Mapping[str, Sequence[Row]]) -> None:
-        """Merge the rows of another writer that was not saved; existing rows are not repeated."""
-        for mine, theirs in ((self.rows, rows), (self.extra, extra)):
-            for name, found in theirs.items():
-                known = {row["token"] for row in mine.setdefault(name, [])}
-                mine[name] += [row for row in found if row["token"] not in known]
 
     def save(self) -> None:
         """Link the chains, derive the instances and write all tables.

@@ -184,7 +184,7 @@ def test_neither_workers_nor_kill_9_change_a_byte(tmp_path: Path, rig: str, more
     process = subprocess.Popen(
         command(str(out), *options, "--workers", "2"), start_new_session=True, stderr=subprocess.DEVNULL
     )
-    rows = f".{out.name}.unfinished/scenes/*/rows.json"
+    rows = f".{out.name}.unfinished/scenes/scene-????/v1.0-simulation"
     deadline = time.monotonic() + 300
     while not list(tmp_path.glob(rows)):
         assert process.poll() is None, "it ended before it could be killed"
@@ -206,7 +206,7 @@ def test_ctrl_c_keeps_finished_scenes_and_says_so(tmp_path: Path, rig: str) -> N
     # What a shell starts in the background ignores Ctrl-C, and so does all that it starts.
     signal.signal(signal.SIGINT, signal.default_int_handler)
     process = subprocess.Popen(command(str(out), *options), stderr=subprocess.PIPE, text=True)
-    while not list(tmp_path.glob(".out.unfinished/scenes/*/rows.json")):
+    while not list(tmp_path.glob(".out.unfinished/scenes/scene-????/v1.0-simulation")):
         assert process.poll() is None
         time.sleep(0.05)
     process.send_signal(signal.SIGINT)

@@ -11,10 +11,12 @@ from made_traffic import straight_traffic
 
 from appocc.errors import DataError
 from appocc.files import read_json, write_bytes, write_json
+from appocc.nuscenes import assembly
+from appocc.nuscenes.assembly import count_finished_scenes, unfinished_folder
 from appocc.nuscenes.writer import Writer, token_of
 from appocc.rigs import read_rig
 from appocc.simulation import generate
-from appocc.simulation.generate import DatasetSettings, count_finished_scenes, simulate, unfinished_folder
+from appocc.simulation.generate import DatasetSettings, simulate
 from appocc.simulation.recording import RecordingSettings
 from appocc.simulation.scenario import Scenario
 from appocc.simulation.sources import TownSource
@@ -128,7 +130,8 @@ def test_a_run_killed_while_files_are_merged_resumes(
     simulate(tmp_path / "whole", settings_of(), 1, no_advance)
     out = tmp_path / "out"
     with monkeypatch.context() as patch:
-        patch.setattr(Writer, "save", lambda self: (_ for _ in ()).throw(KeyboardInterrupt()))
+        patch.setattr(assembly, "write_json", lambda path, value: (_ for _ in ()).throw(KeyboardInterrupt()))
+        patch.setattr(assembly.Assembly, "_check_settings", lambda self: None)
         with pytest.raises(KeyboardInterrupt):
             simulate(out, settings_of(), 1, no_advance)
     recorded.clear()
