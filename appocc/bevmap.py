@@ -20,6 +20,8 @@ from appocc.objects import BEVObjects
 from appocc.typing import PathLike
 
 CLASSES = ("road", "vehicle", "lane")
+# Folder of pictures in the folder of a source of maps.
+PICTURES = "pictures"
 ROAD, VEHICLE, LANE = range(3)
 
 
@@ -209,6 +211,11 @@ class BEVMap:
 def bev_folder(root: PathLike, source: str) -> Path:
     """Return the folder of a source of maps: `ROOT/bev/SOURCE`; a source with a slash in its name is a folder."""
     return Path(source) if "/" in source else Path(root) / "bev" / source
+
+
+def picture_path(folder: Path, title: str, ending: str) -> Path:
+    """Return the path of the picture of a map in the folder of a source."""
+    return folder / PICTURES / f"{title}{ending}"
 
 
 def bev_path(root: PathLike, source: str, sample_token: str) -> Path:

@@ -15,6 +15,7 @@ from appocc.errors import AppoccError
 from appocc.levelling import ego_from_level
 from appocc.nuscenes import Dataset, Scene
 from appocc.nuscenes.problem import Problem
+from appocc.nuscenes.records import NO_MAP
 from appocc.nuscenes.validate import ProgressBar, no_progress, validate
 
 _EXAMPLES, _FEW_KINDS, _NAMES = 3, 4, 6
@@ -122,7 +123,9 @@ def contents_of(dataset: Dataset) -> Contents:
         DataError: if a table is damaged.
     """
     tables, root = dataset.tables, dataset.root
-    masked = {token for tokens in tables["map"]["log_tokens"] for token in tokens}
+    maps = tables["map"]
+    masks = [logs for logs, kind in zip(maps["log_tokens"], maps["category"], strict=True) if kind != NO_MAP]
+    masked = {token for logs in masks for token in logs}
     expansions = [*root.glob("maps/expansion/*.json"), *root.glob("maps/*.json")]
     sources = [folder for folder in sorted(root.glob("bev/*")) if folder.is_dir()]
     return Contents(
@@ -134,7 +137,7 @@ def contents_of(dataset: Dataset) -> Contents:
         instances=len(tables["instance"]),
         locations=tuple(sorted({place for place in tables["log"]["location"] if place})),
         channels=_channels(dataset),
-        masks=len(tables["map"]),
+        masks=len(masks),
         scenes_with_mask=sum(scene.log_token in masked for scene in dataset.scenes),
         vector_maps=len(expansions),
         lidarseg=len(tables["lidarseg"]),

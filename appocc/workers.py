@@ -21,7 +21,7 @@ from itertools import count, islice
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from types import FrameType
-from typing import Any, TypeVar
+from typing import Any, Protocol, TypeVar
 
 import cv2
 
@@ -35,6 +35,13 @@ _ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NU
 _GRACE_S = 1.0
 # Interrupts the job of a worker; Windows has none, there the grace period passes.
 _INTERRUPT = getattr(signal, "SIGUSR1", None)
+
+
+class Engine(Protocol):
+    """Runs jobs elsewhere: processes of this machine, or a cluster."""
+
+    def in_order(self, job: Callable[[T], R], items: Iterable[T], chunksize: int = 1) -> Iterator[R]:
+        """Yield the results of a job in the order of its items."""
 
 
 class Pool:
@@ -145,7 +152,7 @@ def worker_pool(size: int) -> Iterator[Pool | None]:
                 os.environ[name] = value
 
 
-def in_order(pool: Pool | None, job: Callable[[T], R], items: Iterable[T], chunksize: int = 1) -> Iterator[R]:
+def in_order(pool: Engine | None, job: Callable[[T], R], items: Iterable[T], chunksize: int = 1) -> Iterator[R]:
     """Yield the results of a job in the order of its items, in chunks of `chunksize` items.
 
     Without a pool, compute them in this process on demand.

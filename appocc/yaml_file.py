@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from typing import Any
 
@@ -40,6 +41,11 @@ def parse_yaml(text: str) -> Any:
     # For an invalid date or a number of thousands of digits, PyYAML raises a plain ValueError.
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         raise ValueError(" ".join(str(error).split())[:_MESSAGE_CHARACTERS]) from error
+
+
+def plain_yaml(text: str) -> str:
+    """Return OpenCV's YAML without its own first line and its tags, which are no YAML that others read."""
+    return re.sub(r"!!opencv-[\w-]+", "", re.sub(r"\A\s*%YAML[^\n]*\n(---\s*\n)?", "", text))
 
 
 class _Loader(yaml.SafeLoader):

@@ -34,6 +34,7 @@ from appocc.simulation.generate import DatasetSettings, simulate
 from appocc.simulation.recording import RAW, RecordingSettings
 from appocc.simulation.scenario import WEATHER_SHARES
 from appocc.simulation.sources import town_sources
+from appocc.workers import worker_pool
 from benchmarks.predicted_maps import compare
 
 FOLDER = Path(__file__).parent / "rigs"
@@ -58,7 +59,8 @@ def record(root: Path, rig: SourceRig, scenes: int, frames: int) -> Dataset:
     recording = RecordingSettings(frames, HZ, rig.rig, lidar=False, source=None if rig.is_pinhole else rig)
     settings = DatasetSettings(scenes, town_sources("test", ()), tuple(WEATHER_SHARES), SEED, recording)
     console = Console(stderr=True)
-    simulate(root, settings, min(cores(), 2), lambda count: None, console.print)
+    with worker_pool(min(cores(), 2)) as pool:
+        simulate(root, settings, pool, lambda count: None, console.print)
     return Dataset(root)
 
 

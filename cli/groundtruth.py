@@ -19,6 +19,7 @@ from cli.common import (
     say_empty,
     say_stale,
 )
+from cli.engine import LOCAL, ClusterOption, engine, shared
 
 
 class VehicleColour(StrEnum):
@@ -39,6 +40,7 @@ def groundtruth(
         VehicleColour, typer.Option(help="Vehicle colour: robust (bodywork only) or the paper's histogram mode.")
     ] = VehicleColour.robust,
     workers: Annotated[int | None, typer.Option(min=1, max=1024, help="Processes; default: one per core.")] = None,
+    cluster: ClusterOption = LOCAL,
     version: VersionOption = None,
     as_json: JsonOption = False,
 ) -> None:
@@ -54,13 +56,14 @@ def groundtruth(
     from appocc.groundtruth.pipeline import generate
     from appocc.nuscenes import Dataset
 
+    root, out = shared(cluster, root), shared(cluster, out or root)
     dataset = Dataset(root, version)
     scenes = [dataset.scene(scene)] if scene else list(dataset.scenes)
     total = sum(len(dataset.samples(one)) for one in scenes)
     start = time.monotonic()
-    with progress("ground truth", total) as advance:
+    with engine(cluster, workers or cores(), out) as pool, progress("ground truth", total) as advance:
         settings = GroundTruthSettings(BEVGrid.surround(), paint.value)
-        summary = generate(dataset, scenes, out or root, settings, workers or cores(), advance)
+        summary = generate(dataset, scenes, out, settings, pool, advance)
     seconds = time.monotonic() - start
     say_empty(dataset, scenes)
     if as_json:

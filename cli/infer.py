@@ -19,6 +19,7 @@ from cli.common import (
     say_empty,
     say_stale,
 )
+from cli.engine import LOCAL, ClusterOption
 
 if TYPE_CHECKING:
     import torch
@@ -59,6 +60,8 @@ def infer(
         Path | None,
         typer.Option("--detections", help="Also write the objects of all key frames as nuScenes detection results."),
     ] = None,
+    workers: Annotated[int, typer.Option(min=1, max=1024, help="Scenes of ROOT at once, one process each.")] = 1,
+    cluster: ClusterOption = LOCAL,
     version: VersionOption = None,
     as_json: JsonOption = False,
 ) -> None:
@@ -71,13 +74,23 @@ def infer(
     """
     import time
 
+    from appocc.bevmap import PICTURES
+    from appocc.errors import DataError
     from appocc.inference.loading import load_predictor
-    from appocc.inference.run import PICTURES, InferenceRun
+    from appocc.inference.run import InferenceRun
+    from cli.infer_scenes import SceneInference, execute_by_scene
 
-    predictor = load_predictor(weights, _device(device))
-    run = InferenceRun(inputs_of(source, rig, scene, version, level), predictor, out, detections, pictures)
+    predictor = load_predictor(weights, device_of(device))
+    inputs = inputs_of(source, rig, scene, version, level)
+    run = InferenceRun(inputs, predictor, out, detections, pictures)
     start = time.monotonic()
-    summary = execute(run)
+    if cluster == LOCAL and workers == 1:
+        summary = execute(run)
+    elif rig is None:
+        job = SceneInference(source, version, level, weights, device, out, pictures)
+        summary = execute_by_scene(run, job, list(dict.fromkeys(each.drive for each in inputs)), workers, cluster)
+    else:
+        raise DataError("expected --workers and --cluster with a dataset, got a folder of images (--rig)")
     seconds = time.monotonic() - start
     if as_json:
         dead = {channel: {"frames": times, "reason": why} for channel, (times, why) in summary.missing.items()}
@@ -96,7 +109,7 @@ def infer(
         say(f"{detections}: detections of {summary.made + summary.kept} key frames")
 
 
-def _device(name: str | None) -> torch.device | None:
+def device_of(name: str | None) -> torch.device | None:
     """Return a device by its name; None for the default one.
 
     Raises:

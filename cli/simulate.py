@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 
 from cli.common import Interrupted, JsonOption, emit, out_path, progress, say
+from cli.engine import LOCAL, ClusterOption, engine, shared
 
 
 class Split(StrEnum):
@@ -28,6 +29,7 @@ def simulate(
     split: Annotated[Split, typer.Option(help="Built-in towns to use in turn.")] = Split.train,
     seed: Annotated[int, typer.Option(min=0, max=2**31 - 1, help="Random seed.")] = 0,
     workers: Annotated[int | None, typer.Option(min=1, max=1024, help="Processes (default: one per core).")] = None,
+    cluster: ClusterOption = LOCAL,
     town: Annotated[
         list[str] | None,
         typer.Option(help="Built-in town, map file (.xodr, .net.xml) or random:SEED; can be repeated."),
@@ -81,8 +83,9 @@ def simulate(
         check_sheet(sheet, out)
     start = time.monotonic()
     try:
-        with progress("simulation", scenes * recording.frames) as advance:
-            summary = run(out, settings, workers or cores(), advance, say)
+        count = min(workers or cores(), scenes)
+        with engine(cluster, count, out) as pool, progress("simulation", scenes * recording.frames) as advance:
+            summary = run(shared(cluster, out), settings, pool, advance, say)
     except Interrupted:
         if kept := count_finished_scenes(out):
             say(f"{kept} of {scenes} scenes are kept in {unfinished_folder(out)}")

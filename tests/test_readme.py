@@ -5,9 +5,12 @@ from __future__ import annotations
 import json
 import re
 import shutil
+import socket
 from pathlib import Path
 
 import pytest
+from argoverse_twin import write_log
+from dask_processes import process
 from in_process import run_command
 from walkthrough import README, Walkthrough, blocks, run_line
 
@@ -93,6 +96,31 @@ def test_the_commands_with_ones_own_cameras_run_in_order(tmp_path: Path) -> None
         assert code == 0, (line, said)
     assert (tmp_path / "rig.png").read_bytes().startswith(b"\x89PNG")
     assert len(list((tmp_path / "WIDE" / "maps").glob("*.npz"))) == 1
+
+
+def test_the_commands_with_a_published_dataset_run_in_order(tmp_path: Path) -> None:
+    write_log(tmp_path / "LOGS")
+    lines = blocks("## Your dataset")[0].splitlines()
+    assert [line.split()[1] for line in lines] == ["convert", "doctor", "infer"]
+    for line in lines:
+        code, said = run_line(line, tmp_path)
+        assert code == 0, (line, said)
+    assert len(list((tmp_path / "AV2/bev/predicted").glob("*.npz"))) == 2
+
+
+def test_the_commands_on_a_cluster_run_in_order(simulated_root: Path, tmp_path: Path) -> None:
+    (tmp_path / "SIM").symlink_to(simulated_root)
+    (block,) = blocks("## On a cluster")
+    assert block in (ROOT / "docs" / "cluster.md").read_text()
+    lines = block.splitlines()
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = str(free.getsockname()[1])
+    scheduler, worker, command = (line.replace("8786", port) for line in lines)
+    with process(*scheduler.split()[1:], "--no-dashboard"), process(*worker.split()[1:], "--no-dashboard"):
+        code, said = run_line(f"{command} --scene scene-0000", tmp_path)
+        assert code == 0, said
+    assert len(list((tmp_path / "MAPS").glob("*.npz"))) == 4
 
 
 def test_the_grounding_commands_run_in_order(simulated_root: Path, tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from appocc.bevmap import BEVMap, bev_folder, bev_path
+from appocc.bevmap import BEVMap, bev_folder, bev_path, picture_path
 from appocc.checks import FloatArray
 from appocc.ego_vehicle import EgoVehicle
 from appocc.errors import DataError
@@ -33,7 +33,7 @@ from appocc.nuscenes.writer import token_of
 from appocc.provenance import Parts, Record, add_record, scene_parts
 from appocc.temporary import made_folder, partial_folder
 from appocc.visualization.canvas import preview
-from appocc.workers import Pool, worker_pool
+from appocc.workers import Engine
 
 SOURCE = "groundtruth"
 
@@ -52,13 +52,13 @@ def generate(
     scenes: Sequence[Scene],
     out: Path,
     settings: GroundTruthSettings,
-    workers: int,
+    pool: Engine | None,
     advance: Callable[[float], None],
 ) -> GenerationSummary:
-    """Write BEV map and preview of every sample of the scenes below `out`; up-to-date maps are kept.
+    """Write BEV map and picture of every sample of the scenes below `out`; up-to-date maps are kept.
 
     `advance` is the progress callback in samples; colouring and painting of a whole scene count as parts of its
-    samples. The result does not depend on `workers`.
+    samples. The result does not depend on the pool.
 
     Raises:
         DataError: if a file of the dataset is damaged, there are no samples, or `out` cannot be written.
@@ -70,29 +70,29 @@ def generate(
     stale: Counter[str] = Counter()
     record = Record(bev_folder(out, SOURCE))
     why_stale = partial(_why_stale, settings=settings)
-    with worker_pool(workers) as pool:
-        for scene in scenes:
-            samples = dataset.samples(scene)
-            parts = scene_parts(dataset, scene)
-            missing = set()
-            for path in (bev_path(out, SOURCE, sample.token) for sample in samples):
-                reason = record.why_remake(path, path.with_suffix(".png"), parts, why_stale)
-                if reason is not None:
-                    missing.add(path.stem)
-                    stale.update([reason] if reason else [])
-            kept += len(samples) - len(missing)
-            advance(len(samples) - len(missing))
-            if missing:
-                made += _process_scene(
-                    dataset=dataset,
-                    scene=scene,
-                    missing=missing,
-                    out=out,
-                    settings=settings,
-                    pool=pool,
-                    advance=advance,
-                    parts=parts,
-                )
+    for scene in scenes:
+        samples, titles = dataset.samples(scene), dataset.titles(scene)
+        parts = scene_parts(dataset, scene)
+        missing = set()
+        for path in (bev_path(out, SOURCE, sample.token) for sample in samples):
+            picture = picture_path(path.parent, titles[path.stem], ".png")
+            reason = record.why_remake(path, picture, parts, why_stale)
+            if reason is not None:
+                missing.add(path.stem)
+                stale.update([reason] if reason else [])
+        kept += len(samples) - len(missing)
+        advance(len(samples) - len(missing))
+        if missing:
+            made += _process_scene(
+                dataset=dataset,
+                scene=scene,
+                missing=missing,
+                out=out,
+                settings=settings,
+                pool=pool,
+                advance=advance,
+                parts=parts,
+            )
     record.tidy()
     return GenerationSummary(made, kept, bev_folder(out, SOURCE), dict(stale))
 
@@ -111,7 +111,7 @@ def _process_scene(
     missing: set[str],
     out: Path,
     settings: GroundTruthSettings,
-    pool: Pool | None,
+    pool: Engine | None,
     advance: Callable[[float], None],
     parts: Parts,
 ) -> int:
@@ -123,7 +123,9 @@ def _process_scene(
         wanted = [(sample, painted) for sample, painted in pairs if sample.token in missing]
         sources = folder / "sources.pickle"  # written and read by this run only
         write_bytes(sources, pickle.dumps(_sources(dataset, scene, inputs, surface)))
-        jobs.run(partial(_process_sample, sources=sources, out=out, settings=settings, parts=parts), wanted, 1.0)
+        titles = dataset.titles(scene)
+        job = partial(_process_sample, sources=sources, out=out, settings=settings, parts=parts, titles=titles)
+        jobs.run(job, wanted, 1.0)
     return len(wanted)
 
 
@@ -214,11 +216,12 @@ def _process_sample(
     out: Path,
     settings: GroundTruthSettings,
     parts: Parts,
+    titles: Mapping[str, str],
 ) -> None:
-    """Compose and write one sample; the map is written last, so that every map has a preview."""
+    """Compose and write one sample; the map is written last, so that every map has a picture."""
     sample, painted = wanted
     bev = compose_map(sample, _read_sources(sources), painted, settings)
     path = bev_path(out, SOURCE, sample.token)
-    write_image(path.with_suffix(".png"), preview(bev, EgoVehicle()))
+    write_image(picture_path(path.parent, titles[sample.token], ".png"), preview(bev, EgoVehicle()))
     bev.save(path)
     add_record(path.parent, path.stem, parts)

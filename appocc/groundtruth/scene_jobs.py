@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from typing import TypeVar
 
-from appocc.workers import Pool, in_order
+from appocc.workers import Engine, in_order
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -14,7 +14,7 @@ R = TypeVar("R")
 class SceneJobs:
     """Runs the jobs of one scene on a pool, in order, with progress in samples."""
 
-    def __init__(self, pool: Pool | None, advance: Callable[[float], None], samples: int) -> None:
+    def __init__(self, pool: Engine | None, advance: Callable[[float], None], samples: int) -> None:
         """Start a scene of a number of samples; `advance` is the progress callback in samples."""
         self._pool, self._advance, self._remaining = pool, advance, float(samples)
 

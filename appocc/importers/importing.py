@@ -4,24 +4,27 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-from appocc.checks import ByteArray
+import numpy as np
+
+from appocc.checks import ByteArray, FloatArray
 from appocc.errors import DataError
 from appocc.files import decoded_image, plain_name, read_json, write_bytes, write_image, write_json
+from appocc.geometry import apply, inverse
 from appocc.importers.log import Frame, Image, Log
 from appocc.jpeg import is_jpeg
 from appocc.nuscenes.assembly import Assembly, resolved
 from appocc.nuscenes.dataset import LIDAR
 from appocc.nuscenes.lidar import write_lidar
-from appocc.nuscenes.writer import Writer, token_of
+from appocc.nuscenes.writer import Annotation, Writer, token_of
 from appocc.rigs import SourceRig
 from appocc.version import __version__
-from appocc.workers import Pool, in_order
+from appocc.workers import Engine, in_order
 
 RECORD = "import.json"
 _SUMMARY = ".summary.json"
@@ -72,7 +75,7 @@ def import_logs(
     out: Path,
     source: str,
     settings: Mapping[str, Any],
-    pool: Pool | None = None,
+    pool: Engine | None = None,
     advance: Callable[[int], None] = lambda count: None,
 ) -> Summary:
     """Write logs to a new dataset `out`; the same call resumes an interrupted one. One key frame is in memory.
@@ -136,9 +139,9 @@ class _LogWriter:
             camera.channel: writer.add_sensor(log.name, camera.channel, camera.ego_from_cam, camera.intrinsic)
             for camera in self._rig.rig
         }
-        ego_from_lidar = log.ego_from_lidar()
-        if ego_from_lidar is not None:
-            self._calibration[LIDAR] = writer.add_sensor(log.name, LIDAR, ego_from_lidar)
+        self._ego_from_lidar = log.ego_from_lidar()
+        if self._ego_from_lidar is not None:
+            self._calibration[LIDAR] = writer.add_sensor(log.name, LIDAR, self._ego_from_lidar)
 
     def write(self, advance: Callable[[int], None]) -> None:
         """Write all key frames, the map and the tables of the log.
@@ -161,6 +164,8 @@ class _LogWriter:
         )
         self._writer.add_scene(name, self._log.description, token, samples)
         self._log.write_map(self._writer, token)
+        if not self._writer.rows["map"]:
+            self._writer.add_no_map(token)
         self._summary.samples = len(samples)
         self._summary.notes += self._log.notes()
 
@@ -171,9 +176,10 @@ class _LogWriter:
         self._summary.missing.update(name for name in self._rig.names if name not in seen)
         for image in frame.images:
             self._add_image(sample, image)
-        self._add_sweep(sample, frame)
+        points_world = self._add_sweep(sample, frame)
         for box in frame.boxes:
-            self._writer.add_annotation(self._scene, sample, box)
+            counted = box if points_world is None else _counted(box, points_world)
+            self._writer.add_annotation(self._scene, sample, counted)
         self._summary.boxes += len(frame.boxes)
         return sample
 
@@ -201,23 +207,25 @@ class _LogWriter:
             )
             self._summary.images += 1
 
-    def _add_sweep(self, sample: str, frame: Frame) -> None:
+    def _add_sweep(self, sample: str, frame: Frame) -> FloatArray | None:
+        """Write a sweep; return its places (N, 3) in the world frame, None if it is missing."""
         sweep = frame.sweep
-        if LIDAR not in self._calibration:
-            return
+        if self._ego_from_lidar is None:
+            return None
         if sweep is None:
             self._summary.missing[LIDAR] += 1
-            return
+            return None
         try:
             points = sweep.read()
         except DataError as error:
             self._miss(LIDAR, error)
-            return
+            return None
         filename = self._file(LIDAR, sweep.time_us, ".pcd.bin")
         write_lidar(self._writer.root / filename, points)
         calibration = self._calibration[LIDAR]
         self._writer.add_file(sample, LIDAR, calibration, sweep.world_from_ego, sweep.time_us, filename)
         self._summary.sweeps += 1
+        return apply(sweep.world_from_ego @ self._ego_from_lidar, points[:, :3])
 
     def _write(self, filename: str, view: ByteArray, data: bytes | None) -> None:
         """Write an image; the file's own bytes if it is used as it is."""
@@ -233,3 +241,13 @@ class _LogWriter:
         self._summary.missing[sensor] += 1
         if len(self._summary.damaged) < _DAMAGED:
             self._summary.damaged.append(str(error))
+
+
+def _counted(box: Annotation, points_world: FloatArray) -> Annotation:
+    """Return a box with the number of LiDAR points inside, if its source does not tell it."""
+    if box.lidar_points >= 0:
+        return box
+    half = np.array(box.size_wlh_m)[[1, 0, 2]] / 2
+    near = points_world[np.abs(points_world[:, 0] - box.world_from_box[0, 3]) <= np.linalg.norm(half)]
+    inside = (np.abs(apply(inverse(box.world_from_box), near)) <= half).all(axis=1)
+    return replace(box, lidar_points=int(inside.sum()))

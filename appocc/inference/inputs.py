@@ -74,12 +74,13 @@ def dataset_inputs(dataset: Dataset, scenes: Sequence[Scene], level: bool = True
     """
     inputs = []
     for scene in scenes:
-        name = plain_name(dataset.root, scene.name)
-        for number, sample in enumerate(dataset.samples(scene)):
+        titles = dataset.titles(scene)
+        for sample in dataset.samples(scene):
             read = partial(_read_sample, dataset, sample, level)
             parts = partial(sample_parts, dataset, sample, level)
-            token, title = plain_name(dataset.root, sample.token), f"{name}-{number:04d}"
-            inputs.append(InferenceInput(token, title, read, parts, partial(dataset.world_from_ego, sample), name))
+            token, title = plain_name(dataset.root, sample.token), titles[sample.token]
+            pose = partial(dataset.world_from_ego, sample)
+            inputs.append(InferenceInput(token, title, read, parts, pose, scene.name))
     if not inputs:
         raise DataError(f"{dataset.root}: no key frames")
     return inputs

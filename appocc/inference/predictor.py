@@ -21,7 +21,10 @@ from appocc.models.base import BEVModel, ViewTransformPlan
 from appocc.models.input_images import fit_image, select_channels
 from appocc.models.memory import MEMORY_AGE_S, MIN_MEMORY_AGE_S, Past, ground_motion, is_linked
 from appocc.models.model_spec import ModelSpec
-from appocc.models.object_decoding import decode_objects, paint_objects, rescore_objects
+from appocc.models.object_decoding import decode_objects, fuse_vehicles, paint_objects, rescore_objects
+
+# Version of what a map depends on besides its inputs and weights: change it with the values of maps.
+MAP_RULES = 3
 
 
 @dataclass(frozen=True)
@@ -125,6 +128,7 @@ class Predictor:
             objects = rescore_objects(objects, spec.grid, occupancy)
             if colour is not None:
                 objects = paint_objects(objects, spec.grid, occupancy, rgb, seen)
+            occupancy = fuse_vehicles(objects, spec.grid, occupancy)
             if frame.ego_from_level is not None:
                 objects = replace(objects, centre_m=apply(frame.ego_from_level, objects.centre_m))
         known, coloured = np.broadcast_to(seen, (3, *shape)).copy(), seen & (colour is not None)

@@ -9,16 +9,15 @@ from itertools import groupby
 from pathlib import Path
 from typing import NamedTuple
 
-from appocc.bevmap import BEVMap
+from appocc.bevmap import BEVMap, picture_path
 from appocc.errors import DataError
 from appocc.frame import Frame
 from appocc.inference.inputs import InferenceInput
-from appocc.inference.predictor import Predictor
+from appocc.inference.predictor import MAP_RULES, Predictor
 from appocc.nuscenes.detection_results import ResultBox, result_boxes, write_results
 from appocc.provenance import Record, add_record, digest
 from appocc.typing import PathLike
 
-PICTURES = "pictures"
 # Names of folders for true maps.
 _TRUE_FOLDERS = ("exact", "groundtruth")
 
@@ -68,6 +67,7 @@ class InferenceRun:
         out: PathLike,
         detections: PathLike | None = None,
         pictures: bool = True,
+        is_part: bool = False,
     ) -> None:
         """Prepare a run.
 
@@ -77,11 +77,13 @@ class InferenceRun:
             out: folder of the maps.
             detections: file for the objects of all inputs as nuScenes' detection results, written at the end.
             pictures: whether maps have pictures; without, an existing map needs none to be kept.
+            is_part: whether other processes write into `out` at the same time; `finish` then tidies up after all.
 
         Raises:
             DataError: if `out` is a folder of ground truth, or inputs without poses cannot have detections.
         """
         self._inputs, self._predictor, self._out, self._pictures = inputs, predictor, Path(out), pictures
+        self._is_part = is_part
         self._detections = None if detections is None else Path(detections)
         if self._detections is not None and any(each.pose is None for each in inputs):
             raise DataError(f"{detections}: detections need ego poses: expected a dataset, got a folder of images")
@@ -105,9 +107,27 @@ class InferenceRun:
         record = Record(self._out)
         for _, drive in groupby(enumerate(self._inputs), key=lambda pair: pair[1].drive or pair[0]):
             yield from self._predict_drive([each for _, each in drive], record)
-        record.tidy()
+        if not self._is_part:
+            self.finish()
+
+    def finish(self) -> None:
+        """Tidy the record of the inputs and write the detections; at the end of a run, or of all its parts.
+
+        Raises:
+            DataError: if a map is missing, or a file cannot be written.
+        """
+        Record(self._out).tidy()
         if self._detections is not None:
             write_results(self._detections, {each.token: self._boxes(each) for each in self._inputs})
+
+    def add(self, part: InferenceSummary) -> None:
+        """Add the counts of a part of this run, which another process has executed."""
+        self._made += part.made
+        self._kept += part.kept
+        self._stale.update(part.stale)
+        for channel, (times, reason) in part.missing.items():
+            count, first = self._missing.get(channel, (0, reason))
+            self._missing[channel] = (count + times, first)
 
     def _predict_drive(self, inputs: Sequence[InferenceInput], record: Record) -> Iterator[InferenceResult | None]:
         """Predict the frames of a drive; with memory, a map is made of all frames up to its own."""
@@ -117,8 +137,8 @@ class InferenceRun:
         unread: list[InferenceInput] = []  # with kept maps, which the memory does not have yet
         for each in inputs:
             path = self._out / f"{each.token}.npz"
-            picture = self._out / PICTURES / f"{each.title}.jpg" if self._pictures else None
-            own = each.parts()
+            picture = picture_path(self._out, each.title, ".jpg") if self._pictures else None
+            own = {**each.parts(), "appocc's rules": str(MAP_RULES)}
             parts = {**own, "earlier frames": earlier} if earlier else own
             if self._predictor.has_memory:
                 earlier = digest([earlier, sorted(own.items())])

@@ -6,7 +6,15 @@ The camera frame is x right, y down, z ahead; pixel centres are at whole numbers
 from __future__ import annotations
 
 from appocc.lenses.distorted import DistortedLens
-from appocc.lenses.fisheye import FisheyeLens, kannala_brandt, ocamcalib, polynomial_fisheye
+from appocc.lenses.fisheye import FisheyeLens, kannala_brandt, ocamcalib, polynomial_fisheye, unified_sphere
 from appocc.lenses.lens import Lens
 
-__all__ = ["DistortedLens", "FisheyeLens", "Lens", "kannala_brandt", "ocamcalib", "polynomial_fisheye"]
+__all__ = [
+    "DistortedLens",
+    "FisheyeLens",
+    "Lens",
+    "kannala_brandt",
+    "ocamcalib",
+    "polynomial_fisheye",
+    "unified_sphere",
+]

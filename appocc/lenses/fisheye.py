@@ -1,10 +1,11 @@
 """Fisheye lenses: the distance from the centre of the picture is a function of the angle from the axis.
 
-Three published families, all up to 200 degrees wide and more:
+Four published families, all up to 200 degrees wide and more:
 - Kannala and Brandt, "A generic camera model and calibration method for conventional, wide-angle, and fish-eye
   lenses", PAMI 2006, in the form of OpenCV's cv2.fisheye;
 - a polynomial of the angle in pixels, as WoodScape's calibration files have it (Yogamani et al., ICCV 2019);
-- Scaramuzza et al., "A toolbox for easily calibrating omnidirectional cameras", IROS 2006 (OCamCalib).
+- Scaramuzza et al., "A toolbox for easily calibrating omnidirectional cameras", IROS 2006 (OCamCalib);
+- Mei and Rives, "Single view point omnidirectional camera calibration from planar grids", ICRA 2007 (unified sphere).
 """
 
 from __future__ import annotations
@@ -57,6 +58,25 @@ class _MirrorAngle(RisingFunction):
         """Return the derivatives at distances (N,)."""
         ahead = self._ahead(places)
         return np.asarray((ahead - places * self._ahead.deriv()(places)) / (places**2 + ahead**2))
+
+
+class _SphereAngle(RisingFunction):
+    """The distance from the centre of a point on the unit sphere, seen from xi behind its centre, with distortion."""
+
+    def __init__(self, xi: float, k: Sequence[float], wide_deg: float) -> None:
+        """Take the mirror parameter and k1, k2."""
+        self._xi, self._distortion = xi, Polynomial([0.0, 1.0, 0.0, k[0], 0.0, k[1]])
+        super().__init__(np.radians(wide_deg) / 2)
+
+    def value(self, places: FloatArray) -> FloatArray:
+        """Return the distances at angles (N,)."""
+        return np.asarray(self._distortion(np.sin(places) / (np.cos(places) + self._xi)))
+
+    def slope(self, places: FloatArray) -> FloatArray:
+        """Return the derivatives at angles (N,)."""
+        ahead = np.cos(places) + self._xi
+        rho, change = np.sin(places) / ahead, (1 + self._xi * np.cos(places)) / ahead**2
+        return np.where(ahead > 0, self._distortion.deriv()(rho) * change, -1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,3 +184,29 @@ def ocamcalib(
         raise ShapeError(f"fisheye: expected a negative first coefficient a0, got {polynomial[0]:g}")
     profile = Inverted(_MirrorAngle(polynomial), np.radians(wide_deg) / 2)
     return FisheyeLens(profile, np.array([[1.0, e], [d, c]]), np.asarray(centre_px, np.float64))
+
+
+def unified_sphere(
+    xi: float,
+    k: Sequence[float],
+    focal_px: Sequence[float],
+    centre_px: Sequence[float],
+    wide_deg: float = WIDEST_DEG,
+) -> FisheyeLens:
+    """Return Mei's fisheye: distance = rho (1 + k1 rho^2 + k2 rho^4), rho = sin a / (cos a + xi) of the angle a.
+
+    Args:
+        xi: mirror parameter, 0 or more.
+        k: k1, k2. Tangential distortion, less than a pixel in KITTI-360, is left out as in its own tools.
+        focal_px: gamma1, gamma2: pixels right and down per distance.
+        centre_px: pixel on the axis.
+        wide_deg: how wide the lens sees, across.
+
+    Raises:
+        ShapeError: if a value is invalid.
+    """
+    check_shape("fisheye coefficients", np.asarray(k), (2,))
+    check_finite("fisheye coefficients", np.array([xi, *k]))
+    if xi < 0:
+        raise ShapeError(f"fisheye: expected a mirror parameter xi of 0 or more, got {xi:g}")
+    return FisheyeLens(_SphereAngle(xi, k, wide_deg), np.diag(focal_px), np.asarray(centre_px, np.float64))

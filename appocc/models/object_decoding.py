@@ -23,6 +23,10 @@ LEAST_SCORE, MOST_PEAKS = 0.05, 200
 # Logistic regression of found vehicles (centre within 2 m) on the log-odds of the peak and the mean vehicle
 # probability of the cells in the box: their weights and the constant, from validation maps of the training's towns.
 _PEAK_WEIGHT, _CELL_WEIGHT, _CONSTANT = 0.86, 1.70, -0.50
+# Logistic regression of vehicle cells on the log-odds of their probability and, in a box, one and the log-odds of the
+# score of the box: weights and constant, from validation maps of the training's towns; range of the log-odds.
+_FUSED_CELL, _FUSED_BOX, _FUSED_SCORE, _FUSED_CONSTANT = 0.79, 0.66, 0.28, -0.47
+_LEAST_PROBABILITY, _LEAST_FUSED_SCORE = 1e-6, 0.02
 # Sizes of boxes are kept in this range.
 _SMALLEST_M, _LARGEST_M = 0.2, 30.0
 
@@ -106,6 +110,27 @@ def rescore_objects(objects: BEVObjects, grid: BEVGrid, occupancy: Float32Array)
     combined = expit(_PEAK_WEIGHT * logit(objects.score) + _CELL_WEIGHT * vehicle + _CONSTANT)
     score = np.where(objects.are_vehicles, combined, objects.score)
     return replace(objects, score=score).select(np.argsort(-score, kind="stable"))
+
+
+def fuse_vehicles(objects: BEVObjects, grid: BEVGrid, occupancy: Float32Array) -> Float32Array:
+    """Return the probabilities (3, X, Y) with those of vehicles from the cell and the box over it (late fusion).
+
+    Boxes know the shape of vehicles; cells know those that no box was found for.
+
+    Args:
+        objects: objects of a map with their final scores.
+        grid: grid of the map.
+        occupancy: (3, X, Y) probabilities.
+    """
+    owner = objects.vehicle_owner(grid)
+    inside = owner >= 0
+    cell = logit(occupancy[VEHICLE].clip(_LEAST_PROBABILITY, 1 - _LEAST_PROBABILITY).astype(np.float64))
+    score = logit(objects.score.clip(_LEAST_FUSED_SCORE, 1 - _LEAST_FUSED_SCORE))
+    log_odds = _FUSED_CELL * cell + _FUSED_CONSTANT
+    log_odds[inside] += _FUSED_BOX + _FUSED_SCORE * score[owner[inside]]
+    fused = occupancy.copy()
+    fused[VEHICLE] = expit(log_odds)
+    return fused
 
 
 def paint_objects(

@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from uuid import uuid4
 
 from appocc.errors import DataError
 from appocc.files import read_json, whole_file, write_json
@@ -95,12 +96,18 @@ class Assembly:
             DataError: as `write` does, or if a file cannot be written.
         """
         place = self.place(scene)
-        part = place.with_suffix(".part")
-        shutil.rmtree(part, ignore_errors=True)
+        # A name of its own: on a cluster, a scene may be written twice, by a worker that was taken for dead.
+        part = place.with_name(f"{scene}.{uuid4().hex}.part")
         writer = Writer(part, self.version)
-        write(writer)
-        writer.save()
-        part.replace(place)
+        try:
+            write(writer)
+            writer.save()
+            part.replace(place)
+        except OSError:
+            if not place.is_dir():
+                raise
+        finally:
+            shutil.rmtree(part, ignore_errors=True)
 
     def finish(self, scenes: Sequence[str], shared: Path | None = None) -> None:
         """Merge finished scenes into the dataset and move it to its folder; can be interrupted and repeated.

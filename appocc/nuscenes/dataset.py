@@ -13,12 +13,12 @@ from appocc.boxes import Boxes
 from appocc.camera import Camera, CameraRig
 from appocc.checks import FloatArray, IntArray, check_finite, frozen
 from appocc.errors import AppoccError, DataError, NotFoundError, ShapeError
-from appocc.files import inside, read_image
+from appocc.files import inside, plain_name, read_image
 from appocc.frame import Frame
 from appocc.geometry import interpolate_pose, inverse, is_unit, rotation_from_quaternion, transform
 from appocc.nuscenes.columns import intrinsic_of
 from appocc.nuscenes.lidar import read_lidar
-from appocc.nuscenes.records import MapRecord, Sample, SampleData, Scene
+from appocc.nuscenes.records import NO_MAP, MapRecord, Sample, SampleData, Scene
 from appocc.nuscenes.schema import LABEL_TABLES
 from appocc.nuscenes.tables import Tables
 from appocc.typing import PathLike
@@ -77,6 +77,15 @@ class Dataset:
         """Return the key frames of a scene in order of time."""
         rows = self.tables.samples_by_scene.rows(scene.token)
         return tuple(sorted((self._sample(int(row)) for row in rows), key=lambda s: s.timestamp_us))
+
+    def titles(self, scene: Scene) -> dict[str, str]:
+        """Return, for the token of each key frame, the file name of its picture without the ending: `SCENE-0000`.
+
+        Raises:
+            DataError: if the name of the scene is unfit for a file name.
+        """
+        name = plain_name(self.root, scene.name)
+        return {sample.token: f"{name}-{number:04d}" for number, sample in enumerate(self.samples(scene))}
 
     def sample(self, token: str) -> Sample:
         """Return the sample with a token.
@@ -346,7 +355,7 @@ class Dataset:
         """
         t = self.tables["map"]
         row = next((i for i, logs in enumerate(t["log_tokens"]) if scene.log_token in logs), None)
-        if row is None:
+        if row is None or t["category"][row] == NO_MAP:
             return None
         unknown = t["unknown_value"][row]
         try:

@@ -45,6 +45,10 @@ class SampleData:
     calibration_row: int
 
 
+# Category of the map row of a log without a map.
+NO_MAP = "none"
+
+
 @dataclass(frozen=True)
 class MapRecord:
     """A drivable-area mask.

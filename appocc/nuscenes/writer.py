@@ -9,10 +9,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from appocc.checks import FloatArray
 from appocc.errors import DataError, ShapeError
-from appocc.files import write_json
+from appocc.files import write_image, write_json
 from appocc.geometry import quaternion_from_rotation
+from appocc.nuscenes.records import NO_MAP
 from appocc.nuscenes.schema import TABLES
 from appocc.temporary import made_folder, partial_folder
 
@@ -186,6 +189,13 @@ class Writer:
             prev="",
             next="",
         )
+
+    def add_no_map(self, log: str) -> None:
+        """Add a map row for a log without a map: nuscenes-devkit needs a picture for every log."""
+        token = token_of("map", NO_MAP, log)
+        filename = f"maps/{token}.png"
+        write_image(self.root / filename, np.zeros((1, 1), np.uint8))
+        self.add("map", token, category=NO_MAP, filename=filename, log_tokens=[log])
 
     def add_annotation(self, scene: str, sample: str, box: Annotation, velocity_mps: FloatArray | None = None) -> str:
         """Add a box of a sample, optionally with its velocity (2,) in the world frame, and return its token.

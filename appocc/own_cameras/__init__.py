@@ -2,7 +2,7 @@
 
 from appocc.own_cameras.live import CameraDevices, LiveFrames, WatchedFolder
 from appocc.own_cameras.pictures import Clock, find_streams, in_order_of_time
-from appocc.own_cameras.trajectory import Motion, Trajectory
+from appocc.trajectory import Motion, Trajectory
 
 __all__ = [
     "CameraDevices",

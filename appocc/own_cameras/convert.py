@@ -17,8 +17,8 @@ from appocc.own_cameras.moments import Moment, key_moments, moments_of
 from appocc.own_cameras.pictures import Picture, Stream, in_order_of_time
 from appocc.own_cameras.pose_files import read_trajectory
 from appocc.own_cameras.times import seconds_text
-from appocc.own_cameras.trajectory import Motion, Straight, Trajectory
 from appocc.rigs.source_rig import SourceRig
+from appocc.trajectory import Motion, Straight, Trajectory
 
 VERSION = "v1.0-own"
 _JPEG = (".jpg", ".jpeg")
@@ -182,6 +182,7 @@ class _SceneWriter:
         date = datetime.fromtimestamp(first_us / 1e6, UTC).strftime("%Y-%m-%d")
         log = token_of("log", self._name)
         self._writer.add("log", log, logfile=self._name, vehicle="own", date_captured=date, location="unknown")
+        self._writer.add_no_map(log)
         self._writer.add_scene(self._name, f"{self._name}: own cameras", log, self.samples)
         self._writer.save()
 

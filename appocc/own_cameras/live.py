@@ -20,8 +20,8 @@ from appocc.frame import Frame
 from appocc.geometry import inverse
 from appocc.own_cameras.moments import Moment, MomentGrouper
 from appocc.own_cameras.pictures import Clock, Picture, camera_images, time_of_picture
-from appocc.own_cameras.trajectory import Motion, Straight
 from appocc.rigs.source_rig import SourceRig
+from appocc.trajectory import Motion, Straight
 from appocc.typing import PathLike
 
 

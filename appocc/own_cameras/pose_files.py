@@ -14,7 +14,7 @@ from appocc.files import read_text
 from appocc.geometry import nearest_rigid, quaternion_from_yaw, transform
 from appocc.own_cameras.satellites import local_places, read_gpx, read_nmea
 from appocc.own_cameras.times import seconds_text, seconds_to_us
-from appocc.own_cameras.trajectory import Trajectory, headings_of_way
+from appocc.trajectory import Trajectory, headings_of_way
 
 _TIMES = ("time", "timestamp", "t", "time_s", "timestamp_us", "timestamp_ns")
 _TUM, _KITTI = 8, 12

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import xml.etree.ElementTree as ElementTree
 from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta
 from functools import reduce
@@ -12,6 +11,7 @@ import numpy as np
 
 from appocc.checks import FloatArray
 from appocc.errors import DataError
+from appocc.xml_file import parse_xml
 
 # WGS 84: half axis in metres and squared eccentricity.
 _AXIS_M, _E2 = 6378137.0, 6.69437999014e-3
@@ -88,12 +88,7 @@ def read_gpx(path: Path, text: str) -> Fixes:
     Raises:
         DataError: if it is no GPX file, or has no track points with times.
     """
-    if "<!DOCTYPE" in text[:1000] or "<!ENTITY" in text:
-        raise DataError(f"{path}: expected GPX without a document type")
-    try:
-        root = ElementTree.fromstring(text)
-    except (ElementTree.ParseError, ValueError) as error:
-        raise DataError(f"{path}: no valid XML ({error})") from error
+    root = parse_xml(path, text)
     times: list[tuple[int, str]] = []
     places: list[tuple[float, float]] = []
     for number, point in enumerate(root.iterfind(".//{*}trkpt"), start=1):

@@ -53,6 +53,8 @@ def convert(recording: Recording, writer: Writer, advance: Callable[[int], None]
     writer.add_scene(name, recording.source, log, samples)
     if recording.road is not None:
         _add_road(recording.road, name, log, writer)
+    else:
+        writer.add_no_map(log)
     for index, label in recording.label_names.items():
         row = {"index": index, "name": label, "category": category_of(label)}
         if row not in [{k: r[k] for k in row} for r in writer.extra.get("pointlabels_category", [])]:

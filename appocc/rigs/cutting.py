@@ -14,10 +14,11 @@ import numpy as np
 
 from appocc.camera import Camera
 from appocc.checks import BoolArray, FloatArray
+from appocc.ego_vehicle import EgoVehicle
 from appocc.errors import DataError
 from appocc.geometry import transform
 from appocc.rigs.source_camera import SourceCamera
-from appocc.rigs.source_rig import View
+from appocc.rigs.source_rig import SourceRig, View
 
 WIDEST_PINHOLE_DEG = 115.0
 WIDEST_VIEW_DEG = 100.0
@@ -50,6 +51,15 @@ class _Rectangle(NamedTuple):
         """Return the rectangle without a share of its width and height at each side."""
         wide, high = (self.right - self.left) * share, (self.bottom - self.top) * share
         return _Rectangle(self.left + wide, self.top + high, self.right - wide, self.bottom - high)
+
+
+def cut_rig(cameras: tuple[SourceCamera, ...], ego_vehicle: EgoVehicle) -> SourceRig:
+    """Return the rig of source cameras with the views that are cut out of them.
+
+    Raises:
+        DataError: if a lens sees too little.
+    """
+    return SourceRig(cameras, tuple(view for camera in cameras for view in cut_views(camera)), ego_vehicle)
 
 
 def cut_views(camera: SourceCamera) -> tuple[View, ...]:

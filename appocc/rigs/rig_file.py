@@ -11,7 +11,7 @@ from typing import Any
 from appocc.ego_vehicle import EgoVehicle
 from appocc.errors import DataError, ShapeError
 from appocc.rigs.calibration import read_calibration
-from appocc.rigs.cutting import cut_views
+from appocc.rigs.cutting import cut_rig
 from appocc.rigs.fields import Fields
 from appocc.rigs.optics import OPTICS_KEYS, read_lens
 from appocc.rigs.poses import MATRIX_KEYS, POSE_KEYS, read_pose
@@ -43,8 +43,7 @@ def read_rig_file(path: Path, values: Any) -> SourceRig:
     cameras = tuple(_camera(listed, name, path.parent) for name in listed.keys)
     _check_channels(top, cameras)
     try:
-        views = tuple(view for camera in cameras for view in cut_views(camera))
-        return SourceRig(cameras, views, _ego_vehicle(top))
+        return cut_rig(cameras, _ego_vehicle(top))
     except (ShapeError, DataError) as error:
         raise DataError(f"{path}: {str(error).removeprefix(f'{path}: ')}") from error
 

@@ -13,7 +13,7 @@ from appocc.simulation.recording import VERSION, RecordingSettings, build_town_s
 from appocc.simulation.scenario import Scenario, draw_scenario
 from appocc.simulation.sources import TownSource
 from appocc.version import __version__
-from appocc.workers import in_order, worker_pool
+from appocc.workers import Engine, in_order
 
 SETTINGS_FILE = "simulation.json"
 _Job = tuple[Scenario, TownSource]
@@ -62,13 +62,13 @@ class SimulationCounts(NamedTuple):
 def simulate(
     out: Path,
     settings: DatasetSettings,
-    workers: int,
+    pool: Engine | None,
     advance: Callable[[float], None],
     notify: Callable[[str], None] = lambda text: None,
 ) -> SimulationCounts:
     """Record a dataset below `out`; `advance` gets the number of finished frames, `notify` a line before slow steps.
 
-    The result depends neither on `workers` nor on interruptions: finished scenes are kept in a hidden folder next to
+    The result depends neither on the pool nor on interruptions: finished scenes are kept in a hidden folder next to
     `out`, and the same call resumes from them.
 
     Raises:
@@ -94,7 +94,7 @@ def simulate(
         advance((len(scenarios) - len(left)) * settings.recording.frames)
         # Scenes of a town follow each other, so that a worker rarely has to build another town.
         left.sort(key=lambda scene: (scene.town, scene.number))
-        _record(left, settings, assembly, workers, advance)
+        _record(left, settings, assembly, pool, advance)
         assembly.finish([scene.name for scene in scenarios], work / _SHARED)
     return SimulationCounts(len(left) * settings.recording.frames, total)
 
@@ -112,15 +112,14 @@ def _record(
     scenarios: Sequence[Scenario],
     settings: DatasetSettings,
     assembly: Assembly,
-    workers: int,
+    pool: Engine | None,
     advance: Callable[[float], None],
 ) -> None:
     sources = {town.name: town for town in settings.towns}
     jobs: list[_Job] = [(scenario, sources[scenario.town]) for scenario in scenarios]
-    with worker_pool(min(workers, len(jobs))) as pool:
-        job = partial(_record_one, recording=settings.recording, assembly=assembly)
-        for frames in in_order(pool, partial(job, advance=None if pool else advance), jobs):
-            advance(frames)
+    job = partial(_record_one, recording=settings.recording, assembly=assembly)
+    for frames in in_order(pool, partial(job, advance=None if pool else advance), jobs):
+        advance(frames)
 
 
 def _record_one(

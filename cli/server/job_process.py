@@ -82,7 +82,7 @@ def simulate_drive(root: Path, settings: dict[str, Any], report: Report) -> None
             report("note", note)
         report("advance", steps)
 
-    simulate(root, wanted, 1, advance, lambda text: report("note", text))
+    simulate(root, wanted, None, advance, lambda text: report("note", text))
     _predict(root, report)
 
 

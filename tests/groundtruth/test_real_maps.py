@@ -80,7 +80,7 @@ def test_nuscenes_as_downloaded(data_root: Path, tmp_path: Path) -> None:
     dataset = Dataset(data_root / "nuscenes_real")
     before = sorted(path.name for path in dataset.root.rglob("*"))
     summary = generate(
-        dataset, dataset.scenes, tmp_path, GroundTruthSettings(BEVGrid.surround(), "robust"), 1, lambda _: None
+        dataset, dataset.scenes, tmp_path, GroundTruthSettings(BEVGrid.surround(), "robust"), None, lambda _: None
     )
     assert summary.made == 2
     for scene in dataset.scenes:

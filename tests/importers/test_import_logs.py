@@ -9,12 +9,15 @@ import cv2
 import numpy as np
 import pytest
 
+from appocc.doctor import contents_of
 from appocc.ego_vehicle import EgoVehicle
 from appocc.errors import DataError
+from appocc.files import write_image
 from appocc.geometry import transform
 from appocc.importers import Frame, Image, Summary, Sweep, import_logs, key_indices
 from appocc.lenses import DistortedLens
 from appocc.nuscenes import Dataset
+from appocc.nuscenes.maps import mask_window
 from appocc.nuscenes.validate import validate
 from appocc.nuscenes.writer import Annotation, Writer
 from appocc.rigs import SourceRig
@@ -115,6 +118,22 @@ def test_the_pool_and_interruptions_do_not_change_a_byte(tmp_path: Path) -> None
     assert [path.name for path in sorted(tmp_path.iterdir())] == ["one", "three", "two"]
 
 
+def test_logs_without_a_map_are_read_by_the_devkit_and_have_no_mask(tmp_path: Path) -> None:
+    nuscenes = pytest.importorskip("nuscenes", reason="nuscenes-devkit is not installed")
+    imported(tmp_path / "out", MadeLog(), MappedLog("log-b"))
+    kit = nuscenes.NuScenes("v1.0-made", str(tmp_path / "out"), verbose=False)
+    assert len(kit.scene) == 2
+    assert all(Path(row["mask"].img_file).is_file() for row in kit.map)
+    dataset = Dataset(tmp_path / "out")
+    bare, mapped = dataset.scenes
+    assert dataset.map_record(bare) is None
+    assert mask_window(dataset, bare, np.full(2, -20.0), np.full(2, 20.0)) is None
+    assert dataset.map_record(mapped) is not None
+    contents = contents_of(dataset)
+    assert (contents.masks, contents.scenes_with_mask) == (1, 1)
+    assert not validate(dataset)
+
+
 def test_a_damaged_image_is_missing_and_told(tmp_path: Path) -> None:
     summary = imported(tmp_path / "out", replace(MadeLog(), broken="front"))
     assert summary.images == 3
@@ -130,6 +149,12 @@ def test_bad_calls_leave_nothing(tmp_path: Path) -> None:
     with pytest.raises(DataError, match="at least one key frame"):
         imported(tmp_path / "out", EmptyLog())
     assert not list(tmp_path.iterdir())
+
+
+class MappedLog(MadeLog):
+    def write_map(self, writer: Writer, log: str) -> None:
+        write_image(writer.root / "maps/own.png", np.full((400, 400), 255, np.uint8))
+        writer.add("map", "own", category="semantic_prior", filename="maps/own.png", log_tokens=[log])
 
 
 class EmptyLog(MadeLog):

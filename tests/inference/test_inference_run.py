@@ -223,6 +223,14 @@ def test_maps_without_a_record_are_made_anew_once(tiny: TinyDataset, tmp_path: P
     assert _anew(tiny, tmp_path) == (0, 3, {})
 
 
+def test_maps_of_other_rules_are_made_anew(
+    tiny: TinyDataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert _anew(tiny, tmp_path)[:2] == (3, 0)
+    monkeypatch.setattr("appocc.inference.run.MAP_RULES", 0)
+    assert _anew(tiny, tmp_path) == (3, 0, {"appocc's rules changed": 3})
+
+
 def test_neither_maps_nor_the_record_depend_on_where_the_dataset_lies(tiny: TinyDataset, tmp_path: Path) -> None:
     run(tiny, tmp_path / "a")
     tiny.root = tiny.root.rename(tmp_path / "elsewhere")

@@ -8,14 +8,16 @@ import pytest
 
 from appocc.checks import FloatArray
 from appocc.errors import ShapeError
-from appocc.lenses import FisheyeLens, kannala_brandt, ocamcalib, polynomial_fisheye
+from appocc.lenses import FisheyeLens, kannala_brandt, ocamcalib, polynomial_fisheye, unified_sphere
 
 K = np.array([[300.0, 0, 640], [0, 310, 480], [0, 0, 1]])
 KB = [0.05, -0.01, 0.003, -0.001]
 # The polynomial and offsets of WoodScape's example file.
 WOODSCAPE = polynomial_fisheye([339.749, -31.988, 48.275, -7.201], [643.442, 479.407])
 SCARAMUZZA = ocamcalib([-200.0, 0.0, 1.7e-3, -1e-6, 2e-9], [640, 480], (0.9999, 0.0003, -0.0002))
-LENSES = [kannala_brandt(K, KB), WOODSCAPE, SCARAMUZZA]
+# About the parameters of KITTI-360's fisheyes.
+MEI = unified_sphere(2.2134, (0.0168, 1.6548), (1336.3, 1335.8), (716.94, 705.76))
+LENSES = [kannala_brandt(K, KB), WOODSCAPE, SCARAMUZZA, MEI]
 
 
 def rays(half_deg: float, count: int = 500) -> FloatArray:
@@ -39,6 +41,17 @@ def test_it_projects_as_opencv() -> None:
         ahead[:, None], np.zeros(3), np.zeros(3), K, np.array(KB), alpha=3.0 / 300.0
     )
     np.testing.assert_allclose(kannala_brandt(skewed, KB).project(ahead), wanted[:, 0], atol=1e-9)
+
+
+def test_the_unified_sphere_is_opencvs() -> None:
+    """cv2.projectPoints has the same distortion of the point on the normalised plane behind the sphere."""
+    ahead = rays(99.0)
+    behind = ahead + np.array([0, 0, 2.2134])
+    k = np.array([[1336.3, 0, 716.94], [0, 1335.8, 705.76], [0, 0, 1]])
+    wanted, _ = cv2.projectPoints(behind, np.zeros(3), np.zeros(3), k, np.array([0.0168, 1.6548, 0, 0]))
+    np.testing.assert_allclose(MEI.project(ahead), wanted[:, 0], atol=1e-9)
+    with pytest.raises(ShapeError, match="xi of 0 or more"):
+        unified_sphere(-1.0, (0, 0), (1, 1), (0, 0))
 
 
 def test_the_published_polynomial() -> None:

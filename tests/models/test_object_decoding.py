@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -11,7 +13,7 @@ from appocc.bevmap import VEHICLE
 from appocc.checks import BoolArray, Float32Array, FloatArray
 from appocc.grid import BEVGrid
 from appocc.models.base import VELOCITY_UNIT_MPS, ObjectOutput
-from appocc.models.object_decoding import LEAST_SCORE, MOST_PEAKS, decode_objects, paint_objects
+from appocc.models.object_decoding import LEAST_SCORE, MOST_PEAKS, decode_objects, fuse_vehicles, paint_objects
 from appocc.objects import KINDS, BEVObjects
 from appocc.training.object_losses import object_targets
 from appocc.training.packed_objects import COLUMNS, KIND, RGB, VELOCITY, WLH, XY, YAW, Z
@@ -117,6 +119,31 @@ def test_people_have_no_paint_and_take_none_from_a_car() -> None:
     paint = dict(zip(found.kind, found.rgb.tolist(), strict=True))
     assert paint["car"] == pytest.approx([128] * 3)
     assert np.isnan(paint["pedestrian"] + paint["bicycle"]).all()
+
+
+# Cells and boxes ----------------------------------------------------------------------------------------------------
+
+
+def test_cells_in_a_sure_box_are_more_probable_and_others_are_less() -> None:
+    car = made_object("car", 4.2, 0.2, size_wlh_m=(2.0, 4.4, 1.5))
+    occupancy, _ = grey_map()
+    occupancy[VEHICLE] = 0.3
+    inside = car.vehicle_owner(GRID) == 0
+    sure, doubtful = (replace(car, score=np.array([score])) for score in (0.9, 0.1))
+    fused = fuse_vehicles(sure, GRID, occupancy)
+    assert (fused[VEHICLE][inside] > 0.3).all()
+    assert (fused[VEHICLE][~inside] < 0.3).all()
+    assert (fused[VEHICLE][inside] > fuse_vehicles(doubtful, GRID, occupancy)[VEHICLE][inside]).all()
+    np.testing.assert_array_equal(np.delete(fused, VEHICLE, 0), np.delete(occupancy, VEHICLE, 0))
+    assert fused.dtype == occupancy.dtype
+
+
+def test_certain_cells_and_scores_stay_finite() -> None:
+    car = made_object("car", 4.2, 0.2)
+    for value, score in ((0.0, 0.0), (1.0, 1.0)):
+        occupancy = np.full((3, *GRID.shape), value, np.float32)
+        fused = fuse_vehicles(replace(car, score=np.array([score])), GRID, occupancy)
+        assert ((fused >= 0) & (fused <= 1)).all()
 
 
 # Duplicates -------------------------------------------------------------------------------------------------------

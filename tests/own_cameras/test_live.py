@@ -13,9 +13,9 @@ from appocc.frame import Frame
 from appocc.geometry import transform
 from appocc.own_cameras import CameraDevices, Clock, LiveFrames, WatchedFolder
 from appocc.own_cameras.pictures import Picture
-from appocc.own_cameras.trajectory import Straight
 from appocc.rigs import read_source_rig
 from appocc.rigs.source_rig import SourceRig
+from appocc.trajectory import Straight
 
 START_US = 1_700_000_000_000_000
 GREY = np.full((32, 48, 3), 90, np.uint8)

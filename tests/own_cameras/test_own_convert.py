@@ -15,9 +15,9 @@ from appocc.nuscenes import Dataset
 from appocc.nuscenes.validate import validate
 from appocc.own_cameras.convert import Summary, convert_recording, ego_trajectory
 from appocc.own_cameras.pictures import Clock, find_streams
-from appocc.own_cameras.trajectory import Trajectory
 from appocc.rigs import read_source_rig
 from appocc.rigs.source_rig import SourceRig
+from appocc.trajectory import Trajectory
 
 START_S = 1_700_000_000
 SIZE = (48, 32)
@@ -77,6 +77,15 @@ def test_a_recording_becomes_a_valid_scene_of_key_frames(drive: Path, rig: Sourc
     assert validate(dataset) == ()
     samples = dataset.samples(dataset.scene("mine"))
     assert [s.timestamp_us - START_S * 10**6 for s in samples] == [500_000 * i + 20_000 for i in range(5)]
+
+
+def test_the_devkit_loads_a_recording_without_a_map(drive: Path, rig: SourceRig) -> None:
+    nuscenes = pytest.importorskip("nuscenes", reason="nuscenes-devkit is not installed")
+    converted(drive, rig, None)
+    kit = nuscenes.NuScenes("v1.0-own", str(drive.parent / "out"), verbose=False)
+    assert len(kit.sample) == 5
+    dataset = Dataset(drive.parent / "out")
+    assert dataset.map_record(dataset.scene("mine")) is None
 
 
 def test_every_image_keeps_its_time_its_pose_and_its_pixels(drive: Path, rig: SourceRig) -> None:

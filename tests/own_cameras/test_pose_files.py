@@ -12,7 +12,7 @@ from appocc.checks import FloatArray, IntArray
 from appocc.errors import DataError
 from appocc.geometry import quaternion_from_yaw, transform, yaw_of
 from appocc.own_cameras.pose_files import read_trajectory
-from appocc.own_cameras.trajectory import Trajectory
+from appocc.trajectory import Trajectory
 
 START_US = 1_700_000_000_000_000
 LATITUDE, LONGITUDE = 48.0, 11.0

@@ -86,9 +86,9 @@ def interrupted_after(frames: int, error: BaseException) -> Callable[[float], No
 
 @pytest.mark.usefixtures("recorded")
 def test_the_same_seed_gives_the_same_bytes_and_another_does_not(tmp_path: Path) -> None:
-    made = simulate(tmp_path / "a", settings_of(), 1, no_advance)
-    simulate(tmp_path / "b", settings_of(), 1, no_advance)
-    simulate(tmp_path / "c", settings_of(seed=1), 1, no_advance)
+    made = simulate(tmp_path / "a", settings_of(), None, no_advance)
+    simulate(tmp_path / "b", settings_of(), None, no_advance)
+    simulate(tmp_path / "c", settings_of(seed=1), None, no_advance)
     assert made == (12, 12)
     assert contents(tmp_path / "a") == contents(tmp_path / "b")
     assert contents(tmp_path / "a") != contents(tmp_path / "c")
@@ -99,17 +99,17 @@ def test_the_same_seed_gives_the_same_bytes_and_another_does_not(tmp_path: Path)
 def test_an_interrupted_run_resumes_with_the_same_result(
     tmp_path: Path, recorded: list[str], error: BaseException
 ) -> None:
-    simulate(tmp_path / "whole", settings_of(), 1, no_advance)
+    simulate(tmp_path / "whole", settings_of(), None, no_advance)
     out = tmp_path / "out"
     expected = DataError if isinstance(error, OSError) else type(error)
     with pytest.raises(expected):
-        simulate(out, settings_of(), 1, interrupted_after(6, error))
+        simulate(out, settings_of(), None, interrupted_after(6, error))
     assert not out.exists()
     assert count_finished_scenes(out) == 1
     assert not list(unfinished_folder(out).rglob("*.part"))
     recorded.clear()
     done: list[float] = []
-    made = simulate(out, settings_of(), 1, done.append)
+    made = simulate(out, settings_of(), None, done.append)
     assert made == (8, 12)
     assert sum(done) == 12
     assert len(recorded) == 2
@@ -120,42 +120,42 @@ def test_an_interrupted_run_resumes_with_the_same_result(
 @pytest.mark.usefixtures("recorded")
 def test_a_run_without_a_finished_scene_leaves_nothing(tmp_path: Path) -> None:
     with pytest.raises(KeyboardInterrupt):
-        simulate(tmp_path / "out", settings_of(), 1, interrupted_after(2, KeyboardInterrupt()))
+        simulate(tmp_path / "out", settings_of(), None, interrupted_after(2, KeyboardInterrupt()))
     assert not list(tmp_path.iterdir())
 
 
 def test_a_run_killed_while_files_are_merged_resumes(
     tmp_path: Path, recorded: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    simulate(tmp_path / "whole", settings_of(), 1, no_advance)
+    simulate(tmp_path / "whole", settings_of(), None, no_advance)
     out = tmp_path / "out"
     with monkeypatch.context() as patch:
         patch.setattr(assembly, "write_json", lambda path, value: (_ for _ in ()).throw(KeyboardInterrupt()))
         patch.setattr(assembly.Assembly, "_check_settings", lambda self: None)
         with pytest.raises(KeyboardInterrupt):
-            simulate(out, settings_of(), 1, no_advance)
+            simulate(out, settings_of(), None, no_advance)
     recorded.clear()
-    assert simulate(out, settings_of(), 1, no_advance) == (0, 12)
+    assert simulate(out, settings_of(), None, no_advance) == (0, 12)
     assert not recorded
     assert contents(out) == contents(tmp_path / "whole")
 
 
 def test_a_finished_dataset_is_left_as_it_is(tmp_path: Path, recorded: list[str]) -> None:
-    simulate(tmp_path / "out", settings_of(), 1, no_advance)
+    simulate(tmp_path / "out", settings_of(), None, no_advance)
     recorded.clear()
-    assert simulate(tmp_path / "out", settings_of(), 1, no_advance) == (0, 12)
+    assert simulate(tmp_path / "out", settings_of(), None, no_advance) == (0, 12)
     assert not recorded
     with pytest.raises(DataError, match="other settings"):
-        simulate(tmp_path / "out", settings_of(scenes=4), 1, no_advance)
+        simulate(tmp_path / "out", settings_of(scenes=4), None, no_advance)
 
 
 @pytest.mark.usefixtures("recorded")
 def test_a_folder_that_holds_something_else_is_refused(tmp_path: Path) -> None:
     (tmp_path / "notes.txt").write_text("mine")
     with pytest.raises(DataError, match="exists already"):
-        simulate(tmp_path, settings_of(), 1, no_advance)
+        simulate(tmp_path, settings_of(), None, no_advance)
     with pytest.raises(DataError, match="exists already"):
-        simulate(tmp_path / "notes.txt", settings_of(), 1, no_advance)
+        simulate(tmp_path / "notes.txt", settings_of(), None, no_advance)
     assert [path.name for path in tmp_path.iterdir()] == ["notes.txt"]
 
 
@@ -163,24 +163,24 @@ def test_a_folder_that_holds_something_else_is_refused(tmp_path: Path) -> None:
 def test_scenes_of_another_run_are_not_mixed_in(tmp_path: Path) -> None:
     out = tmp_path / "out"
     with pytest.raises(KeyboardInterrupt):
-        simulate(out, settings_of(), 1, interrupted_after(6, KeyboardInterrupt()))
+        simulate(out, settings_of(), None, interrupted_after(6, KeyboardInterrupt()))
     with pytest.raises(DataError, match="other settings"):
-        simulate(out, settings_of(seed=5), 1, no_advance)
+        simulate(out, settings_of(seed=5), None, no_advance)
     assert count_finished_scenes(out) == 1
 
 
 @pytest.mark.usefixtures("recorded")
 def test_differing_settings_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    simulate(tmp_path / "out", settings_of(), 1, no_advance)
+    simulate(tmp_path / "out", settings_of(), None, no_advance)
     with pytest.raises(DataError, match=r"other settings \(scenes, seed\)"):
-        simulate(tmp_path / "out", settings_of(scenes=4, seed=5), 1, no_advance)
+        simulate(tmp_path / "out", settings_of(scenes=4, seed=5), None, no_advance)
     with pytest.raises(KeyboardInterrupt):
-        simulate(tmp_path / "more", settings_of(), 1, interrupted_after(6, KeyboardInterrupt()))
+        simulate(tmp_path / "more", settings_of(), None, interrupted_after(6, KeyboardInterrupt()))
     with pytest.raises(DataError, match=r"other settings \(vary\)"):
-        simulate(tmp_path / "out", settings_of(vary=True), 1, no_advance)
+        simulate(tmp_path / "out", settings_of(vary=True), None, no_advance)
     monkeypatch.setattr(generate, "__version__", "99.0")
     with pytest.raises(DataError, match=r"other settings \(appocc\)"):  # scenes of two versions are not mixed
-        simulate(tmp_path / "more", settings_of(), 1, no_advance)
+        simulate(tmp_path / "more", settings_of(), None, no_advance)
 
 
 @pytest.mark.usefixtures("recorded")
@@ -190,24 +190,24 @@ def test_a_run_killed_before_its_first_scene_does_not_fix_the_settings(tmp_path:
     write_bytes(unfinished_folder(out) / "towns" / "one.plan.json", b"{}")
     write_bytes(unfinished_folder(out) / "shared" / "maps" / "one.json", b"of another town")
     write_json(unfinished_folder(out) / "simulation.json", {"seed": 5})
-    assert simulate(out, settings_of(), 1, no_advance) == (12, 12)
+    assert simulate(out, settings_of(), None, no_advance) == (12, 12)
     assert {path.name: read_json(path) for path in (out / "maps").iterdir()} == {"one.json": "one", "two.json": "two"}
 
 
 @pytest.mark.usefixtures("recorded")
 def test_partial_files_of_a_killed_run_are_removed(tmp_path: Path) -> None:
-    simulate(tmp_path / "whole", settings_of(), 1, no_advance)
+    simulate(tmp_path / "whole", settings_of(), None, no_advance)
     out = tmp_path / "out"
     with pytest.raises(KeyboardInterrupt):
-        simulate(out, settings_of(), 1, interrupted_after(6, KeyboardInterrupt()))
+        simulate(out, settings_of(), None, interrupted_after(6, KeyboardInterrupt()))
     write_bytes(unfinished_folder(out) / "dataset" / "v1.0-simulation" / ".scene-x1y2.json", b"[")
     write_bytes(unfinished_folder(out) / "shared" / "maps" / ".one-x1y2.json", b"[")
     lines: list[str] = []
-    simulate(out, settings_of(), 1, no_advance, lines.append)
+    simulate(out, settings_of(), None, no_advance, lines.append)
     assert contents(out) == contents(tmp_path / "whole")
     assert lines == [f"{out}: resuming after 1 of 3 scenes"]
     write_bytes(unfinished_folder(out) / "lock", b"")  # killed at the very end
-    simulate(out, settings_of(), 1, no_advance)
+    simulate(out, settings_of(), None, no_advance)
     assert not unfinished_folder(out).exists()
 
 
@@ -217,7 +217,7 @@ def test_a_link_is_followed_and_stays(tmp_path: Path) -> None:
     for name in ("empty", "new"):
         link = tmp_path / name
         link.symlink_to(tmp_path / "disk" / name)
-        simulate(link, settings_of(), 1, no_advance)
+        simulate(link, settings_of(), None, no_advance)
         assert link.is_symlink()
         assert (link / "simulation.json").is_file()
     assert sorted(path.name for path in (tmp_path / "disk").iterdir()) == ["empty", "new"]
@@ -226,7 +226,7 @@ def test_a_link_is_followed_and_stays(tmp_path: Path) -> None:
 @pytest.mark.usefixtures("recorded")
 def test_folders_created_for_a_failed_run_are_removed(tmp_path: Path) -> None:
     with pytest.raises(KeyboardInterrupt):
-        simulate(tmp_path / "a" / "b" / "out", settings_of(), 1, interrupted_after(2, KeyboardInterrupt()))
+        simulate(tmp_path / "a" / "b" / "out", settings_of(), None, interrupted_after(2, KeyboardInterrupt()))
     assert not list(tmp_path.iterdir())
 
 
@@ -237,12 +237,12 @@ def test_two_runs_cannot_write_one_dataset(tmp_path: Path) -> None:
     with (work / "lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         with pytest.raises(DataError, match="another run"):
-            simulate(tmp_path / "out", settings_of(), 1, no_advance)
+            simulate(tmp_path / "out", settings_of(), None, no_advance)
 
 
 @pytest.mark.usefixtures("recorded")
 def test_towns_are_used_in_turn_and_settings_are_stored(tmp_path: Path) -> None:
-    simulate(tmp_path / "out", settings_of(4), 1, no_advance)
+    simulate(tmp_path / "out", settings_of(4), None, no_advance)
     kept = read_json(tmp_path / "out" / "simulation.json")
     assert kept["scenes"] == 4
     assert [town["name"] for town in kept["towns"]] == ["one", "two"]

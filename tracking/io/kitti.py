@@ -22,7 +22,6 @@ from pathlib import Path
 
 import numpy as np
 
-from appocc.boxes import LARGEST_M
 from appocc.checks import (
     BoolArray,
     FloatArray,
@@ -34,10 +33,11 @@ from appocc.checks import (
 )
 from appocc.errors import DataError, ShapeError
 from appocc.geometry import wrap_angle
+from appocc.kitti_files import LABEL, check_columns, check_size, read_labels
+from appocc.text_tables import parse_integer, parse_numbers, read_rows
 from tracking.detections import Detections, log_odds_from_probability
 from tracking.field_of_view import FieldOfView
 from tracking.io.kitti_oxts import EGO_FROM_CAM, read_oxts
-from tracking.io.text_tables import parse_integer, parse_numbers, read_rows
 
 LABEL_FOLDERS = ("label", "label_02")
 FRAME_US = 100_000
@@ -46,7 +46,6 @@ WIDTH_PX, HEIGHT_PX = 1242, 375
 KINDS = {1: "pedestrian", 2: "car", 3: "bicycle"}
 _NEAREST_M, _HALF_CAR_M = 2.0, 1.5
 _DETECTION = ("frame", "type", "x1", "y1", "x2", "y2", "score", "h", "w", "l", "x", "y", "z", "ry", "alpha")
-_LABEL = ("frame", "id", "type", "truncated", "occluded", "alpha", *_DETECTION[2:6], *_DETECTION[7:14])
 
 
 @dataclass(frozen=True, eq=False)
@@ -207,28 +206,15 @@ def convert_yaw(rotation_y_rad: FloatArray) -> FloatArray:
 # Files ------------------------------------------------------------------------------------------------------------
 
 
-def _check_columns(place: str, columns: list[str], names: Sequence[str]) -> list[str]:
-    if len(columns) != len(names):
-        raise DataError(f"{place}: expected {len(names)} columns ({' '.join(names)}), got {len(columns)}")
-    return columns
-
-
-def _check_size(place: str, h_w_l: Sequence[float]) -> None:
-    if min(h_w_l) <= 0:
-        raise DataError(f"{place}: expected positive h, w and l, got {min(h_w_l):g} m")
-    if max(h_w_l) > LARGEST_M:
-        raise DataError(f"{place}: expected h, w and l up to {LARGEST_M:g} m, got {max(h_w_l):g} m")
-
-
 def _detections(path: Path) -> FloatArray:
     """Return the detection rows (R, 15) of a file."""
     rows = []
     for place, columns in read_rows(path, ","):
-        row = parse_numbers(place, _check_columns(place, columns, _DETECTION))
+        row = parse_numbers(place, check_columns(place, columns, _DETECTION))
         parse_integer(place, "frame", row[0], 0)
         if row[1] not in KINDS:
             raise DataError(f"{place}: expected type 1, 2 or 3, got {row[1]:g}")
-        _check_size(place, row[7:10])
+        check_size(place, row[7:10])
         rows.append(row)
     return np.array(rows, dtype=np.float64).reshape(-1, len(_DETECTION))
 
@@ -269,19 +255,7 @@ def _projection(path: Path) -> FloatArray:
 def _labels(path: Path, count: int) -> tuple[KittiLabels, ...]:
     """Return the labels of the first `count` frames."""
     frames: list[list[tuple[str, list[float]]]] = [[] for _ in range(count)]
-    taken: set[tuple[int, int]] = set()
-    for place, columns in read_rows(path):
-        name = _check_columns(place, columns, _LABEL).pop(2)
-        row = parse_numbers(place, columns)
-        frame = parse_integer(place, "frame", row[0], 0)
-        if name != "DontCare":
-            key = frame, parse_integer(place, "id", row[1], 0)
-            if key in taken:
-                raise DataError(f"{place}: expected one label of object {key[1]} in frame {frame}, got two")
-            taken.add(key)
-            for state, number in zip(("truncated", "occluded"), row[2:4], strict=True):
-                parse_integer(place, state, number, -1)
-            _check_size(place, row[9:12])
+    for frame, name, row in read_labels(path):
         if frame < count:
             frames[frame].append((name, row))
     return tuple(_frame_labels(rows) for rows in frames)
@@ -289,7 +263,7 @@ def _labels(path: Path, count: int) -> tuple[KittiLabels, ...]:
 
 def _frame_labels(rows: Sequence[tuple[str, list[float]]]) -> KittiLabels:
     objects = [(name, row) for name, row in rows if name != "DontCare"]
-    table = np.array([row for _, row in objects]).reshape(-1, len(_LABEL) - 1)
+    table = np.array([row for _, row in objects]).reshape(-1, len(LABEL) - 1)
     regions = np.array([row[5:9] for name, row in rows if name == "DontCare"]).reshape(-1, 4)
     ids, truncated, occluded = table[:, [1, 2, 3]].T.astype(np.int64)
     return KittiLabels(

@@ -23,9 +23,9 @@ import numpy as np
 from appocc.checks import FloatArray, IntArray, check_shape, frozen
 from appocc.errors import DataError, ShapeError
 from appocc.files import write_bytes
+from appocc.text_tables import parse_integer, parse_numbers, read_rows
 from tracking.detections import Detections, log_odds_from_probability
 from tracking.field_of_view import CircularView
-from tracking.io.text_tables import parse_integer, parse_numbers, read_rows
 from tracking.tracks import Track
 
 KIND, PERSON_M = "pedestrian", 1.7

@@ -25,7 +25,7 @@ from appocc.checks import FARTHEST_M, BoolArray, FloatArray
 from appocc.errors import DataError
 from appocc.files import open_plain, read_json
 from appocc.jsonparts import JsonPart, first_problem
-from tracking.io.text_tables import parse_integer, parse_numbers, read_rows
+from appocc.text_tables import parse_integer, parse_numbers, read_rows
 
 _KITTI_COLUMNS, _MOT_COLUMNS = 17, 7
 DONT_CARE = "DontCare"

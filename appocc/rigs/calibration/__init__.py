@@ -6,7 +6,6 @@ WoodScape's JSON. What a file is, is told by its content.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -17,7 +16,7 @@ from appocc.rigs.calibration import colmap, kalibr, matrices, woodscape
 from appocc.rigs.calibration.wanted import Wanted
 from appocc.rigs.fields import Fields
 from appocc.rigs.poses import read_transform
-from appocc.yaml_file import parse_yaml
+from appocc.yaml_file import parse_yaml, plain_yaml
 
 _KEYS = ("file", "camera", "model", "circle_deg", *kalibr.BASES)
 _EXAMPLE = "front.yaml, or {file: camchain.yaml, camera: cam0}"
@@ -60,15 +59,10 @@ def _keys_of(path: Path, wanted: Wanted) -> dict[str, Any]:
     if colmap.is_list(text):
         return colmap.camera_keys(text, wanted)
     try:
-        values = parse_yaml(_plain_yaml(text))
+        values = parse_yaml(plain_yaml(text))
     except ValueError as error:
         raise DataError(f"{path}: expected {_FORMATS}, got no valid YAML ({error})") from error
     for fits, read in _READERS:
         if fits(values):
             return read(values, wanted)
     raise DataError(f"{path}: expected {_FORMATS}, got something else")
-
-
-def _plain_yaml(text: str) -> str:
-    """Return OpenCV's YAML without its own first line and its tags, which are no YAML that others read."""
-    return re.sub(r"!!opencv-[\w-]+", "", re.sub(r"\A\s*%YAML[^\n]*\n(---\s*\n)?", "", text))

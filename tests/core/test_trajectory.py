@@ -6,7 +6,7 @@ import pytest
 from appocc.checks import FloatArray
 from appocc.errors import DataError
 from appocc.geometry import inverse, quaternion_from_yaw, transform, yaw_of
-from appocc.own_cameras.trajectory import Straight, Trajectory, headings_of_way
+from appocc.trajectory import Straight, Trajectory, headings_of_way
 
 START_US = 1_700_000_000_000_000
 EGO_FROM_CAM = transform([[0, 0, 1], [-1, 0, 0], [0, -1, 0]], [1.7, 0.1, 1.5])

@@ -1,4 +1,4 @@
-"""`appocc convert`: other recordings to the nuScenes schema."""
+"""`appocc convert images`: pictures or videos of own cameras."""
 
 from __future__ import annotations
 
@@ -8,51 +8,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cli.common import JsonOption, emit, out_path, progress, say
+from cli.common import JsonOption, emit, progress, say
+from cli.convert.importing import OutArgument
 
 if TYPE_CHECKING:
     from appocc.own_cameras.convert import Summary
 
-app = typer.Typer(name="convert", help="Convert recordings to the nuScenes schema.")
 
-OutArgument = Annotated[Path, typer.Argument(parser=out_path, metavar="OUT", help="New folder for the dataset.")]
-
-
-@app.command()
-def pandaset(
-    src: Annotated[
-        Path, typer.Argument(metavar="SRC", help="Folder with frames.json (plain), or a published sequence folder.")
-    ],
-    out: OutArgument,
-    lidar: Annotated[Path | None, typer.Option(help="Folder of the LiDAR sweeps, if it is a separate one.")] = None,
-    trust_pickles: Annotated[
-        bool,
-        typer.Option(
-            "--trust-pickles",
-            help="Read the published pickles. A pickle can run code: only if you trust it.",
-        ),
-    ] = False,
-    as_json: JsonOption = False,
-) -> None:
-    """Convert PandaSet.
-
-    Example: appocc convert pandaset pandaset_002 OUT --lidar pandaset_002_lidar
-    """
-    from appocc.pandaset import convert_folder
-
-    with progress("converting", None) as bar:
-        summary = convert_folder(src, out, lidar, trust_pickles, bar)
-    if as_json:
-        emit(summary)
-    say(
-        f"{out}: {summary['samples']} samples, {summary['images']} images, {summary['sweeps']} LiDAR sweeps, "
-        f"{summary['annotations']} boxes of scenes {', '.join(summary['scenes'])}"
-    )
-    if not summary["sweeps"]:
-        say("no LiDAR was converted: name its folder with --lidar")
-
-
-@app.command()
 def images(
     src: Annotated[
         Path,
