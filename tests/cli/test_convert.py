@@ -94,7 +94,9 @@ def test_bad_input(
     assert sorted(path.name for path in twin.root.iterdir()) == before
 
 
-@pytest.mark.parametrize("words", [("convert",), ("convert", "kitti", "a", "b"), ("convert", "pandaset", "a")])
+@pytest.mark.parametrize(
+    "words", [("convert",), ("convert", "cityscapes", "a", "b"), ("convert", "kitti", "a"), ("convert", "pandaset", "a")]
+)
 def test_wrong_usage(
     words: tuple[str, ...], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
