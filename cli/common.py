@@ -22,7 +22,40 @@ if TYPE_CHECKING:
 
     from appocc.nuscenes import Dataset, Scene
 
-RootArgument = Annotated[Path, typer.Argument(metavar="ROOT", help="Dataset root in the nuScenes schema.")]
+
+
+def in_path(text: str) -> Path:
+    """Return the value of an option or argument as a path, which may be a URL.
+
+    Raises:
+        DataError: if it is no valid URL.
+    """
+    from appocc.files import path_of
+
+    return path_of(text)
+
+
+def out_path(text: str) -> Path:
+    """Return the value of `--out` as a path, which may be a URL; an empty one would mean the working folder.
+
+    Raises:
+        typer.BadParameter: if it is empty.
+        DataError: if it is no valid URL, or one of a web server, which is read-only.
+    """
+    if not text:
+        raise typer.BadParameter("expected a name, got an empty one")
+    if "://" in text:
+        from appocc.files.object_store import check_writable
+
+        check_writable(text)
+    return in_path(text)
+
+
+in_path.__name__ = out_path.__name__ = "path"  # the metavar in --help
+
+RootArgument = Annotated[
+    Path, typer.Argument(parser=in_path, metavar="ROOT", help="Dataset root in the nuScenes schema: a folder or a URL.")
+]
 VersionOption = Annotated[
     str | None, typer.Option("--version", help="Folder of the tables, such as v1.0-mini; needed if ROOT has several.")
 ]
@@ -204,20 +237,6 @@ def say_stale(stale: Mapping[str, int]) -> None:
     """Print how many existing results were regenerated, by reason."""
     if stale:
         say(f"regenerated: {'; '.join(f'{count} ({reason})' for reason, count in stale.items())}")
-
-
-def out_path(text: str) -> Path:
-    """Return the value of `--out` as a path; an empty one would mean the working folder.
-
-    Raises:
-        typer.BadParameter: if it is empty.
-    """
-    if not text:
-        raise typer.BadParameter("expected a name, got an empty one")
-    return Path(text)
-
-
-out_path.__name__ = "path"  # the metavar in --help
 
 
 @contextmanager

@@ -14,13 +14,14 @@ from appocc.camera import Camera
 from appocc.checks import ByteArray, FloatArray
 from appocc.ego_vehicle import EgoVehicle
 from appocc.errors import DataError
-from appocc.files import plain_name, read_image
+from appocc.files import path_of, plain_name, read_image
+from appocc.files.questions import state_of
 from appocc.frame import Frame
 from appocc.geometry import apply
 from appocc.levelling import ego_from_level, is_level, lowest_points
 from appocc.nuscenes.dataset import LIDAR, Dataset
 from appocc.nuscenes.records import Sample, SampleData, Scene
-from appocc.provenance import Parts, digest, sample_parts, state_of
+from appocc.provenance import Parts, digest, sample_parts
 from appocc.rigs import SourceRig
 from appocc.typing import PathLike
 
@@ -99,7 +100,7 @@ def folder_inputs(
     Raises:
         DataError: if there is no such picture.
     """
-    folder = Path(folder)
+    folder = path_of(folder)
     if not folder.is_dir():
         raise DataError(f"{folder}: no such folder")
     folders = [folder, *sorted(path for path in folder.iterdir() if path.is_dir())]

@@ -1,0 +1,42 @@
+"""An S3 server for all tests of a process, and the environment that leads to it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from s3_server import KEY, SECRET, S3Server, s3_server
+
+from appocc.files import object_store
+
+
+@pytest.fixture(scope="session")
+def _server() -> Iterator[S3Server]:
+    pytest.importorskip("s3fs", reason="the extra remote is not installed")
+    with s3_server() as server:
+        yield server
+
+
+@pytest.fixture
+def s3(_server: S3Server, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[S3Server]:
+    """An empty S3 server; the credentials in the environment are right, waits are short, the cache is empty."""
+    for name, value in {
+        "AWS_ACCESS_KEY_ID": KEY,
+        "AWS_SECRET_ACCESS_KEY": SECRET,
+        "AWS_DEFAULT_REGION": "us-east-1",
+        "AWS_ENDPOINT_URL": _server.url,
+        "APPOCC_CACHE": str(tmp_path / "cache"),
+    }.items():
+        monkeypatch.setenv(name, value)
+    monkeypatch.setattr(object_store, "_WAITS_S", (0.01, 0.01, 0.01))
+    object_store.forget_stores()
+    yield _server
+    _server.faults.clear()
+    _server.requests.clear()
+    client = _server.client()
+    for bucket in client.list_buckets()["Buckets"]:
+        for key in _server.contents(bucket["Name"]):
+            client.delete_object(Bucket=bucket["Name"], Key=key)
+        client.delete_bucket(Bucket=bucket["Name"])
+    object_store.forget_stores()
