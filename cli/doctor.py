@@ -11,7 +11,9 @@ from cli.common import JsonOption, VersionOption, emit, in_path, progress, say
 
 
 def doctor(
-    root: Annotated[Path | None, typer.Argument(parser=in_path, metavar="ROOT", help="Dataset root to check.")] = None,
+    root: Annotated[
+        Path | None, typer.Argument(parser=in_path, metavar="ROOT", help="Dataset root to check.")
+    ] = None,
     images: Annotated[bool, typer.Option("--images", help="Decode every image and LiDAR file (slow).")] = False,
     version: VersionOption = None,
     as_json: JsonOption = False,

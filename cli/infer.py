@@ -60,7 +60,11 @@ def infer(
     ] = None,
     detections: Annotated[
         Path | None,
-        typer.Option("--detections", parser=out_path, help="Also write the objects of all key frames as nuScenes detection results."),
+        typer.Option(
+            "--detections",
+            parser=out_path,
+            help="Also write the objects of all key frames as nuScenes detection results.",
+        ),
     ] = None,
     workers: Annotated[int, typer.Option(min=1, max=1024, help="Scenes of ROOT at once, one process each.")] = 1,
     cluster: ClusterOption = LOCAL,

@@ -41,7 +41,7 @@ def simulate(
     lidar: Annotated[bool, typer.Option(help="Record LiDAR sweeps.")] = True,
     full_maps: Annotated[bool, typer.Option(help="Store depth and class of every pixel, not only per 8x8.")] = False,
     vary: Annotated[bool, typer.Option(help="Vary cameras, traffic, paints and look, for training sets.")] = False,
-    sheet: Annotated[Path | None, typer.Option(help="Also write a contact sheet (.png).")] = None,
+    sheet: Annotated[Path | None, typer.Option(parser=out_path, help="Also write a contact sheet (.png).")] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Simulate drives through towns: six cameras, LiDAR, boxes and exact colour BEV maps, in the nuScenes schema.

@@ -1,7 +1,7 @@
 """A file of lines that grows while several processes work.
 
-Object stores cannot append to a file: there each line is an object of its own, in a folder named after the file, until
-`write_lines` puts them together.
+Object stores cannot append to a file: there each line is an object of its own, in a folder named after the file,
+until `write_lines` puts them together.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ def append_line(path: Path, key: str, line: str) -> None:
 
     Args:
         path: the file.
-        key: what the line is about: it replaces an earlier line of the same key that is not yet part of a remote file.
+        key: what the line is about; in a store, it replaces an earlier line of the same key.
         line: text without its end.
 
     Raises:

@@ -126,7 +126,7 @@ def fetch(url: str, most_bytes: int) -> bytes:
         return bytes(_try(url, "be read", lambda store, address: store.cat_file(address)))
     try:
         data = _try(url, "be read", lambda store, address: store.cat_file(address, start=0, end=most_bytes + 1))
-    except _EmptyObject:
+    except _EmptyObjectError:
         return b""
     if len(data) > most_bytes:
         raise DataError(f"{url}: expected at most {most_bytes} bytes, got more")
@@ -220,7 +220,7 @@ def _moment(value: Any) -> datetime | None:
 # Requests -----------------------------------------------------------------------------------------------------------
 
 
-class _EmptyObject(Exception):
+class _EmptyObjectError(Exception):
     """A part was asked for of an object without bytes."""
 
 
@@ -265,12 +265,12 @@ def _try(url: str, deed: str, request: Callable[[Any, str], T]) -> T:
     for wait_s in (*_WAITS_S, None):
         try:
             return request(_store(scheme_of(url), os.getpid()), _address(url))
-        except (AppoccError, _EmptyObject):
+        except (AppoccError, _EmptyObjectError):
             raise
         except Exception as error:
             status = next(_statuses(error), None)
             if status == 416:
-                raise _EmptyObject from error
+                raise _EmptyObjectError from error
             if _is_missing(error, status):
                 raise FileNotFoundError(url) from error
             if _is_of_the_disk(error):

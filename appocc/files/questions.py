@@ -1,4 +1,4 @@
-"""Questions about files that are cheap for local and remote ones alike: their state, and which of a folder are there."""
+"""Questions about local and remote files: their state, their ends, and which of a folder are there."""
 
 from __future__ import annotations
 

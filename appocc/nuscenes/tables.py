@@ -13,7 +13,6 @@ from appocc.files.questions import can_list
 from appocc.nuscenes.schema import EXTRA_TABLES, LABEL_TABLES, OPTIONAL_TABLES, TABLES
 from appocc.nuscenes.table import RowGroups, Table, empty_table, read_table, take_rows
 
-
 # Names that are tried where folders cannot be listed.
 _USUAL_VERSIONS = ("v1.0-trainval", "v1.0-mini", "v1.0-test", "v1.0-simulation", "v1.0-own", "v1.0-pandaset")
 
