@@ -84,7 +84,8 @@ def simulate(
     start = time.monotonic()
     try:
         count = min(workers or cores(), scenes)
-        with engine(cluster, count, out) as pool, progress("simulation", scenes * recording.frames) as advance:
+        work = unfinished_folder(out)
+        with engine(cluster, count, work) as pool, progress("simulation", scenes * recording.frames) as advance:
             summary = run(shared(cluster, out), settings, pool, advance, say)
     except Interrupted:
         if kept := count_finished_scenes(out):

@@ -18,7 +18,7 @@ class S3Server:
 
     def __init__(self) -> None:
         """Begin without faults."""
-        from moto.server import DomainDispatcherApplication, create_backend_app
+        from moto.moto_server.werkzeug_app import DomainDispatcherApplication, create_backend_app
 
         self._app = DomainDispatcherApplication(create_backend_app)
         self.faults: list[Fault] = []
@@ -55,7 +55,7 @@ class S3Server:
 
     def client(self) -> Any:
         """A client that no fault meets if there are none."""
-        import boto3
+        import boto3  # type: ignore[import-untyped]
 
         return boto3.client(
             "s3", "us-east-1", endpoint_url=self.url, aws_access_key_id=KEY, aws_secret_access_key=SECRET

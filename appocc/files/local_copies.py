@@ -40,7 +40,7 @@ def local_copy(path: Path, most_bytes: int | None = None) -> Path:
         raise DataError(f"{path}: cannot be read (no such file)")
     if most_bytes is not None and (state.size or 0) > most_bytes:
         raise DataError(f"{path}: expected at most {most_bytes} bytes, got {state.size}")
-    folder = cache_folder() / "remote" / _hash(str(path))
+    folder = cache_folder() / "remote" / name_for(path)
     copy = folder / f"{_hash(f'{state.size} {state.mark}')}{path.suffix}"
     if copy.is_file():
         return copy
@@ -56,6 +56,11 @@ def local_copy(path: Path, most_bytes: int | None = None) -> Path:
         reason = f"{error.strerror or error}; ${_VARIABLE} names another folder"
         raise DataError(f"{folder}: cannot be written ({reason})") from error
     return copy
+
+
+def name_for(path: RemotePath) -> str:
+    """Return a name for local files that belong to a URL."""
+    return _hash(str(path))
 
 
 def _remove_others(folder: Path, partial: Path) -> None:

@@ -138,7 +138,7 @@ class RemotePath(PosixPath):
         """
         remove(str(self))
 
-    def open(self, *arguments: Any, **options: Any) -> Any:  # type: ignore[override]
+    def open(self, *arguments: Any, **options: Any) -> Any:
         """Refuse: `appocc.files` reads and writes.
 
         Raises:

@@ -15,6 +15,7 @@ from torch import distributed
 from appocc.bevmap import CLASSES
 from appocc.environment import memory
 from appocc.errors import DataError
+from appocc.files import path_of
 from appocc.models import registry
 from appocc.models.model_spec import MODEL_SPECS, ModelSpec, Parts
 from appocc.models.weights import PACKAGED, find_weights, load_weights_into, save_weights
@@ -114,8 +115,9 @@ def check_classes(packed: Sequence[PackedDataset], config: Config) -> None:
 
 def _packed_dataset(root: str, config: Config, processes: ProcessGroup, monitor: TrainingMonitor) -> PackedDataset:
     """Open the packed dataset of a root; the main process packs it first if needed."""
-    key = f"{Path(root).resolve()} {config.data.source}".encode()
-    name = f"{Path(root).resolve().name}-{config.setting}-{hashlib.sha256(key).hexdigest()[:8]}"
+    place = path_of(root).resolve()
+    key = f"{place} {config.data.source}".encode()
+    name = f"{place.name}-{config.setting}-{hashlib.sha256(key).hexdigest()[:8]}"
     out = Path(config.data.packs) / name
     if not processes.is_main:
         distributed.barrier()

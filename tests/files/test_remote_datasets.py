@@ -23,46 +23,89 @@ NO_VEHICLES = VehicleMarks(np.empty((0, 2)), np.empty(0), np.empty((0, 2)), np.e
 
 
 def infer(root: str | Path, out: str | Path, most: int = 99) -> InferenceSummary:
-    """Predict the maps of a dataset, `most` of them."""
+    """Predict the maps of a dataset; the run is given up after `most` of them."""
     dataset = Dataset(root)
     run = InferenceRun(dataset_inputs(dataset, dataset.scenes), predictor(), out)
     for result in run:
+        if most == 0:
+            break
+        most -= 1
         if result is not None:
             assert result.picture is not None
             write_image(result.picture, prediction_figure(result.frame, result.bev, NO_VEHICLES))
-            most -= 1
-        if most < 0:
-            break
     return run.summary
 
 
 def files_of(folder: Path) -> dict[str, bytes]:
-    """The files below a folder by name."""
-    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+    """The files below a folder by name, without the record of their inputs, which has times of files."""
+    paths = [path for path in folder.rglob("*") if path.is_file() and path.suffix != ".jsonl"]
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in paths}
+
+
+def objects_of(s3: S3Server, bucket: str, folder: str) -> dict[str, bytes]:
+    """The same for a folder in a bucket."""
+    found = s3.contents(bucket, f"{folder}/")
+    return {key.removeprefix(f"{folder}/"): data for key, data in found.items() if not key.endswith(".jsonl")}
 
 
 def test_maps_of_a_bucket_written_to_a_bucket_are_the_same_bytes(s3: S3Server, tiny: TinyDataset) -> None:
     root = s3.put(tiny.root, "data")
-    assert infer(root, f"{root}/bev/mine")[:2] == (3, 0)
-    assert infer(tiny.root, tiny.root / "bev" / "mine")[:2] == (3, 0)
-    local, remote = files_of(tiny.root / "bev"), s3.contents("data", "bev/")
-    assert len(local) == 7
-    assert {f"bev/{name}": data for name, data in local.items() if "jsonl" not in name} == {
-        name: data for name, data in remote.items() if "jsonl" not in name
-    }
+    infer(tiny.root, tiny.root / "bev" / "mine")
+    out = f"{root}/bev/mine"
+    assert infer(root, out, most=1)[:2] == (1, 0)  # interrupted
+    assert [key for key in s3.contents("data", "bev/") if "jsonl" in key] == [
+        f"bev/mine/.inputs.jsonl/{token('sample', 0)}"
+    ]
+    assert infer(root, out)[:2] == (2, 1)
+    assert infer(root, out)[:2] == (0, 3)
+    assert objects_of(s3, "data", "bev/mine") == files_of(tiny.root / "bev" / "mine")
+    assert s3.contents("data", "bev/mine/inputs.jsonl")["bev/mine/inputs.jsonl"].count(b"\n") == 3
     assert load_map(root, "mine", token("sample", 0)).meta["token"] == token("sample", 0)
-    assert path_of(f"{root}/bev/mine").is_dir()
+    assert path_of(out).is_dir()
 
 
-def test_commands_read_a_bucket(
-    s3: S3Server, tiny: TinyDataset, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+def test_a_changed_picture_makes_its_map_stale(s3: S3Server, tiny: TinyDataset) -> None:
+    root = s3.put(tiny.root, "data")
+    infer(root, f"{root}/bev/mine")
+    changed = next(row for row in tiny.tables["sample_data"] if row["filename"].endswith(".jpg"))["filename"]
+    write_image(f"{root}/{changed}", np.full((20, 32, 3), 90, np.uint8))
+    summary = infer(root, f"{root}/bev/mine")
+    assert (summary.made, summary.kept, summary.stale) == (1, 2, {"pictures changed": 1})
+
+
+COMMANDS = (
+    "doctor ROOT --json",
+    "eval bev ROOT --bev exact --json",
+    "track scene ROOT --bev exact --json",
+    "check-rig ROOT --out OUT/rig.png --json",
+    "report ROOT --bev exact --out OUT/report.html --json",
+    "groundtruth ROOT --workers 1 --json",
+)
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_commands_answer_for_a_bucket_as_for_a_folder(
+    command: str,
+    s3: S3Server,
+    tiny: TinyDataset,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     save_road_everywhere(tiny)
+    before = set(files_of(tiny.root))
     root = s3.put(tiny.root, "data")
     answers = []
     for place in (str(tiny.root), root):
-        doctor = run_command(["doctor", place, "--json"], capsys, monkeypatch)
-        scores = run_command(["eval", "bev", place, "--bev", "exact", "--json"], capsys, monkeypatch)
-        assert (doctor.returncode, scores.returncode) == (0, 0), doctor.stderr + scores.stderr
-        answers.append([json.loads(doctor.stdout)["dataset"] | {"root": ""}, json.loads(scores.stdout)])
+        words = command.replace("ROOT", place).replace("OUT", f"{place}/out").split()
+        done = run_command(words, capsys, monkeypatch)
+        assert done.returncode == 0, done.stderr
+        answers.append(json.loads(done.stdout.replace(place, "ROOT")))
+        for name in ("seconds", "environment", "bytes"):  # a page names its dataset
+            answers[-1].pop(name, None)
     assert answers[0] == answers[1]
+    local, remote = files_of(tiny.root), s3.contents("data")
+    made = sorted(set(local) - before)
+    assert sorted(key for key in set(remote) - before if not key.endswith(".jsonl")) == made
+    assert {name: remote[name] for name in made if "report" not in name} == {
+        name: local[name] for name in made if "report" not in name
+    }
