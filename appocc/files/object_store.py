@@ -290,11 +290,12 @@ def _causes(error: BaseException) -> Iterator[BaseException]:
 
 
 def _statuses(error: BaseException) -> Iterator[int]:
-    """Yield the HTTP status of an error of any of the clients."""
+    """Yield the HTTP status of an error of any of the clients, as a server has answered it."""
     for each in _causes(error):
         response = getattr(each, "response", None)
         named = response.get("ResponseMetadata", {}).get("HTTPStatusCode") if isinstance(response, dict) else None
-        for value in (named, getattr(each, "status", None), getattr(each, "code", None)):
+        code = getattr(each, "code", None) if type(each).__name__ == "HttpError" else None  # gcsfs
+        for value in (named, getattr(each, "status", None), code):
             if str(value).isdecimal():
                 yield int(str(value))
 
@@ -332,6 +333,8 @@ def _reason(error: BaseException, status: int | None) -> str:
     attempts = "" if _is_final(error, status) else f", after {len(_WAITS_S) + 1} attempts"
     if status in _OVERLOADED:
         return f"the store is overloaded: {status}{attempts}"
+    if type(error).__name__ == "ClientPayloadError":
+        return f"the answer ends too early{attempts}"
     first = (str(error).strip() or type(error).__name__).splitlines()[0]
     # What follows a question mark in an address may be a signature.
     return re.sub(r"\?\S+", "", first) + attempts
