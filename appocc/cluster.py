@@ -111,8 +111,8 @@ class Cluster:
                     f"worker {address}: expected one thread (dask worker --nthreads 1), got {worker['nthreads']}"
                 )
         probe = (folder if isinstance(folder, RemotePath) else _existing(folder)) / f".appocc-{uuid4().hex}"
+        write_bytes(probe, b"")
         try:
-            write_bytes(probe, b"")
             blind = [address for address, sees in self._client.run(_sees, probe).items() if not sees]
         finally:
             probe.unlink(missing_ok=True)

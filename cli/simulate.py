@@ -108,9 +108,12 @@ def check_sheet(path: Path, out: Path) -> None:
         DataError: if it is not a .png, equals the dataset's path, or cannot be a file.
     """
     from appocc.errors import DataError
+    from appocc.files import RemotePath
 
     if path.suffix.lower() != ".png":
         raise DataError(f"{path}: expected a name that ends in .png")
+    if isinstance(path, RemotePath):
+        return
     folder = next(parent for parent in path.absolute().parents if parent.exists())
     if path.absolute() == out.absolute() or (path.exists() and not path.is_file()) or not folder.is_dir():
         raise DataError(f"{path}: expected a file name for the sheet, got a folder or a path below a file")

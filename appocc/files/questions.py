@@ -77,6 +77,23 @@ def can_list(path: Path) -> bool:
     return not isinstance(path, RemotePath) or can_write(str(path))
 
 
+def folders_in(folder: Path) -> list[Path]:
+    """Return the folders in a folder, in order, without hidden ones and links; empty if it is missing.
+
+    Raises:
+        StoreError: if the store of a remote folder does not answer, refuses, or has no lists.
+    """
+    if isinstance(folder, RemotePath):
+        names = [each.url.rpartition("/")[2] for each in listing(str(folder)) if each.is_folder]
+    else:
+        try:
+            with os.scandir(folder) as entries:
+                names = [entry.name for entry in entries if entry.is_dir(follow_symlinks=False)]
+        except OSError:
+            return []
+    return sorted(folder / name for name in names if not name.startswith("."))
+
+
 def ends_of(path: Path, first: int, last: int) -> tuple[bytes, bytes]:
     """Return the first and the last bytes of a file, as many as it has.
 

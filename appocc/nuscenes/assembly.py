@@ -197,7 +197,7 @@ def merge_tables(sources: Sequence[Path], target: Path) -> None:
     """
     names = dict.fromkeys(path.name for source in sources for path in sorted(source.glob("*.json")))
     for name in names:
-        with whole_file(target / name) as path, path.open("w", encoding="utf-8") as file:
+        with whole_file(target / name) as temporary, temporary.open("w", encoding="utf-8") as file:
             file.write("[")
             seen: set[str] = set()
             for source in sources:
