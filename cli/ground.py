@@ -126,7 +126,6 @@ def ground(
     from appocc.ego_vehicle import EgoVehicle
     from appocc.files import write_image
     from appocc.rigs import read_rig
-    from appocc.temporary import made_folder
     from grounding import Grounder, GrounderConfig
     from grounding.pipeline import set_saved_map
     from grounding.visualization import draw_answer
@@ -160,8 +159,7 @@ def ground(
     if text is not None:
         answer = grounder.ground(text)
         if picture is not None:
-            with made_folder(picture.parent):
-                write_image(picture, draw_answer(answer, key_frame, show_costs=explain))
+            write_image(picture, draw_answer(answer, key_frame, show_costs=explain))
         raise typer.Exit(_print(answer, explain, as_json))
     if commands is not None:
         raise typer.Exit(max(_print(grounder.ground(one), explain, as_json) for one in _lines(commands)))

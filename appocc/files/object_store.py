@@ -69,8 +69,15 @@ class ObjectState(NamedTuple):
 
 
 def scheme_of(url: str) -> str:
-    """Return the scheme of a URL."""
-    return url.partition("://")[0]
+    """Return the scheme of a URL.
+
+    Raises:
+        DataError: if it is none of `SCHEMES`.
+    """
+    scheme, separator, place = url.partition("://")
+    if scheme not in _MODULES or not separator or not place:
+        raise DataError(f"{url}: expected a URL such as s3://BUCKET/FOLDER")
+    return scheme
 
 
 def can_write(url: str) -> bool:
@@ -111,6 +118,20 @@ def listing(url: str) -> list[ObjectState]:
 
 def _stands_for(row: Any, own: str, name: str, base: str) -> bool:
     return name == own and str(row["name"]).rstrip("/") == base.partition("://")[2]
+
+
+def files_below(url: str) -> list[str]:
+    """Return the URLs of all objects below a folder, in order; empty if there is none.
+
+    Raises:
+        StoreError: as `listing`.
+    """
+    if not can_write(url):
+        raise StoreError(f"{url}: cannot be listed: a web server has no list of its files")
+    base = url.rstrip("/")
+    found = _try(url, "be listed", lambda store, address: store.find(address))
+    root = base.partition("://")[2]
+    return sorted(f"{base}{str(name).removeprefix(root)}" for name in found if str(name) != root)
 
 
 def fetch(url: str, most_bytes: int) -> bytes:

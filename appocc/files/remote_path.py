@@ -12,7 +12,7 @@ from typing import Any
 from urllib.parse import unquote, urlsplit
 
 from appocc.errors import DataError
-from appocc.files.object_store import SCHEMES, StoreError, can_write, listing, remove, state_of_object
+from appocc.files.object_store import SCHEMES, StoreError, can_write, files_below, listing, remove, state_of_object
 from appocc.typing import PathLike
 
 # A URL, also as pathlib shortens it.
@@ -121,6 +121,15 @@ class RemotePath(PosixPath):
                 yield from place.glob(rest + "/" * only_folders)
             elif not rest and (each.is_folder or not only_folders):
                 yield place
+
+    def rglob(self, pattern: str) -> Iterator[RemotePath]:  # type: ignore[override]
+        """Yield the files at any depth whose names fit a pattern, in order.
+
+        Raises:
+            StoreError: as `iterdir`.
+        """
+        found = (RemotePath(url) for url in files_below(str(self)))
+        return (path for path in found if fnmatch.fnmatchcase(path.name, pattern))
 
     # Changes ----------------------------------------------------------------------------------------------------
 

@@ -6,7 +6,6 @@ import hashlib
 import math
 from collections.abc import Sequence
 from contextlib import nullcontext
-from pathlib import Path
 from typing import Any
 
 import torch
@@ -15,7 +14,7 @@ from torch import distributed
 from appocc.bevmap import CLASSES
 from appocc.environment import memory
 from appocc.errors import DataError
-from appocc.files import path_of
+from appocc.files import RemotePath, path_of
 from appocc.models import registry
 from appocc.models.model_spec import MODEL_SPECS, ModelSpec, Parts
 from appocc.models.weights import PACKAGED, find_weights, load_weights_into, save_weights
@@ -118,7 +117,10 @@ def _packed_dataset(root: str, config: Config, processes: ProcessGroup, monitor:
     place = path_of(root).resolve()
     key = f"{place} {config.data.source}".encode()
     name = f"{place.name}-{config.setting}-{hashlib.sha256(key).hexdigest()[:8]}"
-    out = Path(config.data.packs) / name
+    packs = path_of(config.data.packs)
+    if isinstance(packs, RemotePath):
+        raise DataError(f"data.packs: expected a folder on this machine, which is mapped into memory, got {packs}")
+    out = packs / name
     if not processes.is_main:
         distributed.barrier()
         return PackedDataset.open(out)

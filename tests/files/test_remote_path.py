@@ -84,6 +84,9 @@ def test_questions_and_lists(s3: S3Server) -> None:
     assert [str(path) for path in root.glob("*/a.json")] == ["s3://made/v/a.json"]
     assert [path.name for path in root.glob("bev/*/")] == ["x", "y"]
     assert [path.name for path in root.glob("bev/*/[!.]*.npz")] == ["1.npz"]
+    assert [str(path) for path in root.rglob("*.npz")] == ["s3://made/bev/x/1.npz", "s3://made/bev/y/deep/2.npz"]
+    assert [path.name for path in (root / "bev").rglob("2*")] == ["2.npz"]
+    assert list((root / "none").rglob("*")) == []
     assert list(root.glob("none/*")) == list((root / "none").iterdir()) == []
     state = (root / "top").stat()
     assert (state.st_size, state.st_mtime_ns > 10**18) == (2, True)
