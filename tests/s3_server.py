@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 from threading import Thread
 from typing import Any
+from urllib.request import Request, urlopen
 
 # A request as WSGI has it -> the status line and headers to answer with, and the body; None: let the server answer.
 Fault = Callable[[dict[str, Any]], tuple[str, list[tuple[str, str]], bytes] | None]
@@ -53,8 +55,16 @@ class S3Server:
         keys = [row["Key"] for page in pages for row in page.get("Contents", [])]
         return {key: client.get_object(Bucket=bucket, Key=key)["Body"].read() for key in keys}
 
+    def reset(self) -> None:
+        """Remove all buckets, and the faults."""
+        self.faults.clear()
+        with urlopen(Request(f"{self.url}/moto-api/reset", method="POST")) as answer:
+            answer.read()
+        self.requests.clear()
+
+    @cache  # noqa: B019 - a server lives as long as the tests
     def client(self) -> Any:
-        """A client that no fault meets if there are none."""
+        """A client of the server."""
         import boto3  # type: ignore[import-untyped]
 
         return boto3.client(

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, nullcontext
+from pathlib import Path
 from typing import BinaryIO
 
 import cv2
@@ -34,6 +36,26 @@ def read_image(path: PathLike, size_px: tuple[int, int] | None = None) -> ByteAr
         DataError: if it is missing, truncated or not an image, or has another size.
     """
     return decoded_image(path, read_file(path), size_px)
+
+
+def read_images(paths: Sequence[Path]) -> Iterator[ByteArray | DataError]:
+    """Yield several images, as `read_image`, or for one that cannot be read the error; remote ones are read at once.
+
+    Raises:
+        StoreError: if the store of a remote image does not answer or refuses.
+    """
+    if not any(isinstance(path, RemotePath) for path in paths):
+        yield from map(_image_or_error, paths)
+        return
+    with ThreadPoolExecutor(len(paths)) as pool:
+        yield from pool.map(_image_or_error, paths)
+
+
+def _image_or_error(path: Path) -> ByteArray | DataError:
+    try:
+        return read_image(path)
+    except DataError as error:
+        return error
 
 
 def decoded_image(path: PathLike, data: bytes, size_px: tuple[int, int] | None = None) -> ByteArray:

@@ -11,6 +11,7 @@ import random
 import re
 import time
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from datetime import datetime
 from email.utils import parsedate_to_datetime
 from functools import lru_cache
@@ -185,6 +186,22 @@ def upload(source: Path, url: str) -> None:
         _try(url, "be written", lambda store, address: store.put_file(str(source), address))
     except FileNotFoundError as error:
         raise StoreError(f"{url}: cannot be written (no such bucket)") from error
+    except (KeyboardInterrupt, SystemExit):
+        _abort_parts(url)
+        raise
+
+
+def _abort_parts(url: str) -> None:
+    """Remove the parts of an interrupted upload, which a bucket keeps and bills; s3fs does it after errors only."""
+    if scheme_of(url) != "s3":
+        return
+    bucket, _, key = url.partition("://")[2].partition("/")
+    store = _store("s3", os.getpid())
+    with suppress(Exception):  # the interruption is what counts
+        found = store.call_s3("list_multipart_uploads", Bucket=bucket, Prefix=key).get("Uploads", [])
+        for each in found:
+            if each["Key"] == key:
+                store.call_s3("abort_multipart_upload", Bucket=bucket, Key=key, UploadId=each["UploadId"])
 
 
 def remove(url: str) -> None:

@@ -14,7 +14,7 @@ from appocc.camera import Camera
 from appocc.checks import ByteArray, FloatArray
 from appocc.ego_vehicle import EgoVehicle
 from appocc.errors import DataError
-from appocc.files import path_of, plain_name, read_image
+from appocc.files import path_of, plain_name, read_images
 from appocc.files.questions import state_of
 from appocc.frame import Frame
 from appocc.geometry import apply
@@ -196,16 +196,14 @@ def _read_images(paths: Mapping[str, Path], names: Iterable[str]) -> tuple[dict[
     """Read the images of the cameras that work; also return the reason for each that does not, by name."""
     images: dict[str, ByteArray] = {}
     missing: dict[str, str] = {}
-    for name in names:
+    wanted = list(names)
+    found = read_images([paths[name] for name in wanted if name in paths])
+    for name in wanted:
         if name not in paths:
             missing[name] = "no image"
-            continue
-        try:
-            image = read_image(paths[name])
-        except DataError as error:
-            missing[name] = str(error)
-            continue
-        if int(image.max()) <= _BLACK:
+        elif isinstance(image := next(found), DataError):
+            missing[name] = str(image)
+        elif int(image.max()) <= _BLACK:
             missing[name] = f"{paths[name]}: the image is black"
         else:
             images[name] = image

@@ -32,11 +32,5 @@ def s3(_server: S3Server, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> It
     monkeypatch.setattr(object_store, "_WAITS_S", (0.01, 0.01, 0.01))
     object_store.forget_stores()
     yield _server
-    _server.faults.clear()
-    _server.requests.clear()
-    client = _server.client()
-    for bucket in client.list_buckets()["Buckets"]:
-        for key in _server.contents(bucket["Name"]):
-            client.delete_object(Bucket=bucket["Name"], Key=key)
-        client.delete_bucket(Bucket=bucket["Name"])
+    _server.reset()
     object_store.forget_stores()

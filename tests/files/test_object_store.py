@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import socket
 from pathlib import Path
 from typing import Any
@@ -177,3 +178,20 @@ def test_parts_of_a_large_write_that_fails_are_removed(
     assert not s3.contents("made")
     files.write_bytes(f"{bucket}/large.bin", bytes(11 << 20))
     assert s3.client().head_object(Bucket="made", Key="large.bin")["ContentLength"] == 11 << 20
+
+
+def test_parts_of_an_interrupted_write_are_removed(
+    s3: S3Server, bucket: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    store = object_store._store("s3", os.getpid())
+
+    def interrupted(source: str, address: str) -> None:
+        store.call_s3("create_multipart_upload", Bucket="made", Key="large.bin")
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(store, "put_file", interrupted)
+    other = s3.client().create_multipart_upload(Bucket="made", Key="large.bin.other")["UploadId"]
+    with pytest.raises(KeyboardInterrupt):
+        files.write_bytes(f"{bucket}/large.bin", b"1")
+    left = s3.client().list_multipart_uploads(Bucket="made")["Uploads"]
+    assert [each["UploadId"] for each in left] == [other]
