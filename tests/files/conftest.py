@@ -16,6 +16,7 @@ def _server() -> Iterator[S3Server]:
     pytest.importorskip("s3fs", reason="the extra remote is not installed")
     with s3_server() as server:
         yield server
+    object_store.forget_stores()
 
 
 @pytest.fixture
@@ -30,7 +31,13 @@ def s3(_server: S3Server, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> It
     }.items():
         monkeypatch.setenv(name, value)
     monkeypatch.setattr(object_store, "_WAITS_S", (0.01, 0.01, 0.01))
-    object_store.forget_stores()
     yield _server
     _server.reset()
+
+
+@pytest.fixture
+def new_connections() -> Iterator[None]:
+    """For tests that change the environment of connections: these are made anew, before and after."""
+    object_store.forget_stores()
+    yield
     object_store.forget_stores()

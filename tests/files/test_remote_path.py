@@ -6,7 +6,7 @@ import pickle
 from pathlib import Path
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from s3_server import S3Server
 
@@ -35,6 +35,7 @@ def test_names_are_joined_and_taken_apart(url: str) -> None:
     assert str(again) == url
 
 
+@settings(max_examples=25)
 @given(st.lists(NAMES.filter(lambda name: name not in (".", "..")), min_size=1, max_size=4))
 def test_any_name_is_kept(names: list[str]) -> None:
     path = path_of("s3://b").joinpath(*names)

@@ -31,6 +31,7 @@ def test_worker_processes_make_their_own_connections(s3: S3Server) -> None:
         assert list(in_order(pool, read_file, paths)) == [path.name.encode() for path in paths]
 
 
+@pytest.mark.slow
 def test_dask_workers_share_a_bucket(s3: S3Server, tmp_path: Path) -> None:
     pytest.importorskip("distributed", reason="the extra cluster is not installed")
     s3.client().create_bucket(Bucket="made")

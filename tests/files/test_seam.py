@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 from pathlib import Path
 
 REPOSITORY = Path(__file__).parents[2]
@@ -54,10 +55,12 @@ def opens_a_file(call: ast.Call) -> bool:
 
 
 def test_no_module_opens_files_beside_the_seam() -> None:
-    found = set()
+    found, word = set(), re.compile(rf"\b({'|'.join(OPENING)})\(")
     for path in (path for room in ROOMS for path in (REPOSITORY / room).rglob("*.py")):
         name = path.relative_to(REPOSITORY).as_posix()
-        calls = (node for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.Call))
-        if not name.startswith(SEAM) and any(opens_a_file(call) for call in calls):
+        text = path.read_text()
+        if name.startswith(SEAM) or not word.search(text):
+            continue
+        if any(opens_a_file(node) for node in ast.walk(ast.parse(text)) if isinstance(node, ast.Call)):
             found.add(name)
     assert found == set(LOCAL)
