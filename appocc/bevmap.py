@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from appocc.checks import BoolArray, ByteArray, Float32Array, check_dtype, check_numbers, check_shape, freeze_arrays
 from appocc.errors import DataError, ShapeError
-from appocc.files import plain_name, read_file, whole_file, zip_arrays
+from appocc.files import path_of, plain_name, read_file, whole_file, zip_arrays
+from appocc.files.questions import can_list
 from appocc.grid import BEVGrid
 from appocc.objects import BEVObjects
 from appocc.typing import PathLike
@@ -210,7 +211,7 @@ class BEVMap:
 
 def bev_folder(root: PathLike, source: str) -> Path:
     """Return the folder of a source of maps: `ROOT/bev/SOURCE`; a source with a slash in its name is a folder."""
-    return Path(source) if "/" in source else Path(root) / "bev" / source
+    return path_of(source) if "/" in source else path_of(root) / "bev" / source
 
 
 def picture_path(folder: Path, title: str, ending: str) -> Path:
@@ -224,7 +225,7 @@ def bev_path(root: PathLike, source: str, sample_token: str) -> Path:
     Raises:
         DataError: if the token is not a plain file name.
     """
-    return bev_folder(root, source) / f"{plain_name(Path(root), sample_token)}.npz"
+    return bev_folder(root, source) / f"{plain_name(path_of(root), sample_token)}.npz"
 
 
 def load_map(root: PathLike, source: str, sample_token: str) -> BEVMap:
@@ -236,15 +237,15 @@ def load_map(root: PathLike, source: str, sample_token: str) -> BEVMap:
     """
     path = bev_path(root, source, sample_token)
     if not path.is_file():
-        others = [other for other in map_sources(root) if other != source]
+        others = [other for other in map_sources(root) if other != source] if can_list(path_of(root)) else []
         there = f"there are maps of source {' and '.join(others)}; " if others else ""
-        raise DataError(f"{path}: no BEV map; {there}{_how_to_make(Path(root), source)}")
+        raise DataError(f"{path}: no BEV map; {there}{_how_to_make(path_of(root), source)}")
     return BEVMap.load(path)
 
 
 def map_sources(root: PathLike) -> list[str]:
     """Return the sources of maps in a dataset: the folders of `ROOT/bev` with maps, sorted."""
-    folders = Path(root).joinpath("bev").glob("*/")
+    folders = path_of(root).joinpath("bev").glob("*/")
     return sorted(folder.name for folder in folders if next(folder.glob("*.npz"), None) is not None)
 
 

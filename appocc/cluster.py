@@ -1,11 +1,11 @@
 """A Dask cluster in place of worker processes: the same jobs, results in the same order, the same bytes.
 
-Workers have one thread each, as local ones do, and see the output folder at the same path (a shared file system).
+Workers have one thread each, as local ones do, and see the output folder at the same path (a shared file system, or a
+URL of an object store).
 """
 
 from __future__ import annotations
 
-import os
 import platform
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -21,6 +21,7 @@ import cv2
 
 from appocc.errors import AppoccError, DataError
 from appocc.extras import import_extra
+from appocc.files import RemotePath, write_bytes
 from appocc.version import __version__
 from appocc.yaml_file import read_yaml
 
@@ -109,12 +110,10 @@ class Cluster:
                 raise AppoccError(
                     f"worker {address}: expected one thread (dask worker --nthreads 1), got {worker['nthreads']}"
                 )
-        probe = _existing(folder) / f".appocc-{uuid4().hex}"
+        probe = (folder if isinstance(folder, RemotePath) else _existing(folder)) / f".appocc-{uuid4().hex}"
+        write_bytes(probe, b"")
         try:
-            probe.write_bytes(b"")
-            blind = [address for address, sees in self._client.run(os.path.exists, str(probe)).items() if not sees]
-        except OSError as error:
-            raise DataError(f"{probe.parent}: cannot be written ({error.strerror or error})") from error
+            blind = [address for address, sees in self._client.run(_sees, probe).items() if not sees]
         finally:
             probe.unlink(missing_ok=True)
         if blind:
@@ -190,6 +189,10 @@ def own_versions() -> dict[str, str]:
 def _difference(mine: Mapping[str, str], theirs: Mapping[str, str]) -> str:
     name = next(name for name in {**mine, **theirs} if mine.get(name) != theirs.get(name))
     return f"expected {name} {mine.get(name, 'not installed')}, got {theirs.get(name, 'not installed')}"
+
+
+def _sees(path: Path) -> bool:
+    return path.exists()
 
 
 def _existing(folder: Path) -> Path:

@@ -12,6 +12,8 @@ import numpy as np
 from appocc.boxes import is_vehicle
 from appocc.environment import Environment, inspect_environment
 from appocc.errors import AppoccError
+from appocc.files import RemotePath
+from appocc.files.questions import can_list
 from appocc.levelling import ego_from_level
 from appocc.nuscenes import Dataset, Scene
 from appocc.nuscenes.problem import Problem
@@ -113,7 +115,8 @@ def examine(
     dataset = Dataset(root, version)
     problems = validate(dataset, images, progress)
     damaged = any(problem.kind == "damaged table" for problem in problems)
-    return Report(inspect_environment(root), None if damaged else contents_of(dataset), problems)
+    here = Path.cwd() if isinstance(dataset.root, RemotePath) else dataset.root
+    return Report(inspect_environment(here), None if damaged else contents_of(dataset), problems)
 
 
 def contents_of(dataset: Dataset) -> Contents:
@@ -126,8 +129,9 @@ def contents_of(dataset: Dataset) -> Contents:
     maps = tables["map"]
     masks = [logs for logs, kind in zip(maps["log_tokens"], maps["category"], strict=True) if kind != NO_MAP]
     masked = {token for logs in masks for token in logs}
-    expansions = [*root.glob("maps/expansion/*.json"), *root.glob("maps/*.json")]
-    sources = [folder for folder in sorted(root.glob("bev/*")) if folder.is_dir()]
+    # A web server has no lists.
+    expansions = [*root.glob("maps/expansion/*.json"), *root.glob("maps/*.json")] if can_list(root) else []
+    sources = [folder for folder in sorted(root.glob("bev/*")) if folder.is_dir()] if can_list(root) else []
     return Contents(
         root=str(root),
         version=dataset.tables.version,

@@ -14,8 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from appocc.errors import DataError
-from appocc.files import MOST_TEXT_BYTES, inside, read_file, write_bytes
+from appocc.files import inside
+from appocc.files.journal import append_line, read_lines, write_lines
+from appocc.files.questions import State, state_of, states_of
 from appocc.nuscenes.dataset import LIDAR, Dataset
 from appocc.nuscenes.records import Sample, SampleData, Scene
 from appocc.nuscenes.schema import LABEL_TABLES
@@ -35,15 +36,6 @@ def digest(values: Iterable[object]) -> str:
     return hashed.hexdigest()[:16]
 
 
-def state_of(path: Path) -> tuple[int, int] | None:
-    """Size and time of a file, None where there is none."""
-    try:
-        state = path.stat()
-    except (OSError, ValueError):
-        return None
-    return state.st_size, state.st_mtime_ns
-
-
 class Record:
     """Inputs of each result in a folder: one line a result, the last one is valid."""
 
@@ -51,7 +43,7 @@ class Record:
         """Read the record; damaged lines are skipped."""
         self._path = folder / _RECORD
         self._parts: dict[str, Parts] = {}
-        for line in read_file(self._path, MOST_TEXT_BYTES).splitlines() if self._path.is_file() else ():
+        for line in read_lines(self._path):
             try:
                 name, parts = json.loads(line)
                 self._parts[str(name)] = dict(parts)
@@ -91,8 +83,8 @@ class Record:
         """
         found = Record(self._path.parent)._parts
         lines = "".join(_line(name, found[name]) for name in sorted(found)).encode()
-        if found and lines != read_file(self._path, MOST_TEXT_BYTES):
-            write_bytes(self._path, lines)
+        if found:
+            write_lines(self._path, lines)
 
 
 def add_record(folder: Path, name: str, parts: Parts) -> None:
@@ -101,12 +93,7 @@ def add_record(folder: Path, name: str, parts: Parts) -> None:
     Raises:
         DataError: if it cannot be written.
     """
-    try:
-        with (folder / _RECORD).open("ab") as file:
-            # The line before may have been cut off.
-            file.write(f"\n{_line(name, parts)}".encode())
-    except OSError as error:
-        raise DataError(f"{folder / _RECORD}: cannot be written ({error.strerror})") from error
+    append_line(folder / _RECORD, name, _line(name, parts).rstrip("\n"))
 
 
 def _line(name: str, parts: Parts) -> str:
@@ -137,7 +124,7 @@ def scene_parts(dataset: Dataset, scene: Scene) -> dict[str, str]:
     labels = [path for data in sweeps for table in LABEL_TABLES if (path := dataset.label_path(data, table))]
     return {
         "pictures": _files(dataset, pictures),
-        "sweeps": digest([_files(dataset, sweeps), *((path.name, state_of(path)) for path in labels)]),
+        "sweeps": digest([_files(dataset, sweeps), *_named(labels)]),
         "calibration": _mounting(dataset, [*pictures, *sweeps], samples),
         "boxes": _boxes(dataset, samples),
         "maps": _maps(dataset, scene),
@@ -151,12 +138,17 @@ def training_parts(dataset: Dataset, samples: Sequence[Sample], more: Iterable[P
     return {
         "sensor files": _files(dataset, used),
         "calibration": _mounting(dataset, used, samples),
-        "maps": digest((path.name, state_of(path)) for path in more),
+        "maps": digest(_named(list(more))),
     }
 
 
 def _files(dataset: Dataset, data: Iterable[SampleData]) -> str:
-    return digest((each.filename, state_of(dataset.path(each))) for each in data)
+    paths = {each.filename: dataset.path(each) for each in data}
+    return digest(zip(paths, states_of(list(paths.values())), strict=True))
+
+
+def _named(paths: Sequence[Path]) -> Iterable[tuple[str, State]]:
+    return zip((path.name for path in paths), states_of(paths), strict=True)
 
 
 def _mounting(dataset: Dataset, data: Iterable[SampleData], samples: Iterable[Sample]) -> str:

@@ -8,18 +8,23 @@ from typing import Annotated
 
 import typer
 
-from cli.common import JsonOption, VersionOption, emit, out_path, say
+from cli.common import JsonOption, VersionOption, emit, in_path, local_out_path, local_path, say
 from cli.train import stop_on_signal, training_progress
 
 
 def ablate(
-    config: Annotated[Path, typer.Argument(metavar="CONFIG", help="YAML file, or the shipped configuration small.")],
-    test: Annotated[Path, typer.Option("--test", metavar="ROOT", help="Dataset root to evaluate all rows on.")],
+    config: Annotated[
+        Path,
+        typer.Argument(metavar="CONFIG", parser=local_path, help="YAML file, or the shipped configuration small."),
+    ],
+    test: Annotated[
+        Path, typer.Option("--test", parser=in_path, metavar="ROOT", help="Dataset root to evaluate all rows on.")
+    ],
     overrides: Annotated[
         list[str] | None,
         typer.Argument(metavar="KEY=VALUE", help="Override a value of CONFIG for all rows, such as train.steps=600."),
     ] = None,
-    out: Annotated[Path, typer.Option("--out", parser=out_path, help="Folder of the runs and tables.")] = Path(
+    out: Annotated[Path, typer.Option("--out", parser=local_out_path, help="Folder of the runs and tables.")] = Path(
         "runs/ablation"
     ),
     seeds: Annotated[int, typer.Option(min=1, max=99, help="Seeds of the default network; others get one.")] = 3,

@@ -22,13 +22,78 @@ if TYPE_CHECKING:
 
     from appocc.nuscenes import Dataset, Scene
 
-RootArgument = Annotated[Path, typer.Argument(metavar="ROOT", help="Dataset root in the nuScenes schema.")]
+
+def in_path(text: str) -> Path:
+    """Return the value of an option or argument as a path, which may be a URL.
+
+    Raises:
+        typer.BadParameter: if it is no valid URL.
+    """
+    if "://" not in str(text):  # without the imports that a URL needs
+        return Path(text)
+    from appocc.files import path_of
+
+    try:
+        return path_of(text)
+    except DataError as error:
+        raise typer.BadParameter(str(error)) from error
+
+
+def local_path(text: str) -> Path:
+    """Return the value of an option or argument that is a path on this machine.
+
+    Raises:
+        typer.BadParameter: if it is a URL.
+    """
+    path = in_path(text)
+    if "://" in str(path):
+        raise typer.BadParameter(f"{path}: expected a path on this machine, got a URL")
+    return path
+
+
+def out_path(text: str) -> Path:
+    """Return the value of `--out` as a path, which may be a URL; an empty one would mean the working folder.
+
+    Raises:
+        typer.BadParameter: if it is empty, no valid URL, or one of a web server, which is read-only.
+    """
+    if not text:
+        raise typer.BadParameter("expected a name, got an empty one")
+    path = in_path(text)
+    if "://" in str(path):
+        from appocc.files.object_store import check_writable
+
+        try:
+            check_writable(str(path))
+        except DataError as error:
+            raise typer.BadParameter(str(error)) from error
+    return path
+
+
+def local_out_path(text: str) -> Path:
+    """Return the value of `--out` as a path on this machine.
+
+    Raises:
+        typer.BadParameter: if it is empty or a URL.
+    """
+    return local_path(str(out_path(text)))
+
+
+for _parser in (in_path, local_path, out_path, local_out_path):
+    _parser.__name__ = "path"  # the metavar in --help
+
+RootArgument = Annotated[
+    Path,
+    typer.Argument(parser=in_path, metavar="ROOT", help="Dataset root in the nuScenes schema: a folder or a URL."),
+]
 VersionOption = Annotated[
     str | None, typer.Option("--version", help="Folder of the tables, such as v1.0-mini; needed if ROOT has several.")
 ]
 WeightsOption = Annotated[
     Path | None,
-    typer.Option("--weights", help="Weights file, or the name of shipped ones: appocc (default) or street."),
+    typer.Option(
+        "--weights", parser=in_path, help="Weights file, or the name of shipped ones: appocc (default) or street."
+    ),
 ]
 SceneOption = Annotated[
     str | None, typer.Option("--scene", help="Name or token of the scene; default: the only one of ROOT.")
@@ -204,20 +269,6 @@ def say_stale(stale: Mapping[str, int]) -> None:
     """Print how many existing results were regenerated, by reason."""
     if stale:
         say(f"regenerated: {'; '.join(f'{count} ({reason})' for reason, count in stale.items())}")
-
-
-def out_path(text: str) -> Path:
-    """Return the value of `--out` as a path; an empty one would mean the working folder.
-
-    Raises:
-        typer.BadParameter: if it is empty.
-    """
-    if not text:
-        raise typer.BadParameter("expected a name, got an empty one")
-    return Path(text)
-
-
-out_path.__name__ = "path"  # the metavar in --help
 
 
 @contextmanager

@@ -9,13 +9,15 @@ from typing import Annotated
 
 import typer
 
-from cli.common import JsonOption, emit, out_path, progress, say
+from cli.common import JsonOption, emit, local_out_path, progress, say
 
 
 def demo(
     out: Annotated[
         Path,
-        typer.Option("--out", parser=out_path, help="New folder, or an earlier demo, whose files are replaced."),
+        typer.Option(
+            "--out", parser=local_out_path, help="New folder, or an earlier demo, whose files are replaced."
+        ),
     ] = Path("appocc-demo"),
     as_json: JsonOption = False,
 ) -> None:

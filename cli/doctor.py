@@ -7,11 +7,13 @@ from typing import Annotated
 
 import typer
 
-from cli.common import JsonOption, VersionOption, emit, progress, say
+from cli.common import JsonOption, VersionOption, emit, in_path, progress, say
 
 
 def doctor(
-    root: Annotated[Path | None, typer.Argument(metavar="ROOT", help="Dataset root to check.")] = None,
+    root: Annotated[
+        Path | None, typer.Argument(parser=in_path, metavar="ROOT", help="Dataset root to check.")
+    ] = None,
     images: Annotated[bool, typer.Option("--images", help="Decode every image and LiDAR file (slow).")] = False,
     version: VersionOption = None,
     as_json: JsonOption = False,

@@ -7,12 +7,14 @@ from typing import Annotated, Any
 
 import typer
 
-from cli.common import JsonOption, RootArgument, VersionOption, emit, progress, say, wide_console
+from cli.common import JsonOption, RootArgument, VersionOption, emit, in_path, progress, say, wide_console
 
 
 def detections(
     root: RootArgument,
-    file: Annotated[Path | None, typer.Option("--detections", help="nuScenes detection results.")] = None,
+    file: Annotated[
+        Path | None, typer.Option("--detections", parser=in_path, help="nuScenes detection results.")
+    ] = None,
     source: Annotated[
         str | None, typer.Option("--bev", help="Source of maps with objects, instead of --detections.")
     ] = None,

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from cli.common import JsonOption, emit, say, wide_console
+from cli.common import JsonOption, emit, local_path, say, wide_console
 
 if TYPE_CHECKING:
     from grounding.language.evaluation import ParseScores
@@ -15,7 +15,8 @@ if TYPE_CHECKING:
 
 def parses(
     labelled: Annotated[
-        Path, typer.Argument(metavar="FILE.jsonl", help="Labelled commands, one JSON object per line.")
+        Path,
+        typer.Argument(metavar="FILE.jsonl", parser=local_path, help="Labelled commands, one JSON object per line."),
     ],
     errors: Annotated[bool, typer.Option("--errors", help="List every command with a wrong field.")] = False,
     as_json: JsonOption = False,

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cli.common import JsonOption, VersionOption, emit, say, wide_console
+from cli.common import JsonOption, VersionOption, emit, in_path, say, wide_console
 
 if TYPE_CHECKING:
     from tracking.evaluation.evaluate import EvaluationReport
@@ -17,13 +17,16 @@ def tracks(
     truth: Annotated[
         Path,
         typer.Option(
-            "--gt", help="Ground truth: a file in the format of the tracks, a folder of them, or a dataset root."
+            "--gt",
+            parser=in_path,
+            help="Ground truth: a file in the format of the tracks, a folder of them, or a dataset root.",
         ),
     ],
     found: Annotated[
         Path,
         typer.Option(
             "--tracks",
+            parser=in_path,
             help="nuScenes tracking JSON, MOTChallenge or KITTI text, or a folder of them, which is pooled.",
         ),
     ],

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cli.common import JsonOption, VersionOption, WeightsOption, emit, out_path, progress, say
+from cli.common import JsonOption, VersionOption, WeightsOption, emit, in_path, local_out_path, progress, say
 
 if TYPE_CHECKING:
     from appocc.export.run import ExportSource
@@ -29,10 +29,13 @@ _ENDINGS = {Format.onnx: ".onnx", Format.openvino: ".xml"}
 def export(
     out: Annotated[
         Path,
-        typer.Option("--out", parser=out_path, metavar="FILE", help="Output file: .onnx, or .xml for OpenVINO."),
+        typer.Option(
+            "--out", parser=local_out_path, metavar="FILE", help="Output file: .onnx, or .xml for OpenVINO."
+        ),
     ],
     root: Annotated[
-        Path | None, typer.Argument(metavar="ROOT", help="Dataset whose camera rig and images are used.")
+        Path | None,
+        typer.Argument(metavar="ROOT", parser=in_path, help="Dataset whose camera rig and images are used."),
     ] = None,
     rig: Annotated[
         str | None, typer.Option("--rig", help="Name or YAML file of a camera rig, instead of ROOT; default: paper.")

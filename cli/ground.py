@@ -21,6 +21,9 @@ from cli.common import (
     choose_scene,
     choose_source,
     emit,
+    in_path,
+    local_path,
+    out_path,
     say,
 )
 
@@ -52,7 +55,10 @@ def ground(
     root: Annotated[
         Path | None,
         typer.Argument(
-            metavar="ROOT", help="Dataset root in the nuScenes schema; omit it with --map.", show_default=False
+            metavar="ROOT",
+            parser=in_path,
+            help="Dataset root in the nuScenes schema; omit it with --map.",
+            show_default=False,
         ),
     ] = None,
     scene: SceneOption = None,
@@ -61,23 +67,30 @@ def ground(
     version: VersionOption = None,
     tracks: Annotated[
         Path | None,
-        typer.Option("--tracks", help="Take the vehicles from nuScenes tracking results, such as those of `track`."),
+        typer.Option(
+            "--tracks",
+            parser=in_path,
+            help="Take the vehicles from nuScenes tracking results, such as those of `track`.",
+        ),
     ] = None,
     rig: Annotated[
         str | None,
         typer.Option("--rig", help="Rig (name or YAML file) with the size of the ego vehicle; default: 4.6 x 1.9 m."),
     ] = None,
     map_file: Annotated[
-        Path | None, typer.Option("--map", help="One saved map (.npz), instead of ROOT, --scene and --frame.")
+        Path | None,
+        typer.Option("--map", parser=in_path, help="One saved map (.npz), instead of ROOT, --scene and --frame."),
     ] = None,
     commands: Annotated[
-        Path | None, typer.Option("--commands", help="File of commands, one per line, instead of TEXT.")
+        Path | None,
+        typer.Option("--commands", parser=in_path, help="File of commands, one per line, instead of TEXT."),
     ] = None,
     interactive: Annotated[
         bool, typer.Option("--interactive", "-i", help="Hold a conversation, until 'quit', instead of TEXT.")
     ] = False,
     lexicon: Annotated[
-        Path | None, typer.Option("--lexicon", help="File of words to add to the built-in lexicon.")
+        Path | None,
+        typer.Option("--lexicon", parser=local_path, help="File of words to add to the built-in lexicon."),
     ] = None,
     llm: Annotated[
         str | None,
@@ -93,7 +106,9 @@ def ground(
         typer.Option("--explain", help="Also print word categories and scores, and draw the goal costs."),
     ] = False,
     as_json: JsonOption = False,
-    picture: Annotated[Path | None, typer.Option("--picture", help="Write a picture of the answer (.png).")] = None,
+    picture: Annotated[
+        Path | None, typer.Option("--picture", parser=out_path, help="Write a picture of the answer (.png).")
+    ] = None,
 ) -> None:
     """Ground a driving command: find the vehicle it means and the goal cell of the ego vehicle.
 
@@ -111,14 +126,13 @@ def ground(
     from appocc.ego_vehicle import EgoVehicle
     from appocc.files import write_image
     from appocc.rigs import read_rig
-    from appocc.temporary import made_folder
     from grounding import Grounder, GrounderConfig
     from grounding.pipeline import set_saved_map
     from grounding.visualization import draw_answer
 
     several = commands is not None or interactive
     if several and root is None and text is not None:
-        root, text = Path(text), None
+        root, text = in_path(text), None
     _check_one(("TEXT", text), ("--commands", commands), ("--interactive", interactive or None))
     _check_one(("ROOT", root), ("--map", map_file), hint=_ONLY_ROOT if several else "")
     if picture is not None and text is None:
@@ -145,8 +159,7 @@ def ground(
     if text is not None:
         answer = grounder.ground(text)
         if picture is not None:
-            with made_folder(picture.parent):
-                write_image(picture, draw_answer(answer, key_frame, show_costs=explain))
+            write_image(picture, draw_answer(answer, key_frame, show_costs=explain))
         raise typer.Exit(_print(answer, explain, as_json))
     if commands is not None:
         raise typer.Exit(max(_print(grounder.ground(one), explain, as_json) for one in _lines(commands)))

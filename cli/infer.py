@@ -13,6 +13,7 @@ from cli.common import (
     VersionOption,
     WeightsOption,
     emit,
+    in_path,
     out_path,
     progress,
     say,
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
 SourceArgument = Annotated[
     Path,
     typer.Argument(
+        parser=in_path,
         metavar="ROOT|IMAGES",
         help="Dataset root; or, with --rig, a folder of images named by camera, or of such folders, one per frame.",
     ),
@@ -58,7 +60,11 @@ def infer(
     ] = None,
     detections: Annotated[
         Path | None,
-        typer.Option("--detections", help="Also write the objects of all key frames as nuScenes detection results."),
+        typer.Option(
+            "--detections",
+            parser=out_path,
+            help="Also write the objects of all key frames as nuScenes detection results.",
+        ),
     ] = None,
     workers: Annotated[int, typer.Option(min=1, max=1024, help="Scenes of ROOT at once, one process each.")] = 1,
     cluster: ClusterOption = LOCAL,

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from cli.common import JsonOption, emit, out_path, progress, say
+from cli.common import JsonOption, emit, local_out_path, local_path, progress, say
 
 app = typer.Typer(name="rig", help="Calibrate your own cameras.", no_args_is_help=True)
 # Reprojection errors in pixels with a warning; a good calibration is far below.
@@ -23,12 +23,18 @@ def rig() -> None:
 @app.command()
 def fit(
     boards: Annotated[
-        Path, typer.Argument(metavar="BOARDS", help="Folder with a sub-folder of checkerboard pictures per camera.")
+        Path,
+        typer.Argument(
+            metavar="BOARDS", parser=local_path, help="Folder with a sub-folder of checkerboard pictures per camera."
+        ),
     ],
     points: Annotated[
-        Path, typer.Option("--points", help="CSV with camera, u, v, x, y[, z]: pixels of points in the ego frame.")
+        Path,
+        typer.Option(
+            "--points", parser=local_path, help="CSV with camera, u, v, x, y[, z]: pixels of points in the ego frame."
+        ),
     ],
-    out: Annotated[Path, typer.Option("--out", parser=out_path, help="Rig file to write (.yaml).")],
+    out: Annotated[Path, typer.Option("--out", parser=local_out_path, help="Rig file to write (.yaml).")],
     board: Annotated[str, typer.Option(metavar="CxR", help="Inner corners of the board, across and down.")] = "9x6",
     fisheye: Annotated[
         list[str] | None, typer.Option("--fisheye", help="Camera with a fisheye; can be repeated.")

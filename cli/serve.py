@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from cli.common import Interrupted, say
+from cli.common import Interrupted, in_path, say
 
 
 def serve(
@@ -17,6 +17,7 @@ def serve(
         list[Path],
         typer.Argument(
             metavar="ROOT...",
+            parser=in_path,
             help="Datasets in the nuScenes schema, folders of them, or an empty folder for simulated drives.",
             show_default=False,
         ),

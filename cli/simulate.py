@@ -41,7 +41,7 @@ def simulate(
     lidar: Annotated[bool, typer.Option(help="Record LiDAR sweeps.")] = True,
     full_maps: Annotated[bool, typer.Option(help="Store depth and class of every pixel, not only per 8x8.")] = False,
     vary: Annotated[bool, typer.Option(help="Vary cameras, traffic, paints and look, for training sets.")] = False,
-    sheet: Annotated[Path | None, typer.Option(help="Also write a contact sheet (.png).")] = None,
+    sheet: Annotated[Path | None, typer.Option(parser=out_path, help="Also write a contact sheet (.png).")] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Simulate drives through towns: six cameras, LiDAR, boxes and exact colour BEV maps, in the nuScenes schema.
@@ -84,7 +84,8 @@ def simulate(
     start = time.monotonic()
     try:
         count = min(workers or cores(), scenes)
-        with engine(cluster, count, out) as pool, progress("simulation", scenes * recording.frames) as advance:
+        work = unfinished_folder(out)
+        with engine(cluster, count, work) as pool, progress("simulation", scenes * recording.frames) as advance:
             summary = run(shared(cluster, out), settings, pool, advance, say)
     except Interrupted:
         if kept := count_finished_scenes(out):
@@ -107,9 +108,12 @@ def check_sheet(path: Path, out: Path) -> None:
         DataError: if it is not a .png, equals the dataset's path, or cannot be a file.
     """
     from appocc.errors import DataError
+    from appocc.files import RemotePath
 
     if path.suffix.lower() != ".png":
         raise DataError(f"{path}: expected a name that ends in .png")
+    if isinstance(path, RemotePath):
+        return
     folder = next(parent for parent in path.absolute().parents if parent.exists())
     if path.absolute() == out.absolute() or (path.exists() and not path.is_file()) or not folder.is_dir():
         raise DataError(f"{path}: expected a file name for the sheet, got a folder or a path below a file")

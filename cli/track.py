@@ -20,6 +20,8 @@ from cli.common import (
     choose_scene,
     choose_source,
     emit,
+    in_path,
+    local_path,
     out_path,
     progress,
     say,
@@ -76,7 +78,9 @@ MinScoreOption = Annotated[
         help="Write a track only in frames in which its score, a probability, is at least this.",
     ),
 ]
-VideoOption = Annotated[Path | None, typer.Option("--video", help="Also write a video of the tracks (.webm).")]
+VideoOption = Annotated[
+    Path | None, typer.Option("--video", parser=out_path, help="Also write a video of the tracks (.webm).")
+]
 # Detectors for KITTI report many boxes of low scores; nuScenes' benchmark wants all of them.
 _KITTI_MIN_SCORE, _ALL = 0.5, 0.0
 _BEV_HELP = "Source of the maps: ROOT/bev/SOURCE, or a folder with a slash in its name."
@@ -121,7 +125,9 @@ def track_scene_command(
 @app.command("detections")
 def track_detections_command(
     root: RootArgument,
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="nuScenes detection results for the scene.")],
+    file: Annotated[
+        Path, typer.Argument(metavar="FILE", parser=in_path, help="nuScenes detection results for the scene.")
+    ],
     scene: SceneOption = None,
     smooth: SmoothOption = False,
     min_score: MinScoreOption = _ALL,
@@ -152,7 +158,9 @@ def track_detections_command(
 
 @app.command("kitti")
 def track_kitti_command(
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of KITTI sequences with detections.")],
+    folder: Annotated[
+        Path, typer.Argument(metavar="DIR", parser=local_path, help="Folder of KITTI sequences with detections.")
+    ],
     smooth: SmoothOption = False,
     min_score: MinScoreOption = _KITTI_MIN_SCORE,
     out: Annotated[
@@ -204,7 +212,9 @@ def _kitti_json(scores: KittiScores) -> dict[str, Any]:
 
 @app.command("mot")
 def track_mot_command(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="MOTChallenge detections of people.")],
+    file: Annotated[
+        Path, typer.Argument(metavar="FILE", parser=local_path, help="MOTChallenge detections of people.")
+    ],
     fps: Annotated[float, typer.Option("--fps", help="Frame rate of the recording.")],
     min_score: MinScoreOption = _ALL,
     out: Annotated[
@@ -247,15 +257,22 @@ _INPUTS = {
 @app.command(_OLDER_FORM, hidden=True)
 def track_older_form(
     root: Annotated[
-        Path | None, typer.Argument(metavar="ROOT", help="Dataset root in the nuScenes schema.", show_default=False)
+        Path | None,
+        typer.Argument(
+            metavar="ROOT", parser=in_path, help="Dataset root in the nuScenes schema.", show_default=False
+        ),
     ] = None,
     scene: Annotated[str | None, typer.Option("--scene", help="Name or token of the scene.")] = None,
     bev: Annotated[str | None, typer.Option("--bev", help=_BEV_HELP)] = None,
     detections: Annotated[
-        Path | None, typer.Option("--detections", help="nuScenes detection results for the scene.")
+        Path | None, typer.Option("--detections", parser=in_path, help="nuScenes detection results for the scene.")
     ] = None,
-    kitti: Annotated[Path | None, typer.Option("--kitti", help="Folder of KITTI sequences with detections.")] = None,
-    mot: Annotated[Path | None, typer.Option("--mot", help="MOTChallenge detections of people.")] = None,
+    kitti: Annotated[
+        Path | None, typer.Option("--kitti", parser=local_path, help="Folder of KITTI sequences with detections.")
+    ] = None,
+    mot: Annotated[
+        Path | None, typer.Option("--mot", parser=local_path, help="MOTChallenge detections of people.")
+    ] = None,
     fps: Annotated[float | None, typer.Option("--fps", help="Frame rate of the --mot file.")] = None,
     smooth: SmoothOption = False,
     min_score: Annotated[

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cli.common import Interrupted, JsonOption, emit, is_quiet, out_path, say
+from cli.common import Interrupted, JsonOption, emit, is_quiet, local_out_path, local_path, say
 
 if TYPE_CHECKING:
     from appocc.training.run import TrainingMonitor
@@ -21,7 +21,9 @@ if TYPE_CHECKING:
 def train(
     config: Annotated[
         Path,
-        typer.Argument(metavar="CONFIG", help="YAML file, or a shipped one: small, release or recording."),
+        typer.Argument(
+            metavar="CONFIG", parser=local_path, help="YAML file, or a shipped one: small, release or recording."
+        ),
     ],
     overrides: Annotated[
         list[str] | None,
@@ -29,7 +31,7 @@ def train(
     ] = None,
     out: Annotated[
         Path | None,
-        typer.Option("--out", parser=out_path, help="Folder of the run; default: runs/NAME-OF-CONFIG."),
+        typer.Option("--out", parser=local_out_path, help="Folder of the run; default: runs/NAME-OF-CONFIG."),
     ] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Continue the run in this folder.")] = False,
     as_json: JsonOption = False,

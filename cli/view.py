@@ -16,6 +16,7 @@ from cli.common import (
     choose_scene,
     choose_source,
     emit,
+    out_path,
     progress,
     say,
 )
@@ -28,11 +29,16 @@ if TYPE_CHECKING:
 def view(
     root: RootArgument,
     rrd: Annotated[
-        Path | None, typer.Option("--rrd", help="Write a Rerun recording (.rrd); needs the extra `viewer`.")
+        Path | None,
+        typer.Option("--rrd", parser=out_path, help="Write a Rerun recording (.rrd); needs the extra `viewer`."),
     ] = None,
     mcap: Annotated[
         Path | None,
-        typer.Option("--mcap", help="Write an MCAP file (.mcap) with Foxglove's schemas; needs the extra `mcap`."),
+        typer.Option(
+            "--mcap",
+            parser=out_path,
+            help="Write an MCAP file (.mcap) with Foxglove's schemas; needs the extra `mcap`.",
+        ),
     ] = None,
     scene: SceneOption = None,
     bev: Annotated[

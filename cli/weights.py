@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from cli.common import JsonOption, emit, out_path, say
+from cli.common import JsonOption, emit, in_path, local_out_path, say
 
 app = typer.Typer(name="weights", help="Show a weights file, or write one for distribution.", no_args_is_help=True)
 
@@ -16,7 +16,11 @@ app = typer.Typer(name="weights", help="Show a weights file, or write one for di
 def show(
     file: Annotated[
         Path | None,
-        typer.Argument(metavar="FILE", help="Weights file, or the name of shipped ones: appocc (default) or street."),
+        typer.Argument(
+            metavar="FILE",
+            parser=in_path,
+            help="Weights file, or the name of shipped ones: appocc (default) or street.",
+        ),
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
@@ -38,11 +42,15 @@ def show(
 @app.command()
 def ship(
     file: Annotated[
-        Path, typer.Argument(metavar="FILE", help="Weights of a training, such as runs/small/best.safetensors.")
+        Path,
+        typer.Argument(
+            metavar="FILE", parser=in_path, help="Weights of a training, such as runs/small/best.safetensors."
+        ),
     ],
-    out: Annotated[Path, typer.Option("--out", parser=out_path, help="Output file, *.safetensors.")],
+    out: Annotated[Path, typer.Option("--out", parser=local_out_path, help="Output file, *.safetensors.")],
     figures: Annotated[
-        Path | None, typer.Option(help="Output of `appocc eval bev --json` for their maps of unseen places.")
+        Path | None,
+        typer.Option(parser=in_path, help="Output of `appocc eval bev --json` for their maps of unseen places."),
     ] = None,
     command: Annotated[
         list[str] | None, typer.Option(help="A command that made the data or the weights; can be repeated.")

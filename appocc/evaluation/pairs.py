@@ -12,6 +12,7 @@ from appocc.bevmap import BEVMap, bev_folder, bev_path
 from appocc.checks import BoolArray, IntArray
 from appocc.errors import DataError
 from appocc.files import read_file, zip_arrays
+from appocc.files.questions import files_there
 from appocc.grid import BEVGrid
 from appocc.nuscenes.records import Sample
 
@@ -65,9 +66,11 @@ def check_maps_exist(root: Path, source: str, samples: list[Sample]) -> None:
     Raises:
         DataError: if a map is missing.
     """
-    missing = [sample.token for sample in samples if not bev_path(root, source, sample.token).is_file()]
+    folder = bev_folder(root, source)
+    names = {bev_path(root, source, sample.token).name: sample.token for sample in samples}
+    there = files_there(folder, names)
+    missing = [token for name, token in names.items() if name not in there]
     if missing:
-        folder = bev_folder(root, source)
         how = {"groundtruth": f"appocc groundtruth {root}", "exact": "appocc simulate"}.get(source)
         how = how or f"appocc infer {root} --out {folder}"
         first = f"{missing[0]}.npz is the first"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import pickle
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -16,7 +17,8 @@ from appocc.bevmap import BEVMap, bev_folder, bev_path, picture_path
 from appocc.checks import FloatArray
 from appocc.ego_vehicle import EgoVehicle
 from appocc.errors import DataError
-from appocc.files import write_bytes, write_image
+from appocc.files import MOST_TEXT_BYTES, RemotePath, read_file, write_bytes, write_image
+from appocc.files.transfer import working_folder
 from appocc.groundtruth.bodywork import BodyworkSamples
 from appocc.groundtruth.colouring import ColouredPoints, colour_sweep
 from appocc.groundtruth.compose import GroundTruthSettings, compose_map, vehicles_near
@@ -121,22 +123,45 @@ def _process_scene(
         surface, gains = reconstruct_ground(inputs, jobs, folder)
         pairs = zip(inputs.samples, _paint(inputs, gains, settings, jobs), strict=True)
         wanted = [(sample, painted) for sample, painted in pairs if sample.token in missing]
-        sources = folder / "sources.pickle"  # written and read by this run only
-        write_bytes(sources, pickle.dumps(_sources(dataset, scene, inputs, surface)))
         titles = dataset.titles(scene)
-        job = partial(_process_sample, sources=sources, out=out, settings=settings, parts=parts, titles=titles)
-        jobs.run(job, wanted, 1.0)
+        with _shared(_sources(dataset, scene, inputs, surface), folder, out, scene) as sources:
+            job = partial(_process_sample, sources=sources, out=out, settings=settings, parts=parts, titles=titles)
+            jobs.run(job, wanted, 1.0)
     return len(wanted)
+
+
+class _SharedSources(NamedTuple):
+    """The file of the sources of a scene that all workers read, with its digest: only what this run wrote is read."""
+
+    path: Path
+    sha256: str
+
+
+@contextmanager
+def _shared(sources: RoadSources, folder: Path, out: Path, scene: Scene) -> Iterator[_SharedSources]:
+    """Write the sources of a scene where all workers read them: in the folder, or next to remote maps."""
+    place = bev_folder(out, SOURCE)
+    remote = isinstance(place, RemotePath)
+    path = place / f".{token_of('scene', scene.token)}.sources" if remote else folder / "sources.pickle"
+    data = pickle.dumps(sources)
+    write_bytes(path, data)
+    try:
+        yield _SharedSources(path, hashlib.sha256(data).hexdigest())
+    finally:
+        if remote:
+            path.unlink()
 
 
 @contextmanager
 def _scratch(out: Path, scene: Scene) -> Iterator[Path]:
-    """Create a temporary folder for data shared by the workers, next to the maps, where another run finds it.
+    """Create a temporary folder for a scene, next to the maps, where another run finds it, or for remote maps here.
 
     Raises:
         DataError: if another run uses it, or it cannot be created.
     """
     place = bev_folder(out, SOURCE) / token_of("scene", scene.token)
+    if isinstance(place, RemotePath):
+        place = working_folder(place)
     try:
         with made_folder(place.parent), partial_folder(place) as folder:
             yield folder
@@ -205,14 +230,17 @@ def _sources(dataset: Dataset, scene: Scene, inputs: SceneInputs, surface: Groun
 
 
 @lru_cache(maxsize=1)
-def _read_sources(path: Path) -> RoadSources:
-    sources: RoadSources = pickle.loads(path.read_bytes())
+def _read_sources(written: _SharedSources) -> RoadSources:
+    data = read_file(written.path, MOST_TEXT_BYTES)
+    if hashlib.sha256(data).hexdigest() != written.sha256:
+        raise DataError(f"{written.path}: in use by another run")
+    sources: RoadSources = pickle.loads(data)
     return sources
 
 
 def _process_sample(
     wanted: tuple[SampleInput, BoxColours | None],
-    sources: Path,
+    sources: _SharedSources,
     out: Path,
     settings: GroundTruthSettings,
     parts: Parts,

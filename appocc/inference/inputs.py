@@ -14,13 +14,14 @@ from appocc.camera import Camera
 from appocc.checks import ByteArray, FloatArray
 from appocc.ego_vehicle import EgoVehicle
 from appocc.errors import DataError
-from appocc.files import plain_name, read_image
+from appocc.files import path_of, plain_name, read_images
+from appocc.files.questions import state_of
 from appocc.frame import Frame
 from appocc.geometry import apply
 from appocc.levelling import ego_from_level, is_level, lowest_points
 from appocc.nuscenes.dataset import LIDAR, Dataset
 from appocc.nuscenes.records import Sample, SampleData, Scene
-from appocc.provenance import Parts, digest, sample_parts, state_of
+from appocc.provenance import Parts, digest, sample_parts
 from appocc.rigs import SourceRig
 from appocc.typing import PathLike
 
@@ -99,7 +100,7 @@ def folder_inputs(
     Raises:
         DataError: if there is no such picture.
     """
-    folder = Path(folder)
+    folder = path_of(folder)
     if not folder.is_dir():
         raise DataError(f"{folder}: no such folder")
     folders = [folder, *sorted(path for path in folder.iterdir() if path.is_dir())]
@@ -195,16 +196,14 @@ def _read_images(paths: Mapping[str, Path], names: Iterable[str]) -> tuple[dict[
     """Read the images of the cameras that work; also return the reason for each that does not, by name."""
     images: dict[str, ByteArray] = {}
     missing: dict[str, str] = {}
-    for name in names:
+    wanted = list(names)
+    found = read_images([paths[name] for name in wanted if name in paths])
+    for name in wanted:
         if name not in paths:
             missing[name] = "no image"
-            continue
-        try:
-            image = read_image(paths[name])
-        except DataError as error:
-            missing[name] = str(error)
-            continue
-        if int(image.max()) <= _BLACK:
+        elif isinstance(image := next(found), DataError):
+            missing[name] = str(image)
+        elif int(image.max()) <= _BLACK:
             missing[name] = f"{paths[name]}: the image is black"
         else:
             images[name] = image

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 from appocc.bevmap import BEVMap, picture_path
 from appocc.errors import DataError
+from appocc.files import path_of
 from appocc.frame import Frame
 from appocc.inference.inputs import InferenceInput
 from appocc.inference.predictor import MAP_RULES, Predictor
@@ -82,9 +83,9 @@ class InferenceRun:
         Raises:
             DataError: if `out` is a folder of ground truth, or inputs without poses cannot have detections.
         """
-        self._inputs, self._predictor, self._out, self._pictures = inputs, predictor, Path(out), pictures
+        self._inputs, self._predictor, self._out, self._pictures = inputs, predictor, path_of(out), pictures
         self._is_part = is_part
-        self._detections = None if detections is None else Path(detections)
+        self._detections = None if detections is None else path_of(detections)
         if self._detections is not None and any(each.pose is None for each in inputs):
             raise DataError(f"{detections}: detections need ego poses: expected a dataset, got a folder of images")
         if self._out.resolve().name in _TRUE_FOLDERS:

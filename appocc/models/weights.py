@@ -12,7 +12,7 @@ from safetensors.torch import save
 from torch import Tensor
 
 from appocc.errors import AppoccError, DataError
-from appocc.files import write_bytes
+from appocc.files import local_copy, path_of, write_bytes
 from appocc.grid import BEVGrid
 from appocc.models.base import BEVModel
 from appocc.models.model_spec import MODEL_SPECS, ModelSpec, Parts
@@ -32,7 +32,7 @@ Card = Mapping[str, str]
 def find_weights(name_or_path: PathLike) -> Path:
     """Return the file of shipped weights by their name, such as `street`, or the path of another file."""
     shipped = {path.stem: path for path in PACKAGED.parent.glob("*.safetensors")}
-    return shipped.get(str(name_or_path), Path(name_or_path))
+    return shipped.get(str(name_or_path)) or path_of(name_or_path)
 
 
 def save_weights(path: PathLike, model: BEVModel, card: Card, half: bool = False) -> None:
@@ -151,11 +151,11 @@ def read_thresholds(card: Card) -> tuple[float, float, float]:
 
 def _read(path: PathLike) -> tuple[dict[str, str], dict[str, Tensor]]:
     """Read the model card and the tensors of a file."""
-    path = Path(path)
+    path = path_of(path)
     if not path.is_file():
         raise DataError(f"{path}: no such file of weights")
     try:
-        with safe_open(path, framework="pt") as file:
+        with safe_open(local_copy(path), framework="pt") as file:
             entries = file.metadata() or {}
             state = {key: file.get_tensor(key) for key in file.keys()}  # noqa: SIM118 - it is no dict
         card = json.loads(entries.get(_ENTRY, "null"))

@@ -6,22 +6,27 @@ import json
 import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 from uuid import uuid4
 
 from appocc.errors import DataError
-from appocc.files import read_json, whole_file, write_json
-from appocc.nuscenes.writer import Writer
+from appocc.files import RemotePath, read_json, whole_file, write_json
+from appocc.files.transfer import send_folder, working_folder
+from appocc.nuscenes.writer import Writer, is_sent_last
 from appocc.temporary import locked, made_folder
 
 _SCENES, _DATASET = "scenes", "dataset"
+# Says that a part of the dataset is sent.
+_SENDING = "sending"
 
 
 @dataclass(frozen=True)
 class Assembly:
     """The dataset `out`, made of scenes that are written one by one into a hidden folder next to it.
+
+    For a remote `out`, that folder is on this machine, and the finished dataset is sent.
 
     Attributes:
         out: folder of the dataset, `resolved`.
@@ -29,6 +34,7 @@ class Assembly:
         record: name of the JSON file in `out` that stores the settings.
         settings: JSON values that determine every byte of the dataset.
         what: noun for messages, such as simulation.
+        work: the hidden folder of the unfinished dataset.
     """
 
     out: Path
@@ -36,11 +42,11 @@ class Assembly:
     record: str
     settings: Mapping[str, Any]
     what: str
+    work: Path = field(init=False)
 
-    @property
-    def work(self) -> Path:
-        """The hidden folder of the unfinished dataset."""
-        return unfinished_folder(self.out)
+    def __post_init__(self) -> None:
+        """Find the hidden folder, for workers on other machines too."""
+        object.__setattr__(self, "work", unfinished_folder(self.out))
 
     def is_finished(self) -> bool:
         """Return whether `out` already is this dataset; remove what a run has left that was killed at its very end.
@@ -51,7 +57,7 @@ class Assembly:
         out = self.out
         if out.is_mount() or out.resolve() == Path.cwd():
             raise DataError(f"{out}: expected a new folder, got the working folder or a mounted disk; name one in it")
-        if not out.exists() or (out.is_dir() and not any(out.iterdir())):
+        if not out.exists() or (out.is_dir() and not any(out.iterdir())) or (self.work / _SENDING).is_file():
             return False
         if out.is_dir() and (out / self.record).is_file():
             if other := self._differences(read_json(out / self.record)):
@@ -127,9 +133,13 @@ class Assembly:
         for place in [*places, *([] if shared is None else [shared])]:
             _move_files(place, root, leave=self.version)
         write_json(root / self.record, dict(self.settings))
-        if self.out.is_dir():
-            self.out.rmdir()
-        root.replace(self.out)
+        if isinstance(self.out, RemotePath):
+            (self.work / _SENDING).touch()
+            send_folder(root, self.out, last=lambda path: is_sent_last(path) or path == root / self.record)
+        else:
+            if self.out.is_dir():
+                self.out.rmdir()
+            root.replace(self.out)
         shutil.rmtree(self.work, ignore_errors=True)
 
     def _check_settings(self) -> None:
@@ -162,6 +172,8 @@ def resolved(out: Path) -> Path:
 def unfinished_folder(out: Path) -> Path:
     """Return the folder with the finished scenes of an interrupted run."""
     out = resolved(out)
+    if isinstance(out, RemotePath):
+        return working_folder(out)
     return out.parent / f".{out.name}.unfinished"
 
 
@@ -185,7 +197,7 @@ def merge_tables(sources: Sequence[Path], target: Path) -> None:
     """
     names = dict.fromkeys(path.name for source in sources for path in sorted(source.glob("*.json")))
     for name in names:
-        with whole_file(target / name) as path, path.open("w", encoding="utf-8") as file:
+        with whole_file(target / name) as temporary, temporary.open("w", encoding="utf-8") as file:
             file.write("[")
             seen: set[str] = set()
             for source in sources:

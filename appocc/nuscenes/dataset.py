@@ -13,7 +13,7 @@ from appocc.boxes import Boxes
 from appocc.camera import Camera, CameraRig
 from appocc.checks import FloatArray, IntArray, check_finite, frozen
 from appocc.errors import AppoccError, DataError, NotFoundError, ShapeError
-from appocc.files import inside, plain_name, read_image
+from appocc.files import inside, path_of, plain_name, read_image
 from appocc.frame import Frame
 from appocc.geometry import interpolate_pose, inverse, is_unit, rotation_from_quaternion, transform
 from appocc.nuscenes.columns import intrinsic_of
@@ -35,12 +35,12 @@ class Dataset:
     """
 
     def __init__(self, root: PathLike, version: str | None = None) -> None:
-        """Open a dataset root.
+        """Open a dataset root, a folder or a URL.
 
         Raises:
             DataError: if it has no dataset, or several versions and `version` is None.
         """
-        self.root = Path(root)
+        self.root = path_of(root)
         self.tables = Tables(self.root, version)
 
     # Scenes and samples -------------------------------------------------------------------------------------------

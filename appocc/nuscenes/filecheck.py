@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -12,7 +11,8 @@ import numpy as np
 from PIL import Image
 
 from appocc.errors import DataError
-from appocc.files import open_picture, read_image, stays_inside
+from appocc.files import RemotePath, open_picture, read_file, read_image, stays_inside
+from appocc.files.questions import ends_of, files_there, is_file, states_of
 from appocc.jpeg import end_of
 from appocc.nuscenes.dataset import Dataset
 from appocc.nuscenes.lidar import read_lidar
@@ -59,6 +59,7 @@ class _Job:
 def _sensor_files(dataset: Dataset, images: bool, advance: Callable[[int], None]) -> Iterator[Problem]:
     """Yield the problems of sensor files, folder by folder: one listing is much faster than many single queries."""
     table = dataset.tables["sample_data"]
+    check = _check_content if images else _check_nothing if isinstance(dataset.root, RemotePath) else _check_ends
     folders: dict[str, list[int]] = {}
     for row, raw in enumerate(table.array("filename").tolist()):
         name = raw.decode()
@@ -67,11 +68,11 @@ def _sensor_files(dataset: Dataset, images: bool, advance: Callable[[int], None]
         else:
             yield _leads_out(table, row, name)
             advance(1)
-    check = _check_content if images else _check_ends
     with ThreadPoolExecutor() as pool:
         for folder, rows in folders.items():
-            names = _listing(dataset.root / folder)
-            present = [row for row in rows if table.text("filename", row).rpartition("/")[2] in names]
+            stated = [table.text("filename", row).rpartition("/")[2] for row in rows]
+            names = files_there(dataset.root / folder, stated)
+            present = [row for row, name in zip(rows, stated, strict=True) if name in names]
             yield from _missing(table, folder, sorted(set(rows) - set(present)), folder_is_there=bool(names))
             advance(len(rows) - len(present))
             for at in range(0, len(present), _BATCH):
@@ -80,23 +81,6 @@ def _sensor_files(dataset: Dataset, images: bool, advance: Callable[[int], None]
                     if finding:
                         yield _problem(table, job.row, *finding)
                 advance(len(jobs))
-
-
-def _listing(folder: Path) -> set[str]:
-    """Return the names of the files in a folder; empty if it is missing."""
-    try:
-        with os.scandir(folder) as entries:  # entries know their type without another disk access
-            return {entry.name for entry in entries if _is_file(entry)}
-    except OSError:
-        return set()
-
-
-def _is_file(place: Path | os.DirEntry[str]) -> bool:
-    """Whether a file exists; False for names that are too long and for link loops."""
-    try:
-        return place.is_file()
-    except OSError:
-        return False
 
 
 def _missing(table: Table, folder: str, rows: list[int], folder_is_there: bool) -> Iterator[Problem]:
@@ -115,6 +99,11 @@ def _job(dataset: Dataset, row: int) -> _Job:
     modality = dataset.tables["sensor"]["modality"][channel] if channel >= 0 else ""
     size = int(table["width"][row]), int(table["height"][row])
     return _Job(row, dataset.root / table.text("filename", row), modality, size)
+
+
+def _check_nothing(job: _Job) -> tuple[str, str] | None:
+    """Find no problem in a file that is there: in a store, the ends of a file cost as much as all of it."""
+    return None
 
 
 def _check_ends(job: _Job) -> tuple[str, str] | None:
@@ -160,9 +149,8 @@ def _check_lidar_ends(path: Path) -> tuple[str, str] | None:
     """
     wrong = _wrong_length(path)
     if not wrong:
-        with path.open("rb") as handle:
-            first = np.frombuffer(handle.read(_FIRST_POINTS * _POINT_BYTES), np.float32)
-        if not np.isfinite(first).all():
+        first, _ = ends_of(path, _FIRST_POINTS * _POINT_BYTES, 0)
+        if not np.isfinite(np.frombuffer(first, np.float32)).all():
             read_lidar(path)
     return wrong
 
@@ -192,14 +180,12 @@ def _size_of(path: Path) -> tuple[int, int]:
 
 def _has_end(path: Path, form: str) -> bool:
     """Whether an image has its end marker, with trailing bytes allowed."""
-    data = path.read_bytes()
+    data = read_file(path)
     return end_of(data) >= 0 if form == "JPEG" else _ENDS[form] in data
 
 
 def _tail(path: Path) -> bytes:
-    with path.open("rb") as handle:
-        handle.seek(max(path.stat().st_size - 64, 0))
-        return handle.read()
+    return ends_of(path, 0, 64)[1]
 
 
 # Masks and labels -------------------------------------------------------------------------------------------------
@@ -212,15 +198,15 @@ def _masks(dataset: Dataset) -> Iterator[Problem]:
         path = dataset.root / name
         if not stays_inside(name):
             yield _leads_out(table, row, name)
-        elif not _is_file(path):
+        elif not is_file(path):
             yield _problem(table, row, "missing file", f"no file {name}")
         elif path.suffix == ".png" and not _is_whole_png(path):
             yield _problem(table, row, "unreadable mask", f"{path}: no PNG image, or truncated")
 
 
 def _is_whole_png(path: Path) -> bool:
-    with path.open("rb") as handle:
-        return handle.read(8) == b"\x89PNG\r\n\x1a\n" and _ENDS["PNG"] in _tail(path)
+    first, last = ends_of(path, 8, 64)
+    return first == b"\x89PNG\r\n\x1a\n" and _ENDS["PNG"] in last
 
 
 def _labels(dataset: Dataset) -> Iterator[Problem]:
@@ -232,21 +218,23 @@ def _labels(dataset: Dataset) -> Iterator[Problem]:
 def _label_files(dataset: Dataset, table: Table) -> Iterator[Problem]:
     data = dataset.tables["sample_data"]
     files = data.rows_of(table.array("sample_data_token"))
-    for row, raw in enumerate(table.array("filename").tolist()):
-        name = raw.decode()
-        if not stays_inside(name):
-            yield _leads_out(table, row, name)
-        elif not _is_file(dataset.root / name):
-            yield _problem(table, row, "missing file", f"no file {name}")
-        elif files[row] >= 0:
-            yield from _wrong_labels(dataset.root, table, row, name, data.text("filename", int(files[row])))
+    names = [raw.decode() for raw in table.array("filename").tolist()]
+    sweeps = [data.text("filename", int(file)) if file >= 0 else "" for file in files]
+    for at in range(0, len(names), _BATCH):
+        batch = slice(at, at + _BATCH)
+        sizes = zip(_sizes(dataset.root, names[batch]), _sizes(dataset.root, sweeps[batch]), strict=True)
+        for row, (labels, bytes_) in enumerate(sizes, start=at):
+            if not stays_inside(names[row]):
+                yield _leads_out(table, row, names[row])
+            elif labels is None:
+                yield _problem(table, row, "missing file", f"no file {names[row]}")
+            elif bytes_ is not None and labels != bytes_ // _POINT_BYTES:
+                reason = f"{names[row]} has {labels} labels, {sweeps[row]} has {bytes_ // _POINT_BYTES} points"
+                yield _problem(table, row, "wrong number of labels", reason)
 
 
-def _wrong_labels(root: Path, table: Table, row: int, name: str, lidar_name: str) -> Iterator[Problem]:
-    lidar = root / lidar_name
-    if not stays_inside(lidar_name) or not _is_file(lidar):
-        return
-    labels, points = (root / name).stat().st_size, lidar.stat().st_size // _POINT_BYTES
-    if labels != points:
-        reason = f"{name} has {labels} labels, {lidar_name} has {points} points"
-        yield _problem(table, row, "wrong number of labels", reason)
+def _sizes(root: Path, names: list[str]) -> list[int | None]:
+    """Return the sizes of files; None for one that is missing or leads out of the root."""
+    known = {name: root / name for name in names if stays_inside(name)}
+    states = dict(zip(known, states_of(list(known.values())), strict=True))
+    return [None if (state := states.get(name)) is None else state[0] for name in names]

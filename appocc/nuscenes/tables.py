@@ -9,8 +9,12 @@ import numpy as np
 
 from appocc.checks import IntArray
 from appocc.errors import DataError, NotFoundError
+from appocc.files.questions import can_list
 from appocc.nuscenes.schema import EXTRA_TABLES, LABEL_TABLES, OPTIONAL_TABLES, TABLES
 from appocc.nuscenes.table import RowGroups, Table, empty_table, read_table, take_rows
+
+# Names that are tried where folders cannot be listed.
+_USUAL_VERSIONS = ("v1.0-trainval", "v1.0-mini", "v1.0-test", "v1.0-simulation", "v1.0-own", "v1.0-pandaset")
 
 
 def find_version(root: Path, version: str | None) -> str:
@@ -21,7 +25,11 @@ def find_version(root: Path, version: str | None) -> str:
     """
     if not root.is_dir():
         raise DataError(f"{root}: no such folder")
-    found = sorted(path.parent.name for path in root.glob("*/sample_data.json"))
+    if can_list(root):
+        found = sorted(path.parent.name for path in root.glob("*/sample_data.json"))
+    else:
+        tried = _USUAL_VERSIONS if version is None else (version,)
+        found = [name for name in tried if (root / name / "sample_data.json").is_file()]
     if (root / "sample_data.json").is_file():
         found.insert(0, "")
     if version is not None:
@@ -29,7 +37,10 @@ def find_version(root: Path, version: str | None) -> str:
             raise DataError(f"{root}: no version '{version}'; found {', '.join(found) or 'none'}")
         return version
     if not found:
-        raise DataError(f"{root}: no nuScenes-schema dataset (expected tables such as v1.0-*/sample_data.json)")
+        unlisted = "" if can_list(root) else "; a web server has no list of its files: name theirs with --version"
+        raise DataError(
+            f"{root}: no nuScenes-schema dataset (expected tables such as v1.0-*/sample_data.json{unlisted})"
+        )
     if len(found) > 1:
         raise DataError(f"{root}: several versions ({', '.join(found)}); choose one with --version")
     return found[0]

@@ -13,7 +13,8 @@ import numpy as np
 
 from appocc.checks import FloatArray
 from appocc.errors import DataError, ShapeError
-from appocc.files import write_image, write_json
+from appocc.files import RemotePath, write_image, write_json
+from appocc.files.transfer import send_folder, working_folder
 from appocc.geometry import quaternion_from_rotation
 from appocc.nuscenes.records import NO_MAP
 from appocc.nuscenes.schema import TABLES
@@ -278,18 +279,30 @@ def _link(rows: list[Row], group: Any, time: Any) -> None:
             row["prev"], row["next"] = tokens[i], tokens[i + 2]
 
 
+def is_sent_last(path: Path) -> bool:
+    """Return whether a file is sent after all others of a dataset: by this table, readers find it."""
+    return path.name == "sample_data.json"
+
+
 @contextmanager
 def whole_folder(path: Path) -> Iterator[Path]:
     """Create a temporary folder next to `path`; rename it to `path` on success and remove it on failure.
 
+    A remote folder is written on this machine and then sent.
+
     Raises:
         DataError: if `path` exists and is not an empty folder, cannot be written, or is in use by another run.
+        StoreError: if the store of a remote folder does not answer or refuses.
     """
     if path.is_file() or (path.is_dir() and any(path.iterdir())):
         raise DataError(f"{path}: exists already; name a new folder")
     try:
-        with made_folder(path.parent), partial_folder(path) as temporary:
+        place = working_folder(path) if isinstance(path, RemotePath) else path
+        with made_folder(place.parent), partial_folder(place) as temporary:
             yield temporary
-            temporary.replace(path)
+            if isinstance(path, RemotePath):
+                send_folder(temporary, path, last=is_sent_last)
+            else:
+                temporary.replace(path)
     except OSError as error:
         raise DataError(f"{path}: cannot be written ({error.strerror or error})") from error

@@ -6,7 +6,6 @@ import hashlib
 import math
 from collections.abc import Sequence
 from contextlib import nullcontext
-from pathlib import Path
 from typing import Any
 
 import torch
@@ -15,6 +14,7 @@ from torch import distributed
 from appocc.bevmap import CLASSES
 from appocc.environment import memory
 from appocc.errors import DataError
+from appocc.files import RemotePath, path_of
 from appocc.models import registry
 from appocc.models.model_spec import MODEL_SPECS, ModelSpec, Parts
 from appocc.models.weights import PACKAGED, find_weights, load_weights_into, save_weights
@@ -114,9 +114,13 @@ def check_classes(packed: Sequence[PackedDataset], config: Config) -> None:
 
 def _packed_dataset(root: str, config: Config, processes: ProcessGroup, monitor: TrainingMonitor) -> PackedDataset:
     """Open the packed dataset of a root; the main process packs it first if needed."""
-    key = f"{Path(root).resolve()} {config.data.source}".encode()
-    name = f"{Path(root).resolve().name}-{config.setting}-{hashlib.sha256(key).hexdigest()[:8]}"
-    out = Path(config.data.packs) / name
+    place = path_of(root).resolve()
+    key = f"{place} {config.data.source}".encode()
+    name = f"{place.name}-{config.setting}-{hashlib.sha256(key).hexdigest()[:8]}"
+    packs = path_of(config.data.packs)
+    if isinstance(packs, RemotePath):
+        raise DataError(f"data.packs: expected a folder on this machine, which is mapped into memory, got {packs}")
+    out = packs / name
     if not processes.is_main:
         distributed.barrier()
         return PackedDataset.open(out)

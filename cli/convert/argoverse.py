@@ -7,13 +7,15 @@ from typing import Annotated
 
 import typer
 
-from cli.common import JsonOption
+from cli.common import JsonOption, local_path
 from cli.convert.importing import HzOption, LogsOption, OutArgument, WorkersOption, chosen_logs, run_import
 from cli.engine import LOCAL, ClusterOption, shared
 
 
 def argoverse(
-    src: Annotated[Path, typer.Argument(metavar="SRC", help="Folder of a log, of a split, or of all splits.")],
+    src: Annotated[
+        Path, typer.Argument(metavar="SRC", parser=local_path, help="Folder of a log, of a split, or of all splits.")
+    ],
     out: OutArgument,
     log: LogsOption = None,
     hz: HzOption = 2.0,

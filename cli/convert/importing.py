@@ -54,9 +54,13 @@ def run_import(
         DataError: as `import_logs` does.
     """
     from appocc.importers import import_logs
+    from appocc.nuscenes.assembly import unfinished_folder
 
     total = sum(log.frames_in_total for log in logs) or None
-    with engine(cluster, min(workers, len(logs)), out) as pool, progress("importing", total) as bar:
+    with (
+        engine(cluster, min(workers, len(logs)), unfinished_folder(out)) as pool,
+        progress("importing", total) as bar,
+    ):
         summary = import_logs(logs, shared(cluster, out), source, settings, pool, bar)
     if as_json:
         emit(summary.as_json() | {"folder": str(out)})

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from cli.common import JsonOption
+from cli.common import JsonOption, local_path
 from cli.convert.importing import HzOption, LogsOption, OutArgument, WorkersOption, chosen_logs, run_import
 from cli.engine import LOCAL, ClusterOption, shared
 
@@ -17,6 +17,7 @@ def kitti(
         Path,
         typer.Argument(
             metavar="SRC",
+            parser=local_path,
             help="A raw drive or a folder of them with their calibrations, the tracking benchmark, or KITTI-360; the "
             "layout is recognised.",
         ),

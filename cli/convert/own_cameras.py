@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cli.common import JsonOption, emit, progress, say
+from cli.common import JsonOption, emit, local_path, progress, say
 from cli.convert.importing import OutArgument
 
 if TYPE_CHECKING:
@@ -20,6 +20,7 @@ def images(
         Path,
         typer.Argument(
             metavar="SRC",
+            parser=local_path,
             help="Folder with, for each camera of the rig, CAMERA/TIME.jpg, TIME/CAMERA.jpg, CAMERA_TIME.jpg or "
             "CAMERA.mp4; or, with --mosaic, one video.",
         ),
@@ -27,7 +28,10 @@ def images(
     out: OutArgument,
     rig: Annotated[str, typer.Option("--rig", help="Name or YAML file of the camera rig.")],
     poses: Annotated[
-        Path | None, typer.Option(help="Ego poses: TUM, KITTI, CSV with a header, NMEA or GPX. Default: see --speed.")
+        Path | None,
+        typer.Option(
+            parser=local_path, help="Ego poses: TUM, KITTI, CSV with a header, NMEA or GPX. Default: see --speed."
+        ),
     ] = None,
     poses_of: Annotated[
         str | None, typer.Option(help="Camera whose poses they are. Default: the ego frame.", metavar="CAMERA")

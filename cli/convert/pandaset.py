@@ -7,16 +7,21 @@ from typing import Annotated
 
 import typer
 
-from cli.common import JsonOption, emit, progress, say
+from cli.common import JsonOption, emit, local_path, progress, say
 from cli.convert.importing import OutArgument
 
 
 def pandaset(
     src: Annotated[
-        Path, typer.Argument(metavar="SRC", help="Folder with frames.json (plain), or a published sequence folder.")
+        Path,
+        typer.Argument(
+            metavar="SRC", parser=local_path, help="Folder with frames.json (plain), or a published sequence folder."
+        ),
     ],
     out: OutArgument,
-    lidar: Annotated[Path | None, typer.Option(help="Folder of the LiDAR sweeps, if it is a separate one.")] = None,
+    lidar: Annotated[
+        Path | None, typer.Option(parser=local_path, help="Folder of the LiDAR sweeps, if it is a separate one.")
+    ] = None,
     trust_pickles: Annotated[
         bool,
         typer.Option(

@@ -8,7 +8,17 @@ from typing import Annotated
 import typer
 
 from appocc.errors import DataError
-from cli.common import JsonOption, RootArgument, VersionOption, choose_source, emit, out_path, progress, say
+from cli.common import (
+    JsonOption,
+    RootArgument,
+    VersionOption,
+    choose_source,
+    emit,
+    local_path,
+    out_path,
+    progress,
+    say,
+)
 
 
 def report(
@@ -25,7 +35,9 @@ def report(
         typer.Option("--against", help="Source of the true maps; default: exact, else groundtruth, else none."),
     ] = None,
     scene: Annotated[str | None, typer.Option("--scene", help="Only this scene.")] = None,
-    run: Annotated[Path | None, typer.Option("--run", help="Folder of a training run, to show its curves.")] = None,
+    run: Annotated[
+        Path | None, typer.Option("--run", parser=local_path, help="Folder of a training run, to show its curves.")
+    ] = None,
     version: VersionOption = None,
     as_json: JsonOption = False,
 ) -> None:

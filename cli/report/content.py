@@ -12,6 +12,7 @@ from appocc.errors import DataError
 from appocc.evaluation.bev import Evaluation, EvaluationConfig, FrameScore, evaluate
 from appocc.evaluation.pairs import check_maps_exist
 from appocc.files import read_json
+from appocc.files.questions import files_there
 from appocc.nuscenes import Dataset, Sample, Scene
 from tracking.pipeline import tracks_folder
 
@@ -113,8 +114,8 @@ def collect(
 def _truth(dataset: Dataset, source: str, samples: Sequence[Sample]) -> str | None:
     """Return the source of true maps to compare with: the first that has a map of each sample."""
     for name in TRUTHS:
-        folder = bev_folder(dataset.root, name)
-        if name != source and all((folder / f"{sample.token}.npz").is_file() for sample in samples):
+        wanted = [f"{sample.token}.npz" for sample in samples]
+        if name != source and files_there(bev_folder(dataset.root, name), wanted).issuperset(wanted):
             return name
     return None
 

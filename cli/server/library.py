@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import hashlib
-import os
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from threading import Lock
 
 from appocc.errors import AppoccError, DataError, NotFoundError
+from appocc.files.questions import folders_in
 from cli.server.recording import Recording
 
 # Levels of folders below a root that are searched for datasets, and the most folders that are looked at.
@@ -130,14 +130,5 @@ def _walk(top: Path) -> Iterator[Path]:
                 return
             yield folder
             if not _versions(folder):
-                below += _folders(folder)
+                below += folders_in(folder)
         level = below
-
-
-def _folders(folder: Path) -> list[Path]:
-    try:
-        with os.scandir(folder) as entries:
-            found = [entry for entry in entries if not entry.name.startswith(".")]
-    except OSError:
-        return []
-    return sorted(Path(entry.path) for entry in found if entry.is_dir(follow_symlinks=False))

@@ -296,11 +296,11 @@ def test_packed_files_hold_no_more_than_a_size(tmp_path: Path, monkeypatch: pyte
     (tmp_path / "a.gz").write_bytes(gzip.compress(bytes(1000)))
     np.savez_compressed(tmp_path / "a.npz", a=np.zeros(800, np.uint8))
     packed = (tmp_path / "a.npz").read_bytes()
-    monkeypatch.setattr(files, "_MOST_UNPACKED", 1000)
+    monkeypatch.setattr(files.reading, "_MOST_UNPACKED", 1000)
     assert files.unzipped(tmp_path / "a.gz") == bytes(1000)
     with files.zip_arrays(packed) as data:
         assert data["a"].shape == (800,)
-    monkeypatch.setattr(files, "_MOST_UNPACKED", 700)
+    monkeypatch.setattr(files.reading, "_MOST_UNPACKED", 700)
     with pytest.raises(DataError, match=r"a\.gz: expected at most 700 bytes when unpacked, got more"):
         files.unzipped(tmp_path / "a.gz")
     with pytest.raises(ValueError, match="expected at most 700 bytes when unpacked, got 928"):

@@ -1,0 +1,66 @@
+"""One seam: files that users name are opened by `appocc.files` alone, so that any of them may be remote."""
+
+from __future__ import annotations
+
+import ast
+import re
+from pathlib import Path
+
+REPOSITORY = Path(__file__).parents[2]
+ROOMS, SEAM = ("appocc", "tracking", "grounding", "cli"), "appocc/files/"
+# Calls that open a file by its path, as a function or a method.
+OPENING = {
+    *("open", "read_bytes", "write_bytes", "read_text", "write_text", "safe_open", "save_file", "copyfile"),
+    *("fromfile", "tofile", "memmap", "load", "save", "imread", "imwrite", "VideoCapture", "VideoWriter"),
+    *("scandir", "listdir", "walk"),
+}
+# Modules that open files of this machine by nature, and why.
+LOCAL = {
+    "appocc/ablation/study.py": "folder of trainings",
+    "appocc/environment.py": "files of the system",
+    "appocc/export/convert.py": "a file that whole_file gives",
+    "appocc/export/run.py": "a folder that is renamed when whole",
+    "appocc/groundtruth/store.py": "scratch on the local disk",
+    "appocc/jpeg.py": "bytes in memory",
+    "appocc/own_cameras/live.py": "cameras",
+    "appocc/own_cameras/pictures.py": "OpenCV reads videos by path",
+    "appocc/pandaset/convert.py": "copies into a folder that is sent when whole",
+    "appocc/simulation/town_generation/driving.py": "scratch of SUMO",
+    "appocc/simulation/town_generation/make.py": "scratch of SUMO",
+    "appocc/simulation/town_generation/opendrive.py": "scratch of SUMO",
+    "appocc/simulation/town_generation/streets.py": "scratch of SUMO",
+    "appocc/temporary.py": "locks",
+    "appocc/training/checkpoint.py": "folder of a training",
+    "appocc/training/packed_dataset.py": "memory maps",
+    "appocc/training/run_folder.py": "folder of a training",
+    "cli/common.py": "the null device",
+    "cli/demo.py": "folder of the demo",
+    "grounding/language/syntax/word_model.py": "files of the package",
+    "tracking/visualization/video.py": "OpenCV writes a file that whole_file gives",
+}
+
+
+def opens_a_file(call: ast.Call) -> bool:
+    """Whether a call opens a file by its path, and not by a function of the seam or as the file that it gives."""
+    function = call.func
+    if isinstance(function, ast.Name):
+        local = call.args and isinstance(call.args[0], ast.Call) and ast.unparse(call.args[0].func) == "local_copy"
+        return function.id in ("open", "safe_open", "save_file") and not local
+    if not isinstance(function, ast.Attribute) or function.attr not in OPENING:
+        return False
+    owner = ast.unparse(function.value)
+    if function.attr in ("load", "save"):
+        return owner in ("np", "numpy", "torch")
+    return owner not in ("temporary", "PackedDataset")
+
+
+def test_no_module_opens_files_beside_the_seam() -> None:
+    found, word = set(), re.compile(rf"\b({'|'.join(OPENING)})\(")
+    for path in (path for room in ROOMS for path in (REPOSITORY / room).rglob("*.py")):
+        name = path.relative_to(REPOSITORY).as_posix()
+        text = path.read_text()
+        if name.startswith(SEAM) or not word.search(text):
+            continue
+        if any(opens_a_file(node) for node in ast.walk(ast.parse(text)) if isinstance(node, ast.Call)):
+            found.add(name)
+    assert found == set(LOCAL)
