@@ -108,6 +108,7 @@ class Rows:
         except StopIteration:
             raise DataError(f"{self._path}: expected a row {row}, got the end of the file") from None
         except self._errors as error:
+            self._group, self._batch = -1, None
             raise self._damaged(error) from error
 
     def _advance(self, row: int) -> None:

@@ -33,17 +33,17 @@ _CAMERAS = {
     4: ("SIDE_LEFT", "CAM_SIDE_LEFT"),
     5: ("SIDE_RIGHT", "CAM_SIDE_RIGHT"),
 }
-# Label.Type -> category.
-_SIGN = 3
+# Label.Type -> category; signs (3) and unknown ones have none.
 _CATEGORIES = {1: "vehicle.car", 2: "human.pedestrian.adult", 4: "vehicle.bicycle"}
 _MOVING_MPS = 0.5
 # Columns: right, down and ahead of a camera whose own frame is ahead, left, up.
 _AHEAD_LEFT_UP_FROM_CAM = np.array([[0.0, 0, 1, 0], [-1, 0, 0, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
 _NOTES = (
     "no camera looks behind",
-    "cameras have a rolling shutter: a picture has the time and pose of its middle; its edges are some hundredths of a "
-    "second off",
+    "cameras have a rolling shutter: a picture has the time and pose of its middle, its edges are some hundredths of "
+    "a second off",
     "all vehicles but bicycles are one class of Waymo: cars, buses, trucks and motorcycles become vehicle.car",
+    "left out, without a class in nuScenes: boxes of signs",
 )
 
 

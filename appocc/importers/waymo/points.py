@@ -60,7 +60,7 @@ def _inclinations(laser: Laser, name: int, height: int) -> FloatArray:
 
 
 def _compensated(places: FloatArray, poses: FloatArray, world_from_ego: FloatArray) -> FloatArray:
-    """Return places (N, 3) of the ego frames at poses (N, 6) in the ego frame of one pose; poses of zeros are unknown."""
+    """Return places (N, 3) of ego frames at poses (N, 6), zeros if unknown, in the ego frame of one pose."""
     known = poses.any(axis=1) & np.isfinite(poses).all(axis=1)
     turns = Rotation.from_euler("ZYX", poses[known, 2::-1])  # yaw, then pitch, then roll
     moved = places.copy()
