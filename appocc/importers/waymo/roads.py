@@ -18,7 +18,7 @@ from appocc.nuscenes.writer import Writer
 
 _PX_PER_M = 5.0
 _MARGIN_M = 10.0
-# Half of a lane; half of a road is no wider from the middle of its outer lane, with a parking lane.
+# Half of a lane; a road ends at most so far beside the middle of its outer lane, behind a parking lane.
 _HALF_LANE_M, _REACH_M = 1.8, 6.0
 _SIMPLER_PX = 1.0
 # A hole or an area that is smaller is no road.
@@ -72,16 +72,16 @@ def write_roads(roads: Roads, name: str, writer: Writer, log: str) -> None:
 
 
 def _drivable(canvas: _Canvas, roads: Roads) -> BoolArray:
-    """Return the pixels that are near a lane and not behind an edge, nor in a driveway off the lanes."""
-    near = canvas.lines(roads.lanes, 2 * _REACH_M) & ~canvas.lines(roads.edges, 0)
-    parts = cv2.connectedComponents(near.astype(np.uint8), connectivity=4)[1]
-    reached = np.zeros(parts.max() + 1, np.bool_)
-    reached[parts[canvas.lines(roads.lanes, 0)]] = True
-    reached[0] = False
+    """Return the pixels within reach of a lane, neither behind an edge nor in a driveway."""
     lanes = canvas.lines(roads.lanes, 2 * _HALF_LANE_M)
-    found = reached[parts] & (lanes | ~canvas.filled(roads.driveways))
-    # An edge itself is one pixel of road.
-    return cv2.morphologyEx(found.astype(np.uint8), cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8)) > 0
+    free = ~canvas.lines(roads.edges, 0) & (lanes | ~canvas.filled(roads.driveways))
+    reached = (canvas.lines(roads.lanes, 0) & free).astype(np.uint8)
+    for step in range(round(_REACH_M * _PX_PER_M)):
+        # Crosses and squares in turn grow octagons, which are nearly circles.
+        shape = cv2.MORPH_CROSS if step % 2 else cv2.MORPH_RECT
+        reached = np.asarray(cv2.dilate(reached, cv2.getStructuringElement(shape, (3, 3))), np.uint8) & free
+    # An edge itself is a pixel of the road.
+    return cv2.morphologyEx(reached, cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8)) > 0
 
 
 class _Canvas:
@@ -97,9 +97,9 @@ class _Canvas:
         self._shape = rows, columns
 
     def lines(self, lines_m: Sequence[FloatArray], width_m: float) -> BoolArray:
-        """Return the pixels of lines of a width; 0: one pixel."""
+        """Return the pixels of lines of a width; 0: one pixel, without gaps even between neighbours at corners."""
         image = self._empty()
-        cv2.polylines(image, self._pixels(lines_m), False, 1, max(1, round(width_m * _PX_PER_M)))
+        cv2.polylines(image, self._pixels(lines_m), False, 1, max(1, round(width_m * _PX_PER_M)), cv2.LINE_4)
         return image > 0
 
     def filled(self, outlines_m: Sequence[FloatArray]) -> BoolArray:
