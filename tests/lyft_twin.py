@@ -148,7 +148,7 @@ def sweep(world_from_lidar: np.ndarray) -> bytes:
     points = np.concatenate([ground, car]) + ORIGIN
     local = np.c_[points, np.ones(len(points))] @ np.linalg.inv(world_from_lidar).T
     local[:, 3] = 100.0
-    return np.c_[local, np.full(len(local), -1.0)].astype(np.float32).tobytes()
+    return bytes(np.c_[local, np.full(len(local), -1.0)].astype(np.float32).tobytes())
 
 
 def street() -> np.ndarray:

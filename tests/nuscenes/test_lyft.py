@@ -35,6 +35,11 @@ def test_the_published_folder_is_healthy_as_it_is(lyft: Dataset) -> None:
         "LIDAR_FRONT_LEFT",
         "LIDAR_TOP",
     }
+    assert report.contents.uses == (
+        "ground truth: road (mask), vehicles (boxes), colours (cameras and LiDAR)",
+        "  not: lane markings (needs a vector map or labelled points)",
+        "no camera looks: left, right",
+    )
     assert (report.contents.masks, report.contents.scenes_with_mask) == (1, 1)
 
 
