@@ -1,4 +1,4 @@
-"""What a dataset can serve for: the layers of its ground truth, and the directions in which a camera looks."""
+"""Uses of a dataset: the layers of ground truth that it allows, and the directions in which no camera looks."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _PLACE_M = (20.0, 1.0)
 
 
 def uses_of(dataset: Dataset, masks: int, vector_maps: int) -> tuple[str, ...]:
-    """Return lines for people: what `appocc groundtruth` makes and from what, what not and why, and blind directions.
+    """Return lines for people: the layers that `appocc groundtruth` makes, their sources, and blind directions.
 
     Raises:
         DataError: if a table is damaged.

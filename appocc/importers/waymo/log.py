@@ -99,7 +99,8 @@ class WaymoLog:
 
     def frames(self) -> Iterator[Frame]:
         """Yield the key frames."""
-        for frame in self._segment.frames(self._keys):
+        # Opened again: what a segment keeps of its tables while it is read is let go at the end.
+        for frame in self.read().frames(self._keys):
             onto_map = transform(np.eye(3), frame.map_from_world_m)
             images = tuple(
                 Image(_CAMERAS[each.camera][0], each.time_us, onto_map @ each.world_from_ego, each.read)
@@ -178,7 +179,7 @@ class WaymoLog:
 
 
 def _attribute(category: str, speed_mps: float) -> str:
-    """Return the attribute of a box: what a speed, NaN if unknown, tells of a car; cyclists include the rider."""
+    """Return the attribute of a box: of a car by its speed (NaN if unknown); cyclists include the rider."""
     if category == "vehicle.bicycle":
         return "cycle.with_rider"
     if category != "vehicle.car" or np.isnan(speed_mps):

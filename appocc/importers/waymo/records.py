@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +34,14 @@ from appocc.importers.waymo.wire import Message, find_integer
 _MOST_UNPACKED = 1 << 26
 
 
+class _Head(NamedTuple):
+    """What is kept of the first frame: its context, and whether it has range images and map features."""
+
+    context: Message
+    swept: bool
+    mapped: bool
+
+
 @dataclass(frozen=True, eq=False)
 class RecordSegment:
     """See `appocc.importers.waymo.segment.Segment`; the tables of the segment are those of its first frame."""
@@ -48,16 +56,14 @@ class RecordSegment:
     @cached_property
     def cameras(self) -> tuple[WaymoCamera, ...]:
         """Calibrated cameras."""
-        context = self._first.message(number.Frame.CONTEXT)
-        return tuple(map(self._camera, context.messages(number.Context.CAMERA_CALIBRATIONS)))
+        return tuple(map(self._camera, self._head.context.messages(number.Context.CAMERA_CALIBRATIONS)))
 
     @cached_property
     def lasers(self) -> Mapping[int, Laser]:
         """Calibrated LiDARs."""
-        if not self._first.has(number.Frame.LASERS):
+        if not self._head.swept:
             return {}
-        context = self._first.message(number.Frame.CONTEXT)
-        return dict(map(self._laser, context.messages(number.Context.LASER_CALIBRATIONS)))
+        return dict(map(self._laser, self._head.context.messages(number.Context.LASER_CALIBRATIONS)))
 
     @property
     def place(self) -> str:
@@ -74,9 +80,9 @@ class RecordSegment:
     def notes(self) -> tuple[str, ...]:
         """What the file lacks."""
         lacks = []
-        if not self._first.has(number.Frame.LASERS):
+        if not self._head.swept:
             lacks.append("no range images: no LiDAR")
-        if not self._first.has(number.Frame.MAP_FEATURES):
+        if not self._head.mapped:
             lacks.append("no map features (they came with version 1.4): no map")
         return tuple(lacks)
 
@@ -88,7 +94,7 @@ class RecordSegment:
 
     def roads(self) -> Roads | None:
         """Return the map features of the first frame."""
-        features = self._first.messages(number.Frame.MAP_FEATURES)
+        features = self._first_frame().messages(number.Frame.MAP_FEATURES)
         try:
             return roads_of(features) if features else None
         except ValueError as error:
@@ -112,14 +118,22 @@ class RecordSegment:
         except ValueError as error:
             raise DataError(f"{self.path}: record {row}: expected a frame of Waymo ({error})") from error
 
-    @cached_property
-    def _first(self) -> Message:
+    def _first_frame(self) -> Message:
         with open_plain(self.path) as file:
             return self._message(file, 0)
 
     @cached_property
+    def _head(self) -> _Head:
+        frame = self._first_frame()
+        try:
+            context = Message(frame.data(number.Frame.CONTEXT))
+        except ValueError as error:
+            raise DataError(f"{self.path}: expected a frame of Waymo ({error})") from error
+        return _Head(context, frame.has(number.Frame.LASERS), frame.has(number.Frame.MAP_FEATURES))
+
+    @property
     def _stats(self) -> Message:
-        return self._first.message(number.Frame.CONTEXT).message(number.Context.STATS)
+        return self._head.context.message(number.Context.STATS)
 
     def _message(self, file: BinaryIO, index: int) -> Message:
         data = read_record(self.path, file, self._index[0][index], index)

@@ -18,7 +18,7 @@ from appocc.nuscenes.writer import Writer
 
 _PX_PER_M = 5.0
 _MARGIN_M = 10.0
-# Half of a lane; a road ends at most so far beside the middle of its outer lane, behind a parking lane.
+# Half the width of a lane; farthest edge of the road from the middle of its outer lane, with a parking lane.
 _HALF_LANE_M, _REACH_M = 1.8, 6.0
 _SIMPLER_PX = 1.0
 # A hole or an area that is smaller is no road.

@@ -1,4 +1,4 @@
-"""What Lyft Level 5's dataset has beside nuScenes' schema: a coloured map."""
+"""The coloured map of Lyft Level 5, whose tables have nuScenes' schema."""
 
 from __future__ import annotations
 

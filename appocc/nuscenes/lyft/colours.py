@@ -1,4 +1,4 @@
-"""The map of Lyft Level 5: a coloured picture, 0.1 m a pixel, whose colours tell what is where.
+"""The map of Lyft Level 5: a coloured picture, 0.1 m a pixel, with a colour for each kind of ground.
 
 Lyft's devkit (`map_mask.py`) takes white for the background and all else for "drivable surface and sidewalks". The
 other colours are not published; that light grey is pavement was found by hand by users. The colours of lane lines
