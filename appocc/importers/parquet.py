@@ -42,6 +42,8 @@ class Rows:
         parquet, arrow = (import_extra(f"pyarrow{name}", "arrow", "reading parquet") for name in (".parquet", ""))
         self._path, self._columns = path, list(columns)
         self._errors = (arrow.ArrowException, OSError, ValueError)
+        if not path.is_file():
+            raise DataError(f"{path}: expected a plain file, got none")
         try:
             self._file = parquet.ParquetFile(path, buffer_size=_BUFFER_BYTES, pre_buffer=False)
         except self._errors as error:

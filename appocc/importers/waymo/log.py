@@ -119,6 +119,8 @@ class WaymoLog:
         if roads is not None:
             try:
                 write_roads(roads, self.location, writer, log)
+            except DataError:
+                raise
             except ValueError as error:
                 raise DataError(f"{self.source}: map: {error}") from error
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path
@@ -56,25 +57,26 @@ class RecordSegment:
     @cached_property
     def cameras(self) -> tuple[WaymoCamera, ...]:
         """Calibrated cameras."""
-        return tuple(map(self._camera, self._head.context.messages(number.Context.CAMERA_CALIBRATIONS)))
+        with self._reading("camera_calibrations"):
+            return tuple(map(self._camera, self._head.context.messages(number.Context.CAMERA_CALIBRATIONS)))
 
     @cached_property
     def lasers(self) -> Mapping[int, Laser]:
         """Calibrated LiDARs."""
         if not self._head.swept:
             return {}
-        return dict(map(self._laser, self._head.context.messages(number.Context.LASER_CALIBRATIONS)))
+        with self._reading("laser_calibrations"):
+            return dict(map(self._laser, self._head.context.messages(number.Context.LASER_CALIBRATIONS)))
 
     @property
     def place(self) -> str:
         """Location."""
-        return self._stats.text(number.Stats.LOCATION)
+        return self._told(number.Stats.LOCATION)
 
     @property
     def conditions(self) -> str:
         """Time of day and weather."""
-        texts = (self._stats.text(name) for name in (number.Stats.TIME_OF_DAY, number.Stats.WEATHER))
-        return ", ".join(filter(None, texts))
+        return ", ".join(filter(None, map(self._told, (number.Stats.TIME_OF_DAY, number.Stats.WEATHER))))
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -94,11 +96,9 @@ class RecordSegment:
 
     def roads(self) -> Roads | None:
         """Return the map features of the first frame."""
-        features = self._first_frame().messages(number.Frame.MAP_FEATURES)
-        try:
+        with self._reading("map_features"):
+            features = self._first_frame().messages(number.Frame.MAP_FEATURES)
             return roads_of(features) if features else None
-        except ValueError as error:
-            raise DataError(f"{self.path}: map_features: {error}") from error
 
     @cached_property
     def _index(self) -> tuple[list[Record], IntArray]:
@@ -113,10 +113,8 @@ class RecordSegment:
 
     def _time_us(self, file: BinaryIO, record: Record, row: int) -> int:
         file.seek(record.start)
-        try:
+        with self._reading(f"record {row}: expected a frame of Waymo"):
             return find_integer(file, record.start + record.size, number.Frame.TIMESTAMP_MICROS)
-        except ValueError as error:
-            raise DataError(f"{self.path}: record {row}: expected a frame of Waymo ({error})") from error
 
     def _first_frame(self) -> Message:
         with open_plain(self.path) as file:
@@ -125,22 +123,32 @@ class RecordSegment:
     @cached_property
     def _head(self) -> _Head:
         frame = self._first_frame()
-        try:
+        with self._reading("context"):
             context = Message(frame.data(number.Frame.CONTEXT))
-        except ValueError as error:
-            raise DataError(f"{self.path}: expected a frame of Waymo ({error})") from error
         return _Head(context, frame.has(number.Frame.LASERS), frame.has(number.Frame.MAP_FEATURES))
 
-    @property
-    def _stats(self) -> Message:
-        return self._head.context.message(number.Context.STATS)
+    def _told(self, field: number.Stats) -> str:
+        with self._reading("stats"):
+            return self._head.context.message(number.Context.STATS).text(field)
 
     def _message(self, file: BinaryIO, index: int) -> Message:
         data = read_record(self.path, file, self._index[0][index], index)
-        try:
+        with self._reading(f"frame {index}: expected a frame of Waymo"):
             return Message(data)
-        except ValueError as error:
-            raise DataError(f"{self.path}: frame {index}: expected a frame of Waymo ({error})") from error
+
+    @contextmanager
+    def _reading(self, what: str) -> Iterator[None]:
+        """Name the file and what is read of it if it is damaged.
+
+        Raises:
+            DataError: if the block raises an error of a damaged message.
+        """
+        try:
+            yield
+        except DataError:
+            raise
+        except (ValueError, zlib.error) as error:
+            raise DataError(f"{self.path}: {what} ({error})") from error
 
     def _camera(self, message: Message) -> WaymoCamera:
         field = number.CameraCalibration
@@ -164,7 +172,7 @@ class RecordSegment:
         return pose_of(self.path, what, message.reals(number.Transform.TRANSFORM))
 
     def _frame(self, message: Message) -> WaymoFrame:
-        try:
+        with self._reading("expected a frame of Waymo"):
             offset = message.message(number.Frame.MAP_POSE_OFFSET)
             returns = partial(self._returns, message) if message.has(number.Frame.LASERS) else None
             return WaymoFrame(
@@ -175,8 +183,6 @@ class RecordSegment:
                 labels=tuple(map(_label, message.messages(number.Frame.LASER_LABELS))),
                 returns=returns,
             )
-        except ValueError as error:
-            raise DataError(f"{self.path}: expected a frame of Waymo ({error})") from error
 
     def _picture(self, image: Message) -> Picture:
         field = number.CameraImage
@@ -184,13 +190,17 @@ class RecordSegment:
             camera=image.integer(field.NAME),
             time_us=microseconds(self.path, "pose_timestamp", image.real(field.POSE_TIMESTAMP)),
             world_from_ego=self._pose("image pose", image.message(field.POSE)),
-            read=partial(image.data, field.IMAGE),
+            read=partial(self._jpeg, image),
         )
+
+    def _jpeg(self, image: Message) -> bytes:
+        with self._reading("image"):
+            return image.data(number.CameraImage.IMAGE)
 
     def _returns(self, frame: Message) -> list[RangeImage]:
         """Return the range images of a frame; both returns of a LiDAR have the poses of the first."""
         found = []
-        try:
+        with self._reading("range image"):
             for laser in frame.messages(number.Frame.LASERS):
                 returns = [laser.message(field) for field in (number.Laser.RETURN_1, number.Laser.RETURN_2)]
                 poses = _matrix(returns[0].data(number.RangeImage.POSE_COMPRESSED))
@@ -198,8 +208,6 @@ class RecordSegment:
                     values = _matrix(image.data(number.RangeImage.RANGE_IMAGE_COMPRESSED))
                     if values is not None:
                         found.append(RangeImage(laser.integer(number.Laser.NAME), values, poses))
-        except (ValueError, zlib.error) as error:
-            raise DataError(f"{self.path}: range image: {error}") from error
         return found
 
 
