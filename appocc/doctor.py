@@ -19,6 +19,7 @@ from appocc.nuscenes import Dataset, Scene
 from appocc.nuscenes.problem import Problem
 from appocc.nuscenes.records import NO_MAP
 from appocc.nuscenes.validate import ProgressBar, no_progress, validate
+from appocc.uses import uses_of
 
 _EXAMPLES, _FEW_KINDS, _NAMES = 3, 4, 6
 # Scenes, and key frames of each, in which the ground is looked at; more tilt than this moves what cameras see.
@@ -54,6 +55,7 @@ class Contents:
         bev: number of maps of each BEV source.
         ground_tilt_deg: largest tilt over a few scenes of the ground, on which annotated vehicles stand, in the ego
             frame; None if too few vehicles are annotated.
+        uses: lines for people, see `appocc.uses`.
     """
 
     root: str
@@ -70,6 +72,7 @@ class Contents:
     lidarseg: int
     bev: dict[str, int]
     ground_tilt_deg: float | None
+    uses: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -147,6 +150,7 @@ def contents_of(dataset: Dataset) -> Contents:
         lidarseg=len(tables["lidarseg"]),
         bev={folder.name: len(list(folder.glob("[!.]*.npz"))) for folder in sources},
         ground_tilt_deg=_ground_tilt_deg(dataset),
+        uses=uses_of(dataset, len(masks), len(expansions)),
     )
 
 
@@ -221,6 +225,7 @@ def _contents_lines(c: Contents) -> Iterator[str]:
     yield f"LiDAR files with point labels: {c.lidarseg:,}"
     bev = ", ".join(f"{source} {count}" for source, count in list(c.bev.items())[:_NAMES])
     yield f"bev: {bev or 'none'}"
+    yield from c.uses
     if c.ground_tilt_deg is not None:
         yield f"ground under the vehicles: leans by up to {c.ground_tilt_deg:.1f} degrees in the ego frame"
         if c.ground_tilt_deg > _TILTED_DEG:

@@ -72,6 +72,8 @@ def test_a_healthy_dataset_on_one_screen(tiny: TinyDataset) -> None:
         "sensor files: 12",
         "  CAM_FRONT            camera            3          1",
         "masks: 1, for 1 of 1 scenes; vector maps: 1",
+        "ground truth: road (vector map), lane markings (vector map), vehicles (boxes), colours (cameras and LiDAR)",
+        "no camera looks: left, right",
         "LiDAR files with point labels: 0",
         "bev: groundtruth 1",
         "findings: none",

@@ -29,10 +29,19 @@ def read_feather(path: Path, columns: Sequence[str]) -> Columns:
     data = read_file(path)
     try:
         table = feather.read_table(arrow.BufferReader(data), columns=list(columns), memory_map=False)
-        found = {name: np.asarray(table.column(name).to_numpy()) for name in columns}
     except (arrow.ArrowException, KeyError, ValueError, OSError) as error:
         reason = str(error).splitlines()[0][:200]
         raise DataError(f"{path}: expected a feather file with {', '.join(columns)} ({reason})") from error
+    return numpy_columns(path, table)
+
+
+def numpy_columns(path: Path, table: Any) -> Columns:
+    """Return the columns of an arrow table; lists are arrays.
+
+    Raises:
+        DataError: if a number is not finite.
+    """
+    found = {name: np.asarray(table.column(name).to_numpy()) for name in table.column_names}
     for name, values in found.items():
         if values.dtype.kind == "f" and not np.isfinite(values).all():
             raise DataError(f"{path}: {name}: expected finite numbers, got some that are not")

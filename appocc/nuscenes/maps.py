@@ -14,6 +14,7 @@ from appocc.checks import BoolArray, ByteArray, FloatArray
 from appocc.errors import DataError
 from appocc.files import inside, open_picture, read_json
 from appocc.nuscenes.dataset import Dataset
+from appocc.nuscenes.lyft import LYFT_MAP, LYFT_SOURCE, drivable_grey
 from appocc.nuscenes.records import MapRecord, Scene
 
 PX_PER_M = 10
@@ -62,25 +63,29 @@ def mask_window(dataset: Dataset, scene: Scene, low_m: FloatArray, high_m: Float
 
 
 def _window(path: Path, record: MapRecord, low_m: FloatArray, high_m: FloatArray) -> MaskWindow | None:
-    origin = np.array(record.origin_m)
+    origin, source = np.array(record.origin_m), record.source
     try:
         with open_picture(path) as picture:
-            if picture.mode not in ("1", "L"):
-                return None  # a colour image of the map, such as Lyft's, is not a mask
+            coloured = picture.mode not in ("1", "L")
+            if coloured and path.name != LYFT_MAP:
+                return None  # a picture of the map, not a mask
             size = np.array(picture.size)
             low = np.clip(np.floor((low_m - origin) * PX_PER_M), 0, size).astype(int)
             high = np.clip(np.ceil((high_m - origin) * PX_PER_M), low, size).astype(int)
             area = (int(low[0]), int(size[1] - high[1]), int(high[0]), int(size[1] - low[1]))
-            grey = np.asarray(picture.crop(area).convert("L"), dtype=np.uint8)
+            if area[0] >= area[2] or area[1] >= area[3]:
+                return None
+            if coloured:
+                grey, source = drivable_grey(path, area), LYFT_SOURCE
+            else:
+                grey = np.asarray(picture.crop(area).convert("L"), dtype=np.uint8)
     except UnidentifiedImageError as error:
         raise DataError(f"{path}: not a readable map mask (no image)") from error
     except (OSError, Image.DecompressionBombError, SyntaxError) as error:
         reason = (error.strerror if isinstance(error, OSError) else None) or error
         raise DataError(f"{path}: not a readable map mask ({reason})") from error
-    if not grey.size:
-        return None
     corner = origin + low / PX_PER_M
-    return MaskWindow(grey, (float(corner[0]), float(corner[1])), record.unknown_value, record.source)
+    return MaskWindow(grey, (float(corner[0]), float(corner[1])), record.unknown_value, source)
 
 
 @dataclass(frozen=True, eq=False)
