@@ -217,7 +217,7 @@ class Page:
         if name is not None and name not in known:
             raise NotFoundError("expected weights of the list; were they removed?")
         if not known:
-            raise NotFoundError("no weights come with this version of appocc, and there are none in the opened folders")
+            raise NotFoundError("there are no weights: none come with this version of appocc")
         chosen = known[name] if name is not None else next(iter(known.values()))
         return {"weights": str(chosen.path), "source": chosen.source}
 

@@ -66,7 +66,15 @@ def test_closing_ends_the_process(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     "wrong",
-    [{"town": "../../x"}, {"weather": "hail"}, {"seconds": 1e9}, {"seconds": "x"}, {"seed": -1}, {"more": 1}, {"weights": "/etc/x"}],
+    [
+        {"town": "../../x"},
+        {"weather": "hail"},
+        {"seconds": 1e9},
+        {"seconds": "x"},
+        {"seed": -1},
+        {"more": 1},
+        {"weights": "/etc/x"},
+    ],
 )
 def test_wrong_settings_of_a_drive_are_refused(wrong: dict[str, object], tmp_path: Path) -> None:
     with TestClient(build_app(Library([tmp_path])), base_url="http://localhost") as client:
