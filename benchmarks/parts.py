@@ -25,7 +25,8 @@ from rich.table import Table
 from appocc.bevmap import CLASSES
 from appocc.files import read_json, write_json
 from appocc.models.registry import build
-from appocc.models.weights import PACKAGED, load_model, save_weights
+from appocc.models.shipped import PACKAGED
+from appocc.models.weights import load_model, save_weights
 
 ALL = ("depth", "memory", "objects")
 # Row -> parts, and further settings of `appocc train`.

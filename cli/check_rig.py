@@ -47,6 +47,5 @@ def check_rig(
     for camera, reason in loaded.missing.items():
         say(f"{camera}: left out ({reason})")
     for name, pose in poses.items():
-        angles = f"yaw {pose.yaw_deg:+.1f} deg, pitch {pose.pitch_deg:+.1f} deg, roll {pose.roll_deg:+.1f} deg"
-        say(f"{name}: {angles}, {pose.height_m:.2f} m above the ground")
+        say(f"{name}: {pose.text}")
     say(f"{out}")

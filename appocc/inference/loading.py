@@ -11,7 +11,8 @@ from appocc.errors import DataError
 from appocc.files import digest_of
 from appocc.inference.predictor import Predictor, Weights
 from appocc.models.batch_norm_folding import fold_batch_norms
-from appocc.models.weights import PACKAGED, find_weights, load_model, read_thresholds
+from appocc.models.shipped import PACKAGED, find_weights
+from appocc.models.weights import load_model, read_thresholds
 from appocc.typing import PathLike
 
 

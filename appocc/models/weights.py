@@ -19,20 +19,12 @@ from appocc.models.model_spec import MODEL_SPECS, ModelSpec, Parts
 from appocc.models.registry import NETWORKS, build
 from appocc.typing import PathLike
 
-# Shipped with the package: the default weights, and others beside them.
-PACKAGED = Path(__file__).parent / "data" / "appocc.safetensors"
 VERSION = "1"
 # Safetensors writes several entries in random order; a single entry keeps files reproducible.
 _ENTRY = "card"
 # Limits against files that exhaust the memory.
 _MOST_CELLS, _MOST_PIXELS = 4_000_000, 16_000_000
 Card = Mapping[str, str]
-
-
-def find_weights(name_or_path: PathLike) -> Path:
-    """Return the file of shipped weights by their name, such as `street`, or the path of another file."""
-    shipped = {path.stem: path for path in PACKAGED.parent.glob("*.safetensors")}
-    return shipped.get(str(name_or_path)) or path_of(name_or_path)
 
 
 def save_weights(path: PathLike, model: BEVModel, card: Card, half: bool = False) -> None:

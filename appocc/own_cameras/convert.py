@@ -1,27 +1,46 @@
-"""Conversion of a recording of one's own cameras to the nuScenes schema: one scene, streamed, written atomically."""
+"""Conversion of recordings of one's own cameras to the nuScenes schema: a scene each, streamed and resumable."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from appocc.checks import ByteArray, FloatArray
 from appocc.errors import DataError, NotFoundError
-from appocc.files import read_file, write_bytes, write_image
-from appocc.nuscenes.writer import Writer, token_of, whole_folder
+from appocc.files import read_file, read_json, write_bytes, write_image, write_json
+from appocc.nuscenes.assembly import Assembly, resolved
+from appocc.nuscenes.writer import Writer, token_of
 from appocc.own_cameras.moments import Moment, key_moments, moments_of
 from appocc.own_cameras.pictures import Picture, Stream, in_order_of_time
 from appocc.own_cameras.pose_files import read_trajectory
 from appocc.own_cameras.times import seconds_text
 from appocc.rigs.source_rig import SourceRig
 from appocc.trajectory import Motion, Straight, Trajectory
+from appocc.version import __version__
 
 VERSION = "v1.0-own"
+_RECORD, _SUMMARY = "import.json", ".summary.json"
 _JPEG = (".jpg", ".jpeg")
+
+
+@dataclass(frozen=True, eq=False)
+class Drive:
+    """A recording that becomes a scene.
+
+    Attributes:
+        name: name of the scene.
+        streams: pictures of the cameras.
+        trajectory: ego poses; None: straight ahead at the speed of the conversion.
+    """
+
+    name: str
+    streams: Sequence[Stream]
+    trajectory: Trajectory | None = None
 
 
 @dataclass
@@ -47,8 +66,13 @@ class Summary:
     def as_json(self) -> dict[str, Any]:
         """Return JSON values."""
         missing = {camera: {"frames": count, "reason": why} for camera, (count, why) in self.missing.items()}
-        counts = {"scene": self.scene, "samples": self.samples, "images": self.images}
-        return {**counts, "missing": missing, "left_out": dict(self.left_out), "notes": self.notes}
+        return {**vars(self), "missing": missing, "left_out": dict(self.left_out)}
+
+    @classmethod
+    def of_json(cls, values: Mapping[str, Any]) -> Summary:
+        """Return the summary with these JSON values."""
+        missing = {camera: (one["frames"], one["reason"]) for camera, one in values["missing"].items()}
+        return cls(**{**values, "missing": missing, "left_out": Counter(values["left_out"])})
 
 
 def ego_trajectory(path: Path, streams: Sequence[Stream], rig: SourceRig, camera: str | None) -> Trajectory:
@@ -76,56 +100,82 @@ def ego_trajectory(path: Path, streams: Sequence[Stream], rig: SourceRig, camera
     raise NotFoundError(f"--poses-of: the rig has no camera '{camera}'; it has {', '.join(rig.names)}")
 
 
-def convert_recording(
-    streams: Sequence[Stream],
+def convert_drives(
+    drives: Sequence[Drive],
     rig: SourceRig,
-    trajectory: Trajectory | None,
     out: Path,
-    name: str,
+    settings: Mapping[str, Any],
     *,
     speed_mps: float = 0.0,
     hz: float = 2.0,
     tolerance_us: int = 50_000,
     advance: Callable[[int], None] = lambda count: None,
-) -> Summary:
-    """Convert a recording to a new dataset `out`; one key frame is in memory.
+) -> list[Summary]:
+    """Convert recordings to a new dataset `out`, a scene each; one key frame is in memory.
 
-    Pictures between key frames are not copied. In a key frame, a camera without a picture within the tolerance, or
-    with a damaged one, is missing.
+    The same call resumes an interrupted one: finished scenes are kept. Pictures between key frames are not copied. In
+    a key frame, a camera without a picture within the tolerance, or with a damaged one, is missing.
 
     Args:
-        streams: pictures of the cameras.
+        drives: the recordings.
         rig: the cameras.
-        trajectory: ego poses; None: straight ahead at `speed_mps`.
         out: new folder.
-        name: name of the scene.
-        speed_mps: speed without a trajectory.
+        settings: further JSON values that determine the result, such as the folder of the recordings.
+        speed_mps: speed of drives without a trajectory.
         hz: key frames per second, if there are as many pictures.
         tolerance_us: longest time between the first and the last picture of a key frame.
-        advance: progress callback.
+        advance: progress callback, in key frames.
 
     Raises:
-        DataError: if a picture has another aspect than its camera, no key frame has a pose, or `out` cannot be
-            written.
+        DataError: if a picture has another aspect than its camera, no key frame of a drive has a pose, or `out`
+            cannot be written.
+    """
+    names = [drive.name for drive in drives]
+    own = {"speed_mps": speed_mps, "hz": hz, "tolerance_us": tolerance_us, "rig": rig.as_json(), "scenes": names}
+    known = {"appocc": __version__, "importer": "own", **settings, **own}
+    assembly = Assembly(resolved(out), VERSION, _RECORD, known, "conversion")
+    if assembly.is_finished():
+        raise DataError(f"{out}: holds this conversion already")
+    with assembly.opened():
+        for drive in drives:
+            if not assembly.has(drive.name):
+                scene = partial(_write_drive, drive, rig, speed_mps, hz, tolerance_us, advance)
+                assembly.write(drive.name, scene)
+        summaries = [Summary.of_json(read_json(assembly.place(name) / _SUMMARY)) for name in names]
+        assembly.finish(names)
+    return summaries
+
+
+def _write_drive(
+    drive: Drive,
+    rig: SourceRig,
+    speed_mps: float,
+    hz: float,
+    tolerance_us: int,
+    advance: Callable[[int], None],
+    writer: Writer,
+) -> None:
+    """Write the files, tables and summary of a drive.
+
+    Raises:
+        DataError: as `convert_drives` does.
     """
     tolerance_us = min(tolerance_us, round(5e5 / hz))
-    moments = key_moments(moments_of(in_order_of_time(streams), rig.names, tolerance_us), hz)
-    with whole_folder(out) as folder:
-        scene = _SceneWriter(Writer(folder, VERSION), rig, name)
-        motion: Motion | None = trajectory
-        first_us = last_us = None
-        for moment in moments:
-            first_us = moment.time_us if first_us is None else first_us
-            last_us = moment.time_us
-            motion = motion or Straight(speed_mps, moment.time_us)
-            scene.add(moment, motion)
-            advance(1)
-        if not scene.samples:
-            raise DataError(_why_empty(name, first_us, last_us, trajectory, scene.summary))
-        scene.save()
-    if trajectory is not None and trajectory.note:
-        scene.summary.notes.append(trajectory.note)
-    return scene.summary
+    scene = _SceneWriter(writer, rig, drive.name)
+    motion: Motion | None = drive.trajectory
+    first_us = last_us = None
+    for moment in key_moments(moments_of(in_order_of_time(drive.streams), rig.names, tolerance_us), hz):
+        first_us = moment.time_us if first_us is None else first_us
+        last_us = moment.time_us
+        motion = motion or Straight(speed_mps, moment.time_us)
+        scene.add(moment, motion)
+        advance(1)
+    if not scene.samples:
+        raise DataError(_why_empty(drive.name, first_us, last_us, drive.trajectory, scene.summary))
+    scene.add_tables()
+    if drive.trajectory is not None and drive.trajectory.note:
+        scene.summary.notes.append(drive.trajectory.note)
+    write_json(writer.root / _SUMMARY, scene.summary.as_json())
 
 
 def _why_empty(
@@ -176,15 +226,14 @@ class _SceneWriter:
         row = {"timestamp": moment.time_us, "scene_token": token_of("scene", self._name), "prev": "", "next": ""}
         self.samples.append(self._writer.add("sample", sample, **row))
 
-    def save(self) -> None:
-        """Write the tables."""
+    def add_tables(self) -> None:
+        """Add the rows of the scene and its log."""
         first_us = self._writer.rows["sample"][0]["timestamp"]
         date = datetime.fromtimestamp(first_us / 1e6, UTC).strftime("%Y-%m-%d")
         log = token_of("log", self._name)
         self._writer.add("log", log, logfile=self._name, vehicle="own", date_captured=date, location="unknown")
         self._writer.add_no_map(log)
         self._writer.add_scene(self._name, f"{self._name}: own cameras", log, self.samples)
-        self._writer.save()
 
     def _add_picture(self, sample: str, picture: Picture, world_from_ego: FloatArray) -> int:
         """Write the images that are cut out of a picture; return their number, 0 if it is damaged."""

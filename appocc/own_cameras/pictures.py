@@ -215,11 +215,30 @@ def find_streams(
     return [_find_stream(source, camera, clock) for camera in cameras]
 
 
+def drive_folders(source: PathLike, cameras: Sequence[str]) -> list[Path]:
+    """Return the folders of drives: the source, or those in it if it has no pictures of the cameras itself."""
+    source = Path(source)
+    if not source.is_dir() or _has_pictures(source, cameras):
+        return [source]
+    folders = sorted(path for path in source.iterdir() if path.is_dir() and not path.name.startswith("."))
+    return [folder for folder in folders if _has_pictures(folder, cameras)] or [source]
+
+
+def _has_pictures(folder: Path, cameras: Sequence[str]) -> bool:
+    """Whether a folder has pictures or a video of one of the cameras."""
+    return any((folder / name).is_dir() or _videos(folder, name) or camera_images(folder, name) for name in cameras)
+
+
+def _videos(folder: Path, camera: str) -> list[Path]:
+    """Return the videos of a camera, by name."""
+    found = (path for path in folder.iterdir() if path.suffix.lower() in VIDEOS)
+    return sorted(path for path in found if _tail(path, camera) is not None)
+
+
 def _find_stream(source: Path, camera: str, clock: Clock) -> Stream:
     times = _listed_times(source / f"{camera}.txt", clock)
     folder = source / camera if (source / camera).is_dir() else source
-    named = [p for p in source.iterdir() if p.suffix.lower() in VIDEOS and _tail(p, camera) is not None]
-    named = [] if folder != source else sorted(named)
+    named = _videos(source, camera) if folder == source else []
     if len(named) > 1:
         raise DataError(f"{source}: expected one video of {camera}, got {named[0].name} and {named[1].name}")
     if named:

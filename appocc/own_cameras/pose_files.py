@@ -110,6 +110,9 @@ def _read_csv(path: Path, text: str) -> Trajectory:
     elif "yaw_deg" in column or "yaw_rad" in column:
         turns = quaternion_from_yaw(column["yaw_rad"] if "yaw_rad" in column else np.radians(column["yaw_deg"]))
     else:
+        unclear = next((name for name in header if name.startswith(("yaw", "qw", "qx", "qy", "qz"))), None)
+        if unclear is not None:
+            raise DataError(f"{path}: expected headings as yaw_deg, yaw_rad or qw, qx, qy, qz, got '{unclear}'")
         turns, note = quaternion_from_yaw(headings_of_way(xy, str(path))), _FLAT
     return Trajectory(times, _poses(path, [n for n, _ in table], np.column_stack([xy, height]), turns), note)
 

@@ -17,7 +17,8 @@ from appocc.errors import DataError
 from appocc.files import RemotePath, path_of
 from appocc.models import registry
 from appocc.models.model_spec import MODEL_SPECS, ModelSpec, Parts
-from appocc.models.weights import PACKAGED, find_weights, load_weights_into, save_weights
+from appocc.models.shipped import PACKAGED, find_weights
+from appocc.models.weights import load_weights_into, save_weights
 from appocc.nuscenes.view_targets import ViewClass
 from appocc.training.augment import Augmentation
 from appocc.training.batch_loader import BatchLoader

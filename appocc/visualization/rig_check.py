@@ -38,6 +38,12 @@ class CameraAngles(NamedTuple):
     roll_deg: float
     height_m: float
 
+    @property
+    def text(self) -> str:
+        """The angles and the height for people."""
+        angles = f"yaw {self.yaw_deg:+z.1f}, pitch {self.pitch_deg:+z.1f}, roll {self.roll_deg:+z.1f} deg"
+        return f"{angles}, {self.height_m:.2f} m above the ground"
+
 
 def camera_angles(camera: Camera) -> CameraAngles:
     """Return yaw, pitch, roll and height of a camera, as in a rig file."""
@@ -77,9 +83,8 @@ def _panel(image: ByteArray, camera: Camera) -> ByteArray:
     _line(picture, small, _along(0, across=True), GREEN, 2)
     _line(picture, small, _horizon(small), _HORIZON)
     _label(picture, small)
-    pose = camera_angles(camera)
-    title = f"{camera.channel}: yaw {pose.yaw_deg:+.0f}, pitch {pose.pitch_deg:+.1f}, roll {pose.roll_deg:+.1f} deg"
-    put_text(picture, f"{title}, {pose.height_m:.2f} m above ground", (6, picture.shape[0] - 8), scale=0.45)
+    title = f"{camera.channel}: {camera_angles(camera).text}"
+    put_text(picture, title, (6, picture.shape[0] - 8), scale=0.45)
     return picture
 
 

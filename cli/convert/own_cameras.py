@@ -12,7 +12,9 @@ from cli.common import JsonOption, emit, local_path, progress, say
 from cli.convert.importing import OutArgument
 
 if TYPE_CHECKING:
-    from appocc.own_cameras.convert import Summary
+    from appocc.own_cameras.convert import Drive, Summary
+    from appocc.own_cameras.pictures import Clock
+    from appocc.rigs import SourceRig
 
 
 def images(
@@ -22,7 +24,7 @@ def images(
             metavar="SRC",
             parser=local_path,
             help="Folder with, for each camera of the rig, CAMERA/TIME.jpg, TIME/CAMERA.jpg, CAMERA_TIME.jpg or "
-            "CAMERA.mp4; or, with --mosaic, one video.",
+            "CAMERA.mp4; a folder of such folders, one a drive; or, with --mosaic, one video.",
         ),
     ],
     out: OutArgument,
@@ -30,7 +32,9 @@ def images(
     poses: Annotated[
         Path | None,
         typer.Option(
-            parser=local_path, help="Ego poses: TUM, KITTI, CSV with a header, NMEA or GPX. Default: see --speed."
+            parser=local_path,
+            help="Ego poses: TUM, KITTI, CSV with a header, NMEA or GPX; of several drives, the name of the file in "
+            "each one's folder. Default: see --speed.",
         ),
     ] = None,
     poses_of: Annotated[
@@ -59,7 +63,7 @@ def images(
     scene: Annotated[str | None, typer.Option(help="Name of the scene. Default: that of SRC.")] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Convert pictures or videos of your own cameras: one scene of key frames.
+    """Convert pictures or videos of your own cameras, a scene for each drive. The same command resumes.
 
     Times are those in the file names (seconds, or ns, us or ms since 1970), in CAMERA.txt (one a line), of the
     videos, or from --fps.
@@ -67,9 +71,8 @@ def images(
     Example: appocc convert images DRIVE OUT --rig rig.yaml --poses poses.txt
     """
     from appocc.errors import DataError
-    from appocc.files import plain_name
-    from appocc.own_cameras.convert import convert_recording, ego_trajectory
-    from appocc.own_cameras.pictures import Clock, find_streams
+    from appocc.own_cameras.convert import convert_drives
+    from appocc.own_cameras.pictures import Clock, drive_folders
     from appocc.own_cameras.times import seconds_to_us
     from appocc.rigs import read_source_rig
 
@@ -82,16 +85,23 @@ def images(
     except ValueError as error:
         raise DataError(f"--start: {error}") from error
     cameras = read_source_rig(rig)
-    streams = find_streams(src, cameras.names, Clock(fps, start_us), None if mosaic is None else _layout(mosaic))
-    trajectory = None if poses is None else ego_trajectory(poses, streams, cameras, poses_of)
-    name = plain_name(src, scene or src.resolve().stem)
+    layout = None if mosaic is None else _layout(mosaic)
+    folders = [src] if layout else drive_folders(src, cameras.names)
+    if folders == [src]:
+        named = {scene or src.resolve().stem: (src, poses)}
+    elif scene is None:
+        named = {folder.name: (folder, None if poses is None else folder / poses) for folder in folders}
+    else:
+        raise DataError(f"--scene: {src} has {len(folders)} drives, which are named by their folders; leave it out")
+    clock = Clock(fps, start_us)
+    drives = [_drive(name, at, cameras, clock, layout, path, poses_of) for name, (at, path) in named.items()]
+    settings = {"src": str(src.resolve()), "fps": fps, "start": start, "mosaic": mosaic}
     with progress("converting", None) as bar:
-        summary = convert_recording(
-            streams,
+        summaries = convert_drives(
+            drives,
             cameras,
-            trajectory,
             out,
-            name,
+            settings | {"poses": poses and str(poses), "poses_of": poses_of},
             speed_mps=speed or 0.0,
             hz=hz,
             tolerance_us=round(tolerance_ms * 1e3),
@@ -99,10 +109,35 @@ def images(
         )
     if poses is None:
         moving = f"straight ahead at {speed:g} m/s" if speed else "standing (--speed, --poses)"
-        summary.notes.append(f"no poses: the ego vehicle is taken for {moving}")
+        summaries[0].notes.append(f"no poses: the ego vehicle is taken for {moving}")
     if as_json:
-        emit(summary.as_json() | {"folder": str(out)})
-    _say_summary(out, summary)
+        several = {"scenes": [summary.as_json() for summary in summaries]}
+        emit((summaries[0].as_json() if folders == [src] else several) | {"folder": str(out)})
+    for summary in summaries:
+        _say_summary(out, summary)
+
+
+def _drive(
+    name: str,
+    folder: Path,
+    rig: SourceRig,
+    clock: Clock,
+    layout: tuple[int, int] | None,
+    poses: Path | None,
+    poses_of: str | None,
+) -> Drive:
+    """Find the pictures of a drive and read its poses.
+
+    Raises:
+        DataError: if a camera has no pictures, or the poses are damaged.
+    """
+    from appocc.files import plain_name
+    from appocc.own_cameras.convert import Drive, ego_trajectory
+    from appocc.own_cameras.pictures import find_streams
+
+    streams = find_streams(folder, rig.names, clock, layout)
+    trajectory = None if poses is None else ego_trajectory(poses, streams, rig, poses_of)
+    return Drive(plain_name(folder, name), streams, trajectory)
 
 
 def _layout(text: str) -> tuple[int, int]:

@@ -62,6 +62,13 @@ class _DriveBody(_Body):
     weather: _Text
     seconds: Annotated[float, Field(ge=0.5, le=_MOST_SECONDS)]
     seed: Annotated[int, Field(ge=0, le=_MOST_SEED)] = 0
+    weights: _Text | None = None
+
+
+class _PredictBody(_Body):
+    """The weights for new maps; None: the default ones."""
+
+    weights: _Text | None = None
 
 
 class Page:
@@ -88,6 +95,7 @@ class Page:
             {
                 "recordings": [describe(one) for one in self._library.recordings()],
                 "drives": drives,
+                "weights": list(self._library.weights()),
                 "trainings": list(self._library.trainings()),
             }
         )
@@ -188,14 +196,30 @@ class Page:
             raise NotFoundError("expected one of the towns and weathers of the list")
         title = f"{body.town}, {body.weather.replace('_', ' ')}, {body.seconds:g} s"
         root = folder / f"{body.town}-{body.weather}-{body.seconds:g}s-{body.seed}"
-        return JSONResponse(self.jobs.start("simulate", title, root, body.model_dump()).as_json(), 201)
+        settings = body.model_dump() | self._weights(body.weights)
+        return JSONResponse(self.jobs.start("simulate", title, root, settings).as_json(), 201)
 
     def predict(self, request: Request) -> Response:
         """Start the prediction of the maps of a recording."""
         recording = self._library.recording(request.path_params["recording"])
+        body = _checked(_PredictBody, request)
         title = f"maps of {recording.title}"
-        settings = {"version": recording.version}
+        settings = {"version": recording.version, **self._weights(body.weights)}
         return JSONResponse(self.jobs.start("predict", title, recording.root, settings).as_json(), 201)
+
+    def _weights(self, name: str | None) -> dict[str, str]:
+        """Return the weights of a job, and the source of its maps.
+
+        Raises:
+            NotFoundError: if no weights of the list have this name.
+        """
+        known = self._library.weights()
+        if name is not None and name not in known:
+            raise NotFoundError("expected weights of the list; were they removed?")
+        if not known:
+            raise NotFoundError("there are no weights: none come with this version of appocc")
+        chosen = known[name] if name is not None else next(iter(known.values()))
+        return {"weights": str(chosen.path), "source": chosen.source}
 
     def stop(self, request: Request) -> Response:
         """Stop a job."""

@@ -120,7 +120,8 @@ class Conversations:
 
 def _answered(talk: Talk, text: str, answer: Answer) -> dict[str, Any]:
     talk.turns = [*talk.turns, turn_as_json(text, talk.frame, answer)][-_MOST_TURNS:]
-    talk.shown = answer
+    aside = answer.status == "ok" and answer.target is None  # an answer in words; the goal in force stays in view
+    talk.shown = (talk.session.goal if aside and talk.session else None) or answer
     return talk_as_json(talk)
 
 

@@ -83,7 +83,7 @@ def simulate_drive(root: Path, settings: dict[str, Any], report: Report) -> None
         report("advance", steps)
 
     simulate(root, wanted, None, advance, lambda text: report("note", text))
-    _predict(root, report)
+    _predict(root, settings, report)
 
 
 def predict_maps(root: Path, settings: dict[str, Any], report: Report) -> None:
@@ -92,10 +92,10 @@ def predict_maps(root: Path, settings: dict[str, Any], report: Report) -> None:
 
     dataset = Dataset(root, settings["version"])
     report("total", sum(len(dataset.samples(scene)) for scene in dataset.scenes))
-    _predict(root, report, settings["version"])
+    _predict(root, settings, report, settings["version"])
 
 
-def _predict(root: Path, report: Report, version: str | None = None) -> None:
+def _predict(root: Path, settings: dict[str, Any], report: Report, version: str | None = None) -> None:
     report("note", "predicting maps from the cameras")
     from appocc.inference.inputs import dataset_inputs
     from appocc.inference.loading import load_predictor
@@ -103,8 +103,8 @@ def _predict(root: Path, report: Report, version: str | None = None) -> None:
     from appocc.nuscenes import Dataset
     from cli.infer import write_maps
 
-    dataset = Dataset(root, version)
-    run = InferenceRun(dataset_inputs(dataset, dataset.scenes), load_predictor(None), root / "bev" / "predicted")
+    dataset, predictor = Dataset(root, version), load_predictor(settings["weights"])
+    run = InferenceRun(dataset_inputs(dataset, dataset.scenes), predictor, root / "bev" / settings["source"])
     write_maps(run, lambda steps: report("advance", steps))
 
 

@@ -32,6 +32,7 @@ class Job:
         kind: simulate or predict.
         title: for people.
         root: of the dataset that it makes or extends.
+        source: of the maps that it predicts.
         process: that does it.
         started_s: time of its start.
         state: running, done, failed or stopped.
@@ -45,6 +46,7 @@ class Job:
     kind: str
     title: str
     root: Path
+    source: str
     process: BaseProcess
     started_s: float
     state: str = "running"
@@ -56,7 +58,7 @@ class Job:
     def as_json(self) -> dict[str, Any]:
         """Return what the page shows."""
         seconds = (self.ended_s or time.monotonic()) - self.started_s
-        shown = ("number", "kind", "title", "state", "done", "total", "note")
+        shown = ("number", "kind", "title", "state", "done", "total", "note", "source")
         return {**{name: getattr(self, name) for name in shown}, "seconds": round(seconds, 1)}
 
 
@@ -81,7 +83,7 @@ class Jobs:
             ours, theirs = context.Pipe(duplex=False)
             process = context.Process(target=run_job, args=(theirs, kind, root, settings), daemon=True)
             number = self._jobs[-1].number + 1 if self._jobs else 1
-            job = Job(number, kind, title, root, process, time.monotonic())
+            job = Job(number, kind, title, root, settings["source"], process, time.monotonic())
             process.start()
             theirs.close()
             self._jobs = [*self._jobs, job][-_MOST_JOBS:]

@@ -6,9 +6,11 @@ import hashlib
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from threading import Lock
+from typing import NamedTuple
 
 from appocc.errors import AppoccError, DataError, NotFoundError
 from appocc.files.questions import folders_in
+from appocc.models.shipped import PACKAGED, shipped_weights
 from cli.server.recording import Recording
 
 # Levels of folders below a root that are searched for datasets, and the most folders that are looked at.
@@ -16,6 +18,18 @@ _DEPTH, _MOST_FOLDERS = 3, 2000
 _TABLE = "sample_data.json"
 # A folder of a training has its metrics.
 _METRICS, _CURVES = "metrics.jsonl", "curves.png"
+
+
+class WeightsChoice(NamedTuple):
+    """Weights with which the page predicts maps.
+
+    Attributes:
+        path: the file.
+        source: the source of its maps, unlike that of true maps.
+    """
+
+    path: Path
+    source: str
 
 
 class Library:
@@ -71,6 +85,18 @@ class Library:
         found = [(top, folder) for top in self.roots for folder in _trainings(top)]
         return {str(Path(top.name) / folder.relative_to(top)): folder / _CURVES for top, folder in found}
 
+    def weights(self) -> dict[str, WeightsChoice]:
+        """Return the weights by name, the default ones first: those shipped, and the files below the roots."""
+        shipped = sorted(shipped_weights().items(), key=lambda item: (item[1] != PACKAGED, item[0]))
+        found = {name: WeightsChoice(path, _source_of(name, path)) for name, path in shipped}
+        for top in self.roots:
+            for folder in _walk(top):
+                for path in sorted(folder.glob("*.safetensors")):
+                    below = path.relative_to(top)
+                    source = _source_of("-".join(below.with_suffix("").parts), path)
+                    found[str(Path(top.name) / below)] = WeightsChoice(path, source)
+        return found
+
     def recording(self, key: str) -> Recording:
         """Return a recording by its key.
 
@@ -82,6 +108,11 @@ class Library:
         if found is None:
             raise NotFoundError("this recording is not open here")
         return found
+
+
+def _source_of(name: str, path: Path) -> str:
+    """Return the source of the maps of weights: `predicted` for the default ones, as in the documents."""
+    return "predicted" if path == PACKAGED else f"predicted-{name}"
 
 
 def describe(recording: Recording) -> dict[str, object]:

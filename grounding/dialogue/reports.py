@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 from grounding.answer import Answer
@@ -12,17 +13,25 @@ from grounding.dialogue.fragments import complete, names_pronoun, read_descripti
 from grounding.dialogue.telling import describe_goal, said
 from grounding.language import Reading
 from grounding.query import Query
-from grounding.referent.resolver import resolve
+from grounding.referent.resolver import MAX_CANDIDATES, find_all, resolve
+
+# What may be asked for in "which cars do you see?"; without one of them, it is about all vehicles.
+_SEEN = ("cars", "vans", "trucks", "lorries", "buses", "motorbikes", "bikes", "people", "pedestrians")
 
 
 def inform(talk: Conversation, text: str, *reasons: str) -> Answer:
     """Return an answer in words; its goal is the one in force."""
-    goal, question = talk.state.goal, talk.state.question
+    goal = talk.state.goal
     if goal is None:
-        sentence = Reading(Query(text), tokens=talk.read(text).tokens)
-        asked = question.question if question else ""
-        return Answer(status="ok", reading=sentence, scene=talk.scene, reasons=reasons, question=asked)
+        return aside(talk, text, *reasons)
     return replace(goal, reading=said(goal.reading, text), reasons=reasons)
+
+
+def aside(talk: Conversation, text: str, *reasons: str) -> Answer:
+    """Return an answer in words that is not about the goal in force, which stays."""
+    reading = Reading(Query(text), tokens=talk.read(text).tokens)
+    asked = talk.state.question.question if talk.state.question else ""
+    return Answer(status="ok", reading=reading, scene=talk.scene, reasons=reasons, question=asked)
 
 
 def tell_goal(talk: Conversation, text: str) -> Answer:
@@ -77,8 +86,8 @@ def look_for(talk: Conversation, text: str, words: str) -> Answer:
     if found.status == "ok" and here:
         talk.state = replace(talk.state, focus=(here[0], reading.query.referent))
     if not here:
-        return inform(talk, text, *found.reasons)
-    return inform(talk, text, *(describe_object(one.item, talk.scene) for one in here))
+        return aside(talk, text, *found.reasons)
+    return aside(talk, text, *(describe_object(one.item, talk.scene) for one in here))
 
 
 def tell_vehicle(talk: Conversation, text: str) -> Answer:
@@ -94,10 +103,19 @@ def count(talk: Conversation, text: str, words: str) -> Answer:
     if reading is None or reading.query.referent is None:
         return not_understood(talk, text, talk.read(text))
     sought = replace(reading.query.referent, definite=True, number=1)
-    found = resolve(Query("", referent=sought), talk.scene)
-    here = {"ok": found.candidates[:1], "ambiguous": found.candidates}.get(found.status, ())
+    here = find_all(sought, talk.scene)
     talk.state = replace(talk.state, topic=sought)
-    return inform(talk, text, str(len(here)), *(describe_object(one.item, talk.scene) for one in here))
+    told = [describe_object(item, talk.scene) for item in here[:MAX_CANDIDATES]]
+    more = [f"and {len(here) - len(told)} farther away"] if len(here) > len(told) else []
+    return aside(talk, text, str(len(here)), *told, *more)
+
+
+def tell_seen(talk: Conversation, text: str) -> Answer:
+    """Tell which vehicles are in sight, nearest first; while a question is open, its options are meant."""
+    if talk.state.question is not None:
+        return ask_again(talk, text)
+    named = [word for word in re.findall("[a-z]+", text.lower()) if word in _SEEN]
+    return count(talk, text, named[0] if named else "vehicles")
 
 
 def tell_room(talk: Conversation, text: str, words: str) -> Answer:

@@ -51,6 +51,7 @@ from grounding.dialogue.reports import (
     tell_goal,
     tell_reasons,
     tell_room,
+    tell_seen,
     tell_vehicle,
 )
 from grounding.dialogue.telling import ask, said
@@ -72,6 +73,7 @@ _ACTS: Mapping[str, Callable[[Conversation, str], Answer]] = {
     "heading": tell_goal,
     "why": tell_reasons,
     "repeat": ask_again,
+    "seen": tell_seen,
     "other": take_other,
     "neither": take_none,
     "yes": confirm,

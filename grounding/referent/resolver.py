@@ -113,6 +113,17 @@ def resolve(query: Query, scene: SceneModel, limit: int = MAX_CANDIDATES) -> Res
     return Resolution("ok", candidates, (*reasons, *scores.notes))
 
 
+def find_all(referent: Referent, scene: SceneModel) -> tuple[SceneObject, ...]:
+    """Return all objects that a description fits without doubt, nearest first."""
+    if _explain_absence(referent, scene):
+        return ()
+    scores = score_objects(Query(""), referent, scene)
+    sure = scores.matches & np.all([fit >= _DOUBTFUL_FIT for fit in scores.word_fits.values()], axis=0)
+    rows = np.flatnonzero(sure)
+    nearest = rows[np.argsort(scene.table.distance_m[rows], kind="stable")]
+    return tuple(scene.table.items[row] for row in nearest.tolist())
+
+
 def _ask_antecedent(query: Query, scene: SceneModel, limit: int) -> Resolution:
     """Return the question which vehicle a pronoun refers to, with the most salient ones as candidates."""
     any_vehicle = query.sought or Referent("vehicle", query.unresolved)

@@ -33,7 +33,7 @@ def test_images_with_a_rig(tmp_path: Path) -> None:
     write_image(tmp_path / "CAM_FRONT.png", np.full((128, 352, 3), 90, np.uint8))
     result = run(tmp_path, "--rig", "paper", "--out", tmp_path / "rig.png")
     assert result.exit_code == 0, result.stderr
-    assert "CAM_FRONT: yaw +0.0 deg" in result.stderr
+    assert "CAM_FRONT: yaw +0.0, pitch +0.0, roll +0.0 deg" in result.stderr
     assert "CAM_BACK: left out (no image)" in result.stderr
     assert read_image(tmp_path / "rig.png").shape == (320, 880, 3)
 

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ from in_process import run_command
 from made_own_recording import write_cameras, write_video
 from walkthrough import run_line
 
+from appocc.files import write_image
 from appocc.nuscenes import Dataset
 
 RIG = """
@@ -38,6 +40,34 @@ def test_images_with_poses(drive: Path, capsys: pytest.CaptureFixture[str], monk
     assert json.loads(done.stdout) == {**expected, "folder": "out"}
     assert "out: 4 key frames, 8 images of scene drive" in done.stderr
     assert len(Dataset("out").scenes) == 1
+
+
+def test_several_drives_are_resumed(
+    drive: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("first", "second"):
+        shutil.copytree(drive / "drive", drive / "drives" / name)
+        shutil.copy(drive / "poses.txt", drive / "drives" / name)
+    damaged = drive / "drives" / "second" / "CAM_BACK" / "000002.png"
+    whole = damaged.read_bytes()
+    write_image(damaged, np.zeros((32, 32, 3), np.uint8))
+    text = "convert images drives out --rig rig.yaml --poses poses.txt --fps 2 --json"
+    line = text.split()
+    done = run_command(line, capsys, monkeypatch)
+    assert (done.returncode, (drive / "out").exists()) == (2, False)
+    assert "000002.png: CAM_BACK: expected 48x32 pixels" in done.stderr
+    damaged.write_bytes(whole)
+    first = next((drive / ".out.unfinished" / "scenes" / "first").rglob("*.jpg"))
+    written = first.stat().st_mtime_ns, first.name
+    done = run_command(line, capsys, monkeypatch)
+    assert done.returncode == 0, done.stderr
+    assert [each["scene"] for each in json.loads(done.stdout)["scenes"]] == ["first", "second"]
+    assert [len(Dataset("out").samples(scene)) for scene in Dataset("out").scenes] == [4, 4]
+    (kept,) = (drive / "out").rglob(written[1])
+    assert kept.stat().st_mtime_ns == written[0], "the first drive was converted once"
+    assert "holds this conversion already" in run_command(line, capsys, monkeypatch).stderr
+    named = run_command([*line, "--scene", "mine"], capsys, monkeypatch)
+    assert "has 2 drives, which are named by their folders" in named.stderr
 
 
 def test_what_is_assumed_or_missing_is_told(

@@ -13,7 +13,7 @@ from appocc.files import write_image
 from appocc.geometry import inverse, quaternion_from_yaw, transform
 from appocc.nuscenes import Dataset
 from appocc.nuscenes.validate import validate
-from appocc.own_cameras.convert import Summary, convert_recording, ego_trajectory
+from appocc.own_cameras.convert import Drive, Summary, convert_drives, ego_trajectory
 from appocc.own_cameras.pictures import Clock, find_streams
 from appocc.rigs import read_source_rig
 from appocc.rigs.source_rig import SourceRig
@@ -62,7 +62,10 @@ def poses(folder: Path, begin: float = -1.0, end: float = 4.0) -> Path:
 
 def converted(drive: Path, rig: SourceRig, trajectory: Trajectory | None, speed_mps: float = 0.0) -> Summary:
     streams = find_streams(drive, rig.names, Clock(), None)
-    return convert_recording(streams, rig, trajectory, drive.parent / "out", "mine", speed_mps=speed_mps)
+    (summary,) = convert_drives(
+        [Drive("mine", streams, trajectory)], rig, drive.parent / "out", {}, speed_mps=speed_mps
+    )
+    return summary
 
 
 def measured(drive: Path, rig: SourceRig, channel: str | None = None, **span: float) -> Trajectory:

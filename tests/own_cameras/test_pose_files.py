@@ -135,6 +135,7 @@ def test_gpx(tmp_path: Path) -> None:
         ("time,x,y\n", "no poses below the header"),
         ("# mine\ntime,x,y\n1,2\n", ":3: expected 3 columns"),
         ("time,x,y\n1,2,3\n2,2,3\n", "the way is too short"),
+        ("time,x,y,yaw\n1,2,3,0\n2,9,3,0\n", "expected headings as yaw_deg, yaw_rad or qw, .*, got 'yaw'"),
         ("time,lat,lon\n1,99,3\n", "latitudes of up to 89"),
         ("time,lat,lon\n1,9,3\n2,12,3\n", "within 1 degree"),
         ("$GPGGA,1,2\n", "no valid position"),

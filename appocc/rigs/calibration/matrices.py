@@ -19,6 +19,7 @@ _FISHEYE_MODELS = ("equidistant", "fisheye", "kannala_brandt", "kannala_brandt4"
 _PINHOLE_MODELS = ("plumb_bob", "rational_polynomial", "radtan", "pinhole", "none", "")
 # Coefficients that OpenCV writes for lenses; the further ones, of thin prisms and tilted sensors, must be zero.
 _LENGTHS = (4, 5, 8)
+_ALL_LENGTHS = (4, 5, 8, 14)
 
 
 def is_camera(values: Any) -> bool:
@@ -42,7 +43,7 @@ def camera_keys(values: dict[str, Any], wanted: Wanted) -> dict[str, Any]:
     keys: dict[str, Any] = {"intrinsic": [flat[0:3], flat[3:6], flat[6:9]]}
     if (width := _first(values, _WIDTH)) and (height := _first(values, _HEIGHT)):
         keys["size_px"] = [values[width], values[height]]
-    distortion = _first(values, _DISTORTION) or _DISTORTION[0]
+    distortion = _distortion_name(values, wanted)
     named = Fields({distortion: _flat(values.get(distortion)) or [0.0]}, wanted.path)
     coefficients = named.numbers(distortion, (), "coefficients", "[-0.3, 0.1, 0.001, -0.002, 0.0]").tolist()
     if _is_fisheye(values, wanted):
@@ -55,6 +56,20 @@ def camera_keys(values: dict[str, Any], wanted: Wanted) -> dict[str, Any]:
         return keys
     length = next((n for n in _LENGTHS if n >= len(coefficients)), max(_LENGTHS))
     return keys | {"distortion": (coefficients + [0.0] * length)[:length]}
+
+
+def _distortion_name(values: dict[str, Any], wanted: Wanted) -> str:
+    """Return the key of the distortion; a usual one if the file has none.
+
+    Raises:
+        DataError: if it has none of a usual name, but another list that may be it: a lens must not be ignored.
+    """
+    if name := _first(values, _DISTORTION):
+        return name
+    for key, value in values.items():
+        if len(_flat(value)) in _ALL_LENGTHS:
+            raise DataError(f"{wanted.path}: expected distortion_coefficients, got none; is it '{key}'? Rename it")
+    return _DISTORTION[0]
 
 
 def _is_fisheye(values: dict[str, Any], wanted: Wanted) -> bool:

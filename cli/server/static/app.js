@@ -35,14 +35,17 @@ const maps = ["map", "truth"].map((id) => new MapCanvas(byId(id).querySelector("
 }));
 const timeline = new Timeline(() => scene()?.frames ?? 0);
 const talk = new Talk(() => draw());
-const board = new JobBoard({ finished: (job) => refresh(job), open: (key) => open(key) });
+const board = new JobBoard({ finished: (job) => refresh(job), open: (job) => {
+    open(job.recording);
+    change({ source: job.source, vehicle: "" });
+  } });
 
 // What is open ------------------------------------------------------------------------------------------------------
 
 async function list() {
   const listed = await get("/api/recordings");
   recordings = listed.recordings;
-  board.offer(listed.drives);
+  board.offer(listed.drives, listed.weights);
   offerTrainings(listed.trainings);
 }
 
@@ -80,7 +83,7 @@ function choices() {
   fill(byId("source"), (one?.sources ?? []).map((name) => [name, name]), state.source);
   byId("scene-label").hidden = !one?.scenes.length;
   byId("source-label").hidden = !one?.sources.length;
-  byId("predict").hidden = !one?.scenes.length || one.sources.includes("predicted");
+  byId("predict").hidden = !one?.scenes.length;
   setTruth(one?.truth ?? null);
   document.title = one ? `${one.title} · appocc` : "appocc";
   const own = LAYERS.filter(([name]) => name !== "truth" || (one?.truth && one.truth !== state.source));
@@ -158,7 +161,7 @@ function draw() {
   chosen.show(moment, cameras.seeing.bind(cameras));
   const tracking = moment.tracking;
   const pending = tracking?.kind === "map" && !tracking.problem;
-  note(!state.source ? "No maps yet: “Predict maps” makes them from the cameras."
+  note(!state.source ? "No maps yet: “Predict maps…” makes them from the cameras."
     : problem || (pending ? `Following the vehicles: ${Math.floor(100 * tracking.share)} %` : ""));
   drawMaps(shown);
 }

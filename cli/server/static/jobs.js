@@ -8,17 +8,21 @@ const EVERY_MS = 700;
 const VERB = { simulate: "Simulating", predict: "Predicting" };
 
 export class JobBoard {
-  /** Show jobs; `finished` gets a job that has ended well, `open` the recording that it made. */
+  /** Show jobs; `finished` gets a job that has ended well, `open` one whose maps are to be shown. */
   constructor({ finished, open }) {
     [this.finished, this.open, this.running, this.last] = [finished, open, null, null];
     byId("new-drive").addEventListener("click", () => byId("drive").showModal());
     byId("drive").addEventListener("close", () => this.#drive());
-    byId("predict").addEventListener("click", () => this.#start(`/api/recordings/${state.recording}/predict`, {}));
+    byId("predict").addEventListener("click", () => byId("predicting").showModal());
+    byId("predicting").addEventListener("close", () => this.#predict());
     this.look();
   }
 
-  /** Offer towns and weathers for a new drive; null: there is no folder for it. */
-  offer(drives) {
+  /** Offer weights, and towns and weathers for a new drive; null: there is no folder for it. */
+  offer(drives, weights) {
+    for (const select of document.querySelectorAll("select[name=weights]")) {
+      fill(select, weights.map((name) => [name, name]), weights.includes(select.value) ? select.value : weights[0]);
+    }
     byId("new-drive").hidden = !drives;
     const form = byId("drive").querySelector("form");
     if (!drives || form.elements.town.options.length) return;
@@ -32,7 +36,15 @@ export class JobBoard {
     if (byId("drive").returnValue !== "start") return;
     byId("drive").returnValue = "";
     const [seconds, seed] = [Number(elements.seconds.value), Number(elements.seed.value)];
-    this.#start("/api/drives", { town: elements.town.value, weather: elements.weather.value, seconds, seed });
+    const [town, weather, weights] = ["town", "weather", "weights"].map((name) => elements[name].value);
+    this.#start("/api/drives", { town, weather, seconds, seed, weights });
+  }
+
+  #predict() {
+    if (byId("predicting").returnValue !== "start") return;
+    byId("predicting").returnValue = "";
+    const weights = byId("predicting").querySelector("form").elements.weights.value;
+    this.#start(`/api/recordings/${state.recording}/predict`, { weights });
   }
 
   async #start(path, body) {
@@ -72,9 +84,9 @@ export class JobBoard {
       line.replaceChildren(make("span", { title: words }, words), bar, make("span", { className: "share" }, `${Math.floor(100 * share)} %${left}`),
         close("Stop", () => post(`/api/jobs/${job.number}/stop`).then(() => this.look())));
     } else if (job.state === "done") {
-      const own = job.recording && job.recording !== state.recording;
+      const other = job.recording && (job.recording !== state.recording || job.source !== state.source);
       line.replaceChildren(make("span", {}, `Ready: ${job.title}`),
-        own ? close("Open it", () => { line.hidden = true; this.open(job.recording); }) : "", close("×", () => { line.hidden = true; }));
+        other ? close("Open it", () => { line.hidden = true; this.open(job); }) : "", close("×", () => { line.hidden = true; }));
     } else {
       line.replaceChildren(make("span", { className: "failed", title: job.note }, `${job.title}: ${job.note}`), close("×", () => { line.hidden = true; }));
     }

@@ -16,6 +16,8 @@ from cli.server.jobs import BusyError, Job, Jobs
 from cli.server.library import Library
 
 DRIVE = {"town": "harrowmere", "weather": "clear", "seconds": 0.5, "seed": 3}
+WEIGHTS = {"weights": None, "source": "predicted"}
+PREDICT = {"version": "v1.0-made", **WEIGHTS}
 # Far above what a busy machine needs; it only ends a hang.
 _PATIENCE_S = 300
 
@@ -36,16 +38,16 @@ def ended(job: Job) -> Job:
 
 
 def test_a_job_that_fails_has_the_reason_in_one_line(jobs: Jobs, tmp_path: Path) -> None:
-    job = ended(jobs.start("predict", "maps", tmp_path / "missing", {"version": "v1.0-made"}))
+    job = ended(jobs.start("predict", "maps", tmp_path / "missing", PREDICT))
     assert job.state == "failed"
     assert "no such folder" in job.note
     assert "\n" not in job.note
 
 
 def test_one_job_runs_at_a_time_and_can_be_stopped(jobs: Jobs, tmp_path: Path) -> None:
-    job = jobs.start("simulate", "a long drive", tmp_path / "drive", {**DRIVE, "seconds": 60})
+    job = jobs.start("simulate", "a long drive", tmp_path / "drive", {**DRIVE, **WEIGHTS, "seconds": 60})
     with pytest.raises(BusyError):
-        jobs.start("simulate", "another", tmp_path / "other", DRIVE)
+        jobs.start("simulate", "another", tmp_path / "other", {**DRIVE, **WEIGHTS})
     assert jobs.stop(job.number) is job
     assert ended(job).state == "stopped"
     assert job.note == "stopped; start it again to go on"
@@ -57,14 +59,22 @@ def test_one_job_runs_at_a_time_and_can_be_stopped(jobs: Jobs, tmp_path: Path) -
 
 def test_closing_ends_the_process(tmp_path: Path) -> None:
     jobs = Jobs()
-    job = jobs.start("simulate", "a long drive", tmp_path / "drive", {**DRIVE, "seconds": 60})
+    job = jobs.start("simulate", "a long drive", tmp_path / "drive", {**DRIVE, **WEIGHTS, "seconds": 60})
     jobs.close()
     assert not job.process.is_alive()
 
 
 @pytest.mark.parametrize(
     "wrong",
-    [{"town": "../../x"}, {"weather": "hail"}, {"seconds": 1e9}, {"seconds": "x"}, {"seed": -1}, {"more": 1}],
+    [
+        {"town": "../../x"},
+        {"weather": "hail"},
+        {"seconds": 1e9},
+        {"seconds": "x"},
+        {"seed": -1},
+        {"more": 1},
+        {"weights": "/etc/x"},
+    ],
 )
 def test_wrong_settings_of_a_drive_are_refused(wrong: dict[str, object], tmp_path: Path) -> None:
     with TestClient(build_app(Library([tmp_path])), base_url="http://localhost") as client:
@@ -80,6 +90,27 @@ def test_a_drive_needs_a_folder(tmp_path: Path) -> None:
     ) as client:
         answer = client.post("/api/drives", json=DRIVE)
         assert (answer.status_code, "appocc serve FOLDER" in answer.json()["error"]) == (400, True)
+
+
+def test_weights_of_the_opened_folders_make_maps_of_their_own(tmp_path: Path) -> None:
+    made = write_recording(tmp_path / "made", 1)
+    (tmp_path / "RUN").mkdir()
+    (tmp_path / "RUN" / "best.safetensors").write_bytes(b"no weights")
+    with TestClient(build_app(Library([tmp_path])), base_url="http://localhost") as client:
+        listed = client.get("/api/recordings").json()
+        own = f"{tmp_path.name}/RUN/best.safetensors"
+        assert listed["weights"] == ["appocc", "street", own]
+        predict = f"/api/recordings/{listed['recordings'][0]['key']}/predict"
+        assert client.post(predict, json={"weights": f"{made}/best.safetensors"}).status_code == 404
+        job = client.post(predict, json={"weights": own}).json()
+        assert job["source"] == "predicted-RUN-best", "it replaces neither the maps of others nor true ones"
+        limit = time.monotonic() + _PATIENCE_S
+        while job["state"] == "running":
+            assert time.monotonic() < limit
+            time.sleep(0.05)
+            (job,) = client.get("/api/jobs").json()["jobs"]
+        assert (job["state"], "RUN/best.safetensors" in job["note"]) == ("failed", True)
+        assert client.get("/api/recordings").json()["recordings"][0]["sources"] == ["predicted", "exact"]
 
 
 @pytest.mark.slow

@@ -296,6 +296,27 @@ def test_questions_about_the_scene_change_nothing() -> None:
     assert session.say("do it").query.relation == "in_front_of"
 
 
+@pytest.mark.parametrize(
+    "said", ["which cars do you see?", "what cars can you see", "what do you see?", "list the cars"]
+)
+def test_what_is_seen_is_listed_nearest_first(said: str) -> None:
+    session = row()
+    goal = session.say("stop behind the red car").target
+    answer = session.say(said)
+    assert (answer.status, answer.target) == ("ok", None), "no plan is repeated"
+    told = [float(reason.split(" m ")[0].split()[-1]) for reason in answer.reasons[1:]]
+    assert answer.reasons[0] == str(len(told))
+    assert told == sorted(told)
+    assert session.goal is not None
+    assert session.goal.target is goal
+
+
+def test_an_open_question_is_asked_again() -> None:
+    session = two_whites()
+    asked = session.say("stop behind the white car").question
+    assert session.say("which cars do you see?").question == asked
+
+
 def test_undo_goes_back_step_by_step() -> None:
     session = row()
     for said in ("stop behind the red car", "in front of it", "next to it"):
