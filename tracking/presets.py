@@ -87,6 +87,6 @@ def _people(position_std_m: float, min_gate_m: float, coast_std_m: float) -> Tra
     )
 
 
-# Foot points in the image are more accurate than positions on the ground derived from them. A predicted box overlaps a
-# person, who is half a metre wide, only if its position is well known.
+# Foot points in the image are more accurate than positions on the ground derived from them. A predicted box overlaps
+# a person, who is half a metre wide, only if its position is well known.
 PEOPLE_IN_IMAGE, PEOPLE_ON_GROUND = _people(0.1, 0.4, coast_std_m=0.1), _people(0.2, 0.8, coast_std_m=0.8)

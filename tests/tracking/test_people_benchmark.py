@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.people import FPS, main, made_rows, measure, sort_rows
+from benchmarks.people import FPS, made_rows, main, measure, sort_rows
 from tracking.io.mot_challenge import read_mot_detections
 
 

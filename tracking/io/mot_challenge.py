@@ -222,6 +222,6 @@ def write_mot_tracks(path: Path, sequence: MotSequence, tracks: Sequence[Sequenc
 
 
 def _resized(box_px: FloatArray, last_px: FloatArray, gain: float) -> FloatArray:
-    """Return a box (4,) with a size between that of the last box and its own, for gains 0..1, on a logarithmic scale."""
+    """Return a box (4,) with a size between that of the last box and its own, by gain on a logarithmic scale."""
     size_px = last_px[2:] * (box_px[2:] / last_px[2:]) ** gain
     return np.concatenate([box_px[:2], size_px])
