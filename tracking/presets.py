@@ -41,11 +41,11 @@ MAPS = TrackerConfig(
 OBJECTS = replace(MAPS, init_threshold=1.0, lifecycle=replace(MAPS.lifecycle, confirm_log_odds=2.0))
 
 
-def _people(position_std_m: float, min_gate_m: float) -> TrackerConfig:
+def _people(position_std_m: float, min_gate_m: float, coast_std_m: float) -> TrackerConfig:
     """Return the configuration for people, given the standard deviation of their positions.
 
-    People move in any direction, regardless of heading. They stand close together, so that tracks are not remembered
-    for long and hardly coast; box heights separate near people from far ones.
+    People move in any direction, regardless of heading. They stand close together, so that tracks are soon lost and
+    hardly coast; box heights separate near people from far ones. A false box seldom repeats: the second one confirms.
     """
     association = AssociationConfig(
         min_gate_m=min_gate_m,
@@ -57,8 +57,8 @@ def _people(position_std_m: float, min_gate_m: float) -> TrackerConfig:
         max_cost=50.0,
     )
     motion = MotionConfig(
-        along_speed_std_mps=1.0,
-        across_speed_std_mps=1.0,
+        along_speed_std_mps=1.5,
+        across_speed_std_mps=1.5,
         along_accel_psd_m2ps3=0.1,
         across_accel_psd_m2ps3=0.1,
         along_std_m=position_std_m,
@@ -66,11 +66,12 @@ def _people(position_std_m: float, min_gate_m: float) -> TrackerConfig:
     )
     lifecycle = LifecycleConfig(
         confirm_log_odds=2.2,
-        confirm_s=0.07,
+        confirm_first_log_odds=0.5,
+        confirm_s=0.03,
         coast_s=0.12,
-        coast_std_m=0.8,
+        coast_std_m=coast_std_m,
         coast_log_odds=-np.inf,
-        lost_s=FORGET_S,
+        lost_s=0.3,
         forget_s=FORGET_S,
         forget_stationary_s=FORGET_S,
         stationary_mps=0,
@@ -86,5 +87,6 @@ def _people(position_std_m: float, min_gate_m: float) -> TrackerConfig:
     )
 
 
-# Foot points in the image are more accurate than positions on the ground derived from them.
-PEOPLE_IN_IMAGE, PEOPLE_ON_GROUND = _people(0.1, 0.4), _people(0.2, 0.8)
+# Foot points in the image are more accurate than positions on the ground derived from them. A predicted box overlaps
+# a person, who is half a metre wide, only if its position is well known.
+PEOPLE_IN_IMAGE, PEOPLE_ON_GROUND = _people(0.1, 0.4, coast_std_m=0.1), _people(0.2, 0.8, coast_std_m=0.8)

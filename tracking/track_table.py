@@ -30,6 +30,7 @@ class LifecycleConfig:
 
     Attributes:
         confirm_log_odds: a detection with these log-odds confirms its track immediately.
+        confirm_first_log_odds: so does one with these in the first frame, in which every object is new.
         confirm_s: otherwise a track is confirmed after this time without a miss.
         coast_s: maximum time an unmatched track is reported at its predicted position.
         coast_std_m: maximum standard deviation of that position.
@@ -54,6 +55,7 @@ class LifecycleConfig:
     """
 
     confirm_log_odds: float = -np.inf
+    confirm_first_log_odds: float = np.inf
     confirm_s: float = 0.0
     coast_s: float = 0.6
     coast_std_m: float = 1.2
@@ -86,7 +88,7 @@ class TrackTable:
         self._config, self._classes = config, classes
         # As floats, because each type is compiled anew.
         self._confirmation = (
-            float(config.confirm_log_odds),
+            float(min(config.confirm_log_odds, config.confirm_first_log_odds)),
             float(config.confirm_s),
             float(config.heading_smoothing_s),
         )
@@ -157,6 +159,7 @@ class TrackTable:
         """Predict all tracks by a time step; they are unmatched until `update`."""
         # The shortest interval so far is that of the recording: left-out frames change nothing.
         self._set_step(min(self._step_s, seconds))
+        self._confirmation = float(self._config.confirm_log_odds), *self._confirmation[1:]
         moving_s, psd_m2ps3 = np.empty(len(self)), np.empty((len(self), 2, 2))
         advance(self.state, self._models, self.filters.mean, seconds, float(self._config.lost_s), moving_s, psd_m2ps3)
         self.filters.predict(moving_s, psd_m2ps3)

@@ -35,6 +35,8 @@ _FOOTPRINT = 0.3
 _MEDIAN_LOG_ODDS = 1.0
 # A tracker of people forgets them after this time without a detection.
 FORGET_S = 1.0
+# Least weight of the newest box in the size of a track in the image; the first ones count alike.
+_SIZE_GAIN = 0.4
 MAX_FRAMES, MIN_FPS, MAX_FPS = 1_000_000, 0.01, 1000.0
 _MIN_COLUMNS, _ALL_COLUMNS = 7, 10
 
@@ -186,9 +188,9 @@ def _foot_px(boxes_px: FloatArray) -> FloatArray:
 def write_mot_tracks(path: Path, sequence: MotSequence, tracks: Sequence[Sequence[Track]]) -> None:
     """Write rows `frame,id,left,top,width,height,conf,x,y,z`, pixels and metres; conf is the score, 0..1.
 
-    The box of a detected track is that of the detection. The last box of a predicted track is moved with it in the
-    image, or kept if foot points on the ground are tracked. These are x, y and z, which otherwise are -1. Tracks
-    without any detection so far have no box and are not written.
+    If foot points on the ground are tracked, they are x, y and z, which otherwise are -1, and the box of a track is
+    that of its last detection. In the image, the box stands on the track's position, which is filtered, and its size
+    is smoothed. Tracks without any detection so far have no box and are not written.
 
     Args:
         path: file to write.
@@ -198,25 +200,28 @@ def write_mot_tracks(path: Path, sequence: MotSequence, tracks: Sequence[Sequenc
     Raises:
         DataError: if the file cannot be written.
     """
+    detected: dict[int, int] = {}
     last_px: dict[int, FloatArray] = {}
     rows = []
     for frame, states in zip(sequence.frames, tracks, strict=True):
         for track in states:
-            box = _box_px(frame, track, last_px.get(track.id), sequence.px_per_m)
-            if box is None:
+            if track.detection is not None:
+                box, count = frame.boxes_px[track.detection], detected.get(track.id, 0)
+                if sequence.px_per_m and count:
+                    box = _resized(box, last_px[track.id], max(_SIZE_GAIN, 1 / (count + 1)))
+                last_px[track.id], detected[track.id] = box, count + 1
+            elif track.id not in last_px:
                 continue
-            last_px[track.id] = box
-            position = "-1,-1,-1" if sequence.px_per_m else ",".join(f"{x:.3f}" for x in track.position_world_m)
+            box, position = last_px[track.id], ",".join(f"{x:.3f}" for x in track.position_world_m)
+            if sequence.px_per_m:
+                foot_px = track.position_world_m[:2] * [sequence.px_per_m, -sequence.px_per_m]
+                box, position = np.concatenate([box[:2] + foot_px - _foot_px(box[None])[0], box[2:]]), "-1,-1,-1"
             box_columns = ",".join(f"{pixels:.2f}" for pixels in box)
             rows.append(f"{frame.number},{track.id},{box_columns},{track.score:.4f},{position}\n")
     write_bytes(path, "".join(rows).encode())
 
 
-def _box_px(frame: MotFrame, track: Track, last_px: FloatArray | None, px_per_m: float | None) -> FloatArray | None:
-    """Return the box (4,) of a track: left, top, width, height; None if it was never detected."""
-    if track.detection is not None:
-        return np.asarray(frame.boxes_px[track.detection])
-    if last_px is None or px_per_m is None:
-        return last_px
-    moved_px = track.position_world_m[:2] * [px_per_m, -px_per_m] - _foot_px(last_px[None])[0]
-    return np.concatenate([last_px[:2] + moved_px, last_px[2:]])
+def _resized(box_px: FloatArray, last_px: FloatArray, gain: float) -> FloatArray:
+    """Return a box (4,) with a size between that of the last box and its own, by gain on a logarithmic scale."""
+    size_px = last_px[2:] * (box_px[2:] / last_px[2:]) ** gain
+    return np.concatenate([box_px[:2], size_px])

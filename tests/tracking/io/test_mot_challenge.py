@@ -201,14 +201,26 @@ def lines_of(path: Path, sequence: MotSequence, *tracks: tuple[Track, ...]) -> l
     return path.read_text().splitlines()
 
 
-def test_tracks_have_the_boxes_of_their_detections_or_move_their_last_ones(tmp_path: Path) -> None:
+def test_boxes_stand_on_the_position_of_the_track(tmp_path: Path) -> None:
     rows = [walker(1, left=300), walker(1), walker(3)]
     sequence = read_mot_detections(write(tmp_path / "det.txt", rows), FPS)
     moments = (someone(1.3, -2.1, 1), someone(0, 0, None, 8)), (someone(1.5, -2.0, None),), ()
     assert lines_of(tmp_path / "out" / "a.txt", sequence, *moments) == [
-        "1,3,102.00,50.00,60.00,170.00,0.7500,-1,-1,-1",
+        "1,3,100.00,40.00,60.00,170.00,0.7500,-1,-1,-1",
         "2,3,120.00,30.00,60.00,170.00,0.7500,-1,-1,-1",
     ]
+
+
+def test_sizes_of_boxes_are_smoothed(tmp_path: Path) -> None:
+    sizes = np.array([[60, 170], [66, 187], [60, 153], [60, 170]])
+    rows = [f"{i},-1,0,0,{width},{height},1" for i, (width, height) in enumerate(sizes)]
+    sequence = read_mot_detections(write(tmp_path / "det.txt", rows), FPS)
+    lines = lines_of(tmp_path / "a.txt", sequence, *[(someone(1, -2, 0),)] * 4)
+    written = np.array([[float(column) for column in line.split(",")[4:6]] for line in lines])
+    two = np.sqrt(sizes[0] * sizes[1])
+    three = two**0.6 * sizes[2] ** 0.4
+    expected = [sizes[0], two, three, three**0.6 * sizes[3] ** 0.4]
+    np.testing.assert_allclose(written, expected, atol=0.006)
 
 
 def test_on_the_ground_the_last_box_is_kept_and_the_position_is_written(tmp_path: Path) -> None:
@@ -244,6 +256,16 @@ def test_people_who_cross_keep_their_ids(tmp_path: Path) -> None:
     assert len(places) == 2
     for path in places.values():
         assert (np.diff(path) > 0).all() or (np.diff(path) < 0).all()
+
+
+def test_a_new_person_needs_two_boxes_but_in_the_first_frame(tmp_path: Path) -> None:
+    rows = [walker(i) for i in range(8)] + [walker(i, 600) for i in (0, 4, 5, 6)] + [walker(2, 900)]
+    tracks = tracks_of(read_mot_detections(write(tmp_path / "d", rows), FPS))
+    assert [[track.id for track in moment if track.seen] for moment in tracks[:7]] == [
+        [1, 2],
+        *[[1]] * 3,
+        *[[1, 2]] * 3,
+    ]
 
 
 def test_people_go_backwards_and_sideways(tmp_path: Path) -> None:
@@ -287,7 +309,7 @@ def test_people_are_tracked_and_written(tmp_path: Path) -> None:
     }
     rows = np.loadtxt(written, delimiter=",")
     assert set(rows[:, 1]) == {1}
-    np.testing.assert_array_equal(rows[:, 2:6], [[100 + 2 * i, 50, 60, 170] for i in rows[:, 0]])
+    np.testing.assert_allclose(rows[:, 2:6], [[100 + 2 * i, 50, 60, 170] for i in rows[:, 0]], atol=2)
     metrics = evaluate_files(
         write(tmp_path / "gt.txt", [walker(i) for i in range(1, 30)]), written, EvaluationOptions()
     ).metrics
