@@ -28,7 +28,9 @@ VersionOption = Annotated[
 ]
 WeightsOption = Annotated[
     Path | None,
-    typer.Option("--weights", help="Weights file, or the name of shipped ones: appocc (default) or street."),
+    typer.Option(
+        "--weights", help="Weights file or folder, or the name of shipped ones: appocc (default) or street."
+    ),
 ]
 SceneOption = Annotated[
     str | None, typer.Option("--scene", help="Name or token of the scene; default: the only one of ROOT.")

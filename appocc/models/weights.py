@@ -21,6 +21,8 @@ from appocc.typing import PathLike
 
 # Shipped with the package: the default weights, and others beside them.
 PACKAGED = Path(__file__).parent / "data" / "appocc.safetensors"
+# The weights in a folder in the layout of the Hugging Face Hub.
+FOLDER_FILE = "model.safetensors"
 VERSION = "1"
 # Safetensors writes several entries in random order; a single entry keeps files reproducible.
 _ENTRY = "card"
@@ -30,9 +32,10 @@ Card = Mapping[str, str]
 
 
 def find_weights(name_or_path: PathLike) -> Path:
-    """Return the file of shipped weights by their name, such as `street`, or the path of another file."""
+    """Return the file of shipped weights by their name, such as `street`, of a folder of weights, or another file."""
     shipped = {path.stem: path for path in PACKAGED.parent.glob("*.safetensors")}
-    return shipped.get(str(name_or_path), Path(name_or_path))
+    path = shipped.get(str(name_or_path), Path(name_or_path))
+    return path / FOLDER_FILE if path.is_dir() else path
 
 
 def save_weights(path: PathLike, model: BEVModel, card: Card, half: bool = False) -> None:
