@@ -142,6 +142,18 @@ def training_parts(dataset: Dataset, samples: Sequence[Sample], more: Iterable[P
     }
 
 
+def pack_parts(dataset: Dataset, samples: Sequence[Sample], maps: Iterable[Path]) -> dict[str, str]:
+    """Inputs of samples that are packed for other programs: pictures, calibration, boxes, and the files of maps."""
+    data = [each for sample in samples for each in dataset.data(sample).values()]
+    pictures = [each for each in data if each.modality == "camera"]
+    return {
+        "pictures": _files(dataset, pictures),
+        "calibration": _mounting(dataset, pictures, samples),
+        "boxes": _boxes(dataset, samples),
+        "maps": digest((path.name, state_of(path)) for path in maps),
+    }
+
+
 def _files(dataset: Dataset, data: Iterable[SampleData]) -> str:
     paths = {each.filename: dataset.path(each) for each in data}
     return digest(zip(paths, states_of(list(paths.values())), strict=True))

@@ -92,7 +92,9 @@ VersionOption = Annotated[
 WeightsOption = Annotated[
     Path | None,
     typer.Option(
-        "--weights", parser=in_path, help="Weights file, or the name of shipped ones: appocc (default) or street."
+        "--weights",
+        parser=in_path,
+        help="Weights file or folder, or the name of shipped ones: appocc (default) or street.",
     ),
 ]
 SceneOption = Annotated[

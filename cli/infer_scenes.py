@@ -70,10 +70,11 @@ def execute_by_scene(
         DataError: as the run, or if `cluster` is not valid.
         AppoccError: if the cluster cannot be used.
     """
+    from appocc.models.shipped import PACKAGED, find_weights
     from appocc.workers import in_order
 
     weights = job.weights
-    if weights is not None and weights.is_file():  # and not the name of shipped ones
+    if weights is not None and find_weights(weights).parent != PACKAGED.parent:  # shipped ones are on every node
         weights = shared(cluster, weights)
     job = replace(job, root=shared(cluster, job.root), out=shared(cluster, job.out), weights=weights)
     with engine(cluster, min(workers, len(scenes)), job.out) as pool, progress("prediction", len(run)) as advance:

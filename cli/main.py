@@ -23,6 +23,7 @@ from cli.export import export
 from cli.ground import ground
 from cli.groundtruth import groundtruth
 from cli.infer import infer
+from cli.pack import pack
 from cli.report.command import report
 from cli.rig import app as rig_app
 from cli.serve import serve
@@ -72,6 +73,7 @@ app.add_typer(rig_app)
 app.command()(train)
 app.command()(ablate)
 app.command()(export)
+app.command()(pack)
 app.add_typer(track_app)
 app.command()(ground)
 app.command()(serve)

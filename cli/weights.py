@@ -1,4 +1,4 @@
-"""`appocc weights`: show the model card of a weights file, and write weights for distribution."""
+"""`appocc weights`: show the model card of a weights file, write weights for distribution, and exchange them."""
 
 from __future__ import annotations
 
@@ -7,9 +7,13 @@ from typing import Annotated, Any
 
 import typer
 
-from cli.common import JsonOption, emit, in_path, local_out_path, say
+from cli.common import JsonOption, WeightsOption, emit, in_path, local_out_path, say
 
-app = typer.Typer(name="weights", help="Show a weights file, or write one for distribution.", no_args_is_help=True)
+app = typer.Typer(
+    name="weights",
+    help="Show a weights file, write one for distribution, or exchange it as a folder.",
+    no_args_is_help=True,
+)
 
 
 @app.command()
@@ -63,6 +67,46 @@ def ship(
     from appocc.training.shipping import read_figures, ship_weights
 
     ship_weights(file, out, read_figures(figures) if figures else None, command or ())
+    say(f"{out}: {out.stat().st_size / 1e6:.1f} MB")
+
+
+@app.command()
+def push(
+    target: Annotated[
+        str, typer.Argument(metavar="DIR", help="Folder to write, or hf://OWNER/NAME[@REVISION] (extra hub).")
+    ],
+    weights: WeightsOption = None,
+    licence: Annotated[
+        str | None,
+        typer.Option(
+            "--license", help="Identifier on the model card; default: mit for shipped weights, else unknown."
+        ),
+    ] = None,
+) -> None:
+    """Write weights in the layout of the Hugging Face Hub: model.safetensors, config.json, README.md.
+
+    Example: appocc weights push DIR --weights mine.safetensors --license cc-by-4.0
+    """
+    from appocc.inference.loading import weights_file
+    from appocc.training.hub_folder import push_weights
+
+    say(f"{push_weights(weights_file(weights), target, licence)}: written")
+
+
+@app.command()
+def pull(
+    source: Annotated[
+        str, typer.Argument(metavar="DIR", help="Folder of weights, or hf://OWNER/NAME[@REVISION] (extra hub).")
+    ],
+    out: Annotated[Path, typer.Option("--out", parser=local_out_path, help="Output file, *.safetensors.")],
+) -> None:
+    """Check a folder in the layout of the Hugging Face Hub, and write its weights to a file.
+
+    Example: appocc weights pull hf://OWNER/NAME --out mine.safetensors
+    """
+    from appocc.training.hub_folder import pull_weights
+
+    pull_weights(source, out)
     say(f"{out}: {out.stat().st_size / 1e6:.1f} MB")
 
 

@@ -4,7 +4,7 @@ All files that users name are opened here. A path is a `pathlib.Path`, or, for a
 methods; `path_of` makes either from text.
 """
 
-from appocc.files.images import decoded_image, open_picture, read_image, read_images, write_image
+from appocc.files.images import decoded_image, open_picture, read_image, read_images, read_picture_bytes, write_image
 from appocc.files.local_copies import local_copy
 from appocc.files.names import inside, plain_name, stays_inside
 from appocc.files.object_store import StoreError
@@ -39,6 +39,7 @@ __all__ = [
     "read_image",
     "read_images",
     "read_json",
+    "read_picture_bytes",
     "read_text",
     "stays_inside",
     "unzipped",

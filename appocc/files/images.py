@@ -64,8 +64,7 @@ def decoded_image(path: PathLike, data: bytes, size_px: tuple[int, int] | None =
     Raises:
         DataError: if it is truncated or not an image, or has another size.
     """
-    if is_jpeg(data) and end_of(data) < 0:
-        raise DataError(f"{path}: the image is truncated ({len(data)} bytes)")
+    _check_end(path, data)
     try:
         decoded = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR_RGB) if _is_picture(data) else None
     except cv2.error:
@@ -80,6 +79,24 @@ def decoded_image(path: PathLike, data: bytes, size_px: tuple[int, int] | None =
         expected = f"{size_px[0]}x{size_px[1]}"
         raise DataError(f"{path}: expected {expected} pixels, as its table says, got {width}x{height}")
     return image
+
+
+def read_picture_bytes(path: PathLike) -> bytes:
+    """Read the bytes of an image file, which begin and end as a JPEG or begin as a PNG; they are not decoded.
+
+    Raises:
+        DataError: if it is missing, truncated or not an image.
+    """
+    data = read_file(path)
+    _check_end(path, data)
+    if not _is_picture(data):
+        raise DataError(f"{path}: not a readable image ({len(data)} bytes), expected JPEG or PNG")
+    return data
+
+
+def _check_end(path: PathLike, data: bytes) -> None:
+    if is_jpeg(data) and end_of(data) < 0:
+        raise DataError(f"{path}: the image is truncated ({len(data)} bytes)")
 
 
 def _is_picture(data: bytes) -> bool:

@@ -9,6 +9,8 @@ from appocc.typing import PathLike
 
 # The default weights; others lie beside them.
 PACKAGED = Path(__file__).parent / "data" / "appocc.safetensors"
+# The weights in a folder in the layout of the Hugging Face Hub.
+FOLDER_FILE = "model.safetensors"
 
 
 def shipped_weights() -> dict[str, Path]:
@@ -17,5 +19,7 @@ def shipped_weights() -> dict[str, Path]:
 
 
 def find_weights(name_or_path: PathLike) -> Path:
-    """Return the file of shipped weights by their name, such as `street`, or the path of another file."""
-    return shipped_weights().get(str(name_or_path)) or path_of(name_or_path)
+    """Return the file of shipped weights by their name, such as `street`, of a folder of weights, or another file."""
+    path = shipped_weights().get(str(name_or_path)) or path_of(name_or_path)
+    # Any address of a web server may be a folder.
+    return path / FOLDER_FILE if path.suffix != ".safetensors" and path.is_dir() else path

@@ -30,7 +30,7 @@ class Assembly:
 
     Attributes:
         out: folder of the dataset, `resolved`.
-        version: name of the folder of its tables.
+        version: name of the folder of its tables; empty for results without tables.
         record: name of the JSON file in `out` that stores the settings.
         settings: JSON values that determine every byte of the dataset.
         what: noun for messages, such as simulation.
@@ -101,13 +101,25 @@ class Assembly:
         Raises:
             DataError: as `write` does, or if a file cannot be written.
         """
+
+        def write_tables(part: Path) -> None:
+            writer = Writer(part, self.version)
+            write(writer)
+            writer.save()
+
+        self.write_files(scene, write_tables)
+
+    def write_files(self, scene: str, write: Callable[[Path], None]) -> None:
+        """Write the files of a scene: `write` gets a folder for them, to be made, which is kept if it succeeds.
+
+        Raises:
+            DataError: as `write` does.
+        """
         place = self.place(scene)
         # A name of its own: on a cluster, a scene may be written twice, by a worker that was taken for dead.
         part = place.with_name(f"{scene}.{uuid4().hex}.part")
-        writer = Writer(part, self.version)
         try:
-            write(writer)
-            writer.save()
+            write(part)
             part.replace(place)
         except OSError:
             if not place.is_dir():
@@ -129,7 +141,8 @@ class Assembly:
         for half in root.rglob(".*"):  # written by a run that was killed
             half.unlink()
         places = [self.place(scene) for scene in scenes]
-        merge_tables([place / self.version for place in places], root / self.version)
+        if self.version:
+            merge_tables([place / self.version for place in places], root / self.version)
         for place in [*places, *([] if shared is None else [shared])]:
             _move_files(place, root, leave=self.version)
         write_json(root / self.record, dict(self.settings))
@@ -209,7 +222,7 @@ def merge_tables(sources: Sequence[Path], target: Path) -> None:
 
 
 def _move_files(source: Path, target: Path, leave: str) -> None:
-    """Move the files below one folder to the same paths below another, except those of the folder `leave`."""
+    """Move the files below one folder to the same paths below another, except hidden ones and the folder `leave`."""
     for path in sorted(path for path in source.rglob("*") if path.is_file()):
         place = path.relative_to(source)
         if place.parts[0] != leave and not path.name.startswith("."):

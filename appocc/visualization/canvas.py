@@ -22,7 +22,7 @@ UNKNOWN_LEGEND = "hatched: unknown"
 # Background of predicted colours, which are the fainter the less sure the network is that the cell is of any class.
 _NOTHING_COLOUR = (38, 41, 48)
 _EMPTY = 20
-_CLASS_COLOURS = {ROAD: (112, 112, 118), LANE: (245, 205, 70), VEHICLE: (70, 130, 240)}
+CLASS_COLOURS = {ROAD: (112, 112, 118), LANE: (245, 205, 70), VEHICLE: (70, 130, 240)}
 
 
 def to_image_axes(cells: NDArray[np.uint8]) -> ByteArray:
@@ -53,7 +53,7 @@ def class_colours(bev: BEVMap) -> ByteArray:
     """Return a colour (X, Y, 3) for the class of each cell: vehicle over lane over road, others nearly black."""
     colours = np.full((*bev.grid.shape, 3), _EMPTY, np.uint8)
     for layer in (ROAD, LANE, VEHICLE):
-        colours[bev.on[layer]] = _CLASS_COLOURS[layer]
+        colours[bev.on[layer]] = CLASS_COLOURS[layer]
     return colours
 
 

@@ -14,6 +14,8 @@ from appocc import files
 from appocc.errors import DataError
 from appocc.files import RemotePath, path_of
 
+pytest_plugins = ["remote_fixtures"]
+
 NAMES = st.text(st.characters(blacklist_characters="/\0", blacklist_categories=("Cs",)), min_size=1, max_size=9)
 
 

@@ -14,6 +14,8 @@ from walkthrough import README, blocks
 
 from appocc.inference import loading
 
+pytest_plugins = ["remote_fixtures"]
+
 PAGE = README.parent / "docs" / "remote.md"
 
 

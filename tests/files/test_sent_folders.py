@@ -17,6 +17,8 @@ from appocc.nuscenes import Dataset
 from appocc.nuscenes.assembly import Assembly, resolved
 from appocc.nuscenes.writer import Writer, token_of, whole_folder
 
+pytest_plugins = ["remote_fixtures"]
+
 SCENES = ("one", "two")
 
 

@@ -1,0 +1,1 @@
+"""Datasets with their maps in formats of other programs: WebDataset shards and COCO panoptic files."""
