@@ -44,7 +44,7 @@ EGO_LENGTH_M = 4.6
 PAINTS = {
     **{"white": (240, 240, 240), "silver": (190, 191, 192), "grey": (110, 110, 112), "black": (20, 20, 22)},
     **{"red": (190, 25, 30), "blue": (30, 60, 170), "green": (30, 130, 50), "yellow": (235, 200, 40)},
-    **{"brown": (100, 60, 35), "orange": (240, 130, 30)},
+    **{"brown": (100, 60, 35), "orange": (240, 130, 30), "beige": (215, 200, 170), "gold": (200, 160, 60)},
 }
 # Width, length, height and category of each class.
 BODIES: dict[str, tuple[tuple[float, float, float], str]] = {
@@ -52,6 +52,8 @@ BODIES: dict[str, tuple[tuple[float, float, float], str]] = {
     "van": ((2.0, 5.4, 2.2), "vehicle.car"),
     "truck": ((2.4, 7.5, 3.2), "vehicle.truck"),
     "bus": ((2.5, 11.0, 3.2), "vehicle.bus.rigid"),
+    "trailer": ((2.4, 6.0, 2.6), "vehicle.trailer"),
+    "construction_vehicle": ((2.4, 6.5, 3.0), "vehicle.construction"),
     "motorcycle": ((0.8, 2.2, 1.5), "vehicle.motorcycle"),
     "bicycle": ((0.6, 1.8, 1.6), "vehicle.bicycle"),
     "person": ((0.6, 0.6, 1.7), "human.pedestrian.adult"),
