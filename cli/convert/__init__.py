@@ -8,9 +8,11 @@ from cli.convert.argoverse import argoverse
 from cli.convert.kitti import kitti
 from cli.convert.own_cameras import images
 from cli.convert.pandaset import pandaset
+from cli.convert.ros import ros
 
 app = typer.Typer(name="convert", help="Convert recordings to the nuScenes schema.")
 app.command()(pandaset)
 app.command()(argoverse)
 app.command()(kitti)
+app.command()(ros)
 app.command()(images)
