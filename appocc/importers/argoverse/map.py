@@ -54,7 +54,7 @@ def _log_map(data: Mapping[str, Any], name: str) -> LogMap | None:
     drivable = [outline for outline in drivable if len(outline) > 2]
     if not drivable:
         return None
-    made = LogMap(name, drivable)
+    made = LogMap(name, [(outline, ()) for outline in drivable])
     lanes = data["lane_segments"].values()
     for layer, line in _markings(lanes):
         made.expansion.add_line(layer, line)
