@@ -24,6 +24,7 @@ from cli.ground import ground
 from cli.groundtruth import groundtruth
 from cli.infer import infer
 from cli.pack import pack
+from cli.record import app as record_app
 from cli.report.command import report
 from cli.rig import app as rig_app
 from cli.serve import serve
@@ -65,6 +66,7 @@ def options(
 app.command()(demo)
 app.command()(simulate)
 app.add_typer(convert_app)
+app.add_typer(record_app)
 app.command()(doctor)
 app.command()(groundtruth)
 app.command()(infer)

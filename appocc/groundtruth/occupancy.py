@@ -41,7 +41,7 @@ def road_layer(grid: BEVGrid, world_from_ego: FloatArray, sources: RoadSources) 
     if sources.vector is not None and sources.vector.drivable is not None:
         return _vector_road(grid, world_from_ego, sources.vector.drivable)
     if sources.mask is not None:
-        return _mask_road(grid, world_from_ego, sources.mask)
+        return mask_road(grid, world_from_ego, sources.mask)
     if sources.surface_labels[0]:
         return _labelled(grid, world_from_ego, sources, "road", ROAD_SHARE)
     return _unknown(grid)
@@ -50,7 +50,7 @@ def road_layer(grid: BEVGrid, world_from_ego: FloatArray, sources: RoadSources) 
 def lane_layer(grid: BEVGrid, world_from_ego: FloatArray, sources: RoadSources) -> OccupancyLayer:
     """Return the lane markings from the map expansion, else labelled LiDAR points, else unknown."""
     if sources.vector is not None and sources.vector.markings is not None:
-        return _vector_lane(grid, world_from_ego, sources.vector.markings)
+        return vector_lane(grid, world_from_ego, sources.vector.markings)
     if sources.surface_labels[1]:
         return _labelled(grid, world_from_ego, sources, "lane", LANE_SHARE)
     return _unknown(grid)
@@ -77,14 +77,15 @@ def _vector_road(grid: BEVGrid, world_from_ego: FloatArray, drivable: tuple[Area
     return OccupancyLayer(cover >= ROAD_SHARE - ROUNDING, np.ones(grid.shape, dtype=np.bool_), "map_expansion")
 
 
-def _vector_lane(grid: BEVGrid, world_from_ego: FloatArray, markings: tuple[FloatArray, ...]) -> OccupancyLayer:
+def vector_lane(grid: BEVGrid, world_from_ego: FloatArray, markings: tuple[FloatArray, ...]) -> OccupancyLayer:
+    """Return the cells under painted lines (K, 2), world frame."""
     cover = np.zeros(grid.shape)
     for line in markings:
         cover += line_cover(grid, _to_ego(world_from_ego, line), _MARKING_WIDTH_M)
     return OccupancyLayer(cover >= LANE_SHARE - ROUNDING, np.ones(grid.shape, dtype=np.bool_), "map_expansion")
 
 
-def _mask_road(grid: BEVGrid, world_from_ego: FloatArray, mask: MaskWindow) -> OccupancyLayer:
+def mask_road(grid: BEVGrid, world_from_ego: FloatArray, mask: MaskWindow) -> OccupancyLayer:
     """Return the road from the drivable share of 4 x 4 points per cell; valid where the mask knows at least half."""
     part = (np.arange(_SUBSAMPLES) + 0.5) / _SUBSAMPLES - 0.5
     offset = np.stack(np.meshgrid(part, part, indexing="ij"), axis=-1).reshape(-1, 2) * grid.cell_m

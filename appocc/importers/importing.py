@@ -181,6 +181,8 @@ class _LogWriter:
             counted = box if points_world is None else _counted(box, points_world)
             self._writer.add_annotation(self._scene, sample, counted)
         self._summary.boxes += len(frame.boxes)
+        if frame.more is not None:
+            frame.more(self._writer, sample)
         return sample
 
     def _add_image(self, sample: str, image: Image) -> None:

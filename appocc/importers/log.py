@@ -55,12 +55,14 @@ class Frame:
         images: at most one per camera; a missing camera has none.
         sweep: LiDAR sweep, if there is one.
         boxes: annotated objects in the world frame.
+        more: writes further files and rows of the key frame, given the writer and the sample's token; None for none.
     """
 
     time_us: int
     images: tuple[Image, ...]
     sweep: Sweep | None = None
     boxes: tuple[Annotation, ...] = ()
+    more: Callable[[Writer, str], None] | None = None
 
 
 class Log(Protocol):

@@ -61,6 +61,11 @@ ATTRIBUTES = ("vehicle.moving", "vehicle.stopped", "vehicle.parked", "cycle.with
 VISIBILITIES = (("1", "v0-40"), ("2", "v40-60"), ("3", "v60-80"), ("4", "v80-100"))
 
 
+def visibility_token(share: float) -> str:
+    """Return the nuScenes token of a share in [0, 1]: 1 up to 40 %, 2 up to 60 %, 3 up to 80 %, 4 above."""
+    return VISIBILITIES[int(np.searchsorted([0.4, 0.6, 0.8], share, side="right"))][0]
+
+
 def token_of(*names: object) -> str:
     """Return a 32-digit token, a hash of names: the same input gives the same tables."""
     # Slashes inside names are escaped, so that ("a/b", "c") and ("a", "b/c") differ.

@@ -20,6 +20,7 @@ from appocc.grid import BEVGrid
 from appocc.nuscenes.dataset import LIDAR
 from appocc.nuscenes.lidar import write_lidar
 from appocc.nuscenes.map_writer import MapExpansion
+from appocc.nuscenes.view_reduction import reduce_view
 from appocc.nuscenes.view_targets import ViewTargets, save_view_targets, view_targets_path
 from appocc.nuscenes.writer import Writer, token_of
 from appocc.rigs import SourceRig
@@ -40,7 +41,6 @@ from appocc.simulation.surface import ROAD_SURFACES, surface_table
 from appocc.simulation.town import Town
 from appocc.simulation.traffic import Actor, TrafficLog, TrafficState
 from appocc.simulation.truth.annotations import annotate
-from appocc.simulation.truth.auxiliary import reduce_view
 from appocc.simulation.truth.objects import ActorBoxes, category_indices, count_lidar_points, objects_near
 from appocc.simulation.truth.occupancy import exact_occupancy
 from appocc.simulation.truth.visibility import visible_shares

@@ -8,6 +8,7 @@ from cli.convert.argoverse import argoverse
 from cli.convert.kitti import kitti
 from cli.convert.own_cameras import images
 from cli.convert.pandaset import pandaset
+from cli.convert.ros import ros
 from cli.convert.waymo import waymo
 
 app = typer.Typer(name="convert", help="Convert recordings to the nuScenes schema.")
@@ -15,4 +16,5 @@ app.command()(pandaset)
 app.command()(argoverse)
 app.command()(kitti)
 app.command()(waymo)
+app.command()(ros)
 app.command()(images)

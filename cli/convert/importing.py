@@ -12,7 +12,7 @@ from cli.common import emit, out_path, progress, say
 from cli.engine import engine, shared
 
 if TYPE_CHECKING:
-    from appocc.importers import Log
+    from appocc.importers import Log, Summary
 
 OutArgument = Annotated[Path, typer.Argument(parser=out_path, metavar="OUT", help="New folder for the dataset.")]
 WorkersOption = Annotated[
@@ -62,6 +62,11 @@ def run_import(
         progress("importing", total) as bar,
     ):
         summary = import_logs(logs, shared(cluster, out), source, settings, pool, bar)
+    report(summary, out, as_json)
+
+
+def report(summary: Summary, out: Path, as_json: bool) -> None:
+    """Print the summary of an import."""
     if as_json:
         emit(summary.as_json() | {"folder": str(out)})
     for sensor, count in sorted(summary.missing.items()):

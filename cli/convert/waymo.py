@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from cli.common import JsonOption
+from cli.common import JsonOption, local_path
 from cli.convert.importing import HzOption, LogsOption, OutArgument, WorkersOption, chosen_logs, run_import
 from cli.engine import LOCAL, ClusterOption, shared
 
@@ -17,6 +17,7 @@ def waymo(
         Path,
         typer.Argument(
             metavar="SRC",
+            parser=local_path,
             help="Version 1: a file *.tfrecord or a folder of them; version 2: the folder of camera_image/, lidar/, "
             "...; or a folder of such folders.",
         ),

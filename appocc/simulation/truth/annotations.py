@@ -6,10 +6,9 @@ import numpy as np
 
 from appocc.checks import FloatArray, IntArray
 from appocc.geometry import transform
-from appocc.nuscenes.writer import Annotation
+from appocc.nuscenes.writer import Annotation, visibility_token
 from appocc.simulation.traffic import Light
 from appocc.simulation.truth.objects import ActorBoxes, category_of
-from appocc.simulation.truth.visibility import visibility_token
 
 # A vehicle in traffic below this speed counts as stopped.
 _STOPPED_MPS = 0.3

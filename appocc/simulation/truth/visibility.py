@@ -1,4 +1,4 @@
-"""Visibility of the actors in the cameras, in nuScenes' levels."""
+"""Visibility of the actors in the cameras."""
 
 from __future__ import annotations
 
@@ -8,18 +8,12 @@ from numpy.typing import NDArray
 
 from appocc.camera import CameraRig
 from appocc.checks import Float32Array, FloatArray, IntArray
-from appocc.nuscenes.writer import VISIBILITIES
 from appocc.simulation.mesh import Mesh
 from appocc.simulation.rendering.tracing import ACTOR, Tracer
 
 _NEAREST_M = 0.1
 # Steps of the plastic number: a low-discrepancy sequence, which needs no random numbers.
 _STEP_U, _STEP_V = 0.7548776662466927, 0.5698402909980532
-
-
-def visibility_token(share: float) -> str:
-    """Return the nuScenes token of a share in [0, 1]: 1 up to 40 %, 2 up to 60 %, 3 up to 80 %, 4 above."""
-    return VISIBILITIES[int(np.searchsorted([0.4, 0.6, 0.8], share, side="right"))][0]
 
 
 def visible_shares(

@@ -7,9 +7,10 @@ from numpy.typing import NDArray
 
 from appocc.camera import CameraRig
 from appocc.checks import FloatArray
+from appocc.nuscenes.writer import visibility_token
 from appocc.simulation.mesh import Mesh, join_meshes
 from appocc.simulation.rendering.tracing import ACTOR, Tracer
-from appocc.simulation.truth.visibility import visibility_token, visible_shares
+from appocc.simulation.truth.visibility import visible_shares
 
 CAR = ("car", "sedan", (4.6, 1.8, 1.5))
 BUS = ("bus", "bus", (11.0, 2.5, 3.1))

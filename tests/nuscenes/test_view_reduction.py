@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from appocc.simulation.truth.auxiliary import reduce_view
+from appocc.nuscenes.view_reduction import reduce_view
 
 
 def test_a_block_takes_its_commonest_class_and_that_class_s_median_depth() -> None:
