@@ -181,7 +181,10 @@ def test_a_camera_of_woodscape_has_its_pose(tmp_path: Path) -> None:
         (ROS.replace("plumb_bob", "double_sphere"), "distortion_model: expected plumb_bob, .*, got 'double_sphere'"),
         (ROS.replace("0.0, 0.0, 1.0]", "0.0]"), "camera_matrix: expected 3x3 numbers, got 7"),
         (ROS.replace("-0.28", "much"), "distortion_coefficients: expected coefficients, such as"),
-        (ROS.replace("distortion_coefficients", "lens_terms"), "expected distortion_coefficients, got none; is it 'lens"),
+        (
+            ROS.replace("distortion_coefficients", "lens_terms"),
+            "expected distortion_coefficients, got none; is it 'lens",
+        ),
         (CHAIN.partition("cam1")[0].replace("pinhole", "omni"), "cam0.camera_model: expected pinhole, got 'omni'"),
         (
             CHAIN.partition("cam1")[0].replace("radtan", "fov"),
