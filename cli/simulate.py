@@ -59,7 +59,7 @@ def simulate(
     import time
 
     from appocc.environment import cores
-    from appocc.errors import DataError, NotFoundError
+    from appocc.errors import NotFoundError
     from appocc.nuscenes.assembly import count_finished_scenes, unfinished_folder
     from appocc.rigs import read_source_rig
     from appocc.simulation.generate import DatasetSettings
@@ -73,8 +73,6 @@ def simulate(
         raise NotFoundError(f"weather: expected {', '.join(WEATHER_SHARES)}, got '{unknown[0]}'")
     source = read_source_rig(rig)
     lenses = None if source.is_pinhole else source
-    if lenses is not None and vary:
-        raise DataError(f"{rig}: expected a rig of pinholes for --vary, got other lenses")
     frames = max(1, round(seconds * hz))
     recording = RecordingSettings(frames, hz, source.rig, lidar, full_maps, vary, lenses)
     towns = town_sources(split.value, town or ())

@@ -192,7 +192,10 @@ class _Recorder:
     def _draw_variation(self) -> SceneVariation:
         seed, rig = self._scenario.random_seed, self._recording.rig
         weather = draw_weather(self._scenario.weather, np.random.default_rng([*seed, 2]))
-        return draw_variation(rig, weather, [*seed, 4]) if self._recording.vary else SceneVariation(rig, weather)
+        source = self._recording.source
+        if not self._recording.vary:
+            return SceneVariation(rig, weather, source=source)
+        return draw_variation(rig, weather, [*seed, 4], source)
 
     def add_sample(self, number: int) -> str:
         """Record frame `number`; return the sample's token."""
@@ -241,7 +244,7 @@ class _Recorder:
         self, number: int, pose: FloatArray, random: np.random.Generator
     ) -> tuple[Mapping[str, ByteArray], Mapping[str, CameraView | PixelMaps]]:
         """Return the images and pixel maps by channel; write the pictures of cameras with other lenses."""
-        renderer, rig, source = self._simulation.renderer, self._variation.rig, self._recording.source
+        renderer, rig, source = self._simulation.renderer, self._variation.rig, self._variation.source
         if source is None:
             views = renderer.views(rig, pose, random)
             return {channel: view.image for channel, view in views.items()}, views

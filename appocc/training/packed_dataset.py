@@ -128,7 +128,7 @@ def pack_dataset(
     source: str,
     setting: ModelSpec,
     out: Path,
-    advance: Callable[[float], None] | None = None,
+    advance: Callable[[int, int], None] | None = None,
     on_message: Callable[[str], None] | None = None,
     workers: int = 1,
 ) -> PackedDataset:
@@ -143,7 +143,7 @@ def pack_dataset(
         source: source of the BEV maps (`appocc.bevmap`).
         setting: cameras, grid and image size.
         out: folder of the packed dataset, written atomically.
-        advance: progress callback with the number of new samples.
+        advance: progress callback with the numbers of samples that are packed and of all.
         on_message: called with a message if an outdated or damaged packed dataset is replaced, or another run is
             packing it.
         workers: number of processes.
@@ -157,16 +157,16 @@ def pack_dataset(
         raise DataError(f"{dataset.root}: no key frames to train on")
     channels = _channels(dataset, setting)
     made_of = _made_of(dataset, source, setting, channels, [sample for _, sample in samples])
-    advance, on_message = advance or (lambda done: None), on_message or (lambda line: None)
+    advance, on_message = advance or (lambda done, total: None), on_message or (lambda line: None)
     with suppress(DataError):
         if (kept := _reusable(out, made_of)[0]) is not None:
-            advance(len(kept))
+            advance(len(kept), len(kept))
             return kept
     try:
         with made_folder(out.parent), locked(out.with_name(f".{out.name}.lock"), out, on_message):
             kept, reason = _reusable(out, made_of)  # another run may have packed it in the meantime
             if kept is not None:
-                advance(len(kept))
+                advance(len(kept), len(kept))
                 return kept
             if reason:
                 on_message(f"{out}: packing again, {reason}")
@@ -191,7 +191,7 @@ def _write(
     out: Path,
     made_of: dict[str, Any],
     setting: ModelSpec,
-    advance: Callable[[float], None],
+    advance: Callable[[int, int], None],
     workers: int,
 ) -> None:
     """Write a packed dataset."""
@@ -213,10 +213,10 @@ def _write(
                 name: opened.enter_context(_array_file(folder / f"{name}.npy", shape, dtype))
                 for name, (shape, dtype) in array_layout(len(samples), len(channels), setting, grid).items()
             }
-            for packed in in_order(pool, read, files, chunksize=4):
+            for number, packed in enumerate(in_order(pool, read, files, chunksize=4), start=1):
                 for name in ARRAYS:
                     arrays[name].write(getattr(packed, name).tobytes())
-                advance(1)
+                advance(number, len(samples))
         write_json(folder / _INDEX, index)
 
 

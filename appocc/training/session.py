@@ -125,12 +125,9 @@ def _packed_dataset(root: str, config: Config, processes: ProcessGroup, monitor:
     if not processes.is_main:
         distributed.barrier()
         return PackedDataset.open(out)
-    packed = 0.0
 
-    def advance(done: float) -> None:
-        nonlocal packed
-        packed += done
-        monitor.on_step(0.0, f"packing {root}: {packed:.0f} samples")
+    def advance(done: int, total: int) -> None:
+        monitor.on_step(done / total, f"packing {root}: {done} of {total} samples")
 
     workers = max(1, config.data.workers)
     try:

@@ -42,7 +42,7 @@ class CameraAngles(NamedTuple):
     def text(self) -> str:
         """The angles and the height for people."""
         angles = f"yaw {self.yaw_deg:+z.1f}, pitch {self.pitch_deg:+z.1f}, roll {self.roll_deg:+z.1f} deg"
-        return f"{angles}, {self.height_m:.2f} m above the ground"
+        return f"{angles}, {self.height_m:.2f} m above ground"
 
 
 def camera_angles(camera: Camera) -> CameraAngles:

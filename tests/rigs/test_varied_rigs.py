@@ -1,11 +1,13 @@
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from appocc.camera import CameraRig
-from appocc.rigs import read_rig
-from appocc.rigs.variation import FIELD_OF_VIEW_DEG, HEIGHT_M, field_of_view_deg, vary_rig
+from appocc.rigs import read_rig, read_source_rig
+from appocc.rigs.variation import FIELD_OF_VIEW_DEG, HEIGHT_M, field_of_view_deg, vary_rig, vary_source_rig
 from appocc.visualization.rig_check import camera_angles
 
 
@@ -55,3 +57,25 @@ def test_pitch_is_common_to_the_rig(rigs: list[CameraRig]) -> None:
     pitches = np.array([[camera_angles(c).pitch_deg for c in rig] for rig in rigs])
     assert pitches.mean(axis=1).std() > 1.2
     assert (np.ptp(pitches, axis=1) < 4.001).all()
+
+
+WIDE = """
+cameras:
+  nose: {size_px: [96, 72], focal_px: 30, fisheye: [0.01, 0, 0, 0], position_m: [3, 0, 0.5], yaw_deg: 0, pitch_deg: 9}
+  side: {size_px: [96, 72], fov_deg: 80, distortion: [-0.2, 0.04, 0, 0], position_m: [1.8, 0.9, 1.0], yaw_deg: 70}
+"""
+
+
+def test_other_lenses_are_moved_and_cut_anew(tmp_path: Path) -> None:
+    (tmp_path / "rig.yaml").write_text(WIDE)
+    source = read_source_rig(tmp_path / "rig.yaml")
+    varied = [vary_source_rig(source, np.random.default_rng(seed)) for seed in range(6)]
+    for one in varied:
+        assert [camera.channel for camera in one.rig] == [camera.channel for camera in source.rig]
+        assert [camera.lens for camera in one.cameras] == [camera.lens for camera in source.cameras]
+        assert min(camera.ego_from_cam[2, 3] for camera in one.cameras) >= 0.4
+        for camera, view in ((c, v) for c in one.cameras for v in one.views if v.source == c.name):
+            np.testing.assert_allclose(view.camera.ego_from_cam[:3, 3], camera.ego_from_cam[:3, 3])
+    places = np.array([[camera.ego_from_cam[:3, 3] for camera in one.cameras] for one in varied])
+    assert (np.ptp(places, axis=0)[:, [0, 2]] > 0.1).all(), "every camera is moved along and up"
+    assert vary_source_rig(source, np.random.default_rng(3)).as_json() == varied[3].as_json()

@@ -93,13 +93,13 @@ def test_a_scene_without_annotations_has_no_objects(tiny: TinyDataset, tmp_path:
 
 
 def test_an_existing_packed_dataset_is_reused(root: Path, tmp_path: Path) -> None:
-    out, done, messages = tmp_path / "pack", [0.0], list[str]()
-    first = pack_dataset(root, "exact", SETTING, out, lambda more: done.append(more), messages.append)
+    out, done, messages = tmp_path / "pack", list[tuple[int, int]](), list[str]()
+    first = pack_dataset(root, "exact", SETTING, out, lambda *share: done.append(share), messages.append)
     before = (out / "images.npy").stat()
-    again = pack_dataset(root, "exact", SETTING, out, lambda more: done.append(more), messages.append)
+    again = pack_dataset(root, "exact", SETTING, out, lambda *share: done.append(share), messages.append)
     assert (out / "images.npy").stat().st_mtime_ns == before.st_mtime_ns
     assert (out / "images.npy").stat().st_ino == before.st_ino
-    assert sum(done) == 6
+    assert done == [(1, 3), (2, 3), (3, 3), (3, 3)]
     assert messages == []
     assert (again.tokens, again.setting, again.grid) == (first.tokens, SETTING, GRID)
 
@@ -174,7 +174,7 @@ def test_a_full_disk_is_an_error_and_leaves_nothing(
 
 def test_packing_waits_for_another_run(root: Path, tmp_path: Path) -> None:
     said: list[str] = []
-    done: list[float] = []
+    done: list[tuple[int, int]] = []
     out = tmp_path / "pack"
 
     def say(line: str) -> None:
@@ -185,9 +185,9 @@ def test_packing_waits_for_another_run(root: Path, tmp_path: Path) -> None:
 
     with ExitStack() as release:
         release.enter_context(locked(tmp_path / ".pack.lock", out))
-        pack_dataset(root, "exact", SETTING, out, done.append, say)
+        pack_dataset(root, "exact", SETTING, out, lambda *share: done.append(share), say)
     assert said == [f"{out}: waiting for another run that uses it"]
-    assert done == [3]  # kept, at once
+    assert done == [(3, 3)]  # kept, at once
     assert not list(tmp_path.glob(".*"))
 
 

@@ -19,6 +19,14 @@ from tracking.tracks import Track
 from tracking.vehicle_classes import HEIGHT_M, class_from_size
 
 LIST_ROW_PX, LIST_COLUMN_PX = 22, 240
+# What the signs of the bird's-eye view mean; the list of tracks tells their classes.
+LEGEND = (
+    "green: our own car",
+    "a colour for each track; thin: not seen now",
+    "inside a box: where it faces; tail: its way",
+    "number: id, metres ahead; square: its paint",
+    UNKNOWN_LEGEND,
+)
 
 
 def track_colour(number: int) -> Colour:
@@ -64,7 +72,8 @@ def draw_bev_panel(
     """Draw the map, forward up, with boxes, trails (id -> (K, 3) world), ids, colours and longitudinal distances."""
     canvas = BEVCanvas(bev.grid, scale)
     canvas.appearance(bev)
-    put_text(canvas.picture, UNKNOWN_LEGEND, (8, canvas.picture.shape[0] - 8))
+    for line, text in enumerate(reversed(LEGEND)):
+        put_text(canvas.picture, text, (8, canvas.picture.shape[0] - 8 - 18 * line))
     canvas.ego(ego)
     ego_from_world = inverse(world_from_ego)
     ordered = sort_by_distance(tracks, world_from_ego)
