@@ -163,7 +163,7 @@ def gate_pairs(
         config.drift_std_mps,
         config.max_cost,
     )
-    return CandidatePairs._make([each[:count] for each in pairs])
+    return pairs if count == n else CandidatePairs._make([each[:count] for each in pairs])
 
 
 @compiled
