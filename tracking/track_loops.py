@@ -202,7 +202,7 @@ def find_reportable(
     coast_s: float,
     reported: BoolArray,
 ) -> None:
-    """See `TrackTable.reportable`; scores and standard deviations of positions are (N,), `reported` (N,) is written."""
+    """See `TrackTable.reportable`, with scores (N,) and deviations of positions (N,); written to `reported` (N,)."""
     for n in range(len(reported)):
         coasting = log_odds[n] >= coast_log_odds and std_m[n] <= coast_std_m and state.unseen_s[n] <= coast_s
         reported[n] = state.confirmed[n] and (state.unseen_s[n] == 0 or coasting)

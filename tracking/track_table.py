@@ -92,13 +92,7 @@ class TrackTable:
     def __init__(self, config: LifecycleConfig, classes: ClassTable) -> None:
         """Start with no tracks."""
         self._config, self._classes = config, classes
-        # As floats, because each type is compiled anew.
-        self._confirmation = (
-            float(min(config.confirm_log_odds, config.confirm_first_log_odds)),
-            float(config.confirm_s),
-            float(config.heading_smoothing_s),
-            float(config.front_from_motion_mps),
-        )
+        self._lab_prior = np.array(config.lab_std), float(config.lab_prior_weight)
         self._coasting = float(config.coast_log_odds), float(config.coast_std_m), float(config.coast_s)
         self._limits = (
             float(config.miss_log_odds),
@@ -163,17 +157,25 @@ class TrackTable:
     def predict(self, seconds: float) -> None:
         """Predict all tracks by a time step; they are unmatched until `update`."""
         # The shortest interval so far is that of the recording: left-out frames change nothing.
-        self._set_step(min(self._step_s, seconds))
-        self._confirmation = float(self._config.confirm_log_odds), *self._confirmation[1:]
+        if seconds < self._step_s:
+            self._set_step(seconds)
         moving_s, psd_m2ps3 = np.empty(len(self)), np.empty((len(self), 2, 2))
         advance(self.state, self._models, self.filters.mean, seconds, float(self._config.lost_s), moving_s, psd_m2ps3)
         self.filters.predict(moving_s, psd_m2ps3)
 
     def _set_step(self, seconds: float) -> None:
-        """Set the frame interval: by how much earlier evidence decays, and the weight of a frame."""
-        self._step_s = seconds
-        self._decay = float(np.exp(-seconds / self._config.memory_s))
-        self._weight = float(-np.expm1(-seconds / self._config.correlation_s))
+        """Set the frame interval: by how much earlier evidence decays, the weight of a frame, and what confirms."""
+        self._step_s, config = seconds, self._config
+        self._decay = float(np.exp(-seconds / config.memory_s))
+        self._weight = float(-np.expm1(-seconds / config.correlation_s))
+        first_log_odds = config.confirm_first_log_odds if seconds == _NO_STEP_S else np.inf
+        # As floats, because each type is compiled anew.
+        self._confirmation = (
+            float(min(config.confirm_log_odds, first_log_odds)),
+            float(config.confirm_s),
+            float(config.heading_smoothing_s),
+            float(config.front_from_motion_mps),
+        )
 
     def count_misses(self, blind: BoolArray, seconds: float) -> BoolArray:
         """Count the last time step as a miss of unmatched tracks, except for tracks in blind spots (N,).
@@ -190,10 +192,10 @@ class TrackTable:
     def features(self) -> TrackFeatures:
         """Return the predicted features for association."""
         median, mean, cov, model = self._medians.median, self.filters.mean, self.filters.cov, self._models
-        config, state = self._config, self.state
+        state = self.state
         lab_variance = np.empty((len(self), 3))
         deviation, known = self._medians.squared_deviation[:, LAB].copy(), self._medians.known[:, LAB].copy()
-        shrunk_variance(deviation, known, np.array(config.lab_std), float(config.lab_prior_weight), lab_variance)
+        shrunk_variance(deviation, known, *self._lab_prior, lab_variance)
         return TrackFeatures(
             xy_m=mean[:, :2].copy(),
             cov_m2=cov[:, :2, :2].copy(),
@@ -249,8 +251,6 @@ class TrackTable:
     def add(self, found: WorldDetections, ids: IntArray, detection: IntArray) -> None:
         """Add a track for each of M detections, with ids and detection indices (M,)."""
         n, m = len(self), len(ids)
-        if not m:
-            return
         xy_m, noise_m2 = found.position_world_m[:, :2], found.noise_m2 - found.surplus_noise_m2
         self.filters.add(xy_m, noise_m2, found.velocity_world_mps, found.velocity_m2ps2)
         self._medians.add(found.values)
