@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -22,8 +24,9 @@ def check_shape(name: str, array: NDArray[np.generic], expected: tuple[int | Non
     Raises:
         ShapeError: if the number of axes or a size differs.
     """
-    fits = array.ndim == len(expected) and all(
-        want in (None, got) for want, got in zip(expected, array.shape, strict=True)
+    fits = array.shape == expected or (
+        array.ndim == len(expected)
+        and all(want in (None, got) for want, got in zip(expected, array.shape, strict=True))
     )
     if not fits:
         wanted = ", ".join("any" if size is None else str(size) for size in expected)
@@ -105,17 +108,19 @@ def check_transform(name: str, matrix: NDArray[np.generic]) -> None:
         ShapeError: if it is not (rotation off by more than 1e-3).
     """
     check_shape(name, matrix, (4, 4))
-    check_finite(name, matrix)
+    # Plain arithmetic is faster than numpy for sixteen numbers.
     *turn, last = np.asarray(matrix, dtype=np.float64).tolist()
+    if not math.isfinite(sum(map(sum, turn), sum(last))):
+        check_finite(name, matrix)
     x, y, z = (row[:3] for row in turn)
-    # Plain arithmetic is faster than numpy for nine numbers.
     pairs = (x, x, 1), (y, y, 1), (z, z, 1), (x, y, 0), (x, z, 0), (y, z, 0)
     off = max([abs(_dot(p, q) - product) for p, q, product in pairs])
     if off > 1e-3 or _dot(_cross(x, y), z) < 0:
         raise ShapeError(f"{name}: expected a rotation matrix in the upper left, got one off by {off:.2g}")
     if any(abs(got - want) > 1e-5 for got, want in zip(last, (0, 0, 0, 1), strict=True)):
         raise ShapeError(f"{name}: expected last row [0, 0, 0, 1], got {last}")
-    check_place(f"{name} translation", matrix[:3, 3])
+    if max(abs(row[3]) for row in turn) > FARTHEST_M:
+        check_place(f"{name} translation", matrix[:3, 3])
 
 
 def _dot(p: list[float], q: list[float]) -> float:

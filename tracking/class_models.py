@@ -133,10 +133,8 @@ class ClassTable:
 
     def _set_noise(self, noise: FloatArray) -> None:
         """Set the learnt noise, and the factors by score and category that follow from it."""
-        self._noise, (total, count) = noise, noise
-        shared = _NOISE_SHARED * (_NOISE_PRIOR + total.sum(axis=0)) / (_NOISE_PRIOR + count.sum(axis=0))
-        factors = (total + shared) / (count + _NOISE_SHARED)
-        self._factors = np.minimum(np.maximum(factors, _MIN_NOISE), _MAX_NOISE)
+        self._noise, self._factors = noise, np.empty(noise.shape[1:])
+        _forget_and_derive(self._noise, self._factors)
 
     def learn_noise(
         self,
@@ -163,7 +161,25 @@ class ClassTable:
         if len(kind):
             level = _NOISE_EDGES.searchsorted(log_odds)
             _learn(self._noise, self._factors, kind, level, innovation_m, cov, noise_m2, use)
-            self._set_noise(self._noise * (_NOISE_MEMORY / np.maximum(self._noise[1].sum(axis=0), _NOISE_MEMORY)))
+            _forget_and_derive(self._noise, self._factors)
+
+
+@compiled
+def _forget_and_derive(noise: FloatArray, factors: FloatArray) -> None:
+    """Forget the oldest detections in `noise` (2, levels, kinds), and write the factors (levels, kinds)."""
+    levels, kinds = factors.shape
+    for kind in range(kinds):
+        total, count = 0.0, 0.0
+        for level in range(levels):
+            total += noise[0, level, kind]
+            count += noise[1, level, kind]
+        keep = _NOISE_MEMORY / max(count, _NOISE_MEMORY)
+        shared = _NOISE_SHARED * (_NOISE_PRIOR + keep * total) / (_NOISE_PRIOR + keep * count)
+        for level in range(levels):
+            noise[0, level, kind] *= keep
+            noise[1, level, kind] *= keep
+            factor = (noise[0, level, kind] + shared) / (noise[1, level, kind] + _NOISE_SHARED)
+            factors[level, kind] = min(max(factor, _MIN_NOISE), _MAX_NOISE)
 
 
 @compiled

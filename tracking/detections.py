@@ -16,6 +16,7 @@ from appocc.colours import lab_from_rgb
 from appocc.errors import ShapeError
 from appocc.geometry import footprints
 from appocc.objects import BEVObjects
+from tracking.compiled import compiled
 from tracking.field_of_view import CircularView, FieldOfView, GridView
 from tracking.instances.instances import InstanceConfig, Instances, find_instances
 from tracking.neighbours import find_neighbours
@@ -211,15 +212,34 @@ class Detections:
         Returns:
             (K,), (K,) indices of points and of detections.
         """
+        if not len(xy_m):
+            return np.zeros(0, np.int64), np.zeros(0, np.int64)
         half_m = self.size_m / 2
         boxes, points = find_neighbours(self.ground_m[:, :2], xy_m, np.hypot(half_m[:, 0], half_m[:, 1]))
         if not len(boxes):
             return points, boxes
-        x, y = (xy_m.take(points, axis=0) - self.ground_m[:, :2].take(boxes, axis=0)).T
-        half_width, half_length, _ = half_m.take(boxes, axis=0).T
-        cos, sin = np.cos(self.yaw_rad[boxes]), np.sin(self.yaw_rad[boxes])
-        inside = (np.abs(x * cos + y * sin) <= half_length) & (np.abs(y * cos - x * sin) <= half_width)
+        inside = np.empty(len(boxes), np.bool_)
+        _find_inside(points.copy(), boxes.copy(), xy_m, self.ground_m, self.yaw_rad, half_m, inside)
         return points[inside], boxes[inside]
+
+
+@compiled
+def _find_inside(
+    points: IntArray,
+    boxes: IntArray,
+    xy_m: FloatArray,
+    ground_m: FloatArray,
+    yaw_rad: FloatArray,
+    half_m: FloatArray,
+    inside: BoolArray,
+) -> None:
+    """Write whether points (K,) are inside boxes (K,) with half sizes (N, 3) to `inside` (K,)."""
+    for k in range(len(points)):
+        point, box = points[k], boxes[k]
+        x, y = xy_m[point, 0] - ground_m[box, 0], xy_m[point, 1] - ground_m[box, 1]
+        cos, sin = np.cos(yaw_rad[box]), np.sin(yaw_rad[box])
+        ahead, left = abs(x * cos + y * sin), abs(y * cos - x * sin)
+        inside[k] = ahead <= half_m[box, 1] and left <= half_m[box, 0]
 
 
 def _from_objects(bev: BEVMap, objects: BEVObjects) -> Detections:

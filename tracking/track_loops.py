@@ -113,12 +113,12 @@ def follow(
     state: TrackState,
     found: MatchedDetections,
     mean: FloatArray,
-    drives: BoolArray,
     decay: float,
     weight: float,
     confirm_log_odds: float,
     confirm_s: float,
     heading_smoothing_s: float,
+    front_from_motion_mps: float,
 ) -> None:
     """Update times, evidence, height and heading of the tracks of detections.
 
@@ -126,12 +126,12 @@ def follow(
         state: changed in place.
         found: M detections and their tracks.
         mean: (N, 4) states of the filters.
-        drives: (N,) whether the motion determines front and rear.
         decay: decay of the evidence from frame to frame.
         weight: weight of a frame.
         confirm_log_odds: see `LifecycleConfig`.
         confirm_s: see `LifecycleConfig`.
         heading_smoothing_s: see `LifecycleConfig`.
+        front_from_motion_mps: see `LifecycleConfig`.
     """
     for m, n in enumerate(found.rows):
         state.detection[n], state.ground_m[n] = found.detection[m], found.position_world_m[m, 2]
@@ -151,12 +151,13 @@ def follow(
         if np.cos(yaw - state.yaw_rad[n]) < 0:
             yaw += np.pi
         votes = state.front_votes[n] + found.heading_known[m] * np.cos(found.yaw_world_rad[m] - yaw)
-        forward = mean[n, 2] * np.cos(yaw) + mean[n, 3] * np.sin(yaw) if drives[n] else votes
+        drives = state.moving[n] and np.hypot(mean[n, 2], mean[n, 3]) >= front_from_motion_mps
+        forward = mean[n, 2] * np.cos(yaw) + mean[n, 3] * np.sin(yaw) if drives else votes
         if forward < 0:
             yaw += np.pi
         state.yaw_rad[n] = (yaw + np.pi) % (2 * np.pi) - np.pi
         # Motion counts as one vote at least; the votes now refer to the end chosen as front.
-        state.front_votes[n] = max(abs(votes), 1.0 * drives[n])
+        state.front_votes[n] = max(abs(votes), 1.0 * drives)
 
 
 @compiled
@@ -189,6 +190,22 @@ def count_misses(
         remembered_s = forget_stationary_s if state.stationary[n] else forget_s
         missed_for_s = (remembered_s if log_odds[n] > 0 else lost_s) if state.confirmed[n] else 0.0
         expired[n] = state.missed_s[n] > missed_for_s or state.unseen_s[n] > remembered_s
+
+
+@compiled
+def find_reportable(
+    state: TrackState,
+    log_odds: FloatArray,
+    std_m: FloatArray,
+    coast_log_odds: float,
+    coast_std_m: float,
+    coast_s: float,
+    reported: BoolArray,
+) -> None:
+    """See `TrackTable.reportable`, with scores (N,) and deviations of positions (N,); written to `reported` (N,)."""
+    for n in range(len(reported)):
+        coasting = log_odds[n] >= coast_log_odds and std_m[n] <= coast_std_m and state.unseen_s[n] <= coast_s
+        reported[n] = state.confirmed[n] and (state.unseen_s[n] == 0 or coasting)
 
 
 @compiled

@@ -10,9 +10,17 @@ from appocc.checks import BoolArray, FloatArray, IntArray
 from tracking.association.costs import TrackFeatures
 from tracking.class_models import ClassTable
 from tracking.detections import probability_from_log_odds
-from tracking.filtering.kalman import KalmanFilters, MotionConfig, oriented_covariance
+from tracking.filtering.kalman import KalmanFilters, MotionConfig
 from tracking.filtering.running_median import RunningMedian
-from tracking.track_loops import MatchedDetections, TrackState, advance, count_misses, follow, shrunk_variance
+from tracking.track_loops import (
+    MatchedDetections,
+    TrackState,
+    advance,
+    count_misses,
+    find_reportable,
+    follow,
+    shrunk_variance,
+)
 from tracking.tracks import Tracks
 from tracking.world_detections import LAB, RGB, SIZE, WorldDetections
 
@@ -20,8 +28,6 @@ from tracking.world_detections import LAB, RGB, SIZE, WorldDetections
 _NO_STEP_S = 1e9
 # Number of detections after which a track's velocity is known.
 _STEADY_DETECTIONS = 5
-# Standard deviation of a detection's velocity, with which its track starts.
-_VELOCITY_STD_MPS = 1.5
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,12 +92,8 @@ class TrackTable:
     def __init__(self, config: LifecycleConfig, classes: ClassTable) -> None:
         """Start with no tracks."""
         self._config, self._classes = config, classes
-        # As floats, because each type is compiled anew.
-        self._confirmation = (
-            float(min(config.confirm_log_odds, config.confirm_first_log_odds)),
-            float(config.confirm_s),
-            float(config.heading_smoothing_s),
-        )
+        self._lab_prior = np.array(config.lab_std), float(config.lab_prior_weight)
+        self._coasting = float(config.coast_log_odds), float(config.coast_std_m), float(config.coast_s)
         self._limits = (
             float(config.miss_log_odds),
             float(config.lost_s),
@@ -148,27 +150,32 @@ class TrackTable:
     @property
     def reportable(self) -> BoolArray:
         """(N,) whether a track is confirmed and matched, or coasts: likely there, at a well-known position."""
-        config = self._config
-        likely = self._score_log_odds >= config.coast_log_odds
-        coasting = (
-            (self.state.unseen_s <= config.coast_s) & (self.filters.position_std_m() <= config.coast_std_m) & likely
-        )
-        return np.asarray(self.state.confirmed & ((self.state.unseen_s == 0) | coasting))
+        reported = np.empty(len(self), np.bool_)
+        find_reportable(self.state, self._score_log_odds, self.filters.position_std_m(), *self._coasting, reported)
+        return reported
 
     def predict(self, seconds: float) -> None:
         """Predict all tracks by a time step; they are unmatched until `update`."""
         # The shortest interval so far is that of the recording: left-out frames change nothing.
-        self._set_step(min(self._step_s, seconds))
-        self._confirmation = float(self._config.confirm_log_odds), *self._confirmation[1:]
+        if seconds < self._step_s:
+            self._set_step(seconds)
         moving_s, psd_m2ps3 = np.empty(len(self)), np.empty((len(self), 2, 2))
         advance(self.state, self._models, self.filters.mean, seconds, float(self._config.lost_s), moving_s, psd_m2ps3)
         self.filters.predict(moving_s, psd_m2ps3)
 
     def _set_step(self, seconds: float) -> None:
-        """Set the frame interval: by how much earlier evidence decays, and the weight of a frame."""
-        self._step_s = seconds
-        self._decay = float(np.exp(-seconds / self._config.memory_s))
-        self._weight = float(-np.expm1(-seconds / self._config.correlation_s))
+        """Set the frame interval: by how much earlier evidence decays, the weight of a frame, and what confirms."""
+        self._step_s, config = seconds, self._config
+        self._decay = float(np.exp(-seconds / config.memory_s))
+        self._weight = float(-np.expm1(-seconds / config.correlation_s))
+        first_log_odds = config.confirm_first_log_odds if seconds == _NO_STEP_S else np.inf
+        # As floats, because each type is compiled anew.
+        self._confirmation = (
+            float(min(config.confirm_log_odds, first_log_odds)),
+            float(config.confirm_s),
+            float(config.heading_smoothing_s),
+            float(config.front_from_motion_mps),
+        )
 
     def count_misses(self, blind: BoolArray, seconds: float) -> BoolArray:
         """Count the last time step as a miss of unmatched tracks, except for tracks in blind spots (N,).
@@ -185,10 +192,10 @@ class TrackTable:
     def features(self) -> TrackFeatures:
         """Return the predicted features for association."""
         median, mean, cov, model = self._medians.median, self.filters.mean, self.filters.cov, self._models
-        config, state = self._config, self.state
+        state = self.state
         lab_variance = np.empty((len(self), 3))
         deviation, known = self._medians.squared_deviation[:, LAB].copy(), self._medians.known[:, LAB].copy()
-        shrunk_variance(deviation, known, np.array(config.lab_std), float(config.lab_prior_weight), lab_variance)
+        shrunk_variance(deviation, known, *self._lab_prior, lab_variance)
         return TrackFeatures(
             xy_m=mean[:, :2].copy(),
             cov_m2=cov[:, :2, :2].copy(),
@@ -244,25 +251,14 @@ class TrackTable:
     def add(self, found: WorldDetections, ids: IntArray, detection: IntArray) -> None:
         """Add a track for each of M detections, with ids and detection indices (M,)."""
         n, m = len(self), len(ids)
-        if not m:
-            return
-        self._add_filters(found)
+        xy_m, noise_m2 = found.position_world_m[:, :2], found.noise_m2 - found.surplus_noise_m2
+        self.filters.add(xy_m, noise_m2, found.velocity_world_mps, found.velocity_m2ps2)
         self._medians.add(found.values)
         integers, flags, floats = (np.concatenate([t, np.zeros((len(t), m), t.dtype)], axis=1) for t in self._tables)
         integers[:, n:] = ids, found.kind, detection
         self._set_tables(integers, flags, floats)
         self.state.yaw_rad[n:], self.state.axis[:, n:] = found.yaw_world_rad, found.axis.T
         self._follow(np.arange(n, n + m), found, detection)
-
-    def _add_filters(self, found: WorldDetections) -> None:
-        model, measured_mps = self._classes.parameters(found.kind), found.velocity_world_mps
-        # The heading of a truncated box says little about the direction of motion.
-        across_mps = np.where(found.truncated, model.along_speed_std_mps, model.across_speed_std_mps)
-        speed_m2ps2 = oriented_covariance(found.yaw_world_rad, model.along_speed_std_mps**2, across_mps**2)
-        known = np.isfinite(measured_mps[:, :1])
-        speed_m2ps2 = np.where(known[..., None], _VELOCITY_STD_MPS**2 * np.eye(2), speed_m2ps2)
-        noise_m2 = found.noise_m2 - found.surplus_noise_m2
-        self.filters.add(found.position_world_m[:, :2], noise_m2, np.where(known, measured_mps, 0.0), speed_m2ps2)
 
     def keep(self, mask: BoolArray) -> None:
         """Keep the tracks of a mask (N,)."""
@@ -274,7 +270,6 @@ class TrackTable:
 
     def _follow(self, rows: IntArray, found: WorldDetections, detection: IntArray) -> None:
         """Update times, evidence and headings of tracks (M,) with M detections and their indices."""
-        drives = self.state.moving & (self.filters.speed_mps() >= self._config.front_from_motion_mps)
         matched = MatchedDetections(
             rows,
             detection,
@@ -285,7 +280,7 @@ class TrackTable:
             found.log_odds,
             found.evidence,
         )
-        follow(self.state, matched, self.filters.mean, drives, self._decay, self._weight, *self._confirmation)
+        follow(self.state, matched, self.filters.mean, self._decay, self._weight, *self._confirmation)
 
     def tracks(self, mask: BoolArray) -> Tracks:
         """Return the tracks of a mask (N,)."""

@@ -163,6 +163,8 @@ class Tracker:
 
     def _start_tracks(self, columns: IntArray, found: WorldDetections) -> None:
         """Start a track for each detection at indices (K,)."""
+        if not len(columns):
+            return
         ids = self._last_id + 1 + np.arange(len(columns))
         self._last_id += len(columns)
         self._table.add(found.select(columns), ids, columns)

@@ -9,12 +9,14 @@ import numpy as np
 from appocc.checks import BoolArray, FloatArray, IntArray
 from tracking.association.costs import DetectionFeatures
 from tracking.association.paint import paint_density
-from tracking.class_models import ClassTable
+from tracking.class_models import ClassParameters, ClassTable
 from tracking.compiled import compiled
 from tracking.detections import Detections
 
 # Columns of the attributes of a detection.
 SIZE, RGB, LAB = slice(0, 3), slice(3, 6), slice(6, 9)
+# Standard deviation of a detection's velocity, with which its track starts.
+_VELOCITY_STD_MPS = 1.5
 # Minimum heading weight, of square shapes.
 _MIN_AXIS_WEIGHT = 0.01
 
@@ -29,7 +31,8 @@ class WorldDetections(NamedTuple):
         values: (M, 9) width, length, height, sRGB and CIELAB colour.
         noise_m2: (M, 2, 2) configured covariances of the positions, for association.
         surplus_noise_m2: (M, 2, 2) what they exceed the learnt covariances by.
-        velocity_world_mps: (M, 2) measured velocities; NaN where unknown.
+        velocity_world_mps: (M, 2) measured velocities; 0 where unknown.
+        velocity_m2ps2: (M, 2, 2) covariances of these, with which tracks start.
         axis: (M, 2) unit vectors at twice the heading, weighted by how elongated the shape is.
         log_odds: (M,) log-odds of being a vehicle, for thresholds.
         evidence: (M,) the same for the score, lower if the object is also detected as another category.
@@ -44,6 +47,7 @@ class WorldDetections(NamedTuple):
     noise_m2: FloatArray
     surplus_noise_m2: FloatArray
     velocity_world_mps: FloatArray
+    velocity_m2ps2: FloatArray
     axis: FloatArray
     log_odds: FloatArray
     evidence: FloatArray
@@ -74,18 +78,16 @@ def detections_in_world(detections: Detections, world_from_ego: FloatArray, clas
     model = classes.parameters(kind)
     n = len(kind)
     position_m, yaw_rad, velocity_mps, axis = np.empty((n, 3)), np.empty(n), np.empty((n, 2)), np.empty((n, 2))
-    noise_m2, surplus_m2 = np.empty((n, 2, 2)), np.empty((n, 2, 2))
+    noise_m2, surplus_m2, velocity_m2ps2 = np.empty((3, n, 2, 2))
     _transform(
-        (position_m, yaw_rad, velocity_mps, axis, noise_m2, surplus_m2),
+        (position_m, yaw_rad, velocity_mps, velocity_m2ps2, axis, noise_m2, surplus_m2),
         np.array(world_from_ego, np.float64, order="C"),
         detections.ground_m,
         detections.yaw_rad,
         detections.size_m,
         detections.velocity_mps,
         detections.truncated,
-        model.along_std_m,
-        model.across_std_m,
-        model.truncated_std_m,
+        model,
         classes.noise_factor(kind, detections.log_odds),
     )
     return WorldDetections(
@@ -96,6 +98,7 @@ def detections_in_world(detections: Detections, world_from_ego: FloatArray, clas
         noise_m2=noise_m2,
         surplus_noise_m2=surplus_m2,
         velocity_world_mps=velocity_mps,
+        velocity_m2ps2=velocity_m2ps2,
         axis=axis,
         log_odds=detections.log_odds,
         evidence=detections.log_odds,
@@ -106,20 +109,21 @@ def detections_in_world(detections: Detections, world_from_ego: FloatArray, clas
 
 @compiled
 def _transform(
-    result: tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray],
+    result: tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray],
     world_from_ego: FloatArray,
     ground_m: FloatArray,
     yaw_rad: FloatArray,
     size_m: FloatArray,
     velocity_mps: FloatArray,
     truncated: BoolArray,
-    along_std_m: FloatArray,
-    across_std_m: FloatArray,
-    truncated_std_m: FloatArray,
+    model: ClassParameters,
     noise_factor: FloatArray,
 ) -> None:
-    """Write positions, headings, velocities, axes, noises and surplus noises to `result`, see `WorldDetections`."""
-    (position_m, yaw, velocity, axis, noise_m2, surplus_m2), turn = result, world_from_ego
+    """Write to `result`, see `WorldDetections`.
+
+    These are positions, headings, velocities and their covariances, axes, noises and surplus noises.
+    """
+    (position_m, yaw, velocity, velocity_m2ps2, axis, noise_m2, surplus_m2), turn = result, world_from_ego
     for i in range(len(yaw)):
         x, y, z = ground_m[i, 0], ground_m[i, 1], ground_m[i, 2]
         for k in range(3):
@@ -132,12 +136,26 @@ def _transform(
         width_m, length_m = size_m[i, 0], size_m[i, 1]
         weight = max(abs(length_m - width_m) / (length_m + width_m), _MIN_AXIS_WEIGHT)
         axis[i, 0], axis[i, 1] = weight * (cos * cos - sin * sin), weight * 2 * cos * sin
-        along_m2, across_m2 = along_std_m[i] ** 2, across_std_m[i] ** 2
-        noise_m2[i, 0, 0] = along_m2 * cos * cos + across_m2 * sin * sin
-        noise_m2[i, 1, 1] = along_m2 * sin * sin + across_m2 * cos * cos
-        noise_m2[i, 0, 1] = noise_m2[i, 1, 0] = (along_m2 - across_m2) * cos * sin
+        along, across = model.along_speed_std_mps[i], model.across_speed_std_mps[i]
+        if np.isfinite(velocity[i, 0]):
+            along = across = _VELOCITY_STD_MPS
+        else:
+            velocity[i, 0] = velocity[i, 1] = 0.0
+            if truncated[i]:  # the heading of its box says little about the direction of motion
+                across = along
+        _orient(velocity_m2ps2, i, cos, sin, along, across)
+        _orient(noise_m2, i, cos, sin, model.along_std_m[i], model.across_std_m[i])
         for j in range(2):
             for k in range(2):
                 surplus_m2[i, j, k] = (1 - noise_factor[i]) * noise_m2[i, j, k]
             if truncated[i]:
-                noise_m2[i, j, j] += truncated_std_m[i] ** 2
+                noise_m2[i, j, j] += model.truncated_std_m[i] ** 2
+
+
+@compiled
+def _orient(cov: FloatArray, i: int, cos: float, sin: float, along_std: float, across_std: float) -> None:
+    """Write a covariance (2, 2) with standard deviations along and across a heading to `cov` (N, 2, 2)."""
+    along, across = along_std**2, across_std**2
+    cov[i, 0, 0] = along * cos * cos + across * sin * sin
+    cov[i, 1, 1] = along * sin * sin + across * cos * cos
+    cov[i, 0, 1] = cov[i, 1, 0] = (along - across) * cos * sin

@@ -51,9 +51,17 @@ class ColourLikelihood:
         """Return the pairs with colour costs added: negative for similar colours, zero for unknown ones."""
         if not self._enabled or not len(pairs.rows):
             return pairs
-        rate = self._rate
-        cost = -2 * np.log((1 - rate) * pairs.colour_ratio + rate)
-        return pairs._replace(cost=pairs.cost + np.where(np.isfinite(cost), cost, 0.0))
+        cost = np.empty(len(pairs.rows))
+        _add_cost(pairs.cost, pairs.colour_ratio, self._rate, cost)
+        return pairs._replace(cost=cost)
+
+
+@compiled
+def _add_cost(cost: FloatArray, ratio: FloatArray, rate: float, result: FloatArray) -> None:
+    """See `ColourLikelihood.add_cost`; written to `result` (P,)."""
+    for pair in range(len(cost)):
+        of_colour = -2 * np.log((1 - rate) * ratio[pair] + rate)
+        result[pair] = cost[pair] + (of_colour if np.isfinite(of_colour) else 0.0)
 
 
 @compiled

@@ -163,7 +163,7 @@ def gate_pairs(
         config.drift_std_mps,
         config.max_cost,
     )
-    return CandidatePairs._make([each[:count] for each in pairs])
+    return pairs if count == n else CandidatePairs._make([each[:count] for each in pairs])
 
 
 @compiled
@@ -248,7 +248,7 @@ def solve_assignment(pairs: CandidatePairs) -> CandidatePairs:
     (useful,) = (pairs.cost < 0).nonzero()
     rows, columns, cost = pairs.rows[useful], pairs.columns[useful], pairs.cost[useful]
     if len(set(rows.tolist())) == len(set(columns.tolist())) == len(useful):  # no conflicts
-        return pairs.select(useful)
+        return pairs if len(useful) == len(pairs.rows) else pairs.select(useful)
     row_count, column_count = np.bincount(rows)[rows], np.bincount(columns)[columns]
     component = _components(rows, columns)
     size = np.bincount(component)[component]

@@ -130,13 +130,31 @@ class KalmanFilters:
 
     def is_stationary(self, max_mps: float) -> BoolArray:
         """(N,) whether the speed is below a limit, with a standard deviation below twice the limit."""
-        variance_m2ps2 = self.cov[:, 2, 2] + self.cov[:, 3, 3]
-        return np.asarray((self.speed_mps() < max_mps) & (variance_m2ps2 < 4 * max_mps**2))
+        stationary = np.empty(len(self.mean), np.bool_)
+        _find_stationary(self.mean, self.cov, float(max_mps), stationary)
+        return stationary
 
     def position_std_m(self) -> FloatArray:
         """(N,) standard deviation of the position along its least certain direction."""
-        xx, yy, xy = self.cov[:, 0, 0], self.cov[:, 1, 1], self.cov[:, 0, 1]
-        return np.asarray(np.sqrt((xx + yy) / 2 + np.hypot((xx - yy) / 2, xy)))
+        std_m = np.empty(len(self.mean))
+        _position_std(self.cov, std_m)
+        return std_m
+
+
+@compiled
+def _position_std(cov: FloatArray, std_m: FloatArray) -> None:
+    """See `KalmanFilters.position_std_m`; written to `std_m` (N,)."""
+    for n in range(len(cov)):
+        xx, yy, xy = cov[n, 0, 0], cov[n, 1, 1], cov[n, 0, 1]
+        std_m[n] = np.sqrt((xx + yy) / 2 + np.hypot((xx - yy) / 2, xy))
+
+
+@compiled
+def _find_stationary(mean: FloatArray, cov: FloatArray, max_mps: float, stationary: BoolArray) -> None:
+    """See `KalmanFilters.is_stationary`; written to `stationary` (N,)."""
+    for n in range(len(mean)):
+        slow = np.hypot(mean[n, 2], mean[n, 3]) < max_mps
+        stationary[n] = slow and cov[n, 2, 2] + cov[n, 3, 3] < 4 * max_mps**2
 
 
 @compiled
