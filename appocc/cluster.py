@@ -12,14 +12,14 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import CancelledError
 from contextlib import contextmanager, suppress
 from functools import partial
-from itertools import islice
+from itertools import count, islice
 from pathlib import Path
 from typing import Any, TypeVar
 from uuid import uuid4
 
 import cv2
 
-from appocc.errors import AppoccError, DataError
+from appocc.errors import AppoccError, DataError, ItemsFailedError
 from appocc.extras import import_extra
 from appocc.files import RemotePath, write_bytes
 from appocc.version import __version__
@@ -60,7 +60,8 @@ class Cluster:
         others are computed, and the error comes at the end.
 
         Raises:
-            AppoccError: if the scheduler is lost, versions differ, or tasks have cost several workers each.
+            AppoccError: if the scheduler is lost or versions differ.
+            ItemsFailedError: at the end, if items have cost several workers each; it names them.
             Exception: as the job does, for the first item that fails.
         """
         distributed = import_extra("distributed", "cluster", "--cluster")
@@ -69,8 +70,13 @@ class Cluster:
         chunks = iter(lambda: tuple(islice(left, chunksize)), ())
         waiting: deque[tuple[Any, Sequence[T]]] = deque()
         deadly: list[Sequence[T]] = []
-        killed = distributed.scheduler.KilledWorker
-        submit = partial(self._client.submit, _run, job, versions=own_versions(), pure=False)
+        killed, versions = distributed.scheduler.KilledWorker, own_versions()
+        # Keys name the job and the number of its chunk in the dashboard; a run has keys of its own.
+        keys = (f"{_name_of(job)}-{uuid4().hex}-{number}" for number in count())
+
+        def submit(chunk: Sequence[T]) -> Any:
+            return self._client.submit(_run, job, chunk, versions=versions, key=next(keys))
+
         try:
             while True:
                 ahead = max(1, _AHEAD * self.size) - len(waiting)
@@ -93,7 +99,7 @@ class Cluster:
                 self._client.cancel([future for future, _ in waiting])
         if deadly:
             named = "; ".join(str(item)[:200] for chunk in deadly[:3] for item in chunk)
-            raise AppoccError(f"{len(deadly)} tasks have killed every worker that tried them: {named}")
+            raise ItemsFailedError(f"{len(deadly)} tasks have killed every worker that tried them: {named}")
 
     def check(self, folder: Path) -> None:
         """Check that all workers have one thread and these versions, and see a file in `folder`.
@@ -193,6 +199,13 @@ def _difference(mine: Mapping[str, str], theirs: Mapping[str, str]) -> str:
 
 def _sees(path: Path) -> bool:
     return path.exists()
+
+
+def _name_of(job: Callable[..., Any]) -> str:
+    """Return the name of a function, of what a partial one calls, or of the class of a job."""
+    if isinstance(job, partial):
+        return _name_of(job.func)
+    return str(getattr(job, "__name__", type(job).__name__)).strip("_")
 
 
 def _existing(folder: Path) -> Path:

@@ -17,3 +17,9 @@ class DataError(AppoccError, ValueError):
 
 class NotFoundError(AppoccError, LookupError):
     """A requested name (scene, sample, channel, table, ...) does not exist."""
+
+
+class ItemsFailedError(AppoccError):
+    """Some items of a long run failed, and the others are done."""
+
+    exit_code = 1

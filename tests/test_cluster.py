@@ -5,17 +5,21 @@ from __future__ import annotations
 import os
 import signal
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import pytest
 from dask_processes import DaskProcesses, kill_group, process
+from packing.made_source import contents, made_source
+from tiny_dataset import TinyDataset
 
 import appocc.cluster
-from appocc.cluster import Cluster, connected
+from appocc.cluster import Cluster, _name_of, _run, connected, own_versions
 from appocc.errors import AppoccError, DataError
+from appocc.packing.webdataset_shards import pack_webdataset
 
 pytest.importorskip("distributed", reason="the extra cluster is not installed")
 
@@ -40,6 +44,21 @@ def deadly(item: int) -> int:
     if item == 2:
         os.kill(os.getpid(), signal.SIGKILL)
     return item
+
+
+def slowly(item: Any, job: Callable[[Any], Any]) -> Any:
+    time.sleep(0.5)
+    return job(item)
+
+
+class Slowly:
+    """A cluster whose jobs take half a second longer."""
+
+    def __init__(self, cluster: Cluster) -> None:
+        self._cluster = cluster
+
+    def in_order(self, job: Callable[[Any], Any], items: Iterable[Any], chunksize: int = 1) -> Iterator[Any]:
+        return self._cluster.in_order(partial(slowly, job=job), items, chunksize)
 
 
 @pytest.fixture
@@ -82,14 +101,70 @@ def test_a_killed_worker_costs_nothing(dask: DaskProcesses, tmp_path: Path) -> N
         assert first + list(found) == list(range(12))
 
 
+def test_worker_and_node_are_lost_and_the_bytes_are_the_same(
+    dask: DaskProcesses, tiny: TinyDataset, tmp_path: Path
+) -> None:
+    source, done = made_source(tiny), list[float]()
+    worker, node = dask.add_worker("--no-nanny"), dask.add_worker()
+    lost = [worker, node]
+
+    def advance(count: float) -> None:
+        done.append(count)
+        if count and lost:
+            kill_group(lost.pop(0))  # kill -9; of the node, the nanny that would start its worker again too
+            dask.add_worker("--no-nanny")
+
+    with connected_to(dask, tmp_path, 2) as cluster:
+        pack_webdataset(source, tmp_path / "there", 1, Slowly(cluster), advance)
+    pack_webdataset(source, tmp_path / "here", 1, None, lambda count: None)
+    assert not lost
+    assert sum(done) == 3  # the progress bar counts a frame once, whoever computed it
+    assert contents(tmp_path / "there") == contents(tmp_path / "here")
+
+
+def test_ctrl_c_leaves_finished_parts_and_the_same_call_resumes(
+    dask: DaskProcesses, tiny: TinyDataset, tmp_path: Path
+) -> None:
+    source, done = made_source(tiny), list[float]()
+    dask.add_worker("--no-nanny")
+
+    def interrupt(count: float) -> None:
+        if count:
+            raise KeyboardInterrupt
+
+    with connected_to(dask, tmp_path, 1) as cluster:
+        with pytest.raises(KeyboardInterrupt):
+            pack_webdataset(source, tmp_path / "there", 1, Slowly(cluster), interrupt)
+        assert not (tmp_path / "there").exists()
+        pack_webdataset(source, tmp_path / "there", 1, cluster, done.append)
+    assert done[0] >= 1  # kept
+    pack_webdataset(source, tmp_path / "here", 1, None, lambda count: None)
+    assert contents(tmp_path / "there") == contents(tmp_path / "here")
+
+
+def test_a_worker_that_joins_later_must_have_the_same_versions() -> None:
+    assert _run(double, [1, 2], own_versions()) == [2, 4]
+    with pytest.raises(AppoccError, match=r"worker on .*: expected torch 0\.1, got "):
+        _run(double, [1], own_versions() | {"torch": "0.1"})
+
+
+def test_tasks_are_named_after_their_job() -> None:
+    assert [_name_of(job) for job in (double, partial(partial(slow), folder=Path()), Slowly)] == [
+        "double",
+        "slow",
+        "Slowly",
+    ]
+
+
 def test_a_task_that_kills_its_workers_is_named_and_the_rest_is_done(dask: DaskProcesses, tmp_path: Path) -> None:
     dask.add_worker()  # with a nanny, which starts it again
     results: list[int] = []
     with connected_to(dask, tmp_path, 1) as cluster:
         found = cluster.in_order(deadly, range(5))
         results += [next(found) for _ in range(4)]
-        with pytest.raises(AppoccError, match="1 tasks have killed every worker that tried them: 2"):
+        with pytest.raises(AppoccError, match="1 tasks have killed every worker that tried them: 2") as failed:
             next(found)
+    assert failed.value.exit_code == 1  # a check failed; what could be done is done
     assert results == [0, 1, 3, 4]
 
 

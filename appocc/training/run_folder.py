@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
@@ -47,6 +48,17 @@ class RunFolder:
         if differing:
             raise DataError(f"{self.path}: the run was started with other values of {', '.join(differing)}")
 
+    def is_of_this_launch(self) -> bool:
+        """Return whether the run here was started by this launch of torchrun, which restarts lost processes.
+
+        All nodes decide alike: torchrun counts restarts for each node on its own, its run id is the same.
+
+        Raises:
+            DataError: if the environment of the run cannot be read.
+        """
+        launch = _launch()
+        return launch is not None and self.config.is_file() and read_json(self.environment).get("launch") == launch
+
     def _check_empty(self) -> None:
         """Check that the folder is new or empty; files of a run killed while it started are allowed.
 
@@ -80,7 +92,7 @@ class RunFolder:
         Raises:
             DataError: if they cannot be written.
         """
-        write_json(self.environment, asdict(inspect_environment(Path.cwd())))
+        write_json(self.environment, {**asdict(inspect_environment(Path.cwd())), "launch": _launch()})
         write_bytes(self.config, config.as_yaml().encode())
 
     def clean_up(self, progress: TrainingProgress) -> None:
@@ -135,3 +147,9 @@ class RunFolder:
         environment = read_json(self.environment)
         torch = next(package["version"] for package in environment["packages"] if package["name"] == "torch")
         return {"appocc": environment["appocc"], "python": environment["python"], "torch": torch}
+
+
+def _launch() -> str | None:
+    """Return the run id of torchrun (`--rdzv-id`); None without torchrun or if it has none."""
+    launch = os.environ.get("TORCHELASTIC_RUN_ID", "none")
+    return None if launch == "none" else launch

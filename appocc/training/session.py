@@ -34,9 +34,12 @@ from appocc.training.summary_writer import load_summary_writer
 def run_training(config: Config, folder: RunFolder, resume: bool, monitor: TrainingMonitor) -> dict[str, Any]:
     """Train with a configuration in a run folder; return the summary of the run as JSON values.
 
+    A run that this launch of torchrun has started resumes from its last checkpoint when torchrun restarts a process.
+
     Raises:
         AppoccError: as `train`; if data are missing or damaged, or a class has no cells.
     """
+    resume = resume or folder.is_of_this_launch()
     folder.check(config, resume)
     if config.save.tensorboard:
         load_summary_writer()  # raises before hours of work if it is not installed

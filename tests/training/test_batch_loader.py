@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Mapping
 from dataclasses import replace
 from itertools import islice
+from typing import Any
 
 import numpy as np
 import pytest
 import torch
 from made_packed import SETTING, made_map, with_maps
+from numpy.typing import NDArray
 from tiny_dataset import TinyDataset, token
 from tolerances import assert_rounded
 
@@ -197,3 +200,35 @@ def test_invalid_loaders(packed: PackedDataset) -> None:
         BatchLoader([packed], 2, 0, rank=2, world_size=2)
     with pytest.raises(DataError, match="got 0, 0, 1"):
         BatchLoader([packed], 0, 0)
+
+
+class RowsRead(dict[str, Any]):
+    """Arrays of a packed dataset that record the rows that are read."""
+
+    def __init__(self, arrays: Mapping[str, NDArray[Any]]) -> None:
+        super().__init__({name: RowsRead.Array(array) for name, array in arrays.items()})
+
+    @property
+    def rows(self) -> set[int]:
+        return set().union(*(array.rows for array in self.values()))
+
+    class Array:
+        def __init__(self, array: NDArray[Any]) -> None:
+            assert isinstance(array, np.memmap)  # pages are read on access
+            self.array, self.rows = array, set[int]()
+
+        def __getitem__(self, row: int) -> Any:
+            self.rows.add(row)
+            return self.array[row]
+
+
+def test_a_process_reads_only_its_own_samples(packed: PackedDataset) -> None:
+    for epoch in range(4):
+        read = [RowsRead(packed.arrays) for _ in range(3)]
+        for rank, arrays in enumerate(read):
+            BatchLoader([replace(packed, arrays=arrays)], 1, 7, rank=rank, world_size=3).batch(epoch)
+        assert sorted(map(sorted, (arrays.rows for arrays in read))) == [[0], [1], [2]]
+    read = [RowsRead(packed.arrays) for _ in range(2)]
+    for rank, arrays in enumerate(read):
+        list(BatchLoader([replace(packed, arrays=arrays)], 2, 7, rank=rank, world_size=2).in_order(threads=0))
+    assert [arrays.rows for arrays in read] == [{0, 2}, {1}]
