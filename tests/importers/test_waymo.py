@@ -232,6 +232,16 @@ def test_impossible_values_are_one_clear_line(
     assert reason in refused(tmp_path / "v2", tmp_path)
 
 
+def test_unknown_speeds_are_no_attribute(sources: Path, tmp_path: Path) -> None:
+    shutil.copytree(sources / "v2", tmp_path / "v2")
+    path = tmp_path / "v2/training/lidar_box" / f"{NAME}.parquet"
+    table = pq.read_table(path)
+    place = table.column_names.index("[LiDARBoxComponent].speed.x")
+    pq.write_table(table.set_column(place, table.column_names[place], pa.nulls(len(table), pa.float64())), path)
+    import_logs(find_logs(tmp_path / "v2", 2.0), tmp_path / "out", "waymo", {})
+    assert set(Dataset(tmp_path / "out").tables["sample_annotation"]["attribute_tokens"]) == {()}
+
+
 def test_missing_components_and_pictures_are_told(sources: Path, tmp_path: Path) -> None:
     shutil.copytree(sources / "v2", tmp_path / "v2")
     for component in ("lidar_pose", "lidar_box", "stats"):
